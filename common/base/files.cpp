@@ -1,0 +1,127 @@
+#include "common/base/files.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+
+namespace candela {
+namespace {
+
+// A file descriptor that closes itself.
+class Descriptor {
+ public:
+  explicit Descriptor(int fd) : fd_(fd) {}
+  ~Descriptor() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  int get() const { return fd_; }
+  int release() { return std::exchange(fd_, -1); }
+
+ private:
+  int fd_;
+};
+
+Error system_error(std::string what, const std::filesystem::path& path) {
+  const int code = errno;
+  const bool resource = code == ENOSPC || code == EDQUOT || code == EMFILE || code == ENFILE || code == EFBIG;
+  Error error = resource ? resource_error(fmt::format("{}: {}", what, std::strerror(code)))
+                         : input_error(fmt::format("{}: {}", what, std::strerror(code)));
+  error.file = path.string();
+  return error;
+}
+
+Result<std::uint64_t> regular_file_size(int fd, const std::filesystem::path& path) {
+  struct stat info {};
+  if (::fstat(fd, &info) != 0) return system_error("cannot read", path);
+  if (!S_ISREG(info.st_mode)) return input_error("not a regular file").at(path.string(), 0);
+  return static_cast<std::uint64_t>(info.st_size);
+}
+
+}  // namespace
+
+Result<std::string> read_file(const std::filesystem::path& path, std::uint64_t limit_bytes) {
+  const Descriptor fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (fd.get() < 0) return system_error("cannot open", path);
+  CANDELA_ASSIGN(const std::uint64_t size, regular_file_size(fd.get(), path));
+  if (size > limit_bytes)
+    return input_error(fmt::format("the file has {} bytes, more than the limit of {}", size, limit_bytes))
+        .at(path.string(), 0);
+  std::string data(size, '\0');
+  std::size_t done = 0;
+  while (done < data.size()) {
+    const ssize_t n = ::read(fd.get(), data.data() + done, data.size() - done);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return system_error("cannot read", path);
+    if (n == 0) break;  // it shrank while we read; what is there is what we return
+    done += static_cast<std::size_t>(n);
+  }
+  data.resize(done);
+  return data;
+}
+
+Result<void> write_file_atomically(const std::filesystem::path& path, std::string_view data) {
+  static std::atomic<unsigned> serial{0};  // names only; no result depends on it
+  const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : ".";
+  const std::filesystem::path temporary =
+      folder / fmt::format(".{}.{}.{}.partial", path.filename().string(), ::getpid(), serial++);
+  {
+    Descriptor fd(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
+    if (fd.get() < 0) return system_error("cannot write", path);
+    const auto abandon = [&](Error error) {
+      ::unlink(temporary.c_str());
+      return error;
+    };
+    std::size_t done = 0;
+    while (done < data.size()) {
+      const ssize_t n = ::write(fd.get(), data.data() + done, data.size() - done);
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) return abandon(system_error("cannot write", path));
+      done += static_cast<std::size_t>(n);
+    }
+    if (::fsync(fd.get()) != 0) return abandon(system_error("cannot write", path));
+    if (::close(fd.release()) != 0) return abandon(system_error("cannot write", path));
+  }
+  if (::rename(temporary.c_str(), path.c_str()) != 0) {
+    Error error = system_error("cannot write", path);
+    ::unlink(temporary.c_str());
+    return error;
+  }
+  const Descriptor directory(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (directory.get() >= 0) ::fsync(directory.get());
+  return {};
+}
+
+Result<void> make_directories(const std::filesystem::path& path) {
+  std::error_code code;
+  std::filesystem::create_directories(path, code);
+  if (code) return input_error(fmt::format("cannot create the folder: {}", code.message())).at(path.string(), 0);
+  return {};
+}
+
+Result<std::shared_ptr<const MappedFile>> MappedFile::open(const std::filesystem::path& path) {
+  const Descriptor fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (fd.get() < 0) return system_error("cannot open", path);
+  CANDELA_ASSIGN(const std::uint64_t size, regular_file_size(fd.get(), path));
+  auto file = std::shared_ptr<MappedFile>(new MappedFile);
+  if (size > 0) {
+    void* data = ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, fd.get(), 0);
+    if (data == MAP_FAILED) return system_error("cannot map", path);
+    file->data_ = static_cast<const char*>(data);
+    file->size_ = size;
+  }
+  return std::shared_ptr<const MappedFile>(std::move(file));
+}
+
+MappedFile::~MappedFile() {
+  if (data_ != nullptr) ::munmap(const_cast<char*>(data_), size_);
+}
+
+}  // namespace candela

@@ -1,0 +1,40 @@
+// File access with errors that name the file, and writes that are whole or absent.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "common/base/result.h"
+
+namespace candela {
+
+// The whole file. Refuses what is not a regular file and what is larger than `limit_bytes`.
+Result<std::string> read_file(const std::filesystem::path& path, std::uint64_t limit_bytes);
+
+// Write to a temporary name beside `path`, fsync, rename over it, fsync the folder. After an error, or a crash at any
+// instant, `path` holds either its old content or all of the new.
+Result<void> write_file_atomically(const std::filesystem::path& path, std::string_view data);
+
+// Creates the folder and its parents.
+Result<void> make_directories(const std::filesystem::path& path);
+
+// A read-only memory map; empty files have an empty view. The view lives as long as the object.
+class MappedFile {
+ public:
+  static Result<std::shared_ptr<const MappedFile>> open(const std::filesystem::path& path);
+  ~MappedFile();
+  MappedFile(const MappedFile&) = delete;
+  MappedFile& operator=(const MappedFile&) = delete;
+  std::string_view bytes() const { return {data_, size_}; }
+
+ private:
+  MappedFile() = default;
+  const char* data_ = nullptr;
+  std::size_t size_ = 0;
+};
+
+}  // namespace candela

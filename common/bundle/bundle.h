@@ -1,0 +1,58 @@
+// Scene bundles: every file a scene needs, named by content.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/description/object.h"
+
+namespace candela::bundle {
+
+struct File {
+  std::string path;  // key (see description::FileSource)
+  std::string sha256;
+  std::uint64_t size_bytes = 0;
+};
+
+struct Bundle {
+  std::string main_path;
+  std::vector<File> files;  // sorted by path, unique
+  std::map<std::string, std::string> parameters;
+
+  // The SHA-256 of the canonical text of all the above: the bundle's name.
+  std::string hash() const;
+  const File* find(const std::string& path) const;
+};
+
+// Checks limits (common/job: Limits), sorted unique paths, well-formed keys and hashes, main_path present.
+Result<void> validate(const Bundle& bundle);
+
+// A key is relative or absolute, lexically normal, without NUL or control characters, at most Limits::max_path_bytes.
+// It is never used as a path on the farm.
+bool is_valid_key(std::string_view key);
+
+// Reads files of the desk, relative to the scene file's folder.
+class DiskSource final : public description::FileSource {
+ public:
+  explicit DiskSource(std::filesystem::path root) : root_(std::move(root)) {}
+  Result<Bytes> open(const std::string& key) const override;
+  std::filesystem::path real_path(const std::string& key) const;
+
+ private:
+  std::filesystem::path root_;
+};
+
+// A scene on disk, parsed, with its bundle: what `submit`, `render` and `plan` start from.
+struct GatheredScene {
+  description::SceneDescription description;
+  Bundle bundle;
+  std::map<std::string, std::filesystem::path> real_paths;  // key -> file on this disk
+};
+Result<GatheredScene> gather(const std::filesystem::path& scene_file, const std::map<std::string, std::string>& parameters);
+
+}  // namespace candela::bundle

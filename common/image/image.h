@@ -1,0 +1,44 @@
+// Images in and out, through OpenImageIO. Linear Rec.709, row by row from the top, interleaved.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "common/base/result.h"
+
+namespace candela::image {
+
+struct Image {
+  std::uint32_t width = 0;
+  std::uint32_t height = 0;
+  std::vector<float> rgb;  // width * height * 3
+  std::map<std::string, std::string> metadata;  // "candela:*" attributes and what else is text
+};
+
+// An extra named layer in an EXR: channels NAME.R, NAME.G, NAME.B.
+struct Layer {
+  std::string name;
+  std::span<const float> rgb;
+};
+
+// The R, G, B channels of an EXR (or any format OpenImageIO reads; non-float ones are taken as sRGB and linearised).
+// A luminance-only file fills all three. Errors name the file.
+Result<Image> read_image(const std::filesystem::path& path);
+
+// A 32-bit float EXR (zip), as bytes. Metadata keys become string attributes. Deterministic: no dates.
+Result<std::string> encode_exr(std::uint32_t width, std::uint32_t height, std::span<const float> rgb,
+                               const std::map<std::string, std::string>& metadata,
+                               std::span<const Layer> layers = {});
+
+// 8-bit sRGB PNG of the image times 2^exposure, clipped to [0, 1]; NaN shows as magenta. As bytes.
+Result<std::string> encode_png(const Image& image, double exposure_stops = 0);
+
+float srgb_to_linear(float value);
+float linear_to_srgb(float value);
+
+}  // namespace candela::image

@@ -1,0 +1,69 @@
+// What a job is, in plain structures: the part of the wire contract the renderer and the film need, without protobuf.
+// Conversions with validation are in common/wire.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+
+namespace candela {
+
+using SettingsMap = std::map<std::string, std::string>;
+
+// What the pixels depend on, beside the scene bundle.
+struct JobSettings {
+  std::string integrator = "path";
+  SettingsMap integrator_settings;
+  std::uint32_t width = 0;   // pixels
+  std::uint32_t height = 0;  // pixels
+  std::string filter = "box";
+  SettingsMap filter_settings;
+  std::string sampler = "sobol";
+  std::uint64_t seed = 0;
+  std::string isa = "avx2";  // the ISA Embree may use
+};
+
+struct StopRule {
+  std::uint64_t iterations = 0;  // 0: no limit
+  double time_seconds = 0;       // 0: no limit
+  double relmse = 0;             // 0: no limit
+};
+
+// Iteration i of a job belongs to half i % 2 and has sequence index i / 2 in it. The halves are independent estimates
+// (each its own scramble of the low-discrepancy sequence), and the image does not depend on how iterations are cut
+// into units. A job of N iterations has indices [0, (N+1)/2) in half 0 and [0, N/2) in half 1.
+struct Unit {
+  enum class Kind { pilot, iterations };
+  Kind kind = Kind::iterations;
+  std::uint32_t half = 0;   // 0 or 1
+  std::uint64_t begin = 0;  // sequence indices [begin, end) of the half
+  std::uint64_t end = 0;
+};
+
+// State a unit starts from, decided by the pilot unit, the same for the whole job.
+struct NamedState {
+  int film_scale_log2 = 0;
+};
+
+struct PilotResult {
+  NamedState state;
+  std::string plan;                  // text, for people and metadata
+  double seconds_per_iteration = 0;  // with the threads it was measured with
+};
+
+// Limits that both ends enforce.
+struct Limits {
+  static constexpr std::uint32_t max_extent = 65536;               // pixels a side
+  static constexpr std::uint64_t max_pixels = 1ULL << 28;          // 268 million
+  static constexpr std::uint64_t max_iterations = 1ULL << 40;
+  static constexpr std::uint64_t max_bundle_files = 100000;
+  static constexpr std::uint64_t max_blob_bytes = 1ULL << 36;      // 64 GiB
+  static constexpr std::uint64_t max_bundle_bytes = 1ULL << 40;
+  static constexpr std::uint32_t max_chunk_bytes = 1U << 20;
+  static constexpr std::uint32_t max_name_bytes = 256;
+  static constexpr std::uint32_t max_settings = 256;
+  static constexpr std::uint32_t max_setting_bytes = 4096;
+  static constexpr std::uint32_t max_path_bytes = 4096;
+};
+
+}  // namespace candela

@@ -1,0 +1,54 @@
+// Wire messages <-> plain structures, with validation of everything that arrives. An error names the message field.
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include "candela/v1/job.pb.h"
+#include "common/base/result.h"
+#include "common/bundle/bundle.h"
+#include "common/job/job.h"
+
+namespace candela::wire {
+
+void to_proto(const JobSettings& settings, v1::JobSettings& out);
+void to_proto(const StopRule& stop, v1::StopRule& out);
+void to_proto(const Unit& unit, v1::Unit& out);
+void to_proto(const NamedState& state, v1::NamedState& out);
+void to_proto(const bundle::Bundle& bundle, v1::Bundle& out);
+
+// Limits and closed sets are checked: extents, names, counts, finite numbers, known filter/sampler/isa. The integrator
+// and its settings are checked for form only: their meaning is the renderer's.
+Result<JobSettings> from_proto(const v1::JobSettings& message);
+Result<StopRule> from_proto(const v1::StopRule& message);  // at least one limit
+Result<Unit> from_proto(const v1::Unit& message);
+Result<NamedState> from_proto(const v1::NamedState& message);
+Result<bundle::Bundle> from_proto(const v1::Bundle& message);
+
+// Error <-> grpc::Status. The kind survives the trip (input, usage -> INVALID_ARGUMENT; unreachable -> UNAVAILABLE;
+// refused -> FAILED_PRECONDITION; resource -> RESOURCE_EXHAUSTED; failed -> ABORTED; internal -> INTERNAL), as do message and field, in
+// one line. from_status maps DEADLINE_EXCEEDED, UNAVAILABLE to unreachable and NOT_FOUND to input.
+grpc::Status to_status(const Error& error);
+Error from_status(const grpc::Status& status);
+
+// Names of job states as scripts see them: "queued", "running", ...
+std::string_view name(v1::JobState state);
+
+// HOST:PORT ("127.0.0.1:7070", "[::1]:7070", "localhost:7070").
+struct Address {
+  std::string host;
+  int port = 0;
+  bool loopback = false;  // 127.0.0.0/8, ::1, localhost
+  std::string text() const;
+};
+Result<Address> parse_address(std::string_view text, std::string_view option_name);
+
+// Credentials from PEM files; all three empty: insecure. Errors name the option and the file.
+struct TlsFiles {
+  std::string cert, key, ca;
+  bool any() const { return !cert.empty() || !key.empty() || !ca.empty(); }
+};
+// Refuses a non-loopback address without TLS unless `insecure`.
+Result<std::shared_ptr<grpc::ServerCredentials>> server_credentials(const Address& address, const TlsFiles& tls, bool insecure);
+Result<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(const Address& address, const TlsFiles& tls, bool insecure);
+
+}  // namespace candela::wire
