@@ -1,9 +1,11 @@
-// Settings by precedence: command line > environment (CANDELA_*) > ~/.config/candela/config.toml > /etc/candela/config.toml.
+// Settings by precedence: command line > environment (CANDELA_*) > ~/.config/candela/config.toml >
+// /etc/candela/config.toml.
 #pragma once
 
 #include <map>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "common/base/result.h"
 
@@ -11,13 +13,18 @@ namespace candela {
 
 class Config {
  public:
-  // Reads the files that exist ($XDG_CONFIG_HOME is honoured; $CANDELA_CONFIG replaces both). A file that does not parse is an error with
-  // its line; keys are "section.key" or "key", values strings, numbers or booleans.
+  // Reads the files that exist ($XDG_CONFIG_HOME is honoured; $CANDELA_CONFIG replaces both and must exist).
+  // A file that does not parse, and a value that is no string, number or boolean, is an input error with its
+  // line. Keys are "section.key" or "key"; TOML's nesting deeper than one section is refused.
   static Result<Config> load();
-  // Environment CANDELA_<NAME> (dots and dashes become underscores, upper case), else the files. Where the value came
-  // from is told by origin() for error messages.
+  // Environment CANDELA_<NAME> (dots and dashes become underscores, upper case; empty counts as unset), else
+  // the files. Where the value came from is told by origin() for error messages.
   std::optional<std::string> get(const std::string& key) const;
-  std::string origin(const std::string& key) const;  // "$CANDELA_MASTER" or "/home/u/.config/candela/config.toml:3"
+  // "$CANDELA_MASTER" or "/home/u/.config/candela/config.toml:3"; empty if the key is set nowhere.
+  std::string origin(const std::string& key) const;
+  // An input error naming file, line and the nearest known name where the files' [section] holds a key not in
+  // `known` (names without the section), so that a misspelt key is not ignored in silence.
+  Result<void> check_section(const std::string& section, const std::vector<std::string>& known) const;
 
  private:
   struct Entry {
