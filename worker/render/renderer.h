@@ -1,4 +1,5 @@
-// The renderer's one door: a compiled scene with its integrator, that turns units into films. No farm, no network here.
+// The renderer's one door: a compiled scene with its integrator, that turns units into films. No farm, no
+// network here.
 #pragma once
 
 #include <atomic>
@@ -19,8 +20,10 @@ std::vector<std::string> supported_isas();
 
 struct RunContext {
   unsigned threads = 1;
-  const std::atomic<bool>* stop = nullptr;        // set: return early with an ErrorKind::refused error "stopped"
-  std::atomic<float>* progress = nullptr;         // in [0, 1]
+  const std::atomic<bool>* stop = nullptr;  // set: return early with an ErrorKind::refused error "stopped"
+  std::atomic<float>* progress = nullptr;   // in [0, 1]
+  // For tests of the quarantine: may spoil a sample's r, g, b just before it reaches the film.
+  void (*fault)(std::uint64_t sample_key, float* rgb) = nullptr;
 };
 
 class Renderer {
@@ -28,14 +31,16 @@ class Renderer {
   virtual ~Renderer() = default;
 
   // Loads, validates and compiles. The scene is independent of the film size and the seed.
-  static Result<std::unique_ptr<Renderer>> create(const description::FileSource& files, const std::string& main_key,
+  static Result<std::unique_ptr<Renderer>> create(const description::FileSource& files,
+                                                  const std::string& main_key,
                                                   const std::map<std::string, std::string>& parameters,
                                                   const JobSettings& settings, unsigned threads);
 
   // A film of the job's size for run() to add into.
   virtual std::unique_ptr<film::UnitFilm> make_film(const NamedState& state) const = 0;
 
-  // Pure functions of (scene, settings, unit): not of threads, time, or what ran before. The film must be clear.
+  // Pure functions of (scene, settings, unit): not of threads, time, or what ran before. The film must be
+  // clear.
   virtual Result<PilotResult> pilot(const RunContext& context) const = 0;
   virtual Result<void> run(const Unit& unit, film::UnitFilm& film, const RunContext& context) const = 0;
 
@@ -43,14 +48,16 @@ class Renderer {
   virtual std::string plan_text() const = 0;
 };
 
-// Names of the integrators there are, and the settings of one as (name, default, doc) for --help, docs and validation.
+// Names of the integrators there are, and the settings of one as (name, default, doc) for --help, docs and
+// validation.
 struct SettingDoc {
   std::string name, type, default_value, doc;
 };
 std::vector<std::string> integrator_names();
 Result<std::vector<SettingDoc>> integrator_settings(const std::string& integrator);
-// Parses, fills in defaults, and writes all settings out as text. Unknown names and bad values are usage errors with the
-// nearest known name. `from_scene` are the properties of the scene's integrator element, overridden by `from_user`.
+// Parses, fills in defaults, and writes all settings out as text. Unknown names and bad values are usage
+// errors with the nearest known name. `from_scene` are the properties of the scene's integrator element,
+// overridden by `from_user`.
 Result<SettingsMap> complete_integrator_settings(const std::string& integrator, const SettingsMap& from_scene,
                                                  const SettingsMap& from_user);
 

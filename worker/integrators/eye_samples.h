@@ -1,0 +1,116 @@
+// The loop that every integrator of the "one radiance per eye sample" kind shares: tiles over threads,
+// iterations of the unit innermost (the scene stays in cache), each sample named by (seed, half, index,
+// pixel) and added once.
+#pragma once
+
+#include <atomic>
+#include <cmath>
+#include <thread>
+#include <vector>
+
+#include "worker/integrators/integrator.h"
+
+namespace candela::integrators {
+
+inline Error stopped_error() {
+  return refused_error("stopped");
+}
+
+// Runs body(tile_x0, tile_y0, tile_x1, tile_y1, tallies) for every tile of the film on `run.threads` threads;
+// each thread's tallies are counted into the film. Which thread runs a tile changes nothing. Returns an error
+// if run.stop was set.
+template <class Body>
+Result<void> for_each_tile(std::uint32_t width, std::uint32_t height, film::UnitFilm& film,
+                           const render::RunContext& run, const Body& body) {
+  constexpr std::uint32_t kTile = film::kTileSize;
+  const std::uint32_t tiles_x = (width + kTile - 1) / kTile;
+  const std::uint32_t tiles_y = (height + kTile - 1) / kTile;
+  const std::uint64_t tile_count = std::uint64_t{tiles_x} * tiles_y;
+  std::atomic<std::uint64_t> next{0};
+  std::atomic<std::uint64_t> done{0};
+  const auto work = [&] {
+    film::Tallies tallies;
+    for (;;) {
+      if (run.stop != nullptr && run.stop->load(std::memory_order_relaxed)) break;
+      const std::uint64_t tile = next.fetch_add(1, std::memory_order_relaxed);
+      if (tile >= tile_count) break;
+      const auto x0 = static_cast<std::uint32_t>(tile % tiles_x) * kTile;
+      const auto y0 = static_cast<std::uint32_t>(tile / tiles_x) * kTile;
+      body(x0, y0, std::min(x0 + kTile, width), std::min(y0 + kTile, height), tallies);
+      const std::uint64_t finished = done.fetch_add(1, std::memory_order_relaxed) + 1;
+      if (run.progress != nullptr)
+        run.progress->store(static_cast<float>(finished) / static_cast<float>(tile_count),
+                            std::memory_order_relaxed);
+    }
+    film.count(tallies);
+  };
+  if (run.threads <= 1) {
+    work();
+  } else {
+    std::vector<std::jthread> threads;
+    threads.reserve(run.threads);
+    for (unsigned i = 0; i < run.threads; ++i) threads.emplace_back(work);
+  }
+  if (done.load() != tile_count) return stopped_error();
+  return {};
+}
+
+// One eye sample: filter position, camera ray, radiance.
+template <class Radiance>
+Spectrum eye_sample(const UnitContext& context, std::uint32_t x, std::uint32_t y, samplers::Sampler& sampler,
+                    film::Tallies& tallies, const Radiance& radiance) {
+  sampler.set_dimension(0);
+  float filter_weight = 1;
+  const Vec2 offset = context.filter.sample(sampler.next_2d(), filter_weight);
+  float response = 1;
+  const Ray ray =
+      context.scene.camera_ray(static_cast<float>(x) + 0.5f + offset.x,
+                               static_cast<float>(y) + 0.5f + offset.y, sampler.next_2d(), response);
+  return radiance(ray, sampler, tallies) * (filter_weight * response);
+}
+
+template <class Radiance>
+Result<void> run_eye_samples(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
+                             const render::RunContext& run, const Radiance& radiance) {
+  const bool signed_values = context.filter.has_negative_lobes();
+  return for_each_tile(
+      context.width, context.height, film, run,
+      [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1, film::Tallies& tallies) {
+        samplers::Sampler sampler(context.sampler, context.seed);
+        for (std::uint32_t y = y0; y < y1; ++y) {
+          for (std::uint32_t x = x0; x < x1; ++x) {
+            for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
+              sampler.start(unit.half, index, x, y);
+              Spectrum value = eye_sample(context, x, y, sampler, tallies, radiance);
+              if (run.fault != nullptr) run.fault(sampler.sample_key(), &value.r);
+              film.add(0, x, y, {value.r, value.g, value.b}, sampler.sample_key(), tallies, signed_values);
+            }
+            tallies.eye_samples += unit.end - unit.begin;
+            // A unit may be many iterations of a slow scene: a stop must not wait for the tile's end.
+            if (run.stop != nullptr && run.stop->load(std::memory_order_relaxed)) return;
+          }
+        }
+      });
+}
+
+template <class Radiance>
+std::vector<float> pilot_eye_samples(const UnitContext& context, std::uint32_t count,
+                                     const Radiance& radiance) {
+  std::vector<float> luminances;
+  luminances.reserve(count);
+  film::Tallies tallies;
+  samplers::Sampler sampler(samplers::SamplerKind::independent,
+                            rng::key(context.seed, 0x70696c6f74ULL));  // "pilot"
+  for (std::uint32_t i = 0; i < count; ++i) {
+    // Pixels by a fixed random choice over the film.
+    rng::Stream place(rng::key(context.seed, 0x706c616365ULL, i));  // "place"
+    const auto x = static_cast<std::uint32_t>(place.next_double() * context.width);
+    const auto y = static_cast<std::uint32_t>(place.next_double() * context.height);
+    sampler.start(0, i, x, y);
+    const float value = luminance(eye_sample(context, x, y, sampler, tallies, radiance));
+    if (std::isfinite(value)) luminances.push_back(std::fabs(value));
+  }
+  return luminances;
+}
+
+}  // namespace candela::integrators

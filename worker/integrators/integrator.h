@@ -1,0 +1,57 @@
+// What every integrator is to the renderer.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/film/film.h"
+#include "common/job/job.h"
+#include "worker/integrators/plan.h"
+#include "worker/render/filter.h"
+#include "worker/render/renderer.h"
+#include "worker/samplers/sampler.h"
+#include "worker/scene/scene.h"
+
+namespace candela::integrators {
+
+// All that a unit may depend on, beside its own index.
+struct UnitContext {
+  const scene::Scene& scene;
+  const render::PixelFilter& filter;
+  samplers::SamplerKind sampler;
+  std::uint64_t seed;
+  std::uint32_t width, height;
+};
+
+class Integrator {
+ public:
+  virtual ~Integrator() = default;
+
+  // Adds the sums of the unit to the film: a pure function of (context, unit), whatever the threads.
+  virtual Result<void> run(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
+                           const render::RunContext& run) const = 0;
+
+  // The radiance of `count` samples spread over the film, in a fixed order, from the pilot's own streams:
+  // what the film's scale is chosen from. NaN and infinite samples are left out.
+  virtual std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const = 0;
+
+  virtual const Plan& plan() const = 0;
+};
+
+// One line of the registry.
+struct IntegratorEntry {
+  std::string_view name;
+  Result<std::unique_ptr<Integrator>> (*create)(const SettingsMap& settings,
+                                                const scene::SceneFeatures& features);
+  // All settings as text with defaults filled in, or the error of what was given.
+  Result<SettingsMap> (*complete)(const SettingsMap& given);
+  std::vector<render::SettingDoc> (*document)();
+};
+const std::vector<IntegratorEntry>& registry();
+// An unknown name is a usage error that lists what there is.
+Result<const IntegratorEntry*> find_integrator(std::string_view name);
+
+}  // namespace candela::integrators

@@ -1,0 +1,165 @@
+#include "worker/render/renderer.h"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cmath>
+
+#include "worker/core/math.h"
+#include "worker/integrators/integrator.h"
+
+namespace candela::render {
+namespace {
+
+// The pilot's mean luminance becomes about this many film units: rounding noise of one unit is then 2^-20 of
+// the mean, far below any sample's noise, and one sample may still be 2^36 times the mean before it counts as
+// saturated.
+constexpr int kMeanLog2 = 20;
+constexpr std::uint32_t kPilotSamples = 4096;
+
+Result<samplers::SamplerKind> sampler_kind(const std::string& name) {
+  if (name == "independent") return samplers::SamplerKind::independent;
+  if (name == "sobol") return samplers::SamplerKind::sobol;
+  return usage_error(fmt::format("unknown sampler '{}'", name))
+      .with_field("sampler")
+      .with_mend("there is independent, sobol");
+}
+
+std::string features_text(const scene::SceneFeatures& f) {
+  std::string text = fmt::format("scene: {} shapes, {} triangles, {} spheres, {} textures, {} emitters\n",
+                                 f.shapes, f.triangles, f.spheres, f.textures, f.emitters);
+  const auto list = [&](std::string_view title, const std::map<std::string, std::uint32_t>& kinds) {
+    text += fmt::format("{}:", title);
+    for (const auto& [kind, count] : kinds) text += fmt::format(" {} x{}", kind, count);
+    if (kinds.empty()) text += " none";
+    text += '\n';
+  };
+  list("bsdfs", f.bsdf_kinds);
+  list("emitters", f.emitter_kinds);
+  return text;
+}
+
+class SceneRenderer final : public Renderer {
+ public:
+  SceneRenderer(JobSettings settings, std::unique_ptr<scene::Scene> scene,
+                std::unique_ptr<integrators::Integrator> integrator, PixelFilter filter,
+                samplers::SamplerKind sampler)
+      : settings_(std::move(settings)),
+        scene_(std::move(scene)),
+        integrator_(std::move(integrator)),
+        filter_(std::move(filter)),
+        sampler_(sampler) {}
+
+  std::unique_ptr<film::UnitFilm> make_film(const NamedState& state) const override {
+    return std::make_unique<film::UnitFilm>(film::Layout{settings_.width, settings_.height, 1},
+                                            state.film_scale_log2);
+  }
+
+  Result<PilotResult> pilot(const RunContext& run_context) const override {
+    const auto begin = std::chrono::steady_clock::now();
+    const std::vector<float> luminances = integrator_->pilot_luminances(context(), kPilotSamples);
+    const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
+
+    // (mean of square roots)^2: of the mean's order, but one bright path among the pilot's cannot set the
+    // scale alone.
+    double root_sum = 0;
+    for (float value : luminances) root_sum += std::sqrt(static_cast<double>(value));
+    double typical = luminances.empty() ? 0 : root_sum / kPilotSamples;
+    typical *= typical;
+    // No light found: perhaps it is rare. A scale from the emitters themselves, with room below them.
+    if (!(typical > 0)) typical = static_cast<double>(scene_->features().max_emitted_radiance) * 0x1p-20;
+    if (!(typical > 0)) typical = 1;
+
+    PilotResult result;
+    int exponent = 0;
+    std::frexp(typical, &exponent);
+    result.state.film_scale_log2 = std::clamp(kMeanLog2 - exponent, -126, 126);
+    result.plan = plan_text();
+    const double pixels = static_cast<double>(settings_.width) * settings_.height;
+    result.seconds_per_iteration =
+        seconds.count() * pixels / kPilotSamples / std::max(1U, run_context.threads);
+    return result;
+  }
+
+  Result<void> run(const Unit& unit, film::UnitFilm& film, const RunContext& run_context) const override {
+    if (unit.kind != Unit::Kind::iterations || unit.half > 1 || unit.begin >= unit.end)
+      return internal_error("not a unit of iterations");
+    CANDELA_TRY(integrator_->run(context(), unit, film, run_context));
+    if (film.overflowed()) return failed_error("a film sum of this unit overflowed 64 bits");
+    return {};
+  }
+
+  std::string plan_text() const override {
+    return features_text(scene_->features()) + fmt::format("integrator: {}\n", settings_.integrator) +
+           integrator_->plan().to_text();
+  }
+
+ private:
+  integrators::UnitContext context() const {
+    return {*scene_, filter_, sampler_, settings_.seed, settings_.width, settings_.height};
+  }
+
+  JobSettings settings_;
+  std::unique_ptr<scene::Scene> scene_;
+  std::unique_ptr<integrators::Integrator> integrator_;
+  PixelFilter filter_;
+  samplers::SamplerKind sampler_;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<Renderer>> Renderer::create(const description::FileSource& files,
+                                                   const std::string& main_key,
+                                                   const std::map<std::string, std::string>& parameters,
+                                                   const JobSettings& settings, unsigned threads) {
+  CANDELA_ASSIGN(const integrators::IntegratorEntry* entry,
+                 integrators::find_integrator(settings.integrator));
+  CANDELA_ASSIGN(const samplers::SamplerKind sampler, sampler_kind(settings.sampler));
+  CANDELA_ASSIGN(PixelFilter filter, PixelFilter::create(settings.filter, settings.filter_settings));
+  CANDELA_ASSIGN(const description::SceneDescription description,
+                 description::parse_scene(files, main_key, parameters));
+  scene::Scene::Options options;
+  options.isa = settings.isa;
+  options.build_threads = threads;
+  options.film_width = settings.width;
+  options.film_height = settings.height;
+  CANDELA_ASSIGN(std::unique_ptr<scene::Scene> scene, scene::Scene::build(description, files, options));
+  CANDELA_ASSIGN(std::unique_ptr<integrators::Integrator> integrator,
+                 entry->create(settings.integrator_settings, scene->features()));
+  return std::unique_ptr<Renderer>(std::make_unique<SceneRenderer>(
+      settings, std::move(scene), std::move(integrator), std::move(filter), sampler));
+}
+
+std::vector<std::string> supported_isas() {
+  std::vector<std::string> isas = {"sse2"};
+  if (__builtin_cpu_supports("sse4.2")) isas.emplace_back("sse4.2");
+  if (__builtin_cpu_supports("avx")) isas.emplace_back("avx");
+  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2"))
+    isas.emplace_back("avx2");
+  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+      __builtin_cpu_supports("avx512cd") && __builtin_cpu_supports("avx512bw") &&
+      __builtin_cpu_supports("avx512vl"))
+    isas.emplace_back("avx512");
+  return isas;
+}
+
+std::vector<std::string> integrator_names() {
+  std::vector<std::string> names;
+  for (const auto& entry : integrators::registry()) names.emplace_back(entry.name);
+  return names;
+}
+
+Result<std::vector<SettingDoc>> integrator_settings(const std::string& integrator) {
+  CANDELA_ASSIGN(const integrators::IntegratorEntry* entry, integrators::find_integrator(integrator));
+  return entry->document();
+}
+
+Result<SettingsMap> complete_integrator_settings(const std::string& integrator, const SettingsMap& from_scene,
+                                                 const SettingsMap& from_user) {
+  CANDELA_ASSIGN(const integrators::IntegratorEntry* entry, integrators::find_integrator(integrator));
+  SettingsMap merged = from_scene;
+  for (const auto& [name, value] : from_user) merged[name] = value;
+  return entry->complete(merged);
+}
+
+}  // namespace candela::render
