@@ -27,13 +27,19 @@ Result<bundle::Bundle> from_proto(const v1::Bundle& message);
 // Error <-> grpc::Status. The kind survives the trip (input, usage -> INVALID_ARGUMENT; unreachable -> UNAVAILABLE;
 // refused -> FAILED_PRECONDITION; resource -> RESOURCE_EXHAUSTED; failed -> ABORTED; internal -> INTERNAL), as do message and field, in
 // one line. from_status maps DEADLINE_EXCEEDED, UNAVAILABLE to unreachable and NOT_FOUND to input.
+// The parts of the error travel in the status's details as well, so that from_status(to_status(e)) is e, save that its
+// texts are cut to about a kilobyte each.
 grpc::Status to_status(const Error& error);
 Error from_status(const grpc::Status& status);
+// "Try again after so many milliseconds": an error status whose details carry the wait. retry_ms() is `otherwise` where
+// a status names none, and never above one minute.
+grpc::Status to_status_with_retry(const Error& error, std::uint32_t retry_ms);
+std::uint32_t retry_ms(const grpc::Status& status, std::uint32_t otherwise);
 
 // Names of job states as scripts see them: "queued", "running", ...
 std::string_view name(v1::JobState state);
 
-// HOST:PORT ("127.0.0.1:7070", "[::1]:7070", "localhost:7070").
+// HOST:PORT ("127.0.0.1:7070", "[::1]:7070", "localhost:7070"); port 0 is for listening only.
 struct Address {
   std::string host;
   int port = 0;

@@ -1,0 +1,242 @@
+// Conversions of job settings, units and bundles between wire messages and plain structures. Everything that
+// arrives is checked before it is copied, so that a hostile message costs no more memory than its own bytes.
+#include "common/wire/wire.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace candela::wire {
+namespace {
+
+constexpr std::array<std::string_view, 3> kFilters = {"box", "tent", "gaussian"};
+constexpr std::array<std::string_view, 2> kSamplers = {"independent", "sobol"};
+constexpr std::array<std::string_view, 5> kIsas = {"sse2", "sse4.2", "avx", "avx2", "avx512"};
+constexpr std::size_t kMaxIdentifierBytes = 64;
+constexpr int kMaxScaleLog2 = 1000;  // a double holds 2^1000 and 2^-1000 as normal numbers
+
+Error field_error(std::string_view field, std::string message) {
+  return input_error(std::move(message)).with_field(std::string(field));
+}
+
+// What of a peer's text may be shown in a message: printable, and not long.
+std::string shown(std::string_view text) {
+  std::string out;
+  for (const char c : text.substr(0, 64)) out += static_cast<unsigned char>(c) < 0x20 || c == 0x7f ? '?' : c;
+  return text.size() > 64 ? out + "..." : out;
+}
+
+template <std::size_t N>
+Result<void> check_one_of(std::string_view value, const std::array<std::string_view, N>& known,
+                          std::string_view field) {
+  if (std::find(known.begin(), known.end(), value) != known.end()) return {};
+  std::string names;
+  for (const std::string_view one : known) names.append(names.empty() ? "" : ", ").append(one);
+  return field_error(field, fmt::format("'{}' is none of {}", shown(value), names));
+}
+
+// The form of an integrator's or setting's name: letters, digits, '_', '-', '.'.
+Result<void> check_identifier(std::string_view value, std::string_view field) {
+  const bool well_formed = !value.empty() && value.size() <= kMaxIdentifierBytes &&
+                           std::all_of(value.begin(), value.end(), [](char c) {
+                             return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') ||
+                                    (c >= '0' && c <= '9') || c == '_' || c == '-' || c == '.';
+                           });
+  if (well_formed) return {};
+  return field_error(field, fmt::format("'{}' is not a name of 1 to {} letters, digits, '_', '-', '.'",
+                                        shown(value), kMaxIdentifierBytes));
+}
+
+bool has_control_character(std::string_view text) {
+  return std::any_of(text.begin(), text.end(),
+                     [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; });
+}
+
+Result<SettingsMap> settings_from_proto(const google::protobuf::Map<std::string, std::string>& message,
+                                        std::string_view field) {
+  if (message.size() > Limits::max_settings)
+    return field_error(
+        field, fmt::format("{} settings, more than the limit of {}", message.size(), Limits::max_settings));
+  SettingsMap settings;
+  for (const auto& [key, value] : message) {
+    CANDELA_TRY(check_identifier(key, field));
+    const std::string name = fmt::format("{}.{}", field, key);
+    if (value.size() > Limits::max_setting_bytes)
+      return field_error(name, fmt::format("the value has {} bytes, more than the limit of {}", value.size(),
+                                           Limits::max_setting_bytes));
+    if (has_control_character(value)) return field_error(name, "the value holds a control character");
+    settings[key] = value;
+  }
+  return settings;
+}
+
+Result<void> check_extent(std::uint32_t pixels, std::string_view field) {
+  if (pixels >= 1 && pixels <= Limits::max_extent) return {};
+  return field_error(field, fmt::format("{} pixels are not within 1 and {}", pixels, Limits::max_extent));
+}
+
+// A limit of a stop rule; 0 means none.
+Result<void> check_limit(double value, std::string_view field) {
+  if (std::isfinite(value) && value >= 0) return {};
+  return field_error(field, fmt::format("{} is not a finite number of at least 0", value));
+}
+
+}  // namespace
+
+void to_proto(const JobSettings& settings, v1::JobSettings& out) {
+  out.Clear();
+  out.set_integrator(settings.integrator);
+  out.mutable_integrator_settings()->insert(settings.integrator_settings.begin(),
+                                            settings.integrator_settings.end());
+  out.set_width(settings.width);
+  out.set_height(settings.height);
+  out.set_filter(settings.filter);
+  out.mutable_filter_settings()->insert(settings.filter_settings.begin(), settings.filter_settings.end());
+  out.set_sampler(settings.sampler);
+  out.set_seed(settings.seed);
+  out.set_isa(settings.isa);
+}
+
+void to_proto(const StopRule& stop, v1::StopRule& out) {
+  out.Clear();
+  out.set_iterations(stop.iterations);
+  out.set_time_seconds(stop.time_seconds);
+  out.set_relmse(stop.relmse);
+}
+
+void to_proto(const Unit& unit, v1::Unit& out) {
+  out.Clear();
+  out.set_kind(unit.kind == Unit::Kind::pilot ? v1::Unit::KIND_PILOT : v1::Unit::KIND_ITERATIONS);
+  out.set_half(unit.half);
+  out.set_begin(unit.begin);
+  out.set_end(unit.end);
+}
+
+void to_proto(const NamedState& state, v1::NamedState& out) {
+  out.Clear();
+  out.set_film_scale_log2(state.film_scale_log2);
+}
+
+void to_proto(const bundle::Bundle& bundle, v1::Bundle& out) {
+  out.Clear();
+  out.set_main_path(bundle.main_path);
+  for (const bundle::File& file : bundle.files) {
+    v1::BundleFile& entry = *out.add_files();
+    entry.set_path(file.path);
+    entry.set_sha256(file.sha256);
+    entry.set_size_bytes(file.size_bytes);
+  }
+  out.mutable_parameters()->insert(bundle.parameters.begin(), bundle.parameters.end());
+}
+
+Result<JobSettings> from_proto(const v1::JobSettings& message) {
+  JobSettings settings;
+  CANDELA_TRY(check_identifier(message.integrator(), "settings.integrator"));
+  settings.integrator = message.integrator();
+  CANDELA_ASSIGN(settings.integrator_settings,
+                 settings_from_proto(message.integrator_settings(), "settings.integrator_settings"));
+  CANDELA_TRY(check_extent(message.width(), "settings.width"));
+  CANDELA_TRY(check_extent(message.height(), "settings.height"));
+  if (std::uint64_t{message.width()} * message.height() > Limits::max_pixels)
+    return field_error("settings.width", fmt::format("{} x {} pixels are more than the limit of {}",
+                                                     message.width(), message.height(), Limits::max_pixels));
+  settings.width = message.width();
+  settings.height = message.height();
+  CANDELA_TRY(check_one_of(message.filter(), kFilters, "settings.filter"));
+  settings.filter = message.filter();
+  CANDELA_ASSIGN(settings.filter_settings,
+                 settings_from_proto(message.filter_settings(), "settings.filter_settings"));
+  CANDELA_TRY(check_one_of(message.sampler(), kSamplers, "settings.sampler"));
+  settings.sampler = message.sampler();
+  settings.seed = message.seed();
+  CANDELA_TRY(check_one_of(message.isa(), kIsas, "settings.isa"));
+  settings.isa = message.isa();
+  return settings;
+}
+
+Result<StopRule> from_proto(const v1::StopRule& message) {
+  if (message.iterations() > Limits::max_iterations)
+    return field_error("stop.iterations", fmt::format("{} iterations are more than the limit of {}",
+                                                      message.iterations(), Limits::max_iterations));
+  CANDELA_TRY(check_limit(message.time_seconds(), "stop.time_seconds"));
+  CANDELA_TRY(check_limit(message.relmse(), "stop.relmse"));
+  if (message.iterations() == 0 && message.time_seconds() == 0 && message.relmse() == 0)
+    return field_error("stop", "no limit is set").with_mend("give iterations, a time or a target error");
+  return StopRule{message.iterations(), message.time_seconds(), message.relmse()};
+}
+
+Result<Unit> from_proto(const v1::Unit& message) {
+  Unit unit;
+  switch (message.kind()) {
+    case v1::Unit::KIND_PILOT:
+      unit.kind = Unit::Kind::pilot;
+      break;
+    case v1::Unit::KIND_ITERATIONS:
+      unit.kind = Unit::Kind::iterations;
+      break;
+    default:
+      return field_error("unit.kind", fmt::format("{} is no kind of unit", static_cast<int>(message.kind())));
+  }
+  if (message.half() > 1)
+    return field_error("unit.half", fmt::format("{} is neither 0 nor 1", message.half()));
+  if (message.end() > Limits::max_iterations)
+    return field_error("unit.end",
+                       fmt::format("{} is beyond the limit of {}", message.end(), Limits::max_iterations));
+  if (message.begin() > message.end() ||
+      (unit.kind == Unit::Kind::iterations && message.begin() == message.end()))
+    return field_error("unit.end",
+                       fmt::format("{} is not after unit.begin = {}", message.end(), message.begin()));
+  unit.half = message.half();
+  unit.begin = message.begin();
+  unit.end = message.end();
+  return unit;
+}
+
+Result<NamedState> from_proto(const v1::NamedState& message) {
+  if (std::abs(static_cast<std::int64_t>(message.film_scale_log2())) > kMaxScaleLog2)
+    return field_error(
+        "named_state.film_scale_log2",
+        fmt::format("{} is not within -{} and {}", message.film_scale_log2(), kMaxScaleLog2, kMaxScaleLog2));
+  return NamedState{message.film_scale_log2()};
+}
+
+Result<bundle::Bundle> from_proto(const v1::Bundle& message) {
+  if (static_cast<std::uint64_t>(message.files_size()) > Limits::max_bundle_files)
+    return field_error("bundle.files", fmt::format("{} files, more than the limit of {}",
+                                                   message.files_size(), Limits::max_bundle_files));
+  bundle::Bundle bundle;
+  bundle.main_path = message.main_path();
+  bundle.files.reserve(static_cast<std::size_t>(message.files_size()));
+  for (const v1::BundleFile& file : message.files())
+    bundle.files.push_back({file.path(), file.sha256(), file.size_bytes()});
+  CANDELA_ASSIGN(bundle.parameters, settings_from_proto(message.parameters(), "bundle.parameters"));
+  if (auto valid = bundle::validate(bundle); !valid.ok()) {
+    Error error = std::move(valid).error();
+    error.field = error.field.empty() ? "bundle" : "bundle." + error.field;
+    return error;
+  }
+  return bundle;
+}
+
+std::string_view name(v1::JobState state) {
+  switch (state) {
+    case v1::JOB_STATE_QUEUED:
+      return "queued";
+    case v1::JOB_STATE_RUNNING:
+      return "running";
+    case v1::JOB_STATE_PAUSED:
+      return "paused";
+    case v1::JOB_STATE_DONE:
+      return "done";
+    case v1::JOB_STATE_FAILED:
+      return "failed";
+    case v1::JOB_STATE_CANCELLED:
+      return "cancelled";
+    default:
+      return "unknown";
+  }
+}
+
+}  // namespace candela::wire
