@@ -37,6 +37,7 @@ Result<void> for_each_tile(std::uint32_t width, std::uint32_t height, film::Unit
       const auto x0 = static_cast<std::uint32_t>(tile % tiles_x) * kTile;
       const auto y0 = static_cast<std::uint32_t>(tile / tiles_x) * kTile;
       body(x0, y0, std::min(x0 + kTile, width), std::min(y0 + kTile, height), tallies);
+      if (run.stop != nullptr && run.stop->load(std::memory_order_relaxed)) break;  // perhaps left half done
       const std::uint64_t finished = done.fetch_add(1, std::memory_order_relaxed) + 1;
       if (run.progress != nullptr)
         run.progress->store(static_cast<float>(finished) / static_cast<float>(tile_count),

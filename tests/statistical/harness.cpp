@@ -1,0 +1,186 @@
+#include "tests/statistical/harness.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <boost/math/distributions/chi_squared.hpp>
+#include <boost/math/distributions/normal.hpp>
+#include <boost/math/distributions/students_t.hpp>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <stdexcept>
+
+#include "common/bundle/bundle.h"
+
+namespace candela::statistical {
+namespace {
+
+[[noreturn]] void give_up(const Error& error) {
+  throw std::runtime_error(error.to_string());
+}
+
+SettingsMap integrator_settings_of(const description::FileSource& files, const std::string& key) {
+  const auto description = description::parse_scene(files, key, {});
+  if (!description.ok()) give_up(description.error());
+  SettingsMap from_scene;
+  for (const auto& integrator : description->scene->children_of("integrator"))
+    for (const auto& property : integrator->properties) {
+      if (property.type == description::PropertyType::integer)
+        from_scene[property.name] = std::to_string(std::get<std::int64_t>(property.value));
+      else if (property.type == description::PropertyType::boolean)
+        from_scene[property.name] = std::get<bool>(property.value) ? "true" : "false";
+    }
+  auto settings = render::complete_integrator_settings("path", from_scene, {});
+  if (!settings.ok()) give_up(settings.error());
+  return std::move(settings).value();
+}
+
+}  // namespace
+
+Result<description::FileSource::Bytes> MemorySource::open(const std::string& key) const {
+  const auto found = files_.find(key);
+  if (found == files_.end()) return input_error("no such file").at(key, 0);
+  return Bytes{nullptr, found->second};
+}
+
+std::string shared_folder() {
+  const char* from_environment = std::getenv("CANDELA_SHARED");
+  const std::filesystem::path folder =
+      from_environment != nullptr ? from_environment : CANDELA_SOURCE_DIR "/../shared";
+  return std::filesystem::is_directory(folder / "scenes") ? folder.string() : std::string();
+}
+
+TestScene scene_from_xml(const std::string& xml, std::uint32_t width, std::uint32_t height) {
+  TestScene scene;
+  scene.files = std::make_shared<MemorySource>(std::map<std::string, std::string>{{"scene.xml", xml}});
+  scene.main_key = "scene.xml";
+  scene.settings.width = width;
+  scene.settings.height = height;
+  scene.settings.integrator_settings = integrator_settings_of(*scene.files, scene.main_key);
+  return scene;
+}
+
+TestScene scene_from_shared(const std::string& name, std::uint32_t width, std::uint32_t height) {
+  TestScene scene;
+  scene.files = std::make_shared<bundle::DiskSource>(shared_folder() + "/scenes/" + name);
+  scene.main_key = "scene.xml";
+  scene.settings.width = width;
+  scene.settings.height = height;
+  scene.settings.integrator_settings = integrator_settings_of(*scene.files, scene.main_key);
+  return scene;
+}
+
+std::unique_ptr<render::Renderer> make_renderer(const TestScene& scene) {
+  auto renderer = render::Renderer::create(*scene.files, scene.main_key, {}, scene.settings, 2);
+  if (!renderer.ok()) give_up(renderer.error());
+  return std::move(renderer).value();
+}
+
+std::vector<std::vector<float>> render_batches(TestScene scene, std::uint64_t seed, std::size_t batches,
+                                               std::uint64_t iterations, unsigned threads) {
+  std::vector<std::vector<float>> images;
+  render::RunContext run;
+  run.threads = threads;
+  for (std::size_t batch = 0; batch < batches; ++batch) {
+    scene.settings.seed = seed + batch;
+    const auto renderer = make_renderer(scene);
+    const auto pilot = renderer->pilot(run);
+    if (!pilot.ok()) give_up(pilot.error());
+    const auto film = renderer->make_film(pilot->state);
+    const auto done = renderer->run({Unit::Kind::iterations, 0, 0, iterations}, *film, run);
+    if (!done.ok()) give_up(done.error());
+    for (std::uint64_t rejected : film->tallies().rejected)
+      if (rejected != 0) throw std::runtime_error(fmt::format("{} samples were rejected", rejected));
+    const double to_value = std::ldexp(1.0, -film->scale_log2()) / static_cast<double>(iterations);
+    std::vector<float> image(film->layout().pixel_count() * 3);
+    for (std::size_t i = 0; i < image.size(); ++i)
+      image[i] = static_cast<float>(static_cast<double>(film->sums()[i]) * to_value);
+    images.push_back(std::move(image));
+  }
+  return images;
+}
+
+BlockTestResult block_test(const std::vector<std::vector<float>>& batches,
+                           const std::vector<float>& reference, const std::vector<float>& reference_stderr,
+                           std::uint32_t width, std::uint32_t height, std::uint32_t block,
+                           double max_relative_error) {
+  BlockTestResult result;
+  const auto n = static_cast<double>(batches.size());
+  double chi_squared = 0, sum_a = 0, sum_b = 0;
+  std::vector<double> relative_errors;
+  for (std::uint32_t by = 0; by < height; by += block) {
+    for (std::uint32_t bx = 0; bx < width; bx += block) {
+      for (std::uint32_t channel = 0; channel < 3; ++channel) {
+        std::vector<double> means(batches.size(), 0.0);
+        double expected = 0, expected_variance = 0, pixels = 0;
+        for (std::uint32_t y = by; y < std::min(by + block, height); ++y) {
+          for (std::uint32_t x = bx; x < std::min(bx + block, width); ++x) {
+            const std::size_t i = (std::size_t{y} * width + x) * 3 + channel;
+            for (std::size_t k = 0; k < batches.size(); ++k) means[k] += static_cast<double>(batches[k][i]);
+            expected += static_cast<double>(reference[i]);
+            if (!reference_stderr.empty())
+              expected_variance +=
+                  static_cast<double>(reference_stderr[i]) * static_cast<double>(reference_stderr[i]);
+            pixels += 1;
+          }
+        }
+        expected /= pixels;
+        expected_variance /= pixels * pixels;
+        double mean = 0;
+        for (double& value : means) mean += (value /= pixels) / n;
+        double squares = 0, largest = 0;
+        for (double value : means) {
+          squares += (value - mean) * (value - mean);
+          largest = std::max(largest, (value - mean) * (value - mean));
+        }
+        // Rounding of floats and of the analytic answer itself, so that exact agreement is not tested for
+        // exact zero variance.
+        const double rounding = 1e-6 * std::max(std::fabs(expected), std::fabs(mean));
+        const double own = squares / (n - 1) / n;
+        const double variance = own + expected_variance + rounding * rounding;
+        const double deviation = std::sqrt(variance);
+        if (expected == 0 && mean == 0) continue;
+        if (deviation > max_relative_error * std::fabs(expected) ||
+            (largest > 0.5 * squares && own > expected_variance && own > rounding * rounding)) {
+          ++result.skipped;
+          continue;
+        }
+        ++result.tested;
+        const double t = (mean - expected) / deviation;
+        // Welch-Satterthwaite; the reference's own degrees of freedom are taken as at least 7 (its README: 8
+        // to 30 runs).
+        const double denominator = own * own / (n - 1) + expected_variance * expected_variance / 7 +
+                                   rounding * rounding * rounding * rounding / 1e6;
+        const double freedom = std::clamp(variance * variance / denominator, 1.0, 1e9);
+        const boost::math::students_t distribution(freedom);
+        const double p =
+            std::max(2 * boost::math::cdf(boost::math::complement(distribution, std::fabs(t))), 1e-300);
+        const double score = boost::math::quantile(boost::math::complement(boost::math::normal(), p / 2));
+        chi_squared += score * score;
+        relative_errors.push_back(deviation / std::fabs(expected));
+        sum_a += mean;
+        sum_b += expected;
+        if (p < result.smallest_p) {
+          result.smallest_p = p;
+          result.worst =
+              fmt::format("block at ({}, {}), channel {}: {} against {}, standard error {}, t = {:.2f}", bx,
+                          by, channel, mean, expected, deviation, t);
+        }
+      }
+    }
+  }
+  if (result.tested > 0) {
+    result.adjusted_p = std::min(1.0, result.smallest_p * static_cast<double>(result.tested));
+    result.chi_squared_p = boost::math::cdf(
+        boost::math::complement(boost::math::chi_squared(static_cast<double>(result.tested)), chi_squared));
+    std::nth_element(relative_errors.begin(), relative_errors.begin() + relative_errors.size() / 2,
+                     relative_errors.end());
+    result.median_relative_standard_error = relative_errors[relative_errors.size() / 2];
+    result.mean_ratio = sum_a / sum_b;
+  }
+  return result;
+}
+
+}  // namespace candela::statistical

@@ -1,0 +1,68 @@
+// Renders scenes in this process for statistical tests, and tests images block by block.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/description/object.h"
+#include "common/film/film.h"
+#include "common/job/job.h"
+#include "worker/render/renderer.h"
+
+namespace candela::statistical {
+
+// A scene held in memory: key -> bytes.
+class MemorySource final : public description::FileSource {
+ public:
+  explicit MemorySource(std::map<std::string, std::string> files) : files_(std::move(files)) {}
+  Result<Bytes> open(const std::string& key) const override;
+
+ private:
+  std::map<std::string, std::string> files_;
+};
+
+// Where ../shared is: $CANDELA_SHARED, or beside the checkout. Empty where absent: the test skips and says
+// so.
+std::string shared_folder();
+
+struct TestScene {
+  std::shared_ptr<const description::FileSource> files;
+  std::string main_key;
+  JobSettings settings;
+};
+
+// A scene from XML text; a failure to load is a test failure that shows the error.
+TestScene scene_from_xml(const std::string& xml, std::uint32_t width, std::uint32_t height);
+// A scene of ../shared/scenes, its integrator's settings taken from the scene.
+TestScene scene_from_shared(const std::string& name, std::uint32_t width, std::uint32_t height);
+
+std::unique_ptr<render::Renderer> make_renderer(const TestScene& scene);
+
+// `batches` independent images of `iterations` each (seeds seed, seed + 1, ...): width * height * 3 floats
+// each. Rejected samples fail the test unless allowed.
+std::vector<std::vector<float>> render_batches(TestScene scene, std::uint64_t seed, std::size_t batches,
+                                               std::uint64_t iterations, unsigned threads = 2);
+
+// Block by block and channel by channel: the mean over batches against a reference with known standard errors
+// of its pixels (empty: exact). Welch's t test on block means with the batches' own variance; a block's value
+// is skipped if its relative standard error exceeds max_relative_error or its batches are so skewed that the
+// normal limit is not reached (one batch holds more than half of the sum of squares about the mean).
+struct BlockTestResult {
+  std::size_t tested = 0, skipped = 0;
+  double smallest_p = 1;     // over all tested values
+  double adjusted_p = 1;     // Bonferroni: min(1, smallest_p * tested): at most this chance of a false alarm
+  double chi_squared_p = 1;  // of the sum of squared normal scores of all tested values, one-sided
+  double median_relative_standard_error = 0;
+  double mean_ratio = 0;  // of the tested values' sums
+  std::string worst;      // where, for the failure message
+};
+BlockTestResult block_test(const std::vector<std::vector<float>>& batches,
+                           const std::vector<float>& reference, const std::vector<float>& reference_stderr,
+                           std::uint32_t width, std::uint32_t height, std::uint32_t block,
+                           double max_relative_error);
+
+}  // namespace candela::statistical

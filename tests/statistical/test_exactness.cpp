@@ -1,0 +1,142 @@
+// Law 2 and law 3 inside one process: the film is a function of the job alone.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "tests/statistical/harness.h"
+
+namespace candela::statistical {
+namespace {
+
+const char* const kScene =
+    R"(<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="8"/></integrator>
+    <sensor type="perspective"><float name="fov" value="45"/>
+      <transform name="to_world"><lookat origin="0, 4, 9" target="0, 1, 0" up="0, 1, 0"/></transform></sensor>
+    <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="-90"/><scale value="8"/></transform>
+      <bsdf type="twosided"><bsdf type="diffuse"><rgb name="reflectance" value="0.6, 0.5, 0.4"/></bsdf></bsdf></shape>
+    <shape type="sphere"><point name="center" x="1.2" y="1" z="0.5"/><bsdf type="dielectric"/></shape>
+    <shape type="cube"><transform name="to_world"><translate x="-1.5" y="1"/></transform>
+      <bsdf type="roughconductor"><float name="alpha" value="0.1"/></bsdf></shape>
+    <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="90"/><translate y="5"/></transform>
+      <emitter type="area"><rgb name="radiance" value="9, 8, 7"/></emitter></shape>
+    <emitter type="constant"><rgb name="radiance" value="0.3, 0.4, 0.5"/></emitter></scene>)";
+
+film::Delta delta_of(const render::Renderer& renderer, const NamedState& state, const Unit& unit,
+                     unsigned threads) {
+  render::RunContext run;
+  run.threads = threads;
+  const auto film = renderer.make_film(state);
+  const auto done = renderer.run(unit, *film, run);
+  EXPECT_TRUE(done.ok());
+  film::DeltaInfo info;
+  info.unit = unit;
+  info.layout = film->layout();
+  info.scale_log2 = film->scale_log2();
+  info.job_id = "job";
+  info.build_id = "build";
+  auto delta = film::Delta::decode(film::encode_delta(*film, info), film->layout());
+  EXPECT_TRUE(delta.ok());
+  return std::move(delta).value();
+}
+
+// Claim: threads, the way iterations are cut into units, and the order of merging leave no trace in the film.
+TEST(Exactness, FilmDependsOnTheJobAlone) {
+  TestScene scene = scene_from_xml(kScene, 70, 45);
+  scene.settings.seed = 5;
+  const auto renderer = make_renderer(scene);
+  render::RunContext one;
+  const auto pilot = renderer->pilot(one);
+  ASSERT_TRUE(pilot.ok());
+  const NamedState state = pilot->state;
+  const film::Layout layout{70, 45, 1};
+  const auto unit = [](std::uint32_t half, std::uint64_t begin, std::uint64_t end) {
+    return Unit{Unit::Kind::iterations, half, begin, end};
+  };
+  const auto film_of = [&](const std::vector<Unit>& units, unsigned threads) {
+    film::MergedFilm film(layout, state.film_scale_log2);
+    for (const Unit& u : units) EXPECT_TRUE(film.merge(delta_of(*renderer, state, u, threads)).ok());
+    return film.serialise();
+  };
+  const std::string whole = film_of({unit(0, 0, 6), unit(1, 0, 5)}, 1);
+  EXPECT_EQ(whole, film_of({unit(0, 0, 6), unit(1, 0, 5)}, 2));
+  EXPECT_EQ(whole, film_of({unit(1, 3, 5), unit(0, 1, 6), unit(1, 0, 3), unit(0, 0, 1)}, 3));
+  // A renderer made anew, on another thread count, gives the same pilot.
+  const auto again = make_renderer(scene);
+  render::RunContext two;
+  two.threads = 2;
+  const auto second = again->pilot(two);
+  ASSERT_TRUE(second.ok());
+  EXPECT_EQ(second->state.film_scale_log2, state.film_scale_log2);
+}
+
+// Claim: another seed is another image, and the halves are different estimates (the test above is not
+// comparing zeros).
+TEST(Exactness, SeedsAndHalvesDiffer) {
+  TestScene scene = scene_from_xml(kScene, 32, 32);
+  const auto a = render_batches(scene, 1, 2, 4);
+  EXPECT_NE(a[0], a[1]);
+  const auto renderer = make_renderer(scene);
+  const NamedState state{20};
+  film::MergedFilm film({32, 32, 1}, 20);
+  ASSERT_TRUE(film.merge(delta_of(*renderer, state, {Unit::Kind::iterations, 0, 0, 4}, 1)).ok());
+  ASSERT_TRUE(film.merge(delta_of(*renderer, state, {Unit::Kind::iterations, 1, 0, 4}, 1)).ok());
+  EXPECT_NE(film.develop(0, film::MergedFilm::Which::half0), film.develop(0, film::MergedFilm::Which::half1));
+}
+
+// Spoils one sample in 64, by its key.
+void spoil(std::uint64_t key, float* rgb) {
+  switch (key % 64) {
+    case 1:
+      rgb[1] = std::numeric_limits<float>::quiet_NaN();
+      break;
+    case 2:
+      rgb[0] = std::numeric_limits<float>::infinity();
+      break;
+    case 3:
+      rgb[2] = -1.0f;
+      break;
+    case 4:
+      rgb[0] = 1e30f;
+      break;
+    default:
+      break;
+  }
+}
+
+// Claim: NaN, infinite, negative and absurdly large samples never reach the film, and each is counted by its
+// cause.
+TEST(Exactness, SpoiledSamplesAreCountedAndKeptOut) {
+  const TestScene scene = scene_from_xml(kScene, 32, 32);
+  const auto renderer = make_renderer(scene);
+  render::RunContext run;
+  run.threads = 2;
+  run.fault = &spoil;
+  const auto film = renderer->make_film(NamedState{20});
+  ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 0, 0, 64}, *film, run).ok());
+  const film::Tallies tallies = film->tallies();
+  EXPECT_EQ(tallies.eye_samples, 32U * 32 * 64);
+  // Each cause is spoiled once in 64 of 65536 samples: 1024 expected, standard deviation 32; 6 of them allow
+  // 2e-9.
+  for (std::uint64_t count : tallies.rejected) EXPECT_NEAR(static_cast<double>(count), 1024.0, 6 * 32.0);
+  for (std::size_t i = 0; i < 32 * 32 * 3; ++i) {
+    EXPECT_GE(film->sums()[i], 0);
+    EXPECT_LT(film->sums()[i], std::int64_t{1} << 40);
+  }
+}
+
+// Claim: a stop ends a unit early, with an error that says so.
+TEST(Exactness, StopEndsAUnit) {
+  const TestScene scene = scene_from_xml(kScene, 64, 64);
+  const auto renderer = make_renderer(scene);
+  const std::atomic<bool> stop{true};
+  render::RunContext run;
+  run.stop = &stop;
+  const auto film = renderer->make_film(NamedState{20});
+  const auto done = renderer->run({Unit::Kind::iterations, 0, 0, 1000000}, *film, run);
+  ASSERT_FALSE(done.ok());
+  EXPECT_EQ(done.error().kind, ErrorKind::refused);
+}
+
+}  // namespace
+}  // namespace candela::statistical

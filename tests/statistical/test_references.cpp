@@ -1,0 +1,66 @@
+// The path tracer against images of Mitsuba 0.6 (../shared/references), with the variance of our own batches
+// and the reference's standard error beside it, in 16x16 blocks and three channels. A value is tested where
+// both together know it to 3 %. The false-alarm rate of a scene is at most 1e-4 (Bonferroni) plus what
+// non-normal block means add: the references' own standard errors come from 8 to 30 runs and are too small
+// where light is rarely found.
+#include <gtest/gtest.h>
+
+#include <cstdio>
+
+#include "common/image/image.h"
+#include "tests/statistical/harness.h"
+
+namespace candela::statistical {
+namespace {
+
+struct Case {
+  const char* name;
+  std::uint32_t width, height;
+  std::size_t batches;
+  std::uint64_t iterations;
+  double max_relative_error;
+  double least_tested;  // share of the values that must be decidable
+};
+
+class References : public testing::TestWithParam<Case> {};
+
+TEST_P(References, PathAgrees) {
+  const Case& c = GetParam();
+  const std::string shared = shared_folder();
+  if (shared.empty()) GTEST_SKIP() << "the folder ../shared with reference images is not here";
+  const auto reference = image::read_image(shared + "/references/" + c.name + ".exr");
+  const auto deviation = image::read_image(shared + "/references/" + c.name + ".stderr.exr");
+  ASSERT_TRUE(reference.ok()) << reference.error().to_string();
+  ASSERT_TRUE(deviation.ok()) << deviation.error().to_string();
+  ASSERT_EQ(reference->width, c.width);
+  ASSERT_EQ(reference->height, c.height);
+
+  const auto batches =
+      render_batches(scene_from_shared(c.name, c.width, c.height), 1, c.batches, c.iterations);
+  const BlockTestResult result =
+      block_test(batches, reference->rgb, deviation->rgb, c.width, c.height, 16, c.max_relative_error);
+  std::printf(
+      "%s: %zu values tested, %zu undecided, mean ratio %.5f, median relative standard error %.2e, "
+      "smallest p %.2e (adjusted %.3f), chi-squared p %.3f; worst: %s\n",
+      c.name, result.tested, result.skipped, result.mean_ratio, result.median_relative_standard_error,
+      result.smallest_p, result.adjusted_p, result.chi_squared_p, result.worst.c_str());
+  EXPECT_GT(static_cast<double>(result.tested),
+            c.least_tested * static_cast<double>(result.tested + result.skipped));
+  EXPECT_GT(result.adjusted_p, 1e-4) << result.worst;
+  EXPECT_NEAR(result.mean_ratio, 1.0, 5e-3);
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenes, References,
+                         testing::Values(Case{"cornell-box", 256, 256, 16, 16, 0.03, 0.95},
+                                         Case{"veach-mis", 256, 144, 16, 16, 0.03, 0.90},
+                                         Case{"veach-bidir", 256, 256, 16, 32, 0.05, 0.50},
+                                         Case{"veach-ajar", 256, 144, 16, 32, 0.06, 0.50}),
+                         [](const auto& info) {
+                           std::string name = info.param.name;
+                           for (char& ch : name)
+                             if (ch == '-') ch = '_';
+                           return name;
+                         });
+
+}  // namespace
+}  // namespace candela::statistical
