@@ -1,0 +1,459 @@
+// The cycle of a unit: lease, heartbeat, delivery, failure, expiry.
+#include "master/scheduler/scheduler.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "master/scheduler/sizing.h"
+
+namespace candela::master {
+namespace {
+
+constexpr double kEwma = 0.3;  // weight of the newest measurement
+constexpr double kPilotFloor =
+    60;  // seconds before a pilot (with the scene's compilation) counts as a straggler
+constexpr double kPilotCharge = 1;  // worker seconds a pilot is charged until its cost is known
+
+void blend(double& average, double value) {
+  average = average > 0 ? average + kEwma * (value - average) : value;
+}
+
+}  // namespace
+
+Scheduler::Scheduler(const SchedulerOptions& options, std::uint64_t epoch, std::uint64_t next_unit_id)
+    : options_(options), next_token_((epoch << 32) + 1), next_unit_id_(next_unit_id) {}
+
+Job* Scheduler::find(const std::string& id) {
+  const auto it = jobs_.find(id);
+  return it == jobs_.end() ? nullptr : &it->second;
+}
+
+double Scheduler::seconds_per_iteration(const Job& job, const WorkerState& worker) const {
+  const auto it = job.worker_seconds_per_iteration.find(worker.row.id);
+  if (it != job.worker_seconds_per_iteration.end()) return it->second;
+  return job.thread_seconds / std::max(worker.row.threads, 1U);
+}
+
+std::uint64_t Scheduler::active_workers(const Job& job, Now now) const {
+  std::uint64_t n = 0;
+  for (const auto& [id, w] : workers_) n += usable(w, now) && can_run(w, job) ? 1 : 0;
+  return n;
+}
+
+// Higher priority first, then the least served; within half a unit of the least served, those whose scene is
+// warm.
+std::vector<Job*> Scheduler::candidates(const WorkerState& worker, const std::vector<std::string>& warm) {
+  std::vector<Job*> out;
+  for (auto& [id, j] : jobs_)
+    if (j.open_for_leases() && can_run(worker, j)) out.push_back(&j);
+  std::sort(out.begin(), out.end(), [](const Job* a, const Job* b) {
+    if (a->row.priority != b->row.priority) return a->row.priority > b->row.priority;
+    if (a->virtual_time != b->virtual_time) return a->virtual_time < b->virtual_time;
+    if (a->row.submitted_unix_ms != b->row.submitted_unix_ms)
+      return a->row.submitted_unix_ms < b->row.submitted_unix_ms;
+    return a->row.id < b->row.id;
+  });
+  if (warm.empty()) return out;
+  for (auto first = out.begin(); first != out.end();) {
+    const double limit = (*first)->virtual_time + 0.5 * options_.unit_seconds / (*first)->row.share;
+    const auto last = std::find_if(first, out.end(), [&](const Job* j) {
+      return j->row.priority != (*first)->row.priority || j->virtual_time > limit;
+    });
+    std::stable_partition(first, last, [&](const Job* j) {
+      return std::find(warm.begin(), warm.end(), j->row.bundle_sha256) != warm.end();
+    });
+    first = last;
+  }
+  return out;
+}
+
+UnitState& Scheduler::add_unit(Job& job, const Unit& unit) {
+  UnitState state;
+  state.row.id = next_unit_id_++;
+  state.row.job_id = job.row.id;
+  state.row.unit = unit;
+  return job.units.emplace(state.row.id, std::move(state)).first->second;
+}
+
+UnitState* Scheduler::pick(Job& job, const WorkerState& worker, bool prefetch, Now now) {
+  if (!job.row.named_state) {
+    if (job.units.empty()) return &add_unit(job, Unit{Unit::Kind::pilot, 0, 0, 0});
+    UnitState& pilot = job.units.begin()->second;
+    const auto failed = pilot.failures_by_worker.find(worker.row.id);
+    const bool barred = failed != pilot.failures_by_worker.end() && failed->second >= 2;
+    return pilot.leases.empty() && !barred ? &pilot : nullptr;
+  }
+  return cut(job, worker, prefetch, now);
+}
+
+// An open unit that came back, else a new one at the frontier.
+UnitState* Scheduler::cut(Job& job, const WorkerState& worker, bool prefetch, Now now) {
+  std::array<std::uint64_t, 2> left{};
+  for (std::uint32_t h = 0; h < 2; ++h) left[h] = job.target(h) - std::min(job.target(h), job.frontier[h]);
+  const std::uint64_t remaining = left[0] + left[1];
+  const std::uint64_t active = std::max<std::uint64_t>(active_workers(job, now), 1);
+
+  SizingInput in;
+  in.unit_seconds = options_.unit_seconds;
+  in.seconds_per_iteration = seconds_per_iteration(job, worker);
+  in.overhead_seconds = job.overhead_seconds;
+  in.active_workers = active;
+  in.remaining = job.row.stop.iterations > 0 ? remaining : 0;
+  if (job.row.stop.time_seconds > 0)
+    in.seconds_left = std::max(job.row.stop.time_seconds - job.row.elapsed_seconds, 1e-3);
+
+  UnitState* open = nullptr;
+  std::uint64_t open_count = 0;
+  for (auto& [id, u] : job.units) {
+    if (!u.leases.empty()) continue;
+    ++open_count;
+    const auto failed = u.failures_by_worker.find(worker.row.id);
+    const bool barred = failed != u.failures_by_worker.end() && failed->second >= 2;
+    if (open == nullptr && !barred) open = &u;
+  }
+  if (prefetch && job.row.stop.iterations > 0) {
+    // What a full-size unit would be, not the guided one: else there are always two a worker left.
+    SizingInput full = in;
+    full.remaining = 0;
+    if (open_count + remaining / unit_iterations(full) <= 2 * active) return nullptr;
+  }
+  if (open != nullptr) return open;
+  if (remaining == 0) return nullptr;
+  // The halves advance together, so that an error estimate is there early.
+  std::uint32_t half = job.frontier[0] <= job.frontier[1] ? 0 : 1;
+  if (left[half] == 0) half = 1 - half;
+  const std::uint64_t n = std::min(unit_iterations(in), left[half]);
+  Unit unit{Unit::Kind::iterations, half, job.frontier[half], job.frontier[half] + n};
+  job.frontier[half] += n;
+  return &add_unit(job, unit);
+}
+
+// A unit that takes much longer than it should, when there is nothing else to do.
+UnitState* Scheduler::straggler(Job& job, const WorkerState& worker, Now now) {
+  UnitState* slowest = nullptr;
+  double slowest_late = 0;
+  for (auto& [id, u] : job.units) {
+    if (u.leases.size() != 1 || u.speculated) continue;
+    const Lease& lease = leases_.at(u.leases[0]);
+    if (lease.row.worker_id == worker.row.id) continue;
+    const auto failed = u.failures_by_worker.find(worker.row.id);
+    if (failed != u.failures_by_worker.end() && failed->second >= 2) continue;
+    const double floor =
+        u.row.unit.kind == Unit::Kind::pilot ? kPilotFloor : std::max(options_.unit_seconds, 1.0);
+    const double late = now.seconds - lease.granted - std::max(2 * lease.due_seconds, floor);
+    if (late > slowest_late) {
+      slowest_late = late;
+      slowest = &u;
+    }
+  }
+  return slowest;
+}
+
+Lease& Scheduler::grant(Job& job, UnitState& unit, WorkerState& worker, bool speculative, Now now) {
+  Lease lease;
+  lease.row.token = next_token_++;
+  lease.row.unit_id = unit.row.id;
+  lease.row.job_id = job.row.id;
+  lease.row.worker_id = worker.row.id;
+  lease.row.speculative = speculative;
+  const Unit& u = unit.row.unit;
+  if (u.kind == Unit::Kind::iterations)
+    lease.row.expected_seconds = seconds_per_iteration(job, worker) * static_cast<double>(u.end - u.begin);
+  lease.granted = now.seconds;
+  lease.expires = now.seconds + options_.lease_seconds;
+  lease.due_seconds = lease.row.expected_seconds;
+  for (const std::uint64_t other : worker.leases) lease.due_seconds += leases_.at(other).row.expected_seconds;
+  job.virtual_time +=
+      std::max(lease.row.expected_seconds, u.kind == Unit::Kind::pilot ? kPilotCharge : 0) / job.row.share;
+  unit.leases.push_back(lease.row.token);
+  unit.row.state = UnitRow::State::leased;
+  if (speculative) unit.speculated = true;
+  worker.leases.insert(lease.row.token);
+  if (job.row.state == JobState::queued) {
+    job.row.state = JobState::running;
+    job.last_tick = now.seconds;
+    event(now, job.row.id, worker.row.id, "running", "the first unit is leased");
+    save(job, now);
+  }
+  save(unit);
+  changes_.emplace_back(PutLease{lease.row});
+  if (speculative)
+    event(now, job.row.id, worker.row.id, "speculation",
+          fmt::format("unit {} runs a second time", unit.row.id));
+  last_activity_ = now.seconds;
+  return leases_.emplace(lease.row.token, lease).first->second;
+}
+
+AcquireResult Scheduler::acquire(const std::string& worker_id, const std::vector<std::string>& warm,
+                                 bool prefetch, Now now) {
+  expire(now);
+  AcquireResult out;
+  WorkerState& worker = workers_.at(worker_id);
+  out.drain = worker.row.draining;
+  // Idle farms are asked more rarely the longer they are idle, but a small farm can always afford four calls
+  // a second.
+  const double idle_ms = (now.seconds - last_activity_) * 100;
+  const double cap = workers_.size() <= 16 ? 250 : 2000;
+  out.retry_ms = static_cast<std::uint32_t>(std::clamp(idle_ms, 50.0, cap));
+  if (out.drain) return out;
+  if (worker.set_aside_until > now.seconds) {
+    out.retry_ms = 2000;
+    return out;
+  }
+  if (worker.leases.size() >= options_.max_leases_per_worker) return out;
+  const std::vector<Job*> order = candidates(worker, warm);
+  for (Job* job : order) {
+    if (UnitState* unit = pick(*job, worker, prefetch, now)) {
+      out.lease = grant(*job, *unit, worker, false, now);
+      return out;
+    }
+  }
+  if (!prefetch) {
+    for (Job* job : order) {
+      if (UnitState* unit = straggler(*job, worker, now)) {
+        out.lease = grant(*job, *unit, worker, true, now);
+        return out;
+      }
+    }
+  }
+  for (const Job* job : order)  // a pilot ends soon and opens the job
+    if (!job->row.named_state && !job->units.empty()) out.retry_ms = 50;
+  return out;
+}
+
+HeartbeatResult Scheduler::heartbeat(const std::string& worker_id, const std::vector<std::uint64_t>& tokens,
+                                     Now now) {
+  expire(now);
+  HeartbeatResult out;
+  const WorkerState& worker = workers_.at(worker_id);
+  out.drain = worker.row.draining;
+  for (const std::uint64_t token : tokens) {
+    const auto it = leases_.find(token);
+    if (it == leases_.end() || it->second.row.worker_id != worker_id) {
+      out.revoked.push_back(token);
+      continue;
+    }
+    it->second.listed = true;
+    it->second.expires = now.seconds + options_.lease_seconds;
+  }
+  return out;
+}
+
+void Scheduler::touch_lease(std::uint64_t token, Now now) {
+  const auto it = leases_.find(token);
+  if (it != leases_.end()) it->second.expires = now.seconds + options_.lease_seconds;
+}
+
+// Takes a lease away; its unit is open again if nobody else has it.
+void Scheduler::drop_lease(std::uint64_t token, Now now, bool refund) {
+  const auto it = leases_.find(token);
+  if (it == leases_.end()) return;
+  const Lease lease = it->second;
+  leases_.erase(it);
+  changes_.emplace_back(DropLease{token});
+  if (const auto w = workers_.find(lease.row.worker_id); w != workers_.end()) w->second.leases.erase(token);
+  Job* job = find(lease.row.job_id);
+  if (job == nullptr) return;
+  if (refund) {  // what was charged beyond the time it was held
+    const double unused = std::max(lease.row.expected_seconds - (now.seconds - lease.granted), 0.0);
+    job->virtual_time -= unused / job->row.share;
+  }
+  const auto u = job->units.find(lease.row.unit_id);
+  if (u == job->units.end()) return;
+  std::erase(u->second.leases, token);
+  u->second.speculated = u->second.leases.size() > 1;
+  if (u->second.leases.empty()) {
+    u->second.row.state = UnitRow::State::open;
+    save(u->second);
+  }
+}
+
+void Scheduler::drop_all_leases(Job& job, Now now) {
+  std::vector<std::uint64_t> tokens;
+  for (const auto& [token, lease] : leases_)
+    if (lease.row.job_id == job.row.id) tokens.push_back(token);
+  for (const std::uint64_t token : tokens) drop_lease(token, now, true);
+}
+
+void Scheduler::return_lease(const std::string& worker_id, std::uint64_t token, Now now) {
+  expire(now);
+  const auto it = leases_.find(token);
+  if (it == leases_.end() || it->second.row.worker_id != worker_id) return;
+  event(now, it->second.row.job_id, worker_id, "returned",
+        fmt::format("unit {} was handed back", it->second.row.unit_id));
+  drop_lease(token, now, true);
+  last_activity_ = now.seconds;
+}
+
+void Scheduler::note_failure(WorkerState& worker, const std::string& job_id, Now now) {
+  ++worker.consecutive_failures;
+  ++worker.row.units_failed;
+  worker.failed_jobs.insert(job_id);
+  changes_.emplace_back(PutWorker{worker.row});
+  if (worker.consecutive_failures < options_.max_worker_failures && worker.failed_jobs.size() < 3) return;
+  worker.message = fmt::format("set aside after {} failures in a row on {} job(s)",
+                               worker.consecutive_failures, worker.failed_jobs.size());
+  worker.set_aside_until = now.seconds + options_.set_aside_seconds;
+  event(now, "", worker.row.id, "set-aside", worker.message);
+}
+
+void Scheduler::fail_unit(const std::string& worker_id, std::uint64_t token, const std::string& message,
+                          bool input_error, bool renderer_said_so, Now now) {
+  expire(now);
+  const auto it = leases_.find(token);
+  if (it == leases_.end() || it->second.row.worker_id != worker_id) return;
+  const std::string job_id = it->second.row.job_id;
+  const std::uint64_t unit_id = it->second.row.unit_id;
+  drop_lease(token, now, true);
+  last_activity_ = now.seconds;
+  event(now, job_id, worker_id, "unit-failed", fmt::format("unit {}: {}", unit_id, message));
+  WorkerState& worker = workers_.at(worker_id);
+  // A scene that cannot be rendered is not the worker's fault.
+  if (!input_error) note_failure(worker, job_id, now);
+  Job* job = find(job_id);
+  if (job == nullptr) return;
+  if (input_error) {
+    fail_job(job_id, message, now);
+    return;
+  }
+  const auto u = job->units.find(unit_id);
+  if (u == job->units.end()) return;
+  UnitState& unit = u->second;
+  ++unit.row.failures;
+  const std::uint32_t here = ++unit.failures_by_worker[worker_id];
+  save(unit);
+  if (unit.row.failures >= options_.max_unit_failures) {
+    fail_job(job_id,
+             fmt::format("unit {} failed {} times, last on {}: {}", unit_id, unit.row.failures,
+                         worker.row.name, message),
+             now);
+    return;
+  }
+  if (!renderer_said_so || here < 2) return;
+  // Failed twice wherever it could run, and nobody left to try: waiting would be for ever.
+  for (const auto& [id, w] : workers_) {
+    if (!usable(w, now) || !can_run(w, *job)) continue;
+    const auto f = unit.failures_by_worker.find(id);
+    if (f == unit.failures_by_worker.end() || f->second < 2) return;
+  }
+  fail_job(job_id,
+           fmt::format("unit {} failed twice on each worker there is, last on {}: {}", unit_id,
+                       worker.row.name, message),
+           now);
+}
+
+bool Scheduler::complete_pilot(const std::string& worker_id, std::uint64_t token, const PilotResult& result,
+                               Now now) {
+  expire(now);
+  const auto it = leases_.find(token);
+  if (it == leases_.end() || it->second.row.worker_id != worker_id) return false;
+  Job* job = find(it->second.row.job_id);
+  if (job == nullptr || job->row.named_state || job->finishing || has_ended(job->row.state)) return false;
+  const auto u = job->units.find(it->second.row.unit_id);
+  if (u == job->units.end() || u->second.row.unit.kind != Unit::Kind::pilot) return false;
+  WorkerState& worker = workers_.at(worker_id);
+  worker.consecutive_failures = 0;
+  worker.failed_jobs.clear();
+  job->row.named_state = result.state;
+  job->row.plan = result.plan;
+  job->row.thread_seconds_per_iteration = result.seconds_per_iteration * worker.row.threads;
+  job->thread_seconds = job->row.thread_seconds_per_iteration;
+  const std::uint64_t unit_id = u->first;
+  const std::vector<std::uint64_t> tokens = u->second.leases;  // the winner's and a speculative one
+  for (const std::uint64_t t : tokens) drop_lease(t, now, true);
+  job->units.erase(unit_id);
+  changes_.emplace_back(DropUnit{unit_id});
+  event(now, job->row.id, worker_id, "pilot",
+        fmt::format("film scale 2^{}, {:.4g} s per iteration", result.state.film_scale_log2,
+                    result.seconds_per_iteration));
+  save(*job, now);
+  last_activity_ = now.seconds;
+  return true;
+}
+
+Delivery Scheduler::check_delivery(const std::string& worker_id, std::uint64_t token, std::uint64_t unit_id,
+                                   const std::string& job_id, const Unit& unit, Now now) {
+  expire(now);
+  const Job* job = find(job_id);
+  if (job == nullptr) return Delivery::stale;
+  if (unit.kind != Unit::Kind::iterations || unit.half > 1) return Delivery::stale;
+  if (job->merged[unit.half].intersects(unit.begin, unit.end)) return Delivery::duplicate;
+  if (job->finishing || has_ended(job->row.state)) return Delivery::job_ended;
+  const auto it = leases_.find(token);
+  if (it == leases_.end() || it->second.row.worker_id != worker_id || it->second.row.unit_id != unit_id ||
+      it->second.row.job_id != job_id)
+    return Delivery::stale;
+  const Unit& leased = job->units.at(unit_id).row.unit;
+  if (leased.kind != unit.kind || leased.half != unit.half || leased.begin != unit.begin ||
+      leased.end != unit.end)
+    return Delivery::stale;
+  return Delivery::ok;
+}
+
+void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::uint64_t unit_id,
+                       const std::string& job_id, const Unit& unit, const film::Tallies& tallies,
+                       double render_seconds, double overhead_seconds, Now now) {
+  Job* job = find(job_id);
+  if (job == nullptr || !job->merged[unit.half].insert(unit.begin, unit.end)) return;
+  UnitRow row;
+  row.id = unit_id;
+  row.job_id = job_id;
+  row.unit = unit;
+  if (const auto u = job->units.find(unit_id); u != job->units.end()) {
+    row.failures = u->second.row.failures;
+    if (const auto lease = leases_.find(token); lease != leases_.end())  // charge what it cost
+      job->virtual_time += (render_seconds - lease->second.row.expected_seconds) / job->row.share;
+    const std::vector<std::uint64_t> tokens =
+        u->second.leases;  // another worker's too: it hears with its heartbeat
+    for (const std::uint64_t t : tokens) drop_lease(t, now, t != token);
+    job->units.erase(unit_id);
+  }
+  row.state = UnitRow::State::merged;
+  row.worker_id = worker_id;
+  row.token = token;
+  row.seconds = render_seconds;
+  changes_.emplace_back(PutUnit{row});
+
+  JobRow& j = job->row;
+  j.units_merged += 1;
+  j.iterations += unit.end - unit.begin;
+  j.tallies.add(tallies);
+  j.worker_seconds += render_seconds;
+  const double per_iteration = render_seconds / static_cast<double>(unit.end - unit.begin);
+  if (const auto w = workers_.find(worker_id); w != workers_.end()) {
+    w->second.row.units_merged += 1;
+    w->second.consecutive_failures = 0;
+    w->second.failed_jobs.clear();
+    if (per_iteration > 0) {
+      blend(job->worker_seconds_per_iteration[worker_id], per_iteration);
+      blend(job->thread_seconds, per_iteration * w->second.row.threads);
+      j.thread_seconds_per_iteration = job->thread_seconds;
+    }
+  }
+  blend(job->overhead_seconds, overhead_seconds);
+  job->recent.emplace_back(now.seconds, j.tallies.eye_samples);
+  while (job->recent.size() > 2 && now.seconds - job->recent.front().first > 15) job->recent.pop_front();
+  last_activity_ = now.seconds;
+  check_stop(*job, now);
+}
+
+void Scheduler::expire(Now now) {
+  std::vector<std::uint64_t> late;
+  for (const auto& [token, lease] : leases_) {
+    // A lease no heartbeat has named yet may not have reached its worker; it gets one more period.
+    const double grace = lease.listed ? 0 : options_.lease_seconds;
+    if (now.seconds > lease.expires + grace) late.push_back(token);
+  }
+  for (const std::uint64_t token : late) {
+    const Lease& lease = leases_.at(token);
+    event(now, lease.row.job_id, lease.row.worker_id, "expired",
+          fmt::format("the lease of unit {} ran out", lease.row.unit_id));
+    ++expired_count_;
+    drop_lease(token, now, false);
+    last_activity_ = now.seconds;
+  }
+}
+
+}  // namespace candela::master

@@ -1,0 +1,211 @@
+// Who renders what: leases with fencing tokens, units cut to size, priorities and fair shares, failures, stop rules.
+//
+// Pure logic: no I/O, no threads, no clock of its own. Every call is told the time; the caller holds one lock around all
+// calls. What is to be remembered comes out as changes for the store, in order (take_changes()).
+//
+// A unit is open, leased (once, or twice if it is a straggler's) or merged; merged units live on only as the set of merged
+// indices. Exactly-once counting is the film's: it refuses an index that it has. The scheduler's tokens keep out those who
+// lost their lease.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/film/film.h"
+#include "master/store/records.h"
+
+namespace candela::master {
+
+struct Now {
+  double seconds = 0;         // steady clock
+  std::int64_t unix_ms = 0;   // for people
+};
+
+struct SchedulerOptions {
+  double lease_seconds = 30;
+  double unit_seconds = 4;
+  double set_aside_seconds = 600;
+  double forget_worker_seconds = 3600;  // a lost worker's session ends
+  std::uint32_t max_unit_failures = 4;
+  std::uint32_t max_worker_failures = 5;  // consecutive
+  std::size_t max_leases_per_worker = 6;  // rendering, prefetched, and finished ones waiting for their verdict
+  std::size_t max_workers = 10000;
+  std::size_t max_jobs = 100000;
+};
+
+// The stop rule relmse = R holds only where both halves have at least this many iterations, and where two estimates in a
+// row, the second with at least a tenth more iterations, are both at most R. One lucky estimate does not end a job.
+inline constexpr std::uint64_t kRelmseMinIterationsPerHalf = 8;
+
+struct Lease {
+  LeaseRow row;
+  double granted = 0, expires = 0;
+  double due_seconds = 0;   // expected from grant to delivery, other leases of the worker included
+  bool listed = false;      // some heartbeat named it
+};
+
+struct UnitState {
+  UnitRow row;
+  std::vector<std::uint64_t> leases;
+  std::map<std::string, std::uint32_t> failures_by_worker;
+  bool speculated = false;
+};
+
+struct Job {
+  JobRow row;
+  bool finishing = false;  // its stop rule holds: no leases, no merges; done once the final checkpoint is on disk
+  std::string note;        // what is worth knowing now, e.g. that checkpoints fail
+  std::array<film::IndexSet, 2> merged;
+  std::array<std::uint64_t, 2> frontier{};  // indices below are merged or in units
+  std::map<std::uint64_t, UnitState> units; // not merged
+  double virtual_time = 0;                  // worker seconds / share, for fairness
+  double thread_seconds = 0;                // EWMA of seconds times threads per iteration
+  std::map<std::string, double> worker_seconds_per_iteration;  // EWMA
+  double overhead_seconds = 0;              // EWMA per delta
+  double last_tick = 0;
+  double last_saved = 0;
+  int relmse_hits = 0;
+  std::uint64_t relmse_hit_iterations = 0;
+  std::deque<std::pair<double, std::uint64_t>> recent;  // (time, samples merged so far)
+
+  bool open_for_leases() const {
+    return !finishing && (row.state == JobState::queued || row.state == JobState::running);
+  }
+  // Number of indices of a half that the stop rule asks for; no limit: the largest there may be.
+  std::uint64_t target(std::uint32_t half) const;
+};
+
+struct WorkerState {
+  WorkerRow row;
+  double last_seen = 0;
+  std::set<std::uint64_t> leases;
+  std::uint32_t consecutive_failures = 0;
+  std::set<std::string> failed_jobs;  // since its last merged unit
+  double set_aside_until = 0;
+  std::string message;
+};
+
+struct AcquireResult {
+  std::optional<Lease> lease;
+  std::uint32_t retry_ms = 0;
+  bool drain = false;
+};
+struct HeartbeatResult {
+  std::vector<std::uint64_t> revoked;
+  bool drain = false;
+};
+enum class Delivery { ok, duplicate, stale, job_ended };
+
+class Scheduler {
+ public:
+  Scheduler(const SchedulerOptions& options, std::uint64_t epoch, std::uint64_t next_unit_id);
+
+  // --- jobs ---
+  void submit(JobRow row, Now now);
+  // A job from the store, with what its film holds. `merged` rows and `unmerged` rows are reconciled with the film: a row
+  // the film does not have is open again, a unit the film has is merged, gaps become new units. For a job that has ended
+  // nothing is opened.
+  void restore(JobRow row, const std::array<film::IndexSet, 2>& film, const film::Tallies& tallies,
+               std::vector<UnitRow> unmerged, std::vector<UnitRow> merged, Now now);
+  // Leases of the store, after all jobs and workers are back: each gets a fresh expiry.
+  void restore_lease(const LeaseRow& row, Now now);
+  void restore_worker(const WorkerRow& row, Now now);
+
+  const std::map<std::string, Job>& jobs() const { return jobs_; }
+  const Job* job(const std::string& id) const;
+  Result<void> pause(const std::string& id, Now now);
+  Result<void> resume(const std::string& id, Now now);
+  Result<void> cancel(const std::string& id, Now now);
+  Result<void> extend(const std::string& id, std::uint64_t iterations, double seconds, double relmse, Now now);
+  // The final checkpoint of a finishing job is on disk.
+  void finish(const std::string& id, Now now);
+  void fail_job(const std::string& id, const std::string& message, Now now);
+  void relmse_estimated(const std::string& id, double relmse, std::uint64_t iterations, Now now);
+  void checkpointed(const std::string& id, std::uint64_t generation, std::uint64_t iterations, Now now);
+  void set_note(const std::string& id, const std::string& note);
+
+  // --- workers ---
+  Result<void> register_worker(WorkerRow row, Now now);
+  // The worker of this id and session, seen now; null if there is none.
+  WorkerState* authenticate(const std::string& id, const std::string& session, Now now);
+  const std::map<std::string, WorkerState>& workers() const { return workers_; }
+  Result<void> drain(const std::string& worker_id, Now now);
+  void deregister(const std::string& worker_id, Now now);
+  std::string worker_state_name(const WorkerState& worker, Now now) const;
+
+  // --- the cycle of a unit ---
+  AcquireResult acquire(const std::string& worker_id, const std::vector<std::string>& warm, bool prefetch, Now now);
+  HeartbeatResult heartbeat(const std::string& worker_id, const std::vector<std::uint64_t>& tokens, Now now);
+  void return_lease(const std::string& worker_id, std::uint64_t token, Now now);
+  // Idempotent per token. With `renderer_said_so` false it was the delivery that failed, which says nothing about whether
+  // the unit can be rendered.
+  void fail_unit(const std::string& worker_id, std::uint64_t token, const std::string& message, bool input_error,
+                 bool renderer_said_so, Now now);
+  bool complete_pilot(const std::string& worker_id, std::uint64_t token, const PilotResult& result, Now now);
+  // May this delta be merged? Asked before reading and again before merging.
+  Delivery check_delivery(const std::string& worker_id, std::uint64_t token, std::uint64_t unit_id,
+                          const std::string& job_id, const Unit& unit, Now now);
+  // Extends a lease (a delivery in progress counts as a sign of life).
+  void touch_lease(std::uint64_t token, Now now);
+  // The film has it. Also when the lease went away in the meantime: the film decides.
+  void merged(const std::string& worker_id, std::uint64_t token, std::uint64_t unit_id, const std::string& job_id,
+              const Unit& unit, const film::Tallies& tallies, double render_seconds, double overhead_seconds, Now now);
+
+  // Expiries, time limits, workers that came back or got lost. Call it a few times a second.
+  void tick(Now now);
+
+  void event(Now now, const std::string& job, const std::string& worker, const std::string& kind,
+             const std::string& message);
+  std::vector<Change> take_changes();
+
+  // --- figures for status ---
+  std::size_t leases_of(const std::string& job_id) const;
+  std::size_t lease_count() const { return leases_.size(); }
+  std::uint64_t expired_count() const { return expired_count_; }
+  double samples_per_second(const Job& job, Now now) const;
+  double eta_seconds(const Job& job, Now now) const;  // NaN where unknown
+  std::string message_of(const Job& job, Now now) const;
+
+ private:
+  bool usable(const WorkerState& worker, Now now) const;
+  bool can_run(const WorkerState& worker, const Job& job) const;
+  std::uint64_t active_workers(const Job& job, Now now) const;
+  std::vector<Job*> candidates(const WorkerState& worker, const std::vector<std::string>& warm);
+  UnitState* pick(Job& job, const WorkerState& worker, bool prefetch, Now now);
+  UnitState* cut(Job& job, const WorkerState& worker, bool prefetch, Now now);
+  UnitState* straggler(Job& job, const WorkerState& worker, Now now);
+  UnitState& add_unit(Job& job, const Unit& unit);
+  Lease& grant(Job& job, UnitState& unit, WorkerState& worker, bool speculative, Now now);
+  double seconds_per_iteration(const Job& job, const WorkerState& worker) const;
+  void drop_lease(std::uint64_t token, Now now, bool refund);
+  void drop_all_leases(Job& job, Now now);
+  void reopen_gaps(Job& job);
+  void check_stop(Job& job, Now now);
+  void stop(Job& job, const std::string& reason, Now now);
+  void end(Job& job, JobState state, Now now);
+  void start_fairly(Job& job);
+  void save(Job& job, Now now);
+  void save(const UnitState& unit);
+  void expire(Now now);
+  void note_failure(WorkerState& worker, const std::string& job_id, Now now);
+  Job* find(const std::string& id);
+
+  SchedulerOptions options_;
+  std::uint64_t next_token_;
+  std::uint64_t next_unit_id_;
+  std::map<std::string, Job> jobs_;
+  std::map<std::string, WorkerState> workers_;
+  std::map<std::uint64_t, Lease> leases_;
+  std::vector<Change> changes_;
+  double last_activity_ = 0;
+  std::uint64_t expired_count_ = 0;
+};
+
+}  // namespace candela::master

@@ -1,0 +1,429 @@
+// Jobs: submission, restart, states, stop rules, and what is told about them.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "master/scheduler/scheduler.h"
+#include "master/scheduler/sizing.h"
+
+namespace candela::master {
+namespace {
+
+constexpr double kSavePeriod = 5;      // seconds between saves of a running job's elapsed time
+constexpr double kRateWindow = 15;     // seconds over which samples per second are measured
+constexpr double kRelmseGrowth = 1.1;  // of iterations between the two estimates that end a job
+
+bool contains(const film::IndexSet& set, std::uint64_t begin, std::uint64_t end) {
+  const auto [gap_begin, gap_end] = set.first_gap(begin, end);
+  return gap_begin == gap_end;
+}
+
+std::uint64_t end_of(const film::IndexSet& set) {
+  return set.ranges().empty() ? 0 : set.ranges().rbegin()->second;
+}
+
+}  // namespace
+
+std::uint64_t Job::target(std::uint32_t half) const {
+  const std::uint64_t n = row.stop.iterations > 0 ? row.stop.iterations : Limits::max_iterations;
+  return half == 0 ? (n + 1) / 2 : n / 2;
+}
+
+const Job* Scheduler::job(const std::string& id) const {
+  const auto it = jobs_.find(id);
+  return it == jobs_.end() ? nullptr : &it->second;
+}
+
+void Scheduler::save(Job& job, Now now) {
+  job.last_saved = now.seconds;
+  changes_.emplace_back(PutJob{job.row});
+}
+
+void Scheduler::save(const UnitState& unit) {
+  changes_.emplace_back(PutUnit{unit.row});
+}
+
+void Scheduler::event(Now now, const std::string& job, const std::string& worker, const std::string& kind,
+                      const std::string& message) {
+  changes_.emplace_back(AddEvent{EventRow{now.unix_ms, job, worker, kind, message}});
+}
+
+std::vector<Change> Scheduler::take_changes() {
+  return std::exchange(changes_, {});
+}
+
+// A job that comes (back) starts level with the least served of its rivals: it neither waits for what it
+// missed nor catches up on it.
+void Scheduler::start_fairly(Job& job) {
+  double least = std::numeric_limits<double>::infinity();
+  for (const auto& [id, other] : jobs_)
+    if (&other != &job && other.open_for_leases() && other.row.priority == job.row.priority)
+      least = std::min(least, other.virtual_time);
+  if (std::isfinite(least)) job.virtual_time = std::max(job.virtual_time, least);
+}
+
+void Scheduler::submit(JobRow row, Now now) {
+  const std::string id = row.id;
+  Job& job = jobs_[id];
+  job.row = std::move(row);
+  job.last_tick = now.seconds;
+  start_fairly(job);
+  event(now, id, "", "submitted", job.row.name);
+  save(job, now);
+  last_activity_ = now.seconds;
+}
+
+void Scheduler::reopen_gaps(Job& job) {
+  if (!job.row.named_state) return;
+  for (std::uint32_t h = 0; h < 2; ++h) {
+    film::IndexSet taken = job.merged[h];
+    for (const auto& [id, u] : job.units)
+      if (u.row.unit.half == h && u.row.unit.kind == Unit::Kind::iterations)
+        taken.insert(u.row.unit.begin, u.row.unit.end);
+    const std::uint64_t limit = std::min(job.frontier[h], job.target(h));
+    for (std::uint64_t at = 0; at < limit;) {
+      const auto [begin, end] = taken.first_gap(at, limit);
+      if (begin == end) break;
+      at = std::min(end, begin + kMaxUnitIterations);
+      save(add_unit(job, Unit{Unit::Kind::iterations, h, begin, at}));
+    }
+  }
+}
+
+void Scheduler::restore(JobRow row, const std::array<film::IndexSet, 2>& film, const film::Tallies& tallies,
+                        std::vector<UnitRow> unmerged, std::vector<UnitRow> merged, Now now) {
+  const std::string id = row.id;
+  Job& job = jobs_[id];
+  job.row = std::move(row);
+  job.merged = film;
+  job.last_tick = now.seconds;
+  job.last_saved = now.seconds;
+  job.thread_seconds = job.row.thread_seconds_per_iteration;
+  const bool ended = has_ended(job.row.state);
+
+  std::array<film::IndexSet, 2> ledger;  // what rows say is merged, once they agree with the film
+  std::array<film::IndexSet, 2> open;
+  std::uint64_t rows = 0, lost = 0;
+  merged.insert(merged.end(), std::make_move_iterator(unmerged.begin()),
+                std::make_move_iterator(unmerged.end()));
+  for (UnitRow& u : merged) {  // merged ones first
+    const Unit& unit = u.unit;
+    if (unit.kind == Unit::Kind::pilot) {
+      if (ended || job.row.named_state || !job.units.empty()) {
+        changes_.emplace_back(DropUnit{u.id});
+        continue;
+      }
+      u.state = UnitRow::State::open;
+      UnitState state;
+      state.row = u;
+      job.units.emplace(u.id, std::move(state));
+      continue;
+    }
+    const bool sane = unit.half < 2 && unit.begin < unit.end;
+    if (sane && contains(film[unit.half], unit.begin, unit.end) &&
+        ledger[unit.half].insert(unit.begin, unit.end)) {
+      ++rows;
+      if (u.state == UnitRow::State::merged) continue;
+      u.state = UnitRow::State::merged;  // the film had it, the row had not heard
+      changes_.emplace_back(PutUnit{u});
+      continue;
+    }
+    if (u.state == UnitRow::State::merged) ++lost;
+    if (!sane || ended || film[unit.half].intersects(unit.begin, unit.end) ||
+        !open[unit.half].insert(unit.begin, unit.end)) {
+      changes_.emplace_back(DropUnit{u.id});
+      continue;
+    }
+    u.state = UnitRow::State::open;
+    u.worker_id.clear();
+    u.token = 0;
+    UnitState state;
+    state.row = u;
+    save(job.units.emplace(u.id, std::move(state)).first->second);
+  }
+  for (std::uint32_t h = 0; h < 2; ++h) {
+    job.frontier[h] = std::max(end_of(film[h]), end_of(open[h]));
+    for (const auto& [begin, end] : film[h].ranges()) {  // what the film has and no row tells of
+      for (std::uint64_t at = begin; at < end;) {
+        const auto [gap, gap_end] = ledger[h].first_gap(at, end);
+        if (gap == gap_end) break;
+        UnitRow u;
+        u.id = next_unit_id_++;
+        u.job_id = id;
+        u.unit = Unit{Unit::Kind::iterations, h, gap, gap_end};
+        u.state = UnitRow::State::merged;
+        changes_.emplace_back(PutUnit{u});
+        ++rows;
+        at = gap_end;
+      }
+    }
+  }
+  job.row.units_merged = rows;
+  job.row.iterations = film[0].count() + film[1].count();
+  job.row.tallies = tallies;
+  if (!ended) {
+    reopen_gaps(job);
+    if (lost > 0)
+      event(now, id, "", "reconciled",
+            fmt::format("{} merged unit(s) were not in the checkpoint and run again", lost));
+    check_stop(job, now);
+  }
+  save(job, now);
+}
+
+Result<void> Scheduler::pause(const std::string& id, Now now) {
+  Job& job = *find(id);
+  if (job.row.state == JobState::paused) return {};
+  if (has_ended(job.row.state) || job.finishing)
+    return refused_error(fmt::format("job {} has ended ({})", id, name(job.row.state))).with_field("job_id");
+  job.row.state = JobState::paused;
+  event(now, id, "", "paused", "");
+  save(job, now);
+  return {};
+}
+
+Result<void> Scheduler::resume(const std::string& id, Now now) {
+  Job& job = *find(id);
+  if (has_ended(job.row.state))
+    return refused_error(fmt::format("job {} has ended ({})", id, name(job.row.state)))
+        .with_field("job_id")
+        .with_mend("extend it");
+  if (job.row.state != JobState::paused) return {};
+  job.row.state = JobState::queued;
+  start_fairly(job);
+  event(now, id, "", "resumed", "");
+  save(job, now);
+  last_activity_ = now.seconds;
+  return {};
+}
+
+// Ends a job in a state that is final unless it is extended.
+void Scheduler::end(Job& job, JobState state, Now now) {
+  drop_all_leases(job, now);
+  job.units.clear();
+  changes_.emplace_back(DropUnmergedUnits{job.row.id});
+  for (std::uint32_t h = 0; h < 2; ++h) job.frontier[h] = end_of(job.merged[h]);
+  job.finishing = false;
+  job.row.state = state;
+  job.row.finished_unix_ms = now.unix_ms;
+  save(job, now);
+  last_activity_ = now.seconds;
+}
+
+Result<void> Scheduler::cancel(const std::string& id, Now now) {
+  Job& job = *find(id);
+  if (job.row.state == JobState::cancelled) return {};
+  if (has_ended(job.row.state))
+    return refused_error(fmt::format("job {} has ended ({})", id, name(job.row.state))).with_field("job_id");
+  event(now, id, "", "cancelled", "");
+  end(job, JobState::cancelled, now);
+  return {};
+}
+
+void Scheduler::fail_job(const std::string& id, const std::string& message, Now now) {
+  Job* job = find(id);
+  if (job == nullptr || has_ended(job->row.state)) return;
+  job->row.message = message;
+  event(now, id, "", "failed", message);
+  end(*job, JobState::failed, now);
+}
+
+void Scheduler::stop(Job& job, const std::string& reason, Now now) {
+  drop_all_leases(job, now);
+  job.units.clear();
+  changes_.emplace_back(DropUnmergedUnits{job.row.id});
+  job.finishing = true;
+  job.row.stop_reason = reason;
+  event(now, job.row.id, "", "stopping", reason);
+  save(job, now);
+}
+
+void Scheduler::finish(const std::string& id, Now now) {
+  Job* job = find(id);
+  if (job == nullptr || !job->finishing) return;
+  job->row.message.clear();
+  job->note.clear();
+  event(now, id, "", "done", job->row.stop_reason);
+  end(*job, JobState::done, now);
+}
+
+void Scheduler::check_stop(Job& job, Now now) {
+  if (job.finishing || has_ended(job.row.state) || job.row.iterations == 0) return;
+  const StopRule& rule = job.row.stop;
+  if (rule.iterations > 0 && contains(job.merged[0], 0, job.target(0)) &&
+      contains(job.merged[1], 0, job.target(1)))
+    return stop(job, "iterations", now);
+  if (rule.time_seconds > 0 && job.row.elapsed_seconds >= rule.time_seconds) return stop(job, "time", now);
+  if (rule.relmse > 0 && job.relmse_hits >= 2) return stop(job, "relmse", now);
+}
+
+void Scheduler::relmse_estimated(const std::string& id, double relmse, std::uint64_t iterations, Now now) {
+  Job* job = find(id);
+  if (job == nullptr) return;
+  job->row.relmse = relmse;
+  const bool enough =
+      std::min(job->merged[0].count(), job->merged[1].count()) >= kRelmseMinIterationsPerHalf &&
+      iterations >= 2 * kRelmseMinIterationsPerHalf;
+  if (job->row.stop.relmse <= 0 || !enough) return;
+  if (!(relmse <= job->row.stop.relmse)) {  // NaN too
+    job->relmse_hits = 0;
+    return;
+  }
+  if (job->relmse_hits > 0 &&
+      static_cast<double>(iterations) < kRelmseGrowth * static_cast<double>(job->relmse_hit_iterations))
+    return;
+  ++job->relmse_hits;
+  job->relmse_hit_iterations = iterations;
+  check_stop(*job, now);
+}
+
+Result<void> Scheduler::extend(const std::string& id, std::uint64_t iterations, double seconds, double relmse,
+                               Now now) {
+  Job& job = *find(id);
+  if (job.row.state == JobState::failed)
+    return refused_error(fmt::format("job {} has failed and cannot be extended", id)).with_field("job_id");
+  const auto bad = [](double v) { return !std::isfinite(v) || v < 0; };
+  if (bad(seconds))
+    return input_error("must be a number of seconds, 0 or more").with_field("add_time_seconds");
+  if (bad(relmse)) return input_error("must be 0 or more").with_field("relmse");
+  if (iterations == 0 && seconds == 0 && relmse == 0)
+    return input_error("nothing to add")
+        .with_field("add_iterations")
+        .with_mend("give iterations, time or relmse");
+  StopRule& rule = job.row.stop;
+  const std::uint64_t base = rule.iterations > 0 ? rule.iterations : job.row.iterations;
+  if (iterations > Limits::max_iterations - std::min(base, Limits::max_iterations))
+    return input_error(fmt::format("more than {} iterations in all", Limits::max_iterations))
+        .with_field("add_iterations");
+  const bool again = has_ended(job.row.state) || job.finishing;
+  if (again) {
+    // A limit that is met and not moved would end the job at once; it has done its part.
+    if (iterations == 0 && contains(job.merged[0], 0, job.target(0)) &&
+        contains(job.merged[1], 0, job.target(1)))
+      rule.iterations = 0;
+    if (seconds == 0 && job.row.elapsed_seconds >= rule.time_seconds) rule.time_seconds = 0;
+    if (relmse == 0 && job.row.stop_reason == "relmse") rule.relmse = 0;
+  }
+  if (iterations > 0) rule.iterations = base + iterations;
+  if (seconds > 0)
+    rule.time_seconds =
+        std::max(rule.time_seconds, again ? job.row.elapsed_seconds : rule.time_seconds) + seconds;
+  if (relmse > 0) rule.relmse = relmse;
+  job.relmse_hits = 0;
+  if (again) {
+    job.finishing = false;
+    job.row.state = JobState::queued;
+    job.row.stop_reason.clear();
+    job.row.finished_unix_ms = 0;
+    job.row.message.clear();
+    for (std::uint32_t h = 0; h < 2; ++h) job.frontier[h] = end_of(job.merged[h]);
+    reopen_gaps(job);
+    start_fairly(job);
+    last_activity_ = now.seconds;
+  }
+  event(now, id, "", "extended",
+        fmt::format("to {} iterations, {} s, relmse {} (0: no limit)", rule.iterations, rule.time_seconds,
+                    rule.relmse));
+  save(job, now);
+  return {};
+}
+
+void Scheduler::checkpointed(const std::string& id, std::uint64_t generation, std::uint64_t iterations,
+                             Now now) {
+  Job* job = find(id);
+  if (job == nullptr) return;
+  job->row.checkpoint_generation = generation;
+  job->row.checkpoint_iterations = iterations;
+  save(*job, now);
+}
+
+void Scheduler::set_note(const std::string& id, const std::string& note) {
+  if (Job* job = find(id)) job->note = note;
+}
+
+void Scheduler::tick(Now now) {
+  expire(now);
+  for (auto& [id, job] : jobs_) {
+    if (job.row.state == JobState::running && !job.finishing) {
+      job.row.elapsed_seconds += std::max(now.seconds - job.last_tick, 0.0);
+      check_stop(job, now);
+      if (now.seconds - job.last_saved > kSavePeriod) save(job, now);
+    }
+    job.last_tick = now.seconds;
+  }
+  for (auto it = workers_.begin(); it != workers_.end();) {
+    WorkerState& w = it->second;
+    if (w.set_aside_until > 0 && w.set_aside_until <= now.seconds) {
+      w.set_aside_until = 0;
+      w.consecutive_failures = 0;
+      w.failed_jobs.clear();
+      w.message.clear();
+      event(now, "", w.row.id, "set-aside", "over; it gets leases again");
+    }
+    if (w.leases.empty() && now.seconds - w.last_seen > options_.forget_worker_seconds) {
+      changes_.emplace_back(DropWorker{w.row.id});
+      it = workers_.erase(it);
+    } else {
+      ++it;
+    }
+  }
+}
+
+std::size_t Scheduler::leases_of(const std::string& job_id) const {
+  return static_cast<std::size_t>(std::count_if(
+      leases_.begin(), leases_.end(), [&](const auto& entry) { return entry.second.row.job_id == job_id; }));
+}
+
+double Scheduler::samples_per_second(const Job& job, Now now) const {
+  if (job.row.state != JobState::running || job.recent.empty()) return 0;
+  const auto [t0, n0] = job.recent.front();
+  const auto [t1, n1] = job.recent.back();
+  if (now.seconds - t1 > kRateWindow) return 0;
+  if (t1 <= t0)
+    return job.row.elapsed_seconds > 0
+               ? static_cast<double>(job.row.tallies.eye_samples) / job.row.elapsed_seconds
+               : 0;
+  return static_cast<double>(n1 - n0) / (t1 - t0);
+}
+
+double Scheduler::eta_seconds(const Job& job, Now now) const {
+  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  if (job.row.state != JobState::running || job.finishing) return kUnknown;
+  double eta = std::numeric_limits<double>::infinity();
+  const double pixels = static_cast<double>(job.row.settings.width) * job.row.settings.height;
+  const double rate = pixels > 0 ? samples_per_second(job, now) / pixels : 0;  // iterations per second
+  const auto done = static_cast<double>(job.row.iterations);
+  if (rate > 0 && job.row.stop.iterations > 0)
+    eta = std::min(eta, std::max(static_cast<double>(job.row.stop.iterations) - done, 0.0) / rate);
+  if (rate > 0 && job.row.stop.relmse > 0 && job.row.relmse > 0)  // the variance of a mean goes as 1/n
+    eta = std::min(eta, std::max(done * (job.row.relmse / job.row.stop.relmse - 1), 0.0) / rate);
+  if (job.row.stop.time_seconds > 0)
+    eta = std::min(eta, std::max(job.row.stop.time_seconds - job.row.elapsed_seconds, 0.0));
+  return std::isfinite(eta) ? eta : kUnknown;
+}
+
+std::string Scheduler::message_of(const Job& job, Now now) const {
+  if (has_ended(job.row.state)) return job.row.message.empty() ? job.note : job.row.message;
+  if (!job.note.empty()) return job.note;
+  if (job.finishing) return "writing the final checkpoint";
+  if (job.row.state == JobState::paused) return job.row.message;
+  std::uint64_t able = 0, live = 0, aside = 0;
+  for (const auto& [id, w] : workers_) {
+    const bool lost = now.seconds - w.last_seen > std::max(options_.lease_seconds, 10.0);
+    if (lost) continue;
+    ++live;
+    if (w.set_aside_until > now.seconds) ++aside;
+    if (usable(w, now) && can_run(w, job)) ++able;
+  }
+  if (able == 0 && live == 0) return "no worker is connected";
+  if (able == 0 && aside == live) return "all workers are set aside after failures";
+  if (able == 0)
+    return fmt::format("none of the {} worker(s) connected can run instruction set {}, or they are draining",
+                       live, job.row.settings.isa);
+  if (job.row.stop.time_seconds > 0 && job.row.elapsed_seconds >= job.row.stop.time_seconds)
+    return "the time is up; waiting for a first iteration";
+  return job.row.message;
+}
+
+}  // namespace candela::master

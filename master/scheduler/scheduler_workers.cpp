@@ -1,0 +1,110 @@
+// Workers: registration, liveness, draining.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "master/scheduler/scheduler.h"
+
+namespace candela::master {
+
+bool Scheduler::usable(const WorkerState& worker, Now now) const {
+  return !worker.row.draining && worker.set_aside_until <= now.seconds &&
+         now.seconds - worker.last_seen <= std::max(options_.lease_seconds, 10.0);
+}
+
+bool Scheduler::can_run(const WorkerState& worker, const Job& job) const {
+  const auto& isas = worker.row.isas;
+  return std::find(isas.begin(), isas.end(), job.row.settings.isa) != isas.end();
+}
+
+Result<void> Scheduler::register_worker(WorkerRow row, Now now) {
+  if (workers_.size() >= options_.max_workers)
+    return resource_error(fmt::format("the farm has its limit of {} workers", options_.max_workers));
+  row.last_seen_unix_ms = now.unix_ms;
+  event(now, "", row.id, "registered",
+        fmt::format("{} on {} with {} threads", row.name, row.host, row.threads));
+  changes_.emplace_back(PutWorker{row});
+  WorkerState& w = workers_[row.id];
+  w.row = std::move(row);
+  w.last_seen = now.seconds;
+  last_activity_ = now.seconds;
+  return {};
+}
+
+void Scheduler::restore_worker(const WorkerRow& row, Now now) {
+  WorkerState& w = workers_[row.id];
+  w.row = row;
+  w.last_seen = now.seconds;  // it has as long to come back as if we had just heard of it
+}
+
+void Scheduler::restore_lease(const LeaseRow& row, Now now) {
+  next_token_ = std::max(next_token_, row.token + 1);
+  Job* job = find(row.job_id);
+  const auto worker = workers_.find(row.worker_id);
+  if (job == nullptr || worker == workers_.end() || job->finishing || has_ended(job->row.state)) {
+    changes_.emplace_back(DropLease{row.token});
+    return;
+  }
+  const auto unit = job->units.find(row.unit_id);
+  if (unit == job->units.end() || unit->second.leases.size() >= 2) {
+    changes_.emplace_back(DropLease{row.token});
+    return;
+  }
+  Lease lease;
+  lease.row = row;
+  lease.granted = now.seconds;
+  lease.expires = now.seconds + options_.lease_seconds;
+  lease.due_seconds = row.expected_seconds;
+  leases_.emplace(row.token, lease);
+  unit->second.leases.push_back(row.token);
+  unit->second.speculated = unit->second.leases.size() > 1;
+  unit->second.row.state = UnitRow::State::leased;
+  worker->second.leases.insert(row.token);
+}
+
+WorkerState* Scheduler::authenticate(const std::string& id, const std::string& session, Now now) {
+  const auto it = workers_.find(id);
+  if (it == workers_.end()) return nullptr;
+  // Compared in a time that does not tell how much of it was right.
+  const std::string& expected = it->second.row.session;
+  if (expected.size() != session.size() || session.empty()) return nullptr;
+  unsigned difference = 0;
+  for (std::size_t i = 0; i < session.size(); ++i)
+    difference |= static_cast<unsigned>(static_cast<unsigned char>(session[i]) ^
+                                        static_cast<unsigned char>(expected[i]));
+  if (difference != 0) return nullptr;
+  it->second.last_seen = now.seconds;
+  it->second.row.last_seen_unix_ms = now.unix_ms;
+  return &it->second;
+}
+
+Result<void> Scheduler::drain(const std::string& worker_id, Now now) {
+  const auto it = workers_.find(worker_id);
+  if (it == workers_.end())
+    return input_error(fmt::format("there is no worker {}", worker_id)).with_field("worker_id");
+  if (it->second.row.draining) return {};
+  it->second.row.draining = true;
+  event(now, "", worker_id, "draining", "");
+  changes_.emplace_back(PutWorker{it->second.row});
+  return {};
+}
+
+void Scheduler::deregister(const std::string& worker_id, Now now) {
+  const auto it = workers_.find(worker_id);
+  if (it == workers_.end()) return;
+  const std::set<std::uint64_t> tokens = it->second.leases;
+  for (const std::uint64_t token : tokens) drop_lease(token, now, true);
+  event(now, "", worker_id, "left", it->second.row.name);
+  changes_.emplace_back(DropWorker{worker_id});
+  workers_.erase(worker_id);
+  last_activity_ = now.seconds;
+}
+
+std::string Scheduler::worker_state_name(const WorkerState& w, Now now) const {
+  if (now.seconds - w.last_seen > std::max(options_.lease_seconds, 10.0)) return "lost";
+  if (w.row.draining) return w.leases.empty() ? "drained" : "draining";
+  if (w.set_aside_until > now.seconds) return "set-aside";
+  return w.leases.empty() ? "idle" : "busy";
+}
+
+}  // namespace candela::master

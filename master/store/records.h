@@ -1,0 +1,97 @@
+// What the master remembers: jobs, units, leases, workers, events. Plain rows, shared by the scheduler (which decides)
+// and the store (which keeps); neither knows the other.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "common/film/film.h"
+#include "common/job/job.h"
+
+namespace candela::master {
+
+enum class JobState : std::uint8_t { queued, running, paused, done, failed, cancelled };
+inline bool has_ended(JobState s) {
+  return s == JobState::done || s == JobState::failed || s == JobState::cancelled;
+}
+
+struct JobRow {
+  std::string id, name, bundle_sha256;
+  JobSettings settings;
+  StopRule stop;
+  std::int32_t priority = 0;
+  double share = 1;
+  std::string idempotency_token, content_digest;  // digest of the submission, to recognise a repeated one
+  JobState state = JobState::queued;
+  std::string message;      // why it failed, and the like
+  std::string stop_reason;  // "iterations", "time", "relmse"; empty while it runs
+  std::optional<NamedState> named_state;
+  std::string plan;
+  double thread_seconds_per_iteration = 0;  // seconds times threads; 0: not measured yet
+  std::int64_t submitted_unix_ms = 0, finished_unix_ms = 0;
+  double elapsed_seconds = 0;  // in state running
+  double worker_seconds = 0;   // of merged units
+  std::uint64_t units_merged = 0;
+  film::Tallies tallies;  // of merged units
+  double relmse = std::numeric_limits<double>::quiet_NaN();
+  std::uint64_t checkpoint_generation = 0, checkpoint_iterations = 0;
+  std::uint64_t iterations = 0;  // merged
+};
+
+struct UnitRow {
+  enum class State : std::uint8_t { open, leased, merged };
+  std::uint64_t id = 0;
+  std::string job_id;
+  Unit unit;
+  State state = State::open;
+  std::uint32_t failures = 0;
+  std::string worker_id;    // who delivered it
+  std::uint64_t token = 0;  // with which lease
+  double seconds = 0;       // render time of the merged delta
+};
+
+struct LeaseRow {
+  std::uint64_t token = 0, unit_id = 0;
+  std::string job_id, worker_id;
+  double expected_seconds = 0;
+  bool speculative = false;
+};
+
+struct WorkerRow {
+  std::string id, session, name, host, build_id;
+  std::uint32_t threads = 1;
+  std::vector<std::string> isas;
+  bool draining = false;
+  std::uint64_t units_merged = 0, units_failed = 0;
+  std::int64_t last_seen_unix_ms = 0;
+};
+
+struct EventRow {
+  std::int64_t unix_ms = 0;
+  std::string job_id, worker_id, kind, message;
+};
+
+// One change to what is remembered. Changes are applied in order, several in one transaction.
+struct PutJob { JobRow row; };
+struct PutUnit { UnitRow row; };
+struct DropUnit { std::uint64_t id; };
+struct DropUnmergedUnits { std::string job_id; };  // and their leases
+struct PutLease { LeaseRow row; };
+struct DropLease { std::uint64_t token; };
+struct PutWorker { WorkerRow row; };
+struct DropWorker { std::string id; };
+struct AddEvent { EventRow row; };
+struct PutBundle { std::string sha256, bytes; };
+using Change = std::variant<PutJob, PutUnit, DropUnit, DropUnmergedUnits, PutLease, DropLease, PutWorker, DropWorker,
+                            AddEvent, PutBundle>;
+
+// "queued", "running", ...
+std::string_view name(JobState state);
+
+}  // namespace candela::master

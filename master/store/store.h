@@ -1,0 +1,77 @@
+// The store behind the master: an interface, so that another database can stand behind it. SQLite (WAL) is the one
+// there is. Every function may be called from any thread; errors are the caller's to report.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "common/base/result.h"
+#include "master/store/records.h"
+
+namespace candela::master {
+
+struct StoredState {
+  std::vector<JobRow> jobs;
+  std::vector<UnitRow> unmerged_units;
+  std::vector<LeaseRow> leases;
+  std::vector<WorkerRow> workers;
+  std::uint64_t next_unit_id = 1;
+};
+
+class Store {
+ public:
+  virtual ~Store() = default;
+  // Adds one to the persisted epoch, durably (synced to the disk), and returns it. Fencing tokens start from it, so it
+  // must never be handed out twice, not even after a power failure.
+  virtual Result<std::uint64_t> next_epoch() = 0;
+  virtual Result<StoredState> load() = 0;
+  // All of them or none.
+  virtual Result<void> write(std::span<const Change> changes) = 0;
+  virtual Result<std::vector<UnitRow>> merged_units(const std::string& job_id) = 0;
+  virtual Result<std::vector<EventRow>> events(const std::string& job_id, std::uint32_t limit) = 0;  // newest last
+  virtual Result<std::optional<std::string>> bundle(const std::string& sha256) = 0;
+};
+
+// `path` is the database file; created, with its schema, where it does not exist. A schema of a newer program is refused.
+Result<std::unique_ptr<Store>> open_sqlite_store(const std::filesystem::path& path);
+
+// Writes changes behind the back of their makers, in order, in batches, so that no lock of theirs is held across disk
+// I/O. After an error the batch stays at the head of the queue and is tried again until it succeeds.
+class StoreWriter {
+ public:
+  // `on_error` is told of each failure (from the writer's thread), and of the recovery with an empty text.
+  StoreWriter(Store& store, std::function<void(const std::string&)> on_error);
+  ~StoreWriter();  // tries to write what is left, for a bounded time
+  StoreWriter(const StoreWriter&) = delete;
+  StoreWriter& operator=(const StoreWriter&) = delete;
+
+  void enqueue(std::vector<Change> changes);
+  // Returns when everything enqueued before is written, or with the error that keeps it from being so.
+  Result<void> flush();
+  std::size_t backlog() const;
+
+ private:
+  void run();
+
+  Store& store_;
+  std::function<void(const std::string&)> on_error_;
+  mutable std::mutex mutex_;
+  std::condition_variable work_, written_;
+  std::deque<Change> queue_;
+  std::uint64_t enqueued_ = 0, done_ = 0, failures_ = 0;
+  std::optional<Error> error_;
+  bool urgent_ = false, stop_ = false;
+  std::thread thread_;
+};
+
+}  // namespace candela::master

@@ -1,0 +1,104 @@
+// The write-behind queue in front of the store.
+#include <chrono>
+
+#include "master/store/store.h"
+
+namespace candela::master {
+
+std::string_view name(JobState state) {
+  switch (state) {
+    case JobState::queued:
+      return "queued";
+    case JobState::running:
+      return "running";
+    case JobState::paused:
+      return "paused";
+    case JobState::done:
+      return "done";
+    case JobState::failed:
+      return "failed";
+    case JobState::cancelled:
+      return "cancelled";
+  }
+  return "unknown";
+}
+
+StoreWriter::StoreWriter(Store& store, std::function<void(const std::string&)> on_error)
+    : store_(store), on_error_(std::move(on_error)), thread_([this] { run(); }) {}
+
+StoreWriter::~StoreWriter() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  work_.notify_all();
+  thread_.join();
+}
+
+void StoreWriter::enqueue(std::vector<Change> changes) {
+  if (changes.empty()) return;
+  {
+    const std::lock_guard lock(mutex_);
+    enqueued_ += changes.size();
+    for (Change& c : changes) queue_.push_back(std::move(c));
+  }
+  work_.notify_one();
+}
+
+Result<void> StoreWriter::flush() {
+  std::unique_lock lock(mutex_);
+  const std::uint64_t target = enqueued_;
+  const std::uint64_t failures_before = failures_;
+  if (done_ >= target) return {};
+  urgent_ = true;  // an earlier error is tried again now, not after its pause
+  work_.notify_one();
+  written_.wait(lock, [&] { return done_ >= target || failures_ != failures_before; });
+  if (done_ >= target) return {};
+  return *error_;
+}
+
+std::size_t StoreWriter::backlog() const {
+  const std::lock_guard lock(mutex_);
+  return queue_.size();
+}
+
+void StoreWriter::run() {
+  constexpr std::size_t kBatch = 1000;
+  constexpr auto kPause = std::chrono::seconds(1);
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    work_.wait(lock, [&] { return stop_ || !queue_.empty(); });
+    if (queue_.empty()) return;
+    const std::size_t n = std::min(queue_.size(), kBatch);
+    // Only this thread removes from the queue, so the copy and the head agree after the lock was given up.
+    const std::vector<Change> batch(queue_.begin(), queue_.begin() + static_cast<std::ptrdiff_t>(n));
+    urgent_ = false;
+    lock.unlock();
+    Result<void> result = store_.write(batch);
+    lock.lock();
+    if (result.ok()) {
+      const bool recovered = error_.has_value();
+      queue_.erase(queue_.begin(), queue_.begin() + static_cast<std::ptrdiff_t>(n));
+      done_ += n;
+      error_.reset();
+      written_.notify_all();
+      if (recovered) {
+        lock.unlock();
+        on_error_({});
+        lock.lock();
+      }
+      continue;
+    }
+    error_ = result.error();
+    ++failures_;
+    const std::string text = error_->to_string();
+    written_.notify_all();
+    lock.unlock();
+    on_error_(text);
+    lock.lock();
+    if (stop_) return;  // a last attempt was made; film and set of units are safe in the checkpoints
+    work_.wait_for(lock, kPause, [&] { return stop_ || urgent_; });
+  }
+}
+
+}  // namespace candela::master
