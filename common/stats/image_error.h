@@ -13,7 +13,7 @@ namespace candela::stats {
 struct ImageComparison {
   double mean_a = 0, mean_b = 0, mean_ratio = 0;  // over all pixels and channels; ratio NaN if mean_b is 0
   double rmse = 0;
-  double relmse = 0;  // mean((a-b)^2 / (b^2 + 0.01 mean(b)^2))
+  double relmse = 0;          // mean((a-b)^2 / (b^2 + 0.01 mean(b)^2))
   double relmse_trimmed = 0;  // without the worst 0.1 % of pixels
   struct Pixel {
     std::uint32_t x, y;
@@ -23,20 +23,20 @@ struct ImageComparison {
   std::vector<Pixel> worst;  // worst first
 };
 // Precondition: a.size() == b.size() == width * height * 3. Non-finite pixels count as infinitely wrong.
-ImageComparison compare(std::span<const float> a, std::span<const float> b, std::uint32_t width, std::uint32_t height,
-                        std::size_t worst_count = 10);
+ImageComparison compare(std::span<const float> a, std::span<const float> b, std::uint32_t width,
+                        std::uint32_t height, std::size_t worst_count = 10);
 
-// Error of the pooled image of a film with halves of n0 and n1 iterations, means A and B: per value the variance of
-// the pooled mean M is estimated without bias by (A-B)^2 n0 n1 / (n0+n1)^2, and
-// relMSE = mean(variance / (M^2 + 0.01 mean(M)^2)). NaN unless both halves have iterations; 0 for a black film.
+// Error of the pooled image of a film with halves of n0 and n1 iterations, means A and B: per value the
+// variance of the pooled mean M is estimated without bias by (A-B)^2 n0 n1 / (n0+n1)^2, and relMSE =
+// mean(variance / (M^2 + 0.01 mean(M)^2)). NaN unless both halves have iterations; 0 for a black film.
 struct ErrorEstimate {
   double relmse = 0;
   double rmse = 0;
   double mean = 0;
 };
 ErrorEstimate estimate_error(const film::MergedFilm& film);
-// The standard deviation of each value of the pooled image estimated as above (one degree of freedom: noisy; smooth
-// before display). width * height * 3.
+// The standard deviation of each value of the pooled image estimated as above (one degree of freedom: noisy;
+// smooth before display). width * height * 3.
 std::vector<float> error_map(const film::MergedFilm& film);
 
 }  // namespace candela::stats

@@ -1,0 +1,140 @@
+// Errors of images against a reference, and estimated from independent halves.
+#include "common/stats/image_error.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+namespace candela::stats {
+
+namespace {
+
+// Keeps the relative error of dark pixels finite: relMSE = (a-b)^2 / (b^2 + 0.01 mean^2).
+constexpr double kDarkFraction = 0.01;
+constexpr double kTrimmedFraction = 0.001;
+
+double relative(double squared_error, double reference, double mean) {
+  if (squared_error == 0) return 0;  // also where the reference is black all over
+  return squared_error / (reference * reference + kDarkFraction * mean * mean);
+}
+
+// Calls visit(mean of half 0, of half 1, of both) for each value of layer 0, row by row.
+template <class Visit>
+void visit_values(const film::MergedFilm& film, Visit&& visit) {
+  using Which = film::MergedFilm::Which;
+  const std::size_t row_values = std::size_t{film.layout().width} * film::kChannels;
+  std::vector<double> a(row_values), b(row_values), both(row_values);
+  for (std::uint32_t y = 0; y < film.layout().height; ++y) {
+    film.develop_row(0, y, Which::half0, a);
+    film.develop_row(0, y, Which::half1, b);
+    film.develop_row(0, y, Which::both, both);
+    for (std::size_t i = 0; i < row_values; ++i) visit(a[i], b[i], both[i]);
+  }
+}
+
+// The factor of (A-B)^2 that makes it an unbiased estimate of the pooled mean's variance:
+// E (A-B)^2 = s (1/n0 + 1/n1) and Var M = s / (n0 + n1) for s the variance of one iteration.
+double variance_factor(const film::MergedFilm& film) {
+  const auto n0 = static_cast<double>(film.merged(0).count());
+  const auto n1 = static_cast<double>(film.merged(1).count());
+  if (n0 == 0 || n1 == 0) return std::numeric_limits<double>::quiet_NaN();
+  return n0 / (n0 + n1) * (n1 / (n0 + n1));
+}
+
+}  // namespace
+
+ImageComparison compare(std::span<const float> a, std::span<const float> b, std::uint32_t width,
+                        std::uint32_t height, std::size_t worst_count) {
+  ImageComparison result;
+  const std::size_t pixels = std::size_t{width} * height;
+  const std::size_t values = pixels * film::kChannels;
+  if (values == 0) return result;
+  double sum_a = 0, sum_b = 0, finite_sum_b = 0, squares = 0;
+  std::size_t finite_b = 0;
+  for (std::size_t i = 0; i < values; ++i) {
+    sum_a += a[i];
+    sum_b += b[i];
+    if (std::isfinite(b[i])) {
+      finite_sum_b += b[i];
+      ++finite_b;
+    }
+    const double difference = double{a[i]} - double{b[i]};
+    squares += difference * difference;
+  }
+  const auto count = static_cast<double>(values);
+  result.mean_a = sum_a / count;
+  result.mean_b = sum_b / count;
+  result.mean_ratio = sum_b == 0 ? std::numeric_limits<double>::quiet_NaN() : result.mean_a / result.mean_b;
+  result.rmse = std::isfinite(squares) ? std::sqrt(squares / count) : std::numeric_limits<double>::infinity();
+
+  const double reference_mean = finite_b == 0 ? 0 : finite_sum_b / static_cast<double>(finite_b);
+  std::vector<double> errors(pixels);
+  double total = 0;
+  for (std::size_t p = 0; p < pixels; ++p) {
+    double error = 0;
+    for (std::size_t i = p * film::kChannels; i < (p + 1) * film::kChannels; ++i) {
+      const double difference = double{a[i]} - double{b[i]};
+      error += std::isfinite(difference) ? relative(difference * difference, b[i], reference_mean)
+                                         : std::numeric_limits<double>::infinity();
+    }
+    errors[p] = error / film::kChannels;
+    total += errors[p];
+  }
+  result.relmse = total / static_cast<double>(pixels);
+
+  // Worst first; of equals the one nearest the top left, so that the list is one and the same everywhere.
+  std::vector<std::size_t> order(pixels);
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  const auto trimmed = static_cast<std::size_t>(kTrimmedFraction * static_cast<double>(pixels));
+  const std::size_t sorted = std::min(pixels, std::max(worst_count, trimmed));
+  std::partial_sort(
+      order.begin(), order.begin() + static_cast<std::ptrdiff_t>(sorted), order.end(),
+      [&](std::size_t p, std::size_t q) { return errors[p] != errors[q] ? errors[p] > errors[q] : p < q; });
+  for (std::size_t i = 0; i < std::min(worst_count, pixels); ++i) {
+    const std::size_t p = order[i];
+    result.worst.push_back({static_cast<std::uint32_t>(p % width),
+                            static_cast<std::uint32_t>(p / width),
+                            errors[p],
+                            {a[3 * p], a[3 * p + 1], a[3 * p + 2]},
+                            {b[3 * p], b[3 * p + 1], b[3 * p + 2]}});
+  }
+  for (std::size_t i = 0; i < trimmed; ++i) errors[order[i]] = 0;
+  result.relmse_trimmed =
+      std::accumulate(errors.begin(), errors.end(), 0.0) / static_cast<double>(pixels - trimmed);
+  return result;
+}
+
+ErrorEstimate estimate_error(const film::MergedFilm& film) {
+  const double factor = variance_factor(film);
+  const auto values = static_cast<double>(film.layout().pixel_count() * film::kChannels);
+  ErrorEstimate estimate;
+  double sum = 0, variance_sum = 0;
+  visit_values(film, [&](double a, double b, double both) {
+    sum += both;
+    variance_sum += (a - b) * (a - b) * factor;
+  });
+  estimate.mean = sum / values;
+  estimate.rmse = std::sqrt(variance_sum / values);
+  if (std::isnan(factor)) {
+    estimate.relmse = factor;
+    return estimate;
+  }
+  double relative_sum = 0;
+  visit_values(film, [&](double a, double b, double both) {
+    relative_sum += relative((a - b) * (a - b) * factor, both, estimate.mean);
+  });
+  estimate.relmse = relative_sum / values;
+  return estimate;
+}
+
+std::vector<float> error_map(const film::MergedFilm& film) {
+  const double scale = std::sqrt(variance_factor(film));
+  std::vector<float> map;
+  map.reserve(film.layout().pixel_count() * film::kChannels);
+  visit_values(
+      film, [&](double a, double b, double) { map.push_back(static_cast<float>(std::abs(a - b) * scale)); });
+  return map;
+}
+
+}  // namespace candela::stats
