@@ -15,7 +15,7 @@ class Channel;
 namespace candela::worker {
 
 struct WorkerOptions {
-  std::string master;                     // HOST:PORT; ignored where a channel is given
+  std::string master;  // HOST:PORT; ignored where a channel is given
   std::filesystem::path cache_dir;
   std::uint64_t cache_limit_bytes = 20ULL << 30;
   unsigned threads = 0;                   // 0: all cores
@@ -24,17 +24,21 @@ struct WorkerOptions {
   bool insecure = false;                  // allow a non-loopback master without TLS
   std::uint64_t scene_memory_bytes = 0;   // compiled scenes kept; 0: half the machine's memory
   double give_up_seconds = 0;             // without reaching a master; 0: never
-  bool compress_in_process = true;
 };
 
 class Worker {
  public:
-  virtual ~Worker() = default;  // drains
-  // Starts threads and returns at once. With `channel` null it dials options.master, with backoff and jitter, for ever
-  // (or give_up_seconds). A refusal at registration (other protocol or build) ends it with an error from wait().
-  static Result<std::unique_ptr<Worker>> start(const WorkerOptions& options, std::shared_ptr<grpc::Channel> channel);
+  // Drains, and waits for all threads; a scene being compiled at that moment is compiled to its end first.
+  virtual ~Worker() = default;
+  // Starts threads and returns at once. With `channel` null it dials options.master, with backoff and jitter,
+  // for ever (or give_up_seconds). A refusal at registration (other protocol or build) ends it with an error
+  // from wait().
+  static Result<std::unique_ptr<Worker>> start(const WorkerOptions& options,
+                                               std::shared_ptr<grpc::Channel> channel);
 
-  // Finish or hand back: stops rendering, returns all leases, delivers what is finished, deregisters. Idempotent.
+  // Asks for the end and returns at once: a unit within two seconds of its end is finished, others are
+  // stopped and handed back, finished deltas are delivered (for at most twenty seconds), then the worker
+  // deregisters and wait() returns. Idempotent; from any thread, not from a signal handler.
   virtual void drain() = 0;
   // Returns when the worker has ended: drained (by us or by the master), given up, or refused.
   virtual Result<void> wait() = 0;

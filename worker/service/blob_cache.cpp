@@ -1,0 +1,271 @@
+// See blob_cache.h.
+#include "worker/service/blob_cache.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <vector>
+
+#include "common/base/hash.h"
+#include "common/base/log.h"
+
+namespace candela::worker {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr auto kRescanInterval = std::chrono::seconds(60);
+constexpr auto kPartialLifetime = std::chrono::hours(24);
+
+Error disk_error(std::string_view what, const fs::path& path) {
+  return resource_error(fmt::format("{}: {}", what, std::strerror(errno))).at(path.string(), 0);
+}
+
+// A temporary file that vanishes unless it is given its final name.
+class PartialFile {
+ public:
+  explicit PartialFile(fs::path path)
+      : path_(std::move(path)), fd_(::open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644)) {}
+  ~PartialFile() {
+    const bool created = fd_ >= 0 || closed_;
+    if (fd_ >= 0) ::close(fd_);
+    if (created && !renamed_) ::unlink(path_.c_str());
+  }
+  PartialFile(const PartialFile&) = delete;
+  PartialFile& operator=(const PartialFile&) = delete;
+
+  bool is_open() const { return fd_ >= 0; }
+  Result<void> write(std::string_view data) {
+    while (!data.empty()) {
+      const ssize_t n = ::write(fd_, data.data(), data.size());
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) return disk_error("cannot write to the cache", path_);
+      data.remove_prefix(static_cast<std::size_t>(n));
+    }
+    return {};
+  }
+  Result<void> rename_to(const fs::path& path) {
+    closed_ = true;
+    if (::close(std::exchange(fd_, -1)) != 0) return disk_error("cannot write to the cache", path_);
+    if (::rename(path_.c_str(), path.c_str()) != 0) return disk_error("cannot write to the cache", path);
+    renamed_ = true;
+    return {};
+  }
+
+ private:
+  fs::path path_;
+  int fd_ = -1;
+  bool closed_ = false, renamed_ = false;
+};
+
+struct CachedFile {
+  std::string sha256;
+  std::uint64_t size_bytes = 0;
+  std::int64_t used_ns = 0;
+};
+
+// What is in the cache; files that vanish during the scan are left out.
+std::vector<CachedFile> scan(const fs::path& blobs) {
+  std::vector<CachedFile> found;
+  std::error_code code;
+  for (fs::directory_iterator folder(blobs, code), end; !code && folder != end; folder.increment(code)) {
+    std::error_code inner;
+    for (fs::directory_iterator file(folder->path(), inner); !inner && file != end; file.increment(inner)) {
+      struct stat info {};
+      std::string name = file->path().filename().string();
+      if (!is_sha256_hex(name) || ::lstat(file->path().c_str(), &info) != 0 || !S_ISREG(info.st_mode))
+        continue;
+      found.push_back({std::move(name), static_cast<std::uint64_t>(info.st_size),
+                       std::int64_t{info.st_mtim.tv_sec} * 1000000000 + info.st_mtim.tv_nsec});
+    }
+  }
+  return found;
+}
+
+}  // namespace
+
+BlobCache::BlobCache(fs::path folder, std::uint64_t limit_bytes)
+    : folder_(std::move(folder)), limit_bytes_(limit_bytes), pins_(std::make_shared<Pins>()) {}
+
+Result<std::unique_ptr<BlobCache>> BlobCache::open(const fs::path& folder, std::uint64_t limit_bytes) {
+  CANDELA_TRY(make_directories(folder / "blobs"));
+  CANDELA_TRY(make_directories(folder / "partial"));
+  if (::access((folder / "partial").c_str(), W_OK) != 0)
+    return input_error(fmt::format("the cache cannot be written: {}", std::strerror(errno)))
+        .at(folder.string(), 0);
+  std::error_code code;
+  const auto now = fs::file_time_type::clock::now();
+  for (fs::directory_iterator file(folder / "partial", code), end; !code && file != end;
+       file.increment(code)) {
+    std::error_code inner;
+    const auto written = file->last_write_time(inner);
+    if (!inner && now - written > kPartialLifetime) fs::remove(file->path(), inner);
+  }
+  return std::unique_ptr<BlobCache>(new BlobCache(folder, limit_bytes));
+}
+
+fs::path BlobCache::path_of(const std::string& sha256) const {
+  return folder_ / "blobs" / sha256.substr(0, 2) / sha256;
+}
+
+BlobCache::Pin BlobCache::pin(const std::string& sha256) {
+  {
+    const std::lock_guard lock(pins_->mutex);
+    ++pins_->counts[sha256];
+  }
+  return {static_cast<const void*>(this), [pins = pins_, sha256](const void*) {
+            const std::lock_guard lock(pins->mutex);
+            if (const auto found = pins->counts.find(sha256); --found->second == 0) pins->counts.erase(found);
+          }};
+}
+
+bool BlobCache::is_pinned(const std::string& sha256) const {
+  const std::lock_guard lock(pins_->mutex);
+  return pins_->counts.contains(sha256);
+}
+
+// The file is mapped first and judged by what is mapped, so that nobody can change it in between by a rename.
+// Null: it is not there, or was not what it should be and has been removed.
+Result<std::shared_ptr<const MappedFile>> BlobCache::open_verified(const std::string& sha256,
+                                                                   std::uint64_t size_bytes) {
+  const fs::path path = path_of(sha256);
+  struct stat info {};
+  if (::stat(path.c_str(), &info) != 0) {
+    if (errno == ENOENT) return std::shared_ptr<const MappedFile>();
+    return disk_error("cannot read the cache", path);
+  }
+  const Identity identity{info.st_dev, info.st_ino, static_cast<std::uint64_t>(info.st_size)};
+  auto file = MappedFile::open(path);
+  if (!file) {
+    std::error_code code;
+    if (!fs::exists(path, code)) return std::shared_ptr<const MappedFile>();
+    return std::move(file).error();
+  }
+  bool known = false;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto found = verified_.find(sha256);
+    known = found != verified_.end() && found->second == identity;
+  }
+  if ((*file)->bytes().size() != size_bytes || (!known && sha256_hex((*file)->bytes()) != sha256)) {
+    log::warn(fmt::format("the cached file {} is damaged; it is fetched again", path.string()));
+    ::unlink(path.c_str());
+    const std::lock_guard lock(mutex_);
+    verified_.erase(sha256);
+    return std::shared_ptr<const MappedFile>();
+  }
+  ::utimensat(AT_FDCWD, path.c_str(), nullptr, 0);  // used now; a failure only makes it look older
+  const std::lock_guard lock(mutex_);
+  verified_[sha256] = identity;
+  return std::move(*file);
+}
+
+Result<void> BlobCache::make_room(std::uint64_t need_bytes) {
+  const auto no_room = [&](std::string_view why) {
+    return resource_error(fmt::format("no room for a file of {} bytes in the cache: {}", need_bytes, why))
+        .at(folder_.string(), 0)
+        .with_mend("raise --cache-size, or give --cache a larger disk");
+  };
+  if (need_bytes > limit_bytes_) return no_room(fmt::format("its limit is {} bytes", limit_bytes_));
+
+  const std::lock_guard lock(mutex_);
+  const auto now = std::chrono::steady_clock::now();
+  const bool stale = scanned_ == std::chrono::steady_clock::time_point{} || now - scanned_ > kRescanInterval;
+  struct statvfs disk {};
+  const bool disk_known = ::statvfs(folder_.c_str(), &disk) == 0;
+  std::uint64_t free_bytes = disk_known ? std::uint64_t{disk.f_bavail} * disk.f_frsize : need_bytes;
+  if (stale || estimated_bytes_ + need_bytes > limit_bytes_ || free_bytes < need_bytes) {
+    std::vector<CachedFile> files = scan(folder_ / "blobs");
+    std::uint64_t total = 0;
+    for (const CachedFile& file : files) total += file.size_bytes;
+    std::sort(files.begin(), files.end(), [](const CachedFile& a, const CachedFile& b) {
+      return std::tie(a.used_ns, a.sha256) < std::tie(b.used_ns, b.sha256);
+    });
+    // Some slack, so that a bundle of many small files does not scan for each of them.
+    const std::uint64_t slack = total + need_bytes > limit_bytes_ ? limit_bytes_ / 20 : 0;
+    for (const CachedFile& file : files) {
+      if (total + need_bytes + slack <= limit_bytes_ && free_bytes >= need_bytes) break;
+      if (is_pinned(file.sha256)) continue;
+      if (::unlink(path_of(file.sha256).c_str()) == 0) free_bytes += file.size_bytes;
+      total -= file.size_bytes;
+      verified_.erase(file.sha256);
+    }
+    estimated_bytes_ = total;
+    scanned_ = now;
+    if (total + need_bytes > limit_bytes_)
+      return no_room(fmt::format("its limit is {} bytes, and {} are in use", limit_bytes_, total));
+    if (free_bytes < need_bytes) return no_room(fmt::format("the disk has {} bytes left", free_bytes));
+  }
+  estimated_bytes_ += need_bytes;
+  return {};
+}
+
+Result<void> BlobCache::download(const std::string& sha256, std::uint64_t size_bytes, const Fetch& fetch) {
+  CANDELA_TRY(make_room(size_bytes));
+  CANDELA_TRY(make_directories(path_of(sha256).parent_path()));
+  std::uint64_t serial = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    serial = serial_++;
+  }
+  const auto stamp =
+      std::chrono::system_clock::now().time_since_epoch().count();  // hosts may share the folder and pids
+  PartialFile partial(folder_ / "partial" / fmt::format("{}.{}.{}.{}", sha256, ::getpid(), stamp, serial));
+  if (!partial.is_open()) return disk_error("cannot write to the cache", folder_ / "partial");
+
+  Sha256 hash;
+  std::uint64_t received = 0;
+  CANDELA_TRY(fetch(sha256, size_bytes, [&](std::string_view data) -> Result<void> {
+    received += data.size();
+    if (received > size_bytes)
+      return failed_error(
+          fmt::format("the master sent more than the {} bytes of blob {}", size_bytes, sha256));
+    hash.update(data);
+    return partial.write(data);
+  }));
+  if (received != size_bytes)
+    return failed_error(
+        fmt::format("the master sent {} of the {} bytes of blob {}", received, size_bytes, sha256));
+  if (const std::string actual = hash.finish_hex(); actual != sha256)
+    return failed_error(fmt::format("the master sent other bytes (hash {}) for blob {}", actual, sha256));
+  CANDELA_TRY(partial.rename_to(path_of(sha256)));
+  struct stat info {};
+  if (::stat(path_of(sha256).c_str(), &info) == 0) {
+    const std::lock_guard lock(mutex_);
+    verified_[sha256] = {info.st_dev, info.st_ino, static_cast<std::uint64_t>(info.st_size)};
+  }
+  return {};
+}
+
+Result<BlobCache::Mapped> BlobCache::map(const std::string& sha256, std::uint64_t size_bytes,
+                                         const Fetch& fetch) {
+  if (!is_sha256_hex(sha256)) return internal_error(fmt::format("'{}' is no SHA-256", sha256.substr(0, 64)));
+  Pin held = pin(sha256);  // before it is looked for: nothing may evict it in between
+  // Another worker may evict it between our download and our look at it, but not for ever.
+  for (int attempt = 0; attempt < 3; ++attempt) {
+    CANDELA_ASSIGN(std::shared_ptr<const MappedFile> file, open_verified(sha256, size_bytes));
+    if (file) {
+      const std::string_view bytes = file->bytes();
+      using Owner = std::pair<Pin, std::shared_ptr<const MappedFile>>;
+      return Mapped{std::make_shared<const Owner>(std::move(held), std::move(file)), bytes};
+    }
+    CANDELA_TRY(download(sha256, size_bytes, fetch));
+  }
+  return resource_error(fmt::format("blob {} vanishes from the cache as soon as it is fetched", sha256))
+      .at(folder_.string(), 0)
+      .with_mend("raise --cache-size of the workers that share this cache");
+}
+
+Result<BlobCache::Pin> BlobCache::ensure(const std::string& sha256, std::uint64_t size_bytes,
+                                         const Fetch& fetch) {
+  CANDELA_ASSIGN(const Mapped mapped, map(sha256, size_bytes, fetch));
+  return pin(sha256);
+}
+
+}  // namespace candela::worker

@@ -1,0 +1,77 @@
+// Blobs on this machine's disk, named by their SHA-256: CACHE/blobs/ab/<sha256>. Several workers may share a
+// folder: files appear whole by rename, vanish by unlink (which hurts nobody who has mapped them), and are
+// trusted only after their hash has been checked once in this process. The time of last use, by which the
+// oldest go first, is the file's mtime.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
+#include <string_view>
+#include <tuple>
+
+#include "common/base/files.h"
+#include "common/base/result.h"
+
+namespace candela::worker {
+
+class BlobCache {
+ public:
+  // Creates the folders and removes what interrupted downloads left long ago.
+  static Result<std::unique_ptr<BlobCache>> open(const std::filesystem::path& folder,
+                                                 std::uint64_t limit_bytes);
+
+  // Delivers a blob's bytes in order through the sink and fails where the sink does.
+  using Sink = std::function<Result<void>(std::string_view)>;
+  using Fetch =
+      std::function<Result<void>(const std::string& sha256, std::uint64_t size_bytes, const Sink& sink)>;
+
+  // While a pin lives, its blob is not evicted by this process.
+  using Pin = std::shared_ptr<const void>;
+  // The blob is on disk and its hash is right, now or after a download. Errors: `resource` where the disk is
+  // full or the limit leaves no room, `failed` where what came is not the blob, and the fetch's own.
+  Result<Pin> ensure(const std::string& sha256, std::uint64_t size_bytes, const Fetch& fetch);
+
+  // The blob's bytes, fetched again if somebody else has removed it meanwhile. The owner pins it.
+  struct Mapped {
+    std::shared_ptr<const void> owner;
+    std::string_view bytes;
+  };
+  Result<Mapped> map(const std::string& sha256, std::uint64_t size_bytes, const Fetch& fetch);
+
+  std::filesystem::path path_of(const std::string& sha256) const;
+  std::uint64_t limit_bytes() const { return limit_bytes_; }
+
+ private:
+  // Outlives the cache where pins do.
+  struct Pins {
+    std::mutex mutex;
+    std::map<std::string, unsigned> counts;
+  };
+  using Identity = std::tuple<std::uint64_t, std::uint64_t, std::uint64_t>;  // device, inode, size
+
+  BlobCache(std::filesystem::path folder, std::uint64_t limit_bytes);
+  Pin pin(const std::string& sha256);
+  bool is_pinned(const std::string& sha256) const;
+  Result<std::shared_ptr<const MappedFile>> open_verified(const std::string& sha256,
+                                                          std::uint64_t size_bytes);
+  Result<void> download(const std::string& sha256, std::uint64_t size_bytes, const Fetch& fetch);
+  Result<void> make_room(std::uint64_t need_bytes);
+
+  std::filesystem::path folder_;
+  std::uint64_t limit_bytes_;
+  std::shared_ptr<Pins> pins_;
+  std::mutex mutex_;  // of what follows; held during file metadata operations, never during a download
+  std::map<std::string, Identity> verified_;
+  std::uint64_t estimated_bytes_ = 0;  // since the last scan; others' changes are unknown until the next
+  std::chrono::steady_clock::time_point scanned_{};
+  std::uint64_t serial_ = 0;
+};
+
+}  // namespace candela::worker

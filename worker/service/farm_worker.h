@@ -1,0 +1,166 @@
+// The worker's threads and what they share. Control registers, acquires leases and reports; heartbeat keeps
+// the leases alive; render turns units into films; push encodes and delivers them. All shared state is behind
+// one mutex that is never held during a call, a render or file access.
+//
+//   control --pending--> render --outbox--> push
+//
+// At most one lease is waiting, one film is rendered and one is pushed. A finished delta stays in the outbox
+// until the master gives its verdict or the lease is lost.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "worker/service/master_link.h"
+#include "worker/service/scene_store.h"
+#include "worker/service/worker_service.h"
+
+namespace candela::worker {
+
+// Times and bounds; tests shorten them.
+struct Tuning {
+  Milliseconds first_backoff{100};
+  Milliseconds longest_backoff{10000};
+  Milliseconds call_deadline{5000};  // of a unary call
+  Milliseconds register_deadline{10000};
+  Milliseconds finish_within{2000};      // a draining worker finishes a unit this near to its end
+  Milliseconds drain_limit{20000};       // and delivers for at most this long
+  Milliseconds farewell_deadline{2000};  // of each last call
+  unsigned max_push_rejections =
+      20;  // of one delta, by answers that are neither a verdict nor a reason to wait
+  std::size_t max_scenes = 4;
+};
+
+class FarmWorker final : public Worker {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  static Result<std::unique_ptr<Worker>> start(const WorkerOptions& options,
+                                               std::shared_ptr<grpc::Channel> channel,
+                                               RendererFactory factory, const Tuning& tuning = {});
+  ~FarmWorker() override;
+  void drain() override;
+  Result<void> wait() override;
+
+ private:
+  struct Session {
+    std::string worker_id, token;
+    std::uint64_t generation = 0;  // 0: not registered
+    Milliseconds heartbeat{1000};
+    std::size_t chunk_bytes = 1 << 18;
+  };
+  // A lease and how its unit stands. `dropped`: the worker does not own it any more, nothing of it may be
+  // delivered.
+  struct Task {
+    v1::Lease lease;
+    std::uint64_t generation = 0;  // of the session it was leased under
+    Clock::time_point started{};
+    std::atomic<float> progress{0};
+    std::atomic<bool> stop{false};
+    std::atomic<bool> dropped{false};
+  };
+  using TaskPtr = std::shared_ptr<Task>;
+  struct Film {
+    std::string scene_key;
+    int scale_log2 = 0;
+    std::unique_ptr<film::UnitFilm> film;
+  };
+  struct Finished {
+    TaskPtr task;
+    Film film;
+    film::DeltaInfo info;
+    double render_seconds = 0;
+  };
+  // What must be told the master about a unit that will not be delivered.
+  struct Notice {
+    std::uint64_t token = 0, generation = 0;
+    bool failed = false;  // else handed back
+    std::string message;
+    bool input_error = false;
+  };
+
+  FarmWorker(const WorkerOptions& options, std::shared_ptr<grpc::Channel> channel, RendererFactory factory,
+             std::unique_ptr<BlobCache> cache, const Tuning& tuning);
+
+  // farm_worker.cpp: control and heartbeat
+  void control_loop();
+  void register_once(std::unique_lock<std::mutex>& lock);
+  void acquire_once(std::unique_lock<std::mutex>& lock);
+  void send_notice(std::unique_lock<std::mutex>& lock);
+  bool step_drain(std::unique_lock<std::mutex>& lock);
+  void leave(std::unique_lock<std::mutex>& lock);
+  void heartbeat_loop();
+  void note_contact(const grpc::Status& status);
+  void give_up_if_due();
+  void lose_session(std::uint64_t generation);
+  void drop(Task& task, std::string_view why);
+  void hand_back(const TaskPtr& task);
+  void end_with(Error error);
+  bool owns(std::uint64_t token) const;
+
+  // farm_worker_render.cpp
+  void render_loop();
+  void render_task(const TaskPtr& task);
+  void run_task(const TaskPtr& task);
+  void run_pilot(const TaskPtr& task, const SceneStore::Scene& scene);
+  void run_iterations(const TaskPtr& task, const std::shared_ptr<const SceneStore::Scene>& scene,
+                      const Unit& unit, const NamedState& state);
+  std::shared_ptr<const SceneStore::Scene> scene_for(const TaskPtr& task, const JobSettings& settings);
+  Film take_film(const SceneStore::Scene& scene, const NamedState& state);
+  void keep_film(Film film);
+  void fail(const TaskPtr& task, const std::string& message, bool input_error);
+
+  // farm_worker_push.cpp
+  void push_loop();
+  void deliver(Finished& finished);
+  void deliver_bytes(Finished& finished, const std::string& bytes);
+
+  // Repeats `call` while the master is unreachable and the task is ours. The last status; CANCELLED if it was
+  // given up.
+  grpc::Status persist(const TaskPtr& task, const std::function<grpc::Status()>& call);
+  // False at once if the task is dropped or stopped, else true after the delay.
+  bool pause_for(const TaskPtr& task, Milliseconds delay, bool until_stopped);
+  Session session_now() const;
+
+  const WorkerOptions options_;
+  const Tuning tuning_;
+  const unsigned threads_;
+  const std::string host_, name_;
+  RendererFactory factory_;
+  std::unique_ptr<BlobCache> cache_;
+  SceneStore scenes_;
+  MasterLink link_;
+
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;  // anything below
+  Session session_;
+  std::uint64_t generations_ = 0;
+  std::deque<TaskPtr> pending_;
+  TaskPtr running_;
+  std::deque<std::shared_ptr<Finished>> outbox_;  // the front one is being pushed
+  std::deque<Notice> notices_;
+  std::vector<Film> spare_films_;
+  Clock::time_point next_acquire_{};
+  bool asked_while_busy_ = false;
+  enum class Drain { no, by_master, by_us } drain_ = Drain::no;
+  Clock::time_point drain_started_{};
+  bool running_settled_ = false;  // the draining decision on the running unit is made
+  std::optional<Clock::time_point> unreachable_since_;
+  bool closing_ = false;  // threads end
+  bool ended_ = false;    // wait() returns
+  std::optional<Error> end_error_;
+  Backoff control_backoff_;
+
+  std::thread heartbeat_thread_, render_thread_, push_thread_, control_thread_;
+};
+
+}  // namespace candela::worker

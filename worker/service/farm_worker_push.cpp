@@ -1,0 +1,127 @@
+// The push thread: film -> delta -> verdict. See farm_worker.h.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <exception>
+
+#include "common/base/hash.h"
+#include "common/base/log.h"
+#include "common/base/version.h"
+#include "common/wire/wire.h"
+#include "worker/service/farm_worker.h"
+
+namespace candela::worker {
+namespace {
+
+constexpr std::uint32_t kQueueFullMs = 500;  // where the master names no wait
+
+std::string_view text_of(v1::DeltaVerdict verdict) {
+  switch (verdict) {
+    case v1::DELTA_VERDICT_MERGED:
+      return "merged";
+    case v1::DELTA_VERDICT_DUPLICATE:
+      return "dropped, the unit is merged already";
+    case v1::DELTA_VERDICT_STALE:
+      return "dropped, the lease is not ours any more";
+    case v1::DELTA_VERDICT_CORRUPT:
+      return "refused as corrupt";
+    case v1::DELTA_VERDICT_WRONG_BUILD:
+      return "refused, the master expects another build";
+    case v1::DELTA_VERDICT_JOB_ENDED:
+      return "dropped, the job has ended";
+    default:
+      return "answered with an unknown verdict";
+  }
+}
+
+}  // namespace
+
+void FarmWorker::push_loop() {
+  std::unique_lock lock(mutex_);
+  while (true) {
+    changed_.wait(lock, [&] { return closing_ || !outbox_.empty(); });
+    if (closing_) return;
+    const std::shared_ptr<Finished> finished = outbox_.front();
+    lock.unlock();
+    deliver(*finished);
+    lock.lock();
+    outbox_.pop_front();
+    changed_.notify_all();
+  }
+}
+
+void FarmWorker::deliver(Finished& finished) {
+  try {
+    std::string bytes;
+    if (!finished.task->dropped) bytes = film::encode_delta(*finished.film.film, finished.info);
+    finished.film.film->clear();
+    keep_film(std::move(finished.film));
+    if (!finished.task->dropped) deliver_bytes(finished, bytes);
+  } catch (const std::exception& exception) {  // out of memory, most of all
+    fail(finished.task, fmt::format("cannot encode or send the delta: {}", exception.what()), false);
+  }
+}
+
+void FarmWorker::deliver_bytes(Finished& finished, const std::string& bytes) {
+  const TaskPtr& task = finished.task;
+  const Session session = session_now();
+  const log::Ids ids{.job = task->lease.job_id(),
+                     .unit = static_cast<std::int64_t>(task->lease.unit_id()),
+                     .worker = session.worker_id};
+  v1::DeltaHeader header;
+  header.set_worker_id(session.worker_id);
+  header.set_session(session.token);
+  header.set_token(task->lease.token());
+  header.set_unit_id(task->lease.unit_id());
+  header.set_job_id(task->lease.job_id());
+  wire::to_proto(finished.info.unit, *header.mutable_unit());
+  header.set_build_id(finished.info.build_id);
+  header.set_size_bytes(bytes.size());
+  header.set_sha256(sha256_hex(bytes));
+  header.set_render_seconds(finished.render_seconds);
+
+  Backoff backoff(tuning_.first_backoff, tuning_.longest_backoff, rng::key(task->lease.token(), 2));
+  unsigned rejections = 0;
+  while (!task->dropped) {
+    v1::PushDeltaResponse response;
+    const grpc::Status status = link_.push_delta(header, bytes, session.chunk_bytes, response);
+    Milliseconds delay = backoff.next();
+    {
+      const std::lock_guard lock(mutex_);
+      if (closing_) return;
+      note_contact(status);
+      if (status.error_code() == grpc::StatusCode::UNAUTHENTICATED) return lose_session(task->generation);
+    }
+    if (status.ok()) {
+      const bool welcome = response.verdict() == v1::DELTA_VERDICT_MERGED;
+      const bool harmless = response.verdict() == v1::DELTA_VERDICT_DUPLICATE ||
+                            response.verdict() == v1::DELTA_VERDICT_STALE ||
+                            response.verdict() == v1::DELTA_VERDICT_JOB_ENDED;
+      std::string line = fmt::format("delta of {} bytes {}", bytes.size(), text_of(response.verdict()));
+      if (!response.message().empty()) line += fmt::format(": {}", response.message());
+      log::write(welcome    ? spdlog::level::debug
+                 : harmless ? spdlog::level::info
+                            : spdlog::level::err,
+                 line, ids);
+      task->dropped = true;  // a verdict is final
+      return;
+    }
+    if (status.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED) {
+      const std::uint32_t told = wire::retry_ms(status, kQueueFullMs);
+      // At or a little after the time told, so that the waiting do not come back all at once.
+      delay = Milliseconds(told) + std::min(delay, Milliseconds(told / 4 + 1));
+      log::debug(fmt::format("the master's queue is full; the delta waits {} ms", delay.count()), ids);
+    } else if (!is_unreachable(status)) {
+      // Neither a verdict nor a reason to wait. A connection that breaks can look like this once or twice.
+      log::warn(fmt::format("delta not taken: {}", wire::from_status(status).message), ids);
+      if (status.error_code() == grpc::StatusCode::INVALID_ARGUMENT ||
+          ++rejections >= tuning_.max_push_rejections)
+        return fail(task,
+                    fmt::format("the master does not take the delta: {}", wire::from_status(status).message),
+                    false);
+    }
+    pause_for(task, delay, false);
+  }
+}
+
+}  // namespace candela::worker

@@ -1,0 +1,93 @@
+// See master_link.h.
+#include "worker/service/master_link.h"
+
+#include <algorithm>
+
+namespace candela::worker {
+namespace {
+
+// A transfer may take this long before it counts as hung, plus its size at a rate that any usable link
+// exceeds. A peer that is gone altogether is noticed much earlier, by keep-alive pings.
+constexpr Milliseconds kTransferFloor{30000};
+constexpr std::uint64_t kTransferBytesPerMs = 100;
+
+Milliseconds transfer_deadline(std::uint64_t size_bytes) {
+  return kTransferFloor + Milliseconds(static_cast<std::int64_t>(size_bytes / kTransferBytesPerMs));
+}
+
+}  // namespace
+
+Backoff::Backoff(Milliseconds first, Milliseconds longest, std::uint64_t seed)
+    : first_(first), longest_(longest), current_(first), stream_(seed) {}
+
+Milliseconds Backoff::next() {
+  const auto full = static_cast<double>(current_.count());
+  current_ = std::min(current_ * 2, longest_);
+  return Milliseconds(
+      std::max<std::int64_t>(1, static_cast<std::int64_t>(full * (0.5 + 0.5 * stream_.next_double()))));
+}
+
+bool is_unreachable(const grpc::Status& status) {
+  return status.error_code() == grpc::StatusCode::UNAVAILABLE ||
+         status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED;
+}
+
+MasterLink::MasterLink(std::shared_ptr<grpc::Channel> channel)
+    : channel_(std::move(channel)), stub_(v1::WorkerService::NewStub(channel_)) {}
+
+MasterLink::Call::Call(MasterLink& link, Lane lane, Milliseconds deadline)
+    : link_(link), lane_(static_cast<std::size_t>(lane)) {
+  context_.set_deadline(std::chrono::system_clock::now() + deadline);
+  const std::lock_guard lock(link_.mutex_);
+  open_ = !link_.lanes_[lane_].closed;
+  if (open_) link_.lanes_[lane_].calls.insert(&context_);
+}
+
+MasterLink::Call::~Call() {
+  const std::lock_guard lock(link_.mutex_);
+  link_.lanes_[lane_].calls.erase(&context_);
+}
+
+void MasterLink::close(Lane lane) {
+  const std::lock_guard lock(mutex_);
+  LaneState& state = lanes_[static_cast<std::size_t>(lane)];
+  state.closed = true;
+  for (grpc::ClientContext* context : state.calls) context->TryCancel();
+}
+
+grpc::Status MasterLink::fetch_blob(const v1::FetchBlobRequest& request, std::uint64_t size_bytes,
+                                    const Sink& sink, Result<void>& sink_error) {
+  Call call(*this, Lane::fetch, transfer_deadline(size_bytes));
+  if (!call.open()) return cancelled();
+  const auto reader = stub_->FetchBlob(&call.context(), request);
+  v1::FetchBlobChunk chunk;
+  sink_error = {};
+  while (reader->Read(&chunk)) {
+    sink_error = sink(chunk.data());
+    if (!sink_error) {
+      call.context().TryCancel();
+      break;
+    }
+  }
+  return reader->Finish();
+}
+
+grpc::Status MasterLink::push_delta(const v1::DeltaHeader& header, std::string_view bytes,
+                                    std::size_t chunk_bytes, v1::PushDeltaResponse& response) {
+  Call call(*this, Lane::push, transfer_deadline(bytes.size()));
+  if (!call.open()) return cancelled();
+  const auto writer = stub_->PushDelta(&call.context(), &response);
+  v1::DeltaChunk chunk;
+  *chunk.mutable_header() = header;
+  bool going = true;
+  for (std::size_t at = 0; going && (at < bytes.size() || at == 0); at += chunk_bytes) {
+    const std::string_view part = bytes.substr(at, chunk_bytes);
+    chunk.set_data(part.data(), part.size());
+    going = writer->Write(chunk);  // false: the master has answered already, Finish() says what
+    chunk.clear_header();
+  }
+  if (going) writer->WritesDone();
+  return writer->Finish();
+}
+
+}  // namespace candela::worker
