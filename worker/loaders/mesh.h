@@ -1,0 +1,34 @@
+// A triangle mesh as a file holds it, in object space, checked: every index is in range, every number finite.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/result.h"
+#include "worker/core/vec.h"
+
+namespace candela::loaders {
+
+struct Mesh {
+  std::vector<Vec3> positions;
+  std::vector<Vec3>
+      normals;            // empty, or one for each position; (0, 0, 0) where the file has none for this one
+  std::vector<Vec2> uvs;  // empty, or one for each position
+  std::vector<std::array<std::uint32_t, 3>> triangles;
+  bool face_normals = false;             // the file asks for flat shading
+  std::uint64_t dropped_face_count = 0;  // faces of fewer than three corners, left out
+};
+
+// Wavefront OBJ: v, vt, vn and f in all index forms, negative indices too; polygons become fans. Everything
+// else (groups, materials, smoothing, lines, curves) is skipped. flip_v: v becomes 1 - v. `name` goes into
+// errors, which have a line.
+Result<Mesh> load_obj(std::string_view bytes, const std::string& name, bool flip_v);
+
+// Mitsuba's serialized format, versions 3 and 4, single and double precision. shape_index: which of the
+// file's meshes. Memory is bounded by what the compressed bytes can really hold, whatever the file claims.
+Result<Mesh> load_serialized(std::string_view bytes, const std::string& name, std::int64_t shape_index);
+
+}  // namespace candela::loaders

@@ -1,0 +1,36 @@
+// Ray intersection by Embree, hidden behind this.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "common/base/result.h"
+#include "worker/core/vec.h"
+#include "worker/scene/shapes/geometry.h"
+
+namespace candela::scene {
+
+class Accel {
+ public:
+  // Builds over `geometry`, which must outlive this and not change. isa: "sse2", "sse4.2", "avx", "avx2" or
+  // "avx512"; one that this machine or this Embree lacks is an error, never replaced by another.
+  static Result<Accel> build(const Geometry& geometry, const std::string& isa, unsigned threads);
+  Accel(Accel&&) noexcept;
+  Accel& operator=(Accel&&) noexcept;
+  ~Accel();
+
+  struct Found {
+    std::uint32_t primitive;  // in Geometry::triangles or ::spheres
+    bool sphere;
+  };
+  // The nearest primitive in (0, ray.t_max]. A ray that is not finite meets nothing.
+  bool intersect(const Ray& ray, Found& found) const;
+  bool occluded(const Ray& ray) const;
+
+ private:
+  struct Impl;
+  explicit Accel(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace candela::scene
