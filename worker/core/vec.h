@@ -81,7 +81,9 @@ struct Spectrum {
   constexpr bool is_black() const { return r == 0 && g == 0 && b == 0; }
 };
 // Rec.709 luminance weights.
-constexpr float luminance(Spectrum s) { return 0.212671f * s.r + 0.715160f * s.g + 0.072169f * s.b; }
+constexpr float luminance(Spectrum s) {
+  return 0.212671f * s.r + 0.715160f * s.g + 0.072169f * s.b;
+}
 
 // An orthonormal basis; local z is n.
 struct Frame {

@@ -1,0 +1,156 @@
+// The double functions and the rarer float ones of math.h.
+#include "worker/core/math.h"
+
+#include <algorithm>
+
+namespace candela::math {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+// log 2 in two parts; the first has its low 21 bits zero, so that k times it is exact for every exponent k.
+constexpr double kLn2High = 6.93147180369123816490e-01;
+constexpr double kLn2Low = 1.90821492927058770002e-10;
+
+// A number as an unevaluated sum, high being its rounding to double.
+struct Pair {
+  double high, low;
+};
+Pair two_sum(double a, double b) {
+  const double sum = a + b;
+  const double bb = sum - a;
+  return {sum, (a - (sum - bb)) + (b - bb)};
+}
+
+// exp(high + low), low small against 1.
+double exp_pair(double high, double low) {
+  if (high != high) return high;
+  if (high > 709.79) return kInfinity;
+  if (high < -745.2) return 0;
+  const double n = std::nearbyint(high * std::numbers::log2e);
+  const double r = ((high - n * kLn2High) - n * kLn2Low) + low;
+  // Taylor to r^13: the first term left out is below 5e-18 on |r| <= ln 2 / 2.
+  const double p = detail::polynomial(
+      r, {1.0 / 2, 1.0 / 6, 1.0 / 24, 1.0 / 120, 1.0 / 720, 1.0 / 5040, 1.0 / 40320, 1.0 / 362880,
+          1.0 / 3628800, 1.0 / 39916800, 1.0 / 479001600, 1.0 / 6227020800.0});
+  const double value = 1 + (r + r * r * p);
+  // Two factors: 2^n alone may leave the range of normal numbers where the result does not.
+  const auto k = static_cast<std::int64_t>(n);
+  return value * detail::pow2(k / 2) * detail::pow2(k - k / 2);
+}
+
+// log x for finite positive x, to about 1e-18 relative: k log 2 + 2 atanh(s), s = f / (2 + f) carried in two
+// parts.
+Pair log_pair(double x) {
+  std::int64_t subnormal = 0;
+  if (x < 0x1p-1022) {
+    x *= 0x1p54;
+    subnormal = 54;
+  }
+  std::int64_t k = 0;
+  const double f = detail::split_exponent(x, k) - 1;  // exact
+  k -= subnormal;
+  const Pair g = two_sum(2.0, f);
+  const double s = f / g.high;
+  const double s_low = (std::fma(-s, g.high, f) - s * g.low) / g.high;
+  const double z = s * s;
+  // 2 atanh(s) = 2 s + s z (2/3 + 2/5 z + ...): the first term left out is below 1e-18 of the sum.
+  const double series = detail::polynomial(
+      z, {2.0 / 3, 2.0 / 5, 2.0 / 7, 2.0 / 9, 2.0 / 11, 2.0 / 13, 2.0 / 15, 2.0 / 17, 2.0 / 19, 2.0 / 21});
+  const double tail = 2 * s_low + s * z * series;
+  const Pair m = two_sum(2 * s, tail);
+  const double kd = static_cast<double>(k);
+  const Pair head = two_sum(kd * kLn2High, m.high);
+  return two_sum(head.high, head.low + (m.low + kd * kLn2Low));
+}
+
+}  // namespace
+
+double exp(double x) {
+  return exp_pair(x, 0);
+}
+
+double log(double x) {
+  if (!(x > 0)) return x == 0 ? -kInfinity : kNaN;
+  if (x == kInfinity) return x;
+  return log_pair(x).high;
+}
+
+double pow(double x, double y) {
+  if (y == 0 || x == 1) return 1;
+  if (x != x || y != y || x < 0) return kNaN;
+  if (x == 0) return y > 0 ? 0 : kInfinity;
+  if (x == kInfinity) return y > 0 ? kInfinity : 0;
+  if (std::abs(y) == kInfinity) return (x > 1) == (y > 0) ? kInfinity : 0;
+  const Pair l = log_pair(x);
+  const double product = y * l.high;
+  if (!(std::abs(product) < 1e4)) return product > 0 ? kInfinity : 0;
+  return exp_pair(product, std::fma(y, l.high, -product) + y * l.low);
+}
+
+float powf(float x, float y) {
+  return static_cast<float>(pow(static_cast<double>(x), static_cast<double>(y)));
+}
+
+// (1 + 2x) erfcx(x) is smooth in t = (x - K) / (x + K), K = 3.75 [Shepherd and Laframboise 1981];
+// interpolated at Chebyshev nodes for t in [-1, 1/2], relative error 4e-12.
+double erfcx(double x) {
+  if (x > 11) {  // asymptotic
+    const double z = 1 / (x * x);
+    return 0.5641895835477562869 / x * (1 - z * (0.5 - z * (0.75 - z * 1.875)));
+  }
+  const double t = (x - 3.75) / (x + 3.75);
+  return detail::polynomial(t,
+                            {1.237512630840941882, -0.1402405986124649626, 0.003585414778819327667,
+                             0.08227674017022456986, -0.1088039030397751214, 0.09230430317685181437,
+                             -0.0586937910719319149, 0.02836214854055043961, -0.009744013394864714054,
+                             0.001758346697993612516, 0.0002866809642271561419, -0.0003032500864505333638,
+                             0.00005416807178480120211, 0.00004225568072172799573, 2.758415132493640716e-6}) /
+         (1 + 2 * x);
+}
+
+namespace {
+
+// For |x| < 1/2: Taylor, 2/sqrt(pi) (x - x^3/3 + x^5/10 - ...).
+double erf_small(double x) {
+  const double z = x * x;
+  constexpr double kScale = 1.12837916709551257390;
+  return kScale * x *
+         detail::polynomial(z, {1.0, -1.0 / 3, 1.0 / 10, -1.0 / 42, 1.0 / 216, -1.0 / 1320, 1.0 / 9360,
+                                -1.0 / 75600, 1.0 / 685440});
+}
+
+}  // namespace
+
+float erff(float x) {
+  const double a = std::abs(static_cast<double>(x));
+  if (!(a < 0.5)) {
+    if (a != a) return x;
+    const double value = a > 6 ? 1.0 : 1 - detail::exp_single(-a * a) * erfcx(a);
+    return static_cast<float>(std::copysign(value, static_cast<double>(x)));
+  }
+  return static_cast<float>(erf_small(x));
+}
+
+float erfinvf(float x) {
+  const double a = std::abs(static_cast<double>(x));
+  if (!(a < 1)) {
+    return a == 1 ? std::copysign(std::numeric_limits<float>::infinity(), x)
+                  : std::numeric_limits<float>::quiet_NaN();
+  }
+  // A start within about 0.002 (Winitzki 2008), then Halley's iteration, which triples the digits each time.
+  // The residual is taken from 1 in the tail, where x itself has the fewer digits.
+  const double w = detail::log_single((1 - a) * (1 + a));
+  constexpr double kA = 0.147;
+  const double b = 2 / (std::numbers::pi * kA) + w / 2;
+  double y = std::sqrt(std::max(0.0, std::sqrt(b * b - w / kA) - b));
+  for (int i = 0; i < 2; ++i) {
+    const double gauss = detail::exp_single(-y * y);
+    const double residual = y < 0.5 ? erf_small(y) - a : (1 - a) - gauss * erfcx(y);
+    const double step = residual / (1.12837916709551257390 * gauss);
+    y -= step / (1 + y * step);
+  }
+  return static_cast<float>(std::copysign(y, static_cast<double>(x)));
+}
+
+}  // namespace candela::math
