@@ -47,11 +47,13 @@ struct RoughConductorParameters {
 
 class Closure {
  public:
+  Closure() : diffuse() {}
+
   BsdfKind kind = BsdfKind::diffuse;
   bool flipped = false;  // a twosided bsdf hit from behind: directions are mirrored in z before use
   bool black = false;    // scatters nothing: a one-sided bsdf from behind, or zero reflectance everywhere
   union {
-    DiffuseParameters diffuse{};
+    DiffuseParameters diffuse;
     DielectricParameters dielectric;
     ConductorParameters conductor;
     RoughConductorParameters rough_conductor;

@@ -1,0 +1,56 @@
+// A rough metal: the microfacet model of Walter et al. 2007 with Smith's separable masking and complex
+// Fresnel reflectance; one-sided.
+//
+// f |cos theta_i| = F D(h) G1(wo) G1(wi) / (4 cos theta_o); density of wi: that of the facet normal h over 4
+// dot(wo, h).
+#pragma once
+
+#include "worker/scene/bsdf.h"
+#include "worker/scene/bsdfs/fresnel.h"
+#include "worker/scene/bsdfs/microfacet.h"
+
+namespace candela::scene::roughconductor {
+
+inline float pdf_of(const RoughConductorParameters& p, const Microfacets& m, Vec3 wo, Vec3 h, float d) {
+  if (p.sample_visible) return 0.25f * d * m.masking_over_cosine(wo);
+  return 0.25f * d * h.z / dot(wo, h);
+}
+
+inline Spectrum eval_pdf(const RoughConductorParameters& p, Vec3 wo, Vec3 wi, float& pdf) {
+  pdf = 0;
+  if (wo.z <= 0 || wi.z <= 0) return {};
+  const Vec3 sum = wo + wi;
+  const float len2 = length_squared(sum);
+  if (!(len2 > 0)) return {};
+  const Vec3 h = sum * (1 / std::sqrt(len2));
+  const float cos_d = dot(wo, h);
+  if (!(cos_d > 0)) return {};
+  const Microfacets m{p.alpha_u, p.alpha_v, p.ggx};
+  const float d = m.D(h);
+  if (d == 0) return {};
+  const float masking_o = m.masking_over_cosine(wo);
+  pdf = p.sample_visible ? 0.25f * d * masking_o : 0.25f * d * h.z / cos_d;
+  return p.reflectance * fresnel_conductor(std::min(1.0f, cos_d), p.eta, p.k) *
+         (0.25f * d * masking_o * m.G1(wi));
+}
+
+inline bool sample(const RoughConductorParameters& p, Vec3 wo, Vec2 u, BsdfSample& out) {
+  if (wo.z <= 0) return false;
+  const Microfacets m{p.alpha_u, p.alpha_v, p.ggx};
+  const Vec3 h = p.sample_visible ? m.sample_visible(wo, u) : m.sample_all(u);
+  const float cos_d = dot(wo, h);
+  if (!(cos_d > 0)) return false;
+  const Vec3 reflected = h * (2 * cos_d) - wo;
+  if (!(reflected.z > 0))
+    return false;  // into the surface: the energy that a second bounce would carry is lost
+  out.wi = normalize(reflected);
+  const float d = m.D(h);
+  if (!(d > 0)) return false;
+  out.pdf_solid_angle = pdf_of(p, m, wo, h, d);
+  const float geometry =
+      p.sample_visible ? m.G1(out.wi) : m.masking_over_cosine(wo) * m.G1(out.wi) * cos_d / h.z;
+  out.weight = p.reflectance * fresnel_conductor(std::min(1.0f, cos_d), p.eta, p.k) * geometry;
+  return true;
+}
+
+}  // namespace candela::scene::roughconductor
