@@ -89,6 +89,12 @@ struct SceneDescription {
 // Parses and validates: unknown categories, plugins and properties are errors naming file, line and the nearest known
 // name; so are missing files, include cycles (and includes deeper than 64), unresolved $parameters and refs, parameters
 // given but not used by the scene, values that do not parse, numbers that are not finite, singular transforms.
+//
+// What the caller gets is canonical: the value of a property that names a file is the file's key (open it with `files`);
+// strings of a closed set are lower case; int_ior and ext_ior are numbers; a to_uv transform acts on (u, v, 0, 1).
+// Files are looked for in the scene's <path> folders (the last one first), in the main scene file's folder, and in the
+// folder of the included XML file that names them. Integrators that Mitsuba has and Candela lacks are kept with unchecked
+// properties, for the command line may choose another; find_plugin() says which they are.
 Result<SceneDescription> parse_scene(const FileSource& files, const std::string& main_key,
                                      const std::map<std::string, std::string>& parameters);
 

@@ -2,7 +2,10 @@
 // support page of the docs.
 #pragma once
 
+#include <limits>
+#include <optional>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -12,13 +15,17 @@ namespace candela::description {
 
 struct PropertyRule {
   std::string_view name;
-  std::vector<PropertyType> types;          // accepted; `number` also accepts integer, `rgb` also number and texture children where `textured`
+  std::vector<PropertyType> types = {};     // accepted; `number` also accepts integer, `rgb` also number and texture children where `textured`
   bool textured = false;                    // may be a texture child in this slot instead
   bool required = false;
-  std::vector<std::string_view> values;     // of a string: the closed set; empty: any
+  std::vector<std::string_view> values = {};    // of a string: the closed set; empty: any
   bool is_file = false;                     // a string naming a file the bundle must hold
   bool ignored = false;                     // accepted for Mitsuba's sake, without effect on the picture here (says why in doc)
-  std::string_view doc;
+  std::string_view doc = {};                // meaning, unit and default, for the docs
+  std::string_view only = {};               // where set: any other value (in text form) is refused as not supported yet
+  double minimum = -std::numeric_limits<double>::infinity();  // bounds of an integer, a number, each component of an rgb
+  double maximum = std::numeric_limits<double>::infinity();
+  bool above_minimum = false;               // the minimum itself is out of bounds
 };
 
 struct PluginRule {
@@ -33,5 +40,22 @@ const PluginRule* find_plugin(std::string_view category, std::string_view name);
 
 // The known name with the smallest edit distance, or empty if none is near (distance > half the length).
 std::string_view nearest_name(std::string_view name, std::span<const std::string_view> known);
+
+// What Mitsuba has and Candela does not yet (`later`); `none` where Mitsuba has no such thing either.
+enum class Support { none, later };
+Support support_of_category(std::string_view category);
+Support support_of_plugin(std::string_view category, std::string_view name);
+
+// Names of the plugins of a category, of the categories that have plugins, and of a plugin's properties.
+std::vector<std::string_view> plugin_names(std::string_view category);
+std::vector<std::string_view> category_names();
+std::vector<std::string_view> property_names(const PluginRule& plugin);
+
+// Indices of refraction by Mitsuba's names ("bk7", "air"; in any case); nullopt for an unknown one.
+std::optional<double> named_index_of_refraction(std::string_view name);
+std::vector<std::string_view> index_of_refraction_names();
+
+// The page docs/scenes.md: what the loader understands, from the table it obeys.
+std::string support_table_markdown();
 
 }  // namespace candela::description

@@ -1,0 +1,307 @@
+#include "common/description/check.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "common/description/text.h"
+
+namespace candela::description {
+namespace {
+
+Error error_at(const Location& where, std::string message) {
+  return input_error(std::move(message)).at(where.file, where.line);
+}
+
+const PropertyRule* find_rule(const PluginRule& plugin, std::string_view name) {
+  for (const PropertyRule& rule : plugin.properties)
+    if (rule.name == name) return &rule;
+  return nullptr;
+}
+
+bool accepts(const PropertyRule& rule, PropertyType type) {
+  for (const PropertyType accepted : rule.types) {
+    if (accepted == type) return true;
+    if (accepted == PropertyType::number && type == PropertyType::integer) return true;
+    if (accepted == PropertyType::rgb && (type == PropertyType::number || type == PropertyType::integer))
+      return true;
+    if (accepted == PropertyType::point && type == PropertyType::vector) return true;
+    if (accepted == PropertyType::vector && type == PropertyType::point) return true;
+  }
+  return false;
+}
+
+std::string accepted_types(const PropertyRule& rule) {
+  std::string result;
+  for (const PropertyType type : rule.types)
+    result += fmt::format("{}<{}>", result.empty() ? "" : " or ", name(type));
+  if (rule.textured) result += " or <texture>";
+  return result;
+}
+
+std::string article(std::string_view noun) {
+  constexpr std::string_view vowels = "aeiou";
+  return fmt::format("{} {}", vowels.find(noun.front()) != std::string_view::npos ? "an" : "a", noun);
+}
+
+std::string names_of(const PluginRule& rule) {
+  const std::vector<std::string_view> names = property_names(rule);
+  return names.empty() ? "it has none" : fmt::format("it has {}", text::quoted_list(names));
+}
+
+Error unknown_parameter(const Object& object, const PluginRule& rule, const Location& where,
+                        std::string_view name) {
+  const std::vector<std::string_view> names = property_names(rule);
+  const std::string_view nearest = nearest_name(name, names);
+  return error_at(where, fmt::format("{} has no parameter {}", describe(object), text::quote(name)))
+      .with_mend(nearest.empty() ? names_of(rule) : text::did_you_mean(nearest));
+}
+
+// Any number the property holds, for bounds.
+std::vector<double> numbers_of(const Property& property) {
+  if (const auto* integer = std::get_if<std::int64_t>(&property.value))
+    return {static_cast<double>(*integer)};
+  if (const auto* number = std::get_if<double>(&property.value)) return {*number};
+  if (const auto* rgb = std::get_if<Rgb>(&property.value)) return {rgb->value.begin(), rgb->value.end()};
+  return {};
+}
+
+Result<void> check_bounds(const Property& property, const PropertyRule& rule) {
+  for (const double value : numbers_of(property)) {
+    if (rule.above_minimum ? !(value > rule.minimum) : !(value >= rule.minimum))
+      return error_at(property.where, fmt::format("parameter '{}' is {}, but must be {} {}", rule.name, value,
+                                                  rule.above_minimum ? "above" : "at least", rule.minimum));
+    if (!(value <= rule.maximum))
+      return error_at(property.where, fmt::format("parameter '{}' is {}, but must be at most {}", rule.name,
+                                                  value, rule.maximum));
+  }
+  return {};
+}
+
+// The value a parameter is restricted to for now, compared as what it is.
+bool is_only_value(const Property& property, std::string_view only) {
+  if (const auto* flag = std::get_if<bool>(&property.value)) return text::to_boolean(only) == *flag;
+  if (const auto* integer = std::get_if<std::int64_t>(&property.value))
+    return text::to_number(only) == static_cast<double>(*integer);
+  if (const auto* number = std::get_if<double>(&property.value)) return text::to_number(only) == *number;
+  if (const auto* string = std::get_if<std::string>(&property.value)) return *string == only;
+  return false;
+}
+
+bool is_index_of_refraction(const PropertyRule& rule) {
+  return rule.name == "int_ior" || rule.name == "ext_ior";
+}
+
+Result<void> check_property(Property& property, const PropertyRule& rule) {
+  if (!accepts(rule, property.type))
+    return error_at(property.where, fmt::format("parameter '{}' is {}, but must be {}", rule.name,
+                                                article(name(property.type)), accepted_types(rule)));
+  if (!rule.only.empty() && !is_only_value(property, rule.only))
+    return error_at(
+        property.where,
+        fmt::format("parameter '{}' is not supported yet with a value other than {}", rule.name, rule.only));
+  if (auto* string = std::get_if<std::string>(&property.value)) {
+    if (!rule.values.empty()) {
+      const std::string folded = text::lower(*string);
+      if (std::find(rule.values.begin(), rule.values.end(), folded) == rule.values.end()) {
+        const std::string_view nearest = nearest_name(*string, rule.values);
+        Error error = error_at(property.where, fmt::format("{} is not a value of parameter '{}'",
+                                                           text::quote(*string), rule.name));
+        if (rule.name == "material")
+          return error_at(property.where,
+                          fmt::format("the named material {} is not supported yet", text::quote(*string)))
+              .with_mend("give eta and k as rgb");
+        return std::move(error).with_mend(nearest.empty()
+                                              ? fmt::format("there is {}", text::quoted_list(rule.values))
+                                              : text::did_you_mean(nearest));
+      }
+      *string = folded;
+    } else if (is_index_of_refraction(rule)) {
+      const std::optional<double> index = named_index_of_refraction(*string);
+      if (!index) {
+        const std::vector<std::string_view> known = index_of_refraction_names();
+        const std::string_view nearest = nearest_name(*string, known);
+        return error_at(property.where, fmt::format("{} is not a material with a known index of refraction",
+                                                    text::quote(*string)))
+            .with_mend(nearest.empty() ? fmt::format("there is {}", text::quoted_list(known))
+                                       : text::did_you_mean(nearest));
+      }
+      property.type = PropertyType::number;
+      property.value = *index;
+    }
+  }
+  return check_bounds(property, rule);
+}
+
+Result<void> exclude(const Object& object, std::string_view a, std::string_view b) {
+  const Property* first = object.find(a);
+  const Property* second = object.find(b);
+  if (first == nullptr || second == nullptr) return {};
+  return error_at(second->where, fmt::format("{} has both '{}' and '{}'", describe(object), a, b))
+      .with_mend("leave one of them out");
+}
+
+Result<void> check_focal_length(const Object& object) {
+  const Property* focal = object.find("focal_length");
+  if (focal == nullptr) return {};
+  std::string_view value = std::get<std::string>(focal->value);
+  if (value.ends_with("mm")) value.remove_suffix(2);
+  const std::optional<double> length = text::to_number(value);
+  if (!length || !(*length > 0))
+    return error_at(focal->where,
+                    fmt::format("{} is not a focal length", text::quote(std::get<std::string>(focal->value))))
+        .with_mend("write millimetres, such as '50mm'");
+  return {};
+}
+
+Result<void> check_combinations(const Object& object) {
+  if (object.plugin == "roughconductor") {
+    CANDELA_TRY(exclude(object, "alpha", "alpha_u"));
+    CANDELA_TRY(exclude(object, "alpha", "alpha_v"));
+    const Property* u = object.find("alpha_u");
+    const Property* v = object.find("alpha_v");
+    if ((u == nullptr) != (v == nullptr))
+      return error_at((u != nullptr ? u : v)->where, "'alpha_u' and 'alpha_v' are only valid together");
+  }
+  if (object.plugin == "perspective") {
+    CANDELA_TRY(exclude(object, "fov", "focal_length"));
+    CANDELA_TRY(check_focal_length(object));
+    const double near_clip = object.get_number("near_clip", 0.01);
+    const double far_clip = object.get_number("far_clip", 10000);
+    if (!(far_clip > near_clip))
+      return error_at(object.where,
+                      fmt::format("far_clip {} is not beyond near_clip {}", far_clip, near_clip));
+  }
+  if (object.plugin == "hdrfilm") {
+    for (const auto& [crop, full, otherwise] :
+         {std::tuple("crop_width", "width", 768), std::tuple("crop_height", "height", 576)}) {
+      const Property* property = object.find(crop);
+      if (property != nullptr && object.get_integer(crop, 0) != object.get_integer(full, otherwise))
+        return error_at(property->where,
+                        fmt::format("a crop window is not supported yet: '{}' differs from '{}'", crop, full))
+            .with_mend("leave the crop parameters out");
+    }
+  }
+  if (object.category == "emitter") {
+    CANDELA_TRY(exclude(object, "to_world", "position"));
+    CANDELA_TRY(exclude(object, "to_world", "direction"));
+    const Property* direction = object.find("direction");
+    if (direction != nullptr && std::get<Vec3>(direction->value) == Vec3{0, 0, 0})
+      return error_at(direction->where, "parameter 'direction' has no length");
+  }
+  return {};
+}
+
+// A texture needs the name of a parameter that takes one.
+Result<void> check_texture(const Object& object, const PluginRule& rule, const Child& child,
+                           const Location& where) {
+  if (child.slot.empty()) {
+    std::vector<std::string_view> slots;
+    for (const PropertyRule& property : rule.properties)
+      if (property.textured) slots.push_back(property.name);
+    if (slots.empty()) return error_at(where, fmt::format("{} takes no texture", describe(object)));
+    return error_at(where, fmt::format("a texture of {} needs a name", describe(object)))
+        .with_mend(fmt::format("it takes {}", text::quoted_list(slots)));
+  }
+  const PropertyRule* slot = find_rule(rule, child.slot);
+  if (slot == nullptr) return unknown_parameter(object, rule, where, child.slot);
+  if (!slot->textured)
+    return error_at(where, fmt::format("a texture as parameter '{}' of {} is not supported", slot->name,
+                                       describe(object)));
+  const auto same = [&](const Child& other) { return other.slot == child.slot && &other != &child; };
+  if (object.find(child.slot) != nullptr || std::any_of(object.children.begin(), object.children.end(), same))
+    return error_at(where, fmt::format("parameter '{}' of {} is given twice", child.slot, describe(object)));
+  return {};
+}
+
+Result<void> at_most_one(const Object& object, std::string_view category, std::span<const Location> where) {
+  bool seen = false;
+  for (std::size_t i = 0; i < object.children.size(); ++i) {
+    if (object.children[i].object->category != category) continue;
+    if (seen) return error_at(where[i], fmt::format("{} has more than one {}", describe(object), category));
+    seen = true;
+  }
+  return {};
+}
+
+Result<void> check_twosided(const Object& object, std::span<const Location> where) {
+  if (object.children.empty() || object.children.size() > 2)
+    return error_at(object.where,
+                    fmt::format("bsdf 'twosided' needs one or two bsdfs, not {}", object.children.size()));
+  for (std::size_t i = 0; i < object.children.size(); ++i) {
+    const std::string& inner = object.children[i].object->plugin;
+    if (inner == "dielectric")
+      return error_at(where[i], "bsdf 'dielectric' transmits light, so it cannot be inside 'twosided'")
+          .with_mend("use it without 'twosided'");
+    if (inner == "twosided") return error_at(where[i], "bsdf 'twosided' cannot be inside another 'twosided'");
+  }
+  return {};
+}
+
+Result<void> check_scene(const Object& object, std::span<const Location> where) {
+  CANDELA_TRY(at_most_one(object, "integrator", where));
+  bool environment = false;
+  for (std::size_t i = 0; i < object.children.size(); ++i) {
+    const Object& child = *object.children[i].object;
+    if (child.category != "emitter") continue;
+    if (child.plugin == "area")
+      return error_at(where[i], "emitter 'area' is outside of a shape")
+          .with_mend("move it into the shape that glows");
+    if (child.plugin != "constant" && child.plugin != "envmap") continue;
+    if (environment) return error_at(where[i], "the scene has more than one environment emitter");
+    environment = true;
+  }
+  return {};
+}
+
+}  // namespace
+
+std::string describe(const Object& object) {
+  if (object.category == "scene") return "the scene";
+  return fmt::format("{} {}", object.category, text::quote(object.plugin));
+}
+
+Result<void> check_properties(Object& object, const PluginRule& rule) {
+  for (Property& property : object.properties) {
+    const PropertyRule* property_rule = find_rule(rule, property.name);
+    if (property_rule == nullptr) return unknown_parameter(object, rule, property.where, property.name);
+    CANDELA_TRY(check_property(property, *property_rule));
+  }
+  return check_combinations(object);
+}
+
+Result<void> check_children(const Object& object, const PluginRule& rule, std::span<const Location> where) {
+  for (std::size_t i = 0; i < object.children.size(); ++i) {
+    const Child& child = object.children[i];
+    const std::string& category = child.object->category;
+    if (category == "texture" && object.category != "scene") {
+      CANDELA_TRY(check_texture(object, rule, child, where[i]));
+    } else if (std::find(rule.child_categories.begin(), rule.child_categories.end(), category) ==
+               rule.child_categories.end()) {
+      return error_at(where[i],
+                      fmt::format("{} cannot be inside {}", describe(*child.object), describe(object)));
+    }
+  }
+  for (const PropertyRule& property : rule.properties)
+    if (property.required && object.find(property.name) == nullptr)
+      return error_at(object.where,
+                      fmt::format("{} lacks the parameter '{}'", describe(object), property.name));
+
+  if (object.category == "scene") return check_scene(object, where);
+  if (object.plugin == "twosided") return check_twosided(object, where);
+  if (object.category == "shape") {
+    CANDELA_TRY(at_most_one(object, "bsdf", where));
+    CANDELA_TRY(at_most_one(object, "emitter", where));
+    for (std::size_t i = 0; i < object.children.size(); ++i) {
+      const Object& child = *object.children[i].object;
+      if (child.category == "emitter" && child.plugin != "area")
+        return error_at(where[i], fmt::format("{} cannot be inside a shape", describe(child)))
+            .with_mend("move it out, or use emitter 'area'");
+    }
+  }
+  CANDELA_TRY(at_most_one(object, "film", where));
+  CANDELA_TRY(at_most_one(object, "sampler", where));
+  return at_most_one(object, "rfilter", where);
+}
+
+}  // namespace candela::description

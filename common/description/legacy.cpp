@@ -1,0 +1,146 @@
+#include "common/description/legacy.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <vector>
+
+#include "common/description/text.h"
+#include "common/description/transform.h"
+#include "common/description/vocabulary.h"
+
+namespace candela::description::legacy {
+namespace {
+
+Property* find(Object& object, std::string_view name) {
+  const auto found = std::find_if(object.properties.begin(), object.properties.end(),
+                                  [&](const Property& property) { return property.name == name; });
+  return found == object.properties.end() ? nullptr : &*found;
+}
+
+std::optional<Property> take(Object& object, std::string_view name) {
+  Property* found = find(object, name);
+  if (found == nullptr) return std::nullopt;
+  Property property = std::move(*found);
+  object.properties.erase(object.properties.begin() + (found - object.properties.data()));
+  return property;
+}
+
+Error error_at(const Property& property, std::string message) {
+  return input_error(std::move(message)).at(property.where.file, property.where.line);
+}
+
+// 0.6 looks up at uv * scale + offset; today that is a transform.
+Result<void> merge_uv_parameters(Object& object) {
+  Vec3 offset = {0, 0, 0};
+  Vec3 scale = {1, 1, 1};
+  struct Target {
+    std::string_view name;
+    double& value;
+  };
+  const std::array<Target, 4> targets = {
+      {{"uoffset", offset[0]}, {"voffset", offset[1]}, {"uscale", scale[0]}, {"vscale", scale[1]}}};
+  std::optional<Location> first;
+  for (const Target& target : targets) {
+    const std::optional<Property> property = take(object, target.name);
+    if (!property) continue;
+    if (const auto* number = std::get_if<double>(&property->value)) {
+      target.value = *number;
+    } else if (const auto* integer = std::get_if<std::int64_t>(&property->value)) {
+      target.value = static_cast<double>(*integer);
+    } else {
+      return error_at(*property, fmt::format("parameter '{}' must be a float", target.name));
+    }
+    if (!first) first = property->where;
+  }
+  if (!first) return {};
+  if (const Property* other = find(object, "to_uv"))
+    return error_at(*other, "'to_uv' and 'uoffset', 'voffset', 'uscale' or 'vscale' exclude each other");
+  Property merged;
+  merged.name = "to_uv";
+  merged.type = PropertyType::transform;
+  merged.value = transform::multiply(transform::translate(offset), transform::scale(scale));
+  merged.where = *first;
+  if (!transform::is_invertible(std::get<Mat4>(merged.value)))
+    return error_at(merged, "'uscale' and 'vscale' must not be 0");
+  object.properties.push_back(std::move(merged));
+  return {};
+}
+
+Result<void> upgrade_bitmap(Object& object) {
+  // Prefiltered lookups of 0.6: without ray differentials they are bilinear ones.
+  if (Property* filter = find(object, "filter_type");
+      filter != nullptr && filter->type == PropertyType::string) {
+    const std::string value = text::lower(std::get<std::string>(filter->value));
+    if (value == "ewa" || value == "trilinear") filter->value = std::string("bilinear");
+  }
+  std::optional<Property> u = take(object, "wrap_mode_u");
+  std::optional<Property> v = take(object, "wrap_mode_v");
+  if (!u && !v) return {};
+  const Property& one = u ? *u : *v;
+  if (find(object, "wrap_mode") != nullptr)
+    return error_at(one, "'wrap_mode' and 'wrap_mode_u' or 'wrap_mode_v' exclude each other");
+  const auto text_of = [](const std::optional<Property>& property) -> std::optional<std::string> {
+    if (!property) return "repeat";
+    const auto* value = std::get_if<std::string>(&property->value);
+    return value == nullptr ? std::nullopt : std::optional(text::lower(*value));
+  };
+  const std::optional<std::string> mode_u = text_of(u);
+  const std::optional<std::string> mode_v = text_of(v);
+  if (!mode_u || !mode_v) return error_at(one, fmt::format("parameter '{}' must be a string", one.name));
+  if (*mode_u != *mode_v) return error_at(one, "different wrap modes along u and v are not supported yet");
+  Property merged = one;
+  merged.name = "wrap_mode";
+  merged.value = *mode_u;
+  object.properties.push_back(std::move(merged));
+  return {};
+}
+
+Result<void> upgrade_conductor(Object& object) {
+  if (const std::optional<Property> outside = take(object, "ext_eta")) {
+    std::optional<double> index;
+    if (const auto* number = std::get_if<double>(&outside->value)) index = *number;
+    if (const auto* integer = std::get_if<std::int64_t>(&outside->value))
+      index = static_cast<double>(*integer);
+    if (const auto* name = std::get_if<std::string>(&outside->value))
+      index = named_index_of_refraction(*name);
+    if (!index || std::fabs(*index - 1) > 1e-3)
+      return error_at(*outside, "a conductor in another medium than air is not supported")
+          .with_mend("divide eta and k by ext_eta");
+  }
+  if (find(object, "material") == nullptr && find(object, "eta") == nullptr && find(object, "k") == nullptr)
+    return input_error(
+               fmt::format("bsdf '{}' has neither eta and k nor a material, which before version 2 means "
+                           "copper; named materials are not supported yet",
+                           object.plugin))
+        .at(object.where.file, object.where.line)
+        .with_mend("give eta and k as rgb");
+  return {};
+}
+
+}  // namespace
+
+std::string plugin_name(std::string_view category, std::string_view name) {
+  if (category == "film" && name == "ldrfilm") return "hdrfilm";
+  return std::string(name);
+}
+
+Result<void> upgrade(Object& object, std::string_view plugin) {
+  if (object.category == "bsdf" && object.plugin == "diffuse") {
+    Property* old = find(object, "diffuse_reflectance");
+    if (old != nullptr && find(object, "reflectance") == nullptr) old->name = "reflectance";
+  }
+  if (object.category == "bsdf" && (object.plugin == "conductor" || object.plugin == "roughconductor"))
+    CANDELA_TRY(upgrade_conductor(object));
+  if (object.category == "texture") CANDELA_TRY(merge_uv_parameters(object));
+  if (object.category == "texture" && object.plugin == "bitmap") CANDELA_TRY(upgrade_bitmap(object));
+  if (object.category == "film" && plugin == "ldrfilm")
+    for (const std::string_view tone_mapping : {"tonemap_method", "gamma", "exposure", "key", "burn"})
+      take(object, tone_mapping);
+  return {};
+}
+
+}  // namespace candela::description::legacy

@@ -1,0 +1,20 @@
+// The spelling of Mitsuba 0.6 (scene versions before 2) in today's words, as Mitsuba 3 reads such files, and
+// some more.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "common/base/result.h"
+#include "common/description/object.h"
+
+namespace candela::description::legacy {
+
+// Today's name of a plugin ("ldrfilm" -> "hdrfilm"); the name itself where it has not changed.
+std::string plugin_name(std::string_view category, std::string_view name);
+
+// Turns the properties of one object of an old file into today's: names, merged or split parameters, values.
+// `plugin` is the name as written. What means something else today, or nothing, is an error naming the mend.
+Result<void> upgrade(Object& object, std::string_view plugin);
+
+}  // namespace candela::description::legacy

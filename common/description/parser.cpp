@@ -1,0 +1,484 @@
+// parse_scene: the walk over the XML tree, its includes and its search folders.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <map>
+#include <set>
+
+#include "common/description/check.h"
+#include "common/description/file_key.h"
+#include "common/description/legacy.h"
+#include "common/description/parameters.h"
+#include "common/description/resolve.h"
+#include "common/description/text.h"
+#include "common/description/transform.h"
+#include "common/description/values.h"
+#include "common/description/vocabulary.h"
+#include "common/description/xml_document.h"
+
+namespace candela::description {
+namespace {
+
+constexpr int max_element_depth = 64;
+constexpr std::size_t max_include_depth = 64;
+constexpr std::size_t max_includes = 10'000;
+constexpr std::size_t max_nodes = 20'000'000;
+constexpr std::size_t max_attributes = 32;
+constexpr std::size_t max_properties = 256;
+constexpr std::size_t max_total_bytes = std::size_t{1} << 30;
+
+constexpr std::array<std::string_view, 7> structure_elements = {"scene", "ref",  "default",  "include",
+                                                                "alias", "path", "transform"};
+// Mitsuba 0.6 has these; nothing stands for them yet.
+constexpr std::array<std::string_view, 2> later_elements = {"blackbody", "animation"};
+
+// "0.6.0", "3.0.0", "2.1": the first number decides.
+std::optional<int> major_version(std::string_view text) {
+  std::optional<int> major;
+  while (true) {
+    int number = 0;
+    const auto [stop, code] = std::from_chars(text.data(), text.data() + text.size(), number);
+    if (code != std::errc() || number < 0) return std::nullopt;
+    if (!major) major = number;
+    text.remove_prefix(static_cast<std::size_t>(stop - text.data()));
+    if (text.empty()) return major;
+    if (text.front() != '.') return std::nullopt;
+    text.remove_prefix(1);
+  }
+}
+
+// For messages: fit to print, without the quotes.
+std::string bare(std::string_view name) {
+  const std::string quoted = text::quote(name);
+  return quoted.substr(1, quoted.size() - 2);
+}
+
+class Parser {
+ public:
+  Parser(const FileSource& files, const std::map<std::string, std::string>& given)
+      : files_(files), parameters_(given) {}
+
+  Result<SceneDescription> run(const std::string& main_key) {
+    main_folder_ = folder_of_key(main_key);
+    CANDELA_ASSIGN(const std::unique_ptr<XmlDocument> document, load(main_key));
+    File file{*document, false};
+    const pugi::xml_node root = document->root();
+    if (std::string_view(root.name()) != "scene")
+      return error_at(document->where(root), fmt::format("the root element is <{}>", root.name()))
+          .with_mend("a scene file starts with <scene version=\"3.0.0\">");
+    if (!root.attribute("version"))
+      return error_at(document->where(root), "<scene> lacks the attribute 'version'")
+          .with_mend("write <scene version=\"3.0.0\">, or the version the file was made for");
+    CANDELA_ASSIGN(file.legacy, is_legacy(file, root));
+    include_stack_.push_back(main_key);
+    CANDELA_ASSIGN(const std::size_t scene, parse_object(file, root, 1));
+    CANDELA_ASSIGN(ObjectPtr resolved, resolve(drafts_, scene, ids_));
+    Result<void> used = parameters_.check_all_used();
+    if (!used.ok()) return std::move(used).error().at(main_key, 0);
+    return SceneDescription{std::move(resolved), {used_files_.begin(), used_files_.end()}};
+  }
+
+ private:
+  // An XML file while it is walked.
+  struct File {
+    const XmlDocument& document;
+    bool legacy;
+  };
+
+  static Error error_at(const Location& where, std::string message) {
+    return input_error(std::move(message)).at(where.file, where.line);
+  }
+
+  // ---- files ----
+
+  Result<std::unique_ptr<XmlDocument>> load(const std::string& key) {
+    if (!is_file_key(key)) return input_error(fmt::format("{} is not the name of a file", text::quote(key)));
+    CANDELA_ASSIGN(const FileSource::Bytes bytes, files_.open(key));
+    total_bytes_ += bytes.view.size();
+    if (total_bytes_ > max_total_bytes)
+      return input_error(fmt::format("the scene's XML has more than {} bytes in all", max_total_bytes))
+          .at(key, 0);
+    used_files_.insert(key);
+    return XmlDocument::parse(key, bytes.view);
+  }
+
+  // The key of a file named in the scene, found and readable: in the <path> folders, the last one first, then
+  // in the main scene file's folder, then in the folder of the XML file that names it.
+  Result<std::string> find_file(const File& file, const Location& where, std::string_view name) {
+    std::vector<std::string> folders(search_folders_.rbegin(), search_folders_.rend());
+    folders.push_back(main_folder_);
+    folders.push_back(folder_of_key(file.document.key()));
+    std::optional<Error> first_error;
+    for (const std::string& folder : folders) {
+      const std::string key = file_key(folder, name);
+      if (name.empty() || !is_file_key(key))
+        return error_at(where, fmt::format("{} is not the name of a file", text::quote(name)));
+      if (used_files_.contains(key)) return key;
+      Result<FileSource::Bytes> bytes = files_.open(key);
+      if (bytes.ok()) {
+        used_files_.insert(key);
+        return key;
+      }
+      // The main folder's reason is the one to tell.
+      if (!first_error || folder == main_folder_) first_error = std::move(bytes).error();
+    }
+    Error error = error_at(where, fmt::format("file {}: {}", text::quote(name), first_error->message));
+    error.kind = first_error->kind;
+    return error;
+  }
+
+  // ---- elements ----
+
+  Result<void> count(const File& file, const pugi::xml_node& node) {
+    if (++node_count_ > max_nodes)
+      return error_at(file.document.where(node),
+                      fmt::format("the scene has more than {} elements", max_nodes));
+    if (node.type() == pugi::node_element) return {};
+    // Text: named where it begins, behind the white space.
+    std::string_view words = node.value();
+    Location where = file.document.where(node);
+    while (!words.empty() && (words.front() == ' ' || words.front() == '\t' || words.front() == '\n')) {
+      where.line += words.front() == '\n' ? 1 : 0;
+      words.remove_prefix(1);
+    }
+    words = words.substr(0, words.find('\n'));
+    return error_at(where,
+                    fmt::format("unexpected text {} in <{}>", text::quote(words), node.parent().name()));
+  }
+
+  // The node's attributes with parameters resolved.
+  Result<Element> element(const File& file, const pugi::xml_node& node) {
+    Element result;
+    result.name = node.name();
+    result.where = file.document.where(node);
+    result.legacy = file.legacy;
+    for (const pugi::xml_attribute& attribute : node.attributes()) {
+      const std::string_view name = attribute.name();
+      if (result.find(name) != nullptr)
+        return result.error(
+            fmt::format("attribute {} of <{}> is given twice", text::quote(name), result.name));
+      if (result.attributes.size() >= max_attributes)
+        return result.error(fmt::format("<{}> has more than {} attributes", result.name, max_attributes));
+      const std::string_view value = attribute.value();
+      if (value.find('$') == std::string_view::npos) {
+        result.attributes.emplace_back(name, value);
+        continue;
+      }
+      Result<std::string> substituted = parameters_.substitute(value);
+      if (!substituted.ok()) return std::move(substituted).error().at(result.where.file, result.where.line);
+      result.attributes.emplace_back(name, std::move(substituted).value());
+    }
+    return result;
+  }
+
+  Result<bool> is_legacy(const File& file, const pugi::xml_node& root) const {
+    const pugi::xml_attribute version = root.attribute("version");
+    if (!version) return file.legacy;
+    const std::optional<int> major = major_version(version.value());
+    if (!major)
+      return error_at(file.document.where(root),
+                      fmt::format("{} is not a version", text::quote(version.value())))
+          .with_mend("write it as '3.0.0'");
+    return *major < 2;
+  }
+
+  static std::string modern_name(const File& file, std::string_view name) {
+    return file.legacy ? text::snake_case(name) : std::string(name);
+  }
+
+  // Leading underscores are Mitsuba's own.
+  static Result<void> check_name(const Element& element, std::string_view attribute) {
+    const std::string_view name = element.get(attribute);
+    if (!element.legacy && name.starts_with('_'))
+      return element.error(
+          fmt::format("{} {} starts with an underscore, which is reserved", attribute, text::quote(name)));
+    return {};
+  }
+
+  Error unknown_element(const Location& where, std::string_view name) const {
+    if (support_of_category(name) == Support::later ||
+        std::find(later_elements.begin(), later_elements.end(), name) != later_elements.end())
+      return error_at(where, fmt::format("<{}> is not supported yet", name));
+    std::vector<std::string_view> known = category_names();
+    known.insert(known.end(), structure_elements.begin(), structure_elements.end());
+    for (const std::string_view value :
+         {"boolean", "integer", "float", "string", "point", "vector", "rgb", "srgb", "spectrum"})
+      known.push_back(value);
+    return error_at(where, fmt::format("unknown element <{}>", bare(name)))
+        .with_mend(text::did_you_mean(nearest_name(name, known)));
+  }
+
+  static bool is_category(std::string_view name) {
+    static const std::vector<std::string_view> names = category_names();
+    return std::find(names.begin(), names.end(), name) != names.end();
+  }
+
+  Error unknown_plugin(const Location& where, std::string_view category, std::string_view name) const {
+    const std::vector<std::string_view> known = plugin_names(category);
+    if (support_of_plugin(category, name) == Support::later)
+      return error_at(where, fmt::format("{} {} is not supported yet", category, text::quote(name)))
+          .with_mend(fmt::format("there is {}", text::quoted_list(known)));
+    const std::string_view nearest = nearest_name(name, known);
+    return error_at(where, fmt::format("unknown {} {}", category, text::quote(name)))
+        .with_mend(nearest.empty() ? fmt::format("there is {}", text::quoted_list(known))
+                                   : text::did_you_mean(nearest));
+  }
+
+  // ---- objects ----
+
+  // The index of the new draft. `depth` is 1 for the scene.
+  Result<std::size_t> parse_object(const File& file, const pugi::xml_node& node, int depth) {
+    CANDELA_TRY(count(file, node));
+    CANDELA_ASSIGN(const Element written, element(file, node));
+    const bool is_scene = written.name == "scene";
+    if (is_scene) {
+      CANDELA_TRY(written.expect({}, {"version", "type", "id", "name"}));
+    } else {
+      CANDELA_TRY(written.expect({"type"}, {"id", "name", "version"}));
+    }
+    if (depth > max_element_depth)
+      return written.error(fmt::format("elements are nested deeper than {} levels", max_element_depth));
+    CANDELA_TRY(check_name(written, "id"));
+    CANDELA_TRY(check_name(written, "name"));
+
+    auto object = std::make_shared<Object>();
+    object->category = std::string(written.name);
+    const std::string plugin = is_scene ? std::string() : std::string(written.get("type"));
+    object->plugin = file.legacy ? legacy::plugin_name(object->category, plugin) : plugin;
+    object->id = std::string(written.get("id"));
+    object->where = written.where;
+    const PluginRule* rule = find_plugin(object->category, object->plugin);
+    // Integrators that Mitsuba has are kept unread: the command line may choose another.
+    const bool unread =
+        object->category == "integrator" && support_of_plugin("integrator", object->plugin) == Support::later;
+    if (rule == nullptr && !unread) return unknown_plugin(written.where, object->category, object->plugin);
+
+    const std::size_t index = drafts_.size();
+    drafts_.push_back({object, {}});
+    CANDELA_TRY(register_id(object->id, index, written.where, written.name));
+    CANDELA_TRY(parse_children(file, node, index, depth));
+
+    if (rule == nullptr) return index;
+    if (file.legacy) CANDELA_TRY(legacy::upgrade(*object, plugin));
+    CANDELA_TRY(check_properties(*object, *rule));
+    for (const PropertyRule& property_rule : rule->properties) {
+      if (!property_rule.is_file) continue;
+      for (Property& property : object->properties)
+        if (property.name == property_rule.name) {
+          CANDELA_ASSIGN(property.value,
+                         find_file(file, property.where, std::get<std::string>(property.value)));
+        }
+    }
+    return index;
+  }
+
+  Result<void> register_id(const std::string& id, std::size_t index, const Location& where,
+                           std::string_view what) {
+    if (id.empty()) return {};
+    const auto [entry, added] = ids_.try_emplace(id, index);
+    if (added) return {};
+    const Location& first = drafts_[entry->second].object->where;
+    return error_at(where, fmt::format("<{}> has the id {}, which is taken since {}:{}", what,
+                                       text::quote(id), first.file, first.line));
+  }
+
+  Result<void> parse_children(const File& file, const pugi::xml_node& node, std::size_t parent, int depth) {
+    for (const pugi::xml_node& child : node.children()) CANDELA_TRY(parse_child(file, child, parent, depth));
+    return {};
+  }
+
+  Result<void> parse_child(const File& file, const pugi::xml_node& node, std::size_t parent, int depth) {
+    const std::string_view name = node.name();
+    if (node.type() == pugi::node_element && name == "scene")
+      return error_at(file.document.where(node), "<scene> cannot be inside another element");
+    // A <spectrum type=...> of Mitsuba 3 is a plugin, said to be missing by parse_value.
+    if (node.type() == pugi::node_element && is_category(name)) {
+      CANDELA_ASSIGN(const std::size_t index, parse_object(file, node, depth + 1));
+      return link_object(file, node, parent, index);
+    }
+    CANDELA_TRY(count(file, node));
+    CANDELA_ASSIGN(const Element written, element(file, node));
+    if (name == "include") return parse_include(file, written, parent, depth);
+    if (name == "transform") return parse_transform(file, node, written, parent);
+    if (is_value_element(name)) {
+      CANDELA_TRY(check_name(written, "name"));
+      CANDELA_ASSIGN(Property property, parse_value(written));
+      CANDELA_TRY(no_children(file, node));
+      return add_property(file, std::move(property), parent);
+    }
+    CANDELA_TRY(no_children(file, node));
+    if (name == "ref") return parse_reference(file, written, parent);
+    if (name == "default") return parse_default(written);
+    if (name == "alias") return parse_alias(written);
+    if (name == "path") return parse_path(file, written, depth);
+    if (is_transform_operation(name))
+      return written.error(fmt::format("<{}> belongs inside <transform>", name));
+    return unknown_element(written.where, name);
+  }
+
+  Result<void> no_children(const File& file, const pugi::xml_node& node) {
+    const pugi::xml_node child = node.first_child();
+    if (!child) return {};
+    CANDELA_TRY(count(file, child));
+    return error_at(file.document.where(child),
+                    fmt::format("<{}> cannot be inside <{}>", child.name(), node.name()));
+  }
+
+  Result<void> link_object(const File& file, const pugi::xml_node& node, std::size_t parent,
+                           std::size_t index) {
+    CANDELA_ASSIGN(const Element written, element(file, node));
+    drafts_[parent].links.push_back(
+        {modern_slot(file, parent, written.get("name")), written.where, index, false, {}});
+    return {};
+  }
+
+  // Slots follow the spelling of parameters.
+  std::string modern_slot(const File& file, std::size_t parent, std::string_view name) const {
+    std::string slot = modern_name(file, name);
+    const Object& object = *drafts_[parent].object;
+    if (file.legacy && object.plugin == "diffuse" && slot == "diffuse_reflectance") slot = "reflectance";
+    return slot;
+  }
+
+  Result<void> add_property(const File& file, Property property, std::size_t parent) {
+    Object& object = *drafts_[parent].object;
+    property.name = modern_name(file, property.name);
+    if (property.name.empty())
+      return error_at(property.where, fmt::format("a parameter of {} has an empty name", describe(object)));
+    if (const Property* first = object.find(property.name))
+      return error_at(property.where,
+                      fmt::format("parameter {} of {} is given twice, first in line {}",
+                                  text::quote(property.name), describe(object), first->where.line));
+    if (object.properties.size() >= max_properties)
+      return error_at(property.where,
+                      fmt::format("{} has more than {} parameters", describe(object), max_properties));
+    object.properties.push_back(std::move(property));
+    return {};
+  }
+
+  Result<void> parse_transform(const File& file, const pugi::xml_node& node, const Element& written,
+                               std::size_t parent) {
+    CANDELA_TRY(written.expect({"name"}));
+    CANDELA_TRY(check_name(written, "name"));
+    Property property;
+    property.name = std::string(written.get("name"));
+    property.type = PropertyType::transform;
+    property.where = written.where;
+    const bool two_dimensional = modern_name(file, property.name) == "to_uv";
+    // Each operation acts after those before it.
+    Mat4 matrix = transform::identity;
+    for (const pugi::xml_node& child : node.children()) {
+      CANDELA_TRY(count(file, child));
+      CANDELA_ASSIGN(const Element operation, element(file, child));
+      if (!is_transform_operation(operation.name))
+        return operation.error(fmt::format("<{}> cannot be inside <transform>", operation.name))
+            .with_mend("there is <translate>, <rotate>, <scale>, <lookat>, <matrix>");
+      CANDELA_TRY(no_children(file, child));
+      CANDELA_ASSIGN(const Mat4 step, parse_operation(operation, two_dimensional));
+      matrix = transform::multiply(step, matrix);
+    }
+    if (!transform::is_finite(matrix))
+      return written.error(fmt::format("the transform {} is not finite", text::quote(property.name)));
+    if (!transform::is_invertible(matrix))
+      return written.error(fmt::format("the transform {} is singular", text::quote(property.name)))
+          .with_mend("it flattens space; scale by a small number instead of 0");
+    property.value = matrix;
+    return add_property(file, std::move(property), parent);
+  }
+
+  Result<void> parse_reference(const File& file, const Element& written, std::size_t parent) {
+    CANDELA_TRY(written.expect({"id"}, {"name"}));
+    CANDELA_TRY(check_name(written, "name"));
+    drafts_[parent].links.push_back({modern_slot(file, parent, written.get("name")), written.where, 0, true,
+                                     std::string(written.get("id"))});
+    return {};
+  }
+
+  Result<void> parse_default(const Element& written) {
+    CANDELA_TRY(written.expect({"name", "value"}));
+    if (written.get("name").empty()) return written.error("<default> has an empty name");
+    parameters_.add_default(*written.find("name"), *written.find("value"));
+    return {};
+  }
+
+  // As in Mitsuba, the id must be known already.
+  Result<void> parse_alias(const Element& written) {
+    CANDELA_TRY(written.expect({"id", "as"}));
+    const auto known = ids_.find(written.get("id"));
+    if (known == ids_.end()) {
+      std::vector<std::string_view> ids;
+      for (const auto& [id, index] : ids_) ids.push_back(id);
+      return written
+          .error(fmt::format("no object before this line has the id {}", text::quote(written.get("id"))))
+          .with_mend(text::did_you_mean(nearest_name(written.get("id"), ids)));
+    }
+    if (written.get("as").empty()) return written.error("<alias> has an empty 'as'");
+    return register_id(*written.find("as"), known->second, written.where, "alias");
+  }
+
+  Result<void> parse_path(const File& file, const Element& written, int depth) {
+    CANDELA_TRY(written.expect({"value"}));
+    if (depth != 1) return written.error("<path> belongs directly into <scene>");
+    std::string folder = file_key(folder_of_key(file.document.key()), written.get("value"));
+    while (folder.size() > 1 && folder.ends_with('/')) folder.pop_back();
+    if (written.get("value").empty() || !text::is_utf8(folder))
+      return written.error("<path> names no folder");
+    if (search_folders_.size() >= max_search_folders)
+      return written.error(fmt::format("the scene has more than {} <path> elements", max_search_folders));
+    search_folders_.push_back(std::move(folder));
+    return {};
+  }
+
+  Result<void> parse_include(const File& file, const Element& written, std::size_t parent, int depth) {
+    CANDELA_TRY(written.expect({"filename"}, {"name"}));
+    CANDELA_ASSIGN(const std::string key, find_file(file, written.where, written.get("filename")));
+    if (std::find(include_stack_.begin(), include_stack_.end(), key) != include_stack_.end())
+      return written.error(fmt::format("{} includes itself", text::quote(key)));
+    if (include_stack_.size() > max_include_depth)
+      return written.error(fmt::format("includes are nested deeper than {} levels", max_include_depth));
+    if (++include_count_ > max_includes)
+      return written.error(fmt::format("the scene has more than {} includes", max_includes));
+    CANDELA_ASSIGN(const std::unique_ptr<XmlDocument> document, load(key));
+    File included{*document, file.legacy};
+    const pugi::xml_node root = document->root();
+    CANDELA_ASSIGN(included.legacy, is_legacy(included, root));
+    include_stack_.push_back(key);
+    const std::string_view name = root.name();
+    if (name == "scene") {
+      CANDELA_TRY(count(included, root));
+      CANDELA_TRY(parse_children(included, root, parent, depth));
+    } else if (is_category(name)) {
+      CANDELA_ASSIGN(const std::size_t index, parse_object(included, root, depth + 1));
+      drafts_[parent].links.push_back(
+          {modern_slot(file, parent, written.get("name")), written.where, index, false, {}});
+    } else {
+      return unknown_element(document->where(root), name);
+    }
+    include_stack_.pop_back();
+    return {};
+  }
+
+  static constexpr std::size_t max_search_folders = 64;
+
+  const FileSource& files_;
+  Parameters parameters_;
+  std::string main_folder_;
+  std::vector<std::string> search_folders_;
+  std::vector<std::string> include_stack_;
+  std::set<std::string> used_files_;
+  std::vector<Draft> drafts_;
+  std::map<std::string, std::size_t, std::less<>> ids_;
+  std::size_t node_count_ = 0;
+  std::size_t include_count_ = 0;
+  std::size_t total_bytes_ = 0;
+};
+
+}  // namespace
+
+Result<SceneDescription> parse_scene(const FileSource& files, const std::string& main_key,
+                                     const std::map<std::string, std::string>& parameters) {
+  return Parser(files, parameters).run(main_key);
+}
+
+}  // namespace candela::description

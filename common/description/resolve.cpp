@@ -1,0 +1,95 @@
+#include "common/description/resolve.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "common/description/check.h"
+#include "common/description/text.h"
+
+namespace candela::description {
+namespace {
+
+constexpr int max_height = 128;
+constexpr std::uint64_t max_unfolded = 20'000'000;
+
+class Resolver {
+ public:
+  Resolver(std::vector<Draft>& drafts, const std::map<std::string, std::size_t, std::less<>>& ids)
+      : drafts_(drafts), ids_(ids), nodes_(drafts.size()) {}
+
+  // `depth` bounds this recursion; `from` is where the draft is used.
+  Result<void> visit(std::size_t index, int depth, const Location& from) {
+    Node& node = nodes_[index];
+    if (node.state == State::done) return {};
+    Draft& draft = drafts_[index];
+    if (node.state == State::open)
+      return error_at(from, fmt::format("{} contains itself by this reference", describe(*draft.object)));
+    if (depth > max_height)
+      return error_at(from, fmt::format("objects are nested deeper than {} levels", max_height));
+    node.state = State::open;
+    std::vector<Location> where;
+    for (const Link& link : draft.links) {
+      std::size_t target = link.target;
+      if (link.is_reference) {
+        const auto found = ids_.find(link.id);
+        if (found == ids_.end()) return unknown_id(link);
+        target = found->second;
+      }
+      CANDELA_TRY(visit(target, depth + 1, link.where));
+      node.height = std::max(node.height, nodes_[target].height + 1);
+      node.unfolded = std::min(max_unfolded + 1, node.unfolded + nodes_[target].unfolded);
+      draft.object->children.push_back({link.slot, drafts_[target].object});
+      where.push_back(link.where);
+    }
+    if (node.height > max_height)
+      return error_at(from, fmt::format("objects are nested deeper than {} levels", max_height));
+    if (node.unfolded > max_unfolded)
+      return error_at(draft.object->where, fmt::format("{} unfolds into more than {} objects",
+                                                       describe(*draft.object), max_unfolded));
+    // What Mitsuba has and Candela lacks (another integrator) is kept, but nobody knows its rules.
+    if (const PluginRule* rule = find_plugin(draft.object->category, draft.object->plugin))
+      CANDELA_TRY(check_children(*draft.object, *rule, where));
+    node.state = State::done;
+    return {};
+  }
+
+ private:
+  enum class State { untouched, open, done };
+  struct Node {
+    State state = State::untouched;
+    int height = 1;
+    std::uint64_t unfolded = 1;
+  };
+
+  static Error error_at(const Location& where, std::string message) {
+    return input_error(std::move(message)).at(where.file, where.line);
+  }
+
+  Error unknown_id(const Link& link) const {
+    std::vector<std::string_view> known;
+    for (const auto& [id, target] : ids_) known.push_back(id);
+    return error_at(link.where, fmt::format("no object has the id {}", text::quote(link.id)))
+        .with_mend(text::did_you_mean(nearest_name(link.id, known)));
+  }
+
+  std::vector<Draft>& drafts_;
+  const std::map<std::string, std::size_t, std::less<>>& ids_;
+  std::vector<Node> nodes_;
+};
+
+}  // namespace
+
+Result<ObjectPtr> resolve(std::vector<Draft>& drafts, std::size_t root,
+                          const std::map<std::string, std::size_t, std::less<>>& ids) {
+  Resolver resolver(drafts, ids);
+  Result<void> result = resolver.visit(root, 1, drafts[root].object->where);
+  if (!result.ok()) {
+    // A graph with a cycle would keep itself alive.
+    for (Draft& draft : drafts) draft.object->children.clear();
+    return std::move(result).error();
+  }
+  return ObjectPtr(drafts[root].object);
+}
+
+}  // namespace candela::description

@@ -1,0 +1,34 @@
+// From objects with named references to the finished graph.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/description/object.h"
+
+namespace candela::description {
+
+// A child as written: an object in place, or a reference.
+struct Link {
+  std::string slot;
+  Location where;
+  std::size_t target = 0;  // index of the draft, for an object in place
+  bool is_reference = false;
+  std::string id;  // of a reference
+};
+
+struct Draft {
+  std::shared_ptr<Object> object;  // properties complete and checked, no children yet
+  std::vector<Link> links;
+};
+
+// Fills in the children of all drafts and checks them. Errors: unknown ids (naming the nearest), references
+// that lead back to themselves, nesting deeper than 128 with references followed, and graphs that would
+// unfold into more than 20 million objects.
+Result<ObjectPtr> resolve(std::vector<Draft>& drafts, std::size_t root,
+                          const std::map<std::string, std::size_t, std::less<>>& ids);
+
+}  // namespace candela::description

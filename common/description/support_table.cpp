@@ -1,0 +1,108 @@
+// docs/scenes.md, written from the vocabulary: the page cannot say anything else than the loader does.
+#include <fmt/format.h>
+
+#include "common/description/vocabulary.h"
+
+namespace candela::description {
+namespace {
+
+constexpr std::string_view introduction = R"(# Scenes
+
+<!-- Generated from common/description/vocabulary.cpp by support_table_markdown(); a test compares the two. -->
+
+Candela reads Mitsuba XML. What a plugin or a parameter means is what Mitsuba documents; this page lists what is
+understood. Anything else is an error that names the file, the line and the nearest known name.
+
+## The file
+
+- `<scene version="3.0.0">` is read in the spelling of Mitsuba 3. With a version before 2 (`version="0.6.0"`) names are
+  translated: `toWorld`, `intIOR`, `sampleCount` become `to_world`, `int_ior`, `sample_count`; `uscale`, `uoffset` and
+  their like become a `to_uv` transform that looks up at `uv * scale + offset`; `wrapModeU` and `wrapModeV` become
+  `wrap_mode`; `ldrfilm` becomes `hdrfilm`; the filters `ewa` and `trilinear` become `bilinear`.
+- Values: `<boolean>`, `<integer>`, `<float>`, `<string>`, `<point>` and `<vector>` (`x`, `y`, `z`, or `value`), `<rgb>`
+  (linear Rec.709: one or three numbers; `#rrggbb` is decoded from sRGB), `<srgb>` (decoded from sRGB), `<spectrum>` (a
+  single number). Spectra of wavelengths, from files, and `<blackbody>` are not supported yet.
+- `<transform>` holds `<translate>`, `<rotate>` (degrees), `<scale>`, `<lookat>` and `<matrix>` (16 or 9 numbers, row by
+  row); each acts after those before it. A transform must be affine and invertible.
+- `<default name="spp" value="16"/>` gives `$spp` a value unless the command line does (`-D spp=64`). Every attribute may
+  hold parameters; the longest known name counts; `\$` is a dollar sign. A `-D` that the scene does not use is an error.
+- `<ref id="..."/>` uses an object defined anywhere in the scene; `<alias id="..." as="..."/>` gives one that is defined
+  above another id.
+- `<include filename="..."/>` puts the content of another scene file here, or one object.
+- Files are looked for in the folders named by `<path value="..."/>` (the last one first), then in the main scene file's
+  folder, then in the folder of the included file that names them. All of them must be there when a job is submitted.
+- A surface without a `<bsdf>` is `diffuse`.
+
+## Limits
+
+Elements are nested at most 64 deep, includes 64, objects (with references followed) 128; a scene has at most 20 million
+elements, 10 000 includes, 1 GiB of XML, and 256 MiB in one file. XML is UTF-8.
+
+## Plugins
+
+Parameters marked *ignored* are accepted because scenes have them, and change nothing in the picture. Another integrator
+that Mitsuba has may stand in the file if `--integrator` chooses one that Candela has.
+)";
+
+// Table cells hold no bars.
+std::string cell(std::string_view text) {
+  std::string result;
+  for (const char c : text) result += c == '|' ? std::string("\\|") : std::string(1, c);
+  return result;
+}
+
+std::string types_of(const PropertyRule& rule) {
+  std::string result;
+  for (const PropertyType type : rule.types)
+    result += fmt::format("{}{}", result.empty() ? "" : ", ", name(type));
+  return rule.textured ? result + ", texture" : result;
+}
+
+std::string bounds_of(const PropertyRule& rule) {
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  std::string result;
+  if (rule.minimum > -infinity)
+    result = fmt::format("{} {}", rule.above_minimum ? "above" : "at least", rule.minimum);
+  if (rule.maximum < infinity)
+    result += fmt::format("{}at most {}", result.empty() ? "" : ", ", rule.maximum);
+  return result;
+}
+
+std::string meaning_of(const PropertyRule& rule) {
+  std::string result = rule.ignored ? "*ignored*: " : "";
+  result += rule.doc;
+  if (rule.required) result += "; required";
+  if (!rule.values.empty()) {
+    std::string values;
+    for (const std::string_view value : rule.values)
+      values += fmt::format("{}`{}`", values.empty() ? "" : ", ", value);
+    result += fmt::format("; {}", values);
+  }
+  if (!rule.only.empty()) result += fmt::format("; only `{}` for now", rule.only);
+  if (const std::string bounds = bounds_of(rule); !bounds.empty()) result += fmt::format("; {}", bounds);
+  return result;
+}
+
+}  // namespace
+
+std::string support_table_markdown() {
+  std::string page(introduction);
+  std::string_view category;
+  for (const PluginRule& plugin : vocabulary()) {
+    if (plugin.category == "scene") continue;
+    if (plugin.category != category) page += fmt::format("\n### {}\n", plugin.category);
+    category = plugin.category;
+    page += fmt::format("\n**`{}`**: {}.\n", plugin.name, plugin.doc);
+    if (plugin.properties.empty()) continue;
+    page += "\n| parameter | type | meaning |\n|---|---|---|\n";
+    for (const PropertyRule& rule : plugin.properties)
+      page += fmt::format("| `{}` | {} | {} |\n", rule.name, types_of(rule), cell(meaning_of(rule)));
+  }
+  page += "\n## Indices of refraction by name\n\n";
+  std::string names;
+  for (const std::string_view index : index_of_refraction_names())
+    names += fmt::format("{}{} ({})", names.empty() ? "" : ", ", index, *named_index_of_refraction(index));
+  return page + names + ".\n";
+}
+
+}  // namespace candela::description

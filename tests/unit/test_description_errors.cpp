@@ -1,0 +1,76 @@
+// Malformed scenes: each gives exactly this message.
+#include <gtest/gtest.h>
+
+#include "test_description_common.h"
+
+namespace candela::description {
+namespace {
+
+struct Case {
+  std::string body;      // inside <scene>, on its second line; or a whole file where it starts with '!'
+  std::string expected;  // the message
+  std::map<std::string, std::string> parameters = {};
+  std::map<std::string, std::string> files = {};
+};
+
+std::string file_of(const std::string& body) {
+  if (body.starts_with('!')) return body.substr(1);
+  return "<scene version=\"3.0.0\">\n" + body + "\n</scene>";
+}
+
+std::string repeat(const std::string& text, int times) {
+  std::string result;
+  for (int i = 0; i < times; ++i) result += text;
+  return result;
+}
+
+std::vector<Case> cases() {
+  const std::string shape = "<shape type='sphere'>";
+  const std::string end = "</shape>";
+  return {
+#include "test_description_errors.inc"
+  };
+}
+
+// Claim: bad input of each kind gives one error that names file, line, and the mend where there is one.
+TEST(DescriptionErrors, Table) {
+  for (const Case& test : cases()) {
+    const auto result = parse_text(file_of(test.body), test.parameters, test.files);
+    EXPECT_EQ(outcome(result), test.expected) << "for " << test.body.substr(0, 200);
+  }
+}
+
+// Claim: includes that double at every level end at the bounds, quickly.
+TEST(DescriptionErrors, ExplodingIncludesEnd) {
+  std::map<std::string, std::string> files;
+  for (int level = 0; level < 40; ++level) {
+    const std::string next = "<include filename='" + std::to_string(level + 1) + ".xml'/>";
+    files[std::to_string(level) + ".xml"] = "<scene>" + next + next + "</scene>";
+  }
+  files["40.xml"] = "<scene/>";
+  const auto result = parse_text("<scene version='3.0.0'><include filename='0.xml'/></scene>", {}, files);
+  ASSERT_FALSE(result.ok());
+  EXPECT_EQ(result.error().message, "the scene has more than 10000 includes");
+}
+
+// Claim: includes nested without end, each a new file, stop at the bound.
+TEST(DescriptionErrors, DeepIncludesEnd) {
+  std::map<std::string, std::string> files;
+  for (int level = 0; level < 100; ++level)
+    files[std::to_string(level) + ".xml"] =
+        "<scene><include filename='" + std::to_string(level + 1) + ".xml'/></scene>";
+  files["100.xml"] = "<scene/>";
+  EXPECT_EQ(outcome(parse_text("<scene version='3.0.0'><include filename='0.xml'/></scene>", {}, files)),
+            "63.xml:1: includes are nested deeper than 64 levels");
+}
+
+// Claim: huge flat input is linear work: a scene of 200 000 shapes parses.
+TEST(DescriptionErrors, ManyShapesAreFine) {
+  const auto result =
+      parse_text("<scene version='3.0.0'>" + repeat("<shape type='cube'/>", 200000) + "</scene>");
+  ASSERT_TRUE(result.ok()) << outcome(result);
+  EXPECT_EQ(result->scene->children.size(), 200000U);
+}
+
+}  // namespace
+}  // namespace candela::description

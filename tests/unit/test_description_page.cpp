@@ -1,0 +1,51 @@
+// The documentation page and the table of names.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <set>
+
+#include "common/base/files.h"
+#include "common/description/vocabulary.h"
+
+namespace candela::description {
+namespace {
+
+// Claim: docs/scenes.md is what the loader does. With CANDELA_REWRITE_DOCS=1 the test writes the page.
+TEST(DescriptionPage, CommittedPageIsTheTable) {
+  const std::filesystem::path path = CANDELA_SOURCE_DIR "/docs/scenes.md";
+  if (std::getenv("CANDELA_REWRITE_DOCS") != nullptr) {
+    ASSERT_TRUE(write_file_atomically(path, support_table_markdown()).ok());
+  }
+  const auto page = read_file(path, 1 << 20);
+  ASSERT_TRUE(page.ok()) << page.error().to_string();
+  EXPECT_EQ(*page, support_table_markdown())
+      << "run this test with CANDELA_REWRITE_DOCS=1 and commit docs/scenes.md";
+}
+
+// Claim: the table has no plugin or parameter twice, and each says what it is.
+TEST(DescriptionPage, TableIsWellFormed) {
+  std::set<std::pair<std::string_view, std::string_view>> plugins;
+  for (const PluginRule& plugin : vocabulary()) {
+    EXPECT_TRUE(plugins.emplace(plugin.category, plugin.name).second) << plugin.name;
+    EXPECT_FALSE(plugin.doc.empty()) << plugin.name;
+    EXPECT_EQ(support_of_plugin(plugin.category, plugin.name), Support::none) << plugin.name;
+    std::set<std::string_view> names;
+    for (const PropertyRule& rule : plugin.properties) {
+      EXPECT_TRUE(names.insert(rule.name).second) << rule.name;
+      EXPECT_FALSE(rule.doc.empty() || rule.types.empty()) << rule.name;
+    }
+  }
+}
+
+// Claim: the nearest name is the one a person meant; far-off names get no suggestion.
+TEST(DescriptionPage, NearestName) {
+  const std::vector<std::string_view> known = {"max_depth", "rr_depth", "hide_emitters"};
+  EXPECT_EQ(nearest_name("max_dpeth", known), "max_depth");
+  EXPECT_EQ(nearest_name("maxDepth", known), "max_depth");
+  EXPECT_EQ(nearest_name("RR_DEPTH", known), "rr_depth");
+  EXPECT_EQ(nearest_name("spp", known), "");
+  EXPECT_EQ(nearest_name("", known), "");
+}
+
+}  // namespace
+}  // namespace candela::description
