@@ -1,0 +1,185 @@
+// The blob cache: verification, eviction, sharing, failures.
+#include <gtest/gtest.h>
+#include <stdlib.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <atomic>
+#include <filesystem>
+#include <fstream>
+#include <thread>
+#include <vector>
+
+#include "common/base/hash.h"
+#include "common/rng/stream.h"
+#include "worker/service/blob_cache.h"
+
+namespace candela::worker {
+namespace {
+
+namespace fs = std::filesystem;
+
+class BlobCacheTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = (fs::temp_directory_path() / "candela-cache-XXXXXX").string();
+    ASSERT_NE(::mkdtemp(name.data()), nullptr);
+    folder_ = name;
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  std::unique_ptr<BlobCache> open(std::uint64_t limit_bytes) {
+    return *BlobCache::open(folder_, limit_bytes);
+  }
+
+  // Serves `content` in small pieces and counts.
+  BlobCache::Fetch serve(const std::string& content) {
+    return [this, content](const std::string&, std::uint64_t, const BlobCache::Sink& sink) -> Result<void> {
+      ++fetches_;
+      for (std::size_t at = 0; at < content.size(); at += 7) CANDELA_TRY(sink(content.substr(at, 7)));
+      return {};
+    };
+  }
+  Result<BlobCache::Mapped> get(BlobCache& cache, const std::string& content) {
+    return cache.map(sha256_hex(content), content.size(), serve(content));
+  }
+  // Makes a file look unused for so many seconds.
+  static void age(const fs::path& path, int seconds) {
+    fs::last_write_time(path, fs::file_time_type::clock::now() - std::chrono::seconds(seconds));
+  }
+  std::size_t partial_count() const {
+    return static_cast<std::size_t>(
+        std::distance(fs::directory_iterator(folder_ / "partial"), fs::directory_iterator()));
+  }
+
+  fs::path folder_;
+  std::atomic<int> fetches_{0};
+};
+
+// Claim: a blob is fetched once, also by the next process that shares the folder.
+TEST_F(BlobCacheTest, FetchedOnce) {
+  const std::string content(1000, 'a');
+  {
+    auto cache = open(1 << 20);
+    EXPECT_EQ(get(*cache, content)->bytes, content);
+    EXPECT_EQ(get(*cache, content)->bytes, content);
+  }
+  auto later = open(1 << 20);
+  EXPECT_EQ(get(*later, content)->bytes, content);
+  EXPECT_EQ(fetches_, 1);
+  const auto empty = get(*later, "");
+  ASSERT_TRUE(empty.ok());
+  EXPECT_TRUE(empty->bytes.empty());
+}
+
+// Claim: bytes that do not have the name's hash, or another length, are refused and leave nothing behind.
+TEST_F(BlobCacheTest, WrongBytesAreRefused) {
+  auto cache = open(1 << 20);
+  const std::string wanted = "the right bytes";
+  for (const std::string& sent :
+       {std::string("the wrong bytes"), std::string("short"), std::string("far too many bytes")}) {
+    const auto result = cache->map(sha256_hex(wanted), wanted.size(), serve(sent));
+    ASSERT_FALSE(result.ok());
+    EXPECT_EQ(result.error().kind, ErrorKind::failed);
+    EXPECT_FALSE(fs::exists(cache->path_of(sha256_hex(wanted))));
+    EXPECT_EQ(partial_count(), 0U);
+  }
+  EXPECT_EQ(get(*cache, wanted)->bytes, wanted);
+}
+
+// Claim: a file damaged on disk, cut or changed, is noticed at its first use in a process, and fetched again.
+TEST_F(BlobCacheTest, DamagedFilesAreFetchedAgain) {
+  const std::string content = "0123456789";
+  for (const std::string& damage : {std::string("012345678"), std::string("0123456780"), std::string()}) {
+    fs::path path;
+    {
+      auto cache = open(1 << 20);
+      ASSERT_TRUE(get(*cache, content).ok());
+      path = cache->path_of(sha256_hex(content));
+    }
+    std::ofstream(path, std::ios::trunc) << damage;
+    const int before = fetches_;
+    auto cache = open(1 << 20);
+    EXPECT_EQ(get(*cache, content)->bytes, content);
+    EXPECT_EQ(fetches_, before + 1);
+  }
+}
+
+// Claim: the least recently used blobs go first, and what is mapped or pinned never goes.
+TEST_F(BlobCacheTest, EvictsTheOldestButNothingInUse) {
+  auto cache = open(1000);
+  const std::string a(300, 'a'), b(300, 'b'), c(300, 'c'), d(300, 'd');
+  const auto held = get(*cache, a);
+  ASSERT_TRUE(get(*cache, b).ok());
+  ASSERT_TRUE(get(*cache, c).ok());
+  age(cache->path_of(sha256_hex(a)), 300);
+  age(cache->path_of(sha256_hex(b)), 100);
+  age(cache->path_of(sha256_hex(c)), 200);
+  ASSERT_TRUE(get(*cache, d).ok());
+  EXPECT_TRUE(fs::exists(cache->path_of(sha256_hex(a)))) << "mapped";
+  EXPECT_TRUE(fs::exists(cache->path_of(sha256_hex(b)))) << "used later than c";
+  EXPECT_FALSE(fs::exists(cache->path_of(sha256_hex(c))));
+  EXPECT_TRUE(fs::exists(cache->path_of(sha256_hex(d))));
+  EXPECT_EQ(held->bytes, a);
+}
+
+// Claim: where everything is in use, or one blob is larger than the limit, the error says so and names the
+// mend.
+TEST_F(BlobCacheTest, NoRoomIsAnError) {
+  auto cache = open(1000);
+  auto first = get(*cache, std::string(600, 'a'));
+  ASSERT_TRUE(first.ok());
+  const auto second = get(*cache, std::string(600, 'b'));
+  ASSERT_FALSE(second.ok());
+  EXPECT_EQ(second.error().kind, ErrorKind::resource);
+  EXPECT_NE(second.error().mend.find("--cache-size"), std::string::npos);
+  EXPECT_EQ(get(*cache, std::string(1001, 'c')).error().kind, ErrorKind::resource);
+  EXPECT_EQ(fetches_, 1) << "nothing is downloaded for which there is no room";
+  first = failed_error("let go");
+  EXPECT_TRUE(get(*cache, std::string(600, 'b')).ok());
+}
+
+// Claim: a fetch that fails leaves nothing, and its own error comes through.
+TEST_F(BlobCacheTest, FetchErrorsComeThrough) {
+  auto cache = open(1 << 20);
+  const auto result = cache->map(sha256_hex("x"), 1, [](const auto&, auto, const auto& sink) -> Result<void> {
+    CANDELA_TRY(sink("x"));
+    return unreachable_error("the line is dead");
+  });
+  ASSERT_FALSE(result.ok());
+  EXPECT_EQ(result.error().message, "the line is dead");
+  EXPECT_EQ(partial_count(), 0U);
+}
+
+// Claim: two caches over one folder (two workers of a host) may fetch, use and evict at once: every mapping
+// has the right bytes, and nobody fails.
+TEST_F(BlobCacheTest, TwoWorkersShareAFolder) {
+  std::vector<std::string> contents;
+  for (int i = 0; i < 12; ++i) contents.emplace_back(100, static_cast<char>('a' + i));
+  std::atomic<int> wrong{0};
+  const auto work = [&](unsigned seed) {
+    auto cache = open(500);
+    rng::Stream stream(seed);
+    for (int i = 0; i < 150; ++i) {
+      const std::string& content = contents[stream.next_u32() % contents.size()];
+      const auto mapped = get(*cache, content);
+      if (!mapped || mapped->bytes != content) ++wrong;
+    }
+  };
+  std::thread one(work, 1), two(work, 2);
+  one.join();
+  two.join();
+  EXPECT_EQ(wrong, 0);
+  EXPECT_EQ(partial_count(), 0U);
+}
+
+// Claim: a folder that cannot be made is an error naming it.
+TEST_F(BlobCacheTest, UnusableFolder) {
+  std::ofstream(folder_ / "file") << "x";
+  const auto cache = BlobCache::open(folder_ / "file" / "cache", 1000);
+  ASSERT_FALSE(cache.ok());
+  EXPECT_NE(cache.error().to_string().find("file"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace candela::worker

@@ -1,0 +1,487 @@
+// The worker service against a scripted master, with a scripted renderer: the normal flow, and each thing
+// that goes wrong.
+#include <gtest/gtest.h>
+#include <stdlib.h>
+
+#include <filesystem>
+
+#include "common/base/version.h"
+#include "tests/unit/worker_fakes.h"
+
+namespace candela::worker {
+namespace {
+
+namespace fs = std::filesystem;
+using grpc::Status;
+using grpc::StatusCode;
+
+class WorkerServiceTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = (fs::temp_directory_path() / "candela-worker-XXXXXX").string();
+    ASSERT_NE(::mkdtemp(name.data()), nullptr);
+    folder_ = name;
+    options_.cache_dir = folder_;
+    options_.threads = 1;
+    options_.name = "tester";
+    tuning_.first_backoff = Milliseconds(5);
+    tuning_.longest_backoff = Milliseconds(40);
+    tuning_.drain_limit = Milliseconds(1500);
+    tuning_.finish_within = Milliseconds(300);
+  }
+  void TearDown() override {
+    renderer_.open_gate();
+    worker_.reset();
+    fs::remove_all(folder_);
+  }
+  void start() {
+    auto worker = FarmWorker::start(options_, master_.channel(), fake_factory(renderer_), tuning_);
+    ASSERT_TRUE(worker.ok()) << worker.error().to_string();
+    worker_ = std::move(*worker);
+  }
+  [[nodiscard]] bool wait_until_rendering() {
+    std::unique_lock lock(renderer_.mutex);
+    return renderer_.changed.wait_for(lock, std::chrono::seconds(5), [&] { return renderer_.running > 0; });
+  }
+  std::size_t merged_count() const { return master_.merged.size(); }  // under master_.mutex
+
+  fs::path folder_;
+  WorkerOptions options_;
+  Tuning tuning_;
+  FakeMaster master_;
+  FakeRendererControl renderer_;
+  std::unique_ptr<Worker> worker_;
+};
+
+// Claim: the whole line works: registration says who and what, the pilot's result arrives, every unit's delta
+// arrives whole, decodes to what was rendered, and the scene is compiled once; drained at the end, the worker
+// says goodbye.
+TEST_F(WorkerServiceTest, NormalFlow) {
+  const std::uint64_t pilot = master_.add_lease(0, 0, true);
+  std::vector<std::uint64_t> tokens;
+  for (std::uint64_t i = 0; i < 5; ++i) tokens.push_back(master_.add_lease(2 * i, 2 * i + 2));
+  start();
+  ASSERT_TRUE(master_.wait_for([&] { return merged_count() == 5 && master_.leases.empty(); }));
+  worker_->drain();
+  EXPECT_TRUE(worker_->wait().ok());
+
+  const std::lock_guard lock(master_.mutex);
+  EXPECT_EQ(master_.registered.protocol(), kProtocol);
+  EXPECT_EQ(master_.registered.build_id(), build_id());
+  EXPECT_EQ(master_.registered.name(), "tester");
+  EXPECT_EQ(master_.registered.threads(), 1U);
+  EXPECT_EQ(master_.registered.isas_size(), 2);
+  EXPECT_GT(master_.registered.memory_bytes(), 0U);
+  ASSERT_EQ(master_.pilots.size(), 1U);
+  EXPECT_EQ(master_.pilots[0].token(), pilot);
+  EXPECT_EQ(master_.pilots[0].named_state().film_scale_log2(), 12);
+  EXPECT_EQ(master_.pilots[0].plan(), "a plan");
+  EXPECT_EQ(master_.pilots[0].seconds_per_iteration(), 0.25);
+  EXPECT_EQ(master_.merged, tokens);
+  EXPECT_EQ(master_.warm, std::vector<std::string>{master_.bundle_hash()});
+  EXPECT_EQ(master_.deregistrations, 1);
+  EXPECT_TRUE(master_.failures.empty());
+  EXPECT_TRUE(master_.returned.empty());
+  EXPECT_EQ(renderer_.created, 1);
+  EXPECT_EQ(renderer_.files["scene.xml"], "the scene");
+  EXPECT_EQ(renderer_.files["../textures/a.bin"], "the texture");
+  EXPECT_FALSE(fs::exists(folder_.parent_path() / "textures")) << "keys are no paths";
+
+  const film::Layout layout{40, 8, 1};
+  film::MergedFilm merged(layout, 12);
+  for (const auto& [token, bytes] : master_.deltas) {
+    const v1::DeltaHeader& header = master_.headers[token];
+    EXPECT_EQ(header.size_bytes(), bytes.size());
+    EXPECT_EQ(header.sha256(), sha256_hex(bytes));
+    EXPECT_EQ(header.build_id(), build_id());
+    EXPECT_EQ(header.job_id(), "job1");
+    const auto delta = film::Delta::decode(bytes, layout);
+    ASSERT_TRUE(delta.ok()) << delta.error().to_string();
+    EXPECT_EQ(delta->info().job_id, "job1");
+    EXPECT_EQ(delta->info().unit.begin, header.unit().begin());
+    EXPECT_TRUE(merged.merge(*delta).ok());
+  }
+  EXPECT_EQ(merged.iterations(), 10U);
+  EXPECT_EQ(merged.tallies(0).eye_samples, 10U * 40 * 8);
+  // x and y are integers, exact at any scale: films that were not cleared between units would show here.
+  EXPECT_EQ(merged.develop(0, film::MergedFilm::Which::half0)[(3 * 40 + 17) * 3], 17.0F);
+  EXPECT_EQ(merged.develop(0, film::MergedFilm::Which::half0)[(3 * 40 + 17) * 3 + 1], 3.0F);
+}
+
+// Claim: a master of another protocol or build ends the worker with the master's own words, and is not asked
+// twice.
+TEST_F(WorkerServiceTest, RefusedRegistrationEndsTheWorker) {
+  master_.register_script.push_back(wire::to_status(refused_error("the build differs")));
+  start();
+  const auto end = worker_->wait();
+  ASSERT_FALSE(end.ok());
+  EXPECT_NE(end.error().message.find("the build differs"), std::string::npos);
+  EXPECT_EQ(end.error().exit_code(), 1);
+  EXPECT_EQ(master_.registrations, 1);
+}
+
+// Claim: a master that is not there yet is asked again until it is.
+TEST_F(WorkerServiceTest, RegistrationIsRetried) {
+  for (int i = 0; i < 4; ++i) master_.register_script.push_back(Status(StatusCode::UNAVAILABLE, "starting"));
+  master_.add_lease(0, 1);
+  start();
+  EXPECT_TRUE(master_.wait_for([&] { return merged_count() == 1; }));
+  EXPECT_EQ(master_.registrations, 5);
+}
+
+// Claim: with give_up_seconds a worker ends as unreachable (exit 3), not before that time.
+TEST_F(WorkerServiceTest, GivesUp) {
+  for (int i = 0; i < 1000; ++i) master_.register_script.push_back(Status(StatusCode::UNAVAILABLE, "gone"));
+  options_.give_up_seconds = 0.3;
+  const auto begin = std::chrono::steady_clock::now();
+  start();
+  const auto end = worker_->wait();
+  ASSERT_FALSE(end.ok());
+  EXPECT_EQ(end.error().exit_code(), 3);
+  EXPECT_GE(std::chrono::steady_clock::now() - begin, std::chrono::milliseconds(300));
+}
+
+// Claim: a revoked unit is stopped in the middle, not delivered, not reported; the worker goes on with the
+// next.
+TEST_F(WorkerServiceTest, RevokedLeaseIsStopped) {
+  renderer_.close_gate(0.5F);
+  const std::uint64_t first = master_.add_lease(0, 1), second = master_.add_lease(1, 2);
+  start();
+  ASSERT_TRUE(wait_until_rendering());
+  ASSERT_TRUE(
+      master_.wait_for([&] { return master_.fractions.contains(first) && master_.fractions[first] == 0.5; }));
+  {
+    const std::lock_guard lock(master_.mutex);
+    master_.revoked.insert(first);
+  }
+  ASSERT_TRUE(master_.wait_for(
+      [&] { return !master_.fractions.contains(first) && master_.fractions.contains(second); }));
+  renderer_.open_gate();
+  ASSERT_TRUE(master_.wait_for([&] { return merged_count() == 1; }));
+  const std::lock_guard lock(master_.mutex);
+  EXPECT_EQ(master_.merged, std::vector<std::uint64_t>{second});
+  EXPECT_TRUE(master_.returned.empty());
+  EXPECT_TRUE(master_.failures.empty());
+}
+
+// Claim: the next lease is asked for, as a prefetch, while a unit is rendered; and only one.
+TEST_F(WorkerServiceTest, PrefetchesOneLease) {
+  renderer_.close_gate(0);
+  for (std::uint64_t i = 0; i < 4; ++i) master_.add_lease(i, i + 1);
+  start();
+  ASSERT_TRUE(wait_until_rendering());
+  ASSERT_TRUE(master_.wait_for([&] { return master_.fractions.size() == 2; }));
+  std::this_thread::sleep_for(std::chrono::milliseconds(60));
+  {
+    const std::lock_guard lock(master_.mutex);
+    EXPECT_TRUE(master_.saw_prefetch);
+    EXPECT_EQ(master_.leases.size(), 2U);
+  }
+  renderer_.open_gate();
+  EXPECT_TRUE(master_.wait_for([&] { return merged_count() == 4; }));
+}
+
+// Claim: any verdict is final: the delta is not sent again and the unit not reported as failed.
+TEST_F(WorkerServiceTest, VerdictsAreFinal) {
+  master_.verdicts = {v1::DELTA_VERDICT_STALE, v1::DELTA_VERDICT_DUPLICATE, v1::DELTA_VERDICT_JOB_ENDED,
+                      v1::DELTA_VERDICT_CORRUPT};
+  for (std::uint64_t i = 0; i < 5; ++i) master_.add_lease(i, i + 1);
+  start();
+  ASSERT_TRUE(master_.wait_for([&] { return merged_count() == 1; }));
+  const std::lock_guard lock(master_.mutex);
+  EXPECT_EQ(master_.pushes, 5);
+  EXPECT_TRUE(master_.failures.empty());
+}
+
+// Claim: a full merge queue and a master that is away delay a delta, and no more: the same bytes come again
+// until they are taken, and the wait that the master names is kept.
+TEST_F(WorkerServiceTest, PushIsRetried) {
+  master_.push_script = {wire::to_status_with_retry(resource_error("the merge queue is full"), 150),
+                         Status(StatusCode::UNAVAILABLE, "restarting"),
+                         Status(StatusCode::UNAVAILABLE, "restarting"),
+                         Status(StatusCode::UNKNOWN, "stream broken")};
+  const std::uint64_t token = master_.add_lease(0, 3);
+  start();
+  ASSERT_TRUE(master_.wait_for([&] { return master_.pushes == 1; }));
+  const auto first = std::chrono::steady_clock::now();
+  ASSERT_TRUE(master_.wait_for([&] { return master_.pushes == 2; }));
+  EXPECT_GE(std::chrono::steady_clock::now() - first, std::chrono::milliseconds(100));
+  ASSERT_TRUE(master_.wait_for([&] { return merged_count() == 1; }));
+  const std::lock_guard lock(master_.mutex);
+  EXPECT_EQ(master_.pushes, 5);
+  EXPECT_EQ(master_.headers[token].sha256(), sha256_hex(master_.deltas[token]));
+  EXPECT_TRUE(master_.failures.empty());
+}
+
+// Claim: a delta that the master will never take (a malformed request by its reckoning) fails the unit
+// instead of being sent for ever.
+TEST_F(WorkerServiceTest, PushThatCannotSucceedFailsTheUnit) {
+  master_.push_script = {wire::to_status(input_error("too large"))};
+  const std::uint64_t token = master_.add_lease(0, 1);
+  start();
+  ASSERT_TRUE(master_.wait_for([&] { return master_.failures.size() == 1; }));
+  const std::lock_guard lock(master_.mutex);
+  EXPECT_EQ(master_.failures[0].token(), token);
+  EXPECT_FALSE(master_.failures[0].input_error());
+  EXPECT_NE(master_.failures[0].message().find("too large"), std::string::npos);
+}
+
+// Claim: while one unit's push waits, the next unit is rendered (and no third: films are bounded).
+TEST_F(WorkerServiceTest, RendersWhileAPushWaits) {
+  for (int i = 0; i < 1000; ++i) master_.push_script.push_back(Status(StatusCode::UNAVAILABLE, "away"));
+  for (std::uint64_t i = 0; i < 5; ++i) master_.add_lease(i, i + 1);
+  start();
+  ASSERT_TRUE(master_.wait_for([&] {
+    int finished = 0;
+    for (const auto& [token, fraction] : master_.fractions) finished += fraction == 1;
+    return finished == 2;
+  }));
+  std::this_thread::sleep_for(std::chrono::milliseconds(60));
+  {
+    const std::lock_guard lock(master_.mutex);
+    EXPECT_LE(master_.fractions.size(), 3U);
+    EXPECT_GE(master_.leases.size(), 2U);
+    master_.push_script.clear();
+  }
+  EXPECT_TRUE(master_.wait_for([&] { return merged_count() == 5; }));
+}
+
+// Claim: a session that the master does not know is given up with all its leases and deltas, and another is
+// opened.
+TEST_F(WorkerServiceTest, UnauthenticatedMeansRegisterAgain) {
+  renderer_.close_gate(0.2F);
+  const std::uint64_t lost = master_.add_lease(0, 1);
+  start();
+  ASSERT_TRUE(wait_until_rendering());
+  {
+    const std::lock_guard lock(master_.mutex);
+    master_.forget_session();
+  }
+  ASSERT_TRUE(master_.wait_for([&] { return master_.registrations == 2; }));
+  renderer_.open_gate();
+  const std::uint64_t kept = master_.add_lease(1, 2);
+  ASSERT_TRUE(master_.wait_for([&] { return merged_count() == 1; }));
+  const std::lock_guard lock(master_.mutex);
+  EXPECT_EQ(master_.merged, std::vector<std::uint64_t>{kept});
+  EXPECT_FALSE(master_.deltas.contains(lost));
+  EXPECT_TRUE(master_.failures.empty());
+}
+
+// Claim: the same holds where the push is what learns of it: the delta is not sent under the new session.
+TEST_F(WorkerServiceTest, UnauthenticatedPushDropsTheDelta) {
+  master_.push_script = {Status(StatusCode::UNAUTHENTICATED, "register again")};
+  master_.add_lease(0, 1);
+  start();
+  ASSERT_TRUE(master_.wait_for([&] { return master_.registrations == 2; }));
+  const std::uint64_t kept = master_.add_lease(1, 2);
+  ASSERT_TRUE(master_.wait_for([&] { return merged_count() == 1; }));
+  EXPECT_EQ(master_.merged, std::vector<std::uint64_t>{kept});
+}
+
+// Claim: a drain (SIGTERM) hands back the unit that is far from its end and the one that waits, at once, and
+// says goodbye.
+TEST_F(WorkerServiceTest, DrainHandsBack) {
+  renderer_.close_gate(0);
+  const std::uint64_t first = master_.add_lease(0, 1), second = master_.add_lease(1, 2);
+  start();
+  ASSERT_TRUE(wait_until_rendering());
+  ASSERT_TRUE(master_.wait_for([&] { return master_.fractions.size() == 2; }));
+  const auto begin = std::chrono::steady_clock::now();
+  worker_->drain();
+  worker_->drain();  // idempotent
+  EXPECT_TRUE(worker_->wait().ok());
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::milliseconds(1000));
+  const std::lock_guard lock(master_.mutex);
+  std::vector<std::uint64_t> returned = master_.returned;
+  std::sort(returned.begin(), returned.end());
+  EXPECT_EQ(returned, (std::vector<std::uint64_t>{first, second}));
+  EXPECT_EQ(master_.deregistrations, 1);
+  EXPECT_TRUE(master_.merged.empty());
+}
+
+// Claim: a unit close to its end is finished and delivered before the worker leaves.
+TEST_F(WorkerServiceTest, DrainFinishesAnAlmostFinishedUnit) {
+  renderer_.close_gate(0.999F);
+  const std::uint64_t token = master_.add_lease(0, 1);
+  start();
+  ASSERT_TRUE(wait_until_rendering());
+  worker_->drain();
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  renderer_.open_gate();
+  EXPECT_TRUE(worker_->wait().ok());
+  const std::lock_guard lock(master_.mutex);
+  EXPECT_EQ(master_.merged, std::vector<std::uint64_t>{token});
+  EXPECT_TRUE(master_.returned.empty());
+  EXPECT_EQ(master_.deregistrations, 1);
+}
+
+// Claim: a unit that promised to end soon and does not is handed back after all: a drain is bounded.
+TEST_F(WorkerServiceTest, DrainDoesNotBelieveForEver) {
+  renderer_.close_gate(0.999F);
+  const std::uint64_t token = master_.add_lease(0, 1);
+  start();
+  ASSERT_TRUE(wait_until_rendering());
+  worker_->drain();
+  EXPECT_TRUE(worker_->wait().ok());
+  const std::lock_guard lock(master_.mutex);
+  EXPECT_EQ(master_.returned, std::vector<std::uint64_t>{token});
+}
+
+// Claim: drain ends in bounded time where the master has gone, with a delta still undelivered.
+TEST_F(WorkerServiceTest, DrainIsBoundedWithoutAMaster) {
+  for (int i = 0; i < 10000; ++i) master_.push_script.push_back(Status(StatusCode::UNAVAILABLE, "away"));
+  master_.add_lease(0, 1);
+  start();
+  ASSERT_TRUE(master_.wait_for([&] { return master_.pushes >= 1; }));
+  const auto begin = std::chrono::steady_clock::now();
+  worker_->drain();
+  EXPECT_TRUE(worker_->wait().ok());
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, tuning_.drain_limit + std::chrono::milliseconds(1500));
+}
+
+// Claim: drained by the master, the worker finishes what it renders, however long that takes, delivers it,
+// and leaves.
+TEST_F(WorkerServiceTest, MasterDrainFinishesTheUnit) {
+  renderer_.close_gate(0);
+  const std::uint64_t token = master_.add_lease(0, 1);
+  start();
+  ASSERT_TRUE(wait_until_rendering());
+  {
+    const std::lock_guard lock(master_.mutex);
+    master_.drain = true;
+  }
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  renderer_.open_gate();
+  EXPECT_TRUE(worker_->wait().ok());
+  const std::lock_guard lock(master_.mutex);
+  EXPECT_EQ(master_.merged, std::vector<std::uint64_t>{token});
+  EXPECT_EQ(master_.deregistrations, 1);
+}
+
+// Claim: heartbeats go on while a unit renders and while a push is stuck.
+TEST_F(WorkerServiceTest, HeartbeatsNeverStop) {
+  renderer_.close_gate(0);
+  master_.add_lease(0, 1);
+  start();
+  ASSERT_TRUE(wait_until_rendering());
+  int before = 0;
+  {
+    const std::lock_guard lock(master_.mutex);
+    before = master_.heartbeats;
+  }
+  EXPECT_TRUE(master_.wait_for([&] { return master_.heartbeats >= before + 5; }));
+}
+
+// Claim: a scene that cannot be used is an input error of the unit (the job fails at once); the worker lives
+// on.
+TEST_F(WorkerServiceTest, SceneErrorsFailTheUnitAsInput) {
+  renderer_.create_error = input_error("unknown plugin 'difuse'").at("scene.xml", 12);
+  const std::uint64_t token = master_.add_lease(0, 1);
+  start();
+  ASSERT_TRUE(master_.wait_for([&] { return master_.failures.size() == 1; }));
+  {
+    const std::lock_guard lock(master_.mutex);
+    EXPECT_EQ(master_.failures[0].token(), token);
+    EXPECT_TRUE(master_.failures[0].input_error());
+    EXPECT_EQ(master_.failures[0].message(), "scene.xml:12: unknown plugin 'difuse'");
+  }
+  {
+    const std::lock_guard lock(renderer_.mutex);
+    renderer_.create_error.reset();
+  }
+  master_.add_lease(1, 2);
+  EXPECT_TRUE(master_.wait_for([&] { return merged_count() == 1; }));
+}
+
+// Claim: failures of this machine (errors, exceptions of the renderer) fail the unit, not as input; the
+// worker lives on.
+TEST_F(WorkerServiceTest, RenderFailuresFailTheUnit) {
+  renderer_.throw_bad_alloc = true;
+  master_.add_lease(0, 1);
+  start();
+  ASSERT_TRUE(master_.wait_for([&] { return master_.failures.size() == 1; }));
+  {
+    const std::lock_guard lock(renderer_.mutex);
+    renderer_.throw_bad_alloc = false;
+    renderer_.run_error = failed_error("a device is lost");
+  }
+  master_.add_lease(1, 2);
+  ASSERT_TRUE(master_.wait_for([&] { return master_.failures.size() == 2; }));
+  {
+    const std::lock_guard lock(renderer_.mutex);
+    renderer_.run_error.reset();
+  }
+  master_.add_lease(2, 3);
+  EXPECT_TRUE(master_.wait_for([&] { return merged_count() == 1; }));
+  const std::lock_guard lock(master_.mutex);
+  EXPECT_NE(master_.failures[0].message().find("out of memory"), std::string::npos);
+  EXPECT_FALSE(master_.failures[0].input_error());
+  EXPECT_NE(master_.failures[1].message().find("a device is lost"), std::string::npos);
+  EXPECT_FALSE(master_.failures[1].input_error());
+}
+
+// Claim: a blob with other bytes than its name says never reaches the renderer, and is no error of the scene.
+TEST_F(WorkerServiceTest, WrongBlobIsRefused) {
+  master_.wrong_blob_bytes = true;
+  master_.add_lease(0, 1);
+  start();
+  ASSERT_TRUE(master_.wait_for([&] { return master_.failures.size() == 1; }));
+  const std::lock_guard lock(master_.mutex);
+  EXPECT_FALSE(master_.failures[0].input_error());
+  EXPECT_NE(master_.failures[0].message().find(sha256_hex("the texture")), std::string::npos);
+  EXPECT_EQ(renderer_.created, 0);
+}
+
+// Claim: a blob transfer that breaks off in the middle is taken up again, and the bytes are right.
+TEST_F(WorkerServiceTest, BrokenBlobTransferIsResumed) {
+  master_.blob_script = {Status(StatusCode::UNAVAILABLE, "broken"),
+                         Status(StatusCode::UNAVAILABLE, "broken")};
+  master_.add_lease(0, 1);
+  start();
+  ASSERT_TRUE(master_.wait_for([&] { return merged_count() == 1; }));
+  EXPECT_EQ(master_.blob_fetches, 4);
+  EXPECT_EQ(renderer_.files["../textures/a.bin"], "the texture");
+}
+
+// Claim: a cache too small for the scene fails the unit with the mend, and does not crash or hang.
+TEST_F(WorkerServiceTest, CacheTooSmallFailsTheUnit) {
+  options_.cache_limit_bytes = 15;
+  master_.add_lease(0, 1);
+  start();
+  ASSERT_TRUE(master_.wait_for([&] { return master_.failures.size() == 1; }));
+  const std::lock_guard lock(master_.mutex);
+  EXPECT_FALSE(master_.failures[0].input_error());
+  EXPECT_NE(master_.failures[0].message().find("--cache-size"), std::string::npos);
+}
+
+// Claim: a lease that cannot be understood fails its unit by field and harms nothing else.
+TEST_F(WorkerServiceTest, MalformedLeaseFailsTheUnit) {
+  master_.add_lease(0, 1);
+  master_.leases.front().mutable_settings()->set_width(0);
+  master_.add_lease(0, 1);
+  master_.leases.back().clear_named_state();
+  master_.add_lease(0, 1);
+  start();
+  ASSERT_TRUE(master_.wait_for([&] { return merged_count() == 1 && master_.failures.size() == 2; }));
+  const std::lock_guard lock(master_.mutex);
+  EXPECT_NE(master_.failures[0].message().find("settings.width"), std::string::npos);
+  EXPECT_NE(master_.failures[1].message().find("named_state"), std::string::npos);
+}
+
+// Claim: jobs of other settings have scenes of their own, and only so many are kept.
+TEST_F(WorkerServiceTest, ScenesAreKeptUpToALimit) {
+  tuning_.max_scenes = 2;
+  const std::vector<std::uint32_t> widths = {40, 41, 40,
+                                             42, 40, 41};  // 41 was evicted by 42: 40 was used later
+  for (std::size_t i = 0; i < widths.size(); ++i) {
+    master_.add_lease(i, i + 1);
+    master_.leases.back().mutable_settings()->set_width(widths[i]);
+  }
+  start();
+  ASSERT_TRUE(master_.wait_for([&] { return merged_count() == widths.size(); }));
+  EXPECT_EQ(renderer_.created, 4);
+  EXPECT_EQ(master_.blob_fetches, 2) << "blobs are fetched once for all";
+}
+
+}  // namespace
+}  // namespace candela::worker
