@@ -1,0 +1,35 @@
+// The commands that need no renderer, each added to the program's parser. A command's parser fills its
+// options and sets Context::command; nothing is done while parsing.
+#pragma once
+
+#include <string>
+
+namespace CLI {
+class App;
+}
+
+namespace candela::client {
+
+struct Context;
+
+void add_submit(CLI::App& app, Context& context);
+void add_list(CLI::App& app, Context& context);
+void add_show(CLI::App& app, Context& context);
+void add_watch(CLI::App& app, Context& context);
+void add_fetch(CLI::App& app, Context& context);
+void add_pause(CLI::App& app, Context& context);
+void add_resume(CLI::App& app, Context& context);
+void add_extend(CLI::App& app, Context& context);
+void add_cancel(CLI::App& app, Context& context);
+void add_workers(CLI::App& app, Context& context);
+void add_drain(CLI::App& app, Context& context);
+void add_events(CLI::App& app, Context& context);
+void add_compare(CLI::App& app, Context& context);
+void add_convert(CLI::App& app, Context& context);
+void add_version(CLI::App& app, Context& context);
+void add_help_markdown(CLI::App& app, Context& context);
+
+// The CLI reference of docs/cli.md, made of the parser's own descriptions.
+std::string help_markdown(const CLI::App& app);
+
+}  // namespace candela::client

@@ -1,0 +1,108 @@
+// candela workers and drain: the machines of a farm.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <ostream>
+
+#include "client/commands/commands.h"
+#include "client/context.h"
+#include "client/json.h"
+#include "client/signals.h"
+#include "client/values.h"
+
+namespace candela::client {
+namespace {
+
+struct FleetOptions {
+  FarmOptions farm;
+  std::string id;
+  bool wait = false, json = false;
+};
+
+std::string age_text(std::int64_t unix_ms) {
+  const auto now = std::chrono::duration_cast<std::chrono::milliseconds>(
+      std::chrono::system_clock::now().time_since_epoch());
+  return format_duration(std::max<double>(0, static_cast<double>(now.count() - unix_ms) / 1000)) + " ago";
+}
+
+Result<int> run_workers(Context& context, const FleetOptions& options) {
+  CANDELA_ASSIGN(const auto farm, connect(options.farm));
+  CANDELA_ASSIGN(const v1::ListWorkersResponse response, farm->list_workers());
+  if (options.json) {
+    context.out << workers_json(response) << '\n';
+    return 0;
+  }
+  if (response.workers_size() == 0) {
+    context.err << "no workers\n";
+    return 0;
+  }
+  context.out << fmt::format("{:<14} {:<10} {:>7} {:>8} {:>7}  {:<12} {:<20} {}\n", "ID", "STATE", "THREADS",
+                             "MERGED", "FAILED", "SEEN", "HOST", "NAME");
+  for (const auto& w : response.workers()) {
+    context.out << fmt::format("{:<14} {:<10} {:>7} {:>8} {:>7}  {:<12} {:<20} {}", printable(w.id()),
+                               printable(w.state()), w.threads(), w.units_merged(), w.units_failed(),
+                               age_text(w.last_seen_unix_ms()), printable(w.host()), printable(w.name()));
+    if (!w.message().empty()) context.out << "  (" << printable(w.message()) << ")";
+    context.out << '\n';
+  }
+  return 0;
+}
+
+bool is_drained(const v1::WorkerStatus& w) {
+  return w.state() == "drained" || w.state() == "lost";
+}
+
+Result<int> run_drain(Context& context, const FleetOptions& options) {
+  CANDELA_ASSIGN(const auto farm, connect(options.farm));
+  CANDELA_ASSIGN(v1::WorkerStatus status, farm->drain_worker(options.id));
+  if (options.wait) {
+    const StopSignals signals;
+    while (!is_drained(status)) {
+      if (signals.wait_for(std::chrono::milliseconds(500))) {
+        context.err << "candela: the worker goes on draining\n";
+        return 128 + signals.pending();
+      }
+      CANDELA_ASSIGN(const v1::ListWorkersResponse response, farm->list_workers());
+      bool found = false;
+      for (const auto& worker : response.workers()) {
+        if (worker.id() != status.id()) continue;
+        status = worker;
+        found = true;
+        break;
+      }
+      if (!found) status.set_state("drained");  // it has left, and the master has forgotten it
+    }
+  }
+  if (options.json)
+    context.out << worker_json(status) << '\n';
+  else
+    context.err << fmt::format("worker {} is {}\n", printable(status.id()), printable(status.state()));
+  return 0;
+}
+
+}  // namespace
+
+void add_workers(CLI::App& app, Context& context) {
+  auto options = std::make_shared<FleetOptions>();
+  CLI::App* sub = app.add_subcommand("workers", "List the farm's workers");
+  add_farm_options(*sub, options->farm);
+  sub->add_flag("--json", options->json, "Print JSON");
+  sub->callback([&context, options] {
+    context.command = [&context, options] { return run_workers(context, *options); };
+  });
+}
+
+void add_drain(CLI::App& app, Context& context) {
+  auto options = std::make_shared<FleetOptions>();
+  CLI::App* sub = app.add_subcommand("drain", "Give a worker no new work, so that it can leave");
+  sub->add_option("worker", options->id, "The worker's id")->required()->type_name("WORKER");
+  sub->add_flag("--wait", options->wait, "Return when its last unit is delivered");
+  add_farm_options(*sub, options->farm);
+  sub->add_flag("--json", options->json, "Print JSON");
+  sub->callback([&context, options] {
+    context.command = [&context, options] { return run_drain(context, *options); };
+  });
+}
+
+}  // namespace candela::client

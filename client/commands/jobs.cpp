@@ -1,0 +1,243 @@
+// candela list, show, events, pause, resume, cancel, extend: looking at jobs and steering them.
+#include <fmt/chrono.h>
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <ostream>
+
+#include "client/commands/commands.h"
+#include "client/context.h"
+#include "client/json.h"
+#include "client/progress.h"
+#include "client/values.h"
+#include "common/wire/wire.h"
+
+namespace candela::client {
+namespace {
+
+struct JobOptions {
+  FarmOptions farm;
+  std::string id;
+  bool json = false;
+  std::optional<std::string> limit;                    // events
+  std::optional<std::string> iterations, time, until;  // extend
+};
+
+std::string time_text(std::int64_t unix_ms) {
+  if (unix_ms <= 0) return "-";
+  return fmt::format("{:%Y-%m-%d %H:%M:%S}Z", fmt::gmtime(static_cast<std::time_t>(unix_ms / 1000)));
+}
+
+std::string error_text(const v1::JobStatus& s) {
+  return s.iterations() > 0 && std::isfinite(s.relmse_estimate()) ? fmt::format("{:.2e}", s.relmse_estimate())
+                                                                  : "-";
+}
+
+Result<int> run_list(Context& context, const JobOptions& options) {
+  CANDELA_ASSIGN(const auto farm, connect(options.farm));
+  CANDELA_ASSIGN(const v1::ListJobsResponse response, farm->list_jobs());
+  if (options.json) {
+    context.out << jobs_json(response) << '\n';
+    return 0;
+  }
+  if (response.jobs_size() == 0) {
+    context.err << "no jobs\n";
+    return 0;
+  }
+  context.out << fmt::format("{:<14} {:<10} {:>4}  {:>12} {:>10} {:>8}  {}\n", "ID", "STATE", "DONE",
+                             "ITERATIONS", "RELMSE", "PRIORITY", "NAME");
+  for (const auto& s : response.jobs())
+    context.out << fmt::format("{:<14} {:<10} {:>3.0f}%  {:>12} {:>10} {:>8}  {}\n", s.id(),
+                               wire::name(s.state()),
+                               std::floor(100 * (s.state() == v1::JOB_STATE_DONE ? 1 : fraction_done(s))),
+                               s.iterations(), error_text(s), s.priority(), printable(s.name()));
+  return 0;
+}
+
+void print_job(std::ostream& out, const v1::JobStatus& s) {
+  const auto line = [&](std::string_view name, const std::string& value) {
+    out << fmt::format("{:<14}{}\n", name, printable(value));
+  };
+  line("id", s.id());
+  line("name", s.name());
+  line("state", std::string(wire::name(s.state())));
+  if (!s.message().empty()) line("message", s.message());
+  line("progress", format_progress(s));
+  line("iterations",
+       fmt::format("{} in {} units, {} more leased", s.iterations(), s.units_merged(), s.units_leased()));
+  line("samples", fmt::format("{}", s.samples()));
+  line("relMSE", error_text(s));
+  std::vector<std::string> limits;
+  if (s.stop().iterations() > 0) limits.push_back(fmt::format("{} iterations", s.stop().iterations()));
+  if (s.stop().time_seconds() > 0) limits.push_back(format_duration(s.stop().time_seconds()));
+  if (s.stop().relmse() > 0) limits.push_back(fmt::format("relMSE {}", s.stop().relmse()));
+  line("stops at", fmt::format("{}", join(limits, " or ")));
+  line("time", fmt::format("{} running, {} of workers", format_duration(s.elapsed_seconds()),
+                           format_duration(s.worker_seconds())));
+  const v1::JobSettings& settings = s.settings();
+  line("image",
+       fmt::format("{}x{}, filter {}, sampler {}, seed {}, isa {}", settings.width(), settings.height(),
+                   settings.filter(), settings.sampler(), settings.seed(), settings.isa()));
+  std::map<std::string, std::string> sorted(settings.integrator_settings().begin(),
+                                            settings.integrator_settings().end());
+  std::string integrator = settings.integrator();
+  for (const auto& [key, value] : sorted) integrator += fmt::format(" {}={}", key, value);
+  line("integrator", integrator);
+  line("priority", fmt::format("{}, share {}", s.priority(), s.share()));
+  line("bundle", s.bundle_sha256());
+  line("checkpoint",
+       fmt::format("generation {} with {} iterations", s.checkpoint_generation(), s.checkpoint_iterations()));
+  line("submitted", time_text(s.submitted_unix_ms()));
+  line("finished", time_text(s.finished_unix_ms()));
+  for (const auto& rejected : s.rejected())
+    if (rejected.count() > 0)
+      line("rejected", fmt::format("{} samples: {}", rejected.count(), rejected.cause()));
+}
+
+Result<int> run_show(Context& context, const JobOptions& options) {
+  CANDELA_ASSIGN(const auto farm, connect(options.farm));
+  CANDELA_ASSIGN(const v1::JobStatus status, farm->get_job(options.id));
+  if (options.json)
+    context.out << job_json(status) << '\n';
+  else
+    print_job(context.out, status);
+  return 0;
+}
+
+Result<int> run_events(Context& context, const JobOptions& options) {
+  std::uint64_t limit = 100;
+  if (options.limit) {
+    CANDELA_ASSIGN(limit, parse_count(*options.limit, "--limit", 1, 100000));
+  }
+  CANDELA_ASSIGN(const auto farm, connect(options.farm));
+  CANDELA_ASSIGN(const v1::ListEventsResponse response,
+                 farm->list_events(options.id, static_cast<std::uint32_t>(limit)));
+  if (options.json) {
+    context.out << events_json(response) << '\n';
+    return 0;
+  }
+  for (const auto& event : response.events())
+    context.out << fmt::format("{}  {:<14} {:<14} {:<18} {}\n", time_text(event.unix_ms()),
+                               event.job_id().empty() ? "-" : event.job_id(),
+                               event.worker_id().empty() ? "-" : event.worker_id(), printable(event.kind()),
+                               printable(event.message()));
+  return 0;
+}
+
+// Pause, resume and cancel: one call, and the state it led to.
+Result<int> run_steer(Context& context, const JobOptions& options,
+                      Result<v1::JobStatus> (FarmClient::*call)(const std::string&)) {
+  CANDELA_ASSIGN(const auto farm, connect(options.farm));
+  CANDELA_ASSIGN(const v1::JobStatus status, (farm.get()->*call)(options.id));
+  if (options.json)
+    context.out << job_json(status) << '\n';
+  else
+    context.err << fmt::format("job {} is {}\n", printable(status.id()), wire::name(status.state()));
+  return 0;
+}
+
+// "+16" and "16" are both sixteen more.
+std::string_view without_plus(std::string_view text) {
+  return text.starts_with('+') ? text.substr(1) : text;
+}
+
+Result<int> run_extend(Context& context, const JobOptions& options) {
+  v1::ExtendJobRequest request;
+  request.set_job_id(options.id);
+  if (options.iterations) {
+    CANDELA_ASSIGN(const std::uint64_t more,
+                   parse_count(without_plus(*options.iterations), "--iterations", 1, Limits::max_iterations));
+    request.set_add_iterations(more);
+  }
+  if (options.time) {
+    CANDELA_ASSIGN(const double more, parse_duration(without_plus(*options.time), "--time"));
+    request.set_add_time_seconds(more);
+  }
+  if (options.until) {
+    CANDELA_ASSIGN(const double target, parse_until(*options.until, "--until"));
+    request.set_relmse(target);
+  }
+  if (!options.iterations && !options.time && !options.until)
+    return usage_error("nothing to extend by")
+        .with_mend("give --iterations +N, --time +DURATION or --until relmse=X");
+  CANDELA_ASSIGN(const auto farm, connect(options.farm));
+  CANDELA_ASSIGN(const v1::JobStatus status, farm->extend_job(request));
+  if (options.json)
+    context.out << job_json(status) << '\n';
+  else
+    context.err << fmt::format("job {} is {}: {}\n", printable(status.id()), wire::name(status.state()),
+                               format_progress(status));
+  return 0;
+}
+
+CLI::App* add_job_command(CLI::App& app, const std::shared_ptr<JobOptions>& options, const char* name,
+                          const char* doc, bool id_required) {
+  CLI::App* sub = app.add_subcommand(name, doc);
+  CLI::Option* id =
+      sub->add_option("id", options->id, id_required ? "The job" : "Only of this job")->type_name("ID");
+  if (id_required) id->required();
+  add_farm_options(*sub, options->farm);
+  sub->add_flag("--json", options->json, "Print JSON");
+  return sub;
+}
+
+void add_steer(CLI::App& app, Context& context, const char* name, const char* doc,
+               Result<v1::JobStatus> (FarmClient::*call)(const std::string&)) {
+  auto options = std::make_shared<JobOptions>();
+  CLI::App* sub = add_job_command(app, options, name, doc, true);
+  sub->callback([&context, options, call] {
+    context.command = [&context, options, call] { return run_steer(context, *options, call); };
+  });
+}
+
+}  // namespace
+
+void add_list(CLI::App& app, Context& context) {
+  auto options = std::make_shared<JobOptions>();
+  CLI::App* sub = app.add_subcommand("list", "List the farm's jobs");
+  add_farm_options(*sub, options->farm);
+  sub->add_flag("--json", options->json, "Print JSON");
+  sub->callback(
+      [&context, options] { context.command = [&context, options] { return run_list(context, *options); }; });
+}
+
+void add_show(CLI::App& app, Context& context) {
+  auto options = std::make_shared<JobOptions>();
+  CLI::App* sub = add_job_command(app, options, "show", "Show a job: state, progress, settings", true);
+  sub->callback(
+      [&context, options] { context.command = [&context, options] { return run_show(context, *options); }; });
+}
+
+void add_events(CLI::App& app, Context& context) {
+  auto options = std::make_shared<JobOptions>();
+  CLI::App* sub =
+      add_job_command(app, options, "events", "Print what happened on the farm, or to a job", false);
+  add_text(*sub, "--limit", options->limit, "At most the last N events (default 100)", "N");
+  sub->callback([&context, options] {
+    context.command = [&context, options] { return run_events(context, *options); };
+  });
+}
+
+void add_pause(CLI::App& app, Context& context) {
+  add_steer(app, context, "pause", "Pause a job", &FarmClient::pause_job);
+}
+void add_resume(CLI::App& app, Context& context) {
+  add_steer(app, context, "resume", "Let a paused job go on", &FarmClient::resume_job);
+}
+void add_cancel(CLI::App& app, Context& context) {
+  add_steer(app, context, "cancel", "End a job; its partial image is kept", &FarmClient::cancel_job);
+}
+
+void add_extend(CLI::App& app, Context& context) {
+  auto options = std::make_shared<JobOptions>();
+  CLI::App* sub =
+      add_job_command(app, options, "extend", "Add to a job's limits; a finished job goes on", true);
+  add_text(*sub, "--iterations", options->iterations, "So many more iterations", "+N");
+  add_text(*sub, "--time", options->time, "So much more time", "+DURATION");
+  add_text(*sub, "--until", options->until, "A new target for the estimated error", "relmse=X");
+  sub->callback([&context, options] {
+    context.command = [&context, options] { return run_extend(context, *options); };
+  });
+}
+
+}  // namespace candela::client

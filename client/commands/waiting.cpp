@@ -1,0 +1,51 @@
+#include "client/commands/waiting.h"
+
+#include <fmt/format.h>
+
+#include <ostream>
+
+#include "client/json.h"
+#include "client/signals.h"
+#include "client/values.h"
+#include "common/wire/wire.h"
+
+namespace candela::client {
+
+Result<int> wait_for_job(Context& context, FarmClient& farm, const std::string& id,
+                         const WaitOptions& options) {
+  v1::JobStatus last;
+  {
+    const StopSignals signals;
+    ProgressLine progress(context.err, ProgressLine::mode_for(options.quiet));
+    v1::JobState state = v1::JOB_STATE_UNSPECIFIED;
+    auto watched = farm.watch_job(
+        id, progress.interval_ms(),
+        [&](const v1::JobStatus& status) {
+          progress.show(format_progress(status), status.state() != state);
+          state = status.state();
+        },
+        &signals);
+    progress.clear();
+    if (!watched) return std::move(watched).error();
+    last = std::move(watched).value();
+    if (!has_ended(last)) {
+      context.err << fmt::format("candela: the job goes on; see it again with: candela watch {}\n",
+                                 shell_quote(id));
+      return 128 + signals.pending();
+    }
+  }
+  if (options.json) context.out << job_json(last) << '\n';
+  const bool wants_image = !options.output.exr.empty() || !options.output.png.empty();
+  if (wants_image && last.iterations() > 0) {
+    CANDELA_ASSIGN(const std::string exr, farm.fetch_image(id, options.error_layer));
+    CANDELA_TRY(write_images(options.output, exr));
+  }
+  if (last.state() != v1::JOB_STATE_DONE) {
+    std::string message = fmt::format("job {} is {}", id, wire::name(last.state()));
+    if (!last.message().empty()) message += ": " + printable(last.message());
+    return failed_error(message);
+  }
+  return exit_code_of(last);
+}
+
+}  // namespace candela::client

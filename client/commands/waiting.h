@@ -1,0 +1,21 @@
+// Waiting for a job on a farm, with progress, until it ends or a signal says to stop looking.
+#pragma once
+
+#include "client/context.h"
+#include "client/output.h"
+#include "client/progress.h"
+
+namespace candela::client {
+
+struct WaitOptions {
+  bool quiet = false;
+  bool json = false;  // the last status on standard output
+  bool error_layer = false;
+  ImageOutput output;  // fetched at the end, where given
+};
+
+// Exit code: the job's result, or 128+n where a signal ended the waiting (the job goes on).
+Result<int> wait_for_job(Context& context, FarmClient& farm, const std::string& id,
+                         const WaitOptions& options);
+
+}  // namespace candela::client

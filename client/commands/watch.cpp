@@ -1,0 +1,61 @@
+// candela watch and fetch: seeing a job to its end, and getting its image at any time.
+#include <CLI/CLI.hpp>
+#include <ostream>
+
+#include "client/commands/commands.h"
+#include "client/commands/waiting.h"
+
+namespace candela::client {
+namespace {
+
+struct WatchOptions {
+  FarmOptions farm;
+  std::string id, output;
+  std::optional<std::string> png;
+  bool quiet = false, json = false, error_layer = false;
+};
+
+Result<int> run_watch(Context& context, const WatchOptions& options) {
+  CANDELA_ASSIGN(const auto farm, connect(options.farm));
+  return wait_for_job(context, *farm, options.id, {options.quiet, options.json, false, {}});
+}
+
+Result<int> run_fetch(const WatchOptions& options) {
+  const ImageOutput output{options.output, options.png.value_or("")};
+  if (output.exr.empty() && output.png.empty())
+    return usage_error("no output is given").with_mend("use -o out.exr, --png out.png or both");
+  CANDELA_TRY(check_output(output));
+  CANDELA_ASSIGN(const auto farm, connect(options.farm));
+  CANDELA_ASSIGN(const std::string exr, farm->fetch_image(options.id, options.error_layer));
+  CANDELA_TRY(write_images(output, exr));
+  return 0;
+}
+
+}  // namespace
+
+void add_watch(CLI::App& app, Context& context) {
+  auto options = std::make_shared<WatchOptions>();
+  CLI::App* sub =
+      app.add_subcommand("watch", "Show a job's progress until it has ended; exits with its result");
+  sub->add_option("id", options->id, "The job")->required()->type_name("ID");
+  add_farm_options(*sub, options->farm);
+  sub->add_flag("--quiet", options->quiet, "No progress, just wait");
+  sub->add_flag("--json", options->json, "Print the last status as JSON");
+  sub->callback([&context, options] {
+    context.command = [&context, options] { return run_watch(context, *options); };
+  });
+}
+
+void add_fetch(CLI::App& app, Context& context) {
+  auto options = std::make_shared<WatchOptions>();
+  CLI::App* sub = app.add_subcommand("fetch", "Get the image of what is merged so far");
+  sub->add_option("id", options->id, "The job")->required()->type_name("ID");
+  sub->add_option("-o,--output", options->output, "Write the image here (.exr)")->type_name("FILE");
+  add_text(*sub, "--png", options->png, "Write the image as sRGB PNG", "FILE");
+  sub->add_flag("--error-layer", options->error_layer,
+                "Add the layer 'error': the estimated standard deviation");
+  add_farm_options(*sub, options->farm);
+  sub->callback([&context, options] { context.command = [options] { return run_fetch(*options); }; });
+}
+
+}  // namespace candela::client

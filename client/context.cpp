@@ -1,0 +1,104 @@
+#include "client/context.h"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+
+#include "client/values.h"
+
+namespace candela::client {
+
+CLI::Option* add_text(CLI::App& app, const std::string& names, std::optional<std::string>& value,
+                      const std::string& doc, const std::string& type) {
+  return app
+      .add_option_function<std::string>(
+          names, [&value](const std::string& text) { value = text; }, doc)
+      ->type_name(type);
+}
+
+CLI::Option* add_texts(CLI::App& app, const std::string& names, std::vector<std::string>& values,
+                       const std::string& doc, const std::string& type) {
+  return app.add_option(names, values, doc)->type_name(type)->allow_extra_args(false);
+}
+
+void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
+  app.add_option("scene", options.scene, "Scene file (Mitsuba XML)")->required()->type_name("SCENE");
+  add_texts(app, "-D,--define", options.defines, "Set a $parameter of the scene; may be repeated",
+            "NAME=VALUE");
+  add_text(app, "--integrator", options.integrator, "Integrator; default: the scene's", "NAME");
+  add_texts(app, "--set", options.sets, "Set a setting of the integrator; may be repeated", "KEY=VALUE");
+  if (with_limits) {
+    add_text(
+        app, "--iterations", options.iterations,
+        "Stop after N iterations (samples per pixel); default without any limit: the scene's sample_count",
+        "N");
+    add_text(app, "--time", options.time, "Stop after this time, such as 90s, 10m or 1h30m", "DURATION");
+    add_text(app, "--until", options.until,
+             "Stop when the estimated error is reached; with several limits the first counts", "relmse=X");
+  }
+  add_text(app, "--seed", options.seed, "Seed; default: the scene's sampler's, else 0", "N");
+  add_text(app, "--size", options.size, "Size of the image in pixels; default: the scene's film", "WxH");
+  add_text(app, "--filter", options.filter,
+           "Pixel filter: box, tent or gaussian; default: the scene's rfilter", "NAME");
+  add_text(app, "--sampler", options.sampler, "Sampler: sobol (default) or independent", "NAME");
+  add_text(app, "--isa", options.isa,
+           "Instruction set Embree may use: sse2, sse4.2, avx, avx2 (default) or avx512; part of what the "
+           "pixels depend on",
+           "NAME");
+}
+
+void add_farm_options(CLI::App& app, FarmOptions& options) {
+  add_text(app, "--master", options.master,
+           "Address of the master; default: $CANDELA_MASTER, else the configuration", "HOST:PORT");
+  add_text(app, "--tls-cert", options.tls_cert, "Our certificate (PEM); $CANDELA_TLS_CERT", "FILE");
+  add_text(app, "--tls-key", options.tls_key, "Its key (PEM); $CANDELA_TLS_KEY", "FILE");
+  add_text(app, "--tls-ca", options.tls_ca,
+           "Certificate of the authority that signed the master's (PEM); $CANDELA_TLS_CA", "FILE");
+  app.add_flag("--insecure", options.insecure,
+               "Talk without TLS to a master on another machine; $CANDELA_INSECURE=true");
+  add_text(app, "--timeout", options.timeout,
+           "How long to try to reach the master (default 10s); $CANDELA_TIMEOUT", "DURATION");
+}
+
+Result<ConnectionOptions> resolve_connection(const FarmOptions& options, const Config& config) {
+  CANDELA_TRY(
+      config.check_section("client", {"master", "tls-cert", "tls-key", "tls-ca", "insecure", "timeout"}));
+  // The plain key first: that is also the environment's short name.
+  const auto key_of = [&](const std::string& name) { return config.get(name) ? name : "client." + name; };
+  const auto choose = [&](const std::optional<std::string>& option, const std::string& name) {
+    return option ? *option : config.get(key_of(name)).value_or("");
+  };
+  ConnectionOptions connection;
+  connection.master = choose(options.master, "master");
+  if (connection.master.empty())
+    return usage_error("no master is given").with_mend("use --master HOST:PORT or set $CANDELA_MASTER");
+  connection.tls_cert = choose(options.tls_cert, "tls-cert");
+  connection.tls_key = choose(options.tls_key, "tls-key");
+  connection.tls_ca = choose(options.tls_ca, "tls-ca");
+  connection.insecure = options.insecure;
+  if (const auto text = config.get(key_of("insecure")); text && !connection.insecure) {
+    if (*text != "true" && *text != "false" && *text != "1" && *text != "0")
+      return usage_error(fmt::format("'{}' is neither true nor false", printable(*text)))
+          .with_field(config.origin(key_of("insecure")));
+    connection.insecure = *text == "true" || *text == "1";
+  }
+  if (const std::string text = choose(options.timeout, "timeout"); !text.empty()) {
+    const std::string origin = options.timeout ? "--timeout" : config.origin(key_of("timeout"));
+    CANDELA_ASSIGN(connection.timeout_seconds, parse_duration(text, origin));
+  }
+  return connection;
+}
+
+Result<std::unique_ptr<FarmClient>> connect(const FarmOptions& options) {
+  CANDELA_ASSIGN(const Config config, Config::load());
+  CANDELA_ASSIGN(const ConnectionOptions connection, resolve_connection(options, config));
+  CANDELA_ASSIGN(std::unique_ptr<FarmClient> client, FarmClient::create(connection));
+  CANDELA_TRY(client->check_server());
+  return client;
+}
+
+int exit_code_of(const v1::JobStatus& status) {
+  return status.state() == v1::JOB_STATE_DONE ? 0 : 1;
+}
+
+}  // namespace candela::client

@@ -1,0 +1,56 @@
+// What every command is given, and the options that several of them share.
+#pragma once
+
+#include <functional>
+#include <iosfwd>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "client/farm_client.h"
+#include "client/settings.h"
+#include "common/base/config.h"
+#include "common/base/result.h"
+
+namespace CLI {
+class App;
+class Option;
+}  // namespace CLI
+
+namespace candela::client {
+
+struct Context {
+  std::ostream& out;  // results
+  std::ostream& err;  // progress and errors
+  RendererFacts facts;
+  std::vector<std::string> arguments;    // as given, the program's name first
+  std::function<Result<int>()> command;  // set by the parser: the chosen command, returning its exit code
+};
+
+// An option for a value that may be absent.
+CLI::Option* add_text(CLI::App& app, const std::string& names, std::optional<std::string>& value,
+                      const std::string& doc, const std::string& type);
+// An option that may be given several times, one value each.
+CLI::Option* add_texts(CLI::App& app, const std::string& names, std::vector<std::string>& values,
+                       const std::string& doc, const std::string& type);
+
+// SCENE, -D, --integrator, --set, --iterations, --time, --until, --seed, --size, --filter, --sampler, --isa.
+void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits);
+
+// --master, --tls-*, --insecure, --timeout.
+struct FarmOptions {
+  std::optional<std::string> master, tls_cert, tls_key, tls_ca, timeout;
+  bool insecure = false;
+};
+void add_farm_options(CLI::App& app, FarmOptions& options);
+// By precedence: option, environment ($CANDELA_MASTER, ...), configuration files ("master", or [client]
+// master).
+Result<ConnectionOptions> resolve_connection(const FarmOptions& options, const Config& config);
+// resolve, dial, and check the master's protocol.
+Result<std::unique_ptr<FarmClient>> connect(const FarmOptions& options);
+
+// 0 for a job that is done, 1 for one that failed or was cancelled.
+int exit_code_of(const v1::JobStatus& status);
+
+}  // namespace candela::client

@@ -1,0 +1,143 @@
+#include "client/embedded/app.h"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdlib>
+#include <new>
+#include <ostream>
+
+#include "client/commands/commands.h"
+#include "client/context.h"
+#include "client/embedded/commands.h"
+#include "client/values.h"
+#include "common/base/log.h"
+#include "common/base/version.h"
+#include "common/description/vocabulary.h"
+
+namespace candela::client {
+namespace {
+
+std::string one_line(std::string text) {
+  for (char& c : text) c = c == '\n' || c == '\r' ? ' ' : c;
+  return text;
+}
+
+int report(std::ostream& err, const std::string& message, int code) {
+  err << "candela: error: " << one_line(message) << std::endl;
+  return code;
+}
+
+void add_commands(CLI::App& app, Context& context) {
+  add_render(app, context);
+  add_plan(app, context);
+  add_submit(app, context);
+  add_list(app, context);
+  add_show(app, context);
+  add_watch(app, context);
+  add_fetch(app, context);
+  add_pause(app, context);
+  add_resume(app, context);
+  add_extend(app, context);
+  add_cancel(app, context);
+  add_workers(app, context);
+  add_drain(app, context);
+  add_events(app, context);
+  add_compare(app, context);
+  add_convert(app, context);
+  add_version(app, context);
+  add_help_markdown(app, context);
+}
+
+// " (did you mean '--iterations'?)" for a word that is no option or command.
+std::string suggestion(const std::string& word, const std::vector<std::string>& known) {
+  const std::vector<std::string_view> names(known.begin(), known.end());
+  const std::string_view near = description::nearest_name(word, names);
+  return near.empty() ? std::string() : fmt::format(" (did you mean '{}'?)", near);
+}
+
+std::vector<std::string> command_names(const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const CLI::App* sub : app.get_subcommands([](const CLI::App* s) { return !s->get_group().empty(); }))
+    names.push_back(sub->get_name());
+  return names;
+}
+
+bool is_command(const CLI::App& app, const std::string& word) {
+  const auto all = app.get_subcommands([](const CLI::App*) { return true; });
+  return std::any_of(all.begin(), all.end(), [&](const CLI::App* sub) { return sub->get_name() == word; });
+}
+
+// What the parser could not make sense of, in words and with the nearest option.
+std::string explain(const CLI::App& app, const CLI::ParseError& error) {
+  const auto chosen = app.get_subcommands();
+  const CLI::App& command = chosen.empty() ? app : *chosen.front();
+  if (error.get_name() == "ExtrasError") {
+    std::vector<std::string> options;
+    for (const CLI::Option* option : command.get_options())
+      for (const std::string& name : option->get_lnames()) options.push_back("--" + name);
+    for (const std::string& word : app.remaining(true)) {
+      const std::string name = word.substr(0, word.find('='));
+      if (name.starts_with('-'))
+        return fmt::format("there is no option '{}'{}", printable(name), suggestion(name, options));
+      return fmt::format("unexpected argument '{}'", printable(word));
+    }
+  }
+  std::string text = error.what();
+  if (!chosen.empty()) text += fmt::format(" (see: candela {} --help)", command.get_name());
+  return text;
+}
+
+}  // namespace
+
+int run_program(const std::vector<std::string>& arguments, std::ostream& out, std::ostream& err) {
+  const char* level = std::getenv("CANDELA_LOG_LEVEL");
+  if (const auto logging =
+          log::initialise("candela", level != nullptr && *level != '\0' ? level : "warn", "text");
+      !logging.ok())
+    return report(err, logging.error().to_string(), logging.error().exit_code());
+
+  Context context{out, err, renderer_facts(), arguments, {}};
+  CLI::App app("Candela renders scenes by physically based light transport, here or on a farm", "candela");
+  app.set_version_flag("--version", fmt::format("candela {}", version()), "Print the version");
+  app.set_help_flag("-h,--help", "Print help");
+  app.require_subcommand(0, 1);
+  app.footer("candela COMMAND --help says more about a command");
+  add_commands(app, context);
+
+  if (arguments.size() > 1 && !arguments[1].empty() && arguments[1][0] != '-' &&
+      !is_command(app, arguments[1]))
+    return report(err,
+                  fmt::format("there is no command '{}'{}", printable(arguments[1]),
+                              suggestion(arguments[1], command_names(app))),
+                  2);
+
+  try {
+    // CLI11 takes the arguments last first, without the program's name.
+    std::vector<std::string> reversed;
+    if (!arguments.empty()) reversed.assign(arguments.rbegin(), arguments.rend() - 1);
+    app.parse(std::move(reversed));
+  } catch (const CLI::Success& success) {
+    return app.exit(success, out, err) == 0 ? 0 : 2;  // help and version
+  } catch (const CLI::ParseError& error) {
+    return report(err, explain(app, error), 2);
+  }
+  if (!context.command) {
+    err << app.help();
+    return report(err, "no command is given", 2);
+  }
+  try {
+    const Result<int> result = context.command();
+    out << std::flush;
+    if (!result.ok()) return report(err, result.error().to_string(), result.error().exit_code());
+    if (!out) return report(err, "cannot write to standard output", 1);
+    return *result;
+  } catch (const std::bad_alloc&) {
+    return report(err, "out of memory", 1);
+  } catch (const std::exception& error) {
+    return report(err, fmt::format("internal error: {}", error.what()), 1);
+  }
+}
+
+}  // namespace candela::client

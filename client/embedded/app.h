@@ -1,0 +1,15 @@
+// The whole `candela` program behind main: parser, commands, errors to exit codes. A test can run it in its
+// own process.
+#pragma once
+
+#include <iosfwd>
+#include <string>
+#include <vector>
+
+namespace candela::client {
+
+// arguments[0] is the program's name. Returns the exit code (see docs/cli.md); errors are one line each on
+// `err`.
+int run_program(const std::vector<std::string>& arguments, std::ostream& out, std::ostream& err);
+
+}  // namespace candela::client

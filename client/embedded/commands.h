@@ -1,0 +1,20 @@
+// The commands that bring the renderer along: `render`, a whole farm in this process, and `plan`.
+#pragma once
+
+#include "client/settings.h"
+
+namespace CLI {
+class App;
+}
+
+namespace candela::client {
+
+struct Context;
+
+void add_render(CLI::App& app, Context& context);
+void add_plan(CLI::App& app, Context& context);
+
+// What the linked renderer says of itself.
+RendererFacts renderer_facts();
+
+}  // namespace candela::client

@@ -1,0 +1,101 @@
+#include "client/embedded/local_farm.h"
+
+#include <fmt/format.h>
+#include <grpcpp/grpcpp.h>
+
+#include <algorithm>
+#include <mutex>
+#include <thread>
+
+#include "master/master.h"
+#include "worker/service/worker_service.h"
+
+namespace candela::client {
+
+struct LocalFarm::State {
+  std::unique_ptr<master::Master> master;
+  std::vector<std::unique_ptr<worker::Worker>> workers;
+  std::vector<std::thread> waiters;  // one for each worker, to hear of its end
+  mutable std::mutex mutex;          // of what follows
+  std::size_t alive = 0;
+  bool draining = false;
+  std::optional<Error> lost;
+};
+
+LocalFarm::LocalFarm(std::unique_ptr<State> state) : state_(std::move(state)) {}
+LocalFarm::~LocalFarm() {
+  stop();
+}
+
+Result<std::unique_ptr<LocalFarm>> LocalFarm::start(const std::filesystem::path& data_dir) {
+  master::MasterOptions options;
+  options.data_dir = data_dir;
+  options.listen.clear();
+  options.image_on_checkpoint = false;  // we write the image ourselves, where it was asked for
+  auto state = std::make_unique<State>();
+  CANDELA_ASSIGN(state->master, master::Master::start(options));
+  return std::unique_ptr<LocalFarm>(new LocalFarm(std::move(state)));
+}
+
+std::shared_ptr<grpc::Channel> LocalFarm::channel() {
+  return state_->master->in_process_channel();
+}
+
+Result<void> LocalFarm::start_workers(const std::vector<unsigned>& threads,
+                                      const std::filesystem::path& cache_dir) {
+  State& state = *state_;
+  for (std::size_t i = 0; i < threads.size(); ++i) {
+    worker::WorkerOptions options;
+    options.cache_dir = cache_dir;
+    options.threads = threads[i];
+    options.name = fmt::format("local-{}", i + 1);
+    CANDELA_ASSIGN(std::unique_ptr<worker::Worker> one, worker::Worker::start(options, channel()));
+    {
+      const std::lock_guard lock(state.mutex);
+      ++state.alive;
+    }
+    worker::Worker* raw = one.get();
+    state.workers.push_back(std::move(one));
+    state.waiters.emplace_back([&state, raw] {
+      auto ended = raw->wait();
+      const std::lock_guard lock(state.mutex);
+      --state.alive;
+      if (state.draining) return;
+      if (!ended.ok()) state.lost = std::move(ended).error();
+      if (state.alive == 0 && !state.lost)
+        state.lost = internal_error("the workers of this process ended by themselves");
+    });
+  }
+  return {};
+}
+
+std::optional<Error> LocalFarm::workers_lost() const {
+  const std::lock_guard lock(state_->mutex);
+  return state_->alive == 0 ? state_->lost : std::nullopt;
+}
+
+void LocalFarm::drain_workers() {
+  {
+    const std::lock_guard lock(state_->mutex);
+    state_->draining = true;
+  }
+  std::vector<std::thread> drains;
+  for (const auto& one : state_->workers) drains.emplace_back([&one] { one->drain(); });
+  for (std::thread& drain : drains) drain.join();
+  for (std::thread& waiter : state_->waiters) waiter.join();
+  state_->waiters.clear();
+  state_->workers.clear();
+}
+
+void LocalFarm::stop() {
+  drain_workers();
+  if (state_->master) state_->master->stop();
+}
+
+std::vector<unsigned> split_threads(unsigned total, unsigned workers) {
+  std::vector<unsigned> threads(workers, std::max(1U, total / workers));
+  for (unsigned i = 0; total > workers && i < total % workers; ++i) ++threads[i];
+  return threads;
+}
+
+}  // namespace candela::client

@@ -1,0 +1,43 @@
+// A master and its workers inside this process, speaking the same protocol as anywhere, over an in-process
+// channel.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "common/base/result.h"
+
+namespace grpc {
+class Channel;
+}
+
+namespace candela::client {
+
+class LocalFarm {
+ public:
+  // The master alone; it continues what is in its folder.
+  static Result<std::unique_ptr<LocalFarm>> start(const std::filesystem::path& data_dir);
+  ~LocalFarm();  // stops
+
+  std::shared_ptr<grpc::Channel> channel();
+  // One worker for each entry, of so many threads.
+  Result<void> start_workers(const std::vector<unsigned>& threads, const std::filesystem::path& cache_dir);
+  // Why no worker is left, if none is.
+  std::optional<Error> workers_lost() const;
+  // Workers finish or hand back what they have. Idempotent.
+  void drain_workers();
+  // Drains, and closes the master with a last checkpoint. Idempotent.
+  void stop();
+
+ private:
+  struct State;
+  explicit LocalFarm(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
+};
+
+// `total` threads over `workers` workers, as evenly as can be, at least one each.
+std::vector<unsigned> split_threads(unsigned total, unsigned workers);
+
+}  // namespace candela::client

@@ -1,0 +1,252 @@
+// candela render: a scene to an image by a farm inside this process. The job goes the way of every job:
+// bundle, upload, submit, watch, fetch.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <ostream>
+#include <thread>
+
+#include "client/context.h"
+#include "client/embedded/commands.h"
+#include "client/embedded/local_farm.h"
+#include "client/embedded/state_folder.h"
+#include "client/json.h"
+#include "client/output.h"
+#include "client/progress.h"
+#include "client/signals.h"
+#include "client/submission.h"
+#include "client/values.h"
+#include "common/wire/wire.h"
+#include "worker/render/renderer.h"
+
+namespace candela::client {
+namespace {
+
+constexpr unsigned kMostThreads = 1024;
+constexpr unsigned kMostWorkers = 256;
+constexpr double kCallSeconds = 60;  // for a call within the process, on a machine that is busy rendering
+
+struct RenderOptions {
+  SceneOptions scene;
+  std::string output;
+  std::optional<std::string> png, threads, workers;
+  bool resume = false, fresh = false, keep_state = false, quiet = false, json = false, error_layer = false;
+};
+
+Result<std::vector<unsigned>> worker_threads(const RenderOptions& options) {
+  std::uint64_t workers = 1;
+  std::uint64_t threads = std::max(1U, std::thread::hardware_concurrency());
+  if (options.workers) {
+    CANDELA_ASSIGN(workers, parse_count(*options.workers, "--workers", 1, kMostWorkers));
+  }
+  if (options.threads) {
+    CANDELA_ASSIGN(threads, parse_count(*options.threads, "--threads", 1, kMostThreads));
+    if (threads < workers)
+      return usage_error(fmt::format("{} threads cannot be split among {} workers", threads, workers))
+          .with_field("--threads");
+  }
+  return split_threads(static_cast<unsigned>(threads), static_cast<unsigned>(workers));
+}
+
+Result<void> check_isa(const std::string& isa) {
+  const std::vector<std::string> isas = render::supported_isas();
+  if (std::find(isas.begin(), isas.end(), isa) != isas.end()) return {};
+  return usage_error(fmt::format("this machine has no {}", isa))
+      .with_field("--isa")
+      .with_mend(fmt::format("it has {}; images are the same only with the same one", join(isas, ", ")));
+}
+
+// What --resume must add so that the job that was ends where the options now say.
+Result<v1::ExtendJobRequest> extension(const StopRule& wanted, const v1::StopRule& was) {
+  v1::ExtendJobRequest request;
+  const auto cannot = [](std::string_view option, std::string message) {
+    return usage_error(std::move(message))
+        .with_field(std::string(option))
+        .with_mend("--resume can only extend; start anew by --fresh");
+  };
+  if (wanted.iterations != 0 && wanted.iterations != was.iterations()) {
+    if (was.iterations() == 0) return cannot("--iterations", "the render was started without such a limit");
+    if (wanted.iterations < was.iterations())
+      return cannot("--iterations", fmt::format("the limit is {} already", was.iterations()));
+    request.set_add_iterations(wanted.iterations - was.iterations());
+  }
+  if (wanted.time_seconds != 0 && wanted.time_seconds != was.time_seconds()) {
+    if (was.time_seconds() == 0) return cannot("--time", "the render was started without such a limit");
+    if (wanted.time_seconds < was.time_seconds())
+      return cannot("--time", fmt::format("the limit is {} already", format_duration(was.time_seconds())));
+    request.set_add_time_seconds(wanted.time_seconds - was.time_seconds());
+  }
+  if (wanted.relmse != 0 && wanted.relmse != was.relmse()) request.set_relmse(wanted.relmse);
+  return request;
+}
+
+bool adds(const v1::ExtendJobRequest& r) {
+  return r.add_iterations() != 0 || r.add_time_seconds() != 0 || r.relmse() != 0;
+}
+
+// The one job of the state folder, after checking that it is the one the command describes; empty if a crash
+// came before it.
+Result<std::string> find_job(FarmClient& farm, const LoadedScene& scene) {
+  CANDELA_ASSIGN(const v1::ListJobsResponse jobs, farm.list_jobs());
+  if (jobs.jobs_size() == 0) return std::string();
+  const v1::JobStatus& job = jobs.jobs(0);
+  const auto mismatch = [](std::string message) {
+    return usage_error(std::move(message))
+        .with_field("--resume")
+        .with_mend("give what was given then, or start anew by --fresh");
+  };
+  if (job.bundle_sha256() != scene.gathered.bundle.hash())
+    return mismatch("the scene, one of its files or a -D parameter has changed");
+  CANDELA_ASSIGN(const JobSettings was, wire::from_proto(job.settings()));
+  if (const std::string text = difference(scene.job.settings, was); !text.empty())
+    return mismatch("settings differ: " + text);
+  if (job.state() == v1::JOB_STATE_FAILED)
+    return failed_error(fmt::format("the render failed: {}", printable(job.message())))
+        .with_mend("start anew by --fresh");
+  if (scene.job.stop_given) {
+    CANDELA_ASSIGN(v1::ExtendJobRequest request, extension(scene.job.stop, job.stop()));
+    request.set_job_id(job.id());
+    if (adds(request)) CANDELA_TRY(farm.extend_job(request));
+  }
+  if (job.state() == v1::JOB_STATE_PAUSED) CANDELA_TRY(farm.resume_job(job.id()));
+  return job.id();
+}
+
+// The command that goes on with this render.
+std::string resume_command(const Context& context) {
+  std::string command;
+  bool resume = false;
+  for (const std::string& word : context.arguments) {
+    if (word == "--fresh") continue;
+    resume = resume || word == "--resume";
+    command += (command.empty() ? "" : " ") + shell_quote(word);
+  }
+  return resume ? command : command + " --resume";
+}
+
+// A failed job's message has come through the farm as text. The renderer here says the same with its kind,
+// file and line.
+Error diagnose(const v1::JobStatus& status, const LoadedScene& scene, const RenderOptions& options,
+               unsigned threads) {
+  const bundle::DiskSource files(std::filesystem::absolute(options.scene.scene).parent_path());
+  auto renderer = render::Renderer::create(files, scene.gathered.bundle.main_path,
+                                           scene.gathered.bundle.parameters, scene.job.settings, threads);
+  if (!renderer) return std::move(renderer).error();
+  return failed_error(fmt::format("the render failed: {}", printable(status.message())));
+}
+
+std::string summary(const v1::JobStatus& status, const std::string& output) {
+  std::string text = fmt::format("{}: {} iterations", printable(output), status.iterations());
+  if (std::isfinite(status.relmse_estimate()))
+    text += fmt::format(", relMSE {:.1e}", status.relmse_estimate());
+  return text + fmt::format(", {}", format_duration(status.elapsed_seconds()));
+}
+
+Result<int> run_render(Context& context, const RenderOptions& options) {
+  const ImageOutput output{options.output, options.png.value_or("")};
+  CANDELA_TRY(check_output(output));
+  if (options.resume && options.fresh) return usage_error("--resume and --fresh exclude each other");
+  CANDELA_ASSIGN(const std::vector<unsigned> threads, worker_threads(options));
+  CANDELA_ASSIGN(const LoadedScene scene, load_scene(options.scene, context.facts));
+  CANDELA_TRY(check_isa(scene.job.settings.isa));
+  const auto mode = options.resume  ? StateFolder::Mode::resume
+                    : options.fresh ? StateFolder::Mode::fresh
+                                    : StateFolder::Mode::create;
+  CANDELA_ASSIGN(const std::unique_ptr<StateFolder> folder,
+                 StateFolder::open(StateFolder::path_for(options.output), mode));
+
+  const StopSignals signals;
+  ProgressLine progress(context.err, ProgressLine::mode_for(options.quiet));
+  CANDELA_ASSIGN(const std::unique_ptr<LocalFarm> farm, LocalFarm::start(folder->farm()));
+  const std::unique_ptr<FarmClient> client = FarmClient::over(farm->channel(), kCallSeconds);
+  std::string id;
+  if (options.resume) {
+    CANDELA_ASSIGN(id, find_job(*client, scene));
+  }
+  if (id.empty()) {
+    Submission submission;
+    submission.name =
+        std::filesystem::path(options.scene.scene).filename().string().substr(0, Limits::max_name_bytes);
+    auto submitted = submit_scene(*client, scene, submission, progress);
+    if (!submitted) {
+      farm->stop();
+      CANDELA_TRY(folder->remove());
+      return std::move(submitted).error();
+    }
+    id = submitted->job_id;
+  }
+  CANDELA_TRY(farm->start_workers(threads, folder->cache()));
+
+  v1::JobState state = v1::JOB_STATE_UNSPECIFIED;
+  auto watched = client->watch_job(
+      id, progress.interval_ms(),
+      [&](const v1::JobStatus& status) {
+        // That a job waits for a moment before its first lease is no news here.
+        if (status.state() == v1::JOB_STATE_QUEUED && status.message().empty()) return;
+        progress.show(format_progress(status), status.state() != state);
+        state = status.state();
+      },
+      &signals, [&] { return farm->workers_lost().has_value(); });
+  progress.clear();
+  if (!watched) return std::move(watched).error();
+  farm->drain_workers();
+  // The last units may have come in after the last status.
+  CANDELA_ASSIGN(const v1::JobStatus last, client->get_job(id));
+
+  if (last.iterations() > 0) {
+    CANDELA_ASSIGN(const std::string exr, client->fetch_image(id, options.error_layer));
+    CANDELA_TRY(write_images(output, exr));
+  }
+  const auto lost = farm->workers_lost();
+  farm->stop();
+  for (const auto& rejected : last.rejected())
+    if (rejected.count() > 0)
+      context.err << fmt::format("candela: warning: {} samples were rejected: {}\n", rejected.count(),
+                                 rejected.cause());
+  if (options.json) context.out << job_json(last) << '\n';
+
+  if (!has_ended(last) && lost) return *lost;
+  if (!has_ended(last)) {
+    context.err << fmt::format("candela: stopped{}\ncandela: go on with: {}\n",
+                               last.iterations() > 0 ? "; wrote " + summary(last, options.output)
+                                                     : std::string(" before the first iteration"),
+                               resume_command(context));
+    return 128 + signals.pending();
+  }
+  // A failed render cannot go on; a finished one need not.
+  if (!options.keep_state) CANDELA_TRY(folder->remove());
+  if (last.state() != v1::JOB_STATE_DONE) return diagnose(last, scene, options, threads.front());
+  if (!options.quiet) context.err << "candela: wrote " << summary(last, options.output) << '\n';
+  return 0;
+}
+
+}  // namespace
+
+void add_render(CLI::App& app, Context& context) {
+  auto options = std::make_shared<RenderOptions>();
+  CLI::App* sub = app.add_subcommand("render", "Render a scene here, with a farm inside this process");
+  add_scene_options(*sub, options->scene, true);
+  sub->add_option("-o,--output", options->output, "Write the image here (.exr)")
+      ->required()
+      ->type_name("FILE");
+  add_text(*sub, "--png", options->png, "Also write the image as sRGB PNG", "FILE");
+  sub->add_flag("--error-layer", options->error_layer,
+                "Add the layer 'error' to the EXR: the estimated standard deviation");
+  add_text(*sub, "--threads", options->threads, "Threads in all (default: all cores)", "N");
+  add_text(*sub, "--workers", options->workers, "Workers to split them among (default 1)", "N");
+  sub->add_flag("--resume", options->resume,
+                "Go on with a render that was stopped or crashed (its state is in OUTPUT.candela); larger "
+                "limits extend it");
+  sub->add_flag("--fresh", options->fresh, "Throw such a state away and start anew");
+  sub->add_flag("--keep-state", options->keep_state,
+                "Keep the state of a finished render, to extend it later by --resume");
+  sub->add_flag("--quiet", options->quiet, "No progress");
+  sub->add_flag("--json", options->json, "Print the job's last status as JSON");
+  sub->callback([&context, options] {
+    context.command = [&context, options] { return run_render(context, *options); };
+  });
+}
+
+}  // namespace candela::client

@@ -1,0 +1,400 @@
+#include "client/farm_client.h"
+
+#include <fmt/format.h>
+#include <grpcpp/grpcpp.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <fstream>
+#include <random>
+#include <thread>
+
+#include "candela/v1/client.grpc.pb.h"
+#include "client/signals.h"
+#include "common/base/hash.h"
+#include "common/base/version.h"
+#include "common/job/job.h"
+#include "common/wire/wire.h"
+
+namespace candela::client {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr int kMaxMessageBytes = 64 << 20;            // lists of jobs may be long; chunks are 1 MiB
+constexpr std::uint64_t kMaxImageBytes = 1ULL << 36;  // of a fetched image
+constexpr std::size_t kHashesPerCall = 1000;
+constexpr double kSlowestBytesPerSecond = 128 * 1024;  // deadlines of transfers allow for this
+constexpr double kWatchSeconds = 20;  // one stream; then a new one, so that a hung master is noticed
+
+std::chrono::system_clock::time_point deadline_in(double seconds) {
+  return std::chrono::system_clock::now() +
+         std::chrono::milliseconds(static_cast<std::int64_t>(seconds * 1000));
+}
+
+double seconds_since(Clock::time_point begin) {
+  return std::chrono::duration<double>(Clock::now() - begin).count();
+}
+
+bool may_repeat(const grpc::Status& status) {
+  return status.error_code() == grpc::StatusCode::UNAVAILABLE ||
+         status.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED;
+}
+
+// Pauses between tries: 0.1 s doubling to 1 s, less up to a quarter so that many clients do not knock at one
+// time.
+class Backoff {
+ public:
+  double next_seconds() {
+    const double pause = pause_ * (1 - 0.25 * std::generate_canonical<double, 32>(random_));
+    pause_ = std::min(1.0, pause_ * 2);
+    return pause;
+  }
+  void reset() { pause_ = kFirst; }
+
+ private:
+  static constexpr double kFirst = 0.1;
+  double pause_ = kFirst;
+  std::mt19937 random_{std::random_device{}()};
+};
+
+void sleep_seconds(double seconds) {
+  std::this_thread::sleep_for(std::chrono::duration<double>(seconds));
+}
+
+}  // namespace
+
+struct FarmClient::State {
+  std::unique_ptr<v1::FarmService::Stub> stub;
+  std::string peer;  // for messages
+  double timeout_seconds = 10;
+
+  Error error_of(const grpc::Status& status) const {
+    Error error = wire::from_status(status);
+    if (error.kind == ErrorKind::unreachable) {
+      error.message = fmt::format("cannot reach the master at {}: {}", peer, error.message);
+      error.mend = "is it running, and is this its address? --timeout says how long to try";
+    }
+    return error;
+  }
+
+  // Runs `call(context)` until it succeeds, fails for good, or the timeout is over.
+  template <class Call>
+  Result<void> repeat(const Call& call) const {
+    const auto begin = Clock::now();
+    Backoff backoff;
+    for (;;) {
+      grpc::ClientContext context;
+      context.set_deadline(deadline_in(std::max(0.1, timeout_seconds - seconds_since(begin))));
+      const grpc::Status status = call(context);
+      if (status.ok()) return {};
+      const double pause = std::max(backoff.next_seconds(), wire::retry_ms(status, 0) / 1000.0);
+      if (!may_repeat(status) || seconds_since(begin) + pause >= timeout_seconds) return error_of(status);
+      sleep_seconds(pause);
+    }
+  }
+
+  template <class Response, class Request, class Method>
+  Result<Response> unary(Method method, const Request& request) const {
+    Response response;
+    CANDELA_TRY(repeat([&](grpc::ClientContext& context) {
+      response.Clear();
+      return (stub.get()->*method)(&context, request, &response);
+    }));
+    return response;
+  }
+
+  Result<v1::JobStatus> job_call(grpc::Status (v1::FarmService::Stub::*method)(grpc::ClientContext*,
+                                                                               const v1::JobRequest&,
+                                                                               v1::JobStatus*),
+                                 const std::string& id) const {
+    v1::JobRequest request;
+    request.set_job_id(id);
+    return unary<v1::JobStatus>(method, request);
+  }
+};
+
+FarmClient::FarmClient(std::unique_ptr<State> state) : state_(std::move(state)) {}
+FarmClient::~FarmClient() = default;
+
+Result<std::unique_ptr<FarmClient>> FarmClient::create(const ConnectionOptions& options) {
+  CANDELA_ASSIGN(const wire::Address address, wire::parse_address(options.master, "--master"));
+  CANDELA_ASSIGN(auto credentials,
+                 wire::channel_credentials(address, {options.tls_cert, options.tls_key, options.tls_ca},
+                                           options.insecure));
+  grpc::ChannelArguments arguments;
+  arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
+  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
+  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 1000);
+  // Also the time one attempt to connect may take.
+  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 2000);
+  auto state = std::make_unique<State>();
+  state->stub = v1::FarmService::NewStub(grpc::CreateCustomChannel(address.text(), credentials, arguments));
+  state->peer = address.text();
+  state->timeout_seconds = options.timeout_seconds;
+  return std::unique_ptr<FarmClient>(new FarmClient(std::move(state)));
+}
+
+std::unique_ptr<FarmClient> FarmClient::over(std::shared_ptr<grpc::Channel> channel, double timeout_seconds) {
+  auto state = std::make_unique<State>();
+  state->stub = v1::FarmService::NewStub(std::move(channel));
+  state->peer = "this process";
+  state->timeout_seconds = timeout_seconds;
+  return std::unique_ptr<FarmClient>(new FarmClient(std::move(state)));
+}
+
+Result<v1::GetServerInfoResponse> FarmClient::check_server() {
+  CANDELA_ASSIGN(v1::GetServerInfoResponse info,
+                 state_->unary<v1::GetServerInfoResponse>(&v1::FarmService::Stub::GetServerInfo,
+                                                          v1::GetServerInfoRequest{}));
+  if (info.protocol() != kProtocol)
+    return refused_error(
+               fmt::format(
+                   "the master at {} (version {}) speaks protocol {}, this client (version {}) speaks {}",
+                   state_->peer, info.version(), info.protocol(), version(), kProtocol))
+        .with_mend("install one version on both");
+  return info;
+}
+
+Result<std::vector<std::string>> FarmClient::find_missing(const std::vector<std::string>& sha256) {
+  std::vector<std::string> missing;
+  for (std::size_t begin = 0; begin < sha256.size(); begin += kHashesPerCall) {
+    v1::FindMissingBlobsRequest request;
+    for (std::size_t i = begin; i < std::min(sha256.size(), begin + kHashesPerCall); ++i)
+      request.add_sha256(sha256[i]);
+    CANDELA_ASSIGN(
+        const v1::FindMissingBlobsResponse response,
+        state_->unary<v1::FindMissingBlobsResponse>(&v1::FarmService::Stub::FindMissingBlobs, request));
+    missing.insert(missing.end(), response.sha256().begin(), response.sha256().end());
+  }
+  return missing;
+}
+
+Result<void> FarmClient::upload_blob(const std::string& sha256, std::uint64_t size_bytes,
+                                     const std::filesystem::path& file,
+                                     const std::function<void(std::uint64_t)>& sent) {
+  const auto changed = [&] {
+    return input_error("the file changed while it was being sent")
+        .at(file.string(), 0)
+        .with_mend("submit again");
+  };
+  const auto begin = Clock::now();
+  Backoff backoff;
+  for (;;) {
+    std::ifstream in(file, std::ios::binary);
+    if (!in) return input_error(fmt::format("cannot open: {}", std::strerror(errno))).at(file.string(), 0);
+    grpc::ClientContext context;
+    context.set_deadline(
+        deadline_in(state_->timeout_seconds + 30 + static_cast<double>(size_bytes) / kSlowestBytesPerSecond));
+    v1::UploadBlobResponse response;
+    const auto writer = state_->stub->UploadBlob(&context, &response);
+
+    Sha256 hash;
+    std::uint64_t done = 0;
+    bool intact = true;
+    bool first = true;
+    do {  // an empty file is one empty chunk
+      v1::UploadBlobRequest chunk;
+      if (first) {
+        chunk.set_sha256(sha256);
+        chunk.set_size_bytes(size_bytes);
+      }
+      first = false;
+      const std::uint64_t want = std::min<std::uint64_t>(Limits::max_chunk_bytes, size_bytes - done);
+      std::string data(want, '\0');
+      in.read(data.data(), static_cast<std::streamsize>(want));
+      intact = static_cast<std::uint64_t>(in.gcount()) == want;
+      if (!intact) break;
+      hash.update(data);
+      done += want;
+      // The last chunk leaves only if the whole is what was promised.
+      if (done == size_bytes &&
+          (hash.finish_hex() != sha256 || in.peek() != std::ifstream::traits_type::eof())) {
+        intact = false;
+        break;
+      }
+      chunk.set_data(std::move(data));
+      if (!writer->Write(chunk)) break;  // the status says why
+      if (sent) sent(done);
+    } while (done < size_bytes);
+    if (!intact) {
+      context.TryCancel();
+      [[maybe_unused]] const grpc::Status cancelled = writer->Finish();
+      return changed();
+    }
+    writer->WritesDone();
+    const grpc::Status status = writer->Finish();
+    if (status.ok()) return {};
+    if (!may_repeat(status)) return state_->error_of(status);
+    const double pause = std::max(backoff.next_seconds(), wire::retry_ms(status, 0) / 1000.0);
+    if (seconds_since(begin) + pause >=
+        state_->timeout_seconds + static_cast<double>(size_bytes) / kSlowestBytesPerSecond)
+      return state_->error_of(status);
+    sleep_seconds(pause);
+  }
+}
+
+Result<v1::SubmitResponse> FarmClient::submit(const v1::SubmitRequest& request) {
+  return state_->unary<v1::SubmitResponse>(&v1::FarmService::Stub::Submit, request);
+}
+
+Result<v1::ListJobsResponse> FarmClient::list_jobs() {
+  return state_->unary<v1::ListJobsResponse>(&v1::FarmService::Stub::ListJobs, v1::ListJobsRequest{});
+}
+
+Result<v1::JobStatus> FarmClient::get_job(const std::string& id) {
+  v1::GetJobRequest request;
+  request.set_job_id(id);
+  return state_->unary<v1::JobStatus>(&v1::FarmService::Stub::GetJob, request);
+}
+
+Result<v1::JobStatus> FarmClient::pause_job(const std::string& id) {
+  return state_->job_call(&v1::FarmService::Stub::PauseJob, id);
+}
+Result<v1::JobStatus> FarmClient::resume_job(const std::string& id) {
+  return state_->job_call(&v1::FarmService::Stub::ResumeJob, id);
+}
+Result<v1::JobStatus> FarmClient::cancel_job(const std::string& id) {
+  return state_->job_call(&v1::FarmService::Stub::CancelJob, id);
+}
+
+Result<v1::JobStatus> FarmClient::extend_job(const v1::ExtendJobRequest& request) {
+  // Find the master first, with patience; then ask once.
+  CANDELA_TRY(check_server());
+  grpc::ClientContext context;
+  context.set_deadline(deadline_in(state_->timeout_seconds));
+  v1::JobStatus response;
+  const grpc::Status status = state_->stub->ExtendJob(&context, request, &response);
+  if (status.ok()) return response;
+  Error error = state_->error_of(status);
+  if (error.kind == ErrorKind::unreachable)
+    error.mend = fmt::format("the job may or may not be extended: look with `candela show {}` first",
+                             request.job_id());
+  return error;
+}
+
+Result<v1::ListEventsResponse> FarmClient::list_events(const std::string& job_id, std::uint32_t limit) {
+  v1::ListEventsRequest request;
+  request.set_job_id(job_id);
+  request.set_limit(limit);
+  return state_->unary<v1::ListEventsResponse>(&v1::FarmService::Stub::ListEvents, request);
+}
+
+Result<v1::ListWorkersResponse> FarmClient::list_workers() {
+  return state_->unary<v1::ListWorkersResponse>(&v1::FarmService::Stub::ListWorkers,
+                                                v1::ListWorkersRequest{});
+}
+
+Result<v1::WorkerStatus> FarmClient::drain_worker(const std::string& id) {
+  v1::DrainWorkerRequest request;
+  request.set_worker_id(id);
+  return state_->unary<v1::WorkerStatus>(&v1::FarmService::Stub::DrainWorker, request);
+}
+
+Result<std::string> FarmClient::fetch_image(const std::string& id, bool error_layer) {
+  v1::FetchImageRequest request;
+  request.set_job_id(id);
+  request.set_error_layer(error_layer);
+  const auto begin = Clock::now();
+  Backoff backoff;
+  for (;;) {
+    grpc::ClientContext context;
+    // The master develops the film first, which takes seconds for the largest; the size is known by the first
+    // chunk only.
+    context.set_deadline(deadline_in(state_->timeout_seconds + 600));
+    const auto reader = state_->stub->FetchImage(&context, request);
+    std::string data;
+    std::uint64_t total = 0;
+    v1::FetchImageChunk chunk;
+    bool sound = true;
+    while (sound && reader->Read(&chunk)) {
+      if (chunk.total_bytes() != 0) total = chunk.total_bytes();
+      sound = total <= kMaxImageBytes && data.size() + chunk.data().size() <= total;
+      if (sound) data += chunk.data();
+    }
+    if (!sound) context.TryCancel();
+    const grpc::Status status = reader->Finish();
+    if (!sound || (status.ok() && data.size() != total))
+      return failed_error(
+          fmt::format("the master at {} sent an image of another length than it said", state_->peer));
+    if (status.ok()) return data;
+    const double pause = std::max(backoff.next_seconds(), wire::retry_ms(status, 0) / 1000.0);
+    if (!may_repeat(status) || seconds_since(begin) + pause >= state_->timeout_seconds)
+      return state_->error_of(status);
+    sleep_seconds(pause);
+  }
+}
+
+Result<v1::JobStatus> FarmClient::watch_job(const std::string& id, std::uint32_t interval_ms,
+                                            const std::function<void(const v1::JobStatus&)>& on_status,
+                                            const StopSignals* stop, const std::function<bool()>& give_up) {
+  v1::WatchJobRequest request;
+  request.set_job_id(id);
+  request.set_interval_ms(interval_ms);
+  const auto should_stop = [&] {
+    return (stop != nullptr && stop->pending() != 0) || (give_up && give_up());
+  };
+
+  v1::JobStatus last;
+  auto last_answer = Clock::now();
+  Backoff backoff;
+  for (;;) {
+    if (should_stop()) return last;
+    grpc::ClientContext context;
+    // Never longer than the timeout without noticing that nobody answers, never so short that streams churn.
+    context.set_deadline(deadline_in(std::max(kWatchSeconds, state_->timeout_seconds)));
+    const auto reader = state_->stub->WatchJob(&context, request);
+
+    // A blocked Read wakes by cancelling its context from elsewhere.
+    std::atomic<bool> reading{true};
+    std::atomic<bool> stopped{false};
+    std::atomic<bool> answered{false};
+    std::thread watcher([&] {
+      const auto stream_begin = Clock::now();
+      while (reading) {
+        const bool silent = !answered && seconds_since(stream_begin) > state_->timeout_seconds;
+        if (should_stop() || silent) {
+          stopped = !silent;
+          context.TryCancel();
+          return;
+        }
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      }
+    });
+    v1::JobStatus status_now;
+    while (reader->Read(&status_now)) {
+      answered = true;
+      last_answer = Clock::now();
+      backoff.reset();
+      last = status_now;
+      if (on_status) on_status(last);
+      status_now.Clear();
+    }
+    reading = false;
+    watcher.join();
+    const grpc::Status status = reader->Finish();
+    if (has_ended(last) || stopped) return last;
+    if (answered && status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED)
+      continue;  // our own clock: a new stream
+    const bool lost = status.ok() || may_repeat(status) ||
+                      status.error_code() == grpc::StatusCode::CANCELLED ||
+                      status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED;
+    if (!lost) return state_->error_of(status);
+    const double pause = backoff.next_seconds();
+    if (seconds_since(last_answer) + pause >= state_->timeout_seconds)
+      return state_->error_of(status.ok() || status.error_code() == grpc::StatusCode::CANCELLED
+                                  ? grpc::Status(grpc::StatusCode::UNAVAILABLE, "no answer in time")
+                                  : status);
+    sleep_seconds(pause);
+  }
+}
+
+bool has_ended(const v1::JobStatus& status) {
+  return status.state() == v1::JOB_STATE_DONE || status.state() == v1::JOB_STATE_FAILED ||
+         status.state() == v1::JOB_STATE_CANCELLED;
+}
+
+}  // namespace candela::client

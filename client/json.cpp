@@ -1,0 +1,166 @@
+#include "client/json.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "common/base/version.h"
+#include "common/wire/wire.h"
+
+namespace candela::client {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+std::string text(const Json& json) {
+  return json.dump(2, ' ', false, Json::error_handler_t::replace);
+}
+
+Json finite(double value) {
+  return std::isfinite(value) ? Json(value) : Json(nullptr);
+}
+Json limit(double value) {
+  return value > 0 ? Json(value) : Json(nullptr);
+}
+Json time_ms(std::int64_t value) {
+  return value > 0 ? Json(value) : Json(nullptr);
+}
+
+Json map(const google::protobuf::Map<std::string, std::string>& values) {
+  // Protobuf's maps have no order; ours do.
+  const std::map<std::string, std::string> sorted(values.begin(), values.end());
+  Json json = Json::object();
+  for (const auto& [key, value] : sorted) json[key] = value;
+  return json;
+}
+
+Json job(const v1::JobStatus& s) {
+  Json json;
+  json["id"] = s.id();
+  json["name"] = s.name();
+  json["state"] = std::string(wire::name(s.state()));
+  json["message"] = s.message();
+  json["units_merged"] = s.units_merged();
+  json["units_leased"] = s.units_leased();
+  json["iterations"] = s.iterations();
+  json["samples"] = s.samples();
+  // Before the first merge the estimate has no meaning, whatever the field holds.
+  json["error"] = s.iterations() > 0 ? finite(s.relmse_estimate()) : Json(nullptr);
+  json["samples_per_second"] = finite(s.samples_per_second());
+  json["eta_seconds"] = finite(s.eta_seconds());
+  json["elapsed_seconds"] = finite(s.elapsed_seconds());
+  json["worker_seconds"] = finite(s.worker_seconds());
+  json["priority"] = s.priority();
+  json["share"] = finite(s.share());
+  json["stop"] = {{"iterations", s.stop().iterations() > 0 ? Json(s.stop().iterations()) : Json(nullptr)},
+                  {"time_seconds", limit(s.stop().time_seconds())},
+                  {"relmse", limit(s.stop().relmse())}};
+  const v1::JobSettings& settings = s.settings();
+  json["settings"] = {{"integrator", settings.integrator()},
+                      {"integrator_settings", map(settings.integrator_settings())},
+                      {"width", settings.width()},
+                      {"height", settings.height()},
+                      {"filter", settings.filter()},
+                      {"filter_settings", map(settings.filter_settings())},
+                      {"sampler", settings.sampler()},
+                      {"seed", settings.seed()},
+                      {"isa", settings.isa()}};
+  json["bundle_sha256"] = s.bundle_sha256();
+  json["film_scale_log2"] = s.has_named_state() ? Json(s.named_state().film_scale_log2()) : Json(nullptr);
+  Json rejected = Json::object();
+  for (const auto& entry : s.rejected()) rejected[entry.cause()] = entry.count();
+  json["rejected_samples"] = rejected;
+  json["checkpoint"] = {{"generation", s.checkpoint_generation()}, {"iterations", s.checkpoint_iterations()}};
+  json["submitted_unix_ms"] = time_ms(s.submitted_unix_ms());
+  json["finished_unix_ms"] = time_ms(s.finished_unix_ms());
+  json["plan"] = s.plan();
+  return json;
+}
+
+Json worker(const v1::WorkerStatus& w) {
+  Json json;
+  json["id"] = w.id();
+  json["name"] = w.name();
+  json["state"] = w.state();
+  json["message"] = w.message();
+  json["host"] = w.host();
+  json["threads"] = w.threads();
+  json["units_merged"] = w.units_merged();
+  json["units_failed"] = w.units_failed();
+  json["jobs"] = Json::array();
+  for (const std::string& id : w.jobs()) json["jobs"].push_back(id);
+  json["last_seen_unix_ms"] = time_ms(w.last_seen_unix_ms());
+  json["build_id"] = w.build_id();
+  return json;
+}
+
+}  // namespace
+
+std::string job_json(const v1::JobStatus& status) {
+  return text(job(status));
+}
+
+std::string jobs_json(const v1::ListJobsResponse& response) {
+  Json list = Json::array();
+  for (const auto& status : response.jobs()) list.push_back(job(status));
+  return text({{"jobs", list}});
+}
+
+std::string worker_json(const v1::WorkerStatus& status) {
+  return text(worker(status));
+}
+
+std::string workers_json(const v1::ListWorkersResponse& response) {
+  Json list = Json::array();
+  for (const auto& status : response.workers()) list.push_back(worker(status));
+  return text({{"workers", list}});
+}
+
+std::string events_json(const v1::ListEventsResponse& response) {
+  Json list = Json::array();
+  for (const auto& event : response.events())
+    list.push_back({{"unix_ms", event.unix_ms()},
+                    {"job", event.job_id()},
+                    {"worker", event.worker_id()},
+                    {"kind", event.kind()},
+                    {"message", event.message()}});
+  return text({{"events", list}});
+}
+
+std::string submitted_json(const std::string& id, bool existed, std::uint64_t uploaded_bytes) {
+  return text({{"id", id}, {"existed", existed}, {"uploaded_bytes", uploaded_bytes}});
+}
+
+std::string comparison_json(const stats::ImageComparison& c) {
+  Json worst = Json::array();
+  for (const auto& pixel : c.worst) {
+    const auto rgb = [](const std::array<float, 3>& v) {
+      return Json{finite(v[0]), finite(v[1]), finite(v[2])};
+    };
+    worst.push_back({{"x", pixel.x},
+                     {"y", pixel.y},
+                     {"relative_squared_error", finite(pixel.relative_squared_error)},
+                     {"value", rgb(pixel.a)},
+                     {"reference", rgb(pixel.b)}});
+  }
+  return text({{"mean", finite(c.mean_a)},
+               {"mean_reference", finite(c.mean_b)},
+               {"mean_ratio", finite(c.mean_ratio)},
+               {"rmse", finite(c.rmse)},
+               {"relmse", finite(c.relmse)},
+               {"relmse_trimmed", finite(c.relmse_trimmed)},
+               {"worst", worst}});
+}
+
+std::string version_json() {
+  return text(
+      {{"version", std::string(version())}, {"build_id", std::string(build_id())}, {"protocol", kProtocol}});
+}
+
+std::string plan_json(const std::string& integrator, const std::map<std::string, std::string>& settings,
+                      const std::string& plan) {
+  Json values = Json::object();
+  for (const auto& [key, value] : settings) values[key] = value;
+  return text({{"integrator", integrator}, {"integrator_settings", values}, {"plan", plan}});
+}
+
+}  // namespace candela::client

@@ -1,0 +1,25 @@
+// What scripts read: messages as JSON text, with names and units that stay. Numbers that are unknown (NaN)
+// and limits that are not set are null; text that is not UTF-8 is mended, never an error.
+#pragma once
+
+#include <string>
+
+#include "candela/v1/client.pb.h"
+#include "common/stats/image_error.h"
+
+namespace candela::client {
+
+// An object with at least id, state, units_merged, iterations, error (the estimated relMSE, or null) and
+// message.
+std::string job_json(const v1::JobStatus& status);
+std::string jobs_json(const v1::ListJobsResponse& response);  // {"jobs": [...]}
+std::string worker_json(const v1::WorkerStatus& status);
+std::string workers_json(const v1::ListWorkersResponse& response);  // {"workers": [...]}
+std::string events_json(const v1::ListEventsResponse& response);    // {"events": [...]}
+std::string submitted_json(const std::string& id, bool existed, std::uint64_t uploaded_bytes);
+std::string comparison_json(const stats::ImageComparison& comparison);
+std::string version_json();
+std::string plan_json(const std::string& integrator, const std::map<std::string, std::string>& settings,
+                      const std::string& plan);
+
+}  // namespace candela::client

@@ -1,0 +1,95 @@
+#include "client/progress.h"
+
+#include <fmt/format.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <ostream>
+#include <vector>
+
+#include "client/values.h"
+#include "common/wire/wire.h"
+
+namespace candela::client {
+namespace {
+
+constexpr std::chrono::seconds kPlainEvery{5};
+
+std::size_t terminal_columns() {
+  struct winsize size {};
+  if (::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0) return size.ws_col;
+  return 80;
+}
+
+}  // namespace
+
+double fraction_done(const v1::JobStatus& status) {
+  double fraction = 0;
+  const v1::StopRule& stop = status.stop();
+  if (stop.iterations() > 0)
+    fraction =
+        std::max(fraction, static_cast<double>(status.iterations()) / static_cast<double>(stop.iterations()));
+  if (stop.time_seconds() > 0) fraction = std::max(fraction, status.elapsed_seconds() / stop.time_seconds());
+  // The estimate falls as 1/iterations, so this is the share of the iterations needed.
+  if (stop.relmse() > 0 && status.relmse_estimate() > 0)
+    fraction = std::max(fraction, stop.relmse() / status.relmse_estimate());
+  return std::clamp(fraction, 0.0, 1.0);
+}
+
+std::string format_progress(const v1::JobStatus& status) {
+  std::vector<std::string> parts;
+  const v1::StopRule& stop = status.stop();
+  if (stop.iterations() > 0)
+    parts.push_back(fmt::format("{}/{} iterations", status.iterations(), stop.iterations()));
+  else
+    parts.push_back(fmt::format("{} iterations", status.iterations()));
+  const bool running = status.state() == v1::JOB_STATE_RUNNING;
+  if (running && status.samples_per_second() > 0)
+    parts.push_back(fmt::format("{} samples/s", format_count(status.samples_per_second())));
+  if (status.iterations() > 0 && std::isfinite(status.relmse_estimate())) {
+    std::string text = fmt::format("relMSE {:.1e}", status.relmse_estimate());
+    if (stop.relmse() > 0) text += fmt::format(" (to {:.1e})", stop.relmse());
+    parts.push_back(std::move(text));
+  }
+  if (running && status.iterations() == 0) {
+    parts.emplace_back("preparing the scene");
+  } else if (running && std::isfinite(status.eta_seconds())) {
+    parts.push_back("ETA " + format_duration(status.eta_seconds()));
+  }
+  if (!running) {
+    parts.emplace_back(wire::name(status.state()));
+    if (!status.message().empty()) parts.push_back(printable(status.message()));
+  }
+  // Never 100% before the end.
+  const int percent = status.state() == v1::JOB_STATE_DONE
+                          ? 100
+                          : std::min(99, static_cast<int>(100 * fraction_done(status)));
+  return fmt::format("{:3}%  {}", percent, join(parts, ", "));
+}
+
+ProgressLine::Mode ProgressLine::mode_for(bool quiet) {
+  if (quiet) return Mode::quiet;
+  return ::isatty(STDERR_FILENO) == 1 ? Mode::terminal : Mode::plain;
+}
+
+void ProgressLine::show(std::string_view line, bool important) {
+  if (mode_ == Mode::quiet) return;
+  const auto now = std::chrono::steady_clock::now();
+  if (mode_ == Mode::terminal) {
+    // A line that wraps cannot be redrawn in place.
+    err_ << "\r\x1b[K" << line.substr(0, terminal_columns() - 1) << std::flush;
+    drawn_ = true;
+  } else if (important || last_ == std::chrono::steady_clock::time_point{} || now - last_ >= kPlainEvery) {
+    err_ << line << '\n' << std::flush;
+    last_ = now;
+  }
+}
+
+void ProgressLine::clear() {
+  if (drawn_) err_ << "\r\x1b[K" << std::flush;
+  drawn_ = false;
+}
+
+}  // namespace candela::client

@@ -1,0 +1,45 @@
+// How a job goes, as one line: redrawn in place on a terminal, repeated now and then elsewhere, silent when
+// asked.
+#pragma once
+
+#include <chrono>
+#include <iosfwd>
+#include <string>
+#include <string_view>
+
+#include "candela/v1/job.pb.h"
+
+namespace candela::client {
+
+// "42%  54/128 iterations, 12.3M samples/s, relMSE 1.2e-03 (to 1.0e-03), ETA 1m05s": the parts that are
+// known.
+std::string format_progress(const v1::JobStatus& status);
+
+// How far a job is, in [0, 1]: the furthest of its limits.
+double fraction_done(const v1::JobStatus& status);
+
+class ProgressLine {
+ public:
+  enum class Mode { terminal, plain, quiet };
+  // terminal where standard error is one, else plain; quiet if asked.
+  static Mode mode_for(bool quiet);
+
+  ProgressLine(std::ostream& err, Mode mode) : err_(err), mode_(mode) {}
+  ~ProgressLine() { clear(); }
+  ProgressLine(const ProgressLine&) = delete;
+  ProgressLine& operator=(const ProgressLine&) = delete;
+
+  // Shows the line now on a terminal; elsewhere if `important` or a few seconds after the last.
+  void show(std::string_view line, bool important = false);
+  // Takes the line off the terminal, so that other text can follow.
+  void clear();
+  std::uint32_t interval_ms() const { return mode_ == Mode::terminal ? 200 : 1000; }
+
+ private:
+  std::ostream& err_;
+  Mode mode_;
+  bool drawn_ = false;
+  std::chrono::steady_clock::time_point last_{};
+};
+
+}  // namespace candela::client

@@ -1,0 +1,257 @@
+#include "client/settings.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "client/values.h"
+#include "common/description/vocabulary.h"
+
+namespace candela::client {
+namespace {
+
+using description::Object;
+using description::ObjectPtr;
+
+constexpr std::array<std::string_view, 3> kFilters = {"box", "tent", "gaussian"};
+constexpr std::array<std::string_view, 2> kSamplers = {"independent", "sobol"};
+constexpr std::array<std::string_view, 5> kIsas = {"sse2", "sse4.2", "avx", "avx2", "avx512"};
+
+// Mitsuba's defaults for what a scene does not say.
+constexpr std::int64_t kDefaultWidth = 768;   // pixels
+constexpr std::int64_t kDefaultHeight = 576;  // pixels
+constexpr std::int64_t kDefaultSampleCount = 4;
+
+Error scene_error(const Object& object, std::string message) {
+  return input_error(std::move(message)).at(object.where.file, object.where.line);
+}
+
+ObjectPtr first_child(const Object* parent, std::string_view category) {
+  if (parent == nullptr) return nullptr;
+  const auto children = parent->children_of(category);
+  return children.empty() ? nullptr : children.front();
+}
+
+// A property as the text the settings maps hold; nullopt for what no setting can be.
+std::optional<std::string> setting_text(const description::Property& property) {
+  switch (property.type) {
+    case description::PropertyType::boolean:
+      return std::get<bool>(property.value) ? "true" : "false";
+    case description::PropertyType::integer:
+      return fmt::format("{}", std::get<std::int64_t>(property.value));
+    case description::PropertyType::number:
+      return fmt::format("{}", std::get<double>(property.value));  // shortest text that reads back the same
+    case description::PropertyType::string:
+      return std::get<std::string>(property.value);
+    default:
+      return std::nullopt;
+  }
+}
+
+Result<void> resolve_integrator(const Object& scene, const SceneOptions& options, const RendererFacts& facts,
+                                JobSettings& settings) {
+  const std::vector<std::string> names = facts.integrator_names();
+  const std::vector<std::string_view> known(names.begin(), names.end());
+  const ObjectPtr written = first_child(&scene, "integrator");
+  if (options.integrator) {
+    CANDELA_ASSIGN(settings.integrator, parse_choice(*options.integrator, "--integrator", known));
+  } else if (written == nullptr) {
+    return scene_error(scene, "the scene has no integrator")
+        .with_mend(fmt::format("give --integrator, one of {}", join(names, ", ")));
+  } else if (std::find(names.begin(), names.end(), written->plugin) == names.end()) {
+    return scene_error(*written, fmt::format("there is no integrator '{}' here", printable(written->plugin)))
+        .with_mend(fmt::format("give --integrator, one of {}", join(names, ", ")));
+  } else {
+    settings.integrator = written->plugin;
+  }
+
+  SettingsMap from_scene;
+  if (written != nullptr) {
+    // Under another integrator than the scene's own, what both know by one name carries over (max_depth,
+    // say).
+    const bool own = written->plugin == settings.integrator;
+    CANDELA_ASSIGN(const std::vector<std::string> settable, facts.setting_names(settings.integrator));
+    for (const description::Property& property : written->properties) {
+      if (!own && std::find(settable.begin(), settable.end(), property.name) == settable.end()) continue;
+      const auto text = setting_text(property);
+      if (!text)
+        return input_error(fmt::format("'{}' cannot be a setting of an integrator", property.name))
+            .at(property.where.file, property.where.line);
+      from_scene[property.name] = *text;
+    }
+  }
+  CANDELA_ASSIGN(const SettingsMap from_user, parse_assignments(options.sets, "--set"));
+  auto complete = facts.complete_settings(settings.integrator, from_scene, from_user);
+  if (!complete) {
+    // The validator names the setting; we know where it was written.
+    Error error = std::move(complete).error();
+    if (from_user.contains(error.field)) {
+      error.field = "--set " + error.field;
+    } else if (written != nullptr && error.file.empty()) {
+      const description::Property* property = written->find(error.field);
+      const description::Location& where = property != nullptr ? property->where : written->where;
+      error.kind = ErrorKind::input;
+      error.file = where.file;
+      error.line = where.line;
+    }
+    return error;
+  }
+  settings.integrator_settings = std::move(complete).value();
+  return {};
+}
+
+Result<void> resolve_filter(const Object* film, const SceneOptions& options, JobSettings& settings) {
+  const ObjectPtr written = first_child(film, "rfilter");
+  if (options.filter) {
+    CANDELA_ASSIGN(settings.filter, parse_choice(*options.filter, "--filter", kFilters));
+  } else if (written == nullptr) {
+    settings.filter = "gaussian";
+  } else if (std::find(kFilters.begin(), kFilters.end(), written->plugin) == kFilters.end()) {
+    return scene_error(*written, fmt::format("there is no rfilter '{}' here", printable(written->plugin)))
+        .with_mend(fmt::format("give --filter, one of {}", join(kFilters, ", ")));
+  } else {
+    settings.filter = written->plugin;
+  }
+  const bool gaussian = settings.filter == "gaussian";
+  const char* name = gaussian ? "stddev" : "radius";
+  double value = settings.filter == "tent" ? 1.0 : 0.5;
+  if (written != nullptr && written->plugin == settings.filter) value = written->get_number(name, value);
+  if (!(value > 0) || !(value <= 64))
+    return scene_error(*written, fmt::format("{} is {}, not within 0 and 64 pixels", name, value));
+  settings.filter_settings = {{name, fmt::format("{}", value)}};
+  return {};
+}
+
+Result<void> resolve_size(const Object* film, const SceneOptions& options, JobSettings& settings) {
+  Size size;
+  if (options.size) {
+    CANDELA_ASSIGN(size, parse_size(*options.size, "--size"));
+  } else {
+    const std::int64_t width = film != nullptr ? film->get_integer("width", kDefaultWidth) : kDefaultWidth;
+    const std::int64_t height =
+        film != nullptr ? film->get_integer("height", kDefaultHeight) : kDefaultHeight;
+    auto parsed = parse_size(fmt::format("{}x{}", width, height), "film size");
+    if (!parsed) {
+      Error error = std::move(parsed).error();
+      error.kind = ErrorKind::input;
+      if (film != nullptr) return std::move(error).at(film->where.file, film->where.line);
+      return error;
+    }
+    size = *parsed;
+  }
+  settings.width = size.width;
+  settings.height = size.height;
+  return {};
+}
+
+Result<void> resolve_sampling(const Object* sampler, const SceneOptions& options, PreparedJob& job) {
+  JobSettings& settings = job.settings;
+  if (options.sampler) {
+    CANDELA_ASSIGN(settings.sampler, parse_choice(*options.sampler, "--sampler", kSamplers));
+  }
+  if (options.isa) {
+    CANDELA_ASSIGN(settings.isa, parse_choice(*options.isa, "--isa", kIsas));
+  }
+  if (options.seed) {
+    CANDELA_ASSIGN(settings.seed, parse_count(*options.seed, "--seed", 0, UINT64_MAX));
+  } else if (sampler != nullptr) {
+    const std::int64_t seed = sampler->get_integer("seed", 0);
+    if (seed < 0) return scene_error(*sampler, fmt::format("seed is {}, below 0", seed));
+    settings.seed = static_cast<std::uint64_t>(seed);
+  }
+  CANDELA_ASSIGN(job.stop, parse_stop(options.iterations, options.time, options.until));
+  job.stop_given = options.iterations || options.time || options.until;
+  if (!job.stop_given) {
+    const std::int64_t count =
+        sampler != nullptr ? sampler->get_integer("sample_count", kDefaultSampleCount) : kDefaultSampleCount;
+    if (count < 1 || static_cast<std::uint64_t>(count) > Limits::max_iterations)
+      return scene_error(
+          *sampler, fmt::format("sample_count is {}, not within 1 and {}", count, Limits::max_iterations));
+    job.stop.iterations = static_cast<std::uint64_t>(count);
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<StopRule> parse_stop(const std::optional<std::string>& iterations,
+                            const std::optional<std::string>& time, const std::optional<std::string>& until) {
+  StopRule stop;
+  if (iterations) {
+    CANDELA_ASSIGN(stop.iterations, parse_count(*iterations, "--iterations", 1, Limits::max_iterations));
+  }
+  if (time) {
+    CANDELA_ASSIGN(stop.time_seconds, parse_duration(*time, "--time"));
+  }
+  if (until) {
+    CANDELA_ASSIGN(stop.relmse, parse_until(*until, "--until"));
+  }
+  return stop;
+}
+
+Result<std::map<std::string, std::string>> parse_assignments(const std::vector<std::string>& texts,
+                                                             std::string_view option) {
+  std::map<std::string, std::string> map;
+  for (const std::string& text : texts) {
+    CANDELA_ASSIGN(auto assignment, parse_assignment(text, option));
+    if (!map.insert(assignment).second)
+      return usage_error(fmt::format("'{}' is given twice", printable(assignment.first)))
+          .with_field(std::string(option));
+  }
+  return map;
+}
+
+Result<PreparedJob> prepare_job(const description::SceneDescription& scene, const SceneOptions& options,
+                                const RendererFacts& facts) {
+  const ObjectPtr sensor = first_child(scene.scene.get(), "sensor");
+  if (sensor == nullptr) return scene_error(*scene.scene, "the scene has no sensor");
+  const ObjectPtr film = first_child(sensor.get(), "film");
+  const ObjectPtr sampler = first_child(sensor.get(), "sampler");
+  PreparedJob job;
+  CANDELA_TRY(resolve_integrator(*scene.scene, options, facts, job.settings));
+  CANDELA_TRY(resolve_filter(film.get(), options, job.settings));
+  CANDELA_TRY(resolve_size(film.get(), options, job.settings));
+  CANDELA_TRY(resolve_sampling(sampler.get(), options, job));
+  return job;
+}
+
+Result<LoadedScene> load_scene(const SceneOptions& options, const RendererFacts& facts) {
+  // A bad option is told at once, not after a scene of gigabytes was hashed.
+  CANDELA_ASSIGN(const auto parameters, parse_assignments(options.defines, "-D"));
+  CANDELA_TRY(parse_assignments(options.sets, "--set"));
+  CANDELA_TRY(parse_stop(options.iterations, options.time, options.until));
+  if (options.size) CANDELA_TRY(parse_size(*options.size, "--size"));
+  if (options.seed) CANDELA_TRY(parse_count(*options.seed, "--seed", 0, UINT64_MAX));
+  CANDELA_ASSIGN(bundle::GatheredScene gathered, bundle::gather(options.scene, parameters));
+  CANDELA_ASSIGN(PreparedJob job, prepare_job(gathered.description, options, facts));
+  return LoadedScene{std::move(gathered), std::move(job)};
+}
+
+std::string difference(const JobSettings& now, const JobSettings& was) {
+  std::vector<std::string> lines;
+  const auto compare = [&](std::string_view name, const auto& a, const auto& b) {
+    if (a != b) lines.push_back(fmt::format("{} is {}, was {}", name, a, b));
+  };
+  const auto compare_maps = [&](const SettingsMap& a, const SettingsMap& b) {
+    for (const auto& [key, value] : a) {
+      const auto found = b.find(key);
+      compare(key, value, found == b.end() ? std::string("unset") : found->second);
+    }
+    for (const auto& [key, value] : b)
+      if (!a.contains(key)) compare(key, std::string("unset"), value);
+  };
+  compare("integrator", now.integrator, was.integrator);
+  compare_maps(now.integrator_settings, was.integrator_settings);
+  compare("width", now.width, was.width);
+  compare("height", now.height, was.height);
+  compare("filter", now.filter, was.filter);
+  if (now.filter == was.filter) compare_maps(now.filter_settings, was.filter_settings);
+  compare("sampler", now.sampler, was.sampler);
+  compare("seed", now.seed, was.seed);
+  compare("isa", now.isa, was.isa);
+  return fmt::format("{}", join(lines, "; "));
+}
+
+}  // namespace candela::client

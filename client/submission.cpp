@@ -1,0 +1,64 @@
+#include "client/submission.h"
+
+#include <fmt/format.h>
+
+#include <map>
+#include <random>
+#include <set>
+
+#include "client/values.h"
+#include "common/wire/wire.h"
+
+namespace candela::client {
+namespace {
+
+std::string random_token() {
+  std::random_device random;
+  std::string token;
+  for (int i = 0; i < 4; ++i) token += fmt::format("{:08x}", random());
+  return token;
+}
+
+}  // namespace
+
+Result<Submitted> submit_scene(FarmClient& farm, const LoadedScene& scene, const Submission& submission,
+                               ProgressLine& progress) {
+  // Equal files under two keys are one blob.
+  std::map<std::string, const bundle::File*> blobs;
+  for (const bundle::File& file : scene.gathered.bundle.files) blobs.emplace(file.sha256, &file);
+  std::vector<std::string> hashes;
+  for (const auto& [hash, file] : blobs) hashes.push_back(hash);
+  CANDELA_ASSIGN(const std::vector<std::string> missing, farm.find_missing(hashes));
+
+  std::uint64_t total = 0;
+  for (const std::string& hash : missing) {
+    if (!blobs.contains(hash)) return internal_error("the master misses a file we did not ask about");
+    total += blobs.at(hash)->size_bytes;
+  }
+  std::uint64_t before = 0;
+  for (const std::string& hash : missing) {
+    const bundle::File& file = *blobs.at(hash);
+    const auto path = scene.gathered.real_paths.find(file.path);
+    if (path == scene.gathered.real_paths.end())
+      return internal_error(
+          fmt::format("the bundle's file '{}' has no place on this disk", printable(file.path)));
+    CANDELA_TRY(farm.upload_blob(hash, file.size_bytes, path->second, [&](std::uint64_t sent) {
+      progress.show(fmt::format("uploading {} of {}", format_bytes(before + sent), format_bytes(total)));
+    }));
+    before += file.size_bytes;
+  }
+  progress.clear();
+
+  v1::SubmitRequest request;
+  request.set_name(submission.name);
+  wire::to_proto(scene.gathered.bundle, *request.mutable_bundle());
+  wire::to_proto(scene.job.settings, *request.mutable_settings());
+  wire::to_proto(scene.job.stop, *request.mutable_stop());
+  request.set_priority(submission.priority);
+  request.set_share(submission.share);
+  request.set_idempotency_token(submission.token.empty() ? random_token() : submission.token);
+  CANDELA_ASSIGN(const v1::SubmitResponse response, farm.submit(request));
+  return Submitted{response.job_id(), response.existed(), total};
+}
+
+}  // namespace candela::client

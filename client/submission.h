@@ -1,0 +1,29 @@
+// From a loaded scene to a job on a farm: find what the farm lacks, upload that, submit.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "client/farm_client.h"
+#include "client/progress.h"
+#include "client/settings.h"
+
+namespace candela::client {
+
+struct Submission {
+  std::string name;
+  std::int32_t priority = 0;
+  double share = 1;
+  std::string token;  // idempotency; empty: a random one, so that our own retries are safe
+};
+
+struct Submitted {
+  std::string job_id;
+  bool existed = false;  // an earlier call with this token made it
+  std::uint64_t uploaded_bytes = 0;
+};
+
+Result<Submitted> submit_scene(FarmClient& farm, const LoadedScene& scene, const Submission& submission,
+                               ProgressLine& progress);
+
+}  // namespace candela::client

@@ -1,0 +1,67 @@
+// What people type and read: counts, durations, sizes, targets, assignments. Every parser takes the option's
+// name, so that its one error line says where the bad value was given.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "common/base/result.h"
+
+namespace candela::client {
+
+// A decimal integer in [least, most].
+Result<std::uint64_t> parse_count(std::string_view text, std::string_view option, std::uint64_t least,
+                                  std::uint64_t most);
+Result<std::int64_t> parse_integer(std::string_view text, std::string_view option, std::int64_t least,
+                                   std::int64_t most);
+// A finite number in [least, most].
+Result<double> parse_number(std::string_view text, std::string_view option, double least, double most);
+
+// Seconds above 0 of "90s", "10m", "1h30m", "2d", "500ms", "1.5h", or a bare number of seconds. Units go from
+// large to small, each at most once. At most ten years.
+Result<double> parse_duration(std::string_view text, std::string_view option);
+
+struct Size {
+  std::uint32_t width = 0;   // pixels
+  std::uint32_t height = 0;  // pixels
+};
+// "WIDTHxHEIGHT", each within 1 and Limits::max_extent, together at most Limits::max_pixels.
+Result<Size> parse_size(std::string_view text, std::string_view option);
+
+// The target of "relmse=1e-3": above 0.
+Result<double> parse_until(std::string_view text, std::string_view option);
+
+// "name=value"; the name is not empty, the value may be.
+Result<std::pair<std::string, std::string>> parse_assignment(std::string_view text, std::string_view option);
+
+// `text` if it is one of `known`, else an error with the nearest of them, or all.
+Result<std::string> parse_choice(std::string_view text, std::string_view option,
+                                 std::span<const std::string_view> known);
+
+std::string format_duration(double seconds);    // "0.4s", "12s", "3m05s", "1h02m", "2d03h"
+std::string format_count(double count);         // "950", "12.3k", "4.56M", "1.20G"
+std::string format_bytes(std::uint64_t bytes);  // "950 B", "1.2 MiB"
+
+// One line fit for a terminal: control characters become '?'. For text that came from files or peers.
+std::string printable(std::string_view text);
+
+// "a, b, c" of strings. (fmt::join trips a false alarm of GCC 12's -Wstringop-overflow.)
+template <class Range>
+std::string join(const Range& parts, std::string_view separator) {
+  std::string text;
+  bool first = true;
+  for (const auto& part : parts) {
+    if (!first) text += separator;
+    first = false;
+    text += part;
+  }
+  return text;
+}
+
+// A word as a POSIX shell reads it back, for commands we print.
+std::string shell_quote(std::string_view word);
+
+}  // namespace candela::client
