@@ -24,19 +24,20 @@ struct Bundle {
   std::vector<File> files;  // sorted by path, unique
   std::map<std::string, std::string> parameters;
 
-  // The SHA-256 of the canonical text of all the above: the bundle's name. The text is, each on its line (a string is its
-  // length in bytes, a colon and itself): "candela bundle 1"; the string main_path; "N parameters", then per parameter
-  // in order of names the strings name and value; "N files", then per file the string path and "sha256 size_bytes".
+  // The SHA-256 of the canonical text of all the above: the bundle's name. The text is, each on its line (a
+  // string is its length in bytes, a colon and itself): "candela bundle 1"; the string main_path; "N
+  // parameters", then per parameter in order of names the strings name and value; "N files", then per file
+  // the string path and "sha256 size_bytes".
   std::string hash() const;
   const File* find(const std::string& path) const;
 };
 
-// Checks limits (common/job: Limits), sorted unique paths, well-formed keys and hashes, main_path present, parameters.
-// Errors name the field.
+// Checks limits (common/job: Limits), sorted unique paths, well-formed keys and hashes, main_path present,
+// parameters. Errors name the field.
 Result<void> validate(const Bundle& bundle);
 
-// A key is relative or absolute, lexically normal, UTF-8 without NUL or control characters, names a file (not "." or
-// "a/"), at most Limits::max_path_bytes. It is never used as a path on the farm.
+// A key is relative or absolute, lexically normal, UTF-8 without NUL or control characters, names a file (not
+// "." or "a/"), at most Limits::max_path_bytes. It is never used as a path on the farm.
 bool is_valid_key(std::string_view key);
 
 // Reads files of the desk, relative to the scene file's folder.
@@ -50,13 +51,14 @@ class DiskSource final : public description::FileSource {
   std::filesystem::path root_;
 };
 
-// A scene on disk, parsed, with its bundle: what `submit`, `render` and `plan` start from. Errors name files as they are
-// on this disk. The same file under two keys is two entries of one hash.
+// A scene on disk, parsed, with its bundle: what `submit`, `render` and `plan` start from. Errors name files
+// as they are on this disk. The same file under two keys is two entries of one hash.
 struct GatheredScene {
   description::SceneDescription description;
   Bundle bundle;
   std::map<std::string, std::filesystem::path> real_paths;  // key -> file on this disk
 };
-Result<GatheredScene> gather(const std::filesystem::path& scene_file, const std::map<std::string, std::string>& parameters);
+Result<GatheredScene> gather(const std::filesystem::path& scene_file,
+                             const std::map<std::string, std::string>& parameters);
 
 }  // namespace candela::bundle

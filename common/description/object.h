@@ -1,6 +1,6 @@
-// A scene as its XML says it, before anything is built: objects with typed properties, in Mitsuba 3 spelling (the 0.6
-// spelling is translated on the way in). `default`, `include`, `$parameters` and `ref` are resolved. Every object and
-// property knows where it was written.
+// A scene as its XML says it, before anything is built: objects with typed properties, in Mitsuba 3 spelling
+// (the 0.6 spelling is translated on the way in). `default`, `include`, `$parameters` and `ref` are resolved.
+// Every object and property knows where it was written.
 #pragma once
 
 #include <array>
@@ -47,7 +47,8 @@ struct Child {
 };
 
 struct Object {
-  std::string category;  // "scene", "integrator", "sensor", "sampler", "film", "rfilter", "bsdf", "shape", "emitter", "texture", ...
+  std::string category;  // "scene", "integrator", "sensor", "sampler", "film", "rfilter", "bsdf", "shape",
+                         // "emitter", "texture", ...
   std::string plugin;    // 3.x name, e.g. "roughconductor"; empty for the scene
   std::string id;        // may be empty
   Location where;
@@ -56,21 +57,21 @@ struct Object {
 
   const Property* find(std::string_view property_name) const;  // nullptr if absent
 
-  // Typed access with the documented default. The vocabulary has checked names and types before an Object reaches
-  // anyone, so a present property of another type is our own mistake (assert).
+  // Typed access with the documented default. The vocabulary has checked names and types before an Object
+  // reaches anyone, so a present property of another type is our own mistake (assert).
   bool get_bool(std::string_view property_name, bool otherwise) const;
   std::int64_t get_integer(std::string_view property_name, std::int64_t otherwise) const;
   double get_number(std::string_view property_name, double otherwise) const;  // accepts an integer property
   std::string get_string(std::string_view property_name, std::string_view otherwise) const;
   Vec3 get_vec3(std::string_view property_name, Vec3 otherwise) const;  // point or vector
-  Mat4 get_transform(std::string_view property_name) const;  // identity where absent
-  std::optional<Rgb> get_rgb(std::string_view property_name) const;  // also from a number or integer: gray
-  const Child* find_child(std::string_view slot) const;              // by slot name
+  Mat4 get_transform(std::string_view property_name) const;             // identity where absent
+  std::optional<Rgb> get_rgb(std::string_view property_name) const;     // also from a number or integer: gray
+  const Child* find_child(std::string_view slot) const;                 // by slot name
   std::vector<ObjectPtr> children_of(std::string_view category) const;
 };
 
-// Where files come from: the submitting desk's disk, or a bundle in a worker's cache. Keys are paths relative to the
-// scene file's folder, lexically normalised ("../textures/a.png" stays possible: it is only a key).
+// Where files come from: the submitting desk's disk, or a bundle in a worker's cache. Keys are paths relative
+// to the scene file's folder, lexically normalised ("../textures/a.png" stays possible: it is only a key).
 class FileSource {
  public:
   virtual ~FileSource() = default;
@@ -78,23 +79,27 @@ class FileSource {
     std::shared_ptr<const void> owner;  // keeps `view` alive
     std::string_view view;
   };
-  virtual Result<Bytes> open(const std::string& key) const = 0;  // error names the key and, at the desk, the file
+  virtual Result<Bytes> open(
+      const std::string& key) const = 0;  // error names the key and, at the desk, the file
 };
 
 struct SceneDescription {
-  ObjectPtr scene;                 // category "scene"; children: integrator, sensor, shapes, emitters, bsdfs, ...
-  std::vector<std::string> files;  // keys of all files read or referred to (XML, meshes, textures), sorted, unique
+  ObjectPtr scene;  // category "scene"; children: integrator, sensor, shapes, emitters, bsdfs, ...
+  std::vector<std::string>
+      files;  // keys of all files read or referred to (XML, meshes, textures), sorted, unique
 };
 
-// Parses and validates: unknown categories, plugins and properties are errors naming file, line and the nearest known
-// name; so are missing files, include cycles (and includes deeper than 64), unresolved $parameters and refs, parameters
-// given but not used by the scene, values that do not parse, numbers that are not finite, singular transforms.
+// Parses and validates: unknown categories, plugins and properties are errors naming file, line and the
+// nearest known name; so are missing files, include cycles (and includes deeper than 64), unresolved
+// $parameters and refs, parameters given but not used by the scene, values that do not parse, numbers that
+// are not finite, singular transforms.
 //
-// What the caller gets is canonical: the value of a property that names a file is the file's key (open it with `files`);
-// strings of a closed set are lower case; int_ior and ext_ior are numbers; a to_uv transform acts on (u, v, 0, 1).
-// Files are looked for in the scene's <path> folders (the last one first), in the main scene file's folder, and in the
-// folder of the included XML file that names them. Integrators that Mitsuba has and Candela lacks are kept with unchecked
-// properties, for the command line may choose another; find_plugin() says which they are.
+// What the caller gets is canonical: the value of a property that names a file is the file's key (open it
+// with `files`); strings of a closed set are lower case; int_ior and ext_ior are numbers; a to_uv transform
+// acts on (u, v, 0, 1). Files are looked for in the scene's <path> folders (the last one first), in the main
+// scene file's folder, and in the folder of the included XML file that names them. Integrators that Mitsuba
+// has and Candela lacks are kept with unchecked properties, for the command line may choose another;
+// find_plugin() says which they are.
 Result<SceneDescription> parse_scene(const FileSource& files, const std::string& main_key,
                                      const std::map<std::string, std::string>& parameters);
 

@@ -1,5 +1,5 @@
-// The plugins and properties Candela knows, as one table that drives validation, nearest-name suggestions and the scene
-// support page of the docs.
+// The plugins and properties Candela knows, as one table that drives validation, nearest-name suggestions and
+// the scene support page of the docs.
 #pragma once
 
 #include <limits>
@@ -15,23 +15,26 @@ namespace candela::description {
 
 struct PropertyRule {
   std::string_view name;
-  std::vector<PropertyType> types = {};     // accepted; `number` also accepts integer, `rgb` also number and texture children where `textured`
-  bool textured = false;                    // may be a texture child in this slot instead
+  std::vector<PropertyType> types =
+      {};  // accepted; `number` also accepts integer, `rgb` also number and texture children where `textured`
+  bool textured = false;  // may be a texture child in this slot instead
   bool required = false;
-  std::vector<std::string_view> values = {};    // of a string: the closed set; empty: any
-  bool is_file = false;                     // a string naming a file the bundle must hold
-  bool ignored = false;                     // accepted for Mitsuba's sake, without effect on the picture here (says why in doc)
-  std::string_view doc = {};                // meaning, unit and default, for the docs
-  std::string_view only = {};               // where set: any other value (in text form) is refused as not supported yet
-  double minimum = -std::numeric_limits<double>::infinity();  // bounds of an integer, a number, each component of an rgb
+  std::vector<std::string_view> values = {};  // of a string: the closed set; empty: any
+  bool is_file = false;                       // a string naming a file the bundle must hold
+  bool ignored = false;  // accepted for Mitsuba's sake, without effect on the picture here (says why in doc)
+  std::string_view doc = {};   // meaning, unit and default, for the docs
+  std::string_view only = {};  // where set: any other value (in text form) is refused as not supported yet
+  double minimum =
+      -std::numeric_limits<double>::infinity();  // bounds of an integer, a number, each component of an rgb
   double maximum = std::numeric_limits<double>::infinity();
-  bool above_minimum = false;               // the minimum itself is out of bounds
+  bool above_minimum = false;  // the minimum itself is out of bounds
 };
 
 struct PluginRule {
   std::string_view category, name;
   std::vector<PropertyRule> properties;
-  std::vector<std::string_view> child_categories;  // allowed children (by category), e.g. shape: bsdf, emitter
+  std::vector<std::string_view>
+      child_categories;  // allowed children (by category), e.g. shape: bsdf, emitter
   std::string_view doc;
 };
 
