@@ -16,7 +16,7 @@ namespace candela::image {
 struct Image {
   std::uint32_t width = 0;
   std::uint32_t height = 0;
-  std::vector<float> rgb;  // width * height * 3
+  std::vector<float> rgb;                       // width * height * 3
   std::map<std::string, std::string> metadata;  // "candela:*" attributes and what else is text
 };
 
@@ -26,11 +26,13 @@ struct Layer {
   std::span<const float> rgb;
 };
 
-// The R, G, B channels of an EXR (or any format OpenImageIO reads; non-float ones are taken as sRGB and linearised).
-// A luminance-only file fills all three. Errors name the file.
+// The R, G, B channels of an EXR (or any format OpenImageIO reads; non-float ones are taken as sRGB and
+// linearised). A luminance-only file fills all three. Errors name the file.
 Result<Image> read_image(const std::filesystem::path& path);
 
-// A 32-bit float EXR (zip), as bytes. Metadata keys become string attributes. Deterministic: no dates.
+// A 32-bit float EXR (zip), as bytes. Metadata keys become string attributes; keys that would be orders to
+// the writer
+// ("compression", "openexr:...") are refused (input). Deterministic: no dates.
 Result<std::string> encode_exr(std::uint32_t width, std::uint32_t height, std::span<const float> rgb,
                                const std::map<std::string, std::string>& metadata,
                                std::span<const Layer> layers = {});
@@ -38,6 +40,8 @@ Result<std::string> encode_exr(std::uint32_t width, std::uint32_t height, std::s
 // 8-bit sRGB PNG of the image times 2^exposure, clipped to [0, 1]; NaN shows as magenta. As bytes.
 Result<std::string> encode_png(const Image& image, double exposure_stops = 0);
 
+// The curves of IEC 61966-2-1, from basic operations alone: the same bits on every machine. Negative values
+// follow the linear piece, values above 1 the power; NaN and infinity stay.
 float srgb_to_linear(float value);
 float linear_to_srgb(float value);
 

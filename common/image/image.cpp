@@ -1,0 +1,298 @@
+// Images in and out, through OpenImageIO.
+#include "common/image/image.h"
+
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+
+#include <algorithm>
+#include <cmath>
+#include <new>
+#include <set>
+#include <system_error>
+
+#include "common/job/job.h"
+
+namespace candela::image {
+
+namespace {
+
+// Deflate expands at most 1032 times, the other codings of even pictures not much more.
+constexpr std::uint64_t kMaxExpansion = 1U << 14;
+constexpr std::uint64_t kFreeBytes = 1U << 26;
+
+constexpr std::size_t kMaxAttributeName = 255;  // EXR's limit, for attributes and channels
+
+// The cube root of x in [1/8, 1] by Newton's method: only basic operations, so the same bits on every
+// machine.
+double cube_root(double x) {
+  double y = 0.35 + 0.68 * x;
+  for (int i = 0; i < 6; ++i) y = (2 * y + x / (y * y)) / 3;
+  return y;
+}
+
+// The fifth root of x in [1/32, 1], likewise.
+double fifth_root(double x) {
+  double y = 0.5 + 0.55 * x;
+  for (int i = 0; i < 8; ++i) {
+    const double y2 = y * y;
+    y = (4 * y + x / (y2 * y2)) / 5;
+  }
+  return y;
+}
+
+// x^(1/n) for positive finite x: x = m 2^(n k), m in [2^-n, 1).
+template <class Root>
+double root(double x, int n, Root&& of_mantissa) {
+  int exponent = 0;
+  const double mantissa = std::frexp(x, &exponent);  // [1/2, 1)
+  const int k = exponent > 0 ? (exponent + n - 1) / n : exponent / n;
+  return std::ldexp(of_mantissa(std::ldexp(mantissa, exponent - n * k)), k);
+}
+
+// What OpenImageIO would take as orders to the writer rather than as text to keep.
+bool is_reserved(const std::string& key) {
+  static constexpr std::string_view kPrefixes[] = {"openexr:", "oiio:", "png:", "exr:"};
+  for (const std::string_view prefix : kPrefixes) {
+    if (key.compare(0, prefix.size(), prefix) == 0) return true;
+  }
+  return key == "compression" || key == "channels" || key == "dataWindow" || key == "displayWindow" ||
+         key == "lineOrder" || key == "type" || key == "version" || key == "chunkCount" || key == "tiles" ||
+         key == "name" || key == "view" || key == "DateTime" || key == "Software";
+}
+
+Result<void> check_extent(std::uint64_t width, std::uint64_t height) {
+  if (width == 0 || height == 0 || width > Limits::max_extent || height > Limits::max_extent ||
+      width * height > Limits::max_pixels) {
+    return input_error("an image of " + std::to_string(width) + " x " + std::to_string(height) +
+                       " pixels is not possible")
+        .with_mend("use 1 to " + std::to_string(Limits::max_extent) + " pixels a side and at most " +
+                   std::to_string(Limits::max_pixels) + " together");
+  }
+  return {};
+}
+
+// OpenImageIO's messages may have several lines; ours have one.
+std::string one_line(std::string text) {
+  std::replace(text.begin(), text.end(), '\n', ' ');
+  while (!text.empty() && text.back() == ' ') text.pop_back();
+  return text;
+}
+
+Result<std::string> write(const char* format, const OIIO::ImageSpec& spec, OIIO::TypeDesc type,
+                          const void* pixels) {
+  const auto output = OIIO::ImageOutput::create(format);
+  if (!output)
+    return internal_error("OpenImageIO cannot write " + std::string(format) + ": " +
+                          one_line(OIIO::geterror()));
+  OIIO::Filesystem::IOVecOutput memory;
+  // The name only tells the format; nothing is written to the disk.
+  if (!output->set_ioproxy(&memory) || !output->open(std::string("memory.") + format, spec) ||
+      !output->write_image(type, pixels) || !output->close()) {
+    return failed_error("cannot encode the image as " + std::string(format) + ": " +
+                        one_line(output->geterror()));
+  }
+  const auto& bytes = memory.buffer();
+  return std::string(bytes.begin(), bytes.end());
+}
+
+// Indices of the channels that are red, green and blue; all the same for luminance. Empty if there is no
+// colour.
+std::vector<int> colour_channels(const OIIO::ImageSpec& spec) {
+  const auto find = [&](std::initializer_list<const char*> names) {
+    for (const char* wanted : names) {
+      const auto at = std::find(spec.channelnames.begin(), spec.channelnames.end(), wanted);
+      if (at != spec.channelnames.end()) return static_cast<int>(at - spec.channelnames.begin());
+    }
+    return -1;
+  };
+  const int r = find({"R", "r", "red", "Red"});
+  const int g = find({"G", "g", "green", "Green"});
+  const int b = find({"B", "b", "blue", "Blue"});
+  if (r >= 0 && g >= 0 && b >= 0) return {r, g, b};
+  int y = find({"Y", "y", "L", "luminance"});
+  if (y < 0 && spec.nchannels == 1 && spec.alpha_channel < 0 && spec.z_channel < 0) y = 0;
+  if (y >= 0) return {y, y, y};
+  return {};
+}
+
+Result<Image> read_open(OIIO::ImageInput& input, std::uint64_t file_bytes) {
+  std::vector<int> channels;
+  int part = 0;
+  for (; input.seek_subimage(part, 0); ++part) {
+    channels = colour_channels(input.spec());
+    if (!channels.empty()) break;
+  }
+  if (channels.empty()) {
+    (void)input.geterror();
+    return input_error("the image has no R, G and B channels and no luminance")
+        .with_mend("name the channels of the colour R, G and B");
+  }
+  const OIIO::ImageSpec spec = input.spec();
+  if (spec.width < 0 || spec.height < 0 || spec.depth > 1 || spec.deep) {
+    return input_error("the image is not a flat picture");
+  }
+  Image image;
+  image.width = static_cast<std::uint32_t>(spec.width);
+  image.height = static_cast<std::uint32_t>(spec.height);
+  CANDELA_TRY(check_extent(image.width, image.height));
+  const std::size_t pixels = std::size_t{image.width} * image.height;
+  // A few bytes that claim gigabytes are refused before the memory is taken.
+  if (pixels * 3 * sizeof(float) > kFreeBytes + file_bytes * kMaxExpansion) {
+    return input_error("the image says it has " + std::to_string(image.width) + " x " +
+                       std::to_string(image.height) + " pixels, which its " + std::to_string(file_bytes) +
+                       " bytes cannot hold")
+        .with_mend("the file is damaged or truncated");
+  }
+  image.rgb.resize(pixels * 3);
+  const auto failed = [&] { return input_error("cannot read the pixels: " + one_line(input.geterror())); };
+  if (channels[1] == channels[0] + 1 && channels[2] == channels[0] + 2) {
+    if (!input.read_image(part, 0, channels[0], channels[0] + 3, OIIO::TypeDesc::FLOAT, image.rgb.data())) {
+      return failed();
+    }
+  } else {
+    std::vector<float> plane(pixels);
+    for (std::size_t c = 0; c < 3; ++c) {
+      if (!input.read_image(part, 0, channels[c], channels[c] + 1, OIIO::TypeDesc::FLOAT, plane.data())) {
+        return failed();
+      }
+      for (std::size_t p = 0; p < pixels; ++p) image.rgb[3 * p + c] = plane[p];
+    }
+  }
+  if (!spec.format.is_floating_point()) {
+    for (float& value : image.rgb) value = srgb_to_linear(value);
+  }
+  for (const OIIO::ParamValue& attribute : spec.extra_attribs) {
+    if (attribute.type() == OIIO::TypeDesc::STRING && !is_reserved(attribute.name().string())) {
+      image.metadata[attribute.name().string()] = attribute.get_string();
+    }
+  }
+  return image;
+}
+
+}  // namespace
+
+float srgb_to_linear(float value) {
+  if (!(value > 0.04045F)) return value / 12.92F;
+  if (!std::isfinite(value)) return value;
+  const double v = (double{value} + 0.055) / 1.055;  // to the power 2.4
+  const double square = v * v;
+  return static_cast<float>(square * root(square, 5, fifth_root));
+}
+
+float linear_to_srgb(float value) {
+  if (!(value > 0.0031308F)) return value * 12.92F;
+  if (!std::isfinite(value)) return value;
+  const double twelfth = root(std::sqrt(std::sqrt(double{value})), 3, cube_root);
+  const double square = twelfth * twelfth;
+  return static_cast<float>(1.055 * (square * square * twelfth) - 0.055);  // value to the power 5/12
+}
+
+Result<Image> read_image(const std::filesystem::path& path) {
+  const std::string name = path.string();
+  std::error_code code;
+  const auto status = std::filesystem::status(path, code);
+  if (!std::filesystem::exists(status)) {
+    return input_error("there is no such image file").at(name, 0).with_mend("check the name");
+  }
+  if (!std::filesystem::is_regular_file(status)) return input_error("this is not a file").at(name, 0);
+  try {
+    const auto input = OIIO::ImageInput::open(name);
+    if (!input) {
+      return input_error("this is not an image that can be read: " + one_line(OIIO::geterror())).at(name, 0);
+    }
+    auto image = read_open(*input, std::filesystem::file_size(path));
+    if (!image.ok()) return Error(image.error()).at(name, 0);
+    return image;
+  } catch (const std::bad_alloc&) {
+    return resource_error("the image does not fit into memory").at(name, 0);
+  } catch (const std::exception& problem) {  // of the format libraries
+    return input_error("cannot read the image: " + one_line(problem.what())).at(name, 0);
+  }
+}
+
+Result<std::string> encode_exr(std::uint32_t width, std::uint32_t height, std::span<const float> rgb,
+                               const std::map<std::string, std::string>& metadata,
+                               std::span<const Layer> layers) {
+  CANDELA_TRY(check_extent(width, height));
+  const std::size_t pixels = std::size_t{width} * height;
+  if (rgb.size() != pixels * 3) return internal_error("the image to encode has another size than it says");
+  OIIO::ImageSpec spec(static_cast<int>(width), static_cast<int>(height),
+                       static_cast<int>(3 + 3 * layers.size()), OIIO::TypeDesc::FLOAT);
+  spec.channelnames = {"R", "G", "B"};
+  std::set<std::string> names;
+  for (const Layer& layer : layers) {
+    if (layer.name.empty() || layer.name.size() + 2 > kMaxAttributeName || !names.insert(layer.name).second ||
+        layer.name.find('\0') != std::string::npos) {
+      return internal_error("'" + layer.name + "' cannot name a layer, or names two").with_field("layer");
+    }
+    if (layer.rgb.size() != pixels * 3) {
+      return internal_error("the layer '" + layer.name + "' has another size than the image")
+          .with_field("layer");
+    }
+    for (const char* channel : {".R", ".G", ".B"}) spec.channelnames.push_back(layer.name + channel);
+  }
+  for (const auto& [key, value] : metadata) {
+    if (key.empty() || key.size() > kMaxAttributeName || key.find('\0') != std::string::npos ||
+        is_reserved(key)) {
+      return input_error("'" + key + "' cannot name an attribute of an image")
+          .with_field(key)
+          .with_mend("begin its name with 'candela:'");
+    }
+    spec.attribute(key, value);
+  }
+  spec.attribute("compression", "zip");
+  // Without a DateTime the writer makes one of now; with this one, capDate is empty text.
+  spec.attribute("DateTime", "");
+  try {
+    if (layers.empty()) return write("exr", spec, OIIO::TypeDesc::FLOAT, rgb.data());
+    const std::size_t channels = static_cast<std::size_t>(spec.nchannels);
+    std::vector<float> all(pixels * channels);
+    const auto put = [&](std::span<const float> from, std::size_t first) {
+      for (std::size_t p = 0; p < pixels; ++p) std::copy_n(&from[3 * p], 3, &all[p * channels + first]);
+    };
+    put(rgb, 0);
+    for (std::size_t i = 0; i < layers.size(); ++i) put(layers[i].rgb, 3 + 3 * i);
+    return write("exr", spec, OIIO::TypeDesc::FLOAT, all.data());
+  } catch (const std::bad_alloc&) {
+    return resource_error("the image to encode does not fit into memory");
+  } catch (const std::exception& problem) {
+    return failed_error("cannot encode the image as exr: " + one_line(problem.what()));
+  }
+}
+
+Result<std::string> encode_png(const Image& image, double exposure_stops) {
+  CANDELA_TRY(check_extent(image.width, image.height));
+  const std::size_t pixels = std::size_t{image.width} * image.height;
+  if (image.rgb.size() != pixels * 3)
+    return internal_error("the image to encode has another size than it says");
+  if (!(std::abs(exposure_stops) <= 1000)) {
+    return usage_error("the exposure is not a number of stops between -1000 and 1000").with_field("exposure");
+  }
+  const double factor = std::exp2(exposure_stops);
+  try {
+    std::vector<std::uint8_t> bytes(pixels * 3);
+    for (std::size_t p = 0; p < pixels; ++p) {
+      const float* rgb = &image.rgb[3 * p];
+      std::uint8_t* to = &bytes[3 * p];
+      if (std::isnan(rgb[0]) || std::isnan(rgb[1]) || std::isnan(rgb[2])) {
+        to[0] = to[2] = 255;  // magenta
+        to[1] = 0;
+        continue;
+      }
+      for (std::size_t c = 0; c < 3; ++c) {
+        const double shown = std::clamp(double{rgb[c]} * factor, 0.0, 1.0);
+        to[c] = static_cast<std::uint8_t>(255.0 * double{linear_to_srgb(static_cast<float>(shown))} + 0.5);
+      }
+    }
+    OIIO::ImageSpec spec(static_cast<int>(image.width), static_cast<int>(image.height), 3,
+                         OIIO::TypeDesc::UINT8);
+    spec.attribute("oiio:ColorSpace", "sRGB");
+    return write("png", spec, OIIO::TypeDesc::UINT8, bytes.data());
+  } catch (const std::bad_alloc&) {
+    return resource_error("the image to encode does not fit into memory");
+  } catch (const std::exception& problem) {
+    return failed_error("cannot encode the image as png: " + one_line(problem.what()));
+  }
+}
+
+}  // namespace candela::image
