@@ -25,7 +25,7 @@ struct MasterOptions {
   double unit_seconds = 4;                // what units are sized to
   std::uint64_t merge_queue_bytes = 512ULL << 20;
   unsigned merge_threads = 1;
-  bool image_on_checkpoint = true;        // also write jobs/ID/image.exr now and then (SIGHUP: at once)
+  bool image_on_checkpoint = true;  // also write jobs/ID/image.exr now and then (SIGHUP: at once)
 };
 
 class Master {
@@ -37,8 +37,8 @@ class Master {
   virtual int port() const = 0;       // 0: in-process only
   virtual int http_port() const = 0;  // 0: none
   virtual std::shared_ptr<grpc::Channel> in_process_channel() = 0;
-  virtual void flush_images() = 0;    // write every running job's checkpoint and image now
-  virtual void stop() = 0;            // idempotent; returns when the last checkpoint is on disk
+  virtual void flush_images() = 0;  // write every running job's checkpoint and image now
+  virtual void stop() = 0;          // idempotent; returns when the last checkpoint is on disk
 };
 
 }  // namespace candela::master

@@ -1,11 +1,12 @@
-// Who renders what: leases with fencing tokens, units cut to size, priorities and fair shares, failures, stop rules.
+// Who renders what: leases with fencing tokens, units cut to size, priorities and fair shares, failures, stop
+// rules.
 //
-// Pure logic: no I/O, no threads, no clock of its own. Every call is told the time; the caller holds one lock around all
-// calls. What is to be remembered comes out as changes for the store, in order (take_changes()).
+// Pure logic: no I/O, no threads, no clock of its own. Every call is told the time; the caller holds one lock
+// around all calls. What is to be remembered comes out as changes for the store, in order (take_changes()).
 //
-// A unit is open, leased (once, or twice if it is a straggler's) or merged; merged units live on only as the set of merged
-// indices. Exactly-once counting is the film's: it refuses an index that it has. The scheduler's tokens keep out those who
-// lost their lease.
+// A unit is open, leased (once, or twice if it is a straggler's) or merged; merged units live on only as the
+// set of merged indices. Exactly-once counting is the film's: it refuses an index that it has. The
+// scheduler's tokens keep out those who lost their lease.
 #pragma once
 
 #include <array>
@@ -24,8 +25,8 @@
 namespace candela::master {
 
 struct Now {
-  double seconds = 0;         // steady clock
-  std::int64_t unix_ms = 0;   // for people
+  double seconds = 0;        // steady clock
+  std::int64_t unix_ms = 0;  // for people
 };
 
 struct SchedulerOptions {
@@ -35,20 +36,22 @@ struct SchedulerOptions {
   double forget_worker_seconds = 3600;  // a lost worker's session ends
   std::uint32_t max_unit_failures = 4;
   std::uint32_t max_worker_failures = 5;  // consecutive
-  std::size_t max_leases_per_worker = 6;  // rendering, prefetched, and finished ones waiting for their verdict
+  std::size_t max_leases_per_worker =
+      6;  // rendering, prefetched, and finished ones waiting for their verdict
   std::size_t max_workers = 10000;
   std::size_t max_jobs = 100000;
 };
 
-// The stop rule relmse = R holds only where both halves have at least this many iterations, and where two estimates in a
-// row, the second with at least a tenth more iterations, are both at most R. One lucky estimate does not end a job.
+// The stop rule relmse = R holds only where both halves have at least this many iterations, and where two
+// estimates in a row, the second with at least a tenth more iterations, are both at most R. One lucky
+// estimate does not end a job.
 inline constexpr std::uint64_t kRelmseMinIterationsPerHalf = 8;
 
 struct Lease {
   LeaseRow row;
   double granted = 0, expires = 0;
-  double due_seconds = 0;   // expected from grant to delivery, other leases of the worker included
-  bool listed = false;      // some heartbeat named it
+  double due_seconds = 0;  // expected from grant to delivery, other leases of the worker included
+  bool listed = false;     // some heartbeat named it
 };
 
 struct UnitState {
@@ -60,15 +63,16 @@ struct UnitState {
 
 struct Job {
   JobRow row;
-  bool finishing = false;  // its stop rule holds: no leases, no merges; done once the final checkpoint is on disk
-  std::string note;        // what is worth knowing now, e.g. that checkpoints fail
+  bool finishing =
+      false;         // its stop rule holds: no leases, no merges; done once the final checkpoint is on disk
+  std::string note;  // what is worth knowing now, e.g. that checkpoints fail
   std::array<film::IndexSet, 2> merged;
-  std::array<std::uint64_t, 2> frontier{};  // indices below are merged or in units
-  std::map<std::uint64_t, UnitState> units; // not merged
-  double virtual_time = 0;                  // worker seconds / share, for fairness
-  double thread_seconds = 0;                // EWMA of seconds times threads per iteration
+  std::array<std::uint64_t, 2> frontier{};                     // indices below are merged or in units
+  std::map<std::uint64_t, UnitState> units;                    // not merged
+  double virtual_time = 0;                                     // worker seconds / share, for fairness
+  double thread_seconds = 0;                                   // EWMA of seconds times threads per iteration
   std::map<std::string, double> worker_seconds_per_iteration;  // EWMA
-  double overhead_seconds = 0;              // EWMA per delta
+  double overhead_seconds = 0;                                 // EWMA per delta
   double last_tick = 0;
   double last_saved = 0;
   int relmse_hits = 0;
@@ -109,9 +113,9 @@ class Scheduler {
 
   // --- jobs ---
   void submit(JobRow row, Now now);
-  // A job from the store, with what its film holds. `merged` rows and `unmerged` rows are reconciled with the film: a row
-  // the film does not have is open again, a unit the film has is merged, gaps become new units. For a job that has ended
-  // nothing is opened.
+  // A job from the store, with what its film holds. `merged` rows and `unmerged` rows are reconciled with the
+  // film: a row the film does not have is open again, a unit the film has is merged, gaps become new units.
+  // For a job that has ended nothing is opened.
   void restore(JobRow row, const std::array<film::IndexSet, 2>& film, const film::Tallies& tallies,
                std::vector<UnitRow> unmerged, std::vector<UnitRow> merged, Now now);
   // Leases of the store, after all jobs and workers are back: each gets a fresh expiry.
@@ -123,7 +127,8 @@ class Scheduler {
   Result<void> pause(const std::string& id, Now now);
   Result<void> resume(const std::string& id, Now now);
   Result<void> cancel(const std::string& id, Now now);
-  Result<void> extend(const std::string& id, std::uint64_t iterations, double seconds, double relmse, Now now);
+  Result<void> extend(const std::string& id, std::uint64_t iterations, double seconds, double relmse,
+                      Now now);
   // The final checkpoint of a finishing job is on disk.
   void finish(const std::string& id, Now now);
   void fail_job(const std::string& id, const std::string& message, Now now);
@@ -141,13 +146,14 @@ class Scheduler {
   std::string worker_state_name(const WorkerState& worker, Now now) const;
 
   // --- the cycle of a unit ---
-  AcquireResult acquire(const std::string& worker_id, const std::vector<std::string>& warm, bool prefetch, Now now);
+  AcquireResult acquire(const std::string& worker_id, const std::vector<std::string>& warm, bool prefetch,
+                        Now now);
   HeartbeatResult heartbeat(const std::string& worker_id, const std::vector<std::uint64_t>& tokens, Now now);
   void return_lease(const std::string& worker_id, std::uint64_t token, Now now);
-  // Idempotent per token. With `renderer_said_so` false it was the delivery that failed, which says nothing about whether
-  // the unit can be rendered.
-  void fail_unit(const std::string& worker_id, std::uint64_t token, const std::string& message, bool input_error,
-                 bool renderer_said_so, Now now);
+  // Idempotent per token. With `renderer_said_so` false it was the delivery that failed, which says nothing
+  // about whether the unit can be rendered.
+  void fail_unit(const std::string& worker_id, std::uint64_t token, const std::string& message,
+                 bool input_error, bool renderer_said_so, Now now);
   bool complete_pilot(const std::string& worker_id, std::uint64_t token, const PilotResult& result, Now now);
   // May this delta be merged? Asked before reading and again before merging.
   Delivery check_delivery(const std::string& worker_id, std::uint64_t token, std::uint64_t unit_id,
@@ -155,8 +161,9 @@ class Scheduler {
   // Extends a lease (a delivery in progress counts as a sign of life).
   void touch_lease(std::uint64_t token, Now now);
   // The film has it. Also when the lease went away in the meantime: the film decides.
-  void merged(const std::string& worker_id, std::uint64_t token, std::uint64_t unit_id, const std::string& job_id,
-              const Unit& unit, const film::Tallies& tallies, double render_seconds, double overhead_seconds, Now now);
+  void merged(const std::string& worker_id, std::uint64_t token, std::uint64_t unit_id,
+              const std::string& job_id, const Unit& unit, const film::Tallies& tallies,
+              double render_seconds, double overhead_seconds, Now now);
 
   // Expiries, time limits, workers that came back or got lost. Call it a few times a second.
   void tick(Now now);
@@ -167,6 +174,7 @@ class Scheduler {
 
   // --- figures for status ---
   std::size_t leases_of(const std::string& job_id) const;
+  std::set<std::string> jobs_of(const WorkerState& worker) const;
   std::size_t lease_count() const { return leases_.size(); }
   std::uint64_t expired_count() const { return expired_count_; }
   double samples_per_second(const Job& job, Now now) const;

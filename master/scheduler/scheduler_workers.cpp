@@ -100,6 +100,12 @@ void Scheduler::deregister(const std::string& worker_id, Now now) {
   last_activity_ = now.seconds;
 }
 
+std::set<std::string> Scheduler::jobs_of(const WorkerState& worker) const {
+  std::set<std::string> out;
+  for (const std::uint64_t token : worker.leases) out.insert(leases_.at(token).row.job_id);
+  return out;
+}
+
 std::string Scheduler::worker_state_name(const WorkerState& w, Now now) const {
   if (now.seconds - w.last_seen > std::max(options_.lease_seconds, 10.0)) return "lost";
   if (w.row.draining) return w.leases.empty() ? "drained" : "draining";

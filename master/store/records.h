@@ -1,5 +1,5 @@
-// What the master remembers: jobs, units, leases, workers, events. Plain rows, shared by the scheduler (which decides)
-// and the store (which keeps); neither knows the other.
+// What the master remembers: jobs, units, leases, workers, events. Plain rows, shared by the scheduler (which
+// decides) and the store (which keeps); neither knows the other.
 #pragma once
 
 #include <array>
@@ -78,18 +78,38 @@ struct EventRow {
 };
 
 // One change to what is remembered. Changes are applied in order, several in one transaction.
-struct PutJob { JobRow row; };
-struct PutUnit { UnitRow row; };
-struct DropUnit { std::uint64_t id; };
-struct DropUnmergedUnits { std::string job_id; };  // and their leases
-struct PutLease { LeaseRow row; };
-struct DropLease { std::uint64_t token; };
-struct PutWorker { WorkerRow row; };
-struct DropWorker { std::string id; };
-struct AddEvent { EventRow row; };
-struct PutBundle { std::string sha256, bytes; };
-using Change = std::variant<PutJob, PutUnit, DropUnit, DropUnmergedUnits, PutLease, DropLease, PutWorker, DropWorker,
-                            AddEvent, PutBundle>;
+struct PutJob {
+  JobRow row;
+};
+struct PutUnit {
+  UnitRow row;
+};
+struct DropUnit {
+  std::uint64_t id;
+};
+struct DropUnmergedUnits {
+  std::string job_id;
+};  // and their leases
+struct PutLease {
+  LeaseRow row;
+};
+struct DropLease {
+  std::uint64_t token;
+};
+struct PutWorker {
+  WorkerRow row;
+};
+struct DropWorker {
+  std::string id;
+};
+struct AddEvent {
+  EventRow row;
+};
+struct PutBundle {
+  std::string sha256, bytes;
+};
+using Change = std::variant<PutJob, PutUnit, DropUnit, DropUnmergedUnits, PutLease, DropLease, PutWorker,
+                            DropWorker, AddEvent, PutBundle>;
 
 // "queued", "running", ...
 std::string_view name(JobState state);

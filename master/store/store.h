@@ -1,5 +1,5 @@
-// The store behind the master: an interface, so that another database can stand behind it. SQLite (WAL) is the one
-// there is. Every function may be called from any thread; errors are the caller's to report.
+// The store behind the master: an interface, so that another database can stand behind it. SQLite (WAL) is
+// the one there is. Every function may be called from any thread; errors are the caller's to report.
 #pragma once
 
 #include <condition_variable>
@@ -31,22 +31,25 @@ struct StoredState {
 class Store {
  public:
   virtual ~Store() = default;
-  // Adds one to the persisted epoch, durably (synced to the disk), and returns it. Fencing tokens start from it, so it
-  // must never be handed out twice, not even after a power failure.
+  // Adds one to the persisted epoch, durably (synced to the disk), and returns it. Fencing tokens start from
+  // it, so it must never be handed out twice, not even after a power failure.
   virtual Result<std::uint64_t> next_epoch() = 0;
   virtual Result<StoredState> load() = 0;
   // All of them or none.
   virtual Result<void> write(std::span<const Change> changes) = 0;
   virtual Result<std::vector<UnitRow>> merged_units(const std::string& job_id) = 0;
-  virtual Result<std::vector<EventRow>> events(const std::string& job_id, std::uint32_t limit) = 0;  // newest last
+  virtual Result<std::vector<EventRow>> events(const std::string& job_id,
+                                               std::uint32_t limit) = 0;  // newest last
   virtual Result<std::optional<std::string>> bundle(const std::string& sha256) = 0;
 };
 
-// `path` is the database file; created, with its schema, where it does not exist. A schema of a newer program is refused.
+// `path` is the database file; created, with its schema, where it does not exist. A schema of a newer program
+// is refused.
 Result<std::unique_ptr<Store>> open_sqlite_store(const std::filesystem::path& path);
 
-// Writes changes behind the back of their makers, in order, in batches, so that no lock of theirs is held across disk
-// I/O. After an error the batch stays at the head of the queue and is tried again until it succeeds.
+// Writes changes behind the back of their makers, in order, in batches, so that no lock of theirs is held
+// across disk I/O. After an error the batch stays at the head of the queue and is tried again until it
+// succeeds.
 class StoreWriter {
  public:
   // `on_error` is told of each failure (from the writer's thread), and of the recovery with an empty text.

@@ -1,0 +1,370 @@
+#include "master/api/farm_service.h"
+
+#include <fmt/format.h>
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <set>
+#include <thread>
+
+#include "common/base/hash.h"
+#include "common/base/version.h"
+#include "master/api/service_support.h"
+
+namespace candela::master {
+namespace {
+
+// What one master serves at a time; beyond it, RESOURCE_EXHAUSTED. Each holds a thread.
+constexpr int kMaxWatchers = 256;
+constexpr int kMaxUploads = 32;
+constexpr int kMaxImages = 4;
+constexpr int kMaxHashes = 100000;
+constexpr std::uint32_t kMaxEventsAsked = 10000;
+constexpr auto kStep = std::chrono::milliseconds(20);  // between looks at a job that is watched
+
+// One of a bounded number of places.
+class Place {
+ public:
+  Place(std::atomic<int>& count, int limit) : count_(count), held_(++count <= limit) {}
+  ~Place() { --count_; }
+  Place(const Place&) = delete;
+  Place& operator=(const Place&) = delete;
+  bool held() const { return held_; }
+
+ private:
+  std::atomic<int>& count_;
+  bool held_;
+};
+
+grpc::Status too_many(const char* what) {
+  return wire::to_status_with_retry(resource_error(std::string("too many ") + what + " at a time"), 1000);
+}
+
+// A message as bytes that do not depend on the order of map entries.
+std::string canonical(const google::protobuf::Message& message) {
+  std::string out;
+  google::protobuf::io::StringOutputStream stream(&out);
+  google::protobuf::io::CodedOutputStream coded(&stream);
+  coded.SetSerializationDeterministic(true);
+  message.SerializeToCodedStream(&coded);
+  coded.Trim();
+  return out;
+}
+
+bool ended(const v1::JobStatus& s) {
+  return s.state() == v1::JOB_STATE_DONE || s.state() == v1::JOB_STATE_FAILED ||
+         s.state() == v1::JOB_STATE_CANCELLED;
+}
+
+Result<JobRow> job_of(const v1::SubmitRequest& r) {
+  JobRow row;
+  if (r.name().size() > Limits::max_name_bytes)
+    return input_error(fmt::format("longer than {} bytes", Limits::max_name_bytes)).with_field("name");
+  if (r.idempotency_token().size() > Limits::max_name_bytes)
+    return input_error(fmt::format("longer than {} bytes", Limits::max_name_bytes))
+        .with_field("idempotency_token");
+  if (!std::isfinite(r.share()) || r.share() < 0 || (r.share() > 0 && r.share() < 1e-6) || r.share() > 1e6)
+    return input_error("must be 0 (for 1), or 1e-6 to 1e6").with_field("share");
+  if (r.priority() < -1000000 || r.priority() > 1000000)
+    return input_error("must be -1000000 to 1000000").with_field("priority");
+  CANDELA_ASSIGN(row.settings, wire::from_proto(r.settings()));
+  CANDELA_ASSIGN(row.stop, wire::from_proto(r.stop()));
+  row.name = r.name();
+  row.priority = r.priority();
+  row.share = r.share() > 0 ? r.share() : 1;
+  row.idempotency_token = r.idempotency_token();
+  v1::SubmitRequest content = r;
+  content.clear_idempotency_token();
+  row.content_digest = sha256_hex(canonical(content));
+  return row;
+}
+
+}  // namespace
+
+grpc::Status FarmServiceImpl::GetServerInfo(grpc::ServerContext*, const v1::GetServerInfoRequest*,
+                                            v1::GetServerInfoResponse* response) {
+  response->set_version(std::string(version()));
+  response->set_build_id(std::string(build_id()));
+  response->set_protocol(kProtocol);
+  return grpc::Status::OK;
+}
+
+grpc::Status FarmServiceImpl::FindMissingBlobs(grpc::ServerContext*,
+                                               const v1::FindMissingBlobsRequest* request,
+                                               v1::FindMissingBlobsResponse* response) {
+  return guarded([&] {
+    if (request->sha256_size() > kMaxHashes)
+      return wire::to_status(
+          input_error(fmt::format("more than {} hashes", kMaxHashes)).with_field("sha256"));
+    std::set<std::string> seen;
+    for (const std::string& hash : request->sha256()) {
+      if (!is_sha256_hex(hash))
+        return wire::to_status(input_error("must be 64 lower-case hex digits").with_field("sha256"));
+      if (seen.insert(hash).second && !farm_.blobs().size(hash)) response->add_sha256(hash);
+    }
+    return grpc::Status::OK;
+  });
+}
+
+grpc::Status FarmServiceImpl::UploadBlob(grpc::ServerContext* context,
+                                         grpc::ServerReader<v1::UploadBlobRequest>* reader,
+                                         v1::UploadBlobResponse*) {
+  return guarded([&] {
+    if (farm_.stopping()) return stopping_status();
+    const Place place(uploads_, kMaxUploads);
+    if (!place.held()) return too_many("uploads");
+    // Guards against a sender that hangs, as for deltas.
+    auto first_guard = farm_.gate().enter("", 0, farm_.now().seconds, [context] { context->TryCancel(); });
+    if (!first_guard.ok()) return wire::to_status(first_guard.error());
+    v1::UploadBlobRequest chunk;
+    if (!reader->Read(&chunk)) return grpc::Status(grpc::StatusCode::INVALID_ARGUMENT, "no chunk came");
+    auto upload = farm_.blobs().begin(chunk.sha256(), chunk.size_bytes());
+    if (!upload.ok()) return wire::to_status(upload.error());
+    if (farm_.blobs().size(chunk.sha256())) return grpc::Status::OK;
+    do {
+      if (chunk.data().size() > Limits::max_chunk_bytes)
+        return wire::to_status(
+            input_error(fmt::format("larger than {} bytes", Limits::max_chunk_bytes)).with_field("data"));
+      if (auto added = (*upload)->append(chunk.data()); !added.ok()) {
+        if (added.error().kind == ErrorKind::failed)
+          return grpc::Status(grpc::StatusCode::DATA_LOSS, added.error().to_string());
+        return wire::to_status(added.error());
+      }
+      farm_.counters().upload_bytes += chunk.data().size();
+      // A fresh guard for each chunk: a large blob may take long, silence may not.
+      first_guard->reset();
+      first_guard = farm_.gate().enter("", 0, farm_.now().seconds, [context] { context->TryCancel(); });
+    } while (reader->Read(&chunk) && !farm_.stopping());
+    if (context->IsCancelled())
+      return grpc::Status(grpc::StatusCode::CANCELLED, "the blob did not arrive whole");
+    if (auto stored = (*upload)->finish(); !stored.ok()) {
+      if (stored.error().kind == ErrorKind::failed)
+        return grpc::Status(grpc::StatusCode::DATA_LOSS, stored.error().to_string());
+      return wire::to_status(stored.error());
+    }
+    return grpc::Status::OK;
+  });
+}
+
+grpc::Status FarmServiceImpl::Submit(grpc::ServerContext*, const v1::SubmitRequest* request,
+                                     v1::SubmitResponse* response) {
+  return guarded([&] {
+    if (farm_.stopping()) return stopping_status();
+    auto row = job_of(*request);
+    if (!row.ok()) return wire::to_status(row.error());
+    auto bundle = wire::from_proto(request->bundle());
+    if (!bundle.ok()) return wire::to_status(bundle.error());
+    for (const bundle::File& file : bundle->files) {
+      const auto size = farm_.blobs().size(file.sha256);
+      if (!size)
+        return wire::to_status(refused_error(fmt::format("the farm lacks '{}' ({})", file.path, file.sha256))
+                                   .with_field("bundle.files")
+                                   .with_mend("upload it first"));
+      if (*size != file.size_bytes)
+        return wire::to_status(
+            input_error(fmt::format("'{}' has {} bytes, not {}", file.path, *size, file.size_bytes))
+                .with_field("bundle.files"));
+    }
+    row->bundle_sha256 = bundle->hash();
+    auto submitted = farm_.submit(std::move(*row), canonical(request->bundle()));
+    if (!submitted.ok()) {
+      if (submitted.error().field == "idempotency_token")
+        return grpc::Status(grpc::StatusCode::ALREADY_EXISTS, submitted.error().to_string());
+      return wire::to_status(submitted.error());
+    }
+    response->set_job_id(submitted->job_id);
+    response->set_existed(submitted->existed);
+    return grpc::Status::OK;
+  });
+}
+
+grpc::Status FarmServiceImpl::ListJobs(grpc::ServerContext*, const v1::ListJobsRequest*,
+                                       v1::ListJobsResponse* response) {
+  return guarded([&] {
+    for (v1::JobStatus& s : farm_.all_status()) *response->add_jobs() = std::move(s);
+    std::stable_sort(
+        response->mutable_jobs()->begin(), response->mutable_jobs()->end(),
+        [](const auto& a, const auto& b) { return a.submitted_unix_ms() < b.submitted_unix_ms(); });
+    // One message is at most 8 MiB. Plans are long and the same for like jobs; `show` has them.
+    for (v1::JobStatus& s : *response->mutable_jobs()) s.clear_plan();
+    constexpr std::size_t kLimit = 7U << 20;
+    while (response->ByteSizeLong() > kLimit && response->jobs_size() > 1)  // the oldest go
+      response->mutable_jobs()->DeleteSubrange(0, (response->jobs_size() + 9) / 10);
+    return grpc::Status::OK;
+  });
+}
+
+grpc::Status FarmServiceImpl::GetJob(grpc::ServerContext*, const v1::GetJobRequest* request,
+                                     v1::JobStatus* response) {
+  return guarded([&] {
+    auto status = farm_.status(request->job_id());
+    if (!status) return not_found("job", request->job_id());
+    *response = std::move(*status);
+    return grpc::Status::OK;
+  });
+}
+
+grpc::Status FarmServiceImpl::WatchJob(grpc::ServerContext* context, const v1::WatchJobRequest* request,
+                                       grpc::ServerWriter<v1::JobStatus>* writer) {
+  return guarded([&] {
+    const Place place(watchers_, kMaxWatchers);
+    if (!place.held()) return too_many("watchers");
+    const double interval =
+        request->interval_ms() == 0 ? 0.5 : std::clamp(request->interval_ms() / 1000.0, 0.02, 60.0);
+    std::string last;
+    double last_sent = -1e9;
+    while (!context->IsCancelled() && !farm_.stopping()) {
+      auto status = farm_.status(request->job_id());
+      if (!status) return not_found("job", request->job_id());
+      const bool final = ended(*status);
+      const double now = farm_.now().seconds;
+      if (final || now - last_sent >= interval) {
+        const std::string bytes = canonical(*status);
+        if (bytes != last || final) {
+          if (!writer->Write(*status))
+            return grpc::Status(grpc::StatusCode::CANCELLED, "the watcher went away");
+          last = bytes;
+        }
+        last_sent = now;
+      }
+      if (final) return grpc::Status::OK;
+      std::this_thread::sleep_for(kStep);
+    }
+    return farm_.stopping() ? stopping_status() : grpc::Status(grpc::StatusCode::CANCELLED, "cancelled");
+  });
+}
+
+grpc::Status FarmServiceImpl::FetchImage(grpc::ServerContext*, const v1::FetchImageRequest* request,
+                                         grpc::ServerWriter<v1::FetchImageChunk>* writer) {
+  return guarded([&] {
+    if (!farm_.status(request->job_id())) return not_found("job", request->job_id());
+    const Place place(images_, kMaxImages);
+    if (!place.held()) return too_many("images");
+    auto bytes = farm_.image(request->job_id(), request->error_layer());
+    if (!bytes.ok()) return wire::to_status(bytes.error());
+    v1::FetchImageChunk chunk;
+    chunk.set_total_bytes(bytes->size());
+    for (std::size_t at = 0; at < bytes->size(); at += Limits::max_chunk_bytes) {
+      chunk.set_data(bytes->substr(at, Limits::max_chunk_bytes));
+      if (!writer->Write(chunk)) return grpc::Status(grpc::StatusCode::CANCELLED, "the client went away");
+    }
+    return grpc::Status::OK;
+  });
+}
+
+namespace {
+
+template <class F>
+grpc::Status change(Farm& farm, const std::string& job_id, v1::JobStatus* response, F&& f) {
+  return guarded([&] {
+    if (farm.stopping()) return stopping_status();
+    if (!farm.status(job_id)) return not_found("job", job_id);
+    auto status = farm.change_job(job_id, f);
+    if (!status.ok()) return wire::to_status(status.error());
+    *response = std::move(*status);
+    return grpc::Status::OK;
+  });
+}
+
+}  // namespace
+
+grpc::Status FarmServiceImpl::PauseJob(grpc::ServerContext*, const v1::JobRequest* request,
+                                       v1::JobStatus* response) {
+  return change(farm_, request->job_id(), response,
+                [&](Scheduler& s, Now now) { return s.pause(request->job_id(), now); });
+}
+
+grpc::Status FarmServiceImpl::ResumeJob(grpc::ServerContext*, const v1::JobRequest* request,
+                                        v1::JobStatus* response) {
+  return change(farm_, request->job_id(), response,
+                [&](Scheduler& s, Now now) { return s.resume(request->job_id(), now); });
+}
+
+grpc::Status FarmServiceImpl::CancelJob(grpc::ServerContext*, const v1::JobRequest* request,
+                                        v1::JobStatus* response) {
+  return change(farm_, request->job_id(), response,
+                [&](Scheduler& s, Now now) { return s.cancel(request->job_id(), now); });
+}
+
+grpc::Status FarmServiceImpl::ExtendJob(grpc::ServerContext*, const v1::ExtendJobRequest* request,
+                                        v1::JobStatus* response) {
+  return guarded([&] {
+    if (farm_.stopping()) return stopping_status();
+    if (!farm_.status(request->job_id())) return not_found("job", request->job_id());
+    auto status = farm_.extend(*request);
+    if (!status.ok()) return wire::to_status(status.error());
+    *response = std::move(*status);
+    return grpc::Status::OK;
+  });
+}
+
+grpc::Status FarmServiceImpl::ListEvents(grpc::ServerContext*, const v1::ListEventsRequest* request,
+                                         v1::ListEventsResponse* response) {
+  return guarded([&] {
+    if (!request->job_id().empty() && !farm_.status(request->job_id()))
+      return not_found("job", request->job_id());
+    if (auto flushed = farm_.writer().flush(); !flushed.ok()) return wire::to_status(flushed.error());
+    const std::uint32_t limit = request->limit() == 0 ? 1000 : std::min(request->limit(), kMaxEventsAsked);
+    auto events = farm_.store().events(request->job_id(), limit);
+    if (!events.ok()) return wire::to_status(events.error());
+    for (EventRow& e : *events) {
+      v1::Event& out = *response->add_events();
+      out.set_unix_ms(e.unix_ms);
+      out.set_job_id(std::move(e.job_id));
+      out.set_worker_id(std::move(e.worker_id));
+      out.set_kind(std::move(e.kind));
+      out.set_message(std::move(e.message));
+    }
+    return grpc::Status::OK;
+  });
+}
+
+grpc::Status FarmServiceImpl::ListWorkers(grpc::ServerContext*, const v1::ListWorkersRequest*,
+                                          v1::ListWorkersResponse* response) {
+  return guarded([&] {
+    for (v1::WorkerStatus& w : farm_.all_workers()) *response->add_workers() = std::move(w);
+    return grpc::Status::OK;
+  });
+}
+
+grpc::Status FarmServiceImpl::DrainWorker(grpc::ServerContext* context, const v1::DrainWorkerRequest* request,
+                                          v1::WorkerStatus* response) {
+  return guarded([&] {
+    auto status = farm_.worker(request->worker_id());
+    if (!status) return not_found("worker", request->worker_id());
+    const Place place(watchers_, kMaxWatchers);
+    if (request->wait() && !place.held()) return too_many("watchers");
+    auto drained =
+        farm_.with_scheduler([&](Scheduler& s) { return s.drain(request->worker_id(), farm_.now()); });
+    if (!drained.ok()) return wire::to_status(drained.error());
+    for (;;) {
+      auto now = farm_.worker(request->worker_id());
+      if (now)
+        status = std::move(now);
+      else
+        status->set_state("drained");  // it has left
+      if (!request->wait() || status->state() == "drained") break;
+      if (context->IsCancelled()) return grpc::Status(grpc::StatusCode::CANCELLED, "cancelled");
+      if (farm_.stopping()) return stopping_status();
+      std::this_thread::sleep_for(kStep);
+    }
+    *response = std::move(*status);
+    return grpc::Status::OK;
+  });
+}
+
+grpc::Status FarmServiceImpl::GetLedger(grpc::ServerContext*, const v1::GetLedgerRequest* request,
+                                        v1::GetLedgerResponse* response) {
+  return guarded([&] {
+    if (!farm_.status(request->job_id())) return not_found("job", request->job_id());
+    auto ledger = farm_.ledger(request->job_id());
+    if (!ledger.ok()) return wire::to_status(ledger.error());
+    *response = std::move(*ledger);
+    return grpc::Status::OK;
+  });
+}
+
+}  // namespace candela::master

@@ -1,0 +1,45 @@
+// candela.v1.FarmService: a thin layer over Farm.
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include <atomic>
+
+#include "candela/v1/client.grpc.pb.h"
+#include "master/farm.h"
+
+namespace candela::master {
+
+class FarmServiceImpl final : public v1::FarmService::Service {
+ public:
+  explicit FarmServiceImpl(Farm& farm) : farm_(farm) {}
+  grpc::Status GetServerInfo(grpc::ServerContext*, const v1::GetServerInfoRequest*,
+                             v1::GetServerInfoResponse*) override;
+  grpc::Status FindMissingBlobs(grpc::ServerContext*, const v1::FindMissingBlobsRequest*,
+                                v1::FindMissingBlobsResponse*) override;
+  grpc::Status UploadBlob(grpc::ServerContext*, grpc::ServerReader<v1::UploadBlobRequest>*,
+                          v1::UploadBlobResponse*) override;
+  grpc::Status Submit(grpc::ServerContext*, const v1::SubmitRequest*, v1::SubmitResponse*) override;
+  grpc::Status ListJobs(grpc::ServerContext*, const v1::ListJobsRequest*, v1::ListJobsResponse*) override;
+  grpc::Status GetJob(grpc::ServerContext*, const v1::GetJobRequest*, v1::JobStatus*) override;
+  grpc::Status WatchJob(grpc::ServerContext*, const v1::WatchJobRequest*,
+                        grpc::ServerWriter<v1::JobStatus>*) override;
+  grpc::Status FetchImage(grpc::ServerContext*, const v1::FetchImageRequest*,
+                          grpc::ServerWriter<v1::FetchImageChunk>*) override;
+  grpc::Status PauseJob(grpc::ServerContext*, const v1::JobRequest*, v1::JobStatus*) override;
+  grpc::Status ResumeJob(grpc::ServerContext*, const v1::JobRequest*, v1::JobStatus*) override;
+  grpc::Status ExtendJob(grpc::ServerContext*, const v1::ExtendJobRequest*, v1::JobStatus*) override;
+  grpc::Status CancelJob(grpc::ServerContext*, const v1::JobRequest*, v1::JobStatus*) override;
+  grpc::Status ListEvents(grpc::ServerContext*, const v1::ListEventsRequest*,
+                          v1::ListEventsResponse*) override;
+  grpc::Status ListWorkers(grpc::ServerContext*, const v1::ListWorkersRequest*,
+                           v1::ListWorkersResponse*) override;
+  grpc::Status DrainWorker(grpc::ServerContext*, const v1::DrainWorkerRequest*, v1::WorkerStatus*) override;
+  grpc::Status GetLedger(grpc::ServerContext*, const v1::GetLedgerRequest*, v1::GetLedgerResponse*) override;
+
+ private:
+  Farm& farm_;
+  std::atomic<int> watchers_{0}, uploads_{0}, images_{0};
+};
+
+}  // namespace candela::master

@@ -1,0 +1,272 @@
+#include "master/api/worker_service.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <fstream>
+
+#include "common/base/hash.h"
+#include "common/base/version.h"
+#include "master/api/service_support.h"
+
+namespace candela::master {
+namespace {
+
+constexpr std::uint32_t kQueueRetryMs = 250;
+constexpr int kMaxHeartbeatUnits = 1024;
+constexpr std::size_t kMaxMessageBytes = 4096;
+
+grpc::Status unauthenticated() {
+  return {grpc::StatusCode::UNAUTHENTICATED, "this session is not known: register again"};
+}
+
+// Runs `f(scheduler, now)` for a worker whose session holds.
+template <class F>
+grpc::Status as_worker(Farm& farm, const std::string& id, const std::string& session, F&& f) {
+  return guarded([&] {
+    if (farm.stopping()) return stopping_status();
+    return farm.with_scheduler([&](Scheduler& s) {
+      const Now now = farm.now();
+      if (s.authenticate(id, session, now) == nullptr) return unauthenticated();
+      f(s, now);
+      return grpc::Status::OK;
+    });
+  });
+}
+
+bool is_worker(Farm& farm, const std::string& id, const std::string& session) {
+  return farm.with_scheduler(
+      [&](Scheduler& s) { return s.authenticate(id, session, farm.now()) != nullptr; });
+}
+
+std::string clipped(const std::string& text) {
+  return text.substr(0, kMaxMessageBytes);
+}
+
+Result<void> check(const v1::RegisterRequest& r) {
+  if (r.protocol() != kProtocol)
+    return refused_error(fmt::format("the worker speaks protocol {}, this farm {}", r.protocol(), kProtocol))
+        .with_field("protocol")
+        .with_mend("install the same version on both");
+  if (r.build_id() != build_id())
+    return refused_error(fmt::format("the worker is build {}, this farm {}",
+                                     clipped(r.build_id()).substr(0, 128), build_id()))
+        .with_field("build_id")
+        .with_mend("install the same build on both: only it makes the same bits");
+  if (r.name().size() > Limits::max_name_bytes || r.host().size() > Limits::max_name_bytes)
+    return input_error(fmt::format("longer than {} bytes", Limits::max_name_bytes)).with_field("name");
+  if (r.threads() == 0 || r.threads() > 65536) return input_error("must be 1 to 65536").with_field("threads");
+  if (r.isas_size() == 0 || r.isas_size() > 16)
+    return input_error("must be 1 to 16 names").with_field("isas");
+  for (const std::string& isa : r.isas())
+    if (isa.empty() || isa.size() > 32 || isa.find(',') != std::string::npos)
+      return input_error("not the name of an instruction set").with_field("isas");
+  return {};
+}
+
+}  // namespace
+
+grpc::Status WorkerServiceImpl::Register(grpc::ServerContext*, const v1::RegisterRequest* request,
+                                         v1::RegisterResponse* response) {
+  return guarded([&] {
+    if (farm_.stopping()) return stopping_status();
+    if (auto checked = check(*request); !checked.ok()) return wire::to_status(checked.error());
+    WorkerRow row;
+    row.id = random_id("w", 10);
+    row.session = random_id("", 32);
+    row.name = request->name().empty() ? row.id : request->name();
+    row.host = request->host();
+    row.build_id = request->build_id();
+    row.threads = request->threads();
+    row.isas.assign(request->isas().begin(), request->isas().end());
+    const WorkerRow copy = row;
+    auto done =
+        farm_.with_scheduler([&](Scheduler& s) { return s.register_worker(std::move(row), farm_.now()); });
+    if (!done.ok()) return wire::to_status_with_retry(done.error(), 10000);
+    response->set_worker_id(copy.id);
+    response->set_session(copy.session);
+    const double lease = farm_.options().master.lease_seconds;
+    response->set_lease_ms(static_cast<std::uint32_t>(lease * 1000));
+    response->set_heartbeat_ms(static_cast<std::uint32_t>(std::clamp(lease * 1000 / 6, 50.0, 5000.0)));
+    response->set_max_chunk_bytes(Limits::max_chunk_bytes);
+    return grpc::Status::OK;
+  });
+}
+
+grpc::Status WorkerServiceImpl::AcquireLease(grpc::ServerContext*, const v1::AcquireLeaseRequest* request,
+                                             v1::AcquireLeaseResponse* response) {
+  // Rows that cannot be written pile up in memory; leases would only add to them.
+  constexpr std::size_t kMaxBacklog = 20000;
+  if (farm_.writer().backlog() > kMaxBacklog) {
+    response->set_retry_ms(2000);
+    return is_worker(farm_, request->worker_id(), request->session()) ? grpc::Status::OK : unauthenticated();
+  }
+  return as_worker(farm_, request->worker_id(), request->session(), [&](Scheduler& s, Now now) {
+    std::vector<std::string> warm;
+    for (const std::string& bundle : request->warm_bundles())
+      if (warm.size() < 64 && is_sha256_hex(bundle)) warm.push_back(bundle);
+    const AcquireResult result = s.acquire(request->worker_id(), warm, request->prefetch(), now);
+    response->set_retry_ms(result.retry_ms);
+    response->set_drain(result.drain);
+    if (!result.lease) return;
+    ++farm_.counters().leases;
+    const LeaseRow& row = result.lease->row;
+    const Job& job = *s.job(row.job_id);
+    v1::Lease& lease = *response->mutable_lease();
+    lease.set_token(row.token);
+    lease.set_unit_id(row.unit_id);
+    lease.set_job_id(row.job_id);
+    lease.set_bundle_sha256(job.row.bundle_sha256);
+    wire::to_proto(job.row.settings, *lease.mutable_settings());
+    if (job.row.named_state) wire::to_proto(*job.row.named_state, *lease.mutable_named_state());
+    wire::to_proto(job.units.at(row.unit_id).row.unit, *lease.mutable_unit());
+    lease.set_expected_seconds(row.expected_seconds);
+  });
+}
+
+grpc::Status WorkerServiceImpl::Heartbeat(grpc::ServerContext*, const v1::HeartbeatRequest* request,
+                                          v1::HeartbeatResponse* response) {
+  if (request->units_size() > kMaxHeartbeatUnits)
+    return wire::to_status(
+        input_error(fmt::format("more than {} units", kMaxHeartbeatUnits)).with_field("units"));
+  return as_worker(farm_, request->worker_id(), request->session(), [&](Scheduler& s, Now now) {
+    std::vector<std::uint64_t> tokens;
+    for (const v1::UnitProgress& u : request->units()) tokens.push_back(u.token());
+    const HeartbeatResult result = s.heartbeat(request->worker_id(), tokens, now);
+    for (const std::uint64_t token : result.revoked) response->add_revoked_tokens(token);
+    response->set_drain(result.drain);
+  });
+}
+
+grpc::Status WorkerServiceImpl::ReturnLease(grpc::ServerContext*, const v1::ReturnLeaseRequest* request,
+                                            v1::ReturnLeaseResponse*) {
+  return as_worker(farm_, request->worker_id(), request->session(), [&](Scheduler& s, Now now) {
+    s.return_lease(request->worker_id(), request->token(), now);
+  });
+}
+
+grpc::Status WorkerServiceImpl::FailUnit(grpc::ServerContext*, const v1::FailUnitRequest* request,
+                                         v1::FailUnitResponse*) {
+  return as_worker(farm_, request->worker_id(), request->session(), [&](Scheduler& s, Now now) {
+    s.fail_unit(request->worker_id(), request->token(), clipped(request->message()), request->input_error(),
+                true, now);
+  });
+}
+
+grpc::Status WorkerServiceImpl::CompletePilot(grpc::ServerContext*, const v1::CompletePilotRequest* request,
+                                              v1::CompletePilotResponse* response) {
+  auto state = wire::from_proto(request->named_state());
+  if (!state.ok()) return wire::to_status(state.error());
+  if (!std::isfinite(request->seconds_per_iteration()) || request->seconds_per_iteration() < 0)
+    return wire::to_status(input_error("must be seconds, 0 or more").with_field("seconds_per_iteration"));
+  if (request->plan().size() > (64U << 10))
+    return wire::to_status(input_error("longer than 64 KiB").with_field("plan"));
+  return as_worker(farm_, request->worker_id(), request->session(), [&](Scheduler& s, Now now) {
+    response->set_accepted(s.complete_pilot(request->worker_id(), request->token(),
+                                            {*state, request->plan(), request->seconds_per_iteration()},
+                                            now));
+  });
+}
+
+grpc::Status WorkerServiceImpl::PushDelta(grpc::ServerContext* context,
+                                          grpc::ServerReader<v1::DeltaChunk>* reader,
+                                          v1::PushDeltaResponse* response) {
+  return guarded([&] {
+    if (farm_.stopping()) return stopping_status();
+    // The place in the queue is taken before the size is known, so that a sender that never says it is cut
+    // off, too.
+    auto waiting = farm_.gate().enter("", 0, farm_.now().seconds, [context] { context->TryCancel(); });
+    if (!waiting.ok()) return wire::to_status(waiting.error());
+    v1::DeltaChunk chunk;
+    if (!reader->Read(&chunk)) return grpc::Status(grpc::StatusCode::INVALID_ARGUMENT, "no chunk came");
+    if (!chunk.has_header())
+      return wire::to_status(input_error("the first chunk must have it").with_field("header"));
+    const v1::DeltaHeader header = chunk.header();
+    if (!is_worker(farm_, header.worker_id(), header.session())) return unauthenticated();
+    auto admitted = farm_.admit(header);
+    if (!admitted.ok()) return wire::to_status(admitted.error());
+    if (*admitted) {
+      response->set_verdict((*admitted)->verdict);
+      response->set_message((*admitted)->message);
+      return grpc::Status::OK;
+    }
+    auto ticket = farm_.gate().enter(header.worker_id(), header.size_bytes(), farm_.now().seconds,
+                                     [context] { context->TryCancel(); });
+    if (!ticket.ok()) {
+      ++farm_.counters().queue_full;
+      return wire::to_status_with_retry(ticket.error(), kQueueRetryMs);
+    }
+    waiting->reset();
+    const double started = farm_.now().seconds;
+    std::string bytes;
+    bytes.reserve(header.size_bytes());
+    bool too_long = false;
+    do {
+      if (chunk.data().size() > Limits::max_chunk_bytes)
+        return wire::to_status(
+            input_error(fmt::format("larger than {} bytes", Limits::max_chunk_bytes)).with_field("data"));
+      if (bytes.size() + chunk.data().size() > header.size_bytes()) {
+        too_long = true;  // one byte too many makes the size differ, which is what the verdict says
+        bytes += '\0';
+        break;
+      }
+      bytes += chunk.data();
+      (*ticket)->progress(farm_.now().seconds);
+      chunk.Clear();
+    } while (reader->Read(&chunk));
+    // A sender that went away, or was cut off, mid-stream: no verdict, its lease runs on and it may send
+    // again.
+    if (!too_long && bytes.size() < header.size_bytes() && context->IsCancelled())
+      return grpc::Status(grpc::StatusCode::CANCELLED, "the delta did not arrive whole in time");
+    (*ticket)->all_here();
+    const Farm::Verdict verdict = farm_.deliver(header, bytes, farm_.now().seconds - started);
+    response->set_verdict(verdict.verdict);
+    response->set_message(verdict.message);
+    return grpc::Status::OK;
+  });
+}
+
+grpc::Status WorkerServiceImpl::GetBundle(grpc::ServerContext*, const v1::GetBundleRequest* request,
+                                          v1::Bundle* response) {
+  return guarded([&] {
+    if (!is_worker(farm_, request->worker_id(), request->session())) return unauthenticated();
+    if (!is_sha256_hex(request->bundle_sha256()))
+      return wire::to_status(input_error("must be 64 lower-case hex digits").with_field("bundle_sha256"));
+    auto bytes = farm_.store().bundle(request->bundle_sha256());
+    if (!bytes.ok()) return wire::to_status(bytes.error());
+    if (!*bytes || !response->ParseFromString(**bytes)) return not_found("bundle", request->bundle_sha256());
+    return grpc::Status::OK;
+  });
+}
+
+grpc::Status WorkerServiceImpl::FetchBlob(grpc::ServerContext* context, const v1::FetchBlobRequest* request,
+                                          grpc::ServerWriter<v1::FetchBlobChunk>* writer) {
+  return guarded([&] {
+    if (!is_worker(farm_, request->worker_id(), request->session())) return unauthenticated();
+    if (!is_sha256_hex(request->sha256()))
+      return wire::to_status(input_error("must be 64 lower-case hex digits").with_field("sha256"));
+    const auto size = farm_.blobs().size(request->sha256());
+    if (!size) return not_found("blob", request->sha256());
+    std::ifstream file(farm_.blobs().path(request->sha256()), std::ios::binary);
+    v1::FetchBlobChunk chunk;
+    std::uint64_t left = *size;
+    do {
+      const std::uint64_t n = std::min<std::uint64_t>(left, Limits::max_chunk_bytes);
+      chunk.mutable_data()->resize(n);
+      chunk.set_size_bytes(*size);
+      if (n > 0 && !file.read(chunk.mutable_data()->data(), static_cast<std::streamsize>(n)))
+        return grpc::Status(grpc::StatusCode::DATA_LOSS, "the blob cannot be read");
+      left -= n;
+      if (!writer->Write(chunk)) return grpc::Status(grpc::StatusCode::CANCELLED, "the worker went away");
+    } while (left > 0 && !context->IsCancelled() && !farm_.stopping());
+    return left == 0 ? grpc::Status::OK : stopping_status();
+  });
+}
+
+grpc::Status WorkerServiceImpl::Deregister(grpc::ServerContext*, const v1::DeregisterRequest* request,
+                                           v1::DeregisterResponse*) {
+  return as_worker(farm_, request->worker_id(), request->session(),
+                   [&](Scheduler& s, Now now) { s.deregister(request->worker_id(), now); });
+}
+
+}  // namespace candela::master

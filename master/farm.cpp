@@ -1,0 +1,384 @@
+// Opening a farm, submitting to it, and what it tells.
+#include "master/farm.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <sys/random.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+
+#include "common/base/files.h"
+#include "common/base/log.h"
+#include "common/wire/wire.h"
+
+namespace candela::master {
+
+std::string random_id(std::string_view prefix, int characters) {
+  constexpr std::string_view kAlphabet = "abcdefghijkmnpqrstuvwxyz23456789";  // 32
+  std::string bytes(static_cast<std::size_t>(characters), '\0');
+  std::size_t have = 0;
+  while (have < bytes.size()) {
+    const ssize_t n = ::getrandom(bytes.data() + have, bytes.size() - have, 0);
+    if (n > 0) have += static_cast<std::size_t>(n);
+  }
+  for (char& c : bytes) c = kAlphabet[static_cast<unsigned char>(c) & 31U];
+  return std::string(prefix) + bytes;
+}
+
+Farm::Farm(const FarmOptions& options) : options_(options) {}
+
+Farm::~Farm() {
+  stop();
+  writer_.reset();
+  store_.reset();
+  if (lock_fd_ >= 0) ::close(lock_fd_);
+}
+
+Now Farm::now() const {
+  using std::chrono::duration;
+  return {duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(),
+          std::chrono::duration_cast<std::chrono::milliseconds>(
+              std::chrono::system_clock::now().time_since_epoch())
+              .count()};
+}
+
+Result<std::unique_ptr<Farm>> Farm::open(const FarmOptions& options) {
+  auto farm = std::unique_ptr<Farm>(new Farm(options));
+  CANDELA_TRY(farm->start());
+  return farm;
+}
+
+std::filesystem::path Farm::job_folder(const std::string& job_id) const {
+  return options_.master.data_dir / "jobs" / job_id;
+}
+
+std::shared_ptr<JobFilm> Farm::make_film(const JobRow& row) const {
+  film::Layout layout;
+  layout.width = row.settings.width;
+  layout.height = row.settings.height;
+  FileWriter writer = options_.film_writer ? options_.film_writer : FileWriter(&write_file_atomically);
+  return std::make_shared<JobFilm>(job_folder(row.id), layout, row.named_state->film_scale_log2,
+                                   std::move(writer));
+}
+
+Result<void> Farm::start() {
+  const MasterOptions& o = options_.master;
+  if (o.data_dir.empty()) return usage_error("no data folder").with_field("--data");
+  CANDELA_TRY(make_directories(o.data_dir / "jobs"));
+  lock_fd_ = ::open((o.data_dir / "lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  if (lock_fd_ < 0)
+    return input_error(fmt::format("cannot write in the data folder: {}", std::strerror(errno)))
+        .at(o.data_dir.string(), 0)
+        .with_field("--data");
+  if (::flock(lock_fd_, LOCK_EX | LOCK_NB) != 0)
+    return usage_error("another master uses this data folder")
+        .at(o.data_dir.string(), 0)
+        .with_field("--data")
+        .with_mend("stop it, or give another folder");
+  CANDELA_ASSIGN(blobs_, BlobStore::open(o.data_dir / "blobs"));
+  CANDELA_ASSIGN(store_, open_sqlite_store(o.data_dir / "master.sqlite"));
+  CANDELA_ASSIGN(const std::uint64_t epoch, store_->next_epoch());
+  CANDELA_ASSIGN(StoredState state, store_->load());
+  SchedulerOptions so;
+  so.lease_seconds = o.lease_seconds;
+  so.unit_seconds = o.unit_seconds;
+  scheduler_ = std::make_unique<Scheduler>(so, epoch, state.next_unit_id);
+  gate_ = std::make_unique<PushGate>(o.merge_queue_bytes, o.merge_threads);
+  writer_ = std::make_unique<StoreWriter>(*store_, [this](const std::string& text) {
+    if (text.empty())
+      log::info("the store can be written again");
+    else
+      log::error(fmt::format("the store cannot be written, trying again: {}", text));
+    const std::lock_guard lock(mutex_);
+    store_trouble_ = text;
+  });
+  CANDELA_TRY(restore_jobs(std::move(state)));
+  CANDELA_TRY(writer_->flush());
+  threads_.emplace_back([this] { tick_loop(); });
+  threads_.emplace_back([this] { keep_loop(); });
+  return {};
+}
+
+Result<void> Farm::restore_jobs(StoredState state) {
+  const Now t = now();
+  std::map<std::string, std::vector<UnitRow>> unmerged;
+  for (UnitRow& u : state.unmerged_units) unmerged[u.job_id].push_back(std::move(u));
+  for (JobRow& row : state.jobs) {
+    const std::string id = row.id;
+    if (!row.idempotency_token.empty()) tokens_[row.idempotency_token] = id;
+    CANDELA_ASSIGN(std::vector<UnitRow> merged, store_->merged_units(id));
+    std::array<film::IndexSet, 2> sets;
+    film::Tallies tallies;
+    if (row.named_state) {
+      std::shared_ptr<JobFilm> film = make_film(row);
+      films_[id] = film;
+      const bool trusted = has_ended(row.state) && row.checkpoint_iterations == row.iterations;
+      if (trusted) {  // its film is read when somebody asks for it
+        film->close();
+        for (const UnitRow& u : merged)
+          if (u.unit.half < 2) sets[u.unit.half].insert(u.unit.begin, u.unit.end);
+        tallies = row.tallies;
+      } else {
+        CANDELA_ASSIGN(const std::string trouble, film->ensure_loaded());
+        if (!trouble.empty()) {
+          log::warn(trouble, {.job = id});
+          scheduler_->event(t, id, "", "checkpoint", trouble);
+        }
+        const auto copy = film->snapshot();
+        for (std::uint32_t h = 0; h < 2; ++h) {
+          sets[h] = copy->merged(h);
+          tallies.add(copy->tallies(h));
+        }
+        row.checkpoint_iterations = copy->iterations();
+        row.checkpoint_generation = film->generation();
+        if (has_ended(row.state)) film->close();
+      }
+    }
+    scheduler_->restore(std::move(row), sets, tallies, std::move(unmerged[id]), std::move(merged), t);
+  }
+  for (const WorkerRow& w : state.workers) scheduler_->restore_worker(w, t);
+  for (const LeaseRow& l : state.leases) scheduler_->restore_lease(l, t);
+  if (!state.jobs.empty()) log::info(fmt::format("continuing with {} job(s)", state.jobs.size()));
+  publish();
+  return {};
+}
+
+void Farm::log_event(const EventRow& e) const {
+  std::string text = e.kind;
+  if (!e.message.empty()) text += ": " + e.message;
+  const bool bad = e.kind == "failed" || e.kind == "unit-failed" || e.kind == "expired" ||
+                   e.kind == "set-aside" || e.kind == "checkpoint-failed" || e.kind == "refused";
+  log::write(bad ? spdlog::level::warn : spdlog::level::info, text, {.job = e.job_id, .worker = e.worker_id});
+}
+
+void Farm::publish() {
+  std::vector<Change> changes = scheduler_->take_changes();
+  for (const Change& c : changes)
+    if (const auto* e = std::get_if<AddEvent>(&c)) log_event(e->row);
+  writer_->enqueue(std::move(changes));
+}
+
+std::shared_ptr<JobFilm> Farm::film_of(const std::string& job_id) {
+  const std::lock_guard lock(mutex_);
+  const auto it = films_.find(job_id);
+  if (it != films_.end()) return it->second;
+  const Job* job = scheduler_->job(job_id);
+  if (job == nullptr || !job->row.named_state) return nullptr;
+  return films_[job_id] = make_film(job->row);
+}
+
+Result<Farm::Submitted> Farm::submit(JobRow row, const std::string& bundle_bytes) {
+  const std::lock_guard one(submit_mutex_);
+  {
+    const std::lock_guard lock(mutex_);
+    if (const auto it = tokens_.find(row.idempotency_token);
+        !row.idempotency_token.empty() && it != tokens_.end()) {
+      const Job* first = scheduler_->job(it->second);
+      if (first != nullptr && first->row.content_digest == row.content_digest)
+        return Submitted{it->second, true};
+      return refused_error("this token was used for another submission")
+          .with_field("idempotency_token")
+          .with_mend("use a new token for a new job");
+    }
+    if (scheduler_->jobs().size() >= SchedulerOptions{}.max_jobs)
+      return resource_error(fmt::format("the farm has its limit of {} jobs", SchedulerOptions{}.max_jobs));
+    do row.id = random_id("j", 10);
+    while (scheduler_->job(row.id) != nullptr);
+  }
+  row.submitted_unix_ms = now().unix_ms;
+  // On disk before it is known: a client that hears an id may rely on it.
+  const std::vector<Change> changes{PutBundle{row.bundle_sha256, bundle_bytes}, PutJob{row}};
+  CANDELA_TRY(store_->write(changes));
+  const std::string id = row.id;
+  if (!row.idempotency_token.empty()) {
+    const std::lock_guard lock(mutex_);
+    tokens_[row.idempotency_token] = id;
+  }
+  with_scheduler([&](Scheduler& s) { s.submit(std::move(row), now()); });
+  return Submitted{id, false};
+}
+
+v1::JobStatus Farm::status_locked(const Job& job, Now t) const {
+  const JobRow& r = job.row;
+  v1::JobStatus out;
+  out.set_id(r.id);
+  out.set_name(r.name);
+  static constexpr std::array<v1::JobState, 6> kStates = {v1::JOB_STATE_QUEUED, v1::JOB_STATE_RUNNING,
+                                                          v1::JOB_STATE_PAUSED, v1::JOB_STATE_DONE,
+                                                          v1::JOB_STATE_FAILED, v1::JOB_STATE_CANCELLED};
+  out.set_state(kStates[static_cast<std::size_t>(r.state)]);
+  out.set_message(scheduler_->message_of(job, t));
+  out.set_priority(r.priority);
+  out.set_share(r.share);
+  wire::to_proto(r.settings, *out.mutable_settings());
+  wire::to_proto(r.stop, *out.mutable_stop());
+  out.set_bundle_sha256(r.bundle_sha256);
+  if (r.named_state) wire::to_proto(*r.named_state, *out.mutable_named_state());
+  out.set_units_merged(r.units_merged);
+  out.set_iterations(r.iterations);
+  out.set_samples(r.tallies.eye_samples);
+  out.set_relmse_estimate(r.relmse);
+  out.set_units_leased(scheduler_->leases_of(r.id));
+  out.set_elapsed_seconds(r.elapsed_seconds);
+  out.set_worker_seconds(r.worker_seconds);
+  for (int i = 0; i < film::kRejectCauses; ++i) {
+    const std::uint64_t n = r.tallies.rejected[static_cast<std::size_t>(i)];
+    if (n == 0) continue;
+    v1::RejectedSamples& rejected = *out.add_rejected();
+    rejected.set_cause(std::string(film::name(static_cast<film::RejectCause>(i))));
+    rejected.set_count(n);
+  }
+  out.set_submitted_unix_ms(r.submitted_unix_ms);
+  out.set_finished_unix_ms(r.finished_unix_ms);
+  out.set_plan(r.plan);
+  out.set_checkpoint_generation(r.checkpoint_generation);
+  out.set_checkpoint_iterations(r.checkpoint_iterations);
+  out.set_samples_per_second(scheduler_->samples_per_second(job, t));
+  out.set_eta_seconds(scheduler_->eta_seconds(job, t));
+  return out;
+}
+
+std::optional<v1::JobStatus> Farm::status(const std::string& job_id) {
+  const std::lock_guard lock(mutex_);
+  const Job* job = scheduler_->job(job_id);
+  if (job == nullptr) return std::nullopt;
+  return status_locked(*job, now());
+}
+
+std::vector<v1::JobStatus> Farm::all_status() {
+  const std::lock_guard lock(mutex_);
+  std::vector<v1::JobStatus> out;
+  for (const auto& [id, job] : scheduler_->jobs()) out.push_back(status_locked(job, now()));
+  return out;
+}
+
+v1::WorkerStatus Farm::worker_locked(const WorkerState& w, Now t) const {
+  v1::WorkerStatus out;
+  out.set_id(w.row.id);
+  out.set_name(w.row.name);
+  out.set_state(scheduler_->worker_state_name(w, t));
+  out.set_threads(w.row.threads);
+  out.set_build_id(w.row.build_id);
+  out.set_host(w.row.host);
+  out.set_units_merged(w.row.units_merged);
+  out.set_units_failed(w.row.units_failed);
+  out.set_last_seen_unix_ms(w.row.last_seen_unix_ms);
+  out.set_message(w.message);
+  for (const std::string& job : scheduler_->jobs_of(w)) out.add_jobs(job);
+  return out;
+}
+
+std::vector<v1::WorkerStatus> Farm::all_workers() {
+  const std::lock_guard lock(mutex_);
+  std::vector<v1::WorkerStatus> out;
+  for (const auto& [id, w] : scheduler_->workers()) out.push_back(worker_locked(w, now()));
+  return out;
+}
+
+std::optional<v1::WorkerStatus> Farm::worker(const std::string& id) {
+  const std::lock_guard lock(mutex_);
+  const auto it = scheduler_->workers().find(id);
+  if (it == scheduler_->workers().end()) return std::nullopt;
+  return worker_locked(it->second, now());
+}
+
+Result<v1::JobStatus> Farm::change_job(const std::string& job_id,
+                                       const std::function<Result<void>(Scheduler&, Now)>& change) {
+  CANDELA_TRY(with_scheduler([&](Scheduler& s) { return change(s, now()); }));
+  wake_.notify_all();
+  std::optional<v1::JobStatus> out = status(job_id);
+  if (out->state() == v1::JOB_STATE_CANCELLED)
+    if (const auto film = film_of(job_id)) film->close();
+  CANDELA_TRY(writer_->flush());
+  return std::move(*out);
+}
+
+Result<v1::JobStatus> Farm::extend(const v1::ExtendJobRequest& request) {
+  const std::shared_ptr<JobFilm> film = film_of(request.job_id());
+  if (film) {  // it may have been put away
+    film->touch(now().seconds);
+    CANDELA_ASSIGN(const std::string trouble, film->ensure_loaded());
+    if (!trouble.empty()) {
+      // The rows told of more than can be read. They are reconciled at the next start, not under a running
+      // job.
+      log::warn(trouble, {.job = request.job_id()});
+      with_scheduler([&](Scheduler& s) { s.event(now(), request.job_id(), "", "checkpoint", trouble); });
+    }
+    film->reopen();
+  }
+  Result<v1::JobStatus> out = change_job(request.job_id(), [&](Scheduler& s, Now t) {
+    return s.extend(request.job_id(), request.add_iterations(), request.add_time_seconds(), request.relmse(),
+                    t);
+  });
+  if (film && with_scheduler([&](Scheduler& s) { return has_ended(s.job(request.job_id())->row.state); }))
+    film->close();
+  return out;
+}
+
+Result<v1::GetLedgerResponse> Farm::ledger(const std::string& job_id) {
+  // Reading all units of a job twice around the film's copy would still race with merges; waiting for the
+  // queue makes the rows complete for everything merged before, and rows newer than the copy are left out.
+  v1::GetLedgerResponse out;
+  std::shared_ptr<const film::MergedFilm> copy;
+  if (const std::shared_ptr<JobFilm> film = film_of(job_id)) {
+    film->touch(now().seconds);
+    CANDELA_ASSIGN(const std::string trouble, film->ensure_loaded());
+    if (!trouble.empty()) log::warn(trouble, {.job = job_id});
+    copy = film->snapshot();
+  }
+  // A delta in the film whose row is being queued this instant: its thread needs the scheduler's lock only.
+  const auto rows_ready = [&] {
+    return with_scheduler([&](Scheduler& s) {
+      const Job* job = s.job(job_id);
+      for (std::uint32_t h = 0; copy && h < 2; ++h)
+        for (const auto& [begin, end] : copy->merged(h).ranges()) {
+          const auto [gap, gap_end] = job->merged[h].first_gap(begin, end);
+          if (gap != gap_end) return false;
+        }
+      return true;
+    });
+  };
+  for (int i = 0; i < 100 && !rows_ready(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  CANDELA_TRY(writer_->flush());
+  CANDELA_ASSIGN(const std::vector<UnitRow> rows, store_->merged_units(job_id));
+  for (const UnitRow& u : rows) {
+    if (copy && u.unit.half < 2 && !copy->merged(u.unit.half).intersects(u.unit.begin, u.unit.end)) {
+      const bool newer = with_scheduler([&](Scheduler& s) {
+        return s.job(job_id)->merged[u.unit.half].intersects(u.unit.begin, u.unit.end) &&
+               !has_ended(s.job(job_id)->row.state);
+      });
+      if (newer) continue;  // merged after the copy was made
+    }
+    v1::LedgerRow& row = *out.add_merged();
+    row.set_unit_id(u.id);
+    wire::to_proto(u.unit, *row.mutable_unit());
+    row.set_worker_id(u.worker_id);
+    row.set_token(u.token);
+  }
+  std::uint64_t samples = 0;
+  for (std::uint32_t h = 0; copy && h < 2; ++h) {
+    for (const auto& [begin, end] : copy->merged(h).ranges()) {
+      v1::IterationRange& range = *out.add_film();
+      range.set_half(h);
+      range.set_begin(begin);
+      range.set_end(end);
+    }
+    samples += copy->tallies(h).eye_samples;
+  }
+  out.set_film_eye_samples(samples);
+  return out;
+}
+
+std::string Farm::trouble() {
+  const std::lock_guard lock(mutex_);
+  if (!store_trouble_.empty()) return "store: " + store_trouble_;
+  for (const auto& [id, job] : scheduler_->jobs())
+    if (!job.note.empty() && !has_ended(job.row.state)) return "job " + id + ": " + job.note;
+  return {};
+}
+
+}  // namespace candela::master

@@ -1,0 +1,174 @@
+// The master's heart: the scheduler under one lock, the films, the store, and the threads that keep them.
+//
+// Locks: `mutex_` guards the scheduler and the table of films and is never held across I/O or a film's lock;
+// each film has its own; the store is written behind a queue. The services (master/api) are thin layers over
+// this class.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <condition_variable>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "candela/v1/client.pb.h"
+#include "candela/v1/job.pb.h"
+#include "candela/v1/worker.pb.h"
+#include "common/base/result.h"
+#include "master/master.h"
+#include "master/merge/job_film.h"
+#include "master/merge/push_gate.h"
+#include "master/scheduler/scheduler.h"
+#include "master/store/blob_store.h"
+#include "master/store/store.h"
+
+namespace candela::master {
+
+// Counters since the start, for /metrics.
+struct FarmCounters {
+  static constexpr int kVerdicts = 7;  // index: v1::DeltaVerdict
+  std::array<std::atomic<std::uint64_t>, kVerdicts> verdicts{};
+  std::atomic<std::uint64_t> delta_bytes{0};
+  std::atomic<std::uint64_t> queue_full{0};
+  std::atomic<std::uint64_t> leases{0};
+  std::atomic<std::uint64_t> checkpoints{0};
+  std::atomic<std::uint64_t> checkpoint_failures{0};
+  std::atomic<std::uint64_t> merge_microseconds{0};
+  std::atomic<std::uint64_t> upload_bytes{0};
+};
+
+struct FarmOptions {
+  MasterOptions master;
+  FileWriter film_writer;         // empty: write_file_atomically
+  double push_idle_seconds = 20;  // a sender of a delta silent for this long is cut off
+};
+
+class Farm {
+ public:
+  static Result<std::unique_ptr<Farm>> open(const FarmOptions& options);
+  ~Farm();
+  Farm(const Farm&) = delete;
+  Farm& operator=(const Farm&) = delete;
+
+  Now now() const;
+  const FarmOptions& options() const { return options_; }
+  BlobStore& blobs() { return *blobs_; }
+  Store& store() { return *store_; }
+  StoreWriter& writer() { return *writer_; }
+  PushGate& gate() { return *gate_; }
+  FarmCounters& counters() { return counters_; }
+
+  // Runs `f(scheduler)` under the lock, then hands its changes to the store's queue.
+  template <class F>
+  auto with_scheduler(F&& f) {
+    struct Finally {  // changes leave under the lock: their order is the order of the decisions
+      Farm& farm;
+      ~Finally() { farm.publish(); }
+    };
+    const std::lock_guard lock(mutex_);
+    const Finally finally{*this};
+    return f(*scheduler_);
+  }
+
+  // --- clients ---
+  struct Submitted {
+    std::string job_id;
+    bool existed = false;
+  };
+  // The settings, stop rule and bundle are validated already. ErrorKind::refused: the token names another
+  // content.
+  Result<Submitted> submit(JobRow row, const std::string& bundle_bytes);
+  std::optional<v1::JobStatus> status(const std::string& job_id);
+  std::vector<v1::JobStatus> all_status();
+  std::vector<v1::WorkerStatus> all_workers();
+  std::optional<v1::WorkerStatus> worker(const std::string& id);
+  // pause, resume, cancel, extend: applied, written, and the status after.
+  Result<v1::JobStatus> change_job(const std::string& job_id,
+                                   const std::function<Result<void>(Scheduler&, Now)>& change);
+  Result<v1::JobStatus> extend(const v1::ExtendJobRequest& request);
+  // The image of what is merged now, as the bytes of an EXR file. ErrorKind::refused before the first merge.
+  Result<std::string> image(const std::string& job_id, bool error_layer);
+  Result<v1::GetLedgerResponse> ledger(const std::string& job_id);
+
+  // --- deltas ---
+  struct Verdict {
+    v1::DeltaVerdict verdict = v1::DELTA_VERDICT_UNSPECIFIED;
+    std::string message;
+  };
+  // Before reading: a verdict if the delta need not be read at all. Errors: header fields, size.
+  Result<std::optional<Verdict>> admit(const v1::DeltaHeader& header);
+  // The whole delta is here: verify, decode, merge, remember.
+  Verdict deliver(const v1::DeltaHeader& header, const std::string& bytes, double receive_seconds);
+
+  // --- the end, and health ---
+  bool stopping() const { return stopping_.load(); }
+  void begin_stop();  // streams end; no more leases
+  void stop();        // last checkpoints; idempotent
+  void flush_images();
+  std::string trouble();  // empty: healthy
+
+ private:
+  explicit Farm(const FarmOptions& options);
+  Result<void> start();
+  Result<void> restore_jobs(StoredState state);
+  void publish();  // precondition: mutex_ is held
+  std::shared_ptr<JobFilm> make_film(const JobRow& row) const;
+  std::shared_ptr<JobFilm> film_of(const std::string& job_id);  // null before the pilot
+  v1::JobStatus status_locked(const Job& job, Now now) const;
+  v1::WorkerStatus worker_locked(const WorkerState& worker, Now now) const;
+  void log_event(const EventRow& event) const;
+  std::filesystem::path job_folder(const std::string& job_id) const;
+  Result<std::string> encode_image(const JobRow& row, const film::MergedFilm& film, bool error_layer);
+
+  void tick_loop();
+  void keep_loop();
+  void keep_job(const std::string& job_id, bool force);
+  bool save_checkpoint(const std::string& job_id, JobFilm& film);
+  void estimate(const std::string& job_id, JobFilm& film, bool now_please);
+  void write_image(const std::string& job_id, JobFilm& film);
+  void sleep(double seconds);  // until then, or a wake-up
+
+  const FarmOptions options_;
+  int lock_fd_ = -1;
+  std::unique_ptr<Store> store_;
+  std::unique_ptr<BlobStore> blobs_;
+  std::unique_ptr<PushGate> gate_;
+  FarmCounters counters_;
+  std::unique_ptr<StoreWriter> writer_;
+
+  mutable std::mutex mutex_;
+  std::unique_ptr<Scheduler> scheduler_;
+  std::map<std::string, std::shared_ptr<JobFilm>> films_;
+  std::map<std::string, std::string> tokens_;  // idempotency token -> job id
+  std::string store_trouble_;
+
+  std::mutex submit_mutex_;  // one submission at a time
+
+  // What the keeper knows of a job; its thread's (and stop()'s, after that thread has ended).
+  struct Kept {
+    double last_checkpoint = 0, retry_at = 0, last_image = 0;
+    double last_estimate = 0, estimate_cost = 0;
+    std::uint64_t estimated_iterations = 0;
+    std::string trouble;
+  };
+  std::map<std::string, Kept> kept_;
+  std::mutex keep_mutex_;  // one keeper at a time (keep_loop, flush_images, stop)
+
+  std::atomic<bool> stopping_{false}, stopped_{false}, flush_requested_{false};
+  std::mutex wake_mutex_;
+  std::condition_variable wake_;
+  std::vector<std::thread> threads_;
+};
+
+// A random identifier: prefix and `characters` of base32 (lower case, no look-alikes), from the kernel's
+// generator.
+std::string random_id(std::string_view prefix, int characters);
+
+}  // namespace candela::master

@@ -1,0 +1,164 @@
+// Deltas: what happens between a worker's bytes and the merged film.
+#include <fmt/format.h>
+
+#include <chrono>
+
+#include "common/base/hash.h"
+#include "common/base/log.h"
+#include "common/base/version.h"
+#include "common/wire/wire.h"
+#include "master/farm.h"
+
+namespace candela::master {
+namespace {
+
+// An upper bound of an encoded delta: raw sums, an eighth more for incompressible planes, and headers.
+std::uint64_t largest_delta(const JobSettings& s) {
+  const std::uint64_t raw = std::uint64_t{s.width} * s.height * film::kChannels * sizeof(std::int64_t);
+  return raw + raw / 8 + (1 << 20);
+}
+
+}  // namespace
+
+Result<std::optional<Farm::Verdict>> Farm::admit(const v1::DeltaHeader& header) {
+  CANDELA_ASSIGN(const Unit unit, wire::from_proto(header.unit()));
+  if (!is_sha256_hex(header.sha256()))
+    return input_error("must be 64 lower-case hex digits").with_field("header.sha256");
+  if (!(header.render_seconds() >= 0) || header.render_seconds() > 1e9)
+    return input_error("must be seconds, 0 or more").with_field("header.render_seconds");
+  struct Answer {
+    Delivery delivery;
+    std::uint64_t largest = 0;
+  };
+  const Answer answer = with_scheduler([&](Scheduler& s) {
+    Answer a{
+        s.check_delivery(header.worker_id(), header.token(), header.unit_id(), header.job_id(), unit, now()),
+        0};
+    if (const Job* job = s.job(header.job_id())) a.largest = largest_delta(job->row.settings);
+    if (a.delivery == Delivery::ok) s.touch_lease(header.token(), now());
+    return a;
+  });
+  Verdict verdict;
+  switch (answer.delivery) {
+    case Delivery::duplicate:
+      verdict = {v1::DELTA_VERDICT_DUPLICATE, "the unit is merged already"};
+      break;
+    case Delivery::stale:
+      verdict = {v1::DELTA_VERDICT_STALE, "the lease is not the sender's any more"};
+      break;
+    case Delivery::job_ended:
+      verdict = {v1::DELTA_VERDICT_JOB_ENDED, "the job has ended"};
+      break;
+    case Delivery::ok: {
+      std::string wrong;
+      if (header.build_id() != build_id()) {
+        verdict = {v1::DELTA_VERDICT_WRONG_BUILD,
+                   fmt::format("made by build {}, the farm runs {}", header.build_id(), build_id())};
+      } else if (header.size_bytes() == 0 || header.size_bytes() > answer.largest) {
+        verdict = {v1::DELTA_VERDICT_CORRUPT,
+                   fmt::format("{} bytes cannot be a delta of this job (at most {})", header.size_bytes(),
+                               answer.largest)};
+      } else {
+        return std::optional<Verdict>();
+      }
+      with_scheduler([&](Scheduler& s) {
+        s.fail_unit(header.worker_id(), header.token(), verdict.message, false, false, now());
+      });
+      break;
+    }
+  }
+  ++counters_.verdicts[verdict.verdict];
+  log::info(fmt::format("delta refused: {}", verdict.message),
+            {.job = header.job_id(),
+             .unit = static_cast<std::int64_t>(header.unit_id()),
+             .worker = header.worker_id()});
+  return std::optional<Verdict>(verdict);
+}
+
+Farm::Verdict Farm::deliver(const v1::DeltaHeader& header, const std::string& bytes, double receive_seconds) {
+  const log::Ids ids{.job = header.job_id(),
+                     .unit = static_cast<std::int64_t>(header.unit_id()),
+                     .worker = header.worker_id()};
+  counters_.delta_bytes += bytes.size();
+  const auto refuse = [&](v1::DeltaVerdict verdict, std::string message, bool count_as_failure) {
+    ++counters_.verdicts[verdict];
+    log::warn(fmt::format("delta refused: {}", message), ids);
+    with_scheduler([&](Scheduler& s) {
+      s.event(now(), header.job_id(), header.worker_id(), "refused", message);
+      if (count_as_failure) s.fail_unit(header.worker_id(), header.token(), message, false, false, now());
+    });
+    return Verdict{verdict, std::move(message)};
+  };
+  if (bytes.size() != header.size_bytes())
+    return refuse(v1::DELTA_VERDICT_CORRUPT,
+                  fmt::format("{} bytes came, {} were announced", bytes.size(), header.size_bytes()), true);
+  if (sha256_hex(bytes) != header.sha256())
+    return refuse(v1::DELTA_VERDICT_CORRUPT, "the bytes do not have the announced hash", true);
+
+  const auto started = std::chrono::steady_clock::now();
+  const PushGate::MergeTurn turn(*gate_);
+  const auto unit = wire::from_proto(header.unit());
+  const std::shared_ptr<JobFilm> film = film_of(header.job_id());
+  if (!unit.ok() || !film) return refuse(v1::DELTA_VERDICT_STALE, "the job has no film", false);
+  struct Expected {
+    film::Layout layout;
+    int scale_log2 = 0;
+  };
+  const Expected expected = with_scheduler([&](Scheduler& s) {
+    const JobRow& row = s.job(header.job_id())->row;
+    Expected e;
+    e.layout.width = row.settings.width;
+    e.layout.height = row.settings.height;
+    e.scale_log2 = row.named_state ? row.named_state->film_scale_log2 : 0;
+    return e;
+  });
+  auto delta = film::Delta::decode(bytes, expected.layout);
+  if (!delta.ok()) return refuse(v1::DELTA_VERDICT_CORRUPT, delta.error().to_string(), true);
+  const film::DeltaInfo& info = delta->info();
+  if (info.build_id != build_id())
+    return refuse(v1::DELTA_VERDICT_WRONG_BUILD,
+                  fmt::format("made by build {}, the farm runs {}", info.build_id, build_id()), true);
+  if (info.job_id != header.job_id() || info.scale_log2 != expected.scale_log2 ||
+      info.unit.kind != unit->kind || info.unit.half != unit->half || info.unit.begin != unit->begin ||
+      info.unit.end != unit->end)
+    return refuse(v1::DELTA_VERDICT_CORRUPT,
+                  "the delta is of another unit, job or scale than its header says", true);
+
+  // The lease may have run out while the bytes came.
+  const Delivery again = with_scheduler([&](Scheduler& s) {
+    return s.check_delivery(header.worker_id(), header.token(), header.unit_id(), header.job_id(), *unit,
+                            now());
+  });
+  switch (again) {
+    case Delivery::ok:
+      break;
+    case Delivery::duplicate:
+      return refuse(v1::DELTA_VERDICT_DUPLICATE, "the unit is merged already", false);
+    case Delivery::stale:
+      return refuse(v1::DELTA_VERDICT_STALE, "the lease is not the sender's any more", false);
+    case Delivery::job_ended:
+      return refuse(v1::DELTA_VERDICT_JOB_ENDED, "the job has ended", false);
+  }
+  film->touch(now().seconds);
+  if (auto loaded = film->ensure_loaded(); !loaded.ok())
+    return refuse(v1::DELTA_VERDICT_STALE, loaded.error().to_string(), false);
+  const auto outcome = film->merge(*delta);
+  if (!outcome.ok()) return refuse(v1::DELTA_VERDICT_CORRUPT, outcome.error().to_string(), true);
+  if (*outcome == JobFilm::Outcome::duplicate)
+    return refuse(v1::DELTA_VERDICT_DUPLICATE, "the unit is merged already", false);
+  if (*outcome == JobFilm::Outcome::closed)
+    return refuse(v1::DELTA_VERDICT_JOB_ENDED, "the job has ended", false);
+  const double merge_seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+  counters_.merge_microseconds += static_cast<std::uint64_t>(merge_seconds * 1e6);
+  with_scheduler([&](Scheduler& s) {
+    s.merged(header.worker_id(), header.token(), header.unit_id(), header.job_id(), *unit, delta->tallies(),
+             header.render_seconds(), receive_seconds + merge_seconds, now());
+  });
+  ++counters_.verdicts[v1::DELTA_VERDICT_MERGED];
+  log::debug("merged", ids);
+  wake_.notify_all();
+  return {v1::DELTA_VERDICT_MERGED, ""};
+}
+
+}  // namespace candela::master

@@ -1,0 +1,90 @@
+// Images that explain themselves.
+//
+// Pixels, and every attribute under "candela:" but those named here, depend on scene, settings and merged
+// iterations alone: equal renders have equal bytes there. What tells of this run (its job id and name, how
+// many units it was cut into, why it stopped) is in candela:job, candela:name and under "candela:run:".
+#include <fmt/format.h>
+
+#include "common/base/log.h"
+#include "common/base/version.h"
+#include "common/bundle/bundle.h"
+#include "common/image/image.h"
+#include "common/stats/image_error.h"
+#include "common/wire/wire.h"
+#include "master/farm.h"
+
+namespace candela::master {
+namespace {
+
+std::string text_of(const SettingsMap& settings) {
+  std::string out;
+  for (const auto& [key, value] : settings)
+    out += fmt::format("{}{}={}", out.empty() ? "" : ", ", key, value);
+  return out;
+}
+
+}  // namespace
+
+Result<std::string> Farm::encode_image(const JobRow& row, const film::MergedFilm& film, bool error_layer) {
+  film::Tallies tallies = film.tallies(0);
+  tallies.add(film.tallies(1));
+  const JobSettings& s = row.settings;
+  std::map<std::string, std::string> m;
+  m["candela:job"] = row.id;
+  m["candela:name"] = row.name;
+  m["candela:bundle"] = row.bundle_sha256;
+  m["candela:integrator"] = s.integrator;
+  m["candela:settings"] = text_of(s.integrator_settings);
+  m["candela:size"] = fmt::format("{}x{}", s.width, s.height);
+  m["candela:filter"] = s.filter;
+  m["candela:filter_settings"] = text_of(s.filter_settings);
+  m["candela:sampler"] = s.sampler;
+  m["candela:seed"] = std::to_string(s.seed);
+  m["candela:isa"] = s.isa;
+  m["candela:iterations"] = std::to_string(film.iterations());
+  m["candela:eye_samples"] = std::to_string(tallies.eye_samples);
+  m["candela:light_paths"] = std::to_string(tallies.light_paths);
+  m["candela:scale"] = fmt::format("2^{}", film.scale_log2());
+  m["candela:relmse_estimate"] = fmt::format("{:.6g}", stats::estimate_error(film).relmse);
+  for (int i = 0; i < film::kRejectCauses; ++i)
+    m[fmt::format("candela:rejected_{}", film::name(static_cast<film::RejectCause>(i)))] =
+        std::to_string(tallies.rejected[static_cast<std::size_t>(i)]);
+  m["candela:plan"] = row.plan;
+  m["candela:version"] = std::string(version());
+  m["candela:build_id"] = std::string(build_id());
+  auto bundle_bytes = store_->bundle(row.bundle_sha256);
+  v1::Bundle message;
+  if (bundle_bytes.ok() && *bundle_bytes && message.ParseFromString(**bundle_bytes)) {
+    SettingsMap parameters(message.parameters().begin(), message.parameters().end());
+    m["candela:parameters"] = text_of(parameters);
+  }
+  m["candela:run:units_merged"] = std::to_string(row.units_merged);
+  m["candela:run:stop_reason"] = row.stop_reason;
+
+  const std::vector<float> rgb = film.develop(0);
+  std::vector<float> error;
+  std::vector<image::Layer> layers;
+  if (error_layer) {
+    error = stats::error_map(film);
+    layers.push_back({"error", error});
+  }
+  return image::encode_exr(s.width, s.height, rgb, m, layers);
+}
+
+Result<std::string> Farm::image(const std::string& job_id, bool error_layer) {
+  const JobRow row = with_scheduler([&](Scheduler& s) { return s.job(job_id)->row; });
+  const std::shared_ptr<JobFilm> film = film_of(job_id);
+  const auto nothing = [&] {
+    return refused_error(fmt::format("job {} has no image yet: nothing is merged", job_id))
+        .with_field("job_id");
+  };
+  if (!film) return nothing();
+  film->touch(now().seconds);
+  CANDELA_ASSIGN(const std::string trouble, film->ensure_loaded());
+  if (!trouble.empty()) log::warn(trouble, {.job = job_id});
+  const auto copy = film->snapshot();
+  if (!copy || copy->iterations() == 0) return nothing();
+  return encode_image(row, *copy, error_layer);
+}
+
+}  // namespace candela::master

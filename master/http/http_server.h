@@ -1,0 +1,24 @@
+// /healthz and /metrics over plain HTTP (civetweb).
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "common/base/result.h"
+
+namespace candela::master {
+
+class Farm;
+
+class HttpServer {
+ public:
+  virtual ~HttpServer() = default;  // closes the port; no handler runs afterwards
+  // Errors: ErrorKind::usage naming --http where the address cannot be bound. `farm` must outlive the server.
+  static Result<std::unique_ptr<HttpServer>> start(Farm& farm, const std::string& listen);
+  virtual int port() const = 0;
+};
+
+// The metrics in Prometheus' text format.
+std::string metrics_text(Farm& farm);
+
+}  // namespace candela::master

@@ -1,0 +1,103 @@
+// What Prometheus sees. Figures are gathered when it asks.
+#include <prometheus/counter.h>
+#include <prometheus/gauge.h>
+#include <prometheus/registry.h>
+#include <prometheus/text_serializer.h>
+
+#include <cmath>
+#include <map>
+#include <sstream>
+
+#include "common/base/version.h"
+#include "common/wire/wire.h"
+#include "master/farm.h"
+#include "master/http/http_server.h"
+
+namespace candela::master {
+namespace {
+
+using Labels = std::map<std::string, std::string>;
+
+class Page {
+ public:
+  void gauge(const std::string& name, const std::string& help, double value, const Labels& labels = {}) {
+    prometheus::BuildGauge().Name(name).Help(help).Register(registry_).Add(labels).Set(value);
+  }
+  void counter(const std::string& name, const std::string& help, double value, const Labels& labels = {}) {
+    prometheus::BuildCounter().Name(name).Help(help).Register(registry_).Add(labels).Increment(value);
+  }
+  std::string text() const {
+    std::ostringstream out;
+    prometheus::TextSerializer().Serialize(out, registry_.Collect());
+    return out.str();
+  }
+
+ private:
+  // Families of one name are merged, not refused.
+  prometheus::Registry registry_{prometheus::Registry::InsertBehavior::Merge};
+};
+
+}  // namespace
+
+std::string metrics_text(Farm& farm) {
+  Page page;
+  page.gauge("candela_build_info", "1, labelled with version and build", 1,
+             {{"version", std::string(version())}, {"build", std::string(build_id())}});
+  FarmCounters& c = farm.counters();
+  for (int v = v1::DELTA_VERDICT_MERGED; v < FarmCounters::kVerdicts; ++v)
+    page.counter("candela_deltas_total", "deltas by verdict",
+                 static_cast<double>(c.verdicts[static_cast<std::size_t>(v)]),
+                 {{"verdict", v1::DeltaVerdict_Name(static_cast<v1::DeltaVerdict>(v)).substr(14)}});
+  page.counter("candela_delta_bytes_total", "bytes of deltas received whole",
+               static_cast<double>(c.delta_bytes));
+  page.counter("candela_merge_seconds_total", "time spent decoding and merging",
+               static_cast<double>(c.merge_microseconds) * 1e-6);
+  page.counter("candela_queue_full_total", "deltas told to come again", static_cast<double>(c.queue_full));
+  page.counter("candela_leases_total", "leases granted", static_cast<double>(c.leases));
+  page.counter("candela_checkpoints_total", "checkpoints written", static_cast<double>(c.checkpoints));
+  page.counter("candela_checkpoint_failures_total", "checkpoints that could not be written",
+               static_cast<double>(c.checkpoint_failures));
+  page.counter("candela_upload_bytes_total", "bytes of scene files uploaded",
+               static_cast<double>(c.upload_bytes));
+  page.gauge("candela_merge_queue_bytes", "bytes of deltas under way",
+             static_cast<double>(farm.gate().bytes_under_way()));
+  page.gauge("candela_merge_queue_limit_bytes", "bytes of deltas that may be under way",
+             static_cast<double>(farm.options().master.merge_queue_bytes));
+  page.gauge("candela_store_backlog", "changes waiting to be written",
+             static_cast<double>(farm.writer().backlog()));
+  struct Leases {
+    double held = 0, expired = 0;
+  };
+  const Leases leases = farm.with_scheduler([](Scheduler& s) {
+    return Leases{static_cast<double>(s.lease_count()), static_cast<double>(s.expired_count())};
+  });
+  page.gauge("candela_leases", "leases held now", leases.held);
+  page.counter("candela_leases_expired_total", "leases that ran out", leases.expired);
+
+  std::map<std::string, int> jobs, workers;
+  for (const JobState s : {JobState::queued, JobState::running, JobState::paused, JobState::done,
+                           JobState::failed, JobState::cancelled})
+    jobs[std::string(name(s))] = 0;
+  for (const char* s : {"idle", "busy", "draining", "drained", "set-aside", "lost"}) workers[s] = 0;
+  for (const v1::JobStatus& j : farm.all_status()) {
+    ++jobs[std::string(wire::name(j.state()))];
+    if (j.state() != v1::JOB_STATE_RUNNING && j.state() != v1::JOB_STATE_QUEUED &&
+        j.state() != v1::JOB_STATE_PAUSED)
+      continue;
+    const Labels labels{{"job", j.id()}};
+    page.gauge("candela_job_iterations", "iterations merged", static_cast<double>(j.iterations()), labels);
+    page.gauge("candela_job_samples", "eye samples merged", static_cast<double>(j.samples()), labels);
+    page.gauge("candela_job_samples_per_second", "over the last seconds", j.samples_per_second(), labels);
+    page.gauge("candela_job_checkpoint_iterations", "iterations in the newest checkpoint",
+               static_cast<double>(j.checkpoint_iterations()), labels);
+    if (!std::isnan(j.relmse_estimate()))
+      page.gauge("candela_job_relmse", "estimated relative mean squared error", j.relmse_estimate(), labels);
+  }
+  for (const v1::WorkerStatus& w : farm.all_workers()) ++workers[w.state()];
+  for (const auto& [state, n] : jobs) page.gauge("candela_jobs", "jobs by state", n, {{"state", state}});
+  for (const auto& [state, n] : workers)
+    page.gauge("candela_workers", "workers by state", n, {{"state", state}});
+  return page.text();
+}
+
+}  // namespace candela::master

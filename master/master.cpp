@@ -1,0 +1,129 @@
+// The master's outside: the gRPC server over a Farm, and its orderly end.
+#include "master/master.h"
+
+#include <fmt/format.h>
+#include <grpcpp/grpcpp.h>
+#include <grpcpp/resource_quota.h>
+
+#include <chrono>
+#include <cmath>
+#include <mutex>
+
+#include "common/base/log.h"
+#include "common/wire/wire.h"
+#include "master/api/farm_service.h"
+#include "master/api/worker_service.h"
+#include "master/farm.h"
+#include "master/http/http_server.h"
+
+namespace candela::master {
+namespace {
+
+constexpr int kMaxMessageBytes = 8 << 20;
+constexpr int kMaxThreads = 1024;  // each streaming call holds one
+constexpr auto kShutdownGrace = std::chrono::seconds(2);
+
+Result<void> check(const MasterOptions& o) {
+  const auto positive = [](double value, double largest, const char* option) -> Result<void> {
+    if (std::isfinite(value) && value > 0 && value <= largest) return {};
+    return usage_error(fmt::format("must be seconds, above 0 and at most {}", largest)).with_field(option);
+  };
+  CANDELA_TRY(positive(o.checkpoint_seconds, 86400, "--checkpoint-interval"));
+  CANDELA_TRY(positive(o.lease_seconds, 86400, "--lease-time"));
+  CANDELA_TRY(positive(o.unit_seconds, 86400, "--unit-time"));
+  if (o.merge_queue_bytes < (1 << 20))
+    return usage_error("must be at least 1 MiB").with_field("--merge-queue");
+  if (o.merge_threads == 0 || o.merge_threads > 256)
+    return usage_error("must be 1 to 256").with_field("merge_threads");
+  return {};
+}
+
+class MasterImpl final : public Master {
+ public:
+  explicit MasterImpl(std::unique_ptr<Farm> farm)
+      : farm_(std::move(farm)), farm_service_(*farm_), worker_service_(*farm_) {}
+  ~MasterImpl() override { stop(); }
+
+  Result<void> serve(const MasterOptions& o) {
+    grpc::ServerBuilder builder;
+    if (!o.listen.empty()) {
+      CANDELA_ASSIGN(const wire::Address address, wire::parse_address(o.listen, "--listen"));
+      CANDELA_ASSIGN(auto credentials,
+                     wire::server_credentials(address, {o.tls_cert, o.tls_key, o.tls_ca}, o.insecure));
+      builder.AddListeningPort(address.text(), credentials, &port_);
+    }
+    builder.RegisterService(&farm_service_);
+    builder.RegisterService(&worker_service_);
+    builder.SetMaxReceiveMessageSize(kMaxMessageBytes);
+    builder.SetMaxSendMessageSize(kMaxMessageBytes);
+    // Two masters on one port would each get some of the calls; the second must fail instead.
+    builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
+    builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 30000);
+    builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10000);
+    builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 5000);
+    builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+    grpc::ResourceQuota quota("candela-master");
+    quota.SetMaxThreads(kMaxThreads);
+    builder.SetResourceQuota(quota);
+    builder.SetSyncServerOption(grpc::ServerBuilder::SyncServerOption::MAX_POLLERS, 4);
+    server_ = builder.BuildAndStart();
+    if (!server_ || (!o.listen.empty() && port_ == 0))
+      return usage_error(fmt::format("cannot listen on {}", o.listen))
+          .with_field("--listen")
+          .with_mend("choose another address or port, or stop what holds it");
+    if (!o.http_listen.empty()) {
+      CANDELA_ASSIGN(http_, HttpServer::start(*farm_, o.http_listen));
+    }
+    return {};
+  }
+
+  int port() const override { return port_; }
+  int http_port() const override { return http_ ? http_->port() : 0; }
+  std::shared_ptr<grpc::Channel> in_process_channel() override {
+    grpc::ChannelArguments arguments;
+    arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
+    arguments.SetMaxSendMessageSize(kMaxMessageBytes);
+    return server_->InProcessChannel(arguments);
+  }
+  void flush_images() override { farm_->flush_images(); }
+
+  void stop() override {
+    const std::lock_guard lock(stop_mutex_);
+    farm_->begin_stop();
+    if (server_) {
+      server_->Shutdown(std::chrono::system_clock::now() + kShutdownGrace);
+      server_->Wait();
+    }
+    http_.reset();
+    farm_->stop();
+  }
+
+ private:
+  std::unique_ptr<Farm> farm_;
+  FarmServiceImpl farm_service_;
+  WorkerServiceImpl worker_service_;
+  std::unique_ptr<grpc::Server> server_;
+  std::unique_ptr<HttpServer> http_;
+  int port_ = 0;
+  std::mutex stop_mutex_;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<Master>> Master::start(const MasterOptions& options) {
+  CANDELA_TRY(check(options));
+  if (!options.listen.empty()) {  // before the store is touched
+    CANDELA_ASSIGN(const wire::Address address, wire::parse_address(options.listen, "--listen"));
+    CANDELA_TRY(wire::server_credentials(address, {options.tls_cert, options.tls_key, options.tls_ca},
+                                         options.insecure));
+  }
+  if (!options.http_listen.empty()) CANDELA_TRY(wire::parse_address(options.http_listen, "--http"));
+  FarmOptions farm_options;
+  farm_options.master = options;
+  CANDELA_ASSIGN(std::unique_ptr<Farm> farm, Farm::open(farm_options));
+  auto master = std::make_unique<MasterImpl>(std::move(farm));
+  CANDELA_TRY(master->serve(options));
+  return std::unique_ptr<Master>(std::move(master));
+}
+
+}  // namespace candela::master

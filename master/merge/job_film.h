@@ -1,0 +1,77 @@
+// The merged film of one job with its checkpoints.
+//
+// A checkpoint is a file film.<generation>.ckpt, made visible atomically, that holds the sums and the exact
+// set of merged indices. The generation before is kept until the next one is on disk, and serves where the
+// newest cannot be read. The lock is held for merging and for copying only, never across compression or I/O.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <string_view>
+
+#include "common/base/result.h"
+#include "common/film/film.h"
+
+namespace candela::master {
+
+// Writes a whole file or leaves the old one (write_file_atomically; tests inject failures).
+using FileWriter = std::function<Result<void>(const std::filesystem::path&, std::string_view)>;
+
+class JobFilm {
+ public:
+  JobFilm(std::filesystem::path folder, film::Layout layout, int scale_log2, FileWriter writer);
+
+  // Reads the newest checkpoint that is whole and of this layout and scale; an empty film where there is
+  // none. Returns what is to be told about generations that could not be read (empty: nothing). No effect if
+  // loaded already.
+  Result<std::string> ensure_loaded();
+  bool loaded() const;
+  // Gives the memory back, if everything merged is on disk and the film is closed.
+  void unload_if_idle(double now_seconds, double idle_seconds);
+
+  enum class Outcome { merged, duplicate, closed };
+  // duplicate: the film has some of its indices. closed: the job has ended. Errors: layout or scale differ.
+  Result<Outcome> merge(const film::Delta& delta);
+  void close();  // no more merges: what is there is final
+  void reopen();
+
+  // A copy of what is merged now. Precondition: loaded.
+  std::shared_ptr<const film::MergedFilm> snapshot();
+
+  struct Checkpoint {
+    std::uint64_t generation = 0;
+    std::uint64_t iterations = 0;
+  };
+  // Writes what is merged now as the next generation. On an error the one before stays.
+  Result<Checkpoint> checkpoint();
+  bool dirty() const;  // something is merged that is not on disk
+  std::uint64_t generation() const;
+
+  void touch(double now_seconds);  // somebody uses it
+
+ private:
+  struct Found {
+    std::uint64_t generation;
+    std::filesystem::path path;
+  };
+  std::vector<Found> generations() const;  // newest first
+
+  const std::filesystem::path folder_;
+  const film::Layout layout_;
+  const int scale_log2_;
+  const FileWriter writer_;
+
+  std::mutex file_mutex_;  // one reader or writer of checkpoints at a time; taken before mutex_
+  mutable std::mutex mutex_;
+  std::unique_ptr<film::MergedFilm> film_;
+  bool closed_ = false;
+  std::uint64_t generation_ = 0;  // newest on disk
+  std::uint64_t saved_iterations_ = 0;
+  double last_use_ = 0;
+};
+
+}  // namespace candela::master

@@ -1,0 +1,83 @@
+#include "master/merge/push_gate.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace candela::master {
+namespace {
+
+constexpr int kPushesPerWorker = 2;
+constexpr double kSlowestBytesPerSecond = 1 << 20;
+
+}  // namespace
+
+PushGate::PushGate(std::uint64_t limit_bytes, unsigned merge_threads)
+    : limit_bytes_(limit_bytes), free_turns_(std::max(merge_threads, 1U)) {}
+
+Result<std::unique_ptr<PushGate::Ticket>> PushGate::enter(const std::string& worker_id, std::uint64_t bytes,
+                                                          double now_seconds, std::function<void()> cancel) {
+  const std::lock_guard lock(mutex_);
+  const auto of_worker = std::count_if(entries_.begin(), entries_.end(),
+                                       [&](const Entry& e) { return e.worker_id == worker_id; });
+  if (!worker_id.empty() && of_worker >= kPushesPerWorker)
+    return resource_error(fmt::format("{} deltas of this worker are under way already", of_worker));
+  if (bytes_ > 0 && (bytes > limit_bytes_ || bytes_ > limit_bytes_ - bytes))
+    return resource_error(fmt::format("the merge queue is full ({} of {} bytes)", bytes_, limit_bytes_));
+  entries_.push_front({worker_id, bytes, now_seconds, now_seconds, std::move(cancel)});
+  bytes_ += bytes;
+  return std::make_unique<Ticket>(*this, entries_.begin());
+}
+
+void PushGate::cancel_hung(double now_seconds, double idle_seconds) {
+  const std::lock_guard lock(mutex_);
+  for (Entry& e : entries_) {
+    if (!e.cancel) continue;
+    const double longest = idle_seconds + static_cast<double>(e.bytes) / kSlowestBytesPerSecond;
+    if (now_seconds - e.last <= idle_seconds && now_seconds - e.started <= longest) continue;
+    const std::function<void()> cancel = std::exchange(e.cancel, nullptr);
+    cancel();
+  }
+}
+
+std::uint64_t PushGate::bytes_under_way() const {
+  const std::lock_guard lock(mutex_);
+  return bytes_;
+}
+
+std::size_t PushGate::count() const {
+  const std::lock_guard lock(mutex_);
+  return entries_.size();
+}
+
+PushGate::Ticket::~Ticket() {
+  const std::lock_guard lock(gate_.mutex_);
+  gate_.bytes_ -= entry_->bytes;
+  gate_.entries_.erase(entry_);
+}
+
+void PushGate::Ticket::progress(double now_seconds) {
+  const std::lock_guard lock(gate_.mutex_);
+  entry_->last = now_seconds;
+}
+
+void PushGate::Ticket::all_here() {
+  const std::lock_guard lock(gate_.mutex_);
+  entry_->cancel = nullptr;
+}
+
+PushGate::MergeTurn::MergeTurn(PushGate& gate) : gate_(gate) {
+  std::unique_lock lock(gate_.turn_mutex_);
+  gate_.turn_free_.wait(lock, [&] { return gate_.free_turns_ > 0; });
+  --gate_.free_turns_;
+}
+
+PushGate::MergeTurn::~MergeTurn() {
+  {
+    const std::lock_guard lock(gate_.turn_mutex_);
+    ++gate_.free_turns_;
+  }
+  gate_.turn_free_.notify_one();
+}
+
+}  // namespace candela::master

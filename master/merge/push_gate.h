@@ -1,0 +1,79 @@
+// The bounded queue in front of the merge: how many bytes of deltas may be under way, how many are merged at
+// a time, and who sits on a place without sending. A hung sender holds its own call only: it is cancelled
+// after an inactivity limit.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <functional>
+#include <list>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "common/base/result.h"
+
+namespace candela::master {
+
+class PushGate {
+ public:
+  PushGate(std::uint64_t limit_bytes, unsigned merge_threads);
+
+  class Ticket;
+  // A place for a delta of `bytes`. ErrorKind::resource where the queue is full (a delta larger than the
+  // whole queue is taken when nothing else is under way) or this worker has two deltas under way. Without
+  // worker and bytes the place only guards against silence, and is always there. `cancel` ends the sender's
+  // call; it is called at most once, from cancel_hung(), never after the ticket's end.
+  Result<std::unique_ptr<Ticket>> enter(const std::string& worker_id, std::uint64_t bytes, double now_seconds,
+                                        std::function<void()> cancel);
+  // Cancels those that sent nothing for `idle_seconds`, or that are slower than 1 MiB/s after `idle_seconds`.
+  void cancel_hung(double now_seconds, double idle_seconds);
+
+  std::uint64_t bytes_under_way() const;
+  std::size_t count() const;
+
+  // Waits for one of the merge_threads places to decode and merge.
+  class MergeTurn {
+   public:
+    explicit MergeTurn(PushGate& gate);
+    ~MergeTurn();
+    MergeTurn(const MergeTurn&) = delete;
+    MergeTurn& operator=(const MergeTurn&) = delete;
+
+   private:
+    PushGate& gate_;
+  };
+
+ private:
+  struct Entry {
+    std::string worker_id;
+    std::uint64_t bytes = 0;
+    double started = 0, last = 0;
+    std::function<void()> cancel;  // empty once called, or once everything has arrived
+  };
+
+  const std::uint64_t limit_bytes_;
+  mutable std::mutex mutex_;
+  std::list<Entry> entries_;
+  std::uint64_t bytes_ = 0;
+
+  std::mutex turn_mutex_;
+  std::condition_variable turn_free_;
+  unsigned free_turns_;
+};
+
+class PushGate::Ticket {
+ public:
+  Ticket(PushGate& gate, std::list<Entry>::iterator entry) : gate_(gate), entry_(entry) {}
+  ~Ticket();
+  Ticket(const Ticket&) = delete;
+  Ticket& operator=(const Ticket&) = delete;
+  void progress(double now_seconds);
+  void all_here();  // nothing more to wait for from the sender
+
+ private:
+  PushGate& gate_;
+  std::list<Entry>::iterator entry_;
+};
+
+}  // namespace candela::master

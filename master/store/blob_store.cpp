@@ -1,0 +1,114 @@
+#include "master/store/blob_store.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "common/base/files.h"
+#include "common/job/job.h"
+
+namespace candela::master {
+namespace {
+
+constexpr std::uint64_t kReserveBytes = 64ULL << 20;  // of free disk left for checkpoints and the store
+
+Error disk_error(std::string_view what, const std::filesystem::path& path) {
+  const int code = errno;
+  Error e = resource_error(fmt::format("{}: {}", what, std::strerror(code)));
+  e.file = path.string();
+  if (code == ENOSPC || code == EDQUOT || code == EFBIG) e.mend = "free space on the master's disk";
+  return e;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<BlobStore>> BlobStore::open(const std::filesystem::path& folder) {
+  auto store = std::unique_ptr<BlobStore>(new BlobStore);
+  store->folder_ = folder;
+  std::error_code code;
+  std::filesystem::remove_all(folder / "tmp", code);
+  CANDELA_TRY(make_directories(folder / "tmp"));
+  return store;
+}
+
+std::filesystem::path BlobStore::path(const std::string& sha256) const {
+  return folder_ / sha256.substr(0, 2) / sha256;
+}
+
+std::optional<std::uint64_t> BlobStore::size(const std::string& sha256) const {
+  std::error_code code;
+  const std::uint64_t bytes = std::filesystem::file_size(path(sha256), code);
+  if (code) return std::nullopt;
+  return bytes;
+}
+
+Result<std::unique_ptr<BlobStore::Upload>> BlobStore::begin(const std::string& sha256,
+                                                            std::uint64_t size_bytes) {
+  if (!is_sha256_hex(sha256)) return input_error("must be 64 lower-case hex digits").with_field("sha256");
+  if (size_bytes > Limits::max_blob_bytes)
+    return input_error(
+               fmt::format("{} bytes are more than the limit of {}", size_bytes, Limits::max_blob_bytes))
+        .with_field("size_bytes");
+  struct statvfs info {};
+  if (::statvfs(folder_.c_str(), &info) != 0) return disk_error("cannot ask for free space", folder_);
+  const std::uint64_t free_bytes = static_cast<std::uint64_t>(info.f_bavail) * info.f_frsize;
+  if (free_bytes < size_bytes + std::min(kReserveBytes, size_bytes))
+    return resource_error(fmt::format("a blob of {} bytes does not fit: the master's disk has {} free",
+                                      size_bytes, free_bytes))
+        .at(folder_.string(), 0)
+        .with_mend("free space on the master's disk");
+  auto upload = std::unique_ptr<Upload>(new Upload);
+  upload->sha256_ = sha256;
+  upload->size_ = size_bytes;
+  upload->final_ = path(sha256);
+  upload->temporary_ = folder_ / "tmp" / fmt::format("{}.{}", sha256.substr(0, 16), serial_++);
+  CANDELA_TRY(make_directories(upload->final_.parent_path()));
+  upload->fd_ = ::open(upload->temporary_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
+  if (upload->fd_ < 0) return disk_error("cannot store a blob", upload->temporary_);
+  return upload;
+}
+
+BlobStore::Upload::~Upload() {
+  if (fd_ < 0) return;
+  ::close(fd_);
+  ::unlink(temporary_.c_str());
+}
+
+Result<void> BlobStore::Upload::append(std::string_view data) {
+  if (data.size() > size_ - received_)
+    return failed_error(fmt::format("blob {} is longer than the {} bytes announced", sha256_, size_))
+        .with_field("data");
+  received_ += data.size();
+  hash_.update(data);
+  while (!data.empty()) {
+    const ssize_t n = ::write(fd_, data.data(), data.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return disk_error("cannot store a blob", temporary_);
+    data.remove_prefix(static_cast<std::size_t>(n));
+  }
+  return {};
+}
+
+Result<void> BlobStore::Upload::finish() {
+  if (received_ != size_)
+    return failed_error(fmt::format("blob {} has {} bytes, {} were announced", sha256_, received_, size_))
+        .with_field("data");
+  if (hash_.finish_hex() != sha256_)
+    return failed_error(fmt::format("the bytes do not have the hash {}", sha256_)).with_field("sha256");
+  if (::fsync(fd_) != 0) return disk_error("cannot store a blob", temporary_);
+  if (::rename(temporary_.c_str(), final_.c_str()) != 0) return disk_error("cannot store a blob", final_);
+  ::close(fd_);
+  fd_ = -1;
+  const int folder = ::open(final_.parent_path().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (folder >= 0) {
+    ::fsync(folder);
+    ::close(folder);
+  }
+  return {};
+}
+
+}  // namespace candela::master
