@@ -1,8 +1,6 @@
 // The double functions and the rarer float ones of math.h.
 #include "worker/core/math.h"
 
-#include <algorithm>
-
 namespace candela::math {
 namespace {
 
@@ -92,23 +90,6 @@ float powf(float x, float y) {
   return static_cast<float>(pow(static_cast<double>(x), static_cast<double>(y)));
 }
 
-// (1 + 2x) erfcx(x) is smooth in t = (x - K) / (x + K), K = 3.75 [Shepherd and Laframboise 1981];
-// interpolated at Chebyshev nodes for t in [-1, 1/2], relative error 4e-12.
-double erfcx(double x) {
-  if (x > 11) {  // asymptotic
-    const double z = 1 / (x * x);
-    return 0.5641895835477562869 / x * (1 - z * (0.5 - z * (0.75 - z * 1.875)));
-  }
-  const double t = (x - 3.75) / (x + 3.75);
-  return detail::polynomial(t,
-                            {1.237512630840941882, -0.1402405986124649626, 0.003585414778819327667,
-                             0.08227674017022456986, -0.1088039030397751214, 0.09230430317685181437,
-                             -0.0586937910719319149, 0.02836214854055043961, -0.009744013394864714054,
-                             0.001758346697993612516, 0.0002866809642271561419, -0.0003032500864505333638,
-                             0.00005416807178480120211, 0.00004225568072172799573, 2.758415132493640716e-6}) /
-         (1 + 2 * x);
-}
-
 namespace {
 
 // For |x| < 1/2: Taylor, 2/sqrt(pi) (x - x^3/3 + x^5/10 - ...).
@@ -130,27 +111,6 @@ float erff(float x) {
     return static_cast<float>(std::copysign(value, static_cast<double>(x)));
   }
   return static_cast<float>(erf_small(x));
-}
-
-float erfinvf(float x) {
-  const double a = std::abs(static_cast<double>(x));
-  if (!(a < 1)) {
-    return a == 1 ? std::copysign(std::numeric_limits<float>::infinity(), x)
-                  : std::numeric_limits<float>::quiet_NaN();
-  }
-  // A start within about 0.002 (Winitzki 2008), then Halley's iteration, which triples the digits each time.
-  // The residual is taken from 1 in the tail, where x itself has the fewer digits.
-  const double w = detail::log_single((1 - a) * (1 + a));
-  constexpr double kA = 0.147;
-  const double b = 2 / (std::numbers::pi * kA) + w / 2;
-  double y = std::sqrt(std::max(0.0, std::sqrt(b * b - w / kA) - b));
-  for (int i = 0; i < 2; ++i) {
-    const double gauss = detail::exp_single(-y * y);
-    const double residual = y < 0.5 ? erf_small(y) - a : (1 - a) - gauss * erfcx(y);
-    const double step = residual / (1.12837916709551257390 * gauss);
-    y -= step / (1 + y * step);
-  }
-  return static_cast<float>(std::copysign(y, static_cast<double>(x)));
 }
 
 }  // namespace candela::math

@@ -38,18 +38,19 @@ double erfcx(double x);  // exp(x^2) erfc(x) for x >= 0; relative error <= 1e-11
 
 namespace detail {
 
-// Estrin's scheme: c[0] + c[1] x + ... in about log2(N) dependent steps. N is small and known: it unrolls.
+// Estrin's scheme: c[0] + c[1] x + ... in about log2(N) dependent steps.
 template <std::size_t N>
-inline double polynomial(double x, const double (&c)[N]) {
-  double a[N];
-  for (std::size_t i = 0; i < N; ++i) a[i] = c[i];
-  double power = x;
-  for (std::size_t n = N; n > 1; n = (n + 1) / 2) {
-    for (std::size_t i = 0; i < n / 2; ++i) a[i] = a[2 * i] + a[2 * i + 1] * power;
-    if (n % 2 == 1) a[n / 2] = a[n - 1];
-    power *= power;
+[[gnu::always_inline]] inline double polynomial(double x, const double (&c)[N]) {
+  if constexpr (N == 1) {
+    return c[0];
+  } else if constexpr (N == 2) {
+    return c[0] + c[1] * x;
+  } else {
+    double half[(N + 1) / 2];
+    for (std::size_t i = 0; i < N / 2; ++i) half[i] = c[2 * i] + c[2 * i + 1] * x;
+    if constexpr (N % 2 == 1) half[N / 2] = c[N - 1];
+    return polynomial(x * x, half);
   }
-  return a[0];
 }
 
 inline double pow2(std::int64_t n) {  // -1022 <= n <= 1023
@@ -135,6 +136,24 @@ inline double log_single(double x) {
   return static_cast<double>(k) * std::numbers::ln2 + s * series;
 }
 
+// erfinv(x) / x as a function of w = -log(1 - x^2), 0 <= w <= 24; interpolated at Chebyshev nodes, in w below
+// 6 and in sqrt(w) above [after Giles 2012]; relative error below 1e-9.
+inline double erfinv_ratio(double w) {
+  if (w < 6) {
+    return polynomial(w - 3, {1.623542006464829912, 0.2416304018724780887, -0.005738135424204099935,
+                              -0.0008361745723989565165, 0.0001950619522305495975, -0.00001272297993373456303,
+                              -1.748550295446642487e-6, 4.52594064718514486e-7, -2.3487272151417536e-8,
+                              -5.9891513759872462e-9, 1.076257140475986409e-9, 2.256618542030035299e-11,
+                              -1.48549089616377645e-11});
+  }
+  return polynomial(
+      std::sqrt(w) - 3.6,
+      {3.436253406603615173, 1.007966351691572744, 0.002717327642742025092, -0.001685979415916413783,
+       0.0008108506665758719675, -0.0004638933367822803203, 0.0002939375795321504138,
+       -0.0001668373538160952749, 0.00007055580786639275421, -0.00001312605151716560723,
+       -7.214824062903172011e-6, 5.842106001338417105e-6, -1.271186560736318083e-6});
+}
+
 }  // namespace detail
 
 inline void sincosf(float x, float& sine, float& cosine) {
@@ -218,6 +237,32 @@ inline float logf(float x) {
     return x == 0 ? -std::numeric_limits<float>::infinity() : std::numeric_limits<float>::quiet_NaN();
   if (x == std::numeric_limits<float>::infinity()) return x;
   return static_cast<float>(detail::log_single(x));
+}
+
+// (1 + 2x) erfcx(x) is smooth in t = (x - K) / (x + K), K = 3.75 [Shepherd and Laframboise 1981];
+// interpolated at Chebyshev nodes for t in [-1, 1/2], relative error 4e-12.
+inline double erfcx(double x) {
+  if (x > 11) {  // asymptotic
+    const double z = 1 / (x * x);
+    return 0.5641895835477562869 / x * (1 - z * (0.5 - z * (0.75 - z * 1.875)));
+  }
+  const double t = (x - 3.75) / (x + 3.75);
+  return detail::polynomial(t,
+                            {1.237512630840941882, -0.1402405986124649626, 0.003585414778819327667,
+                             0.08227674017022456986, -0.1088039030397751214, 0.09230430317685181437,
+                             -0.0586937910719319149, 0.02836214854055043961, -0.009744013394864714054,
+                             0.001758346697993612516, 0.0002866809642271561419, -0.0003032500864505333638,
+                             0.00005416807178480120211, 0.00004225568072172799573, 2.758415132493640716e-6}) /
+         (1 + 2 * x);
+}
+
+inline float erfinvf(float x) {
+  const double v = x;
+  if (!(std::abs(v) < 1)) {
+    if (std::abs(v) == 1) return std::copysign(std::numeric_limits<float>::infinity(), x);
+    return std::numeric_limits<float>::quiet_NaN();
+  }
+  return static_cast<float>(v * detail::erfinv_ratio(-detail::log_single((1 - v) * (1 + v))));
 }
 
 }  // namespace candela::math
