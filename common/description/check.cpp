@@ -155,14 +155,6 @@ Result<void> check_focal_length(const Object& object) {
 }
 
 Result<void> check_combinations(const Object& object) {
-  if (object.plugin == "roughconductor") {
-    CANDELA_TRY(exclude(object, "alpha", "alpha_u"));
-    CANDELA_TRY(exclude(object, "alpha", "alpha_v"));
-    const Property* u = object.find("alpha_u");
-    const Property* v = object.find("alpha_v");
-    if ((u == nullptr) != (v == nullptr))
-      return error_at((u != nullptr ? u : v)->where, "'alpha_u' and 'alpha_v' are only valid together");
-  }
   if (object.plugin == "perspective") {
     CANDELA_TRY(exclude(object, "fov", "focal_length"));
     CANDELA_TRY(check_focal_length(object));
@@ -238,6 +230,19 @@ Result<void> check_twosided(const Object& object, std::span<const Location> wher
   return {};
 }
 
+// Roughness may be a property or a texture.
+Result<void> check_roughness(const Object& object) {
+  const auto given = [&](std::string_view name) {
+    return object.find(name) != nullptr || object.find_child(name) != nullptr;
+  };
+  if (given("alpha_u") != given("alpha_v"))
+    return error_at(object.where, "'alpha_u' and 'alpha_v' are only valid together");
+  if (given("alpha") && given("alpha_u"))
+    return error_at(object.where, fmt::format("{} has both 'alpha' and 'alpha_u'", describe(object)))
+        .with_mend("leave one of them out");
+  return {};
+}
+
 Result<void> check_scene(const Object& object, std::span<const Location> where) {
   CANDELA_TRY(at_most_one(object, "integrator", where));
   bool environment = false;
@@ -289,6 +294,7 @@ Result<void> check_children(const Object& object, const PluginRule& rule, std::s
 
   if (object.category == "scene") return check_scene(object, where);
   if (object.plugin == "twosided") return check_twosided(object, where);
+  if (object.plugin == "roughconductor") return check_roughness(object);
   if (object.category == "shape") {
     CANDELA_TRY(at_most_one(object, "bsdf", where));
     CANDELA_TRY(at_most_one(object, "emitter", where));

@@ -28,6 +28,11 @@ PropertyRule file(std::string_view doc) {
   return {.name = "filename", .types = {string}, .required = true, .is_file = true, .doc = doc};
 }
 
+PropertyRule textured(PropertyRule rule) {
+  rule.textured = true;
+  return rule;
+}
+
 PropertyRule positive(std::string_view name, std::string_view doc) {
   return {.name = name, .types = {number}, .doc = doc, .minimum = 0, .above_minimum = true};
 }
@@ -238,8 +243,10 @@ void add_bsdfs(std::vector<PluginRule>& table) {
         .name = name, .types = {number, string}, .doc = doc, .minimum = 0, .above_minimum = true};
   };
   const PropertyRule specular = reflectance("specular_reflectance", "scales the reflection (default 1)");
-  const PropertyRule eta = non_negative_rgb("eta", "real part of the index of refraction (default 0)");
-  const PropertyRule k = non_negative_rgb("k", "imaginary part of the index of refraction (default 1)");
+  const PropertyRule eta =
+      textured(non_negative_rgb("eta", "real part of the index of refraction (default 0)"));
+  const PropertyRule k =
+      textured(non_negative_rgb("k", "imaginary part of the index of refraction (default 1)"));
   const PropertyRule material = {.name = "material",
                                  .types = {string},
                                  .values = {"none"},
@@ -272,9 +279,12 @@ void add_bsdfs(std::vector<PluginRule>& table) {
              .types = {string},
              .values = {"beckmann", "ggx"},
              .doc = "microfacet distribution (default beckmann)"},
-            positive("alpha", "roughness along both axes; Beckmann: root mean square slope (default 0.1)"),
-            positive("alpha_u", "roughness along the tangent; only together with alpha_v, without alpha"),
-            positive("alpha_v", "roughness along the bitangent; only together with alpha_u, without alpha"),
+            textured(positive("alpha",
+                              "roughness along both axes; Beckmann: root mean square slope (default 0.1)")),
+            textured(positive("alpha_u",
+                              "roughness along the tangent; only together with alpha_v, without alpha")),
+            textured(positive("alpha_v",
+                              "roughness along the bitangent; only together with alpha_u, without alpha")),
             eta,
             k,
             material,
@@ -371,11 +381,13 @@ void add_textures(std::vector<PluginRule>& table) {
                    .name = "checkerboard",
                    .properties = {{.name = "color0",
                                    .types = {rgb},
+                                   .textured = true,
                                    .doc = "of the squares at the origin (default 0.4)",
                                    .minimum = 0,
                                    .maximum = 1},
                                   {.name = "color1",
                                    .types = {rgb},
+                                   .textured = true,
                                    .doc = "of the other squares (default 0.2)",
                                    .minimum = 0,
                                    .maximum = 1},
