@@ -1,4 +1,5 @@
-// Wire messages <-> plain structures, with validation of everything that arrives. An error names the message field.
+// Wire messages <-> plain structures, with validation of everything that arrives. An error names the message
+// field.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -16,23 +17,23 @@ void to_proto(const Unit& unit, v1::Unit& out);
 void to_proto(const NamedState& state, v1::NamedState& out);
 void to_proto(const bundle::Bundle& bundle, v1::Bundle& out);
 
-// Limits and closed sets are checked: extents, names, counts, finite numbers, known filter/sampler/isa. The integrator
-// and its settings are checked for form only: their meaning is the renderer's.
+// Limits and closed sets are checked: extents, names, counts, finite numbers, known filter/sampler/isa. The
+// integrator and its settings are checked for form only: their meaning is the renderer's.
 Result<JobSettings> from_proto(const v1::JobSettings& message);
 Result<StopRule> from_proto(const v1::StopRule& message);  // at least one limit
 Result<Unit> from_proto(const v1::Unit& message);
 Result<NamedState> from_proto(const v1::NamedState& message);
 Result<bundle::Bundle> from_proto(const v1::Bundle& message);
 
-// Error <-> grpc::Status. The kind survives the trip (input, usage -> INVALID_ARGUMENT; unreachable -> UNAVAILABLE;
-// refused -> FAILED_PRECONDITION; resource -> RESOURCE_EXHAUSTED; failed -> ABORTED; internal -> INTERNAL), as do message and field, in
-// one line. from_status maps DEADLINE_EXCEEDED, UNAVAILABLE to unreachable and NOT_FOUND to input.
-// The parts of the error travel in the status's details as well, so that from_status(to_status(e)) is e, save that its
-// texts are cut to about a kilobyte each.
+// Error <-> grpc::Status. The kind survives the trip (input, usage -> INVALID_ARGUMENT; unreachable ->
+// UNAVAILABLE; refused -> FAILED_PRECONDITION; resource -> RESOURCE_EXHAUSTED; failed -> ABORTED; internal ->
+// INTERNAL), as do message and field, in one line. from_status maps DEADLINE_EXCEEDED, UNAVAILABLE to
+// unreachable and NOT_FOUND to input. The parts of the error travel in the status's details as well, so that
+// from_status(to_status(e)) is e, save that its texts are cut to about a kilobyte each.
 grpc::Status to_status(const Error& error);
 Error from_status(const grpc::Status& status);
-// "Try again after so many milliseconds": an error status whose details carry the wait. retry_ms() is `otherwise` where
-// a status names none, and never above one minute.
+// "Try again after so many milliseconds": an error status whose details carry the wait. retry_ms() is
+// `otherwise` where a status names none, and never above one minute.
 grpc::Status to_status_with_retry(const Error& error, std::uint32_t retry_ms);
 std::uint32_t retry_ms(const grpc::Status& status, std::uint32_t otherwise);
 
@@ -54,7 +55,9 @@ struct TlsFiles {
   bool any() const { return !cert.empty() || !key.empty() || !ca.empty(); }
 };
 // Refuses a non-loopback address without TLS unless `insecure`.
-Result<std::shared_ptr<grpc::ServerCredentials>> server_credentials(const Address& address, const TlsFiles& tls, bool insecure);
-Result<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(const Address& address, const TlsFiles& tls, bool insecure);
+Result<std::shared_ptr<grpc::ServerCredentials>> server_credentials(const Address& address,
+                                                                    const TlsFiles& tls, bool insecure);
+Result<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(const Address& address,
+                                                                      const TlsFiles& tls, bool insecure);
 
 }  // namespace candela::wire
