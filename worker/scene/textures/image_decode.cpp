@@ -24,6 +24,22 @@ float srgb_to_linear(double v) {
   return static_cast<float>(v <= 0.04045 ? v / 12.92 : math::pow((v + 0.055) / 1.055, 2.4));
 }
 
+// OpenImageIO's name of the format, by the bytes the file begins with (names lie); TGA has no such bytes.
+// Null: none we read.
+const char* format_of(std::string_view bytes, std::string_view file) {
+  using namespace std::string_view_literals;
+  if (bytes.starts_with("\x76\x2f\x31\x01"sv)) return "openexr";
+  if (bytes.starts_with("\x89PNG\r\n\x1a\n"sv)) return "png";
+  if (bytes.starts_with("\xff\xd8\xff"sv)) return "jpeg";
+  if (bytes.starts_with("#?RADIANCE"sv) || bytes.starts_with("#?RGBE"sv)) return "hdr";
+  if (bytes.starts_with("II*\0"sv) || bytes.starts_with("MM\0*"sv)) return "tiff";
+  if (bytes.starts_with("BM"sv)) return "bmp";
+  if (bytes.size() > 2 && bytes[0] == 'P' && "123456Ff"sv.find(bytes[1]) != std::string_view::npos)
+    return "pnm";
+  if (file.ends_with(".tga") || file.ends_with(".TGA")) return "targa";
+  return nullptr;
+}
+
 // Where red, green and blue are among the channels; one-channel images give all three the same.
 void find_channels(const OIIO::ImageSpec& spec, int (&channel)[3]) {
   const char* const names[3] = {"R", "G", "B"};
@@ -38,12 +54,23 @@ void find_channels(const OIIO::ImageSpec& spec, int (&channel)[3]) {
 }
 
 Result<TexelImage> decode(std::string_view encoded, const std::string& file, bool raw) {
+  const char* const format = format_of(encoded, file);
+  if (format == nullptr) {
+    return image_error("this is no image of a known format", file)
+        .with_mend("use OpenEXR, PNG, JPEG, Radiance HDR, TIFF, BMP, TGA or PNM/PFM");
+  }
+  auto input = OIIO::ImageInput::create(format);
+  // The bytes are all there is: a reader that would open a file by name instead must not be asked.
+  if (!input || !input->supports("ioproxy")) {
+    return image_error(std::string("this OpenImageIO cannot decode the format ") + format + " from memory",
+                       file);
+  }
   OIIO::Filesystem::IOMemReader reader(encoded.data(), encoded.size());
   OIIO::ImageSpec config;
   config.attribute("oiio:UnassociatedAlpha", 1);  // colours as stored: alpha plays no part here
-  auto input = OIIO::ImageInput::open(file, &config, &reader);
-  if (!input) {
-    std::string reason = OIIO::geterror();
+  OIIO::ImageSpec opened;
+  if (!input->set_ioproxy(&reader) || !input->open(file, opened, config)) {
+    std::string reason = input->geterror();
     std::replace(reason.begin(), reason.end(), '\n', ' ');
     return image_error("cannot decode the image: " + reason, file);
   }
@@ -57,6 +84,13 @@ Result<TexelImage> decode(std::string_view encoded, const std::string& file, boo
   }
   if (spec.nchannels < 1 || spec.nchannels > 64) {
     return image_error("the image has " + std::to_string(spec.nchannels) + " channels; 1 to 64 are supported",
+                       file);
+  }
+  // A few bytes must not make us allocate gigabytes: no format here packs better than about 1000 to 1.
+  const std::uint64_t decoded_bytes = spec.image_bytes(true);
+  if (decoded_bytes / 4096 > encoded.size()) {
+    return image_error("the file has " + std::to_string(encoded.size()) + " bytes, too few for its " +
+                           std::to_string(spec.width) + " x " + std::to_string(spec.height) + " pixels",
                        file);
   }
   int channel[3];

@@ -151,8 +151,8 @@ Result<std::shared_ptr<const TexelImage>> TextureStore::image(const std::string&
   auto bytes = files_->open(key);
   if (!bytes.ok()) {
     Error error = std::move(bytes).error();
-    if (error.file.empty()) error = std::move(error).at(where.file, where.line);
-    return error;
+    if (!error.file.empty()) return error;
+    return std::move(error).at(where.file, where.line);
   }
   auto decoded = decode_image(bytes->view, key, raw);
   if (!decoded.ok()) {

@@ -59,9 +59,9 @@ struct TexelImage {
   }
 };
 
-// Decodes image bytes (any format OpenImageIO knows). `raw`: integers are taken as linear, else as sRGB. One
-// channel fills three; alpha is left out. Errors name `file`: not decodable, larger than 32768 pixels a side
-// or 2^28 in all, NaN, infinite or negative values.
+// Decodes image bytes: OpenEXR, PNG, JPEG, Radiance HDR, TIFF, BMP, TGA, PNM/PFM, told by content. `raw`:
+// integers are taken as linear, else as sRGB. One channel fills three; alpha is left out. Errors name `file`:
+// not decodable, larger than 32768 pixels a side or 2^28 in all, NaN, infinite or negative values.
 Result<TexelImage> decode_image(std::string_view encoded, const std::string& file, bool raw);
 
 class TextureStore {
