@@ -70,21 +70,24 @@ bool is_command(const CLI::App& app, const std::string& word) {
 }
 
 // What the parser could not make sense of, in words and with the nearest option.
-std::string explain(const CLI::App& app, const CLI::ParseError& error) {
+std::string explain(const CLI::App& app, const std::vector<std::string>& arguments,
+                    const CLI::ParseError& error) {
   const auto chosen = app.get_subcommands();
   const CLI::App& command = chosen.empty() ? app : *chosen.front();
+  const std::string what = error.what();
   if (error.get_name() == "ExtrasError") {
+    // The words the parser left over, looked up in the order they were given.
     std::vector<std::string> options;
     for (const CLI::Option* option : command.get_options())
       for (const std::string& name : option->get_lnames()) options.push_back("--" + name);
-    for (const std::string& word : app.remaining(true)) {
-      const std::string name = word.substr(0, word.find('='));
-      if (name.starts_with('-'))
+    for (std::size_t i = 1; i < arguments.size(); ++i) {
+      const std::string name = arguments[i].substr(0, arguments[i].find('='));
+      if (name.size() > 1 && name.starts_with('-') && what.find(arguments[i]) != std::string::npos &&
+          std::find(options.begin(), options.end(), name) == options.end())
         return fmt::format("there is no option '{}'{}", printable(name), suggestion(name, options));
-      return fmt::format("unexpected argument '{}'", printable(word));
     }
   }
-  std::string text = error.what();
+  std::string text = what;
   if (!chosen.empty()) text += fmt::format(" (see: candela {} --help)", command.get_name());
   return text;
 }
@@ -121,7 +124,7 @@ int run_program(const std::vector<std::string>& arguments, std::ostream& out, st
   } catch (const CLI::Success& success) {
     return app.exit(success, out, err) == 0 ? 0 : 2;  // help and version
   } catch (const CLI::ParseError& error) {
-    return report(err, explain(app, error), 2);
+    return report(err, explain(app, arguments, error), 2);
   }
   if (!context.command) {
     err << app.help();

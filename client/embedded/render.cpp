@@ -58,25 +58,32 @@ Result<void> check_isa(const std::string& isa) {
       .with_mend(fmt::format("it has {}; images are the same only with the same one", join(isas, ", ")));
 }
 
-// What --resume must add so that the job that was ends where the options now say.
-Result<v1::ExtendJobRequest> extension(const StopRule& wanted, const v1::StopRule& was) {
+// What --resume must add so that the job that was ends where the options now say. (No worker runs: its
+// figures stand still.)
+Result<v1::ExtendJobRequest> extension(const StopRule& wanted, const v1::JobStatus& job) {
   v1::ExtendJobRequest request;
+  request.set_job_id(job.id());
   const auto cannot = [](std::string_view option, std::string message) {
     return usage_error(std::move(message))
         .with_field(std::string(option))
         .with_mend("--resume can only extend; start anew by --fresh");
   };
+  const bool ended = has_ended(job);
+  // An ended job that meets one of the limits is where it should be.
+  if (ended && wanted.iterations != 0 && job.iterations() >= wanted.iterations) return request;
+  const v1::StopRule& was = job.stop();
   if (wanted.iterations != 0 && wanted.iterations != was.iterations()) {
-    if (was.iterations() == 0) return cannot("--iterations", "the render was started without such a limit");
-    if (wanted.iterations < was.iterations())
-      return cannot("--iterations", fmt::format("the limit is {} already", was.iterations()));
-    request.set_add_iterations(wanted.iterations - was.iterations());
+    const std::uint64_t base = was.iterations() != 0 ? was.iterations() : job.iterations();
+    if (wanted.iterations <= base)
+      return cannot("--iterations", fmt::format("{} iterations are {} already", base,
+                                                was.iterations() != 0 ? "the limit" : "there"));
+    request.set_add_iterations(wanted.iterations - base);
   }
   if (wanted.time_seconds != 0 && wanted.time_seconds != was.time_seconds()) {
-    if (was.time_seconds() == 0) return cannot("--time", "the render was started without such a limit");
-    if (wanted.time_seconds < was.time_seconds())
-      return cannot("--time", fmt::format("the limit is {} already", format_duration(was.time_seconds())));
-    request.set_add_time_seconds(wanted.time_seconds - was.time_seconds());
+    const double base = ended ? std::max(was.time_seconds(), job.elapsed_seconds()) : was.time_seconds();
+    if (wanted.time_seconds <= base)
+      return cannot("--time", fmt::format("{} are the limit or spent already", format_duration(base)));
+    request.set_add_time_seconds(wanted.time_seconds - base);
   }
   if (wanted.relmse != 0 && wanted.relmse != was.relmse()) request.set_relmse(wanted.relmse);
   return request;
@@ -106,8 +113,7 @@ Result<std::string> find_job(FarmClient& farm, const LoadedScene& scene) {
     return failed_error(fmt::format("the render failed: {}", printable(job.message())))
         .with_mend("start anew by --fresh");
   if (scene.job.stop_given) {
-    CANDELA_ASSIGN(v1::ExtendJobRequest request, extension(scene.job.stop, job.stop()));
-    request.set_job_id(job.id());
+    CANDELA_ASSIGN(const v1::ExtendJobRequest request, extension(scene.job.stop, job));
     if (adds(request)) CANDELA_TRY(farm.extend_job(request));
   }
   if (job.state() == v1::JOB_STATE_PAUSED) CANDELA_TRY(farm.resume_job(job.id()));
