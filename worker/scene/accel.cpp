@@ -255,6 +255,10 @@ bool Accel::intersect(const Ray& ray, Found& found) const {
   return true;
 }
 
+void* Accel::embree_scene() const {
+  return impl_->scene.get();
+}
+
 bool Accel::occluded(const Ray& ray) const {
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);

@@ -27,6 +27,9 @@ class Accel {
   bool intersect(const Ray& ray, Found& found) const;
   bool occluded(const Ray& ray) const;
 
+  // The RTCScene, for measurements.
+  void* embree_scene() const;
+
  private:
   struct Impl;
   explicit Accel(std::unique_ptr<Impl> impl);

@@ -56,6 +56,9 @@ class Scene {
 
   const SceneFeatures& features() const;
 
+  // Embree's own scene (an RTCScene), for measurements beside it.
+  void* embree_scene() const;
+
  private:
   Scene();
   struct Impl;

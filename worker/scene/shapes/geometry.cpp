@@ -105,8 +105,8 @@ void Geometry::triangle_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit
   const double determinant = -dot(d, n);
   const double inverse = determinant != 0 ? 1 / determinant : 0;
   const Vec3d moment = cross(s, d);
-  double b1 = std::clamp(-dot(e2, moment) * inverse, 0.0, 1.0);
-  double b2 = std::clamp(dot(e1, moment) * inverse, 0.0, 1.0);
+  double b1 = std::clamp(dot(e2, moment) * inverse, 0.0, 1.0);
+  double b2 = std::clamp(-dot(e1, moment) * inverse, 0.0, 1.0);
   if (const double sum = b1 + b2; sum > 1) {
     b1 /= sum;
     b2 /= sum;

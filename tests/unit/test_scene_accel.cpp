@@ -1,0 +1,214 @@
+// Claims: what Embree finds is what brute force in double finds; rays that leave a surface do not meet it
+// again, and shadow rays reach their light, from 1e-4 to 1e6 times unit scale and far from the origin; an
+// instruction set the machine lacks is refused.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+#include "tests/unit/scene_fixture.h"
+#include "worker/scene/accel.h"
+#include "worker/scene/light_sampler.h"
+
+namespace candela::scene {
+namespace {
+
+using test::build_scene;
+using test::matrix;
+using test::uniform_direction;
+
+Vec3 random_point(rng::Stream& s, float scale) {
+  const float x = s.next_float(), y = s.next_float();
+  return Vec3{2 * x - 1, 2 * y - 1, 2 * s.next_float() - 1} * scale;
+}
+
+Shape random_triangles(int count, rng::Stream& stream, float size) {
+  Shape shape;
+  for (int i = 0; i < count; ++i) {
+    const Vec3 center = random_point(stream, 1);
+    const auto first = static_cast<std::uint32_t>(shape.positions.size());
+    for (int k = 0; k < 3; ++k) shape.positions.push_back(center + random_point(stream, size));
+    shape.triangles.push_back({first, first + 1, first + 2});
+  }
+  return shape;
+}
+
+// The nearest distance to a triangle in double, and how far the nearest meeting is from being decided by
+// rounding.
+double brute_force(const Geometry& g, const Ray& ray, double& margin) {
+  const Vec3d o(ray.origin), d(ray.direction);
+  double best = 1e300;
+  margin = 1;
+  for (const Triangle& t : g.triangles) {
+    const Vec3d v0(t.v0), e1 = Vec3d(t.v1) - v0, e2 = Vec3d(t.v2) - v0, s = o - v0, h = cross(d, e2);
+    const double a = dot(e1, h);
+    const double u = dot(s, h) / a, v = dot(d, cross(s, e1)) / a, distance = dot(e2, cross(s, e1)) / a;
+    if (!(distance > -1e-4)) continue;
+    const double inside = std::min(std::min(u, v), 1 - u - v);
+    if (std::abs(inside) < 1e-4 || std::abs(distance) < 1e-4 || std::abs(a) < 1e-5) margin = 0;
+    if (inside >= 0 && distance > 0 && distance < best) {
+      if (best - distance < 1e-4) margin = 0;
+      best = distance;
+    } else if (inside >= 0 && distance > 0 && distance - best < 1e-4) {
+      margin = 0;
+    }
+  }
+  return best;
+}
+
+TEST(Accel, AgreesWithBruteForce) {
+  rng::Stream stream(rng::key(1, 81));
+  Geometry geometry;
+  geometry.add(random_triangles(300, stream, 0.3f), {});
+  geometry.finish();
+  auto accel = Accel::build(geometry, "avx2", 1);
+  ASSERT_TRUE(accel.ok()) << accel.error().to_string();
+  int compared = 0, found_count = 0;
+  for (int i = 0; i < 20000; ++i) {
+    Ray ray{random_point(stream, 1.5f), uniform_direction(stream)};
+    double margin = 0;
+    const double expected = brute_force(geometry, ray, margin);
+    if (margin == 0) continue;
+    ++compared;
+    Accel::Found found{};
+    const bool hit = accel->intersect(ray, found);
+    ASSERT_EQ(hit, expected < 1e300);
+    ASSERT_EQ(accel->occluded(ray), hit);
+    if (!hit) continue;
+    ++found_count;
+    SurfaceHit surface;
+    geometry.triangle_hit(ray, found.primitive, surface);
+    ASSERT_NEAR(static_cast<double>(surface.distance), expected, 1e-6);
+    ASSERT_LT(length(surface.p - (ray.origin + ray.direction * surface.distance)), 1e-5f);
+    ray.t_max = surface.distance * 0.999f;
+    ASSERT_FALSE(accel->intersect(ray, found) && found.primitive == surface.primitive);
+  }
+  EXPECT_GT(compared, 15000);
+  EXPECT_GT(found_count, 3000);
+}
+
+TEST(Accel, RefusesForeignInstructionSets) {
+  Geometry geometry;
+  geometry.finish();
+  EXPECT_EQ(Accel::build(geometry, "neon", 1).error().to_string(),
+            "isa: unknown instruction set 'neon' (sse2, sse4.2, avx, avx2, avx512)");
+  for (const char* isa : {"sse2", "sse4.2", "avx", "avx2"})
+    EXPECT_TRUE(Accel::build(geometry, isa, 2).ok()) << isa;
+  if (!__builtin_cpu_supports("avx512f")) {
+    EXPECT_FALSE(Accel::build(geometry, "avx512", 1).ok());
+  }
+  auto empty = Accel::build(geometry, "avx2", 1);
+  Accel::Found found{};
+  EXPECT_FALSE(empty->intersect({{0, 0, 0}, {0, 0, 1}}, found));
+  const float nan = std::nanf("");
+  EXPECT_FALSE(empty->occluded({{nan, 0, 0}, {0, nan, 1}}));
+}
+
+struct Placement {
+  float scale;
+  Vec3 offset;
+};
+std::vector<Placement> placements() {
+  std::vector<Placement> out;
+  for (const float scale : {1e-4f, 1e-2f, 1.0f, 1e3f, 1e6f}) {
+    for (const float offset : {0.0f, 1.0f, 1e3f, 1e5f}) {
+      out.push_back({scale, Vec3{0.7f, -1.0f, 0.4f} * (offset * scale)});
+    }
+  }
+  return out;
+}
+
+// Rays leaving points of a tilted triangle, also far from it where floats are coarse, into all directions of
+// one side.
+TEST(Accel, RaysLeavingATriangleDoNotMeetItAgain) {
+  rng::Stream stream(rng::key(1, 82));
+  for (const Placement& placement : placements()) {
+    for (int shape_round = 0; shape_round < 20; ++shape_round) {
+      Geometry geometry;
+      Shape shape = random_triangles(1, stream, 1);
+      for (Vec3& p : shape.positions) p = p * placement.scale + placement.offset;
+      geometry.add(shape, {});
+      geometry.finish();
+      auto accel = Accel::build(geometry, "avx2", 1);
+      ASSERT_TRUE(accel.ok());
+      for (int i = 0; i < 500; ++i) {
+        const float x = stream.next_float();
+        const Vec2 b = warp::uniform_triangle({x, stream.next_float()});
+        const Triangle& t = geometry.triangles[0];
+        const Vec3 target = t.v0 + (t.v1 - t.v0) * b.x + (t.v2 - t.v0) * b.y;
+        SurfaceHit hit;
+        const Vec3 from = uniform_direction(stream);
+        geometry.triangle_hit({target - from * placement.scale, from}, 0, hit);
+        EXPECT_LE(hit.error, 4e-5f * placement.scale + 1e-6f * length(placement.offset));
+        Vec3 d = uniform_direction(stream);
+        if (i % 3 == 0)
+          d = normalize(d - t.ng * dot(d, t.ng) + t.ng * (1e-4f * stream.next_float()));  // grazing
+        Accel::Found found{};
+        ASSERT_FALSE(accel->intersect(spawn_ray(hit, d), found))
+            << "scale " << placement.scale << " offset " << placement.offset.x << " round " << shape_round;
+      }
+    }
+  }
+}
+
+TEST(Accel, RaysLeavingASphereOutwardsDoNotMeetItAgain) {
+  rng::Stream stream(rng::key(1, 83));
+  for (const Placement& placement : placements()) {
+    Geometry geometry;
+    Shape shape;
+    shape.sphere = Sphere{Vec3d(placement.offset),
+                          0.3 * static_cast<double>(placement.scale),
+                          {Vec3d{1, 0, 0}, Vec3d{0, 1, 0}, Vec3d{0, 0, 1}},
+                          false};
+    geometry.add(shape, {});
+    geometry.finish();
+    auto accel = Accel::build(geometry, "avx2", 1);
+    ASSERT_TRUE(accel.ok());
+    for (int i = 0; i < 3000; ++i) {
+      const Vec3 from = uniform_direction(stream);
+      const Ray ray{placement.offset - from * placement.scale, from};
+      Accel::Found found{};
+      ASSERT_TRUE(accel->intersect(ray, found) && found.sphere);
+      SurfaceHit hit;
+      geometry.sphere_hit(ray, found.primitive, hit);
+      Vec3 d = uniform_direction(stream);
+      if (dot(d, hit.ng) < 0) d = -d;
+      ASSERT_FALSE(accel->intersect(spawn_ray(hit, d), found));
+      // Inwards it must: the ray starts just inside and leaves through the other side, unless it only grazes.
+      if (dot(d, hit.ng) > 0.05f) {
+        ASSERT_TRUE(accel->intersect(spawn_ray(hit, -d), found));
+      }
+    }
+  }
+}
+
+// From a floor to a rectangle lamp above, over the lamp's whole area: nothing is between.
+TEST(Accel, ShadowRaysReachTheirLight) {
+  rng::Stream stream(rng::key(1, 84));
+  for (const Placement& p : placements()) {
+    const double s = static_cast<double>(p.scale), x = static_cast<double>(p.offset.x),
+                 y = static_cast<double>(p.offset.y), z = static_cast<double>(p.offset.z);
+    const std::string body =
+        "<shape type=\"rectangle\">" + matrix({5 * s, 0, 0, x, 0, 5 * s, 0, y, 0, 0, s, z, 0, 0, 0, 1}) +
+        "</shape><shape type=\"rectangle\">" +
+        matrix({s, 0, 0, x, 0, -s, 0, y, 0, 0, -s, z + s, 0, 0, 0, 1}) + "<emitter type=\"area\"/></shape>";
+    auto scene = build_scene(body);
+    ASSERT_TRUE(scene.ok()) << scene.error().to_string();
+    int sampled = 0;
+    for (int i = 0; i < 2000; ++i) {
+      const float a = stream.next_float(), b = stream.next_float(), c = stream.next_float();
+      SurfaceHit hit;
+      const Vec3 above = p.offset + Vec3{8 * a - 4, 8 * b - 4, 0.5f} * p.scale;
+      ASSERT_TRUE((*scene)->intersect({above, {0, 0, -1}}, hit));
+      DirectSample light;
+      if (!(*scene)->sample_direct(hit, hit.shading.n, c, {stream.next_float(), stream.next_float()}, light))
+        continue;
+      ++sampled;
+      ASSERT_FALSE((*scene)->occluded(light.shadow_ray)) << "scale " << p.scale << " offset " << p.offset.x;
+    }
+    EXPECT_GT(sampled, 1900);
+  }
+}
+
+}  // namespace
+}  // namespace candela::scene

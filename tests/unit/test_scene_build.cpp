@@ -1,0 +1,146 @@
+// Claims: shapes come out of the description as Mitsuba documents them (sides, normals, parameterisation,
+// transforms), and what cannot be built is one error naming file and line.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+#include "common/bundle/bundle.h"
+#include "tests/unit/scene_fixture.h"
+#include "worker/scene/shapes/geometry.h"
+
+namespace candela::scene {
+namespace {
+
+using test::build_scene;
+using test::matrix;
+
+const std::string kTextured =
+    "<bsdf type=\"diffuse\"><texture type=\"checkerboard\" name=\"reflectance\"/></bsdf>";
+
+SurfaceHit shoot(const Scene& scene, Vec3 origin, Vec3 direction) {
+  SurfaceHit hit;
+  EXPECT_TRUE(scene.intersect({origin, normalize(direction)}, hit));
+  return hit;
+}
+
+void expect_near(Vec3 a, Vec3 b, float tolerance = 1e-5f) {
+  EXPECT_LT(length(a - b), tolerance)
+      << a.x << " " << a.y << " " << a.z << ", not " << b.x << " " << b.y << " " << b.z;
+}
+
+TEST(SceneBuild, RectangleFacesAlongItsNormalUnderMirrorsToo) {
+  const auto plain = build_scene("<shape type=\"rectangle\">" + kTextured + "</shape>");
+  ASSERT_TRUE(plain.ok()) << plain.error().to_string();
+  SurfaceHit hit = shoot(**plain, {0.5f, -0.25f, 3}, {0, 0, -1});
+  expect_near(hit.ng, {0, 0, 1});
+  expect_near(hit.shading.s, {1, 0, 0});
+  EXPECT_NEAR(hit.uv.x, 0.75f, 1e-6f);
+  EXPECT_NEAR(hit.uv.y, 0.375f, 1e-6f);
+  EXPECT_NEAR(hit.distance, 3, 1e-6f);
+  const auto mirrored =
+      build_scene("<shape type=\"rectangle\">" + matrix({-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}) +
+                  kTextured + "</shape>");
+  hit = shoot(**mirrored, {0.5f, 0, 3}, {0, 0, -1});
+  expect_near(hit.ng, {0, 0, 1});
+  EXPECT_NEAR(hit.uv.x, 0.25f, 1e-6f);
+  const auto flipped =
+      build_scene("<shape type=\"rectangle\"><boolean name=\"flip_normals\" value=\"true\"/></shape>");
+  expect_near(shoot(**flipped, {0, 0, 3}, {0, 0, -1}).ng, {0, 0, -1});
+}
+
+TEST(SceneBuild, CubeFacesOutwardsAndMapsEachFace) {
+  for (const double mirror : {1.0, -1.0}) {
+    const auto scene =
+        build_scene("<shape type=\"cube\">" + matrix({mirror, 0, 0, 0, 0, 2, 0, 0, 0, 0, 3, 0, 0, 0, 0, 1}) +
+                    kTextured + "</shape>");
+    ASSERT_TRUE(scene.ok());
+    for (const Vec3 d :
+         {Vec3{1, 0, 0}, Vec3{0, 1, 0}, Vec3{0, 0, 1}, Vec3{-1, 0, 0}, Vec3{0, -1, 0}, Vec3{0, 0, -1}}) {
+      const SurfaceHit hit = shoot(**scene, d * 10 + Vec3{0.1f, 0.2f, 0.3f}, -d);
+      expect_near(hit.ng, d);
+      EXPECT_GT(hit.uv.x, 0.4f);
+      EXPECT_LT(hit.uv.x, 0.61f);
+    }
+  }
+}
+
+TEST(SceneBuild, SphereHasMitsubasParameterisation) {
+  const auto scene = build_scene(
+      "<shape type=\"sphere\"><point name=\"center\" x=\"1\" y=\"2\" z=\"3\"/>"
+      "<float name=\"radius\" value=\"0.5\"/>" +
+      kTextured + "</shape>");
+  ASSERT_TRUE(scene.ok()) << scene.error().to_string();
+  SurfaceHit hit = shoot(**scene, {1, 12, 3}, {0, -1, 0});
+  expect_near(hit.p, {1, 2.5f, 3});
+  expect_near(hit.ng, {0, 1, 0});
+  EXPECT_NEAR(hit.uv.x, 0.25f, 1e-5f);
+  EXPECT_NEAR(hit.uv.y, 0.5f, 1e-5f);
+  expect_near(hit.shading.s, {-1, 0, 0});
+  hit = shoot(**scene, {1, 2, 3}, {0, 0, 1});  // from inside: the outside stays outside
+  expect_near(hit.ng, {0, 0, 1});
+  EXPECT_EQ(build_scene("<shape type=\"sphere\"><transform name=\"to_world\"><scale x=\"1\" y=\"2\" "
+                        "z=\"1\"/></transform></shape>")
+                .error()
+                .message,
+            "shape 'sphere': to_world scales unevenly or shears, which would make it an ellipsoid");
+}
+
+TEST(SceneBuild, VertexNormalsAreCompletedAndDecideSides) {
+  const std::string shape = "<shape type=\"obj\"><string name=\"filename\" value=\"m.obj\"/>";
+  // A roof of two faces without normals: smooth over the ridge, by equal angles half way between both.
+  const std::string roof =
+      "v -1 0 -1\nv 0 1 -1\nv 0 1 1\nv -1 0 1\nv 1 0 -1\nv 1 0 1\nf 1 4 3 2\nf 2 3 6 5\n";
+  auto smooth = build_scene(shape + "</shape>", {{"m.obj", roof}});
+  ASSERT_TRUE(smooth.ok()) << smooth.error().to_string();
+  SurfaceHit hit = shoot(**smooth, {-1e-4f, 3, 0}, {0, -1, 0});
+  expect_near(hit.shading.n, {0, 1, 0}, 1e-3f);
+  expect_near(hit.ng, normalize(Vec3{-1, 1, 0}));
+  auto flat =
+      build_scene(shape + "<boolean name=\"face_normals\" value=\"true\"/></shape>", {{"m.obj", roof}});
+  hit = shoot(**flat, {-1e-4f, 3, 0}, {0, -1, 0});
+  expect_near(hit.shading.n, normalize(Vec3{-1, 1, 0}));
+  // Wound clockwise, but with normals that say which side is the front.
+  const std::string wound = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 -1\nf 1//1 2//1 3//1\n";
+  auto sided = build_scene(shape + "</shape>", {{"m.obj", wound}});
+  hit = shoot(**sided, {0.2f, 0.2f, 1}, {0, 0, -1});
+  expect_near(hit.ng, {0, 0, -1});
+  expect_near(hit.shading.n, {0, 0, -1});
+  EXPECT_EQ((*sided)->features().triangles, 1u);
+}
+
+TEST(SceneBuild, NamesWhatCannotBeBuilt) {
+  const auto message = [](const std::string& body,
+                          const std::string& obj = "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n") {
+    const auto scene = build_scene(body, {{"m.obj", obj}});
+    return scene.ok() ? std::string("no error") : scene.error().to_string();
+  };
+  const std::string mesh = "<shape type=\"obj\"><string name=\"filename\" value=\"m.obj\"/></shape>";
+  EXPECT_EQ(message(mesh), "m.obj: no face of the mesh has an area");
+  EXPECT_EQ(message(mesh, "v 0 0 0\nv 1 x 0\n"), "m.obj:2: vertex position 'x' is not a number");
+  EXPECT_EQ(message(mesh, "v 0 0 0\nv 1e20 0 0\nv 0 1 0\nf 1 2 3\n"),
+            "m.obj: vertex 1 lies beyond 1e18 in the scene after to_world");
+}
+
+TEST(SceneBuild, CountsFeatures) {
+  const auto scene = build_scene(
+      "<shape type=\"cube\"><bsdf type=\"dielectric\"/></shape><shape type=\"sphere\"><emitter "
+      "type=\"area\"/></shape>"
+      "<shape type=\"rectangle\"><emitter type=\"area\"><rgb name=\"radiance\" "
+      "value=\"0\"/></emitter></shape>"
+      "<emitter type=\"point\"/><emitter type=\"constant\"/>");
+  ASSERT_TRUE(scene.ok()) << scene.error().to_string();
+  const SceneFeatures& f = (*scene)->features();
+  EXPECT_EQ(f.triangles, 14u);
+  EXPECT_EQ(f.spheres, 1u);
+  EXPECT_EQ(f.shapes, 3u);
+  EXPECT_EQ(f.emitters, 3u);  // a black lamp is none
+  EXPECT_EQ(f.emitter_kinds.at("area"), 1u);
+  EXPECT_TRUE(f.any_delta_bsdf && f.any_transmission && f.any_environment && f.any_delta_emitter &&
+              f.any_area_emitter);
+  EXPECT_TRUE(f.all_bsdfs_delta);  // what is not glass scatters nothing
+  EXPECT_TRUE(f.any_black_bsdf);   // a lamp without a bsdf
+}
+
+}  // namespace
+}  // namespace candela::scene
