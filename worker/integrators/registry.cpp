@@ -1,5 +1,3 @@
-#include <fmt/format.h>
-
 #include "common/description/vocabulary.h"
 #include "worker/integrators/integrator.h"
 #include "worker/integrators/path/path.h"
@@ -29,20 +27,20 @@ const std::vector<IntegratorEntry>& registry() {
 }
 
 Result<const IntegratorEntry*> find_integrator(std::string_view name) {
-  std::vector<std::string_view> names;
+  std::string names;
   for (const IntegratorEntry& entry : registry()) {
     if (entry.name == name) return &entry;
-    names.push_back(entry.name);
+    names += (names.empty() ? "" : ", ") + std::string(entry.name);
   }
-  return usage_error(fmt::format("unknown integrator '{}'", name))
+  return usage_error("unknown integrator '" + std::string(name) + "'")
       .with_field("integrator")
-      .with_mend(fmt::format("there is {}", fmt::join(names, ", ")));
+      .with_mend("there is " + names);
 }
 
 std::string Plan::to_text() const {
   std::string text;
   for (const PlanItem& item : items)
-    text += fmt::format("{} {}: {}\n", item.used ? "use " : "skip", item.technique, item.reason);
+    text += (item.used ? "use  " : "skip ") + item.technique + ": " + item.reason + '\n';
   return text;
 }
 

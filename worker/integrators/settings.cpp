@@ -1,23 +1,103 @@
 #include "worker/integrators/settings.h"
 
 #include <algorithm>
+#include <charconv>
 
 #include "common/description/vocabulary.h"
 
 namespace candela::integrators {
+namespace {
+
+template <class Names>
+std::string joined(const Names& names, std::string_view separator) {
+  std::string text;
+  for (const auto& name : names) {
+    if (!text.empty()) text += separator;
+    text += name;
+  }
+  return text;
+}
+
+std::string quoted(const std::string& text) {
+  return "'" + text + "'";
+}
+
+}  // namespace
+
+const std::string* SettingsReader::take(std::string_view name) {
+  known_.emplace_back(name);
+  const auto found = map_.find(std::string(name));
+  return found == map_.end() ? nullptr : &found->second;
+}
+
+void SettingsReader::fail(std::string_view name, std::string message) {
+  if (ok_) error_ = usage_error(std::move(message)).with_field(std::string(name));
+  ok_ = false;
+}
+
+void SettingsReader::operator()(std::string_view name, int& field, int lowest, int highest,
+                                std::string_view /*doc*/) {
+  const std::string* text = take(name);
+  if (text == nullptr) return;
+  int value = 0;
+  const auto [end, code] = std::from_chars(text->data(), text->data() + text->size(), value);
+  if (code != std::errc() || end != text->data() + text->size() || value < lowest || value > highest) {
+    fail(name, quoted(*text) + " is not an integer from " + std::to_string(lowest) + " to " +
+                   std::to_string(highest));
+    return;
+  }
+  field = value;
+}
+
+void SettingsReader::operator()(std::string_view name, bool& field, std::string_view /*doc*/) {
+  const std::string* text = take(name);
+  if (text == nullptr) return;
+  if (*text != "true" && *text != "false") {
+    fail(name, quoted(*text) + " is neither true nor false");
+    return;
+  }
+  field = *text == "true";
+}
+
+void SettingsReader::operator()(std::string_view name, Choice& field, std::string_view /*doc*/) {
+  const std::string* text = take(name);
+  if (text == nullptr) return;
+  if (std::find(field.names.begin(), field.names.end(), *text) == field.names.end()) {
+    fail(name, quoted(*text) + " is not one of " + joined(field.names, ", "));
+    return;
+  }
+  field.value = *text;
+}
 
 Result<void> SettingsReader::finish() const {
   if (!ok_) return Error(error_);
   for (const auto& [key, value] : map_) {
     if (std::find(known_.begin(), known_.end(), key) != known_.end()) continue;
     const std::vector<std::string_view> known(known_.begin(), known_.end());
-    const std::string_view near = description::nearest_name(key, known);
+    const std::string near(description::nearest_name(key, known));
     return usage_error("unknown integrator setting")
         .with_field(key)
-        .with_mend(near.empty() ? fmt::format("there are {}", fmt::join(known_, ", "))
-                                : fmt::format("did you mean '{}'?", near));
+        .with_mend(near.empty() ? "there are " + joined(known_, ", ") : "did you mean '" + near + "'?");
   }
   return {};
+}
+
+void SettingsWriter::add(std::string_view name, std::string type, std::string value, std::string_view doc) {
+  docs.push_back({std::string(name), std::move(type), value, std::string(doc)});
+  map.emplace(name, std::move(value));
+}
+
+void SettingsWriter::operator()(std::string_view name, int& field, int lowest, int highest,
+                                std::string_view doc) {
+  add(name, "integer " + std::to_string(lowest) + ".." + std::to_string(highest), std::to_string(field), doc);
+}
+
+void SettingsWriter::operator()(std::string_view name, bool& field, std::string_view doc) {
+  add(name, "true or false", field ? "true" : "false", doc);
+}
+
+void SettingsWriter::operator()(std::string_view name, Choice& field, std::string_view doc) {
+  add(name, joined(field.names, " | "), field.value, doc);
 }
 
 }  // namespace candela::integrators
