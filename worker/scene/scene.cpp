@@ -328,4 +328,8 @@ const SceneFeatures& Scene::features() const {
   return impl_->features;
 }
 
+void* Scene::embree_scene() const {
+  return impl_->accel->embree_scene();
+}
+
 }  // namespace candela::scene
