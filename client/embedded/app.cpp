@@ -75,7 +75,7 @@ std::string explain(const CLI::App& app, const std::vector<std::string>& argumen
   const auto chosen = app.get_subcommands();
   const CLI::App& command = chosen.empty() ? app : *chosen.front();
   const std::string what = error.what();
-  if (error.get_name() == "ExtrasError") {
+  if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError)) {
     // The words the parser left over, looked up in the order they were given.
     std::vector<std::string> options;
     for (const CLI::Option* option : command.get_options())

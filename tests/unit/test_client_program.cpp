@@ -1,0 +1,233 @@
+// The program around the commands: progress and JSON shapes, exit codes of bad usage, checks before
+// rendering, the CLI reference.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "client/embedded/app.h"
+#include "client/embedded/local_farm.h"
+#include "client/embedded/state_folder.h"
+#include "client/json.h"
+#include "client/output.h"
+#include "client/progress.h"
+
+namespace candela::client {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Outcome {
+  int code;
+  std::string out, err;
+};
+
+Outcome run(std::vector<std::string> arguments) {
+  arguments.insert(arguments.begin(), "candela");
+  std::ostringstream out, err;
+  const int code = run_program(arguments, out, err);
+  return {code, out.str(), err.str()};
+}
+
+v1::JobStatus running_job() {
+  v1::JobStatus s;
+  s.set_id("j1");
+  s.set_state(v1::JOB_STATE_RUNNING);
+  s.mutable_stop()->set_iterations(128);
+  s.set_iterations(54);
+  s.set_samples_per_second(12.34e6);
+  s.set_relmse_estimate(1.234e-3);
+  s.set_eta_seconds(65);
+  return s;
+}
+
+// Claim: the line shows what is known, and leaves out what is not.
+TEST(Progress, Lines) {
+  v1::JobStatus s = running_job();
+  EXPECT_EQ(format_progress(s), " 42%  54/128 iterations, 12.3M samples/s, relMSE 1.2e-03, ETA 1m05s");
+  s.mutable_stop()->set_relmse(1e-3);
+  EXPECT_EQ(format_progress(s),
+            " 81%  54/128 iterations, 12.3M samples/s, relMSE 1.2e-03 (to 1.0e-03), ETA 1m05s");
+  s = running_job();
+  s.set_iterations(0);
+  s.set_samples_per_second(0);
+  s.set_relmse_estimate(std::nan(""));
+  s.set_eta_seconds(std::nan(""));
+  EXPECT_EQ(format_progress(s), "  0%  0/128 iterations, preparing the scene");
+  s = running_job();
+  s.set_state(v1::JOB_STATE_DONE);
+  s.set_iterations(128);
+  EXPECT_EQ(format_progress(s), "100%  128/128 iterations, relMSE 1.2e-03, done");
+}
+
+// Claim: 100% is shown of a job that is done only; with several limits the furthest counts.
+TEST(Progress, FractionIsOfTheNearestEnd) {
+  v1::JobStatus s = running_job();
+  s.set_iterations(128);
+  EXPECT_EQ(format_progress(s).substr(0, 4), " 99%");
+  s.set_iterations(64);
+  s.mutable_stop()->set_time_seconds(100);
+  s.set_elapsed_seconds(75);
+  EXPECT_DOUBLE_EQ(fraction_done(s), 0.75);
+}
+
+// Claim: off a terminal a line comes at once, then only every few seconds unless it is news; quiet says
+// nothing.
+TEST(Progress, PlainLinesAreFew) {
+  std::ostringstream err;
+  {
+    ProgressLine line(err, ProgressLine::Mode::plain);
+    line.show("one");
+    line.show("two");
+    line.show("three", true);
+  }
+  EXPECT_EQ(err.str(), "one\nthree\n");
+  std::ostringstream silent;
+  ProgressLine(silent, ProgressLine::Mode::quiet).show("one", true);
+  EXPECT_EQ(silent.str(), "");
+}
+
+// Claim: `show --json` has the promised names; unknown numbers and unset limits are null; broken UTF-8 is no
+// error.
+TEST(Json, JobShape) {
+  v1::JobStatus s = running_job();
+  s.set_units_merged(7);
+  s.set_message("caf\xe9");
+  s.set_eta_seconds(std::numeric_limits<double>::infinity());
+  const auto json = nlohmann::json::parse(job_json(s));
+  EXPECT_EQ(json.at("id"), "j1");
+  EXPECT_EQ(json.at("state"), "running");
+  EXPECT_EQ(json.at("units_merged"), 7);
+  EXPECT_EQ(json.at("iterations"), 54);
+  EXPECT_DOUBLE_EQ(json.at("error").get<double>(), 1.234e-3);
+  EXPECT_TRUE(json.at("eta_seconds").is_null());
+  EXPECT_EQ(json.at("stop").at("iterations"), 128);
+  EXPECT_TRUE(json.at("stop").at("relmse").is_null());
+  EXPECT_TRUE(json.contains("message"));
+  s.set_relmse_estimate(std::nan(""));
+  EXPECT_TRUE(nlohmann::json::parse(job_json(s)).at("error").is_null());
+}
+
+// Claim: lists are objects with one named array, also when empty.
+TEST(Json, ListShapes) {
+  EXPECT_EQ(nlohmann::json::parse(jobs_json({})), nlohmann::json::parse(R"({"jobs": []})"));
+  EXPECT_EQ(nlohmann::json::parse(workers_json({})), nlohmann::json::parse(R"({"workers": []})"));
+  EXPECT_EQ(nlohmann::json::parse(events_json({})), nlohmann::json::parse(R"({"events": []})"));
+}
+
+// Claim: bad usage is exit code 2 and one line "candela: error: ..." on standard error, nothing on standard
+// output.
+TEST(Program, BadUsageIsOneLineAndCodeTwo) {
+  const std::string out = testing::TempDir() + "/x.exr";
+  const struct {
+    std::vector<std::string> arguments;
+    std::string part;
+  } cases[] = {
+      {{"rendr"}, "there is no command 'rendr' (did you mean 'render'?)"},
+      {{"render", "scene.xml", "-o", out, "--iteratons", "3"},
+       "there is no option '--iteratons' (did you mean '--iterations'?)"},
+      {{"render", "scene.xml"}, "--output"},
+      {{"render", "-o", out}, "scene"},
+      {{"render", "scene.xml", "-o", "x.png"}, "--output: x.png: the name does not end in .exr"},
+      {{"render", "scene.xml", "-o", "/nonexistent/x.exr"}, "there is no folder /nonexistent"},
+      {{"render", "scene.xml", "-o", out, "--png", "x.exr"}, "--png: x.exr: the name does not end in .png"},
+      {{"render", "scene.xml", "-o", out, "--workers", "0"}, "--workers: '0' is not a whole number from 1"},
+      {{"render", "scene.xml", "-o", out, "--threads", "2", "--workers", "5"},
+       "2 threads cannot be split among 5 workers"},
+      {{"render", "scene.xml", "-o", out, "--size", "0x5"}, "--size: '0x5' is not a size"},
+      {{"render", "scene.xml", "-o", out, "--time", "soon"}, "--time: 'soon' is not a duration"},
+      {{"render", "scene.xml", "-o", out, "--resume", "--fresh"}, "exclude each other"},
+      {{"render", "/nonexistent/scene.xml", "-o", out}, "/nonexistent/scene.xml"},
+      {{"submit", "scene.xml", "--share", "nan"}, "--share"},
+      {{"submit", "scene.xml", "-o", out}, "an output needs --wait"},
+      {{"extend", "j1"}, "nothing to extend by"},
+      {{"show"}, "id"},
+      {{"show", "j1", "--master", "nowhere"}, "--master"},
+      {{"compare", "/nonexistent/a.exr", "/nonexistent/b.exr"}, "/nonexistent/a.exr"},
+      {{"convert", "a.exr", "b.jpg"}, "the name does not end in .png"},
+      {{}, "no command is given"},
+  };
+  for (const auto& c : cases) {
+    const Outcome r = run(c.arguments);
+    const std::string shown = testing::PrintToString(c.arguments) + "\n" + r.err;
+    EXPECT_EQ(r.code, 2) << shown;
+    EXPECT_EQ(r.out, "") << shown;
+    const std::size_t at = r.err.find("candela: error: ");
+    ASSERT_NE(at, std::string::npos) << shown;
+    EXPECT_EQ(r.err.find('\n', at), r.err.size() - 1) << shown;
+    EXPECT_NE(r.err.find(c.part), std::string::npos) << shown;
+  }
+}
+
+// Claim: an absent master is exit code 3, after the time that --timeout allows.
+TEST(Program, UnreachableMasterIsCodeThree) {
+  const Outcome r = run({"list", "--master", "127.0.0.1:1", "--timeout", "300ms"});
+  EXPECT_EQ(r.code, 3) << r.err;
+  EXPECT_NE(r.err.find("cannot reach the master at 127.0.0.1:1"), std::string::npos) << r.err;
+}
+
+// Claim: help and version are exit code 0 on standard output.
+TEST(Program, HelpAndVersion) {
+  for (const auto& arguments :
+       std::vector<std::vector<std::string>>{{"--help"}, {"render", "--help"}, {"--version"}, {"version"}}) {
+    const Outcome r = run(arguments);
+    EXPECT_EQ(r.code, 0) << r.err;
+    EXPECT_NE(r.out, "");
+    EXPECT_EQ(r.err, "");
+  }
+}
+
+// Claim: docs/cli.md is what the program says of itself. (To mend: candela help-markdown > docs/cli.md)
+TEST(Program, CliReferenceIsCurrent) {
+  std::ifstream file(std::string(CANDELA_SOURCE_DIR) + "/docs/cli.md");
+  std::stringstream committed;
+  committed << file.rdbuf();
+  EXPECT_EQ(run({"help-markdown"}).out, committed.str());
+}
+
+// Claim: all threads are used, none twice, every worker has one.
+TEST(LocalFarmTest, ThreadsAreSplitEvenly) {
+  EXPECT_EQ(split_threads(8, 3), (std::vector<unsigned>{3, 3, 2}));
+  EXPECT_EQ(split_threads(2, 2), (std::vector<unsigned>{1, 1}));
+  EXPECT_EQ(split_threads(2, 5), (std::vector<unsigned>{1, 1, 1, 1, 1}));
+}
+
+// Claim: an unfinished render is neither overwritten nor shared, nothing but our own folder is ever thrown
+// away.
+TEST(StateFolderTest, ModesAndOwnership) {
+  const fs::path path = fs::path(testing::TempDir()) / ("state-" + std::to_string(::getpid()) + ".candela");
+  fs::remove_all(path);
+  EXPECT_EQ(StateFolder::open(path, StateFolder::Mode::resume).error().exit_code(), 2);
+  {
+    auto folder = StateFolder::open(path, StateFolder::Mode::create);
+    ASSERT_TRUE(folder.ok()) << folder.error().to_string();
+    fs::create_directories((*folder)->farm());
+    // A second owner is refused even if it would resume.
+    EXPECT_EQ(StateFolder::open(path, StateFolder::Mode::resume).error().kind, ErrorKind::refused);
+    EXPECT_EQ(StateFolder::open(path, StateFolder::Mode::fresh).error().kind, ErrorKind::refused);
+    EXPECT_TRUE(fs::exists((*folder)->farm()));
+  }
+  const auto again = StateFolder::open(path, StateFolder::Mode::create);
+  ASSERT_FALSE(again.ok());
+  EXPECT_NE(again.error().to_string().find("--resume"), std::string::npos);
+  {
+    auto fresh = StateFolder::open(path, StateFolder::Mode::fresh);
+    ASSERT_TRUE(fresh.ok());
+    EXPECT_FALSE(fs::exists((*fresh)->farm()));
+    EXPECT_TRUE((*fresh)->remove().ok());
+  }
+  EXPECT_FALSE(fs::exists(path));
+  // A folder of somebody else's.
+  fs::create_directories(path / "farm");
+  EXPECT_FALSE(StateFolder::open(path, StateFolder::Mode::fresh).ok());
+  EXPECT_TRUE(fs::exists(path / "farm"));
+  fs::remove_all(path);
+}
+
+}  // namespace
+}  // namespace candela::client

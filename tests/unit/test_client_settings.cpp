@@ -1,0 +1,230 @@
+// From scene and options to job settings: precedence, Mitsuba's defaults, and errors that name option or
+// line.
+#include <gtest/gtest.h>
+
+#include <unistd.h>
+
+#include <cstdlib>
+#include <fstream>
+
+#include "client/context.h"
+#include "client/settings.h"
+
+namespace candela::client {
+namespace {
+
+using description::Object;
+using description::Property;
+using description::PropertyType;
+
+// A renderer with two integrators; unknown settings are refused as the real one does.
+RendererFacts fake_facts() {
+  RendererFacts facts;
+  facts.integrator_names = [] { return std::vector<std::string>{"path", "bdpt"}; };
+  facts.setting_names = [](const std::string& name) -> Result<std::vector<std::string>> {
+    if (name == "bdpt") return std::vector<std::string>{"max_depth"};
+    return std::vector<std::string>{"max_depth", "rr_depth"};
+  };
+  facts.complete_settings = [](const std::string&, const SettingsMap& scene,
+                               const SettingsMap& user) -> Result<SettingsMap> {
+    SettingsMap all = {{"max_depth", "-1"}, {"rr_depth", "5"}};
+    for (const SettingsMap& map : {scene, user})
+      for (const auto& [key, value] : map) {
+        if (!all.contains(key)) return usage_error("unknown integrator setting").with_field(key);
+        all[key] = value;
+      }
+    return all;
+  };
+  return facts;
+}
+
+std::shared_ptr<Object> object(std::string category, std::string plugin, int line) {
+  auto made = std::make_shared<Object>();
+  made->category = std::move(category);
+  made->plugin = std::move(plugin);
+  made->where = {"scene.xml", line};
+  return made;
+}
+
+void add_integer(Object& parent, std::string name, std::int64_t value, int line = 0) {
+  parent.properties.push_back({std::move(name), PropertyType::integer, value, {"scene.xml", line}});
+}
+
+struct TestScene {
+  std::shared_ptr<Object> scene = object("scene", "", 1);
+  std::shared_ptr<Object> integrator = object("integrator", "path", 2);
+  std::shared_ptr<Object> sensor = object("sensor", "perspective", 4);
+  std::shared_ptr<Object> film = object("film", "hdrfilm", 5);
+  std::shared_ptr<Object> rfilter = object("rfilter", "tent", 6);
+  std::shared_ptr<Object> sampler = object("sampler", "independent", 7);
+  TestScene() {
+    add_integer(*integrator, "max_depth", 13, 3);
+    add_integer(*film, "width", 320);
+    add_integer(*film, "height", 200);
+    add_integer(*sampler, "sample_count", 64);
+    add_integer(*sampler, "seed", 9);
+    film->children = {{"", rfilter}};
+    sensor->children = {{"", film}, {"", sampler}};
+    scene->children = {{"", integrator}, {"", sensor}};
+  }
+  Result<PreparedJob> prepare(const SceneOptions& options) const {
+    return prepare_job({scene, {"scene.xml"}}, options, fake_facts());
+  }
+};
+
+// Claim: without options, the scene decides everything, and sample_count is the limit.
+TEST(Settings, SceneDecides) {
+  const auto job = TestScene().prepare({});
+  ASSERT_TRUE(job.ok()) << job.error().to_string();
+  EXPECT_EQ(job->settings.integrator, "path");
+  EXPECT_EQ(job->settings.integrator_settings, (SettingsMap{{"max_depth", "13"}, {"rr_depth", "5"}}));
+  EXPECT_EQ(job->settings.width, 320U);
+  EXPECT_EQ(job->settings.height, 200U);
+  EXPECT_EQ(job->settings.filter, "tent");
+  EXPECT_EQ(job->settings.filter_settings, (SettingsMap{{"radius", "1"}}));
+  EXPECT_EQ(job->settings.seed, 9U);
+  EXPECT_EQ(job->stop.iterations, 64U);
+  EXPECT_FALSE(job->stop_given);
+}
+
+// Claim: options beat the scene, one by one; a given limit replaces sample_count, and several limits stay
+// together.
+TEST(Settings, OptionsBeatTheScene) {
+  SceneOptions options;
+  options.integrator = "bdpt";
+  options.sets = {"max_depth=4"};
+  options.size = "64x32";
+  options.filter = "box";
+  options.sampler = "independent";
+  options.seed = "1";
+  options.isa = "sse4.2";
+  options.time = "10m";
+  options.until = "relmse=1e-3";
+  const auto job = TestScene().prepare(options);
+  ASSERT_TRUE(job.ok()) << job.error().to_string();
+  EXPECT_EQ(job->settings.integrator, "bdpt");
+  EXPECT_EQ(job->settings.integrator_settings.at("max_depth"), "4");
+  EXPECT_EQ(job->settings.width, 64U);
+  EXPECT_EQ(job->settings.filter, "box");
+  EXPECT_EQ(job->settings.filter_settings, (SettingsMap{{"radius", "0.5"}}));
+  EXPECT_EQ(job->settings.sampler, "independent");
+  EXPECT_EQ(job->settings.seed, 1U);
+  EXPECT_EQ(job->settings.isa, "sse4.2");
+  EXPECT_EQ(job->stop.iterations, 0U);
+  EXPECT_DOUBLE_EQ(job->stop.time_seconds, 600);
+  EXPECT_DOUBLE_EQ(job->stop.relmse, 1e-3);
+  EXPECT_TRUE(job->stop_given);
+}
+
+// Claim: under another integrator, settings both know carry over and the others do not stand in the way.
+TEST(Settings, SharedSettingsCarryOver) {
+  TestScene scene;
+  scene.integrator->plugin = "volpath";
+  add_integer(*scene.integrator, "volpath_only", 1, 3);
+  SceneOptions options;
+  options.integrator = "path";
+  const auto job = scene.prepare(options);
+  ASSERT_TRUE(job.ok()) << job.error().to_string();
+  EXPECT_EQ(job->settings.integrator_settings.at("max_depth"), "13");
+}
+
+// Claim: what a scene leaves out is Mitsuba's default.
+TEST(Settings, MitsubaDefaults) {
+  TestScene scene;
+  scene.sensor->children.clear();
+  const auto job = scene.prepare({});
+  ASSERT_TRUE(job.ok()) << job.error().to_string();
+  EXPECT_EQ(job->settings.width, 768U);
+  EXPECT_EQ(job->settings.height, 576U);
+  EXPECT_EQ(job->settings.filter, "gaussian");
+  EXPECT_EQ(job->settings.filter_settings, (SettingsMap{{"stddev", "0.5"}}));
+  EXPECT_EQ(job->stop.iterations, 4U);
+}
+
+// Claim: each bad option or scene gives one error naming where it was written and the mend; the kind makes it
+// exit code 2.
+TEST(Settings, ErrorsSayWhere) {
+  const auto error_of = [](const TestScene& scene, const SceneOptions& options) {
+    const auto job = scene.prepare(options);
+    if (job.ok()) return std::string("no error");
+    EXPECT_EQ(job.error().exit_code(), 2);
+    return job.error().to_string();
+  };
+  SceneOptions options;
+  options.integrator = "paht";
+  EXPECT_EQ(error_of({}, options), "--integrator: unknown value 'paht' (did you mean 'path'?)");
+  options = {};
+  options.sets = {"max_dept=3"};
+  EXPECT_EQ(error_of({}, options), "--set max_dept: unknown integrator setting");
+  options.sets = {"max_depth=3", "max_depth=4"};
+  EXPECT_EQ(error_of({}, options), "--set: 'max_depth' is given twice");
+  options.sets = {"max_depth"};
+  EXPECT_EQ(error_of({}, options), "--set: 'max_depth' is not of the form name=value");
+  options = {};
+  options.iterations = "0";
+  EXPECT_NE(error_of({}, options).find("--iterations: '0' is not a whole number from 1"), std::string::npos);
+
+  TestScene scene;
+  scene.integrator->plugin = "volpath";
+  EXPECT_EQ(error_of(scene, {}),
+            "scene.xml:2: there is no integrator 'volpath' here (give --integrator, one of path, bdpt)");
+  scene = {};
+  add_integer(*scene.integrator, "odd", 1, 33);
+  EXPECT_EQ(error_of(scene, {}), "scene.xml:33: odd: unknown integrator setting");
+  scene = {};
+  scene.film->properties.clear();
+  add_integer(*scene.film, "width", 0);
+  EXPECT_NE(error_of(scene, {}).find("scene.xml:5: film size: '0x576' is not a size"), std::string::npos);
+  scene = {};
+  scene.sampler->properties.clear();
+  add_integer(*scene.sampler, "sample_count", -1);
+  EXPECT_NE(error_of(scene, {}).find("scene.xml:7: sample_count is -1"), std::string::npos);
+  scene = {};
+  scene.rfilter->plugin = "mitchell";
+  EXPECT_NE(error_of(scene, {}).find("scene.xml:6: there is no rfilter 'mitchell' here"), std::string::npos);
+  scene = {};
+  scene.scene->children = {{"", scene.integrator}};
+  EXPECT_EQ(error_of(scene, {}), "scene.xml:1: the scene has no sensor");
+}
+
+// Claim: --resume's comparison of settings names each thing that differs, and only those.
+TEST(Settings, DifferenceNamesWhatDiffers) {
+  JobSettings a;
+  a.integrator_settings = {{"max_depth", "3"}};
+  JobSettings b = a;
+  EXPECT_EQ(difference(a, b), "");
+  b.seed = 7;
+  b.integrator_settings = {{"max_depth", "4"}};
+  EXPECT_EQ(difference(a, b), "max_depth is 3, was 4; seed is 0, was 7");
+}
+
+// Claim: option beats environment beats file for the master's address, and a bad timeout says where it came
+// from.
+TEST(Settings, ConnectionPrecedence) {
+  const std::string file = testing::TempDir() + "/candela-client-" + std::to_string(::getpid()) + ".toml";
+  std::ofstream(file) << "[client]\nmaster = \"file:1\"\ntimeout = \"soon\"\n";
+  ::setenv("CANDELA_CONFIG", file.c_str(), 1);
+  ::unsetenv("CANDELA_MASTER");
+  ::unsetenv("CANDELA_TIMEOUT");
+  const auto config = Config::load();
+  ASSERT_TRUE(config.ok());
+  FarmOptions options;
+  auto connection = resolve_connection(options, *config);
+  ASSERT_FALSE(connection.ok());
+  EXPECT_EQ(connection.error().field, file + ":3");
+  options.timeout = "3s";
+  connection = resolve_connection(options, *config);
+  ASSERT_TRUE(connection.ok()) << connection.error().to_string();
+  EXPECT_EQ(connection->master, "file:1");
+  EXPECT_DOUBLE_EQ(connection->timeout_seconds, 3);
+  ::setenv("CANDELA_MASTER", "env:2", 1);
+  EXPECT_EQ(resolve_connection(options, *config)->master, "env:2");
+  options.master = "option:3";
+  EXPECT_EQ(resolve_connection(options, *config)->master, "option:3");
+  ::unsetenv("CANDELA_MASTER");
+  ::unsetenv("CANDELA_CONFIG");
+  ::unlink(file.c_str());
+}
+
+}  // namespace
+}  // namespace candela::client
