@@ -134,7 +134,7 @@ TEST(ObjLoader, SurvivesMutations) {
           text[at] = kBytes[stream.next_u32() % kBytes.size()];
           break;
       }
-      if (text.empty()) text = "v";
+      if (text.empty()) text.push_back('v');
     }
     const auto mesh = load_obj(text, "m.obj", false);
     if (!mesh.ok()) {
