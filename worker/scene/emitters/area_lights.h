@@ -34,7 +34,7 @@ class RectangleLight {
   float pdf_solid_angle(Vec3 reference, Vec3 p) const;
   double area() const { return area_; }
 
-  static constexpr float kNearDiagonals = 4;
+  static constexpr float kNearDiagonals = 1.5;
 
  private:
   struct Spherical {
