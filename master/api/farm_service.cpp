@@ -122,16 +122,17 @@ grpc::Status FarmServiceImpl::UploadBlob(grpc::ServerContext* context,
     v1::UploadBlobRequest chunk;
     if (!reader->Read(&chunk)) return grpc::Status(grpc::StatusCode::INVALID_ARGUMENT, "no chunk came");
     auto upload = farm_.blobs().begin(chunk.sha256(), chunk.size_bytes());
-    if (!upload.ok()) return wire::to_status(upload.error());
-    if (farm_.blobs().size(chunk.sha256())) return grpc::Status::OK;
+    if (!upload.ok()) return after_drain(*reader, wire::to_status(upload.error()));
+    if (farm_.blobs().size(chunk.sha256())) return after_drain(*reader, grpc::Status::OK);
     do {
       if (chunk.data().size() > Limits::max_chunk_bytes)
-        return wire::to_status(
-            input_error(fmt::format("larger than {} bytes", Limits::max_chunk_bytes)).with_field("data"));
+        return after_drain(
+            *reader, wire::to_status(input_error(fmt::format("larger than {} bytes", Limits::max_chunk_bytes))
+                                         .with_field("data")));
       if (auto added = (*upload)->append(chunk.data()); !added.ok()) {
         if (added.error().kind == ErrorKind::failed)
-          return grpc::Status(grpc::StatusCode::DATA_LOSS, added.error().to_string());
-        return wire::to_status(added.error());
+          return after_drain(*reader, grpc::Status(grpc::StatusCode::DATA_LOSS, added.error().to_string()));
+        return after_drain(*reader, wire::to_status(added.error()));
       }
       farm_.counters().upload_bytes += chunk.data().size();
       // A fresh guard for each chunk: a large blob may take long, silence may not.

@@ -18,6 +18,17 @@ inline grpc::Status stopping_status() {
   return {grpc::StatusCode::UNAVAILABLE, "the master is stopping"};
 }
 
+// Reads what a sender still sends, and forgets it. A call that ends before its stream is read leaves the
+// sender's Write waiting for ever on gRPC 1.51's in-process transport. The place in the gate bounds how long
+// this takes.
+template <class Message>
+grpc::Status after_drain(grpc::ServerReader<Message>& reader, const grpc::Status& status) {
+  Message rest;
+  while (reader.Read(&rest)) {
+  }
+  return status;
+}
+
 // What cannot be forgotten in a handler: an exception is our own mistake or a lack of memory, and ends the
 // call alone.
 template <class F>

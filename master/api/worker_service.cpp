@@ -180,21 +180,23 @@ grpc::Status WorkerServiceImpl::PushDelta(grpc::ServerContext* context,
     v1::DeltaChunk chunk;
     if (!reader->Read(&chunk)) return grpc::Status(grpc::StatusCode::INVALID_ARGUMENT, "no chunk came");
     if (!chunk.has_header())
-      return wire::to_status(input_error("the first chunk must have it").with_field("header"));
+      return after_drain(*reader,
+                         wire::to_status(input_error("the first chunk must have it").with_field("header")));
     const v1::DeltaHeader header = chunk.header();
-    if (!is_worker(farm_, header.worker_id(), header.session())) return unauthenticated();
+    const auto refuse = [&](const grpc::Status& status) { return after_drain(*reader, status); };
+    if (!is_worker(farm_, header.worker_id(), header.session())) return refuse(unauthenticated());
     auto admitted = farm_.admit(header);
-    if (!admitted.ok()) return wire::to_status(admitted.error());
+    if (!admitted.ok()) return refuse(wire::to_status(admitted.error()));
     if (*admitted) {
       response->set_verdict((*admitted)->verdict);
       response->set_message((*admitted)->message);
-      return grpc::Status::OK;
+      return refuse(grpc::Status::OK);
     }
     auto ticket = farm_.gate().enter(header.worker_id(), header.size_bytes(), farm_.now().seconds,
                                      [context] { context->TryCancel(); });
     if (!ticket.ok()) {
       ++farm_.counters().queue_full;
-      return wire::to_status_with_retry(ticket.error(), kQueueRetryMs);
+      return refuse(wire::to_status_with_retry(ticket.error(), kQueueRetryMs));
     }
     waiting->reset();
     const double started = farm_.now().seconds;
@@ -203,11 +205,12 @@ grpc::Status WorkerServiceImpl::PushDelta(grpc::ServerContext* context,
     bool too_long = false;
     do {
       if (chunk.data().size() > Limits::max_chunk_bytes)
-        return wire::to_status(
-            input_error(fmt::format("larger than {} bytes", Limits::max_chunk_bytes)).with_field("data"));
+        return refuse(wire::to_status(
+            input_error(fmt::format("larger than {} bytes", Limits::max_chunk_bytes)).with_field("data")));
       if (bytes.size() + chunk.data().size() > header.size_bytes()) {
         too_long = true;  // one byte too many makes the size differ, which is what the verdict says
         bytes += '\0';
+        refuse(grpc::Status::OK);
         break;
       }
       bytes += chunk.data();
