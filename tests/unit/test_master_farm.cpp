@@ -1,0 +1,690 @@
+// The whole master in this process, over its in-process channel, with workers that make deltas from a hash
+// instead of rendering: submission, the cycle of units, bad deltas, restart, full disks.
+#include <grpcpp/grpcpp.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <thread>
+
+#include "candela/v1/client.grpc.pb.h"
+#include "candela/v1/worker.grpc.pb.h"
+#include "common/base/files.h"
+#include "common/base/hash.h"
+#include "common/base/log.h"
+#include "common/base/version.h"
+#include "common/film/film.h"
+#include "common/rng/stream.h"
+#include "common/wire/wire.h"
+#include "master/farm.h"
+#include "master/master.h"
+
+namespace candela::master {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr std::uint32_t kWidth = 40, kHeight = 33;  // four tiles, two of them cut
+const std::string kScene = "<scene version='3.0.0'/>";
+
+class Folder {
+ public:
+  Folder() {
+    std::string name = (fs::temp_directory_path() / "candela-master-XXXXXX").string();
+    path_ = ::mkdtemp(name.data());
+  }
+  ~Folder() {
+    std::error_code code;
+    fs::remove_all(path_, code);
+  }
+  const fs::path& path() const { return path_; }
+
+ private:
+  fs::path path_;
+};
+
+// What "rendering" gives: a value for each iteration and pixel that anybody can compute again.
+std::string make_delta(const Unit& unit, const std::string& job, int scale, const std::string& build) {
+  film::UnitFilm film({kWidth, kHeight, 1}, scale);
+  film::Tallies tallies;
+  for (std::uint64_t i = unit.begin; i < unit.end; ++i)
+    for (std::uint32_t y = 0; y < kHeight; ++y)
+      for (std::uint32_t x = 0; x < kWidth; ++x) {
+        const std::uint64_t key = rng::key(unit.half, i, y, x);
+        const float v = 1 + rng::to_float(static_cast<std::uint32_t>(key));
+        tallies.eye_samples += 1;
+        film.add(0, x, y, {v, v * 0.5F, v * 0.25F}, key, tallies);
+      }
+  film.count(tallies);
+  return film::encode_delta(film, {unit, film.layout(), scale, job, build});
+}
+
+class TestWorker {
+ public:
+  explicit TestWorker(const std::shared_ptr<grpc::Channel>& channel)
+      : stub(v1::WorkerService::NewStub(channel)) {}
+  grpc::Status enrol(const std::string& build = std::string(build_id()), std::uint32_t protocol = kProtocol) {
+    v1::RegisterRequest request;
+    request.set_protocol(protocol);
+    request.set_build_id(build);
+    request.set_name("test");
+    request.set_threads(1);
+    request.add_isas("avx2");
+    grpc::ClientContext context;
+    return stub->Register(&context, request, &session);
+  }
+  v1::AcquireLeaseResponse acquire() {
+    v1::AcquireLeaseRequest request;
+    request.set_worker_id(session.worker_id());
+    request.set_session(session.session());
+    v1::AcquireLeaseResponse response;
+    grpc::ClientContext context;
+    status = stub->AcquireLease(&context, request, &response);
+    return response;
+  }
+  bool pilot(const v1::Lease& lease) {
+    v1::CompletePilotRequest request;
+    request.set_worker_id(session.worker_id());
+    request.set_session(session.session());
+    request.set_token(lease.token());
+    request.mutable_named_state()->set_film_scale_log2(20);
+    request.set_plan("the plan");
+    request.set_seconds_per_iteration(0.5);
+    v1::CompletePilotResponse response;
+    grpc::ClientContext context;
+    status = stub->CompletePilot(&context, request, &response);
+    return response.accepted();
+  }
+  v1::DeltaHeader header(const v1::Lease& lease, const std::string& bytes) {
+    v1::DeltaHeader h;
+    h.set_worker_id(session.worker_id());
+    h.set_session(session.session());
+    h.set_token(lease.token());
+    h.set_unit_id(lease.unit_id());
+    h.set_job_id(lease.job_id());
+    *h.mutable_unit() = lease.unit();
+    h.set_build_id(std::string(build_id()));
+    h.set_size_bytes(bytes.size());
+    h.set_sha256(sha256_hex(bytes));
+    h.set_render_seconds(0.01);
+    return h;
+  }
+  v1::DeltaVerdict push(const v1::DeltaHeader& h, const std::string& bytes) {
+    grpc::ClientContext context;
+    v1::PushDeltaResponse response;
+    auto stream = stub->PushDelta(&context, &response);
+    v1::DeltaChunk chunk;
+    *chunk.mutable_header() = h;
+    for (std::size_t at = 0; at == 0 || at < bytes.size(); at += 5000) {  // several chunks
+      chunk.set_data(bytes.substr(at, 5000));
+      if (!stream->Write(chunk)) break;
+      chunk.Clear();
+    }
+    stream->WritesDone();
+    status = stream->Finish();
+    return response.verdict();
+  }
+  static std::string render(const v1::Lease& lease) {
+    return make_delta(*wire::from_proto(lease.unit()), lease.job_id(), lease.named_state().film_scale_log2(),
+                      std::string(build_id()));
+  }
+  v1::DeltaVerdict deliver(const v1::Lease& lease) {
+    const std::string bytes = render(lease);
+    return push(header(lease, bytes), bytes);
+  }
+  // One lease, done; false if there was none.
+  bool step() {
+    const v1::AcquireLeaseResponse r = acquire();
+    if (!r.has_lease()) return false;
+    if (r.lease().unit().kind() == v1::Unit::KIND_PILOT) return pilot(r.lease());
+    return deliver(r.lease()) == v1::DELTA_VERDICT_MERGED;
+  }
+
+  std::unique_ptr<v1::WorkerService::Stub> stub;
+  v1::RegisterResponse session;
+  grpc::Status status;
+};
+
+class MasterTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_TRUE(log::initialise("test", "off", "text").ok());
+    start();
+  }
+  void start() {
+    MasterOptions o;
+    o.data_dir = folder.path();
+    o.listen.clear();
+    o.checkpoint_seconds = checkpoint_seconds;
+    o.unit_seconds = 1;
+    o.lease_seconds = lease_seconds;
+    auto m = Master::start(o);
+    ASSERT_TRUE(m.ok()) << m.error().to_string();
+    master = std::move(*m);
+    channel = master->in_process_channel();
+    farm = v1::FarmService::NewStub(channel);
+  }
+  void restart() {
+    farm.reset();
+    channel.reset();
+    master.reset();
+    start();
+  }
+  grpc::Status upload(const std::string& bytes, const std::string& hash, std::uint64_t size) {
+    grpc::ClientContext context;
+    v1::UploadBlobResponse response;
+    auto stream = farm->UploadBlob(&context, &response);
+    v1::UploadBlobRequest chunk;
+    chunk.set_sha256(hash);
+    chunk.set_size_bytes(size);
+    chunk.set_data(bytes);
+    stream->Write(chunk);
+    stream->WritesDone();
+    return stream->Finish();
+  }
+  v1::SubmitRequest submission(std::uint64_t iterations) {
+    v1::SubmitRequest r;
+    r.set_name("test");
+    r.mutable_bundle()->set_main_path("scene.xml");
+    v1::BundleFile& file = *r.mutable_bundle()->add_files();
+    file.set_path("scene.xml");
+    file.set_sha256(sha256_hex(kScene));
+    file.set_size_bytes(kScene.size());
+    JobSettings s;
+    s.width = kWidth;
+    s.height = kHeight;
+    wire::to_proto(s, *r.mutable_settings());
+    r.mutable_stop()->set_iterations(iterations);
+    return r;
+  }
+  std::string submit(std::uint64_t iterations) {
+    EXPECT_TRUE(upload(kScene, sha256_hex(kScene), kScene.size()).ok());
+    v1::SubmitResponse response;
+    grpc::ClientContext context;
+    const grpc::Status st = farm->Submit(&context, submission(iterations), &response);
+    EXPECT_TRUE(st.ok()) << st.error_message();
+    return response.job_id();
+  }
+  v1::JobStatus show(const std::string& id) {
+    v1::GetJobRequest request;
+    request.set_job_id(id);
+    v1::JobStatus out;
+    grpc::ClientContext context;
+    EXPECT_TRUE(farm->GetJob(&context, request, &out).ok());
+    return out;
+  }
+  v1::JobStatus wait_end(const std::string& id) {
+    v1::WatchJobRequest request;
+    request.set_job_id(id);
+    request.set_interval_ms(20);
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(10));
+    v1::JobStatus out;
+    auto stream = farm->WatchJob(&context, request);
+    while (stream->Read(&out)) {
+    }
+    EXPECT_TRUE(stream->Finish().ok());
+    return out;
+  }
+  std::string fetch(const std::string& id) {
+    v1::FetchImageRequest request;
+    request.set_job_id(id);
+    grpc::ClientContext context;
+    auto stream = farm->FetchImage(&context, request);
+    v1::FetchImageChunk chunk;
+    std::string out;
+    while (stream->Read(&chunk)) out += chunk.data();
+    EXPECT_TRUE(stream->Finish().ok());
+    return out;
+  }
+  // The ledger of rows and the film's own account must be one: no overlap, no gap, and the right number of
+  // samples.
+  void audit(const std::string& id, std::uint64_t iterations) {
+    v1::GetLedgerRequest request;
+    request.set_job_id(id);
+    v1::GetLedgerResponse ledger;
+    grpc::ClientContext context;
+    ASSERT_TRUE(farm->GetLedger(&context, request, &ledger).ok());
+    std::array<film::IndexSet, 2> rows, film;
+    for (const auto& r : ledger.merged())
+      EXPECT_TRUE(rows[r.unit().half()].insert(r.unit().begin(), r.unit().end()));
+    for (const auto& r : ledger.film()) EXPECT_TRUE(film[r.half()].insert(r.begin(), r.end()));
+    for (int h = 0; h < 2; ++h) {
+      const std::uint64_t n = h == 0 ? (iterations + 1) / 2 : iterations / 2;
+      const auto half = static_cast<std::size_t>(h);
+      EXPECT_EQ(rows[half].count(), n);
+      EXPECT_EQ(film[half].count(), n);
+      EXPECT_EQ(rows[half].first_gap(0, n).first, rows[half].first_gap(0, n).second);
+      EXPECT_EQ(film[half].first_gap(0, n).first, film[half].first_gap(0, n).second);
+    }
+    EXPECT_EQ(ledger.film_eye_samples(), iterations * kWidth * kHeight);
+  }
+  // The newest checkpoint's sums: what every run of the same iterations must agree on to the last bit.
+  film::MergedFilm checkpoint_of(const std::string& id) {
+    const std::uint64_t g = show(id).checkpoint_generation();
+    auto bytes = read_file(folder.path() / "jobs" / id / ("film." + std::to_string(g) + ".ckpt"), 1 << 28);
+    EXPECT_TRUE(bytes.ok());
+    auto film = film::MergedFilm::parse(*bytes);
+    EXPECT_TRUE(film.ok());
+    return std::move(*film);
+  }
+
+  Folder folder;
+  double checkpoint_seconds = 0.05, lease_seconds = 30;
+  std::unique_ptr<Master> master;
+  std::shared_ptr<grpc::Channel> channel;
+  std::unique_ptr<v1::FarmService::Stub> farm;
+};
+
+// The film that 9 iterations must give, made without a master.
+film::MergedFilm expected_film(std::uint64_t iterations) {
+  film::MergedFilm film({kWidth, kHeight, 1}, 20);
+  for (std::uint32_t h = 0; h < 2; ++h) {
+    const Unit unit{Unit::Kind::iterations, h, 0, h == 0 ? (iterations + 1) / 2 : iterations / 2};
+    auto delta = film::Delta::decode(make_delta(unit, "x", 20, "b"), film.layout());
+    EXPECT_TRUE(delta.ok() && film.merge(*delta).ok());
+  }
+  return film;
+}
+
+void expect_same(const film::MergedFilm& a, const film::MergedFilm& b) {
+  for (std::uint32_t h = 0; h < 2; ++h) {
+    EXPECT_EQ(a.merged(h), b.merged(h));
+    EXPECT_EQ(a.tallies(h), b.tallies(h));
+    for (std::uint32_t y = 0; y < kHeight; ++y)
+      for (std::uint32_t x = 0; x < kWidth; ++x)
+        for (int c = 0; c < 3; ++c) ASSERT_TRUE(a.sum(h, 0, x, y, c) == b.sum(h, 0, x, y, c));
+  }
+}
+
+// Claim: submit to done through two workers gives exactly the sums of the iterations, an image, and an
+// agreeing ledger.
+TEST_F(MasterTest, RendersAJobExactly) {
+  TestWorker a(channel), b(channel);
+  ASSERT_TRUE(a.enrol().ok());
+  ASSERT_TRUE(b.enrol().ok());
+  const std::string id = submit(9);
+  for (int i = 0; i < 100 && show(id).iterations() < 9; ++i) (i % 2 == 0 ? a : b).step();
+  const v1::JobStatus end = wait_end(id);
+  EXPECT_EQ(end.state(), v1::JOB_STATE_DONE) << end.message();
+  EXPECT_EQ(end.iterations(), 9U);
+  EXPECT_EQ(end.checkpoint_iterations(), 9U);
+  EXPECT_EQ(end.plan(), "the plan");
+  EXPECT_GT(end.relmse_estimate(), 0);
+  audit(id, 9);
+  expect_same(checkpoint_of(id), expected_film(9));
+  EXPECT_EQ(fetch(id).substr(0, 4), std::string("\x76\x2f\x31\x01", 4));  // OpenEXR's magic number
+}
+
+// Claim: a repeated submission with one token is one job; with other content it is refused.
+TEST_F(MasterTest, SubmissionIsIdempotent) {
+  ASSERT_TRUE(upload(kScene, sha256_hex(kScene), kScene.size()).ok());
+  v1::SubmitRequest r = submission(4);
+  r.set_idempotency_token("once");
+  const auto send = [&](v1::SubmitResponse& out) {
+    grpc::ClientContext context;
+    return farm->Submit(&context, r, &out);
+  };
+  v1::SubmitResponse first, second, third;
+  ASSERT_TRUE(send(first).ok());
+  EXPECT_FALSE(first.existed());
+  restart();
+  ASSERT_TRUE(send(second).ok());
+  EXPECT_TRUE(second.existed());
+  EXPECT_EQ(first.job_id(), second.job_id());
+  r.mutable_stop()->set_iterations(5);
+  EXPECT_EQ(send(third).error_code(), grpc::StatusCode::ALREADY_EXISTS);
+}
+
+// Claim: bad submissions and uploads each get one clear refusal, and nothing is stored.
+TEST_F(MasterTest, RefusesBadInput) {
+  const std::string hash = sha256_hex(kScene);
+  EXPECT_EQ(upload(kScene + "x", hash, kScene.size() + 1).error_code(), grpc::StatusCode::DATA_LOSS);
+  EXPECT_EQ(upload(kScene, hash, kScene.size() + 1).error_code(), grpc::StatusCode::DATA_LOSS);
+  EXPECT_EQ(upload(kScene, "../../etc/passwd", 3).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  v1::FindMissingBlobsRequest missing;
+  missing.add_sha256(hash);
+  v1::FindMissingBlobsResponse found;
+  grpc::ClientContext c0;
+  ASSERT_TRUE(farm->FindMissingBlobs(&c0, missing, &found).ok());
+  EXPECT_EQ(found.sha256_size(), 1);
+  const auto code = [&](const v1::SubmitRequest& r) {
+    grpc::ClientContext context;
+    v1::SubmitResponse response;
+    return farm->Submit(&context, r, &response).error_code();
+  };
+  EXPECT_EQ(code(submission(4)), grpc::StatusCode::FAILED_PRECONDITION) << "a blob is missing";
+  ASSERT_TRUE(upload(kScene, hash, kScene.size()).ok());
+  v1::SubmitRequest r = submission(4);
+  r.mutable_settings()->set_width(0);
+  EXPECT_EQ(code(r), grpc::StatusCode::INVALID_ARGUMENT);
+  r = submission(0);
+  EXPECT_EQ(code(r), grpc::StatusCode::INVALID_ARGUMENT) << "no stop rule";
+  r = submission(4);
+  r.set_share(std::nan(""));
+  EXPECT_EQ(code(r), grpc::StatusCode::INVALID_ARGUMENT);
+  v1::GetJobRequest get;
+  get.set_job_id("nope");
+  v1::JobStatus out;
+  grpc::ClientContext c1;
+  EXPECT_EQ(farm->GetJob(&c1, get, &out).error_code(), grpc::StatusCode::NOT_FOUND);
+}
+
+// Claim: other protocols and builds are refused at the door, unknown sessions everywhere.
+TEST_F(MasterTest, RefusesStrangers) {
+  TestWorker w(channel);
+  EXPECT_EQ(w.enrol("another-build").error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_EQ(w.enrol(std::string(build_id()), 99).error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  w.session.set_worker_id("w");
+  w.session.set_session("s");
+  w.acquire();
+  EXPECT_EQ(w.status.error_code(), grpc::StatusCode::UNAUTHENTICATED);
+}
+
+// Claim: truncated, altered, foreign and repeated deltas never reach the film; the sums stay exact to the
+// last bit.
+TEST_F(MasterTest, BadDeltasNeverMerge) {
+  TestWorker bad(channel), good(channel);
+  ASSERT_TRUE(bad.enrol().ok());
+  ASSERT_TRUE(good.enrol().ok());
+  const std::string id = submit(9);
+  ASSERT_TRUE(good.step());  // the pilot
+  const auto lease = [&](TestWorker& w) {
+    const auto r = w.acquire();
+    EXPECT_TRUE(r.has_lease());
+    return r.lease();
+  };
+  const v1::Lease spare = lease(good);  // four failures of one unit would end the job
+  v1::Lease l = lease(bad);
+  std::string bytes = TestWorker::render(l);
+  v1::DeltaHeader h = bad.header(l, bytes);
+  EXPECT_EQ(bad.push(h, bytes.substr(0, bytes.size() / 2)), v1::DELTA_VERDICT_CORRUPT) << "truncated";
+  EXPECT_EQ(bad.push(h, bytes), v1::DELTA_VERDICT_STALE) << "the lease went with the failure";
+  l = lease(bad);
+  bytes = TestWorker::render(l);
+  bytes[bytes.size() / 2] = static_cast<char>(bytes[bytes.size() / 2] ^ 1);
+  EXPECT_EQ(bad.push(bad.header(l, bytes), bytes), v1::DELTA_VERDICT_CORRUPT)
+      << "altered, with the right hash";
+  l = lease(good);
+  bytes = TestWorker::render(l);
+  h = good.header(l, bytes);
+  h.set_build_id("another");
+  EXPECT_EQ(good.push(h, bytes), v1::DELTA_VERDICT_WRONG_BUILD);
+  l = spare;
+  v1::Lease other = l;
+  other.mutable_unit()->set_half(1 - l.unit().half());
+  bytes = TestWorker::render(other);
+  EXPECT_EQ(good.push(good.header(l, bytes), bytes), v1::DELTA_VERDICT_CORRUPT) << "another unit's film";
+  EXPECT_EQ(show(id).iterations(), 0U);
+  TestWorker last(channel);
+  ASSERT_TRUE(last.enrol().ok());
+  l = lease(last);
+  EXPECT_EQ(last.deliver(l), v1::DELTA_VERDICT_MERGED);
+  EXPECT_EQ(last.deliver(l), v1::DELTA_VERDICT_DUPLICATE);
+  for (int i = 0; i < 100 && show(id).iterations() < 9; ++i) last.step();
+  EXPECT_EQ(wait_end(id).state(), v1::JOB_STATE_DONE);
+  audit(id, 9);
+  expect_same(checkpoint_of(id), expected_film(9));
+}
+
+// Claim: a restarted master goes on with the job; a worker that survived delivers with its old lease; the
+// newest checkpoint broken, the one before serves and only what is missing is done again.
+TEST_F(MasterTest, RestartContinues) {
+  TestWorker w(channel);
+  ASSERT_TRUE(w.enrol().ok());
+  const std::string id = submit(21);
+  for (int i = 0; i < 5; ++i) ASSERT_TRUE(w.step());
+  const v1::Lease held = w.acquire().lease();
+  const std::uint64_t before = show(id).iterations();
+  restart();
+  EXPECT_EQ(show(id).iterations(), before);
+  TestWorker survivor(channel);
+  survivor.session = w.session;
+  EXPECT_EQ(survivor.deliver(held), v1::DELTA_VERDICT_MERGED);
+  // One more generation, then break the newest.
+  farm.reset();
+  channel.reset();
+  master.reset();
+  fs::path newest;
+  std::uint64_t best = 0;
+  for (const auto& e : fs::directory_iterator(folder.path() / "jobs" / id)) {
+    const std::string n = e.path().filename().string();
+    if (!n.starts_with("film.")) continue;
+    const std::uint64_t g = std::stoull(n.substr(5));
+    if (g >= best) {
+      best = g;
+      newest = e.path();
+    }
+  }
+  ASSERT_GE(best, 2U);
+  fs::resize_file(newest, fs::file_size(newest) / 2);
+  start();
+  EXPECT_LE(show(id).iterations(), before);
+  EXPECT_GT(show(id).iterations(), 0U);
+  TestWorker again(channel);
+  again.session = w.session;
+  for (int i = 0; i < 100 && show(id).iterations() < 21; ++i) again.step();
+  EXPECT_EQ(wait_end(id).state(), v1::JOB_STATE_DONE);
+  audit(id, 21);
+  expect_same(checkpoint_of(id), expected_film(21));
+}
+
+// Claim: a cancelled job keeps its image, over a restart too; extended it becomes the job of all iterations,
+// exactly.
+TEST_F(MasterTest, CancelKeepsAndExtendContinues) {
+  TestWorker w(channel);
+  ASSERT_TRUE(w.enrol().ok());
+  const std::string id = submit(8);
+  for (int i = 0; i < 4; ++i) ASSERT_TRUE(w.step());
+  v1::JobRequest request;
+  request.set_job_id(id);
+  v1::JobStatus out;
+  for (int i = 0; i < 2; ++i) {
+    grpc::ClientContext context;
+    ASSERT_TRUE(farm->CancelJob(&context, request, &out).ok());
+    EXPECT_EQ(out.state(), v1::JOB_STATE_CANCELLED);
+  }
+  const std::string image = fetch(id);
+  restart();
+  EXPECT_EQ(fetch(id), image);
+  v1::ExtendJobRequest more;
+  more.set_job_id(id);
+  more.set_add_iterations(8);
+  grpc::ClientContext context;
+  ASSERT_TRUE(farm->ExtendJob(&context, more, &out).ok());
+  TestWorker again(channel);
+  again.session = w.session;
+  for (int i = 0; i < 100 && show(id).iterations() < 16; ++i) again.step();
+  EXPECT_EQ(wait_end(id).state(), v1::JOB_STATE_DONE);
+  audit(id, 16);
+  expect_same(checkpoint_of(id), expected_film(16));
+}
+
+// Claim: a sender that hangs in the middle of a delta delays neither others' merges nor a preview.
+TEST_F(MasterTest, AHungSenderDelaysNobody) {
+  TestWorker hung(channel), w(channel);
+  ASSERT_TRUE(hung.enrol().ok());
+  ASSERT_TRUE(w.enrol().ok());
+  const std::string id = submit(9);
+  ASSERT_TRUE(w.step());
+  const v1::Lease l = hung.acquire().lease();
+  const std::string bytes = TestWorker::render(l);
+  grpc::ClientContext context;
+  v1::PushDeltaResponse response;
+  auto stream = hung.stub->PushDelta(&context, &response);
+  v1::DeltaChunk chunk;
+  *chunk.mutable_header() = hung.header(l, bytes);
+  chunk.set_data(bytes.substr(0, 100));
+  ASSERT_TRUE(stream->Write(chunk));
+  const auto started = std::chrono::steady_clock::now();
+  ASSERT_TRUE(w.step());
+  EXPECT_FALSE(fetch(id).empty());
+  EXPECT_LT(std::chrono::steady_clock::now() - started, std::chrono::seconds(5));
+  context.TryCancel();
+  stream->Finish();
+}
+
+// Claim: two masters cannot share a data folder; a listener beyond loopback needs TLS or a word.
+TEST_F(MasterTest, RefusesToStartTwiceOrOpenly) {
+  MasterOptions o;
+  o.data_dir = folder.path();
+  o.listen.clear();
+  auto second = Master::start(o);
+  ASSERT_FALSE(second.ok());
+  EXPECT_EQ(second.error().exit_code(), 2);
+  Folder other;
+  o.data_dir = other.path();
+  o.listen = "0.0.0.0:0";
+  EXPECT_FALSE(Master::start(o).ok());
+  o.listen = "127.0.0.1:0";
+  auto first = Master::start(o);
+  ASSERT_TRUE(first.ok());
+  Folder third;
+  o.data_dir = third.path();
+  o.listen = "127.0.0.1:" + std::to_string((*first)->port());
+  EXPECT_FALSE(Master::start(o).ok()) << "the port is taken";
+}
+
+// Claim: while checkpoints cannot be written the job goes on, is not called done, says why, keeps the
+// generation before, and is done as soon as the disk has room.
+TEST(FarmDisk, AFullDiskDelaysTheEndOnly) {
+  ASSERT_TRUE(log::initialise("test", "off", "text").ok());
+  Folder folder;
+  std::atomic<bool> full{false};
+  FarmOptions o;
+  o.master.data_dir = folder.path();
+  o.master.checkpoint_seconds = 0.02;
+  o.master.image_on_checkpoint = false;
+  o.film_writer = [&](const fs::path& path, std::string_view data) -> Result<void> {
+    if (full) return resource_error("No space left on device").at(path.string(), 0);
+    return write_file_atomically(path, data);
+  };
+  auto opened = Farm::open(o);
+  ASSERT_TRUE(opened.ok());
+  Farm& farm = **opened;
+  JobRow row;
+  row.settings.width = kWidth;
+  row.settings.height = kHeight;
+  row.stop.iterations = 6;
+  row.bundle_sha256 = sha256_hex("b");
+  const std::string id = farm.submit(row, "b")->job_id;
+  farm.with_scheduler([&](Scheduler& s) {
+    WorkerRow w;
+    w.id = "a";
+    w.session = "s";
+    w.isas = {"avx2"};
+    return s.register_worker(w, farm.now()).ok();
+  });
+  const auto step = [&] {
+    struct Work {
+      std::optional<Lease> lease;
+      Unit unit;
+    };
+    const Work w = farm.with_scheduler([&](Scheduler& s) {
+      Work out{s.acquire("a", {}, false, farm.now()).lease, {}};
+      if (out.lease) out.unit = s.job(id)->units.at(out.lease->row.unit_id).row.unit;
+      return out;
+    });
+    if (!w.lease) return false;
+    if (w.unit.kind == Unit::Kind::pilot)
+      return farm.with_scheduler([&](Scheduler& s) {
+        return s.complete_pilot("a", w.lease->row.token, {NamedState{20}, "", 1}, farm.now());
+      });
+    const std::string bytes = make_delta(w.unit, id, 20, std::string(build_id()));
+    v1::DeltaHeader h;
+    h.set_worker_id("a");
+    h.set_session("s");
+    h.set_token(w.lease->row.token);
+    h.set_unit_id(w.lease->row.unit_id);
+    h.set_job_id(id);
+    wire::to_proto(w.unit, *h.mutable_unit());
+    h.set_build_id(std::string(build_id()));
+    h.set_size_bytes(bytes.size());
+    h.set_sha256(sha256_hex(bytes));
+    EXPECT_FALSE(*farm.admit(h));
+    return farm.deliver(h, bytes, 0).verdict == v1::DELTA_VERDICT_MERGED;
+  };
+  const auto until = [&](auto condition) {
+    for (int i = 0; i < 500 && !condition(*farm.status(id)); ++i)
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    return condition(*farm.status(id));
+  };
+  ASSERT_TRUE(step());
+  ASSERT_TRUE(step());
+  ASSERT_TRUE(until([](const v1::JobStatus& s) { return s.checkpoint_iterations() > 0; }));
+  const std::uint64_t saved = farm.status(id)->checkpoint_generation();
+  full = true;
+  while (step()) {
+  }
+  ASSERT_TRUE(
+      until([](const v1::JobStatus& s) { return s.message().find("No space left") != std::string::npos; }));
+  EXPECT_EQ(farm.status(id)->state(), v1::JOB_STATE_RUNNING);
+  EXPECT_EQ(farm.status(id)->iterations(), 6U);
+  EXPECT_EQ(farm.status(id)->checkpoint_generation(), saved);
+  EXPECT_TRUE(fs::exists(folder.path() / "jobs" / id / ("film." + std::to_string(saved) + ".ckpt")));
+  EXPECT_FALSE(farm.trouble().empty());
+  full = false;
+  EXPECT_TRUE(until([](const v1::JobStatus& s) { return s.state() == v1::JOB_STATE_DONE; }));
+  EXPECT_EQ(farm.status(id)->checkpoint_iterations(), 6U);
+}
+
+// Claim: epochs grow over openings, and rows come back as they were written; a newer schema is refused.
+TEST(SqliteStore, KeepsWhatItIsTold) {
+  Folder folder;
+  const fs::path path = folder.path() / "s.sqlite";
+  UnitRow unit;
+  unit.id = 42;
+  unit.job_id = "j";
+  unit.unit = {Unit::Kind::iterations, 1, 5, 9};
+  unit.state = UnitRow::State::leased;
+  unit.failures = 2;
+  JobRow job;
+  job.id = "j";
+  job.name = "it's; a \"name\"";
+  job.settings.width = 3;
+  job.settings.height = 4;
+  job.settings.integrator_settings = {{"max_depth", "7"}};
+  job.stop.relmse = 1e-3;
+  job.tallies.rejected = {1, 2, 3, 4};
+  job.named_state = NamedState{-5};
+  job.state = JobState::paused;
+  {
+    auto store = open_sqlite_store(path);
+    ASSERT_TRUE(store.ok());
+    EXPECT_EQ(*(*store)->next_epoch(), 1U);
+    StoreWriter writer(**store, [](const std::string& text) { ADD_FAILURE() << text; });
+    LeaseRow lease{(1ULL << 32) + 5, 42, "j", "w", 1.5, true};
+    writer.enqueue({PutJob{job}, PutUnit{unit}, PutLease{lease}, AddEvent{{7, "j", "w", "kind", "text"}}});
+    ASSERT_TRUE(writer.flush().ok());
+  }
+  auto store = open_sqlite_store(path);
+  ASSERT_TRUE(store.ok());
+  EXPECT_EQ(*(*store)->next_epoch(), 2U);
+  auto state = (*store)->load();
+  ASSERT_TRUE(state.ok()) << state.error().to_string();
+  ASSERT_EQ(state->jobs.size(), 1U);
+  const JobRow& j = state->jobs[0];
+  EXPECT_EQ(j.name, job.name);
+  EXPECT_EQ(j.settings.integrator_settings, job.settings.integrator_settings);
+  EXPECT_EQ(j.stop.relmse, 1e-3);
+  EXPECT_EQ(j.tallies, job.tallies);
+  EXPECT_EQ(j.named_state->film_scale_log2, -5);
+  EXPECT_EQ(j.state, JobState::paused);
+  EXPECT_TRUE(std::isnan(j.relmse));
+  ASSERT_EQ(state->unmerged_units.size(), 1U);
+  EXPECT_EQ(state->unmerged_units[0].unit.end, 9U);
+  EXPECT_EQ(state->unmerged_units[0].failures, 2U);
+  ASSERT_EQ(state->leases.size(), 1U);
+  EXPECT_EQ(state->leases[0].token, (1ULL << 32) + 5);
+  EXPECT_EQ(state->next_unit_id, 43U);
+  EXPECT_EQ((*store)->events("j", 10)->size(), 1U);
+  const std::vector<Change> drop{DropUnmergedUnits{"j"}};
+  ASSERT_TRUE((*store)->write(drop).ok());
+  EXPECT_TRUE((*store)->load()->unmerged_units.empty());
+  EXPECT_TRUE((*store)->load()->leases.empty());
+}
+
+}  // namespace
+}  // namespace candela::master

@@ -1,0 +1,539 @@
+// The scheduler against a clock of our own: leases, fencing, failures, fairness, sizes, stop rules, restart.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "master/scheduler/scheduler.h"
+#include "master/scheduler/sizing.h"
+
+namespace candela::master {
+namespace {
+
+constexpr std::uint32_t kPixels = 64;
+
+class SchedulerTest : public ::testing::Test {
+ protected:
+  SchedulerTest() : s(options(), 1, 1) {}
+  static SchedulerOptions options() {
+    SchedulerOptions o;
+    o.lease_seconds = 10;
+    o.unit_seconds = 4;
+    return o;
+  }
+  Now at(double t) {
+    clock = t;
+    return {t, static_cast<std::int64_t>(t * 1000)};
+  }
+  Now now() { return at(clock); }
+  void worker(const std::string& id, std::vector<std::string> isas = {"avx2"}) {
+    WorkerRow w;
+    w.id = id;
+    w.session = "session-" + id;
+    w.name = id;
+    w.isas = std::move(isas);
+    ASSERT_TRUE(s.register_worker(w, now()).ok());
+  }
+  void job(const std::string& id, std::uint64_t iterations, bool pilot_done = true, int priority = 0,
+           double share = 1) {
+    JobRow j;
+    j.id = id;
+    j.settings.width = 8;
+    j.settings.height = 8;
+    j.stop.iterations = iterations;
+    j.priority = priority;
+    j.share = share;
+    j.bundle_sha256 = "bundle-" + id;
+    if (pilot_done) {
+      j.named_state = NamedState{20};
+      j.thread_seconds_per_iteration = 1;
+    }
+    if (pilot_done)
+      s.restore(j, {}, {}, {}, {}, now());  // as after a pilot
+    else
+      s.submit(j, now());
+  }
+  std::optional<Lease> lease(const std::string& w, bool prefetch = false) {
+    s.authenticate(w, "session-" + w, now());
+    return s.acquire(w, {}, prefetch, now()).lease;
+  }
+  Unit unit_of(const Lease& l) { return s.job(l.row.job_id)->units.at(l.row.unit_id).row.unit; }
+  Delivery deliver(const Lease& l, const Unit& u, double seconds = 1) {
+    const Delivery d = s.check_delivery(l.row.worker_id, l.row.token, l.row.unit_id, l.row.job_id, u, now());
+    if (d != Delivery::ok) return d;
+    film::Tallies t;
+    t.eye_samples = (u.end - u.begin) * kPixels;
+    s.merged(l.row.worker_id, l.row.token, l.row.unit_id, l.row.job_id, u, t, seconds, 0.001, now());
+    return d;
+  }
+  double clock = 100;
+  Scheduler s;
+};
+
+// Claim: a job starts with exactly one pilot; iterations are leased only after its result, with the pilot's
+// state.
+TEST_F(SchedulerTest, APilotComesFirstAndAlone) {
+  worker("a");
+  worker("b");
+  job("j", 8, false);
+  const auto pilot = lease("a");
+  ASSERT_TRUE(pilot);
+  EXPECT_EQ(unit_of(*pilot).kind, Unit::Kind::pilot);
+  EXPECT_EQ(s.job("j")->row.state, JobState::running);
+  EXPECT_FALSE(lease("b"));
+  EXPECT_TRUE(s.complete_pilot("a", pilot->row.token, {NamedState{17}, "plan", 0.5}, now()));
+  EXPECT_FALSE(s.complete_pilot("a", pilot->row.token, {NamedState{18}, "plan", 0.5}, now())) << "twice";
+  EXPECT_EQ(s.job("j")->row.named_state->film_scale_log2, 17);
+  const auto first = lease("b");
+  ASSERT_TRUE(first);
+  EXPECT_EQ(unit_of(*first).kind, Unit::Kind::iterations);
+}
+
+// Claim: units tile [0, N0) and [0, N1) without gap or overlap, whoever asks, and the job then waits for its
+// checkpoint.
+TEST_F(SchedulerTest, UnitsTileBothHalvesOfAnOddTarget) {
+  worker("a");
+  worker("b");
+  job("j", 101);
+  std::array<film::IndexSet, 2> seen;
+  for (int i = 0; i < 1000; ++i) {
+    const auto l = lease(i % 3 == 0 ? "b" : "a");
+    if (!l) break;
+    const Unit u = unit_of(*l);
+    EXPECT_TRUE(seen[u.half].insert(u.begin, u.end));
+    EXPECT_EQ(deliver(*l, u), Delivery::ok);
+  }
+  EXPECT_EQ(seen[0].count(), 51U);
+  EXPECT_EQ(seen[1].count(), 50U);
+  EXPECT_EQ(seen[0].first_gap(0, 51).first, seen[0].first_gap(0, 51).second);
+  EXPECT_EQ(seen[1].first_gap(0, 50).first, seen[1].first_gap(0, 50).second);
+  EXPECT_TRUE(s.job("j")->finishing);
+  EXPECT_EQ(s.job("j")->row.state, JobState::running) << "done only after the final checkpoint";
+  s.finish("j", now());
+  EXPECT_EQ(s.job("j")->row.state, JobState::done);
+  EXPECT_EQ(s.job("j")->row.stop_reason, "iterations");
+}
+
+// Claim: a zombie whose lease expired is refused, also before anybody else has the unit; tokens only grow.
+TEST_F(SchedulerTest, AnExpiredLeaseIsFencedOff) {
+  worker("a");
+  worker("b");
+  job("j", 2);
+  const auto zombie = lease("a");
+  ASSERT_TRUE(zombie);
+  const Unit u = unit_of(*zombie);
+  s.heartbeat("a", {zombie->row.token}, at(101));
+  at(105);
+  EXPECT_EQ(s.check_delivery("a", zombie->row.token, zombie->row.unit_id, "j", u, now()), Delivery::ok);
+  at(112);
+  EXPECT_EQ(deliver(*zombie, u), Delivery::stale);
+  const auto next = lease("b");
+  ASSERT_TRUE(next);
+  EXPECT_EQ(next->row.unit_id, zombie->row.unit_id);
+  EXPECT_GT(next->row.token, zombie->row.token);
+  EXPECT_EQ(deliver(*zombie, u), Delivery::stale);
+  EXPECT_EQ(deliver(*next, u), Delivery::ok);
+  EXPECT_EQ(deliver(*zombie, u), Delivery::duplicate);
+  EXPECT_EQ(s.heartbeat("a", {zombie->row.token}, now()).revoked,
+            std::vector<std::uint64_t>{zombie->row.token});
+  EXPECT_EQ(s.job("j")->row.iterations, u.end - u.begin);
+}
+
+// Claim: another worker's token, unit or range does not pass.
+TEST_F(SchedulerTest, ADeliveryMustMatchItsLease) {
+  worker("a");
+  worker("b");
+  job("j", 8);
+  const auto l = lease("a");
+  const Unit u = unit_of(*l);
+  EXPECT_EQ(s.check_delivery("b", l->row.token, l->row.unit_id, "j", u, now()), Delivery::stale);
+  EXPECT_EQ(s.check_delivery("a", l->row.token + 1, l->row.unit_id, "j", u, now()), Delivery::stale);
+  EXPECT_EQ(s.check_delivery("a", l->row.token, l->row.unit_id + 1, "j", u, now()), Delivery::stale);
+  Unit longer = u;
+  longer.end += 1;
+  EXPECT_EQ(s.check_delivery("a", l->row.token, l->row.unit_id, "j", longer, now()), Delivery::stale);
+  EXPECT_EQ(s.check_delivery("a", l->row.token, l->row.unit_id, "other", u, now()), Delivery::stale);
+}
+
+// Claim: heartbeats that name a lease keep it for ever; one that no heartbeat names goes.
+TEST_F(SchedulerTest, HeartbeatsKeepWhatTheyName) {
+  worker("a");
+  job("j", 100);
+  const auto kept = lease("a");
+  const auto lost = lease("a");  // its answer never arrived
+  ASSERT_TRUE(kept && lost);
+  for (int t = 101; t < 160; t += 3) {
+    s.authenticate("a", "session-a", at(t));
+    EXPECT_TRUE(s.heartbeat("a", {kept->row.token}, now()).revoked.empty());
+  }
+  EXPECT_EQ(s.lease_count(), 1U);
+  EXPECT_EQ(s.expired_count(), 1U);
+}
+
+// Claim: a straggler's unit is leased once more when nothing else is open; the first delivery wins, the other
+// is told.
+TEST_F(SchedulerTest, StragglersRunTwiceAndCountOnce) {
+  worker("a");
+  worker("b");
+  worker("c");
+  job("j", 1);
+  const auto slow = lease("a");
+  ASSERT_TRUE(slow);
+  EXPECT_FALSE(lease("b")) << "not late yet";
+  for (int t = 101; t < 112; ++t) s.heartbeat("a", {slow->row.token}, at(t));
+  const auto fast = lease("b");
+  ASSERT_TRUE(fast);
+  EXPECT_TRUE(fast->row.speculative);
+  EXPECT_EQ(fast->row.unit_id, slow->row.unit_id);
+  EXPECT_FALSE(lease("c")) << "once";
+  const Unit u{Unit::Kind::iterations, 0, 0, 1};
+  EXPECT_EQ(deliver(*fast, u), Delivery::ok);
+  EXPECT_EQ(deliver(*slow, u), Delivery::duplicate);
+  EXPECT_EQ(s.heartbeat("a", {slow->row.token}, now()).revoked.size(), 1U);
+  EXPECT_EQ(s.job("j")->row.units_merged, 1U);
+}
+
+// Claim: two failures keep a worker from a unit, four end the job with the message, an input error ends it at
+// once.
+TEST_F(SchedulerTest, FailuresAreCountedPerUnitAndWorker) {
+  worker("a");
+  worker("b");
+  job("j", 1);
+  for (int i = 0; i < 2; ++i) {
+    const auto l = lease("a");
+    ASSERT_TRUE(l);
+    s.fail_unit("a", l->row.token, "boom", false, true, now());
+    s.fail_unit("a", l->row.token, "boom", false, true, now());  // idempotent per token
+  }
+  EXPECT_FALSE(lease("a")) << "kept from the unit";
+  EXPECT_EQ(s.job("j")->row.state, JobState::running);
+  for (int i = 0; i < 2; ++i) {
+    const auto l = lease("b");
+    ASSERT_TRUE(l);
+    s.fail_unit("b", l->row.token, "boom again", false, true, now());
+  }
+  EXPECT_EQ(s.job("j")->row.state, JobState::failed);
+  EXPECT_NE(s.job("j")->row.message.find("boom again"), std::string::npos);
+
+  job("k", 1, false);
+  const auto pilot = lease("a");
+  ASSERT_TRUE(pilot);
+  s.fail_unit("a", pilot->row.token, "scene.xml:3: no such file", true, true, now());
+  EXPECT_EQ(s.job("k")->row.state, JobState::failed);
+  EXPECT_EQ(s.job("k")->row.message, "scene.xml:3: no such file");
+}
+
+// Claim: where the only worker fails a unit twice the job fails instead of waiting for ever; a bad delivery
+// does not count as proof that the unit cannot be rendered.
+TEST_F(SchedulerTest, ALonelyWorkerThatCannotEndsTheJob) {
+  worker("a");
+  job("j", 1);
+  for (int i = 0; i < 2; ++i) s.fail_unit("a", lease("a")->row.token, "corrupt delta", false, false, now());
+  EXPECT_EQ(s.job("j")->row.state, JobState::running);
+  job("k", 1);
+  for (int i = 0; i < 2; ++i) s.fail_unit("a", lease("a")->row.token, "out of memory", false, true, now());
+  EXPECT_EQ(s.job("k")->row.state, JobState::failed);
+}
+
+// Claim: a worker with five failures in a row is set aside, shown so, and back after ten minutes.
+TEST_F(SchedulerTest, AWorkerThatFailsManyIsSetAside) {
+  worker("a");
+  worker("b");
+  job("j", 1000);
+  for (int i = 0; i < 5; ++i) {
+    const auto l = lease("a");
+    ASSERT_TRUE(l) << i;
+    s.fail_unit("a", l->row.token, "boom", false, true, now());
+  }
+  EXPECT_FALSE(lease("a"));
+  EXPECT_EQ(s.worker_state_name(s.workers().at("a"), now()), "set-aside");
+  EXPECT_FALSE(s.workers().at("a").message.empty());
+  EXPECT_TRUE(lease("b"));
+  s.tick(at(clock + 601));
+  EXPECT_TRUE(lease("a"));
+}
+
+// Claim: a returned lease re-opens the unit without counting a failure.
+TEST_F(SchedulerTest, ReturnedUnitsAreOpenAgain) {
+  worker("a");
+  job("j", 1);
+  const auto l = lease("a");
+  s.return_lease("a", l->row.token, now());
+  s.return_lease("a", l->row.token, now());
+  const auto again = lease("a");
+  ASSERT_TRUE(again);
+  EXPECT_EQ(again->row.unit_id, l->row.unit_id);
+  EXPECT_EQ(s.job("j")->units.at(l->row.unit_id).row.failures, 0U);
+}
+
+// Claim: higher priority first; within one priority worker time follows the shares (here 3 to 1, within a
+// unit).
+TEST_F(SchedulerTest, PrioritiesAndShares) {
+  worker("a");
+  job("low", 100000, true, 0, 1);
+  job("x", 100000, true, 1, 3);
+  job("y", 100000, true, 1, 1);
+  std::map<std::string, double> seconds;
+  for (int i = 0; i < 400; ++i) {
+    const auto l = lease("a");
+    ASSERT_TRUE(l);
+    const Unit u = unit_of(*l);
+    const auto spent = static_cast<double>(u.end - u.begin);
+    seconds[l->row.job_id] += spent;
+    at(clock + spent);
+    s.heartbeat("a", {l->row.token}, now());
+    ASSERT_EQ(deliver(*l, u, spent), Delivery::ok);
+  }
+  EXPECT_EQ(seconds.count("low"), 0U);
+  EXPECT_NEAR(seconds["x"] / seconds["y"], 3, 0.1);
+}
+
+// Claim: a job that arrives late shares from then on; it does not get all the time it was not there.
+TEST_F(SchedulerTest, LateJobsDoNotStarveOthers) {
+  worker("a");
+  job("old", 100000);
+  const auto work = [&](int units) {
+    std::map<std::string, int> count;
+    for (int i = 0; i < units; ++i) {
+      const auto l = lease("a");
+      const Unit u = unit_of(*l);
+      ++count[l->row.job_id];
+      deliver(*l, u, static_cast<double>(u.end - u.begin));
+    }
+    return count;
+  };
+  work(50);
+  JobRow j;
+  j.id = "new";
+  j.settings.width = j.settings.height = 8;
+  j.stop.iterations = 100000;
+  s.submit(j, now());
+  const auto pilot = lease("a");
+  ASSERT_EQ(pilot->row.job_id, "new");
+  s.complete_pilot("a", pilot->row.token, {NamedState{1}, "", 1}, now());
+  auto count = work(40);
+  EXPECT_NEAR(count["old"], 20, 3);
+}
+
+// Claim: no worker gets a job whose instruction set it lacks, and the job says why it waits.
+TEST_F(SchedulerTest, InstructionSetsAreRespected) {
+  worker("a", {"sse2"});
+  job("j", 4);
+  EXPECT_FALSE(lease("a"));
+  EXPECT_NE(s.message_of(*s.job("j"), now()).find("avx2"), std::string::npos);
+  worker("b");
+  EXPECT_TRUE(lease("b"));
+}
+
+// Claim: prefetching is granted while work is plenty and refused near the end.
+TEST_F(SchedulerTest, PrefetchOnlyWhileWorkIsPlenty) {
+  worker("a");
+  job("j", 1000);
+  EXPECT_TRUE(lease("a", true));
+  job("k", 4, true, 5);
+  EXPECT_EQ(lease("a", true)->row.job_id, "j");
+  EXPECT_EQ(lease("a", false)->row.job_id, "k");
+}
+
+// Claim: drained workers get nothing and are drained when their last lease is gone.
+TEST_F(SchedulerTest, DrainEndsLeases) {
+  worker("a");
+  job("j", 100);
+  const auto l = lease("a");
+  ASSERT_TRUE(s.drain("a", now()).ok());
+  EXPECT_TRUE(s.acquire("a", {}, false, now()).drain);
+  EXPECT_EQ(s.worker_state_name(s.workers().at("a"), now()), "draining");
+  deliver(*l, unit_of(*l));
+  EXPECT_EQ(s.worker_state_name(s.workers().at("a"), now()), "drained");
+  EXPECT_FALSE(s.drain("nobody", now()).ok());
+}
+
+// Claim: pause lets outstanding units in and gives no new ones; cancel drops them; both may be repeated.
+TEST_F(SchedulerTest, PauseResumeCancel) {
+  worker("a");
+  job("j", 100);
+  const auto l = lease("a");
+  const auto m = lease("a");
+  const Unit u = unit_of(*l), v = unit_of(*m);
+  ASSERT_TRUE(s.pause("j", now()).ok());
+  ASSERT_TRUE(s.pause("j", now()).ok());
+  EXPECT_FALSE(lease("a"));
+  EXPECT_EQ(deliver(*l, u), Delivery::ok);
+  ASSERT_TRUE(s.resume("j", now()).ok());
+  ASSERT_TRUE(s.cancel("j", now()).ok());
+  ASSERT_TRUE(s.cancel("j", now()).ok());
+  EXPECT_EQ(deliver(*m, v), Delivery::job_ended);
+  EXPECT_FALSE(s.resume("j", now()).ok());
+  EXPECT_EQ(s.job("j")->row.iterations, u.end - u.begin);
+}
+
+// Claim: 8 iterations extended by 8 are the same set of iterations as 16; failed jobs cannot be extended.
+TEST_F(SchedulerTest, ExtendContinues) {
+  worker("a");
+  job("j", 8);
+  const auto drain = [&] {
+    while (const auto l = lease("a")) deliver(*l, unit_of(*l));
+  };
+  drain();
+  s.finish("j", now());
+  EXPECT_FALSE(s.extend("j", 0, 0, 0, now()).ok());
+  EXPECT_FALSE(s.extend("j", 0, -1, 0, now()).ok());
+  ASSERT_TRUE(s.extend("j", 8, 0, 0, now()).ok());
+  EXPECT_EQ(s.job("j")->row.state, JobState::queued);
+  drain();
+  s.finish("j", now());
+  EXPECT_EQ(s.job("j")->row.state, JobState::done);
+  for (const auto& half : s.job("j")->merged) {
+    EXPECT_EQ(half.count(), 8U);
+    EXPECT_EQ(half.first_gap(0, 8).first, half.first_gap(0, 8).second);
+  }
+  job("k", 1, false);
+  s.fail_job("k", "no", now());
+  EXPECT_FALSE(s.extend("k", 1, 0, 0, now()).ok());
+}
+
+// Claim: the time limit counts time in state running only, and ends the job after a first merge.
+TEST_F(SchedulerTest, TimeLimitExcludesPauses) {
+  worker("a");
+  JobRow j;
+  j.id = "j";
+  j.settings.width = j.settings.height = 8;
+  j.stop.time_seconds = 10;
+  j.named_state = NamedState{1};
+  j.thread_seconds_per_iteration = 1;
+  s.restore(j, {}, {}, {}, {}, now());
+  s.tick(at(150));
+  EXPECT_EQ(s.job("j")->row.elapsed_seconds, 0) << "queued";
+  const auto l = lease("a");
+  s.tick(at(154));
+  s.heartbeat("a", {l->row.token}, now());
+  ASSERT_TRUE(s.pause("j", now()).ok());
+  deliver(*l, unit_of(*l));
+  s.tick(at(1000));
+  EXPECT_FALSE(s.job("j")->finishing);
+  ASSERT_TRUE(s.resume("j", now()).ok());
+  s.authenticate("a", "session-a", now());
+  ASSERT_TRUE(lease("a"));
+  s.tick(at(1005));
+  EXPECT_NEAR(s.job("j")->row.elapsed_seconds, 9, 1e-9);
+  s.tick(at(1006.5));
+  EXPECT_TRUE(s.job("j")->finishing);
+  EXPECT_EQ(s.lease_count(), 0U);
+}
+
+// Claim: relmse ends a job at the second good estimate with enough more iterations, never at one, never below
+// 8 a half.
+TEST_F(SchedulerTest, RelmseNeedsTwoEstimates) {
+  worker("a");
+  JobRow j;
+  j.id = "j";
+  j.settings.width = j.settings.height = 8;
+  j.stop.relmse = 1e-2;
+  j.named_state = NamedState{1};
+  j.thread_seconds_per_iteration = 1;
+  s.restore(j, {}, {}, {}, {}, now());
+  const auto one = [&] {
+    const auto l = lease("a");
+    const Unit u = unit_of(*l);
+    deliver(*l, u, static_cast<double>(u.end - u.begin));
+    return s.job("j")->row.iterations;
+  };
+  std::uint64_t n = one();
+  n = one();
+  ASSERT_LT(n, 16U);
+  s.relmse_estimated("j", 1e-3, n, now());
+  s.relmse_estimated("j", 1e-3, n + 5, now());
+  EXPECT_FALSE(s.job("j")->finishing) << "too few iterations";
+  while (n < 40) n = one();
+  s.relmse_estimated("j", 1e-3, n, now());
+  EXPECT_FALSE(s.job("j")->finishing) << "one estimate";
+  s.relmse_estimated("j", 1e-3, n + 1, now());
+  EXPECT_FALSE(s.job("j")->finishing) << "hardly more iterations";
+  s.relmse_estimated("j", 2e-2, 2 * n, now());  // a bad one in between
+  s.relmse_estimated("j", 1e-3, 3 * n, now());
+  EXPECT_FALSE(s.job("j")->finishing);
+  s.relmse_estimated("j", 1e-3, 4 * n, now());
+  EXPECT_TRUE(s.job("j")->finishing);
+}
+
+// Claim: at a restart rows follow the film: units it lacks are open again, units it has are merged, gaps
+// become units, and a worker that survived can deliver with its old token.
+TEST_F(SchedulerTest, RestartReconcilesRowsWithTheFilm) {
+  worker("a");
+  JobRow j;
+  j.id = "j";
+  j.state = JobState::running;
+  j.settings.width = j.settings.height = 8;
+  j.stop.iterations = 40;
+  j.named_state = NamedState{1};
+  j.thread_seconds_per_iteration = 1;
+  const auto row = [](std::uint64_t id, std::uint64_t b, std::uint64_t e, UnitRow::State state) {
+    UnitRow u;
+    u.id = id;
+    u.job_id = "j";
+    u.unit = {Unit::Kind::iterations, 0, b, e};
+    u.state = state;
+    return u;
+  };
+  std::array<film::IndexSet, 2> film;
+  film[0].insert(0, 4);
+  film[0].insert(8, 10);  // 8..10: leased says the row; 12..14: no row at all
+  film[0].insert(12, 14);
+  Scheduler t(options(), 2, 100);
+  WorkerRow w;
+  w.id = "a";
+  w.session = "session-a";
+  w.isas = {"avx2"};
+  t.restore_worker(w, now());
+  t.restore(j, film, {}, {row(3, 8, 10, UnitRow::State::leased), row(5, 14, 16, UnitRow::State::leased)},
+            {row(1, 0, 4, UnitRow::State::merged), row(2, 4, 8, UnitRow::State::merged)}, now());
+  LeaseRow l;
+  l.token = (1ULL << 32) + 7;
+  l.unit_id = 5;
+  l.job_id = "j";
+  l.worker_id = "a";
+  t.restore_lease(l, now());
+  const Job& job = *t.job("j");
+  EXPECT_EQ(job.row.iterations, 8U);
+  EXPECT_EQ(job.row.units_merged, 3U);
+  film::IndexSet open;
+  for (const auto& [id, u] : job.units) EXPECT_TRUE(open.insert(u.row.unit.begin, u.row.unit.end));
+  EXPECT_EQ(open.ranges(), (std::map<std::uint64_t, std::uint64_t>{{4, 8}, {10, 12}, {14, 16}}));
+  EXPECT_EQ(t.check_delivery("a", l.token, 5, "j", {Unit::Kind::iterations, 0, 14, 16}, now()), Delivery::ok);
+  t.authenticate("a", "session-a", now());
+  EXPECT_GT(t.acquire("a", {}, false, now()).lease->row.token, l.token);
+}
+
+// Claim: sizes follow cost, the end of the job, the overhead of a delta, and a time limit.
+TEST(Sizing, FollowsItsRules) {
+  SizingInput in;
+  in.unit_seconds = 4;
+  EXPECT_EQ(unit_iterations(in), 1U) << "unknown cost";
+  in.seconds_per_iteration = 0.1;
+  EXPECT_EQ(unit_iterations(in), 40U);
+  in.remaining = 100;
+  in.active_workers = 5;
+  EXPECT_EQ(unit_iterations(in), 10U) << "guided";
+  in.remaining = 3;
+  EXPECT_EQ(unit_iterations(in), 1U);
+  in.remaining = 0;
+  in.overhead_seconds = 0.2;  // 2 % of 10 s
+  EXPECT_EQ(unit_iterations(in), 100U);
+  in.seconds_left = 2;
+  EXPECT_EQ(unit_iterations(in), 10U);
+  in.seconds_per_iteration = 100;
+  EXPECT_EQ(unit_iterations(in), 1U);
+}
+
+// Claim: sessions are checked whole.
+TEST_F(SchedulerTest, SessionsAuthenticate) {
+  worker("a");
+  EXPECT_NE(s.authenticate("a", "session-a", now()), nullptr);
+  EXPECT_EQ(s.authenticate("a", "session-b", now()), nullptr);
+  EXPECT_EQ(s.authenticate("a", "", now()), nullptr);
+  EXPECT_EQ(s.authenticate("b", "session-a", now()), nullptr);
+}
+
+}  // namespace
+}  // namespace candela::master
