@@ -1,0 +1,321 @@
+#include "tests/farm/farm.h"
+
+#include <fmt/format.h>
+#include <grpcpp/grpcpp.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <csignal>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <stdexcept>
+
+#include "common/job/job.h"
+#include "common/wire/wire.h"
+
+namespace candela::farm {
+namespace {
+
+[[noreturn]] void give_up(const std::string& message) {
+  throw std::runtime_error(message);
+}
+
+std::string program(const std::string& name) {
+  return std::string(CANDELA_BINARY_DIR) + "/" + name;
+}
+
+std::string joined(const std::vector<std::string>& words) {
+  return fmt::format("{}", fmt::join(words, " "));
+}
+
+template <class Request, class Response>
+Response ask(v1::FarmService::Stub& stub,
+             grpc::Status (v1::FarmService::Stub::*call)(grpc::ClientContext*, const Request&, Response*),
+             const Request& request) {
+  // A master that is being restarted is asked again.
+  grpc::Status status;
+  Response response;
+  const Stopwatch clock;
+  do {
+    grpc::ClientContext context;
+    context.set_wait_for_ready(true);
+    context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(10));
+    status = (stub.*call)(&context, request, &response);
+  } while (status.error_code() == grpc::StatusCode::UNAVAILABLE && clock.seconds() < 30);
+  if (!status.ok())
+    give_up(fmt::format("call failed: {} {}", static_cast<int>(status.error_code()), status.error_message()));
+  return response;
+}
+
+}  // namespace
+
+std::string scene_path(const std::string& name) {
+  return std::string(CANDELA_SOURCE_DIR) + "/deploy/scenes/" + name + "/scene.xml";
+}
+
+std::vector<std::string> job_options(std::uint64_t iterations) {
+  return {"--size",       fmt::format("{}x{}", kWidth, kHeight),
+          "--seed",       "7",
+          "--iterations", std::to_string(iterations)};
+}
+
+Farm::Farm() {
+  std::ofstream(folder_ / "config.toml") << "# nothing of the machine's own settings\n";
+}
+
+Farm::~Farm() {
+  if (testing::Test::HasFailure() && master_)
+    std::fprintf(stderr, "---- the master's log, its end\n%s\n",
+                 master_->err().substr(std::max<std::size_t>(master_->err().size(), 6000) - 6000).c_str());
+  workers_.clear();
+  master_.reset();
+}
+
+std::map<std::string, std::string> Farm::environment() const {
+  std::map<std::string, std::string> all = {{"HOME", folder_.path().string()},
+                                            {"PATH", "/usr/local/bin:/usr/bin:/bin"},
+                                            {"LC_ALL", "C.UTF-8"},
+                                            {"CANDELA_CONFIG", (folder_.path() / "config.toml").string()}};
+  for (const char* name : {"TMPDIR", "ASAN_OPTIONS", "TSAN_OPTIONS", "UBSAN_OPTIONS"})
+    if (const char* value = std::getenv(name)) all[name] = value;
+  if (!address_.empty()) all["CANDELA_MASTER"] = address_;
+  return all;
+}
+
+void Farm::start_master(std::vector<std::string> options) {
+  master_options_ = std::move(options);
+  std::vector<std::string> arguments = {program("candela-master"), "--data", (folder_ / "data").string()};
+  if (std::find(master_options_.begin(), master_options_.end(), "--listen") == master_options_.end()) {
+    arguments.push_back("--listen");
+    arguments.push_back(address_.empty() ? "127.0.0.1:0" : address_);
+  }
+  arguments.insert(arguments.end(), master_options_.begin(), master_options_.end());
+  auto environment_of_master = environment();
+  environment_of_master.erase("CANDELA_MASTER");
+  master_ = std::make_unique<Process>(arguments, folder_ / fmt::format("master-{}", ++serial_),
+                                      environment_of_master);
+  address_ = master_->wait_for_line("listening on ", 30);
+  if (address_.empty())
+    give_up(fmt::format("the master does not listen: {}\n{}", joined(arguments), master_->err()));
+}
+
+void Farm::kill_master() {
+  master_->kill();
+}
+
+void Farm::restart_master() {
+  start_master(master_options_);
+}
+
+Process& Farm::start_worker(const std::string& name, unsigned threads, std::vector<std::string> options) {
+  std::vector<std::string> arguments = {program("candela-worker"),
+                                        "--master",
+                                        address_,
+                                        "--cache",
+                                        (folder_ / ("cache-" + name)).string(),
+                                        "--threads",
+                                        std::to_string(threads),
+                                        "--name",
+                                        name};
+  arguments.insert(arguments.end(), options.begin(), options.end());
+  workers_.push_back(std::make_unique<Process>(
+      arguments, folder_ / fmt::format("worker-{}-{}", name, ++serial_), environment()));
+  return *workers_.back();
+}
+
+void Farm::forget_worker(const Process& worker) {
+  std::erase_if(workers_, [&](const std::unique_ptr<Process>& one) { return one.get() == &worker; });
+}
+
+std::unique_ptr<Process> Farm::start_candela(std::vector<std::string> arguments, const std::string& name) {
+  arguments.insert(arguments.begin(), program("candela"));
+  return std::make_unique<Process>(arguments, folder_ / fmt::format("{}-{}", name, ++serial_), environment());
+}
+
+CommandResult Farm::candela(std::vector<std::string> arguments, double seconds) {
+  const Stopwatch clock;
+  const auto process = start_candela(std::move(arguments), "candela");
+  CommandResult result;
+  result.exit_code = process->wait(seconds).value_or(-1);
+  result.seconds = clock.seconds();
+  result.out = process->out();
+  result.err = process->err();
+  return result;
+}
+
+std::string Farm::submit(std::uint64_t iterations, const std::string& scene, std::vector<std::string> more) {
+  std::vector<std::string> arguments = {"submit", scene_path(scene)};
+  for (const auto* words : {&client_options_, &more})
+    arguments.insert(arguments.end(), words->begin(), words->end());
+  for (const std::string& word : job_options(iterations)) arguments.push_back(word);
+  const CommandResult result = candela(arguments);
+  if (result.exit_code != 0 || result.out.empty() || result.out.back() != '\n')
+    give_up(fmt::format("submit: exit {}\n{}{}", result.exit_code, result.out, result.err));
+  const std::string id = result.out.substr(0, result.out.size() - 1);
+  if (id.empty() || id.find_first_of(" \n") != std::string::npos)
+    give_up("submit prints more than an id: " + result.out);
+  return id;
+}
+
+image::Image Farm::fetch(const std::string& id) {
+  const auto file = folder_ / fmt::format("fetched-{}.exr", ++serial_);
+  std::vector<std::string> arguments = {"fetch", id, "-o", file.string()};
+  arguments.insert(arguments.end(), client_options_.begin(), client_options_.end());
+  const CommandResult result = candela(arguments);
+  if (result.exit_code != 0) give_up(fmt::format("fetch: exit {}\n{}", result.exit_code, result.err));
+  auto image = image::read_image(file);
+  if (!image.ok()) give_up(image.error().to_string());
+  return std::move(image).value();
+}
+
+image::Image Farm::render(std::uint64_t iterations, const std::string& scene, std::vector<std::string> more) {
+  const auto file = folder_ / fmt::format("rendered-{}.exr", ++serial_);
+  std::vector<std::string> arguments = {"render", scene_path(scene), "-o", file.string(), "--quiet"};
+  for (const std::string& word : job_options(iterations)) arguments.push_back(word);
+  arguments.insert(arguments.end(), more.begin(), more.end());
+  const CommandResult result = candela(arguments);
+  if (result.exit_code != 0) give_up(fmt::format("render: exit {}\n{}", result.exit_code, result.err));
+  auto image = image::read_image(file);
+  if (!image.ok()) give_up(image.error().to_string());
+  return std::move(image).value();
+}
+
+v1::FarmService::Stub& Farm::stub() {
+  if (!stub_) {
+    grpc::ChannelArguments arguments;
+    arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 50);
+    arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 100);
+    arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 500);
+    stub_ = v1::FarmService::NewStub(grpc::CreateCustomChannel(
+        address_, credentials_ ? credentials_ : grpc::InsecureChannelCredentials(), arguments));
+  }
+  return *stub_;
+}
+
+v1::JobStatus Farm::job(const std::string& id) {
+  v1::GetJobRequest request;
+  request.set_job_id(id);
+  return ask(stub(), &v1::FarmService::Stub::GetJob, request);
+}
+
+v1::JobStatus Farm::wait_for(const std::string& id, v1::JobState state, double seconds) {
+  v1::JobStatus status;
+  eventually(seconds, [&] {
+    status = job(id);
+    return status.state() == state || status.state() == v1::JOB_STATE_FAILED;
+  });
+  if (status.state() != state)
+    give_up(fmt::format("the job is {} after {} s, not {}: {} ({} iterations)", wire::name(status.state()),
+                        seconds, wire::name(state), status.message(), status.iterations()));
+  return status;
+}
+
+v1::JobStatus Farm::wait_for_iterations(const std::string& id, std::uint64_t iterations) {
+  v1::JobStatus status;
+  eventually(kPatienceSeconds, [&] {
+    status = job(id);
+    return status.iterations() >= iterations || status.state() == v1::JOB_STATE_FAILED;
+  });
+  if (status.iterations() < iterations)
+    give_up(fmt::format("the job has {} iterations, {} were awaited: {}", status.iterations(), iterations,
+                        status.message()));
+  return status;
+}
+
+std::vector<v1::WorkerStatus> Farm::workers() {
+  const auto response = ask(stub(), &v1::FarmService::Stub::ListWorkers, v1::ListWorkersRequest());
+  return {response.workers().begin(), response.workers().end()};
+}
+
+v1::WorkerStatus Farm::worker(const std::string& name) {
+  for (auto& one : workers())
+    if (one.name() == name) return one;
+  return {};
+}
+
+std::vector<v1::Event> Farm::events(const std::string& id) {
+  v1::ListEventsRequest request;
+  request.set_job_id(id);
+  request.set_limit(1000);
+  const auto response = ask(stub(), &v1::FarmService::Stub::ListEvents, request);
+  return {response.events().begin(), response.events().end()};
+}
+
+void Farm::audit(const std::string& id, std::uint64_t iterations, bool complete) {
+  v1::GetLedgerRequest request;
+  request.set_job_id(id);
+  const v1::GetLedgerResponse ledger = ask(stub(), &v1::FarmService::Stub::GetLedger, request);
+  const v1::JobStatus status = job(id);
+
+  std::array<std::vector<std::pair<std::uint64_t, std::uint64_t>>, 2> rows, film;
+  std::vector<std::uint64_t> ids;
+  for (const v1::LedgerRow& row : ledger.merged()) {
+    if (row.unit().kind() == v1::Unit::KIND_PILOT) continue;
+    ASSERT_LT(row.unit().half(), 2U);
+    ASSERT_LT(row.unit().begin(), row.unit().end());
+    rows[row.unit().half()].emplace_back(row.unit().begin(), row.unit().end());
+    ids.push_back(row.unit_id());
+  }
+  std::sort(ids.begin(), ids.end());
+  EXPECT_EQ(std::adjacent_find(ids.begin(), ids.end()), ids.end()) << "a unit is in the ledger twice";
+  EXPECT_EQ(status.units_merged(), ids.size());
+  for (const v1::IterationRange& range : ledger.film()) {
+    ASSERT_LT(range.half(), 2U);
+    ASSERT_LT(range.begin(), range.end());
+    film[range.half()].emplace_back(range.begin(), range.end());
+  }
+
+  std::uint64_t counted = 0;
+  for (std::size_t half = 0; half < 2; ++half) {
+    // Neighbours joined, overlaps reported.
+    const auto join = [&](std::vector<std::pair<std::uint64_t, std::uint64_t>> ranges, const char* what) {
+      std::sort(ranges.begin(), ranges.end());
+      std::vector<std::pair<std::uint64_t, std::uint64_t>> joined_ranges;
+      for (const auto& range : ranges) {
+        if (!joined_ranges.empty() && range.first < joined_ranges.back().second)
+          ADD_FAILURE() << what << ": overlap at index " << range.first << " of half " << half;
+        if (!joined_ranges.empty() && range.first == joined_ranges.back().second)
+          joined_ranges.back().second = range.second;
+        else
+          joined_ranges.push_back(range);
+      }
+      return joined_ranges;
+    };
+    const auto from_rows = join(rows[half], "ledger");
+    const auto from_film = join(film[half], "film");
+    EXPECT_EQ(from_rows, from_film) << "ledger and film differ in half " << half;
+    for (const auto& [begin, end] : from_film) counted += end - begin;
+    const std::uint64_t wanted = half == 0 ? (iterations + 1) / 2 : iterations / 2;
+    if (complete && wanted > 0) {
+      ASSERT_EQ(from_film.size(), 1U) << "gaps in half " << half;
+      EXPECT_EQ(from_film[0], (std::pair<std::uint64_t, std::uint64_t>(0, wanted)));
+    }
+  }
+  if (complete) {
+    EXPECT_EQ(counted, iterations);
+  }
+  EXPECT_EQ(status.iterations(), counted);
+  const std::uint64_t pixels = std::uint64_t{status.settings().width()} * status.settings().height();
+  EXPECT_EQ(ledger.film_eye_samples(), pixels * counted)
+      << "the film counted other samples than its units have";
+  EXPECT_EQ(status.samples(), ledger.film_eye_samples());
+}
+
+void expect_identical(const image::Image& a, const image::Image& b, const std::string& what) {
+  ASSERT_EQ(a.width, b.width) << what;
+  ASSERT_EQ(a.height, b.height) << what;
+  ASSERT_EQ(a.rgb.size(), b.rgb.size()) << what;
+  std::size_t different = 0, first = 0;
+  double sum = 0;
+  for (std::size_t i = 0; i < a.rgb.size(); ++i) {
+    sum += static_cast<double>(a.rgb[i]);
+    if (std::memcmp(&a.rgb[i], &b.rgb[i], sizeof(float)) == 0) continue;
+    if (different++ == 0) first = i;
+  }
+  EXPECT_GT(sum, 0) << what << ": the image is black, which proves nothing";
+  EXPECT_EQ(different, 0U) << what << ": first at pixel " << first / 3 % a.width << ", "
+                           << first / 3 / a.width << ": " << a.rgb[first] << " and " << b.rgb[first];
+}
+
+}  // namespace candela::farm

@@ -1,0 +1,99 @@
+// A farm of real processes on loopback, steered with the real command, and the questions the tests ask of it.
+#pragma once
+
+#include <candela/v1/client.grpc.pb.h>
+#include <grpcpp/security/credentials.h>
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/image/image.h"
+#include "tests/farm/process.h"
+
+namespace candela::farm {
+
+// No wait is longer; a healthy farm needs a small part of it.
+inline constexpr double kPatienceSeconds = 120;
+
+struct CommandResult {
+  int exit_code = -1;  // -1: it did not end and was killed
+  std::string out, err;
+  double seconds = 0;
+};
+
+// Scenes that ship with Candela.
+std::string scene_path(const std::string& name);
+
+// Options of the jobs of these tests: small, of a fixed seed.
+inline constexpr std::uint32_t kWidth = 48, kHeight = 32;
+std::vector<std::string> job_options(std::uint64_t iterations);
+
+// All fatal troubles throw std::runtime_error with the output of the process concerned: GoogleTest reports
+// them.
+class Farm {
+ public:
+  Farm();
+  ~Farm();
+
+  TempDir& folder() { return folder_; }
+
+  // --- processes ---
+  void start_master(std::vector<std::string> options = {});
+  void kill_master();     // SIGKILL
+  void restart_master();  // on the same port and data, with the same options
+  Process& master() { return *master_; }
+  const std::string& address() const { return address_; }
+  Process& start_worker(const std::string& name, unsigned threads = 1, std::vector<std::string> options = {});
+  void forget_worker(const Process& worker);  // SIGKILL, if it lives
+  std::map<std::string, std::string> environment() const;
+  // Arguments that every client command needs to reach the master (TLS, say).
+  void set_client_options(std::vector<std::string> options) { client_options_ = std::move(options); }
+  // Of the tests' own calls.
+  void set_credentials(std::shared_ptr<grpc::ChannelCredentials> credentials) {
+    credentials_ = std::move(credentials);
+  }
+
+  // --- the command ---
+  // `candela ARGUMENTS`, with $CANDELA_MASTER set.
+  CommandResult candela(std::vector<std::string> arguments, double seconds = kPatienceSeconds);
+  std::unique_ptr<Process> start_candela(std::vector<std::string> arguments, const std::string& name);
+  // Submits and expects success; the job's id.
+  std::string submit(std::uint64_t iterations, const std::string& scene = "cornell",
+                     std::vector<std::string> more = {});
+  // The image as `candela fetch` gets it.
+  image::Image fetch(const std::string& id);
+  // The image as `candela render` makes it, in a process of its own.
+  image::Image render(std::uint64_t iterations, const std::string& scene = "cornell",
+                      std::vector<std::string> more = {});
+
+  // --- questions, over plain gRPC: quicker to ask often ---
+  v1::FarmService::Stub& stub();
+  v1::JobStatus job(const std::string& id);
+  // Waits until the job has this state; throws if it fails, ends otherwise, or takes too long.
+  v1::JobStatus wait_for(const std::string& id, v1::JobState state, double seconds = kPatienceSeconds);
+  v1::JobStatus wait_for_iterations(const std::string& id, std::uint64_t iterations);
+  std::vector<v1::WorkerStatus> workers();
+  v1::WorkerStatus worker(const std::string& name);  // by name; an empty status if there is none
+  std::vector<v1::Event> events(const std::string& id);
+
+  // The ledger of units, the film's own ranges and its count of samples must tell one story: no unit twice,
+  // no overlap, and with `complete` no gap in `iterations`. Reports through GoogleTest.
+  void audit(const std::string& id, std::uint64_t iterations, bool complete = true);
+
+ private:
+  TempDir folder_;
+  std::vector<std::string> master_options_, client_options_;
+  std::string address_;
+  std::unique_ptr<Process> master_;
+  std::vector<std::unique_ptr<Process>> workers_;
+  std::shared_ptr<grpc::ChannelCredentials> credentials_;  // null: none
+  std::unique_ptr<v1::FarmService::Stub> stub_;
+  int serial_ = 0;
+};
+
+// Expects that two images are equal to the last bit.
+void expect_identical(const image::Image& a, const image::Image& b, const std::string& what);
+
+}  // namespace candela::farm

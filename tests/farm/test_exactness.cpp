@@ -1,0 +1,204 @@
+// One image, however the farm stands: number of workers and threads, sizes and order of units, deaths of
+// workers and of the master. The reference of every case is `candela render` in a process of its own, so each
+// case also proves that the embedded farm and a real one make the same pixels.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <csignal>
+
+#include "tests/farm/farm.h"
+#include "tests/farm/hand_worker.h"
+
+namespace candela::farm {
+namespace {
+
+constexpr std::uint64_t kIterations = 601;  // odd: the halves differ in length
+// Units of this length are many in every job below.
+const std::vector<std::string> kShortUnits = {"--unit-time", "0.05", "--checkpoint-interval", "0.2"};
+
+struct Fleet {
+  int workers;
+  unsigned threads;
+};
+
+class Fleets : public testing::TestWithParam<Fleet> {};
+
+// Claim: the pixels do not depend on how many workers there are, nor on their threads.
+TEST_P(Fleets, SamePixels) {
+  Farm farm;
+  farm.start_master(kShortUnits);
+  for (int i = 0; i < GetParam().workers; ++i) farm.start_worker("w" + std::to_string(i), GetParam().threads);
+  const std::string id = farm.submit(kIterations);
+  farm.wait_for(id, v1::JOB_STATE_DONE);
+  expect_identical(farm.fetch(id), farm.render(kIterations), "farm and `candela render`");
+  farm.audit(id, kIterations);
+}
+
+INSTANTIATE_TEST_SUITE_P(, Fleets, testing::Values(Fleet{1, 1}, Fleet{1, 2}, Fleet{2, 1}, Fleet{5, 1}),
+                         [](const testing::TestParamInfo<Fleet>& one) {
+                           return std::to_string(one.param.workers) + "Workers" +
+                                  std::to_string(one.param.threads) + "Threads";
+                         });
+
+class UnitTimes : public testing::TestWithParam<const char*> {};
+
+// Claim: the pixels do not depend on how the iterations are cut into units.
+TEST_P(UnitTimes, SamePixels) {
+  Farm farm;
+  farm.start_master({"--unit-time", GetParam()});
+  for (const char* name : {"a", "b"}) farm.start_worker(name);
+  const std::string id = farm.submit(kIterations);
+  farm.wait_for(id, v1::JOB_STATE_DONE);
+  expect_identical(farm.fetch(id), farm.render(kIterations), "farm and `candela render`");
+  farm.audit(id, kIterations);
+}
+
+INSTANTIATE_TEST_SUITE_P(, UnitTimes, testing::Values("0.01", "0.3", "5"), [](const auto& one) {
+  std::string name = std::string("Seconds") + one.param;
+  std::replace(name.begin(), name.end(), '.', '_');
+  return name;
+});
+
+// Claim: the pixels do not depend on the order in which units arrive. One worker takes up to five leases at a
+// time and delivers them backwards.
+TEST(Order, BackwardsInBatchesOfFive) {
+  constexpr std::uint64_t iterations = 40;
+  Farm farm;
+  farm.start_master({"--unit-time", "0.01"});
+  const std::string id = farm.submit(iterations);
+  HandWorker worker(farm.address(), "backwards");
+  worker.scene_file_for_pilots = scene_path("cornell");
+  bool out_of_order = false;
+  const bool done = eventually(kPatienceSeconds, [&] {
+    std::vector<v1::Lease> leases;
+    for (int i = 0; i < 8 && leases.size() < 5; ++i)
+      if (auto lease = worker.try_acquire()) leases.push_back(*lease);
+    out_of_order = out_of_order || leases.size() > 1;
+    for (auto lease = leases.rbegin(); lease != leases.rend(); ++lease)
+      EXPECT_EQ(worker.push(worker.delta_for(*lease, scene_path("cornell"))).verdict(),
+                v1::DELTA_VERDICT_MERGED);
+    return farm.job(id).state() == v1::JOB_STATE_DONE;
+  });
+  ASSERT_TRUE(done);
+  EXPECT_TRUE(out_of_order) << "the master never gave two leases at a time: nothing was shuffled";
+  expect_identical(farm.fetch(id), farm.render(iterations), "farm and `candela render`");
+  farm.audit(id, iterations);
+}
+
+// Claim: several jobs at once do not touch each other.
+TEST(Jobs, ThreeAtOnce) {
+  Farm farm;
+  farm.start_master(kShortUnits);
+  for (const char* name : {"a", "b"}) farm.start_worker(name);
+  const std::vector<std::string> scenes = {"cornell", "lamp-over-plane", "furnace"};
+  std::vector<std::string> ids;
+  for (const std::string& scene : scenes) ids.push_back(farm.submit(201, scene));
+  for (std::size_t i = 0; i < scenes.size(); ++i) {
+    farm.wait_for(ids[i], v1::JOB_STATE_DONE);
+    expect_identical(farm.fetch(ids[i]), farm.render(201, scenes[i]), scenes[i]);
+    farm.audit(ids[i], 201);
+  }
+}
+
+// Claim: a worker killed in the midst of a unit costs that unit's time and nothing else.
+TEST(Deaths, WorkerKilledMidUnit) {
+  constexpr std::uint64_t iterations = 3000;
+  Farm farm;
+  farm.start_master({"--unit-time", "0.5", "--lease-time", "1"});
+  Process& victim = farm.start_worker("victim");
+  const std::string id = farm.submit(iterations);
+  farm.wait_for_iterations(id, 1);
+  ASSERT_TRUE(eventually(kPatienceSeconds, [&] { return farm.job(id).units_leased() > 0; }));
+  victim.kill();
+  const v1::JobStatus at_death = farm.job(id);
+  ASSERT_EQ(at_death.state(), v1::JOB_STATE_RUNNING)
+      << "the job ended before the worker was killed: make it longer";
+  ASSERT_GT(at_death.units_leased(), 0U) << "the worker had no unit when it was killed";
+  farm.start_worker("heir", 2);
+  farm.wait_for(id, v1::JOB_STATE_DONE);
+  expect_identical(farm.fetch(id), farm.render(iterations), "after the death of a worker");
+  farm.audit(id, iterations);
+}
+
+// Claim: SIGTERM makes a worker hand its unit back and leave in good order; nobody waits for its lease to
+// expire.
+TEST(Deaths, WorkerTerminated) {
+  constexpr std::uint64_t iterations = 3000;
+  Farm farm;
+  farm.start_master({"--unit-time", "2", "--lease-time", "600"});
+  Process& leaving = farm.start_worker("leaving");
+  const std::string id = farm.submit(iterations);
+  ASSERT_TRUE(eventually(kPatienceSeconds, [&] {
+    const v1::JobStatus status = farm.job(id);
+    return status.units_leased() > 0 && status.has_named_state();
+  }));
+  leaving.signal(SIGTERM);
+  const auto exit_code = leaving.wait(30);
+  ASSERT_TRUE(exit_code.has_value()) << "the worker did not leave";
+  EXPECT_TRUE(*exit_code == 0 || *exit_code == 128 + SIGTERM) << *exit_code;
+  EXPECT_TRUE(eventually(5, [&] { return farm.job(id).units_leased() == 0; }))
+      << "a lease is still out: with --lease-time 600 the job would hang";
+  farm.start_worker("heir", 2);
+  farm.wait_for(id, v1::JOB_STATE_DONE);
+  expect_identical(farm.fetch(id), farm.render(iterations), "after a worker left");
+  farm.audit(id, iterations);
+}
+
+// Claim: a master killed twenty times in one job and restarted loses nothing that its checkpoints have and
+// counts nothing twice.
+TEST(Deaths, MasterKilledTwentyTimes) {
+  constexpr std::uint64_t iterations = 9000;
+  Farm farm;
+  farm.start_master({"--unit-time", "0.1", "--checkpoint-interval", "0.05", "--lease-time", "5"});
+  for (const char* name : {"a", "b"}) farm.start_worker(name);
+  const std::string id = farm.submit(iterations);
+  std::uint64_t seen = 0;
+  for (int deaths = 0; deaths < 20; ++deaths) {
+    // Each life merges something new, so that each death comes at another point of the work.
+    v1::JobStatus status;
+    ASSERT_TRUE(eventually(kPatienceSeconds,
+                           [&] {
+                             status = farm.job(id);
+                             return status.iterations() > seen || status.state() == v1::JOB_STATE_DONE;
+                           }))
+        << "no progress after death " << deaths;
+    ASSERT_EQ(status.state(), v1::JOB_STATE_RUNNING)
+        << "the job ended after " << deaths << " deaths: make it longer";
+    farm.kill_master();
+    farm.restart_master();
+    const std::uint64_t kept = farm.job(id).iterations();
+    EXPECT_GE(kept + 1, status.checkpoint_iterations()) << "a checkpoint that was on disk is lost";
+    seen = kept;
+  }
+  farm.wait_for(id, v1::JOB_STATE_DONE);
+  expect_identical(farm.fetch(id), farm.render(iterations), "after twenty deaths of the master");
+  farm.audit(id, iterations);
+}
+
+// Claim: a worker stopped with SIGSTOP past its lease and continued finds its unit given to another; its
+// delta is refused and the unit counted once.
+TEST(Deaths, WorkerStoppedPastItsLease) {
+  constexpr std::uint64_t iterations = 4000;
+  Farm farm;
+  farm.start_master({"--unit-time", "0.5", "--lease-time", "1"});
+  Process& sleeper = farm.start_worker("sleeper");
+  const std::string id = farm.submit(iterations);
+  farm.wait_for_iterations(id, 1);
+  ASSERT_TRUE(eventually(kPatienceSeconds, [&] { return farm.job(id).units_leased() > 0; }));
+  sleeper.signal(SIGSTOP);
+  const v1::JobStatus at_stop = farm.job(id);
+  ASSERT_EQ(at_stop.state(), v1::JOB_STATE_RUNNING) << "the job ended too soon: make it longer";
+  ASSERT_GT(at_stop.units_leased(), 0U);
+  // The sleeper is alone: its leases run out with nobody to take them over, then another comes.
+  ASSERT_TRUE(eventually(20, [&] { return farm.job(id).units_leased() == 0; })) << "its lease never expired";
+  farm.start_worker("other");
+  farm.wait_for_iterations(id, at_stop.iterations() + 1);
+  sleeper.signal(SIGCONT);
+  farm.wait_for(id, v1::JOB_STATE_DONE);
+  EXPECT_TRUE(sleeper.running()) << "the worker did not survive its sleep: exit " << *sleeper.wait(0);
+  expect_identical(farm.fetch(id), farm.render(iterations), "after a worker's sleep");
+  farm.audit(id, iterations);
+}
+
+}  // namespace
+}  // namespace candela::farm

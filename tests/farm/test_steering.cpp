@@ -1,0 +1,189 @@
+// Pausing, resuming, extending, cancelling, interrupting: whatever is asked of a job on its way, its
+// iterations make the same image.
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "tests/farm/farm.h"
+
+namespace candela::farm {
+namespace {
+
+const std::vector<std::string> kShortUnits = {"--unit-time", "0.05", "--checkpoint-interval", "0.2"};
+
+class Steering : public testing::Test {
+ protected:
+  void start(std::uint64_t iterations, std::vector<std::string> options = kShortUnits) {
+    farm_.start_master(std::move(options));
+    farm_.start_worker("one");
+    id_ = farm_.submit(iterations);
+  }
+  // Runs a command that must succeed.
+  std::string tell(std::vector<std::string> arguments) {
+    const CommandResult result = farm_.candela(arguments);
+    EXPECT_EQ(result.exit_code, 0) << arguments[0] << ": " << result.err;
+    return result.out;
+  }
+  std::string shown_state() { return nlohmann::json::parse(tell({"show", id_, "--json"})).at("state"); }
+
+  Farm farm_;
+  std::string id_;
+};
+
+// Claim: a paused job stands still and goes on where it was; `show --json` has what scripts were promised.
+TEST_F(Steering, PauseAndResume) {
+  constexpr std::uint64_t iterations = 3000;
+  start(iterations);
+  farm_.wait_for_iterations(id_, 1);
+  tell({"pause", id_});
+  ASSERT_EQ(shown_state(), "paused");
+  // What was out when it was paused may still come in.
+  ASSERT_TRUE(eventually(20, [&] { return farm_.job(id_).units_leased() == 0; }));
+  const std::uint64_t paused_at = farm_.job(id_).iterations();
+  ASSERT_LT(paused_at, iterations) << "the job ended before it was paused: make it longer";
+  std::this_thread::sleep_for(std::chrono::seconds(1));
+  EXPECT_EQ(farm_.job(id_).iterations(), paused_at) << "a paused job went on";
+  farm_.audit(id_, iterations, false);
+  tell({"resume", id_});
+  farm_.wait_for(id_, v1::JOB_STATE_DONE);
+  const auto shown = nlohmann::json::parse(tell({"show", id_, "--json"}));
+  EXPECT_EQ(shown.at("id"), id_);
+  EXPECT_EQ(shown.at("state"), "done");
+  EXPECT_EQ(shown.at("iterations"), iterations);
+  EXPECT_GT(shown.at("units_merged"), 1);
+  EXPECT_TRUE(shown.at("error").is_number());
+  expect_identical(farm_.fetch(id_), farm_.render(iterations), "after a pause");
+  farm_.audit(id_, iterations);
+}
+
+// Claim: a pause outlives a restart of the master.
+TEST_F(Steering, PauseAndRestart) {
+  constexpr std::uint64_t iterations = 1500;
+  start(iterations);
+  farm_.wait_for_iterations(id_, 1);
+  tell({"pause", id_});
+  farm_.master().signal(SIGTERM);
+  ASSERT_TRUE(farm_.master().wait(60).has_value()) << "the master did not stop on SIGTERM";
+  farm_.restart_master();
+  EXPECT_EQ(shown_state(), "paused");
+  tell({"resume", id_});
+  farm_.wait_for(id_, v1::JOB_STATE_DONE);
+  expect_identical(farm_.fetch(id_), farm_.render(iterations), "after a pause and a restart");
+  farm_.audit(id_, iterations);
+}
+
+// Claim: 8 iterations and 8 more are the 16 of one job, also after a restart of the master; odd numbers too.
+TEST_F(Steering, Extend) {
+  start(8);
+  farm_.wait_for(id_, v1::JOB_STATE_DONE);
+  const image::Image eight = farm_.fetch(id_);
+  tell({"extend", id_, "--iterations", "+8"});
+  farm_.wait_for(id_, v1::JOB_STATE_DONE);
+  farm_.audit(id_, 16);
+  const image::Image sixteen = farm_.fetch(id_);
+  expect_identical(sixteen, farm_.render(16), "8 + 8");
+  EXPECT_NE(eight.rgb, sixteen.rgb);
+  farm_.kill_master();
+  farm_.restart_master();
+  tell({"extend", id_, "--iterations", "+17"});
+  farm_.wait_for(id_, v1::JOB_STATE_DONE);
+  expect_identical(farm_.fetch(id_), farm_.render(33), "8 + 8 + 17");
+  farm_.audit(id_, 33);
+}
+
+// Claim: cancelling keeps the partial image; a cancelled job can be extended to the image it would have been.
+TEST_F(Steering, CancelKeepsWhatIsThere) {
+  constexpr std::uint64_t iterations = 3000;
+  start(iterations);
+  farm_.wait_for_iterations(id_, 1);
+  tell({"cancel", id_});
+  EXPECT_EQ(shown_state(), "cancelled");
+  const std::uint64_t kept = farm_.job(id_).iterations();
+  ASSERT_LT(kept, iterations) << "the job ended before it was cancelled: make it longer";
+  std::this_thread::sleep_for(std::chrono::seconds(1));
+  EXPECT_EQ(farm_.job(id_).iterations(), kept) << "a cancelled job went on";
+  farm_.audit(id_, iterations, false);
+  const image::Image partial = farm_.fetch(id_);
+  tell({"cancel", id_});  // idempotent
+  const CommandResult watched = farm_.candela({"watch", id_, "--quiet"});
+  EXPECT_EQ(watched.exit_code, 1) << "a cancelled job's result is a failure to those who waited";
+  farm_.kill_master();
+  farm_.restart_master();
+  expect_identical(farm_.fetch(id_), partial, "after a restart");
+  tell({"extend", id_, "--iterations", "+100"});
+  farm_.wait_for(id_, v1::JOB_STATE_DONE);
+  expect_identical(farm_.fetch(id_), farm_.render(iterations + 100), "cancelled, then extended");
+  farm_.audit(id_, iterations + 100);
+}
+
+// Claim: submitting again with the same token makes no second job; with other content it is refused.
+TEST_F(Steering, TokenMakesSubmitSafeToRepeat) {
+  farm_.start_master(kShortUnits);
+  const std::string first = farm_.submit(16, "cornell", {"--token", "t-1"});
+  EXPECT_EQ(farm_.submit(16, "cornell", {"--token", "t-1"}), first);
+  EXPECT_EQ(nlohmann::json::parse(tell({"list", "--json"})).dump().find("\"t-1\""), std::string::npos);
+  std::vector<std::string> other = {"submit", scene_path("cornell"), "--token", "t-1"};
+  for (const std::string& word : job_options(17)) other.push_back(word);
+  const CommandResult result = farm_.candela(other);
+  EXPECT_NE(result.exit_code, 0);
+  EXPECT_TRUE(result.out.empty()) << result.out;
+}
+
+// Claim: a drained worker leaves by itself, with its unit delivered; the job goes on elsewhere.
+TEST_F(Steering, Drain) {
+  constexpr std::uint64_t iterations = 2000;
+  farm_.start_master(kShortUnits);
+  Process& leaving = farm_.start_worker("leaving");
+  id_ = farm_.submit(iterations);
+  farm_.wait_for_iterations(id_, 1);
+  tell({"drain", farm_.worker("leaving").id(), "--wait"});
+  EXPECT_EQ(leaving.wait(20).value_or(-1), 0);
+  farm_.start_worker("staying");
+  farm_.wait_for(id_, v1::JOB_STATE_DONE);
+  expect_identical(farm_.fetch(id_), farm_.render(iterations), "after a drain");
+  farm_.audit(id_, iterations);
+}
+
+// Claim: `candela render` interrupted by Ctrl-C saves the image of what is there and goes on with --resume to
+// the image an uninterrupted render makes; so it does after SIGKILL.
+TEST_F(Steering, RenderInterruptedAndResumed) {
+  constexpr std::uint64_t iterations = 8000;
+  const std::string out = (farm_.folder() / "r.exr").string();
+  std::vector<std::string> command = {"render", scene_path("cornell"), "-o", out, "--threads", "1"};
+  for (const std::string& word : job_options(iterations)) command.push_back(word);
+  for (const int number : {SIGINT, SIGKILL}) {
+    const auto process = farm_.start_candela(command, "render");
+    // Some work must be behind it: the state folder has a film once a checkpoint is written.
+    std::this_thread::sleep_for(std::chrono::milliseconds(1500));
+    ASSERT_TRUE(process->running()) << "the render ended too soon (make it longer) or failed: "
+                                    << process->err();
+    process->signal(number);
+    EXPECT_EQ(process->wait(60).value_or(-1), 128 + number) << process->err();
+    if (number == SIGINT) {
+      const auto partial = image::read_image(out);
+      ASSERT_TRUE(partial.ok()) << partial.error().to_string();
+      EXPECT_EQ(partial.value().width, kWidth);
+      EXPECT_NE(process->err().find("--resume"), std::string::npos)
+          << "it does not say how to go on: " << process->err();
+    }
+    if (command.back() != "--resume") command.push_back("--resume");
+  }
+  const CommandResult resumed = farm_.candela(command);
+  ASSERT_EQ(resumed.exit_code, 0) << resumed.err;
+  const auto image = image::read_image(out);
+  ASSERT_TRUE(image.ok()) << image.error().to_string();
+  expect_identical(image.value(), farm_.render(iterations), "interrupted twice");
+  EXPECT_FALSE(std::filesystem::exists(out + ".candela")) << "the state of a finished render stays behind";
+}
+
+// Claim: the embedded farm's own workers and threads do not matter either.
+TEST_F(Steering, RenderWithSeveralWorkers) {
+  const image::Image one = farm_.render(300, "studio", {"--threads", "1"});
+  expect_identical(one, farm_.render(300, "studio", {"--threads", "3", "--workers", "2"}),
+                   "two workers, three threads");
+}
+
+}  // namespace
+}  // namespace candela::farm
