@@ -49,7 +49,7 @@ void limit_files(Process& master, bool limited) {
 
 // Claim: see the top of the file. `by_limit`: the file size limit instead of a full file system.
 void full_disk(bool by_limit) {
-  constexpr std::uint64_t iterations = 4000;
+  constexpr std::uint64_t iterations = 2500;
   Farm farm;
   SmallDisk disk(farm.folder() / "data");
   if (!by_limit && !disk.mounted())
@@ -57,7 +57,7 @@ void full_disk(bool by_limit) {
   const auto spoil = [&] { by_limit ? limit_files(farm.master(), true) : disk.fill(); };
   const auto mend = [&] { by_limit ? limit_files(farm.master(), false) : disk.make_room(); };
 
-  farm.start_master({"--unit-time", "0.1", "--checkpoint-interval", "0.1"});
+  farm.start_master({"--unit-time", "0.1", "--checkpoint-interval", "0.1", "--lease-time", "2"});
   farm.start_worker("one");
   const std::string id = farm.submit(iterations);
   ASSERT_TRUE(eventually(kPatienceSeconds, [&] { return farm.job(id).checkpoint_generation() > 0; }));

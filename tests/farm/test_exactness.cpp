@@ -149,7 +149,7 @@ TEST(Deaths, WorkerTerminated) {
 TEST(Deaths, MasterKilledTwentyTimes) {
   constexpr std::uint64_t iterations = 9000;
   Farm farm;
-  farm.start_master({"--unit-time", "0.1", "--checkpoint-interval", "0.05", "--lease-time", "5"});
+  farm.start_master({"--unit-time", "0.1", "--checkpoint-interval", "0.05", "--lease-time", "2"});
   for (const char* name : {"a", "b"}) farm.start_worker(name);
   const std::string id = farm.submit(iterations);
   std::uint64_t seen = 0;
@@ -178,7 +178,7 @@ TEST(Deaths, MasterKilledTwentyTimes) {
 // Claim: a worker stopped with SIGSTOP past its lease and continued finds its unit given to another; its
 // delta is refused and the unit counted once.
 TEST(Deaths, WorkerStoppedPastItsLease) {
-  constexpr std::uint64_t iterations = 4000;
+  constexpr std::uint64_t iterations = 2500;
   Farm farm;
   farm.start_master({"--unit-time", "0.5", "--lease-time", "1"});
   Process& sleeper = farm.start_worker("sleeper");

@@ -11,7 +11,8 @@
 namespace candela::farm {
 namespace {
 
-const std::vector<std::string> kShortUnits = {"--unit-time", "0.05", "--checkpoint-interval", "0.2"};
+const std::vector<std::string> kShortUnits = {"--unit-time", "0.05",         "--checkpoint-interval",
+                                              "0.2",         "--lease-time", "3"};
 
 class Steering : public testing::Test {
  protected:
@@ -155,8 +156,9 @@ TEST_F(Steering, RenderInterruptedAndResumed) {
   for (const std::string& word : job_options(iterations)) command.push_back(word);
   for (const int number : {SIGINT, SIGKILL}) {
     const auto process = farm_.start_candela(command, "render");
-    // Some work must be behind it: the state folder has a film once a checkpoint is written.
-    std::this_thread::sleep_for(std::chrono::milliseconds(1500));
+    // Some work must be behind it: a progress line tells of merged samples.
+    ASSERT_TRUE(eventually(
+        30, [&] { return !process->running() || process->err().find("samples/s") != std::string::npos; }));
     ASSERT_TRUE(process->running()) << "the render ended too soon (make it longer) or failed: "
                                     << process->err();
     process->signal(number);
