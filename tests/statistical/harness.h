@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/description/object.h"
@@ -50,19 +51,27 @@ std::vector<std::vector<float>> render_batches(TestScene scene, std::uint64_t se
 // Block by block and channel by channel: the mean over batches against a reference with known standard errors
 // of its pixels (empty: exact). Welch's t test on block means with the batches' own variance; a block's value
 // is skipped if its relative standard error exceeds max_relative_error or its batches are so skewed that the
-// normal limit is not reached (one batch holds more than half of the sum of squares about the mean).
+// normal limit is not reached (one batch holds more than four fifths of the sum of squares about the mean).
 struct BlockTestResult {
   std::size_t tested = 0, skipped = 0;
   double smallest_p = 1;     // over all tested values
   double adjusted_p = 1;     // Bonferroni: min(1, smallest_p * tested): at most this chance of a false alarm
   double chi_squared_p = 1;  // of the sum of squared normal scores of all tested values, one-sided
   double median_relative_standard_error = 0;
-  double mean_ratio = 0;  // of the tested values' sums
-  std::string worst;      // where, for the failure message
+  double ratio = 0;         // mean over reference, weighted by what is known of each value
+  double ratio_stderr = 0;  // its standard error, the three channels of a block taken as one
+  std::string worst;        // where, for the failure message
+};
+struct BlockTestOptions {
+  std::uint32_t block = 16;
+  double max_relative_error = 0.02;
+  // A known systematic difference of the reference, relative: only what goes beyond it counts.
+  double allowed_bias = 0;
+  // Blocks whose corner is listed are left out: known faults of the reference.
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> excluded;
 };
 BlockTestResult block_test(const std::vector<std::vector<float>>& batches,
                            const std::vector<float>& reference, const std::vector<float>& reference_stderr,
-                           std::uint32_t width, std::uint32_t height, std::uint32_t block,
-                           double max_relative_error);
+                           std::uint32_t width, std::uint32_t height, const BlockTestOptions& options);
 
 }  // namespace candela::statistical

@@ -13,13 +13,18 @@
 namespace candela::statistical {
 namespace {
 
+using Blocks = std::vector<std::pair<std::uint32_t, std::uint32_t>>;
+
 struct Case {
   const char* name;
   std::uint32_t width, height;
   std::size_t batches;
   std::uint64_t iterations;
   double max_relative_error;
-  double least_tested;  // share of the values that must be decidable
+  double least_tested;     // share of the values that must be decidable
+  double allowed_bias;     // of a single value, relative: what is known to differ, or hidden from `path`
+  double ratio_tolerance;  // of the weighted ratio of all values, beside four of its standard errors
+  Blocks excluded;
 };
 
 class References : public testing::TestWithParam<Case> {};
@@ -37,26 +42,41 @@ TEST_P(References, PathAgrees) {
 
   const auto batches =
       render_batches(scene_from_shared(c.name, c.width, c.height), 1, c.batches, c.iterations);
-  const BlockTestResult result =
-      block_test(batches, reference->rgb, deviation->rgb, c.width, c.height, 16, c.max_relative_error);
+  const BlockTestResult result = block_test(batches, reference->rgb, deviation->rgb, c.width, c.height,
+                                            {16, c.max_relative_error, c.allowed_bias, c.excluded});
   std::printf(
-      "%s: %zu values tested, %zu undecided, mean ratio %.5f, median relative standard error %.2e, "
+      "%s: %zu values tested, %zu undecided, ratio %.5f +- %.5f, median relative standard error %.2e, "
       "smallest p %.2e (adjusted %.3f), chi-squared p %.3f; worst: %s\n",
-      c.name, result.tested, result.skipped, result.mean_ratio, result.median_relative_standard_error,
-      result.smallest_p, result.adjusted_p, result.chi_squared_p, result.worst.c_str());
+      c.name, result.tested, result.skipped, result.ratio, result.ratio_stderr,
+      result.median_relative_standard_error, result.smallest_p, result.adjusted_p, result.chi_squared_p,
+      result.worst.c_str());
   EXPECT_GT(static_cast<double>(result.tested),
             c.least_tested * static_cast<double>(result.tested + result.skipped));
   EXPECT_GT(result.adjusted_p, 1e-4) << result.worst;
-  EXPECT_NEAR(result.mean_ratio, 1.0, 5e-3);
+  EXPECT_NEAR(result.ratio, 1.0, c.ratio_tolerance + 4 * result.ratio_stderr);  // 6e-5 for normal errors
 }
 
+// veach-mis: the reference's Beckmann shadowing is a rational fit, off by up to 0.35 % at grazing angles;
+// ours is exact. veach-bidir: light leaks out of the reference's spot lamp along its edges (blocks at its
+// place and just below; the image of the scene's author, rendered by Tungsten, has no such leak and agrees
+// with ours to 1-3 %). Caustics of the lamps on wall and table are so rare for `path` that a block can miss a
+// tenth of its light in all batches together.
 INSTANTIATE_TEST_SUITE_P(Scenes, References,
-                         testing::Values(Case{"cornell-box", 256, 256, 16, 16, 0.03, 0.95},
-                                         Case{"veach-mis", 256, 144, 16, 16, 0.03, 0.90},
-                                         Case{"veach-bidir", 256, 256, 16, 32, 0.05, 0.50},
-                                         Case{"veach-ajar", 256, 144, 16, 32, 0.06, 0.50}),
-                         [](const auto& info) {
-                           std::string name = info.param.name;
+                         testing::Values(Case{"cornell-box", 256, 256, 16, 16, 0.03, 0.95, 0, 0.001, {}},
+                                         Case{"veach-mis", 256, 144, 16, 16, 0.03, 0.90, 0.0035, 0.0035, {}},
+                                         Case{"veach-bidir",
+                                              256,
+                                              256,
+                                              16,
+                                              16,
+                                              0.05,
+                                              0.50,
+                                              0.10,
+                                              0.006,
+                                              {{192, 96}, {208, 96}, {192, 112}, {208, 112}}},
+                                         Case{"veach-ajar", 256, 144, 16, 32, 0.06, 0.50, 0, 0.005, {}}),
+                         [](const auto& param_info) {
+                           std::string name = param_info.param.name;
                            for (char& ch : name)
                              if (ch == '-') ch = '_';
                            return name;
