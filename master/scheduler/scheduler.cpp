@@ -238,6 +238,21 @@ HeartbeatResult Scheduler::heartbeat(const std::string& worker_id, const std::ve
     it->second.listed = true;
     it->second.expires = now.seconds + options_.lease_seconds;
   }
+  // A worker names all that it holds. What it has not named, and has had time to hear of, it does not have:
+  // its answer was lost, or the lease outlived a restart that its unit did not. The token keeps a late
+  // delivery out.
+  const double settled = std::min(5.0, options_.lease_seconds / 3);
+  std::vector<std::uint64_t> forgotten;
+  for (const std::uint64_t token : worker.leases) {
+    const auto it = leases_.find(token);
+    if (it != leases_.end() && now.seconds - it->second.granted > settled &&
+        std::find(tokens.begin(), tokens.end(), token) == tokens.end())
+      forgotten.push_back(token);
+  }
+  for (const std::uint64_t token : forgotten) {
+    ++expired_count_;
+    drop_lease(token, now, true);
+  }
   return out;
 }
 

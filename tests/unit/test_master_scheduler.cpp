@@ -171,6 +171,26 @@ TEST_F(SchedulerTest, HeartbeatsKeepWhatTheyName) {
   EXPECT_EQ(s.expired_count(), 1U);
 }
 
+// Claim: a lease that its live worker does not name is open again within seconds, not after lease times:
+// after a restart the end of a job does not wait for units that died with their process. The late delivery is
+// refused.
+TEST_F(SchedulerTest, WhatALiveWorkerDoesNotNameIsOpenAgainSoon) {
+  worker("a");
+  worker("b");
+  job("j", 2);
+  const auto lost = lease("a");
+  ASSERT_TRUE(lost);
+  s.heartbeat("a", {}, at(101));
+  EXPECT_EQ(s.lease_count(), 1U) << "its answer may still be on the way";
+  s.heartbeat("a", {}, at(105.5));
+  EXPECT_EQ(s.lease_count(), 0U);
+  const auto next = lease("b");
+  ASSERT_TRUE(next);
+  EXPECT_EQ(next->row.unit_id, lost->row.unit_id);
+  EXPECT_EQ(deliver(*lost, unit_of(*lost)), Delivery::stale);
+  EXPECT_EQ(deliver(*next, unit_of(*next)), Delivery::ok);
+}
+
 // Claim: a straggler's unit is leased once more when nothing else is open; the first delivery wins, the other
 // is told.
 TEST_F(SchedulerTest, StragglersRunTwiceAndCountOnce) {
