@@ -38,6 +38,12 @@ Error system_error(std::string what, const std::filesystem::path& path) {
   return error;
 }
 
+// Without O_NONBLOCK, to open a named pipe would wait for a writer, perhaps for ever. Reading a regular file
+// does not heed the flag, and everything else is refused right after.
+int open_to_read(const std::filesystem::path& path) {
+  return ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
+}
+
 Result<std::uint64_t> regular_file_size(int fd, const std::filesystem::path& path) {
   struct stat info {};
   if (::fstat(fd, &info) != 0) return system_error("cannot read", path);
@@ -48,7 +54,7 @@ Result<std::uint64_t> regular_file_size(int fd, const std::filesystem::path& pat
 }  // namespace
 
 Result<std::string> read_file(const std::filesystem::path& path, std::uint64_t limit_bytes) {
-  const Descriptor fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  const Descriptor fd(open_to_read(path));
   if (fd.get() < 0) return system_error("cannot open", path);
   CANDELA_ASSIGN(const std::uint64_t size, regular_file_size(fd.get(), path));
   if (size > limit_bytes)
@@ -102,12 +108,13 @@ Result<void> write_file_atomically(const std::filesystem::path& path, std::strin
 Result<void> make_directories(const std::filesystem::path& path) {
   std::error_code code;
   std::filesystem::create_directories(path, code);
-  if (code) return input_error(fmt::format("cannot create the folder: {}", code.message())).at(path.string(), 0);
+  if (code)
+    return input_error(fmt::format("cannot create the folder: {}", code.message())).at(path.string(), 0);
   return {};
 }
 
 Result<std::shared_ptr<const MappedFile>> MappedFile::open(const std::filesystem::path& path) {
-  const Descriptor fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  const Descriptor fd(open_to_read(path));
   if (fd.get() < 0) return system_error("cannot open", path);
   CANDELA_ASSIGN(const std::uint64_t size, regular_file_size(fd.get(), path));
   auto file = std::shared_ptr<MappedFile>(new MappedFile);
