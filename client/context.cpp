@@ -61,6 +61,7 @@ void add_farm_options(CLI::App& app, FarmOptions& options) {
 }
 
 Result<ConnectionOptions> resolve_connection(const FarmOptions& options, const Config& config) {
+  CANDELA_TRY(config.check_shared());
   CANDELA_TRY(
       config.check_section("client", {"master", "tls-cert", "tls-key", "tls-ca", "insecure", "timeout"}));
   // The plain key first: that is also the environment's short name.

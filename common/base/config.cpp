@@ -72,6 +72,20 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
   return row[b.size()];
 }
 
+// An error at `origin` ("file:line") with the nearest of `known`.
+Error unknown_name(std::string message, const std::string& origin, const std::string& name,
+                   const std::vector<std::string>& known) {
+  const auto colon = origin.rfind(':');
+  Error error =
+      input_error(std::move(message)).at(origin.substr(0, colon), std::atoi(origin.c_str() + colon + 1));
+  const auto nearest = std::min_element(known.begin(), known.end(), [&](const auto& a, const auto& b) {
+    return edit_distance(name, a) < edit_distance(name, b);
+  });
+  if (nearest != known.end() && edit_distance(name, *nearest) <= name.size() / 2)
+    error.mend = fmt::format("did you mean '{}'?", *nearest);
+  return error;
+}
+
 }  // namespace
 
 Result<Config> Config::load() {
@@ -132,16 +146,26 @@ Result<void> Config::check_section(const std::string& section, const std::vector
   for (const auto& [key, entry] : entries_) {
     if (!key.starts_with(section + ".")) continue;
     const std::string name = key.substr(section.size() + 1);
-    if (std::find(known.begin(), known.end(), name) != known.end()) continue;
-    const auto nearest = std::min_element(known.begin(), known.end(), [&](const auto& a, const auto& b) {
-      return edit_distance(name, a) < edit_distance(name, b);
-    });
-    const auto colon = entry.origin.rfind(':');
-    Error error = input_error(fmt::format("unknown key '{}' in [{}]", name, section))
-                      .at(entry.origin.substr(0, colon), std::atoi(entry.origin.c_str() + colon + 1));
-    if (nearest != known.end() && edit_distance(name, *nearest) <= name.size() / 2)
-      error.mend = fmt::format("did you mean '{}'?", *nearest);
-    return error;
+    if (std::find(known.begin(), known.end(), name) == known.end())
+      return unknown_name(fmt::format("unknown key '{}' in [{}]", name, section), entry.origin, name, known);
+  }
+  return {};
+}
+
+Result<void> Config::check_shared() const {
+  const std::vector<std::string> sections = {"client", "master", "worker"};
+  const std::vector<std::string> keys = {"cache",   "cache-size", "data",      "give-up",  "insecure",
+                                         "listen",  "log-format", "log-level", "master",   "name",
+                                         "threads", "timeout",    "tls-ca",    "tls-cert", "tls-key"};
+  for (const auto& [key, entry] : entries_) {
+    const std::size_t dot = key.find('.');
+    const std::string name = key.substr(0, dot);
+    const bool section = dot != std::string::npos;
+    const std::vector<std::string>& known = section ? sections : keys;
+    if (std::find(known.begin(), known.end(), name) == known.end())
+      return unknown_name(
+          section ? fmt::format("unknown section [{}]", name) : fmt::format("unknown key '{}'", name),
+          entry.origin, name, known);
   }
   return {};
 }

@@ -25,6 +25,9 @@ class Config {
   // An input error naming file, line and the nearest known name where the files' [section] holds a key not in
   // `known` (names without the section), so that a misspelt key is not ignored in silence.
   Result<void> check_section(const std::string& section, const std::vector<std::string>& known) const;
+  // The same for what all programs share: a key outside every section that no program knows, and a section of
+  // no program.
+  Result<void> check_shared() const;
 
  private:
   struct Entry {

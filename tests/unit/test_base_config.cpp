@@ -130,5 +130,22 @@ TEST_F(ConfigTest, UnknownKeysOfASectionAreErrors) {
   EXPECT_TRUE(config->check_section("worker", {"threads"}).ok());
 }
 
+// Claim: a misspelt key outside the sections, and a section of no program, are errors too; what is known is
+// not.
+TEST_F(ConfigTest, UnknownSharedKeysAndSectionsAreErrors) {
+  const auto checked = [&](const std::string& text) {
+    write("candela/config.toml", text);
+    const auto config = Config::load();
+    EXPECT_TRUE(config.ok());
+    const auto result = config->check_shared();
+    return result.ok() ? std::string() : result.error().to_string();
+  };
+  const std::string file = (folder_ / "candela/config.toml").string();
+  EXPECT_EQ(checked("master = \"a:1\"\n[worker]\nanything = 1\n"), "");
+  EXPECT_EQ(checked("# first\nmastr = \"a:1\"\n"), file + ":2: unknown key 'mastr' (did you mean 'master'?)");
+  EXPECT_EQ(checked("[wroker]\nthreads = 1\n"),
+            file + ":2: unknown section [wroker] (did you mean 'worker'?)");
+}
+
 }  // namespace
 }  // namespace candela
