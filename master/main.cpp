@@ -4,16 +4,16 @@
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
-#include <charconv>
-#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <new>
 #include <string>
 #include <thread>
 
 #include "common/base/config.h"
 #include "common/base/log.h"
+#include "common/base/quantity.h"
 #include "common/base/version.h"
 #include "common/wire/wire.h"
 #include "master/master.h"
@@ -49,49 +49,25 @@ Error bad_value(const Chosen& chosen, const std::string& what) {
   return usage_error("'" + chosen.value.substr(0, 100) + "' is not " + what).with_field(chosen.origin);
 }
 
-// "2", "2s", "0.5", "10m", "1h": seconds above 0.
+// Seconds above 0.
 Result<void> read_seconds(const Chosen& chosen, double& out) {
   if (chosen.value.empty()) return {};
-  const Error wrong = bad_value(chosen, "a time above 0 such as 2.5, 30s, 10m or 1h");
-  const char* const end = chosen.value.data() + chosen.value.size();
-  double number = 0;
-  const auto [rest, code] = std::from_chars(chosen.value.data(), end, number);
-  if (code != std::errc() || !std::isfinite(number) || number <= 0) return wrong;
-  const std::string suffix(rest, end);
-  if (suffix == "m")
-    number *= 60;
-  else if (suffix == "h")
-    number *= 3600;
-  else if (!suffix.empty() && suffix != "s")
-    return wrong;
-  out = number;
+  const auto seconds = parse_seconds(chosen.value);
+  if (!seconds || *seconds == 0) return bad_value(chosen, "a time above 0 such as 2.5, 30s, 10m or 1h");
+  out = *seconds;
   return {};
 }
 
-// "512M", "2G", "1000000": bytes, with binary multiples.
 Result<void> read_size(const Chosen& chosen, std::uint64_t& out) {
   if (chosen.value.empty()) return {};
-  const Error wrong = bad_value(chosen, "a size in bytes such as 512M or 2G");
-  const char* const end = chosen.value.data() + chosen.value.size();
-  std::uint64_t number = 0;
-  const auto [rest, code] = std::from_chars(chosen.value.data(), end, number);
-  if (code != std::errc() || number == 0) return wrong;
-  const std::string suffix(rest, end);
-  int shift = 0;
-  if (suffix == "K" || suffix == "KiB")
-    shift = 10;
-  else if (suffix == "M" || suffix == "MiB")
-    shift = 20;
-  else if (suffix == "G" || suffix == "GiB")
-    shift = 30;
-  else if (!suffix.empty())
-    return wrong;
-  if (number > (UINT64_MAX >> 1 >> shift)) return wrong;
-  out = number << shift;
+  const auto bytes = parse_bytes(chosen.value);
+  if (!bytes) return bad_value(chosen, "a size in bytes such as 512M or 2G");
+  out = *bytes;
   return {};
 }
 
 Result<master::MasterOptions> resolve(const Config& config, const Texts& texts) {
+  CANDELA_TRY(config.check_shared());
   CANDELA_TRY(config.check_section(
       "master", {"listen", "data", "http", "tls-cert", "tls-key", "tls-ca", "insecure", "checkpoint-interval",
                  "lease-time", "unit-time", "merge-queue", "log-level", "log-format"}));
@@ -224,5 +200,12 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "candela-master: %s (see --help)\n", e.what());
     return 2;
   }
-  return run(texts);
+  try {
+    return run(texts);
+  } catch (const std::bad_alloc&) {
+    std::fputs("candela-master: out of memory\n", stderr);
+  } catch (const std::exception& exception) {
+    std::fprintf(stderr, "candela-master: internal error: %s\n", exception.what());
+  }
+  return 1;
 }

@@ -6,17 +6,18 @@
 
 #include <CLI/CLI.hpp>
 #include <charconv>
-#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <new>
 #include <optional>
 #include <string>
 #include <thread>
 
 #include "common/base/config.h"
 #include "common/base/log.h"
+#include "common/base/quantity.h"
 #include "common/base/version.h"
 #include "worker/service/worker_service.h"
 
@@ -48,41 +49,14 @@ Error bad_value(const Chosen& chosen, const std::string& what) {
   return usage_error("'" + chosen.value.substr(0, 100) + "' is not " + what).with_field(chosen.origin);
 }
 
-// "20G", "512M", "1000000": bytes, with binary multiples.
-Result<std::uint64_t> parse_size(const Chosen& chosen) {
-  const Error wrong = bad_value(chosen, "a size in bytes such as 500M, 20G or 1T");
-  const char* const end = chosen.value.data() + chosen.value.size();
-  std::uint64_t number = 0;
-  const auto [rest, code] = std::from_chars(chosen.value.data(), end, number);
-  if (code != std::errc() || number == 0) return wrong;
-  const std::string suffix(rest, end);
-  int shift = 0;
-  if (suffix == "K" || suffix == "KiB")
-    shift = 10;
-  else if (suffix == "M" || suffix == "MiB")
-    shift = 20;
-  else if (suffix == "G" || suffix == "GiB")
-    shift = 30;
-  else if (suffix == "T" || suffix == "TiB")
-    shift = 40;
-  else if (!suffix.empty())
-    return wrong;
-  if (number > (UINT64_MAX >> 1 >> shift)) return wrong;
-  return number << shift;
+Result<std::uint64_t> read_size(const Chosen& chosen) {
+  if (const auto bytes = parse_bytes(chosen.value)) return *bytes;
+  return bad_value(chosen, "a size in bytes such as 500M, 20G or 1T");
 }
 
-// "90", "90s", "10m", "2h": seconds.
-Result<double> parse_seconds(const Chosen& chosen) {
-  const Error wrong = bad_value(chosen, "a time such as 90s, 10m or 2h");
-  const char* const end = chosen.value.data() + chosen.value.size();
-  double number = 0;
-  const auto [rest, code] = std::from_chars(chosen.value.data(), end, number);
-  if (code != std::errc() || !std::isfinite(number) || number < 0) return wrong;
-  const std::string suffix(rest, end);
-  if (suffix.empty() || suffix == "s") return number;
-  if (suffix == "m") return number * 60;
-  if (suffix == "h") return number * 3600;
-  return wrong;
+Result<double> read_seconds(const Chosen& chosen) {
+  if (const auto seconds = parse_seconds(chosen.value)) return *seconds;
+  return bad_value(chosen, "a time such as 90s, 10m or 2h");
 }
 
 Result<unsigned> parse_threads(const Chosen& chosen) {
@@ -109,6 +83,7 @@ Result<std::filesystem::path> default_cache() {
 }
 
 Result<worker::WorkerOptions> resolve(const Config& config, const Texts& texts) {
+  CANDELA_TRY(config.check_shared());
   CANDELA_TRY(config.check_section(
       "worker", {"master", "cache", "cache-size", "threads", "name", "tls-cert", "tls-key", "tls-ca",
                  "insecure", "give-up", "log-level", "log-format"}));
@@ -121,13 +96,13 @@ Result<worker::WorkerOptions> resolve(const Config& config, const Texts& texts) 
     CANDELA_ASSIGN(options.cache_dir, default_cache());
   }
   if (const Chosen size = choose(config, "cache-size", texts.cache_size); !size.value.empty()) {
-    CANDELA_ASSIGN(options.cache_limit_bytes, parse_size(size));
+    CANDELA_ASSIGN(options.cache_limit_bytes, read_size(size));
   }
   if (const Chosen threads = choose(config, "threads", texts.threads); !threads.value.empty()) {
     CANDELA_ASSIGN(options.threads, parse_threads(threads));
   }
   if (const Chosen give_up = choose(config, "give-up", texts.give_up); !give_up.value.empty()) {
-    CANDELA_ASSIGN(options.give_up_seconds, parse_seconds(give_up));
+    CANDELA_ASSIGN(options.give_up_seconds, read_seconds(give_up));
   }
   options.name = choose(config, "name", texts.name).value;
   options.tls_cert = choose(config, "tls-cert", texts.tls_cert).value;
@@ -221,8 +196,10 @@ int main(int argc, char** argv) {
   }
   try {
     return run(texts);
+  } catch (const std::bad_alloc&) {
+    std::fputs("candela-worker: out of memory\n", stderr);
   } catch (const std::exception& exception) {
-    std::fprintf(stderr, "candela-worker: %s\n", exception.what());
-    return 1;
+    std::fprintf(stderr, "candela-worker: internal error: %s\n", exception.what());
   }
+  return 1;
 }
