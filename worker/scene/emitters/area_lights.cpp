@@ -36,11 +36,14 @@ float per_solid_angle(Vec3 reference, Vec3 p, Vec3 ng, double area) {
   return static_cast<float>(distance_squared * std::sqrt(distance_squared) / (cosine_times_distance * area));
 }
 
-bool finish(Vec3 reference, LightPoint& out) {
+// Direction and density of a point sampled uniformly in area, by one square root.
+bool finish_by_area(Vec3 reference, double area, LightPoint& out) {
   const Vec3d v = Vec3d(out.p) - Vec3d(reference);
-  const double l = length(v);
-  if (!(l > 0)) return false;
-  out.wi = Vec3(v / l);
+  const double distance_squared = length_squared(v), distance = std::sqrt(distance_squared);
+  const double cosine_times_distance = -dot(v, Vec3d(out.ng));
+  if (!(cosine_times_distance > 0)) return false;
+  out.wi = Vec3(v / distance);
+  out.pdf_solid_angle = static_cast<float>(distance_squared * distance / (cosine_times_distance * area));
   return out.pdf_solid_angle > 0 && out.pdf_solid_angle < std::numeric_limits<float>::infinity();
 }
 
@@ -115,9 +118,11 @@ bool RectangleLight::sample(Vec3 reference, Vec2 u, LightPoint& out) const {
   out.ng = rectangle_.normal;
   out.uv = {static_cast<float>(along_u), static_cast<float>(along_v)};
   out.error = error_;
-  out.pdf_solid_angle = by_solid_angle ? static_cast<float>(1 / s.solid_angle)
-                                       : per_solid_angle(reference, out.p, out.ng, area_);
-  return finish(reference, out);
+  if (!by_solid_angle) return finish_by_area(reference, area_, out);
+  const Vec3d v = Vec3d(out.p) - Vec3d(reference);
+  out.wi = Vec3(normalize(v));  // not zero: the reference is off the plane
+  out.pdf_solid_angle = static_cast<float>(1 / s.solid_angle);
+  return true;
 }
 
 float RectangleLight::pdf_solid_angle(Vec3 reference, Vec3 p) const {
@@ -198,8 +203,7 @@ bool MeshLight::sample(Vec3 reference, double u_triangle, Vec2 u, LightPoint& ou
   out.ng = t.ng;
   out.uv = geometry_->uv_at(index, b.x, b.y);
   out.error = geometry_->point_error(index, out.p);
-  out.pdf_solid_angle = per_solid_angle(reference, out.p, out.ng, triangles_.total());
-  return finish(reference, out);
+  return finish_by_area(reference, triangles_.total(), out);
 }
 
 float MeshLight::pdf_solid_angle(Vec3 reference, const SurfaceHit& hit) const {
