@@ -64,9 +64,9 @@ Spectrum eye_sample(const UnitContext& context, std::uint32_t x, std::uint32_t y
   float filter_weight = 1;
   const Vec2 offset = context.filter.sample(sampler.next_2d(), filter_weight);
   float response = 1;
-  const Ray ray =
-      context.scene.camera_ray(static_cast<float>(x) + 0.5f + offset.x,
-                               static_cast<float>(y) + 0.5f + offset.y, sampler.next_2d(), response);
+  const Ray ray = context.scene.camera_ray(
+      static_cast<float>(x) + 0.5f + offset.x, static_cast<float>(y) + 0.5f + offset.y,
+      context.scene.reads_lens() ? sampler.next_2d() : Vec2{0.5f, 0.5f}, response);
   return radiance(ray, sampler, tallies) * (filter_weight * response);
 }
 

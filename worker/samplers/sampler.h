@@ -76,20 +76,26 @@ class Sampler {
   // one.
   void set_dimension(std::uint32_t dimension) { dimension_ = dimension; }
 
+  // The draw of a given dimension; where not `stratified`, an independent one whatever the kind. Deep in a
+  // path stratification no longer lowers the variance but still costs its hashes.
+  float draw_1d(std::uint32_t dimension, bool stratified) {
+    dimension_ = dimension;
+    return stratified ? next_1d() : independent_1d();
+  }
+  Vec2 draw_2d(std::uint32_t dimension, bool stratified) {
+    dimension_ = dimension;
+    return stratified ? next_2d() : independent_2d();
+  }
+
   float next_1d() {
-    if (kind_ == SamplerKind::independent)
-      return rng::to_float(static_cast<std::uint32_t>(next_hash(sample_key_) >> 32));
+    if (kind_ == SamplerKind::independent) return independent_1d();
     const std::uint64_t h = next_hash(pixel_key_);
     const std::uint32_t index =
         detail::reverse_bits(detail::owen_hash(reversed_index_, static_cast<std::uint32_t>(h)));
     return rng::to_float(detail::reverse_bits(detail::owen_hash(index, static_cast<std::uint32_t>(h >> 32))));
   }
   Vec2 next_2d() {
-    if (kind_ == SamplerKind::independent) {
-      const std::uint64_t h = next_hash(sample_key_);
-      return {rng::to_float(static_cast<std::uint32_t>(h)),
-              rng::to_float(static_cast<std::uint32_t>(h >> 32))};
-    }
+    if (kind_ == SamplerKind::independent) return independent_2d();
     const std::uint64_t h = next_hash(pixel_key_);
     const auto seed_x = static_cast<std::uint32_t>(h >> 32);
     const auto seed_y = static_cast<std::uint32_t>((h * 0xd1342543de82ef95u) >> 32);
@@ -106,6 +112,11 @@ class Sampler {
   std::uint64_t sample_key() const { return sample_key_; }
 
  private:
+  float independent_1d() { return rng::to_float(static_cast<std::uint32_t>(next_hash(sample_key_) >> 32)); }
+  Vec2 independent_2d() {
+    const std::uint64_t h = next_hash(sample_key_);
+    return {rng::to_float(static_cast<std::uint32_t>(h)), rng::to_float(static_cast<std::uint32_t>(h >> 32))};
+  }
   std::uint64_t next_hash(std::uint64_t key) {
     return rng::mix64(key + static_cast<std::uint64_t>(++dimension_) * 0x9e3779b97f4a7c15u);
   }

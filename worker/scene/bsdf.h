@@ -67,6 +67,8 @@ class Closure {
   Spectrum eval_pdf(Vec3 wo, Vec3 wi, TransportMode mode, float& pdf_solid_angle) const;
   // False: absorbed or no valid direction.
   bool sample(Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out) const;
+  // sample() reads u_lobe.
+  bool chooses_lobe() const { return kind == BsdfKind::dielectric; }
   // Only delta lobes: next event estimation is pointless.
   bool purely_delta() const { return kind == BsdfKind::dielectric || kind == BsdfKind::conductor; }
 };

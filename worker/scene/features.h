@@ -11,17 +11,19 @@ struct SceneFeatures {
   std::uint64_t triangles = 0;
   std::uint32_t spheres = 0;
   std::uint32_t shapes = 0;
-  std::map<std::string, std::uint32_t> bsdf_kinds;     // kind -> number of shapes wearing it (inside of twosided)
+  std::map<std::string, std::uint32_t>
+      bsdf_kinds;  // kind -> number of shapes wearing it (inside of twosided)
   std::map<std::string, std::uint32_t> emitter_kinds;  // kind -> number
   std::uint32_t textures = 0;
   bool any_delta_bsdf = false;
   bool all_bsdfs_delta = false;
-  bool any_rough_glossy = false;   // roughness below 0.2
+  bool any_rough_glossy = false;  // roughness below 0.2
   bool any_transmission = false;
   bool any_environment = false;    // constant or envmap
   bool any_delta_emitter = false;  // point, directional
   bool any_area_emitter = false;
-  bool any_black_bsdf = false;     // absorbs all: paths end there
+  bool any_mesh_emitter = false;  // an area emitter whose sampling chooses a triangle first
+  bool any_black_bsdf = false;    // absorbs all: paths end there
   bool any_two_sided = false;
   std::uint32_t emitters = 0;
   float radius = 0;                // of the bounding sphere

@@ -262,7 +262,12 @@ bool LightSampler::sample(const SurfaceHit& reference, Vec3 front, float u_selec
   if (emitters_.empty()) return false;
   float prob = 0;
   double rest = 0;
-  if (!select(reference.p, front, extend_draw(u_select, u.x, u.y), out.emitter, prob, rest)) return false;
+  if (emitters_.size() == 1 && emitters_[0].kind != Kind::mesh) {
+    prob = 1;
+    out.emitter = 0;
+  } else if (!select(reference.p, front, extend_draw(u_select, u.x, u.y), out.emitter, prob, rest)) {
+    return false;
+  }
   const Emitter& e = emitters_[out.emitter];
   const bool both_sides = is_zero(front);
   out.delta = false;

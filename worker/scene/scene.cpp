@@ -179,6 +179,7 @@ Result<void> Builder::finish_geometry() {
         lights_.add_area(area.shape, area.rectangle ? &*area.rectangle : nullptr, radiance);
     ++features_.emitter_kinds["area"];
     features_.any_area_emitter = true;
+    features_.any_mesh_emitter |= !area.rectangle && geometry_.shapes[area.shape].sphere == kNone;
     features_.max_emitted_radiance = std::max(features_.max_emitted_radiance, luminance(radiance.maximum()));
   }
   return {};

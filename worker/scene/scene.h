@@ -42,7 +42,8 @@ class Scene {
 
   // Next event estimation. `front`: the shading normal turned to the side that scatters (the viewer's);
   // emitters wholly behind it may be left out. Zero where light from both sides counts (transmission, media).
-  // u_select and u are from the vertex's block. False: no emitter can light this point by this choice.
+  // u_select and u are from the vertex's block; u_select is not read where there is one emitter and it is no
+  // mesh. False: no emitter can light this point by this choice.
   bool sample_direct(const SurfaceHit& reference, Vec3 front, float u_select, Vec2 u,
                      DirectSample& out) const;
   // The density with which sample_direct would have chosen the direction d to the emitting surface `hit`.
@@ -52,6 +53,8 @@ class Scene {
 
   // A ray through film position (x, y) in pixels, (0, 0) the top left corner; u_lens for finite lenses.
   // weight: the sensor's response (1 for a pinhole as Mitsuba means it).
+  // Lenses are still to come: no sensor reads u_lens yet.
+  static constexpr bool reads_lens() { return false; }
   Ray camera_ray(float film_x, float film_y, Vec2 u_lens, float& weight) const;
 
   const SceneFeatures& features() const;

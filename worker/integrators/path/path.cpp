@@ -4,7 +4,14 @@
 // solid-angle densities.
 //
 // throughput: product of bsdf values times cosines over densities, along the path so far.
-// Dimensions: [0] film position, [1] lens, then a block of kBlock draws for each vertex.
+// Dimensions: [0] film position, [1] lens, then a block of kBlock draws for each vertex. A draw that nothing
+// at the vertex reads is not made. Behind the first kStratifiedVertices vertices that are not specular the
+// draws are independent ones: stratifying them gains less than it costs.
+//
+// Russian roulette from rr_depth on: a path survives with 1 / kRouletteFloor times the probability Mitsuba
+// gives it (the throughput's largest component, radiance's 1/eta^2 undone). Where light is hard to find, what
+// a few long paths bring is most of the variance, and ending them early with their survivors scaled up makes
+// it worse; where it is easy, long paths are only time. The factor is measured (docs/integrators/path.md).
 #include "worker/integrators/path/path.h"
 
 #include <cmath>
@@ -21,7 +28,12 @@ using scene::SurfaceHit;
 using scene::TransportMode;
 
 constexpr std::uint32_t kCameraDimensions = 2;
-constexpr std::uint32_t kBlock = 5;  // emitter choice, emitter point, lobe, direction, roulette
+// A vertex's block.
+constexpr std::uint32_t kEmitterChoice = 0, kEmitterPoint = 1, kLobe = 2, kDirection = 3, kRoulette = 4,
+                        kBlock = 5;
+constexpr std::uint32_t kStratifiedVertices = 2;
+constexpr float kRouletteFloor = 0.25f;    // throughput below which a path may end
+constexpr float kLongestSurvival = 0.95f;  // keeps a path from living for ever where nothing is absorbed
 
 // What the plan decided, as compile-time facts of the kernel.
 struct Techniques {
@@ -36,6 +48,7 @@ struct Limits {
   std::uint32_t rr_depth;
   bool hide_emitters;
   bool power_heuristic;
+  bool choose_emitter;  // Scene::sample_direct reads its u_select
 };
 
 // The MIS weight of a technique with density p against one of density q, as a ratio so that it neither over-
@@ -53,12 +66,14 @@ Spectrum radiance(const scene::Scene& scene, const Limits& limits, Ray ray, samp
   float eta_scale = 1;  // squared relative index since the camera: undoes radiance's 1/eta^2 for the roulette
   bool previous_delta = true;  // the camera cannot be sampled from a light
   float previous_pdf_solid_angle = 0;
-  SurfaceHit previous;
-  Vec3 front;  // the previous vertex's shading normal, on the viewer's side
+  SurfaceHit hits[2];             // the edge's end and its start, in turn
+  Vec3 front;                     // the previous vertex's shading normal, on the viewer's side
+  std::uint32_t scatterings = 0;  // vertices so far that are not specular
   std::uint64_t rays = 0;
 
   for (std::uint32_t depth = 1; depth <= limits.max_depth; ++depth) {
-    SurfaceHit hit;
+    SurfaceHit& hit = hits[depth & 1];
+    const SurfaceHit& previous = hits[~depth & 1];
     ++rays;
     const bool found = scene.intersect(ray, hit);
 
@@ -99,16 +114,18 @@ Spectrum radiance(const scene::Scene& scene, const Limits& limits, Ray ray, samp
     if (closure.black) break;
     const Vec3 wo = hit.shading.to_local(wo_world);
     front = wo.z < 0 ? -hit.shading.n : hit.shading.n;
-    sampler.set_dimension(kCameraDimensions + (depth - 1) * kBlock);
-    const float u_emitter = sampler.next_1d();
-    const Vec2 u_light = sampler.next_2d();
-    const float u_lobe = sampler.next_1d();
-    const Vec2 u_direction = sampler.next_2d();
+    const std::uint32_t block = kCameraDimensions + (depth - 1) * kBlock;
+    const bool stratified = scatterings < kStratifiedVertices;
+    scatterings += closure.purely_delta() ? 0 : 1;
 
     // Next event estimation.
     if constexpr (kNextEvent) {
       DirectSample light;
-      if (!closure.purely_delta() && scene.sample_direct(hit, front, u_emitter, u_light, light)) {
+      float u_emitter = 0;
+      if (limits.choose_emitter) u_emitter = sampler.draw_1d(block + kEmitterChoice, stratified);
+      if (!closure.purely_delta() &&
+          scene.sample_direct(hit, front, u_emitter, sampler.draw_2d(block + kEmitterPoint, stratified),
+                              light)) {
         float pdf_solid_angle = 0;
         const Spectrum value =
             closure.eval_pdf(wo, hit.shading.to_local(light.wi), TransportMode::radiance, pdf_solid_angle);
@@ -126,19 +143,21 @@ Spectrum radiance(const scene::Scene& scene, const Limits& limits, Ray ray, samp
 
     // On along the bsdf.
     scene::BsdfSample next;
-    if (!closure.sample(wo, u_lobe, u_direction, TransportMode::radiance, next)) break;
+    const float u_lobe = closure.chooses_lobe() ? sampler.draw_1d(block + kLobe, stratified) : 0.0f;
+    if (!closure.sample(wo, u_lobe, sampler.draw_2d(block + kDirection, stratified), TransportMode::radiance,
+                        next))
+      break;
     throughput *= next.weight;
     if (throughput.is_black()) break;
     eta_scale *= next.eta * next.eta;
 
     if (depth >= limits.rr_depth) {
-      // The cap keeps a path from living for ever in a scene that absorbs nothing.
-      const float survive = std::min(throughput.max_component() * eta_scale, 0.95f);
-      if (!(sampler.next_1d() < survive)) break;
+      const float survive =
+          std::min(throughput.max_component() * eta_scale * (1 / kRouletteFloor), kLongestSurvival);
+      if (!(sampler.draw_1d(block + kRoulette, stratified) < survive)) break;
       throughput *= 1 / survive;
     }
 
-    previous = hit;
     previous_delta = next.delta;
     previous_pdf_solid_angle = next.pdf_solid_angle;
     ray = spawn_ray(hit, hit.shading.to_world(next.wi));
@@ -169,6 +188,7 @@ class PathIntegrator final : public Integrator {
     limits_.rr_depth = static_cast<std::uint32_t>(settings.rr_depth);
     limits_.hide_emitters = settings.hide_emitters;
     limits_.power_heuristic = settings.heuristic.value == "power";
+    limits_.choose_emitter = features.emitters > 1 || features.any_mesh_emitter;
     make_plan(settings, features);
     kernel_ = kernel_for(techniques_);
   }
