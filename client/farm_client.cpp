@@ -76,7 +76,9 @@ struct FarmClient::State {
     Error error = wire::from_status(status);
     if (error.kind == ErrorKind::unreachable) {
       error.message = fmt::format("cannot reach the master at {}: {}", peer, error.message);
-      error.mend = "is it running, and is this its address? --timeout says how long to try";
+      error.mend =
+          "is it running, is this its address, and do both use TLS or neither? --timeout says how long to "
+          "try";
     }
     return error;
   }

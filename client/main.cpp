@@ -1,4 +1,5 @@
 // The `candela` command.
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <iostream>
@@ -15,5 +16,6 @@ int main(int argc, char** argv) {
   }
   // gRPC's own log is for its developers; our errors say what happened.
   ::setenv("GRPC_VERBOSITY", "NONE", 0);
+  std::signal(SIGXFSZ, SIG_IGN);  // a file size limit is an error of the write, as a full disk is
   return candela::client::run_program(std::vector<std::string>(argv, argv + argc), std::cout, std::cerr);
 }

@@ -58,10 +58,9 @@ std::string format_progress(const v1::JobStatus& status) {
   } else if (running && std::isfinite(status.eta_seconds())) {
     parts.push_back("ETA " + format_duration(status.eta_seconds()));
   }
-  if (!running) {
-    parts.emplace_back(wire::name(status.state()));
-    if (!status.message().empty()) parts.push_back(printable(status.message()));
-  }
+  if (!running) parts.emplace_back(wire::name(status.state()));
+  // Of a running job too: that it waits for a worker or for room on a disk.
+  if (!status.message().empty()) parts.push_back(printable(status.message()));
   // Never 100% before the end.
   const int percent = status.state() == v1::JOB_STATE_DONE
                           ? 100

@@ -143,6 +143,7 @@ int run(const Texts& texts) {
   sigaddset(&signals, SIGTERM);
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   std::signal(SIGPIPE, SIG_IGN);  // a closed log pipe must not end the worker
+  std::signal(SIGXFSZ, SIG_IGN);  // a file size limit is an error of the write, as a full disk is
 
   auto worker = worker::Worker::start(*options, nullptr);
   if (!worker) return report(worker.error());
@@ -192,7 +193,9 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
+    if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version
+    std::fprintf(stderr, "candela-worker: %s (see --help)\n", error.what());
+    return 2;
   }
   try {
     return run(texts);

@@ -4,6 +4,8 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <atomic>
+#include <chrono>
 #include <cmath>
 #include <ostream>
 #include <thread>
@@ -26,7 +28,8 @@ namespace {
 
 constexpr unsigned kMostThreads = 1024;
 constexpr unsigned kMostWorkers = 256;
-constexpr double kCallSeconds = 60;  // for a call within the process, on a machine that is busy rendering
+constexpr double kCallSeconds = 60;   // for a call within the process, on a machine that is busy rendering
+constexpr double kStallSeconds = 5;  // of a render that can keep neither checkpoints nor its end
 
 struct RenderOptions {
   SceneOptions scene;
@@ -120,6 +123,33 @@ Result<std::string> find_job(FarmClient& farm, const LoadedScene& scene) {
   return job.id();
 }
 
+// Whether a render has stood still for want of a checkpoint: nothing is being rendered, what is merged is not
+// on disk, and the farm tries again and again. An embedded farm does not wait for somebody to make room.
+class Stall {
+ public:
+  void observe(const v1::JobStatus& status) {
+    const bool still = status.state() == v1::JOB_STATE_RUNNING && status.units_leased() == 0 &&
+                       status.iterations() > 0 && status.checkpoint_iterations() < status.iterations() &&
+                       !status.message().empty();
+    const auto now = std::chrono::steady_clock::now().time_since_epoch().count();
+    if (!still)
+      since_ = 0;
+    else if (since_ == 0)
+      since_ = now;
+  }
+  // From any thread.
+  bool over() const {
+    using Clock = std::chrono::steady_clock;
+    const Clock::rep since = since_;
+    return since != 0 &&
+           std::chrono::duration<double>(Clock::now().time_since_epoch() - Clock::duration(since)).count() >
+               kStallSeconds;
+  }
+
+ private:
+  std::atomic<std::chrono::steady_clock::rep> since_{0};  // 0: it moves
+};
+
 // The command that goes on with this render.
 std::string resume_command(const Context& context) {
   std::string command;
@@ -185,16 +215,18 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   }
   CANDELA_TRY(farm->start_workers(threads, folder->cache()));
 
+  Stall stall;
   v1::JobState state = v1::JOB_STATE_UNSPECIFIED;
   auto watched = client->watch_job(
       id, progress.interval_ms(),
       [&](const v1::JobStatus& status) {
+        stall.observe(status);
         // That a job waits for a moment before its first lease is no news here.
         if (status.state() == v1::JOB_STATE_QUEUED && status.message().empty()) return;
         progress.show(format_progress(status), status.state() != state);
         state = status.state();
       },
-      &signals, [&] { return farm->workers_lost().has_value(); });
+      &signals, [&] { return farm->workers_lost().has_value() || stall.over(); });
   progress.clear();
   if (!watched) return std::move(watched).error();
   farm->drain_workers();
@@ -214,6 +246,9 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   if (options.json) context.out << job_json(last) << '\n';
 
   if (!has_ended(last) && lost) return *lost;
+  if (!has_ended(last) && stall.over())
+    return resource_error(printable(last.message()))
+        .with_mend(fmt::format("make room, then go on with: {}", resume_command(context)));
   if (!has_ended(last)) {
     context.err << fmt::format("candela: stopped{}\ncandela: go on with: {}\n",
                                last.iterations() > 0 ? "; wrote " + summary(last, options.output)

@@ -63,6 +63,12 @@ TEST(Progress, Lines) {
   s.set_state(v1::JOB_STATE_DONE);
   s.set_iterations(128);
   EXPECT_EQ(format_progress(s), "100%  128/128 iterations, relMSE 1.2e-03, done");
+  s = running_job();
+  s.set_iterations(128);
+  s.set_samples_per_second(0);
+  s.set_eta_seconds(std::nan(""));
+  s.set_message("no room");  // why it does not move
+  EXPECT_EQ(format_progress(s), " 99%  128/128 iterations, relMSE 1.2e-03, no room");
 }
 
 // Claim: 100% is shown of a job that is done only; with several limits the furthest counts.
