@@ -150,8 +150,9 @@ Result<void> Farm::restore_jobs(StoredState state) {
 void Farm::log_event(const EventRow& e) const {
   std::string text = e.kind;
   if (!e.message.empty()) text += ": " + e.message;
-  const bool bad = e.kind == "failed" || e.kind == "unit-failed" || e.kind == "expired" ||
-                   e.kind == "set-aside" || e.kind == "checkpoint-failed" || e.kind == "refused";
+  // What needs an operator. A job that fails by its own scene is told to whoever submitted it.
+  const bool bad =
+      e.kind == "expired" || e.kind == "set-aside" || e.kind == "checkpoint-failed" || e.kind == "refused";
   log::write(bad ? spdlog::level::warn : spdlog::level::info, text, {.job = e.job_id, .worker = e.worker_id});
 }
 

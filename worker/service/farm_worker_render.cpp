@@ -246,7 +246,8 @@ void FarmWorker::fail(const TaskPtr& task, const std::string& message, bool inpu
   if (task->dropped) return;
   task->dropped = true;
   task->stop = true;
-  log::error(fmt::format("unit failed: {}", message),
+  // A scene that cannot be rendered is its job's trouble and told there; the rest is this worker's.
+  log::write(input_error ? spdlog::level::info : spdlog::level::err, fmt::format("unit failed: {}", message),
              {.job = task->lease.job_id(),
               .unit = static_cast<std::int64_t>(task->lease.unit_id()),
               .worker = session_.worker_id});
