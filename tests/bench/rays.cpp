@@ -1,10 +1,12 @@
-// Rays per second of Scene::intersect against bare rtcIntersect1 for the same rays: what recomputing the hit
-// and making a frame cost. usage: bench_rays SCENE.xml [RAYS]
+// `path` rays per second, shading and sampling included, against bare Embree for exactly the same rays: those
+// that the path kernel traces for a stretch of pixels, recorded once and replayed through rtcIntersect1 and
+// rtcOccluded1 on the same Embree scene. Also Scene::intersect and Scene::occluded on them: what recomputing
+// hits costs. CPU time of one thread, five rounds in turn, medians.
 //
-// Rays: the camera's, and four cosine-distributed bounces after each. Both sides trace the identical list, in
-// turn, five times over; the best of each counts. CPU time of this thread.
+//   bench_rays SCENE.xml [SAMPLES [MAX_DEPTH]]        default 200000 samples, depth 8
 #include <embree3/rtcore.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
@@ -12,13 +14,52 @@
 #include <vector>
 
 #include "common/bundle/bundle.h"
-#include "common/rng/stream.h"
-#include "worker/core/warp.h"
+#include "worker/integrators/path/kernel.h"
+#include "worker/samplers/sampler.h"
 #include "worker/scene/scene.h"
 
 namespace {
 
 using namespace candela;
+
+constexpr std::uint32_t kExtent = 256;  // pixels a side
+
+struct Recorded {
+  Ray ray;
+  bool shadow;
+};
+
+// A scene that writes down the rays it is asked for. The rest is the scene's own.
+class Recorder {
+ public:
+  Recorder(const scene::Scene& scene, std::vector<Recorded>& rays) : scene_(scene), rays_(rays) {}
+  bool intersect(const Ray& ray, scene::SurfaceHit& hit) const {
+    rays_.push_back({ray, false});
+    return scene_.intersect(ray, hit);
+  }
+  bool occluded(const Ray& ray) const {
+    rays_.push_back({ray, true});
+    return scene_.occluded(ray);
+  }
+  scene::Closure closure(const scene::SurfaceHit& hit, Vec3 wo) const { return scene_.closure(hit, wo); }
+  Spectrum emitted(const scene::SurfaceHit& hit, Vec3 wo) const { return scene_.emitted(hit, wo); }
+  Spectrum environment(Vec3 d) const { return scene_.environment(d); }
+  bool sample_direct(const scene::SurfaceHit& reference, Vec3 front, float u_select, Vec2 u,
+                     scene::DirectSample& out) const {
+    return scene_.sample_direct(reference, front, u_select, u, out);
+  }
+  float pdf_direct_solid_angle(const scene::SurfaceHit& reference, Vec3 front, Vec3 d,
+                               const scene::SurfaceHit& hit) const {
+    return scene_.pdf_direct_solid_angle(reference, front, d, hit);
+  }
+  float pdf_direct_environment_solid_angle(const scene::SurfaceHit& reference, Vec3 front, Vec3 d) const {
+    return scene_.pdf_direct_environment_solid_angle(reference, front, d);
+  }
+
+ private:
+  const scene::Scene& scene_;
+  std::vector<Recorded>& rays_;
+};
 
 double cpu_seconds() {
   timespec t{};
@@ -26,90 +67,117 @@ double cpu_seconds() {
   return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values[values.size() / 2];
+}
+
+RTCRay embree_ray(const Ray& ray) {
+  RTCRay out{};
+  out.org_x = ray.origin.x;
+  out.org_y = ray.origin.y;
+  out.org_z = ray.origin.z;
+  out.dir_x = ray.direction.x;
+  out.dir_y = ray.direction.y;
+  out.dir_z = ray.direction.z;
+  out.tfar = ray.t_max;
+  out.mask = 0xffffffffu;
+  return out;
+}
+
+int fail(const std::string& message) {
+  std::fprintf(stderr, "bench_rays: %s\n", message.c_str());
+  return 2;
+}
+
+// The samples of the benchmark, in the order of a tile loop.
+template <class SceneT>
+double trace(const scene::Scene& scene, const SceneT& traced, std::uint64_t samples,
+             std::uint32_t max_depth) {
+  const integrators::path::Limits limits{max_depth, 5, false, true, scene.features().emitters > 1};
+  const bool environment = scene.features().any_environment;
+  samplers::Sampler sampler(samplers::SamplerKind::sobol, 1);
+  film::Tallies tallies;
+  double sum = 0;
+  const std::uint64_t iterations = std::max<std::uint64_t>(1, samples / (kExtent * kExtent));
+  std::uint64_t left = samples;
+  for (std::uint32_t y = 0; y < kExtent && left > 0; ++y)
+    for (std::uint32_t x = 0; x < kExtent && left > 0; ++x)
+      for (std::uint64_t i = 0; i < iterations && left > 0; ++i, --left) {
+        sampler.start(0, i, x, y);
+        const Vec2 offset = sampler.next_2d();
+        float weight = 0;
+        const Ray ray = scene.camera_ray(static_cast<float>(x) + offset.x, static_cast<float>(y) + offset.y,
+                                         {0.5f, 0.5f}, weight);
+        const Spectrum value =
+            environment
+                ? integrators::path::radiance<true, true, true, true>(traced, limits, ray, sampler, tallies)
+                : integrators::path::radiance<true, true, false, true>(traced, limits, ray, sampler, tallies);
+        sum += static_cast<double>(value.g);
+      }
+  return sum;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc < 2) {
-    std::fprintf(stderr, "usage: bench_rays SCENE.xml [RAYS]\n");
-    return 2;
-  }
+  if (argc < 2) return fail("usage: SCENE.xml [SAMPLES [MAX_DEPTH]]");
   const std::filesystem::path path(argv[1]);
-  const std::size_t ray_count = argc > 2 ? std::strtoull(argv[2], nullptr, 10) : 1000000;
+  const std::uint64_t samples = argc > 2 ? std::strtoull(argv[2], nullptr, 10) : 200000;
+  const auto max_depth = static_cast<std::uint32_t>(argc > 3 ? std::strtoul(argv[3], nullptr, 10) : 8);
   const bundle::DiskSource files(path.parent_path());
   const auto description = description::parse_scene(files, path.filename().string(), {});
-  if (!description.ok()) {
-    std::fprintf(stderr, "%s\n", description.error().to_string().c_str());
-    return 2;
-  }
+  if (!description.ok()) return fail(description.error().to_string());
   scene::Scene::Options options;
-  options.film_width = options.film_height = 256;
+  options.film_width = options.film_height = kExtent;
   const auto built = scene::Scene::build(*description, files, options);
-  if (!built.ok()) {
-    std::fprintf(stderr, "%s\n", built.error().to_string().c_str());
-    return 2;
-  }
+  if (!built.ok()) return fail(built.error().to_string());
   const scene::Scene& scene = **built;
 
-  rng::Stream stream(rng::key(1, 2));
-  std::vector<Ray> rays;
-  rays.reserve(ray_count);
-  while (rays.size() < ray_count) {
-    float weight = 0;
-    const float x = 256 * stream.next_float();
-    Ray ray = scene.camera_ray(x, 256 * stream.next_float(), {0.5f, 0.5f}, weight);
-    for (int depth = 0; depth < 5 && rays.size() < ray_count; ++depth) {
-      rays.push_back(ray);
-      scene::SurfaceHit hit;
-      if (!scene.intersect(ray, hit)) break;
-      const float u = stream.next_float();
-      Vec3 d = hit.shading.to_world(warp::cosine_hemisphere({u, stream.next_float()}));
-      if (dot(hit.shading.n, ray.direction) > 0) d = -d;
-      ray = spawn_ray(hit, d);
-    }
-  }
-
-  double scene_seconds = 1e9, occluded_seconds = 1e9, bare_seconds = 1e9, checksum = 0;
+  std::vector<Recorded> rays;
+  double checksum = trace(scene, Recorder(scene, rays), samples, max_depth);
   auto* embree = static_cast<RTCScene>(scene.embree_scene());
+  std::vector<double> path_seconds, bare_seconds, scene_seconds;
   for (int round = 0; round < 5; ++round) {
     double begin = cpu_seconds();
-    for (const Ray& ray : rays) {
+    checksum -= trace(scene, scene, samples, max_depth);
+    path_seconds.push_back(cpu_seconds() - begin);
+
+    begin = cpu_seconds();
+    for (const Recorded& r : rays) {
       RTCIntersectContext context;
       rtcInitIntersectContext(&context);
-      RTCRayHit query{};
-      query.ray = {ray.origin.x,
-                   ray.origin.y,
-                   ray.origin.z,
-                   0,
-                   ray.direction.x,
-                   ray.direction.y,
-                   ray.direction.z,
-                   0,
-                   ray.t_max,
-                   0xffffffffu,
-                   0,
-                   0};
-      query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-      rtcIntersect1(embree, &context, &query);
-      checksum += static_cast<double>(query.hit.primID & 255u);
+      if (r.shadow) {
+        RTCRay query = embree_ray(r.ray);
+        rtcOccluded1(embree, &context, &query);
+        checksum += query.tfar < 0 ? 1 : 0;
+      } else {
+        RTCRayHit query{};
+        query.ray = embree_ray(r.ray);
+        query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+        rtcIntersect1(embree, &context, &query);
+        checksum += static_cast<double>(query.hit.primID & 255u);
+      }
     }
-    bare_seconds = std::min(bare_seconds, cpu_seconds() - begin);
+    bare_seconds.push_back(cpu_seconds() - begin);
+
     begin = cpu_seconds();
-    for (const Ray& ray : rays) {
-      scene::SurfaceHit hit;
-      if (scene.intersect(ray, hit)) checksum += static_cast<double>(hit.shading.s.x);
+    for (const Recorded& r : rays) {
+      if (r.shadow) {
+        checksum += scene.occluded(r.ray) ? 1 : 0;
+      } else {
+        scene::SurfaceHit hit;
+        if (scene.intersect(r.ray, hit)) checksum += static_cast<double>(hit.shading.s.x);
+      }
     }
-    scene_seconds = std::min(scene_seconds, cpu_seconds() - begin);
-    begin = cpu_seconds();
-    for (const Ray& ray : rays) checksum += scene.occluded(ray) ? 1 : 0;
-    occluded_seconds = std::min(occluded_seconds, cpu_seconds() - begin);
+    scene_seconds.push_back(cpu_seconds() - begin);
   }
   const double millions = static_cast<double>(rays.size()) * 1e-6;
-  std::printf("triangles %llu spheres %u rays %.1f M (checksum %.0f)\n",
-              static_cast<unsigned long long>(scene.features().triangles), scene.features().spheres, millions,
-              checksum);
-  std::printf("rtcIntersect1      %.2f Mrays/s\n", millions / bare_seconds);
-  std::printf("Scene::intersect   %.2f Mrays/s (%.0f %%)\n", millions / scene_seconds,
-              100 * bare_seconds / scene_seconds);
-  std::printf("Scene::occluded    %.2f Mrays/s\n", millions / occluded_seconds);
+  const double p = median(path_seconds), b = median(bare_seconds), s = median(scene_seconds);
+  std::printf("%s: %.1f M rays of %.2f M samples (checksum %.0f)\n", path.c_str(), millions,
+              static_cast<double>(samples) * 1e-6, checksum);
+  std::printf("bare Embree        %.2f M rays/s\n", millions / b);
+  std::printf("Scene              %.2f M rays/s, %.0f %% of bare\n", millions / s, 100 * b / s);
+  std::printf("path with shading  %.2f M rays/s, %.0f %% of bare\n", millions / p, 100 * b / p);
   return 0;
 }

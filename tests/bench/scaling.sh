@@ -1,0 +1,58 @@
+#!/usr/bin/env bash
+# Two one-thread workers against one two-thread worker, as real processes on loopback: seconds from submission to the
+# final checkpoint of the same job, A B A B ..., medians and their ratio. Needs an otherwise idle machine.
+#
+#   tests/bench/scaling.sh [BUILD_BIN] [SCENE] [SIZE] [ITERATIONS] [ROUNDS]
+set -euo pipefail
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
+bin=${1:-$here/build/bin}
+scene=${2:-$here/deploy/scenes/studio/scene.xml}
+size=${3:-480x270}
+iterations=${4:-192}
+rounds=${5:-3}
+
+work=$(mktemp -d)
+pids=()
+stop_all() {
+  for pid in "${pids[@]:-}"; do [[ -n $pid ]] && kill "$pid" 2>/dev/null || :; done
+  wait 2>/dev/null || :
+  pids=()
+}
+trap 'stop_all; rm -rf "$work"' EXIT
+
+# run NAME THREADS WORKERS: prints seconds
+run() {
+  local name=$1 threads=$2 workers=$3 data="$work/$1"
+  rm -rf "$data" && mkdir -p "$data"
+  "$bin/candela-master" --listen 127.0.0.1:0 --data "$data/master" --log-level error >"$data/ready" &
+  pids+=($!)
+  local address=
+  for _ in $(seq 100); do
+    address=$(sed -n 's/^listening on //p' "$data/ready")
+    [[ -n $address ]] && break
+    sleep 0.05
+  done
+  export CANDELA_MASTER=$address
+  for i in $(seq "$workers"); do
+    "$bin/candela-worker" --master "$address" --cache "$data/cache$i" --threads "$threads" --log-level error &
+    pids+=($!)
+  done
+  until [[ $("$bin/candela" workers --json | grep -c '"id"') == "$workers" ]]; do sleep 0.1; done
+  local begin end
+  begin=$(date +%s.%N)
+  "$bin/candela" submit "$scene" --size "$size" --iterations "$iterations" --seed 1 --wait >/dev/null 2>&1
+  end=$(date +%s.%N)
+  stop_all
+  echo "$end - $begin" | bc
+}
+
+for round in $(seq "$rounds"); do
+  a=$(run "one-$round" 2 1)
+  b=$(run "two-$round" 1 2)
+  printf 'round %d: one two-thread worker %.2f s, two one-thread workers %.2f s\n' "$round" "$a" "$b"
+  echo "$a" >>"$work/a" && echo "$b" >>"$work/b"
+done
+median() { sort -n "$1" | awk '{v[NR]=$1} END {print v[int((NR+1)/2)]}'; }
+a=$(median "$work/a") b=$(median "$work/b")
+printf 'medians: %.2f s and %.2f s; two one-thread workers do %.3f of the work of one two-thread worker\n' "$a" "$b" \
+  "$(echo "scale=4; $a / $b" | bc)"
