@@ -28,7 +28,7 @@ namespace {
 
 constexpr unsigned kMostThreads = 1024;
 constexpr unsigned kMostWorkers = 256;
-constexpr double kCallSeconds = 60;   // for a call within the process, on a machine that is busy rendering
+constexpr double kCallSeconds = 60;  // for a call within the process, on a machine that is busy rendering
 constexpr double kStallSeconds = 5;  // of a render that can keep neither checkpoints nor its end
 
 struct RenderOptions {

@@ -1,5 +1,5 @@
-// The one logger: spdlog to stderr, as text or as one JSON object a line. Ids of job, unit and worker are fields, so that
-// they can be searched for on every line.
+// The one logger: spdlog to stderr, as text or as one JSON object a line. Ids of job, unit and worker are
+// fields, so that they can be searched for on every line.
 #pragma once
 
 #include <spdlog/spdlog.h>
@@ -23,9 +23,17 @@ struct Ids {
 
 // In JSON format the ids become fields of the object; in text they follow the message.
 void write(spdlog::level::level_enum level, std::string_view message, const Ids& ids = {});
-inline void debug(std::string_view m, const Ids& ids = {}) { write(spdlog::level::debug, m, ids); }
-inline void info(std::string_view m, const Ids& ids = {}) { write(spdlog::level::info, m, ids); }
-inline void warn(std::string_view m, const Ids& ids = {}) { write(spdlog::level::warn, m, ids); }
-inline void error(std::string_view m, const Ids& ids = {}) { write(spdlog::level::err, m, ids); }
+inline void debug(std::string_view m, const Ids& ids = {}) {
+  write(spdlog::level::debug, m, ids);
+}
+inline void info(std::string_view m, const Ids& ids = {}) {
+  write(spdlog::level::info, m, ids);
+}
+inline void warn(std::string_view m, const Ids& ids = {}) {
+  write(spdlog::level::warn, m, ids);
+}
+inline void error(std::string_view m, const Ids& ids = {}) {
+  write(spdlog::level::err, m, ids);
+}
 
 }  // namespace candela::log

@@ -1,5 +1,5 @@
-// Errors as values across module borders. A Result<T> is a T or an Error; an Error names the file, the line or field,
-// and the mend, so that the one message a person sees is enough.
+// Errors as values across module borders. A Result<T> is a T or an Error; an Error names the file, the line
+// or field, and the mend, so that the one message a person sees is enough.
 #pragma once
 
 #include <optional>
@@ -47,13 +47,21 @@ struct Error {
   }
 };
 
-inline Error input_error(std::string message) { return {ErrorKind::input, std::move(message), {}, 0, {}, {}}; }
-inline Error usage_error(std::string message) { return {ErrorKind::usage, std::move(message), {}, 0, {}, {}}; }
-inline Error failed_error(std::string message) { return {ErrorKind::failed, std::move(message), {}, 0, {}, {}}; }
+inline Error input_error(std::string message) {
+  return {ErrorKind::input, std::move(message), {}, 0, {}, {}};
+}
+inline Error usage_error(std::string message) {
+  return {ErrorKind::usage, std::move(message), {}, 0, {}, {}};
+}
+inline Error failed_error(std::string message) {
+  return {ErrorKind::failed, std::move(message), {}, 0, {}, {}};
+}
 inline Error unreachable_error(std::string message) {
   return {ErrorKind::unreachable, std::move(message), {}, 0, {}, {}};
 }
-inline Error refused_error(std::string message) { return {ErrorKind::refused, std::move(message), {}, 0, {}, {}}; }
+inline Error refused_error(std::string message) {
+  return {ErrorKind::refused, std::move(message), {}, 0, {}, {}};
+}
 inline Error resource_error(std::string message) {
   return {ErrorKind::resource, std::move(message), {}, 0, {}, {}};
 }
@@ -99,18 +107,17 @@ class [[nodiscard]] Result<void> {
 };
 
 // Returns the error of `expr` from the enclosing function, or goes on.
-#define CANDELA_TRY(expr)                                        \
-  do {                                                           \
-    if (auto candela_try_ = (expr); !candela_try_.ok())          \
-      return std::move(candela_try_).error();                    \
+#define CANDELA_TRY(expr)                                                                       \
+  do {                                                                                          \
+    if (auto candela_try_ = (expr); !candela_try_.ok()) return std::move(candela_try_).error(); \
   } while (false)
 
 #define CANDELA_CONCAT_(a, b) a##b
 #define CANDELA_CONCAT(a, b) CANDELA_CONCAT_(a, b)
 // Declares or assigns `target` from a Result, or returns its error.
 #define CANDELA_ASSIGN(target, expr) CANDELA_ASSIGN_(CANDELA_CONCAT(candela_result_, __LINE__), target, expr)
-#define CANDELA_ASSIGN_(tmp, target, expr) \
-  auto tmp = (expr);                       \
+#define CANDELA_ASSIGN_(tmp, target, expr)      \
+  auto tmp = (expr);                            \
   if (!tmp.ok()) return std::move(tmp).error(); \
   target = std::move(tmp).value()
 

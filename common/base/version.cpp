@@ -4,8 +4,12 @@
 
 namespace candela {
 
-std::string_view version() { return CANDELA_VERSION; }
-std::string_view build_id() { return CANDELA_BUILD_ID; }
+std::string_view version() {
+  return CANDELA_VERSION;
+}
+std::string_view build_id() {
+  return CANDELA_BUILD_ID;
+}
 
 const char* missing_cpu_feature() {
 #ifdef __AVX2__

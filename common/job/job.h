@@ -1,5 +1,5 @@
-// What a job is, in plain structures: the part of the wire contract the renderer and the film need, without protobuf.
-// Conversions with validation are in common/wire.
+// What a job is, in plain structures: the part of the wire contract the renderer and the film need, without
+// protobuf. Conversions with validation are in common/wire.
 #pragma once
 
 #include <cstdint>
@@ -29,9 +29,10 @@ struct StopRule {
   double relmse = 0;             // 0: no limit
 };
 
-// Iteration i of a job belongs to half i % 2 and has sequence index i / 2 in it. The halves are independent estimates
-// (each its own scramble of the low-discrepancy sequence), and the image does not depend on how iterations are cut
-// into units. A job of N iterations has indices [0, (N+1)/2) in half 0 and [0, N/2) in half 1.
+// Iteration i of a job belongs to half i % 2 and has sequence index i / 2 in it. The halves are independent
+// estimates (each its own scramble of the low-discrepancy sequence), and the image does not depend on how
+// iterations are cut into units. A job of N iterations has indices [0, (N+1)/2) in half 0 and [0, N/2) in
+// half 1.
 struct Unit {
   enum class Kind { pilot, iterations };
   Kind kind = Kind::iterations;
@@ -53,11 +54,11 @@ struct PilotResult {
 
 // Limits that both ends enforce.
 struct Limits {
-  static constexpr std::uint32_t max_extent = 65536;               // pixels a side
-  static constexpr std::uint64_t max_pixels = 1ULL << 28;          // 268 million
+  static constexpr std::uint32_t max_extent = 65536;       // pixels a side
+  static constexpr std::uint64_t max_pixels = 1ULL << 28;  // 268 million
   static constexpr std::uint64_t max_iterations = 1ULL << 40;
   static constexpr std::uint64_t max_bundle_files = 100000;
-  static constexpr std::uint64_t max_blob_bytes = 1ULL << 36;      // 64 GiB
+  static constexpr std::uint64_t max_blob_bytes = 1ULL << 36;  // 64 GiB
   static constexpr std::uint64_t max_bundle_bytes = 1ULL << 40;
   static constexpr std::uint32_t max_chunk_bytes = 1U << 20;
   static constexpr std::uint32_t max_name_bytes = 256;

@@ -1,5 +1,5 @@
-// Random numbers named by what they are for: (job seed, unit, index). Nothing in Candela draws from anywhere else, so any
-// sample can be made again on any machine.
+// Random numbers named by what they are for: (job seed, unit, index). Nothing in Candela draws from anywhere
+// else, so any sample can be made again on any machine.
 #pragma once
 
 #include <cstdint>
@@ -29,8 +29,12 @@ constexpr std::uint64_t key(std::uint64_t first, Words... rest) {
 }
 
 // Uniform in [0, 1), all 24 bits exact, never 1.
-constexpr float to_float(std::uint32_t bits) { return static_cast<float>(bits >> 8) * 0x1p-24f; }
-constexpr double to_double(std::uint64_t bits) { return static_cast<double>(bits >> 11) * 0x1p-53; }
+constexpr float to_float(std::uint32_t bits) {
+  return static_cast<float>(bits >> 8) * 0x1p-24f;
+}
+constexpr double to_double(std::uint64_t bits) {
+  return static_cast<double>(bits >> 11) * 0x1p-53;
+}
 
 // The stream of one key: SplitMix64 from it.
 class Stream {

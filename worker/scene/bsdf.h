@@ -1,10 +1,10 @@
-// Bsdfs as the transport layer sees them. A Bsdf belongs to the scene; at a hit it is prepared into a Closure (textures
-// looked up, two-sidedness resolved), which is what gets sampled and evaluated, several times, without looking at the
-// scene again. Kinds are a closed set dispatched by switch.
+// Bsdfs as the transport layer sees them. A Bsdf belongs to the scene; at a hit it is prepared into a Closure
+// (textures looked up, two-sidedness resolved), which is what gets sampled and evaluated, several times,
+// without looking at the scene again. Kinds are a closed set dispatched by switch.
 //
 // All directions are in the local shading frame (z = shading normal), unit, pointing away from the surface.
-// wo: towards where the walk came from; wi: where it goes on (sampled). In radiance mode wo points to the eye and light arrives along
-// wi. Values include the cosine: f(wo, wi) |cos theta_i|.
+// wo: towards where the walk came from; wi: where it goes on (sampled). In radiance mode wo points to the eye
+// and light arrives along wi. Values include the cosine: f(wo, wi) |cos theta_i|.
 #pragma once
 
 #include <cstdint>
@@ -13,17 +13,18 @@
 
 namespace candela::scene {
 
-// What flows along the walk: radiance for walks from the eye, importance for walks from lights. Refraction scales
-// radiance by 1/eta^2 and importance not (Veach 1997, ch. 5).
+// What flows along the walk: radiance for walks from the eye, importance for walks from lights. Refraction
+// scales radiance by 1/eta^2 and importance not (Veach 1997, ch. 5).
 enum class TransportMode : std::uint8_t { radiance, importance };
 
 struct BsdfSample {
   Vec3 wi;
-  Spectrum weight;             // f |cos theta_i| / pdf, or for delta lobes attenuation / prob
-  float pdf_solid_angle = 0;   // of wi; meaningless where delta
+  Spectrum weight;            // f |cos theta_i| / pdf, or for delta lobes attenuation / prob
+  float pdf_solid_angle = 0;  // of wi; meaningless where delta
   bool delta = false;
   bool transmitted = false;
-  float eta = 1;               // relative index along wi's side over wo's side: for Russian roulette's radiance scale; 1 for reflection
+  float eta = 1;  // relative index along wi's side over wo's side: for Russian roulette's radiance scale; 1
+                  // for reflection
 };
 
 enum class BsdfKind : std::uint8_t { diffuse, dielectric, conductor, roughconductor };

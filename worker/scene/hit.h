@@ -10,20 +10,20 @@ namespace candela::scene {
 inline constexpr std::uint32_t kNone = 0xffffffffu;
 
 struct SurfaceHit {
-  Vec3 p;                    // recomputed from the primitive by our own arithmetic, not origin + t * direction
-  Vec3 ng;                   // unit geometric normal as the shape defines its outside (not turned to the ray)
-  Frame shading;             // shading.n on the same side as ng
+  Vec3 p;         // recomputed from the primitive by our own arithmetic, not origin + t * direction
+  Vec3 ng;        // unit geometric normal as the shape defines its outside (not turned to the ray)
+  Frame shading;  // shading.n on the same side as ng
   Vec2 uv;
-  float distance = 0;        // along the ray
+  float distance = 0;  // along the ray
   std::uint32_t shape = kNone;
   std::uint32_t primitive = kNone;
   std::uint32_t bsdf = kNone;
   std::uint32_t emitter = kNone;  // index of the area emitter here
-  float error = 0;           // absolute position error bound of p: offsets of new rays follow it
+  float error = 0;                // absolute position error bound of p: offsets of new rays follow it
 };
 
-// A ray leaving the surface at `hit` in direction `d` (unit), its origin moved off the surface along ng, to d's side, by
-// hit.error. Correct from 1e-4 to 1e6 times unit scale and far from the origin.
+// A ray leaving the surface at `hit` in direction `d` (unit), its origin moved off the surface along ng, to
+// d's side, by hit.error. Correct from 1e-4 to 1e6 times unit scale and far from the origin.
 inline Ray spawn_ray(const SurfaceHit& hit, Vec3 d) {
   const float side = dot(d, hit.ng) < 0 ? -hit.error : hit.error;
   return {hit.p + hit.ng * side, d};

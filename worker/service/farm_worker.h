@@ -29,7 +29,8 @@ namespace candela::worker {
 // Times and bounds; tests shorten them.
 struct Tuning {
   Milliseconds first_backoff{100};
-  Milliseconds longest_backoff{2000};  // a master that restarts is back in seconds: its workers must not sleep longer
+  Milliseconds longest_backoff{
+      2000};  // a master that restarts is back in seconds: its workers must not sleep longer
   Milliseconds call_deadline{5000};  // of a unary call
   Milliseconds register_deadline{10000};
   Milliseconds finish_within{2000};      // a draining worker finishes a unit this near to its end
