@@ -140,11 +140,33 @@ Result<void> Farm::restore_jobs(StoredState state) {
     }
     scheduler_->restore(std::move(row), sets, tallies, std::move(unmerged[id]), std::move(merged), t);
   }
+  warn_of_orphans(t);
   for (const WorkerRow& w : state.workers) scheduler_->restore_worker(w, t);
   for (const LeaseRow& l : state.leases) scheduler_->restore_lease(l, t);
   if (!state.jobs.empty()) log::info(fmt::format("continuing with {} job(s)", state.jobs.size()));
   publish();
   return {};
+}
+
+// Films of jobs that the store does not know: it was lost, or cut short by damage, and its jobs with it.
+// Nothing else would tell, as SQLite takes a damaged end of its log for the end.
+void Farm::warn_of_orphans(Now t) {
+  std::size_t count = 0;
+  std::string example;
+  std::error_code code;
+  for (const auto& entry : std::filesystem::directory_iterator(options_.master.data_dir / "jobs", code)) {
+    const std::string id = entry.path().filename().string();
+    if (scheduler_->job(id) != nullptr) continue;
+    ++count;
+    if (example.empty() || id < example) example = id;
+  }
+  if (count == 0) return;
+  const std::string text = fmt::format(
+      "{} folder(s) in {} belong to no job the store knows, such as {}: the store may be damaged, or not the "
+      "one they "
+      "were made with",
+      count, (options_.master.data_dir / "jobs").string(), example);
+  scheduler_->event(t, "", "", "orphans", text);
 }
 
 void Farm::log_event(const EventRow& e) const {

@@ -123,6 +123,7 @@ class Farm {
   std::shared_ptr<JobFilm> film_of(const std::string& job_id);  // null before the pilot
   v1::JobStatus status_locked(const Job& job, Now now) const;
   v1::WorkerStatus worker_locked(const WorkerState& worker, Now now) const;
+  void warn_of_orphans(Now t);
   void log_event(const EventRow& event) const;
   std::filesystem::path job_folder(const std::string& job_id) const;
   Result<std::string> encode_image(const JobRow& row, const film::MergedFilm& film, bool error_layer);

@@ -153,6 +153,7 @@ int run(const Texts& texts) {
       std::_Exit(128 + second);
     }).detach();
     m.stop();
+    started->reset();  // closes the store, which then needs no log of its own
     spdlog::default_logger()->flush();
     std::fflush(nullptr);
     std::_Exit(128 + number);  // the thread above waits for ever; everything is on disk

@@ -3,6 +3,7 @@
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstring>
@@ -469,6 +470,26 @@ TEST_F(MasterTest, RestartContinues) {
   EXPECT_EQ(wait_end(id).state(), v1::JOB_STATE_DONE);
   audit(id, 21);
   expect_same(checkpoint_of(id), expected_film(21));
+}
+
+// Claim: films left behind by a store that was lost or damaged are told of at the start; a sound store's are
+// not.
+TEST_F(MasterTest, TellsOfFilmsWithoutAJob) {
+  const auto orphans = [&] {
+    v1::ListEventsRequest request;
+    request.set_limit(100);
+    v1::ListEventsResponse events;
+    grpc::ClientContext context;
+    EXPECT_TRUE(farm->ListEvents(&context, request, &events).ok());
+    return std::count_if(events.events().begin(), events.events().end(), [](const auto& e) {
+      return e.kind() == "orphans" && e.message().find("jlost") != std::string::npos;
+    });
+  };
+  restart();
+  EXPECT_EQ(orphans(), 0);
+  fs::create_directories(folder.path() / "jobs" / "jlost");
+  restart();
+  EXPECT_EQ(orphans(), 1);
 }
 
 // Claim: a cancelled job keeps its image, over a restart too; extended it becomes the job of all iterations,
