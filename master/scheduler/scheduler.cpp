@@ -88,6 +88,18 @@ UnitState* Scheduler::pick(Job& job, const WorkerState& worker, bool prefetch, N
   return cut(job, worker, prefetch, now);
 }
 
+// Whether `worker`, were it free, could have a unit of the job.
+bool Scheduler::has_work(const Job& job, const WorkerState& worker) const {
+  if (!job.row.named_state) return false;
+  for (std::uint32_t h = 0; h < 2; ++h)
+    if (job.target(h) > job.frontier[h]) return true;
+  return std::any_of(job.units.begin(), job.units.end(), [&](const auto& entry) {
+    const UnitState& unit = entry.second;
+    const auto failed = unit.failures_by_worker.find(worker.row.id);
+    return unit.leases.empty() && (failed == unit.failures_by_worker.end() || failed->second < 2);
+  });
+}
+
 // An open unit that came back, else a new one at the frontier.
 UnitState* Scheduler::cut(Job& job, const WorkerState& worker, bool prefetch, Now now) {
   std::array<std::uint64_t, 2> left{};
@@ -209,6 +221,9 @@ AcquireResult Scheduler::acquire(const std::string& worker_id, const std::vector
       out.lease = grant(*job, *unit, worker, false, now);
       return out;
     }
+    // Its last units wait for a worker that is free. This one is soon, unless it takes another job's unit
+    // first, and another, for as long as that job lasts.
+    if (prefetch && has_work(*job, worker)) return out;
   }
   if (!prefetch) {
     for (Job* job : order) {

@@ -187,6 +187,7 @@ class Scheduler {
   std::uint64_t active_workers(const Job& job, Now now) const;
   std::vector<Job*> candidates(const WorkerState& worker, const std::vector<std::string>& warm);
   UnitState* pick(Job& job, const WorkerState& worker, bool prefetch, Now now);
+  bool has_work(const Job& job, const WorkerState& worker) const;
   UnitState* cut(Job& job, const WorkerState& worker, bool prefetch, Now now);
   UnitState* straggler(Job& job, const WorkerState& worker, Now now);
   UnitState& add_unit(Job& job, const Unit& unit);
