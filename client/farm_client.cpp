@@ -129,6 +129,8 @@ Result<std::unique_ptr<FarmClient>> FarmClient::create(const ConnectionOptions& 
                                            options.insecure));
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
+  // A farm is reached directly: a proxy meant for web pages is in its way.
+  arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 1000);
   // Also the time one attempt to connect may take.

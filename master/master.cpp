@@ -117,7 +117,14 @@ Result<std::unique_ptr<Master>> Master::start(const MasterOptions& options) {
     CANDELA_TRY(wire::server_credentials(address, {options.tls_cert, options.tls_key, options.tls_ca},
                                          options.insecure));
   }
-  if (!options.http_listen.empty()) CANDELA_TRY(wire::parse_address(options.http_listen, "--http"));
+  if (!options.http_listen.empty()) {
+    CANDELA_ASSIGN(const wire::Address http, wire::parse_address(options.http_listen, "--http"));
+    if (!http.loopback && !options.insecure)
+      return usage_error("health and metrics are plain HTTP, and " + http.text() +
+                         " can be reached from elsewhere")
+          .with_field("--http")
+          .with_mend("listen on 127.0.0.1 and let a proxy of yours serve it, or say --insecure");
+  }
   FarmOptions farm_options;
   farm_options.master = options;
   CANDELA_ASSIGN(std::unique_ptr<Farm> farm, Farm::open(farm_options));

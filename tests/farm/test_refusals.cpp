@@ -234,6 +234,7 @@ TEST(MasterOptions, AreChecked) {
   };
   const std::vector<Case> cases = {
       {{"--listen", "0.0.0.0:0", "--data", other}, {"--insecure"}, 2},
+      {{"--listen", "127.0.0.1:0", "--http", "0.0.0.0:0", "--data", other}, {"--http", "--insecure"}, 2},
       {{"--listen", "nonsense", "--data", other}, {"--listen"}, 2},
       {{"--listen", "127.0.0.1:70000", "--data", other}, {"--listen"}, 2},
       {{"--listen", "127.0.0.1:0", "--data", other, "--lease-time", "-1"}, {"--lease-time"}, 2},

@@ -22,6 +22,8 @@ Result<std::shared_ptr<grpc::Channel>> dial(const WorkerOptions& options) {
                                            options.insecure));
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(kMaxReceiveBytes);
+  // A farm is reached directly: a proxy meant for web pages is in its way.
+  arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   // A master whose machine is gone answers nothing, not even with a closed connection.
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 20000);
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10000);
