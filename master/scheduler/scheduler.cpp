@@ -115,6 +115,8 @@ UnitState* Scheduler::cut(Job& job, const WorkerState& worker, bool prefetch, No
   in.remaining = job.row.stop.iterations > 0 ? remaining : 0;
   if (job.row.stop.time_seconds > 0)
     in.seconds_left = std::max(job.row.stop.time_seconds - job.row.elapsed_seconds, 1e-3);
+  in.open_end = job.row.stop.time_seconds > 0 || job.row.stop.relmse > 0;
+  in.cut_so_far = job.frontier[0] + job.frontier[1];
 
   UnitState* open = nullptr;
   std::uint64_t open_count = 0;

@@ -12,6 +12,8 @@ struct SizingInput {
   std::uint64_t remaining = 0;       // iterations of the job not cut into units yet; 0: no end in sight
   std::uint64_t active_workers = 1;  // that can take units of this job
   double seconds_left = 0;           // of a time limit; 0: none
+  bool open_end = false;             // an error or a time will end the job: nobody knows at which iteration
+  std::uint64_t cut_so_far = 0;      // iterations of the job cut into units already
 };
 
 // Iterations for the next unit, at least 1 (the caller cuts it at the end of the half).
@@ -20,7 +22,10 @@ struct SizingInput {
 //    (up to 16 times unit_seconds);
 //  - guided self-scheduling near the end: at most remaining / (2 active_workers), so that all workers end
 //  together;
-//  - not more than half of what a time limit leaves.
+//  - not more than an eighth of what a time limit leaves;
+//  - where the end is open, at most an eighth of what has been cut so far, shared by the workers, so that the
+//  job neither runs far past its end nor ends with one half of its film empty; from a sixteenth of
+//  unit_seconds on.
 std::uint64_t unit_iterations(const SizingInput& in);
 
 inline constexpr std::uint64_t kMaxUnitIterations = 16384;

@@ -550,8 +550,12 @@ TEST(Sizing, FollowsItsRules) {
   in.remaining = 0;
   in.overhead_seconds = 0.2;  // 2 % of 10 s
   EXPECT_EQ(unit_iterations(in), 100U);
-  in.seconds_left = 2;
+  in.seconds_left = 8;
   EXPECT_EQ(unit_iterations(in), 10U);
+  in.open_end = true;
+  EXPECT_EQ(unit_iterations(in), 2U) << "a sixteenth of unit_seconds before anything is known";
+  in.cut_so_far = 240;
+  EXPECT_EQ(unit_iterations(in), 6U) << "an eighth of what was cut, for five workers";
   in.seconds_per_iteration = 100;
   EXPECT_EQ(unit_iterations(in), 1U);
 }
