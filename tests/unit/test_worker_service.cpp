@@ -420,6 +420,27 @@ TEST_F(WorkerServiceTest, RenderFailuresFailTheUnit) {
   EXPECT_FALSE(master_.failures[1].input_error());
 }
 
+// Claim: a film whose sums wrapped is never delivered: the unit fails and says why, and the next film starts
+// clean.
+TEST_F(WorkerServiceTest, OverflowFailsTheUnit) {
+  {
+    const std::lock_guard lock(renderer_.mutex);
+    renderer_.overflow = true;
+  }
+  master_.add_lease(0, 1);
+  start();
+  ASSERT_TRUE(master_.wait_for([&] { return master_.failures.size() == 1; }));
+  {
+    const std::lock_guard lock(renderer_.mutex);
+    renderer_.overflow = false;
+  }
+  master_.add_lease(1, 2);
+  EXPECT_TRUE(master_.wait_for([&] { return merged_count() == 1; }));
+  const std::lock_guard lock(master_.mutex);
+  EXPECT_NE(master_.failures[0].message().find("overflowed"), std::string::npos);
+  EXPECT_FALSE(master_.failures[0].input_error());
+}
+
 // Claim: a blob with other bytes than its name says never reaches the renderer, and is no error of the scene.
 TEST_F(WorkerServiceTest, WrongBlobIsRefused) {
   master_.wrong_blob_bytes = true;

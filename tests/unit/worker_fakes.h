@@ -4,6 +4,7 @@
 #include <grpcpp/grpcpp.h>
 
 #include <chrono>
+#include <cmath>
 #include <condition_variable>
 #include <deque>
 #include <functional>
@@ -38,6 +39,7 @@ struct FakeRendererControl {
   float progress_at_gate = 0;  // what they report meanwhile
   std::optional<Error> create_error, run_error;
   bool throw_bad_alloc = false;
+  bool overflow = false;                     // one pixel gets more than 64 bits hold
   std::map<std::string, std::string> files;  // read at creation: key -> bytes
 
   void close_gate(float progress) {
@@ -78,6 +80,10 @@ class FakeRenderer final : public render::Renderer {
     }
     if (context.stop->load()) return refused_error("stopped");
     film::Tallies tallies;
+    if (control_.overflow) {
+      const auto most = static_cast<float>(std::ldexp(film::kMaxContribution, -film.scale_log2()));
+      for (std::uint64_t i = 0; i < 256; ++i) film.add(0, 0, 0, {most, most, most}, i, tallies);
+    }
     for (std::uint64_t i = unit.begin; i < unit.end; ++i)
       for (std::uint32_t y = 0; y < settings_.height; ++y)
         for (std::uint32_t x = 0; x < settings_.width; ++x) {
