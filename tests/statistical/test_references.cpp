@@ -56,11 +56,14 @@ TEST_P(References, PathAgrees) {
   EXPECT_NEAR(result.ratio, 1.0, c.ratio_tolerance + 4 * result.ratio_stderr);  // 6e-5 for normal errors
 }
 
-// veach-mis: the reference's Beckmann shadowing is a rational fit, off by up to 0.35 % at grazing angles;
-// ours is exact. veach-bidir: light leaks out of the reference's spot lamp along its edges (blocks at its
-// place and just below; the image of the scene's author, rendered by Tungsten, has no such leak and agrees
-// with ours to 1-3 %). Caustics of the lamps on wall and table are so rare for `path` that a block can miss a
-// tenth of its light in all batches together.
+// The allowances below were set after a first run had failed without them. The leak and the shadowing were
+// confirmed outside the test, that caustics are what `path` misses was not. The seeds are fixed, so a stated
+// false-alarm rate is that of other seeds with these allowances, not of the choice. veach-mis: the
+// reference's Beckmann shadowing is a rational fit, off by up to 0.35 % at grazing angles; ours is exact.
+// veach-bidir: light leaks out of the reference's spot lamp along its edges (blocks at its place and just
+// below; the image of the scene's author, rendered by Tungsten, has no such leak and agrees with ours to 1-4
+// %). Caustics of the lamps on wall and table are so rare for `path` that a block can miss a tenth of its
+// light in all batches together.
 INSTANTIATE_TEST_SUITE_P(Scenes, References,
                          testing::Values(Case{"cornell-box", 256, 256, 16, 16, 0.03, 0.95, 0, 0.001, {}},
                                          Case{"veach-mis", 256, 144, 16, 16, 0.03, 0.90, 0.0035, 0.0035, {}},
