@@ -1,0 +1,68 @@
+// Bsdfs, from Mitsuba's documentation: what is here is what Candela renders.
+#include "common/description/rules.h"
+
+namespace candela::description::rules {
+
+void add_bsdfs(std::vector<PluginRule>& table) {
+  const auto index_of_refraction = [](std::string_view name, std::string_view doc) {
+    return PropertyRule{
+        .name = name, .types = {number, string}, .doc = doc, .minimum = 0, .above_minimum = true};
+  };
+  const PropertyRule specular = reflectance("specular_reflectance", "scales the reflection (default 1)");
+  const PropertyRule eta =
+      textured(non_negative_rgb("eta", "real part of the index of refraction (default 0)"));
+  const PropertyRule k =
+      textured(non_negative_rgb("k", "imaginary part of the index of refraction (default 1)"));
+  const PropertyRule material = {.name = "material",
+                                 .types = {string},
+                                 .values = {"none"},
+                                 .doc = "named materials are not supported yet: write eta and k as rgb"};
+  table.push_back({.category = "bsdf",
+                   .name = "diffuse",
+                   .properties = {reflectance("reflectance", "albedo (default 0.5)")},
+                   .child_categories = {},
+                   .doc = "Lambertian, one-sided"});
+  table.push_back(
+      {.category = "bsdf",
+       .name = "dielectric",
+       .properties = {index_of_refraction("int_ior",
+                                          "index inside, a number or a name (default bk7, 1.5046)"),
+                      index_of_refraction("ext_ior",
+                                          "index outside, a number or a name (default air, 1.000277)"),
+                      specular, reflectance("specular_transmittance", "scales the transmission (default 1)")},
+       .child_categories = {},
+       .doc = "smooth glass; the side the normal points to is outside"});
+  table.push_back({.category = "bsdf",
+                   .name = "conductor",
+                   .properties = {eta, k, material, specular},
+                   .child_categories = {},
+                   .doc = "smooth metal, one-sided; without parameters a perfect mirror"});
+  table.push_back(
+      {.category = "bsdf",
+       .name = "roughconductor",
+       .properties =
+           {{.name = "distribution",
+             .types = {string},
+             .values = {"beckmann", "ggx"},
+             .doc = "microfacet distribution (default beckmann)"},
+            textured(positive("alpha",
+                              "roughness along both axes; Beckmann: root mean square slope (default 0.1)")),
+            textured(positive("alpha_u",
+                              "roughness along the tangent; only together with alpha_v, without alpha")),
+            textured(positive("alpha_v",
+                              "roughness along the bitangent; only together with alpha_u, without alpha")),
+            eta,
+            k,
+            material,
+            specular,
+            flag("sample_visible", "sample visible normals only: noise, not the mean (default true)")},
+       .child_categories = {},
+       .doc = "rough metal after Walter et al. 2007, one-sided"});
+  table.push_back({.category = "bsdf",
+                   .name = "twosided",
+                   .properties = {},
+                   .child_categories = {"bsdf"},
+                   .doc = "one opaque bsdf for both sides, or two: front, then back"});
+}
+
+}  // namespace candela::description::rules

@@ -1,0 +1,143 @@
+// Integrators, sensors, samplers, films and filters, from Mitsuba's documentation: what is here is what
+// Candela renders.
+#include "common/description/rules.h"
+
+namespace candela::description::rules {
+
+namespace {
+
+void add_samplers(std::vector<PluginRule>& table) {
+  for (const std::string_view name : {"independent", "stratified", "multijitter", "orthogonal", "ldsampler"})
+    table.push_back(
+        {.category = "sampler",
+         .name = name,
+         .properties =
+             {{.name = "sample_count",
+               .types = {integer},
+               .doc = "samples a pixel: the job's iterations where no stop rule is given (default 4)",
+               .minimum = 1},
+              ignored("seed", {integer}, "the seed belongs to the job: --seed"),
+              ignored("jitter", {boolean}, "the kind of sampler belongs to the job: --sampler"),
+              ignored("dimension", {integer}, "0.6: the kind of sampler belongs to the job: --sampler"),
+              ignored("scramble", {integer}, "0.6: the kind of sampler belongs to the job: --sampler")},
+         .child_categories = {},
+         .doc = "accepted for its sample_count; the kind of sampler belongs to the job (--sampler): noise "
+                "only, the "
+                "mean is the same"});
+}
+
+void add_films(std::vector<PluginRule>& table) {
+  const double most = 65536;
+  table.push_back(
+      {.category = "film",
+       .name = "hdrfilm",
+       .properties =
+           {{.name = "width",
+             .types = {integer},
+             .doc = "pixels (default 768)",
+             .minimum = 1,
+             .maximum = most},
+            {.name = "height",
+             .types = {integer},
+             .doc = "pixels (default 576)",
+             .minimum = 1,
+             .maximum = most},
+            only("crop_offset_x", integer, "0", "left edge of the crop window in pixels"),
+            only("crop_offset_y", integer, "0", "top edge of the crop window in pixels"),
+            {.name = "crop_width", .types = {integer}, .doc = "pixels; only the film's width for now"},
+            {.name = "crop_height", .types = {integer}, .doc = "pixels; only the film's height for now"},
+            ignored("file_format", {string}, "the output's name decides: .exr or .png"),
+            ignored("pixel_format", {string}, "images are linear Rec.709 RGB"),
+            ignored("component_format", {string}, "images are 32-bit float"),
+            ignored("sample_border", {boolean}, "filters are sampled, so edges need no border"),
+            ignored("compensate", {boolean}, "sums are exact always"),
+            ignored("banner", {boolean}, "0.6: no banner is ever drawn"),
+            ignored("attach_log", {boolean}, "0.6: images carry their own metadata"),
+            ignored("high_quality_edges", {boolean}, "0.6: filters are sampled, so edges need no border")},
+       .child_categories = {"rfilter"},
+       .doc = "the image's size and its reconstruction filter (default filter gaussian); 0.6's ldrfilm is "
+              "read as "
+              "this, without its tone mapping"});
+}
+
+void add_filters(std::vector<PluginRule>& table) {
+  table.push_back({.category = "rfilter",
+                   .name = "box",
+                   .properties = {positive("radius", "half width in pixels (default 0.5)")},
+                   .child_categories = {},
+                   .doc = "the mean over the pixel"});
+  table.push_back({.category = "rfilter",
+                   .name = "tent",
+                   .properties = {positive("radius", "half width in pixels (default 1)")},
+                   .child_categories = {},
+                   .doc = "linear falloff"});
+  table.push_back({.category = "rfilter",
+                   .name = "gaussian",
+                   .properties = {positive("stddev", "standard deviation in pixels (default 0.5)")},
+                   .child_categories = {},
+                   .doc = "Gaussian, cut at four standard deviations"});
+}
+
+}  // namespace
+
+void add_integrators(std::vector<PluginRule>& table) {
+  table.push_back(
+      {.category = "integrator",
+       .name = "path",
+       .properties =
+           {{.name = "max_depth",
+             .types = {integer},
+             .doc =
+                 "longest path in edges, -1 for no limit; 1 shows emitters only, 2 direct light (default -1)",
+             .minimum = -1},
+            {.name = "rr_depth",
+             .types = {integer},
+             .doc = "path depth from which Russian roulette may end a path (default 5)",
+             .minimum = 1},
+            flag("hide_emitters", "directly visible emitters are left out (default false)"),
+            only("strict_normals", boolean, "false", "0.6: treatment of inconsistent shading normals"),
+            ignored("samples_per_pass", {integer}, "the farm cuts work into units itself"),
+            ignored("block_size", {integer}, "the farm cuts work into units itself"),
+            ignored("timeout", {number, integer}, "a stop rule belongs to the job: --time")},
+       .child_categories = {},
+       .doc = "path tracing with next event estimation and multiple importance sampling"});
+}
+
+void add_sensors(std::vector<PluginRule>& table) {
+  table.push_back(
+      {.category = "sensor",
+       .name = "perspective",
+       .properties =
+           {to_world("camera to world; the camera looks along +z, +y is up, +x to the left"),
+            {.name = "fov",
+             .types = {number},
+             .doc = "field of view in degrees along fov_axis (default from focal_length)",
+             .minimum = 0,
+             .maximum = 179.999,
+             .above_minimum = true},
+            {.name = "fov_axis",
+             .types = {string},
+             .values = {"x", "y", "diagonal", "smaller", "larger"},
+             .doc = "the image axis fov spans (default x)"},
+            {.name = "focal_length",
+             .types = {string},
+             .doc = "35 mm equivalent focal length, such as 50mm, where fov is absent (default 50mm)"},
+            positive("near_clip", "distance of the near plane along the view in scene units (default 0.01)"),
+            positive("far_clip", "distance of the far plane along the view in scene units (default 10000)"),
+            {.name = "principal_point_offset_x",
+             .types = {number},
+             .doc = "offset of the principal point in image widths (default 0)"},
+            {.name = "principal_point_offset_y",
+             .types = {number},
+             .doc = "offset of the principal point in image heights (default 0)"},
+            ignored("focus_distance", {number}, "a pinhole is in focus everywhere"),
+            only("shutter_open", number, "0", "opening of the shutter in seconds"),
+            only("shutter_close", number, "0", "closing of the shutter in seconds")},
+       .child_categories = {"film", "sampler"},
+       .doc = "pinhole camera"});
+  add_samplers(table);
+  add_films(table);
+  add_filters(table);
+}
+
+}  // namespace candela::description::rules

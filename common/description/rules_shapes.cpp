@@ -1,0 +1,57 @@
+// Shapes, from Mitsuba's documentation: what is here is what Candela renders.
+#include "common/description/rules.h"
+
+namespace candela::description::rules {
+
+void add_shapes(std::vector<PluginRule>& table) {
+  const std::vector<std::string_view> children = {"bsdf", "emitter"};
+  const PropertyRule place = to_world("object to world (default identity)");
+  const PropertyRule flip = flag("flip_normals", "normals point the other way (default false)");
+  const PropertyRule faceted =
+      flag("face_normals", "normals of the file are dropped, triangles look flat (default false)");
+  table.push_back(
+      {.category = "shape",
+       .name = "obj",
+       .properties = {file("Wavefront OBJ with triangles and polygons; materials are not read"), place,
+                      faceted, flip, flag("flip_tex_coords", "v becomes 1 - v (default true)"), silhouette(),
+                      ignored("collapse", {boolean}, "0.6: a file is one shape always")},
+       .child_categories = children,
+       .doc = "triangle mesh of a Wavefront OBJ file"});
+  table.push_back({.category = "shape",
+                   .name = "serialized",
+                   .properties = {file("Mitsuba's compressed mesh file, versions 3 and 4"),
+                                  {.name = "shape_index",
+                                   .types = {integer},
+                                   .doc = "which mesh of the file, from 0 (default 0)",
+                                   .minimum = 0,
+                                   .maximum = 4294967295.0},
+                                  place,
+                                  faceted,
+                                  flip,
+                                  silhouette()},
+                   .child_categories = children,
+                   .doc = "triangle mesh of Mitsuba's own format"});
+  table.push_back({.category = "shape",
+                   .name = "rectangle",
+                   .properties = {place, flip, silhouette()},
+                   .child_categories = children,
+                   .doc = "[-1, 1] x [-1, 1] in the plane z = 0, facing +z"});
+  table.push_back({.category = "shape",
+                   .name = "cube",
+                   .properties = {place, flip, silhouette()},
+                   .child_categories = children,
+                   .doc = "[-1, 1]^3, facing outside"});
+  table.push_back({.category = "shape",
+                   .name = "sphere",
+                   .properties = {{.name = "center",
+                                   .types = {point},
+                                   .doc = "in object space, before to_world (default 0, 0, 0)"},
+                                  positive("radius", "in object space, before to_world (default 1)"),
+                                  place,
+                                  flip,
+                                  silhouette()},
+                   .child_categories = children,
+                   .doc = "a true sphere; to_world may not scale it unevenly"});
+}
+
+}  // namespace candela::description::rules

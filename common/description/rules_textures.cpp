@@ -1,0 +1,54 @@
+// Textures, from Mitsuba's documentation: what is here is what Candela renders.
+#include "common/description/rules.h"
+
+namespace candela::description::rules {
+
+void add_textures(std::vector<PluginRule>& table) {
+  const PropertyRule to_uv = {
+      .name = "to_uv",
+      .types = {transform},
+      .doc =
+          "applied to (u, v, 0, 1) before the lookup; a matrix of 9 values is a 2D one "
+          "(default identity)"};
+  table.push_back(
+      {.category = "texture",
+       .name = "bitmap",
+       .properties = {file("image; encoded ones (8 and 16 bit) are taken for sRGB"),
+                      to_uv,
+                      {.name = "filter_type",
+                       .types = {string},
+                       .values = {"bilinear", "nearest"},
+                       .doc =
+                           "interpolation (default bilinear); 0.6's ewa and trilinear are read as bilinear"},
+                      {.name = "wrap_mode",
+                       .types = {string},
+                       .values = {"repeat", "mirror", "clamp"},
+                       .doc = "outside [0, 1] (default repeat)"},
+                      flag("raw", "the values are numbers, not sRGB (default false)"),
+                      ignored("format", {string}, "storage only"),
+                      ignored("accel", {boolean}, "for GPUs only"),
+                      only("gamma", number, "-1", "0.6: the file's own encoding decides"),
+                      ignored("max_anisotropy", {number}, "0.6: textures are not prefiltered"),
+                      ignored("cache", {boolean}, "0.6: no cache files are written")},
+       .child_categories = {},
+       .doc = "an image"});
+  table.push_back({.category = "texture",
+                   .name = "checkerboard",
+                   .properties = {{.name = "color0",
+                                   .types = {rgb},
+                                   .textured = true,
+                                   .doc = "of the squares at the origin (default 0.4)",
+                                   .minimum = 0,
+                                   .maximum = 1},
+                                  {.name = "color1",
+                                   .types = {rgb},
+                                   .textured = true,
+                                   .doc = "of the other squares (default 0.2)",
+                                   .minimum = 0,
+                                   .maximum = 1},
+                                  to_uv},
+                   .child_categories = {},
+                   .doc = "two squares by two in [0, 1]^2"});
+}
+
+}  // namespace candela::description::rules
