@@ -1,0 +1,192 @@
+// From a description to the parts of a compiled scene.
+#include "worker/scene/scene_builder.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "common/base/log.h"
+#include "worker/scene/transform.h"
+
+namespace candela::scene {
+namespace {
+
+constexpr std::uint64_t kMostPrimitives = 0xfffffff0u;  // Embree's ids are 32-bit
+
+Error error_at(const description::Object& object, std::string message) {
+  return input_error(std::move(message)).at(object.where.file, object.where.line);
+}
+
+// Something below `object` looks at (u, v): a texture, or an anisotropic lobe, whose axes follow them.
+bool reads_uv(const description::Object& object) {
+  if (object.category == "texture") return true;
+  if (object.find("alpha_u") != nullptr || object.find("alpha_v") != nullptr) return true;
+  return std::any_of(object.children.begin(), object.children.end(),
+                     [](const description::Child& c) { return reads_uv(*c.object); });
+}
+
+Spectrum to_spectrum(const description::Rgb& rgb) {
+  return {static_cast<float>(rgb.value[0]), static_cast<float>(rgb.value[1]),
+          static_cast<float>(rgb.value[2])};
+}
+
+bool is_radiometric(Spectrum s) {
+  return std::min(s.r, std::min(s.g, s.b)) >= 0 && std::isfinite(s.r) && std::isfinite(s.g) &&
+         std::isfinite(s.b);
+}
+
+}  // namespace
+
+Result<std::uint32_t> SceneBuilder::bsdf_of(const description::Object& shape, bool emits) {
+  const auto objects = shape.children_of("bsdf");
+  if (objects.size() > 1) return error_at(shape, "shape '" + shape.plugin + "' has more than one bsdf");
+  if (objects.empty()) {
+    // As Mitsuba: diffuse of reflectance 0.5, or black where the shape is a lamp.
+    std::uint32_t& slot = emits ? black_bsdf_ : default_bsdf_;
+    if (slot == kNone) {
+      if (emits) {
+        description::Object black;
+        black.category = "bsdf";
+        black.plugin = "diffuse";
+        black.where = shape.where;
+        black.properties.push_back(
+            {"reflectance", description::PropertyType::rgb, description::Rgb{{0, 0, 0}}, shape.where});
+        CANDELA_ASSIGN(Bsdf bsdf, Bsdf::build(black, textures_));
+        bsdfs_.push_back(std::move(bsdf));
+      } else {
+        bsdfs_.push_back(Bsdf::default_diffuse());
+      }
+      slot = static_cast<std::uint32_t>(bsdfs_.size() - 1);
+    }
+    return slot;
+  }
+  const auto known = bsdf_of_object_.find(objects[0].get());
+  if (known != bsdf_of_object_.end()) return known->second;
+  CANDELA_ASSIGN(Bsdf bsdf, Bsdf::build(*objects[0], textures_));
+  bsdfs_.push_back(std::move(bsdf));
+  const auto index = static_cast<std::uint32_t>(bsdfs_.size() - 1);
+  bsdf_of_object_[objects[0].get()] = index;
+  return index;
+}
+
+void SceneBuilder::count_bsdf(const Bsdf& bsdf) {
+  ++features_.bsdf_kinds[std::string(Bsdf::kind_name(bsdf.kind()))];
+  if (bsdf.back_kind() != bsdf.kind()) ++features_.bsdf_kinds[std::string(Bsdf::kind_name(bsdf.back_kind()))];
+  features_.any_delta_bsdf |= bsdf.any_delta();
+  all_delta_ = all_delta_ && bsdf.all_delta();
+  features_.any_rough_glossy |= !bsdf.any_delta() && bsdf.min_roughness() < 0.2f;
+  features_.any_transmission |= bsdf.transmissive();
+  features_.any_black_bsdf |= bsdf.black();
+  features_.any_two_sided |= bsdf.two_sided();
+}
+
+Result<void> SceneBuilder::shape(const description::Object& object) {
+  const auto emitters = object.children_of("emitter");
+  if (emitters.size() > 1) return error_at(object, "shape '" + object.plugin + "' has more than one emitter");
+  if (!emitters.empty() && emitters[0]->plugin != "area") {
+    return error_at(*emitters[0],
+                    "a shape cannot be an emitter of type '" + emitters[0]->plugin + "' (area can)");
+  }
+  ShapeRecord record;
+  CANDELA_ASSIGN(record.bsdf, bsdf_of(object, !emitters.empty()));
+  record.reads_uv = reads_uv(object);
+  CANDELA_ASSIGN(Shape shape, build_shape(object, files_));
+  if (shape.dropped_count > 0) {
+    log::warn(object.where.file + ":" + std::to_string(object.where.line) + ": left out " +
+              std::to_string(shape.dropped_count) + " faces without area");
+  }
+  if (geometry_.positions.size() + shape.positions.size() > kMostPrimitives ||
+      geometry_.triangles.size() + shape.triangles.size() > kMostPrimitives) {
+    return error_at(object, "the scene has more than 2^32 triangles or vertices");
+  }
+  count_bsdf(bsdfs_[record.bsdf]);
+  const auto index = static_cast<std::uint32_t>(geometry_.shapes.size());
+  if (!emitters.empty()) area_emitters_.push_back({index, shape.rectangle, emitters[0]});
+  geometry_.add(std::move(shape), record);
+  return {};
+}
+
+Result<void> SceneBuilder::finish_geometry() {
+  geometry_.finish();
+  for (const AreaEmitter& area : area_emitters_) {
+    CANDELA_ASSIGN(const ColorTexture radiance, textures_.color(*area.object, "radiance", Spectrum(1.0f)));
+    if (radiance.is_constant() && !is_radiometric(radiance.constant)) {
+      return error_at(*area.object, "radiance must be finite and not negative").with_field("radiance");
+    }
+    // A black lamp is none: nobody need choose it.
+    if (radiance.is_constant() && radiance.constant.is_black()) continue;
+    geometry_.shapes[area.shape].emitter =
+        lights_.add_area(area.shape, area.rectangle ? &*area.rectangle : nullptr, radiance);
+    ++features_.emitter_kinds["area"];
+    features_.any_area_emitter = true;
+    features_.any_mesh_emitter |= !area.rectangle && geometry_.shapes[area.shape].sphere == kNone;
+    features_.max_emitted_radiance = std::max(features_.max_emitted_radiance, luminance(radiance.maximum()));
+  }
+  return {};
+}
+
+Result<Spectrum> SceneBuilder::quantity(const description::Object& object, std::string_view name) const {
+  const auto rgb = object.get_rgb(name);
+  const Spectrum value = rgb ? to_spectrum(*rgb) : Spectrum(1.0f);
+  if (!is_radiometric(value)) {
+    return error_at(object, std::string(name) + " must be finite and not negative")
+        .with_field(std::string(name));
+  }
+  return value;
+}
+
+Result<void> SceneBuilder::emitter(const description::Object& object) {
+  const Transform to_world(object.get_transform("to_world"));
+  if (object.plugin == "area") return error_at(object, "an area emitter belongs inside a shape");
+  if (object.plugin == "point") {
+    if (object.find("position") != nullptr && object.find("to_world") != nullptr) {
+      return error_at(object, "give either position or to_world, not both").with_field("position");
+    }
+    const description::Vec3 p = object.get_vec3("position", {0, 0, 0});
+    const Vec3d world = object.find("position") != nullptr ? Vec3d{p[0], p[1], p[2]} : to_world.translation();
+    CANDELA_ASSIGN(const Spectrum intensity, quantity(object, "intensity"));
+    if (intensity.is_black()) return {};
+    lights_.add_point(Vec3(world), intensity);
+    features_.any_delta_emitter = true;
+    const double r = std::max(geometry_.bounds.radius(), 1e-12);
+    features_.max_emitted_radiance =
+        std::max(features_.max_emitted_radiance, luminance(intensity) / static_cast<float>(r * r));
+  } else if (object.plugin == "directional") {
+    if (object.find("direction") != nullptr && object.find("to_world") != nullptr) {
+      return error_at(object, "give either direction or to_world, not both").with_field("direction");
+    }
+    const description::Vec3 d = object.get_vec3("direction", {0, 0, 1});
+    const Vec3d world =
+        object.find("direction") != nullptr ? Vec3d{d[0], d[1], d[2]} : to_world.vector({0, 0, 1});
+    const double l = length(world);
+    if (!(l > 0) || !std::isfinite(l))
+      return error_at(object, "direction has no length").with_field("direction");
+    CANDELA_ASSIGN(const Spectrum irradiance, quantity(object, "irradiance"));
+    if (irradiance.is_black()) return {};
+    lights_.add_directional(Vec3(world / l), irradiance);
+    features_.any_delta_emitter = true;
+    features_.max_emitted_radiance = std::max(features_.max_emitted_radiance, luminance(irradiance));
+  } else if (object.plugin == "constant" || object.plugin == "envmap") {
+    CANDELA_ASSIGN(Environment environment, Environment::build(object, textures_));
+    if (environment.black()) return {};
+    features_.max_emitted_radiance = std::max(features_.max_emitted_radiance, environment.max_luminance());
+    lights_.add_environment(std::move(environment));
+    features_.any_environment = true;
+  } else {
+    return error_at(object, "emitter '" + object.plugin + "' is not supported yet");
+  }
+  ++features_.emitter_kinds[object.plugin];
+  return {};
+}
+
+void SceneBuilder::finish_features() {
+  features_.triangles = geometry_.triangles.size();
+  features_.spheres = static_cast<std::uint32_t>(geometry_.spheres.size());
+  features_.shapes = static_cast<std::uint32_t>(geometry_.shapes.size());
+  features_.textures = textures_.texture_count();
+  features_.all_bsdfs_delta = all_delta_ && !geometry_.shapes.empty();
+  features_.emitters = static_cast<std::uint32_t>(lights_.size());
+  features_.radius = static_cast<float>(geometry_.bounds.radius());
+}
+
+}  // namespace candela::scene

@@ -1,0 +1,73 @@
+// What a compiled scene consists of, and its putting together from a description.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/description/object.h"
+#include "worker/scene/accel.h"
+#include "worker/scene/bsdfs/bsdf_build.h"
+#include "worker/scene/features.h"
+#include "worker/scene/light_sampler.h"
+#include "worker/scene/sensors/perspective.h"
+#include "worker/scene/shapes/geometry.h"
+#include "worker/scene/textures/texture.h"
+
+namespace candela::scene {
+
+struct SceneData {
+  std::unique_ptr<TextureStore> textures;
+  Geometry geometry;
+  std::vector<Bsdf> bsdfs;
+  LightSampler lights{geometry};
+  std::unique_ptr<Accel> accel;
+  PerspectiveSensor sensor;
+  SceneFeatures features;
+};
+
+// Fills SceneData: shapes first, then finish_geometry, emitters, finish_features.
+class SceneBuilder {
+ public:
+  // Both must outlive this; data.textures is there already.
+  SceneBuilder(const description::FileSource& files, SceneData& data)
+      : files_(files),
+        textures_(*data.textures),
+        geometry_(data.geometry),
+        bsdfs_(data.bsdfs),
+        lights_(data.lights),
+        features_(data.features) {}
+
+  Result<void> shape(const description::Object& object);
+  Result<void> finish_geometry();
+  Result<void> emitter(const description::Object& object);
+  void finish_features();
+
+ private:
+  struct AreaEmitter {
+    std::uint32_t shape;
+    std::optional<Rectangle> rectangle;
+    description::ObjectPtr object;
+  };
+
+  Result<std::uint32_t> bsdf_of(const description::Object& shape, bool emits);
+  Result<Spectrum> quantity(const description::Object& object, std::string_view name) const;
+  void count_bsdf(const Bsdf& bsdf);
+
+  const description::FileSource& files_;
+  TextureStore& textures_;
+  Geometry& geometry_;
+  std::vector<Bsdf>& bsdfs_;
+  LightSampler& lights_;
+  SceneFeatures& features_;
+  std::map<const description::Object*, std::uint32_t> bsdf_of_object_;
+  std::uint32_t default_bsdf_ = kNone, black_bsdf_ = kNone;
+  std::vector<AreaEmitter> area_emitters_;
+  bool all_delta_ = true;
+};
+
+}  // namespace candela::scene
