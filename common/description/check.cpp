@@ -279,10 +279,11 @@ Result<void> check_children(const Object& object, const PluginRule& rule, std::s
   for (std::size_t i = 0; i < object.children.size(); ++i) {
     const Child& child = object.children[i];
     const std::string& category = child.object->category;
-    if (category == "texture" && object.category != "scene") {
+    const bool as_child = std::find(rule.child_categories.begin(), rule.child_categories.end(), category) !=
+                          rule.child_categories.end();
+    if (category == "texture" && !as_child) {
       CANDELA_TRY(check_texture(object, rule, child, where[i]));
-    } else if (std::find(rule.child_categories.begin(), rule.child_categories.end(), category) ==
-               rule.child_categories.end()) {
+    } else if (!as_child) {
       return error_at(where[i],
                       fmt::format("{} cannot be inside {}", describe(*child.object), describe(object)));
     }
@@ -295,6 +296,9 @@ Result<void> check_children(const Object& object, const PluginRule& rule, std::s
   if (object.category == "scene") return check_scene(object, where);
   if (object.plugin == "twosided") return check_twosided(object, where);
   if (object.plugin == "roughconductor") return check_roughness(object);
+  if (object.category == "texture" && object.plugin == "scale" && object.children.size() != 1)
+    return error_at(object.where,
+                    fmt::format("texture 'scale' holds one texture, not {}", object.children.size()));
   if (object.category == "shape") {
     CANDELA_TRY(at_most_one(object, "bsdf", where));
     CANDELA_TRY(at_most_one(object, "emitter", where));

@@ -49,6 +49,11 @@ void add_textures(std::vector<PluginRule>& table) {
                                   to_uv},
                    .child_categories = {},
                    .doc = "two squares by two in [0, 1]^2"});
+  table.push_back({.category = "texture",
+                   .name = "scale",
+                   .properties = {non_negative_rgb("scale", "the factor (default 1)")},
+                   .child_categories = {"texture"},
+                   .doc = "0.6: the one texture it holds, under any name, times a constant"});
 }
 
 }  // namespace candela::description::rules

@@ -94,8 +94,7 @@ const std::vector<MitsubaNames>& mitsuba_names() {
       {"emitter",
        {"spot", "collimated", "directionalarea", "projector", "sunsky", "sun", "sky", "timed_sunsky",
         "volumelight"}},
-      {"texture",
-       {"mesh_attribute", "volume", "scale", "gridtexture", "vertexcolors", "wireframe", "curvature"}},
+      {"texture", {"mesh_attribute", "volume", "gridtexture", "vertexcolors", "wireframe", "curvature"}},
   };
   return names;
 }

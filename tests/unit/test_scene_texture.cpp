@@ -183,6 +183,75 @@ TEST(Texture, Checkerboard) {
   EXPECT_EQ(coloured.eval({0.03f, 0.001f}), (Spectrum{0, 0, 1}));
 }
 
+// Claim: gradient() is the derivative of eval() by (u, v) before to_uv: it equals central differences within
+// a cell, where eval is bilinear, so that these are exact but for float rounding (4e-7 of values up to 1.4
+// over a step of 2^-9: 2e-4). Zero for nearest, checkerboards and constants.
+TEST(Texture, GradientIsTheDerivativeOfEval) {
+  MemoryFiles files;
+  std::vector<Spectrum> texels;
+  rng::Stream stream(rng::key(24));
+  for (int i = 0; i < 5 * 3; ++i)
+    texels.push_back({stream.next_float(), stream.next_float(), stream.next_float()});
+  files.files["a.pfm"] = pfm(5, 3, texels);
+  TextureStore store(files);
+  // A rotation with uneven scale: all four entries of the Jacobian count, and width and height differ.
+  const description::Mat4 turn = {0.6, -0.4, 0, 0.1, 0.3, 0.5, 0, 0.2, 0, 0, 1, 0, 0, 0, 0, 1};
+  const auto bitmap = object("texture", "bitmap", {text("filename", "a.pfm"), matrix("to_uv", turn)});
+  auto scaled = object("texture", "scale", {rgb("scale", 0.5, 1.25, 2)});
+  scaled->children.push_back({"any", bitmap});
+  for (const auto& description : {bitmap, scaled}) {
+    FloatTexture t;
+    t.texture = color_of(store, description).texture;
+    int compared = 0;
+    for (int i = 0; i < 2000; ++i) {
+      const Vec2 uv = {4 * stream.next_float() - 2, 4 * stream.next_float() - 2};
+      constexpr float h = 0x1p-9f;
+      const double x = (0.6 * uv.x - 0.4 * uv.y + 0.1) * 5 - 0.5;
+      const double y = (0.3 * uv.x + 0.5 * uv.y + 0.2) * 3 - 0.5;
+      const auto inside = [](double v) { return v - std::floor(v) > 0.02 && v - std::floor(v) < 0.98; };
+      if (!inside(x) || !inside(y)) continue;
+      ++compared;
+      const Vec2 g = t.gradient(uv);
+      EXPECT_NEAR(g.x, (t.eval({uv.x + h, uv.y}) - t.eval({uv.x - h, uv.y})) / (2 * h), 5e-4f);
+      EXPECT_NEAR(g.y, (t.eval({uv.x, uv.y + h}) - t.eval({uv.x, uv.y - h})) / (2 * h), 5e-4f);
+    }
+    EXPECT_GT(compared, 1500);
+    for (const float u : {NAN, INFINITY, 1e30f}) EXPECT_TRUE(std::isfinite(t.gradient({u, 0.3f}).x)) << u;
+  }
+  FloatTexture flat;
+  flat.constant = 3;
+  EXPECT_EQ(flat.gradient({0.1f, 0.2f}).x, 0);
+  for (const auto& description :
+       {object("texture", "checkerboard", {}),
+        object("texture", "bitmap", {text("filename", "a.pfm"), text("filter_type", "nearest")})}) {
+    flat.texture = color_of(store, description).texture;
+    EXPECT_EQ(flat.gradient({0.1f, 0.2f}).x, 0);
+    EXPECT_EQ(flat.gradient({0.1f, 0.2f}).y, 0);
+  }
+}
+
+// Claim: `scale` multiplies the texture it holds, and its bounds; a product that is not finite is refused.
+TEST(Texture, ScaleMultiplies) {
+  MemoryFiles files;
+  files.files["a.pfm"] = pfm(2, 1, {Spectrum(1), Spectrum(1e10f)});
+  TextureStore store(files);
+  const auto scaled = [&](Property factor) {
+    auto o = object("texture", "scale", {std::move(factor)});
+    o->children.push_back({"", object("texture", "checkerboard", {})});
+    return o;
+  };
+  const ColorTexture t = color_of(store, scaled(rgb("scale", 0.5, 1, 2)));
+  EXPECT_EQ(t.eval({0.2f, 0.2f}), (Spectrum{0.2f, 0.4f, 0.8f}));
+  EXPECT_EQ(t.maximum(), (Spectrum{0.2f, 0.4f, 0.8f}));
+  EXPECT_EQ(t.minimum(), (Spectrum{0.1f, 0.2f, 0.4f}));
+  EXPECT_EQ(color_of(store, scaled(number("scale", 0.25))).eval({0.7f, 0.2f}).g, 0.05f);
+  // A reflectance above 1 is refused where it is used.
+  EXPECT_FALSE(Bsdf::build(*diffuse_with(scaled(number("scale", 3))), store).ok());
+  auto bright = object("texture", "scale", {number("scale", 1e30)});
+  bright->children.push_back({"", object("texture", "bitmap", {text("filename", "a.pfm")})});
+  EXPECT_NE(error_of(store, bright).find("scale"), std::string::npos) << error_of(store, bright);
+}
+
 // Claim: each bad input is one error that names the scene file, the line and the image.
 TEST(Texture, BadInputNamesFileAndMend) {
   MemoryFiles files;

@@ -1,7 +1,9 @@
-// Bitmap and checkerboard textures and the store that owns them. Meanings are Mitsuba 3's.
+// Bitmap, checkerboard and scaled textures and the store that owns them. Meanings are Mitsuba 3's.
 #include "worker/scene/textures/texture.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 namespace candela::scene {
@@ -18,6 +20,14 @@ struct UvTransform {
     if (identity) return uv;
     return {static_cast<float>(m[0][0] * uv.x + m[0][1] * uv.y + m[0][2]),
             static_cast<float>(m[1][0] * uv.x + m[1][1] * uv.y + m[1][2])};
+  }
+  // The chain rule: from derivatives by the transformed coordinates to those by (u, v).
+  Vec2 gradient(double dx, double dy) const {
+    return {finite(m[0][0] * dx + m[1][0] * dy), finite(m[0][1] * dx + m[1][1] * dy)};
+  }
+  static float finite(double v) {
+    constexpr double largest = std::numeric_limits<float>::max();
+    return static_cast<float>(std::clamp(v, -largest, largest));
   }
   static UvTransform from(const description::Object& object) {
     UvTransform t;
@@ -76,26 +86,53 @@ class Bitmap final : public Texture {
 
   Spectrum eval(Vec2 uv) const override {
     uv = to_uv_(uv);
-    const double x = static_cast<double>(uv.x) * image_->width;
-    const double y = static_cast<double>(uv.y) * image_->height;
-    if (nearest_) return texel(to_integer(std::floor(x)), to_integer(std::floor(y)));
-    const double fx = std::floor(x - 0.5);
-    const double fy = std::floor(y - 0.5);
-    const std::int64_t ix = to_integer(fx);
-    const std::int64_t iy = to_integer(fy);
-    const double span_x = x - 0.5 - fx;
-    const double span_y = y - 0.5 - fy;
-    // NaN coordinates (a mesh's own mistake) read the first texels.
-    const float wx = span_x >= 0 && span_x <= 1 ? static_cast<float>(span_x) : 0.0f;
-    const float wy = span_y >= 0 && span_y <= 1 ? static_cast<float>(span_y) : 0.0f;
-    const Spectrum top = texel(ix, iy) * (1 - wx) + texel(ix + 1, iy) * wx;
-    const Spectrum bottom = texel(ix, iy + 1) * (1 - wx) + texel(ix + 1, iy + 1) * wx;
-    return top * (1 - wy) + bottom * wy;
+    if (nearest_) {
+      return texel(to_integer(std::floor(static_cast<double>(uv.x) * image_->width)),
+                   to_integer(std::floor(static_cast<double>(uv.y) * image_->height)));
+    }
+    const Cell c = cell(uv);
+    const Spectrum top = c.texels[0] * (1 - c.wx) + c.texels[1] * c.wx;
+    const Spectrum bottom = c.texels[2] * (1 - c.wx) + c.texels[3] * c.wx;
+    return top * (1 - c.wy) + bottom * c.wy;
+  }
+  TextureGradient gradient(Vec2 uv) const override {
+    if (nearest_) return {};
+    const Cell c = cell(to_uv_(uv));
+    const auto channel = [&](float Spectrum::*i) {
+      const double t[4] = {c.texels[0].*i, c.texels[1].*i, c.texels[2].*i, c.texels[3].*i};
+      const double wx = c.wx;
+      const double wy = c.wy;
+      return to_uv_.gradient(image_->width * ((1 - wy) * (t[1] - t[0]) + wy * (t[3] - t[2])),
+                             image_->height * ((1 - wx) * (t[2] - t[0]) + wx * (t[3] - t[1])));
+    };
+    const Vec2 r = channel(&Spectrum::r);
+    const Vec2 g = channel(&Spectrum::g);
+    const Vec2 b = channel(&Spectrum::b);
+    return {{r.x, g.x, b.x}, {r.y, g.y, b.y}};
   }
   Spectrum maximum() const override { return maximum_; }
   Spectrum minimum() const override { return minimum_; }
 
  private:
+  // The four texels around a place (transformed coordinates), rows from the top, and the place among them.
+  struct Cell {
+    Spectrum texels[4];
+    float wx, wy;
+  };
+  Cell cell(Vec2 uv) const {
+    const double x = static_cast<double>(uv.x) * image_->width - 0.5;
+    const double y = static_cast<double>(uv.y) * image_->height - 0.5;
+    const double fx = std::floor(x);
+    const double fy = std::floor(y);
+    const std::int64_t ix = to_integer(fx);
+    const std::int64_t iy = to_integer(fy);
+    const double span_x = x - fx;
+    const double span_y = y - fy;
+    // NaN coordinates (a mesh's own mistake) read the first texels.
+    return {{texel(ix, iy), texel(ix + 1, iy), texel(ix, iy + 1), texel(ix + 1, iy + 1)},
+            span_x >= 0 && span_x <= 1 ? static_cast<float>(span_x) : 0.0f,
+            span_y >= 0 && span_y <= 1 ? static_cast<float>(span_y) : 0.0f};
+  }
   Spectrum texel(std::int64_t x, std::int64_t y) const {
     return image_->at(wrap(x, image_->width, wrap_), wrap(y, image_->height, wrap_));
   }
@@ -118,6 +155,7 @@ class Checkerboard final : public Texture {
     const bool y = t.y - std::floor(t.y) > 0.5f;
     return (x == y ? color0_ : color1_).eval(uv);
   }
+  TextureGradient gradient(Vec2 /*uv*/) const override { return {}; }
   Spectrum maximum() const override {
     const Spectrum a = color0_.maximum();
     const Spectrum b = color1_.maximum();
@@ -132,6 +170,29 @@ class Checkerboard final : public Texture {
  private:
   ColorTexture color0_, color1_;
   UvTransform to_uv_;
+};
+
+// A texture times a constant.
+class Scale final : public Texture {
+ public:
+  Scale(const Texture& nested, Spectrum factor) : nested_(nested), factor_(factor) {}
+  Spectrum eval(Vec2 uv) const override { return nested_.eval(uv) * factor_; }
+  TextureGradient gradient(Vec2 uv) const override {
+    const TextureGradient g = nested_.gradient(uv);
+    return {finite(g.du * factor_), finite(g.dv * factor_)};
+  }
+  Spectrum maximum() const override { return nested_.maximum() * factor_; }
+  Spectrum minimum() const override { return nested_.minimum() * factor_; }
+
+ private:
+  static Spectrum finite(Spectrum s) {
+    constexpr float largest = std::numeric_limits<float>::max();
+    return {std::clamp(s.r, -largest, largest), std::clamp(s.g, -largest, largest),
+            std::clamp(s.b, -largest, largest)};
+  }
+
+  const Texture& nested_;
+  Spectrum factor_;
 };
 
 Error located(std::string message, const description::Object& object, std::string_view property) {
@@ -203,6 +264,20 @@ Result<const Texture*> TextureStore::build(const description::ObjectPtr& object,
     CANDELA_ASSIGN(const ColorTexture color0, color_at_depth(*object, "color0", Spectrum(0.4f), depth + 1));
     CANDELA_ASSIGN(const ColorTexture color1, color_at_depth(*object, "color1", Spectrum(0.2f), depth + 1));
     texture = std::make_unique<Checkerboard>(color0, color1, UvTransform::from(*object));
+  } else if (object->plugin == "scale") {
+    const auto nested = object->children_of("texture");
+    if (nested.size() != 1) return located("a scale texture holds one texture", *object, "");
+    CANDELA_ASSIGN(const Texture* inner, build(nested[0], depth + 1));
+    const auto rgb = object->get_rgb("scale");
+    const auto value = rgb ? rgb->value : description::Vec3{1, 1, 1};
+    const Spectrum factor = {static_cast<float>(value[0]), static_cast<float>(value[1]),
+                             static_cast<float>(value[2])};
+    const Spectrum most = inner->maximum() * factor;
+    for (const float bound : {factor.r, factor.g, factor.b, most.r, most.g, most.b}) {
+      if (!(bound >= 0 && bound <= std::numeric_limits<float>::max()))
+        return located("the scaled texture is finite and not negative", *object, "scale");
+    }
+    texture = std::make_unique<Scale>(*inner, factor);
   } else {
     return located("the texture plugin '" + object->plugin + "' is not supported", *object, "");
   }

@@ -18,10 +18,18 @@
 
 namespace candela::scene {
 
+// d value / d u and d value / d v, of (u, v) before to_uv. Finite.
+struct TextureGradient {
+  Spectrum du, dv;
+};
+
 class Texture {
  public:
   virtual ~Texture() = default;
   virtual Spectrum eval(Vec2 uv) const = 0;
+  // The exact derivative of eval where it has one: a bilinear bitmap's within its cells; zero for what is
+  // constant by pieces (nearest texels, checkerboards), as in Mitsuba.
+  virtual TextureGradient gradient(Vec2 uv) const = 0;
   virtual Spectrum maximum() const = 0;  // an upper bound of eval, per channel
   virtual Spectrum minimum() const = 0;  // a lower bound
 };
@@ -41,6 +49,12 @@ struct FloatTexture {
   const Texture* texture = nullptr;
   float eval(Vec2 uv) const { return texture == nullptr ? constant : luminance(texture->eval(uv)); }
   float minimum() const { return texture == nullptr ? constant : luminance(texture->minimum()); }
+  // d value / d(u, v), of (u, v) before to_uv.
+  Vec2 gradient(Vec2 uv) const {
+    if (texture == nullptr) return {};
+    const TextureGradient g = texture->gradient(uv);
+    return {luminance(g.du), luminance(g.dv)};
+  }
   bool is_constant() const { return texture == nullptr; }
 };
 
