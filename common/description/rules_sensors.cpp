@@ -103,38 +103,75 @@ void add_integrators(std::vector<PluginRule>& table) {
        .doc = "path tracing with next event estimation and multiple importance sampling"});
 }
 
+namespace {
+
+// What all sensors have.
+std::vector<PropertyRule> sensor_properties(PropertyRule to_world) {
+  return {std::move(to_world),
+          positive("near_clip", "distance of the near plane along the view in scene units (default 0.01)"),
+          positive("far_clip", "distance of the far plane along the view in scene units (default 10000)"),
+          only("shutter_open", number, "0", "opening of the shutter in seconds"),
+          only("shutter_close", number, "0", "closing of the shutter in seconds")};
+}
+
+std::vector<PropertyRule> perspective_properties() {
+  std::vector<PropertyRule> rules =
+      sensor_properties(to_world("camera to world; the camera looks along +z, +y is up, +x to the left"));
+  const std::vector<PropertyRule> more = {
+      {.name = "fov",
+       .types = {number},
+       .doc = "field of view in degrees along fov_axis (default from focal_length)",
+       .minimum = 0,
+       .maximum = 179.999,
+       .above_minimum = true},
+      {.name = "fov_axis",
+       .types = {string},
+       .values = {"x", "y", "diagonal", "smaller", "larger"},
+       .doc = "the image axis fov spans (default x)"},
+      {.name = "focal_length",
+       .types = {string},
+       .doc = "35 mm equivalent focal length, such as 50mm, where fov is absent (default 50mm)"},
+      {.name = "principal_point_offset_x",
+       .types = {number},
+       .doc = "offset of the principal point in image widths (default 0)"},
+      {.name = "principal_point_offset_y",
+       .types = {number},
+       .doc = "offset of the principal point in image heights (default 0)"}};
+  rules.insert(rules.end(), more.begin(), more.end());
+  return rules;
+}
+
+}  // namespace
+
 void add_sensors(std::vector<PluginRule>& table) {
-  table.push_back(
-      {.category = "sensor",
-       .name = "perspective",
-       .properties =
-           {to_world("camera to world; the camera looks along +z, +y is up, +x to the left"),
-            {.name = "fov",
-             .types = {number},
-             .doc = "field of view in degrees along fov_axis (default from focal_length)",
-             .minimum = 0,
-             .maximum = 179.999,
-             .above_minimum = true},
-            {.name = "fov_axis",
-             .types = {string},
-             .values = {"x", "y", "diagonal", "smaller", "larger"},
-             .doc = "the image axis fov spans (default x)"},
-            {.name = "focal_length",
-             .types = {string},
-             .doc = "35 mm equivalent focal length, such as 50mm, where fov is absent (default 50mm)"},
-            positive("near_clip", "distance of the near plane along the view in scene units (default 0.01)"),
-            positive("far_clip", "distance of the far plane along the view in scene units (default 10000)"),
-            {.name = "principal_point_offset_x",
-             .types = {number},
-             .doc = "offset of the principal point in image widths (default 0)"},
-            {.name = "principal_point_offset_y",
-             .types = {number},
-             .doc = "offset of the principal point in image heights (default 0)"},
-            ignored("focus_distance", {number}, "a pinhole is in focus everywhere"),
-            only("shutter_open", number, "0", "opening of the shutter in seconds"),
-            only("shutter_close", number, "0", "closing of the shutter in seconds")},
-       .child_categories = {"film", "sampler"},
-       .doc = "pinhole camera"});
+  std::vector<PropertyRule> pinhole = perspective_properties();
+  pinhole.push_back(ignored("focus_distance", {number}, "a pinhole is in focus everywhere"));
+  table.push_back({.category = "sensor",
+                   .name = "perspective",
+                   .properties = std::move(pinhole),
+                   .child_categories = {"film", "sampler"},
+                   .doc = "pinhole camera"});
+  std::vector<PropertyRule> lens = perspective_properties();
+  lens.push_back({.name = "aperture_radius",
+                  .types = {number},
+                  .required = true,
+                  .doc = "radius of the lens in scene units; 0 is a pinhole",
+                  .minimum = 0});
+  lens.push_back(positive("focus_distance",
+                          "distance from the lens to the plane in focus in scene units (default far_clip)"));
+  table.push_back({.category = "sensor",
+                   .name = "thinlens",
+                   .properties = std::move(lens),
+                   .child_categories = {"film", "sampler"},
+                   .doc = "perspective camera with a thin lens: depth of field"});
+  std::vector<PropertyRule> parallel = sensor_properties(
+      to_world("camera to world; the image spans [-1, 1] along x, which a scale here changes"));
+  parallel.push_back(ignored("focus_distance", {number}, "parallel rays have no focus"));
+  table.push_back({.category = "sensor",
+                   .name = "orthographic",
+                   .properties = std::move(parallel),
+                   .child_categories = {"film", "sampler"},
+                   .doc = "camera of parallel rays"});
   add_samplers(table);
   add_films(table);
   add_filters(table);

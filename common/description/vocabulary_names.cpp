@@ -55,7 +55,7 @@ const std::vector<MitsubaNames>& mitsuba_names() {
         "vcm",
         "singlescatter"}},
       {"sensor",
-       {"thinlens", "orthographic", "telecentric", "spherical", "irradiancemeter", "radiancemeter",
+       {"telecentric", "spherical", "irradiancemeter", "radiancemeter",
         "mradiancemeter", "fluencemeter", "distant", "batch", "perspective_rdist"}},
       {"sampler", {"halton", "hammersley", "sobol"}},
       {"film", {"specfilm", "mfilm", "tiledhdrfilm", "ldrfilm"}},

@@ -1,5 +1,5 @@
-// Claims: the perspective sensor is Mitsuba's: x to the left, fields of view by axis and focal length, clip
-// planes, principal point; mistakes are named.
+// Claims: the sensors are Mitsuba's: x to the left, fields of view by axis and focal length, clip planes,
+// principal point, plane of focus, extent of the orthographic film; mistakes are named.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -21,6 +21,14 @@ Result<Ray> ray_of(const std::string& properties, float x, float y, std::uint32_
   const Ray ray = (*scene)->camera_ray(x, y, {0.5f, 0.5f}, weight);
   EXPECT_EQ(weight, 1.0f);
   return ray;
+}
+
+Result<std::unique_ptr<Scene>> with_sensor(const std::string& sensor, std::uint32_t width = 200,
+                                           std::uint32_t height = 100) {
+  Scene::Options options;
+  options.film_width = width;
+  options.film_height = height;
+  return test::build_scene("", {}, sensor, options);
 }
 
 float tan_x(const std::string& properties, std::uint32_t width = 200, std::uint32_t height = 100) {
@@ -82,6 +90,90 @@ TEST(PerspectiveSensor, RefusesScale) {
         "<float name=\"near_clip\" value=\"3\"/><float name=\"far_clip\" value=\"2\"/>",
         "<float name=\"near_clip\" value=\"0\"/>"}) {
     EXPECT_FALSE(ray_of(bad, 0, 0).ok()) << bad;
+  }
+}
+
+// All rays of one film position meet at the focus distance, where the pinhole's ray passes; their origins are
+// on the near plane; the lens is a disk of the aperture's radius.
+TEST(ThinlensSensor, FocusesAtItsDistance) {
+  const std::string common = std::string(kFov90) +
+                             "<transform name=\"to_world\"><lookat origin=\"1,2,3\" target=\"4,0,2\" "
+                             "up=\"0,1,0\"/></transform>";
+  auto lens = with_sensor("<sensor type=\"thinlens\">" + common +
+                          "<float name=\"aperture_radius\" value=\"0.5\"/>"
+                          "<float name=\"focus_distance\" value=\"7\"/></sensor>");
+  auto pinhole = with_sensor("<sensor type=\"perspective\">" + common + "</sensor>");
+  ASSERT_TRUE(lens.ok()) << lens.error().to_string();
+  ASSERT_TRUE(pinhole.ok());
+  EXPECT_TRUE((*lens)->reads_lens());
+  EXPECT_FALSE((*pinhole)->reads_lens());
+  const Vec3 eye{1, 2, 3}, view = normalize(Vec3{3, -2, -1});
+  float weight = 0, widest = 0;
+  rng::Stream stream(rng::key(5, 1));
+  for (int i = 0; i < 300; ++i) {
+    const float x = 200 * stream.next_float(), y = 100 * stream.next_float();
+    const Ray sharp = (*pinhole)->camera_ray(x, y, {0.5f, 0.5f}, weight);
+    const Vec3 focus = eye + sharp.direction * (7 / dot(sharp.direction, view));
+    const float u = stream.next_float();
+    const Ray ray = (*lens)->camera_ray(x, y, {u, stream.next_float()}, weight);
+    EXPECT_EQ(weight, 1.0f);
+    EXPECT_NEAR(length(ray.direction), 1, 1e-6f);
+    EXPECT_LT(length(cross(focus - ray.origin, ray.direction)), 2e-5f);
+    EXPECT_NEAR(dot(ray.origin - eye, view), 0.01f, 1e-5f);
+    EXPECT_NEAR(dot(ray.origin + ray.direction * ray.t_max - eye, view), 1e4f, 1e-1f);
+    const Vec3 on_lens = ray.origin - ray.direction * (0.01f / dot(ray.direction, view));
+    EXPECT_NEAR(dot(on_lens - eye, view), 0, 1e-5f);
+    widest = std::max(widest, length(on_lens - eye));
+  }
+  EXPECT_LE(widest, 0.5f + 1e-5f);
+  EXPECT_GT(widest, 0.48f);
+  // Without a size it is a pinhole, to the bit.
+  auto closed = with_sensor("<sensor type=\"thinlens\">" + common +
+                            "<float name=\"aperture_radius\" value=\"0\"/></sensor>");
+  ASSERT_TRUE(closed.ok());
+  EXPECT_FALSE((*closed)->reads_lens());
+  const Ray a = (*closed)->camera_ray(33.25f, 9.5f, {0.1f, 0.9f}, weight),
+            b = (*pinhole)->camera_ray(33.25f, 9.5f, {0.5f, 0.5f}, weight);
+  EXPECT_EQ(a.direction, b.direction);
+  EXPECT_EQ(a.origin, b.origin);
+}
+
+// Parallel rays; the film is [-1, 1] across in its own space, +x to the left, and scales with to_world; it
+// starts at the near plane.
+TEST(OrthographicSensor, SpansItsSquare) {
+  auto plain = with_sensor("<sensor type=\"orthographic\"/>");
+  ASSERT_TRUE(plain.ok()) << plain.error().to_string();
+  EXPECT_FALSE((*plain)->reads_lens());
+  float weight = 0;
+  Ray ray = (*plain)->camera_ray(0, 0, {0.5f, 0.5f}, weight);
+  EXPECT_EQ(weight, 1.0f);
+  EXPECT_EQ(ray.direction, (Vec3{0, 0, 1}));
+  EXPECT_NEAR(length(ray.origin - Vec3{1, 0.5f, 0.01f}), 0, 1e-6f);
+  EXPECT_NEAR(ray.t_max, 1e4f - 0.01f, 1e-2f);
+  auto scaled = with_sensor(
+      "<sensor type=\"orthographic\"><transform name=\"to_world\"><scale x=\"10\" y=\"10\"/>"
+      "<lookat origin=\"1,1,1\" target=\"1,2,1\" up=\"0,0,1\"/></transform>"
+      "<float name=\"near_clip\" value=\"2\"/><float name=\"far_clip\" value=\"5\"/></sensor>");
+  ASSERT_TRUE(scaled.ok()) << scaled.error().to_string();
+  ray = (*scaled)->camera_ray(100, 0, {0.5f, 0.5f}, weight);
+  EXPECT_NEAR(length(ray.origin - Vec3{1, 3, 6}), 0, 1e-5f);
+  EXPECT_NEAR(length(ray.direction - Vec3{0, 1, 0}), 0, 1e-6f);
+  EXPECT_NEAR(ray.t_max, 3, 1e-6f);
+  const Ray left = (*scaled)->camera_ray(0, 50, {0.5f, 0.5f}, weight);
+  EXPECT_NEAR(std::abs(left.origin.x - 1), 10, 1e-5f);
+}
+
+TEST(Sensors, RefuseWhatHasNoMeaning) {
+  for (const char* bad :
+       {"<sensor type=\"thinlens\"><float name=\"fov\" value=\"40\"/></sensor>",
+        "<sensor type=\"thinlens\"><float name=\"aperture_radius\" value=\"-1\"/></sensor>",
+        "<sensor type=\"thinlens\"><float name=\"aperture_radius\" value=\"1\"/>"
+        "<float name=\"focus_distance\" value=\"0\"/></sensor>",
+        "<sensor type=\"orthographic\"><transform name=\"to_world\"><scale x=\"0\"/></transform></sensor>",
+        "<sensor type=\"orthographic\"><float name=\"fov\" value=\"40\"/></sensor>",
+        "<sensor type=\"orthographic\"><float name=\"near_clip\" value=\"3\"/>"
+        "<float name=\"far_clip\" value=\"2\"/></sensor>"}) {
+    EXPECT_FALSE(with_sensor(bad).ok()) << bad;
   }
 }
 

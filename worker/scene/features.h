@@ -25,6 +25,7 @@ struct SceneFeatures {
   bool any_mesh_emitter = false;  // an area emitter whose sampling chooses a triangle first
   bool any_black_bsdf = false;    // absorbs all: paths end there
   bool any_two_sided = false;
+  bool finite_lens = false;  // camera rays depend on a point on the lens
   std::uint32_t emitters = 0;
   float radius = 0;                // of the bounding sphere
   float max_emitted_radiance = 0;  // luminance, a scale for films of scenes whose pilot finds no light

@@ -25,7 +25,8 @@ Result<std::unique_ptr<Scene>> Scene::build(const description::SceneDescription&
   }
   std::unique_ptr<Scene> scene(new Scene);
   Impl& impl = *scene->impl_;
-  CANDELA_ASSIGN(impl.sensor, PerspectiveSensor::build(*sensors[0], options.film_width, options.film_height));
+  CANDELA_ASSIGN(impl.sensor, Sensor::build(*sensors[0], options.film_width, options.film_height));
+  impl.features.finite_lens = impl.sensor.reads_lens();
   if (sensors.size() > 1) log::warn("the scene has several sensors; the first is used");
 
   impl.textures = std::make_unique<TextureStore>(files);
@@ -81,9 +82,26 @@ float Scene::pdf_direct_environment_solid_angle(const SurfaceHit& reference, Vec
   return impl_->lights.pdf_environment_solid_angle(reference, front, d);
 }
 
-Ray Scene::camera_ray(float film_x, float film_y, Vec2 /*u_lens*/, float& weight) const {
+bool Scene::reads_lens() const {
+  return impl_->features.finite_lens;
+}
+
+Ray Scene::camera_ray(float film_x, float film_y, Vec2 u_lens, float& weight) const {
   weight = 1;
-  return impl_->sensor.ray(film_x, film_y);
+  return impl_->sensor.ray(film_x, film_y, u_lens);
+}
+
+bool Scene::sample_camera(const SurfaceHit& reference, Vec2 u_lens, CameraSample& out,
+                          float film_border) const {
+  return impl_->sensor.sample(reference, u_lens, film_border, out);
+}
+
+bool Scene::pdf_camera(Vec3 point, Vec3 direction, CameraDensity& out, float film_border) const {
+  return impl_->sensor.density(point, direction, film_border, out);
+}
+
+bool Scene::intersect_camera(const Ray& ray, float& distance, CameraDensity& out, float film_border) const {
+  return impl_->sensor.intersect(ray, film_border, distance, out);
 }
 
 const SceneFeatures& Scene::features() const {

@@ -9,6 +9,7 @@
 #include "common/film/film.h"
 #include "worker/core/vec.h"
 #include "worker/scene/bsdf.h"
+#include "worker/scene/camera.h"
 #include "worker/scene/emitter.h"
 #include "worker/scene/features.h"
 #include "worker/scene/hit.h"
@@ -51,11 +52,23 @@ class Scene {
   // The same for a direction that leaves the scene.
   float pdf_direct_environment_solid_angle(const SurfaceHit& reference, Vec3 front, Vec3 d) const;
 
-  // A ray through film position (x, y) in pixels, (0, 0) the top left corner; u_lens for finite lenses.
-  // weight: the sensor's response (1 for a pinhole as Mitsuba means it).
-  // Lenses are still to come: no sensor reads u_lens yet.
-  static constexpr bool reads_lens() { return false; }
+  // A ray through film position (x, y) in pixels, (0, 0) the top left corner, between the clip planes.
+  // u_lens: where on a finite lens; not read unless reads_lens(), a fact of the scene.
+  // weight: the sensor's response (1, as Mitsuba means it).
+  bool reads_lens() const;
   Ray camera_ray(float film_x, float film_y, Vec2 u_lens, float& weight) const;
+
+  // For paths from the light: see camera.h for measures and normalisation. Film positions up to film_border
+  // pixels outside the film count as on it, since a reconstruction filter reaches beyond it.
+  // A lens point seen from the reference; false: no camera ray comes there.
+  bool sample_camera(const SurfaceHit& reference, Vec2 u_lens, CameraSample& out,
+                     float film_border = 0) const;
+  // The densities with which camera_ray chooses the ray through `point` (any point on it) along `direction`
+  // (unit, away from the camera); false: it cannot.
+  bool pdf_camera(Vec3 point, Vec3 direction, CameraDensity& out, float film_border = 0) const;
+  // A ray of light that meets a finite lens by itself: `distance` to the near plane. Whether a surface is in
+  // between is the caller's question.
+  bool intersect_camera(const Ray& ray, float& distance, CameraDensity& out, float film_border = 0) const;
 
   const SceneFeatures& features() const;
 

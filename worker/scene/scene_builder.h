@@ -14,7 +14,7 @@
 #include "worker/scene/bsdfs/bsdf_build.h"
 #include "worker/scene/features.h"
 #include "worker/scene/light_sampler.h"
-#include "worker/scene/sensors/perspective.h"
+#include "worker/scene/sensors/sensor.h"
 #include "worker/scene/shapes/geometry.h"
 #include "worker/scene/textures/texture.h"
 
@@ -26,7 +26,7 @@ struct SceneData {
   std::vector<Bsdf> bsdfs;
   LightSampler lights{geometry};
   std::unique_ptr<Accel> accel;
-  PerspectiveSensor sensor;
+  Sensor sensor;
   SceneFeatures features;
 };
 

@@ -1,0 +1,278 @@
+#include "worker/scene/sensors/sensor.h"
+
+#include <charconv>
+#include <cmath>
+#include <numbers>
+
+#include "worker/core/math.h"
+#include "worker/scene/transform.h"
+
+namespace candela::scene {
+namespace {
+
+Error error_at(const description::Object& object, std::string_view field, std::string message) {
+  return input_error(std::move(message))
+      .at(object.where.file, object.where.line)
+      .with_field(std::string(field));
+}
+
+constexpr double kPi = std::numbers::pi;
+
+// Tangent of an angle in (0, pi/2), in double from the series that float results are made of (1e-10).
+double tangent(double x) {
+  std::uint64_t quadrant = 0;
+  const double r = math::detail::reduce_quadrant(x, quadrant);
+  const double s = math::detail::sin_kernel(r), c = math::detail::cos_kernel(r);
+  return (quadrant & 1) != 0 ? -c / s : s / c;
+}
+
+// "50mm" or "50": 35 mm film equivalent.
+Result<double> focal_length_mm(const description::Object& sensor) {
+  const description::Property* property = sensor.find("focal_length");
+  double value = 50;
+  if (property != nullptr && property->type != description::PropertyType::string) {
+    value = sensor.get_number("focal_length", 50);
+  } else if (property != nullptr) {
+    std::string text = sensor.get_string("focal_length", "50mm");
+    if (text.ends_with("mm")) text.resize(text.size() - 2);
+    while (!text.empty() && text.back() == ' ') text.pop_back();
+    const auto [rest, code] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (code != std::errc() || rest != text.data() + text.size()) {
+      return error_at(
+          sensor, "focal_length",
+          "focal_length '" + sensor.get_string("focal_length", "") + "' is not a length such as 50mm");
+    }
+  }
+  if (!(value > 0) || !std::isfinite(value))
+    return error_at(sensor, "focal_length", "focal_length must be above 0");
+  return value;
+}
+
+// Half the film's width at unit depth.
+Result<double> half_width(const description::Object& sensor, double aspect) {
+  const bool has_fov = sensor.find("fov") != nullptr;
+  if (has_fov && sensor.find("focal_length") != nullptr) {
+    return error_at(sensor, "fov", "give either fov or focal_length, not both");
+  }
+  double tan_half = 0;
+  std::string axis = sensor.get_string("fov_axis", "x");
+  if (has_fov) {
+    const double fov = sensor.get_number("fov", 0);
+    if (!(fov > 0 && fov < 180)) {
+      return error_at(sensor, "fov", "fov must be between 0 and 180 degrees, not " + std::to_string(fov));
+    }
+    tan_half = tangent(fov * kPi / 360);
+  } else {
+    // The diagonal of a 36 mm by 24 mm frame.
+    CANDELA_ASSIGN(const double focal_length, focal_length_mm(sensor));
+    tan_half = std::sqrt(36.0 * 36.0 + 24.0 * 24.0) / (2 * focal_length);
+    axis = "diagonal";
+  }
+  if (axis == "smaller") axis = aspect > 1 ? "y" : "x";
+  if (axis == "larger") axis = aspect > 1 ? "x" : "y";
+  if (axis == "x") return tan_half;
+  if (axis == "y") return tan_half * aspect;
+  if (axis == "diagonal") return tan_half / std::sqrt(1 + 1 / (aspect * aspect));
+  return error_at(sensor, "fov_axis", "fov_axis '" + axis + "' is none of x, y, diagonal, smaller, larger");
+}
+
+}  // namespace
+
+Result<Sensor> Sensor::build(const description::Object& sensor, std::uint32_t film_width,
+                             std::uint32_t film_height) {
+  const bool thinlens = sensor.plugin == "thinlens", orthographic = sensor.plugin == "orthographic";
+  if (sensor.plugin != "perspective" && !thinlens && !orthographic) {
+    return input_error("sensor '" + sensor.plugin +
+                       "' is not supported yet (perspective, thinlens and orthographic are)")
+        .at(sensor.where.file, sensor.where.line);
+  }
+  if (film_width == 0 || film_height == 0) return usage_error("the film has no pixels").with_field("size");
+  const double width = film_width, height = film_height, aspect = width / height;
+
+  Sensor out;
+  out.width_ = width;
+  out.height_ = height;
+  out.near_clip_ = sensor.get_number("near_clip", 1e-2);
+  out.far_clip_ = sensor.get_number("far_clip", 1e4);
+  if (!(out.near_clip_ > 0)) return error_at(sensor, "near_clip", "near_clip must be above 0");
+  if (!(out.far_clip_ > out.near_clip_))
+    return error_at(sensor, "far_clip", "far_clip must be beyond near_clip");
+
+  const Transform to_world(sensor.get_transform("to_world"));
+  if (orthographic) {
+    // The film spans [-1, 1] across and the same scale down; to_world scales it.
+    const double l = length(to_world.column(2));
+    const Vec3d x = to_world.column(0), y = to_world.column(1);
+    out.kind_ = Kind::orthographic;
+    out.direction_ = to_world.column(2) / l;
+    out.axis_ = to_world.point({1, 1 / aspect, out.near_clip_});
+    out.across_ = x * (-2 / width);
+    out.down_ = y * (-2 / aspect / height);
+    const double volume = std::abs(dot(cross(x, y), out.direction_));
+    if (!(volume > 1e-6 * length(x) * length(y)) || !std::isfinite(volume) ||
+        !std::isfinite(1 / (volume / (width * width)))) {
+      return error_at(sensor, "to_world", "the to_world of an orthographic camera flattens its view");
+    }
+    out.finish();
+    return out;
+  }
+
+  CANDELA_ASSIGN(const double half, half_width(sensor, aspect));
+  // Mitsuba refuses scale too: distances of the clip planes would have no meaning. Mirrors are fine.
+  for (int i = 0; i < 3; ++i) {
+    if (std::abs(length(to_world.column(i)) - 1) > 1e-3) {
+      return error_at(sensor, "to_world", "a camera's to_world must not scale")
+          .with_mend("use lookat, or rotations and a translation alone");
+    }
+  }
+  // Film position f in [0, 1]^2 is the direction ((1 - 2 f_x) half, (1 - 2 f_y) half / aspect, 1); the
+  // principal point's offset moves f.
+  const double offset_x = sensor.get_number("principal_point_offset_x", 0);
+  const double offset_y = sensor.get_number("principal_point_offset_y", 0);
+  const Vec3d x = normalize(to_world.column(0)), y = normalize(to_world.column(1)),
+              z = normalize(to_world.column(2));
+  if (!(std::abs(dot(cross(x, y), z)) > 0.1))
+    return error_at(sensor, "to_world", "a camera's to_world must not shear");
+  out.origin_ = to_world.translation();
+  out.axis_ = z + x * (half * (1 - 2 * offset_x)) + y * (half / aspect * (1 - 2 * offset_y));
+  out.across_ = x * (-2 * half / width);
+  out.down_ = y * (-2 * half / aspect / height);
+  if (thinlens) {
+    const double radius = sensor.get_number("aperture_radius", 0);
+    const double focus = sensor.get_number("focus_distance", out.far_clip_);
+    if (!(radius >= 0) || !std::isfinite(radius))
+      return error_at(sensor, "aperture_radius", "aperture_radius must not be negative");
+    if (!(focus > 0)) return error_at(sensor, "focus_distance", "focus_distance must be above 0");
+    if (radius > 0) {
+      out.kind_ = Kind::thinlens;
+      out.lens_x_ = x * radius;
+      out.lens_y_ = y * radius;
+      out.inverse_focus_ = 1 / focus;
+    }
+  }
+  out.finish();
+  return out;
+}
+
+void Sensor::finish() {
+  const Vec3d depth = kind_ == Kind::orthographic ? direction_ : axis_;
+  const Vec3d normal = cross(across_, down_);
+  const double det = dot(normal, depth);
+  dual_x_ = cross(down_, depth) / det;
+  dual_y_ = cross(depth, across_) / det;
+  dual_depth_ = normal / det;
+  pixel_ = std::abs(det);
+  if (kind_ != Kind::orthographic) direction_ = normalize(det < 0 ? -normal : normal);
+  lens_area_ = kPi * length(cross(lens_x_, lens_y_));
+}
+
+bool Sensor::sample(const SurfaceHit& reference, Vec2 u_lens, float border, CameraSample& out) const {
+  out.delta_position = kind_ == Kind::perspective;
+  out.delta_direction = kind_ == Kind::orthographic;
+  out.ng = Vec3(direction_);
+  out.cosine = 1;
+  out.pdf_solid_angle = 1;
+  const Vec3d p(reference.p);
+  if (kind_ == Kind::orthographic) {
+    const Vec3d v = p - axis_;
+    const double t = dot(v, dual_depth_), x = dot(v, dual_x_), y = dot(v, dual_y_);
+    if (!(t > 0 && t <= far_clip_ - near_clip_) || !on_film(x, y, border)) return false;
+    out.wi = Vec3(-direction_);
+    out.film_x = static_cast<float>(x);
+    out.film_y = static_cast<float>(y);
+    out.importance = static_cast<float>(1 / pixel_);
+    const Vec3d target = p - direction_ * t;
+    out.p = Vec3(target);
+    out.shadow_ray = spawn_shadow_ray(reference, out.p, {0, 0, 0}, 0);
+    return true;
+  }
+  const Vec3d lens = kind_ == Kind::thinlens ? lens_point(u_lens) : Vec3d{};
+  const Vec3d v = p - (origin_ + lens);
+  const double depth = dot(v, dual_depth_);
+  if (!(depth >= near_clip_ && depth <= far_clip_)) return false;
+  const Vec3d w = v / depth;  // to the plane at unit depth
+  const Vec3d on_plane = w + lens * inverse_focus_;
+  const double x = dot(on_plane, dual_x_), y = dot(on_plane, dual_y_);
+  if (!on_film(x, y, border)) return false;
+  const double distance_squared = length_squared(v), distance = std::sqrt(distance_squared);
+  const double cosine = dot(v, direction_) / distance;
+  // d(film) / d(solid angle) from the lens point: a pixel at unit depth spans det(across, down, w) / |w|^3.
+  const double l = distance / depth, jacobian = l * l * l / pixel_;
+  out.wi = Vec3(v / -distance);
+  out.p = Vec3(origin_ + lens);
+  out.cosine = static_cast<float>(cosine);
+  out.film_x = static_cast<float>(x);
+  out.film_y = static_cast<float>(y);
+  if (kind_ == Kind::thinlens) {
+    out.importance = static_cast<float>(jacobian / (lens_area_ * cosine));
+    out.pdf_solid_angle = static_cast<float>(distance_squared / (cosine * lens_area_));
+  } else {
+    out.importance = static_cast<float>(jacobian / distance_squared);
+  }
+  out.shadow_ray = spawn_shadow_ray(reference, Vec3(origin_ + lens + w * near_clip_), {0, 0, 0}, 0);
+  return std::isfinite(out.importance) && std::isfinite(out.pdf_solid_angle);
+}
+
+bool Sensor::density(Vec3 point, Vec3 direction, float border, CameraDensity& out) const {
+  out.delta_position = kind_ == Kind::perspective;
+  out.delta_direction = kind_ == Kind::orthographic;
+  const double film_area = width_ * height_;
+  if (kind_ == Kind::orthographic) {
+    const Vec3d v = Vec3d(point) - axis_;
+    const double x = dot(v, dual_x_), y = dot(v, dual_y_);
+    if (!on_film(x, y, border)) return false;
+    out.p = Vec3(Vec3d(point) - direction_ * dot(v, dual_depth_));
+    out.film_x = static_cast<float>(x);
+    out.film_y = static_cast<float>(y);
+    out.pdf_area = static_cast<float>(1 / (pixel_ * film_area));
+    out.pdf_solid_angle = 1;
+    out.importance = static_cast<float>(1 / pixel_);
+    out.cosine = 1;
+    return true;
+  }
+  const Vec3d d(direction);
+  const double depth = dot(d, dual_depth_);
+  if (!(depth > 0)) return false;
+  const Vec3d w = d / depth;
+  Vec3d on_plane = w;
+  out.p = Vec3(origin_);
+  out.pdf_area = 1;
+  double lens_pdf = 1;
+  const double length_squared_d = length_squared(d);
+  const double cosine = dot(d, direction_) / std::sqrt(length_squared_d);
+  if (kind_ == Kind::thinlens) {
+    const Vec3d to_point = Vec3d(point) - origin_;
+    const Vec3d lens = to_point - w * dot(to_point, dual_depth_);
+    // Within the lens, its rim included: a point sampled there has been rounded.
+    const double radius_squared = length_squared(lens_x_);
+    if (!(length_squared(lens) <= radius_squared * (1 + 1e-5))) return false;
+    on_plane += lens * inverse_focus_;
+    out.p = Vec3(origin_ + lens);
+    lens_pdf = 1 / lens_area_;
+    out.pdf_area = static_cast<float>(lens_pdf);
+  }
+  const double x = dot(on_plane, dual_x_), y = dot(on_plane, dual_y_);
+  if (!on_film(x, y, border)) return false;
+  const double l_squared = length_squared(w), jacobian = l_squared * std::sqrt(l_squared) / pixel_;
+  out.film_x = static_cast<float>(x);
+  out.film_y = static_cast<float>(y);
+  out.pdf_solid_angle = static_cast<float>(jacobian / film_area);
+  out.importance = static_cast<float>(kind_ == Kind::thinlens ? jacobian * lens_pdf / cosine : jacobian);
+  out.cosine = static_cast<float>(cosine);
+  return std::isfinite(out.pdf_solid_angle) && std::isfinite(out.importance);
+}
+
+bool Sensor::intersect(const Ray& ray, float border, float& distance, CameraDensity& out) const {
+  if (kind_ != Kind::thinlens) return false;
+  const Vec3d d(ray.direction);
+  const double approach = -dot(d, dual_depth_);
+  if (!(approach > 0)) return false;
+  const double depth = dot(Vec3d(ray.origin) - origin_, dual_depth_);
+  const double t = (depth - near_clip_) / approach;
+  if (!(depth >= near_clip_ && depth <= far_clip_) || !(t <= static_cast<double>(ray.t_max))) return false;
+  if (!density(ray.origin, -ray.direction, border, out)) return false;
+  distance = static_cast<float>(t);
+  return true;
+}
+
+}  // namespace candela::scene

@@ -1,0 +1,88 @@
+// Mitsuba's cameras `perspective`, `thinlens` and `orthographic`, as one closed set. In its own space a
+// camera looks along +z with y up and x to the LEFT of the image.
+#pragma once
+
+#include <cstdint>
+
+#include "common/base/result.h"
+#include "common/description/object.h"
+#include "worker/core/vec.h"
+#include "worker/core/warp.h"
+#include "worker/scene/camera.h"
+#include "worker/scene/hit.h"
+
+namespace candela::scene {
+
+class Sensor {
+ public:
+  // The film's size in pixels; the field of view refers to it.
+  static Result<Sensor> build(const description::Object& sensor, std::uint32_t film_width,
+                              std::uint32_t film_height);
+
+  // A lens of finite size: rays depend on u_lens. An aperture of radius 0 is a pinhole.
+  bool reads_lens() const { return kind_ == Kind::thinlens; }
+
+  // Through film position (x, y) in pixels, (0, 0) the top left corner. Starts at the near plane, ends at the
+  // far one.
+  Ray ray(float film_x, float film_y, Vec2 u_lens) const {
+    Vec3d d = axis_ + across_ * static_cast<double>(film_x) + down_ * static_cast<double>(film_y);
+    if (kind_ == Kind::orthographic) {
+      return {Vec3(d), Vec3(direction_), static_cast<float>(far_clip_ - near_clip_)};
+    }
+    Vec3d origin = origin_;
+    if (kind_ == Kind::thinlens) {
+      const Vec3d lens = lens_point(u_lens);
+      origin += lens;
+      d += lens * -inverse_focus_;  // all rays of one film position meet in the plane of focus
+    }
+    const double l = length(d);  // distance of the plane at unit depth along this ray
+    const Vec3d unit = d / l;
+    return {Vec3(origin + unit * (near_clip_ * l)), Vec3(unit),
+            static_cast<float>((far_clip_ - near_clip_) * l)};
+  }
+
+  // A lens point as seen from the reference, uniform over the lens. False: the reference is not on the film,
+  // widened by `border` pixels on each side, or not between the clip planes.
+  bool sample(const SurfaceHit& reference, Vec2 u_lens, float border, CameraSample& out) const;
+
+  // The densities of ray() choosing the ray that runs along `direction` through `point`, any point on it.
+  // False: no ray does (lens missed, outside the film and its border, from behind). A pinhole does not look
+  // at the point, an orthographic camera not at the direction. Clip planes are not looked at.
+  bool density(Vec3 point, Vec3 direction, float border, CameraDensity& out) const;
+
+  // Of light travelling along the ray: the distance at which it passes the near plane on its way through a
+  // finite lens onto the film; false: it does not. `out` is of the reversed ray.
+  bool intersect(const Ray& ray, float border, float& distance, CameraDensity& out) const;
+
+ private:
+  enum class Kind : std::uint8_t { perspective, thinlens, orthographic };
+
+  Vec3d lens_point(Vec2 u) const {
+    const Vec2 disk = warp::concentric_disk(u);
+    return lens_x_ * static_cast<double>(disk.x) + lens_y_ * static_cast<double>(disk.y);
+  }
+  void finish();  // what inverse mappings need, from the forward one
+  bool on_film(double x, double y, float border) const {
+    const double b = static_cast<double>(border);
+    return x >= -b && y >= -b && x < width_ + b && y < height_ + b;
+  }
+
+  Kind kind_ = Kind::perspective;
+  Vec3d origin_;         // of the pinhole, the lens's centre
+  Vec3d axis_;           // the point (0, 0) of the film at unit depth, from the origin; orthographic: in the
+                         // world, on the near plane
+  Vec3d across_, down_;  // one pixel to the right, one down
+  Vec3d direction_;      // unit; orthographic: of all rays, else the lens's normal
+  Vec3d lens_x_, lens_y_;  // half axes of the lens
+  double inverse_focus_ = 0;
+  double near_clip_ = 0, far_clip_ = 0;
+  double width_ = 1, height_ = 1;
+
+  // The basis dual to (across, down, depth), depth being axis (orthographic: direction): components of a
+  // vector by dot products.
+  Vec3d dual_x_, dual_y_, dual_depth_;
+  double pixel_ = 1;      // |det(across, down, depth)|: of a pixel, at unit depth
+  double lens_area_ = 0;  // m^2
+};
+
+}  // namespace candela::scene
