@@ -52,6 +52,26 @@ void add_shapes(std::vector<PluginRule>& table) {
                                   silhouette()},
                    .child_categories = children,
                    .doc = "a true sphere; to_world may not scale it unevenly"});
+  table.push_back(
+      {.category = "shape",
+       .name = "disk",
+       .properties = {place, flip, silhouette()},
+       .child_categories = children,
+       .doc = "the unit disk in the plane z = 0, facing +z; to_world may not make it an ellipse"});
+  table.push_back(
+      {.category = "shape",
+       .name = "cylinder",
+       .properties = {{.name = "p0",
+                       .types = {point},
+                       .doc = "where the axis begins, in object space (default 0, 0, 0)"},
+                      {.name = "p1", .types = {point}, .doc = "where it ends (default 0, 0, 1)"},
+                      positive("radius", "in object space, before to_world (default 1)"),
+                      place,
+                      flip,
+                      silhouette()},
+       .child_categories = children,
+       .doc = "a true cylinder without caps, facing outside; to_world may not scale it unevenly around its "
+              "axis"});
 }
 
 }  // namespace candela::description::rules

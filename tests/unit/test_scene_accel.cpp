@@ -168,7 +168,7 @@ TEST(Accel, RaysLeavingASphereOutwardsDoNotMeetItAgain) {
       const Vec3 from = uniform_direction(stream);
       const Ray ray{placement.offset - from * placement.scale, from};
       Accel::Found found{};
-      ASSERT_TRUE(accel->intersect(ray, found) && found.sphere);
+      ASSERT_TRUE(accel->intersect(ray, found) && found.kind == PrimitiveKind::sphere);
       SurfaceHit hit;
       geometry.sphere_hit(ray, found.primitive, hit);
       Vec3 d = uniform_direction(stream);
@@ -177,6 +177,87 @@ TEST(Accel, RaysLeavingASphereOutwardsDoNotMeetItAgain) {
       // Inwards it must: the ray starts just inside and leaves through the other side, unless it only grazes.
       if (dot(d, hit.ng) > 0.05f) {
         ASSERT_TRUE(accel->intersect(spawn_ray(hit, -d), found));
+      }
+    }
+  }
+}
+
+std::array<Vec3d, 3> tilted_axes(rng::Stream& stream) {
+  const Vec3d n = normalize(Vec3d(uniform_direction(stream)));
+  const Vec3d s = normalize(cross(n, std::abs(n.x) < 0.5 ? Vec3d{1, 0, 0} : Vec3d{0, 1, 0}));
+  return {s, cross(n, s), n};
+}
+
+// A disk and the inside and outside of a cylinder: rays aimed at a point on them find that point to within
+// the stated error, and rays leaving it into its own side, also grazing ones, do not find it again.
+TEST(Accel, DisksAndCylindersAreMetWhereTheyAreAndNotLeftTwice) {
+  rng::Stream stream(rng::key(1, 85));
+  for (Placement placement : placements()) {
+    // Also a place along one axis, where rounding moves points along the surface.
+    for (int round = 0; round < 6; ++round) {
+      if (round == 5) placement.offset = {length(placement.offset), 0, 0};
+      const double scale = static_cast<double>(placement.scale);
+      for (const bool cylindrical : {false, true}) {
+        Geometry geometry;
+        Shape shape;
+        const std::array<Vec3d, 3> axes =
+            round == 5 ? std::array<Vec3d, 3>{Vec3d{0, 1, 0}, {0, 0, 1}, {1, 0, 0}} : tilted_axes(stream);
+        const Disk disk{Vec3d(placement.offset), 0.4 * scale, axes};
+        const Cylinder cylinder{Vec3d(placement.offset), 0.3 * scale, 0.8 * scale, axes, (round & 1) != 0};
+        if (cylindrical) {
+          shape.cylinder = cylinder;
+        } else {
+          shape.disk = disk;
+        }
+        geometry.add(shape, {});
+        geometry.finish();
+        auto accel = Accel::build(geometry, "avx2", 1);
+        ASSERT_TRUE(accel.ok());
+        const PrimitiveKind kind = cylindrical ? PrimitiveKind::cylinder : PrimitiveKind::disk;
+        int near_target = 0;
+        for (int i = 0; i < 300; ++i) {
+          const double angle = 6.2831853 * static_cast<double>(stream.next_float());
+          const double along = static_cast<double>(stream.next_float());
+          const Vec3d around = axes[0] * std::cos(angle) + axes[1] * std::sin(angle);
+          const Vec3d target =
+              cylindrical ? cylinder.base + around * cylinder.radius + axes[2] * (along * cylinder.length)
+                          : disk.center + around * (disk.radius * along * 0.99);
+          const Vec3 from = uniform_direction(stream);
+          const Ray ray{Vec3(target) - from * placement.scale, from};
+          Accel::Found found{};
+          if (!accel->intersect(ray, found)) continue;  // past the rim or edge-on, by rounding
+          ASSERT_EQ(found.kind, kind);
+          ASSERT_TRUE(accel->occluded(ray));
+          SurfaceHit hit;
+          geometry.hit(ray, found.kind, found.primitive, hit);
+          const Vec3d p(hit.p), f = p - Vec3d(placement.offset);
+          const double height = dot(f, axes[2]);
+          const double off_surface =
+              cylindrical ? std::abs(length(f - axes[2] * height) - cylinder.radius) : std::abs(height);
+          ASSERT_LE(off_surface, static_cast<double>(hit.error));
+          EXPECT_LE(hit.error, 1e-6f * placement.scale + 1e-6f * length(placement.offset));
+          if (length(p - target) < 1e-3 * scale + 1e-6 * length(Vec3d(placement.offset))) ++near_target;
+          Vec3 d = uniform_direction(stream);
+          if (i % 3 == 0) d = normalize(d - hit.ng * dot(d, hit.ng) + hit.ng * (1e-4f * stream.next_float()));
+          if (dot(d, hit.ng) < 0) d = -d;
+          if (!cylindrical) {
+            ASSERT_FALSE(accel->intersect(spawn_ray(hit, d), found));
+            ASSERT_FALSE(accel->intersect(spawn_ray(hit, -d), found));
+          } else if (!cylinder.inside_out) {
+            ASSERT_FALSE(accel->intersect(spawn_ray(hit, d), found));
+          }
+          // From within, the ray leaves through the other side or an end, never by the same spot.
+          const Vec3 inwards = cylinder.inside_out ? d : -d;
+          if (cylindrical && std::abs(dot(inwards, hit.ng)) > 0.05f) {
+            const Ray leaving = spawn_ray(hit, inwards);
+            if (accel->intersect(leaving, found)) {
+              SurfaceHit second;
+              geometry.hit(leaving, found.kind, found.primitive, second);
+              ASSERT_GT(second.distance, 1e-3f * placement.scale);
+            }
+          }
+        }
+        EXPECT_GT(near_target, cylindrical ? 100 : 250);
       }
     }
   }

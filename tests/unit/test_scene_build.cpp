@@ -86,6 +86,87 @@ TEST(SceneBuild, SphereHasMitsubasParameterisation) {
             "shape 'sphere': to_world scales unevenly or shears, which would make it an ellipsoid");
 }
 
+TEST(SceneBuild, DiskHasMitsubasParameterisation) {
+  const auto place = [](const std::string& inner) {
+    return build_scene("<shape type=\"disk\">" + inner + kTextured + "</shape>");
+  };
+  const auto scene = place(matrix({2, 0, 0, 1, 0, 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1}));
+  ASSERT_TRUE(scene.ok()) << scene.error().to_string();
+  EXPECT_EQ((*scene)->features().disks, 1u);
+  SurfaceHit hit = shoot(**scene, {1, 1.5f, 5}, {0, 0, -1});
+  expect_near(hit.p, {1, 1.5f, 0});
+  expect_near(hit.ng, {0, 0, 1});
+  expect_near(hit.shading.s, {0, 1, 0});
+  EXPECT_NEAR(hit.uv.x, 0.75f, 1e-6f);
+  EXPECT_NEAR(hit.uv.y, 0.25f, 1e-6f);
+  SurfaceHit none;
+  EXPECT_FALSE((*scene)->intersect({{2.5f, 1.5f, 5}, {0, 0, -1}}, none));
+  EXPECT_TRUE((*scene)->intersect({{2.4f, 1.4f, 5}, {0, 0, -1}}, none));
+  hit = shoot(**scene, {1, 0, 5}, {0, 0, -1});  // the centre
+  EXPECT_EQ(hit.uv.x, 0);
+  expect_near(hit.shading.s, {1, 0, 0});
+  // A mirror in the plane turns the angle, not the front; depth does not matter; flip_normals turns the
+  // front.
+  const auto mirrored = place(matrix({-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 7, 0, 0, 0, 0, 1}));
+  ASSERT_TRUE(mirrored.ok()) << mirrored.error().to_string();
+  hit = shoot(**mirrored, {0.5f, 0.0f, 5}, {0, 0, -1});
+  expect_near(hit.ng, {0, 0, 1});
+  EXPECT_NEAR(hit.uv.y, 0.5f, 1e-6f);
+  const auto flipped = place("<boolean name=\"flip_normals\" value=\"true\"/>");
+  hit = shoot(**flipped, {0, 0.5f, 5}, {0, 0, -1});
+  expect_near(hit.ng, {0, 0, -1});
+  EXPECT_NEAR(hit.uv.y, 0.25f, 1e-6f);
+  EXPECT_EQ(
+      place("<transform name=\"to_world\"><scale x=\"1\" y=\"2\" z=\"1\"/></transform>").error().message,
+      "shape 'disk': to_world scales unevenly or shears, which would make it an ellipse");
+  EXPECT_EQ(place(matrix({1, 0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1})).error().message,
+            "the transform 'to_world' is singular");
+  EXPECT_EQ(build_scene("<shape type=\"disk\"><emitter type=\"area\"/></shape>").error().message,
+            "an area emitter on a disk is not supported yet");
+}
+
+TEST(SceneBuild, CylinderHasMitsubasParameterisation) {
+  const auto place = [](const std::string& inner) {
+    return build_scene("<shape type=\"cylinder\">" + inner + kTextured + "</shape>");
+  };
+  const auto plain = place("");
+  ASSERT_TRUE(plain.ok()) << plain.error().to_string();
+  EXPECT_EQ((*plain)->features().cylinders, 1u);
+  SurfaceHit hit = shoot(**plain, {0, 5, 0.25f}, {0, -1, 0});
+  expect_near(hit.p, {0, 1, 0.25f});
+  expect_near(hit.ng, {0, 1, 0});
+  expect_near(hit.shading.s, {-1, 0, 0});
+  EXPECT_NEAR(hit.uv.x, 0.25f, 1e-6f);
+  EXPECT_NEAR(hit.uv.y, 0.25f, 1e-6f);
+  hit = shoot(**plain, {0, 0, 0.5f}, {0, -1, 0});  // from inside: the outside stays outside
+  expect_near(hit.ng, {0, -1, 0});
+  EXPECT_NEAR(hit.uv.x, 0.75f, 1e-6f);
+  SurfaceHit none;
+  EXPECT_FALSE((*plain)->intersect({{0, 5, 1.01f}, {0, -1, 0}}, none));
+  EXPECT_FALSE((*plain)->intersect({{0, 0, 5}, {0, 0, -1}}, none));      // along the axis: no caps
+  EXPECT_FALSE((*plain)->intersect({{0.99f, 0, 5}, {0, 0, -1}}, none));  // inside, parallel to the mantle
+  hit = shoot(**plain, {-0.5f, 0, 3}, {0.5f, 0, -1});                    // in at the top, out inside
+  expect_near(hit.p, {1, 0, 0}, 1e-4f);
+  // p0, p1 and radius, then to_world; along the axis it may stretch.
+  const auto placed = place(
+      "<point name=\"p0\" x=\"1\" y=\"0\" z=\"0\"/><point name=\"p1\" x=\"3\" y=\"0\" z=\"0\"/>"
+      "<float name=\"radius\" value=\"0.5\"/><boolean name=\"flip_normals\" value=\"true\"/>" +
+      matrix({3, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 1, 0, 0, 0, 1}));
+  ASSERT_TRUE(placed.ok()) << placed.error().to_string();
+  hit = shoot(**placed, {4.5f, 0, 9}, {0, 0, -1});
+  expect_near(hit.p, {4.5f, 0, 2});
+  expect_near(hit.ng, {0, 0, -1});
+  EXPECT_NEAR(hit.uv.y, 0.25f, 1e-6f);
+  EXPECT_EQ(
+      place("<transform name=\"to_world\"><scale x=\"2\"/></transform>").error().message,
+      "shape 'cylinder': to_world scales unevenly across the axis or shears, which would make it no circular "
+      "cylinder");
+  EXPECT_EQ(place("<point name=\"p1\" x=\"0\" y=\"0\" z=\"0\"/>").error().message,
+            "shape 'cylinder': p0 and p1 are the same point");
+  EXPECT_EQ(place("<transform name=\"to_world\"><scale value=\"1e25\"/></transform>").error().message,
+            "shape 'cylinder': its size or place in the scene is out of range (coordinates up to 1e18)");
+}
+
 TEST(SceneBuild, VertexNormalsAreCompletedAndDecideSides) {
   const std::string shape = "<shape type=\"obj\"><string name=\"filename\" value=\"m.obj\"/>";
   // A roof of two faces without normals: smooth over the ridge, by equal angles half way between both.

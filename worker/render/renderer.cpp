@@ -26,8 +26,11 @@ Result<samplers::SamplerKind> sampler_kind(const std::string& name) {
 }
 
 std::string features_text(const scene::SceneFeatures& f) {
-  std::string text = fmt::format("scene: {} shapes, {} triangles, {} spheres, {} textures, {} emitters\n",
-                                 f.shapes, f.triangles, f.spheres, f.textures, f.emitters);
+  std::string text =
+      fmt::format("scene: {} shapes, {} triangles, {} spheres, ", f.shapes, f.triangles, f.spheres);
+  if (f.disks > 0) text += fmt::format("{} disks, ", f.disks);
+  if (f.cylinders > 0) text += fmt::format("{} cylinders, ", f.cylinders);
+  text += fmt::format("{} textures, {} emitters\n", f.textures, f.emitters);
   const auto list = [&](std::string_view title, const std::map<std::string, std::uint32_t>& kinds) {
     text += fmt::format("{}:", title);
     for (const auto& [kind, count] : kinds) text += fmt::format(" {} x{}", kind, count);

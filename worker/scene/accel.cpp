@@ -1,5 +1,5 @@
-// Embree 3: one static scene, all triangles in one geometry, all spheres in another (user geometry, in
-// double).
+// Embree 3: one static scene, all triangles in one geometry, and one user geometry, in double, for each kind
+// of the others.
 //
 // Build quality is medium: Embree's tree is then the same whatever the number of threads; that of high
 // quality is not (RenderKit/embree issue 20).
@@ -13,8 +13,6 @@
 
 namespace candela::scene {
 namespace {
-
-constexpr unsigned kTriangles = 0, kSpheres = 1;
 
 struct DeviceRelease {
   void operator()(RTCDevice device) const { rtcReleaseDevice(device); }
@@ -110,57 +108,78 @@ float round_up(double v) {
   return static_cast<double>(f) < v ? std::nextafter(f, std::numeric_limits<float>::infinity()) : f;
 }
 
-const Sphere& sphere_of(const void* user, unsigned index) {
-  return static_cast<const Geometry*>(user)->spheres[index].sphere;
-}
-
-void sphere_bounds(const RTCBoundsFunctionArguments* args) {
-  const Sphere& s = sphere_of(args->geometryUserPtr, args->primID);
-  RTCBounds& b = *args->bounds_o;
-  b.lower_x = round_down(s.center.x - s.radius);
-  b.lower_y = round_down(s.center.y - s.radius);
-  b.lower_z = round_down(s.center.z - s.radius);
-  b.upper_x = round_up(s.center.x + s.radius);
-  b.upper_y = round_up(s.center.y + s.radius);
-  b.upper_z = round_up(s.center.z + s.radius);
-}
-
-// The nearer meeting in (t_near, t_far), in the ray's float distances.
-bool meet_sphere(const Sphere& s, const RTCRay& ray, float& distance) {
-  double near = 0, far = 0;
-  if (!sphere_distances(s,
-                        Vec3d(static_cast<double>(ray.org_x), static_cast<double>(ray.org_y),
-                              static_cast<double>(ray.org_z)),
-                        Vec3d(static_cast<double>(ray.dir_x), static_cast<double>(ray.dir_y),
-                              static_cast<double>(ray.dir_z)),
-                        near, far)) {
-    return false;
+// Callbacks of the user geometries, whose user data is the array of records.
+template <class Record, auto kPrimitive>
+struct Callbacks {
+  static const auto& primitive(const void* user, unsigned index) {
+    return static_cast<const Record*>(user)[index].*kPrimitive;
   }
-  // A start inside the sphere's surface by rounding alone has a near root of about zero: that is no meeting.
-  const double t = near > static_cast<double>(ray.tnear) ? near : far;
-  if (!(t > static_cast<double>(ray.tnear) && t < static_cast<double>(ray.tfar))) return false;
-  distance = static_cast<float>(t);
-  return true;
-}
 
-// Only single rays are traced, so that N is 1 in both.
-void sphere_intersect(const RTCIntersectFunctionNArguments* args) {
-  if (args->valid[0] == 0) return;
-  auto* ray_hit = reinterpret_cast<RTCRayHit*>(args->rayhit);
-  float distance = 0;
-  if (!meet_sphere(sphere_of(args->geometryUserPtr, args->primID), ray_hit->ray, distance)) return;
-  ray_hit->ray.tfar = distance;
-  ray_hit->hit.geomID = args->geomID;
-  ray_hit->hit.primID = args->primID;
-}
-
-void sphere_occluded(const RTCOccludedFunctionNArguments* args) {
-  if (args->valid[0] == 0) return;
-  auto* ray = reinterpret_cast<RTCRay*>(args->ray);
-  float distance = 0;
-  if (meet_sphere(sphere_of(args->geometryUserPtr, args->primID), *ray, distance)) {
-    ray->tfar = -std::numeric_limits<float>::infinity();
+  static void bounds(const RTCBoundsFunctionArguments* args) {
+    const Bounds box = bounds_of(primitive(args->geometryUserPtr, args->primID));
+    RTCBounds& b = *args->bounds_o;
+    b.lower_x = round_down(box.low.x);
+    b.lower_y = round_down(box.low.y);
+    b.lower_z = round_down(box.low.z);
+    b.upper_x = round_up(box.high.x);
+    b.upper_y = round_up(box.high.y);
+    b.upper_z = round_up(box.high.z);
   }
+
+  static bool met(const void* user, unsigned index, const RTCRay& ray, double& t) {
+    return meet(
+        primitive(user, index),
+        Vec3d(static_cast<double>(ray.org_x), static_cast<double>(ray.org_y), static_cast<double>(ray.org_z)),
+        Vec3d(static_cast<double>(ray.dir_x), static_cast<double>(ray.dir_y), static_cast<double>(ray.dir_z)),
+        static_cast<double>(ray.tnear), static_cast<double>(ray.tfar), t);
+  }
+
+  // Only single rays are traced, so that N is 1 in both.
+  static void intersect(const RTCIntersectFunctionNArguments* args) {
+    if (args->valid[0] == 0) return;
+    auto* ray_hit = reinterpret_cast<RTCRayHit*>(args->rayhit);
+    double t = 0;
+    if (!met(args->geometryUserPtr, args->primID, ray_hit->ray, t)) return;
+    ray_hit->ray.tfar = static_cast<float>(t);
+    ray_hit->hit.geomID = args->geomID;
+    ray_hit->hit.primID = args->primID;
+  }
+
+  static void occluded(const RTCOccludedFunctionNArguments* args) {
+    if (args->valid[0] == 0) return;
+    auto* ray = reinterpret_cast<RTCRay*>(args->ray);
+    double t = 0;
+    if (met(args->geometryUserPtr, args->primID, *ray, t)) {
+      ray->tfar = -std::numeric_limits<float>::infinity();
+    }
+  }
+
+  static void attach(RTCDevice device, RTCScene scene, const std::vector<Record>& records,
+                     PrimitiveKind kind) {
+    if (records.empty()) return;
+    RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
+    rtcSetGeometryUserPrimitiveCount(geometry, static_cast<unsigned>(records.size()));
+    // Embree's pointer is not const; the callbacks only read.
+    rtcSetGeometryUserData(geometry, const_cast<Record*>(records.data()));
+    rtcSetGeometryBoundsFunction(geometry, bounds, nullptr);
+    rtcSetGeometryIntersectFunction(geometry, intersect);
+    rtcSetGeometryOccludedFunction(geometry, occluded);
+    rtcCommitGeometry(geometry);
+    rtcAttachGeometryByID(scene, geometry, static_cast<unsigned>(kind));
+    rtcReleaseGeometry(geometry);
+  }
+};
+
+void attach_triangles(RTCDevice device, RTCScene scene, const Geometry& geometry) {
+  if (geometry.triangles.empty()) return;
+  RTCGeometry triangles = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
+  rtcSetSharedGeometryBuffer(triangles, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                             geometry.positions.data(), 0, sizeof(Vec3), geometry.positions.size() - 1);
+  rtcSetSharedGeometryBuffer(triangles, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, geometry.indices.data(),
+                             0, sizeof(geometry.indices[0]), geometry.indices.size());
+  rtcCommitGeometry(triangles);
+  rtcAttachGeometryByID(scene, triangles, static_cast<unsigned>(PrimitiveKind::triangle));
+  rtcReleaseGeometry(triangles);
 }
 
 void set_ray(const Ray& ray, RTCRay& out) {
@@ -212,29 +231,12 @@ Result<Accel> Accel::build(const Geometry& geometry, const std::string& isa, uns
   if (scene != nullptr) {
     rtcSetSceneBuildQuality(scene, RTC_BUILD_QUALITY_MEDIUM);
     rtcSetSceneFlags(scene, RTC_SCENE_FLAG_ROBUST);
-    if (!geometry.triangles.empty()) {
-      RTCGeometry triangles = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
-      rtcSetSharedGeometryBuffer(triangles, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
-                                 geometry.positions.data(), 0, sizeof(Vec3), geometry.positions.size() - 1);
-      rtcSetSharedGeometryBuffer(triangles, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
-                                 geometry.indices.data(), 0, sizeof(geometry.indices[0]),
-                                 geometry.indices.size());
-      rtcCommitGeometry(triangles);
-      rtcAttachGeometryByID(scene, triangles, kTriangles);
-      rtcReleaseGeometry(triangles);
-    }
-    if (!geometry.spheres.empty()) {
-      RTCGeometry spheres = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
-      rtcSetGeometryUserPrimitiveCount(spheres, static_cast<unsigned>(geometry.spheres.size()));
-      // Embree's pointer is not const; the callbacks only read.
-      rtcSetGeometryUserData(spheres, const_cast<Geometry*>(&geometry));
-      rtcSetGeometryBoundsFunction(spheres, sphere_bounds, nullptr);
-      rtcSetGeometryIntersectFunction(spheres, sphere_intersect);
-      rtcSetGeometryOccludedFunction(spheres, sphere_occluded);
-      rtcCommitGeometry(spheres);
-      rtcAttachGeometryByID(scene, spheres, kSpheres);
-      rtcReleaseGeometry(spheres);
-    }
+    attach_triangles(device, scene, geometry);
+    Callbacks<SphereRecord, &SphereRecord::sphere>::attach(device, scene, geometry.spheres,
+                                                           PrimitiveKind::sphere);
+    Callbacks<DiskRecord, &DiskRecord::disk>::attach(device, scene, geometry.disks, PrimitiveKind::disk);
+    Callbacks<CylinderRecord, &CylinderRecord::cylinder>::attach(device, scene, geometry.cylinders,
+                                                                 PrimitiveKind::cylinder);
     rtcCommitScene(scene);
   }
   rtcSetDeviceErrorFunction(device, nullptr, nullptr);
@@ -251,7 +253,7 @@ bool Accel::intersect(const Ray& ray, Found& found) const {
   query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
   rtcIntersect1(impl_->scene.get(), &context, &query);
   if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return false;
-  found = {query.hit.primID, query.hit.geomID == kSpheres};
+  found = {query.hit.primID, static_cast<PrimitiveKind>(query.hit.geomID)};
   return true;
 }
 

@@ -20,8 +20,8 @@ class Accel {
   ~Accel();
 
   struct Found {
-    std::uint32_t primitive;  // in Geometry::triangles or ::spheres
-    bool sphere;
+    std::uint32_t primitive;  // in Geometry's array of its kind
+    PrimitiveKind kind;
   };
   // The nearest primitive in (0, ray.t_max]. A ray that is not finite meets nothing.
   bool intersect(const Ray& ray, Found& found) const;

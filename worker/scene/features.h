@@ -9,7 +9,7 @@ namespace candela::scene {
 
 struct SceneFeatures {
   std::uint64_t triangles = 0;
-  std::uint32_t spheres = 0;
+  std::uint32_t spheres = 0, disks = 0, cylinders = 0;
   std::uint32_t shapes = 0;
   std::map<std::string, std::uint32_t>
       bsdf_kinds;  // kind -> number of shapes wearing it (inside of twosided)

@@ -44,11 +44,7 @@ Result<std::unique_ptr<Scene>> Scene::build(const description::SceneDescription&
 bool Scene::intersect(const Ray& ray, SurfaceHit& hit) const {
   Accel::Found found;
   if (!impl_->accel->intersect(ray, found)) return false;
-  if (found.sphere) {
-    impl_->geometry.sphere_hit(ray, found.primitive, hit);
-  } else {
-    impl_->geometry.triangle_hit(ray, found.primitive, hit);
-  }
+  impl_->geometry.hit(ray, found.kind, found.primitive, hit);
   return true;
 }
 

@@ -99,6 +99,10 @@ Result<void> SceneBuilder::shape(const description::Object& object) {
       geometry_.triangles.size() + shape.triangles.size() > kMostPrimitives) {
     return error_at(object, "the scene has more than 2^32 triangles or vertices");
   }
+  if (!emitters.empty() && (shape.disk || shape.cylinder)) {
+    return error_at(*emitters[0], "an area emitter on a " + object.plugin + " is not supported yet")
+        .with_mend("use a sphere, a rectangle or a mesh");
+  }
   count_bsdf(bsdfs_[record.bsdf]);
   const auto index = static_cast<std::uint32_t>(geometry_.shapes.size());
   if (!emitters.empty()) area_emitters_.push_back({index, shape.rectangle, emitters[0]});
@@ -182,6 +186,8 @@ Result<void> SceneBuilder::emitter(const description::Object& object) {
 void SceneBuilder::finish_features() {
   features_.triangles = geometry_.triangles.size();
   features_.spheres = static_cast<std::uint32_t>(geometry_.spheres.size());
+  features_.disks = static_cast<std::uint32_t>(geometry_.disks.size());
+  features_.cylinders = static_cast<std::uint32_t>(geometry_.cylinders.size());
   features_.shapes = static_cast<std::uint32_t>(geometry_.shapes.size());
   features_.textures = textures_.texture_count();
   features_.all_bsdfs_delta = all_delta_ && !geometry_.shapes.empty();

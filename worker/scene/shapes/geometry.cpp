@@ -9,18 +9,15 @@
 #include "worker/scene/shapes/geometry.h"
 
 #include <cmath>
+#include <limits>
 
 #include "worker/core/math.h"
+#include "worker/scene/shapes/rounding.h"
 
 namespace candela::scene {
 namespace {
 
-constexpr float kHalfUlp = 0x1p-24f;
 constexpr double kPlaneErrorFactor = 6;
-
-float rounding_error(Vec3 n, Vec3 p) {
-  return 3 * kHalfUlp * (std::abs(n.x * p.x) + std::abs(n.y * p.y) + std::abs(n.z * p.z));
-}
 
 Triangle make_triangle(Vec3 v0, Vec3 v1, Vec3 v2) {
   Triangle t;
@@ -55,10 +52,18 @@ void Geometry::add(Shape shape, ShapeRecord record) {
   const auto shape_index = static_cast<std::uint32_t>(shapes.size());
   if (shape.sphere) {
     record.sphere = static_cast<std::uint32_t>(spheres.size());
-    const Sphere& s = *shape.sphere;
-    bounds.add(s.center - Vec3d(s.radius, s.radius, s.radius));
-    bounds.add(s.center + Vec3d(s.radius, s.radius, s.radius));
-    spheres.push_back({s, shape_index});
+    bounds.add(bounds_of(*shape.sphere));
+    spheres.push_back({*shape.sphere, shape_index});
+  }
+  if (shape.disk) {
+    record.disk = static_cast<std::uint32_t>(disks.size());
+    bounds.add(bounds_of(*shape.disk));
+    disks.push_back({*shape.disk, shape_index});
+  }
+  if (shape.cylinder) {
+    record.cylinder = static_cast<std::uint32_t>(cylinders.size());
+    bounds.add(bounds_of(*shape.cylinder));
+    cylinders.push_back({*shape.cylinder, shape_index});
   }
   record.first_triangle = static_cast<std::uint32_t>(triangles.size());
   record.triangle_count = static_cast<std::uint32_t>(shape.triangles.size());
@@ -116,11 +121,7 @@ void Geometry::triangle_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit
   hit.distance = static_cast<float>(std::max(0.0, dot(s, n) * inverse));
   hit.ng = t.ng;
   hit.error = rounding_error(t.ng, hit.p) + t.plane_error;
-  hit.primitive = index;
-  hit.shape = t.shape;
-  const ShapeRecord& record = shapes[t.shape];
-  hit.bsdf = record.bsdf;
-  hit.emitter = record.emitter;
+  name_hit(t.shape, index, hit);
   hit.uv = {static_cast<float>(b1), static_cast<float>(b2)};
   if (!t.smooth && !t.mapped) {
     hit.shading = make_frame(t.ng);
@@ -152,30 +153,31 @@ void Geometry::triangle_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit
                                     : make_frame(shading);
 }
 
-bool sphere_distances(const Sphere& sphere, Vec3d origin, Vec3d direction, double& near, double& far) {
-  // The discriminant from the distance of the line to the centre, which does not cancel far away (Haines et
-  // al. 2019).
-  const Vec3d f = origin - sphere.center;
-  const double a = dot(direction, direction);
-  if (!(a > 0)) return false;
-  const double b = -dot(f, direction) / a;
-  const Vec3d closest = f + direction * b;
-  const double rest = sphere.radius * sphere.radius - dot(closest, closest);
-  if (!(rest >= 0)) return false;
-  const double half = std::sqrt(rest / a);
-  // Of the two roots the one far from zero is sure; the other follows from their product, which is exact near
-  // the surface.
-  const double product = (dot(f, f) - sphere.radius * sphere.radius) / a;
-  const double sure = b >= 0 ? b + half : b - half;
-  const double other = sure != 0 ? product / sure : 0.0;
-  near = std::min(sure, other);
-  far = std::max(sure, other);
-  return true;
+const ShapeRecord& Geometry::name_hit(std::uint32_t shape, std::uint32_t primitive, SurfaceHit& hit) const {
+  const ShapeRecord& record = shapes[shape];
+  hit.primitive = primitive;
+  hit.shape = shape;
+  hit.bsdf = record.bsdf;
+  hit.emitter = record.emitter;
+  return record;
+}
+
+void Geometry::quadric_hit(const Ray& ray, PrimitiveKind kind, std::uint32_t primitive,
+                           SurfaceHit& hit) const {
+  switch (kind) {
+    case PrimitiveKind::triangle:
+      return triangle_hit(ray, primitive, hit);
+    case PrimitiveKind::sphere:
+      return sphere_hit(ray, primitive, hit);
+    case PrimitiveKind::disk:
+      return disk_hit(ray, primitive, hit);
+    case PrimitiveKind::cylinder:
+      return cylinder_hit(ray, primitive, hit);
+  }
 }
 
 void Geometry::sphere_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit) const {
-  const SphereRecord& record = spheres[index];
-  const Sphere& sphere = record.sphere;
+  const Sphere& sphere = spheres[index].sphere;
   const Vec3d origin(ray.origin), direction(ray.direction);
   double near = 0, far = 0;
   Vec3d n{0, 0, 1};
@@ -186,16 +188,9 @@ void Geometry::sphere_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit) 
   }
   hit.p = Vec3(sphere.center + n * sphere.radius);
   hit.distance = static_cast<float>(distance);
-  const Vec3d outward = sphere.inside_out ? -n : n;
-  hit.ng = Vec3(outward);
-  // Rounding of p and of the new origin, and what double leaves of the cancellation at the centre's distance.
-  hit.error = rounding_error(hit.ng, hit.p) + static_cast<float>(sphere.radius * 0x1p-40);
-  hit.primitive = index;
-  hit.shape = record.shape;
-  const ShapeRecord& shape = shapes[record.shape];
-  hit.bsdf = shape.bsdf;
-  hit.emitter = shape.emitter;
-  if (!shape.reads_uv) {
+  hit.ng = Vec3(sphere.inside_out ? -n : n);
+  hit.error = sphere_error(sphere, hit.p, hit.ng);
+  if (!name_hit(spheres[index].shape, index, hit).reads_uv) {
     hit.uv = {0, 0};
     hit.shading = make_frame(hit.ng);
     return;
@@ -205,13 +200,59 @@ void Geometry::sphere_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit) 
   hit.shading = frame_along(hit.ng, sphere.axes[1] * local.x - sphere.axes[0] * local.y);
 }
 
-Vec2 sphere_uv(const Sphere& sphere, Vec3d n) {
-  // u turns around the local z axis, v falls from it.
-  const Vec3d local{dot(sphere.axes[0], n), dot(sphere.axes[1], n), dot(sphere.axes[2], n)};
-  float u = math::atan2f(static_cast<float>(local.y), static_cast<float>(local.x)) * (0.5f * math::kInvPi);
-  if (u < 0) u += 1;
-  const auto radial = static_cast<float>(std::sqrt(local.x * local.x + local.y * local.y));
-  return {u, math::atan2f(radial, static_cast<float>(local.z)) * math::kInvPi};
+void Geometry::disk_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit) const {
+  const Disk& disk = disks[index].disk;
+  const Vec3d origin(ray.origin), direction(ray.direction);
+  // Embree says that they meet, and not edge-on; what rounding leaves outside is moved onto the disk.
+  const double fall = dot(direction, disk.axes[2]);
+  const double t = fall != 0 ? std::max(0.0, dot(disk.center - origin, disk.axes[2]) / fall) : 0.0;
+  const Vec3d f = origin + direction * t - disk.center;
+  double x = dot(f, disk.axes[0]), y = dot(f, disk.axes[1]);
+  const double r = std::sqrt(x * x + y * y);
+  if (r > disk.radius) {
+    x *= disk.radius / r;
+    y *= disk.radius / r;
+  }
+  const Vec3d p = disk.center + disk.axes[0] * x + disk.axes[1] * y;
+  hit.p = Vec3(p);
+  hit.distance = static_cast<float>(t);
+  hit.ng = Vec3(disk.axes[2]);
+  hit.error = disk_error(disk, hit.p);
+  if (!name_hit(disks[index].shape, index, hit).reads_uv) {
+    hit.uv = {0, 0};
+    hit.shading = make_frame(hit.ng);
+    return;
+  }
+  hit.uv = disk_uv(disk, p);
+  // At the centre, where the angle has no meaning, it is zero, as Mitsuba has it.
+  const Vec3d radial = r > 0 ? disk.axes[0] * (x / r) + disk.axes[1] * (y / r) : disk.axes[0];
+  hit.shading = frame_along(hit.ng, radial);
+}
+
+void Geometry::cylinder_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit) const {
+  const Cylinder& cylinder = cylinders[index].cylinder;
+  const Vec3d origin(ray.origin), direction(ray.direction);
+  double t = 0;
+  if (!meet(cylinder, origin, direction, 0, std::numeric_limits<double>::infinity(), t)) t = 0;
+  const Vec3d f = origin + direction * t - cylinder.base;
+  const double z = std::clamp(dot(f, cylinder.axes[2]), 0.0, cylinder.length);
+  double x = dot(f, cylinder.axes[0]), y = dot(f, cylinder.axes[1]);
+  const double r = std::sqrt(x * x + y * y);
+  x = r > 0 ? x / r : 1;
+  y = r > 0 ? y / r : 0;
+  const Vec3d n = cylinder.axes[0] * x + cylinder.axes[1] * y;
+  const Vec3d p = cylinder.base + cylinder.axes[2] * z + n * cylinder.radius;
+  hit.p = Vec3(p);
+  hit.distance = static_cast<float>(t);
+  hit.ng = Vec3(cylinder.inside_out ? -n : n);
+  hit.error = cylinder_error(cylinder, hit.p, hit.ng);
+  if (!name_hit(cylinders[index].shape, index, hit).reads_uv) {
+    hit.uv = {0, 0};
+    hit.shading = make_frame(hit.ng);
+    return;
+  }
+  hit.uv = cylinder_uv(cylinder, p);
+  hit.shading = frame_along(hit.ng, cylinder.axes[1] * x - cylinder.axes[0] * y);
 }
 
 Vec2 Geometry::uv_at(std::uint32_t triangle, float b1, float b2) const {

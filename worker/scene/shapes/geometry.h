@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "worker/core/vec.h"
+#include "worker/scene/bounds.h"
 #include "worker/scene/hit.h"
 #include "worker/scene/shapes/shape.h"
 
@@ -24,7 +25,8 @@ struct ShapeRecord {
   std::uint32_t bsdf = kNone;
   std::uint32_t emitter = kNone;
   std::uint32_t first_triangle = 0, triangle_count = 0;  // in Geometry::triangles
-  std::uint32_t sphere = kNone;                          // in Geometry::spheres
+  // What is not made of triangles is one primitive, in Geometry's array of its kind.
+  std::uint32_t sphere = kNone, disk = kNone, cylinder = kNone;
   bool reads_uv = false;  // a texture or an anisotropic bsdf depends on the parameterisation
 };
 
@@ -32,17 +34,16 @@ struct SphereRecord {
   Sphere sphere;
   std::uint32_t shape = 0;
 };
-
-struct Bounds {
-  Vec3d low{1e300, 1e300, 1e300}, high{-1e300, -1e300, -1e300};
-  bool empty() const { return !(low.x <= high.x); }
-  void add(Vec3d p) {
-    low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
-    high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
-  }
-  Vec3d center() const { return empty() ? Vec3d{} : (low + high) * 0.5; }
-  double radius() const { return empty() ? 0.0 : length(high - low) * 0.5; }
+struct DiskRecord {
+  Disk disk;
+  std::uint32_t shape = 0;
 };
+struct CylinderRecord {
+  Cylinder cylinder;
+  std::uint32_t shape = 0;
+};
+
+enum class PrimitiveKind : std::uint8_t { triangle, sphere, disk, cylinder };
 
 struct Geometry {
   std::vector<Vec3> positions;  // with one element more than used: Embree reads 16 bytes at each
@@ -51,6 +52,8 @@ struct Geometry {
   std::vector<std::array<std::uint32_t, 3>> indices;
   std::vector<Triangle> triangles;  // parallel to indices
   std::vector<SphereRecord> spheres;
+  std::vector<DiskRecord> disks;
+  std::vector<CylinderRecord> cylinders;
   std::vector<ShapeRecord> shapes;
   Bounds bounds;
 
@@ -62,17 +65,25 @@ struct Geometry {
   // primitive alone.
   void triangle_hit(const Ray& ray, std::uint32_t triangle, SurfaceHit& hit) const;
   void sphere_hit(const Ray& ray, std::uint32_t sphere, SurfaceHit& hit) const;
+  void disk_hit(const Ray& ray, std::uint32_t disk, SurfaceHit& hit) const;
+  void cylinder_hit(const Ray& ray, std::uint32_t cylinder, SurfaceHit& hit) const;
+  void hit(const Ray& ray, PrimitiveKind kind, std::uint32_t primitive, SurfaceHit& hit) const {
+    if (kind == PrimitiveKind::triangle) [[likely]] {
+      triangle_hit(ray, primitive, hit);
+    } else {
+      quadric_hit(ray, kind, primitive, hit);
+    }
+  }
 
-  // For points sampled on a triangle: texture coordinates (barycentric ones where it has none), and the error
-  // bound of SurfaceHit.
+  // For points sampled on a triangle (quadrics.h has these for the others): texture coordinates (barycentric
+  // ones where it has none), and the error bound of SurfaceHit.
   Vec2 uv_at(std::uint32_t triangle, float b1, float b2) const;
   float point_error(std::uint32_t triangle, Vec3 p) const;
+
+ private:
+  void quadric_hit(const Ray& ray, PrimitiveKind kind, std::uint32_t primitive, SurfaceHit& hit) const;
+  // All of a hit that the surface's parameterisation does not say.
+  const ShapeRecord& name_hit(std::uint32_t shape, std::uint32_t primitive, SurfaceHit& hit) const;
 };
-
-// Mitsuba's parameterisation, of the point in direction n (unit) from the centre.
-Vec2 sphere_uv(const Sphere& sphere, Vec3d n);
-
-// Distances along the ray (unit direction, in double) where it meets the sphere; false: it does not.
-bool sphere_distances(const Sphere& sphere, Vec3d origin, Vec3d direction, double& near, double& far);
 
 }  // namespace candela::scene

@@ -1,4 +1,4 @@
-// From a shape element to geometry: rectangle, cube, sphere, obj, serialized.
+// From a shape element to geometry.
 #include "worker/scene/shapes/shape.h"
 
 #include <cmath>
@@ -73,6 +73,16 @@ Result<Shape> build_rectangle(const description::Object& object, const Transform
   return shape;
 }
 
+// What rays can be traced against: squares of coordinates stay finite in float, those of sizes above zero.
+Result<void> check_range(const description::Object& object, const Bounds& bounds, double least_size) {
+  for (const Vec3d p : {bounds.low, bounds.high}) {
+    if (!(std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) <= 1e18) || !(least_size > 1e-30)) {
+      return error_at(object, "its size or place in the scene is out of range (coordinates up to 1e18)");
+    }
+  }
+  return {};
+}
+
 Result<Shape> build_sphere(const description::Object& object, const Transform& to_world) {
   const description::Vec3 center = object.get_vec3("center", {0, 0, 0});
   const double radius = object.get_number("radius", 1.0);
@@ -92,13 +102,78 @@ Result<Shape> build_sphere(const description::Object& object, const Transform& t
   sphere.radius = radius * scale;
   sphere.inside_out = object.get_bool("flip_normals", false);
   for (int i = 0; i < 3; ++i) sphere.axes[static_cast<std::size_t>(i)] = normalize(to_world.column(i));
-  const double reach =
-      std::max({std::abs(sphere.center.x), std::abs(sphere.center.y), std::abs(sphere.center.z)});
-  if (!(reach + sphere.radius <= 1e18) || !(sphere.radius > 1e-30)) {
-    return error_at(object, "its radius or place in the scene is out of range (coordinates up to 1e18)");
-  }
+  CANDELA_TRY(check_range(object, bounds_of(sphere), sphere.radius));
   Shape shape;
   shape.sphere = sphere;
+  return shape;
+}
+
+// Of one length and at right angles, to the tolerance of Transform::is_similarity.
+bool is_circle(Vec3d a, Vec3d b) {
+  const double la = length(a), lb = length(b);
+  return std::abs(la - lb) <= 1e-4 * la && std::abs(dot(a, b)) <= 1e-4 * la * lb;
+}
+
+Result<Shape> build_disk(const description::Object& object, const Transform& to_world) {
+  const Vec3d u = to_world.column(0), v = to_world.column(1);
+  if (!is_circle(u, v)) {
+    return error_at(object, "to_world scales unevenly or shears, which would make it an ellipse")
+        .with_field("to_world")
+        .with_mend("scale both axes alike, or use a mesh");
+  }
+  Disk disk;
+  disk.center = to_world.translation();
+  disk.radius = length(u);
+  Vec3d n = to_world.normal({0, 0, 1});
+  // A depth squeezed to nothing leaves a disk all the same, but no side that the matrix calls its front.
+  if (!(length(n) > 0) || to_world.determinant() == 0) {
+    return error_at(object, "to_world is singular").with_field("to_world");
+  }
+  if (object.get_bool("flip_normals", false)) n = -n;
+  disk.axes[2] = normalize(n);
+  disk.axes[0] = normalize(u);
+  disk.axes[1] = cross(disk.axes[2], disk.axes[0]);
+  if (dot(disk.axes[1], v) < 0) disk.axes[1] = -disk.axes[1];
+  CANDELA_TRY(check_range(object, bounds_of(disk), disk.radius));
+  Shape shape;
+  shape.disk = disk;
+  return shape;
+}
+
+Result<Shape> build_cylinder(const description::Object& object, const Transform& to_world) {
+  const description::Vec3 p0 = object.get_vec3("p0", {0, 0, 0}), p1 = object.get_vec3("p1", {0, 0, 1});
+  const double radius = object.get_number("radius", 1.0);
+  if (!(radius > 0)) {
+    return error_at(object, "radius must be above 0, not " + std::to_string(radius)).with_field("radius");
+  }
+  const Vec3d base{p0[0], p0[1], p0[2]}, axis = Vec3d{p1[0], p1[1], p1[2]} - base;
+  if (!(length(axis) > 0)) return error_at(object, "p0 and p1 are the same point").with_field("p1");
+  // The angle is measured in Mitsuba's basis around the axis [Duff et al. 2017], taken along by to_world.
+  const Vec3d n = normalize(axis);
+  const double sign = std::copysign(1.0, n.z), a = -1 / (sign + n.z), b = n.x * n.y * a;
+  const Vec3d u = to_world.vector({1 + sign * n.x * n.x * a, sign * b, -sign * n.x});
+  const Vec3d v = to_world.vector({b, sign + n.y * n.y * a, -n.y});
+  const Vec3d along = to_world.vector(axis);
+  const double slack = 1e-4 * length(u) * length(along);
+  if (!is_circle(u, v) || !(std::abs(dot(u, along)) <= slack) || !(std::abs(dot(v, along)) <= slack)) {
+    return error_at(object,
+                    "to_world scales unevenly across the axis or shears, which would make it no "
+                    "circular cylinder")
+        .with_field("to_world")
+        .with_mend("scale all axes alike, or use a mesh");
+  }
+  Cylinder cylinder;
+  cylinder.base = to_world.point(base);
+  cylinder.radius = radius * length(u);
+  cylinder.length = length(along);
+  cylinder.inside_out = object.get_bool("flip_normals", false);
+  cylinder.axes[2] = normalize(along);
+  cylinder.axes[0] = normalize(u - cylinder.axes[2] * dot(u, cylinder.axes[2]));
+  cylinder.axes[1] = cross(cylinder.axes[2], cylinder.axes[0]);
+  if (dot(cylinder.axes[1], v) < 0) cylinder.axes[1] = -cylinder.axes[1];
+  CANDELA_TRY(check_range(object, bounds_of(cylinder), std::min(cylinder.radius, cylinder.length)));
+  Shape shape;
+  shape.cylinder = cylinder;
   return shape;
 }
 
@@ -127,6 +202,8 @@ Result<Shape> build_shape(const description::Object& object, const description::
   if (object.plugin == "rectangle") return build_rectangle(object, to_world);
   if (object.plugin == "cube") return flat_shape(object, unit_cube(), to_world);
   if (object.plugin == "sphere") return build_sphere(object, to_world);
+  if (object.plugin == "disk") return build_disk(object, to_world);
+  if (object.plugin == "cylinder") return build_cylinder(object, to_world);
   if (object.plugin == "obj" || object.plugin == "serialized")
     return build_from_file(object, files, to_world);
   return error_at(object, "this renderer cannot build it yet");

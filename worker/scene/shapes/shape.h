@@ -1,5 +1,5 @@
-// A shape of the scene description in world space: a triangle mesh or a sphere, checked and ready to be
-// joined into the scene's geometry.
+// A shape of the scene description in world space: a triangle mesh, or a sphere, disk or cylinder, checked
+// and ready to be joined into the scene's geometry.
 #pragma once
 
 #include <array>
@@ -12,17 +12,10 @@
 #include "common/description/object.h"
 #include "worker/core/vec.h"
 #include "worker/loaders/mesh.h"
+#include "worker/scene/shapes/quadrics.h"
 #include "worker/scene/transform.h"
 
 namespace candela::scene {
-
-// Kept in double: rays meet it in our own arithmetic.
-struct Sphere {
-  Vec3d center;
-  double radius = 0;
-  std::array<Vec3d, 3> axes{};  // of the parameterisation, orthonormal (a mirror is possible)
-  bool inside_out = false;      // flip_normals: the outside, where it emits, is within
-};
 
 // A planar parallelogram: p = corner + s edge_u + t edge_v with s, t in [0, 1]; normal towards its front.
 struct Rectangle {
@@ -30,13 +23,16 @@ struct Rectangle {
 };
 
 struct Shape {
-  // Triangles, empty for a sphere. All triangles have area; corners turn left around the front.
+  // Triangles, empty for what is not made of them. All triangles have area; corners turn left around the
+  // front.
   std::vector<Vec3> positions;
   std::vector<Vec3> normals;  // unit shading normals; empty: flat
   std::vector<Vec2> uvs;      // empty: none
   std::vector<std::array<std::uint32_t, 3>> triangles;
 
   std::optional<Sphere> sphere;
+  std::optional<Disk> disk;
+  std::optional<Cylinder> cylinder;
   std::optional<Rectangle> rectangle;  // set beside the two triangles of a `rectangle`
 
   std::uint64_t dropped_count = 0;  // faces without area or with fewer than three corners, left out
