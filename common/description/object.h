@@ -83,10 +83,18 @@ class FileSource {
       const std::string& key) const = 0;  // error names the key and, at the desk, the file
 };
 
+// What a reader of the scene may want to know and no error: values clamped, words of an old file read as
+// something else.
+struct Note {
+  Location where;
+  std::string text;
+};
+
 struct SceneDescription {
   ObjectPtr scene;  // category "scene"; children: integrator, sensor, shapes, emitters, bsdfs, ...
   std::vector<std::string>
-      files;  // keys of all files read or referred to (XML, meshes, textures), sorted, unique
+      files;  // keys of all files read or referred to (XML, meshes, textures, spectra), sorted, unique
+  std::vector<Note> notes = {};  // in the order they were met
 };
 
 // Parses and validates: unknown categories, plugins and properties are errors naming file, line and the

@@ -11,6 +11,7 @@
 #include "common/description/legacy.h"
 #include "common/description/parameters.h"
 #include "common/description/resolve.h"
+#include "common/description/spectra.h"
 #include "common/description/text.h"
 #include "common/description/transform.h"
 #include "common/description/values.h"
@@ -31,7 +32,7 @@ constexpr std::size_t max_total_bytes = std::size_t{1} << 30;
 constexpr std::array<std::string_view, 7> structure_elements = {"scene", "ref",  "default",  "include",
                                                                 "alias", "path", "transform"};
 // Mitsuba 0.6 has these; nothing stands for them yet.
-constexpr std::array<std::string_view, 2> later_elements = {"blackbody", "animation"};
+constexpr std::array<std::string_view, 1> later_elements = {"animation"};
 
 // "0.6.0", "3.0.0", "2.1": the first number decides.
 std::optional<int> major_version(std::string_view text) {
@@ -76,7 +77,7 @@ class Parser {
     CANDELA_ASSIGN(ObjectPtr resolved, resolve(drafts_, scene, ids_));
     Result<void> used = parameters_.check_all_used();
     if (!used.ok()) return std::move(used).error().at(main_key, 0);
-    return SceneDescription{std::move(resolved), {used_files_.begin(), used_files_.end()}};
+    return SceneDescription{std::move(resolved), {used_files_.begin(), used_files_.end()}, std::move(notes_)};
   }
 
  private:
@@ -203,7 +204,7 @@ class Parser {
     std::vector<std::string_view> known = category_names();
     known.insert(known.end(), structure_elements.begin(), structure_elements.end());
     for (const std::string_view value :
-         {"boolean", "integer", "float", "string", "point", "vector", "rgb", "srgb", "spectrum"})
+         {"boolean", "integer", "float", "string", "point", "vector", "rgb", "srgb", "spectrum", "blackbody"})
       known.push_back(value);
     return error_at(where, fmt::format("unknown element <{}>", bare(name)))
         .with_mend(text::did_you_mean(nearest_name(name, known)));
@@ -292,7 +293,8 @@ class Parser {
     const std::string_view name = node.name();
     if (node.type() == pugi::node_element && name == "scene")
       return error_at(file.document.where(node), "<scene> cannot be inside another element");
-    // A <spectrum type=...> of Mitsuba 3 is a plugin, said to be missing by parse_value.
+    if (node.type() == pugi::node_element && (name == "spectrum" || name == "blackbody"))
+      return parse_spectrum(file, node, parent, depth);
     if (node.type() == pugi::node_element && is_category(name)) {
       CANDELA_ASSIGN(const std::size_t index, parse_object(file, node, depth + 1));
       return link_object(file, node, parent, index);
@@ -315,6 +317,62 @@ class Parser {
     if (is_transform_operation(name))
       return written.error(fmt::format("<{}> belongs inside <transform>", name));
     return unknown_element(written.where, name);
+  }
+
+  // A spectrum is a colour from here on, by what it is given for.
+  Result<void> parse_spectrum(const File& file, const pugi::xml_node& node, std::size_t parent, int depth) {
+    CANDELA_ASSIGN(const Element written, element(file, node));
+    CANDELA_TRY(check_name(written, "name"));
+    Property property;
+    property.name = std::string(written.get("name"));
+    property.type = PropertyType::rgb;
+    property.where = written.where;
+    const SpectrumUse use = spectrum_use(*drafts_[parent].object, modern_name(file, property.name));
+    ConvertedSpectrum converted;
+    if (written.name == "spectrum" && written.find("type") != nullptr) {
+      if (written.find("id") != nullptr)
+        return written.error("a <spectrum> with an id is not supported")
+            .with_mend("write it where it is used");
+      CANDELA_ASSIGN(const std::size_t index, parse_object(file, node, depth + 1));
+      const std::shared_ptr<Object> object = drafts_[index].object;
+      CANDELA_TRY(check_children(*object, *find_plugin(object->category, object->plugin), {}));
+      if (!drafts_[index].links.empty())
+        return written.error(fmt::format("{} takes no texture and no other object", describe(*object)));
+      drafts_.pop_back();
+      CANDELA_ASSIGN(converted, convert_spectrum_plugin(*object, use));
+    } else {
+      CANDELA_TRY(count(file, node));
+      CANDELA_TRY(no_children(file, node));
+      if (written.name == "blackbody") {
+        CANDELA_ASSIGN(converted, convert_blackbody(written));
+      } else if (written.find("filename") != nullptr) {
+        CANDELA_TRY(written.expect({"name", "filename"}));
+        CANDELA_ASSIGN(const std::string key, find_file(file, written.where, written.get("filename")));
+        CANDELA_ASSIGN(const FileSource::Bytes bytes, files_.open(key));
+        total_bytes_ += bytes.view.size();
+        if (total_bytes_ > max_total_bytes)
+          return written.error(
+              fmt::format("the scene's XML and spectra have more than {} bytes in all", max_total_bytes));
+        CANDELA_ASSIGN(const colorimetry::Spectrum spectrum, parse_spectrum_file(key, bytes.view));
+        CANDELA_ASSIGN(converted, convert_spectrum(spectrum, use));
+      } else {
+        CANDELA_ASSIGN(converted, convert_spectrum_value(written, use));
+      }
+    }
+    if (!converted.note.empty()) notes_.push_back({written.where, std::move(converted.note)});
+    property.value = converted.rgb;
+    return add_property(file, std::move(property), parent);
+  }
+
+  // Old names that upgrade() has yet to translate are told apart by their last word.
+  static SpectrumUse spectrum_use(const Object& object, std::string_view name) {
+    if (object.category == "emitter") return SpectrumUse::emission;
+    if (const PluginRule* plugin = find_plugin(object.category, object.plugin))
+      for (const PropertyRule& rule : plugin->properties)
+        if (rule.name == name) return rule.maximum <= 1 ? SpectrumUse::reflectance : SpectrumUse::unbounded;
+    const bool bounded =
+        name.ends_with("reflectance") || name.ends_with("transmittance") || name.ends_with("albedo");
+    return bounded ? SpectrumUse::reflectance : SpectrumUse::unbounded;
   }
 
   Result<void> no_children(const File& file, const pugi::xml_node& node) {
@@ -469,6 +527,7 @@ class Parser {
   std::set<std::string> used_files_;
   std::vector<Draft> drafts_;
   std::map<std::string, std::size_t, std::less<>> ids_;
+  std::vector<Note> notes_;
   std::size_t node_count_ = 0;
   std::size_t include_count_ = 0;
   std::size_t total_bytes_ = 0;

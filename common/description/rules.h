@@ -65,6 +65,7 @@ void add_shapes(std::vector<PluginRule>& table);
 void add_bsdfs(std::vector<PluginRule>& table);
 void add_emitters(std::vector<PluginRule>& table);
 void add_textures(std::vector<PluginRule>& table);
+void add_spectra(std::vector<PluginRule>& table);
 void add_media(std::vector<PluginRule>& table);  // media, phase functions and volumes
 
 }  // namespace candela::description::rules

@@ -20,8 +20,14 @@ understood. Anything else is an error that names the file, the line and the near
   their like become a `to_uv` transform that looks up at `uv * scale + offset`; `wrapModeU` and `wrapModeV` become
   `wrap_mode`; `ldrfilm` becomes `hdrfilm`; the filters `ewa` and `trilinear` become `bilinear`.
 - Values: `<boolean>`, `<integer>`, `<float>`, `<string>`, `<point>` and `<vector>` (`x`, `y`, `z`, or `value`), `<rgb>`
-  (linear Rec.709: one or three numbers; `#rrggbb` is decoded from sRGB), `<srgb>` (decoded from sRGB), `<spectrum>` (a
-  single number). Spectra of wavelengths, from files, and `<blackbody>` are not supported yet.
+  (linear Rec.709: one or three numbers; `#rrggbb` is decoded from sRGB), `<srgb>` (decoded from sRGB).
+- Spectra become linear Rec.709 when the scene is read, as in Mitsuba's RGB variants: `<spectrum value="0.5"/>`,
+  `<spectrum value="400:0.1, 500:0.2"/>` (nanometres and value, linear between them, zero outside),
+  `<spectrum filename="x.spd"/>` (lines of the same two numbers), `<spectrum type="..."/>` (see below) and 0.6's
+  `<blackbody temperature="5000K" scale="1"/>`. Inside an emitter a spectrum is weighed by the CIE 1931 observer, so that a
+  density of 1 has luminance 1; elsewhere also by D65, so that a flat one is neutral. Negative components become 0, and
+  reflectances above 1 become 1. One number inside an emitter is light of the same power at all wavelengths, which is not
+  white; in a file before version 2 it is a multiple of white.
 - `<transform>` holds `<translate>`, `<rotate>` (degrees), `<scale>`, `<lookat>` and `<matrix>` (16 or 9 numbers, row by
   row); each acts after those before it. A transform must be affine and invertible.
 - `<default name="spp" value="16"/>` gives `$spp` a value unless the command line does (`-D spp=64`). Every attribute may

@@ -12,8 +12,8 @@
 namespace candela::description {
 namespace {
 
-constexpr std::array<std::string_view, 9> value_elements = {"boolean", "integer", "float", "string",  "point",
-                                                            "vector",  "rgb",     "srgb",  "spectrum"};
+constexpr std::array<std::string_view, 8> value_elements = {"boolean", "integer", "float", "string",
+                                                            "point",   "vector",  "rgb",   "srgb"};
 constexpr std::array<std::string_view, 6> operations = {"translate", "rotate", "scale",
                                                         "lookat",    "lookAt", "matrix"};
 
@@ -104,23 +104,6 @@ Result<Rgb> color(const Element& element) {
   return Rgb{value};
 }
 
-Result<Rgb> spectrum(const Element& element) {
-  if (element.find("type") != nullptr)
-    return element
-        .error(fmt::format("<spectrum type={}> is not supported yet", text::quote(element.get("type"))))
-        .with_mend("write <rgb name=... value=\"r, g, b\"/>");
-  if (element.find("filename") != nullptr)
-    return element.error("a <spectrum> from a file is not supported yet")
-        .with_mend("write <rgb name=... value=\"r, g, b\"/>");
-  CANDELA_TRY(element.expect({"name", "value"}));
-  const std::vector<std::string_view> words = text::tokens(element.get("value"));
-  if (words.size() != 1 || words[0].find(':') != std::string_view::npos)
-    return element.error("a <spectrum> of wavelengths is not supported yet")
-        .with_mend("write a single value, or <rgb name=... value=\"r, g, b\"/>");
-  CANDELA_ASSIGN(const double value, number(element, words[0]));
-  return Rgb{{value, value, value}};
-}
-
 Result<Mat4> matrix(const Element& element, bool two_dimensional) {
   CANDELA_TRY(element.expect({"value"}));
   const std::vector<std::string_view> words = text::tokens(element.get("value"));
@@ -207,10 +190,7 @@ bool is_transform_operation(std::string_view name) {
 Result<Property> parse_value(const Element& element) {
   Property property;
   property.where = element.where;
-  if (element.name == "spectrum") {
-    property.type = PropertyType::rgb;
-    CANDELA_ASSIGN(property.value, spectrum(element));
-  } else if (element.name == "point" || element.name == "vector") {
+  if (element.name == "point" || element.name == "vector") {
     if (element.find("value") != nullptr) {
       CANDELA_TRY(element.expect({"name", "value"}, {"x", "y", "z"}));
     } else {

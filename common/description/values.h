@@ -28,8 +28,7 @@ struct Element {
   Error error(std::string message) const;  // at this element
 };
 
-bool is_value_element(
-    std::string_view name);  // boolean, integer, float, string, point, vector, rgb, srgb, spectrum
+bool is_value_element(std::string_view name);  // boolean, integer, float, string, point, vector, rgb, srgb
 bool is_transform_operation(std::string_view name);  // translate, rotate, scale, lookat, matrix
 
 // A property; its name as written.

@@ -20,6 +20,7 @@ std::vector<PluginRule> make_table() {
   rules::add_bsdfs(table);
   rules::add_emitters(table);
   rules::add_textures(table);
+  rules::add_spectra(table);
   rules::add_media(table);
   return table;
 }

@@ -95,12 +95,12 @@ const std::vector<MitsubaNames>& mitsuba_names() {
        {"spot", "collimated", "directionalarea", "projector", "sunsky", "sun", "sky", "timed_sunsky",
         "volumelight"}},
       {"texture", {"mesh_attribute", "volume", "gridtexture", "vertexcolors", "wireframe", "curvature"}},
+      {"spectrum", {"rawconstant"}},
   };
   return names;
 }
 
-constexpr std::array<std::string_view, 5> later_categories = {"medium", "phase", "volume", "subsurface",
-                                                              "spectrum"};
+constexpr std::array<std::string_view, 4> later_categories = {"medium", "phase", "volume", "subsurface"};
 
 // ---- indices of refraction ----
 

@@ -149,7 +149,6 @@ TEST(DescriptionScenes, Colours) {
   };
   EXPECT_EQ(colour("<rgb name='radiance' value='1, 2 3e2'/>"), (Vec3{1, 2, 300}));
   EXPECT_EQ(colour("<rgb name='radiance' value='+4'/>"), (Vec3{4, 4, 4}));
-  EXPECT_EQ(colour("<spectrum name='radiance' value='5'/>"), (Vec3{5, 5, 5}));
   EXPECT_EQ(colour("<float name='radiance' value='6'/>"), (Vec3{6, 6, 6}));
   const Vec3 hex = colour("<rgb name='radiance' value='#ff8000'/>");
   EXPECT_NEAR(hex[0], 1, 1e-15);
@@ -209,7 +208,7 @@ TEST(DescriptionScenes, OldSpellingEqualsNew) {
       <boolean name="face_normals" value="true"/><boolean name="flip_normals" value="true"/><ref id="d"/></shape>
     <shape type="sphere"><point name="center" x="1" y="2" z="3"/><ref id="g"/></shape>
     <emitter type="directional"><vector name="direction" x="0" y="-1" z="0"/><float name="sampling_weight" value="2"/>
-      <spectrum name="irradiance" value="3"/></emitter></scene>)";
+      <rgb name="irradiance" value="3"/></emitter></scene>)";
   const auto old_scene = parse_text(old_spelling);
   const auto new_scene = parse_text(new_spelling);
   ASSERT_TRUE(old_scene.ok()) << outcome(old_scene);

@@ -1,0 +1,74 @@
+// Spectra, from Mitsuba's documentation. They become linear Rec.709 when the scene is read.
+#include "common/description/rules.h"
+
+namespace candela::description::rules {
+
+void add_spectra(std::vector<PluginRule>& table) {
+  const auto bound = [](std::string_view name, std::string_view doc) {
+    return PropertyRule{.name = name, .types = {number}, .doc = doc, .minimum = 0};
+  };
+  const auto unused = [](std::string_view name) {
+    return ignored(name, {number}, "a flat spectrum is a colour here, as in Mitsuba's RGB variants");
+  };
+  const auto color = [](bool required, std::string_view doc) {
+    return PropertyRule{.name = "color", .types = {rgb}, .required = required, .doc = doc, .minimum = 0};
+  };
+  table.push_back(
+      {.category = "spectrum",
+       .name = "uniform",
+       .properties = {{.name = "value", .types = {number}, .doc = "of all components (default 1)"},
+                      unused("wavelength_min"),
+                      unused("wavelength_max")},
+       .child_categories = {},
+       .doc = "the same value at all wavelengths, taken for the colour v, v, v"});
+  table.push_back(
+      {.category = "spectrum",
+       .name = "irregular",
+       .properties =
+           {{.name = "wavelengths",
+             .types = {string},
+             .required = true,
+             .doc = "nanometres, increasing, two or more"},
+            {.name = "values", .types = {string}, .required = true, .doc = "one for each wavelength"}},
+       .child_categories = {},
+       .doc = "values at given wavelengths, linear between them, zero outside"});
+  table.push_back(
+      {.category = "spectrum",
+       .name = "regular",
+       .properties = {bound("wavelength_min", "nanometres of the first value (default 360)"),
+                      bound("wavelength_max", "nanometres of the last value (default 830)"),
+                      {.name = "values", .types = {string}, .required = true, .doc = "two or more"}},
+       .child_categories = {},
+       .doc = "values at even distances, linear between them, zero outside"});
+  table.push_back(
+      {.category = "spectrum",
+       .name = "blackbody",
+       .properties = {{.name = "temperature",
+                       .types = {number},
+                       .required = true,
+                       .doc = "kelvins",
+                       .minimum = 0,
+                       .maximum = 1e9,
+                       .above_minimum = true},
+                      bound("wavelength_min", "nanometres; no light below (default 360)"),
+                      bound("wavelength_max", "nanometres; no light above (default 830)")},
+       .child_categories = {},
+       .doc =
+           "Planck's law in W/(m^2 sr nm), for emitters; Mitsuba has it in its spectral variants alone, and "
+           "the colour here is the one those show"});
+  for (const std::string_view name : {"rgb", "srgb"})
+    table.push_back({.category = "spectrum",
+                     .name = name,
+                     .properties = {color(true, "linear Rec.709")},
+                     .child_categories = {},
+                     .doc = "a colour"});
+  table.push_back(
+      {.category = "spectrum",
+       .name = "d65",
+       .properties = {color(false, "factor, linear Rec.709 (default 1)"),
+                      {.name = "scale", .types = {number}, .doc = "factor (default 1)", .minimum = 0}},
+       .child_categories = {},
+       .doc = "the white of Rec.709"});
+}
+
+}  // namespace candela::description::rules
