@@ -41,7 +41,9 @@ class Recorder {
     rays_.push_back({ray, true});
     return scene_.occluded(ray);
   }
-  scene::Closure closure(const scene::SurfaceHit& hit, Vec3 wo) const { return scene_.closure(hit, wo); }
+  scene::Closure closure(const scene::SurfaceHit& hit, Vec3 wo, scene::ClosureArena& arena) const {
+    return scene_.closure(hit, wo, arena);
+  }
   Spectrum emitted(const scene::SurfaceHit& hit, Vec3 wo) const { return scene_.emitted(hit, wo); }
   Spectrum environment(Vec3 d) const { return scene_.environment(d); }
   bool sample_direct(const scene::SurfaceHit& reference, Vec3 front, float u_select, Vec2 u,

@@ -40,6 +40,19 @@ TEST(DescriptionErrors, Table) {
   }
 }
 
+// Claim: what Mitsuba has and Candela lacks is refused by name, with what there is instead.
+TEST(DescriptionErrors, RefusedByName) {
+  for (const auto& [body, start] :
+       {std::pair{"<bsdf type='irawan'/>",
+                  "scene.xml:2: bsdf 'irawan' is not supported yet (there is 'diffuse'"},
+        std::pair{"<shape type='zzzzzzzz'/>", "scene.xml:2: unknown shape 'zzzzzzzz' (there is 'obj'"},
+        std::pair{"<shape type='hair'/>",
+                  "scene.xml:2: shape 'hair' is not supported yet (there is 'obj'"}}) {
+    const std::string text = outcome(parse_text(file_of(body), {}, {}));
+    EXPECT_TRUE(text.starts_with(start)) << text;
+  }
+}
+
 // Claim: includes that double at every level end at the bounds, quickly.
 TEST(DescriptionErrors, ExplodingIncludesEnd) {
   std::map<std::string, std::string> files;

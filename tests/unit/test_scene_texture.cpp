@@ -321,17 +321,24 @@ TEST(BsdfBuild, ParametersAndSides) {
   hit.shading = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   const auto one = Bsdf::build(*object("bsdf", "diffuse", {rgb("reflectance", 0.1, 0.2, 0.3)}), store);
   ASSERT_TRUE(one.ok());
-  EXPECT_FALSE(one->prepare(hit, {0, 0, 1}).black);
-  EXPECT_TRUE(one->prepare(hit, {0, 0, -1}).black);
-  EXPECT_FALSE(one->two_sided() || one->any_delta() || one->transmissive() || one->black());
+  ClosureArena arena;
+  const auto prepared = [&](const Bsdf& bsdf, Vec3 wo) {
+    Closure closure;
+    bsdf.prepare(hit, wo, arena, closure);
+    return closure;
+  };
+  EXPECT_FALSE(prepared(*one, {0, 0, 1}).black);
+  EXPECT_TRUE(prepared(*one, {0, 0, -1}).black);
+  const BsdfFacts plain = one->facts();
+  EXPECT_FALSE(plain.two_sided || plain.delta || plain.transmissive || plain.black());
 
   auto both = object("bsdf", "twosided", {});
   both->children.push_back({"", object("bsdf", "diffuse", {rgb("reflectance", 0.1, 0.2, 0.3)})});
   both->children.push_back({"", object("bsdf", "roughconductor", {number("alpha", 0)})});
   const auto two = Bsdf::build(*both, store);
   ASSERT_TRUE(two.ok());
-  EXPECT_EQ(two->prepare(hit, {0, 0, 1}).kind, BsdfKind::diffuse);
-  const Closure back = two->prepare(hit, {0, 0, -1});
+  EXPECT_EQ(prepared(*two, {0, 0, 1}).kind, BsdfKind::diffuse);
+  const Closure back = prepared(*two, {0, 0, -1});
   EXPECT_EQ(back.kind, BsdfKind::roughconductor);
   EXPECT_TRUE(back.flipped);
   EXPECT_EQ(back.rough_conductor.alpha_u, 1e-4f);  // Mitsuba's floor
@@ -339,8 +346,32 @@ TEST(BsdfBuild, ParametersAndSides) {
 
   const auto water = Bsdf::build(*object("bsdf", "dielectric", {}), store);
   ASSERT_TRUE(water.ok());
-  EXPECT_NEAR(water->prepare(hit, {0, 0, -1}).dielectric.eta, 1.5046 / 1.000277, 1e-6);
-  EXPECT_TRUE(water->any_delta() && water->all_delta() && water->transmissive());
+  EXPECT_NEAR(prepared(*water, {0, 0, -1}).dielectric.eta, 1.5046 / 1.000277, 1e-6);
+  const BsdfFacts wet = water->facts();
+  EXPECT_TRUE(wet.delta && !wet.smooth && wet.transmissive);
+
+  // A mask lets through what its opacity leaves; a blend is the weighted mean of its parts.
+  auto leaf = object("bsdf", "mask", {number("opacity", 0.25)});
+  leaf->children.push_back({"", both});
+  const auto masked = Bsdf::build(*leaf, store);
+  ASSERT_TRUE(masked.ok());
+  const Closure behind = prepared(*masked, {0, 0, -1});
+  EXPECT_EQ(behind.straight({0, 0, -1}).g, 0.75f);
+  EXPECT_FALSE(behind.purely_delta());
+  const BsdfFacts holed = masked->facts();
+  EXPECT_TRUE(holed.straight && holed.smooth && holed.two_sided && !holed.transmissive);
+  auto mixed = object("bsdf", "blendbsdf", {number("weight", 0.25)});
+  mixed->children.push_back({"", object("bsdf", "diffuse", {rgb("reflectance", 1, 0, 0)})});
+  mixed->children.push_back({"", object("bsdf", "diffuse", {rgb("reflectance", 0, 1, 0)})});
+  const auto blend = Bsdf::build(*mixed, store);
+  ASSERT_TRUE(blend.ok());
+  const Spectrum f = prepared(*blend, {0, 0, 1}).eval({0, 0, 1}, {0, 0, 1}, TransportMode::radiance);
+  EXPECT_NEAR(f.r / f.g, 3, 1e-5);
+  EXPECT_NEAR(f.r + f.g, 1 / 3.14159265f, 1e-6);
+  mixed->children.pop_back();
+  fails(mixed, "blendbsdf holds 2 bsdfs");
+  leaf->properties = {number("opacity", 1.5)};
+  fails(leaf, "opacity");
 }
 
 std::shared_ptr<Object> envmap(std::vector<Property> more = {}) {

@@ -1,6 +1,7 @@
 // Bsdfs as the transport layer sees them. A Bsdf belongs to the scene; at a hit it is prepared into a Closure
 // (textures looked up, two-sidedness resolved), which is what gets sampled and evaluated, several times,
-// without looking at the scene again. Kinds are a closed set dispatched by switch.
+// without looking at the scene again. Kinds are a closed set dispatched by switch. Composite kinds (blends,
+// bump maps) refer to further closures in a ClosureArena; a scene without them never touches the arena.
 //
 // All directions are in the local shading frame (z = shading normal), unit, pointing away from the surface.
 // wo: towards where the walk came from; wi: where it goes on (sampled). In radiance mode wo points to the eye
@@ -8,6 +9,7 @@
 #pragma once
 
 #include <cstdint>
+#include <new>
 
 #include "worker/core/vec.h"
 
@@ -20,14 +22,37 @@ enum class TransportMode : std::uint8_t { radiance, importance };
 struct BsdfSample {
   Vec3 wi;
   Spectrum weight;            // f |cos theta_i| / pdf, or for delta lobes attenuation / prob
-  float pdf_solid_angle = 0;  // of wi; meaningless where delta
+  float pdf_solid_angle = 0;  // of wi, over all lobes that are not delta; meaningless where delta
+  float prob = 1;             // of a delta lobe: the discrete probability of its choice,
+  float prob_reverse = 1;     // and of the same choice by a walk that comes along wi and leaves along wo
   bool delta = false;
   bool transmitted = false;
+  bool straight =
+      false;      // the delta lobe along -wo that passes as if nothing were there; implies transmitted
   float eta = 1;  // relative index along wi's side over wo's side: for Russian roulette's radiance scale; 1
                   // for reflection
 };
 
-enum class BsdfKind : std::uint8_t { diffuse, dielectric, conductor, roughconductor };
+enum class BsdfKind : std::uint8_t {
+  diffuse,
+  dielectric,
+  conductor,
+  roughconductor,
+  null,
+  // Composite ones.
+  blend,
+  perturbed
+};
+constexpr std::uint32_t bit(BsdfKind kind) {
+  return 1u << static_cast<unsigned>(kind);
+}
+// Kinds of delta lobes alone; kinds whose sample() reads u_lobe.
+inline constexpr std::uint32_t kDeltaKinds =
+    bit(BsdfKind::dielectric) | bit(BsdfKind::conductor) | bit(BsdfKind::null);
+inline constexpr std::uint32_t kLobeKinds = bit(BsdfKind::dielectric) | bit(BsdfKind::blend);
+inline constexpr std::uint32_t kCompositeKinds = bit(BsdfKind::blend) | bit(BsdfKind::perturbed);
+
+class Closure;
 
 struct DiffuseParameters {
   Spectrum reflectance;
@@ -46,6 +71,18 @@ struct RoughConductorParameters {
   bool sample_visible;
 };
 
+// (1 - weight) of `first`, weight of `second`. A mask is a blend of nothing and its bsdf by opacity.
+struct BlendParameters {
+  const Closure* first;
+  const Closure* second;
+  float weight;
+};
+// The nested bsdf in a shading frame turned by a bump or normal map; `frame` is in the local frame.
+struct PerturbedParameters {
+  const Closure* nested;
+  Frame frame;
+};
+
 class Closure {
  public:
   Closure() : diffuse() {}
@@ -58,6 +95,8 @@ class Closure {
     DielectricParameters dielectric;
     ConductorParameters conductor;
     RoughConductorParameters rough_conductor;
+    BlendParameters blend;
+    PerturbedParameters perturbed;
   };
 
   // f |cos theta_i|; zero for delta lobes.
@@ -68,10 +107,33 @@ class Closure {
   Spectrum eval_pdf(Vec3 wo, Vec3 wi, TransportMode mode, float& pdf_solid_angle) const;
   // False: absorbed or no valid direction.
   bool sample(Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out) const;
+  // The fraction of the light along -wo that goes on straight, as if there were no surface: what a sample
+  // with `straight` stands for. Light sources are seen through it by next event estimation.
+  Spectrum straight(Vec3 wo) const;
   // sample() reads u_lobe.
-  bool chooses_lobe() const { return kind == BsdfKind::dielectric; }
+  bool chooses_lobe() const {
+    return (kLobeKinds & bit(kind)) != 0 || (kind == BsdfKind::perturbed && perturbed.nested->chooses_lobe());
+  }
   // Only delta lobes: next event estimation is pointless.
-  bool purely_delta() const { return kind == BsdfKind::dielectric || kind == BsdfKind::conductor; }
+  bool purely_delta() const {
+    return (kDeltaKinds & bit(kind)) != 0 || ((kCompositeKinds & bit(kind)) != 0 && parts_purely_delta());
+  }
+
+ private:
+  bool parts_purely_delta() const;
+};
+
+// Room for the parts of the composite closures at one hit. Bsdf::build sees to it that no bsdf needs more.
+class ClosureArena {
+ public:
+  static constexpr std::uint32_t kParts = 24;
+  ClosureArena() : used_(0) {}  // the room itself stays as it is: nobody pays for what is not used
+  void clear() { used_ = 0; }
+  Closure& make() { return *new (room_ + sizeof(Closure) * used_++) Closure; }
+
+ private:
+  alignas(Closure) unsigned char room_[kParts * sizeof(Closure)];
+  std::uint32_t used_;
 };
 
 }  // namespace candela::scene

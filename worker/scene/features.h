@@ -12,13 +12,14 @@ struct SceneFeatures {
   std::uint32_t spheres = 0, disks = 0, cylinders = 0;
   std::uint32_t shapes = 0;
   std::map<std::string, std::uint32_t>
-      bsdf_kinds;  // kind -> number of shapes wearing it (inside of twosided)
+      bsdf_kinds;  // kind -> number of shapes wearing it (inside of composites)
   std::map<std::string, std::uint32_t> emitter_kinds;  // kind -> number
   std::uint32_t textures = 0;
   bool any_delta_bsdf = false;
   bool all_bsdfs_delta = false;
   bool any_rough_glossy = false;  // roughness below 0.2
   bool any_transmission = false;
+  bool any_straight = false;       // some surface lets light pass straight on: null, mask, thin glass
   bool any_environment = false;    // constant or envmap
   bool any_delta_emitter = false;  // point, directional
   bool any_area_emitter = false;

@@ -19,7 +19,9 @@ struct SurfaceHit {
   std::uint32_t primitive = kNone;
   std::uint32_t bsdf = kNone;
   std::uint32_t emitter = kNone;  // index of the area emitter here
-  float error = 0;                // absolute position error bound of p: offsets of new rays follow it
+  // Derivatives of p by u and v; only where the bsdf reads them (ShapeRecord::reads_partials).
+  Vec3 dp_du, dp_dv;
+  float error = 0;  // absolute position error bound of p: offsets of new rays follow it
 };
 
 // A ray leaving the surface at `hit` in direction `d` (unit), its origin moved off the surface along ng, to

@@ -52,8 +52,10 @@ bool Scene::occluded(const Ray& ray) const {
   return impl_->accel->occluded(ray);
 }
 
-Closure Scene::closure(const SurfaceHit& hit, Vec3 wo_world) const {
-  return impl_->bsdfs[hit.bsdf].prepare(hit, wo_world);
+Closure Scene::closure(const SurfaceHit& hit, Vec3 wo, ClosureArena& arena) const {
+  Closure closure;
+  impl_->bsdfs[hit.bsdf].prepare(hit, wo, arena, closure);
+  return closure;
 }
 
 Spectrum Scene::emitted(const SurfaceHit& hit, Vec3 wo_world) const {

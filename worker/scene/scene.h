@@ -31,9 +31,10 @@ class Scene {
   bool intersect(const Ray& ray, SurfaceHit& hit) const;
   bool occluded(const Ray& ray) const;
 
-  // The bsdf at a hit, textures looked up, for a walk that arrived against `wo` (world, towards where it came
-  // from).
-  Closure closure(const SurfaceHit& hit, Vec3 wo_world) const;
+  // The bsdf at a hit, textures looked up, for a walk that arrived against `wo` (in the shading frame,
+  // towards where it came from). Parts of composite bsdfs are in the arena, which the caller clears between
+  // hits.
+  Closure closure(const SurfaceHit& hit, Vec3 wo, ClosureArena& arena) const;
 
   // Radiance the surface at `hit` emits towards wo (unit, world); black where it is no emitter or wo is
   // behind it.

@@ -70,14 +70,17 @@ Result<std::uint32_t> SceneBuilder::bsdf_of(const description::Object& shape, bo
 }
 
 void SceneBuilder::count_bsdf(const Bsdf& bsdf) {
-  ++features_.bsdf_kinds[std::string(Bsdf::kind_name(bsdf.kind()))];
-  if (bsdf.back_kind() != bsdf.kind()) ++features_.bsdf_kinds[std::string(Bsdf::kind_name(bsdf.back_kind()))];
-  features_.any_delta_bsdf |= bsdf.any_delta();
-  all_delta_ = all_delta_ && bsdf.all_delta();
-  features_.any_rough_glossy |= !bsdf.any_delta() && bsdf.min_roughness() < 0.2f;
-  features_.any_transmission |= bsdf.transmissive();
-  features_.any_black_bsdf |= bsdf.black();
-  features_.any_two_sided |= bsdf.two_sided();
+  std::vector<std::string> plugins;
+  bsdf.collect_plugins(plugins);
+  for (const std::string& plugin : plugins) ++features_.bsdf_kinds[plugin];
+  const BsdfFacts facts = bsdf.facts();
+  features_.any_delta_bsdf |= facts.delta;
+  all_delta_ = all_delta_ && !facts.smooth;
+  features_.any_rough_glossy |= !facts.delta && facts.min_roughness < 0.2f;
+  features_.any_transmission |= facts.transmissive;
+  features_.any_straight |= facts.straight;
+  features_.any_black_bsdf |= facts.black();
+  features_.any_two_sided |= facts.two_sided;
 }
 
 Result<void> SceneBuilder::shape(const description::Object& object) {
@@ -90,6 +93,7 @@ Result<void> SceneBuilder::shape(const description::Object& object) {
   ShapeRecord record;
   CANDELA_ASSIGN(record.bsdf, bsdf_of(object, !emitters.empty()));
   record.reads_uv = reads_uv(object);
+  record.reads_partials = bsdfs_[record.bsdf].facts().reads_partials;
   CANDELA_ASSIGN(Shape shape, build_shape(object, files_));
   if (shape.dropped_count > 0) {
     log::warn(object.where.file + ":" + std::to_string(object.where.line) + ": left out " +

@@ -69,7 +69,8 @@ Spectrum radiance(const SceneT& scene, const Limits& limits, Ray ray, samplers::
   float eta_scale = 1;  // squared relative index since the camera: undoes radiance's 1/eta^2 for the roulette
   bool previous_delta = true;  // the camera cannot be sampled from a light
   float previous_pdf_solid_angle = 0;
-  SurfaceHit hits[2];             // the edge's end and its start, in turn
+  SurfaceHit hits[2];  // the edge's end and its start, in turn
+  scene::ClosureArena arena;
   Vec3 front;                     // the previous vertex's shading normal, on the viewer's side
   std::uint32_t scatterings = 0;  // vertices so far that are not specular
   std::uint64_t rays = 0;
@@ -113,9 +114,10 @@ Spectrum radiance(const SceneT& scene, const Limits& limits, Ray ray, samplers::
     }
     if (depth == limits.max_depth) break;
 
-    const Closure closure = scene.closure(hit, wo_world);
-    if (closure.black) break;
     const Vec3 wo = hit.shading.to_local(wo_world);
+    arena.clear();
+    const Closure closure = scene.closure(hit, wo, arena);
+    if (closure.black) break;
     front = wo.z < 0 ? -hit.shading.n : hit.shading.n;
     const std::uint32_t block = kCameraDimensions + (depth - 1) * kBlock;
     const bool stratified = scatterings < kStratifiedVertices;

@@ -2,243 +2,229 @@
 #include "worker/scene/bsdfs/bsdf_build.h"
 
 #include <algorithm>
-#include <cmath>
+#include <type_traits>
+#include <utility>
+
+#include "worker/scene/bsdfs/surface_support.h"
 
 namespace candela::scene {
 namespace {
 
-Error located(std::string message, const description::Object& object, std::string_view property) {
-  description::Location where = object.where;
-  if (const description::Property* p = object.find(property)) where = p->where;
-  if (const description::Child* c = object.find_child(property)) where = c->object->where;
-  return input_error(std::move(message)).at(where.file, where.line).with_field(std::string(property));
-}
+constexpr int kMaxNesting = 8;
 
-std::string shown(float v) {
-  std::string text = std::to_string(v);
-  text.erase(text.find_last_not_of('0') + 1);
-  if (text.back() == '.') text.pop_back();
-  return text;
-}
-
-// A colour between 0 and 1: more would make light.
-Result<ColorTexture> reflectance(const description::Object& object, TextureStore& textures,
-                                 std::string_view name, float otherwise) {
-  CANDELA_ASSIGN(ColorTexture color, textures.color(object, name, Spectrum(otherwise)));
-  const float most = color.maximum().max_component();
-  if (most > 1) {
-    return located("the largest value is " + shown(most) +
-                       "; a surface cannot reflect or pass more than 1 of the light",
-                   object, name)
-        .with_mend("scale it into [0, 1]");
+// The children of a composite, which needs `least` to `most` of them.
+Result<std::vector<description::ObjectPtr>> parts(const description::Object& object, std::size_t least,
+                                                  std::size_t most) {
+  auto children = object.children_of("bsdf");
+  if (children.size() < least || children.size() > most) {
+    const std::string wanted =
+        least == most ? std::to_string(least) : std::to_string(least) + " or " + std::to_string(most);
+    return located(object.plugin + " holds " + wanted + " bsdfs; here are " + std::to_string(children.size()),
+                   object, "");
   }
-  return color;
+  return children;
 }
 
-Result<FloatTexture> roughness(const description::Object& object, TextureStore& textures,
-                               std::string_view name) {
-  CANDELA_ASSIGN(FloatTexture alpha, textures.number(object, name, 0.1f));
-  if (alpha.minimum() < 0) return located("roughness is not negative", object, name);
-  return alpha;
+// A weight between 0 and 1.
+Result<FloatTexture> fraction(const description::Object& object, TextureStore& textures,
+                              std::string_view name, float otherwise) {
+  CANDELA_ASSIGN(FloatTexture value, textures.number(object, name, otherwise));
+  if (value.is_constant() && !(value.constant >= 0 && value.constant <= 1)) {
+    return located(std::string(name) + " lies between 0 and 1, not at " + shown(value.constant), object,
+                   name);
+  }
+  return value;
+}
+
+float clamped(float v) {
+  return std::clamp(v, 0.0f, 1.0f);
 }
 
 }  // namespace
 
-bool Bsdf::Side::black() const {
-  const bool none = reflectance.maximum().is_black();
-  return kind == BsdfKind::dielectric ? none && transmittance.maximum().is_black() : none;
+Result<Bsdf> Bsdf::build(const description::Object& object, TextureStore& textures) {
+  CANDELA_ASSIGN(Bsdf bsdf, build_at_depth(object, textures, 0));
+  if (bsdf.arena_parts() > ClosureArena::kParts) {
+    return located("the bsdf is made of too many parts; up to " + std::to_string(ClosureArena::kParts) +
+                       " are supported",
+                   object, "");
+  }
+  return bsdf;
 }
 
-Result<Bsdf::Side> Bsdf::build_side(const description::Object& object, TextureStore& textures) {
-  Side side;
+Result<Bsdf> Bsdf::build_at_depth(const description::Object& object, TextureStore& textures, int depth) {
+  if (depth > kMaxNesting) return located("bsdfs are nested more than 8 deep", object, "");
+  Bsdf bsdf;
+  bsdf.plugin_ = object.plugin;
+  const auto plain = [&](auto surface) -> Result<Bsdf> {
+    CANDELA_TRY(surface.build(object, textures));
+    bsdf.surface_ = std::move(surface);
+    return std::move(bsdf);
+  };
   const std::string& plugin = object.plugin;
-  if (plugin == "diffuse") {
-    side.kind = BsdfKind::diffuse;
-    CANDELA_ASSIGN(side.reflectance, reflectance(object, textures, "reflectance", 0.5f));
-    return side;
+  if (plugin == "diffuse") return plain(DiffuseSurface());
+  if (plugin == "dielectric") return plain(DielectricSurface());
+  if (plugin == "conductor") return plain(ConductorSurface());
+  if (plugin == "roughconductor") return plain(RoughConductorSurface());
+  if (plugin == "null") return plain(NullSurface());
+  if (plugin == "twosided") {
+    CANDELA_TRY(bsdf.build_two_sided(object, textures, depth));
+    return bsdf;
   }
-  if (plugin == "dielectric") {
-    side.kind = BsdfKind::dielectric;
-    CANDELA_ASSIGN(side.reflectance, reflectance(object, textures, "specular_reflectance", 1));
-    CANDELA_ASSIGN(side.transmittance, reflectance(object, textures, "specular_transmittance", 1));
-    const double inside = object.get_number("int_ior", 1.5046);     // bk7
-    const double outside = object.get_number("ext_ior", 1.000277);  // air
-    if (!(inside > 0)) return located("an index of refraction is above 0", object, "int_ior");
-    if (!(outside > 0)) return located("an index of refraction is above 0", object, "ext_ior");
-    side.relative_eta = static_cast<float>(inside / outside);
-    if (!(side.relative_eta >= 1e-3f && side.relative_eta <= 1e3f)) {
-      return located(
-          "int_ior over ext_ior is " + shown(side.relative_eta) + "; from 0.001 to 1000 is supported", object,
-          "int_ior");
-    }
-    return side;
+  if (plugin == "blendbsdf") {
+    CANDELA_TRY(bsdf.build_blend(object, textures, depth));
+    return bsdf;
   }
-  if (plugin == "conductor" || plugin == "roughconductor") {
-    side.kind = plugin == "conductor" ? BsdfKind::conductor : BsdfKind::roughconductor;
-    CANDELA_ASSIGN(side.reflectance, reflectance(object, textures, "specular_reflectance", 1));
-    const std::string material = object.get_string("material", "none");
-    if (material != "none") {
-      return located("the named material '" + material + "' is not supported", object, "material")
-          .with_mend("give eta and k as rgb");
-    }
-    // Without eta and k: a mirror that reflects all.
-    CANDELA_ASSIGN(side.eta, textures.color(object, "eta", Spectrum(0)));
-    CANDELA_ASSIGN(side.k, textures.color(object, "k", Spectrum(1)));
-    for (const auto& [name, value] : {std::pair{"eta", side.eta}, std::pair{"k", side.k}}) {
-      if (value.maximum().max_component() > 1e6f)
-        return located("values up to 1e6 are supported", object, name);
-    }
-    if (side.kind == BsdfKind::conductor) return side;
-
-    const std::string distribution = object.get_string("distribution", "beckmann");
-    if (distribution != "beckmann" && distribution != "ggx") {
-      return located("unknown distribution '" + distribution + "'; known: beckmann, ggx", object,
-                     "distribution");
-    }
-    side.ggx = distribution == "ggx";
-    side.sample_visible = object.get_bool("sample_visible", true);
-    const auto given = [&](std::string_view name) {
-      return object.find(name) != nullptr || object.find_child(name) != nullptr;
-    };
-    if (given("alpha_u") != given("alpha_v")) {
-      return located("alpha_u and alpha_v go together", object, given("alpha_u") ? "alpha_u" : "alpha_v")
-          .with_mend("give both, or alpha alone");
-    }
-    if (given("alpha_u") && given("alpha")) {
-      return located("alpha excludes alpha_u and alpha_v", object, "alpha").with_mend("give either");
-    }
-    const bool anisotropic = given("alpha_u");
-    CANDELA_ASSIGN(side.alpha_u, roughness(object, textures, anisotropic ? "alpha_u" : "alpha"));
-    CANDELA_ASSIGN(side.alpha_v, roughness(object, textures, anisotropic ? "alpha_v" : "alpha"));
-    return side;
+  if (plugin == "mask") {
+    CANDELA_TRY(bsdf.build_mask(object, textures, depth));
+    return bsdf;
   }
   return located("the bsdf plugin '" + plugin + "' is not supported", object, "");
 }
 
-Result<Bsdf> Bsdf::build(const description::Object& object, TextureStore& textures) {
-  Bsdf bsdf;
-  if (object.plugin != "twosided") {
-    CANDELA_ASSIGN(Side side, build_side(object, textures));
-    bsdf.sides_.push_back(std::move(side));
-    return bsdf;
-  }
-  bsdf.two_sided_ = true;
-  for (const auto& child : object.children_of("bsdf")) {
+Result<std::unique_ptr<Bsdf>> Bsdf::build_part(const description::Object& object, TextureStore& textures,
+                                               int depth) {
+  CANDELA_ASSIGN(Bsdf part, build_at_depth(object, textures, depth + 1));
+  return std::make_unique<Bsdf>(std::move(part));
+}
+
+Result<void> Bsdf::build_two_sided(const description::Object& object, TextureStore& textures, int depth) {
+  CANDELA_ASSIGN(const auto children, parts(object, 1, 2));
+  TwoSided sides;
+  for (const auto& child : children) {
     if (child->plugin == "twosided") return located("twosided holds one-sided bsdfs", *child, "");
-    if (child->plugin == "dielectric") {
-      return located("twosided holds bsdfs that let no light through; dielectric does", *child, "")
-          .with_mend("use the dielectric alone: it has two sides already");
+    CANDELA_ASSIGN(std::unique_ptr<Bsdf> side, build_part(*child, textures, depth));
+    const BsdfFacts facts = side->facts();
+    if (facts.two_sided) return located("twosided holds one-sided bsdfs", *child, "");
+    if (facts.transmissive || facts.straight) {
+      return located("twosided holds bsdfs that let no light through; " + child->plugin + " does", *child, "")
+          .with_mend("use the " + child->plugin + " alone: it has two sides already");
     }
-    CANDELA_ASSIGN(Side side, build_side(*child, textures));
-    bsdf.sides_.push_back(std::move(side));
+    (sides.front == nullptr ? sides.front : sides.back) = std::move(side);
   }
-  if (bsdf.sides_.empty() || bsdf.sides_.size() > 2) {
-    return located(
-        "twosided holds one bsdf, or two (front and back); here are " + std::to_string(bsdf.sides_.size()),
-        object, "");
-  }
-  return bsdf;
+  surface_ = std::move(sides);
+  return {};
+}
+
+Result<void> Bsdf::build_blend(const description::Object& object, TextureStore& textures, int depth) {
+  CANDELA_ASSIGN(const auto children, parts(object, 2, 2));
+  Blend blend;
+  CANDELA_ASSIGN(blend.first, build_part(*children[0], textures, depth));
+  CANDELA_ASSIGN(blend.second, build_part(*children[1], textures, depth));
+  CANDELA_ASSIGN(blend.weight, fraction(object, textures, "weight", 0.5f));
+  surface_ = std::move(blend);
+  return {};
+}
+
+Result<void> Bsdf::build_mask(const description::Object& object, TextureStore& textures, int depth) {
+  CANDELA_ASSIGN(const auto children, parts(object, 1, 1));
+  Mask mask;
+  CANDELA_ASSIGN(mask.nested, build_part(*children[0], textures, depth));
+  CANDELA_ASSIGN(mask.opacity, fraction(object, textures, "opacity", 0.5f));
+  surface_ = std::move(mask);
+  return {};
 }
 
 Bsdf Bsdf::default_diffuse() {
   Bsdf bsdf;
-  Side side;
-  side.reflectance.constant = Spectrum(0.5f);
-  bsdf.sides_.push_back(side);
+  DiffuseSurface surface;
+  surface.reflectance.constant = Spectrum(0.5f);
+  bsdf.surface_ = surface;
   return bsdf;
 }
 
-Closure Bsdf::prepare(const SurfaceHit& hit, Vec3 wo_world) const {
-  Closure closure;
-  const Side* side = &sides_.front();
-  const bool behind = dot(wo_world, hit.shading.n) < 0;
-  closure.kind = side->kind;
-  if (behind && side->kind != BsdfKind::dielectric) {
-    if (!two_sided_) {
-      closure.black = true;
-      return closure;
-    }
-    side = &sides_.back();
-    closure.kind = side->kind;
-    closure.flipped = true;
-  }
-  const Spectrum reflectance = side->reflectance.eval(hit.uv);
-  closure.black = reflectance.is_black();
-  // Mitsuba's least roughness: below it the lobe is narrower than float directions resolve.
-  const auto alpha = [&](const FloatTexture& texture) { return std::max(1e-4f, texture.eval(hit.uv)); };
-  switch (side->kind) {
-    case BsdfKind::diffuse:
-      closure.diffuse = {reflectance};
-      break;
-    case BsdfKind::dielectric: {
-      const Spectrum transmittance = side->transmittance.eval(hit.uv);
-      closure.black = closure.black && transmittance.is_black();
-      closure.dielectric = {reflectance, transmittance, side->relative_eta};
-      break;
-    }
-    case BsdfKind::conductor:
-      closure.conductor = {reflectance, side->eta.eval(hit.uv), side->k.eval(hit.uv)};
-      break;
-    case BsdfKind::roughconductor:
-      closure.rough_conductor = {reflectance,          side->eta.eval(hit.uv), side->k.eval(hit.uv),
-                                 alpha(side->alpha_u), alpha(side->alpha_v),   side->ggx,
-                                 side->sample_visible};
-      break;
-  }
-  return closure;
+void Bsdf::prepare(const SurfaceHit& hit, Vec3 wo, ClosureArena& arena, Closure& out) const {
+  std::visit(
+      [&](const auto& surface) {
+        using S = std::decay_t<decltype(surface)>;
+        if constexpr (std::is_same_v<S, TwoSided>) {
+          const bool below = wo.z < 0;
+          surface.of(below).prepare(hit, below ? Vec3{wo.x, wo.y, -wo.z} : wo, arena, out);
+          out.flipped = below;
+        } else if constexpr (std::is_same_v<S, Blend>) {
+          Closure& first = arena.make();
+          Closure& second = arena.make();
+          surface.first->prepare(hit, wo, arena, first);
+          surface.second->prepare(hit, wo, arena, second);
+          out.kind = BsdfKind::blend;
+          out.blend = {&first, &second, clamped(surface.weight.eval(hit.uv))};
+          out.black = first.black && second.black;
+        } else if constexpr (std::is_same_v<S, Mask>) {
+          Closure& first = arena.make();
+          Closure& second = arena.make();
+          first.kind = BsdfKind::null;
+          surface.nested->prepare(hit, wo, arena, second);
+          out.kind = BsdfKind::blend;
+          out.blend = {&first, &second, clamped(surface.opacity.eval(hit.uv))};
+        } else {
+          surface.prepare(hit.uv, wo.z < 0, out);
+        }
+      },
+      surface_);
 }
 
-std::string_view Bsdf::kind_name(BsdfKind kind) {
-  switch (kind) {
-    case BsdfKind::diffuse:
-      return "diffuse";
-    case BsdfKind::dielectric:
-      return "dielectric";
-    case BsdfKind::conductor:
-      return "conductor";
-    case BsdfKind::roughconductor:
-      return "roughconductor";
-  }
-  return "";
+BsdfFacts Bsdf::facts() const {
+  return std::visit(
+      [](const auto& surface) -> BsdfFacts {
+        using S = std::decay_t<decltype(surface)>;
+        if constexpr (std::is_same_v<S, TwoSided>) {
+          BsdfFacts facts = surface.front->facts();
+          if (surface.back != nullptr) facts.join(surface.back->facts());
+          facts.two_sided = true;
+          return facts;
+        } else if constexpr (std::is_same_v<S, Blend>) {
+          BsdfFacts facts = surface.first->facts();
+          facts.join(surface.second->facts());
+          return facts;
+        } else if constexpr (std::is_same_v<S, Mask>) {
+          BsdfFacts facts = surface.nested->facts();
+          facts.join(NullSurface().facts());
+          return facts;
+        } else {
+          BsdfFacts facts = surface.facts();
+          // A surface that scatters nothing has no lobes.
+          if (facts.black()) facts.delta = facts.smooth = false;
+          return facts;
+        }
+      },
+      surface_);
 }
 
-namespace {
-bool is_delta(BsdfKind kind) {
-  return kind == BsdfKind::dielectric || kind == BsdfKind::conductor;
+void Bsdf::collect_plugins(std::vector<std::string>& names) const {
+  std::visit(
+      [&](const auto& surface) {
+        using S = std::decay_t<decltype(surface)>;
+        if constexpr (std::is_same_v<S, TwoSided>) {
+          surface.front->collect_plugins(names);
+          if (surface.back != nullptr) surface.back->collect_plugins(names);
+        } else if constexpr (std::is_same_v<S, Blend>) {
+          surface.first->collect_plugins(names);
+          surface.second->collect_plugins(names);
+        } else if constexpr (std::is_same_v<S, Mask>) {
+          surface.nested->collect_plugins(names);
+        }
+      },
+      surface_);
+  if (plugin_ != "twosided" && std::find(names.begin(), names.end(), plugin_) == names.end())
+    names.push_back(plugin_);
 }
-}  // namespace
 
-bool Bsdf::any_delta() const {
-  return std::any_of(sides_.begin(), sides_.end(),
-                     [](const Side& s) { return is_delta(s.kind) && !s.black(); });
-}
-bool Bsdf::all_delta() const {
-  return std::all_of(sides_.begin(), sides_.end(),
-                     [](const Side& s) { return is_delta(s.kind) || s.black(); });
-}
-bool Bsdf::transmissive() const {
-  return sides_.front().kind == BsdfKind::dielectric && !sides_.front().transmittance.maximum().is_black();
-}
-bool Bsdf::black() const {
-  return std::all_of(sides_.begin(), sides_.end(), [](const Side& s) { return s.black(); });
-}
-float Bsdf::max_albedo() const {
-  float most = 0;
-  for (const Side& s : sides_) {
-    most = std::max(most, s.reflectance.maximum().max_component());
-    if (s.kind == BsdfKind::dielectric) most = std::max(most, s.transmittance.maximum().max_component());
-  }
-  return most;
-}
-float Bsdf::min_roughness() const {
-  float least = 1;
-  for (const Side& s : sides_) {
-    if (is_delta(s.kind)) least = 0;
-    if (s.kind == BsdfKind::roughconductor) {
-      least = std::min(least, std::max(1e-4f, std::min(s.alpha_u.minimum(), s.alpha_v.minimum())));
-    }
-  }
-  return least;
+std::uint32_t Bsdf::arena_parts() const {
+  return std::visit(
+      [](const auto& surface) -> std::uint32_t {
+        using S = std::decay_t<decltype(surface)>;
+        if constexpr (std::is_same_v<S, TwoSided>) {
+          return std::max(surface.front->arena_parts(),
+                          surface.back != nullptr ? surface.back->arena_parts() : 0);
+        } else if constexpr (std::is_same_v<S, Blend>) {
+          return 2 + surface.first->arena_parts() + surface.second->arena_parts();
+        } else if constexpr (std::is_same_v<S, Mask>) {
+          return 2 + surface.nested->arena_parts();
+        } else {
+          return 0;
+        }
+      },
+      surface_);
 }
 
 }  // namespace candela::scene

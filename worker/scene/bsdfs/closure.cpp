@@ -1,14 +1,18 @@
 // Closure's dispatch over the kinds of bsdf. The kinds are inline, so one switch is all that a call costs.
+#include <algorithm>
+
 #include "worker/scene/bsdf.h"
+#include "worker/scene/bsdfs/blend.h"
 #include "worker/scene/bsdfs/conductor.h"
 #include "worker/scene/bsdfs/dielectric.h"
 #include "worker/scene/bsdfs/diffuse.h"
+#include "worker/scene/bsdfs/null.h"
+#include "worker/scene/bsdfs/perturbed.h"
 #include "worker/scene/bsdfs/roughconductor.h"
 
 namespace candela::scene {
 
 Spectrum Closure::eval_pdf(Vec3 wo, Vec3 wi, TransportMode mode, float& pdf) const {
-  static_cast<void>(mode);  // only refraction asks for it, and the refraction there is has delta lobes
   pdf = 0;
   if (black) return {};
   if (flipped) {
@@ -20,11 +24,41 @@ Spectrum Closure::eval_pdf(Vec3 wo, Vec3 wi, TransportMode mode, float& pdf) con
       return diffuse::eval_pdf(diffuse, wo, wi, pdf);
     case BsdfKind::roughconductor:
       return roughconductor::eval_pdf(rough_conductor, wo, wi, pdf);
+    case BsdfKind::blend:
+      return blend::eval_pdf(blend, wo, wi, mode, pdf);
+    case BsdfKind::perturbed:
+      return perturbed::eval_pdf(perturbed, wo, wi, mode, pdf);
     case BsdfKind::dielectric:
     case BsdfKind::conductor:
+    case BsdfKind::null:
       break;
   }
   return {};
+}
+
+Spectrum Closure::straight(Vec3 wo) const {
+  if (black) return {};
+  if (flipped) wo.z = -wo.z;
+  switch (kind) {
+    case BsdfKind::null:
+      return Spectrum(1);
+    case BsdfKind::blend:
+      return blend::straight(blend, wo);
+    case BsdfKind::perturbed:
+      return perturbed.nested->straight(perturbed.frame.to_local(wo));
+    case BsdfKind::diffuse:
+    case BsdfKind::dielectric:
+    case BsdfKind::conductor:
+    case BsdfKind::roughconductor:
+      break;
+  }
+  return {};
+}
+
+bool Closure::parts_purely_delta() const {
+  if (kind == BsdfKind::perturbed) return perturbed.nested->purely_delta();
+  const auto no_smooth_lobe = [](const Closure& part) { return part.black || part.purely_delta(); };
+  return no_smooth_lobe(*blend.first) && no_smooth_lobe(*blend.second);
 }
 
 Spectrum Closure::eval(Vec3 wo, Vec3 wi, TransportMode mode) const {
@@ -55,6 +89,15 @@ bool Closure::sample(Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSamp
       break;
     case BsdfKind::roughconductor:
       valid = roughconductor::sample(rough_conductor, wo, u, out);
+      break;
+    case BsdfKind::null:
+      valid = null::sample(wo, out);
+      break;
+    case BsdfKind::blend:
+      valid = blend::sample(blend, wo, u_lobe, u, mode, out);
+      break;
+    case BsdfKind::perturbed:
+      valid = perturbed::sample(perturbed, wo, u_lobe, u, mode, out);
       break;
   }
   if (valid && flipped) out.wi.z = -out.wi.z;

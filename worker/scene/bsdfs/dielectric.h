@@ -20,6 +20,8 @@ inline bool sample(const DielectricParameters& p, Vec3 wo, float u_lobe, Transpo
   if (!(r + t > 0)) return false;
   const float prob_reflect = r / (r + t);
   out.delta = true;
+  // Fresnel's reflectance is the same from both ends of either path.
+  out.prob = out.prob_reverse = u_lobe < prob_reflect ? prob_reflect : 1 - prob_reflect;
   if (u_lobe < prob_reflect) {
     out.wi = {-wo.x, -wo.y, wo.z};
     out.weight = p.reflectance * (fresnel / prob_reflect);
