@@ -39,7 +39,8 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
   add_text(app, "--seed", options.seed, "Seed; default: the scene's sampler's, else 0", "N");
   add_text(app, "--size", options.size, "Size of the image in pixels; default: the scene's film", "WxH");
   add_text(app, "--filter", options.filter,
-           "Pixel filter: box, tent or gaussian; default: the scene's rfilter", "NAME");
+           "Pixel filter: box, tent, gaussian, mitchell, catmullrom or lanczos; default: the scene's rfilter",
+           "NAME");
   add_text(app, "--sampler", options.sampler, "Sampler: sobol (default) or independent", "NAME");
   add_text(app, "--isa", options.isa,
            "Instruction set Embree may use: sse2, sse4.2, avx, avx2 (default) or avx512; part of what the "

@@ -15,7 +15,8 @@ namespace {
 using description::Object;
 using description::ObjectPtr;
 
-constexpr std::array<std::string_view, 3> kFilters = {"box", "tent", "gaussian"};
+constexpr std::array<std::string_view, 6> kFilters = {"box",      "tent",       "gaussian",
+                                                      "mitchell", "catmullrom", "lanczos"};
 constexpr std::array<std::string_view, 2> kSamplers = {"independent", "sobol"};
 constexpr std::array<std::string_view, 5> kIsas = {"sse2", "sse4.2", "avx", "avx2", "avx512"};
 
@@ -114,13 +115,31 @@ Result<void> resolve_filter(const Object* film, const SceneOptions& options, Job
   } else {
     settings.filter = written->plugin;
   }
-  const bool gaussian = settings.filter == "gaussian";
-  const char* name = gaussian ? "stddev" : "radius";
-  double value = settings.filter == "tent" ? 1.0 : 0.5;
-  if (written != nullptr && written->plugin == settings.filter) value = written->get_number(name, value);
-  if (!(value > 0) || !(value <= 64))
-    return scene_error(*written, fmt::format("{} is {}, not within 0 and 64 pixels", name, value));
-  settings.filter_settings = {{name, fmt::format("{}", value)}};
+  // Of another filter than the scene's, the scene's numbers mean nothing.
+  const Object* given = written != nullptr && written->plugin == settings.filter ? written.get() : nullptr;
+  settings.filter_settings.clear();
+  const auto take = [&](const std::string& name, double otherwise, double least,
+                        double most) -> Result<void> {
+    const double value = given != nullptr ? given->get_number(name, otherwise) : otherwise;
+    if (!(value >= least) || !(value <= most))
+      return scene_error(*written, fmt::format("{} is {}, not within {} and {}", name, value, least, most));
+    settings.filter_settings[name] = fmt::format("{}", value);
+    return {};
+  };
+  constexpr double kSmallestRadius = 1e-6, kLargestRadius = 64;  // pixels
+  if (settings.filter == "gaussian") return take("stddev", 0.5, kSmallestRadius, kLargestRadius);
+  if (settings.filter == "box") return take("radius", 0.5, kSmallestRadius, kLargestRadius);
+  if (settings.filter == "tent") return take("radius", 1.0, kSmallestRadius, kLargestRadius);
+  if (settings.filter == "lanczos") {
+    const std::int64_t lobes = given != nullptr ? given->get_integer("lobes", 3) : 3;
+    if (lobes < 1 || lobes > 32)
+      return scene_error(*written, fmt::format("lobes is {}, not within 1 and 32", lobes));
+    settings.filter_settings["lobes"] = fmt::format("{}", lobes);
+  }
+  if (settings.filter == "mitchell") {
+    CANDELA_TRY(take("B", 1.0 / 3, -8, 8));
+    CANDELA_TRY(take("C", 1.0 / 3, -8, 8));
+  }
   return {};
 }
 

@@ -137,6 +137,10 @@ Result<void> upgrade(Object& object, std::string_view plugin) {
     CANDELA_TRY(upgrade_conductor(object));
   if (object.category == "texture") CANDELA_TRY(merge_uv_parameters(object));
   if (object.category == "texture" && object.plugin == "bitmap") CANDELA_TRY(upgrade_bitmap(object));
+  // Parameters whose capitals are their names.
+  if (object.category == "rfilter" && object.plugin == "mitchell")
+    for (Property& property : object.properties)
+      if (property.name == "b" || property.name == "c") property.name = property.name == "b" ? "B" : "C";
   if (object.category == "film" && plugin == "ldrfilm")
     for (const std::string_view tone_mapping : {"tonemap_method", "gamma", "exposure", "key", "burn"})
       take(object, tone_mapping);

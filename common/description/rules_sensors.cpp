@@ -76,6 +76,32 @@ void add_filters(std::vector<PluginRule>& table) {
                    .properties = {positive("stddev", "standard deviation in pixels (default 0.5)")},
                    .child_categories = {},
                    .doc = "Gaussian, cut at four standard deviations"});
+  const auto spline = [](std::string_view name, std::string_view doc) {
+    return PropertyRule{.name = name, .types = {number}, .doc = doc, .minimum = -8, .maximum = 8};
+  };
+  table.push_back(
+      {.category = "rfilter",
+       .name = "mitchell",
+       .properties = {spline("B",
+                             "B of Mitchell and Netravali's paper (default 1/3). Mitsuba's program reads B "
+                             "and C, whatever its page calls them"),
+                      spline("C", "C of the paper (default 1/3)")},
+       .child_categories = {},
+       .doc = "cubic spline; a compromise between sharpness and ringing"});
+  table.push_back({.category = "rfilter",
+                   .name = "catmullrom",
+                   .properties = {},
+                   .child_categories = {},
+                   .doc = "cubic spline through its points; sharper, with more ringing"});
+  table.push_back({.category = "rfilter",
+                   .name = "lanczos",
+                   .properties = {{.name = "lobes",
+                                   .types = {integer},
+                                   .doc = "side lobes, which is the radius in pixels (default 3)",
+                                   .minimum = 1,
+                                   .maximum = 32}},
+                   .child_categories = {},
+                   .doc = "windowed sinc"});
 }
 
 }  // namespace

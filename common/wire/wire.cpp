@@ -11,7 +11,8 @@
 namespace candela::wire {
 namespace {
 
-constexpr std::array<std::string_view, 3> kFilters = {"box", "tent", "gaussian"};
+constexpr std::array<std::string_view, 6> kFilters = {"box",      "tent",       "gaussian",
+                                                      "mitchell", "catmullrom", "lanczos"};
 constexpr std::array<std::string_view, 2> kSamplers = {"independent", "sobol"};
 constexpr std::array<std::string_view, 5> kIsas = {"sse2", "sse4.2", "avx", "avx2", "avx512"};
 constexpr std::size_t kMaxIdentifierBytes = 64;

@@ -180,8 +180,8 @@ TEST(Settings, ErrorsSayWhere) {
   add_integer(*scene.sampler, "sample_count", -1);
   EXPECT_NE(error_of(scene, {}).find("scene.xml:7: sample_count is -1"), std::string::npos);
   scene = {};
-  scene.rfilter->plugin = "mitchell";
-  EXPECT_NE(error_of(scene, {}).find("scene.xml:6: there is no rfilter 'mitchell' here"), std::string::npos);
+  scene.rfilter->plugin = "sinc";
+  EXPECT_NE(error_of(scene, {}).find("scene.xml:6: there is no rfilter 'sinc' here"), std::string::npos);
   scene = {};
   scene.scene->children = {{"", scene.integrator}};
   EXPECT_EQ(error_of(scene, {}), "scene.xml:1: the scene has no sensor");
