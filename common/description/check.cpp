@@ -107,10 +107,6 @@ Result<void> check_property(Property& property, const PropertyRule& rule) {
         const std::string_view nearest = nearest_name(*string, rule.values);
         Error error = error_at(property.where, fmt::format("{} is not a value of parameter '{}'",
                                                            text::quote(*string), rule.name));
-        if (rule.name == "material")
-          return error_at(property.where,
-                          fmt::format("the named material {} is not supported yet", text::quote(*string)))
-              .with_mend("give eta and k as rgb");
         return std::move(error).with_mend(nearest.empty()
                                               ? fmt::format("there is {}", text::quoted_list(rule.values))
                                               : text::did_you_mean(nearest));

@@ -8,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "common/description/conductors.h"
 #include "common/description/text.h"
 #include "common/description/transform.h"
 #include "common/description/vocabulary.h"
@@ -33,6 +34,12 @@ Error error_at(const Property& property, std::string message) {
   return input_error(std::move(message)).at(property.where.file, property.where.line);
 }
 
+std::optional<double> number_of(const Property& property) {
+  if (const auto* number = std::get_if<double>(&property.value)) return *number;
+  if (const auto* integer = std::get_if<std::int64_t>(&property.value)) return static_cast<double>(*integer);
+  return std::nullopt;
+}
+
 // 0.6 looks up at uv * scale + offset; today that is a transform.
 Result<void> merge_uv_parameters(Object& object) {
   Vec3 offset = {0, 0, 0};
@@ -47,13 +54,9 @@ Result<void> merge_uv_parameters(Object& object) {
   for (const Target& target : targets) {
     const std::optional<Property> property = take(object, target.name);
     if (!property) continue;
-    if (const auto* number = std::get_if<double>(&property->value)) {
-      target.value = *number;
-    } else if (const auto* integer = std::get_if<std::int64_t>(&property->value)) {
-      target.value = static_cast<double>(*integer);
-    } else {
-      return error_at(*property, fmt::format("parameter '{}' must be a float", target.name));
-    }
+    const std::optional<double> number = number_of(*property);
+    if (!number) return error_at(*property, fmt::format("parameter '{}' must be a float", target.name));
+    target.value = *number;
     if (!first) first = property->where;
   }
   if (!first) return {};
@@ -99,25 +102,62 @@ Result<void> upgrade_bitmap(Object& object) {
   return {};
 }
 
-Result<void> upgrade_conductor(Object& object) {
-  if (const std::optional<Property> outside = take(object, "ext_eta")) {
-    std::optional<double> index;
-    if (const auto* number = std::get_if<double>(&outside->value)) index = *number;
-    if (const auto* integer = std::get_if<std::int64_t>(&outside->value))
-      index = static_cast<double>(*integer);
-    if (const auto* name = std::get_if<std::string>(&outside->value))
-      index = named_index_of_refraction(*name);
-    if (!index || std::fabs(*index - 1) > 1e-3)
-      return error_at(*outside, "a conductor in another medium than air is not supported")
-          .with_mend("divide eta and k by ext_eta");
+// A number, or a name of one.
+Result<double> index_of(const Property& property) {
+  if (const auto* name = std::get_if<std::string>(&property.value)) {
+    const std::optional<double> index = named_index_of_refraction(*name);
+    if (index) return *index;
+    return error_at(property,
+                    fmt::format("{} is not a material with a known index of refraction", text::quote(*name)));
   }
-  if (find(object, "material") == nullptr && find(object, "eta") == nullptr && find(object, "k") == nullptr)
-    return input_error(
-               fmt::format("bsdf '{}' has neither eta and k nor a material, which before version 2 means "
-                           "copper; named materials are not supported yet",
-                           object.plugin))
-        .at(object.where.file, object.where.line)
-        .with_mend("give eta and k as rgb");
+  const std::optional<double> index = number_of(property);
+  if (!index)
+    return error_at(property, fmt::format("parameter '{}' must be a float or a string", property.name));
+  if (!(*index > 0))
+    return error_at(property,
+                    fmt::format("parameter '{}' is {}, but must be above 0", property.name, *index));
+  return *index;
+}
+
+// 0.6 takes eta and k each from the material (copper, if none is named) where they are not given, and divides
+// both by ext_eta.
+Result<void> upgrade_conductor(Object& object) {
+  Rgb eta{{0, 0, 0}};
+  Rgb k{{1, 1, 1}};
+  const std::optional<Property> material = take(object, "material");
+  std::string_view name = "Cu";
+  if (material) {
+    const auto* text = std::get_if<std::string>(&material->value);
+    if (text == nullptr) return error_at(*material, "parameter 'material' must be a string");
+    name = *text;
+  }
+  const bool mirror = text::lower(name) == "none";
+  if (!mirror) {
+    const std::optional<ConductorIndex> index = named_conductor(name);
+    if (!index) return unknown_conductor(*material);
+    eta.value = index->eta;
+    k.value = index->k;
+  }
+  double outside = 1;
+  const std::optional<Property> ext_eta = take(object, "ext_eta");
+  if (ext_eta) {
+    CANDELA_ASSIGN(outside, index_of(*ext_eta));
+  }
+  if (mirror && !ext_eta && find(object, "eta") == nullptr && find(object, "k") == nullptr) return {};
+  for (const auto& [part, otherwise] : {std::pair("eta", eta), std::pair("k", k)}) {
+    Property* given = find(object, part);
+    if (given == nullptr) {
+      object.properties.push_back(
+          {part, PropertyType::rgb, otherwise, material ? material->where : object.where});
+      given = &object.properties.back();
+    }
+    if (!ext_eta) continue;
+    if (const std::optional<double> gray = number_of(*given)) given->value = Rgb{{*gray, *gray, *gray}};
+    auto* rgb = std::get_if<Rgb>(&given->value);
+    if (rgb == nullptr) return error_at(*given, fmt::format("parameter '{}' must be a spectrum", part));
+    given->type = PropertyType::rgb;
+    for (double& component : rgb->value) component /= outside;
+  }
   return {};
 }
 

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "common/description/check.h"
+#include "common/description/conductors.h"
 #include "common/description/file_key.h"
 #include "common/description/legacy.h"
 #include "common/description/parameters.h"
@@ -263,6 +264,7 @@ class Parser {
     if (rule == nullptr) return index;
     if (file.legacy) CANDELA_TRY(legacy::upgrade(*object, plugin));
     CANDELA_TRY(check_properties(*object, *rule));
+    if (object->category == "bsdf") CANDELA_TRY(resolve_material(*object));
     for (const PropertyRule& property_rule : rule->properties) {
       if (!property_rule.is_file) continue;
       for (Property& property : object->properties)

@@ -15,8 +15,9 @@ void add_bsdfs(std::vector<PluginRule>& table) {
       textured(non_negative_rgb("k", "imaginary part of the index of refraction (default 1)"));
   const PropertyRule material = {.name = "material",
                                  .types = {string},
-                                 .values = {"none"},
-                                 .doc = "named materials are not supported yet: write eta and k as rgb"};
+                                 .doc =
+                                     "a metal by name (see below) in place of eta and k; none: a "
+                                     "perfect mirror (default none; before version 2 Cu)"};
   table.push_back({.category = "bsdf",
                    .name = "diffuse",
                    .properties = {reflectance("reflectance", "albedo (default 0.5)")},

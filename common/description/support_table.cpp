@@ -1,6 +1,7 @@
 // docs/scenes.md, written from the vocabulary: the page cannot say anything else than the loader does.
 #include <fmt/format.h>
 
+#include "common/description/conductors.h"
 #include "common/description/vocabulary.h"
 
 namespace candela::description {
@@ -108,6 +109,12 @@ std::string support_table_markdown() {
   std::string names;
   for (const std::string_view index : index_of_refraction_names())
     names += fmt::format("{}{} ({})", names.empty() ? "" : ", ", index, *named_index_of_refraction(index));
+  page += names +
+          ".\n\n## Conductors by name\n\nMeasured indices of refraction, integrated as Mitsuba's RGB "
+          "variants do: ";
+  names.clear();
+  for (const std::string& conductor : conductor_names())
+    names += fmt::format("{}{}", names.empty() ? "" : ", ", conductor);
   return page + names + ".\n";
 }
 

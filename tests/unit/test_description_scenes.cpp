@@ -179,7 +179,7 @@ TEST(DescriptionScenes, OldSpellingEqualsNew) {
     <bsdf type="diffuse" id="_d"><ref name="diffuseReflectance" id="t"/></bsdf>
     <bsdf type="dielectric" id="g"><string name="intIOR" value="Water"/><float name="extIOR" value="1"/></bsdf>
     <bsdf type="roughconductor" id="m"><float name="alphaU" value="0.1"/><float name="alphaV" value="0.2"/>
-      <rgb name="eta" value="1,2,3"/><rgb name="k" value="4,5,6"/><string name="extEta" value="air"/>
+      <rgb name="eta" value="1,2,3"/><rgb name="k" value="4,5,6"/><string name="extEta" value="vacuum"/>
       <spectrum name="specularReflectance" value="0.5"/></bsdf>
     <shape type="serialized"><string name="filename" value="mesh.obj"/><integer name="shapeIndex" value="2"/>
       <boolean name="faceNormals" value="true"/><boolean name="flipNormals" value="true"/><ref id="_d"/></shape>
