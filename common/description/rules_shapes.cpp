@@ -17,6 +17,14 @@ void add_shapes(std::vector<PluginRule>& table) {
                       ignored("collapse", {boolean}, "0.6: a file is one shape always")},
        .child_categories = children,
        .doc = "triangle mesh of a Wavefront OBJ file"});
+  table.push_back(
+      {.category = "shape",
+       .name = "ply",
+       .properties = {file("Stanford PLY, text or binary, with triangles and polygons; colours are not read"),
+                      place, faceted, flip, flag("flip_tex_coords", "v becomes 1 - v (default false)"),
+                      silhouette(), ignored("srgb", {boolean}, "0.6: about colours, which are not read")},
+       .child_categories = children,
+       .doc = "triangle mesh of a PLY file"});
   table.push_back({.category = "shape",
                    .name = "serialized",
                    .properties = {file("Mitsuba's compressed mesh file, versions 3 and 4"),

@@ -27,6 +27,11 @@ struct Mesh {
 // errors, which have a line.
 Result<Mesh> load_obj(std::string_view bytes, const std::string& name, bool flip_v);
 
+// Stanford PLY, text and binary of both byte orders: vertices x y z, nx ny nz and u v (or s t, texture_u
+// texture_v); faces vertex_indices or vertex_index, polygons become fans; other properties and elements are
+// skipped. Errors have a line (text) or a byte offset (binary).
+Result<Mesh> load_ply(std::string_view bytes, const std::string& name);
+
 // Mitsuba's serialized format, versions 3 and 4, single and double precision. shape_index: which of the
 // file's meshes. Memory is bounded by what the compressed bytes can really hold, whatever the file claims.
 Result<Mesh> load_serialized(std::string_view bytes, const std::string& name, std::int64_t shape_index);

@@ -185,6 +185,11 @@ Result<Shape> build_from_file(const description::Object& object, const descripti
   loaders::Mesh mesh;
   if (object.plugin == "obj") {
     CANDELA_ASSIGN(mesh, loaders::load_obj(bytes.view, file, object.get_bool("flip_tex_coords", true)));
+  } else if (object.plugin == "ply") {
+    CANDELA_ASSIGN(mesh, loaders::load_ply(bytes.view, file));
+    if (object.get_bool("flip_tex_coords", false)) {
+      for (Vec2& uv : mesh.uvs) uv.y = 1 - uv.y;
+    }
   } else {
     CANDELA_ASSIGN(mesh, loaders::load_serialized(bytes.view, file, object.get_integer("shape_index", 0)));
     if (object.get_bool("flip_tex_coords", false)) {
@@ -204,7 +209,7 @@ Result<Shape> build_shape(const description::Object& object, const description::
   if (object.plugin == "sphere") return build_sphere(object, to_world);
   if (object.plugin == "disk") return build_disk(object, to_world);
   if (object.plugin == "cylinder") return build_cylinder(object, to_world);
-  if (object.plugin == "obj" || object.plugin == "serialized")
+  if (object.plugin == "obj" || object.plugin == "ply" || object.plugin == "serialized")
     return build_from_file(object, files, to_world);
   return error_at(object, "this renderer cannot build it yet");
 }
