@@ -239,6 +239,44 @@ Result<void> check_roughness(const Object& object) {
   return {};
 }
 
+// Volumes stand in for parameters of their medium, one each.
+Result<void> check_medium(const Object& object, std::span<const Location> where) {
+  CANDELA_TRY(at_most_one(object, "phase", where));
+  for (std::size_t i = 0; i < object.children.size(); ++i) {
+    const Child& child = object.children[i];
+    if (child.object->category != "volume") continue;
+    if (child.slot != "albedo" && child.slot != "sigma_t")
+      return error_at(where[i], fmt::format("{} has no volume {}", describe(object), text::quote(child.slot)))
+          .with_mend("name it 'albedo' or 'sigma_t'");
+    if (object.plugin == "homogeneous" && child.slot == "sigma_t" && child.object->plugin != "constvolume")
+      return error_at(where[i], "the 'sigma_t' of a homogeneous medium cannot vary")
+          .with_mend("use medium 'heterogeneous'");
+    const auto same = [&](const Child& other) { return other.slot == child.slot && &other != &child; };
+    if (object.find(child.slot) != nullptr ||
+        std::any_of(object.children.begin(), object.children.end(), same))
+      return error_at(where[i],
+                      fmt::format("parameter '{}' of {} is given twice", child.slot, describe(object)));
+  }
+  return {};
+}
+
+// The two sides of a shape.
+Result<void> check_interface(const Object& object, std::span<const Location> where) {
+  for (std::size_t i = 0; i < object.children.size(); ++i) {
+    const Child& child = object.children[i];
+    if (child.object->category != "medium") continue;
+    if (child.slot != "interior" && child.slot != "exterior")
+      return error_at(where[i], fmt::format("a medium of {} needs a name", describe(object)))
+          .with_mend("name it 'interior' or 'exterior'");
+    const auto same = [&](const Child& other) {
+      return &other != &child && other.slot == child.slot && other.object->category == "medium";
+    };
+    if (std::any_of(object.children.begin(), object.children.end(), same))
+      return error_at(where[i], fmt::format("{} has more than one {} medium", describe(object), child.slot));
+  }
+  return {};
+}
+
 Result<void> check_scene(const Object& object, std::span<const Location> where) {
   CANDELA_TRY(at_most_one(object, "integrator", where));
   bool environment = false;
@@ -295,7 +333,10 @@ Result<void> check_children(const Object& object, const PluginRule& rule, std::s
   if (object.category == "texture" && object.plugin == "scale" && object.children.size() != 1)
     return error_at(object.where,
                     fmt::format("texture 'scale' holds one texture, not {}", object.children.size()));
+  if (object.category == "medium") return check_medium(object, where);
+  if (object.category == "sensor") CANDELA_TRY(at_most_one(object, "medium", where));
   if (object.category == "shape") {
+    CANDELA_TRY(check_interface(object, where));
     CANDELA_TRY(at_most_one(object, "bsdf", where));
     CANDELA_TRY(at_most_one(object, "emitter", where));
     for (std::size_t i = 0; i < object.children.size(); ++i) {

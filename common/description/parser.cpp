@@ -248,6 +248,7 @@ class Parser {
     object->category = std::string(written.name);
     const std::string plugin = is_scene ? std::string() : std::string(written.get("type"));
     object->plugin = file.legacy ? legacy::plugin_name(object->category, plugin) : plugin;
+    object->plugin = std::string(canonical_plugin(object->category, object->plugin));
     object->id = std::string(written.get("id"));
     object->where = written.where;
     const PluginRule* rule = find_plugin(object->category, object->plugin);

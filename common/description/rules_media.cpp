@@ -2,7 +2,79 @@
 #include "common/description/rules.h"
 
 namespace candela::description::rules {
+namespace {
 
-void add_media(std::vector<PluginRule>& /*table*/) {}
+PropertyRule to_local(std::string_view doc) {
+  return {.name = "to_world", .types = {transform}, .doc = doc};
+}
+
+std::vector<PropertyRule> medium_properties(std::string_view extinction) {
+  return {
+      {.name = "albedo",
+       .types = {rgb},
+       .doc = "fraction of the extinction that is scattering, or a <volume> of this name (default 0.75)",
+       .minimum = 0,
+       .maximum = 1},
+      {.name = "sigma_t", .types = {rgb}, .doc = extinction, .minimum = 0},
+      {.name = "scale", .types = {number}, .doc = "factor of sigma_t (default 1)", .minimum = 0},
+      ignored("sample_emitters", {boolean}, "a way of sampling: noise only, the mean is the same"),
+      ignored("has_spectral_extinction", {boolean}, "a way of sampling: noise only, the mean is the same")};
+}
+
+}  // namespace
+
+void add_media(std::vector<PluginRule>& table) {
+  table.push_back({.category = "medium",
+                   .name = "homogeneous",
+                   .properties = medium_properties("extinction per scene unit (default 1)"),
+                   .child_categories = {"phase", "volume"},
+                   .doc = "the same everywhere; bounded by shapes that name it `interior` or `exterior`"});
+  table.push_back(
+      {.category = "medium",
+       .name = "heterogeneous",
+       .properties = medium_properties("extinction per scene unit, or a <volume> of this name (default 1)"),
+       .child_categories = {"phase", "volume"},
+       .doc = "varies in space as its volumes do; nothing where sigma_t's volume ends"});
+  table.push_back({.category = "phase",
+                   .name = "isotropic",
+                   .properties = {},
+                   .child_categories = {},
+                   .doc = "scatters evenly into all directions; a medium's default"});
+  table.push_back({.category = "phase",
+                   .name = "hg",
+                   .properties = {{.name = "g",
+                                   .types = {number},
+                                   .doc = "mean cosine: above 0 scatters forward, below 0 back (default 0.8)",
+                                   .minimum = -0.99999,
+                                   .maximum = 0.99999}},
+                   .child_categories = {},
+                   .doc = "Henyey and Greenstein's"});
+  table.push_back({.category = "volume",
+                   .name = "constvolume",
+                   .properties = {{.name = "value", .types = {rgb}, .doc = "(default 1)", .minimum = 0}},
+                   .child_categories = {},
+                   .doc = "the same value everywhere"});
+  table.push_back(
+      {.category = "volume",
+       .name = "gridvolume",
+       .properties =
+           {file("Mitsuba's .vol file, version 3: float32, float16 or uint8 (0 to 255 is 0 to 1), 1 or 3 "
+                 "channels"),
+            to_local("places the unit cube [0, 1]^3 that the grid fills (default identity)"),
+            flag("use_grid_bbox", "the grid fills the file's bounding box, before to_world (default false)"),
+            {.name = "filter_type",
+             .types = {string},
+             .values = {"trilinear", "nearest"},
+             .doc = "interpolation between the centres of cells (default trilinear)"},
+            {.name = "wrap_mode",
+             .types = {string},
+             .values = {"clamp", "repeat", "mirror"},
+             .doc = "beyond the grid's outermost centres (default clamp)"},
+            ignored("raw", {boolean}, "colours are linear here either way"),
+            ignored("accel", {boolean}, "for GPUs only"),
+            ignored("max_value", {number}, "the maximum is found in the data")},
+       .child_categories = {},
+       .doc = "values on a grid from a file; not negative"});
+}
 
 }  // namespace candela::description::rules

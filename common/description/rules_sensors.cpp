@@ -124,9 +124,11 @@ void add_integrators(std::vector<PluginRule>& table) {
             only("strict_normals", boolean, "false", "0.6: treatment of inconsistent shading normals"),
             ignored("samples_per_pass", {integer}, "the farm cuts work into units itself"),
             ignored("block_size", {integer}, "the farm cuts work into units itself"),
-            ignored("timeout", {number, integer}, "a stop rule belongs to the job: --time")},
+            ignored("timeout", {number, integer}, "a stop rule belongs to the job: --time"),
+            ignored("use_spectral_mis", {boolean}, "volpathmis: always done")},
        .child_categories = {},
-       .doc = "path tracing with next event estimation and multiple importance sampling"});
+       .doc = "path tracing with next event estimation and multiple importance sampling, through media too; "
+              "the names `volpath`, `volpathmis` and `volpath_simple` mean this one"});
 }
 
 namespace {
@@ -175,7 +177,7 @@ void add_sensors(std::vector<PluginRule>& table) {
   table.push_back({.category = "sensor",
                    .name = "perspective",
                    .properties = std::move(pinhole),
-                   .child_categories = {"film", "sampler"},
+                   .child_categories = {"film", "sampler", "medium"},
                    .doc = "pinhole camera"});
   std::vector<PropertyRule> lens = perspective_properties();
   lens.push_back({.name = "aperture_radius",
@@ -188,7 +190,7 @@ void add_sensors(std::vector<PluginRule>& table) {
   table.push_back({.category = "sensor",
                    .name = "thinlens",
                    .properties = std::move(lens),
-                   .child_categories = {"film", "sampler"},
+                   .child_categories = {"film", "sampler", "medium"},
                    .doc = "perspective camera with a thin lens: depth of field"});
   std::vector<PropertyRule> parallel = sensor_properties(
       to_world("camera to world; the image spans [-1, 1] along x, which a scale here changes"));
@@ -196,7 +198,7 @@ void add_sensors(std::vector<PluginRule>& table) {
   table.push_back({.category = "sensor",
                    .name = "orthographic",
                    .properties = std::move(parallel),
-                   .child_categories = {"film", "sampler"},
+                   .child_categories = {"film", "sampler", "medium"},
                    .doc = "camera of parallel rays"});
   add_samplers(table);
   add_films(table);

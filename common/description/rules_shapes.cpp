@@ -4,7 +4,7 @@
 namespace candela::description::rules {
 
 void add_shapes(std::vector<PluginRule>& table) {
-  const std::vector<std::string_view> children = {"bsdf", "emitter"};
+  const std::vector<std::string_view> children = {"bsdf", "emitter", "medium"};
   const PropertyRule place = to_world("object to world (default identity)");
   const PropertyRule flip = flag("flip_normals", "normals point the other way (default false)");
   const PropertyRule faceted =

@@ -12,7 +12,7 @@ std::vector<PluginRule> make_table() {
                    .name = "",
                    .properties = {},
                    .child_categories = {"integrator", "sensor", "bsdf", "shape", "emitter", "texture", "film",
-                                        "sampler", "rfilter"},
+                                        "sampler", "rfilter", "medium", "phase", "volume"},
                    .doc = "the root"});
   rules::add_integrators(table);
   rules::add_sensors(table);

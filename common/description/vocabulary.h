@@ -49,6 +49,10 @@ enum class Support { none, later };
 Support support_of_category(std::string_view category);
 Support support_of_plugin(std::string_view category, std::string_view name);
 
+// The name in the table of what Mitsuba has under several: its volumetric path tracers are `path` here, which
+// renders media too.
+std::string_view canonical_plugin(std::string_view category, std::string_view name);
+
 // Names of the plugins of a category, of the categories that have plugins, and of a plugin's properties.
 std::vector<std::string_view> plugin_names(std::string_view category);
 std::vector<std::string_view> category_names();

@@ -26,9 +26,6 @@ const std::vector<MitsubaNames>& mitsuba_names() {
         "pssmlt",
         "mlt",
         "erpt",
-        "volpath",
-        "volpathmis",
-        "volpath_simple",
         "photonmapper",
         "ppm",
         "sppm",
@@ -92,11 +89,15 @@ const std::vector<MitsubaNames>& mitsuba_names() {
         "volumelight"}},
       {"texture", {"mesh_attribute", "volume", "gridtexture", "vertexcolors", "wireframe", "curvature"}},
       {"spectrum", {"rawconstant"}},
+      {"medium", {"specmedium"}},
+      {"phase",
+       {"blendphase", "mixturephase", "rayleigh", "sggx", "tabphase", "kkay", "microflake", "forward"}},
+      {"volume", {"volcache", "hgridvolume", "sggxvolume"}},
   };
   return names;
 }
 
-constexpr std::array<std::string_view, 4> later_categories = {"medium", "phase", "volume", "subsurface"};
+constexpr std::array<std::string_view, 1> later_categories = {"subsurface"};
 
 // ---- indices of refraction ----
 
@@ -169,6 +170,12 @@ Support support_of_plugin(std::string_view category, std::string_view name) {
         std::find(known.names.begin(), known.names.end(), name) != known.names.end())
       return Support::later;
   return Support::none;
+}
+
+std::string_view canonical_plugin(std::string_view category, std::string_view name) {
+  const bool same =
+      category == "integrator" && (name == "volpath" || name == "volpathmis" || name == "volpath_simple");
+  return same ? "path" : name;
 }
 
 std::optional<double> named_index_of_refraction(std::string_view name) {

@@ -23,6 +23,9 @@ Result<std::unique_ptr<Scene>> Scene::build(const description::SceneDescription&
         .at(root.where.file, root.where.line)
         .with_mend("add <sensor type=\"perspective\">");
   }
+  if (const auto media = sensors[0]->children_of("medium"); !media.empty()) {
+    return input_error("media are not rendered yet").at(media[0]->where.file, media[0]->where.line);
+  }
   std::unique_ptr<Scene> scene(new Scene);
   Impl& impl = *scene->impl_;
   CANDELA_ASSIGN(impl.sensor, Sensor::build(*sensors[0], options.film_width, options.film_height));

@@ -90,6 +90,8 @@ Result<void> SceneBuilder::shape(const description::Object& object) {
     return error_at(*emitters[0],
                     "a shape cannot be an emitter of type '" + emitters[0]->plugin + "' (area can)");
   }
+  const auto media = object.children_of("medium");
+  if (!media.empty()) return error_at(*media[0], "media are not rendered yet");
   ShapeRecord record;
   CANDELA_ASSIGN(record.bsdf, bsdf_of(object, !emitters.empty()));
   record.reads_uv = reads_uv(object);
