@@ -27,8 +27,8 @@ using namespace candela;
 
 // As written; empty where an option was not given.
 struct Texts {
-  std::string master, cache, cache_size, threads, name, tls_cert, tls_key, tls_ca, give_up, log_level,
-      log_format;
+  std::string master, cache, cache_size, texture_memory, scratch, threads, name, tls_cert, tls_key, tls_ca,
+      give_up, log_level, log_format;
   bool insecure = false;
 };
 
@@ -85,8 +85,8 @@ Result<std::filesystem::path> default_cache() {
 Result<worker::WorkerOptions> resolve(const Config& config, const Texts& texts) {
   CANDELA_TRY(config.check_shared());
   CANDELA_TRY(config.check_section(
-      "worker", {"master", "cache", "cache-size", "threads", "name", "tls-cert", "tls-key", "tls-ca",
-                 "insecure", "give-up", "log-level", "log-format"}));
+      "worker", {"master", "cache", "cache-size", "texture-memory", "scratch", "threads", "name", "tls-cert",
+                 "tls-key", "tls-ca", "insecure", "give-up", "log-level", "log-format"}));
   worker::WorkerOptions options;
   options.master = choose(config, "master", texts.master).value;
   if (options.master.empty())
@@ -98,6 +98,10 @@ Result<worker::WorkerOptions> resolve(const Config& config, const Texts& texts) 
   if (const Chosen size = choose(config, "cache-size", texts.cache_size); !size.value.empty()) {
     CANDELA_ASSIGN(options.cache_limit_bytes, read_size(size));
   }
+  if (const Chosen size = choose(config, "texture-memory", texts.texture_memory); !size.value.empty()) {
+    CANDELA_ASSIGN(options.texture_memory_bytes, read_size(size));
+  }
+  options.scratch_dir = choose(config, "scratch", texts.scratch).value;
   if (const Chosen threads = choose(config, "threads", texts.threads); !threads.value.empty()) {
     CANDELA_ASSIGN(options.threads, parse_threads(threads));
   }
@@ -180,6 +184,9 @@ int main(int argc, char** argv) {
   app.add_option("--cache", texts.cache, "Folder for scene files; default: ~/.cache/candela");
   app.add_option("--cache-size", texts.cache_size,
                  "Limit of the cache in bytes, with K, M, G or T; default: 20G");
+  app.add_option("--texture-memory", texts.texture_memory,
+                 "Decoded textures of a scene beyond this lie in a file; default: a quarter of the memory");
+  app.add_option("--scratch", texts.scratch, "Folder for that file, on a disk; default: the cache's");
   app.add_option("--threads", texts.threads, "Render threads; default: all cores this process may use");
   app.add_option("--name", texts.name, "Name shown to people; default: the host's name");
   app.add_option("--tls-cert", texts.tls_cert, "This worker's certificate (PEM)");

@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "master/master.h"
+#include "worker/scene/textures/scratch.h"
 #include "worker/service/worker_service.h"
 
 namespace candela::client {
@@ -42,12 +43,15 @@ std::shared_ptr<grpc::Channel> LocalFarm::channel() {
 }
 
 Result<void> LocalFarm::start_workers(const std::vector<unsigned>& threads,
-                                      const std::filesystem::path& cache_dir) {
+                                      const std::filesystem::path& cache_dir,
+                                      std::uint64_t texture_memory_bytes) {
   State& state = *state_;
+  if (texture_memory_bytes == 0) texture_memory_bytes = scene::default_texture_memory_bytes();
   for (std::size_t i = 0; i < threads.size(); ++i) {
     worker::WorkerOptions options;
     options.cache_dir = cache_dir;
     options.threads = threads[i];
+    options.texture_memory_bytes = std::max<std::uint64_t>(1, texture_memory_bytes / threads.size());
     options.name = fmt::format("local-{}", i + 1);
     CANDELA_ASSIGN(std::unique_ptr<worker::Worker> one, worker::Worker::start(options, channel()));
     {

@@ -22,8 +22,9 @@ class LocalFarm {
   ~LocalFarm();  // stops
 
   std::shared_ptr<grpc::Channel> channel();
-  // One worker for each entry, of so many threads.
-  Result<void> start_workers(const std::vector<unsigned>& threads, const std::filesystem::path& cache_dir);
+  // One worker for each entry, of so many threads. They share `texture_memory_bytes` (0: the default).
+  Result<void> start_workers(const std::vector<unsigned>& threads, const std::filesystem::path& cache_dir,
+                             std::uint64_t texture_memory_bytes);
   // Why no worker is left, if none is.
   std::optional<Error> workers_lost() const;
   // Workers finish or hand back what they have. Idempotent.

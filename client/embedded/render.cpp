@@ -20,6 +20,8 @@
 #include "client/signals.h"
 #include "client/submission.h"
 #include "client/values.h"
+#include "common/base/config.h"
+#include "common/base/quantity.h"
 #include "common/wire/wire.h"
 #include "worker/render/renderer.h"
 
@@ -34,7 +36,7 @@ constexpr double kStallSeconds = 5;  // of a render that can keep neither checkp
 struct RenderOptions {
   SceneOptions scene;
   std::string output;
-  std::optional<std::string> png, threads, workers;
+  std::optional<std::string> png, threads, workers, texture_memory;
   bool resume = false, fresh = false, keep_state = false, quiet = false, json = false, error_layer = false;
 };
 
@@ -51,6 +53,16 @@ Result<std::vector<unsigned>> worker_threads(const RenderOptions& options) {
           .with_field("--threads");
   }
   return split_threads(static_cast<unsigned>(threads), static_cast<unsigned>(workers));
+}
+
+Result<std::uint64_t> texture_memory_bytes(const RenderOptions& options) {
+  CANDELA_ASSIGN(const Config config, Config::load());
+  const std::string key = "texture-memory";
+  const std::optional<std::string> text = options.texture_memory ? options.texture_memory : config.get(key);
+  if (!text) return 0;
+  if (const auto bytes = parse_bytes(*text)) return *bytes;
+  return usage_error(fmt::format("'{}' is not a size in bytes such as 500M or 20G", *text))
+      .with_field(options.texture_memory ? "--texture-memory" : config.origin(key));
 }
 
 Result<void> check_isa(const std::string& isa) {
@@ -185,6 +197,7 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   CANDELA_TRY(check_output(output));
   if (options.resume && options.fresh) return usage_error("--resume and --fresh exclude each other");
   CANDELA_ASSIGN(const std::vector<unsigned> threads, worker_threads(options));
+  CANDELA_ASSIGN(const std::uint64_t texture_memory, texture_memory_bytes(options));
   CANDELA_ASSIGN(const LoadedScene scene, load_scene(options.scene, context.facts));
   CANDELA_TRY(check_isa(scene.job.settings.isa));
   const auto mode = options.resume  ? StateFolder::Mode::resume
@@ -213,7 +226,7 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
     }
     id = submitted->job_id;
   }
-  CANDELA_TRY(farm->start_workers(threads, folder->cache()));
+  CANDELA_TRY(farm->start_workers(threads, folder->cache(), texture_memory));
 
   Stall stall;
   v1::JobState state = v1::JOB_STATE_UNSPECIFIED;
@@ -277,6 +290,9 @@ void add_render(CLI::App& app, Context& context) {
                 "Add the layer 'error' to the EXR: the estimated standard deviation");
   add_text(*sub, "--threads", options->threads, "Threads in all (default: all cores)", "N");
   add_text(*sub, "--workers", options->workers, "Workers to split them among (default 1)", "N");
+  add_text(*sub, "--texture-memory", options->texture_memory,
+           "Decoded textures beyond this lie in a file beside the image (default: a quarter of the memory)",
+           "SIZE");
   sub->add_flag("--resume", options->resume,
                 "Go on with a render that was stopped or crashed (its state is in OUTPUT.candela); larger "
                 "limits extend it");

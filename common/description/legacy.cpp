@@ -80,25 +80,27 @@ Result<void> upgrade_bitmap(Object& object) {
     const std::string value = text::lower(std::get<std::string>(filter->value));
     if (value == "ewa" || value == "trilinear") filter->value = std::string("bilinear");
   }
-  std::optional<Property> u = take(object, "wrap_mode_u");
-  std::optional<Property> v = take(object, "wrap_mode_v");
-  if (!u && !v) return {};
-  const Property& one = u ? *u : *v;
-  if (find(object, "wrap_mode") != nullptr)
-    return error_at(one, "'wrap_mode' and 'wrap_mode_u' or 'wrap_mode_v' exclude each other");
-  const auto text_of = [](const std::optional<Property>& property) -> std::optional<std::string> {
-    if (!property) return "repeat";
-    const auto* value = std::get_if<std::string>(&property->value);
-    return value == nullptr ? std::nullopt : std::optional(text::lower(*value));
+  // 0.6 has two names for each border value, and the mode of both directions as the default of each.
+  for (const std::string_view name : {"wrap_mode", "wrap_mode_u", "wrap_mode_v"}) {
+    Property* mode = find(object, name);
+    auto* value = mode == nullptr ? nullptr : std::get_if<std::string>(&mode->value);
+    if (value == nullptr) continue;
+    const std::string folded = text::lower(*value);
+    *value = folded == "black" ? "zero" : folded == "white" ? "one" : folded;
+  }
+  // One mode given for both directions is today's single parameter.
+  const auto text_of = [&](std::string_view name) {
+    const Property* property = find(object, name);
+    return property == nullptr ? nullptr : std::get_if<std::string>(&property->value);
   };
-  const std::optional<std::string> mode_u = text_of(u);
-  const std::optional<std::string> mode_v = text_of(v);
-  if (!mode_u || !mode_v) return error_at(one, fmt::format("parameter '{}' must be a string", one.name));
-  if (*mode_u != *mode_v) return error_at(one, "different wrap modes along u and v are not supported yet");
-  Property merged = one;
-  merged.name = "wrap_mode";
-  merged.value = *mode_u;
-  object.properties.push_back(std::move(merged));
+  const std::string* u = text_of("wrap_mode_u");
+  const std::string* v = text_of("wrap_mode_v");
+  if (find(object, "wrap_mode") == nullptr && u != nullptr && v != nullptr && *u == *v) {
+    take(object, "wrap_mode_v");
+    Property both = *take(object, "wrap_mode_u");
+    both.name = "wrap_mode";
+    object.properties.push_back(std::move(both));
+  }
   return {};
 }
 

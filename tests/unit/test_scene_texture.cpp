@@ -284,12 +284,13 @@ TEST(Texture, BadInputNamesFileAndMend) {
   EXPECT_NE(bsdf.error().to_string().find("3"), std::string::npos) << bsdf.error().to_string();
   // Seeded damage to a valid file: an error or an image, never a crash.
   rng::Stream stream(rng::key(3));
+  Scratch scratch({});
   for (int i = 0; i < 500; ++i) {
     std::string bytes = i % 2 == 0 ? four() : ppm(2, 1, {0, 128, 255, 10, 188, 64});
     for (std::uint32_t k = 0; k <= stream.next_u32() % 4; ++k)
       bytes[stream.next_u32() % bytes.size()] = static_cast<char>(stream.next_u32());
     if (stream.next_u32() % 4 == 0) bytes.resize(stream.next_u32() % bytes.size());
-    static_cast<void>(decode_image(bytes, i % 2 == 0 ? "a.pfm" : "a.ppm", false));
+    static_cast<void>(decode_image(bytes, i % 2 == 0 ? "a.pfm" : "a.ppm", {}, scratch));
   }
 }
 

@@ -114,7 +114,8 @@ class SceneRenderer final : public Renderer {
 Result<std::unique_ptr<Renderer>> Renderer::create(const description::FileSource& files,
                                                    const std::string& main_key,
                                                    const std::map<std::string, std::string>& parameters,
-                                                   const JobSettings& settings, unsigned threads) {
+                                                   const JobSettings& settings, unsigned threads,
+                                                   const scene::TextureLimits& textures) {
   CANDELA_ASSIGN(const integrators::IntegratorEntry* entry,
                  integrators::find_integrator(settings.integrator));
   CANDELA_ASSIGN(const samplers::SamplerKind sampler, sampler_kind(settings.sampler));
@@ -126,6 +127,7 @@ Result<std::unique_ptr<Renderer>> Renderer::create(const description::FileSource
   options.build_threads = threads;
   options.film_width = settings.width;
   options.film_height = settings.height;
+  options.textures = textures;
   CANDELA_ASSIGN(std::unique_ptr<scene::Scene> scene, scene::Scene::build(description, files, options));
   CANDELA_ASSIGN(std::unique_ptr<integrators::Integrator> integrator,
                  entry->create(settings.integrator_settings, scene->features()));

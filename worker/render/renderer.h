@@ -12,6 +12,7 @@
 #include "common/description/object.h"
 #include "common/film/film.h"
 #include "common/job/job.h"
+#include "worker/scene/textures/scratch.h"
 
 namespace candela::render {
 
@@ -30,11 +31,13 @@ class Renderer {
  public:
   virtual ~Renderer() = default;
 
-  // Loads, validates and compiles. The scene is independent of the film size and the seed.
+  // Loads, validates and compiles. The scene is independent of the film size and the seed. What `textures`
+  // allows does not change a bit of the image.
   static Result<std::unique_ptr<Renderer>> create(const description::FileSource& files,
                                                   const std::string& main_key,
                                                   const std::map<std::string, std::string>& parameters,
-                                                  const JobSettings& settings, unsigned threads);
+                                                  const JobSettings& settings, unsigned threads,
+                                                  const scene::TextureLimits& textures = {});
 
   // A film of the job's size for run() to add into.
   virtual std::unique_ptr<film::UnitFilm> make_film(const NamedState& state) const = 0;

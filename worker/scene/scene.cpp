@@ -32,7 +32,7 @@ Result<std::unique_ptr<Scene>> Scene::build(const description::SceneDescription&
   impl.features.finite_lens = impl.sensor.reads_lens();
   if (sensors.size() > 1) log::warn("the scene has several sensors; the first is used");
 
-  impl.textures = std::make_unique<TextureStore>(files);
+  impl.textures = std::make_unique<TextureStore>(files, options.textures);
   SceneBuilder builder(files, impl);
   for (const auto& shape : root.children_of("shape")) CANDELA_TRY(builder.shape(*shape));
   CANDELA_TRY(builder.finish_geometry());

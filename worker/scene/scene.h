@@ -13,6 +13,7 @@
 #include "worker/scene/emitter.h"
 #include "worker/scene/features.h"
 #include "worker/scene/hit.h"
+#include "worker/scene/textures/scratch.h"
 
 namespace candela::scene {
 
@@ -22,6 +23,7 @@ class Scene {
     std::string isa = "avx2";  // the ISA Embree may use
     unsigned build_threads = 1;
     std::uint32_t film_width = 1, film_height = 1;  // for the sensor's aspect
+    TextureLimits textures;
   };
   static Result<std::unique_ptr<Scene>> build(const description::SceneDescription& description,
                                               const description::FileSource& files, const Options& options);

@@ -47,7 +47,14 @@ Result<std::unique_ptr<Worker>> Worker::start(const WorkerOptions& options,
   if (channel == nullptr) {
     CANDELA_ASSIGN(channel, dial(options));
   }
-  return FarmWorker::start(options, std::move(channel), {&render::Renderer::create, &render::supported_isas});
+  const scene::TextureLimits textures = {
+      options.texture_memory_bytes, options.scratch_dir.empty() ? options.cache_dir : options.scratch_dir};
+  const auto create = [textures](const description::FileSource& files, const std::string& main_key,
+                                 const std::map<std::string, std::string>& parameters,
+                                 const JobSettings& settings, unsigned threads) {
+    return render::Renderer::create(files, main_key, parameters, settings, threads, textures);
+  };
+  return FarmWorker::start(options, std::move(channel), {create, &render::supported_isas});
 }
 
 }  // namespace candela::worker

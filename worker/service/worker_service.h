@@ -23,7 +23,10 @@ struct WorkerOptions {
   std::string tls_cert, tls_key, tls_ca;  // PEM files; all three or none
   bool insecure = false;                  // allow a non-loopback master without TLS
   std::uint64_t scene_memory_bytes = 0;   // compiled scenes kept; 0: half the machine's memory
-  double give_up_seconds = 0;             // without reaching a master; 0: never
+  // Decoded texels of a scene beyond this lie in an unlinked file; 0: a quarter of the machine's memory.
+  std::uint64_t texture_memory_bytes = 0;
+  std::filesystem::path scratch_dir;  // of that file; empty: the cache's folder
+  double give_up_seconds = 0;         // without reaching a master; 0: never
 };
 
 class Worker {

@@ -127,7 +127,7 @@ Result<Environment> Environment::build(const description::Object& object, Textur
   auto map = std::make_shared<Map>();
   CANDELA_ASSIGN(map->to_world, directions(object));
   const description::Property* named = object.find("filename");
-  CANDELA_ASSIGN(map->image, textures.image(file, false, named != nullptr ? named->where : object.where));
+  CANDELA_ASSIGN(map->image, textures.image(file, {}, named != nullptr ? named->where : object.where));
   const TexelImage& image = *map->image;
   if (image.width < 2 || image.height < 3) {
     return located("an environment map has at least 2 x 3 pixels", object, "filename");

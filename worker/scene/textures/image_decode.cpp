@@ -1,19 +1,25 @@
 // Image bytes to linear texels, through OpenImageIO. Its types stay inside this file.
+#include "worker/scene/textures/image_decode.h"
+
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 
 #include <algorithm>
 #include <cmath>
 #include <exception>
+#include <type_traits>
+#include <vector>
 
 #include "worker/core/math.h"
-#include "worker/scene/textures/texture.h"
 
 namespace candela::scene {
 namespace {
 
-constexpr int kMaxSide = 32768;
-constexpr std::uint64_t kMaxPixels = std::uint64_t{1} << 28;
+constexpr int kMaxSide = 1 << 17;
+constexpr std::uint64_t kMaxPixels = std::uint64_t{1} << 34;
+constexpr std::uint64_t kMaxPixelsHeldWhole = std::uint64_t{1} << 28;
+constexpr std::uint64_t kChunkBytes = 8 << 20;    // of rows decoded at a time
+constexpr std::uint64_t kMaxTileRow = 512 << 20;  // bytes of one row of a tiled file's tiles
 
 Error image_error(std::string message, const std::string& file) {
   return input_error(std::move(message)).at(file, 0);
@@ -40,119 +46,268 @@ const char* format_of(std::string_view bytes, std::string_view file) {
   return nullptr;
 }
 
-// Where red, green and blue are among the channels; one-channel images give all three the same.
-void find_channels(const OIIO::ImageSpec& spec, int (&channel)[3]) {
-  const char* const names[3] = {"R", "G", "B"};
-  bool named = true;
-  for (int c = 0; c < 3; ++c) {
-    channel[c] = spec.channelindex(names[c]);
-    named = named && channel[c] >= 0;
-  }
-  if (named) return;
-  const bool colour = spec.nchannels >= 3;
-  for (int c = 0; c < 3; ++c) channel[c] = colour ? c : 0;
+// Whether the library needs the whole image at once, whatever rows it is asked for.
+bool held_whole(std::string_view format, std::string_view bytes) {
+  constexpr std::size_t png_interlace = 28;  // in the header chunk
+  if (format == "png") return bytes.size() > png_interlace && bytes[png_interlace] != 0;
+  return format == "jpeg" || format == "bmp" || format == "targa";
 }
 
-Result<TexelImage> decode(std::string_view encoded, const std::string& file, bool raw) {
-  const char* const format = format_of(encoded, file);
+class Decoder {
+ public:
+  Decoder(std::string_view encoded, const std::string& file, const ImageReading& reading)
+      : encoded_(encoded), file_(file), reading_(reading) {}
+
+  Result<TexelImage> decode(Scratch& scratch);
+
+ private:
+  Result<void> open();
+  Result<void> check_size() const;
+  Result<void> find_channels();
+  float to_linear(double v) const;
+  template <class T>
+  Result<void> read_rows(TexelWriter& out);
+  Result<void> check_row(const float* pixels, std::uint32_t y) const;
+  Error library_error(const std::string& what) const;
+
+  std::string_view encoded_;
+  const std::string& file_;
+  const ImageReading& reading_;
+  std::string_view format_;
+  // In this order: the input reads through the proxy until it is closed.
+  std::unique_ptr<OIIO::Filesystem::IOMemReader> reader_;
+  std::unique_ptr<OIIO::ImageInput> input_;
+  OIIO::ImageSpec spec_;
+  bool gray_ = false;
+  int pick_[3] = {0, 0, 0};       // channels, counted from first_
+  int first_ = 0, channels_ = 0;  // of the file, that are read
+  ImageReading::Encoding encoding_ = ImageReading::Encoding::linear;
+};
+
+Error Decoder::library_error(const std::string& what) const {
+  std::string reason = input_->geterror();
+  std::replace(reason.begin(), reason.end(), '\n', ' ');
+  return image_error(what + reason, file_);
+}
+
+Result<void> Decoder::open() {
+  const char* const format = format_of(encoded_, file_);
   if (format == nullptr) {
-    return image_error("this is no image of a known format", file)
+    return image_error("this is no image of a known format", file_)
         .with_mend("use OpenEXR, PNG, JPEG, Radiance HDR, TIFF, BMP, TGA or PNM/PFM");
   }
-  auto input = OIIO::ImageInput::create(format);
+  format_ = format;
+  input_ = OIIO::ImageInput::create(format);
   // The bytes are all there is: a reader that would open a file by name instead must not be asked.
-  if (!input || !input->supports("ioproxy")) {
+  if (!input_ || !input_->supports("ioproxy")) {
     return image_error(std::string("this OpenImageIO cannot decode the format ") + format + " from memory",
-                       file);
+                       file_);
   }
-  OIIO::Filesystem::IOMemReader reader(encoded.data(), encoded.size());
+  reader_ = std::make_unique<OIIO::Filesystem::IOMemReader>(encoded_.data(), encoded_.size());
   OIIO::ImageSpec config;
   config.attribute("oiio:UnassociatedAlpha", 1);  // colours as stored: alpha plays no part here
   OIIO::ImageSpec opened;
-  if (!input->set_ioproxy(&reader) || !input->open(file, opened, config)) {
-    std::string reason = input->geterror();
-    std::replace(reason.begin(), reason.end(), '\n', ' ');
-    return image_error("cannot decode the image: " + reason, file);
+  if (!input_->set_ioproxy(reader_.get()) || !input_->open(file_, opened, config))
+    return library_error("cannot decode the image: ");
+  spec_ = input_->spec();
+  return {};
+}
+
+Result<void> Decoder::check_size() const {
+  const std::uint64_t pixels = static_cast<std::uint64_t>(std::max(0, spec_.width)) *
+                               static_cast<std::uint64_t>(std::max(0, spec_.height));
+  const bool whole = held_whole(format_, encoded_);
+  if (spec_.width < 1 || spec_.height < 1 || spec_.width > kMaxSide || spec_.height > kMaxSide ||
+      spec_.depth > 1 || pixels > (whole ? kMaxPixelsHeldWhole : kMaxPixels)) {
+    return image_error("the image is " + std::to_string(spec_.width) + " x " + std::to_string(spec_.height) +
+                           " pixels; up to 131072 a side and " + (whole ? "2^28" : "2^34") +
+                           " in all are supported for this kind of file",
+                       file_)
+        .with_mend(whole ? "OpenEXR, TIFF and PNG without interlacing may be larger" : "");
   }
-  const OIIO::ImageSpec spec = input->spec();
-  if (spec.width < 1 || spec.height < 1 || spec.width > kMaxSide || spec.height > kMaxSide ||
-      static_cast<std::uint64_t>(spec.width) * static_cast<std::uint64_t>(spec.height) > kMaxPixels ||
-      spec.depth > 1) {
-    return image_error("the image is " + std::to_string(spec.width) + " x " + std::to_string(spec.height) +
-                           " pixels; up to 32768 a side and 2^28 in all are supported",
-                       file);
+  if (spec_.nchannels < 1 || spec_.nchannels > 64) {
+    return image_error(
+        "the image has " + std::to_string(spec_.nchannels) + " channels; 1 to 64 are supported", file_);
   }
-  if (spec.nchannels < 1 || spec.nchannels > 64) {
-    return image_error("the image has " + std::to_string(spec.nchannels) + " channels; 1 to 64 are supported",
-                       file);
+  // A few bytes must not make us fill gigabytes: no format here packs better than about 1000 to 1.
+  if (spec_.image_bytes(true) / 4096 > encoded_.size()) {
+    return image_error("the file has " + std::to_string(encoded_.size()) + " bytes, too few for its " +
+                           std::to_string(spec_.width) + " x " + std::to_string(spec_.height) + " pixels",
+                       file_);
   }
-  // A few bytes must not make us allocate gigabytes: no format here packs better than about 1000 to 1.
-  const std::uint64_t decoded_bytes = spec.image_bytes(true);
-  if (decoded_bytes / 4096 > encoded.size()) {
-    return image_error("the file has " + std::to_string(encoded.size()) + " bytes, too few for its " +
-                           std::to_string(spec.width) + " x " + std::to_string(spec.height) + " pixels",
-                       file);
+  return {};
+}
+
+// Where red, green and blue are among the channels; one-channel images give all three the same.
+Result<void> Decoder::find_channels() {
+  int found[3];
+  if (!reading_.channel.empty()) {
+    const char* const upper = reading_.channel == "r"   ? "R"
+                              : reading_.channel == "g" ? "G"
+                              : reading_.channel == "b" ? "B"
+                                                        : "A";
+    found[0] = found[1] = found[2] = spec_.channelindex(upper);
+    if (found[0] < 0) return image_error("the image has no channel '" + reading_.channel + "'", file_);
+    gray_ = true;
+  } else {
+    const char* const names[3] = {"R", "G", "B"};
+    bool named = true;
+    for (int c = 0; c < 3; ++c) {
+      found[c] = spec_.channelindex(names[c]);
+      named = named && found[c] >= 0;
+    }
+    if (!named) {
+      if (spec_.nchannels > 2) {
+        std::string all;
+        for (const std::string& name : spec_.channelnames) all += (all.empty() ? "" : ", ") + name;
+        return image_error("the image has the channels " + all + ", but a colour is R, G and B", file_)
+            .with_mend("store the layer of interest as R, G, B");
+      }
+      gray_ = true;
+      found[0] = found[1] = found[2] = 0;
+    }
   }
-  int channel[3];
-  find_channels(spec, channel);
+  first_ = std::min({found[0], found[1], found[2]});
+  channels_ = std::max({found[0], found[1], found[2]}) + 1 - first_;
+  for (int c = 0; c < 3; ++c) pick_[c] = found[c] - first_;
+  return {};
+}
+
+float Decoder::to_linear(double v) const {
+  switch (encoding_) {
+    case ImageReading::Encoding::srgb:
+      return srgb_to_linear(v);
+    case ImageReading::Encoding::power:
+      return static_cast<float>(math::pow(v, reading_.gamma));
+    case ImageReading::Encoding::file:
+    case ImageReading::Encoding::linear:
+      break;
+  }
+  return static_cast<float>(v);
+}
+
+Result<void> Decoder::check_row(const float* pixels, std::uint32_t y) const {
+  const auto width = static_cast<std::size_t>(spec_.width);
+  for (std::size_t x = 0; x < width; ++x) {
+    for (const int c : pick_) {
+      const float v = pixels[x * static_cast<std::size_t>(channels_) + static_cast<std::size_t>(c)];
+      if (std::isfinite(v) && v >= 0) continue;
+      const char* const what = v != v ? "a NaN" : v < 0 ? "a negative value" : "an infinite value";
+      return image_error("the image has " + std::string(what) + " at pixel (" + std::to_string(x) + ", " +
+                             std::to_string(y) + ")",
+                         file_)
+          .with_mend("repair the image; a texture or environment map holds finite values from 0 up");
+    }
+  }
+  return {};
+}
+
+// T: what the library is asked for. 16-bit integers go through a table of their own on the way to floats.
+template <class T>
+Result<void> Decoder::read_rows(TexelWriter& out) {
+  constexpr bool words = std::is_same_v<T, std::uint16_t>;
+  constexpr OIIO::TypeDesc type = std::is_same_v<T, std::uint8_t> ? OIIO::TypeDesc::UINT8
+                                  : words                         ? OIIO::TypeDesc::UINT16
+                                                                  : OIIO::TypeDesc::FLOAT;
+  const auto width = static_cast<std::uint64_t>(spec_.width);
+  const auto channels = static_cast<std::uint64_t>(channels_);
+  const bool tiled = spec_.tile_width > 0 && spec_.tile_height > 0;
+  // The library's own rows have all channels of the file.
+  const std::uint64_t row_bytes = width * static_cast<std::uint64_t>(spec_.nchannels) * sizeof(float);
+  int step = static_cast<int>(std::clamp<std::uint64_t>(kChunkBytes / row_bytes, 1, TexelImage::kTile));
+  if (tiled) {
+    step = spec_.tile_height;
+    const std::uint64_t across = (width / static_cast<std::uint64_t>(spec_.tile_width) + 1) *
+                                 static_cast<std::uint64_t>(spec_.tile_width);
+    if (across * static_cast<std::uint64_t>(step) >
+        kMaxTileRow / static_cast<std::uint64_t>(spec_.nchannels) / sizeof(float)) {
+      return image_error("the image's tiles of " + std::to_string(spec_.tile_width) + " x " +
+                             std::to_string(spec_.tile_height) + " pixels are too large",
+                         file_)
+          .with_mend("store it by scanlines or in smaller tiles");
+    }
+  }
+  std::vector<float> linear;
+  if constexpr (words) {
+    linear.resize(65536);
+    for (std::size_t v = 0; v < linear.size(); ++v) linear[v] = to_linear(static_cast<double>(v) / 65535);
+  }
+  std::vector<T> rows(width * channels * static_cast<std::uint64_t>(std::min(step, spec_.height)));
+  std::vector<float> row(std::is_same_v<T, std::uint8_t> ? 0 : width * channels);
+  for (int y = 0; y < spec_.height; y += step) {
+    const int begin = spec_.y + y;
+    const int end = spec_.y + std::min(y + step, spec_.height);
+    const bool read = tiled ? input_->read_tiles(0, 0, spec_.x, spec_.x + spec_.width, begin, end, spec_.z,
+                                                 spec_.z + 1, first_, first_ + channels_, type, rows.data())
+                            : input_->read_scanlines(0, 0, begin, end, spec_.z, first_, first_ + channels_,
+                                                     type, rows.data());
+    if (!read) return library_error("cannot read the image's pixels: ");
+    for (int i = 0; i < end - begin; ++i) {
+      const T* const pixels = rows.data() + static_cast<std::size_t>(i) * width * channels;
+      if constexpr (std::is_same_v<T, std::uint8_t>) {
+        CANDELA_TRY(out.add_row(pixels, channels, pick_));
+      } else {
+        if constexpr (words) {
+          for (std::size_t k = 0; k < row.size(); ++k) row[k] = linear[pixels[k]];
+        } else {
+          CANDELA_TRY(check_row(pixels, static_cast<std::uint32_t>(y + i)));
+          for (std::size_t k = 0; k < row.size(); ++k) {
+            row[k] = encoding_ == ImageReading::Encoding::linear ? pixels[k]
+                                                                 : to_linear(static_cast<double>(pixels[k]));
+          }
+          // A power may leave the range of floats.
+          if (encoding_ != ImageReading::Encoding::linear)
+            CANDELA_TRY(check_row(row.data(), static_cast<std::uint32_t>(y + i)));
+        }
+        CANDELA_TRY(out.add_row(row.data(), channels, pick_));
+      }
+    }
+  }
+  return {};
+}
+
+Result<TexelImage> Decoder::decode(Scratch& scratch) {
+  CANDELA_TRY(open());
+  CANDELA_TRY(check_size());
+  CANDELA_TRY(find_channels());
+  const bool is_integer = !spec_.format.is_floating_point();
+  if (format_ == "openexr" && is_integer)
+    return image_error("the image's channels are integers, but a colour is half or float", file_);
+  encoding_ = reading_.encoding;
+  if (encoding_ == ImageReading::Encoding::file)
+    encoding_ = is_integer ? ImageReading::Encoding::srgb : ImageReading::Encoding::linear;
 
   TexelImage image;
-  image.file = file;
-  image.width = static_cast<std::uint32_t>(spec.width);
-  image.height = static_cast<std::uint32_t>(spec.height);
-  const std::size_t pixels = static_cast<std::size_t>(image.width) * image.height;
-  const auto channels = static_cast<std::size_t>(spec.nchannels);
-  const bool is_bytes = spec.format == OIIO::TypeDesc::UINT8;
-  const bool is_integer = !spec.format.is_floating_point();
-  const auto failed = [&] {
-    std::string reason = input->geterror();
-    std::replace(reason.begin(), reason.end(), '\n', ' ');
-    return image_error("cannot read the image's pixels: " + reason, file);
-  };
-
-  if (is_bytes) {
-    std::vector<std::uint8_t> all(pixels * channels);
-    if (!input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::UINT8, all.data())) return failed();
-    image.bytes.assign(pixels * 4, 0);
-    for (std::size_t i = 0; i < pixels; ++i) {
-      for (std::size_t c = 0; c < 3; ++c)
-        image.bytes[4 * i + c] = all[i * channels + static_cast<std::size_t>(channel[c])];
-    }
-    image.table.resize(256);
-    for (int v = 0; v < 256; ++v) {
-      image.table[static_cast<std::size_t>(v)] =
-          raw ? static_cast<float>(v / 255.0) : srgb_to_linear(v / 255.0);
-    }
-    return image;
+  image.file = file_;
+  image.width = static_cast<std::uint32_t>(spec_.width);
+  image.height = static_cast<std::uint32_t>(spec_.height);
+  const bool bytes = spec_.format == OIIO::TypeDesc::UINT8;
+  if (bytes) {
+    for (std::size_t v = 0; v < image.table.size(); ++v)
+      image.table[v] = to_linear(static_cast<double>(v) / 255);
   }
-
-  std::vector<float> all(pixels * channels);
-  if (!input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT, all.data())) return failed();
-  image.floats.resize(pixels * 3);
-  for (std::size_t i = 0; i < pixels; ++i) {
-    for (std::size_t c = 0; c < 3; ++c) {
-      float v = all[i * channels + static_cast<std::size_t>(channel[c])];
-      if (!std::isfinite(v) || v < 0) {
-        const char* const what = v != v ? "a NaN" : v < 0 ? "a negative value" : "an infinite value";
-        return image_error("the image has " + std::string(what) + " at pixel (" +
-                               std::to_string(i % image.width) + ", " + std::to_string(i / image.width) + ")",
-                           file)
-            .with_mend("repair the image; a texture or environment map holds finite values from 0 up");
-      }
-      if (is_integer && !raw) v = srgb_to_linear(v);
-      image.floats[3 * i + c] = v;
-    }
+  image.format = bytes ? (gray_ ? TexelFormat::gray8 : TexelFormat::rgb8)
+                       : (gray_ ? TexelFormat::gray32 : TexelFormat::rgb32);
+  CANDELA_ASSIGN(TexelWriter out, TexelWriter::create(scratch, image));
+  if (bytes) {
+    CANDELA_TRY(read_rows<std::uint8_t>(out));
+  } else if (is_integer) {
+    CANDELA_TRY(read_rows<std::uint16_t>(out));
+  } else {
+    CANDELA_TRY(read_rows<float>(out));
   }
+  CANDELA_TRY(out.finish(image));
   return image;
 }
 
 }  // namespace
 
-Result<TexelImage> decode_image(std::string_view encoded, const std::string& file, bool raw) {
+Result<TexelImage> decode_image(std::string_view encoded, const std::string& file,
+                                const ImageReading& reading, Scratch& scratch) {
   if (encoded.empty()) return image_error("the image file is empty", file);
   // OpenImageIO's readers, and our own allocations, may throw on hostile files.
   try {
-    return decode(encoded, file, raw);
+    return Decoder(encoded, file, reading).decode(scratch);
   } catch (const std::exception& e) {
     return image_error(std::string("cannot decode the image: ") + e.what(), file);
   }

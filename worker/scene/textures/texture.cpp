@@ -1,4 +1,4 @@
-// Bitmap, checkerboard and scaled textures and the store that owns them. Meanings are Mitsuba 3's.
+// Checkerboard and scaled textures, and the store that owns all textures. Meanings are Mitsuba 3's.
 #include "worker/scene/textures/texture.h"
 
 #include <algorithm>
@@ -6,143 +6,11 @@
 #include <limits>
 #include <utility>
 
+#include "worker/scene/textures/bitmap.h"
+#include "worker/scene/textures/uv_transform.h"
+
 namespace candela::scene {
 namespace {
-
-// The upper left 2 x 3 part of to_uv that acts on (u, v, 1). Mitsuba takes the upper left 3 x 3 block of a 4
-// x 4 matrix as the affine map of the plane, and the XML's translate and scale write a 4 x 4 one, whose
-// translation is in the last column.
-struct UvTransform {
-  double m[2][3] = {{1, 0, 0}, {0, 1, 0}};
-  bool identity = true;
-
-  Vec2 operator()(Vec2 uv) const {
-    if (identity) return uv;
-    return {static_cast<float>(m[0][0] * uv.x + m[0][1] * uv.y + m[0][2]),
-            static_cast<float>(m[1][0] * uv.x + m[1][1] * uv.y + m[1][2])};
-  }
-  // The chain rule: from derivatives by the transformed coordinates to those by (u, v).
-  Vec2 gradient(double dx, double dy) const {
-    return {finite(m[0][0] * dx + m[1][0] * dy), finite(m[0][1] * dx + m[1][1] * dy)};
-  }
-  static float finite(double v) {
-    constexpr double largest = std::numeric_limits<float>::max();
-    return static_cast<float>(std::clamp(v, -largest, largest));
-  }
-  static UvTransform from(const description::Object& object) {
-    UvTransform t;
-    if (object.find("to_uv") == nullptr) return t;
-    const description::Mat4 a = object.get_transform("to_uv");
-    t.identity = false;
-    for (std::size_t row = 0; row < 2; ++row) {
-      t.m[row][0] = a[4 * row];
-      t.m[row][1] = a[4 * row + 1];
-      t.m[row][2] = a[4 * row + 3];
-    }
-    return t;
-  }
-};
-
-enum class Wrap { repeat, mirror, clamp };
-
-// Texel coordinates as exact integers; a uv so large that its texel is unknown counts as 0.
-std::int64_t to_integer(double v) {
-  return std::abs(v) < 1e15 ? static_cast<std::int64_t>(v) : 0;
-}
-
-std::uint32_t wrap(std::int64_t i, std::uint32_t size, Wrap mode) {
-  const auto n = static_cast<std::int64_t>(size);
-  if (i >= 0 && i < n) return static_cast<std::uint32_t>(i);
-  switch (mode) {
-    case Wrap::repeat:
-      i %= n;
-      if (i < 0) i += n;
-      break;
-    case Wrap::mirror:
-      i %= 2 * n;
-      if (i < 0) i += 2 * n;
-      if (i >= n) i = 2 * n - 1 - i;
-      break;
-    case Wrap::clamp:
-      i = i < 0 ? 0 : n - 1;
-      break;
-  }
-  return static_cast<std::uint32_t>(i);
-}
-
-class Bitmap final : public Texture {
- public:
-  Bitmap(std::shared_ptr<const TexelImage> image, bool nearest, Wrap mode, const UvTransform& to_uv)
-      : image_(std::move(image)), to_uv_(to_uv), wrap_(mode), nearest_(nearest) {
-    minimum_ = maximum_ = image_->at(0, 0);
-    for (std::uint32_t y = 0; y < image_->height; ++y) {
-      for (std::uint32_t x = 0; x < image_->width; ++x) {
-        const Spectrum s = image_->at(x, y);
-        minimum_ = {std::min(minimum_.r, s.r), std::min(minimum_.g, s.g), std::min(minimum_.b, s.b)};
-        maximum_ = {std::max(maximum_.r, s.r), std::max(maximum_.g, s.g), std::max(maximum_.b, s.b)};
-      }
-    }
-  }
-
-  Spectrum eval(Vec2 uv) const override {
-    uv = to_uv_(uv);
-    if (nearest_) {
-      return texel(to_integer(std::floor(static_cast<double>(uv.x) * image_->width)),
-                   to_integer(std::floor(static_cast<double>(uv.y) * image_->height)));
-    }
-    const Cell c = cell(uv);
-    const Spectrum top = c.texels[0] * (1 - c.wx) + c.texels[1] * c.wx;
-    const Spectrum bottom = c.texels[2] * (1 - c.wx) + c.texels[3] * c.wx;
-    return top * (1 - c.wy) + bottom * c.wy;
-  }
-  TextureGradient gradient(Vec2 uv) const override {
-    if (nearest_) return {};
-    const Cell c = cell(to_uv_(uv));
-    const auto channel = [&](float Spectrum::*i) {
-      const double t[4] = {c.texels[0].*i, c.texels[1].*i, c.texels[2].*i, c.texels[3].*i};
-      const double wx = c.wx;
-      const double wy = c.wy;
-      return to_uv_.gradient(image_->width * ((1 - wy) * (t[1] - t[0]) + wy * (t[3] - t[2])),
-                             image_->height * ((1 - wx) * (t[2] - t[0]) + wx * (t[3] - t[1])));
-    };
-    const Vec2 r = channel(&Spectrum::r);
-    const Vec2 g = channel(&Spectrum::g);
-    const Vec2 b = channel(&Spectrum::b);
-    return {{r.x, g.x, b.x}, {r.y, g.y, b.y}};
-  }
-  Spectrum maximum() const override { return maximum_; }
-  Spectrum minimum() const override { return minimum_; }
-
- private:
-  // The four texels around a place (transformed coordinates), rows from the top, and the place among them.
-  struct Cell {
-    Spectrum texels[4];
-    float wx, wy;
-  };
-  Cell cell(Vec2 uv) const {
-    const double x = static_cast<double>(uv.x) * image_->width - 0.5;
-    const double y = static_cast<double>(uv.y) * image_->height - 0.5;
-    const double fx = std::floor(x);
-    const double fy = std::floor(y);
-    const std::int64_t ix = to_integer(fx);
-    const std::int64_t iy = to_integer(fy);
-    const double span_x = x - fx;
-    const double span_y = y - fy;
-    // NaN coordinates (a mesh's own mistake) read the first texels.
-    return {{texel(ix, iy), texel(ix + 1, iy), texel(ix, iy + 1), texel(ix + 1, iy + 1)},
-            span_x >= 0 && span_x <= 1 ? static_cast<float>(span_x) : 0.0f,
-            span_y >= 0 && span_y <= 1 ? static_cast<float>(span_y) : 0.0f};
-  }
-  Spectrum texel(std::int64_t x, std::int64_t y) const {
-    return image_->at(wrap(x, image_->width, wrap_), wrap(y, image_->height, wrap_));
-  }
-
-  std::shared_ptr<const TexelImage> image_;
-  UvTransform to_uv_;
-  Spectrum minimum_, maximum_;
-  Wrap wrap_;
-  bool nearest_;
-};
 
 class Checkerboard final : public Texture {
  public:
@@ -203,11 +71,18 @@ Error located(std::string message, const description::Object& object, std::strin
 
 constexpr int kMaxNesting = 16;
 
+constexpr std::pair<std::string_view, Wrap> kWrapModes[] = {{"repeat", Wrap::repeat},
+                                                            {"mirror", Wrap::mirror},
+                                                            {"clamp", Wrap::clamp},
+                                                            {"zero", Wrap::zero},
+                                                            {"one", Wrap::one}};
+
 }  // namespace
 
-Result<std::shared_ptr<const TexelImage>> TextureStore::image(const std::string& key, bool raw,
+Result<std::shared_ptr<const TexelImage>> TextureStore::image(const std::string& key,
+                                                              const ImageReading& reading,
                                                               const description::Location& where) {
-  auto& slot = images_[{key, raw}];
+  auto& slot = images_[{key, reading}];
   if (slot) return slot;
   auto bytes = files_->open(key);
   if (!bytes.ok()) {
@@ -215,7 +90,7 @@ Result<std::shared_ptr<const TexelImage>> TextureStore::image(const std::string&
     if (!error.file.empty()) return error;
     return std::move(error).at(where.file, where.line);
   }
-  auto decoded = decode_image(bytes->view, key, raw);
+  auto decoded = decode_image(bytes->view, key, reading, scratch_);
   if (!decoded.ok()) {
     // The reader edits the scene: say where it is named, and which file it is.
     Error error = std::move(decoded).error();
@@ -226,12 +101,49 @@ Result<std::shared_ptr<const TexelImage>> TextureStore::image(const std::string&
   return slot;
 }
 
-std::uint64_t TextureStore::image_bytes() const {
-  std::uint64_t bytes = 0;
-  for (const auto& [key, image] : images_) {
-    if (image) bytes += image->bytes.size() + image->floats.size() * sizeof(float);
+Result<std::unique_ptr<const Texture>> TextureStore::build_bitmap(const description::Object& object) {
+  const std::string file = object.get_string("filename", "");
+  if (file.empty()) return located("a bitmap texture needs a file", object, "filename");
+  Bitmap::Settings settings;
+  const std::string filter = object.get_string("filter_type", "bilinear");
+  if (filter != "bilinear" && filter != "nearest") {
+    return located("unknown filter_type '" + filter + "'; known: bilinear, nearest", object, "filter_type");
   }
-  return bytes;
+  settings.nearest = filter == "nearest";
+  const std::string both = object.get_string("wrap_mode", "repeat");
+  for (auto [name, mode] :
+       {std::pair("wrap_mode_u", &settings.wrap_u), std::pair("wrap_mode_v", &settings.wrap_v)}) {
+    const std::string text = object.get_string(name, both);
+    const auto known = std::find_if(std::begin(kWrapModes), std::end(kWrapModes),
+                                    [&](const auto& entry) { return entry.first == text; });
+    if (known == std::end(kWrapModes)) {
+      return located("unknown wrap mode '" + text + "'; known: repeat, mirror, clamp, zero, one", object,
+                     object.find(name) != nullptr ? name : "wrap_mode");
+    }
+    *mode = known->second;
+  }
+  settings.to_uv = UvTransform::from(object);
+
+  ImageReading reading;
+  if (object.get_bool("raw", false)) reading.encoding = ImageReading::Encoding::linear;
+  if (object.find("gamma") != nullptr) {
+    const double gamma = object.get_number("gamma", 0);
+    if (object.find("raw") != nullptr) return located("give either raw or gamma, not both", object, "gamma");
+    if (!(gamma > 0) && gamma != 0 && gamma != -1)
+      return located("gamma is above 0, or -1 for sRGB, or 0 for what the file means", object, "gamma");
+    reading.encoding = gamma == 0    ? ImageReading::Encoding::file
+                       : gamma == -1 ? ImageReading::Encoding::srgb
+                       : gamma == 1  ? ImageReading::Encoding::linear
+                                     : ImageReading::Encoding::power;
+    if (reading.encoding == ImageReading::Encoding::power) reading.gamma = gamma;
+  }
+  reading.channel = object.get_string("channel", "");
+  if (!reading.channel.empty() && (reading.channel.size() != 1 ||
+                                   std::string_view("rgba").find(reading.channel) == std::string_view::npos))
+    return located("unknown channel '" + reading.channel + "'; known: r, g, b, a", object, "channel");
+  const description::Property* named = object.find("filename");
+  CANDELA_ASSIGN(auto texels, image(file, reading, named != nullptr ? named->where : object.where));
+  return std::unique_ptr<const Texture>(std::make_unique<Bitmap>(std::move(texels), settings));
 }
 
 Result<const Texture*> TextureStore::build(const description::ObjectPtr& object, int depth) {
@@ -241,25 +153,7 @@ Result<const Texture*> TextureStore::build(const description::ObjectPtr& object,
   }
   std::unique_ptr<const Texture> texture;
   if (object->plugin == "bitmap") {
-    const std::string file = object->get_string("filename", "");
-    if (file.empty()) return located("a bitmap texture needs a file", *object, "filename");
-    const std::string filter = object->get_string("filter_type", "bilinear");
-    if (filter != "bilinear" && filter != "nearest") {
-      return located("unknown filter_type '" + filter + "'; known: bilinear, nearest", *object,
-                     "filter_type");
-    }
-    const std::string mode = object->get_string("wrap_mode", "repeat");
-    if (mode != "repeat" && mode != "mirror" && mode != "clamp") {
-      return located("unknown wrap_mode '" + mode + "'; known: repeat, mirror, clamp", *object, "wrap_mode");
-    }
-    const description::Property* named = object->find("filename");
-    CANDELA_ASSIGN(auto texels, image(file, object->get_bool("raw", false),
-                                      named != nullptr ? named->where : object->where));
-    texture = std::make_unique<Bitmap>(std::move(texels), filter == "nearest",
-                                       mode == "repeat"   ? Wrap::repeat
-                                       : mode == "mirror" ? Wrap::mirror
-                                                          : Wrap::clamp,
-                                       UvTransform::from(*object));
+    CANDELA_ASSIGN(texture, build_bitmap(*object));
   } else if (object->plugin == "checkerboard") {
     CANDELA_ASSIGN(const ColorTexture color0, color_at_depth(*object, "color0", Spectrum(0.4f), depth + 1));
     CANDELA_ASSIGN(const ColorTexture color1, color_at_depth(*object, "color1", Spectrum(0.2f), depth + 1));

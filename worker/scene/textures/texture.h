@@ -15,6 +15,9 @@
 #include "common/base/result.h"
 #include "common/description/object.h"
 #include "worker/core/vec.h"
+#include "worker/scene/textures/image_decode.h"
+#include "worker/scene/textures/scratch.h"
+#include "worker/scene/textures/texel_image.h"
 
 namespace candela::scene {
 
@@ -49,6 +52,7 @@ struct FloatTexture {
   const Texture* texture = nullptr;
   float eval(Vec2 uv) const { return texture == nullptr ? constant : luminance(texture->eval(uv)); }
   float minimum() const { return texture == nullptr ? constant : luminance(texture->minimum()); }
+  float maximum() const { return texture == nullptr ? constant : luminance(texture->maximum()); }
   // d value / d(u, v), of (u, v) before to_uv.
   Vec2 gradient(Vec2 uv) const {
     if (texture == nullptr) return {};
@@ -58,49 +62,34 @@ struct FloatTexture {
   bool is_constant() const { return texture == nullptr; }
 };
 
-// A decoded image: linear Rec.709, rows from the top. 8-bit files keep their bytes and a table, others are
-// floats.
-struct TexelImage {
-  std::string file;
-  std::uint32_t width = 0, height = 0;
-  std::vector<std::uint8_t> bytes;  // width * height * 4 (r, g, b, unused), or empty
-  std::vector<float> floats;        // width * height * 3, or empty
-  std::vector<float> table;         // 256 linear values of a byte
-  Spectrum at(std::uint32_t x, std::uint32_t y) const {
-    const std::size_t i = static_cast<std::size_t>(y) * width + x;
-    if (!bytes.empty()) return {table[bytes[4 * i]], table[bytes[4 * i + 1]], table[bytes[4 * i + 2]]};
-    return {floats[3 * i], floats[3 * i + 1], floats[3 * i + 2]};
-  }
-};
-
-// Decodes image bytes: OpenEXR, PNG, JPEG, Radiance HDR, TIFF, BMP, TGA, PNM/PFM, told by content. `raw`:
-// integers are taken as linear, else as sRGB. One channel fills three; alpha is left out. Errors name `file`:
-// not decodable, larger than 32768 pixels a side or 2^28 in all, NaN, infinite or negative values.
-Result<TexelImage> decode_image(std::string_view encoded, const std::string& file, bool raw);
-
 class TextureStore {
  public:
-  explicit TextureStore(const description::FileSource& files) : files_(&files) {}
+  explicit TextureStore(const description::FileSource& files, const TextureLimits& limits = {})
+      : files_(&files), scratch_(limits) {}
 
   // What the slot `name` of `owner` holds: an rgb or number property, a texture child, or `otherwise`. Errors
   // name file, line and the slot.
   Result<ColorTexture> color(const description::Object& owner, std::string_view name, Spectrum otherwise);
   Result<FloatTexture> number(const description::Object& owner, std::string_view name, float otherwise);
 
-  // One decoding per file and interpretation. `where` is the object that asks, for errors.
-  Result<std::shared_ptr<const TexelImage>> image(const std::string& key, bool raw,
+  // One decoding per file and reading. `where` is the object that asks, for errors.
+  Result<std::shared_ptr<const TexelImage>> image(const std::string& key, const ImageReading& reading,
                                                   const description::Location& where);
 
   std::uint32_t texture_count() const { return static_cast<std::uint32_t>(textures_.size()); }
-  std::uint64_t image_bytes() const;
+  // Of decoded texels: in memory, and in the scratch file.
+  std::uint64_t memory_bytes() const { return scratch_.memory_bytes(); }
+  std::uint64_t file_bytes() const { return scratch_.file_bytes(); }
 
  private:
   Result<const Texture*> build(const description::ObjectPtr& object, int depth);
+  Result<std::unique_ptr<const Texture>> build_bitmap(const description::Object& object);
   Result<ColorTexture> color_at_depth(const description::Object& owner, std::string_view name,
                                       Spectrum otherwise, int depth);
 
   const description::FileSource* files_;
-  std::map<std::pair<std::string, bool>, std::shared_ptr<const TexelImage>> images_;
+  Scratch scratch_;
+  std::map<std::pair<std::string, ImageReading>, std::shared_ptr<const TexelImage>> images_;
   std::map<description::ObjectPtr, std::unique_ptr<const Texture>>
       textures_;  // by the object they were built from
 };

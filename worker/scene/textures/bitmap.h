@@ -1,0 +1,44 @@
+// Lookups in an image: bilinear between texel centres or the nearest texel, with what lies outside of [0, 1]
+// chosen for u and v apart.
+#pragma once
+
+#include <memory>
+
+#include "worker/scene/textures/texel_image.h"
+#include "worker/scene/textures/texture.h"
+#include "worker/scene/textures/uv_transform.h"
+
+namespace candela::scene {
+
+// Of texels outside of the image. zero and one are Mitsuba 0.6's: such texels have that value.
+enum class Wrap : std::uint8_t { repeat, mirror, clamp, zero, one };
+
+class Bitmap final : public Texture {
+ public:
+  struct Settings {
+    bool nearest = false;
+    Wrap wrap_u = Wrap::repeat, wrap_v = Wrap::repeat;
+    UvTransform to_uv;
+  };
+  Bitmap(std::shared_ptr<const TexelImage> image, const Settings& settings);
+
+  Spectrum eval(Vec2 uv) const override;
+  TextureGradient gradient(Vec2 uv) const override;
+  Spectrum maximum() const override { return maximum_; }
+  Spectrum minimum() const override { return minimum_; }
+
+ private:
+  // The four texels around a place (transformed coordinates), rows from the top, and the place among them.
+  struct Cell {
+    Spectrum texels[4];
+    float wx, wy;
+  };
+  Cell cell(Vec2 uv) const;
+  Spectrum texel(std::int64_t x, std::int64_t y) const;
+
+  std::shared_ptr<const TexelImage> image_;
+  Settings settings_;
+  Spectrum minimum_, maximum_;
+};
+
+}  // namespace candela::scene
