@@ -32,6 +32,7 @@ int report(std::ostream& err, const std::string& message, int code) {
 void add_commands(CLI::App& app, Context& context) {
   add_render(app, context);
   add_plan(app, context);
+  add_check(app, context);
   add_submit(app, context);
   add_list(app, context);
   add_show(app, context);

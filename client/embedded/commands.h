@@ -1,4 +1,4 @@
-// The commands that bring the renderer along: `render`, a whole farm in this process, and `plan`.
+// The commands that bring the renderer along: `render`, a whole farm in this process, `plan`, and `check`.
 #pragma once
 
 #include "client/settings.h"
@@ -13,6 +13,7 @@ struct Context;
 
 void add_render(CLI::App& app, Context& context);
 void add_plan(CLI::App& app, Context& context);
+void add_check(CLI::App& app, Context& context);
 
 // What the linked renderer says of itself.
 RendererFacts renderer_facts();

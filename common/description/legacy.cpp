@@ -73,12 +73,18 @@ Result<void> merge_uv_parameters(Object& object) {
   return {};
 }
 
-Result<void> upgrade_bitmap(Object& object) {
+Result<void> upgrade_bitmap(Object& object, std::vector<Note>& notes) {
   // Prefiltered lookups of 0.6: without ray differentials they are bilinear ones.
   if (Property* filter = find(object, "filter_type");
       filter != nullptr && filter->type == PropertyType::string) {
     const std::string value = text::lower(std::get<std::string>(filter->value));
-    if (value == "ewa" || value == "trilinear") filter->value = std::string("bilinear");
+    if (value == "ewa" || value == "trilinear") {
+      notes.push_back(
+          {filter->where, fmt::format("the texture filter {} is read as bilinear: nothing is blurred "
+                                      "with distance, but averaged by the samples of a pixel",
+                                      text::quote(value))});
+      filter->value = std::string("bilinear");
+    }
   }
   // 0.6 has two names for each border value, and the mode of both directions as the default of each.
   for (const std::string_view name : {"wrap_mode", "wrap_mode_u", "wrap_mode_v"}) {
@@ -170,7 +176,7 @@ std::string plugin_name(std::string_view category, std::string_view name) {
   return std::string(name);
 }
 
-Result<void> upgrade(Object& object, std::string_view plugin) {
+Result<void> upgrade(Object& object, std::string_view plugin, std::vector<Note>& notes) {
   if (object.category == "bsdf" && object.plugin == "diffuse") {
     Property* old = find(object, "diffuse_reflectance");
     if (old != nullptr && find(object, "reflectance") == nullptr) old->name = "reflectance";
@@ -178,14 +184,19 @@ Result<void> upgrade(Object& object, std::string_view plugin) {
   if (object.category == "bsdf" && (object.plugin == "conductor" || object.plugin == "roughconductor"))
     CANDELA_TRY(upgrade_conductor(object));
   if (object.category == "texture") CANDELA_TRY(merge_uv_parameters(object));
-  if (object.category == "texture" && object.plugin == "bitmap") CANDELA_TRY(upgrade_bitmap(object));
+  if (object.category == "texture" && object.plugin == "bitmap") CANDELA_TRY(upgrade_bitmap(object, notes));
   // Parameters whose capitals are their names.
   if (object.category == "rfilter" && object.plugin == "mitchell")
     for (Property& property : object.properties)
       if (property.name == "b" || property.name == "c") property.name = property.name == "b" ? "B" : "C";
   if (object.category == "film" && plugin == "ldrfilm")
     for (const std::string_view tone_mapping : {"tonemap_method", "gamma", "exposure", "key", "burn"})
-      take(object, tone_mapping);
+      if (const std::optional<Property> dropped = take(object, tone_mapping))
+        notes.push_back(
+            {dropped->where,
+             fmt::format("parameter '{}' of film 'ldrfilm' is dropped: images stay linear, and PNGs "
+                         "are encoded as sRGB without tone mapping",
+                         tone_mapping)});
   return {};
 }
 

@@ -4,6 +4,7 @@
 
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "common/base/result.h"
 #include "common/description/object.h"
@@ -15,6 +16,7 @@ std::string plugin_name(std::string_view category, std::string_view name);
 
 // Turns the properties of one object of an old file into today's: names, merged or split parameters, values.
 // `plugin` is the name as written. What means something else today, or nothing, is an error naming the mend.
-Result<void> upgrade(Object& object, std::string_view plugin);
+// What it reads as something else than 0.6 does goes to the notes.
+Result<void> upgrade(Object& object, std::string_view plugin, std::vector<Note>& notes);
 
 }  // namespace candela::description::legacy

@@ -263,7 +263,7 @@ class Parser {
     CANDELA_TRY(parse_children(file, node, index, depth));
 
     if (rule == nullptr) return index;
-    if (file.legacy) CANDELA_TRY(legacy::upgrade(*object, plugin));
+    if (file.legacy) CANDELA_TRY(legacy::upgrade(*object, plugin, notes_));
     CANDELA_TRY(check_properties(*object, *rule));
     if (object->category == "bsdf") CANDELA_TRY(resolve_material(*object));
     for (const PropertyRule& property_rule : rule->properties) {
@@ -332,13 +332,16 @@ class Parser {
     property.where = written.where;
     const SpectrumUse use = spectrum_use(*drafts_[parent].object, modern_name(file, property.name));
     ConvertedSpectrum converted;
+    std::string differs;
     if (written.name == "spectrum" && written.find("type") != nullptr) {
       if (written.find("id") != nullptr)
         return written.error("a <spectrum> with an id is not supported")
             .with_mend("write it where it is used");
       CANDELA_ASSIGN(const std::size_t index, parse_object(file, node, depth + 1));
       const std::shared_ptr<Object> object = drafts_[index].object;
-      CANDELA_TRY(check_children(*object, *find_plugin(object->category, object->plugin), {}));
+      const PluginRule& rule = *find_plugin(object->category, object->plugin);
+      CANDELA_TRY(check_children(*object, rule, {}));
+      if (!rule.differs.empty()) differs = fmt::format("{}: {}", describe(*object), rule.differs);
       if (!drafts_[index].links.empty())
         return written.error(fmt::format("{} takes no texture and no other object", describe(*object)));
       drafts_.pop_back();
@@ -362,6 +365,7 @@ class Parser {
         CANDELA_ASSIGN(converted, convert_spectrum_value(written, use));
       }
     }
+    if (!differs.empty()) notes_.push_back({written.where, std::move(differs)});
     if (!converted.note.empty()) notes_.push_back({written.where, std::move(converted.note)});
     property.value = converted.rgb;
     return add_property(file, std::move(property), parent);

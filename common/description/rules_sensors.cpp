@@ -47,7 +47,12 @@ void add_films(std::vector<PluginRule>& table) {
             {.name = "crop_width", .types = {integer}, .doc = "pixels; only the film's width for now"},
             {.name = "crop_height", .types = {integer}, .doc = "pixels; only the film's height for now"},
             ignored("file_format", {string}, "the output's name decides: .exr or .png"),
-            ignored("pixel_format", {string}, "images are linear Rec.709 RGB"),
+            [] {
+              PropertyRule rule = ignored("pixel_format", {string}, "images are linear Rec.709 RGB");
+              rule.differs = "images have the channels R, G and B: no alpha, no luminance alone";
+              rule.differs_unless = "rgb";
+              return rule;
+            }(),
             ignored("component_format", {string}, "images are 32-bit float"),
             ignored("sample_border", {boolean}, "filters are sampled, so edges need no border"),
             ignored("compensate", {boolean}, "sums are exact always"),

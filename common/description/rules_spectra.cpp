@@ -53,9 +53,8 @@ void add_spectra(std::vector<PluginRule>& table) {
                       bound("wavelength_min", "nanometres; no light below (default 360)"),
                       bound("wavelength_max", "nanometres; no light above (default 830)")},
        .child_categories = {},
-       .doc =
-           "Planck's law in W/(m^2 sr nm), for emitters; Mitsuba has it in its spectral variants alone, and "
-           "the colour here is the one those show"});
+       .doc = "Planck's law in W/(m^2 sr nm), for emitters",
+       .differs = "Mitsuba has it in its spectral variants alone; the colour is the one those show"});
   for (const std::string_view name : {"rgb", "srgb"})
     table.push_back({.category = "spectrum",
                      .name = name,

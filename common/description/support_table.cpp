@@ -47,7 +47,10 @@ elements, 10 000 includes, 1 GiB of XML, and 256 MiB in one file. XML is UTF-8.
 
 ## Plugins
 
-Parameters marked *ignored* are accepted because scenes have them, and change nothing in the picture. Another integrator
+`candela check SCENE` tells of a scene's own plugins and parameters what of this page concerns them.
+
+Parameters marked *ignored* are accepted because scenes have them, and change nothing in the picture. What is marked
+*differs* gives another picture than Mitsuba's. Another integrator
 that Mitsuba has may stand in the file if `--integrator` chooses one that Candela has.
 )";
 
@@ -87,6 +90,7 @@ std::string meaning_of(const PropertyRule& rule) {
   }
   if (!rule.only.empty()) result += fmt::format("; only `{}` for now", rule.only);
   if (const std::string bounds = bounds_of(rule); !bounds.empty()) result += fmt::format("; {}", bounds);
+  if (!rule.differs.empty()) result += fmt::format("; *differs*: {}", rule.differs);
   return result;
 }
 
@@ -100,6 +104,7 @@ std::string support_table_markdown() {
     if (plugin.category != category) page += fmt::format("\n### {}\n", plugin.category);
     category = plugin.category;
     page += fmt::format("\n**`{}`**: {}.\n", plugin.name, plugin.doc);
+    if (!plugin.differs.empty()) page += fmt::format("*Differs* from Mitsuba: {}.\n", plugin.differs);
     if (plugin.properties.empty()) continue;
     page += "\n| parameter | type | meaning |\n|---|---|---|\n";
     for (const PropertyRule& rule : plugin.properties)

@@ -28,6 +28,10 @@ struct PropertyRule {
       -std::numeric_limits<double>::infinity();  // bounds of an integer, a number, each component of an rgb
   double maximum = std::numeric_limits<double>::infinity();
   bool above_minimum = false;  // the minimum itself is out of bounds
+  // Where set: how the picture differs from Mitsuba's when the parameter is given, one sentence without its
+  // period; not where it has the value `differs_unless` (in text form).
+  std::string_view differs = {};
+  std::string_view differs_unless = {};
 };
 
 struct PluginRule {
@@ -36,6 +40,7 @@ struct PluginRule {
   std::vector<std::string_view>
       child_categories;  // allowed children (by category), e.g. shape: bsdf, emitter
   std::string_view doc;
+  std::string_view differs = {};  // where set: how the plugin's picture differs from Mitsuba's
 };
 
 std::span<const PluginRule> vocabulary();

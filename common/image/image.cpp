@@ -210,6 +210,21 @@ Result<Image> read_image(const std::filesystem::path& path) {
   }
 }
 
+Result<ImageSize> read_image_size(const std::filesystem::path& path) {
+  const std::string name = path.string();
+  try {
+    const auto input = OIIO::ImageInput::open(name);
+    if (!input)
+      return input_error("this is not an image that can be read: " + one_line(OIIO::geterror())).at(name, 0);
+    const OIIO::ImageSpec& spec = input->spec();
+    return ImageSize{static_cast<std::uint32_t>(spec.width), static_cast<std::uint32_t>(spec.height),
+                     static_cast<std::uint32_t>(spec.nchannels),
+                     static_cast<std::uint32_t>(8 * spec.format.basesize())};
+  } catch (const std::exception& problem) {  // of the format libraries
+    return input_error("cannot read the image: " + one_line(problem.what())).at(name, 0);
+  }
+}
+
 Result<std::string> encode_exr(std::uint32_t width, std::uint32_t height, std::span<const float> rgb,
                                const std::map<std::string, std::string>& metadata,
                                std::span<const Layer> layers) {

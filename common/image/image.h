@@ -30,6 +30,13 @@ struct Layer {
 // linearised). A luminance-only file fills all three. Errors name the file.
 Result<Image> read_image(const std::filesystem::path& path);
 
+// What the head of an image file says, without reading its pixels. Errors name the file.
+struct ImageSize {
+  std::uint32_t width = 0, height = 0, channels = 0;
+  std::uint32_t bits = 0;  // of a channel
+};
+Result<ImageSize> read_image_size(const std::filesystem::path& path);
+
 // A 32-bit float EXR (zip), as bytes. Metadata keys become string attributes; keys that would be orders to
 // the writer
 // ("compression", "openexr:...") are refused (input). Deterministic: no dates.

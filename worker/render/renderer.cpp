@@ -97,6 +97,8 @@ class SceneRenderer final : public Renderer {
            integrator_->plan().to_text();
   }
 
+  const scene::SceneFeatures* features() const override { return &scene_->features(); }
+
  private:
   integrators::UnitContext context() const {
     return {*scene_, filter_, sampler_, settings_.seed, settings_.width, settings_.height};

@@ -14,6 +14,10 @@
 #include "common/job/job.h"
 #include "worker/scene/textures/scratch.h"
 
+namespace candela::scene {
+struct SceneFeatures;
+}
+
 namespace candela::render {
 
 // ISAs of Embree this machine can use, of "sse2", "sse4.2", "avx", "avx2", "avx512".
@@ -49,6 +53,9 @@ class Renderer {
 
   // The integrator's plan as text: features found, what will run, what is skipped and why.
   virtual std::string plan_text() const = 0;
+
+  // The scene's facts; null where there is no scene behind (in tests).
+  virtual const scene::SceneFeatures* features() const { return nullptr; }
 };
 
 // Names of the integrators there are, and the settings of one as (name, default, doc) for --help, docs and

@@ -11,6 +11,7 @@ struct SceneFeatures {
   std::uint64_t triangles = 0;
   std::uint32_t spheres = 0, disks = 0, cylinders = 0;
   std::uint32_t shapes = 0;
+  std::uint64_t dropped_faces = 0;  // of meshes: without area, or with fewer than three corners
   std::map<std::string, std::uint32_t>
       bsdf_kinds;  // kind -> number of shapes wearing it (inside of composites)
   std::map<std::string, std::uint32_t> emitter_kinds;  // kind -> number

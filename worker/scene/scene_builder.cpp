@@ -97,6 +97,7 @@ Result<void> SceneBuilder::shape(const description::Object& object) {
   record.reads_uv = reads_uv(object);
   record.reads_partials = bsdfs_[record.bsdf].facts().reads_partials;
   CANDELA_ASSIGN(Shape shape, build_shape(object, files_));
+  features_.dropped_faces += shape.dropped_count;
   if (shape.dropped_count > 0) {
     log::warn(object.where.file + ":" + std::to_string(object.where.line) + ": left out " +
               std::to_string(shape.dropped_count) + " faces without area");

@@ -1,0 +1,132 @@
+// candela check: loads and builds a scene, lists what it uses, and warns of what will look different from
+// Mitsuba.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <ostream>
+#include <set>
+#include <thread>
+
+#include "client/check_report.h"
+#include "client/context.h"
+#include "client/embedded/commands.h"
+#include "client/values.h"
+#include "common/description/review.h"
+#include "common/image/image.h"
+#include "worker/render/renderer.h"
+#include "worker/scene/features.h"
+
+namespace candela::client {
+namespace {
+
+using description::Finding;
+
+struct CheckOptions {
+  SceneOptions scene;
+  bool json = false;
+  bool strict = false;
+};
+
+// An integrator that Candela lacks does not keep the rest of the scene from being checked.
+std::optional<Finding> choose_integrator(const description::SceneDescription& scene, SceneOptions& options,
+                                         const RendererFacts& facts) {
+  const std::vector<std::string> names = facts.integrator_names();
+  const auto written = scene.scene->children_of("integrator");
+  if (options.integrator || written.empty() ||
+      std::find(names.begin(), names.end(), written[0]->plugin) != names.end())
+    return std::nullopt;
+  options.integrator = "path";
+  return Finding{
+      Finding::Kind::differs, written[0]->where,
+      fmt::format("there is no integrator '{}' here: rendering needs --integrator; checked with 'path'",
+                  printable(written[0]->plugin))};
+}
+
+std::optional<Finding> other_integrator(const description::SceneDescription& scene,
+                                        const SceneOptions& options) {
+  const auto written = scene.scene->children_of("integrator");
+  if (!options.integrator || written.empty() || written[0]->plugin == *options.integrator)
+    return std::nullopt;
+  return Finding{Finding::Kind::differs, written[0]->where,
+                 fmt::format("the scene asks for the integrator '{}', the command line for '{}'",
+                             printable(written[0]->plugin), printable(*options.integrator))};
+}
+
+// Images that objects refer to, by key.
+void collect_images(const description::Object& object, std::set<const description::Object*>& seen,
+                    std::set<std::string>& keys) {
+  if (!seen.insert(&object).second) return;
+  if (object.plugin == "bitmap" || object.plugin == "envmap")
+    if (const std::string key = object.get_string("filename", ""); !key.empty()) keys.insert(key);
+  for (const description::Child& child : object.children) collect_images(*child.object, seen, keys);
+}
+
+Result<CheckReport> check_scene(SceneOptions options, const RendererFacts& facts) {
+  CANDELA_ASSIGN(const auto parameters, parse_assignments(options.defines, "-D"));
+  CANDELA_ASSIGN(const bundle::GatheredScene gathered, bundle::gather(options.scene, parameters));
+  const description::SceneDescription& scene = gathered.description;
+  std::optional<Finding> integrator = other_integrator(scene, options);
+  if (!integrator) integrator = choose_integrator(scene, options, facts);
+  CANDELA_ASSIGN(const PreparedJob job, prepare_job(scene, options, facts));
+  const bundle::DiskSource files(std::filesystem::absolute(options.scene).parent_path());
+  CANDELA_ASSIGN(const auto renderer,
+                 render::Renderer::create(files, gathered.bundle.main_path, gathered.bundle.parameters,
+                                          job.settings, std::max(1U, std::thread::hardware_concurrency())));
+
+  CheckReport report;
+  report.scene = options.scene;
+  report.review = description::review(scene);
+  if (integrator) report.review.findings.insert(report.review.findings.begin(), *integrator);
+  if (const scene::SceneFeatures* features = renderer->features()) {
+    report.triangles = features->triangles;
+    report.dropped_faces = features->dropped_faces;
+  }
+  if (report.dropped_faces > 0)
+    report.review.findings.push_back(
+        {Finding::Kind::ignored, scene.scene->where,
+         fmt::format("{} faces of meshes have no area and are left out", report.dropped_faces)});
+  report.width = job.settings.width;
+  report.height = job.settings.height;
+  report.filter = job.settings.filter;
+  report.integrator = job.settings.integrator;
+  report.integrator_settings = job.settings.integrator_settings;
+  for (const bundle::File& file : gathered.bundle.files) report.files.push_back({file.path, file.size_bytes});
+  std::set<const description::Object*> seen;
+  std::set<std::string> keys;
+  collect_images(*scene.scene, seen, keys);
+  for (const std::string& key : keys) {
+    const bundle::File* file = gathered.bundle.find(key);
+    const auto path = gathered.real_paths.find(key);
+    if (file == nullptr || path == gathered.real_paths.end()) continue;
+    CANDELA_ASSIGN(const image::ImageSize size, image::read_image_size(path->second));
+    report.images.push_back({key, size.width, size.height, size.channels, size.bits, file->size_bytes});
+  }
+  return report;
+}
+
+Result<int> run_check(Context& context, const CheckOptions& options) {
+  CANDELA_ASSIGN(const CheckReport report, check_scene(options.scene, context.facts));
+  if (options.json) {
+    context.out << report.to_json() << '\n';
+  } else {
+    context.out << report.to_text();
+  }
+  return options.strict && report.warning_count() > 0 ? 1 : 0;
+}
+
+}  // namespace
+
+void add_check(CLI::App& app, Context& context) {
+  auto options = std::make_shared<CheckOptions>();
+  CLI::App* sub = app.add_subcommand(
+      "check", "Build the scene, list what it uses, and warn of what differs from Mitsuba");
+  add_scene_options(*sub, options->scene, false);
+  sub->add_flag("--strict", options->strict, "Exit with 1 if there is a warning");
+  sub->add_flag("--json", options->json, "Print JSON");
+  sub->callback([&context, options] {
+    context.command = [&context, options] { return run_check(context, *options); };
+  });
+}
+
+}  // namespace candela::client

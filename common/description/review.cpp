@@ -1,0 +1,121 @@
+#include "common/description/review.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+#include <tuple>
+
+#include "common/description/check.h"
+#include "common/description/text.h"
+#include "common/description/vocabulary.h"
+
+namespace candela::description {
+namespace {
+
+// What of the scene's children acts by itself; the others are there to be referred to.
+bool acts(const Object& object) {
+  return object.category == "shape"
+             ? object.plugin != "shapegroup"
+             : object.category == "emitter" || object.category == "sensor" || object.category == "integrator";
+}
+
+bool is_value(const Property& property, std::string_view value) {
+  if (value.empty()) return false;
+  if (const auto* flag = std::get_if<bool>(&property.value)) return text::to_boolean(value) == *flag;
+  if (const auto* integer = std::get_if<std::int64_t>(&property.value))
+    return text::to_number(value) == static_cast<double>(*integer);
+  if (const auto* number = std::get_if<double>(&property.value)) return text::to_number(value) == *number;
+  if (const auto* string = std::get_if<std::string>(&property.value)) return text::lower(*string) == value;
+  return false;
+}
+
+class Reviewer {
+ public:
+  explicit Reviewer(const SceneDescription& scene) : scene_(scene) {}
+
+  Review run() {
+    for (const Note& note : scene_.notes)
+      result_.findings.push_back({Finding::Kind::differs, note.where, note.text});
+    const Object* sensor = nullptr;
+    for (const Child& child : scene_.scene->children) {
+      const Object& object = *child.object;
+      if (!acts(object)) continue;
+      if (object.category == "sensor") {
+        if (sensor != nullptr) {
+          unused(object, "is one sensor too many: the first is used");
+          continue;
+        }
+        sensor = &object;
+      }
+      visit(object);
+    }
+    for (const Child& child : scene_.scene->children) {
+      const Object& object = *child.object;
+      if (!acts(object) && !seen_.contains(&object)) unused(object, "is used by nothing");
+    }
+    std::stable_sort(result_.findings.begin(), result_.findings.end(),
+                     [](const Finding& a, const Finding& b) {
+                       return std::tie(a.where.file, a.where.line) < std::tie(b.where.file, b.where.line);
+                     });
+    return std::move(result_);
+  }
+
+ private:
+  void unused(const Object& object, std::string_view why) {
+    if (!seen_.insert(&object).second) return;
+    const std::string id = object.id.empty() ? "" : fmt::format(" with the id {}", text::quote(object.id));
+    result_.findings.push_back(
+        {Finding::Kind::unused, object.where, fmt::format("{}{} {}", describe(object), id, why)});
+  }
+
+  // The parser has bounded the nesting.
+  void visit(const Object& object) {
+    if (!seen_.insert(&object).second) return;
+    ++result_.uses[object.category][object.plugin];
+    if (const PluginRule* rule = find_plugin(object.category, object.plugin)) look_at(object, *rule);
+    for (const Child& child : object.children) visit(*child.object);
+  }
+
+  void look_at(const Object& object, const PluginRule& rule) {
+    if (!rule.differs.empty())
+      result_.findings.push_back(
+          {Finding::Kind::differs, object.where, fmt::format("{}: {}", describe(object), rule.differs)});
+    for (const Property& property : object.properties) {
+      const auto found = std::find_if(rule.properties.begin(), rule.properties.end(),
+                                      [&](const PropertyRule& other) { return other.name == property.name; });
+      if (found == rule.properties.end()) continue;
+      const std::string where = fmt::format("parameter '{}' of {}", property.name, describe(object));
+      if (!found->differs.empty() && !is_value(property, found->differs_unless))
+        result_.findings.push_back(
+            {Finding::Kind::differs, property.where, fmt::format("{}: {}", where, found->differs)});
+      else if (found->ignored)
+        result_.findings.push_back(
+            {Finding::Kind::ignored, property.where, fmt::format("{} is ignored: {}", where, found->doc)});
+    }
+  }
+
+  const SceneDescription& scene_;
+  Review result_;
+  std::set<const Object*> seen_;
+};
+
+}  // namespace
+
+std::string_view name(Finding::Kind kind) {
+  switch (kind) {
+    case Finding::Kind::differs:
+      return "differs";
+    case Finding::Kind::ignored:
+      return "ignored";
+    case Finding::Kind::unused:
+      return "unused";
+  }
+  return "?";
+}
+
+Review review(const SceneDescription& scene) {
+  return Reviewer(scene).run();
+}
+
+}  // namespace candela::description

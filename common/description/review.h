@@ -1,0 +1,36 @@
+// What a scene uses, and what of it a reader of Mitsuba's documentation would not expect here.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/description/object.h"
+
+namespace candela::description {
+
+struct Finding {
+  enum class Kind {
+    differs,  // the picture is another than Mitsuba's
+    ignored,  // a parameter that changes nothing in the picture
+    unused    // an object that nothing uses
+  };
+  Kind kind{};
+  Location where;
+  std::string text;
+};
+std::string_view name(Finding::Kind kind);
+
+struct Review {
+  // category -> plugin -> number of objects that the picture depends on, each counted once
+  std::map<std::string, std::map<std::string, std::uint64_t>> uses;
+  std::vector<Finding> findings;  // by file and line
+};
+
+// The notes of the parser, the rules' `differs` and `ignored`, and objects that only stand there. Of several
+// sensors or integrators the first is the one that counts.
+Review review(const SceneDescription& scene);
+
+}  // namespace candela::description

@@ -1,0 +1,147 @@
+// candela check: exit codes, what it lists, and its JSON.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "client/embedded/app.h"
+#include "common/image/image.h"
+
+namespace candela::client {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Outcome {
+  int code;
+  std::string out, err;
+};
+
+class Check : public testing::Test {
+ protected:
+  void SetUp() override { fs::create_directories(folder_); }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  void write(const std::string& name, const std::string& content) const {
+    std::ofstream(folder_ / name, std::ios::binary) << content;
+  }
+
+  // The scene's content, with a sensor and an integrator of its own.
+  Outcome check(const std::string& content, std::vector<std::string> options = {},
+                const std::string& integrator = "path", const std::string& version = "3.0.0") const {
+    write("scene.xml", "<scene version='" + version + "'>\n<integrator type='" + integrator +
+                           "'/>\n<sensor type='perspective'><film type='hdrfilm'><integer name='width' "
+                           "value='32'/><integer name='height' value='16'/></film></sensor>\n" +
+                           content + "\n</scene>\n");
+    options.insert(options.begin(), {"candela", "check", (folder_ / "scene.xml").string()});
+    std::ostringstream out, err;
+    const int code = run_program(options, out, err);
+    return {code, out.str(), err.str()};
+  }
+
+  const fs::path folder_ = fs::path(testing::TempDir()) / ("check-" + std::to_string(::getpid()));
+};
+
+constexpr const char* box = "<shape type='cube'/><emitter type='constant'/>";
+
+// Claim: a good scene is code 0 and a list of what it is made of.
+TEST_F(Check, ListsWhatTheSceneUses) {
+  const Outcome outcome = check(box);
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  for (const char* part :
+       {"shape: cube; 12 triangles\n", "emitter: constant\n", "film: hdrfilm; 32 x 16 pixels\n",
+        "runs: path, ", "file: scene.xml: ", "0 warnings, 0 notes\n"})
+    EXPECT_NE(outcome.out.find(part), std::string::npos) << part << " is not in\n" << outcome.out;
+  EXPECT_EQ(outcome.err, "");
+}
+
+// Claim: the JSON has the promised names, sizes of images, and bytes of files.
+TEST_F(Check, JsonShape) {
+  const std::vector<float> pixels(8 * 4 * 3, 0.5F);
+  const auto exr = image::encode_exr(8, 4, pixels, {});
+  ASSERT_TRUE(exr.ok());
+  write("wood.exr", *exr);
+  const Outcome outcome = check(
+      std::string(box) +
+          "<shape type='sphere'><bsdf type='diffuse'><texture type='bitmap' name='reflectance'>"
+          "<string name='filename' value='wood.exr'/><boolean name='accel' value='true'/></texture></bsdf>"
+          "</shape><bsdf type='diffuse' id='spare'/>",
+      {"--json", "--strict"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err << outcome.out;
+  const auto json = nlohmann::json::parse(outcome.out);
+  EXPECT_EQ(json.at("uses").at("shape").at("cube"), 1);
+  EXPECT_EQ(json.at("uses").at("texture").at("bitmap"), 1);
+  EXPECT_EQ(json.at("triangles"), 12);
+  EXPECT_EQ(json.at("width"), 32);
+  EXPECT_EQ(json.at("integrator"), "path");
+  EXPECT_TRUE(json.at("integrator_settings").contains("max_depth"));
+  ASSERT_EQ(json.at("images").size(), 1U);
+  EXPECT_EQ(json.at("images")[0].at("path"), "wood.exr");
+  EXPECT_EQ(json.at("images")[0].at("width"), 8);
+  EXPECT_EQ(json.at("images")[0].at("height"), 4);
+  EXPECT_EQ(json.at("images")[0].at("channels"), 3);
+  EXPECT_EQ(json.at("images")[0].at("bits"), 32);
+  EXPECT_EQ(json.at("images")[0].at("bytes"), exr->size());
+  ASSERT_EQ(json.at("files").size(), 2U);
+  EXPECT_EQ(json.at("warnings"), 0);
+  ASSERT_EQ(json.at("findings").size(), 2U);
+  EXPECT_EQ(json.at("findings")[0].at("kind"), "ignored");
+  EXPECT_EQ(json.at("findings")[0].at("file"), "scene.xml");
+  EXPECT_EQ(json.at("findings")[0].at("line"), 4);
+  EXPECT_EQ(json.at("findings")[1].at("kind"), "unused");
+}
+
+// Claim: a difference from Mitsuba is a warning; it fails the command only where --strict asks for it.
+TEST_F(Check, StrictFailsOnWarnings) {
+  const std::string scene =
+      "<shape type='cube'/><emitter type='constant'><spectrum name='radiance' value='500:1, "
+      "510:1'/></emitter>";
+  const Outcome lenient = check(scene);
+  EXPECT_EQ(lenient.code, 0) << lenient.err;
+  EXPECT_NE(lenient.out.find("warning: scene.xml:4: the spectrum is out of Rec.709's range"),
+            std::string::npos)
+      << lenient.out;
+  EXPECT_NE(lenient.out.find("1 warning, 0 notes"), std::string::npos) << lenient.out;
+  EXPECT_EQ(check(scene, {"--strict"}).code, 1);
+}
+
+// Claim: an integrator that Candela lacks does not hide what else there is to say; it is a warning.
+TEST_F(Check, OtherIntegratorsAreWarnings) {
+  const Outcome outcome = check(box, {}, "aov");
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_NE(outcome.out.find("warning: scene.xml:2: there is no integrator 'aov' here"), std::string::npos)
+      << outcome.out;
+  EXPECT_NE(check(box, {"--integrator", "path"}, "aov").out.find("the command line for 'path'"),
+            std::string::npos);
+}
+
+// Claim: a bad scene is code 2 and one line, whether the description or the building of it fails.
+TEST_F(Check, BadScenesAreCodeTwo) {
+  const Outcome unknown = check("<shape type='cubus'/>");
+  EXPECT_EQ(unknown.code, 2);
+  EXPECT_EQ(unknown.out, "");
+  EXPECT_NE(unknown.err.find("unknown shape 'cubus' (did you mean 'cube'?)"), std::string::npos)
+      << unknown.err;
+  write("broken.obj", "v 0 0\nf 1 2 3\n");
+  const Outcome broken = check(
+      "<shape type='obj'><string name='filename' value='broken.obj'/></shape><emitter type='constant'/>");
+  EXPECT_EQ(broken.code, 2);
+  EXPECT_NE(broken.err.find("broken.obj"), std::string::npos) << broken.err;
+}
+
+// Claim: an old file's words are taken for today's, and what became of them is told.
+TEST_F(Check, OldFiles) {
+  const Outcome outcome = check(
+      "<shape type='sphere'><bsdf type='conductor'/></shape><emitter type='point'><blackbody "
+      "name='intensity' "
+      "temperature='3200K' scale='0.01'/></emitter>",
+      {}, "path", "0.6.0");
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_NE(outcome.out.find("bsdf: conductor"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace candela::client

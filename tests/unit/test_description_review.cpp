@@ -1,0 +1,101 @@
+// What `candela check` says of a scene: counts, differences, ignored parameters, unused objects.
+#include <gtest/gtest.h>
+
+#include "common/description/review.h"
+#include "common/description/vocabulary.h"
+#include "test_description_common.h"
+
+namespace candela::description {
+namespace {
+
+Review review_of(const std::string& body, const std::string& version = "3.0.0") {
+  const auto result = parse_text("<scene version='" + version + "'>" + body + "</scene>");
+  EXPECT_TRUE(result.ok()) << outcome(result);
+  return result.ok() ? review(*result) : Review{};
+}
+
+// "differs 3: text", one a line.
+std::string findings(const Review& review) {
+  std::string text;
+  for (const Finding& finding : review.findings)
+    text += std::string(name(finding.kind)) + " " + std::to_string(finding.where.line) + ": " + finding.text +
+            "\n";
+  return text;
+}
+
+// Claim: objects count once however often they are referred to, and only where something that acts uses them.
+TEST(DescriptionReview, CountsWhatIsUsed) {
+  const Review review = review_of(R"(
+    <bsdf type="diffuse" id="d"><texture type="checkerboard" name="reflectance"/></bsdf>
+    <bsdf type="diffuse" id="spare"><texture type="checkerboard" name="reflectance"/></bsdf>
+    <texture type="checkerboard" id="t"/>
+    <shape type="cube"><ref id="d"/></shape><shape type="cube"><ref id="d"/></shape>
+    <shape type="sphere"><bsdf type="diffuse"/><emitter type="area"/></shape>
+    <sensor type="perspective"/><sensor type="perspective" id="second"/>)");
+  EXPECT_EQ(review.uses.at("shape").at("cube"), 2U);
+  EXPECT_EQ(review.uses.at("shape").at("sphere"), 1U);
+  EXPECT_EQ(review.uses.at("bsdf").at("diffuse"), 2U);
+  EXPECT_EQ(review.uses.at("texture").at("checkerboard"), 1U);
+  EXPECT_EQ(review.uses.at("sensor").at("perspective"), 1U);
+  EXPECT_EQ(
+      findings(review),
+      "unused 3: bsdf 'diffuse' with the id 'spare' is used by nothing\n"
+      "unused 4: texture 'checkerboard' with the id 't' is used by nothing\n"
+      "unused 7: sensor 'perspective' with the id 'second' is one sensor too many: the first is used\n");
+}
+
+// Claim: ignored parameters are named with the reason; what differs is told apart, and only where it does.
+TEST(DescriptionReview, IgnoredAndDifferent) {
+  EXPECT_EQ(
+      findings(review_of("<sensor type='perspective'><film type='hdrfilm'>"
+                         "<string name='component_format' value='float16'/>"
+                         "<string name='pixel_format' value='rgba'/></film></sensor>")),
+      "ignored 1: parameter 'component_format' of film 'hdrfilm' is ignored: images are 32-bit float\n"
+      "differs 1: parameter 'pixel_format' of film 'hdrfilm': images have the channels R, G and B: no alpha, "
+      "no luminance alone\n");
+  EXPECT_EQ(
+      findings(review_of("<sensor type='perspective'><film type='hdrfilm'>"
+                         "<string name='pixel_format' value='RGB'/></film></sensor>")),
+      "ignored 1: parameter 'pixel_format' of film 'hdrfilm' is ignored: images are linear Rec.709 RGB\n");
+}
+
+// Claim: what an old file's words are read as is told, at their lines.
+TEST(DescriptionReview, OldFilesAreReinterpreted) {
+  EXPECT_EQ(findings(review_of(R"(<sensor type="perspective"><film type="ldrfilm">
+      <float name="gamma" value="2.2"/></film></sensor>
+    <shape type="cube"><bsdf type="diffuse"><texture type="bitmap" name="reflectance">
+      <string name="filename" value="image.png"/><string name="filterType" value="EWA"/></texture></bsdf></shape>)",
+                               "0.6.0")),
+            "differs 2: parameter 'gamma' of film 'ldrfilm' is dropped: images stay linear, and PNGs are "
+            "encoded as "
+            "sRGB without tone mapping\n"
+            "differs 4: the texture filter 'ewa' is read as bilinear: nothing is blurred with distance, but "
+            "averaged "
+            "by the samples of a pixel\n");
+}
+
+// Claim: clamped spectra and plugins that differ as such are told.
+TEST(DescriptionReview, SpectraAreTold) {
+  const std::string text = findings(
+      review_of("<emitter type='constant'><spectrum name='radiance' value='500:1, 510:1'/></emitter>"));
+  EXPECT_TRUE(text.starts_with("differs 1: the spectrum is out of Rec.709's range")) << text;
+  EXPECT_EQ(
+      findings(review_of("<emitter type='constant'><spectrum type='blackbody' name='radiance'>"
+                         "<float name='temperature' value='6500'/></spectrum></emitter>")),
+      "differs 1: spectrum 'blackbody': Mitsuba has it in its spectral variants alone; the colour is the one "
+      "those show\n");
+}
+
+// Claim: sentences of differences are written to stand in a line: no capital, no full stop.
+TEST(DescriptionReview, SentencesFitALine) {
+  const auto fits = [](std::string_view text) {
+    return text.empty() || (!text.ends_with('.') && text.find('\n') == std::string_view::npos);
+  };
+  for (const PluginRule& plugin : vocabulary()) {
+    EXPECT_TRUE(fits(plugin.differs)) << plugin.name;
+    for (const PropertyRule& rule : plugin.properties) EXPECT_TRUE(fits(rule.differs)) << rule.name;
+  }
+}
+
+}  // namespace
+}  // namespace candela::description
