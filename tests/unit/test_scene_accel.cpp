@@ -263,6 +263,56 @@ TEST(Accel, DisksAndCylindersAreMetWhereTheyAreAndNotLeftTwice) {
   }
 }
 
+// dp_du and dp_dv of every kind of shape against finite differences: a step of the parameters by what a step
+// on the surface changes them moves the point by that step.
+TEST(Accel, PartialDerivativesAreThoseOfTheParameterisation) {
+  rng::Stream stream(rng::key(1, 86));
+  for (int kind = 0; kind < 5; ++kind) {
+    const std::array<Vec3d, 3> axes = tilted_axes(stream);
+    Shape shape;
+    if (kind <= 1) {  // with and without texture coordinates
+      shape = random_triangles(1, stream, 1);
+      if (kind == 1) shape.uvs = {{0.2f, 0.1f}, {0.9f, -0.3f}, {0.4f, 0.8f}};
+    } else if (kind == 2) {
+      shape.sphere = Sphere{{1, 2, 3}, 0.7, axes, false};
+    } else if (kind == 3) {
+      shape.disk = Disk{{1, 2, 3}, 0.7, axes};
+    } else {
+      shape.cylinder = Cylinder{{1, 2, 3}, 0.7, 1.5, axes, true};
+    }
+    Geometry geometry;
+    ShapeRecord record;
+    record.reads_uv = record.reads_partials = true;
+    geometry.add(shape, record);
+    geometry.finish();
+    auto accel = Accel::build(geometry, "avx2", 1);
+    ASSERT_TRUE(accel.ok());
+    int compared = 0;
+    for (int i = 0; i < 4000; ++i) {
+      const Vec3 from = Vec3(geometry.bounds.center()) + uniform_direction(stream) * 3.0f;
+      const Vec3 to = Vec3(geometry.bounds.center()) + uniform_direction(stream) * 0.5f;
+      const Ray ray{from, normalize(to - from)};
+      const Ray beside{from, normalize(to + uniform_direction(stream) * 3e-3f - from)};
+      Accel::Found a{}, b{};
+      if (!accel->intersect(ray, a) || !accel->intersect(beside, b)) continue;
+      SurfaceHit first, second;
+      geometry.hit(ray, a.kind, a.primitive, first);
+      geometry.hit(beside, b.kind, b.primitive, second);
+      const Vec3 step = second.p - first.p;
+      const float du = second.uv.x - first.uv.x, dv = second.uv.y - first.uv.y;
+      // Not across the seam, a far side, or near a pole where the second order is all.
+      if (length(step) > 0.02f || std::abs(du) > 0.01f || std::abs(dv) > 0.05f) continue;
+      ++compared;
+      ASSERT_LT(length(first.dp_du * du + first.dp_dv * dv - step), 0.1f * length(step) + 2e-5f) << kind;
+      ASSERT_LT(std::abs(dot(first.dp_du, first.ng)) + std::abs(dot(first.dp_dv, first.ng)), 1e-4f) << kind;
+      if (kind != 0) {
+        ASSERT_GT(dot(normalize(first.dp_du), first.shading.s), 0.999f) << kind;
+      }
+    }
+    EXPECT_GT(compared, 300) << kind;
+  }
+}
+
 // From a floor to a rectangle lamp above, over the lamp's whole area: nothing is between.
 TEST(Accel, ShadowRaysReachTheirLight) {
   rng::Stream stream(rng::key(1, 84));

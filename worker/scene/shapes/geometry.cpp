@@ -10,6 +10,7 @@
 
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "worker/core/math.h"
 #include "worker/scene/shapes/rounding.h"
@@ -45,6 +46,16 @@ Frame frame_along(Vec3 n, Vec3d dp_du) {
   const Vec3 unit = Vec3(s / l);
   return {unit, cross(n, unit), n};
 }
+
+// As floats, which a parameterisation squeezed to almost nothing may overflow.
+Vec3 finite(Vec3d v) {
+  constexpr double kMost = 1e18;
+  return {static_cast<float>(std::clamp(v.x, -kMost, kMost)),
+          static_cast<float>(std::clamp(v.y, -kMost, kMost)),
+          static_cast<float>(std::clamp(v.z, -kMost, kMost))};
+}
+
+constexpr double kTwoPi = 2 * std::numbers::pi;
 
 }  // namespace
 
@@ -85,6 +96,7 @@ void Geometry::add(Shape shape, ShapeRecord record) {
     triangle.shape = shape_index;
     triangle.smooth = !shape.normals.empty();
     triangle.mapped = mapped;
+    triangle.partials = record.reads_partials;
     triangles.push_back(triangle);
     std::array<std::uint32_t, 3> index{};
     for (std::size_t k = 0; k < 3; ++k) index[k] = t[k] + static_cast<std::uint32_t>(base);
@@ -123,7 +135,7 @@ void Geometry::triangle_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit
   hit.error = rounding_error(t.ng, hit.p) + t.plane_error;
   name_hit(t.shape, index, hit);
   hit.uv = {static_cast<float>(b1), static_cast<float>(b2)};
-  if (!t.smooth && !t.mapped) {
+  if (!t.smooth && !t.mapped && !t.partials) {
     hit.shading = make_frame(t.ng);
     return;
   }
@@ -137,6 +149,11 @@ void Geometry::triangle_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit
     // the face there.)
     if (l > 1e-6 && dot(mean, Vec3d(t.ng)) > 1e-6 * l) shading = Vec3(mean / l);
   }
+  if (t.partials) {
+    // Of the barycentric coordinates, which are the parameters where there are no others.
+    hit.dp_du = Vec3(e1);
+    hit.dp_dv = Vec3(e2);
+  }
   if (!t.mapped) {
     hit.shading = make_frame(shading);
     return;
@@ -149,8 +166,20 @@ void Geometry::triangle_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit
   hit.uv = {static_cast<float>(static_cast<double>(a.x) + du1 * b1 + du2 * b2),
             static_cast<float>(static_cast<double>(a.y) + dv1 * b1 + dv2 * b2)};
   const double uv_determinant = du1 * dv2 - dv1 * du2;
-  hit.shading = uv_determinant != 0 ? frame_along(shading, (e1 * dv2 - e2 * dv1) / uv_determinant)
-                                    : make_frame(shading);
+  if (uv_determinant == 0) {
+    hit.shading = make_frame(shading);
+    if (t.partials) {
+      hit.dp_du = hit.shading.s;
+      hit.dp_dv = hit.shading.t;
+    }
+    return;
+  }
+  const Vec3d dp_du = (e1 * dv2 - e2 * dv1) / uv_determinant;
+  hit.shading = frame_along(shading, dp_du);
+  if (t.partials) {
+    hit.dp_du = finite(dp_du);
+    hit.dp_dv = finite((e2 * du1 - e1 * du2) / uv_determinant);
+  }
 }
 
 const ShapeRecord& Geometry::name_hit(std::uint32_t shape, std::uint32_t primitive, SurfaceHit& hit) const {
@@ -190,14 +219,23 @@ void Geometry::sphere_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit) 
   hit.distance = static_cast<float>(distance);
   hit.ng = Vec3(sphere.inside_out ? -n : n);
   hit.error = sphere_error(sphere, hit.p, hit.ng);
-  if (!name_hit(spheres[index].shape, index, hit).reads_uv) {
+  const ShapeRecord& record = name_hit(spheres[index].shape, index, hit);
+  if (!record.reads_uv && !record.reads_partials) {
     hit.uv = {0, 0};
     hit.shading = make_frame(hit.ng);
     return;
   }
   const Vec3d local{dot(sphere.axes[0], n), dot(sphere.axes[1], n), dot(sphere.axes[2], n)};
   hit.uv = sphere_uv(sphere, n);
-  hit.shading = frame_along(hit.ng, sphere.axes[1] * local.x - sphere.axes[0] * local.y);
+  const Vec3d around = sphere.axes[1] * local.x - sphere.axes[0] * local.y;
+  hit.shading = frame_along(hit.ng, around);
+  if (record.reads_partials) {
+    const double r = std::sqrt(local.x * local.x + local.y * local.y);
+    const Vec3d radial =
+        r > 0 ? sphere.axes[0] * (local.x / r) + sphere.axes[1] * (local.y / r) : sphere.axes[0];
+    hit.dp_du = Vec3(around * (kTwoPi * sphere.radius));
+    hit.dp_dv = Vec3((radial * local.z - sphere.axes[2] * r) * (std::numbers::pi * sphere.radius));
+  }
 }
 
 void Geometry::disk_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit) const {
@@ -218,7 +256,8 @@ void Geometry::disk_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit) co
   hit.distance = static_cast<float>(t);
   hit.ng = Vec3(disk.axes[2]);
   hit.error = disk_error(disk, hit.p);
-  if (!name_hit(disks[index].shape, index, hit).reads_uv) {
+  const ShapeRecord& record = name_hit(disks[index].shape, index, hit);
+  if (!record.reads_uv && !record.reads_partials) {
     hit.uv = {0, 0};
     hit.shading = make_frame(hit.ng);
     return;
@@ -227,6 +266,10 @@ void Geometry::disk_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit) co
   // At the centre, where the angle has no meaning, it is zero, as Mitsuba has it.
   const Vec3d radial = r > 0 ? disk.axes[0] * (x / r) + disk.axes[1] * (y / r) : disk.axes[0];
   hit.shading = frame_along(hit.ng, radial);
+  if (record.reads_partials) {
+    hit.dp_du = Vec3(radial * disk.radius);
+    hit.dp_dv = Vec3((disk.axes[1] * x - disk.axes[0] * y) * kTwoPi);
+  }
 }
 
 void Geometry::cylinder_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit) const {
@@ -246,13 +289,19 @@ void Geometry::cylinder_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit
   hit.distance = static_cast<float>(t);
   hit.ng = Vec3(cylinder.inside_out ? -n : n);
   hit.error = cylinder_error(cylinder, hit.p, hit.ng);
-  if (!name_hit(cylinders[index].shape, index, hit).reads_uv) {
+  const ShapeRecord& record = name_hit(cylinders[index].shape, index, hit);
+  if (!record.reads_uv && !record.reads_partials) {
     hit.uv = {0, 0};
     hit.shading = make_frame(hit.ng);
     return;
   }
   hit.uv = cylinder_uv(cylinder, p);
-  hit.shading = frame_along(hit.ng, cylinder.axes[1] * x - cylinder.axes[0] * y);
+  const Vec3d around = cylinder.axes[1] * x - cylinder.axes[0] * y;
+  hit.shading = frame_along(hit.ng, around);
+  if (record.reads_partials) {
+    hit.dp_du = Vec3(around * (kTwoPi * cylinder.radius));
+    hit.dp_dv = Vec3(cylinder.axes[2] * cylinder.length);
+  }
 }
 
 Vec2 Geometry::uv_at(std::uint32_t triangle, float b1, float b2) const {

@@ -19,6 +19,7 @@ struct alignas(64) Triangle {
   float plane_error = 0;  // how far from its plane a point must start for Embree not to meet it again
   bool smooth = false;    // has shading normals
   bool mapped = false;    // has texture coordinates that somebody reads
+  bool partials = false;  // its bsdf reads dp_du and dp_dv
 };
 
 struct ShapeRecord {
