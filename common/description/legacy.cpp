@@ -169,11 +169,117 @@ Result<void> upgrade_conductor(Object& object) {
   return {};
 }
 
+Result<Vec3> color_of(const Property& property) {
+  if (const std::optional<double> gray = number_of(property)) return Vec3{*gray, *gray, *gray};
+  if (const auto* rgb = std::get_if<Rgb>(&property.value)) return rgb->value;
+  return error_at(property, fmt::format("parameter '{}' must be a spectrum", property.name));
+}
+
+Result<void> rename(Object& object, std::string_view from, std::string_view to) {
+  Property* old = find(object, from);
+  if (old == nullptr) return {};
+  if (find(object, to) != nullptr)
+    return error_at(*old, fmt::format("'{}' and '{}' exclude each other", from, to));
+  old->name = std::string(to);
+  return {};
+}
+
+// Scattering and absorption to extinction and albedo.
+Result<void> upgrade_homogeneous(Object& object) {
+  const std::optional<Property> absorption = take(object, "sigma_a");
+  const std::optional<Property> scattering = take(object, "sigma_s");
+  if (!absorption && !scattering) {
+    if (find(object, "material") != nullptr || find(object, "sigma_t") != nullptr ||
+        find(object, "albedo") != nullptr)
+      return {};
+    return input_error(
+               "medium 'homogeneous' has no coefficients, which before version 2 means the material 'skin1'; "
+               "named media are not supported")
+        .at(object.where.file, object.where.line)
+        .with_mend("give sigmaA and sigmaS, or sigmaT and albedo");
+  }
+  if (!absorption || !scattering)
+    return error_at(absorption ? *absorption : *scattering, "'sigmaA' and 'sigmaS' are only valid together");
+  for (const std::string_view other : {"sigma_t", "albedo"})
+    if (const Property* property = find(object, other))
+      return error_at(*property, fmt::format("'{}' and 'sigmaA', 'sigmaS' exclude each other", other));
+  CANDELA_ASSIGN(const Vec3 a, color_of(*absorption));
+  CANDELA_ASSIGN(const Vec3 s, color_of(*scattering));
+  Rgb extinction;
+  Rgb albedo;
+  for (std::size_t c = 0; c < 3; ++c) {
+    if (a[c] < 0)
+      return error_at(*absorption, fmt::format("parameter 'sigmaA' is {}, but must be at least 0", a[c]));
+    if (s[c] < 0)
+      return error_at(*scattering, fmt::format("parameter 'sigmaS' is {}, but must be at least 0", s[c]));
+    extinction.value[c] = a[c] + s[c];
+    albedo.value[c] = extinction.value[c] > 0 ? s[c] / extinction.value[c] : 0;
+  }
+  object.properties.push_back({"sigma_t", PropertyType::rgb, extinction, absorption->where});
+  object.properties.push_back({"albedo", PropertyType::rgb, albedo, scattering->where});
+  return {};
+}
+
+Result<void> upgrade_medium(Object& object) {
+  if (object.plugin == "homogeneous") CANDELA_TRY(upgrade_homogeneous(object));
+  CANDELA_TRY(rename(object, "density_multiplier", "scale"));
+  // How free flights are sampled and densities integrated: noise and cost, not the mean.
+  for (const std::string_view numerics : {"strategy", "method", "step_size", "sampling_weight"})
+    take(object, numerics);
+  return {};
+}
+
+// The grid fills the file's bounding box in 0.6.
+void upgrade_grid(Object& object, std::vector<Note>& notes) {
+  if (find(object, "use_grid_bbox") == nullptr)
+    object.properties.push_back({"use_grid_bbox", PropertyType::boolean, true, object.where});
+  take(object, "send_data");
+  notes.push_back({object.where,
+                   "volume 'gridvolume': 0.6 has a grid's values at the corners of its cells, here "
+                   "they are at the centres, as in Mitsuba 3"});
+}
+
 }  // namespace
 
 std::string plugin_name(std::string_view category, std::string_view name) {
   if (category == "film" && name == "ldrfilm") return "hdrfilm";
+  if (category == "bsdf" && name == "bump") return "bumpmap";
+  if (category == "bsdf" && name == "mixturebsdf") return "blendbsdf";
   return std::string(name);
+}
+
+std::string slot_name(const Object& parent, std::string_view slot) {
+  if (parent.plugin == "diffuse" && slot == "diffuse_reflectance") return "reflectance";
+  if (parent.category == "medium" && slot == "density") return "sigma_t";
+  return std::string(slot);
+}
+
+Result<std::vector<double>> take_mixture_weights(Object& object, std::size_t bsdfs,
+                                                 std::vector<Note>& notes) {
+  const std::optional<Property> property = take(object, "weights");
+  const auto* list = property ? std::get_if<std::string>(&property->value) : nullptr;
+  if (list == nullptr)
+    return input_error("bsdf 'mixturebsdf' lacks the string 'weights'")
+        .at(object.where.file, object.where.line);
+  std::vector<double> weights;
+  double sum = 0;
+  for (const std::string_view word : text::tokens(*list)) {
+    const std::optional<double> weight = text::to_number(word);
+    if (!weight || *weight < 0)
+      return error_at(*property, fmt::format("{} is no weight of a bsdf", text::quote(word)));
+    weights.push_back(*weight);
+    sum += *weight;
+  }
+  if (weights.size() != bsdfs || weights.empty())
+    return error_at(*property,
+                    fmt::format("bsdf 'mixturebsdf' has {} bsdfs but {} weights", bsdfs, weights.size()));
+  if (!std::isfinite(sum)) return error_at(*property, "the weights are too large");
+  if (sum <= 1) return weights;
+  if (sum > 1 + 1e-6)
+    notes.push_back(
+        {property->where, fmt::format("the weights' sum {} is above 1: they are divided by it", sum)});
+  for (double& weight : weights) weight /= sum;
+  return weights;
 }
 
 Result<void> upgrade(Object& object, std::string_view plugin, std::vector<Note>& notes) {
@@ -185,6 +291,8 @@ Result<void> upgrade(Object& object, std::string_view plugin, std::vector<Note>&
     CANDELA_TRY(upgrade_conductor(object));
   if (object.category == "texture") CANDELA_TRY(merge_uv_parameters(object));
   if (object.category == "texture" && object.plugin == "bitmap") CANDELA_TRY(upgrade_bitmap(object, notes));
+  if (object.category == "medium") CANDELA_TRY(upgrade_medium(object));
+  if (object.category == "volume" && object.plugin == "gridvolume") upgrade_grid(object, notes);
   // Parameters whose capitals are their names.
   if (object.category == "rfilter" && object.plugin == "mitchell")
     for (Property& property : object.properties)

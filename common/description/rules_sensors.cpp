@@ -7,7 +7,8 @@ namespace candela::description::rules {
 namespace {
 
 void add_samplers(std::vector<PluginRule>& table) {
-  for (const std::string_view name : {"independent", "stratified", "multijitter", "orthogonal", "ldsampler"})
+  for (const std::string_view name : {"independent", "stratified", "multijitter", "orthogonal", "ldsampler",
+                                      "halton", "hammersley", "sobol"})
     table.push_back(
         {.category = "sampler",
          .name = name,

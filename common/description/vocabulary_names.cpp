@@ -54,7 +54,6 @@ const std::vector<MitsubaNames>& mitsuba_names() {
       {"sensor",
        {"telecentric", "spherical", "irradiancemeter", "radiancemeter", "mradiancemeter", "fluencemeter",
         "distant", "batch", "perspective_rdist"}},
-      {"sampler", {"halton", "hammersley", "sobol"}},
       {"film", {"specfilm", "mfilm", "tiledhdrfilm", "ldrfilm"}},
       {"shape",
        {"bsplinecurve", "linearcurve", "sdfgrid", "shapegroup", "instance", "merge", "hair", "heightfield",

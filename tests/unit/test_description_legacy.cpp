@@ -1,0 +1,149 @@
+// Files before version 2: what each old word becomes. (Conductors and spectra have their own tests.)
+#include <gtest/gtest.h>
+
+#include "common/description/review.h"
+#include "test_description_common.h"
+
+namespace candela::description {
+namespace {
+
+std::string in_scene(const std::string& body, const std::string& version) {
+  return "<scene version='" + version + "'>" + body + "</scene>";
+}
+
+// The graphs as text.
+std::string old_graph(const std::string& body) {
+  const auto result = parse_text(in_scene(body, "0.6.0"));
+  return result.ok() ? dump(*result->scene) : outcome(result);
+}
+std::string new_graph(const std::string& body) {
+  const auto result = parse_text(in_scene(body, "3.0.0"));
+  return result.ok() ? dump(*result->scene) : outcome(result);
+}
+std::string refusal(const std::string& body) {
+  return outcome(parse_text(in_scene(body, "0.6.0")));
+}
+
+// Claim: each old object is today's object.
+TEST(DescriptionLegacy, OldWordsAreTodaysObjects) {
+  const struct {
+    std::string was, is;
+  } cases[] = {
+      {"<bsdf type='mask'><float name='opacity' value='0.3'/><bsdf type='diffuse'/></bsdf>",
+       "<bsdf type='mask'><float name='opacity' value='0.3'/><bsdf type='diffuse'/></bsdf>"},
+      {"<bsdf type='mixturebsdf'><string name='weights' value='0.25, 0.75'/><bsdf type='diffuse'/>"
+       "<bsdf type='dielectric'/></bsdf>",
+       "<bsdf type='blendbsdf'><float name='weight' value='0.75'/><bsdf type='diffuse'/>"
+       "<bsdf type='dielectric'/></bsdf>"},
+      {"<bsdf type='mixturebsdf'><string name='weights' value='0.5 0.25 0.25'/><bsdf type='diffuse'/>"
+       "<bsdf type='dielectric'/><bsdf type='null'/></bsdf>",
+       "<bsdf type='blendbsdf'><float name='weight' value='0.5'/><bsdf type='diffuse'/>"
+       "<bsdf type='blendbsdf'><float name='weight' value='0.5'/><bsdf type='dielectric'/><bsdf "
+       "type='null'/></bsdf>"
+       "</bsdf>"},
+      {"<bsdf type='mixturebsdf'><string name='weights' value='0.25, 0.25'/><bsdf type='dielectric'/>"
+       "<bsdf type='null'/></bsdf>",
+       "<bsdf type='blendbsdf'><float name='weight' value='0.75'/><bsdf type='dielectric'/>"
+       "<bsdf type='blendbsdf'><float name='weight' value='0.6666666666666666'/><bsdf type='null'/>"
+       "<bsdf type='diffuse'><rgb name='reflectance' value='0'/></bsdf></bsdf></bsdf>"},
+      {"<bsdf type='mixturebsdf'><string name='weights' value='3, 1'/><bsdf type='dielectric'/><bsdf "
+       "type='null'/>"
+       "</bsdf>",
+       "<bsdf type='blendbsdf'><float name='weight' value='0.25'/><bsdf type='dielectric'/><bsdf "
+       "type='null'/>"
+       "</bsdf>"},
+      {"<shape type='cylinder'><point name='p0' x='1'/><point name='p1' z='2'/><boolean name='flipNormals' "
+       "value='true'/></shape>",
+       "<shape type='cylinder'><point name='p0' x='1'/><point name='p1' z='2'/><boolean name='flip_normals' "
+       "value='true'/></shape>"},
+      {"<shape type='disk'><transform name='toWorld'><scale value='2'/></transform></shape>",
+       "<shape type='disk'><transform name='to_world'><scale value='2'/></transform></shape>"},
+      {"<sensor type='thinlens'><float name='apertureRadius' value='0.1'/><float name='focusDistance' "
+       "value='3'/>"
+       "</sensor>",
+       "<sensor type='thinlens'><float name='aperture_radius' value='0.1'/><float name='focus_distance' "
+       "value='3'/>"
+       "</sensor>"},
+      {"<sensor type='orthographic'><float name='nearClip' value='1'/></sensor>",
+       "<sensor type='orthographic'><float name='near_clip' value='1'/></sensor>"},
+      {"<sensor type='perspective'><sampler type='sobol'><integer name='sampleCount' value='64'/>"
+       "<integer name='scramble' value='1'/></sampler></sensor>",
+       "<sensor type='perspective'><sampler type='sobol'><integer name='sample_count' value='64'/>"
+       "<integer name='scramble' value='1'/></sampler></sensor>"},
+      {"<emitter type='envmap'><string name='filename' value='image.png'/><float name='scale' value='2'/>"
+       "<float name='samplingWeight' value='3'/></emitter>",
+       "<emitter type='envmap'><string name='filename' value='image.png'/><float name='scale' value='2'/>"
+       "<float name='sampling_weight' value='3'/></emitter>"},
+      {"<texture type='scale'><float name='scale' value='2'/><texture type='checkerboard' name='x'>"
+       "<float name='uscale' value='4'/></texture></texture>",
+       "<texture type='scale'><float name='scale' value='2'/><texture type='checkerboard' name='x'>"
+       "<transform name='to_uv'><scale x='4'/></transform></texture></texture>"},
+      {"<medium type='homogeneous'><rgb name='sigmaA' value='1, 0, 0'/><rgb name='sigmaS' value='3, 2, 0'/>"
+       "<float name='densityMultiplier' value='5'/><string name='strategy' value='balance'/>"
+       "<phase type='hg'><float name='g' value='0.5'/></phase></medium>",
+       "<medium type='homogeneous'><float name='scale' value='5'/><rgb name='sigma_t' value='4, 2, 0'/>"
+       "<rgb name='albedo' value='0.75, 1, 0'/><phase type='hg'><float name='g' "
+       "value='0.5'/></phase></medium>"},
+      {"<medium type='homogeneous'><rgb name='sigmaT' value='4'/><rgb name='albedo' value='0.5'/></medium>",
+       "<medium type='homogeneous'><rgb name='sigma_t' value='4'/><rgb name='albedo' value='0.5'/></medium>"},
+      {"<medium type='heterogeneous'><string name='method' value='woodcock'/><float name='densityMultiplier' "
+       "value='7'/><volume type='gridvolume' name='density'><string name='filename' "
+       "value='mesh.obj'/></volume>"
+       "<volume type='constvolume' name='albedo'><rgb name='value' value='0.9'/></volume></medium>",
+       "<medium type='heterogeneous'><float name='scale' value='7'/><volume type='gridvolume' name='sigma_t'>"
+       "<string name='filename' value='mesh.obj'/><boolean name='use_grid_bbox' value='true'/></volume>"
+       "<volume type='constvolume' name='albedo'><rgb name='value' value='0.9'/></volume></medium>"},
+  };
+  for (const auto& test : cases) EXPECT_EQ(old_graph(test.was), new_graph(test.is)) << test.was;
+}
+
+// Claim: what has no exact counterpart is refused with the line and, where there is one, the mend.
+TEST(DescriptionLegacy, Refusals) {
+  const struct {
+    std::string body, message;
+  } cases[] = {
+      {"<bsdf type='mixturebsdf'><bsdf type='diffuse'/></bsdf>",
+       "scene.xml:1: bsdf 'mixturebsdf' lacks the string 'weights'"},
+      {"<bsdf type='mixturebsdf'><string name='weights' value='1'/><bsdf type='diffuse'/><bsdf "
+       "type='null'/></bsdf>",
+       "scene.xml:1: bsdf 'mixturebsdf' has 2 bsdfs but 1 weights"},
+      {"<bsdf type='mixturebsdf'><string name='weights' value='1, -1'/><bsdf type='diffuse'/><bsdf "
+       "type='null'/>"
+       "</bsdf>",
+       "scene.xml:1: '-1' is no weight of a bsdf"},
+      {"<bsdf type='mixturebsdf'><string name='weights' value=''/></bsdf>",
+       "scene.xml:1: bsdf 'mixturebsdf' has 0 bsdfs but 0 weights"},
+      {"<medium type='homogeneous'/>",
+       "scene.xml:1: medium 'homogeneous' has no coefficients, which before version 2 means the material "
+       "'skin1'; "
+       "named media are not supported (give sigmaA and sigmaS, or sigmaT and albedo)"},
+      {"<medium type='homogeneous'><rgb name='sigmaA' value='1'/></medium>",
+       "scene.xml:1: 'sigmaA' and 'sigmaS' are only valid together"},
+      {"<medium type='homogeneous'><rgb name='sigmaA' value='1'/><rgb name='sigmaS' value='-1'/></medium>",
+       "scene.xml:1: parameter 'sigmaS' is -1, but must be at least 0"},
+      {"<medium type='homogeneous'><rgb name='sigmaA' value='1'/><rgb name='sigmaS' value='1'/>"
+       "<rgb name='albedo' value='1'/></medium>",
+       "scene.xml:1: 'albedo' and 'sigmaA', 'sigmaS' exclude each other"},
+  };
+  for (const auto& test : cases) EXPECT_EQ(refusal(test.body), test.message) << test.body;
+}
+
+// Claim: weights above 1 in sum and grids whose values lie elsewhere are told of.
+TEST(DescriptionLegacy, ReinterpretationsAreNoted) {
+  const auto mixture =
+      parse_text(in_scene("<bsdf type='mixturebsdf'><string name='weights' value='3, 1'/><bsdf "
+                          "type='diffuse'/><bsdf type='null'/></bsdf>",
+                          "0.6.0"));
+  ASSERT_TRUE(mixture.ok()) << outcome(mixture);
+  ASSERT_EQ(mixture->notes.size(), 1U);
+  EXPECT_EQ(mixture->notes[0].text, "the weights' sum 4 is above 1: they are divided by it");
+  const auto grid =
+      parse_text(in_scene("<medium type='heterogeneous'><volume type='gridvolume' name='density'>"
+                          "<string name='filename' value='mesh.obj'/></volume></medium>",
+                          "0.6.0"));
+  ASSERT_TRUE(grid.ok()) << outcome(grid);
+  ASSERT_EQ(grid->notes.size(), 1U);
+}
+
+}  // namespace
+}  // namespace candela::description
