@@ -5,6 +5,8 @@
 // dot(wo, h).
 #pragma once
 
+#include <limits>
+
 #include "worker/scene/bsdf.h"
 #include "worker/scene/bsdfs/fresnel.h"
 #include "worker/scene/bsdfs/microfacet.h"
@@ -47,6 +49,7 @@ inline bool sample(const RoughConductorParameters& p, Vec3 wo, Vec2 u, BsdfSampl
   const float d = m.D(h);
   if (!(d > 0)) return false;
   out.pdf_solid_angle = pdf_of(p, m, wo, h, d);
+  if (!(out.pdf_solid_angle < std::numeric_limits<float>::infinity())) return false;  // wo.z below 1e-30
   const float geometry =
       p.sample_visible ? m.G1(out.wi) : m.masking_over_cosine(wo) * m.G1(out.wi) * cos_d / h.z;
   out.weight = p.reflectance * fresnel_conductor(std::min(1.0f, cos_d), p.eta, p.k) * geometry;
