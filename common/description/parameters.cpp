@@ -12,6 +12,7 @@ namespace {
 
 // Attributes do not grow beyond this by substitution: a hostile scene stays small.
 constexpr std::size_t max_attribute_bytes = std::size_t{16} << 20;
+constexpr std::size_t max_total_bytes = std::size_t{256} << 20;
 
 bool is_name_character(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
@@ -25,6 +26,24 @@ Parameters::Parameters(const std::map<std::string, std::string>& given) {
 
 void Parameters::add_default(const std::string& name, const std::string& value) {
   values_.try_emplace(name, Value{value, false, false});
+}
+
+// The longest name that `rest` starts with, as Mitsuba does. Of all names up to a text, its prefixes
+// included, the last is either a prefix or bounds how long a prefix can be: what it has in common with the
+// text.
+Parameters::Values::iterator Parameters::longest_name(std::string_view rest) {
+  while (!rest.empty()) {
+    auto candidate = values_.upper_bound(rest);
+    if (candidate == values_.begin()) break;
+    --candidate;
+    const std::string& name = candidate->first;
+    if (name.empty()) break;
+    if (rest.starts_with(name)) return candidate;
+    std::size_t common = 0;
+    while (common < name.size() && common < rest.size() && name[common] == rest[common]) ++common;
+    rest = rest.substr(0, common);
+  }
+  return values_.end();
 }
 
 Result<std::string> Parameters::substitute(std::string_view text) {
@@ -41,12 +60,7 @@ Result<std::string> Parameters::substitute(std::string_view text) {
       continue;
     }
     const std::string_view rest = text.substr(1);
-    // The longest name that `rest` starts with, as Mitsuba does.
-    auto best = values_.end();
-    for (auto it = values_.begin(); it != values_.end(); ++it)
-      if (!it->first.empty() && rest.starts_with(it->first) &&
-          (best == values_.end() || it->first.size() > best->first.size()))
-        best = it;
+    const auto best = longest_name(rest);
     if (best == values_.end()) {
       std::size_t length = 0;
       while (length < rest.size() && is_name_character(rest[length])) ++length;
@@ -63,6 +77,10 @@ Result<std::string> Parameters::substitute(std::string_view text) {
     best->second.used = true;
     result += best->second.text;
     text.remove_prefix(1 + best->first.size());
+    total_bytes_ += best->second.text.size();
+    if (total_bytes_ > max_total_bytes)
+      return input_error(fmt::format("the scene's attributes grow by more than {} bytes by their parameters",
+                                     max_total_bytes));
     if (result.size() > max_attribute_bytes)
       return input_error(
           fmt::format("an attribute grows beyond {} bytes by its parameters", max_attribute_bytes));

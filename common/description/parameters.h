@@ -17,7 +17,8 @@ class Parameters {
   void add_default(const std::string& name, const std::string& value);
 
   // Replaces every $name by its value, the longest known name first; "\$" is a plain dollar sign. Values are
-  // not looked into again. The error says which name has no value (no location).
+  // not looked into again. No attribute grows beyond 16 MiB, nor all of them by more than 256 MiB. The error
+  // says which name has no value (no location).
   Result<std::string> substitute(std::string_view text);
 
   // Given names that no substitution has used: an error naming one and the nearest name the scene knows.
@@ -29,7 +30,11 @@ class Parameters {
     bool given = false;
     bool used = false;
   };
-  std::map<std::string, Value, std::less<>> values_;
+  using Values = std::map<std::string, Value, std::less<>>;
+  Values::iterator longest_name(std::string_view rest);
+
+  Values values_;
+  std::size_t total_bytes_ = 0;  // put into attributes so far
 };
 
 }  // namespace candela::description

@@ -85,5 +85,61 @@ TEST(DescriptionErrors, ManyShapesAreFine) {
   EXPECT_EQ(result->scene->children.size(), 200000U);
 }
 
+// Claim: <default>s that double each other, and then are used again and again, end at the bounds.
+TEST(DescriptionErrors, ExplodingDefaultsEnd) {
+  std::string body = "<default name='a0' value='0123456789'/>";
+  for (int i = 1; i < 64; ++i) {
+    const std::string last = "$a" + std::to_string(i - 1) + "_";
+    body += "<default name='a" + std::to_string(i - 1) + "_' value='$a" + std::to_string(i - 1) + "'/>";
+    body += "<default name='a" + std::to_string(i) + "' value='" + last + last + "'/>";
+  }
+  EXPECT_EQ(outcome(parse_text("<scene version='3.0.0'>" + body + "</scene>")),
+            "scene.xml:1: an attribute grows beyond 16777216 bytes by its parameters");
+  const std::string wide = "<default name='w' value='" + std::string(1 << 20, 'x') + "'/>" +
+                           repeat("<default name='u' value='$w'/>", 1000);
+  EXPECT_EQ(outcome(parse_text("<scene version='3.0.0'>" + wide + "</scene>")),
+            "scene.xml:1: the scene's attributes grow by more than 268435456 bytes by their parameters");
+}
+
+// Claim: the longest known name counts, whatever other names lie between its letters; each use looks at few
+// names only (fifty thousand of them, used as often, are no matter of minutes).
+TEST(DescriptionErrors, ManyParameters) {
+  std::string body;
+  for (int i = 0; i < 50'000; ++i)
+    body += "<default name='p" + std::to_string(i) + "' value='" + std::to_string(i) + "'/>";
+  for (int i = 0; i < 50'000; ++i) body += "<default name='q' value='$p" + std::to_string(i) + "'/>";
+  EXPECT_EQ(outcome(parse_text("<scene version='3.0.0'>" + body + "</scene>")), "ok");
+  const auto name_of = [](const std::string& defaults, const std::string& use) {
+    const auto result =
+        parse_text("<scene version='3.0.0'>" + defaults + "<bsdf type='diffuse' id='" + use + "'/></scene>");
+    return result.ok() ? result->scene->children.at(0).object->id : outcome(result);
+  };
+  const std::string names =
+      "<default name='a' value='1'/><default name='ab' value='2'/><default name='abd' value='3'/>"
+      "<default name='abcc' value='4'/><default name='ac' value='5'/>";
+  EXPECT_EQ(name_of(names, "$abcd"), "2cd");
+  EXPECT_EQ(name_of(names, "$abdx$ac$aa$abcb$abcc"), "3x51a2cb4");
+  EXPECT_EQ(name_of(names, "$b"),
+            "scene.xml:1: the parameter '$b' has no value (give it one with -D b=..., or by a "
+            "<default> before this line)");
+}
+
+// Claim: elements nested without end, and one attribute of many megabytes, are an error or are read.
+TEST(DescriptionErrors, DeepAndHuge) {
+  EXPECT_EQ(outcome(parse_text("<scene version='3.0.0'>" + repeat("<bsdf type='twosided'>", 200'000) +
+                               repeat("</bsdf>", 200'000) + "</scene>")),
+            "scene.xml:1: elements are nested deeper than 64 levels");
+  std::string list;
+  for (int i = 0; i < 500'000; ++i) list += std::to_string(300 + i) + ":0.5,";
+  EXPECT_EQ(
+      outcome(parse_text("<scene version='3.0.0'><bsdf type='diffuse'><spectrum name='reflectance' value='" +
+                         list + "'/></bsdf></scene>")),
+      "ok");
+  EXPECT_EQ(
+      outcome(parse_text("<scene version='3.0.0'><bsdf type='" + std::string(8 << 20, 'x') + "'/></scene>"))
+          .substr(0, 32),
+      "scene.xml:1: unknown bsdf 'xxxxx");
+}
+
 }  // namespace
 }  // namespace candela::description
