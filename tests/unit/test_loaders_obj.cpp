@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <string>
@@ -61,6 +62,67 @@ TEST(ObjLoader, ReadsSpellingsFoundInTheWild) {
   EXPECT_EQ(mesh.uvs[1].y, 0.75f);
   EXPECT_EQ(good("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0.25\nf 1/1 2/1 3/1\n", true).uvs[0].y, 0.75f);  // flip_v
   EXPECT_EQ(good("v 0 0 0\nv 1e-400 0 0\nv 0 1 0\nv 1 1 1\nf 1 2 3\nf 1 4\n").dropped_face_count, 1u);
+}
+
+TEST(ObjLoader, ReadsWhatExportersWrite) {
+  // A byte order mark, objects and groups between, negative indices across them, tabs, leading blanks, odd
+  // numbers, w, colours, three texture coordinates, a concave polygon, comments after data, no end of line at
+  // the end.
+  const Mesh mesh = good(
+      "\xef\xbb\xbf# Exported\nmtllib C/a b.mtl\no first\n  v\t0 0 -0 1.0\n v 1.e-5 .5 1E+03 0.2 0.3 0.4\n"
+      "v 1 0 0\nvt 0.5 0.25 0\nvt\t1 1 1 # w\nvn 0 0 1\ng a\nusemtl m\ns 1\nf -3/-2/-1 -2/-1/-1 -1/-1/-1\n"
+      "o second\nv 0 0 1\nv 4 0 1\nv 4 4 1\nv 2 1 1\ns off\nf 4 -3 -2 -1 # concave\nf -7 -6 4");
+  ASSERT_EQ(mesh.triangles.size(), 4u);
+  const auto corner = [&](std::size_t t, std::size_t k) { return mesh.positions[mesh.triangles[t][k]]; };
+  EXPECT_EQ(corner(0, 1), Vec3(1e-5f, 0.5f, 1000));
+  EXPECT_EQ(mesh.uvs[mesh.triangles[0][0]].y, 0.25f);
+  EXPECT_EQ(corner(2, 0), Vec3(0, 0, 1));
+  EXPECT_EQ(corner(2, 1), Vec3(4, 4, 1));
+  EXPECT_EQ(corner(2, 2), Vec3(2, 1, 1));
+  EXPECT_EQ(corner(3, 0), Vec3(0, 0, 0));
+  EXPECT_EQ(mesh.normals[mesh.triangles[3][0]], Vec3(0, 0, 0));  // this face names none
+  EXPECT_EQ(error_of("f 1 2 3\nv 0 0 0\nv 1 0 0\nv 0 1 0\n"),
+            "a.obj:1: face refers to vertex 1, but there are 0 so far");
+  EXPECT_EQ(error_of("v 0 0 +-1\n"), "a.obj:1: vertex position '+-1' is not a number");
+  EXPECT_EQ(error_of("v 0 0 0x10\n"), "a.obj:1: vertex position '0x10' is not a number");
+  EXPECT_EQ(error_of("v 0 0 1,5\n"), "a.obj:1: vertex position '1,5' is not a number");
+}
+
+// A file large enough to be cut into parts, against the same file with one continued line, which is read
+// whole; for each way of sharing vertices. And errors keep their lines.
+TEST(ObjLoader, ReadingInPartsIsTheSame) {
+  for (int form = 0; form < 3; ++form) {
+    std::string text = "# large\n";
+    constexpr int kBlocks = 16000;
+    for (int i = 0; i < kBlocks; ++i) {
+      for (int k = 0; k < 4; ++k)
+        text += fmt::format("v {} {} {}.25\nvt {} 0.5\n", i + k, k * k, i % 100, k * 0.25);
+      text += "vn 0 0 1\nvn 0 1 0\nvn 1 0 0\nvn 0 1 1\n";
+      const int a = 4 * i + 1;
+      if (form == 0) {
+        text += fmt::format("f {} {} {} {}\nf -1 -2 -3\n", a, a + 1, a + 2, a + 3);
+      } else if (form == 1) {
+        text += fmt::format("f {0}/{0}/{0} {1}/{1}/{1} {2}/{2}/{2}\nf -1/-1/-1 -2/-2/-2 -3/-3/-3\n", a, a + 1,
+                            a + 2);
+      } else {
+        text += fmt::format("f {0}/{1}/{0} {1}/{1}/{0} {2}/{2}/{2}\nf {0} {1}//{2} {3}/{3}\n", a, a + 1,
+                            a + 2, a + 3);
+      }
+    }
+    ASSERT_GT(text.size(), std::size_t{2} << 20);
+    const Mesh parts = good(text), whole = good(text + "# end\ng \\\nmore\n");
+    EXPECT_EQ(parts.triangles, whole.triangles) << form;
+    EXPECT_EQ(parts.positions, whole.positions) << form;
+    EXPECT_EQ(parts.normals, whole.normals) << form;
+    ASSERT_EQ(parts.uvs.size(), whole.uvs.size()) << form;
+    for (std::size_t i = 0; i < parts.uvs.size(); ++i) ASSERT_EQ(parts.uvs[i].x, whole.uvs[i].x);
+    EXPECT_EQ(parts.triangles.size(), (form == 0 ? 3u : 2u) * kBlocks);
+    const auto lines = std::count(text.begin(), text.end(), '\n');
+    EXPECT_EQ(error_of(text + "f 1 2 64001\n"),
+              fmt::format("a.obj:{}: face refers to vertex 64001, but there are 64000 so far", lines + 1));
+    EXPECT_EQ(error_of(text + "f 1 2 64000\nv 0 0 nan\nf 1 2 x\n"),
+              fmt::format("a.obj:{}: vertex position 'nan' is not a finite number", lines + 2));
+  }
 }
 
 TEST(ObjLoader, NamesFileAndLineOfEveryMistake) {

@@ -22,9 +22,12 @@ struct Mesh {
   std::uint64_t dropped_face_count = 0;  // faces of fewer than three corners, left out
 };
 
+// The loaders read in parallel, by the calling task arena's threads; the mesh does not depend on their
+// number.
+
 // Wavefront OBJ: v, vt, vn and f in all index forms, negative indices too; polygons become fans. Everything
-// else (groups, materials, smoothing, lines, curves) is skipped. flip_v: v becomes 1 - v. `name` goes into
-// errors, which have a line.
+// else (groups, materials, smoothing, lines, curves; colours and w of vertices) is skipped. flip_v: v becomes
+// 1 - v. `name` goes into errors, which have a line.
 Result<Mesh> load_obj(std::string_view bytes, const std::string& name, bool flip_v);
 
 // Stanford PLY, text and binary of both byte orders: vertices x y z, nx ny nz and u v (or s t, texture_u

@@ -1,44 +1,41 @@
-// Wavefront OBJ over the mapped bytes of the file, in one pass.
+// Wavefront OBJ over the mapped bytes of the file: cut at line ends into parts, whose vertices are counted
+// first (indices count from the file's beginning, or back from where they stand) and which are then read in
+// parallel. A file with continued lines is one part.
 #include <fmt/format.h>
 
 #include <charconv>
 #include <cmath>
+#include <cstring>
 #include <limits>
+#include <optional>
 
 #include "worker/loaders/mesh.h"
+#include "worker/loaders/parallel.h"
 
 namespace candela::loaders {
 namespace {
 
 constexpr std::uint32_t kAbsent = 0xffffffffu;
+constexpr std::size_t kPartBytes = std::size_t{1} << 20;
 
-// A vertex as faces name it: position, texture coordinate and normal together. Chained by position, so that
-// finding one again costs a look or two.
-struct Corner {
-  std::uint32_t uv, normal, next, vertex;
+// How many of each there are.
+struct Counts {
+  std::size_t positions = 0, uvs = 0, normals = 0, lines = 0;
 };
 
-class Parser {
+// Corners of triangles: indices of one kind. Polygons are fans already.
+using Corners = std::vector<std::array<std::uint32_t, 3>>;
+
+// Words of a piece of the file.
+class Cursor {
  public:
-  Parser(std::string_view bytes, const std::string& name, bool flip_v)
-      : at_(bytes.data()), end_(bytes.data() + bytes.size()), name_(name), flip_v_(flip_v) {
-    positions_.reserve(bytes.size() / 100);
-    mesh_.triangles.reserve(bytes.size() / 60);
-  }
+  explicit Cursor(std::string_view bytes) : at_(bytes.data()), end_(bytes.data() + bytes.size()) {}
 
-  Result<Mesh> run() {
-    while (at_ < end_) {
-      CANDELA_TRY(statement());
-      skip_line();
-    }
-    if (mesh_.triangles.empty()) {
-      return input_error("the OBJ file has no faces").at(name_, line_);
-    }
-    return finish();
-  }
-
- private:
-  Error fail(std::string message) const { return input_error(std::move(message)).at(name_, line_); }
+  bool at_end() const { return at_ == end_; }
+  bool at_line_end() const { return at_ == end_ || *at_ == '\n' || *at_ == '#'; }
+  char peek() const { return *at_; }
+  const char* place() const { return at_; }
+  std::size_t line_ends() const { return line_ends_; }
 
   // Blanks, carriage returns, and line ends that a backslash takes away.
   void skip_blanks() {
@@ -47,41 +44,108 @@ class Parser {
         ++at_;
       } else if (*at_ == '\\' && end_ - at_ >= 2 && at_[1] == '\n') {
         at_ += 2;
-        ++line_;
+        ++line_ends_;
       } else if (*at_ == '\\' && end_ - at_ >= 3 && at_[1] == '\r' && at_[2] == '\n') {
         at_ += 3;
-        ++line_;
+        ++line_ends_;
       } else {
         break;
       }
     }
   }
 
-  bool at_line_end() const { return at_ == end_ || *at_ == '\n' || *at_ == '#'; }
-
+  // The rest of a line; a continued line is skipped whole, a comment cannot be continued.
   void skip_line() {
     while (at_ < end_ && *at_ != '\n') {
-      // A continued line that is skipped is skipped whole; a comment cannot be continued.
       if (*at_ == '\\') {
         const char* before = at_;
         skip_blanks();
         if (at_ == before) ++at_;
       } else if (*at_ == '#') {
-        while (at_ < end_ && *at_ != '\n') ++at_;
+        const void* stop = std::memchr(at_, '\n', static_cast<std::size_t>(end_ - at_));
+        at_ = stop != nullptr ? static_cast<const char*>(stop) : end_;
       } else {
         ++at_;
       }
     }
     if (at_ < end_) {
       ++at_;
-      ++line_;
+      ++line_ends_;
     }
+  }
+
+  // The same where there is no backslash.
+  void skip_plain_line() {
+    const void* stop = std::memchr(at_, '\n', static_cast<std::size_t>(end_ - at_));
+    if (stop == nullptr) {
+      at_ = end_;
+      return;
+    }
+    at_ = static_cast<const char*>(stop) + 1;
+    ++line_ends_;
   }
 
   std::string_view token() {
     const char* begin = at_;
-    while (at_ < end_ && !at_line_end() && *at_ != ' ' && *at_ != '\t' && *at_ != '\r' && *at_ != '\\') ++at_;
+    while (at_<end_&& static_cast<unsigned char>(*at_)> ' ' && *at_ != '#' && *at_ != '\\') ++at_;
+    if (at_ == begin && at_ < end_ && static_cast<unsigned char>(*at_) < ' ' && *at_ != '\n') ++at_;
     return {begin, static_cast<std::size_t>(at_ - begin)};
+  }
+
+ private:
+  const char* at_;
+  const char* end_;
+  std::size_t line_ends_ = 0;
+};
+
+Counts count(std::string_view bytes) {
+  Counts out;
+  Cursor cursor(bytes);
+  while (!cursor.at_end()) {
+    cursor.skip_blanks();
+    if (!cursor.at_line_end() && cursor.peek() == 'v') {
+      const std::string_view keyword = cursor.token();
+      if (keyword == "v") ++out.positions;
+      if (keyword == "vt") ++out.uvs;
+      if (keyword == "vn") ++out.normals;
+    }
+    cursor.skip_plain_line();
+  }
+  out.lines = cursor.line_ends();
+  return out;
+}
+
+// One part of the file.
+class Part {
+ public:
+  // before: what stands before this part.
+  Part(std::string_view bytes, const std::string& name, bool flip_v, const Counts& before)
+      : cursor_(bytes), name_(name), flip_v_(flip_v), before_(before), reserve_(bytes.size()) {}
+
+  // The first error, if any, is in `error`.
+  void run() {
+    vertices.reserve(reserve_ / 64);
+    while (!cursor_.at_end()) {
+      if (Result<void> done = statement(); !done.ok()) {
+        error = done.error();
+        return;
+      }
+      cursor_.skip_line();
+    }
+  }
+
+  std::vector<Vec3> positions, normals;
+  std::vector<Vec2> uvs;
+  Corners vertices;                    // positions' indices in the whole file
+  Corners corner_uvs, corner_normals;  // parallel to them, or empty: all are absent
+  std::uint64_t dropped_face_count = 0;
+  std::optional<Error> error;
+  std::size_t last_line() const { return before_.lines + cursor_.line_ends() + 1; }
+
+ private:
+  Error fail(std::string message) const {
+    return input_error(std::move(message))
+        .at(name_, static_cast<int>(std::min<std::size_t>(last_line(), std::numeric_limits<int>::max())));
   }
 
   static std::string shown(std::string_view text) {
@@ -91,26 +155,24 @@ class Parser {
   }
 
   Result<void> statement() {
-    skip_blanks();
-    if (at_line_end()) return {};
-    if (*at_ != 'v' && *at_ != 'f') return {};
-    const std::string_view keyword = token();
+    cursor_.skip_blanks();
+    if (cursor_.at_line_end()) return {};
+    if (cursor_.peek() != 'v' && cursor_.peek() != 'f') return {};
+    const std::string_view keyword = cursor_.token();
     if (keyword == "v") {
       double p[3];
       CANDELA_TRY(numbers("vertex position", p, 3));
-      positions_.push_back({static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])});
-      heads_.push_back(kAbsent);
-      if (positions_.size() >= kAbsent) return fail("more than 2^32 - 1 vertices");
+      positions.push_back({static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])});
     } else if (keyword == "vn") {
       double n[3];
       CANDELA_TRY(numbers("vertex normal", n, 3));
-      normals_.push_back({static_cast<float>(n[0]), static_cast<float>(n[1]), static_cast<float>(n[2])});
+      normals.push_back({static_cast<float>(n[0]), static_cast<float>(n[1]), static_cast<float>(n[2])});
     } else if (keyword == "vt") {
       double uv[2] = {0, 0};
       CANDELA_TRY(numbers("texture coordinate", uv, 1));
-      skip_blanks();
-      if (!at_line_end()) CANDELA_TRY(numbers("texture coordinate", uv + 1, 1));
-      uvs_.push_back({static_cast<float>(uv[0]), static_cast<float>(flip_v_ ? 1.0 - uv[1] : uv[1])});
+      cursor_.skip_blanks();
+      if (!cursor_.at_line_end()) CANDELA_TRY(numbers("texture coordinate", uv + 1, 1));
+      uvs.push_back({static_cast<float>(uv[0]), static_cast<float>(flip_v_ ? 1.0 - uv[1] : uv[1])});
     } else if (keyword == "f") {
       CANDELA_TRY(face());
     }
@@ -119,15 +181,15 @@ class Parser {
 
   Result<void> numbers(const char* what, double* out, int count) {
     for (int i = 0; i < count; ++i) {
-      skip_blanks();
-      if (at_line_end()) {
+      cursor_.skip_blanks();
+      if (cursor_.at_line_end()) {
         return fail(std::string(what) + " has " + std::to_string(i) + " of " + std::to_string(count) +
                     " numbers");
       }
-      const std::string_view text = token();
+      const std::string_view text = cursor_.token();
       const char* begin = text.data();
       const char* stop = text.data() + text.size();
-      if (begin < stop && *begin == '+') ++begin;
+      if (stop - begin > 1 && *begin == '+' && begin[1] != '-') ++begin;
       const auto [rest, code] = std::from_chars(begin, stop, out[i]);
       if (code == std::errc::result_out_of_range && rest == stop) {
         // Too small for a double is zero; too large is an error below.
@@ -149,8 +211,8 @@ class Parser {
   }
 
   // One index of a corner: 1-based, or negative from the last one so far.
-  Result<std::uint32_t> index(const char*& at, const char* stop, std::size_t count, const char* what,
-                              std::string_view corner) const {
+  Result<void> index(const char*& at, const char* stop, std::size_t count, const char* what,
+                     std::string_view corner, std::uint32_t& out) const {
     std::int64_t value = 0;
     const auto [rest, code] = std::from_chars(at, stop, value);
     if (code != std::errc()) return not_a_corner(corner);
@@ -161,101 +223,229 @@ class Parser {
       return fail("face refers to " + std::string(what) + " " + std::to_string(value) + ", but there are " +
                   std::to_string(count) + " so far");
     }
-    return static_cast<std::uint32_t>(resolved);
-  }
-
-  Result<std::uint32_t> corner(std::string_view text) {
-    const char* at = text.data();
-    const char* stop = text.data() + text.size();
-    std::uint32_t uv = kAbsent, normal = kAbsent;
-    CANDELA_ASSIGN(const std::uint32_t position, index(at, stop, positions_.size(), "vertex", text));
-    if (at < stop && *at == '/') {
-      ++at;
-      if (at < stop && *at != '/') {
-        CANDELA_ASSIGN(uv, index(at, stop, uvs_.size(), "texture coordinate", text));
-      }
-      if (at < stop && *at == '/') {
-        ++at;
-        if (at < stop) {
-          CANDELA_ASSIGN(normal, index(at, stop, normals_.size(), "normal", text));
-        }
-      }
-    }
-    if (at != stop) return not_a_corner(text);
-
-    std::uint32_t found = heads_[position];
-    while (found != kAbsent && (corners_[found].uv != uv || corners_[found].normal != normal)) {
-      found = corners_[found].next;
-    }
-    if (found == kAbsent) {
-      found = static_cast<std::uint32_t>(corners_.size());
-      if (corners_.size() >= kAbsent) return fail("more than 2^32 - 1 distinct face corners");
-      corners_.push_back({uv, normal, heads_[position], position});
-      heads_[position] = found;
-    }
-    return found;
-  }
-
-  Result<void> face() {
-    std::array<std::uint32_t, 3> triangle{};
-    std::size_t count = 0;
-    for (skip_blanks(); !at_line_end(); skip_blanks()) {
-      const char* before = at_;
-      const std::string_view text = token();
-      if (at_ == before) return fail("stray backslash in a face");
-      CANDELA_ASSIGN(const std::uint32_t id, corner(text));
-      if (count < 3) {
-        triangle[count] = id;
-      } else {
-        triangle[1] = triangle[2];
-        triangle[2] = id;
-      }
-      if (++count >= 3) mesh_.triangles.push_back(triangle);
-    }
-    if (count < 3) ++mesh_.dropped_face_count;
+    out = static_cast<std::uint32_t>(resolved);
     return {};
   }
 
-  Mesh finish() {
-    const std::size_t count = corners_.size();
-    mesh_.positions.resize(count);
-    bool any_uv = false, any_normal = false;
-    for (std::size_t i = 0; i < count; ++i) {
-      mesh_.positions[i] = positions_[corners_[i].vertex];
-      any_uv |= corners_[i].uv != kAbsent;
-      any_normal |= corners_[i].normal != kAbsent;
-    }
-    if (any_uv) {
-      mesh_.uvs.resize(count);
-      for (std::size_t i = 0; i < count; ++i) {
-        if (corners_[i].uv != kAbsent) mesh_.uvs[i] = uvs_[corners_[i].uv];
+  struct Corner {
+    std::uint32_t position = 0, uv = kAbsent, normal = kAbsent;
+  };
+
+  Result<void> corner(std::string_view text, Corner& out) const {
+    const char* at = text.data();
+    const char* stop = text.data() + text.size();
+    CANDELA_TRY(index(at, stop, before_.positions + positions.size(), "vertex", text, out.position));
+    if (at < stop && *at == '/') {
+      ++at;
+      if (at < stop && *at != '/') {
+        CANDELA_TRY(index(at, stop, before_.uvs + uvs.size(), "texture coordinate", text, out.uv));
+      }
+      if (at < stop && *at == '/') {
+        ++at;
+        if (at < stop)
+          CANDELA_TRY(index(at, stop, before_.normals + normals.size(), "normal", text, out.normal));
       }
     }
-    if (any_normal) {
-      mesh_.normals.resize(count);
-      for (std::size_t i = 0; i < count; ++i) {
-        if (corners_[i].normal != kAbsent) mesh_.normals[i] = normals_[corners_[i].normal];
-      }
-    }
-    return std::move(mesh_);
+    if (at != stop) return not_a_corner(text);
+    return {};
   }
 
-  const char* at_;
-  const char* end_;
+  // Appends to a list that stays empty as long as all are absent.
+  void append(Corners& list, std::uint32_t a, std::uint32_t b, std::uint32_t c) const {
+    if (list.empty()) {
+      if (a == kAbsent && b == kAbsent && c == kAbsent) return;
+      list.reserve(vertices.capacity());
+      list.resize(vertices.size() - 1, {kAbsent, kAbsent, kAbsent});
+    }
+    list.push_back({a, b, c});
+  }
+
+  Result<void> face() {
+    Corner a, b, c;
+    std::size_t count = 0;
+    for (cursor_.skip_blanks(); !cursor_.at_line_end(); cursor_.skip_blanks()) {
+      const char* before = cursor_.place();
+      const std::string_view text = cursor_.token();
+      if (cursor_.place() == before) return fail("stray backslash in a face");
+      Corner next;
+      CANDELA_TRY(corner(text, next));
+      if (count == 0) {
+        a = next;
+      } else {
+        b = c;
+        c = next;
+      }
+      if (++count < 3) continue;
+      vertices.push_back({a.position, b.position, c.position});
+      append(corner_uvs, a.uv, b.uv, c.uv);
+      append(corner_normals, a.normal, b.normal, c.normal);
+    }
+    if (count < 3) ++dropped_face_count;
+    return {};
+  }
+
+  Cursor cursor_;
   const std::string& name_;
   bool flip_v_;
-  int line_ = 1;
-  std::vector<Vec3> positions_, normals_;
-  std::vector<Vec2> uvs_;
-  std::vector<std::uint32_t> heads_;  // first corner of each position
-  std::vector<Corner> corners_;
-  Mesh mesh_;
+  Counts before_;
+  std::size_t reserve_;
 };
+
+std::vector<std::string_view> cut(std::string_view bytes) {
+  // Looking for a backslash costs a pass at the memory's speed.
+  if (bytes.size() <= kPartBytes || bytes.find('\\') != bytes.npos) return {bytes};
+  std::vector<std::string_view> out;
+  while (!bytes.empty()) {
+    const std::size_t end = bytes.size() <= kPartBytes ? bytes.npos : bytes.find('\n', kPartBytes);
+    const std::size_t size = end == bytes.npos ? bytes.size() : end + 1;
+    out.push_back(bytes.substr(0, size));
+    bytes.remove_prefix(size);
+  }
+  return out;
+}
+
+// The parts' arrays one after the other.
+template <class T>
+std::vector<T> joined(std::vector<Part>& parts, std::vector<T> Part::*member) {
+  if (parts.size() == 1) return std::move(parts[0].*member);
+  std::vector<std::size_t> begin(parts.size() + 1, 0);
+  for (std::size_t i = 0; i < parts.size(); ++i) begin[i + 1] = begin[i] + (parts[i].*member).size();
+  std::vector<T> out(begin.back());
+  tbb::parallel_for(std::size_t{0}, parts.size(), [&](std::size_t i) {
+    std::vector<T>& from = parts[i].*member;
+    std::copy(from.begin(), from.end(), out.begin() + static_cast<std::ptrdiff_t>(begin[i]));
+    std::vector<T>().swap(from);
+  });
+  return out;
+}
+
+// Whether every corner has index i of the other kind exactly where it has position i, or none has any.
+bool same_as_positions(const std::vector<Part>& parts, Corners Part::*member) {
+  std::size_t present = 0, all = 0;
+  for (const Part& part : parts) {
+    present += (part.*member).size();
+    all += part.vertices.size();
+  }
+  if (present == 0) return true;
+  if (present != all) return false;
+  return first_where(parts.size(), [&](std::size_t i) { return parts[i].*member != parts[i].vertices; }) ==
+         kNowhere;
+}
+
+// A vertex for every distinct corner, in the order of their first use. Corners are chained by position, so
+// that finding one again costs a look or two.
+Result<void> join_corners(const std::string& name, std::vector<Part>& parts,
+                          const std::vector<Vec3>& positions, const std::vector<Vec2>& uvs,
+                          const std::vector<Vec3>& normals, Mesh& mesh) {
+  struct Vertex {
+    std::uint32_t position, uv, normal, next;
+  };
+  std::vector<std::uint32_t> heads(positions.size(), kAbsent);
+  std::vector<Vertex> vertices;
+  vertices.reserve(positions.size());
+  bool any_uv = false, any_normal = false;
+  for (Part& part : parts) {
+    for (std::size_t i = 0; i < part.vertices.size(); ++i) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::uint32_t position = part.vertices[i][k];
+        const std::uint32_t uv = part.corner_uvs.empty() ? kAbsent : part.corner_uvs[i][k];
+        const std::uint32_t normal = part.corner_normals.empty() ? kAbsent : part.corner_normals[i][k];
+        std::uint32_t found = heads[position];
+        while (found != kAbsent && (vertices[found].uv != uv || vertices[found].normal != normal)) {
+          found = vertices[found].next;
+        }
+        if (found == kAbsent) {
+          if (vertices.size() >= kAbsent) {
+            return input_error("the OBJ file has more than 2^32 - 1 distinct face corners").at(name, 0);
+          }
+          found = static_cast<std::uint32_t>(vertices.size());
+          vertices.push_back({position, uv, normal, heads[position]});
+          heads[position] = found;
+          any_uv |= uv != kAbsent;
+          any_normal |= normal != kAbsent;
+        }
+        part.vertices[i][k] = found;
+      }
+    }
+    Corners().swap(part.corner_uvs);
+    Corners().swap(part.corner_normals);
+  }
+  mesh.positions.resize(vertices.size());
+  if (any_uv) mesh.uvs.resize(vertices.size());
+  if (any_normal) mesh.normals.resize(vertices.size());
+  for_ranges(vertices.size(), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const Vertex& v = vertices[i];
+      mesh.positions[i] = positions[v.position];
+      if (v.uv != kAbsent) mesh.uvs[i] = uvs[v.uv];
+      if (v.normal != kAbsent) mesh.normals[i] = normals[v.normal];
+    }
+  });
+  return {};
+}
 
 }  // namespace
 
 Result<Mesh> load_obj(std::string_view bytes, const std::string& name, bool flip_v) {
-  return Parser(bytes, name, flip_v).run();
+  if (bytes.starts_with("\xef\xbb\xbf")) bytes.remove_prefix(3);  // a byte order mark
+  const std::vector<std::string_view> pieces = cut(bytes);
+  std::vector<Counts> before(pieces.size());
+  if (pieces.size() > 1) {
+    tbb::parallel_for(std::size_t{0}, pieces.size(), [&](std::size_t i) { before[i] = count(pieces[i]); });
+    Counts sum;
+    for (Counts& b : before) {
+      const Counts own = b;
+      b = sum;
+      sum.positions += own.positions;
+      sum.uvs += own.uvs;
+      sum.normals += own.normals;
+      sum.lines += own.lines;
+    }
+    if (std::max({sum.positions, sum.uvs, sum.normals}) >= kAbsent) {
+      return input_error("the OBJ file has more than 2^32 - 1 vertices").at(name, 0);
+    }
+  }
+  std::vector<Part> parts;
+  parts.reserve(pieces.size());
+  for (std::size_t i = 0; i < pieces.size(); ++i) parts.emplace_back(pieces[i], name, flip_v, before[i]);
+  tbb::parallel_for(std::size_t{0}, parts.size(), [&](std::size_t i) { parts[i].run(); });
+
+  Mesh mesh;
+  std::size_t triangle_count = 0;
+  for (const Part& part : parts) {
+    if (part.error) return *part.error;
+    mesh.dropped_face_count += part.dropped_face_count;
+    triangle_count += part.vertices.size();
+  }
+  if (triangle_count == 0) {
+    return input_error("the OBJ file has no faces")
+        .at(name, static_cast<int>(
+                      std::min<std::size_t>(parts.back().last_line(), std::numeric_limits<int>::max())));
+  }
+  std::vector<Vec3> positions = joined(parts, &Part::positions), normals = joined(parts, &Part::normals);
+  std::vector<Vec2> uvs = joined(parts, &Part::uvs);
+  if (std::max({positions.size(), uvs.size(), normals.size()}) >= kAbsent) {
+    return input_error("the OBJ file has more than 2^32 - 1 vertices").at(name, 0);
+  }
+  const auto any = [&](Corners Part::*member) {
+    return std::any_of(parts.begin(), parts.end(), [&](const Part& part) { return !(part.*member).empty(); });
+  };
+  if (same_as_positions(parts, &Part::corner_uvs) && same_as_positions(parts, &Part::corner_normals)) {
+    // Nothing is shared differently: the file's vertices are the mesh's.
+    if (any(&Part::corner_uvs)) {
+      uvs.resize(positions.size());
+      mesh.uvs = std::move(uvs);
+    }
+    if (any(&Part::corner_normals)) {
+      normals.resize(positions.size());
+      mesh.normals = std::move(normals);
+    }
+    mesh.positions = std::move(positions);
+  } else {
+    CANDELA_TRY(join_corners(name, parts, positions, uvs, normals, mesh));
+  }
+  mesh.triangles = joined(parts, &Part::vertices);
+  return mesh;
 }
 
 }  // namespace candela::loaders
