@@ -406,7 +406,7 @@ class Parser {
           return written.error(
               fmt::format("the scene's XML and spectra have more than {} bytes in all", max_total_bytes));
         CANDELA_ASSIGN(const colorimetry::Spectrum spectrum, parse_spectrum_file(key, bytes.view));
-        CANDELA_ASSIGN(converted, convert_spectrum(spectrum, use));
+        CANDELA_ASSIGN(converted, convert_spectrum(spectrum, use, file.legacy));
       } else {
         CANDELA_ASSIGN(converted, convert_spectrum_value(written, use));
       }

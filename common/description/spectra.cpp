@@ -11,6 +11,9 @@ namespace candela::description {
 namespace {
 
 constexpr double max_temperature = 1e9;
+constexpr std::string_view daylight_note =
+    "the spectrum is weighed by daylight, as Mitsuba 3 does: RGB builds of 0.6 weigh it evenly, which tints "
+    "it";
 
 Result<double> number(std::string_view word) {
   const std::optional<double> value = text::to_number(word);
@@ -174,9 +177,12 @@ Result<colorimetry::Spectrum> parse_spectrum_file(const std::string& key, std::s
   return spectrum;
 }
 
-Result<ConvertedSpectrum> convert_spectrum(const colorimetry::Spectrum& spectrum, SpectrumUse use) {
-  return clamp(
-      use == SpectrumUse::emission ? colorimetry::emitted(spectrum) : colorimetry::reflected(spectrum), use);
+Result<ConvertedSpectrum> convert_spectrum(const colorimetry::Spectrum& spectrum, SpectrumUse use,
+                                           bool legacy) {
+  if (use == SpectrumUse::emission) return clamp(colorimetry::emitted(spectrum), use);
+  CANDELA_ASSIGN(ConvertedSpectrum result, clamp(colorimetry::reflected(spectrum), use));
+  if (legacy) result.note += fmt::format("{}{}", result.note.empty() ? "" : "; ", daylight_note);
+  return result;
 }
 
 Result<ConvertedSpectrum> convert_spectrum_value(const Element& element, SpectrumUse use) {
@@ -185,16 +191,24 @@ Result<ConvertedSpectrum> convert_spectrum_value(const Element& element, Spectru
   } else {
     CANDELA_TRY(element.expect({"name", "value"}));
   }
-  if (const std::string* intent = element.find("intent");
-      intent != nullptr && text::lower(*intent) != "reflectance" && text::lower(*intent) != "illuminant")
-    return element.error(fmt::format("{} is not an intent", text::quote(*intent)))
-        .with_mend("write 'reflectance' or 'illuminant'");
+  CANDELA_TRY(check_intent(element));
   const std::vector<std::string_view> words = text::tokens(element.get("value"));
   if (words.empty()) return element.error("<spectrum> has an empty 'value'");
-  if (words.size() > 1 || words[0].find(':') != std::string_view::npos) {
+  const bool pairs = element.get("value").find(':') != std::string_view::npos;
+  // What an RGB build of 0.6 reads as red, green and blue.
+  if (element.legacy && words.size() == 3 && !pairs) {
+    Rgb rgb;
+    for (std::size_t i = 0; i < 3; ++i) {
+      Result<double> component = number(words[i]);
+      if (!component.ok()) return located(std::move(component).error(), element);
+      rgb.value[i] = *component;
+    }
+    return ConvertedSpectrum{rgb, {}};
+  }
+  if (words.size() > 1 || pairs) {
     Result<colorimetry::Spectrum> spectrum = parse_wavelength_pairs(element.get("value"));
     if (!spectrum.ok()) return located(std::move(spectrum).error(), element);
-    Result<ConvertedSpectrum> result = convert_spectrum(*spectrum, use);
+    Result<ConvertedSpectrum> result = convert_spectrum(*spectrum, use, element.legacy);
     if (!result.ok()) return located(std::move(result).error(), element);
     return result;
   }

@@ -36,7 +36,8 @@ Result<colorimetry::Spectrum> parse_spectrum_file(const std::string& key, std::s
 Result<ConvertedSpectrum> convert_spectrum_value(const Element& element, SpectrumUse use);
 
 // The content of a file, already parsed.
-Result<ConvertedSpectrum> convert_spectrum(const colorimetry::Spectrum& spectrum, SpectrumUse use);
+Result<ConvertedSpectrum> convert_spectrum(const colorimetry::Spectrum& spectrum, SpectrumUse use,
+                                           bool legacy = false);
 
 // 0.6's <blackbody temperature="5000K" scale="0.1"/>.
 Result<ConvertedSpectrum> convert_blackbody(const Element& element);

@@ -19,9 +19,13 @@ understood. Anything else is an error that names the file, the line and the near
 - `<scene version="3.0.0">` is read in the spelling of Mitsuba 3. With a version before 2 (`version="0.6.0"`) names are
   translated: `toWorld`, `intIOR`, `sampleCount` become `to_world`, `int_ior`, `sample_count`; `uscale`, `uoffset` and
   their like become a `to_uv` transform that looks up at `uv * scale + offset`; `wrapModeU` and `wrapModeV` become
-  `wrap_mode`; `ldrfilm` becomes `hdrfilm`; the filters `ewa` and `trilinear` become `bilinear`.
+  `wrap_mode`; `ldrfilm` becomes `hdrfilm`; the filters `ewa` and `trilinear` become `bilinear`; a `mixturebsdf` becomes
+  `blendbsdf`s; `sigmaA` and `sigmaS` become `sigma_t` and `albedo`, a medium's volume `density` its `sigma_t`, and
+  `densityMultiplier` its `scale`; grids fill the bounding box of their file; conductors without parameters are copper, and
+  `extEta` divides their `eta` and `k`.
 - Values: `<boolean>`, `<integer>`, `<float>`, `<string>`, `<point>` and `<vector>` (`x`, `y`, `z`, or `value`), `<rgb>`
-  (linear Rec.709: one or three numbers; `#rrggbb` is decoded from sRGB), `<srgb>` (decoded from sRGB).
+  (linear Rec.709: one or three numbers; `#rrggbb` is decoded from sRGB, before version 2 it is linear), `<srgb>` (decoded
+  from sRGB).
 - Spectra become linear Rec.709 when the scene is read, as in Mitsuba's RGB variants: `<spectrum value="0.5"/>`,
   `<spectrum value="400:0.1, 500:0.2"/>` (nanometres and value, linear between them, zero outside),
   `<spectrum filename="x.spd"/>` (lines of the same two numbers), `<spectrum type="..."/>` (see below) and 0.6's

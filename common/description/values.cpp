@@ -87,7 +87,7 @@ Result<Rgb> color(const Element& element) {
       return element.error(fmt::format("{} in <{}> is not a colour", text::quote(words[0]), element.name))
           .with_mend("write it as '#rrggbb'");
     value = *hex;
-    decode = true;
+    decode = encoded || !element.legacy;  // 0.6 takes the bytes of an <rgb> for linear ones
   } else if (words.size() == 1 || words.size() == 3) {
     for (std::size_t i = 0; i < 3; ++i) {
       CANDELA_ASSIGN(value[i], number(element, words[words.size() == 1 ? 0 : i]));
@@ -102,6 +102,15 @@ Result<Rgb> color(const Element& element) {
       component = transform::srgb_to_linear(component);
     }
   return Rgb{value};
+}
+
+// 0.6 lets colours say whether they are of light or of a surface, which tells its spectral builds alone
+// something.
+Result<void> expect_value(const Element& element) {
+  if (!element.legacy || (element.name != "rgb" && element.name != "srgb"))
+    return element.expect({"name", "value"});
+  CANDELA_TRY(element.expect({"name", "value"}, {"intent"}));
+  return check_intent(element);
 }
 
 Result<Mat4> matrix(const Element& element, bool two_dimensional) {
@@ -149,6 +158,14 @@ Result<Mat4> look_at(const Element& element) {
 }
 
 }  // namespace
+
+Result<void> check_intent(const Element& element) {
+  const std::string* intent = element.find("intent");
+  if (intent == nullptr || text::lower(*intent) == "reflectance" || text::lower(*intent) == "illuminant")
+    return {};
+  return element.error(fmt::format("{} is not an intent", text::quote(*intent)))
+      .with_mend("write 'reflectance' or 'illuminant'");
+}
 
 const std::string* Element::find(std::string_view attribute) const {
   const auto found = std::find_if(attributes.begin(), attributes.end(),
@@ -199,7 +216,7 @@ Result<Property> parse_value(const Element& element) {
     property.type = element.name == "point" ? PropertyType::point : PropertyType::vector;
     CANDELA_ASSIGN(property.value, components(element, 0));
   } else {
-    CANDELA_TRY(element.expect({"name", "value"}));
+    CANDELA_TRY(expect_value(element));
     const std::string_view value = element.get("value");
     if (element.name == "boolean") {
       const std::optional<bool> parsed = text::to_boolean(value);

@@ -31,6 +31,9 @@ struct Element {
 bool is_value_element(std::string_view name);  // boolean, integer, float, string, point, vector, rgb, srgb
 bool is_transform_operation(std::string_view name);  // translate, rotate, scale, lookat, matrix
 
+// The attribute 'intent' of 0.6's colours, if it is there: reflectance or illuminant.
+Result<void> check_intent(const Element& element);
+
 // A property; its name as written.
 Result<Property> parse_value(const Element& element);
 

@@ -93,6 +93,14 @@ TEST(DescriptionLegacy, OldWordsAreTodaysObjects) {
        "<medium type='heterogeneous'><float name='scale' value='7'/><volume type='gridvolume' name='sigma_t'>"
        "<string name='filename' value='mesh.obj'/><boolean name='use_grid_bbox' value='true'/></volume>"
        "<volume type='constvolume' name='albedo'><rgb name='value' value='0.9'/></volume></medium>"},
+      {"<bsdf type='diffuse'><rgb name='reflectance' value='#ff0033' intent='reflectance'/></bsdf>",
+       "<bsdf type='diffuse'><rgb name='reflectance' value='1, 0, 0.2'/></bsdf>"},
+      {"<bsdf type='diffuse'><srgb name='reflectance' value='#ff8000' intent='illuminant'/></bsdf>",
+       "<bsdf type='diffuse'><srgb name='reflectance' value='#ff8000'/></bsdf>"},
+      {"<bsdf type='diffuse'><spectrum name='reflectance' value='0.1, 0.2, 0.3'/></bsdf>",
+       "<bsdf type='diffuse'><rgb name='reflectance' value='0.1, 0.2, 0.3'/></bsdf>"},
+      {"<bsdf type='diffuse'><spectrum name='reflectance' value='400:0.1, 700:0.2'/></bsdf>",
+       "<bsdf type='diffuse'><spectrum name='reflectance' value='400:0.1, 700:0.2'/></bsdf>"},
   };
   for (const auto& test : cases) EXPECT_EQ(old_graph(test.was), new_graph(test.is)) << test.was;
 }
@@ -113,6 +121,12 @@ TEST(DescriptionLegacy, Refusals) {
        "scene.xml:1: '-1' is no weight of a bsdf"},
       {"<bsdf type='mixturebsdf'><string name='weights' value=''/></bsdf>",
        "scene.xml:1: bsdf 'mixturebsdf' has 0 bsdfs but 0 weights"},
+      {"<bsdf type='diffuse'><rgb name='reflectance' value='1' intent='both'/></bsdf>",
+       "scene.xml:1: 'both' is not an intent (write 'reflectance' or 'illuminant')"},
+      {"<bsdf type='diffuse'><spectrum name='reflectance' value='1 2 3 4'/></bsdf>",
+       "scene.xml:1: '1' is not a pair of wavelength and value (write nanometres and value as '550:0.5', "
+       "without "
+       "spaces inside)"},
       {"<medium type='homogeneous'/>",
        "scene.xml:1: medium 'homogeneous' has no coefficients, which before version 2 means the material "
        "'skin1'; "
