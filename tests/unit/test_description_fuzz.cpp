@@ -25,6 +25,12 @@ constexpr std::string_view seed_scene = R"(<?xml version="1.0"?>
   <shape type="obj"><string name="filename" value="mesh.obj"/><ref id="wall"/></shape>
   <shape type="sphere"><point name="center" x="0" y="1" z="2"/><ref id="steel"/>
     <emitter type="area"><rgb name="radiance" value="#ff8800"/></emitter></shape>
+  <bsdf type="diffuse"><spectrum name="reflectance" value="400:0.1, 500:0.25, 650.5:0.9"/></bsdf>
+  <bsdf type="conductor"><string name="material" value="Au"/></bsdf>
+  <bsdf type="conductor"><spectrum name="eta" filename="eta.spd"/></bsdf>
+  <emitter type="point"><spectrum name="intensity" type="blackbody"><float name="temperature" value="5000"/></spectrum></emitter>
+  <emitter type="directional"><spectrum name="irradiance" type="irregular"><string name="wavelengths" value="400, 700"/>
+    <string name="values" value="1, 2"/></spectrum></emitter>
   <emitter type="constant"><spectrum name="radiance" value="0.5"/></emitter>
 </scene>)";
 
@@ -143,14 +149,18 @@ std::string mutate(std::string text, Random& random) {
 TEST(DescriptionFuzz, MutatedScenesGiveOneAnswer) {
   Random random(20260701);
   const std::string part = "<scene><bsdf type='dielectric' id='glass'/></scene>";
+  const std::string spectrum = "# measured\n400 1.5\n500.25 1.4\n700 1.3\n";
   int parsed = 0;
   constexpr int rounds = 6000;
   const auto begin = std::chrono::steady_clock::now();
   for (int round = 0; round < rounds; ++round) {
-    const bool in_part = random.below(8) == 0;
-    const std::string main_text = in_part ? std::string(seed_scene) : mutate(std::string(seed_scene), random);
-    const std::string part_text = in_part ? mutate(part, random) : part;
-    const auto result = parse_text(main_text, {{"spp", "4"}}, {{"part.xml", part_text}});
+    const std::size_t which = random.below(8);
+    const std::string main_text =
+        which < 2 ? std::string(seed_scene) : mutate(std::string(seed_scene), random);
+    const std::string part_text = which == 0 ? mutate(part, random) : part;
+    const std::string spectrum_text = which == 1 ? mutate(spectrum, random) : spectrum;
+    const auto result =
+        parse_text(main_text, {{"spp", "4"}}, {{"part.xml", part_text}, {"eta.spd", spectrum_text}});
     if (result.ok()) {
       ++parsed;
       continue;
