@@ -92,7 +92,20 @@ bool is_index_of_refraction(const PropertyRule& rule) {
   return rule.name == "int_ior" || rule.name == "ext_ior";
 }
 
+// A colour where a number or a texture is expected counts by its luminance, as a texture does there.
+void take_luminance(Property& property, const PropertyRule& rule) {
+  const auto* rgb = std::get_if<Rgb>(&property.value);
+  if (rgb == nullptr || !rule.textured || accepts(rule, PropertyType::rgb) ||
+      !accepts(rule, PropertyType::number))
+    return;
+  const auto& [r, g, b] = rgb->value;
+  const double luminance = r == g && g == b ? r : 0.212671 * r + 0.715160 * g + 0.072169 * b;
+  property.type = PropertyType::number;
+  property.value = luminance;
+}
+
 Result<void> check_property(Property& property, const PropertyRule& rule) {
+  take_luminance(property, rule);
   if (!accepts(rule, property.type))
     return error_at(property.where, fmt::format("parameter '{}' is {}, but must be {}", rule.name,
                                                 article(name(property.type)), accepted_types(rule)));

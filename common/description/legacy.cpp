@@ -291,6 +291,11 @@ Result<void> upgrade(Object& object, std::string_view plugin, std::vector<Note>&
     CANDELA_TRY(upgrade_conductor(object));
   if (object.category == "texture") CANDELA_TRY(merge_uv_parameters(object));
   if (object.category == "texture" && object.plugin == "bitmap") CANDELA_TRY(upgrade_bitmap(object, notes));
+  if (object.category == "bsdf" && object.plugin == "mask")
+    if (const Property* opacity = find(object, "opacity"))
+      if (const auto* rgb = std::get_if<Rgb>(&opacity->value);
+          rgb != nullptr && (rgb->value[0] != rgb->value[1] || rgb->value[1] != rgb->value[2]))
+        return error_at(*opacity, "a coloured opacity is not supported").with_mend("give one number");
   if (object.category == "medium") CANDELA_TRY(upgrade_medium(object));
   if (object.category == "volume" && object.plugin == "gridvolume") upgrade_grid(object, notes);
   // Parameters whose capitals are their names.

@@ -4,6 +4,9 @@
 namespace candela::description::rules {
 
 void add_spectra(std::vector<PluginRule>& table) {
+  constexpr std::string_view spectral_only =
+      "Mitsuba's RGB variants do not render the plugin; its colour is that of the same values in a "
+      "<spectrum>";
   const auto bound = [](std::string_view name, std::string_view doc) {
     return PropertyRule{.name = name, .types = {number}, .doc = doc, .minimum = 0};
   };
@@ -16,7 +19,7 @@ void add_spectra(std::vector<PluginRule>& table) {
   table.push_back(
       {.category = "spectrum",
        .name = "uniform",
-       .properties = {{.name = "value", .types = {number}, .doc = "of all components (default 1)"},
+       .properties = {{.name = "value", .types = {number}, .required = true, .doc = "of all components"},
                       unused("wavelength_min"),
                       unused("wavelength_max")},
        .child_categories = {},
@@ -31,7 +34,8 @@ void add_spectra(std::vector<PluginRule>& table) {
              .doc = "nanometres, increasing, two or more"},
             {.name = "values", .types = {string}, .required = true, .doc = "one for each wavelength"}},
        .child_categories = {},
-       .doc = "values at given wavelengths, linear between them, zero outside"});
+       .doc = "values at given wavelengths, linear between them, zero outside",
+       .differs = spectral_only});
   table.push_back(
       {.category = "spectrum",
        .name = "regular",
@@ -39,7 +43,8 @@ void add_spectra(std::vector<PluginRule>& table) {
                       bound("wavelength_max", "nanometres of the last value (default 830)"),
                       {.name = "values", .types = {string}, .required = true, .doc = "two or more"}},
        .child_categories = {},
-       .doc = "values at even distances, linear between them, zero outside"});
+       .doc = "values at even distances, linear between them, zero outside",
+       .differs = spectral_only});
   table.push_back(
       {.category = "spectrum",
        .name = "blackbody",

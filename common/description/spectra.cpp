@@ -106,7 +106,7 @@ Result<colorimetry::Spectrum> parse_irregular(const Object& object) {
 
 Result<ConvertedSpectrum> convert_plugin(const Object& object, SpectrumUse use) {
   if (object.plugin == "uniform") {
-    const double value = object.get_number("value", 1);
+    const double value = object.get_number("value", 0);
     return ConvertedSpectrum{{{value, value, value}}, {}};
   }
   if (object.plugin == "rgb" || object.plugin == "srgb")

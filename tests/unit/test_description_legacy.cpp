@@ -31,6 +31,8 @@ TEST(DescriptionLegacy, OldWordsAreTodaysObjects) {
   } cases[] = {
       {"<bsdf type='mask'><float name='opacity' value='0.3'/><bsdf type='diffuse'/></bsdf>",
        "<bsdf type='mask'><float name='opacity' value='0.3'/><bsdf type='diffuse'/></bsdf>"},
+      {"<bsdf type='mask'><spectrum name='opacity' value='0.3'/><bsdf type='diffuse'/></bsdf>",
+       "<bsdf type='mask'><float name='opacity' value='0.3'/><bsdf type='diffuse'/></bsdf>"},
       {"<bsdf type='mixturebsdf'><string name='weights' value='0.25, 0.75'/><bsdf type='diffuse'/>"
        "<bsdf type='dielectric'/></bsdf>",
        "<bsdf type='blendbsdf'><float name='weight' value='0.75'/><bsdf type='diffuse'/>"
@@ -133,6 +135,8 @@ TEST(DescriptionLegacy, Refusals) {
        "scene.xml:1: '1' is not a pair of wavelength and value (write nanometres and value as '550:0.5', "
        "without "
        "spaces inside)"},
+      {"<bsdf type='mask'><rgb name='opacity' value='1, 0, 0'/><bsdf type='diffuse'/></bsdf>",
+       "scene.xml:1: a coloured opacity is not supported (give one number)"},
       {"<medium type='homogeneous'/>",
        "scene.xml:1: medium 'homogeneous' has no coefficients, which before version 2 means the material "
        "'skin1'; "
