@@ -32,7 +32,7 @@ TEST(DescriptionLegacy, OldWordsAreTodaysObjects) {
       {"<bsdf type='mask'><float name='opacity' value='0.3'/><bsdf type='diffuse'/></bsdf>",
        "<bsdf type='mask'><float name='opacity' value='0.3'/><bsdf type='diffuse'/></bsdf>"},
       {"<bsdf type='mask'><spectrum name='opacity' value='0.3'/><bsdf type='diffuse'/></bsdf>",
-       "<bsdf type='mask'><float name='opacity' value='0.3'/><bsdf type='diffuse'/></bsdf>"},
+       "<bsdf type='mask'><rgb name='opacity' value='0.3'/><bsdf type='diffuse'/></bsdf>"},
       {"<bsdf type='mixturebsdf'><string name='weights' value='0.25, 0.75'/><bsdf type='diffuse'/>"
        "<bsdf type='dielectric'/></bsdf>",
        "<bsdf type='blendbsdf'><float name='weight' value='0.75'/><bsdf type='diffuse'/>"

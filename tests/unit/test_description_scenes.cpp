@@ -164,14 +164,14 @@ TEST(DescriptionScenes, Colours) {
 // Claim: a colour in the place of a number that a texture may stand for counts by its luminance; of other
 // numbers it is an error.
 TEST(DescriptionScenes, ColoursAsNumbers) {
-  const auto opacity = [](const std::string& element) {
-    const auto result = parse_text(scene("<bsdf type='mask'>" + element + "<bsdf type='diffuse'/></bsdf>"));
+  const auto alpha = [](const std::string& element) {
+    const auto result = parse_text(scene("<bsdf type='roughconductor'>" + element + "</bsdf>"));
     EXPECT_TRUE(result.ok()) << outcome(result);
-    return result.ok() ? result->scene->children.at(0).object->get_number("opacity", -1) : -1;
+    return result.ok() ? result->scene->children.at(0).object->get_number("alpha", -1) : -1;
   };
-  EXPECT_EQ(opacity("<rgb name='opacity' value='0.3'/>"), 0.3);
-  EXPECT_EQ(opacity("<spectrum name='opacity' value='0.7'/>"), 0.7);
-  EXPECT_NEAR(opacity("<rgb name='opacity' value='0, 1, 0'/>"), 0.71516, 1e-12);
+  EXPECT_EQ(alpha("<rgb name='alpha' value='0.3'/>"), 0.3);
+  EXPECT_EQ(alpha("<spectrum name='alpha' value='0.7'/>"), 0.7);
+  EXPECT_NEAR(alpha("<rgb name='alpha' value='0, 1, 0'/>"), 0.71516, 1e-12);
   EXPECT_EQ(outcome(parse_text(scene("<shape type='sphere'><rgb name='radius' value='1'/></shape>"))),
             "scene.xml:1: parameter 'radius' is a rgb, but must be <float>");
 }
