@@ -12,7 +12,7 @@ constexpr double step = 5;
 constexpr std::size_t entries = 95;
 using Table = std::array<double, entries>;
 
-// Colour matching functions of CIE 015:2018 (colorimetry), 360 to 830 nm.
+// Colour matching functions of the 2-degree observer, 360 to 830 nm [CIE 2018].
 constexpr Table x_bar = {
     0.0001299,      0.0002321,      0.0004149,      0.0007416,      0.001368,      0.002236,
     0.004243,       0.00765,        0.01431,        0.02319,        0.04351,       0.07763,
@@ -59,7 +59,7 @@ constexpr Table z_bar = {
     0.0008,     0.0006,      0.00034,  0.00024,  0.00019,     0.0001,     0.00004999999, 0.00003,
     0.00002,    0.00001};  // and zeros
 
-// Relative spectral power of D65, ISO/CIE 11664-2.
+// Relative spectral power of D65, 100 at 560 nm [CIE 2018].
 constexpr Table d65_power = {
     46.6383, 49.3637, 52.0891, 51.0323, 49.9755, 52.3118, 54.6482, 68.7015, 82.7549, 87.1204, 91.486,
     92.4589, 93.4318, 90.057,  86.6823, 95.7736, 104.865, 110.936, 117.008, 117.41,  117.812, 116.336,

@@ -1,10 +1,10 @@
 // Measured indices of refraction, as Mitsuba ships them and by its names.
 //
-// The measurements are those of the Luxpop database, which Mitsuba 0.6 and 3 carry as data/ior/*.spd (after
-// Palik, Handbook of Optical Constants of Solids, and atomic scattering factors of CXRO and LLNL). Each was
-// integrated with colorimetry::emitted(), which is what Mitsuba's RGB variants do with such a file, and
-// negative components were set to 0. Some measurements end within the visible range (AlSb, Se, d-C) or have
-// holes (AlAs); beyond their ends they count as 0, as there.
+// The measurements are those of the Luxpop database, which Mitsuba 0.6 and 3 carry as data/ior/*.spd: mostly
+// [Palik 1998], and atomic scattering factors of CXRO and LLNL. Each was integrated with
+// colorimetry::emitted(), which is what Mitsuba's RGB variants do with such a file, and negative components
+// were set to 0. Some measurements end within the visible range (AlSb, Se, d-C) or have holes (AlAs); there
+// they count as 0, as in Mitsuba.
 #include "common/description/conductors.h"
 
 #include <fmt/format.h>

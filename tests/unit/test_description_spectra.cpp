@@ -120,7 +120,7 @@ TEST(DescriptionSpectra, PlancksLaw) {
   EXPECT_EQ(colorimetry::planck(400, 1), 0);
 }
 
-// Claim: black bodies have the chromaticities of the Planckian locus (Wyszecki and Stiles, to the digits that
+// Claim: black bodies have the chromaticities of the Planckian locus ([Wyszecki 1982], to the digits that
 // the change of Planck's constants since leaves).
 TEST(DescriptionSpectra, BlackbodiesLieOnThePlanckianLocus) {
   struct Point {
