@@ -290,6 +290,34 @@ Result<void> check_interface(const Object& object, std::span<const Location> whe
   return {};
 }
 
+// A shapegroup's shapes neither glow nor hold others; an instance shows one shapegroup.
+Result<void> check_instancing(const Object& object, std::span<const Location> where) {
+  std::size_t groups = 0;
+  for (std::size_t i = 0; i < object.children.size(); ++i) {
+    const Object& child = *object.children[i].object;
+    if (child.category != "shape") continue;
+    if (object.plugin == "instance") {
+      if (child.plugin != "shapegroup")
+        return error_at(where[i], fmt::format("an instance is of a shapegroup, not of {}", describe(child)))
+            .with_mend("put the shape into a shapegroup");
+      if (++groups > 1) return error_at(where[i], "the instance has more than one shapegroup");
+      continue;
+    }
+    if (child.plugin == "shapegroup" || child.plugin == "instance")
+      return error_at(where[i], fmt::format("{} cannot be inside a shapegroup", describe(child)));
+    const auto glows = [](const Child& c) { return c.object->category == "emitter"; };
+    if (std::any_of(child.children.begin(), child.children.end(), glows))
+      return error_at(where[i], "a shape inside a shapegroup cannot be an emitter")
+          .with_mend("take it out of the shapegroup");
+  }
+  if (object.plugin == "instance" && groups == 0)
+    return error_at(object.where, "the instance has no shapegroup")
+        .with_mend("refer to one by <ref id=\"...\"/>");
+  if (object.plugin == "shapegroup" && object.children.empty())
+    return error_at(object.where, "the shapegroup has no shapes");
+  return {};
+}
+
 Result<void> check_scene(const Object& object, std::span<const Location> where) {
   CANDELA_TRY(at_most_one(object, "integrator", where));
   bool environment = false;
@@ -349,6 +377,7 @@ Result<void> check_children(const Object& object, const PluginRule& rule, std::s
   if (object.category == "medium") return check_medium(object, where);
   if (object.category == "sensor") CANDELA_TRY(at_most_one(object, "medium", where));
   if (object.category == "shape") {
+    if (object.plugin == "shapegroup" || object.plugin == "instance") return check_instancing(object, where);
     CANDELA_TRY(check_interface(object, where));
     CANDELA_TRY(at_most_one(object, "bsdf", where));
     CANDELA_TRY(at_most_one(object, "emitter", where));

@@ -80,6 +80,19 @@ void add_shapes(std::vector<PluginRule>& table) {
        .child_categories = children,
        .doc = "a true cylinder without caps, facing outside; to_world may not scale it unevenly around its "
               "axis"});
+  table.push_back({.category = "shape",
+                   .name = "shapegroup",
+                   .properties = {},
+                   .child_categories = {"shape"},
+                   .doc =
+                       "shapes, with their bsdfs, that are in the scene only where instances put them; none "
+                       "may be an emitter"});
+  table.push_back(
+      {.category = "shape",
+       .name = "instance",
+       .properties = {to_world("group to world, uneven scales and mirrors too (default identity)")},
+       .child_categories = {"shape"},
+       .doc = "a shapegroup, referred to by its id, once more; it costs next to no memory"});
 }
 
 }  // namespace candela::description::rules

@@ -30,6 +30,7 @@ std::string features_text(const scene::SceneFeatures& f) {
       fmt::format("scene: {} shapes, {} triangles, {} spheres, ", f.shapes, f.triangles, f.spheres);
   if (f.disks > 0) text += fmt::format("{} disks, ", f.disks);
   if (f.cylinders > 0) text += fmt::format("{} cylinders, ", f.cylinders);
+  if (f.instances > 0) text += fmt::format("{} instances, ", f.instances);
   text += fmt::format("{} textures, {} emitters\n", f.textures, f.emitters);
   const auto list = [&](std::string_view title, const std::map<std::string, std::uint32_t>& kinds) {
     text += fmt::format("{}:", title);

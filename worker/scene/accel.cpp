@@ -1,5 +1,8 @@
 // Embree 3: one static scene, all triangles in one geometry, and one user geometry, in double, for each kind
-// of the others.
+// of the others. A shapegroup is a scene of the same kind. All instances together are one more user geometry,
+// whose callback takes the ray into the group by our own arithmetic (in double, rounded once) and traces it
+// there: error bounds follow from that, where Embree's own instances invert and apply the matrix in float;
+// and an instance costs no geometry object.
 //
 // Build quality is medium: Embree's tree is then the same whatever the number of threads; that of high
 // quality is not (RenderKit/embree issue 20).
@@ -13,6 +16,8 @@
 
 namespace candela::scene {
 namespace {
+
+static_assert(RTC_INVALID_GEOMETRY_ID == kNone);
 
 struct DeviceRelease {
   void operator()(RTCDevice device) const { rtcReleaseDevice(device); }
@@ -143,6 +148,7 @@ struct Callbacks {
     ray_hit->ray.tfar = static_cast<float>(t);
     ray_hit->hit.geomID = args->geomID;
     ray_hit->hit.primID = args->primID;
+    ray_hit->hit.instID[0] = args->context->instID[0];
   }
 
   static void occluded(const RTCOccludedFunctionNArguments* args) {
@@ -154,13 +160,14 @@ struct Callbacks {
     }
   }
 
-  static void attach(RTCDevice device, RTCScene scene, const std::vector<Record>& records,
+  static void attach(RTCDevice device, RTCScene scene, const std::vector<Record>& records, const Group& group,
                      PrimitiveKind kind) {
-    if (records.empty()) return;
+    const Group::Range range = group.primitives[static_cast<std::size_t>(kind)];
+    if (range.count == 0) return;
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
-    rtcSetGeometryUserPrimitiveCount(geometry, static_cast<unsigned>(records.size()));
+    rtcSetGeometryUserPrimitiveCount(geometry, range.count);
     // Embree's pointer is not const; the callbacks only read.
-    rtcSetGeometryUserData(geometry, const_cast<Record*>(records.data()));
+    rtcSetGeometryUserData(geometry, const_cast<Record*>(records.data() + range.first));
     rtcSetGeometryBoundsFunction(geometry, bounds, nullptr);
     rtcSetGeometryIntersectFunction(geometry, intersect);
     rtcSetGeometryOccludedFunction(geometry, occluded);
@@ -170,16 +177,33 @@ struct Callbacks {
   }
 };
 
-void attach_triangles(RTCDevice device, RTCScene scene, const Geometry& geometry) {
-  if (geometry.triangles.empty()) return;
+void attach_triangles(RTCDevice device, RTCScene scene, const Geometry& geometry, const Group& group) {
+  const Group::Range range = group.primitives[static_cast<std::size_t>(PrimitiveKind::triangle)];
+  if (range.count == 0) return;
   RTCGeometry triangles = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
   rtcSetSharedGeometryBuffer(triangles, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
                              geometry.positions.data(), 0, sizeof(Vec3), geometry.positions.size() - 1);
-  rtcSetSharedGeometryBuffer(triangles, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, geometry.indices.data(),
-                             0, sizeof(geometry.indices[0]), geometry.indices.size());
+  rtcSetSharedGeometryBuffer(triangles, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                             geometry.indices.data() + range.first, 0, sizeof(geometry.indices[0]),
+                             range.count);
   rtcCommitGeometry(triangles);
   rtcAttachGeometryByID(scene, triangles, static_cast<unsigned>(PrimitiveKind::triangle));
   rtcReleaseGeometry(triangles);
+}
+
+void attach_group(RTCDevice device, RTCScene scene, const Geometry& geometry, const Group& group) {
+  rtcSetSceneBuildQuality(scene, RTC_BUILD_QUALITY_MEDIUM);
+  rtcSetSceneFlags(scene, RTC_SCENE_FLAG_ROBUST);
+  attach_triangles(device, scene, geometry, group);
+  Callbacks<SphereRecord, &SphereRecord::sphere>::attach(device, scene, geometry.spheres, group,
+                                                         PrimitiveKind::sphere);
+  Callbacks<DiskRecord, &DiskRecord::disk>::attach(device, scene, geometry.disks, group, PrimitiveKind::disk);
+  Callbacks<CylinderRecord, &CylinderRecord::cylinder>::attach(device, scene, geometry.cylinders, group,
+                                                               PrimitiveKind::cylinder);
+}
+
+Ray ray_of(const RTCRay& ray) {
+  return {{ray.org_x, ray.org_y, ray.org_z}, {ray.dir_x, ray.dir_y, ray.dir_z}, ray.tfar};
 }
 
 void set_ray(const Ray& ray, RTCRay& out) {
@@ -197,11 +221,88 @@ void set_ray(const Ray& ray, RTCRay& out) {
   out.flags = 0;
 }
 
+// The user data of the instances' geometry.
+struct Instances {
+  const Geometry* geometry = nullptr;
+  std::vector<EmbreeScene> scenes;  // by group; the first, which is the scene itself, is null
+};
+
+constexpr unsigned kInstances = kPrimitiveKinds;  // the geometry's id, after those of the kinds
+
+void instance_bounds(const RTCBoundsFunctionArguments* args) {
+  const auto* user = static_cast<const Instances*>(args->geometryUserPtr);
+  const Bounds& box = user->geometry->instances[args->primID].bounds;
+  // The ray is rounded on its way into the group, by a part of the box's distance from it.
+  const auto slack = [](double a, double b) { return 0x1p-20 * std::max(std::abs(a), std::abs(b)); };
+  const Vec3d pad{slack(box.low.x, box.high.x), slack(box.low.y, box.high.y), slack(box.low.z, box.high.z)};
+  RTCBounds& b = *args->bounds_o;
+  b.lower_x = round_down(box.low.x - pad.x);
+  b.lower_y = round_down(box.low.y - pad.y);
+  b.lower_z = round_down(box.low.z - pad.z);
+  b.upper_x = round_up(box.high.x + pad.x);
+  b.upper_y = round_up(box.high.y + pad.y);
+  b.upper_z = round_up(box.high.z + pad.z);
+}
+
+void instance_intersect(const RTCIntersectFunctionNArguments* args) {
+  if (args->valid[0] == 0) return;
+  const auto* user = static_cast<const Instances*>(args->geometryUserPtr);
+  const Instance& instance = user->geometry->instances[args->primID];
+  auto* found = reinterpret_cast<RTCRayHit*>(args->rayhit);
+  RTCRayHit query;
+  set_ray(Geometry::to_group(instance, ray_of(found->ray)), query.ray);
+  query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+  query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+  args->context->instID[0] = args->primID;
+  rtcIntersect1(user->scenes[instance.group].get(), args->context, &query);
+  args->context->instID[0] = RTC_INVALID_GEOMETRY_ID;
+  if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return;
+  found->ray.tfar = query.ray.tfar;
+  found->hit = query.hit;
+}
+
+void instance_occluded(const RTCOccludedFunctionNArguments* args) {
+  if (args->valid[0] == 0) return;
+  const auto* user = static_cast<const Instances*>(args->geometryUserPtr);
+  const Instance& instance = user->geometry->instances[args->primID];
+  auto* ray = reinterpret_cast<RTCRay*>(args->ray);
+  RTCRay query;
+  set_ray(Geometry::to_group(instance, ray_of(*ray)), query);
+  args->context->instID[0] = args->primID;
+  rtcOccluded1(user->scenes[instance.group].get(), args->context, &query);
+  args->context->instID[0] = RTC_INVALID_GEOMETRY_ID;
+  if (query.tfar < 0) ray->tfar = query.tfar;
+}
+
+void attach_instances(RTCDevice device, RTCScene scene, const Geometry& geometry, Instances& instances) {
+  if (geometry.instances.empty()) return;
+  instances.geometry = &geometry;
+  instances.scenes.resize(geometry.groups.size());
+  for (std::size_t i = 1; i < geometry.groups.size(); ++i) {
+    instances.scenes[i].reset(rtcNewScene(device));
+    if (!instances.scenes[i]) return;  // the device has heard of it
+    attach_group(device, instances.scenes[i].get(), geometry, geometry.groups[i]);
+    rtcCommitScene(instances.scenes[i].get());
+  }
+  RTCGeometry all = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
+  rtcSetGeometryUserPrimitiveCount(all, static_cast<unsigned>(geometry.instances.size()));
+  rtcSetGeometryUserData(all, &instances);
+  rtcSetGeometryBoundsFunction(all, instance_bounds, nullptr);
+  rtcSetGeometryIntersectFunction(all, instance_intersect);
+  rtcSetGeometryOccludedFunction(all, instance_occluded);
+  rtcCommitGeometry(all);
+  rtcAttachGeometryByID(scene, all, kInstances);
+  rtcReleaseGeometry(all);
+}
+
 }  // namespace
 
+// Scenes are released before the device.
 struct Accel::Impl {
   Device device;
-  EmbreeScene scene;  // released before the device
+  const Geometry* geometry = nullptr;
+  Instances instances;
+  EmbreeScene scene;
 };
 
 Accel::Accel(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -226,17 +327,12 @@ Result<Accel> Accel::build(const Geometry& geometry, const std::string& isa, uns
         .with_field("isa");
   }
   rtcSetDeviceErrorFunction(device, remember_error, &first);
+  impl->geometry = &geometry;
   impl->scene.reset(rtcNewScene(device));
   RTCScene scene = impl->scene.get();
   if (scene != nullptr) {
-    rtcSetSceneBuildQuality(scene, RTC_BUILD_QUALITY_MEDIUM);
-    rtcSetSceneFlags(scene, RTC_SCENE_FLAG_ROBUST);
-    attach_triangles(device, scene, geometry);
-    Callbacks<SphereRecord, &SphereRecord::sphere>::attach(device, scene, geometry.spheres,
-                                                           PrimitiveKind::sphere);
-    Callbacks<DiskRecord, &DiskRecord::disk>::attach(device, scene, geometry.disks, PrimitiveKind::disk);
-    Callbacks<CylinderRecord, &CylinderRecord::cylinder>::attach(device, scene, geometry.cylinders,
-                                                                 PrimitiveKind::cylinder);
+    attach_group(device, scene, geometry, geometry.groups[0]);
+    attach_instances(device, scene, geometry, impl->instances);
     rtcCommitScene(scene);
   }
   rtcSetDeviceErrorFunction(device, nullptr, nullptr);
@@ -253,7 +349,12 @@ bool Accel::intersect(const Ray& ray, Found& found) const {
   query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
   rtcIntersect1(impl_->scene.get(), &context, &query);
   if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return false;
-  found = {query.hit.primID, static_cast<PrimitiveKind>(query.hit.geomID)};
+  found = {query.hit.primID, static_cast<PrimitiveKind>(query.hit.geomID), query.hit.instID[0]};
+  if (found.instance != kNone) [[unlikely]] {
+    const Geometry& geometry = *impl_->geometry;
+    const Group& group = geometry.groups[geometry.instances[found.instance].group];
+    found.primitive += group.primitives[query.hit.geomID].first;
+  }
   return true;
 }
 

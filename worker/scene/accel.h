@@ -22,6 +22,7 @@ class Accel {
   struct Found {
     std::uint32_t primitive;  // in Geometry's array of its kind
     PrimitiveKind kind;
+    std::uint32_t instance;  // kNone: the scene's own
   };
   // The nearest primitive in (0, ray.t_max]. A ray that is not finite meets nothing.
   bool intersect(const Ray& ray, Found& found) const;

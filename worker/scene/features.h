@@ -10,6 +10,7 @@ namespace candela::scene {
 struct SceneFeatures {
   std::uint64_t triangles = 0;
   std::uint32_t spheres = 0, disks = 0, cylinders = 0;
+  std::uint32_t instances = 0;  // of shapegroups, whose shapes are counted once
   std::uint32_t shapes = 0;
   std::uint64_t dropped_faces = 0;  // of meshes: without area, or with fewer than three corners
   std::map<std::string, std::uint32_t>

@@ -35,6 +35,7 @@ Result<std::unique_ptr<Scene>> Scene::build(const description::SceneDescription&
   impl.textures = std::make_unique<TextureStore>(files, options.textures);
   SceneBuilder builder(files, impl);
   for (const auto& shape : root.children_of("shape")) CANDELA_TRY(builder.shape(*shape));
+  for (const auto& shape : root.children_of("shape")) CANDELA_TRY(builder.instance(*shape));
   CANDELA_TRY(builder.finish_geometry());
   for (const auto& emitter : root.children_of("emitter")) CANDELA_TRY(builder.emitter(*emitter));
   impl.lights.finish();
@@ -47,7 +48,11 @@ Result<std::unique_ptr<Scene>> Scene::build(const description::SceneDescription&
 bool Scene::intersect(const Ray& ray, SurfaceHit& hit) const {
   Accel::Found found;
   if (!impl_->accel->intersect(ray, found)) return false;
-  impl_->geometry.hit(ray, found.kind, found.primitive, hit);
+  if (found.instance == kNone) [[likely]] {
+    impl_->geometry.hit(ray, found.kind, found.primitive, hit);
+  } else {
+    impl_->geometry.instance_hit(ray, found.instance, found.kind, found.primitive, hit);
+  }
   return true;
 }
 

@@ -84,7 +84,48 @@ void SceneBuilder::count_bsdf(const Bsdf& bsdf) {
 }
 
 Result<void> SceneBuilder::shape(const description::Object& object) {
+  if (object.plugin == "shapegroup" || object.plugin == "instance") return {};
+  return add_shape(object, false);
+}
+
+Result<std::uint32_t> SceneBuilder::group_of(const description::ObjectPtr& object) {
+  const auto known = group_of_object_.find(object.get());
+  if (known != group_of_object_.end()) return known->second;
+  const auto shapes = object->children_of("shape");
+  if (shapes.empty()) return error_at(*object, "the shapegroup has no shapes");
+  const std::uint32_t group = geometry_.begin_group();
+  for (const auto& shape : shapes) CANDELA_TRY(add_shape(*shape, true));
+  group_of_object_[object.get()] = group;
+  return group;
+}
+
+Result<void> SceneBuilder::instance(const description::Object& object) {
+  if (object.plugin != "instance") return {};
+  const auto groups = object.children_of("shape");
+  if (groups.size() != 1 || groups[0]->plugin != "shapegroup") {
+    return error_at(object, "an instance needs one shapegroup, given by a reference to its id");
+  }
+  CANDELA_ASSIGN(const std::uint32_t group, group_of(groups[0]));
+  const Transform to_world(object.get_transform("to_world"));
+  if (to_world.determinant() == 0 || !std::isfinite(1 / to_world.determinant())) {
+    return error_at(object, "to_world is singular").with_field("to_world");
+  }
+  geometry_.add_instance(group, to_world);
+  const Bounds& bounds = geometry_.instances.back().bounds;
+  for (const Vec3d p : {bounds.low, bounds.high}) {
+    if (!(std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) <= 1e18)) {
+      return error_at(object, "the instance lies beyond 1e18 in the scene");
+    }
+  }
+  return {};
+}
+
+Result<void> SceneBuilder::add_shape(const description::Object& object, bool in_group) {
   const auto emitters = object.children_of("emitter");
+  if (in_group && !emitters.empty()) {
+    return error_at(*emitters[0], "a shape inside a shapegroup cannot be an emitter")
+        .with_mend("take it out of the shapegroup");
+  }
   if (emitters.size() > 1) return error_at(object, "shape '" + object.plugin + "' has more than one emitter");
   if (!emitters.empty() && emitters[0]->plugin != "area") {
     return error_at(*emitters[0],
@@ -96,6 +137,8 @@ Result<void> SceneBuilder::shape(const description::Object& object) {
   CANDELA_ASSIGN(record.bsdf, bsdf_of(object, !emitters.empty()));
   record.reads_uv = reads_uv(object);
   record.reads_partials = bsdfs_[record.bsdf].facts().reads_partials;
+  // A tangent frame in the world needs the derivative that it follows.
+  record.reads_partials |= in_group && record.reads_uv;
   CANDELA_ASSIGN(Shape shape, build_shape(object, files_));
   features_.dropped_faces += shape.dropped_count;
   if (shape.dropped_count > 0) {
@@ -195,6 +238,7 @@ void SceneBuilder::finish_features() {
   features_.spheres = static_cast<std::uint32_t>(geometry_.spheres.size());
   features_.disks = static_cast<std::uint32_t>(geometry_.disks.size());
   features_.cylinders = static_cast<std::uint32_t>(geometry_.cylinders.size());
+  features_.instances = static_cast<std::uint32_t>(geometry_.instances.size());
   features_.shapes = static_cast<std::uint32_t>(geometry_.shapes.size());
   features_.textures = textures_.texture_count();
   features_.all_bsdfs_delta = all_delta_ && !geometry_.shapes.empty();

@@ -30,7 +30,7 @@ struct SceneData {
   SceneFeatures features;
 };
 
-// Fills SceneData: shapes first, then finish_geometry, emitters, finish_features.
+// Fills SceneData: shapes first, then instances, finish_geometry, emitters, finish_features.
 class SceneBuilder {
  public:
   // Both must outlive this; data.textures is there already.
@@ -42,7 +42,10 @@ class SceneBuilder {
         lights_(data.lights),
         features_(data.features) {}
 
+  // Shapegroups and instances are passed over.
   Result<void> shape(const description::Object& object);
+  // An instance, with its group if it is the first of it; other shapes are passed over.
+  Result<void> instance(const description::Object& object);
   Result<void> finish_geometry();
   Result<void> emitter(const description::Object& object);
   void finish_features();
@@ -54,6 +57,8 @@ class SceneBuilder {
     description::ObjectPtr object;
   };
 
+  Result<void> add_shape(const description::Object& object, bool in_group);
+  Result<std::uint32_t> group_of(const description::ObjectPtr& object);
   Result<std::uint32_t> bsdf_of(const description::Object& shape, bool emits);
   Result<Spectrum> quantity(const description::Object& object, std::string_view name) const;
   void count_bsdf(const Bsdf& bsdf);
@@ -67,6 +72,7 @@ class SceneBuilder {
   std::map<const description::Object*, std::uint32_t> bsdf_of_object_;
   std::uint32_t default_bsdf_ = kNone, black_bsdf_ = kNone;
   std::vector<AreaEmitter> area_emitters_;
+  std::map<const description::Object*, std::uint32_t> group_of_object_;
   bool all_delta_ = true;
 };
 

@@ -33,6 +33,16 @@ class Transform {
     const Vec3d v{dot(cofactor_[0], n), dot(cofactor_[1], n), dot(cofactor_[2], n)};
     return determinant_ < 0 ? -v : v;
   }
+  // The inverse map; the determinant is not zero.
+  Vec3d inverse_point(Vec3d p) const { return inverse_vector(p - translation()); }
+  Vec3d inverse_vector(Vec3d v) const {
+    return (cofactor_[0] * v.x + cofactor_[1] * v.y + cofactor_[2] * v.z) / determinant_;
+  }
+  // The inverse transposed itself, for lengths: a step h along the world normal there climbs h |v| over the
+  // surface here.
+  Vec3d covector(Vec3d n) const {
+    return Vec3d{dot(cofactor_[0], n), dot(cofactor_[1], n), dot(cofactor_[2], n)} / determinant_;
+  }
   Vec3d column(int i) const { return {linear_[0][i], linear_[1][i], linear_[2][i]}; }
   Vec3d translation() const { return {translation_[0], translation_[1], translation_[2]}; }
   double determinant() const { return determinant_; }

@@ -61,19 +61,24 @@ constexpr double kTwoPi = 2 * std::numbers::pi;
 
 void Geometry::add(Shape shape, ShapeRecord record) {
   const auto shape_index = static_cast<std::uint32_t>(shapes.size());
+  Group& group = groups.back();
+  const auto one_more = [&](PrimitiveKind kind, const Bounds& box) {
+    ++group.primitives[static_cast<std::size_t>(kind)].count;
+    group.bounds.add(box);
+  };
   if (shape.sphere) {
     record.sphere = static_cast<std::uint32_t>(spheres.size());
-    bounds.add(bounds_of(*shape.sphere));
+    one_more(PrimitiveKind::sphere, bounds_of(*shape.sphere));
     spheres.push_back({*shape.sphere, shape_index});
   }
   if (shape.disk) {
     record.disk = static_cast<std::uint32_t>(disks.size());
-    bounds.add(bounds_of(*shape.disk));
+    one_more(PrimitiveKind::disk, bounds_of(*shape.disk));
     disks.push_back({*shape.disk, shape_index});
   }
   if (shape.cylinder) {
     record.cylinder = static_cast<std::uint32_t>(cylinders.size());
-    bounds.add(bounds_of(*shape.cylinder));
+    one_more(PrimitiveKind::cylinder, bounds_of(*shape.cylinder));
     cylinders.push_back({*shape.cylinder, shape_index});
   }
   record.first_triangle = static_cast<std::uint32_t>(triangles.size());
@@ -101,9 +106,38 @@ void Geometry::add(Shape shape, ShapeRecord record) {
     std::array<std::uint32_t, 3> index{};
     for (std::size_t k = 0; k < 3; ++k) index[k] = t[k] + static_cast<std::uint32_t>(base);
     indices.push_back(index);
-    for (const std::uint32_t v : t) bounds.add(Vec3d(shape.positions[v]));
+    for (const std::uint32_t v : t) group.bounds.add(Vec3d(shape.positions[v]));
   }
+  group.primitives[static_cast<std::size_t>(PrimitiveKind::triangle)].count += record.triangle_count;
   shapes.push_back(record);
+  if (groups.size() == 1) bounds = group.bounds;
+}
+
+std::uint32_t Geometry::begin_group() {
+  Group group;
+  const std::array<std::size_t, kPrimitiveKinds> sizes = {triangles.size(), spheres.size(), disks.size(),
+                                                          cylinders.size()};
+  for (std::size_t k = 0; k < kPrimitiveKinds; ++k) {
+    group.primitives[k].first = static_cast<std::uint32_t>(sizes[k]);
+  }
+  groups.push_back(group);
+  return static_cast<std::uint32_t>(groups.size() - 1);
+}
+
+void Geometry::add_instance(std::uint32_t group, const Transform& to_world) {
+  Instance out{group, to_world, 0, {}};
+  for (const Vec3d axis : {Vec3d{1, 0, 0}, Vec3d{0, 1, 0}, Vec3d{0, 0, 1}}) {
+    out.inverse_norm += length_squared(to_world.inverse_vector(axis));
+  }
+  out.inverse_norm = std::sqrt(out.inverse_norm);
+  const Bounds& box = groups[group].bounds;
+  for (unsigned corner = 0; corner < 8; ++corner) {
+    out.bounds.add(to_world.point({(corner & 1) != 0 ? box.low.x : box.high.x,
+                                   (corner & 2) != 0 ? box.low.y : box.high.y,
+                                   (corner & 4) != 0 ? box.low.z : box.high.z}));
+  }
+  bounds.add(out.bounds);
+  instances.push_back(out);
 }
 
 void Geometry::finish() {
@@ -302,6 +336,49 @@ void Geometry::cylinder_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit
     hit.dp_du = Vec3(around * (kTwoPi * cylinder.radius));
     hit.dp_dv = Vec3(cylinder.axes[2] * cylinder.length);
   }
+}
+
+Ray Geometry::to_group(const Instance& instance, const Ray& ray) {
+  // In double, rounded once: the group's own error bounds count on no more than that.
+  return {Vec3(instance.to_world.inverse_point(Vec3d(ray.origin))),
+          Vec3(instance.to_world.inverse_vector(Vec3d(ray.direction))), ray.t_max};
+}
+
+// Error bound. Let E bound what the group needs (which counts three roundings; here there are more: of p in
+// the group, of p and the new origin in the world, of that origin in the group again, so 2 E), and L the
+// inverse's linear part. A step h along the world's normal climbs h |L^T n| over the surface in the group, so
+// that h = 2 E / |L^T n| beside what rounding in the world can do to p.
+void Geometry::instance_hit(const Ray& ray, std::uint32_t index, PrimitiveKind kind, std::uint32_t primitive,
+                            SurfaceHit& local) const {
+  const Instance& instance = instances[index];
+  const Transform& to_world = instance.to_world;
+  hit(to_group(instance, ray), kind, primitive, local);
+  const Vec3d p = to_world.point(Vec3d(local.p));
+  const Vec3d climb = to_world.covector(Vec3d(local.ng));
+  const double slope = length(climb);
+  // A round surface bends below a point that rounding in the world moves along it.
+  double bend = 0;
+  const double slip = 2.0 * static_cast<double>(kHalfUlp) * instance.inverse_norm *
+                      (std::abs(p.x) + std::abs(p.y) + std::abs(p.z));
+  if (kind == PrimitiveKind::sphere) bend = slip * slip / spheres[primitive].sphere.radius;
+  if (kind == PrimitiveKind::cylinder) bend = slip * slip / cylinders[primitive].cylinder.radius;
+  const Vec3d n = to_world.covector(Vec3d(local.shading.n));
+  local.p = Vec3(p);
+  local.ng = Vec3(climb / slope);
+  local.error = rounding_error(local.ng, local.p) +
+                static_cast<float>((2 * static_cast<double>(local.error) + bend) / slope);
+  // Uneven scales may turn a shading normal to the other side of the surface; the face decides there.
+  const double l = length(n);
+  const Vec3 shading = dot(n, climb) > 1e-6 * l * slope ? Vec3(n / l) : local.ng;
+  const ShapeRecord& record = shapes[local.shape];
+  if (!record.reads_partials) {
+    local.shading = make_frame(shading);
+    return;
+  }
+  const Vec3d dp_du = to_world.vector(Vec3d(local.dp_du));
+  local.shading = frame_along(shading, dp_du);
+  local.dp_du = finite(dp_du);
+  local.dp_dv = finite(to_world.vector(Vec3d(local.dp_dv)));
 }
 
 Vec2 Geometry::uv_at(std::uint32_t triangle, float b1, float b2) const {

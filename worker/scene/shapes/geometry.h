@@ -8,6 +8,7 @@
 #include "worker/scene/bounds.h"
 #include "worker/scene/hit.h"
 #include "worker/scene/shapes/shape.h"
+#include "worker/scene/transform.h"
 
 namespace candela::scene {
 
@@ -46,6 +47,23 @@ struct CylinderRecord {
 };
 
 enum class PrimitiveKind : std::uint8_t { triangle, sphere, disk, cylinder };
+inline constexpr std::size_t kPrimitiveKinds = 4;
+
+// Shapes that follow each other: those of the scene itself, or those of a shapegroup.
+struct Group {
+  struct Range {
+    std::uint32_t first = 0, count = 0;
+  };
+  std::array<Range, kPrimitiveKinds> primitives;  // by kind, in Geometry's array of it
+  Bounds bounds;
+};
+
+struct Instance {
+  std::uint32_t group = 0;
+  Transform to_world;
+  double inverse_norm = 0;  // Frobenius, of the inverse: how much longer a step in the world is in the group
+  Bounds bounds;            // in the world
+};
 
 struct Geometry {
   std::vector<Vec3> positions;  // with one element more than used: Embree reads 16 bytes at each
@@ -57,10 +75,16 @@ struct Geometry {
   std::vector<DiskRecord> disks;
   std::vector<CylinderRecord> cylinders;
   std::vector<ShapeRecord> shapes;
-  Bounds bounds;
+  std::vector<Group> groups{1};  // the first is the scene itself, the others are met through instances alone
+  std::vector<Instance> instances;
+  Bounds bounds;  // of the scene and its instances
 
   // Appends; record's primitives are filled in.
   void add(Shape shape, ShapeRecord record);
+  // Shapes added from here on are those of a new group; its index.
+  std::uint32_t begin_group();
+  // Of a group that is complete. Its bounds may not be empty, the transform not singular.
+  void add_instance(std::uint32_t group, const Transform& to_world);
   void finish();
 
   // The hit of `ray` on a primitive Embree reported, by our own arithmetic: the bits follow from ray and
@@ -76,6 +100,10 @@ struct Geometry {
       quadric_hit(ray, kind, primitive, hit);
     }
   }
+  // The ray as an instance's group sees it: distances along it are those of the world.
+  static Ray to_group(const Instance& instance, const Ray& ray);
+  void instance_hit(const Ray& ray, std::uint32_t instance, PrimitiveKind kind, std::uint32_t primitive,
+                    SurfaceHit& hit) const;
 
   // For points sampled on a triangle (quadrics.h has these for the others): texture coordinates (barycentric
   // ones where it has none), and the error bound of SurfaceHit.
