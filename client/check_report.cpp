@@ -81,9 +81,12 @@ std::string CheckReport::to_text() const {
         fmt::format("image: {}: {} x {}, {}, {} bits, {}\n", image.path, image.width, image.height,
                     plural(image.channels, "channel", "channels"), image.bits, bytes_text(image.file_bytes));
   for (const File& file : files) text += fmt::format("file: {}: {}\n", file.path, bytes_text(file.bytes));
-  for (const Finding& finding : review.findings)
-    text += fmt::format("{}: {}:{}: {}\n", finding.kind == Finding::Kind::differs ? "warning" : "note",
+  for (const Finding& finding : review.findings) {
+    text += fmt::format("{}: {}:{}: {}", finding.kind == Finding::Kind::differs ? "warning" : "note",
                         finding.where.file, finding.where.line, finding.text);
+    if (finding.count > 1) text += fmt::format(" (and {} more like it)", finding.count - 1);
+    text += '\n';
+  }
   text += fmt::format("{}, {}\n", plural(warning_count(), "warning", "warnings"),
                       plural(review.findings.size() - warning_count(), "note", "notes"));
   return text;
@@ -124,6 +127,7 @@ std::string CheckReport::to_json() const {
     json["findings"].push_back({{"kind", std::string(name(finding.kind))},
                                 {"file", finding.where.file},
                                 {"line", finding.where.line},
+                                {"count", finding.count},
                                 {"text", finding.text}});
   return json.dump(2, ' ', false, Json::error_handler_t::replace);
 }

@@ -29,6 +29,8 @@ constexpr std::size_t max_nodes = 20'000'000;
 constexpr std::size_t max_attributes = 32;
 constexpr std::size_t max_properties = 256;
 constexpr std::size_t max_total_bytes = std::size_t{1} << 30;
+constexpr std::size_t max_spectrum_bytes = std::size_t{16} << 20;  // of a file
+constexpr std::size_t max_notes = 100'000;
 
 constexpr std::array<std::string_view, 7> structure_elements = {"scene", "ref",  "default",  "include",
                                                                 "alias", "path", "transform"};
@@ -97,12 +99,18 @@ class Parser {
   Result<std::unique_ptr<XmlDocument>> load(const std::string& key) {
     if (!is_file_key(key)) return input_error(fmt::format("{} is not the name of a file", text::quote(key)));
     CANDELA_ASSIGN(const FileSource::Bytes bytes, files_.open(key));
-    total_bytes_ += bytes.view.size();
-    if (total_bytes_ > max_total_bytes)
-      return input_error(fmt::format("the scene's XML has more than {} bytes in all", max_total_bytes))
-          .at(key, 0);
+    CANDELA_TRY(count_bytes(key, bytes.view.size()));
     used_files_.insert(key);
     return XmlDocument::parse(key, bytes.view);
+  }
+
+  // A file counts as often as it is read.
+  Result<void> count_bytes(const std::string& key, std::size_t bytes) {
+    total_bytes_ += bytes;
+    if (total_bytes_ <= max_total_bytes) return {};
+    return input_error(
+               fmt::format("the scene's XML and spectra have more than {} bytes in all", max_total_bytes))
+        .at(key, 0);
   }
 
   // The key of a file named in the scene, found and readable: in the <path> folders, the last one first, then
@@ -264,6 +272,7 @@ class Parser {
 
     if (rule == nullptr) return index;
     if (file.legacy) CANDELA_TRY(legacy::upgrade(*object, plugin, notes_));
+    if (notes_.size() > max_notes) notes_.resize(max_notes);
     if (file.legacy && object->category == "bsdf" && plugin == "mixturebsdf")
       CANDELA_TRY(split_mixture(index));
     CANDELA_TRY(check_properties(*object, *rule));
@@ -401,18 +410,19 @@ class Parser {
         CANDELA_TRY(written.expect({"name", "filename"}));
         CANDELA_ASSIGN(const std::string key, find_file(file, written.where, written.get("filename")));
         CANDELA_ASSIGN(const FileSource::Bytes bytes, files_.open(key));
-        total_bytes_ += bytes.view.size();
-        if (total_bytes_ > max_total_bytes)
-          return written.error(
-              fmt::format("the scene's XML and spectra have more than {} bytes in all", max_total_bytes));
+        if (bytes.view.size() > max_spectrum_bytes)
+          return written.error(fmt::format("{} has {} bytes, more than the limit of {} for a spectrum",
+                                           text::quote(key), bytes.view.size(), max_spectrum_bytes));
+        CANDELA_TRY(count_bytes(key, bytes.view.size()));
         CANDELA_ASSIGN(const colorimetry::Spectrum spectrum, parse_spectrum_file(key, bytes.view));
         CANDELA_ASSIGN(converted, convert_spectrum(spectrum, use, file.legacy));
       } else {
         CANDELA_ASSIGN(converted, convert_spectrum_value(written, use));
       }
     }
-    if (!differs.empty()) notes_.push_back({written.where, std::move(differs)});
-    if (!converted.note.empty()) notes_.push_back({written.where, std::move(converted.note)});
+    if (!differs.empty() && notes_.size() < max_notes) notes_.push_back({written.where, std::move(differs)});
+    if (!converted.note.empty() && notes_.size() < max_notes)
+      notes_.push_back({written.where, std::move(converted.note)});
     property.value = converted.rgb;
     return add_property(file, std::move(property), parent);
   }

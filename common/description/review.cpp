@@ -35,8 +35,7 @@ class Reviewer {
   explicit Reviewer(const SceneDescription& scene) : scene_(scene) {}
 
   Review run() {
-    for (const Note& note : scene_.notes)
-      result_.findings.push_back({Finding::Kind::differs, note.where, note.text});
+    for (const Note& note : scene_.notes) add(Finding::Kind::differs, note.where, note.text);
     const Object* sensor = nullptr;
     for (const Child& child : scene_.scene->children) {
       const Object& object = *child.object;
@@ -65,8 +64,7 @@ class Reviewer {
   void unused(const Object& object, std::string_view why) {
     if (!seen_.insert(&object).second) return;
     const std::string id = object.id.empty() ? "" : fmt::format(" with the id {}", text::quote(object.id));
-    result_.findings.push_back(
-        {Finding::Kind::unused, object.where, fmt::format("{}{} {}", describe(object), id, why)});
+    add(Finding::Kind::unused, object.where, fmt::format("{}{} {}", describe(object), id, why));
   }
 
   // The parser has bounded the nesting.
@@ -79,25 +77,34 @@ class Reviewer {
 
   void look_at(const Object& object, const PluginRule& rule) {
     if (!rule.differs.empty())
-      result_.findings.push_back(
-          {Finding::Kind::differs, object.where, fmt::format("{}: {}", describe(object), rule.differs)});
+      add(Finding::Kind::differs, object.where, fmt::format("{}: {}", describe(object), rule.differs));
     for (const Property& property : object.properties) {
       const auto found = std::find_if(rule.properties.begin(), rule.properties.end(),
                                       [&](const PropertyRule& other) { return other.name == property.name; });
       if (found == rule.properties.end()) continue;
-      const std::string where = fmt::format("parameter '{}' of {}", property.name, describe(object));
-      if (!found->differs.empty() && !is_value(property, found->differs_unless))
-        result_.findings.push_back(
-            {Finding::Kind::differs, property.where, fmt::format("{}: {}", where, found->differs)});
-      else if (found->ignored)
-        result_.findings.push_back(
-            {Finding::Kind::ignored, property.where, fmt::format("{} is ignored: {}", where, found->doc)});
+      const bool differs = !found->differs.empty() && !is_value(property, found->differs_unless);
+      if (!differs && !found->ignored) continue;
+      const std::string what = fmt::format("parameter '{}' of {}", property.name, describe(object));
+      if (differs)
+        add(Finding::Kind::differs, property.where, fmt::format("{}: {}", what, found->differs));
+      else
+        add(Finding::Kind::ignored, property.where, fmt::format("{} is ignored: {}", what, found->doc));
     }
+  }
+
+  // The same of a thousand objects is told once.
+  void add(Finding::Kind kind, const Location& where, std::string text) {
+    const auto [entry, is_new] = told_.try_emplace({kind, text}, result_.findings.size());
+    if (is_new)
+      result_.findings.push_back({kind, where, std::move(text), 1});
+    else
+      ++result_.findings[entry->second].count;
   }
 
   const SceneDescription& scene_;
   Review result_;
   std::set<const Object*> seen_;
+  std::map<std::pair<Finding::Kind, std::string>, std::size_t> told_;
 };
 
 }  // namespace

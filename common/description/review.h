@@ -20,6 +20,7 @@ struct Finding {
   Kind kind{};
   Location where;
   std::string text;
+  std::uint64_t count = 1;  // of the places that the same is true of; `where` is the first
 };
 std::string_view name(Finding::Kind kind);
 

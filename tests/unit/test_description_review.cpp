@@ -59,6 +59,17 @@ TEST(DescriptionReview, IgnoredAndDifferent) {
       "ignored 1: parameter 'pixel_format' of film 'hdrfilm' is ignored: images are linear Rec.709 RGB\n");
 }
 
+// Claim: what is true of many objects is told once, with their number.
+TEST(DescriptionReview, TheSameIsToldOnce) {
+  std::string shapes;
+  for (int i = 0; i < 1000; ++i)
+    shapes += "<shape type='cube'><float name='silhouette_sampling_weight' value='1'/></shape>\n";
+  const Review review = review_of(shapes);
+  ASSERT_EQ(review.findings.size(), 1U);
+  EXPECT_EQ(review.findings[0].count, 1000U);
+  EXPECT_EQ(review.findings[0].where.line, 1);
+}
+
 // Claim: what an old file's words are read as is told, at their lines.
 TEST(DescriptionReview, OldFilesAreReinterpreted) {
   EXPECT_EQ(findings(review_of(R"(<sensor type="perspective"><film type="ldrfilm">
