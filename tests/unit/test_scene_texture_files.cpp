@@ -6,6 +6,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <cmath>
 #include <csignal>
 #include <fstream>
@@ -188,6 +189,21 @@ TEST(TextureFiles, Channels) {
   const std::string gray = encode("openexr", spec, OIIO::TypeDesc::FLOAT, values.data());
   EXPECT_NE(error_of(gray, "x.exr", alpha).find("no channel 'a'"), std::string::npos);
   EXPECT_EQ(decode(gray, "x.exr").at(1, 0), Spectrum(0.2f));
+}
+
+// Claim: an attribute of OpenEXR that says it has two gigabytes is refused before anybody makes room for
+// them. (Found by fuzzing; the library would.)
+TEST(TextureFiles, HugeExrAttributeIsRefused) {
+  const float values[] = {0.1f, 0.2f, 0.3f};
+  OIIO::ImageSpec spec(1, 1, 3, OIIO::TypeDesc::FLOAT);
+  spec.attribute("note", "hello");
+  std::string bytes = encode("openexr", spec, OIIO::TypeDesc::FLOAT, values);
+  const std::size_t at = bytes.find(std::string("note\0string\0", 12));
+  ASSERT_NE(at, std::string::npos);
+  bytes.replace(at + 12, 4, "\xff\xff\xff\x7f");
+  const auto begin = std::chrono::steady_clock::now();
+  EXPECT_NE(error_of(bytes, "x.exr").find("header"), std::string::npos) << error_of(bytes, "x.exr");
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::milliseconds(200));
 }
 
 // Claim: 0.6's gamma: a power, 1 linear, -1 sRGB whatever the file; raw is linear; both together are refused.

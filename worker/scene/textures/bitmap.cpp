@@ -61,9 +61,8 @@ Spectrum Bitmap::texel(std::int64_t x, std::int64_t y) const {
                     inside_y ? static_cast<std::uint32_t>(y) : wrap(y, image_->height, settings_.wrap_v));
 }
 
-Bitmap::Cell Bitmap::cell(Vec2 uv) const {
-  const double x = static_cast<double>(uv.x) * image_->width - 0.5;
-  const double y = static_cast<double>(uv.y) * image_->height - 0.5;
+template <class F>
+[[gnu::noinline]] auto Bitmap::with_texels_at_border(double x, double y, const F& f) const {
   const double fx = std::floor(x);
   const double fy = std::floor(y);
   const std::int64_t ix = to_integer(fx);
@@ -71,21 +70,44 @@ Bitmap::Cell Bitmap::cell(Vec2 uv) const {
   const double span_x = x - fx;
   const double span_y = y - fy;
   // NaN coordinates (a mesh's own mistake) read the first texels.
-  const float wx = span_x >= 0 && span_x <= 1 ? static_cast<float>(span_x) : 0.0f;
-  const float wy = span_y >= 0 && span_y <= 1 ? static_cast<float>(span_y) : 0.0f;
-  if (ix >= 0 && iy >= 0 && ix + 1 < image_->width && iy + 1 < image_->height) {
-    const auto ux = static_cast<std::uint32_t>(ix);
-    const auto uy = static_cast<std::uint32_t>(iy);
-    const std::size_t left = TexelImage::column(ux);
-    const std::size_t right = TexelImage::column(ux + 1);
-    const std::size_t top = image_->row(uy);
-    const std::size_t bottom = image_->row(uy + 1);
-    return {{image_->texel(top + left), image_->texel(top + right), image_->texel(bottom + left),
-             image_->texel(bottom + right)},
-            wx,
-            wy};
+  return f(texel(ix, iy), texel(ix + 1, iy), texel(ix, iy + 1), texel(ix + 1, iy + 1),
+           span_x >= 0 && span_x <= 1 ? static_cast<float>(span_x) : 0.0f,
+           span_y >= 0 && span_y <= 1 ? static_cast<float>(span_y) : 0.0f);
+}
+
+template <class F>
+[[gnu::always_inline]] inline auto Bitmap::with_texels(Vec2 uv, const F& f) const {
+  const TexelImage& image = *image_;
+  const auto width = static_cast<std::int32_t>(image.width);
+  const auto height = static_cast<std::int32_t>(image.height);
+  const double x = static_cast<double>(uv.x) * width - 0.5;
+  const double y = static_cast<double>(uv.y) * height - 0.5;
+  // Most lookups are inside, where all is simple: few instructions let several lookups wait for memory
+  // together.
+  if (!(x >= 0 && y >= 0 && x < width - 1 && y < height - 1)) return with_texels_at_border(x, y, f);
+  const auto ix = static_cast<std::int32_t>(x);
+  const auto iy = static_cast<std::int32_t>(y);
+  const auto wx = static_cast<float>(x - ix);
+  const auto wy = static_cast<float>(y - iy);
+  const std::size_t left = TexelImage::column(static_cast<std::uint32_t>(ix));
+  const std::size_t right = TexelImage::column(static_cast<std::uint32_t>(ix) + 1);
+  const std::size_t top = image.row(static_cast<std::uint32_t>(iy));
+  const std::size_t bottom = image.row(static_cast<std::uint32_t>(iy) + 1);
+  const auto four = [&]<TexelFormat format>() {
+    return f(image.texel_as<format>(top + left), image.texel_as<format>(top + right),
+             image.texel_as<format>(bottom + left), image.texel_as<format>(bottom + right), wx, wy);
+  };
+  switch (image.format) {
+    case TexelFormat::gray8:
+      return four.template operator()<TexelFormat::gray8>();
+    case TexelFormat::rgb8:
+      return four.template operator()<TexelFormat::rgb8>();
+    case TexelFormat::gray32:
+      return four.template operator()<TexelFormat::gray32>();
+    case TexelFormat::rgb32:
+      break;
   }
-  return {{texel(ix, iy), texel(ix + 1, iy), texel(ix, iy + 1), texel(ix + 1, iy + 1)}, wx, wy};
+  return four.template operator()<TexelFormat::rgb32>();
 }
 
 Spectrum Bitmap::eval(Vec2 uv) const {
@@ -94,26 +116,27 @@ Spectrum Bitmap::eval(Vec2 uv) const {
     return texel(to_integer(std::floor(static_cast<double>(uv.x) * image_->width)),
                  to_integer(std::floor(static_cast<double>(uv.y) * image_->height)));
   }
-  const Cell c = cell(uv);
-  const Spectrum top = c.texels[0] * (1 - c.wx) + c.texels[1] * c.wx;
-  const Spectrum bottom = c.texels[2] * (1 - c.wx) + c.texels[3] * c.wx;
-  return top * (1 - c.wy) + bottom * c.wy;
+  return with_texels(uv, [](Spectrum a, Spectrum b, Spectrum c, Spectrum d, float wx, float wy) {
+    const Spectrum top = a * (1 - wx) + b * wx;
+    const Spectrum bottom = c * (1 - wx) + d * wx;
+    return top * (1 - wy) + bottom * wy;
+  });
 }
 
 TextureGradient Bitmap::gradient(Vec2 uv) const {
   if (settings_.nearest) return {};
-  const Cell c = cell(settings_.to_uv(uv));
-  const auto channel = [&](float Spectrum::*i) {
-    const double t[4] = {c.texels[0].*i, c.texels[1].*i, c.texels[2].*i, c.texels[3].*i};
-    const double wx = c.wx;
-    const double wy = c.wy;
-    return settings_.to_uv.gradient(image_->width * ((1 - wy) * (t[1] - t[0]) + wy * (t[3] - t[2])),
-                                    image_->height * ((1 - wx) * (t[2] - t[0]) + wx * (t[3] - t[1])));
-  };
-  const Vec2 r = channel(&Spectrum::r);
-  const Vec2 g = channel(&Spectrum::g);
-  const Vec2 b = channel(&Spectrum::b);
-  return {{r.x, g.x, b.x}, {r.y, g.y, b.y}};
+  return with_texels(
+      settings_.to_uv(uv), [&](Spectrum a, Spectrum b, Spectrum c, Spectrum d, double wx, double wy) {
+        const auto channel = [&](float Spectrum::*i) {
+          const double t[4] = {a.*i, b.*i, c.*i, d.*i};
+          return settings_.to_uv.gradient(image_->width * ((1 - wy) * (t[1] - t[0]) + wy * (t[3] - t[2])),
+                                          image_->height * ((1 - wx) * (t[2] - t[0]) + wx * (t[3] - t[1])));
+        };
+        const Vec2 red = channel(&Spectrum::r);
+        const Vec2 green = channel(&Spectrum::g);
+        const Vec2 blue = channel(&Spectrum::b);
+        return TextureGradient{{red.x, green.x, blue.x}, {red.y, green.y, blue.y}};
+      });
 }
 
 }  // namespace candela::scene

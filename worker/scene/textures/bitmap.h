@@ -28,12 +28,12 @@ class Bitmap final : public Texture {
   Spectrum minimum() const override { return minimum_; }
 
  private:
-  // The four texels around a place (transformed coordinates), rows from the top, and the place among them.
-  struct Cell {
-    Spectrum texels[4];
-    float wx, wy;
-  };
-  Cell cell(Vec2 uv) const;
+  // f(upper left, upper right, lower left, lower right, weight of the right ones, weight of the lower ones)
+  // of the texels around a place (transformed coordinates).
+  template <class F>
+  auto with_texels(Vec2 uv, const F& f) const;
+  template <class F>
+  auto with_texels_at_border(double x, double y, const F& f) const;
   Spectrum texel(std::int64_t x, std::int64_t y) const;
 
   std::shared_ptr<const TexelImage> image_;

@@ -53,6 +53,41 @@ bool held_whole(std::string_view format, std::string_view bytes) {
   return format == "jpeg" || format == "bmp" || format == "targa";
 }
 
+// The library believes an OpenEXR header: it makes room for an attribute of any stated size before it reads
+// it. Whether every attribute can be in the file.
+bool exr_header_fits(std::string_view bytes) {
+  const auto integer = [&](std::size_t at) {
+    std::uint32_t v = 0;
+    for (std::size_t i = 0; i < 4; ++i)
+      v |= static_cast<std::uint32_t>(static_cast<unsigned char>(bytes[at + i])) << (8 * i);
+    return v;
+  };
+  if (bytes.size() < 8) return false;
+  const bool several_parts = (integer(4) & 0x1000) != 0;
+  std::size_t at = 8;
+  bool first_of_part = true;
+  while (at < bytes.size()) {
+    if (bytes[at] == 0) {  // no name: the part's end; in a file of several, an empty part ends the last
+      if (!several_parts || first_of_part) return true;
+      first_of_part = true;
+      ++at;
+      continue;
+    }
+    first_of_part = false;
+    for (int text = 0; text < 2; ++text) {  // name and type
+      const std::size_t end = bytes.find('\0', at);
+      if (end == std::string_view::npos) return false;
+      at = end + 1;
+    }
+    if (bytes.size() - at < 4) return false;
+    const std::uint32_t size = integer(at);
+    at += 4;
+    if (size > bytes.size() - at) return false;
+    at += size;
+  }
+  return false;
+}
+
 class Decoder {
  public:
   Decoder(std::string_view encoded, const std::string& file, const ImageReading& reading)
@@ -97,6 +132,8 @@ Result<void> Decoder::open() {
         .with_mend("use OpenEXR, PNG, JPEG, Radiance HDR, TIFF, BMP, TGA or PNM/PFM");
   }
   format_ = format;
+  if (format_ == "openexr" && !exr_header_fits(encoded_))
+    return image_error("the file's header is damaged or cut off", file_);
   input_ = OIIO::ImageInput::create(format);
   // The bytes are all there is: a reader that would open a file by name instead must not be asked.
   if (!input_ || !input_->supports("ioproxy")) {

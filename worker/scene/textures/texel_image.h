@@ -34,24 +34,32 @@ struct TexelImage {
     return ((static_cast<std::size_t>(y >> kTileShift) * tiles_across()) << (2 * kTileShift)) +
            ((y & (kTile - 1)) << kTileShift);
   }
-  Spectrum texel(std::size_t place) const {
+  template <TexelFormat as>
+  Spectrum texel_as(std::size_t place) const {
     const auto* const bytes = reinterpret_cast<const std::uint8_t*>(texels.data());
     const auto* const floats = reinterpret_cast<const float*>(texels.data());
+    if constexpr (as == TexelFormat::rgb8) {
+      const std::uint8_t* const p = bytes + 4 * place;
+      return {table[p[0]], table[p[1]], table[p[2]]};
+    } else if constexpr (as == TexelFormat::rgb32) {
+      const float* const p = floats + 3 * place;
+      return {p[0], p[1], p[2]};
+    } else {
+      return Spectrum(as == TexelFormat::gray8 ? table[bytes[place]] : floats[place]);
+    }
+  }
+  Spectrum texel(std::size_t place) const {
     switch (format) {
-      case TexelFormat::rgb8: {
-        const std::uint8_t* const p = bytes + 4 * place;
-        return {table[p[0]], table[p[1]], table[p[2]]};
-      }
-      case TexelFormat::rgb32: {
-        const float* const p = floats + 3 * place;
-        return {p[0], p[1], p[2]};
-      }
       case TexelFormat::gray8:
-        return Spectrum(table[bytes[place]]);
+        return texel_as<TexelFormat::gray8>(place);
+      case TexelFormat::rgb8:
+        return texel_as<TexelFormat::rgb8>(place);
       case TexelFormat::gray32:
+        return texel_as<TexelFormat::gray32>(place);
+      case TexelFormat::rgb32:
         break;
     }
-    return Spectrum(floats[place]);
+    return texel_as<TexelFormat::rgb32>(place);
   }
   Spectrum at(std::uint32_t x, std::uint32_t y) const { return texel(column(x) + row(y)); }
   std::uint32_t tiles_across() const { return (width + kTile - 1) >> kTileShift; }

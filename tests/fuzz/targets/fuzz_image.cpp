@@ -1,0 +1,31 @@
+// decode_image on any bytes: a format told by content, else TGA. Texels beyond a megabyte go to the scratch
+// file.
+#include <cmath>
+#include <cstdlib>
+
+#include "worker/scene/textures/image_decode.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using namespace candela::scene;
+  TextureLimits limits;
+  limits.memory_bytes = 1 << 20;
+  Scratch scratch(limits);
+  ImageReading reading;
+  if (size % 8 == 1) reading.channel = "a";
+  if (size % 8 == 2) reading.encoding = ImageReading::Encoding::power, reading.gamma = 2.2;
+  const auto image = decode_image({reinterpret_cast<const char*>(data), size}, "x.tga", reading, scratch);
+  if (!image.ok()) {
+    if (image.error().to_string().find('\n') != std::string::npos) std::abort();
+    return 0;
+  }
+  for (std::uint32_t y = 0; y < image->height; y += 1 + image->height / 8) {
+    for (std::uint32_t x = 0; x < image->width; x += 1 + image->width / 8) {
+      const candela::Spectrum s = image->at(x, y);
+      for (const auto& [value, low, high] : {std::tuple(s.r, image->minimum.r, image->maximum.r),
+                                             {s.g, image->minimum.g, image->maximum.g},
+                                             {s.b, image->minimum.b, image->maximum.b}})
+        if (!std::isfinite(value) || value < low || value > high) std::abort();
+    }
+  }
+  return 0;
+}
