@@ -254,34 +254,6 @@ std::string slot_name(const Object& parent, std::string_view slot) {
   return std::string(slot);
 }
 
-Result<std::vector<double>> take_mixture_weights(Object& object, std::size_t bsdfs,
-                                                 std::vector<Note>& notes) {
-  const std::optional<Property> property = take(object, "weights");
-  const auto* list = property ? std::get_if<std::string>(&property->value) : nullptr;
-  if (list == nullptr)
-    return input_error("bsdf 'mixturebsdf' lacks the string 'weights'")
-        .at(object.where.file, object.where.line);
-  std::vector<double> weights;
-  double sum = 0;
-  for (const std::string_view word : text::tokens(*list)) {
-    const std::optional<double> weight = text::to_number(word);
-    if (!weight || *weight < 0)
-      return error_at(*property, fmt::format("{} is no weight of a bsdf", text::quote(word)));
-    weights.push_back(*weight);
-    sum += *weight;
-  }
-  if (weights.size() != bsdfs || weights.empty())
-    return error_at(*property,
-                    fmt::format("bsdf 'mixturebsdf' has {} bsdfs but {} weights", bsdfs, weights.size()));
-  if (!std::isfinite(sum)) return error_at(*property, "the weights are too large");
-  if (sum <= 1) return weights;
-  if (sum > 1 + 1e-6)
-    notes.push_back(
-        {property->where, fmt::format("the weights' sum {} is above 1: they are divided by it", sum)});
-  for (double& weight : weights) weight /= sum;
-  return weights;
-}
-
 Result<void> upgrade(Object& object, std::string_view plugin, std::vector<Note>& notes) {
   if (object.category == "bsdf" && object.plugin == "diffuse") {
     Property* old = find(object, "diffuse_reflectance");

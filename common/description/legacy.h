@@ -17,10 +17,6 @@ std::string plugin_name(std::string_view category, std::string_view name);
 // Today's name of the slot that a child is given for; the names of parameters are in snake case already.
 std::string slot_name(const Object& parent, std::string_view slot);
 
-// The weights of a 'mixturebsdf', taken out of its properties, for `bsdfs` children: not negative, and their
-// sum not above 1 (beyond, they are divided by it, as 0.6 does).
-Result<std::vector<double>> take_mixture_weights(Object& object, std::size_t bsdfs, std::vector<Note>& notes);
-
 // Turns the properties of one object of an old file into today's: names, merged or split parameters, values.
 // `plugin` is the name as written. What means something else today, or nothing, is an error naming the mend.
 // What it reads as something else than 0.6 does goes to the notes.

@@ -10,6 +10,7 @@
 #include "common/description/conductors.h"
 #include "common/description/file_key.h"
 #include "common/description/legacy.h"
+#include "common/description/mixture.h"
 #include "common/description/parameters.h"
 #include "common/description/resolve.h"
 #include "common/description/spectra.h"
@@ -274,7 +275,7 @@ class Parser {
     if (file.legacy) CANDELA_TRY(legacy::upgrade(*object, plugin, notes_));
     if (notes_.size() > max_notes) notes_.resize(max_notes);
     if (file.legacy && object->category == "bsdf" && plugin == "mixturebsdf")
-      CANDELA_TRY(split_mixture(index));
+      CANDELA_TRY(legacy::split_mixture(drafts_, index, notes_));
     CANDELA_TRY(check_properties(*object, *rule));
     if (object->category == "bsdf") CANDELA_TRY(resolve_material(*object));
     for (const PropertyRule& property_rule : rule->properties) {
@@ -286,50 +287,6 @@ class Parser {
         }
     }
     return index;
-  }
-
-  // A mixture of n bsdfs is a chain of blends of two: each takes its first bsdf or else goes on to the rest.
-  // What the weights lack of 1 goes to a black bsdf at the end.
-  Result<void> split_mixture(std::size_t index) {
-    std::vector<Link> links = std::move(drafts_[index].links);
-    drafts_[index].links.clear();
-    CANDELA_ASSIGN(std::vector<double> weights,
-                   legacy::take_mixture_weights(*drafts_[index].object, links.size(), notes_));
-    const Location where = drafts_[index].object->where;
-    double rest = 1;
-    for (const double weight : weights) rest -= weight;
-    if (rest > 1e-6 || weights.size() == 1) {
-      auto black = std::make_shared<Object>();
-      black->category = "bsdf";
-      black->plugin = "diffuse";
-      black->where = where;
-      black->properties.push_back({"reflectance", PropertyType::rgb, Rgb{}, where});
-      links.push_back({{}, where, drafts_.size(), false, {}});
-      weights.push_back(std::max(0.0, rest));
-      drafts_.push_back({std::move(black), {}});
-    }
-    std::size_t blend = index;
-    for (std::size_t i = 0; i + 1 < links.size(); ++i) {
-      double later = 0;
-      for (std::size_t j = i + 1; j < weights.size(); ++j) later += weights[j];
-      const double all = later + weights[i];
-      drafts_[blend].object->properties.push_back(
-          {"weight", PropertyType::number, all > 0 ? later / all : 0.0, where});
-      drafts_[blend].links.push_back(links[i]);
-      if (i + 2 == links.size()) {
-        drafts_[blend].links.push_back(links[i + 1]);
-        break;
-      }
-      auto next = std::make_shared<Object>();
-      next->category = "bsdf";
-      next->plugin = "blendbsdf";
-      next->where = where;
-      const std::size_t created = drafts_.size();
-      drafts_.push_back({std::move(next), {}});
-      drafts_[blend].links.push_back({{}, where, created, false, {}});
-      blend = created;
-    }
-    return {};
   }
 
   Result<void> register_id(const std::string& id, std::size_t index, const Location& where,

@@ -150,6 +150,10 @@ TEST(DescriptionLegacy, Refusals) {
        "scene.xml:1: 'albedo' and 'sigmaA', 'sigmaS' exclude each other"},
   };
   for (const auto& test : cases) EXPECT_EQ(refusal(test.body), test.message) << test.body;
+  std::string many;
+  for (int i = 0; i < 101; ++i) many += "<bsdf type='null'/>";
+  EXPECT_EQ(refusal("<bsdf type='mixturebsdf'><string name='weights' value='1'/>" + many + "</bsdf>"),
+            "scene.xml:1: bsdf 'mixturebsdf' has 101 bsdfs, more than 100");
 }
 
 // Claim: weights above 1 in sum and grids whose values lie elsewhere are told of.
