@@ -113,8 +113,10 @@ double trace(const scene::Scene& scene, const SceneT& traced, std::uint64_t samp
                                          {0.5f, 0.5f}, weight);
         const Spectrum value =
             environment
-                ? integrators::path::radiance<true, true, true, true>(traced, limits, ray, sampler, tallies)
-                : integrators::path::radiance<true, true, false, true>(traced, limits, ray, sampler, tallies);
+                ? integrators::path::radiance<true, true, true, true, integrators::path::Between::nothing>(
+                      traced, limits, ray, sampler, tallies)
+                : integrators::path::radiance<true, true, false, true, integrators::path::Between::nothing>(
+                      traced, limits, ray, sampler, tallies);
         sum += static_cast<double>(value.g);
       }
   return sum;

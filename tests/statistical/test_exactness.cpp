@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "tests/statistical/harness.h"
+#include "tests/unit/volume_file.h"
 
 namespace candela::statistical {
 namespace {
@@ -18,6 +19,24 @@ const char* const kScene =
     <shape type="sphere"><point name="center" x="1.2" y="1" z="0.5"/><bsdf type="dielectric"/></shape>
     <shape type="cube"><transform name="to_world"><translate x="-1.5" y="1"/></transform>
       <bsdf type="roughconductor"><float name="alpha" value="0.1"/></bsdf></shape>
+    <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="90"/><translate y="5"/></transform>
+      <emitter type="area"><rgb name="radiance" value="9, 8, 7"/></emitter></shape>
+    <emitter type="constant"><rgb name="radiance" value="0.3, 0.4, 0.5"/></emitter></scene>)";
+
+// A cloud on a grid, fog in glass, and a mask.
+const char* const kMediaScene =
+    R"(<scene version="3.0.0"><integrator type="volpath"><integer name="max_depth" value="12"/></integrator>
+    <sensor type="perspective"><float name="fov" value="45"/>
+      <transform name="to_world"><lookat origin="0, 4, 9" target="0, 1, 0" up="0, 1, 0"/></transform></sensor>
+    <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="-90"/><scale value="8"/></transform>
+      <bsdf type="mask"><float name="opacity" value="0.7"/><bsdf type="twosided"><bsdf type="diffuse"/></bsdf></bsdf></shape>
+    <shape type="sphere"><point name="center" x="1.2" y="1" z="0.5"/><bsdf type="dielectric"/>
+      <medium name="interior" type="homogeneous"><rgb name="sigma_t" value="1, 2, 5"/></medium></shape>
+    <shape type="cube"><transform name="to_world"><translate x="-1.5" y="1"/></transform>
+      <medium name="interior" type="heterogeneous"><float name="scale" value="4"/><float name="albedo" value="0.95"/>
+        <volume name="sigma_t" type="gridvolume"><string name="filename" value="v.vol"/>
+          <transform name="to_world"><scale value="2"/><translate x="-2.5" z="-1"/></transform></volume>
+        <phase type="hg"><float name="g" value="0.6"/></phase></medium></shape>
     <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="90"/><translate y="5"/></transform>
       <emitter type="area"><rgb name="radiance" value="9, 8, 7"/></emitter></shape>
     <emitter type="constant"><rgb name="radiance" value="0.3, 0.4, 0.5"/></emitter></scene>)";
@@ -41,8 +60,7 @@ film::Delta delta_of(const render::Renderer& renderer, const NamedState& state, 
 }
 
 // Claim: threads, the way iterations are cut into units, and the order of merging leave no trace in the film.
-TEST(Exactness, FilmDependsOnTheJobAlone) {
-  TestScene scene = scene_from_xml(kScene, 70, 45);
+void film_depends_on_the_job_alone(TestScene scene) {
   scene.settings.seed = 5;
   const auto renderer = make_renderer(scene);
   render::RunContext one;
@@ -68,6 +86,20 @@ TEST(Exactness, FilmDependsOnTheJobAlone) {
   const auto second = again->pilot(two);
   ASSERT_TRUE(second.ok());
   EXPECT_EQ(second->state.film_scale_log2, state.film_scale_log2);
+}
+
+TEST(Exactness, FilmDependsOnTheJobAlone) {
+  film_depends_on_the_job_alone(scene_from_xml(kScene, 70, 45));
+}
+
+TEST(Exactness, FilmOfMediaDependsOnTheJobAlone) {
+  TestScene scene = scene_from_xml(kScene, 70, 45);
+  rng::Stream stream(4);
+  std::vector<float> values;
+  for (int i = 0; i < 9 * 8 * 7; ++i) values.push_back(stream.next_float());
+  scene.files = std::make_shared<MemorySource>(std::map<std::string, std::string>{
+      {"scene.xml", kMediaScene}, {"v.vol", test::volume_file({9, 8, 7}, 1, values)}});
+  film_depends_on_the_job_alone(std::move(scene));
 }
 
 // Claim: another seed is another image, and the halves are different estimates (the test above is not

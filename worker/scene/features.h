@@ -26,7 +26,10 @@ struct SceneFeatures {
   bool any_delta_emitter = false;  // point, directional
   bool any_area_emitter = false;
   bool any_mesh_emitter = false;  // an area emitter whose sampling chooses a triangle first
-  bool any_black_bsdf = false;    // absorbs all: paths end there
+  std::uint32_t media = 0;
+  bool any_scattering_medium = false;
+  bool any_heterogeneous_medium = false;
+  bool any_black_bsdf = false;  // absorbs all: paths end there
   bool any_two_sided = false;
   bool finite_lens = false;  // camera rays depend on a point on the lens
   std::uint32_t emitters = 0;

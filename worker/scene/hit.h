@@ -18,7 +18,8 @@ struct SurfaceHit {
   std::uint32_t shape = kNone;
   std::uint32_t primitive = kNone;
   std::uint32_t bsdf = kNone;
-  std::uint32_t emitter = kNone;  // index of the area emitter here
+  std::uint32_t emitter = kNone;           // index of the area emitter here
+  std::uint32_t medium_interface = kNone;  // where the medium changes: Media::beyond
   // Derivatives of p by u and v; only where the bsdf reads them (ShapeRecord::reads_partials).
   Vec3 dp_du, dp_dv;
   float error = 0;  // absolute position error bound of p: offsets of new rays follow it

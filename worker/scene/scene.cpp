@@ -23,9 +23,6 @@ Result<std::unique_ptr<Scene>> Scene::build(const description::SceneDescription&
         .at(root.where.file, root.where.line)
         .with_mend("add <sensor type=\"perspective\">");
   }
-  if (const auto media = sensors[0]->children_of("medium"); !media.empty()) {
-    return input_error("media are not rendered yet").at(media[0]->where.file, media[0]->where.line);
-  }
   std::unique_ptr<Scene> scene(new Scene);
   Impl& impl = *scene->impl_;
   CANDELA_ASSIGN(impl.sensor, Sensor::build(*sensors[0], options.film_width, options.film_height));
@@ -39,6 +36,10 @@ Result<std::unique_ptr<Scene>> Scene::build(const description::SceneDescription&
   CANDELA_TRY(builder.finish_geometry());
   for (const auto& emitter : root.children_of("emitter")) CANDELA_TRY(builder.emitter(*emitter));
   impl.lights.finish();
+  if (const auto media = sensors[0]->children_of("medium"); !media.empty()) {
+    CANDELA_ASSIGN(impl.camera_medium, impl.media.add(media[0], files));
+  }
+  for (const Bsdf& bsdf : impl.bsdfs) impl.straight.push_back(bsdf.facts().straight);
   builder.finish_features();
   CANDELA_ASSIGN(Accel accel, Accel::build(impl.geometry, options.isa, options.build_threads));
   impl.accel = std::make_unique<Accel>(std::move(accel));
@@ -64,6 +65,25 @@ Closure Scene::closure(const SurfaceHit& hit, Vec3 wo, ClosureArena& arena) cons
   Closure closure;
   impl_->bsdfs[hit.bsdf].prepare(hit, wo, arena, closure);
   return closure;
+}
+
+Spectrum Scene::straight(const SurfaceHit& hit, Vec3 wo_world) const {
+  if (!impl_->straight[hit.bsdf]) return {};
+  ClosureArena arena;
+  const Vec3 wo = hit.shading.to_local(wo_world);
+  return closure(hit, wo, arena).straight(wo);
+}
+
+const Medium& Scene::medium(std::uint32_t index) const {
+  return impl_->media[index];
+}
+
+std::uint32_t Scene::camera_medium() const {
+  return impl_->camera_medium;
+}
+
+std::uint32_t Scene::medium_beyond(const SurfaceHit& hit, Vec3 d, std::uint32_t current) const {
+  return impl_->media.beyond(hit, d, current);
 }
 
 Spectrum Scene::emitted(const SurfaceHit& hit, Vec3 wo_world) const {

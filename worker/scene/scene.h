@@ -13,6 +13,7 @@
 #include "worker/scene/emitter.h"
 #include "worker/scene/features.h"
 #include "worker/scene/hit.h"
+#include "worker/scene/media/medium.h"
 #include "worker/scene/textures/scratch.h"
 
 namespace candela::scene {
@@ -37,6 +38,16 @@ class Scene {
   // towards where it came from). Parts of composite bsdfs are in the arena, which the caller clears between
   // hits.
   Closure closure(const SurfaceHit& hit, Vec3 wo, ClosureArena& arena) const;
+
+  // The fraction of light along -wo (unit, world) that passes the surface straight on: what
+  // Closure::straight says, and quickly nothing where the surface lets nothing pass so.
+  Spectrum straight(const SurfaceHit& hit, Vec3 wo_world) const;
+
+  // Media by index. A walk carries the index of the medium it is in, kNone outside of all: it starts in
+  // camera_medium(), and goes on from a surface in medium_beyond(hit, direction, the medium it came through).
+  const Medium& medium(std::uint32_t index) const;
+  std::uint32_t camera_medium() const;
+  std::uint32_t medium_beyond(const SurfaceHit& hit, Vec3 d, std::uint32_t current) const;
 
   // Radiance the surface at `hit` emits towards wo (unit, world); black where it is no emitter or wo is
   // behind it.

@@ -41,6 +41,19 @@ Result<std::uint32_t> SceneBuilder::bsdf_of(const description::Object& shape, bo
   const auto objects = shape.children_of("bsdf");
   if (objects.size() > 1) return error_at(shape, "shape '" + shape.plugin + "' has more than one bsdf");
   if (objects.empty()) {
+    // Between two media there is no surface: the shape bounds them and is not seen, as Mitsuba documents it.
+    if (!emits && !shape.children_of("medium").empty()) {
+      if (null_bsdf_ == kNone) {
+        description::Object null;
+        null.category = "bsdf";
+        null.plugin = "null";
+        null.where = shape.where;
+        CANDELA_ASSIGN(Bsdf bsdf, Bsdf::build(null, textures_));
+        bsdfs_.push_back(std::move(bsdf));
+        null_bsdf_ = static_cast<std::uint32_t>(bsdfs_.size() - 1);
+      }
+      return null_bsdf_;
+    }
     // As Mitsuba: diffuse of reflectance 0.5, or black where the shape is a lamp.
     std::uint32_t& slot = emits ? black_bsdf_ : default_bsdf_;
     if (slot == kNone) {
@@ -131,9 +144,8 @@ Result<void> SceneBuilder::add_shape(const description::Object& object, bool in_
     return error_at(*emitters[0],
                     "a shape cannot be an emitter of type '" + emitters[0]->plugin + "' (area can)");
   }
-  const auto media = object.children_of("medium");
-  if (!media.empty()) return error_at(*media[0], "media are not rendered yet");
   ShapeRecord record;
+  CANDELA_ASSIGN(record.medium_interface, media_.add_interface(object, files_));
   CANDELA_ASSIGN(record.bsdf, bsdf_of(object, !emitters.empty()));
   record.reads_uv = reads_uv(object);
   record.reads_partials = bsdfs_[record.bsdf].facts().reads_partials;
@@ -243,6 +255,12 @@ void SceneBuilder::finish_features() {
   features_.textures = textures_.texture_count();
   features_.all_bsdfs_delta = all_delta_ && !geometry_.shapes.empty();
   features_.emitters = static_cast<std::uint32_t>(lights_.size());
+  features_.media = static_cast<std::uint32_t>(media_.size());
+  for (std::uint32_t i = 0; i < media_.size(); ++i) {
+    features_.any_scattering_medium |=
+        media_[i].max_albedo().max_component() > 0 && media_[i].max_sigma_t().max_component() > 0;
+    features_.any_heterogeneous_medium |= !media_[i].homogeneous();
+  }
   features_.radius = static_cast<float>(geometry_.bounds.radius());
 }
 

@@ -14,6 +14,7 @@
 #include "worker/scene/bsdfs/bsdf_build.h"
 #include "worker/scene/features.h"
 #include "worker/scene/light_sampler.h"
+#include "worker/scene/media/media.h"
 #include "worker/scene/sensors/sensor.h"
 #include "worker/scene/shapes/geometry.h"
 #include "worker/scene/textures/texture.h"
@@ -25,6 +26,9 @@ struct SceneData {
   Geometry geometry;
   std::vector<Bsdf> bsdfs;
   LightSampler lights{geometry};
+  Media media;
+  std::uint32_t camera_medium = kNone;
+  std::vector<bool> straight;  // of each bsdf: some light passes straight on
   std::unique_ptr<Accel> accel;
   Sensor sensor;
   SceneFeatures features;
@@ -40,6 +44,7 @@ class SceneBuilder {
         geometry_(data.geometry),
         bsdfs_(data.bsdfs),
         lights_(data.lights),
+        media_(data.media),
         features_(data.features) {}
 
   // Shapegroups and instances are passed over.
@@ -68,9 +73,10 @@ class SceneBuilder {
   Geometry& geometry_;
   std::vector<Bsdf>& bsdfs_;
   LightSampler& lights_;
+  Media& media_;
   SceneFeatures& features_;
   std::map<const description::Object*, std::uint32_t> bsdf_of_object_;
-  std::uint32_t default_bsdf_ = kNone, black_bsdf_ = kNone;
+  std::uint32_t default_bsdf_ = kNone, black_bsdf_ = kNone, null_bsdf_ = kNone;
   std::vector<AreaEmitter> area_emitters_;
   std::map<const description::Object*, std::uint32_t> group_of_object_;
   bool all_delta_ = true;

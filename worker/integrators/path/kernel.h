@@ -1,12 +1,17 @@
-// Path tracing. A path of depth d has d edges from the camera to the emitter. At each vertex light is
-// gathered in two ways: a direction sampled towards an emitter, and the bsdf's own direction should it meet
-// one. Both estimate the same integral; each contribution is weighted by the heuristic from the two
-// solid-angle densities.
+// Path tracing. A path of depth d has d edges from the camera to the emitter, whose ends scatter. At each
+// vertex light is gathered in two ways: a direction sampled towards an emitter, and the direction that the
+// path goes on in should it meet one. Both estimate the same integral; each contribution is weighted by the
+// heuristic from the two solid-angle densities at the vertex.
 //
-// throughput: product of bsdf values times cosines over densities, along the path so far.
-// Dimensions: [0] film position, [1] lens, then a block of kBlock draws for each vertex. A draw that nothing
-// at the vertex reads is not made. Behind the first kStratifiedVertices vertices that are not specular the
-// draws are independent ones: stratifying them gains less than it costs.
+// Between two vertices light may pass surfaces straight and cross media (between.h). Neither turns it, so
+// that the densities of its direction at the vertex stay what they were, and so do the weights: they depend
+// on the vertex, the direction and the emitter alone, not on what chance decided along the way. A flight
+// through a medium may end in a vertex of its own, which scatters by the phase function.
+//
+// throughput: product of scattering values times cosines over densities, along the path so far.
+// Dimensions: [0] film position, [1] lens, then a block of draws for each stretch of a ray. A draw that
+// nothing at the vertex reads is not made. Behind the first kStratifiedVertices vertices that are not
+// specular the draws are independent ones: stratifying them gains less than it costs.
 //
 // Russian roulette from rr_depth on: a path survives with 1 / kRouletteFloor times the probability Mitsuba
 // gives it (the throughput's largest component, radiance's 1/eta^2 undone). Where light is hard to find, what
@@ -18,6 +23,8 @@
 #include <cstdint>
 
 #include "common/film/film.h"
+#include "worker/integrators/path/between.h"
+#include "worker/integrators/path/techniques.h"
 #include "worker/samplers/sampler.h"
 #include "worker/scene/scene.h"
 
@@ -28,42 +35,11 @@ using scene::DirectSample;
 using scene::SurfaceHit;
 using scene::TransportMode;
 
-inline constexpr std::uint32_t kCameraDimensions = 2;
-// A vertex's block.
-inline constexpr std::uint32_t kEmitterChoice = 0, kEmitterPoint = 1, kLobe = 2, kDirection = 3,
-                               kRoulette = 4, kBlock = 5;
-inline constexpr std::uint32_t kStratifiedVertices = 2;
-inline constexpr float kRouletteFloor = 0.25f;  // throughput below which a path may end
-inline constexpr float kLongestSurvival =
-    0.95f;  // keeps a path from living for ever where nothing is absorbed
-
-// What the plan decided, as compile-time facts of the kernel.
-struct Techniques {
-  bool next_event = true;    // sample emitters
-  bool hit_emitters = true;  // surfaces may emit
-  bool environment = true;   // light may arrive from outside the scene
-  bool weigh = true;         // both techniques can find the same light
-};
-
-struct Limits {
-  std::uint32_t max_depth;
-  std::uint32_t rr_depth;
-  bool hide_emitters;
-  bool power_heuristic;
-  bool choose_emitter;  // Scene::sample_direct reads its u_select
-};
-
-// The MIS weight of a technique with density p against one of density q, as a ratio so that it neither over-
-// nor underflows. [Veach 1997, Eq. 9.8 (balance) and 9.13 (power, beta = 2)]
-inline float mis_weight(float p, float q, bool power) {
-  const float ratio = q / p;
-  return 1.0f / (1.0f + (power ? ratio * ratio : ratio));
-}
-
 // The radiance arriving along `ray`. SceneT is scene::Scene, or what stands in for it to watch the rays.
-template <bool kNextEvent, bool kHitEmitters, bool kEnvironment, bool kWeigh, class SceneT>
+template <bool kNextEvent, bool kHitEmitters, bool kEnvironment, bool kWeigh, Between kBetween, class SceneT>
 Spectrum radiance(const SceneT& scene, const Limits& limits, Ray ray, samplers::Sampler& sampler,
                   film::Tallies& tallies) {
+  constexpr bool kPasses = kBetween != Between::nothing, kMedia = kBetween == Between::media;
   Spectrum sum;
   Spectrum throughput(1.0f);
   float eta_scale = 1;  // squared relative index since the camera: undoes radiance's 1/eta^2 for the roulette
@@ -71,15 +47,105 @@ Spectrum radiance(const SceneT& scene, const Limits& limits, Ray ray, samplers::
   float previous_pdf_solid_angle = 0;
   SurfaceHit hits[2];  // the edge's end and its start, in turn
   scene::ClosureArena arena;
-  Vec3 front;                     // the previous vertex's shading normal, on the viewer's side
+  Vec3 front;  // the previous vertex's shading normal, on the viewer's side; zero in a medium
   std::uint32_t scatterings = 0;  // vertices so far that are not specular
+  std::uint32_t block = kCameraDimensions;
+  std::uint32_t passes = 0;
+  std::uint32_t medium = scene::kNone;  // that the ray is in
   std::uint64_t rays = 0;
+  if constexpr (kMedia) medium = scene.camera_medium();
 
-  for (std::uint32_t depth = 1; depth <= limits.max_depth; ++depth) {
+  // Next event estimation from the vertex `here`, which scatters as eval_pdf(wi, pdf) says.
+  const auto sample_light = [&](const SurfaceHit& here, Vec3 side, std::uint32_t through, bool stratified,
+                                const auto& eval_pdf) {
+    DirectSample light;
+    float u_emitter = 0;
+    if (limits.choose_emitter) u_emitter = sampler.draw_1d(block + kEmitterChoice, stratified);
+    if (!scene.sample_direct(here, side, u_emitter, sampler.draw_2d(block + kEmitterPoint, stratified),
+                             light))
+      return;
+    float pdf_solid_angle = 0;
+    Spectrum value = eval_pdf(light.wi, pdf_solid_angle);
+    if (value.is_black()) return;
+    if constexpr (kPasses) {
+      rng::Stream stream(0);
+      if constexpr (kMedia) {
+        const Vec2 u = sampler.draw_2d(block + kTransmittance, false);
+        stream = rng::Stream(rng::key(std::bit_cast<std::uint32_t>(u.x), std::bit_cast<std::uint32_t>(u.y)));
+        through = scene.medium_beyond(here, light.wi, through);
+      }
+      value *= passing<kBetween>(scene, light.shadow_ray, through, stream, rays);
+      if (value.is_black()) return;
+    } else {
+      ++rays;
+      if (scene.occluded(light.shadow_ray)) return;
+    }
+    float weight = 1 / light.pdf_solid_angle;
+    if (kWeigh && !light.delta)
+      weight *= mis_weight(light.pdf_solid_angle, pdf_solid_angle, limits.power_heuristic);
+    sum += throughput * value * light.radiance * weight;
+  };
+  // False: the path ends. Survivors are scaled up.
+  const auto survives = [&](std::uint32_t depth, bool stratified) {
+    if (depth < limits.rr_depth) return true;
+    const float survive =
+        std::min(throughput.max_component() * eta_scale * (1 / kRouletteFloor), kLongestSurvival);
+    if (!(sampler.draw_1d(block + kRoulette, stratified) < survive)) return false;
+    throughput *= 1 / survive;
+    return true;
+  };
+  // On through a surface that changes nothing but the throughput. False: the ray does not get on.
+  const auto pass_straight = [&](const SurfaceHit& hit) {
+    if constexpr (kMedia) medium = scene.medium_beyond(hit, ray.direction, medium);
+    ray = spawn_ray(hit, ray.direction);
+    return ++passes < kMostPasses;
+  };
+
+  // An iteration is a stretch of a ray up to the next surface or scattering. depth counts edges between
+  // vertices that scatter: passing straight does not.
+  for (std::uint32_t depth = 1; depth <= limits.max_depth; block += kMedia ? kMediaBlock : kBlock) {
     SurfaceHit& hit = hits[depth & 1];
     const SurfaceHit& previous = hits[~depth & 1];
+    const bool stratified = scatterings < kStratifiedVertices;
     ++rays;
     const bool found = scene.intersect(ray, hit);
+
+    // A flight through the medium up to here, or to a scattering before.
+    if constexpr (kMedia) {
+      if (medium != scene::kNone) {
+        const scene::Medium& around = scene.medium(medium);
+        const Ray stretch = {ray.origin, ray.direction, found ? hit.distance : ray.t_max};
+        const Vec2 u = sampler.draw_2d(block + kFlight, stratified);
+        scene::DistanceSample flight;
+        if (depth < limits.max_depth) {
+          flight = around.sample_distance(stretch, throughput, u);
+        } else {  // nothing may scatter any more
+          rng::Stream stream(rng::key(std::bit_cast<std::uint32_t>(u.x), std::bit_cast<std::uint32_t>(u.y)));
+          flight.weight = around.transmittance(stretch, stream);
+        }
+        throughput *= flight.weight;
+        if (throughput.is_black()) break;
+        if (flight.scattered) {
+          const SurfaceHit end = hit;
+          medium_vertex(ray, flight.distance, found ? &end : nullptr, hit);
+          const Vec3 wo = -ray.direction;
+          front = {};
+          ++scatterings;
+          if constexpr (kNextEvent)
+            sample_light(hit, front, medium, stratified, [&](Vec3 wi, float& pdf_solid_angle) {
+              pdf_solid_angle = around.phase().pdf_solid_angle(wo, wi);
+              return Spectrum(around.phase().eval(wo, wi));
+            });
+          previous_pdf_solid_angle =
+              around.phase().sample(wo, sampler.draw_2d(block + kDirection, stratified), ray.direction);
+          previous_delta = false;
+          if (!survives(depth, stratified)) break;
+          ray = {hit.p, ray.direction};
+          ++depth;
+          continue;
+        }
+      }
+    }
 
     // Light that this edge found by itself.
     if (!found) {
@@ -112,38 +178,26 @@ Spectrum radiance(const SceneT& scene, const Limits& limits, Ray ray, samplers::
         }
       }
     }
-    if (depth == limits.max_depth) break;
+    if (depth == limits.max_depth) {  // light may still arrive straight through
+      if constexpr (kPasses) {
+        throughput *= scene.straight(hit, wo_world);
+        if (!throughput.is_black() && pass_straight(hit)) continue;
+      }
+      break;
+    }
 
     const Vec3 wo = hit.shading.to_local(wo_world);
     arena.clear();
     const Closure closure = scene.closure(hit, wo, arena);
     if (closure.black) break;
-    front = wo.z < 0 ? -hit.shading.n : hit.shading.n;
-    const std::uint32_t block = kCameraDimensions + (depth - 1) * kBlock;
-    const bool stratified = scatterings < kStratifiedVertices;
+    const Vec3 side = wo.z < 0 ? -hit.shading.n : hit.shading.n;
     scatterings += closure.purely_delta() ? 0 : 1;
 
-    // Next event estimation.
     if constexpr (kNextEvent) {
-      DirectSample light;
-      float u_emitter = 0;
-      if (limits.choose_emitter) u_emitter = sampler.draw_1d(block + kEmitterChoice, stratified);
-      if (!closure.purely_delta() &&
-          scene.sample_direct(hit, front, u_emitter, sampler.draw_2d(block + kEmitterPoint, stratified),
-                              light)) {
-        float pdf_solid_angle = 0;
-        const Spectrum value =
-            closure.eval_pdf(wo, hit.shading.to_local(light.wi), TransportMode::radiance, pdf_solid_angle);
-        if (!value.is_black()) {
-          ++rays;
-          if (!scene.occluded(light.shadow_ray)) {
-            float weight = 1 / light.pdf_solid_angle;
-            if (kWeigh && !light.delta)
-              weight *= mis_weight(light.pdf_solid_angle, pdf_solid_angle, limits.power_heuristic);
-            sum += throughput * value * light.radiance * weight;
-          }
-        }
-      }
+      if (!closure.purely_delta())
+        sample_light(hit, side, medium, stratified, [&](Vec3 wi, float& pdf_solid_angle) {
+          return closure.eval_pdf(wo, hit.shading.to_local(wi), TransportMode::radiance, pdf_solid_angle);
+        });
     }
 
     // On along the bsdf.
@@ -154,18 +208,21 @@ Spectrum radiance(const SceneT& scene, const Limits& limits, Ray ray, samplers::
       break;
     throughput *= next.weight;
     if (throughput.is_black()) break;
-    eta_scale *= next.eta * next.eta;
-
-    if (depth >= limits.rr_depth) {
-      const float survive =
-          std::min(throughput.max_component() * eta_scale * (1 / kRouletteFloor), kLongestSurvival);
-      if (!(sampler.draw_1d(block + kRoulette, stratified) < survive)) break;
-      throughput *= 1 / survive;
+    if constexpr (kPasses) {
+      if (next.straight) {
+        if (!pass_straight(hit)) break;
+        continue;
+      }
     }
+    eta_scale *= next.eta * next.eta;
+    if (!survives(depth, stratified)) break;
 
+    front = side;
     previous_delta = next.delta;
     previous_pdf_solid_angle = next.pdf_solid_angle;
     ray = spawn_ray(hit, hit.shading.to_world(next.wi));
+    if constexpr (kMedia) medium = scene.medium_beyond(hit, ray.direction, medium);
+    ++depth;
   }
   tallies.rays += rays;
   return sum;

@@ -10,6 +10,7 @@
 namespace candela::integrators {
 namespace {
 
+using path::Between;
 using path::Limits;
 using path::Techniques;
 
@@ -19,13 +20,15 @@ using RadianceFunction = Spectrum (*)(const scene::Scene&, const Limits&, Ray, s
 template <std::size_t... I>
 constexpr auto make_kernels(std::index_sequence<I...>) {
   return std::array<RadianceFunction, sizeof...(I)>{
-      &path::radiance<(I & 1) != 0, (I & 2) != 0, (I & 4) != 0, (I & 8) != 0, scene::Scene>...};
+      &path::radiance<(I & 1) != 0, (I & 2) != 0, (I & 4) != 0, (I & 8) != 0, static_cast<Between>(I >> 4),
+                      scene::Scene>...};
 }
 
 RadianceFunction kernel_for(const Techniques& t) {
-  static constexpr auto kKernels = make_kernels(std::make_index_sequence<16>{});
+  static constexpr auto kKernels = make_kernels(std::make_index_sequence<48>{});
   return kKernels[std::size_t{t.next_event} | std::size_t{t.hit_emitters} << 1 |
-                  std::size_t{t.environment} << 2 | std::size_t{t.weigh} << 3];
+                  std::size_t{t.environment} << 2 | std::size_t{t.weigh} << 3 |
+                  static_cast<std::size_t>(t.between) << 4];
 }
 
 class PathIntegrator final : public Integrator {
@@ -80,10 +83,12 @@ void PathIntegrator::make_plan(const PathSettings& settings, const scene::SceneF
   } else if (features.emitters == 0) {
     techniques_.next_event = false;
     plan_.skip("next event estimation", "the scene has no emitter");
-  } else if (features.all_bsdfs_delta) {
+  } else if (features.all_bsdfs_delta && !features.any_scattering_medium) {
     techniques_.next_event = false;
     plan_.skip("next event estimation",
                "every surface scatters specularly: no sampled light direction can matter");
+  } else if (features.any_scattering_medium) {
+    plan_.use("next event estimation", "emitters can be sampled from points in media and from surfaces");
   } else {
     plan_.use("next event estimation", "emitters can be sampled from surfaces that are not specular");
   }
@@ -107,6 +112,20 @@ void PathIntegrator::make_plan(const PathSettings& settings, const scene::SceneF
     plan_.skip("multiple importance sampling",
                techniques_.next_event ? "only point-like emitters: bsdf sampling cannot find them"
                                       : "one technique finds all the light there is");
+
+  if (features.any_straight)
+    plan_.use("light through surfaces straight on", "some surface is null, a mask or thin glass");
+  else
+    plan_.skip("light through surfaces straight on", "no surface lets light pass straight");
+  if (features.media == 0)
+    plan_.skip("media", "there is none");
+  else if (!features.any_heterogeneous_medium)
+    plan_.use("media", "homogeneous: free flights and transmittance in closed form");
+  else
+    plan_.use("media", "free flights by delta tracking, transmittance by residual ratio tracking");
+  techniques_.between = features.media > 0      ? Between::media
+                        : features.any_straight ? Between::surfaces
+                                                : Between::nothing;
 }
 
 }  // namespace

@@ -222,6 +222,7 @@ const ShapeRecord& Geometry::name_hit(std::uint32_t shape, std::uint32_t primiti
   hit.shape = shape;
   hit.bsdf = record.bsdf;
   hit.emitter = record.emitter;
+  hit.medium_interface = record.medium_interface;
   return record;
 }
 

@@ -26,6 +26,7 @@ struct alignas(64) Triangle {
 struct ShapeRecord {
   std::uint32_t bsdf = kNone;
   std::uint32_t emitter = kNone;
+  std::uint32_t medium_interface = kNone;
   std::uint32_t first_triangle = 0, triangle_count = 0;  // in Geometry::triangles
   // What is not made of triangles is one primitive, in Geometry's array of its kind.
   std::uint32_t sphere = kNone, disk = kNone, cylinder = kNone;

@@ -1,0 +1,464 @@
+// Phase functions, volumes, free flights and transmittances. Every statistical comparison is a two-sided test
+// at 5 standard errors or a chi-squared test at p = 1e-6; there are fewer than 400 of them, so that the file
+// alarms falsely with probability below 4e-4. Seeds are fixed.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "tests/unit/chi_squared.h"
+#include "tests/unit/scene_fixture.h"
+#include "tests/unit/volume_file.h"
+#include "worker/scene/media/medium.h"
+
+namespace candela::scene {
+namespace {
+
+using test::build_scene;
+using test::chi_squared_p;
+using test::volume_file;
+
+constexpr double kLeastP = 1e-6;
+constexpr double kMostErrors = 5;
+
+// A mean with its standard error.
+struct Mean {
+  double sum = 0, squares = 0;
+  std::uint64_t count = 0;
+  void add(double v) {
+    sum += v;
+    squares += v * v;
+    ++count;
+  }
+  double value() const { return sum / static_cast<double>(count); }
+  double error() const {
+    const auto n = static_cast<double>(count);
+    return std::sqrt(std::max(0.0, squares / n - value() * value()) / (n - 1));
+  }
+};
+
+// `most`: what one sample adds at most. A mean of fewer than 40 such samples says nothing by its own error.
+void expect_mean(const Mean& mean, double expected, const std::string& what, double slack, double most) {
+  if (expected > 0 && expected * static_cast<double>(mean.count) < 40 * most) return;
+  EXPECT_LE(std::abs(mean.value() - expected),
+            kMostErrors * mean.error() + slack * std::abs(expected) + 1e-12)
+      << what << ": " << mean.value() << " +- " << mean.error() << ", expected " << expected;
+}
+
+double channel(Spectrum s, int c) {
+  return static_cast<double>(c == 0 ? s.r : c == 1 ? s.g : s.b);
+}
+
+// ---- phase functions ----
+
+Phase phase_of(double g) {
+  return g == 0 ? Phase() : Phase::henyey_greenstein(static_cast<float>(g));
+}
+
+// Henyey and Greenstein's formula as it is written, in long double.
+double literal_hg(double g, double versed) {  // versed = 1 - cos
+  const long double d = 1 + static_cast<long double>(g) * g - 2 * static_cast<long double>(g) * (1 - versed);
+  return static_cast<double>((1 - static_cast<long double>(g) * g) /
+                             (4 * std::numbers::pi_v<long double> * d * std::sqrt(d)));
+}
+
+// Probability of a larger 1 - cos.
+double hg_beyond(double g, double versed) {
+  if (g == 0) return 1 - versed / 2;
+  return (1 - g * g) / (2 * g) * (1 / std::sqrt((1 - g) * (1 - g) + 2 * g * versed) - 1 / (1 + g));
+}
+
+// Claim: phase functions integrate to one, are what Henyey and Greenstein wrote, and are the same from both
+// ends; g > 0 scatters forward.
+TEST(SceneMedia, PhaseFunctionsAreNormalised) {
+  for (const double g : {-0.99, -0.5, 0.0, 1e-4, 0.3, 0.9, 0.999}) {
+    const Phase phase = phase_of(g);
+    const Vec3 wo = normalize(Vec3{0.3f, -0.8f, 0.2f});
+    const Frame frame = make_frame(-wo);
+    const auto direction = [&](double versed) {
+      const double sine = std::sqrt(versed * (2 - versed));
+      return frame.to_world({static_cast<float>(sine), 0, static_cast<float>(1 - versed)});
+    };
+    double integral = 0;
+    constexpr int kSteps = 20000;
+    // versed = 2 x^4 resolves the forward peak; backward ones are the mirror image.
+    for (int i = 0; i < kSteps; ++i) {
+      const double x = (i + 0.5) / kSteps, versed = 2 * x * x * x * x, width = 8 * x * x * x / kSteps;
+      const Vec3 wi = g >= 0 ? direction(versed) : -direction(versed);
+      integral += 2 * std::numbers::pi * static_cast<double>(phase.eval(wo, wi)) * width;
+      ASSERT_EQ(phase.eval(wo, wi), phase.eval(wi, wo));
+    }
+    EXPECT_NEAR(integral, 1, 2e-3) << g;
+    for (const double versed : {0.01, 0.3, 1.0, 1.9})
+      EXPECT_NEAR(static_cast<double>(phase.eval(wo, direction(versed))) / literal_hg(g, versed), 1, 1e-4)
+          << g;
+    if (g > 0) {
+      EXPECT_GT(phase.eval(wo, -wo), phase.eval(wo, wo));
+    }
+  }
+}
+
+// Claim: sample() draws by eval(), whose mean cosine is g, and returns the density it drew by.
+TEST(SceneMedia, PhaseFunctionsSampleTheirValue) {
+  for (const double g : {-0.95, -0.5, 0.0, 1e-4, 0.3, 0.9, 0.999}) {
+    const Phase phase = phase_of(g);
+    rng::Stream stream(rng::key(7, static_cast<std::uint64_t>(g * 1000 + 2000)));
+    const Vec3 wo = test::uniform_direction(stream);
+    const Frame frame = make_frame(-wo);
+    constexpr int kCosines = 24, kAngles = 8, kSamples = 60000;
+    std::vector<double> observed(kCosines * kAngles, 0.0),
+        expected(kCosines * kAngles, 1.0 * kSamples / kCosines / kAngles);
+    Mean cosine;
+    for (int i = 0; i < kSamples; ++i) {
+      const float u = stream.next_float();
+      Vec3 wi;
+      const float pdf = phase.sample(wo, {u, stream.next_float()}, wi);
+      ASSERT_NEAR(length(wi), 1, 1e-5);
+      ASSERT_NEAR(pdf / phase.pdf_solid_angle(wo, wi), 1, 2e-2);
+      const Vec3 local = frame.to_local(wi);
+      cosine.add(static_cast<double>(local.z));
+      const double q =
+          std::clamp(hg_beyond(g, 0.5 * static_cast<double>(length_squared(wi + wo))), 0.0, 1 - 1e-9);
+      const double angle = std::atan2(local.y, local.x) / (2 * std::numbers::pi) + 0.5;
+      ++observed[static_cast<std::size_t>(q * kCosines) * kAngles +
+                 std::min<std::size_t>(static_cast<std::size_t>(angle * kAngles), kAngles - 1)];
+    }
+    EXPECT_GT(chi_squared_p(observed, expected), kLeastP) << g;
+    expect_mean(cosine, g, "mean cosine", 1e-4, 0);
+  }
+}
+
+// ---- media ----
+
+std::unique_ptr<Scene> medium_scene(const std::string& medium,
+                                    std::map<std::string, std::string> files = {}) {
+  auto scene = build_scene("<shape type=\"cube\">" + medium + "</shape>", std::move(files));
+  EXPECT_TRUE(scene.ok()) << scene.error().to_string();
+  return scene.ok() ? std::move(scene).value() : nullptr;
+}
+
+std::string homogeneous(const std::string& sigma_t, const std::string& albedo = "0.75") {
+  return "<medium name=\"interior\" type=\"homogeneous\"><rgb name=\"sigma_t\" value=\"" + sigma_t +
+         "\"/><rgb name=\"albedo\" value=\"" + albedo + "\"/></medium>";
+}
+
+std::string grid(const std::string& more = "", const std::string& albedo = "0.75", double scale = 1) {
+  return "<medium name=\"interior\" type=\"heterogeneous\"><volume name=\"sigma_t\" type=\"gridvolume\">"
+         "<string name=\"filename\" value=\"v.vol\"/>" +
+         more + "</volume><rgb name=\"albedo\" value=\"" + albedo + "\"/>" +
+         fmt::format("<float name=\"scale\" value=\"{}\"/>", scale) + "</medium>";
+}
+
+// Claim: without light's colour to tell, flights are exponential; where channels differ they follow the
+// mixture of pdf_distance, and the weights are sigma_s T over it. Beyond t_max they pass with prob_pass.
+TEST(SceneMedia, HomogeneousFlights) {
+  for (const char* sigma : {"2", "0.5, 2, 8", "0, 1, 3"}) {
+    const auto scene = medium_scene(homogeneous(sigma, "0.9, 0.5, 0.2"));
+    const Medium& medium = scene->medium(0);
+    const Spectrum sigma_t = medium.sigma_t({}), albedo(0.9f, 0.5f, 0.2f);
+    for (const Spectrum channels : {Spectrum(1.0f), Spectrum(0.2f, 3, 0.01f), Spectrum(1, 0, 0)}) {
+      const Ray ray = {{0.1f, 0.2f, 0.3f}, normalize(Vec3{1, 2, -1}), 1.3f};
+      constexpr int kBins = 40, kSamples = 40000;
+      std::vector<double> observed(kBins + 1, 0.0), expected(kBins + 1, 0.0);
+      const auto passes = [&](double t) {
+        return static_cast<double>(medium.prob_pass(static_cast<float>(t), channels));
+      };
+      for (int i = 0; i < kBins; ++i)
+        expected[static_cast<std::size_t>(i)] =
+            kSamples * (passes(1.3 * i / kBins) - passes(1.3 * (i + 1) / kBins));
+      expected[kBins] = kSamples * passes(1.3);
+      rng::Stream stream(11);
+      for (int i = 0; i < kSamples; ++i) {
+        const float u = stream.next_float();
+        const DistanceSample s = medium.sample_distance(ray, channels, {u, stream.next_float()});
+        const float t = s.scattered ? s.distance : ray.t_max;
+        ++observed[s.scattered ? static_cast<std::size_t>(std::min(t / 1.3f, 0.9999f) * kBins) : kBins];
+        for (int c = 0; c < 3; ++c) {
+          const double transmitted = std::exp(-channel(sigma_t, c) * static_cast<double>(t));
+          const double value = s.scattered ? channel(albedo, c) * channel(sigma_t, c) * transmitted /
+                                                 static_cast<double>(medium.pdf_distance(t, channels))
+                                           : transmitted / passes(static_cast<double>(t));
+          ASSERT_NEAR(channel(s.weight, c), value, 1e-4 * value + 1e-7);
+        }
+        ASSERT_LE(luminance(s.weight * channels), 3 * 1.0001f * (channels.r + channels.g + channels.b));
+        const Spectrum left = s.weight * channels;
+        ASSERT_LE(left.r + left.g + left.b, 1.0001f * (channels.r + channels.g + channels.b));
+      }
+      EXPECT_GT(chi_squared_p(observed, expected), kLeastP) << sigma;
+      // pdf_distance is the derivative of prob_pass.
+      for (const double t : {0.01, 0.4, 1.2})
+        EXPECT_NEAR((passes(t - 1e-3) - passes(t + 1e-3)) / 2e-3,
+                    static_cast<double>(medium.pdf_distance(static_cast<float>(t), channels)), 2e-3);
+      const Spectrum exact = medium.transmittance(ray, stream);
+      for (int c = 0; c < 3; ++c)
+        EXPECT_NEAR(channel(exact, c), std::exp(-channel(sigma_t, c) * static_cast<double>(ray.t_max)), 1e-6);
+    }
+  }
+}
+
+// Claim: a flight of 20 and 30 mean free paths happens as often as it should: 24 bits are not the end.
+TEST(SceneMedia, LongFlightsHappen) {
+  const auto scene = medium_scene(homogeneous("1"));
+  for (const float d : {17.0f, 25.0f}) {
+    const DistanceSample s =
+        scene->medium(0).sample_distance({{}, {0, 0, 1}, d}, Spectrum(1), {0.9999999f, 0x1.fffffep-1f});
+    EXPECT_FALSE(s.scattered);
+  }
+}
+
+// ---- grids ----
+
+struct Field {
+  std::string file;
+  std::string more;
+  double scale = 1;
+};
+
+std::vector<float> checker(int n, float low, float high, int channels = 1) {
+  std::vector<float> values;
+  for (int z = 0; z < n; ++z)
+    for (int y = 0; y < n; ++y)
+      for (int x = 0; x < n; ++x)
+        for (int c = 0; c < channels; ++c)
+          values.push_back(((x + y + z + c) & 1) != 0 ? high : low * static_cast<float>(c + 1));
+  return values;
+}
+
+std::vector<Field> fields() {
+  rng::Stream stream(3);
+  std::vector<float> noise, colours;
+  for (int i = 0; i < 7 * 5 * 9; ++i) noise.push_back(8 * stream.next_float());
+  for (int i = 0; i < 3 * 6 * 6 * 6; ++i) colours.push_back(std::pow(stream.next_float(), 4.0f) * 20);
+  const std::string centred = test::matrix({2, 0, 0, -1, 0, 2, 0, -1, 0, 0, 2, -1, 0, 0, 0, 1});
+  const std::string turned =
+      test::matrix({1.2, -1.6, 0, 0.1, 1.6, 1.2, 0, -1.3, 0, 0.4, 2, -1.1, 0, 0, 0, 1});
+  const std::string nearest = "<string name=\"filter_type\" value=\"nearest\"/>";
+  return {{volume_file({7, 5, 9}, 1, noise), centred},
+          {volume_file({7, 5, 9}, 1, noise), turned + nearest, 0.5},
+          {volume_file({8, 8, 8}, 1, checker(8, 0, 6)), centred + nearest},
+          {volume_file({8, 8, 8}, 1, checker(8, 0, 6)),
+           centred + "<string name=\"wrap_mode\" value=\"repeat\"/>"},
+          {volume_file({6, 6, 6}, 3, colours), centred},
+          {volume_file({4, 4, 4}, 3, checker(4, 1, 5, 3)),
+           turned + "<string name=\"wrap_mode\" value=\"mirror\"/>"},
+          {volume_file({1, 1, 1}, 1, {3}), centred},
+          {volume_file({2, 2, 2}, 1, std::vector<float>(8, 0.0f)), centred}};
+}
+
+// sigma_t along a ray by the literal formula: zero outside the grid.
+Spectrum sigma_t_at(const Medium& medium, const GridVolume& grid, const Ray& ray, double t) {
+  const Vec3d p = Vec3d(ray.origin) + Vec3d(ray.direction) * t;
+  const Vec3d l = grid.to_local(p);
+  for (int i = 0; i < 3; ++i)
+    if (!(l[i] >= 0 && l[i] <= 1)) return {};
+  return medium.sigma_t(Vec3(p));
+}
+
+constexpr int kSteps = 8000;
+// Optical thickness up to each of kSteps + 1 even distances, per channel, by the trapezoid rule.
+std::vector<std::array<double, 3>> thickness(const Medium& medium, const GridVolume& grid, const Ray& ray) {
+  std::vector<std::array<double, 3>> sums(kSteps + 1);
+  const double step = static_cast<double>(ray.t_max) / kSteps;
+  for (int i = 0; i < kSteps; ++i) {
+    const Spectrum s = sigma_t_at(medium, grid, ray, (i + 0.5) * step);
+    for (std::size_t c = 0; c < 3; ++c)
+      sums[static_cast<std::size_t>(i) + 1][c] =
+          sums[static_cast<std::size_t>(i)][c] + channel(s, static_cast<int>(c)) * step;
+  }
+  return sums;
+}
+
+// The grid of a Field once more, to ask it where it ends.
+GridVolume grid_of(const Field& field) {
+  const test::TextFiles files({{"v.vol", field.file},
+                               {"scene.xml", "<scene version=\"3.0.0\"><shape type=\"cube\">" +
+                                                 grid(field.more) + "</shape></scene>"}});
+  const auto description = description::parse_scene(files, "scene.xml", {});
+  EXPECT_TRUE(description.ok());
+  const auto& medium = *description->scene->children[0].object->children[0].object;
+  auto built = GridVolume::build(*medium.find_child("sigma_t")->object, files);
+  EXPECT_TRUE(built.ok());
+  return std::move(built).value();
+}
+
+// Claim: the weights of free flights estimate sigma_t T (times the albedo) in every part of a ray, and T at
+// its end, in every channel, whatever the channels' shares; their sum never grows.
+TEST(SceneMedia, GridFlightsAgainstQuadrature) {
+  int index = 0;
+  for (const Field& field : fields()) {
+    const auto scene = medium_scene(grid(field.more, "0.9, 0.6, 0.3", field.scale), {{"v.vol", field.file}});
+    const Medium& medium = scene->medium(0);
+    ASSERT_FALSE(medium.homogeneous());
+    const GridVolume where = grid_of(field);
+    const Spectrum albedo(0.9f, 0.6f, 0.3f);
+    const Ray ray = {{-1.4f, 0.3f, -0.9f}, normalize(Vec3{1, -0.25f, 0.7f}), 2.6f};
+    const auto depth = thickness(medium, where, ray);
+    for (const Spectrum channels : {Spectrum(1.0f), Spectrum(4, 1, 0.05f)}) {
+      constexpr int kParts = 5, kSamples = 20000;
+      std::vector<std::array<Mean, 3>> means(kParts + 1);
+      rng::Stream stream(rng::key(21, index++));
+      for (int i = 0; i < kSamples; ++i) {
+        const float u = stream.next_float();
+        const DistanceSample s = medium.sample_distance(ray, channels, {u, stream.next_float()});
+        const Spectrum left = s.weight * channels;
+        ASSERT_LE(left.r + left.g + left.b, 1.0001f * (channels.r + channels.g + channels.b));
+        const int part = s.scattered ? static_cast<int>(s.distance / ray.t_max * kParts) : kParts;
+        for (int p = 0; p <= kParts; ++p)
+          for (int c = 0; c < 3; ++c)
+            means[static_cast<std::size_t>(p)][static_cast<std::size_t>(c)].add(
+                p == part ? channel(s.weight, c) : 0);
+      }
+      const float all = channels.r + channels.g + channels.b;
+      const std::array<double, 3> most = {channel(Spectrum(all) / channels, 0),
+                                          channel(Spectrum(all) / channels, 1),
+                                          channel(Spectrum(all) / channels, 2)};
+      for (int c = 0; c < 3; ++c) {
+        const auto passed = [&](int part) {
+          return std::exp(
+              -depth[static_cast<std::size_t>(part * kSteps / kParts)][static_cast<std::size_t>(c)]);
+        };
+        for (int p = 0; p < kParts; ++p)
+          expect_mean(means[static_cast<std::size_t>(p)][static_cast<std::size_t>(c)],
+                      channel(albedo, c) * (passed(p) - passed(p + 1)),
+                      fmt::format("field {} part {} channel {}", index, p, c), 2e-3,
+                      most[static_cast<std::size_t>(c)]);
+        expect_mean(means[kParts][static_cast<std::size_t>(c)], passed(kParts),
+                    fmt::format("field {} passing, channel {}", index, c), 2e-3,
+                    most[static_cast<std::size_t>(c)]);
+      }
+    }
+  }
+}
+
+// Claim: transmittances are unbiased, in [0, 1], and without noise where the grid is uniform.
+TEST(SceneMedia, GridTransmittanceAgainstQuadrature) {
+  int index = 0;
+  for (const Field& field : fields()) {
+    const auto scene = medium_scene(grid(field.more, "0.9", field.scale), {{"v.vol", field.file}});
+    const Medium& medium = scene->medium(0);
+    const GridVolume where = grid_of(field);
+    ++index;
+    for (const Ray ray : {Ray{{-1.4f, 0.3f, -0.9f}, normalize(Vec3{1, -0.25f, 0.7f}), 2.6f},
+                          Ray{{0, 0, -5}, {0, 0, 1}, 4.7f}, Ray{{0.2f, 0.9f, 0.1f}, {0, -1, 0}, 1.0f}}) {
+      const auto depth = thickness(medium, where, ray);
+      std::array<Mean, 3> means;
+      rng::Stream stream(rng::key(22, index));
+      for (int i = 0; i < 20000; ++i) {
+        const Spectrum t = medium.transmittance(ray, stream);
+        ASSERT_TRUE(t.r >= 0 && t.r <= 1 && t.g >= 0 && t.g <= 1 && t.b >= 0 && t.b <= 1);
+        for (int c = 0; c < 3; ++c) means[static_cast<std::size_t>(c)].add(channel(t, c));
+      }
+      for (std::size_t c = 0; c < 3; ++c)
+        expect_mean(means[c], std::exp(-depth[kSteps][c]), fmt::format("field {} channel {}", index, c), 2e-3,
+                    1);
+      if (index >= 7) {
+        EXPECT_LT(means[0].error(), 1e-6) << "a uniform grid needs no chance";
+      }
+    }
+  }
+}
+
+// Claim: media 1e5 mean free paths thick, empty ones and rays that miss the grid take few steps and give the
+// plain answer.
+TEST(SceneMedia, ThickAndEmpty) {
+  const std::string placed = test::matrix({2, 0, 0, -1, 0, 2, 0, -1, 0, 0, 2, -1, 0, 0, 0, 1});
+  rng::Stream stream(5);
+  for (const auto& values : {checker(16, 0, 1), std::vector<float>(16 * 16 * 16, 1.0f)}) {
+    const auto scene =
+        medium_scene(grid(placed, "1", 1e5), {{"v.vol", volume_file({16, 16, 16}, 1, values)}});
+    const Medium& medium = scene->medium(0);
+    for (int i = 0; i < 20000; ++i) {
+      const Vec3 d = test::uniform_direction(stream);
+      const Ray ray = {d * -3.0f, d, 6};
+      ASSERT_TRUE(medium.transmittance(ray, stream).is_black());
+      const DistanceSample s =
+          medium.sample_distance(ray, Spectrum(1), {stream.next_float(), stream.next_float()});
+      ASSERT_TRUE(s.scattered);
+      ASSERT_NEAR(s.weight.g, 1, 1e-3);
+      ASSERT_LE(s.distance, 2.1f);
+    }
+    const Ray beside = {{-5, 1.1f, 0}, {1, 0, 0}, 10};
+    EXPECT_EQ(medium.transmittance(beside, stream), Spectrum(1));
+    EXPECT_FALSE(medium.sample_distance(beside, Spectrum(1), {0.5f, 0.5f}).scattered);
+  }
+  const auto nothing = medium_scene(homogeneous("0"));
+  EXPECT_EQ(nothing->medium(0).transmittance({{}, {0, 0, 1}}, stream), Spectrum(1));
+  EXPECT_FALSE(nothing->medium(0).sample_distance({{}, {0, 0, 1}}, Spectrum(1), {0.5f, 0.99f}).scattered);
+  EXPECT_FALSE(nothing->features().any_scattering_medium);
+}
+
+// Claim: grids are looked up as Mitsuba documents them: values at the centres of cells of [0, 1]^3, wrap
+// modes beyond, the file's box where asked for.
+TEST(SceneMedia, GridLookups) {
+  const std::string file = volume_file({4, 1, 1}, 1, {1, 2, 4, 8}, 1, {-1, 0, 0, 3, 1, 1});
+  const auto at = [&](const std::string& more, float x) {
+    const auto scene = medium_scene(grid(more), {{"v.vol", file}});
+    return scene->medium(0).sigma_t({x, 0.5f, 0.5f}).g;
+  };
+  const auto wrap = [](const char* mode) {
+    return fmt::format("<string name=\"wrap_mode\" value=\"{}\"/>", mode);
+  };
+  EXPECT_FLOAT_EQ(at("", 0.125f), 1);
+  EXPECT_FLOAT_EQ(at("", 0.25f), 1.5f);
+  EXPECT_FLOAT_EQ(at("", 0.875f), 8);
+  EXPECT_FLOAT_EQ(at("", 0.99f), 8);
+  EXPECT_FLOAT_EQ(at(wrap("repeat"), 1.0f), 4.5f);
+  EXPECT_FLOAT_EQ(at(wrap("mirror"), 1.0f), 8);
+  EXPECT_FLOAT_EQ(at(wrap("repeat"), 1.375f), 2);
+  EXPECT_FLOAT_EQ(at(wrap("mirror"), 1.375f), 4);
+  EXPECT_FLOAT_EQ(at("<string name=\"filter_type\" value=\"nearest\"/>", 0.49f), 2);
+  const std::string box = "<boolean name=\"use_grid_bbox\" value=\"true\"/>";
+  EXPECT_FLOAT_EQ(at(box, 0.0f), 1.5f);
+  EXPECT_FLOAT_EQ(at(box + "<transform name=\"to_world\"><translate x=\"1\"/></transform>", 2.0f), 3);
+}
+
+// Claim: a ray that leaves a surface knows the medium it enters; a shape that only bounds a medium is not
+// seen.
+TEST(SceneMedia, InterfacesNameTheMediumBeyond) {
+  const auto scene = build_scene(
+      "<medium id=\"fog\" type=\"homogeneous\"/><medium id=\"milk\" type=\"homogeneous\"/>"
+      "<shape type=\"cube\"><ref name=\"interior\" id=\"milk\"/><ref name=\"exterior\" id=\"fog\"/>"
+      "<transform name=\"to_world\"><translate z=\"5\"/></transform></shape>"
+      "<shape type=\"sphere\"><point name=\"center\" x=\"0\" y=\"0\" z=\"9\"/></shape>",
+      {}, "<sensor type=\"perspective\"><ref id=\"fog\"/></sensor>");
+  ASSERT_TRUE(scene.ok()) << scene.error().to_string();
+  const Scene& s = **scene;
+  EXPECT_EQ(s.features().media, 2u);
+  const std::uint32_t fog = s.camera_medium();
+  ASSERT_NE(fog, kNone);
+  SurfaceHit hit;
+  const Ray ray = {{0.1f, 0.2f, 0}, {0, 0, 1}};
+  ASSERT_TRUE(s.intersect(ray, hit));
+  const std::uint32_t milk = s.medium_beyond(hit, ray.direction, fog);
+  EXPECT_NE(milk, kNone);
+  EXPECT_NE(milk, fog);
+  EXPECT_EQ(s.medium_beyond(hit, -ray.direction, kNone), fog);
+  EXPECT_EQ(s.straight(hit, -ray.direction), Spectrum(1));
+  ASSERT_TRUE(s.intersect({{0.1f, 0.2f, 7}, {0, 0, 1}}, hit));
+  EXPECT_EQ(s.medium_beyond(hit, {0, 0, 1}, milk), milk);
+  EXPECT_TRUE(s.straight(hit, {0, 0, -1}).is_black());
+}
+
+// Claim: what cannot be rendered is refused by name.
+TEST(SceneMedia, NamesWhatCannotBeBuilt) {
+  const auto message = [](const std::string& medium, const std::string& file = "") {
+    const auto scene = build_scene("<shape type=\"cube\">" + medium + "</shape>", {{"v.vol", file}});
+    return scene.ok() ? std::string("no error") : scene.error().to_string();
+  };
+  const std::string dense = volume_file({1, 1, 1}, 1, {2});
+  EXPECT_EQ(
+      message(grid("", "1", 1e8), dense),
+      "scene.xml:3: scale: the grid is more than 1e7 mean free paths thick: nothing inside would be seen "
+      "(lower the scale, or bound a homogeneous medium by its surface)");
+  EXPECT_EQ(
+      message("<medium name=\"interior\" type=\"homogeneous\"><volume name=\"albedo\" type=\"gridvolume\">"
+              "<string name=\"filename\" value=\"v.vol\"/></volume></medium>",
+              dense),
+      "scene.xml:3: albedo: the albedo is above 1 somewhere: the medium would make light");
+  EXPECT_EQ(message(grid("<boolean name=\"use_grid_bbox\" value=\"true\"/>"),
+                    volume_file({1, 1, 1}, 1, {2}, 1, {0, 0, 0, 0, 1, 1})),
+            "scene.xml:3: use_grid_bbox: the bounding box in 'v.vol' has no volume");
+}
+
+}  // namespace
+}  // namespace candela::scene

@@ -1,0 +1,75 @@
+// Phase functions: how a medium spreads what it scatters. A closed set by kind.
+//
+// Directions are unit, in the world, and point away from the scattering point as a bsdf's do: wo towards
+// where the walk came from, wi where it goes on. Forward scattering is wi = -wo; g > 0 prefers it, as Mitsuba
+// means it. Values integrate to one over the sphere and are reciprocal. Sampling is exact: the density of a
+// direction is its value, and the weight of a sample is 1.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+
+#include "worker/core/math.h"
+#include "worker/core/vec.h"
+#include "worker/core/warp.h"
+
+namespace candela::scene {
+
+enum class PhaseKind : std::uint8_t { isotropic, hg };
+
+class Phase {
+ public:
+  Phase() = default;  // isotropic
+  // Mean cosine g of the deflection, in (-1, 1).
+  static Phase henyey_greenstein(float g) {
+    Phase phase;
+    phase.kind_ = PhaseKind::hg;
+    phase.g_ = g;
+    return phase;
+  }
+
+  PhaseKind kind() const { return kind_; }
+  float mean_cosine() const { return g_; }
+
+  // Per steradian.
+  float eval(Vec3 wo, Vec3 wi) const {
+    if (kind_ == PhaseKind::isotropic) return warp::kPdfUniformSphereSolidAngle;
+    // |wi -+ (-wo)|^2 is 2 (1 -+ cos) without its cancellation.
+    const Vec3 s = g_ >= 0 ? wi + wo : wi - wo;
+    return static_cast<float>(value(0.5 * static_cast<double>(length_squared(s))));
+  }
+  float pdf_solid_angle(Vec3 wo, Vec3 wi) const { return eval(wo, wi); }
+
+  // Returns the density of wi.
+  float sample(Vec3 wo, Vec2 u, Vec3& wi) const {
+    if (kind_ == PhaseKind::isotropic) {
+      wi = warp::uniform_sphere(u);
+      return warp::kPdfUniformSphereSolidAngle;
+    }
+    // The inverse of the cumulative distribution in the cosine [Henyey and Greenstein 1941], with its
+    // division by g carried out, so that g may be zero.
+    const double g = static_cast<double>(g_), w = 2 * static_cast<double>(u.x) - 1, d = 1 + g * w;
+    const double cosine = (w + 0.5 * g * (w * w + 3) + g * g * w + 0.5 * g * g * g * (w * w - 1)) / (d * d);
+    const double c = std::clamp(cosine, -1.0, 1.0);
+    const auto sine = static_cast<float>(std::sqrt((1 - c) * (1 + c)));
+    float sin_phi = 0, cos_phi = 0;
+    math::sincosf(2 * math::kPi * u.y, sin_phi, cos_phi);
+    wi = make_frame(-wo).to_world({sine * cos_phi, sine * sin_phi, static_cast<float>(c)});
+    wi = wi * (1 / length(wi));
+    return static_cast<float>(value(g_ >= 0 ? 1 - c : 1 + c));
+  }
+
+ private:
+  // versed: 1 - cos of the deflection, or 1 + cos where g is negative. The denominator 1 + g^2 - 2 g cos is
+  // (1 - |g|)^2 + 2 |g| versed, a sum that does not cancel.
+  double value(double versed) const {
+    const double g = std::abs(static_cast<double>(g_));
+    const double d = (1 - g) * (1 - g) + 2 * g * versed;
+    return static_cast<double>(warp::kPdfUniformSphereSolidAngle) * (1 - g) * (1 + g) / (d * std::sqrt(d));
+  }
+
+  PhaseKind kind_ = PhaseKind::isotropic;
+  float g_ = 0;
+};
+
+}  // namespace candela::scene

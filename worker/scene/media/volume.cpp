@@ -1,0 +1,144 @@
+#include "worker/scene/media/volume.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "worker/scene/transform.h"
+
+namespace candela::scene {
+namespace {
+
+// How far rounding may move a point over a cell's wall, in cells.
+constexpr double kSlack = 1e-6;
+
+Spectrum minimum(Spectrum a, Spectrum b) {
+  return {std::min(a.r, b.r), std::min(a.g, b.g), std::min(a.b, b.b)};
+}
+Spectrum maximum_of(Spectrum a, Spectrum b) {
+  return {std::max(a.r, b.r), std::max(a.g, b.g), std::max(a.b, b.b)};
+}
+Spectrum mix(Spectrum a, Spectrum b, float t) {
+  return a * (1 - t) + b * t;
+}
+
+}  // namespace
+
+Result<GridVolume> GridVolume::build(const description::Object& object,
+                                     const description::FileSource& files) {
+  const auto fail = [&](std::string message) {
+    return input_error(std::move(message)).at(object.where.file, object.where.line);
+  };
+  const std::string file = object.get_string("filename", "");
+  CANDELA_ASSIGN(const description::FileSource::Bytes bytes, files.open(file));
+  GridVolume grid;
+  CANDELA_ASSIGN(grid.data_, loaders::load_volume(bytes.view, file));
+  grid.nearest_ = object.get_string("filter_type", "trilinear") == "nearest";
+  const std::string wrap = object.get_string("wrap_mode", "clamp");
+  grid.wrap_ = wrap == "repeat" ? Wrap::repeat : wrap == "mirror" ? Wrap::mirror : Wrap::clamp;
+
+  const Transform to_world(object.get_transform("to_world"));
+  const double determinant = to_world.determinant();
+  // Rows of the inverse are the cross products of the columns over the determinant.
+  const Vec3d a = to_world.column(0), b = to_world.column(1), c = to_world.column(2);
+  grid.rows_ = {cross(b, c) / determinant, cross(c, a) / determinant, cross(a, b) / determinant};
+  for (std::size_t i = 0; i < 3; ++i) grid.offset_[i] = -dot(grid.rows_[i], to_world.translation());
+  if (object.get_bool("use_grid_bbox", false)) {
+    const Vec3d low(grid.data_.low), extent = Vec3d(grid.data_.high) - low;
+    for (int i = 0; i < 3; ++i) {
+      if (!(extent[i] > 0) || !std::isfinite(extent[i]))
+        return fail("the bounding box in '" + file + "' has no volume").with_field("use_grid_bbox");
+      const auto k = static_cast<std::size_t>(i);
+      grid.rows_[k] = grid.rows_[k] / extent[i];
+      grid.offset_[k] = (grid.offset_[k] - low[i]) / extent[i];
+    }
+  }
+  for (std::size_t i = 0; i < 3; ++i) {
+    if (!std::isfinite(length_squared(grid.rows_[i])) || !std::isfinite(grid.offset_[i]))
+      return fail("the to_world of the volume is out of range").with_field("to_world");
+  }
+  return grid;
+}
+
+std::int64_t GridVolume::wrapped(std::int64_t i, int axis) const {
+  const auto n = static_cast<std::int64_t>(data_.size[static_cast<std::size_t>(axis)]);
+  if (i >= 0 && i < n) return i;
+  switch (wrap_) {
+    case Wrap::clamp:
+      return std::clamp<std::int64_t>(i, 0, n - 1);
+    case Wrap::repeat:
+      return ((i % n) + n) % n;
+    case Wrap::mirror: {
+      const std::int64_t j = ((i % (2 * n)) + 2 * n) % (2 * n);
+      return j < n ? j : 2 * n - 1 - j;
+    }
+  }
+  return 0;
+}
+
+Spectrum GridVolume::cell(std::int64_t x, std::int64_t y, std::int64_t z) const {
+  const std::size_t i =
+      (static_cast<std::size_t>(z) * data_.size[1] + static_cast<std::size_t>(y)) * data_.size[0] +
+      static_cast<std::size_t>(x);
+  if (data_.channels == 1) return Spectrum(data_.values[i]);
+  return {data_.values[3 * i], data_.values[3 * i + 1], data_.values[3 * i + 2]};
+}
+
+Spectrum GridVolume::eval(Vec3d local) const {
+  std::array<std::int64_t, 3> low{}, high{};
+  std::array<float, 3> t{};
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto k = static_cast<std::size_t>(axis);
+    // Points of a medium lie in its shape; what is far away needs an answer, but no exact one.
+    const double x = std::clamp(local[axis] * data_.size[k] - (nearest_ ? 0.0 : 0.5), -1e15, 1e15);
+    const double floor = std::floor(x);
+    low[k] = wrapped(static_cast<std::int64_t>(floor), axis);
+    if (nearest_) continue;
+    high[k] = wrapped(static_cast<std::int64_t>(floor) + 1, axis);
+    t[k] = static_cast<float>(x - floor);
+  }
+  if (nearest_) return cell(low[0], low[1], low[2]);
+  const auto row = [&](std::int64_t y, std::int64_t z) {
+    return mix(cell(low[0], y, z), cell(high[0], y, z), t[0]);
+  };
+  return mix(mix(row(low[1], low[2]), row(high[1], low[2]), t[1]),
+             mix(row(low[1], high[2]), row(high[1], high[2]), t[1]), t[2]);
+}
+
+void GridVolume::bounds(Vec3d low, Vec3d high, Spectrum& least, Spectrum& most) const {
+  std::array<std::int64_t, 3> first{}, last{};
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto k = static_cast<std::size_t>(axis);
+    const double n = data_.size[k], shift = nearest_ ? 0.0 : 0.5;
+    first[k] = static_cast<std::int64_t>(std::floor(low[axis] * n - shift - kSlack));
+    last[k] = static_cast<std::int64_t>(std::floor(high[axis] * n - shift + kSlack)) + (nearest_ ? 0 : 1);
+  }
+  least = Spectrum(3e38f);
+  most = Spectrum(0.0f);
+  for (std::int64_t z = first[2]; z <= last[2]; ++z)
+    for (std::int64_t y = first[1]; y <= last[1]; ++y)
+      for (std::int64_t x = first[0]; x <= last[0]; ++x) {
+        const Spectrum value = cell(wrapped(x, 0), wrapped(y, 1), wrapped(z, 2));
+        least = minimum(least, value);
+        most = maximum_of(most, value);
+      }
+}
+
+double GridVolume::longest_line() const {
+  const double determinant = std::abs(dot(rows_[0], cross(rows_[1], rows_[2])));
+  double edges = 0;
+  for (std::size_t i = 0; i < 3; ++i) edges += length(cross(rows_[(i + 1) % 3], rows_[(i + 2) % 3]));
+  return edges / determinant;
+}
+
+Spectrum GridVolume::maximum() const {
+  Spectrum most;
+  for (std::size_t i = 0; i < data_.values.size(); i += data_.channels) {
+    const Spectrum value = data_.channels == 1
+                               ? Spectrum(data_.values[i])
+                               : Spectrum(data_.values[i], data_.values[i + 1], data_.values[i + 2]);
+    most = maximum_of(most, value);
+  }
+  return most;
+}
+
+}  // namespace candela::scene
