@@ -35,7 +35,7 @@ std::string accepted_types(const PropertyRule& rule) {
   std::string result;
   for (const PropertyType type : rule.types)
     result += fmt::format("{}<{}>", result.empty() ? "" : " or ", name(type));
-  if (rule.textured) result += " or <texture>";
+  if (rule.textured) result += result.empty() ? "a <texture>" : " or <texture>";
   return result;
 }
 
@@ -196,6 +196,14 @@ Result<void> check_combinations(const Object& object) {
 // A texture needs the name of a parameter that takes one.
 Result<void> check_texture(const Object& object, const PluginRule& rule, const Child& child,
                            const Location& where) {
+  const auto any = std::find_if(rule.properties.begin(), rule.properties.end(),
+                                [](const PropertyRule& property) { return property.any_slot; });
+  if (any != rule.properties.end() && (child.slot == any->name || find_rule(rule, child.slot) == nullptr)) {
+    const auto other = [&](const Child& c) { return c.object->category == "texture" && &c != &child; };
+    if (std::any_of(object.children.begin(), object.children.end(), other))
+      return error_at(where, fmt::format("{} has more than one texture", describe(object)));
+    return {};
+  }
   if (child.slot.empty()) {
     std::vector<std::string_view> slots;
     for (const PropertyRule& property : rule.properties)
@@ -364,9 +372,16 @@ Result<void> check_children(const Object& object, const PluginRule& rule, std::s
     }
   }
   for (const PropertyRule& property : rule.properties)
-    if (property.required && object.find(property.name) == nullptr)
+    if (property.required && !property.any_slot && object.find(property.name) == nullptr &&
+        object.find_child(property.name) == nullptr)
       return error_at(object.where,
                       fmt::format("{} lacks the parameter '{}'", describe(object), property.name));
+
+  for (const PropertyRule& property : rule.properties)
+    if (property.required && property.any_slot &&
+        std::none_of(object.children.begin(), object.children.end(),
+                     [](const Child& c) { return c.object->category == "texture"; }))
+      return error_at(object.where, fmt::format("{} lacks a texture", describe(object)));
 
   if (object.category == "scene") return check_scene(object, where);
   if (object.plugin == "twosided") return check_twosided(object, where);

@@ -239,6 +239,14 @@ void upgrade_grid(Object& object, std::vector<Note>& notes) {
                    "they are at the centres, as in Mitsuba 3"});
 }
 
+// What Mitsuba 3.7 does beside 0.6's perturbation of the normal.
+void keep_plain_bumps(Object& object) {
+  for (const std::string_view name : {"flip_invalid_normals", "use_shadowing_function"}) {
+    if (find(object, name) == nullptr)
+      object.properties.push_back({std::string(name), PropertyType::boolean, false, object.where});
+  }
+}
+
 }  // namespace
 
 std::string plugin_name(std::string_view category, std::string_view name) {
@@ -261,6 +269,8 @@ Result<void> upgrade(Object& object, std::string_view plugin, std::vector<Note>&
   }
   if (object.category == "bsdf" && (object.plugin == "conductor" || object.plugin == "roughconductor"))
     CANDELA_TRY(upgrade_conductor(object));
+  if (object.category == "bsdf" && (object.plugin == "normalmap" || object.plugin == "bumpmap"))
+    keep_plain_bumps(object);
   if (object.category == "texture") CANDELA_TRY(merge_uv_parameters(object));
   if (object.category == "texture" && object.plugin == "bitmap") CANDELA_TRY(upgrade_bitmap(object, notes));
   if (object.category == "bsdf" && object.plugin == "mask")

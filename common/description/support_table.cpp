@@ -69,7 +69,8 @@ std::string types_of(const PropertyRule& rule) {
   std::string result;
   for (const PropertyType type : rule.types)
     result += fmt::format("{}{}", result.empty() ? "" : ", ", name(type));
-  return rule.textured ? result + ", texture" : result;
+  if (!rule.textured) return result;
+  return result.empty() ? "texture" : result + ", texture";
 }
 
 std::string bounds_of(const PropertyRule& rule) {

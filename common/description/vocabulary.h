@@ -18,6 +18,7 @@ struct PropertyRule {
   std::vector<PropertyType> types =
       {};  // accepted; `number` also accepts integer, `rgb` also number and texture children where `textured`
   bool textured = false;  // may be a texture child in this slot instead
+  bool any_slot = false;  // the plugin's only texture child, whatever its slot is called
   bool required = false;
   std::vector<std::string_view> values = {};  // of a string: the closed set; empty: any
   bool is_file = false;                       // a string naming a file the bundle must hold

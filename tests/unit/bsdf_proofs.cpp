@@ -260,7 +260,9 @@ class Proof {
     }
     if (c_.eta != 0 || mode == TransportMode::importance) {
       for (const double a : albedo) {
-        EXPECT_LE(a, c_.most_albedo + kTolerance) << where << ": makes light";
+        if (mode == TransportMode::radiance || !c_.unbounded_adjoint) {
+          EXPECT_LE(a, c_.most_albedo + kTolerance) << where << ": makes light";
+        }
         if (forward && std::abs(wo.z) > 0.45f && !closure.black) {
           EXPECT_GE(a, c_.least_albedo - kTolerance) << where << ": loses light";
         }
@@ -365,9 +367,9 @@ class Proof {
   void count_delta(Vec3 wo, const BsdfSample& s, std::vector<DeltaLobe>& lobes, const std::string& where) {
     for (DeltaLobe& lobe : lobes) {
       const BsdfSample& known = lobe.sample;
-      if (known.straight != s.straight || length(known.wi - s.wi) > 1e-5f) continue;
+      // Two lobes of a blend may go the same way, each with its own probability.
+      if (known.straight != s.straight || length(known.wi - s.wi) > 1e-5f || s.prob != known.prob) continue;
       ++lobe.count;
-      EXPECT_EQ(s.prob, known.prob) << where;
       EXPECT_EQ(s.prob_reverse, known.prob_reverse) << where;
       EXPECT_EQ(s.weight, known.weight) << where;
       return;
@@ -384,7 +386,7 @@ class Proof {
                      const std::string& where) {
     for (const BsdfSample& back : returned) {
       if (!back.delta || back.straight || length(back.wi - wo) > 2e-5f) continue;
-      EXPECT_NEAR(static_cast<double>(out.prob_reverse), static_cast<double>(back.prob), 1e-4) << where;
+      if (std::abs(out.prob_reverse - back.prob) > 1e-4f) continue;  // another lobe of a blend
       EXPECT_NEAR(static_cast<double>(back.prob_reverse), static_cast<double>(out.prob), 1e-4) << where;
       if (!c_.not_reciprocal.empty()) return;
       // The delta's measure, projected solid angle, changes by eta^2 between the two ends.
@@ -398,7 +400,7 @@ class Proof {
     }
     // A lobe chosen once in many times may be missed on the way back.
     EXPECT_LT(static_cast<double>(out.prob_reverse) * samples_, 40)
-        << where << ": sampling never comes back to " << shown(wo);
+        << where << ": sampling never comes back with prob_reverse to " << shown(wo);
   }
 
   // f(wo, wi) |cos wi| in one mode is the adjoint of f(wi, wo) |cos wo| in the other; and in one mode
@@ -412,7 +414,7 @@ class Proof {
       Vec3 wi = uniform_direction(stream);
       BsdfSample s;
       if (draw(closure, wo, stream, TransportMode::radiance, s) && !s.delta && i % 4 < 3) wi = s.wi;
-      if (!c_.not_reciprocal.empty() || closure.black || std::abs(wi.z) < 0.01f) continue;
+      if (closure.black || std::abs(wi.z) < 0.01f) continue;
       const auto scattered = [&](Vec3 to, Vec3 from, TransportMode mode) {
         return closure.eval(to, from, mode) / std::abs(from.z);
       };
@@ -426,7 +428,7 @@ class Proof {
       for (std::size_t k = 0; k < 3; ++k) {
         EXPECT_NEAR(there[k], adjoint[k], slack * std::max(there[k], 1e-7))
             << c_.name << ": not its own adjoint, wo " << shown(wo) << " wi " << shown(wi);
-        if (eta == 0) continue;
+        if (eta == 0 || !c_.not_reciprocal.empty()) continue;
         EXPECT_NEAR(there[k] * eta * eta, back[k], slack * std::max(back[k], 1e-7))
             << c_.name << ": not reciprocal, wo " << shown(wo) << " wi " << shown(wi);
       }

@@ -21,12 +21,14 @@ struct BsdfConfiguration {
   // what depends on it is not asked.
   double eta = 1;
   // f(wo, wi) = f(wi, wo) for reflection, and across the boundary the same divided by the squared index of
-  // the side it leaves to. Where its definition denies that, the reason.
+  // the side it leaves to. Where its definition denies that, the reason. Each mode is the other's adjoint
+  // always.
   std::string not_reciprocal = {};
   // Between these the fraction scattered lies for every wo with |cos| above 0.5 (least) and for all (most).
   double least_albedo = 0;
   double most_albedo = 1;
-  std::string why_more = {};  // where most_albedo is above 1: why its definition makes light
+  bool unbounded_adjoint = false;  // the albedo in importance mode has no bound: shading normals
+  std::string why_more = {};       // where most_albedo is above 1: why its definition makes light
   // Directions wo are these cosines on both sides; adds to the default ones.
   std::vector<double> more_cosines = {};
 };

@@ -1,6 +1,8 @@
 // Every bsdf, through every proof of bsdf_proofs.h. A new bsdf adds its lines to configurations().
 #include <gtest/gtest.h>
 
+#include <sstream>
+
 #include "bsdf_proofs.h"
 
 namespace candela::test {
@@ -89,6 +91,150 @@ std::vector<BsdfConfiguration> configurations() {
   all.push_back({.name = "blend_glass_diffuse",
                  .xml = "<bsdf type='blendbsdf'><bsdf type='dielectric'/><bsdf type='diffuse'/></bsdf>",
                  .eta = 1.5046 / 1.000277});
+
+  all.push_back({.name = "mask_opaque",
+                 .xml = "<bsdf type='mask'><float name='opacity' value='1'/><bsdf type='diffuse'>"
+                        "<rgb name='reflectance' value='0.8'/></bsdf></bsdf>"});
+  all.push_back({.name = "mask_clear",
+                 .xml = "<bsdf type='mask'><float name='opacity' value='0'/><bsdf type='diffuse'/></bsdf>",
+                 .least_albedo = 1});
+  all.push_back(
+      {.name = "blend_two_deltas",
+       .xml = "<bsdf type='blendbsdf'><float name='weight' value='0.3'/><bsdf type='dielectric'/>"
+              "<bsdf type='conductor'><rgb name='specular_reflectance' value='0.9 0.5 0.1'/></bsdf></bsdf>",
+       .eta = 1.5046 / 1.000277});
+  all.push_back({.name = "blend_two_glasses",
+                 .xml = "<bsdf type='blendbsdf'><float name='weight' value='0.3'/><bsdf "
+                        "type='dielectric'><float name='int_ior' value='1.3'/></bsdf>"
+                        "<bsdf type='dielectric'><float name='int_ior' value='2'/></bsdf></bsdf>",
+                 .eta = 0,
+                 .least_albedo = 1});
+  all.push_back({.name = "blend_of_sides_and_null",
+                 .xml = "<bsdf type='blendbsdf'><float name='weight' value='0.25'/><bsdf type='twosided'>"
+                        "<bsdf type='roughconductor'><float name='alpha' value='0.3'/></bsdf>"
+                        "<bsdf type='diffuse'/></bsdf><bsdf type='null'/></bsdf>"});
+  all.push_back({.name = "blend_weight_zero",
+                 .xml = "<bsdf type='blendbsdf'><float name='weight' value='0'/><bsdf type='diffuse'/>"
+                        "<bsdf type='conductor'/></bsdf>"});
+  all.push_back(
+      {.name = "blend_nested",
+       .xml = "<bsdf type='twosided'><bsdf type='blendbsdf'><float name='weight' value='0.4'/>"
+              "<bsdf type='blendbsdf'><float name='weight' value='0.1'/><bsdf type='diffuse'/>"
+              "<bsdf type='conductor'/></bsdf><bsdf type='blendbsdf'><float name='weight' value='0.7'/>"
+              "<bsdf type='roughconductor'><float name='alpha' value='0.1'/></bsdf>"
+              "<bsdf type='conductor'><rgb name='specular_reflectance' value='0.3'/></bsdf></bsdf>"
+              "</bsdf></bsdf>"});
+
+  const auto turned = [](const std::string& normal, const std::string& options, const std::string& nested) {
+    return "<bsdf type='normalmap'><rgb name='normalmap' value='" + normal + "'/>" + options + nested +
+           "</bsdf>";
+  };
+  const std::string plain =
+      "<boolean name='flip_invalid_normals' value='false'/><boolean name='use_shadowing_function' "
+      "value='false'/>";
+  const std::string why_turned = "cos theta is that of the turned normal";
+  all.push_back(
+      {.name = "normalmap_flat",
+       .xml = turned("0.5 0.5 1", "", "<bsdf type='roughconductor'><float name='alpha' value='0.2'/></bsdf>"),
+       .least_albedo = 0.85});
+  all.push_back(
+      {.name = "normalmap_diffuse",
+       .xml = turned("0.7 0.4 0.9", "", "<bsdf type='diffuse'><rgb name='reflectance' value='1'/></bsdf>"),
+       .not_reciprocal = why_turned,
+       .unbounded_adjoint = true});
+  all.push_back({.name = "normalmap_diffuse_plain",
+                 .xml = turned("0.7 0.4 0.9", plain, "<bsdf type='diffuse'/>"),
+                 .not_reciprocal = why_turned,
+                 .unbounded_adjoint = true});
+  all.push_back(
+      {.name = "normalmap_mirror",
+       .xml = "<bsdf type='twosided'>" + turned("0.7 0.4 0.9", "", "<bsdf type='conductor'/>") + "</bsdf>",
+       .not_reciprocal = why_turned,
+       .unbounded_adjoint = true});
+  all.push_back({.name = "normalmap_glass",
+                 .xml = turned("0.6 0.4 0.95", "", "<bsdf type='dielectric'/>"),
+                 .eta = 1.5046 / 1.000277,
+                 .not_reciprocal = why_turned,
+                 .unbounded_adjoint = true});
+  all.push_back(
+      {.name = "normalmap_two_sides_masked",
+       .xml = turned("0.3 0.45 0.8", "",
+                     "<bsdf type='mask'><bsdf type='twosided'><bsdf type='roughconductor'>"
+                     "<float name='alpha_u' value='0.1'/><float name='alpha_v' value='0.3'/></bsdf></bsdf>"
+                     "</bsdf>"),
+       .not_reciprocal = why_turned,
+       .unbounded_adjoint = true});
+
+  const auto phong = [](const std::string& exponent, const std::string& diffuse,
+                        const std::string& specular) {
+    return "<bsdf type='phong'><float name='exponent' value='" + exponent +
+           "'/><rgb name='diffuse_reflectance' value='" + diffuse +
+           "'/><rgb name='specular_reflectance' value='" + specular + "'/></bsdf>";
+  };
+  all.push_back({.name = "phong", .xml = "<bsdf type='phong'/>", .least_albedo = 0.5});
+  all.push_back({.name = "phong_two_sided",
+                 .xml = "<bsdf type='twosided'>" + phong("5", "0.1 0.5 0", "0.2 0.3 0.9") + "</bsdf>"});
+  all.push_back({.name = "phong_narrow", .xml = phong("3000", "0", "1"), .least_albedo = 0.4});
+  all.push_back({.name = "phong_zero", .xml = phong("0", "0", "0.9")});
+  all.push_back({.name = "phong_too_bright", .xml = phong("20", "0.9", "0.8 0.8 0.4"), .least_albedo = 0.6});
+
+  const auto ward = [](const std::string& variant, const std::string& more) {
+    return "<bsdf type='ward'><string name='variant' value='" + variant + "'/>" + more + "</bsdf>";
+  };
+  const std::string brushed =
+      "<float name='alpha_u' value='0.1'/><float name='alpha_v' value='0.4'/>"
+      "<rgb name='diffuse_reflectance' value='0.1'/>"
+      "<rgb name='specular_reflectance' value='0.9 0.5 0.2'/>";
+  all.push_back({.name = "ward", .xml = "<bsdf type='ward'/>", .least_albedo = 0.5});
+  all.push_back({.name = "ward_balanced_brushed", .xml = ward("balanced", brushed)});
+  all.push_back({.name = "ward_duer_brushed",
+                 .xml = ward("ward-duer", brushed),
+                 .most_albedo = 1e9,
+                 .why_more = "its albedo has no bound at grazing angles"});
+  all.push_back({.name = "ward_original_brushed",
+                 .xml = ward("ward", brushed),
+                 .most_albedo = 1e9,
+                 .why_more = "its albedo has no bound at grazing angles"});
+  all.push_back({.name = "ward_narrow", .xml = ward("balanced", "<float name='alpha' value='0.02'/>")});
+
+  const auto principled = [](const std::string& parameters) {
+    std::string xml = "<bsdf type='principled'>";
+    std::istringstream in(parameters);
+    for (std::string name, value; in >> name >> value;)
+      xml += (name == "base_color" ? "<rgb name='" : "<float name='") + name + "' value='" + value + "'/>";
+    return xml + "</bsdf>";
+  };
+  const std::string added = "its lobes are added";
+  all.push_back({.name = "principled", .xml = principled("")});
+  all.push_back({.name = "principled_metal",
+                 .xml = principled("metallic 1 roughness 0.4 anisotropic 0.7 base_color 0.9,0.6,0.2")});
+  all.push_back({.name = "principled_narrow", .xml = principled("metallic 0.8 roughness 0.12")});
+  all.push_back({.name = "principled_cloth",
+                 .xml = principled("base_color 0.7,0.1,0.3 sheen 1 sheen_tint 0.6 roughness 0.9 flatness 0.7 "
+                                   "spec_tint 0.8"),
+                 .most_albedo = 2,
+                 .why_more = added});
+  all.push_back({.name = "principled_coated",
+                 .xml = principled("clearcoat 1 clearcoat_gloss 0 metallic 0.3 specular 0.8 "
+                                   "clearcoat_sampling_rate 2 main_specular_sampling_rate 0"),
+                 .most_albedo = 2,
+                 .why_more = added});
+  all.push_back({.name = "principled_glass",
+                 .xml = principled("spec_trans 1 roughness 0.5 eta 1.5 base_color 1,0.8,0.5"),
+                 .eta = 1.5});
+  all.push_back({.name = "principled_mixed",
+                 .xml = principled("spec_trans 0.5 metallic 0.2 roughness 0.6 anisotropic 0.5 spec_tint 0.4 "
+                                   "clearcoat 0.5 sheen 0.3 eta 1.33 base_color 0.3,0.8,0.6"),
+                 .eta = 1.33,
+                 .most_albedo = 2,
+                 .why_more = added});
+  all.push_back({.name = "principled_denser_outside",
+                 .xml = principled("spec_trans 1 roughness 0.4 eta 0.7"),
+                 .eta = 0.7});
+  all.push_back({.name = "principled_black",
+                 .xml = principled("base_color 0,0,0 spec_tint 1 sheen 1 sheen_tint 1"),
+                 .most_albedo = 2,
+                 .why_more = added});
   return all;
 }
 

@@ -39,6 +39,9 @@ enum class BsdfKind : std::uint8_t {
   conductor,
   roughconductor,
   null,
+  phong,
+  ward,
+  principled,
   // Composite ones.
   blend,
   perturbed
@@ -49,10 +52,17 @@ constexpr std::uint32_t bit(BsdfKind kind) {
 // Kinds of delta lobes alone; kinds whose sample() reads u_lobe.
 inline constexpr std::uint32_t kDeltaKinds =
     bit(BsdfKind::dielectric) | bit(BsdfKind::conductor) | bit(BsdfKind::null);
-inline constexpr std::uint32_t kLobeKinds = bit(BsdfKind::dielectric) | bit(BsdfKind::blend);
+inline constexpr std::uint32_t kLobeKinds = bit(BsdfKind::dielectric) | bit(BsdfKind::phong) |
+                                            bit(BsdfKind::ward) | bit(BsdfKind::principled) |
+                                            bit(BsdfKind::blend);
 inline constexpr std::uint32_t kCompositeKinds = bit(BsdfKind::blend) | bit(BsdfKind::perturbed);
+// Kinds that may scatter, not only refract, through the surface.
+inline constexpr std::uint32_t kThroughKinds = kCompositeKinds | bit(BsdfKind::principled);
 
 class Closure;
+
+// Densities below it have no inverse to trust; no sample of any number is lost by it.
+inline constexpr float kLeastDensity = 1e-30f;
 
 struct DiffuseParameters {
   Spectrum reflectance;
@@ -70,6 +80,31 @@ struct RoughConductorParameters {
   bool ggx;  // else Beckmann
   bool sample_visible;
 };
+struct PhongParameters {
+  Spectrum diffuse, specular;
+  float exponent;
+  float prob_specular;  // of sampling the lobe
+};
+enum class WardVariant : std::uint8_t { ward, ward_duer, balanced };
+struct WardParameters {
+  Spectrum diffuse, specular;
+  float alpha_u, alpha_v;
+  float prob_specular;
+  WardVariant variant;
+};
+// Mitsuba's parameters, combined; see principled.h.
+struct PrincipledParameters {
+  Spectrum base;
+  float alpha_u, alpha_v, eta;
+  float diffuse;            // weight of the diffuse part, (1 - metallic) (1 - spec_trans)
+  float transmission;       // weight of refraction, (1 - metallic) spec_trans
+  float f0_base, f0_white;  // at normal incidence Schlick's terms reflect base * f0_base + f0_white
+  float f90, f_dielectric;  // at grazing incidence they reflect f90; weight of the dielectric Fresnel term
+  float sheen_base, sheen_white;  // sheen is base * sheen_base + sheen_white
+  float roughness, flatness;
+  float coat, coat_alpha, coat_norm;
+  float rate_diffuse, rate_coat, rate_specular;  // of sampling these, to be divided by their sum
+};
 
 // (1 - weight) of `first`, weight of `second`. A mask is a blend of nothing and its bsdf by opacity.
 struct BlendParameters {
@@ -81,6 +116,8 @@ struct BlendParameters {
 struct PerturbedParameters {
   const Closure* nested;
   Frame frame;
+  float shadow_alpha2;  // squared roughness of the shadowing function; 0: none
+  bool flips;           // the normal is mirrored for viewers who would see it from behind
 };
 
 class Closure {
@@ -95,6 +132,9 @@ class Closure {
     DielectricParameters dielectric;
     ConductorParameters conductor;
     RoughConductorParameters rough_conductor;
+    PhongParameters phong;
+    WardParameters ward;
+    PrincipledParameters principled;
     BlendParameters blend;
     PerturbedParameters perturbed;
   };
@@ -112,8 +152,11 @@ class Closure {
   Spectrum straight(Vec3 wo) const;
   // sample() reads u_lobe.
   bool chooses_lobe() const {
-    return (kLobeKinds & bit(kind)) != 0 || (kind == BsdfKind::perturbed && perturbed.nested->chooses_lobe());
+    return (kLobeKinds & bit(kind)) != 0 ||
+           (kind == BsdfKind::perturbed && (perturbed.flips || perturbed.nested->chooses_lobe()));
   }
+  // Lobes that are not delta send light through: emitters behind the surface count.
+  bool scatters_through() const { return (kThroughKinds & bit(kind)) != 0 && parts_scatter_through(); }
   // Only delta lobes: next event estimation is pointless.
   bool purely_delta() const {
     return (kDeltaKinds & bit(kind)) != 0 || ((kCompositeKinds & bit(kind)) != 0 && parts_purely_delta());
@@ -121,7 +164,10 @@ class Closure {
 
  private:
   bool parts_purely_delta() const;
+  bool parts_scatter_through() const;
 };
+
+static_assert(sizeof(Closure) <= 96);
 
 // Room for the parts of the composite closures at one hit. Bsdf::build sees to it that no bsdf needs more.
 class ClosureArena {

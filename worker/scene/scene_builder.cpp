@@ -20,7 +20,8 @@ Error error_at(const description::Object& object, std::string message) {
 // Something below `object` looks at (u, v): a texture, or an anisotropic lobe, whose axes follow them.
 bool reads_uv(const description::Object& object) {
   if (object.category == "texture") return true;
-  if (object.find("alpha_u") != nullptr || object.find("alpha_v") != nullptr) return true;
+  for (const char* name : {"alpha_u", "alpha_v", "anisotropic"})
+    if (object.find(name) != nullptr) return true;
   return std::any_of(object.children.begin(), object.children.end(),
                      [](const description::Child& c) { return reads_uv(*c.object); });
 }

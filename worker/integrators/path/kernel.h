@@ -47,7 +47,8 @@ Spectrum radiance(const SceneT& scene, const Limits& limits, Ray ray, samplers::
   float previous_pdf_solid_angle = 0;
   SurfaceHit hits[2];  // the edge's end and its start, in turn
   scene::ClosureArena arena;
-  Vec3 front;  // the previous vertex's shading normal, on the viewer's side; zero in a medium
+  Vec3 front;  // the previous vertex's shading normal, on the viewer's side; zero where it scatters through,
+               // and in a medium
   std::uint32_t scatterings = 0;  // vertices so far that are not specular
   std::uint32_t block = kCameraDimensions;
   std::uint32_t passes = 0;
@@ -190,7 +191,7 @@ Spectrum radiance(const SceneT& scene, const Limits& limits, Ray ray, samplers::
     arena.clear();
     const Closure closure = scene.closure(hit, wo, arena);
     if (closure.black) break;
-    const Vec3 side = wo.z < 0 ? -hit.shading.n : hit.shading.n;
+    const Vec3 side = closure.scatters_through() ? Vec3{} : wo.z < 0 ? -hit.shading.n : hit.shading.n;
     scatterings += closure.purely_delta() ? 0 : 1;
 
     if constexpr (kNextEvent) {

@@ -67,6 +67,9 @@ Result<Bsdf> Bsdf::build_at_depth(const description::Object& object, TextureStor
   if (plugin == "conductor") return plain(ConductorSurface());
   if (plugin == "roughconductor") return plain(RoughConductorSurface());
   if (plugin == "null") return plain(NullSurface());
+  if (plugin == "phong") return plain(PhongSurface());
+  if (plugin == "ward") return plain(WardSurface());
+  if (plugin == "principled") return plain(PrincipledSurface());
   if (plugin == "twosided") {
     CANDELA_TRY(bsdf.build_two_sided(object, textures, depth));
     return bsdf;
@@ -77,6 +80,10 @@ Result<Bsdf> Bsdf::build_at_depth(const description::Object& object, TextureStor
   }
   if (plugin == "mask") {
     CANDELA_TRY(bsdf.build_mask(object, textures, depth));
+    return bsdf;
+  }
+  if (plugin == "normalmap" || plugin == "bumpmap") {
+    CANDELA_TRY(bsdf.build_perturbed(object, textures, depth));
     return bsdf;
   }
   return located("the bsdf plugin '" + plugin + "' is not supported", object, "");
@@ -125,6 +132,17 @@ Result<void> Bsdf::build_mask(const description::Object& object, TextureStore& t
   return {};
 }
 
+Result<void> Bsdf::build_perturbed(const description::Object& object, TextureStore& textures, int depth) {
+  CANDELA_ASSIGN(const auto children, parts(object, 1, 1));
+  Perturbed perturbed;
+  CANDELA_ASSIGN(perturbed.nested, build_part(*children[0], textures, depth));
+  if (perturbed.nested->facts().perturbs)
+    return located("bump and normal maps inside of one another are not supported", *children[0], "");
+  CANDELA_TRY(perturbed.map.build(object, textures));
+  surface_ = std::move(perturbed);
+  return {};
+}
+
 Bsdf Bsdf::default_diffuse() {
   Bsdf bsdf;
   DiffuseSurface surface;
@@ -148,7 +166,7 @@ void Bsdf::prepare(const SurfaceHit& hit, Vec3 wo, ClosureArena& arena, Closure&
           surface.second->prepare(hit, wo, arena, second);
           out.kind = BsdfKind::blend;
           out.blend = {&first, &second, clamped(surface.weight.eval(hit.uv))};
-          out.black = first.black && second.black;
+          out.black = (first.black || out.blend.weight == 1) && (second.black || out.blend.weight == 0);
         } else if constexpr (std::is_same_v<S, Mask>) {
           Closure& first = arena.make();
           Closure& second = arena.make();
@@ -156,6 +174,14 @@ void Bsdf::prepare(const SurfaceHit& hit, Vec3 wo, ClosureArena& arena, Closure&
           surface.nested->prepare(hit, wo, arena, second);
           out.kind = BsdfKind::blend;
           out.blend = {&first, &second, clamped(surface.opacity.eval(hit.uv))};
+          out.black = second.black && out.blend.weight == 1;
+        } else if constexpr (std::is_same_v<S, Perturbed>) {
+          Closure& nested = arena.make();
+          surface.nested->prepare(hit, wo, arena, nested);  // seen from the same side in both frames
+          out.kind = BsdfKind::perturbed;
+          out.black = nested.black;
+          surface.map.prepare(hit, out.perturbed);
+          out.perturbed.nested = &nested;
         } else {
           surface.prepare(hit.uv, wo.z < 0, out);
         }
@@ -174,11 +200,22 @@ BsdfFacts Bsdf::facts() const {
           return facts;
         } else if constexpr (std::is_same_v<S, Blend>) {
           BsdfFacts facts = surface.first->facts();
-          facts.join(surface.second->facts());
+          BsdfFacts second = surface.second->facts();
+          // The lobes of a part that nowhere counts are none.
+          if (surface.weight.is_constant() && surface.weight.constant == 0) second.forget_lobes();
+          if (surface.weight.is_constant() && surface.weight.constant == 1) facts.forget_lobes();
+          facts.join(second);
           return facts;
         } else if constexpr (std::is_same_v<S, Mask>) {
           BsdfFacts facts = surface.nested->facts();
-          facts.join(NullSurface().facts());
+          if (surface.opacity.is_constant() && surface.opacity.constant == 0) facts.forget_lobes();
+          if (!surface.opacity.is_constant() || surface.opacity.constant < 1)
+            facts.join(NullSurface().facts());
+          return facts;
+        } else if constexpr (std::is_same_v<S, Perturbed>) {
+          BsdfFacts facts = surface.nested->facts();
+          facts.perturbs = true;
+          facts.reads_partials |= surface.map.bump;
           return facts;
         } else {
           BsdfFacts facts = surface.facts();
@@ -200,7 +237,7 @@ void Bsdf::collect_plugins(std::vector<std::string>& names) const {
         } else if constexpr (std::is_same_v<S, Blend>) {
           surface.first->collect_plugins(names);
           surface.second->collect_plugins(names);
-        } else if constexpr (std::is_same_v<S, Mask>) {
+        } else if constexpr (std::is_same_v<S, Mask> || std::is_same_v<S, Perturbed>) {
           surface.nested->collect_plugins(names);
         }
       },
@@ -220,6 +257,8 @@ std::uint32_t Bsdf::arena_parts() const {
           return 2 + surface.first->arena_parts() + surface.second->arena_parts();
         } else if constexpr (std::is_same_v<S, Mask>) {
           return 2 + surface.nested->arena_parts();
+        } else if constexpr (std::is_same_v<S, Perturbed>) {
+          return 1 + surface.nested->arena_parts();
         } else {
           return 0;
         }

@@ -12,7 +12,10 @@
 #include "common/base/result.h"
 #include "common/description/object.h"
 #include "worker/scene/bsdf.h"
+#include "worker/scene/bsdfs/perturbation.h"
 #include "worker/scene/bsdfs/surfaces.h"
+#include "worker/scene/bsdfs/surfaces_phong.h"
+#include "worker/scene/bsdfs/surfaces_principled.h"
 #include "worker/scene/hit.h"
 #include "worker/scene/textures/texture.h"
 
@@ -47,8 +50,13 @@ class Bsdf {
     std::unique_ptr<Bsdf> nested;
     FloatTexture opacity;
   };
-  using Surface = std::variant<DiffuseSurface, DielectricSurface, ConductorSurface, RoughConductorSurface,
-                               NullSurface, TwoSided, Blend, Mask>;
+  struct Perturbed {
+    std::unique_ptr<Bsdf> nested;
+    Perturbation map;
+  };
+  using Surface =
+      std::variant<DiffuseSurface, DielectricSurface, ConductorSurface, RoughConductorSurface, NullSurface,
+                   PhongSurface, WardSurface, PrincipledSurface, TwoSided, Blend, Mask, Perturbed>;
 
   static Result<Bsdf> build_at_depth(const description::Object& object, TextureStore& textures, int depth);
   static Result<std::unique_ptr<Bsdf>> build_part(const description::Object& object, TextureStore& textures,
@@ -56,6 +64,7 @@ class Bsdf {
   Result<void> build_two_sided(const description::Object& object, TextureStore& textures, int depth);
   Result<void> build_blend(const description::Object& object, TextureStore& textures, int depth);
   Result<void> build_mask(const description::Object& object, TextureStore& textures, int depth);
+  Result<void> build_perturbed(const description::Object& object, TextureStore& textures, int depth);
   std::uint32_t arena_parts() const;  // closures that prepare() may make in the arena
 
   Surface surface_;

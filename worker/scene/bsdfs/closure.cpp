@@ -8,7 +8,10 @@
 #include "worker/scene/bsdfs/diffuse.h"
 #include "worker/scene/bsdfs/null.h"
 #include "worker/scene/bsdfs/perturbed.h"
+#include "worker/scene/bsdfs/phong.h"
+#include "worker/scene/bsdfs/principled.h"
 #include "worker/scene/bsdfs/roughconductor.h"
+#include "worker/scene/bsdfs/ward.h"
 
 namespace candela::scene {
 
@@ -24,6 +27,12 @@ Spectrum Closure::eval_pdf(Vec3 wo, Vec3 wi, TransportMode mode, float& pdf) con
       return diffuse::eval_pdf(diffuse, wo, wi, pdf);
     case BsdfKind::roughconductor:
       return roughconductor::eval_pdf(rough_conductor, wo, wi, pdf);
+    case BsdfKind::phong:
+      return phong::eval_pdf(phong, wo, wi, pdf);
+    case BsdfKind::ward:
+      return ward::eval_pdf(ward, wo, wi, pdf);
+    case BsdfKind::principled:
+      return principled::eval_pdf(principled, wo, wi, mode, pdf);
     case BsdfKind::blend:
       return blend::eval_pdf(blend, wo, wi, mode, pdf);
     case BsdfKind::perturbed:
@@ -45,11 +54,14 @@ Spectrum Closure::straight(Vec3 wo) const {
     case BsdfKind::blend:
       return blend::straight(blend, wo);
     case BsdfKind::perturbed:
-      return perturbed.nested->straight(perturbed.frame.to_local(wo));
+      return perturbed::straight(perturbed, wo);
     case BsdfKind::diffuse:
     case BsdfKind::dielectric:
     case BsdfKind::conductor:
     case BsdfKind::roughconductor:
+    case BsdfKind::phong:
+    case BsdfKind::ward:
+    case BsdfKind::principled:
       break;
   }
   return {};
@@ -59,6 +71,13 @@ bool Closure::parts_purely_delta() const {
   if (kind == BsdfKind::perturbed) return perturbed.nested->purely_delta();
   const auto no_smooth_lobe = [](const Closure& part) { return part.black || part.purely_delta(); };
   return no_smooth_lobe(*blend.first) && no_smooth_lobe(*blend.second);
+}
+
+bool Closure::parts_scatter_through() const {
+  if (black) return false;
+  if (kind == BsdfKind::principled) return principled.transmission > 0;
+  if (kind == BsdfKind::perturbed) return perturbed.nested->scatters_through();
+  return blend.first->scatters_through() || blend.second->scatters_through();
 }
 
 Spectrum Closure::eval(Vec3 wo, Vec3 wi, TransportMode mode) const {
@@ -92,6 +111,15 @@ bool Closure::sample(Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSamp
       break;
     case BsdfKind::null:
       valid = null::sample(wo, out);
+      break;
+    case BsdfKind::phong:
+      valid = phong::sample(phong, wo, u_lobe, u, out);
+      break;
+    case BsdfKind::ward:
+      valid = ward::sample(ward, wo, u_lobe, u, out);
+      break;
+    case BsdfKind::principled:
+      valid = principled::sample(principled, wo, u_lobe, u, mode, out);
       break;
     case BsdfKind::blend:
       valid = blend::sample(blend, wo, u_lobe, u, mode, out);

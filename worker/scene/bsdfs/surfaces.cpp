@@ -8,12 +8,19 @@
 
 namespace candela::scene {
 
+void BsdfFacts::forget_lobes() {
+  delta = smooth = transmissive = straight = false;
+  max_albedo = 0;
+  min_roughness = 1;
+}
+
 void BsdfFacts::join(const BsdfFacts& other) {
   delta |= other.delta;
   smooth |= other.smooth;
   transmissive |= other.transmissive;
   straight |= other.straight;
   two_sided |= other.two_sided;
+  perturbs |= other.perturbs;
   reads_partials |= other.reads_partials;
   max_albedo = std::max(max_albedo, other.max_albedo);
   min_roughness = std::min(min_roughness, other.min_roughness);

@@ -20,11 +20,13 @@ struct BsdfFacts {
   bool transmissive = false;  // light passes through by refraction or scattering
   bool straight = false;      // light passes straight on
   bool two_sided = false;
+  bool perturbs = false;        // turns the shading frame: bump and normal maps
   bool reads_partials = false;  // prepare() reads SurfaceHit::dp_du and dp_dv
   float max_albedo = 0;     // an upper bound over the surface, channels and directions; 0: black everywhere
   float min_roughness = 1;  // the smallest alpha of its rough lobes; 0 for delta lobes, 1 for diffuse ones
 
   bool black() const { return max_albedo == 0; }
+  void forget_lobes();                // as if it were black
   void join(const BsdfFacts& other);  // facts of a bsdf that has both as parts
 };
 

@@ -220,4 +220,10 @@ Result<FloatTexture> TextureStore::number(const description::Object& owner, std:
   return result;
 }
 
+Result<FloatTexture> TextureStore::nested_number(const description::ObjectPtr& object) {
+  FloatTexture result;
+  CANDELA_ASSIGN(result.texture, build(object, 0));
+  return result;
+}
+
 }  // namespace candela::scene

@@ -72,6 +72,9 @@ class TextureStore {
   Result<ColorTexture> color(const description::Object& owner, std::string_view name, Spectrum otherwise);
   Result<FloatTexture> number(const description::Object& owner, std::string_view name, float otherwise);
 
+  // The texture `object` itself, in the place of a number.
+  Result<FloatTexture> nested_number(const description::ObjectPtr& object);
+
   // One decoding per file and reading. `where` is the object that asks, for errors.
   Result<std::shared_ptr<const TexelImage>> image(const std::string& key, const ImageReading& reading,
                                                   const description::Location& where);
