@@ -146,6 +146,12 @@ TEST(TextureFiles, WordsAndFloats) {
             << name << " " << width << " x " << height << " at " << x << ", " << y;
       }
     };
+    std::string pnm = "P6 # a comment\n" + std::to_string(width) + " " + std::to_string(height) + "\n65535\n";
+    for (const std::uint16_t v : words) {
+      pnm.push_back(static_cast<char>(v >> 8));
+      pnm.push_back(static_cast<char>(v & 255));
+    }
+    check(pnm, "x16.pnm", [&](std::size_t i) { return from_srgb(words[i] / 65535.0); });
     for (const std::string format : {"png", "tiff"}) {
       const OIIO::ImageSpec spec(width, height, 3, OIIO::TypeDesc::UINT16);
       check(encode(format, spec, OIIO::TypeDesc::UINT16, words.data()), "x16." + format,
@@ -189,6 +195,20 @@ TEST(TextureFiles, Channels) {
   const std::string gray = encode("openexr", spec, OIIO::TypeDesc::FLOAT, values.data());
   EXPECT_NE(error_of(gray, "x.exr", alpha).find("no channel 'a'"), std::string::npos);
   EXPECT_EQ(decode(gray, "x.exr").at(1, 0), Spectrum(0.2f));
+}
+
+// Claim: Netpbm files of other maxima and float maps of either byte order, with their scale; values above the
+// maximum and sizes beyond the bytes are refused.
+TEST(TextureFiles, NetpbmMaximaAndByteOrders) {
+  EXPECT_EQ(decode("P5 2 1 15 \x03\x0f", "x.pgm").at(0, 0), Spectrum(from_srgb(0.2)));
+  EXPECT_EQ(decode("P5 2 1 15 \x03\x0f", "x.pgm").at(1, 0), Spectrum(1));
+  const std::string big("Pf\n1 2\n2\n\x3f\x80\0\0\x3f\0\0\0", 17);
+  EXPECT_EQ(decode(big, "x.pfm").at(0, 0), Spectrum(1));  // rows from the bottom: 1, then 0.5; times 2
+  EXPECT_EQ(decode(big, "x.pfm").at(0, 1), Spectrum(2));
+  EXPECT_NE(error_of("P5 2 1 15 \x03\x10", "x.pgm").find("maximum"), std::string::npos);
+  for (const char* const bad : {"P5 2 1 15 x", "P5 2 1 0 xx", "P5 2 1 70000 xxxx", "P5 -2 1 15 xx", "P5 2",
+                                "P5", "Pf 1 1 0 xxxx", "Pf 1 1 nan xxxx", "P6 99999999 99999999 255 x"})
+    EXPECT_NE(error_of(bad, "x.pnm"), "") << bad;
 }
 
 // Claim: an attribute of OpenEXR that says it has two gigabytes is refused before anybody makes room for

@@ -7,10 +7,12 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
+#include <optional>
 #include <type_traits>
 #include <vector>
 
 #include "worker/core/math.h"
+#include "worker/scene/textures/pnm.h"
 
 namespace candela::scene {
 namespace {
@@ -97,6 +99,13 @@ class Decoder {
 
  private:
   Result<void> open();
+  bool bytes_hold_binary_pnm() const {
+    return std::string_view("56Ff").find(encoded_[1]) != std::string_view::npos;
+  }
+  Result<void> open_pnm();
+  // Rows [begin, end) of the channels that are read, into `out`.
+  template <class T>
+  Result<void> read(int begin, int end, bool tiled, T* out);
   Result<void> check_size() const;
   Result<void> find_channels();
   float to_linear(double v) const;
@@ -113,6 +122,7 @@ class Decoder {
   std::unique_ptr<OIIO::Filesystem::IOMemReader> reader_;
   std::unique_ptr<OIIO::ImageInput> input_;
   OIIO::ImageSpec spec_;
+  std::optional<PnmFile> pnm_;  // in place of the library
   bool gray_ = false;
   int pick_[3] = {0, 0, 0};       // channels, counted from first_
   int first_ = 0, channels_ = 0;  // of the file, that are read
@@ -134,6 +144,7 @@ Result<void> Decoder::open() {
   format_ = format;
   if (format_ == "openexr" && !exr_header_fits(encoded_))
     return image_error("the file's header is damaged or cut off", file_);
+  if (format_ == "pnm" && bytes_hold_binary_pnm()) return open_pnm();
   input_ = OIIO::ImageInput::create(format);
   // The bytes are all there is: a reader that would open a file by name instead must not be asked.
   if (!input_ || !input_->supports("ioproxy")) {
@@ -147,6 +158,44 @@ Result<void> Decoder::open() {
   if (!input_->set_ioproxy(reader_.get()) || !input_->open(file_, opened, config))
     return library_error("cannot decode the image: ");
   spec_ = input_->spec();
+  return {};
+}
+
+Result<void> Decoder::open_pnm() {
+  pnm_ = PnmFile::parse(encoded_);
+  if (!pnm_)
+    return image_error("the file's header is damaged, or it has too few bytes for its pixels", file_);
+  const OIIO::TypeDesc type = pnm_->most == 0     ? OIIO::TypeDesc::FLOAT
+                              : pnm_->most == 255 ? OIIO::TypeDesc::UINT8
+                                                  : OIIO::TypeDesc::UINT16;
+  spec_ = OIIO::ImageSpec(pnm_->width, pnm_->height, pnm_->channels, type);
+  return {};
+}
+
+template <class T>
+Result<void> Decoder::read(int begin, int end, bool tiled, T* out) {
+  constexpr OIIO::TypeDesc type = std::is_same_v<T, std::uint8_t>    ? OIIO::TypeDesc::UINT8
+                                  : std::is_same_v<T, std::uint16_t> ? OIIO::TypeDesc::UINT16
+                                                                     : OIIO::TypeDesc::FLOAT;
+  if (pnm_) {
+    // One channel, or three of three: all that a pixel has, but for a channel read alone.
+    std::vector<T> row(static_cast<std::size_t>(pnm_->width) * static_cast<std::size_t>(pnm_->channels));
+    for (int y = begin; y < end; ++y) {
+      if (!pnm_->row(y, row.data()))
+        return image_error("row " + std::to_string(y) + " has a value above the file's maximum", file_);
+      for (std::size_t x = 0; x < static_cast<std::size_t>(pnm_->width); ++x) {
+        for (int c = 0; c < channels_; ++c)
+          *out++ = row[x * static_cast<std::size_t>(pnm_->channels) + static_cast<std::size_t>(first_ + c)];
+      }
+    }
+    return {};
+  }
+  const int last = first_ + channels_;
+  const bool read =
+      tiled ? input_->read_tiles(0, 0, spec_.x, spec_.x + spec_.width, spec_.y + begin, spec_.y + end,
+                                 spec_.z, spec_.z + 1, first_, last, type, out)
+            : input_->read_scanlines(0, 0, spec_.y + begin, spec_.y + end, spec_.z, first_, last, type, out);
+  if (!read) return library_error("cannot read the image's pixels: ");
   return {};
 }
 
@@ -243,9 +292,6 @@ Result<void> Decoder::check_row(const float* pixels, std::uint32_t y) const {
 template <class T>
 Result<void> Decoder::read_rows(TexelWriter& out) {
   constexpr bool words = std::is_same_v<T, std::uint16_t>;
-  constexpr OIIO::TypeDesc type = std::is_same_v<T, std::uint8_t> ? OIIO::TypeDesc::UINT8
-                                  : words                         ? OIIO::TypeDesc::UINT16
-                                                                  : OIIO::TypeDesc::FLOAT;
   const auto width = static_cast<std::uint64_t>(spec_.width);
   const auto channels = static_cast<std::uint64_t>(channels_);
   const bool tiled = spec_.tile_width > 0 && spec_.tile_height > 0;
@@ -272,14 +318,9 @@ Result<void> Decoder::read_rows(TexelWriter& out) {
   std::vector<T> rows(width * channels * static_cast<std::uint64_t>(std::min(step, spec_.height)));
   std::vector<float> row(std::is_same_v<T, std::uint8_t> ? 0 : width * channels);
   for (int y = 0; y < spec_.height; y += step) {
-    const int begin = spec_.y + y;
-    const int end = spec_.y + std::min(y + step, spec_.height);
-    const bool read = tiled ? input_->read_tiles(0, 0, spec_.x, spec_.x + spec_.width, begin, end, spec_.z,
-                                                 spec_.z + 1, first_, first_ + channels_, type, rows.data())
-                            : input_->read_scanlines(0, 0, begin, end, spec_.z, first_, first_ + channels_,
-                                                     type, rows.data());
-    if (!read) return library_error("cannot read the image's pixels: ");
-    for (int i = 0; i < end - begin; ++i) {
+    const int end = std::min(y + step, spec_.height);
+    CANDELA_TRY(read(y, end, tiled, rows.data()));
+    for (int i = 0; i < end - y; ++i) {
       const T* const pixels = rows.data() + static_cast<std::size_t>(i) * width * channels;
       if constexpr (std::is_same_v<T, std::uint8_t>) {
         CANDELA_TRY(out.add_row(pixels, channels, pick_));
