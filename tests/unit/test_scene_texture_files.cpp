@@ -345,6 +345,7 @@ TEST(TextureFiles, ScratchFileGivesTheSameBits) {
   const auto b = Environment::build(sky, in_file);
   ASSERT_TRUE(a.ok() && b.ok());
   EXPECT_EQ(a->mean_radiance(), b->mean_radiance());
+  EXPECT_EQ(in_file.memory_bytes(), 0u);  // the tables too
   for (int i = 0; i < 5000; ++i) {
     const Vec2 u = {stream.next_float(), stream.next_float()};
     Vec3 da, db;

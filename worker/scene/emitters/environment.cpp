@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "worker/core/math.h"
 #include "worker/core/warp.h"
@@ -18,11 +19,14 @@ struct Environment::Map {
   Frame to_world;                       // columns of the rotation (or rotation with a reflection)
   std::uint32_t columns = 0, rows = 0;  // cells; texels are columns x (rows + 1)
   std::vector<float> row_cdf;           // rows + 1
-  std::vector<float> cell_cdf;          // rows * (columns + 1)
+  ScratchBlock cell_cdf;                // rows * (columns + 1) floats, where large textures lie
   // rows + 1: the cosine of the polar angle at the rows' edges, falling from 1 to -1. Double: the difference
   // of two near a pole is the solid angle of a row.
   std::vector<double> edge_cos;
 
+  const float* cells_of(std::uint32_t row) const {
+    return reinterpret_cast<const float*>(cell_cdf.data()) + static_cast<std::size_t>(row) * (columns + 1);
+  }
   float cell_solid_angle(std::uint32_t row) const {
     return static_cast<float>((edge_cos[row] - edge_cos[row + 1]) * (2 * std::numbers::pi / columns));
   }
@@ -149,7 +153,9 @@ Result<Environment> Environment::build(const description::Object& object, Textur
   map->edge_cos.back() = -1;
 
   Environment e;
-  map->cell_cdf.resize(static_cast<std::size_t>(map->rows) * (map->columns + 1));
+  std::vector<float> cells(map->columns + 1);
+  CANDELA_ASSIGN(Scratch::Writer table,
+                 textures.scratch().begin(std::uint64_t{map->rows} * cells.size() * sizeof(float)));
   map->row_cdf.resize(map->rows + 1);
   std::vector<double> row_weights(map->rows);
   std::vector<double> cell_weights(map->columns);
@@ -174,8 +180,11 @@ Result<Environment> Environment::build(const description::Object& object, Textur
       row += cell_weights[c];
     }
     row_weights[r] = row;
-    make_cdf(cell_weights, &map->cell_cdf[static_cast<std::size_t>(r) * (map->columns + 1)]);
+    std::fill(cells.begin(), cells.end(), 0.0f);
+    make_cdf(cell_weights, cells.data());
+    CANDELA_TRY(table.append(std::as_bytes(std::span(cells))));
   }
+  CANDELA_ASSIGN(map->cell_cdf, table.finish());
   const double to_mean = scale / (4 * 4 * std::numbers::pi);
   const Spectrum m = {static_cast<float>(mean[0] * to_mean), static_cast<float>(mean[1] * to_mean),
                       static_cast<float>(mean[2] * to_mean)};
@@ -218,7 +227,7 @@ float Environment::pdf_solid_angle(Vec3 d) const {
   if (!(x > -1e9 && x < 1e9 && y >= 0)) return 0;
   const std::uint32_t c = map.column_of(std::floor(x));
   const std::uint32_t r = std::min(static_cast<std::uint32_t>(y), map.rows - 1);
-  const float* cells = &map.cell_cdf[static_cast<std::size_t>(r) * (map.columns + 1)];
+  const float* cells = map.cells_of(r);
   return (map.row_cdf[r + 1] - map.row_cdf[r]) * (cells[c + 1] - cells[c]) / map.cell_solid_angle(r);
 }
 
@@ -232,7 +241,7 @@ bool Environment::sample(Vec2 u, Vec3& d, Spectrum& radiance_out, float& pdf) co
   }
   const Map& map = *map_;
   const std::uint32_t r = find_interval(map.row_cdf.data(), map.rows, u.y);
-  const float* cells = &map.cell_cdf[static_cast<std::size_t>(r) * (map.columns + 1)];
+  const float* cells = map.cells_of(r);
   const std::uint32_t c = find_interval(cells, map.columns, u.x);
   const float row_prob = map.row_cdf[r + 1] - map.row_cdf[r];
   const float cell_prob = cells[c + 1] - cells[c];

@@ -79,6 +79,9 @@ class TextureStore {
   Result<std::shared_ptr<const TexelImage>> image(const std::string& key, const ImageReading& reading,
                                                   const description::Location& where);
 
+  // For other tables as large as images.
+  Scratch& scratch() { return scratch_; }
+
   std::uint32_t texture_count() const { return static_cast<std::uint32_t>(textures_.size()); }
   // Of decoded texels: in memory, and in the scratch file.
   std::uint64_t memory_bytes() const { return scratch_.memory_bytes(); }
