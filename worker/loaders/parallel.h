@@ -44,4 +44,22 @@ std::size_t first_where(std::size_t count, const Predicate& bad) {
       [](std::size_t a, std::size_t b) { return std::min(a, b); });
 }
 
+// body(index, sum) for all of [0, count), each part with a sum of its own; the parts' sums are then added
+// with T::add, which must not care for the order (as least and greatest do not).
+template <class T, class Body>
+T joined_over(std::size_t count, T zero, const Body& body) {
+  const auto part = [&](std::size_t begin, std::size_t end, T sum) {
+    for (std::size_t i = begin; i < end; ++i) body(i, sum);
+    return sum;
+  };
+  if (count <= kGrain) return part(0, count, zero);
+  return tbb::parallel_reduce(
+      tbb::blocked_range<std::size_t>(0, count, kGrain), zero,
+      [&](const tbb::blocked_range<std::size_t>& r, T sum) { return part(r.begin(), r.end(), sum); },
+      [](T a, const T& b) {
+        a.add(b);
+        return a;
+      });
+}
+
 }  // namespace candela::loaders

@@ -11,6 +11,8 @@
 #include <embree3/rtcore.h>
 
 #include <cmath>
+#include <cstddef>
+#include <cstring>
 #include <limits>
 #include <utility>
 
@@ -206,15 +208,20 @@ Ray ray_of(const RTCRay& ray) {
   return {{ray.org_x, ray.org_y, ray.org_z}, {ray.dir_x, ray.dir_y, ray.dir_z}, ray.tfar};
 }
 
+// Embree reads origin and direction as 16 bytes each. A processor cannot forward those from narrower stores:
+// it would wait until they, and all stores before them, have left for the cache, so that no ray could be
+// traced while the hit before it is still being computed. So they are written whole.
+using Float4 = float __attribute__((vector_size(16)));
+
 void set_ray(const Ray& ray, RTCRay& out) {
-  out.org_x = ray.origin.x;
-  out.org_y = ray.origin.y;
-  out.org_z = ray.origin.z;
-  out.tnear = 0;
-  out.dir_x = ray.direction.x;
-  out.dir_y = ray.direction.y;
-  out.dir_z = ray.direction.z;
-  out.time = 0;
+  const Float4 origin = {ray.origin.x, ray.origin.y, ray.origin.z, 0};              // and tnear
+  const Float4 direction = {ray.direction.x, ray.direction.y, ray.direction.z, 0};  // and time
+  static_assert(offsetof(RTCRay, org_x) == 0 && offsetof(RTCRay, tnear) == 12 &&
+                offsetof(RTCRay, dir_x) == 16 && offsetof(RTCRay, time) == 28 &&
+                offsetof(RTCRay, tfar) == 32);
+  auto* bytes = reinterpret_cast<char*>(&out);
+  std::memcpy(bytes, &origin, sizeof origin);
+  std::memcpy(bytes + sizeof origin, &direction, sizeof direction);
   out.tfar = ray.t_max;
   out.mask = 0xffffffffu;
   out.id = 0;

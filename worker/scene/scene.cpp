@@ -1,6 +1,9 @@
 // The compiled scene's door.
 #include "worker/scene/scene.h"
 
+#include <tbb/task_arena.h>
+
+#include <algorithm>
 #include <utility>
 
 #include "common/base/log.h"
@@ -31,8 +34,9 @@ Result<std::unique_ptr<Scene>> Scene::build(const description::SceneDescription&
 
   impl.textures = std::make_unique<TextureStore>(files, options.textures);
   SceneBuilder builder(files, impl);
-  for (const auto& shape : root.children_of("shape")) CANDELA_TRY(builder.shape(*shape));
-  for (const auto& shape : root.children_of("shape")) CANDELA_TRY(builder.instance(*shape));
+  // Meshes are read by as many threads as the tree is built by.
+  tbb::task_arena arena(static_cast<int>(std::max(1u, options.build_threads)));
+  CANDELA_TRY(arena.execute([&] { return builder.shapes(root); }));
   CANDELA_TRY(builder.finish_geometry());
   for (const auto& emitter : root.children_of("emitter")) CANDELA_TRY(builder.emitter(*emitter));
   impl.lights.finish();

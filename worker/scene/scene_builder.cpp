@@ -97,9 +97,16 @@ void SceneBuilder::count_bsdf(const Bsdf& bsdf) {
   features_.any_two_sided |= facts.two_sided;
 }
 
-Result<void> SceneBuilder::shape(const description::Object& object) {
-  if (object.plugin == "shapegroup" || object.plugin == "instance") return {};
-  return add_shape(object, false);
+Result<void> SceneBuilder::shapes(const description::Object& scene) {
+  const auto all = scene.children_of("shape");
+  for (const auto& shape : all) {
+    if (shape->plugin != "shapegroup" && shape->plugin != "instance") CANDELA_TRY(add_shape(*shape, false));
+  }
+  // The scene's own shapes come first, then those of each group.
+  for (const auto& shape : all) {
+    if (shape->plugin == "instance") CANDELA_TRY(instance(*shape));
+  }
+  return {};
 }
 
 Result<std::uint32_t> SceneBuilder::group_of(const description::ObjectPtr& object) {
@@ -114,7 +121,6 @@ Result<std::uint32_t> SceneBuilder::group_of(const description::ObjectPtr& objec
 }
 
 Result<void> SceneBuilder::instance(const description::Object& object) {
-  if (object.plugin != "instance") return {};
   const auto groups = object.children_of("shape");
   if (groups.size() != 1 || groups[0]->plugin != "shapegroup") {
     return error_at(object, "an instance needs one shapegroup, given by a reference to its id");

@@ -34,7 +34,7 @@ struct SceneData {
   SceneFeatures features;
 };
 
-// Fills SceneData: shapes first, then instances, finish_geometry, emitters, finish_features.
+// Fills SceneData: shapes first, then finish_geometry, emitters, finish_features.
 class SceneBuilder {
  public:
   // Both must outlive this; data.textures is there already.
@@ -47,10 +47,7 @@ class SceneBuilder {
         media_(data.media),
         features_(data.features) {}
 
-  // Shapegroups and instances are passed over.
-  Result<void> shape(const description::Object& object);
-  // An instance, with its group if it is the first of it; other shapes are passed over.
-  Result<void> instance(const description::Object& object);
+  Result<void> shapes(const description::Object& scene);
   Result<void> finish_geometry();
   Result<void> emitter(const description::Object& object);
   void finish_features();
@@ -62,6 +59,8 @@ class SceneBuilder {
     description::ObjectPtr object;
   };
 
+  // With its group if it is the first of it.
+  Result<void> instance(const description::Object& object);
   Result<void> add_shape(const description::Object& object, bool in_group);
   Result<std::uint32_t> group_of(const description::ObjectPtr& object);
   Result<std::uint32_t> bsdf_of(const description::Object& shape, bool emits);

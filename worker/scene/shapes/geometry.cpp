@@ -13,6 +13,7 @@
 #include <numbers>
 
 #include "worker/core/math.h"
+#include "worker/loaders/parallel.h"
 #include "worker/scene/shapes/rounding.h"
 
 namespace candela::scene {
@@ -45,6 +46,17 @@ Frame frame_along(Vec3 n, Vec3d dp_du) {
   if (!(l > 1e-10 * length(dp_du)) || !std::isfinite(l)) return make_frame(n);
   const Vec3 unit = Vec3(s / l);
   return {unit, cross(n, unit), n};
+}
+
+// Moves all of `from` behind what is there; a first one is not even copied. Growth is geometric, for scenes
+// of many small shapes.
+template <class T>
+void append(std::vector<T>& to, std::vector<T>&& from) {
+  if (to.empty()) {
+    to = std::move(from);
+  } else {
+    to.insert(to.end(), from.begin(), from.end());
+  }
 }
 
 // As floats, which a parameterisation squeezed to almost nothing may overflow.
@@ -81,33 +93,32 @@ void Geometry::add(Shape shape, ShapeRecord record) {
     one_more(PrimitiveKind::cylinder, bounds_of(*shape.cylinder));
     cylinders.push_back({*shape.cylinder, shape_index});
   }
-  record.first_triangle = static_cast<std::uint32_t>(triangles.size());
-  record.triangle_count = static_cast<std::uint32_t>(shape.triangles.size());
-  const std::size_t base = positions.size();
-  const bool mapped = record.reads_uv && !shape.uvs.empty();
-  positions.insert(positions.end(), shape.positions.begin(), shape.positions.end());
-  if (!shape.normals.empty()) {
+  const std::size_t first = triangles.size(), count = shape.triangles.size(), base = positions.size();
+  record.first_triangle = static_cast<std::uint32_t>(first);
+  record.triangle_count = static_cast<std::uint32_t>(count);
+  const bool mapped = record.reads_uv && !shape.uvs.empty(), smooth = !shape.normals.empty();
+  append(positions, std::move(shape.positions));
+  if (smooth) {
     normals.resize(base);
-    normals.insert(normals.end(), shape.normals.begin(), shape.normals.end());
+    append(normals, std::move(shape.normals));
   }
   if (mapped) {
     uvs.resize(base);
-    uvs.insert(uvs.end(), shape.uvs.begin(), shape.uvs.end());
+    append(uvs, std::move(shape.uvs));
   }
-  triangles.reserve(triangles.size() + shape.triangles.size());
-  indices.reserve(indices.size() + shape.triangles.size());
-  for (const auto& t : shape.triangles) {
-    Triangle triangle = make_triangle(shape.positions[t[0]], shape.positions[t[1]], shape.positions[t[2]]);
+  append(indices, std::move(shape.triangles));
+  triangles.resize(first + count);
+  group.bounds.add(loaders::joined_over(count, Bounds{}, [&](std::size_t i, Bounds& box) {
+    auto& index = indices[first + i];
+    for (std::uint32_t& v : index) v += static_cast<std::uint32_t>(base);
+    Triangle& triangle = triangles[first + i];
+    triangle = make_triangle(positions[index[0]], positions[index[1]], positions[index[2]]);
     triangle.shape = shape_index;
-    triangle.smooth = !shape.normals.empty();
+    triangle.smooth = smooth;
     triangle.mapped = mapped;
     triangle.partials = record.reads_partials;
-    triangles.push_back(triangle);
-    std::array<std::uint32_t, 3> index{};
-    for (std::size_t k = 0; k < 3; ++k) index[k] = t[k] + static_cast<std::uint32_t>(base);
-    indices.push_back(index);
-    for (const std::uint32_t v : t) group.bounds.add(Vec3d(shape.positions[v]));
-  }
+    for (const std::uint32_t v : index) box.add(Vec3d(positions[v]));
+  }));
   group.primitives[static_cast<std::size_t>(PrimitiveKind::triangle)].count += record.triangle_count;
   shapes.push_back(record);
   if (groups.size() == 1) bounds = group.bounds;
@@ -169,8 +180,10 @@ void Geometry::triangle_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit
   hit.error = rounding_error(t.ng, hit.p) + t.plane_error;
   name_hit(t.shape, index, hit);
   hit.uv = {static_cast<float>(b1), static_cast<float>(b2)};
-  if (!t.smooth && !t.mapped && !t.partials) {
+  if (!t.smooth && !t.mapped) {
     hit.shading = make_frame(t.ng);
+    if (t.partials) [[unlikely]]
+      triangle_partials(index, hit);
     return;
   }
   const auto& v = indices[index];
@@ -183,13 +196,10 @@ void Geometry::triangle_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit
     // the face there.)
     if (l > 1e-6 && dot(mean, Vec3d(t.ng)) > 1e-6 * l) shading = Vec3(mean / l);
   }
-  if (t.partials) {
-    // Of the barycentric coordinates, which are the parameters where there are no others.
-    hit.dp_du = Vec3(e1);
-    hit.dp_dv = Vec3(e2);
-  }
   if (!t.mapped) {
     hit.shading = make_frame(shading);
+    if (t.partials) [[unlikely]]
+      triangle_partials(index, hit);
     return;
   }
   const Vec2 a = uvs[v[0]], b = uvs[v[1]], c = uvs[v[2]];
@@ -200,30 +210,36 @@ void Geometry::triangle_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit
   hit.uv = {static_cast<float>(static_cast<double>(a.x) + du1 * b1 + du2 * b2),
             static_cast<float>(static_cast<double>(a.y) + dv1 * b1 + dv2 * b2)};
   const double uv_determinant = du1 * dv2 - dv1 * du2;
-  if (uv_determinant == 0) {
-    hit.shading = make_frame(shading);
-    if (t.partials) {
-      hit.dp_du = hit.shading.s;
-      hit.dp_dv = hit.shading.t;
-    }
-    return;
-  }
-  const Vec3d dp_du = (e1 * dv2 - e2 * dv1) / uv_determinant;
-  hit.shading = frame_along(shading, dp_du);
-  if (t.partials) {
-    hit.dp_du = finite(dp_du);
-    hit.dp_dv = finite((e2 * du1 - e1 * du2) / uv_determinant);
-  }
+  hit.shading = uv_determinant != 0 ? frame_along(shading, (e1 * dv2 - e2 * dv1) / uv_determinant)
+                                    : make_frame(shading);
+  if (t.partials) [[unlikely]]
+    triangle_partials(index, hit);
 }
 
-const ShapeRecord& Geometry::name_hit(std::uint32_t shape, std::uint32_t primitive, SurfaceHit& hit) const {
-  const ShapeRecord& record = shapes[shape];
-  hit.primitive = primitive;
-  hit.shape = shape;
-  hit.bsdf = record.bsdf;
-  hit.emitter = record.emitter;
-  hit.medium_interface = record.medium_interface;
-  return record;
+// On its own, since few hits need it and its registers would be missed by all.
+void Geometry::triangle_partials(std::uint32_t index, SurfaceHit& hit) const {
+  const Triangle& t = triangles[index];
+  const Vec3d v0(t.v0), e1 = Vec3d(t.v1) - v0, e2 = Vec3d(t.v2) - v0;
+  if (!t.mapped) {
+    // Of the barycentric coordinates, which are the parameters where there are no others.
+    hit.dp_du = Vec3(e1);
+    hit.dp_dv = Vec3(e2);
+    return;
+  }
+  const auto& v = indices[index];
+  const Vec2 a = uvs[v[0]], b = uvs[v[1]], c = uvs[v[2]];
+  const double du1 = static_cast<double>(b.x) - static_cast<double>(a.x),
+               dv1 = static_cast<double>(b.y) - static_cast<double>(a.y);
+  const double du2 = static_cast<double>(c.x) - static_cast<double>(a.x),
+               dv2 = static_cast<double>(c.y) - static_cast<double>(a.y);
+  const double uv_determinant = du1 * dv2 - dv1 * du2;
+  if (uv_determinant == 0) {
+    hit.dp_du = hit.shading.s;
+    hit.dp_dv = hit.shading.t;
+    return;
+  }
+  hit.dp_du = finite((e1 * dv2 - e2 * dv1) / uv_determinant);
+  hit.dp_dv = finite((e2 * du1 - e1 * du2) / uv_determinant);
 }
 
 void Geometry::quadric_hit(const Ray& ray, PrimitiveKind kind, std::uint32_t primitive,

@@ -114,7 +114,17 @@ struct Geometry {
  private:
   void quadric_hit(const Ray& ray, PrimitiveKind kind, std::uint32_t primitive, SurfaceHit& hit) const;
   // All of a hit that the surface's parameterisation does not say.
-  const ShapeRecord& name_hit(std::uint32_t shape, std::uint32_t primitive, SurfaceHit& hit) const;
+  [[gnu::always_inline]] const ShapeRecord& name_hit(std::uint32_t shape, std::uint32_t primitive,
+                                                     SurfaceHit& hit) const {
+    const ShapeRecord& record = shapes[shape];
+    hit.primitive = primitive;
+    hit.shape = shape;
+    hit.bsdf = record.bsdf;
+    hit.emitter = record.emitter;
+    hit.medium_interface = record.medium_interface;
+    return record;
+  }
+  [[gnu::noinline]] void triangle_partials(std::uint32_t triangle, SurfaceHit& hit) const;
 };
 
 }  // namespace candela::scene

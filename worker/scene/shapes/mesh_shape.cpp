@@ -1,7 +1,12 @@
 // Meshes: from object space as the file has it to triangles in world space.
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <atomic>
 #include <cmath>
 
 #include "worker/core/math.h"
+#include "worker/loaders/parallel.h"
 #include "worker/scene/shapes/shape.h"
 
 namespace candela::scene {
@@ -22,30 +27,41 @@ bool has_area(const Shape& shape, const std::array<std::uint32_t, 3>& t) {
   return length_squared(face_vector(shape, t)) > 1e-60;
 }
 
-double angle_between(Vec3d a, Vec3d b) {
-  return static_cast<double>(math::atan2f(static_cast<float>(length(cross(a, b)) / (length(a) * length(b))),
-                                          static_cast<float>(dot(a, b) / (length(a) * length(b)))));
-}
-
 // Thuermer and Wuethrich 1998: normals of faces around a vertex weighted by their angle there. Only for
 // vertices that have none; false marks them.
 void complete_normals(Shape& shape, const std::vector<bool>& known) {
-  std::vector<Vec3d> sums(shape.positions.size());
-  for (const auto& t : shape.triangles) {
-    const Vec3d n = normalize(face_vector(shape, t));
-    for (std::size_t k = 0; k < 3; ++k) {
-      if (known[t[k]]) continue;
-      const Vec3d p(shape.positions[t[k]]);
-      sums[t[k]] += n * angle_between(Vec3d(shape.positions[t[(k + 1) % 3]]) - p,
-                                      Vec3d(shape.positions[t[(k + 2) % 3]]) - p);
+  const std::size_t count = shape.positions.size();
+  // Each task owns a range of vertices, looks at all faces, and adds what concerns its own: a vertex's sum is
+  // in the order of the faces, whatever the number of tasks.
+  const std::size_t tasks = std::clamp<std::size_t>(
+      static_cast<std::size_t>(tbb::this_task_arena::max_concurrency()), 1, count / loaders::kGrain + 1);
+  tbb::parallel_for(std::size_t{0}, tasks, [&](std::size_t task) {
+    const std::size_t begin = count * task / tasks, end = count * (task + 1) / tasks;
+    std::vector<Vec3d> sums(end - begin);
+    for (const auto& t : shape.triangles) {
+      const auto mine = [&](std::uint32_t v) { return v >= begin && v < end && !known[v]; };
+      if (!mine(t[0]) && !mine(t[1]) && !mine(t[2])) continue;
+      const std::array<Vec3d, 3> p = {Vec3d(shape.positions[t[0]]), Vec3d(shape.positions[t[1]]),
+                                      Vec3d(shape.positions[t[2]])};
+      const Vec3d area = cross(p[1] - p[0], p[2] - p[0]);
+      const double twice_area = length(area);
+      const Vec3d n = area / twice_area;
+      for (std::size_t k = 0; k < 3; ++k) {
+        if (!mine(t[k])) continue;
+        // tan = |cross| / dot of the two edges; scaled into the range of floats.
+        const double cosine = dot(p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]);
+        const double scale = 1 / std::max(twice_area, std::abs(cosine));
+        sums[t[k] - begin] += n * static_cast<double>(math::atan2f(static_cast<float>(twice_area * scale),
+                                                                   static_cast<float>(cosine * scale)));
+      }
     }
-  }
-  for (std::size_t i = 0; i < sums.size(); ++i) {
-    if (known[i]) continue;
-    const double l = length(sums[i]);
-    // Faces that cancel each other out leave no direction: a hit falls back on the face's normal there.
-    shape.normals[i] = l > 1e-12 ? Vec3(sums[i] / l) : Vec3{};
-  }
+    for (std::size_t i = begin; i < end; ++i) {
+      if (known[i]) continue;
+      const double l = length(sums[i - begin]);
+      // Faces that cancel each other out leave no direction: a hit falls back on the face's normal there.
+      shape.normals[i] = l > 1e-12 ? Vec3(sums[i - begin] / l) : Vec3{};
+    }
+  });
 }
 
 }  // namespace
@@ -54,42 +70,61 @@ Result<Shape> shape_from_mesh(loaders::Mesh mesh, const Transform& to_world, boo
                               bool flip_normals, const std::string& name) {
   Shape shape;
   shape.dropped_count = mesh.dropped_face_count;
-  shape.positions.resize(mesh.positions.size());
-  for (std::size_t i = 0; i < mesh.positions.size(); ++i) {
-    const Vec3d p = to_world.point(Vec3d(mesh.positions[i]));
-    if (!(std::abs(p.x) <= kLargestCoordinate && std::abs(p.y) <= kLargestCoordinate &&
-          std::abs(p.z) <= kLargestCoordinate)) {
-      return input_error("vertex " + std::to_string(i) + " lies beyond 1e18 in the scene after to_world")
-          .at(name, 0);
-    }
+  shape.positions = std::move(mesh.positions);
+  const std::size_t beyond = loaders::first_where(shape.positions.size(), [&](std::size_t i) {
+    const Vec3d p = to_world.point(Vec3d(shape.positions[i]));
     shape.positions[i] = Vec3(p);
+    return !(std::abs(p.x) <= kLargestCoordinate && std::abs(p.y) <= kLargestCoordinate &&
+             std::abs(p.z) <= kLargestCoordinate);
+  });
+  if (beyond != loaders::kNowhere) {
+    return input_error("vertex " + std::to_string(beyond) + " lies beyond 1e18 in the scene after to_world")
+        .at(name, 0);
   }
   shape.uvs = std::move(mesh.uvs);
   shape.triangles = std::move(mesh.triangles);
   const std::size_t before = shape.triangles.size();
-  std::erase_if(shape.triangles, [&](const auto& t) { return !has_area(shape, t); });
+  const std::size_t flat =
+      loaders::first_where(before, [&](std::size_t i) { return !has_area(shape, shape.triangles[i]); });
+  if (flat != loaders::kNowhere) {
+    shape.triangles.erase(
+        std::remove_if(shape.triangles.begin() + static_cast<std::ptrdiff_t>(flat), shape.triangles.end(),
+                       [&](const auto& t) { return !has_area(shape, t); }),
+        shape.triangles.end());
+  }
   shape.dropped_count += before - shape.triangles.size();
   if (shape.triangles.empty()) return input_error("no face of the mesh has an area").at(name, 0);
 
   if (!face_normals && !mesh.face_normals) {
-    std::vector<bool> known(shape.positions.size(), false);
+    const bool given = !mesh.normals.empty();
+    shape.normals = std::move(mesh.normals);
     shape.normals.resize(shape.positions.size());
-    bool all_known = !mesh.normals.empty();
-    for (std::size_t i = 0; i < mesh.normals.size(); ++i) {
-      const Vec3d n = to_world.normal(Vec3d(mesh.normals[i]));
-      const double l = length(n);
-      known[i] = l > 0 && std::isfinite(l);
-      all_known = all_known && known[i];
-      if (known[i]) shape.normals[i] = Vec3(n / l);
-    }
-    if (!mesh.normals.empty()) {
-      for (auto& t : shape.triangles) {
-        Vec3d sum;
-        for (const std::uint32_t v : t) sum += known[v] ? Vec3d(shape.normals[v]) : Vec3d();
-        if (dot(sum, face_vector(shape, t)) < 0) std::swap(t[1], t[2]);
+    // A normal without length is none, and stays zero until it is completed.
+    std::atomic<bool> all_known = given;
+    loaders::for_ranges(given ? shape.normals.size() : 0, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        const Vec3d n = to_world.normal(Vec3d(shape.normals[i]));
+        const double l = length(n);
+        const bool known = l > 0 && std::isfinite(l);
+        shape.normals[i] = known ? Vec3(n / l) : Vec3{};
+        if (!known) all_known = false;
       }
+    });
+    if (given) {
+      loaders::for_ranges(shape.triangles.size(), [&](std::size_t begin, std::size_t end) {
+        for (std::size_t i = begin; i < end; ++i) {
+          auto& t = shape.triangles[i];
+          Vec3d sum;
+          for (const std::uint32_t v : t) sum += Vec3d(shape.normals[v]);
+          if (dot(sum, face_vector(shape, t)) < 0) std::swap(t[1], t[2]);
+        }
+      });
     }
-    if (!all_known) complete_normals(shape, known);
+    if (!all_known) {
+      std::vector<bool> known(shape.positions.size(), false);
+      for (std::size_t i = 0; given && i < known.size(); ++i) known[i] = !(shape.normals[i] == Vec3{});
+      complete_normals(shape, known);
+    }
   }
   if (flip_normals) {
     for (auto& t : shape.triangles) std::swap(t[1], t[2]);
