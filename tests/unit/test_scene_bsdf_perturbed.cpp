@@ -293,6 +293,33 @@ TEST(PerturbedBsdf, NoWeightAboveOne) {
   }
 }
 
+// Claim: through a whole scene: a rectangle of 4 x 4 (u along x, half a unit per unit of u is a slope of
+// 1/8), turned in space and mirrored, has the normal of the displaced surface; a sphere's map is read at its
+// uv.
+TEST(PerturbedBsdf, ThroughAScene) {
+  const std::string map = "<bsdf type='bumpmap'><float name='scale' value='0.5'/>" + kPlain + kRampTexture +
+                          "<bsdf type='twosided'><bsdf type='diffuse'/></bsdf></bsdf>";
+  for (const double side : {1.0, -1.0}) {
+    // Columns: x of the rectangle along +-x of the world, y along y, its normal towards the camera (-z).
+    const auto built = test::build_scene(
+        "<shape type='rectangle'>" + test::matrix({2 * side, 0, 0, 0, 0, 2, 0, 0, 0, 0, -1, 5, 0, 0, 0, 1}) +
+            map + "</shape>",
+        {{"map.pfm", ramp()}});
+    ASSERT_TRUE(built.ok()) << built.error().to_string();
+    SurfaceHit hit;
+    ASSERT_TRUE((*built)->intersect({{-0.4f, 0.3f, 0}, {0, 0, 1}}, hit));
+    ClosureArena arena;
+    const Closure closure = (*built)->closure(hit, hit.shading.to_local({0, 0, -1}), arena);
+    ASSERT_EQ(closure.kind, BsdfKind::perturbed);
+    const Vec3 n = hit.shading.to_world(closure.perturbed.frame.n);
+    // The surface rises towards -z as u grows, along +-x.
+    const Vec3d expected = normalize(Vec3d{-0.125 * side, 0, -1});
+    EXPECT_NEAR(n.x, expected.x, 1e-5);
+    EXPECT_NEAR(n.y, 0, 1e-5);
+    EXPECT_NEAR(n.z, expected.z, 1e-5);
+  }
+}
+
 // Claim: facts and errors; 0.6 knows neither flips nor shadows.
 TEST(PerturbedBsdf, BuildsOnlyWhatHasMeaning) {
   const auto inside = build(

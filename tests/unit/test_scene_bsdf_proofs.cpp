@@ -98,6 +98,12 @@ std::vector<BsdfConfiguration> configurations() {
   all.push_back({.name = "mask_clear",
                  .xml = "<bsdf type='mask'><float name='opacity' value='0'/><bsdf type='diffuse'/></bsdf>",
                  .least_albedo = 1});
+  all.push_back({.name = "mask_textured",
+                 .xml = "<bsdf type='mask'><texture name='opacity' type='checkerboard'><rgb name='color0' "
+                        "value='0.2 0.9 0.4'/><rgb name='color1' value='0.9 0.1 0.3'/></texture>"
+                        "<bsdf type='dielectric'/></bsdf>",
+                 .eta = 1.5046 / 1.000277,
+                 .least_albedo = 1});
   all.push_back(
       {.name = "blend_two_deltas",
        .xml = "<bsdf type='blendbsdf'><float name='weight' value='0.3'/><bsdf type='dielectric'/>"
