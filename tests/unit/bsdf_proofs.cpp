@@ -243,7 +243,7 @@ class Proof {
       const auto weight = channels(s.weight);
       for (std::size_t k = 0; k < 3; ++k) {
         const double passed = weight[k] * static_cast<double>(s.prob);
-        albedo[k] += passed * power_scale(wo, s.wi, mode);
+        albedo[k] += passed * (s.straight ? 1 : power_scale(wo, s.wi, mode));
         if (s.straight) straight[k] += passed;
       }
     }

@@ -225,6 +225,11 @@ std::vector<BsdfConfiguration> configurations() {
                                    "clearcoat_sampling_rate 2 main_specular_sampling_rate 0"),
                  .most_albedo = 2,
                  .why_more = added});
+  all.push_back(
+      {.name = "principled_coat_alone",
+       .xml = principled("clearcoat 1 clearcoat_gloss 0.5 metallic 1 main_specular_sampling_rate 0"),
+       .most_albedo = 2,
+       .why_more = added});
   all.push_back({.name = "principled_glass",
                  .xml = principled("spec_trans 1 roughness 0.5 eta 1.5 base_color 1,0.8,0.5"),
                  .eta = 1.5});
