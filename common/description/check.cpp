@@ -183,6 +183,7 @@ Result<void> check_combinations(const Object& object) {
             .with_mend("leave the crop parameters out");
     }
   }
+  if (object.plugin == "principled") CANDELA_TRY(exclude(object, "eta", "specular"));
   if (object.category == "emitter") {
     CANDELA_TRY(exclude(object, "to_world", "position"));
     CANDELA_TRY(exclude(object, "to_world", "direction"));
@@ -244,6 +245,28 @@ Result<void> check_twosided(const Object& object, std::span<const Location> wher
           .with_mend("use it without 'twosided'");
     if (inner == "twosided") return error_at(where[i], "bsdf 'twosided' cannot be inside another 'twosided'");
   }
+  return {};
+}
+
+// A bump or normal map somewhere in a bsdf.
+const Object* find_map(const Object& object) {
+  if (object.plugin == "bumpmap" || object.plugin == "normalmap") return &object;
+  for (const ObjectPtr& child : object.children_of("bsdf"))
+    if (const Object* found = find_map(*child)) return found;
+  return nullptr;
+}
+
+// Bsdfs that hold a fixed number of others.
+Result<void> check_composite(const Object& object) {
+  const std::size_t wanted = object.plugin == "blendbsdf" ? 2 : 1;
+  const std::vector<ObjectPtr> inner = object.children_of("bsdf");
+  if (inner.size() != wanted)
+    return error_at(object.where, fmt::format("{} needs {}, not {}", describe(object),
+                                              wanted == 1 ? "one bsdf" : "two bsdfs", inner.size()));
+  if (object.plugin != "bumpmap" && object.plugin != "normalmap") return {};
+  if (const Object* map = find_map(*inner[0]))
+    return error_at(map->where,
+                    fmt::format("{} inside {} is not supported", describe(*map), describe(object)));
   return {};
 }
 
@@ -386,6 +409,9 @@ Result<void> check_children(const Object& object, const PluginRule& rule, std::s
   if (object.category == "scene") return check_scene(object, where);
   if (object.plugin == "twosided") return check_twosided(object, where);
   if (object.plugin == "roughconductor") return check_roughness(object);
+  if (object.category == "bsdf" && std::find(rule.child_categories.begin(), rule.child_categories.end(),
+                                             "bsdf") != rule.child_categories.end())
+    return check_composite(object);
   if (object.category == "texture" && object.plugin == "scale" && object.children.size() != 1)
     return error_at(object.where,
                     fmt::format("texture 'scale' holds one texture, not {}", object.children.size()));
