@@ -416,7 +416,8 @@ Result<void> check_children(const Object& object, const PluginRule& rule, std::s
     return error_at(object.where,
                     fmt::format("texture 'scale' holds one texture, not {}", object.children.size()));
   if (object.category == "medium") return check_medium(object, where);
-  if (object.category == "sensor") CANDELA_TRY(at_most_one(object, "medium", where));
+  if (object.category == "sensor" || object.category == "emitter")
+    CANDELA_TRY(at_most_one(object, "medium", where));
   if (object.category == "shape") {
     if (object.plugin == "shapegroup" || object.plugin == "instance") return check_instancing(object, where);
     CANDELA_TRY(check_interface(object, where));

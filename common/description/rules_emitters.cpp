@@ -19,7 +19,7 @@ void add_emitters(std::vector<PluginRule>& table) {
                                    .doc = "in world space; instead of to_world (default 0, 0, 0)"},
                                   to_world("moves the light from the origin"),
                                   sampling_weight()},
-                   .child_categories = {},
+                   .child_categories = {"medium"},
                    .doc = "shines evenly into all directions"});
   table.push_back(
       {.category = "emitter",
@@ -30,12 +30,12 @@ void add_emitters(std::vector<PluginRule>& table) {
                        .doc = "that the light travels along; instead of to_world (default 0, 0, 1)"},
                       to_world("turns the direction from +z"),
                       sampling_weight()},
-       .child_categories = {},
+       .child_categories = {"medium"},
        .doc = "parallel light from infinitely far"});
   table.push_back({.category = "emitter",
                    .name = "constant",
                    .properties = {non_negative_rgb("radiance", "W/(m^2 sr) (default 1)"), sampling_weight()},
-                   .child_categories = {},
+                   .child_categories = {"medium"},
                    .doc = "the same light from everywhere"});
   table.push_back(
       {.category = "emitter",
@@ -48,7 +48,7 @@ void add_emitters(std::vector<PluginRule>& table) {
                               "a way of sampling: noise only, the mean is the same"),
                       only("gamma", number, "-1", "0.6: the file's own encoding decides"),
                       ignored("cache", {boolean}, "0.6: no cache files are written")},
-       .child_categories = {},
+       .child_categories = {"medium"},
        .doc = "light from an image at infinity"});
 }
 

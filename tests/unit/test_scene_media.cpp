@@ -419,16 +419,23 @@ TEST(SceneMedia, InterfacesNameTheMediumBeyond) {
       "<medium id=\"fog\" type=\"homogeneous\"/><medium id=\"milk\" type=\"homogeneous\"/>"
       "<shape type=\"cube\"><ref name=\"interior\" id=\"milk\"/><ref name=\"exterior\" id=\"fog\"/>"
       "<transform name=\"to_world\"><translate z=\"5\"/></transform></shape>"
-      "<shape type=\"sphere\"><point name=\"center\" x=\"0\" y=\"0\" z=\"9\"/></shape>",
+      "<shape type=\"sphere\"><point name=\"center\" x=\"0\" y=\"0\" z=\"9\"/></shape>"
+      "<emitter type=\"point\"><ref id=\"fog\"/></emitter><emitter type=\"constant\"/>"
+      "<shape type=\"rectangle\"><emitter type=\"area\"/><ref name=\"exterior\" id=\"milk\"/>"
+      "<transform name=\"to_world\"><translate z=\"-9\"/></transform></shape>",
       {}, "<sensor type=\"perspective\"><ref id=\"fog\"/></sensor>");
   ASSERT_TRUE(scene.ok()) << scene.error().to_string();
   const Scene& s = **scene;
   EXPECT_EQ(s.features().media, 2u);
   const std::uint32_t fog = s.camera_medium();
   ASSERT_NE(fog, kNone);
+  // Area lights come first.
+  EXPECT_EQ(s.emitter_medium(1), fog);
+  EXPECT_EQ(s.emitter_medium(2), kNone);
   SurfaceHit hit;
   const Ray ray = {{0.1f, 0.2f, 0}, {0, 0, 1}};
   ASSERT_TRUE(s.intersect(ray, hit));
+  EXPECT_EQ(s.emitter_medium(0), s.medium_beyond(hit, ray.direction, fog));
   const std::uint32_t milk = s.medium_beyond(hit, ray.direction, fog);
   EXPECT_NE(milk, kNone);
   EXPECT_NE(milk, fog);
@@ -439,10 +446,25 @@ TEST(SceneMedia, InterfacesNameTheMediumBeyond) {
   EXPECT_TRUE(s.straight(hit, {0, 0, -1}).is_black());
 }
 
+// Claim: an instance carries the media of its group's shapes along.
+TEST(SceneMedia, InstancesHaveMedia) {
+  const auto scene = build_scene(
+      "<shape type=\"shapegroup\" id=\"g\"><shape type=\"cube\"><medium name=\"interior\" "
+      "type=\"homogeneous\"/>"
+      "</shape></shape><shape type=\"instance\"><ref id=\"g\"/><transform name=\"to_world\">"
+      "<scale x=\"-1\" y=\"2\"/><translate z=\"5\"/></transform></shape>");
+  ASSERT_TRUE(scene.ok()) << scene.error().to_string();
+  SurfaceHit hit;
+  ASSERT_TRUE((*scene)->intersect({{0.1f, 0.2f, 0}, {0, 0, 1}}, hit));
+  EXPECT_EQ((*scene)->medium_beyond(hit, {0, 0, 1}, kNone), 0u);
+  EXPECT_EQ((*scene)->medium_beyond(hit, {0, 0, -1}, 0), kNone);
+}
+
 // Claim: what cannot be rendered is refused by name.
 TEST(SceneMedia, NamesWhatCannotBeBuilt) {
   const auto message = [](const std::string& medium, const std::string& file = "") {
-    const auto scene = build_scene("<shape type=\"cube\">" + medium + "</shape>", {{"v.vol", file}});
+    const auto scene =
+        build_scene("<shape type=\"cube\">" + medium + "</shape>", {{"v.vol", file}, {"smoke.vdb", ""}});
     return scene.ok() ? std::string("no error") : scene.error().to_string();
   };
   const std::string dense = volume_file({1, 1, 1}, 1, {2});
@@ -455,6 +477,10 @@ TEST(SceneMedia, NamesWhatCannotBeBuilt) {
               "<string name=\"filename\" value=\"v.vol\"/></volume></medium>",
               dense),
       "scene.xml:3: albedo: the albedo is above 1 somewhere: the medium would make light");
+  EXPECT_EQ(
+      message("<medium name=\"interior\" type=\"heterogeneous\"><volume name=\"sigma_t\" type=\"gridvolume\">"
+              "<string name=\"filename\" value=\"smoke.vdb\"/></volume></medium>"),
+      "scene.xml:3: filename: OpenVDB files are not read: 'smoke.vdb' (convert it to Mitsuba's .vol format)");
   EXPECT_EQ(message(grid("<boolean name=\"use_grid_bbox\" value=\"true\"/>"),
                     volume_file({1, 1, 1}, 1, {2}, 1, {0, 0, 0, 0, 1, 1})),
             "scene.xml:3: use_grid_bbox: the bounding box in 'v.vol' has no volume");

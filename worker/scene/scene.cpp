@@ -86,6 +86,10 @@ std::uint32_t Scene::camera_medium() const {
   return impl_->camera_medium;
 }
 
+std::uint32_t Scene::emitter_medium(std::uint32_t emitter) const {
+  return impl_->emitter_media[emitter];
+}
+
 std::uint32_t Scene::medium_beyond(const SurfaceHit& hit, Vec3 d, std::uint32_t current) const {
   return impl_->media.beyond(hit, d, current);
 }

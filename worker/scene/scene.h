@@ -44,9 +44,11 @@ class Scene {
   Spectrum straight(const SurfaceHit& hit, Vec3 wo_world) const;
 
   // Media by index. A walk carries the index of the medium it is in, kNone outside of all: it starts in
-  // camera_medium(), and goes on from a surface in medium_beyond(hit, direction, the medium it came through).
+  // camera_medium() or emitter_medium(), and goes on from a surface in medium_beyond(hit, direction, the
+  // medium it came through).
   const Medium& medium(std::uint32_t index) const;
   std::uint32_t camera_medium() const;
+  std::uint32_t emitter_medium(std::uint32_t emitter) const;
   std::uint32_t medium_beyond(const SurfaceHit& hit, Vec3 d, std::uint32_t current) const;
 
   // Radiance the surface at `hit` emits towards wo (unit, world); black where it is no emitter or wo is

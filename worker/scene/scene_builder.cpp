@@ -190,6 +190,8 @@ Result<void> SceneBuilder::finish_geometry() {
     if (radiance.is_constant() && radiance.constant.is_black()) continue;
     geometry_.shapes[area.shape].emitter =
         lights_.add_area(area.shape, area.rectangle ? &*area.rectangle : nullptr, radiance);
+    emitter_media_.resize(lights_.size(), kNone);
+    emitter_media_.back() = media_.exterior(geometry_.shapes[area.shape].medium_interface);
     ++features_.emitter_kinds["area"];
     features_.any_area_emitter = true;
     features_.any_mesh_emitter |= !area.rectangle && geometry_.shapes[area.shape].sphere == kNone;
@@ -249,6 +251,11 @@ Result<void> SceneBuilder::emitter(const description::Object& object) {
     return error_at(object, "emitter '" + object.plugin + "' is not supported yet");
   }
   ++features_.emitter_kinds[object.plugin];
+  if (const auto media = object.children_of("medium"); !media.empty()) {
+    CANDELA_ASSIGN(const std::uint32_t medium, media_.add(media[0], files_));
+    emitter_media_.resize(lights_.size(), kNone);
+    emitter_media_.back() = medium;
+  }
   return {};
 }
 
@@ -262,6 +269,7 @@ void SceneBuilder::finish_features() {
   features_.textures = textures_.texture_count();
   features_.all_bsdfs_delta = all_delta_ && !geometry_.shapes.empty();
   features_.emitters = static_cast<std::uint32_t>(lights_.size());
+  emitter_media_.resize(lights_.size(), kNone);
   features_.media = static_cast<std::uint32_t>(media_.size());
   for (std::uint32_t i = 0; i < media_.size(); ++i) {
     features_.any_scattering_medium |=

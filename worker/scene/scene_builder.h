@@ -28,7 +28,8 @@ struct SceneData {
   LightSampler lights{geometry};
   Media media;
   std::uint32_t camera_medium = kNone;
-  std::vector<bool> straight;  // of each bsdf: some light passes straight on
+  std::vector<std::uint32_t> emitter_media;  // by emitter
+  std::vector<bool> straight;                // of each bsdf: some light passes straight on
   std::unique_ptr<Accel> accel;
   Sensor sensor;
   SceneFeatures features;
@@ -45,6 +46,7 @@ class SceneBuilder {
         bsdfs_(data.bsdfs),
         lights_(data.lights),
         media_(data.media),
+        emitter_media_(data.emitter_media),
         features_(data.features) {}
 
   Result<void> shapes(const description::Object& scene);
@@ -73,6 +75,7 @@ class SceneBuilder {
   std::vector<Bsdf>& bsdfs_;
   LightSampler& lights_;
   Media& media_;
+  std::vector<std::uint32_t>& emitter_media_;
   SceneFeatures& features_;
   std::map<const description::Object*, std::uint32_t> bsdf_of_object_;
   std::uint32_t default_bsdf_ = kNone, black_bsdf_ = kNone, null_bsdf_ = kNone;

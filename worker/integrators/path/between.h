@@ -10,6 +10,16 @@
 
 namespace candela::integrators::path {
 
+// The part of the ray, up to the surface `end` (null: none), that a medium fills. Rays start off their
+// surface by its error, so that the medium ends off the next one by as much: seen from all sides it is the
+// same medium, thinner by what rounding cannot tell, and a vertex inside never lies beyond a surface
+// unnoticed. That matters where mean free paths are hardly longer than the error.
+inline Ray inside_medium(const Ray& ray, const scene::SurfaceHit* end) {
+  if (end == nullptr) return ray;
+  const float cosine = std::max(std::abs(dot(ray.direction, end->ng)), 1e-6f);
+  return {ray.origin, ray.direction, std::max(0.0f, end->distance - end->error / cosine)};
+}
+
 // The fraction of light that gets along a shadow ray, from `medium`. Straight passes are taken in their
 // expectation; media in closed form or by an unbiased estimate from the stream.
 template <Between kBetween, class SceneT>
@@ -30,8 +40,7 @@ Spectrum passing(const SceneT& scene, Ray ray, std::uint32_t medium, rng::Stream
     }
     if constexpr (kBetween == Between::media) {
       if (medium != scene::kNone) {
-        const Ray crossed = {ray.origin, ray.direction, found ? hit.distance : ray.t_max};
-        fraction *= scene.medium(medium).transmittance(crossed, stream);
+        fraction *= scene.medium(medium).transmittance(inside_medium(ray, found ? &hit : nullptr), stream);
         if (fraction.is_black()) return {};
       }
     }
@@ -49,18 +58,10 @@ Spectrum passing(const SceneT& scene, Ray ray, std::uint32_t medium, rng::Stream
   return {};
 }
 
-// The place of a scattering in a medium, as sample_direct wants it: no surface, both sides count. It keeps
-// off the surface `end` (null: none) that the ray goes on to, by more than rounding: the medium's other side
-// must not be reached without crossing it.
-inline void medium_vertex(const Ray& ray, float distance, const scene::SurfaceHit* end,
-                          scene::SurfaceHit& vertex) {
-  if (end != nullptr) {
-    const float margin = 2 * end->error / std::max(std::abs(dot(ray.direction, end->ng)), 1e-3f);
-    distance = std::min(distance, std::max(end->distance - margin, 0.5f * end->distance));
-  }
-  const Vec3 p = ray.origin + ray.direction * distance;
+// The place of a scattering in a medium, as sample_direct wants it: no surface, both sides count.
+inline void medium_vertex(const Ray& ray, float distance, scene::SurfaceHit& vertex) {
   vertex = {};
-  vertex.p = p;
+  vertex.p = ray.origin + ray.direction * distance;
   vertex.ng = ray.direction;  // not read but where a shadow ray has no length
 }
 

@@ -115,7 +115,7 @@ Spectrum radiance(const SceneT& scene, const Limits& limits, Ray ray, samplers::
     if constexpr (kMedia) {
       if (medium != scene::kNone) {
         const scene::Medium& around = scene.medium(medium);
-        const Ray stretch = {ray.origin, ray.direction, found ? hit.distance : ray.t_max};
+        const Ray stretch = inside_medium(ray, found ? &hit : nullptr);
         const Vec2 u = sampler.draw_2d(block + kFlight, stratified);
         scene::DistanceSample flight;
         if (depth < limits.max_depth) {
@@ -127,8 +127,7 @@ Spectrum radiance(const SceneT& scene, const Limits& limits, Ray ray, samplers::
         throughput *= flight.weight;
         if (throughput.is_black()) break;
         if (flight.scattered) {
-          const SurfaceHit end = hit;
-          medium_vertex(ray, flight.distance, found ? &end : nullptr, hit);
+          medium_vertex(ray, flight.distance, hit);
           const Vec3 wo = -ray.direction;
           front = {};
           ++scatterings;

@@ -29,6 +29,11 @@ class Media {
     return dot(d, hit.ng) > 0 ? sides.exterior : sides.interior;
   }
 
+  // Before the surface; kNone too where there is no interface.
+  std::uint32_t exterior(std::uint32_t medium_interface) const {
+    return medium_interface == kNone ? kNone : interfaces_[medium_interface].exterior;
+  }
+
   // The index of a medium; one object is built once, however often it is referred to.
   Result<std::uint32_t> add(const description::ObjectPtr& medium, const description::FileSource& files);
   // Of the children `interior` and `exterior` of a shape; kNone where it has neither.

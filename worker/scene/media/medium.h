@@ -24,7 +24,7 @@ namespace candela::scene {
 // How far light, or a walk, gets along a ray before something happens to it.
 struct DistanceSample {
   bool scattered = false;
-  float distance = 0;  // where scattered, below the ray's t_max
+  float distance = 0;  // where scattered, up to the ray's t_max
   // To multiply the throughput with. scattered: sigma_s T(distance) / pdf_distance; else T(t_max) /
   // P(passing).
   Spectrum weight;

@@ -29,6 +29,11 @@ Result<GridVolume> GridVolume::build(const description::Object& object,
     return input_error(std::move(message)).at(object.where.file, object.where.line);
   };
   const std::string file = object.get_string("filename", "");
+  if (file.ends_with(".vdb")) {
+    return fail("OpenVDB files are not read: '" + file + "'")
+        .with_field("filename")
+        .with_mend("convert it to Mitsuba's .vol format");
+  }
   CANDELA_ASSIGN(const description::FileSource::Bytes bytes, files.open(file));
   GridVolume grid;
   CANDELA_ASSIGN(grid.data_, loaders::load_volume(bytes.view, file));
