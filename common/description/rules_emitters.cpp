@@ -4,13 +4,13 @@
 namespace candela::description::rules {
 
 void add_emitters(std::vector<PluginRule>& table) {
-  table.push_back(
-      {.category = "emitter",
-       .name = "area",
-       .properties = {non_negative_rgb("radiance", "W/(m^2 sr), towards the normal's side (default 1)"),
-                      sampling_weight()},
-       .child_categories = {},
-       .doc = "makes its shape a diffuse emitter; only inside a shape"});
+  table.push_back({.category = "emitter",
+                   .name = "area",
+                   .properties = {textured(non_negative_rgb(
+                                      "radiance", "W/(m^2 sr), towards the normal's side (default 1)")),
+                                  sampling_weight()},
+                   .child_categories = {},
+                   .doc = "makes its shape a diffuse emitter; only inside a shape"});
   table.push_back({.category = "emitter",
                    .name = "point",
                    .properties = {non_negative_rgb("intensity", "W/sr (default 1)"),
@@ -21,6 +21,32 @@ void add_emitters(std::vector<PluginRule>& table) {
                                   sampling_weight()},
                    .child_categories = {"medium"},
                    .doc = "shines evenly into all directions"});
+  table.push_back(
+      {.category = "emitter",
+       .name = "spot",
+       .properties =
+           {non_negative_rgb("intensity", "W/sr along the axis (default 1)"),
+            {.name = "cutoff_angle",
+             .types = {number},
+             .doc = "degrees from the axis beyond which it is dark (default 20)",
+             .minimum = 0,
+             .maximum = 180,
+             .above_minimum = true},
+            {.name = "beam_width",
+             .types = {number},
+             .doc =
+                 "degrees from the axis up to which intensity is full; from there to cutoff_angle it falls "
+                 "linearly in the angle (default 3/4 of cutoff_angle)",
+             .minimum = 0,
+             .maximum = 180},
+            textured({.name = "texture",
+                      .types = {rgb},
+                      .doc = "factor, projected along the axis; it spans the square around the cone's circle",
+                      .minimum = 0}),
+            to_world("moves and turns the light from the origin and +z"),
+            sampling_weight()},
+       .child_categories = {},
+       .doc = "a point that shines into a cone"});
   table.push_back(
       {.category = "emitter",
        .name = "directional",

@@ -121,8 +121,6 @@ TEST(SceneBuild, DiskHasMitsubasParameterisation) {
       "shape 'disk': to_world scales unevenly or shears, which would make it an ellipse");
   EXPECT_EQ(place(matrix({1, 0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1})).error().message,
             "the transform 'to_world' is singular");
-  EXPECT_EQ(build_scene("<shape type=\"disk\"><emitter type=\"area\"/></shape>").error().message,
-            "an area emitter on a disk is not supported yet");
 }
 
 TEST(SceneBuild, CylinderHasMitsubasParameterisation) {

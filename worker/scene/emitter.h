@@ -1,4 +1,8 @@
 // Emitters as the transport layer sees them.
+//
+// Every emitter has an index. Light may be seen from a point (DirectSample) or followed from its source
+// (EmissionSample). Discrete choices are named: where a density would be a delta function, a flag says so and
+// its place is taken by 1, the probability of the only choice there is.
 #pragma once
 
 #include <cstdint>
@@ -16,8 +20,33 @@ struct DirectSample {
   float pdf_solid_angle =
       0;  // including the choice of emitter; for delta emitters the discrete probability of that choice
   bool delta = false;
+  bool infinite = false;  // from outside the scene: p means nothing
   std::uint32_t emitter = kNone;
   Ray shadow_ray;  // from the offset reference point, ends just before the light
+  Vec3 p;          // on the light
+  Vec3 ng;         // unit, of the emitting front; zero where there is no surface
+};
+
+// How sample_emission chooses where light starts, and where to.
+struct EmissionDensity {
+  float prob = 0;      // discrete, of the choice of emitter; of all environments together
+  float pdf_area = 0;  // of the position: per area of the surface, or (infinite) of the disk across the
+                       // direction that covers the scene; 1 where delta_position
+  float pdf_solid_angle = 0;  // of the direction, given the position; 1 where delta_direction
+  float cosine = 0;           // between direction and surface normal; 1 where there is no surface
+  bool delta_position = false, delta_direction = false;
+  bool infinite = false;  // directional, constant, envmap: light from outside the scene
+};
+
+// Light leaving an emitter.
+struct EmissionSample : EmissionDensity {
+  // Where it starts: p, ng, shading, uv, error, shape, bsdf and emitter as a ray meeting the emitter there
+  // would find them (primitive and distance are not known). Without a surface: ng is the direction.
+  SurfaceHit vertex;
+  Ray ray;            // offset off the surface; infinite: from outside the scene's bounding sphere
+  Spectrum radiance;  // along the ray, W / (m^2 sr); delta_position: intensity, W / sr; delta_direction:
+                      // irradiance across the direction, W / m^2
+  Spectrum weight;    // radiance * cosine / (prob * pdf_area * pdf_solid_angle): the mean is the power, W
 };
 
 }  // namespace candela::scene

@@ -116,6 +116,30 @@ float Scene::pdf_direct_environment_solid_angle(const SurfaceHit& reference, Vec
   return impl_->lights.pdf_environment_solid_angle(reference, front, d);
 }
 
+bool Scene::sample_emission(float u_select, Vec2 u_position, Vec2 u_direction, EmissionSample& out) const {
+  return impl_->lights.sample_emission(u_select, u_position, u_direction, out);
+}
+
+bool Scene::pdf_emission(const SurfaceHit& hit, Vec3 d, EmissionDensity& out) const {
+  return impl_->lights.pdf_emission(hit, d, out);
+}
+
+bool Scene::pdf_emission(const DirectSample& light, EmissionDensity& out) const {
+  return impl_->lights.pdf_emission(light, out);
+}
+
+bool Scene::pdf_emission_environment(Vec3 d, EmissionDensity& out) const {
+  return impl_->lights.pdf_emission_environment(d, out);
+}
+
+Spectrum Scene::emitter_power(std::uint32_t i) const {
+  return impl_->lights.power(i);
+}
+
+float Scene::prob_emission(std::uint32_t i) const {
+  return impl_->lights.prob_emission(i);
+}
+
 bool Scene::reads_lens() const {
   return impl_->features.finite_lens;
 }

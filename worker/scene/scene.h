@@ -68,6 +68,20 @@ class Scene {
   // The same for a direction that leaves the scene.
   float pdf_direct_environment_solid_angle(const SurfaceHit& reference, Vec3 front, Vec3 d) const;
 
+  // Light paths: an emitter chosen by power, a place on it and a direction; see EmissionSample for densities
+  // and measures. u_select and u_position are read together. False: no light by this choice.
+  bool sample_emission(float u_select, Vec2 u_position, Vec2 u_direction, EmissionSample& out) const;
+  // The densities with which sample_emission would have chosen light leaving the emitting surface `hit` along
+  // d (unit); that which sample_direct found (travelling along -light.wi); or that from outside the scene
+  // seen looking along d. False: it never does.
+  bool pdf_emission(const SurfaceHit& hit, Vec3 d, EmissionDensity& out) const;
+  bool pdf_emission(const DirectSample& light, EmissionDensity& out) const;
+  bool pdf_emission_environment(Vec3 d, EmissionDensity& out) const;
+  // Of emitter i in [0, features().emitters): its power in W (light from outside: onto the scene's bounding
+  // sphere), and the discrete probability with which sample_emission chooses it.
+  Spectrum emitter_power(std::uint32_t i) const;
+  float prob_emission(std::uint32_t i) const;
+
   // A ray through film position (x, y) in pixels, (0, 0) the top left corner, between the clip planes.
   // u_lens: where on a finite lens; not read unless reads_lens(), a fact of the scene.
   // weight: the sensor's response (1, as Mitsuba means it).

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <utility>
 
 #include "common/base/log.h"
@@ -168,10 +169,6 @@ Result<void> SceneBuilder::add_shape(const description::Object& object, bool in_
       geometry_.triangles.size() + shape.triangles.size() > kMostPrimitives) {
     return error_at(object, "the scene has more than 2^32 triangles or vertices");
   }
-  if (!emitters.empty() && (shape.disk || shape.cylinder)) {
-    return error_at(*emitters[0], "an area emitter on a " + object.plugin + " is not supported yet")
-        .with_mend("use a sphere, a rectangle or a mesh");
-  }
   count_bsdf(bsdfs_[record.bsdf]);
   const auto index = static_cast<std::uint32_t>(geometry_.shapes.size());
   if (!emitters.empty()) area_emitters_.push_back({index, shape.rectangle, emitters[0]});
@@ -194,7 +191,7 @@ Result<void> SceneBuilder::finish_geometry() {
     emitter_media_.back() = media_.exterior(geometry_.shapes[area.shape].medium_interface);
     ++features_.emitter_kinds["area"];
     features_.any_area_emitter = true;
-    features_.any_mesh_emitter |= !area.rectangle && geometry_.shapes[area.shape].sphere == kNone;
+    features_.any_mesh_emitter |= !area.rectangle && geometry_.shapes[area.shape].triangle_count > 0;
     features_.max_emitted_radiance = std::max(features_.max_emitted_radiance, luminance(radiance.maximum()));
   }
   return {};
@@ -208,6 +205,34 @@ Result<Spectrum> SceneBuilder::quantity(const description::Object& object, std::
         .with_field(std::string(name));
   }
   return value;
+}
+
+Result<SpotLight> SceneBuilder::spot(const description::Object& object, const Transform& to_world) {
+  CANDELA_ASSIGN(const Spectrum intensity, quantity(object, "intensity"));
+  CANDELA_ASSIGN(const ColorTexture texture, textures_.color(object, "texture", Spectrum(1.0f)));
+  const double cutoff = object.get_number("cutoff_angle", 20);
+  const double beam = object.get_number("beam_width", cutoff * 3 / 4);
+  if (!(cutoff > 0 && cutoff <= 180)) {
+    return error_at(object, "cutoff_angle is above 0 and at most 180 degrees").with_field("cutoff_angle");
+  }
+  if (!(beam >= 0 && beam <= cutoff)) {
+    return error_at(object, "beam_width is not within 0 and cutoff_angle").with_field("beam_width");
+  }
+  if (!texture.is_constant() && cutoff > 89.9) {
+    return error_at(object, "a texture cannot be projected into a cone of cutoff_angle 90 degrees or more")
+        .with_field("cutoff_angle");
+  }
+  const Vec3d x = to_world.column(0), y = to_world.column(1), z = to_world.column(2);
+  if (!to_world.is_similarity() || !(length(z) > 0)) {
+    return error_at(object, "the to_world of a spot light must not shear, stretch or flatten")
+        .with_field("to_world");
+  }
+  // Gram-Schmidt: what is left of the rounding in the file.
+  const Vec3d n = normalize(z), s = normalize(x - n * dot(n, x));
+  const Vec3d t = normalize(y - n * dot(n, y) - s * dot(s, y));
+  constexpr double kRadians = std::numbers::pi / 180;
+  return SpotLight(Vec3(to_world.translation()), {Vec3(s), Vec3(t), Vec3(n)}, intensity, cutoff * kRadians,
+                   beam * kRadians, texture);
 }
 
 Result<void> SceneBuilder::emitter(const description::Object& object) {
@@ -226,6 +251,15 @@ Result<void> SceneBuilder::emitter(const description::Object& object) {
     const double r = std::max(geometry_.bounds.radius(), 1e-12);
     features_.max_emitted_radiance =
         std::max(features_.max_emitted_radiance, luminance(intensity) / static_cast<float>(r * r));
+  } else if (object.plugin == "spot") {
+    CANDELA_ASSIGN(const SpotLight light, spot(object, to_world));
+    const float peak = luminance(light.peak());
+    if (!(peak > 0)) return {};
+    lights_.add_spot(light);
+    features_.any_delta_emitter = true;
+    const double r = std::max(geometry_.bounds.radius(), 1e-12);
+    features_.max_emitted_radiance =
+        std::max(features_.max_emitted_radiance, peak / static_cast<float>(r * r));
   } else if (object.plugin == "directional") {
     if (object.find("direction") != nullptr && object.find("to_world") != nullptr) {
       return error_at(object, "give either direction or to_world, not both").with_field("direction");

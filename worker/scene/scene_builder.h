@@ -18,6 +18,7 @@
 #include "worker/scene/sensors/sensor.h"
 #include "worker/scene/shapes/geometry.h"
 #include "worker/scene/textures/texture.h"
+#include "worker/scene/transform.h"
 
 namespace candela::scene {
 
@@ -67,6 +68,7 @@ class SceneBuilder {
   Result<std::uint32_t> group_of(const description::ObjectPtr& object);
   Result<std::uint32_t> bsdf_of(const description::Object& shape, bool emits);
   Result<Spectrum> quantity(const description::Object& object, std::string_view name) const;
+  Result<SpotLight> spot(const description::Object& object, const Transform& to_world);
   void count_bsdf(const Bsdf& bsdf);
 
   const description::FileSource& files_;

@@ -125,6 +125,14 @@ bool RectangleLight::sample(Vec3 reference, Vec2 u, LightPoint& out) const {
   return true;
 }
 
+void RectangleLight::sample_area(Vec2 u, LightPoint& out) const {
+  out.p = Vec3(Vec3d(rectangle_.corner) + Vec3d(rectangle_.edge_u) * static_cast<double>(u.x) +
+               Vec3d(rectangle_.edge_v) * static_cast<double>(u.y));
+  out.ng = rectangle_.normal;
+  out.uv = u;
+  out.error = error_;
+}
+
 float RectangleLight::pdf_solid_angle(Vec3 reference, Vec3 p) const {
   if (!reaches(reference)) return 0;
   Spherical s;
@@ -180,6 +188,97 @@ float SphereLight::pdf_solid_angle(Vec3 reference) const {
   return static_cast<float>(1 / (2 * std::numbers::pi * cap));
 }
 
+void SphereLight::sample_area(Vec2 u, LightPoint& out) const {
+  const Vec3d n = normalize(Vec3d(warp::uniform_sphere(u)));
+  out.p = Vec3(sphere_.center + n * sphere_.radius);
+  out.ng = Vec3(sphere_.inside_out ? -n : n);
+  out.error = sphere_error(sphere_, out.p, out.ng);
+}
+
+double SphereLight::area() const {
+  return 4 * std::numbers::pi * sphere_.radius * sphere_.radius;
+}
+
+// ---- disks
+// ---------------------------------------------------------------------------------------------------
+
+void DiskLight::sample_area(Vec2 u, LightPoint& out) const {
+  const Vec2 d = warp::concentric_disk(u);
+  out.p = Vec3(disk_.center + disk_.axes[0] * (disk_.radius * static_cast<double>(d.x)) +
+               disk_.axes[1] * (disk_.radius * static_cast<double>(d.y)));
+  out.ng = Vec3(disk_.axes[2]);
+  out.error = disk_error(disk_, out.p);
+}
+
+double DiskLight::area() const {
+  return std::numbers::pi * disk_.radius * disk_.radius;
+}
+
+bool DiskLight::sample(Vec3 reference, Vec2 u, LightPoint& out) const {
+  if (!reaches(reference)) return false;
+  sample_area(u, out);
+  return finish_by_area(reference, area(), out);
+}
+
+float DiskLight::pdf_solid_angle(Vec3 reference, Vec3 p) const {
+  return reaches(reference) ? per_solid_angle(reference, p, Vec3(disk_.axes[2]), area()) : 0.0f;
+}
+
+// ---- cylinders
+// -----------------------------------------------------------------------------------------------
+
+bool CylinderLight::facing(Vec3 reference, double& middle, double& half) const {
+  const Vec3d v = Vec3d(reference) - cylinder_.base;
+  const double x = dot(v, cylinder_.axes[0]), y = dot(v, cylinder_.axes[1]);
+  const double distance = std::sqrt(x * x + y * y);
+  const bool outside = distance > cylinder_.radius;
+  middle = distance > 0 ? static_cast<double>(math::atan2f(static_cast<float>(y / distance),
+                                                           static_cast<float>(x / distance)))
+                        : 0;
+  // From outside, the outer side shows itself within acos(r / d) of the reference, the inner side beyond.
+  half = outside ? std::numbers::pi / 2 - asin_double(cylinder_.radius / distance) : std::numbers::pi;
+  if (!cylinder_.inside_out) return outside && half > 0;
+  if (!outside) return true;
+  middle += std::numbers::pi;
+  half = std::numbers::pi - half;
+  return true;
+}
+
+bool CylinderLight::reaches(Vec3 reference) const {
+  double middle = 0, half = 0;
+  return facing(reference, middle, half);
+}
+
+void CylinderLight::point_at(double angle, double height, LightPoint& out) const {
+  double sine = 0, cosine = 0;
+  sincos_double(angle, sine, cosine);
+  const Vec3d n = cylinder_.axes[0] * cosine + cylinder_.axes[1] * sine;
+  out.p = Vec3(cylinder_.base + n * cylinder_.radius + cylinder_.axes[2] * (cylinder_.length * height));
+  out.ng = Vec3(cylinder_.inside_out ? -n : n);
+  out.error = cylinder_error(cylinder_, out.p, out.ng);
+}
+
+bool CylinderLight::sample(Vec3 reference, Vec2 u, LightPoint& out) const {
+  double middle = 0, half = 0;
+  if (!facing(reference, middle, half)) return false;
+  point_at(middle + (2 * static_cast<double>(u.x) - 1) * half, static_cast<double>(u.y), out);
+  return finish_by_area(reference, 2 * half * cylinder_.radius * cylinder_.length, out);
+}
+
+float CylinderLight::pdf_solid_angle(Vec3 reference, const SurfaceHit& hit) const {
+  double middle = 0, half = 0;
+  if (!facing(reference, middle, half)) return 0;
+  return per_solid_angle(reference, hit.p, hit.ng, 2 * half * cylinder_.radius * cylinder_.length);
+}
+
+void CylinderLight::sample_area(Vec2 u, LightPoint& out) const {
+  point_at(2 * std::numbers::pi * static_cast<double>(u.x), static_cast<double>(u.y), out);
+}
+
+double CylinderLight::area() const {
+  return 2 * std::numbers::pi * cylinder_.radius * cylinder_.length;
+}
+
 // ---- meshes
 // --------------------------------------------------------------------------------------------------
 
@@ -193,7 +292,7 @@ MeshLight::MeshLight(const Geometry& geometry, std::uint32_t shape)
   triangles_ = Distribution(areas);
 }
 
-bool MeshLight::sample(Vec3 reference, double u_triangle, Vec2 u, LightPoint& out) const {
+void MeshLight::sample_area(double u_triangle, Vec2 u, LightPoint& out) const {
   const std::uint32_t index = first_ + triangles_.sample(u_triangle);
   const Triangle& t = geometry_->triangles[index];
   const Vec2 b = warp::uniform_triangle(u);
@@ -203,6 +302,10 @@ bool MeshLight::sample(Vec3 reference, double u_triangle, Vec2 u, LightPoint& ou
   out.ng = t.ng;
   out.uv = geometry_->uv_at(index, b.x, b.y);
   out.error = geometry_->point_error(index, out.p);
+}
+
+bool MeshLight::sample(Vec3 reference, double u_triangle, Vec2 u, LightPoint& out) const {
+  sample_area(u_triangle, u, out);
   return finish_by_area(reference, triangles_.total(), out);
 }
 

@@ -16,10 +16,14 @@ struct LightPoint {
   Vec3 p;
   Vec3 ng;          // of the emitting front
   Vec3 wi;          // unit, from the reference towards p
-  Vec2 uv;          // of the shape's parameterisation, where somebody reads it
+  Vec2 uv;          // of the shape's parameterisation; not filled for spheres, disks and cylinders, whose
+                    // uv follows from p and costs an arc tangent
   float error = 0;  // of p, as in SurfaceHit
   float pdf_solid_angle = 0;
 };
+
+// Beside what is said above, each light has sample_area(): a point uniform in area, density 1 / area(), as
+// light paths start; it fills p, ng, uv (as above) and error.
 
 // A parallelogram. Near ones are sampled uniformly in solid angle where they are rectangles [Urena, Fajardo,
 // King 2013, "An area-preserving parametrization for spherical rectangles"], far ones (centre beyond
@@ -32,6 +36,7 @@ class RectangleLight {
   bool reaches(Vec3 reference) const { return dot(reference - rectangle_.corner, rectangle_.normal) > 0; }
   bool sample(Vec3 reference, Vec2 u, LightPoint& out) const;
   float pdf_solid_angle(Vec3 reference, Vec3 p) const;
+  void sample_area(Vec2 u, LightPoint& out) const;
   double area() const { return area_; }
 
   static constexpr float kNearDiagonals = 1.5;
@@ -59,6 +64,8 @@ class SphereLight {
   bool reaches(Vec3 reference) const { return inside(reference) == sphere_.inside_out; }
   bool sample(Vec3 reference, Vec2 u, LightPoint& out) const;
   float pdf_solid_angle(Vec3 reference) const;
+  void sample_area(Vec2 u, LightPoint& out) const;
+  double area() const;
 
  private:
   bool inside(Vec3 reference) const {
@@ -70,12 +77,45 @@ class SphereLight {
   Sphere sphere_;
 };
 
+// Uniform in area.
+class DiskLight {
+ public:
+  explicit DiskLight(const Disk& disk) : disk_(disk) {}
+  bool reaches(Vec3 reference) const { return dot(Vec3d(reference) - disk_.center, disk_.axes[2]) > 0; }
+  bool sample(Vec3 reference, Vec2 u, LightPoint& out) const;
+  float pdf_solid_angle(Vec3 reference, Vec3 p) const;
+  void sample_area(Vec2 u, LightPoint& out) const;
+  double area() const;
+
+ private:
+  Disk disk_;
+};
+
+// Uniform in area over the strip of the mantle that faces the reference.
+class CylinderLight {
+ public:
+  explicit CylinderLight(const Cylinder& cylinder) : cylinder_(cylinder) {}
+  bool reaches(Vec3 reference) const;
+  bool sample(Vec3 reference, Vec2 u, LightPoint& out) const;
+  float pdf_solid_angle(Vec3 reference, const SurfaceHit& hit) const;
+  void sample_area(Vec2 u, LightPoint& out) const;
+  double area() const;
+
+ private:
+  // The strip's middle and half width, as angles around the axis; false: nothing faces the reference.
+  bool facing(Vec3 reference, double& middle, double& half) const;
+  void point_at(double angle, double height, LightPoint& out) const;
+
+  Cylinder cylinder_;
+};
+
 // Uniform in area over the triangles of one shape.
 class MeshLight {
  public:
   MeshLight(const Geometry& geometry, std::uint32_t shape);
   bool sample(Vec3 reference, double u_triangle, Vec2 u, LightPoint& out) const;
   float pdf_solid_angle(Vec3 reference, const SurfaceHit& hit) const;
+  void sample_area(double u_triangle, Vec2 u, LightPoint& out) const;
   double area() const { return triangles_.total(); }
 
  private:

@@ -1,0 +1,68 @@
+// A hierarchy over many emitters, descended at random from a reference point: a choice among n of them in
+// proportion to an estimate of what each gives there, in O(log n) [Conty 2018].
+//
+// A node knows a sphere around its emitters, a cone around their normals with the widest angle of emission
+// from one, and the sum of their strengths. Its importance is an upper estimate of the irradiance it can
+// give; it is zero only where it can give none. At each node one child is chosen by the two importances. The
+// build (binned, by the surface area orientation heuristic) is serial and depends on the emitters alone.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "worker/core/vec.h"
+#include "worker/scene/bounds.h"
+
+namespace candela::scene {
+
+// What the tree needs to know of one emitter.
+struct LightBounds {
+  Bounds box;
+  Vec3 axis{0, 0, 1};  // of the cone that holds all normals (directions, for a point)
+  float spread = 0;    // its half angle, radians
+  float emission = 0;  // light leaves within this angle of a normal, radians
+  float strength = 0;  // importance at unit distance, W / sr
+  double power = 0;    // W, what the build weighs by
+  std::uint32_t emitter = 0;
+};
+
+class LightTree {
+ public:
+  LightTree() = default;
+  explicit LightTree(std::vector<LightBounds> lights, std::size_t emitter_count);
+
+  bool empty() const { return nodes_.empty(); }
+  // An estimate of the irradiance from all of it. front: as in Scene::sample_direct.
+  float importance(Vec3 p, Vec3 front) const { return empty() ? 0.0f : importance(nodes_[0], p, front); }
+
+  // One emitter; prob is the discrete probability of that. rest: what is left of u, uniform in [0, 1) again.
+  // False: none of those that were left over can light the point.
+  bool sample(Vec3 p, Vec3 front, double u, std::uint32_t& emitter, float& prob, double& rest) const;
+  // The probability with which sample() chooses the emitter; 0 where it is not in the tree.
+  float prob(Vec3 p, Vec3 front, std::uint32_t emitter) const;
+
+  std::uint64_t bytes() const;
+
+ private:
+  // Three quarters of a cache line.
+  struct Node {
+    Vec3 center;
+    float radius = 0;
+    Vec3 axis;
+    float cos_spread = 1, sin_spread = 0;
+    float cos_emission = 0;
+    float strength = 0;
+    std::uint32_t link = 0;  // the second child (the first is the next node), or kLeaf | emitter
+  };
+  static constexpr std::uint32_t kLeaf = 0x80000000u;
+  struct Build;
+
+  static float importance(const Node& node, Vec3 p, Vec3 front);
+
+  std::vector<Node> nodes_;            // depth first
+  std::vector<std::uint64_t> trails_;  // by emitter: bit d says which child to take at depth d
+  std::vector<std::uint8_t> depths_;   // by emitter; kOutside where it is not in the tree
+  static constexpr std::uint8_t kOutside = 255;
+};
+
+}  // namespace candela::scene
