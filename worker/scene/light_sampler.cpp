@@ -147,7 +147,7 @@ std::uint32_t LightSampler::add_environment(Environment environment) {
   return index;
 }
 
-void LightSampler::finish() {
+void LightSampler::finish(bool choose_by_power) {
   center_ = geometry_->bounds.center();
   radius_ = std::max(geometry_->bounds.radius(), 1e-12) * (1 + 1e-5);
   std::vector<double> powers;
@@ -161,7 +161,7 @@ void LightSampler::finish() {
     powers.push_back(p >= 0 ? std::min(p, 1e200) : 0.0);
   }
   powers_ = Distribution(powers);
-  if (by_importance()) return;
+  if (by_importance() || choose_by_power) return;
   std::vector<LightBounds> placed;
   for (std::uint32_t i = 0; i < emitters_.size(); ++i) {
     if (infinite(emitters_[i])) {
@@ -326,6 +326,12 @@ bool LightSampler::select(Vec3 p, Vec3 front, double u, Choice& choice) const {
 
 // The tree is one candidate beside the infinite emitters.
 bool LightSampler::select_by_tree(Vec3 p, Vec3 front, double u, Choice& choice) const {
+  if (tree_.empty() && infinite_.empty()) {
+    if (!(powers_.total() > 0)) return false;
+    choice.emitter = powers_.sample(u, &choice.rest);
+    choice.prob = prob_emission(choice.emitter);
+    return true;
+  }
   if (infinite_.empty()) return tree_.sample(p, front, u, choice.emitter, choice.prob, choice.rest);
   const float tree = tree_.importance(p, front);
   float sum = tree;
@@ -355,6 +361,7 @@ bool LightSampler::select_by_tree(Vec3 p, Vec3 front, double u, Choice& choice) 
 }
 
 float LightSampler::prob_by_tree(Vec3 p, Vec3 front, std::uint32_t emitter) const {
+  if (tree_.empty() && infinite_.empty()) return prob_emission(emitter);
   if (infinite_.empty()) return tree_.prob(p, front, emitter);
   const float tree = tree_.importance(p, front);
   float sum = tree;

@@ -38,7 +38,8 @@ class LightSampler {
   std::uint32_t add_environment(Environment environment);
   std::uint32_t add_spot(SpotLight spot);
   // After the last add: distances and powers need the scene's extent.
-  void finish();
+  // choose_by_power: no tree, for measurements against it.
+  void finish(bool choose_by_power = false);
 
   std::size_t size() const { return emitters_.size(); }
 

@@ -39,7 +39,7 @@ Result<std::unique_ptr<Scene>> Scene::build(const description::SceneDescription&
   CANDELA_TRY(arena.execute([&] { return builder.shapes(root); }));
   CANDELA_TRY(builder.finish_geometry());
   for (const auto& emitter : root.children_of("emitter")) CANDELA_TRY(builder.emitter(*emitter));
-  impl.lights.finish();
+  impl.lights.finish(options.choose_emitters_by_power);
   if (const auto media = sensors[0]->children_of("medium"); !media.empty()) {
     CANDELA_ASSIGN(impl.camera_medium, impl.media.add(media[0], files));
   }

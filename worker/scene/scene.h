@@ -24,6 +24,7 @@ class Scene {
     std::string isa = "avx2";  // the ISA Embree may use
     unsigned build_threads = 1;
     std::uint32_t film_width = 1, film_height = 1;  // for the sensor's aspect
+    bool choose_emitters_by_power = false;  // for measurements: beyond a few, by power instead of the tree
     TextureLimits textures;
   };
   static Result<std::unique_ptr<Scene>> build(const description::SceneDescription& description,

@@ -91,7 +91,8 @@ class DiskLight {
   Disk disk_;
 };
 
-// Uniform in area over the strip of the mantle that faces the reference.
+// Uniform in the angle around the reference, in the plane across the axis, and in height: over the side that
+// faces the reference alone, and without the singular density at the silhouette that area would have.
 class CylinderLight {
  public:
   explicit CylinderLight(const Cylinder& cylinder) : cylinder_(cylinder) {}
@@ -102,9 +103,9 @@ class CylinderLight {
   double area() const;
 
  private:
-  // The strip's middle and half width, as angles around the axis; false: nothing faces the reference.
-  bool facing(Vec3 reference, double& middle, double& half) const;
-  void point_at(double angle, double height, LightPoint& out) const;
+  // The reference across the axis, from it, and half the angle that the circle fills there; false: nothing
+  // faces the reference.
+  bool across(Vec3 reference, double& x, double& y, double& half) const;
 
   Cylinder cylinder_;
 };
