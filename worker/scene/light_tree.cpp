@@ -13,6 +13,10 @@ namespace {
 constexpr float kLeastCosine = 0.02f;  // a bound that is possible but small still counts this much
 constexpr float kCosineSlack = 1e-3f;  // rounding must not declare a possible emitter impossible
 constexpr float kLargestImportance = 1e30f;
+// Emitters spread over a sphere of radius r around the reference are as if at less than r; below half of it
+// one near emitter is too likely to be the one that counts.
+constexpr float kNearest = 0.25f;  // least squared distance, in squared radii
+constexpr float kBound = 0.5f;     // share of the bound in a cosine, the rest is that at the centre
 constexpr int kBins = 12;
 constexpr int kBalancedFrom = 26;  // depth from which nodes are halved, so that trails fit 64 bits
 
@@ -256,28 +260,31 @@ LightTree::LightTree(std::vector<LightBounds> lights, std::size_t emitter_count)
   Build{*this, lights}.node(0, lights.size(), 0, 0);
 }
 
+// The bounds decide what is zero. How much the rest counts is an estimate: distance and cosines of a node
+// that is wide as seen from the reference lie between those of its centre and the bounds.
 float LightTree::importance(const Node& node, Vec3 p, Vec3 front) {
   const bool both_sides = is_zero(front);
   const Vec3 v = node.center - p;
   const float d2 = length_squared(v);
   const float h = dot(front, v);
   if (!both_sides && h <= -node.radius * (1 + kCosineSlack) - kCosineSlack * std::sqrt(d2)) return 0;
-  const float r2 = std::max(node.radius * node.radius, 1e-36f);
-  if (d2 <= r2) return std::min(node.strength / r2, kLargestImportance);
-  const float inverse_d = 1 / std::sqrt(d2);
+  const float inverse_d = 1 / std::sqrt(std::max(d2, 1e-36f));
   const float sin_extent = std::min(1.0f, node.radius * inverse_d), cos_extent = sine(sin_extent);
-  float result = node.strength * inverse_d * inverse_d;
+  const float least = std::max(node.radius * node.radius * kNearest, 1e-36f);
+  float result = node.strength / std::max(d2, least);
   // The least angle between a normal and the direction from the emitter to the reference.
   float c = std::clamp(-dot(node.axis, v) * inverse_d, -1.0f, 1.0f), s = sine(c);
   subtract_angle(c, s, node.cos_spread, node.sin_spread);
+  const float at_center = std::max(c, 0.0f);
   subtract_angle(c, s, cos_extent, sin_extent);
-  if (c < node.cos_emission - kCosineSlack) return 0;
-  result *= std::max(c, kLeastCosine);
+  if (d2 > node.radius * node.radius && c < node.cos_emission - kCosineSlack) return 0;
+  result *= std::max(kBound * c + (1 - kBound) * at_center, kLeastCosine);
   if (!both_sides) {
     c = std::clamp(h * inverse_d, -1.0f, 1.0f);
     s = sine(c);
+    const float seen_at_center = std::max(c, 0.0f);
     subtract_angle(c, s, cos_extent, sin_extent);
-    result *= std::max(c, kLeastCosine);
+    result *= std::max(kBound * c + (1 - kBound) * seen_at_center, kLeastCosine);
   }
   return std::min(result, kLargestImportance);
 }
