@@ -2,6 +2,9 @@
 // transforms), and what cannot be built is one error naming file and line.
 #include <gtest/gtest.h>
 
+#include <tbb/task_arena.h>
+
+#include <chrono>
 #include <cmath>
 #include <string>
 
@@ -188,6 +191,63 @@ TEST(SceneBuild, VertexNormalsAreCompletedAndDecideSides) {
   EXPECT_EQ((*sided)->features().triangles, 1u);
 }
 
+// Shapes by the hundred thousand: time and memory grow with their number, not its square. The bound is loose.
+TEST(SceneBuild, ManySmallShapesAreJoinedInLinearTime) {
+  const auto begin = std::chrono::steady_clock::now();
+  Geometry geometry;
+  constexpr std::uint32_t kShapes = 300000;
+  for (std::uint32_t i = 0; i < kShapes; ++i) {
+    Shape shape;
+    const auto x = static_cast<float>(i);
+    shape.positions = {{x, 0, 0}, {x + 1, 0, 0}, {x, 1, 0}};
+    if (i % 2 == 0) shape.normals.assign(3, {0, 0, 1});
+    shape.triangles = {{0, 1, 2}};
+    geometry.add(std::move(shape), {});
+  }
+  geometry.finish();
+  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
+  EXPECT_LT(seconds.count(), 5.0);
+  EXPECT_EQ(geometry.indices[kShapes - 1][2], 3 * kShapes - 1);
+  EXPECT_EQ(geometry.normals.size(), geometry.positions.size());
+  EXPECT_EQ(geometry.shapes[kShapes - 1].first_triangle, kShapes - 1);
+  EXPECT_LE(geometry.triangles.capacity(), 2u * kShapes + 2);
+}
+
+// A mesh large enough to be cut among threads: normals do not depend on how many there are.
+TEST(SceneBuild, NormalsDoNotDependOnTheNumberOfThreads) {
+  loaders::Mesh mesh;
+  constexpr std::uint32_t kSide = 200;
+  rng::Stream stream(rng::key(1, 95));
+  for (std::uint32_t i = 0; i < kSide * kSide; ++i) {
+    mesh.positions.push_back(
+        {static_cast<float>(i % kSide), static_cast<float>(i / kSide), stream.next_float()});
+  }
+  for (std::uint32_t y = 0; y + 1 < kSide; ++y) {
+    for (std::uint32_t x = 0; x + 1 < kSide; ++x) {
+      const std::uint32_t a = y * kSide + x;
+      mesh.triangles.push_back({a, a + 1, a + kSide + 1});
+      mesh.triangles.push_back({a + kSide, a, a + kSide + 1});
+    }
+  }
+  // One vertex keeps its own normal, one has a normal without length, which is none.
+  mesh.normals.assign(mesh.positions.size(), {0, 0, 0});
+  mesh.normals[7] = {0, 3, 4};
+  const auto normals = [&](int threads) {
+    tbb::task_arena arena(threads);
+    return arena.execute([&] {
+      auto shape = shape_from_mesh(mesh, Transform({1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}), false,
+                                   false, "m");
+      EXPECT_TRUE(shape.ok());
+      return shape->normals;
+    });
+  };
+  const auto one = normals(1);
+  EXPECT_EQ(one, normals(2));
+  EXPECT_EQ(one, normals(7));
+  expect_near(one[7], {0, 0.6f, 0.8f});
+  for (const Vec3 n : one) ASSERT_NEAR(length(n), 1, 1e-6f);
+}
+
 TEST(SceneBuild, NamesWhatCannotBeBuilt) {
   const auto message = [](const std::string& body,
                           const std::string& obj = "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n") {
@@ -197,6 +257,12 @@ TEST(SceneBuild, NamesWhatCannotBeBuilt) {
   const std::string mesh = "<shape type=\"obj\"><string name=\"filename\" value=\"m.obj\"/></shape>";
   EXPECT_EQ(message(mesh), "m.obj: no face of the mesh has an area");
   EXPECT_EQ(message(mesh, "v 0 0 0\nv 1 x 0\n"), "m.obj:2: vertex position 'x' is not a number");
+  // Faces without area are left out, others of the mesh stay; a normal without length is none.
+  EXPECT_EQ(
+      message(mesh, "v 0 0 0\nv 1 0 0\nv 2 0 0\nv 0 1 0\nvn 0 0 0\nf 1//1 2//1 3//1\nf 1//1 2//1 4//1\n"),
+      "no error");
+  EXPECT_EQ(message("<shape type=\"ply\"><string name=\"filename\" value=\"m.obj\"/></shape>", ""),
+            "m.obj:1: this is no PLY file: it does not begin with a line 'ply'");
   EXPECT_EQ(message(mesh, "v 0 0 0\nv 1e20 0 0\nv 0 1 0\nf 1 2 3\n"),
             "m.obj: vertex 1 lies beyond 1e18 in the scene after to_world");
 }

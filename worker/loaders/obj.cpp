@@ -214,9 +214,16 @@ class Part {
   Result<void> index(const char*& at, const char* stop, std::size_t count, const char* what,
                      std::string_view corner, std::uint32_t& out) const {
     std::int64_t value = 0;
-    const auto [rest, code] = std::from_chars(at, stop, value);
-    if (code != std::errc()) return not_a_corner(corner);
-    at = rest;
+    const char* digit = at;
+    while (digit < stop && digit - at < 9 && *digit >= '0' && *digit <= '9')
+      value = 10 * value + (*digit++ - '0');
+    if (digit > at && (digit == stop || *digit == '/')) {
+      at = digit;  // as almost all are
+    } else {
+      const auto [rest, code] = std::from_chars(at, stop, value);
+      if (code != std::errc()) return not_a_corner(corner);
+      at = rest;
+    }
     const auto known = static_cast<std::int64_t>(count);
     const std::int64_t resolved = value > 0 ? value - 1 : known + value;
     if (value == 0 || resolved < 0 || resolved >= known) {
