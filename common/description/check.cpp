@@ -408,7 +408,7 @@ Result<void> check_children(const Object& object, const PluginRule& rule, std::s
 
   if (object.category == "scene") return check_scene(object, where);
   if (object.plugin == "twosided") return check_twosided(object, where);
-  if (object.plugin == "roughconductor") return check_roughness(object);
+  if (object.plugin == "roughconductor" || object.plugin == "roughdielectric") return check_roughness(object);
   if (object.category == "bsdf" && std::find(rule.child_categories.begin(), rule.child_categories.end(),
                                              "bsdf") != rule.child_categories.end())
     return check_composite(object);

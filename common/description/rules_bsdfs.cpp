@@ -9,6 +9,26 @@ void add_bsdfs(std::vector<PluginRule>& table) {
         .name = name, .types = {number, string}, .doc = doc, .minimum = 0, .above_minimum = true};
   };
   const PropertyRule specular = reflectance("specular_reflectance", "scales the reflection (default 1)");
+  const PropertyRule transmittance =
+      reflectance("specular_transmittance", "scales the transmission (default 1)");
+  const PropertyRule glass_inside =
+      index_of_refraction("int_ior", "index inside, a number or a name (default bk7, 1.5046)");
+  const PropertyRule plastic_inside =
+      index_of_refraction("int_ior", "index inside, a number or a name (default polypropylene, 1.49)");
+  const PropertyRule outside =
+      index_of_refraction("ext_ior", "index outside, a number or a name (default air, 1.000277)");
+  const PropertyRule distribution = {.name = "distribution",
+                                     .types = {string},
+                                     .values = {"beckmann", "ggx"},
+                                     .doc = "microfacet distribution (default beckmann)"};
+  const PropertyRule alpha =
+      positive("alpha", "roughness along both axes; Beckmann: root mean square slope (default 0.1)");
+  const PropertyRule alpha_u =
+      textured(positive("alpha_u", "roughness along the tangent; only together with alpha_v, without alpha"));
+  const PropertyRule alpha_v = textured(
+      positive("alpha_v", "roughness along the bitangent; only together with alpha_u, without alpha"));
+  const PropertyRule visible =
+      flag("sample_visible", "sample visible normals only: noise, not the mean (default true)");
   const PropertyRule eta =
       textured(non_negative_rgb("eta", "real part of the index of refraction (default 0)"));
   const PropertyRule k =
@@ -23,16 +43,11 @@ void add_bsdfs(std::vector<PluginRule>& table) {
                    .properties = {reflectance("reflectance", "albedo (default 0.5)")},
                    .child_categories = {},
                    .doc = "Lambertian, one-sided"});
-  table.push_back(
-      {.category = "bsdf",
-       .name = "dielectric",
-       .properties = {index_of_refraction("int_ior",
-                                          "index inside, a number or a name (default bk7, 1.5046)"),
-                      index_of_refraction("ext_ior",
-                                          "index outside, a number or a name (default air, 1.000277)"),
-                      specular, reflectance("specular_transmittance", "scales the transmission (default 1)")},
-       .child_categories = {},
-       .doc = "smooth glass; the side the normal points to is outside"});
+  table.push_back({.category = "bsdf",
+                   .name = "dielectric",
+                   .properties = {glass_inside, outside, specular, transmittance},
+                   .child_categories = {},
+                   .doc = "smooth glass; the side the normal points to is outside"});
   table.push_back({.category = "bsdf",
                    .name = "conductor",
                    .properties = {eta, k, material, specular},
@@ -41,24 +56,35 @@ void add_bsdfs(std::vector<PluginRule>& table) {
   table.push_back(
       {.category = "bsdf",
        .name = "roughconductor",
-       .properties =
-           {{.name = "distribution",
-             .types = {string},
-             .values = {"beckmann", "ggx"},
-             .doc = "microfacet distribution (default beckmann)"},
-            textured(positive("alpha",
-                              "roughness along both axes; Beckmann: root mean square slope (default 0.1)")),
-            textured(positive("alpha_u",
-                              "roughness along the tangent; only together with alpha_v, without alpha")),
-            textured(positive("alpha_v",
-                              "roughness along the bitangent; only together with alpha_u, without alpha")),
-            eta,
-            k,
-            material,
-            specular,
-            flag("sample_visible", "sample visible normals only: noise, not the mean (default true)")},
+       .properties = {distribution, textured(alpha), alpha_u, alpha_v, eta, k, material, specular, visible},
        .child_categories = {},
        .doc = "rough metal after Walter et al. 2007, one-sided"});
+  table.push_back({.category = "bsdf",
+                   .name = "roughdielectric",
+                   .properties = {distribution, textured(alpha), alpha_u, alpha_v, glass_inside, outside,
+                                  specular, transmittance, visible},
+                   .child_categories = {},
+                   .doc = "rough glass after Walter et al. 2007; the side the normal points to is outside"});
+  table.push_back(
+      {.category = "bsdf",
+       .name = "thindielectric",
+       .properties = {glass_inside, outside, specular, transmittance},
+       .child_categories = {},
+       .doc = "a thin pane in one surface, all reflections inside it included; light passes straight on"});
+  const PropertyRule base = reflectance("diffuse_reflectance", "albedo of the base (default 0.5)");
+  const PropertyRule nonlinear =
+      flag("nonlinear", "let reflections inside the coat shift the base's colour (default false)");
+  table.push_back({.category = "bsdf",
+                   .name = "plastic",
+                   .properties = {base, nonlinear, plastic_inside, outside, specular},
+                   .child_categories = {},
+                   .doc = "a diffuse base under a smooth coat, one-sided"});
+  table.push_back(
+      {.category = "bsdf",
+       .name = "roughplastic",
+       .properties = {base, nonlinear, plastic_inside, outside, specular, distribution, alpha, visible},
+       .child_categories = {},
+       .doc = "a diffuse base under a rough coat, one-sided"});
   table.push_back({.category = "bsdf",
                    .name = "null",
                    .properties = {},

@@ -20,13 +20,13 @@ using scene::Closure;
 using scene::TransportMode;
 
 constexpr float kLast = 1 - 0x1p-24f;  // the largest number a sampler gives
-constexpr double kQuadrature = 2e-4;   // error aimed at
+constexpr double kQuadrature = 5e-4;   // error aimed at
 constexpr double kQuadratureMost = 2e-3;
 constexpr double kTolerance = 1e-3;  // of ratios of floats, above what the directions' rounding makes of them
 
-int sample_count() {
+bool long_form() {
   const char* text = std::getenv("CANDELA_LONG");
-  return text != nullptr && std::string(text) == "1" ? 200000 : 8000;
+  return text != nullptr && std::string(text) == "1";
 }
 
 std::uint64_t seed_of(const std::string& name) {
@@ -89,7 +89,10 @@ struct DeltaLobe {
 class Proof {
  public:
   Proof(const BsdfConfiguration& configuration, double alarm)
-      : c_(configuration), alarm_(alarm), seed_(seed_of(configuration.name)), samples_(sample_count()) {}
+      : c_(configuration),
+        alarm_(alarm),
+        seed_(seed_of(configuration.name)),
+        samples_(long_form() ? 200000 : 8000) {}
 
   int run() {
     const TextFiles files(
@@ -157,6 +160,7 @@ class Proof {
       const std::uint64_t key = rng::key(seed_, index, static_cast<int>(mode));
       const std::vector<BsdfSample> kept = distribution(closure, wo, mode, key, where, true);
       int backwards = 0;
+      if (!long_form() && mode == TransportMode::importance) continue;
       for (const BsdfSample& s : kept) {
         if (std::abs(s.wi.z) < 0.02f) continue;
         const std::string back = fmt::format("{}, back from {}", where, shown(s.wi));
@@ -228,6 +232,7 @@ class Proof {
         continue;
       }
       count_delta(wo, s, lobes, where);
+      if (testing::Test::HasFatalFailure()) return {};
     }
 
     // Delta lobes and refusals are bins of their own.
@@ -310,7 +315,7 @@ class Proof {
     }
     rng::Stream stream(rng::key(seed_, 4));
     for (const Vec3 center : centers) {
-      for (const float width : {0.3f, 0.1f, 0.03f, 0.01f, 0.003f}) {
+      for (const float width : {0.3f, 0.1f, 0.03f, 0.01f, 0.003f, 0.001f, 3e-4f, 1e-4f}) {
         for (int i = 0; i < 8; ++i)
           directions.push_back(normalize(center + uniform_direction(stream) * width));
       }
@@ -367,11 +372,12 @@ class Proof {
   void count_delta(Vec3 wo, const BsdfSample& s, std::vector<DeltaLobe>& lobes, const std::string& where) {
     for (DeltaLobe& lobe : lobes) {
       const BsdfSample& known = lobe.sample;
-      // Two lobes of a blend may go the same way, each with its own probability.
-      if (known.straight != s.straight || length(known.wi - s.wi) > 1e-5f || s.prob != known.prob) continue;
+      // Parts of a blend may have lobes in one direction.
+      if (known.straight != s.straight || s.prob != known.prob || s.weight != known.weight ||
+          length(known.wi - s.wi) > 1e-5f)
+        continue;
       ++lobe.count;
       EXPECT_EQ(s.prob_reverse, known.prob_reverse) << where;
-      EXPECT_EQ(s.weight, known.weight) << where;
       return;
     }
     check_common(wo, s, where);
@@ -420,7 +426,8 @@ class Proof {
       };
       const auto value = [&](Vec3 o, Vec3 in) { return largest(scattered(o, in, TransportMode::radiance)); };
       if (!(value(wo, wi) > 1e-7)) continue;
-      const double slack = kTolerance + 4 * relative_spread(wo, wi, rng::key(seed_, 6, i), value);
+      const double slack = kTolerance + 4 * std::max(relative_spread(wo, wi, rng::key(seed_, 6, i), value),
+                                                     relative_spread(wi, wo, rng::key(seed_, 7, i), value));
       const auto there = channels(scattered(wo, wi, TransportMode::radiance));
       const auto adjoint = channels(scattered(wi, wo, TransportMode::importance));
       const auto back = channels(scattered(wi, wo, TransportMode::radiance));

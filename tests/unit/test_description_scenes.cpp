@@ -235,6 +235,35 @@ TEST(DescriptionScenes, OldSpellingEqualsNew) {
   EXPECT_EQ(old_text, dump(*new_scene->scene));
 }
 
+// Claim: so are the dielectrics and plastics of 0.6.
+TEST(DescriptionScenes, OldDielectricsAndPlasticsEqualNew) {
+  const auto parsed = [](const std::string& version, const std::string& bsdfs) {
+    return parse_text("<scene version='" + version + "'>" + bsdfs + "</scene>");
+  };
+  const auto old_scene = parsed("0.6.0", R"(
+    <bsdf type="roughdielectric"><string name="distribution" value="ggx"/><float name="alphaU" value="0.1"/>
+      <float name="alphaV" value="0.2"/><string name="intIOR" value="water"/><float name="extIOR" value="1"/>
+      <boolean name="sampleVisible" value="false"/><spectrum name="specularTransmittance" value="0.5"/></bsdf>
+    <bsdf type="thindielectric"><float name="intIOR" value="1.6"/><spectrum name="specularReflectance" value="0.5"/></bsdf>
+    <bsdf type="plastic"><float name="intIOR" value="1.6"/><rgb name="diffuseReflectance" value="0.1,0.2,0.3"/>
+      <boolean name="nonlinear" value="true"/></bsdf>
+    <bsdf type="roughplastic"><float name="alpha" value="0.3"/><string name="extIOR" value="water"/>
+      <string name="distribution" value="beckmann"/><spectrum name="specularReflectance" value="0.5"/></bsdf>)");
+  const auto new_scene = parsed("3.0.0", R"(
+    <bsdf type="roughdielectric"><string name="distribution" value="ggx"/><float name="alpha_u" value="0.1"/>
+      <float name="alpha_v" value="0.2"/><string name="int_ior" value="water"/><float name="ext_ior" value="1"/>
+      <boolean name="sample_visible" value="false"/><spectrum name="specular_transmittance" value="0.5"/></bsdf>
+    <bsdf type="thindielectric"><float name="int_ior" value="1.6"/><spectrum name="specular_reflectance" value="0.5"/></bsdf>
+    <bsdf type="plastic"><float name="int_ior" value="1.6"/><rgb name="diffuse_reflectance" value="0.1,0.2,0.3"/>
+      <boolean name="nonlinear" value="true"/></bsdf>
+    <bsdf type="roughplastic"><float name="alpha" value="0.3"/><string name="ext_ior" value="water"/>
+      <string name="distribution" value="beckmann"/><spectrum name="specular_reflectance" value="0.5"/></bsdf>)");
+  ASSERT_TRUE(old_scene.ok()) << outcome(old_scene);
+  ASSERT_TRUE(new_scene.ok()) << outcome(new_scene);
+  EXPECT_EQ(dump(*old_scene->scene), dump(*new_scene->scene));
+  EXPECT_NE(dump(*new_scene->scene).find("roughplastic"), std::string::npos);
+}
+
 // Claim: another integrator of Mitsuba's is kept for the command line to override, its parameters unread.
 TEST(DescriptionScenes, OtherIntegratorsAreKept) {
   const auto result =

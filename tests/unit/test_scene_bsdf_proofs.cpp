@@ -12,6 +12,99 @@ namespace {
 constexpr double kFalseAlarm = 1e-4;
 constexpr double kMostTests = 20000;
 
+constexpr double kGlass = 1.5046 / 1.000277;
+
+std::string number(const std::string& name, const std::string& value) {
+  return "<float name='" + name + "' value='" + value + "'/>";
+}
+
+void add_rough_dielectrics(std::vector<BsdfConfiguration>& all) {
+  const auto rough = [&](const std::string& name, const std::string& parameters, double eta, double least,
+                         const std::vector<std::string>& visibles) {
+    for (const std::string distribution : {"beckmann", "ggx"}) {
+      for (const std::string& visible : visibles) {
+        all.push_back(
+            {.name =
+                 "roughdielectric_" + name + "_" + distribution + (visible == "true" ? "_visible" : "_all"),
+             .xml = "<bsdf type='roughdielectric'><string name='distribution' value='" + distribution +
+                    "'/><boolean name='sample_visible' value='" + visible + "'/>" + parameters + "</bsdf>",
+             .eta = eta,
+             .least_albedo = least});
+      }
+    }
+  };
+  rough("narrow", number("alpha", "0.01"), kGlass, 0.98, {"true"});
+  rough("middling", number("alpha", "0.2"), kGlass, 0.7, {"true", "false"});
+  rough("wide", number("alpha", "0.8"), kGlass, 0.3, {"true"});
+  rough("brushed", number("alpha_u", "0.07") + number("alpha_v", "0.3"), kGlass, 0.6, {"true"});
+  rough("denser_outside", number("alpha", "0.3") + number("int_ior", "1") + number("ext_ior", "2.4"), 1 / 2.4,
+        0.5, {"true"});
+  const auto one = [&](const std::string& name, const std::string& parameters, double eta, double least) {
+    all.push_back({.name = "roughdielectric_" + name,
+                   .xml = "<bsdf type='roughdielectric'>" + parameters + "</bsdf>",
+                   .eta = eta,
+                   .least_albedo = least});
+  };
+  one("coloured",
+      "<rgb name='specular_reflectance' value='0.9 0.1 0.5'/>"
+      "<rgb name='specular_transmittance' value='0.2 1 0'/>",
+      kGlass, 0);
+  one("only_passes", "<rgb name='specular_reflectance' value='0 0 0'/>", kGlass, 0);
+  one("only_reflects", "<rgb name='specular_transmittance' value='0 0 0'/>", kGlass, 0);
+  one("nearly_matched", number("int_ior", "1.01") + number("ext_ior", "1"), 1.01, 0.9);
+  one("hardly_there", number("int_ior", "1.0002") + number("ext_ior", "1") + number("alpha", "0.5"), 1.0002,
+      0.9);
+  one("matched", number("int_ior", "1.3") + number("ext_ior", "1.3"), 1, 1);
+  one("denormal", number("alpha", "1e-40"), kGlass, 0.98);
+  one("dense", number("int_ior", "4") + number("ext_ior", "1") + number("alpha", "0.1"), 4, 0.8);
+}
+
+void add_plastics(std::vector<BsdfConfiguration>& all) {
+  const std::string white = "<rgb name='diffuse_reflectance' value='1 1 1'/>";
+  const std::string red = "<rgb name='diffuse_reflectance' value='0.9 0.5 0.1'/>";
+  const std::string nonlinear = "<boolean name='nonlinear' value='true'/>";
+  const auto one = [&](const std::string& plugin, const std::string& name, const std::string& parameters,
+                       double least) {
+    all.push_back({.name = plugin + "_" + name,
+                   .xml = "<bsdf type='" + plugin + "'>" + parameters + "</bsdf>",
+                   .least_albedo = least});
+  };
+  one("plastic", "white", white, 1);
+  one("plastic", "white_nonlinear", white + nonlinear, 1);
+  one("plastic", "red", red, 0);
+  one("plastic", "red_nonlinear", red + nonlinear, 0);
+  one("plastic", "denser_outside", white + number("int_ior", "1") + number("ext_ior", "1.5"), 1);
+  one("plastic", "dense", white + number("int_ior", "900") + number("ext_ior", "1"), 1);
+  one("plastic", "matched", red + number("int_ior", "1.2") + number("ext_ior", "1.2"), 0);
+  one("plastic", "without_base", "<rgb name='diffuse_reflectance' value='0 0 0'/>", 0);
+  one("plastic", "without_gloss", "<rgb name='specular_reflectance' value='0 0 0'/>" + red, 0);
+  for (const std::string plugin : {"plastic", "roughplastic"}) {
+    all.push_back(
+        {.name = plugin + "_two_sided", .xml = "<bsdf type='twosided'><bsdf type='" + plugin + "'/></bsdf>"});
+  }
+
+  for (const std::string distribution : {"beckmann", "ggx"}) {
+    const std::string type = "<string name='distribution' value='" + distribution + "'/>";
+    one("roughplastic", "narrow_" + distribution, type + white + number("alpha", "0.01"), 0.95);
+    one("roughplastic", "middling_" + distribution, type + white + number("alpha", "0.2"), 0.8);
+    one("roughplastic", "wide_" + distribution, type + white + nonlinear + number("alpha", "0.9"), 0.5);
+    one("roughplastic", "all_normals_" + distribution,
+        type + red + number("alpha", "0.3") + "<boolean name='sample_visible' value='false'/>", 0);
+  }
+  one("roughplastic", "red_nonlinear", red + nonlinear, 0);
+  one("roughplastic", "dense", white + number("int_ior", "20") + number("ext_ior", "1"), 0.8);
+  all.push_back({.name = "roughplastic_denser_outside",
+                 .xml = "<bsdf type='roughplastic'>" + white + number("int_ior", "1") +
+                        number("ext_ior", "1.5") + "</bsdf>",
+                 .least_albedo = 0.8,
+                 .most_albedo = 1.005,
+                 .why_more = "the coat's table is that coarse next to the critical angle"});
+  one("roughplastic", "matched", red + number("int_ior", "1.2") + number("ext_ior", "1.2"), 0);
+  one("roughplastic", "tight", white + number("alpha", "0.001"), 0.95);
+  one("roughplastic", "without_base", "<rgb name='diffuse_reflectance' value='0 0 0'/>", 0);
+  one("roughplastic", "without_gloss", "<rgb name='specular_reflectance' value='0 0 0'/>" + red, 0);
+}
+
 std::vector<BsdfConfiguration> configurations() {
   std::vector<BsdfConfiguration> all;
 
@@ -26,7 +119,7 @@ std::vector<BsdfConfiguration> configurations() {
 
   all.push_back({.name = "dielectric",
                  .xml = "<bsdf type='dielectric'/>",
-                 .eta = 1.5046 / 1.000277,
+                 .eta = kGlass,
                  .least_albedo = 1,
                  .more_cosines = {0.01}});
   all.push_back({.name = "dielectric_denser_outside",
@@ -37,7 +130,7 @@ std::vector<BsdfConfiguration> configurations() {
   all.push_back({.name = "dielectric_coloured",
                  .xml = "<bsdf type='dielectric'><rgb name='specular_reflectance' value='0.9 0.1 0.5'/>"
                         "<rgb name='specular_transmittance' value='0.2 1 0'/></bsdf>",
-                 .eta = 1.5046 / 1.000277});
+                 .eta = kGlass});
   all.push_back({.name = "dielectric_matched",
                  .xml = "<bsdf type='dielectric'><float name='int_ior' value='1.3'/>"
                         "<float name='ext_ior' value='1.3'/></bsdf>",
@@ -72,6 +165,27 @@ std::vector<BsdfConfiguration> configurations() {
                         "<float name='alpha' value='1e-40'/></bsdf></bsdf>",
                  .least_albedo = 0.99});
 
+  add_rough_dielectrics(all);
+  add_plastics(all);
+
+  all.push_back({.name = "thindielectric", .xml = "<bsdf type='thindielectric'/>", .least_albedo = 1});
+  all.push_back({.name = "thindielectric_denser_outside",
+                 .xml = "<bsdf type='thindielectric'><float name='int_ior' value='1'/>"
+                        "<float name='ext_ior' value='1.5'/></bsdf>",
+                 .least_albedo = 1});
+  all.push_back({.name = "thindielectric_coloured",
+                 .xml = "<bsdf type='thindielectric'><float name='int_ior' value='2'/>"
+                        "<rgb name='specular_reflectance' value='0.9 0.1 0.5'/>"
+                        "<rgb name='specular_transmittance' value='0.2 1 0'/></bsdf>"});
+  all.push_back({.name = "thindielectric_matched",
+                 .xml = "<bsdf type='thindielectric'><float name='int_ior' value='1.3'/>"
+                        "<float name='ext_ior' value='1.3'/></bsdf>",
+                 .least_albedo = 1});
+  all.push_back({.name = "blend_of_panes",
+                 .xml = "<bsdf type='mask'><float name='opacity' value='0.7'/><bsdf type='blendbsdf'>"
+                        "<bsdf type='thindielectric'/><bsdf type='roughdielectric'/></bsdf></bsdf>",
+                 .eta = kGlass});
+
   all.push_back({.name = "null", .xml = "<bsdf type='null'/>", .least_albedo = 1});
   all.push_back({.name = "mask",
                  .xml = "<bsdf type='mask'><float name='opacity' value='0.3'/>"
@@ -90,7 +204,7 @@ std::vector<BsdfConfiguration> configurations() {
                         "<bsdf type='blendbsdf'><bsdf type='diffuse'/><bsdf type='null'/></bsdf></bsdf>"});
   all.push_back({.name = "blend_glass_diffuse",
                  .xml = "<bsdf type='blendbsdf'><bsdf type='dielectric'/><bsdf type='diffuse'/></bsdf>",
-                 .eta = 1.5046 / 1.000277});
+                 .eta = kGlass});
 
   all.push_back({.name = "mask_opaque",
                  .xml = "<bsdf type='mask'><float name='opacity' value='1'/><bsdf type='diffuse'>"
@@ -108,7 +222,7 @@ std::vector<BsdfConfiguration> configurations() {
       {.name = "blend_two_deltas",
        .xml = "<bsdf type='blendbsdf'><float name='weight' value='0.3'/><bsdf type='dielectric'/>"
               "<bsdf type='conductor'><rgb name='specular_reflectance' value='0.9 0.5 0.1'/></bsdf></bsdf>",
-       .eta = 1.5046 / 1.000277});
+       .eta = kGlass});
   all.push_back({.name = "blend_two_glasses",
                  .xml = "<bsdf type='blendbsdf'><float name='weight' value='0.3'/><bsdf "
                         "type='dielectric'><float name='int_ior' value='1.3'/></bsdf>"
@@ -159,7 +273,7 @@ std::vector<BsdfConfiguration> configurations() {
        .unbounded_adjoint = true});
   all.push_back({.name = "normalmap_glass",
                  .xml = turned("0.6 0.4 0.95", "", "<bsdf type='dielectric'/>"),
-                 .eta = 1.5046 / 1.000277,
+                 .eta = kGlass,
                  .not_reciprocal = why_turned,
                  .unbounded_adjoint = true});
   all.push_back(

@@ -42,6 +42,10 @@ enum class BsdfKind : std::uint8_t {
   phong,
   ward,
   principled,
+  roughdielectric,
+  thindielectric,
+  plastic,
+  roughplastic,
   // Composite ones.
   blend,
   perturbed
@@ -50,16 +54,19 @@ constexpr std::uint32_t bit(BsdfKind kind) {
   return 1u << static_cast<unsigned>(kind);
 }
 // Kinds of delta lobes alone; kinds whose sample() reads u_lobe.
-inline constexpr std::uint32_t kDeltaKinds =
-    bit(BsdfKind::dielectric) | bit(BsdfKind::conductor) | bit(BsdfKind::null);
-inline constexpr std::uint32_t kLobeKinds = bit(BsdfKind::dielectric) | bit(BsdfKind::phong) |
-                                            bit(BsdfKind::ward) | bit(BsdfKind::principled) |
-                                            bit(BsdfKind::blend);
+inline constexpr std::uint32_t kDeltaKinds = bit(BsdfKind::dielectric) | bit(BsdfKind::conductor) |
+                                             bit(BsdfKind::null) | bit(BsdfKind::thindielectric);
+inline constexpr std::uint32_t kLobeKinds =
+    bit(BsdfKind::dielectric) | bit(BsdfKind::phong) | bit(BsdfKind::ward) | bit(BsdfKind::principled) |
+    bit(BsdfKind::roughdielectric) | bit(BsdfKind::thindielectric) | bit(BsdfKind::plastic) |
+    bit(BsdfKind::roughplastic) | bit(BsdfKind::blend);
 inline constexpr std::uint32_t kCompositeKinds = bit(BsdfKind::blend) | bit(BsdfKind::perturbed);
 // Kinds that may scatter, not only refract, through the surface.
-inline constexpr std::uint32_t kThroughKinds = kCompositeKinds | bit(BsdfKind::principled);
+inline constexpr std::uint32_t kThroughKinds =
+    kCompositeKinds | bit(BsdfKind::principled) | bit(BsdfKind::roughdielectric);
 
 class Closure;
+class RoughTransmittance;
 
 // Densities below it have no inverse to trust; no sample of any number is lost by it.
 inline constexpr float kLeastDensity = 1e-30f;
@@ -105,6 +112,27 @@ struct PrincipledParameters {
   float coat, coat_alpha, coat_norm;
   float rate_diffuse, rate_coat, rate_specular;  // of sampling these, to be divided by their sum
 };
+struct RoughDielectricParameters {
+  Spectrum reflectance, transmittance;
+  float eta;  // as of DielectricParameters
+  float alpha_u, alpha_v;
+  bool ggx;
+  bool sample_visible;
+};
+struct PlasticParameters {
+  Spectrum diffuse;   // of the base, seen through the coat: see plastic.h
+  Spectrum specular;  // colour of the coat's reflection
+  float eta;
+  float specular_share;  // steers sampling to the coat
+};
+struct RoughPlasticParameters {
+  Spectrum diffuse, specular;
+  float eta, alpha;
+  float specular_share;
+  bool ggx;
+  bool sample_visible;
+  const RoughTransmittance* coat;
+};
 
 // (1 - weight) of `first`, weight of `second`. A mask is a blend of nothing and its bsdf by opacity.
 struct BlendParameters {
@@ -129,12 +157,15 @@ class Closure {
   bool black = false;    // scatters nothing: a one-sided bsdf from behind, or zero reflectance everywhere
   union {
     DiffuseParameters diffuse;
-    DielectricParameters dielectric;
+    DielectricParameters dielectric;  // also of thindielectric
     ConductorParameters conductor;
     RoughConductorParameters rough_conductor;
     PhongParameters phong;
     WardParameters ward;
     PrincipledParameters principled;
+    RoughDielectricParameters rough_dielectric;
+    PlasticParameters plastic;
+    RoughPlasticParameters rough_plastic;
     BlendParameters blend;
     PerturbedParameters perturbed;
   };

@@ -70,6 +70,10 @@ Result<Bsdf> Bsdf::build_at_depth(const description::Object& object, TextureStor
   if (plugin == "phong") return plain(PhongSurface());
   if (plugin == "ward") return plain(WardSurface());
   if (plugin == "principled") return plain(PrincipledSurface());
+  if (plugin == "roughdielectric") return plain(RoughDielectricSurface());
+  if (plugin == "thindielectric") return plain(ThinDielectricSurface());
+  if (plugin == "plastic") return plain(PlasticSurface());
+  if (plugin == "roughplastic") return plain(RoughPlasticSurface());
   if (plugin == "twosided") {
     CANDELA_TRY(bsdf.build_two_sided(object, textures, depth));
     return bsdf;

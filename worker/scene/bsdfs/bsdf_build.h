@@ -14,7 +14,9 @@
 #include "worker/scene/bsdf.h"
 #include "worker/scene/bsdfs/perturbation.h"
 #include "worker/scene/bsdfs/surfaces.h"
+#include "worker/scene/bsdfs/surfaces_dielectric.h"
 #include "worker/scene/bsdfs/surfaces_phong.h"
+#include "worker/scene/bsdfs/surfaces_plastic.h"
 #include "worker/scene/bsdfs/surfaces_principled.h"
 #include "worker/scene/hit.h"
 #include "worker/scene/textures/texture.h"
@@ -54,9 +56,10 @@ class Bsdf {
     std::unique_ptr<Bsdf> nested;
     Perturbation map;
   };
-  using Surface =
-      std::variant<DiffuseSurface, DielectricSurface, ConductorSurface, RoughConductorSurface, NullSurface,
-                   PhongSurface, WardSurface, PrincipledSurface, TwoSided, Blend, Mask, Perturbed>;
+  using Surface = std::variant<DiffuseSurface, DielectricSurface, ConductorSurface, RoughConductorSurface,
+                               NullSurface, PhongSurface, WardSurface, PrincipledSurface,
+                               RoughDielectricSurface, ThinDielectricSurface, PlasticSurface,
+                               RoughPlasticSurface, TwoSided, Blend, Mask, Perturbed>;
 
   static Result<Bsdf> build_at_depth(const description::Object& object, TextureStore& textures, int depth);
   static Result<std::unique_ptr<Bsdf>> build_part(const description::Object& object, TextureStore& textures,

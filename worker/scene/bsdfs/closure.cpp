@@ -9,8 +9,12 @@
 #include "worker/scene/bsdfs/null.h"
 #include "worker/scene/bsdfs/perturbed.h"
 #include "worker/scene/bsdfs/phong.h"
+#include "worker/scene/bsdfs/plastic.h"
 #include "worker/scene/bsdfs/principled.h"
 #include "worker/scene/bsdfs/roughconductor.h"
+#include "worker/scene/bsdfs/roughdielectric.h"
+#include "worker/scene/bsdfs/roughplastic.h"
+#include "worker/scene/bsdfs/thindielectric.h"
 #include "worker/scene/bsdfs/ward.h"
 
 namespace candela::scene {
@@ -33,6 +37,12 @@ Spectrum Closure::eval_pdf(Vec3 wo, Vec3 wi, TransportMode mode, float& pdf) con
       return ward::eval_pdf(ward, wo, wi, pdf);
     case BsdfKind::principled:
       return principled::eval_pdf(principled, wo, wi, mode, pdf);
+    case BsdfKind::roughdielectric:
+      return roughdielectric::eval_pdf(rough_dielectric, wo, wi, mode, pdf);
+    case BsdfKind::plastic:
+      return plastic::eval_pdf(plastic, wo, wi, pdf);
+    case BsdfKind::roughplastic:
+      return roughplastic::eval_pdf(rough_plastic, wo, wi, pdf);
     case BsdfKind::blend:
       return blend::eval_pdf(blend, wo, wi, mode, pdf);
     case BsdfKind::perturbed:
@@ -40,6 +50,7 @@ Spectrum Closure::eval_pdf(Vec3 wo, Vec3 wi, TransportMode mode, float& pdf) con
     case BsdfKind::dielectric:
     case BsdfKind::conductor:
     case BsdfKind::null:
+    case BsdfKind::thindielectric:
       break;
   }
   return {};
@@ -51,6 +62,8 @@ Spectrum Closure::straight(Vec3 wo) const {
   switch (kind) {
     case BsdfKind::null:
       return Spectrum(1);
+    case BsdfKind::thindielectric:
+      return thindielectric::straight(dielectric, wo);
     case BsdfKind::blend:
       return blend::straight(blend, wo);
     case BsdfKind::perturbed:
@@ -62,6 +75,9 @@ Spectrum Closure::straight(Vec3 wo) const {
     case BsdfKind::phong:
     case BsdfKind::ward:
     case BsdfKind::principled:
+    case BsdfKind::roughdielectric:
+    case BsdfKind::plastic:
+    case BsdfKind::roughplastic:
       break;
   }
   return {};
@@ -76,6 +92,7 @@ bool Closure::parts_purely_delta() const {
 bool Closure::parts_scatter_through() const {
   if (black) return false;
   if (kind == BsdfKind::principled) return principled.transmission > 0;
+  if (kind == BsdfKind::roughdielectric) return !rough_dielectric.transmittance.is_black();
   if (kind == BsdfKind::perturbed) return perturbed.nested->scatters_through();
   return blend.first->scatters_through() || blend.second->scatters_through();
 }
@@ -108,6 +125,18 @@ bool Closure::sample(Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSamp
       break;
     case BsdfKind::roughconductor:
       valid = roughconductor::sample(rough_conductor, wo, u, out);
+      break;
+    case BsdfKind::roughdielectric:
+      valid = roughdielectric::sample(rough_dielectric, wo, u_lobe, u, mode, out);
+      break;
+    case BsdfKind::thindielectric:
+      valid = thindielectric::sample(dielectric, wo, u_lobe, out);
+      break;
+    case BsdfKind::plastic:
+      valid = plastic::sample(plastic, wo, u_lobe, u, out);
+      break;
+    case BsdfKind::roughplastic:
+      valid = roughplastic::sample(rough_plastic, wo, u_lobe, u, out);
       break;
     case BsdfKind::null:
       valid = null::sample(wo, out);

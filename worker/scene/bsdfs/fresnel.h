@@ -8,24 +8,31 @@
 
 namespace candela::scene {
 
-// cos_i in [0, 1]; eta: index on the far side over the near side. cos_t gets the cosine of refraction (0 at
-// total internal reflection). sin2_i = 1 - cos_i^2, passed because the caller knows it without cancellation.
-inline float fresnel_dielectric(float cos_i, float sin2_i, float eta, float& cos_t) {
-  const float sin2_t = sin2_i / (eta * eta);
+// From both cosines, of incidence and refraction, in [0, 1]; eta: index on the far side over the near side.
+template <class T>
+inline T fresnel_of_cosines(T cos_i, T cos_t, T eta) {
+  if (eta == 1) return 0;  // index-matched: no boundary, at grazing angles too
+  const T s = cos_i - eta * cos_t;
+  const T p = eta * cos_i - cos_t;
+  const T s_sum = cos_i + eta * cos_t;
+  const T p_sum = eta * cos_i + cos_t;
+  if (s_sum <= 0 || p_sum <= 0) return 1;
+  const T r_s = s / s_sum;
+  const T r_p = p / p_sum;
+  return std::min(T(1), T(0.5) * (r_s * r_s + r_p * r_p));
+}
+
+// cos_t gets the cosine of refraction (0 at total internal reflection). sin2_i = 1 - cos_i^2, passed because
+// the caller knows it without cancellation.
+template <class T>
+inline T fresnel_dielectric(T cos_i, T sin2_i, T eta, T& cos_t) {
+  const T sin2_t = sin2_i / (eta * eta);
   if (sin2_t >= 1) {
     cos_t = 0;
     return 1;
   }
   cos_t = std::sqrt(1 - sin2_t);
-  if (eta == 1) return 0;  // index-matched: no boundary, at grazing angles too
-  const float s = cos_i - eta * cos_t;
-  const float p = eta * cos_i - cos_t;
-  const float s_sum = cos_i + eta * cos_t;
-  const float p_sum = eta * cos_i + cos_t;
-  if (s_sum <= 0 || p_sum <= 0) return 1;
-  const float r_s = s / s_sum;
-  const float r_p = p / p_sum;
-  return std::min(1.0f, 0.5f * (r_s * r_s + r_p * r_p));
+  return fresnel_of_cosines(cos_i, cos_t, eta);
 }
 
 // eta + i k relative to the outside; cos_i in [0, 1].

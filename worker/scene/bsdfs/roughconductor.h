@@ -5,8 +5,6 @@
 // dot(wo, h).
 #pragma once
 
-#include <limits>
-
 #include "worker/scene/bsdf.h"
 #include "worker/scene/bsdfs/fresnel.h"
 #include "worker/scene/bsdfs/microfacet.h"
@@ -15,7 +13,7 @@ namespace candela::scene::roughconductor {
 
 inline float pdf_of(const RoughConductorParameters& p, const Microfacets& m, Vec3 wo, Vec3 h, float d) {
   if (p.sample_visible) return 0.25f * d * m.masking_over_cosine(wo);
-  return 0.25f * d * h.z / dot(wo, h);
+  return 0.25f * d * h.z / std::max(dot(wo, h), 1e-20f);
 }
 
 inline Spectrum eval_pdf(const RoughConductorParameters& p, Vec3 wo, Vec3 wi, float& pdf) {
@@ -31,7 +29,7 @@ inline Spectrum eval_pdf(const RoughConductorParameters& p, Vec3 wo, Vec3 wi, fl
   const float d = m.D(h);
   if (d == 0) return {};
   const float masking_o = m.masking_over_cosine(wo);
-  pdf = p.sample_visible ? 0.25f * d * masking_o : 0.25f * d * h.z / cos_d;
+  pdf = p.sample_visible ? 0.25f * d * masking_o : 0.25f * d * h.z / std::max(cos_d, 1e-20f);
   return p.reflectance * fresnel_conductor(std::min(1.0f, cos_d), p.eta, p.k) *
          (0.25f * d * masking_o * m.G1(wi));
 }
@@ -49,7 +47,6 @@ inline bool sample(const RoughConductorParameters& p, Vec3 wo, Vec2 u, BsdfSampl
   const float d = m.D(h);
   if (!(d > 0)) return false;
   out.pdf_solid_angle = pdf_of(p, m, wo, h, d);
-  if (!(out.pdf_solid_angle < std::numeric_limits<float>::infinity())) return false;  // wo.z below 1e-30
   const float geometry =
       p.sample_visible ? m.G1(out.wi) : m.masking_over_cosine(wo) * m.G1(out.wi) * cos_d / h.z;
   out.weight = p.reflectance * fresnel_conductor(std::min(1.0f, cos_d), p.eta, p.k) * geometry;
