@@ -87,6 +87,31 @@ TEST(Settings, SceneDecides) {
   EXPECT_FALSE(job->stop_given);
 }
 
+// Claim: each filter takes the numbers that are its own from the scene, defaults elsewhere, and nothing of
+// another's.
+TEST(Settings, FiltersTakeTheirOwnNumbers) {
+  const auto settings = [](const TestScene& scene, const SceneOptions& options) {
+    const auto job = scene.prepare(options);
+    EXPECT_TRUE(job.ok()) << job.error().to_string();
+    return job.ok() ? job->settings.filter_settings : SettingsMap{};
+  };
+  TestScene lanczos;
+  lanczos.rfilter->plugin = "lanczos";
+  EXPECT_EQ(settings(lanczos, {}), (SettingsMap{{"lobes", "3"}}));
+  add_integer(*lanczos.rfilter, "lobes", 5);
+  EXPECT_EQ(settings(lanczos, {}), (SettingsMap{{"lobes", "5"}}));
+  SceneOptions options;
+  options.filter = "catmullrom";
+  EXPECT_EQ(settings(lanczos, options), SettingsMap{});
+  TestScene mitchell;
+  mitchell.rfilter->plugin = "mitchell";
+  mitchell.rfilter->properties.push_back({"B", PropertyType::number, 0.25, {"scene.xml", 6}});
+  const SettingsMap found = settings(mitchell, {});
+  EXPECT_EQ(found.at("B"), "0.25");
+  EXPECT_EQ(found.at("C").substr(0, 6), "0.3333");
+  EXPECT_EQ(found.size(), 2U);
+}
+
 // Claim: options beat the scene, one by one; a given limit replaces sample_count, and several limits stay
 // together.
 TEST(Settings, OptionsBeatTheScene) {
