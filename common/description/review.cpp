@@ -75,7 +75,25 @@ class Reviewer {
     for (const Child& child : object.children) visit(*child.object);
   }
 
+  // What media mean here and not in Mitsuba 3 follows from what is absent.
+  void look_at_media(const Object& object) {
+    const auto has = [&](std::string_view category) { return !object.children_of(category).empty(); };
+    if (object.category == "shape" && has("medium") && !has("bsdf") && !has("emitter"))
+      add(Finding::Kind::differs, object.where,
+          fmt::format(
+              "{} bounds a medium and has no bsdf: it is not seen, as in 0.6 and as Mitsuba 3 documents, "
+              "though Mitsuba 3 makes it diffuse (write <bsdf type=\"null\"/> to have both agree)",
+              describe(object)));
+    const Child* sigma_t = object.find_child("sigma_t");
+    if (object.plugin == "heterogeneous" && (sigma_t == nullptr || sigma_t->object->plugin == "constvolume"))
+      add(Finding::Kind::differs, object.where,
+          fmt::format(
+              "{} has a constant sigma_t: it fills its shape, where Mitsuba 3 ends it at the unit cube",
+              describe(object)));
+  }
+
   void look_at(const Object& object, const PluginRule& rule) {
+    look_at_media(object);
     if (!rule.differs.empty())
       add(Finding::Kind::differs, object.where, fmt::format("{}: {}", describe(object), rule.differs));
     for (const Property& property : object.properties) {

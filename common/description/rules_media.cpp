@@ -34,7 +34,8 @@ void add_media(std::vector<PluginRule>& table) {
        .name = "heterogeneous",
        .properties = medium_properties("extinction per scene unit, or a <volume> of this name (default 1)"),
        .child_categories = {"phase", "volume"},
-       .doc = "varies in space as its volumes do; nothing where sigma_t's volume ends"});
+       .doc = "varies in space as its volumes do; where sigma_t is a grid there is nothing beyond the grid's "
+              "box (turned with its to_world, where Mitsuba takes the box around that)"});
   table.push_back({.category = "phase",
                    .name = "isotropic",
                    .properties = {},

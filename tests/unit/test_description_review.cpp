@@ -44,6 +44,19 @@ TEST(DescriptionReview, CountsWhatIsUsed) {
       "unused 7: sensor 'perspective' with the id 'second' is one sensor too many: the first is used\n");
 }
 
+// Claim: media that Mitsuba 3 renders otherwise are told.
+TEST(DescriptionReview, MediaThatDiffer) {
+  EXPECT_EQ(findings(review_of("<shape type='cube'><bsdf type='null'/>"
+                               "<medium name='interior' type='homogeneous'/></shape>")),
+            "");
+  EXPECT_EQ(
+      findings(review_of("<shape type='cube'><medium name='interior' type='heterogeneous'/></shape>")),
+      "differs 1: shape 'cube' bounds a medium and has no bsdf: it is not seen, as in 0.6 and as Mitsuba 3 "
+      "documents, though Mitsuba 3 makes it diffuse (write <bsdf type=\"null\"/> to have both agree)\n"
+      "differs 1: medium 'heterogeneous' has a constant sigma_t: it fills its shape, where Mitsuba 3 ends "
+      "it at the unit cube\n");
+}
+
 // Claim: ignored parameters are named with the reason; what differs is told apart, and only where it does.
 TEST(DescriptionReview, IgnoredAndDifferent) {
   EXPECT_EQ(
