@@ -412,6 +412,32 @@ TEST(SceneMedia, GridLookups) {
   EXPECT_FLOAT_EQ(at(box + "<transform name=\"to_world\"><translate x=\"1\"/></transform>", 2.0f), 3);
 }
 
+// Claim: the albedo may vary where the extinction does not, and the other way round: a flight's weight has
+// that of the place where it ends.
+TEST(SceneMedia, AlbedoMayVary) {
+  const std::string file = volume_file({2, 1, 1}, 3, {1, 0.5f, 0, 0, 0.5f, 1});
+  const std::string albedo =
+      "<volume name=\"albedo\" type=\"gridvolume\"><string name=\"filename\" value=\"v.vol\"/>"
+      "<string name=\"filter_type\" value=\"nearest\"/></volume>";
+  const std::string tail = albedo + "<float name=\"sigma_t\" value=\"3\"/></medium>";
+  for (const char* kind : {"homogeneous", "heterogeneous"}) {
+    const auto scene =
+        medium_scene(fmt::format("<medium name=\"interior\" type=\"{}\">{}", kind, tail), {{"v.vol", file}});
+    const Medium& medium = scene->medium(0);
+    EXPECT_TRUE(medium.homogeneous()) << "constant extinction has closed forms";
+    EXPECT_EQ(medium.max_albedo(), Spectrum(1, 0.5f, 1));
+    int ends = 0;
+    for (const float u : {0.1f, 0.5f, 0.7f, 0.9f}) {
+      const DistanceSample s =
+          medium.sample_distance({{0, 0.5f, 0.5f}, {1, 0, 0}, 1}, Spectrum(1), {0.3f, u});
+      if (!s.scattered) continue;
+      ++ends;
+      EXPECT_EQ(s.weight, s.distance < 0.5f ? Spectrum(1, 0.5f, 0) : Spectrum(0, 0.5f, 1)) << s.distance;
+    }
+    EXPECT_GE(ends, 3);
+  }
+}
+
 // Claim: a ray that leaves a surface knows the medium it enters; a shape that only bounds a medium is not
 // seen.
 TEST(SceneMedia, InterfacesNameTheMediumBeyond) {
