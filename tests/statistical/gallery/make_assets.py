@@ -1,0 +1,145 @@
+#!/usr/bin/env python3
+"""Makes the gallery's meshes, images and volume (assets/), from formulas alone. Run in this folder."""
+import math
+import struct
+import zlib
+
+
+def torus(rings=24, sides=12, major=0.62, minor=0.26):
+    """Vertices (position, normal, uv) and triangles of a torus about the y axis."""
+    vertices, triangles = [], []
+    for i in range(rings + 1):
+        a = 2 * math.pi * i / rings
+        for j in range(sides + 1):
+            b = 2 * math.pi * j / sides
+            r = major + minor * math.cos(b)
+            vertices.append(((r * math.cos(a), minor * math.sin(b), -r * math.sin(a)),
+                             (math.cos(b) * math.cos(a), math.sin(b), -math.cos(b) * math.sin(a)),
+                             (i / rings, j / sides)))
+    for i in range(rings):
+        for j in range(sides):
+            a, b = i * (sides + 1) + j, (i + 1) * (sides + 1) + j
+            triangles += [(a, b, b + 1), (a, b + 1, a + 1)]
+    return vertices, triangles
+
+
+def write_obj(path, vertices, triangles):
+    with open(path, "w", newline="\n") as f:
+        f.write("# a torus\no torus\n")
+        for p, _, _ in vertices:
+            f.write("v %.6f %.6f %.6f\n" % p)
+        for _, _, uv in vertices:
+            f.write("vt %.6f %.6f\n" % uv)
+        for _, n, _ in vertices:
+            f.write("vn %.6f %.6f %.6f\n" % n)
+        for t in triangles:
+            f.write("f %s\n" % " ".join("%d/%d/%d" % (v + 1, v + 1, v + 1) for v in t))
+
+
+def write_ply(path, vertices, triangles):
+    with open(path, "wb") as f:
+        f.write(b"ply\nformat binary_little_endian 1.0\ncomment a torus\nelement vertex %d\n" % len(vertices))
+        for name in "x y z nx ny nz u v".split():
+            f.write(b"property float %s\n" % name.encode())
+        f.write(b"element face %d\nproperty list uchar int vertex_indices\nend_header\n" % len(triangles))
+        for p, n, uv in vertices:
+            f.write(struct.pack("<8f", *p, *n, *uv))
+        for t in triangles:
+            f.write(struct.pack("<B3i", 3, *t))
+
+
+def write_serialized(path, vertices, triangles):
+    body = struct.pack("<I", 0x0001 | 0x0002 | 0x1000)  # normals, texture coordinates, single precision
+    body += b"torus\0" + struct.pack("<QQ", len(vertices), len(triangles))
+    for part in range(3):
+        body += b"".join(struct.pack("<%df" % len(v[part]), *v[part]) for v in vertices)
+    body += b"".join(struct.pack("<3I", *t) for t in triangles)
+    mesh = struct.pack("<HH", 0x041C, 4) + zlib.compress(body, 9)
+    with open(path, "wb") as f:
+        f.write(mesh + struct.pack("<QI", 0, 1))
+
+
+def write_png(path, width, height, pixel):
+    rows = b"".join(b"\0" + bytes(c for x in range(width) for c in pixel(x, y)) for y in range(height))
+
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    with open(path, "wb") as f:
+        f.write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">2I5B", width, height, 8, 2, 0, 0, 0)) +
+                chunk(b"IDAT", zlib.compress(rows, 9)) + chunk(b"IEND", b""))
+
+
+def write_pfm(path, width, height, pixel):
+    with open(path, "wb") as f:
+        f.write(b"PF\n%d %d\n-1.0\n" % (width, height))
+        for y in reversed(range(height)):
+            for x in range(width):
+                f.write(struct.pack("<3f", *pixel(x, y)))
+
+
+def tiles(x, y):
+    """Coloured tiles with dark joints; 32 x 32."""
+    if x % 8 == 0 or y % 8 == 0:
+        return 40, 34, 30
+    hue = (x // 8 * 3 + y // 8 * 5) % 7
+    return 120 + 17 * hue, 190 - 20 * hue, 90 + 9 * (hue * hue % 11)
+
+
+def dots(x, y):
+    """White where a leaf is, black where it has holes; 32 x 32."""
+    d = math.hypot(x % 16 - 7.5, y % 16 - 7.5)
+    return (0, 0, 0) if d < 4.6 else (255, 255, 255)
+
+
+def height(x, y):
+    """Rounded bumps, for bump maps; 64 x 64, periodic."""
+    h = 0.5 + 0.5 * math.sin(2 * math.pi * 4 * x / 64) * math.sin(2 * math.pi * 2 * y / 64)
+    return (int(255 * h),) * 3
+
+
+def normals(x, y):
+    """The normals of waves along u; 64 x 64, periodic."""
+    slope = 0.6 * math.cos(2 * math.pi * 6 * x / 64)
+    l = math.hypot(1, slope)
+    return tuple(int(255 * (0.5 + 0.5 * c / l)) for c in (-slope, 0, 1))
+
+
+def sky(x, y):
+    """A blue sky over dark ground with a sun of 2 x 2 pixels; 32 x 16."""
+    if y >= 8:
+        return 0.12, 0.10, 0.08
+    if x in (20, 21) and y in (3, 4):
+        return 60.0, 55.0, 45.0
+    h = 1 - y / 8
+    return 0.25 + 0.35 * (1 - h), 0.4 + 0.25 * (1 - h), 0.9 - 0.2 * (1 - h)
+
+
+def write_vol(path, n=16):
+    """A ball of smoke with streaks."""
+    with open(path, "wb") as f:
+        f.write(b"VOL" + struct.pack("<B", 3) + struct.pack("<5i", 1, n, n, n, 1) +
+                struct.pack("<6f", 0, 0, 0, 1, 1, 1))
+        for z in range(n):
+            for y in range(n):
+                for x in range(n):
+                    p = [(c + 0.5) / n * 2 - 1 for c in (x, y, z)]
+                    r = math.sqrt(sum(c * c for c in p))
+                    streak = 0.6 + 0.4 * math.sin(7 * p[0] + 5 * p[1] * p[2])
+                    f.write(struct.pack("<f", max(0.0, 1 - r) * streak))
+
+
+vertices, triangles = torus()
+write_obj("assets/torus.obj", vertices, triangles)
+write_ply("assets/torus.ply", vertices, triangles)
+write_serialized("assets/torus.serialized", vertices, triangles)
+write_png("assets/tiles.png", 32, 32, tiles)
+write_png("assets/dots.png", 32, 32, dots)
+write_png("assets/height.png", 64, 64, height)
+write_png("assets/normals.png", 64, 64, normals)
+write_pfm("assets/sky.pfm", 32, 16, sky)
+write_vol("assets/smoke.vol")
+with open("assets/metal.spd", "w", newline="\n") as f:
+    f.write("# a reflectance that rises towards the red: wavelength in nm, value\n")
+    for w in range(380, 781, 20):
+        f.write("%d %.4f\n" % (w, 0.12 + 0.75 / (1 + math.exp((560 - w) / 28))))
