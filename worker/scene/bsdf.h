@@ -194,6 +194,11 @@ class Closure {
   }
 
  private:
+  // Of every kind but diffuse, neither black nor flipped.
+  [[gnu::noinline]] Spectrum eval_pdf_by_kind(Vec3 wo, Vec3 wi, TransportMode mode,
+                                              float& pdf_solid_angle) const;
+  [[gnu::noinline]] bool sample_by_kind(Vec3 wo, float u_lobe, Vec2 u, TransportMode mode,
+                                        BsdfSample& out) const;
   bool parts_purely_delta() const;
   bool parts_scatter_through() const;
 };

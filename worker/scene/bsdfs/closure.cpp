@@ -1,4 +1,6 @@
 // Closure's dispatch over the kinds of bsdf. The kinds are inline, so one switch is all that a call costs.
+// Diffuse surfaces, the most frequent and the cheapest, come before the switch, in functions of their own:
+// beside the others they would pay for those's registers and stack.
 #include <algorithm>
 
 #include "worker/scene/bsdf.h"
@@ -26,9 +28,12 @@ Spectrum Closure::eval_pdf(Vec3 wo, Vec3 wi, TransportMode mode, float& pdf) con
     wo.z = -wo.z;
     wi.z = -wi.z;
   }
+  if (kind == BsdfKind::diffuse) return diffuse::eval_pdf(diffuse, wo, wi, pdf);
+  return eval_pdf_by_kind(wo, wi, mode, pdf);
+}
+
+Spectrum Closure::eval_pdf_by_kind(Vec3 wo, Vec3 wi, TransportMode mode, float& pdf) const {
   switch (kind) {
-    case BsdfKind::diffuse:
-      return diffuse::eval_pdf(diffuse, wo, wi, pdf);
     case BsdfKind::roughconductor:
       return roughconductor::eval_pdf(rough_conductor, wo, wi, pdf);
     case BsdfKind::phong:
@@ -47,6 +52,7 @@ Spectrum Closure::eval_pdf(Vec3 wo, Vec3 wi, TransportMode mode, float& pdf) con
       return blend::eval_pdf(blend, wo, wi, mode, pdf);
     case BsdfKind::perturbed:
       return perturbed::eval_pdf(perturbed, wo, wi, mode, pdf);
+    case BsdfKind::diffuse:
     case BsdfKind::dielectric:
     case BsdfKind::conductor:
     case BsdfKind::null:
@@ -112,53 +118,44 @@ bool Closure::sample(Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSamp
   out = {};
   if (black) return false;
   if (flipped) wo.z = -wo.z;
-  bool valid = false;
-  switch (kind) {
-    case BsdfKind::diffuse:
-      valid = diffuse::sample(diffuse, wo, u, out);
-      break;
-    case BsdfKind::dielectric:
-      valid = dielectric::sample(dielectric, wo, u_lobe, mode, out);
-      break;
-    case BsdfKind::conductor:
-      valid = conductor::sample(conductor, wo, out);
-      break;
-    case BsdfKind::roughconductor:
-      valid = roughconductor::sample(rough_conductor, wo, u, out);
-      break;
-    case BsdfKind::roughdielectric:
-      valid = roughdielectric::sample(rough_dielectric, wo, u_lobe, u, mode, out);
-      break;
-    case BsdfKind::thindielectric:
-      valid = thindielectric::sample(dielectric, wo, u_lobe, out);
-      break;
-    case BsdfKind::plastic:
-      valid = plastic::sample(plastic, wo, u_lobe, u, out);
-      break;
-    case BsdfKind::roughplastic:
-      valid = roughplastic::sample(rough_plastic, wo, u_lobe, u, out);
-      break;
-    case BsdfKind::null:
-      valid = null::sample(wo, out);
-      break;
-    case BsdfKind::phong:
-      valid = phong::sample(phong, wo, u_lobe, u, out);
-      break;
-    case BsdfKind::ward:
-      valid = ward::sample(ward, wo, u_lobe, u, out);
-      break;
-    case BsdfKind::principled:
-      valid = principled::sample(principled, wo, u_lobe, u, mode, out);
-      break;
-    case BsdfKind::blend:
-      valid = blend::sample(blend, wo, u_lobe, u, mode, out);
-      break;
-    case BsdfKind::perturbed:
-      valid = perturbed::sample(perturbed, wo, u_lobe, u, mode, out);
-      break;
-  }
+  const bool valid = kind == BsdfKind::diffuse ? diffuse::sample(diffuse, wo, u, out)
+                                               : sample_by_kind(wo, u_lobe, u, mode, out);
   if (valid && flipped) out.wi.z = -out.wi.z;
   return valid;
+}
+
+bool Closure::sample_by_kind(Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out) const {
+  switch (kind) {
+    case BsdfKind::diffuse:
+      break;
+    case BsdfKind::dielectric:
+      return dielectric::sample(dielectric, wo, u_lobe, mode, out);
+    case BsdfKind::conductor:
+      return conductor::sample(conductor, wo, out);
+    case BsdfKind::roughconductor:
+      return roughconductor::sample(rough_conductor, wo, u, out);
+    case BsdfKind::roughdielectric:
+      return roughdielectric::sample(rough_dielectric, wo, u_lobe, u, mode, out);
+    case BsdfKind::thindielectric:
+      return thindielectric::sample(dielectric, wo, u_lobe, out);
+    case BsdfKind::plastic:
+      return plastic::sample(plastic, wo, u_lobe, u, out);
+    case BsdfKind::roughplastic:
+      return roughplastic::sample(rough_plastic, wo, u_lobe, u, out);
+    case BsdfKind::null:
+      return null::sample(wo, out);
+    case BsdfKind::phong:
+      return phong::sample(phong, wo, u_lobe, u, out);
+    case BsdfKind::ward:
+      return ward::sample(ward, wo, u_lobe, u, out);
+    case BsdfKind::principled:
+      return principled::sample(principled, wo, u_lobe, u, mode, out);
+    case BsdfKind::blend:
+      return blend::sample(blend, wo, u_lobe, u, mode, out);
+    case BsdfKind::perturbed:
+      return perturbed::sample(perturbed, wo, u_lobe, u, mode, out);
+  }
+  return false;
 }
 
 }  // namespace candela::scene

@@ -68,11 +68,6 @@ BsdfFacts DielectricSurface::facts() const {
 
 Result<void> ConductorSurface::build(const description::Object& object, TextureStore& textures) {
   CANDELA_ASSIGN(reflectance, read_reflectance(object, textures, "specular_reflectance", 1));
-  const std::string material = object.get_string("material", "none");
-  if (material != "none") {
-    return located("the named material '" + material + "' is not supported", object, "material")
-        .with_mend("give eta and k as rgb");
-  }
   // Without eta and k: a mirror that reflects all.
   CANDELA_ASSIGN(eta, textures.color(object, "eta", Spectrum(0)));
   CANDELA_ASSIGN(k, textures.color(object, "k", Spectrum(1)));
