@@ -50,6 +50,11 @@ void add_media(std::vector<PluginRule>& table) {
                                    .maximum = 0.99999}},
                    .child_categories = {},
                    .doc = "Henyey and Greenstein's"});
+  table.push_back({.category = "phase",
+                   .name = "rayleigh",
+                   .properties = {},
+                   .child_categories = {},
+                   .doc = "of particles much smaller than the wavelength, without polarisation"});
   table.push_back({.category = "volume",
                    .name = "constvolume",
                    .properties = {{.name = "value", .types = {rgb}, .doc = "(default 1)", .minimum = 0}},

@@ -66,8 +66,7 @@ const std::vector<MitsubaNames>& mitsuba_names() {
       {"texture", {"mesh_attribute", "volume", "gridtexture", "vertexcolors", "wireframe", "curvature"}},
       {"spectrum", {"rawconstant"}},
       {"medium", {"specmedium"}},
-      {"phase",
-       {"blendphase", "mixturephase", "rayleigh", "sggx", "tabphase", "kkay", "microflake", "forward"}},
+      {"phase", {"blendphase", "mixturephase", "sggx", "tabphase", "kkay", "microflake", "forward"}},
       {"volume", {"volcache", "hgridvolume", "sggxvolume"}},
   };
   return names;

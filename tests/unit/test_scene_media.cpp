@@ -128,6 +128,31 @@ TEST(SceneMedia, PhaseFunctionsSampleTheirValue) {
   }
 }
 
+// Claim: Rayleigh's phase function is 3 (1 + cos^2) / 16 pi, from both ends, and sampled by it.
+TEST(SceneMedia, RayleighSamplesItsValue) {
+  const auto scene = build_scene(
+      "<shape type=\"cube\"><medium name=\"interior\" type=\"homogeneous\"><phase "
+      "type=\"rayleigh\"/></medium></shape>");
+  ASSERT_TRUE(scene.ok()) << scene.error().to_string();
+  const Phase& phase = (*scene)->medium(0).phase();
+  rng::Stream stream(17);
+  constexpr int kBins = 32, kSamples = 60000;
+  std::vector<double> observed(kBins, 0.0);
+  for (int i = 0; i < kSamples; ++i) {
+    const Vec3 wo = test::uniform_direction(stream);
+    const float u = stream.next_float();
+    Vec3 wi;
+    const float pdf = phase.sample(wo, {u, stream.next_float()}, wi);
+    const double c = -static_cast<double>(dot(wo, wi));
+    ASSERT_NEAR(static_cast<double>(pdf), 3 * (1 + c * c) / (16 * std::numbers::pi), 1e-6);
+    ASSERT_NEAR(phase.eval(wo, wi), pdf, 1e-6);
+    ASSERT_EQ(phase.eval(wo, wi), phase.eval(wi, wo));
+    const double below = (c * c * c + 3 * c + 4) / 8;
+    ++observed[static_cast<std::size_t>(std::clamp(below, 0.0, 1 - 1e-9) * kBins)];
+  }
+  EXPECT_GT(chi_squared_p(observed, std::vector<double>(kBins, 1.0 * kSamples / kBins)), kLeastP);
+}
+
 // ---- media ----
 
 std::unique_ptr<Scene> medium_scene(const std::string& medium,

@@ -162,6 +162,7 @@ Result<Medium> build_medium(const description::Object& object, const description
   const auto phases = object.children_of("phase");
   if (!phases.empty() && phases[0]->plugin == "hg")
     phase = Phase::henyey_greenstein(static_cast<float>(phases[0]->get_number("g", 0.8)));
+  if (!phases.empty() && phases[0]->plugin == "rayleigh") phase = Phase::rayleigh();
   const bool grid = sigma_t.grid != nullptr;
   const double longest = grid ? sigma_t.grid->longest_line() : 0;
   Medium medium(std::move(sigma_t), scale, std::move(albedo), phase);

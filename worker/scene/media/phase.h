@@ -15,7 +15,7 @@
 
 namespace candela::scene {
 
-enum class PhaseKind : std::uint8_t { isotropic, hg };
+enum class PhaseKind : std::uint8_t { isotropic, hg, rayleigh };
 
 class Phase {
  public:
@@ -28,12 +28,26 @@ class Phase {
     return phase;
   }
 
+  // Of particles much smaller than the wavelength.
+  static Phase rayleigh() {
+    Phase phase;
+    phase.kind_ = PhaseKind::rayleigh;
+    return phase;
+  }
+
   PhaseKind kind() const { return kind_; }
   float mean_cosine() const { return g_; }
 
   // Per steradian.
   float eval(Vec3 wo, Vec3 wi) const {
-    if (kind_ == PhaseKind::isotropic) return warp::kPdfUniformSphereSolidAngle;
+    switch (kind_) {
+      case PhaseKind::isotropic:
+        return warp::kPdfUniformSphereSolidAngle;
+      case PhaseKind::rayleigh:
+        return rayleigh_value(static_cast<double>(dot(wo, wi)));
+      case PhaseKind::hg:
+        break;
+    }
     // |wi -+ (-wo)|^2 is 2 (1 -+ cos) without its cancellation.
     const Vec3 s = g_ >= 0 ? wi + wo : wi - wo;
     return static_cast<float>(value(0.5 * static_cast<double>(length_squared(s))));
@@ -42,24 +56,41 @@ class Phase {
 
   // Returns the density of wi.
   float sample(Vec3 wo, Vec2 u, Vec3& wi) const {
-    if (kind_ == PhaseKind::isotropic) {
-      wi = warp::uniform_sphere(u);
-      return warp::kPdfUniformSphereSolidAngle;
+    const double w = 2 * static_cast<double>(u.x) - 1;
+    double cosine = 0;
+    switch (kind_) {
+      case PhaseKind::isotropic:
+        wi = warp::uniform_sphere(u);
+        return warp::kPdfUniformSphereSolidAngle;
+      case PhaseKind::rayleigh: {
+        // cos^3 + 3 cos = 4 w by Cardano.
+        const double a = math::pow(2 * w + std::sqrt(4 * w * w + 1), 1.0 / 3);
+        cosine = a - 1 / a;
+        break;
+      }
+      case PhaseKind::hg: {
+        // The inverse of the cumulative distribution in the cosine [Henyey and Greenstein 1941], with its
+        // division by g carried out, so that g may be zero.
+        const double g = static_cast<double>(g_), d = 1 + g * w;
+        cosine = (w + 0.5 * g * (w * w + 3) + g * g * w + 0.5 * g * g * g * (w * w - 1)) / (d * d);
+        break;
+      }
     }
-    // The inverse of the cumulative distribution in the cosine [Henyey and Greenstein 1941], with its
-    // division by g carried out, so that g may be zero.
-    const double g = static_cast<double>(g_), w = 2 * static_cast<double>(u.x) - 1, d = 1 + g * w;
-    const double cosine = (w + 0.5 * g * (w * w + 3) + g * g * w + 0.5 * g * g * g * (w * w - 1)) / (d * d);
     const double c = std::clamp(cosine, -1.0, 1.0);
     const auto sine = static_cast<float>(std::sqrt((1 - c) * (1 + c)));
     float sin_phi = 0, cos_phi = 0;
     math::sincosf(2 * math::kPi * u.y, sin_phi, cos_phi);
     wi = make_frame(-wo).to_world({sine * cos_phi, sine * sin_phi, static_cast<float>(c)});
     wi = wi * (1 / length(wi));
+    if (kind_ == PhaseKind::rayleigh) return rayleigh_value(c);
     return static_cast<float>(value(g_ >= 0 ? 1 - c : 1 + c));
   }
 
  private:
+  static float rayleigh_value(double cosine) {
+    return static_cast<float>(0.75 * static_cast<double>(warp::kPdfUniformSphereSolidAngle) *
+                              (1 + cosine * cosine));
+  }
   // versed: 1 - cos of the deflection, or 1 + cos where g is negative. The denominator 1 + g^2 - 2 g cos is
   // (1 - |g|)^2 + 2 |g| versed, a sum that does not cancel.
   double value(double versed) const {
