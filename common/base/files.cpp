@@ -51,6 +51,19 @@ Result<std::uint64_t> regular_file_size(int fd, const std::filesystem::path& pat
   return static_cast<std::uint64_t>(info.st_size);
 }
 
+// Exactly `size` bytes, or an error.
+Result<void> read_all(int fd, char* data, std::uint64_t size, const std::filesystem::path& path) {
+  std::uint64_t done = 0;
+  while (done < size) {
+    const ssize_t n = ::read(fd, data + done, size - done);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return system_error("cannot read", path);
+    if (n == 0) return input_error("the file was cut short while it was read").at(path.string(), 0);
+    done += static_cast<std::uint64_t>(n);
+  }
+  return {};
+}
+
 }  // namespace
 
 Result<std::string> read_file(const std::filesystem::path& path, std::uint64_t limit_bytes) {
@@ -119,10 +132,13 @@ Result<std::shared_ptr<const MappedFile>> MappedFile::open(const std::filesystem
   CANDELA_ASSIGN(const std::uint64_t size, regular_file_size(fd.get(), path));
   auto file = std::shared_ptr<MappedFile>(new MappedFile);
   if (size > 0) {
-    void* data = ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, fd.get(), 0);
+    const bool copied = size <= kCopiedBytes;
+    void* data = copied ? ::mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0)
+                        : ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, fd.get(), 0);
     if (data == MAP_FAILED) return system_error("cannot map", path);
     file->data_ = static_cast<const char*>(data);
     file->size_ = size;
+    if (copied) CANDELA_TRY(read_all(fd.get(), static_cast<char*>(data), size, path));
   }
   return std::shared_ptr<const MappedFile>(std::move(file));
 }

@@ -22,9 +22,12 @@ Result<void> write_file_atomically(const std::filesystem::path& path, std::strin
 // Creates the folder and its parents.
 Result<void> make_directories(const std::filesystem::path& path);
 
-// A read-only memory map; empty files have an empty view. The view lives as long as the object.
+// The bytes of a file; empty files have an empty view. The view lives as long as the object. Up to
+// kCopiedBytes are copied, so that a file which somebody cuts short meanwhile is an error, or stays as it
+// was. Larger ones are mapped: to cut one of those short while it is in use ends the process by SIGBUS.
 class MappedFile {
  public:
+  static constexpr std::uint64_t kCopiedBytes = std::uint64_t{256} << 20;
   static Result<std::shared_ptr<const MappedFile>> open(const std::filesystem::path& path);
   ~MappedFile();
   MappedFile(const MappedFile&) = delete;

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <fstream>
 #include <string>
 
 #include <sys/stat.h>
@@ -30,6 +31,17 @@ TEST(Files, OnlyRegularFilesAreRead) {
     EXPECT_EQ(mapped.error().kind, ErrorKind::input);
   }
   fs::remove_all(folder);
+}
+
+// Claim: a file that is cut short while it is open keeps its bytes and kills nobody.
+TEST(Files, CutShortWhileOpen) {
+  const fs::path path = fs::temp_directory_path() / ("candela-cut-" + std::to_string(::getpid()));
+  std::ofstream(path) << std::string(100000, 'x');
+  const auto file = MappedFile::open(path);
+  ASSERT_TRUE(file.ok()) << file.error().to_string();
+  fs::resize_file(path, 0);
+  EXPECT_EQ((*file)->bytes(), std::string(100000, 'x'));
+  fs::remove(path);
 }
 
 }  // namespace
