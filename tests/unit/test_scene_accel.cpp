@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <string>
 
 #include "tests/unit/scene_fixture.h"
@@ -338,6 +339,18 @@ TEST(Accel, ShadowRaysReachTheirLight) {
       ASSERT_FALSE((*scene)->occluded(light.shadow_ray)) << "scale " << p.scale << " offset " << p.offset.x;
     }
     EXPECT_GT(sampled, 1900);
+  }
+}
+
+// A walk through a medium without end may come this far.
+TEST(Accel, RaysFromBeyondItsRangeMeetNothing) {
+  auto scene = build_scene("<shape type=\"sphere\"/><shape type=\"cube\"/>");
+  ASSERT_TRUE(scene.ok()) << scene.error().to_string();
+  SurfaceHit hit;
+  for (const float far : {2e18f, 1e30f, std::numeric_limits<float>::infinity(), std::nanf("")}) {
+    const Ray ray{{0, 0, far}, {0, 0, -1}};
+    EXPECT_FALSE((*scene)->intersect(ray, hit)) << far;
+    EXPECT_FALSE((*scene)->occluded(ray)) << far;
   }
 }
 

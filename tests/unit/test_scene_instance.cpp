@@ -244,6 +244,19 @@ TEST(Instance, WhatItCannotBeIsRefused) {
   EXPECT_EQ(message(group("<shape type=\"cube\"/>") + kInstance +
                     "<transform name=\"to_world\"><scale value=\"1e19\"/></transform></shape>"),
             "the instance lies beyond 1e18 in the scene");
+  EXPECT_EQ(message(group("<shape type=\"cube\"/>") + kInstance +
+                    "<transform name=\"to_world\"><scale value=\"1e-19\"/></transform></shape>"),
+            "to_world makes the instance smaller than 1e-18 of its group");
+}
+
+// In units of the group the ray begins beyond what Embree can trace; it cannot be told from one that misses.
+TEST(Instance, TinyOnesFarAwayAreNotSeen) {
+  const auto scene = build_scene(group("<shape type=\"sphere\"/><shape type=\"cube\"/>") + kInstance +
+                                 "<transform name=\"to_world\"><scale value=\"1e-16\"/></transform></shape>");
+  ASSERT_TRUE(scene.ok()) << scene.error().to_string();
+  SurfaceHit hit;
+  EXPECT_FALSE((*scene)->intersect({{0, 0, 1e4f}, {0, 0, -1}}, hit));
+  EXPECT_FALSE((*scene)->occluded({{0, 0, 1e4f}, {0, 0, -1}}));
 }
 
 // A hundred thousand of them: no object of Embree's for each. The bound on time is loose for slow machines.

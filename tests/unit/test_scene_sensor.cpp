@@ -93,6 +93,26 @@ TEST(PerspectiveSensor, RefusesScale) {
   }
 }
 
+TEST(Sensor, RaysThatBeginBeyondWhatCanBeTracedAreRefused) {
+  const auto moved = [](const std::string& properties, const std::string& transform) {
+    return properties + "<transform name=\"to_world\">" + transform + "</transform></sensor>";
+  };
+  const std::string far = "<translate z=\"1e19\"/>", lens = "<sensor type=\"thinlens\"><float name=\"";
+  for (const std::string& bad :
+       {moved("<sensor type=\"perspective\">", far), moved("<sensor type=\"orthographic\">", far),
+        moved("<sensor type=\"orthographic\">", "<scale x=\"1e19\" y=\"1e19\"/>"),
+        moved(lens + "aperture_radius\" value=\"1e19\"/>", ""),
+        moved(lens + "aperture_radius\" value=\"1\"/><float name=\"near_clip\" "
+                     "value=\"1e19\"/><float name=\"far_clip\" value=\"1e20\"/>",
+              "")}) {
+    const auto scene = with_sensor(bad);
+    ASSERT_FALSE(scene.ok()) << bad;
+    EXPECT_NE(scene.error().message.find("beyond 1e18"), std::string::npos) << scene.error().to_string();
+    EXPECT_EQ(scene.error().line, 2);
+  }
+  EXPECT_TRUE(with_sensor(moved("<sensor type=\"perspective\">", "<translate z=\"1e17\"/>")).ok());
+}
+
 // All rays of one film position meet at the focus distance, where the pinhole's ray passes; their origins are
 // on the near plane; the lens is a disk of the aperture's radius.
 TEST(ThinlensSensor, FocusesAtItsDistance) {

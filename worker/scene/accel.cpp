@@ -228,6 +228,16 @@ void set_ray(const Ray& ray, RTCRay& out) {
   out.flags = 0;
 }
 
+// Embree's arithmetic ends at 1.8e18; builds of it that check what they are given end the program there. What
+// may lie that far is a vertex in a medium without end, or the ray's origin as a tiny instance sees it.
+bool traceable(Vec3 v) {
+  constexpr float kFarthest = 1.8e18f;
+  return std::abs(v.x) <= kFarthest && std::abs(v.y) <= kFarthest && std::abs(v.z) <= kFarthest;
+}
+bool traceable(const Ray& ray) {
+  return traceable(ray.origin) && traceable(ray.direction);
+}
+
 // The user data of the instances' geometry.
 struct Instances {
   const Geometry* geometry = nullptr;
@@ -256,8 +266,10 @@ void instance_intersect(const RTCIntersectFunctionNArguments* args) {
   const auto* user = static_cast<const Instances*>(args->geometryUserPtr);
   const Instance& instance = user->geometry->instances[args->primID];
   auto* found = reinterpret_cast<RTCRayHit*>(args->rayhit);
+  const Ray ray = Geometry::to_group(instance, ray_of(found->ray));
+  if (!traceable(ray)) return;
   RTCRayHit query;
-  set_ray(Geometry::to_group(instance, ray_of(found->ray)), query.ray);
+  set_ray(ray, query.ray);
   query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
   query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
   args->context->instID[0] = args->primID;
@@ -273,8 +285,10 @@ void instance_occluded(const RTCOccludedFunctionNArguments* args) {
   const auto* user = static_cast<const Instances*>(args->geometryUserPtr);
   const Instance& instance = user->geometry->instances[args->primID];
   auto* ray = reinterpret_cast<RTCRay*>(args->ray);
+  const Ray inside = Geometry::to_group(instance, ray_of(*ray));
+  if (!traceable(inside)) return;
   RTCRay query;
-  set_ray(Geometry::to_group(instance, ray_of(*ray)), query);
+  set_ray(inside, query);
   args->context->instID[0] = args->primID;
   rtcOccluded1(user->scenes[instance.group].get(), args->context, &query);
   args->context->instID[0] = RTC_INVALID_GEOMETRY_ID;
@@ -348,6 +362,8 @@ Result<Accel> Accel::build(const Geometry& geometry, const std::string& isa, uns
 }
 
 bool Accel::intersect(const Ray& ray, Found& found) const {
+  if (!traceable(ray)) [[unlikely]]
+    return false;
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   RTCRayHit query;
@@ -370,6 +386,8 @@ void* Accel::embree_scene() const {
 }
 
 bool Accel::occluded(const Ray& ray) const {
+  if (!traceable(ray)) [[unlikely]]
+    return false;
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   RTCRay query;

@@ -24,7 +24,8 @@ class Accel {
     PrimitiveKind kind;
     std::uint32_t instance;  // kNone: the scene's own
   };
-  // The nearest primitive in (0, ray.t_max]. A ray that is not finite meets nothing.
+  // The nearest primitive in (0, ray.t_max]. A ray that is not finite, or begins beyond 1.8e18,
+  // meets nothing.
   bool intersect(const Ray& ray, Found& found) const;
   bool occluded(const Ray& ray) const;
 

@@ -132,6 +132,10 @@ Result<void> SceneBuilder::instance(const description::Object& object) {
     return error_at(object, "to_world is singular").with_field("to_world");
   }
   geometry_.add_instance(group, to_world);
+  if (!(geometry_.instances.back().inverse_norm <= 1.8e18)) {
+    return error_at(object, "to_world makes the instance smaller than 1e-18 of its group")
+        .with_field("to_world");
+  }
   const Bounds& bounds = geometry_.instances.back().bounds;
   for (const Vec3d p : {bounds.low, bounds.high}) {
     if (!(std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) <= 1e18)) {

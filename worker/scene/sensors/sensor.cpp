@@ -17,6 +17,10 @@ Error error_at(const description::Object& object, std::string_view field, std::s
 }
 
 constexpr double kPi = std::numbers::pi;
+constexpr double kFarthest = 1e18;  // as of shapes
+constexpr const char* kOutOfRange =
+    "rays of the camera would begin beyond 1e18 in the scene: its place, near_clip, aperture_radius or "
+    "extent is too large";
 
 // Tangent of an angle in (0, pi/2), in double from the series that float results are made of (1e-10).
 double tangent(double x) {
@@ -114,6 +118,7 @@ Result<Sensor> Sensor::build(const description::Object& sensor, std::uint32_t fi
       return error_at(sensor, "to_world", "the to_world of an orthographic camera flattens its view");
     }
     out.finish();
+    if (!out.in_range()) return error_at(sensor, "to_world", kOutOfRange);
     return out;
   }
 
@@ -151,7 +156,17 @@ Result<Sensor> Sensor::build(const description::Object& sensor, std::uint32_t fi
     }
   }
   out.finish();
+  if (!out.in_range()) return error_at(sensor, "to_world", kOutOfRange);
   return out;
+}
+
+bool Sensor::in_range() const {
+  constexpr double kBorder = 64;  // pixels, of the widest filter
+  const double film =
+      length(axis_) + length(across_) * (width_ + kBorder) + length(down_) * (height_ + kBorder);
+  if (kind_ == Kind::orthographic) return film <= kFarthest;
+  const double lens = length(lens_x_);
+  return length(origin_) + lens + near_clip_ * (film + lens * inverse_focus_) <= kFarthest;
 }
 
 void Sensor::finish() {

@@ -61,7 +61,8 @@ class Sensor {
     const Vec2 disk = warp::concentric_disk(u);
     return lens_x_ * static_cast<double>(disk.x) + lens_y_ * static_cast<double>(disk.y);
   }
-  void finish();  // what inverse mappings need, from the forward one
+  void finish();          // what inverse mappings need, from the forward one
+  bool in_range() const;  // rays begin where they can be traced
   bool on_film(double x, double y, float border) const {
     const double b = static_cast<double>(border);
     return x >= -b && y >= -b && x < width_ + b && y < height_ + b;

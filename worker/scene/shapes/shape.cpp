@@ -53,8 +53,10 @@ loaders::Mesh unit_cube() {
 
 // Planar faces whose vertex normals only said which side is the front.
 Result<Shape> flat_shape(const description::Object& object, loaders::Mesh mesh, const Transform& to_world) {
-  CANDELA_ASSIGN(Shape shape, shape_from_mesh(std::move(mesh), to_world, false,
-                                              object.get_bool("flip_normals", false), object.where.file));
+  Result<Shape> made = shape_from_mesh(std::move(mesh), to_world, false,
+                                       object.get_bool("flip_normals", false), object.where.file);
+  if (!made.ok()) return error_at(object, made.error().message).with_field("to_world");
+  Shape shape = std::move(*made);
   if (shape.dropped_count > 0) return error_at(object, "to_world leaves it without area");
   shape.normals.clear();
   return shape;
