@@ -65,9 +65,22 @@ void add_media(std::vector<PluginRule>& table) {
        .name = "gridvolume",
        .properties =
            {file("Mitsuba's .vol file, version 3: float32, float16 or uint8 (0 to 255 is 0 to 1), 1 or 3 "
-                 "channels"),
+                 "channels; or, where Candela was built with OpenVDB (on every machine that renders), a .vdb "
+                 "file: a grid of floats or doubles (1 channel) or float vectors (3), as halves too; the box "
+                 "around "
+                 "its active voxels is the grid, 2^30 values at most, and what is not active in it has the "
+                 "background value. Candela checks the lengths in a .vdb file, then OpenVDB parses it, which "
+                 "is not made for files of strangers: trust it less than a .vol"),
+            {.name = "grid",
+             .types = {string},
+             .doc =
+                 "Candela's addition: the name of the grid in a .vdb file (default: the only grid, or else "
+                 "the one named density)"},
             to_local("places the unit cube [0, 1]^3 that the grid fills (default identity)"),
-            flag("use_grid_bbox", "the grid fills the file's bounding box, before to_world (default false)"),
+            flag("use_grid_bbox",
+                 "the grid fills the file's bounding box, before to_world (default false); a .vdb file's box "
+                 "reaches half a voxel beyond the indices of its outermost active voxels, through the grid's "
+                 "own transform, which may scale and move but not turn, shear or mirror"),
             {.name = "filter_type",
              .types = {string},
              .values = {"trilinear", "nearest"},

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "worker/loaders/vdb/volume_vdb.h"
 #include "worker/scene/transform.h"
 
 namespace candela::scene {
@@ -28,15 +29,25 @@ Result<GridVolume> GridVolume::build(const description::Object& object,
   const auto fail = [&](std::string message) {
     return input_error(std::move(message)).at(object.where.file, object.where.line);
   };
-  const std::string file = object.get_string("filename", "");
-  if (file.ends_with(".vdb")) {
-    return fail("OpenVDB files are not read: '" + file + "'")
-        .with_field("filename")
-        .with_mend("convert it to Mitsuba's .vol format");
-  }
+  const std::string file = object.get_string("filename", ""), name = object.get_string("grid", "");
+  const bool in_box = object.get_bool("use_grid_bbox", false);
   CANDELA_ASSIGN(const description::FileSource::Bytes bytes, files.open(file));
   GridVolume grid;
-  CANDELA_ASSIGN(grid.data_, loaders::load_volume(bytes.view, file));
+  if (loaders::is_vdb(bytes.view)) {
+#ifdef CANDELA_OPENVDB
+    CANDELA_ASSIGN(grid.data_, loaders::load_vdb(bytes.view, file, {.grid = name, .place = in_box}));
+#else
+    return fail("this build of Candela does not read OpenVDB files: '" + file + "'")
+        .with_field("filename")
+        .with_mend("install libopenvdb-dev and build again, or convert the file to Mitsuba's .vol format");
+#endif
+  } else if (!name.empty()) {
+    return fail("only OpenVDB files have grids with names, and '" + file + "' is none").with_field("grid");
+  } else if (file.ends_with(".vdb")) {
+    return fail("'" + file + "' is not an OpenVDB file: it does not start as one").with_field("filename");
+  } else {
+    CANDELA_ASSIGN(grid.data_, loaders::load_volume(bytes.view, file));
+  }
   grid.nearest_ = object.get_string("filter_type", "trilinear") == "nearest";
   const std::string wrap = object.get_string("wrap_mode", "clamp");
   grid.wrap_ = wrap == "repeat" ? Wrap::repeat : wrap == "mirror" ? Wrap::mirror : Wrap::clamp;
@@ -47,7 +58,7 @@ Result<GridVolume> GridVolume::build(const description::Object& object,
   const Vec3d a = to_world.column(0), b = to_world.column(1), c = to_world.column(2);
   grid.rows_ = {cross(b, c) / determinant, cross(c, a) / determinant, cross(a, b) / determinant};
   for (std::size_t i = 0; i < 3; ++i) grid.offset_[i] = -dot(grid.rows_[i], to_world.translation());
-  if (object.get_bool("use_grid_bbox", false)) {
+  if (in_box) {
     const Vec3d low(grid.data_.low), extent = Vec3d(grid.data_.high) - low;
     for (int i = 0; i < 3; ++i) {
       if (!(extent[i] > 0) || !std::isfinite(extent[i]))
