@@ -114,6 +114,7 @@ TEST(Media, ConservativeMediaVanish) {
       {"forward", box + medium("3", "1", kForward) + "</shape>"},
       {"coloured", box + medium("0.3, 1, 4", "1") + "</shape>"},
       {"thick", box + medium("8", "1") + "</shape>"},
+      {"very thick", box + medium("60", "1") + "</shape>"},
       {"grid", box + grid_medium(2, "1", kForward) + "</shape>"},
       {"coloured grid", box + grid_medium(2, "1") + "</shape>"},
       {"glass", ball + medium("2", "1") + "</shape>"},

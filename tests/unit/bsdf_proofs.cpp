@@ -166,7 +166,7 @@ class Proof {
         const std::string back = fmt::format("{}, back from {}", where, shown(s.wi));
         const std::vector<BsdfSample> returned =
             distribution(closure, s.wi, other(mode), rng::key(key, ++backwards), back, false);
-        if (s.delta && !s.straight) delta_returns(wo, s, returned, back);
+        if (s.delta) delta_returns(wo, s, returned, back);
       }
     }
   }
@@ -391,7 +391,7 @@ class Proof {
   void delta_returns(Vec3 wo, const BsdfSample& out, const std::vector<BsdfSample>& returned,
                      const std::string& where) {
     for (const BsdfSample& back : returned) {
-      if (!back.delta || back.straight || length(back.wi - wo) > 2e-5f) continue;
+      if (!back.delta || back.straight != out.straight || length(back.wi - wo) > 2e-5f) continue;
       if (std::abs(out.prob_reverse - back.prob) > 1e-4f) continue;  // another lobe of a blend
       EXPECT_NEAR(static_cast<double>(back.prob_reverse), static_cast<double>(out.prob), 1e-4) << where;
       if (!c_.not_reciprocal.empty()) return;

@@ -171,6 +171,23 @@ TEST(ObjLoader, IsFast) {
   EXPECT_LT(seconds.count(), 2.0);
 }
 
+// Claim: a position with very many different corners, each of them met twice, costs no more than others (a
+// chain of them would take 10^10 steps), and equal corners are still one vertex.
+TEST(ObjLoader, JoinsCrowdedCorners) {
+  constexpr int kFaces = 100000;
+  std::string text = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+  for (int i = 0; i < kFaces; ++i) text += fmt::format("vt {} 0\n", i);
+  for (int round = 0; round < 2; ++round)
+    for (int i = 1; i <= kFaces; ++i) text += fmt::format("f 1/{0} 2/{0} 3/{0}\n", i);
+  const auto begin = std::chrono::steady_clock::now();
+  const Mesh mesh = good(text);
+  EXPECT_LT(std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count(), 10);
+  ASSERT_EQ(mesh.triangles.size(), 2u * kFaces);
+  EXPECT_EQ(mesh.positions.size(), 3u * kFaces);
+  EXPECT_EQ(mesh.triangles[77], mesh.triangles[kFaces + 77]);
+  EXPECT_EQ(mesh.uvs[mesh.triangles[kFaces + 77][2]].x, 77.0f);
+}
+
 // Seeded mutations of a good file: an answer of either kind, in range, never a crash.
 TEST(ObjLoader, SurvivesMutations) {
   const std::string seed =

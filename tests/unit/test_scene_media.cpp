@@ -307,6 +307,30 @@ GridVolume grid_of(const Field& field) {
   return std::move(built).value();
 }
 
+// Claim: a tiny and dense grid, half of it empty, seen from very far away ends every walk: distances between
+// collisions are far below the float spacing of the ray's own.
+TEST(SceneMedia, FarGridsEndEveryWalk) {
+  const Field field = {volume_file({8, 8, 8}, 1, checker(8, 0, 1)),
+                       test::matrix({1e-6, 0, 0, 0, 0, 1e-6, 0, 0, 0, 0, 1e-6, 0, 0, 0, 0, 1}) +
+                           "<string name=\"filter_type\" value=\"nearest\"/>",
+                       3e12};
+  const auto scene = medium_scene(grid(field.more, "0.9, 0.6, 0.3", field.scale), {{"v.vol", field.file}});
+  const Medium& medium = scene->medium(0);
+  rng::Stream stream(rng::key(22));
+  int met = 0;
+  for (int i = 0; i < 200; ++i) {
+    const Ray ray = {{5e-7f, 5e-7f, -1e6f}, {0, 0, 1}, 3e6f};
+    const float u = stream.next_float();
+    const DistanceSample s = medium.sample_distance(ray, Spectrum(1), {u, stream.next_float()});
+    met += s.scattered ? 1 : 0;
+    if (s.scattered) {
+      EXPECT_NEAR(s.distance, 1e6f, 1);
+    }
+    EXPECT_LT(medium.transmittance(ray, stream).max_component(), 1e-3f);
+  }
+  EXPECT_EQ(met, 200);
+}
+
 // Claim: the weights of free flights estimate sigma_t T (times the albedo) in every part of a ray, and T at
 // its end, in every channel, whatever the channels' shares; their sum never grows.
 TEST(SceneMedia, GridFlightsAgainstQuadrature) {

@@ -76,6 +76,13 @@ TEST(PerspectiveSensor, ClipsAndShifts) {
   EXPECT_NEAR(shifted->direction.x, 0, 1e-6f);
 }
 
+// Claim: a far plane beyond the largest float leaves rays that end somewhere: media multiply by their length.
+TEST(PerspectiveSensor, RaysAreFinite) {
+  const auto ray = ray_of(std::string(kFov90) + "<float name=\"far_clip\" value=\"1e39\"/>", 0, 50);
+  ASSERT_TRUE(ray.ok());
+  EXPECT_TRUE(std::isfinite(ray->t_max));
+}
+
 // What a description alone cannot tell is refused here; its own checks name the rest.
 TEST(PerspectiveSensor, RefusesScale) {
   const auto ray =

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <limits>
 #include <optional>
+#include <unordered_map>
 
 #include "worker/loaders/mesh.h"
 #include "worker/loaders/parallel.h"
@@ -339,6 +340,17 @@ bool same_as_positions(const std::vector<Part>& parts, Corners Part::*member) {
          kNowhere;
 }
 
+struct CornerHash {
+  std::size_t operator()(const std::array<std::uint32_t, 3>& corner) const {
+    std::uint64_t h = 0;
+    for (const std::uint32_t v : corner) {
+      h = (h ^ v) * 0x9e3779b97f4a7c15ULL;
+      h ^= h >> 29;
+    }
+    return h;
+  }
+};
+
 // A vertex for every distinct corner, in the order of their first use. Corners are chained by position, so
 // that finding one again costs a look or two.
 Result<void> join_corners(const std::string& name, std::vector<Part>& parts,
@@ -347,7 +359,11 @@ Result<void> join_corners(const std::string& name, std::vector<Part>& parts,
   struct Vertex {
     std::uint32_t position, uv, normal, next;
   };
+  // Vertices at one position are chained; those beyond kLongestChain are found by their hash, so that a hub
+  // of very many corners stays cheap.
+  constexpr std::size_t kLongestChain = 32;
   std::vector<std::uint32_t> heads(positions.size(), kAbsent);
+  std::unordered_map<std::array<std::uint32_t, 3>, std::uint32_t, CornerHash> crowd;
   std::vector<Vertex> vertices;
   vertices.reserve(positions.size());
   bool any_uv = false, any_normal = false;
@@ -358,16 +374,28 @@ Result<void> join_corners(const std::string& name, std::vector<Part>& parts,
         const std::uint32_t uv = part.corner_uvs.empty() ? kAbsent : part.corner_uvs[i][k];
         const std::uint32_t normal = part.corner_normals.empty() ? kAbsent : part.corner_normals[i][k];
         std::uint32_t found = heads[position];
+        std::size_t links = 0;
         while (found != kAbsent && (vertices[found].uv != uv || vertices[found].normal != normal)) {
           found = vertices[found].next;
+          ++links;
+        }
+        const bool crowded = found == kAbsent && links >= kLongestChain;
+        if (crowded) {
+          const auto known = crowd.find({position, uv, normal});
+          if (known != crowd.end()) found = known->second;
         }
         if (found == kAbsent) {
           if (vertices.size() >= kAbsent) {
             return input_error("the OBJ file has more than 2^32 - 1 distinct face corners").at(name, 0);
           }
           found = static_cast<std::uint32_t>(vertices.size());
-          vertices.push_back({position, uv, normal, heads[position]});
-          heads[position] = found;
+          if (crowded) {
+            crowd[{position, uv, normal}] = found;
+            vertices.push_back({position, uv, normal, kAbsent});
+          } else {
+            vertices.push_back({position, uv, normal, heads[position]});
+            heads[position] = found;
+          }
           any_uv |= uv != kAbsent;
           any_normal |= normal != kAbsent;
         }

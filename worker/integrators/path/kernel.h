@@ -88,10 +88,9 @@ Spectrum radiance(const SceneT& scene, const Limits& limits, Ray ray, samplers::
     sum += throughput * value * light.radiance * weight;
   };
   // False: the path ends. Survivors are scaled up.
-  const auto survives = [&](std::uint32_t depth, bool stratified) {
+  const auto survives = [&](std::uint32_t depth, bool stratified, float most) {
     if (depth < limits.rr_depth) return true;
-    const float survive =
-        std::min(throughput.max_component() * eta_scale * (1 / kRouletteFloor), kLongestSurvival);
+    const float survive = std::min(throughput.max_component() * eta_scale * (1 / kRouletteFloor), most);
     if (!(sampler.draw_1d(block + kRoulette, stratified) < survive)) return false;
     throughput *= 1 / survive;
     return true;
@@ -140,7 +139,7 @@ Spectrum radiance(const SceneT& scene, const Limits& limits, Ray ray, samplers::
           previous_pdf_solid_angle =
               around.phase().sample(wo, sampler.draw_2d(block + kDirection, stratified), ray.direction);
           previous_delta = false;
-          if (!survives(depth, stratified)) break;
+          if (!survives(depth, stratified, depth < kLongFlight ? 1.0f : kLongestSurvival)) break;
           ray = {hit.p, ray.direction};
           ++depth;
           continue;
@@ -216,7 +215,7 @@ Spectrum radiance(const SceneT& scene, const Limits& limits, Ray ray, samplers::
       }
     }
     eta_scale *= next.eta * next.eta;
-    if (!survives(depth, stratified)) break;
+    if (!survives(depth, stratified, kLongestSurvival)) break;
 
     front = side;
     previous_delta = next.delta;

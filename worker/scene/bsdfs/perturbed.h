@@ -96,6 +96,17 @@ inline bool sample(const PerturbedParameters& p, Vec3 wo, float u_lobe, Vec2 u, 
   if (!p.nested->sample(to_turned(p, wo, mirror), u_lobe, u, mode, out)) return false;
   if (out.straight) {
     out.wi = -wo;
+    const bool tossed = p.flips && agrees(p, wo, false) && agrees(p, wo, true);  // by walks from the light
+    if (to_eye) {
+      if (tossed) out.prob_reverse *= 0.5f;
+      return true;
+    }
+    if (mirror != mirrors(p, wo))
+      return false;  // the viewer, who looks along the light, sees the other frame
+    if (tossed) {
+      out.weight *= 2;
+      out.prob *= 0.5f;
+    }
     return true;
   }
   out.wi = normalize(from_turned(p, out.wi, mirror));

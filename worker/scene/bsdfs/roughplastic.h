@@ -70,7 +70,7 @@ inline bool sample(const RoughPlasticParameters& p, Vec3 wo, float u_lobe, Vec2 
   }
   float pdf = 0;
   const Spectrum value = eval_pdf_of(p, parts_o, wo, out.wi, pdf);
-  if (!(pdf > 0)) return false;
+  if (!(pdf > kLeastDensity)) return false;
   out.pdf_solid_angle = pdf;
   out.weight = value * (1 / pdf);
   return true;

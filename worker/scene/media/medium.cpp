@@ -70,9 +70,10 @@ DistanceSample Medium::sample_homogeneous(float t_max, Spectrum channels, Vec2 u
     double before = 0;
     while (chosen < 2 && rest >= before + share[chosen]) before += share[chosen++];
     while (share[chosen] == 0) --chosen;  // only where rounding led beyond the last
-    rest = std::clamp((rest - before) / share[chosen], 0.0, 1.0 - 0x1p-30);
+    rest = std::clamp((rest - before) / share[chosen], 0.0, 1.0 - 0x1p-28);
   }
-  // The draw of the distance gets the rest as its lower bits: 24 bits end at 17 mean free paths.
+  // The draw of the distance gets the rest as its lower bits: 24 bits end at 17 mean free paths. It stays
+  // above 0.
   const double left = 1 - (static_cast<double>(u.y) + rest * 0x1p-24);
   const double t = sigma[chosen] > 0 ? -math::log(left) / sigma[chosen] : 1e300;
   out.scattered = t < static_cast<double>(t_max);

@@ -29,7 +29,9 @@ float sum(Spectrum s) {
 
 }  // namespace
 
-// In local space, where the grid is [0, 1]^3; distances along the ray are the world's.
+// In local space, where the grid is [0, 1]^3. Distances have the world's scale and are counted from where the
+// ray enters the grid: from far away the steps between collisions in a dense and tiny grid would be lost to
+// rounding, and the walk would stand still.
 class Tracking::Walk {
  public:
   Walk(const Tracking& tracking, const Ray& ray)
@@ -47,15 +49,13 @@ class Tracking::Walk {
       begin = std::max(begin, std::min(a, b));
       end = std::min(end, std::max(a, b));
     }
-    t_ = begin;
-    end_ = end;
-    if (!(t_ < end_)) {
-      end_ = t_;
-      return;
-    }
+    if (!(begin < end)) return;
+    entry_ = begin;
+    end_ = end - begin;
+    origin_ += direction_ * begin;
     for (int axis = 0; axis < 3; ++axis) {
       const auto k = static_cast<std::size_t>(axis);
-      const double n = tracking.size_[k], x = (origin_[axis] + direction_[axis] * t_) * n;
+      const double n = tracking.size_[k], x = origin_[axis] * n;
       index_[k] = static_cast<std::int64_t>(std::clamp(std::floor(x), 0.0, n - 1));
       const double d = direction_[axis];
       step_[k] = d > 0 ? 1 : -1;
@@ -64,6 +64,7 @@ class Tracking::Walk {
   }
 
   bool inside() const { return t_ < end_; }
+  double entry() const { return entry_; }  // the ray's distance at the walk's zero
   double t() const { return t_; }
   const Cell& cell() const {
     const auto& n = tracking_.size_;
@@ -102,7 +103,7 @@ class Tracking::Walk {
   Vec3d origin_, direction_;
   std::array<std::int64_t, 3> index_{}, step_{};
   std::array<double, 3> next_{};
-  double t_ = 0, end_ = 0;
+  double entry_ = 0, t_ = 0, end_ = 0;
 };
 
 Tracking::Tracking(std::shared_ptr<const GridVolume> grid, float scale)
@@ -151,7 +152,10 @@ bool Tracking::collide(const Ray& ray, Spectrum channels, rng::Stream& stream, d
       const float prob = real / (real + null);
       const bool collided = stream.next_double() < static_cast<double>(prob);
       weight *= collided ? sigma_t * (1 / (cell.most * prob)) : sigma_n * (1 / (cell.most * (1 - prob)));
-      if (collided) return true;
+      if (collided) {
+        t += walk.entry();
+        return true;
+      }
     }
   }
   return false;

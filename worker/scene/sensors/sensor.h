@@ -2,6 +2,7 @@
 // camera looks along +z with y up and x to the LEFT of the image.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 
 #include "common/base/result.h"
@@ -27,7 +28,7 @@ class Sensor {
   Ray ray(float film_x, float film_y, Vec2 u_lens) const {
     Vec3d d = axis_ + across_ * static_cast<double>(film_x) + down_ * static_cast<double>(film_y);
     if (kind_ == Kind::orthographic) {
-      return {Vec3(d), Vec3(direction_), static_cast<float>(far_clip_ - near_clip_)};
+      return {Vec3(d), Vec3(direction_), reach(1)};
     }
     Vec3d origin = origin_;
     if (kind_ == Kind::thinlens) {
@@ -37,8 +38,7 @@ class Sensor {
     }
     const double l = length(d);  // distance of the plane at unit depth along this ray
     const Vec3d unit = d / l;
-    return {Vec3(origin + unit * (near_clip_ * l)), Vec3(unit),
-            static_cast<float>((far_clip_ - near_clip_) * l)};
+    return {Vec3(origin + unit * (near_clip_ * l)), Vec3(unit), reach(l)};
   }
 
   // A lens point as seen from the reference, uniform over the lens. False: the reference is not on the film,
@@ -57,6 +57,8 @@ class Sensor {
  private:
   enum class Kind : std::uint8_t { perspective, thinlens, orthographic };
 
+  // From the near plane to the far one along a ray of length l from the film's plane at unit depth; finite.
+  float reach(double l) const { return static_cast<float>(std::min((far_clip_ - near_clip_) * l, 3.0e38)); }
   Vec3d lens_point(Vec2 u) const {
     const Vec2 disk = warp::concentric_disk(u);
     return lens_x_ * static_cast<double>(disk.x) + lens_y_ * static_cast<double>(disk.y);
