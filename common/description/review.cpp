@@ -53,6 +53,7 @@ class Reviewer {
       const Object& object = *child.object;
       if (!acts(object) && !seen_.contains(&object)) unused(object, "is used by nothing");
     }
+    look_at_straight_passes();
     std::stable_sort(result_.findings.begin(), result_.findings.end(),
                      [](const Finding& a, const Finding& b) {
                        return std::tie(a.where.file, a.where.line) < std::tie(b.where.file, b.where.line);
@@ -90,6 +91,23 @@ class Reviewer {
           fmt::format(
               "{} has a constant sigma_t: it fills its shape, where Mitsuba 3 ends it at the unit cube",
               describe(object)));
+  }
+
+  // Mitsuba's path counts a bounce where its volpath and ours count none. Where there are media, the scene
+  // was made for volpath.
+  void look_at_straight_passes() {
+    const auto used = [&](const char* category, const char* plugin) {
+      const auto found = result_.uses.find(category);
+      return found != result_.uses.end() && (*plugin == 0 || found->second.contains(plugin));
+    };
+    if (used("medium", "") || !(used("bsdf", "mask") || used("bsdf", "thindielectric"))) return;
+    for (const ObjectPtr& integrator : scene_.scene->children_of("integrator")) {
+      if (integrator->plugin != "path" || integrator->get_integer("max_depth", -1) < 0) continue;
+      add(Finding::Kind::differs, integrator->where,
+          "passing a mask or thin glass straight counts no bounce here, as in Mitsuba's volpath; its path "
+          "counts "
+          "one, so that with a max_depth less light passes several of them there");
+    }
   }
 
   void look_at(const Object& object, const PluginRule& rule) {

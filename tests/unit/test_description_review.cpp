@@ -57,6 +57,18 @@ TEST(DescriptionReview, MediaThatDiffer) {
       "it at the unit cube\n");
 }
 
+// Claim: a bounce that Mitsuba's path counts and ours does not is told, where it can matter.
+TEST(DescriptionReview, StraightPassesThatDiffer) {
+  const std::string shape = "<shape type='sphere'><bsdf type='mask'><bsdf type='diffuse'/></bsdf></shape>";
+  const auto path = [](int depth) {
+    return "<integrator type='path'><integer name='max_depth' value='" + std::to_string(depth) +
+           "'/></integrator>";
+  };
+  EXPECT_EQ(findings(review_of(path(-1) + shape)), "");
+  EXPECT_EQ(findings(review_of(path(5) + "<shape type='sphere'/>")), "");
+  EXPECT_TRUE(findings(review_of(path(5) + shape)).starts_with("differs 1: passing a mask or thin glass"));
+}
+
 // Claim: ignored parameters are named with the reason; what differs is told apart, and only where it does.
 TEST(DescriptionReview, IgnoredAndDifferent) {
   EXPECT_EQ(
