@@ -1,0 +1,112 @@
+// The scenes of transport/: each exercises one hazard of light transport, is 64 by 64 pixels, and renders in
+// seconds. The table says who can render it, so that every integrator is tested on everything it can do, and
+// what it cannot do is written down.
+#pragma once
+
+#include <array>
+#include <string_view>
+
+namespace candela::statistical {
+
+// Sets of integrators.
+enum TransportIntegrators : unsigned {
+  kNone = 0,
+  kPath = 1,
+  kLight = 2,
+  kBdpt = 4,
+  kPpm = 8,
+  kBpm = 16,
+  kVcm = 32,
+  kMerging = kPpm | kBpm | kVcm,
+  kUnbiased = kPath | kLight | kBdpt,
+  kAll = kUnbiased | kMerging,
+};
+
+struct NamedIntegrator {
+  unsigned bit;
+  std::string_view name;
+};
+inline constexpr std::array<NamedIntegrator, 6> kTransportIntegrators = {
+    {{kPath, "path"}, {kLight, "light"}, {kBdpt, "bdpt"}, {kPpm, "ppm"}, {kBpm, "bpm"}, {kVcm, "vcm"}}};
+
+struct TransportScene {
+  std::string_view name;    // of the file transport/NAME.xml
+  std::string_view hazard;  // what it tests
+  // Whose expectation is the whole image; of merging ones in the limit of small radii.
+  unsigned complete;
+  // Of those, who needs far more than some hundred iterations: rare, bright samples.
+  unsigned slow;
+  std::string_view why;  // why the others are not complete, or slow
+};
+
+// Reasons that recur.
+inline constexpr std::string_view kLightSeesNoDelta =
+    "light connects vertices to the camera, which a delta surface before it does not let pass";
+inline constexpr std::string_view kNoVolumeMerging =
+    "ppm and bpm merge on surfaces alone and have no other way to light a vertex in a medium";
+inline constexpr std::string_view kMilkInGlass =
+    "light sees no delta surface; ppm and bpm do not merge in media";
+inline constexpr std::string_view kSkyUnseen =
+    "light has no vertex on the sky to connect to the camera: the sky itself is missing";
+inline constexpr std::string_view kPointBehindDelta =
+    "light from a point that meets the camera over delta, matt, delta surfaces has no connection";
+
+inline constexpr std::array kTransportScenes = {
+    TransportScene{"box-diffuse", "matt surfaces and an area light", kAll, kNone, ""},
+    TransportScene{"mirror-glossy", "a mirror ball on a glossy floor", kAll & ~kLight, kNone,
+                   kLightSeesNoDelta},
+    TransportScene{"caustic", "a glass ball under a small lamp", kAll & ~kLight, kPath, kLightSeesNoDelta},
+    TransportScene{"sds", "matt things under a pane that the light passes too", kAll & ~kLight, kNone,
+                   kLightSeesNoDelta},
+    TransportScene{"immersed", "a ball in a block of water: eta^2", kAll & ~kLight, kNone, kLightSeesNoDelta},
+    TransportScene{"lamp-in-glass", "a lamp inside glass: one refraction only", kAll & ~kLight, kNone,
+                   kLightSeesNoDelta},
+    TransportScene{"rough-glass", "rough refraction with eta^2", kAll, kNone, ""},
+    TransportScene{"bump", "bump maps: scattering without symmetry", kAll, kNone, ""},
+    TransportScene{"normal-map", "normal maps", kAll, kNone, ""},
+    TransportScene{"coarse-mesh", "smooth normals on twenty faces", kAll, kNone, ""},
+    TransportScene{"sides", "one-sided and two-sided sheets", kAll, kNone, ""},
+    TransportScene{"mask", "textured opacity before the lamp and before the eye", kAll, kNone, ""},
+    TransportScene{"thin-null", "thin panes and a null box: light passes straight", kAll & ~kLight, kNone,
+                   "light does not see reflections in a thin pane"},
+    TransportScene{"point", "a point light", kAll, kNone, ""},
+    TransportScene{"spot", "spots, one textured", kAll, kNone, ""},
+    TransportScene{"directional", "parallel light", kAll, kNone, ""},
+    TransportScene{"constant", "a constant sky, seen directly", kAll & ~kLight, kNone, kSkyUnseen},
+    TransportScene{"envmap", "an image of a sky with a sun, seen directly", kAll & ~kLight, kNone,
+                   kSkyUnseen},
+    TransportScene{"textured-lamp", "lamps with textured radiance", kAll, kNone, ""},
+    TransportScene{"many-lamps", "eighty-three lamps: the light tree", kAll, kNone, ""},
+    TransportScene{"mesh-lamp", "a mesh with smooth normals as a lamp", kAll, kNone, ""},
+    TransportScene{"lens", "a lens that light paths hit, out of focus, a lamp behind its plane", kAll, kNone,
+                   ""},
+    TransportScene{"orthographic", "parallel projection", kAll, kNone, ""},
+    TransportScene{"fog-thin", "thin fog everywhere", kAll & ~(kPpm | kBpm), kNone, kNoVolumeMerging},
+    TransportScene{"fog-null", "dense fog without a surface, and one that only absorbs",
+                   kAll & ~(kPpm | kBpm), kNone, kNoVolumeMerging},
+    TransportScene{"fog-rough-glass", "fog in frosted glass", kAll & ~(kPpm | kBpm), kNone, kNoVolumeMerging},
+    TransportScene{"fog-glass", "milk in smooth glass", kPath | kBdpt | kVcm, kNone, kMilkInGlass},
+    TransportScene{"fog-camera", "camera and point light in fog", kAll & ~(kPpm | kBpm), kNone,
+                   kNoVolumeMerging},
+    TransportScene{"smoke", "smoke on a grid", kAll & ~(kPpm | kBpm), kNone, kNoVolumeMerging},
+    TransportScene{"mixed", "delta and other lobes in one material", kAll & ~kLight, kNone,
+                   kLightSeesNoDelta},
+    TransportScene{"principled", "three principled materials", kAll, kNone, ""},
+    TransportScene{"filter", "a wide Gaussian filter over textured reflectance", kAll, kNone, ""},
+    TransportScene{"hidden-caustic", "the caustic of a point light and glass outside the picture",
+                   kAll & ~kPath, kNone, "path cannot hit a point light behind glass"},
+    TransportScene{"point-caustic", "the caustic of a point light, and its reflection", kMerging, kNone,
+                   kPointBehindDelta},
+    TransportScene{"point-sds", "a point light over a pane with matt things beneath", kMerging, kNone,
+                   kPointBehindDelta},
+    TransportScene{"directional-caustic", "parallel light through a glass ball", kMerging, kNone,
+                   kPointBehindDelta},
+    TransportScene{"mirror-room", "most of the picture is in a mirror", kAll & ~kLight, kNone,
+                   kLightSeesNoDelta},
+    TransportScene{"near-delta", "roughness 0.003: densities of 1e5, but no delta", kAll,
+                   kLight | kPpm | kBpm, "connecting to or merging at such a surface rarely meets its lobe"},
+    TransportScene{"index-matched", "refraction that hardly bends", kAll & ~kLight, kNone, kLightSeesNoDelta},
+    TransportScene{"instances", "squeezed and mirrored copies", kAll, kNone, ""},
+};
+
+}  // namespace candela::statistical
