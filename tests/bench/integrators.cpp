@@ -1,0 +1,372 @@
+// Time and error of the integrators beside those of other renderers: the figures of docs/benchmarks.md. One
+// thread, CPU seconds (user), loading not counted, integrators in turn within each round, medians over
+// rounds.
+//
+//   bench_integrators smallvcm CACHE [options]   on smallvcm/*.xml: CPU seconds an iteration at 512x512, and
+//   relMSE
+//       after 32 iterations at 256x256 against references that are rendered first, where CACHE does not hold
+//       them
+//   bench_integrators mitsuba SHARED [options]   on the scenes of SHARED/scenes against SHARED/references:
+//   samples
+//       or light paths a CPU second, and relMSE times CPU seconds
+// Options: --scenes A,B  --integrators A,B  --rounds N  --iterations N  --reference-iterations N  --seeds N
+//          --set KEY=VALUE (where an integrator has it)
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <optional>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "common/bundle/bundle.h"
+#include "common/image/image.h"
+#include "common/stats/image_error.h"
+#include "worker/render/renderer.h"
+
+namespace {
+
+using namespace candela;
+namespace fs = std::filesystem;
+
+// SmallVCM on the four scenes, of ../shared/peers.md: measured on a machine of the kind that
+// docs/benchmarks.md names, on another day. Light tracing there never shows what the camera sees of lamps,
+// sky and mirrors.
+struct SmallVcmFigures {
+  const char* scene;
+  const char* integrator;
+  double seconds;  // CPU seconds an iteration, 512x512, path length 10
+  double relmse;   // after 32 iterations at 256x256
+};
+constexpr SmallVcmFigures kSmallVcm[] = {
+    {"sun", "light", 0.186, 0.105},         {"sun", "path", 0.307, 0.119},
+    {"sun", "ppm", 0.316, 0.427},           {"sun", "bpm", 0.773, 0.126},
+    {"sun", "bdpt", 0.730, 0.072},          {"sun", "vcm", 1.118, 0.036},
+    {"area", "light", 0.342, 0.074},        {"area", "path", 0.345, 0.491},
+    {"area", "ppm", 0.470, 0.161},          {"area", "bpm", 1.012, 0.048},
+    {"area", "bdpt", 0.963, 0.054},         {"area", "vcm", 1.478, 0.0078},
+    {"point", "light", 0.234, 0.164},       {"point", "path", 0.258, 0.112},
+    {"point", "ppm", 0.382, 0.542},         {"point", "bpm", 0.869, 0.115},
+    {"point", "bdpt", 0.725, 0.017},        {"point", "vcm", 1.235, 0.016},
+    {"environment", "light", 0.143, 0.313}, {"environment", "path", 0.326, 0.029},
+    {"environment", "ppm", 0.261, 1.41},    {"environment", "bpm", 0.634, 0.595},
+    {"environment", "bdpt", 0.552, 0.022},  {"environment", "vcm", 0.793, 0.022},
+};
+
+// Mitsuba 0.6, of the same page: million samples (path, bdpt) or light paths (light) a CPU second; relMSE
+// times CPU seconds, all pixels and without the worst 0.1 %. 0: not measured.
+struct MitsubaFigures {
+  const char* scene;
+  const char* integrator;
+  double rate, efficiency, efficiency_trimmed;
+};
+constexpr MitsubaFigures kMitsuba[] = {
+    {"cornell-box", "path", 0.81, 0.073, 0.070}, {"cornell-box", "bdpt", 0, 0.178, 0.172},
+    {"veach-mis", "path", 1.24, 0.060, 0.015},   {"veach-mis", "bdpt", 0, 0.030, 0.026},
+    {"veach-bidir", "path", 0.45, 51, 8.9},      {"veach-bidir", "bdpt", 0.081, 0.59, 0.55},
+    {"veach-bidir", "light", 0.19, 0, 0},        {"veach-ajar", "path", 0, 9.3, 7.8},
+    {"veach-ajar", "bdpt", 0, 8.6, 7.9},
+};
+
+struct Options {
+  std::string mode;
+  fs::path folder;
+  std::vector<std::string> scenes, integrators;
+  std::uint64_t rounds = 3, iterations = 0, reference_iterations = 1024, seeds = 3;
+  SettingsMap chosen;
+};
+
+[[noreturn]] void fail(const std::string& message) {
+  std::fprintf(stderr, "bench_integrators: %s\n", message.c_str());
+  std::exit(2);
+}
+
+template <class T>
+T value_of(Result<T> result) {
+  if (!result.ok()) fail(result.error().to_string());
+  return std::move(*result);
+}
+
+double cpu_seconds() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_utime.tv_sec) + 1e-6 * static_cast<double>(usage.ru_utime.tv_usec);
+}
+
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  const std::size_t n = values.size();
+  return n == 0 ? NAN : (values[(n - 1) / 2] + values[n / 2]) / 2;
+}
+
+std::vector<std::string> split(const std::string& list) {
+  std::vector<std::string> parts;
+  std::istringstream in(list);
+  for (std::string part; std::getline(in, part, ',');) parts.push_back(part);
+  return parts;
+}
+
+bool contains(const std::vector<std::string>& list, const std::string& name) {
+  return std::find(list.begin(), list.end(), name) != list.end();
+}
+
+// A compiled scene with an integrator, and its film.
+class Run {
+ public:
+  Run(const fs::path& scene, const std::string& integrator, std::uint32_t width, std::uint32_t height,
+      std::uint64_t seed, const SettingsMap& chosen)
+      : files_(scene.parent_path()), width_(width), height_(height) {
+    const auto gathered = value_of(bundle::gather(scene, {}));
+    SettingsMap settings;
+    const auto known = value_of(render::integrator_settings(integrator));
+    const auto take = [&](const std::string& key, const std::string& value) {
+      for (const render::SettingDoc& doc : known)
+        if (doc.name == key) settings[key] = value;
+    };
+    for (const auto& element : gathered.description.scene->children_of("integrator"))
+      for (const auto& p : element->properties)
+        if (p.type == description::PropertyType::integer)
+          take(p.name, std::to_string(std::get<std::int64_t>(p.value)));
+    for (const auto& [key, value] : chosen) take(key, value);
+    JobSettings job;
+    job.integrator = integrator;
+    job.width = width;
+    job.height = height;
+    job.seed = seed;
+    job.integrator_settings = value_of(render::complete_integrator_settings(integrator, {}, settings));
+    renderer_ = value_of(render::Renderer::create(files_, scene.filename(), {}, job, 1));
+    film_ = renderer_->make_film(value_of(renderer_->pilot({})).state);
+  }
+
+  // Runs iterations [begin, end) of a job, those of each half as a unit, and returns their CPU seconds.
+  double run(std::uint64_t begin, std::uint64_t end) {
+    sums_.assign(std::size_t{width_} * height_ * 3, 0.0);
+    tallies_ = {};
+    double seconds = 0;
+    for (std::uint32_t half = 0; half < 2; ++half) {
+      film_->clear();
+      const Unit unit{Unit::Kind::iterations, half, (begin + 1 - half) / 2, (end + 1 - half) / 2};
+      if (unit.begin == unit.end) continue;
+      const double start = cpu_seconds();
+      const auto done = renderer_->run(unit, *film_, {});
+      seconds += cpu_seconds() - start;
+      if (!done.ok()) fail(done.error().to_string());
+      const double to_value = std::ldexp(1.0, -film_->scale_log2()) / static_cast<double>(end - begin);
+      for (std::size_t i = 0; i < sums_.size(); ++i)
+        sums_[i] += static_cast<double>(film_->sums()[i]) * to_value;
+      tallies_.add(film_->tallies());
+    }
+    return seconds;
+  }
+
+  std::vector<float> image() const { return {sums_.begin(), sums_.end()}; }
+  film::Tallies tallies() const { return tallies_; }
+
+ private:
+  bundle::DiskSource files_;
+  std::uint32_t width_, height_;
+  std::vector<double> sums_;  // means of what the last run added, row by row
+  film::Tallies tallies_;
+  std::unique_ptr<render::Renderer> renderer_;
+  std::unique_ptr<film::UnitFilm> film_;
+};
+
+std::vector<std::string> chosen_integrators(const Options& options, std::initializer_list<const char*> all) {
+  std::vector<std::string> names;
+  const std::vector<std::string> known = render::integrator_names();
+  for (const char* name : all)
+    if (contains(known, name) && (options.integrators.empty() || contains(options.integrators, name)))
+      names.emplace_back(name);
+  return names;
+}
+
+// --- SmallVCM ---
+
+constexpr std::uint32_t kReferenceSize = 256;
+
+// The mean of two halves of `iterations` each, and its relMSE estimated from their difference. What is not in
+// the cache is rendered. Two numbers and the floats of both halves make a file.
+struct Reference {
+  std::vector<float> image;
+  double relmse = 0;
+};
+
+std::vector<float> reference_half(const fs::path& file, const fs::path& scene, const std::string& integrator,
+                                  std::uint64_t iterations, std::uint64_t seed, const SettingsMap& chosen) {
+  std::vector<float> image(std::size_t{kReferenceSize} * kReferenceSize * 3);
+  const auto bytes = static_cast<std::streamsize>(image.size() * sizeof(float));
+  std::ifstream in(file, std::ios::binary);
+  if (in.read(reinterpret_cast<char*>(image.data()), bytes) && in.peek() == EOF) return image;
+  std::fprintf(stderr, "rendering %s\n", file.c_str());
+  Run run(scene, integrator, kReferenceSize, kReferenceSize, seed, chosen);
+  run.run(0, iterations);
+  image = run.image();
+  const fs::path unfinished = file.string() + ".part";
+  std::ofstream(unfinished, std::ios::binary).write(reinterpret_cast<const char*>(image.data()), bytes);
+  fs::rename(unfinished, file);
+  return image;
+}
+
+Reference reference(const Options& options, const fs::path& scene, const SettingsMap& chosen) {
+  // Light from points and suns that reaches the eye over glass, matt, glass is found by merging alone.
+  const std::vector<std::string> known = render::integrator_names();
+  const std::string name = scene.stem();
+  const bool hidden = name == "point" || name == "sun";
+  std::string integrator = hidden ? "vcm" : "bdpt";
+  if (!contains(known, integrator)) integrator = "path";
+  const std::uint64_t each = options.reference_iterations / 2;
+  std::vector<float> halves[2];
+  for (std::uint64_t i = 0; i < 2; ++i)
+    halves[i] = reference_half(
+        options.folder / (name + '-' + integrator + '-' + std::to_string(each) + '-' + std::to_string(i)),
+        scene, integrator, each, 1001 + i, chosen);
+  Reference result;
+  result.image.resize(halves[0].size());
+  for (std::size_t i = 0; i < result.image.size(); ++i) result.image[i] = (halves[0][i] + halves[1][i]) / 2;
+  // Var((A + B) / 2) = E (A - B)^2 / 4, and A - mean is (A - B) / 2.
+  result.relmse = stats::compare(halves[0], result.image, kReferenceSize, kReferenceSize).relmse;
+  std::printf("reference %s: %s, 2 x %llu iterations, its own relMSE about %.2e\n", name.c_str(),
+              integrator.c_str(), static_cast<unsigned long long>(each), result.relmse);
+  return result;
+}
+
+int smallvcm(const Options& options) {
+  fs::create_directories(options.folder);
+  // As there: radius 0.3 % of the scene's, alpha 0.75, roulette from the first vertex on is left to the
+  // default.
+  SettingsMap chosen = {{"radius", "0.003"}, {"alpha", "0.75"}};
+  for (const auto& [key, value] : options.chosen) chosen[key] = value;
+  const std::uint64_t per_round = options.iterations == 0 ? 2 : options.iterations;
+  for (const std::string name : {"sun", "area", "point", "environment"}) {
+    if (!options.scenes.empty() && !contains(options.scenes, name)) continue;
+    const fs::path scene = fs::path(CANDELA_SOURCE_DIR) / "tests/bench/smallvcm" / (name + ".xml");
+    const Reference truth = reference(options, scene, chosen);
+    struct Row {
+      std::string integrator;
+      std::unique_ptr<Run> run;
+      std::vector<double> seconds;
+      double relmse = 0, relmse_trimmed = 0, mean_ratio = 0;
+    };
+    std::vector<Row> rows;
+    for (const std::string& integrator :
+         chosen_integrators(options, {"light", "path", "ppm", "bpm", "bdpt", "vcm"})) {
+      Row row{integrator, nullptr, {}};
+      Run small(scene, integrator, kReferenceSize, kReferenceSize, 1, chosen);
+      small.run(0, 32);
+      const auto error = stats::compare(small.image(), truth.image, kReferenceSize, kReferenceSize);
+      row.relmse = error.relmse;
+      row.relmse_trimmed = error.relmse_trimmed;
+      row.mean_ratio = error.mean_ratio;
+      row.run = std::make_unique<Run>(scene, integrator, 512, 512, 1, chosen);
+      rows.push_back(std::move(row));
+    }
+    for (std::uint64_t round = 0; round < options.rounds; ++round)
+      for (Row& row : rows)
+        row.seconds.push_back(row.run->run(round * per_round, (round + 1) * per_round) /
+                              static_cast<double>(per_round));
+    std::printf("%-12s %-6s %9s %9s %7s %10s %9s %9s %7s %7s\n", "scene", "", "CPU s/it", "SmallVCM", "speed",
+                "relMSE@32", "trimmed", "SmallVCM", "ours/th", "mean");
+    for (const Row& row : rows) {
+      double peer_seconds = NAN, peer_relmse = NAN;
+      for (const SmallVcmFigures& figures : kSmallVcm)
+        if (name == figures.scene && row.integrator == figures.integrator) {
+          peer_seconds = figures.seconds;
+          peer_relmse = figures.relmse;
+        }
+      const double seconds = median(row.seconds);
+      std::printf("%-12s %-6s %9.3f %9.3f %7.2f %10.4f %9.4f %9.4f %7.2f %7.4f\n", name.c_str(),
+                  row.integrator.c_str(), seconds, peer_seconds, peer_seconds / seconds, row.relmse,
+                  row.relmse_trimmed, peer_relmse, row.relmse / peer_relmse, row.mean_ratio);
+    }
+    std::fflush(stdout);
+  }
+  return 0;
+}
+
+// --- Mitsuba ---
+
+int mitsuba(const Options& options) {
+  const std::uint64_t iterations = options.iterations == 0 ? 16 : options.iterations;
+  std::printf("%-12s %-6s %9s %9s %7s %22s %22s %7s\n", "scene", "", "M/CPU s", "Mitsuba", "ratio",
+              "relMSE x CPU s (trim)", "Mitsuba", "ours/th");
+  for (const std::string name : {"cornell-box", "veach-mis", "veach-bidir", "veach-ajar"}) {
+    if (!options.scenes.empty() && !contains(options.scenes, name)) continue;
+    const fs::path scene = options.folder / "scenes" / name / "scene.xml";
+    const auto truth = value_of(image::read_image(options.folder / "references" / (name + ".exr")));
+    struct Row {
+      std::string integrator;
+      std::vector<double> rates, efficiencies, trimmed;
+    };
+    std::vector<Row> rows;
+    for (const std::string& integrator : chosen_integrators(options, {"path", "bdpt", "light", "vcm"}))
+      rows.push_back({integrator, {}, {}, {}});
+    for (std::uint64_t seed = 1; seed <= options.seeds; ++seed)
+      for (Row& row : rows) {
+        Run run(scene, row.integrator, truth.width, truth.height, seed, options.chosen);
+        const double seconds = run.run(0, iterations);
+        const auto error = stats::compare(run.image(), truth.rgb, truth.width, truth.height);
+        const film::Tallies tallies = run.tallies();
+        row.rates.push_back(
+            static_cast<double>(row.integrator == "light" ? tallies.light_paths : tallies.eye_samples) /
+            seconds * 1e-6);
+        row.efficiencies.push_back(error.relmse * seconds);
+        row.trimmed.push_back(error.relmse_trimmed * seconds);
+      }
+    for (const Row& row : rows) {
+      const MitsubaFigures* peer = nullptr;
+      for (const MitsubaFigures& figures : kMitsuba)
+        if (name == figures.scene && row.integrator == figures.integrator) peer = &figures;
+      const double rate = median(row.rates), efficiency = median(row.efficiencies);
+      const double peer_rate = peer != nullptr && peer->rate > 0 ? peer->rate : NAN;
+      const double peer_efficiency = peer != nullptr && peer->efficiency > 0 ? peer->efficiency : NAN;
+      std::printf("%-12s %-6s %9.3f %9.3f %7.2f %12.4f (%7.4f) %12.4f (%7.4f) %7.2f\n", name.c_str(),
+                  row.integrator.c_str(), rate, peer_rate, rate / peer_rate, efficiency, median(row.trimmed),
+                  peer_efficiency, peer != nullptr ? peer->efficiency_trimmed : NAN,
+                  efficiency / peer_efficiency);
+    }
+    std::fflush(stdout);
+  }
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const std::string usage =
+      "usage: smallvcm CACHE | mitsuba SHARED  [--scenes A,B] [--integrators A,B] [--rounds N] "
+      "[--iterations N] [--reference-iterations N] [--seeds N] [--set k=v]";
+  if (argc < 3 || argc % 2 == 0) fail(usage);
+  Options options;
+  options.mode = argv[1];
+  options.folder = argv[2];
+  for (int i = 3; i + 1 < argc; i += 2) {
+    const std::string option = argv[i], value = argv[i + 1];
+    const auto number = [&] { return std::max<std::uint64_t>(1, std::strtoull(value.c_str(), nullptr, 10)); };
+    if (option == "--scenes") {
+      options.scenes = split(value);
+    } else if (option == "--integrators") {
+      options.integrators = split(value);
+    } else if (option == "--rounds") {
+      options.rounds = number();
+    } else if (option == "--iterations") {
+      options.iterations = number();
+    } else if (option == "--reference-iterations") {
+      options.reference_iterations = std::max<std::uint64_t>(2, number());
+    } else if (option == "--seeds") {
+      options.seeds = number();
+    } else if (option == "--set" && value.find('=') != std::string::npos) {
+      options.chosen[value.substr(0, value.find('='))] = value.substr(value.find('=') + 1);
+    } else {
+      fail("unknown option " + option + '\n' + usage);
+    }
+  }
+  if (options.mode == "smallvcm") return smallvcm(options);
+  if (options.mode == "mitsuba") return mitsuba(options);
+  fail(usage);
+}
