@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <map>
 #include <string>
+#include <vector>
 
 namespace candela {
 
@@ -41,6 +42,12 @@ struct Unit {
   std::uint64_t end = 0;
 };
 
+// The number of an iteration within its job, counted over both halves: what schedules (the radius of
+// iteration i) are computed from. Inverse of half i % 2, index i / 2.
+constexpr std::uint64_t global_iteration(std::uint32_t half, std::uint64_t index) {
+  return 2 * index + half;
+}
+
 // State a unit starts from, decided by the pilot unit, the same for the whole job.
 struct NamedState {
   int film_scale_log2 = 0;
@@ -48,8 +55,9 @@ struct NamedState {
 
 struct PilotResult {
   NamedState state;
-  std::string plan;                  // text, for people and metadata
-  double seconds_per_iteration = 0;  // with the threads it was measured with
+  std::string plan;                      // text, for people and metadata
+  double seconds_per_iteration = 0;      // with the threads it was measured with
+  std::vector<std::string> layers = {};  // of the film beside the image, in order; empty for most
 };
 
 // Limits that both ends enforce.

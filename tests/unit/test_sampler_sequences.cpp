@@ -72,6 +72,95 @@ TEST(Sampler, BlocksAreNets) {
   }
 }
 
+// Claim: over the iterations (index), every draw of a light path is a (0,2)-sequence as a pixel's is: aligned
+// blocks of 2^k are nets, whatever the path's number.
+TEST(Sampler, LightPathsAreNetsOverIterations) {
+  Sampler sampler(SamplerKind::sobol, 77);
+  constexpr int k = 6;
+  constexpr std::uint64_t count = 1 << k;
+  for (const std::uint64_t path : {0ull, 1ull, 921599ull, 1ull << 40, (1ull << 63) - 1}) {
+    for (const std::uint64_t start : {std::uint64_t{0}, 3 * count, (std::uint64_t{1} << 33) + count}) {
+      for (const std::uint32_t dim : {0u, 1u, 19u}) {
+        std::vector<Vec2> points;
+        for (std::uint64_t i = 0; i < count; ++i) {
+          sampler.start_light(1, start + i, path);
+          sampler.set_dimension(dim);
+          points.push_back(sampler.next_2d());
+        }
+        for (int a = 0; a <= k; ++a) {
+          std::vector<int> cells(count);
+          for (const Vec2& p : points)
+            ++cells[(static_cast<std::uint64_t>(std::ldexp(p.y, k - a)) << a) +
+                    static_cast<std::uint64_t>(std::ldexp(p.x, a))];
+          for (const int c : cells) ASSERT_EQ(c, 1) << "path " << path << ", 2^" << a << " columns";
+        }
+      }
+    }
+  }
+}
+
+// Claim: light paths and eye samples share no key, whichever numbers they have: half, index and path (or
+// pixel) chosen so that equal words are where a careless naming would let them meet (path j and pixel j, path
+// y << 32 | x, half 1 of one and half 0 of the other). And paths do not repeat each other.
+TEST(Sampler, LightAndEyeStreamsShareNoKey) {
+  Sampler sampler(SamplerKind::sobol, 3);
+  std::vector<std::uint64_t> keys;
+  for (std::uint32_t half = 0; half < 2; ++half) {
+    for (std::uint64_t index = 0; index < 40; ++index) {
+      for (std::uint32_t y = 0; y < 12; ++y) {
+        for (std::uint32_t x = 0; x < 12; ++x) {
+          sampler.start(half, index, x, y);
+          keys.push_back(sampler.sample_key());
+          sampler.start_light(half, index, (std::uint64_t{y} << 32) | x);
+          keys.push_back(sampler.sample_key());
+          if (y == 0) continue;  // those below have no bits above the 32nd
+          sampler.start_light(half, index, 12 * y + x);
+          keys.push_back(sampler.sample_key());
+        }
+      }
+    }
+  }
+  std::sort(keys.begin(), keys.end());
+  EXPECT_EQ(std::adjacent_find(keys.begin(), keys.end()), keys.end());
+}
+
+// Claim: draws of light path j are independent of those of pixel j, of the next path's, and of the other
+// half's: their joint histograms over 16384 paths are flat. Chi-squared of 16 x 16 bins; 2 x 3 tests share 1
+// % of false alarm over the choice of the seed.
+TEST(Sampler, LightPathsAreIndependentOfPixels) {
+  constexpr int kBins = 16;
+  constexpr std::uint32_t kPaths = 16384;
+  const auto first = [](Sampler sampler, std::uint32_t half, std::uint64_t path) {
+    sampler.start_light(half, 5, path);
+    return sampler.next_2d();
+  };
+  for (const SamplerKind kind : {SamplerKind::independent, SamplerKind::sobol}) {
+    const Sampler sampler(kind, 4321);
+    const auto p_of = [&](auto pair) {
+      std::vector<double> observed(kBins * kBins);
+      for (std::uint32_t path = 0; path < kPaths; ++path) {
+        const Vec2 v = pair(path);
+        ++observed[static_cast<std::size_t>(v.x * kBins) * kBins + static_cast<std::size_t>(v.y * kBins)];
+      }
+      return test::chi_squared_p(observed,
+                                 std::vector<double>(observed.size(), double{kPaths} / (kBins * kBins)));
+    };
+    EXPECT_GT(p_of([&](std::uint32_t path) {
+                Sampler eye = sampler;
+                return Vec2{first(sampler, 0, path).x, draw_2d(eye, 0, 5, path, 0, 0).x};
+              }),
+              0.01 / 6);
+    EXPECT_GT(p_of([&](std::uint32_t path) {
+                return Vec2{first(sampler, 0, path).x, first(sampler, 0, path + 1).x};
+              }),
+              0.01 / 6);
+    EXPECT_GT(p_of([&](std::uint32_t path) {
+                return Vec2{first(sampler, 0, path).y, first(sampler, 1, path).y};
+              }),
+              0.01 / 6);
+  }
+}
+
 // Claim: a sample depends on its names alone, not on the order of asking.
 TEST(Sampler, ReplaysOutOfOrder) {
   for (const SamplerKind kind : {SamplerKind::independent, SamplerKind::sobol}) {

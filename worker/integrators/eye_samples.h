@@ -3,57 +3,30 @@
 // pixel) and added once.
 #pragma once
 
-#include <atomic>
+#include <algorithm>
 #include <cmath>
-#include <thread>
 #include <vector>
 
 #include "worker/integrators/integrator.h"
+#include "worker/integrators/parallel_tasks.h"
 
 namespace candela::integrators {
 
-inline Error stopped_error() {
-  return refused_error("stopped");
-}
-
-// Runs body(tile_x0, tile_y0, tile_x1, tile_y1, tallies) for every tile of the film on `run.threads` threads;
-// each thread's tallies are counted into the film. Which thread runs a tile changes nothing. Returns an error
-// if run.stop was set.
+// Runs body(tile_x0, tile_y0, tile_x1, tile_y1, tallies) for every tile of the film, as for_each_task.
 template <class Body>
 Result<void> for_each_tile(std::uint32_t width, std::uint32_t height, film::UnitFilm& film,
-                           const render::RunContext& run, const Body& body) {
+                           const render::RunContext& run, const Body& body, ProgressSpan span = {}) {
   constexpr std::uint32_t kTile = film::kTileSize;
   const std::uint32_t tiles_x = (width + kTile - 1) / kTile;
   const std::uint32_t tiles_y = (height + kTile - 1) / kTile;
-  const std::uint64_t tile_count = std::uint64_t{tiles_x} * tiles_y;
-  std::atomic<std::uint64_t> next{0};
-  std::atomic<std::uint64_t> done{0};
-  const auto work = [&] {
-    film::Tallies tallies;
-    for (;;) {
-      if (run.stop != nullptr && run.stop->load(std::memory_order_relaxed)) break;
-      const std::uint64_t tile = next.fetch_add(1, std::memory_order_relaxed);
-      if (tile >= tile_count) break;
-      const auto x0 = static_cast<std::uint32_t>(tile % tiles_x) * kTile;
-      const auto y0 = static_cast<std::uint32_t>(tile / tiles_x) * kTile;
-      body(x0, y0, std::min(x0 + kTile, width), std::min(y0 + kTile, height), tallies);
-      if (run.stop != nullptr && run.stop->load(std::memory_order_relaxed)) break;  // perhaps left half done
-      const std::uint64_t finished = done.fetch_add(1, std::memory_order_relaxed) + 1;
-      if (run.progress != nullptr)
-        run.progress->store(static_cast<float>(finished) / static_cast<float>(tile_count),
-                            std::memory_order_relaxed);
-    }
-    film.count(tallies);
-  };
-  if (run.threads <= 1) {
-    work();
-  } else {
-    std::vector<std::jthread> threads;
-    threads.reserve(run.threads);
-    for (unsigned i = 0; i < run.threads; ++i) threads.emplace_back(work);
-  }
-  if (done.load() != tile_count) return stopped_error();
-  return {};
+  return for_each_task(
+      std::uint64_t{tiles_x} * tiles_y, film, run,
+      [&](std::uint64_t tile, film::Tallies& tallies) {
+        const auto x0 = static_cast<std::uint32_t>(tile % tiles_x) * kTile;
+        const auto y0 = static_cast<std::uint32_t>(tile / tiles_x) * kTile;
+        body(x0, y0, std::min(x0 + kTile, width), std::min(y0 + kTile, height), tallies);
+      },
+      span);
 }
 
 // One eye sample: filter position, camera ray, radiance.

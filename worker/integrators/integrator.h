@@ -39,6 +39,11 @@ class Integrator {
   virtual std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const = 0;
 
   virtual const Plan& plan() const = 0;
+
+  // Names of the film's further layers, beside the image: layers()[i] is the film's layer i + 1. Fixed from
+  // creation on, the same for every unit; valid (film::validate_layer_names), which create() sees to where
+  // settings decide. Each is summed and developed exactly as the image is: a mean over iterations.
+  virtual std::vector<std::string> layers() const { return {}; }
 };
 
 // One line of the registry.

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 
+#include "common/film/layers.h"
 #include "worker/core/math.h"
 #include "worker/integrators/integrator.h"
 
@@ -49,16 +50,16 @@ class SceneRenderer final : public Renderer {
  public:
   SceneRenderer(JobSettings settings, std::unique_ptr<scene::Scene> scene,
                 std::unique_ptr<integrators::Integrator> integrator, PixelFilter filter,
-                samplers::SamplerKind sampler)
+                samplers::SamplerKind sampler, film::Layout layout)
       : settings_(std::move(settings)),
         scene_(std::move(scene)),
         integrator_(std::move(integrator)),
         filter_(std::move(filter)),
-        sampler_(sampler) {}
+        sampler_(sampler),
+        layout_(layout) {}
 
   std::unique_ptr<film::UnitFilm> make_film(const NamedState& state) const override {
-    return std::make_unique<film::UnitFilm>(film::Layout{settings_.width, settings_.height, 1},
-                                            state.film_scale_log2);
+    return std::make_unique<film::UnitFilm>(layout_, state.film_scale_log2);
   }
 
   Result<PilotResult> pilot(const RunContext& run_context) const override {
@@ -81,6 +82,7 @@ class SceneRenderer final : public Renderer {
     std::frexp(typical, &exponent);
     result.state.film_scale_log2 = std::clamp(kMeanLog2 - exponent, -126, 126);
     result.plan = plan_text();
+    result.layers = integrator_->layers();
     const double pixels = static_cast<double>(settings_.width) * settings_.height;
     result.seconds_per_iteration =
         seconds.count() * pixels / kPilotSamples / std::max(1U, run_context.threads);
@@ -112,6 +114,7 @@ class SceneRenderer final : public Renderer {
   std::unique_ptr<integrators::Integrator> integrator_;
   PixelFilter filter_;
   samplers::SamplerKind sampler_;
+  film::Layout layout_;
 };
 
 }  // namespace
@@ -136,8 +139,10 @@ Result<std::unique_ptr<Renderer>> Renderer::create(const description::FileSource
   CANDELA_ASSIGN(std::unique_ptr<scene::Scene> scene, scene::Scene::build(description, files, options));
   CANDELA_ASSIGN(std::unique_ptr<integrators::Integrator> integrator,
                  entry->create(settings.integrator_settings, scene->features()));
+  CANDELA_ASSIGN(const film::Layout layout,
+                 film::make_layout(settings.width, settings.height, integrator->layers()));
   return std::unique_ptr<Renderer>(std::make_unique<SceneRenderer>(
-      settings, std::move(scene), std::move(integrator), std::move(filter), sampler));
+      settings, std::move(scene), std::move(integrator), std::move(filter), sampler, layout));
 }
 
 std::vector<std::string> supported_isas() {

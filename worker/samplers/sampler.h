@@ -1,6 +1,6 @@
-// Samplers: pure functions of (seed, half, index, pixel, dimension). start() names the sample; each draw
-// takes the next dimension. Every path vertex owns a fixed block of dimensions, so that two samples of one
-// pixel use the same dimension for the same decision.
+// Samplers: pure functions of (seed, half, index, pixel or light path, dimension). start() and start_light()
+// name the sample; each draw takes the next dimension. Every path vertex owns a fixed block of dimensions, so
+// that two samples of one pixel use the same dimension for the same decision.
 //
 // `sobol` is a padded, Owen-scrambled (0,2)-sequence: each dimension is the first two dimensions of Sobol's
 // sequence with its index shuffled and both coordinates scrambled by nested uniform permutations of their
@@ -65,12 +65,14 @@ class Sampler {
   // Sample `index` of the sequence of this pixel in this half. Halves use independent scrambles: their means
   // are independent estimates.
   void start(std::uint32_t half, std::uint64_t index, std::uint32_t x, std::uint32_t y) {
-    pixel_key_ = rng::key(seed_, half, (static_cast<std::uint64_t>(y) << 32) | x);
-    sample_key_ = rng::combine(pixel_key_, index);
-    // The sequence has 2^32 points; each further block of as many has scrambles of its own.
-    if ((index >> 32) != 0) pixel_key_ = rng::combine(pixel_key_, ~(index >> 32));
-    reversed_index_ = detail::reverse_bits(static_cast<std::uint32_t>(index));
-    dimension_ = 0;
+    start_sequence(rng::key(seed_, half, (static_cast<std::uint64_t>(y) << 32) | x), index);
+  }
+  // Sample `index` of the sequence of light path number `path` in this half: over the iterations each light
+  // path is stratified as a pixel's samples are, and different paths of one iteration are independent.
+  // Independent of all eye samples too: a pixel's word has its top bit clear, a path's has it set, and words
+  // that differ give keys that differ. Precondition: path < 2^63.
+  void start_light(std::uint32_t half, std::uint64_t index, std::uint64_t path) {
+    start_sequence(rng::key(seed_, half, kLightWord | path), index);
   }
   // Jump to a dimension (start of a vertex's block). Dimensions are counted in draws, 1D and 2D alike count
   // one.
@@ -89,14 +91,14 @@ class Sampler {
 
   float next_1d() {
     if (kind_ == SamplerKind::independent) return independent_1d();
-    const std::uint64_t h = next_hash(pixel_key_);
+    const std::uint64_t h = next_hash(sequence_key_);
     const std::uint32_t index =
         detail::reverse_bits(detail::owen_hash(reversed_index_, static_cast<std::uint32_t>(h)));
     return rng::to_float(detail::reverse_bits(detail::owen_hash(index, static_cast<std::uint32_t>(h >> 32))));
   }
   Vec2 next_2d() {
     if (kind_ == SamplerKind::independent) return independent_2d();
-    const std::uint64_t h = next_hash(pixel_key_);
+    const std::uint64_t h = next_hash(sequence_key_);
     const auto seed_x = static_cast<std::uint32_t>(h >> 32);
     const auto seed_y = static_cast<std::uint32_t>((h * 0xd1342543de82ef95u) >> 32);
     const std::uint32_t index =
@@ -108,10 +110,21 @@ class Sampler {
     return {rng::to_float(static_cast<std::uint32_t>(both >> 32)),
             rng::to_float(static_cast<std::uint32_t>(both))};
   }
-  // Names the sample: seeds the film's rounding.
+  // Names the sample: seeds the film's rounding. (Several contributions of one sample may share it: each is
+  // rounded without bias.)
   std::uint64_t sample_key() const { return sample_key_; }
 
  private:
+  static constexpr std::uint64_t kLightWord = 1ULL << 63;
+
+  void start_sequence(std::uint64_t sequence_key, std::uint64_t index) {
+    sequence_key_ = sequence_key;
+    sample_key_ = rng::combine(sequence_key, index);
+    // The sequence has 2^32 points; each further block of as many has scrambles of its own.
+    if ((index >> 32) != 0) sequence_key_ = rng::combine(sequence_key, ~(index >> 32));
+    reversed_index_ = detail::reverse_bits(static_cast<std::uint32_t>(index));
+    dimension_ = 0;
+  }
   float independent_1d() { return rng::to_float(static_cast<std::uint32_t>(next_hash(sample_key_) >> 32)); }
   Vec2 independent_2d() {
     const std::uint64_t h = next_hash(sample_key_);
@@ -123,8 +136,8 @@ class Sampler {
 
   SamplerKind kind_;
   std::uint64_t seed_;
-  std::uint64_t pixel_key_ = 0;   // (seed, half, pixel, block of the sequence): scrambles
-  std::uint64_t sample_key_ = 0;  // (seed, half, pixel, index)
+  std::uint64_t sequence_key_ = 0;  // (seed, half, pixel or path, block of the sequence): scrambles
+  std::uint64_t sample_key_ = 0;    // (seed, half, pixel or path, index)
   std::uint32_t reversed_index_ = 0;
   std::uint32_t dimension_ = 0;
 };

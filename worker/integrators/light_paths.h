@@ -1,0 +1,62 @@
+// The loops over light paths: fixed chunks of them over threads, each path named by (seed, half, index, path
+// number). What a path adds to the film it splats (UnitFilm::splat: integer adds, the same in any order), so
+// nothing depends on the threads.
+//
+// What else the paths leave behind (a photon map) must not depend on them either: a chunk has a number,
+// begin / kLightChunk, so that each can write to a place of its own that is joined in the order of numbers.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+
+#include "worker/integrators/integrator.h"
+#include "worker/integrators/parallel_tasks.h"
+
+namespace candela::integrators {
+
+// Paths of one chunk. Large enough that taking one costs nothing, small enough that some thousands of paths
+// keep all threads busy.
+inline constexpr std::uint64_t kLightChunk = 1024;
+
+constexpr std::uint64_t light_chunk_count(std::uint64_t path_count) {
+  return (path_count + kLightChunk - 1) / kLightChunk;
+}
+
+// Runs body(begin, end, tallies) for the chunks [begin, end) of the paths [0, path_count), as for_each_task.
+// The body counts tallies.light_paths. A body that takes long looks at run.stop itself and may return early.
+template <class Body>
+Result<void> for_each_light_chunk(std::uint64_t path_count, film::UnitFilm& film,
+                                  const render::RunContext& run, const Body& body, ProgressSpan span = {}) {
+  return for_each_task(
+      light_chunk_count(path_count), film, run,
+      [&](std::uint64_t chunk, film::Tallies& tallies) {
+        const std::uint64_t begin = chunk * kLightChunk;
+        body(begin, std::min(begin + kLightChunk, path_count), tallies);
+      },
+      span);
+}
+
+// Traces `paths_per_iteration` light paths for each iteration of the unit: trace(path, sampler, tallies) with
+// the sampler at the path's start. Counts light_paths. For integrators whose light paths know nothing of each
+// other: iterations run without a barrier between them.
+template <class Trace>
+Result<void> run_light_paths(const UnitContext& context, const Unit& unit, std::uint64_t paths_per_iteration,
+                             film::UnitFilm& film, const render::RunContext& run, const Trace& trace,
+                             ProgressSpan span = {}) {
+  return for_each_light_chunk(
+      paths_per_iteration, film, run,
+      [&](std::uint64_t begin, std::uint64_t end, film::Tallies& tallies) {
+        samplers::Sampler sampler(context.sampler, context.seed);
+        for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
+          for (std::uint64_t path = begin; path < end; ++path) {
+            sampler.start_light(unit.half, index, path);
+            trace(path, sampler, tallies);
+          }
+          tallies.light_paths += end - begin;
+          if (run.stop != nullptr && run.stop->load(std::memory_order_relaxed)) return;
+        }
+      },
+      span);
+}
+
+}  // namespace candela::integrators

@@ -1,0 +1,67 @@
+// The loop under all others: numbered tasks over threads, with a stop, progress and tallies.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <thread>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/film/film.h"
+#include "worker/render/renderer.h"
+
+namespace candela::integrators {
+
+inline Error stopped_error() {
+  return refused_error("stopped");
+}
+
+// The part of the unit that one loop is, for what is reported as progress: a unit of several loops (light
+// paths, then eye paths, iteration after iteration) gives each its own, so that progress only grows.
+struct ProgressSpan {
+  float begin = 0, end = 1;  // in [0, 1]
+};
+
+// Part `part` of `parts` equal ones.
+constexpr ProgressSpan progress_part(std::uint64_t part, std::uint64_t parts) {
+  return {static_cast<float>(static_cast<double>(part) / static_cast<double>(parts)),
+          static_cast<float>(static_cast<double>(part + 1) / static_cast<double>(parts))};
+}
+
+// Runs body(task, tallies) for every task in [0, task_count) on `run.threads` threads; each thread's tallies
+// are counted into the film. All tasks are done on return, unless run.stop was set: then an error, and the
+// film is not to be used. Which thread runs a task, and in which order, must change nothing in the body.
+template <class Body>
+Result<void> for_each_task(std::uint64_t task_count, film::UnitFilm& film, const render::RunContext& run,
+                           const Body& body, ProgressSpan span = {}) {
+  const auto stopped = [&] { return run.stop != nullptr && run.stop->load(std::memory_order_relaxed); };
+  std::atomic<std::uint64_t> next{0};
+  std::atomic<std::uint64_t> done{0};
+  const auto work = [&] {
+    film::Tallies tallies;
+    while (!stopped()) {
+      const std::uint64_t task = next.fetch_add(1, std::memory_order_relaxed);
+      if (task >= task_count) break;
+      body(task, tallies);
+      if (stopped()) break;  // perhaps left half done
+      const std::uint64_t finished = done.fetch_add(1, std::memory_order_relaxed) + 1;
+      if (run.progress != nullptr) {
+        const float fraction = static_cast<float>(finished) / static_cast<float>(task_count);
+        run.progress->store(span.begin + (span.end - span.begin) * fraction, std::memory_order_relaxed);
+      }
+    }
+    film.count(tallies);
+  };
+  const std::uint64_t threads = std::min<std::uint64_t>(run.threads, task_count);
+  if (threads <= 1) {
+    work();
+  } else {
+    std::vector<std::jthread> team;
+    team.reserve(threads);
+    for (std::uint64_t i = 0; i < threads; ++i) team.emplace_back(work);
+  }
+  if (done.load() != task_count) return stopped_error();
+  return {};
+}
+
+}  // namespace candela::integrators
