@@ -1,5 +1,6 @@
 #include "common/description/vocabulary.h"
 #include "worker/integrators/integrator.h"
+#include "worker/integrators/light/light.h"
 #include "worker/integrators/path/path.h"
 #include "worker/integrators/settings.h"
 
@@ -22,6 +23,7 @@ std::vector<render::SettingDoc> document() {
 const std::vector<IntegratorEntry>& registry() {
   static const std::vector<IntegratorEntry> entries = {
       {"path", &make_path_integrator, &complete<PathSettings>, &document<PathSettings>},
+      {"light", &make_light_integrator, &complete<LightSettings>, &document<LightSettings>},
   };
   return entries;
 }

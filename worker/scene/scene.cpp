@@ -112,6 +112,10 @@ float Scene::pdf_direct_solid_angle(const SurfaceHit& reference, Vec3 front, Vec
   return hit.emitter == kNone ? 0.0f : impl_->lights.pdf_solid_angle(reference, front, hit);
 }
 
+float Scene::prob_direct(const SurfaceHit& reference, Vec3 front, std::uint32_t emitter) const {
+  return impl_->lights.prob(reference.p, front, emitter);
+}
+
 float Scene::pdf_direct_environment_solid_angle(const SurfaceHit& reference, Vec3 front, Vec3 d) const {
   return impl_->lights.pdf_environment_solid_angle(reference, front, d);
 }

@@ -66,7 +66,10 @@ class Scene {
                      DirectSample& out) const;
   // The density with which sample_direct would have chosen the direction d to the emitting surface `hit`.
   float pdf_direct_solid_angle(const SurfaceHit& reference, Vec3 front, Vec3 d, const SurfaceHit& hit) const;
-  // The same for a direction that leaves the scene.
+  // The discrete probability with which it would have chosen this emitter: all there is to say of one that is
+  // met by no ray (point, spot, directional).
+  float prob_direct(const SurfaceHit& reference, Vec3 front, std::uint32_t emitter) const;
+  // As pdf_direct_solid_angle, for a direction that leaves the scene.
   float pdf_direct_environment_solid_angle(const SurfaceHit& reference, Vec3 front, Vec3 d) const;
 
   // Light paths: an emitter chosen by power, a place on it and a direction; see EmissionSample for densities

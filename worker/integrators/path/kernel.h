@@ -24,10 +24,10 @@
 #include <cstdint>
 
 #include "common/film/film.h"
-#include "worker/integrators/path/between.h"
 #include "worker/integrators/path/techniques.h"
 #include "worker/samplers/sampler.h"
 #include "worker/scene/scene.h"
+#include "worker/transport/between.h"
 
 namespace candela::integrators::path {
 
@@ -35,6 +35,9 @@ using scene::Closure;
 using scene::DirectSample;
 using scene::SurfaceHit;
 using scene::TransportMode;
+using transport::inside_medium;
+using transport::medium_vertex;
+using transport::passing;
 
 // The radiance arriving along `ray`. SceneT is scene::Scene, or what stands in for it to watch the rays.
 template <bool kNextEvent, bool kHitEmitters, bool kEnvironment, bool kWeigh, Between kBetween, class SceneT>

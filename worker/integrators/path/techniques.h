@@ -3,6 +3,8 @@
 
 #include <cstdint>
 
+#include "worker/transport/between.h"
+
 namespace candela::integrators::path {
 
 inline constexpr std::uint32_t kCameraDimensions = 2;
@@ -18,15 +20,9 @@ inline constexpr float kLongestSurvival =
 // fall off as slowly as n^-3/2, and a bound's survivors, scaled up, would carry light in samples too rare to
 // come up.
 inline constexpr std::uint32_t kLongFlight = 1u << 14;
-// Surfaces that one path or shadow ray may pass straight; where rounding kept a ray from getting on, it ends.
-inline constexpr std::uint32_t kMostPasses = 1u << 16;
 
-// What lies between the vertices of a path. Each includes what stands before it.
-enum class Between : std::uint8_t {
-  nothing,   // a ray meets what it hits
-  surfaces,  // that light may pass straight: null, mask, thin glass
-  media
-};
+using transport::Between;
+using transport::kMostPasses;
 
 // What the plan decided, as compile-time facts of the kernel.
 struct Techniques {

@@ -3,12 +3,29 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 #include "common/rng/stream.h"
-#include "worker/integrators/path/techniques.h"
 #include "worker/scene/scene.h"
 
-namespace candela::integrators::path {
+namespace candela::transport {
+
+// What lies between the vertices of a path. Each includes what stands before it.
+enum class Between : std::uint8_t {
+  nothing,   // a ray meets what it hits
+  surfaces,  // that light may pass straight: null, mask, thin glass
+  media
+};
+
+// Surfaces that one path or shadow ray may pass straight; where rounding kept a ray from getting on, it ends.
+inline constexpr std::uint32_t kMostPasses = 1u << 16;
+
+// The probability with which a walk passes a stretch of a medium, as weights know it: a deterministic
+// function of the stretch, the same for walks of both directions. 1 where it has no closed form. Any such
+// function leaves weights that sum to one; a good one makes them good.
+inline float stretch_survival(const scene::Medium& medium, const Ray& stretch) {
+  return medium.homogeneous() ? medium.prob_pass(stretch.t_max, Spectrum(1.0f)) : 1.0f;
+}
 
 // The part of the ray, up to the surface `end` (null: none), that a medium fills. Rays start off their
 // surface by its error, so that the medium ends off the next one by as much: seen from all sides it is the
@@ -21,10 +38,11 @@ inline Ray inside_medium(const Ray& ray, const scene::SurfaceHit* end) {
 }
 
 // The fraction of light that gets along a shadow ray, from `medium`. Straight passes are taken in their
-// expectation; media in closed form or by an unbiased estimate from the stream.
+// expectation; media in closed form or by an unbiased estimate from the stream. `survival`, where asked for,
+// is multiplied by what stretch_survival says of each stretch.
 template <Between kBetween, class SceneT>
-Spectrum passing(const SceneT& scene, Ray ray, std::uint32_t medium, rng::Stream stream,
-                 std::uint64_t& rays) {
+Spectrum passing(const SceneT& scene, Ray ray, std::uint32_t medium, rng::Stream stream, std::uint64_t& rays,
+                 double* survival = nullptr) {
   Spectrum fraction(1.0f);
   // A ray that ends somewhere is aimed at its end anew behind each surface: the offsets from those surfaces
   // add up, and must not carry it into the light.
@@ -40,8 +58,11 @@ Spectrum passing(const SceneT& scene, Ray ray, std::uint32_t medium, rng::Stream
     }
     if constexpr (kBetween == Between::media) {
       if (medium != scene::kNone) {
-        fraction *= scene.medium(medium).transmittance(inside_medium(ray, found ? &hit : nullptr), stream);
+        const Ray stretch = inside_medium(ray, found ? &hit : nullptr);
+        fraction *= scene.medium(medium).transmittance(stretch, stream);
         if (fraction.is_black()) return {};
+        if (survival != nullptr)
+          *survival *= static_cast<double>(stretch_survival(scene.medium(medium), stretch));
       }
     }
     if (!found) return fraction;
@@ -65,4 +86,4 @@ inline void medium_vertex(const Ray& ray, float distance, scene::SurfaceHit& ver
   vertex.ng = ray.direction;  // not read but where a shadow ray has no length
 }
 
-}  // namespace candela::integrators::path
+}  // namespace candela::transport

@@ -1,0 +1,78 @@
+// Weights of multiple importance sampling for paths made of an eye and a light subpath, with and without
+// merging: the recursive form of [Georgiev 2012 TR, Eq. 31-40], rearranged so that the merging radius stays
+// out of what a vertex stores.
+//
+// A path x_0 ... x_k runs from the light to the eye. P_i and Q_i are the densities of x_i as the light's and
+// the eye's walk choose it: per area on surfaces, per volume in media, per solid angle for x_0 outside the
+// scene, discrete where there is but one choice. The techniques that can make the path, by the number s of
+// its vertices that came from the light, and their densities:
+//   hit_light    s = 0      Q_0 Q_1 ... Q_k
+//   next_event   s = 1      C_0 Q_1 ... Q_k,       C_0: x_0 chosen as seen from x_1
+//   connect      1 < s < k  P_0 ... P_{s-1} Q_s ... Q_k
+//   light_image  s = k      P_0 ... P_{k-1} C_k,   C_k: the lens' point as seen from x_{k-1}
+//   hit_lens     s = k + 1  P_0 ... P_k
+//   merge at x_s            P_0 ... P_s Q_s ... Q_k eta,   eta = number of light paths * effective area
+//   (volume)
+// times the samples each takes per eye path, which MisFactors holds: 0 where it is not run. A weight is one
+// technique's density over the sum of all, raised to a power where the heuristic says so.
+//
+// Of the densities with fewer vertices from the light than s, relative to P_0 ... P_s Q_s ... Q_k, the vertex
+// x_s of a light subpath keeps
+//   sum = known + q (pending + pending_surface eta_surface + pending_medium eta_medium),
+// q: the density per solid angle with which the eye's walk would go from x_s to x_{s-1}, not known before the
+// direction it comes from is; and the eye's vertices likewise, with the roles exchanged. In the report's
+// terms known is dVCM, pending + pending_surface eta is dVC, and dVM is dVC / eta. All are ratios, so that
+// long paths neither over- nor underflow; they are double because single factors span what floats cannot.
+//
+// Not part of any density: Russian roulette, surfaces passed straight, and the choice of the colour channel
+// of a flight. Weights need only be the same function of the path in all techniques.
+#pragma once
+
+namespace candela::transport {
+
+struct Balance {
+  static constexpr bool kWeighs = true;
+  static double raise(double ratio) { return ratio; }  // [Veach 1997, Eq. 9.8]
+};
+struct Power {
+  static constexpr bool kWeighs = true;
+  static double raise(double ratio) { return ratio * ratio; }  // [Veach 1997, Eq. 9.13], beta = 2
+};
+// For walks whose vertices are not weighed: nothing of this file is computed.
+struct Unweighted {
+  static constexpr bool kWeighs = false;
+  static double raise(double) { return 0; }
+};
+
+// Samples per eye path, 0: not run. Raised as the heuristic wants it.
+struct MisFactors {
+  double hit_light = 1, next_event = 1, connect = 1;
+  double light_image = 1, hit_lens = 1;  // the number of light paths per iteration
+};
+// eta, raised; 0: no merging.
+struct MergeFactors {
+  double surface = 0, medium = 0;
+};
+
+struct MisBlock {
+  double known = 0;
+  double pending = 0, pending_surface = 0, pending_medium = 0;
+};
+
+// Of all techniques that a subpath's vertex speaks for; pdf_reverse: see q above.
+template <class Heuristic>
+double sum_of(const MisBlock& block, double pdf_reverse, const MergeFactors& eta) {
+  return block.known + Heuristic::raise(pdf_reverse) * (block.pending + block.pending_surface * eta.surface +
+                                                        block.pending_medium * eta.medium);
+}
+
+// A walk between two of its vertices: what the next one's block will be made of.
+struct Departure {
+  double pdf = 0;       // of the direction, per solid angle; infinite light's first edge: of the place, per
+                        // area across it
+  double leave = 0;     // (cosine or hazard at the vertex left) / pdf
+  double connects = 0;  // 1 where the vertex left can be connected to; the first edge: see Walk
+  MisBlock carried;     // of the vertex left; known + pdf_reverse * pending in its `pending`
+};
+
+}  // namespace candela::transport

@@ -1,0 +1,54 @@
+// What a light path adds to the film: its value spread over the pixels whose filter reaches the place.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+#include "common/film/film.h"
+#include "common/rng/stream.h"
+#include "worker/render/filter.h"
+#include "worker/transport/connect.h"
+
+namespace candela::transport {
+
+class Splatter {
+ public:
+  Splatter(const render::PixelFilter& filter, film::UnitFilm& film, std::uint32_t width, std::uint32_t height)
+      : filter_(filter),
+        film_(film),
+        width_(static_cast<float>(width)),
+        height_(static_cast<float>(height)),
+        radius_(static_cast<float>(filter.radius())),
+        signed_(filter.has_negative_lobes()) {}
+
+  // From any thread. `key` names the contribution among all of the unit, and seeds the rounding.
+  void splat(std::uint32_t layer, FilmPosition at, Spectrum value, std::uint64_t key,
+             film::Tallies& tallies) const {
+    // Pixels i with |at - (i + 1/2)| <= radius, on the film.
+    const float x0 = std::max(0.0f, std::ceil(at.x - radius_ - 0.5f));
+    const float x1 = std::min(width_ - 1, std::floor(at.x + radius_ - 0.5f));
+    const float y0 = std::max(0.0f, std::ceil(at.y - radius_ - 0.5f));
+    const float y1 = std::min(height_ - 1, std::floor(at.y + radius_ - 0.5f));
+    for (float y = y0; y <= y1; ++y) {
+      for (float x = x0; x <= x1; ++x) {
+        const float f = filter_.eval(at.x - (x + 0.5f), at.y - (y + 0.5f));
+        if (f == 0) continue;
+        const auto px = static_cast<std::uint32_t>(x), py = static_cast<std::uint32_t>(y);
+        const Spectrum share = value * f;
+        // A value that is refused is refused, and counted, once.
+        if (!film_.splat(layer, px, py, {share.r, share.g, share.b},
+                         rng::combine(key, (std::uint64_t{py} << 32) | px), tallies, signed_))
+          return;
+      }
+    }
+  }
+
+ private:
+  const render::PixelFilter& filter_;
+  film::UnitFilm& film_;
+  float width_, height_, radius_;
+  bool signed_;
+};
+
+}  // namespace candela::transport

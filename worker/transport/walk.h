@@ -1,0 +1,420 @@
+// The random walk that makes subpaths, from the eye or from the light, vertex by vertex:
+//
+//   walk.start_eye(ray, ...) or walk.start_light(...);
+//   while (walk.advance(v, arena) == Event::vertex) {   // v is where it arrived
+//     ... use v ...
+//     if (walk.scatter(v) == Step::ended) break;         // where it goes on to
+//   }
+//
+// Between two vertices it may pass surfaces straight and cross media. A surface passed straight is no vertex
+// of the path, but its other lobes scatter: advance() stops there, v may be connected, and if scatter() says
+// `passed` the next vertex counts from the one before.
+//
+// Weights: each vertex gets its MisBlock on arrival (mis.h). At a delta lobe the two densities are discrete,
+// of choosing it, and only their quotient matters, which must be the inverse of what a walk the other way
+// has: prob_reverse / prob / eta^2, eta^2 for the solid angles that refraction narrows (their ratio is eta^2
+// cos / cos, and the cosines cancel those of the area densities).
+//
+// Dimensions of the sampler: the start's (eye: film position and lens; light: choice and place, direction,
+// ...) come first, then a block for each stretch of a ray.
+#pragma once
+
+#include <algorithm>
+#include <bit>
+#include <cstdint>
+#include <limits>
+
+#include "common/film/film.h"
+#include "worker/samplers/sampler.h"
+#include "worker/transport/between.h"
+#include "worker/transport/vertex.h"
+
+namespace candela::transport {
+
+inline constexpr std::uint32_t kEyeDimensions = 2, kLightDimensions = 3;
+// Of a block. Emitter: next event estimation, lens: connections to the camera, of which a walk makes one.
+inline constexpr std::uint32_t kLobe = 0, kDirection = 1, kRoulette = 2, kFlight = 3, kEmitterChoice = 4,
+                               kEmitterPoint = 5, kLens = 5, kTransmittance = 6, kLensFlight = 7, kBlock = 8;
+// Behind as many vertices that are not specular draws are independent ones.
+inline constexpr std::uint32_t kStratifiedVertices = 2;
+inline constexpr float kRouletteFloor = 0.25f;    // of the throughput, below which a walk may end
+inline constexpr float kLongestSurvival = 0.95f;  // so that it ends where nothing is absorbed
+
+struct WalkRules {
+  std::uint32_t max_edges = 1u << 30;  // to its last vertex
+  std::uint32_t rr_depth = 5;          // edges from which Russian roulette may end it
+  bool meets_lens = false;             // walks from the light look for the lens
+  float film_border = 0;               // pixels around the film that still matter
+  double eye_paths = 1;                // per iteration: pixels
+};
+
+template <TransportMode kMode, Between kBetween, class Heuristic>
+class Walk {
+ public:
+  enum class Event : std::uint8_t { vertex, left, ended };
+  enum class Step : std::uint8_t { scattered, passed, ended };
+  static constexpr bool kFromLight = kMode == TransportMode::importance;
+  static constexpr bool kPasses = kBetween != Between::nothing, kMedia = kBetween == Between::media;
+
+  Walk(const scene::Scene& scene, const WalkRules& rules, const MisFactors& factors,
+       samplers::Sampler& sampler, film::Tallies& tallies)
+      : scene_(scene), rules_(rules), factors_(factors), sampler_(sampler), tallies_(tallies) {}
+
+  // Draws dimensions [0, kLightDimensions). False: no light by this choice.
+  bool start_light();
+  // Along a ray of Scene::camera_ray, through the film at any place that pdf_camera knows.
+  void start_eye(const Ray& ray);
+
+  // On to the next vertex. `vertex`: where the walk may scatter, or only what emits: one beyond max_edges is
+  // never made, one at max_edges has no closure unless it passes light on. `left`: out of the scene; v has
+  // throughput, wo, edges and what weights need. `ended`: absorbed.
+  Event advance(Vertex& v, scene::ClosureArena& arena);
+  // Chooses the direction from v, which advance() just filled.
+  Step scatter(Vertex& v);
+
+  const scene::EmissionSample& origin() const { return origin_; }
+  // Whether draws at this vertex should be stratified.
+  bool stratified() const { return scatterings_ < kStratifiedVertices; }
+  // The first dimension of the present vertex's block.
+  std::uint32_t block() const { return block_; }
+
+  // Where the last advance() met the lens on its way, light walks alone.
+  struct LensMeeting {
+    bool met = false;
+    scene::CameraDensity camera;
+    Spectrum throughput;
+    std::uint32_t edges = 0;
+    float distance = 0;   // from the last surface passed
+    double survival = 1;  // of the edge up to the lens
+  };
+  const LensMeeting& lens() const { return lens_; }
+  // The edge under way, and where it began.
+  const Departure& departure() const { return departure_; }
+  Vec3 from() const { return from_; }
+
+ private:
+  // Vertices of more edges do not scatter.
+  std::uint32_t most_edges() const { return rules_.max_edges + (kFromLight && rules_.meets_lens ? 1 : 0); }
+  void arrive(Vertex& v);
+  void depart(Vertex& v, float pdf, bool delta, double pdf_reverse, double factor_out);
+  bool survives();
+  bool pass_straight(const SurfaceHit& hit);
+  void look_for_lens(bool found, const SurfaceHit& hit);
+  double direct_density(const Vertex& v, double distance_squared) const;
+
+  const scene::Scene& scene_;
+  const WalkRules& rules_;
+  const MisFactors& factors_;
+  samplers::Sampler& sampler_;
+  film::Tallies& tallies_;
+
+  Ray ray_;
+  Spectrum throughput_;
+  float scale_ = 1;  // undoes the start's size, and radiance's 1/eta^2, for the roulette
+  std::uint32_t medium_ = scene::kNone;
+  std::uint32_t edges_ = 0;  // of the last vertex that scattered
+  std::uint32_t scatterings_ = 0;
+  std::uint32_t block_ = 0;
+  std::uint32_t passes_ = 0;
+  bool first_stretch_ = true;
+  Vec3 from_;            // that vertex's place, the start's
+  bool finite_ = true;   // it has one
+  double survival_ = 1;  // of the edge so far
+  Departure departure_;
+  double origin_density_ = 1;  // of the end point alone
+  scene::EmissionSample origin_;
+  LensMeeting lens_;
+};
+
+template <TransportMode kMode, Between kBetween, class Heuristic>
+bool Walk<kMode, kBetween, Heuristic>::start_light() {
+  const float u_select = sampler_.draw_1d(0, true);
+  const Vec2 u_position = sampler_.draw_2d(1, true);
+  if (!scene_.sample_emission(u_select, u_position, sampler_.draw_2d(2, true), origin_)) return false;
+  ray_ = origin_.ray;
+  throughput_ = origin_.weight;
+  scale_ = 1 / throughput_.max_component();
+  if constexpr (kMedia) medium_ = scene_.emitter_medium(origin_.vertex.emitter);
+  block_ = kLightDimensions;
+  from_ = origin_.vertex.p;
+  finite_ = !origin_.infinite;
+  if constexpr (Heuristic::kWeighs) {
+    const double prob = static_cast<double>(origin_.prob), area = static_cast<double>(origin_.pdf_area),
+                 angle = static_cast<double>(origin_.pdf_solid_angle);
+    origin_density_ = prob * (finite_ ? area : angle);
+    departure_.pdf = finite_ ? angle : area;
+    departure_.leave = (finite_ ? static_cast<double>(origin_.cosine) : 1.0) / departure_.pdf;
+    const bool delta = origin_.delta_position || origin_.delta_direction;
+    departure_.carried = {};
+    departure_.carried.pending = delta ? 0 : factors_.hit_light * Heuristic::raise(1 / origin_density_);
+    departure_.connects = 1;
+  }
+  return true;
+}
+
+template <TransportMode kMode, Between kBetween, class Heuristic>
+void Walk<kMode, kBetween, Heuristic>::start_eye(const Ray& ray) {
+  ray_ = ray;
+  throughput_ = Spectrum(1.0f);
+  if constexpr (kMedia) medium_ = scene_.camera_medium();
+  block_ = kEyeDimensions;
+  finite_ = true;
+  from_ = ray.origin;
+  if constexpr (Heuristic::kWeighs) {
+    scene::CameraDensity camera;
+    departure_ = {};
+    // A ray at the film's rim may be off it by rounding: then no other technique finds its path.
+    if (!scene_.pdf_camera(ray.origin, ray.direction, camera, rules_.film_border)) return;
+    from_ = camera.p;
+    finite_ = !camera.delta_direction;
+    departure_.pdf = rules_.eye_paths *
+                     static_cast<double>(camera.delta_direction ? camera.pdf_area : camera.pdf_solid_angle);
+    departure_.leave = static_cast<double>(camera.cosine) / departure_.pdf;
+    if (!camera.delta_position && !camera.delta_direction)
+      departure_.carried.pending =
+          factors_.hit_lens * Heuristic::raise(1 / static_cast<double>(camera.pdf_area));
+    departure_.connects = 1;
+  }
+}
+
+template <TransportMode kMode, Between kBetween, class Heuristic>
+auto Walk<kMode, kBetween, Heuristic>::advance(Vertex& v, scene::ClosureArena& arena) -> Event {
+  if (first_stretch_)
+    first_stretch_ = false;
+  else
+    block_ += kBlock;
+  ++tallies_.rays;
+  const bool found = scene_.intersect(ray_, v.hit);
+  if constexpr (kFromLight) {
+    lens_.met = false;
+    if (rules_.meets_lens && edges_ > 0) look_for_lens(found, v.hit);
+  }
+  v.wo = -ray_.direction;
+  v.edges = edges_ + 1;
+  v.pdf_reverse = 0;
+  if (kFromLight && v.edges > rules_.max_edges) return Event::ended;  // one more edge was for the lens
+
+  if constexpr (kMedia) {
+    if (medium_ != scene::kNone) {
+      const scene::Medium& around = scene_.medium(medium_);
+      Ray stretch = inside_medium(ray_, found ? &v.hit : nullptr);
+      const scene::DistanceSample flight =
+          around.sample_distance(stretch, throughput_, sampler_.draw_2d(block_ + kFlight, stratified()));
+      throughput_ *= flight.weight;
+      if (throughput_.is_black()) return Event::ended;
+      if (flight.scattered) stretch.t_max = flight.distance;
+      if constexpr (Heuristic::kWeighs) survival_ *= static_cast<double>(stretch_survival(around, stretch));
+      if (flight.scattered) {
+        if (v.edges >= rules_.max_edges && !kFromLight) return Event::ended;  // light cannot come from it
+        v.kind = Vertex::Kind::medium;
+        medium_vertex(ray_, flight.distance, v.hit);
+        v.medium = medium_;
+        v.connects = true;
+        v.front = {};
+        const Spectrum sigma_t = around.sigma_t(v.hit.p);
+        // Where the grid's value vanishes by interpolation nothing scatters; rounding may say otherwise.
+        v.arrival = std::max((sigma_t.r + sigma_t.g + sigma_t.b) * (1.0f / 3), 1e-30f);
+        v.throughput = throughput_;
+        arrive(v);
+        return Event::vertex;
+      }
+    }
+  }
+  v.medium = medium_;
+  v.throughput = throughput_;
+  v.kind = Vertex::Kind::surface;
+  if (!found) {
+    v.arrival = 1;
+    v.connects = false;
+    if constexpr (Heuristic::kWeighs) {
+      finite_ = false;
+      arrive(v);
+    }
+    return Event::left;
+  }
+  v.arrival = v.density_factor(v.wo);
+  v.connects = false;
+  v.closure.black = true;
+  if (v.edges < rules_.max_edges || kFromLight) {
+    const Vec3 wo = v.hit.shading.to_local(v.wo);
+    arena.clear();
+    v.closure = scene_.closure(v.hit, wo, arena);
+    v.connects = !v.closure.black && !v.closure.purely_delta();
+    v.front = v.closure.scatters_through() ? Vec3{} : wo.z < 0 ? -v.hit.shading.n : v.hit.shading.n;
+  }
+  arrive(v);
+  return Event::vertex;
+}
+
+// What weights need to know of an edge that ends at v.
+template <TransportMode kMode, Between kBetween, class Heuristic>
+void Walk<kMode, kBetween, Heuristic>::arrive(Vertex& v) {
+  if constexpr (!Heuristic::kWeighs) return;
+  const Departure& d = departure_;
+  const double at_v = static_cast<double>(v.arrival);
+  const double distance_squared = finite_ ? length_squared(Vec3d(v.hit.p) - Vec3d(from_)) : 1;
+  const double spread = survival_ / std::max(distance_squared, std::numeric_limits<double>::min());
+  v.previous_connects = d.connects > 0;
+  v.pdf_arrival = d.pdf * survival_;
+  v.pdf_area = d.pdf * spread * at_v;
+  v.back_area = spread * d.leave * d.pdf;
+  v.mis = {};
+  if (!(d.pdf > 0)) return;
+  const double turned = Heuristic::raise(d.leave / at_v);
+  if (edges_ > 0) {
+    if (d.connects > 0) v.mis.known = factors_.connect * Heuristic::raise(1 / v.pdf_area);
+    v.mis.pending = turned * d.carried.pending;
+    v.mis.pending_surface = turned * d.carried.pending_surface;
+    v.mis.pending_medium = turned * d.carried.pending_medium;
+  } else if constexpr (kFromLight) {
+    if (v.connects)
+      v.mis.known = factors_.next_event *
+                    Heuristic::raise(direct_density(v, distance_squared) / (origin_density_ * v.pdf_area));
+    v.mis.pending = turned * d.carried.pending;
+  } else {
+    // The lens' point has the same density whether the eye's walk or a light path's connection chose it.
+    v.mis.known = factors_.light_image * Heuristic::raise(1 / v.pdf_area);
+    // A light path that meets the lens does so whatever its flight through the last medium (look_for_lens).
+    v.mis.pending = turned * d.carried.pending * Heuristic::raise(1 / survival_);
+  }
+}
+
+// With which next event estimation at v would have chosen the light's point, in the measure of the walk's
+// own.
+template <TransportMode kMode, Between kBetween, class Heuristic>
+double Walk<kMode, kBetween, Heuristic>::direct_density(const Vertex& v, double distance_squared) const {
+  const scene::EmissionSample& o = origin_;
+  if (o.delta_position || o.delta_direction)
+    return static_cast<double>(scene_.prob_direct(v.hit, v.front, o.vertex.emitter));
+  if (o.infinite) return static_cast<double>(scene_.pdf_direct_environment_solid_angle(v.hit, v.front, v.wo));
+  return static_cast<double>(scene_.pdf_direct_solid_angle(v.hit, v.front, v.wo, o.vertex)) *
+         static_cast<double>(o.cosine) / distance_squared;
+}
+
+template <TransportMode kMode, Between kBetween, class Heuristic>
+void Walk<kMode, kBetween, Heuristic>::depart(Vertex& v, float pdf, bool delta, double pdf_reverse,
+                                              double factor_out) {
+  edges_ = v.edges;
+  from_ = v.hit.p;
+  finite_ = true;
+  survival_ = 1;
+  if constexpr (Heuristic::kWeighs) {
+    v.pdf_reverse = pdf_reverse;
+    v.left_by_delta = delta;
+    Departure& d = departure_;
+    d.pdf = static_cast<double>(pdf);
+    d.leave = factor_out / d.pdf;
+    d.connects = delta ? 0 : 1;
+    const double reverse = Heuristic::raise(pdf_reverse);
+    d.carried.pending = reverse * v.mis.pending + (delta ? 0 : v.mis.known);
+    d.carried.pending_surface = reverse * v.mis.pending_surface;
+    d.carried.pending_medium = reverse * v.mis.pending_medium;
+    if (!delta) (v.kind == Vertex::Kind::surface ? d.carried.pending_surface : d.carried.pending_medium) += 1;
+  }
+}
+
+template <TransportMode kMode, Between kBetween, class Heuristic>
+auto Walk<kMode, kBetween, Heuristic>::scatter(Vertex& v) -> Step {
+  const bool stratify = stratified();
+  if constexpr (kMedia) {
+    if (v.kind == Vertex::Kind::medium) {
+      if (v.edges >= most_edges()) return Step::ended;
+      Vec3 wi;
+      const float pdf =
+          scene_.medium(v.medium).phase().sample(v.wo, sampler_.draw_2d(block_ + kDirection, stratify), wi);
+      ++scatterings_;
+      depart(v, pdf, false, static_cast<double>(pdf), static_cast<double>(v.arrival));
+      if (!survives()) return Step::ended;
+      ray_ = {v.hit.p, wi};
+      return Step::scattered;
+    }
+  }
+  if (v.edges >= most_edges()) {
+    if constexpr (kPasses && !kFromLight) {  // light may still arrive straight through
+      throughput_ *= scene_.straight(v.hit, v.wo);
+      if (!throughput_.is_black() && pass_straight(v.hit)) return Step::passed;
+    }
+    return Step::ended;
+  }
+  if (v.closure.black) return Step::ended;
+  const Vec3 wo = v.hit.shading.to_local(v.wo);
+  scene::BsdfSample next;
+  const float u_lobe = v.closure.chooses_lobe() ? sampler_.draw_1d(block_ + kLobe, stratify) : 0.0f;
+  if (!v.closure.sample(wo, u_lobe, sampler_.draw_2d(block_ + kDirection, stratify), kMode, next))
+    return Step::ended;
+  throughput_ *= next.weight;
+  if constexpr (kPasses) {
+    if (next.straight) return !throughput_.is_black() && pass_straight(v.hit) ? Step::passed : Step::ended;
+  }
+  const Vec3 wi = v.hit.shading.to_world(next.wi);
+  if constexpr (kFromLight)
+    throughput_ *= shading_correction(v.hit, v.wo, wi);
+  else
+    scale_ *= next.eta * next.eta;
+  if (throughput_.is_black()) return Step::ended;
+  scatterings_ += v.closure.purely_delta() ? 0 : 1;
+
+  double reverse = 0, out = 0;
+  float pdf = 1;
+  if constexpr (Heuristic::kWeighs) {
+    out = static_cast<double>(v.density_factor(wi));
+    if (next.delta) {
+      pdf = next.prob;
+      const double eta = static_cast<double>(next.eta);
+      reverse = static_cast<double>(next.prob_reverse) / (eta * eta) * static_cast<double>(v.arrival) / out;
+    } else {
+      pdf = next.pdf_solid_angle;
+      constexpr TransportMode kOther = kFromLight ? TransportMode::radiance : TransportMode::importance;
+      reverse = static_cast<double>(v.closure.pdf_solid_angle(next.wi, wo, kOther));
+    }
+  }
+  depart(v, pdf, next.delta, reverse, out);
+  if (!survives()) return Step::ended;
+  ray_ = spawn_ray(v.hit, wi);
+  if constexpr (kMedia) medium_ = scene_.medium_beyond(v.hit, ray_.direction, medium_);
+  return Step::scattered;
+}
+
+template <TransportMode kMode, Between kBetween, class Heuristic>
+bool Walk<kMode, kBetween, Heuristic>::survives() {
+  if (edges_ < rules_.rr_depth) return true;
+  const float survive =
+      std::min(throughput_.max_component() * scale_ * (1 / kRouletteFloor), kLongestSurvival);
+  if (!(sampler_.draw_1d(block_ + kRoulette, stratified()) < survive)) return false;
+  throughput_ *= 1 / survive;
+  return true;
+}
+
+template <TransportMode kMode, Between kBetween, class Heuristic>
+bool Walk<kMode, kBetween, Heuristic>::pass_straight(const SurfaceHit& hit) {
+  if constexpr (kMedia) medium_ = scene_.medium_beyond(hit, ray_.direction, medium_);
+  ray_ = spawn_ray(hit, ray_.direction);
+  return ++passes_ < kMostPasses;
+}
+
+// The lens does not stop the walk, and it is met whether or not a flight through a medium would have got
+// there: what a medium takes is in the throughput instead.
+template <TransportMode kMode, Between kBetween, class Heuristic>
+void Walk<kMode, kBetween, Heuristic>::look_for_lens(bool found, const SurfaceHit& hit) {
+  float distance = 0;
+  if (!scene_.intersect_camera(ray_, distance, lens_.camera, rules_.film_border)) return;
+  if (found && !(distance < hit.distance)) return;
+  lens_.met = true;
+  lens_.throughput = throughput_;
+  lens_.edges = edges_ + 1;
+  lens_.distance = distance;
+  lens_.survival = survival_;
+  if constexpr (kMedia) {
+    if (medium_ != scene::kNone) {
+      const Vec2 u = sampler_.draw_2d(block_ + kLensFlight, false);
+      rng::Stream stream(rng::key(std::bit_cast<std::uint32_t>(u.x), std::bit_cast<std::uint32_t>(u.y)));
+      const Ray stretch{ray_.origin, ray_.direction, distance};
+      lens_.throughput *= scene_.medium(medium_).transmittance(stretch, stream);
+      if (lens_.throughput.is_black()) lens_.met = false;
+      if constexpr (Heuristic::kWeighs)
+        lens_.survival = survival_ * static_cast<double>(stretch_survival(scene_.medium(medium_), stretch));
+    }
+  }
+}
+
+}  // namespace candela::transport
