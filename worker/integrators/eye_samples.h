@@ -29,10 +29,14 @@ Result<void> for_each_tile(std::uint32_t width, std::uint32_t height, film::Unit
       span);
 }
 
-// One eye sample: filter position, camera ray, radiance.
-template <class Radiance>
-Spectrum eye_sample(const UnitContext& context, std::uint32_t x, std::uint32_t y, samplers::Sampler& sampler,
-                    film::Tallies& tallies, const Radiance& radiance) {
+struct EyeRay {
+  Ray ray;
+  float weight;  // of the filter and the sensor
+};
+
+// The ray of an eye sample. Draws dimensions 0 (film position) and, where the lens is finite, 1.
+inline EyeRay eye_ray(const UnitContext& context, std::uint32_t x, std::uint32_t y,
+                      samplers::Sampler& sampler) {
   sampler.set_dimension(0);
   float filter_weight = 1;
   const Vec2 offset = context.filter.sample(sampler.next_2d(), filter_weight);
@@ -40,7 +44,15 @@ Spectrum eye_sample(const UnitContext& context, std::uint32_t x, std::uint32_t y
   const Ray ray = context.scene.camera_ray(
       static_cast<float>(x) + 0.5f + offset.x, static_cast<float>(y) + 0.5f + offset.y,
       context.scene.reads_lens() ? sampler.next_2d() : Vec2{0.5f, 0.5f}, response);
-  return radiance(ray, sampler, tallies) * (filter_weight * response);
+  return {ray, filter_weight * response};
+}
+
+// One eye sample: filter position, camera ray, radiance.
+template <class Radiance>
+Spectrum eye_sample(const UnitContext& context, std::uint32_t x, std::uint32_t y, samplers::Sampler& sampler,
+                    film::Tallies& tallies, const Radiance& radiance) {
+  const EyeRay sample = eye_ray(context, x, y, sampler);
+  return radiance(sample.ray, sampler, tallies) * sample.weight;
 }
 
 template <class Radiance>

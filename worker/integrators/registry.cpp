@@ -1,4 +1,5 @@
 #include "common/description/vocabulary.h"
+#include "worker/integrators/bdpt/bdpt.h"
 #include "worker/integrators/integrator.h"
 #include "worker/integrators/light/light.h"
 #include "worker/integrators/path/path.h"
@@ -23,6 +24,7 @@ std::vector<render::SettingDoc> document() {
 const std::vector<IntegratorEntry>& registry() {
   static const std::vector<IntegratorEntry> entries = {
       {"path", &make_path_integrator, &complete<PathSettings>, &document<PathSettings>},
+      {"bdpt", &make_bdpt_integrator, &complete<BdptSettings>, &document<BdptSettings>},
       {"light", &make_light_integrator, &complete<LightSettings>, &document<LightSettings>},
   };
   return entries;

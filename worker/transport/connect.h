@@ -20,13 +20,13 @@ struct Contribution {
   Spectrum weighted() const { return value * static_cast<float>(weight); }
 };
 
-// How a connection lies between the densities of its two sides, for weights by other heuristics than those of
-// mis.h: relative to it, the techniques with fewer vertices from the light are made from `light_step` on,
-// those with more from `eye_step` on. See technique_list.h.
+// The densities behind a weight, for heuristics that look at each technique (technique_list.h). Relative to
+// the technique at hand: that next to it which is no connection of vertices, and of each side the last
+// vertex's density as made by the other, with that vertex's pdf_reverse.
 struct Steps {
-  double light_step = 0, eye_step = 0;  // density of the light's (eye's) last vertex as the other walk's
-  double light_reverse = 0, eye_reverse = 0;  // pdf_reverse of these vertices
-  double first = 0, last = 0;                 // of hit_light and hit_lens, where they are next
+  double next = 0;
+  double light_step = 0, light_reverse = 0;
+  double eye_step = 0, eye_reverse = 0;
 };
 
 // Common to a kernel's connections.
@@ -70,13 +70,15 @@ std::uint64_t passage_key(samplers::Sampler& sampler, std::uint32_t block, std::
 // leaving this way.
 template <class Heuristic>
 double weight_hit_light(const ConnectContext& c, const Vertex& v, double direct_pdf_solid_angle,
-                        const scene::EmissionDensity& emission, const MergeFactors& eta) {
+                        const scene::EmissionDensity& emission, const MergeFactors& eta,
+                        Steps* steps = nullptr) {
   if (v.edges == 1) return 1;  // seen directly: no other technique is run for these
   double rest = 0;
   if (v.previous_connects)
     rest = c.factors.next_event * Heuristic::raise(direct_pdf_solid_angle / v.pdf_arrival);
   const double traced = static_cast<double>(emission.prob) * static_cast<double>(emission.pdf_area) *
                         static_cast<double>(emission.pdf_solid_angle);
+  if (steps != nullptr) *steps = {.next = rest, .eye_step = 1, .eye_reverse = traced};
   MisBlock block = v.mis;
   block.known = 0;  // that of a connection, whose place next event estimation takes
   rest += sum_of<Heuristic>(block, traced, eta);
@@ -123,7 +125,8 @@ bool next_event(const ConnectContext& c, samplers::Sampler& sampler, std::uint32
     const double merged = v.kind == Vertex::Kind::surface ? eta.surface : eta.medium;
     out.weight = 1 / (1 + c.factors.hit_light * Heuristic::raise(hit) +
                       Heuristic::raise(traced) * (merged + sum_of<Heuristic>(v.mis, reverse, eta)));
-    if (steps != nullptr) *steps = {0, traced, 0, reverse, hit, 0};
+    if (steps != nullptr)
+      *steps = {.next = c.factors.hit_light * hit, .eye_step = traced, .eye_reverse = reverse};
   }
   return true;
 }
@@ -164,7 +167,7 @@ bool connect(const ConnectContext& c, const Vertex& z, const Vertex& y, std::uin
     const double light_sum = merged_z + sum_of<Heuristic>(z.mis, light_reverse, eta);
     const double eye_sum = merged_y + sum_of<Heuristic>(y.mis, eye_reverse, eta);
     out.weight = 1 / (1 + Heuristic::raise(light_step) * light_sum + Heuristic::raise(eye_step) * eye_sum);
-    if (steps != nullptr) *steps = {light_step, eye_step, light_reverse, eye_reverse, 0, 0};
+    if (steps != nullptr) *steps = {0, light_step, light_reverse, eye_step, eye_reverse};
   }
   return true;
 }
@@ -212,15 +215,19 @@ bool connect_lens(const ConnectContext& c, samplers::Sampler& sampler, std::uint
     const double rest = Heuristic::raise(traced) * (merged + sum_of<Heuristic>(z.mis, reverse, eta)) +
                         c.factors.hit_lens * Heuristic::raise(met);
     out.weight = 1 / (1 + rest / c.factors.light_image);
-    if (steps != nullptr) *steps = {traced, 0, reverse, 0, 0, met};
+    if (steps != nullptr)
+      *steps = {.next = c.factors.hit_lens * met / c.factors.light_image,
+                .light_step = traced / c.factors.light_image,
+                .light_reverse = reverse};
   }
   return true;
 }
 
-// t = 0: a light walk met the lens. To be divided by the number of light paths.
+// t = 0: a light walk met the lens. steps: light_step is that of the vertex it came from, whose pdf_reverse
+// is known. To be divided by the number of light paths.
 template <class Heuristic, class WalkT>
-Contribution hit_lens(const ConnectContext& c, const WalkT& walk, const MergeFactors& eta,
-                      FilmPosition& film) {
+Contribution hit_lens(const ConnectContext& c, const WalkT& walk, const MergeFactors& eta, FilmPosition& film,
+                      Steps* steps = nullptr) {
   const auto& met = walk.lens();
   Contribution out;
   film = {met.camera.film_x, met.camera.film_y};
@@ -240,6 +247,8 @@ Contribution hit_lens(const ConnectContext& c, const WalkT& walk, const MergeFac
     // The eye's walk takes the same edge the other way, with survival.
     const double traced = lens_area_pdf * c.rules.eye_paths *
                           static_cast<double>(met.camera.pdf_solid_angle) * met.survival * d.leave / cosine;
+    if (steps != nullptr)  // from the walk's last vertex on, where it left
+      *steps = {.next = rest / c.factors.hit_lens, .light_step = traced / c.factors.hit_lens};
     rest += Heuristic::raise(traced) * (d.carried.pending + d.carried.pending_surface * eta.surface +
                                         d.carried.pending_medium * eta.medium);
     out.weight = 1 / (1 + rest / c.factors.hit_lens);

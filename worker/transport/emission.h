@@ -7,10 +7,10 @@
 namespace candela::transport {
 
 // Radiance arriving at the walk's last vertex from where advance() ended: a surface that emits, or the
-// environment. before: that vertex, null for the camera. next_event_runs: weights need to know what it does.
+// environment. before: that vertex, null for the camera.
 template <class Heuristic>
 bool hit_light(const ConnectContext& c, const Vertex& v, bool left, const Vertex* before,
-               const MergeFactors& eta, Contribution& out) {
+               const MergeFactors& eta, Contribution& out, Steps* steps = nullptr) {
   out.weight = 1;
   if (left) {
     out.value = c.scene.environment(-v.wo);
@@ -24,7 +24,7 @@ bool hit_light(const ConnectContext& c, const Vertex& v, bool left, const Vertex
                                   ? static_cast<double>(c.scene.pdf_direct_environment_solid_angle(
                                         before->hit, before->front, -v.wo))
                                   : 0;
-        out.weight = weight_hit_light<Heuristic>(c, v, direct, emission, eta);
+        out.weight = weight_hit_light<Heuristic>(c, v, direct, emission, eta, steps);
       }
     }
     return true;
@@ -41,7 +41,7 @@ bool hit_light(const ConnectContext& c, const Vertex& v, bool left, const Vertex
           v.previous_connects
               ? static_cast<double>(c.scene.pdf_direct_solid_angle(before->hit, before->front, -v.wo, v.hit))
               : 0;
-      out.weight = weight_hit_light<Heuristic>(c, v, direct, emission, eta);
+      out.weight = weight_hit_light<Heuristic>(c, v, direct, emission, eta, steps);
     }
   }
   return true;
