@@ -75,4 +75,71 @@ struct Departure {
   MisBlock carried;     // of the vertex left; known + pdf_reverse * pending in its `pending`
 };
 
+// The recursion in steps that know nothing of scenes. A walk leaves its end point, and then arrives at and
+// leaves vertex after vertex. `pdf`, `cosine` or `factor_out` (cosine or hazard at the vertex left): see
+// Departure; `at`: cosine or hazard where the walk arrives; pdf_area: of that vertex, per area or volume.
+
+// end_density: of the end point alone. can_be_hit: walks of the other kind may come upon it.
+template <class Heuristic>
+Departure leave_end(double hits, double end_density, bool can_be_hit, double pdf, double cosine) {
+  Departure d;
+  d.pdf = pdf;
+  d.leave = cosine / pdf;
+  d.connects = 1;
+  d.carried.pending = can_be_hit ? hits * Heuristic::raise(1 / end_density) : 0;
+  return d;
+}
+
+// At the light's walk's first vertex. direct_density: of next event estimation there choosing the light's
+// point, 0 where it cannot be; end_density: of the walk choosing it.
+template <class Heuristic>
+MisBlock arrive_from_light(const Departure& d, const MisFactors& factors, double at, double pdf_area,
+                           double direct_density, double end_density) {
+  MisBlock block;
+  if (direct_density > 0)
+    block.known = factors.next_event * Heuristic::raise(direct_density / (end_density * pdf_area));
+  block.pending = Heuristic::raise(d.leave / at) * d.carried.pending;
+  return block;
+}
+
+// At the eye's walk's first vertex.
+template <class Heuristic>
+MisBlock arrive_from_eye(const Departure& d, const MisFactors& factors, double at, double pdf_area,
+                         double survival) {
+  MisBlock block;
+  // The lens' point has the same density whether the eye's walk or a light path's connection chose it.
+  block.known = factors.light_image * Heuristic::raise(1 / pdf_area);
+  // A light path that meets the lens does so whatever its flight through the last medium (look_for_lens).
+  block.pending = Heuristic::raise(d.leave / at) * d.carried.pending * Heuristic::raise(1 / survival);
+  return block;
+}
+
+// At a later one.
+template <class Heuristic>
+MisBlock arrive_later(const Departure& d, const MisFactors& factors, double at, double pdf_area) {
+  MisBlock block;
+  const double turned = Heuristic::raise(d.leave / at);
+  if (d.connects > 0) block.known = factors.connect * Heuristic::raise(1 / pdf_area);
+  block.pending = turned * d.carried.pending;
+  block.pending_surface = turned * d.carried.pending_surface;
+  block.pending_medium = turned * d.carried.pending_medium;
+  return block;
+}
+
+// From the vertex of this block, by a delta lobe or not.
+template <class Heuristic>
+Departure leave_vertex(const MisBlock& block, bool surface, bool delta, double pdf, double pdf_reverse,
+                       double factor_out) {
+  Departure d;
+  d.pdf = pdf;
+  d.leave = factor_out / pdf;
+  d.connects = delta ? 0 : 1;
+  const double reverse = Heuristic::raise(pdf_reverse);
+  d.carried.pending = reverse * block.pending + (delta ? 0 : block.known);
+  d.carried.pending_surface = reverse * block.pending_surface;
+  d.carried.pending_medium = reverse * block.pending_medium;
+  if (!delta) (surface ? d.carried.pending_surface : d.carried.pending_medium) += 1;
+  return d;
+}
+
 }  // namespace candela::transport

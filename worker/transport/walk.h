@@ -142,12 +142,9 @@ bool Walk<kMode, kBetween, Heuristic>::start_light() {
     const double prob = static_cast<double>(origin_.prob), area = static_cast<double>(origin_.pdf_area),
                  angle = static_cast<double>(origin_.pdf_solid_angle);
     origin_density_ = prob * (finite_ ? area : angle);
-    departure_.pdf = finite_ ? angle : area;
-    departure_.leave = (finite_ ? static_cast<double>(origin_.cosine) : 1.0) / departure_.pdf;
-    const bool delta = origin_.delta_position || origin_.delta_direction;
-    departure_.carried = {};
-    departure_.carried.pending = delta ? 0 : factors_.hit_light * Heuristic::raise(1 / origin_density_);
-    departure_.connects = 1;
+    departure_ = leave_end<Heuristic>(
+        factors_.hit_light, origin_density_, !origin_.delta_position && !origin_.delta_direction,
+        finite_ ? angle : area, finite_ ? static_cast<double>(origin_.cosine) : 1.0);
   }
   return true;
 }
@@ -167,13 +164,10 @@ void Walk<kMode, kBetween, Heuristic>::start_eye(const Ray& ray) {
     if (!scene_.pdf_camera(ray.origin, ray.direction, camera, rules_.film_border)) return;
     from_ = camera.p;
     finite_ = !camera.delta_direction;
-    departure_.pdf = rules_.eye_paths *
-                     static_cast<double>(camera.delta_direction ? camera.pdf_area : camera.pdf_solid_angle);
-    departure_.leave = static_cast<double>(camera.cosine) / departure_.pdf;
-    if (!camera.delta_position && !camera.delta_direction)
-      departure_.carried.pending =
-          factors_.hit_lens * Heuristic::raise(1 / static_cast<double>(camera.pdf_area));
-    departure_.connects = 1;
+    const auto pdf = static_cast<double>(camera.delta_direction ? camera.pdf_area : camera.pdf_solid_angle);
+    departure_ = leave_end<Heuristic>(factors_.hit_lens, static_cast<double>(camera.pdf_area),
+                                      !camera.delta_position && !camera.delta_direction,
+                                      rules_.eye_paths * pdf, static_cast<double>(camera.cosine));
   }
 }
 
@@ -260,22 +254,13 @@ void Walk<kMode, kBetween, Heuristic>::arrive(Vertex& v) {
   v.back_area = spread * d.leave * d.pdf;
   v.mis = {};
   if (!(d.pdf > 0)) return;
-  const double turned = Heuristic::raise(d.leave / at_v);
   if (edges_ > 0) {
-    if (d.connects > 0) v.mis.known = factors_.connect * Heuristic::raise(1 / v.pdf_area);
-    v.mis.pending = turned * d.carried.pending;
-    v.mis.pending_surface = turned * d.carried.pending_surface;
-    v.mis.pending_medium = turned * d.carried.pending_medium;
+    v.mis = arrive_later<Heuristic>(d, factors_, at_v, v.pdf_area);
   } else if constexpr (kFromLight) {
-    if (v.connects)
-      v.mis.known = factors_.next_event *
-                    Heuristic::raise(direct_density(v, distance_squared) / (origin_density_ * v.pdf_area));
-    v.mis.pending = turned * d.carried.pending;
+    const double direct = v.connects ? direct_density(v, distance_squared) : 0;
+    v.mis = arrive_from_light<Heuristic>(d, factors_, at_v, v.pdf_area, direct, origin_density_);
   } else {
-    // The lens' point has the same density whether the eye's walk or a light path's connection chose it.
-    v.mis.known = factors_.light_image * Heuristic::raise(1 / v.pdf_area);
-    // A light path that meets the lens does so whatever its flight through the last medium (look_for_lens).
-    v.mis.pending = turned * d.carried.pending * Heuristic::raise(1 / survival_);
+    v.mis = arrive_from_eye<Heuristic>(d, factors_, at_v, v.pdf_area, survival_);
   }
 }
 
@@ -301,15 +286,8 @@ void Walk<kMode, kBetween, Heuristic>::depart(Vertex& v, float pdf, bool delta, 
   if constexpr (Heuristic::kWeighs) {
     v.pdf_reverse = pdf_reverse;
     v.left_by_delta = delta;
-    Departure& d = departure_;
-    d.pdf = static_cast<double>(pdf);
-    d.leave = factor_out / d.pdf;
-    d.connects = delta ? 0 : 1;
-    const double reverse = Heuristic::raise(pdf_reverse);
-    d.carried.pending = reverse * v.mis.pending + (delta ? 0 : v.mis.known);
-    d.carried.pending_surface = reverse * v.mis.pending_surface;
-    d.carried.pending_medium = reverse * v.mis.pending_medium;
-    if (!delta) (v.kind == Vertex::Kind::surface ? d.carried.pending_surface : d.carried.pending_medium) += 1;
+    departure_ = leave_vertex<Heuristic>(v.mis, v.kind == Vertex::Kind::surface, delta,
+                                         static_cast<double>(pdf), pdf_reverse, factor_out);
   }
 }
 
