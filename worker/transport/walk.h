@@ -308,7 +308,7 @@ auto Walk<kMode, kBetween, Heuristic>::scatter(Vertex& v) -> Step {
     }
   }
   if (v.edges >= most_edges()) {
-    if constexpr (kPasses && !kFromLight) {  // light may still arrive straight through
+    if constexpr (kPasses) {  // light may still arrive straight through
       throughput_ *= scene_.straight(v.hit, v.wo);
       if (!throughput_.is_black() && pass_straight(v.hit)) return Step::passed;
     }
