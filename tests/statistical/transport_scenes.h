@@ -46,8 +46,6 @@ inline constexpr std::string_view kNoVolumeMerging =
     "ppm and bpm merge on surfaces alone and have no other way to light a vertex in a medium";
 inline constexpr std::string_view kMilkInGlass =
     "light sees no delta surface; ppm and bpm do not merge in media";
-inline constexpr std::string_view kSkyUnseen =
-    "light has no vertex on the sky to connect to the camera: the sky itself is missing";
 inline constexpr std::string_view kPointBehindDelta =
     "light from a point that meets the camera over delta, matt, delta surfaces has no connection";
 
@@ -72,9 +70,8 @@ inline constexpr std::array kTransportScenes = {
     TransportScene{"point", "a point light", kAll, kNone, ""},
     TransportScene{"spot", "spots, one textured", kAll, kNone, ""},
     TransportScene{"directional", "parallel light", kAll, kNone, ""},
-    TransportScene{"constant", "a constant sky, seen directly", kAll & ~kLight, kNone, kSkyUnseen},
-    TransportScene{"envmap", "an image of a sky with a sun, seen directly", kAll & ~kLight, kNone,
-                   kSkyUnseen},
+    TransportScene{"constant", "a constant sky, seen directly", kAll, kNone, ""},
+    TransportScene{"envmap", "an image of a sky with a sun, seen directly", kAll, kNone, ""},
     TransportScene{"textured-lamp", "lamps with textured radiance", kAll, kNone, ""},
     TransportScene{"many-lamps", "eighty-three lamps: the light tree", kAll, kNone, ""},
     TransportScene{"mesh-lamp", "a mesh with smooth normals as a lamp", kAll, kNone, ""},
