@@ -3,14 +3,18 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <boost/math/distributions/chi_squared.hpp>
 #include <boost/math/distributions/normal.hpp>
 #include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <exception>
 #include <filesystem>
+#include <mutex>
 #include <stdexcept>
+#include <thread>
 
 #include "common/bundle/bundle.h"
 
@@ -21,7 +25,7 @@ namespace {
   throw std::runtime_error(error.to_string());
 }
 
-SettingsMap integrator_settings_of(const description::FileSource& files, const std::string& key) {
+SettingsMap settings_in_scene(const description::FileSource& files, const std::string& key) {
   const auto description = description::parse_scene(files, key, {});
   if (!description.ok()) give_up(description.error());
   SettingsMap from_scene;
@@ -32,9 +36,7 @@ SettingsMap integrator_settings_of(const description::FileSource& files, const s
       else if (property.type == description::PropertyType::boolean)
         from_scene[property.name] = std::get<bool>(property.value) ? "true" : "false";
     }
-  auto settings = render::complete_integrator_settings("path", from_scene, {});
-  if (!settings.ok()) give_up(settings.error());
-  return std::move(settings).value();
+  return from_scene;
 }
 
 }  // namespace
@@ -52,24 +54,37 @@ std::string shared_folder() {
   return std::filesystem::is_directory(folder / "scenes") ? folder.string() : std::string();
 }
 
+TestScene read_scene(TestScene scene, std::uint32_t width, std::uint32_t height) {
+  scene.settings.width = width;
+  scene.settings.height = height;
+  scene.from_scene = settings_in_scene(*scene.files, scene.main_key);
+  return with_integrator(std::move(scene), "path");
+}
+
+void use_own_filter(TestScene& scene) {
+  const auto description = description::parse_scene(*scene.files, scene.main_key, {});
+  if (!description.ok()) give_up(description.error());
+  for (const auto& sensor : description->scene->children_of("sensor"))
+    for (const auto& film : sensor->children_of("film"))
+      for (const auto& filter : film->children_of("rfilter")) {
+        scene.settings.filter = filter->plugin;
+        for (const auto& property : filter->properties)
+          scene.settings.filter_settings[property.name] = fmt::format("{}", std::get<double>(property.value));
+      }
+}
+
 TestScene scene_from_xml(const std::string& xml, std::uint32_t width, std::uint32_t height) {
   TestScene scene;
   scene.files = std::make_shared<MemorySource>(std::map<std::string, std::string>{{"scene.xml", xml}});
   scene.main_key = "scene.xml";
-  scene.settings.width = width;
-  scene.settings.height = height;
-  scene.settings.integrator_settings = integrator_settings_of(*scene.files, scene.main_key);
-  return scene;
+  return read_scene(std::move(scene), width, height);
 }
 
 TestScene scene_from_shared(const std::string& name, std::uint32_t width, std::uint32_t height) {
   TestScene scene;
   scene.files = std::make_shared<bundle::DiskSource>(shared_folder() + "/scenes/" + name);
   scene.main_key = "scene.xml";
-  scene.settings.width = width;
-  scene.settings.height = height;
-  scene.settings.integrator_settings = integrator_settings_of(*scene.files, scene.main_key);
-  return scene;
+  return read_scene(std::move(scene), width, height);
 }
 
 std::unique_ptr<render::Renderer> make_renderer(const TestScene& scene) {
@@ -100,6 +115,99 @@ std::vector<std::vector<float>> render_batches(TestScene scene, std::uint64_t se
     images.push_back(std::move(image));
   }
   return images;
+}
+
+bool has_integrator(const std::string& name) {
+  const auto names = render::integrator_names();
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+TestScene with_integrator(TestScene scene, const std::string& name, const SettingsMap& settings) {
+  const auto known = render::integrator_settings(name);
+  if (!known.ok()) give_up(known.error());
+  SettingsMap from_scene;
+  for (const auto& setting : *known)
+    if (const auto found = scene.from_scene.find(setting.name); found != scene.from_scene.end())
+      from_scene.insert(*found);
+  auto complete = render::complete_integrator_settings(name, from_scene, settings);
+  if (!complete.ok()) give_up(complete.error());
+  scene.settings.integrator = name;
+  scene.settings.integrator_settings = std::move(complete).value();
+  return scene;
+}
+
+bool long_form() {
+  const char* value = std::getenv("CANDELA_LONG");
+  return value != nullptr && std::string(value) != "0" && *value != '\0';
+}
+
+NamedState pilot_state(const TestScene& scene) {
+  const auto pilot = make_renderer(scene)->pilot({});
+  if (!pilot.ok()) give_up(pilot.error());
+  return pilot->state;
+}
+
+std::vector<std::vector<double>> render_layers(const TestScene& scene, const NamedState& state,
+                                               std::uint64_t seed, std::uint32_t half, std::uint64_t first,
+                                               std::uint64_t iterations, unsigned threads) {
+  TestScene seeded = scene;
+  seeded.settings.seed = seed;
+  const auto renderer = make_renderer(seeded);
+  render::RunContext run;
+  run.threads = threads;
+  const auto film = renderer->make_film(state);
+  const auto done = renderer->run({Unit::Kind::iterations, half, first, first + iterations}, *film, run);
+  if (!done.ok()) give_up(done.error());
+  for (const std::uint64_t rejected : film->tallies().rejected)
+    if (rejected != 0)
+      throw std::runtime_error(fmt::format("{} samples of {} were rejected (seed {}, half {}, first {})",
+                                           rejected, scene.settings.integrator, seed, half, first));
+  const double to_value = std::ldexp(1.0, -film->scale_log2()) / static_cast<double>(iterations);
+  const std::size_t values = film->layout().pixel_count() * 3;
+  std::vector<std::vector<double>> layers(film->layout().layers, std::vector<double>(values));
+  for (std::size_t layer = 0; layer < layers.size(); ++layer)
+    for (std::size_t i = 0; i < values; ++i)
+      layers[layer][i] = static_cast<double>(film->sums()[layer * values + i]) * to_value;
+  return layers;
+}
+
+Rows render_rows(const std::vector<Term>& terms, const BatchPlan& plan, const Regions& regions,
+                 std::uint64_t stage, double effort) {
+  const auto iterations =
+      static_cast<std::uint64_t>(std::ceil(static_cast<double>(plan.iterations) * effort));
+  Rows rows(plan.batches, std::vector<double>(regions.values(), 0.0));
+  std::vector<NamedState> states;
+  for (const Term& term : terms) states.push_back(pilot_state(term.scene));
+  std::atomic<std::size_t> next{0};
+  std::mutex mutex;
+  std::exception_ptr trouble;
+  const auto work = [&] {
+    for (std::size_t batch = next++; batch < plan.batches; batch = next++) try {
+        for (std::size_t t = 0; t < terms.size(); ++t) {
+          const Term& term = terms[t];
+          const auto layers = render_layers(term.scene, states[t], plan.seed + (stage << 20) + batch,
+                                            static_cast<std::uint32_t>(batch % 2), plan.first, iterations);
+          const auto means = regions.means(layers.at(plan.layer));
+          for (std::size_t i = 0; i < means.size(); ++i) rows[batch][i] += term.weight * means[i];
+        }
+      } catch (...) {
+        const std::lock_guard lock(mutex);
+        trouble = std::current_exception();
+      }
+  };
+  {
+    std::vector<std::jthread> threads;
+    for (unsigned i = 0; i < plan.threads; ++i) threads.emplace_back(work);
+  }
+  if (trouble) std::rethrow_exception(trouble);
+  return rows;
+}
+
+Estimator make_estimator(const std::string& name, std::vector<Term> terms, const BatchPlan& plan,
+                         const Regions& regions) {
+  return {name, [terms = std::move(terms), plan, regions](std::uint64_t stage, double effort) {
+            return render_rows(terms, plan, regions, stage, effort);
+          }};
 }
 
 BlockTestResult block_test(const std::vector<std::vector<float>>& batches,

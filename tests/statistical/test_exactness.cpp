@@ -67,7 +67,7 @@ void film_depends_on_the_job_alone(TestScene scene) {
   const auto pilot = renderer->pilot(one);
   ASSERT_TRUE(pilot.ok());
   const NamedState state = pilot->state;
-  const film::Layout layout{70, 45, 1};
+  const film::Layout layout = renderer->make_film(state)->layout();
   const auto unit = [](std::uint32_t half, std::uint64_t begin, std::uint64_t end) {
     return Unit{Unit::Kind::iterations, half, begin, end};
   };
@@ -88,19 +88,29 @@ void film_depends_on_the_job_alone(TestScene scene) {
   EXPECT_EQ(second->state.film_scale_log2, state.film_scale_log2);
 }
 
-TEST(Exactness, FilmDependsOnTheJobAlone) {
-  film_depends_on_the_job_alone(scene_from_xml(kScene, 70, 45));
+class ExactnessOf : public testing::TestWithParam<const char*> {
+ protected:
+  void SetUp() override {
+    if (!has_integrator(GetParam())) GTEST_SKIP() << "there is no integrator " << GetParam();
+  }
+};
+
+TEST_P(ExactnessOf, FilmDependsOnTheJobAlone) {
+  film_depends_on_the_job_alone(with_integrator(scene_from_xml(kScene, 70, 45), GetParam()));
 }
 
-TEST(Exactness, FilmOfMediaDependsOnTheJobAlone) {
+TEST_P(ExactnessOf, FilmOfMediaDependsOnTheJobAlone) {
   TestScene scene = scene_from_xml(kScene, 70, 45);
   rng::Stream stream(4);
   std::vector<float> values;
   for (int i = 0; i < 9 * 8 * 7; ++i) values.push_back(stream.next_float());
   scene.files = std::make_shared<MemorySource>(std::map<std::string, std::string>{
       {"scene.xml", kMediaScene}, {"v.vol", test::volume_file({9, 8, 7}, 1, values)}});
-  film_depends_on_the_job_alone(std::move(scene));
+  film_depends_on_the_job_alone(with_integrator(std::move(scene), GetParam()));
 }
+
+INSTANTIATE_TEST_SUITE_P(, ExactnessOf, testing::Values("path", "light", "bdpt", "ppm", "bpm", "vcm"),
+                         [](const auto& one) { return std::string(one.param); });
 
 // Claim: another seed is another image, and the halves are different estimates (the test above is not
 // comparing zeros).

@@ -1,0 +1,167 @@
+// The block test tested: how often it alarms where there is nothing, and whether it sees what it says it can.
+// Counts are compared with binomial bounds that correct code exceeds with probability 1e-4 each; there are
+// fewer than ten: the file alarms falsely with probability below 1e-3.
+#include <gtest/gtest.h>
+
+#include <boost/math/distributions/binomial.hpp>
+#include <boost/math/distributions/normal.hpp>
+#include <cmath>
+#include <cstdio>
+
+#include "common/rng/stream.h"
+#include "tests/statistical/harness.h"
+
+namespace candela::statistical {
+namespace {
+
+constexpr double kAlpha = 1e-4;
+
+// The largest count among n trials of probability p that is not an alarm.
+double upper_bound(std::size_t n, double p) {
+  return boost::math::quantile(
+      boost::math::complement(boost::math::binomial(static_cast<double>(n), p), kAlpha));
+}
+double lower_bound(std::size_t n, double p) {
+  return boost::math::quantile(boost::math::binomial(static_cast<double>(n), p), kAlpha);
+}
+
+double normal(rng::Stream& stream) {
+  const double u = (static_cast<double>(stream.next_float()) + 0x1p-26) / (1 + 0x1p-25);
+  return boost::math::quantile(boost::math::normal(), u);
+}
+
+const Regions kRegions(32, 32, 8);  // 16 blocks
+
+// Batches of a made-up image: every value is 1 + noise, with noise shared by all values (as light paths do)
+// and noise of its own. `skew`: lognormal noise. `bias`: of one value.
+Estimator made_up(std::uint64_t seed, double sigma, double skew, double bias, std::size_t batches = 16) {
+  return {"made up", [=](std::uint64_t stage, double effort) {
+            rng::Stream stream(seed * 977 + stage);
+            Rows rows(batches, std::vector<double>(kRegions.values()));
+            const double s = sigma / std::sqrt(effort);
+            for (auto& row : rows) {
+              const double common = normal(stream);
+              for (double& value : row) {
+                double noise = (common + normal(stream)) / std::sqrt(2.0);
+                if (skew > 0) noise = (std::exp(skew * noise - skew * skew / 2) - 1) / skew;
+                value = 1 + s * noise;
+              }
+              row[7] += bias;
+            }
+            return rows;
+          }};
+}
+
+// Claim: with nothing to find, stage one suspects in at most alpha_suspect of the cases, for normal batches
+// that are correlated over the image, and for skewed ones (lognormal of skewness 1.5, one estimator only) in
+// at most five times that: what stage two is for.
+TEST(BlockTests, FalseAlarms) {
+  constexpr std::size_t kTrials = 1500;
+  BlockTest test;
+  test.alpha_suspect = 0.05;
+  for (const double skew : {0.0, 0.45}) {
+    std::size_t alarms = 0, confirmed = 0, tested = 0;
+    for (std::size_t trial = 0; trial < kTrials; ++trial) {
+      const Verdict v =
+          compare(made_up(2 * trial + 1, 0.1, skew, 0), made_up(2 * trial + 2, 0.1, 0, 0), kRegions, test);
+      alarms += v.suspects > 0;
+      confirmed += !v.agree;
+      tested += v.tested;
+    }
+    std::printf("skew %.2f: %zu of %zu suspect, %zu confirmed, %.3f of the values tested\n", skew, alarms,
+                kTrials, confirmed,
+                static_cast<double>(tested) / static_cast<double>(kTrials * kRegions.values()));
+    EXPECT_LE(static_cast<double>(alarms), upper_bound(kTrials, skew == 0 ? 0.05 : 0.25));
+    EXPECT_LE(static_cast<double>(confirmed), upper_bound(kTrials, 1e-3));
+  }
+}
+
+// Claim: a bias as large as `detectable` says is found with probability 0.9, and one of a third of it, or one
+// that the margin allows, hardly ever.
+TEST(BlockTests, PowerIsAsStated) {
+  constexpr std::size_t kTrials = 400;
+  for (const double margin : {0.0, 0.05}) {
+    BlockTest test;
+    test.margin = margin;
+    Welch typical;
+    typical.mean_b = 1;
+    typical.deviation = 0.1 * std::sqrt(2.0 / 16);
+    typical.freedom = 30;
+    const double bias = detectable(typical, kRegions.values(), test);
+    std::size_t found = 0, third = 0;
+    for (std::size_t trial = 0; trial < kTrials; ++trial) {
+      const auto reference = made_up(2 * trial + 2, 0.1, 0, 0);
+      found += !compare(made_up(2 * trial + 1, 0.1, 0, bias), reference, kRegions, test).agree;
+      third +=
+          !compare(made_up(2 * trial + 1, 0.1, 0, margin + (bias - margin) / 3), reference, kRegions, test)
+               .agree;
+    }
+    std::printf("margin %.2f: bias %.4f found in %zu of %zu, a third of it in %zu\n", margin, bias, found,
+                kTrials, third);
+    EXPECT_GE(static_cast<double>(found), lower_bound(kTrials, 0.88));
+    EXPECT_LE(static_cast<double>(third), upper_bound(kTrials, 0.1));
+  }
+}
+
+const char* const kScene =
+    R"(<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="5"/></integrator>
+    <sensor type="perspective"><float name="fov" value="45"/>
+      <transform name="to_world"><lookat origin="0, 4, 9" target="0, 1, 0" up="0, 1, 0"/></transform></sensor>
+    <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="-90"/><scale value="8"/></transform>
+      <bsdf type="twosided"><bsdf type="diffuse"><rgb name="reflectance" value="0.6, 0.5, 0.4"/></bsdf></bsdf></shape>
+    <shape type="cube"><transform name="to_world"><translate x="-1.5" y="1"/></transform>
+      <bsdf type="roughconductor"><float name="alpha" value="0.2"/></bsdf></shape>
+    <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="90"/><translate y="5"/></transform>
+      <emitter type="area"><rgb name="radiance" value="9, 8, 7"/></emitter></shape>
+    <emitter type="constant"><rgb name="radiance" value="0.3, 0.4, 0.5"/></emitter></scene>)";
+
+// Claim: on real images `path` against `path` of other seeds is suspected no more often than stated, and
+// single values' p are uniform in the tails.
+TEST(BlockTests, PathAgainstPath) {
+  const std::size_t trials = long_form() ? 1000 : 100;
+  constexpr std::size_t kBatches = 16;
+  TestScene scene = scene_from_xml(kScene, 32, 32);
+  BatchPlan plan;
+  plan.batches = kBatches * 2 * trials;
+  plan.iterations = 1;
+  const Rows all = render_rows({{1.0, scene}}, plan, kRegions, 1, 1);
+  const auto slice = [&](std::size_t k) {
+    return Estimator{"path", [&, k](std::uint64_t, double) {
+                       return Rows(all.begin() + static_cast<std::ptrdiff_t>(k * kBatches),
+                                   all.begin() + static_cast<std::ptrdiff_t>((k + 1) * kBatches));
+                     }};
+  };
+  BlockTest test;
+  test.alpha_suspect = 0.05;
+  std::size_t alarms = 0, skewed = 0;
+  for (std::size_t trial = 0; trial < trials; ++trial) {
+    const Verdict v = compare(slice(2 * trial), slice(2 * trial + 1), kRegions, test);
+    alarms += v.suspects > 0;
+    skewed += v.values - v.tested;
+  }
+  std::printf("path against path: %zu of %zu suspect at 0.05, %zu values too skewed\n", alarms, trials,
+              skewed);
+  EXPECT_LE(static_cast<double>(alarms), upper_bound(trials, 0.05));
+  EXPECT_LE(static_cast<double>(skewed), 0.02 * static_cast<double>(trials * kRegions.values()));
+}
+
+// Claim: the whole chain sees a wrong picture: a floor 3 % brighter in one channel.
+TEST(BlockTests, SeesThreePercentMoreReflectance) {
+  std::string brighter = kScene;
+  brighter.replace(brighter.find("0.6, 0.5, 0.4"), 13, "0.6, .515, 0.4");
+  BatchPlan plan;
+  plan.iterations = 16;
+  const auto right = cached(make_estimator("path", {{1.0, scene_from_xml(kScene, 32, 32)}}, plan, kRegions));
+  plan.seed = 5000;
+  const Verdict same = compare(
+      make_estimator("path", {{1.0, scene_from_xml(kScene, 32, 32)}}, plan, kRegions), right, kRegions, {});
+  const Verdict wrong =
+      compare(make_estimator("brighter", {{1.0, scene_from_xml(brighter, 32, 32)}}, plan, kRegions), right,
+              kRegions, {});
+  std::printf("%s\n%s\n", same.report.c_str(), wrong.report.c_str());
+  EXPECT_TRUE(same.agree) << same.report;
+  EXPECT_FALSE(wrong.agree);
+}
+
+}  // namespace
+}  // namespace candela::statistical

@@ -1,0 +1,216 @@
+// Every integrator against `path`, or against the best there is where path cannot, on every scene of
+// transport/ that it can render (transport_scenes.h says which, and why not the others), in blocks of 16 by
+// 16 pixels and over the whole image, three channels each. The test is that of block_tests.h: a pair of a
+// scene and an integrator alarms falsely with probability at most 1e-5; there are fewer than 300 pairs: the
+// whole file with at most 3e-3 for other seeds.
+//
+// Merging integrators are biased at any radius. Each batch renders the radii r and r/2 with the same seed and
+// is replaced by 2 M(r/2) - M(r), which takes away what is linear in r (edges of objects, shadows); what is
+// quadratic (curvature of the light's density) is left with the opposite sign and half its size, and kMargin
+// allows for it. The variance is that of the batches of the combination.
+//
+// Short form: a fixed number of iterations; every pair prints what difference it would have found with
+// probability 0.9. Nightly form (CANDELA_LONG=1): as many iterations as a difference of 0.5 % in every block
+// needs, at most CANDELA_LONG_SECONDS (120) of two threads for each estimator of a pair.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <stdexcept>
+#include <vector>
+
+#include "common/bundle/bundle.h"
+#include "tests/statistical/harness.h"
+#include "tests/statistical/transport_scenes.h"
+
+namespace candela::statistical {
+namespace {
+
+constexpr std::uint32_t kExtent = 64;
+const Regions kRegions(kExtent, kExtent, 16);
+
+// Radii of the merging integrators, as fractions of the scene's bounding radius, and what of their bias may
+// be left, relative to a value.
+constexpr const char* kRadius = "0.01";
+constexpr const char* kHalfRadius = "0.005";
+constexpr double kMargin = 0.003;
+
+constexpr double kNightlyDifference = 0.005;
+
+TestScene load(std::string_view name) {
+  TestScene scene;
+  scene.files = std::make_shared<bundle::DiskSource>(CANDELA_SOURCE_DIR "/tests/statistical/transport");
+  scene.main_key = fmt::format("{}.xml", name);
+  scene = read_scene(std::move(scene), kExtent, kExtent);
+  use_own_filter(scene);
+  return scene;
+}
+
+bool merging(std::string_view integrator) {
+  return integrator == "ppm" || integrator == "bpm" || integrator == "vcm";
+}
+
+// The scene rendered by an integrator, as its expectation without the bias of a radius.
+std::vector<Term> terms_for(const TestScene& scene, const std::string& integrator, SettingsMap settings) {
+  if (!merging(integrator)) return {{1.0, with_integrator(scene, integrator, settings)}};
+  settings.insert_or_assign("alpha", std::string("1"));
+  settings.insert_or_assign("radius", std::string(kRadius));
+  const TestScene wide = with_integrator(scene, integrator, settings);
+  settings.insert_or_assign("radius", std::string(kHalfRadius));
+  return {{2.0, with_integrator(scene, integrator, settings)}, {-1.0, wide}};
+}
+
+// More iterations in the nightly form: what the noisiest value of a first small run asks for, within the time
+// there is.
+double nightly_effort(const Estimator& estimator, const BatchPlan& plan, const BlockTest& test) {
+  if (!long_form()) return 1;
+  const char* text = std::getenv("CANDELA_LONG_SECONDS");
+  const double limit = text != nullptr ? std::atof(text) : 120;
+  const auto begin = std::chrono::steady_clock::now();
+  const Rows rows = estimator.rows(0, 1);
+  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
+  return std::clamp(effort_for(rows, kRegions, kNightlyDifference, plan.batches, test), 1.0,
+                    std::max(1.0, limit / seconds.count()));
+}
+
+struct Contest {
+  Estimator estimator;
+  double effort;
+};
+Contest enter(const TestScene& scene, const std::string& integrator, std::uint64_t seed,
+              const SettingsMap& settings = {}, std::uint64_t iterations = 2) {
+  BatchPlan plan;
+  plan.seed = seed << 32;
+  plan.iterations = iterations;
+  if (long_form()) plan.batches = 32;
+  std::string name = integrator;
+  for (const auto& [key, value] : settings) name += fmt::format(" {}={}", key, value);
+  BlockTest test;
+  test.margin = merging(integrator) ? kMargin : 0;
+  const Estimator estimator =
+      cached(make_estimator(name, terms_for(scene, integrator, settings), plan, kRegions));
+  return {estimator, nightly_effort(estimator, plan, test)};
+}
+
+// Fails unless the two agree.
+Verdict expect_agreement(const Contest& tested, const Contest& reference, bool slow, double margin) {
+  BlockTest test;
+  test.effort = tested.effort;
+  test.effort_reference = reference.effort;
+  test.margin = margin;
+  test.only_brighter = slow;
+  test.decide = long_form() ? 1.1 * kNightlyDifference : 0.1;
+  const Verdict verdict = compare(tested.estimator, reference.estimator, kRegions, test);
+  std::printf("%s\n", verdict.report.c_str());
+  EXPECT_TRUE(verdict.agree);
+  EXPECT_GT(verdict.values, 0U);
+  // Something was decided, unless the table says that it takes far more.
+  if (!slow) {
+    EXPECT_GT(verdict.tested * 2, verdict.values) << verdict.report;
+  }
+  return verdict;
+}
+
+// By name: GoogleTest prints it.
+const TransportScene& entry_of(const std::string& name) {
+  for (const TransportScene& scene : kTransportScenes)
+    if (scene.name == name) return scene;
+  throw std::runtime_error("no scene " + name);
+}
+
+class Integrators : public testing::TestWithParam<std::string> {};
+
+TEST_P(Integrators, Agree) {
+  const TransportScene& entry = entry_of(GetParam());
+  const TestScene scene = load(entry.name);
+  const unsigned good = entry.complete & ~entry.slow;
+  std::string reference;
+  for (const char* name : {"path", "bdpt", "vcm", "bpm", "ppm"})
+    for (const auto& [bit, known] : kTransportIntegrators)
+      if (reference.empty() && known == name && (good & bit) != 0 && has_integrator(name)) reference = name;
+  if (reference.empty()) GTEST_SKIP() << "no integrator renders this scene";
+  const Contest right = enter(scene, reference, 1);
+  std::printf("%s (%s)\n", std::string(entry.name).c_str(), std::string(entry.hazard).c_str());
+  std::size_t others = 0;
+  for (const auto& [bit, known] : kTransportIntegrators) {
+    const std::string name(known);
+    if ((entry.complete & bit) == 0 || name == reference || !has_integrator(name)) continue;
+    ++others;
+    SCOPED_TRACE(fmt::format("{}, {}", entry.name, name));
+    const double margin = (merging(name) || merging(reference)) ? kMargin : 0;
+    expect_agreement(enter(scene, name, 2 + others), right, (entry.slow & bit) != 0, margin);
+  }
+  if (others == 0) GTEST_SKIP() << "no second integrator renders this scene";
+}
+
+std::vector<std::string> all_scenes() {
+  std::vector<std::string> names;
+  for (const TransportScene& scene : kTransportScenes) names.emplace_back(scene.name);
+  return names;
+}
+std::string scene_name(const testing::TestParamInfo<std::string>& one) {
+  std::string name = one.param;
+  std::replace(name.begin(), name.end(), '-', '_');
+  return name;
+}
+INSTANTIATE_TEST_SUITE_P(, Integrators, testing::ValuesIn(all_scenes()), scene_name);
+
+bool has_setting(const std::string& integrator, const std::string& setting) {
+  const auto known = render::integrator_settings(integrator);
+  return known.ok() &&
+         std::any_of(known->begin(), known->end(), [&](const auto& one) { return one.name == setting; });
+}
+
+class Plans : public testing::TestWithParam<std::string> {};
+
+// Claim: what a plan leaves out changes no mean: plan=full runs it all.
+TEST_P(Plans, FullAgreesWithAuto) {
+  const TransportScene& entry = entry_of(GetParam());
+  const TestScene scene = load(entry.name);
+  std::size_t tried = 0;
+  for (const auto& [bit, known] : kTransportIntegrators) {
+    const std::string name(known);
+    if ((entry.complete & bit) == 0 || !has_integrator(name) || !has_setting(name, "plan")) continue;
+    SCOPED_TRACE(fmt::format("{}, {}", entry.name, name));
+    const double margin = merging(name) ? kMargin : 0;
+    expect_agreement(enter(scene, name, 11 + tried, {{"plan", "full"}}), enter(scene, name, 21 + tried),
+                     (entry.slow & bit) != 0, margin);
+    ++tried;
+  }
+  if (tried == 0) GTEST_SKIP() << "no integrator with a plan renders this scene";
+}
+
+// The short form has a scene of each kind of features that plans look at.
+std::vector<std::string> scenes_for_plans() {
+  if (long_form()) return all_scenes();
+  return {"box-diffuse", "mirror-glossy", "constant", "point", "fog-thin", "thin-null"};
+}
+// Short paths: where a limit of the depth cuts is seen best. max_depth 1 shows what the camera sees directly.
+class Depths : public testing::TestWithParam<std::string> {};
+
+TEST_P(Depths, Agree) {
+  const TransportScene& entry = entry_of(GetParam());
+  const TestScene scene = load(entry.name);
+  for (const char* depth : {"1", "2", "3"}) {
+    const SettingsMap settings{{"max_depth", depth}};
+    const Contest right = enter(scene, "path", 31, settings);
+    std::uint64_t seed = 32;
+    for (const auto& [bit, known] : kTransportIntegrators) {
+      const std::string name(known);
+      if ((entry.complete & bit) == 0 || name == "path" || !has_integrator(name)) continue;
+      SCOPED_TRACE(fmt::format("{}, {}, max_depth {}", entry.name, name, depth));
+      expect_agreement(enter(scene, name, seed++, settings), right, false, merging(name) ? kMargin : 0);
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(, Depths, testing::Values("box-diffuse", "mask", "fog-thin", "lens"), scene_name);
+
+INSTANTIATE_TEST_SUITE_P(, Plans, testing::ValuesIn(scenes_for_plans()), scene_name);
+
+}  // namespace
+}  // namespace candela::statistical
