@@ -21,6 +21,8 @@ const std::vector<MitsubaNames>& mitsuba_names() {
   static const std::vector<MitsubaNames> names = {
       {"integrator",
        {"direct",
+        "bdpt",
+        "ptracer",
         "pssmlt",
         "mlt",
         "erpt",
@@ -146,10 +148,9 @@ Support support_of_plugin(std::string_view category, std::string_view name) {
 }
 
 std::string_view canonical_plugin(std::string_view category, std::string_view name) {
-  if (category != "integrator") return name;
-  if (name == "volpath" || name == "volpathmis" || name == "volpath_simple") return "path";
-  if (name == "ptracer") return "light";
-  return name;
+  const bool same =
+      category == "integrator" && (name == "volpath" || name == "volpathmis" || name == "volpath_simple");
+  return same ? "path" : name;
 }
 
 std::optional<double> named_index_of_refraction(std::string_view name) {

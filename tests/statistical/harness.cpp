@@ -171,11 +171,14 @@ std::vector<std::vector<double>> render_layers(const TestScene& scene, const Nam
   return layers;
 }
 
-Rows render_rows(const std::vector<Term>& terms, const BatchPlan& plan, const Regions& regions,
-                 std::uint64_t stage, double effort) {
+namespace {
+
+// take(batch, weight, layer) for every batch and term, batches beside each other.
+template <class Take>
+void render_terms(const std::vector<Term>& terms, const BatchPlan& plan, std::uint64_t stage, double effort,
+                  const Take& take) {
   const auto iterations =
       static_cast<std::uint64_t>(std::ceil(static_cast<double>(plan.iterations) * effort));
-  Rows rows(plan.batches, std::vector<double>(regions.values(), 0.0));
   std::vector<NamedState> states;
   for (const Term& term : terms) states.push_back(pilot_state(term.scene));
   std::atomic<std::size_t> next{0};
@@ -184,11 +187,9 @@ Rows render_rows(const std::vector<Term>& terms, const BatchPlan& plan, const Re
   const auto work = [&] {
     for (std::size_t batch = next++; batch < plan.batches; batch = next++) try {
         for (std::size_t t = 0; t < terms.size(); ++t) {
-          const Term& term = terms[t];
-          const auto layers = render_layers(term.scene, states[t], plan.seed + (stage << 20) + batch,
+          const auto layers = render_layers(terms[t].scene, states[t], plan.seed + (stage << 20) + batch,
                                             static_cast<std::uint32_t>(batch % 2), plan.first, iterations);
-          const auto means = regions.means(layers.at(plan.layer));
-          for (std::size_t i = 0; i < means.size(); ++i) rows[batch][i] += term.weight * means[i];
+          take(batch, terms[t].weight, layers.at(plan.layer));
         }
       } catch (...) {
         const std::lock_guard lock(mutex);
@@ -200,7 +201,29 @@ Rows render_rows(const std::vector<Term>& terms, const BatchPlan& plan, const Re
     for (unsigned i = 0; i < plan.threads; ++i) threads.emplace_back(work);
   }
   if (trouble) std::rethrow_exception(trouble);
+}
+
+}  // namespace
+
+Rows render_rows(const std::vector<Term>& terms, const BatchPlan& plan, const Regions& regions,
+                 std::uint64_t stage, double effort) {
+  Rows rows(plan.batches, std::vector<double>(regions.values(), 0.0));
+  render_terms(terms, plan, stage, effort,
+               [&](std::size_t batch, double weight, const std::vector<double>& layer) {
+                 const auto means = regions.means(layer);
+                 for (std::size_t i = 0; i < means.size(); ++i) rows[batch][i] += weight * means[i];
+               });
   return rows;
+}
+
+std::vector<std::vector<float>> render_images(const std::vector<Term>& terms, const BatchPlan& plan) {
+  const JobSettings& settings = terms.at(0).scene.settings;
+  const std::size_t values = std::size_t{settings.width} * settings.height * 3;
+  std::vector<std::vector<float>> images(plan.batches, std::vector<float>(values, 0.0f));
+  render_terms(terms, plan, 1, 1, [&](std::size_t batch, double weight, const std::vector<double>& layer) {
+    for (std::size_t i = 0; i < values; ++i) images[batch][i] += static_cast<float>(weight * layer[i]);
+  });
+  return images;
 }
 
 Estimator make_estimator(const std::string& name, std::vector<Term> terms, const BatchPlan& plan,

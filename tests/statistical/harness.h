@@ -84,6 +84,8 @@ struct Term {
 };
 Rows render_rows(const std::vector<Term>& terms, const BatchPlan& plan, const Regions& regions,
                  std::uint64_t stage, double effort);
+// The same as whole images, of width * height * 3 floats a batch.
+std::vector<std::vector<float>> render_images(const std::vector<Term>& terms, const BatchPlan& plan);
 Estimator make_estimator(const std::string& name, std::vector<Term> terms, const BatchPlan& plan,
                          const Regions& regions);
 

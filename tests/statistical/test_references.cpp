@@ -6,6 +6,8 @@
 #include <gtest/gtest.h>
 
 #include <cstdio>
+#include <string>
+#include <vector>
 
 #include "common/image/image.h"
 #include "tests/statistical/harness.h"
@@ -84,6 +86,82 @@ INSTANTIATE_TEST_SUITE_P(Scenes, References,
                              if (ch == '-') ch = '_';
                            return name;
                          });
+
+// The other integrators. Light that path hides from is no secret to them, so there is no allowance for it.
+// The merging ones are extrapolated as in test_integrators.cpp, with the same margin for what is left.
+struct Other {
+  const char* integrator;
+  const char* scene;
+  std::uint32_t width, height;
+  std::uint64_t iterations;  // of a batch; twice for merging ones
+  double max_relative_error;
+  double least_tested;
+  double ratio_tolerance;
+  bool nightly;
+  Blocks excluded = {};
+};
+
+class OtherReferences : public testing::TestWithParam<Other> {};
+
+TEST_P(OtherReferences, Agree) {
+  const Other& c = GetParam();
+  const std::string shared = shared_folder();
+  if (shared.empty()) GTEST_SKIP() << "the folder ../shared with reference images is not here";
+  if (!has_integrator(c.integrator)) GTEST_SKIP() << "there is no integrator " << c.integrator;
+  if (c.nightly && !long_form()) GTEST_SKIP() << "only with CANDELA_LONG=1";
+  const auto reference = image::read_image(shared + "/references/" + c.scene + ".exr");
+  const auto deviation = image::read_image(shared + "/references/" + c.scene + ".stderr.exr");
+  ASSERT_TRUE(reference.ok()) << reference.error().to_string();
+  ASSERT_TRUE(deviation.ok()) << deviation.error().to_string();
+
+  const TestScene scene = scene_from_shared(c.scene, c.width, c.height);
+  const std::string name = c.integrator;
+  const bool merging = name == "ppm" || name == "bpm" || name == "vcm";
+  std::vector<Term> terms;
+  if (merging) {
+    terms = {{2.0, with_integrator(scene, name, {{"alpha", "1"}, {"radius", "0.0025"}})},
+             {-1.0, with_integrator(scene, name, {{"alpha", "1"}, {"radius", "0.005"}})}};
+  } else {
+    terms = {{1.0, with_integrator(scene, name)}};
+  }
+  BatchPlan plan;
+  plan.seed = 1;
+  plan.iterations = c.iterations;
+  const BlockTestResult result =
+      block_test(render_images(terms, plan), reference->rgb, deviation->rgb, c.width, c.height,
+                 {16, c.max_relative_error, merging ? 0.003 : 0.0, c.excluded});
+  std::printf(
+      "%s, %s: %zu values tested, %zu undecided, ratio %.5f +- %.5f, median relative standard error %.2e, "
+      "smallest p %.2e (adjusted %.3g), chi-squared p %.3f; worst: %s\n",
+      c.scene, c.integrator, result.tested, result.skipped, result.ratio, result.ratio_stderr,
+      result.median_relative_standard_error, result.smallest_p, result.adjusted_p, result.chi_squared_p,
+      result.worst.c_str());
+  EXPECT_GT(static_cast<double>(result.tested),
+            c.least_tested * static_cast<double>(result.tested + result.skipped));
+  EXPECT_GT(result.adjusted_p, 1e-4) << result.worst;
+  EXPECT_NEAR(result.ratio, 1.0, c.ratio_tolerance + 4 * result.ratio_stderr);
+}
+
+const Blocks kLeak = {{192, 96}, {208, 96}, {192, 112}, {208, 112}};
+INSTANTIATE_TEST_SUITE_P(
+    Scenes, OtherReferences,
+    testing::Values(Other{"light", "cornell-box", 256, 256, 2, 0.05, 0.9, 0.001, false},
+                    Other{"bdpt", "cornell-box", 256, 256, 2, 0.05, 0.9, 0.001, false},
+                    Other{"vcm", "cornell-box", 256, 256, 2, 0.05, 0.5, 0.003, false},
+                    Other{"ppm", "cornell-box", 256, 256, 8, 0.05, 0.5, 0.003, true},
+                    Other{"bpm", "cornell-box", 256, 256, 8, 0.05, 0.5, 0.003, true},
+                    Other{"bdpt", "veach-mis", 256, 144, 16, 0.05, 0.9, 0.0035, true},
+                    Other{"vcm", "veach-mis", 256, 144, 8, 0.05, 0.5, 0.0035, true},
+                    Other{"bdpt", "veach-bidir", 256, 256, 2, 0.05, 0.5, 0.006, false, kLeak},
+                    Other{"vcm", "veach-bidir", 256, 256, 8, 0.05, 0.5, 0.006, true, kLeak},
+                    Other{"bdpt", "veach-ajar", 256, 144, 32, 0.06, 0.4, 0.005, true},
+                    Other{"vcm", "veach-ajar", 256, 144, 16, 0.06, 0.4, 0.005, true}),
+    [](const auto& param_info) {
+      std::string name = std::string(param_info.param.scene) + "_" + param_info.param.integrator;
+      for (char& ch : name)
+        if (ch == '-') ch = '_';
+      return name;
+    });
 
 }  // namespace
 }  // namespace candela::statistical
