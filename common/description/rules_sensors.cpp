@@ -1,5 +1,7 @@
 // Integrators, sensors, samplers, films and filters, from Mitsuba's documentation: what is here is what
 // Candela renders.
+#include <iterator>
+
 #include "common/description/rules.h"
 
 namespace candela::description::rules {
@@ -112,29 +114,52 @@ void add_filters(std::vector<PluginRule>& table) {
 
 }  // namespace
 
+namespace {
+
+// What all integrators have, and what is said to them that is the farm's to decide.
+std::vector<PropertyRule> integrator_properties(std::vector<PropertyRule> own) {
+  std::vector<PropertyRule> rules = {
+      {.name = "max_depth",
+       .types = {integer},
+       .doc = "longest path in edges, -1 for no limit; 1 shows emitters only, 2 direct light (default -1)",
+       .minimum = -1},
+      {.name = "rr_depth",
+       .types = {integer},
+       .doc = "path depth from which Russian roulette may end a path (default 5)",
+       .minimum = 1},
+      flag("hide_emitters", "directly visible emitters are left out (default false)"),
+      ignored("samples_per_pass", {integer}, "the farm cuts work into units itself"),
+      ignored("block_size", {integer}, "the farm cuts work into units itself"),
+      ignored("timeout", {number, integer}, "a stop rule belongs to the job: --time")};
+  rules.insert(rules.end(), std::make_move_iterator(own.begin()), std::make_move_iterator(own.end()));
+  return rules;
+}
+
+}  // namespace
+
 void add_integrators(std::vector<PluginRule>& table) {
   table.push_back(
       {.category = "integrator",
        .name = "path",
-       .properties =
-           {{.name = "max_depth",
-             .types = {integer},
-             .doc =
-                 "longest path in edges, -1 for no limit; 1 shows emitters only, 2 direct light (default -1)",
-             .minimum = -1},
-            {.name = "rr_depth",
-             .types = {integer},
-             .doc = "path depth from which Russian roulette may end a path (default 5)",
-             .minimum = 1},
-            flag("hide_emitters", "directly visible emitters are left out (default false)"),
-            only("strict_normals", boolean, "false", "0.6: treatment of inconsistent shading normals"),
-            ignored("samples_per_pass", {integer}, "the farm cuts work into units itself"),
-            ignored("block_size", {integer}, "the farm cuts work into units itself"),
-            ignored("timeout", {number, integer}, "a stop rule belongs to the job: --time"),
-            ignored("use_spectral_mis", {boolean}, "volpathmis: always done")},
+       .properties = integrator_properties(
+           {only("strict_normals", boolean, "false", "0.6: treatment of inconsistent shading normals"),
+            ignored("use_spectral_mis", {boolean}, "volpathmis: always done")}),
        .child_categories = {},
        .doc = "path tracing with next event estimation and multiple importance sampling, through media too; "
               "the names `volpath`, `volpathmis` and `volpath_simple` mean this one"});
+  table.push_back({.category = "integrator",
+                   .name = "light",
+                   .properties = integrator_properties(
+                       {ignored("brute_force", {boolean}, "0.6: connections are always made")}),
+                   .child_categories = {},
+                   .doc = "light tracing; the name `ptracer` means this one"});
+  table.push_back({.category = "integrator",
+                   .name = "bdpt",
+                   .properties = integrator_properties(
+                       {ignored("light_image", {boolean}, "0.6: the plan decides which techniques run"),
+                        ignored("sample_direct", {boolean}, "0.6: the plan decides which techniques run")}),
+                   .child_categories = {},
+                   .doc = "bidirectional path tracing with all techniques"});
 }
 
 namespace {

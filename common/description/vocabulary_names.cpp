@@ -21,8 +21,6 @@ const std::vector<MitsubaNames>& mitsuba_names() {
   static const std::vector<MitsubaNames> names = {
       {"integrator",
        {"direct",
-        "bdpt",
-        "ptracer",
         "pssmlt",
         "mlt",
         "erpt",
@@ -148,9 +146,10 @@ Support support_of_plugin(std::string_view category, std::string_view name) {
 }
 
 std::string_view canonical_plugin(std::string_view category, std::string_view name) {
-  const bool same =
-      category == "integrator" && (name == "volpath" || name == "volpathmis" || name == "volpath_simple");
-  return same ? "path" : name;
+  if (category != "integrator") return name;
+  if (name == "volpath" || name == "volpathmis" || name == "volpath_simple") return "path";
+  if (name == "ptracer") return "light";
+  return name;
 }
 
 std::optional<double> named_index_of_refraction(std::string_view name) {

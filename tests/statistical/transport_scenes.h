@@ -42,10 +42,7 @@ struct TransportScene {
 // Reasons that recur.
 inline constexpr std::string_view kLightSeesNoDelta =
     "light connects vertices to the camera, which a delta surface before it does not let pass";
-inline constexpr std::string_view kNoVolumeMerging =
-    "ppm and bpm merge on surfaces alone and have no other way to light a vertex in a medium";
-inline constexpr std::string_view kMilkInGlass =
-    "light sees no delta surface; ppm and bpm do not merge in media";
+inline constexpr std::string_view kThinPhotons = "photons in a thin medium are few: much noise, or blur";
 inline constexpr std::string_view kPointBehindDelta =
     "light from a point that meets the camera over delta, matt, delta surfaces has no connection";
 
@@ -78,14 +75,13 @@ inline constexpr std::array kTransportScenes = {
     TransportScene{"lens", "a lens that light paths hit, out of focus, a lamp behind its plane", kAll, kNone,
                    ""},
     TransportScene{"orthographic", "parallel projection", kAll, kNone, ""},
-    TransportScene{"fog-thin", "thin fog everywhere", kAll & ~(kPpm | kBpm), kNone, kNoVolumeMerging},
-    TransportScene{"fog-null", "dense fog without a surface, and one that only absorbs",
-                   kAll & ~(kPpm | kBpm), kNone, kNoVolumeMerging},
-    TransportScene{"fog-rough-glass", "fog in frosted glass", kAll & ~(kPpm | kBpm), kNone, kNoVolumeMerging},
-    TransportScene{"fog-glass", "milk in smooth glass", kPath | kBdpt | kVcm, kNone, kMilkInGlass},
-    TransportScene{"fog-camera", "camera and point light in fog", kAll & ~(kPpm | kBpm), kPath,
-                   "path finds the surroundings of the light rarely; ppm and bpm do not merge in media"},
-    TransportScene{"smoke", "smoke on a grid", kAll & ~(kPpm | kBpm), kNone, kNoVolumeMerging},
+    TransportScene{"fog-thin", "thin fog everywhere", kAll, kPpm, kThinPhotons},
+    TransportScene{"fog-null", "dense fog without a surface, and one that only absorbs", kAll, kNone, ""},
+    TransportScene{"fog-rough-glass", "fog in frosted glass", kAll, kNone, ""},
+    TransportScene{"fog-glass", "milk in smooth glass", kAll & ~kLight, kNone, kLightSeesNoDelta},
+    TransportScene{"fog-camera", "camera and point light in fog", kAll, kPath | kPpm,
+                   "path finds the surroundings of the light rarely; photons in a thin medium are few"},
+    TransportScene{"smoke", "smoke on a grid", kAll, kPpm, kThinPhotons},
     TransportScene{"mixed", "delta and other lobes in one material", kAll & ~kLight, kNone,
                    kLightSeesNoDelta},
     TransportScene{"principled", "three principled materials", kAll, kNone, ""},

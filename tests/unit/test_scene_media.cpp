@@ -488,6 +488,29 @@ TEST(SceneMedia, AlbedoMayVary) {
   }
 }
 
+// Claim: a camera or an emitter inside a medium it does not name is in that medium all the same, so that
+// walks from either end agree.
+TEST(SceneMedia, UnnamedMediaAreFound) {
+  const auto scene = build_scene(
+      "<medium id=\"fog\" type=\"homogeneous\"/>"
+      "<shape type=\"sphere\"><float name=\"radius\" value=\"30\"/><bsdf type=\"null\"/>"
+      "<ref name=\"interior\" id=\"fog\"/></shape>"
+      "<shape type=\"sphere\"><point name=\"center\" x=\"0\" y=\"0\" z=\"3\"/></shape>"
+      "<emitter type=\"point\"/><emitter type=\"constant\"/>");
+  ASSERT_TRUE(scene.ok()) << scene.error().to_string();
+  const Scene& s = **scene;
+  EXPECT_EQ(s.camera_medium(), 0u);
+  EmissionSample light;
+  light.vertex.emitter = 0;
+  light.ray = {{0, 0, 0}, {0, 0, 1}};  // behind the ball, which knows no medium, there is the fog's border
+  EXPECT_EQ(s.emitter_medium(light), 0u);
+  light.ray = {{0, 0, 40}, {0, 0, -1}};
+  EXPECT_EQ(s.emitter_medium(light), kNone);
+  light.infinite = true;
+  light.vertex.emitter = 1;
+  EXPECT_EQ(s.emitter_medium(light), kNone);
+}
+
 // Claim: a ray that leaves a surface knows the medium it enters; a shape that only bounds a medium is not
 // seen.
 TEST(SceneMedia, InterfacesNameTheMediumBeyond) {
@@ -505,13 +528,20 @@ TEST(SceneMedia, InterfacesNameTheMediumBeyond) {
   EXPECT_EQ(s.features().media, 2u);
   const std::uint32_t fog = s.camera_medium();
   ASSERT_NE(fog, kNone);
-  // Area lights come first.
-  EXPECT_EQ(s.emitter_medium(1), fog);
-  EXPECT_EQ(s.emitter_medium(2), kNone);
+  const auto emitter_medium = [&](std::uint32_t emitter, bool infinite) {
+    EmissionSample light;
+    light.vertex.emitter = emitter;
+    light.infinite = infinite;
+    light.ray = {{0, 0, -20}, {0, 0, -1}};
+    return s.emitter_medium(light);
+  };
+  // Area lights come first. The camera's fog ends nowhere: the sky is in it too.
+  EXPECT_EQ(emitter_medium(1, false), fog);
+  EXPECT_EQ(emitter_medium(2, true), fog);
   SurfaceHit hit;
   const Ray ray = {{0.1f, 0.2f, 0}, {0, 0, 1}};
   ASSERT_TRUE(s.intersect(ray, hit));
-  EXPECT_EQ(s.emitter_medium(0), s.medium_beyond(hit, ray.direction, fog));
+  EXPECT_EQ(emitter_medium(0, false), s.medium_beyond(hit, ray.direction, fog));
   const std::uint32_t milk = s.medium_beyond(hit, ray.direction, fog);
   EXPECT_NE(milk, kNone);
   EXPECT_NE(milk, fog);

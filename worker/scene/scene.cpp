@@ -11,7 +11,13 @@
 
 namespace candela::scene {
 
-struct Scene::Impl : SceneData {};
+struct Scene::Impl : SceneData {
+  std::uint32_t outer_medium = kNone;  // of the space around all surfaces
+};
+
+namespace {
+constexpr std::uint32_t kMostProbes = 1u << 12;  // surfaces passed to learn what medium a place is in
+}
 
 Scene::Scene() : impl_(std::make_unique<Impl>()) {}
 Scene::~Scene() = default;
@@ -47,6 +53,7 @@ Result<std::unique_ptr<Scene>> Scene::build(const description::SceneDescription&
   builder.finish_features();
   CANDELA_ASSIGN(Accel accel, Accel::build(impl.geometry, options.isa, options.build_threads));
   impl.accel = std::make_unique<Accel>(std::move(accel));
+  scene->find_media(static_cast<float>(options.film_width), static_cast<float>(options.film_height));
   return scene;
 }
 
@@ -86,8 +93,37 @@ std::uint32_t Scene::camera_medium() const {
   return impl_->camera_medium;
 }
 
-std::uint32_t Scene::emitter_medium(std::uint32_t emitter) const {
-  return impl_->emitter_media[emitter];
+std::uint32_t Scene::emitter_medium(const EmissionSample& light) const {
+  const std::uint32_t named = impl_->emitter_media[light.vertex.emitter];
+  if (named != kNone || impl_->media.size() == 0) return named;
+  return light.infinite ? impl_->outer_medium : medium_at(light.ray);
+}
+
+std::uint32_t Scene::medium_at(Ray ray) const {
+  SurfaceHit hit;
+  for (std::uint32_t passes = 0; passes < kMostProbes && intersect(ray, hit); ++passes) {
+    if (hit.medium_interface != kNone) return impl_->media.beyond(hit, -ray.direction, kNone);
+    ray = spawn_ray(hit, ray.direction);
+  }
+  return impl_->outer_medium;
+}
+
+void Scene::find_media(float film_width, float film_height) {
+  Impl& impl = *impl_;
+  if (impl.media.size() == 0) return;
+  float weight = 0;
+  Ray ray = camera_ray(film_width / 2, film_height / 2, {0.5f, 0.5f}, weight);
+  ray.t_max = Ray().t_max;
+  // What named medium is still around the ray when it leaves the scene fills the space outside.
+  std::uint32_t medium = impl.camera_medium;
+  SurfaceHit hit;
+  Ray out = ray;
+  for (std::uint32_t passes = 0; passes < kMostProbes && intersect(out, hit); ++passes) {
+    medium = impl.media.beyond(hit, out.direction, medium);
+    out = spawn_ray(hit, out.direction);
+  }
+  impl.outer_medium = medium;
+  if (impl.camera_medium == kNone) impl.camera_medium = medium_at(ray);
 }
 
 std::uint32_t Scene::medium_beyond(const SurfaceHit& hit, Vec3 d, std::uint32_t current) const {

@@ -46,10 +46,13 @@ class Scene {
 
   // Media by index. A walk carries the index of the medium it is in, kNone outside of all: it starts in
   // camera_medium() or emitter_medium(), and goes on from a surface in medium_beyond(hit, direction, the
-  // medium it came through).
+  // medium it came through). Where the scene does not name the camera's or an emitter's medium it is the one
+  // that fills the place (medium_at), so that walks of both directions see the same scene.
   const Medium& medium(std::uint32_t index) const;
   std::uint32_t camera_medium() const;
-  std::uint32_t emitter_medium(std::uint32_t emitter) const;
+  std::uint32_t emitter_medium(const EmissionSample& light) const;
+  // The medium at a ray's origin, told by the first surface along it where media meet.
+  std::uint32_t medium_at(Ray ray) const;
   std::uint32_t medium_beyond(const SurfaceHit& hit, Vec3 d, std::uint32_t current) const;
 
   // Radiance the surface at `hit` emits towards wo (unit, world); black where it is no emitter or wo is
@@ -111,6 +114,8 @@ class Scene {
 
  private:
   Scene();
+  // Media of the space outside and of the camera, where they are not named.
+  void find_media(float film_width, float film_height);
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };

@@ -10,10 +10,11 @@
 namespace candela::transport {
 namespace {
 
-// Measured on points of surfaces, tests/bench/range_search.cpp: rows as wide as the disc, so that a query
-// meets two by two of them; cells of a quarter of that along them.
+// In radii: the width of rows and the length of cells along them. Rows as wide as a disc, of which a query
+// meets two by two; narrower ones mean more runs, which cost more than the candidates they save, and so does
+// the arithmetic that would tell how near each row comes.
 constexpr double kCell = 2.0;
-constexpr double kCellX = 0.5;
+constexpr double kCellX = 0.7;
 
 struct Point {
   Vec3 position;
@@ -32,7 +33,9 @@ void RangeSearch::build(PositionView points, float radius, unsigned threads) {
   const std::size_t n = points.size();
   size_ = n;
   pitch_ = (n + 15) / 8 * 8;
-  positions_.assign(3 * pitch_, 0.0f);
+  positions_.resize(3 * pitch_);
+  for (std::size_t axis = 0; axis < 3; ++axis)  // what a query may read past the last point
+    std::fill(positions_.data() + axis * pitch_ + n, positions_.data() + (axis + 1) * pitch_, 0.0f);
   order_.resize(n);
   last_ = {-1, -1, -1};
   if (n == 0) return;
@@ -75,7 +78,8 @@ void RangeSearch::build(PositionView points, float radius, unsigned threads) {
   inv_cell_x_ = static_cast<float>(1 / std::max(least, kCellX * r));
   last_ = cell_of(box.high);
 
-  const int bits = std::clamp(static_cast<int>(std::bit_width(n - 1)), 1, 31);
+  // From n / 2 to n buckets: two to four bytes a point.
+  const int bits = std::clamp(static_cast<int>(std::bit_width(n / 2)), 1, 31);
   mask_ = (1u << bits) - 1;
   shift_ = 32 - bits;
   starts_.resize((std::size_t{1} << bits) + 1);
@@ -102,7 +106,7 @@ void RangeSearch::build(PositionView points, float radius, unsigned threads) {
     }
   }
   first[partitions] = sum;
-  std::vector<Point> grouped(n);
+  HugeVector<Point> grouped(n);
   in_parallel(chunks.parts, [&](std::size_t c) {
     std::uint32_t* next = offsets.data() + c * partitions;
     for (std::size_t i = chunks.begin(c); i < chunks.begin(c + 1); ++i) {
@@ -141,7 +145,7 @@ std::uint64_t RangeSearch::bytes() const {
 }
 
 void RangeSearch::forget_order() {
-  std::vector<std::uint32_t>().swap(order_);
+  HugeVector<std::uint32_t>().swap(order_);
 }
 
 int RangeSearch::row_runs(std::int32_t y, std::int32_t z, std::int32_t x0, std::int32_t x1, Run* out) const {

@@ -19,6 +19,7 @@
 #include <span>
 #include <vector>
 
+#include "worker/core/huge_pages.h"
 #include "worker/core/vec.h"
 
 #if defined(__AVX2__)
@@ -123,9 +124,9 @@ class RangeSearch {
   void scan(Run run, Vec3 p, float r2, Visit&& visit) const;
 
   std::size_t size_ = 0, pitch_ = 0;
-  std::vector<float> positions_;       // all x, all y, all z, `pitch_` apart
-  std::vector<std::uint32_t> order_;   // slot -> index
-  std::vector<std::uint32_t> starts_;  // bucket -> first slot, and one more
+  HugeVector<float> positions_;       // all x, all y, all z, `pitch_` apart
+  HugeVector<std::uint32_t> order_;   // slot -> index
+  HugeVector<std::uint32_t> starts_;  // bucket -> first slot, and one more
   Vec3 origin_;
   float inv_cell_ = 1, inv_cell_x_ = 1;
   Cell last_{-1, -1, -1};  // greatest coordinate of any point's cell, per axis
@@ -188,8 +189,8 @@ inline void RangeSearch::visit_slots(Vec3 p, float radius, Visit&& visit) const 
 
 // The records in the order of the slots: result[slot] = records[order[slot]].
 template <class Record>
-std::vector<Record> permuted(std::span<const Record> records, std::span<const std::uint32_t> order) {
-  std::vector<Record> result;
+HugeVector<Record> permuted(std::span<const Record> records, std::span<const std::uint32_t> order) {
+  HugeVector<Record> result;
   result.reserve(order.size());
   for (const std::uint32_t index : order) result.push_back(records[index]);
   return result;

@@ -134,7 +134,7 @@ bool Walk<kMode, kBetween, Heuristic>::start_light() {
   ray_ = origin_.ray;
   throughput_ = origin_.weight;
   scale_ = 1 / throughput_.max_component();
-  if constexpr (kMedia) medium_ = scene_.emitter_medium(origin_.vertex.emitter);
+  if constexpr (kMedia) medium_ = scene_.emitter_medium(origin_);
   block_ = kLightDimensions;
   from_ = origin_.vertex.p;
   finite_ = !origin_.infinite;
