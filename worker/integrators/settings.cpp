@@ -18,6 +18,17 @@ std::string joined(const Names& names, std::string_view separator) {
   return text;
 }
 
+std::string number_text(double value) {
+  char text[32];
+  return {text, std::to_chars(text, text + sizeof text, value).ptr};
+}
+
+std::string range_text(NumberRange range) {
+  const std::string highest = number_text(range.highest);
+  if (range.above) return "above " + number_text(range.lowest) + " and at most " + highest;
+  return "from " + number_text(range.lowest) + " to " + highest;
+}
+
 std::string quoted(const std::string& text) {
   return "'" + text + "'";
 }
@@ -44,6 +55,21 @@ void SettingsReader::operator()(std::string_view name, int& field, int lowest, i
   if (code != std::errc() || end != text->data() + text->size() || value < lowest || value > highest) {
     fail(name, quoted(*text) + " is not an integer from " + std::to_string(lowest) + " to " +
                    std::to_string(highest));
+    return;
+  }
+  field = value;
+}
+
+void SettingsReader::operator()(std::string_view name, double& field, NumberRange range,
+                                std::string_view /*doc*/) {
+  const std::string* text = take(name);
+  if (text == nullptr) return;
+  double value = 0;
+  const auto [end, code] = std::from_chars(text->data(), text->data() + text->size(), value);
+  const bool high_enough = range.above ? value > range.lowest : value >= range.lowest;
+  if (code != std::errc() || end != text->data() + text->size() || !high_enough ||
+      !(value <= range.highest)) {
+    fail(name, quoted(*text) + " is not a number " + range_text(range));
     return;
   }
   field = value;
@@ -90,6 +116,11 @@ void SettingsWriter::add(std::string_view name, std::string type, std::string va
 void SettingsWriter::operator()(std::string_view name, int& field, int lowest, int highest,
                                 std::string_view doc) {
   add(name, "integer " + std::to_string(lowest) + ".." + std::to_string(highest), std::to_string(field), doc);
+}
+
+void SettingsWriter::operator()(std::string_view name, double& field, NumberRange range,
+                                std::string_view doc) {
+  add(name, "number " + range_text(range), number_text(field), doc);
 }
 
 void SettingsWriter::operator()(std::string_view name, bool& field, std::string_view doc) {

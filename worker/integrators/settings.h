@@ -18,11 +18,18 @@ struct Choice {
   std::vector<std::string_view> names;
 };
 
+// A field that is a real number in [lowest, highest], or in (lowest, highest] where `above`.
+struct NumberRange {
+  double lowest, highest;
+  bool above = false;
+};
+
 // Visitor that reads fields from text and remembers what it consumed.
 class SettingsReader {
  public:
   explicit SettingsReader(const SettingsMap& map) : map_(map) {}
   void operator()(std::string_view name, int& field, int lowest, int highest, std::string_view doc);
+  void operator()(std::string_view name, double& field, NumberRange range, std::string_view doc);
   void operator()(std::string_view name, bool& field, std::string_view doc);
   void operator()(std::string_view name, Choice& field, std::string_view doc);
   // After all fields: an error for a bad value, or for a key that no field took.
@@ -38,10 +45,12 @@ class SettingsReader {
   Error error_;
 };
 
-// Visitor that writes fields out as text, and as documentation.
+// Visitor that writes fields out as text, and as documentation. Numbers are written with as many digits as
+// it takes to read the same number back.
 class SettingsWriter {
  public:
   void operator()(std::string_view name, int& field, int lowest, int highest, std::string_view doc);
+  void operator()(std::string_view name, double& field, NumberRange range, std::string_view doc);
   void operator()(std::string_view name, bool& field, std::string_view doc);
   void operator()(std::string_view name, Choice& field, std::string_view doc);
   SettingsMap map;
