@@ -3,7 +3,9 @@
 #include "worker/integrators/integrator.h"
 #include "worker/integrators/light/light.h"
 #include "worker/integrators/path/path.h"
+#include "worker/integrators/ppm/ppm.h"
 #include "worker/integrators/settings.h"
+#include "worker/integrators/vcm/vcm.h"
 
 namespace candela::integrators {
 namespace {
@@ -26,6 +28,9 @@ const std::vector<IntegratorEntry>& registry() {
       {"path", &make_path_integrator, &complete<PathSettings>, &document<PathSettings>},
       {"bdpt", &make_bdpt_integrator, &complete<BdptSettings>, &document<BdptSettings>},
       {"light", &make_light_integrator, &complete<LightSettings>, &document<LightSettings>},
+      {"ppm", &make_ppm_integrator, &complete<PpmSettings>, &document<PpmSettings>},
+      {"bpm", &make_bpm_integrator, &complete<BpmSettings>, &document<BpmSettings>},
+      {"vcm", &make_vcm_integrator, &complete<VcmSettings>, &document<VcmSettings>},
   };
   return entries;
 }

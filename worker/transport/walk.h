@@ -283,9 +283,9 @@ void Walk<kMode, kBetween, Heuristic>::depart(Vertex& v, float pdf, bool delta, 
   from_ = v.hit.p;
   finite_ = true;
   survival_ = 1;
+  v.left_by_delta = delta;
   if constexpr (Heuristic::kWeighs) {
     v.pdf_reverse = pdf_reverse;
-    v.left_by_delta = delta;
     departure_ = leave_vertex<Heuristic>(v.mis, v.kind == Vertex::Kind::surface, delta,
                                          static_cast<double>(pdf), pdf_reverse, factor_out);
   }

@@ -1,0 +1,135 @@
+// ppm, bpm and vcm as the farm sees them: settings, plans, units, stops.
+#include <gtest/gtest.h>
+
+#include "tests/unit/scene_fixture.h"
+#include "worker/render/renderer.h"
+
+namespace candela::render {
+namespace {
+
+constexpr std::uint32_t kSize = 40;
+
+// A lit box with a glass ball in it.
+const std::string kBox =
+    "<shape type=\"cube\"><bsdf type=\"twosided\"><bsdf type=\"diffuse\"/></bsdf></shape>"
+    "<shape type=\"sphere\"><point name=\"center\" x=\"0.3\" y=\"-0.4\" z=\"0.4\"/><float name=\"radius\" "
+    "value=\"0.3\"/><bsdf type=\"dielectric\"/></shape>"
+    "<shape type=\"rectangle\"><transform name=\"to_world\"><scale value=\"0.3\"/><rotate x=\"1\" "
+    "angle=\"90\"/><translate y=\"0.99\"/></transform><emitter type=\"area\"/></shape>";
+const std::string kPlain = "<shape type=\"sphere\"><emitter type=\"area\"/></shape><shape type=\"cube\"/>";
+
+std::unique_ptr<Renderer> make(const std::string& integrator, const std::string& body,
+                               const SettingsMap& chosen = {}) {
+  const test::TextFiles files(
+      {{"scene.xml", "<scene version=\"3.0.0\"><integrator type=\"path\"/><sensor type=\"perspective\"/>" +
+                         body + "</scene>"}});
+  JobSettings job;
+  job.integrator = integrator;
+  job.width = job.height = kSize;
+  job.seed = 3;
+  const auto settings = complete_integrator_settings(integrator, {}, chosen);
+  if (!settings.ok()) throw std::runtime_error(settings.error().to_string());
+  job.integrator_settings = *settings;
+  auto renderer = Renderer::create(files, "scene.xml", {}, job, 1);
+  if (!renderer.ok()) throw std::runtime_error(renderer.error().to_string());
+  return std::move(*renderer);
+}
+
+std::vector<std::int64_t> sums(const film::UnitFilm& film) {
+  return {film.sums(), film.sums() + film.layout().pixel_count() * film::kChannels};
+}
+
+// Claim: a unit is a pure function of its indices, not of threads, nor of how iterations are cut into units.
+TEST(Merging, ThreadsAndCutsChangeNothing) {
+  for (const std::string integrator : {"ppm", "bpm", "vcm"}) {
+    const auto renderer = make(integrator, kBox, {{"radius", "0.02"}});
+    NamedState state;
+    state.film_scale_log2 = 20;
+    const auto one = renderer->make_film(state), four = renderer->make_film(state),
+               cut = renderer->make_film(state);
+    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 1, 2, 5}, *one, {1}).ok());
+    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 1, 2, 5}, *four, {4}).ok());
+    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 1, 3, 5}, *cut, {2}).ok());
+    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 1, 2, 3}, *cut, {3}).ok());
+    EXPECT_EQ(sums(*one), sums(*four)) << integrator;
+    EXPECT_EQ(sums(*one), sums(*cut)) << integrator;
+    EXPECT_EQ(one->tallies(), four->tallies()) << integrator;
+    EXPECT_EQ(one->tallies().eye_samples, 3 * kSize * kSize) << integrator;
+    EXPECT_EQ(one->tallies().light_paths, 3 * kSize * kSize) << integrator;
+    for (const std::uint64_t count : one->tallies().rejected) EXPECT_EQ(count, 0u) << integrator;
+  }
+}
+
+// Claim: the number of light paths is the setting's, down to one, and a path of each pixel can be had with
+// fewer light paths than pixels.
+TEST(Merging, CountsOfLightPaths) {
+  for (const auto& [setting, count] :
+       {std::pair<std::string, std::uint64_t>{"0.1", 160}, {"2.5", 4000}, {"1e-9", 1}}) {
+    const auto renderer = make("vcm", kBox, {{"light_paths", setting}});
+    const auto film = renderer->make_film({});
+    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 0, 0, 1}, *film, {1}).ok());
+    EXPECT_EQ(film->tallies().light_paths, count);
+  }
+}
+
+// Claim: a stop ends a unit with an error; progress ends at 1 without one.
+TEST(Merging, StopsAndProgress) {
+  const auto renderer = make("vcm", kBox);
+  const auto film = renderer->make_film({});
+  std::atomic<bool> stop{true};
+  std::atomic<float> progress{0};
+  EXPECT_FALSE(renderer->run({Unit::Kind::iterations, 0, 0, 2}, *film, {1, &stop, &progress}).ok());
+  stop = false;
+  film->clear();
+  EXPECT_TRUE(renderer->run({Unit::Kind::iterations, 0, 0, 2}, *film, {1, &stop, &progress}).ok());
+  EXPECT_EQ(progress.load(), 1.0f);
+}
+
+// Claim: plans skip what cannot pay, say so, and no more.
+TEST(Merging, PlansSaySo) {
+  const auto plan = [](const std::string& integrator, const std::string& body,
+                       const SettingsMap& chosen = {}) {
+    return make(integrator, body, chosen)->plan_text();
+  };
+  const std::string no_merging =
+      "skip merging on surfaces: nothing glossy or specular can hide a light from connections: bidirectional "
+      "path tracing is left\n";
+  EXPECT_NE(plan("vcm", kPlain).find(no_merging), std::string::npos);
+  EXPECT_EQ(plan("vcm", kBox).find(no_merging), std::string::npos);
+  EXPECT_EQ(plan("vcm", kPlain, {{"plan", "full"}}).find("skip"), std::string::npos);
+  EXPECT_NE(plan("bpm", kPlain).find("use  merging on surfaces: the only way light paths are used\n"),
+            std::string::npos);
+  EXPECT_NE(plan("ppm", kPlain, {{"photons", "caustics"}}).find("there are no caustics"), std::string::npos);
+  const std::string mirrors =
+      "<shape type=\"sphere\"><bsdf type=\"conductor\"/><emitter type=\"area\"/></shape>";
+  for (const std::string integrator : {"bpm", "vcm"}) {
+    const std::string text = plan(integrator, mirrors);
+    EXPECT_NE(text.find("skip light paths: no technique needs them\n"), std::string::npos) << text;
+  }
+  EXPECT_NE(plan("vcm", "").find("skip everything: the scene has no emitter"), std::string::npos);
+  EXPECT_NE(plan("vcm", kBox, {{"max_depth", "1"}}).find("skip all but light seen directly"),
+            std::string::npos);
+}
+
+// Claim: numbers in settings are read back exactly, and bad ones are errors that name the range.
+TEST(Merging, NumbersInSettings) {
+  const auto defaults = complete_integrator_settings("ppm", {}, {});
+  ASSERT_TRUE(defaults.ok());
+  EXPECT_EQ(std::stod(defaults->at("alpha")), 2.0 / 3);
+  EXPECT_EQ(defaults->at("radius"), "0.003");
+  const auto given = complete_integrator_settings("vcm", {}, {{"radius", "1e-05"}, {"alpha", "1"}});
+  ASSERT_TRUE(given.ok());
+  EXPECT_EQ(given->at("radius"), "1e-05");
+  EXPECT_EQ(given->at("alpha"), "1");
+  for (const std::string bad : {"0", "-1", "1.5", "nan", "inf", "x", "0.5 ", "", "1e999"}) {
+    const auto refused = complete_integrator_settings("ppm", {}, {{"alpha", bad}});
+    ASSERT_FALSE(refused.ok()) << bad;
+    EXPECT_NE(refused.error().to_string().find("is not a number above 0 and at most 1"), std::string::npos)
+        << refused.error().to_string();
+  }
+  EXPECT_FALSE(complete_integrator_settings("ppm", {}, {{"radius_pixels", "-1"}}).ok());
+  EXPECT_TRUE(complete_integrator_settings("ppm", {}, {{"radius_pixels", "0"}}).ok());
+}
+
+}  // namespace
+}  // namespace candela::render

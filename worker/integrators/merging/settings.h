@@ -1,0 +1,56 @@
+// Settings that all integrators of the merging family share.
+#pragma once
+
+#include "worker/integrators/merging/rules.h"
+#include "worker/integrators/settings.h"
+
+namespace candela::integrators::merging {
+
+struct MergeSettings {
+  double radius = 0.003;
+  double radius_pixels = 0;
+  double alpha = 2.0 / 3;
+  double light_paths = 1;
+  Choice kernel{"constant", {"constant", "perlin", "epanechnikov"}};
+
+  MergeRules rules() const {
+    const transport::Kernel kind = kernel.value == "constant" ? transport::Kernel::constant
+                                   : kernel.value == "perlin" ? transport::Kernel::perlin
+                                                              : transport::Kernel::epanechnikov;
+    return {kind, radius, radius_pixels, alpha, light_paths};
+  }
+
+  template <class Visitor>
+  void fields(Visitor& visit) {
+    visit("radius", radius, NumberRange{0, 1, true},
+          "merging radius of the first iteration, as a fraction of the scene's bounding sphere's");
+    visit("radius_pixels", radius_pixels, NumberRange{0, 1e6},
+          "above 0: that radius in widths of a pixel at what the camera sees (the median) instead");
+    visit(
+        "alpha", alpha, NumberRange{0, 1, true},
+        "how the radius shrinks: the variance of n iterations falls as n^-alpha, their bias as n^(alpha-1)");
+    visit("light_paths", light_paths, NumberRange{0, 64, true}, "light paths of an iteration, per pixel");
+    visit("kernel", kernel, "how merging weighs photons by their distance");
+  }
+};
+
+// What every integrator of the family has.
+struct CommonSettings {
+  int max_depth = -1;
+  int rr_depth = 5;
+  bool hide_emitters = false;
+  Choice plan{"auto", {"auto", "full"}};
+
+  std::uint32_t depth() const { return max_depth < 0 ? 1u << 30 : static_cast<std::uint32_t>(max_depth); }
+
+  template <class Visitor>
+  void fields(Visitor& visit) {
+    visit("max_depth", max_depth, -1, 1 << 20,
+          "edges of the longest path; -1 none, 1 shows emitters only, 2 adds direct light");
+    visit("rr_depth", rr_depth, 1, 1 << 20, "path depth from which Russian roulette may end a path");
+    visit("hide_emitters", hide_emitters, "emitters do not show themselves to the camera");
+    visit("plan", plan, "auto leaves out what the scene does not need; full runs everything");
+  }
+};
+
+}  // namespace candela::integrators::merging

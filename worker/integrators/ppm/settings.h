@@ -1,0 +1,21 @@
+#pragma once
+
+#include "worker/integrators/merging/settings.h"
+
+namespace candela::integrators {
+
+struct PpmSettings {
+  merging::CommonSettings common;
+  merging::MergeSettings merge;
+  Choice photons{"all", {"all", "caustics"}};
+
+  template <class Visitor>
+  void fields(Visitor& visit) {
+    common.fields(visit);
+    merge.fields(visit);
+    visit("photons", photons,
+          "caustics: nothing is kept, nor shown, but light that comes to a vertex from a specular one");
+  }
+};
+
+}  // namespace candela::integrators

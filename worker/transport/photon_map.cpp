@@ -1,0 +1,84 @@
+#include "worker/transport/photon_map.h"
+
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+namespace candela::transport {
+namespace {
+
+constexpr std::size_t kMostPhotons = 0xfffffff7u;  // RangeSearch's limit
+
+float saturated(double value) {
+  return static_cast<float>(std::min(value, static_cast<double>(std::numeric_limits<float>::max())));
+}
+
+bool finite(Vec3 v) {
+  return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
+}
+bool finite(Spectrum s) {
+  return std::isfinite(s.r) && std::isfinite(s.g) && std::isfinite(s.b);
+}
+
+}  // namespace
+
+bool PhotonBuffer::keep(const scene::Scene& scene, const Vertex& v) {
+  Photon photon;
+  photon.wo = v.wo;
+  photon.flux = v.throughput;
+  photon.edges = v.edges;
+  if (v.kind == Vertex::Kind::medium) {
+    photon.medium = v.medium;
+    const scene::Medium& medium = scene.medium(v.medium);
+    const Spectrum sigma_s = medium.sigma_t(v.hit.p) * medium.albedo(v.hit.p);
+    // A channel that does not scatter carries nothing on.
+    photon.flux = {sigma_s.r > 0 ? photon.flux.r / sigma_s.r : 0,
+                   sigma_s.g > 0 ? photon.flux.g / sigma_s.g : 0,
+                   sigma_s.b > 0 ? photon.flux.b / sigma_s.b : 0};
+  }
+  if (!finite(v.hit.p) || !finite(photon.flux)) return false;
+  photon.known = saturated(v.mis.known);
+  photon.pending = saturated(v.mis.pending);
+  photon.pending_surface = saturated(v.mis.pending_surface);
+  photon.pending_medium = saturated(v.mis.pending_medium);
+  positions_.push_back(v.hit.p);
+  photons_.push_back(photon);
+  return true;
+}
+
+Result<void> PhotonMap::build(std::span<const PhotonBuffer* const> chunks, float radius, unsigned threads) {
+  std::vector<std::size_t> first(chunks.size() + 1, 0);
+  for (std::size_t c = 0; c < chunks.size(); ++c) first[c + 1] = first[c] + chunks[c]->size();
+  const std::size_t count = first.back();
+  if (count > kMostPhotons)
+    return usage_error("an iteration has more than 2^32 - 9 photons")
+        .with_field("light_paths")
+        .with_mend("trace fewer light paths per iteration, or set max_depth");
+  tbb::task_arena arena(static_cast<int>(std::max(1u, threads)));
+  const auto in_parallel = [&](std::size_t tasks, const auto& body) {
+    if (threads <= 1 || tasks <= 1) {
+      for (std::size_t i = 0; i < tasks; ++i) body(i);
+    } else {
+      arena.execute([&] { tbb::parallel_for(std::size_t{0}, tasks, body); });
+    }
+  };
+  positions_.resize(count);
+  by_index_.resize(count);
+  in_parallel(chunks.size(), [&](std::size_t c) {
+    std::copy(chunks[c]->positions().begin(), chunks[c]->positions().end(),
+              positions_.begin() + static_cast<std::ptrdiff_t>(first[c]));
+    std::copy(chunks[c]->photons().begin(), chunks[c]->photons().end(),
+              by_index_.begin() + static_cast<std::ptrdiff_t>(first[c]));
+  });
+  search_.build(std::span<const Vec3>(positions_), radius, threads);
+  photons_.resize(count);
+  constexpr std::size_t kBlock = 1u << 14;
+  const std::span<const std::uint32_t> order = search_.order();
+  in_parallel((count + kBlock - 1) / kBlock, [&](std::size_t block) {
+    const std::size_t end = std::min(count, (block + 1) * kBlock);
+    for (std::size_t slot = block * kBlock; slot < end; ++slot) photons_[slot] = by_index_[order[slot]];
+  });
+  search_.forget_order();
+  return {};
+}
+
+}  // namespace candela::transport

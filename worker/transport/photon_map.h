@@ -1,0 +1,80 @@
+// Light vertices kept to be merged with eye vertices: photons, in the order of a range search's slots.
+//
+// A photon estimates radiance times the cosine at its surface (per area), or radiance (per volume, flux
+// already divided by the sigma_s that the walk put into its throughput): the eye's vertex brings its own.
+// What weights need of the light's subpath is kept as floats, which hold 24 bits of sums that are compared
+// with others; where they cannot hold the magnitude they saturate.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "common/base/result.h"
+#include "worker/transport/range_search.h"
+#include "worker/transport/vertex.h"
+
+namespace candela::transport {
+
+struct Photon {
+  Vec3 wo;                       // unit, world, towards where the light came from
+  Spectrum flux;                 // of one light path; W, in a medium W m
+  float known = 0, pending = 0;  // MisBlock
+  float pending_surface = 0, pending_medium = 0;
+  std::uint32_t edges = 0;  // from the light
+  std::uint32_t medium = scene::kNone;
+
+  MisBlock mis() const {
+    return {static_cast<double>(known), static_cast<double>(pending), static_cast<double>(pending_surface),
+            static_cast<double>(pending_medium)};
+  }
+};
+static_assert(sizeof(Photon) == 48);
+
+// What one chunk of light paths leaves, in the order of its paths and their vertices.
+class PhotonBuffer {
+ public:
+  void clear() {
+    positions_.clear();
+    photons_.clear();
+  }
+  // Of a vertex that connects. False: not a place or a flux that can be used, and nothing is kept.
+  bool keep(const scene::Scene& scene, const Vertex& v);
+
+  std::size_t size() const { return photons_.size(); }
+  std::span<const Vec3> positions() const { return positions_; }
+  std::span<const Photon> photons() const { return photons_; }
+
+ private:
+  std::vector<Vec3> positions_;
+  std::vector<Photon> photons_;
+};
+
+class PhotonMap {
+ public:
+  // From the buffers in their order. radius: that of the queries. More than 2^32 - 9 photons are an error.
+  // The result does not depend on the number of threads.
+  Result<void> build(std::span<const PhotonBuffer* const> chunks, float radius, unsigned threads);
+
+  std::size_t size() const { return photons_.size(); }
+  // Held between build and the next one.
+  std::uint64_t bytes() const { return search_.bytes() + photons_.capacity() * sizeof(Photon); }
+
+  // visit(photon, squared distance) for all within the radius of p, in an order that depends on the photons
+  // alone.
+  template <class Visit>
+  void visit(Vec3 p, float radius, Visit&& visit) const {
+    search_.visit_slots(p, radius, [&](std::uint32_t slot, float d2) { visit(photons_[slot], d2); });
+  }
+
+ private:
+  RangeSearch search_;
+  std::vector<Photon> photons_;  // by slot
+  std::vector<Vec3> positions_;  // by index; room kept between builds
+  std::vector<Photon> by_index_;
+};
+
+}  // namespace candela::transport
