@@ -160,6 +160,33 @@ void add_integrators(std::vector<PluginRule>& table) {
                         ignored("sample_direct", {boolean}, "0.6: the plan decides which techniques run")}),
                    .child_categories = {},
                    .doc = "bidirectional path tracing with all techniques"});
+  const PropertyRule alpha = {
+      .name = "alpha",
+      .types = {number},
+      .doc = "how fast radii shrink: their squares as i^(alpha - 1) (default 2/3; vcm 0.75)",
+      .minimum = 0,
+      .maximum = 1,
+      .above_minimum = true};
+  table.push_back(
+      {.category = "integrator",
+       .name = "ppm",
+       .properties = integrator_properties(
+           {alpha, ignored("photon_count", {integer}, "light paths follow the film: --set light_paths"),
+            ignored("initial_radius", {number}, "the first radius follows the scene: --set radius"),
+            ignored("granularity", {integer}, "the farm cuts work into units itself"),
+            ignored("max_passes", {integer}, "a stop rule belongs to the job: --iterations")}),
+       .child_categories = {},
+       .doc = "stochastic progressive photon mapping; the name `sppm` means this one"});
+  table.push_back({.category = "integrator",
+                   .name = "bpm",
+                   .properties = integrator_properties({alpha}),
+                   .child_categories = {},
+                   .doc = "bidirectional photon mapping"});
+  table.push_back({.category = "integrator",
+                   .name = "vcm",
+                   .properties = integrator_properties({alpha}),
+                   .child_categories = {},
+                   .doc = "vertex connection and merging"});
 }
 
 namespace {

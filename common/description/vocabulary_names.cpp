@@ -25,8 +25,6 @@ const std::vector<MitsubaNames>& mitsuba_names() {
         "mlt",
         "erpt",
         "photonmapper",
-        "ppm",
-        "sppm",
         "vpl",
         "irrcache",
         "adaptive",
@@ -47,7 +45,6 @@ const std::vector<MitsubaNames>& mitsuba_names() {
         "multichannel",
         "mmlt",
         "upm",
-        "vcm",
         "singlescatter"}},
       {"sensor",
        {"telecentric", "spherical", "irradiancemeter", "radiancemeter", "mradiancemeter", "fluencemeter",
@@ -149,6 +146,7 @@ std::string_view canonical_plugin(std::string_view category, std::string_view na
   if (category != "integrator") return name;
   if (name == "volpath" || name == "volpathmis" || name == "volpath_simple") return "path";
   if (name == "ptracer") return "light";
+  if (name == "sppm") return "ppm";
   return name;
 }
 
