@@ -28,6 +28,8 @@
 // of a flight. Weights need only be the same function of the path in all techniques.
 #pragma once
 
+#include <algorithm>
+
 namespace candela::transport {
 
 struct Balance {
@@ -53,6 +55,10 @@ struct MisFactors {
 struct MergeFactors {
   double surface = 0, medium = 0;
 };
+
+// Sums stay below it, so that no infinity meets an eta or a density of 0. Paths of any length have ratios far
+// smaller, unless at each of a thousand vertices the two walks' densities differ by orders of magnitude.
+inline constexpr double kMostRatio = 1e250;
 
 struct MisBlock {
   double known = 0;
@@ -120,9 +126,9 @@ MisBlock arrive_later(const Departure& d, const MisFactors& factors, double at, 
   MisBlock block;
   const double turned = Heuristic::raise(d.leave / at);
   if (d.connects > 0) block.known = factors.connect * Heuristic::raise(1 / pdf_area);
-  block.pending = turned * d.carried.pending;
-  block.pending_surface = turned * d.carried.pending_surface;
-  block.pending_medium = turned * d.carried.pending_medium;
+  block.pending = std::min(turned * d.carried.pending, kMostRatio);
+  block.pending_surface = std::min(turned * d.carried.pending_surface, kMostRatio);
+  block.pending_medium = std::min(turned * d.carried.pending_medium, kMostRatio);
   return block;
 }
 

@@ -309,7 +309,7 @@ auto Walk<kMode, kBetween, Heuristic>::scatter(Vertex& v) -> Step {
   }
   if (v.edges >= most_edges()) {
     if constexpr (kPasses) {  // light may still arrive straight through
-      throughput_ *= scene_.straight(v.hit, v.wo);
+      throughput_ *= scene_.straight(v.hit, kFromLight ? -v.wo : v.wo);  // as the viewer sees it
       if (!throughput_.is_black() && pass_straight(v.hit)) return Step::passed;
     }
     return Step::ended;

@@ -1,0 +1,343 @@
+#include "worker/transport/reference.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "worker/core/math.h"
+#include "worker/transport/between.h"
+
+namespace candela::transport::reference {
+namespace {
+
+using Channels = std::array<double, 3>;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+Channels channels(Spectrum s) {
+  return {static_cast<double>(s.r), static_cast<double>(s.g), static_cast<double>(s.b)};
+}
+double mean(const Channels& c) {
+  return (c[0] + c[1] + c[2]) / 3;
+}
+void multiply(Channels& a, const Channels& b, double scale = 1) {
+  for (std::size_t i = 0; i < 3; ++i) a[i] *= b[i] * scale;
+}
+double cosine(Vec3 a, Vec3 b) {
+  return std::max(std::abs(dot(Vec3d(a), Vec3d(b))), static_cast<double>(kLeastCosine));
+}
+
+// exp(-sigma_t length).
+Channels closed_transmittance(const scene::Medium& medium, double length) {
+  const Channels sigma = channels(medium.sigma_t({}));
+  Channels t{};
+  for (std::size_t i = 0; i < 3; ++i) t[i] = sigma[i] > 0 ? math::exp(-sigma[i] * length) : 1;
+  return t;
+}
+
+struct DeltaLobe {
+  double prob = 0, eta = 1;
+  Channels value{};  // weight * prob
+};
+
+// The delta lobe that a walk takes which comes from wo and leaves along wi (local), found by trying the
+// choice of lobes throughout; of several the one of probability nearest to `prob`, if that is given.
+DeltaLobe find_delta(const scene::Closure& closure, Vec3 wo, Vec3 wi, TransportMode mode, bool straight,
+                     double prob) {
+  DeltaLobe best;
+  for (int tries = 128; tries <= 1 << 14 && best.prob == 0; tries *= 16) {
+    double nearest = kInfinity;
+    for (int i = 0; i < tries; ++i) {
+      const float u = (static_cast<float>(i) + 0.5f) / static_cast<float>(tries);
+      scene::BsdfSample sample;
+      if (!closure.sample(wo, u, {0.5f, 0.5f}, mode, sample) || !sample.delta) continue;
+      if (sample.straight != straight || dot(sample.wi, wi) < 1 - 1e-5f) continue;
+      const auto found = static_cast<double>(sample.prob);
+      const double distance = prob > 0 ? std::abs(found - prob) : 0;
+      if (distance >= nearest) continue;
+      nearest = distance;
+      best.prob = found;
+      best.eta = static_cast<double>(sample.eta);
+      best.value = channels(sample.weight);
+      for (double& value : best.value) value *= found;
+    }
+  }
+  return best;
+}
+
+}  // namespace
+
+Evaluation::Evaluation(const scene::Scene& scene, const FullPath& path, const Rules& rules)
+    : scene_(scene), path_(path), rules_(rules) {
+  const std::size_t k = path.edge_count();
+  PathNumbers& n = numbers_;
+  n.edges = k;
+  n.pdf_to_eye.assign(k + 1, 0);
+  n.pdf_to_light.assign(k + 1, 0);
+  n.factor_to_eye.assign(k + 1, 1);
+  n.factor_to_light.assign(k + 1, 1);
+  n.survival.assign(k, 1);
+  n.distance_squared.assign(k, 1);
+  n.delta.assign(k + 1, false);
+  n.in_medium.assign(k + 1, false);
+  edges_.resize(k);
+  for (std::size_t i = 0; i < k; ++i) {
+    if (!(i == 0 && path.light_infinite) && !(i + 1 == k && path.lens_infinite))
+      n.distance_squared[i] = length_squared(place(i + 1) - place(i));
+    if (!follow_edge(i)) {
+      valid_ = false;
+      return;
+    }
+  }
+  assign_media();
+  for (std::size_t i = 1; i < k; ++i) evaluate_inner(i);
+  valid_ = evaluate_ends();
+  count_rounding();
+}
+
+void Evaluation::count_rounding() {
+  constexpr double kOfCosine = 0x1p-22;
+  const std::size_t k = path_.edge_count();
+  for (std::size_t i = 0; i < k; ++i) {
+    double ends = 0;  // of the edge's stretches, along it
+    const auto surface = [&](const scene::SurfaceHit& hit, Vec3 d) {
+      const double c = cosine(d, hit.ng);
+      rounding_ += kOfCosine / c;
+      ends += static_cast<double>(hit.error) / c;
+    };
+    const Vec3 d = path_.along[i];
+    if (i > 0 && path_.inner[i - 1].kind == Vertex::Kind::surface) surface(path_.inner[i - 1].hit, d);
+    if (i + 1 < k && path_.inner[i].kind == Vertex::Kind::surface) surface(path_.inner[i].hit, d);
+    if (i == 0 && path_.light.emitter != scene::kNone && length_squared(path_.light.ng) > 0)
+      surface(path_.light, d);
+    for (const Pass& pass : edges_[i].passes) surface(pass.hit, d);
+    double thickest = 0;
+    for (const Stretch& stretch : edges_[i].stretches)
+      if (stretch.medium != scene::kNone)
+        thickest = std::max(thickest,
+                            static_cast<double>(scene_.medium(stretch.medium).max_sigma_t().max_component()));
+    rounding_ += 2 * thickest * ends;
+  }
+}
+
+Vec3d Evaluation::place(std::size_t i) const {
+  if (i == 0) return Vec3d(path_.light.p);
+  return Vec3d(i == path_.edge_count() ? path_.lens : path_.inner[i - 1].hit.p);
+}
+
+// Surfaces on the way from x_i to x_{i+1}; all of them have to let light pass straight. The first edge of
+// light from outside is followed from its other end.
+bool Evaluation::follow_edge(std::size_t i) {
+  const std::size_t k = path_.edge_count();
+  const bool from_outside = i == 0 && path_.light_infinite;
+  const Vec3 d = from_outside ? -path_.along[0] : path_.along[i];
+  const std::size_t start = from_outside ? 1 : i;
+  const bool at_lens = start == k;
+  const bool start_in_space = at_lens || (start == 0 ? path_.light_delta_position
+                                                     : path_.inner[start - 1].kind == Vertex::Kind::medium);
+  const Vec3 p = at_lens ? path_.lens_near : Vec3(place(start));
+  const scene::SurfaceHit* surface = start_in_space ? nullptr
+                                     : start == 0   ? &path_.light
+                                                    : &path_.inner[start - 1].hit;
+  Ray ray = surface == nullptr ? Ray{p, d} : spawn_ray(*surface, d);
+
+  const scene::SurfaceHit* target = nullptr;  // a surface that ends the edge
+  if (!from_outside && i + 1 < k && path_.inner[i].kind == Vertex::Kind::surface)
+    target = &path_.inner[i].hit;
+  const Vec3d end = from_outside ? Vec3d{} : i + 1 == k ? Vec3d(path_.lens_near) : place(i + 1);
+  Vec3d last(p);
+  std::vector<double> lengths;
+  Edge& edge = edges_[i];
+  for (std::uint32_t passes = 0; passes < 1000; ++passes) {
+    scene::SurfaceHit hit;
+    const bool found = scene_.intersect(ray, hit);
+    const double rest = from_outside ? kInfinity : length(end - last);
+    const double reached = found ? length(Vec3d(hit.p) - last) : kInfinity;
+    // Within what rounding may move the surface along the ray.
+    const double slack = 1e-5 * rest + 4 * static_cast<double>(hit.error) / cosine(d, hit.ng);
+    const bool arrived = !found || reached >= rest - slack ||
+                         (target != nullptr && hit.shape == target->shape &&
+                          hit.primitive == target->primitive && reached >= 0.99 * rest);
+    if (arrived) {
+      if (from_outside && found) return false;
+      lengths.push_back(rest);
+      break;
+    }
+    Pass pass;
+    pass.hit = hit;
+    // Viewed from the eye, that is from where the light goes to.
+    pass.fraction = channels(scene_.straight(hit, path_.along[i]));
+    if (!(pass.fraction[0] + pass.fraction[1] + pass.fraction[2] > 0)) return false;
+    lengths.push_back(reached);
+    edge.passes.push_back(pass);
+    last = Vec3d(hit.p);
+    ray = spawn_ray(hit, d);
+  }
+  if (from_outside) {
+    std::reverse(lengths.begin(), lengths.end());
+    std::reverse(edge.passes.begin(), edge.passes.end());
+  }
+  for (const double length : lengths) edge.stretches.push_back({scene::kNone, length});
+  for (Pass& pass : edge.passes) {
+    const Vec3 to_eye = pass.hit.shading.to_local(path_.along[i]);
+    scene::ClosureArena arena;
+    const scene::Closure from_eye = scene_.closure(pass.hit, to_eye, arena);
+    pass.prob_from_eye = find_delta(from_eye, to_eye, -to_eye, TransportMode::radiance, true, 0).prob;
+    arena.clear();
+    const scene::Closure from_light = scene_.closure(pass.hit, -to_eye, arena);
+    pass.prob_from_light = find_delta(from_light, -to_eye, to_eye, TransportMode::importance, true, 0).prob;
+  }
+  return edge.stretches.size() == edge.passes.size() + 1;
+}
+
+// From the light on, and in comparison from the eye on. Survival and transmittance follow.
+void Evaluation::assign_media() {
+  const std::size_t k = path_.edge_count();
+  const bool named = path_.light.emitter != scene::kNone;  // not of light from outside met by the eye's walk
+  scene::EmissionSample start;
+  start.vertex = path_.light;
+  start.infinite = path_.light_infinite;
+  start.ray = path_.light_delta_position ? Ray{path_.light.p, path_.along[0]}
+                                         : spawn_ray(path_.light, path_.along[0]);
+  std::uint32_t medium = named ? scene_.emitter_medium(start) : scene::kNone;
+  for (std::size_t i = 0; i < k; ++i) {
+    Edge& edge = edges_[i];
+    for (std::size_t j = 0; j < edge.stretches.size(); ++j) {
+      if (j > 0) medium = scene_.medium_beyond(edge.passes[j - 1].hit, path_.along[i], medium);
+      edge.stretches[j].medium = medium;
+    }
+    if (i + 1 < k && path_.inner[i].kind == Vertex::Kind::surface)
+      medium = scene_.medium_beyond(path_.inner[i].hit, path_.along[i + 1], medium);
+  }
+  medium = scene_.camera_medium();
+  for (std::size_t i = k; i-- > 0;) {
+    Edge& edge = edges_[i];
+    for (std::size_t j = edge.stretches.size(); j-- > 0;) {
+      media_agree_ = media_agree_ && (!named || edge.stretches[j].medium == medium);
+      edge.stretches[j].medium = medium;
+      if (j > 0) medium = scene_.medium_beyond(edge.passes[j - 1].hit, -path_.along[i], medium);
+      if (edge.stretches[j].medium == scene::kNone) continue;
+      const scene::Medium& around = scene_.medium(edge.stretches[j].medium);
+      if (around.homogeneous())
+        numbers_.survival[i] *= mean(closed_transmittance(around, edge.stretches[j].length));
+      else
+        closed_form_ = false;
+    }
+    if (i > 0 && path_.inner[i - 1].kind == Vertex::Kind::surface)
+      medium = scene_.medium_beyond(path_.inner[i - 1].hit, -path_.along[i - 1], medium);
+  }
+}
+
+void Evaluation::evaluate_inner(std::size_t i) {
+  const InnerVertex& v = path_.inner[i - 1];
+  const Vec3 to_light = -path_.along[i - 1], to_eye = path_.along[i];
+  PathNumbers& n = numbers_;
+  inner_.push_back(std::make_unique<Inner>());
+  Inner& x = *inner_.back();
+  if (v.kind == Vertex::Kind::medium) {
+    const scene::Medium& medium = scene_.medium(v.medium);
+    const Channels sigma_t = channels(medium.sigma_t(v.hit.p));
+    n.in_medium[i] = true;
+    n.factor_to_eye[i] = n.factor_to_light[i] = std::max(mean(sigma_t), 1e-30);
+    n.pdf_to_eye[i] = static_cast<double>(medium.phase().pdf_solid_angle(to_light, to_eye));
+    n.pdf_to_light[i] = static_cast<double>(medium.phase().pdf_solid_angle(to_eye, to_light));
+    x.value = sigma_t;
+    multiply(x.value, channels(medium.albedo(v.hit.p)),
+             static_cast<double>(medium.phase().eval(to_eye, to_light)));
+  } else {
+    n.factor_to_eye[i] = cosine(to_eye, v.hit.ng);
+    n.factor_to_light[i] = cosine(to_light, v.hit.ng);
+    const Vec3 local_light = v.hit.shading.to_local(to_light), local_eye = v.hit.shading.to_local(to_eye);
+    x.from_light = scene_.closure(v.hit, local_light, x.arena_light);
+    x.from_eye = scene_.closure(v.hit, local_eye, x.arena_eye);
+    if (v.delta) {
+      evaluate_delta(i, local_light, local_eye);
+      return;
+    }
+    n.pdf_to_eye[i] =
+        static_cast<double>(x.from_light.pdf_solid_angle(local_light, local_eye, TransportMode::importance));
+    n.pdf_to_light[i] =
+        static_cast<double>(x.from_eye.pdf_solid_angle(local_eye, local_light, TransportMode::radiance));
+    x.value = channels(x.from_eye.eval(local_eye, local_light, TransportMode::radiance));
+  }
+  x.prob_to_eye = n.pdf_to_eye[i];
+  x.prob_to_light = n.pdf_to_light[i];
+}
+
+void Evaluation::evaluate_delta(std::size_t i, Vec3 to_light, Vec3 to_eye) {
+  const InnerVertex& v = path_.inner[i - 1];
+  PathNumbers& n = numbers_;
+  Inner& x = *inner_[i - 1];
+  const double known_light = v.delta_prob_from_light ? v.delta_prob : 0,
+               known_eye = v.delta_prob_from_light ? 0 : v.delta_prob;
+  const DeltaLobe light =
+      find_delta(x.from_light, to_light, to_eye, TransportMode::importance, false, known_light);
+  const DeltaLobe eye = find_delta(x.from_eye, to_eye, to_light, TransportMode::radiance, false, known_eye);
+  const double squared = eye.eta * eye.eta;  // (n_light / n_eye)^2
+  n.delta[i] = true;
+  n.pdf_to_light[i] = eye.prob;
+  n.pdf_to_eye[i] = light.prob / squared * n.factor_to_eye[i] / n.factor_to_light[i];
+  x.prob_to_light = eye.prob;
+  x.prob_to_eye = light.prob / squared * std::abs(static_cast<double>(to_eye.z)) /
+                  std::abs(static_cast<double>(to_light.z));
+  x.value = eye.value;
+}
+
+bool Evaluation::evaluate_ends() {
+  const std::size_t k = path_.edge_count();
+  PathNumbers& n = numbers_;
+  const bool delta = path_.light_delta_position || path_.light_delta_direction;
+  const bool on_surface = !path_.light_infinite && !delta;
+  n.light_can_be_hit = !delta;
+  if (on_surface) n.factor_to_eye[0] = cosine(path_.along[0], path_.light.ng);
+
+  // P_0, and the density of the light's walk's direction.
+  scene::EmissionDensity emission;
+  bool emits = false;
+  scene::DirectSample seen;
+  seen.wi = -path_.along[0];
+  seen.emitter = path_.light.emitter;
+  if (on_surface)
+    emits = scene_.pdf_emission(path_.light, path_.along[0], emission);
+  else if (delta)
+    emits = scene_.pdf_emission(seen, emission);
+  else
+    emits = scene_.pdf_emission_environment(-path_.along[0], emission);
+  if (emits) {
+    const auto prob = static_cast<double>(emission.prob), area = static_cast<double>(emission.pdf_area),
+               angle = static_cast<double>(emission.pdf_solid_angle);
+    n.light_prob = prob * (path_.light_infinite ? angle : area);
+    n.pdf_to_eye[0] = path_.light_infinite ? area : angle;
+  }
+
+  // C_0.
+  if (k > 1) {
+    const InnerVertex& first = path_.inner[0];
+    Vec3 front;
+    if (first.kind == Vertex::Kind::surface && !inner_[0]->from_eye.scatters_through())
+      front = dot(path_.along[1], first.hit.shading.n) < 0 ? -first.hit.shading.n : first.hit.shading.n;
+    if (delta)
+      n.light_direct = static_cast<double>(scene_.prob_direct(first.hit, front, path_.light.emitter));
+    else if (path_.light_infinite)
+      n.light_direct =
+          static_cast<double>(scene_.pdf_direct_environment_solid_angle(first.hit, front, -path_.along[0]));
+    else
+      n.light_direct =
+          static_cast<double>(scene_.pdf_direct_solid_angle(first.hit, front, -path_.along[0], path_.light)) *
+          n.factor_to_eye[0] / n.distance_squared[0];
+  }
+
+  // Q_k, C_k, and the density of the eye's walk's direction.
+  scene::CameraDensity camera;
+  if (!scene_.pdf_camera(path_.lens_near, -path_.along[k - 1], camera, rules_.film_border)) return false;
+  n.lens_can_be_hit = !camera.delta_position && !camera.delta_direction;
+  n.lens_prob = camera.delta_direction ? 1 : static_cast<double>(camera.pdf_area);
+  n.lens_connect = n.lens_prob;
+  n.factor_to_light[k] = static_cast<double>(camera.cosine);
+  n.pdf_to_light[k] = rules_.eye_paths *
+                      static_cast<double>(camera.delta_direction ? camera.pdf_area : camera.pdf_solid_angle);
+  importance_ = static_cast<double>(camera.importance) *
+                (camera.delta_position ? 1 : static_cast<double>(camera.cosine));
+  return true;
+}
+
+}  // namespace candela::transport::reference

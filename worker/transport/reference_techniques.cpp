@@ -1,0 +1,111 @@
+// The half of the oracle that is arithmetic: products of densities, and weights.
+#include <algorithm>
+#include <cmath>
+
+#include "worker/transport/reference.h"
+
+namespace candela::transport::reference {
+
+void Scaled::normalise() {
+  if (mantissa_ == 0 || !std::isfinite(mantissa_)) return;
+  int exponent = 0;
+  mantissa_ = 2 * std::frexp(mantissa_, &exponent);
+  exponent_ += exponent - 1;
+}
+
+Scaled& Scaled::operator*=(const Scaled& other) {
+  mantissa_ *= other.mantissa_;
+  exponent_ = mantissa_ == 0 ? 0 : exponent_ + other.exponent_;
+  normalise();
+  return *this;
+}
+
+Scaled& Scaled::operator/=(const Scaled& other) {
+  mantissa_ /= other.mantissa_;
+  exponent_ = mantissa_ == 0 ? 0 : exponent_ - other.exponent_;
+  normalise();
+  return *this;
+}
+
+bool operator<(const Scaled& a, const Scaled& b) {
+  if (a.is_zero() || b.is_zero()) return a.mantissa_ < b.mantissa_;
+  return a.exponent_ != b.exponent_ ? a.exponent_ < b.exponent_ : a.mantissa_ < b.mantissa_;
+}
+
+double Scaled::value() const {
+  return std::ldexp(mantissa_, static_cast<int>(std::clamp<std::int64_t>(exponent_, -5000, 5000)));
+}
+
+double PathNumbers::light_density(std::size_t i) const {
+  if (i == 0) return light_prob;
+  const double seen = i == edges ? 1 : survival[i - 1];  // hit_lens: by convention
+  return pdf_to_eye[i - 1] * seen * factor_to_light[i] / distance_squared[i - 1];
+}
+
+double PathNumbers::eye_density(std::size_t i) const {
+  if (i == edges) return lens_prob;
+  return pdf_to_light[i + 1] * survival[i] * factor_to_eye[i] / distance_squared[i];
+}
+
+std::vector<Technique> list_techniques(const PathNumbers& n, const Counts& counts) {
+  using Kind = Technique::Kind;
+  const std::size_t k = n.edges;
+  std::vector<Technique> list;
+  // P_0 ... P_{s-1} Q_first ... Q_k.
+  const auto product = [&](std::size_t s, std::size_t first) {
+    Scaled density = 1;
+    for (std::size_t i = 0; i < s; ++i) density *= n.light_density(i);
+    for (std::size_t i = first; i <= k; ++i) density *= n.eye_density(i);
+    return density;
+  };
+  const auto add = [&](Kind kind, std::size_t s, double count, const Scaled& density) {
+    if (count > 0) list.push_back({kind, s, density * count});
+  };
+  // Light seen directly: nothing but the eye's walk looks for it.
+  if (k == 1) {
+    list.push_back({Kind::hit_light, 0, product(0, 0)});
+    return list;
+  }
+  if (n.light_can_be_hit) add(Kind::hit_light, 0, counts.hit_light, product(0, 0));
+  if (!n.delta[1]) add(Kind::next_event, 1, counts.next_event, product(0, 1) * n.light_direct);
+  for (std::size_t s = 2; s < k; ++s)
+    if (!n.delta[s - 1] && !n.delta[s]) add(Kind::connect, s, counts.connect, product(s, s));
+  if (!n.delta[k - 1]) add(Kind::light_image, k, counts.light_image, product(k, k + 1) * n.lens_connect);
+  if (n.lens_can_be_hit) add(Kind::hit_lens, k + 1, counts.hit_lens, product(k + 1, k + 1));
+  for (std::size_t s = 1; s < k; ++s)
+    if (!n.delta[s])
+      add(Kind::merge, s, n.in_medium[s] ? counts.merge_medium : counts.merge_surface, product(s + 1, s));
+  return list;
+}
+
+std::vector<double> weigh(const std::vector<Technique>& techniques, Heuristic heuristic, double alpha) {
+  std::vector<double> weights(techniques.size(), 0.0);
+  if (techniques.empty()) return weights;
+  std::size_t largest = 0;
+  for (std::size_t i = 1; i < techniques.size(); ++i)
+    if (techniques[largest].density < techniques[i].density) largest = i;
+  if (techniques[largest].density.is_zero()) return weights;
+  double sum = 0;
+  for (std::size_t i = 0; i < techniques.size(); ++i) {
+    const double ratio = (techniques[i].density / techniques[largest].density).value();
+    switch (heuristic) {
+      case Heuristic::balance:
+        weights[i] = ratio;
+        break;
+      case Heuristic::power:
+        weights[i] = ratio * ratio;
+        break;
+      case Heuristic::maximum:
+        weights[i] = i == largest ? 1 : 0;
+        break;
+      case Heuristic::cutoff:
+        weights[i] = ratio >= alpha ? ratio : 0;
+        break;
+    }
+    sum += weights[i];
+  }
+  for (double& weight : weights) weight /= sum;
+  return weights;
+}
+
+}  // namespace candela::transport::reference

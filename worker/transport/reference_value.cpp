@@ -1,0 +1,154 @@
+// The oracle's contribution of a path, and the densities with which walks truly make it.
+#include <algorithm>
+#include <cmath>
+
+#include "worker/core/math.h"
+#include "worker/transport/reference.h"
+
+namespace candela::transport::reference {
+namespace {
+
+using Channels = std::array<double, 3>;
+
+Spectrum spectrum(const Channels& c) {
+  const double largest = std::max({c[0], c[1], c[2]});
+  if (!(largest > 0)) return Spectrum(1.0f);
+  return {static_cast<float>(c[0] / largest), static_cast<float>(c[1] / largest),
+          static_cast<float>(c[2] / largest)};
+}
+
+Channels stretch_transmittance(const scene::Medium& medium, double length) {
+  const Spectrum sigma = medium.sigma_t({});
+  const Channels s{static_cast<double>(sigma.r), static_cast<double>(sigma.g), static_cast<double>(sigma.b)};
+  Channels t{};
+  for (std::size_t i = 0; i < 3; ++i) t[i] = s[i] > 0 ? math::exp(-s[i] * length) : 1;
+  return t;
+}
+
+}  // namespace
+
+Channels Evaluation::emitted() const {
+  const bool delta = path_.light_delta_position || path_.light_delta_direction;
+  const Spectrum radiance = delta                  ? path_.light_delta_radiance
+                            : path_.light_infinite ? scene_.environment(-path_.along[0])
+                                                   : scene_.emitted(path_.light, path_.along[0]);
+  return {static_cast<double>(radiance.r), static_cast<double>(radiance.g), static_cast<double>(radiance.b)};
+}
+
+Channels Evaluation::transmittance(const Edge& edge) const {
+  Channels t{1, 1, 1};
+  for (const Stretch& stretch : edge.stretches) {
+    if (stretch.medium == scene::kNone || !scene_.medium(stretch.medium).homogeneous()) continue;
+    const Channels passed = stretch_transmittance(scene_.medium(stretch.medium), stretch.length);
+    for (std::size_t c = 0; c < 3; ++c) t[c] *= passed[c];
+  }
+  for (const Pass& pass : edge.passes)
+    for (std::size_t c = 0; c < 3; ++c) t[c] *= pass.fraction[c];
+  return t;
+}
+
+std::array<Scaled, 3> Evaluation::contribution() const {
+  const Channels radiance = emitted();
+  std::array<Scaled, 3> f;
+  for (std::size_t c = 0; c < 3; ++c) {
+    f[c] = Scaled(radiance[c]) * importance_;
+    for (std::size_t i = 0; i < numbers_.edges; ++i) {
+      // The cosine at the end towards the eye is the bsdf's, or the lens'.
+      const double leaving = numbers_.in_medium[i] ? 1 : numbers_.factor_to_eye[i];
+      f[c] *= transmittance(edges_[i])[c];
+      f[c] *= leaving / numbers_.distance_squared[i];
+      if (i > 0) f[c] *= inner_[i - 1]->value[c];
+    }
+  }
+  return f;
+}
+
+// The density of the flight along an edge, and of passing its surfaces straight. colour: of what the walk
+// carries, which chooses the channel of a flight; on return that behind the edge.
+Scaled Evaluation::fly(bool from_light, std::size_t i, Arrival arrival, bool expects_passes,
+                       Channels& colour) const {
+  const Edge& edge = edges_[i];
+  const std::size_t count = edge.stretches.size();
+  Scaled density = 1;
+  for (std::size_t j = 0; j < count; ++j) {
+    const bool last = j + 1 == count;
+    const Stretch& stretch = edge.stretches[from_light ? j : count - 1 - j];
+    if (stretch.medium != scene::kNone && scene_.medium(stretch.medium).homogeneous()) {
+      const scene::Medium& medium = scene_.medium(stretch.medium);
+      const auto length = static_cast<float>(stretch.length);
+      const Channels passed = stretch_transmittance(medium, stretch.length);
+      double p = 1;
+      if (!last || arrival == Arrival::surface)
+        p = static_cast<double>(medium.prob_pass(length, spectrum(colour)));
+      else if (arrival == Arrival::medium)
+        p = static_cast<double>(medium.pdf_distance(length, spectrum(colour)));
+      density *= p;
+      for (std::size_t c = 0; c < 3; ++c) colour[c] *= passed[c] / p;
+    }
+    if (last) break;
+    const Pass& pass = edge.passes[from_light ? j : count - 2 - j];
+    if (!expects_passes) density *= from_light ? pass.prob_from_light : pass.prob_from_eye;
+    for (std::size_t c = 0; c < 3; ++c) colour[c] *= pass.fraction[c];
+  }
+  return density;
+}
+
+Scaled Evaluation::walk_density(bool from_light, std::size_t count) const {
+  const PathNumbers& n = numbers_;
+  const std::size_t k = n.edges;
+  if (count == 0) return 1;
+  Scaled density = from_light ? n.light_prob : n.lens_prob;
+  Channels colour = from_light ? emitted() : Channels{1, 1, 1};
+  for (std::size_t step = 1; step < count; ++step) {
+    const std::size_t v = from_light ? step : k - step;  // arrived at
+    const std::size_t before = from_light ? v - 1 : v + 1, edge = from_light ? v - 1 : v;
+    if (step == 1) {
+      density *= from_light ? n.pdf_to_eye[0] : n.pdf_to_light[k];
+    } else {
+      const Inner& x = *inner_[before - 1];
+      density *= from_light ? x.prob_to_eye : x.prob_to_light;
+      const Spectrum scattered = spectrum(x.value);
+      colour[0] *= static_cast<double>(scattered.r);
+      colour[1] *= static_cast<double>(scattered.g);
+      colour[2] *= static_cast<double>(scattered.b);
+    }
+    const Arrival arrival = n.in_medium[v] ? Arrival::medium : v == k ? Arrival::lens : Arrival::surface;
+    density *= fly(from_light, edge, arrival,
+                   step >= (from_light ? rules_.max_light_edges : rules_.max_edges), colour);
+    // A flight's density has the hazard in it.
+    if (!n.in_medium[v]) density *= from_light ? n.factor_to_light[v] : n.factor_to_eye[v];
+    density /= n.distance_squared[edge];
+    const Spectrum whole = spectrum(colour);
+    colour = {static_cast<double>(whole.r), static_cast<double>(whole.g), static_cast<double>(whole.b)};
+  }
+  return density;
+}
+
+Channels Evaluation::estimator_value(const Technique& technique) const {
+  const std::size_t k = numbers_.edges, s = technique.light_vertices;
+  Scaled density;
+  switch (technique.kind) {
+    case Technique::Kind::hit_light:
+      density = walk_density(false, k + 1);
+      break;
+    case Technique::Kind::next_event:
+      density = walk_density(false, k) * numbers_.light_direct;
+      break;
+    case Technique::Kind::connect:
+      density = walk_density(true, s) * walk_density(false, k + 1 - s);
+      break;
+    case Technique::Kind::light_image:
+      density = walk_density(true, k) * numbers_.lens_connect;
+      break;
+    case Technique::Kind::hit_lens:
+      density = walk_density(true, k + 1);
+      break;
+    case Technique::Kind::merge:
+      break;
+  }
+  if (density.is_zero()) return {};
+  const std::array<Scaled, 3> f = contribution();
+  return {(f[0] / density).value(), (f[1] / density).value(), (f[2] / density).value()};
+}
+
+}  // namespace candela::transport::reference
