@@ -205,8 +205,10 @@ def table_text(args):
         eye, photon, spread = fit(table, integrator)
         print("fit: variance %.3g / N + %.3g f (residual %.0f %%), squared bias %.3g g^2" %
               (eye, photon, 100 * spread, pattern_squared))
-        print("best alpha by the fit: " + ", ".join(
-            "%.2f at 1e%d" % (best_alpha(eye, photon, pattern_squared, 10**k), k) for k in range(1, 10)))
+        for scale in (1, 1 / 3, 1 / 10):
+            print("best alpha by the fit if r_1 were %.4f: " % (scale * results["radius"]) + ", ".join(
+                "%.2f at 1e%d" % (best_alpha(eye, photon / scale**2, pattern_squared * scale**4, 10**k), k)
+                for k in range(2, 9)))
 
 
 def plot(args):
@@ -264,7 +266,7 @@ def main():
     p.add_argument("--size", type=int, default=48)
     p.add_argument("--radius", type=float, default=0.03, help="of the first iteration, fraction of the scene's")
     p.add_argument("--integrators", default="ppm,vcm")
-    p.add_argument("--iterations", type=int, nargs="+", default=[4, 16, 64, 256, 1024])
+    p.add_argument("--iterations", type=int, nargs="+", default=[16, 64, 256, 1024])
     p.add_argument("--seeds", type=int, default=1)
     p.add_argument("--reference", type=int, default=32768, help="iterations of path")
     p.add_argument("--threads", type=int, default=1)
