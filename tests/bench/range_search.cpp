@@ -5,7 +5,8 @@
 // box; their order is random, as that of paths is. Queries: "pixels" are what a pinhole camera before the
 // open side sees, row by row; "scattered" are points of the surfaces in random order. Radii are such that a
 // query finds 1, 5, 20, 100 points on the mean. A round takes both structures in turn; the ratio is the
-// median over the rounds; CPU time of one thread, save that our build is in wall clock (it has `threads`).
+// median over the rounds; CPU time of one thread, save that our build is in wall clock where `threads` is
+// not 1.
 //
 // "records": each hit also reads a 64-byte record, by the index of the point (ours, kd-tree) or in the order
 // of the slots (ours). "permut" is the time to bring the records into that order, one thread.
@@ -162,9 +163,10 @@ void compare(const char* name, const std::vector<Vec3>& points, const std::vecto
   Totals a, b;
   for (int round = 0; round < rounds; ++round) {
     RangeSearch search;
-    double t = wall_seconds();
+    const auto clock = threads > 1 ? wall_seconds : cpu_seconds;
+    double t = clock();
     search.build(PositionView(std::span<const Record>(records), &Record::position), radius, threads);
-    build.push_back(wall_seconds() - t);
+    build.push_back(clock() - t);
     bytes = static_cast<double>(search.bytes()) / static_cast<double>(points.size());
     t = cpu_seconds();
     const HugeVector<Record> sorted = transport::permuted(std::span<const Record>(records), search.order());
@@ -222,7 +224,9 @@ void compare(const char* name, const std::vector<Vec3>& points, const std::vecto
       tree_query(q, [&](std::uint32_t index, float d2) { sum += d2 * records[index].flux[0]; });
       sums.sum += static_cast<double>(sum);
     });
-    if (a.hits != b.hits)
+    // The tree may round a distance otherwise, so a few on the border may differ.
+    const auto most = static_cast<double>(std::max(a.hits, b.hits));
+    if (std::abs(static_cast<double>(a.hits) - static_cast<double>(b.hits)) > 1e-5 * most + 2)
       std::printf("differ: %llu %llu\n", static_cast<unsigned long long>(a.hits),
                   static_cast<unsigned long long>(b.hits));
     if (std::abs(c.sum / d.sum - 1) > 1e-4) std::printf("records differ: %g %g %g\n", c.sum, d.sum, e.sum);
