@@ -43,6 +43,8 @@ Json job(const v1::JobStatus& s) {
   json["units_leased"] = s.units_leased();
   json["iterations"] = s.iterations();
   json["samples"] = s.samples();
+  json["light_paths"] = s.light_paths();
+  json["rays"] = s.rays();
   // Before the first merge the estimate has no meaning, whatever the field holds.
   json["error"] = s.iterations() > 0 ? finite(s.relmse_estimate()) : Json(nullptr);
   json["samples_per_second"] = finite(s.samples_per_second());
@@ -72,6 +74,8 @@ Json job(const v1::JobStatus& s) {
   json["checkpoint"] = {{"generation", s.checkpoint_generation()}, {"iterations", s.checkpoint_iterations()}};
   json["submitted_unix_ms"] = time_ms(s.submitted_unix_ms());
   json["finished_unix_ms"] = time_ms(s.finished_unix_ms());
+  json["layers"] = Json::array();
+  for (const std::string& layer : s.layers()) json["layers"].push_back(layer);
   json["plan"] = s.plan();
   return json;
 }

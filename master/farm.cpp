@@ -57,11 +57,8 @@ std::filesystem::path Farm::job_folder(const std::string& job_id) const {
 }
 
 std::shared_ptr<JobFilm> Farm::make_film(const JobRow& row) const {
-  film::Layout layout;
-  layout.width = row.settings.width;
-  layout.height = row.settings.height;
   FileWriter writer = options_.film_writer ? options_.film_writer : FileWriter(&write_file_atomically);
-  return std::make_shared<JobFilm>(job_folder(row.id), layout, row.named_state->film_scale_log2,
+  return std::make_shared<JobFilm>(job_folder(row.id), layout_of(row), row.named_state->film_scale_log2,
                                    std::move(writer));
 }
 
@@ -244,6 +241,8 @@ v1::JobStatus Farm::status_locked(const Job& job, Now t) const {
   out.set_units_merged(r.units_merged);
   out.set_iterations(r.iterations);
   out.set_samples(r.tallies.eye_samples);
+  out.set_light_paths(r.tallies.light_paths);
+  out.set_rays(r.tallies.rays);
   out.set_relmse_estimate(r.relmse);
   out.set_units_leased(scheduler_->leases_of(r.id));
   out.set_elapsed_seconds(r.elapsed_seconds);
@@ -258,6 +257,7 @@ v1::JobStatus Farm::status_locked(const Job& job, Now t) const {
   out.set_submitted_unix_ms(r.submitted_unix_ms);
   out.set_finished_unix_ms(r.finished_unix_ms);
   out.set_plan(r.plan);
+  for (const std::string& layer : r.layers) out.add_layers(layer);
   out.set_checkpoint_generation(r.checkpoint_generation);
   out.set_checkpoint_iterations(r.checkpoint_iterations);
   out.set_samples_per_second(scheduler_->samples_per_second(job, t));

@@ -94,7 +94,8 @@ class Farm {
                                    const std::function<Result<void>(Scheduler&, Now)>& change);
   Result<v1::JobStatus> extend(const v1::ExtendJobRequest& request);
   // The image of what is merged now, as the bytes of an EXR file. ErrorKind::refused before the first merge.
-  Result<std::string> image(const std::string& job_id, bool error_layer);
+  // `image_only`: without the job's further layers.
+  Result<std::string> image(const std::string& job_id, bool error_layer, bool image_only);
   Result<v1::GetLedgerResponse> ledger(const std::string& job_id);
 
   // --- deltas ---

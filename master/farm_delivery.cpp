@@ -13,8 +13,9 @@ namespace candela::master {
 namespace {
 
 // An upper bound of an encoded delta: raw sums, an eighth more for incompressible planes, and headers.
-std::uint64_t largest_delta(const JobSettings& s) {
-  const std::uint64_t raw = std::uint64_t{s.width} * s.height * film::kChannels * sizeof(std::int64_t);
+std::uint64_t largest_delta(const film::Layout& layout) {
+  const std::uint64_t raw =
+      std::uint64_t{layout.pixel_count()} * layout.layers * film::kChannels * sizeof(std::int64_t);
   return raw + raw / 8 + (1 << 20);
 }
 
@@ -34,7 +35,7 @@ Result<std::optional<Farm::Verdict>> Farm::admit(const v1::DeltaHeader& header) 
     Answer a{
         s.check_delivery(header.worker_id(), header.token(), header.unit_id(), header.job_id(), unit, now()),
         0};
-    if (const Job* job = s.job(header.job_id())) a.largest = largest_delta(job->row.settings);
+    if (const Job* job = s.job(header.job_id())) a.largest = largest_delta(layout_of(job->row));
     if (a.delivery == Delivery::ok) s.touch_lease(header.token(), now());
     return a;
   });
@@ -107,8 +108,7 @@ Farm::Verdict Farm::deliver(const v1::DeltaHeader& header, const std::string& by
   const Expected expected = with_scheduler([&](Scheduler& s) {
     const JobRow& row = s.job(header.job_id())->row;
     Expected e;
-    e.layout.width = row.settings.width;
-    e.layout.height = row.settings.height;
+    e.layout = layout_of(row);
     e.scale_log2 = row.named_state ? row.named_state->film_scale_log2 : 0;
     return e;
   });

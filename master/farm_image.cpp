@@ -8,6 +8,7 @@
 #include "common/base/log.h"
 #include "common/base/version.h"
 #include "common/bundle/bundle.h"
+#include "common/film/layers.h"
 #include "common/image/image.h"
 #include "common/stats/image_error.h"
 #include "common/wire/wire.h"
@@ -44,6 +45,7 @@ Result<std::string> Farm::encode_image(const JobRow& row, const film::MergedFilm
   m["candela:iterations"] = std::to_string(film.iterations());
   m["candela:eye_samples"] = std::to_string(tallies.eye_samples);
   m["candela:light_paths"] = std::to_string(tallies.light_paths);
+  m["candela:rays"] = std::to_string(tallies.rays);
   m["candela:scale"] = fmt::format("2^{}", film.scale_log2());
   m["candela:relmse_estimate"] = fmt::format("{:.6g}", stats::estimate_error(film).relmse);
   for (int i = 0; i < film::kRejectCauses; ++i)
@@ -64,14 +66,24 @@ Result<std::string> Farm::encode_image(const JobRow& row, const film::MergedFilm
   const std::vector<float> rgb = film.develop(0);
   std::vector<float> error;
   std::vector<image::Layer> layers;
+  if (film.layout().layers > 1) {
+    std::string& names = m["candela:layers"];
+    for (const std::string& name : row.layers) names += (names.empty() ? "" : ", ") + name;
+    for (std::uint32_t i = 1; i < film.layout().layers; ++i)
+      layers.push_back({row.layers[i - 1], {}, [&film, i](std::uint32_t y, std::span<float> out) {
+                          std::vector<double> mean(out.size());
+                          film.develop_row(i, y, film::MergedFilm::Which::both, mean);
+                          for (std::size_t v = 0; v < out.size(); ++v) out[v] = static_cast<float>(mean[v]);
+                        }});
+  }
   if (error_layer) {
     error = stats::error_map(film);
-    layers.push_back({"error", error});
+    layers.push_back({std::string(film::kErrorLayer), error, {}});
   }
   return image::encode_exr(s.width, s.height, rgb, m, layers);
 }
 
-Result<std::string> Farm::image(const std::string& job_id, bool error_layer) {
+Result<std::string> Farm::image(const std::string& job_id, bool error_layer, bool image_only) {
   const JobRow row = with_scheduler([&](Scheduler& s) { return s.job(job_id)->row; });
   const std::shared_ptr<JobFilm> film = film_of(job_id);
   const auto nothing = [&] {
@@ -82,7 +94,7 @@ Result<std::string> Farm::image(const std::string& job_id, bool error_layer) {
   film->touch(now().seconds);
   CANDELA_ASSIGN(const std::string trouble, film->ensure_loaded());
   if (!trouble.empty()) log::warn(trouble, {.job = job_id});
-  const auto copy = film->snapshot();
+  const auto copy = film->snapshot(image_only ? JobFilm::Part::image : JobFilm::Part::all);
   if (!copy || copy->iterations() == 0) return nothing();
   return encode_image(row, *copy, error_layer);
 }

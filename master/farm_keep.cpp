@@ -104,7 +104,7 @@ void Farm::estimate(const std::string& job_id, JobFilm& film, bool now_please) {
       return;
   }
   const double started = now().seconds;
-  const auto copy = film.snapshot();
+  const auto copy = film.snapshot(JobFilm::Part::image);
   if (!copy) return;
   const stats::ErrorEstimate e = stats::estimate_error(*copy);
   kept.last_estimate = now().seconds;

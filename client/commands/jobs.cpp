@@ -66,6 +66,8 @@ void print_job(std::ostream& out, const v1::JobStatus& s) {
   line("iterations",
        fmt::format("{} in {} units, {} more leased", s.iterations(), s.units_merged(), s.units_leased()));
   line("samples", fmt::format("{}", s.samples()));
+  if (s.light_paths() > 0) line("light paths", fmt::format("{}", s.light_paths()));
+  line("rays", fmt::format("{}", s.rays()));
   line("relMSE", error_text(s));
   std::vector<std::string> limits;
   if (s.stop().iterations() > 0) limits.push_back(fmt::format("{} iterations", s.stop().iterations()));
@@ -83,6 +85,7 @@ void print_job(std::ostream& out, const v1::JobStatus& s) {
   std::string integrator = settings.integrator();
   for (const auto& [key, value] : sorted) integrator += fmt::format(" {}={}", key, value);
   line("integrator", integrator);
+  if (s.layers_size() > 0) line("layers", join(s.layers(), " "));
   line("priority", fmt::format("{}, share {}", s.priority(), s.share()));
   line("bundle", s.bundle_sha256());
   line("checkpoint",

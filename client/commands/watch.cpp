@@ -26,7 +26,8 @@ Result<int> run_fetch(const WatchOptions& options) {
     return usage_error("no output is given").with_mend("use -o out.exr, --png out.png or both");
   CANDELA_TRY(check_output(output));
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
-  CANDELA_ASSIGN(const std::string exr, farm->fetch_image(options.id, options.error_layer));
+  CANDELA_ASSIGN(const std::string exr,
+                 farm->fetch_image(options.id, options.error_layer, output.exr.empty()));
   CANDELA_TRY(write_images(output, exr));
   return 0;
 }

@@ -247,7 +247,7 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   CANDELA_ASSIGN(const v1::JobStatus last, client->get_job(id));
 
   if (last.iterations() > 0) {
-    CANDELA_ASSIGN(const std::string exr, client->fetch_image(id, options.error_layer));
+    CANDELA_ASSIGN(const std::string exr, client->fetch_image(id, options.error_layer, output.exr.empty()));
     CANDELA_TRY(write_images(output, exr));
   }
   const auto lost = farm->workers_lost();

@@ -296,6 +296,9 @@ class MergedFilm {
   std::string serialise() const;
   static Result<MergedFilm> parse(std::string_view bytes);
 
+  // A copy of the image alone: layer 0, with the tallies and the merged indices.
+  MergedFilm image_layer() const;
+
   // Sum of one half in film units (128 bits).
   Int128 sum(std::uint32_t half, std::uint32_t layer, std::uint32_t x, std::uint32_t y, int channel) const;
 

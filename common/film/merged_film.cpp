@@ -166,6 +166,18 @@ Result<void> MergedFilm::merge(const MergedFilm& other) {
   return {};
 }
 
+MergedFilm MergedFilm::image_layer() const {
+  MergedFilm image({layout_.width, layout_.height, 1}, scale_log2_);
+  for (std::size_t h = 0; h < 2; ++h) {
+    Half& to = image.halves_[h];
+    const Half& from = halves_[h];
+    std::copy_n(from.tiles.begin(), to.tiles.size(), to.tiles.begin());  // layer 0's come first
+    to.merged = from.merged;
+    to.tallies = from.tallies;
+  }
+  return image;
+}
+
 Int128 MergedFilm::sum(std::uint32_t half, std::uint32_t layer, std::uint32_t x, std::uint32_t y,
                        int channel) const {
   const Place at = place(layout_, layer, x, y);

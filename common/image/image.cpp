@@ -78,8 +78,29 @@ std::string one_line(std::string text) {
   return text;
 }
 
+// Gives row y of all channels, interleaved.
+using RowSource = std::function<void(std::uint32_t y, float* row)>;
+
+// The rows of a band at a time, so that an image of many layers need not be interleaved as a whole. A
+// multiple of the 16 rows that EXR's zip compresses together.
+constexpr int kBandRows = 64;
+
+bool write_rows(OIIO::ImageOutput& output, const OIIO::ImageSpec& spec, const RowSource& source) {
+  const std::size_t row_values =
+      static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(spec.nchannels);
+  std::vector<float> band(row_values * static_cast<std::size_t>(std::min(kBandRows, spec.height)));
+  for (int begin = 0; begin < spec.height; begin += kBandRows) {
+    const int end = std::min(begin + kBandRows, spec.height);
+    for (int y = begin; y < end; ++y)
+      source(static_cast<std::uint32_t>(y), &band[static_cast<std::size_t>(y - begin) * row_values]);
+    if (!output.write_scanlines(begin, end, 0, OIIO::TypeDesc::FLOAT, band.data())) return false;
+  }
+  return true;
+}
+
+// `pixels` of `type`, or, where there are none, what `rows` gives.
 Result<std::string> write(const char* format, const OIIO::ImageSpec& spec, OIIO::TypeDesc type,
-                          const void* pixels) {
+                          const void* pixels, const RowSource& rows = {}) {
   const auto output = OIIO::ImageOutput::create(format);
   if (!output)
     return internal_error("OpenImageIO cannot write " + std::string(format) + ": " +
@@ -87,7 +108,7 @@ Result<std::string> write(const char* format, const OIIO::ImageSpec& spec, OIIO:
   OIIO::Filesystem::IOVecOutput memory;
   // The name only tells the format; nothing is written to the disk.
   if (!output->set_ioproxy(&memory) || !output->open(std::string("memory.") + format, spec) ||
-      !output->write_image(type, pixels) || !output->close()) {
+      !(rows ? write_rows(*output, spec, rows) : output->write_image(type, pixels)) || !output->close()) {
     return failed_error("cannot encode the image as " + std::string(format) + ": " +
                         one_line(output->geterror()));
   }
@@ -115,15 +136,48 @@ std::vector<int> colour_channels(const OIIO::ImageSpec& spec) {
   return {};
 }
 
-Result<Image> read_open(OIIO::ImageInput& input, std::uint64_t file_bytes) {
+// The same for the layer of that name.
+std::vector<int> layer_channels(const OIIO::ImageSpec& spec, const std::string& layer) {
   std::vector<int> channels;
+  for (const char* channel : {".R", ".G", ".B"}) {
+    const auto at = std::find(spec.channelnames.begin(), spec.channelnames.end(), layer + channel);
+    if (at == spec.channelnames.end()) return {};
+    channels.push_back(static_cast<int>(at - spec.channelnames.begin()));
+  }
+  return channels;
+}
+
+// The names for which layer_channels() finds something, in the file's order.
+std::vector<std::string> layer_names(const OIIO::ImageSpec& spec) {
+  std::vector<std::string> names;
+  for (const std::string& channel : spec.channelnames) {
+    if (channel.size() < 3 || channel.compare(channel.size() - 2, 2, ".R") != 0) continue;
+    std::string layer = channel.substr(0, channel.size() - 2);
+    if (!layer_channels(spec, layer).empty()) names.push_back(std::move(layer));
+  }
+  return names;
+}
+
+Error no_such_layer(const std::string& layer, const std::vector<std::string>& names) {
+  std::string list;
+  for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
+  return usage_error("the image has no layer '" + layer + "'")
+      .with_mend(names.empty() ? "it has none at all" : "there is " + list);
+}
+
+// `layer`: empty for the image itself.
+Result<Image> read_open(OIIO::ImageInput& input, std::uint64_t file_bytes, const std::string& layer) {
+  std::vector<int> channels;
+  std::vector<std::string> others;
   int part = 0;
   for (; input.seek_subimage(part, 0); ++part) {
-    channels = colour_channels(input.spec());
+    channels = layer.empty() ? colour_channels(input.spec()) : layer_channels(input.spec(), layer);
     if (!channels.empty()) break;
+    for (std::string& name : layer_names(input.spec())) others.push_back(std::move(name));
   }
   if (channels.empty()) {
     (void)input.geterror();
+    if (!layer.empty()) return no_such_layer(layer, others);
     return input_error("the image has no R, G and B channels and no luminance")
         .with_mend("name the channels of the colour R, G and B");
   }
@@ -169,6 +223,8 @@ Result<Image> read_open(OIIO::ImageInput& input, std::uint64_t file_bytes) {
   return image;
 }
 
+Result<Image> read_part(const std::filesystem::path& path, const std::string& layer);
+
 }  // namespace
 
 float srgb_to_linear(float value) {
@@ -188,6 +244,17 @@ float linear_to_srgb(float value) {
 }
 
 Result<Image> read_image(const std::filesystem::path& path) {
+  return read_part(path, "");
+}
+
+Result<Image> read_layer(const std::filesystem::path& path, const std::string& layer) {
+  if (layer.empty()) return usage_error("no layer is named").at(path.string(), 0);
+  return read_part(path, layer);
+}
+
+namespace {
+
+Result<Image> read_part(const std::filesystem::path& path, const std::string& layer) {
   const std::string name = path.string();
   std::error_code code;
   const auto status = std::filesystem::status(path, code);
@@ -200,7 +267,7 @@ Result<Image> read_image(const std::filesystem::path& path) {
     if (!input) {
       return input_error("this is not an image that can be read: " + one_line(OIIO::geterror())).at(name, 0);
     }
-    auto image = read_open(*input, std::filesystem::file_size(path));
+    auto image = read_open(*input, std::filesystem::file_size(path), layer);
     if (!image.ok()) return Error(image.error()).at(name, 0);
     return image;
   } catch (const std::bad_alloc&) {
@@ -209,6 +276,8 @@ Result<Image> read_image(const std::filesystem::path& path) {
     return input_error("cannot read the image: " + one_line(problem.what())).at(name, 0);
   }
 }
+
+}  // namespace
 
 Result<ImageSize> read_image_size(const std::filesystem::path& path) {
   const std::string name = path.string();
@@ -240,7 +309,7 @@ Result<std::string> encode_exr(std::uint32_t width, std::uint32_t height, std::s
         layer.name.find('\0') != std::string::npos) {
       return internal_error("'" + layer.name + "' cannot name a layer, or names two").with_field("layer");
     }
-    if (layer.rgb.size() != pixels * 3) {
+    if (layer.row == nullptr && layer.rgb.size() != pixels * 3) {
       return internal_error("the layer '" + layer.name + "' has another size than the image")
           .with_field("layer");
     }
@@ -261,13 +330,18 @@ Result<std::string> encode_exr(std::uint32_t width, std::uint32_t height, std::s
   try {
     if (layers.empty()) return write("exr", spec, OIIO::TypeDesc::FLOAT, rgb.data());
     const std::size_t channels = static_cast<std::size_t>(spec.nchannels);
-    std::vector<float> all(pixels * channels);
-    const auto put = [&](std::span<const float> from, std::size_t first) {
-      for (std::size_t p = 0; p < pixels; ++p) std::copy_n(&from[3 * p], 3, &all[p * channels + first]);
-    };
-    put(rgb, 0);
-    for (std::size_t i = 0; i < layers.size(); ++i) put(layers[i].rgb, 3 + 3 * i);
-    return write("exr", spec, OIIO::TypeDesc::FLOAT, all.data());
+    std::vector<float> layer_row(std::size_t{width} * 3);
+    return write("exr", spec, OIIO::TypeDesc::FLOAT, nullptr, [&](std::uint32_t y, float* row) {
+      const auto put = [&](const float* from, std::size_t first) {
+        for (std::size_t x = 0; x < width; ++x) std::copy_n(from + 3 * x, 3, row + x * channels + first);
+      };
+      const std::size_t at = std::size_t{y} * width * 3;
+      put(&rgb[at], 0);
+      for (std::size_t i = 0; i < layers.size(); ++i) {
+        if (layers[i].row) layers[i].row(y, layer_row);
+        put(layers[i].row ? layer_row.data() : &layers[i].rgb[at], 3 + 3 * i);
+      }
+    });
   } catch (const std::bad_alloc&) {
     return resource_error("the image to encode does not fit into memory");
   } catch (const std::exception& problem) {

@@ -7,6 +7,7 @@
 
 #include "common/base/hash.h"
 #include "common/base/version.h"
+#include "common/film/layers.h"
 #include "master/api/service_support.h"
 
 namespace candela::master {
@@ -161,11 +162,25 @@ grpc::Status WorkerServiceImpl::CompletePilot(grpc::ServerContext*, const v1::Co
     return wire::to_status(input_error("must be seconds, 0 or more").with_field("seconds_per_iteration"));
   if (request->plan().size() > (64U << 10))
     return wire::to_status(input_error("longer than 64 KiB").with_field("plan"));
-  return as_worker(farm_, request->worker_id(), request->session(), [&](Scheduler& s, Now now) {
-    response->set_accepted(s.complete_pilot(request->worker_id(), request->token(),
-                                            {*state, request->plan(), request->seconds_per_iteration()},
-                                            now));
-  });
+  PilotResult result{*state,
+                     request->plan(),
+                     request->seconds_per_iteration(),
+                     {request->layers().begin(), request->layers().end()}};
+  if (auto valid = film::validate_layer_names(result.layers); !valid.ok())
+    return wire::to_status(valid.error());
+  Result<void> fits;
+  const grpc::Status status =
+      as_worker(farm_, request->worker_id(), request->session(), [&](Scheduler& s, Now now) {
+        if (const Job* job = s.job_of_lease(request->worker_id(), request->token())) {
+          const JobSettings& settings = job->row.settings;
+          if (auto layout = film::make_layout(settings.width, settings.height, result.layers); !layout.ok()) {
+            fits = layout.error();
+            return;
+          }
+        }
+        response->set_accepted(s.complete_pilot(request->worker_id(), request->token(), result, now));
+      });
+  return fits.ok() ? status : wire::to_status(fits.error());
 }
 
 grpc::Status WorkerServiceImpl::PushDelta(grpc::ServerContext* context,

@@ -94,9 +94,11 @@ void JobFilm::reopen() {
   closed_ = false;
 }
 
-std::shared_ptr<const film::MergedFilm> JobFilm::snapshot() {
+std::shared_ptr<const film::MergedFilm> JobFilm::snapshot(Part part) {
   const std::lock_guard lock(mutex_);
-  return film_ ? std::make_shared<const film::MergedFilm>(*film_) : nullptr;
+  if (!film_) return nullptr;
+  if (part == Part::image) return std::make_shared<const film::MergedFilm>(film_->image_layer());
+  return std::make_shared<const film::MergedFilm>(*film_);
 }
 
 Result<JobFilm::Checkpoint> JobFilm::checkpoint() {

@@ -39,8 +39,10 @@ class JobFilm {
   void close();  // no more merges: what is there is final
   void reopen();
 
-  // A copy of what is merged now. Precondition: loaded.
-  std::shared_ptr<const film::MergedFilm> snapshot();
+  // A copy of what is merged now, or of its image alone (a fraction of the memory where there are layers).
+  // Null where it is not loaded.
+  enum class Part { all, image };
+  std::shared_ptr<const film::MergedFilm> snapshot(Part part = Part::all);
 
   struct Checkpoint {
     std::uint64_t generation = 0;

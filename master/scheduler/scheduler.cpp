@@ -376,6 +376,11 @@ void Scheduler::fail_unit(const std::string& worker_id, std::uint64_t token, con
            now);
 }
 
+const Job* Scheduler::job_of_lease(const std::string& worker_id, std::uint64_t token) const {
+  const auto it = leases_.find(token);
+  return it == leases_.end() || it->second.row.worker_id != worker_id ? nullptr : job(it->second.row.job_id);
+}
+
 bool Scheduler::complete_pilot(const std::string& worker_id, std::uint64_t token, const PilotResult& result,
                                Now now) {
   expire(now);
@@ -390,6 +395,7 @@ bool Scheduler::complete_pilot(const std::string& worker_id, std::uint64_t token
   worker.failed_jobs.clear();
   job->row.named_state = result.state;
   job->row.plan = result.plan;
+  job->row.layers = result.layers;
   job->row.thread_seconds_per_iteration = result.seconds_per_iteration * worker.row.threads;
   job->thread_seconds = job->row.thread_seconds_per_iteration;
   const std::uint64_t unit_id = u->first;
@@ -398,8 +404,9 @@ bool Scheduler::complete_pilot(const std::string& worker_id, std::uint64_t token
   job->units.erase(unit_id);
   changes_.emplace_back(DropUnit{unit_id});
   event(now, job->row.id, worker_id, "pilot",
-        fmt::format("film scale 2^{}, {:.4g} s per iteration", result.state.film_scale_log2,
-                    result.seconds_per_iteration));
+        fmt::format("film scale 2^{}, {:.4g} s per iteration{}", result.state.film_scale_log2,
+                    result.seconds_per_iteration,
+                    result.layers.empty() ? "" : fmt::format(", {} layers", result.layers.size())));
   save(*job, now);
   last_activity_ = now.seconds;
   return true;

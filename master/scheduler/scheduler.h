@@ -154,6 +154,9 @@ class Scheduler {
   // about whether the unit can be rendered.
   void fail_unit(const std::string& worker_id, std::uint64_t token, const std::string& message,
                  bool input_error, bool renderer_said_so, Now now);
+  // The job of a lease that this worker holds; null if it holds none of this token.
+  const Job* job_of_lease(const std::string& worker_id, std::uint64_t token) const;
+  // Precondition: result.layers and the job's size are the layout of a film (film::make_layout).
   bool complete_pilot(const std::string& worker_id, std::uint64_t token, const PilotResult& result, Now now);
   // May this delta be merged? Asked before reading and again before merging.
   Delivery check_delivery(const std::string& worker_id, std::uint64_t token, std::uint64_t unit_id,

@@ -33,6 +33,7 @@ struct JobRow {
   std::string stop_reason;  // "iterations", "time", "relmse"; empty while it runs
   std::optional<NamedState> named_state;
   std::string plan;
+  std::vector<std::string> layers;          // of the film beside the image; valid (film::make_layout)
   double thread_seconds_per_iteration = 0;  // seconds times threads; 0: not measured yet
   std::int64_t submitted_unix_ms = 0, finished_unix_ms = 0;
   double elapsed_seconds = 0;  // in state running
@@ -43,6 +44,10 @@ struct JobRow {
   std::uint64_t checkpoint_generation = 0, checkpoint_iterations = 0;
   std::uint64_t iterations = 0;  // merged
 };
+
+inline film::Layout layout_of(const JobRow& row) {
+  return {row.settings.width, row.settings.height, 1 + static_cast<std::uint32_t>(row.layers.size())};
+}
 
 struct UnitRow {
   enum class State : std::uint8_t { open, leased, merged };

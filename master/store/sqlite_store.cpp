@@ -9,13 +9,15 @@
 
 #include <cmath>
 
+#include "common/film/layers.h"
 #include "common/wire/wire.h"
 #include "master/store/store.h"
 
 namespace candela::master {
 namespace {
 
-constexpr int kSchemaVersion = 1;
+// 1: the first. 2: jobs.layers.
+constexpr int kSchemaVersion = 2;
 constexpr std::int64_t kMaxEvents = 100000;
 
 constexpr const char* kSchema = R"sql(
@@ -32,7 +34,8 @@ CREATE TABLE jobs (
   eye_samples INTEGER NOT NULL, light_paths INTEGER NOT NULL, rays INTEGER NOT NULL,
   rejected_nan INTEGER NOT NULL, rejected_infinite INTEGER NOT NULL, rejected_negative INTEGER NOT NULL,
   rejected_saturated INTEGER NOT NULL, relmse REAL,
-  checkpoint_generation INTEGER NOT NULL, checkpoint_iterations INTEGER NOT NULL) WITHOUT ROWID;
+  checkpoint_generation INTEGER NOT NULL, checkpoint_iterations INTEGER NOT NULL,
+  layers TEXT NOT NULL DEFAULT '') WITHOUT ROWID;
 CREATE TABLE units (
   id INTEGER PRIMARY KEY, job TEXT NOT NULL, kind INTEGER NOT NULL, half INTEGER NOT NULL,
   first INTEGER NOT NULL, last INTEGER NOT NULL, state INTEGER NOT NULL, failures INTEGER NOT NULL,
@@ -51,6 +54,9 @@ CREATE TABLE events (
 CREATE INDEX events_by_job ON events (job, id);
 CREATE TABLE bundles (sha256 TEXT PRIMARY KEY, bytes BLOB NOT NULL) WITHOUT ROWID;
 )sql";
+
+// From version 1: its jobs have no layers. New columns go last, where kSchema has them, too.
+constexpr const char* kFromVersion1 = "ALTER TABLE jobs ADD COLUMN layers TEXT NOT NULL DEFAULT ''";
 
 // A prepared statement: binds in order, reads columns in order.
 class Statement {
@@ -157,13 +163,13 @@ class SqliteStore final : public Store {
       found = s.integer();
     }
     if (found == kSchemaVersion) return {};
-    if (found != 0)
+    if (found != 0 && found != 1)
       return input_error(
                  fmt::format("the store has schema version {}, this program knows {}", found, kSchemaVersion))
           .at(path_, 0)
           .with_mend("use the candela-master that made it, or another --data folder");
     CANDELA_TRY(execute("BEGIN IMMEDIATE"));
-    Result<void> made = execute(kSchema);
+    Result<void> made = execute(found == 0 ? kSchema : kFromVersion1);
     if (made.ok()) made = execute(fmt::format("PRAGMA user_version={}", kSchemaVersion).c_str());
     if (made.ok()) made = execute("COMMIT");
     if (!made.ok()) sqlite3_exec(db_, "ROLLBACK", nullptr, nullptr, nullptr);
@@ -263,7 +269,7 @@ bool SqliteStore::apply(const PutJob& c) {
   wire::to_proto(j.settings, settings);
   Statement s(db_,
               "INSERT OR REPLACE INTO jobs VALUES "
-              "(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
+              "(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
   s.bind(j.id).bind(j.name).bind(j.bundle_sha256).bind_blob(settings.SerializeAsString());
   s.bind(j.stop.iterations).bind(j.stop.time_seconds).bind(j.stop.relmse);
   s.bind(j.priority).bind(j.share).bind(j.idempotency_token).bind(j.content_digest);
@@ -277,6 +283,7 @@ bool SqliteStore::apply(const PutJob& c) {
   s.bind(j.tallies.eye_samples).bind(j.tallies.light_paths).bind(j.tallies.rays);
   for (const std::uint64_t r : j.tallies.rejected) s.bind(r);
   s.bind(j.relmse).bind(j.checkpoint_generation).bind(j.checkpoint_iterations);
+  s.bind(join(j.layers));
   return s.run();
 }
 
@@ -394,6 +401,11 @@ Result<StoredState> SqliteStore::load() {
       j.relmse = s.real();
       j.checkpoint_generation = s.count();
       j.checkpoint_iterations = s.count();
+      j.layers = split(s.text());
+      if (auto layout = film::make_layout(j.settings.width, j.settings.height, j.layers); !layout.ok())
+        return input_error(
+                   fmt::format("the layers of job {} cannot be used: {}", j.id, layout.error().to_string()))
+            .at(path_, 0);
       out.jobs.push_back(std::move(j));
     }
     if (s.failed()) return failure("cannot read the jobs");

@@ -94,6 +94,7 @@ std::optional<v1::Lease> HandWorker::try_acquire() {
   wire::to_proto(pilot.state, *done.mutable_named_state());
   done.set_plan(pilot.plan);
   done.set_seconds_per_iteration(pilot.seconds_per_iteration);
+  for (const std::string& layer : pilot.layers) done.add_layers(layer);
   v1::CompletePilotResponse accepted;
   grpc::ClientContext pilot_context;
   set_deadline(pilot_context);

@@ -44,6 +44,40 @@ film::MergedFilm render(std::uint64_t seed, std::uint64_t n0, std::uint64_t n1) 
   return film;
 }
 
+// Claim: the error is the image's: further layers, however noisy, change neither estimate nor map, and the
+// copy of the image alone has the image's sums, counts and iterations.
+TEST(EstimateError, LooksAtTheImageAlone) {
+  constexpr film::Layout kLayered{kLayout.width, kLayout.height, 3};
+  film::MergedFilm plain(kLayout, 24), layered(kLayered, 24);
+  for (std::uint32_t half = 0; half < 2; ++half) {
+    film::UnitFilm a(kLayout, 24), b(kLayered, 24);
+    film::Tallies tallies;
+    rng::Stream stream(rng::key(8, half));
+    for (std::uint32_t y = 0; y < kLayout.height; ++y) {
+      for (std::uint32_t x = 0; x < kLayout.width; ++x) {
+        const float v = stream.next_float();
+        a.add(0, x, y, {v, 1, 0}, x, tallies);
+        b.add(0, x, y, {v, 1, 0}, x, tallies);
+        for (std::uint32_t layer = 1; layer < 3; ++layer)
+          b.splat(layer, x, y, {1000 * stream.next_float(), v, 5}, x, tallies);
+      }
+    }
+    tallies.eye_samples = 5;
+    a.count(tallies);
+    b.count(tallies);
+    const Unit unit{Unit::Kind::iterations, half, 0, 2 + half};
+    const auto of_a = film::Delta::decode(film::encode_delta(a, {unit, kLayout, 24, "", ""}), kLayout);
+    const auto of_b = film::Delta::decode(film::encode_delta(b, {unit, kLayered, 24, "", ""}), kLayered);
+    ASSERT_TRUE(of_a.ok() && of_b.ok());
+    ASSERT_TRUE(plain.merge(*of_a).ok() && layered.merge(*of_b).ok());
+  }
+  EXPECT_GT(estimate_error(plain).relmse, 0);
+  EXPECT_EQ(estimate_error(plain).relmse, estimate_error(layered).relmse);
+  EXPECT_EQ(estimate_error(plain).rmse, estimate_error(layered).rmse);
+  EXPECT_EQ(error_map(plain), error_map(layered));
+  EXPECT_TRUE(layered.image_layer().serialise() == plain.serialise());
+}
+
 // Claim: the estimated squared error is unbiased, for equal and unequal halves: its mean over many seeds is
 // the true variance of the pooled image, and the mean of the true squared error of the same films. 2 cases x
 // 2 comparisons at 5 standard errors (taken from the spread over the seeds): false-alarm rate below 4

@@ -52,7 +52,7 @@ TEST_F(ImageIo, ExrIsLossless) {
                                                     {"candela:plan", "line one\nline two"},
                                                     {"candela:a_very_long_attribute_name_indeed", "x"}};
   // Layers whose names sort before and after R, G and B.
-  const Layer layers[] = {{"Albedo", albedo}, {"normal", normal}};
+  const Layer layers[] = {{"Albedo", albedo, {}}, {"normal", normal, {}}};
   const auto bytes = encode_exr(37, 21, rgb, metadata, layers);
   ASSERT_TRUE(bytes.ok()) << bytes.error().to_string();
   const auto image = read_image(put("a.exr", *bytes));
@@ -68,11 +68,48 @@ TEST_F(ImageIo, ExrIsLossless) {
   EXPECT_TRUE(encode_exr(37, 21, image->rgb, image->metadata, layers).value() == *bytes);
 }
 
+// Claim: each of 63 layers of techniques comes back bit by bit by its name, in several bands of rows, with
+// the image untouched between them; given row by row or as a whole makes no difference to the bytes; a name
+// that is not there is an error that lists those that are.
+TEST_F(ImageIo, LayersComeBackByName) {
+  constexpr std::uint32_t kWidth = 23, kHeight = 150;
+  const std::vector<float> rgb = noise(kWidth * kHeight * 3, 1);
+  std::vector<std::vector<float>> pixels;
+  std::vector<Layer> whole, by_row;
+  for (std::uint32_t i = 0; i < 63; ++i) pixels.push_back(noise(kWidth * kHeight * 3, 100 + i));
+  for (std::uint32_t i = 0; i < 63; ++i) {
+    const std::string name = (i % 2 == 0 ? "weighted.s" : "unweighted.s") + std::to_string(i / 2) + ".t2";
+    whole.push_back({name, pixels[i], {}});
+    by_row.push_back({name, {}, [&pixels, i](std::uint32_t y, std::span<float> out) {
+                        std::copy_n(&pixels[i][std::size_t{y} * kWidth * 3], out.size(), out.begin());
+                      }});
+  }
+  const auto bytes = encode_exr(kWidth, kHeight, rgb, {{"candela:layers", "many"}}, whole);
+  ASSERT_TRUE(bytes.ok()) << bytes.error().to_string();
+  EXPECT_TRUE(*bytes == *encode_exr(kWidth, kHeight, rgb, {{"candela:layers", "many"}}, by_row));
+  const auto path = put("layers.exr", *bytes);
+  EXPECT_EQ(read_image(path)->rgb, rgb);
+  for (std::size_t i = 0; i < whole.size(); ++i) {
+    const auto layer = read_layer(path, whole[i].name);
+    ASSERT_TRUE(layer.ok()) << layer.error().to_string();
+    EXPECT_EQ(layer->rgb, pixels[i]) << whole[i].name;
+    EXPECT_EQ(layer->width, kWidth);
+  }
+  const auto absent = read_layer(path, "weighted.s77.t2");
+  ASSERT_FALSE(absent.ok());
+  EXPECT_EQ(absent.error().file, path.string());
+  EXPECT_THAT(absent.error().mend, testing::HasSubstr("unweighted.s0.t2"));
+  EXPECT_FALSE(read_layer(path, "").ok());
+  const auto none = read_layer(put("plain.exr", *encode_exr(kWidth, kHeight, rgb, {})), "x");
+  ASSERT_FALSE(none.ok());
+  EXPECT_THAT(none.error().mend, testing::HasSubstr("none"));
+}
+
 // Claim: the bytes of an EXR and a PNG depend on the content alone, not on the date or on what was written
 // before.
 TEST_F(ImageIo, BytesAreDeterministic) {
   Image image{64, 48, noise(64 * 48 * 3, 4), {}};
-  const Layer layers[] = {{"direct", image.rgb}};
+  const Layer layers[] = {{"direct", image.rgb, {}}};
   const auto exr = encode_exr(64, 48, image.rgb, {{"candela:seed", "7"}}, layers);
   const auto png = encode_png(image);
   ASSERT_TRUE(exr.ok());
@@ -188,9 +225,9 @@ TEST_F(ImageIo, BadRequestsAreRefused) {
   EXPECT_FALSE(encode_exr(2, 2, rgb, {{"", "x"}}).ok());
   EXPECT_FALSE(encode_exr(2, 2, rgb, {{std::string(256, 'a'), "x"}}).ok());
   const std::vector<float> small(3, 1.0F);
-  const Layer wrong[] = {{"a", small}};
+  const Layer wrong[] = {{"a", small, {}}};
   EXPECT_FALSE(encode_exr(2, 2, rgb, {}, wrong).ok());
-  const Layer twice[] = {{"a", rgb}, {"a", rgb}};
+  const Layer twice[] = {{"a", rgb, {}}, {"a", rgb, {}}};
   EXPECT_FALSE(encode_exr(2, 2, rgb, {}, twice).ok());
   EXPECT_FALSE(encode_png({2, 3, rgb, {}}).ok());
 }

@@ -108,6 +108,26 @@ TEST_F(WorkerServiceTest, NormalFlow) {
   EXPECT_EQ(merged.develop(0, film::MergedFilm::Which::half0)[(3 * 40 + 17) * 3 + 1], 3.0F);
 }
 
+// Claim: where the renderer has layers, the pilot says their names, and deltas hold the layers.
+TEST_F(WorkerServiceTest, LayersGoWithPilotAndDeltas) {
+  renderer_.layers = {"s2.t3", "s3.t2"};
+  master_.add_lease(0, 0, true);
+  const std::uint64_t token = master_.add_lease(0, 4);
+  start();
+  ASSERT_TRUE(master_.wait_for([&] { return merged_count() == 1 && master_.pilots.size() == 1; }));
+  const std::lock_guard lock(master_.mutex);
+  const auto& said = master_.pilots[0].layers();
+  EXPECT_EQ(std::vector<std::string>(said.begin(), said.end()), renderer_.layers);
+  const film::Layout layout{40, 8, 3};
+  const auto delta = film::Delta::decode(master_.deltas[token], layout);
+  ASSERT_TRUE(delta.ok()) << delta.error().to_string();
+  EXPECT_EQ(delta->tallies().light_paths, 2U * 4 * 40 * 8);
+  film::MergedFilm merged(layout, 12);
+  ASSERT_TRUE(merged.merge(*delta).ok());
+  for (std::uint32_t layer = 0; layer < 3; ++layer)
+    EXPECT_EQ(merged.develop(layer)[(3 * 40 + 17) * 3], 17.0F * static_cast<float>(std::max(layer, 1U)));
+}
+
 // Claim: a master of another protocol or build ends the worker with the master's own words, and is not asked
 // twice.
 TEST_F(WorkerServiceTest, RefusedRegistrationEndsTheWorker) {

@@ -39,6 +39,7 @@ struct FakeRendererControl {
   float progress_at_gate = 0;  // what they report meanwhile
   std::optional<Error> create_error, run_error;
   bool throw_bad_alloc = false;
+  std::vector<std::string> layers;           // what the pilot says; layer i holds i times the image
   bool overflow = false;                     // one pixel gets more than 64 bits hold
   std::map<std::string, std::string> files;  // read at creation: key -> bytes
 
@@ -57,14 +58,17 @@ struct FakeRendererControl {
 class FakeRenderer final : public render::Renderer {
  public:
   FakeRenderer(FakeRendererControl& control, const JobSettings& settings)
-      : control_(control), settings_(settings) {}
+      : control_(control), settings_(settings) {
+    layer_names_ = control.layers;
+  }
 
   std::unique_ptr<film::UnitFilm> make_film(const NamedState& state) const override {
-    return std::make_unique<film::UnitFilm>(film::Layout{settings_.width, settings_.height, 1},
-                                            state.film_scale_log2);
+    return std::make_unique<film::UnitFilm>(
+        film::Layout{settings_.width, settings_.height, 1 + static_cast<std::uint32_t>(layer_names_.size())},
+        state.film_scale_log2);
   }
   Result<PilotResult> pilot(const render::RunContext&) const override {
-    return PilotResult{{12}, "a plan", 0.25};
+    return PilotResult{{12}, "a plan", 0.25, layer_names_};
   }
   Result<void> run(const Unit& unit, film::UnitFilm& film, const render::RunContext& context) const override {
     {
@@ -87,8 +91,15 @@ class FakeRenderer final : public render::Renderer {
     for (std::uint64_t i = unit.begin; i < unit.end; ++i)
       for (std::uint32_t y = 0; y < settings_.height; ++y)
         for (std::uint32_t x = 0; x < settings_.width; ++x) {
-          film.add(0, x, y, fake_radiance(x, y, i), rng::key(settings_.seed, unit.half, i, x, y), tallies);
+          const std::uint64_t key = rng::key(settings_.seed, unit.half, i, x, y);
+          film.add(0, x, y, fake_radiance(x, y, i), key, tallies);
+          for (std::uint32_t layer = 1; layer <= layer_names_.size(); ++layer) {
+            auto value = fake_radiance(x, y, i);
+            for (float& v : value) v *= static_cast<float>(layer);
+            film.splat(layer, x, y, value, key, tallies);
+          }
           ++tallies.eye_samples;
+          tallies.light_paths += layer_names_.size();
         }
     film.count(tallies);
     return {};
@@ -98,6 +109,7 @@ class FakeRenderer final : public render::Renderer {
  private:
   FakeRendererControl& control_;
   JobSettings settings_;
+  std::vector<std::string> layer_names_;
 };
 
 inline RendererFactory fake_factory(FakeRendererControl& control) {

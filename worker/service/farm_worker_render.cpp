@@ -162,6 +162,7 @@ void FarmWorker::run_pilot(const TaskPtr& task, const SceneStore::Scene& scene) 
   wire::to_proto(result->state, *request.mutable_named_state());
   request.set_plan(result->plan);
   request.set_seconds_per_iteration(result->seconds_per_iteration);
+  for (const std::string& layer : result->layers) request.add_layers(layer);
   v1::CompletePilotResponse response;
   const grpc::Status status = persist(task, [&] {
     return link_.unary(MasterLink::Lane::control, &v1::WorkerService::Stub::CompletePilot, request, response,

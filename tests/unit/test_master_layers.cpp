@@ -1,0 +1,276 @@
+// What a master takes for the layers of a job's film, and how its store remembers them.
+#include <grpcpp/grpcpp.h>
+#include <gtest/gtest.h>
+#include <sqlite3.h>
+#include <stdlib.h>
+
+#include <filesystem>
+
+#include "candela/v1/client.grpc.pb.h"
+#include "candela/v1/worker.grpc.pb.h"
+#include "common/base/hash.h"
+#include "common/base/log.h"
+#include "common/base/version.h"
+#include "common/film/film.h"
+#include "common/wire/wire.h"
+#include "master/master.h"
+#include "master/store/store.h"
+
+namespace candela::master {
+namespace {
+
+namespace fs = std::filesystem;
+const std::string kScene = "<scene version='3.0.0'/>";
+
+class MasterLayers : public testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_TRUE(log::initialise("test", "off", "text").ok());
+    std::string name = (fs::temp_directory_path() / "candela-master-XXXXXX").string();
+    ASSERT_NE(::mkdtemp(name.data()), nullptr);
+    folder_ = name;
+  }
+  void TearDown() override {
+    farm_.reset();
+    workers_.reset();
+    master_.reset();
+    fs::remove_all(folder_);
+  }
+  // A master with one job of this size, and a worker that has the lease of its pilot.
+  void start(std::uint32_t width, std::uint32_t height) {
+    MasterOptions options;
+    options.data_dir = folder_;
+    options.listen.clear();
+    auto master = Master::start(options);
+    ASSERT_TRUE(master.ok()) << master.error().to_string();
+    master_ = std::move(*master);
+    const auto channel = master_->in_process_channel();
+    farm_ = v1::FarmService::NewStub(channel);
+    workers_ = v1::WorkerService::NewStub(channel);
+    {
+      grpc::ClientContext context;
+      v1::UploadBlobResponse response;
+      auto stream = farm_->UploadBlob(&context, &response);
+      v1::UploadBlobRequest chunk;
+      chunk.set_sha256(sha256_hex(kScene));
+      chunk.set_size_bytes(kScene.size());
+      chunk.set_data(kScene);
+      stream->Write(chunk);
+      stream->WritesDone();
+      ASSERT_TRUE(stream->Finish().ok());
+    }
+    v1::SubmitRequest submission;
+    submission.mutable_bundle()->set_main_path("scene.xml");
+    v1::BundleFile& file = *submission.mutable_bundle()->add_files();
+    file.set_path("scene.xml");
+    file.set_sha256(sha256_hex(kScene));
+    file.set_size_bytes(kScene.size());
+    JobSettings settings;
+    settings.width = width;
+    settings.height = height;
+    wire::to_proto(settings, *submission.mutable_settings());
+    submission.mutable_stop()->set_iterations(4);
+    v1::SubmitResponse submitted;
+    grpc::ClientContext context;
+    ASSERT_TRUE(farm_->Submit(&context, submission, &submitted).ok());
+    job_ = submitted.job_id();
+    v1::RegisterRequest registration;
+    registration.set_protocol(kProtocol);
+    registration.set_build_id(std::string(build_id()));
+    registration.set_name("test");
+    registration.set_threads(1);
+    registration.add_isas("avx2");
+    grpc::ClientContext register_context;
+    ASSERT_TRUE(workers_->Register(&register_context, registration, &session_).ok());
+    lease_ = acquire();
+    ASSERT_EQ(lease_.unit().kind(), v1::Unit::KIND_PILOT);
+  }
+  v1::Lease acquire() {
+    v1::AcquireLeaseRequest request;
+    request.set_worker_id(session_.worker_id());
+    request.set_session(session_.session());
+    v1::AcquireLeaseResponse response;
+    grpc::ClientContext context;
+    EXPECT_TRUE(workers_->AcquireLease(&context, request, &response).ok());
+    EXPECT_TRUE(response.has_lease());
+    return response.lease();
+  }
+  // OK only if the pilot was accepted.
+  grpc::Status complete(const std::vector<std::string>& layers) {
+    v1::CompletePilotRequest request;
+    request.set_worker_id(session_.worker_id());
+    request.set_session(session_.session());
+    request.set_token(lease_.token());
+    request.mutable_named_state()->set_film_scale_log2(16);
+    for (const std::string& layer : layers) request.add_layers(layer);
+    v1::CompletePilotResponse response;
+    grpc::ClientContext context;
+    const grpc::Status status = workers_->CompletePilot(&context, request, &response);
+    if (status.ok() && !response.accepted()) return {grpc::StatusCode::ABORTED, "not accepted"};
+    return status;
+  }
+  v1::JobStatus show() {
+    v1::GetJobRequest request;
+    request.set_job_id(job_);
+    v1::JobStatus out;
+    grpc::ClientContext context;
+    EXPECT_TRUE(farm_->GetJob(&context, request, &out).ok());
+    return out;
+  }
+  v1::PushDeltaResponse push(const v1::Lease& lease, const film::Layout& layout) {
+    const Unit unit = *wire::from_proto(lease.unit());
+    film::UnitFilm film(layout, 16);
+    film::Tallies tallies;
+    for (std::uint32_t i = 0; i < layout.layers; ++i) film.splat(i, 3, 5, {1, 2, 3}, i, tallies);
+    film.count(tallies);
+    const std::string bytes = film::encode_delta(film, {unit, layout, 16, job_, std::string(build_id())});
+    grpc::ClientContext context;
+    v1::PushDeltaResponse response;
+    auto stream = workers_->PushDelta(&context, &response);
+    v1::DeltaChunk chunk;
+    v1::DeltaHeader& header = *chunk.mutable_header();
+    header.set_worker_id(session_.worker_id());
+    header.set_session(session_.session());
+    header.set_token(lease.token());
+    header.set_unit_id(lease.unit_id());
+    header.set_job_id(job_);
+    *header.mutable_unit() = lease.unit();
+    header.set_build_id(std::string(build_id()));
+    header.set_size_bytes(bytes.size());
+    header.set_sha256(sha256_hex(bytes));
+    chunk.set_data(bytes);
+    stream->Write(chunk);
+    stream->WritesDone();
+    EXPECT_TRUE(stream->Finish().ok());
+    return response;
+  }
+
+  fs::path folder_;
+  std::unique_ptr<Master> master_;
+  std::unique_ptr<v1::FarmService::Stub> farm_;
+  std::unique_ptr<v1::WorkerService::Stub> workers_;
+  v1::RegisterResponse session_;
+  v1::Lease lease_;
+  std::string job_;
+};
+
+// Claim: a pilot whose layers cannot be is refused with the field and the reason, and leaves the job as it
+// was; the next sound one is taken.
+TEST_F(MasterLayers, AnImpossiblePilotIsRefused) {
+  start(40, 33);
+  std::vector<std::string> too_many;
+  for (int i = 0; i < 64; ++i)
+    too_many.push_back(std::string("s") + static_cast<char>('a' + i / 8) + static_cast<char>('a' + i % 8));
+  const std::pair<std::vector<std::string>, std::string> cases[] = {
+      {{"a", "a"}, "two layers are called 'a'"},
+      {{"error"}, "the error estimate has that name"},
+      {{"a,b"}, "other characters"},
+      {{""}, "empty"},
+      {too_many, "64 layers"},
+  };
+  for (const auto& [layers, words] : cases) {
+    const grpc::Status status = complete(layers);
+    EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+    EXPECT_NE(status.error_message().find(words), std::string::npos) << status.error_message();
+    EXPECT_NE(status.error_message().find("layers"), std::string::npos) << status.error_message();
+    EXPECT_FALSE(show().has_named_state());
+  }
+  too_many.pop_back();
+  EXPECT_TRUE(complete(too_many).ok());
+  EXPECT_EQ(show().layers_size(), 63);
+}
+
+// Claim: a film that is too large only with its layers is refused when the pilot comes.
+TEST_F(MasterLayers, AFilmTooLargeIsRefused) {
+  start(16384, 16384);
+  const grpc::Status status = complete({"a", "b", "c", "d"});
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_NE(status.error_message().find("cannot have 4 layers"), std::string::npos) << status.error_message();
+  EXPECT_FALSE(show().has_named_state());
+}
+
+// Claim: a delta of another number of layers than the job's never merges; one of the job's does.
+TEST_F(MasterLayers, DeltasMustHaveTheJobsLayers) {
+  start(40, 33);
+  ASSERT_TRUE(complete({"s2.t3", "s3.t2"}).ok());
+  const v1::PushDeltaResponse few = push(acquire(), {40, 33, 1});
+  EXPECT_EQ(few.verdict(), v1::DELTA_VERDICT_CORRUPT);
+  EXPECT_NE(few.message().find("the job's is of 40 x 33 x 3"), std::string::npos) << few.message();
+  EXPECT_EQ(push(acquire(), {40, 33, 4}).verdict(), v1::DELTA_VERDICT_CORRUPT);
+  EXPECT_EQ(show().iterations(), 0U);
+  v1::RegisterRequest registration;  // two failures keep a worker from the unit
+  registration.set_protocol(kProtocol);
+  registration.set_build_id(std::string(build_id()));
+  registration.set_threads(1);
+  registration.add_isas("avx2");
+  grpc::ClientContext context;
+  ASSERT_TRUE(workers_->Register(&context, registration, &session_).ok());
+  EXPECT_EQ(push(acquire(), {40, 33, 3}).verdict(), v1::DELTA_VERDICT_MERGED);
+  EXPECT_GT(show().iterations(), 0U);
+}
+
+void execute(const fs::path& path, const char* sql) {
+  sqlite3* db = nullptr;
+  ASSERT_EQ(sqlite3_open(path.c_str(), &db), SQLITE_OK);
+  EXPECT_EQ(sqlite3_exec(db, sql, nullptr, nullptr, nullptr), SQLITE_OK) << sqlite3_errmsg(db);
+  sqlite3_close(db);
+}
+
+// Claim: a store of the first version is taken over with its jobs unchanged and without layers, and holds
+// layers from then on; one of a version to come, or with layers that cannot be, is refused.
+TEST(StoreLayers, AnOlderStoreIsTakenOver) {
+  std::string name = (fs::temp_directory_path() / "candela-store-XXXXXX").string();
+  ASSERT_NE(::mkdtemp(name.data()), nullptr);
+  const fs::path path = fs::path(name) / "s.sqlite";
+  JobRow job;
+  job.id = "j";
+  job.name = "a job";
+  job.settings.width = 30;
+  job.settings.height = 20;
+  job.stop.iterations = 7;
+  job.named_state = NamedState{13};
+  job.plan = "the plan";
+  job.checkpoint_generation = 5;
+  job.checkpoint_iterations = 6;
+  {
+    auto store = open_sqlite_store(path);
+    ASSERT_TRUE(store.ok()) << store.error().to_string();
+    ASSERT_TRUE((*store)->write(std::vector<Change>{PutJob{job}}).ok());
+  }
+  // Version 1 was this without the column.
+  execute(path, "ALTER TABLE jobs DROP COLUMN layers; PRAGMA user_version=1");
+  for (int opening = 0; opening < 2; ++opening) {
+    auto store = open_sqlite_store(path);
+    ASSERT_TRUE(store.ok()) << store.error().to_string();
+    const auto state = (*store)->load();
+    ASSERT_TRUE(state.ok()) << state.error().to_string();
+    ASSERT_EQ(state->jobs.size(), 1U);
+    const JobRow& row = state->jobs[0];
+    EXPECT_EQ(row.name, "a job");
+    EXPECT_EQ(row.plan, "the plan");
+    EXPECT_EQ(row.named_state->film_scale_log2, 13);
+    EXPECT_EQ(row.checkpoint_iterations, 6U);
+    EXPECT_TRUE(row.layers.empty());
+    EXPECT_EQ(layout_of(row), (film::Layout{30, 20, 1}));
+  }
+  job.layers = {"weighted.s2.t3", "unweighted.s2.t3"};
+  {
+    auto store = open_sqlite_store(path);
+    ASSERT_TRUE((*store)->write(std::vector<Change>{PutJob{job}}).ok());
+  }
+  {
+    auto store = open_sqlite_store(path);
+    const auto state = (*store)->load();
+    ASSERT_TRUE(state.ok());
+    EXPECT_EQ(state->jobs.at(0).layers, job.layers);
+    EXPECT_EQ(layout_of(state->jobs.at(0)), (film::Layout{30, 20, 3}));
+  }
+  execute(path, "UPDATE jobs SET layers = 'a,a'");
+  EXPECT_FALSE((*open_sqlite_store(path))->load().ok());
+  execute(path, "PRAGMA user_version=3");
+  EXPECT_FALSE(open_sqlite_store(path).ok());
+  fs::remove_all(name);
+}
+
+}  // namespace
+}  // namespace candela::master
