@@ -143,7 +143,8 @@ Channels Evaluation::estimator_value(const Technique& technique) const {
     case Technique::Kind::hit_lens:
       density = walk_density(true, k + 1);
       break;
-    case Technique::Kind::merge:
+    case Technique::Kind::merge:  // of two vertices at one place
+      density = walk_density(true, s + 1) * walk_density(false, k + 1 - s);
       break;
   }
   if (density.is_zero()) return {};

@@ -1,0 +1,177 @@
+// The recursion of mis.h along a path given by its numbers, to be compared with the oracle's products.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "worker/transport/mis.h"
+#include "worker/transport/reference.h"
+
+namespace candela::transport {
+
+using reference::Counts;
+using reference::PathNumbers;
+using reference::Technique;
+
+template <class Heuristic>
+constexpr reference::Heuristic kNamed = reference::Heuristic::balance;
+template <>
+constexpr reference::Heuristic kNamed<Power> = reference::Heuristic::power;
+
+template <class Heuristic>
+MisFactors factors_of(const Counts& c) {
+  return {c.hit_light, c.next_event, c.connect, Heuristic::raise(c.light_image),
+          Heuristic::raise(c.hit_lens)};
+}
+template <class Heuristic>
+MergeFactors eta_of(const Counts& c) {
+  return {Heuristic::raise(c.merge_surface), Heuristic::raise(c.merge_medium)};
+}
+
+// The recursion along a path given by its numbers: the weight of each technique listed.
+template <class Heuristic>
+std::vector<double> recursive_weights(const PathNumbers& n, const Counts& counts,
+                                      const std::vector<Technique>& techniques) {
+  const std::size_t k = n.edges;
+  const MisFactors factors = factors_of<Heuristic>(counts);
+  const MergeFactors eta = eta_of<Heuristic>(counts);
+  const auto raise = Heuristic::raise;
+  const auto merged = [&](std::size_t i) { return n.in_medium[i] ? eta.medium : eta.surface; };
+
+  std::vector<MisBlock> light(k + 1), eye(k + 1);
+  Departure d = leave_end<Heuristic>(factors.hit_light, n.light_prob, n.light_can_be_hit, n.pdf_to_eye[0],
+                                     n.factor_to_eye[0]);
+  light[1] = arrive_from_light<Heuristic>(d, factors, n.factor_to_light[1], n.light_density(1),
+                                          n.delta[1] ? 0 : n.light_direct, n.light_prob);
+  for (std::size_t i = 1; i < k; ++i) {
+    d = leave_vertex<Heuristic>(light[i], !n.in_medium[i], n.delta[i], n.pdf_to_eye[i], n.pdf_to_light[i],
+                                n.factor_to_eye[i]);
+    if (i + 1 < k)
+      light[i + 1] = arrive_later<Heuristic>(d, factors, n.factor_to_light[i + 1], n.light_density(i + 1));
+  }
+  const Departure to_lens = d;
+  d = leave_end<Heuristic>(factors.hit_lens, n.lens_prob, n.lens_can_be_hit, n.pdf_to_light[k],
+                           n.factor_to_light[k]);
+  eye[k - 1] =
+      arrive_from_eye<Heuristic>(d, factors, n.factor_to_eye[k - 1], n.eye_density(k - 1), n.survival[k - 1]);
+  for (std::size_t i = k - 1; i > 0; --i) {
+    d = leave_vertex<Heuristic>(eye[i], !n.in_medium[i], n.delta[i], n.pdf_to_light[i], n.pdf_to_eye[i],
+                                n.factor_to_light[i]);
+    eye[i - 1] = arrive_later<Heuristic>(d, factors, n.factor_to_eye[i - 1], n.eye_density(i - 1));
+  }
+
+  std::vector<double> weights;
+  for (const Technique& t : techniques) {
+    const std::size_t s = t.light_vertices;
+    double rest = 0;
+    switch (t.kind) {
+      case Technique::Kind::hit_light: {
+        MisBlock block = eye[0];
+        block.known = n.delta[1] ? 0 : factors.next_event * raise(n.light_direct / n.eye_density(0));
+        rest = sum_of<Heuristic>(block, n.light_prob * n.pdf_to_eye[0], eta);
+        break;
+      }
+      case Technique::Kind::next_event: {
+        const double hit = n.light_can_be_hit ? n.eye_density(0) / n.light_direct : 0;
+        const double traced = n.light_prob * n.light_density(1) / n.light_direct;
+        rest = factors.hit_light * raise(hit) +
+               raise(traced) * (merged(1) + sum_of<Heuristic>(eye[1], n.pdf_to_eye[1], eta));
+        break;
+      }
+      case Technique::Kind::connect:
+        rest = raise(n.eye_density(s - 1)) *
+                   (merged(s - 1) + sum_of<Heuristic>(light[s - 1], n.pdf_to_light[s - 1], eta)) +
+               raise(n.light_density(s)) * (merged(s) + sum_of<Heuristic>(eye[s], n.pdf_to_eye[s], eta));
+        break;
+      case Technique::Kind::light_image: {
+        const double met = n.lens_can_be_hit ? n.light_density(k) / n.lens_connect : 0;
+        rest = (raise(n.eye_density(k - 1)) *
+                    (merged(k - 1) + sum_of<Heuristic>(light[k - 1], n.pdf_to_light[k - 1], eta)) +
+                factors.hit_lens * raise(met)) /
+               factors.light_image;
+        break;
+      }
+      case Technique::Kind::hit_lens: {
+        const double traced =
+            n.lens_prob * n.pdf_to_light[k] * n.survival[k - 1] * to_lens.leave / n.factor_to_light[k];
+        rest = raise(traced) * (to_lens.carried.pending + to_lens.carried.pending_surface * eta.surface +
+                                to_lens.carried.pending_medium * eta.medium);
+        if (to_lens.connects > 0) rest += factors.light_image * raise(n.lens_connect / n.light_density(k));
+        rest /= factors.hit_lens;
+        break;
+      }
+      case Technique::Kind::merge:
+        rest = (sum_of<Heuristic>(light[s], n.pdf_to_light[s], eta) +
+                sum_of<Heuristic>(eye[s], n.pdf_to_eye[s], eta)) /
+               merged(s);
+        break;
+    }
+    weights.push_back(1 / (1 + rest));
+  }
+  return weights;
+}
+
+inline double relative_difference(double a, double b) {
+  if (a == b) return 0;
+  const double d = std::abs(a - b) / std::max(std::abs(a), std::abs(b));
+  return std::isfinite(d) ? d : 1e300;
+}
+
+struct Errors {
+  std::size_t count = 0, loose = 0;
+  double largest = 0;
+  std::string worst;
+  void add(double error, double tight, const std::string& what) {
+    ++count;
+    if (!(error <= tight)) ++loose;
+    if (!(error <= largest)) {
+      largest = error;
+      worst = what;
+    }
+  }
+};
+
+inline constexpr double kOfRecursion = 1e-12, kTight = 1e-5, kTightValue = 1e-4;
+
+struct Findings {
+  std::size_t paths = 0, lost = 0, media_differ = 0, replayed = 0;
+  double largest_sum_error = 0, largest_recursion_error = 0;
+  Errors weight, value, listed, merge_weight, merge_value;
+};
+
+inline const char* name_of(Technique::Kind kind) {
+  constexpr const char* kNames[] = {"hit_light", "next_event", "connect", "light_image", "hit_lens", "merge"};
+  return kNames[static_cast<int>(kind)];
+}
+
+// What is left out, from path to path.
+inline Counts counts_of(std::uint64_t i, bool lens) {
+  Counts c;
+  c.light_image = 1000;  // light paths
+  c.hit_lens = lens ? 1000 : 0;
+  switch (i % 6) {
+    case 1:
+      c.next_event = 0;
+      break;
+    case 2:
+      c.hit_light = 0;
+      break;
+    case 3:
+      c.connect = 0;
+      break;
+    case 4:
+      c.light_image = 0;
+      break;
+    default:
+      break;
+  }
+  constexpr double kEta[] = {0, 1e-12, 1, 1e12, 1e-3};
+  c.merge_surface = kEta[i % 5];
+  c.merge_medium = kEta[(i / 5) % 5];
+  return c;
+}
+
+}  // namespace candela::transport
