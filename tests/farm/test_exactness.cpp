@@ -8,6 +8,7 @@
 
 #include "tests/farm/farm.h"
 #include "tests/farm/hand_worker.h"
+#include "worker/render/renderer.h"
 
 namespace candela::farm {
 namespace {
@@ -19,53 +20,90 @@ const std::vector<std::string> kShortUnits = {"--unit-time", "0.05", "--checkpoi
 struct Fleet {
   int workers;
   unsigned threads;
+  const char* integrator = "path";
+  std::uint64_t iterations = kIterations;
 };
+
+// Light traced by photons and merged is exact as eye paths are. Of those the odd count of iterations is
+// smaller, as each costs more.
+constexpr std::uint64_t kFewIterations = 201;
+
+bool built(const std::string& integrator) {
+  const auto names = render::integrator_names();
+  return std::find(names.begin(), names.end(), integrator) != names.end();
+}
+std::vector<std::string> with(const std::string& integrator) {
+  return {"--integrator", integrator};
+}
 
 class Fleets : public testing::TestWithParam<Fleet> {};
 
 // Claim: the pixels do not depend on how many workers there are, nor on their threads.
 TEST_P(Fleets, SamePixels) {
+  const auto [worker_count, threads, integrator, iterations] = GetParam();
+  if (!built(integrator)) GTEST_SKIP() << "there is no integrator " << integrator;
   Farm farm;
   farm.start_master(kShortUnits);
-  for (int i = 0; i < GetParam().workers; ++i) farm.start_worker("w" + std::to_string(i), GetParam().threads);
-  const std::string id = farm.submit(kIterations);
+  for (int i = 0; i < worker_count; ++i) farm.start_worker("w" + std::to_string(i), threads);
+  const std::string id = farm.submit(iterations, "cornell", with(integrator));
   farm.wait_for(id, v1::JOB_STATE_DONE);
-  expect_identical(farm.fetch(id), farm.render(kIterations), "farm and `candela render`");
-  farm.audit(id, kIterations);
+  expect_identical(farm.fetch(id), farm.render(iterations, "cornell", with(integrator)),
+                   "farm and `candela render`");
+  farm.audit(id, iterations);
 }
 
-INSTANTIATE_TEST_SUITE_P(, Fleets, testing::Values(Fleet{1, 1}, Fleet{1, 2}, Fleet{2, 1}, Fleet{5, 1}),
-                         [](const testing::TestParamInfo<Fleet>& one) {
-                           return std::to_string(one.param.workers) + "Workers" +
-                                  std::to_string(one.param.threads) + "Threads";
-                         });
+INSTANTIATE_TEST_SUITE_P(
+    , Fleets,
+    testing::Values(Fleet{1, 1}, Fleet{1, 2}, Fleet{2, 1}, Fleet{5, 1}, Fleet{1, 2, "light", kFewIterations},
+                    Fleet{3, 1, "light", kFewIterations}, Fleet{1, 2, "bdpt", kFewIterations},
+                    Fleet{3, 1, "bdpt", kFewIterations}, Fleet{2, 2, "ppm", kFewIterations},
+                    Fleet{2, 2, "bpm", kFewIterations}, Fleet{1, 2, "vcm", kFewIterations},
+                    Fleet{5, 1, "vcm", kFewIterations}),
+    [](const testing::TestParamInfo<Fleet>& one) {
+      const std::string name = one.param.integrator;
+      return (name == "path" ? "" : name) + std::to_string(one.param.workers) + "Workers" +
+             std::to_string(one.param.threads) + "Threads";
+    });
 
-class UnitTimes : public testing::TestWithParam<const char*> {};
+class UnitTimes : public testing::TestWithParam<std::pair<const char*, const char*>> {};
 
 // Claim: the pixels do not depend on how the iterations are cut into units.
 TEST_P(UnitTimes, SamePixels) {
+  const auto [seconds, integrator] = GetParam();
+  if (!built(integrator)) GTEST_SKIP() << "there is no integrator " << integrator;
+  const std::uint64_t iterations = integrator == std::string("path") ? kIterations : kFewIterations;
   Farm farm;
-  farm.start_master({"--unit-time", GetParam()});
+  farm.start_master({"--unit-time", seconds});
   for (const char* name : {"a", "b"}) farm.start_worker(name);
-  const std::string id = farm.submit(kIterations);
+  const std::string id = farm.submit(iterations, "cornell", with(integrator));
   farm.wait_for(id, v1::JOB_STATE_DONE);
-  expect_identical(farm.fetch(id), farm.render(kIterations), "farm and `candela render`");
-  farm.audit(id, kIterations);
+  expect_identical(farm.fetch(id), farm.render(iterations, "cornell", with(integrator)),
+                   "farm and `candela render`");
+  farm.audit(id, iterations);
 }
 
-INSTANTIATE_TEST_SUITE_P(, UnitTimes, testing::Values("0.01", "0.3", "5"), [](const auto& one) {
-  std::string name = std::string("Seconds") + one.param;
-  std::replace(name.begin(), name.end(), '.', '_');
-  return name;
-});
+INSTANTIATE_TEST_SUITE_P(, UnitTimes,
+                         testing::Values(std::pair("0.01", "path"), std::pair("0.3", "path"),
+                                         std::pair("5", "path"), std::pair("0.01", "bdpt"),
+                                         std::pair("0.01", "vcm"), std::pair("0.3", "vcm")),
+                         [](const auto& one) {
+                           std::string name = one.param.first;
+                           std::replace(name.begin(), name.end(), '.', '_');
+                           const std::string integrator = one.param.second;
+                           return (integrator == "path" ? "" : integrator) + "Seconds" + name;
+                         });
 
 // Claim: the pixels do not depend on the order in which units arrive. One worker takes up to five leases at a
 // time and delivers them backwards.
-TEST(Order, BackwardsInBatchesOfFive) {
+class Order : public testing::TestWithParam<const char*> {};
+
+TEST_P(Order, BackwardsInBatchesOfFive) {
+  const char* const integrator = GetParam();
+  if (!built(integrator)) GTEST_SKIP() << "there is no integrator " << integrator;
   constexpr std::uint64_t iterations = 40;
   Farm farm;
   farm.start_master({"--unit-time", "0.01"});
-  const std::string id = farm.submit(iterations);
+  const std::string id = farm.submit(iterations, "cornell", with(integrator));
   HandWorker worker(farm.address(), "backwards");
   worker.scene_file_for_pilots = scene_path("cornell");
   bool out_of_order = false;
@@ -81,9 +119,13 @@ TEST(Order, BackwardsInBatchesOfFive) {
   });
   ASSERT_TRUE(done);
   EXPECT_TRUE(out_of_order) << "the master never gave two leases at a time: nothing was shuffled";
-  expect_identical(farm.fetch(id), farm.render(iterations), "farm and `candela render`");
+  expect_identical(farm.fetch(id), farm.render(iterations, "cornell", with(integrator)),
+                   "farm and `candela render`");
   farm.audit(id, iterations);
 }
+
+INSTANTIATE_TEST_SUITE_P(, Order, testing::Values("path", "light", "bdpt", "vcm"),
+                         [](const auto& one) { return std::string(one.param); });
 
 // Claim: several jobs at once do not touch each other.
 TEST(Jobs, ThreeAtOnce) {
@@ -100,13 +142,28 @@ TEST(Jobs, ThreeAtOnce) {
   }
 }
 
+// A job that lasts for the events of a death: `share` scales the iterations that `path` needs for that.
+struct Work {
+  const char* integrator;
+  double share;
+  std::uint64_t of(std::uint64_t iterations) const {
+    return static_cast<std::uint64_t>(share * static_cast<double>(iterations));
+  }
+};
+class Deaths : public testing::TestWithParam<Work> {
+ protected:
+  void SetUp() override {
+    if (!built(GetParam().integrator)) GTEST_SKIP() << "there is no integrator " << GetParam().integrator;
+  }
+};
+
 // Claim: a worker killed in the midst of a unit costs that unit's time and nothing else.
-TEST(Deaths, WorkerKilledMidUnit) {
-  constexpr std::uint64_t iterations = 3000;
+TEST_P(Deaths, WorkerKilledMidUnit) {
+  const std::uint64_t iterations = GetParam().of(3000);
   Farm farm;
   farm.start_master({"--unit-time", "0.5", "--lease-time", "1"});
   Process& victim = farm.start_worker("victim");
-  const std::string id = farm.submit(iterations);
+  const std::string id = farm.submit(iterations, "cornell", with(GetParam().integrator));
   farm.wait_for_iterations(id, 1);
   ASSERT_TRUE(eventually(kPatienceSeconds, [&] { return farm.job(id).units_leased() > 0; }));
   victim.kill();
@@ -116,18 +173,19 @@ TEST(Deaths, WorkerKilledMidUnit) {
   ASSERT_GT(at_death.units_leased(), 0U) << "the worker had no unit when it was killed";
   farm.start_worker("heir", 2);
   farm.wait_for(id, v1::JOB_STATE_DONE);
-  expect_identical(farm.fetch(id), farm.render(iterations), "after the death of a worker");
+  expect_identical(farm.fetch(id), farm.render(iterations, "cornell", with(GetParam().integrator)),
+                   "after the death of a worker");
   farm.audit(id, iterations);
 }
 
 // Claim: SIGTERM makes a worker hand its unit back and leave in good order; nobody waits for its lease to
 // expire.
-TEST(Deaths, WorkerTerminated) {
-  constexpr std::uint64_t iterations = 3000;
+TEST_P(Deaths, WorkerTerminated) {
+  const std::uint64_t iterations = GetParam().of(3000);
   Farm farm;
   farm.start_master({"--unit-time", "2", "--lease-time", "600"});
   Process& leaving = farm.start_worker("leaving");
-  const std::string id = farm.submit(iterations);
+  const std::string id = farm.submit(iterations, "cornell", with(GetParam().integrator));
   ASSERT_TRUE(eventually(kPatienceSeconds, [&] {
     const v1::JobStatus status = farm.job(id);
     return status.units_leased() > 0 && status.has_named_state();
@@ -140,18 +198,19 @@ TEST(Deaths, WorkerTerminated) {
       << "a lease is still out: with --lease-time 600 the job would hang";
   farm.start_worker("heir", 2);
   farm.wait_for(id, v1::JOB_STATE_DONE);
-  expect_identical(farm.fetch(id), farm.render(iterations), "after a worker left");
+  expect_identical(farm.fetch(id), farm.render(iterations, "cornell", with(GetParam().integrator)),
+                   "after a worker left");
   farm.audit(id, iterations);
 }
 
 // Claim: a master killed twenty times in one job and restarted loses nothing that its checkpoints have and
 // counts nothing twice.
-TEST(Deaths, MasterKilledTwentyTimes) {
-  constexpr std::uint64_t iterations = 9000;
+TEST_P(Deaths, MasterKilledTwentyTimes) {
+  const std::uint64_t iterations = GetParam().of(9000);
   Farm farm;
   farm.start_master({"--unit-time", "0.1", "--checkpoint-interval", "0.05", "--lease-time", "2"});
   for (const char* name : {"a", "b"}) farm.start_worker(name);
-  const std::string id = farm.submit(iterations);
+  const std::string id = farm.submit(iterations, "cornell", with(GetParam().integrator));
   std::uint64_t seen = 0;
   for (int deaths = 0; deaths < 20; ++deaths) {
     // Each life merges something new, so that each death comes at another point of the work.
@@ -171,18 +230,19 @@ TEST(Deaths, MasterKilledTwentyTimes) {
     seen = kept;
   }
   farm.wait_for(id, v1::JOB_STATE_DONE);
-  expect_identical(farm.fetch(id), farm.render(iterations), "after twenty deaths of the master");
+  expect_identical(farm.fetch(id), farm.render(iterations, "cornell", with(GetParam().integrator)),
+                   "after twenty deaths of the master");
   farm.audit(id, iterations);
 }
 
 // Claim: a worker stopped with SIGSTOP past its lease and continued finds its unit given to another; its
 // delta is refused and the unit counted once.
-TEST(Deaths, WorkerStoppedPastItsLease) {
-  constexpr std::uint64_t iterations = 2500;
+TEST_P(Deaths, WorkerStoppedPastItsLease) {
+  const std::uint64_t iterations = GetParam().of(2500);
   Farm farm;
   farm.start_master({"--unit-time", "0.5", "--lease-time", "1"});
   Process& sleeper = farm.start_worker("sleeper");
-  const std::string id = farm.submit(iterations);
+  const std::string id = farm.submit(iterations, "cornell", with(GetParam().integrator));
   farm.wait_for_iterations(id, 1);
   ASSERT_TRUE(eventually(kPatienceSeconds, [&] { return farm.job(id).units_leased() > 0; }));
   sleeper.signal(SIGSTOP);
@@ -196,9 +256,13 @@ TEST(Deaths, WorkerStoppedPastItsLease) {
   sleeper.signal(SIGCONT);
   farm.wait_for(id, v1::JOB_STATE_DONE);
   EXPECT_TRUE(sleeper.running()) << "the worker did not survive its sleep: exit " << *sleeper.wait(0);
-  expect_identical(farm.fetch(id), farm.render(iterations), "after a worker's sleep");
+  expect_identical(farm.fetch(id), farm.render(iterations, "cornell", with(GetParam().integrator)),
+                   "after a worker's sleep");
   farm.audit(id, iterations);
 }
+
+INSTANTIATE_TEST_SUITE_P(, Deaths, testing::Values(Work{"path", 1}, Work{"bdpt", 0.2}, Work{"vcm", 0.2}),
+                         [](const auto& one) { return std::string(one.param.integrator); });
 
 }  // namespace
 }  // namespace candela::farm

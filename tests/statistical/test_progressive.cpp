@@ -98,7 +98,7 @@ class Progressive : public testing::TestWithParam<const char*> {};
 TEST_P(Progressive, BiasAndVarianceFallAsStated) {
   if (!has_integrator("ppm")) GTEST_SKIP() << "there is no integrator ppm";
   const double alpha = std::stod(GetParam());
-  const std::size_t doublings = long_form() ? 12 : 7, replicates = long_form() ? 1000 : 200;
+  const std::size_t doublings = long_form() ? 12 : 7, replicates = long_form() ? 2000 : 600;
   TestScene scene = scene_from_xml(kScene, 1, 1);
   scene.settings.sampler = "independent";
   scene = with_integrator(scene, "ppm",

@@ -98,7 +98,8 @@ inline constexpr std::array kTransportScenes = {
                    kLightSeesNoDelta},
     TransportScene{"near-delta", "roughness 0.003: densities of 1e5, but no delta", kAll,
                    kLight | kPpm | kBpm, "connecting to or merging at such a surface rarely meets its lobe"},
-    TransportScene{"index-matched", "refraction that hardly bends", kAll & ~kLight, kNone, kLightSeesNoDelta},
+    TransportScene{"index-matched", "refraction that hardly bends", kAll & ~kLight, kPpm,
+                   "light sees no delta surface; frosted glass of index 1.01 is nearly delta to merging"},
     TransportScene{"instances", "squeezed and mirrored copies", kAll, kNone, ""},
 };
 
