@@ -212,6 +212,41 @@ TEST(TransportWeights, HoldOnWalksOfAThousandEdges) {
   }
 }
 
+// No scene of the folders has a lens of finite size in a medium.
+TEST(TransportWeights, HoldForALensInFog) {
+  const std::string sensor =
+      R"(<sensor type="thinlens"><float name="fov" value="100"/><float name="aperture_radius" value="1"/>
+         <float name="focus_distance" value="3"/></sensor>)";
+  const std::string body =
+      R"(<shape type="sphere"><float name="radius" value="6"/><bsdf type="null"/>
+         <medium type="homogeneous" name="interior"><rgb name="sigma_t" value="0.2 0.4 0.8"/>
+         <rgb name="albedo" value="0.9"/></medium></shape>
+         <shape type="rectangle"><transform name="to_world"><rotate y="1" angle="180"/><scale value="2"/>
+         <translate z="3"/></transform></shape>
+         <shape type="sphere"><point name="center" x="1" y="1" z="2"/><float name="radius" value="0.4"/>
+         <emitter type="area"/></shape>)";
+  scene::Scene::Options options;
+  options.film_width = options.film_height = test::kFilmSize;
+  const auto scene = test::build_scene(body, {}, sensor, options);
+  ASSERT_TRUE(scene.ok()) << scene.error().to_string();
+  WalkRules rules;
+  rules.max_edges = 6;
+  rules.rr_depth = 1u << 30;
+  rules.meets_lens = true;
+  rules.film_border = 1;
+  rules.eye_paths = 4096;
+  Findings f;
+  run_all<Between::media>(**scene, rules, 4000, f);
+  std::printf("%zu paths, %zu of them met the lens; weights up to %.1e, values up to %.1e\n", f.paths,
+              f.met_lens, f.weight.largest, f.value.largest);
+  EXPECT_GE(f.met_lens, 30u);
+  EXPECT_LE(f.lost, f.paths / 200);
+  EXPECT_LE(f.largest_recursion_error, kOfRecursion);
+  EXPECT_LE(f.weight.largest, 1e-4) << f.weight.worst;
+  EXPECT_LE(f.listed.largest, 1e-4) << f.listed.worst;
+  EXPECT_LE(f.value.largest, 1e-4) << f.value.worst;
+}
+
 INSTANTIATE_TEST_SUITE_P(Scenes, SceneWeights, testing::ValuesIn(scene_files()),
                          [](const auto& test) { return label(test.param); });
 

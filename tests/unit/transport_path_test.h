@@ -354,6 +354,7 @@ class PathTest {
 
   void check(const FullPath& path, Technique::Kind kind, std::size_t s, const Contribution& found) {
     ++findings_.paths;
+    if (kind == Technique::Kind::hit_lens) ++findings_.met_lens;
     const Evaluation evaluation(scene_, path,
                                 {rules_.film_border, rules_.eye_paths, rules_.max_edges,
                                  rules_.meets_lens ? std::size_t{1} << 30 : light_rules_.max_edges});
@@ -401,7 +402,6 @@ class PathTest {
       const double error = std::abs(recursive[i] - weights[i]) / std::max(weights[i], 1e-200);
       if (!(error <= findings_.largest_recursion_error)) findings_.largest_recursion_error = error;
     }
-    ++findings_.replayed;
     if (!(std::abs(sum - 1) <= findings_.largest_sum_error)) findings_.largest_sum_error = std::abs(sum - 1);
   }
 

@@ -137,7 +137,7 @@ struct Errors {
 inline constexpr double kOfRecursion = 1e-12, kTight = 1e-5, kTightValue = 1e-4;
 
 struct Findings {
-  std::size_t paths = 0, lost = 0, media_differ = 0, replayed = 0;
+  std::size_t paths = 0, lost = 0, media_differ = 0, met_lens = 0;
   double largest_sum_error = 0, largest_recursion_error = 0;
   Errors weight, value, listed, merge_weight, merge_value;
 };
