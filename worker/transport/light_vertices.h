@@ -11,14 +11,24 @@ namespace candela::transport {
 
 // A vertex that connects.
 struct LightVertex {
+  explicit LightVertex(const Vertex& v)
+      : hit(v.hit),
+        wo(v.wo),
+        throughput(v.throughput),
+        arrival(v.arrival),
+        mis(v.mis),
+        edges(v.edges),
+        medium(v.medium),
+        kind(v.kind) {}
+
   SurfaceHit hit;
   Vec3 wo;
   Spectrum throughput;
-  float arrival = 1;
+  float arrival;
   MisBlock mis;
-  std::uint32_t edges = 0;
-  std::uint32_t medium = scene::kNone;
-  Vertex::Kind kind = Vertex::Kind::surface;
+  std::uint32_t edges;
+  std::uint32_t medium;
+  Vertex::Kind kind;
 };
 
 // Of one chunk of light paths, in their order.
@@ -28,17 +38,7 @@ class LightVertexBuffer {
     vertices_.clear();
     ends_.clear();
   }
-  void keep(const Vertex& v) {
-    LightVertex& kept = vertices_.emplace_back();
-    kept.hit = v.hit;
-    kept.wo = v.wo;
-    kept.throughput = v.throughput;
-    kept.arrival = v.arrival;
-    kept.mis = v.mis;
-    kept.edges = v.edges;
-    kept.medium = v.medium;
-    kept.kind = v.kind;
-  }
+  void keep(const Vertex& v) { vertices_.emplace_back(v); }
   // Once after each path's vertices.
   void end_path() { ends_.push_back(static_cast<std::uint32_t>(vertices_.size())); }
 

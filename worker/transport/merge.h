@@ -28,6 +28,19 @@ struct MergeMaps {
         disc(kernel, disc_radius_),
         ball(kernel, ball_radius_) {}
 
+  // Asks for what Gather::start reads of the memory, for an eye's vertex that connects.
+  void announce(const Vertex& v) const {
+    if (const PhotonMap* map = map_for(v)) map->announce(v.hit.p, radius_for(v));
+  }
+  // Null: nothing to merge with.
+  const PhotonMap* map_for(const Vertex& v) const {
+    if (v.edges >= max_edges) return nullptr;
+    return v.kind == Vertex::Kind::surface ? surface : medium;
+  }
+  float radius_for(const Vertex& v) const {
+    return v.kind == Vertex::Kind::surface ? disc_radius : ball_radius;
+  }
+
   const PhotonMap* surface = nullptr;  // null: no merging there
   const PhotonMap* medium = nullptr;
   float disc_radius, ball_radius;
@@ -43,51 +56,135 @@ inline double merge_weight(double eta, double light_sum, double eye_sum) {
   return 1 / (1 + (light_sum + eye_sum) / eta);
 }
 
-// What all photons around the eye's vertex v, which connects, add to its path: weighted, v.throughput
-// included.
+// The weighted contribution of a photon at the eye's vertex v, which connects, without v.throughput and
+// maps.per_path.
+template <class Heuristic>
+class SurfaceMerge {
+ public:
+  SurfaceMerge(const MergeMaps& maps, const Vertex& v)
+      : maps_(maps), v_(v), wo_(v.hit.shading.to_local(v.wo)), most_edges_(maps.max_edges - v.edges) {}
+
+  void operator()(const Photon& photon, float d2) {
+    if (photon.edges > most_edges_) return;
+    const Vec3 wi = v_.hit.shading.to_local(photon.wo);
+    float pdf = 0;
+    Spectrum value = v_.closure.eval_pdf(wo_, wi, TransportMode::radiance, pdf);
+    if (value.is_black()) return;
+    value *= photon.flux;
+    float factor = maps_.disc.value(d2) / v_.density_factor(photon.wo);
+    if constexpr (Heuristic::kWeighs) {
+      const auto reverse =
+          static_cast<double>(v_.closure.pdf_solid_angle(wi, wo_, TransportMode::importance));
+      factor *= static_cast<float>(merge_weight(
+          maps_.eta.surface, sum_of<Heuristic>(photon.mis(), static_cast<double>(pdf), maps_.eta),
+          sum_of<Heuristic>(v_.mis, reverse, maps_.eta)));
+    }
+    sum += value * factor;
+  }
+
+  Spectrum sum;
+
+ private:
+  const MergeMaps& maps_;
+  const Vertex& v_;
+  Vec3 wo_;
+  std::uint32_t most_edges_;
+};
+
+template <class Heuristic>
+class MediumMerge {
+ public:
+  MediumMerge(const scene::Scene& scene, const MergeMaps& maps, const Vertex& v)
+      : maps_(maps), v_(v), phase_(scene.medium(v.medium).phase()), most_edges_(maps.max_edges - v.edges) {}
+
+  void operator()(const Photon& photon, float d2) {
+    if (photon.medium != v_.medium || photon.edges > most_edges_) return;
+    float factor = phase_.eval(v_.wo, photon.wo) * maps_.ball.value(d2);
+    if (factor == 0) return;
+    if constexpr (Heuristic::kWeighs) {
+      const auto forward = static_cast<double>(phase_.pdf_solid_angle(v_.wo, photon.wo));
+      const auto reverse = static_cast<double>(phase_.pdf_solid_angle(photon.wo, v_.wo));
+      factor *= static_cast<float>(merge_weight(maps_.eta.medium,
+                                                sum_of<Heuristic>(photon.mis(), forward, maps_.eta),
+                                                sum_of<Heuristic>(v_.mis, reverse, maps_.eta)));
+    }
+    sum += photon.flux * factor;
+  }
+
+  Spectrum sum;
+
+ private:
+  const MergeMaps& maps_;
+  const Vertex& v_;
+  const scene::Phase& phase_;
+  std::uint32_t most_edges_;
+};
+
+// All merges at one vertex of the eye after another, in steps between which photons come from memory:
+// MergeMaps::announce() when the vertex is made, start() and collect() when there has been something else to
+// do, finish() before the vertex goes. finish() does what is left of all.
+template <class Heuristic>
+class Gather {
+ public:
+  Gather(const scene::Scene& scene, const MergeMaps& maps) : scene_(scene), maps_(maps) {}
+
+  // v connects. The one before has to be finished.
+  void start(const Vertex& v) {
+    map_ = maps_.map_for(v);
+    if (map_ == nullptr) return;
+    v_ = &v;
+    map_->find(v.hit.p, maps_.radius_for(v), query_);
+    step_ = Step::found;
+  }
+  void collect() {
+    if (step_ != Step::found) return;
+    sum_ = {};
+    with_merge([&](auto&& merge) { map_->collect(query_, hits_, merge); });
+    step_ = Step::collected;
+  }
+  // What all photons around the vertex add to its path: weighted, v.throughput included.
+  Spectrum finish() {
+    collect();
+    if (step_ != Step::collected) return {};
+    step_ = Step::none;
+    if (hits_.count > 0)
+      with_merge([&](auto&& merge) {
+        for (std::uint32_t i = 0; i < hits_.count; ++i) merge(*hits_.hit[i].photon, hits_.hit[i].d2);
+      });
+    return v_->throughput * sum_ * maps_.per_path;
+  }
+
+ private:
+  enum class Step : std::uint8_t { none, found, collected };
+  template <class Use>
+  void with_merge(const Use& use) {
+    if (v_->kind == Vertex::Kind::surface) {
+      SurfaceMerge<Heuristic> merge(maps_, *v_);
+      use(merge);
+      sum_ += merge.sum;
+    } else {
+      MediumMerge<Heuristic> merge(scene_, maps_, *v_);
+      use(merge);
+      sum_ += merge.sum;
+    }
+  }
+
+  const scene::Scene& scene_;
+  const MergeMaps& maps_;
+  const PhotonMap* map_ = nullptr;
+  const Vertex* v_ = nullptr;
+  Step step_ = Step::none;
+  Spectrum sum_;
+  PhotonMap::Query query_;
+  PhotonMap::Hits hits_;
+};
+
+// The same in one step.
 template <class Heuristic>
 Spectrum merge(const scene::Scene& scene, const MergeMaps& maps, const Vertex& v) {
-  const bool surface = v.kind == Vertex::Kind::surface;
-  const PhotonMap* map = surface ? maps.surface : maps.medium;
-  if (map == nullptr || v.edges >= maps.max_edges) return {};
-  const std::uint32_t most_edges = maps.max_edges - v.edges;
-  Spectrum sum;
-  if (surface) {
-    const Vec3 wo = v.hit.shading.to_local(v.wo);
-    map->visit(v.hit.p, maps.disc_radius, [&](const Photon& photon, float d2) {
-      if (photon.edges > most_edges) return;
-      const Vec3 wi = v.hit.shading.to_local(photon.wo);
-      float pdf = 0;
-      Spectrum value = v.closure.eval_pdf(wo, wi, TransportMode::radiance, pdf);
-      if (value.is_black()) return;
-      value *= photon.flux;
-      float factor = maps.disc.value(d2) / v.density_factor(photon.wo);
-      if constexpr (Heuristic::kWeighs) {
-        const auto reverse =
-            static_cast<double>(v.closure.pdf_solid_angle(wi, wo, TransportMode::importance));
-        factor *= static_cast<float>(merge_weight(
-            maps.eta.surface, sum_of<Heuristic>(photon.mis(), static_cast<double>(pdf), maps.eta),
-            sum_of<Heuristic>(v.mis, reverse, maps.eta)));
-      }
-      sum += value * factor;
-    });
-  } else {
-    const scene::Phase& phase = scene.medium(v.medium).phase();
-    map->visit(v.hit.p, maps.ball_radius, [&](const Photon& photon, float d2) {
-      if (photon.medium != v.medium || photon.edges > most_edges) return;
-      float factor = phase.eval(v.wo, photon.wo) * maps.ball.value(d2);
-      if (factor == 0) return;
-      if constexpr (Heuristic::kWeighs) {
-        const auto forward = static_cast<double>(phase.pdf_solid_angle(v.wo, photon.wo));
-        const auto reverse = static_cast<double>(phase.pdf_solid_angle(photon.wo, v.wo));
-        factor *= static_cast<float>(merge_weight(maps.eta.medium,
-                                                  sum_of<Heuristic>(photon.mis(), forward, maps.eta),
-                                                  sum_of<Heuristic>(v.mis, reverse, maps.eta)));
-      }
-      sum += photon.flux * factor;
-    });
-  }
-  return v.throughput * sum * maps.per_path;
+  Gather<Heuristic> gather(scene, maps);
+  gather.start(v);
+  return gather.finish();
 }
 
 }  // namespace candela::transport

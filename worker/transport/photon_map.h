@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "common/base/result.h"
+#include "worker/core/huge_pages.h"
 #include "worker/transport/range_search.h"
 #include "worker/transport/vertex.h"
 
@@ -63,18 +64,41 @@ class PhotonMap {
   // Held between build and the next one.
   std::uint64_t bytes() const { return search_.bytes() + photons_.capacity() * sizeof(Photon); }
 
-  // visit(photon, squared distance) for all within the radius of p, in an order that depends on the photons
-  // alone.
+  // The steps of a query: others can work while memory is fetched. announce() and find() are RangeSearch's;
+  // collect() finds the photons and asks for them.
+  using Query = RangeSearch::Query;
+  struct Hits {
+    struct Hit {
+      const Photon* photon;
+      float d2;
+    };
+    static constexpr std::uint32_t kMost = 64;
+    std::uint32_t count = 0;
+    Hit hit[kMost];
+  };
+  void announce(Vec3 p, float radius) const { search_.announce(p, radius); }
+  void find(Vec3 p, float radius, Query& query) const { search_.find(p, radius, query); }
+  // Calls visit(photon, squared distance) for the first ones where there are more than Hits can hold; those
+  // that are left in `hits` are the caller's to visit. The order depends on the photons alone.
   template <class Visit>
-  void visit(Vec3 p, float radius, Visit&& visit) const {
-    search_.visit_slots(p, radius, [&](std::uint32_t slot, float d2) { visit(photons_[slot], d2); });
+  void collect(const Query& query, Hits& hits, Visit&& visit) const {
+    hits.count = 0;
+    search_.visit_slots(query, [&](std::uint32_t slot, float d2) {
+      if (hits.count == Hits::kMost) {
+        for (const Hits::Hit& hit : hits.hit) visit(*hit.photon, hit.d2);
+        hits.count = 0;
+      }
+      const Photon* photon = &photons_[slot];
+      __builtin_prefetch(photon);
+      hits.hit[hits.count++] = {photon, d2};
+    });
   }
 
  private:
   RangeSearch search_;
-  std::vector<Photon> photons_;  // by slot
-  std::vector<Vec3> positions_;  // by index; room kept between builds
-  std::vector<Photon> by_index_;
+  HugeVector<Photon> photons_;  // by slot
+  HugeVector<Vec3> positions_;  // by index; room kept between builds
+  HugeVector<Photon> by_index_;
 };
 
 }  // namespace candela::transport

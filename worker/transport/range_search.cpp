@@ -165,29 +165,62 @@ int RangeSearch::row_runs(std::int32_t y, std::int32_t z, std::int32_t x0, std::
   return 2;
 }
 
-void RangeSearch::find_runs(Vec3 p, float radius, Runs& runs) const {
+RangeSearch::CellBox RangeSearch::box_of(Vec3 p, float radius) const {
   // Room for the rounding of differences, squares and their sum, and for squares that underflow: whatever is
   // found within the radius lies in the box of this half width. The box's own rounding is harmless, since
   // rounding and cell() are both monotone.
   const float reach = radius * 1.000001f + 1e-22f;
-  const std::int32_t x0 = std::max(cell(p.x - reach, origin_.x, inv_cell_x_), 0);
-  const std::int32_t x1 = std::min(cell(p.x + reach, origin_.x, inv_cell_x_), last_.x);
-  const std::int32_t y0 = std::max(cell(p.y - reach, origin_.y, inv_cell_), 0);
-  const std::int32_t y1 = std::min(cell(p.y + reach, origin_.y, inv_cell_), last_.y);
-  const std::int32_t z0 = std::max(cell(p.z - reach, origin_.z, inv_cell_), 0);
-  const std::int32_t z1 = std::min(cell(p.z + reach, origin_.z, inv_cell_), last_.z);
-  if (x0 > x1 || y0 > y1 || z0 > z1) return;
-  const std::int64_t rows = std::int64_t{y1 - y0 + 1} * std::int64_t{z1 - z0 + 1};
-  if (rows > kMaxRows) {
-    if (rows > static_cast<std::int64_t>(size_ / 16)) {  // reading all of them is quicker than the rows
-      runs.run[runs.count++] = {0, static_cast<std::uint32_t>(size_)};
-    } else {
-      runs.rows_left = true;
-      runs.x0 = x0, runs.x1 = x1, runs.y0 = y0, runs.y1 = y1, runs.z0 = z0, runs.z1 = z1;
+  const CellBox box{std::max(cell(p.x - reach, origin_.x, inv_cell_x_), 0),
+                    std::min(cell(p.x + reach, origin_.x, inv_cell_x_), last_.x),
+                    std::max(cell(p.y - reach, origin_.y, inv_cell_), 0),
+                    std::min(cell(p.y + reach, origin_.y, inv_cell_), last_.y),
+                    std::max(cell(p.z - reach, origin_.z, inv_cell_), 0),
+                    std::min(cell(p.z + reach, origin_.z, inv_cell_), last_.z)};
+  return box.x0 > box.x1 || box.y0 > box.y1 || box.z0 > box.z1 ? CellBox() : box;
+}
+
+void RangeSearch::announce(Vec3 p, float radius) const {
+  const CellBox box = box_of(p, radius);
+  if (box.x0 > box.x1 || box.rows() > kMaxRows) return;
+  const auto cells = static_cast<std::uint32_t>(box.x1 - box.x0);
+  for (std::int32_t z = box.z0; z <= box.z1; ++z) {
+    for (std::int32_t y = box.y0; y <= box.y1; ++y) {
+      const std::uint32_t begin = (row_base(y, z) + static_cast<std::uint32_t>(box.x0)) & mask_;
+      __builtin_prefetch(&starts_[begin]);
+      __builtin_prefetch(&starts_[((begin + cells) & mask_) + 1]);
     }
+  }
+}
+
+void RangeSearch::find(Vec3 p, float radius, Query& query) const {
+  find_runs(p, radius, query);
+  for (int i = 0; i < query.count_; ++i) {
+    const Run run = query.run_[i];
+    // Hardware goes on by itself where a run is long.
+    for (const float* axis : {x(), y(), z()}) {
+      __builtin_prefetch(axis + run.begin);
+      __builtin_prefetch(axis + std::min(run.begin + 16, run.end));
+    }
+  }
+}
+
+void RangeSearch::find_runs(Vec3 p, float radius, Query& query) const {
+  query.p_ = p;
+  query.radius_ = radius;
+  query.count_ = 0;
+  query.rows_left_ = false;
+  query.box_ = box_of(p, radius);
+  const auto [x0, x1, y0, y1, z0, z1] = query.box_;
+  if (x0 > x1) return;
+  const std::int64_t rows = query.box_.rows();
+  if (rows > kMaxRows) {
+    if (rows > static_cast<std::int64_t>(size_ / 16))  // reading all of them is quicker than the rows
+      query.run_[query.count_++] = {0, static_cast<std::uint32_t>(size_)};
+    else
+      query.rows_left_ = true;
     return;
   }
-  Run* run = runs.run;
+  Run* run = query.run_;
   int count = 0;
   for (std::int32_t z = z0; z <= z1; ++z) {
     for (std::int32_t y = y0; y <= y1; ++y) count += row_runs(y, z, x0, x1, run + count);
@@ -207,7 +240,7 @@ void RangeSearch::find_runs(Vec3 p, float radius, Runs& runs) const {
       run[++last] = run[i];
     }
   }
-  runs.count = count == 0 ? 0 : last + 1;
+  query.count_ = count == 0 ? 0 : last + 1;
 }
 
 }  // namespace candela::transport

@@ -73,7 +73,14 @@ class RangeSearch {
   // order, is finite and at most radius * radius in float. Each point once.
   template <class Visit>
   void visit_slots(Vec3 p, float radius, Visit&& visit) const;
-  // The same with visit(index, d2).
+  // The same in steps, for callers with other work to do while memory is fetched: announce() asks for what
+  // find() reads, and find() for what visit_slots(query) reads.
+  class Query;
+  void announce(Vec3 p, float radius) const;
+  void find(Vec3 p, float radius, Query& query) const;
+  template <class Visit>
+  void visit_slots(const Query& query, Visit&& visit) const;
+  // visit_slots() with visit(index, d2).
   template <class Visit>
   void visit(Vec3 p, float radius, Visit&& visit) const {
     visit_slots(p, radius, [&](std::uint32_t slot, float d2) { visit(order_[slot], d2); });
@@ -83,14 +90,11 @@ class RangeSearch {
   struct Run {
     std::uint32_t begin, end;  // slots
   };
-  // The runs of a query, ascending and disjoint; or, if they are too many for that, the rows to be gone
-  // through.
   static constexpr int kMaxRows = 16;
-  struct Runs {
-    int count = 0;
-    bool rows_left = false;
+  // Of cells; empty where x0 > x1.
+  struct CellBox {
     std::int32_t x0 = 0, x1 = -1, y0 = 0, y1 = -1, z0 = 0, z1 = -1;
-    Run run[2 * kMaxRows];
+    std::int64_t rows() const { return std::int64_t{y1 - y0 + 1} * std::int64_t{z1 - z0 + 1}; }
   };
   struct Cell {
     std::int32_t x, y, z;
@@ -118,7 +122,8 @@ class RangeSearch {
   std::uint32_t bucket_of(Cell c) const {
     return (row_base(c.y, c.z) + static_cast<std::uint32_t>(c.x)) & mask_;
   }
-  void find_runs(Vec3 p, float radius, Runs& runs) const;
+  CellBox box_of(Vec3 p, float radius) const;
+  void find_runs(Vec3 p, float radius, Query& query) const;
   int row_runs(std::int32_t y, std::int32_t z, std::int32_t x0, std::int32_t x1, Run* out) const;
   template <class Visit>
   void scan(Run run, Vec3 p, float r2, Visit&& visit) const;
@@ -132,6 +137,19 @@ class RangeSearch {
   Cell last_{-1, -1, -1};  // greatest coordinate of any point's cell, per axis
   std::uint32_t mask_ = 0;
   int shift_ = 31;
+};
+
+// The runs of a query, ascending and disjoint; or, if they are too many for that, the rows to be gone
+// through.
+class RangeSearch::Query {
+ private:
+  friend class RangeSearch;
+  Vec3 p_;
+  float radius_ = 0;
+  int count_ = 0;
+  bool rows_left_ = false;
+  CellBox box_;
+  Run run_[2 * kMaxRows];
 };
 
 template <class Visit>
@@ -169,16 +187,24 @@ inline void RangeSearch::scan(Run run, Vec3 p, float r2, Visit&& visit) const {
 
 template <class Visit>
 inline void RangeSearch::visit_slots(Vec3 p, float radius, Visit&& visit) const {
-  Runs runs;
-  find_runs(p, radius, runs);
-  const float r2 = std::min(radius * radius, std::numeric_limits<float>::max());
-  for (int i = 0; i < runs.count; ++i) scan(runs.run[i], p, r2, visit);
-  if (!runs.rows_left) return;
-  for (std::int32_t z = runs.z0; z <= runs.z1; ++z) {
-    for (std::int32_t y = runs.y0; y <= runs.y1; ++y) {
-      const int count = row_runs(y, z, runs.x0, runs.x1, runs.run);
+  Query query;
+  find_runs(p, radius, query);
+  visit_slots(query, visit);
+}
+
+template <class Visit>
+inline void RangeSearch::visit_slots(const Query& query, Visit&& visit) const {
+  const Vec3 p = query.p_;
+  const float r2 = std::min(query.radius_ * query.radius_, std::numeric_limits<float>::max());
+  for (int i = 0; i < query.count_; ++i) scan(query.run_[i], p, r2, visit);
+  if (!query.rows_left_) return;
+  const CellBox& box = query.box_;
+  for (std::int32_t z = box.z0; z <= box.z1; ++z) {
+    for (std::int32_t y = box.y0; y <= box.y1; ++y) {
+      Run runs[2];
+      const int count = row_runs(y, z, box.x0, box.x1, runs);
       for (int i = 0; i < count; ++i) {
-        scan(runs.run[i], p, r2, [&](std::uint32_t slot, float d2) {
+        scan(runs[i], p, r2, [&](std::uint32_t slot, float d2) {
           const Cell c = cell_of(position(slot));  // another row's points may be among them
           if (c.y == y && c.z == z) visit(slot, d2);
         });

@@ -80,17 +80,20 @@ Spectrum Kernel<kBetween, Heuristic>::trace_eye(const merging::LightSide& side, 
   const transport::Vertex* before = nullptr;
   int slot = 0;
   bool loaded = false;
+  transport::Gather<Heuristic> gather(scene, side.maps);
   EyeWalk walk(scene, eye_rules_, pass_.factors, sampler, tallies);
   walk.start_eye(ray);
   for (;;) {
     transport::Vertex& v = scratch.vertices[slot];
     const auto event = walk.advance(v, scratch.arenas[slot]);
+    gather.collect();  // for the vertex before
     if (event == EyeWalk::Event::ended) break;
     const bool left = event == EyeWalk::Event::left;
     if (techniques_.hit_light && (v.edges > 1 || !limits_.hide_emitters) &&
         transport::hit_light<Heuristic>(connect, v, left, before, eta, light))
       sum += light.weighted();
     if (left) break;
+    if (v.connects) side.maps.announce(v);
     if (v.connects && v.edges < limits_.max_depth) {
       if (techniques_.next_event &&
           transport::next_event<kBetween, Heuristic>(connect, sampler, walk.block(), walk.stratified(),
@@ -112,15 +115,19 @@ Spectrum Kernel<kBetween, Heuristic>::trace_eye(const merging::LightSide& side, 
             sum += light.weighted();
         }
       }
-      sum += transport::merge<Heuristic>(scene, side.maps, v);
     }
+    sum += gather.finish();
+    if (v.connects) gather.start(v);
     const auto step = walk.scatter(v);
     if (step == EyeWalk::Step::ended) break;
     if (step == EyeWalk::Step::scattered) {
       before = &v;
       slot ^= 1;
+    } else {
+      sum += gather.finish();  // the next vertex takes this one's place
     }
   }
+  sum += gather.finish();
   return sum;
 }
 
