@@ -1,0 +1,71 @@
+// Layers of bidirectional techniques on a farm of real processes.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/farm/farm.h"
+
+namespace candela::farm {
+namespace {
+
+// Claim: every technique's layer is the same to the last bit on one machine and on a farm whose master and
+// worker are killed on the way, with the names of the layers in the job, and the weighted layers add up to
+// the image. (Each sum is rounded on its own, by less than 2^-20 of the mean a sample: 1e-4 is far above it.)
+TEST(Layers, SurviveDeathsToTheLastBit) {
+  constexpr std::uint64_t iterations = 700;
+  const std::vector<std::string> options = {"--integrator", "bdpt",          "--set", "layers=both",
+                                            "--set",        "layer_depth=3", "--set", "max_depth=5"};
+  Farm farm;
+  farm.start_master({"--unit-time", "0.1", "--checkpoint-interval", "0.05", "--lease-time", "2"});
+  Process& victim = farm.start_worker("victim");
+  farm.start_worker("heir");
+  const std::string id = farm.submit(iterations, "cornell", options);
+  std::uint64_t seen = 0;
+  for (int deaths = 0; deaths < 3; ++deaths) {
+    const v1::JobStatus status = farm.wait_for_iterations(id, seen + 1);
+    ASSERT_EQ(status.state(), v1::JOB_STATE_RUNNING) << "the job ended too soon: make it longer";
+    const std::vector<std::string> names(status.layers().begin(), status.layers().end());
+    ASSERT_GT(names.size(), 4U);
+    farm.kill_master();
+    if (deaths == 1) victim.kill();
+    farm.restart_master();
+    const v1::JobStatus after = farm.job(id);
+    EXPECT_EQ(std::vector<std::string>(after.layers().begin(), after.layers().end()), names);
+    seen = after.iterations();
+  }
+  const v1::JobStatus done = farm.wait_for(id, v1::JOB_STATE_DONE);
+  farm.audit(id, iterations);
+  EXPECT_EQ(done.light_paths(), iterations * kWidth * kHeight);
+
+  const std::string fetched = (farm.folder().path() / "fetched.exr").string();
+  ASSERT_EQ(farm.candela({"fetch", id, "-o", fetched, "--error-layer"}).exit_code, 0);
+  const std::string rendered = (farm.folder().path() / "rendered.exr").string();
+  std::vector<std::string> command = {"render", scene_path("cornell"), "-o", rendered, "--quiet"};
+  for (const std::string& option : job_options(iterations)) command.push_back(option);
+  command.insert(command.end(), options.begin(), options.end());
+  const CommandResult render = farm.candela(command);
+  ASSERT_EQ(render.exit_code, 0) << render.err;
+
+  const image::Image image = *image::read_image(fetched);
+  expect_identical(image, *image::read_image(rendered), "the image");
+  std::vector<double> sum(image.rgb.size());
+  for (const std::string& name : done.layers()) {
+    const auto here = image::read_layer(rendered, name);
+    const auto there = image::read_layer(fetched, name);
+    ASSERT_TRUE(here.ok() && there.ok()) << name;
+    expect_identical(*there, *here, name);
+    EXPECT_NE(image.metadata.at("candela:layers").find(name), std::string::npos);
+    if (!name.starts_with("weighted")) continue;
+    for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += static_cast<double>(here->rgb[i]);
+  }
+  double mean = 0;
+  for (const float v : image.rgb) mean += static_cast<double>(v) / static_cast<double>(image.rgb.size());
+  ASSERT_GT(mean, 0);
+  for (std::size_t i = 0; i < sum.size(); ++i)
+    ASSERT_NEAR(sum[i], static_cast<double>(image.rgb[i]), 1e-4 * (mean + std::abs(sum[i]))) << "value " << i;
+  EXPECT_TRUE(image::read_layer(fetched, "error").ok());
+  EXPECT_FALSE(image::read_layer(rendered, "error").ok());
+}
+
+}  // namespace
+}  // namespace candela::farm

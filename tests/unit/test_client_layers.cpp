@@ -1,0 +1,285 @@
+// Layers all the way: a renderer of two layers behind two workers, a master that is restarted and one that
+// dies, and the EXR at the end. Everything is real but the renderer.
+#include <gtest/gtest.h>
+#include <stdlib.h>
+
+#include <atomic>
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <thread>
+
+#include "client/farm_client.h"
+#include "common/base/files.h"
+#include "common/base/hash.h"
+#include "common/base/log.h"
+#include "common/bundle/bundle.h"
+#include "common/image/image.h"
+#include "common/stats/image_error.h"
+#include "common/wire/wire.h"
+#include "master/master.h"
+#include "worker/service/farm_worker.h"
+
+namespace candela {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::uint32_t kWidth = 70, kHeight = 41;
+constexpr int kScale = 18;
+constexpr std::uint64_t kIterations = 60;
+const std::vector<std::string> kLayers{"weighted.s2.t3", "unweighted.s2.t3"};
+const std::string kScene = "<scene version='3.0.0'/>";
+
+// Adds iterations of one half: noise in the image, noise of its own in each layer. The second layer has light
+// in a corner only: most of its tiles are never touched.
+void render(std::uint32_t half, std::uint64_t begin, std::uint64_t end, film::UnitFilm& film) {
+  film::Tallies tallies;
+  for (std::uint64_t i = begin; i < end; ++i) {
+    for (std::uint32_t y = 0; y < kHeight; ++y) {
+      for (std::uint32_t x = 0; x < kWidth; ++x) {
+        for (std::uint32_t layer = 0; layer < film.layout().layers; ++layer) {
+          if (layer == 2 && (x > 20 || y > 20)) continue;
+          const std::uint64_t key = rng::key(99, half, i, x, y, layer);
+          const float v =
+              0.5F + rng::to_float(static_cast<std::uint32_t>(key)) * static_cast<float>(1 + layer);
+          if (layer == 0)
+            film.add(layer, x, y, {v, 0.5F * v, 0.25F}, key, tallies);
+          else
+            film.splat(layer, x, y, {0.25F, v, 0.5F * v}, key, tallies);
+        }
+        ++tallies.eye_samples;
+        tallies.light_paths += 2;
+        tallies.rays += 3;
+      }
+    }
+  }
+  film.count(tallies);
+}
+
+// How many units may be rendered: the test says how far a job comes before a master goes.
+std::atomic<int>& permits() {
+  static std::atomic<int> count{0};
+  return count;
+}
+bool take_permit() {
+  int left = permits().load();
+  while (left > 0)
+    if (permits().compare_exchange_weak(left, left - 1)) return true;
+  return false;
+}
+
+class LayeredRenderer final : public render::Renderer {
+ public:
+  std::unique_ptr<film::UnitFilm> make_film(const NamedState& state) const override {
+    return std::make_unique<film::UnitFilm>(film::Layout{kWidth, kHeight, 3}, state.film_scale_log2);
+  }
+  Result<PilotResult> pilot(const render::RunContext&) const override {
+    return PilotResult{{kScale}, "the plan", 0.01, kLayers};
+  }
+  Result<void> run(const Unit& unit, film::UnitFilm& film, const render::RunContext& context) const override {
+    while (!take_permit()) {
+      if (context.stop->load()) return refused_error("stopped");
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    render(unit.half, unit.begin, unit.end, film);
+    // An iteration costs so much that units stay small, whatever the machine.
+    std::this_thread::sleep_for(std::chrono::milliseconds(5 * (unit.end - unit.begin)));
+    return {};
+  }
+  std::string plan_text() const override { return "the plan"; }
+};
+
+film::MergedFilm expected_film() {
+  film::MergedFilm film({kWidth, kHeight, 3}, kScale);
+  for (std::uint32_t half = 0; half < 2; ++half) {
+    film::UnitFilm unit(film.layout(), kScale);
+    const std::uint64_t end = (kIterations + 1 - half) / 2;
+    render(half, 0, end, unit);
+    const film::DeltaInfo info{{Unit::Kind::iterations, half, 0, end}, film.layout(), kScale, "j", "b"};
+    const auto delta = film::Delta::decode(film::encode_delta(unit, info), film.layout());
+    EXPECT_TRUE(delta.ok() && film.merge(*delta).ok());
+  }
+  return film;
+}
+
+class LayersOverTheFarm : public testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_TRUE(log::initialise("test", "off", "text").ok());
+    std::string name = (fs::temp_directory_path() / "candela-layers-XXXXXX").string();
+    ASSERT_NE(::mkdtemp(name.data()), nullptr);
+    folder_ = name;
+    data_ = folder_ / "data";
+    std::ofstream(folder_ / "scene.xml") << kScene;
+    start();
+  }
+  void TearDown() override {
+    stop();
+    fs::remove_all(folder_);
+  }
+  void start() {
+    master::MasterOptions options;
+    options.data_dir = data_;
+    options.listen.clear();
+    options.checkpoint_seconds = 0.02;
+    options.unit_seconds = 0.02;
+    auto master = master::Master::start(options);
+    ASSERT_TRUE(master.ok()) << master.error().to_string();
+    master_ = std::move(*master);
+    client_ = client::FarmClient::over(master_->in_process_channel(), 10);
+  }
+  void stop() {
+    stop_workers();
+    client_.reset();
+    master_.reset();
+  }
+  void start_workers() {
+    for (const char* name : {"one", "two"}) {
+      worker::WorkerOptions options;
+      options.cache_dir = folder_ / "cache";
+      options.threads = 1;
+      options.name = name;
+      worker::RendererFactory factory{
+          [](const description::FileSource&, const std::string&, const std::map<std::string, std::string>&,
+             const JobSettings&, unsigned) -> Result<std::unique_ptr<render::Renderer>> {
+            return std::unique_ptr<render::Renderer>(std::make_unique<LayeredRenderer>());
+          },
+          [] { return std::vector<std::string>{"avx2"}; }};
+      worker::Tuning tuning;
+      tuning.first_backoff = worker::Milliseconds(5);
+      auto worker = worker::FarmWorker::start(options, master_->in_process_channel(), factory, tuning);
+      ASSERT_TRUE(worker.ok()) << worker.error().to_string();
+      workers_.push_back(std::move(*worker));
+    }
+  }
+  void stop_workers() {
+    for (const auto& worker : workers_) worker->drain();
+    workers_.clear();
+  }
+  std::string submit() {
+    const std::string hash = sha256_hex(kScene);
+    EXPECT_TRUE(client_->upload_blob(hash, kScene.size(), folder_ / "scene.xml", [](std::uint64_t) {}).ok());
+    v1::SubmitRequest request;
+    bundle::Bundle bundle;
+    bundle.main_path = "scene.xml";
+    bundle.files = {{"scene.xml", hash, kScene.size()}};
+    wire::to_proto(bundle, *request.mutable_bundle());
+    JobSettings settings;
+    settings.width = kWidth;
+    settings.height = kHeight;
+    wire::to_proto(settings, *request.mutable_settings());
+    request.mutable_stop()->set_iterations(kIterations);
+    request.set_idempotency_token("once");
+    const auto response = client_->submit(request);
+    EXPECT_TRUE(response.ok()) << response.error().to_string();
+    return response.ok() ? response->job_id() : "";
+  }
+  v1::JobStatus show(const std::string& id) {
+    const auto status = client_->get_job(id);
+    EXPECT_TRUE(status.ok()) << status.error().to_string();
+    return status.ok() ? *status : v1::JobStatus();
+  }
+  template <class Condition>
+  [[nodiscard]] bool wait_for(const std::string& id, Condition condition) {
+    for (int i = 0; i < 2000; ++i) {
+      if (condition(show(id))) return true;
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    return false;
+  }
+  static std::vector<std::string> layers_of(const v1::JobStatus& status) {
+    return {status.layers().begin(), status.layers().end()};
+  }
+  fs::path put(const std::string& name, const std::string& bytes) {
+    EXPECT_TRUE(write_file_atomically(folder_ / name, bytes).ok());
+    return folder_ / name;
+  }
+
+  fs::path folder_, data_;
+  std::unique_ptr<master::Master> master_;
+  std::unique_ptr<client::FarmClient> client_;
+  std::vector<std::unique_ptr<worker::Worker>> workers_;
+};
+
+// Claim: the names of the layers come from the pilot, are kept by a master that is restarted and by one that
+// dies (a copy of its folder as it lies is all that is left), and every layer is the exact sum of the
+// iterations, to the last bit, whoever rendered them. The EXR has the layers beside the image, with or
+// without the error layer; the image alone is had on request; the estimate of the error is the image's.
+TEST_F(LayersOverTheFarm, SurviveRestartsAndReachTheExr) {
+  const std::string id = submit();
+  EXPECT_TRUE(show(id).layers().empty()) << "before the pilot";
+  permits() = 3;
+  start_workers();
+  ASSERT_TRUE(wait_for(id, [](const auto& s) { return s.units_merged() == 3; }));
+  EXPECT_EQ(layers_of(show(id)), kLayers);
+  // A restart in order.
+  stop();
+  start();
+  EXPECT_EQ(layers_of(show(id)), kLayers);
+  const std::uint64_t before = show(id).iterations();
+  ASSERT_LT(before, kIterations) << "units are too large to test anything";
+  ASSERT_GE(before, 3U);
+  permits() = 3;
+  start_workers();
+  ASSERT_TRUE(wait_for(id, [&](const auto& s) { return s.iterations() > before; }));
+  stop_workers();
+  // Death, when nothing is being written (what is merged after the last checkpoint is tests/farm's).
+  ASSERT_TRUE(wait_for(id, [](const auto& s) { return s.checkpoint_iterations() == s.iterations(); }));
+  const fs::path grave = folder_ / "after";
+  fs::copy(data_, grave, fs::copy_options::recursive);
+  stop();
+  data_ = grave;
+  start();
+  EXPECT_EQ(layers_of(show(id)), kLayers);
+  ASSERT_LT(show(id).iterations(), kIterations) << "units are too large to test anything";
+  permits() = 1 << 20;
+  start_workers();
+  ASSERT_TRUE(wait_for(id, [](const auto& s) { return s.state() == v1::JOB_STATE_DONE; }))
+      << show(id).message();
+
+  const film::MergedFilm expected = expected_film();
+  const v1::JobStatus end = show(id);
+  EXPECT_EQ(end.light_paths(), 2 * kIterations * kWidth * kHeight);
+  EXPECT_EQ(end.rays(), 3 * kIterations * kWidth * kHeight);
+  EXPECT_EQ(end.relmse_estimate(), stats::estimate_error(expected.image_layer()).relmse);
+  const auto bytes = read_file(
+      data_ / "jobs" / id / ("film." + std::to_string(end.checkpoint_generation()) + ".ckpt"), 1 << 28);
+  ASSERT_TRUE(bytes.ok());
+  EXPECT_TRUE(*bytes == expected.serialise()) << "the last checkpoint";
+
+  for (const bool error_layer : {false, true}) {
+    const auto exr = client_->fetch_image(id, error_layer, false);
+    ASSERT_TRUE(exr.ok()) << exr.error().to_string();
+    const fs::path path = put("all.exr", *exr);
+    EXPECT_EQ(image::read_image_size(path)->channels, error_layer ? 12U : 9U);
+    const auto picture = image::read_image(path);
+    ASSERT_TRUE(picture.ok());
+    EXPECT_EQ(picture->rgb, expected.develop(0));
+    EXPECT_EQ(picture->metadata.at("candela:layers"), "weighted.s2.t3, unweighted.s2.t3");
+    EXPECT_EQ(picture->metadata.at("candela:light_paths"),
+              std::to_string(2 * kIterations * kWidth * kHeight));
+    EXPECT_EQ(picture->metadata.at("candela:rays"), std::to_string(3 * kIterations * kWidth * kHeight));
+    for (std::uint32_t i = 0; i < 2; ++i) {
+      const auto layer = image::read_layer(path, kLayers[i]);
+      ASSERT_TRUE(layer.ok()) << layer.error().to_string();
+      EXPECT_EQ(layer->rgb, expected.develop(i + 1)) << kLayers[i];
+    }
+    const auto error = image::read_layer(path, "error");
+    EXPECT_EQ(error.ok(), error_layer);
+    if (error_layer) {
+      EXPECT_EQ(error->rgb, stats::error_map(expected));
+    }
+  }
+  const auto alone = client_->fetch_image(id, false, true);
+  ASSERT_TRUE(alone.ok());
+  const fs::path path = put("alone.exr", *alone);
+  EXPECT_EQ(image::read_image_size(path)->channels, 3U);
+  EXPECT_EQ(image::read_image(path)->rgb, expected.develop(0));
+  EXPECT_EQ(image::read_image(path)->metadata.count("candela:layers"), 0U);
+  // What the master writes by itself has the layers, too.
+  EXPECT_EQ(image::read_layer(data_ / "jobs" / id / "image.exr", kLayers[1])->rgb, expected.develop(2));
+}
+
+}  // namespace
+}  // namespace candela
