@@ -34,14 +34,16 @@ constexpr std::uint32_t kExtent = 64;
 const Regions kRegions(kExtent, kExtent, 16);
 
 // The wider radius r of merging integrators, as a fraction of the scene's bounding radius, and what of their
-// bias may be left, relative to a value. Of ppm and bpm, which see light by merging alone, the noise of a
-// block falls as r^-2 while pairs of photons and eye paths are few: the short form affords only wide ones.
+// bias may be left, relative to a value. ppm and bpm see light by merging alone: the noise of a block falls
+// with the number of pairs of a photon and an eye path, the cost with the sum. So they get a film of more
+// pixels, whose blocks are as much larger and show the same, and the short form affords only a wide radius.
 struct Merging {
   double radius, margin;
+  std::uint32_t finer = 1;  // the film is as many times wider and higher
 };
 Merging merging(std::string_view integrator) {
-  if (integrator == "vcm" || long_form()) return {0.01, 0.003};
-  return {0.04, 0.03};
+  if (integrator == "vcm") return {0.01, 0.003};
+  return long_form() ? Merging{0.01, 0.003, 4} : Merging{0.03, 0.02, 2};
 }
 
 constexpr double kNightlyDifference = 0.005;
@@ -100,8 +102,14 @@ Contest enter(const TestScene& scene, const std::string& integrator, std::uint64
   for (const auto& [key, value] : settings) name += fmt::format(" {}={}", key, value);
   BlockTest test;
   test.margin = margin_of(integrator);
-  const Estimator estimator =
-      cached(make_estimator(name, terms_for(scene, integrator, settings), plan, kRegions));
+  // A filter is as wide as its pixels: the finer film would be another picture.
+  const std::uint32_t finer =
+      merges(integrator) && scene.settings.filter == "box" ? merging(integrator).finer : 1;
+  const Regions regions(finer * kExtent, finer * kExtent, finer * 16);
+  std::vector<Term> terms = terms_for(scene, integrator, settings);
+  for (Term& term : terms) term.scene.settings.width = term.scene.settings.height = finer * kExtent;
+  plan.iterations = std::max<std::uint64_t>(1, plan.iterations / finer);
+  const Estimator estimator = cached(make_estimator(name, std::move(terms), plan, regions));
   return {estimator, nightly_effort(estimator, plan, test)};
 }
 
