@@ -41,7 +41,7 @@ class Fleets : public testing::TestWithParam<Fleet> {};
 // Claim: the pixels do not depend on how many workers there are, nor on their threads.
 TEST_P(Fleets, SamePixels) {
   const auto [worker_count, threads, integrator, iterations] = GetParam();
-  if (!built(integrator)) GTEST_SKIP() << "there is no integrator " << integrator;
+  ASSERT_TRUE(built(integrator)) << integrator;
   Farm farm;
   farm.start_master(kShortUnits);
   for (int i = 0; i < worker_count; ++i) farm.start_worker("w" + std::to_string(i), threads);
@@ -70,7 +70,7 @@ class UnitTimes : public testing::TestWithParam<std::pair<const char*, const cha
 // Claim: the pixels do not depend on how the iterations are cut into units.
 TEST_P(UnitTimes, SamePixels) {
   const auto [seconds, integrator] = GetParam();
-  if (!built(integrator)) GTEST_SKIP() << "there is no integrator " << integrator;
+  ASSERT_TRUE(built(integrator)) << integrator;
   const std::uint64_t iterations = integrator == std::string("path") ? kIterations : kFewIterations;
   Farm farm;
   farm.start_master({"--unit-time", seconds});
@@ -99,7 +99,7 @@ class Order : public testing::TestWithParam<const char*> {};
 
 TEST_P(Order, BackwardsInBatchesOfFive) {
   const char* const integrator = GetParam();
-  if (!built(integrator)) GTEST_SKIP() << "there is no integrator " << integrator;
+  ASSERT_TRUE(built(integrator)) << integrator;
   constexpr std::uint64_t iterations = 40;
   Farm farm;
   farm.start_master({"--unit-time", "0.01"});
@@ -152,9 +152,7 @@ struct Work {
 };
 class Deaths : public testing::TestWithParam<Work> {
  protected:
-  void SetUp() override {
-    if (!built(GetParam().integrator)) GTEST_SKIP() << "there is no integrator " << GetParam().integrator;
-  }
+  void SetUp() override { ASSERT_TRUE(built(GetParam().integrator)) << GetParam().integrator; }
 };
 
 // Claim: a worker killed in the midst of a unit costs that unit's time and nothing else.

@@ -90,14 +90,8 @@ class BdptIntegrator final : public Integrator {
   }
 
   std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {
-    transport::WalkRules rules;
-    rules.max_edges = limits_.max_depth;
-    rules.rr_depth = limits_.rr_depth;
-    return pilot_eye_samples(
-        context, count, [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies) {
-          return bidirectional::eye_radiance<Between::media>(context.scene, rules, limits_.choose_emitter,
-                                                             limits_.hide_emitters, ray, sampler, tallies);
-        });
+    return bidirectional::pilot(context, count, limits_.max_depth, limits_.rr_depth, limits_.choose_emitter,
+                                limits_.hide_emitters);
   }
 
   const Plan& plan() const override { return plan_; }

@@ -111,14 +111,8 @@ class PpmIntegrator final : public Integrator {
   }
 
   std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {
-    transport::WalkRules rules;
-    rules.max_edges = kernel_.max_depth;
-    rules.rr_depth = kernel_.rr_depth;
-    return pilot_eye_samples(
-        context, count, [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies) {
-          return bidirectional::eye_radiance<Between::media>(context.scene, rules, kernel_.choose_emitter,
-                                                             kernel_.hide_emitters, ray, sampler, tallies);
-        });
+    return bidirectional::pilot(context, count, kernel_.max_depth, kernel_.rr_depth, kernel_.choose_emitter,
+                                kernel_.hide_emitters);
   }
 
   const Plan& plan() const override { return plan_; }
