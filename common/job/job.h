@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -34,8 +35,10 @@ struct StopRule {
 // estimates (each its own scramble of the low-discrepancy sequence), and the image does not depend on how
 // iterations are cut into units. A job of N iterations has indices [0, (N+1)/2) in half 0 and [0, N/2) in
 // half 1.
+// A job of Markov chains has two more kinds: bootstrap samples [begin, end) (half 0), and chain segments, whose
+// indices common/chains/chains.h explains.
 struct Unit {
-  enum class Kind { pilot, iterations };
+  enum class Kind { pilot, iterations, bootstrap, segments };
   Kind kind = Kind::iterations;
   std::uint32_t half = 0;   // 0 or 1
   std::uint64_t begin = 0;  // sequence indices [begin, end) of the half
@@ -48,9 +51,18 @@ constexpr std::uint64_t global_iteration(std::uint32_t half, std::uint64_t index
   return 2 * index + half;
 }
 
-// State a unit starts from, decided by the pilot unit, the same for the whole job.
+// State a unit starts from, decided by the pilot unit, the same for the whole job; for a job of Markov chains
+// decided by the bootstrap.
 struct NamedState {
   int film_scale_log2 = 0;
+  double bootstrap_b = 0;  // b0 of a job of chains; 0 for others
+};
+
+// What a job of Markov chains asks of the farm beside iterations. Decided by its settings alone.
+struct ChainPlan {
+  std::uint32_t chains = 0;  // even
+  std::uint64_t bootstrap_samples = 0;
+  std::uint64_t segment_mutations = 0;  // of one chain in one segment
 };
 
 struct PilotResult {
@@ -58,6 +70,7 @@ struct PilotResult {
   std::string plan;                      // text, for people and metadata
   double seconds_per_iteration = 0;      // with the threads it was measured with
   std::vector<std::string> layers = {};  // of the film beside the image, in order; empty for most
+  std::optional<ChainPlan> chains = {};  // a job of chains: the bootstrap comes next
 };
 
 // Limits that both ends enforce.

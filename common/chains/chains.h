@@ -1,0 +1,106 @@
+// Markov chains as the farm sees them: which segments there are, what a chain is between two of them, and
+// the one normalisation constant b of the job (docs/normalisation.md). The meaning of a chain's state is the
+// renderer's; here it is bytes.
+//
+// A job has a fixed, even number of chains, whatever the workers. Chain c belongs to half c % 2 and is number
+// c / 2 in it. Sequence index i of a half is segment i / n of its chain number i % n, with n = chains / 2: a
+// unit is a range of indices, as for iterations, and one of at most n indices has no chain twice. A segment
+// can be rendered when the segment of the same chain before it, index i - n, is merged: it starts from the
+// state which that one left.
+//
+// b is the integral over primary sample space of the scalar contribution the chains follow. The bootstrap
+// estimates it (b0, fixed from then on: named state of every segment, and a constant in the weights of what
+// it adds); large steps go on estimating it. The film's first layer holds what was sampled in proportion to
+// the contribution, as if b were b0; its second what large steps and other independent samples brought. The
+// image is (b / b0) * mean of the first + mean of the second.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/film/film.h"
+
+namespace candela::chains {
+
+inline constexpr std::uint32_t kMaxChains = 1U << 20;
+inline constexpr std::uint64_t kMaxBootstrapSamples = 1ULL << 26;
+inline constexpr std::size_t kMaxStateBytes = 64 * 1024;
+inline constexpr std::uint32_t kImageLayers = 2;  // that are combined into the image
+
+// Number of a chain within the job.
+constexpr std::uint64_t chain_of(std::uint32_t half, std::uint64_t index, std::uint32_t chains) {
+  return 2 * (index % (chains / 2)) + half;
+}
+constexpr std::uint64_t segment_of(std::uint64_t index, std::uint32_t chains) {
+  return index / (chains / 2);
+}
+
+// All that a chain did since its start. Sums are of one chain, in its own order: whoever adds those of all
+// chains in the order of their numbers gets the same doubles.
+struct ChainCounts {
+  std::uint64_t mutations = 0, accepted = 0;
+  std::uint64_t large_steps = 0, large_accepted = 0;
+  double large_sum = 0, large_square_sum = 0;  // of the scalar contribution of all proposed large steps
+  std::uint64_t longest_stay = 0;              // mutations in a row that left the chain where it was
+  std::uint64_t present_stay = 0;
+  float stay_x = 0, stay_y = 0;  // pixel of the longest stay
+  bool operator==(const ChainCounts&) const = default;
+};
+
+// A chain between two segments.
+struct ChainRecord {
+  std::uint64_t segments = 0;  // done
+  ChainCounts counts;
+  std::string state;  // the renderer's, at most kMaxStateBytes
+  bool operator==(const ChainRecord&) const = default;
+};
+std::string encode(const ChainRecord& record);
+// Fails (input) on anything but the whole of what encode() made: counts that contradict each other, sums that
+// are not finite or negative, a state too long.
+Result<ChainRecord> decode(std::string_view bytes);
+
+// What the first segment of a chain starts from (record.segments == 0): a bootstrap sample.
+struct ChainStart {
+  std::uint64_t bootstrap_sample = 0;
+  ChainRecord record;
+};
+
+// An estimate of b: a mean with its standard error.
+struct Normalisation {
+  double b = 0;
+  double standard_error = 0;
+  std::uint64_t samples = 0;
+};
+
+// The scalar contributions of all bootstrap samples, by number.
+class BootstrapTable {
+ public:
+  explicit BootstrapTable(std::uint64_t samples);
+  // Samples [begin, begin + values.size()). Refused, and nothing changed, where some are there already, lie
+  // beyond the table, or are negative or not finite.
+  Result<void> insert(std::uint64_t begin, std::span<const float> values);
+  const film::IndexSet& known() const { return known_; }
+  bool complete() const { return known_.count() == values_.size(); }
+  std::span<const float> values() const { return values_; }
+
+  // Precondition of what follows: complete(). Sums in double, in the order of samples.
+  Normalisation normalisation() const;
+  // The start of each chain, drawn in proportion to the contribution by one stratified comb with an offset of
+  // the seed's, in random order over the chains (neither half may get the comb's even teeth). Empty where b
+  // is zero.
+  std::vector<std::uint64_t> choose_starts(std::uint32_t chains, std::uint64_t seed) const;
+
+ private:
+  std::vector<float> values_;
+  film::IndexSet known_;
+};
+
+// b from the bootstrap and all large steps so far: the mean over all samples, each of which is an independent
+// estimate, with its standard error from the sums of squares. `counts` in the order of chains.
+Normalisation pool(const BootstrapTable& bootstrap, std::span<const ChainCounts> counts);
+
+}  // namespace candela::chains
