@@ -138,6 +138,10 @@ std::vector<std::uint64_t> BootstrapTable::choose_starts(std::uint32_t chains, s
   return starts;
 }
 
+int film_scale_log2(double b0, int pilot_scale_log2) {
+  return b0 > 0 ? film::scale_log2_for(b0) : pilot_scale_log2;
+}
+
 Normalisation pool(const BootstrapTable& bootstrap, std::span<const ChainCounts> counts) {
   auto [sum, square_sum] = sums_of(bootstrap.values());
   std::uint64_t samples = bootstrap.values().size();

@@ -99,6 +99,14 @@ class BootstrapTable {
   film::IndexSet known_;
 };
 
+// The film's scale of a job whose bootstrap found b0. b0 is the mean luminance of what the chains bring, so
+// it is chosen as from any mean luminance. One mutation adds at most a small multiple of
+//   b0 * pixels / segment_mutations
+// and one segment b0 * pixels in all, at most 2^28 times the mean, wherever the chain sits: 2^48 units, which
+// leaves a unit room for 2^15 segments. Where b0 is 0 the pilot's scale stays: there may be light that needs
+// no chain.
+int film_scale_log2(double b0, int pilot_scale_log2);
+
 // b from the bootstrap and all large steps so far: the mean over all samples, each of which is an independent
 // estimate, with its standard error from the sums of squares. `counts` in the order of chains.
 Normalisation pool(const BootstrapTable& bootstrap, std::span<const ChainCounts> counts);

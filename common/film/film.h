@@ -52,6 +52,10 @@ inline constexpr std::uint64_t kMaxLayerPixels = 1ULL << 30;  // width * height 
 // Fails (input) unless layout and scale are within Limits and the bounds above. The constructors of films
 // require it.
 Result<void> validate(const Layout& layout, int scale_log2);
+// A scale for an image whose mean luminance is about this, > 0: the mean becomes 2^19 to 2^20 film units.
+// Rounding noise of one unit is then about 2^-20 of the mean, far below any sample's noise, and one sample
+// may still be 2^36 times the mean before it counts as saturated.
+int scale_log2_for(double mean_luminance);
 
 // The pixels of one tile, cut at the film's border. Index: (layer * tiles_y + tile_y) * tiles_x + tile_x.
 struct TileRect {

@@ -47,6 +47,13 @@ Result<void> validate(const Layout& layout, int scale_log2) {
   return {};
 }
 
+int scale_log2_for(double mean_luminance) {
+  constexpr int kMeanLog2 = 20;
+  int exponent = 0;
+  std::frexp(mean_luminance, &exponent);
+  return std::clamp(kMeanLog2 - exponent, -126, 126);
+}
+
 TileRect tile_rect(const Layout& layout, std::size_t tile_index) {
   const std::size_t per_layer = std::size_t{layout.tiles_x()} * layout.tiles_y();
   const std::size_t in_layer = tile_index % per_layer;

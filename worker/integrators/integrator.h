@@ -3,10 +3,12 @@
 
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "common/base/result.h"
+#include "common/chains/chains.h"
 #include "common/film/film.h"
 #include "common/job/job.h"
 #include "worker/integrators/plan.h"
@@ -26,6 +28,8 @@ struct UnitContext {
   std::uint32_t width, height;
 };
 
+class ChainIntegrator;
+
 class Integrator {
  public:
   virtual ~Integrator() = default;
@@ -44,6 +48,30 @@ class Integrator {
   // creation on, the same for every unit; valid (film::validate_layer_names), which create() sees to where
   // settings decide. Each is summed and developed exactly as the image is: a mean over iterations.
   virtual std::vector<std::string> layers() const { return {}; }
+
+  // This, if it is an integrator of Markov chains.
+  virtual const ChainIntegrator* chains() const { return nullptr; }
+};
+
+// An integrator whose units are bootstrap samples and segments of Markov chains (common/chains/chains.h).
+// The film's layers are the chains' part, what independent samples brought, and then its own, if any.
+class ChainIntegrator : public Integrator {
+ public:
+  virtual ChainPlan chain_plan(std::uint32_t width, std::uint32_t height) const = 0;
+
+  // Pure functions, as run(); render::Renderer says what they mean.
+  virtual Result<film::Tallies> bootstrap(const UnitContext& context, std::uint64_t begin, std::uint64_t end,
+                                          std::span<float> contributions,
+                                          const render::RunContext& run) const = 0;
+  virtual Result<void> run_segments(const UnitContext& context, const Unit& unit, const NamedState& state,
+                                    std::span<const chains::ChainStart> starts, film::UnitFilm& film,
+                                    std::vector<chains::ChainRecord>& records,
+                                    const render::RunContext& run) const = 0;
+
+  // There are no iterations.
+  Result<void> run(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
+                   const render::RunContext& run) const final;
+  const ChainIntegrator* chains() const final { return this; }
 };
 
 // One line of the registry.

@@ -46,6 +46,11 @@ Result<const IntegratorEntry*> find_integrator(std::string_view name) {
       .with_mend("there is " + names);
 }
 
+Result<void> ChainIntegrator::run(const UnitContext& /*context*/, const Unit& /*unit*/,
+                                  film::UnitFilm& /*film*/, const render::RunContext& /*run*/) const {
+  return internal_error("a job of Markov chains has no iterations");
+}
+
 std::string Plan::to_text() const {
   std::string text;
   for (const PlanItem& item : items)

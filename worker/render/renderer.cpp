@@ -12,10 +12,6 @@
 namespace candela::render {
 namespace {
 
-// The pilot's mean luminance becomes about this many film units: rounding noise of one unit is then 2^-20 of
-// the mean, far below any sample's noise, and one sample may still be 2^36 times the mean before it counts as
-// saturated.
-constexpr int kMeanLog2 = 20;
 constexpr std::uint32_t kPilotSamples = 4096;
 
 Result<samplers::SamplerKind> sampler_kind(const std::string& name) {
@@ -78,11 +74,11 @@ class SceneRenderer final : public Renderer {
     if (!(typical > 0)) typical = 1;
 
     PilotResult result;
-    int exponent = 0;
-    std::frexp(typical, &exponent);
-    result.state.film_scale_log2 = std::clamp(kMeanLog2 - exponent, -126, 126);
+    result.state.film_scale_log2 = film::scale_log2_for(typical);
     result.plan = plan_text();
     result.layers = integrator_->layers();
+    if (integrator_->chains() != nullptr)
+      result.chains = integrator_->chains()->chain_plan(settings_.width, settings_.height);
     const double pixels = static_cast<double>(settings_.width) * settings_.height;
     result.seconds_per_iteration =
         seconds.count() * pixels / kPilotSamples / std::max(1U, run_context.threads);
@@ -93,6 +89,30 @@ class SceneRenderer final : public Renderer {
     if (unit.kind != Unit::Kind::iterations || unit.half > 1 || unit.begin >= unit.end)
       return internal_error("not a unit of iterations");
     CANDELA_TRY(integrator_->run(context(), unit, film, run_context));
+    if (film.overflowed()) return failed_error("a film sum of this unit overflowed 64 bits");
+    return {};
+  }
+
+  Result<film::Tallies> bootstrap(std::uint64_t begin, std::uint64_t end, std::span<float> contributions,
+                                  const RunContext& run_context) const override {
+    const integrators::ChainIntegrator* const integrator = integrator_->chains();
+    if (integrator == nullptr) return Renderer::bootstrap(begin, end, contributions, run_context);
+    if (begin >= end || end > chains::kMaxBootstrapSamples || contributions.size() != end - begin)
+      return internal_error("not a unit of bootstrap samples");
+    return integrator->bootstrap(context(), begin, end, contributions, run_context);
+  }
+
+  Result<void> run_segments(const Unit& unit, const NamedState& state,
+                            std::span<const chains::ChainStart> starts, film::UnitFilm& film,
+                            std::vector<chains::ChainRecord>& records,
+                            const RunContext& run_context) const override {
+    const integrators::ChainIntegrator* const integrator = integrator_->chains();
+    if (integrator == nullptr) return Renderer::run_segments(unit, state, starts, film, records, run_context);
+    const std::uint64_t most = integrator->chain_plan(settings_.width, settings_.height).chains / 2;
+    if (unit.kind != Unit::Kind::segments || unit.half > 1 || unit.begin >= unit.end ||
+        unit.end - unit.begin > most || starts.size() != unit.end - unit.begin)
+      return internal_error("not a unit of segments");
+    CANDELA_TRY(integrator->run_segments(context(), unit, state, starts, film, records, run_context));
     if (film.overflowed()) return failed_error("a film sum of this unit overflowed 64 bits");
     return {};
   }
@@ -118,6 +138,19 @@ class SceneRenderer final : public Renderer {
 };
 
 }  // namespace
+
+Result<film::Tallies> Renderer::bootstrap(std::uint64_t /*begin*/, std::uint64_t /*end*/,
+                                          std::span<float> /*contributions*/,
+                                          const RunContext& /*context*/) const {
+  return internal_error("this integrator has no Markov chains");
+}
+
+Result<void> Renderer::run_segments(const Unit& /*unit*/, const NamedState& /*state*/,
+                                    std::span<const chains::ChainStart> /*starts*/, film::UnitFilm& /*film*/,
+                                    std::vector<chains::ChainRecord>& /*records*/,
+                                    const RunContext& /*context*/) const {
+  return internal_error("this integrator has no Markov chains");
+}
 
 Result<std::unique_ptr<Renderer>> Renderer::create(const description::FileSource& files,
                                                    const std::string& main_key,

@@ -5,10 +5,12 @@
 #include <atomic>
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "common/base/result.h"
+#include "common/chains/chains.h"
 #include "common/description/object.h"
 #include "common/film/film.h"
 #include "common/job/job.h"
@@ -50,6 +52,21 @@ class Renderer {
   // clear.
   virtual Result<PilotResult> pilot(const RunContext& context) const = 0;
   virtual Result<void> run(const Unit& unit, film::UnitFilm& film, const RunContext& context) const = 0;
+
+  // Jobs of Markov chains (PilotResult::chains). Others answer with an internal error.
+  //
+  // The scalar contributions of bootstrap samples [begin, end), `contributions` being as long: finite and not
+  // negative. A sample that was neither is 0 and counted in the tallies by its cause.
+  virtual Result<film::Tallies> bootstrap(std::uint64_t begin, std::uint64_t end,
+                                          std::span<float> contributions, const RunContext& context) const;
+  // A unit of segments, none of a chain twice: `starts` and the new `records` one for each index, in order.
+  // state.bootstrap_b may be 0 (nothing found): chains then stand still and only what needs no chain is
+  // added. An input error where a start cannot be one of this job and index. Nothing in `records` is to be
+  // used after an error.
+  virtual Result<void> run_segments(const Unit& unit, const NamedState& state,
+                                    std::span<const chains::ChainStart> starts, film::UnitFilm& film,
+                                    std::vector<chains::ChainRecord>& records,
+                                    const RunContext& context) const;
 
   // The integrator's plan as text: features found, what will run, what is skipped and why.
   virtual std::string plan_text() const = 0;
