@@ -96,7 +96,7 @@ int fail(const std::string& message) {
 template <class SceneT>
 double trace(const scene::Scene& scene, const SceneT& traced, std::uint64_t samples,
              std::uint32_t max_depth) {
-  const integrators::path::Limits limits{max_depth, 5, false, true, scene.features().emitters > 1};
+  const integrators::path::Limits limits{max_depth, 5, 1, true, scene.features().emitters > 1};
   const bool environment = scene.features().any_environment;
   samplers::Sampler sampler(samplers::SamplerKind::sobol, 1);
   film::Tallies tallies;

@@ -322,7 +322,7 @@ void expect_techniques_agree(const std::string& body, const std::vector<Vec2>& p
   const auto built = scene::Scene::build(*description, *test.files, options);
   ASSERT_TRUE(built.ok()) << built.error().to_string();
   const scene::Scene& scene = **built;
-  const integrators::path::Limits limits = {4, 100, true, true, true};
+  const integrators::path::Limits limits = {4, 100, 2, true, true};
   const auto estimate = [&](const auto& kernel, float x, float y, std::uint64_t seed, int count,
                             double& error) {
     double sum = 0, squares = 0;

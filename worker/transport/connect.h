@@ -58,8 +58,8 @@ Spectrum visibility(const ConnectContext& c, const Vertex& v, const Ray& shadow_
 
 // The key of a sub-stream for tracking through media, from the vertex's block; `other` tells the connections
 // of one vertex apart.
-template <Between kBetween>
-std::uint64_t passage_key(samplers::Sampler& sampler, std::uint32_t block, std::uint32_t other) {
+template <Between kBetween, class SamplerT>
+std::uint64_t passage_key(SamplerT& sampler, std::uint32_t block, std::uint32_t other) {
   if constexpr (kBetween != Between::media) return 0;
   const Vec2 u = sampler.draw_2d(block + kTransmittance, false);
   return rng::key(std::bit_cast<std::uint32_t>(u.x), std::bit_cast<std::uint32_t>(u.y), other);
@@ -86,8 +86,8 @@ double weight_hit_light(const ConnectContext& c, const Vertex& v, double direct_
 }
 
 // s = 1: next event estimation at the eye's vertex v, whose path so far is known as v.throughput. front: v's.
-template <Between kBetween, class Heuristic>
-bool next_event(const ConnectContext& c, samplers::Sampler& sampler, std::uint32_t block, bool stratified,
+template <Between kBetween, class Heuristic, class SamplerT>
+bool next_event(const ConnectContext& c, SamplerT& sampler, std::uint32_t block, bool stratified,
                 bool choose_emitter, const Vertex& v, const MergeFactors& eta, Contribution& out,
                 Steps* steps = nullptr) {
   scene::DirectSample light;
@@ -178,8 +178,8 @@ struct FilmPosition {
 
 // t = 1: the light's vertex z connected to a point on the lens. The value is for a film of splats filtered by
 // PixelFilter::eval, one light path in the iteration: to be divided by their number.
-template <Between kBetween, class Heuristic>
-bool connect_lens(const ConnectContext& c, samplers::Sampler& sampler, std::uint32_t block, bool stratified,
+template <Between kBetween, class Heuristic, class SamplerT>
+bool connect_lens(const ConnectContext& c, SamplerT& sampler, std::uint32_t block, bool stratified,
                   const Vertex& z, const MergeFactors& eta, FilmPosition& film, Contribution& out,
                   Steps* steps = nullptr) {
   scene::CameraSample camera;

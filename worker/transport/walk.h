@@ -48,7 +48,8 @@ struct WalkRules {
   double eye_paths = 1;                // per iteration: pixels
 };
 
-template <TransportMode kMode, Between kBetween, class Heuristic>
+// SamplerT: samplers::Sampler, or what stands in for it (mcmc::PrimarySampler).
+template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT = samplers::Sampler>
 class Walk {
  public:
   enum class Event : std::uint8_t { vertex, left, ended };
@@ -56,8 +57,8 @@ class Walk {
   static constexpr bool kFromLight = kMode == TransportMode::importance;
   static constexpr bool kPasses = kBetween != Between::nothing, kMedia = kBetween == Between::media;
 
-  Walk(const scene::Scene& scene, const WalkRules& rules, const MisFactors& factors,
-       samplers::Sampler& sampler, film::Tallies& tallies)
+  Walk(const scene::Scene& scene, const WalkRules& rules, const MisFactors& factors, SamplerT& sampler,
+       film::Tallies& tallies)
       : scene_(scene), rules_(rules), factors_(factors), sampler_(sampler), tallies_(tallies) {}
 
   // Draws dimensions [0, kLightDimensions). False: no light by this choice.
@@ -105,7 +106,7 @@ class Walk {
   const scene::Scene& scene_;
   const WalkRules& rules_;
   const MisFactors& factors_;
-  samplers::Sampler& sampler_;
+  SamplerT& sampler_;
   film::Tallies& tallies_;
 
   Ray ray_;
@@ -126,8 +127,8 @@ class Walk {
   LensMeeting lens_;
 };
 
-template <TransportMode kMode, Between kBetween, class Heuristic>
-bool Walk<kMode, kBetween, Heuristic>::start_light() {
+template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
+bool Walk<kMode, kBetween, Heuristic, SamplerT>::start_light() {
   const float u_select = sampler_.draw_1d(0, true);
   const Vec2 u_position = sampler_.draw_2d(1, true);
   if (!scene_.sample_emission(u_select, u_position, sampler_.draw_2d(2, true), origin_)) return false;
@@ -149,8 +150,8 @@ bool Walk<kMode, kBetween, Heuristic>::start_light() {
   return true;
 }
 
-template <TransportMode kMode, Between kBetween, class Heuristic>
-void Walk<kMode, kBetween, Heuristic>::start_eye(const Ray& ray) {
+template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
+void Walk<kMode, kBetween, Heuristic, SamplerT>::start_eye(const Ray& ray) {
   ray_ = ray;
   throughput_ = Spectrum(1.0f);
   if constexpr (kMedia) medium_ = scene_.camera_medium();
@@ -171,8 +172,8 @@ void Walk<kMode, kBetween, Heuristic>::start_eye(const Ray& ray) {
   }
 }
 
-template <TransportMode kMode, Between kBetween, class Heuristic>
-auto Walk<kMode, kBetween, Heuristic>::advance(Vertex& v, scene::ClosureArena& arena) -> Event {
+template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
+auto Walk<kMode, kBetween, Heuristic, SamplerT>::advance(Vertex& v, scene::ClosureArena& arena) -> Event {
   if (first_stretch_)
     first_stretch_ = false;
   else
@@ -241,8 +242,8 @@ auto Walk<kMode, kBetween, Heuristic>::advance(Vertex& v, scene::ClosureArena& a
 }
 
 // What weights need to know of an edge that ends at v.
-template <TransportMode kMode, Between kBetween, class Heuristic>
-void Walk<kMode, kBetween, Heuristic>::arrive(Vertex& v) {
+template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
+void Walk<kMode, kBetween, Heuristic, SamplerT>::arrive(Vertex& v) {
   if constexpr (!Heuristic::kWeighs) return;
   const Departure& d = departure_;
   const double at_v = static_cast<double>(v.arrival);
@@ -266,8 +267,9 @@ void Walk<kMode, kBetween, Heuristic>::arrive(Vertex& v) {
 
 // With which next event estimation at v would have chosen the light's point, in the measure of the walk's
 // own.
-template <TransportMode kMode, Between kBetween, class Heuristic>
-double Walk<kMode, kBetween, Heuristic>::direct_density(const Vertex& v, double distance_squared) const {
+template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
+double Walk<kMode, kBetween, Heuristic, SamplerT>::direct_density(const Vertex& v,
+                                                                  double distance_squared) const {
   const scene::EmissionSample& o = origin_;
   if (o.delta_position || o.delta_direction)
     return static_cast<double>(scene_.prob_direct(v.hit, v.front, o.vertex.emitter));
@@ -276,9 +278,9 @@ double Walk<kMode, kBetween, Heuristic>::direct_density(const Vertex& v, double 
          static_cast<double>(o.cosine) / distance_squared;
 }
 
-template <TransportMode kMode, Between kBetween, class Heuristic>
-void Walk<kMode, kBetween, Heuristic>::depart(Vertex& v, float pdf, bool delta, double pdf_reverse,
-                                              double factor_out) {
+template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
+void Walk<kMode, kBetween, Heuristic, SamplerT>::depart(Vertex& v, float pdf, bool delta, double pdf_reverse,
+                                                        double factor_out) {
   edges_ = v.edges;
   from_ = v.hit.p;
   finite_ = true;
@@ -291,8 +293,8 @@ void Walk<kMode, kBetween, Heuristic>::depart(Vertex& v, float pdf, bool delta, 
   }
 }
 
-template <TransportMode kMode, Between kBetween, class Heuristic>
-auto Walk<kMode, kBetween, Heuristic>::scatter(Vertex& v) -> Step {
+template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
+auto Walk<kMode, kBetween, Heuristic, SamplerT>::scatter(Vertex& v) -> Step {
   const bool stratify = stratified();
   if constexpr (kMedia) {
     if (v.kind == Vertex::Kind::medium) {
@@ -353,8 +355,8 @@ auto Walk<kMode, kBetween, Heuristic>::scatter(Vertex& v) -> Step {
   return Step::scattered;
 }
 
-template <TransportMode kMode, Between kBetween, class Heuristic>
-bool Walk<kMode, kBetween, Heuristic>::survives() {
+template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
+bool Walk<kMode, kBetween, Heuristic, SamplerT>::survives() {
   if (edges_ < rules_.rr_depth) return true;
   const float survive =
       std::min(throughput_.max_component() * scale_ * (1 / kRouletteFloor), kLongestSurvival);
@@ -363,8 +365,8 @@ bool Walk<kMode, kBetween, Heuristic>::survives() {
   return true;
 }
 
-template <TransportMode kMode, Between kBetween, class Heuristic>
-bool Walk<kMode, kBetween, Heuristic>::pass_straight(const SurfaceHit& hit) {
+template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
+bool Walk<kMode, kBetween, Heuristic, SamplerT>::pass_straight(const SurfaceHit& hit) {
   if constexpr (kMedia) medium_ = scene_.medium_beyond(hit, ray_.direction, medium_);
   ray_ = spawn_ray(hit, ray_.direction);
   return ++passes_ < kMostPasses;
@@ -372,8 +374,8 @@ bool Walk<kMode, kBetween, Heuristic>::pass_straight(const SurfaceHit& hit) {
 
 // The lens does not stop the walk, and it is met whether or not a flight through a medium would have got
 // there: what a medium takes is in the throughput instead.
-template <TransportMode kMode, Between kBetween, class Heuristic>
-void Walk<kMode, kBetween, Heuristic>::look_for_lens(bool found, const SurfaceHit& hit) {
+template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
+void Walk<kMode, kBetween, Heuristic, SamplerT>::look_for_lens(bool found, const SurfaceHit& hit) {
   float distance = 0;
   if (!scene_.intersect_camera(ray_, distance, lens_.camera, rules_.film_border)) return;
   if (found && !(distance < hit.distance)) return;

@@ -2,7 +2,9 @@
 #include "worker/integrators/bdpt/bdpt.h"
 
 #include "common/film/film.h"
+#include "worker/integrators/bdpt/film_sink.h"
 #include "worker/integrators/bdpt/kernel.h"
+#include "worker/integrators/bdpt/plan.h"
 #include "worker/integrators/bidirectional/eye_radiance.h"
 #include "worker/integrators/eye_samples.h"
 
@@ -15,16 +17,30 @@ using bdpt::Techniques;
 using transport::Between;
 using transport::MisHeuristic;
 
-template <Between kBetween, class Heuristic, bool kLists>
+template <Between kB, class HeuristicT, bool kL>
+struct FilmConfig {
+  static constexpr Between kBetween = kB;
+  static constexpr bool kLists = kL;
+  using Heuristic = HeuristicT;
+  using Sampler = samplers::Sampler;
+  using Sink = bdpt::FilmSink;
+  using Choice = bdpt::EveryTechnique;
+};
+
+template <class Config>
 Result<void> run_kernel(const UnitContext& context, const Limits& limits, const Techniques& techniques,
                         const TechniqueLayers& layers, const Unit& unit, film::UnitFilm& film,
                         const render::RunContext& run) {
   const bool signed_values = context.filter.has_negative_lobes();
+  // A path from the eye and one from the light for each pixel.
+  const double paths = static_cast<double>(context.width) * context.height;
+  const bdpt::PathCounts counts{paths, paths, static_cast<float>(context.filter.radius())};
   return for_each_tile(
       context.width, context.height, film, run,
       [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1, film::Tallies& tallies) {
         samplers::Sampler eye(context.sampler, context.seed), light(context.sampler, context.seed);
-        bdpt::Kernel<kBetween, Heuristic, kLists> kernel(context, limits, techniques, layers, film, tallies);
+        bdpt::FilmSink sink(context, layers, paths, film, tallies);
+        bdpt::Kernel<Config> kernel(context.scene, limits, techniques, counts, sink, tallies);
         for (std::uint32_t y = y0; y < y1; ++y) {
           for (std::uint32_t x = x0; x < x1; ++x) {
             for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
@@ -34,7 +50,9 @@ Result<void> run_kernel(const UnitContext& context, const Limits& limits, const 
               }
               eye.start(unit.half, index, x, y);
               const EyeRay ray = eye_ray(context, x, y, eye);
-              Spectrum value = kernel.trace_eye(ray.ray, eye, x, y, ray.weight) * ray.weight;
+              sink.start_eye(x, y, ray.weight, eye.sample_key());
+              kernel.trace_eye(ray.ray, eye);
+              Spectrum value = sink.sum() * ray.weight;
               if (run.fault != nullptr) run.fault(eye.sample_key(), &value.r);
               film.splat(0, x, y, {value.r, value.g, value.b}, eye.sample_key(), tallies, signed_values);
             }
@@ -52,14 +70,14 @@ template <Between kBetween>
 Run run_for(MisHeuristic heuristic) {
   switch (heuristic) {
     case MisHeuristic::balance:
-      return &run_kernel<kBetween, transport::Balance, false>;
+      return &run_kernel<FilmConfig<kBetween, transport::Balance, false>>;
     case MisHeuristic::power:
-      return &run_kernel<kBetween, transport::Power, false>;
+      return &run_kernel<FilmConfig<kBetween, transport::Power, false>>;
     case MisHeuristic::maximum:
     case MisHeuristic::cutoff:
       break;
   }
-  return &run_kernel<kBetween, transport::Balance, true>;
+  return &run_kernel<FilmConfig<kBetween, transport::Balance, true>>;
 }
 
 class BdptIntegrator final : public Integrator {
@@ -67,13 +85,15 @@ class BdptIntegrator final : public Integrator {
   BdptIntegrator(const BdptSettings& settings, const scene::SceneFeatures& features) {
     limits_.max_depth = settings.max_depth < 0 ? 1u << 30 : static_cast<std::uint32_t>(settings.max_depth);
     limits_.rr_depth = static_cast<std::uint32_t>(settings.rr_depth);
-    limits_.hide_emitters = settings.hide_emitters;
+    limits_.least_edges = settings.hide_emitters ? 2 : 1;
     limits_.choose_emitter = features.emitters > 1 || features.any_mesh_emitter;
     limits_.heuristic = settings.heuristic.value == "balance"   ? MisHeuristic::balance
                         : settings.heuristic.value == "power"   ? MisHeuristic::power
                         : settings.heuristic.value == "maximum" ? MisHeuristic::maximum
                                                                 : MisHeuristic::cutoff;
-    make_plan(settings, features);
+    const bdpt::Planned planned = bdpt::plan(limits_, features, settings.plan.value == "full", plan_);
+    techniques_ = planned.techniques;
+    between_ = planned.between;
     const std::string& layers = settings.layers.value;
     if (layers != "none" && limits_.max_depth > 0)
       layers_ = TechniqueLayers(layers != "unweighted", layers != "weighted",
@@ -91,62 +111,19 @@ class BdptIntegrator final : public Integrator {
 
   std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {
     return bidirectional::pilot(context, count, limits_.max_depth, limits_.rr_depth, limits_.choose_emitter,
-                                limits_.hide_emitters);
+                                limits_.least_edges > 1);
   }
 
   const Plan& plan() const override { return plan_; }
   std::vector<std::string> layers() const override { return layers_.names(); }
 
  private:
-  void make_plan(const BdptSettings& settings, const scene::SceneFeatures& features);
-
   Limits limits_;
   Techniques techniques_;
   TechniqueLayers layers_;
   Between between_ = Between::media;
   Plan plan_;
 };
-
-void BdptIntegrator::make_plan(const BdptSettings& settings, const scene::SceneFeatures& f) {
-  Techniques& t = techniques_;
-  // What cannot be run at all, whatever is asked for.
-  if (limits_.max_depth < 2) t.next_event = t.light_image = t.hit_lens = false;
-  if (limits_.max_depth < 3) t.connect = false;
-  if (limits_.max_depth < 1) t.hit_light = false;
-  const auto finish = [&] { t.light_paths = t.connect || t.light_image || t.hit_lens; };
-  if (settings.plan.value == "full") {
-    plan_.use("everything", "plan=full");
-    return finish();
-  }
-  const auto decide = [&](bool& technique, std::string_view name, bool pays, std::string_view why,
-                          std::string_view why_not) {
-    technique = technique && pays;
-    if (technique)
-      plan_.use(std::string(name), std::string(why));
-    else
-      plan_.skip(std::string(name), pays ? "max_depth is too small" : std::string(why_not));
-  };
-  const bool scatters = !f.all_bsdfs_delta || f.any_scattering_medium;
-  const bool lit = f.emitters > 0;
-  const std::string_view specular = "every surface scatters specularly: nothing can be connected";
-  const std::string_view why_not = lit ? specular : "the scene has no emitter";
-  decide(t.hit_light, "light met by the eye's walk (s = 0)", f.any_area_emitter || f.any_environment,
-         "there are emitters to be hit", "no ray can hit an emitter");
-  decide(t.next_event, "next event estimation (s = 1)", lit && scatters, "emitters can be sampled", why_not);
-  decide(t.connect, "connections of vertices (s > 1, t > 1)", lit && scatters,
-         "light and eye subpaths meet in between", why_not);
-  decide(t.light_image, "connections to the lens (t = 1)", lit && scatters,
-         "light paths scatter where the camera may see it", why_not);
-  decide(t.hit_lens, "light that meets the lens (t = 0)", lit && f.finite_lens, "the lens has an area",
-         "the lens is a point, or infinitely far");
-  if (f.media == 0) plan_.skip("media", "there is none");
-  if (f.any_straight)
-    plan_.use("light through surfaces straight on", "some surface is null, a mask or thin glass");
-  else
-    plan_.skip("light through surfaces straight on", "no surface lets light pass straight");
-  between_ = f.media > 0 ? Between::media : f.any_straight ? Between::surfaces : Between::nothing;
-  finish();
-}
 
 }  // namespace
 

@@ -40,8 +40,10 @@ using transport::medium_vertex;
 using transport::passing;
 
 // The radiance arriving along `ray`. SceneT is scene::Scene, or what stands in for it to watch the rays.
-template <bool kNextEvent, bool kHitEmitters, bool kEnvironment, bool kWeigh, Between kBetween, class SceneT>
-Spectrum radiance(const SceneT& scene, const Limits& limits, Ray ray, samplers::Sampler& sampler,
+// SamplerT likewise: samplers::Sampler, or a chain's.
+template <bool kNextEvent, bool kHitEmitters, bool kEnvironment, bool kWeigh, Between kBetween, class SceneT,
+          class SamplerT = samplers::Sampler>
+Spectrum radiance(const SceneT& scene, const Limits& limits, Ray ray, SamplerT& sampler,
                   film::Tallies& tallies) {
   constexpr bool kPasses = kBetween != Between::nothing, kMedia = kBetween == Between::media;
   Spectrum sum;
@@ -134,11 +136,13 @@ Spectrum radiance(const SceneT& scene, const Limits& limits, Ray ray, samplers::
           const Vec3 wo = -ray.direction;
           front = {};
           ++scatterings;
-          if constexpr (kNextEvent)
-            sample_light(hit, front, medium, stratified, [&](Vec3 wi, float& pdf_solid_angle) {
-              pdf_solid_angle = around.phase().pdf_solid_angle(wo, wi);
-              return Spectrum(around.phase().eval(wo, wi));
-            });
+          if constexpr (kNextEvent) {
+            if (depth + 1 >= limits.least_edges)
+              sample_light(hit, front, medium, stratified, [&](Vec3 wi, float& pdf_solid_angle) {
+                pdf_solid_angle = around.phase().pdf_solid_angle(wo, wi);
+                return Spectrum(around.phase().eval(wo, wi));
+              });
+          }
           previous_pdf_solid_angle =
               around.phase().sample(wo, sampler.draw_2d(block + kDirection, stratified), ray.direction);
           previous_delta = false;
@@ -153,7 +157,7 @@ Spectrum radiance(const SceneT& scene, const Limits& limits, Ray ray, samplers::
     // Light that this edge found by itself.
     if (!found) {
       if constexpr (kEnvironment) {
-        if (depth > 1 || !limits.hide_emitters) {
+        if (depth >= limits.least_edges) {
           const Spectrum arriving = scene.environment(ray.direction);
           if (!arriving.is_black()) {
             float weight = 1;
@@ -169,7 +173,7 @@ Spectrum radiance(const SceneT& scene, const Limits& limits, Ray ray, samplers::
     }
     const Vec3 wo_world = -ray.direction;
     if constexpr (kHitEmitters) {
-      if (hit.emitter != scene::kNone && (depth > 1 || !limits.hide_emitters)) {
+      if (hit.emitter != scene::kNone && depth >= limits.least_edges) {
         const Spectrum emitted = scene.emitted(hit, wo_world);
         if (!emitted.is_black()) {
           float weight = 1;
@@ -197,7 +201,7 @@ Spectrum radiance(const SceneT& scene, const Limits& limits, Ray ray, samplers::
     scatterings += closure.purely_delta() ? 0 : 1;
 
     if constexpr (kNextEvent) {
-      if (!closure.purely_delta())
+      if (!closure.purely_delta() && depth + 1 >= limits.least_edges)
         sample_light(hit, side, medium, stratified, [&](Vec3 wi, float& pdf_solid_angle) {
           return closure.eval_pdf(wo, hit.shading.to_local(wi), TransportMode::radiance, pdf_solid_angle);
         });

@@ -36,7 +36,7 @@ struct Techniques {
 struct Limits {
   std::uint32_t max_depth;
   std::uint32_t rr_depth;
-  bool hide_emitters;
+  std::uint32_t least_edges;  // of paths that count: 2 leaves out emitters seen by the camera
   bool power_heuristic;
   bool choose_emitter;  // Scene::sample_direct reads its u_select
 };

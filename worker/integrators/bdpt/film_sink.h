@@ -1,0 +1,75 @@
+// What bdpt finds, on its way to the film: the sum along one eye ray, splats of light paths, and the layers
+// of techniques.
+#pragma once
+
+#include <cstdint>
+
+#include "worker/integrators/bdpt/layers.h"
+#include "worker/integrators/integrator.h"
+#include "worker/transport/connect.h"
+#include "worker/transport/splat.h"
+
+namespace candela::integrators::bdpt {
+
+class FilmSink {
+ public:
+  FilmSink(const UnitContext& context, const TechniqueLayers& layers, double light_paths,
+           film::UnitFilm& film, film::Tallies& tallies)
+      : layers_(layers),
+        film_(film),
+        tallies_(tallies),
+        splatter_(context.filter, film, context.width, context.height),
+        each_(static_cast<float>(1 / light_paths)) {}
+
+  // An eye ray through pixel (x, y) of this weight is next.
+  void start_eye(std::uint32_t x, std::uint32_t y, float weight, std::uint64_t key) {
+    sum_ = {};
+    x_ = x;
+    y_ = y;
+    scale_ = weight;
+    key_ = key;
+  }
+  // The radiance along it.
+  Spectrum sum() const { return sum_; }
+
+  void eye(const transport::Contribution& light, std::uint32_t s, std::uint32_t t) {
+    const Spectrum weighted = light.weighted();
+    sum_ += weighted;
+    if (!layers_.any()) return;
+    // A pixel's own sample, but other threads splat on the same pixels.
+    const auto add = [&](std::uint32_t layer, Spectrum value) {
+      if (layer == TechniqueLayers::kNoLayer) return;
+      value *= scale_;
+      film_.splat(layer, x_, y_, {value.r, value.g, value.b},
+                  rng::combine(key_, (std::uint64_t{s} << 32) | t), tallies_, true);
+    };
+    add(layers_.weighted(s, t), weighted);
+    add(layers_.unweighted(s, t), light.value);
+  }
+
+  void light(const transport::Contribution& light, std::uint32_t s, std::uint32_t t,
+             transport::FilmPosition at, std::uint64_t key) {
+    const Spectrum weighted = light.weighted() * each_;
+    splatter_.splat(0, at, weighted, key, tallies_);
+    if (!layers_.any()) return;
+    if (const std::uint32_t layer = layers_.weighted(s, t); layer != TechniqueLayers::kNoLayer)
+      splatter_.splat(layer, at, weighted, key, tallies_);
+    if (const std::uint32_t layer = layers_.unweighted(s, t); layer != TechniqueLayers::kNoLayer)
+      splatter_.splat(layer, at, light.value * each_, key, tallies_);
+  }
+
+ private:
+  const TechniqueLayers& layers_;
+  film::UnitFilm& film_;
+  film::Tallies& tallies_;
+  transport::Splatter splatter_;
+  float each_;
+
+  // Of the eye path under way.
+  Spectrum sum_;
+  std::uint32_t x_ = 0, y_ = 0;
+  float scale_ = 1;
+  std::uint64_t key_ = 0;
+};
+
+}  // namespace candela::integrators::bdpt

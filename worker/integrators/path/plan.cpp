@@ -1,0 +1,66 @@
+#include "worker/integrators/path/plan.h"
+
+namespace candela::integrators::path {
+
+Techniques plan(const Limits& limits, const scene::SceneFeatures& features, bool full, Plan& plan) {
+  Techniques techniques;
+  if (full) {
+    plan.use("everything", "plan=full");
+    return techniques;
+  }
+  const bool bounces = limits.max_depth >= 2;
+  const bool area_or_environment = features.any_area_emitter || features.any_environment;
+
+  if (!bounces) {
+    techniques.next_event = false;
+    plan.skip("next event estimation", "max_depth shows emitters only");
+  } else if (features.emitters == 0) {
+    techniques.next_event = false;
+    plan.skip("next event estimation", "the scene has no emitter");
+  } else if (features.all_bsdfs_delta && !features.any_scattering_medium) {
+    techniques.next_event = false;
+    plan.skip("next event estimation",
+              "every surface scatters specularly: no sampled light direction can matter");
+  } else if (features.any_scattering_medium) {
+    plan.use("next event estimation", "emitters can be sampled from points in media and from surfaces");
+  } else {
+    plan.use("next event estimation", "emitters can be sampled from surfaces that are not specular");
+  }
+
+  techniques.hit_emitters = features.any_area_emitter;
+  if (features.any_area_emitter)
+    plan.use("light found by bsdf sampling", "area emitters can be hit");
+  else
+    plan.skip("light found by bsdf sampling on surfaces", "no surface emits");
+
+  techniques.environment = features.any_environment;
+  if (features.any_environment)
+    plan.use("light from outside the scene", "there is an environment");
+  else
+    plan.skip("light from outside the scene", "no environment");
+
+  techniques.weigh = techniques.next_event && area_or_environment;
+  if (techniques.weigh)
+    plan.use("multiple importance sampling", "both techniques can find the same light");
+  else
+    plan.skip("multiple importance sampling", techniques.next_event
+                                                  ? "only point-like emitters: bsdf sampling cannot find them"
+                                                  : "one technique finds all the light there is");
+
+  if (features.any_straight)
+    plan.use("light through surfaces straight on", "some surface is null, a mask or thin glass");
+  else
+    plan.skip("light through surfaces straight on", "no surface lets light pass straight");
+  if (features.media == 0)
+    plan.skip("media", "there is none");
+  else if (!features.any_heterogeneous_medium)
+    plan.use("media", "homogeneous: free flights and transmittance in closed form");
+  else
+    plan.use("media", "free flights by delta tracking, transmittance by residual ratio tracking");
+  techniques.between = features.media > 0      ? Between::media
+                       : features.any_straight ? Between::surfaces
+                                               : Between::nothing;
+  return techniques;
+}
+
+}  // namespace candela::integrators::path
