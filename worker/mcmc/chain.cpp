@@ -1,0 +1,140 @@
+#include "worker/mcmc/chain.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "common/rng/stream.h"
+
+namespace candela::mcmc {
+namespace {
+
+// Words of keys.
+constexpr std::uint64_t kBootstrap = 0x626f6f74;  // "boot"
+constexpr std::uint64_t kChain = 0x636861696e;    // "chain"
+enum Purpose : std::uint64_t { decisions, flushed, proposed, independent, segment_end };
+constexpr std::uint64_t kPurposes = 1ULL << 40;  // apart from the walks of primary_state.h
+
+std::uint64_t purpose_key(std::uint64_t key, Purpose purpose) {
+  return rng::combine(key, kPurposes + purpose);
+}
+
+// How many mutations may go by before a stop is seen or progress told.
+constexpr std::uint64_t kGlance = 16;
+
+// What goes to the film of one chain.
+class Splats {
+ public:
+  Splats(const ChainRules& rules, const ChainOutlets& outlets)
+      : outlets_(outlets), each_(rules.pixels / static_cast<double>(rules.segment_mutations)) {}
+
+  void add(std::uint32_t layer, const SplatList& list, double weight, std::uint64_t key) const {
+    if (outlets_.film == nullptr || !(weight > 0)) return;
+    const double factor = weight * each_;
+    std::uint64_t i = 0;
+    for (const Splat& splat : list.splats()) {
+      const auto scaled = [&](float v) { return static_cast<float>(static_cast<double>(v) * factor); };
+      outlets_.film->splat(layer, splat.at,
+                           {scaled(splat.value.r), scaled(splat.value.g), scaled(splat.value.b)},
+                           rng::combine(key, i++), outlets_.tallies);
+    }
+  }
+
+ private:
+  const ChainOutlets& outlets_;
+  double each_;
+};
+
+}  // namespace
+
+std::uint64_t bootstrap_key(std::uint64_t seed, std::uint64_t sample) {
+  return rng::key(seed, kBootstrap, sample);
+}
+
+double usable_scalar(SplatList& list, film::Tallies& tallies) {
+  if (const auto cause = list.fault()) {
+    ++tallies.rejected[static_cast<std::size_t>(*cause)];
+    list.clear();
+  }
+  return list.scalar();
+}
+
+Result<void> run_segment(StateSpace& space, const ChainRules& rules, std::uint64_t chain,
+                         const chains::ChainStart& start, const ChainOutlets& outlets,
+                         chains::ChainRecord& record) {
+  SplatList present, proposal;
+  record = start.record;
+  chains::ChainCounts& counts = record.counts;
+  if (record.segments == 0)
+    space.start(bootstrap_key(rules.seed, start.bootstrap_sample), present);
+  else
+    CANDELA_TRY(space.restore(record.state, present));
+  film::Tallies unused;  // a start that was rejected was never chosen
+  const double start_scalar = usable_scalar(present, unused);
+  if (!(start_scalar > 0) || counts.mutations != record.segments * rules.segment_mutations)
+    return input_error("the chain cannot start there: it is not a state of this job")
+        .with_field("chain_starts");
+
+  const Splats splats(rules, outlets);
+  const std::uint64_t chain_key = rng::key(rules.seed, kChain, chain);
+  const auto weigh = [&](double scalar) { return 1 / (scalar / rules.b0 + rules.prob_large); };
+  double scalar = start_scalar;
+  double stays = 0;  // expected number of times that the present state was the next one, not yet on the film
+  for (std::uint64_t i = 0; i < rules.segment_mutations; ++i) {
+    if (i % kGlance == 0) {
+      if (outlets.stop != nullptr && outlets.stop->load(std::memory_order_relaxed)) return {};
+      if (outlets.progress != nullptr) outlets.progress->add(std::min(kGlance, rules.segment_mutations - i));
+    }
+    Mutation mutation;
+    mutation.key = rng::combine(chain_key, counts.mutations++);
+    rng::Stream decide(purpose_key(mutation.key, decisions));
+    mutation.large = decide.next_double() < rules.prob_large;
+    const double ratio = space.propose(mutation, proposal);
+    if (outlets.fault != nullptr && !proposal.splats().empty()) {
+      outlets.fault(mutation.key, &proposal.editable()[0].value.r);
+      proposal.sum_again();
+    }
+    const double proposed_scalar = usable_scalar(proposal, outlets.tallies);
+    if (mutation.large) {
+      ++counts.large_steps;
+      counts.large_sum += proposed_scalar;
+      counts.large_square_sum += proposed_scalar * proposed_scalar;
+    }
+    // Nothing that is not finite, or not a density, is ever accepted: NaN compares false.
+    double accept = 0;
+    if (proposed_scalar > 0 && ratio > 0) accept = std::min(1.0, ratio * (proposed_scalar / scalar));
+    stays += 1 - accept;
+    const bool accepted = decide.next_double() < accept;
+    if (proposed_scalar > 0) {
+      const double weight = weigh(proposed_scalar);
+      if (mutation.large)
+        splats.add(kIndependentLayer, proposal, weight, purpose_key(mutation.key, independent));
+      if (!accepted) splats.add(kChainsLayer, proposal, accept * weight, purpose_key(mutation.key, proposed));
+    }
+    if (accepted) {
+      splats.add(kChainsLayer, present, stays * weigh(scalar), purpose_key(mutation.key, flushed));
+      space.accept();
+      std::swap(present, proposal);
+      scalar = proposed_scalar;
+      stays = accept;
+      ++counts.accepted;
+      if (mutation.large) ++counts.large_accepted;
+      counts.present_stay = 0;
+    } else {
+      space.reject();
+      if (++counts.present_stay > counts.longest_stay) {
+        counts.longest_stay = counts.present_stay;
+        const transport::FilmPosition at = present.brightest();
+        counts.stay_x = at.x;
+        counts.stay_y = at.y;
+      }
+    }
+  }
+  splats.add(kChainsLayer, present, stays * weigh(scalar),
+             purpose_key(rng::combine(chain_key, counts.mutations), segment_end));
+  ++record.segments;
+  record.state = space.save();
+  return {};
+}
+
+}  // namespace candela::mcmc

@@ -1,0 +1,74 @@
+// A segment of one Metropolis chain [Metropolis 1953, Veach 1997, ch. 11].
+//
+// The chain's states x have the density I(x) / b, I the scalar contribution, b its integral. Two estimators
+// of the image F are taken of the same mutations and weighed against each other [Kelemen 2002, Sec. 4], by
+// the balance heuristic with b0, a first estimate of b that is the same for the whole job:
+//   the chain's states,  density I / b,   weight (I / b0) / (I / b0 + p)
+//   large steps, which are independent uniform samples, p of them a mutation, weight p / (I / b0 + p)
+// whatever became of them. The weights sum to one for every b0, and none depends on b. Of each mutation both
+// the proposal y and the present state x count as the next state, with the probabilities a and 1 - a of
+// becoming it [Veach 1997, Sec. 11.3.3: expected values]. So to the film go, F divided by (I / b0 + p),
+//   layer 0   times a for y and 1 - a for x: b0 / b times what the chain's share of the image is
+//   layer 1   for y of large steps: the rest of the image
+// each times pixels / mutations of a segment (docs/normalisation.md).
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+#include "common/base/result.h"
+#include "common/chains/chains.h"
+#include "worker/mcmc/state_space.h"
+#include "worker/transport/splat.h"
+
+namespace candela::mcmc {
+
+inline constexpr std::uint32_t kChainsLayer = 0, kIndependentLayer = 1;
+
+struct ChainRules {
+  std::uint64_t seed = 0;  // of the job
+  double b0 = 0;           // > 0
+  double prob_large = 0.3;
+  std::uint64_t segment_mutations = 0;
+  double pixels = 1;
+};
+
+// The key of bootstrap sample i, which is where a chain that starts there starts from.
+std::uint64_t bootstrap_key(std::uint64_t seed, std::uint64_t sample);
+
+// How far a unit's chains are, for all its threads.
+class ChainProgress {
+ public:
+  // told: may be null; in [0, 1].
+  ChainProgress(double all_mutations, std::atomic<float>* told) : all_(all_mutations), told_(told) {}
+  void add(std::uint64_t mutations) {
+    const std::uint64_t done = done_.fetch_add(mutations, std::memory_order_relaxed) + mutations;
+    if (told_ != nullptr)
+      told_->store(static_cast<float>(static_cast<double>(done) / all_), std::memory_order_relaxed);
+  }
+
+ private:
+  double all_;
+  std::atomic<float>* told_;
+  std::atomic<std::uint64_t> done_{0};
+};
+
+// Where what a chain does goes to.
+struct ChainOutlets {
+  const transport::Splatter* film = nullptr;  // null: nowhere (tests of the chain alone)
+  film::Tallies& tallies;                     // rejected samples
+  const std::atomic<bool>* stop = nullptr;
+  ChainProgress* progress = nullptr;
+  void (*fault)(std::uint64_t key, float* rgb) = nullptr;  // render::RunContext
+};
+
+// One segment of chain number `chain`: `record` becomes the chain after it. Fails (input) where the start
+// cannot be of this job. A stop leaves film and record useless.
+Result<void> run_segment(StateSpace& space, const ChainRules& rules, std::uint64_t chain,
+                         const chains::ChainStart& start, const ChainOutlets& outlets,
+                         chains::ChainRecord& record);
+
+// The scalar contribution of `list`, 0 where it cannot be used: then it is emptied and its cause counted.
+double usable_scalar(SplatList& list, film::Tallies& tallies);
+
+}  // namespace candela::mcmc

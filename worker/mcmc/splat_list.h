@@ -1,0 +1,49 @@
+// What one state of a chain adds to the image: colours at places on the film. Its scalar contribution, which
+// the chain follows, is the sum of their luminances.
+#pragma once
+
+#include <cmath>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "common/film/film.h"
+#include "worker/core/vec.h"
+#include "worker/transport/connect.h"
+
+namespace candela::mcmc {
+
+struct Splat {
+  transport::FilmPosition at;
+  Spectrum value;
+};
+
+class SplatList {
+ public:
+  void clear() {
+    splats_.clear();
+    scalar_ = 0;
+  }
+  void add(transport::FilmPosition at, Spectrum value) {
+    if (value.is_black()) return;
+    splats_.push_back({at, value});
+    scalar_ += static_cast<double>(luminance(value));
+  }
+  std::span<const Splat> splats() const { return splats_; }
+  double scalar() const { return scalar_; }
+
+  // Why the list cannot be used, if so: the first of the causes that any number of it has.
+  std::optional<film::RejectCause> fault() const;
+  // Where most of it is. Precondition: there is something.
+  transport::FilmPosition brightest() const;
+
+  // For tests of the quarantine.
+  std::span<Splat> editable() { return splats_; }
+  void sum_again();
+
+ private:
+  std::vector<Splat> splats_;
+  double scalar_ = 0;
+};
+
+}  // namespace candela::mcmc
