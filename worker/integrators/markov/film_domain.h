@@ -1,0 +1,34 @@
+// Places on the film as a chain's random numbers choose them: uniformly over all places that the filter lets
+// matter, those a little outside of the film included.
+#pragma once
+
+#include <algorithm>
+
+#include "worker/integrators/integrator.h"
+#include "worker/transport/connect.h"
+
+namespace candela::integrators::markov {
+
+class FilmDomain {
+ public:
+  explicit FilmDomain(const UnitContext& context)
+      : border_(std::max(0.0f, static_cast<float>(context.filter.radius()) - 0.5f)),
+        width_(static_cast<float>(context.width) + 2 * border_),
+        height_(static_cast<float>(context.height) + 2 * border_),
+        pixels_(static_cast<double>(context.width) * context.height) {}
+
+  transport::FilmPosition at(Vec2 u) const { return {u.x * width_ - border_, u.y * height_ - border_}; }
+  // Pixels around the film.
+  float border() const { return border_; }
+  double pixels() const { return pixels_; }
+  // The domain's area over the film's.
+  double area_over_film() const {
+    return static_cast<double>(width_) * static_cast<double>(height_) / pixels_;
+  }
+
+ private:
+  float border_, width_, height_;
+  double pixels_;
+};
+
+}  // namespace candela::integrators::markov

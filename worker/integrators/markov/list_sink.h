@@ -1,0 +1,41 @@
+// What bdpt's kernel finds, on its way to a chain's list. The scalar contribution is that of the image's
+// mean: values are divided by the number of pixels.
+#pragma once
+
+#include "worker/integrators/markov/film_domain.h"
+#include "worker/mcmc/splat_list.h"
+
+namespace candela::integrators::markov {
+
+class ListSink {
+ public:
+  explicit ListSink(const FilmDomain& film)
+      : per_light_(static_cast<float>(1 / film.pixels())),
+        per_eye_(static_cast<float>(film.area_over_film())) {}
+
+  // All goes to `out`, multiplied by `factor`.
+  void start(mcmc::SplatList& out, float factor = 1) {
+    out_ = &out;
+    factor_ = factor;
+    sum_ = {};
+  }
+  void eye(const transport::Contribution& light, std::uint32_t /*s*/, std::uint32_t /*t*/) {
+    sum_ += light.weighted();
+  }
+  void light(const transport::Contribution& light, std::uint32_t /*s*/, std::uint32_t /*t*/,
+             transport::FilmPosition at, std::uint64_t /*key*/) {
+    out_->add(at, light.weighted() * (per_light_ * factor_));
+  }
+  // What came along the eye's ray, through this place on the film. weight: of the sensor.
+  void finish_eye(transport::FilmPosition at, float weight) {
+    out_->add(at, sum_ * (per_eye_ * factor_ * weight));
+  }
+
+ private:
+  float per_light_, per_eye_;
+  mcmc::SplatList* out_ = nullptr;
+  float factor_ = 1;
+  Spectrum sum_;
+};
+
+}  // namespace candela::integrators::markov

@@ -1,0 +1,168 @@
+#include "worker/integrators/markov/markov.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "worker/integrators/bidirectional/eye_radiance.h"
+#include "worker/integrators/markov/direct_light.h"
+#include "worker/integrators/parallel_tasks.h"
+#include "worker/mcmc/chain.h"
+
+namespace candela::integrators {
+namespace {
+
+constexpr std::uint64_t kBootstrapChunk = 256;
+
+std::uint64_t divide_up(std::uint64_t a, std::uint64_t b) {
+  return (a + b - 1) / b;
+}
+
+// What a scene has that ordinary sampling finds hard.
+std::string reasons_for_chains(const scene::SceneFeatures& f) {
+  std::string reasons;
+  const auto add = [&](bool is, std::string_view what) {
+    if (is) reasons.append(reasons.empty() ? "" : ", ").append(what);
+  };
+  add(f.any_delta_bsdf, "specular surfaces");
+  add(f.any_rough_glossy, "glossy surfaces");
+  add(f.any_scattering_medium, "scattering media");
+  add(f.emitters > 1, "emitters that may be hidden from most of the scene");
+  return reasons;
+}
+
+}  // namespace
+
+Result<void> check(const MarkovSettings& settings) {
+  if (settings.chains % 2 != 0)
+    return usage_error("the number of chains is odd")
+        .with_field("chains")
+        .with_mend("one half of them estimates the image beside the other half: give an even number");
+  if (settings.step_least > settings.step_most)
+    return usage_error("the smallest step is larger than the largest")
+        .with_field("step_least")
+        .with_mend("give at most step_most");
+  return {};
+}
+
+MarkovIntegrator::MarkovIntegrator(const MarkovSettings& settings, const scene::SceneFeatures& features,
+                                   int max_depth, int rr_depth, bool hide_emitters, bool full_plan)
+    : settings_(settings),
+      least_edges_(hide_emitters ? 2 : 1),
+      most_edges_(max_depth < 0 ? 1u << 30 : static_cast<std::uint32_t>(max_depth)),
+      choose_emitter_(features.emitters > 1 || features.any_mesh_emitter),
+      rr_depth_(static_cast<std::uint32_t>(rr_depth)),
+      hide_emitters_(hide_emitters),
+      direct_by_path_(settings.direct.value == "path") {
+  if (direct_by_path_) {
+    direct_limits_ = {std::min(most_edges_, 2U), rr_depth_, least_edges_, true, choose_emitter_};
+    Plan its_own;
+    direct_techniques_ = path::plan(direct_limits_, features, full_plan, its_own);
+    least_edges_ = 3;
+    plan_.use("path tracing beside the chains", "direct=path: paths of one and two edges are left to it");
+  } else {
+    plan_.skip("path tracing beside the chains", "direct=chain: the chains follow light of all path lengths");
+  }
+  const std::string reasons = reasons_for_chains(features);
+  if (reasons.empty())
+    plan_.skip(
+        "a gain by Metropolis",
+        "nothing here is hard to find (one emitter, no specular or glossy surface, no medium): path and "
+        "bdpt converge faster");
+  else
+    plan_.use("Metropolis", "light may be hard to find: " + reasons);
+}
+
+ChainPlan MarkovIntegrator::chain_plan(std::uint32_t width, std::uint32_t height) const {
+  ChainPlan plan;
+  plan.chains = static_cast<std::uint32_t>(settings_.chains);
+  plan.bootstrap_samples = static_cast<std::uint64_t>(settings_.bootstrap);
+  const std::uint64_t pixels = std::uint64_t{width} * height;
+  plan.segment_mutations = divide_up(pixels * static_cast<std::uint64_t>(settings_.mutations), plan.chains);
+  return plan;
+}
+
+Result<film::Tallies> MarkovIntegrator::bootstrap(const UnitContext& context, std::uint64_t begin,
+                                                  std::uint64_t end, std::span<float> contributions,
+                                                  const render::RunContext& run) const {
+  film::UnitFilm tallies_only({1, 1, 1}, 0);
+  CANDELA_TRY(for_each_task(divide_up(end - begin, kBootstrapChunk), tallies_only, run,
+                            [&](std::uint64_t chunk, film::Tallies& tallies) {
+                              const auto target = make_target(context, tallies);
+                              mcmc::PrimarySpace space(*target, {settings_.step_least, settings_.step_most});
+                              mcmc::SplatList list;
+                              const std::uint64_t from = begin + chunk * kBootstrapChunk;
+                              for (std::uint64_t i = from; i < std::min(from + kBootstrapChunk, end); ++i) {
+                                if (run.stop != nullptr && run.stop->load(std::memory_order_relaxed)) return;
+                                const std::uint64_t key = mcmc::bootstrap_key(context.seed, i);
+                                space.start(key, list);
+                                if (run.fault != nullptr && !list.splats().empty()) {
+                                  run.fault(key, &list.editable()[0].value.r);
+                                  list.sum_again();
+                                }
+                                contributions[i - begin] =
+                                    static_cast<float>(mcmc::usable_scalar(list, tallies));
+                              }
+                            }));
+  return tallies_only.tallies();
+}
+
+Result<void> MarkovIntegrator::run_segments(const UnitContext& context, const Unit& unit,
+                                            const NamedState& state,
+                                            std::span<const chains::ChainStart> starts, film::UnitFilm& film,
+                                            std::vector<chains::ChainRecord>& records,
+                                            const render::RunContext& run) const {
+  const ChainPlan plan = chain_plan(context.width, context.height);
+  const std::uint64_t count = unit.end - unit.begin;
+  mcmc::ChainRules rules;
+  rules.seed = context.seed;
+  rules.b0 = state.bootstrap_b;
+  rules.prob_large = settings_.large_step;
+  rules.segment_mutations = plan.segment_mutations;
+  rules.pixels = static_cast<double>(context.width) * context.height;
+  if (!std::isfinite(state.bootstrap_b) || state.bootstrap_b < 0)
+    return internal_error("the first estimate of b is negative or not finite");
+  const bool dark = !(state.bootstrap_b > 0);
+  const std::uint64_t direct_samples = divide_up(
+      std::uint64_t{context.width} * context.height * static_cast<std::uint64_t>(settings_.direct_samples),
+      plan.chains);
+  const markov::DirectLight direct(context, direct_limits_, direct_techniques_, direct_samples, unit.half);
+  const transport::Splatter splatter(context.filter, film, context.width, context.height);
+
+  records.assign(count, {});
+  std::vector<std::optional<Error>> errors(count);
+  mcmc::ChainProgress progress(static_cast<double>(count) * static_cast<double>(plan.segment_mutations),
+                               run.progress);
+  render::RunContext quiet = run;  // progress is that of mutations: a segment may take long
+  quiet.progress = nullptr;
+  CANDELA_TRY(for_each_task(count, film, quiet, [&](std::uint64_t i, film::Tallies& tallies) {
+    const std::uint64_t index = unit.begin + i;
+    if (starts[i].record.segments != chains::segment_of(index, plan.chains)) {
+      errors[i] =
+          input_error("a chain's record is not that of the segment before").with_field("chain_starts");
+      return;
+    }
+    if (dark) {  // nothing to follow
+      records[i] = starts[i].record;
+      ++records[i].segments;
+      progress.add(plan.segment_mutations);
+    } else {
+      const auto target = make_target(context, tallies);
+      mcmc::PrimarySpace space(*target, {settings_.step_least, settings_.step_most});
+      const mcmc::ChainOutlets outlets{&splatter, tallies, run.stop, &progress, run.fault};
+      const auto done = mcmc::run_segment(space, rules, chains::chain_of(unit.half, index, plan.chains),
+                                          starts[i], outlets, records[i]);
+      if (!done.ok()) errors[i] = done.error();
+    }
+    if (direct_by_path_) direct.add(index, mcmc::kIndependentLayer, film, tallies, run);
+  }));
+  for (const auto& error : errors)
+    if (error) return *error;
+  return {};
+}
+
+std::vector<float> MarkovIntegrator::pilot_luminances(const UnitContext& context, std::uint32_t count) const {
+  return bidirectional::pilot(context, count, most_edges_, rr_depth_, choose_emitter_, hide_emitters_);
+}
+
+}  // namespace candela::integrators

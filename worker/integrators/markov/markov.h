@@ -1,0 +1,56 @@
+// What integrators of Markov chains in primary sample space share: bootstrap, segments over threads, direct
+// light beside the chains. Each brings its estimator as a function of random numbers.
+#pragma once
+
+#include <memory>
+
+#include "worker/integrators/integrator.h"
+#include "worker/integrators/markov/settings.h"
+#include "worker/integrators/path/techniques.h"
+#include "worker/mcmc/primary_space.h"
+
+namespace candela::integrators {
+
+class MarkovIntegrator : public ChainIntegrator {
+ public:
+  ChainPlan chain_plan(std::uint32_t width, std::uint32_t height) const final;
+  Result<film::Tallies> bootstrap(const UnitContext& context, std::uint64_t begin, std::uint64_t end,
+                                  std::span<float> contributions, const render::RunContext& run) const final;
+  Result<void> run_segments(const UnitContext& context, const Unit& unit, const NamedState& state,
+                            std::span<const chains::ChainStart> starts, film::UnitFilm& film,
+                            std::vector<chains::ChainRecord>& records,
+                            const render::RunContext& run) const final;
+  std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const final;
+  std::vector<std::string> layers() const final { return {"independent"}; }
+  const Plan& plan() const final { return plan_; }
+
+ protected:
+  // `max_depth`: as bdpt means it. The plan has items of direct light and of what Metropolis may gain.
+  MarkovIntegrator(const MarkovSettings& settings, const scene::SceneFeatures& features, int max_depth,
+                   int rr_depth, bool hide_emitters, bool full_plan);
+
+  // Another one for each thread. It counts into the tallies and outlives neither them nor the context.
+  virtual std::unique_ptr<mcmc::PrimaryTarget> make_target(const UnitContext& context,
+                                                           film::Tallies& tallies) const = 0;
+
+  // Edges of the shortest and longest paths that the chains follow.
+  std::uint32_t least_edges() const { return least_edges_; }
+  std::uint32_t most_edges() const { return most_edges_; }
+
+  Plan plan_;
+
+ private:
+  MarkovSettings settings_;
+  std::uint32_t least_edges_ = 1, most_edges_ = 0;
+  bool choose_emitter_ = true;
+  std::uint32_t rr_depth_ = 5;
+  bool hide_emitters_ = false;
+  bool direct_by_path_ = false;
+  path::Limits direct_limits_{};
+  path::Techniques direct_techniques_;
+};
+
+// An even number of chains, steps in order.
+Result<void> check(const MarkovSettings& settings);
+
+}  // namespace candela::integrators

@@ -1,0 +1,39 @@
+// Settings that all integrators of Markov chains in primary sample space share.
+#pragma once
+
+#include "common/chains/chains.h"
+#include "worker/integrators/settings.h"
+
+namespace candela::integrators {
+
+struct MarkovSettings {
+  int chains = 1000;
+  int bootstrap = 100000;
+  int mutations = 16;
+  double large_step = 0.3;
+  double step_least = 1.0 / 1024;
+  double step_most = 1.0 / 64;
+  Choice direct{"chain", {"chain", "path"}};
+  int direct_samples = 16;
+
+  template <class Visitor>
+  void fields(Visitor& visit) {
+    visit("chains", chains, 2, static_cast<int>(chains::kMaxChains),
+          "Markov chains of the job, an even number, whatever the workers");
+    visit("bootstrap", bootstrap, 1, static_cast<int>(chains::kMaxBootstrapSamples),
+          "samples that the first estimate of the normalisation b and the chains' starts are taken from");
+    visit("mutations", mutations, 1, 1 << 16, "per pixel, in the time in which each chain does one segment");
+    visit("large_step", large_step, NumberRange{0, 1},
+          "probability of a mutation that forgets the chain's state");
+    visit("step_least", step_least, NumberRange{0, 0.5, true},
+          "smallest distance of a small step, of [0, 1)");
+    visit("step_most", step_most, NumberRange{0, 0.5, true}, "largest distance of a small step");
+    visit("direct", direct,
+          "path leaves light seen directly or after one bounce to path tracing, and only the rest to the "
+          "chains");
+    visit("direct_samples", direct_samples, 1, 1 << 16,
+          "with direct=path: its eye samples a pixel, in the time in which each chain does one segment");
+  }
+};
+
+}  // namespace candela::integrators

@@ -1,0 +1,76 @@
+// The mmlt integrator: settings, plan, and the choice of a target (target.h) by them.
+#include "worker/integrators/mmlt/mmlt.h"
+
+#include <algorithm>
+#include <string>
+
+#include "worker/integrators/bdpt/plan.h"
+#include "worker/integrators/markov/markov.h"
+#include "worker/integrators/mmlt/target.h"
+
+namespace candela::integrators {
+namespace {
+
+using transport::Between;
+
+// Of paths without a limit: beyond it, walks have long been ended by roulette.
+constexpr std::uint32_t kLongest = 1u << 20;
+
+class MmltIntegrator final : public MarkovIntegrator {
+ public:
+  MmltIntegrator(const MmltSettings& settings, const scene::SceneFeatures& features)
+      : MarkovIntegrator(settings.markov, features, settings.max_depth, settings.rr_depth,
+                         settings.hide_emitters, settings.plan.value == "full"),
+        limits_{most_edges(), static_cast<std::uint32_t>(settings.rr_depth), least_edges(),
+                features.emitters > 1 || features.any_mesh_emitter, transport::MisHeuristic::balance},
+        bdpt_(bdpt::plan(limits_, features, settings.plan.value == "full", plan_)),
+        lengths_(shortest(), std::max(shortest(), std::min(most_edges(), kLongest))) {
+    if (most_edges() < shortest()) {
+      bdpt_.techniques = {false, false, false, false, false, false};
+      plan_.skip("chains", "max_depth leaves nothing to them");
+      return;
+    }
+    plan_.use("path lengths", "from " + std::to_string(shortest()) + " edges" +
+                                  (settings.max_depth < 0 ? std::string(", without a limit")
+                                                          : " to " + std::to_string(most_edges())));
+  }
+
+ private:
+  // The shortest length that some technique can make.
+  std::uint32_t shortest() const {
+    const bool seen = bdpt_.techniques.hit_light;
+    return std::max(least_edges(), seen ? 1U : 2U);
+  }
+
+  std::unique_ptr<mcmc::PrimaryTarget> make_target(const UnitContext& context,
+                                                   film::Tallies& tallies) const override {
+    switch (bdpt_.between) {
+      case Between::nothing:
+        return target<Between::nothing>(context, tallies);
+      case Between::surfaces:
+        return target<Between::surfaces>(context, tallies);
+      case Between::media:
+        break;
+    }
+    return target<Between::media>(context, tallies);
+  }
+  template <Between kBetween>
+  std::unique_ptr<mcmc::PrimaryTarget> target(const UnitContext& context, film::Tallies& tallies) const {
+    return std::make_unique<mmlt::Target<kBetween>>(context, limits_, bdpt_.techniques, lengths_, tallies);
+  }
+
+  bdpt::Limits limits_;
+  bdpt::Planned bdpt_;
+  mmlt::Lengths lengths_;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<Integrator>> make_mmlt_integrator(const SettingsMap& settings,
+                                                         const scene::SceneFeatures& features) {
+  CANDELA_ASSIGN(const MmltSettings parsed, parse_settings<MmltSettings>(settings));
+  CANDELA_TRY(check(parsed.markov));
+  return std::unique_ptr<Integrator>(std::make_unique<MmltIntegrator>(parsed, features));
+}
+
+}  // namespace candela::integrators

@@ -1,0 +1,85 @@
+// One technique for one path length, chosen by numbers of their own: the estimator that mmlt's chains follow.
+// Its value is that of the technique with its weight [Hachisuka 2014, Eq. 11], over the probability of having
+// chosen length and technique. The length changes in large steps alone: small ones would change what the
+// dimensions of all other numbers mean.
+#pragma once
+
+#include "worker/integrators/mmlt/lengths.h"
+#include "worker/integrators/pssmlt/targets.h"
+
+namespace candela::integrators::mmlt {
+
+// The techniques that can make paths of one length, by number: s = 0, 1, those that connect vertices, s = k
+// (to the lens), s = k + 1 (meets the lens), as far as they run.
+struct TechniqueCount {
+  std::uint32_t hit_light, next_event, connect, light_image, hit_lens;
+  std::uint32_t all() const { return hit_light + next_event + connect + light_image + hit_lens; }
+};
+inline TechniqueCount techniques_of(std::uint32_t edges, const bdpt::Techniques& t) {
+  const auto one = [](bool runs) { return runs ? 1u : 0u; };
+  return {one(t.hit_light && edges >= 1), one(t.next_event && edges >= 2),
+          t.connect && edges >= 3 ? edges - 2 : 0, one(t.light_image && edges >= 2),
+          one(t.hit_lens && edges >= 2)};
+}
+// Number `choice` of them, in the order above.
+inline bdpt::OneTechnique technique(std::uint32_t edges, const TechniqueCount& count, std::uint32_t choice) {
+  const auto made_with = [&](std::uint32_t s) { return bdpt::OneTechnique{s, edges + 1 - s}; };
+  if (choice < count.hit_light) return made_with(0);
+  choice -= count.hit_light;
+  if (choice < count.next_event) return made_with(1);
+  choice -= count.next_event;
+  if (choice < count.connect) return made_with(2 + choice);
+  choice -= count.connect;
+  return made_with(choice < count.light_image ? edges : edges + 1);
+}
+
+template <transport::Between kBetween>
+class Target final : public mcmc::PrimaryTarget {
+ public:
+  Target(const UnitContext& context, const bdpt::Limits& limits, const bdpt::Techniques& techniques,
+         const Lengths& lengths, film::Tallies& tallies)
+      : scene_(context.scene),
+        film_(context),
+        sink_(film_),
+        techniques_(techniques),
+        lengths_(lengths),
+        kernel_(context.scene, limits, techniques, pssmlt::one_of_each(film_), sink_, tallies),
+        tallies_(tallies) {}
+
+  void evaluate(mcmc::PrimaryState& numbers, mcmc::SplatList& out) override {
+    mcmc::PrimarySampler& choice = numbers.walk(mcmc::PrimaryState::choice);
+    const Lengths::Choice length = lengths_.choose(choice.draw_fixed(kLength));
+    const TechniqueCount count = techniques_of(length.edges, techniques_);
+    const std::uint32_t all = count.all();
+    if (all == 0) return;
+    const float u = choice.draw_1d(kTechnique, true);
+    const bdpt::OneTechnique chosen = technique(
+        length.edges, count, std::min(static_cast<std::uint32_t>(u * static_cast<float>(all)), all - 1));
+    kernel_.choose(chosen);
+    sink_.start(out, static_cast<float>(static_cast<double>(all) / length.prob));
+    if (chosen.s > 1)
+      kernel_.trace_light(numbers.walk(mcmc::PrimaryState::light));
+    else
+      kernel_.no_light();
+    if (chosen.t < 2) return;
+    if (chosen.s > 1 && kernel_.light_size() == 0) return;  // nothing to connect to
+    mcmc::PrimarySampler& eye = numbers.walk(mcmc::PrimaryState::eye);
+    const pssmlt::FilmRay ray = pssmlt::film_ray(scene_, film_, eye);
+    ++tallies_.eye_samples;
+    kernel_.trace_eye(ray.ray, eye);
+    sink_.finish_eye(ray.at, ray.weight);
+  }
+
+ private:
+  static constexpr std::uint32_t kLength = 0, kTechnique = 1;  // dimensions
+
+  const scene::Scene& scene_;
+  markov::FilmDomain film_;
+  markov::ListSink sink_;
+  const bdpt::Techniques& techniques_;
+  const Lengths& lengths_;
+  bdpt::Kernel<pssmlt::ListConfig<kBetween, bdpt::OneTechnique>> kernel_;
+  film::Tallies& tallies_;
+};
+
+}  // namespace candela::integrators::mmlt
