@@ -37,12 +37,12 @@ inline constexpr std::uint32_t kLobe = 0, kDirection = 1, kRoulette = 2, kFlight
                                kEmitterPoint = 5, kLens = 5, kTransmittance = 6, kLensFlight = 7, kBlock = 8;
 // Behind as many vertices that are not specular draws are independent ones.
 inline constexpr std::uint32_t kStratifiedVertices = 2;
-inline constexpr float kRouletteFloor = 0.25f;    // of the throughput, below which a walk may end
+inline constexpr float kRouletteFloor = 0.5f;     // of the throughput, below which a walk may end
 inline constexpr float kLongestSurvival = 0.95f;  // so that it ends where nothing is absorbed
 
 struct WalkRules {
   std::uint32_t max_edges = 1u << 30;  // to its last vertex
-  std::uint32_t rr_depth = 5;          // edges from which Russian roulette may end it
+  std::uint32_t rr_depth = 2;          // edges from which Russian roulette may end it
   bool meets_lens = false;             // walks from the light look for the lens
   float film_border = 0;               // pixels around the film that still matter
   double eye_paths = 1;                // per iteration: pixels

@@ -25,7 +25,7 @@ struct Techniques {
 };
 
 struct Limits {
-  std::uint32_t max_depth = 0, rr_depth = 5;
+  std::uint32_t max_depth = 0, rr_depth = 2;
   std::uint32_t least_edges = 1;  // of paths that count, at most 3: 2 leaves out emitters seen by the camera
   bool choose_emitter = true;
   transport::MisHeuristic heuristic = transport::MisHeuristic::balance;

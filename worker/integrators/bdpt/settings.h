@@ -6,7 +6,7 @@ namespace candela::integrators {
 
 struct BdptSettings {
   int max_depth = -1;
-  int rr_depth = 5;
+  int rr_depth = 2;
   bool hide_emitters = false;
   Choice heuristic{"balance", {"balance", "power", "maximum", "cutoff"}};
   Choice layers{"none", {"none", "weighted", "unweighted", "both"}};

@@ -6,7 +6,7 @@ namespace candela::integrators {
 
 struct LightSettings {
   int max_depth = -1;
-  int rr_depth = 5;
+  int rr_depth = 2;
   bool hide_emitters = false;
   Choice plan{"auto", {"auto", "full"}};
 

@@ -37,7 +37,7 @@ struct MergeSettings {
 // What every integrator of the family has.
 struct CommonSettings {
   int max_depth = -1;
-  int rr_depth = 5;
+  int rr_depth = 2;
   bool hide_emitters = false;
   Choice plan{"auto", {"auto", "full"}};
 

@@ -16,7 +16,7 @@ constexpr std::uint32_t kMaySpecular =
     scene::kDeltaKinds | scene::kCompositeKinds | scene::bit(scene::BsdfKind::plastic);
 
 struct PpmKernel {
-  std::uint32_t max_depth = 0, rr_depth = 5;
+  std::uint32_t max_depth = 0, rr_depth = 2;
   bool hide_emitters = false;
   bool choose_emitter = true;  // of the pilot
   merging::MergeRules merge;

@@ -18,7 +18,7 @@ struct Techniques {
 };
 
 struct Limits {
-  std::uint32_t max_depth = 0, rr_depth = 5;
+  std::uint32_t max_depth = 0, rr_depth = 2;
   bool hide_emitters = false;
   bool choose_emitter = true;
   merging::MergeRules merge;
