@@ -35,8 +35,8 @@ struct StopRule {
 // estimates (each its own scramble of the low-discrepancy sequence), and the image does not depend on how
 // iterations are cut into units. A job of N iterations has indices [0, (N+1)/2) in half 0 and [0, N/2) in
 // half 1.
-// A job of Markov chains has two more kinds: bootstrap samples [begin, end) (half 0), and chain segments, whose
-// indices common/chains/chains.h explains.
+// A job of Markov chains has two more kinds: bootstrap samples [begin, end) (half 0), and chain segments,
+// whose indices common/chains/chains.h explains.
 struct Unit {
   enum class Kind { pilot, iterations, bootstrap, segments };
   Kind kind = Kind::iterations;
@@ -68,7 +68,7 @@ struct ChainPlan {
 struct PilotResult {
   NamedState state;
   std::string plan;                      // text, for people and metadata
-  double seconds_per_iteration = 0;      // with the threads it was measured with
+  double seconds_per_iteration = 0;      // with the threads it was measured with; of chains: per segment
   std::vector<std::string> layers = {};  // of the film beside the image, in order; empty for most
   std::optional<ChainPlan> chains = {};  // a job of chains: the bootstrap comes next
 };

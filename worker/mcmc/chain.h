@@ -1,4 +1,4 @@
-// A segment of one Metropolis chain [Metropolis 1953, Veach 1997, ch. 11].
+// A segment of one Metropolis chain [Metropolis 1953] [Veach 1997, ch. 11].
 //
 // The chain's states x have the density I(x) / b, I the scalar contribution, b its integral. Two estimators
 // of the image F are taken of the same mutations and weighed against each other [Kelemen 2002, Sec. 4], by

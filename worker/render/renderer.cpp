@@ -77,11 +77,26 @@ class SceneRenderer final : public Renderer {
     result.state.film_scale_log2 = film::scale_log2_for(typical);
     result.plan = plan_text();
     result.layers = integrator_->layers();
-    if (integrator_->chains() != nullptr)
-      result.chains = integrator_->chains()->chain_plan(settings_.width, settings_.height);
     const double pixels = static_cast<double>(settings_.width) * settings_.height;
     result.seconds_per_iteration =
         seconds.count() * pixels / kPilotSamples / std::max(1U, run_context.threads);
+    if (integrator_->chains() == nullptr) return result;
+
+    // Of chains: the seconds of a segment, from what a mutation costs at the least, an independent sample.
+    result.chains = integrator_->chains()->chain_plan(settings_.width, settings_.height);
+    RunContext quiet = run_context;
+    quiet.threads = 1;
+    quiet.progress = nullptr;
+    std::vector<float> contributions(std::min<std::uint64_t>(256, result.chains->bootstrap_samples));
+    const auto timed = std::chrono::steady_clock::now();
+    CANDELA_ASSIGN(
+        const film::Tallies tallies,
+        integrator_->chains()->bootstrap(context(), 0, contributions.size(), contributions, quiet));
+    static_cast<void>(tallies);
+    const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - timed;
+    result.seconds_per_iteration = spent.count() / static_cast<double>(contributions.size()) *
+                                   static_cast<double>(result.chains->segment_mutations) /
+                                   std::max(1U, run_context.threads);
     return result;
   }
 

@@ -14,12 +14,12 @@ using transport::Between;
 class PssmltIntegrator final : public MarkovIntegrator {
  public:
   PssmltIntegrator(const PssmltSettings& settings, const scene::SceneFeatures& features)
-      : MarkovIntegrator(settings.markov, features, settings.max_depth, settings.rr_depth,
+      : MarkovIntegrator(settings.markov, features, settings.max_depth, settings.roulette(),
                          settings.hide_emitters, settings.plan.value == "full"),
         over_path_(settings.over.value == "path") {
     const bool full = settings.plan.value == "full";
     const bool choose_emitter = features.emitters > 1 || features.any_mesh_emitter;
-    const auto rr_depth = static_cast<std::uint32_t>(settings.rr_depth);
+    const auto rr_depth = static_cast<std::uint32_t>(settings.roulette());
     if (over_path_) {
       path_limits_ = {most_edges(), rr_depth, least_edges(), true, choose_emitter};
       path_kernel_ = path::kernel_for<mcmc::PrimarySampler>(path::plan(path_limits_, features, full, plan_));

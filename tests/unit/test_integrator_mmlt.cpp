@@ -1,0 +1,190 @@
+// mmlt's parts: one technique at a time is what bdpt makes of the same numbers, the choice of techniques
+// covers all of them once, and lengths have the probabilities that are said of them.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <map>
+#include <memory>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "tests/unit/chi_squared.h"
+#include "tests/unit/scene_fixture.h"
+#include "worker/integrators/mmlt/lengths.h"
+#include "worker/integrators/mmlt/target.h"
+
+namespace candela::integrators {
+namespace {
+
+using ByTechnique = std::map<std::pair<std::uint32_t, std::uint32_t>, double>;
+
+// Luminances by (s, t).
+struct Recorder {
+  ByTechnique found;
+  void eye(const transport::Contribution& light, std::uint32_t s, std::uint32_t t) {
+    found[{s, t}] += static_cast<double>(luminance(light.weighted()));
+  }
+  void light(const transport::Contribution& light, std::uint32_t s, std::uint32_t t, transport::FilmPosition,
+             std::uint64_t) {
+    found[{s, t}] += static_cast<double>(luminance(light.weighted()));
+  }
+};
+
+template <class ChoiceT>
+struct RecordConfig {
+  static constexpr transport::Between kBetween = transport::Between::media;
+  static constexpr bool kLists = false;
+  using Heuristic = transport::Balance;
+  using Sampler = mcmc::PrimarySampler;
+  using Sink = Recorder;
+  using Choice = ChoiceT;
+};
+
+const char* const kSensor = R"(<sensor type="thinlens"><float name="fov" value="60"/>
+  <float name="aperture_radius" value="1"/><float name="focus_distance" value="3"/></sensor>)";
+// A lit room with everything that a technique may meet: glass, a mask, fog in a null box.
+const char* const kRoom = R"(
+  <shape type="sphere"><point name="center" x="0" y="0" z="2"/><float name="radius" value="9"/>
+    <boolean name="flip_normals" value="true"/><bsdf type="diffuse"/></shape>
+  <shape type="sphere"><point name="center" x="1" y="2" z="6"/><float name="radius" value="1.2"/>
+    <emitter type="area"><rgb name="radiance" value="3"/></emitter></shape>
+  <shape type="sphere"><point name="center" x="-1" y="0" z="4"/><bsdf type="dielectric"/></shape>
+  <shape type="rectangle"><transform name="to_world"><scale value="3"/><translate z="2.5"/></transform>
+    <bsdf type="mask"><float name="opacity" value="0.5"/><bsdf type="twosided"><bsdf type="diffuse"/></bsdf></bsdf>
+  </shape>
+  <shape type="cube"><transform name="to_world"><translate x="2" z="5"/></transform><bsdf type="null"/>
+    <medium name="interior" type="homogeneous"><rgb name="sigma_t" value="0.5"/></medium></shape>)";
+
+// Claim: of the same numbers, one technique finds to the last digits what bdpt's kernel finds by it among all
+// others, for every technique of every length, also behind surfaces that pass light straight and in media.
+TEST(IntegratorMmlt, OneTechniqueIsBdptsShare) {
+  const auto scene = test::build_scene(kRoom, {}, kSensor);
+  ASSERT_TRUE(scene.ok()) << scene.error().to_string();
+  const auto filter = render::PixelFilter::create("box", {});
+  const UnitContext context{**scene, *filter, samplers::SamplerKind::independent, 1, 16, 16};
+  const markov::FilmDomain film(context);
+  constexpr std::uint32_t kMost = 6;
+  // A kernel for each longest path: on its last edge what passes straight is no matter of chance.
+  bdpt::Limits limits[kMost + 1];
+  const bdpt::Techniques techniques;
+  film::Tallies tallies;
+  Recorder all[kMost + 1], one;
+  using Whole = bdpt::Kernel<RecordConfig<bdpt::EveryTechnique>>;
+  std::vector<std::unique_ptr<Whole>> whole;
+  for (std::uint32_t most = 0; most <= kMost; ++most) {
+    limits[most].max_depth = std::max(most, 1u);
+    limits[most].rr_depth = 1000;
+    whole.push_back(std::make_unique<Whole>(**scene, limits[most], techniques, pssmlt::one_of_each(film),
+                                            all[most], tallies));
+  }
+  bdpt::Kernel<RecordConfig<bdpt::OneTechnique>> single(**scene, limits[kMost], techniques,
+                                                        pssmlt::one_of_each(film), one, tallies);
+  mcmc::PrimaryState numbers({});
+  ByTechnique times;
+  for (std::uint64_t key = 0; key < 20000; ++key) {
+    numbers.start(rng::key(9, key));
+    mcmc::PrimarySampler& eye = numbers.walk(mcmc::PrimaryState::eye);
+    mcmc::PrimarySampler& light = numbers.walk(mcmc::PrimaryState::light);
+    const Ray ray = pssmlt::film_ray(**scene, film, eye).ray;
+    for (std::uint32_t most = 1; most <= kMost; ++most) {
+      all[most].found.clear();
+      whole[most]->trace_light(light);
+      whole[most]->trace_eye(ray, eye);
+    }
+    for (std::uint32_t edges = 1; edges <= kMost; ++edges) {
+      const auto count = mmlt::techniques_of(edges, techniques);
+      for (std::uint32_t choice = 0; choice < count.all(); ++choice) {
+        const bdpt::OneTechnique chosen = mmlt::technique(edges, count, choice);
+        one.found.clear();
+        single.choose(chosen);
+        if (chosen.s > 1)
+          single.trace_light(light);
+        else
+          single.no_light();
+        if (chosen.t > 1) single.trace_eye(ray, eye);
+        const std::pair key_of{chosen.s, chosen.t};
+        for (const auto& [other, value] : one.found) ASSERT_EQ(other, key_of);
+        const double expected = all[chosen.s == 0 ? edges : kMost].found[key_of], found = one.found[key_of];
+        // The last edge of bdpt's longest paths ends at the first surface before the lens.
+        if (chosen.t == 0 && edges == kMost && expected == 0) continue;
+        ASSERT_NEAR(found, expected, 1e-5 * expected)
+            << "s " << chosen.s << " t " << chosen.t << " key " << key;
+        if (expected > 0) times[key_of] += 1;
+      }
+    }
+  }
+  // Every technique was met, but for those that rarely are: light that meets the lens.
+  for (std::uint32_t edges = 1; edges <= kMost; ++edges)
+    for (std::uint32_t s = 0; s <= edges; ++s) {
+      if (edges == 1 && s > 0) continue;
+      EXPECT_GT((times[{s, edges + 1 - s}]), 10) << s << " " << edges + 1 - s;
+    }
+  double lens = 0;
+  for (const auto& [technique, count] : times) lens += technique.second == 0 ? count : 0;
+  EXPECT_GT(lens, 10);
+}
+
+// Claim: whatever techniques run, choices number each of those that can make a path of this length once.
+TEST(IntegratorMmlt, ChoicesCoverTechniquesOnce) {
+  for (unsigned mask = 0; mask < 32; ++mask) {
+    bdpt::Techniques t;
+    t.hit_light = (mask & 1) != 0;
+    t.next_event = (mask & 2) != 0;
+    t.connect = (mask & 4) != 0;
+    t.light_image = (mask & 8) != 0;
+    t.hit_lens = (mask & 16) != 0;
+    for (std::uint32_t edges = 1; edges <= 9; ++edges) {
+      std::set<std::uint32_t> expected, found;
+      for (std::uint32_t s = 0; s <= edges + 1; ++s) {
+        const bool runs = s == 0           ? t.hit_light
+                          : edges == 1     ? false  // seen directly: by the eye's walk alone
+                          : s == edges + 1 ? t.hit_lens
+                          : s == edges     ? t.light_image
+                          : s == 1         ? t.next_event
+                                           : t.connect;
+        if (runs) expected.insert(s);
+      }
+      // Paths of two edges: s = 1 is next event estimation, s = 2 the lens'.
+      const auto count = mmlt::techniques_of(edges, t);
+      for (std::uint32_t choice = 0; choice < count.all(); ++choice) {
+        const bdpt::OneTechnique chosen = mmlt::technique(edges, count, choice);
+        EXPECT_EQ(chosen.s + chosen.t, edges + 1);
+        EXPECT_TRUE(found.insert(chosen.s).second);
+      }
+      EXPECT_EQ(found, expected) << "mask " << mask << ", edges " << edges;
+    }
+  }
+}
+
+// Claim: probabilities of lengths sum to one, choose() follows them (chi-squared; false alarm 1e-6 each of
+// four ranges) and says them, no length is left out, and the ends of [0, 1) are in range.
+TEST(IntegratorMmlt, LengthsFollowTheirProbabilities) {
+  for (const auto& [least, most] : {std::pair{1u, 1u}, {1u, 7u}, {3u, 40u}, {2u, 1000u}}) {
+    const mmlt::Lengths lengths(least, most);
+    double sum = 0;
+    constexpr int kDraws = 400000;
+    std::vector<double> expected, observed(most + 1 - least, 0.0);
+    for (std::uint32_t k = least; k <= most; ++k) {
+      EXPECT_GT(lengths.prob(k), 0.2 / (static_cast<double>(k) * k));
+      sum += lengths.prob(k);
+      expected.push_back(lengths.prob(k) * kDraws);
+    }
+    EXPECT_NEAR(sum, 1, 1e-12);
+    rng::Stream stream(least + most);
+    for (int i = 0; i < kDraws; ++i) {
+      const auto choice = lengths.choose(stream.next_double());
+      ASSERT_TRUE(choice.edges >= least && choice.edges <= most);
+      ASSERT_EQ(choice.prob, lengths.prob(choice.edges));
+      ++observed[choice.edges - least];
+    }
+    EXPECT_GT(test::chi_squared_p(observed, expected), 1e-6) << least << " to " << most;
+    for (const double u : {0.0, 0.75 - 0x1p-53, 0.75, 1 - 0x1p-53}) {
+      const auto choice = lengths.choose(u);
+      EXPECT_TRUE(choice.edges >= least && choice.edges <= most) << u;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace candela::integrators
