@@ -35,6 +35,22 @@ void put_f64(std::string& out, double value) {
 
 }  // namespace
 
+Result<void> validate(const ChainPlan& plan) {
+  if (plan.chains < 2 || plan.chains % 2 != 0 || plan.chains > kMaxChains)
+    return input_error(
+               fmt::format("{} chains are not an even number within 2 and {}", plan.chains, kMaxChains))
+        .with_field("chains");
+  if (plan.bootstrap_samples == 0 || plan.bootstrap_samples > kMaxBootstrapSamples)
+    return input_error(fmt::format("{} bootstrap samples are not within 1 and {}", plan.bootstrap_samples,
+                                   kMaxBootstrapSamples))
+        .with_field("bootstrap_samples");
+  if (plan.segment_mutations == 0 || plan.segment_mutations > kMaxSegmentMutations)
+    return input_error(fmt::format("{} mutations a segment are not within 1 and {}", plan.segment_mutations,
+                                   kMaxSegmentMutations))
+        .with_field("segment_mutations");
+  return {};
+}
+
 std::string encode(const ChainRecord& record) {
   const ChainCounts& c = record.counts;
   std::string out;
@@ -80,6 +96,40 @@ Result<ChainRecord> decode(std::string_view bytes) {
   return record;
 }
 
+std::size_t encoded_bytes(const ChainRecord& record) {
+  return 4 + 9 * 8 + 3 * 4 + record.state.size();  // magic, counts and sums, stay and length, state
+}
+
+std::string encode(std::span<const ChainRecord> records) {
+  std::string out;
+  for (const ChainRecord& record : records) {
+    const std::string one = encode(record);
+    film::put_u32(out, static_cast<std::uint32_t>(one.size()));
+    out += one;
+  }
+  return out;
+}
+
+Result<std::vector<ChainRecord>> decode(std::string_view bytes, std::uint64_t count) {
+  const auto bad = [&](std::uint64_t found) {
+    return input_error(fmt::format("{} bytes are not {} chains' records: they end in number {}", bytes.size(),
+                                   count, found))
+        .with_field("chain_records");
+  };
+  film::Reader reader(bytes);
+  std::vector<ChainRecord> records;
+  for (std::uint64_t i = 0; i < count; ++i) {
+    const std::uint32_t length = reader.u32();
+    if (!reader.ok() || reader.rest().size() < length) return bad(i);
+    CANDELA_ASSIGN(ChainRecord record, decode(reader.bytes(length)));
+    records.push_back(std::move(record));
+  }
+  if (!reader.rest().empty())
+    return input_error(fmt::format("{} bytes follow the {} chains' records", reader.rest().size(), count))
+        .with_field("chain_records");
+  return records;
+}
+
 BootstrapTable::BootstrapTable(std::uint64_t samples) : values_(samples) {}
 
 Result<void> BootstrapTable::insert(std::uint64_t begin, std::span<const float> values) {
@@ -97,26 +147,22 @@ Result<void> BootstrapTable::insert(std::uint64_t begin, std::span<const float> 
   return {};
 }
 
-namespace {
-
-std::pair<double, double> sums_of(std::span<const float> values) {
-  double sum = 0, square_sum = 0;
-  for (const float value : values) {
-    sum += static_cast<double>(value);
-    square_sum += static_cast<double>(value) * static_cast<double>(value);
+BootstrapSums BootstrapTable::sums() const {
+  BootstrapSums sums;
+  sums.samples = values_.size();
+  for (const float value : values_) {
+    sums.sum += static_cast<double>(value);
+    sums.square_sum += static_cast<double>(value) * static_cast<double>(value);
   }
-  return {sum, square_sum};
+  return sums;
 }
 
-}  // namespace
-
 Normalisation BootstrapTable::normalisation() const {
-  const auto [sum, square_sum] = sums_of(values_);
-  return from_sums(sum, square_sum, values_.size());
+  return pool(*this, {});
 }
 
 std::vector<std::uint64_t> BootstrapTable::choose_starts(std::uint32_t chains, std::uint64_t seed) const {
-  const double sum = sums_of(values_).first;
+  const double sum = sums().sum;
   std::vector<std::uint64_t> starts;
   if (!(sum > 0)) return starts;
   starts.reserve(chains);
@@ -143,14 +189,92 @@ int film_scale_log2(double b0, int pilot_scale_log2) {
 }
 
 Normalisation pool(const BootstrapTable& bootstrap, std::span<const ChainCounts> counts) {
-  auto [sum, square_sum] = sums_of(bootstrap.values());
-  std::uint64_t samples = bootstrap.values().size();
+  return pool(bootstrap.sums(), counts);
+}
+
+Normalisation pool(const BootstrapSums& bootstrap, std::span<const ChainCounts> counts) {
+  BootstrapSums all = bootstrap;
   for (const ChainCounts& c : counts) {
-    sum += c.large_sum;
-    square_sum += c.large_square_sum;
-    samples += c.large_steps;
+    all.sum += c.large_sum;
+    all.square_sum += c.large_square_sum;
+    all.samples += c.large_steps;
   }
-  return from_sums(sum, square_sum, samples);
+  return from_sums(all.sum, all.square_sum, all.samples);
+}
+
+film::Development development(double bootstrap_b, const Normalisation& normalisation) {
+  film::Development out;
+  out.two_layers = true;
+  if (!(bootstrap_b > 0)) return out;
+  out.factor = normalisation.b / bootstrap_b;
+  const double relative = normalisation.standard_error / normalisation.b;
+  out.factor_variance = relative * relative;
+  return out;
+}
+
+Result<std::vector<std::uint64_t>> segments_in(const film::IndexSet& merged, std::uint32_t chains) {
+  const std::uint64_t n = chains / 2;
+  std::uint64_t each = 0;                  // whole rounds within ranges
+  std::vector<std::int64_t> steps(n + 1);  // differences, chain by chain, of what ranges have beyond those
+  for (const auto& [begin, end] : merged.ranges()) {
+    if (end > n) {  // each index from n on needs the one a round before
+      const std::uint64_t from = std::max(begin, n) - n;
+      const auto [gap, gap_end] = merged.first_gap(from, end - n);
+      if (gap != gap_end)
+        return input_error(fmt::format("segment {} of a chain is merged without the one before it",
+                                       segment_of(gap + n, chains)))
+            .with_field("merged");
+    }
+    each += (end - begin) / n;
+    const std::uint64_t first = begin % n, rest = (end - begin) % n;
+    ++steps[first];
+    --steps[std::min(first + rest, n)];
+    if (first + rest > n) {
+      ++steps[0];
+      --steps[first + rest - n];
+    }
+  }
+  std::vector<std::uint64_t> out(n);
+  std::int64_t more = 0;
+  for (std::uint64_t i = 0; i < n; ++i) {
+    more += steps[i];
+    out[i] = each + static_cast<std::uint64_t>(more);
+  }
+  return out;
+}
+
+Summary summarise(const BootstrapSums& bootstrap, std::span<const ChainCounts> counts) {
+  Summary out;
+  out.normalisation = pool(bootstrap, counts);
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    const ChainCounts& c = counts[i];
+    ChainCounts& group = out.groups[i % kGroups];
+    group.mutations += c.mutations;
+    group.accepted += c.accepted;
+    group.large_steps += c.large_steps;
+    group.large_accepted += c.large_accepted;
+    group.large_sum += c.large_sum;
+    group.large_square_sum += c.large_square_sum;
+    group.present_stay = std::max(group.present_stay, c.present_stay);
+    if (c.longest_stay <= group.longest_stay) continue;
+    group.longest_stay = c.longest_stay;
+    group.stay_x = c.stay_x;
+    group.stay_y = c.stay_y;
+  }
+  return out;
+}
+
+const ChainCounts& longest_stay(const Summary& summary) {
+  return *std::max_element(summary.groups.begin(), summary.groups.end(),
+                           [](const auto& a, const auto& b) { return a.longest_stay < b.longest_stay; });
+}
+
+std::string long_stay_text(const Summary& summary) {
+  const ChainCounts& longest = longest_stay(summary);
+  if (longest.longest_stay <= kLongStay) return {};
+  return fmt::format(
+      "a chain stayed on one path for {} mutations, which may show as a bright dot at pixel {:.0f}, {:.0f}",
+      longest.longest_stay, std::floor(longest.stay_x), std::floor(longest.stay_y));
 }
 
 }  // namespace candela::chains

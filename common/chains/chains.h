@@ -15,6 +15,7 @@
 // image is (b / b0) * mean of the first + mean of the second.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <string>
@@ -22,14 +23,18 @@
 #include <vector>
 
 #include "common/base/result.h"
+#include "common/film/development.h"
 #include "common/film/film.h"
+#include "common/job/job.h"
 
 namespace candela::chains {
 
 inline constexpr std::uint32_t kMaxChains = 1U << 20;
 inline constexpr std::uint64_t kMaxBootstrapSamples = 1ULL << 26;
+inline constexpr std::uint64_t kMaxSegmentMutations = 1ULL << 32;
 inline constexpr std::size_t kMaxStateBytes = 64 * 1024;
-inline constexpr std::uint32_t kImageLayers = 2;  // that are combined into the image
+inline constexpr std::size_t kMaxRecordBytes = kMaxStateBytes + 128;  // encoded
+inline constexpr std::uint32_t kImageLayers = 2;                      // that are combined into the image
 
 // Number of a chain within the job.
 constexpr std::uint64_t chain_of(std::uint32_t half, std::uint64_t index, std::uint32_t chains) {
@@ -38,6 +43,10 @@ constexpr std::uint64_t chain_of(std::uint32_t half, std::uint64_t index, std::u
 constexpr std::uint64_t segment_of(std::uint64_t index, std::uint32_t chains) {
   return index / (chains / 2);
 }
+
+// Fails (input) unless there is an even number of chains, some bootstrap sample and some mutation, all within
+// the bounds above. The error's field is one of ChainPlan's.
+Result<void> validate(const ChainPlan& plan);
 
 // All that a chain did since its start. Sums are of one chain, in its own order: whoever adds those of all
 // chains in the order of their numbers gets the same doubles.
@@ -59,9 +68,15 @@ struct ChainRecord {
   bool operator==(const ChainRecord&) const = default;
 };
 std::string encode(const ChainRecord& record);
+std::size_t encoded_bytes(const ChainRecord& record);
 // Fails (input) on anything but the whole of what encode() made: counts that contradict each other, sums that
 // are not finite or negative, a state too long.
 Result<ChainRecord> decode(std::string_view bytes);
+
+// Several, each with its length (uint32, little-endian) before it.
+std::string encode(std::span<const ChainRecord> records);
+// Fails (input) unless the bytes are exactly `count` records.
+Result<std::vector<ChainRecord>> decode(std::string_view bytes, std::uint64_t count);
 
 // What the first segment of a chain starts from (record.segments == 0): a bootstrap sample.
 struct ChainStart {
@@ -76,6 +91,13 @@ struct Normalisation {
   std::uint64_t samples = 0;
 };
 
+// The scalar contributions of the bootstrap, summed in the order of samples.
+struct BootstrapSums {
+  double sum = 0, square_sum = 0;
+  std::uint64_t samples = 0;
+  bool operator==(const BootstrapSums&) const = default;
+};
+
 // The scalar contributions of all bootstrap samples, by number.
 class BootstrapTable {
  public:
@@ -88,6 +110,7 @@ class BootstrapTable {
   std::span<const float> values() const { return values_; }
 
   // Precondition of what follows: complete(). Sums in double, in the order of samples.
+  BootstrapSums sums() const;
   Normalisation normalisation() const;
   // The start of each chain, drawn in proportion to the contribution by one stratified comb with an offset of
   // the seed's, in random order over the chains (neither half may get the comb's even teeth). Empty where b
@@ -110,5 +133,32 @@ int film_scale_log2(double b0, int pilot_scale_log2);
 // b from the bootstrap and all large steps so far: the mean over all samples, each of which is an independent
 // estimate, with its standard error from the sums of squares. `counts` in the order of chains.
 Normalisation pool(const BootstrapTable& bootstrap, std::span<const ChainCounts> counts);
+Normalisation pool(const BootstrapSums& bootstrap, std::span<const ChainCounts> counts);
+
+// How to read the image of a job with this b0: the factor b / b0 with its variance, and the two layers. Where
+// b0 is zero the job is black, and so is the image.
+film::Development development(double bootstrap_b, const Normalisation& normalisation);
+
+// How many segments each chain of a half has in a set of merged indices, by number in the half. Fails (input)
+// if a chain has a segment without the one before it.
+Result<std::vector<std::uint64_t>> segments_in(const film::IndexSet& merged, std::uint32_t chains);
+
+// How a job's chains stand, for people: b, and the counts of groups of chains (chain c is in group c modulo
+// the number of groups; even groups are of half 0). A group's stay is its chains' longest.
+inline constexpr std::size_t kGroups = 16;
+struct Summary {
+  Normalisation normalisation;
+  std::array<ChainCounts, kGroups> groups;
+};
+Summary summarise(const BootstrapSums& bootstrap, std::span<const ChainCounts> counts);
+
+// A chain that stayed longer than this at one place has left a mark that a person should know of: its path is
+// worth thousands of b, and large steps that would average over its like have not found others in all the
+// time.
+inline constexpr std::uint64_t kLongStay = 10000;
+// The group with the longest stay.
+const ChainCounts& longest_stay(const Summary& summary);
+// What to tell of it, with the pixel; empty where no chain stayed so long.
+std::string long_stay_text(const Summary& summary);
 
 }  // namespace candela::chains

@@ -102,11 +102,12 @@ Result<Delta> Delta::decode(std::string_view bytes, const Layout& expected) {
   info.unit.half = reader.u8();
   info.unit.begin = reader.u64();
   info.unit.end = reader.u64();
-  if (kind > static_cast<std::uint8_t>(Unit::Kind::iterations)) {
+  if (kind > static_cast<std::uint8_t>(Unit::Kind::segments) ||
+      kind == static_cast<std::uint8_t>(Unit::Kind::bootstrap)) {  // a bootstrap makes no film
     return input_error("the delta is of an unknown kind of unit").with_field("kind");
   }
   info.unit.kind = static_cast<Unit::Kind>(kind);
-  const bool iterations = info.unit.kind == Unit::Kind::iterations;
+  const bool iterations = info.unit.kind != Unit::Kind::pilot;
   if (info.unit.half > 1 || info.unit.end > Limits::max_iterations || info.unit.begin > info.unit.end ||
       (iterations && info.unit.begin == info.unit.end)) {
     return input_error("the delta's range of iterations is not possible").with_field("unit");

@@ -285,8 +285,8 @@ class MergedFilm {
   const Layout& layout() const { return layout_; }
   int scale_log2() const { return scale_log2_; }
 
-  // Adds a delta of kind iterations. Refused, and nothing changed, if its layout or scale differ or any of
-  // its indices is merged already.
+  // Adds a delta of iterations or segments. Refused, and nothing changed, if its layout or scale differ or
+  // any of its indices is merged already.
   Result<void> merge(const Delta& delta);
   // Adds another film of the same job (a relay's, or a shard's) under the same rules.
   Result<void> merge(const MergedFilm& other);
@@ -300,8 +300,12 @@ class MergedFilm {
   std::string serialise() const;
   static Result<MergedFilm> parse(std::string_view bytes);
 
-  // A copy of the image alone: layer 0, with the tallies and the merged indices.
-  MergedFilm image_layer() const;
+  // A copy of the first layers alone, with the tallies and the merged indices.
+  MergedFilm first_layers(std::uint32_t count) const;
+  MergedFilm image_layer() const { return first_layers(1); }
+
+  // No sum of any layer differs from zero.
+  bool black() const;
 
   // Sum of one half in film units (128 bits).
   Int128 sum(std::uint32_t half, std::uint32_t layer, std::uint32_t x, std::uint32_t y, int channel) const;

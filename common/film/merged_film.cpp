@@ -106,8 +106,8 @@ Result<void> MergedFilm::merge(const Delta& delta) {
   if (info.layout != layout_ || info.scale_log2 != scale_log2_) {
     return refused_error("the delta is of another film: its layout or scale differ").with_field("layout");
   }
-  if (unit.kind != Unit::Kind::iterations || unit.half > 1 || unit.begin >= unit.end ||
-      unit.end > Limits::max_iterations) {
+  const bool counted = unit.kind == Unit::Kind::iterations || unit.kind == Unit::Kind::segments;
+  if (!counted || unit.half > 1 || unit.begin >= unit.end || unit.end > Limits::max_iterations) {
     return refused_error("the delta holds no iterations").with_field("unit");
   }
   Half& half = halves_[unit.half];
@@ -166,16 +166,26 @@ Result<void> MergedFilm::merge(const MergedFilm& other) {
   return {};
 }
 
-MergedFilm MergedFilm::image_layer() const {
-  MergedFilm image({layout_.width, layout_.height, 1}, scale_log2_);
+MergedFilm MergedFilm::first_layers(std::uint32_t count) const {
+  MergedFilm image({layout_.width, layout_.height, std::min(count, layout_.layers)}, scale_log2_);
   for (std::size_t h = 0; h < 2; ++h) {
     Half& to = image.halves_[h];
     const Half& from = halves_[h];
-    std::copy_n(from.tiles.begin(), to.tiles.size(), to.tiles.begin());  // layer 0's come first
+    std::copy_n(from.tiles.begin(), to.tiles.size(), to.tiles.begin());  // layer after layer
     to.merged = from.merged;
     to.tallies = from.tallies;
   }
   return image;
+}
+
+bool MergedFilm::black() const {
+  const auto zero = [](const auto& sums) {
+    return std::all_of(sums.begin(), sums.end(), [](auto value) { return value == 0; });
+  };
+  return std::all_of(halves_.begin(), halves_.end(), [&](const Half& half) {
+    return std::all_of(half.tiles.begin(), half.tiles.end(),
+                       [&](const TileSums& tile) { return zero(tile.narrow) && zero(tile.wide); });
+  });
 }
 
 Int128 MergedFilm::sum(std::uint32_t half, std::uint32_t layer, std::uint32_t x, std::uint32_t y,

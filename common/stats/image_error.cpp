@@ -19,17 +19,22 @@ double relative(double squared_error, double reference, double mean) {
   return squared_error / (reference * reference + kDarkFraction * mean * mean);
 }
 
-// Calls visit(mean of half 0, of half 1, of both) for each value of layer 0, row by row.
+// Calls visit(variance, mean) for each value of the image, row by row. `factor` is variance_factor()'s.
 template <class Visit>
-void visit_values(const film::MergedFilm& film, Visit&& visit) {
+void visit_values(const film::MergedFilm& film, const film::Development& development, double factor,
+                  Visit&& visit) {
   using Which = film::MergedFilm::Which;
   const std::size_t row_values = std::size_t{film.layout().width} * film::kChannels;
-  std::vector<double> a(row_values), b(row_values), both(row_values);
+  std::vector<double> a(row_values), b(row_values), both(row_values), scaled(row_values);
   for (std::uint32_t y = 0; y < film.layout().height; ++y) {
-    film.develop_row(0, y, Which::half0, a);
-    film.develop_row(0, y, Which::half1, b);
-    film.develop_row(0, y, Which::both, both);
-    for (std::size_t i = 0; i < row_values; ++i) visit(a[i], b[i], both[i]);
+    film::develop_image_row(film, development, y, Which::half0, a, scaled);
+    film::develop_image_row(film, development, y, Which::half1, b, scaled);
+    film::develop_image_row(film, development, y, Which::both, both, scaled);
+    for (std::size_t i = 0; i < row_values; ++i) {
+      double variance = (a[i] - b[i]) * (a[i] - b[i]) * factor;
+      if (development.factor_variance > 0) variance += scaled[i] * scaled[i] * development.factor_variance;
+      visit(variance, both[i]);
+    }
   }
 }
 
@@ -105,14 +110,14 @@ ImageComparison compare(std::span<const float> a, std::span<const float> b, std:
   return result;
 }
 
-ErrorEstimate estimate_error(const film::MergedFilm& film) {
+ErrorEstimate estimate_error(const film::MergedFilm& film, const film::Development& development) {
   const double factor = variance_factor(film);
   const auto values = static_cast<double>(film.layout().pixel_count() * film::kChannels);
   ErrorEstimate estimate;
   double sum = 0, variance_sum = 0;
-  visit_values(film, [&](double a, double b, double both) {
+  visit_values(film, development, factor, [&](double variance, double both) {
     sum += both;
-    variance_sum += (a - b) * (a - b) * factor;
+    variance_sum += variance;
   });
   estimate.mean = sum / values;
   estimate.rmse = std::sqrt(variance_sum / values);
@@ -121,19 +126,18 @@ ErrorEstimate estimate_error(const film::MergedFilm& film) {
     return estimate;
   }
   double relative_sum = 0;
-  visit_values(film, [&](double a, double b, double both) {
-    relative_sum += relative((a - b) * (a - b) * factor, both, estimate.mean);
+  visit_values(film, development, factor, [&](double variance, double both) {
+    relative_sum += relative(variance, both, estimate.mean);
   });
   estimate.relmse = relative_sum / values;
   return estimate;
 }
 
-std::vector<float> error_map(const film::MergedFilm& film) {
-  const double scale = std::sqrt(variance_factor(film));
+std::vector<float> error_map(const film::MergedFilm& film, const film::Development& development) {
   std::vector<float> map;
   map.reserve(film.layout().pixel_count() * film::kChannels);
-  visit_values(
-      film, [&](double a, double b, double) { map.push_back(static_cast<float>(std::abs(a - b) * scale)); });
+  visit_values(film, development, variance_factor(film),
+               [&](double variance, double) { map.push_back(static_cast<float>(std::sqrt(variance))); });
   return map;
 }
 

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "common/film/development.h"
 #include "common/film/film.h"
 
 namespace candela::stats {
@@ -29,14 +30,18 @@ ImageComparison compare(std::span<const float> a, std::span<const float> b, std:
 // Error of the pooled image of a film with halves of n0 and n1 iterations, means A and B: per value the
 // variance of the pooled mean M is estimated without bias by (A-B)^2 n0 n1 / (n0+n1)^2, and relMSE =
 // mean(variance / (M^2 + 0.01 mean(M)^2)). NaN unless both halves have iterations; 0 for a black film.
+// With a development that has a factor: of the image as developed, where the factor's own variance adds
+// (relative variance * (what carries the factor)^2) to each value's. For a job of chains the halves are
+// independent groups of chains, so that the correlation within a chain needs no model: A and B differ by all
+// of it.
 struct ErrorEstimate {
   double relmse = 0;
   double rmse = 0;
   double mean = 0;
 };
-ErrorEstimate estimate_error(const film::MergedFilm& film);
+ErrorEstimate estimate_error(const film::MergedFilm& film, const film::Development& development = {});
 // The standard deviation of each value of the pooled image estimated as above (one degree of freedom: noisy;
 // smooth before display). width * height * 3.
-std::vector<float> error_map(const film::MergedFilm& film);
+std::vector<float> error_map(const film::MergedFilm& film, const film::Development& development = {});
 
 }  // namespace candela::stats

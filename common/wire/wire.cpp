@@ -109,7 +109,9 @@ void to_proto(const StopRule& stop, v1::StopRule& out) {
 
 void to_proto(const Unit& unit, v1::Unit& out) {
   out.Clear();
-  out.set_kind(unit.kind == Unit::Kind::pilot ? v1::Unit::KIND_PILOT : v1::Unit::KIND_ITERATIONS);
+  static constexpr std::array<v1::Unit::Kind, 4> kKinds = {v1::Unit::KIND_PILOT, v1::Unit::KIND_ITERATIONS,
+                                                           v1::Unit::KIND_BOOTSTRAP, v1::Unit::KIND_SEGMENTS};
+  out.set_kind(kKinds[static_cast<std::size_t>(unit.kind)]);
   out.set_half(unit.half);
   out.set_begin(unit.begin);
   out.set_end(unit.end);
@@ -118,6 +120,7 @@ void to_proto(const Unit& unit, v1::Unit& out) {
 void to_proto(const NamedState& state, v1::NamedState& out) {
   out.Clear();
   out.set_film_scale_log2(state.film_scale_log2);
+  out.set_bootstrap_b(state.bootstrap_b);
 }
 
 void to_proto(const bundle::Bundle& bundle, v1::Bundle& out) {
@@ -177,16 +180,24 @@ Result<Unit> from_proto(const v1::Unit& message) {
     case v1::Unit::KIND_ITERATIONS:
       unit.kind = Unit::Kind::iterations;
       break;
+    case v1::Unit::KIND_BOOTSTRAP:
+      unit.kind = Unit::Kind::bootstrap;
+      break;
+    case v1::Unit::KIND_SEGMENTS:
+      unit.kind = Unit::Kind::segments;
+      break;
     default:
       return field_error("unit.kind", fmt::format("{} is no kind of unit", static_cast<int>(message.kind())));
   }
   if (message.half() > 1)
     return field_error("unit.half", fmt::format("{} is neither 0 nor 1", message.half()));
-  if (message.end() > Limits::max_iterations)
-    return field_error("unit.end",
-                       fmt::format("{} is beyond the limit of {}", message.end(), Limits::max_iterations));
-  if (message.begin() > message.end() ||
-      (unit.kind == Unit::Kind::iterations && message.begin() == message.end()))
+  if (unit.kind == Unit::Kind::bootstrap && message.half() != 0)
+    return field_error("unit.half", "bootstrap samples have no halves");
+  const std::uint64_t limit =
+      unit.kind == Unit::Kind::bootstrap ? chains::kMaxBootstrapSamples : Limits::max_iterations;
+  if (message.end() > limit)
+    return field_error("unit.end", fmt::format("{} is beyond the limit of {}", message.end(), limit));
+  if (message.begin() > message.end() || (unit.kind != Unit::Kind::pilot && message.begin() == message.end()))
     return field_error("unit.end",
                        fmt::format("{} is not after unit.begin = {}", message.end(), message.begin()));
   unit.half = message.half();
@@ -200,7 +211,10 @@ Result<NamedState> from_proto(const v1::NamedState& message) {
     return field_error(
         "named_state.film_scale_log2",
         fmt::format("{} is not within -{} and {}", message.film_scale_log2(), kMaxScaleLog2, kMaxScaleLog2));
-  return NamedState{message.film_scale_log2()};
+  if (!std::isfinite(message.bootstrap_b()) || message.bootstrap_b() < 0)
+    return field_error("named_state.bootstrap_b",
+                       fmt::format("{} is not a finite number of at least 0", message.bootstrap_b()));
+  return NamedState{message.film_scale_log2(), message.bootstrap_b()};
 }
 
 Result<bundle::Bundle> from_proto(const v1::Bundle& message) {

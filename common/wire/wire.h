@@ -5,8 +5,10 @@
 #include <grpcpp/grpcpp.h>
 
 #include "candela/v1/job.pb.h"
+#include "candela/v1/worker.pb.h"
 #include "common/base/result.h"
 #include "common/bundle/bundle.h"
+#include "common/chains/chains.h"
 #include "common/job/job.h"
 
 namespace candela::wire {
@@ -16,6 +18,11 @@ void to_proto(const StopRule& stop, v1::StopRule& out);
 void to_proto(const Unit& unit, v1::Unit& out);
 void to_proto(const NamedState& state, v1::NamedState& out);
 void to_proto(const bundle::Bundle& bundle, v1::Bundle& out);
+void to_proto(const ChainPlan& plan, v1::ChainPlan& out);
+// The plan and what is done of the bootstrap are the caller's.
+void to_proto(const chains::Summary& summary, v1::ChainStatus& out);
+// A start is a record once there are segments behind it.
+void to_proto(const chains::ChainStart& start, v1::ChainStart& out);
 
 // Limits and closed sets are checked: extents, names, counts, finite numbers, known filter/sampler/isa. The
 // integrator and its settings are checked for form only: their meaning is the renderer's.
@@ -24,6 +31,16 @@ Result<StopRule> from_proto(const v1::StopRule& message);  // at least one limit
 Result<Unit> from_proto(const v1::Unit& message);
 Result<NamedState> from_proto(const v1::NamedState& message);
 Result<bundle::Bundle> from_proto(const v1::Bundle& message);
+Result<ChainPlan> from_proto(const v1::ChainPlan& message);
+Result<chains::Summary> from_proto(const v1::ChainStatus& message);
+Result<chains::ChainStart> from_proto(const v1::ChainStart& message);
+// A result of samples [unit.begin, unit.end): so many contributions, finite and not negative.
+struct BootstrapResult {
+  std::vector<float> contributions;
+  std::array<std::uint64_t, film::kRejectCauses> rejected{};
+  double render_seconds = 0;
+};
+Result<BootstrapResult> from_proto(const v1::CompleteBootstrapRequest& message);
 
 // Error <-> grpc::Status. The kind survives the trip (input, usage -> INVALID_ARGUMENT; unreachable ->
 // UNAVAILABLE; refused -> FAILED_PRECONDITION; resource -> RESOURCE_EXHAUSTED; failed -> ABORTED; internal ->
