@@ -10,6 +10,7 @@
 #include <cerrno>
 #include <chrono>
 #include <cstring>
+#include <limits>
 
 #include "common/base/files.h"
 #include "common/base/log.h"
@@ -59,7 +60,7 @@ std::filesystem::path Farm::job_folder(const std::string& job_id) const {
 std::shared_ptr<JobFilm> Farm::make_film(const JobRow& row) const {
   FileWriter writer = options_.film_writer ? options_.film_writer : FileWriter(&write_file_atomically);
   return std::make_shared<JobFilm>(job_folder(row.id), layout_of(row), row.named_state->film_scale_log2,
-                                   std::move(writer));
+                                   std::move(writer), row.chains ? row.chains->chains : 0);
 }
 
 Result<void> Farm::start() {
@@ -104,12 +105,15 @@ Result<void> Farm::restore_jobs(StoredState state) {
   const Now t = now();
   std::map<std::string, std::vector<UnitRow>> unmerged;
   for (UnitRow& u : state.unmerged_units) unmerged[u.job_id].push_back(std::move(u));
+  std::map<std::string, std::vector<BootstrapRow>> bootstraps;
+  for (BootstrapRow& b : state.bootstraps) bootstraps[b.job_id].push_back(std::move(b));
   for (JobRow& row : state.jobs) {
     const std::string id = row.id;
     if (!row.idempotency_token.empty()) tokens_[row.idempotency_token] = id;
     CANDELA_ASSIGN(std::vector<UnitRow> merged, store_->merged_units(id));
     std::array<film::IndexSet, 2> sets;
     film::Tallies tallies;
+    RestoredChains chains{std::move(bootstraps[id]), std::move(state.chain_starts[id]), 0};
     if (row.named_state) {
       std::shared_ptr<JobFilm> film = make_film(row);
       films_[id] = film;
@@ -125,17 +129,19 @@ Result<void> Farm::restore_jobs(StoredState state) {
           log::warn(trouble, {.job = id});
           scheduler_->event(t, id, "", "checkpoint", trouble);
         }
-        const auto copy = film->snapshot();
+        const JobFilm::Snapshot copy = film->snapshot();
         for (std::uint32_t h = 0; h < 2; ++h) {
-          sets[h] = copy->merged(h);
-          tallies.add(copy->tallies(h));
+          sets[h] = copy.film->merged(h);
+          tallies.add(copy.film->tallies(h));
         }
-        row.checkpoint_iterations = copy->iterations();
+        if (row.chains) row.chain_summary = chains::summarise(row.bootstrap, copy.counts);
+        chains.record_bytes = film->largest_record_bytes();
+        row.checkpoint_iterations = copy.film->iterations();
         row.checkpoint_generation = film->generation();
         if (has_ended(row.state)) film->close();
       }
     }
-    scheduler_->restore(std::move(row), sets, tallies, std::move(unmerged[id]), std::move(merged), t);
+    scheduler_->restore(std::move(row), sets, tallies, std::move(unmerged[id]), std::move(merged), t, chains);
   }
   warn_of_orphans(t);
   for (const WorkerRow& w : state.workers) scheduler_->restore_worker(w, t);
@@ -239,7 +245,7 @@ v1::JobStatus Farm::status_locked(const Job& job, Now t) const {
   out.set_bundle_sha256(r.bundle_sha256);
   if (r.named_state) wire::to_proto(*r.named_state, *out.mutable_named_state());
   out.set_units_merged(r.units_merged);
-  out.set_iterations(r.iterations);
+  out.set_iterations(r.iterations_of(r.iterations));
   out.set_samples(r.tallies.eye_samples);
   out.set_light_paths(r.tallies.light_paths);
   out.set_rays(r.tallies.rays);
@@ -248,7 +254,8 @@ v1::JobStatus Farm::status_locked(const Job& job, Now t) const {
   out.set_elapsed_seconds(r.elapsed_seconds);
   out.set_worker_seconds(r.worker_seconds);
   for (int i = 0; i < film::kRejectCauses; ++i) {
-    const std::uint64_t n = r.tallies.rejected[static_cast<std::size_t>(i)];
+    const auto cause = static_cast<std::size_t>(i);
+    const std::uint64_t n = r.tallies.rejected[cause] + r.bootstrap_rejected[cause];
     if (n == 0) continue;
     v1::RejectedSamples& rejected = *out.add_rejected();
     rejected.set_cause(std::string(film::name(static_cast<film::RejectCause>(i))));
@@ -257,9 +264,20 @@ v1::JobStatus Farm::status_locked(const Job& job, Now t) const {
   out.set_submitted_unix_ms(r.submitted_unix_ms);
   out.set_finished_unix_ms(r.finished_unix_ms);
   out.set_plan(r.plan);
-  for (const std::string& layer : r.layers) out.add_layers(layer);
+  for (std::size_t i = r.chains ? chains::kImageLayers - 1 : 0; i < r.layers.size(); ++i)
+    out.add_layers(r.layers[i]);
+  if (r.chains) {
+    v1::ChainStatus& status = *out.mutable_chains();
+    wire::to_proto(r.chain_summary, status);
+    wire::to_proto(*r.chains, *status.mutable_plan());
+    status.set_bootstrap_done(job.table ? job.table->known().count() : r.chains->bootstrap_samples);
+    if (!r.named_state) {
+      status.set_b(std::numeric_limits<double>::quiet_NaN());
+      status.set_b_standard_error(std::numeric_limits<double>::quiet_NaN());
+    }
+  }
   out.set_checkpoint_generation(r.checkpoint_generation);
-  out.set_checkpoint_iterations(r.checkpoint_iterations);
+  out.set_checkpoint_iterations(r.iterations_of(r.checkpoint_iterations));
   out.set_samples_per_second(scheduler_->samples_per_second(job, t));
   out.set_eta_seconds(scheduler_->eta_seconds(job, t));
   return out;
@@ -347,11 +365,14 @@ Result<v1::GetLedgerResponse> Farm::ledger(const std::string& job_id) {
   // queue makes the rows complete for everything merged before, and rows newer than the copy are left out.
   v1::GetLedgerResponse out;
   std::shared_ptr<const film::MergedFilm> copy;
+  std::uint64_t chain_segments = 0;
   if (const std::shared_ptr<JobFilm> film = film_of(job_id)) {
     film->touch(now().seconds);
     CANDELA_ASSIGN(const std::string trouble, film->ensure_loaded());
     if (!trouble.empty()) log::warn(trouble, {.job = job_id});
-    copy = film->snapshot();
+    JobFilm::Snapshot snapshot = film->snapshot();
+    copy = std::move(snapshot.film);
+    chain_segments = snapshot.chain_segments;
   }
   // A delta in the film whose row is being queued this instant: its thread needs the scheduler's lock only.
   const auto rows_ready = [&] {
@@ -393,6 +414,7 @@ Result<v1::GetLedgerResponse> Farm::ledger(const std::string& job_id) {
     samples += copy->tallies(h).eye_samples;
   }
   out.set_film_eye_samples(samples);
+  out.set_chain_segments(chain_segments);
   return out;
 }
 

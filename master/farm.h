@@ -94,9 +94,18 @@ class Farm {
                                    const std::function<Result<void>(Scheduler&, Now)>& change);
   Result<v1::JobStatus> extend(const v1::ExtendJobRequest& request);
   // The image of what is merged now, as the bytes of an EXR file. ErrorKind::refused before the first merge.
-  // `image_only`: without the job's further layers.
-  Result<std::string> image(const std::string& job_id, bool error_layer, bool image_only);
+  struct ImageParts {
+    bool error_layer = false;
+    bool image_only = false;    // without the job's further layers
+    bool chain_layers = false;  // with what the image of a job of chains is made of
+  };
+  Result<std::string> image(const std::string& job_id, const ImageParts& parts);
   Result<v1::GetLedgerResponse> ledger(const std::string& job_id);
+
+  // --- chains ---
+  // What the chains of a lease's segments start from goes into it. False where the film has moved on: the
+  // lease is void then.
+  bool add_chain_starts(v1::Lease& lease);
 
   // --- deltas ---
   struct Verdict {
@@ -127,13 +136,15 @@ class Farm {
   void warn_of_orphans(Now t);
   void log_event(const EventRow& event) const;
   std::filesystem::path job_folder(const std::string& job_id) const;
-  Result<std::string> encode_image(const JobRow& row, const film::MergedFilm& film, bool error_layer);
+  Result<std::string> encode_image(const JobRow& row, const JobFilm::Snapshot& snapshot,
+                                   const ImageParts& parts);
 
   void tick_loop();
   void keep_loop();
   void keep_job(const std::string& job_id, bool force);
   bool save_checkpoint(const std::string& job_id, JobFilm& film);
   void estimate(const std::string& job_id, JobFilm& film, bool now_please);
+  void summarise_chains(const std::string& job_id, JobFilm& film, bool now_please);
   void write_image(const std::string& job_id, JobFilm& film);
   void sleep(double seconds);  // until then, or a wake-up
 
@@ -158,6 +169,8 @@ class Farm {
     double last_checkpoint = 0, retry_at = 0, last_image = 0;
     double last_estimate = 0, estimate_cost = 0;
     std::uint64_t estimated_iterations = 0;
+    double last_summary = 0;
+    std::uint64_t summarised_iterations = 0;
     std::string trouble;
   };
   std::map<std::string, Kept> kept_;

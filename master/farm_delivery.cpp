@@ -1,6 +1,7 @@
 // Deltas: what happens between a worker's bytes and the merged film.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 
 #include "common/base/hash.h"
@@ -13,13 +14,42 @@ namespace candela::master {
 namespace {
 
 // An upper bound of an encoded delta: raw sums, an eighth more for incompressible planes, and headers.
-std::uint64_t largest_delta(const film::Layout& layout) {
+std::uint64_t largest_delta(const film::Layout& layout, std::uint64_t record_count) {
   const std::uint64_t raw =
       std::uint64_t{layout.pixel_count()} * layout.layers * film::kChannels * sizeof(std::int64_t);
-  return raw + raw / 8 + (1 << 20);
+  return raw + raw / 8 + (1 << 20) + record_count * (chains::kMaxRecordBytes + sizeof(std::uint32_t));
 }
 
 }  // namespace
+
+bool Farm::add_chain_starts(v1::Lease& lease) {
+  const auto unit = wire::from_proto(lease.unit());
+  if (!unit.ok() || unit->kind != Unit::Kind::segments) return true;
+  const std::shared_ptr<JobFilm> film = film_of(lease.job_id());
+  if (!film) return false;
+  film->touch(now().seconds);
+  if (!film->ensure_loaded().ok()) return false;
+  const std::optional<ChainRecords> records = film->starts_of(*unit);
+  if (!records) return false;
+  const auto samples = with_scheduler([&](Scheduler& s) {
+    const Job& job = *s.job(lease.job_id());
+    std::vector<std::uint64_t> out;
+    for (std::uint64_t i = unit->begin; i < unit->end; ++i) {
+      const std::uint64_t chain = chains::chain_of(unit->half, i, job.row.chains->chains);
+      // Where nothing was found there is nothing to start from, and any number does.
+      out.push_back(chain < job.starts.size() ? job.starts[chain] : 0);
+    }
+    return out;
+  });
+  for (std::size_t i = 0; i < records->size(); ++i) {
+    const chains::ChainRecord& record = *(*records)[i];
+    if (record.segments == 0)
+      lease.add_chain_starts()->set_bootstrap_sample(samples[i]);
+    else
+      lease.add_chain_starts()->set_record(chains::encode(record));
+  }
+  return true;
+}
 
 Result<std::optional<Farm::Verdict>> Farm::admit(const v1::DeltaHeader& header) {
   CANDELA_ASSIGN(const Unit unit, wire::from_proto(header.unit()));
@@ -27,6 +57,12 @@ Result<std::optional<Farm::Verdict>> Farm::admit(const v1::DeltaHeader& header) 
     return input_error("must be 64 lower-case hex digits").with_field("header.sha256");
   if (!(header.render_seconds() >= 0) || header.render_seconds() > 1e9)
     return input_error("must be seconds, 0 or more").with_field("header.render_seconds");
+  const bool segments = unit.kind == Unit::Kind::segments;
+  if (segments ? header.records_bytes() == 0 || header.records_bytes() > header.size_bytes()
+               : header.records_bytes() != 0)
+    return input_error(fmt::format("{} of {} bytes are not possible for this kind of unit",
+                                   header.records_bytes(), header.size_bytes()))
+        .with_field("header.records_bytes");
   struct Answer {
     Delivery delivery;
     std::uint64_t largest = 0;
@@ -35,7 +71,8 @@ Result<std::optional<Farm::Verdict>> Farm::admit(const v1::DeltaHeader& header) 
     Answer a{
         s.check_delivery(header.worker_id(), header.token(), header.unit_id(), header.job_id(), unit, now()),
         0};
-    if (const Job* job = s.job(header.job_id())) a.largest = largest_delta(layout_of(job->row));
+    if (const Job* job = s.job(header.job_id()))
+      a.largest = largest_delta(layout_of(job->row), segments ? unit.end - unit.begin : 0);
     if (a.delivery == Delivery::ok) s.touch_lease(header.token(), now());
     return a;
   });
@@ -112,7 +149,10 @@ Farm::Verdict Farm::deliver(const v1::DeltaHeader& header, const std::string& by
     e.scale_log2 = row.named_state ? row.named_state->film_scale_log2 : 0;
     return e;
   });
-  auto delta = film::Delta::decode(bytes, expected.layout);
+  const std::string_view records_bytes = std::string_view(bytes).substr(
+      bytes.size() - std::min<std::size_t>(header.records_bytes(), bytes.size()));
+  auto delta = film::Delta::decode(std::string_view(bytes).substr(0, bytes.size() - records_bytes.size()),
+                                   expected.layout);
   if (!delta.ok()) return refuse(v1::DELTA_VERDICT_CORRUPT, delta.error().to_string(), true);
   const film::DeltaInfo& info = delta->info();
   if (info.build_id != build_id())
@@ -123,6 +163,16 @@ Farm::Verdict Farm::deliver(const v1::DeltaHeader& header, const std::string& by
       info.unit.end != unit->end)
     return refuse(v1::DELTA_VERDICT_CORRUPT,
                   "the delta is of another unit, job or scale than its header says", true);
+
+  std::vector<chains::ChainRecord> records;
+  std::size_t largest_record = 0;
+  if (unit->kind == Unit::Kind::segments) {
+    auto decoded = chains::decode(records_bytes, unit->end - unit->begin);
+    if (!decoded.ok()) return refuse(v1::DELTA_VERDICT_CORRUPT, decoded.error().to_string(), true);
+    records = std::move(*decoded);
+    for (const chains::ChainRecord& r : records)
+      largest_record = std::max(largest_record, chains::encoded_bytes(r));
+  }
 
   // The lease may have run out while the bytes came.
   const Delivery again = with_scheduler([&](Scheduler& s) {
@@ -142,7 +192,11 @@ Farm::Verdict Farm::deliver(const v1::DeltaHeader& header, const std::string& by
   film->touch(now().seconds);
   if (auto loaded = film->ensure_loaded(); !loaded.ok())
     return refuse(v1::DELTA_VERDICT_STALE, loaded.error().to_string(), false);
-  const auto outcome = film->merge(*delta);
+  const auto outcome = film->merge(*delta, std::move(records));
+  // A chain whose segment before is not in the film: no fault of the sender's. It is rendered again in its
+  // turn.
+  if (!outcome.ok() && outcome.error().kind == ErrorKind::refused && unit->kind == Unit::Kind::segments)
+    return refuse(v1::DELTA_VERDICT_STALE, outcome.error().to_string(), false);
   if (!outcome.ok()) return refuse(v1::DELTA_VERDICT_CORRUPT, outcome.error().to_string(), true);
   if (*outcome == JobFilm::Outcome::duplicate)
     return refuse(v1::DELTA_VERDICT_DUPLICATE, "the unit is merged already", false);
@@ -153,7 +207,7 @@ Farm::Verdict Farm::deliver(const v1::DeltaHeader& header, const std::string& by
   counters_.merge_microseconds += static_cast<std::uint64_t>(merge_seconds * 1e6);
   with_scheduler([&](Scheduler& s) {
     s.merged(header.worker_id(), header.token(), header.unit_id(), header.job_id(), *unit, delta->tallies(),
-             header.render_seconds(), receive_seconds + merge_seconds, now());
+             header.render_seconds(), receive_seconds + merge_seconds, now(), largest_record);
   });
   ++counters_.verdicts[v1::DELTA_VERDICT_MERGED];
   log::debug("merged", ids);

@@ -5,6 +5,8 @@
 // many units it was cut into, why it stopped) is in candela:job, candela:name and under "candela:run:".
 #include <fmt/format.h>
 
+#include <map>
+
 #include "common/base/log.h"
 #include "common/base/version.h"
 #include "common/bundle/bundle.h"
@@ -24,9 +26,42 @@ std::string text_of(const SettingsMap& settings) {
   return out;
 }
 
+// What an image of Markov chains tells of its normalisation and of how the chains moved.
+void describe_chains(const JobRow& row, const JobFilm::Snapshot& snapshot,
+                     std::map<std::string, std::string>& m) {
+  const chains::Summary summary = chains::summarise(row.bootstrap, snapshot.counts);
+  chains::ChainCounts all;
+  for (const chains::ChainCounts& group : summary.groups) {
+    all.mutations += group.mutations;
+    all.accepted += group.accepted;
+    all.large_steps += group.large_steps;
+    all.large_accepted += group.large_accepted;
+  }
+  const auto share = [](std::uint64_t part, std::uint64_t whole) {
+    return whole == 0 ? std::string("0")
+                      : fmt::format("{:.6g}", static_cast<double>(part) / static_cast<double>(whole));
+  };
+  m["candela:chains"] = std::to_string(row.chains->chains);
+  m["candela:segment_mutations"] = std::to_string(row.chains->segment_mutations);
+  m["candela:segments"] = std::to_string(snapshot.chain_segments);
+  m["candela:mutations"] = std::to_string(all.mutations);
+  m["candela:acceptance"] = share(all.accepted, all.mutations);
+  m["candela:large_steps"] = share(all.large_steps, all.mutations);
+  m["candela:large_acceptance"] = share(all.large_accepted, all.large_steps);
+  m["candela:longest_stay"] = std::to_string(chains::longest_stay(summary).longest_stay);
+  m["candela:b"] = fmt::format("{}", summary.normalisation.b);
+  m["candela:b_standard_error"] = fmt::format("{:.6g}", summary.normalisation.standard_error);
+  m["candela:b_samples"] = std::to_string(summary.normalisation.samples);
+  m["candela:bootstrap_b"] = fmt::format("{}", row.named_state->bootstrap_b);
+  m["candela:bootstrap_samples"] = std::to_string(row.chains->bootstrap_samples);
+}
+
 }  // namespace
 
-Result<std::string> Farm::encode_image(const JobRow& row, const film::MergedFilm& film, bool error_layer) {
+Result<std::string> Farm::encode_image(const JobRow& row, const JobFilm::Snapshot& snapshot,
+                                       const ImageParts& parts) {
+  const film::MergedFilm& film = *snapshot.film;
+  const film::Development development = development_of(row, snapshot.counts);
   film::Tallies tallies = film.tallies(0);
   tallies.add(film.tallies(1));
   const JobSettings& s = row.settings;
@@ -42,15 +77,16 @@ Result<std::string> Farm::encode_image(const JobRow& row, const film::MergedFilm
   m["candela:sampler"] = s.sampler;
   m["candela:seed"] = std::to_string(s.seed);
   m["candela:isa"] = s.isa;
-  m["candela:iterations"] = std::to_string(film.iterations());
+  m["candela:iterations"] = std::to_string(row.iterations_of(film.iterations()));
   m["candela:eye_samples"] = std::to_string(tallies.eye_samples);
   m["candela:light_paths"] = std::to_string(tallies.light_paths);
   m["candela:rays"] = std::to_string(tallies.rays);
   m["candela:scale"] = fmt::format("2^{}", film.scale_log2());
-  m["candela:relmse_estimate"] = fmt::format("{:.6g}", stats::estimate_error(film).relmse);
+  m["candela:relmse_estimate"] = fmt::format("{:.6g}", stats::estimate_error(film, development).relmse);
   for (int i = 0; i < film::kRejectCauses; ++i)
-    m[fmt::format("candela:rejected_{}", film::name(static_cast<film::RejectCause>(i)))] =
-        std::to_string(tallies.rejected[static_cast<std::size_t>(i)]);
+    m[fmt::format("candela:rejected_{}", film::name(static_cast<film::RejectCause>(i)))] = std::to_string(
+        tallies.rejected[static_cast<std::size_t>(i)] + row.bootstrap_rejected[static_cast<std::size_t>(i)]);
+  if (row.chains) describe_chains(row, snapshot, m);
   m["candela:plan"] = row.plan;
   m["candela:version"] = std::string(version());
   m["candela:build_id"] = std::string(build_id());
@@ -63,29 +99,36 @@ Result<std::string> Farm::encode_image(const JobRow& row, const film::MergedFilm
   m["candela:run:units_merged"] = std::to_string(row.units_merged);
   m["candela:run:stop_reason"] = row.stop_reason;
 
-  const std::vector<float> rgb = film.develop(0);
+  const std::vector<float> rgb = film::develop_image(film, development);
   std::vector<float> error;
   std::vector<image::Layer> layers;
-  if (film.layout().layers > 1) {
+  const auto add_layer = [&](std::string name, std::uint32_t i) {
+    layers.push_back({std::move(name), {}, [&film, i](std::uint32_t y, std::span<float> out) {
+                        std::vector<double> mean(out.size());
+                        film.develop_row(i, y, film::MergedFilm::Which::both, mean);
+                        for (std::size_t v = 0; v < out.size(); ++v) out[v] = static_cast<float>(mean[v]);
+                      }});
+  };
+  for (std::uint32_t i = development.image_layers(); i < film.layout().layers; ++i) {
+    const std::string& name = row.layers[i - 1];
     std::string& names = m["candela:layers"];
-    for (const std::string& name : row.layers) names += (names.empty() ? "" : ", ") + name;
-    for (std::uint32_t i = 1; i < film.layout().layers; ++i)
-      layers.push_back({row.layers[i - 1], {}, [&film, i](std::uint32_t y, std::span<float> out) {
-                          std::vector<double> mean(out.size());
-                          film.develop_row(i, y, film::MergedFilm::Which::both, mean);
-                          for (std::size_t v = 0; v < out.size(); ++v) out[v] = static_cast<float>(mean[v]);
-                        }});
+    names += (names.empty() ? "" : ", ") + name;
+    add_layer(name, i);
   }
-  if (error_layer) {
-    error = stats::error_map(film);
+  if (parts.chain_layers && development.two_layers) {
+    add_layer("raw.chains", 0);
+    add_layer("raw." + row.layers[0], 1);
+  }
+  if (parts.error_layer) {
+    error = stats::error_map(film, development);
     layers.push_back({std::string(film::kErrorLayer), error, {}});
   }
   return image::encode_exr(s.width, s.height, rgb, m, layers);
 }
 
-Result<std::string> Farm::image(const std::string& job_id, bool error_layer, bool image_only) {
-  const JobRow row = with_scheduler([&](Scheduler& s) { return s.job(job_id)->row; });
+Result<std::string> Farm::image(const std::string& job_id, const ImageParts& parts) {
   const std::shared_ptr<JobFilm> film = film_of(job_id);
+  const JobRow row = with_scheduler([&](Scheduler& s) { return s.job(job_id)->row; });
   const auto nothing = [&] {
     return refused_error(fmt::format("job {} has no image yet: nothing is merged", job_id))
         .with_field("job_id");
@@ -94,9 +137,9 @@ Result<std::string> Farm::image(const std::string& job_id, bool error_layer, boo
   film->touch(now().seconds);
   CANDELA_ASSIGN(const std::string trouble, film->ensure_loaded());
   if (!trouble.empty()) log::warn(trouble, {.job = job_id});
-  const auto copy = film->snapshot(image_only ? JobFilm::Part::image : JobFilm::Part::all);
-  if (!copy || copy->iterations() == 0) return nothing();
-  return encode_image(row, *copy, error_layer);
+  const auto copy = film->snapshot(parts.image_only ? JobFilm::Part::image : JobFilm::Part::all);
+  if (!copy.film || copy.film->iterations() == 0) return nothing();
+  return encode_image(row, copy, parts);
 }
 
 }  // namespace candela::master

@@ -104,22 +104,49 @@ void Farm::estimate(const std::string& job_id, JobFilm& film, bool now_please) {
       return;
   }
   const double started = now().seconds;
-  const auto copy = film.snapshot(JobFilm::Part::image);
-  if (!copy) return;
-  const stats::ErrorEstimate e = stats::estimate_error(*copy);
+  const JobFilm::Snapshot copy = film.snapshot(JobFilm::Part::image);
+  if (!copy.film) return;
+  const JobRow row = with_scheduler([&](Scheduler& s) { return s.job(job_id)->row; });
+  const stats::ErrorEstimate e = stats::estimate_error(*copy.film, development_of(row, copy.counts));
   kept.last_estimate = now().seconds;
   kept.estimate_cost = kept.last_estimate - started;
-  kept.estimated_iterations = copy->iterations();
-  with_scheduler([&](Scheduler& s) { s.relmse_estimated(job_id, e.relmse, copy->iterations(), now()); });
+  kept.estimated_iterations = copy.film->iterations();
+  with_scheduler([&](Scheduler& s) { s.relmse_estimated(job_id, e.relmse, copy.film->iterations(), now()); });
+}
+
+// What people are told of a job's chains follows its film within half a second.
+void Farm::summarise_chains(const std::string& job_id, JobFilm& film, bool now_please) {
+  constexpr double kSummarySeconds = 0.5;
+  Kept& kept = kept_[job_id];
+  if (!now_please && now().seconds - kept.last_summary < kSummarySeconds) return;
+  struct View {
+    bool chains = false;
+    std::uint64_t iterations = 0;
+    chains::BootstrapSums bootstrap;
+  };
+  const View view = with_scheduler([&](Scheduler& s) {
+    const JobRow& row = s.job(job_id)->row;
+    return View{row.chains.has_value(), row.iterations, row.bootstrap};
+  });
+  if (!view.chains || view.iterations == kept.summarised_iterations) return;
+  const chains::Summary summary = chains::summarise(view.bootstrap, film.chain_counts());
+  kept.last_summary = now().seconds;
+  kept.summarised_iterations = view.iterations;
+  // Without light for the chains the job is about what needs none, if there is such.
+  const bool black = !(view.bootstrap.sum > 0) && film.all_black();
+  with_scheduler([&](Scheduler& s) {
+    s.chains_summarised(job_id, summary, now());
+    if (black) s.found_black(job_id, now());
+  });
 }
 
 void Farm::write_image(const std::string& job_id, JobFilm& film) {
   Kept& kept = kept_[job_id];
   kept.last_image = now().seconds;
-  const auto copy = film.snapshot();
-  if (!copy || copy->iterations() == 0) return;
+  const JobFilm::Snapshot copy = film.snapshot();
   const JobRow row = with_scheduler([&](Scheduler& s) { return s.job(job_id)->row; });
-  auto bytes = encode_image(row, *copy, false);
+  if (!copy.film || copy.film->iterations() == 0) return;
+  auto bytes = encode_image(row, copy, {});
   Result<void> written = bytes.ok() ? write_file_atomically(job_folder(job_id) / "image.exr", *bytes)
                                     : Result<void>(bytes.error());
   // The film is safe in its checkpoints; an image that cannot be written is worth a line, no more.
@@ -149,6 +176,7 @@ void Farm::keep_job(const std::string& job_id, bool force) {
     film->close();
     if (t < kept.retry_at) return;
     if (view.finishing) estimate(job_id, *film, true);
+    if (film->dirty()) summarise_chains(job_id, *film, true);
     if ((film->dirty() || film->generation() == 0) && !save_checkpoint(job_id, *film)) return;
     if (view.finishing) {
       const bool extended = with_scheduler([&](Scheduler& s) {
@@ -167,6 +195,7 @@ void Farm::keep_job(const std::string& job_id, bool force) {
   }
   film->reopen();
   estimate(job_id, *film, false);
+  summarise_chains(job_id, *film, false);
   const bool due = film->dirty() && t >= kept.retry_at &&
                    (force || view.paused || t - kept.last_checkpoint >= options_.master.checkpoint_seconds);
   if (due) save_checkpoint(job_id, *film);

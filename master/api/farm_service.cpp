@@ -244,7 +244,8 @@ grpc::Status FarmServiceImpl::FetchImage(grpc::ServerContext*, const v1::FetchIm
     if (!farm_.status(request->job_id())) return not_found("job", request->job_id());
     const Place place(images_, kMaxImages);
     if (!place.held()) return too_many("images");
-    auto bytes = farm_.image(request->job_id(), request->error_layer(), request->image_only());
+    auto bytes = farm_.image(request->job_id(),
+                             {request->error_layer(), request->image_only(), request->chain_layers()});
     if (!bytes.ok()) return wire::to_status(bytes.error());
     v1::FetchImageChunk chunk;
     chunk.set_total_bytes(bytes->size());

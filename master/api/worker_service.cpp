@@ -102,26 +102,35 @@ grpc::Status WorkerServiceImpl::AcquireLease(grpc::ServerContext*, const v1::Acq
     response->set_retry_ms(2000);
     return is_worker(farm_, request->worker_id(), request->session()) ? grpc::Status::OK : unauthenticated();
   }
-  return as_worker(farm_, request->worker_id(), request->session(), [&](Scheduler& s, Now now) {
-    std::vector<std::string> warm;
-    for (const std::string& bundle : request->warm_bundles())
-      if (warm.size() < 64 && is_sha256_hex(bundle)) warm.push_back(bundle);
-    const AcquireResult result = s.acquire(request->worker_id(), warm, request->prefetch(), now);
-    response->set_retry_ms(result.retry_ms);
-    response->set_drain(result.drain);
-    if (!result.lease) return;
-    ++farm_.counters().leases;
-    const LeaseRow& row = result.lease->row;
-    const Job& job = *s.job(row.job_id);
-    v1::Lease& lease = *response->mutable_lease();
-    lease.set_token(row.token);
-    lease.set_unit_id(row.unit_id);
-    lease.set_job_id(row.job_id);
-    lease.set_bundle_sha256(job.row.bundle_sha256);
-    wire::to_proto(job.row.settings, *lease.mutable_settings());
-    if (job.row.named_state) wire::to_proto(*job.row.named_state, *lease.mutable_named_state());
-    wire::to_proto(job.units.at(row.unit_id).row.unit, *lease.mutable_unit());
-    lease.set_expected_seconds(row.expected_seconds);
+  const grpc::Status status =
+      as_worker(farm_, request->worker_id(), request->session(), [&](Scheduler& s, Now now) {
+        std::vector<std::string> warm;
+        for (const std::string& bundle : request->warm_bundles())
+          if (warm.size() < 64 && is_sha256_hex(bundle)) warm.push_back(bundle);
+        const AcquireResult result = s.acquire(request->worker_id(), warm, request->prefetch(), now);
+        response->set_retry_ms(result.retry_ms);
+        response->set_drain(result.drain);
+        if (!result.lease) return;
+        ++farm_.counters().leases;
+        const LeaseRow& row = result.lease->row;
+        const Job& job = *s.job(row.job_id);
+        v1::Lease& lease = *response->mutable_lease();
+        lease.set_token(row.token);
+        lease.set_unit_id(row.unit_id);
+        lease.set_job_id(row.job_id);
+        lease.set_bundle_sha256(job.row.bundle_sha256);
+        wire::to_proto(job.row.settings, *lease.mutable_settings());
+        if (job.row.named_state) wire::to_proto(*job.row.named_state, *lease.mutable_named_state());
+        wire::to_proto(job.units.at(row.unit_id).row.unit, *lease.mutable_unit());
+        lease.set_expected_seconds(row.expected_seconds);
+      });
+  if (!status.ok() || !response->has_lease()) return status;
+  return guarded([&] {
+    if (farm_.add_chain_starts(*response->mutable_lease())) return grpc::Status::OK;
+    const std::uint64_t token = response->lease().token();
+    farm_.with_scheduler([&](Scheduler& s) { s.return_lease(request->worker_id(), token, farm_.now()); });
+    response->clear_lease();
+    return grpc::Status::OK;
   });
 }
 
@@ -168,6 +177,14 @@ grpc::Status WorkerServiceImpl::CompletePilot(grpc::ServerContext*, const v1::Co
                      {request->layers().begin(), request->layers().end()}};
   if (auto valid = film::validate_layer_names(result.layers); !valid.ok())
     return wire::to_status(valid.error());
+  if (request->has_chains()) {
+    auto plan = wire::from_proto(request->chains());
+    if (!plan.ok()) return wire::to_status(plan.error());
+    result.chains = *plan;
+    if (result.layers.size() + 1 < chains::kImageLayers)
+      return wire::to_status(
+          input_error("a job of chains has a second layer, which is part of the image").with_field("layers"));
+  }
   Result<void> fits;
   const grpc::Status status =
       as_worker(farm_, request->worker_id(), request->session(), [&](Scheduler& s, Now now) {
@@ -181,6 +198,25 @@ grpc::Status WorkerServiceImpl::CompletePilot(grpc::ServerContext*, const v1::Co
         response->set_accepted(s.complete_pilot(request->worker_id(), request->token(), result, now));
       });
   return fits.ok() ? status : wire::to_status(fits.error());
+}
+
+grpc::Status WorkerServiceImpl::CompleteBootstrap(grpc::ServerContext*,
+                                                  const v1::CompleteBootstrapRequest* request,
+                                                  v1::CompleteBootstrapResponse* response) {
+  auto result = wire::from_proto(*request);
+  if (!result.ok()) return wire::to_status(result.error());
+  Result<void> taken;
+  const grpc::Status status =
+      as_worker(farm_, request->worker_id(), request->session(), [&](Scheduler& s, Now now) {
+        const auto accepted =
+            s.complete_bootstrap(request->worker_id(), request->token(), std::move(result->contributions),
+                                 result->rejected, result->render_seconds, now);
+        if (accepted.ok())
+          response->set_accepted(*accepted);
+        else
+          taken = accepted.error();
+      });
+  return taken.ok() ? status : wire::to_status(taken.error());
 }
 
 grpc::Status WorkerServiceImpl::PushDelta(grpc::ServerContext* context,

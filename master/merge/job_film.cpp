@@ -13,10 +13,41 @@ namespace {
 
 constexpr std::uint64_t kMaxCheckpointBytes = 1ULL << 38;
 
+// Whether `after` can be what segment number `segment` of this chain left of `before`.
+Result<void> follows(const chains::ChainRecord& before, const chains::ChainRecord& after, std::uint64_t chain,
+                     std::uint64_t segment) {
+  if (before.segments != segment)
+    return refused_error(fmt::format("chain {} has {} segments, the delta brings number {}", chain,
+                                     before.segments, segment))
+        .with_field("unit");
+  const auto bad = [&](std::string_view what) {
+    return input_error(fmt::format("the record of chain {} contradicts the one before: {}", chain, what))
+        .with_field("chain_records");
+  };
+  if (after.segments != segment + 1)
+    return bad(fmt::format("it is of {} segments, not {}", after.segments, segment + 1));
+  const chains::ChainCounts& a = before.counts;
+  const chains::ChainCounts& b = after.counts;
+  if (b.mutations < a.mutations || b.accepted < a.accepted || b.large_steps < a.large_steps ||
+      b.large_accepted < a.large_accepted || b.longest_stay < a.longest_stay || b.large_sum < a.large_sum ||
+      b.large_square_sum < a.large_square_sum)
+    return bad("a count has fallen");
+  return {};
+}
+
 }  // namespace
 
-JobFilm::JobFilm(std::filesystem::path folder, film::Layout layout, int scale_log2, FileWriter writer)
-    : folder_(std::move(folder)), layout_(layout), scale_log2_(scale_log2), writer_(std::move(writer)) {}
+JobFilm::JobFilm(std::filesystem::path folder, film::Layout layout, int scale_log2, FileWriter writer,
+                 std::uint32_t chains)
+    : folder_(std::move(folder)),
+      layout_(layout),
+      scale_log2_(scale_log2),
+      writer_(std::move(writer)),
+      chains_(chains) {}
+
+ChainRecords JobFilm::fresh_records() const {
+  return ChainRecords(chains_, std::make_shared<const chains::ChainRecord>());
+}
 
 std::vector<JobFilm::Found> JobFilm::generations() const {
   std::vector<Found> out;
@@ -40,13 +71,15 @@ Result<std::string> JobFilm::ensure_loaded() {
   if (loaded()) return std::string();
   std::string trouble;
   std::unique_ptr<film::MergedFilm> found;
+  ChainRecords records = fresh_records();
   std::uint64_t generation = 0, newest = 0;
   for (const Found& candidate : generations()) {
     newest = std::max(newest, candidate.generation);
     auto bytes = read_file(candidate.path, kMaxCheckpointBytes);
-    auto parsed = bytes.ok() ? film::MergedFilm::parse(*bytes) : Result<film::MergedFilm>(bytes.error());
-    if (parsed.ok() && parsed->layout() == layout_ && parsed->scale_log2() == scale_log2_) {
-      found = std::make_unique<film::MergedFilm>(std::move(*parsed));
+    auto parsed = bytes.ok() ? parse_checkpoint(*bytes, chains_) : Result<ParsedCheckpoint>(bytes.error());
+    if (parsed.ok() && parsed->film.layout() == layout_ && parsed->film.scale_log2() == scale_log2_) {
+      found = std::make_unique<film::MergedFilm>(std::move(parsed->film));
+      records = std::move(parsed->records);
       generation = candidate.generation;
       break;
     }
@@ -58,6 +91,7 @@ Result<std::string> JobFilm::ensure_loaded() {
   const std::lock_guard lock(mutex_);
   saved_iterations_ = generation > 0 ? found->iterations() : 0;
   film_ = std::move(found);
+  records_ = std::move(records);
   generation_ = newest;  // the next one must be newer than a broken one, too
   return trouble;
 }
@@ -69,18 +103,40 @@ bool JobFilm::loaded() const {
 
 void JobFilm::unload_if_idle(double now_seconds, double idle_seconds) {
   const std::lock_guard lock(mutex_);
-  if (film_ && closed_ && film_->iterations() == saved_iterations_ && now_seconds - last_use_ > idle_seconds)
+  if (film_ && closed_ && film_->iterations() == saved_iterations_ &&
+      now_seconds - last_use_ > idle_seconds) {
     film_.reset();
+    ChainRecords().swap(records_);
+  }
 }
 
-Result<JobFilm::Outcome> JobFilm::merge(const film::Delta& delta) {
+Result<JobFilm::Outcome> JobFilm::merge(const film::Delta& delta, std::vector<chains::ChainRecord> records) {
+  // Made before the lock, so that nothing fails between the sums and the records.
+  ChainRecords shared;
+  shared.reserve(records.size());
+  for (chains::ChainRecord& record : records)
+    shared.push_back(std::make_shared<const chains::ChainRecord>(std::move(record)));
+
   const std::lock_guard lock(mutex_);
   if (closed_ || !film_) return Outcome::closed;
   const Unit& unit = delta.info().unit;
-  if (unit.kind != Unit::Kind::iterations || unit.half > 1)
-    return input_error("not a delta of iterations").with_field("unit");
+  const Unit::Kind kind = chains_ > 0 ? Unit::Kind::segments : Unit::Kind::iterations;
+  if (unit.kind != kind || unit.half > 1)
+    return input_error(chains_ > 0 ? "not a delta of segments" : "not a delta of iterations")
+        .with_field("unit");
   if (film_->merged(unit.half).intersects(unit.begin, unit.end)) return Outcome::duplicate;
+  if (chains_ > 0) {
+    if (unit.end - unit.begin > chains_ / 2 || shared.size() != unit.end - unit.begin)
+      return input_error(fmt::format("{} records for {} segments", shared.size(), unit.end - unit.begin))
+          .with_field("chain_records");
+    for (std::uint64_t i = unit.begin; i < unit.end; ++i) {
+      const std::uint64_t chain = chains::chain_of(unit.half, i, chains_);
+      CANDELA_TRY(follows(*records_[chain], *shared[i - unit.begin], chain, chains::segment_of(i, chains_)));
+    }
+  }
   CANDELA_TRY(film_->merge(delta));
+  for (std::uint64_t i = unit.begin; chains_ > 0 && i < unit.end; ++i)
+    records_[chains::chain_of(unit.half, i, chains_)] = std::move(shared[i - unit.begin]);
   return Outcome::merged;
 }
 
@@ -94,23 +150,68 @@ void JobFilm::reopen() {
   closed_ = false;
 }
 
-std::shared_ptr<const film::MergedFilm> JobFilm::snapshot(Part part) {
+JobFilm::Snapshot JobFilm::snapshot(Part part) {
   const std::lock_guard lock(mutex_);
-  if (!film_) return nullptr;
-  if (part == Part::image) return std::make_shared<const film::MergedFilm>(film_->image_layer());
-  return std::make_shared<const film::MergedFilm>(*film_);
+  Snapshot out;
+  if (!film_) return out;
+  out.film = part == Part::image ? std::make_shared<const film::MergedFilm>(
+                                       film_->first_layers(chains_ > 0 ? chains::kImageLayers : 1))
+                                 : std::make_shared<const film::MergedFilm>(*film_);
+  out.counts.reserve(records_.size());
+  for (const auto& record : records_) {
+    out.counts.push_back(record->counts);
+    out.chain_segments += record->segments;
+  }
+  return out;
+}
+
+std::vector<chains::ChainCounts> JobFilm::chain_counts() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<chains::ChainCounts> out;
+  out.reserve(records_.size());
+  for (const auto& record : records_) out.push_back(record->counts);
+  return out;
+}
+
+std::size_t JobFilm::largest_record_bytes() const {
+  const std::lock_guard lock(mutex_);
+  std::size_t most = 0;
+  for (const auto& record : records_)
+    if (record->segments > 0) most = std::max(most, chains::encoded_bytes(*record));
+  return most;
+}
+
+bool JobFilm::all_black() const {
+  const std::lock_guard lock(mutex_);
+  return film_ &&
+         std::all_of(records_.begin(), records_.end(), [](const auto& r) { return r->segments > 0; }) &&
+         film_->black();
+}
+
+std::optional<ChainRecords> JobFilm::starts_of(const Unit& unit) const {
+  const std::lock_guard lock(mutex_);
+  if (records_.empty() || unit.half > 1 || unit.end - unit.begin > chains_ / 2) return std::nullopt;
+  ChainRecords out;
+  for (std::uint64_t i = unit.begin; i < unit.end; ++i) {
+    out.push_back(records_[chains::chain_of(unit.half, i, chains_)]);
+    if (out.back()->segments != chains::segment_of(i, chains_)) return std::nullopt;
+  }
+  return out;
 }
 
 Result<JobFilm::Checkpoint> JobFilm::checkpoint() {
   const std::lock_guard file_lock(file_mutex_);
-  const std::shared_ptr<const film::MergedFilm> copy = snapshot();
-  if (!copy) {
+  std::shared_ptr<const film::MergedFilm> copy;
+  ChainRecords records;
+  {
     const std::lock_guard lock(mutex_);
-    return Checkpoint{generation_, saved_iterations_};  // unloaded means saved
+    if (!film_) return Checkpoint{generation_, saved_iterations_};  // unloaded means saved
+    copy = std::make_shared<const film::MergedFilm>(*film_);
+    records = records_;
   }
   CANDELA_TRY(make_directories(folder_));
   const std::uint64_t next = generation() + 1;
-  CANDELA_TRY(writer_(folder_ / fmt::format("film.{}.ckpt", next), copy->serialise()));
+  CANDELA_TRY(writer_(folder_ / fmt::format("film.{}.ckpt", next), encode_checkpoint(*copy, records)));
   {
     const std::lock_guard lock(mutex_);
     generation_ = next;

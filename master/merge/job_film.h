@@ -1,8 +1,10 @@
-// The merged film of one job with its checkpoints.
+// The merged film of one job with its checkpoints; of a job of Markov chains with the records of its chains,
+// which change together with the sums, under one lock and in one file.
 //
 // A checkpoint is a file film.<generation>.ckpt, made visible atomically, that holds the sums and the exact
-// set of merged indices. The generation before is kept until the next one is on disk, and serves where the
-// newest cannot be read. The lock is held for merging and for copying only, never across compression or I/O.
+// set of merged indices (checkpoint.h). The generation before is kept until the next one is on disk, and
+// serves where the newest cannot be read. The lock is held for merging and for copying only, never across
+// compression or I/O.
 #pragma once
 
 #include <cstdint>
@@ -10,11 +12,14 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "common/base/result.h"
 #include "common/film/film.h"
+#include "master/merge/checkpoint.h"
 
 namespace candela::master {
 
@@ -23,7 +28,9 @@ using FileWriter = std::function<Result<void>(const std::filesystem::path&, std:
 
 class JobFilm {
  public:
-  JobFilm(std::filesystem::path folder, film::Layout layout, int scale_log2, FileWriter writer);
+  // `chains`: how many; 0 for other jobs.
+  JobFilm(std::filesystem::path folder, film::Layout layout, int scale_log2, FileWriter writer,
+          std::uint32_t chains = 0);
 
   // Reads the newest checkpoint that is whole and of this layout and scale; an empty film where there is
   // none. Returns what is to be told about generations that could not be read (empty: nothing). No effect if
@@ -34,15 +41,31 @@ class JobFilm {
   void unload_if_idle(double now_seconds, double idle_seconds);
 
   enum class Outcome { merged, duplicate, closed };
-  // duplicate: the film has some of its indices. closed: the job has ended. Errors: layout or scale differ.
-  Result<Outcome> merge(const film::Delta& delta);
+  // duplicate: the film has some of its indices. closed: the job has ended. Errors: layout or scale differ;
+  // of chains a record that does not follow its chain's present one by one segment. Sums and records change
+  // together or not at all. `records`: of a delta of segments one for each index, in order.
+  Result<Outcome> merge(const film::Delta& delta, std::vector<chains::ChainRecord> records = {});
   void close();  // no more merges: what is there is final
   void reopen();
 
-  // A copy of what is merged now, or of its image alone (a fraction of the memory where there are layers).
-  // Null where it is not loaded.
+  // A copy of what is merged now, or of the layers its image is made of (a fraction of the memory where there
+  // are more), with the counts of the chains at the same moment, in their order. The film is null where it is
+  // not loaded.
   enum class Part { all, image };
-  std::shared_ptr<const film::MergedFilm> snapshot(Part part = Part::all);
+  struct Snapshot {
+    std::shared_ptr<const film::MergedFilm> film;
+    std::vector<chains::ChainCounts> counts;
+    std::uint64_t chain_segments = 0;  // by the records
+  };
+  Snapshot snapshot(Part part = Part::all);
+  std::vector<chains::ChainCounts> chain_counts() const;  // empty where it is not loaded
+  std::size_t largest_record_bytes() const;
+  // Every chain has had a segment, and all sums of the image are zero.
+  bool all_black() const;
+
+  // The records that the segments of a unit start from, those of first segments empty; nothing where the film
+  // does not have exactly the segments before.
+  std::optional<ChainRecords> starts_of(const Unit& unit) const;
 
   struct Checkpoint {
     std::uint64_t generation = 0;
@@ -61,15 +84,18 @@ class JobFilm {
     std::filesystem::path path;
   };
   std::vector<Found> generations() const;  // newest first
+  ChainRecords fresh_records() const;
 
   const std::filesystem::path folder_;
   const film::Layout layout_;
   const int scale_log2_;
   const FileWriter writer_;
+  const std::uint32_t chains_;
 
   std::mutex file_mutex_;  // one reader or writer of checkpoints at a time; taken before mutex_
   mutable std::mutex mutex_;
   std::unique_ptr<film::MergedFilm> film_;
+  ChainRecords records_;  // by chain
   bool closed_ = false;
   std::uint64_t generation_ = 0;  // newest on disk
   std::uint64_t saved_iterations_ = 0;

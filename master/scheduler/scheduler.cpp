@@ -4,21 +4,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
-
-#include "master/scheduler/sizing.h"
 
 namespace candela::master {
 namespace {
 
-constexpr double kEwma = 0.3;  // weight of the newest measurement
-constexpr double kPilotFloor =
-    60;  // seconds before a pilot (with the scene's compilation) counts as a straggler
 constexpr double kPilotCharge = 1;  // worker seconds a pilot is charged until its cost is known
-
-void blend(double& average, double value) {
-  average = average > 0 ? average + kEwma * (value - average) : value;
-}
 
 }  // namespace
 
@@ -69,102 +59,6 @@ std::vector<Job*> Scheduler::candidates(const WorkerState& worker, const std::ve
   return out;
 }
 
-UnitState& Scheduler::add_unit(Job& job, const Unit& unit) {
-  UnitState state;
-  state.row.id = next_unit_id_++;
-  state.row.job_id = job.row.id;
-  state.row.unit = unit;
-  return job.units.emplace(state.row.id, std::move(state)).first->second;
-}
-
-UnitState* Scheduler::pick(Job& job, const WorkerState& worker, bool prefetch, Now now) {
-  if (!job.row.named_state) {
-    if (job.units.empty()) return &add_unit(job, Unit{Unit::Kind::pilot, 0, 0, 0});
-    UnitState& pilot = job.units.begin()->second;
-    const auto failed = pilot.failures_by_worker.find(worker.row.id);
-    const bool barred = failed != pilot.failures_by_worker.end() && failed->second >= 2;
-    return pilot.leases.empty() && !barred ? &pilot : nullptr;
-  }
-  return cut(job, worker, prefetch, now);
-}
-
-// Whether `worker`, were it free, could have a unit of the job.
-bool Scheduler::has_work(const Job& job, const WorkerState& worker) const {
-  if (!job.row.named_state) return false;
-  for (std::uint32_t h = 0; h < 2; ++h)
-    if (job.target(h) > job.frontier[h]) return true;
-  return std::any_of(job.units.begin(), job.units.end(), [&](const auto& entry) {
-    const UnitState& unit = entry.second;
-    const auto failed = unit.failures_by_worker.find(worker.row.id);
-    return unit.leases.empty() && (failed == unit.failures_by_worker.end() || failed->second < 2);
-  });
-}
-
-// An open unit that came back, else a new one at the frontier.
-UnitState* Scheduler::cut(Job& job, const WorkerState& worker, bool prefetch, Now now) {
-  std::array<std::uint64_t, 2> left{};
-  for (std::uint32_t h = 0; h < 2; ++h) left[h] = job.target(h) - std::min(job.target(h), job.frontier[h]);
-  const std::uint64_t remaining = left[0] + left[1];
-  const std::uint64_t active = std::max<std::uint64_t>(active_workers(job, now), 1);
-
-  SizingInput in;
-  in.unit_seconds = options_.unit_seconds;
-  in.seconds_per_iteration = seconds_per_iteration(job, worker);
-  in.overhead_seconds = job.overhead_seconds;
-  in.active_workers = active;
-  in.remaining = job.row.stop.iterations > 0 ? remaining : 0;
-  if (job.row.stop.time_seconds > 0)
-    in.seconds_left = std::max(job.row.stop.time_seconds - job.row.elapsed_seconds, 1e-3);
-  in.open_end = job.row.stop.time_seconds > 0 || job.row.stop.relmse > 0;
-  in.cut_so_far = job.frontier[0] + job.frontier[1];
-
-  UnitState* open = nullptr;
-  std::uint64_t open_count = 0;
-  for (auto& [id, u] : job.units) {
-    if (!u.leases.empty()) continue;
-    ++open_count;
-    const auto failed = u.failures_by_worker.find(worker.row.id);
-    const bool barred = failed != u.failures_by_worker.end() && failed->second >= 2;
-    if (open == nullptr && !barred) open = &u;
-  }
-  if (prefetch && job.row.stop.iterations > 0) {
-    // What a full-size unit would be, not the guided one: else there are always two a worker left.
-    SizingInput full = in;
-    full.remaining = 0;
-    if (open_count + remaining / unit_iterations(full) <= 2 * active) return nullptr;
-  }
-  if (open != nullptr) return open;
-  if (remaining == 0) return nullptr;
-  // The halves advance together, so that an error estimate is there early.
-  std::uint32_t half = job.frontier[0] <= job.frontier[1] ? 0 : 1;
-  if (left[half] == 0) half = 1 - half;
-  const std::uint64_t n = std::min(unit_iterations(in), left[half]);
-  Unit unit{Unit::Kind::iterations, half, job.frontier[half], job.frontier[half] + n};
-  job.frontier[half] += n;
-  return &add_unit(job, unit);
-}
-
-// A unit that takes much longer than it should, when there is nothing else to do.
-UnitState* Scheduler::straggler(Job& job, const WorkerState& worker, Now now) {
-  UnitState* slowest = nullptr;
-  double slowest_late = 0;
-  for (auto& [id, u] : job.units) {
-    if (u.leases.size() != 1 || u.speculated) continue;
-    const Lease& lease = leases_.at(u.leases[0]);
-    if (lease.row.worker_id == worker.row.id) continue;
-    const auto failed = u.failures_by_worker.find(worker.row.id);
-    if (failed != u.failures_by_worker.end() && failed->second >= 2) continue;
-    const double floor =
-        u.row.unit.kind == Unit::Kind::pilot ? kPilotFloor : std::max(options_.unit_seconds, 1.0);
-    const double late = now.seconds - lease.granted - std::max(2 * lease.due_seconds, floor);
-    if (late > slowest_late) {
-      slowest_late = late;
-      slowest = &u;
-    }
-  }
-  return slowest;
-}
-
 Lease& Scheduler::grant(Job& job, UnitState& unit, WorkerState& worker, bool speculative, Now now) {
   Lease lease;
   lease.row.token = next_token_++;
@@ -173,8 +67,7 @@ Lease& Scheduler::grant(Job& job, UnitState& unit, WorkerState& worker, bool spe
   lease.row.worker_id = worker.row.id;
   lease.row.speculative = speculative;
   const Unit& u = unit.row.unit;
-  if (u.kind == Unit::Kind::iterations)
-    lease.row.expected_seconds = seconds_per_iteration(job, worker) * static_cast<double>(u.end - u.begin);
+  lease.row.expected_seconds = expected_seconds(job, worker, u);
   lease.granted = now.seconds;
   lease.expires = now.seconds + options_.lease_seconds;
   lease.due_seconds = lease.row.expected_seconds;
@@ -236,7 +129,7 @@ AcquireResult Scheduler::acquire(const std::string& worker_id, const std::vector
     }
   }
   for (const Job* job : order)  // a pilot ends soon and opens the job
-    if (!job->row.named_state && !job->units.empty()) out.retry_ms = 50;
+    if (!job->row.named_state && !job->units.empty()) out.retry_ms = 50;  // and a bootstrap
   return out;
 }
 
@@ -387,13 +280,20 @@ bool Scheduler::complete_pilot(const std::string& worker_id, std::uint64_t token
   const auto it = leases_.find(token);
   if (it == leases_.end() || it->second.row.worker_id != worker_id) return false;
   Job* job = find(it->second.row.job_id);
-  if (job == nullptr || job->row.named_state || job->finishing || has_ended(job->row.state)) return false;
+  if (job == nullptr || job->row.named_state || job->row.chains || job->finishing ||
+      has_ended(job->row.state))
+    return false;
   const auto u = job->units.find(it->second.row.unit_id);
   if (u == job->units.end() || u->second.row.unit.kind != Unit::Kind::pilot) return false;
   WorkerState& worker = workers_.at(worker_id);
   worker.consecutive_failures = 0;
   worker.failed_jobs.clear();
-  job->row.named_state = result.state;
+  job->row.chains = result.chains;
+  job->row.pilot_scale_log2 = result.state.film_scale_log2;
+  if (result.chains)
+    job->table.emplace(result.chains->bootstrap_samples);
+  else
+    job->row.named_state = result.state;
   job->row.plan = result.plan;
   job->row.layers = result.layers;
   job->row.thread_seconds_per_iteration = result.seconds_per_iteration * worker.row.threads;
@@ -403,10 +303,15 @@ bool Scheduler::complete_pilot(const std::string& worker_id, std::uint64_t token
   for (const std::uint64_t t : tokens) drop_lease(t, now, true);
   job->units.erase(unit_id);
   changes_.emplace_back(DropUnit{unit_id});
-  event(now, job->row.id, worker_id, "pilot",
-        fmt::format("film scale 2^{}, {:.4g} s per iteration{}", result.state.film_scale_log2,
-                    result.seconds_per_iteration,
-                    result.layers.empty() ? "" : fmt::format(", {} layers", result.layers.size())));
+  std::string text = fmt::format("{:.4g} s per iteration", result.seconds_per_iteration);
+  if (result.chains)
+    text = fmt::format("{} chains, {} bootstrap samples, {:.4g} s per segment of {} mutations",
+                       result.chains->chains, result.chains->bootstrap_samples, result.seconds_per_iteration,
+                       result.chains->segment_mutations);
+  else
+    text = fmt::format("film scale 2^{}, {}", result.state.film_scale_log2, text);
+  if (!result.layers.empty()) text += fmt::format(", {} layers", result.layers.size());
+  event(now, job->row.id, worker_id, "pilot", text);
   save(*job, now);
   last_activity_ = now.seconds;
   return true;
@@ -417,7 +322,7 @@ Delivery Scheduler::check_delivery(const std::string& worker_id, std::uint64_t t
   expire(now);
   const Job* job = find(job_id);
   if (job == nullptr) return Delivery::stale;
-  if (unit.kind != Unit::Kind::iterations || unit.half > 1) return Delivery::stale;
+  if (unit.kind != job->film_kind() || unit.half > 1) return Delivery::stale;
   if (job->merged[unit.half].intersects(unit.begin, unit.end)) return Delivery::duplicate;
   if (job->finishing || has_ended(job->row.state)) return Delivery::job_ended;
   const auto it = leases_.find(token);
@@ -433,7 +338,7 @@ Delivery Scheduler::check_delivery(const std::string& worker_id, std::uint64_t t
 
 void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::uint64_t unit_id,
                        const std::string& job_id, const Unit& unit, const film::Tallies& tallies,
-                       double render_seconds, double overhead_seconds, Now now) {
+                       double render_seconds, double overhead_seconds, Now now, std::size_t record_bytes) {
   Job* job = find(job_id);
   if (job == nullptr || !job->merged[unit.half].insert(unit.begin, unit.end)) return;
   UnitRow row;
@@ -448,7 +353,10 @@ void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::u
         u->second.leases;  // another worker's too: it hears with its heartbeat
     for (const std::uint64_t t : tokens) drop_lease(t, now, t != token);
     job->units.erase(unit_id);
+  } else if (job->row.chains) {
+    retake(*job);
   }
+  job->record_bytes = std::max(job->record_bytes, record_bytes);
   row.state = UnitRow::State::merged;
   row.worker_id = worker_id;
   row.token = token;
@@ -472,8 +380,8 @@ void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::u
     }
   }
   blend(job->overhead_seconds, overhead_seconds);
-  job->recent.emplace_back(now.seconds, j.tallies.eye_samples);
-  while (job->recent.size() > 2 && now.seconds - job->recent.front().first > 15) job->recent.pop_front();
+  job->recent.push_back({now.seconds, j.tallies.eye_samples, j.iterations});
+  while (job->recent.size() > 2 && now.seconds - job->recent.front().seconds > 15) job->recent.pop_front();
   last_activity_ = now.seconds;
   check_stop(*job, now);
 }

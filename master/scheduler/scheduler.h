@@ -4,6 +4,10 @@
 // Pure logic: no I/O, no threads, no clock of its own. Every call is told the time; the caller holds one lock
 // around all calls. What is to be remembered comes out as changes for the store, in order (take_changes()).
 //
+// A job of Markov chains (common/chains/chains.h) has a bootstrap between its pilot and its film. Its
+// segments are indices as iterations are, but one can be cut only when its chain's segment before is merged:
+// a straggler holds up its own chains, and what lies behind them is skipped.
+//
 // A unit is open, leased (once, or twice if it is a straggler's) or merged; merged units live on only as the
 // set of merged indices. Exactly-once counting is the film's: it refuses an index that it has. The
 // scheduler's tokens keep out those who lost their lease.
@@ -47,6 +51,12 @@ struct SchedulerOptions {
 // estimate does not end a job.
 inline constexpr std::uint64_t kRelmseMinIterationsPerHalf = 8;
 
+// A running mean in which the newest measurement weighs this much.
+inline constexpr double kEwma = 0.3;
+inline void blend(double& average, double value) {
+  average = average > 0 ? average + kEwma * (value - average) : value;
+}
+
 struct Lease {
   LeaseRow row;
   double granted = 0, expires = 0;
@@ -61,6 +71,12 @@ struct UnitState {
   bool speculated = false;
 };
 
+// How far a job had come at some time.
+struct Progress {
+  double seconds = 0;
+  std::uint64_t samples = 0, indices = 0;
+};
+
 struct Job {
   JobRow row;
   bool finishing =
@@ -68,6 +84,7 @@ struct Job {
   std::string note;  // what is worth knowing now, e.g. that checkpoints fail
   std::array<film::IndexSet, 2> merged;
   std::array<std::uint64_t, 2> frontier{};                     // indices below are merged or in units
+  std::array<film::IndexSet, 2> taken;                         // of chains, instead: merged or in units
   std::map<std::uint64_t, UnitState> units;                    // not merged
   double virtual_time = 0;                                     // worker seconds / share, for fairness
   double thread_seconds = 0;                                   // EWMA of seconds times threads per iteration
@@ -77,13 +94,27 @@ struct Job {
   double last_saved = 0;
   int relmse_hits = 0;
   std::uint64_t relmse_hit_iterations = 0;
-  std::deque<std::pair<double, std::uint64_t>> recent;  // (time, samples merged so far)
+  std::deque<Progress> recent;
+
+  // Of a job of chains.
+  std::optional<chains::BootstrapTable> table;  // between pilot and named state
+  film::IndexSet bootstrap_taken;               // samples known or in units
+  std::vector<std::uint64_t> starts;            // of each chain: a bootstrap sample
+  std::size_t record_bytes = 0;                 // of the largest chain record seen
+  std::uint64_t told_stay = 0;                  // the longest stay of a chain an event told of
 
   bool open_for_leases() const {
     return !finishing && (row.state == JobState::queued || row.state == JobState::running);
   }
-  // Number of indices of a half that the stop rule asks for; no limit: the largest there may be.
+  // Number of indices of a half that the stop rule asks for; no limit: the largest there may be. Of a job of
+  // chains an iteration of the stop rule is a round: a segment of each chain.
   std::uint64_t target(std::uint32_t half) const;
+  bool in_bootstrap() const { return row.chains && !row.named_state; }
+  Unit::Kind film_kind() const { return row.chains ? Unit::Kind::segments : Unit::Kind::iterations; }
+  // Chains of a half; 1 for other jobs, whose every index is a round of its half.
+  std::uint64_t per_round() const { return row.chains ? row.chains->chains / 2 : 1; }
+  // Whether every segment of the range has the one before it merged, or starts its chain.
+  bool ready(const Unit& unit) const;
 };
 
 struct WorkerState {
@@ -107,6 +138,13 @@ struct HeartbeatResult {
 };
 enum class Delivery { ok, duplicate, stale, job_ended };
 
+// What the store and the film keep of a job's chains.
+struct RestoredChains {
+  std::vector<BootstrapRow> bootstrap;  // of one that is not complete
+  std::vector<std::uint64_t> starts;    // else these
+  std::size_t record_bytes = 0;         // of the largest record in the film
+};
+
 class Scheduler {
  public:
   Scheduler(const SchedulerOptions& options, std::uint64_t epoch, std::uint64_t next_unit_id);
@@ -117,7 +155,8 @@ class Scheduler {
   // film: a row the film does not have is open again, a unit the film has is merged, gaps become new units.
   // For a job that has ended nothing is opened.
   void restore(JobRow row, const std::array<film::IndexSet, 2>& film, const film::Tallies& tallies,
-               std::vector<UnitRow> unmerged, std::vector<UnitRow> merged, Now now);
+               std::vector<UnitRow> unmerged, std::vector<UnitRow> merged, Now now,
+               const RestoredChains& restored = {});
   // Leases of the store, after all jobs and workers are back: each gets a fresh expiry.
   void restore_lease(const LeaseRow& row, Now now);
   void restore_worker(const WorkerRow& row, Now now);
@@ -156,8 +195,14 @@ class Scheduler {
                  bool input_error, bool renderer_said_so, Now now);
   // The job of a lease that this worker holds; null if it holds none of this token.
   const Job* job_of_lease(const std::string& worker_id, std::uint64_t token) const;
-  // Precondition: result.layers and the job's size are the layout of a film (film::make_layout).
+  // Precondition: result.layers and the job's size are the layout of a film (film::make_layout); of a job of
+  // chains, chains::validate(*result.chains) holds, and there are layers enough (chains::kImageLayers).
   bool complete_pilot(const std::string& worker_id, std::uint64_t token, const PilotResult& result, Now now);
+  // False for a stale token. Fails (input) if the result is not of the lease's samples.
+  Result<bool> complete_bootstrap(const std::string& worker_id, std::uint64_t token,
+                                  std::vector<float> contributions,
+                                  const std::array<std::uint64_t, film::kRejectCauses>& rejected,
+                                  double render_seconds, Now now);
   // May this delta be merged? Asked before reading and again before merging.
   Delivery check_delivery(const std::string& worker_id, std::uint64_t token, std::uint64_t unit_id,
                           const std::string& job_id, const Unit& unit, Now now);
@@ -166,7 +211,11 @@ class Scheduler {
   // The film has it. Also when the lease went away in the meantime: the film decides.
   void merged(const std::string& worker_id, std::uint64_t token, std::uint64_t unit_id,
               const std::string& job_id, const Unit& unit, const film::Tallies& tallies,
-              double render_seconds, double overhead_seconds, Now now);
+              double render_seconds, double overhead_seconds, Now now, std::size_t record_bytes = 0);
+  // The bootstrap found nothing, nor did anything else in a round of all chains.
+  void found_black(const std::string& id, Now now);
+  // What the film's records say now, and how long chains have stayed.
+  void chains_summarised(const std::string& id, const chains::Summary& summary, Now now);
 
   // Expiries, time limits, workers that came back or got lost. Call it a few times a second.
   void tick(Now now);
@@ -181,6 +230,7 @@ class Scheduler {
   std::size_t lease_count() const { return leases_.size(); }
   std::uint64_t expired_count() const { return expired_count_; }
   double samples_per_second(const Job& job, Now now) const;
+  double indices_per_second(const Job& job, Now now) const;
   double eta_seconds(const Job& job, Now now) const;  // NaN where unknown
   std::string message_of(const Job& job, Now now) const;
 
@@ -192,6 +242,13 @@ class Scheduler {
   UnitState* pick(Job& job, const WorkerState& worker, bool prefetch, Now now);
   bool has_work(const Job& job, const WorkerState& worker) const;
   UnitState* cut(Job& job, const WorkerState& worker, bool prefetch, Now now);
+  static std::optional<Unit> next_iterations(Job& job, std::uint64_t want);
+  static std::optional<Unit> next_samples(Job& job, std::uint64_t want);
+  static std::optional<Unit> next_segments(Job& job, std::uint64_t want, std::uint64_t active_workers);
+  double expected_seconds(const Job& job, const WorkerState& worker, const Unit& unit) const;
+  void bootstrapped(Job& job, Now now);
+  void restore_chains(Job& job, const RestoredChains& restored, Now now);
+  void retake(Job& job);
   UnitState* straggler(Job& job, const WorkerState& worker, Now now);
   UnitState& add_unit(Job& job, const Unit& unit);
   Lease& grant(Job& job, UnitState& unit, WorkerState& worker, bool speculative, Now now);

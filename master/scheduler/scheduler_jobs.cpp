@@ -27,6 +27,7 @@ std::uint64_t end_of(const film::IndexSet& set) {
 
 std::uint64_t Job::target(std::uint32_t half) const {
   const std::uint64_t n = row.stop.iterations > 0 ? row.stop.iterations : Limits::max_iterations;
+  if (row.chains) return std::min(n * (row.chains->chains / 2), Limits::max_iterations);
   return half == 0 ? (n + 1) / 2 : n / 2;
 }
 
@@ -75,6 +76,7 @@ void Scheduler::submit(JobRow row, Now now) {
 }
 
 void Scheduler::reopen_gaps(Job& job) {
+  if (job.row.chains) return retake(job);
   if (!job.row.named_state) return;
   for (std::uint32_t h = 0; h < 2; ++h) {
     film::IndexSet taken = job.merged[h];
@@ -92,7 +94,8 @@ void Scheduler::reopen_gaps(Job& job) {
 }
 
 void Scheduler::restore(JobRow row, const std::array<film::IndexSet, 2>& film, const film::Tallies& tallies,
-                        std::vector<UnitRow> unmerged, std::vector<UnitRow> merged, Now now) {
+                        std::vector<UnitRow> unmerged, std::vector<UnitRow> merged, Now now,
+                        const RestoredChains& restored) {
   const std::string id = row.id;
   Job& job = jobs_[id];
   job.row = std::move(row);
@@ -101,6 +104,8 @@ void Scheduler::restore(JobRow row, const std::array<film::IndexSet, 2>& film, c
   job.last_saved = now.seconds;
   job.thread_seconds = job.row.thread_seconds_per_iteration;
   const bool ended = has_ended(job.row.state);
+  restore_chains(job, restored, now);
+  film::IndexSet samples = job.table ? job.table->known() : film::IndexSet();
 
   std::array<film::IndexSet, 2> ledger;  // what rows say is merged, once they agree with the film
   std::array<film::IndexSet, 2> open;
@@ -110,7 +115,7 @@ void Scheduler::restore(JobRow row, const std::array<film::IndexSet, 2>& film, c
   for (UnitRow& u : merged) {  // merged ones first
     const Unit& unit = u.unit;
     if (unit.kind == Unit::Kind::pilot) {
-      if (ended || job.row.named_state || !job.units.empty()) {
+      if (ended || job.row.named_state || job.row.chains || !job.units.empty()) {
         changes_.emplace_back(DropUnit{u.id});
         continue;
       }
@@ -120,7 +125,19 @@ void Scheduler::restore(JobRow row, const std::array<film::IndexSet, 2>& film, c
       job.units.emplace(u.id, std::move(state));
       continue;
     }
-    const bool sane = unit.half < 2 && unit.begin < unit.end;
+    if (unit.kind == Unit::Kind::bootstrap) {
+      if (ended || !job.in_bootstrap() || unit.end > job.row.chains->bootstrap_samples ||
+          !samples.insert(unit.begin, unit.end)) {
+        changes_.emplace_back(DropUnit{u.id});
+        continue;
+      }
+      u.state = UnitRow::State::open;
+      UnitState state;
+      state.row = u;
+      job.units.emplace(u.id, std::move(state));
+      continue;
+    }
+    const bool sane = unit.half < 2 && unit.begin < unit.end && unit.kind == job.film_kind();
     if (sane && contains(film[unit.half], unit.begin, unit.end) &&
         ledger[unit.half].insert(unit.begin, unit.end)) {
       ++rows;
@@ -130,8 +147,9 @@ void Scheduler::restore(JobRow row, const std::array<film::IndexSet, 2>& film, c
       continue;
     }
     if (u.state == UnitRow::State::merged) ++lost;
-    if (!sane || ended || film[unit.half].intersects(unit.begin, unit.end) ||
-        !open[unit.half].insert(unit.begin, unit.end)) {
+    // Segments whose chains lost the one before wait until that is there again, and are cut anew.
+    if (!sane || ended || (job.row.chains && !job.ready(unit)) ||
+        film[unit.half].intersects(unit.begin, unit.end) || !open[unit.half].insert(unit.begin, unit.end)) {
       changes_.emplace_back(DropUnit{u.id});
       continue;
     }
@@ -151,7 +169,7 @@ void Scheduler::restore(JobRow row, const std::array<film::IndexSet, 2>& film, c
         UnitRow u;
         u.id = next_unit_id_++;
         u.job_id = id;
-        u.unit = Unit{Unit::Kind::iterations, h, gap, gap_end};
+        u.unit = Unit{job.film_kind(), h, gap, gap_end};
         u.state = UnitRow::State::merged;
         changes_.emplace_back(PutUnit{u});
         ++rows;
@@ -168,6 +186,9 @@ void Scheduler::restore(JobRow row, const std::array<film::IndexSet, 2>& film, c
       event(now, id, "", "reconciled",
             fmt::format("{} merged unit(s) were not in the checkpoint and run again", lost));
     check_stop(job, now);
+    if (job.row.chains && job.row.named_state && !job.finishing &&
+        job.starts.size() != (job.row.named_state->bootstrap_b > 0 ? job.row.chains->chains : 0))
+      fail_job(id, "the store has lost where the chains start; submit the job again", now);
   }
   save(job, now);
 }
@@ -204,6 +225,7 @@ void Scheduler::end(Job& job, JobState state, Now now) {
   job.units.clear();
   changes_.emplace_back(DropUnmergedUnits{job.row.id});
   for (std::uint32_t h = 0; h < 2; ++h) job.frontier[h] = end_of(job.merged[h]);
+  retake(job);
   job.finishing = false;
   job.row.state = state;
   job.row.finished_unix_ms = now.unix_ms;
@@ -243,6 +265,11 @@ void Scheduler::finish(const std::string& id, Now now) {
   Job* job = find(id);
   if (job == nullptr || !job->finishing) return;
   job->row.message.clear();
+  if (job->row.stop_reason == "black")
+    job->row.message = fmt::format(
+        "the image is black: none of {} bootstrap samples found light, nor did {} segments; if the scene has "
+        "any, submit it again with more bootstrap samples, another seed, or as bdpt",
+        job->row.bootstrap.samples, job->row.iterations);
   job->note.clear();
   event(now, id, "", "done", job->row.stop_reason);
   end(*job, JobState::done, now);
@@ -262,9 +289,9 @@ void Scheduler::relmse_estimated(const std::string& id, double relmse, std::uint
   Job* job = find(id);
   if (job == nullptr) return;
   job->row.relmse = relmse;
+  const std::uint64_t least = kRelmseMinIterationsPerHalf * job->per_round();
   const bool enough =
-      std::min(job->merged[0].count(), job->merged[1].count()) >= kRelmseMinIterationsPerHalf &&
-      iterations >= 2 * kRelmseMinIterationsPerHalf;
+      std::min(job->merged[0].count(), job->merged[1].count()) >= least && iterations >= 2 * least;
   if (job->row.stop.relmse <= 0 || !enough) return;
   if (!(relmse <= job->row.stop.relmse)) {  // NaN too
     job->relmse_hits = 0;
@@ -283,6 +310,10 @@ Result<void> Scheduler::extend(const std::string& id, std::uint64_t iterations, 
   Job& job = *find(id);
   if (job.row.state == JobState::failed)
     return refused_error(fmt::format("job {} has failed and cannot be extended", id)).with_field("job_id");
+  if (job.row.stop_reason == "black")
+    return refused_error(fmt::format("job {} found no light to go on with", id))
+        .with_field("job_id")
+        .with_mend("submit it again with more bootstrap samples");
   const auto bad = [](double v) { return !std::isfinite(v) || v < 0; };
   if (bad(seconds))
     return input_error("must be a number of seconds, 0 or more").with_field("add_time_seconds");
@@ -292,7 +323,8 @@ Result<void> Scheduler::extend(const std::string& id, std::uint64_t iterations, 
         .with_field("add_iterations")
         .with_mend("give iterations, time or relmse");
   StopRule& rule = job.row.stop;
-  const std::uint64_t base = rule.iterations > 0 ? rule.iterations : job.row.iterations;
+  const std::uint64_t base =
+      rule.iterations > 0 ? rule.iterations : job.row.iterations_of(job.row.iterations);
   if (iterations > Limits::max_iterations - std::min(base, Limits::max_iterations))
     return input_error(fmt::format("more than {} iterations in all", Limits::max_iterations))
         .with_field("add_iterations");
@@ -377,23 +409,34 @@ std::size_t Scheduler::leases_of(const std::string& job_id) const {
 
 double Scheduler::samples_per_second(const Job& job, Now now) const {
   if (job.row.state != JobState::running || job.recent.empty()) return 0;
-  const auto [t0, n0] = job.recent.front();
-  const auto [t1, n1] = job.recent.back();
-  if (now.seconds - t1 > kRateWindow) return 0;
-  if (t1 <= t0)
+  const Progress& first = job.recent.front();
+  const Progress& last = job.recent.back();
+  if (now.seconds - last.seconds > kRateWindow) return 0;
+  if (last.seconds <= first.seconds)
     return job.row.elapsed_seconds > 0
                ? static_cast<double>(job.row.tallies.eye_samples) / job.row.elapsed_seconds
                : 0;
-  return static_cast<double>(n1 - n0) / (t1 - t0);
+  return static_cast<double>(last.samples - first.samples) / (last.seconds - first.seconds);
+}
+
+double Scheduler::indices_per_second(const Job& job, Now now) const {
+  if (job.row.state != JobState::running || job.recent.empty()) return 0;
+  const Progress& first = job.recent.front();
+  const Progress& last = job.recent.back();
+  if (now.seconds - last.seconds > kRateWindow) return 0;
+  if (last.seconds <= first.seconds)
+    return job.row.elapsed_seconds > 0 ? static_cast<double>(job.row.iterations) / job.row.elapsed_seconds
+                                       : 0;
+  return static_cast<double>(last.indices - first.indices) / (last.seconds - first.seconds);
 }
 
 double Scheduler::eta_seconds(const Job& job, Now now) const {
   constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
   if (job.row.state != JobState::running || job.finishing) return kUnknown;
   double eta = std::numeric_limits<double>::infinity();
-  const double pixels = static_cast<double>(job.row.settings.width) * job.row.settings.height;
-  const double rate = pixels > 0 ? samples_per_second(job, now) / pixels : 0;  // iterations per second
-  const auto done = static_cast<double>(job.row.iterations);
+  const auto per_iteration = static_cast<double>(job.row.chains ? job.row.chains->chains : 1);
+  const double rate = indices_per_second(job, now) / per_iteration;  // iterations
+  const double done = static_cast<double>(job.row.iterations) / per_iteration;
   if (rate > 0 && job.row.stop.iterations > 0)
     eta = std::min(eta, std::max(static_cast<double>(job.row.stop.iterations) - done, 0.0) / rate);
   if (rate > 0 && job.row.stop.relmse > 0 && job.row.relmse > 0)  // the variance of a mean goes as 1/n
@@ -404,7 +447,10 @@ double Scheduler::eta_seconds(const Job& job, Now now) const {
 }
 
 std::string Scheduler::message_of(const Job& job, Now now) const {
-  if (has_ended(job.row.state)) return job.row.message.empty() ? job.note : job.row.message;
+  if (has_ended(job.row.state)) {
+    if (!job.row.message.empty()) return job.row.message;
+    return job.note.empty() ? chains::long_stay_text(job.row.chain_summary) : job.note;
+  }
   if (!job.note.empty()) return job.note;
   if (job.finishing) return "writing the final checkpoint";
   if (job.row.state == JobState::paused) return job.row.message;
@@ -423,7 +469,7 @@ std::string Scheduler::message_of(const Job& job, Now now) const {
                        live, job.row.settings.isa);
   if (job.row.stop.time_seconds > 0 && job.row.elapsed_seconds >= job.row.stop.time_seconds)
     return "the time is up; waiting for a first iteration";
-  return job.row.message;
+  return job.row.message.empty() ? chains::long_stay_text(job.row.chain_summary) : job.row.message;
 }
 
 }  // namespace candela::master

@@ -6,11 +6,13 @@
 #include <cstdint>
 #include <limits>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <variant>
 #include <vector>
 
+#include "common/chains/chains.h"
 #include "common/film/film.h"
 #include "common/job/job.h"
 
@@ -30,11 +32,17 @@ struct JobRow {
   std::string idempotency_token, content_digest;  // digest of the submission, to recognise a repeated one
   JobState state = JobState::queued;
   std::string message;      // why it failed, and the like
-  std::string stop_reason;  // "iterations", "time", "relmse"; empty while it runs
+  std::string stop_reason;  // "iterations", "time", "relmse", "black"; empty while it runs
   std::optional<NamedState> named_state;
   std::string plan;
-  std::vector<std::string> layers;          // of the film beside the image; valid (film::make_layout)
-  double thread_seconds_per_iteration = 0;  // seconds times threads; 0: not measured yet
+  std::vector<std::string> layers;  // of the film beside the image; valid (film::make_layout)
+  std::optional<ChainPlan>
+      chains;                // of a job of Markov chains, from the pilot; its state follows the bootstrap
+  int pilot_scale_log2 = 0;  // of a job of chains: for want of a better one
+  chains::BootstrapSums bootstrap;  // of the whole bootstrap; meaningless before
+  std::array<std::uint64_t, film::kRejectCauses> bootstrap_rejected{};
+  chains::Summary chain_summary;            // as of the last look at the film's records
+  double thread_seconds_per_iteration = 0;  // of one index: seconds times threads; 0: not measured yet
   std::int64_t submitted_unix_ms = 0, finished_unix_ms = 0;
   double elapsed_seconds = 0;  // in state running
   double worker_seconds = 0;   // of merged units
@@ -42,11 +50,23 @@ struct JobRow {
   film::Tallies tallies;  // of merged units
   double relmse = std::numeric_limits<double>::quiet_NaN();
   std::uint64_t checkpoint_generation = 0, checkpoint_iterations = 0;
-  std::uint64_t iterations = 0;  // merged
+  std::uint64_t iterations = 0;  // merged indices of both halves; of chains: segments
+
+  // What people call iterations: indices, but of a job of chains rounds, in which every chain has one
+  // segment.
+  std::uint64_t iterations_of(std::uint64_t indices) const {
+    return chains ? indices / chains->chains : indices;
+  }
 };
 
 inline film::Layout layout_of(const JobRow& row) {
   return {row.settings.width, row.settings.height, 1 + static_cast<std::uint32_t>(row.layers.size())};
+}
+
+// How the job's film is read, by the counts of its chains at that moment.
+inline film::Development development_of(const JobRow& row, std::span<const chains::ChainCounts> counts) {
+  if (!row.chains || !row.named_state) return {};
+  return chains::development(row.named_state->bootstrap_b, chains::pool(row.bootstrap, counts));
 }
 
 struct UnitRow {
@@ -66,6 +86,14 @@ struct LeaseRow {
   std::string job_id, worker_id;
   double expected_seconds = 0;
   bool speculative = false;
+};
+
+// What a unit of bootstrap samples brought. Kept until the whole bootstrap is there, then its starts are.
+struct BootstrapRow {
+  std::string job_id;
+  std::uint64_t begin = 0;
+  std::vector<float> contributions;
+  std::array<std::uint64_t, film::kRejectCauses> rejected{};
 };
 
 struct WorkerRow {
@@ -113,8 +141,16 @@ struct AddEvent {
 struct PutBundle {
   std::string sha256, bytes;
 };
+struct PutBootstrap {
+  BootstrapRow row;
+};
+// The bootstrap samples the job's chains start from; the bootstrap's rows go.
+struct PutStarts {
+  std::string job_id;
+  std::vector<std::uint64_t> starts;
+};
 using Change = std::variant<PutJob, PutUnit, DropUnit, DropUnmergedUnits, PutLease, DropLease, PutWorker,
-                            DropWorker, AddEvent, PutBundle>;
+                            DropWorker, AddEvent, PutBundle, PutBootstrap, PutStarts>;
 
 // "queued", "running", ...
 std::string_view name(JobState state);

@@ -7,127 +7,20 @@
 #include <fmt/format.h>
 #include <sqlite3.h>
 
-#include <cmath>
+#include <algorithm>
+#include <bit>
+#include <cstring>
 
 #include "common/film/layers.h"
 #include "common/wire/wire.h"
+#include "master/store/sqlite_schema.h"
+#include "master/store/sqlite_statement.h"
 #include "master/store/store.h"
 
 namespace candela::master {
 namespace {
 
-// 1: the first. 2: jobs.layers.
-constexpr int kSchemaVersion = 2;
 constexpr std::int64_t kMaxEvents = 100000;
-
-constexpr const char* kSchema = R"sql(
-CREATE TABLE counters (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
-CREATE TABLE jobs (
-  id TEXT PRIMARY KEY, name TEXT NOT NULL, bundle TEXT NOT NULL, settings BLOB NOT NULL,
-  stop_iterations INTEGER NOT NULL, stop_time_seconds REAL NOT NULL, stop_relmse REAL NOT NULL,
-  priority INTEGER NOT NULL, share REAL NOT NULL, token TEXT NOT NULL, digest TEXT NOT NULL,
-  state TEXT NOT NULL, message TEXT NOT NULL, stop_reason TEXT NOT NULL,
-  film_scale_log2 INTEGER, plan TEXT NOT NULL, thread_seconds_per_iteration REAL NOT NULL,
-  submitted_unix_ms INTEGER NOT NULL, finished_unix_ms INTEGER NOT NULL,
-  elapsed_seconds REAL NOT NULL, worker_seconds REAL NOT NULL,
-  units_merged INTEGER NOT NULL, iterations INTEGER NOT NULL,
-  eye_samples INTEGER NOT NULL, light_paths INTEGER NOT NULL, rays INTEGER NOT NULL,
-  rejected_nan INTEGER NOT NULL, rejected_infinite INTEGER NOT NULL, rejected_negative INTEGER NOT NULL,
-  rejected_saturated INTEGER NOT NULL, relmse REAL,
-  checkpoint_generation INTEGER NOT NULL, checkpoint_iterations INTEGER NOT NULL,
-  layers TEXT NOT NULL DEFAULT '') WITHOUT ROWID;
-CREATE TABLE units (
-  id INTEGER PRIMARY KEY, job TEXT NOT NULL, kind INTEGER NOT NULL, half INTEGER NOT NULL,
-  first INTEGER NOT NULL, last INTEGER NOT NULL, state INTEGER NOT NULL, failures INTEGER NOT NULL,
-  worker TEXT NOT NULL, token INTEGER NOT NULL, seconds REAL NOT NULL);
-CREATE INDEX units_by_job ON units (job, state);
-CREATE TABLE leases (
-  token INTEGER PRIMARY KEY, unit INTEGER NOT NULL, job TEXT NOT NULL, worker TEXT NOT NULL,
-  expected_seconds REAL NOT NULL, speculative INTEGER NOT NULL);
-CREATE TABLE workers (
-  id TEXT PRIMARY KEY, session TEXT NOT NULL, name TEXT NOT NULL, host TEXT NOT NULL, build_id TEXT NOT NULL,
-  threads INTEGER NOT NULL, isas TEXT NOT NULL, draining INTEGER NOT NULL, units_merged INTEGER NOT NULL,
-  units_failed INTEGER NOT NULL, last_seen_unix_ms INTEGER NOT NULL) WITHOUT ROWID;
-CREATE TABLE events (
-  id INTEGER PRIMARY KEY AUTOINCREMENT, unix_ms INTEGER NOT NULL, job TEXT NOT NULL, worker TEXT NOT NULL,
-  kind TEXT NOT NULL, message TEXT NOT NULL);
-CREATE INDEX events_by_job ON events (job, id);
-CREATE TABLE bundles (sha256 TEXT PRIMARY KEY, bytes BLOB NOT NULL) WITHOUT ROWID;
-)sql";
-
-// From version 1: its jobs have no layers. New columns go last, where kSchema has them, too.
-constexpr const char* kFromVersion1 = "ALTER TABLE jobs ADD COLUMN layers TEXT NOT NULL DEFAULT ''";
-
-// A prepared statement: binds in order, reads columns in order.
-class Statement {
- public:
-  explicit Statement(sqlite3* db, const char* sql) {
-    if (sqlite3_prepare_v2(db, sql, -1, &stmt_, nullptr) != SQLITE_OK) stmt_ = nullptr;
-  }
-  ~Statement() { sqlite3_finalize(stmt_); }
-  Statement(const Statement&) = delete;
-  Statement& operator=(const Statement&) = delete;
-
-  Statement& bind(std::int64_t v) { return check(sqlite3_bind_int64(stmt_, ++at_, v)); }
-  Statement& bind(std::uint64_t v) { return bind(static_cast<std::int64_t>(v)); }
-  Statement& bind(std::uint32_t v) { return bind(static_cast<std::int64_t>(v)); }
-  Statement& bind(int v) { return bind(static_cast<std::int64_t>(v)); }
-  Statement& bind(double v) {  // SQLite has no NaN; it stores NULL
-    return check(std::isnan(v) ? sqlite3_bind_null(stmt_, ++at_) : sqlite3_bind_double(stmt_, ++at_, v));
-  }
-  Statement& bind(const std::string& v) {
-    return check(sqlite3_bind_text64(stmt_, ++at_, v.data(), v.size(), SQLITE_TRANSIENT, SQLITE_UTF8));
-  }
-  Statement& bind_blob(const std::string& v) {
-    return check(sqlite3_bind_blob64(stmt_, ++at_, v.data(), v.size(), SQLITE_TRANSIENT));
-  }
-  Statement& bind_null() { return check(sqlite3_bind_null(stmt_, ++at_)); }
-
-  // True while there is a row; false at the end or on an error (see failed()).
-  bool step() {
-    if (stmt_ == nullptr || failed_) return false;
-    column_ = 0;
-    const int code = sqlite3_step(stmt_);
-    if (code == SQLITE_ROW) return true;
-    if (code != SQLITE_DONE) failed_ = true;
-    return false;
-  }
-  bool run() {  // for statements without rows
-    step();
-    return !failed();
-  }
-  bool failed() const { return failed_ || stmt_ == nullptr; }
-  // The same statement once more.
-  void reset() {
-    sqlite3_reset(stmt_);
-    at_ = 0;
-  }
-
-  std::int64_t integer() { return sqlite3_column_int64(stmt_, column_++); }
-  std::uint64_t count() { return static_cast<std::uint64_t>(integer()); }
-  double real() {
-    const int c = column_++;
-    return sqlite3_column_type(stmt_, c) == SQLITE_NULL ? std::numeric_limits<double>::quiet_NaN()
-                                                        : sqlite3_column_double(stmt_, c);
-  }
-  bool null_here() const { return sqlite3_column_type(stmt_, column_) == SQLITE_NULL; }
-  std::string text() {
-    const int c = column_++;
-    const void* data = sqlite3_column_blob(stmt_, c);
-    const auto size = static_cast<std::size_t>(sqlite3_column_bytes(stmt_, c));
-    return data == nullptr ? std::string() : std::string(static_cast<const char*>(data), size);
-  }
-
- private:
-  Statement& check(int code) {
-    if (code != SQLITE_OK) failed_ = true;
-    return *this;
-  }
-  sqlite3_stmt* stmt_ = nullptr;
-  int at_ = 0;
-  int column_ = 0;
-  bool failed_ = false;
-};
 
 std::string join(const std::vector<std::string>& parts) {
   std::string out;
@@ -144,6 +37,19 @@ std::vector<std::string> split(const std::string& text) {
     at = comma + 1;
   }
   return out;
+}
+
+// Numbers as little-endian bytes, and back; bytes that are no whole numbers give none.
+static_assert(std::endian::native == std::endian::little);
+template <class T>
+std::string bytes_of(const std::vector<T>& values) {
+  return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)};
+}
+template <class T>
+std::vector<T> numbers_of(const std::string& bytes) {
+  std::vector<T> values(bytes.size() % sizeof(T) == 0 ? bytes.size() / sizeof(T) : 0);
+  if (!values.empty()) std::memcpy(values.data(), bytes.data(), bytes.size());
+  return values;
 }
 
 class SqliteStore final : public Store {
@@ -163,13 +69,17 @@ class SqliteStore final : public Store {
       found = s.integer();
     }
     if (found == kSchemaVersion) return {};
-    if (found != 0 && found != 1)
+    if (found < 0 || found > kSchemaVersion)
       return input_error(
                  fmt::format("the store has schema version {}, this program knows {}", found, kSchemaVersion))
           .at(path_, 0)
           .with_mend("use the candela-master that made it, or another --data folder");
     CANDELA_TRY(execute("BEGIN IMMEDIATE"));
-    Result<void> made = execute(found == 0 ? kSchema : kFromVersion1);
+    Result<void> made;
+    if (found == 0) made = execute(kSchema);
+    if (found == 1) made = execute(kFromVersion1);
+    if (made.ok() && found != 0) made = execute(kFromVersion2);
+    if (made.ok()) made = execute(kChainTables);
     if (made.ok()) made = execute(fmt::format("PRAGMA user_version={}", kSchemaVersion).c_str());
     if (made.ok()) made = execute("COMMIT");
     if (!made.ok()) sqlite3_exec(db_, "ROLLBACK", nullptr, nullptr, nullptr);
@@ -210,9 +120,12 @@ class SqliteStore final : public Store {
     return {};
   }
   static UnitRow read_unit(Statement& s);
+  Result<void> read_chains(Statement& s, JobRow& j) const;
 
   bool apply(const PutJob& c);
   bool apply(const PutUnit& c);
+  bool apply(const PutBootstrap& c);
+  bool apply(const PutStarts& c);
   bool apply(const DropUnit& c) { return Statement(db_, "DELETE FROM units WHERE id = ?").bind(c.id).run(); }
   bool apply(const DropUnmergedUnits& c) {
     return Statement(db_, "DELETE FROM units WHERE job = ? AND state != 2").bind(c.job_id).run() &&
@@ -267,9 +180,10 @@ bool SqliteStore::apply(const PutJob& c) {
   const JobRow& j = c.row;
   v1::JobSettings settings;
   wire::to_proto(j.settings, settings);
-  Statement s(db_,
-              "INSERT OR REPLACE INTO jobs VALUES "
-              "(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
+  Statement s(
+      db_,
+      "INSERT OR REPLACE INTO jobs VALUES "
+      "(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
   s.bind(j.id).bind(j.name).bind(j.bundle_sha256).bind_blob(settings.SerializeAsString());
   s.bind(j.stop.iterations).bind(j.stop.time_seconds).bind(j.stop.relmse);
   s.bind(j.priority).bind(j.share).bind(j.idempotency_token).bind(j.content_digest);
@@ -284,7 +198,33 @@ bool SqliteStore::apply(const PutJob& c) {
   for (const std::uint64_t r : j.tallies.rejected) s.bind(r);
   s.bind(j.relmse).bind(j.checkpoint_generation).bind(j.checkpoint_iterations);
   s.bind(join(j.layers));
+  const ChainPlan plan = j.chains.value_or(ChainPlan());
+  s.bind(plan.chains).bind(plan.bootstrap_samples).bind(plan.segment_mutations);
+  s.bind(j.named_state ? j.named_state->bootstrap_b : 0.0).bind(j.bootstrap.sum).bind(j.bootstrap.square_sum);
+  for (const std::uint64_t r : j.bootstrap_rejected) s.bind(r);
+  v1::ChainStatus status;
+  if (j.chains) wire::to_proto(j.chain_summary, status);
+  s.bind_blob(status.SerializeAsString()).bind(j.pilot_scale_log2);
   return s.run();
+}
+
+bool SqliteStore::apply(const PutBootstrap& c) {
+  const BootstrapRow& row = c.row;
+  Statement s(
+      db_,
+      "INSERT OR REPLACE INTO bootstraps (job, first, contributions, rejected_nan, rejected_infinite, "
+      "rejected_negative, rejected_saturated) VALUES (?,?,?,?,?,?,?)");
+  s.bind(row.job_id).bind(row.begin).bind_blob(bytes_of(row.contributions));
+  for (const std::uint64_t r : row.rejected) s.bind(r);
+  return s.run();
+}
+
+bool SqliteStore::apply(const PutStarts& c) {
+  return Statement(db_, "INSERT OR REPLACE INTO chain_starts VALUES (?,?)")
+             .bind(c.job_id)
+             .bind_blob(bytes_of(c.starts))
+             .run() &&
+         Statement(db_, "DELETE FROM bootstraps WHERE job = ?").bind(c.job_id).run();
 }
 
 bool SqliteStore::apply(const PutUnit& c) {
@@ -292,7 +232,7 @@ bool SqliteStore::apply(const PutUnit& c) {
   return Statement(db_, "INSERT OR REPLACE INTO units VALUES (?,?,?,?,?,?,?,?,?,?,?)")
       .bind(u.id)
       .bind(u.job_id)
-      .bind(u.unit.kind == Unit::Kind::pilot ? 1 : 2)
+      .bind(1 + static_cast<int>(u.unit.kind))
       .bind(u.unit.half)
       .bind(u.unit.begin)
       .bind(u.unit.end)
@@ -337,7 +277,7 @@ UnitRow SqliteStore::read_unit(Statement& s) {
   UnitRow u;
   u.id = s.count();
   u.job_id = s.text();
-  u.unit.kind = s.integer() == 1 ? Unit::Kind::pilot : Unit::Kind::iterations;
+  u.unit.kind = static_cast<Unit::Kind>(std::clamp<std::int64_t>(s.integer(), 1, 4) - 1);
   u.unit.half = static_cast<std::uint32_t>(s.integer());
   u.unit.begin = s.count();
   u.unit.end = s.count();
@@ -347,6 +287,32 @@ UnitRow SqliteStore::read_unit(Statement& s) {
   u.token = s.count();
   u.seconds = s.real();
   return u;
+}
+
+Result<void> SqliteStore::read_chains(Statement& s, JobRow& j) const {
+  ChainPlan plan;
+  plan.chains = static_cast<std::uint32_t>(s.integer());
+  plan.bootstrap_samples = s.count();
+  plan.segment_mutations = s.count();
+  const double bootstrap_b = s.real();
+  j.bootstrap.sum = s.real();
+  j.bootstrap.square_sum = s.real();
+  for (std::uint64_t& r : j.bootstrap_rejected) r = s.count();
+  const std::string status = s.text();
+  j.pilot_scale_log2 = static_cast<int>(s.integer());
+  if (plan.chains == 0) return {};
+  const auto unusable = [&](const std::string& why) {
+    return input_error(fmt::format("the chains of job {} cannot be used: {}", j.id, why)).at(path_, 0);
+  };
+  if (auto valid = chains::validate(plan); !valid.ok()) return unusable(valid.error().to_string());
+  if (j.layers.size() + 1 < chains::kImageLayers) return unusable("the film has too few layers");
+  j.chains = plan;
+  j.bootstrap.samples = plan.bootstrap_samples;
+  if (j.named_state) j.named_state->bootstrap_b = bootstrap_b;
+  v1::ChainStatus message;
+  if (!message.ParseFromString(status)) return unusable("their figures cannot be read");
+  CANDELA_ASSIGN(j.chain_summary, wire::from_proto(message));
+  return {};
 }
 
 Result<StoredState> SqliteStore::load() {
@@ -406,6 +372,7 @@ Result<StoredState> SqliteStore::load() {
         return input_error(
                    fmt::format("the layers of job {} cannot be used: {}", j.id, layout.error().to_string()))
             .at(path_, 0);
+      CANDELA_TRY(read_chains(s, j));
       out.jobs.push_back(std::move(j));
     }
     if (s.failed()) return failure("cannot read the jobs");
@@ -447,6 +414,27 @@ Result<StoredState> SqliteStore::load() {
       out.workers.push_back(std::move(w));
     }
     if (s.failed()) return failure("cannot read the workers");
+  }
+  {
+    Statement s(db_, "SELECT * FROM bootstraps ORDER BY job, first");
+    while (s.step()) {
+      BootstrapRow row;
+      s.integer();
+      row.job_id = s.text();
+      row.begin = s.count();
+      row.contributions = numbers_of<float>(s.text());
+      for (std::uint64_t& r : row.rejected) r = s.count();
+      out.bootstraps.push_back(std::move(row));
+    }
+    if (s.failed()) return failure("cannot read the bootstraps");
+  }
+  {
+    Statement s(db_, "SELECT * FROM chain_starts");
+    while (s.step()) {
+      const std::string job = s.text();
+      out.chain_starts[job] = numbers_of<std::uint64_t>(s.text());
+    }
+    if (s.failed()) return failure("cannot read the chains' starts");
   }
   Statement s(db_, "SELECT coalesce(max(id), 0) + 1 FROM units");
   if (!s.step()) return failure("cannot read the units");

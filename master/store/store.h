@@ -7,6 +7,7 @@
 #include <deque>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -25,6 +26,8 @@ struct StoredState {
   std::vector<UnitRow> unmerged_units;
   std::vector<LeaseRow> leases;
   std::vector<WorkerRow> workers;
+  std::vector<BootstrapRow> bootstraps;                            // of those that are not complete
+  std::map<std::string, std::vector<std::uint64_t>> chain_starts;  // by job
   std::uint64_t next_unit_id = 1;
 };
 

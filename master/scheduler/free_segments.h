@@ -1,0 +1,20 @@
+// Which segments of Markov chains can be cut into a unit now: pure logic.
+#pragma once
+
+#include <cstdint>
+
+#include "common/film/film.h"
+
+namespace candela::master {
+
+struct SegmentRun {
+  std::uint64_t begin = 0, length = 0;
+};
+
+// The first run of at least `want` indices of a half below `target` that are not taken and whose chains'
+// segments before (a round of `per_round` indices earlier) are merged; where none is as long, the longest.
+// Length 0: there is none now. A run may be longer than `want`, and than a round.
+SegmentRun free_segments(const film::IndexSet& merged, const film::IndexSet& taken, std::uint64_t per_round,
+                         std::uint64_t target, std::uint64_t want);
+
+}  // namespace candela::master

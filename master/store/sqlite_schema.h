@@ -1,0 +1,78 @@
+// The tables of the store, and how older ones become the present ones. New columns go last, where kSchema has
+// them, too.
+#pragma once
+
+namespace candela::master {
+
+// 1: the first. 2: jobs.layers. 3: Markov chains.
+inline constexpr int kSchemaVersion = 3;
+
+inline constexpr const char* kSchema = R"sql(
+CREATE TABLE counters (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
+CREATE TABLE jobs (
+  id TEXT PRIMARY KEY, name TEXT NOT NULL, bundle TEXT NOT NULL, settings BLOB NOT NULL,
+  stop_iterations INTEGER NOT NULL, stop_time_seconds REAL NOT NULL, stop_relmse REAL NOT NULL,
+  priority INTEGER NOT NULL, share REAL NOT NULL, token TEXT NOT NULL, digest TEXT NOT NULL,
+  state TEXT NOT NULL, message TEXT NOT NULL, stop_reason TEXT NOT NULL,
+  film_scale_log2 INTEGER, plan TEXT NOT NULL, thread_seconds_per_iteration REAL NOT NULL,
+  submitted_unix_ms INTEGER NOT NULL, finished_unix_ms INTEGER NOT NULL,
+  elapsed_seconds REAL NOT NULL, worker_seconds REAL NOT NULL,
+  units_merged INTEGER NOT NULL, iterations INTEGER NOT NULL,
+  eye_samples INTEGER NOT NULL, light_paths INTEGER NOT NULL, rays INTEGER NOT NULL,
+  rejected_nan INTEGER NOT NULL, rejected_infinite INTEGER NOT NULL, rejected_negative INTEGER NOT NULL,
+  rejected_saturated INTEGER NOT NULL, relmse REAL,
+  checkpoint_generation INTEGER NOT NULL, checkpoint_iterations INTEGER NOT NULL,
+  layers TEXT NOT NULL DEFAULT '',
+  chains INTEGER NOT NULL DEFAULT 0, bootstrap_samples INTEGER NOT NULL DEFAULT 0,
+  segment_mutations INTEGER NOT NULL DEFAULT 0, bootstrap_b REAL NOT NULL DEFAULT 0,
+  bootstrap_sum REAL NOT NULL DEFAULT 0, bootstrap_square_sum REAL NOT NULL DEFAULT 0,
+  bootstrap_nan INTEGER NOT NULL DEFAULT 0, bootstrap_infinite INTEGER NOT NULL DEFAULT 0,
+  bootstrap_negative INTEGER NOT NULL DEFAULT 0, bootstrap_saturated INTEGER NOT NULL DEFAULT 0,
+  chain_status BLOB NOT NULL DEFAULT x'', pilot_scale_log2 INTEGER NOT NULL DEFAULT 0) WITHOUT ROWID;
+CREATE TABLE units (
+  id INTEGER PRIMARY KEY, job TEXT NOT NULL, kind INTEGER NOT NULL, half INTEGER NOT NULL,
+  first INTEGER NOT NULL, last INTEGER NOT NULL, state INTEGER NOT NULL, failures INTEGER NOT NULL,
+  worker TEXT NOT NULL, token INTEGER NOT NULL, seconds REAL NOT NULL);
+CREATE INDEX units_by_job ON units (job, state);
+CREATE TABLE leases (
+  token INTEGER PRIMARY KEY, unit INTEGER NOT NULL, job TEXT NOT NULL, worker TEXT NOT NULL,
+  expected_seconds REAL NOT NULL, speculative INTEGER NOT NULL);
+CREATE TABLE workers (
+  id TEXT PRIMARY KEY, session TEXT NOT NULL, name TEXT NOT NULL, host TEXT NOT NULL, build_id TEXT NOT NULL,
+  threads INTEGER NOT NULL, isas TEXT NOT NULL, draining INTEGER NOT NULL, units_merged INTEGER NOT NULL,
+  units_failed INTEGER NOT NULL, last_seen_unix_ms INTEGER NOT NULL) WITHOUT ROWID;
+CREATE TABLE events (
+  id INTEGER PRIMARY KEY AUTOINCREMENT, unix_ms INTEGER NOT NULL, job TEXT NOT NULL, worker TEXT NOT NULL,
+  kind TEXT NOT NULL, message TEXT NOT NULL);
+CREATE INDEX events_by_job ON events (job, id);
+CREATE TABLE bundles (sha256 TEXT PRIMARY KEY, bytes BLOB NOT NULL) WITHOUT ROWID;
+)sql";
+
+// Contributions are floats, starts are 64-bit numbers, both little-endian.
+inline constexpr const char* kChainTables = R"sql(
+CREATE TABLE bootstraps (
+  id INTEGER PRIMARY KEY, job TEXT NOT NULL, first INTEGER NOT NULL, contributions BLOB NOT NULL,
+  rejected_nan INTEGER NOT NULL, rejected_infinite INTEGER NOT NULL, rejected_negative INTEGER NOT NULL,
+  rejected_saturated INTEGER NOT NULL, UNIQUE (job, first));
+CREATE TABLE chain_starts (job TEXT PRIMARY KEY, samples BLOB NOT NULL);
+)sql";
+
+// From version 1: its jobs have no layers.
+inline constexpr const char* kFromVersion1 = "ALTER TABLE jobs ADD COLUMN layers TEXT NOT NULL DEFAULT ''";
+// From version 2: no job has chains.
+inline constexpr const char* kFromVersion2 = R"sql(
+ALTER TABLE jobs ADD COLUMN chains INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN bootstrap_samples INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN segment_mutations INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN bootstrap_b REAL NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN bootstrap_sum REAL NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN bootstrap_square_sum REAL NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN bootstrap_nan INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN bootstrap_infinite INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN bootstrap_negative INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN bootstrap_saturated INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN chain_status BLOB NOT NULL DEFAULT x'';
+ALTER TABLE jobs ADD COLUMN pilot_scale_log2 INTEGER NOT NULL DEFAULT 0;
+)sql";
+
+}  // namespace candela::master
