@@ -79,6 +79,7 @@ class FarmWorker final : public Worker {
     TaskPtr task;
     Film film;
     film::DeltaInfo info;
+    std::vector<chains::ChainRecord> records;  // of segments
     double render_seconds = 0;
   };
   // What must be told the master about a unit that will not be delivered.
@@ -113,8 +114,11 @@ class FarmWorker final : public Worker {
   void render_task(const TaskPtr& task);
   void run_task(const TaskPtr& task);
   void run_pilot(const TaskPtr& task, const SceneStore::Scene& scene);
-  void run_iterations(const TaskPtr& task, const std::shared_ptr<const SceneStore::Scene>& scene,
-                      const Unit& unit, const NamedState& state);
+  void run_bootstrap(const TaskPtr& task, const SceneStore::Scene& scene, const Unit& unit);
+  // A unit that makes a film: iterations, or segments of chains.
+  void run_film(const TaskPtr& task, const std::shared_ptr<const SceneStore::Scene>& scene, const Unit& unit,
+                const NamedState& state);
+  void fail(const TaskPtr& task, const Error& error);  // of the renderer
   std::shared_ptr<const SceneStore::Scene> scene_for(const TaskPtr& task, const JobSettings& settings);
   Film take_film(const SceneStore::Scene& scene, const NamedState& state);
   void keep_film(Film film);
@@ -123,7 +127,7 @@ class FarmWorker final : public Worker {
   // farm_worker_push.cpp
   void push_loop();
   void deliver(Finished& finished);
-  void deliver_bytes(Finished& finished, const std::string& bytes);
+  void deliver_bytes(Finished& finished, const std::string& bytes, std::size_t records_bytes);
 
   // Repeats `call` while the master is unreachable and the task is ours. The last status; CANCELLED if it was
   // given up.

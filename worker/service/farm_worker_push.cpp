@@ -53,16 +53,22 @@ void FarmWorker::push_loop() {
 void FarmWorker::deliver(Finished& finished) {
   try {
     std::string bytes;
-    if (!finished.task->dropped) bytes = film::encode_delta(*finished.film.film, finished.info);
+    std::size_t records_bytes = 0;
+    if (!finished.task->dropped) {
+      bytes = film::encode_delta(*finished.film.film, finished.info);
+      const std::string records = chains::encode(finished.records);
+      records_bytes = records.size();
+      bytes += records;
+    }
     finished.film.film->clear();
     keep_film(std::move(finished.film));
-    if (!finished.task->dropped) deliver_bytes(finished, bytes);
+    if (!finished.task->dropped) deliver_bytes(finished, bytes, records_bytes);
   } catch (const std::exception& exception) {  // out of memory, most of all
     fail(finished.task, fmt::format("cannot encode or send the delta: {}", exception.what()), false);
   }
 }
 
-void FarmWorker::deliver_bytes(Finished& finished, const std::string& bytes) {
+void FarmWorker::deliver_bytes(Finished& finished, const std::string& bytes, std::size_t records_bytes) {
   const TaskPtr& task = finished.task;
   const Session session = session_now();
   const log::Ids ids{.job = task->lease.job_id(),
@@ -77,6 +83,7 @@ void FarmWorker::deliver_bytes(Finished& finished, const std::string& bytes) {
   wire::to_proto(finished.info.unit, *header.mutable_unit());
   header.set_build_id(finished.info.build_id);
   header.set_size_bytes(bytes.size());
+  header.set_records_bytes(records_bytes);
   header.set_sha256(sha256_hex(bytes));
   header.set_render_seconds(finished.render_seconds);
 

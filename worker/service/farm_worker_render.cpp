@@ -57,8 +57,8 @@ void FarmWorker::run_task(const TaskPtr& task) {
                              state ? nullptr : &state.error()})
     if (error != nullptr)
       return fail(task, fmt::format("the lease cannot be used: {}", error->to_string()), false);
-  const bool pilot = unit->kind == Unit::Kind::pilot;
-  if (!pilot && !lease.has_named_state())
+  const bool film = unit->kind == Unit::Kind::iterations || unit->kind == Unit::Kind::segments;
+  if (film && !lease.has_named_state())
     return fail(task, "the lease cannot be used: named_state: it is missing", false);
 
   const auto scene = scene_for(task, *settings);
@@ -67,10 +67,15 @@ void FarmWorker::run_task(const TaskPtr& task) {
     const std::lock_guard lock(mutex_);
     task->started = Clock::now();  // the unit's own time, by which its end is foretold
   }
-  if (pilot)
-    run_pilot(task, *scene);
-  else
-    run_iterations(task, scene, *unit, *state);
+  switch (unit->kind) {
+    case Unit::Kind::pilot:
+      return run_pilot(task, *scene);
+    case Unit::Kind::bootstrap:
+      return run_bootstrap(task, *scene, *unit);
+    case Unit::Kind::iterations:
+    case Unit::Kind::segments:
+      return run_film(task, scene, *unit, *state);
+  }
 }
 
 // The compiled scene of the lease's job; null if the task was failed or stopped on the way.
@@ -150,10 +155,7 @@ std::shared_ptr<const SceneStore::Scene> FarmWorker::scene_for(const TaskPtr& ta
 void FarmWorker::run_pilot(const TaskPtr& task, const SceneStore::Scene& scene) {
   const auto result = scene.renderer->pilot({threads_, &task->stop, &task->progress});
   if (task->stop) return;
-  if (!result) {
-    const bool input = result.error().kind == ErrorKind::input || result.error().kind == ErrorKind::usage;
-    return fail(task, result.error().to_string(), input);
-  }
+  if (!result) return fail(task, result.error());
   const Session session = session_now();
   v1::CompletePilotRequest request;
   request.set_worker_id(session.worker_id);
@@ -163,6 +165,7 @@ void FarmWorker::run_pilot(const TaskPtr& task, const SceneStore::Scene& scene) 
   request.set_plan(result->plan);
   request.set_seconds_per_iteration(result->seconds_per_iteration);
   for (const std::string& layer : result->layers) request.add_layers(layer);
+  if (result->chains) wire::to_proto(*result->chains, *request.mutable_chains());
   v1::CompletePilotResponse response;
   const grpc::Status status = persist(task, [&] {
     return link_.unary(MasterLink::Lane::control, &v1::WorkerService::Stub::CompletePilot, request, response,
@@ -181,21 +184,76 @@ void FarmWorker::run_pilot(const TaskPtr& task, const SceneStore::Scene& scene) 
   task->dropped = true;  // nothing is left to hand back
 }
 
-void FarmWorker::run_iterations(const TaskPtr& task, const std::shared_ptr<const SceneStore::Scene>& scene,
-                                const Unit& unit, const NamedState& state) {
+void FarmWorker::run_bootstrap(const TaskPtr& task, const SceneStore::Scene& scene, const Unit& unit) {
+  std::vector<float> contributions(unit.end - unit.begin);
+  const auto begin = Clock::now();
+  const auto tallies = scene.renderer->bootstrap(unit.begin, unit.end, contributions,
+                                                 {threads_, &task->stop, &task->progress});
+  const std::chrono::duration<double> seconds = Clock::now() - begin;
+  if (task->stop) return;
+  if (!tallies) return fail(task, tallies.error());
+  const Session session = session_now();
+  v1::CompleteBootstrapRequest request;
+  request.set_worker_id(session.worker_id);
+  request.set_session(session.token);
+  request.set_token(task->lease.token());
+  request.mutable_contributions()->Add(contributions.begin(), contributions.end());
+  for (std::size_t cause = 0; cause < tallies->rejected.size(); ++cause) {
+    if (tallies->rejected[cause] == 0) continue;
+    v1::RejectedSamples& rejected = *request.add_rejected();
+    rejected.set_cause(std::string(film::name(static_cast<film::RejectCause>(cause))));
+    rejected.set_count(tallies->rejected[cause]);
+  }
+  request.set_render_seconds(seconds.count());
+  v1::CompleteBootstrapResponse response;
+  const grpc::Status status = persist(task, [&] {
+    return link_.unary(MasterLink::Lane::control, &v1::WorkerService::Stub::CompleteBootstrap, request,
+                       response, tuning_.call_deadline);
+  });
+  if (task->dropped) return;
+  if (!status.ok())
+    return fail(
+        task,
+        fmt::format("the master did not take the bootstrap samples: {}", wire::from_status(status).message),
+        false);
+  log::write(
+      response.accepted() ? spdlog::level::debug : spdlog::level::info,
+      response.accepted() ? "bootstrap samples done" : "bootstrap samples done, but the lease is another's",
+      {.job = task->lease.job_id(),
+       .unit = static_cast<std::int64_t>(task->lease.unit_id()),
+       .worker = session.worker_id});
+  task->dropped = true;  // nothing is left to hand back
+}
+
+void FarmWorker::run_film(const TaskPtr& task, const std::shared_ptr<const SceneStore::Scene>& scene,
+                          const Unit& unit, const NamedState& state) {
+  std::vector<chains::ChainStart> starts;
+  std::vector<chains::ChainRecord> records;
+  for (const v1::ChainStart& message : task->lease.chain_starts()) {
+    auto start = wire::from_proto(message);
+    if (!start)
+      return fail(task, fmt::format("the lease cannot be used: {}", start.error().to_string()), false);
+    starts.push_back(std::move(*start));
+  }
+  const bool segments = unit.kind == Unit::Kind::segments;
+  if (starts.size() != (segments ? unit.end - unit.begin : 0))
+    return fail(task, fmt::format("the lease cannot be used: chain_starts: there are {}", starts.size()),
+                false);
+
   Film film = take_film(*scene, state);
   const auto begin = Clock::now();
-  auto run = scene->renderer->run(unit, *film.film, {threads_, &task->stop, &task->progress});
+  const render::RunContext context{threads_, &task->stop, &task->progress};
+  auto run = segments ? scene->renderer->run_segments(unit, state, starts, *film.film, records, context)
+                      : scene->renderer->run(unit, *film.film, context);
   const std::chrono::duration<double> seconds = Clock::now() - begin;
   const bool overflowed = film.film->overflowed();
+  if (run && records.size() != starts.size())
+    run = internal_error(fmt::format("{} records of {} segments", records.size(), starts.size()));
   if (!run || overflowed) {
     film.film->clear();
     keep_film(std::move(film));
     if (task->stop) return;
-    if (!run) {
-      const bool input = run.error().kind == ErrorKind::input || run.error().kind == ErrorKind::usage;
-      return fail(task, run.error().to_string(), input);
-    }
+    if (!run) return fail(task, run.error());
     return fail(task, fmt::format("a film sum overflowed at scale 2^{}", state.film_scale_log2), false);
   }
 
@@ -206,6 +264,7 @@ void FarmWorker::run_iterations(const TaskPtr& task, const std::shared_ptr<const
   finished->info.scale_log2 = state.film_scale_log2;
   finished->info.job_id = task->lease.job_id();
   finished->info.build_id = build_id();
+  finished->records = std::move(records);
   finished->render_seconds = seconds.count();
   finished->film = std::move(film);
   {
@@ -240,6 +299,10 @@ FarmWorker::Film FarmWorker::take_film(const SceneStore::Scene& scene, const Nam
 void FarmWorker::keep_film(Film film) {
   const std::lock_guard lock(mutex_);
   if (spare_films_.size() < 2) spare_films_.push_back(std::move(film));
+}
+
+void FarmWorker::fail(const TaskPtr& task, const Error& error) {
+  fail(task, error.to_string(), error.kind == ErrorKind::input || error.kind == ErrorKind::usage);
 }
 
 void FarmWorker::fail(const TaskPtr& task, const std::string& message, bool input_error) {
