@@ -237,8 +237,13 @@ TEST(StoreLayers, AnOlderStoreIsTakenOver) {
     ASSERT_TRUE(store.ok()) << store.error().to_string();
     ASSERT_TRUE((*store)->write(std::vector<Change>{PutJob{job}}).ok());
   }
-  // Version 1 was this without the column.
-  execute(path, "ALTER TABLE jobs DROP COLUMN layers; PRAGMA user_version=1");
+  // Version 1 was this without the columns of layers and chains.
+  std::string downgrade = "DROP TABLE bootstraps; DROP TABLE chain_starts; PRAGMA user_version=1;";
+  for (const char* column : {"layers", "chains", "bootstrap_samples", "segment_mutations", "bootstrap_b",
+                             "bootstrap_sum", "bootstrap_square_sum", "bootstrap_nan", "bootstrap_infinite",
+                             "bootstrap_negative", "bootstrap_saturated", "chain_status", "pilot_scale_log2"})
+    downgrade += std::string("ALTER TABLE jobs DROP COLUMN ") + column + ";";
+  execute(path, downgrade.c_str());
   for (int opening = 0; opening < 2; ++opening) {
     auto store = open_sqlite_store(path);
     ASSERT_TRUE(store.ok()) << store.error().to_string();
@@ -267,7 +272,7 @@ TEST(StoreLayers, AnOlderStoreIsTakenOver) {
   }
   execute(path, "UPDATE jobs SET layers = 'a,a'");
   EXPECT_FALSE((*open_sqlite_store(path))->load().ok());
-  execute(path, "PRAGMA user_version=3");
+  execute(path, "PRAGMA user_version=4");
   EXPECT_FALSE(open_sqlite_store(path).ok());
   fs::remove_all(name);
 }
