@@ -28,10 +28,10 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
   add_text(app, "--integrator", options.integrator, "Integrator; default: the scene's", "NAME");
   add_texts(app, "--set", options.sets, "Set a setting of the integrator; may be repeated", "KEY=VALUE");
   if (with_limits) {
-    add_text(
-        app, "--iterations", options.iterations,
-        "Stop after N iterations (samples per pixel); default without any limit: the scene's sample_count",
-        "N");
+    add_text(app, "--iterations", options.iterations,
+             "Stop after N iterations (samples per pixel; of Markov chains rounds, one segment of each "
+             "chain); default without any limit: the scene's sample_count",
+             "N");
     add_text(app, "--time", options.time, "Stop after this time, such as 90s, 10m or 1h30m", "DURATION");
     add_text(app, "--until", options.until,
              "Stop when the estimated error is reached; with several limits the first counts", "relmse=X");

@@ -298,11 +298,13 @@ Result<v1::WorkerStatus> FarmClient::drain_worker(const std::string& id) {
   return state_->unary<v1::WorkerStatus>(&v1::FarmService::Stub::DrainWorker, request);
 }
 
-Result<std::string> FarmClient::fetch_image(const std::string& id, bool error_layer, bool image_only) {
+Result<std::string> FarmClient::fetch_image(const std::string& id, bool error_layer, bool image_only,
+                                            bool chain_layers) {
   v1::FetchImageRequest request;
   request.set_job_id(id);
   request.set_error_layer(error_layer);
   request.set_image_only(image_only);
+  request.set_chain_layers(chain_layers);
   const auto begin = Clock::now();
   Backoff backoff;
   for (;;) {

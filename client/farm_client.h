@@ -60,8 +60,9 @@ class FarmClient {
   Result<v1::WorkerStatus> drain_worker(const std::string& id);
 
   // The image of what is merged now, the bytes of an EXR file, with the job's further layers if it has any
-  // and `image_only` is not set.
-  Result<std::string> fetch_image(const std::string& id, bool error_layer, bool image_only);
+  // and `image_only` is not set. `chain_layers`: also what an image of Markov chains is made of.
+  Result<std::string> fetch_image(const std::string& id, bool error_layer, bool image_only,
+                                  bool chain_layers = false);
 
   // Calls `on_status` now, at each change, and at the end of the job. Returns the last status: of an ended
   // job, or, where `stop` is given and a signal came or `give_up` returned true, of one that goes on. A

@@ -33,6 +33,26 @@ Json map(const google::protobuf::Map<std::string, std::string>& values) {
   return json;
 }
 
+Json chains(const v1::ChainStatus& c) {
+  Json json;
+  json["chains"] = c.plan().chains();
+  json["segment_mutations"] = c.plan().segment_mutations();
+  json["bootstrap_samples"] = c.plan().bootstrap_samples();
+  json["bootstrap_done"] = c.bootstrap_done();
+  json["b"] = finite(c.b());
+  json["b_standard_error"] = finite(c.b_standard_error());
+  json["b_samples"] = c.b_samples();
+  json["groups"] = Json::array();
+  for (const v1::ChainGroupStatus& g : c.groups())
+    json["groups"].push_back({{"mutations", g.mutations()},
+                              {"accepted", g.accepted()},
+                              {"large_steps", g.large_steps()},
+                              {"large_accepted", g.large_accepted()},
+                              {"longest_stay", g.longest_stay()},
+                              {"stay_pixel", {finite(g.stay_x()), finite(g.stay_y())}}});
+  return json;
+}
+
 Json job(const v1::JobStatus& s) {
   Json json;
   json["id"] = s.id();
@@ -74,6 +94,9 @@ Json job(const v1::JobStatus& s) {
   json["checkpoint"] = {{"generation", s.checkpoint_generation()}, {"iterations", s.checkpoint_iterations()}};
   json["submitted_unix_ms"] = time_ms(s.submitted_unix_ms());
   json["finished_unix_ms"] = time_ms(s.finished_unix_ms());
+  json["bootstrap_b"] =
+      s.has_chains() && s.has_named_state() ? finite(s.named_state().bootstrap_b()) : Json(nullptr);
+  json["chains"] = s.has_chains() ? chains(s.chains()) : Json(nullptr);
   json["layers"] = Json::array();
   for (const std::string& layer : s.layers()) json["layers"].push_back(layer);
   json["plan"] = s.plan();

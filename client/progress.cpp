@@ -23,6 +23,12 @@ std::size_t terminal_columns() {
   return 80;
 }
 
+// What is known of b: "b 0.5123 +- 0.02 %".
+std::string b_text(const v1::ChainStatus& chains) {
+  const double relative = chains.b() > 0 ? 100 * chains.b_standard_error() / chains.b() : 0;
+  return fmt::format("b {:.4g} +- {:.1g} %", chains.b(), relative);
+}
+
 }  // namespace
 
 double fraction_done(const v1::JobStatus& status) {
@@ -53,7 +59,11 @@ std::string format_progress(const v1::JobStatus& status) {
     if (stop.relmse() > 0) text += fmt::format(" (to {:.1e})", stop.relmse());
     parts.push_back(std::move(text));
   }
-  if (running && status.iterations() == 0) {
+  if (status.has_chains() && status.has_named_state()) parts.push_back(b_text(status.chains()));
+  if (running && status.has_chains() && !status.has_named_state()) {
+    parts.push_back(fmt::format("bootstrap: {} of {} samples", status.chains().bootstrap_done(),
+                                status.chains().plan().bootstrap_samples()));
+  } else if (running && status.units_merged() == 0) {
     parts.emplace_back("preparing the scene");
   } else if (running && std::isfinite(status.eta_seconds())) {
     parts.push_back("ETA " + format_duration(status.eta_seconds()));

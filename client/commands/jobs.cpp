@@ -54,6 +54,35 @@ Result<int> run_list(Context& context, const JobOptions& options) {
   return 0;
 }
 
+std::string percent(std::uint64_t part, std::uint64_t whole) {
+  return whole == 0 ? "-"
+                    : fmt::format("{:.1f} %", 100 * static_cast<double>(part) / static_cast<double>(whole));
+}
+
+template <class Line>
+void print_chains(Line&& line, const v1::JobStatus& s) {
+  const v1::ChainStatus& c = s.chains();
+  line("chains", fmt::format("{}, {} mutations a segment", c.plan().chains(), c.plan().segment_mutations()));
+  if (!s.has_named_state()) {
+    line("bootstrap", fmt::format("{} of {} samples", c.bootstrap_done(), c.plan().bootstrap_samples()));
+    return;
+  }
+  line("bootstrap", fmt::format("b0 = {:.6g} from {} samples", s.named_state().bootstrap_b(),
+                                c.plan().bootstrap_samples()));
+  line("b", fmt::format("{:.6g} +- {:.2g} (standard error) from {} samples", c.b(), c.b_standard_error(),
+                        c.b_samples()));
+  for (int i = 0; i < c.groups_size(); ++i) {
+    const v1::ChainGroupStatus& g = c.groups(i);
+    if (g.mutations() == 0) continue;
+    line(fmt::format("  group {}", i),
+         fmt::format(
+             "{} mutations, {} accepted; {} large, {} of them accepted; longest stay {} at {:.0f}, {:.0f}",
+             g.mutations(), percent(g.accepted(), g.mutations()), percent(g.large_steps(), g.mutations()),
+             percent(g.large_accepted(), g.large_steps()), g.longest_stay(), std::floor(g.stay_x()),
+             std::floor(g.stay_y())));
+  }
+}
+
 void print_job(std::ostream& out, const v1::JobStatus& s) {
   const auto line = [&](std::string_view name, const std::string& value) {
     out << fmt::format("{:<14}{}\n", name, printable(value));
@@ -86,6 +115,7 @@ void print_job(std::ostream& out, const v1::JobStatus& s) {
   for (const auto& [key, value] : sorted) integrator += fmt::format(" {}={}", key, value);
   line("integrator", integrator);
   if (s.layers_size() > 0) line("layers", join(s.layers(), " "));
+  if (s.has_chains()) print_chains(line, s);
   line("priority", fmt::format("{}, share {}", s.priority(), s.share()));
   line("bundle", s.bundle_sha256());
   line("checkpoint",

@@ -36,7 +36,7 @@ Result<int> wait_for_job(Context& context, FarmClient& farm, const std::string& 
   }
   if (options.json) context.out << job_json(last) << '\n';
   const bool wants_image = !options.output.exr.empty() || !options.output.png.empty();
-  if (wants_image && last.iterations() > 0) {
+  if (wants_image && last.units_merged() > 0) {
     CANDELA_ASSIGN(const std::string exr,
                    farm.fetch_image(id, options.error_layer, options.output.exr.empty()));
     CANDELA_TRY(write_images(options.output, exr));

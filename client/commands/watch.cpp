@@ -12,7 +12,7 @@ struct WatchOptions {
   FarmOptions farm;
   std::string id, output;
   std::optional<std::string> png;
-  bool quiet = false, json = false, error_layer = false;
+  bool quiet = false, json = false, error_layer = false, chain_layers = false;
 };
 
 Result<int> run_watch(Context& context, const WatchOptions& options) {
@@ -26,8 +26,8 @@ Result<int> run_fetch(const WatchOptions& options) {
     return usage_error("no output is given").with_mend("use -o out.exr, --png out.png or both");
   CANDELA_TRY(check_output(output));
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
-  CANDELA_ASSIGN(const std::string exr,
-                 farm->fetch_image(options.id, options.error_layer, output.exr.empty()));
+  CANDELA_ASSIGN(const std::string exr, farm->fetch_image(options.id, options.error_layer, output.exr.empty(),
+                                                          options.chain_layers));
   CANDELA_TRY(write_images(output, exr));
   return 0;
 }
@@ -55,6 +55,8 @@ void add_fetch(CLI::App& app, Context& context) {
   add_text(*sub, "--png", options->png, "Write the image as sRGB PNG", "FILE");
   sub->add_flag("--error-layer", options->error_layer,
                 "Add the layer 'error': the estimated standard deviation");
+  sub->add_flag("--chain-layers", options->chain_layers,
+                "Of a job of Markov chains, add what its image is made of: layers 'raw.chains' and 'raw.*'");
   add_farm_options(*sub, options->farm);
   sub->callback([&context, options] { context.command = [options] { return run_fetch(*options); }; });
 }

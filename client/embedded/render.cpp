@@ -246,7 +246,7 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   // The last units may have come in after the last status.
   CANDELA_ASSIGN(const v1::JobStatus last, client->get_job(id));
 
-  if (last.iterations() > 0) {
+  if (last.units_merged() > 0) {
     CANDELA_ASSIGN(const std::string exr, client->fetch_image(id, options.error_layer, output.exr.empty()));
     CANDELA_TRY(write_images(output, exr));
   }
@@ -264,8 +264,8 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
         .with_mend(fmt::format("make room, then go on with: {}", resume_command(context)));
   if (!has_ended(last)) {
     context.err << fmt::format("candela: stopped{}\ncandela: go on with: {}\n",
-                               last.iterations() > 0 ? "; wrote " + summary(last, options.output)
-                                                     : std::string(" before the first iteration"),
+                               last.units_merged() > 0 ? "; wrote " + summary(last, options.output)
+                                                       : std::string(" before the first iteration"),
                                resume_command(context));
     return 128 + signals.pending();
   }

@@ -271,7 +271,8 @@ const ChainCounts& longest_stay(const Summary& summary) {
 
 std::string long_stay_text(const Summary& summary) {
   const ChainCounts& longest = longest_stay(summary);
-  if (longest.longest_stay <= kLongStay) return {};
+  // Without light the chains stand still, which is no news.
+  if (longest.longest_stay <= kLongStay || !(summary.normalisation.b > 0)) return {};
   return fmt::format(
       "a chain stayed on one path for {} mutations, which may show as a bright dot at pixel {:.0f}, {:.0f}",
       longest.longest_stay, std::floor(longest.stay_x), std::floor(longest.stay_y));

@@ -304,8 +304,8 @@ class MergedFilm {
   MergedFilm first_layers(std::uint32_t count) const;
   MergedFilm image_layer() const { return first_layers(1); }
 
-  // No sum of any layer differs from zero.
-  bool black() const;
+  // No sum of the first layers differs from zero.
+  bool black(std::uint32_t layers) const;
 
   // Sum of one half in film units (128 bits).
   Int128 sum(std::uint32_t half, std::uint32_t layer, std::uint32_t x, std::uint32_t y, int channel) const;

@@ -178,12 +178,14 @@ MergedFilm MergedFilm::first_layers(std::uint32_t count) const {
   return image;
 }
 
-bool MergedFilm::black() const {
+bool MergedFilm::black(std::uint32_t layers) const {
   const auto zero = [](const auto& sums) {
     return std::all_of(sums.begin(), sums.end(), [](auto value) { return value == 0; });
   };
+  const Layout first{layout_.width, layout_.height, std::min(layers, layout_.layers)};
   return std::all_of(halves_.begin(), halves_.end(), [&](const Half& half) {
-    return std::all_of(half.tiles.begin(), half.tiles.end(),
+    return std::all_of(half.tiles.begin(),
+                       half.tiles.begin() + static_cast<std::ptrdiff_t>(first.tile_count()),
                        [&](const TileSums& tile) { return zero(tile.narrow) && zero(tile.wide); });
   });
 }

@@ -37,6 +37,30 @@ class Page {
   prometheus::Registry registry_{prometheus::Registry::InsertBehavior::Merge};
 };
 
+void add_chains(Page& page, const v1::JobStatus& j, const Labels& labels) {
+  const v1::ChainStatus& c = j.chains();
+  page.gauge("candela_job_bootstrap_samples", "bootstrap samples done",
+             static_cast<double>(c.bootstrap_done()), labels);
+  if (!j.has_named_state()) return;
+  page.gauge("candela_job_b", "normalisation constant of Markov chains", c.b(), labels);
+  page.gauge("candela_job_b_standard_error", "of the normalisation constant", c.b_standard_error(), labels);
+  page.gauge("candela_job_b_samples", "samples behind the normalisation constant",
+             static_cast<double>(c.b_samples()), labels);
+  for (int i = 0; i < c.groups_size(); ++i) {
+    const v1::ChainGroupStatus& g = c.groups(i);
+    Labels group = labels;
+    group["group"] = std::to_string(i);
+    page.gauge("candela_job_mutations", "mutations merged, by group of chains",
+               static_cast<double>(g.mutations()), group);
+    page.gauge("candela_job_mutations_accepted", "of those, accepted", static_cast<double>(g.accepted()),
+               group);
+    page.gauge("candela_job_large_steps", "of those, large steps", static_cast<double>(g.large_steps()),
+               group);
+    page.gauge("candela_job_longest_stay", "mutations in a row that left a chain where it was",
+               static_cast<double>(g.longest_stay()), group);
+  }
+}
+
 }  // namespace
 
 std::string metrics_text(Farm& farm) {
@@ -90,6 +114,7 @@ std::string metrics_text(Farm& farm) {
     page.gauge("candela_job_samples_per_second", "over the last seconds", j.samples_per_second(), labels);
     page.gauge("candela_job_checkpoint_iterations", "iterations in the newest checkpoint",
                static_cast<double>(j.checkpoint_iterations()), labels);
+    if (j.has_chains()) add_chains(page, j, labels);
     if (!std::isnan(j.relmse_estimate()))
       page.gauge("candela_job_relmse", "estimated relative mean squared error", j.relmse_estimate(), labels);
   }

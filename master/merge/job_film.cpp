@@ -185,7 +185,7 @@ bool JobFilm::all_black() const {
   const std::lock_guard lock(mutex_);
   return film_ &&
          std::all_of(records_.begin(), records_.end(), [](const auto& r) { return r->segments > 0; }) &&
-         film_->black();
+         film_->black(chains::kImageLayers);
 }
 
 std::optional<ChainRecords> JobFilm::starts_of(const Unit& unit) const {

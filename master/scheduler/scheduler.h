@@ -249,6 +249,8 @@ class Scheduler {
   void bootstrapped(Job& job, Now now);
   void restore_chains(Job& job, const RestoredChains& restored, Now now);
   void retake(Job& job);
+  // What is worth knowing of a job's chains; empty where nothing is.
+  static std::string chain_message(const JobRow& row);
   UnitState* straggler(Job& job, const WorkerState& worker, Now now);
   UnitState& add_unit(Job& job, const Unit& unit);
   Lease& grant(Job& job, UnitState& unit, WorkerState& worker, bool speculative, Now now);

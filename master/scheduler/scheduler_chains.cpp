@@ -143,6 +143,16 @@ void Scheduler::restore_chains(Job& job, const RestoredChains& restored, Now now
   if (job.table->complete()) bootstrapped(job, now);
 }
 
+std::string Scheduler::chain_message(const JobRow& row) {
+  if (!row.chains || !row.named_state) return {};
+  if (!(row.named_state->bootstrap_b > 0))
+    return fmt::format(
+        "none of {} bootstrap samples found light: the image holds only what needs no chain; if there is "
+        "more, submit the job again with more bootstrap samples",
+        row.bootstrap.samples);
+  return chains::long_stay_text(row.chain_summary);
+}
+
 void Scheduler::found_black(const std::string& id, Now now) {
   Job* job = find(id);
   if (job == nullptr || job->finishing || has_ended(job->row.state)) return;
@@ -155,9 +165,10 @@ void Scheduler::chains_summarised(const std::string& id, const chains::Summary& 
   const std::uint64_t after = chains::longest_stay(summary).longest_stay;
   job->row.chain_summary = summary;
   // Once, and again at each doubling: a chain may be stuck for hours.
-  if (after <= chains::kLongStay || after < 2 * job->told_stay) return;
+  const std::string text = chains::long_stay_text(summary);
+  if (text.empty() || after < 2 * job->told_stay) return;
   job->told_stay = after;
-  event(now, id, "", "long-stay", chains::long_stay_text(summary));
+  event(now, id, "", "long-stay", text);
 }
 
 }  // namespace candela::master

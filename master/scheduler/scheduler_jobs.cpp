@@ -449,7 +449,7 @@ double Scheduler::eta_seconds(const Job& job, Now now) const {
 std::string Scheduler::message_of(const Job& job, Now now) const {
   if (has_ended(job.row.state)) {
     if (!job.row.message.empty()) return job.row.message;
-    return job.note.empty() ? chains::long_stay_text(job.row.chain_summary) : job.note;
+    return job.note.empty() ? chain_message(job.row) : job.note;
   }
   if (!job.note.empty()) return job.note;
   if (job.finishing) return "writing the final checkpoint";
@@ -469,7 +469,7 @@ std::string Scheduler::message_of(const Job& job, Now now) const {
                        live, job.row.settings.isa);
   if (job.row.stop.time_seconds > 0 && job.row.elapsed_seconds >= job.row.stop.time_seconds)
     return "the time is up; waiting for a first iteration";
-  return job.row.message.empty() ? chains::long_stay_text(job.row.chain_summary) : job.row.message;
+  return job.row.message.empty() ? chain_message(job.row) : job.row.message;
 }
 
 }  // namespace candela::master

@@ -241,9 +241,10 @@ TEST(Development, AppliesTheFactor) {
   const film::MergedFilm image = film.first_layers(2);
   EXPECT_EQ(film::develop_image(image, d), film::develop_image(film, d));
   EXPECT_EQ(image.merged(0), film.merged(0));
-  EXPECT_FALSE(film.black());
-  EXPECT_TRUE(two_layer_film({0, 0}, {0, 0}).black());
-  EXPECT_FALSE(two_layer_film({0, 0}, {0, 1e-3F}).black());
+  EXPECT_FALSE(film.black(2));
+  EXPECT_TRUE(two_layer_film({0, 0}, {0, 0}).black(2));
+  EXPECT_FALSE(two_layer_film({0, 0}, {0, 1e-3F}).black(2));
+  EXPECT_TRUE(two_layer_film({0, 0}, {0, 1e-3F}).black(1));
   const film::Development black = development(0, {});
   EXPECT_TRUE(std::isfinite(black.factor));
   EXPECT_EQ(black.factor_variance, 0);
@@ -268,7 +269,7 @@ TEST(Summaries, GroupChains) {
   EXPECT_EQ(s.normalisation.samples, 5U);
   EXPECT_TRUE(long_stay_text(s).empty());
   counts[7].longest_stay = kLongStay + 1;
-  EXPECT_NE(long_stay_text(summarise({}, counts)).find("pixel 7, 0"), std::string::npos);
+  EXPECT_NE(long_stay_text(summarise({10, 30, 5}, counts)).find("pixel 7, 0"), std::string::npos);
 }
 
 }  // namespace

@@ -1,0 +1,229 @@
+// Markov chains over a known function, as a renderer: what a farm makes of them can be computed beforehand,
+// to the last bit, and its expectation is known.
+//
+// Primary sample space is [0, 1); pixel p is what floor(u * pixels) says. The chains follow f(p), independent
+// samples (the large steps) bring g(p): the image is f + g, b is the mean of f.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "common/chains/chains.h"
+#include "common/rng/stream.h"
+#include "worker/render/renderer.h"
+
+namespace candela::toy {
+
+inline constexpr double kLargeStep = 0.3;
+inline constexpr int kPilotScale = 12;
+
+struct Toy {
+  ChainPlan plan{40, 1000, 200};
+  bool black = false;           // f is zero
+  bool direct = false;          // g is not
+  std::size_t state_bytes = 0;  // padding of states
+
+  static Toy from(const SettingsMap& settings) {
+    const auto number = [&](const char* key) { return std::stoull(settings.at(key)); };
+    Toy toy;
+    toy.plan = {static_cast<std::uint32_t>(number("chains")), number("bootstrap"), number("mutations")};
+    toy.black = number("black") != 0;
+    toy.direct = number("direct") != 0;
+    toy.state_bytes = number("state");
+    return toy;
+  }
+  SettingsMap settings() const {
+    return {{"chains", std::to_string(plan.chains)},
+            {"bootstrap", std::to_string(plan.bootstrap_samples)},
+            {"mutations", std::to_string(plan.segment_mutations)},
+            {"black", black ? "1" : "0"},
+            {"direct", direct ? "1" : "0"},
+            {"state", std::to_string(state_bytes)}};
+  }
+  float f(std::uint32_t pixel) const {
+    return black || pixel % 5 == 0 ? 0.0F : 0.25F + static_cast<float>(pixel % 13);
+  }
+  float g(std::uint32_t pixel) const { return direct ? 0.5F * static_cast<float>(pixel % 3) : 0.0F; }
+};
+
+class ToyRenderer final : public render::Renderer {
+ public:
+  ToyRenderer(const JobSettings& settings, std::chrono::microseconds per_segment = {})
+      : toy_(Toy::from(settings.integrator_settings)),
+        width_(settings.width),
+        pixels_(settings.width * settings.height),
+        seed_(settings.seed),
+        per_segment_(per_segment) {
+    layout_ = {settings.width, settings.height, 3};
+  }
+
+  std::unique_ptr<film::UnitFilm> make_film(const NamedState& state) const override {
+    return std::make_unique<film::UnitFilm>(layout_, state.film_scale_log2);
+  }
+  Result<PilotResult> pilot(const render::RunContext&) const override {
+    const double seconds = std::max(std::chrono::duration<double>(per_segment_).count(), 1e-4);
+    return PilotResult{{kPilotScale}, "a toy", seconds, {"independent", "segments"}, toy_.plan};
+  }
+  Result<void> run(const Unit&, film::UnitFilm&, const render::RunContext&) const override {
+    return internal_error("chains have no iterations");
+  }
+  Result<film::Tallies> bootstrap(std::uint64_t begin, std::uint64_t end, std::span<float> contributions,
+                                  const render::RunContext& context) const override {
+    film::Tallies tallies;
+    for (std::uint64_t i = begin; i < end; ++i) {
+      const std::uint32_t p = pixel(start_of(i));
+      contributions[i - begin] = toy_.f(p);
+      if (p % 20 == 0) ++tallies.rejected[static_cast<std::size_t>(film::RejectCause::infinite)];
+    }
+    std::this_thread::sleep_for(per_segment_ * (end - begin) / toy_.plan.segment_mutations);
+    if (context.stop != nullptr && *context.stop) return refused_error("stopped");
+    return tallies;
+  }
+  Result<void> run_segments(const Unit& unit, const NamedState& state,
+                            std::span<const chains::ChainStart> starts, film::UnitFilm& film,
+                            std::vector<chains::ChainRecord>& records,
+                            const render::RunContext& context) const override {
+    film::Tallies tallies;
+    for (std::uint64_t i = unit.begin; i < unit.end; ++i) {
+      const std::uint64_t chain = chains::chain_of(unit.half, i, toy_.plan.chains);
+      if (starts[i - unit.begin].record.segments != chains::segment_of(i, toy_.plan.chains))
+        return input_error("a start of another segment");
+      records.push_back(segment(chain, starts[i - unit.begin], state.bootstrap_b, film, tallies));
+      std::this_thread::sleep_for(per_segment_);
+      if (context.stop != nullptr && *context.stop) return refused_error("stopped");
+      if (context.progress != nullptr)
+        *context.progress =
+            static_cast<float>(i + 1 - unit.begin) / static_cast<float>(unit.end - unit.begin);
+    }
+    film.count(tallies);
+    return {};
+  }
+  std::string plan_text() const override { return "a toy"; }
+
+ private:
+  double start_of(std::uint64_t sample) const {
+    return rng::Stream(rng::key(seed_, 0x62ULL, sample)).next_double();
+  }
+  std::uint32_t pixel(double u) const {
+    return std::min(static_cast<std::uint32_t>(u * pixels_), pixels_ - 1);
+  }
+  void splat(film::UnitFilm& film, std::uint32_t layer, std::uint32_t p, double value, std::uint64_t key,
+             film::Tallies& tallies) const {
+    const auto v = static_cast<float>(value);
+    film.splat(layer, p % width_, p / width_, {v, v, v}, key, tallies);
+  }
+  chains::ChainRecord segment(std::uint64_t chain, const chains::ChainStart& start, double b0,
+                              film::UnitFilm& film, film::Tallies& tallies) const {
+    chains::ChainRecord record = start.record;
+    chains::ChainCounts& c = record.counts;
+    double u = start_of(start.bootstrap_sample);
+    if (record.segments > 0) std::memcpy(&u, record.state.data(), sizeof u);
+    const auto mutations = static_cast<double>(toy_.plan.segment_mutations);
+    const double unit = b0 * pixels_ / mutations;  // each mutation's share of a film whose mean is b0
+    for (std::uint64_t k = 0; k < toy_.plan.segment_mutations; ++k) {
+      const std::uint64_t m = record.segments * toy_.plan.segment_mutations + k;
+      rng::Stream stream(rng::key(seed_, 0x6dULL, chain, m));
+      const bool large = stream.next_double() < kLargeStep;
+      const double shift = stream.next_double();
+      double v = large ? shift : u + 0.02 * (shift - 0.5);
+      v -= std::floor(v);
+      const double now = toy_.f(pixel(u)), then = toy_.f(pixel(v));
+      ++c.mutations;
+      ++tallies.eye_samples;
+      if (large) {
+        ++c.large_steps;
+        c.large_sum += then;
+        c.large_square_sum += then * then;
+        splat(film, 1, pixel(v), toy_.g(pixel(v)) * pixels_ / (mutations * kLargeStep),
+              rng::key(seed_, 3, chain, m), tallies);
+      }
+      const double accept = !(b0 > 0) ? 0 : now > 0 ? std::min(1.0, then / now) : 1;
+      if (b0 > 0) {
+        splat(film, 0, pixel(v), accept * unit, rng::key(seed_, 1, chain, m), tallies);
+        splat(film, 0, pixel(u), (1 - accept) * unit, rng::key(seed_, 2, chain, m), tallies);
+      }
+      const bool moved = stream.next_double() < accept;
+      if (moved) {
+        u = v;
+        ++c.accepted;
+        if (large) ++c.large_accepted;
+      }
+      c.present_stay = moved ? 0 : c.present_stay + 1;
+      if (c.present_stay > c.longest_stay) {
+        c.longest_stay = c.present_stay;
+        c.stay_x = static_cast<float>(pixel(u) % width_) + 0.5F;
+        c.stay_y = static_cast<float>(pixel(u) / width_) + 0.5F;
+      }
+    }
+    splat(film, 2, static_cast<std::uint32_t>(chain) % pixels_, 1, rng::key(seed_, 4, chain, record.segments),
+          tallies);
+    ++record.segments;
+    record.state.assign(sizeof u + chain % 7 + toy_.state_bytes, 's');
+    std::memcpy(record.state.data(), &u, sizeof u);
+    return record;
+  }
+
+  Toy toy_;
+  film::Layout layout_;
+  std::uint32_t width_, pixels_;
+  std::uint64_t seed_;
+  std::chrono::microseconds per_segment_;
+};
+
+// What a farm must come to, made here without one.
+struct Expected {
+  film::MergedFilm film;
+  std::vector<chains::ChainRecord> records;  // by chain
+  chains::BootstrapSums bootstrap;
+  NamedState state;
+  std::vector<chains::ChainCounts> counts() const {
+    std::vector<chains::ChainCounts> out;
+    for (const chains::ChainRecord& r : records) out.push_back(r.counts);
+    return out;
+  }
+  film::Development development() const {
+    return chains::development(state.bootstrap_b, chains::pool(bootstrap, counts()));
+  }
+};
+
+inline Expected expect(const JobSettings& settings, std::uint64_t rounds) {
+  const ToyRenderer renderer(settings);
+  const ChainPlan plan = Toy::from(settings.integrator_settings).plan;
+  const film::Layout layout{settings.width, settings.height, 3};
+  chains::BootstrapTable table(plan.bootstrap_samples);
+  std::vector<float> values(plan.bootstrap_samples);
+  if (!renderer.bootstrap(0, plan.bootstrap_samples, values, {}) || !table.insert(0, values)) std::abort();
+  NamedState state;
+  state.bootstrap_b = table.normalisation().b;
+  state.film_scale_log2 = chains::film_scale_log2(state.bootstrap_b, kPilotScale);
+  Expected out{film::MergedFilm(layout, state.film_scale_log2), {}, table.sums(), state};
+  out.records.resize(plan.chains);
+  const std::vector<std::uint64_t> samples = table.choose_starts(plan.chains, settings.seed);
+  const std::uint64_t n = plan.chains / 2;
+  for (std::uint64_t round = 0; round < rounds; ++round)
+    for (std::uint32_t half = 0; half < 2; ++half) {
+      const Unit unit{Unit::Kind::segments, half, round * n, (round + 1) * n};
+      std::vector<chains::ChainStart> starts;
+      for (std::uint64_t i = unit.begin; i < unit.end; ++i) {
+        const std::uint64_t chain = chains::chain_of(half, i, plan.chains);
+        starts.push_back({samples.empty() ? 0 : samples[chain], out.records[chain]});
+      }
+      const auto film = renderer.make_film(state);
+      std::vector<chains::ChainRecord> records;
+      if (!renderer.run_segments(unit, state, starts, *film, records, {})) std::abort();
+      for (std::uint64_t i = unit.begin; i < unit.end; ++i)
+        out.records[chains::chain_of(half, i, plan.chains)] = records[i - unit.begin];
+      const auto delta = film::Delta::decode(film::encode_delta(*film, {unit, layout, 0, "", ""}), layout);
+      if (!delta || !out.film.merge(*delta)) std::abort();
+    }
+  return out;
+}
+
+}  // namespace candela::toy
