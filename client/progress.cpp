@@ -63,7 +63,7 @@ std::string format_progress(const v1::JobStatus& status) {
   if (running && status.has_chains() && !status.has_named_state()) {
     parts.push_back(fmt::format("bootstrap: {} of {} samples", status.chains().bootstrap_done(),
                                 status.chains().plan().bootstrap_samples()));
-  } else if (running && status.units_merged() == 0) {
+  } else if (running && status.iterations() == 0 && status.units_merged() == 0) {
     parts.emplace_back("preparing the scene");
   } else if (running && std::isfinite(status.eta_seconds())) {
     parts.push_back("ETA " + format_duration(status.eta_seconds()));

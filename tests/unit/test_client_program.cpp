@@ -71,6 +71,38 @@ TEST(Progress, Lines) {
   EXPECT_EQ(format_progress(s), " 99%  128/128 iterations, relMSE 1.2e-03, no room");
 }
 
+// Claim: a job of chains shows its bootstrap, and then b with its relative error; scripts get every figure.
+TEST(Progress, OfChains) {
+  v1::JobStatus s = running_job();
+  s.set_iterations(0);
+  s.set_samples_per_second(0);
+  s.set_eta_seconds(std::nan(""));
+  v1::ChainStatus& chains = *s.mutable_chains();
+  chains.mutable_plan()->set_chains(1000);
+  chains.mutable_plan()->set_bootstrap_samples(100000);
+  chains.set_bootstrap_done(2500);
+  chains.set_b(std::nan(""));
+  EXPECT_EQ(format_progress(s), "  0%  0/128 iterations, bootstrap: 2500 of 100000 samples");
+  EXPECT_TRUE(nlohmann::json::parse(job_json(s)).at("chains").at("b").is_null());
+  EXPECT_TRUE(nlohmann::json::parse(job_json(s)).at("bootstrap_b").is_null());
+  s.mutable_named_state()->set_bootstrap_b(0.5);
+  s.set_units_merged(3);
+  chains.set_b(0.51234);
+  chains.set_b_standard_error(0.002);
+  chains.set_b_samples(123456);
+  v1::ChainGroupStatus& group = *chains.add_groups();
+  group.set_mutations(10);
+  group.set_longest_stay(4);
+  group.set_stay_x(7.5F);
+  EXPECT_EQ(format_progress(s), "  0%  0/128 iterations, b 0.5123 +- 0.4 %");
+  const auto json = nlohmann::json::parse(job_json(s));
+  EXPECT_EQ(json.at("bootstrap_b"), 0.5);
+  EXPECT_EQ(json.at("chains").at("b_samples"), 123456);
+  EXPECT_EQ(json.at("chains").at("bootstrap_done"), 2500);
+  EXPECT_EQ(json.at("chains").at("groups").at(0).at("longest_stay"), 4);
+  EXPECT_EQ(json.at("chains").at("groups").at(0).at("stay_pixel").at(0), 7.5);
+}
+
 // Claim: 100% is shown of a job that is done only; with several limits the furthest counts.
 TEST(Progress, FractionIsOfTheNearestEnd) {
   v1::JobStatus s = running_job();
