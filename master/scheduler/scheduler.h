@@ -245,6 +245,7 @@ class Scheduler {
   static std::optional<Unit> next_iterations(Job& job, std::uint64_t want);
   static std::optional<Unit> next_samples(Job& job, std::uint64_t want);
   static std::optional<Unit> next_segments(Job& job, std::uint64_t want, std::uint64_t active_workers);
+  static std::uint64_t most_segments(const Job& job, std::uint64_t active_workers);
   double expected_seconds(const Job& job, const WorkerState& worker, const Unit& unit) const;
   void bootstrapped(Job& job, Now now);
   void restore_chains(Job& job, const RestoredChains& restored, Now now);

@@ -46,11 +46,17 @@ std::optional<Unit> Scheduler::next_samples(Job& job, std::uint64_t want) {
   return unit;
 }
 
-std::optional<Unit> Scheduler::next_segments(Job& job, std::uint64_t want, std::uint64_t active_workers) {
+// How many segments a unit of the job may have.
+std::uint64_t Scheduler::most_segments(const Job& job, std::uint64_t active_workers) {
   const std::uint64_t share = job.row.chains->chains / (kUnitsPerWorker * active_workers);
-  want = std::min({want, job.per_round(), std::max<std::uint64_t>(share, 1)});
+  std::uint64_t most = std::min(job.per_round(), std::max<std::uint64_t>(share, 1));
   if (job.record_bytes > 0)
-    want = std::min<std::uint64_t>(want, std::max<std::size_t>(kMaxLeaseBytes / job.record_bytes, 1));
+    most = std::min<std::uint64_t>(most, std::max<std::size_t>(kMaxLeaseBytes / job.record_bytes, 1));
+  return most;
+}
+
+std::optional<Unit> Scheduler::next_segments(Job& job, std::uint64_t want, std::uint64_t active_workers) {
+  want = std::min(want, most_segments(job, active_workers));
   // The halves advance together, so that an error estimate is there early.
   std::uint32_t half = job.taken[0].count() <= job.taken[1].count() ? 0 : 1;
   for (int i = 0; i < 2; ++i, half = 1 - half) {

@@ -109,7 +109,9 @@ UnitState* Scheduler::cut(Job& job, const WorkerState& worker, bool prefetch, No
     // What a full-size unit would be, not the guided one: else there are always two a worker left.
     SizingInput full = in;
     full.remaining = 0;
-    if (open_count + remaining / unit_iterations(full) <= 2 * active) return nullptr;
+    std::uint64_t size = unit_iterations(full);
+    if (job.row.chains && !job.in_bootstrap()) size = std::min(size, most_segments(job, active));
+    if (open_count + remaining / size <= 2 * active) return nullptr;
   }
   if (open != nullptr) return open;
   if (remaining == 0) return nullptr;

@@ -247,6 +247,7 @@ void Farm::audit(const std::string& id, std::uint64_t iterations, bool complete)
   request.set_job_id(id);
   const v1::GetLedgerResponse ledger = ask(stub(), &v1::FarmService::Stub::GetLedger, request);
   const v1::JobStatus status = job(id);
+  const std::uint64_t chains = status.has_chains() ? status.chains().plan().chains() : 0;
 
   std::array<std::vector<std::pair<std::uint64_t, std::uint64_t>>, 2> rows, film;
   std::vector<std::uint64_t> ids;
@@ -286,16 +287,29 @@ void Farm::audit(const std::string& id, std::uint64_t iterations, bool complete)
     const auto from_film = join(film[half], "film");
     EXPECT_EQ(from_rows, from_film) << "ledger and film differ in half " << half;
     for (const auto& [begin, end] : from_film) counted += end - begin;
-    const std::uint64_t wanted = half == 0 ? (iterations + 1) / 2 : iterations / 2;
+    const std::uint64_t wanted = chains > 0  ? iterations * chains / 2
+                                 : half == 0 ? (iterations + 1) / 2
+                                             : iterations / 2;
     if (complete && wanted > 0) {
       ASSERT_EQ(from_film.size(), 1U) << "gaps in half " << half;
       EXPECT_EQ(from_film[0], (std::pair<std::uint64_t, std::uint64_t>(0, wanted)));
     }
   }
+  const std::uint64_t round = std::max<std::uint64_t>(chains, 1);  // indices of an iteration
   if (complete) {
-    EXPECT_EQ(counted, iterations);
+    EXPECT_EQ(counted, iterations * round);
   }
-  EXPECT_EQ(status.iterations(), counted);
+  EXPECT_EQ(status.iterations(), counted / round);
+  if (chains > 0) {  // what their samples are is their integrator's; each segment has its mutations
+    EXPECT_EQ(ledger.chain_segments(), counted) << "the chains' records are of other segments than the film";
+    std::uint64_t mutations = 0;
+    for (const v1::ChainGroupStatus& group : status.chains().groups()) mutations += group.mutations();
+    if (complete) {
+      EXPECT_EQ(mutations, counted * status.chains().plan().segment_mutations());
+    }
+    EXPECT_EQ(status.samples(), ledger.film_eye_samples());
+    return;
+  }
   const std::uint64_t pixels = std::uint64_t{status.settings().width()} * status.settings().height();
   EXPECT_EQ(ledger.film_eye_samples(), pixels * counted)
       << "the film counted other samples than its units have";

@@ -84,8 +84,16 @@ std::optional<v1::Lease> HandWorker::try_acquire() {
   expect_ok(stub_->AcquireLease(&context, request, &response), "AcquireLease");
   if (!response.has_lease()) return std::nullopt;
   const v1::Lease& lease = response.lease();
-  if (lease.unit().kind() != v1::Unit::KIND_PILOT) return lease;
+  if (lease.unit().kind() == v1::Unit::KIND_PILOT)
+    complete_pilot(lease);
+  else if (lease.unit().kind() == v1::Unit::KIND_BOOTSTRAP)
+    complete_bootstrap(lease);
+  else
+    return lease;
+  return std::nullopt;
+}
 
+void HandWorker::complete_pilot(const v1::Lease& lease) {
   const PilotResult pilot = unwrap(renderer_for(lease, scene_file_for_pilots).pilot({}));
   v1::CompletePilotRequest done;
   done.set_worker_id(registered_.worker_id());
@@ -95,12 +103,29 @@ std::optional<v1::Lease> HandWorker::try_acquire() {
   done.set_plan(pilot.plan);
   done.set_seconds_per_iteration(pilot.seconds_per_iteration);
   for (const std::string& layer : pilot.layers) done.add_layers(layer);
+  if (pilot.chains) wire::to_proto(*pilot.chains, *done.mutable_chains());
   v1::CompletePilotResponse accepted;
-  grpc::ClientContext pilot_context;
-  set_deadline(pilot_context);
-  expect_ok(stub_->CompletePilot(&pilot_context, done, &accepted), "CompletePilot");
+  grpc::ClientContext context;
+  set_deadline(context);
+  expect_ok(stub_->CompletePilot(&context, done, &accepted), "CompletePilot");
   if (!accepted.accepted()) throw std::runtime_error("the pilot was not accepted");
-  return std::nullopt;
+}
+
+void HandWorker::complete_bootstrap(const v1::Lease& lease) {
+  const Unit unit = unwrap(wire::from_proto(lease.unit()));
+  std::vector<float> contributions(unit.end - unit.begin);
+  unwrap(renderer_for(lease, scene_file_for_pilots).bootstrap(unit.begin, unit.end, contributions, {}));
+  v1::CompleteBootstrapRequest done;
+  done.set_worker_id(registered_.worker_id());
+  done.set_session(registered_.session());
+  done.set_token(lease.token());
+  done.mutable_contributions()->Add(contributions.begin(), contributions.end());
+  done.set_render_seconds(0.1);
+  v1::CompleteBootstrapResponse accepted;
+  grpc::ClientContext context;
+  set_deadline(context);
+  expect_ok(stub_->CompleteBootstrap(&context, done, &accepted), "CompleteBootstrap");
+  if (!accepted.accepted()) throw std::runtime_error("the bootstrap samples were not accepted");
 }
 
 v1::Lease HandWorker::acquire(double seconds) {
@@ -125,7 +150,12 @@ Push HandWorker::delta_for(const v1::Lease& lease, const std::string& scene_file
   const NamedState state = unwrap(wire::from_proto(lease.named_state()));
   const Unit unit = unwrap(wire::from_proto(lease.unit()));
   const auto film = renderer.make_film(state);
-  const Result<void> ran = renderer.run(unit, *film, {});
+  std::vector<chains::ChainStart> starts;
+  for (const v1::ChainStart& start : lease.chain_starts()) starts.push_back(unwrap(wire::from_proto(start)));
+  std::vector<chains::ChainRecord> records;
+  const Result<void> ran = unit.kind == Unit::Kind::segments
+                               ? renderer.run_segments(unit, state, starts, *film, records, {})
+                               : renderer.run(unit, *film, {});
   if (!ran.ok()) throw std::runtime_error(ran.error().to_string());
 
   film::DeltaInfo info;
@@ -135,7 +165,8 @@ Push HandWorker::delta_for(const v1::Lease& lease, const std::string& scene_file
   info.job_id = lease.job_id();
   info.build_id = std::string(build_id());
   Push push;
-  push.bytes = film::encode_delta(*film, info);
+  const std::string record_bytes = chains::encode(std::span<const chains::ChainRecord>(records));
+  push.bytes = film::encode_delta(*film, info) + record_bytes;
   push.header.set_worker_id(registered_.worker_id());
   push.header.set_session(registered_.session());
   push.header.set_token(lease.token());
@@ -144,6 +175,7 @@ Push HandWorker::delta_for(const v1::Lease& lease, const std::string& scene_file
   *push.header.mutable_unit() = lease.unit();
   push.header.set_build_id(std::string(build_id()));
   push.header.set_size_bytes(push.bytes.size());
+  push.header.set_records_bytes(record_bytes.size());
   push.header.set_sha256(sha256_hex(push.bytes));
   push.header.set_render_seconds(0.1);
   return push;

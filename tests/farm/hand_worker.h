@@ -30,7 +30,8 @@ class HandWorker {
   static grpc::Status try_register(const std::string& address, std::uint32_t protocol,
                                    const std::string& build_id);
 
-  // The next lease of iterations; pilots are done on the way. Throws if none comes within `seconds`.
+  // The next lease of iterations or segments; pilots and bootstraps are done on the way. Throws if none comes
+  // within `seconds`.
   v1::Lease acquire(double seconds = 30);
   // Nothing if there is nothing to do now.
   std::optional<v1::Lease> try_acquire();
@@ -47,6 +48,8 @@ class HandWorker {
   const std::string& id() const { return registered_.worker_id(); }
 
  private:
+  void complete_pilot(const v1::Lease& lease);
+  void complete_bootstrap(const v1::Lease& lease);
   render::Renderer& renderer_for(const v1::Lease& lease, const std::string& scene_file);
 
   std::unique_ptr<v1::WorkerService::Stub> stub_;
