@@ -1,0 +1,216 @@
+// candela-bench: error over time of the integrators, the instrument of docs/bench.md.
+#include <fcntl.h>
+#include <signal.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <cstdio>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "common/base/files.h"
+#include "common/base/version.h"
+#include "tests/bench/candela_bench/process.h"
+#include "tests/bench/candela_bench/schedule.h"
+#include "tests/bench/candela_bench/truth.h"
+
+namespace {
+
+using namespace candela;
+using namespace candela::bench;
+
+// Set by a signal, which can reach nothing else.
+std::atomic<bool> stop_requested{false};
+
+void request_stop(int) {
+  stop_requested.store(true);
+}
+
+void listen_for_signals() {
+  struct sigaction action {};
+  action.sa_handler = request_stop;
+  action.sa_flags = static_cast<int>(SA_RESETHAND);  // the second one ends the program
+  ::sigaction(SIGINT, &action, nullptr);
+  ::sigaction(SIGTERM, &action, nullptr);
+  ::signal(SIGPIPE, SIG_IGN);
+}
+
+int fail(const Error& error) {
+  std::fprintf(stderr, "candela-bench: error: %s\n", error.to_string().c_str());
+  return error.exit_code();
+}
+
+void say(const std::string& line) {
+  std::fprintf(stderr, "%s\n", line.c_str());
+}
+
+EstimatorFactory processes() {
+  const std::string program = std::filesystem::read_symlink("/proc/self/exe").string();
+  return [program](const RunSpec& run) { return make_process_estimator(program, run); };
+}
+
+// Loads each reference once.
+class References {
+ public:
+  explicit References(bool with_flip) : with_flip_(with_flip) {}
+  Result<std::shared_ptr<const Reference>> get(const std::string& path) {
+    if (const auto found = loaded_.find(path); found != loaded_.end()) return found->second;
+    CANDELA_ASSIGN(auto reference, Reference::read(path, with_flip_));
+    return loaded_[path] = reference;
+  }
+
+ private:
+  bool with_flip_;
+  std::map<std::string, std::shared_ptr<const Reference>> loaded_;
+};
+
+Result<int> run(const RunOptions& options) {
+  Schedule schedule;
+  schedule.machine = this_machine();  // before anything else: the load is that of others
+  CANDELA_ASSIGN(const Work work, prepare(options));
+  std::optional<Store> store;
+  if (!work.out.empty()) {
+    CANDELA_ASSIGN(Store opened, Store::open(work.out));
+    store = std::move(opened);
+  }
+  schedule.budget = work.budget;
+  schedule.reference_factor = work.reference_factor;
+  schedule.beside = work.beside;
+  schedule.flip = work.flip;
+  schedule.stop = &stop_requested;
+  schedule.say = say;
+  References references(work.flip);
+  const auto read = [&](const std::string& path) { return references.get(path); };
+  const std::vector<RunResult> results =
+      run_all(work.runs, schedule, processes(), read, store ? &*store : nullptr);
+
+  int code = 0;
+  for (const RunResult& result : results)
+    if (result.error) {
+      std::fprintf(stderr, "candela-bench: error: %s with %s, seed %llu: %s\n", result.run.scene.c_str(),
+                   result.run.variant.c_str(), static_cast<unsigned long long>(result.run.job.seed),
+                   result.error->to_string().c_str());
+      code = result.error->exit_code();
+    }
+  if (store) {
+    for (const RunSpec& spec : work.runs) {
+      CANDELA_ASSIGN(const auto reference, references.get(spec.reference));
+      CANDELA_TRY(store->write_image("reference-" + spec.scene, reference->width(), reference->height(),
+                                     reference->rgb()));
+    }
+    CANDELA_TRY(store->collect());
+    std::printf("%s\n", (store->folder() / "rows.csv").c_str());
+  } else {
+    bool header = true;
+    for (const RunResult& result : results) {
+      CANDELA_ASSIGN(const auto reference, references.get(result.run.reference));
+      std::fputs(csv_of(result.run, result.rows, reference.get(), header).c_str(), stdout);
+      header = false;
+    }
+  }
+  if (stop_requested) {
+    std::fprintf(stderr, "candela-bench: stopped%s\n", store ? "; the same command goes on" : "");
+    return 130;
+  }
+  return code;
+}
+
+// Kept apart from what libraries may print.
+int serve_on_standard_streams() {
+  const int out = ::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 3);
+  ::dup2(STDERR_FILENO, STDOUT_FILENO);
+  return serve(STDIN_FILENO, out, make_render_estimator);
+}
+
+bool parse_size(const std::string& text, std::uint32_t& width, std::uint32_t& height) {
+  char end = 0;
+  return std::sscanf(text.c_str(), "%ux%u%c", &width, &height, &end) == 2 && width > 0 && height > 0 &&
+         width <= Limits::max_extent && height <= Limits::max_extent;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (const char* feature = missing_cpu_feature()) {
+    std::fprintf(stderr, "candela-bench: error: this CPU lacks %s, for which this program was built\n",
+                 feature);
+    return 2;
+  }
+  CLI::App app(
+      "Error over time of Candela's integrators (docs/bench.md). The scenes, integrators, settings and "
+      "seeds\n"
+      "that a list or the options name take turns in small slices; at log-spaced points their error against\n"
+      "a reference is recorded, with what it took.",
+      "candela-bench");
+  app.require_subcommand(1);
+  app.set_version_flag("--version", std::string(version()) + " (" + std::string(build_id()) + ")");
+  RunOptions options;
+  CLI::App& run_command =
+      *app.add_subcommand("run", "runs a list, or one scene by options; goes on where rows are missing");
+  run_command.add_option("list", options.list, "TOML file of scenes and runs (docs/bench.md)");
+  run_command
+      .add_option("--scene,--scenes", options.scenes,
+                  "a scene file; with a list: names of its scenes, to run only these")
+      ->delimiter(',');
+  run_command.add_option("--name", options.name, "what the scene is called in rows; default: after its file");
+  run_command.add_option("--reference", options.reference,
+                         "EXR to compare with, and NAME.stderr.exr beside it; its size is the image's");
+  run_command
+      .add_option("--integrator,--integrators", options.integrators,
+                  "default: all there are; with a list: names of its runs, to do only these")
+      ->delimiter(',');
+  run_command.add_option("--set", options.sets,
+                         "KEY=VALUE where an integrator has it, or INTEGRATOR.KEY=VALUE");
+  run_command.add_option("--seed,--seeds", options.seeds, "default: the list's, or 1")->delimiter(',');
+  run_command.add_option("--iterations", options.iterations, "equal iterations: as many of each run");
+  run_command.add_option("--time", options.seconds, "equal time: as many seconds of rendering of each run");
+  run_command.add_option("--clock", options.clock, "what --time counts: cpu (default) or wall");
+  run_command.add_option("--threads", options.threads, "of each render; default: 1");
+  run_command.add_option("--out", options.out, "folder of rows; default: rows go to standard output");
+  run_command.add_option("--slice", options.slice_seconds, "seconds of a turn; default: 0.5");
+  run_command.add_option("--beside", options.beside,
+                         "how many runs are in memory and take turns; default: all");
+  run_command.add_option("--points-per-doubling", options.points_per_doubling,
+                         "rows a doubling of iterations or time; default: 1");
+  run_command.add_option("--reference-factor", options.reference_factor,
+                         "least measured squared error over the reference's own; default: 10");
+  run_command.add_flag("--no-flip", options.no_flip, "leave FLIP out, the slowest of the figures");
+
+  TruthOptions truth;
+  std::string size;
+  CLI::App& reference_command = *app.add_subcommand(
+      "reference", "renders a reference with two integrators, refused where they disagree");
+  reference_command.add_option("--scene", truth.scene_file, "a scene file")->required();
+  reference_command.add_option("--size", size, "WIDTHxHEIGHT")->required();
+  reference_command.add_option("--integrators", truth.integrators, "two of them, unbiased ones")
+      ->delimiter(',')
+      ->required();
+  reference_command.add_option("--set", truth.sets, "KEY=VALUE or INTEGRATOR.KEY=VALUE");
+  reference_command.add_option("--iterations", truth.iterations, "of each integrator")->required();
+  reference_command.add_option("--batches", truth.batches, "of each integrator; default: 16");
+  reference_command.add_option("--block", truth.block,
+                               "pixels a side of the blocks that are compared; default: 16");
+  reference_command.add_option("--threads", truth.threads, "default: 1");
+  reference_command.add_option("--out", truth.out, "NAME.exr; NAME.stderr.exr is written beside it")
+      ->required();
+
+  // The process that renders one run, asked through pipes.
+  CLI::App& serve_command = *app.add_subcommand("serve", "");
+  serve_command.group("");
+  CLI11_PARSE(app, argc, argv);
+
+  if (serve_command.parsed()) return serve_on_standard_streams();
+  listen_for_signals();
+  if (run_command.parsed()) {
+    const Result<int> code = run(options);
+    return code.ok() ? *code : fail(code.error());
+  }
+  if (!parse_size(size, truth.width, truth.height))
+    return fail(usage_error("not WIDTHxHEIGHT").with_field("--size"));
+  const auto made = make_truth(truth, processes(), stop_requested, say);
+  if (!made.ok()) return fail(made.error());
+  std::printf("%s\n%s\n", truth.out.c_str(), made->c_str());
+  return 0;
+}
