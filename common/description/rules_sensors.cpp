@@ -125,7 +125,7 @@ std::vector<PropertyRule> integrator_properties(std::vector<PropertyRule> own) {
        .minimum = -1},
       {.name = "rr_depth",
        .types = {integer},
-       .doc = "path depth from which Russian roulette may end a path (default 5)",
+       .doc = "path depth from which Russian roulette may end a path (default: see the integrator)",
        .minimum = 1},
       flag("hide_emitters", "directly visible emitters are left out (default false)"),
       ignored("samples_per_pass", {integer}, "the farm cuts work into units itself"),
@@ -187,6 +187,23 @@ void add_integrators(std::vector<PluginRule>& table) {
                    .properties = integrator_properties({alpha}),
                    .child_categories = {},
                    .doc = "vertex connection and merging"});
+  const std::string_view their_own = "chains have settings of their own: --help of the integrator";
+  const std::vector<PropertyRule> chains = {ignored("luminance_samples", {integer}, their_own),
+                                            ignored("direct_samples", {integer}, their_own),
+                                            ignored("p_large", {number}, their_own),
+                                            ignored("two_stage", {boolean}, "0.6: the bootstrap is uniform")};
+  std::vector<PropertyRule> over = chains;
+  over.push_back(ignored("bidirectional", {boolean}, "0.6: --set over=bdpt or over=path"));
+  table.push_back({.category = "integrator",
+                   .name = "pssmlt",
+                   .properties = integrator_properties(std::move(over)),
+                   .child_categories = {},
+                   .doc = "Metropolis light transport in primary sample space"});
+  table.push_back({.category = "integrator",
+                   .name = "mmlt",
+                   .properties = integrator_properties(chains),
+                   .child_categories = {},
+                   .doc = "multiplexed Metropolis light transport"});
 }
 
 namespace {

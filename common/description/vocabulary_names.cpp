@@ -21,7 +21,6 @@ const std::vector<MitsubaNames>& mitsuba_names() {
   static const std::vector<MitsubaNames> names = {
       {"integrator",
        {"direct",
-        "pssmlt",
         "mlt",
         "erpt",
         "photonmapper",
@@ -43,7 +42,6 @@ const std::vector<MitsubaNames>& mitsuba_names() {
         "ao",
         "field",
         "multichannel",
-        "mmlt",
         "upm",
         "singlescatter"}},
       {"sensor",

@@ -2,8 +2,10 @@
 #include "worker/integrators/bdpt/bdpt.h"
 #include "worker/integrators/integrator.h"
 #include "worker/integrators/light/light.h"
+#include "worker/integrators/mmlt/mmlt.h"
 #include "worker/integrators/path/path.h"
 #include "worker/integrators/ppm/ppm.h"
+#include "worker/integrators/pssmlt/pssmlt.h"
 #include "worker/integrators/settings.h"
 #include "worker/integrators/vcm/vcm.h"
 
@@ -31,6 +33,8 @@ const std::vector<IntegratorEntry>& registry() {
       {"ppm", &make_ppm_integrator, &complete<PpmSettings>, &document<PpmSettings>},
       {"bpm", &make_bpm_integrator, &complete<BpmSettings>, &document<BpmSettings>},
       {"vcm", &make_vcm_integrator, &complete<VcmSettings>, &document<VcmSettings>},
+      {"pssmlt", &make_pssmlt_integrator, &complete<PssmltSettings>, &document<PssmltSettings>},
+      {"mmlt", &make_mmlt_integrator, &complete<MmltSettings>, &document<MmltSettings>},
   };
   return entries;
 }

@@ -1,0 +1,154 @@
+// Integrators of Markov chains beside path and bdpt: mutations (or samples) a CPU second, bytes of a chain's
+// state, and relMSE times CPU seconds against the references of SHARED. One thread, CPU seconds (user) of
+// rendering alone, the bootstrap's included; methods in turn for each seed, medians over seeds.
+//
+//   bench_chains SHARED [--scenes A,B] [--seeds N] [--rounds N] [--set KEY=VALUE]
+// Mitsuba 0.6 on veach-bidir (../shared/peers.md, measured on a machine of this kind on another day): pssmlt
+// over bdpt 0.079 M, over path 0.27 M mutations a CPU second.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "common/image/image.h"
+#include "common/stats/image_error.h"
+#include "tests/statistical/chain_driver.h"
+
+namespace {
+
+using namespace candela;
+using namespace candela::statistical;
+
+struct Row {
+  std::string name, integrator;
+  SettingsMap settings;
+  std::vector<double> rates, efficiencies, trimmed;
+  double acceptance = 0, large_acceptance = 0;
+  double mean_bytes = 0;
+  std::size_t most_bytes = 0;
+};
+
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  const std::size_t n = values.size();
+  return n == 0 ? NAN : (values[(n - 1) / 2] + values[n / 2]) / 2;
+}
+
+// Image, rate and CPU seconds of one seed.
+struct Sample {
+  std::vector<float> image;
+  double count = 0, rate_seconds = 0, seconds = 0;
+};
+
+Sample run_chains(Row& row, const TestScene& scene, std::uint64_t seed, std::uint64_t rounds) {
+  ChainJob job;
+  job.scene = scene;
+  job.rounds = rounds;
+  const ChainImage result = render_chains(job, seed);
+  chains::ChainCounts all;
+  std::size_t bytes = 0;
+  for (const auto& record : result.records) {
+    all.mutations += record.counts.mutations;
+    all.accepted += record.counts.accepted;
+    all.large_steps += record.counts.large_steps;
+    all.large_accepted += record.counts.large_accepted;
+    bytes += record.state.size();
+    row.most_bytes = std::max(row.most_bytes, record.state.size());
+  }
+  row.mean_bytes = static_cast<double>(bytes) / static_cast<double>(result.records.size());
+  row.acceptance = static_cast<double>(all.accepted) / static_cast<double>(all.mutations);
+  row.large_acceptance = static_cast<double>(all.large_accepted) / static_cast<double>(all.large_steps);
+  return {{result.image.begin(), result.image.end()},
+          static_cast<double>(all.mutations),
+          result.segments_seconds,
+          result.segments_seconds + result.bootstrap_seconds};
+}
+
+Sample run_iterations(const TestScene& scene, std::uint64_t seed, std::uint64_t iterations) {
+  const NamedState state = pilot_state(scene);
+  TestScene seeded = scene;
+  seeded.settings.seed = seed;
+  const auto renderer = make_renderer(seeded);
+  const auto film = renderer->make_film(state);
+  const std::clock_t begin = std::clock();
+  if (!renderer->run({Unit::Kind::iterations, 0, 0, iterations}, *film, {}).ok()) std::abort();
+  const double seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
+  const double to_value = std::ldexp(1.0, -film->scale_log2()) / static_cast<double>(iterations);
+  Sample sample;
+  for (std::size_t i = 0; i < film->layout().pixel_count() * 3; ++i)
+    sample.image.push_back(static_cast<float>(static_cast<double>(film->sums()[i]) * to_value));
+  sample.count = static_cast<double>(film->tallies().eye_samples);
+  sample.rate_seconds = sample.seconds = seconds;
+  return sample;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const std::string usage =
+      "usage: bench_chains SHARED [--scenes A,B] [--seeds N] [--rounds N] [--set k=v]\n";
+  if (argc < 2 || argc % 2 != 0) {
+    std::fputs(usage.c_str(), stderr);
+    return 2;
+  }
+  const std::string folder = argv[1];
+  std::vector<std::string> scenes = {"veach-bidir", "veach-ajar"};
+  std::uint64_t seeds = 3, rounds = 1;
+  SettingsMap chosen;
+  for (int i = 2; i + 1 < argc; i += 2) {
+    const std::string option = argv[i], value = argv[i + 1];
+    if (option == "--scenes") {
+      scenes.clear();
+      std::istringstream in(value);
+      for (std::string part; std::getline(in, part, ',');) scenes.push_back(part);
+    } else if (option == "--seeds") {
+      seeds = std::strtoull(value.c_str(), nullptr, 10);
+    } else if (option == "--rounds") {
+      rounds = std::strtoull(value.c_str(), nullptr, 10);
+    } else if (option == "--set" && value.find('=') != std::string::npos) {
+      chosen[value.substr(0, value.find('='))] = value.substr(value.find('=') + 1);
+    } else {
+      std::fputs(usage.c_str(), stderr);
+      return 2;
+    }
+  }
+  for (const std::string& name : scenes) {
+    const auto truth = image::read_image(folder + "/references/" + name + ".exr");
+    if (!truth.ok()) {
+      std::fprintf(stderr, "%s\n", truth.error().to_string().c_str());
+      return 2;
+    }
+    std::vector<Row> rows;
+    rows.push_back({"path", "path", {}, {}, {}, {}});
+    rows.push_back({"bdpt", "bdpt", {}, {}, {}, {}});
+    rows.push_back({"pssmlt path", "pssmlt", {{"over", "path"}}, {}, {}, {}});
+    rows.push_back({"pssmlt bdpt", "pssmlt", {{"over", "bdpt"}}, {}, {}, {}});
+    rows.push_back({"mmlt", "mmlt", {}, {}, {}, {}});
+    for (std::uint64_t seed = 1; seed <= seeds; ++seed)
+      for (Row& row : rows) {
+        TestScene scene = scene_from_shared(name, truth->width, truth->height);
+        const bool chained = row.integrator == "pssmlt" || row.integrator == "mmlt";
+        SettingsMap settings = row.settings;
+        if (chained)
+          for (const auto& [key, value] : chosen) settings[key] = value;
+        scene = with_integrator(scene, row.integrator, settings);
+        const Sample sample = chained ? run_chains(row, scene, seed, rounds) : run_iterations(scene, seed, 8);
+        const auto error = stats::compare(sample.image, truth->rgb, truth->width, truth->height);
+        row.rates.push_back(sample.count / sample.rate_seconds * 1e-6);
+        row.efficiencies.push_back(error.relmse * sample.seconds);
+        row.trimmed.push_back(error.relmse_trimmed * sample.seconds);
+      }
+    std::printf("%-12s %-12s %9s %22s %8s %8s %14s\n", "scene", "", "M/CPU s", "relMSE x CPU s (trim)",
+                "accept", "large", "state bytes");
+    for (const Row& row : rows)
+      std::printf("%-12s %-12s %9.3f %12.4f (%7.4f) %8.3f %8.3f %6.0f (%5zu)\n", name.c_str(),
+                  row.name.c_str(), median(row.rates), median(row.efficiencies), median(row.trimmed),
+                  row.acceptance, row.large_acceptance, row.mean_bytes, row.most_bytes);
+    std::fflush(stdout);
+  }
+  return 0;
+}

@@ -1,0 +1,123 @@
+#include "tests/statistical/chain_driver.h"
+
+#include <fmt/format.h>
+#include <sys/resource.h>
+
+#include <atomic>
+#include <cmath>
+#include <exception>
+#include <mutex>
+#include <stdexcept>
+#include <thread>
+
+namespace candela::statistical {
+namespace {
+
+template <class T>
+T value_of(Result<T> result) {
+  if (!result.ok()) throw std::runtime_error(result.error().to_string());
+  return std::move(result).value();
+}
+
+double cpu_seconds() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_utime.tv_sec) + 1e-6 * static_cast<double>(usage.ru_utime.tv_usec);
+}
+
+}  // namespace
+
+ChainImage render_chains(const ChainJob& job, std::uint64_t seed) {
+  TestScene scene = job.scene;
+  scene.settings.seed = seed;
+  const auto renderer = make_renderer(scene);
+  render::RunContext run;
+  run.threads = job.threads;
+  const PilotResult pilot = value_of(renderer->pilot(run));
+  if (!pilot.chains) throw std::runtime_error("not a job of chains");
+  ChainImage result;
+  result.plan = *pilot.chains;
+  result.width = scene.settings.width;
+  result.height = scene.settings.height;
+
+  std::vector<float> contributions(result.plan.bootstrap_samples);
+  const double begin = cpu_seconds();
+  result.tallies = value_of(renderer->bootstrap(0, contributions.size(), contributions, run));
+  result.bootstrap_seconds = cpu_seconds() - begin;
+  chains::BootstrapTable table(contributions.size());
+  if (const auto inserted = table.insert(0, contributions); !inserted.ok())
+    throw std::runtime_error(inserted.error().to_string());
+  result.b0 = table.normalisation();
+  const auto starts = table.choose_starts(result.plan.chains, seed);
+  NamedState state;
+  state.bootstrap_b = result.b0.b * job.b0_factor;
+  state.film_scale_log2 = chains::film_scale_log2(state.bootstrap_b, pilot.state.film_scale_log2);
+
+  const auto film = renderer->make_film(state);
+  const std::uint64_t each = result.plan.chains / 2;
+  const double chains_begin = cpu_seconds();
+  result.records.resize(result.plan.chains);
+  for (std::uint64_t round = 0; round < job.rounds; ++round) {
+    for (std::uint32_t half = 0; half < 2; ++half) {
+      const Unit unit{Unit::Kind::segments, half, round * each, (round + 1) * each};
+      std::vector<chains::ChainStart> from;
+      for (std::uint64_t i = unit.begin; i < unit.end; ++i) {
+        const std::uint64_t chain = chains::chain_of(half, i, result.plan.chains);
+        from.push_back({starts.empty() ? 0 : starts[chain], result.records[chain]});
+      }
+      std::vector<chains::ChainRecord> records;
+      if (const auto done = renderer->run_segments(unit, state, from, *film, records, run); !done.ok())
+        throw std::runtime_error(done.error().to_string());
+      for (std::uint64_t i = 0; i < records.size(); ++i)
+        result.records[chains::chain_of(half, unit.begin + i, result.plan.chains)] = records[i];
+    }
+  }
+  result.segments_seconds = cpu_seconds() - chains_begin;
+  result.tallies.add(film->tallies());
+
+  std::vector<chains::ChainCounts> counts;
+  for (const auto& record : result.records) counts.push_back(record.counts);
+  result.b = chains::pool(table, counts);
+  const double ratio = state.bootstrap_b > 0 ? result.b.b / state.bootstrap_b : 0;
+  const std::size_t values = film->layout().pixel_count() * 3;
+  const double each_segment =
+      std::ldexp(1.0, -film->scale_log2()) / static_cast<double>(job.rounds * result.plan.chains);
+  result.sums.assign(film->sums(), film->sums() + values * film->layout().layers);
+  for (std::size_t i = 0; i < values; ++i) {
+    result.chains.push_back(static_cast<double>(film->sums()[i]) * each_segment);
+    result.others.push_back(static_cast<double>(film->sums()[values + i]) * each_segment);
+    result.image.push_back(ratio * result.chains.back() + result.others.back());
+  }
+  return result;
+}
+
+Estimator make_chain_estimator(const std::string& name, const ChainJob& job, std::uint64_t seed,
+                               std::size_t batches, const Regions& regions) {
+  return {name, [=](std::uint64_t stage, double effort) {
+            ChainJob larger = job;
+            larger.rounds = static_cast<std::uint64_t>(std::ceil(static_cast<double>(job.rounds) * effort));
+            Rows rows(batches);
+            std::atomic<std::size_t> next{0};
+            std::mutex mutex;
+            std::exception_ptr trouble;
+            const auto work = [&] {
+              for (std::size_t batch = next++; batch < batches; batch = next++) try {
+                  const ChainImage image = render_chains(larger, seed + (stage << 20) + batch);
+                  for (const std::uint64_t rejected : image.tallies.rejected)
+                    if (rejected != 0) throw std::runtime_error(fmt::format("{} rejected", rejected));
+                  rows[batch] = regions.means(image.image);
+                } catch (...) {
+                  const std::lock_guard lock(mutex);
+                  trouble = std::current_exception();
+                }
+            };
+            {
+              std::vector<std::jthread> threads;
+              for (unsigned i = 0; i < 2; ++i) threads.emplace_back(work);
+            }
+            if (trouble) std::rethrow_exception(trouble);
+            return rows;
+          }};
+}
+
+}  // namespace candela::statistical
