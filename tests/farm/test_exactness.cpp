@@ -28,6 +28,12 @@ struct Fleet {
 // smaller, as each costs more.
 constexpr std::uint64_t kFewIterations = 201;
 
+// An iteration of Markov chains is many mutations a pixel.
+constexpr std::uint64_t kRounds = 15;
+bool has_chains(const std::string& integrator) {
+  return integrator == "pssmlt" || integrator == "mmlt";
+}
+
 bool built(const std::string& integrator) {
   const auto names = render::integrator_names();
   return std::find(names.begin(), names.end(), integrator) != names.end();
@@ -58,7 +64,8 @@ INSTANTIATE_TEST_SUITE_P(
                     Fleet{3, 1, "light", kFewIterations}, Fleet{1, 2, "bdpt", kFewIterations},
                     Fleet{3, 1, "bdpt", kFewIterations}, Fleet{2, 2, "ppm", kFewIterations},
                     Fleet{2, 2, "bpm", kFewIterations}, Fleet{1, 2, "vcm", kFewIterations},
-                    Fleet{5, 1, "vcm", kFewIterations}),
+                    Fleet{5, 1, "vcm", kFewIterations}, Fleet{1, 2, "pssmlt", kRounds},
+                    Fleet{4, 1, "pssmlt", kRounds}, Fleet{3, 1, "mmlt", kRounds}),
     [](const testing::TestParamInfo<Fleet>& one) {
       const std::string name = one.param.integrator;
       return (name == "path" ? "" : name) + std::to_string(one.param.workers) + "Workers" +
@@ -71,7 +78,9 @@ class UnitTimes : public testing::TestWithParam<std::pair<const char*, const cha
 TEST_P(UnitTimes, SamePixels) {
   const auto [seconds, integrator] = GetParam();
   ASSERT_TRUE(built(integrator)) << integrator;
-  const std::uint64_t iterations = integrator == std::string("path") ? kIterations : kFewIterations;
+  const std::uint64_t iterations = integrator == std::string("path") ? kIterations
+                                   : has_chains(integrator)          ? kRounds
+                                                                     : kFewIterations;
   Farm farm;
   farm.start_master({"--unit-time", seconds});
   for (const char* name : {"a", "b"}) farm.start_worker(name);
@@ -85,7 +94,8 @@ TEST_P(UnitTimes, SamePixels) {
 INSTANTIATE_TEST_SUITE_P(, UnitTimes,
                          testing::Values(std::pair("0.01", "path"), std::pair("0.3", "path"),
                                          std::pair("5", "path"), std::pair("0.01", "bdpt"),
-                                         std::pair("0.01", "vcm"), std::pair("0.3", "vcm")),
+                                         std::pair("0.01", "vcm"), std::pair("0.3", "vcm"),
+                                         std::pair("0.01", "pssmlt"), std::pair("0.3", "mmlt")),
                          [](const auto& one) {
                            std::string name = one.param.first;
                            std::replace(name.begin(), name.end(), '.', '_');
@@ -100,10 +110,13 @@ class Order : public testing::TestWithParam<const char*> {};
 TEST_P(Order, BackwardsInBatchesOfFive) {
   const char* const integrator = GetParam();
   ASSERT_TRUE(built(integrator)) << integrator;
-  constexpr std::uint64_t iterations = 40;
+  const std::uint64_t iterations = has_chains(integrator) ? 4 : 40;
+  // The hand worker's units are as small as can be: few chains keep their number small.
+  std::vector<std::string> options = with(integrator);
+  if (has_chains(integrator)) options.insert(options.end(), {"--set", "chains=20", "--set", "bootstrap=200"});
   Farm farm;
   farm.start_master({"--unit-time", "0.01"});
-  const std::string id = farm.submit(iterations, "cornell", with(integrator));
+  const std::string id = farm.submit(iterations, "cornell", options);
   HandWorker worker(farm.address(), "backwards");
   worker.scene_file_for_pilots = scene_path("cornell");
   bool out_of_order = false;
@@ -119,12 +132,11 @@ TEST_P(Order, BackwardsInBatchesOfFive) {
   });
   ASSERT_TRUE(done);
   EXPECT_TRUE(out_of_order) << "the master never gave two leases at a time: nothing was shuffled";
-  expect_identical(farm.fetch(id), farm.render(iterations, "cornell", with(integrator)),
-                   "farm and `candela render`");
+  expect_identical(farm.fetch(id), farm.render(iterations, "cornell", options), "farm and `candela render`");
   farm.audit(id, iterations);
 }
 
-INSTANTIATE_TEST_SUITE_P(, Order, testing::Values("path", "light", "bdpt", "vcm"),
+INSTANTIATE_TEST_SUITE_P(, Order, testing::Values("path", "light", "bdpt", "vcm", "pssmlt", "mmlt"),
                          [](const auto& one) { return std::string(one.param); });
 
 // Claim: several jobs at once do not touch each other.
@@ -259,7 +271,9 @@ TEST_P(Deaths, WorkerStoppedPastItsLease) {
   farm.audit(id, iterations);
 }
 
-INSTANTIATE_TEST_SUITE_P(, Deaths, testing::Values(Work{"path", 1}, Work{"bdpt", 0.2}, Work{"vcm", 0.2}),
+INSTANTIATE_TEST_SUITE_P(, Deaths,
+                         testing::Values(Work{"path", 1}, Work{"bdpt", 0.2}, Work{"vcm", 0.2},
+                                         Work{"pssmlt", 0.04}, Work{"mmlt", 0.04}),
                          [](const auto& one) { return std::string(one.param.integrator); });
 
 }  // namespace
