@@ -117,17 +117,45 @@ Result<int> run(const RunOptions& options) {
   return code;
 }
 
-// Kept apart from what libraries may print.
-int serve_on_standard_streams() {
-  const int out = ::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 3);
-  ::dup2(STDERR_FILENO, STDOUT_FILENO);
-  return serve(STDIN_FILENO, out, make_render_estimator);
-}
+struct CountOptions {
+  std::string scene, size, integrator;
+  std::vector<std::string> sets;
+  std::uint64_t seed = 1, iterations = 8;
+};
 
 bool parse_size(const std::string& text, std::uint32_t& width, std::uint32_t& height) {
   char end = 0;
   return std::sscanf(text.c_str(), "%ux%u%c", &width, &height, &end) == 2 && width > 0 && height > 0 &&
          width <= Limits::max_extent && height <= Limits::max_extent;
+}
+
+Error size_error() {
+  return usage_error("not WIDTHxHEIGHT").with_field("--size");
+}
+
+// In this process, on one thread: what tests/bench/guard.py counts the instructions of.
+Result<void> count(const CountOptions& options) {
+  std::uint32_t width = 0, height = 0;
+  if (!parse_size(options.size, width, height)) return size_error();
+  CANDELA_ASSIGN(const SettingsMap given,
+                 settings_for(options.integrator, {options.integrator}, options.sets));
+  CANDELA_ASSIGN(RunSpec run, make_run(options.scene, scene_name_of(options.scene), options.integrator, given,
+                                       width, height));
+  run.job.seed = options.seed;
+  CANDELA_ASSIGN(const auto estimator, make_render_estimator(run));
+  CANDELA_ASSIGN(const Cost cost, estimator->advance(options.iterations));
+  CANDELA_ASSIGN(const Snapshot snapshot, estimator->snapshot());
+  std::printf("{\"units\": %llu, \"rays\": %llu, \"own_relmse\": %.17g, \"compiler\": \"%s\"}\n",
+              static_cast<unsigned long long>(cost.units), static_cast<unsigned long long>(cost.rays),
+              snapshot.own_relmse, this_machine().compiler.c_str());
+  return {};
+}
+
+// Kept apart from what libraries may print.
+int serve_on_standard_streams() {
+  const int out = ::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 3);
+  ::dup2(STDERR_FILENO, STDOUT_FILENO);
+  return serve(STDIN_FILENO, out, make_render_estimator);
 }
 
 }  // namespace
@@ -196,6 +224,17 @@ int main(int argc, char** argv) {
   reference_command.add_option("--out", truth.out, "NAME.exr; NAME.stderr.exr is written beside it")
       ->required();
 
+  CountOptions count_options;
+  CLI::App& count_command =
+      *app.add_subcommand("count", "renders on one thread in this process; for counters of instructions");
+  count_command.add_option("--scene", count_options.scene, "a scene file")->required();
+  count_command.add_option("--size", count_options.size, "WIDTHxHEIGHT")->required();
+  count_command.add_option("--integrator", count_options.integrator)->required();
+  count_command.add_option("--set", count_options.sets, "KEY=VALUE");
+  count_command.add_option("--seed", count_options.seed, "default: 1");
+  count_command.add_option("--iterations", count_options.iterations, "at least 2; default: 8")
+      ->check(CLI::Range(2, 1 << 20));
+
   // The process that renders one run, asked through pipes.
   CLI::App& serve_command = *app.add_subcommand("serve", "");
   serve_command.group("");
@@ -207,8 +246,11 @@ int main(int argc, char** argv) {
     const Result<int> code = run(options);
     return code.ok() ? *code : fail(code.error());
   }
-  if (!parse_size(size, truth.width, truth.height))
-    return fail(usage_error("not WIDTHxHEIGHT").with_field("--size"));
+  if (count_command.parsed()) {
+    const Result<void> done = count(count_options);
+    return done.ok() ? 0 : fail(done.error());
+  }
+  if (!parse_size(size, truth.width, truth.height)) return fail(size_error());
   const auto made = make_truth(truth, processes(), stop_requested, say);
   if (!made.ok()) return fail(made.error());
   std::printf("%s\n%s\n", truth.out.c_str(), made->c_str());
