@@ -52,6 +52,17 @@ def instructions(program, scene, integrator):
     return 0
 
 
+def worse_than(name, figures, was, counted):
+    """What became worse in a case, a line each."""
+    cost, error = figures["instructions"] / was["instructions"], figures["error"] / was["error"]
+    lines = []
+    if counted and cost > MOST_INSTRUCTIONS:
+        lines.append(f"{name}: {100 * (cost - 1):.1f} % more instructions")
+    if error > MOST_ERROR:
+        lines.append(f"{name}: {100 * (error - 1):.1f} % more error")
+    return lines
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("program", help="build/bin/candela-bench")
@@ -106,10 +117,7 @@ def main():
         ratio = f"{cost:8.4f}" if not reason else f"{'-':>8}"
         print(f"{name:20}{shown}{was['instructions'] / 1e6:10.2f}{ratio}{figures['error']:15.5g}"
               f"{was['error']:10.5g}{error:8.4f}")
-        if not reason and cost > MOST_INSTRUCTIONS:
-            worse.append(f"{name}: {100 * (cost - 1):.1f} % more instructions")
-        if error > MOST_ERROR:
-            worse.append(f"{name}: {100 * (error - 1):.1f} % more error")
+        worse += worse_than(name, figures, was, not reason)
         if not reason and cost < 1 / MOST_INSTRUCTIONS:
             print(f"{name}: {100 * (1 - cost):.1f} % fewer instructions: --update keeps it so")
     for line in worse:

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
-"""Tests of report.py and fits.py. Statistical ones state their false-alarm rate; seeds are fixed."""
+"""Tests of report.py, fits.py and guard.py. Statistical ones state their false-alarm rate; seeds are fixed."""
 import csv
+import json
 import math
 import os
 import re
@@ -20,6 +21,7 @@ except ImportError as missing:
 
 sys.path.insert(0, HERE)
 import fits  # noqa: E402
+import guard  # noqa: E402
 import report  # noqa: E402
 
 
@@ -212,6 +214,23 @@ class Report(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         with open(self.path("r.html"), encoding="utf-8") as stream:
             self.assertNotIn("No images beside these rows", stream.read())
+
+
+class Guard(unittest.TestCase):
+    def test_what_is_worse_is_named(self):
+        was = {"instructions": 1000, "error": 2.0}
+        self.assertEqual(guard.worse_than("a", {"instructions": 1029, "error": 2.5}, was, True), [])
+        self.assertEqual(guard.worse_than("a", {"instructions": 1040, "error": 1.0}, was, True),
+                         ["a: 4.0 % more instructions"])
+        self.assertEqual(guard.worse_than("a", {"instructions": 0, "error": 3.0}, was, False), ["a: 50.0 % more error"])
+
+    def test_all_cases_have_committed_figures(self):
+        with open(guard.FIGURES, encoding="utf-8") as stream:
+            cases = json.load(stream)["cases"]
+        self.assertEqual(sorted(cases), sorted(f"{s} {i}" for s in guard.SCENES for i in guard.INTEGRATORS))
+        for figures in cases.values():
+            self.assertGreater(figures["instructions"], 1e7)
+            self.assertGreater(figures["error"], 0)
 
 
 if __name__ == "__main__":

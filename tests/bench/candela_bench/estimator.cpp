@@ -3,14 +3,18 @@
 #include <fmt/format.h>
 #include <time.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstring>
 #include <fstream>
 #include <limits>
 #include <numeric>
+#include <optional>
 
 #include "common/base/version.h"
 #include "common/bundle/bundle.h"
+#include "common/chains/chains.h"
+#include "common/film/development.h"
 #include "common/film/film.h"
 #include "common/stats/image_error.h"
 #include "worker/render/renderer.h"
@@ -45,68 +49,109 @@ std::uint64_t peak_memory_bytes() {
   return kibibytes * 1024;
 }
 
-// Jobs of iterations. Films are encoded, decoded and merged as on a farm.
-class IterationEstimator final : public Estimator {
- public:
-  IterationEstimator(std::unique_ptr<render::Renderer> renderer, const RunSpec& run, NamedState state)
-      : renderer_(std::move(renderer)),
-        threads_(run.threads),
-        film_(renderer_->make_film(state)),
-        merged_(film_->layout(), film_->scale_log2()) {}
+// Runs what renders, and adds what it took.
+template <class Call>
+auto timed(Cost& cost, const Call& call) {
+  CALLGRIND_START_INSTRUMENTATION;  // nothing but a few moves of registers outside of Valgrind
+  const double cpu = cpu_now(), wall = wall_now();
+  auto result = call();
+  cost.wall_seconds += wall_now() - wall;
+  cost.cpu_seconds += cpu_now() - cpu;
+  CALLGRIND_STOP_INSTRUMENTATION;
+  return result;
+}
 
-  std::string unit_name() const override { return "iterations"; }
-  void set_setup_seconds(double seconds) { cost_.setup_seconds = seconds; }
+void add(Cost& cost, const film::Tallies& tallies) {
+  cost.eye_samples += tallies.eye_samples;
+  cost.light_paths += tallies.light_paths;
+  cost.rays += tallies.rays;
+  cost.rejected += std::accumulate(tallies.rejected.begin(), tallies.rejected.end(), std::uint64_t{0});
+}
+
+// What both kinds of jobs are: units of two halves, whose films are encoded, decoded and merged as on a farm.
+class RenderEstimator : public Estimator {
+ public:
+  RenderEstimator(std::unique_ptr<render::Renderer> renderer, const RunSpec& run)
+      : renderer_(std::move(renderer)) {
+    context_.threads = run.threads;
+  }
 
   Result<Cost> advance(std::uint64_t units) override {
-    // Iteration i is index i / 2 of half i % 2.
+    // Unit i is index i / 2 of half i % 2.
     for (std::uint32_t half = 0; half < 2 && units > cost_.units; ++half) {
-      const Unit unit{Unit::Kind::iterations, half, (cost_.units + 1 - half) / 2, (units + 1 - half) / 2};
-      if (unit.begin == unit.end) continue;
-      film_->clear();
-      render::RunContext context;
-      context.threads = threads_;
-      CALLGRIND_START_INSTRUMENTATION;  // nothing but a few moves of registers outside of Valgrind
-      const double cpu = cpu_now(), wall = wall_now();
-      const Result<void> done = renderer_->run(unit, *film_, context);
-      CALLGRIND_STOP_INSTRUMENTATION;
-      cost_.wall_seconds += wall_now() - wall;
-      cost_.cpu_seconds += cpu_now() - cpu;
-      CANDELA_TRY(done);
-      cost_.peak_memory_bytes = peak_memory_bytes();
-      CANDELA_TRY(deliver(unit));
+      const std::uint64_t end = (units + 1 - half) / 2;
+      for (std::uint64_t begin = (cost_.units + 1 - half) / 2; begin < end;) {
+        const Unit unit{unit_kind(), half, begin, std::min(end, begin + most_units())};
+        film_->clear();
+        CANDELA_TRY(render(unit));
+        cost_.peak_memory_bytes = peak_memory_bytes();
+        CANDELA_TRY(deliver(unit));
+        begin = unit.end;
+      }
     }
     cost_.units = std::max(cost_.units, units);
     return cost_;
   }
 
   Result<Snapshot> snapshot() override {
+    const film::Development development = this->development();
     Snapshot snapshot;
-    snapshot.image = merged_.develop(0);
-    snapshot.own_relmse =
-        cost_.units < 2 ? std::numeric_limits<double>::quiet_NaN() : stats::estimate_error(merged_).relmse;
+    snapshot.image = film::develop_image(*merged_, development);
+    snapshot.own_relmse = cost_.units < 2 ? std::numeric_limits<double>::quiet_NaN()
+                                          : stats::estimate_error(*merged_, development).relmse;
     return snapshot;
   }
 
+  // The cost, what the job keeps beside the film with its length, the film.
   Result<std::string> save() override {
     static_assert(std::is_trivially_copyable_v<Cost>);
+    const std::string others = save_others();
+    const std::uint64_t length = others.size();
     std::string saved(reinterpret_cast<const char*>(&cost_), sizeof cost_);
-    return saved + merged_.serialise();
+    saved.append(reinterpret_cast<const char*>(&length), sizeof length);
+    return saved + others + merged_->serialise();
   }
 
   Result<Cost> restore(std::string_view saved) override {
-    if (saved.size() < sizeof cost_) return input_error("a kept state that is cut short");
     Cost cost;
+    std::uint64_t length = 0;
+    if (saved.size() < sizeof cost + sizeof length) return input_error("a kept state that is cut short");
     std::memcpy(&cost, saved.data(), sizeof cost);
-    CANDELA_ASSIGN(film::MergedFilm merged, film::MergedFilm::parse(saved.substr(sizeof cost)));
-    if (!(merged.layout() == merged_.layout()) || merged.scale_log2() != merged_.scale_log2() ||
+    std::memcpy(&length, saved.data() + sizeof cost, sizeof length);
+    saved.remove_prefix(sizeof cost + sizeof length);
+    if (saved.size() < length) return input_error("a kept state that is cut short");
+    CANDELA_ASSIGN(film::MergedFilm merged, film::MergedFilm::parse(saved.substr(length)));
+    if (!(merged.layout() == merged_->layout()) || merged.scale_log2() != merged_->scale_log2() ||
         merged.iterations() != cost.units)
       return input_error("a kept state that belongs to another run");
-    const double setup = cost_.setup_seconds;
+    CANDELA_TRY(restore_others(saved.substr(0, length)));
     merged_ = std::move(merged);
-    cost_ = cost;
-    cost_.setup_seconds = setup;
-    return cost_;
+    cost.setup_seconds = cost_.setup_seconds;
+    return cost_ = cost;
   }
+
+  void set_setup_seconds(double seconds) { cost_.setup_seconds = seconds; }
+
+ protected:
+  virtual Unit::Kind unit_kind() const = 0;
+  virtual std::uint64_t most_units() const = 0;  // at a time, of a half
+  virtual Result<void> render(const Unit& unit) = 0;
+  virtual film::Development development() const = 0;
+  virtual std::string save_others() const { return {}; }
+  virtual Result<void> restore_others(std::string_view saved) {
+    return saved.empty() ? Result<void>() : input_error("a kept state that belongs to another run");
+  }
+
+  void make_films(const NamedState& state) {
+    film_ = renderer_->make_film(state);
+    merged_.emplace(film_->layout(), film_->scale_log2());
+  }
+
+  std::unique_ptr<render::Renderer> renderer_;
+  render::RunContext context_;
+  std::unique_ptr<film::UnitFilm> film_;
+  std::optional<film::MergedFilm> merged_;
+  Cost cost_;
 
  private:
   // The film's way to the master.
@@ -117,22 +162,99 @@ class IterationEstimator final : public Estimator {
     info.build_id = std::string(build_id());
     const std::string bytes = film::encode_delta(*film_, info);
     CANDELA_ASSIGN(const film::Delta delta, film::Delta::decode(bytes, film_->layout()));
-    CANDELA_TRY(merged_.merge(delta));
+    CANDELA_TRY(merged_->merge(delta));
     ++cost_.deltas;
     cost_.delta_bytes += bytes.size();
-    const film::Tallies& tallies = delta.tallies();
-    cost_.eye_samples += tallies.eye_samples;
-    cost_.light_paths += tallies.light_paths;
-    cost_.rays += tallies.rays;
-    cost_.rejected += std::accumulate(tallies.rejected.begin(), tallies.rejected.end(), std::uint64_t{0});
+    add(cost_, delta.tallies());
+    return {};
+  }
+};
+
+class IterationEstimator final : public RenderEstimator {
+ public:
+  IterationEstimator(std::unique_ptr<render::Renderer> renderer, const RunSpec& run, const PilotResult& pilot)
+      : RenderEstimator(std::move(renderer), run) {
+    make_films(pilot.state);
+  }
+  std::string unit_name() const override { return "iterations"; }
+
+ protected:
+  Unit::Kind unit_kind() const override { return Unit::Kind::iterations; }
+  std::uint64_t most_units() const override { return Limits::max_iterations; }
+  Result<void> render(const Unit& unit) override {
+    return timed(cost_, [&] { return renderer_->run(unit, *film_, context_); });
+  }
+  film::Development development() const override { return {}; }
+};
+
+// A job of Markov chains (common/chains/chains.h). The bootstrap counts as rendering: the first row has it.
+class ChainEstimator final : public RenderEstimator {
+ public:
+  ChainEstimator(std::unique_ptr<render::Renderer> renderer, const RunSpec& run, const PilotResult& pilot)
+      : RenderEstimator(std::move(renderer), run), plan_(*pilot.chains), records_(plan_.chains) {
+    pilot_scale_log2_ = pilot.state.film_scale_log2;
+    seed_ = run.job.seed;
+  }
+  std::string unit_name() const override { return "segments"; }
+
+  Result<void> bootstrap() {
+    std::vector<float> contributions(plan_.bootstrap_samples);
+    CANDELA_ASSIGN(const film::Tallies tallies, timed(cost_, [&] {
+                     return renderer_->bootstrap(0, contributions.size(), contributions, context_);
+                   }));
+    add(cost_, tallies);
+    chains::BootstrapTable table(plan_.bootstrap_samples);
+    CANDELA_TRY(table.insert(0, contributions));
+    sums_ = table.sums();
+    starts_ = table.choose_starts(plan_.chains, seed_);
+    state_.bootstrap_b = table.normalisation().b;
+    state_.film_scale_log2 = chains::film_scale_log2(state_.bootstrap_b, pilot_scale_log2_);
+    make_films(state_);
     return {};
   }
 
-  std::unique_ptr<render::Renderer> renderer_;
-  unsigned threads_;
-  std::unique_ptr<film::UnitFilm> film_;
-  film::MergedFilm merged_;
-  Cost cost_;
+ protected:
+  Unit::Kind unit_kind() const override { return Unit::Kind::segments; }
+  std::uint64_t most_units() const override { return plan_.chains / 2; }
+
+  Result<void> render(const Unit& unit) override {
+    std::vector<chains::ChainStart> from;
+    for (std::uint64_t i = unit.begin; i < unit.end; ++i) {
+      const std::uint64_t chain = chains::chain_of(unit.half, i, plan_.chains);
+      from.push_back({starts_.empty() ? 0 : starts_[chain], records_[chain]});
+    }
+    std::vector<chains::ChainRecord> after;
+    CANDELA_TRY(
+        timed(cost_, [&] { return renderer_->run_segments(unit, state_, from, *film_, after, context_); }));
+    for (std::size_t i = 0; i < after.size(); ++i) {
+      cost_.delta_bytes += chains::encoded_bytes(after[i]);
+      records_[chains::chain_of(unit.half, unit.begin + i, plan_.chains)] = std::move(after[i]);
+    }
+    return {};
+  }
+
+  film::Development development() const override {
+    std::vector<chains::ChainCounts> counts;
+    for (const chains::ChainRecord& record : records_) counts.push_back(record.counts);
+    return chains::development(state_.bootstrap_b, chains::pool(sums_, counts));
+  }
+
+  std::string save_others() const override {
+    return chains::encode(std::span<const chains::ChainRecord>(records_));
+  }
+  Result<void> restore_others(std::string_view saved) override {
+    CANDELA_ASSIGN(records_, chains::decode(saved, plan_.chains));
+    return {};
+  }
+
+ private:
+  ChainPlan plan_;
+  std::vector<chains::ChainRecord> records_;  // in the order of chains
+  int pilot_scale_log2_ = 0;
+  std::uint64_t seed_ = 0;
+  NamedState state_;
+  chains::BootstrapSums sums_;
+  std::vector<std::uint64_t> starts_;
 };
 
 }  // namespace
@@ -145,12 +267,15 @@ Result<std::unique_ptr<Estimator>> make_render_estimator(const RunSpec& run) {
   render::RunContext context;
   context.threads = run.threads;
   CANDELA_ASSIGN(const PilotResult pilot, renderer->pilot(context));
-  if (pilot.chains)
-    return usage_error(fmt::format("'{}' is an integrator of Markov chains", run.job.integrator))
-        .with_field("integrator")
-        .with_mend("this program measures integrators of iterations");
-  auto estimator = std::make_unique<IterationEstimator>(std::move(renderer), run, pilot.state);
-  estimator->set_setup_seconds(wall_now() - start);
+  const double seconds = wall_now() - start;
+  if (pilot.chains) {
+    auto estimator = std::make_unique<ChainEstimator>(std::move(renderer), run, pilot);
+    CANDELA_TRY(estimator->bootstrap());
+    estimator->set_setup_seconds(seconds);
+    return std::unique_ptr<Estimator>(std::move(estimator));
+  }
+  auto estimator = std::make_unique<IterationEstimator>(std::move(renderer), run, pilot);
+  estimator->set_setup_seconds(seconds);
   return std::unique_ptr<Estimator>(std::move(estimator));
 }
 

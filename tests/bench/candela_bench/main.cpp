@@ -181,6 +181,7 @@ int main(int argc, char** argv) {
   run_command
       .add_option("--scene,--scenes", options.scenes,
                   "a scene file; with a list: names of its scenes, to run only these")
+      ->allow_extra_args(false)
       ->delimiter(',');
   run_command.add_option("--name", options.name, "what the scene is called in rows; default: after its file");
   run_command.add_option("--reference", options.reference,
@@ -188,10 +189,14 @@ int main(int argc, char** argv) {
   run_command
       .add_option("--integrator,--integrators", options.integrators,
                   "default: all there are; with a list: names of its runs, to do only these")
+      ->allow_extra_args(false)
       ->delimiter(',');
-  run_command.add_option("--set", options.sets,
-                         "KEY=VALUE where an integrator has it, or INTEGRATOR.KEY=VALUE");
-  run_command.add_option("--seed,--seeds", options.seeds, "default: the list's, or 1")->delimiter(',');
+  run_command
+      .add_option("--set", options.sets, "KEY=VALUE where an integrator has it, or INTEGRATOR.KEY=VALUE")
+      ->allow_extra_args(false);
+  run_command.add_option("--seed,--seeds", options.seeds, "default: the list's, or 1")
+      ->allow_extra_args(false)
+      ->delimiter(',');
   run_command.add_option("--iterations", options.iterations, "equal iterations: as many of each run");
   run_command.add_option("--time", options.seconds, "equal time: as many seconds of rendering of each run");
   run_command.add_option("--clock", options.clock, "what --time counts: cpu (default) or wall");
@@ -213,9 +218,11 @@ int main(int argc, char** argv) {
   reference_command.add_option("--scene", truth.scene_file, "a scene file")->required();
   reference_command.add_option("--size", size, "WIDTHxHEIGHT")->required();
   reference_command.add_option("--integrators", truth.integrators, "two of them, unbiased ones")
+      ->allow_extra_args(false)
       ->delimiter(',')
       ->required();
-  reference_command.add_option("--set", truth.sets, "KEY=VALUE or INTEGRATOR.KEY=VALUE");
+  reference_command.add_option("--set", truth.sets, "KEY=VALUE or INTEGRATOR.KEY=VALUE")
+      ->allow_extra_args(false);
   reference_command.add_option("--iterations", truth.iterations, "of each integrator")->required();
   reference_command.add_option("--batches", truth.batches, "of each integrator; default: 16");
   reference_command.add_option("--block", truth.block,
@@ -230,7 +237,7 @@ int main(int argc, char** argv) {
   count_command.add_option("--scene", count_options.scene, "a scene file")->required();
   count_command.add_option("--size", count_options.size, "WIDTHxHEIGHT")->required();
   count_command.add_option("--integrator", count_options.integrator)->required();
-  count_command.add_option("--set", count_options.sets, "KEY=VALUE");
+  count_command.add_option("--set", count_options.sets, "KEY=VALUE")->allow_extra_args(false);
   count_command.add_option("--seed", count_options.seed, "default: 1");
   count_command.add_option("--iterations", count_options.iterations, "at least 2; default: 8")
       ->check(CLI::Range(2, 1 << 20));
@@ -238,7 +245,11 @@ int main(int argc, char** argv) {
   // The process that renders one run, asked through pipes.
   CLI::App& serve_command = *app.add_subcommand("serve", "");
   serve_command.group("");
-  CLI11_PARSE(app, argc, argv);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;  // --help is an "error" too
+  }
 
   if (serve_command.parsed()) return serve_on_standard_streams();
   listen_for_signals();

@@ -148,7 +148,7 @@ Result<SettingsMap> settings_for(const std::string& integrator, const std::vecto
       return usage_error(
                  fmt::format("no integrator that is to run has a setting '{}'", text.substr(0, equals)))
           .with_field("--set")
-          .with_mend("candela help INTEGRATOR lists what each has");
+          .with_mend("docs/integrators has a page of each with its settings");
   }
   return given;
 }

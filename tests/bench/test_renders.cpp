@@ -1,0 +1,248 @@
+// What the instrument is made of: lists, rendering in processes, references, figures. Statistical tests state
+// their false-alarm rate; seeds are fixed.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <stdexcept>
+
+#include "common/base/files.h"
+#include "common/image/image.h"
+#include "tests/bench/candela_bench/process.h"
+#include "tests/bench/candela_bench/truth.h"
+#include "tests/bench/known_estimator.h"
+
+namespace candela::bench {
+namespace {
+
+using testing::HasSubstr;
+
+// --- lists ---
+
+std::string error_of_list(const std::string& text) {
+  const Folder folder;
+  const std::string file = (folder.path() / "list.toml").string();
+  std::ofstream(file) << text;
+  RunOptions options;
+  options.list = file;
+  const auto work = prepare(options);
+  return work.ok() ? "" : work.error().to_string();
+}
+
+TEST(Lists, BadOnesHaveOneClearError) {
+  EXPECT_THAT(error_of_list("iterations = "), HasSubstr("list.toml:1"));
+  EXPECT_THAT(error_of_list("iterations = 4\niteratoins = 4\n"), HasSubstr(":2: unknown key 'iteratoins'"));
+  EXPECT_THAT(error_of_list("iterations = 4\n"), HasSubstr("no [[scene]]"));
+  EXPECT_THAT(error_of_list("iterations = \"many\"\n"), HasSubstr(":1: 'iterations' cannot be this"));
+  EXPECT_THAT(error_of_list("[[scene]]\nfile = \"a\"\n"), HasSubstr("'reference' is missing"));
+  EXPECT_THAT(error_of_list("[[scene]]\nfile = \"a\"\nreference = \"b\"\n[[run]]\nintegrator = \"path\"\n"),
+              HasSubstr("either --iterations or --time"));
+  EXPECT_THAT(error_of_list("time = 1\n[[scene]]\nfile = \"a\"\nreference = \"no.exr\"\n"
+                            "[[run]]\nintegrator = \"path\"\n"),
+              HasSubstr("no.exr"));
+}
+
+TEST(Lists, MakeRunsOfAllCombinations) {
+  const Folder folder;
+  const std::vector<float> black(16 * 8 * 3);
+  const auto exr = image::encode_exr(16, 8, black, {});
+  ASSERT_TRUE(exr.ok());
+  ASSERT_TRUE(write_file_atomically(folder.path() / "truth.exr", *exr).ok());
+  std::ofstream(folder.path() / "list.toml")
+      << "iterations = 4\nseeds = [3, 4]\n[[scene]]\nreference = \"truth.exr\"\nfile = \"" << kScene
+      << "\"\n[[run]]\nintegrator = \"path\"\n[[run]]\nintegrator = \"path\"\nname = \"short\"\n"
+         "set = { max_depth = 2 }\n";
+  RunOptions options;
+  options.list = (folder.path() / "list.toml").string();
+  const auto work = prepare(options);
+  ASSERT_TRUE(work.ok()) << work.error().to_string();
+  ASSERT_EQ(work->runs.size(), 4U);
+  for (const RunSpec& run : work->runs) {
+    EXPECT_EQ(run.scene, "cornell");
+    EXPECT_EQ(run.job.width, 16U);
+    const auto back = RunSpec::from_json(run.to_json());
+    ASSERT_TRUE(back.ok());
+    EXPECT_EQ(back->id(), run.id());
+  }
+  EXPECT_EQ(work->runs[1].job.integrator_settings.at("max_depth"), "2");
+  EXPECT_EQ(command_of(work->runs[1], 4, true).substr(0, 21), "candela-bench run --s");
+  EXPECT_THAT(command_of(work->runs[1], 4, true), HasSubstr("--set max_depth=2 --seed 3 --iterations 4"));
+
+  // The row's command leads to the same run.
+  RunOptions command;
+  command.scenes = {work->runs[1].scene_file};
+  command.reference = work->runs[1].reference;
+  command.integrators = {"path"};
+  command.sets = {"max_depth=2"};
+  command.seeds = {3};
+  command.iterations = 4;
+  const auto single = prepare(command);
+  ASSERT_TRUE(single.ok()) << single.error().to_string();
+  EXPECT_EQ(single->runs[0].job.integrator_settings, work->runs[1].job.integrator_settings);
+  EXPECT_EQ(single->runs[0].scene_hash, work->runs[1].scene_hash);
+}
+
+// --- rendering in other processes ---
+
+RunSpec small_render(const std::string& integrator) {
+  SettingsMap given;
+  if (integrator == "pssmlt") given = {{"chains", "8"}, {"bootstrap", "500"}, {"mutations", "2"}};
+  auto run = make_run(kScene, "cornell", integrator, given, 24, 24);
+  if (!run.ok()) throw std::runtime_error(run.error().to_string());
+  run->job.seed = 5;
+  return *run;
+}
+
+TEST(Rendering, SlicesAndProcessesChangeNoBit) {
+  for (const std::string integrator : {"path", "ppm", "pssmlt"}) {
+    SCOPED_TRACE(integrator);
+    const RunSpec run = small_render(integrator);
+    auto here = make_render_estimator(run);
+    auto there = make_process_estimator(CANDELA_BINARY_DIR "/candela-bench", run);
+    ASSERT_TRUE(here.ok() && there.ok());
+    // Segments, of which 8 are one of each chain, and 21 more than there are chains.
+    const std::uint64_t all = integrator == "pssmlt" ? 21 : 7;
+    ASSERT_TRUE((*here)->advance(all).ok());
+    for (const std::uint64_t units : {1, 2, 5}) ASSERT_TRUE((*there)->advance(units).ok());
+    // Kept, and gone on with by another process.
+    const auto saved = (*there)->save();
+    ASSERT_TRUE(saved.ok());
+    auto third = make_process_estimator(CANDELA_BINARY_DIR "/candela-bench", run);
+    ASSERT_TRUE(third.ok());
+    const auto restored = (*third)->restore(*saved);
+    ASSERT_TRUE(restored.ok()) << restored.error().to_string();
+    EXPECT_EQ(restored->units, 5U);
+    const auto cost = (*third)->advance(all);
+    ASSERT_TRUE(cost.ok());
+    EXPECT_EQ(cost->units, all);
+    const auto mine = (*here)->snapshot(), theirs = (*third)->snapshot();
+    ASSERT_TRUE(mine.ok() && theirs.ok());
+    EXPECT_EQ(mine->image, theirs->image);
+    EXPECT_EQ(mine->own_relmse, theirs->own_relmse);
+    EXPECT_GT(*std::max_element(mine->image.begin(), mine->image.end()), 0);
+    if (integrator != "pssmlt") {
+      EXPECT_EQ(cost->eye_samples, 24U * 24 * 7);
+    }
+    EXPECT_GT(cost->rays, 1000U);
+    EXPECT_GT(cost->cpu_seconds, 0);
+    EXPECT_GT(cost->delta_bytes, 0U);
+    EXPECT_GT(cost->peak_memory_bytes, 1U << 20);
+    // Of another run: refused.
+    RunSpec other = run;
+    other.job.width = 16;
+    auto fourth = make_process_estimator(CANDELA_BINARY_DIR "/candela-bench", other);
+    EXPECT_FALSE((*fourth)->restore(*saved).ok());
+  }
+}
+
+TEST(Rendering, AProcessSaysWhatIsWrong) {
+  RunSpec run = small_render("path");
+  run.job.integrator = "pth";
+  const auto wrong = make_process_estimator(CANDELA_BINARY_DIR "/candela-bench", run);
+  ASSERT_FALSE(wrong.ok());
+  EXPECT_THAT(wrong.error().to_string(), HasSubstr("unknown integrator 'pth'"));
+  EXPECT_FALSE(make_process_estimator("/nowhere/candela-bench", run).ok());
+}
+
+// --- references ---
+
+TruthOptions truth_options(const fs::path& out) {
+  TruthOptions options;
+  options.scene_file = kScene;
+  options.width = options.height = kSize;
+  options.integrators = {"path", "bdpt"};
+  options.iterations = 256;
+  options.batches = 8;
+  options.out = out.string();
+  return options;
+}
+
+// Two estimators of one image with deviations 0.3 and 0.1 a unit: together, weighted by inverse variance, 256
+// units each have a variance of 1 / (256 / 0.09 + 256 / 0.01). The measured relMSE has a relative deviation
+// of sqrt(2 / 12288) = 1.3 %, the one estimated from 8 batches of 0.5 %; 8 % is six of the larger: 1e-8.
+TEST(Truth, CombinesTwoThatAgree) {
+  const Folder folder;
+  const EstimatorFactory factory = [](const RunSpec& run) {
+    return known(run.job.integrator == "path" ? 0.3 : 0.1, 0)(run);
+  };
+  const auto options = truth_options(folder.path() / "truth.exr");
+  std::atomic<bool> stop{false};
+  const auto made = make_truth(options, factory, stop, [](const std::string&) {});
+  ASSERT_TRUE(made.ok()) << made.error().to_string();
+  const auto reference = Reference::read(options.out, false);
+  ASSERT_TRUE(reference.ok());
+  const double expected = 1 / (256 / 0.09 + 256 / 0.01) / (1.01 * kTruth * kTruth);
+  const auto truth = flat_reference(0)("");
+  EXPECT_NEAR((*truth)->figures_of((*reference)->rgb()).relmse / expected, 1, 0.08);
+  ASSERT_TRUE((*reference)->own_error().has_value());
+  EXPECT_NEAR((*reference)->own_error()->relmse / expected, 1, 0.08);
+}
+
+TEST(Truth, RefusedWhereTwoDisagree) {
+  const Folder folder;
+  // 2 % too bright: 20 standard errors of the whole image.
+  const EstimatorFactory factory = [](const RunSpec& run) {
+    return known(0.3, run.job.integrator == "path" ? 0.016 : 0)(run);
+  };
+  const auto options = truth_options(folder.path() / "truth.exr");
+  std::atomic<bool> stop{false};
+  const auto refused = make_truth(options, factory, stop, [](const std::string&) {});
+  ASSERT_FALSE(refused.ok());
+  EXPECT_THAT(refused.error().to_string(), HasSubstr("disagree"));
+  EXPECT_FALSE(fs::exists(options.out));
+}
+
+TEST(Truth, GoesOnAfterAStop) {
+  const Folder folder;
+  const auto options = truth_options(folder.path() / "truth.exr");
+  std::atomic<bool> stop{false};
+  int batches = 0;
+  const auto cut =
+      make_truth(options, known(0.3, 0), stop, [&](const std::string&) { stop = ++batches == 3; });
+  ASSERT_FALSE(cut.ok());
+  stop = false;
+  batches = 0;
+  const auto made = make_truth(options, known(0.3, 0), stop, [&](const std::string&) { ++batches; });
+  ASSERT_TRUE(made.ok()) << made.error().to_string();
+  EXPECT_EQ(batches, 13);  // of 16
+}
+
+// --- figures ---
+
+TEST(FlipFigure, IsZeroForEqualAndOneForGreenAgainstBlue) {
+  std::vector<float> green, blue, noise;
+  rng::Stream stream(7);
+  for (int p = 0; p < 40 * 30; ++p) {
+    green.insert(green.end(), {0, 1, 0});
+    blue.insert(blue.end(), {0, 0, 1});
+    for (int c = 0; c < 3; ++c) noise.push_back(stream.next_float());
+  }
+  for (const float value : ldr_flip(noise, noise, 40, 30)) EXPECT_EQ(value, 0);
+  for (const float value : ldr_flip(green, blue, 40, 30)) EXPECT_NEAR(value, 1, 1e-3);
+  const Flip hdr(noise, 40, 30);
+  EXPECT_EQ(hdr.mean(noise), 0);
+  std::vector<float> broken = noise;
+  broken[17] = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_GT(hdr.mean(broken), 0);
+  EXPECT_LE(hdr.mean(blue), 1);
+  const Flip black(std::vector<float>(40 * 30 * 3, 0.0F), 40, 30);
+  EXPECT_GT(black.mean(noise), 0.1);
+}
+
+TEST(FiguresOf, BrokenPixelsAreInfinitelyWrong) {
+  const auto reference = *flat_reference(0)("");
+  std::vector<float> image = reference->rgb();
+  EXPECT_EQ(reference->figures_of(image).relmse, 0);
+  EXPECT_EQ(reference->figures_of(image).smape, 0);
+  image[0] = std::numeric_limits<float>::infinity();
+  const Figures figures = reference->figures_of(image);
+  EXPECT_TRUE(std::isinf(figures.relmse) && std::isinf(figures.rmse));
+  EXPECT_NEAR(figures.smape, 2.0 / kValues, 1e-12);
+}
+
+}  // namespace
+}  // namespace candela::bench
