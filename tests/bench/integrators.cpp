@@ -2,13 +2,16 @@
 // thread, CPU seconds (user), loading not counted, integrators in turn within each round, medians over
 // rounds.
 //
-//   bench_integrators smallvcm CACHE [options]   on smallvcm/*.xml: CPU seconds an iteration at 512x512, and
-//   relMSE
-//       after 32 iterations at 256x256 against references that are rendered first, where CACHE does not hold
-//       them: that of docs/benchmarks.md, without the worst 0.1 % of pixels, and with the peers' fixed floor
-//   bench_integrators mitsuba SHARED [options]   on the scenes of SHARED/scenes against SHARED/references:
-//   samples
-//       or light paths a CPU second, and relMSE times CPU seconds
+//   bench_integrators smallvcm CACHE [options]
+//       smallvcm/*.xml: CPU seconds an iteration at 512x512, and relMSE after 32 iterations at 256x256
+//       (medians over seeds) against references that are rendered first, where CACHE does not hold them: that
+//       of docs/benchmarks.md, without the worst 0.1 % of pixels, and with the peers' fixed floor
+//   bench_integrators mitsuba SHARED [options]
+//       the scenes of SHARED/scenes against SHARED/references: samples or light paths a CPU second, and
+//       relMSE times CPU seconds
+//   bench_integrators plans SCENE.xml [options]
+//       plan=auto and plan=full in turn: CPU seconds an iteration, and variance (relMSE without a reference,
+//       from pairs of seeds) times CPU seconds, at 128x128
 // Options: --scenes A,B  --integrators A,B  --rounds N  --iterations N  --reference-iterations N  --seeds N
 //          --set KEY=VALUE (where an integrator has it)
 #include <sys/resource.h>
@@ -276,12 +279,19 @@ int smallvcm(const Options& options) {
       std::optional<Reference> own;
       if (integrator == "light") own = reference(options, scene, integrator, chosen);
       const Reference& truth = own ? *own : whole;
-      Run small(scene, integrator, kReferenceSize, kReferenceSize, 1, chosen);
-      small.run(0, 32);
-      const auto error = stats::compare(small.image(), truth.image, kReferenceSize, kReferenceSize);
-      row.relmse = error.relmse;
-      row.relmse_trimmed = error.relmse_trimmed;
-      row.relmse_fixed = relmse_fixed_floor(small.image(), truth.image);
+      std::vector<double> relmse, trimmed, fixed;
+      for (std::uint64_t seed = 1; seed <= options.seeds; ++seed) {
+        Run small(scene, integrator, kReferenceSize, kReferenceSize, seed, chosen);
+        small.run(0, 32);
+        const std::vector<float> image = small.image();
+        const auto error = stats::compare(image, truth.image, kReferenceSize, kReferenceSize);
+        relmse.push_back(error.relmse);
+        trimmed.push_back(error.relmse_trimmed);
+        fixed.push_back(relmse_fixed_floor(image, truth.image));
+      }
+      row.relmse = median(relmse);
+      row.relmse_trimmed = median(trimmed);
+      row.relmse_fixed = median(fixed);
       row.run = std::make_unique<Run>(scene, integrator, 512, 512, 1, chosen);
       rows.push_back(std::move(row));
     }
@@ -354,11 +364,63 @@ int mitsuba(const Options& options) {
   return 0;
 }
 
+// --- plans ---
+
+// mean over pixels of the variance of one image over (mean^2 + 0.01 mean^2 over the image), from images of
+// different seeds.
+double relative_variance(const std::vector<std::vector<float>>& images) {
+  const std::size_t values = images[0].size();
+  const auto count = static_cast<double>(images.size());
+  std::vector<double> mean(values), variance(values);
+  double whole = 0;
+  for (std::size_t i = 0; i < values; ++i) {
+    for (const auto& image : images) mean[i] += static_cast<double>(image[i]) / count;
+    for (const auto& image : images) {
+      const double difference = static_cast<double>(image[i]) - mean[i];
+      variance[i] += difference * difference / (count - 1);
+    }
+    whole += mean[i] / static_cast<double>(values);
+  }
+  double sum = 0;
+  for (std::size_t i = 0; i < values; ++i) sum += variance[i] / (mean[i] * mean[i] + 0.01 * whole * whole);
+  return sum / static_cast<double>(values);
+}
+
+int plans(const Options& options) {
+  const std::uint64_t iterations = options.iterations == 0 ? 16 : options.iterations;
+  const std::uint64_t seeds = std::max<std::uint64_t>(2, options.seeds);
+  std::printf("%-10s %12s %12s %7s %14s %14s %7s\n", "", "auto s/it", "full s/it", "auto/f", "auto var x s",
+              "full var x s", "auto/f");
+  for (const std::string& integrator :
+       chosen_integrators(options, {"light", "path", "ppm", "bpm", "bdpt", "vcm"})) {
+    std::vector<double> seconds[2];
+    std::vector<std::vector<float>> images[2];
+    for (std::uint64_t seed = 1; seed <= seeds; ++seed)
+      for (const int full : {0, 1}) {
+        SettingsMap chosen = options.chosen;
+        chosen["plan"] = full != 0 ? "full" : "auto";
+        Run run(options.folder, integrator, 128, 128, seed, chosen);
+        seconds[full].push_back(run.run(0, iterations) / static_cast<double>(iterations));
+        images[full].push_back(run.image());
+      }
+    double time[2], work[2];
+    for (const int full : {0, 1}) {
+      time[full] = median(seconds[full]);
+      work[full] = relative_variance(images[full]) * time[full] * static_cast<double>(iterations);
+    }
+    std::printf("%-10s %12.5f %12.5f %7.3f %14.5f %14.5f %7.3f\n", integrator.c_str(), time[0], time[1],
+                time[0] / time[1], work[0], work[1], work[0] / work[1]);
+    std::fflush(stdout);
+  }
+  return 0;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   const std::string usage =
-      "usage: smallvcm CACHE | mitsuba SHARED  [--scenes A,B] [--integrators A,B] [--rounds N] "
+      "usage: smallvcm CACHE | mitsuba SHARED | plans SCENE.xml  [--scenes A,B] [--integrators A,B] "
+      "[--rounds N] "
       "[--iterations N] [--reference-iterations N] [--seeds N] [--set k=v]";
   if (argc < 3 || argc % 2 == 0) fail(usage);
   Options options;
@@ -387,5 +449,6 @@ int main(int argc, char** argv) {
   }
   if (options.mode == "smallvcm") return smallvcm(options);
   if (options.mode == "mitsuba") return mitsuba(options);
+  if (options.mode == "plans") return plans(options);
   fail(usage);
 }

@@ -13,6 +13,7 @@
 #include "tests/unit/scene_fixture.h"
 #include "worker/integrators/mmlt/lengths.h"
 #include "worker/integrators/mmlt/target.h"
+#include "worker/render/renderer.h"
 
 namespace candela::integrators {
 namespace {
@@ -183,6 +184,21 @@ TEST(IntegratorMmlt, LengthsFollowTheirProbabilities) {
       const auto choice = lengths.choose(u);
       EXPECT_TRUE(choice.edges >= least && choice.edges <= most) << u;
     }
+  }
+}
+
+// What settings cannot mean together is refused where a job is made, not where it runs.
+TEST(MarkovSettings, RefusedOnCompletion) {
+  for (const char* integrator : {"pssmlt", "mmlt"}) {
+    EXPECT_TRUE(render::complete_integrator_settings(integrator, {}, {{"chains", "8"}}).ok());
+    const auto odd = render::complete_integrator_settings(integrator, {}, {{"chains", "7"}});
+    ASSERT_FALSE(odd.ok());
+    EXPECT_EQ(odd.error().kind, ErrorKind::usage);
+    EXPECT_EQ(odd.error().field, "chains");
+    const auto steps = render::complete_integrator_settings(integrator, {},
+                                                            {{"step_least", "0.01"}, {"step_most", "0.001"}});
+    ASSERT_FALSE(steps.ok());
+    EXPECT_EQ(steps.error().field, "step_least");
   }
 }
 

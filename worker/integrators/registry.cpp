@@ -2,6 +2,7 @@
 #include "worker/integrators/bdpt/bdpt.h"
 #include "worker/integrators/integrator.h"
 #include "worker/integrators/light/light.h"
+#include "worker/integrators/markov/markov.h"
 #include "worker/integrators/mmlt/mmlt.h"
 #include "worker/integrators/path/path.h"
 #include "worker/integrators/ppm/ppm.h"
@@ -15,6 +16,7 @@ namespace {
 template <class Settings>
 Result<SettingsMap> complete(const SettingsMap& given) {
   CANDELA_ASSIGN(const Settings settings, parse_settings<Settings>(given));
+  if constexpr (requires { settings.markov; }) CANDELA_TRY(check(settings.markov));
   return write_settings(settings).map;
 }
 
