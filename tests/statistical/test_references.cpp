@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "common/image/image.h"
+#include "tests/statistical/chain_driver.h"
 #include "tests/statistical/harness.h"
 
 namespace candela::statistical {
@@ -93,13 +94,34 @@ struct Other {
   const char* integrator;
   const char* scene;
   std::uint32_t width, height;
-  std::uint64_t iterations;  // of a batch; twice for merging ones
+  std::uint64_t
+      iterations;  // of a batch; twice for merging ones; of chains: rounds of a job, which is a batch
   double max_relative_error;
   double least_tested;
   double ratio_tolerance;
   bool nightly;
   Blocks excluded = {};
 };
+
+void expect_reference(const Other& c, const std::vector<std::vector<float>>& batches, double margin,
+                      const std::string& shared) {
+  const auto reference = image::read_image(shared + "/references/" + c.scene + ".exr");
+  const auto deviation = image::read_image(shared + "/references/" + c.scene + ".stderr.exr");
+  ASSERT_TRUE(reference.ok()) << reference.error().to_string();
+  ASSERT_TRUE(deviation.ok()) << deviation.error().to_string();
+  const BlockTestResult result = block_test(batches, reference->rgb, deviation->rgb, c.width, c.height,
+                                            {16, c.max_relative_error, margin, c.excluded});
+  std::printf(
+      "%s, %s: %zu values tested, %zu undecided, ratio %.5f +- %.5f, median relative standard error %.2e, "
+      "smallest p %.2e (adjusted %.3g), chi-squared p %.3f; worst: %s\n",
+      c.scene, c.integrator, result.tested, result.skipped, result.ratio, result.ratio_stderr,
+      result.median_relative_standard_error, result.smallest_p, result.adjusted_p, result.chi_squared_p,
+      result.worst.c_str());
+  EXPECT_GT(static_cast<double>(result.tested),
+            c.least_tested * static_cast<double>(result.tested + result.skipped));
+  EXPECT_GT(result.adjusted_p, 1e-4) << result.worst;
+  EXPECT_NEAR(result.ratio, 1.0, c.ratio_tolerance + 4 * result.ratio_stderr);
+}
 
 class OtherReferences : public testing::TestWithParam<Other> {};
 
@@ -109,11 +131,6 @@ TEST_P(OtherReferences, Agree) {
   if (shared.empty()) GTEST_SKIP() << "the folder ../shared with reference images is not here";
   ASSERT_TRUE(has_integrator(c.integrator)) << c.integrator;
   if (c.nightly && !long_form()) GTEST_SKIP() << "only with CANDELA_LONG=1";
-  const auto reference = image::read_image(shared + "/references/" + c.scene + ".exr");
-  const auto deviation = image::read_image(shared + "/references/" + c.scene + ".stderr.exr");
-  ASSERT_TRUE(reference.ok()) << reference.error().to_string();
-  ASSERT_TRUE(deviation.ok()) << deviation.error().to_string();
-
   const TestScene scene = scene_from_shared(c.scene, c.width, c.height);
   const std::string name = c.integrator;
   const bool merging = name == "ppm" || name == "bpm" || name == "vcm";
@@ -127,19 +144,28 @@ TEST_P(OtherReferences, Agree) {
   BatchPlan plan;
   plan.seed = 1;
   plan.iterations = c.iterations;
-  const BlockTestResult result =
-      block_test(render_images(terms, plan), reference->rgb, deviation->rgb, c.width, c.height,
-                 {16, c.max_relative_error, merging ? 0.003 : 0.0, c.excluded});
-  std::printf(
-      "%s, %s: %zu values tested, %zu undecided, ratio %.5f +- %.5f, median relative standard error %.2e, "
-      "smallest p %.2e (adjusted %.3g), chi-squared p %.3f; worst: %s\n",
-      c.scene, c.integrator, result.tested, result.skipped, result.ratio, result.ratio_stderr,
-      result.median_relative_standard_error, result.smallest_p, result.adjusted_p, result.chi_squared_p,
-      result.worst.c_str());
-  EXPECT_GT(static_cast<double>(result.tested),
-            c.least_tested * static_cast<double>(result.tested + result.skipped));
-  EXPECT_GT(result.adjusted_p, 1e-4) << result.worst;
-  EXPECT_NEAR(result.ratio, 1.0, c.ratio_tolerance + 4 * result.ratio_stderr);
+  expect_reference(c, render_images(terms, plan), merging ? 0.003 : 0.0, shared);
+}
+
+class ChainReferences : public testing::TestWithParam<Other> {};
+
+// Claim: whole jobs of chains, bootstrap and b included, have the references' expectation.
+TEST_P(ChainReferences, Agree) {
+  const Other& c = GetParam();
+  const std::string shared = shared_folder();
+  if (shared.empty()) GTEST_SKIP() << "the folder ../shared with reference images is not here";
+  if (c.nightly && !long_form()) GTEST_SKIP() << "only with CANDELA_LONG=1";
+  ChainJob job;
+  job.scene = with_integrator(scene_from_shared(c.scene, c.width, c.height), c.integrator,
+                              {{"chains", "200"}, {"bootstrap", "50000"}, {"mutations", "4"}});
+  job.rounds = c.iterations;
+  job.threads = 2;
+  std::vector<std::vector<float>> batches;
+  for (std::uint64_t seed = 1; seed <= 16; ++seed) {
+    const ChainImage image = render_chains(job, seed);
+    batches.emplace_back(image.image.begin(), image.image.end());
+  }
+  expect_reference(c, batches, 0, shared);
 }
 
 const Blocks kLeak = {{192, 96}, {208, 96}, {192, 112}, {208, 112}};
@@ -156,6 +182,22 @@ INSTANTIATE_TEST_SUITE_P(
                     Other{"vcm", "veach-bidir", 256, 256, 8, 0.05, 0.5, 0.006, true, kLeak},
                     Other{"bdpt", "veach-ajar", 256, 144, 32, 0.06, 0.4, 0.005, true},
                     Other{"vcm", "veach-ajar", 256, 144, 16, 0.06, 0.4, 0.005, true}),
+    [](const auto& param_info) {
+      std::string name = std::string(param_info.param.scene) + "_" + param_info.param.integrator;
+      for (char& ch : name)
+        if (ch == '-') ch = '_';
+      return name;
+    });
+
+INSTANTIATE_TEST_SUITE_P(
+    Scenes, ChainReferences,
+    testing::Values(Other{"pssmlt", "cornell-box", 256, 256, 2, 0.05, 0.9, 0.001, true},
+                    Other{"mmlt", "cornell-box", 256, 256, 8, 0.05, 0.9, 0.001, false},
+                    Other{"mmlt", "veach-mis", 256, 144, 4, 0.05, 0.5, 0.0035, true},
+                    Other{"pssmlt", "veach-bidir", 256, 256, 2, 0.05, 0.5, 0.006, true, kLeak},
+                    Other{"mmlt", "veach-bidir", 256, 256, 4, 0.05, 0.5, 0.006, true, kLeak},
+                    Other{"pssmlt", "veach-ajar", 256, 144, 8, 0.06, 0.4, 0.005, true},
+                    Other{"mmlt", "veach-ajar", 256, 144, 8, 0.06, 0.4, 0.005, true}),
     [](const auto& param_info) {
       std::string name = std::string(param_info.param.scene) + "_" + param_info.param.integrator;
       for (char& ch : name)
