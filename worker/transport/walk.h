@@ -66,8 +66,9 @@ class Walk {
   // Along a ray of Scene::camera_ray, through the film at any place that pdf_camera knows.
   void start_eye(const Ray& ray);
 
-  // On to the next vertex. `vertex`: where the walk may scatter, or only what emits: one beyond max_edges is
-  // never made, one at max_edges has no closure unless it passes light on. `left`: out of the scene; v has
+  // On to the next vertex. `vertex`: where the walk may scatter, or only what emits: one at max_edges has no
+  // closure unless it passes light on, and one beyond is only made on the way to the lens, where light may go
+  // straight on: it has no closure and does not connect. `left`: out of the scene; v has
   // throughput, wo, edges and what weights need. `ended`: absorbed.
   Event advance(Vertex& v, scene::ClosureArena& arena);
   // Chooses the direction from v, which advance() just filled.
@@ -187,7 +188,9 @@ auto Walk<kMode, kBetween, Heuristic, SamplerT>::advance(Vertex& v, scene::Closu
   v.wo = -ray_.direction;
   v.edges = edges_ + 1;
   v.pdf_reverse = 0;
-  if (kFromLight && v.edges > rules_.max_edges) return Event::ended;  // one more edge was for the lens
+  // One more edge than max_edges is for the lens alone, which may stand behind what light passes straight.
+  const bool for_lens = kFromLight && v.edges > rules_.max_edges;
+  if (for_lens && (!kPasses || !found)) return Event::ended;
 
   if constexpr (kMedia) {
     if (medium_ != scene::kNone) {
@@ -200,7 +203,8 @@ auto Walk<kMode, kBetween, Heuristic, SamplerT>::advance(Vertex& v, scene::Closu
       if (flight.scattered) stretch.t_max = flight.distance;
       if constexpr (Heuristic::kWeighs) survival_ *= static_cast<double>(stretch_survival(around, stretch));
       if (flight.scattered) {
-        if (v.edges >= rules_.max_edges && !kFromLight) return Event::ended;  // light cannot come from it
+        if (for_lens || (v.edges >= rules_.max_edges && !kFromLight))
+          return Event::ended;  // light cannot come from it, or not go on
         v.kind = Vertex::Kind::medium;
         medium_vertex(ray_, flight.distance, v.hit);
         v.medium = medium_;
@@ -230,7 +234,7 @@ auto Walk<kMode, kBetween, Heuristic, SamplerT>::advance(Vertex& v, scene::Closu
   v.arrival = v.density_factor(v.wo);
   v.connects = false;
   v.closure.black = true;
-  if (v.edges < rules_.max_edges || kFromLight) {
+  if (v.edges < rules_.max_edges || (kFromLight && !for_lens)) {
     const Vec3 wo = v.hit.shading.to_local(v.wo);
     arena.clear();
     v.closure = scene_.closure(v.hit, wo, arena);
