@@ -370,12 +370,14 @@ TEST(MarkovJobs, PlansSayWhatChainsAreFor) {
   EXPECT_GT(pilot->seconds_per_iteration, 0);
 }
 
-// Claim: what cannot be is said at once, with the field.
+// Claim: settings that cannot be, and came by without being completed, are refused by the renderer too, with
+// the field.
 TEST(MarkovJobs, OddNumbersOfChainsAreRefused) {
   TestScene scene = load("box-diffuse", 8, 8);
   for (const char* integrator : {"pssmlt", "mmlt"}) {
     for (const auto& [name, value] : SettingsMap{{"chains", "7"}, {"step_least", "0.1"}}) {
-      const TestScene wrong = with_integrator(scene, integrator, {{name, value}});
+      TestScene wrong = with_integrator(scene, integrator);
+      wrong.settings.integrator_settings[name] = value;
       const auto renderer = render::Renderer::create(*wrong.files, wrong.main_key, {}, wrong.settings, 1);
       ASSERT_FALSE(renderer.ok());
       EXPECT_EQ(renderer.error().kind, ErrorKind::usage);
