@@ -2,6 +2,8 @@
 
 #include <string_view>
 
+#include "worker/integrators/plan_between.h"
+
 namespace candela::integrators::bdpt {
 
 Planned plan(const Limits& limits, const scene::SceneFeatures& f, bool full, Plan& plan) {
@@ -38,14 +40,7 @@ Planned plan(const Limits& limits, const scene::SceneFeatures& f, bool full, Pla
          "light paths scatter where the camera may see it", why_not);
   decide(t.hit_lens, "light that meets the lens (t = 0)", lit && f.finite_lens, "the lens has an area",
          "the lens is a point, or infinitely far");
-  if (f.media == 0) plan.skip("media", "there is none");
-  if (f.any_straight)
-    plan.use("light through surfaces straight on", "some surface is null, a mask or thin glass");
-  else
-    plan.skip("light through surfaces straight on", "no surface lets light pass straight");
-  planned.between = f.media > 0      ? transport::Between::media
-                    : f.any_straight ? transport::Between::surfaces
-                                     : transport::Between::nothing;
+  planned.between = plan_between(f, plan);
   finish();
   return planned;
 }

@@ -3,6 +3,7 @@
 #include "worker/integrators/bidirectional/eye_radiance.h"
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/light_paths.h"
+#include "worker/integrators/plan_between.h"
 #include "worker/transport/splat.h"
 
 namespace candela::integrators {
@@ -176,10 +177,7 @@ void LightIntegrator::make_plan(const LightSettings& settings, const scene::Scen
   if (features.any_delta_bsdf)
     plan_.skip("what the camera sees by specular reflection or refraction",
                "light tracing cannot find it: bdpt or vcm can");
-  between_ = features.media > 0      ? Between::media
-             : features.any_straight ? Between::surfaces
-                                     : Between::nothing;
-  if (features.media == 0) plan_.skip("media", "there is none");
+  between_ = plan_between(features, plan_);
 }
 
 }  // namespace

@@ -1,5 +1,7 @@
 #include "worker/integrators/path/plan.h"
 
+#include "worker/integrators/plan_between.h"
+
 namespace candela::integrators::path {
 
 Techniques plan(const Limits& limits, const scene::SceneFeatures& features, bool full, Plan& plan) {
@@ -47,19 +49,11 @@ Techniques plan(const Limits& limits, const scene::SceneFeatures& features, bool
                                                   ? "only point-like emitters: bsdf sampling cannot find them"
                                                   : "one technique finds all the light there is");
 
-  if (features.any_straight)
-    plan.use("light through surfaces straight on", "some surface is null, a mask or thin glass");
-  else
-    plan.skip("light through surfaces straight on", "no surface lets light pass straight");
-  if (features.media == 0)
-    plan.skip("media", "there is none");
-  else if (!features.any_heterogeneous_medium)
-    plan.use("media", "homogeneous: free flights and transmittance in closed form");
-  else
-    plan.use("media", "free flights by delta tracking, transmittance by residual ratio tracking");
-  techniques.between = features.media > 0      ? Between::media
-                       : features.any_straight ? Between::surfaces
-                                               : Between::nothing;
+  techniques.between =
+      plan_between(features, plan,
+                   features.any_heterogeneous_medium
+                       ? "free flights by delta tracking, transmittance by residual ratio tracking"
+                       : "homogeneous: free flights and transmittance in closed form");
   return techniques;
 }
 

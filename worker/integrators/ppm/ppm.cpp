@@ -2,6 +2,7 @@
 
 #include "worker/integrators/bidirectional/eye_radiance.h"
 #include "worker/integrators/merging/iterations.h"
+#include "worker/integrators/plan_between.h"
 #include "worker/transport/emission.h"
 
 namespace candela::integrators {
@@ -164,17 +165,7 @@ void PpmIntegrator::make_plan(const PpmSettings& settings, const scene::SceneFea
     plan_.use("photons in media", "there are media that scatter");
   else
     plan_.skip("photons in media", "no medium scatters");
-  between_ = features.media > 0      ? Between::media
-             : features.any_straight ? Between::surfaces
-                                     : Between::nothing;
-  if (features.any_straight)
-    plan_.use("light through surfaces straight on", "some surface is null, a mask or thin glass");
-  else
-    plan_.skip("light through surfaces straight on", "no surface lets light pass straight");
-  if (features.media == 0)
-    plan_.skip("media", "there is none");
-  else
-    plan_.use("media", "free flights");
+  between_ = plan_between(features, plan_, "free flights");
 }
 
 }  // namespace

@@ -1,5 +1,7 @@
 #include "worker/integrators/vcm/plan.h"
 
+#include "worker/integrators/plan_between.h"
+
 namespace candela::integrators::vcm {
 namespace {
 
@@ -88,17 +90,7 @@ Planned make_plan(const Techniques& wanted, const Limits& limits, bool full,
 
   t.light_paths = t.needs_light_paths();
   if (!t.light_paths) plan.skip("light paths", "no technique needs them");
-  planned.between = features.media > 0      ? transport::Between::media
-                    : features.any_straight ? transport::Between::surfaces
-                                            : transport::Between::nothing;
-  if (features.any_straight)
-    plan.use("light through surfaces straight on", "some surface is null, a mask or thin glass");
-  else
-    plan.skip("light through surfaces straight on", "no surface lets light pass straight");
-  if (features.media == 0)
-    plan.skip("media", "there is none");
-  else
-    plan.use("media", "free flights and transmittance");
+  planned.between = plan_between(features, plan);
   return planned;
 }
 

@@ -1,0 +1,29 @@
+// What can stand between two vertices of a scene's paths: the choice of the kernel's form, and its lines in
+// the plan, the same for every integrator.
+#pragma once
+
+#include <string>
+
+#include "worker/integrators/plan.h"
+#include "worker/scene/features.h"
+#include "worker/transport/between.h"
+
+namespace candela::integrators {
+
+// media: what is done where there are any.
+inline transport::Between plan_between(const scene::SceneFeatures& features, Plan& plan,
+                                       const std::string& media = "free flights and transmittance") {
+  if (features.any_straight)
+    plan.use("light through surfaces straight on", "some surface is null, a mask or thin glass");
+  else
+    plan.skip("light through surfaces straight on", "no surface lets light pass straight");
+  if (features.media > 0)
+    plan.use("media", media);
+  else
+    plan.skip("media", "there is none");
+  return features.media > 0      ? transport::Between::media
+         : features.any_straight ? transport::Between::surfaces
+                                 : transport::Between::nothing;
+}
+
+}  // namespace candela::integrators
