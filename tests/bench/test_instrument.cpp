@@ -11,6 +11,7 @@
 
 #include "common/base/files.h"
 #include "tests/bench/known_estimator.h"
+#include "tests/temporary_folder.h"
 
 namespace candela::bench {
 namespace {
@@ -126,7 +127,7 @@ std::vector<std::vector<double>> figures_of(const std::vector<RunResult>& result
 }
 
 TEST(Instrument, GoesOnWhereRowsAreMissing) {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   const std::vector<RunSpec> runs = {a_run(1), a_run(2)};
   const auto whole = run_all(runs, iterations(64), known(0.3, 0.01), flat_reference(0), nullptr);
   std::atomic<bool> stop{false};
@@ -162,7 +163,7 @@ TEST(Instrument, GoesOnWhereRowsAreMissing) {
 }
 
 TEST(Instrument, RefusesRowsOfAnotherBuild) {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   const Store store = open_store(folder.path());
   std::ofstream(folder.path() / "runs" / "x.json") << R"({"build_id": "another", "state": "", "rows": []})";
   const auto refused = Store::open(folder.path());
@@ -186,7 +187,7 @@ TEST(Instrument, MarksRowsWhoseReferenceIsTooNoisy) {
 
 TEST(Instrument, CsvAndJsonSayTheSame) {
   EXPECT_EQ(csv_line({"a", "b,c", "d\"e", "f\ng", ""}), "a,\"b,c\",\"d\"\"e\",\"f\ng\",\n");
-  const Folder folder;
+  const test::TemporaryFolder folder;
   const Store store = open_store(folder.path());
   RunSpec run = a_run(1);
   run.scene_file = "/a, \"b\"/it's.xml";

@@ -15,6 +15,7 @@
 #include "tests/bench/candela_bench/process.h"
 #include "tests/bench/candela_bench/truth.h"
 #include "tests/bench/known_estimator.h"
+#include "tests/temporary_folder.h"
 
 namespace candela::bench {
 namespace {
@@ -24,7 +25,7 @@ using testing::HasSubstr;
 // --- lists ---
 
 std::string error_of_list(const std::string& text) {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   const std::string file = (folder.path() / "list.toml").string();
   std::ofstream(file) << text;
   RunOptions options;
@@ -47,7 +48,7 @@ TEST(Lists, BadOnesHaveOneClearError) {
 }
 
 TEST(Lists, MakeRunsOfAllCombinations) {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   const std::vector<float> black(16 * 8 * 3);
   const auto exr = image::encode_exr(16, 8, black, {});
   ASSERT_TRUE(exr.ok());
@@ -165,7 +166,7 @@ TruthOptions truth_options(const fs::path& out) {
 // units each have a variance of 1 / (256 / 0.09 + 256 / 0.01). The measured relMSE has a relative deviation
 // of sqrt(2 / 12288) = 1.3 %, the one estimated from 8 batches of 0.5 %; 8 % is six of the larger: 1e-8.
 TEST(Truth, CombinesTwoThatAgree) {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   const EstimatorFactory factory = [](const RunSpec& run) {
     return known(run.job.integrator == "path" ? 0.3 : 0.1, 0)(run);
   };
@@ -183,7 +184,7 @@ TEST(Truth, CombinesTwoThatAgree) {
 }
 
 TEST(Truth, RefusedWhereTwoDisagree) {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   // 2 % too bright: 20 standard errors of the whole image.
   const EstimatorFactory factory = [](const RunSpec& run) {
     return known(0.3, run.job.integrator == "path" ? 0.016 : 0)(run);
@@ -197,7 +198,7 @@ TEST(Truth, RefusedWhereTwoDisagree) {
 }
 
 TEST(Truth, GoesOnAfterAStop) {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   const auto options = truth_options(folder.path() / "truth.exr");
   std::atomic<bool> stop{false};
   int batches = 0;

@@ -168,6 +168,13 @@ TEST_P(ChainReferences, Agree) {
   expect_reference(c, batches, 0, shared);
 }
 
+std::string other_name(const testing::TestParamInfo<Other>& info) {
+  std::string name = std::string(info.param.scene) + "_" + info.param.integrator;
+  for (char& ch : name)
+    if (ch == '-') ch = '_';
+  return name;
+}
+
 const Blocks kLeak = {{192, 96}, {208, 96}, {192, 112}, {208, 112}};
 INSTANTIATE_TEST_SUITE_P(
     Scenes, OtherReferences,
@@ -182,12 +189,7 @@ INSTANTIATE_TEST_SUITE_P(
                     Other{"vcm", "veach-bidir", 256, 256, 8, 0.05, 0.5, 0.006, true, kLeak},
                     Other{"bdpt", "veach-ajar", 256, 144, 32, 0.06, 0.4, 0.005, true},
                     Other{"vcm", "veach-ajar", 256, 144, 16, 0.06, 0.4, 0.005, true}),
-    [](const auto& param_info) {
-      std::string name = std::string(param_info.param.scene) + "_" + param_info.param.integrator;
-      for (char& ch : name)
-        if (ch == '-') ch = '_';
-      return name;
-    });
+    other_name);
 
 INSTANTIATE_TEST_SUITE_P(
     Scenes, ChainReferences,
@@ -198,12 +200,7 @@ INSTANTIATE_TEST_SUITE_P(
                     Other{"mmlt", "veach-bidir", 256, 256, 4, 0.05, 0.5, 0.006, true, kLeak},
                     Other{"pssmlt", "veach-ajar", 256, 144, 8, 0.06, 0.4, 0.005, true},
                     Other{"mmlt", "veach-ajar", 256, 144, 8, 0.06, 0.4, 0.005, true}),
-    [](const auto& param_info) {
-      std::string name = std::string(param_info.param.scene) + "_" + param_info.param.integrator;
-      for (char& ch : name)
-        if (ch == '-') ch = '_';
-      return name;
-    });
+    other_name);
 
 }  // namespace
 }  // namespace candela::statistical

@@ -9,34 +9,19 @@
 #include "common/base/hash.h"
 #include "common/bundle/bundle.h"
 #include "common/job/job.h"
+#include "tests/temporary_folder.h"
 
 namespace candela::bundle {
 namespace {
 
 namespace fs = std::filesystem;
 
-// A folder that goes with the test.
-class Folder {
+class Folder : public test::TemporaryFolder {
  public:
-  Folder() {
-    std::string name = (fs::temp_directory_path() / "candela_bundle_XXXXXX").string();
-    path_ = ::mkdtemp(name.data());
-  }
-  ~Folder() {
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);
-  }
-  Folder(const Folder&) = delete;
-  Folder& operator=(const Folder&) = delete;
-
-  const fs::path& path() const { return path_; }
   void write(const std::string& name, const std::string& text) const {
-    fs::create_directories((path_ / name).parent_path());
-    std::ofstream(path_ / name, std::ios::binary) << text;
+    fs::create_directories((path() / name).parent_path());
+    std::ofstream(path() / name, std::ios::binary) << text;
   }
-
- private:
-  fs::path path_;
 };
 
 std::string scene_with(const std::string& filename) {

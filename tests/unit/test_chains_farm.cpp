@@ -2,7 +2,6 @@
 // whose film is known beforehand (toy_chains.h).
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
-#include <stdlib.h>
 
 #include <cmath>
 #include <filesystem>
@@ -21,6 +20,7 @@
 #include "common/wire/wire.h"
 #include "master/master.h"
 #include "master/merge/checkpoint.h"
+#include "tests/temporary_folder.h"
 #include "tests/unit/toy_chains.h"
 #include "worker/service/farm_worker.h"
 
@@ -157,8 +157,6 @@ class ChainFarm : public ::testing::Test {
  protected:
   void SetUp() override {
     ASSERT_TRUE(log::initialise("test", "off", "text").ok());
-    std::string name = (fs::temp_directory_path() / "candela-toy-XXXXXX").string();
-    folder_ = ::mkdtemp(name.data());
     options_.data_dir = folder_ / "master";
     options_.listen = "127.0.0.1:0";
     options_.checkpoint_seconds = 0.05;
@@ -174,8 +172,6 @@ class ChainFarm : public ::testing::Test {
     workers_.clear();
     farm_.reset();
     master_.reset();
-    std::error_code code;
-    fs::remove_all(folder_, code);
   }
   void start() {
     auto master = master::Master::start(options_);
@@ -336,7 +332,8 @@ class ChainFarm : public ::testing::Test {
     EXPECT_EQ(status.units_merged(), static_cast<std::uint64_t>(account.merged_size()));
   }
 
-  fs::path folder_;
+  test::TemporaryFolder temporary_;
+  fs::path folder_ = temporary_.path();
   master::MasterOptions options_;
   JobSettings settings_;
   Toy toy_;

@@ -1,7 +1,6 @@
 // Layers all the way: a renderer of two layers behind two workers, a master that is restarted and one that
 // dies, and the EXR at the end. Everything is real but the renderer.
 #include <gtest/gtest.h>
-#include <stdlib.h>
 
 #include <atomic>
 #include <chrono>
@@ -18,6 +17,7 @@
 #include "common/stats/image_error.h"
 #include "common/wire/wire.h"
 #include "master/master.h"
+#include "tests/temporary_folder.h"
 #include "worker/service/farm_worker.h"
 
 namespace candela {
@@ -107,17 +107,11 @@ class LayersOverTheFarm : public testing::Test {
  protected:
   void SetUp() override {
     ASSERT_TRUE(log::initialise("test", "off", "text").ok());
-    std::string name = (fs::temp_directory_path() / "candela-layers-XXXXXX").string();
-    ASSERT_NE(::mkdtemp(name.data()), nullptr);
-    folder_ = name;
     data_ = folder_ / "data";
     std::ofstream(folder_ / "scene.xml") << kScene;
     start();
   }
-  void TearDown() override {
-    stop();
-    fs::remove_all(folder_);
-  }
+  void TearDown() override { stop(); }
   void start() {
     master::MasterOptions options;
     options.data_dir = data_;
@@ -196,7 +190,8 @@ class LayersOverTheFarm : public testing::Test {
     return folder_ / name;
   }
 
-  fs::path folder_, data_;
+  test::TemporaryFolder temporary_;
+  fs::path folder_ = temporary_.path(), data_;
   std::unique_ptr<master::Master> master_;
   std::unique_ptr<client::FarmClient> client_;
   std::vector<std::unique_ptr<worker::Worker>> workers_;

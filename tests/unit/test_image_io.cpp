@@ -15,23 +15,19 @@
 #include "common/base/files.h"
 #include "common/job/job.h"
 #include "common/rng/stream.h"
+#include "tests/temporary_folder.h"
 
 namespace candela::image {
 namespace {
 
 class ImageIo : public testing::Test {
  protected:
-  void SetUp() override {
-    std::string name = (std::filesystem::temp_directory_path() / "candela-image-XXXXXX").string();
-    ASSERT_NE(mkdtemp(name.data()), nullptr);
-    folder_ = name;
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
   std::filesystem::path put(const std::string& name, const std::string& bytes) {
     std::ofstream(folder_ / name, std::ios::binary) << bytes;
     return folder_ / name;
   }
-  std::filesystem::path folder_;
+  test::TemporaryFolder temporary_;
+  std::filesystem::path folder_ = temporary_.path();
 };
 
 std::vector<float> noise(std::size_t count, std::uint64_t seed) {

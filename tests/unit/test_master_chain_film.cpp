@@ -1,7 +1,6 @@
 // The film with the records of its chains, and the store with jobs of Markov chains.
 #include <gtest/gtest.h>
 #include <sqlite3.h>
-#include <stdlib.h>
 
 #include <filesystem>
 
@@ -9,27 +8,12 @@
 #include "common/rng/stream.h"
 #include "master/merge/job_film.h"
 #include "master/store/store.h"
+#include "tests/temporary_folder.h"
 
 namespace candela::master {
 namespace {
 
 namespace fs = std::filesystem;
-
-class Folder {
- public:
-  Folder() {
-    std::string name = (fs::temp_directory_path() / "candela-chains-XXXXXX").string();
-    path_ = ::mkdtemp(name.data());
-  }
-  ~Folder() {
-    std::error_code code;
-    fs::remove_all(path_, code);
-  }
-  const fs::path& path() const { return path_; }
-
- private:
-  fs::path path_;
-};
 
 constexpr film::Layout kLayout{8, 8, 3};
 constexpr std::uint32_t kFew = 6;  // chains
@@ -64,7 +48,7 @@ Unit segments(std::uint32_t half, std::uint64_t begin, std::uint64_t end) {
 // Claim: records change with the sums or not at all, and are those of exactly the merged segments; each that
 // contradicts its chain is refused.
 TEST(ChainFilm, RecordsFollowTheSums) {
-  Folder folder;
+  test::TemporaryFolder folder;
   JobFilm film(folder.path(), kLayout, 10, &write_file_atomically, kFew);
   ASSERT_TRUE(film.ensure_loaded().ok());
   const auto merge = [&](const Unit& unit, std::vector<chains::ChainRecord> records) {
@@ -108,7 +92,7 @@ TEST(ChainFilm, RecordsFollowTheSums) {
 // Claim: a checkpoint brings back sums and records as they were; a film read from it takes the next segments
 // and no others.
 TEST(ChainFilm, CheckpointsHoldTheRecords) {
-  Folder folder;
+  test::TemporaryFolder folder;
   {
     JobFilm film(folder.path(), kLayout, 10, &write_file_atomically, kFew);
     ASSERT_TRUE(film.ensure_loaded().ok());
@@ -178,7 +162,7 @@ JobRow chain_row() {
 // Claim: plan, bootstrap, starts and figures come back to the last bit, and the bootstrap's rows go when the
 // starts are there.
 TEST(ChainStore, KeepsWhatItIsTold) {
-  Folder folder;
+  test::TemporaryFolder folder;
   const fs::path path = folder.path() / "s.sqlite";
   JobRow job = chain_row();
   UnitRow unit;
@@ -229,7 +213,7 @@ TEST(ChainStore, KeepsWhatItIsTold) {
 // Claim: a store of the version before is taken over with its jobs unchanged and without chains, and holds
 // chains from then on; plans that cannot be are refused when it is read.
 TEST(ChainStore, AnOlderStoreIsTakenOver) {
-  Folder folder;
+  test::TemporaryFolder folder;
   const fs::path path = folder.path() / "s.sqlite";
   JobRow job = chain_row();
   job.chains.reset();

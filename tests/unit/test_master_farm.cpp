@@ -22,6 +22,7 @@
 #include "common/wire/wire.h"
 #include "master/farm.h"
 #include "master/master.h"
+#include "tests/temporary_folder.h"
 
 namespace candela::master {
 namespace {
@@ -29,22 +30,6 @@ namespace {
 namespace fs = std::filesystem;
 constexpr std::uint32_t kWidth = 40, kHeight = 33;  // four tiles, two of them cut
 const std::string kScene = "<scene version='3.0.0'/>";
-
-class Folder {
- public:
-  Folder() {
-    std::string name = (fs::temp_directory_path() / "candela-master-XXXXXX").string();
-    path_ = ::mkdtemp(name.data());
-  }
-  ~Folder() {
-    std::error_code code;
-    fs::remove_all(path_, code);
-  }
-  const fs::path& path() const { return path_; }
-
- private:
-  fs::path path_;
-};
 
 // What "rendering" gives: a value for each iteration and pixel that anybody can compute again.
 std::string make_delta(const Unit& unit, const std::string& job, int scale, const std::string& build) {
@@ -272,7 +257,7 @@ class MasterTest : public ::testing::Test {
     return std::move(*film);
   }
 
-  Folder folder;
+  test::TemporaryFolder folder;
   double checkpoint_seconds = 0.05, lease_seconds = 30;
   std::unique_ptr<Master> master;
   std::shared_ptr<grpc::Channel> channel;
@@ -555,14 +540,14 @@ TEST_F(MasterTest, RefusesToStartTwiceOrOpenly) {
   auto second = Master::start(o);
   ASSERT_FALSE(second.ok());
   EXPECT_EQ(second.error().exit_code(), 2);
-  Folder other;
+  test::TemporaryFolder other;
   o.data_dir = other.path();
   o.listen = "0.0.0.0:0";
   EXPECT_FALSE(Master::start(o).ok());
   o.listen = "127.0.0.1:0";
   auto first = Master::start(o);
   ASSERT_TRUE(first.ok());
-  Folder third;
+  test::TemporaryFolder third;
   o.data_dir = third.path();
   o.listen = "127.0.0.1:" + std::to_string((*first)->port());
   EXPECT_FALSE(Master::start(o).ok()) << "the port is taken";
@@ -572,7 +557,7 @@ TEST_F(MasterTest, RefusesToStartTwiceOrOpenly) {
 // generation before, and is done as soon as the disk has room.
 TEST(FarmDisk, AFullDiskDelaysTheEndOnly) {
   ASSERT_TRUE(log::initialise("test", "off", "text").ok());
-  Folder folder;
+  test::TemporaryFolder folder;
   std::atomic<bool> full{false};
   FarmOptions o;
   o.master.data_dir = folder.path();
@@ -653,7 +638,7 @@ TEST(FarmDisk, AFullDiskDelaysTheEndOnly) {
 
 // Claim: epochs grow over openings, and rows come back as they were written; a newer schema is refused.
 TEST(SqliteStore, KeepsWhatItIsTold) {
-  Folder folder;
+  test::TemporaryFolder folder;
   const fs::path path = folder.path() / "s.sqlite";
   UnitRow unit;
   unit.id = 42;

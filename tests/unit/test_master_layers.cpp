@@ -2,7 +2,6 @@
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 #include <sqlite3.h>
-#include <stdlib.h>
 
 #include <filesystem>
 
@@ -15,6 +14,7 @@
 #include "common/wire/wire.h"
 #include "master/master.h"
 #include "master/store/store.h"
+#include "tests/temporary_folder.h"
 
 namespace candela::master {
 namespace {
@@ -24,17 +24,11 @@ const std::string kScene = "<scene version='3.0.0'/>";
 
 class MasterLayers : public testing::Test {
  protected:
-  void SetUp() override {
-    ASSERT_TRUE(log::initialise("test", "off", "text").ok());
-    std::string name = (fs::temp_directory_path() / "candela-master-XXXXXX").string();
-    ASSERT_NE(::mkdtemp(name.data()), nullptr);
-    folder_ = name;
-  }
+  void SetUp() override { ASSERT_TRUE(log::initialise("test", "off", "text").ok()); }
   void TearDown() override {
     farm_.reset();
     workers_.reset();
     master_.reset();
-    fs::remove_all(folder_);
   }
   // A master with one job of this size, and a worker that has the lease of its pilot.
   void start(std::uint32_t width, std::uint32_t height) {
@@ -145,7 +139,8 @@ class MasterLayers : public testing::Test {
     return response;
   }
 
-  fs::path folder_;
+  test::TemporaryFolder temporary_;
+  fs::path folder_ = temporary_.path();
   std::unique_ptr<Master> master_;
   std::unique_ptr<v1::FarmService::Stub> farm_;
   std::unique_ptr<v1::WorkerService::Stub> workers_;
@@ -219,9 +214,8 @@ void execute(const fs::path& path, const char* sql) {
 // Claim: a store of the first version is taken over with its jobs unchanged and without layers, and holds
 // layers from then on; one of a version to come, or with layers that cannot be, is refused.
 TEST(StoreLayers, AnOlderStoreIsTakenOver) {
-  std::string name = (fs::temp_directory_path() / "candela-store-XXXXXX").string();
-  ASSERT_NE(::mkdtemp(name.data()), nullptr);
-  const fs::path path = fs::path(name) / "s.sqlite";
+  const test::TemporaryFolder folder;
+  const fs::path path = folder.path() / "s.sqlite";
   JobRow job;
   job.id = "j";
   job.name = "a job";
@@ -274,7 +268,6 @@ TEST(StoreLayers, AnOlderStoreIsTakenOver) {
   EXPECT_FALSE((*open_sqlite_store(path))->load().ok());
   execute(path, "PRAGMA user_version=4");
   EXPECT_FALSE(open_sqlite_store(path).ok());
-  fs::remove_all(name);
 }
 
 }  // namespace

@@ -3,12 +3,12 @@
 #include <openssl/evp.h>
 #include <openssl/pem.h>
 #include <openssl/x509.h>
-#include <stdlib.h>
 
 #include <filesystem>
 #include <fstream>
 
 #include "common/wire/wire.h"
+#include "tests/temporary_folder.h"
 
 namespace candela {
 namespace {
@@ -122,13 +122,6 @@ TEST(WireCredentials, PlainTextOnlyOnLoopbackOrOnPurpose) {
 
 class WireTls : public testing::Test {
  protected:
-  void SetUp() override {
-    std::string name = (std::filesystem::temp_directory_path() / "candela-tls-XXXXXX").string();
-    ASSERT_NE(::mkdtemp(name.data()), nullptr);
-    folder_ = name;
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-
   std::string write(const std::string& name, const std::string& text) const {
     std::ofstream(folder_ / name) << text;
     return (folder_ / name).string();
@@ -162,7 +155,8 @@ class WireTls : public testing::Test {
     return files;
   }
 
-  std::filesystem::path folder_;
+  test::TemporaryFolder temporary_;
+  std::filesystem::path folder_ = temporary_.path();
 };
 
 // Claim: good files make credentials; each missing, unreadable, malformed or mismatched one is an error

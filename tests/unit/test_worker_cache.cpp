@@ -1,6 +1,5 @@
 // The blob cache: verification, eviction, sharing, failures.
 #include <gtest/gtest.h>
-#include <stdlib.h>
 #include <sys/stat.h>
 
 #include <algorithm>
@@ -12,6 +11,7 @@
 
 #include "common/base/hash.h"
 #include "common/rng/stream.h"
+#include "tests/temporary_folder.h"
 #include "worker/service/blob_cache.h"
 
 namespace candela::worker {
@@ -21,13 +21,6 @@ namespace fs = std::filesystem;
 
 class BlobCacheTest : public testing::Test {
  protected:
-  void SetUp() override {
-    std::string name = (fs::temp_directory_path() / "candela-cache-XXXXXX").string();
-    ASSERT_NE(::mkdtemp(name.data()), nullptr);
-    folder_ = name;
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   std::unique_ptr<BlobCache> open(std::uint64_t limit_bytes) {
     return *BlobCache::open(folder_, limit_bytes);
   }
@@ -52,7 +45,8 @@ class BlobCacheTest : public testing::Test {
         std::distance(fs::directory_iterator(folder_ / "partial"), fs::directory_iterator()));
   }
 
-  fs::path folder_;
+  test::TemporaryFolder temporary_;
+  fs::path folder_ = temporary_.path();
   std::atomic<int> fetches_{0};
 };
 

@@ -1,11 +1,11 @@
 // The worker service against a scripted master, with a scripted renderer: the normal flow, and each thing
 // that goes wrong.
 #include <gtest/gtest.h>
-#include <stdlib.h>
 
 #include <filesystem>
 
 #include "common/base/version.h"
+#include "tests/temporary_folder.h"
 #include "tests/unit/worker_fakes.h"
 
 namespace candela::worker {
@@ -18,9 +18,6 @@ using grpc::StatusCode;
 class WorkerServiceTest : public testing::Test {
  protected:
   void SetUp() override {
-    std::string name = (fs::temp_directory_path() / "candela-worker-XXXXXX").string();
-    ASSERT_NE(::mkdtemp(name.data()), nullptr);
-    folder_ = name;
     options_.cache_dir = folder_;
     options_.threads = 1;
     options_.name = "tester";
@@ -32,7 +29,6 @@ class WorkerServiceTest : public testing::Test {
   void TearDown() override {
     renderer_.open_gate();
     worker_.reset();
-    fs::remove_all(folder_);
   }
   void start() {
     auto worker = FarmWorker::start(options_, master_.channel(), fake_factory(renderer_), tuning_);
@@ -45,7 +41,8 @@ class WorkerServiceTest : public testing::Test {
   }
   std::size_t merged_count() const { return master_.merged.size(); }  // under master_.mutex
 
-  fs::path folder_;
+  test::TemporaryFolder temporary_;
+  fs::path folder_ = temporary_.path();
   WorkerOptions options_;
   Tuning tuning_;
   FakeMaster master_;
