@@ -99,9 +99,8 @@ class Kernel {
   // Of the paths to come, all of which have s + t - 1 edges.
   void choose(const Choice& choice) {
     choice_ = choice;
-    // The lens may be met behind surfaces that are passed straight: one edge more than bdpt's light paths
-    // have.
-    eye_rules_.max_edges = light_rules_.max_edges = choice.s + choice.t - 1;
+    eye_rules_.max_edges = choice.s + choice.t - 1;
+    light_rules_.max_edges = eye_rules_.max_edges - 1;
   }
 
  private:
