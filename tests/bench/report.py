@@ -1,7 +1,6 @@
 #!/usr/bin/env python3
 """Makes one self-contained HTML page of what candela-bench measured: docs/bench.md says what is in it."""
 import argparse
-import base64
 import csv
 import html
 import io
@@ -19,6 +18,7 @@ except ImportError as missing:
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import fits  # noqa: E402
+from report_blocks import Heading, Note, Picture, Table, write_whole  # noqa: E402
 
 SQUARED = ("relmse", "relmse_trimmed", "relmse_fixed")  # errors that are a variance and a squared bias
 FIGURES = SQUARED + ("rmse", "smape", "flip")
@@ -125,11 +125,11 @@ class Curves:
         return list(self.good.get(variant, {}).values())
 
 
-def png(figure):
+def picture(name, figure):
     data = io.BytesIO()
     figure.savefig(data, format="png", dpi=110, bbox_inches="tight")
     pyplot.close(figure)
-    return f'<img alt="" src="data:image/png;base64,{base64.b64encode(data.getvalue()).decode()}">'
+    return Picture(safe(name), data.getvalue())
 
 
 def plot(scene, variants, curves, peers, figure, time, colours):
@@ -160,13 +160,7 @@ def plot(scene, variants, curves, peers, figure, time, colours):
     axes.grid(True, which="both", alpha=0.25)
     if axes.get_legend_handles_labels()[0]:
         axes.legend(fontsize=8)
-    return png(drawing)
-
-
-def table(header, lines):
-    def cells(tag, values):
-        return "<tr>" + "".join(f"<{tag}>{html.escape(str(v))}</{tag}>" for v in values) + "</tr>"
-    return "<table>" + cells("th", header) + "".join(cells("td", line) for line in lines) + "</table>"
+    return picture(f"{scene}-{figure}", drawing)
 
 
 def slopes(variants, curves, figure):
@@ -183,7 +177,7 @@ def slopes(variants, curves, figure):
             seen = floor.count > 1 and floor.mean - floor.half > 0
             line.append(floor.text() + ("" if floor.count < 2 else ": above 0" if seen else ": none seen"))
         lines.append(line)
-    return table(header, lines)
+    return Table(header, lines)
 
 
 def targets_of(curves, baseline):
@@ -215,7 +209,7 @@ def ratios(variants, curves, baseline, targets):
             missing = len(times) - len(both)
             line.append(f"{median:.3g} ({low:.3g} to {high:.3g})" + (f", {missing} seeds not" if missing else ""))
         lines.append(line)
-    return table([f"time over {baseline}'s to"] + [f"{t:.2g}" for t in targets], lines)
+    return Table([f"time over {baseline}'s to"] + [f"{t:.2g}" for t in targets], lines)
 
 
 def read_image(folder, name):
@@ -255,7 +249,7 @@ def error_images(scene, rows, variants):
         if image is not None and reference is not None and image.shape == reference.shape:
             pictures.append((f"{variant}: {last['units']:.0f} iterations, {last['cpu_seconds']:.3g} s", image))
     if reference is None or not pictures:
-        return "<p>No images beside these rows.</p>"
+        return Note("No images beside these rows.")
     floor = 0.01 * reference.mean() ** 2
     columns = 1 + len(pictures)
     drawing, axes = pyplot.subplots(2, columns, figsize=(3.2 * columns, 6.4), squeeze=False)
@@ -272,7 +266,7 @@ def error_images(scene, rows, variants):
     for axis in axes.flat:
         axis.set_xticks([])
         axis.set_yticks([])
-    return png(drawing)
+    return picture(f"{scene}-images", drawing)
 
 
 def safe(text):
@@ -300,17 +294,18 @@ def costs(rows, variants):
                       middle(lambda r: 1e-6 * r["rays"] / r["cpu_seconds"] if r["cpu_seconds"] else math.nan),
                       middle(lambda r: r["delta_bytes"] / r["deltas"] / 1e3 if r["deltas"] else math.nan),
                       middle(lambda r: r["peak_memory_bytes"] / 1e6)])
-    return table(["at its last row (medians over seeds)", "iterations", "CPU s", "CPU s / wall s", "M rays / CPU s",
+    return Table(["at its last row (medians over seeds)", "iterations", "CPU s", "CPU s / wall s", "M rays / CPU s",
                   "kB a delta", "peak MB"], lines)
 
 
 def machines(rows):
     seen = in_order((r["build_id"], r["cpu"], r["cores"], r["memory_bytes"], r["load_at_start"], r["started"])
                     for r in rows)
-    return table(["build", "CPU", "cores", "memory, bytes", "load at start", "started"], seen)
+    return Table(["build", "CPU", "cores", "memory, bytes", "load at start", "started"], seen)
 
 
-def page(rows, peers, options):
+def blocks(rows, peers, options):
+    """The report, scene by scene."""
     variants_of_all = in_order(r["variant"] for r in rows)
     cycle = pyplot.rcParams["axes.prop_cycle"].by_key()["color"]
     colours = {v: cycle[i % len(cycle)] for i, v in enumerate(variants_of_all)}
@@ -318,14 +313,14 @@ def page(rows, peers, options):
     for scene in in_order(r["scene"] for r in rows):
         mine = [r for r in rows if r["scene"] == scene]
         variants = in_order(r["variant"] for r in mine)
-        parts.append(f"<h2>{html.escape(scene)}</h2>")
+        parts.append(Heading(scene))
         for figure in options.figures:
             curves = Curves(mine, figure, options.time)
             left_out = sum(len(t) for seeds in curves.noisy.values() for t, _ in seeds.values())
             parts.append(plot(scene, variants, curves, peers, figure, options.time, colours))
             if left_out:
-                parts.append(f"<p class=warning>{left_out} rows (crosses) are left out of lines, fits and tables: "
-                             "the reference is not good enough for them.</p>")
+                parts.append(Note(f"{left_out} rows (crosses) are left out of lines, fits and tables: "
+                                  "the reference is not good enough for them."))
             parts.append(slopes(variants, curves, figure))
             baseline = options.baseline if options.baseline in variants else variants[0]
             targets = targets_of(curves, baseline) if curves.seeds(baseline) else []
@@ -333,6 +328,10 @@ def page(rows, peers, options):
                 parts.append(ratios(variants, curves, baseline, targets))
         parts.append(costs(mine, variants))
         parts.append(error_images(scene, mine, variants))
+    return parts
+
+
+def page(parts, rows, options):
     commands = in_order(r["command"] for r in sorted(rows, key=lambda r: -r["units"]))
     return f"""<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(options.title)}</title>
 <style>body{{font:15px/1.5 sans-serif;max-width:75em;margin:2em auto;padding:0 1em}}img{{max-width:100%}}
@@ -342,25 +341,18 @@ text-align:left}}.warning{{color:#a00}}pre{{white-space:pre-wrap;font-size:80%}}
 <p>Lines are medians over seeds, bands quartiles. An exponent is the mean over seeds of a least-squares line through log error
 over log {TIMES[options.time]}, with Student's 95 % interval over seeds. Ratios are medians (quartiles) over seeds; below 1 is
 faster. False colour: root of the mean relative squared error of a pixel, of the lowest seed.</p>
-{''.join(parts)}<h2>Measured with</h2>{machines(rows)}
+{''.join(part.html() for part in parts)}<h2>Measured with</h2>{machines(rows).html()}
 <details><summary>Commands: each makes its row again</summary><pre>{html.escape(chr(10).join(commands))}</pre></details>
 </body></html>
 """
-
-
-def write_whole(file, text):
-    part = file + ".part"
-    with open(part, "w", encoding="utf-8") as stream:
-        stream.write(text)
-        stream.flush()
-        os.fsync(stream.fileno())
-    os.replace(part, file)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("rows", nargs="+", help="folders of candela-bench run --out, or CSV files of rows")
     parser.add_argument("--out", default="report.html", help="default: report.html")
+    parser.add_argument("--markdown", metavar="FILE", help="the same in Markdown, with its pictures in FILE's folder under "
+                        "figures/; without the machines and commands")
     parser.add_argument("--title", default="Error over time")
     parser.add_argument("--figures", default="relmse,relmse_trimmed,flip",
                         help="of " + ", ".join(FIGURES) + "; default: %(default)s")
@@ -379,7 +371,11 @@ def main():
         if options.baseline and all(r["variant"] != options.baseline for r in rows):
             raise BadInput(f"--baseline: no variant '{options.baseline}' "
                            f"(there is {', '.join(in_order(r['variant'] for r in rows))})")
-        write_whole(options.out, page(rows, peers, options))
+        parts = blocks(rows, peers, options)
+        write_whole(options.out, page(parts, rows, options))
+        if options.markdown:
+            pictures = (os.path.join(os.path.dirname(options.markdown), "figures"), "figures")
+            write_whole(options.markdown, "".join(part.markdown(pictures) for part in parts))
     except BadInput as error:
         print(f"report.py: error: {error}", file=sys.stderr)
         return 2

@@ -138,8 +138,16 @@ class Report(unittest.TestCase):
         np.save(self.path("images/box-path-1-0123456789ab.npy"), np.full((8, 9, 3), 1.1, np.float32))
         peers = self.write("peers.csv", [{"scene": "box", "name": "other", "seconds": 1, "error": 0.5},
                                          {"scene": "box", "name": "other", "seconds": 9, "error": 0.05}])
-        done = self.run_report(file, "--peers", peers, "--baseline", "path", "--out", self.path("r.html"))
+        os.mkdir(self.path("docs"))
+        done = self.run_report(file, "--peers", peers, "--baseline", "path", "--out", self.path("r.html"),
+                               "--markdown", self.path("docs/r.md"))
         self.assertEqual(done.returncode, 0, done.stderr)
+        with open(self.path("docs/r.md"), encoding="utf-8") as stream:
+            text = stream.read()
+        self.assertIn("| a<b | 0.25 (0.25 to 0.25) |", text)
+        for picture in re.findall(r"\]\((figures/[^)]*)\)", text):
+            self.assertTrue(os.path.isfile(self.path("docs/" + picture)), picture)
+        self.assertEqual(text.count("]("), 4)
         with open(self.path("r.html"), encoding="utf-8") as stream:
             page = stream.read()
         self.assertEqual(page.count("data:image/png;base64,"), 4)  # three figures, and the error images

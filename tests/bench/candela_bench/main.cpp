@@ -7,6 +7,7 @@
 #include <atomic>
 #include <cstdio>
 #include <map>
+#include <numeric>
 #include <string>
 #include <vector>
 
@@ -133,7 +134,7 @@ Error size_error() {
   return usage_error("not WIDTHxHEIGHT").with_field("--size");
 }
 
-// In this process, on one thread: what tests/bench/guard.py counts the instructions of.
+// In this process, on one thread: what tests/bench/guard.py and features.py count the instructions of.
 Result<void> count(const CountOptions& options) {
   std::uint32_t width = 0, height = 0;
   if (!parse_size(options.size, width, height)) return size_error();
@@ -145,9 +146,13 @@ Result<void> count(const CountOptions& options) {
   CANDELA_ASSIGN(const auto estimator, make_render_estimator(run));
   CANDELA_ASSIGN(const Cost cost, estimator->advance(options.iterations));
   CANDELA_ASSIGN(const Snapshot snapshot, estimator->snapshot());
-  std::printf("{\"units\": %llu, \"rays\": %llu, \"own_relmse\": %.17g, \"compiler\": \"%s\"}\n",
-              static_cast<unsigned long long>(cost.units), static_cast<unsigned long long>(cost.rays),
-              snapshot.own_relmse, this_machine().compiler.c_str());
+  const double mean = std::accumulate(snapshot.image.begin(), snapshot.image.end(), 0.0) /
+                      static_cast<double>(snapshot.image.size());
+  std::printf(
+      "{\"units\": %llu, \"rays\": %llu, \"cpu_seconds\": %.6f, \"mean\": %.9g, \"own_relmse\": %.17g, "
+      "\"compiler\": \"%s\"}\n",
+      static_cast<unsigned long long>(cost.units), static_cast<unsigned long long>(cost.rays),
+      cost.cpu_seconds, mean, snapshot.own_relmse, this_machine().compiler.c_str());
   return {};
 }
 
