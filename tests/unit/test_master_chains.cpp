@@ -5,7 +5,7 @@
 
 #include "common/rng/stream.h"
 #include "master/scheduler/free_segments.h"
-#include "master/scheduler/scheduler.h"
+#include "tests/unit/scheduler_fixture.h"
 
 namespace candela::master {
 namespace {
@@ -46,44 +46,16 @@ TEST(FreeSegments, AgreesWithPlainCounting) {
 constexpr std::uint32_t kChains = 40;
 constexpr std::uint64_t kSamples = 1000, kMutations = 100;
 
-class ChainSchedulerTest : public ::testing::Test {
+class ChainSchedulerTest : public SchedulerFixture {
  protected:
-  ChainSchedulerTest() : s(std::make_unique<Scheduler>(options(), 1, 1)) {}
-  static SchedulerOptions options() {
-    SchedulerOptions o;
-    o.lease_seconds = 10;
-    o.unit_seconds = 4;
-    return o;
-  }
-  Now at(double t) {
-    clock = t;
-    return {t, static_cast<std::int64_t>(t * 1000)};
-  }
-  Now now() { return at(clock); }
-  void worker(const std::string& id) {
-    WorkerRow w;
-    w.id = id;
-    w.session = "session-" + id;
-    w.isas = {"avx2"};
-    ASSERT_TRUE(s->register_worker(w, now()).ok());
-  }
   void job(const std::string& id, std::uint64_t iterations) {
-    JobRow j;
-    j.id = id;
-    j.settings.width = j.settings.height = 8;
-    j.stop.iterations = iterations;
-    s->submit(j, now());
+    s->submit(row(id, iterations), now());
     worker("pilot");
     const auto l = lease("pilot");
     PilotResult result{{17}, "", 1, {"independent"}, ChainPlan{kChains, kSamples, kMutations}};
     ASSERT_TRUE(s->complete_pilot("pilot", l->row.token, result, now()));
     s->deregister("pilot", now());
   }
-  std::optional<Lease> lease(const std::string& w, bool prefetch = false) {
-    s->authenticate(w, "session-" + w, now());
-    return s->acquire(w, {}, prefetch, now()).lease;
-  }
-  Unit unit_of(const Lease& l) { return s->job(l.row.job_id)->units.at(l.row.unit_id).row.unit; }
   static float contribution(std::uint64_t sample) { return static_cast<float>(sample % 7); }
   bool complete(const Lease& l, const Unit& u, float factor = 1) {
     std::vector<float> values;
@@ -93,10 +65,7 @@ class ChainSchedulerTest : public ::testing::Test {
     return done.ok() && *done;
   }
   Delivery deliver(const Lease& l, const Unit& u, double seconds = 1) {
-    const Delivery d = s->check_delivery(l.row.worker_id, l.row.token, l.row.unit_id, l.row.job_id, u, now());
-    if (d == Delivery::ok)
-      s->merged(l.row.worker_id, l.row.token, l.row.unit_id, l.row.job_id, u, {}, seconds, 0.001, now(), 100);
-    return d;
+    return SchedulerFixture::deliver(l, u, {}, seconds, 100);
   }
   void bootstrap(const std::string& w, float factor = 1) {
     while (s->job("j")->in_bootstrap()) {
@@ -105,8 +74,6 @@ class ChainSchedulerTest : public ::testing::Test {
       ASSERT_TRUE(complete(*l, unit_of(*l), factor));
     }
   }
-  double clock = 100;
-  std::unique_ptr<Scheduler> s;
 };
 
 // Claim: pilot, then bootstrap units that tile all samples over all workers, then segments; what follows from

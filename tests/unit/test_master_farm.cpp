@@ -1,289 +1,20 @@
-// The whole master in this process, over its in-process channel, with workers that make deltas from a hash
-// instead of rendering: submission, the cycle of units, bad deltas, restart, full disks.
-#include <grpcpp/grpcpp.h>
+// The whole master in this process (master_fixture.h): submission, the cycle of units, bad deltas, restart,
+// full disks.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <thread>
 
-#include "candela/v1/client.grpc.pb.h"
-#include "candela/v1/worker.grpc.pb.h"
-#include "common/base/files.h"
-#include "common/base/hash.h"
-#include "common/base/log.h"
-#include "common/base/version.h"
-#include "common/film/film.h"
-#include "common/rng/stream.h"
-#include "common/wire/wire.h"
 #include "master/farm.h"
-#include "master/master.h"
-#include "tests/temporary_folder.h"
+#include "tests/unit/master_fixture.h"
 
 namespace candela::master {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr std::uint32_t kWidth = 40, kHeight = 33;  // four tiles, two of them cut
-const std::string kScene = "<scene version='3.0.0'/>";
-
-// What "rendering" gives: a value for each iteration and pixel that anybody can compute again.
-std::string make_delta(const Unit& unit, const std::string& job, int scale, const std::string& build) {
-  film::UnitFilm film({kWidth, kHeight, 1}, scale);
-  film::Tallies tallies;
-  for (std::uint64_t i = unit.begin; i < unit.end; ++i)
-    for (std::uint32_t y = 0; y < kHeight; ++y)
-      for (std::uint32_t x = 0; x < kWidth; ++x) {
-        const std::uint64_t key = rng::key(unit.half, i, y, x);
-        const float v = 1 + rng::to_float(static_cast<std::uint32_t>(key));
-        tallies.eye_samples += 1;
-        film.add(0, x, y, {v, v * 0.5F, v * 0.25F}, key, tallies);
-      }
-  film.count(tallies);
-  return film::encode_delta(film, {unit, film.layout(), scale, job, build});
-}
-
-class TestWorker {
- public:
-  explicit TestWorker(const std::shared_ptr<grpc::Channel>& channel)
-      : stub(v1::WorkerService::NewStub(channel)) {}
-  grpc::Status enrol(const std::string& build = std::string(build_id()), std::uint32_t protocol = kProtocol) {
-    v1::RegisterRequest request;
-    request.set_protocol(protocol);
-    request.set_build_id(build);
-    request.set_name("test");
-    request.set_threads(1);
-    request.add_isas("avx2");
-    grpc::ClientContext context;
-    return stub->Register(&context, request, &session);
-  }
-  v1::AcquireLeaseResponse acquire() {
-    v1::AcquireLeaseRequest request;
-    request.set_worker_id(session.worker_id());
-    request.set_session(session.session());
-    v1::AcquireLeaseResponse response;
-    grpc::ClientContext context;
-    status = stub->AcquireLease(&context, request, &response);
-    return response;
-  }
-  bool pilot(const v1::Lease& lease) {
-    v1::CompletePilotRequest request;
-    request.set_worker_id(session.worker_id());
-    request.set_session(session.session());
-    request.set_token(lease.token());
-    request.mutable_named_state()->set_film_scale_log2(20);
-    request.set_plan("the plan");
-    request.set_seconds_per_iteration(0.5);
-    v1::CompletePilotResponse response;
-    grpc::ClientContext context;
-    status = stub->CompletePilot(&context, request, &response);
-    return response.accepted();
-  }
-  v1::DeltaHeader header(const v1::Lease& lease, const std::string& bytes) {
-    v1::DeltaHeader h;
-    h.set_worker_id(session.worker_id());
-    h.set_session(session.session());
-    h.set_token(lease.token());
-    h.set_unit_id(lease.unit_id());
-    h.set_job_id(lease.job_id());
-    *h.mutable_unit() = lease.unit();
-    h.set_build_id(std::string(build_id()));
-    h.set_size_bytes(bytes.size());
-    h.set_sha256(sha256_hex(bytes));
-    h.set_render_seconds(0.01);
-    return h;
-  }
-  v1::DeltaVerdict push(const v1::DeltaHeader& h, const std::string& bytes) {
-    grpc::ClientContext context;
-    v1::PushDeltaResponse response;
-    auto stream = stub->PushDelta(&context, &response);
-    v1::DeltaChunk chunk;
-    *chunk.mutable_header() = h;
-    for (std::size_t at = 0; at == 0 || at < bytes.size(); at += 5000) {  // several chunks
-      chunk.set_data(bytes.substr(at, 5000));
-      if (!stream->Write(chunk)) break;
-      chunk.Clear();
-    }
-    stream->WritesDone();
-    status = stream->Finish();
-    return response.verdict();
-  }
-  static std::string render(const v1::Lease& lease) {
-    return make_delta(*wire::from_proto(lease.unit()), lease.job_id(), lease.named_state().film_scale_log2(),
-                      std::string(build_id()));
-  }
-  v1::DeltaVerdict deliver(const v1::Lease& lease) {
-    const std::string bytes = render(lease);
-    return push(header(lease, bytes), bytes);
-  }
-  // One lease, done; false if there was none.
-  bool step() {
-    const v1::AcquireLeaseResponse r = acquire();
-    if (!r.has_lease()) return false;
-    if (r.lease().unit().kind() == v1::Unit::KIND_PILOT) return pilot(r.lease());
-    return deliver(r.lease()) == v1::DELTA_VERDICT_MERGED;
-  }
-
-  std::unique_ptr<v1::WorkerService::Stub> stub;
-  v1::RegisterResponse session;
-  grpc::Status status;
-};
-
-class MasterTest : public ::testing::Test {
- protected:
-  void SetUp() override {
-    ASSERT_TRUE(log::initialise("test", "off", "text").ok());
-    start();
-  }
-  void start() {
-    MasterOptions o;
-    o.data_dir = folder.path();
-    o.listen.clear();
-    o.checkpoint_seconds = checkpoint_seconds;
-    o.unit_seconds = 1;
-    o.lease_seconds = lease_seconds;
-    auto m = Master::start(o);
-    ASSERT_TRUE(m.ok()) << m.error().to_string();
-    master = std::move(*m);
-    channel = master->in_process_channel();
-    farm = v1::FarmService::NewStub(channel);
-  }
-  void restart() {
-    farm.reset();
-    channel.reset();
-    master.reset();
-    start();
-  }
-  grpc::Status upload(const std::string& bytes, const std::string& hash, std::uint64_t size) {
-    grpc::ClientContext context;
-    v1::UploadBlobResponse response;
-    auto stream = farm->UploadBlob(&context, &response);
-    v1::UploadBlobRequest chunk;
-    chunk.set_sha256(hash);
-    chunk.set_size_bytes(size);
-    chunk.set_data(bytes);
-    stream->Write(chunk);
-    stream->WritesDone();
-    return stream->Finish();
-  }
-  v1::SubmitRequest submission(std::uint64_t iterations) {
-    v1::SubmitRequest r;
-    r.set_name("test");
-    r.mutable_bundle()->set_main_path("scene.xml");
-    v1::BundleFile& file = *r.mutable_bundle()->add_files();
-    file.set_path("scene.xml");
-    file.set_sha256(sha256_hex(kScene));
-    file.set_size_bytes(kScene.size());
-    JobSettings s;
-    s.width = kWidth;
-    s.height = kHeight;
-    wire::to_proto(s, *r.mutable_settings());
-    r.mutable_stop()->set_iterations(iterations);
-    return r;
-  }
-  std::string submit(std::uint64_t iterations) {
-    EXPECT_TRUE(upload(kScene, sha256_hex(kScene), kScene.size()).ok());
-    v1::SubmitResponse response;
-    grpc::ClientContext context;
-    const grpc::Status st = farm->Submit(&context, submission(iterations), &response);
-    EXPECT_TRUE(st.ok()) << st.error_message();
-    return response.job_id();
-  }
-  v1::JobStatus show(const std::string& id) {
-    v1::GetJobRequest request;
-    request.set_job_id(id);
-    v1::JobStatus out;
-    grpc::ClientContext context;
-    EXPECT_TRUE(farm->GetJob(&context, request, &out).ok());
-    return out;
-  }
-  v1::JobStatus wait_end(const std::string& id) {
-    v1::WatchJobRequest request;
-    request.set_job_id(id);
-    request.set_interval_ms(20);
-    grpc::ClientContext context;
-    context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(10));
-    v1::JobStatus out;
-    auto stream = farm->WatchJob(&context, request);
-    while (stream->Read(&out)) {
-    }
-    EXPECT_TRUE(stream->Finish().ok());
-    return out;
-  }
-  std::string fetch(const std::string& id) {
-    v1::FetchImageRequest request;
-    request.set_job_id(id);
-    grpc::ClientContext context;
-    auto stream = farm->FetchImage(&context, request);
-    v1::FetchImageChunk chunk;
-    std::string out;
-    while (stream->Read(&chunk)) out += chunk.data();
-    EXPECT_TRUE(stream->Finish().ok());
-    return out;
-  }
-  // The ledger of rows and the film's own account must be one: no overlap, no gap, and the right number of
-  // samples.
-  void audit(const std::string& id, std::uint64_t iterations) {
-    v1::GetLedgerRequest request;
-    request.set_job_id(id);
-    v1::GetLedgerResponse ledger;
-    grpc::ClientContext context;
-    ASSERT_TRUE(farm->GetLedger(&context, request, &ledger).ok());
-    std::array<film::IndexSet, 2> rows, film;
-    for (const auto& r : ledger.merged())
-      EXPECT_TRUE(rows[r.unit().half()].insert(r.unit().begin(), r.unit().end()));
-    for (const auto& r : ledger.film()) EXPECT_TRUE(film[r.half()].insert(r.begin(), r.end()));
-    for (int h = 0; h < 2; ++h) {
-      const std::uint64_t n = h == 0 ? (iterations + 1) / 2 : iterations / 2;
-      const auto half = static_cast<std::size_t>(h);
-      EXPECT_EQ(rows[half].count(), n);
-      EXPECT_EQ(film[half].count(), n);
-      EXPECT_EQ(rows[half].first_gap(0, n).first, rows[half].first_gap(0, n).second);
-      EXPECT_EQ(film[half].first_gap(0, n).first, film[half].first_gap(0, n).second);
-    }
-    EXPECT_EQ(ledger.film_eye_samples(), iterations * kWidth * kHeight);
-  }
-  // The newest checkpoint's sums: what every run of the same iterations must agree on to the last bit.
-  film::MergedFilm checkpoint_of(const std::string& id) {
-    const std::uint64_t g = show(id).checkpoint_generation();
-    auto bytes = read_file(folder.path() / "jobs" / id / ("film." + std::to_string(g) + ".ckpt"), 1 << 28);
-    EXPECT_TRUE(bytes.ok());
-    auto film = film::MergedFilm::parse(*bytes);
-    EXPECT_TRUE(film.ok());
-    return std::move(*film);
-  }
-
-  test::TemporaryFolder folder;
-  double checkpoint_seconds = 0.05, lease_seconds = 30;
-  std::unique_ptr<Master> master;
-  std::shared_ptr<grpc::Channel> channel;
-  std::unique_ptr<v1::FarmService::Stub> farm;
-};
-
-// The film that 9 iterations must give, made without a master.
-film::MergedFilm expected_film(std::uint64_t iterations) {
-  film::MergedFilm film({kWidth, kHeight, 1}, 20);
-  for (std::uint32_t h = 0; h < 2; ++h) {
-    const Unit unit{Unit::Kind::iterations, h, 0, h == 0 ? (iterations + 1) / 2 : iterations / 2};
-    auto delta = film::Delta::decode(make_delta(unit, "x", 20, "b"), film.layout());
-    EXPECT_TRUE(delta.ok() && film.merge(*delta).ok());
-  }
-  return film;
-}
-
-void expect_same(const film::MergedFilm& a, const film::MergedFilm& b) {
-  for (std::uint32_t h = 0; h < 2; ++h) {
-    EXPECT_EQ(a.merged(h), b.merged(h));
-    EXPECT_EQ(a.tallies(h), b.tallies(h));
-    for (std::uint32_t y = 0; y < kHeight; ++y)
-      for (std::uint32_t x = 0; x < kWidth; ++x)
-        for (int c = 0; c < 3; ++c) ASSERT_TRUE(a.sum(h, 0, x, y, c) == b.sum(h, 0, x, y, c));
-  }
-}
 
 // Claim: submit to done through two workers gives exactly the sums of the iterations, an image, and an
 // agreeing ledger.
@@ -378,31 +109,33 @@ TEST_F(MasterTest, BadDeltasNeverMerge) {
   const std::string id = submit(9);
   ASSERT_TRUE(good.step());  // the pilot
   const auto lease = [&](TestWorker& w) {
-    const auto r = w.acquire();
-    EXPECT_TRUE(r.has_lease());
-    return r.lease();
+    const auto l = w.acquire();
+    EXPECT_TRUE(l);
+    return l.value_or(v1::Lease());
   };
   const v1::Lease spare = lease(good);  // four failures of one unit would end the job
   v1::Lease l = lease(bad);
   std::string bytes = TestWorker::render(l);
   v1::DeltaHeader h = bad.header(l, bytes);
-  EXPECT_EQ(bad.push(h, bytes.substr(0, bytes.size() / 2)), v1::DELTA_VERDICT_CORRUPT) << "truncated";
-  EXPECT_EQ(bad.push(h, bytes), v1::DELTA_VERDICT_STALE) << "the lease went with the failure";
+  EXPECT_EQ(bad.push(h, bytes.substr(0, bytes.size() / 2)).verdict(), v1::DELTA_VERDICT_CORRUPT)
+      << "truncated";
+  EXPECT_EQ(bad.push(h, bytes).verdict(), v1::DELTA_VERDICT_STALE) << "the lease went with the failure";
   l = lease(bad);
   bytes = TestWorker::render(l);
   bytes[bytes.size() / 2] = static_cast<char>(bytes[bytes.size() / 2] ^ 1);
-  EXPECT_EQ(bad.push(bad.header(l, bytes), bytes), v1::DELTA_VERDICT_CORRUPT)
+  EXPECT_EQ(bad.push(bad.header(l, bytes), bytes).verdict(), v1::DELTA_VERDICT_CORRUPT)
       << "altered, with the right hash";
   l = lease(good);
   bytes = TestWorker::render(l);
   h = good.header(l, bytes);
   h.set_build_id("another");
-  EXPECT_EQ(good.push(h, bytes), v1::DELTA_VERDICT_WRONG_BUILD);
+  EXPECT_EQ(good.push(h, bytes).verdict(), v1::DELTA_VERDICT_WRONG_BUILD);
   l = spare;
   v1::Lease other = l;
   other.mutable_unit()->set_half(1 - l.unit().half());
   bytes = TestWorker::render(other);
-  EXPECT_EQ(good.push(good.header(l, bytes), bytes), v1::DELTA_VERDICT_CORRUPT) << "another unit's film";
+  EXPECT_EQ(good.push(good.header(l, bytes), bytes).verdict(), v1::DELTA_VERDICT_CORRUPT)
+      << "another unit's film";
   EXPECT_EQ(show(id).iterations(), 0U);
   TestWorker last(channel);
   ASSERT_TRUE(last.enrol().ok());
@@ -422,7 +155,7 @@ TEST_F(MasterTest, RestartContinues) {
   ASSERT_TRUE(w.enrol().ok());
   const std::string id = submit(21);
   for (int i = 0; i < 5; ++i) ASSERT_TRUE(w.step());
-  const v1::Lease held = w.acquire().lease();
+  const v1::Lease held = w.acquire().value();
   const std::uint64_t before = show(id).iterations();
   restart();
   EXPECT_EQ(show(id).iterations(), before);
@@ -515,7 +248,7 @@ TEST_F(MasterTest, AHungSenderDelaysNobody) {
   ASSERT_TRUE(w.enrol().ok());
   const std::string id = submit(9);
   ASSERT_TRUE(w.step());
-  const v1::Lease l = hung.acquire().lease();
+  const v1::Lease l = hung.acquire().value();
   const std::string bytes = TestWorker::render(l);
   grpc::ClientContext context;
   v1::PushDeltaResponse response;

@@ -4,17 +4,15 @@
 #include <sqlite3.h>
 
 #include <filesystem>
+#include <optional>
 
-#include "candela/v1/client.grpc.pb.h"
-#include "candela/v1/worker.grpc.pb.h"
-#include "common/base/hash.h"
 #include "common/base/log.h"
-#include "common/base/version.h"
 #include "common/film/film.h"
-#include "common/wire/wire.h"
 #include "master/master.h"
 #include "master/store/store.h"
 #include "tests/temporary_folder.h"
+#include "tests/unit/farm_calls.h"
+#include "tests/unit/hand_worker.h"
 
 namespace candela::master {
 namespace {
@@ -27,7 +25,7 @@ class MasterLayers : public testing::Test {
   void SetUp() override { ASSERT_TRUE(log::initialise("test", "off", "text").ok()); }
   void TearDown() override {
     farm_.reset();
-    workers_.reset();
+    worker_.reset();
     master_.reset();
   }
   // A master with one job of this size, and a worker that has the lease of its pilot.
@@ -40,77 +38,31 @@ class MasterLayers : public testing::Test {
     master_ = std::move(*master);
     const auto channel = master_->in_process_channel();
     farm_ = v1::FarmService::NewStub(channel);
-    workers_ = v1::WorkerService::NewStub(channel);
-    {
-      grpc::ClientContext context;
-      v1::UploadBlobResponse response;
-      auto stream = farm_->UploadBlob(&context, &response);
-      v1::UploadBlobRequest chunk;
-      chunk.set_sha256(sha256_hex(kScene));
-      chunk.set_size_bytes(kScene.size());
-      chunk.set_data(kScene);
-      stream->Write(chunk);
-      stream->WritesDone();
-      ASSERT_TRUE(stream->Finish().ok());
-    }
-    v1::SubmitRequest submission;
-    submission.mutable_bundle()->set_main_path("scene.xml");
-    v1::BundleFile& file = *submission.mutable_bundle()->add_files();
-    file.set_path("scene.xml");
-    file.set_sha256(sha256_hex(kScene));
-    file.set_size_bytes(kScene.size());
+    worker_.emplace(channel);
     JobSettings settings;
     settings.width = width;
     settings.height = height;
-    wire::to_proto(settings, *submission.mutable_settings());
-    submission.mutable_stop()->set_iterations(4);
-    v1::SubmitResponse submitted;
-    grpc::ClientContext context;
-    ASSERT_TRUE(farm_->Submit(&context, submission, &submitted).ok());
-    job_ = submitted.job_id();
-    v1::RegisterRequest registration;
-    registration.set_protocol(kProtocol);
-    registration.set_build_id(std::string(build_id()));
-    registration.set_name("test");
-    registration.set_threads(1);
-    registration.add_isas("avx2");
-    grpc::ClientContext register_context;
-    ASSERT_TRUE(workers_->Register(&register_context, registration, &session_).ok());
+    job_ = test::submit(*farm_, kScene, test::submission(kScene, settings, 4));
+    ASSERT_TRUE(worker_->enrol().ok());
     lease_ = acquire();
     ASSERT_EQ(lease_.unit().kind(), v1::Unit::KIND_PILOT);
   }
   v1::Lease acquire() {
-    v1::AcquireLeaseRequest request;
-    request.set_worker_id(session_.worker_id());
-    request.set_session(session_.session());
-    v1::AcquireLeaseResponse response;
-    grpc::ClientContext context;
-    EXPECT_TRUE(workers_->AcquireLease(&context, request, &response).ok());
-    EXPECT_TRUE(response.has_lease());
-    return response.lease();
+    const auto lease = worker_->acquire();
+    EXPECT_TRUE(lease) << worker_->status.error_message();
+    return lease.value_or(v1::Lease());
   }
   // OK only if the pilot was accepted.
   grpc::Status complete(const std::vector<std::string>& layers) {
     v1::CompletePilotRequest request;
-    request.set_worker_id(session_.worker_id());
-    request.set_session(session_.session());
-    request.set_token(lease_.token());
+    worker_->sign(request, lease_);
     request.mutable_named_state()->set_film_scale_log2(16);
     for (const std::string& layer : layers) request.add_layers(layer);
-    v1::CompletePilotResponse response;
-    grpc::ClientContext context;
-    const grpc::Status status = workers_->CompletePilot(&context, request, &response);
-    if (status.ok() && !response.accepted()) return {grpc::StatusCode::ABORTED, "not accepted"};
-    return status;
+    const bool accepted = worker_->complete(request);
+    if (worker_->status.ok() && !accepted) return {grpc::StatusCode::ABORTED, "not accepted"};
+    return worker_->status;
   }
-  v1::JobStatus show() {
-    v1::GetJobRequest request;
-    request.set_job_id(job_);
-    v1::JobStatus out;
-    grpc::ClientContext context;
-    EXPECT_TRUE(farm_->GetJob(&context, request, &out).ok());
-    return out;
-  }
+  v1::JobStatus show() { return test::show(*farm_, job_); }
   v1::PushDeltaResponse push(const v1::Lease& lease, const film::Layout& layout) {
     const Unit unit = *wire::from_proto(lease.unit());
     film::UnitFilm film(layout, 16);
@@ -118,24 +70,8 @@ class MasterLayers : public testing::Test {
     for (std::uint32_t i = 0; i < layout.layers; ++i) film.splat(i, 3, 5, {1, 2, 3}, i, tallies);
     film.count(tallies);
     const std::string bytes = film::encode_delta(film, {unit, layout, 16, job_, std::string(build_id())});
-    grpc::ClientContext context;
-    v1::PushDeltaResponse response;
-    auto stream = workers_->PushDelta(&context, &response);
-    v1::DeltaChunk chunk;
-    v1::DeltaHeader& header = *chunk.mutable_header();
-    header.set_worker_id(session_.worker_id());
-    header.set_session(session_.session());
-    header.set_token(lease.token());
-    header.set_unit_id(lease.unit_id());
-    header.set_job_id(job_);
-    *header.mutable_unit() = lease.unit();
-    header.set_build_id(std::string(build_id()));
-    header.set_size_bytes(bytes.size());
-    header.set_sha256(sha256_hex(bytes));
-    chunk.set_data(bytes);
-    stream->Write(chunk);
-    stream->WritesDone();
-    EXPECT_TRUE(stream->Finish().ok());
+    const v1::PushDeltaResponse response = worker_->push(worker_->header(lease, bytes), bytes);
+    EXPECT_TRUE(worker_->status.ok());
     return response;
   }
 
@@ -143,8 +79,7 @@ class MasterLayers : public testing::Test {
   fs::path folder_ = temporary_.path();
   std::unique_ptr<Master> master_;
   std::unique_ptr<v1::FarmService::Stub> farm_;
-  std::unique_ptr<v1::WorkerService::Stub> workers_;
-  v1::RegisterResponse session_;
+  std::optional<test::HandWorker> worker_;
   v1::Lease lease_;
   std::string job_;
 };
@@ -193,13 +128,7 @@ TEST_F(MasterLayers, DeltasMustHaveTheJobsLayers) {
   EXPECT_NE(few.message().find("the job's is of 40 x 33 x 3"), std::string::npos) << few.message();
   EXPECT_EQ(push(acquire(), {40, 33, 4}).verdict(), v1::DELTA_VERDICT_CORRUPT);
   EXPECT_EQ(show().iterations(), 0U);
-  v1::RegisterRequest registration;  // two failures keep a worker from the unit
-  registration.set_protocol(kProtocol);
-  registration.set_build_id(std::string(build_id()));
-  registration.set_threads(1);
-  registration.add_isas("avx2");
-  grpc::ClientContext context;
-  ASSERT_TRUE(workers_->Register(&context, registration, &session_).ok());
+  ASSERT_TRUE(worker_->enrol().ok());  // anew: two failures keep a worker from the unit
   EXPECT_EQ(push(acquire(), {40, 33, 3}).verdict(), v1::DELTA_VERDICT_MERGED);
   EXPECT_GT(show().iterations(), 0U);
 }

@@ -5,70 +5,34 @@
 #include <cmath>
 #include <set>
 
-#include "master/scheduler/scheduler.h"
 #include "master/scheduler/sizing.h"
+#include "tests/unit/scheduler_fixture.h"
 
 namespace candela::master {
 namespace {
 
 constexpr std::uint32_t kPixels = 64;
 
-class SchedulerTest : public ::testing::Test {
+class SchedulerTest : public SchedulerFixture {
  protected:
-  SchedulerTest() : s(options(), 1, 1) {}
-  static SchedulerOptions options() {
-    SchedulerOptions o;
-    o.lease_seconds = 10;
-    o.unit_seconds = 4;
-    return o;
-  }
-  Now at(double t) {
-    clock = t;
-    return {t, static_cast<std::int64_t>(t * 1000)};
-  }
-  Now now() { return at(clock); }
-  void worker(const std::string& id, std::vector<std::string> isas = {"avx2"}) {
-    WorkerRow w;
-    w.id = id;
-    w.session = "session-" + id;
-    w.name = id;
-    w.isas = std::move(isas);
-    ASSERT_TRUE(s.register_worker(w, now()).ok());
-  }
   void job(const std::string& id, std::uint64_t iterations, bool pilot_done = true, int priority = 0,
            double share = 1) {
-    JobRow j;
-    j.id = id;
-    j.settings.width = 8;
-    j.settings.height = 8;
-    j.stop.iterations = iterations;
+    JobRow j = row(id, iterations);
     j.priority = priority;
     j.share = share;
-    j.bundle_sha256 = "bundle-" + id;
     if (pilot_done) {
       j.named_state = NamedState{20};
       j.thread_seconds_per_iteration = 1;
+      s->restore(j, {}, {}, {}, {}, now());  // as after a pilot
+    } else {
+      s->submit(j, now());
     }
-    if (pilot_done)
-      s.restore(j, {}, {}, {}, {}, now());  // as after a pilot
-    else
-      s.submit(j, now());
   }
-  std::optional<Lease> lease(const std::string& w, bool prefetch = false) {
-    s.authenticate(w, "session-" + w, now());
-    return s.acquire(w, {}, prefetch, now()).lease;
-  }
-  Unit unit_of(const Lease& l) { return s.job(l.row.job_id)->units.at(l.row.unit_id).row.unit; }
   Delivery deliver(const Lease& l, const Unit& u, double seconds = 1) {
-    const Delivery d = s.check_delivery(l.row.worker_id, l.row.token, l.row.unit_id, l.row.job_id, u, now());
-    if (d != Delivery::ok) return d;
-    film::Tallies t;
-    t.eye_samples = (u.end - u.begin) * kPixels;
-    s.merged(l.row.worker_id, l.row.token, l.row.unit_id, l.row.job_id, u, t, seconds, 0.001, now());
-    return d;
+    film::Tallies tallies;
+    tallies.eye_samples = (u.end - u.begin) * kPixels;
+    return SchedulerFixture::deliver(l, u, tallies, seconds);
   }
-  double clock = 100;
-  Scheduler s;
 };
 
 // Claim: a job starts with exactly one pilot; iterations are leased only after its result, with the pilot's
@@ -80,11 +44,11 @@ TEST_F(SchedulerTest, APilotComesFirstAndAlone) {
   const auto pilot = lease("a");
   ASSERT_TRUE(pilot);
   EXPECT_EQ(unit_of(*pilot).kind, Unit::Kind::pilot);
-  EXPECT_EQ(s.job("j")->row.state, JobState::running);
+  EXPECT_EQ(s->job("j")->row.state, JobState::running);
   EXPECT_FALSE(lease("b"));
-  EXPECT_TRUE(s.complete_pilot("a", pilot->row.token, {NamedState{17}, "plan", 0.5}, now()));
-  EXPECT_FALSE(s.complete_pilot("a", pilot->row.token, {NamedState{18}, "plan", 0.5}, now())) << "twice";
-  EXPECT_EQ(s.job("j")->row.named_state->film_scale_log2, 17);
+  EXPECT_TRUE(s->complete_pilot("a", pilot->row.token, {NamedState{17}, "plan", 0.5}, now()));
+  EXPECT_FALSE(s->complete_pilot("a", pilot->row.token, {NamedState{18}, "plan", 0.5}, now())) << "twice";
+  EXPECT_EQ(s->job("j")->row.named_state->film_scale_log2, 17);
   const auto first = lease("b");
   ASSERT_TRUE(first);
   EXPECT_EQ(unit_of(*first).kind, Unit::Kind::iterations);
@@ -108,11 +72,11 @@ TEST_F(SchedulerTest, UnitsTileBothHalvesOfAnOddTarget) {
   EXPECT_EQ(seen[1].count(), 50U);
   EXPECT_EQ(seen[0].first_gap(0, 51).first, seen[0].first_gap(0, 51).second);
   EXPECT_EQ(seen[1].first_gap(0, 50).first, seen[1].first_gap(0, 50).second);
-  EXPECT_TRUE(s.job("j")->finishing);
-  EXPECT_EQ(s.job("j")->row.state, JobState::running) << "done only after the final checkpoint";
-  s.finish("j", now());
-  EXPECT_EQ(s.job("j")->row.state, JobState::done);
-  EXPECT_EQ(s.job("j")->row.stop_reason, "iterations");
+  EXPECT_TRUE(s->job("j")->finishing);
+  EXPECT_EQ(s->job("j")->row.state, JobState::running) << "done only after the final checkpoint";
+  s->finish("j", now());
+  EXPECT_EQ(s->job("j")->row.state, JobState::done);
+  EXPECT_EQ(s->job("j")->row.stop_reason, "iterations");
 }
 
 // Claim: a zombie whose lease expired is refused, also before anybody else has the unit; tokens only grow.
@@ -123,9 +87,9 @@ TEST_F(SchedulerTest, AnExpiredLeaseIsFencedOff) {
   const auto zombie = lease("a");
   ASSERT_TRUE(zombie);
   const Unit u = unit_of(*zombie);
-  s.heartbeat("a", {zombie->row.token}, at(101));
+  s->heartbeat("a", {zombie->row.token}, at(101));
   at(105);
-  EXPECT_EQ(s.check_delivery("a", zombie->row.token, zombie->row.unit_id, "j", u, now()), Delivery::ok);
+  EXPECT_EQ(s->check_delivery("a", zombie->row.token, zombie->row.unit_id, "j", u, now()), Delivery::ok);
   at(112);
   EXPECT_EQ(deliver(*zombie, u), Delivery::stale);
   const auto next = lease("b");
@@ -135,9 +99,9 @@ TEST_F(SchedulerTest, AnExpiredLeaseIsFencedOff) {
   EXPECT_EQ(deliver(*zombie, u), Delivery::stale);
   EXPECT_EQ(deliver(*next, u), Delivery::ok);
   EXPECT_EQ(deliver(*zombie, u), Delivery::duplicate);
-  EXPECT_EQ(s.heartbeat("a", {zombie->row.token}, now()).revoked,
+  EXPECT_EQ(s->heartbeat("a", {zombie->row.token}, now()).revoked,
             std::vector<std::uint64_t>{zombie->row.token});
-  EXPECT_EQ(s.job("j")->row.iterations, u.end - u.begin);
+  EXPECT_EQ(s->job("j")->row.iterations, u.end - u.begin);
 }
 
 // Claim: another worker's token, unit or range does not pass.
@@ -147,13 +111,13 @@ TEST_F(SchedulerTest, ADeliveryMustMatchItsLease) {
   job("j", 8);
   const auto l = lease("a");
   const Unit u = unit_of(*l);
-  EXPECT_EQ(s.check_delivery("b", l->row.token, l->row.unit_id, "j", u, now()), Delivery::stale);
-  EXPECT_EQ(s.check_delivery("a", l->row.token + 1, l->row.unit_id, "j", u, now()), Delivery::stale);
-  EXPECT_EQ(s.check_delivery("a", l->row.token, l->row.unit_id + 1, "j", u, now()), Delivery::stale);
+  EXPECT_EQ(s->check_delivery("b", l->row.token, l->row.unit_id, "j", u, now()), Delivery::stale);
+  EXPECT_EQ(s->check_delivery("a", l->row.token + 1, l->row.unit_id, "j", u, now()), Delivery::stale);
+  EXPECT_EQ(s->check_delivery("a", l->row.token, l->row.unit_id + 1, "j", u, now()), Delivery::stale);
   Unit longer = u;
   longer.end += 1;
-  EXPECT_EQ(s.check_delivery("a", l->row.token, l->row.unit_id, "j", longer, now()), Delivery::stale);
-  EXPECT_EQ(s.check_delivery("a", l->row.token, l->row.unit_id, "other", u, now()), Delivery::stale);
+  EXPECT_EQ(s->check_delivery("a", l->row.token, l->row.unit_id, "j", longer, now()), Delivery::stale);
+  EXPECT_EQ(s->check_delivery("a", l->row.token, l->row.unit_id, "other", u, now()), Delivery::stale);
 }
 
 // Claim: heartbeats that name a lease keep it for ever; one that no heartbeat names goes.
@@ -164,11 +128,11 @@ TEST_F(SchedulerTest, HeartbeatsKeepWhatTheyName) {
   const auto lost = lease("a");  // its answer never arrived
   ASSERT_TRUE(kept && lost);
   for (int t = 101; t < 160; t += 3) {
-    s.authenticate("a", "session-a", at(t));
-    EXPECT_TRUE(s.heartbeat("a", {kept->row.token}, now()).revoked.empty());
+    s->authenticate("a", "session-a", at(t));
+    EXPECT_TRUE(s->heartbeat("a", {kept->row.token}, now()).revoked.empty());
   }
-  EXPECT_EQ(s.lease_count(), 1U);
-  EXPECT_EQ(s.expired_count(), 1U);
+  EXPECT_EQ(s->lease_count(), 1U);
+  EXPECT_EQ(s->expired_count(), 1U);
 }
 
 // Claim: a lease that its live worker does not name is open again within seconds, not after lease times:
@@ -180,10 +144,10 @@ TEST_F(SchedulerTest, WhatALiveWorkerDoesNotNameIsOpenAgainSoon) {
   job("j", 2);
   const auto lost = lease("a");
   ASSERT_TRUE(lost);
-  s.heartbeat("a", {}, at(101));
-  EXPECT_EQ(s.lease_count(), 1U) << "its answer may still be on the way";
-  s.heartbeat("a", {}, at(105.5));
-  EXPECT_EQ(s.lease_count(), 0U);
+  s->heartbeat("a", {}, at(101));
+  EXPECT_EQ(s->lease_count(), 1U) << "its answer may still be on the way";
+  s->heartbeat("a", {}, at(105.5));
+  EXPECT_EQ(s->lease_count(), 0U);
   const auto next = lease("b");
   ASSERT_TRUE(next);
   EXPECT_EQ(next->row.unit_id, lost->row.unit_id);
@@ -201,7 +165,7 @@ TEST_F(SchedulerTest, StragglersRunTwiceAndCountOnce) {
   const auto slow = lease("a");
   ASSERT_TRUE(slow);
   EXPECT_FALSE(lease("b")) << "not late yet";
-  for (int t = 101; t < 112; ++t) s.heartbeat("a", {slow->row.token}, at(t));
+  for (int t = 101; t < 112; ++t) s->heartbeat("a", {slow->row.token}, at(t));
   const auto fast = lease("b");
   ASSERT_TRUE(fast);
   EXPECT_TRUE(fast->row.speculative);
@@ -210,8 +174,8 @@ TEST_F(SchedulerTest, StragglersRunTwiceAndCountOnce) {
   const Unit u{Unit::Kind::iterations, 0, 0, 1};
   EXPECT_EQ(deliver(*fast, u), Delivery::ok);
   EXPECT_EQ(deliver(*slow, u), Delivery::duplicate);
-  EXPECT_EQ(s.heartbeat("a", {slow->row.token}, now()).revoked.size(), 1U);
-  EXPECT_EQ(s.job("j")->row.units_merged, 1U);
+  EXPECT_EQ(s->heartbeat("a", {slow->row.token}, now()).revoked.size(), 1U);
+  EXPECT_EQ(s->job("j")->row.units_merged, 1U);
 }
 
 // Claim: two failures keep a worker from a unit, four end the job with the message, an input error ends it at
@@ -223,25 +187,25 @@ TEST_F(SchedulerTest, FailuresAreCountedPerUnitAndWorker) {
   for (int i = 0; i < 2; ++i) {
     const auto l = lease("a");
     ASSERT_TRUE(l);
-    s.fail_unit("a", l->row.token, "boom", false, true, now());
-    s.fail_unit("a", l->row.token, "boom", false, true, now());  // idempotent per token
+    s->fail_unit("a", l->row.token, "boom", false, true, now());
+    s->fail_unit("a", l->row.token, "boom", false, true, now());  // idempotent per token
   }
   EXPECT_FALSE(lease("a")) << "kept from the unit";
-  EXPECT_EQ(s.job("j")->row.state, JobState::running);
+  EXPECT_EQ(s->job("j")->row.state, JobState::running);
   for (int i = 0; i < 2; ++i) {
     const auto l = lease("b");
     ASSERT_TRUE(l);
-    s.fail_unit("b", l->row.token, "boom again", false, true, now());
+    s->fail_unit("b", l->row.token, "boom again", false, true, now());
   }
-  EXPECT_EQ(s.job("j")->row.state, JobState::failed);
-  EXPECT_NE(s.job("j")->row.message.find("boom again"), std::string::npos);
+  EXPECT_EQ(s->job("j")->row.state, JobState::failed);
+  EXPECT_NE(s->job("j")->row.message.find("boom again"), std::string::npos);
 
   job("k", 1, false);
   const auto pilot = lease("a");
   ASSERT_TRUE(pilot);
-  s.fail_unit("a", pilot->row.token, "scene.xml:3: no such file", true, true, now());
-  EXPECT_EQ(s.job("k")->row.state, JobState::failed);
-  EXPECT_EQ(s.job("k")->row.message, "scene.xml:3: no such file");
+  s->fail_unit("a", pilot->row.token, "scene.xml:3: no such file", true, true, now());
+  EXPECT_EQ(s->job("k")->row.state, JobState::failed);
+  EXPECT_EQ(s->job("k")->row.message, "scene.xml:3: no such file");
 }
 
 // Claim: where the only worker fails a unit twice the job fails instead of waiting for ever; a bad delivery
@@ -249,11 +213,11 @@ TEST_F(SchedulerTest, FailuresAreCountedPerUnitAndWorker) {
 TEST_F(SchedulerTest, ALonelyWorkerThatCannotEndsTheJob) {
   worker("a");
   job("j", 1);
-  for (int i = 0; i < 2; ++i) s.fail_unit("a", lease("a")->row.token, "corrupt delta", false, false, now());
-  EXPECT_EQ(s.job("j")->row.state, JobState::running);
+  for (int i = 0; i < 2; ++i) s->fail_unit("a", lease("a")->row.token, "corrupt delta", false, false, now());
+  EXPECT_EQ(s->job("j")->row.state, JobState::running);
   job("k", 1);
-  for (int i = 0; i < 2; ++i) s.fail_unit("a", lease("a")->row.token, "out of memory", false, true, now());
-  EXPECT_EQ(s.job("k")->row.state, JobState::failed);
+  for (int i = 0; i < 2; ++i) s->fail_unit("a", lease("a")->row.token, "out of memory", false, true, now());
+  EXPECT_EQ(s->job("k")->row.state, JobState::failed);
 }
 
 // Claim: a worker with five failures in a row is set aside, shown so, and back after ten minutes.
@@ -264,13 +228,13 @@ TEST_F(SchedulerTest, AWorkerThatFailsManyIsSetAside) {
   for (int i = 0; i < 5; ++i) {
     const auto l = lease("a");
     ASSERT_TRUE(l) << i;
-    s.fail_unit("a", l->row.token, "boom", false, true, now());
+    s->fail_unit("a", l->row.token, "boom", false, true, now());
   }
   EXPECT_FALSE(lease("a"));
-  EXPECT_EQ(s.worker_state_name(s.workers().at("a"), now()), "set-aside");
-  EXPECT_FALSE(s.workers().at("a").message.empty());
+  EXPECT_EQ(s->worker_state_name(s->workers().at("a"), now()), "set-aside");
+  EXPECT_FALSE(s->workers().at("a").message.empty());
   EXPECT_TRUE(lease("b"));
-  s.tick(at(clock + 601));
+  s->tick(at(clock + 601));
   EXPECT_TRUE(lease("a"));
 }
 
@@ -279,12 +243,12 @@ TEST_F(SchedulerTest, ReturnedUnitsAreOpenAgain) {
   worker("a");
   job("j", 1);
   const auto l = lease("a");
-  s.return_lease("a", l->row.token, now());
-  s.return_lease("a", l->row.token, now());
+  s->return_lease("a", l->row.token, now());
+  s->return_lease("a", l->row.token, now());
   const auto again = lease("a");
   ASSERT_TRUE(again);
   EXPECT_EQ(again->row.unit_id, l->row.unit_id);
-  EXPECT_EQ(s.job("j")->units.at(l->row.unit_id).row.failures, 0U);
+  EXPECT_EQ(s->job("j")->units.at(l->row.unit_id).row.failures, 0U);
 }
 
 // Claim: higher priority first; within one priority worker time follows the shares (here 3 to 1, within a
@@ -302,7 +266,7 @@ TEST_F(SchedulerTest, PrioritiesAndShares) {
     const auto spent = static_cast<double>(u.end - u.begin);
     seconds[l->row.job_id] += spent;
     at(clock + spent);
-    s.heartbeat("a", {l->row.token}, now());
+    s->heartbeat("a", {l->row.token}, now());
     ASSERT_EQ(deliver(*l, u, spent), Delivery::ok);
   }
   EXPECT_EQ(seconds.count("low"), 0U);
@@ -328,10 +292,10 @@ TEST_F(SchedulerTest, LateJobsDoNotStarveOthers) {
   j.id = "new";
   j.settings.width = j.settings.height = 8;
   j.stop.iterations = 100000;
-  s.submit(j, now());
+  s->submit(j, now());
   const auto pilot = lease("a");
   ASSERT_EQ(pilot->row.job_id, "new");
-  s.complete_pilot("a", pilot->row.token, {NamedState{1}, "", 1}, now());
+  s->complete_pilot("a", pilot->row.token, {NamedState{1}, "", 1}, now());
   auto count = work(40);
   EXPECT_NEAR(count["old"], 20, 3);
 }
@@ -341,7 +305,7 @@ TEST_F(SchedulerTest, InstructionSetsAreRespected) {
   worker("a", {"sse2"});
   job("j", 4);
   EXPECT_FALSE(lease("a"));
-  EXPECT_NE(s.message_of(*s.job("j"), now()).find("avx2"), std::string::npos);
+  EXPECT_NE(s->message_of(*s->job("j"), now()).find("avx2"), std::string::npos);
   worker("b");
   EXPECT_TRUE(lease("b"));
 }
@@ -359,10 +323,10 @@ TEST_F(SchedulerTest, PrefetchOnlyWhileWorkIsPlenty) {
     ASSERT_TRUE(last);
     ASSERT_EQ(last->row.job_id, "k");
     deliver(*last, unit_of(*last));
-    if (s.job("k")->finishing) break;
+    if (s->job("k")->finishing) break;
     EXPECT_FALSE(lease("a", true)) << "k has more";
   }
-  ASSERT_TRUE(s.job("k")->finishing);
+  ASSERT_TRUE(s->job("k")->finishing);
   EXPECT_EQ(lease("a", true)->row.job_id, "j");
 }
 
@@ -371,12 +335,12 @@ TEST_F(SchedulerTest, DrainEndsLeases) {
   worker("a");
   job("j", 100);
   const auto l = lease("a");
-  ASSERT_TRUE(s.drain("a", now()).ok());
-  EXPECT_TRUE(s.acquire("a", {}, false, now()).drain);
-  EXPECT_EQ(s.worker_state_name(s.workers().at("a"), now()), "draining");
+  ASSERT_TRUE(s->drain("a", now()).ok());
+  EXPECT_TRUE(s->acquire("a", {}, false, now()).drain);
+  EXPECT_EQ(s->worker_state_name(s->workers().at("a"), now()), "draining");
   deliver(*l, unit_of(*l));
-  EXPECT_EQ(s.worker_state_name(s.workers().at("a"), now()), "drained");
-  EXPECT_FALSE(s.drain("nobody", now()).ok());
+  EXPECT_EQ(s->worker_state_name(s->workers().at("a"), now()), "drained");
+  EXPECT_FALSE(s->drain("nobody", now()).ok());
 }
 
 // Claim: pause lets outstanding units in and gives no new ones; cancel drops them; both may be repeated.
@@ -386,16 +350,16 @@ TEST_F(SchedulerTest, PauseResumeCancel) {
   const auto l = lease("a");
   const auto m = lease("a");
   const Unit u = unit_of(*l), v = unit_of(*m);
-  ASSERT_TRUE(s.pause("j", now()).ok());
-  ASSERT_TRUE(s.pause("j", now()).ok());
+  ASSERT_TRUE(s->pause("j", now()).ok());
+  ASSERT_TRUE(s->pause("j", now()).ok());
   EXPECT_FALSE(lease("a"));
   EXPECT_EQ(deliver(*l, u), Delivery::ok);
-  ASSERT_TRUE(s.resume("j", now()).ok());
-  ASSERT_TRUE(s.cancel("j", now()).ok());
-  ASSERT_TRUE(s.cancel("j", now()).ok());
+  ASSERT_TRUE(s->resume("j", now()).ok());
+  ASSERT_TRUE(s->cancel("j", now()).ok());
+  ASSERT_TRUE(s->cancel("j", now()).ok());
   EXPECT_EQ(deliver(*m, v), Delivery::job_ended);
-  EXPECT_FALSE(s.resume("j", now()).ok());
-  EXPECT_EQ(s.job("j")->row.iterations, u.end - u.begin);
+  EXPECT_FALSE(s->resume("j", now()).ok());
+  EXPECT_EQ(s->job("j")->row.iterations, u.end - u.begin);
 }
 
 // Claim: 8 iterations extended by 8 are the same set of iterations as 16; failed jobs cannot be extended.
@@ -406,21 +370,21 @@ TEST_F(SchedulerTest, ExtendContinues) {
     while (const auto l = lease("a")) deliver(*l, unit_of(*l));
   };
   drain();
-  s.finish("j", now());
-  EXPECT_FALSE(s.extend("j", 0, 0, 0, now()).ok());
-  EXPECT_FALSE(s.extend("j", 0, -1, 0, now()).ok());
-  ASSERT_TRUE(s.extend("j", 8, 0, 0, now()).ok());
-  EXPECT_EQ(s.job("j")->row.state, JobState::queued);
+  s->finish("j", now());
+  EXPECT_FALSE(s->extend("j", 0, 0, 0, now()).ok());
+  EXPECT_FALSE(s->extend("j", 0, -1, 0, now()).ok());
+  ASSERT_TRUE(s->extend("j", 8, 0, 0, now()).ok());
+  EXPECT_EQ(s->job("j")->row.state, JobState::queued);
   drain();
-  s.finish("j", now());
-  EXPECT_EQ(s.job("j")->row.state, JobState::done);
-  for (const auto& half : s.job("j")->merged) {
+  s->finish("j", now());
+  EXPECT_EQ(s->job("j")->row.state, JobState::done);
+  for (const auto& half : s->job("j")->merged) {
     EXPECT_EQ(half.count(), 8U);
     EXPECT_EQ(half.first_gap(0, 8).first, half.first_gap(0, 8).second);
   }
   job("k", 1, false);
-  s.fail_job("k", "no", now());
-  EXPECT_FALSE(s.extend("k", 1, 0, 0, now()).ok());
+  s->fail_job("k", "no", now());
+  EXPECT_FALSE(s->extend("k", 1, 0, 0, now()).ok());
 }
 
 // Claim: the time limit counts time in state running only, and ends the job after a first merge.
@@ -432,24 +396,24 @@ TEST_F(SchedulerTest, TimeLimitExcludesPauses) {
   j.stop.time_seconds = 10;
   j.named_state = NamedState{1};
   j.thread_seconds_per_iteration = 1;
-  s.restore(j, {}, {}, {}, {}, now());
-  s.tick(at(150));
-  EXPECT_EQ(s.job("j")->row.elapsed_seconds, 0) << "queued";
+  s->restore(j, {}, {}, {}, {}, now());
+  s->tick(at(150));
+  EXPECT_EQ(s->job("j")->row.elapsed_seconds, 0) << "queued";
   const auto l = lease("a");
-  s.tick(at(154));
-  s.heartbeat("a", {l->row.token}, now());
-  ASSERT_TRUE(s.pause("j", now()).ok());
+  s->tick(at(154));
+  s->heartbeat("a", {l->row.token}, now());
+  ASSERT_TRUE(s->pause("j", now()).ok());
   deliver(*l, unit_of(*l));
-  s.tick(at(1000));
-  EXPECT_FALSE(s.job("j")->finishing);
-  ASSERT_TRUE(s.resume("j", now()).ok());
-  s.authenticate("a", "session-a", now());
+  s->tick(at(1000));
+  EXPECT_FALSE(s->job("j")->finishing);
+  ASSERT_TRUE(s->resume("j", now()).ok());
+  s->authenticate("a", "session-a", now());
   ASSERT_TRUE(lease("a"));
-  s.tick(at(1005));
-  EXPECT_NEAR(s.job("j")->row.elapsed_seconds, 9, 1e-9);
-  s.tick(at(1006.5));
-  EXPECT_TRUE(s.job("j")->finishing);
-  EXPECT_EQ(s.lease_count(), 0U);
+  s->tick(at(1005));
+  EXPECT_NEAR(s->job("j")->row.elapsed_seconds, 9, 1e-9);
+  s->tick(at(1006.5));
+  EXPECT_TRUE(s->job("j")->finishing);
+  EXPECT_EQ(s->lease_count(), 0U);
 }
 
 // Claim: relmse ends a job at the second good estimate with enough more iterations, never at one, never below
@@ -462,29 +426,29 @@ TEST_F(SchedulerTest, RelmseNeedsTwoEstimates) {
   j.stop.relmse = 1e-2;
   j.named_state = NamedState{1};
   j.thread_seconds_per_iteration = 1;
-  s.restore(j, {}, {}, {}, {}, now());
+  s->restore(j, {}, {}, {}, {}, now());
   const auto one = [&] {
     const auto l = lease("a");
     const Unit u = unit_of(*l);
     deliver(*l, u, static_cast<double>(u.end - u.begin));
-    return s.job("j")->row.iterations;
+    return s->job("j")->row.iterations;
   };
   std::uint64_t n = one();
   n = one();
   ASSERT_LT(n, 16U);
-  s.relmse_estimated("j", 1e-3, n, now());
-  s.relmse_estimated("j", 1e-3, n + 5, now());
-  EXPECT_FALSE(s.job("j")->finishing) << "too few iterations";
+  s->relmse_estimated("j", 1e-3, n, now());
+  s->relmse_estimated("j", 1e-3, n + 5, now());
+  EXPECT_FALSE(s->job("j")->finishing) << "too few iterations";
   while (n < 40) n = one();
-  s.relmse_estimated("j", 1e-3, n, now());
-  EXPECT_FALSE(s.job("j")->finishing) << "one estimate";
-  s.relmse_estimated("j", 1e-3, n + 1, now());
-  EXPECT_FALSE(s.job("j")->finishing) << "hardly more iterations";
-  s.relmse_estimated("j", 2e-2, 2 * n, now());  // a bad one in between
-  s.relmse_estimated("j", 1e-3, 3 * n, now());
-  EXPECT_FALSE(s.job("j")->finishing);
-  s.relmse_estimated("j", 1e-3, 4 * n, now());
-  EXPECT_TRUE(s.job("j")->finishing);
+  s->relmse_estimated("j", 1e-3, n, now());
+  EXPECT_FALSE(s->job("j")->finishing) << "one estimate";
+  s->relmse_estimated("j", 1e-3, n + 1, now());
+  EXPECT_FALSE(s->job("j")->finishing) << "hardly more iterations";
+  s->relmse_estimated("j", 2e-2, 2 * n, now());  // a bad one in between
+  s->relmse_estimated("j", 1e-3, 3 * n, now());
+  EXPECT_FALSE(s->job("j")->finishing);
+  s->relmse_estimated("j", 1e-3, 4 * n, now());
+  EXPECT_TRUE(s->job("j")->finishing);
 }
 
 // Claim: at a restart rows follow the film: units it lacks are open again, units it has are merged, gaps
@@ -563,10 +527,10 @@ TEST(Sizing, FollowsItsRules) {
 // Claim: sessions are checked whole.
 TEST_F(SchedulerTest, SessionsAuthenticate) {
   worker("a");
-  EXPECT_NE(s.authenticate("a", "session-a", now()), nullptr);
-  EXPECT_EQ(s.authenticate("a", "session-b", now()), nullptr);
-  EXPECT_EQ(s.authenticate("a", "", now()), nullptr);
-  EXPECT_EQ(s.authenticate("b", "session-a", now()), nullptr);
+  EXPECT_NE(s->authenticate("a", "session-a", now()), nullptr);
+  EXPECT_EQ(s->authenticate("a", "session-b", now()), nullptr);
+  EXPECT_EQ(s->authenticate("a", "", now()), nullptr);
+  EXPECT_EQ(s->authenticate("b", "session-a", now()), nullptr);
 }
 
 }  // namespace
