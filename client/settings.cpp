@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "client/values.h"
+#include "common/description/setting_text.h"
 #include "common/description/vocabulary.h"
 
 namespace candela::client {
@@ -33,22 +34,6 @@ ObjectPtr first_child(const Object* parent, std::string_view category) {
   if (parent == nullptr) return nullptr;
   const auto children = parent->children_of(category);
   return children.empty() ? nullptr : children.front();
-}
-
-// A property as the text the settings maps hold; nullopt for what no setting can be.
-std::optional<std::string> setting_text(const description::Property& property) {
-  switch (property.type) {
-    case description::PropertyType::boolean:
-      return std::get<bool>(property.value) ? "true" : "false";
-    case description::PropertyType::integer:
-      return fmt::format("{}", std::get<std::int64_t>(property.value));
-    case description::PropertyType::number:
-      return fmt::format("{}", std::get<double>(property.value));  // shortest text that reads back the same
-    case description::PropertyType::string:
-      return std::get<std::string>(property.value);
-    default:
-      return std::nullopt;
-  }
 }
 
 Result<void> resolve_integrator(const Object& scene, const SceneOptions& options, const RendererFacts& facts,

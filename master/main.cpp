@@ -13,6 +13,7 @@
 
 #include "common/base/config.h"
 #include "common/base/log.h"
+#include "common/base/parse_and_run.h"
 #include "common/base/quantity.h"
 #include "common/base/version.h"
 #include "common/wire/wire.h"
@@ -194,19 +195,5 @@ int main(int argc, char** argv) {
   app.add_option("--log-level", texts.log_level, "trace, debug, info, warn, error, off (default info)")
       ->type_name("LEVEL");
   app.add_option("--log-format", texts.log_format, "text or json (default text)")->type_name("FORMAT");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version
-    std::fprintf(stderr, "candela-master: %s (see --help)\n", e.what());
-    return 2;
-  }
-  try {
-    return run(texts);
-  } catch (const std::bad_alloc&) {
-    std::fputs("candela-master: out of memory\n", stderr);
-  } catch (const std::exception& exception) {
-    std::fprintf(stderr, "candela-master: internal error: %s\n", exception.what());
-  }
-  return 1;
+  return candela::parse_and_run("candela-master", app, argc, argv, [&] { return run(texts); });
 }

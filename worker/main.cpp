@@ -17,6 +17,7 @@
 
 #include "common/base/config.h"
 #include "common/base/log.h"
+#include "common/base/parse_and_run.h"
 #include "common/base/quantity.h"
 #include "common/base/version.h"
 #include "worker/service/worker_service.h"
@@ -197,19 +198,5 @@ int main(int argc, char** argv) {
                  "End after this long without a master, such as 10m; default: never");
   app.add_option("--log-level", texts.log_level, "trace, debug, info, warn, error or off; default: info");
   app.add_option("--log-format", texts.log_format, "text or json; default: text");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version
-    std::fprintf(stderr, "candela-worker: %s (see --help)\n", error.what());
-    return 2;
-  }
-  try {
-    return run(texts);
-  } catch (const std::bad_alloc&) {
-    std::fputs("candela-worker: out of memory\n", stderr);
-  } catch (const std::exception& exception) {
-    std::fprintf(stderr, "candela-worker: internal error: %s\n", exception.what());
-  }
-  return 1;
+  return candela::parse_and_run("candela-worker", app, argc, argv, [&] { return run(texts); });
 }

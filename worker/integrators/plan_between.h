@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <type_traits>
 
 #include "worker/integrators/plan.h"
 #include "worker/scene/features.h"
@@ -24,6 +25,21 @@ inline transport::Between plan_between(const scene::SceneFeatures& features, Pla
   return features.media > 0      ? transport::Between::media
          : features.any_straight ? transport::Between::surfaces
                                  : transport::Between::nothing;
+}
+
+// Calls f with the form as a compile-time constant: std::integral_constant<Between, ...>.
+template <class F>
+decltype(auto) with_between(transport::Between between, F&& f) {
+  using transport::Between;
+  switch (between) {
+    case Between::nothing:
+      return f(std::integral_constant<Between, Between::nothing>());
+    case Between::surfaces:
+      return f(std::integral_constant<Between, Between::surfaces>());
+    case Between::media:
+      break;
+  }
+  return f(std::integral_constant<Between, Between::media>());
 }
 
 }  // namespace candela::integrators

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "worker/core/math.h"
+#include "worker/scene/cone.h"
 
 namespace candela::scene {
 namespace {
@@ -15,26 +16,6 @@ constexpr float kLeastCosine = 0.02f;         // a bound that is possible but sm
 constexpr float kCosineSlack =
     1e-3f;  // rounding of the bounds must not declare a possible emitter impossible
 constexpr float kLargestImportance = 1e30f;
-
-bool is_zero(Vec3 v) {
-  return v.x == 0 && v.y == 0 && v.z == 0;
-}
-
-// cos and sin of max(0, a - b), from those of a and b in [0, pi].
-void subtract_angle(float& cos_a, float& sin_a, float cos_b, float sin_b) {
-  if (cos_a >= cos_b) {
-    cos_a = 1;
-    sin_a = 0;
-    return;
-  }
-  const float c = cos_a * cos_b + sin_a * sin_b;
-  sin_a = sin_a * cos_b - cos_a * sin_b;
-  cos_a = c;
-}
-
-float sine(float cosine) {
-  return std::sqrt(std::max(0.0f, 1 - cosine * cosine));
-}
 
 }  // namespace
 

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "worker/core/math.h"
+#include "worker/scene/cone.h"
 
 namespace candela::scene {
 namespace {
@@ -19,26 +20,6 @@ constexpr float kNearest = 0.25f;  // least squared distance, in squared radii
 constexpr float kBound = 0.5f;     // share of the bound in a cosine, the rest is that at the centre
 constexpr int kBins = 12;
 constexpr int kBalancedFrom = 26;  // depth from which nodes are halved, so that trails fit 64 bits
-
-bool is_zero(Vec3 v) {
-  return v.x == 0 && v.y == 0 && v.z == 0;
-}
-
-float sine(float cosine) {
-  return std::sqrt(std::max(0.0f, 1 - cosine * cosine));
-}
-
-// cos and sin of max(0, a - b), from those of a and b in [0, pi].
-void subtract_angle(float& cos_a, float& sin_a, float cos_b, float sin_b) {
-  if (cos_a >= cos_b) {
-    cos_a = 1;
-    sin_a = 0;
-    return;
-  }
-  const float c = cos_a * cos_b + sin_a * sin_b;
-  sin_a = sin_a * cos_b - cos_a * sin_b;
-  cos_a = c;
-}
 
 // A cone of directions; spread below 0: empty.
 struct Cone {

@@ -8,6 +8,7 @@
 #include "common/base/hash.h"
 #include "common/base/version.h"
 #include "common/bundle/bundle.h"
+#include "common/description/setting_text.h"
 #include "worker/render/renderer.h"
 
 namespace candela::bench {
@@ -38,21 +39,6 @@ Json job_json(const JobSettings& job) {
           {"sampler", job.sampler},
           {"seed", job.seed},
           {"isa", job.isa}};
-}
-
-std::optional<std::string> setting_text(const description::Property& property) {
-  switch (property.type) {
-    case description::PropertyType::boolean:
-      return std::get<bool>(property.value) ? "true" : "false";
-    case description::PropertyType::integer:
-      return fmt::format("{}", std::get<std::int64_t>(property.value));
-    case description::PropertyType::number:
-      return fmt::format("{}", std::get<double>(property.value));
-    case description::PropertyType::string:
-      return std::get<std::string>(property.value);
-    default:
-      return std::nullopt;
-  }
 }
 
 Result<bool> has_setting(const std::string& integrator, const std::string& name) {

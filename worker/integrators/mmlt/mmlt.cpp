@@ -7,6 +7,7 @@
 #include "worker/integrators/bdpt/plan.h"
 #include "worker/integrators/markov/markov.h"
 #include "worker/integrators/mmlt/target.h"
+#include "worker/integrators/plan_between.h"
 
 namespace candela::integrators {
 namespace {
@@ -44,15 +45,7 @@ class MmltIntegrator final : public MarkovIntegrator {
 
   std::unique_ptr<mcmc::PrimaryTarget> make_target(const UnitContext& context,
                                                    film::Tallies& tallies) const override {
-    switch (bdpt_.between) {
-      case Between::nothing:
-        return target<Between::nothing>(context, tallies);
-      case Between::surfaces:
-        return target<Between::surfaces>(context, tallies);
-      case Between::media:
-        break;
-    }
-    return target<Between::media>(context, tallies);
+    return with_between(bdpt_.between, [&](auto between) { return target<between()>(context, tallies); });
   }
   template <Between kBetween>
   std::unique_ptr<mcmc::PrimaryTarget> target(const UnitContext& context, film::Tallies& tallies) const {

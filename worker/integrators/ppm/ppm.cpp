@@ -100,15 +100,9 @@ class PpmIntegrator final : public Integrator {
 
   Result<void> run(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
                    const render::RunContext& run_context) const override {
-    switch (between_) {
-      case Between::nothing:
-        return run_kernel<Between::nothing>(kernel_, context, unit, film, run_context);
-      case Between::surfaces:
-        return run_kernel<Between::surfaces>(kernel_, context, unit, film, run_context);
-      case Between::media:
-        break;
-    }
-    return run_kernel<Between::media>(kernel_, context, unit, film, run_context);
+    return with_between(between_, [&](auto between) {
+      return run_kernel<between()>(kernel_, context, unit, film, run_context);
+    });
   }
 
   std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {

@@ -4,6 +4,7 @@
 #include "worker/integrators/bdpt/plan.h"
 #include "worker/integrators/markov/markov.h"
 #include "worker/integrators/path/plan.h"
+#include "worker/integrators/plan_between.h"
 #include "worker/integrators/pssmlt/targets.h"
 
 namespace candela::integrators {
@@ -34,15 +35,8 @@ class PssmltIntegrator final : public MarkovIntegrator {
   std::unique_ptr<mcmc::PrimaryTarget> make_target(const UnitContext& context,
                                                    film::Tallies& tallies) const override {
     if (over_path_) return std::make_unique<pssmlt::PathTarget>(context, path_limits_, path_kernel_, tallies);
-    switch (bdpt_.between) {
-      case Between::nothing:
-        return bdpt_target<Between::nothing>(context, tallies);
-      case Between::surfaces:
-        return bdpt_target<Between::surfaces>(context, tallies);
-      case Between::media:
-        break;
-    }
-    return bdpt_target<Between::media>(context, tallies);
+    return with_between(bdpt_.between,
+                        [&](auto between) { return bdpt_target<between()>(context, tallies); });
   }
   template <Between kBetween>
   std::unique_ptr<mcmc::PrimaryTarget> bdpt_target(const UnitContext& context, film::Tallies& tallies) const {

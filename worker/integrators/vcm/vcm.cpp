@@ -1,6 +1,7 @@
 #include "worker/integrators/vcm/vcm.h"
 
 #include "worker/integrators/bidirectional/eye_radiance.h"
+#include "worker/integrators/plan_between.h"
 #include "worker/integrators/vcm/kernel.h"
 #include "worker/integrators/vcm/plan.h"
 
@@ -18,15 +19,9 @@ class VcmIntegrator final : public Integrator {
 
   Result<void> run(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
                    const render::RunContext& run_context) const override {
-    switch (planned_.between) {
-      case Between::nothing:
-        return run_between<Between::nothing>(context, unit, film, run_context);
-      case Between::surfaces:
-        return run_between<Between::surfaces>(context, unit, film, run_context);
-      case Between::media:
-        break;
-    }
-    return run_between<Between::media>(context, unit, film, run_context);
+    return with_between(planned_.between, [&](auto between) {
+      return run_between<between()>(context, unit, film, run_context);
+    });
   }
 
   std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {

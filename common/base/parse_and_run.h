@@ -1,0 +1,32 @@
+// The end of a server's main(): its command line, then its run, with every way out said on standard error.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <new>
+
+namespace candela {
+
+// The exit code: run()'s; 0 for --help and --version; 2 for a command line that cannot be; 1 where memory or
+// the program failed.
+template <class Run>
+int parse_and_run(const char* program, CLI::App& app, int argc, char** argv, Run&& run) {
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version
+    std::fprintf(stderr, "%s: %s (see --help)\n", program, error.what());
+    return 2;
+  }
+  try {
+    return run();
+  } catch (const std::bad_alloc&) {
+    std::fprintf(stderr, "%s: out of memory\n", program);
+  } catch (const std::exception& exception) {
+    std::fprintf(stderr, "%s: internal error: %s\n", program, exception.what());
+  }
+  return 1;
+}
+
+}  // namespace candela
