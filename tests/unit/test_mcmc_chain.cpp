@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "tests/unit/chi_squared.h"
+#include "tests/unit/kolmogorov.h"
 #include "tests/unit/mcmc_targets.h"
 
 namespace candela::mcmc {
@@ -94,14 +95,6 @@ double moved_share(const std::vector<Ends>& ends) {
   return static_cast<double>(moved) / static_cast<double>(ends.size());
 }
 
-// Kolmogorov's p-value of n distances at most `largest` from the distribution function.
-double kolmogorov_p(double largest, double n) {
-  const double t = (std::sqrt(n) + 0.12 + 0.11 / std::sqrt(n)) * largest;
-  double sum = 0;
-  for (int k = 1; k < 100; ++k) sum += (k % 2 == 1 ? 2 : -2) * std::exp(-2 * k * k * t * t);
-  return std::clamp(sum, 0.0, 1.0);
-}
-
 constexpr StepSizes kWide{1.0 / 64, 1.0 / 8};  // for chains of few mutations to get somewhere
 
 // Claim: chains that start at samples of a steep 1-D target end at samples of it, by small steps alone and by
@@ -126,7 +119,8 @@ TEST(McmcChain, KeepsAOneDimensionalTarget) {
       largest = std::max(
           {largest, std::abs(f - static_cast<double>(i) / n), std::abs(f - static_cast<double>(i + 1) / n)});
     }
-    EXPECT_GT(kolmogorov_p(largest, n), kAlpha) << "distance " << largest << ", large steps " << prob_large;
+    EXPECT_GT(test::kolmogorov_p(largest, n), kAlpha)
+        << "distance " << largest << ", large steps " << prob_large;
     std::size_t moved = 0;
     const auto cell = [](transport::FilmPosition at) { return static_cast<std::size_t>(at.x * 16); };
     EXPECT_GT(reversible_p(ends, 16, cell, &moved), kAlpha) << prob_large;
