@@ -1,0 +1,96 @@
+// Runs hostile scenes through the integrators and says how far along each sweep they stay within tolerance.
+//
+//   candela-stress list
+//   candela-stress run [--sweep NAME]... [--integrator NAME]... [--effort X] [--csv FILE] [--markdown FILE]
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <fstream>
+#include <thread>
+
+#include "tests/stress/report.h"
+#include "tests/stress/scenes.h"
+
+namespace {
+
+using namespace candela::stress;
+
+bool chosen(const std::vector<std::string>& names, const std::string& name) {
+  return names.empty() || std::find(names.begin(), names.end(), name) != names.end();
+}
+
+void write(const std::string& path, const std::string& text) {
+  std::ofstream out(path);
+  if (!(out << text).flush()) throw std::runtime_error("cannot write " + path);
+}
+
+void list() {
+  for (const Sweep& sweep : all_sweeps()) {
+    fmt::print("{}\n  hazard: {}\n  parameter: {}\n  holds: {}\n  values:", sweep.name, sweep.hazard,
+               sweep.parameter, sweep.holds);
+    for (const double value : sweep.values) fmt::print(" {:.6g}", value);
+    fmt::print("\n  tolerance: {:g} %\n  integrators:", 100 * sweep.tolerance);
+    for (const Claim& claim : sweep.claims) fmt::print(" {}", claim.integrator);
+    fmt::print("\n");
+    for (const Excuse& excuse : sweep.excuses) fmt::print("  not {}: {}\n", excuse.integrator, excuse.why);
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) try {
+  CLI::App app("hostile scenes for every integrator");
+  app.require_subcommand(1);
+  app.add_subcommand("list", "the sweeps: what they vary and what must hold")->callback(list);
+  auto* run = app.add_subcommand("run", "runs sweeps");
+  std::vector<std::string> only_sweeps, only_integrators;
+  std::vector<double> only_values;
+  double effort = 1;
+  std::string csv_file, markdown_file;
+  RunOptions options;
+  options.threads = std::max(1U, std::thread::hardware_concurrency());
+  run->add_option("--sweep", only_sweeps, "this one alone; may be repeated");
+  run->add_option("--integrator", only_integrators, "this one alone; may be repeated");
+  run->add_option("--value", only_values, "this value alone; may be repeated");
+  run->add_option("--effort", effort, "times the rays after which a point is left undecided")
+      ->check(CLI::PositiveNumber);
+  run->add_option("--seed", options.seed, "of the first batch");
+  run->add_option("--threads", options.threads);
+  run->add_option("--csv", csv_file, "every point");
+  run->add_option("--markdown", markdown_file, "the tables");
+  run->callback([&] {
+    options.most_rays *= effort;
+    const auto sweeps = all_sweeps();
+    for (const auto& name : only_sweeps) find_sweep(sweeps, name);
+    std::vector<Point> points;
+    for (const Sweep& sweep : sweeps) {
+      if (!chosen(only_sweeps, sweep.name)) continue;
+      for (const Claim& claim : sweep.claims) {
+        if (!chosen(only_integrators, claim.integrator)) continue;
+        Runner runner(sweep, claim, options);
+        for (const double value : sweep.values) {
+          if (!only_values.empty() &&
+              std::find(only_values.begin(), only_values.end(), value) == only_values.end())
+            continue;
+          const Point p = runner.run(value);
+          fmt::print(
+              "{:20} {:7} {:>12.6g}  {:9}  {:.6g} for {:.6g}: off by {:.3g} +- {:.2g} ({}), rejected {}, "
+              "{:.2f} s {}\n",
+              p.sweep, p.integrator, p.value, name(p.verdict), p.measured, p.expected, p.deviation,
+              p.stderr_of_deviation, p.quantity, p.rejected(), p.seconds, p.refusal);
+          std::fflush(stdout);
+          points.push_back(p);
+        }
+      }
+    }
+    if (!csv_file.empty()) write(csv_file, csv(points));
+    if (!markdown_file.empty()) write(markdown_file, markdown(sweeps, points));
+  });
+  CLI11_PARSE(app, argc, argv);
+  return 0;
+} catch (const std::exception& error) {
+  fmt::print(stderr, "candela-stress: error: {}\n", error.what());
+  return 2;
+}

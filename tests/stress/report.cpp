@@ -1,0 +1,110 @@
+#include "tests/stress/report.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+
+#include "tests/stress/scenes.h"
+
+namespace candela::stress {
+namespace {
+
+std::string value_text(double value) {
+  return fmt::format("{:.6g}", value);
+}
+
+// Beyond `index` in direction `step`: why the run of points within ends, or nothing at the sweep's end.
+std::string end_of(const Sweep& sweep, const std::map<double, Verdict>& verdicts, int index, int step) {
+  const int next = index + step;
+  if (next < 0 || next >= static_cast<int>(sweep.values.size())) return "";
+  const double value = sweep.values[static_cast<std::size_t>(next)];
+  const auto found = verdicts.find(value);
+  if (found == verdicts.end()) return "";
+  return fmt::format("{} {}", found->second == Verdict::broken ? "**broken**" : "noise", value_text(value));
+}
+
+}  // namespace
+
+std::string csv(const std::vector<Point>& points) {
+  std::string text =
+      "sweep,integrator,value,verdict,quantity,measured,expected,deviation,stderr,tolerance,iterations,rays,"
+      "rejected_nan,rejected_infinite,rejected_negative,rejected_saturated,cpu_seconds,refusal\n";
+  for (const Point& p : points) {
+    std::string refusal = p.refusal;
+    for (char& c : refusal)
+      if (c == ',' || c == '\n' || c == '"') c = ';';
+    text += fmt::format("{},{},{},{},{},{:.9g},{:.9g},{:.4g},{:.4g},{:.4g},{},{},{},{},{},{},{:.3f},{}\n",
+                        p.sweep, p.integrator, p.value, name(p.verdict), p.quantity, p.measured, p.expected,
+                        p.deviation, p.stderr_of_deviation, p.tolerance, p.iterations, p.tallies.rays,
+                        p.tallies.rejected[0], p.tallies.rejected[1], p.tallies.rejected[2],
+                        p.tallies.rejected[3], p.seconds, refusal);
+  }
+  return text;
+}
+
+std::string reach(const Sweep& sweep, const std::vector<Point>& points) {
+  std::map<double, Verdict> verdicts;
+  for (const Point& p : points) verdicts[p.value] = p.verdict;
+  const auto within = [&](int i) {
+    const auto found = verdicts.find(sweep.values[static_cast<std::size_t>(i)]);
+    return found != verdicts.end() && found->second == Verdict::within;
+  };
+  const int size = static_cast<int>(sweep.values.size());
+  const int benign = static_cast<int>(std::find(sweep.values.begin(), sweep.values.end(), sweep.benign) -
+                                      sweep.values.begin());
+  if (benign == size || !within(benign))
+    return fmt::format("none ({})", end_of(sweep, verdicts, benign - 1, 1));
+  int low = benign, high = benign;
+  while (low > 0 && within(low - 1)) --low;
+  while (high + 1 < size && within(high + 1)) ++high;
+  if (low == 0 && high == size - 1) return "all";
+  const std::string before = end_of(sweep, verdicts, low, -1), after = end_of(sweep, verdicts, high, 1);
+  std::string text = low == high ? value_text(sweep.values[static_cast<std::size_t>(low)])
+                                 : value_text(sweep.values[static_cast<std::size_t>(low)]) + " to " +
+                                       value_text(sweep.values[static_cast<std::size_t>(high)]);
+  for (const std::string& end : {before, after})
+    if (!end.empty()) text += "; " + end;
+  return text;
+}
+
+std::string markdown(const std::vector<Sweep>& sweeps, const std::vector<Point>& points) {
+  std::string text = "| sweep | values |";
+  for (const auto& integrator : kEveryone) text += fmt::format(" `{}` |", integrator);
+  text += "\n|---|---|";
+  for (std::size_t i = 0; i < kEveryone.size(); ++i) text += "---|";
+  text += "\n";
+  for (const Sweep& sweep : sweeps) {
+    std::string row = fmt::format("| `{}` | {} … {} |", sweep.name, value_text(sweep.values.front()),
+                                  value_text(sweep.values.back()));
+    bool any = false;
+    for (const auto& integrator : kEveryone) {
+      std::vector<Point> own;
+      for (const Point& p : points)
+        if (p.sweep == sweep.name && p.integrator == integrator) own.push_back(p);
+      any |= !own.empty();
+      row += fmt::format(" {} |", own.empty() ? "-" : reach(sweep, own));
+    }
+    if (any) text.append(row).append("\n");
+  }
+  text += "\nSamples rejected, of all points above (those without any are left out):\n\n";
+  text +=
+      "| sweep | integrator | value | nan | infinite | negative | saturated | of eye samples and light paths "
+      "|\n";
+  text += "|---|---|---|---|---|---|---|---|\n";
+  std::uint64_t rejected = 0, samples = 0;
+  for (const Point& p : points) {
+    const std::uint64_t of = p.tallies.eye_samples + p.tallies.light_paths;
+    samples += of;
+    rejected += p.rejected();
+    if (p.rejected() == 0) continue;
+    text += fmt::format("| `{}` | `{}` | {} | {} | {} | {} | {} | {} |\n", p.sweep, p.integrator,
+                        value_text(p.value), p.tallies.rejected[0], p.tallies.rejected[1],
+                        p.tallies.rejected[2], p.tallies.rejected[3], of);
+  }
+  text += fmt::format("\n{} points, {} eye samples and light paths, {} samples rejected.\n", points.size(),
+                      samples, rejected);
+  return text;
+}
+
+}  // namespace candela::stress

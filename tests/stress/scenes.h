@@ -1,0 +1,50 @@
+// Pieces of scenes as XML text, and the settings most sweeps share.
+#pragma once
+
+#include <array>
+#include <string>
+
+#include "tests/stress/sweep.h"
+
+namespace candela::stress {
+
+using Vec = std::array<double, 3>;
+
+std::string number(double value);  // all its digits
+std::string triple(const Vec& v);
+
+// Looks from `origin` at `target`; `up` not along the view. Clip planes far enough off for a scene of `size`.
+std::string perspective(const Vec& origin, const Vec& target, const Vec& up, double fov, double size = 1);
+// The image spans 2 `half` across.
+std::string orthographic(const Vec& origin, const Vec& target, const Vec& up, double half, double size = 1);
+
+std::string diffuse(double reflectance);
+std::string constant_sky(double radiance);
+std::string sphere(const Vec& center, double radius, const std::string& inside, bool flip = false);
+std::string plate(const std::string& transform, const std::string& inside);  // a rectangle
+std::string area_light(double radiance);
+// What makes a shape a medium without a surface.
+std::string null_block(double sigma_t, double albedo);
+
+// A closed sphere about the origin, the camera in it: radiance `emitted / (1 - reflectance)` everywhere, of
+// paths up to d edges `emitted (1 - reflectance^d) / (1 - reflectance)`.
+std::string closed_sphere(double radius, double reflectance, double emitted);
+
+// Small jobs of chains, merging with a constant radius of a tenth of the scene, everything that an integrator
+// can do.
+SettingsMap usual_settings();
+void set(Shot& shot, const std::string& name, const std::string& value);
+
+inline const std::vector<std::string> kEveryone = {"path", "light", "bdpt",   "ppm",
+                                                   "bpm",  "vcm",   "pssmlt", "mmlt"};
+std::vector<std::string> everyone_but(const std::vector<std::string>& left_out);
+
+// The parts of all_sweeps().
+std::vector<Sweep> path_sweeps();
+std::vector<Sweep> scattering_sweeps();
+std::vector<Sweep> geometry_sweeps();
+std::vector<Sweep> light_sweeps();
+std::vector<Sweep> merging_sweeps();
+std::vector<Sweep> media_sweeps();
+
+}  // namespace candela::stress
