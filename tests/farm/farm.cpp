@@ -54,9 +54,9 @@ std::string scene_path(const std::string& name) {
   return std::string(CANDELA_SOURCE_DIR) + "/deploy/scenes/" + name + "/scene.xml";
 }
 
-std::vector<std::string> job_options(std::uint64_t iterations) {
+std::vector<std::string> job_options(std::uint64_t iterations, std::uint64_t seed) {
   return {"--size",       fmt::format("{}x{}", kWidth, kHeight),
-          "--seed",       "7",
+          "--seed",       std::to_string(seed),
           "--iterations", std::to_string(iterations)};
 }
 
@@ -144,11 +144,12 @@ CommandResult Farm::candela(std::vector<std::string> arguments, double seconds) 
   return result;
 }
 
-std::string Farm::submit(std::uint64_t iterations, const std::string& scene, std::vector<std::string> more) {
+std::string Farm::submit(std::uint64_t iterations, const std::string& scene, std::vector<std::string> more,
+                         std::uint64_t seed) {
   std::vector<std::string> arguments = {"submit", scene_path(scene)};
   for (const auto* words : {&client_options_, &more})
     arguments.insert(arguments.end(), words->begin(), words->end());
-  for (const std::string& word : job_options(iterations)) arguments.push_back(word);
+  for (const std::string& word : job_options(iterations, seed)) arguments.push_back(word);
   const CommandResult result = candela(arguments);
   if (result.exit_code != 0 || result.out.empty() || result.out.back() != '\n')
     give_up(fmt::format("submit: exit {}\n{}{}", result.exit_code, result.out, result.err));

@@ -28,7 +28,7 @@ std::string scene_path(const std::string& name);
 
 // Options of the jobs of these tests: small, of a fixed seed.
 inline constexpr std::uint32_t kWidth = 48, kHeight = 32;
-std::vector<std::string> job_options(std::uint64_t iterations);
+std::vector<std::string> job_options(std::uint64_t iterations, std::uint64_t seed = 7);
 
 // All fatal troubles throw std::runtime_error with the output of the process concerned: GoogleTest reports
 // them.
@@ -61,7 +61,7 @@ class Farm {
   std::unique_ptr<Process> start_candela(std::vector<std::string> arguments, const std::string& name);
   // Submits and expects success; the job's id.
   std::string submit(std::uint64_t iterations, const std::string& scene = "cornell",
-                     std::vector<std::string> more = {});
+                     std::vector<std::string> more = {}, std::uint64_t seed = 7);
   // The image as `candela fetch` gets it.
   image::Image fetch(const std::string& id);
   // The image as `candela render` makes it, in a process of its own.
