@@ -38,13 +38,15 @@ void visit_values(const film::MergedFilm& film, const film::Development& develop
   }
 }
 
-// The factor of (A-B)^2 that makes it an unbiased estimate of the pooled mean's variance:
-// E (A-B)^2 = s (1/n0 + 1/n1) and Var M = s / (n0 + n1) for s the variance of one iteration.
-double variance_factor(const film::MergedFilm& film) {
+// The factor of (A-B)^2 that makes it an estimate of the pooled mean's variance. Of independent iterations:
+// E (A-B)^2 = s (1/n0 + 1/n1) and Var M = s / (n0 + n1) for s the variance of one iteration. Of chains, the
+// larger that is right where Var A = Var B however many segments each has.
+double variance_factor(const film::MergedFilm& film, const film::Development& development) {
   const auto n0 = static_cast<double>(film.merged(0).count());
   const auto n1 = static_cast<double>(film.merged(1).count());
   if (n0 == 0 || n1 == 0) return std::numeric_limits<double>::quiet_NaN();
-  return n0 / (n0 + n1) * (n1 / (n0 + n1));
+  const double w0 = n0 / (n0 + n1), w1 = n1 / (n0 + n1);
+  return development.two_layers ? (w0 * w0 + w1 * w1) / 2 : w0 * w1;
 }
 
 }  // namespace
@@ -111,7 +113,7 @@ ImageComparison compare(std::span<const float> a, std::span<const float> b, std:
 }
 
 ErrorEstimate estimate_error(const film::MergedFilm& film, const film::Development& development) {
-  const double factor = variance_factor(film);
+  const double factor = variance_factor(film, development);
   const auto values = static_cast<double>(film.layout().pixel_count() * film::kChannels);
   ErrorEstimate estimate;
   double sum = 0, variance_sum = 0;
@@ -136,7 +138,7 @@ ErrorEstimate estimate_error(const film::MergedFilm& film, const film::Developme
 std::vector<float> error_map(const film::MergedFilm& film, const film::Development& development) {
   std::vector<float> map;
   map.reserve(film.layout().pixel_count() * film::kChannels);
-  visit_values(film, development, variance_factor(film),
+  visit_values(film, development, variance_factor(film, development),
                [&](double variance, double) { map.push_back(static_cast<float>(std::sqrt(variance))); });
   return map;
 }

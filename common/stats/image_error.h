@@ -33,7 +33,10 @@ ImageComparison compare(std::span<const float> a, std::span<const float> b, std:
 // With a development that has a factor: of the image as developed, where the factor's own variance adds
 // (relative variance * (what carries the factor)^2) to each value's. For a job of chains the halves are
 // independent groups of chains, so that the correlation within a chain needs no model: A and B differ by all
-// of it.
+// of it. Where their halves are unequal, that correlation decides how the variance of one half follows from
+// the other's, and (A-B)^2 is weighed by (n0^2 + n1^2) / 2 (n0+n1)^2 instead: without bias if chains repeat
+// themselves wholly, too large by (n0-n1)^2 / 2 n0 n1 of the variance if they forget all at once
+// (docs/normalisation.md).
 struct ErrorEstimate {
   double relmse = 0;
   double rmse = 0;
