@@ -239,7 +239,8 @@ BlockTestResult block_test(const std::vector<std::vector<float>>& batches,
   const std::uint32_t block = options.block;
   BlockTestResult result;
   const auto n = static_cast<double>(batches.size());
-  double chi_squared = 0, weights = 0, weighted = 0;
+  double chi_squared = 0, weights = 0, weighted = 0, reference_squares = 0;
+  std::vector<double> ratios(batches.size(), 0.0);  // of each batch, not yet divided by the weights
   std::vector<double> relative_errors;
   for (std::uint32_t by = 0; by < height; by += block) {
     for (std::uint32_t bx = 0; bx < width; bx += block) {
@@ -300,6 +301,8 @@ BlockTestResult block_test(const std::vector<std::vector<float>>& batches,
         const double weight = expected * expected / variance;
         weights += weight;
         weighted += weight * mean / expected;
+        for (std::size_t k = 0; k < batches.size(); ++k) ratios[k] += weight * means[k] / expected;
+        reference_squares += weight * weight * expected_variance / (expected * expected);
         if (p < result.smallest_p) {
           result.smallest_p = p;
           result.worst =
@@ -317,7 +320,10 @@ BlockTestResult block_test(const std::vector<std::vector<float>>& batches,
                      relative_errors.end());
     result.median_relative_standard_error = relative_errors[relative_errors.size() / 2];
     result.ratio = weighted / weights;
-    result.ratio_stderr = std::sqrt(3 / weights);
+    double squares = 0;
+    for (const double ratio : ratios)
+      squares += (ratio / weights - result.ratio) * (ratio / weights - result.ratio);
+    result.ratio_stderr = std::sqrt(squares / (n - 1) / n + 3 * reference_squares / (weights * weights));
   }
   return result;
 }

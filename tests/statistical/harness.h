@@ -104,9 +104,11 @@ struct BlockTestResult {
   double adjusted_p = 1;     // Bonferroni: min(1, smallest_p * tested): at most this chance of a false alarm
   double chi_squared_p = 1;  // of the sum of squared normal scores of all tested values, one-sided
   double median_relative_standard_error = 0;
-  double ratio = 0;         // mean over reference, weighted by what is known of each value
-  double ratio_stderr = 0;  // its standard error, the three channels of a block taken as one
-  std::string worst;        // where, for the failure message
+  double ratio = 0;  // mean over reference, weighted by what is known of each value
+  // Its standard error: from the spread over batches, whose blocks may share what they like, and of the
+  // reference, whose blocks are independent, the three channels of one taken as one.
+  double ratio_stderr = 0;
+  std::string worst;  // where, for the failure message
 };
 struct BlockTestOptions {
   std::uint32_t block = 16;

@@ -3,6 +3,7 @@
 // fewer than ten: the file alarms falsely with probability below 1e-3.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <boost/math/distributions/binomial.hpp>
 #include <boost/math/distributions/normal.hpp>
 #include <cmath>
@@ -73,6 +74,38 @@ TEST(BlockTests, FalseAlarms) {
                 static_cast<double>(tested) / static_cast<double>(kTrials * kRegions.values()));
     EXPECT_LE(static_cast<double>(alarms), upper_bound(kTrials, skew == 0 ? 0.05 : 0.25));
     EXPECT_LE(static_cast<double>(confirmed), upper_bound(kTrials, 1e-3));
+  }
+}
+
+// Claim: the standard error of the ratio to a reference is that of what all blocks of a batch may share
+// (chains' b, light paths), of noise of their own, and of the reference's. Trials beyond t's 1 % points of 15
+// degrees of freedom are as many as that says, or fewer for the reference's share (whose deviations have no
+// freedom to lose).
+TEST(BlockTests, TheRatioKnowsItsError) {
+  constexpr std::size_t kTrials = 600, kBatches = 16, kBlocks = 16;
+  constexpr std::uint32_t kSide = 4;  // blocks of one pixel
+  for (const auto& [common, own, reference_error] :
+       {std::array{0.01, 0.001, 0.0}, {0.0, 0.01, 0.0}, {0.01, 0.01, 0.01}, {0.0, 0.001, 0.01}}) {
+    std::size_t beyond = 0;
+    for (std::size_t trial = 0; trial < kTrials; ++trial) {
+      rng::Stream stream(rng::key(31, trial));
+      const auto grey = [](std::vector<float>& image, std::size_t pixel, double value) {
+        for (std::size_t c = 0; c < 3; ++c) image[3 * pixel + c] = static_cast<float>(value);
+      };
+      std::vector<float> reference(3 * kBlocks), deviation(3 * kBlocks, static_cast<float>(reference_error));
+      for (std::size_t i = 0; i < kBlocks; ++i) grey(reference, i, 1 + reference_error * normal(stream));
+      std::vector<std::vector<float>> batches(kBatches, std::vector<float>(3 * kBlocks));
+      for (auto& batch : batches) {
+        const double shared = common * normal(stream);
+        for (std::size_t i = 0; i < kBlocks; ++i) grey(batch, i, 1 + shared + own * normal(stream));
+      }
+      const auto result = block_test(batches, reference, deviation, kSide, kSide, {1, 0.1, 0, {}});
+      ASSERT_EQ(result.tested, 3 * kBlocks);
+      beyond += std::abs(result.ratio - 1) > 2.947 * result.ratio_stderr ? 1 : 0;
+    }
+    std::printf("common %.3f, own %.3f, reference %.3f: %zu of %zu beyond the 1 %% points\n", common, own,
+                reference_error, beyond, kTrials);
+    EXPECT_LE(static_cast<double>(beyond), upper_bound(kTrials, 0.012));  // weights are estimated, too
   }
 }
 

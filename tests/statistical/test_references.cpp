@@ -16,6 +16,10 @@
 namespace candela::statistical {
 namespace {
 
+// Beyond six standard errors from 16 batches lies a ratio with probability 2.4e-5 (t with 15 degrees of
+// freedom).
+constexpr double kRatioErrors = 6;
+
 using Blocks = std::vector<std::pair<std::uint32_t, std::uint32_t>>;
 
 struct Case {
@@ -26,7 +30,7 @@ struct Case {
   double max_relative_error;
   double least_tested;     // share of the values that must be decidable
   double allowed_bias;     // of a single value, relative: what is known to differ, or hidden from `path`
-  double ratio_tolerance;  // of the weighted ratio of all values, beside four of its standard errors
+  double ratio_tolerance;  // of the weighted ratio of all values, beside kRatioErrors of its standard errors
   Blocks excluded;
 };
 
@@ -56,7 +60,7 @@ TEST_P(References, PathAgrees) {
   EXPECT_GT(static_cast<double>(result.tested),
             c.least_tested * static_cast<double>(result.tested + result.skipped));
   EXPECT_GT(result.adjusted_p, 1e-4) << result.worst;
-  EXPECT_NEAR(result.ratio, 1.0, c.ratio_tolerance + 4 * result.ratio_stderr);  // 6e-5 for normal errors
+  EXPECT_NEAR(result.ratio, 1.0, c.ratio_tolerance + kRatioErrors * result.ratio_stderr);
 }
 
 // The allowances below were set after a first run had failed without them. The leak and the shadowing were
@@ -120,7 +124,7 @@ void expect_reference(const Other& c, const std::vector<std::vector<float>>& bat
   EXPECT_GT(static_cast<double>(result.tested),
             c.least_tested * static_cast<double>(result.tested + result.skipped));
   EXPECT_GT(result.adjusted_p, 1e-4) << result.worst;
-  EXPECT_NEAR(result.ratio, 1.0, c.ratio_tolerance + 4 * result.ratio_stderr);
+  EXPECT_NEAR(result.ratio, 1.0, c.ratio_tolerance + kRatioErrors * result.ratio_stderr);
 }
 
 class OtherReferences : public testing::TestWithParam<Other> {};
