@@ -1,6 +1,7 @@
 // Integrators of Markov chains beside path and bdpt: mutations (or samples) a CPU second, bytes of a chain's
-// state, and relMSE times CPU seconds against the references of SHARED. One thread, CPU seconds (user) of
-// rendering alone, the bootstrap's included; methods in turn for each seed, medians over seeds.
+// state and of a pushed segment, and relMSE times CPU seconds against the references of SHARED. One thread,
+// CPU seconds (user) of rendering alone, the bootstrap's included; methods in turn for each seed, medians
+// over seeds.
 //
 //   bench_chains SHARED [--scenes A,B] [--seeds N] [--rounds N] [--set KEY=VALUE]
 // Mitsuba 0.6 on veach-bidir (../shared/peers.md, measured on a machine of this kind on another day): pssmlt
@@ -23,6 +24,12 @@ namespace {
 using namespace candela;
 using namespace candela::statistical;
 
+// What a worker pushes of a unit: the film's delta and the chains' records behind it.
+struct Pushed {
+  std::uint64_t segments = 0;
+  std::size_t delta_bytes = 0, record_bytes = 0;
+};
+
 struct Row {
   std::string name, integrator;
   SettingsMap settings;
@@ -30,7 +37,16 @@ struct Row {
   double acceptance = 0, large_acceptance = 0;
   double mean_bytes = 0;
   std::size_t most_bytes = 0;
+  std::vector<Pushed> pushed;
 };
+
+Row row_of(const std::string& name, const std::string& integrator, const SettingsMap& settings) {
+  Row row;
+  row.name = name;
+  row.integrator = integrator;
+  row.settings = settings;
+  return row;
+}
 
 double median(std::vector<double> values) {
   std::sort(values.begin(), values.end());
@@ -43,6 +59,28 @@ struct Sample {
   std::vector<float> image;
   double count = 0, rate_seconds = 0, seconds = 0;
 };
+
+// The next units of a job that has come so far: of one segment, and of as many as two workers get at most.
+std::vector<Pushed> push_next(const ChainJob& job, const ChainImage& so_far, std::uint64_t seed) {
+  TestScene scene = job.scene;
+  scene.settings.seed = seed;
+  const auto renderer = make_renderer(scene);
+  const std::uint64_t each = so_far.plan.chains / 2;
+  std::vector<Pushed> out;
+  for (const std::uint64_t segments : {std::uint64_t{1}, std::max<std::uint64_t>(each / 4, 1)}) {
+    const Unit unit{Unit::Kind::segments, 0, job.rounds * each, job.rounds * each + segments};
+    std::vector<chains::ChainStart> starts;
+    for (std::uint64_t i = unit.begin; i < unit.end; ++i)
+      starts.push_back({0, so_far.records[chains::chain_of(unit.half, i, so_far.plan.chains)]});
+    const auto film = renderer->make_film(so_far.state);
+    std::vector<chains::ChainRecord> records;
+    if (!renderer->run_segments(unit, so_far.state, starts, *film, records, {}).ok()) std::abort();
+    const std::string delta = film::encode_delta(*film, {unit, film->layout(), 0, "a job", "a build"});
+    out.push_back(
+        {segments, delta.size(), chains::encode(std::span<const chains::ChainRecord>(records)).size()});
+  }
+  return out;
+}
 
 Sample run_chains(Row& row, const TestScene& scene, std::uint64_t seed, std::uint64_t rounds) {
   ChainJob job;
@@ -59,6 +97,7 @@ Sample run_chains(Row& row, const TestScene& scene, std::uint64_t seed, std::uin
     bytes += record.state.size();
     row.most_bytes = std::max(row.most_bytes, record.state.size());
   }
+  if (row.pushed.empty()) row.pushed = push_next(job, result, seed);
   row.mean_bytes = static_cast<double>(bytes) / static_cast<double>(result.records.size());
   row.acceptance = static_cast<double>(all.accepted) / static_cast<double>(all.mutations);
   row.large_acceptance = static_cast<double>(all.large_accepted) / static_cast<double>(all.large_steps);
@@ -123,11 +162,11 @@ int main(int argc, char** argv) {
       return 2;
     }
     std::vector<Row> rows;
-    rows.push_back({"path", "path", {}, {}, {}, {}});
-    rows.push_back({"bdpt", "bdpt", {}, {}, {}, {}});
-    rows.push_back({"pssmlt path", "pssmlt", {{"over", "path"}}, {}, {}, {}});
-    rows.push_back({"pssmlt bdpt", "pssmlt", {{"over", "bdpt"}}, {}, {}, {}});
-    rows.push_back({"mmlt", "mmlt", {}, {}, {}, {}});
+    rows.push_back(row_of("path", "path", {}));
+    rows.push_back(row_of("bdpt", "bdpt", {}));
+    rows.push_back(row_of("pssmlt path", "pssmlt", {{"over", "path"}}));
+    rows.push_back(row_of("pssmlt bdpt", "pssmlt", {{"over", "bdpt"}}));
+    rows.push_back(row_of("mmlt", "mmlt", {}));
     for (std::uint64_t seed = 1; seed <= seeds; ++seed)
       for (Row& row : rows) {
         TestScene scene = scene_from_shared(name, truth->width, truth->height);
@@ -148,6 +187,14 @@ int main(int argc, char** argv) {
       std::printf("%-12s %-12s %9.3f %12.4f (%7.4f) %8.3f %8.3f %6.0f (%5zu)\n", name.c_str(),
                   row.name.c_str(), median(row.rates), median(row.efficiencies), median(row.trimmed),
                   row.acceptance, row.large_acceptance, row.mean_bytes, row.most_bytes);
+    for (const Row& row : rows)
+      for (const Pushed& p : row.pushed)
+        std::printf(
+            "%-12s %-12s a unit of %llu segments pushes %zu bytes of film and %zu of records: %.0f a "
+            "segment\n",
+            name.c_str(), row.name.c_str(), static_cast<unsigned long long>(p.segments), p.delta_bytes,
+            p.record_bytes,
+            static_cast<double>(p.delta_bytes + p.record_bytes) / static_cast<double>(p.segments));
     std::fflush(stdout);
   }
   return 0;

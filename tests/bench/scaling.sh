@@ -1,8 +1,10 @@
 #!/usr/bin/env bash
-# Two one-thread workers against one two-thread worker, as real processes on loopback: seconds from submission to the
-# final checkpoint of the same job, A B A B ..., medians and their ratio. Needs an otherwise idle machine.
+# Fleets as real processes on loopback: one one-thread worker, one two-thread worker, two one-thread workers; seconds from
+# submission to the final checkpoint of the same job, in turn, and medians. Needs an otherwise idle machine of two
+# processors.
 #
-#   tests/bench/scaling.sh [BUILD_BIN] [SCENE] [SIZE] [ITERATIONS] [ROUNDS]
+#   tests/bench/scaling.sh [BUILD_BIN] [SCENE] [SIZE] [ITERATIONS] [ROUNDS] [OPTIONS OF submit ...]
+#   tests/bench/scaling.sh build/bin deploy/scenes/studio/scene.xml 480x270 8 3 --integrator mmlt
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 bin=${1:-$here/build/bin}
@@ -10,6 +12,7 @@ scene=${2:-$here/deploy/scenes/studio/scene.xml}
 size=${3:-480x270}
 iterations=${4:-192}
 rounds=${5:-3}
+options=("${@:6}")
 
 work=$(mktemp -d)
 pids=()
@@ -40,19 +43,22 @@ run() {
   until [[ $("$bin/candela" workers --json | grep -c '"id"') == "$workers" ]]; do sleep 0.1; done
   local begin end
   begin=$(date +%s.%N)
-  "$bin/candela" submit "$scene" --size "$size" --iterations "$iterations" --seed 1 --wait >/dev/null 2>&1
+  "$bin/candela" submit "$scene" --size "$size" --iterations "$iterations" --seed 1 --wait "${options[@]}" >/dev/null 2>&1
   end=$(date +%s.%N)
   stop_all
   echo "$end - $begin" | bc
 }
 
 for round in $(seq "$rounds"); do
-  a=$(run "one-$round" 2 1)
-  b=$(run "two-$round" 1 2)
-  printf 'round %d: one two-thread worker %.2f s, two one-thread workers %.2f s\n' "$round" "$a" "$b"
-  echo "$a" >>"$work/a" && echo "$b" >>"$work/b"
+  a=$(run "one-$round" 1 1)
+  b=$(run "wide-$round" 2 1)
+  c=$(run "two-$round" 1 2)
+  printf 'round %d: one one-thread worker %.2f s, one two-thread worker %.2f s, two one-thread workers %.2f s\n' \
+    "$round" "$a" "$b" "$c"
+  echo "$a" >>"$work/a" && echo "$b" >>"$work/b" && echo "$c" >>"$work/c"
 done
 median() { sort -n "$1" | awk '{v[NR]=$1} END {print v[int((NR+1)/2)]}'; }
-a=$(median "$work/a") b=$(median "$work/b")
-printf 'medians: %.2f s and %.2f s; two one-thread workers do %.3f of the work of one two-thread worker\n' "$a" "$b" \
-  "$(echo "scale=4; $a / $b" | bc)"
+a=$(median "$work/a") b=$(median "$work/b") c=$(median "$work/c")
+printf 'medians: %.2f, %.2f and %.2f s\n' "$a" "$b" "$c"
+printf 'two one-thread workers do %.3f of the work of one two-thread worker\n' "$(echo "scale=4; $b / $c" | bc)"
+printf 'two one-thread workers against one: parallel efficiency %.3f\n' "$(echo "scale=4; $a / (2 * $c)" | bc)"

@@ -53,6 +53,8 @@ ChainImage render_chains(const ChainJob& job, std::uint64_t seed) {
   state.bootstrap_b = result.b0.b * job.b0_factor;
   state.film_scale_log2 = chains::film_scale_log2(state.bootstrap_b, pilot.state.film_scale_log2);
 
+  result.state = state;
+
   const auto film = renderer->make_film(state);
   const std::uint64_t each = result.plan.chains / 2;
   const double chains_begin = cpu_seconds();

@@ -23,6 +23,7 @@ struct ChainImage {
   std::vector<double> chains, others;  // the same of the two layers, before they are combined
   chains::Normalisation b0, b;         // bootstrap's (not falsified), pooled
   ChainPlan plan;
+  NamedState state;                                    // that the segments started from
   std::vector<chains::ChainRecord> records;            // in the order of chains
   film::Tallies tallies;                               // of bootstrap and segments
   std::vector<std::int64_t> sums;                      // of the film
