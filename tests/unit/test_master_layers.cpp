@@ -1,7 +1,6 @@
 // What a master takes for the layers of a job's film, and how its store remembers them.
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
-#include <sqlite3.h>
 
 #include <filesystem>
 #include <optional>
@@ -13,6 +12,7 @@
 #include "tests/temporary_folder.h"
 #include "tests/unit/farm_calls.h"
 #include "tests/unit/hand_worker.h"
+#include "tests/unit/store_file.h"
 
 namespace candela::master {
 namespace {
@@ -133,53 +133,22 @@ TEST_F(MasterLayers, DeltasMustHaveTheJobsLayers) {
   EXPECT_GT(show().iterations(), 0U);
 }
 
-void execute(const fs::path& path, const char* sql) {
-  sqlite3* db = nullptr;
-  ASSERT_EQ(sqlite3_open(path.c_str(), &db), SQLITE_OK);
-  EXPECT_EQ(sqlite3_exec(db, sql, nullptr, nullptr, nullptr), SQLITE_OK) << sqlite3_errmsg(db);
-  sqlite3_close(db);
-}
-
-// Claim: a store of the first version is taken over with its jobs unchanged and without layers, and holds
-// layers from then on; one of a version to come, or with layers that cannot be, is refused.
-TEST(StoreLayers, AnOlderStoreIsTakenOver) {
+// Claim: a store keeps a job's layers, which decide its film's layout; a job without any has the image alone.
+// A store with layers that cannot be, or of a version to come, is refused.
+TEST(StoreLayers, AreKept) {
   const test::TemporaryFolder folder;
   const fs::path path = folder.path() / "s.sqlite";
   JobRow job;
   job.id = "j";
-  job.name = "a job";
   job.settings.width = 30;
   job.settings.height = 20;
   job.stop.iterations = 7;
   job.named_state = NamedState{13};
-  job.plan = "the plan";
-  job.checkpoint_generation = 5;
-  job.checkpoint_iterations = 6;
   {
     auto store = open_sqlite_store(path);
     ASSERT_TRUE(store.ok()) << store.error().to_string();
     ASSERT_TRUE((*store)->write(std::vector<Change>{PutJob{job}}).ok());
-  }
-  // Version 1 was this without the columns of layers and chains.
-  std::string downgrade = "DROP TABLE bootstraps; DROP TABLE chain_starts; PRAGMA user_version=1;";
-  for (const char* column : {"layers", "chains", "bootstrap_samples", "segment_mutations", "bootstrap_b",
-                             "bootstrap_sum", "bootstrap_square_sum", "bootstrap_nan", "bootstrap_infinite",
-                             "bootstrap_negative", "bootstrap_saturated", "chain_status", "pilot_scale_log2"})
-    downgrade += std::string("ALTER TABLE jobs DROP COLUMN ") + column + ";";
-  execute(path, downgrade.c_str());
-  for (int opening = 0; opening < 2; ++opening) {
-    auto store = open_sqlite_store(path);
-    ASSERT_TRUE(store.ok()) << store.error().to_string();
-    const auto state = (*store)->load();
-    ASSERT_TRUE(state.ok()) << state.error().to_string();
-    ASSERT_EQ(state->jobs.size(), 1U);
-    const JobRow& row = state->jobs[0];
-    EXPECT_EQ(row.name, "a job");
-    EXPECT_EQ(row.plan, "the plan");
-    EXPECT_EQ(row.named_state->film_scale_log2, 13);
-    EXPECT_EQ(row.checkpoint_iterations, 6U);
-    EXPECT_TRUE(row.layers.empty());
-    EXPECT_EQ(layout_of(row), (film::Layout{30, 20, 1}));
+    EXPECT_EQ(layout_of((*store)->load()->jobs.at(0)), (film::Layout{30, 20, 1}));
   }
   job.layers = {"weighted.s2.t3", "unweighted.s2.t3"};
   {
