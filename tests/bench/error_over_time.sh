@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Makes the error-over-time report of docs/benchmarks.md: all integrators on scenes of this repository, whose references it
-# renders first (about an hour of CPU time, once), and, where a folder S has scenes/NAME/scene.xml and references/NAME.exr, on
+# renders first (half an hour of CPU time, once), and, where a folder S has scenes/NAME/scene.xml and references/NAME.exr, on
 # four of Bitterli's. Goes on where it was stopped.
 #   tests/bench/error_over_time.sh BUILD/bin OUT [S]       (SECONDS_A_RUN=8 SEEDS=4 INTEGRATORS="path bdpt ..." to change)
 set -euo pipefail
@@ -26,7 +26,6 @@ own_scene() { # NAME FILE SIZE ITERATIONS
 }
 own_scene cornell deploy/scenes/cornell/scene.xml 128x128 8192
 own_scene studio deploy/scenes/studio/scene.xml 240x135 4096
-own_scene smallvcm-area tests/bench/smallvcm/area.xml 128x128 16384
 if [[ -n $shared ]]; then
   shared=$(cd "$shared" && pwd)
   for name in cornell-box veach-mis veach-bidir veach-ajar; do
