@@ -39,6 +39,9 @@ inline constexpr std::uint32_t kLobe = 0, kDirection = 1, kRoulette = 2, kFlight
 inline constexpr std::uint32_t kStratifiedVertices = 2;
 inline constexpr float kRouletteFloor = 0.5f;     // of the throughput, below which a walk may end
 inline constexpr float kLongestSurvival = 0.95f;  // so that it ends where nothing is absorbed
+// Between surfaces that scatter, a walk whose throughput roulette has scaled up above its start's lives on up
+// to so many edges: at reflectances above the bound's root the variance would have no bound.
+inline constexpr std::uint32_t kBrightWalk = 1024;
 
 struct WalkRules {
   std::uint32_t max_edges = 1u << 30;  // to its last vertex
@@ -99,7 +102,8 @@ class Walk {
   std::uint32_t most_edges() const { return rules_.max_edges + (kFromLight && rules_.meets_lens ? 1 : 0); }
   void arrive(Vertex& v);
   void depart(Vertex& v, float pdf, bool delta, double pdf_reverse, double factor_out);
-  bool survives();
+  // `longest`: of the probability.
+  bool survives(float longest);
   bool pass_straight(const SurfaceHit& hit);
   void look_for_lens(bool found, const SurfaceHit& hit);
   double direct_density(const Vertex& v, double distance_squared) const;
@@ -308,7 +312,7 @@ auto Walk<kMode, kBetween, Heuristic, SamplerT>::scatter(Vertex& v) -> Step {
           scene_.medium(v.medium).phase().sample(v.wo, sampler_.draw_2d(block_ + kDirection, stratify), wi);
       ++scatterings_;
       depart(v, pdf, false, static_cast<double>(pdf), static_cast<double>(v.arrival));
-      if (!survives()) return Step::ended;
+      if (!survives(kLongestSurvival)) return Step::ended;
       ray_ = {v.hit.p, wi};
       return Step::scattered;
     }
@@ -353,17 +357,17 @@ auto Walk<kMode, kBetween, Heuristic, SamplerT>::scatter(Vertex& v) -> Step {
     }
   }
   depart(v, pdf, next.delta, reverse, out);
-  if (!survives()) return Step::ended;
+  const bool bright = !next.delta && edges_ < kBrightWalk && throughput_.max_component() * scale_ > 1;
+  if (!survives(bright ? 1.0f : kLongestSurvival)) return Step::ended;
   ray_ = spawn_ray(v.hit, wi);
   if constexpr (kMedia) medium_ = scene_.medium_beyond(v.hit, ray_.direction, medium_);
   return Step::scattered;
 }
 
 template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
-bool Walk<kMode, kBetween, Heuristic, SamplerT>::survives() {
+bool Walk<kMode, kBetween, Heuristic, SamplerT>::survives(float longest) {
   if (edges_ < rules_.rr_depth) return true;
-  const float survive =
-      std::min(throughput_.max_component() * scale_ * (1 / kRouletteFloor), kLongestSurvival);
+  const float survive = std::min(throughput_.max_component() * scale_ * (1 / kRouletteFloor), longest);
   if (!(sampler_.draw_1d(block_ + kRoulette, stratified()) < survive)) return false;
   throughput_ *= 1 / survive;
   return true;

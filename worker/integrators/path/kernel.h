@@ -222,7 +222,8 @@ Spectrum radiance(const SceneT& scene, const Limits& limits, Ray ray, SamplerT& 
       }
     }
     eta_scale *= next.eta * next.eta;
-    if (!survives(depth, stratified, kLongestSurvival)) break;
+    const bool bright = !next.delta && depth < kLongFlight && throughput.max_component() * eta_scale > 1;
+    if (!survives(depth, stratified, bright ? 1.0f : kLongestSurvival)) break;
 
     front = side;
     previous_delta = next.delta;

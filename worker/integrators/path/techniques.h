@@ -16,9 +16,10 @@ inline constexpr std::uint32_t kStratifiedVertices = 2;
 inline constexpr float kRouletteFloor = 0.25f;  // throughput below which a path may end
 inline constexpr float kLongestSurvival =
     0.95f;  // keeps a path from living for ever where nothing is absorbed
-// Up to this depth the bound does not hold in media. In a cloud that absorbs nothing the lengths of paths
-// fall off as slowly as n^-3/2, and a bound's survivors, scaled up, would carry light in samples too rare to
-// come up.
+// Up to this depth the bound does not hold in media, nor, where throughput has been scaled up above 1,
+// between surfaces that scatter: at reflectances above the bound's root (0.975) the variance would have no
+// bound. In a cloud that absorbs nothing the lengths of paths fall off as slowly as n^-3/2, and a bound's
+// survivors, scaled up, would carry light in samples too rare to come up.
 inline constexpr std::uint32_t kLongFlight = 1u << 14;
 
 using transport::Between;
