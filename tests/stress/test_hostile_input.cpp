@@ -96,6 +96,28 @@ TEST(HostileInput, HugeTexelsAreCountedOrRendered) {
   }
 }
 
+// Claim: a lamp whose radiance is a float but whose power is none (4e38 W) is not left out silently by who
+// starts paths at it: what is lost is counted.
+TEST(HostileInput, PowerBeyondFloatsIsCounted) {
+  TestScene scene;
+  scene.files = std::make_shared<MemorySource>(std::map<std::string, std::string>{
+      {"scene.xml",
+       "<scene version=\"3.0.0\"><integrator type=\"path\"/>" + closed_sphere(1, 0.5, 1e37) + "</scene>"}});
+  scene.main_key = "scene.xml";
+  scene = statistical::read_scene(std::move(scene), 8, 8);
+  for (const char* integrator : {"light", "bdpt", "ppm", "bpm", "vcm"}) {
+    const TestScene own = statistical::with_integrator(scene, integrator);
+    const auto renderer = statistical::make_renderer(own);
+    const auto pilot = renderer->pilot({});
+    ASSERT_TRUE(pilot.ok()) << pilot.error().to_string();
+    const auto film = renderer->make_film(pilot->state);
+    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 0, 0, 4}, *film, {}).ok());
+    std::uint64_t rejected = 0;
+    for (const std::uint64_t n : film->tallies().rejected) rejected += n;
+    EXPECT_GT(rejected, 0U) << integrator;
+  }
+}
+
 // Claim: iterations whose indices differ in a high bit alone are different samples: no index is cut to 32
 // bits on its way to a sampler.
 TEST(HostileInput, HighBitsOfAnIndexCount) {
