@@ -1,13 +1,16 @@
 // Runs hostile scenes through the integrators and says how far along each sweep they stay within tolerance.
 //
 //   candela-stress list
-//   candela-stress run [--sweep NAME]... [--integrator NAME]... [--effort X] [--csv FILE] [--markdown FILE]
+//   candela-stress run [--sweep NAME]... [--integrator NAME]... [--effort X] [--csv FILE]
+//   candela-stress table FILE...
+//   candela-stress limits FILE...
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <fstream>
+#include <sstream>
 #include <thread>
 
 #include "tests/stress/report.h"
@@ -48,7 +51,7 @@ int main(int argc, char** argv) try {
   std::vector<std::string> only_sweeps, only_integrators;
   std::vector<double> only_values;
   double effort = 1;
-  std::string csv_file, markdown_file;
+  std::string csv_file;
   RunOptions options;
   options.threads = std::max(1U, std::thread::hardware_concurrency());
   run->add_option("--sweep", only_sweeps, "this one alone; may be repeated");
@@ -59,7 +62,6 @@ int main(int argc, char** argv) try {
   run->add_option("--seed", options.seed, "of the first batch");
   run->add_option("--threads", options.threads);
   run->add_option("--csv", csv_file, "every point");
-  run->add_option("--markdown", markdown_file, "the tables");
   run->callback([&] {
     options.most_rays *= effort;
     const auto sweeps = all_sweeps();
@@ -86,8 +88,32 @@ int main(int argc, char** argv) try {
       }
     }
     if (!csv_file.empty()) write(csv_file, csv(points));
-    if (!markdown_file.empty()) write(markdown_file, markdown(sweeps, points));
   });
+  std::vector<std::string> files;
+  double most_seconds = 0.5;
+  const auto read_files = [&] {
+    std::vector<Point> points;
+    for (const auto& file : files) {
+      std::ifstream in(file);
+      if (!in) throw std::runtime_error("cannot read " + file);
+      std::ostringstream text;
+      text << in.rdbuf();
+      for (const Point& p : read_csv(text.str())) {
+        std::erase_if(points, [&](const Point& q) {
+          return q.sweep == p.sweep && q.integrator == p.integrator && q.value == p.value;
+        });
+        points.push_back(p);
+      }
+    }
+    return points;
+  };
+  auto* table = app.add_subcommand("table", "the tables of what runs wrote with --csv; the last file counts");
+  table->add_option("files", files)->required();
+  table->callback([&] { fmt::print("{}", markdown(all_sweeps(), read_files())); });
+  auto* limits = app.add_subcommand("limits", "what tests/stress/limits.txt is to say after such runs");
+  limits->add_option("files", files)->required();
+  limits->add_option("--most-seconds", most_seconds, "of the CPU, for a point of the short form");
+  limits->callback([&] { fmt::print("{}", limits_text(all_sweeps(), read_files(), most_seconds)); });
   CLI11_PARSE(app, argc, argv);
   return 0;
 } catch (const std::exception& error) {

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <map>
+#include <sstream>
+#include <stdexcept>
 
 #include "tests/stress/scenes.h"
 
@@ -29,18 +31,84 @@ std::string end_of(const Sweep& sweep, const std::map<double, Verdict>& verdicts
 std::string csv(const std::vector<Point>& points) {
   std::string text =
       "sweep,integrator,value,verdict,quantity,measured,expected,deviation,stderr,tolerance,iterations,rays,"
+      "eye_samples,light_paths,"
       "rejected_nan,rejected_infinite,rejected_negative,rejected_saturated,cpu_seconds,refusal\n";
   for (const Point& p : points) {
     std::string refusal = p.refusal;
     for (char& c : refusal)
       if (c == ',' || c == '\n' || c == '"') c = ';';
-    text += fmt::format("{},{},{},{},{},{:.9g},{:.9g},{:.4g},{:.4g},{:.4g},{},{},{},{},{},{},{:.3f},{}\n",
-                        p.sweep, p.integrator, p.value, name(p.verdict), p.quantity, p.measured, p.expected,
-                        p.deviation, p.stderr_of_deviation, p.tolerance, p.iterations, p.tallies.rays,
-                        p.tallies.rejected[0], p.tallies.rejected[1], p.tallies.rejected[2],
-                        p.tallies.rejected[3], p.seconds, refusal);
+    text +=
+        fmt::format("{},{},{},{},{},{:.9g},{:.9g},{:.4g},{:.4g},{:.4g},{},{},{},{},{},{},{},{},{:.3f},{}\n",
+                    p.sweep, p.integrator, p.value, name(p.verdict), p.quantity, p.measured, p.expected,
+                    p.deviation, p.stderr_of_deviation, p.tolerance, p.iterations, p.tallies.rays,
+                    p.tallies.eye_samples, p.tallies.light_paths, p.tallies.rejected[0],
+                    p.tallies.rejected[1], p.tallies.rejected[2], p.tallies.rejected[3], p.seconds, refusal);
   }
   return text;
+}
+
+std::vector<Point> read_csv(const std::string& text) {
+  std::vector<Point> points;
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) {
+    if (line.starts_with("sweep,")) continue;
+    std::vector<std::string> cells;
+    std::istringstream row(line + ",");
+    for (std::string cell; std::getline(row, cell, ',');) cells.push_back(cell);
+    if (cells.size() != 20) throw std::runtime_error("not a line of a table of points: " + line);
+    Point p;
+    p.sweep = cells[0];
+    p.integrator = cells[1];
+    p.value = std::stod(cells[2]);
+    for (const Verdict v : {Verdict::within, Verdict::undecided, Verdict::broken})
+      if (cells[3] == name(v)) p.verdict = v;
+    p.quantity = cells[4];
+    p.measured = std::stod(cells[5]);
+    p.expected = std::stod(cells[6]);
+    p.deviation = std::stod(cells[7]);
+    p.stderr_of_deviation = std::stod(cells[8]);
+    p.tolerance = std::stod(cells[9]);
+    p.iterations = std::stoull(cells[10]);
+    p.tallies.rays = std::stoull(cells[11]);
+    p.tallies.eye_samples = std::stoull(cells[12]);
+    p.tallies.light_paths = std::stoull(cells[13]);
+    for (std::size_t c = 0; c < 4; ++c) p.tallies.rejected[c] = std::stoull(cells[14 + c]);
+    p.seconds = std::stod(cells[18]);
+    p.refusal = cells[19];
+    points.push_back(p);
+  }
+  return points;
+}
+
+std::string limits_text(const std::vector<Sweep>& sweeps, const std::vector<Point>& points,
+                        double most_seconds) {
+  std::string text;
+  for (const Sweep& sweep : sweeps) {
+    for (const Claim& claim : sweep.claims) {
+      text += fmt::format("{} {}", sweep.name, claim.integrator);
+      for (const double value : sweep.thin)
+        for (const Point& p : points)
+          if (p.sweep == sweep.name && p.integrator == claim.integrator && p.value == value &&
+              p.verdict == Verdict::within && p.rejected() == 0 && p.seconds <= most_seconds)
+            text += fmt::format(" {}", value);
+      text.append("\n");
+    }
+  }
+  return text;
+}
+
+std::vector<Limit> read_limits(const std::string& text) {
+  std::vector<Limit> limits;
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) {
+    if (line.empty() || line[0] == '#') continue;
+    std::istringstream words(line);
+    Limit limit;
+    words >> limit.sweep >> limit.integrator;
+    for (std::string word; words >> word;) limit.values.push_back(std::stod(word));
+    limits.push_back(limit);
+  }
+  return limits;
 }
 
 std::string reach(const Sweep& sweep, const std::vector<Point>& points) {

@@ -9,6 +9,20 @@
 namespace candela::stress {
 
 std::string csv(const std::vector<Point>& points);
+// What csv() wrote; of several, one after the other. Throws where it is something else.
+std::vector<Point> read_csv(const std::string& text);
+
+// Values of the short form at which an integrator must stay within and reject nothing.
+struct Limit {
+  std::string sweep, integrator;
+  std::vector<double> values;  // empty: none that is decided in the time
+};
+// Of each sweep and integrator the values of the short form that were within, without a rejection, in at most
+// so many CPU seconds; as text, a line each, and back.
+std::string limits_text(const std::vector<Sweep>& sweeps, const std::vector<Point>& points,
+                        double most_seconds);
+std::vector<Limit> read_limits(const std::string& text);
+
 // How far along each sweep each integrator stays within, and what was rejected on the way.
 std::string markdown(const std::vector<Sweep>& sweeps, const std::vector<Point>& points);
 

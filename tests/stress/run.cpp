@@ -25,6 +25,11 @@ double cpu_seconds() {
   return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
+// Relative standard error above which an image that is too dark is noise.
+constexpr double kNoisy = 0.03;
+// And below which batches are the same.
+constexpr double kEqual = 1e-6;
+
 bool is_chain(const std::string& integrator) {
   return integrator == "pssmlt" || integrator == "mmlt";
 }
@@ -157,9 +162,11 @@ Point Runner::run(double value) {
         const double tolerance =
             (sweep_.tolerance * std::fabs(expected) + sweep_.floor) * shot.quantities[i].share;
         Judgement judgement = judge(deviations, tolerance, alpha);
-        // Light that no sample has found yet has no variance either: that says nothing.
-        if (judgement.verdict == Verdict::broken && judgement.mean == -expected &&
-            judgement.stderr_of_mean <= 1e-9 * expected)
+        // Too dark, but so noisy that what is missing may be rare and bright, or the same in all batches:
+        // light that no sample has found yet has no variance either, and that says nothing.
+        const double found = expected + judgement.mean;
+        if (judgement.verdict == Verdict::broken && judgement.mean < 0 &&
+            (judgement.stderr_of_mean >= kNoisy * found || judgement.stderr_of_mean <= kEqual * found))
           judgement.verdict = Verdict::undecided;
         if (judgement.verdict > point.verdict) worst = -1;
         // Nearness to the tolerance; of a tolerance of zero, any deviation at all.

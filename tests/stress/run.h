@@ -29,7 +29,7 @@ struct Point {
 
 struct RunOptions {
   std::uint64_t seed = 1;
-  std::size_t batches = 16;
+  std::size_t batches = 32;
   int stages = 6;            // each of four times the samples, until a point is decided
   double most_rays = 1.6e7;  // an undecided point's next stage is not begun if it would trace more
   unsigned threads = 2;

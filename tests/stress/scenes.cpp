@@ -76,7 +76,7 @@ std::string closed_sphere(double radius, double reflectance, double emitted) {
 
 SettingsMap usual_settings() {
   return {{"plan", "full"}, {"radius", "0.1"},     {"alpha", "1"},
-          {"chains", "16"}, {"bootstrap", "2048"}, {"mutations", "16"}};
+          {"chains", "16"}, {"bootstrap", "1024"}, {"mutations", "16"}};
 }
 
 void set(Shot& shot, const std::string& name, const std::string& value) {

@@ -29,6 +29,9 @@ std::string null_block(double sigma_t, double albedo);
 // A closed sphere about the origin, the camera in it: radiance `emitted / (1 - reflectance)` everywhere, of
 // paths up to d edges `emitted (1 - reflectance^d) / (1 - reflectance)`.
 std::string closed_sphere(double radius, double reflectance, double emitted);
+// That of reflectance 1/2 and emission 1, of paths up to 16 edges. (mmlt tries lengths that matter to
+// nobody.)
+inline constexpr double kSixteenEdges = 2 * (1 - 0x1p-16);
 
 // Small jobs of chains, merging with a constant radius of a tenth of the scene, everything that an integrator
 // can do.

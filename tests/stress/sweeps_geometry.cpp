@@ -75,7 +75,8 @@ Sweep extent() {
     shot.width = shot.height = 8;
     shot.settings = usual_settings();
     set(shot, "radius", number(0.2 / (1 + 1.01 * value)));
-    shot.quantities = uniform_quantities(8, 8, 2);
+    shot.quantities = uniform_quantities(8, 8, kSixteenEdges);
+    set(shot, "max_depth", number(16));
     return shot;
   };
   sweep.claims = claims_of(kEveryone);
@@ -100,7 +101,8 @@ Sweep film_size() {
     shot.height = value > 0 ? std::min(size, 16U) : size;
     shot.settings = usual_settings();
     if (size > 16) set(shot, "mutations", number(1));
-    shot.quantities = uniform_quantities(shot.width, shot.height, 2);
+    shot.quantities = uniform_quantities(shot.width, shot.height, kSixteenEdges);
+    set(shot, "max_depth", number(16));
     return shot;
   };
   sweep.claims = claims_of(kEveryone);

@@ -50,6 +50,8 @@ Sweep light_radius() {
     shot.width = shot.height = 8;
     shot.settings = usual_settings();
     set(shot, "light_paths", "16");
+    set(shot, "radius",
+        number(0.05 / (0.75 * distance)));  // some 0.05 units, as the scene's is 0.75 distance
     shot.quantities = {{"image", 0, 0, 8, 8, 0.5 / kPi * falloff(0.4, distance), 1}};
     return shot;
   };
@@ -71,7 +73,8 @@ Sweep radiance() {
     shot.body = closed_sphere(1, 0.5, value);
     shot.width = shot.height = 8;
     shot.settings = usual_settings();
-    shot.quantities = uniform_quantities(8, 8, 2 * value);
+    shot.quantities = uniform_quantities(8, 8, kSixteenEdges * value);
+    set(shot, "max_depth", number(16));
     return shot;
   };
   sweep.claims = claims_of(kEveryone);
@@ -87,8 +90,8 @@ Sweep hidden_light() {
   sweep.values = {0.1, 1e-2, 1e-3, 1e-4, 1e-5};
   sweep.benign = 0.1;
   sweep.thin = {0.1, 1e-2, 1e-3};
-  sweep.tolerance = 0.05;
-  sweep.iterations = 64;
+  sweep.tolerance = 0.1;
+  sweep.iterations = 32;
   sweep.shot = [](double value) {
     Shot shot;
     // Cosine-distributed directions meet a ball with probability (radius / distance)^2.

@@ -23,7 +23,8 @@ Sweep kernel_radius() {
     shot.settings = usual_settings();
     set(shot, "radius", number(value));
     set(shot, "light_paths", "16");
-    shot.quantities = uniform_quantities(8, 8, 2);
+    shot.quantities = uniform_quantities(8, 8, kSixteenEdges);
+    set(shot, "max_depth", number(16));
     return shot;
   };
   sweep.claims = claims_of({"ppm", "bpm", "vcm"});
@@ -48,7 +49,8 @@ Sweep iteration_index() {
     shot.settings = usual_settings();
     set(shot, "alpha", "0.9");  // after 2^40 iterations the radius is a quarter of the first
     shot.first = static_cast<std::uint64_t>(value);
-    shot.quantities = uniform_quantities(8, 8, 2);
+    shot.quantities = uniform_quantities(8, 8, kSixteenEdges);
+    set(shot, "max_depth", number(16));
     return shot;
   };
   sweep.claims = claims_of(everyone_but({"pssmlt", "mmlt"}));

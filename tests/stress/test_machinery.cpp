@@ -27,6 +27,7 @@ Sweep closed_spheres(double expected_factor) {
     shot.body = closed_sphere(1, value, 1);
     shot.width = shot.height = 8;
     shot.settings = usual_settings();
+    set(shot, "max_depth", number(16));  // leaves out less than 2e-5
     shot.quantities = uniform_quantities(8, 8, expected_factor / (1 - value));
     return shot;
   };
@@ -139,6 +140,29 @@ TEST(StressMachinery, VerdictsKeepTheirRates) {
   EXPECT_EQ(judge(std::vector<double>(16, 0.0), 0, kAlpha).verdict, Verdict::within);
 }
 
+// Claim: points survive being written and read.
+TEST(StressMachinery, PointsAreReadAsTheyWereWritten) {
+  Point p;
+  p.sweep = "a-b";
+  p.integrator = "vcm";
+  p.value = 1e-12;
+  p.verdict = Verdict::broken;
+  p.quantity = "top left";
+  p.measured = 1.5;
+  p.tallies.rejected = {1, 2, 3, 4};
+  p.tallies.eye_samples = 7;
+  p.refusal = "no, \"never\"";
+  const auto read = read_csv(csv({p, p}));
+  ASSERT_EQ(read.size(), 2U);
+  EXPECT_EQ(csv(read), csv({p, p}));
+  EXPECT_EQ(read[0].value, p.value);
+  EXPECT_EQ(read[0].tallies.rejected, p.tallies.rejected);
+  const auto limits = read_limits("# words\na-b vcm 1e-12 0\na-b path\n");
+  ASSERT_EQ(limits.size(), 2U);
+  EXPECT_EQ(limits[0].values, (std::vector<double>{1e-12, 0}));
+  EXPECT_TRUE(limits[1].values.empty());
+}
+
 // Claim: the table says where the run of points within around the benign end stops, and why.
 TEST(StressMachinery, ReachStopsAtTheFirstFailure) {
   Sweep sweep;
@@ -160,8 +184,7 @@ TEST(StressMachinery, ReachStopsAtTheFirstFailure) {
   EXPECT_EQ(reach(sweep, points), "none (**broken** 0)");
 }
 
-// Claim: no sweep and no claim is empty: each integrator claims each sweep, for values of the short form, or
-// says why not.
+// Claim: each integrator is run through each sweep, or says why not; the short form is part of the long one.
 TEST(StressMachinery, NoClaimIsEmpty) {
   for (const Sweep& sweep : all_sweeps()) {
     const auto has = [&](double v) {
@@ -174,10 +197,6 @@ TEST(StressMachinery, NoClaimIsEmpty) {
       const bool excused = std::any_of(sweep.excuses.begin(), sweep.excuses.end(),
                                        [&](const Excuse& e) { return e.integrator == integrator; });
       EXPECT_NE(claim != nullptr, excused) << sweep.name << " " << integrator;
-      if (claim == nullptr) continue;
-      EXPECT_TRUE(std::any_of(sweep.thin.begin(), sweep.thin.end(),
-                              [&](double v) { return v >= claim->from && v <= claim->to; }))
-          << sweep.name << " " << integrator << ": nothing is tested";
     }
   }
 }
