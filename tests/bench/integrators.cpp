@@ -31,6 +31,7 @@
 #include "common/bundle/bundle.h"
 #include "common/image/image.h"
 #include "common/stats/image_error.h"
+#include "tests/statistical/moments.h"
 #include "worker/render/renderer.h"
 
 namespace {
@@ -366,24 +367,11 @@ int mitsuba(const Options& options) {
 
 // --- plans ---
 
-// mean over pixels of the variance of one image over (mean^2 + 0.01 mean^2 over the image), from images of
-// different seeds.
+// relMSE of one image, from the spread of images of different seeds.
 double relative_variance(const std::vector<std::vector<float>>& images) {
-  const std::size_t values = images[0].size();
-  const auto count = static_cast<double>(images.size());
-  std::vector<double> mean(values), variance(values);
-  double whole = 0;
-  for (std::size_t i = 0; i < values; ++i) {
-    for (const auto& image : images) mean[i] += static_cast<double>(image[i]) / count;
-    for (const auto& image : images) {
-      const double difference = static_cast<double>(image[i]) - mean[i];
-      variance[i] += difference * difference / (count - 1);
-    }
-    whole += mean[i] / static_cast<double>(values);
-  }
-  double sum = 0;
-  for (std::size_t i = 0; i < values; ++i) sum += variance[i] / (mean[i] * mean[i] + 0.01 * whole * whole);
-  return sum / static_cast<double>(values);
+  statistical::ImageMoments moments;
+  for (const auto& image : images) statistical::add_image(moments, image);
+  return statistical::relative_variance(moments) * static_cast<double>(images.size());
 }
 
 int plans(const Options& options) {

@@ -3,11 +3,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <memory>
 #include <utility>
+
+#include "tests/statistical/moments.h"
+#include "tests/statistical/quantiles.h"
 
 namespace candela::statistical {
 namespace {
@@ -15,37 +18,19 @@ namespace {
 constexpr double kScore90 = 1.2815515655446004;  // of the standard normal distribution at 0.9
 // Sums of floats on the way to a film: exact agreement is not held against it.
 constexpr double kRounding = 3e-6;
+constexpr double kKnown = std::numeric_limits<double>::infinity();  // freedom of a variance that is
 
-struct Moments {
-  double mean = 0, variance = 0, skewness = 0;  // variance: of one batch
-};
-
+// Of one batch.
 Moments moments(const Rows& rows, std::size_t value) {
-  const auto n = static_cast<double>(rows.size());
   Moments m;
-  for (const auto& row : rows) m.mean += row[value] / n;
-  double second = 0, third = 0;
-  for (const auto& row : rows) {
-    const double d = row[value] - m.mean;
-    second += d * d;
-    third += d * d * d;
-  }
-  m.variance = second / (n - 1);
-  if (second > 0) m.skewness = (third / n) / std::pow(second / n, 1.5);
+  for (const auto& row : rows) m.add(row[value]);
   return m;
-}
-
-double tail(double freedom, double t) {
-  return boost::math::cdf(boost::math::complement(boost::math::students_t(freedom), t));
-}
-double quantile(double freedom, double probability) {
-  return boost::math::quantile(boost::math::complement(boost::math::students_t(freedom), probability));
 }
 
 // The difference, in standard errors, that exceeds t's quantile of this tail with probability 0.9, where the
 // standard error is estimated too (normal approximation of the noncentral t).
 double noticeable(double freedom, double probability) {
-  const double threshold = quantile(freedom, probability);
+  const double threshold = student_quantile(probability, freedom);
   return threshold * (1 - 1 / (4 * freedom)) +
          kScore90 * std::sqrt(1 + threshold * threshold / (2 * freedom));
 }
@@ -55,7 +40,8 @@ constexpr std::size_t kListed = 6;  // differences that a report lists
 // How far a difference goes beyond the margin, in standard errors.
 double excess(const Welch& w, const BlockTest& test) {
   if (test.only_brighter && w.mean_a < w.mean_b) return 0;
-  return std::max(0.0, std::fabs(w.mean_a - w.mean_b) - test.margin * std::fabs(w.mean_b)) / w.deviation;
+  return t_statistic(std::max(0.0, std::fabs(w.mean_a - w.mean_b) - test.margin * std::fabs(w.mean_b)),
+                     w.deviation);
 }
 
 bool skewed(const Welch& w, const BlockTest& test) {
@@ -118,21 +104,18 @@ Estimator cached(Estimator estimator) {
 
 Welch welch(const Rows& a, const Rows& b, std::size_t value) {
   const Moments ma = moments(a, value), mb = moments(b, value);
-  const auto na = static_cast<double>(a.size()), nb = static_cast<double>(b.size());
   Welch w;
-  w.mean_a = ma.mean;
-  w.mean_b = mb.mean;
-  w.skewness_a = ma.skewness;
-  w.skewness_b = mb.skewness;
-  const double rounding = kRounding * std::max(std::fabs(ma.mean), std::fabs(mb.mean));
-  const double va = ma.variance / na, vb = mb.variance / nb, vr = rounding * rounding;
-  const double total = va + vb + vr;
-  w.deviation = std::sqrt(total);
-  if (total > 0) {
-    w.share_a = va / total;
-    w.freedom = std::clamp(
-        total * total / (va * va / (na - 1) + vb * vb / (nb - 1) + vr * vr * 1e-6 + 1e-300), 1.0, 1e9);
-  }
+  w.mean_a = ma.mean();
+  w.mean_b = mb.mean();
+  w.skewness_a = ma.skewness();
+  w.skewness_b = mb.skewness();
+  const double rounding = kRounding * std::max(std::fabs(w.mean_a), std::fabs(w.mean_b));
+  const EstimatedVariance total = EstimatedVariance{ma.variance_of_mean(), ma.freedom()} +
+                                  EstimatedVariance{mb.variance_of_mean(), mb.freedom()} +
+                                  EstimatedVariance{rounding * rounding, kKnown};
+  w.deviation = std::sqrt(total.variance);
+  if (total.variance > 0) w.share_a = ma.variance_of_mean() / total.variance;
+  w.freedom = total.freedom;
   return w;
 }
 
@@ -150,9 +133,9 @@ double effort_for(const Rows& rows, const Regions& regions, double target, std::
   double effort = 1;
   for (std::size_t value = 0; value < regions.values(); ++value) {
     const Moments m = moments(rows, value);
-    if (m.mean == 0) continue;
-    const double deviation = (target - test.margin) * std::fabs(m.mean) / errors;
-    effort = std::max(effort, 2 * m.variance / n / (deviation * deviation));
+    if (m.mean() == 0) continue;
+    const double deviation = (target - test.margin) * std::fabs(m.mean()) / errors;
+    effort = std::max(effort, 2 * m.variance() / n / (deviation * deviation));
   }
   return effort;
 }
@@ -177,7 +160,7 @@ Verdict compare(const Estimator& tested, const Estimator& reference, const Regio
   double least = 2;
   for (const std::size_t value : values) {
     const Welch& w = results[value];
-    const double p = std::min(1.0, 2 * tail(w.freedom, excess(w, test)));
+    const double p = student_two_sided(excess(w, test), w.freedom);
     if (p < least) {
       least = p;
       worst = describe(regions, value, w);
@@ -221,7 +204,7 @@ Verdict compare(const Estimator& tested, const Estimator& reference, const Regio
   for (const std::size_t value : suspects) {
     const Welch w = welch(again_a, again_b, value);
     const bool same_side = (w.mean_a > w.mean_b) == (results[value].mean_a > results[value].mean_b);
-    const double p = same_side ? tail(w.freedom, excess(w, test)) : 1.0;
+    const double p = same_side ? student_tail(excess(w, test), w.freedom) : 1.0;
     if (p * static_cast<double>(suspects.size()) >= test.alpha_confirm) continue;
     if (++confirmed <= kListed) verdict.report += "\n  differs: " + describe(regions, value, w);
   }

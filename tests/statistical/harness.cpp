@@ -4,19 +4,19 @@
 
 #include <algorithm>
 #include <atomic>
-#include <boost/math/distributions/chi_squared.hpp>
-#include <boost/math/distributions/normal.hpp>
-#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
 #include <filesystem>
+#include <limits>
 #include <mutex>
 #include <stdexcept>
 #include <thread>
 
 #include "common/bundle/bundle.h"
+#include "tests/statistical/moments.h"
+#include "tests/statistical/quantiles.h"
 
 namespace candela::statistical {
 namespace {
@@ -236,9 +236,9 @@ Estimator make_estimator(const std::string& name, std::vector<Term> terms, const
 BlockTestResult block_test(const std::vector<std::vector<float>>& batches,
                            const std::vector<float>& reference, const std::vector<float>& reference_stderr,
                            std::uint32_t width, std::uint32_t height, const BlockTestOptions& options) {
+  constexpr double kKnown = std::numeric_limits<double>::infinity();  // freedom of a variance that is
   const std::uint32_t block = options.block;
   BlockTestResult result;
-  const auto n = static_cast<double>(batches.size());
   double chi_squared = 0, weights = 0, weighted = 0, reference_squares = 0;
   std::vector<double> ratios(batches.size(), 0.0);  // of each batch, not yet divided by the weights
   std::vector<double> relative_errors;
@@ -263,22 +263,24 @@ BlockTestResult block_test(const std::vector<std::vector<float>>& batches,
         }
         expected /= pixels;
         expected_variance /= pixels * pixels;
-        double mean = 0;
-        for (double& value : means) mean += (value /= pixels) / n;
-        double squares = 0, largest = 0;
-        for (double value : means) {
-          squares += (value - mean) * (value - mean);
-          largest = std::max(largest, (value - mean) * (value - mean));
-        }
+        Moments own;
+        for (double& value : means) own.add(value /= pixels);
+        const double mean = own.mean();
+        double largest = 0;
+        for (const double value : means) largest = std::max(largest, (value - mean) * (value - mean));
         // Rounding of floats and of the analytic answer itself, so that exact agreement is not tested for
         // exact zero variance.
         const double rounding = 1e-6 * std::max(std::fabs(expected), std::fabs(mean));
-        const double own = squares / (n - 1) / n;
-        const double variance = own + expected_variance + rounding * rounding;
-        const double deviation = std::sqrt(variance);
+        const double own_variance = own.variance_of_mean();
+        // The reference's own degrees of freedom are taken as at least 7 (its README: 8 to 30 runs).
+        const EstimatedVariance sum = EstimatedVariance{own_variance, own.freedom()} +
+                                      EstimatedVariance{expected_variance, 7} +
+                                      EstimatedVariance{rounding * rounding, kKnown};
+        const double variance = sum.variance, deviation = std::sqrt(variance);
         if (expected == 0 && mean == 0) continue;
         if (deviation > options.max_relative_error * std::fabs(expected) ||
-            (largest > 0.8 * squares && own > expected_variance && own > rounding * rounding)) {
+            (largest > 0.8 * own.variance() * own.freedom() && own_variance > expected_variance &&
+             own_variance > rounding * rounding)) {
           ++result.skipped;
           continue;
         }
@@ -286,16 +288,9 @@ BlockTestResult block_test(const std::vector<std::vector<float>>& batches,
         const double difference = mean - expected;
         const double beyond =
             std::max(0.0, std::fabs(difference) - options.allowed_bias * std::fabs(expected));
-        const double t = std::copysign(beyond, difference) / deviation;
-        // Welch-Satterthwaite; the reference's own degrees of freedom are taken as at least 7 (its README: 8
-        // to 30 runs).
-        const double denominator = own * own / (n - 1) + expected_variance * expected_variance / 7 +
-                                   rounding * rounding * rounding * rounding / 1e6;
-        const double freedom = std::clamp(variance * variance / denominator, 1.0, 1e9);
-        const boost::math::students_t distribution(freedom);
-        const double p =
-            std::max(2 * boost::math::cdf(boost::math::complement(distribution, std::fabs(t))), 1e-300);
-        const double score = boost::math::quantile(boost::math::complement(boost::math::normal(), p / 2));
+        const double t = t_statistic(std::copysign(beyond, difference), deviation);
+        const double p = std::max(student_two_sided(t, sum.freedom), 1e-300);
+        const double score = normal_quantile(p / 2);
         chi_squared += score * score;
         relative_errors.push_back(deviation / std::fabs(expected));
         const double weight = expected * expected / variance;
@@ -314,16 +309,14 @@ BlockTestResult block_test(const std::vector<std::vector<float>>& batches,
   }
   if (result.tested > 0) {
     result.adjusted_p = std::min(1.0, result.smallest_p * static_cast<double>(result.tested));
-    result.chi_squared_p = boost::math::cdf(
-        boost::math::complement(boost::math::chi_squared(static_cast<double>(result.tested)), chi_squared));
+    result.chi_squared_p = chi_squared_tail(chi_squared, static_cast<double>(result.tested));
     std::nth_element(relative_errors.begin(), relative_errors.begin() + relative_errors.size() / 2,
                      relative_errors.end());
     result.median_relative_standard_error = relative_errors[relative_errors.size() / 2];
     result.ratio = weighted / weights;
-    double squares = 0;
-    for (const double ratio : ratios)
-      squares += (ratio / weights - result.ratio) * (ratio / weights - result.ratio);
-    result.ratio_stderr = std::sqrt(squares / (n - 1) / n + 3 * reference_squares / (weights * weights));
+    Moments spread;
+    for (const double ratio : ratios) spread.add(ratio / weights);
+    result.ratio_stderr = std::sqrt(spread.variance_of_mean() + 3 * reference_squares / (weights * weights));
   }
   return result;
 }

@@ -9,7 +9,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -22,6 +21,8 @@
 #include "common/description/vocabulary.h"
 #include "common/image/image.h"
 #include "tests/statistical/harness.h"
+#include "tests/statistical/moments.h"
+#include "tests/statistical/quantiles.h"
 
 namespace candela::statistical {
 namespace {
@@ -123,16 +124,12 @@ TEST_P(Gallery, LooksAsItsThumbnail) {
           ++clipped;
           continue;
         }
-        double mean = 0;
-        for (double& value : means) mean += (value /= pixels) / kBatches;
-        double squares = 0;
-        for (const double value : means) squares += (value - mean) * (value - mean);
-        const double variance =
-            squares / (kBatches - 1) / kBatches * (1 + kOwn / kThumbnail) + 1e-12 * mean * mean;
+        Moments own;
+        for (const double value : means) own.add(value / pixels);
+        const double mean = own.mean();
+        const double variance = own.variance_of_mean() * (1 + kOwn / kThumbnail) + 1e-12 * mean * mean;
         const double beyond = std::max(0.0, std::fabs(mean - expected / pixels) - rounding / pixels);
-        const boost::math::students_t distribution(kBatches - 1);
-        const double p =
-            2 * boost::math::cdf(boost::math::complement(distribution, beyond / std::sqrt(variance)));
+        const double p = student_two_sided(t_statistic(beyond, std::sqrt(variance)), own.freedom());
         ++tested;
         largest_deviation = std::max(largest_deviation, std::sqrt(variance) / mean);
         if (p < smallest_p) {

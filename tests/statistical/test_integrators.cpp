@@ -24,6 +24,7 @@
 #include <vector>
 
 #include "common/bundle/bundle.h"
+#include "tests/statistical/extrapolation.h"
 #include "tests/statistical/harness.h"
 #include "tests/statistical/transport_scenes.h"
 
@@ -72,7 +73,8 @@ std::vector<Term> terms_for(const TestScene& scene, const std::string& integrato
   settings.insert_or_assign("radius", fmt::format("{}", merging(integrator).radius));
   const TestScene wide = with_integrator(scene, integrator, settings);
   settings.insert_or_assign("radius", fmt::format("{}", merging(integrator).radius / 2));
-  return {{2.0, with_integrator(scene, integrator, settings)}, {-1.0, wide}};
+  const Extrapolation by = over_half_radius();
+  return {{by.fine, with_integrator(scene, integrator, settings)}, {by.coarse, wide}};
 }
 
 // More iterations in the nightly form: what the noisiest value of a first small run asks for, within the time

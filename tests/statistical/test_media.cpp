@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "tests/statistical/harness.h"
+#include "tests/statistical/moments.h"
 #include "tests/unit/volume_file.h"
 #include "worker/integrators/path/kernel.h"
 
@@ -279,15 +280,13 @@ TEST(Media, SingleScatteringByQuadrature) {
 // The mean of an image's batches with its standard errors, to stand as a reference.
 void mean_of(const std::vector<std::vector<float>>& batches, std::vector<float>& mean,
              std::vector<float>& error) {
-  const auto n = static_cast<double>(batches.size());
   mean.clear();
   error.clear();
   for (std::size_t i = 0; i < batches[0].size(); ++i) {
-    double sum = 0, squares = 0;
-    for (const auto& batch : batches) sum += static_cast<double>(batch[i]) / n;
-    for (const auto& batch : batches) squares += std::pow(static_cast<double>(batch[i]) - sum, 2);
-    mean.push_back(static_cast<float>(sum));
-    error.push_back(static_cast<float>(std::sqrt(squares / (n - 1) / n)));
+    Moments value;
+    for (const auto& batch : batches) value.add(static_cast<double>(batch[i]));
+    mean.push_back(static_cast<float>(value.mean()));
+    error.push_back(static_cast<float>(value.error()));
   }
 }
 
@@ -323,31 +322,28 @@ void expect_techniques_agree(const std::string& body, const std::vector<Vec2>& p
   ASSERT_TRUE(built.ok()) << built.error().to_string();
   const scene::Scene& scene = **built;
   const integrators::path::Limits limits = {4, 100, 2, true, true};
-  const auto estimate = [&](const auto& kernel, float x, float y, std::uint64_t seed, int count,
-                            double& error) {
-    double sum = 0, squares = 0;
+  const auto estimate = [&](const auto& kernel, float x, float y, std::uint64_t seed, int count) {
+    Moments value;
     samplers::Sampler sampler(samplers::SamplerKind::independent, seed);
     film::Tallies tallies;
     for (int i = 0; i < count; ++i) {
       sampler.start(0, static_cast<std::uint64_t>(i), 0, 0);
       float weight = 1;
-      const double v = static_cast<double>(
-          luminance(kernel(scene, limits, scene.camera_ray(x, y, {0.5f, 0.5f}, weight), sampler, tallies)));
-      sum += v;
-      squares += v * v;
+      value.add(static_cast<double>(
+          luminance(kernel(scene, limits, scene.camera_ray(x, y, {0.5f, 0.5f}, weight), sampler, tallies))));
     }
-    error = std::sqrt((squares / count - sum * sum / count / count) / count);
-    return sum / count;
+    return value;
   };
   const auto both = &integrators::path::radiance<true, true, true, true, Between::media, scene::Scene>;
   const auto by_light = &integrators::path::radiance<true, false, false, false, Between::media, scene::Scene>;
   const auto by_scattering =
       &integrators::path::radiance<false, true, true, false, Between::media, scene::Scene>;
   for (const Vec2 place : places) {
-    double e0 = 0, e1 = 0, e2 = 0;
-    const double m0 = estimate(both, place.x, place.y, 1, 60000, e0);
-    const double m1 = estimate(by_light, place.x, place.y, 2, 60000, e1);
-    const double m2 = estimate(by_scattering, place.x, place.y, 3, 200000, e2);
+    const Moments all = estimate(both, place.x, place.y, 1, 60000);
+    const Moments light = estimate(by_light, place.x, place.y, 2, 60000);
+    const Moments scattered = estimate(by_scattering, place.x, place.y, 3, 200000);
+    const double m0 = all.mean(), m1 = light.mean(), m2 = scattered.mean();
+    const double e0 = all.error(), e1 = light.error(), e2 = scattered.error();
     EXPECT_GT(m0, 0.01);
     EXPECT_LT(e2, 0.05 * m2);
     EXPECT_LE(std::abs(m1 - m0), 5 * std::hypot(e0, e1)) << m0 << " " << m1 << " at " << place.x;

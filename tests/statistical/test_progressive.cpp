@@ -17,14 +17,14 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
-#include <boost/math/distributions/chi_squared.hpp>
-#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <cstdio>
 #include <numbers>
 #include <thread>
 
+#include "tests/statistical/extrapolation.h"
 #include "tests/statistical/harness.h"
+#include "tests/statistical/quantiles.h"
 
 namespace candela::statistical {
 namespace {
@@ -108,17 +108,14 @@ TEST_P(Progressive, BiasAndVarianceFallAsStated) {
   const auto measured = measure(scene, doublings, replicates);
 
   const auto count = static_cast<double>(replicates);
-  const boost::math::students_t t(count - 1);
-  const double most = boost::math::quantile(boost::math::complement(t, kAlarm / 2));
-  const boost::math::chi_squared chi(count - 1);
+  const double most = student_quantile(kAlarm / 2, count - 1);
   // Of a mean of few photons a little wider than for normal values: the kurtosis of a binomial of mean 3.
-  const double low = boost::math::quantile(chi, kAlarm / 2) / (count - 1) / 1.15;
-  const double high = 1.15 * boost::math::quantile(boost::math::complement(chi, kAlarm / 2)) / (count - 1);
+  const double low = chi_squared_quantile(1 - kAlarm / 2, count - 1) / (count - 1) / 1.15;
+  const double high = 1.15 * chi_squared_quantile(kAlarm / 2, count - 1) / (count - 1);
   double first_bias = 0, first_variance = 0, last_bias = 0, last_variance = 0;
   for (std::size_t k = 0; k <= doublings; ++k) {
-    double mean = 0, variance = 0;
-    for (const double value : measured[k]) mean += value / count;
-    for (const double value : measured[k]) variance += (value - mean) * (value - mean) / (count - 1);
+    const Moments found = moments_of(measured[k]);
+    const double mean = found.mean(), variance = found.variance();
     const Exact right = exact(std::size_t{1} << k, alpha);
     const double error = std::sqrt(right.variance / count);
     std::printf(
@@ -140,6 +137,19 @@ TEST_P(Progressive, BiasAndVarianceFallAsStated) {
       "(theory %.3f)\n",
       GetParam(), doublings - doublings / 2, std::log(last_bias / first_bias) / doubled, alpha - 1,
       std::log(last_variance / first_variance) / doubled, -alpha);
+  if (alpha == 1) return;  // the bias does not fall
+
+  // Claim: the limit of infinitely many iterations follows from two of the means: what the closed form says
+  // is left is left, and that is little of the bias there was.
+  const std::size_t n = std::size_t{1} << doublings;
+  const Extrapolation by = over_iterations(static_cast<double>(n / 4), static_cast<double>(n), alpha);
+  const Moments limit = extrapolate(measured[doublings - 2], measured[doublings], by);
+  const Exact coarse = exact(n / 4, alpha), fine = exact(n, alpha);
+  const double left = by.fine * fine.mean + by.coarse * coarse.mean;
+  std::printf("alpha %s: extrapolated to %+.4f (exact %+.4f, standard error %.4f)\n", GetParam(),
+              limit.mean() - 1, left - 1, limit.error());
+  EXPECT_GT(student_two_sided(t_statistic(limit.mean() - left, limit.error()), limit.freedom()), kAlarm);
+  EXPECT_LT(std::fabs(left - 1), 0.25 * std::fabs(fine.mean - 1));
 }
 
 // Claim: the closed form itself has the rates of the theory.

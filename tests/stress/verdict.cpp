@@ -1,8 +1,10 @@
 #include "tests/stress/verdict.h"
 
 #include <algorithm>
-#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
+
+#include "tests/statistical/moments.h"
+#include "tests/statistical/quantiles.h"
 
 namespace candela::stress {
 
@@ -20,28 +22,20 @@ std::string_view name(Verdict verdict) {
 
 Judgement judge(const std::vector<double>& deviations, double tolerance, double alpha) {
   Judgement result;
-  const auto n = static_cast<double>(deviations.size());
   for (const double d : deviations) {
-    if (!std::isfinite(d)) {
-      result.verdict = Verdict::broken;
-      result.mean = d;
-      return result;
-    }
-    result.mean += d / n;
+    if (std::isfinite(d)) continue;
+    result.verdict = Verdict::broken;
+    result.mean = d;
+    return result;
   }
-  double squares = 0, cubes = 0;
-  for (const double d : deviations) {
-    squares += (d - result.mean) * (d - result.mean) / n;
-    cubes += std::pow(d - result.mean, 3) / n;
-  }
-  result.stderr_of_mean = std::sqrt(squares / (n - 1));
-  const boost::math::students_t distribution(n - 1);
-  const double reach =
-      boost::math::quantile(boost::math::complement(distribution, alpha / 2)) * result.stderr_of_mean;
+  const auto moments = statistical::moments_of(deviations);
+  result.mean = moments.mean();
+  result.stderr_of_mean = moments.error();
+  const double reach = statistical::student_quantile(alpha / 2, moments.freedom()) * result.stderr_of_mean;
   // Skewness of differences far below the tolerance decides nothing.
   const bool matters = std::fabs(result.mean) + 4 * reach > tolerance;
-  if (squares > 0) result.skewness = cubes / std::pow(squares, 1.5);
-  if (squares > 0 && matters && std::fabs(result.skewness) > kLargestSkewness) return result;
+  result.skewness = moments.skewness();
+  if (matters && std::fabs(result.skewness) > kLargestSkewness) return result;
   if (std::fabs(result.mean) + reach <= tolerance)
     result.verdict = Verdict::within;
   else if (std::fabs(result.mean) - reach > tolerance)

@@ -6,21 +6,12 @@
 #include <string>
 #include <vector>
 
+#include "tests/statistical/moments.h"
 #include "tests/unit/scene_fixture.h"
 
 namespace candela::test {
 
-struct Mean {
-  double sum = 0, squares = 0;
-  double n = 0;
-  void add(double x) {
-    sum += x;
-    squares += x * x;
-    n += 1;
-  }
-  double mean() const { return sum / n; }
-  double error() const { return std::sqrt(std::max(0.0, squares / n - mean() * mean()) / n); }
-};
+using Mean = statistical::Moments;
 
 struct Draws {
   rng::Stream stream;

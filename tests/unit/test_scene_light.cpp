@@ -8,6 +8,7 @@
 #include <numbers>
 #include <string>
 
+#include "tests/statistical/moments.h"
 #include "tests/unit/scene_fixture.h"
 
 namespace candela::scene {
@@ -18,17 +19,7 @@ using test::matrix;
 using test::point_reference;
 using test::uniform_direction;
 
-struct Mean {
-  double sum = 0, squares = 0;
-  int n = 0;
-  void add(double x) {
-    sum += x;
-    squares += x * x;
-    ++n;
-  }
-  double mean() const { return sum / n; }
-  double error() const { return std::sqrt(std::max(0.0, squares / n - mean() * mean()) / n); }
-};
+using Mean = statistical::Moments;
 
 const std::string kRectangleLamp =
     "<shape type=\"rectangle\">" + matrix({0.5, 0, 0, 0.2, 0, -0.8, 0, 0.1, 0, 0, -1, 1, 0, 0, 0, 1}) +

@@ -61,7 +61,7 @@ double two_sample_p(const std::vector<double>& a, const std::vector<double>& b) 
     statistic += d * d / (a[i] + b[i]);
     ++bins;
   }
-  return bins < 2 ? 1 : test::upper_gamma(0.5 * (bins - 1), 0.5 * statistic);
+  return bins < 2 ? 1 : statistical::chi_squared_tail(statistic, bins - 1);
 }
 
 constexpr std::size_t kBins = 12;

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "tests/statistical/moments.h"
 #include "tests/unit/chi_squared.h"
 #include "tests/unit/scene_fixture.h"
 #include "tests/unit/volume_file.h"
@@ -22,28 +23,13 @@ using test::volume_file;
 constexpr double kLeastP = 1e-6;
 constexpr double kMostErrors = 5;
 
-// A mean with its standard error.
-struct Mean {
-  double sum = 0, squares = 0;
-  std::uint64_t count = 0;
-  void add(double v) {
-    sum += v;
-    squares += v * v;
-    ++count;
-  }
-  double value() const { return sum / static_cast<double>(count); }
-  double error() const {
-    const auto n = static_cast<double>(count);
-    return std::sqrt(std::max(0.0, squares / n - value() * value()) / (n - 1));
-  }
-};
+using Mean = statistical::Moments;
 
 // `most`: what one sample adds at most. A mean of fewer than 40 such samples says nothing by its own error.
 void expect_mean(const Mean& mean, double expected, const std::string& what, double slack, double most) {
-  if (expected > 0 && expected * static_cast<double>(mean.count) < 40 * most) return;
-  EXPECT_LE(std::abs(mean.value() - expected),
-            kMostErrors * mean.error() + slack * std::abs(expected) + 1e-12)
-      << what << ": " << mean.value() << " +- " << mean.error() << ", expected " << expected;
+  if (expected > 0 && expected * static_cast<double>(mean.count()) < 40 * most) return;
+  EXPECT_LE(std::abs(mean.mean() - expected), kMostErrors * mean.error() + slack * std::abs(expected) + 1e-12)
+      << what << ": " << mean.mean() << " +- " << mean.error() << ", expected " << expected;
 }
 
 double channel(Spectrum s, int c) {

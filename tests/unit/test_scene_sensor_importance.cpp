@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/statistical/moments.h"
 #include "tests/unit/chi_squared.h"
 #include "tests/unit/scene_fixture.h"
 
@@ -231,16 +232,7 @@ TEST(CameraImportance, LensPointsAreUniform) {
   EXPECT_GT(test::chi_squared_p(observed, expected), 1e-6);
 }
 
-struct Mean {
-  double sum = 0, squares = 0, n = 0;
-  void add(double x) {
-    sum += x;
-    squares += x * x;
-    ++n;
-  }
-  double mean() const { return sum / n; }
-  double error() const { return std::sqrt(std::max(0.0, squares / n - mean() * mean()) / n); }
-};
+using Mean = statistical::Moments;
 
 // A tilted patch of radiance 1, partly beyond the film's edge, cut by the near plane and partly hidden: pixel
 // values from camera rays, from points on it, and (thin lens) from rays of light that meet the lens.

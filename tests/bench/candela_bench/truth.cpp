@@ -14,6 +14,7 @@
 #include "common/image/image.h"
 #include "tests/bench/candela_bench/figures.h"
 #include "tests/statistical/block_tests.h"
+#include "tests/statistical/moments.h"
 
 namespace candela::bench {
 namespace {
@@ -22,30 +23,7 @@ namespace fs = std::filesystem;
 
 constexpr std::uint64_t kFileLimitBytes = 1ULL << 36;
 
-// Mean and variance of batches, value by value, by Welford's recurrence.
-class Moments {
- public:
-  void add(const std::vector<float>& values) {
-    mean_.resize(values.size());
-    squares_.resize(values.size());
-    ++count_;
-    for (std::size_t i = 0; i < values.size(); ++i) {
-      const double off = values[i] - mean_[i];
-      mean_[i] += off / static_cast<double>(count_);
-      squares_[i] += off * (values[i] - mean_[i]);
-    }
-  }
-  double mean(std::size_t i) const { return mean_[i]; }
-  double variance_of_mean(std::size_t i) const {
-    const auto n = static_cast<double>(count_);
-    return squares_[i] / (n - 1) / n;
-  }
-  std::size_t size() const { return mean_.size(); }
-
- private:
-  std::vector<double> mean_, squares_;
-  std::uint64_t count_ = 0;
-};
+using statistical::ImageMoments;
 
 // An error on its way through code that knows no Result.
 struct Failure : std::runtime_error {
@@ -68,12 +46,12 @@ class Side {
     statistical::Rows rows;
     for (std::uint64_t batch = 0; batch < options_.batches; ++batch) {
       const std::vector<float> image = batch_image(stage, batch, effort);
-      if (stage == 1) moments_.add(image);
+      if (stage == 1) statistical::add_image(moments_, image);
       rows.push_back(regions.means(std::vector<double>(image.begin(), image.end())));
     }
     return rows;
   }
-  const Moments& moments() const { return moments_; }
+  const ImageMoments& moments() const { return moments_; }
 
  private:
   // Stages and batches have seeds of their own.
@@ -113,32 +91,21 @@ class Side {
   const EstimatorFactory& factory_;
   const std::atomic<bool>& stop_;
   const std::function<void(const std::string&)>& say_;
-  Moments moments_;
+  ImageMoments moments_;
 };
-
-// Of the whole image: sum of variances over squared values, with relMSE's floor.
-double relative_variance(const Moments& moments) {
-  double mean = 0;
-  for (std::size_t i = 0; i < moments.size(); ++i) mean += moments.mean(i);
-  mean /= static_cast<double>(moments.size());
-  double sum = 0;
-  for (std::size_t i = 0; i < moments.size(); ++i)
-    if (const double variance = moments.variance_of_mean(i); variance > 0)
-      sum += variance / (moments.mean(i) * moments.mean(i) + 0.01 * mean * mean);
-  return sum / static_cast<double>(moments.size());
-}
 
 Result<std::string> combine(const TruthOptions& options, const Side& a, const Side& b,
                             const statistical::Verdict& verdict) {
-  const double va = relative_variance(a.moments()), vb = relative_variance(b.moments());
+  const double va = statistical::relative_variance(a.moments()),
+               vb = statistical::relative_variance(b.moments());
   // Of an image without any variance (nothing to be seen) both are as good.
   const double weight = va + vb > 0 ? vb / (va + vb) : 0.5;
   std::vector<float> rgb(a.moments().size()), deviation(rgb.size());
   for (std::size_t i = 0; i < rgb.size(); ++i) {
-    rgb[i] = static_cast<float>(weight * a.moments().mean(i) + (1 - weight) * b.moments().mean(i));
+    rgb[i] = static_cast<float>(weight * a.moments()[i].mean() + (1 - weight) * b.moments()[i].mean());
     deviation[i] =
-        static_cast<float>(std::sqrt(weight * weight * a.moments().variance_of_mean(i) +
-                                     (1 - weight) * (1 - weight) * b.moments().variance_of_mean(i)));
+        static_cast<float>(std::sqrt(weight * weight * a.moments()[i].variance_of_mean() +
+                                     (1 - weight) * (1 - weight) * b.moments()[i].variance_of_mean()));
   }
   const Reference reference(options.width, options.height, rgb, deviation, false);
   const std::string text = fmt::format(
