@@ -125,6 +125,14 @@ class TheCommand(unittest.TestCase):
         self.assertEqual(self.judge(one, "c")[0], 2)
         self.assertEqual(self.judge(one + one)[0], 2)
 
+    def test_the_short_form_looks_at_all_texts(self):
+        short = mutant("a", "Toy.Half", "twice(x) / 4", "twice(x) / 5") + "short = true\n"
+        gone = mutant("b", "Toy.Half", "twice(x) / 7", "")
+        self.assertEqual(self.judge(short + mutant("c", "Toy.Half", "x + 1", "x"), "--short")[:2], (0, {"a": "caught"}))
+        status, verdicts, said = self.judge(short + gone, "--short")
+        self.assertEqual((status, verdicts), (1, {"a": "caught"}))
+        self.assertIn("b: NO LONGER APPLIES", said)
+
     def test_a_build_older_than_its_sources_is_refused(self):
         source = self.source / "lib/half.cpp"
         text = source.read_text()

@@ -125,6 +125,63 @@ TEST(IntegratorMmlt, OneTechniqueIsBdptsShare) {
   EXPECT_GT(lens, 10);
 }
 
+// Claim: what a chain of mmlt follows is the share of one technique, divided by the probability of its length
+// and by that of one technique among those of the length: else b, and with it the picture, would be off by a
+// factor. Deterministic; which length and technique it was is found by looking for the only share that fits.
+TEST(IntegratorMmlt, TargetIsAShareOverItsProbability) {
+  const auto scene = test::build_scene(kRoom, {}, kSensor);
+  ASSERT_TRUE(scene.ok()) << scene.error().to_string();
+  const auto filter = render::PixelFilter::create("box", {});
+  const UnitContext context{**scene, *filter, samplers::SamplerKind::independent, 1, 16, 16};
+  const markov::FilmDomain film(context);
+  constexpr std::uint32_t kMost = 4;
+  bdpt::Limits limits;
+  limits.max_depth = kMost;
+  limits.rr_depth = 1000;
+  const bdpt::Techniques techniques;
+  const mmlt::Lengths lengths(1, kMost);
+  film::Tallies tallies;
+  Recorder one;
+  bdpt::Kernel<RecordConfig<bdpt::OneTechnique>> single(**scene, limits, techniques,
+                                                        pssmlt::one_of_each(film), one, tallies);
+  mmlt::Target<transport::Between::media> target(context, limits, techniques, lengths, tallies);
+  mcmc::PrimaryState numbers({});
+  mcmc::SplatList list;
+  std::map<std::pair<std::uint32_t, std::uint32_t>, int> times;
+  for (std::uint64_t key = 0; key < 40000; ++key) {
+    numbers.start(rng::key(19, key));
+    list.clear();
+    target.evaluate(numbers, list);
+    if (!(list.scalar() > 0)) continue;
+    double nearest = 1;
+    std::pair<std::uint32_t, std::uint32_t> which;
+    mcmc::PrimarySampler& eye = numbers.walk(mcmc::PrimaryState::eye);
+    const Ray ray = pssmlt::film_ray(**scene, film, eye).ray;
+    for (std::uint32_t edges = 1; edges <= kMost; ++edges) {
+      const auto count = mmlt::techniques_of(edges, techniques);
+      for (std::uint32_t choice = 0; choice < count.all(); ++choice) {
+        const bdpt::OneTechnique chosen = mmlt::technique(edges, count, choice);
+        one.found.clear();
+        single.choose(chosen);
+        if (chosen.s > 1)
+          single.trace_light(numbers.walk(mcmc::PrimaryState::light));
+        else
+          single.no_light();
+        if (chosen.t > 1) single.trace_eye(ray, eye);
+        const double share = one.found[{chosen.s, chosen.t}] / (chosen.t < 2 ? film.pixels() : 1);
+        const double expected = share * count.all() / lengths.prob(edges);
+        const double off = std::abs(expected / list.scalar() - 1);
+        if (off < nearest) nearest = off, which = {chosen.s, chosen.t};
+      }
+    }
+    ASSERT_LT(nearest, 1e-5) << "s " << which.first << " t " << which.second << " key " << key;
+    ++times[which];
+  }
+  for (std::uint32_t edges = 2; edges <= kMost; ++edges)
+    for (std::uint32_t s = 0; s <= edges; ++s)
+      EXPECT_GT((times[{s, edges + 1 - s}]), 3) << s << " " << edges + 1 - s;
+}
+
 // Claim: whatever techniques run, choices number each of those that can make a path of this length once.
 TEST(IntegratorMmlt, ChoicesCoverTechniquesOnce) {
   for (unsigned mask = 0; mask < 32; ++mask) {
