@@ -85,9 +85,9 @@ int main(int argc, char** argv) try {
           std::fflush(stdout);
           points.push_back(p);
         }
+        if (!csv_file.empty()) write(csv_file, csv(points));  // a run takes long: what is done is kept
       }
     }
-    if (!csv_file.empty()) write(csv_file, csv(points));
   });
   std::vector<std::string> files;
   double most_seconds = 0.5;

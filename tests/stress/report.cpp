@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <map>
 #include <sstream>
 #include <stdexcept>
@@ -121,9 +122,16 @@ std::string reach(const Sweep& sweep, const std::vector<Point>& points) {
   const int size = static_cast<int>(sweep.values.size());
   const int benign = static_cast<int>(std::find(sweep.values.begin(), sweep.values.end(), sweep.benign) -
                                       sweep.values.begin());
-  if (benign == size || !within(benign))
-    return fmt::format("none ({})", end_of(sweep, verdicts, benign - 1, 1));
-  int low = benign, high = benign;
+  // Where the benign end itself is not within, from the value nearest to it that is.
+  int from = -1;
+  for (int i = 0; i < size; ++i)
+    if (within(i) && (from < 0 || std::abs(i - benign) < std::abs(from - benign))) from = i;
+  if (from < 0) {
+    const bool broken = std::any_of(points.begin(), points.end(),
+                                    [](const Point& p) { return p.verdict == Verdict::broken; });
+    return broken ? "none: **broken**" : "none: noise";
+  }
+  int low = from, high = from;
   while (low > 0 && within(low - 1)) --low;
   while (high + 1 < size && within(high + 1)) ++high;
   if (low == 0 && high == size - 1) return "all";
@@ -156,13 +164,11 @@ std::string markdown(const std::vector<Sweep>& sweeps, const std::vector<Point>&
     if (any) text.append(row).append("\n");
   }
   text += "\nSamples rejected, of all points above (those without any are left out):\n\n";
-  text +=
-      "| sweep | integrator | value | nan | infinite | negative | saturated | of eye samples and light paths "
-      "|\n";
+  text += "| sweep | integrator | value | nan | infinite | negative | saturated | rays |\n";
   text += "|---|---|---|---|---|---|---|---|\n";
   std::uint64_t rejected = 0, samples = 0;
   for (const Point& p : points) {
-    const std::uint64_t of = p.tallies.eye_samples + p.tallies.light_paths;
+    const std::uint64_t of = p.tallies.rays;
     samples += of;
     rejected += p.rejected();
     if (p.rejected() == 0) continue;
@@ -170,8 +176,7 @@ std::string markdown(const std::vector<Sweep>& sweeps, const std::vector<Point>&
                         value_text(p.value), p.tallies.rejected[0], p.tallies.rejected[1],
                         p.tallies.rejected[2], p.tallies.rejected[3], of);
   }
-  text += fmt::format("\n{} points, {} eye samples and light paths, {} samples rejected.\n", points.size(),
-                      samples, rejected);
+  text += fmt::format("\n{} points, {} rays, {} samples rejected.\n", points.size(), samples, rejected);
   return text;
 }
 

@@ -26,8 +26,8 @@ std::vector<Limit> read_limits(const std::string& text);
 // How far along each sweep each integrator stays within, and what was rejected on the way.
 std::string markdown(const std::vector<Sweep>& sweeps, const std::vector<Point>& points);
 
-// One cell of the first table: the values around the benign end at which all points are within, and why it
-// ends there. `points` of one sweep and integrator.
+// One cell of the first table: the values around the benign end at which all points are within, and why they
+// end there. `points` of one sweep and integrator.
 std::string reach(const Sweep& sweep, const std::vector<Point>& points);
 
 }  // namespace candela::stress

@@ -59,7 +59,7 @@ class Runner {
 
 // The claim of an integrator; null where it makes none.
 const Claim* find_claim(const Sweep& sweep, const std::string& integrator);
-// Fewer than `first` iterations where the film is large: what Shot and Sweep ask for.
+// What is rendered at a value; where the sweep names no quantities, the image and its quarters.
 Shot complete_shot(const Sweep& sweep, double value);
 
 }  // namespace candela::stress

@@ -91,7 +91,7 @@ Sweep film_size() {
   sweep.holds = "closed sphere, reflectance 0.5: 2";
   sweep.values = {-16384, -1024, -16, 1, 2, 16, 1024, 16384, 65536};
   sweep.benign = 1;
-  sweep.thin = {-1024, 1, 16384};
+  sweep.thin = {-1024, 1, 16, 1024};
   sweep.iterations = 1;
   sweep.shot = [](double value) {
     Shot shot;
