@@ -42,7 +42,7 @@ Sweep bright_walls() {
   sweep.holds = "closed sphere, default roulette, no limit: 1 / (1 - reflectance)";
   sweep.values = {0.5, 0.8, 0.9, 0.95, 0.97, 0.98, 0.99};
   sweep.benign = 0.5;
-  sweep.thin = {0.5, 0.9, 0.95};
+  sweep.thin = {0.5, 0.9, 0.95, 0.98};
   sweep.tolerance = 0.03;
   sweep.shot = [](double value) {
     Shot shot;
