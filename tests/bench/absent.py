@@ -49,7 +49,8 @@ REMOVALS = {
         ("worker/integrators/eye_samples.h", "context.scene.reads_lens() ? sampler.next_2d() : Vec2{0.5f, 0.5f}",
          "Vec2{0.5f, 0.5f}"),
         ("worker/transport/connect.h",
-         "c.scene.reads_lens() ? sampler.draw_2d(block + kLens, stratified) : Vec2{0.5f, 0.5f}", "Vec2{0.5f, 0.5f}"),
+         "c.scene.reads_lens() ? sampler.draw_2d(block + kLens, stratified) : Vec2{0.5f, 0.5f}",
+         "Vec2{stratified && block == 0 ? 0.5f : 0.5f, 0.5f}"),
     ],
 }
 REMOVALS["all of these"] = [edit for edits in REMOVALS.values() for edit in edits]
