@@ -37,5 +37,5 @@ mv "$list.part" "$list"
 
 "$bin/candela-bench" run "$list"
 "$root/tests/bench/report.py" "$out/results" --baseline path --peers "$root/tests/bench/peers.csv" --out "$out/report.html"
-"$root/tests/bench/report.py" "$out/results" --baseline path --peers "$root/tests/bench/peers.csv" --figures relmse --out "$out/relmse.html" --markdown "$out/relmse.md"
+"$root/tests/bench/report.py" "$out/results" --baseline path --peers "$root/tests/bench/peers.csv" --figures relmse_trimmed --out "$out/trimmed.html" --markdown "$out/error-over-time.md"
 echo "$out/report.html"

@@ -160,7 +160,7 @@ def plot(scene, variants, curves, peers, figure, time, colours):
     axes.grid(True, which="both", alpha=0.25)
     if axes.get_legend_handles_labels()[0]:
         axes.legend(fontsize=8)
-    return picture(f"{scene}-{figure}", drawing)
+    return picture(f"error-{scene}-{figure}", drawing)
 
 
 def slopes(variants, curves, figure):
@@ -252,7 +252,8 @@ def error_images(scene, rows, variants):
         return Note("No images beside these rows.")
     floor = 0.01 * reference.mean() ** 2
     columns = 1 + len(pictures)
-    drawing, axes = pyplot.subplots(2, columns, figsize=(3.2 * columns, 6.4), squeeze=False)
+    height = 3.2 * reference.shape[0] / reference.shape[1] + 0.4
+    drawing, axes = pyplot.subplots(2, columns, figsize=(3.2 * columns, 2 * height), squeeze=False)
     axes[0][0].imshow(shown(reference))
     axes[0][0].set_title("reference", fontsize=8)
     axes[1][0].axis("off")
@@ -266,7 +267,7 @@ def error_images(scene, rows, variants):
     for axis in axes.flat:
         axis.set_xticks([])
         axis.set_yticks([])
-    return picture(f"{scene}-images", drawing)
+    return picture(f"error-{scene}-images", drawing)
 
 
 def safe(text):

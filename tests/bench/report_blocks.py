@@ -1,7 +1,10 @@
 """What a report is made of, and how each piece looks in HTML and in Markdown."""
 import base64
 import html
+import io
 import os
+
+from PIL import Image  # comes with Debian's matplotlib
 
 
 class Heading:
@@ -41,7 +44,7 @@ class Picture:
         """pictures: (folder, link to it)."""
         folder, link = pictures
         os.makedirs(folder, exist_ok=True)
-        write_whole(os.path.join(folder, self.name + ".png"), self.data)
+        write_whole(os.path.join(folder, self.name + ".png"), smaller(self.data))
         return f"![{self.name}]({link}/{self.name}.png)\n\n"
 
 
@@ -59,6 +62,16 @@ class Table:
             return "| " + " | ".join(str(v).replace("|", "\\|") for v in values) + " |\n"
         return (cells(self.header) + "|---" * len(self.header) + "|\n"
                 + "".join(cells(line) for line in self.lines) + "\n")
+
+
+def smaller(data):
+    """The PNG as a repository keeps it: at most 1400 pixels wide, of 256 colours."""
+    image = Image.open(io.BytesIO(data)).convert("RGB")
+    if image.width > 1400:
+        image = image.resize((1400, round(image.height * 1400 / image.width)), Image.Resampling.LANCZOS)
+    out = io.BytesIO()
+    image.quantize(256).save(out, "png", optimize=True)
+    return out.getvalue()
 
 
 def write_whole(file, data):
