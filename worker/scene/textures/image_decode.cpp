@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <exception>
 #include <optional>
 #include <type_traits>
@@ -90,6 +91,26 @@ bool exr_header_fits(std::string_view bytes) {
   return false;
 }
 
+// The encoded bytes as the library reads them. Its own reader copies from before them where a damaged file
+// (an OpenEXR table of offsets, say) asks for a negative place.
+class BytesReader final : public OIIO::Filesystem::IOMemReader {
+ public:
+  explicit BytesReader(std::string_view bytes) : IOMemReader(bytes.data(), bytes.size()) {}
+  std::size_t pread(void* out, std::size_t size, std::int64_t offset) override {
+    const auto end = static_cast<std::size_t>(m_buf.size());
+    if (offset < 0 || static_cast<std::size_t>(offset) >= end) return 0;
+    const auto at = static_cast<std::size_t>(offset);
+    size = std::min(size, end - at);
+    std::memcpy(out, m_buf.data() + at, size);
+    return size;
+  }
+  std::size_t read(void* out, std::size_t size) override {
+    size = pread(out, size, m_pos);
+    m_pos += static_cast<std::int64_t>(size);
+    return size;
+  }
+};
+
 class Decoder {
  public:
   Decoder(std::string_view encoded, const std::string& file, const ImageReading& reading)
@@ -119,7 +140,7 @@ class Decoder {
   const ImageReading& reading_;
   std::string_view format_;
   // In this order: the input reads through the proxy until it is closed.
-  std::unique_ptr<OIIO::Filesystem::IOMemReader> reader_;
+  std::unique_ptr<BytesReader> reader_;
   std::unique_ptr<OIIO::ImageInput> input_;
   OIIO::ImageSpec spec_;
   std::optional<PnmFile> pnm_;  // in place of the library
@@ -151,7 +172,7 @@ Result<void> Decoder::open() {
     return image_error(std::string("this OpenImageIO cannot decode the format ") + format + " from memory",
                        file_);
   }
-  reader_ = std::make_unique<OIIO::Filesystem::IOMemReader>(encoded_.data(), encoded_.size());
+  reader_ = std::make_unique<BytesReader>(encoded_);
   OIIO::ImageSpec config;
   config.attribute("oiio:UnassociatedAlpha", 1);  // colours as stored: alpha plays no part here
   OIIO::ImageSpec opened;
