@@ -236,6 +236,16 @@ TEST(TextureFiles, ExrOffsetBeforeTheFileIsRefused) {
   EXPECT_NE(error_of(*bytes, "x.exr").find("cannot read"), std::string::npos) << error_of(*bytes, "x.exr");
 }
 
+// Claim: an error is one line whatever the file calls its channels. (Found by fuzzing.)
+TEST(TextureFiles, ChannelNamesOfSeveralLinesAreSaidInOne) {
+  const float values[] = {0.1f, 0.2f, 0.3f};
+  OIIO::ImageSpec spec(1, 1, 3, OIIO::TypeDesc::FLOAT);
+  spec.channelnames = {"A\nline", "B", "C"};
+  const std::string error = error_of(encode("openexr", spec, OIIO::TypeDesc::FLOAT, values), "x.exr");
+  EXPECT_NE(error.find("channels"), std::string::npos) << error;
+  EXPECT_EQ(error.find('\n'), std::string::npos) << error;
+}
+
 // Claim: 0.6's gamma: a power, 1 linear, -1 sRGB whatever the file; raw is linear; both together are refused.
 TEST(TextureFiles, GammaAndRaw) {
   MemoryFiles files;

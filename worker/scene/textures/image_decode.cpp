@@ -28,6 +28,13 @@ Error image_error(std::string message, const std::string& file) {
   return input_error(std::move(message)).at(file, 0);
 }
 
+// What a file or the library says, without control characters: an error is one line.
+std::string one_line(std::string text) {
+  for (char& c : text)
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
+  return text;
+}
+
 // IEC 61966-2-1.
 float srgb_to_linear(double v) {
   return static_cast<float>(v <= 0.04045 ? v / 12.92 : math::pow((v + 0.055) / 1.055, 2.4));
@@ -151,9 +158,7 @@ class Decoder {
 };
 
 Error Decoder::library_error(const std::string& what) const {
-  std::string reason = input_->geterror();
-  std::replace(reason.begin(), reason.end(), '\n', ' ');
-  return image_error(what + reason, file_);
+  return image_error(what + one_line(input_->geterror()), file_);
 }
 
 Result<void> Decoder::open() {
@@ -267,7 +272,8 @@ Result<void> Decoder::find_channels() {
       if (spec_.nchannels > 2) {
         std::string all;
         for (const std::string& name : spec_.channelnames) all += (all.empty() ? "" : ", ") + name;
-        return image_error("the image has the channels " + all + ", but a colour is R, G and B", file_)
+        return image_error("the image has the channels " + one_line(all) + ", but a colour is R, G and B",
+                           file_)
             .with_mend("store the layer of interest as R, G, B");
       }
       gray_ = true;
