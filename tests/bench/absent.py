@@ -9,13 +9,15 @@ replacement that does not apply exactly once is an error. The picture must be th
 are instructions (Callgrind). Media, surfaces that light passes straight, and the environment need no removal: kernels
 without them are compiled beside those with them, and the plan chooses."""
 import argparse
-import json
 import os
 import shutil
 import subprocess
 import sys
 
 HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, HERE)
+from counting import counted  # noqa: E402
+
 ROOT = os.path.dirname(os.path.dirname(HERE))
 ROOM = os.path.join(ROOT, "deploy/scenes/cornell/scene.xml")
 BSDF, TEXTURE, PATH, WALK = ("worker/scene/bsdf.h", "worker/scene/textures/texture.h", "worker/integrators/path/kernel.h",
@@ -95,14 +97,9 @@ def sources(folder, edits):
             stream.write(text.replace(old, new))
 
 
-def count(program, integrator, out):
-    command = [program, "count", "--scene", ROOM, "--integrator", integrator, "--size", "32x32", "--iterations", "8"]
-    figures = json.loads(run(["valgrind", "--tool=callgrind", "--instr-atstart=no", f"--callgrind-out-file={out}", *command]))
-    with open(out, encoding="utf-8") as stream:
-        for line in stream:
-            if line.startswith("totals:"):
-                figures["instructions"] = int(line.split()[1])
-    if not figures.get("instructions"):
+def count(program, integrator):
+    figures = counted([program, "count", "--scene", ROOM, "--integrator", integrator, "--size", "32x32", "--iterations", "8"])
+    if figures["instructions"] == 0:
         fail("nothing was counted: the program was built without valgrind/callgrind.h")
     return figures
 
@@ -118,8 +115,7 @@ def main():
     if shutil.which("valgrind") is None:
         fail("valgrind is missing (Debian: valgrind)")
     os.makedirs(options.out, exist_ok=True)
-    counted = os.path.join(options.out, "callgrind")
-    whole = {i: count(os.path.join(options.build, "bin/candela-bench"), i, counted) for i in integrators}
+    whole = {i: count(os.path.join(options.build, "bin/candela-bench"), i) for i in integrators}
     print("| without | " + " | ".join(integrators) + " |\n" + "|---" * (1 + len(integrators)) + "|")
     for name in options.without or REMOVALS:
         folder = os.path.join(options.out, "".join(c if c.isalnum() else "-" for c in name))
@@ -129,7 +125,7 @@ def main():
         run(["cmake", "--build", os.path.join(folder, "build"), "--target", "candela-bench"])
         cells = []
         for integrator in integrators:
-            figures = count(os.path.join(folder, "build/bin/candela-bench"), integrator, counted)
+            figures = count(os.path.join(folder, "build/bin/candela-bench"), integrator)
             if (figures["mean"], figures["rays"]) != (whole[integrator]["mean"], whole[integrator]["rays"]):
                 fail(f"without {name}, {integrator} renders another picture")
             cells.append(f"{100 * (whole[integrator]['instructions'] / figures['instructions'] - 1):+.2f} %")

@@ -10,14 +10,15 @@ renders in turn, medians over rounds. The ratio is to the scene without the feat
 the image and the rays are compared too: where they differ by more than noise the transport was not the same, and the
 row says so."""
 import argparse
-import json
 import os
 import statistics
-import subprocess
 import sys
 import tempfile
 
 HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, HERE)
+from counting import counted, run  # noqa: E402
+
 ROOM = os.path.join(HERE, "../../deploy/scenes/cornell/scene.xml")
 BALL = """
   <shape type="sphere" id="ball">
@@ -92,23 +93,11 @@ def scenes():
     return result
 
 
-def run(command):
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        sys.exit(f"features.py: error: {' '.join(command)}: {done.stderr.strip()}")
-    return json.loads(done.stdout)
-
-
-def instructions(command, folder):
-    out = os.path.join(folder, "out")
-    figures = run(["valgrind", "--tool=callgrind", "--instr-atstart=no", f"--callgrind-out-file={out}", *command])
-    with open(out, encoding="utf-8") as stream:
-        for line in stream:
-            if line.startswith("totals:"):
-                figures["cost"] = int(line.split()[1])
-                if figures["cost"] > 0:
-                    return figures
-    sys.exit("features.py: error: nothing was counted: the program was built without valgrind/callgrind.h")
+def instructions(command):
+    figures = counted(command)
+    if figures["instructions"] == 0:
+        sys.exit("features.py: error: nothing was counted: the program was built without valgrind/callgrind.h")
+    return figures
 
 
 def main():
@@ -135,7 +124,7 @@ def main():
                                "--integrator", integrator, *size] for name in chosen}
             if not options.time:
                 for name, command in commands.items():
-                    table[name, integrator] = instructions(command, folder)
+                    table[name, integrator] = instructions(command)
                 continue
             rounds = [{name: run(command) for name, command in commands.items()} for _ in range(options.rounds)]
             for name in chosen:
@@ -148,7 +137,7 @@ def main():
         cells = []
         for integrator in integrators:
             figures, plain = table[name, integrator], table["none", integrator]
-            ratio = figures.get("ratio") or figures["cost"] / plain["cost"]
+            ratio = figures.get("ratio") or figures["instructions"] / plain["instructions"]
             rays, mean = figures["rays"] / plain["rays"], figures["mean"] / plain["mean"]
             note = "" if abs(rays - 1) < 0.02 and abs(mean - 1) < 0.03 else f" (rays {rays:.3f}, mean {mean:.3f})"
             cells.append(f"{ratio:.4f}{note}" if name != "none" else "1")

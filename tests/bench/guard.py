@@ -14,11 +14,12 @@ import concurrent.futures
 import json
 import os
 import shutil
-import subprocess
 import sys
-import tempfile
 
 HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, HERE)
+from counting import counted, run  # noqa: E402
+
 FIGURES = os.path.join(HERE, "guard.json")
 SCENES = {"cornell": "../../deploy/scenes/cornell/scene.xml", "area": "smallvcm/area.xml"}
 INTEGRATORS = ("path", "bdpt", "vcm", "ppm")
@@ -33,23 +34,8 @@ def arguments(program, scene, integrator, size):
     return [program, "count", "--scene", os.path.join(HERE, SCENES[scene]), "--integrator", integrator, *size]
 
 
-def run(command):
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        sys.exit(f"guard.py: error: {' '.join(command)}: {done.stderr.strip()}")
-    return json.loads(done.stdout)
-
-
 def instructions(program, scene, integrator):
-    with tempfile.TemporaryDirectory() as folder:
-        out = os.path.join(folder, "out")
-        run(["valgrind", "--tool=callgrind", "--instr-atstart=no", f"--callgrind-out-file={out}",
-             *arguments(program, scene, integrator, COUNT)])
-        with open(out, encoding="utf-8") as stream:
-            for line in stream:
-                if line.startswith("totals:"):
-                    return int(line.split()[1])
-    return 0
+    return counted(arguments(program, scene, integrator, COUNT))["instructions"]
 
 
 def worse_than(name, figures, was, counted):
