@@ -79,6 +79,15 @@ SettingsMap usual_settings() {
           {"chains", "16"}, {"bootstrap", "1024"}, {"mutations", "16"}};
 }
 
+Shot uniform_shot(std::string body, double expected) {
+  Shot shot;
+  shot.body = std::move(body);
+  shot.width = shot.height = 8;
+  shot.settings = usual_settings();
+  shot.quantities = uniform_quantities(shot.width, shot.height, expected);
+  return shot;
+}
+
 void set(Shot& shot, const std::string& name, const std::string& value) {
   shot.settings[name] = value;
 }

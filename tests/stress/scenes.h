@@ -36,6 +36,8 @@ inline constexpr double kSixteenEdges = 2 * (1 - 0x1p-16);
 // Small jobs of chains, merging with a constant radius of a tenth of the scene, everything that an integrator
 // can do.
 SettingsMap usual_settings();
+// 8 x 8 pixels of `body` with these settings, all of one expected value.
+Shot uniform_shot(std::string body, double expected);
 void set(Shot& shot, const std::string& name, const std::string& value);
 
 inline const std::vector<std::string> kEveryone = {"path", "light", "bdpt",   "ppm",

@@ -70,12 +70,9 @@ Sweep extent() {
   sweep.benign = 1.5;
   sweep.thin = {1.5, 1e4, 1e8};
   sweep.shot = [](double value) {
-    Shot shot;
-    shot.body = closed_sphere(1, 0.5, 1) + sphere({value, 0, 0}, 0.01 * value, diffuse(0));
-    shot.width = shot.height = 8;
-    shot.settings = usual_settings();
+    Shot shot = uniform_shot(closed_sphere(1, 0.5, 1) + sphere({value, 0, 0}, 0.01 * value, diffuse(0)),
+                             kSixteenEdges);
     set(shot, "radius", number(0.2 / (1 + 1.01 * value)));
-    shot.quantities = uniform_quantities(8, 8, kSixteenEdges);
     set(shot, "max_depth", number(16));
     return shot;
   };

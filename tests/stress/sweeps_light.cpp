@@ -69,11 +69,7 @@ Sweep radiance() {
   sweep.benign = 1;
   sweep.thin = {0, 1e-37, 1e-30, 1e30};
   sweep.shot = [](double value) {
-    Shot shot;
-    shot.body = closed_sphere(1, 0.5, value);
-    shot.width = shot.height = 8;
-    shot.settings = usual_settings();
-    shot.quantities = uniform_quantities(8, 8, kSixteenEdges * value);
+    Shot shot = uniform_shot(closed_sphere(1, 0.5, value), kSixteenEdges * value);
     set(shot, "max_depth", number(16));
     return shot;
   };

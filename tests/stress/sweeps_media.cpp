@@ -23,12 +23,8 @@ Sweep scattering_block() {
   sweep.thin = {1e-5, 1, 10};
   sweep.tolerance = 0.03;
   sweep.shot = [](double value) {
-    Shot shot;
-    shot.body = perspective({0, 0, 5}, {0, 0, 0}, {0, 1, 0}, 15) + constant_sky(1) + block(value, 1);
-    shot.width = shot.height = 8;
-    shot.settings = usual_settings();
-    shot.quantities = uniform_quantities(8, 8, 1);
-    return shot;
+    return uniform_shot(perspective({0, 0, 5}, {0, 0, 0}, {0, 1, 0}, 15) + constant_sky(1) + block(value, 1),
+                        1);
   };
   sweep.claims = claims_of(kEveryone);
   return sweep;
@@ -45,12 +41,9 @@ Sweep absorbing_block() {
   sweep.thin = {1e-5, 1, 10, 1e5};
   sweep.floor = 1e-6;
   sweep.shot = [](double value) {
-    Shot shot;
-    shot.body = orthographic({0, 0, 3}, {0, 0, 0}, {0, 1, 0}, 0.5) + constant_sky(1) + block(value, 0);
-    shot.width = shot.height = 8;
-    shot.settings = usual_settings();
-    shot.quantities = uniform_quantities(8, 8, std::exp(-value));
-    return shot;
+    return uniform_shot(
+        orthographic({0, 0, 3}, {0, 0, 0}, {0, 1, 0}, 0.5) + constant_sky(1) + block(value, 0),
+        std::exp(-value));
   };
   sweep.claims = claims_of(kEveryone);
   return sweep;

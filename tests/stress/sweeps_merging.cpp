@@ -17,13 +17,9 @@ Sweep kernel_radius() {
   sweep.benign = 0.1;
   sweep.thin = {1, 0.1, 1e-4, 1e-8};
   sweep.shot = [](double value) {
-    Shot shot;
-    shot.body = closed_sphere(1, 0.5, 1);
-    shot.width = shot.height = 8;
-    shot.settings = usual_settings();
+    Shot shot = uniform_shot(closed_sphere(1, 0.5, 1), kSixteenEdges);
     set(shot, "radius", number(value));
     set(shot, "light_paths", "16");
-    shot.quantities = uniform_quantities(8, 8, kSixteenEdges);
     set(shot, "max_depth", number(16));
     return shot;
   };
@@ -43,13 +39,9 @@ Sweep iteration_index() {
   sweep.benign = 0;
   sweep.thin = {0, 0x1p31 - 8, 0x1p39};
   sweep.shot = [](double value) {
-    Shot shot;
-    shot.body = closed_sphere(1, 0.5, 1);
-    shot.width = shot.height = 8;
-    shot.settings = usual_settings();
+    Shot shot = uniform_shot(closed_sphere(1, 0.5, 1), kSixteenEdges);
     set(shot, "alpha", "0.9");  // after 2^40 iterations the radius is a quarter of the first
     shot.first = static_cast<std::uint64_t>(value);
-    shot.quantities = uniform_quantities(8, 8, kSixteenEdges);
     set(shot, "max_depth", number(16));
     return shot;
   };

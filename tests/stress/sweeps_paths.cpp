@@ -45,12 +45,8 @@ Sweep bright_walls() {
   sweep.thin = {0.5, 0.9, 0.95, 0.98};
   sweep.tolerance = 0.03;
   sweep.shot = [](double value) {
-    Shot shot;
-    shot.body = closed_sphere(1, value, 1);
-    shot.width = shot.height = 8;
-    shot.settings = usual_settings();
+    Shot shot = uniform_shot(closed_sphere(1, value, 1), 1 / (1 - value));
     set(shot, "over", "path");  // a sample over bdpt has thousands of connections
-    shot.quantities = uniform_quantities(8, 8, 1 / (1 - value));
     return shot;
   };
   sweep.claims = claims_of(kEveryone);
@@ -67,16 +63,14 @@ Sweep zero_throughput() {
   sweep.benign = 0.5;
   sweep.thin = {0.5, 1e-10, 1e-38, 1e-42, 0};
   sweep.shot = [](double value) {
-    Shot shot;
-    shot.body = perspective({0, 0, 0}, {0, 0, 1}, {0, 1, 0}, 60) +
-                sphere({0, 0, 0}, 1,
-                       "<bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\"" + number(value) + ", 0, " +
-                           number(value) + "\"/></bsdf>" + area_light(1),
-                       true);
-    shot.width = shot.height = 8;
-    shot.settings = usual_settings();
+    Shot shot =
+        uniform_shot(perspective({0, 0, 0}, {0, 0, 1}, {0, 1, 0}, 60) +
+                         sphere({0, 0, 0}, 1,
+                                "<bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\"" + number(value) +
+                                    ", 0, " + number(value) + "\"/></bsdf>" + area_light(1),
+                                true),
+                     (1 + 2 / (1 - value)) / 3);
     set(shot, "rr_depth", "1");
-    shot.quantities = uniform_quantities(8, 8, (1 + 2 / (1 - value)) / 3);
     return shot;
   };
   sweep.claims = claims_of(kEveryone);

@@ -44,15 +44,12 @@ Sweep rough_mirror(bool ggx) {
   sweep.benign = 1;
   sweep.thin = {1, 0.1, 1e-2, 1e-4};
   sweep.shot = [ggx](double value) {
-    Shot shot;
-    shot.body = orthographic({0, 0, 2}, {0, 0, 0}, {0, 1, 0}, 0.5) + constant_sky(1) +
-                plate("", fmt::format(R"(<bsdf type="roughconductor"><float name="alpha" value="{}"/>
+    return uniform_shot(
+        orthographic({0, 0, 2}, {0, 0, 0}, {0, 1, 0}, 0.5) + constant_sky(1) +
+            plate("", fmt::format(R"(<bsdf type="roughconductor"><float name="alpha" value="{}"/>
                   <string name="distribution" value="{}"/></bsdf>)",
-                                      value, ggx ? "ggx" : "beckmann"));
-    shot.width = shot.height = 8;
-    shot.settings = usual_settings();
-    shot.quantities = uniform_quantities(8, 8, mirror_albedo(value, ggx));
-    return shot;
+                                  value, ggx ? "ggx" : "beckmann")),
+        mirror_albedo(value, ggx));
   };
   sweep.claims = claims_of(kEveryone);
   return sweep;
@@ -68,17 +65,14 @@ Sweep rough_glass() {
   sweep.benign = 0.03;
   sweep.thin = {0.03, 1e-3, 1e-4};
   sweep.shot = [](double value) {
-    Shot shot;
-    shot.body =
+    return uniform_shot(
         orthographic({0, 0, 2}, {0, 0, 0}, {0, 1, 0}, 0.3) + constant_sky(1) +
-        fmt::format(R"(<shape type="cube"><transform name="to_world"><scale x="2" y="2" z="0.2"/></transform>
+            fmt::format(
+                R"(<shape type="cube"><transform name="to_world"><scale x="2" y="2" z="0.2"/></transform>
                   <bsdf type="roughdielectric"><float name="alpha" value="{}"/><float name="int_ior" value="1.5"/>
                   <float name="ext_ior" value="1"/></bsdf></shape>)",
-                    value);
-    shot.width = shot.height = 8;
-    shot.settings = usual_settings();
-    shot.quantities = uniform_quantities(8, 8, 1);
-    return shot;
+                value),
+        1);
   };
   sweep.claims = claims_of(kEveryone);
   return sweep;
@@ -95,19 +89,16 @@ Sweep index_matched(bool rough) {
   sweep.benign = 1e-3;
   sweep.thin = {1e-3, 1e-6, 1e-7, 0};
   sweep.shot = [rough](double value) {
-    Shot shot;
     // A convex ball under a constant sky has its reflectance times the sky's radiance everywhere.
-    shot.body = orthographic({0, 0, 3}, {0, 0, 0}, {0, 1, 0}, 0.25) + constant_sky(1) +
-                sphere({0, 0, 0}, 0.5, diffuse(0.5)) +
-                sphere({0, 0, 0}, 1,
-                       fmt::format(R"(<bsdf type="{}dielectric">{}<float name="int_ior" value="{:.17g}"/>
+    return uniform_shot(
+        orthographic({0, 0, 3}, {0, 0, 0}, {0, 1, 0}, 0.25) + constant_sky(1) +
+            sphere({0, 0, 0}, 0.5, diffuse(0.5)) +
+            sphere({0, 0, 0}, 1,
+                   fmt::format(R"(<bsdf type="{}dielectric">{}<float name="int_ior" value="{:.17g}"/>
                          <float name="ext_ior" value="1"/></bsdf>)",
-                                   rough ? "rough" : "", rough ? R"(<float name="alpha" value="0.2"/>)" : "",
-                                   1 + value));
-    shot.width = shot.height = 8;
-    shot.settings = usual_settings();
-    shot.quantities = uniform_quantities(8, 8, 0.5);
-    return shot;
+                               rough ? "rough" : "", rough ? R"(<float name="alpha" value="0.2"/>)" : "",
+                               1 + value)),
+        0.5);
   };
   if (rough) {
     sweep.claims = claims_of(kEveryone);
@@ -135,15 +126,11 @@ Sweep grazing(bool glass) {
   sweep.benign = 1;
   sweep.thin = {1, 1e-3, 1e-6};
   sweep.shot = [glass](double value) {
-    Shot shot;
-    shot.body = slanting_camera(value) + constant_sky(1) +
-                (glass ? R"(<shape type="cube"><transform name="to_world"><translate z="-1"/>
+    return uniform_shot(slanting_camera(value) + constant_sky(1) +
+                            (glass ? R"(<shape type="cube"><transform name="to_world"><translate z="-1"/>
                              <scale x="1000" y="1000" z="1"/></transform><bsdf type="dielectric"/></shape>)"
-                       : plate("<scale value=\"30\"/>", diffuse(0.5)));
-    shot.width = shot.height = 8;
-    shot.settings = usual_settings();
-    shot.quantities = uniform_quantities(8, 8, glass ? 1 : 0.5);
-    return shot;
+                                   : plate("<scale value=\"30\"/>", diffuse(0.5))),
+                        glass ? 1 : 0.5);
   };
   if (glass) {
     sweep.claims = claims_of(everyone_but({"light"}));
@@ -165,18 +152,14 @@ Sweep critical_angle() {
   sweep.benign = 0;
   sweep.thin = {-1e-3, -1e-7, 0, 1e-7, 1e-3};
   sweep.shot = [](double value) {
-    Shot shot;
     // Seen under 60 degrees, light inside meets the sides at the critical angle for index^2 = 1 + sin^2 60.
     const double sine = std::sqrt(0.75);
-    shot.body =
+    return uniform_shot(
         orthographic({0.9 + 3 * sine, 0, 1 + 1.5}, {0.9, 0, 1}, {0, 1, 0}, 0.05) + constant_sky(1) +
-        fmt::format(R"(<shape type="cube"><bsdf type="dielectric"><float name="int_ior" value="{:.17g}"/>
+            fmt::format(R"(<shape type="cube"><bsdf type="dielectric"><float name="int_ior" value="{:.17g}"/>
                   <float name="ext_ior" value="1"/></bsdf></shape>)",
-                    std::sqrt(1.75) * (1 + value));
-    shot.width = shot.height = 8;
-    shot.settings = usual_settings();
-    shot.quantities = uniform_quantities(8, 8, 1);
-    return shot;
+                        std::sqrt(1.75) * (1 + value)),
+        1);
   };
   sweep.claims = claims_of(everyone_but({"light"}));
   sweep.excuses = {{"light", "sees nothing through smooth glass"}};
@@ -207,21 +190,17 @@ Sweep shading_normal(bool grazing_light) {
   sweep.benign = sweep.values.front();
   sweep.thin = grazing_light ? std::vector<double>{1, 0.1, 0.01} : std::vector<double>{0, 60, 85, 89};
   sweep.shot = [grazing_light](double value) {
-    Shot shot;
     const double tilt = grazing_light ? 45 : value, cosine = grazing_light ? value : 1;
     const double sine = std::sqrt(1 - cosine * cosine);  // the light comes from the side of the normal
-    shot.body =
-        orthographic({0, 0, 2}, {0, 0, 0}, {0, 1, 0}, 0.5) +
-        fmt::format(
-            R"(<emitter type="directional"><vector name="direction" value="{}"/><rgb name="irradiance" value="1"/></emitter>
-          <shape type="ply"><string name="filename" value="plate.ply"/>{}</shape>)",
-            triple({-sine, 0, -cosine}), diffuse(0.5));
-    shot.files["plate.ply"] = tilted_mesh(tilt);
-    shot.width = shot.height = 8;
-    shot.settings = usual_settings();
     const double angle = tilt * kPi / 180;
-    shot.quantities =
-        uniform_quantities(8, 8, 0.5 / kPi * (std::sin(angle) * sine + std::cos(angle) * cosine));
+    Shot shot = uniform_shot(
+        orthographic({0, 0, 2}, {0, 0, 0}, {0, 1, 0}, 0.5) +
+            fmt::format(
+                R"(<emitter type="directional"><vector name="direction" value="{}"/><rgb name="irradiance" value="1"/></emitter>
+          <shape type="ply"><string name="filename" value="plate.ply"/>{}</shape>)",
+                triple({-sine, 0, -cosine}), diffuse(0.5)),
+        0.5 / kPi * (std::sin(angle) * sine + std::cos(angle) * cosine));
+    shot.files["plate.ply"] = tilted_mesh(tilt);
     return shot;
   };
   sweep.claims = claims_of(kEveryone);

@@ -23,12 +23,8 @@ Sweep closed_spheres(double expected_factor) {
   sweep.tolerance = 0.06;
   sweep.iterations = 32;
   sweep.shot = [expected_factor](double value) {
-    Shot shot;
-    shot.body = closed_sphere(1, value, 1);
-    shot.width = shot.height = 8;
-    shot.settings = usual_settings();
+    Shot shot = uniform_shot(closed_sphere(1, value, 1), expected_factor / (1 - value));
     set(shot, "max_depth", number(16));  // leaves out less than 2e-5
-    shot.quantities = uniform_quantities(8, 8, expected_factor / (1 - value));
     return shot;
   };
   sweep.claims = claims_of(kEveryone);
