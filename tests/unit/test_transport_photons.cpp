@@ -2,6 +2,7 @@
 // what must not get in.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -45,6 +46,7 @@ Vertex light_vertex(Vec3 p, Vec3 wo, float flux) {
   v.hit.ng = {0, 0, -1};
   v.hit.shading = make_frame(v.hit.ng);
   v.wo = wo;
+  v.arrival = v.density_factor(wo);
   v.throughput = Spectrum(flux);
   v.edges = 3;
   return v;
@@ -92,6 +94,28 @@ TEST(Photons, MergeIsTheProductWrittenOut) {
     const double rest = 2 + to_light * (1 + 0.5 * eta) + 0.5 + to_eye * (0.25 + 3 * eta);
     const Spectrum weighted = merge<Balance>(*scene, maps, v);
     EXPECT_NEAR(static_cast<double>(weighted.r), expected * eta / (eta + rest), 2e-5 * expected);
+  }
+}
+
+// Claim: light that grazes the eye's vertex and arrived on another face is no brighter than the cosine at the
+// eye's, over half of that at its own, makes it. (Without that, edges of coarse meshes with smooth normals
+// were bright lines.)
+TEST(Photons, OverAnEdgeNothingIsDividedByNothing) {
+  const auto scene = floor_scene();
+  scene::ClosureArena arena;
+  const Vertex v = vertex_at(*scene, {0, 0, 1}, arena);
+  for (const float own : {1e-3f, 2e-3f, 0.1f, 0.9f}) {
+    Vertex beside = light_vertex({0.01f, 0, 5}, normalize(Vec3{1, 0, -1e-3f}), 1);
+    beside.arrival = own;
+    PhotonBuffer buffer;
+    ASSERT_TRUE(buffer.keep(*scene, beside));
+    PhotonMap map;
+    const PhotonBuffer* chunks[] = {&buffer};
+    ASSERT_TRUE(map.build(chunks, 0.1f, 1).ok());
+    const double full = 2 * (0.5 / std::numbers::pi) / (std::numbers::pi * 0.01) * 0.1;
+    const double expected = full * std::min(1.0, 2e-3 / static_cast<double>(own));
+    const auto sum = static_cast<double>(merge<Unweighted>(*scene, maps_of(map, 0.1f), v).r);
+    EXPECT_NEAR(sum, expected, 1e-4 * expected) << own;
   }
 }
 

@@ -3,7 +3,8 @@
 //   beta f(wo, w) |cos_s w| / |cos_g w| flux K_r(d) / light_path_count,
 // w: where the photon's light came from. The flux per area is radiance times the cosine of the geometry; the
 // bsdf wants that of the shading normal. Both are taken at the eye's vertex, so that on curved and cornered
-// surfaces their quotient stays near 1 where the photon's own cosine may be anything. In a medium it adds
+// surfaces their quotient stays near 1 where the photon's own cosine may be anything, but see
+// kLeastOfOwnCosine. In a medium it adds
 //   beta sigma_s p(wo, w) flux K_r(d) / light_path_count,
 // beta having the sigma_s of the eye's vertex.
 //
@@ -51,6 +52,11 @@ struct MergeMaps {
   std::uint32_t max_edges = ~0u;  // of the merged path
 };
 
+// The cosine that is divided by is at least this share of the photon's own. On one face the two are equal,
+// and photons get few as the cosine goes to 0. A photon of another face may graze the eye's and be one of
+// many: over edges of coarse meshes with smooth normals the quotient would make bright lines and fireflies.
+inline constexpr float kLeastOfOwnCosine = 0.5f;
+
 // The weight. eta > 0.
 inline double merge_weight(double eta, double light_sum, double eye_sum) {
   return 1 / (1 + (light_sum + eye_sum) / eta);
@@ -71,7 +77,8 @@ class SurfaceMerge {
     Spectrum value = v_.closure.eval_pdf(wo_, wi, TransportMode::radiance, pdf);
     if (value.is_black()) return;
     value *= photon.flux;
-    float factor = maps_.disc.value(d2) / v_.density_factor(photon.wo);
+    const float cosine = std::max(v_.density_factor(photon.wo), kLeastOfOwnCosine * photon.cosine());
+    float factor = maps_.disc.value(d2) / cosine;
     if constexpr (Heuristic::kWeighs) {
       const auto reverse =
           static_cast<double>(v_.closure.pdf_solid_angle(wi, wo_, TransportMode::importance));
@@ -98,7 +105,7 @@ class MediumMerge {
       : maps_(maps), v_(v), phase_(scene.medium(v.medium).phase()), most_edges_(maps.max_edges - v.edges) {}
 
   void operator()(const Photon& photon, float d2) {
-    if (photon.medium != v_.medium || photon.edges > most_edges_) return;
+    if (photon.medium() != v_.medium || photon.edges > most_edges_) return;
     float factor = phase_.eval(v_.wo, photon.wo) * maps_.ball.value(d2);
     if (factor == 0) return;
     if constexpr (Heuristic::kWeighs) {

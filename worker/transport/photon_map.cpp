@@ -27,13 +27,15 @@ bool PhotonBuffer::keep(const scene::Scene& scene, const Vertex& v) {
   photon.flux = v.throughput;
   photon.edges = v.edges;
   if (v.kind == Vertex::Kind::medium) {
-    photon.medium = v.medium;
+    photon.medium_or_cosine = v.medium;
     const scene::Medium& medium = scene.medium(v.medium);
     const Spectrum sigma_s = medium.sigma_t(v.hit.p) * medium.albedo(v.hit.p);
     // A channel that does not scatter carries nothing on.
     photon.flux = {sigma_s.r > 0 ? photon.flux.r / sigma_s.r : 0,
                    sigma_s.g > 0 ? photon.flux.g / sigma_s.g : 0,
                    sigma_s.b > 0 ? photon.flux.b / sigma_s.b : 0};
+  } else {
+    photon.medium_or_cosine = std::bit_cast<std::uint32_t>(v.arrival);
   }
   if (!finite(v.hit.p) || !finite(photon.flux)) return false;
   photon.known = saturated(v.mis.known);

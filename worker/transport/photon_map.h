@@ -7,6 +7,7 @@
 #pragma once
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -26,8 +27,11 @@ struct Photon {
   float known = 0, pending = 0;  // MisBlock
   float pending_surface = 0, pending_medium = 0;
   std::uint32_t edges = 0;  // from the light
-  std::uint32_t medium = scene::kNone;
+  // In a medium its index, on a surface the bits of Vertex::arrival: the cosine of wo with the true normal.
+  std::uint32_t medium_or_cosine = scene::kNone;
 
+  std::uint32_t medium() const { return medium_or_cosine; }
+  float cosine() const { return std::bit_cast<float>(medium_or_cosine); }
   MisBlock mis() const {
     return {static_cast<double>(known), static_cast<double>(pending), static_cast<double>(pending_surface),
             static_cast<double>(pending_medium)};
