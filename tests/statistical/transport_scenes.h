@@ -100,8 +100,7 @@ inline constexpr std::array kTransportScenes = {
                    kLight | kPpm | kBpm, "connecting to or merging at such a surface rarely meets its lobe"},
     TransportScene{"index-matched", "refraction that hardly bends", kAll & ~kLight, kPpm,
                    "light sees no delta surface; frosted glass of index 1.01 is nearly delta to merging"},
-    TransportScene{"instances", "squeezed and mirrored copies", kAll, kBpm,
-                   "bpm's pairs near the copies' edges are few, and what the extrapolation adds is noise"},
+    TransportScene{"instances", "squeezed and mirrored copies", kAll, kNone, ""},
 };
 
 }  // namespace candela::statistical
