@@ -243,10 +243,14 @@ std::vector<v1::Event> Farm::events(const std::string& id) {
   return {response.events().begin(), response.events().end()};
 }
 
-void Farm::audit(const std::string& id, std::uint64_t iterations, bool complete) {
+v1::GetLedgerResponse Farm::ledger(const std::string& id) {
   v1::GetLedgerRequest request;
   request.set_job_id(id);
-  const v1::GetLedgerResponse ledger = ask(stub(), &v1::FarmService::Stub::GetLedger, request);
+  return ask(stub(), &v1::FarmService::Stub::GetLedger, request);
+}
+
+void Farm::audit(const std::string& id, std::uint64_t iterations, bool complete) {
+  const v1::GetLedgerResponse ledger = this->ledger(id);
   const v1::JobStatus status = job(id);
   const std::uint64_t chains = status.has_chains() ? status.chains().plan().chains() : 0;
 

@@ -77,6 +77,7 @@ class Farm {
   std::vector<v1::WorkerStatus> workers();
   v1::WorkerStatus worker(const std::string& name);  // by name; an empty status if there is none
   std::vector<v1::Event> events(const std::string& id);
+  v1::GetLedgerResponse ledger(const std::string& id);
 
   // The ledger of units, the film's own ranges and its count of samples must tell one story: no unit twice,
   // no overlap, and with `complete` no gap in `iterations`. Reports through GoogleTest.

@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <csignal>
 #include <cstdio>
 #include <map>
+#include <string_view>
 
 #include "tests/farm/farm.h"
 
@@ -88,6 +90,48 @@ TEST(Consistency, MeanLuminanceIsBdptsForAnyNumberOfWorkers) {
                 (found.mean - truth.mean) / error, 100 * (kBound + 1.4) * error / truth.mean);
     EXPECT_LT(std::abs(found.mean - truth.mean), kBound * error);
     EXPECT_LT((kBound + 1.4) * error, 0.1 * truth.mean) << "or the line above proves little";
+  }
+}
+
+// The share of a job's merged segments that one worker made.
+double share_of(const v1::GetLedgerResponse& ledger, const std::string& worker_id) {
+  double own = 0, all = 0;
+  for (const v1::LedgerRow& row : ledger.merged()) {
+    if (row.unit().kind() != v1::Unit::KIND_SEGMENTS) continue;
+    const auto segments = static_cast<double>(row.unit().end() - row.unit().begin());
+    all += segments;
+    if (row.worker_id() == worker_id) own += segments;
+  }
+  return all > 0 ? own / all : 0;
+}
+
+// Claim: where one worker does nine tenths of the work or more, the image is that of an even split, to the
+// last bit. The other is put to sleep whenever it has done 3 %.
+TEST(Consistency, OneWorkerDoesNearlyAll) {
+  Farm farm;
+  farm.start_master({"--unit-time", "0.05"});
+  Process& lazy = farm.start_worker("lazy");
+  farm.start_worker("eager");
+  ASSERT_TRUE(eventually(kPatienceSeconds, [&] { return farm.workers().size() == 2; }));
+  const std::string lazy_id = farm.worker("lazy").id();
+  for (const char* integrator : {"pssmlt", "mmlt"}) {
+    SCOPED_TRACE(integrator);
+    const std::uint64_t rounds = std::string_view(integrator) == "mmlt" ? 100 : 30;
+    const std::vector<std::string> options = {"--integrator", integrator, "--set", "chains=200"};
+    const std::string id = farm.submit(rounds, "cornell", options);
+    // Units that the sleeper holds are waited for when the other has nothing else to do.
+    EXPECT_TRUE(eventually(kPatienceSeconds, [&] {
+      const bool sleeps = share_of(farm.ledger(id), lazy_id) > 0.03 && farm.worker("eager").state() == "busy";
+      lazy.signal(sleeps ? SIGSTOP : SIGCONT);
+      return farm.job(id).state() == v1::JOB_STATE_DONE;
+    }));
+    lazy.signal(SIGCONT);
+    const double share = share_of(farm.ledger(id), lazy_id);
+    std::printf("%s: one of two workers made %.1f %% of the segments\n", integrator, 100 * share);
+    EXPECT_GT(share, 0);
+    EXPECT_LE(share, 0.1);
+    farm.audit(id, rounds);
+    expect_identical(farm.fetch(id), farm.render(rounds, "cornell", options), "nine tenths by one worker");
   }
 }
 
