@@ -199,12 +199,12 @@ INSTANTIATE_TEST_SUITE_P(
     Scenes, ChainReferences,
     testing::Values(Other{"pssmlt", "cornell-box", 256, 256, 2, 0.05, 0.9, 0.001, true},
                     Other{"mmlt", "cornell-box", 256, 256, 8, 0.05, 0.9, 0.001, false},
-                    Other{"pssmlt", "veach-mis", 256, 144, 8, 0.05, 0.5, 0.0035, true},
+                    Other{"pssmlt", "veach-mis", 256, 144, 24, 0.05, 0.5, 0.0035, true},
                     Other{"mmlt", "veach-mis", 256, 144, 48, 0.05, 0.5, 0.0035, true},
                     Other{"pssmlt", "veach-bidir", 256, 256, 2, 0.05, 0.5, 0.006, true, kLeak},
                     Other{"mmlt", "veach-bidir", 256, 256, 4, 0.05, 0.5, 0.006, true, kLeak},
                     Other{"pssmlt", "veach-ajar", 256, 144, 8, 0.06, 0.4, 0.005, true},
-                    Other{"mmlt", "veach-ajar", 256, 144, 8, 0.06, 0.4, 0.005, true}),
+                    Other{"mmlt", "veach-ajar", 256, 144, 24, 0.06, 0.4, 0.005, true}),
     other_name);
 
 }  // namespace
