@@ -26,6 +26,8 @@ own_scene() { # NAME FILE SIZE ITERATIONS
 }
 own_scene cornell deploy/scenes/cornell/scene.xml 128x128 8192
 own_scene studio deploy/scenes/studio/scene.xml 240x135 4096
+own_scene furnace deploy/scenes/furnace/scene.xml 128x128 4096
+own_scene lamp-over-plane deploy/scenes/lamp-over-plane/scene.xml 192x128 4096
 if [[ -n $shared ]]; then
   shared=$(cd "$shared" && pwd)
   for name in cornell-box veach-mis veach-bidir veach-ajar; do

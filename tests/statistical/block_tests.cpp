@@ -125,7 +125,7 @@ double detectable(const Welch& w, std::size_t values, const BlockTest& test) {
   return test.margin + errors * w.deviation / std::fabs(w.mean_b);
 }
 
-double effort_for(const Rows& rows, const Regions& regions, double target, std::size_t batches,
+double effort_for(const Rows& rows, const Regions& regions, double target, std::size_t batches, double share,
                   const BlockTest& test) {
   const auto n = static_cast<double>(batches);
   const double freedom = n - 1;  // the least Welch can give
@@ -135,7 +135,7 @@ double effort_for(const Rows& rows, const Regions& regions, double target, std::
     const Moments m = moments(rows, value);
     if (m.mean() == 0) continue;
     const double deviation = (target - test.margin) * std::fabs(m.mean()) / errors;
-    effort = std::max(effort, 2 * m.variance() / n / (deviation * deviation));
+    effort = std::max(effort, 1.25 * m.variance() / share / n / (deviation * deviation));
   }
   return effort;
 }

@@ -97,9 +97,10 @@ Verdict compare(const Estimator& tested, const Estimator& reference, const Regio
 // The relative difference of a value that stage one suspects with probability 0.9 among `values` tests.
 double detectable(const Welch& result, std::size_t values, const BlockTest& test);
 
-// How many times more effort than in `rows` brings the value's detectable difference down to `target`, were
-// both estimators to have the standard error of this one. `stages` batches later on. At least 1.
-double effort_for(const Rows& rows, const Regions& regions, double target, std::size_t batches,
+// How many times more effort than in `rows` brings the detectable difference of the noisiest value down to
+// `target`, with `batches` of them, if the squared standard error of this estimator is to be `share` of the
+// difference's; and a quarter more, since the noise of `rows` is itself an estimate. At least 1.
+double effort_for(const Rows& rows, const Regions& regions, double target, std::size_t batches, double share,
                   const BlockTest& test);
 
 }  // namespace candela::statistical

@@ -244,9 +244,11 @@ BlockTestResult block_test(const std::vector<std::vector<float>>& batches,
   std::vector<double> relative_errors;
   for (std::uint32_t by = 0; by < height; by += block) {
     for (std::uint32_t bx = 0; bx < width; bx += block) {
-      if (std::find(options.excluded.begin(), options.excluded.end(), std::pair(bx, by)) !=
-          options.excluded.end())
-        continue;
+      const auto listed = [&](const auto& blocks) {
+        return std::find(blocks.begin(), blocks.end(), std::pair(bx, by)) != blocks.end();
+      };
+      if (listed(options.excluded)) continue;
+      const bool only_brighter = listed(options.only_brighter);
       for (std::uint32_t channel = 0; channel < 3; ++channel) {
         std::vector<double> means(batches.size(), 0.0);
         double expected = 0, expected_variance = 0, pixels = 0;
@@ -285,7 +287,7 @@ BlockTestResult block_test(const std::vector<std::vector<float>>& batches,
           continue;
         }
         ++result.tested;
-        const double difference = mean - expected;
+        const double difference = only_brighter ? std::max(0.0, mean - expected) : mean - expected;
         const double beyond =
             std::max(0.0, std::fabs(difference) - options.allowed_bias * std::fabs(expected));
         const double t = t_statistic(std::copysign(beyond, difference), deviation);
@@ -293,7 +295,7 @@ BlockTestResult block_test(const std::vector<std::vector<float>>& batches,
         const double score = normal_quantile(p / 2);
         chi_squared += score * score;
         relative_errors.push_back(deviation / std::fabs(expected));
-        const double weight = expected * expected / variance;
+        const double weight = only_brighter ? 0 : expected * expected / variance;
         weights += weight;
         weighted += weight * mean / expected;
         for (std::size_t k = 0; k < batches.size(); ++k) ratios[k] += weight * means[k] / expected;

@@ -117,6 +117,9 @@ struct BlockTestOptions {
   double allowed_bias = 0;
   // Blocks whose corner is listed are left out: known faults of the reference.
   std::vector<std::pair<std::uint32_t, std::uint32_t>> excluded;
+  // Blocks where the batches find light too rarely for their spread to say how much they miss: only what is
+  // too bright counts, and the ratio leaves them out.
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> only_brighter = {};
 };
 BlockTestResult block_test(const std::vector<std::vector<float>>& batches,
                            const std::vector<float>& reference, const std::vector<float>& reference_stderr,

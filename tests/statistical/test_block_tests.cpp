@@ -136,6 +136,32 @@ TEST(BlockTests, PowerIsAsStated) {
   }
 }
 
+// Claim: the nightly form's planning. Of a small run of either estimator effort_for makes the efforts by
+// which a bias of `target` in one block is found with probability 0.9, and does not ask for far too much.
+TEST(BlockTests, EffortIsEnoughForTheTarget) {
+  constexpr std::size_t kTrials = 400, kBatches = 32;
+  constexpr double kTarget = 0.005, kShare = 0.8;
+  BlockTest test;
+  test.margin = 0.001;
+  std::size_t found = 0;
+  double detectables = 0;
+  for (std::size_t trial = 0; trial < kTrials; ++trial) {
+    const auto effort = [&](const Estimator& small, double share) {
+      return effort_for(small.rows(0, 1), kRegions, kTarget, kBatches, share, test);
+    };
+    test.effort = effort(made_up(4 * trial + 1, 0.1, 0, 0, 12), kShare);
+    test.effort_reference = effort(made_up(4 * trial + 2, 0.02, 0, 0, 12), 1 - kShare);
+    const Verdict verdict = compare(made_up(4 * trial + 3, 0.1, 0, kTarget, kBatches),
+                                    made_up(4 * trial + 4, 0.02, 0, 0, kBatches), kRegions, test);
+    found += !verdict.agree;
+    detectables += verdict.detectable_median / kTrials;
+  }
+  std::printf("a bias of %.3f found in %zu of %zu; detectable in the median block %.4f\n", kTarget, found,
+              kTrials, detectables);
+  EXPECT_GE(static_cast<double>(found), lower_bound(kTrials, 0.9));
+  EXPECT_GT(detectables, 0.6 * kTarget);
+}
+
 const char* const kScene =
     R"(<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="5"/></integrator>
     <sensor type="perspective"><float name="fov" value="45"/>
