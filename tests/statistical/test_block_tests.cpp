@@ -109,6 +109,33 @@ TEST(BlockTests, TheRatioKnowsItsError) {
   }
 }
 
+// Claim: of blocks where batches are known to miss light, only what is too bright counts, and the ratio
+// leaves them out; of the others both.
+TEST(BlockTests, OnlyWhatIsTooBright) {
+  constexpr std::uint32_t kExtent = 16, kBlock = 8;
+  const std::vector<float> reference(std::size_t{kExtent} * kExtent * 3, 1.0f);
+  const auto result = [&](float left_top, bool only_brighter) {
+    std::vector<std::vector<float>> batches;
+    for (std::uint64_t k = 0; k < 16; ++k) {
+      rng::Stream stream(k);
+      batches.push_back(reference);
+      for (std::size_t i = 0; i < reference.size(); ++i) {
+        const std::size_t pixel = i / 3;
+        const bool in_block = pixel % kExtent < kBlock && pixel / kExtent < kBlock;
+        batches.back()[i] = (in_block ? left_top : 1.0f) * (0.95f + 0.1f * stream.next_float());
+      }
+    }
+    BlockTestOptions options;
+    options.block = kBlock;
+    if (only_brighter) options.only_brighter = {{0, 0}};
+    return block_test(batches, reference, {}, kExtent, kExtent, options);
+  };
+  EXPECT_LT(result(0.9f, false).adjusted_p, 1e-6);
+  EXPECT_GT(result(0.9f, true).adjusted_p, 1e-3);
+  EXPECT_NEAR(result(0.9f, true).ratio, 1, 0.005);
+  EXPECT_LT(result(1.1f, true).adjusted_p, 1e-6);
+}
+
 // Claim: a bias as large as `detectable` says is found with probability 0.9, and one of a third of it, or one
 // that the margin allows, hardly ever.
 TEST(BlockTests, PowerIsAsStated) {
