@@ -1,5 +1,10 @@
 // The plan says what a kernel leaves out, and why.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
+
+#include <cmath>
+#include <stdexcept>
+#include <tuple>
 
 #include "tests/unit/scene_fixture.h"
 #include "tests/unit/volume_file.h"
@@ -8,19 +13,26 @@
 namespace candela::render {
 namespace {
 
-std::string plan_of(const std::string& body) {
+std::unique_ptr<Renderer> renderer_of(const std::string& body, const std::string& integrator,
+                                      const SettingsMap& chosen) {
   const test::TextFiles files(
       {{"scene.xml", "<scene version=\"3.0.0\"><integrator type=\"path\"/><sensor type=\"perspective\"/>" +
                          body + "</scene>"},
        {"v.vol", test::volume_file({1, 1, 1}, 1, {1})}});
-  const auto settings = complete_integrator_settings("path", {}, {});
+  const auto settings = complete_integrator_settings(integrator, {}, chosen);
   EXPECT_TRUE(settings.ok());
   JobSettings job;
+  job.integrator = integrator;
   job.width = job.height = 4;
   job.integrator_settings = *settings;
-  const auto renderer = Renderer::create(files, "scene.xml", {}, job, 1);
-  EXPECT_TRUE(renderer.ok()) << renderer.error().to_string();
-  return renderer.ok() ? (*renderer)->plan_text() : std::string();
+  auto renderer = Renderer::create(files, "scene.xml", {}, job, 1);
+  if (!renderer.ok()) throw std::runtime_error(renderer.error().to_string());
+  return std::move(*renderer);
+}
+
+std::string plan_of(const std::string& body, const std::string& integrator = "path",
+                    const SettingsMap& chosen = {}) {
+  return renderer_of(body, integrator, chosen)->plan_text();
 }
 
 bool says(const std::string& plan, const std::string& line) {
@@ -57,6 +69,100 @@ TEST(IntegratorPlan, LeavesOutMediaAndStraightPasses) {
       says(cloud, "use  media: free flights by delta tracking, transmittance by residual ratio tracking"))
       << cloud;
   EXPECT_TRUE(says(cloud, "media: 1, not all homogeneous")) << cloud;
+}
+
+// A fog of one mean free path a unit in null walls, under a sky.
+std::string fog(double size, double albedo, double mean_cosine = 0) {
+  return fmt::format(
+      "<emitter type=\"constant\"/><shape type=\"cube\"><transform name=\"to_world\"><scale "
+      "value=\"{}\"/></transform><bsdf type=\"null\"/><medium name=\"interior\" type=\"homogeneous\">"
+      "<rgb name=\"albedo\" value=\"{}\"/><phase type=\"hg\"><float name=\"g\" "
+      "value=\"{}\"/></phase></medium></shape>",
+      size / 2, albedo, mean_cosine);
+}
+
+constexpr std::string_view kNote = "note media: up to ";
+
+// Claim: whoever's walks roulette ends in a thick white medium says so, and nobody else does, nor where it
+// does not matter.
+TEST(IntegratorPlan, NotesMediaInWhichRouletteHurts) {
+  for (const char* integrator : {"light", "bdpt", "ppm", "bpm", "vcm", "pssmlt"}) {
+    SCOPED_TRACE(integrator);
+    const std::string thick = plan_of(fog(100, 1), integrator);
+    EXPECT_NE(thick.find("note media: up to 100 mean free paths across"), std::string::npos) << thick;
+    EXPECT_NE(plan_of(fog(100, 1), integrator, {{"plan", "full"}}).find(kNote), std::string::npos);
+    EXPECT_EQ(plan_of(fog(100, 1), integrator, {{"max_depth", "30"}}).find(kNote), std::string::npos);
+    EXPECT_EQ(plan_of(fog(100, 0.9), integrator).find(kNote), std::string::npos);
+    EXPECT_EQ(plan_of(fog(5, 1), integrator).find(kNote), std::string::npos);
+    EXPECT_NE(plan_of(fog(20, 1), integrator).find(kNote), std::string::npos);
+  }
+  EXPECT_EQ(plan_of(fog(100, 1)).find(kNote), std::string::npos);
+  EXPECT_EQ(plan_of(fog(100, 1), "pssmlt", {{"over", "path"}}).find(kNote), std::string::npos);
+}
+
+// Claim: the medium's box is that of the shapes around it, flat ones together, and the scene's where the
+// medium lies outside them.
+TEST(IntegratorPlan, LastingMediaFillTheirShapes) {
+  const auto thickness = [](const std::string& body) {
+    return static_cast<double>(
+        renderer_of("<emitter type=\"constant\"/>" + body, "bdpt", {})->features()->lasting_thickness);
+  };
+  const std::string medium = "<bsdf type=\"null\"/><medium name=\"{}\" type=\"homogeneous\"/>";
+  const auto shape = [&](const char* plugin, const char* side, const char* transform) {
+    return fmt::format("<shape type=\"{}\"><transform name=\"to_world\">{}</transform>{}</shape>", plugin,
+                       transform, fmt::format(fmt::runtime(medium), side));
+  };
+  const std::string ball = shape("sphere", "interior", "<scale value=\"3\"/><translate x=\"50\"/>");
+  EXPECT_NEAR(thickness(ball), 6, 1e-5);
+  EXPECT_NEAR(thickness(ball + shape("sphere", "interior", "<scale value=\"4\"/>")), 8, 1e-5);
+  EXPECT_NEAR(thickness(shape("sphere", "exterior", "") + "<shape type=\"cube\"><transform "
+                                                          "name=\"to_world\"><scale value=\"9\"/>"
+                                                          "</transform></shape>"),
+              18, 1e-4);
+  // Floor and ceiling of a tank share one medium object.
+  const std::string tank =
+      "<medium type=\"homogeneous\" id=\"water\"/>" +
+      fmt::format(
+          "<shape type=\"rectangle\"><bsdf type=\"null\"/><transform name=\"to_world\"><scale "
+          "value=\"10\"/></transform><ref id=\"water\" name=\"interior\"/></shape>"
+          "<shape type=\"rectangle\"><bsdf type=\"null\"/><transform name=\"to_world\"><scale "
+          "value=\"10\"/><translate z=\"-7\"/></transform><ref id=\"water\" "
+          "name=\"interior\"/></shape>");
+  EXPECT_NEAR(thickness(tank + "<shape type=\"sphere\"><transform name=\"to_world\"><scale value=\"30\"/>"
+                               "</transform></shape>"),
+              7, 1e-5);
+}
+
+// Claim: of a long walk in a box so much is left after each scattering, to a tenth of what is lost, to a
+// quarter where scattering goes forward.
+TEST(IntegratorPlan, LastingFractionIsThatOfWalks) {
+  for (const auto& [size, mean_cosine, from, to, error] :
+       {std::tuple{10.0, 0.0, 15, 40, 0.1}, std::tuple{4.0, 0.0, 6, 14, 0.1},
+        std::tuple{20.0, 0.7, 30, 90, 0.25}}) {
+    SCOPED_TRACE(fmt::format("{} mean free paths, g = {}", size, mean_cosine));
+    const auto phase = scene::Phase::henyey_greenstein(static_cast<float>(mean_cosine));
+    rng::Stream stream(rng::key(7, 1));
+    int early = 0, late = 0;
+    for (int walk = 0; walk < 40'000; ++walk) {
+      Vec3 p{0, 0, 0}, d = test::uniform_direction(stream);
+      const float half = static_cast<float>(size / 2);
+      for (int n = 0; n < to; ++n) {
+        p = p + d * -std::log(1 - stream.next_float());
+        if (std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) > half) break;
+        if (n + 1 == from) ++early;
+        if (n + 1 == to) ++late;
+        Vec3 next;
+        const float u = stream.next_float();
+        phase.sample(-d, {u, stream.next_float()}, next);
+        d = next;
+      }
+    }
+    ASSERT_GT(late, 300);
+    const double measured = -std::log(static_cast<double>(late) / early) / (to - from);
+    const double said = -std::log(static_cast<double>(
+        renderer_of(fog(size, 1, mean_cosine), "bdpt", {})->features()->lasting_fraction));
+    EXPECT_NEAR(said / measured, 1, error) << said << " for " << measured;
+  }
 }
 
 }  // namespace

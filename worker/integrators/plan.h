@@ -1,6 +1,7 @@
 // What an integrator will do with a scene, and what it leaves out, each with the reason (law 5).
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -8,18 +9,23 @@
 namespace candela::integrators {
 
 struct PlanItem {
+  enum class Kind : std::uint8_t { use, skip, note };
+  Kind kind = Kind::use;
   std::string technique;
-  bool used = false;
   std::string reason;
 };
 
 struct Plan {
   std::vector<PlanItem> items;
   void use(std::string technique, std::string reason) {
-    items.push_back({std::move(technique), true, std::move(reason)});
+    items.push_back({PlanItem::Kind::use, std::move(technique), std::move(reason)});
   }
   void skip(std::string technique, std::string reason) {
-    items.push_back({std::move(technique), false, std::move(reason)});
+    items.push_back({PlanItem::Kind::skip, std::move(technique), std::move(reason)});
+  }
+  // What the user should know before trusting the image.
+  void note(std::string subject, std::string warning) {
+    items.push_back({PlanItem::Kind::note, std::move(subject), std::move(warning)});
   }
   std::string to_text() const;
 };

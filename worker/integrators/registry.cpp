@@ -1,3 +1,6 @@
+#include <array>
+#include <string_view>
+
 #include "common/description/vocabulary.h"
 #include "worker/integrators/bdpt/bdpt.h"
 #include "worker/integrators/integrator.h"
@@ -59,8 +62,11 @@ Result<void> ChainIntegrator::run(const UnitContext& /*context*/, const Unit& /*
 
 std::string Plan::to_text() const {
   std::string text;
-  for (const PlanItem& item : items)
-    text += (item.used ? "use  " : "skip ") + item.technique + ": " + item.reason + '\n';
+  constexpr std::array<std::string_view, 3> kKinds = {"use  ", "skip ", "note "};  // PlanItem::Kind
+  for (const PlanItem& item : items) {
+    text += kKinds[static_cast<std::size_t>(item.kind)];
+    text += item.technique + ": " + item.reason + '\n';
+  }
   return text;
 }
 

@@ -29,6 +29,9 @@ struct SceneFeatures {
   std::uint32_t media = 0;
   bool any_scattering_medium = false;
   bool any_heterogeneous_medium = false;
+  // Of the medium in which light scatters longest: the fraction of a walk's second moment that is left after
+  // one more scattering, and what it is across in mean free paths (lasting_medium.h).
+  float lasting_fraction = 0, lasting_thickness = 0;
   bool any_black_bsdf = false;  // absorbs all: paths end there
   bool any_two_sided = false;
   bool finite_lens = false;  // camera rays depend on a point on the lens

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "common/base/log.h"
+#include "worker/scene/lasting_medium.h"
 #include "worker/scene/transform.h"
 
 namespace candela::scene {
@@ -314,6 +315,9 @@ void SceneBuilder::finish_features() {
         media_[i].max_albedo().max_component() > 0 && media_[i].max_sigma_t().max_component() > 0;
     features_.any_heterogeneous_medium |= !media_[i].homogeneous();
   }
+  const LastingMedium lasting = most_lasting_medium(media_, geometry_);
+  features_.lasting_fraction = static_cast<float>(lasting.fraction);
+  features_.lasting_thickness = static_cast<float>(lasting.thickness);
   features_.radius = static_cast<float>(geometry_.bounds.radius());
 }
 

@@ -7,6 +7,7 @@
 #include "worker/integrators/bdpt/plan.h"
 #include "worker/integrators/bidirectional/eye_radiance.h"
 #include "worker/integrators/eye_samples.h"
+#include "worker/integrators/plan_walks.h"
 
 namespace candela::integrators {
 namespace {
@@ -92,6 +93,7 @@ class BdptIntegrator final : public Integrator {
                         : settings.heuristic.value == "maximum" ? MisHeuristic::maximum
                                                                 : MisHeuristic::cutoff;
     const bdpt::Planned planned = bdpt::plan(limits_, features, settings.plan.value == "full", plan_);
+    note_lasting_media(features, limits_.max_depth, limits_.rr_depth, plan_);
     techniques_ = planned.techniques;
     between_ = planned.between;
     const std::string& layers = settings.layers.value;

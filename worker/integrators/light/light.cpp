@@ -4,6 +4,7 @@
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/light_paths.h"
 #include "worker/integrators/plan_between.h"
+#include "worker/integrators/plan_walks.h"
 #include "worker/transport/splat.h"
 
 namespace candela::integrators {
@@ -142,6 +143,7 @@ void LightIntegrator::make_plan(const LightSettings& settings, const scene::Scen
   if (kernel_.max_depth < 2) kernel_.light_image = kernel_.hit_lens = false;
   if (kernel_.hide_emitters) kernel_.eye_rays = false;
   if (features.emitters == 0) kernel_.light_image = kernel_.hit_lens = false;
+  note_lasting_media(features, kernel_.max_depth, kernel_.rr_depth, plan_);
   if (settings.plan.value == "full") {
     plan_.use("everything", "plan=full");
     return;

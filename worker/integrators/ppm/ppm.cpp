@@ -3,6 +3,7 @@
 #include "worker/integrators/bidirectional/eye_radiance.h"
 #include "worker/integrators/merging/iterations.h"
 #include "worker/integrators/plan_between.h"
+#include "worker/integrators/plan_walks.h"
 #include "worker/transport/emission.h"
 
 namespace candela::integrators {
@@ -137,6 +138,7 @@ void PpmIntegrator::make_plan(const PpmSettings& settings, const scene::SceneFea
     plan_.skip("everything", "no surface is specular: there are no caustics");
     return;
   }
+  note_lasting_media(features, kernel_.max_depth, kernel_.rr_depth, plan_);
   if (settings.common.plan.value == "full") {
     plan_.use("everything", "plan=full");
     return;

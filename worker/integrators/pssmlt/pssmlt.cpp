@@ -5,6 +5,7 @@
 #include "worker/integrators/markov/markov.h"
 #include "worker/integrators/path/plan.h"
 #include "worker/integrators/plan_between.h"
+#include "worker/integrators/plan_walks.h"
 #include "worker/integrators/pssmlt/targets.h"
 
 namespace candela::integrators {
@@ -28,6 +29,7 @@ class PssmltIntegrator final : public MarkovIntegrator {
       bdpt_limits_ = {most_edges(), rr_depth, least_edges(), choose_emitter,
                       transport::MisHeuristic::balance};
       bdpt_ = bdpt::plan(bdpt_limits_, features, full, plan_);
+      note_lasting_media(features, most_edges(), rr_depth, plan_);
     }
   }
 

@@ -1,6 +1,7 @@
 #include "worker/integrators/vcm/plan.h"
 
 #include "worker/integrators/plan_between.h"
+#include "worker/integrators/plan_walks.h"
 
 namespace candela::integrators::vcm {
 namespace {
@@ -43,6 +44,7 @@ Planned make_plan(const Techniques& wanted, const Limits& limits, bool full,
     return planned;
   }
   if (limits.max_depth < 3) t.connect = false;
+  note_lasting_media(features, limits.max_depth, limits.rr_depth, plan);
   if (full) {
     plan.use("everything", "plan=full");
     t.light_paths = t.needs_light_paths();

@@ -29,7 +29,10 @@ class Media {
     return dot(d, hit.ng) > 0 ? sides.exterior : sides.interior;
   }
 
-  // Before the surface; kNone too where there is no interface.
+  // Behind the surface, and before it; kNone too where there is no interface.
+  std::uint32_t interior(std::uint32_t medium_interface) const {
+    return medium_interface == kNone ? kNone : interfaces_[medium_interface].interior;
+  }
   std::uint32_t exterior(std::uint32_t medium_interface) const {
     return medium_interface == kNone ? kNone : interfaces_[medium_interface].exterior;
   }

@@ -1,0 +1,26 @@
+#include "worker/integrators/plan_walks.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "worker/core/math.h"
+#include "worker/transport/walk.h"
+
+namespace candela::integrators {
+
+void note_lasting_media(const scene::SceneFeatures& features, std::uint32_t max_depth, std::uint32_t rr_depth,
+                        Plan& plan) {
+  const double each =
+      static_cast<double>(features.lasting_fraction) / static_cast<double>(transport::kLongestSurvival);
+  if (features.emitters == 0 || max_depth <= rr_depth || each <= 1) return;
+  const double scatterings = std::min<double>(max_depth - rr_depth, 10'000);
+  if (!(math::pow(each, scatterings) > 10)) return;
+  plan.note(
+      "media",
+      fmt::format("up to {:.3g} mean free paths across that absorb next to nothing: Russian roulette "
+                  "makes this integrator noisy there, and mostly too dark; path does not suffer from it",
+                  static_cast<double>(features.lasting_thickness)));
+}
+
+}  // namespace candela::integrators
