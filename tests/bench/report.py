@@ -12,6 +12,7 @@ try:
     import numpy as np
     import matplotlib
     matplotlib.use("Agg")
+    matplotlib.rcParams["text.parse_math"] = False  # names are not formulas
     from matplotlib import pyplot
 except ImportError as missing:
     sys.exit(f"report.py: error: {missing.name} is missing (Debian: python3-numpy python3-matplotlib)")
@@ -27,8 +28,10 @@ TITLES = {"relmse": "relMSE", "relmse_trimmed": "relMSE, worst 0.1 % of pixels l
 TIMES = {"cpu_seconds": "CPU seconds", "wall_seconds": "seconds", "units": "iterations"}
 NUMBERS = ("seed", "units", "cpu_seconds", "wall_seconds", "reference_factor", "reference_relmse", "own_relmse",
            "rays", "eye_samples", "light_paths", "deltas", "delta_bytes", "peak_memory_bytes") + FIGURES
-NEEDED = ("scene", "variant", "integrator", "truth", "command", "version", "build_id", "cpu", "cores",
-          "memory_bytes", "load_at_start", "started") + NUMBERS
+ALWAYS = ("seed", "units", "cpu_seconds", "wall_seconds")  # of the numbers those that no row can be without
+ONE_OF_ALL = ("integrator", "settings", "threads", "width", "height", "scene_hash", "reference_hash")  # of a curve
+NEEDED = ("scene", "variant", "truth", "command", "run", "version", "build_id", "cpu", "cores",
+          "memory_bytes", "load_at_start", "started") + ONE_OF_ALL + NUMBERS
 
 
 class BadInput(Exception):
@@ -47,7 +50,7 @@ def number(text, file, line, column):
 def read_csv(file, needed):
     """Lines of a CSV file as dictionaries, each with '_where' for messages."""
     try:
-        with open(file, newline="", encoding="utf-8") as stream:
+        with open(file, newline="", encoding="utf-8-sig") as stream:  # spreadsheets write a byte order mark
             reader = csv.DictReader(stream, strict=True)
             missing = [c for c in needed if c not in (reader.fieldnames or [])]
             if missing:
@@ -76,17 +79,52 @@ def read_rows(sources):
             if row["truth"] not in ("good", "noisy", "unknown"):
                 raise BadInput(f"{row['_where'][0]}:{row['_where'][1]}: '{row['truth']}' in column truth is none "
                                "of good, noisy, unknown")
+            for column in ALWAYS:
+                if not (math.isfinite(row[column]) and row[column] >= 0):
+                    raise BadInput(f"{row['_where'][0]}:{row['_where'][1]}: column {column} must be a number, "
+                                   "not below 0")
             row["_folder"] = os.path.dirname(file)
             row["_source"] = source
             rows.append(row)
     if not rows:
         raise BadInput(f"{sources[0]}: no rows")
+    names = source_names(sources)
     for key in {(r["scene"], r["variant"]) for r in rows}:
         mine = [r for r in rows if (r["scene"], r["variant"]) == key]
         if len({r["_source"] for r in mine}) > 1:
             for row in mine:
-                row["variant"] += " of " + (os.path.basename(row["_source"].rstrip("/")) or row["_source"])
+                row["variant"] += " of " + names[row["_source"]]
+    one_run_a_curve(rows)
     return rows
+
+
+def source_names(sources):
+    """What tells the sources apart: their last folders, as few as that takes."""
+    if len(set(map(os.path.abspath, sources))) < len(sources):
+        raise BadInput("the same rows are given twice")
+    for depth in range(1, 64):
+        names = {s: "/".join(os.path.abspath(s).split(os.sep)[-depth:]) for s in sources}
+        if len(set(names.values())) == len(sources):
+            break
+    return names
+
+
+def one_run_a_curve(rows):
+    """Refuses rows of which a curve would be made of several experiments."""
+    first, seen = {}, {}
+    for row in rows:
+        here = f"{row['_where'][0]}:{row['_where'][1]}"
+        curve = (row["scene"], row["variant"])
+        other = first.setdefault(curve, row)
+        for column in ONE_OF_ALL:
+            if row[column] != other[column]:
+                raise BadInput(f"{here}: {row['variant']} on {row['scene']} has another {column} than in line "
+                               f"{other['_where'][1]}: give one of them another name")
+        point = curve + (row["seed"], row["units"])
+        if point in seen:
+            raise BadInput(f"{here}: the row of {row['variant']} on {row['scene']}, seed {row['seed']:.0f}, after "
+                           f"{row['units']:.0f} units stands in line {seen[point]}, too")
+        seen[point] = row["_where"][1]
 
 
 def read_peers(file):
@@ -94,8 +132,8 @@ def read_peers(file):
     for peer in peers:
         for column in ("seconds", "error"):
             peer[column] = number(peer[column], *peer["_where"], column)
-            if not peer[column] > 0:
-                raise BadInput(f"{file}:{peer['_where'][1]}: {column} must be above 0")
+            if not (peer[column] > 0 and math.isfinite(peer[column])):
+                raise BadInput(f"{file}:{peer['_where'][1]}: {column} must be above 0, and finite")
         peer["figure"] = peer.get("figure") or "relmse"
         if peer["figure"] not in FIGURES:
             raise BadInput(f"{file}:{peer['_where'][1]}: unknown figure '{peer['figure']}' "
@@ -114,6 +152,8 @@ class Curves:
     def __init__(self, rows, figure, time):
         self.good, self.noisy, self.unknown = {}, {}, set()
         for row in sorted(rows, key=lambda r: r["units"]):
+            if not row[figure] > 0:  # nothing that a logarithm could show, or not known
+                continue
             into = self.noisy if row["truth"] == "noisy" else self.good
             if row["truth"] == "unknown":
                 self.unknown.add(row["variant"])
@@ -133,6 +173,8 @@ def picture(name, figure):
 
 
 def plot(scene, variants, curves, peers, figure, time, colours):
+    if not curves.good and not curves.noisy:
+        return Note(f"{TITLES[figure]}: no row has one above 0.")
     drawing, axes = pyplot.subplots(figsize=(7, 4.6))
     for variant in variants:
         colour = colours[variant]
@@ -240,12 +282,8 @@ def error_images(scene, rows, variants):
         mine = [r for r in rows if r["variant"] == variant]
         seed = min(r["seed"] for r in mine)
         last = max((r for r in mine if r["seed"] == seed), key=lambda r: r["units"])
-        reference = read_image(last["_folder"], "reference-" + scene) if reference is None else reference
-        names = os.path.join(last["_folder"], "images")
-        name = safe(f"{scene}-{variant_name(last)}-{int(seed)}")
-        found = [f[:-4] for f in (sorted(os.listdir(names)) if os.path.isdir(names) else [])
-                 if f.startswith(name + "-") and len(f) == len(name) + 17]
-        image = read_image(last["_folder"], found[0]) if found else None
+        reference = read_image(last["_folder"], "reference-" + safe(scene)) if reference is None else reference
+        image = read_image(last["_folder"], last["run"])
         if image is not None and reference is not None and image.shape == reference.shape:
             pictures.append((f"{variant}: {last['units']:.0f} iterations, {last['cpu_seconds']:.3g} s", image))
     if reference is None or not pictures:
@@ -271,14 +309,8 @@ def error_images(scene, rows, variants):
 
 
 def safe(text):
-    """File names as candela-bench makes them of names."""
-    return "".join(c if (c.isascii() and c.isalnum()) or c in "-." else "_" for c in text)
-
-
-def variant_name(row):
-    """The variant's name as its run knows it."""
-    suffix = " of " + (os.path.basename(row["_source"].rstrip("/")) or row["_source"])
-    return row["variant"][:-len(suffix)] if row["variant"].endswith(suffix) else row["variant"]
+    """File names as candela-bench makes them of names, by bytes."""
+    return "".join(chr(b) if b < 128 and (chr(b).isalnum() or chr(b) in "-.") else "_" for b in text.encode())
 
 
 def costs(rows, variants):
@@ -369,6 +401,13 @@ def main():
                 raise BadInput(f"--figures: unknown '{figure}' (there is {', '.join(FIGURES)})")
         rows = read_rows(options.rows)
         peers = read_peers(options.peers) if options.peers else []
+        scenes = in_order(r["scene"] for r in rows)
+        if options.markdown and len(set(map(safe, scenes))) < len(scenes):
+            raise BadInput("--markdown: the pictures of two scenes would have one name "
+                           f"(there is {', '.join(scenes)})")
+        for scene in in_order(p["scene"] for p in peers):
+            if scene not in scenes:
+                print(f"report.py: warning: {options.peers}: no rows of scene '{scene}'", file=sys.stderr)
         if options.baseline and all(r["variant"] != options.baseline for r in rows):
             raise BadInput(f"--baseline: no variant '{options.baseline}' "
                            f"(there is {', '.join(in_order(r['variant'] for r in rows))})")

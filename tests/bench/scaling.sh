@@ -14,6 +14,9 @@ iterations=${4:-192}
 rounds=${5:-3}
 options=("${@:6}")
 
+for program in candela candela-master candela-worker; do
+  [[ -x $bin/$program ]] || { echo "scaling.sh: error: $bin/$program is missing: build it, or name its folder" >&2; exit 2; }
+done
 work=$(mktemp -d)
 pids=()
 stop_all() {
@@ -40,7 +43,11 @@ run() {
     "$bin/candela-worker" --master "$address" --cache "$data/cache$i" --threads "$threads" --log-level error &
     pids+=($!)
   done
-  until [[ $("$bin/candela" workers --json | grep -c '"id"') == "$workers" ]]; do sleep 0.1; done
+  for _ in $(seq 300); do
+    [[ $("$bin/candela" workers --json | grep -c '"id"') == "$workers" ]] && break
+    sleep 0.1
+  done
+  [[ $("$bin/candela" workers --json | grep -c '"id"') == "$workers" ]] || { stop_all; echo "scaling.sh: error: the workers do not come" >&2; exit 1; }
   local begin end
   begin=$(date +%s.%N)
   "$bin/candela" submit "$scene" --size "$size" --iterations "$iterations" --seed 1 --wait "${options[@]}" >/dev/null 2>&1

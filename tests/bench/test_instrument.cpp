@@ -162,6 +162,56 @@ TEST(Instrument, GoesOnWhereRowsAreMissing) {
             figures_of(run_all(runs, iterations(256), known(0.3, 0.01), flat_reference(0), nullptr)));
 }
 
+// Rows are judged by the factor that is asked for last, finished runs too.
+TEST(Instrument, JudgesKeptRowsAgain) {
+  const test::TemporaryFolder folder;
+  const Store store = open_store(folder.path());
+  const auto truths = [&](double factor) {
+    Schedule schedule = iterations(64);
+    schedule.reference_factor = factor;
+    (void)run_all({a_run(1)}, schedule, known(0.3, 0.01), flat_reference(0.01), &store);
+    const auto kept = store.read(a_run(1));
+    if (!kept.ok()) throw std::runtime_error(kept.error().to_string());
+    std::string first_letters;
+    for (const Row& row : kept->rows) first_letters += row.truth[0];
+    return first_letters;
+  };
+  // The factor is about 1 + 900 / N.
+  EXPECT_EQ(truths(10), "ggggggg");
+  EXPECT_EQ(truths(100), "ggggnnn");
+  ASSERT_TRUE(store.collect().ok());
+  EXPECT_THAT(*read_file(folder.path() / "rows.csv", 1 << 20), HasSubstr("--reference-factor 100"));
+  EXPECT_EQ(truths(10), "ggggggg");
+}
+
+TEST(Instrument, RefusesAnotherRunOfOneName) {
+  const test::TemporaryFolder folder;
+  const Store store = open_store(folder.path());
+  (void)run_all({a_run(1)}, iterations(4), known(0.3, 0), flat_reference(0), &store);
+  EXPECT_TRUE(store.check_names({a_run(1), a_run(2), a_run(1, "b")}).ok());
+  for (const auto change : std::vector<void (*)(RunSpec&)>{
+           [](RunSpec& run) { run.job.integrator_settings["max_depth"] = "12"; },
+           [](RunSpec& run) { run.threads = 2; }, [](RunSpec& run) { run.scene_hash = "another"; },
+           [](RunSpec& run) { run.reference_hash = "another"; }}) {
+    RunSpec other = a_run(1);
+    change(other);
+    const auto refused = store.check_names({a_run(2), other});
+    ASSERT_FALSE(refused.ok());
+    EXPECT_THAT(refused.error().to_string(), HasSubstr("rows of nothing with known and seed 1"));
+    other.job.seed = 2;
+    EXPECT_TRUE(store.check_names({other}).ok());
+  }
+}
+
+TEST(Instrument, OneProcessAFolder) {
+  const test::TemporaryFolder folder;
+  const Store store = open_store(folder.path());
+  EXPECT_TRUE(store.lock().ok());
+  const auto refused = store.lock();
+  ASSERT_FALSE(refused.ok());
+  EXPECT_THAT(refused.error().to_string(), HasSubstr("another candela-bench works in this folder"));
+}
+
 TEST(Instrument, RefusesRowsOfAnotherBuild) {
   const test::TemporaryFolder folder;
   const Store store = open_store(folder.path());

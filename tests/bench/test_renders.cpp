@@ -87,6 +87,99 @@ TEST(Lists, MakeRunsOfAllCombinations) {
   EXPECT_EQ(single->runs[0].scene_hash, work->runs[1].scene_hash);
 }
 
+// A list of one scene, and two variants of which one has a comma in its name.
+RunOptions small_list(const fs::path& folder, const std::string& more = "") {
+  const auto exr = image::encode_exr(16, 8, std::vector<float>(16 * 8 * 3, 1), {});
+  if (!exr.ok() || !write_file_atomically(folder / "truth.exr", *exr).ok())
+    throw std::runtime_error("no reference");
+  std::ofstream(folder / "list.toml")
+      << "iterations = 4\n[[scene]]\nreference = \"truth.exr\"\nfile = \"" << kScene
+      << "\"\n[[run]]\nintegrator = \"path\"\n[[run]]\nintegrator = \"bdpt\"\n"
+         "name = \"bdpt, short\"\nset = { max_depth = 2 }\n"
+      << more;
+  RunOptions options;
+  options.list = (folder / "list.toml").string();
+  return options;
+}
+
+TEST(Lists, NamesWithCommasAndSeveralInOneWord) {
+  const test::TemporaryFolder folder;
+  RunOptions options = small_list(folder.path());
+  const auto chosen = [&](std::vector<std::string> names) {
+    options.integrators = std::move(names);
+    const auto work = prepare(options);
+    return work.ok() ? work->runs.size() : 0;
+  };
+  EXPECT_EQ(chosen({"bdpt, short"}), 1U);
+  EXPECT_EQ(chosen({"path,bdpt"}), 2U);
+  EXPECT_EQ(chosen({"path", "bdpt, short"}), 2U);
+  EXPECT_EQ(chosen({"path,vcm"}), 0U);
+
+  // Without a list, where a path may have one.
+  fs::create_directories(folder.path() / "a,b");
+  fs::copy_file(kScene, folder.path() / "a,b" / "scene.xml");
+  RunOptions one;
+  one.scenes = {(folder.path() / "a,b" / "scene.xml").string()};
+  one.reference = (folder.path() / "truth.exr").string();
+  one.integrators = {"path,light"};
+  one.iterations = 4;
+  const auto work = prepare(one);
+  ASSERT_TRUE(work.ok()) << work.error().to_string();
+  EXPECT_EQ(work->runs.size(), 2U);
+  EXPECT_EQ(work->runs[0].scene, "a,b");
+}
+
+TEST(Lists, NamesThatFilesCannotTellApart) {
+  const test::TemporaryFolder folder;
+  const auto error_with = [&](const std::string& more) {
+    const auto work = prepare(small_list(folder.path(), more));
+    return work.ok() ? "" : work.error().to_string();
+  };
+  const std::string another = "[[scene]]\nreference = \"truth.exr\"\nfile = \"" + kScene + "\"\nname = ";
+  EXPECT_EQ(error_with(another + "\"b\"\n"), "");
+  EXPECT_THAT(error_with(another + "\"cornell\"\n"), HasSubstr("one in names of files"));
+  EXPECT_THAT(error_with(another + "\"a b\"\n" + another + "\"a_b\"\n"), HasSubstr("one in names of files"));
+  EXPECT_THAT(error_with(another + "\"\"\n"), HasSubstr("a name is empty"));
+  EXPECT_EQ(file_name_of("../a-b \xc3\xa9"), ".._a-b___");
+}
+
+// What is wrong with a reference is said before anything is rendered.
+TEST(Lists, ReferencesAreReadAtOnce) {
+  const test::TemporaryFolder folder;
+  RunOptions options = small_list(folder.path());
+  const auto first = prepare(options);
+  ASSERT_TRUE(first.ok()) << first.error().to_string();
+  std::vector<float> rgb(16 * 8 * 3, 1);
+  const auto replace = [&](const char* name, float value) {
+    rgb[7] = value;
+    const auto exr = image::encode_exr(16, 8, rgb, {});
+    ASSERT_TRUE(exr.ok() && write_file_atomically(folder.path() / name, *exr).ok());
+  };
+  // Its content is part of what a run is.
+  replace("truth.exr", 2);
+  const auto other = prepare(options);
+  ASSERT_TRUE(other.ok());
+  EXPECT_NE(other->runs[0].id(), first->runs[0].id());
+  replace("truth.stderr.exr", 0.5F);
+  const auto with_error = prepare(options);
+  ASSERT_TRUE(with_error.ok());
+  EXPECT_NE(with_error->runs[0].id(), other->runs[0].id());
+
+  replace("truth.stderr.exr", -1);
+  const auto negative = prepare(options);
+  ASSERT_FALSE(negative.ok());
+  EXPECT_THAT(negative.error().to_string(), HasSubstr("truth.stderr.exr"));
+  replace("truth.exr", std::numeric_limits<float>::quiet_NaN());
+  EXPECT_FALSE(prepare(options).ok());
+  fs::rename(folder.path() / "truth.exr", folder.path() / "truth.png");
+  std::ofstream(folder.path() / "list.toml")
+      << "iterations = 4\n[[scene]]\nreference = \"truth.png\"\nfile = \"" << kScene
+      << "\"\n[[run]]\nintegrator = \"path\"\n";
+  const auto png = prepare(options);
+  ASSERT_FALSE(png.ok());
+  EXPECT_THAT(png.error().to_string(), HasSubstr(".exr file"));
+}
+
 // --- rendering in other processes ---
 
 RunSpec small_render(const std::string& integrator) {
@@ -209,7 +302,35 @@ TEST(Truth, GoesOnAfterAStop) {
   batches = 0;
   const auto made = make_truth(options, known(0.3, 0), stop, [&](const std::string&) { ++batches; });
   ASSERT_TRUE(made.ok()) << made.error().to_string();
-  EXPECT_EQ(batches, 13);  // of 16
+  EXPECT_EQ(batches, 14);  // of 16: the third was under way
+}
+
+TEST(Truth, BadOptionsHaveOneClearError) {
+  const test::TemporaryFolder folder;
+  const auto error_with = [&](auto change) {
+    auto options = truth_options(folder.path() / "truth.exr");
+    change(options);
+    std::atomic<bool> stop{false};
+    const auto made = make_truth(options, known(0.3, 0), stop, [](const std::string&) {});
+    return made.ok() ? "" : made.error().to_string();
+  };
+  EXPECT_THAT(error_with([](TruthOptions& o) { o.block = 0; }), HasSubstr("--block"));
+  EXPECT_THAT(error_with([](TruthOptions& o) { o.block = 0xffffffff; }), HasSubstr("--block"));
+  EXPECT_THAT(error_with([](TruthOptions& o) { o.threads = 0; }), HasSubstr("--threads"));
+  EXPECT_THAT(error_with([](TruthOptions& o) { o.threads = 100'000; }), HasSubstr("--threads"));
+  EXPECT_THAT(error_with([](TruthOptions& o) { o.scene_file = "l\xe9.xml"; }), HasSubstr("UTF-8"));
+}
+
+TEST(Truth, SaysWhatItRenderedAndWhereThatIsTooLittle) {
+  const test::TemporaryFolder folder;
+  auto options = truth_options(folder.path() / "truth.exr");
+  options.iterations = 9;  // two a batch
+  std::atomic<bool> stop{false};
+  std::string said;
+  const auto made = make_truth(options, known(3, 0), stop, [&](const std::string& line) { said += line; });
+  ASSERT_TRUE(made.ok()) << made.error().to_string();
+  EXPECT_THAT(*made, HasSubstr("16 iterations each in 8 batches"));
+  EXPECT_THAT(said, HasSubstr("warning: a difference of 5 % would have been found in "));
 }
 
 // --- figures ---

@@ -94,7 +94,7 @@ def rows_of(curves, variant, factor=math.inf, seconds_a_unit=0.5):
             row = dict.fromkeys(report.NEEDED, "1")
             row.update(scene="box", variant=variant, integrator=variant, seed=seed, units=int(n), cpu="a CPU",
                        cpu_seconds=n * seconds_a_unit, wall_seconds=n * seconds_a_unit, started="2026-11-21T20:00:00Z",
-                       truth="good" if error / 1e-9 < factor else "noisy", command=f"candela-bench run <{variant}>")
+                       run=f"box-{variant}-{seed}-0123456789ab", truth="good" if error / 1e-9 < factor else "noisy", command=f"candela-bench run <{variant}>")
             for figure in report.FIGURES:
                 row[figure] = error
             rows.append(row)
@@ -191,6 +191,62 @@ class Report(unittest.TestCase):
         self.assertIn("--baseline: no variant 'x'", self.error_of(file, "--baseline", "x"))
         peers = self.write("peers.csv", [{"scene": "box", "name": "other", "seconds": 0, "error": 1}])
         self.assertIn("peers.csv:2: seconds must be above 0", self.error_of(file, "--peers", peers))
+
+    def test_a_curve_is_one_experiment(self):
+        good = rows_of(estimator_curves(np.random.default_rng(5), 2, 0), "path")
+        self.assertIn("rows.csv:20: the row of path on box, seed 1, after 1 units stands in line 2, too",
+                      self.error_of(self.write("rows.csv", good + good[:1])))
+        other = [dict(row) for row in good]
+        for row in other[9:]:
+            row["settings"] = "max_depth=2"
+        self.assertIn("rows.csv:11: path on box has another settings than in line 2",
+                      self.error_of(self.write("rows.csv", other)))
+
+    def test_folders_of_one_name(self):
+        good = rows_of(estimator_curves(np.random.default_rng(5), 2, 0), "path")
+        folders = []
+        for build in ("new", "old"):
+            os.makedirs(self.path(build + "/results"))
+            self.write(build + "/results/rows.csv", good)
+            folders.append(self.path(build + "/results"))
+        self.assertEqual({r["variant"] for r in report.read_rows(folders)},
+                         {"path of new/results", "path of old/results"})
+        self.assertIn("given twice", self.error_of(folders[0], folders[0] + "/"))
+
+    def test_names_that_are_formulas_and_rows_without_an_error(self):
+        curves = estimator_curves(np.random.default_rng(5), 2, 0)
+        rows = rows_of(curves, "$x_{$") + rows_of(curves, "größe")
+        os.mkdir(self.path("images"))
+        np.save(self.path("images/reference-box.npy"), np.ones((8, 9, 3), np.float32))
+        np.save(self.path("images/" + rows[len(rows) // 2]["run"] + ".npy"), np.full((8, 9, 3), 1.1, np.float32))
+        for row in rows:
+            row["relmse"] = ""
+            row["flip"] = 0
+        done = self.run_report(self.write("rows.csv", rows), "--out", self.path("r.html"))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        with open(self.path("r.html"), encoding="utf-8") as stream:
+            page = stream.read()
+        self.assertIn("relMSE: no row has one above 0.", page)
+        self.assertFalse("No images beside these rows" in page)
+        self.assertEqual(page.count("data:image/png;base64,"), 2)  # one figure, and the error images
+
+    def test_bad_cells_and_peers(self):
+        good = rows_of(estimator_curves(np.random.default_rng(5), 2, 0), "path")
+        for column, value in (("seed", ""), ("units", ""), ("cpu_seconds", "-1"), ("wall_seconds", "inf")):
+            bad = [dict(row) for row in good]
+            bad[3][column] = value
+            self.assertIn(f"bad.csv:5: column {column} must be a number", self.error_of(self.write("bad.csv", bad)))
+        file = self.write("rows.csv", good)
+        peers = self.write("peers.csv", [{"scene": "box", "name": "other", "seconds": "inf", "error": 1}])
+        self.assertIn("peers.csv:2: seconds must be above 0, and finite", self.error_of(file, "--peers", peers))
+        with open(self.path("bom.csv"), "w", encoding="utf-8-sig") as stream:
+            stream.write("scene,name,seconds,error\nBox,other,1,1\n")
+        done = self.run_report(file, "--peers", self.path("bom.csv"), "--out", self.path("r.html"))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("no rows of scene 'Box'", done.stderr)
+        two = [dict(row, scene=scene) for scene in ("a b", "a_b") for row in good]
+        self.assertIn("--markdown: the pictures of two scenes",
+                      self.error_of(self.write("two.csv", two), "--markdown", self.path("never.md")))
 
     def test_rows_of_the_program(self):
         """What candela-bench writes is what the report reads, and its commands make their rows again."""

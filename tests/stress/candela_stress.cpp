@@ -8,6 +8,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <fstream>
 #include <sstream>
@@ -27,6 +28,38 @@ bool chosen(const std::vector<std::string>& names, const std::string& name) {
 void write(const std::string& path, const std::string& text) {
   std::ofstream out(path);
   if (!(out << text).flush()) throw std::runtime_error("cannot write " + path);
+}
+
+std::vector<Point> points_of(const std::string& file, const std::string& text) try {
+  const auto sweeps = all_sweeps();
+  std::vector<Point> points = read_csv(text);
+  if (points.empty()) throw std::runtime_error("no points");
+  for (const Point& p : points) find_sweep(sweeps, p.sweep);
+  return points;
+} catch (const std::exception& error) {
+  throw std::runtime_error(file + ": " + error.what());
+}
+
+// What is asked for exists.
+void check(const std::vector<Sweep>& sweeps, const std::vector<std::string>& only_sweeps,
+           const std::vector<std::string>& only_integrators, const std::vector<double>& only_values) {
+  for (const auto& name : only_sweeps) find_sweep(sweeps, name);
+  const auto any_sweep = [&](const auto& has) {
+    return std::any_of(sweeps.begin(), sweeps.end(),
+                       [&](const Sweep& sweep) { return chosen(only_sweeps, sweep.name) && has(sweep); });
+  };
+  for (const auto& name : only_integrators)
+    if (!any_sweep([&](const Sweep& sweep) {
+          return std::any_of(sweep.claims.begin(), sweep.claims.end(),
+                             [&](const Claim& claim) { return claim.integrator == name; });
+        }))
+      throw std::runtime_error("--integrator: none of these sweeps has '" + name + "'");
+  for (const double value : only_values)
+    if (!any_sweep([&](const Sweep& sweep) {
+          return std::find(sweep.values.begin(), sweep.values.end(), value) != sweep.values.end();
+        }))
+      throw std::runtime_error(
+          fmt::format("--value: none of these sweeps has {:g} (see candela-stress list)", value));
 }
 
 void list() {
@@ -60,13 +93,15 @@ int main(int argc, char** argv) try {
   run->add_option("--effort", effort, "times the rays after which a point is left undecided")
       ->check(CLI::PositiveNumber);
   run->add_option("--seed", options.seed, "of the first batch");
-  run->add_option("--threads", options.threads);
+  run->add_option("--threads", options.threads, "default: one a processor")->check(CLI::Range(1, 1024));
   run->add_option("--csv", csv_file, "every point");
   run->callback([&] {
+    if (!std::isfinite(effort)) throw std::runtime_error("--effort: must be finite");
     options.most_rays *= effort;
     const auto sweeps = all_sweeps();
-    for (const auto& name : only_sweeps) find_sweep(sweeps, name);
+    check(sweeps, only_sweeps, only_integrators, only_values);
     std::vector<Point> points;
+    if (!csv_file.empty()) write(csv_file, csv(points));
     for (const Sweep& sweep : sweeps) {
       if (!chosen(only_sweeps, sweep.name)) continue;
       for (const Claim& claim : sweep.claims) {
@@ -95,10 +130,9 @@ int main(int argc, char** argv) try {
     std::vector<Point> points;
     for (const auto& file : files) {
       std::ifstream in(file);
-      if (!in) throw std::runtime_error("cannot read " + file);
       std::ostringstream text;
-      text << in.rdbuf();
-      for (const Point& p : read_csv(text.str())) {
+      if (!in || !(text << in.rdbuf())) throw std::runtime_error("cannot read " + file);
+      for (const Point& p : points_of(file, text.str())) {
         std::erase_if(points, [&](const Point& q) {
           return q.sweep == p.sweep && q.integrator == p.integrator && q.value == p.value;
         });

@@ -27,6 +27,47 @@ std::string end_of(const Sweep& sweep, const std::map<double, Verdict>& verdicts
   return fmt::format("{} {}", found->second == Verdict::broken ? "**broken**" : "noise", value_text(value));
 }
 
+Verdict verdict_of(const std::string& word) {
+  for (const Verdict v : {Verdict::within, Verdict::undecided, Verdict::broken})
+    if (word == name(v)) return v;
+  throw std::invalid_argument("verdict");
+}
+
+double real(const std::string& cell) {
+  std::size_t end = 0;
+  const double value = std::stod(cell, &end);
+  if (end != cell.size()) throw std::invalid_argument(cell);
+  return value;
+}
+std::uint64_t count(const std::string& cell) {
+  std::size_t end = 0;
+  const std::uint64_t value = std::stoull(cell, &end);
+  if (end != cell.size()) throw std::invalid_argument(cell);
+  return value;
+}
+
+Point point_of(const std::vector<std::string>& cells) {
+  Point p;
+  p.sweep = cells[0];
+  p.integrator = cells[1];
+  p.value = real(cells[2]);
+  p.verdict = verdict_of(cells[3]);
+  p.quantity = cells[4];
+  p.measured = real(cells[5]);
+  p.expected = real(cells[6]);
+  p.deviation = real(cells[7]);
+  p.stderr_of_deviation = real(cells[8]);
+  p.tolerance = real(cells[9]);
+  p.iterations = count(cells[10]);
+  p.tallies.rays = count(cells[11]);
+  p.tallies.eye_samples = count(cells[12]);
+  p.tallies.light_paths = count(cells[13]);
+  for (std::size_t c = 0; c < 4; ++c) p.tallies.rejected[c] = count(cells[14 + c]);
+  p.seconds = real(cells[18]);
+  p.refusal = cells[19];
+  return p;
+}
+
 }  // namespace
 
 std::string csv(const std::vector<Point>& points) {
@@ -57,26 +98,11 @@ std::vector<Point> read_csv(const std::string& text) {
     std::istringstream row(line + ",");
     for (std::string cell; std::getline(row, cell, ',');) cells.push_back(cell);
     if (cells.size() != 20) throw std::runtime_error("not a line of a table of points: " + line);
-    Point p;
-    p.sweep = cells[0];
-    p.integrator = cells[1];
-    p.value = std::stod(cells[2]);
-    for (const Verdict v : {Verdict::within, Verdict::undecided, Verdict::broken})
-      if (cells[3] == name(v)) p.verdict = v;
-    p.quantity = cells[4];
-    p.measured = std::stod(cells[5]);
-    p.expected = std::stod(cells[6]);
-    p.deviation = std::stod(cells[7]);
-    p.stderr_of_deviation = std::stod(cells[8]);
-    p.tolerance = std::stod(cells[9]);
-    p.iterations = std::stoull(cells[10]);
-    p.tallies.rays = std::stoull(cells[11]);
-    p.tallies.eye_samples = std::stoull(cells[12]);
-    p.tallies.light_paths = std::stoull(cells[13]);
-    for (std::size_t c = 0; c < 4; ++c) p.tallies.rejected[c] = std::stoull(cells[14 + c]);
-    p.seconds = std::stod(cells[18]);
-    p.refusal = cells[19];
-    points.push_back(p);
+    try {
+      points.push_back(point_of(cells));
+    } catch (const std::logic_error&) {  // of a number that is none, or too large
+      throw std::runtime_error("not a line of a table of points: " + line);
+    }
   }
   return points;
 }

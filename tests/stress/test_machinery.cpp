@@ -5,6 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
+#include <stdexcept>
+#include <string>
 
 #include "common/rng/stream.h"
 #include "tests/stress/report.h"
@@ -153,6 +156,14 @@ TEST(StressMachinery, PointsAreReadAsTheyWereWritten) {
   EXPECT_EQ(csv(read), csv({p, p}));
   EXPECT_EQ(read[0].value, p.value);
   EXPECT_EQ(read[0].tallies.rejected, p.tallies.rejected);
+  // A damaged line is no point.
+  for (const auto& [part, damaged] : std::map<std::string, std::string>{
+           {",broken,", ",maybe,"}, {",vcm,", ",vcm,,"}, {",1.5,", ",much,"}, {",1,2,", ",1,1e999,"}}) {
+    std::string bad = csv({p});
+    ASSERT_NE(bad.find(part), std::string::npos) << part;
+    bad.replace(bad.find(part), part.size(), damaged);
+    EXPECT_THROW((void)read_csv(bad), std::runtime_error) << bad;
+  }
   const auto limits = read_limits("# words\na-b vcm 1e-12 0\na-b path\n");
   ASSERT_EQ(limits.size(), 2U);
   EXPECT_EQ(limits[0].values, (std::vector<double>{1e-12, 0}));

@@ -1,10 +1,13 @@
 #include "tests/bench/candela_bench/figures.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <limits>
 
+#include "common/base/hash.h"
 #include "common/image/image.h"
 #include "common/stats/image_error.h"
 
@@ -38,6 +41,11 @@ double smape(std::span<const float> image, std::span<const float> truth) {
 Reference::Reference(std::uint32_t width, std::uint32_t height, std::vector<float> rgb,
                      std::vector<float> deviation, bool with_flip)
     : width_(width), height_(height), rgb_(std::move(rgb)) {
+  Sha256 hash;
+  hash.update(fmt::format("{} {} {}\n", width, height, deviation.size()));
+  for (const std::vector<float>* values : {&rgb_, &deviation})
+    hash.update({reinterpret_cast<const char*>(values->data()), values->size() * sizeof(float)});
+  hash_ = hash.finish_hex();
   if (!deviation.empty()) {
     // An image that is off by one standard error everywhere has the expected squared errors.
     for (std::size_t i = 0; i < deviation.size(); ++i) deviation[i] += rgb_[i];
@@ -48,6 +56,10 @@ Reference::Reference(std::uint32_t width, std::uint32_t height, std::vector<floa
 }
 
 Result<std::shared_ptr<const Reference>> Reference::read(const std::string& path, bool with_flip) {
+  if (std::filesystem::path(path).extension() != ".exr")
+    return input_error("a reference is an .exr file")
+        .at(path, 0)
+        .with_mend("other formats hold less than it takes");
   CANDELA_ASSIGN(image::Image rgb, image::read_image(path));
   for (const float value : rgb.rgb)
     if (!std::isfinite(value))

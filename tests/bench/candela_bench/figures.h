@@ -40,6 +40,8 @@ class Reference {
   std::uint32_t height() const { return height_; }
   const std::vector<float>& rgb() const { return rgb_; }
   const std::optional<OwnError>& own_error() const { return own_; }
+  // Of all that figures depend on: size, values, standard errors.
+  const std::string& hash() const { return hash_; }
 
   // NaN for flip where the reference was made without. Precondition: as many values as the reference.
   Figures figures_of(std::span<const float> image) const;
@@ -52,6 +54,7 @@ class Reference {
   std::uint32_t width_, height_;
   std::vector<float> rgb_;
   std::optional<OwnError> own_;
+  std::string hash_;
   std::unique_ptr<const Flip> flip_;
 };
 

@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <set>
+#include <sstream>
 
 #include "common/base/files.h"
-#include "common/image/image.h"
+#include "common/description/text.h"
+#include "tests/bench/candela_bench/figures.h"
 #include "tests/bench/candela_bench/spec.h"
 #include "worker/render/renderer.h"
 
@@ -107,7 +109,7 @@ class Table {
       if (!seed || *seed < 0) return wrong(element, key);
       seeds.push_back(static_cast<std::uint64_t>(*seed));
     }
-    return {};
+    return seeds.empty() ? wrong(*node, key) : Result<void>();
   }
   Result<std::vector<const toml::table*>> tables(const std::string& key) {
     known_.insert(key);
@@ -143,6 +145,11 @@ class Table {
   std::string file_;
   std::set<std::string> known_;
 };
+
+Result<void> check_name(const std::string& name, const std::string& file, int line) {
+  if (!name.empty()) return {};
+  return input_error("a name is empty").at(file, line);
+}
 
 Result<List> read_list(const std::string& file, RunOptions& options) {
   CANDELA_ASSIGN(const std::string text, read_file(file, kListLimitBytes));
@@ -192,6 +199,13 @@ Result<List> read_list(const std::string& file, RunOptions& options) {
     scene.name = scene_name_of(scene.file);
     CANDELA_TRY(table.take("name", scene.name));
     CANDELA_TRY(table.done());
+    CANDELA_TRY(check_name(scene.name, file, line_of(*entry)));
+    for (const SceneEntry& other : list.scenes)
+      if (file_name_of(other.name) == file_name_of(scene.name))
+        return input_error(
+                   fmt::format("'{}' and '{}' would be one in names of files", other.name, scene.name))
+            .at(file, line_of(*entry))
+            .with_mend("give one of the scenes another `name`");
     list.scenes.push_back(std::move(scene));
   }
   CANDELA_ASSIGN(const auto variants, top.tables("run"));
@@ -204,6 +218,7 @@ Result<List> read_list(const std::string& file, RunOptions& options) {
     CANDELA_TRY(table.take("set", variant.settings));
     CANDELA_TRY(table.take("scenes", variant.scenes));
     CANDELA_TRY(table.done());
+    CANDELA_TRY(check_name(variant.name, file, line_of(*entry)));
     for (const std::string& name : variant.scenes)
       if (std::none_of(list.scenes.begin(), list.scenes.end(),
                        [&](const SceneEntry& scene) { return scene.name == name; }))
@@ -217,11 +232,25 @@ Result<List> read_list(const std::string& file, RunOptions& options) {
   return list;
 }
 
-// Keeps what has one of these names; each name must be one.
+std::vector<std::string> split(const std::string& text) {
+  std::vector<std::string> parts;
+  std::istringstream in(text);
+  for (std::string part; std::getline(in, part, ',');) parts.push_back(part);
+  return parts;
+}
+
+// Keeps what has one of these names; each name must be one, or several with commas between.
 template <class Entry, class NameOf>
-Result<void> filter(std::vector<Entry>& entries, const std::vector<std::string>& names,
+Result<void> filter(std::vector<Entry>& entries, const std::vector<std::string>& wanted,
                     std::string_view option, const NameOf& name_of) {
-  if (names.empty()) return {};
+  if (wanted.empty()) return {};
+  std::vector<std::string> names;
+  for (const std::string& name : wanted) {
+    const bool whole =
+        std::any_of(entries.begin(), entries.end(), [&](const Entry& e) { return name_of(e, name); });
+    for (const std::string& part : whole ? std::vector<std::string>{name} : split(name))
+      names.push_back(part);
+  }
   for (const std::string& name : names)
     if (std::none_of(entries.begin(), entries.end(), [&](const Entry& e) { return name_of(e, name); }))
       return usage_error(fmt::format("'{}' is not in the list", name)).with_field(std::string(option));
@@ -242,8 +271,10 @@ Result<List> list_of_options(const RunOptions& options) {
   SceneEntry scene{options.scenes[0], options.name, options.reference};
   if (scene.name.empty()) scene.name = scene_name_of(scene.file);
   list.scenes.push_back(std::move(scene));
-  const std::vector<std::string> integrators =
-      options.integrators.empty() ? render::integrator_names() : options.integrators;
+  std::vector<std::string> integrators;
+  for (const std::string& names : options.integrators)
+    for (const std::string& name : split(names)) integrators.push_back(name);
+  if (integrators.empty()) integrators = render::integrator_names();
   for (const std::string& integrator : integrators) {
     CANDELA_ASSIGN(SettingsMap settings, settings_for(integrator, integrators, options.sets));
     list.variants.push_back({integrator, integrator, std::move(settings), {}});
@@ -306,16 +337,22 @@ Result<Work> prepare(const RunOptions& given) {
   work.flip = !options.no_flip;
 
   for (const SceneEntry& scene : list.scenes) {
-    CANDELA_ASSIGN(const image::ImageSize size, image::read_image_size(scene.reference));
+    // Read whole: what is wrong with it is said before anything is rendered.
+    CANDELA_ASSIGN(const auto reference, Reference::read(scene.reference, false));
     for (const VariantEntry& variant : list.variants) {
       if (!variant.scenes.empty() &&
           std::find(variant.scenes.begin(), variant.scenes.end(), scene.name) == variant.scenes.end())
         continue;
       CANDELA_ASSIGN(RunSpec run, make_run(scene.file, scene.name, variant.integrator, variant.settings,
-                                           size.width, size.height));
+                                           reference->width(), reference->height()));
       run.variant = variant.name;
       run.threads = threads;
       run.reference = fs::absolute(scene.reference).lexically_normal().string();
+      run.reference_hash = reference->hash();
+      for (const std::string& text : {run.variant, run.reference})
+        if (!description::text::is_utf8(text))
+          return usage_error(fmt::format("{} is not UTF-8", description::text::quote(text)))
+              .with_mend("rows are CSV and JSON, which are: rename it");
       for (const std::uint64_t seed : list.seeds) {
         run.job.seed = seed;
         work.runs.push_back(run);

@@ -43,6 +43,12 @@ int fail(const Error& error) {
   return error.exit_code();
 }
 
+// Rows on a full disk are lost rows.
+int finish(int code) {
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return code;
+  return fail(resource_error("standard output cannot be written").with_mend("make room, or use --out"));
+}
+
 void say(const std::string& line) {
   std::fprintf(stderr, "%s\n", line.c_str());
 }
@@ -74,6 +80,8 @@ Result<int> run(const RunOptions& options) {
   std::optional<Store> store;
   if (!work.out.empty()) {
     CANDELA_ASSIGN(Store opened, Store::open(work.out));
+    CANDELA_TRY(opened.lock());
+    CANDELA_TRY(opened.check_names(work.runs));
     store = std::move(opened);
   }
   schedule.budget = work.budget;
@@ -96,12 +104,12 @@ Result<int> run(const RunOptions& options) {
       code = result.error->exit_code();
     }
   if (store) {
+    CANDELA_TRY(store->collect());
     for (const RunSpec& spec : work.runs) {
       CANDELA_ASSIGN(const auto reference, references.get(spec.reference));
       CANDELA_TRY(store->write_image("reference-" + spec.scene, reference->width(), reference->height(),
                                      reference->rgb()));
     }
-    CANDELA_TRY(store->collect());
     std::printf("%s\n", (store->folder() / "rows.csv").c_str());
   } else {
     bool header = true;
@@ -186,32 +194,36 @@ int main(int argc, char** argv) {
   run_command
       .add_option("--scene,--scenes", options.scenes,
                   "a scene file; with a list: names of its scenes, to run only these")
-      ->allow_extra_args(false)
-      ->delimiter(',');
+      ->allow_extra_args(false);
   run_command.add_option("--name", options.name, "what the scene is called in rows; default: after its file");
   run_command.add_option("--reference", options.reference,
                          "EXR to compare with, and NAME.stderr.exr beside it; its size is the image's");
   run_command
       .add_option("--integrator,--integrators", options.integrators,
                   "default: all there are; with a list: names of its runs, to do only these")
-      ->allow_extra_args(false)
-      ->delimiter(',');
+      ->allow_extra_args(false);
   run_command
       .add_option("--set", options.sets, "KEY=VALUE where an integrator has it, or INTEGRATOR.KEY=VALUE")
       ->allow_extra_args(false);
   run_command.add_option("--seed,--seeds", options.seeds, "default: the list's, or 1")
+      ->check(CLI::NonNegativeNumber)
       ->allow_extra_args(false)
       ->delimiter(',');
-  run_command.add_option("--iterations", options.iterations, "equal iterations: as many of each run");
+  run_command.add_option("--iterations", options.iterations, "equal iterations: as many of each run")
+      ->check(CLI::NonNegativeNumber);
   run_command.add_option("--time", options.seconds, "equal time: as many seconds of rendering of each run");
   run_command.add_option("--clock", options.clock, "what --time counts: cpu (default) or wall");
-  run_command.add_option("--threads", options.threads, "of each render; default: 1");
+  run_command.add_option("--threads", options.threads, "of each render; default: 1")
+      ->check(CLI::NonNegativeNumber);
   run_command.add_option("--out", options.out, "folder of rows; default: rows go to standard output");
   run_command.add_option("--slice", options.slice_seconds, "seconds of a turn; default: 0.5");
-  run_command.add_option("--beside", options.beside,
-                         "how many runs are in memory and take turns; default: all");
-  run_command.add_option("--points-per-doubling", options.points_per_doubling,
-                         "rows a doubling of iterations or time; default: 1");
+  run_command
+      .add_option("--beside", options.beside, "how many runs are in memory and take turns; default: all")
+      ->check(CLI::NonNegativeNumber);
+  run_command
+      .add_option("--points-per-doubling", options.points_per_doubling,
+                  "rows a doubling of iterations or time; default: 1")
+      ->check(CLI::NonNegativeNumber);
   run_command.add_option("--reference-factor", options.reference_factor,
                          "least measured squared error over the reference's own; default: 10");
   run_command.add_flag("--no-flip", options.no_flip, "leave FLIP out, the slowest of the figures");
@@ -228,11 +240,15 @@ int main(int argc, char** argv) {
       ->required();
   reference_command.add_option("--set", truth.sets, "KEY=VALUE or INTEGRATOR.KEY=VALUE")
       ->allow_extra_args(false);
-  reference_command.add_option("--iterations", truth.iterations, "of each integrator")->required();
-  reference_command.add_option("--batches", truth.batches, "of each integrator; default: 16");
-  reference_command.add_option("--block", truth.block,
-                               "pixels a side of the blocks that are compared; default: 16");
-  reference_command.add_option("--threads", truth.threads, "default: 1");
+  reference_command.add_option("--iterations", truth.iterations, "of each integrator")
+      ->check(CLI::NonNegativeNumber)
+      ->required();
+  reference_command.add_option("--batches", truth.batches, "of each integrator; default: 16")
+      ->check(CLI::NonNegativeNumber);
+  reference_command
+      .add_option("--block", truth.block, "pixels a side of the blocks that are compared; default: 16")
+      ->check(CLI::NonNegativeNumber);
+  reference_command.add_option("--threads", truth.threads, "default: 1")->check(CLI::NonNegativeNumber);
   reference_command.add_option("--out", truth.out, "NAME.exr; NAME.stderr.exr is written beside it")
       ->required();
 
@@ -243,7 +259,7 @@ int main(int argc, char** argv) {
   count_command.add_option("--size", count_options.size, "WIDTHxHEIGHT")->required();
   count_command.add_option("--integrator", count_options.integrator)->required();
   count_command.add_option("--set", count_options.sets, "KEY=VALUE")->allow_extra_args(false);
-  count_command.add_option("--seed", count_options.seed, "default: 1");
+  count_command.add_option("--seed", count_options.seed, "default: 1")->check(CLI::NonNegativeNumber);
   count_command.add_option("--iterations", count_options.iterations, "at least 2; default: 8")
       ->check(CLI::Range(2, 1 << 20));
 
@@ -260,15 +276,18 @@ int main(int argc, char** argv) {
   listen_for_signals();
   if (run_command.parsed()) {
     const Result<int> code = run(options);
-    return code.ok() ? *code : fail(code.error());
+    return finish(code.ok() ? *code : fail(code.error()));
   }
   if (count_command.parsed()) {
     const Result<void> done = count(count_options);
-    return done.ok() ? 0 : fail(done.error());
+    return finish(done.ok() ? 0 : fail(done.error()));
   }
   if (!parse_size(size, truth.width, truth.height)) return fail(size_error());
   const auto made = make_truth(truth, processes(), stop_requested, say);
-  if (!made.ok()) return fail(made.error());
+  if (!made.ok()) {
+    const int code = fail(made.error());
+    return stop_requested ? 130 : code;
+  }
   std::printf("%s\n%s\n", truth.out.c_str(), made->c_str());
-  return 0;
+  return finish(0);
 }

@@ -118,7 +118,7 @@ class ProcessEstimator final : public Estimator {
     std::string answer;
     if (!send(to_, static_cast<char>(request), body) || !receive(from_, kind, answer))
       return failed_error(fmt::format("the process that renders {} ended", what_))
-          .with_mend("run its command by itself to see why");
+          .with_mend("see whether the system ended it (memory, threads), and what it printed");
     if (kind == kError) return failed_error(answer);
     return answer;
   }
@@ -176,8 +176,14 @@ Result<std::unique_ptr<Estimator>> make_process_estimator(const std::string& pro
   const std::string command = "serve";
   std::array<char*, 3> arguments = {const_cast<char*>(program.c_str()), const_cast<char*>(command.c_str()),
                                     nullptr};
+  // A group of its own, which Ctrl-C does not reach: the one who asks decides when it ends.
+  posix_spawnattr_t attributes;
+  ::posix_spawnattr_init(&attributes);
+  ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
+  ::posix_spawnattr_setpgroup(&attributes, 0);
   pid_t pid = 0;
-  const int failed = ::posix_spawn(&pid, program.c_str(), &actions, nullptr, arguments.data(), environ);
+  const int failed = ::posix_spawn(&pid, program.c_str(), &actions, &attributes, arguments.data(), environ);
+  ::posix_spawnattr_destroy(&attributes);
   ::posix_spawn_file_actions_destroy(&actions);
   ::close(to[0]);
   ::close(from[1]);
@@ -193,7 +199,7 @@ Result<std::unique_ptr<Estimator>> make_process_estimator(const std::string& pro
 }
 
 int serve(int in, int out, const EstimatorFactory& factory) {
-  ::signal(SIGINT, SIG_IGN);  // the one who asks decides when it ends: a slice is finished and kept
+  ::signal(SIGINT, SIG_IGN);  // a slice is finished and kept
   ::signal(SIGTERM, SIG_IGN);
   ::signal(SIGPIPE, SIG_IGN);
   std::unique_ptr<Estimator> estimator;

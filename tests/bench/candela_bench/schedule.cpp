@@ -62,6 +62,7 @@ class Progress {
       state = std::move(kept.state);
     }
     if (!result_.rows.empty()) cost_ = result_.rows.back().cost;
+    CANDELA_TRY(judge_again());
     if (complete()) {
       finish();
       return {};
@@ -83,6 +84,21 @@ class Progress {
       }
     }
     return {};
+  }
+
+  // Kept rows by the factor that is asked for now.
+  Result<void> judge_again() {
+    bool changed = false;
+    for (Row& row : result_.rows) {
+      const std::string truth =
+          truth_of(row.reference_factor, row.truth != "unknown", schedule_.reference_factor);
+      changed |= truth != row.truth || row.least_factor != schedule_.reference_factor;
+      row.truth = truth;
+      row.least_factor = schedule_.reference_factor;
+    }
+    if (!changed || store_ == nullptr) return {};
+    CANDELA_ASSIGN(const auto reference, references_(result_.run.reference));
+    return store_->write(result_.run, result_.rows, {}, *reference);
   }
 
   Result<void> slice() {
@@ -119,9 +135,8 @@ class Progress {
     row.figures = reference_->figures_of(snapshot.image);
     row.own_relmse = snapshot.own_relmse;
     row.reference_factor = reference_->factor_of(row.figures);
-    row.truth = std::isnan(row.reference_factor)                     ? "unknown"
-                : row.reference_factor >= schedule_.reference_factor ? "good"
-                                                                     : "noisy";
+    row.least_factor = schedule_.reference_factor;
+    row.truth = truth_of(row.reference_factor, !std::isnan(row.reference_factor), row.least_factor);
     row.machine = schedule_.machine;
     row.flip = schedule_.flip;
     result_.rows.push_back(row);

@@ -23,8 +23,9 @@ std::vector<double> time_points(double first, double last, int per_doubling);
 
 struct Schedule {
   Budget budget;
-  double reference_factor = 10;  // a row whose reference is not this many times better is "noisy"
-  std::size_t beside = 0;        // 0: all at once
+  double reference_factor =
+      kReferenceFactor;    // a row whose reference is not this many times better is "noisy"
+  std::size_t beside = 0;  // 0: all at once
   bool flip = true;
   Machine machine;
   const std::atomic<bool>* stop = nullptr;

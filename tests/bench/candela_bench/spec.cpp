@@ -9,6 +9,7 @@
 #include "common/base/version.h"
 #include "common/bundle/bundle.h"
 #include "common/description/setting_text.h"
+#include "common/description/text.h"
 #include "worker/render/renderer.h"
 
 namespace candela::bench {
@@ -17,11 +18,14 @@ namespace {
 using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
+bool is_alphanumeric(char c) {
+  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
+}
+
 // A word as a POSIX shell reads it back.
 std::string shell_quote(const std::string& word) {
   const auto plain = [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
-           std::string_view("_-./=,:+@").find(c) != std::string_view::npos;
+    return is_alphanumeric(c) || std::string_view("_-./=,:+@").find(c) != std::string_view::npos;
   };
   if (!word.empty() && std::all_of(word.begin(), word.end(), plain)) return word;
   std::string quoted = "'";
@@ -51,7 +55,7 @@ Result<bool> has_setting(const std::string& integrator, const std::string& name)
 std::string RunSpec::to_json() const {
   const Json json = {{"scene", scene},     {"scene_file", scene_file}, {"scene_hash", scene_hash},
                      {"variant", variant}, {"given", given},           {"job", job_json(job)},
-                     {"threads", threads}, {"reference", reference}};
+                     {"threads", threads}, {"reference", reference},   {"reference_hash", reference_hash}};
   return json.dump();
 }
 
@@ -76,6 +80,7 @@ Result<RunSpec> RunSpec::from_json(std::string_view text) {
     job.at("isa").get_to(spec.job.isa);
     json.at("threads").get_to(spec.threads);
     json.at("reference").get_to(spec.reference);
+    json.at("reference_hash").get_to(spec.reference_hash);
     return spec;
   } catch (const Json::exception& error) {
     return input_error(fmt::format("not a run's description: {}", error.what()));
@@ -86,14 +91,18 @@ std::string RunSpec::id() const {
   const Json key = {{"scene", scene_hash},
                     {"job", job_json(job)},
                     {"threads", threads},
-                    {"reference", reference},
+                    {"reference", reference_hash},
                     {"variant", variant},
                     {"name", scene},
                     {"build", std::string(build_id())}};
-  std::string name;
-  for (const char c : scene + '-' + variant + '-' + std::to_string(job.seed))
-    name += std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '-' || c == '.' ? c : '_';
-  return name + '-' + sha256_hex(key.dump()).substr(0, 12);
+  return file_name_of(scene + '-' + variant + '-' + std::to_string(job.seed)) + '-' +
+         sha256_hex(key.dump()).substr(0, 12);
+}
+
+std::string file_name_of(std::string_view name) {
+  std::string file;
+  for (const char c : name) file += is_alphanumeric(c) || c == '-' || c == '.' ? c : '_';
+  return file;
 }
 
 std::string scene_name_of(const fs::path& file) {
@@ -102,12 +111,14 @@ std::string scene_name_of(const fs::path& file) {
   return folder.empty() ? "scene" : folder;
 }
 
-std::string command_of(const RunSpec& run, std::uint64_t iterations, bool flip) {
+std::string command_of(const RunSpec& run, std::uint64_t iterations, bool flip, double reference_factor) {
   std::string command = fmt::format("candela-bench run --scene {} --name {} --reference {} --integrator {}",
                                     shell_quote(run.scene_file), shell_quote(run.scene),
                                     shell_quote(run.reference), run.job.integrator);
   for (const auto& [key, value] : run.given) command += " --set " + shell_quote(key + '=' + value);
   command += fmt::format(" --seed {} --iterations {} --threads {}", run.job.seed, iterations, run.threads);
+  if (reference_factor != kReferenceFactor)
+    command += fmt::format(" --reference-factor {}", reference_factor);
   return command + (flip ? "" : " --no-flip");
 }
 
@@ -116,7 +127,7 @@ Result<SettingsMap> settings_for(const std::string& integrator, const std::vecto
   SettingsMap given;
   for (const std::string& text : sets) {
     const auto equals = text.find('=');
-    if (equals == 0 || equals == std::string::npos)
+    if (equals == 0 || equals == std::string::npos || text[0] == '.')
       return usage_error(fmt::format("'{}' is not KEY=VALUE or INTEGRATOR.KEY=VALUE", text))
           .with_field("--set");
     std::string key = text.substr(0, equals);
@@ -142,6 +153,11 @@ Result<SettingsMap> settings_for(const std::string& integrator, const std::vecto
 Result<RunSpec> make_run(const std::string& scene_file, const std::string& scene_name,
                          const std::string& integrator, const SettingsMap& given, std::uint32_t width,
                          std::uint32_t height) {
+  for (const std::string& text : {scene_file, scene_name})
+    if (!description::text::is_utf8(text))
+      return usage_error(fmt::format("{} is not UTF-8", description::text::quote(text)))
+          .with_field("--scene")
+          .with_mend("rows are CSV and JSON, which are: rename it");
   RunSpec run;
   run.scene = scene_name;
   run.scene_file = fs::absolute(scene_file).lexically_normal().string();

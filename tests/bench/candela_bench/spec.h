@@ -24,11 +24,13 @@ struct RunSpec {
   SettingsMap given;       // settings as given, without what the scene or defaults add
   JobSettings job;         // complete
   unsigned threads = 1;
-  std::string reference;  // absolute path of an EXR
+  std::string reference;       // absolute path of an EXR
+  std::string reference_hash;  // of what it and its standard errors hold
 
   std::string to_json() const;
   static Result<RunSpec> from_json(std::string_view text);
-  // Names the run among all: a hash of the above but for names, paths and threads' number, with the build.
+  // Names the run among all, as a file may be called: the names and the seed, and a hash of the above, but
+  // for paths, with the build.
   std::string id() const;
 };
 
@@ -41,20 +43,25 @@ struct Budget {
   int points_per_doubling = 1;
 };
 
+// Measured over the reference's own squared error, from which on a row is good.
+inline constexpr double kReferenceFactor = 10;
+
 // What a list and the options of `run` say.
 struct Work {
   std::vector<RunSpec> runs;
   Budget budget;
   std::string out;  // folder; empty: rows go to standard output and nothing is kept
-  double reference_factor = 10;
+  double reference_factor = kReferenceFactor;
   bool flip = true;
   std::size_t beside = 0;  // runs that are in memory at a time; 0: all
 };
 
 struct RunOptions {
-  std::string list;                 // TOML file; empty: the options say all
-  std::vector<std::string> scenes;  // files; with a list: names of its scenes, the only ones to run
-  std::string reference, name;      // of the one scene, without a list
+  std::string list;  // TOML file; empty: the options say all
+  // The file; with a list: names of its scenes, the only ones to run. Names, here and of integrators, may
+  // stand in one string with commas between.
+  std::vector<std::string> scenes;
+  std::string reference, name;  // of the one scene, without a list
   std::vector<std::string> integrators, sets;
   std::vector<std::uint64_t> seeds;
   std::optional<std::uint64_t> iterations;
@@ -85,6 +92,10 @@ Result<RunSpec> make_run(const std::string& scene_file, const std::string& scene
 std::string scene_name_of(const std::filesystem::path& file);
 
 // The command that makes the row of `iterations` units again.
-std::string command_of(const RunSpec& run, std::uint64_t iterations, bool flip);
+std::string command_of(const RunSpec& run, std::uint64_t iterations, bool flip,
+                       double reference_factor = kReferenceFactor);
+
+// As a file of that name is called: what is not a letter, digit, '-' or '.' of ASCII is '_', a byte each.
+std::string file_name_of(std::string_view name);
 
 }  // namespace candela::bench

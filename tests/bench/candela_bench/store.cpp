@@ -1,11 +1,18 @@
 #include "tests/bench/candela_bench/store.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/file.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
 #include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <tuple>
 
 #include "common/base/files.h"
 #include "common/base/version.h"
@@ -51,6 +58,7 @@ Json row_json(const RunSpec& run, const Row& row, const Reference* reference) {
           {"own_relmse", number(row.own_relmse)},
           {"truth", row.truth},
           {"reference_factor", number(row.reference_factor)},
+          {"least_factor", row.least_factor},
           {"reference_relmse", own_relmse_of_reference},
           {"eye_samples", row.cost.eye_samples},
           {"light_paths", row.cost.light_paths},
@@ -67,6 +75,8 @@ Json row_json(const RunSpec& run, const Row& row, const Reference* reference) {
           {"scene_file", run.scene_file},
           {"scene_hash", run.scene_hash},
           {"reference", run.reference},
+          {"reference_hash", run.reference_hash},
+          {"run", run.id()},
           {"version", std::string(version())},
           {"build_id", std::string(build_id())},
           {"compiler", row.machine.compiler},
@@ -75,7 +85,7 @@ Json row_json(const RunSpec& run, const Row& row, const Reference* reference) {
           {"memory_bytes", row.machine.memory_bytes},
           {"load_at_start", row.machine.load_at_start},
           {"started", row.machine.started},
-          {"command", command_of(run, row.cost.units, row.flip)}};
+          {"command", command_of(run, row.cost.units, row.flip, row.least_factor)}};
 }
 
 // What row_json() wrote, but for what the run says itself.
@@ -101,10 +111,13 @@ Row row_of(const Json& json) {
   figures.rmse = number(json.at("rmse"));
   figures.smape = number(json.at("smape"));
   figures.flip = number(json.at("flip"));
-  row.flip = json.at("command").get<std::string>().find(" --no-flip") == std::string::npos;
+  row.flip = !std::isnan(figures.flip);
   row.own_relmse = number(json.at("own_relmse"));
-  row.reference_factor = number(json.at("reference_factor"));
   json.at("truth").get_to(row.truth);
+  json.at("least_factor").get_to(row.least_factor);
+  row.reference_factor = number(json.at("reference_factor"));
+  if (std::isnan(row.reference_factor) && row.truth != "unknown")  // of a reference without error
+    row.reference_factor = std::numeric_limits<double>::infinity();
   json.at("cpu").get_to(row.machine.cpu);
   json.at("cores").get_to(row.machine.cores);
   json.at("memory_bytes").get_to(row.machine.memory_bytes);
@@ -126,15 +139,21 @@ std::vector<std::string> cells_of(const Json& row) {
   return cells;
 }
 
+Error bad_run(const fs::path& file, std::string_view what) {
+  return input_error(fmt::format("not the rows of a run: {}", what))
+      .at(file.string(), 0)
+      .with_mend("remove the file, and the same command makes its rows again");
+}
+
 Result<Json> read_run(const fs::path& file) {
   CANDELA_ASSIGN(const std::string text, read_file(file, kRunLimitBytes));
   try {
     Json json = Json::parse(text);
     for (const char* key : {"build_id", "state", "rows"})
-      if (!json.contains(key)) return input_error(fmt::format("'{}' is missing", key)).at(file.string(), 0);
+      if (!json.contains(key)) return bad_run(file, fmt::format("'{}' is missing", key));
     return json;
   } catch (const Json::exception& error) {
-    return input_error(fmt::format("not the rows of a run: {}", error.what())).at(file.string(), 0);
+    return bad_run(file, error.what());
   }
 }
 
@@ -196,6 +215,49 @@ Result<Store> Store::open(const fs::path& folder) {
   return Store(folder);
 }
 
+Result<void> Store::lock() const {
+  const fs::path file = folder_ / "runs" / "lock";
+  const int fd = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  if (fd < 0) return resource_error(std::strerror(errno)).at(file.string(), 0);
+  if (::flock(fd, LOCK_EX | LOCK_NB) == 0) return {};  // stays open: it is the lock
+  ::close(fd);
+  return refused_error("another candela-bench works in this folder")
+      .at(folder_.string(), 0)
+      .with_mend("wait for it, or give --out another folder");
+}
+
+Result<void> Store::check_names(const std::vector<RunSpec>& runs) const {
+  using Name = std::tuple<std::string, std::string, std::uint64_t>;
+  std::map<Name, std::string> ids;
+  for (const RunSpec& run : runs) ids[{run.scene, run.variant, run.job.seed}] = run.id();
+  CANDELA_ASSIGN(const auto files, files_of(folder_ / "runs", ".json"));
+  for (const fs::path& file : files) {
+    CANDELA_ASSIGN(const Json run, read_run(file));
+    try {
+      if (run.at("rows").empty()) continue;
+      const Json& row = run.at("rows").front();
+      const auto found = ids.find({row.at("scene").get<std::string>(), row.at("variant").get<std::string>(),
+                                   row.at("seed").get<std::uint64_t>()});
+      if (found == ids.end() || found->second == row.at("run")) continue;
+      const auto& [scene, variant, seed] = found->first;
+      return refused_error(
+                 fmt::format("this folder has rows of {} with {} and seed {} of another scene file, "
+                             "reference, settings, size or number of threads",
+                             scene, variant, seed))
+          .at(folder_.string(), 0)
+          .with_mend("give --out another folder, or the runs of a list another name");
+    } catch (const Json::exception& error) {
+      return bad_run(file, error.what());
+    }
+  }
+  return {};
+}
+
+std::string truth_of(double reference_factor, bool reference_error_known, double least) {
+  if (!reference_error_known) return "unknown";
+  return reference_factor >= least ? "good" : "noisy";
+}
+
 Result<Store::Kept> Store::read(const RunSpec& run) const {
   Kept kept;
   const fs::path file = folder_ / "runs" / (run.id() + ".json");
@@ -204,7 +266,7 @@ Result<Store::Kept> Store::read(const RunSpec& run) const {
   try {
     for (const Json& row : json.at("rows")) kept.rows.push_back(row_of(row));
   } catch (const Json::exception& error) {
-    return input_error(fmt::format("not the rows of a run: {}", error.what())).at(file.string(), 0);
+    return bad_run(file, error.what());
   }
   if (auto state = read_file(folder_ / "runs" / cell_of(json.at("state")), kStateLimitBytes); state.ok())
     kept.state = std::move(*state);
@@ -229,7 +291,8 @@ Result<void> Store::write(const RunSpec& run, const std::vector<Row>& rows, std:
 Result<void> Store::write_image(const std::string& name, std::uint32_t width, std::uint32_t height,
                                 const std::vector<float>& rgb) const {
   CANDELA_TRY(make_directories(folder_ / "images"));
-  return write_file_atomically(folder_ / "images" / (name + ".npy"), encode_npy(width, height, rgb));
+  return write_file_atomically(folder_ / "images" / (file_name_of(name) + ".npy"),
+                               encode_npy(width, height, rgb));
 }
 
 Result<void> Store::collect() const {
@@ -244,7 +307,7 @@ Result<void> Store::collect() const {
         all.push_back(row);
       }
     } catch (const Json::exception& error) {
-      return input_error(fmt::format("not the rows of a run: {}", error.what())).at(file.string(), 0);
+      return bad_run(file, error.what());
     }
   }
   CANDELA_TRY(write_file_atomically(folder_ / "rows.csv", csv));

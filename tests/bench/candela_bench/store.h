@@ -28,7 +28,11 @@ struct Row {
   std::string truth;            // "good", "noisy": factor too small, "unknown"
   Machine machine;
   bool flip = true;
+  double least_factor = kReferenceFactor;  // by which `truth` was judged
 };
+
+// What a row's `truth` is by its factor; `unknown` where the reference's own error is.
+std::string truth_of(double reference_factor, bool reference_error_known, double least);
 
 // Names of all columns, in the order of rows.csv.
 const std::vector<std::string>& columns();
@@ -40,6 +44,11 @@ class Store {
  public:
   // Creates the folder. Refused where it holds runs of another build.
   static Result<Store> open(const std::filesystem::path& folder);
+  // Until this process ends nobody else gets it. Refused where another process has it.
+  Result<void> lock() const;
+  // Refused where the folder has a run of one of these scenes, variants and seeds that is another: its rows
+  // and the new ones would look like those of one.
+  Result<void> check_names(const std::vector<RunSpec>& runs) const;
 
   struct Kept {
     std::vector<Row> rows;

@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
@@ -31,6 +33,15 @@ struct Failure : std::runtime_error {
   Error error;
 };
 
+Error stopped() {
+  return refused_error("stopped").with_mend("the same command goes on");
+}
+
+std::uint64_t batch_iterations(const TruthOptions& options, double effort) {
+  return static_cast<std::uint64_t>(
+      std::ceil(static_cast<double>(options.iterations) * effort / static_cast<double>(options.batches)));
+}
+
 // One of the two integrators.
 class Side {
  public:
@@ -56,11 +67,10 @@ class Side {
  private:
   // Stages and batches have seeds of their own.
   std::vector<float> batch_image(std::uint64_t stage, std::uint64_t batch, double effort) {
-    if (stop_.load()) throw Failure(refused_error("stopped").with_mend("the same command goes on"));
+    if (stop_.load()) throw Failure(stopped());
     RunSpec run = run_;
     run.job.seed = 1'000'003 * stage + batch;
-    const auto iterations = static_cast<std::uint64_t>(
-        std::ceil(static_cast<double>(options_.iterations) * effort / static_cast<double>(options_.batches)));
+    const std::uint64_t iterations = batch_iterations(options_, effort);
     const fs::path file =
         fs::path(options_.out).replace_extension(".parts") / fmt::format("{}-{}", run.id(), iterations);
     const std::size_t values = std::size_t{run.job.width} * run.job.height * 3;
@@ -73,7 +83,14 @@ class Side {
     say_(fmt::format("{}: batch {} of {}{}, {} iterations", name(), batch + 1, options_.batches,
                      stage == 1 ? "" : " to confirm", iterations));
     auto estimator = take(factory_(run));
-    take(estimator->advance(iterations));
+    // In steps of half a second or so, to hear of a stop.
+    for (std::uint64_t done = 0, step = 1; done < iterations;) {
+      if (stop_.load()) throw Failure(stopped());
+      const auto start = std::chrono::steady_clock::now();
+      done = std::min(iterations, done + step);
+      take(estimator->advance(done));
+      if (std::chrono::steady_clock::now() - start < std::chrono::milliseconds(250)) step *= 2;
+    }
     std::vector<float> image = take(estimator->snapshot()).image;
     const auto done = write_file_atomically(
         file, {reinterpret_cast<const char*>(image.data()), image.size() * sizeof(float)});
@@ -110,8 +127,8 @@ Result<std::string> combine(const TruthOptions& options, const Side& a, const Si
   const Reference reference(options.width, options.height, rgb, deviation, false);
   const std::string text = fmt::format(
       "{} ({:.0f} %) and {} ({:.0f} %), {} iterations each in {} batches: relMSE of its own {:.2e}\n{}",
-      a.name(), 100 * weight, b.name(), 100 * (1 - weight), options.iterations, options.batches,
-      reference.own_error()->relmse, verdict.report);
+      a.name(), 100 * weight, b.name(), 100 * (1 - weight), options.batches * batch_iterations(options, 1),
+      options.batches, reference.own_error()->relmse, verdict.report);
   const std::map<std::string, std::string> metadata = {{"candela:reference", text},
                                                        {"candela:build", std::string(build_id())}};
   CANDELA_ASSIGN(const std::string deviations,
@@ -132,8 +149,13 @@ Result<std::string> make_truth(const TruthOptions& options, const EstimatorFacto
     return usage_error("a reference takes two different integrators").with_field("--integrators");
   if (fs::path(options.out).extension() != ".exr")
     return usage_error("a reference is an .exr file").with_field("--out");
-  if (options.batches < 4 || options.iterations < options.batches)
+  if (options.batches < 4 || options.batches > options.iterations ||
+      options.iterations > Limits::max_iterations)
     return usage_error("at least 4 batches of one iteration").with_field("--iterations");
+  if (options.block < 1 || options.block > Limits::max_extent)
+    return usage_error(fmt::format("must be between 1 and {}", Limits::max_extent)).with_field("--block");
+  if (options.threads < 1 || options.threads > 1024)
+    return usage_error("must be between 1 and 1024").with_field("--threads");
   std::vector<Side> sides;
   for (const std::string& integrator : options.integrators) {
     CANDELA_ASSIGN(const SettingsMap given, settings_for(integrator, options.integrators, options.sets));
@@ -156,6 +178,11 @@ Result<std::string> make_truth(const TruthOptions& options, const EstimatorFacto
       return refused_error(fmt::format("{} and {} disagree, so there is no reference: {}", sides[0].name(),
                                        sides[1].name(), verdict.report))
           .with_mend("one of them is wrong, or biased, or has not found all the light");
+    if (2 * verdict.decided < verdict.values)
+      say(fmt::format(
+          "warning: a difference of 5 % would have been found in {} of {} values: more iterations make "
+          "a reference to rely on",
+          verdict.decided, verdict.values));
     return combine(options, sides[0], sides[1], verdict);
   } catch (const Failure& failure) {
     return failure.error;
