@@ -489,7 +489,7 @@ TEST(SceneMedia, InterfacesNameTheMediumBeyond) {
   ASSERT_TRUE(scene.ok()) << scene.error().to_string();
   const Scene& s = **scene;
   EXPECT_EQ(s.features().media, 2u);
-  const std::uint32_t fog = s.camera_medium();
+  const std::uint32_t fog = s.camera_medium({{0, 0, 0}, {0, 0, 1}});
   ASSERT_NE(fog, kNone);
   const auto emitter_medium = [&](std::uint32_t emitter, bool infinite) {
     EmissionSample light;

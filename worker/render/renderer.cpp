@@ -38,7 +38,8 @@ std::string features_text(const scene::SceneFeatures& f) {
   list("bsdfs", f.bsdf_kinds);
   list("emitters", f.emitter_kinds);
   if (f.media > 0)
-    text += fmt::format("media: {}{}\n", f.media, f.any_heterogeneous_medium ? ", not all homogeneous" : "");
+    text += fmt::format("media: {}{}{}\n", f.media, f.any_heterogeneous_medium ? ", not all homogeneous" : "",
+                        f.endless_medium ? "; the outer one has no end: no light from outside" : "");
   return text;
 }
 

@@ -23,4 +23,9 @@ struct Bounds {
   double radius() const { return empty() ? 0.0 : length(high - low) * 0.5; }
 };
 
+inline bool overlap(const Bounds& a, const Bounds& b) {
+  return a.low.x <= b.high.x && b.low.x <= a.high.x && a.low.y <= b.high.y && b.low.y <= a.high.y &&
+         a.low.z <= b.high.z && b.low.z <= a.high.z;
+}
+
 }  // namespace candela::scene

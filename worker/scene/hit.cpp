@@ -3,6 +3,8 @@
 
 #include <cmath>
 
+#include "worker/scene/shapes/rounding.h"
+
 namespace candela::scene {
 
 Ray spawn_shadow_ray(const SurfaceHit& hit, Vec3 target, Vec3 target_ng, float target_error) {
@@ -17,6 +19,11 @@ Ray spawn_shadow_ray(const SurfaceHit& hit, Vec3 target, Vec3 target_ng, float t
   const float l = length(d);
   if (!(l > 0)) return {origin, hit.ng, 0.0f};  // nothing lies between
   return {origin, d / l, l * (1 - 0x1p-20f)};
+}
+
+bool goes_through(const SurfaceHit& hit, Vec3 p) {
+  const double height = dot(Vec3d(hit.ng), Vec3d(p) - Vec3d(hit.p));  // double: the difference cancels
+  return std::abs(height) <= static_cast<double>(hit.error + rounding_error(hit.ng, p));
 }
 
 }  // namespace candela::scene

@@ -7,23 +7,11 @@
 #include <vector>
 
 #include "worker/core/math.h"
-#include "worker/scene/shapes/quadrics.h"
 
 namespace candela::scene {
 namespace {
 
 constexpr double kExtrapolation = 1.42;
-
-Bounds bounds_of_shape(const Geometry& geometry, const ShapeRecord& shape) {
-  Bounds box;
-  if (shape.sphere != kNone) box.add(bounds_of(geometry.spheres[shape.sphere].sphere));
-  if (shape.disk != kNone) box.add(bounds_of(geometry.disks[shape.disk].disk));
-  if (shape.cylinder != kNone) box.add(bounds_of(geometry.cylinders[shape.cylinder].cylinder));
-  for (std::uint32_t i = 0; i < shape.triangle_count; ++i)
-    for (const std::uint32_t v : geometry.indices[shape.first_triangle + i])
-      box.add(Vec3d(geometry.positions[v]));
-  return box;
-}
 
 std::array<double, 3> sides(const Bounds& box) {
   if (box.empty()) return {0, 0, 0};
@@ -43,13 +31,14 @@ bool flat(const Bounds& box) {
 std::vector<Bounds> boxes(const Media& media, const Geometry& geometry) {
   std::vector<Bounds> largest(media.size()), all(media.size());
   std::vector<bool> outside(media.size(), false);
-  for (const ShapeRecord& shape : geometry.shapes) {
+  for (std::uint32_t index = 0; index < geometry.shapes.size(); ++index) {
+    const ShapeRecord& shape = geometry.shapes[index];
     if (shape.medium_interface == kNone) continue;
     const std::uint32_t interior = media.interior(shape.medium_interface),
                         exterior = media.exterior(shape.medium_interface);
     if (exterior != kNone) outside[exterior] = true;
     if (interior == kNone) continue;
-    const Bounds box = bounds_of_shape(geometry, shape);
+    const Bounds box = geometry.bounds_of_shape(index);
     all[interior].add(box);
     if (shortest(box) > shortest(largest[interior])) largest[interior] = box;
   }

@@ -12,7 +12,8 @@
 namespace candela::scene {
 
 struct Scene::Impl : SceneData {
-  std::uint32_t outer_medium = kNone;  // of the space around all surfaces
+  std::uint32_t outer_medium = kNone;    // of the space around all surfaces
+  bool camera_in_several_media = false;  // or it may be: each ray finds out
 };
 
 namespace {
@@ -89,8 +90,8 @@ const Medium& Scene::medium(std::uint32_t index) const {
   return impl_->media[index];
 }
 
-std::uint32_t Scene::camera_medium() const {
-  return impl_->camera_medium;
+std::uint32_t Scene::camera_medium(const Ray& ray) const {
+  return impl_->camera_in_several_media ? medium_at(ray) : impl_->camera_medium;
 }
 
 std::uint32_t Scene::emitter_medium(const EmissionSample& light) const {
@@ -123,7 +124,42 @@ void Scene::find_media(float film_width, float film_height) {
     out = spawn_ray(hit, out.direction);
   }
   impl.outer_medium = medium;
-  if (impl.camera_medium == kNone) impl.camera_medium = medium_at(ray);
+  impl.features.endless_medium = medium != kNone && impl.media[medium].homogeneous() &&
+                                 impl.media[medium].max_sigma_t().max_component() > 0;
+  if (impl.features.endless_medium &&
+      (impl.features.any_environment || impl.features.emitter_kinds.contains("directional")))
+    log::warn(
+        "the medium around the scene has no end: light from outside (constant, envmap, directional) does "
+        "not get in. Give the medium a boundary: a shape with a null bsdf that has it as its interior");
+  if (impl.camera_medium != kNone) return;
+  impl.camera_medium = medium_at(ray);
+  impl.camera_in_several_media = media_meet_at_camera(film_width, film_height);
+}
+
+bool Scene::media_meet_at_camera(float film_width, float film_height) const {
+  // Where camera rays start: from corners of the film and of the square of lens samples, and somewhat more,
+  // as a lens bulges beyond the chords of its rim.
+  Bounds box;
+  float weight = 0;
+  for (unsigned corner = 0; corner < 4; ++corner)
+    for (unsigned lens = 0; lens < 64; ++lens) {
+      const Vec2 u_lens{static_cast<float>(lens % 8) / 7, static_cast<float>(lens / 8) / 7};
+      const Ray ray = camera_ray((corner & 1) != 0 ? film_width : 0.0f,
+                                 (corner & 2) != 0 ? film_height : 0.0f, u_lens, weight);
+      box.add(Vec3d(ray.origin));
+    }
+  const double more = 0.1 * box.radius();
+  box.low = box.low - Vec3d{more, more, more};
+  box.high = box.high + Vec3d{more, more, more};
+  const Geometry& geometry = impl_->geometry;
+  bool any = false;
+  for (std::uint32_t shape = 0; shape < geometry.shapes.size(); ++shape) {
+    if (geometry.shapes[shape].medium_interface == kNone) continue;
+    if (geometry.may_cross(shape, box)) return true;
+    any = true;
+  }
+  return any && std::any_of(geometry.instances.begin(), geometry.instances.end(),
+                            [&](const Instance& instance) { return overlap(instance.bounds, box); });
 }
 
 std::uint32_t Scene::medium_beyond(const SurfaceHit& hit, Vec3 d, std::uint32_t current) const {

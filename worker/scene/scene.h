@@ -49,7 +49,8 @@ class Scene {
   // medium it came through). Where the scene does not name the camera's or an emitter's medium it is the one
   // that fills the place (medium_at), so that walks of both directions see the same scene.
   const Medium& medium(std::uint32_t index) const;
-  std::uint32_t camera_medium() const;
+  // Of a ray of camera_ray().
+  std::uint32_t camera_medium(const Ray& ray) const;
   std::uint32_t emitter_medium(const EmissionSample& light) const;
   // The medium at a ray's origin, told by the first surface along it where media meet.
   std::uint32_t medium_at(Ray ray) const;
@@ -116,6 +117,8 @@ class Scene {
   Scene();
   // Media of the space outside and of the camera, where they are not named.
   void find_media(float film_width, float film_height);
+  // Whether places that camera rays start at may be in several media.
+  bool media_meet_at_camera(float film_width, float film_height) const;
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };

@@ -149,7 +149,11 @@ bool Evaluation::follow_edge(std::size_t i) {
   Edge& edge = edges_[i];
   for (std::uint32_t passes = 0; passes < 1000; ++passes) {
     scene::SurfaceHit hit;
-    const bool found = scene_.intersect(ray, hit);
+    bool found = scene_.intersect(ray, hit);
+    while (found && start == 0 && start_in_space && goes_through(hit, p)) {  // nor do they hide it
+      ray = spawn_ray(hit, d);
+      found = scene_.intersect(ray, hit);
+    }
     const double rest = from_outside ? kInfinity : length(end - last);
     const double reached = found ? length(Vec3d(hit.p) - last) : kInfinity;
     // Within what rounding may move the surface along the ray.
@@ -208,7 +212,7 @@ void Evaluation::assign_media() {
     if (i + 1 < k && path_.inner[i].kind == Vertex::Kind::surface)
       medium = scene_.medium_beyond(path_.inner[i].hit, path_.along[i + 1], medium);
   }
-  medium = scene_.camera_medium();
+  medium = scene_.camera_medium({path_.lens_near, -path_.along[k - 1]});
   for (std::size_t i = k; i-- > 0;) {
     Edge& edge = edges_[i];
     for (std::size_t j = edge.stretches.size(); j-- > 0;) {

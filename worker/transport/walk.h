@@ -104,6 +104,7 @@ class Walk {
   void depart(Vertex& v, float pdf, bool delta, double pdf_reverse, double factor_out);
   // `longest`: of the probability.
   bool survives(float longest);
+  bool leave_surfaces(bool found, SurfaceHit& hit);
   bool pass_straight(const SurfaceHit& hit);
   void look_for_lens(bool found, const SurfaceHit& hit);
   double direct_density(const Vertex& v, double distance_squared) const;
@@ -135,12 +136,21 @@ class Walk {
 template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
 bool Walk<kMode, kBetween, Heuristic, SamplerT>::start_light() {
   const float u_select = sampler_.draw_1d(0, true);
-  const Vec2 u_position = sampler_.draw_2d(1, true);
-  if (!scene_.sample_emission(u_select, u_position, sampler_.draw_2d(2, true), origin_)) return false;
+  const Vec2 u_position = sampler_.draw_2d(1, true), u_direction = sampler_.draw_2d(2, true);
+  if (!scene_.sample_emission(u_select, u_position, u_direction, origin_)) return false;
   ray_ = origin_.ray;
   throughput_ = origin_.weight;
+  if constexpr (kMedia) {
+    medium_ = scene_.emitter_medium(origin_);
+    if (origin_.infinite && medium_ != scene::kNone) {
+      // It came through all of the medium outside, which takes everything unless it ends somewhere.
+      rng::Stream stream(
+          rng::key(std::bit_cast<std::uint32_t>(u_direction.x), std::bit_cast<std::uint32_t>(u_direction.y)));
+      throughput_ *= scene_.medium(medium_).transmittance({ray_.origin, -ray_.direction}, stream);
+      if (throughput_.is_black()) return false;
+    }
+  }
   scale_ = 1 / throughput_.max_component();
-  if constexpr (kMedia) medium_ = scene_.emitter_medium(origin_);
   block_ = kLightDimensions;
   from_ = origin_.vertex.p;
   finite_ = !origin_.infinite;
@@ -159,7 +169,7 @@ template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT
 void Walk<kMode, kBetween, Heuristic, SamplerT>::start_eye(const Ray& ray) {
   ray_ = ray;
   throughput_ = Spectrum(1.0f);
-  if constexpr (kMedia) medium_ = scene_.camera_medium();
+  if constexpr (kMedia) medium_ = scene_.camera_medium(ray);
   block_ = kEyeDimensions;
   finite_ = true;
   from_ = ray.origin;
@@ -184,8 +194,9 @@ auto Walk<kMode, kBetween, Heuristic, SamplerT>::advance(Vertex& v, scene::Closu
   else
     block_ += kBlock;
   ++tallies_.rays;
-  const bool found = scene_.intersect(ray_, v.hit);
+  bool found = scene_.intersect(ray_, v.hit);
   if constexpr (kFromLight) {
+    if (edges_ == 0 && origin_.delta_position) found = leave_surfaces(found, v.hit);
     lens_.met = false;
     if (rules_.meets_lens && edges_ > 0) look_for_lens(found, v.hit);
   }
@@ -247,6 +258,20 @@ auto Walk<kMode, kBetween, Heuristic, SamplerT>::advance(Vertex& v, scene::Closu
   }
   arrive(v);
   return Event::vertex;
+}
+
+// A point or spot light may lie on a surface (a spot in a ceiling): next event estimation does not meet that,
+// and neither does its walk, which then goes on from behind it.
+template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
+bool Walk<kMode, kBetween, Heuristic, SamplerT>::leave_surfaces(bool found, SurfaceHit& hit) {
+  while (found && goes_through(hit, origin_.vertex.p)) {
+    if constexpr (kMedia) medium_ = scene_.medium_beyond(hit, ray_.direction, medium_);
+    ray_ = spawn_ray(hit, ray_.direction);
+    if (++passes_ >= kMostPasses) return false;
+    ++tallies_.rays;
+    found = scene_.intersect(ray_, hit);
+  }
+  return found;
 }
 
 // What weights need to know of an edge that ends at v.

@@ -60,7 +60,7 @@ Spectrum radiance(const SceneT& scene, const Limits& limits, Ray ray, SamplerT& 
   std::uint32_t passes = 0;
   std::uint32_t medium = scene::kNone;  // that the ray is in
   std::uint64_t rays = 0;
-  if constexpr (kMedia) medium = scene.camera_medium();
+  if constexpr (kMedia) medium = scene.camera_medium(ray);
 
   // Next event estimation from the vertex `here`, which scatters as eval_pdf(wi, pdf) says.
   const auto sample_light = [&](const SurfaceHit& here, Vec3 side, std::uint32_t through, bool stratified,

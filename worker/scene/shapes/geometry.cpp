@@ -151,6 +151,35 @@ void Geometry::add_instance(std::uint32_t group, const Transform& to_world) {
   instances.push_back(out);
 }
 
+Bounds Geometry::bounds_of_triangle(std::uint32_t triangle) const {
+  Bounds box;
+  for (const std::uint32_t v : indices[triangle]) box.add(Vec3d(positions[v]));
+  return box;
+}
+
+bool Geometry::may_cross(std::uint32_t index, const Bounds& box) const {
+  const ShapeRecord& shape = shapes[index];
+  for (std::uint32_t i = 0; i < shape.triangle_count; ++i)
+    if (overlap(bounds_of_triangle(shape.first_triangle + i), box)) return true;
+  if (shape.disk != kNone && overlap(bounds_of(disks[shape.disk].disk), box)) return true;
+  if (shape.cylinder != kNone && overlap(bounds_of(cylinders[shape.cylinder].cylinder), box)) return true;
+  if (shape.sphere == kNone) return false;
+  const Sphere& sphere = spheres[shape.sphere].sphere;
+  const double distance = length(box.center() - sphere.center);
+  return std::abs(distance - sphere.radius) <= box.radius() + 1e-6 * sphere.radius;
+}
+
+Bounds Geometry::bounds_of_shape(std::uint32_t index) const {
+  const ShapeRecord& shape = shapes[index];
+  Bounds box;
+  if (shape.sphere != kNone) box.add(bounds_of(spheres[shape.sphere].sphere));
+  if (shape.disk != kNone) box.add(bounds_of(disks[shape.disk].disk));
+  if (shape.cylinder != kNone) box.add(bounds_of(cylinders[shape.cylinder].cylinder));
+  for (std::uint32_t i = 0; i < shape.triangle_count; ++i)
+    box.add(bounds_of_triangle(shape.first_triangle + i));
+  return box;
+}
+
 void Geometry::finish() {
   positions.emplace_back();
   if (!normals.empty()) normals.resize(positions.size());

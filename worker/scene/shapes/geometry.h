@@ -106,12 +106,17 @@ struct Geometry {
   void instance_hit(const Ray& ray, std::uint32_t instance, PrimitiveKind kind, std::uint32_t primitive,
                     SurfaceHit& hit) const;
 
+  // Both in the coordinates of the shape's group.
+  Bounds bounds_of_shape(std::uint32_t shape) const;
+  // False: the shape's surface has no point in the box.
+  bool may_cross(std::uint32_t shape, const Bounds& box) const;
   // For points sampled on a triangle (quadrics.h has these for the others): texture coordinates (barycentric
   // ones where it has none), and the error bound of SurfaceHit.
   Vec2 uv_at(std::uint32_t triangle, float b1, float b2) const;
   float point_error(std::uint32_t triangle, Vec3 p) const;
 
  private:
+  Bounds bounds_of_triangle(std::uint32_t triangle) const;
   void quadric_hit(const Ray& ray, PrimitiveKind kind, std::uint32_t primitive, SurfaceHit& hit) const;
   // All of a hit that the surface's parameterisation does not say.
   [[gnu::always_inline]] const ShapeRecord& name_hit(std::uint32_t shape, std::uint32_t primitive,
