@@ -102,7 +102,7 @@ inline constexpr std::array kTransportScenes = {
                    "light sees no delta surface; frosted glass of index 1.01 is nearly delta to merging"},
     TransportScene{"flush", "a spot in the plane of the ceiling, a point light in that of a wall", kAll,
                    kNone, ""},
-    TransportScene{"fog-lens", "a lens that fog covers in part", kAll, kPpm, kThinPhotons},
+    TransportScene{"fog-lens", "a lens that fog covers in part", kAll, kNone, ""},
     TransportScene{"instances", "squeezed and mirrored copies", kAll, kNone, ""},
 };
 
