@@ -12,7 +12,6 @@ try:
     import numpy as np
     import matplotlib
     matplotlib.use("Agg")
-    matplotlib.rcParams["text.parse_math"] = False  # names are not formulas
     from matplotlib import pyplot
 except ImportError as missing:
     sys.exit(f"report.py: error: {missing.name} is missing (Debian: python3-numpy python3-matplotlib)")
@@ -29,9 +28,10 @@ TIMES = {"cpu_seconds": "CPU seconds", "wall_seconds": "seconds", "units": "iter
 NUMBERS = ("seed", "units", "cpu_seconds", "wall_seconds", "reference_factor", "reference_relmse", "own_relmse",
            "rays", "eye_samples", "light_paths", "deltas", "delta_bytes", "peak_memory_bytes") + FIGURES
 ALWAYS = ("seed", "units", "cpu_seconds", "wall_seconds")  # of the numbers those that no row can be without
-ONE_OF_ALL = ("integrator", "settings", "threads", "width", "height", "scene_hash", "reference_hash")  # of a curve
+OF_A_SCENE = ("width", "height", "scene_hash", "reference_hash")  # what its rows have in common
+OF_A_CURVE = ("integrator", "settings", "threads")
 NEEDED = ("scene", "variant", "truth", "command", "run", "version", "build_id", "cpu", "cores",
-          "memory_bytes", "load_at_start", "started") + ONE_OF_ALL + NUMBERS
+          "memory_bytes", "load_at_start", "started") + OF_A_SCENE + OF_A_CURVE + NUMBERS
 
 
 class BadInput(Exception):
@@ -100,7 +100,8 @@ def read_rows(sources):
 
 def source_names(sources):
     """What tells the sources apart: their last folders, as few as that takes."""
-    if len(set(map(os.path.abspath, sources))) < len(sources):
+    files = [os.path.realpath(os.path.join(s, "rows.csv") if os.path.isdir(s) else s) for s in sources]
+    if len(set(files)) < len(files):
         raise BadInput("the same rows are given twice")
     for depth in range(1, 64):
         names = {s: "/".join(os.path.abspath(s).split(os.sep)[-depth:]) for s in sources}
@@ -115,16 +116,17 @@ def one_run_a_curve(rows):
     for row in rows:
         here = f"{row['_where'][0]}:{row['_where'][1]}"
         curve = (row["scene"], row["variant"])
-        other = first.setdefault(curve, row)
-        for column in ONE_OF_ALL:
-            if row[column] != other[column]:
-                raise BadInput(f"{here}: {row['variant']} on {row['scene']} has another {column} than in line "
-                               f"{other['_where'][1]}: give one of them another name")
+        for name, columns in ((curve[:1], OF_A_SCENE), (curve, OF_A_CURVE)):
+            other = first.setdefault(name, row)
+            for column in columns:
+                if row[column] != other[column]:
+                    raise BadInput(f"{here}: {row['variant']} on {row['scene']} has another {column} than in "
+                                   f"{other['_where'][0]}:{other['_where'][1]}: give one of them another name")
         point = curve + (row["seed"], row["units"])
         if point in seen:
             raise BadInput(f"{here}: the row of {row['variant']} on {row['scene']}, seed {row['seed']:.0f}, after "
-                           f"{row['units']:.0f} units stands in line {seen[point]}, too")
-        seen[point] = row["_where"][1]
+                           f"{row['units']:.0f} units stands in {seen[point]}, too")
+        seen[point] = here
 
 
 def read_peers(file):
@@ -139,6 +141,11 @@ def read_peers(file):
             raise BadInput(f"{file}:{peer['_where'][1]}: unknown figure '{peer['figure']}' "
                            f"(there is {', '.join(FIGURES)})")
     return peers
+
+
+def plain(name):
+    """For matplotlib, to which dollars are the ends of a formula."""
+    return name.replace("$", r"\$")
 
 
 def in_order(values):
@@ -179,7 +186,7 @@ def plot(scene, variants, curves, peers, figure, time, colours):
     for variant in variants:
         colour = colours[variant]
         seeds = curves.seeds(variant)
-        label = variant + (" (reference's error unknown)" if variant in curves.unknown else "")
+        label = plain(variant) + (" (reference's error unknown)" if variant in curves.unknown else "")
         band = fits.quartiles(seeds)
         if band is not None:
             grid, low, median, high = band
@@ -197,8 +204,8 @@ def plot(scene, variants, curves, peers, figure, time, colours):
     for i, name in enumerate(in_order(p["name"] for p in mine) if time == "cpu_seconds" else []):
         line = sorted((p["seconds"], p["error"]) for p in mine if p["name"] == name)
         axes.plot(*zip(*line), styles[i % 3], color="black", marker="o", markersize=3, linewidth=1,
-                  alpha=0.4 + 0.6 / (1 + i // 3), label=name)
-    axes.set(xscale="log", yscale="log", xlabel=TIMES[time], ylabel=TITLES[figure], title=scene)
+                  alpha=0.4 + 0.6 / (1 + i // 3), label=plain(name))
+    axes.set(xscale="log", yscale="log", xlabel=TIMES[time], ylabel=TITLES[figure], title=plain(scene))
     axes.grid(True, which="both", alpha=0.25)
     if axes.get_legend_handles_labels()[0]:
         axes.legend(fontsize=8)
@@ -298,7 +305,7 @@ def error_images(scene, rows, variants):
     for i, (title, image) in enumerate(pictures, start=1):
         terms = ((image - reference) ** 2 / np.maximum(reference ** 2 + floor, 1e-300)).mean(axis=2)
         axes[0][i].imshow(shown(image))
-        axes[0][i].set_title(title, fontsize=8)
+        axes[0][i].set_title(plain(title), fontsize=8)
         drawn = axes[1][i].imshow(np.sqrt(np.maximum(np.nan_to_num(terms, posinf=1e6), 1e-12)), cmap="inferno",
                                   norm=matplotlib.colors.LogNorm(vmin=1e-3, vmax=1))
     drawing.colorbar(drawn, ax=axes[1][0], fraction=0.3, label="relative error of a pixel")

@@ -6,6 +6,7 @@
 #   tests/bench/scaling.sh [BUILD_BIN] [SCENE] [SIZE] [ITERATIONS] [ROUNDS] [OPTIONS OF submit ...]
 #   tests/bench/scaling.sh build/bin deploy/scenes/studio/scene.xml 480x270 8 3 --integrator mmlt
 set -euo pipefail
+shopt -s inherit_errexit  # a run is timed in $(...)
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 bin=${1:-$here/build/bin}
 scene=${2:-$here/deploy/scenes/studio/scene.xml}
@@ -50,7 +51,7 @@ run() {
   [[ $("$bin/candela" workers --json | grep -c '"id"') == "$workers" ]] || { stop_all; echo "scaling.sh: error: the workers do not come" >&2; exit 1; }
   local begin end
   begin=$(date +%s.%N)
-  "$bin/candela" submit "$scene" --size "$size" --iterations "$iterations" --seed 1 --wait "${options[@]}" >/dev/null 2>&1
+  "$bin/candela" submit "$scene" --size "$size" --iterations "$iterations" --seed 1 --wait "${options[@]}" >"$data/submitted" 2>&1 || { cat "$data/submitted" >&2; stop_all; exit 1; }
   end=$(date +%s.%N)
   stop_all
   echo "$end - $begin" | bc

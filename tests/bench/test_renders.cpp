@@ -114,6 +114,7 @@ TEST(Lists, NamesWithCommasAndSeveralInOneWord) {
   EXPECT_EQ(chosen({"path,bdpt"}), 2U);
   EXPECT_EQ(chosen({"path", "bdpt, short"}), 2U);
   EXPECT_EQ(chosen({"path,vcm"}), 0U);
+  EXPECT_EQ(chosen({""}), 0U);
 
   // Without a list, where a path may have one.
   fs::create_directories(folder.path() / "a,b");

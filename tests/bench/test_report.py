@@ -194,12 +194,12 @@ class Report(unittest.TestCase):
 
     def test_a_curve_is_one_experiment(self):
         good = rows_of(estimator_curves(np.random.default_rng(5), 2, 0), "path")
-        self.assertIn("rows.csv:20: the row of path on box, seed 1, after 1 units stands in line 2, too",
+        self.assertIn("rows.csv:20: the row of path on box, seed 1, after 1 units stands in " + self.path("rows.csv:2, too"),
                       self.error_of(self.write("rows.csv", good + good[:1])))
         other = [dict(row) for row in good]
         for row in other[9:]:
             row["settings"] = "max_depth=2"
-        self.assertIn("rows.csv:11: path on box has another settings than in line 2",
+        self.assertIn("rows.csv:11: path on box has another settings than in " + self.path("rows.csv:2"),
                       self.error_of(self.write("rows.csv", other)))
 
     def test_folders_of_one_name(self):
@@ -211,7 +211,7 @@ class Report(unittest.TestCase):
             folders.append(self.path(build + "/results"))
         self.assertEqual({r["variant"] for r in report.read_rows(folders)},
                          {"path of new/results", "path of old/results"})
-        self.assertIn("given twice", self.error_of(folders[0], folders[0] + "/"))
+        self.assertIn("given twice", self.error_of(folders[0], folders[0] + "/rows.csv"))
 
     def test_names_that_are_formulas_and_rows_without_an_error(self):
         curves = estimator_curves(np.random.default_rng(5), 2, 0)
@@ -227,6 +227,9 @@ class Report(unittest.TestCase):
         with open(self.path("r.html"), encoding="utf-8") as stream:
             page = stream.read()
         self.assertIn("relMSE: no row has one above 0.", page)
+        # Powers of ten at the axes are formulas, names are not.
+        self.assertTrue(matplotlib.rcParams["text.parse_math"])
+        self.assertFalse(matplotlib.cbook.is_math_text(report.plain("$x_{$ and $x$")))
         self.assertFalse("No images beside these rows" in page)
         self.assertEqual(page.count("data:image/png;base64,"), 2)  # one figure, and the error images
 

@@ -100,9 +100,9 @@ inline constexpr std::array kTransportScenes = {
                    kLight | kPpm | kBpm, "connecting to or merging at such a surface rarely meets its lobe"},
     TransportScene{"index-matched", "refraction that hardly bends", kAll & ~kLight, kPpm,
                    "light sees no delta surface; frosted glass of index 1.01 is nearly delta to merging"},
-    TransportScene{"flush", "a spot in the plane of the ceiling, a point light in that of a wall", kAll,
-                   kNone, ""},
+    TransportScene{"flush", "lamps in the planes of a ceiling, a wall, a side of fog", kAll, kNone, ""},
     TransportScene{"fog-lens", "a lens that fog covers in part", kAll, kNone, ""},
+    TransportScene{"fog-endless", "fog without an end that lets one colour pass", kAll, kNone, ""},
     TransportScene{"instances", "squeezed and mirrored copies", kAll, kNone, ""},
 };
 

@@ -66,7 +66,7 @@ void list() {
   for (const Sweep& sweep : all_sweeps()) {
     fmt::print("{}\n  hazard: {}\n  parameter: {}\n  holds: {}\n  values:", sweep.name, sweep.hazard,
                sweep.parameter, sweep.holds);
-    for (const double value : sweep.values) fmt::print(" {:.6g}", value);
+    for (const double value : sweep.values) fmt::print(" {}", value);
     fmt::print("\n  tolerance: {:g} %\n  integrators:", 100 * sweep.tolerance);
     for (const Claim& claim : sweep.claims) fmt::print(" {}", claim.integrator);
     fmt::print("\n");
@@ -123,6 +123,7 @@ int main(int argc, char** argv) try {
         if (!csv_file.empty()) write(csv_file, csv(points));  // a run takes long: what is done is kept
       }
     }
+    if (points.empty()) throw std::runtime_error("no sweep has all of that: there is nothing to run");
   });
   std::vector<std::string> files;
   double most_seconds = 0.5;

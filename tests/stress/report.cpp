@@ -42,7 +42,7 @@ double real(const std::string& cell) {
 std::uint64_t count(const std::string& cell) {
   std::size_t end = 0;
   const std::uint64_t value = std::stoull(cell, &end);
-  if (end != cell.size()) throw std::invalid_argument(cell);
+  if (end != cell.size() || cell[0] == '-') throw std::invalid_argument(cell);
   return value;
 }
 

@@ -157,8 +157,11 @@ TEST(StressMachinery, PointsAreReadAsTheyWereWritten) {
   EXPECT_EQ(read[0].value, p.value);
   EXPECT_EQ(read[0].tallies.rejected, p.tallies.rejected);
   // A damaged line is no point.
-  for (const auto& [part, damaged] : std::map<std::string, std::string>{
-           {",broken,", ",maybe,"}, {",vcm,", ",vcm,,"}, {",1.5,", ",much,"}, {",1,2,", ",1,1e999,"}}) {
+  for (const auto& [part, damaged] : std::map<std::string, std::string>{{",broken,", ",maybe,"},
+                                                                        {",vcm,", ",vcm,,"},
+                                                                        {",1.5,", ",much,"},
+                                                                        {",1,2,", ",1,1e999,"},
+                                                                        {",3,4,", ",3,-4,"}}) {
     std::string bad = csv({p});
     ASSERT_NE(bad.find(part), std::string::npos) << part;
     bad.replace(bad.find(part), part.size(), damaged);

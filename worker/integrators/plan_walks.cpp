@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "worker/core/math.h"
 #include "worker/transport/walk.h"
@@ -16,11 +17,13 @@ void note_lasting_media(const scene::SceneFeatures& features, std::uint32_t max_
   if (features.emitters == 0 || max_depth <= rr_depth || each <= 1) return;
   const double scatterings = std::min<double>(max_depth - rr_depth, 10'000);
   if (!(math::pow(each, scatterings) > 10)) return;
+  const auto thickness = static_cast<double>(features.lasting_thickness);
   plan.note(
       "media",
-      fmt::format("up to {:.3g} mean free paths across that absorb next to nothing: Russian roulette "
-                  "makes this integrator noisy there, and mostly too dark; path does not suffer from it",
-                  static_cast<double>(features.lasting_thickness)));
+      fmt::format("{} that absorb next to nothing: Russian roulette makes this integrator noisy "
+                  "there, and mostly too dark; path does not suffer from it",
+                  std::isfinite(thickness) ? fmt::format("up to {:.3g} mean free paths across", thickness)
+                                           : "mean free paths without an end"));
 }
 
 }  // namespace candela::integrators

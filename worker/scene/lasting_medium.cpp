@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <vector>
 
@@ -27,30 +28,24 @@ bool flat(const Bounds& box) {
   return !(shortest(box) > 1e-6 * *std::max_element(d.begin(), d.end()));
 }
 
-// For each medium the box that it may fill.
+// For each medium the box that it may fill; empty: without an end.
 std::vector<Bounds> boxes(const Media& media, const Geometry& geometry) {
   std::vector<Bounds> largest(media.size()), all(media.size());
-  std::vector<bool> outside(media.size(), false);
   for (std::uint32_t index = 0; index < geometry.shapes.size(); ++index) {
-    const ShapeRecord& shape = geometry.shapes[index];
-    if (shape.medium_interface == kNone) continue;
-    const std::uint32_t interior = media.interior(shape.medium_interface),
-                        exterior = media.exterior(shape.medium_interface);
-    if (exterior != kNone) outside[exterior] = true;
+    const std::uint32_t interior = media.interior(geometry.shapes[index].medium_interface);
     if (interior == kNone) continue;
     const Bounds box = geometry.bounds_of_shape(index);
     all[interior].add(box);
     if (shortest(box) > shortest(largest[interior])) largest[interior] = box;
   }
-  for (std::size_t i = 0; i < media.size(); ++i) {
-    if (flat(largest[i])) largest[i] = all[i];
-    if (outside[i] || flat(largest[i])) largest[i] = geometry.bounds;
-  }
+  for (std::size_t i = 0; i < media.size(); ++i)
+    if (flat(largest[i])) largest[i] = flat(all[i]) ? Bounds() : all[i];
   return largest;
 }
 
 // Of one channel.
 LastingMedium lasting(double sigma_t, double albedo, double mean_cosine, const Bounds& box) {
+  if (box.empty()) return {albedo * albedo, std::numeric_limits<double>::infinity()};
   const double reduced = sigma_t * (1 - mean_cosine);
   double square = 0;
   for (const double side : sides(box)) {

@@ -16,9 +16,9 @@ struct LastingMedium {
 };
 
 // Of the medium and the channel in which it is largest. The box: the largest of the shapes that hold the
-// medium, or of all of them where each is flat (the walls of a tank); the scene, where none holds it or it
-// lies outside one. Grids count with their densest and whitest place: an upper bound. Shapes of shapegroups
-// count as if placed once and unscaled.
+// medium, or of all of them where each is flat (the walls of a tank); where none holds it, it has no end, and
+// the thickness is infinite. Grids count with their densest and whitest place: an upper bound. Shapes of
+// shapegroups count as if placed once and unscaled.
 LastingMedium most_lasting_medium(const Media& media, const Geometry& geometry);
 
 }  // namespace candela::scene

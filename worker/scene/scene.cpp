@@ -101,6 +101,7 @@ std::uint32_t Scene::emitter_medium(const EmissionSample& light) const {
 }
 
 std::uint32_t Scene::medium_at(Ray ray) const {
+  ray.t_max = Ray().t_max;  // a camera's far clip hides surfaces, not what it is in
   SurfaceHit hit;
   for (std::uint32_t passes = 0; passes < kMostProbes && intersect(ray, hit); ++passes) {
     if (hit.medium_interface != kNone) return impl_->media.beyond(hit, -ray.direction, kNone);
@@ -124,8 +125,10 @@ void Scene::find_media(float film_width, float film_height) {
     out = spawn_ray(hit, out.direction);
   }
   impl.outer_medium = medium;
-  impl.features.endless_medium = medium != kNone && impl.media[medium].homogeneous() &&
-                                 impl.media[medium].max_sigma_t().max_component() > 0;
+  if (medium != kNone && impl.media[medium].homogeneous()) {
+    const Spectrum sigma_t = impl.media[medium].max_sigma_t();
+    impl.features.endless_medium = std::min({sigma_t.r, sigma_t.g, sigma_t.b}) > 0;
+  }
   if (impl.features.endless_medium &&
       (impl.features.any_environment || impl.features.emitter_kinds.contains("directional")))
     log::warn(

@@ -203,6 +203,13 @@ void Evaluation::assign_media() {
   start.ray = path_.light_delta_position ? Ray{path_.light.p, path_.along[0]}
                                          : spawn_ray(path_.light, path_.along[0]);
   std::uint32_t medium = named ? scene_.emitter_medium(start) : scene::kNone;
+  if (named && path_.light_delta_position) {
+    Ray ray = start.ray;
+    scene::SurfaceHit hit;
+    for (; scene_.intersect(ray, hit) && goes_through(hit, path_.light.p);
+         ray = spawn_ray(hit, ray.direction))
+      medium = scene_.medium_beyond(hit, ray.direction, medium);
+  }
   for (std::size_t i = 0; i < k; ++i) {
     Edge& edge = edges_[i];
     for (std::size_t j = 0; j < edge.stretches.size(); ++j) {

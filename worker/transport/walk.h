@@ -189,6 +189,7 @@ void Walk<kMode, kBetween, Heuristic, SamplerT>::start_eye(const Ray& ray) {
 
 template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
 auto Walk<kMode, kBetween, Heuristic, SamplerT>::advance(Vertex& v, scene::ClosureArena& arena) -> Event {
+  const bool from_outside = kFromLight && first_stretch_ && !finite_;
   if (first_stretch_)
     first_stretch_ = false;
   else
@@ -216,6 +217,7 @@ auto Walk<kMode, kBetween, Heuristic, SamplerT>::advance(Vertex& v, scene::Closu
       throughput_ *= flight.weight;
       if (throughput_.is_black()) return Event::ended;
       if (flight.scattered) stretch.t_max = flight.distance;
+      if (from_outside) stretch.t_max = Ray().t_max;  // as the eye's walk sees that edge
       if constexpr (Heuristic::kWeighs) survival_ *= static_cast<double>(stretch_survival(around, stretch));
       if (flight.scattered) {
         if (for_lens || (v.edges >= rules_.max_edges && !kFromLight))

@@ -236,6 +236,7 @@ std::vector<std::string> split(const std::string& text) {
   std::vector<std::string> parts;
   std::istringstream in(text);
   for (std::string part; std::getline(in, part, ',');) parts.push_back(part);
+  if (parts.empty()) parts.emplace_back();  // which is nobody's name
   return parts;
 }
 
@@ -359,6 +360,9 @@ Result<Work> prepare(const RunOptions& given) {
       }
     }
   }
+  if (work.runs.empty())
+    return usage_error("there is nothing to run: no run of the list is for these scenes")
+        .with_field("--scene");
   // Where only some are in memory at a time: all variants of a scene and seed beside each other.
   std::stable_sort(work.runs.begin(), work.runs.end(), [](const RunSpec& a, const RunSpec& b) {
     return a.scene == b.scene && a.job.seed < b.job.seed;

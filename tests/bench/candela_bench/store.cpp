@@ -12,7 +12,6 @@
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
-#include <tuple>
 
 #include "common/base/files.h"
 #include "common/base/version.h"
@@ -227,25 +226,35 @@ Result<void> Store::lock() const {
 }
 
 Result<void> Store::check_names(const std::vector<RunSpec>& runs) const {
-  using Name = std::tuple<std::string, std::string, std::uint64_t>;
-  std::map<Name, std::string> ids;
-  for (const RunSpec& run : runs) ids[{run.scene, run.variant, run.job.seed}] = run.id();
+  std::map<std::string, Json> scenes, variants;  // a row of each, without what is measured
+  for (const RunSpec& run : runs) {
+    const Json row = row_json(run, {}, nullptr);
+    scenes.emplace(run.scene, row);
+    variants.emplace(run.scene + '\n' + run.variant, row);
+  }
+  const auto differs = [](const std::map<std::string, Json>& known, const std::string& name, const Json& row,
+                          std::initializer_list<const char*> columns) -> const char* {
+    const auto found = known.find(name);
+    if (found == known.end()) return nullptr;
+    for (const char* column : columns)
+      if (found->second.at(column) != row.at(column)) return column;
+    return nullptr;
+  };
   CANDELA_ASSIGN(const auto files, files_of(folder_ / "runs", ".json"));
   for (const fs::path& file : files) {
     CANDELA_ASSIGN(const Json run, read_run(file));
     try {
       if (run.at("rows").empty()) continue;
       const Json& row = run.at("rows").front();
-      const auto found = ids.find({row.at("scene").get<std::string>(), row.at("variant").get<std::string>(),
-                                   row.at("seed").get<std::uint64_t>()});
-      if (found == ids.end() || found->second == row.at("run")) continue;
-      const auto& [scene, variant, seed] = found->first;
-      return refused_error(
-                 fmt::format("this folder has rows of {} with {} and seed {} of another scene file, "
-                             "reference, settings, size or number of threads",
-                             scene, variant, seed))
-          .at(folder_.string(), 0)
-          .with_mend("give --out another folder, or the runs of a list another name");
+      const auto scene = row.at("scene").get<std::string>(), variant = row.at("variant").get<std::string>();
+      const char* other = differs(scenes, scene, row, {"scene_hash", "reference_hash", "width", "height"});
+      if (other == nullptr)
+        other = differs(variants, scene + '\n' + variant, row, {"integrator", "settings", "threads"});
+      if (other != nullptr)
+        return refused_error(
+                   fmt::format("this folder has rows of {} with {} of another {}", scene, variant, other))
+            .at(folder_.string(), 0)
+            .with_mend("give --out another folder, or the scene or run of a list another name");
     } catch (const Json::exception& error) {
       return bad_run(file, error.what());
     }

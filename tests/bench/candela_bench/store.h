@@ -46,8 +46,8 @@ class Store {
   static Result<Store> open(const std::filesystem::path& folder);
   // Until this process ends nobody else gets it. Refused where another process has it.
   Result<void> lock() const;
-  // Refused where the folder has a run of one of these scenes, variants and seeds that is another: its rows
-  // and the new ones would look like those of one.
+  // Refused where the folder has rows of one of these scenes with another file, reference or size, or of one
+  // of these scenes and variants with other settings or another number of threads: they would look like one.
   Result<void> check_names(const std::vector<RunSpec>& runs) const;
 
   struct Kept {

@@ -149,9 +149,10 @@ Result<std::string> make_truth(const TruthOptions& options, const EstimatorFacto
     return usage_error("a reference takes two different integrators").with_field("--integrators");
   if (fs::path(options.out).extension() != ".exr")
     return usage_error("a reference is an .exr file").with_field("--out");
-  if (options.batches < 4 || options.batches > options.iterations ||
-      options.iterations > Limits::max_iterations)
+  if (options.batches < 4 || options.batches > options.iterations)
     return usage_error("at least 4 batches of one iteration").with_field("--iterations");
+  if (options.iterations > Limits::max_iterations)
+    return usage_error(fmt::format("must be at most {}", Limits::max_iterations)).with_field("--iterations");
   if (options.block < 1 || options.block > Limits::max_extent)
     return usage_error(fmt::format("must be between 1 and {}", Limits::max_extent)).with_field("--block");
   if (options.threads < 1 || options.threads > 1024)

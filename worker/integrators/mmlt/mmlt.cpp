@@ -8,6 +8,7 @@
 #include "worker/integrators/markov/markov.h"
 #include "worker/integrators/mmlt/target.h"
 #include "worker/integrators/plan_between.h"
+#include "worker/integrators/plan_walks.h"
 
 namespace candela::integrators {
 namespace {
@@ -31,6 +32,7 @@ class MmltIntegrator final : public MarkovIntegrator {
       plan_.skip("chains", "max_depth leaves nothing to them");
       return;
     }
+    note_lasting_media(features, std::min(most_edges(), kLongest), limits_.rr_depth, plan_);
     plan_.use("path lengths", "from " + std::to_string(shortest()) + " edges" +
                                   (settings.max_depth < 0 ? std::string(", without a limit")
                                                           : " to " + std::to_string(most_edges())));

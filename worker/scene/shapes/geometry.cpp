@@ -159,8 +159,12 @@ Bounds Geometry::bounds_of_triangle(std::uint32_t triangle) const {
 
 bool Geometry::may_cross(std::uint32_t index, const Bounds& box) const {
   const ShapeRecord& shape = shapes[index];
-  for (std::uint32_t i = 0; i < shape.triangle_count; ++i)
-    if (overlap(bounds_of_triangle(shape.first_triangle + i), box)) return true;
+  for (std::uint32_t i = shape.first_triangle; i < shape.first_triangle + shape.triangle_count; ++i) {
+    if (!overlap(bounds_of_triangle(i), box)) continue;
+    const Triangle& triangle = triangles[i];
+    const double height = dot(Vec3d(triangle.ng), box.center() - Vec3d(triangle.v0));
+    if (std::abs(height) <= box.radius() + static_cast<double>(triangle.plane_error)) return true;
+  }
   if (shape.disk != kNone && overlap(bounds_of(disks[shape.disk].disk), box)) return true;
   if (shape.cylinder != kNone && overlap(bounds_of(cylinders[shape.cylinder].cylinder), box)) return true;
   if (shape.sphere == kNone) return false;
