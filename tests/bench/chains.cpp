@@ -17,6 +17,7 @@
 
 #include "common/image/image.h"
 #include "common/stats/image_error.h"
+#include "tests/bench/count_argument.h"
 #include "tests/statistical/chain_driver.h"
 
 namespace {
@@ -145,9 +146,9 @@ int main(int argc, char** argv) {
       std::istringstream in(value);
       for (std::string part; std::getline(in, part, ',');) scenes.push_back(part);
     } else if (option == "--seeds") {
-      seeds = std::strtoull(value.c_str(), nullptr, 10);
+      seeds = bench::count_argument(option, argv[i + 1], 1, 1e6);
     } else if (option == "--rounds") {
-      rounds = std::strtoull(value.c_str(), nullptr, 10);
+      rounds = bench::count_argument(option, argv[i + 1], 1, 1e6);
     } else if (option == "--set" && value.find('=') != std::string::npos) {
       chosen[value.substr(0, value.find('='))] = value.substr(value.find('=') + 1);
     } else {

@@ -11,6 +11,7 @@
 
 #include "common/base/hash.h"
 #include "common/bundle/bundle.h"
+#include "tests/bench/count_argument.h"
 #include "worker/render/renderer.h"
 
 namespace {
@@ -34,10 +35,11 @@ int main(int argc, char** argv) {
   if (argc < 2) return fail("usage: SCENE.xml [WIDTH HEIGHT [ITERATIONS...]]");
   const std::filesystem::path scene_path = argv[1];
   JobSettings settings;
-  settings.width = argc > 3 ? static_cast<std::uint32_t>(std::stoul(argv[2])) : 1920;
-  settings.height = argc > 3 ? static_cast<std::uint32_t>(std::stoul(argv[3])) : 1080;
+  if (argc == 3) return fail("a width wants a height");
+  settings.width = static_cast<std::uint32_t>(bench::count_argument("WIDTH", argc, argv, 2, 1920, 65536));
+  settings.height = static_cast<std::uint32_t>(bench::count_argument("HEIGHT", argc, argv, 3, 1080, 65536));
   std::vector<std::uint64_t> counts;
-  for (int i = 4; i < argc; ++i) counts.push_back(std::stoull(argv[i]));
+  for (int i = 4; i < argc; ++i) counts.push_back(bench::count_argument("ITERATIONS", argv[i], 1, 1e9));
   if (counts.empty()) counts = {1, 4, 16};
 
   auto complete = render::complete_integrator_settings("path", {{"max_depth", "8"}}, {});

@@ -31,6 +31,7 @@
 #include "common/bundle/bundle.h"
 #include "common/image/image.h"
 #include "common/stats/image_error.h"
+#include "tests/bench/count_argument.h"
 #include "tests/statistical/moments.h"
 #include "worker/render/renderer.h"
 
@@ -416,7 +417,7 @@ int main(int argc, char** argv) {
   options.folder = argv[2];
   for (int i = 3; i + 1 < argc; i += 2) {
     const std::string option = argv[i], value = argv[i + 1];
-    const auto number = [&] { return std::max<std::uint64_t>(1, std::strtoull(value.c_str(), nullptr, 10)); };
+    const auto number = [&] { return bench::count_argument(option, argv[i + 1], 1, 1e9); };
     if (option == "--scenes") {
       options.scenes = split(value);
     } else if (option == "--integrators") {

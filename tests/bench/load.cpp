@@ -23,6 +23,7 @@
 
 #include "common/base/files.h"
 #include "common/bundle/bundle.h"
+#include "tests/bench/count_argument.h"
 #include "worker/loaders/mesh.h"
 #include "worker/scene/scene.h"
 
@@ -177,9 +178,10 @@ int main(int argc, char** argv) {
     return 2;
   }
   const std::filesystem::path folder(argv[1]);
-  const double triangles = argc > 2 ? std::strtod(argv[2], nullptr) : 1e7;
-  const auto threads = static_cast<unsigned>(argc > 3 ? std::strtoul(argv[3], nullptr, 10) : 2);
-  const int rounds = argc > 4 ? std::atoi(argv[4]) : 3;
+  const auto triangles =
+      static_cast<double>(bench::count_argument("TRIANGLES", argc, argv, 2, 10'000'000, 1e9));
+  const auto threads = static_cast<unsigned>(bench::count_argument("THREADS", argc, argv, 3, 2, 1024));
+  const auto rounds = static_cast<int>(bench::count_argument("ROUNDS", argc, argv, 4, 3, 1000));
   const auto side = static_cast<std::uint32_t>(std::max(1.0, std::sqrt(triangles / 2)));
   apart([&] {
     const loaders::Mesh mesh = bumpy(side);

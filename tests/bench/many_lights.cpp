@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "common/rng/stream.h"
+#include "tests/bench/count_argument.h"
 #include "tests/unit/scene_fixture.h"
 
 namespace {
@@ -117,7 +118,7 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "usage: LAMPS [--size PIXELS] [--samples N] [--reference N] [--rounds K]\n");
     return 2;
   }
-  const int count = std::atoi(argv[1]);
+  const auto count = static_cast<int>(bench::count_argument("LAMPS", argv[1], 1, 1e7));
   int size = 64, samples = 32, reference_samples = 1024, rounds = 3;
   for (int i = 2; i + 1 < argc; i += 2) {
     const std::string option = argv[i];
@@ -126,8 +127,11 @@ int main(int argc, char** argv) {
                   : option == "--reference" ? &reference_samples
                   : option == "--rounds"    ? &rounds
                                             : nullptr;
-    if (target == nullptr) return 2;
-    *target = std::atoi(argv[i + 1]);
+    if (target == nullptr) {
+      std::fprintf(stderr, "unknown option %s\n", option.c_str());
+      return 2;
+    }
+    *target = static_cast<int>(bench::count_argument(option, argv[i + 1], 1, 1e6));
   }
   const std::string sensor =
       "<sensor type=\"perspective\"><transform name=\"to_world\"><lookat origin=\"0,-70,30\" "

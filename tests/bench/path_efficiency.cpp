@@ -15,6 +15,7 @@
 #include "common/bundle/bundle.h"
 #include "common/image/image.h"
 #include "common/stats/image_error.h"
+#include "tests/bench/count_argument.h"
 #include "worker/render/renderer.h"
 
 namespace {
@@ -50,9 +51,9 @@ int main(int argc, char** argv) {
   for (int i = 3; i + 1 < argc; i += 2) {
     const std::string option = argv[i], value = argv[i + 1];
     if (option == "--iterations") {
-      iterations = std::stoull(value);
+      iterations = bench::count_argument(option, argv[i + 1], 1, 1e9);
     } else if (option == "--seeds") {
-      seeds = std::stoull(value);
+      seeds = bench::count_argument(option, argv[i + 1], 1, 1e6);
     } else if (option == "--sampler") {
       settings.sampler = value;
     } else if (option == "--set" && value.find('=') != std::string::npos) {

@@ -22,6 +22,7 @@
 #include <vector>
 
 #include "common/rng/stream.h"
+#include "tests/bench/count_argument.h"
 #include "worker/transport/range_search.h"
 
 namespace {
@@ -242,9 +243,9 @@ void compare(const char* name, const std::vector<Vec3>& points, const std::vecto
 }  // namespace
 
 int main(int argc, char** argv) {
-  const auto count = static_cast<std::size_t>(argc > 1 ? std::atof(argv[1]) : 1e6);
-  const int rounds = argc > 2 ? std::atoi(argv[2]) : 5;
-  const unsigned threads = argc > 3 ? static_cast<unsigned>(std::atoi(argv[3])) : 1;
+  const auto count = static_cast<std::size_t>(bench::count_argument("POINTS", argc, argv, 1, 1'000'000, 4e9));
+  const auto rounds = static_cast<int>(bench::count_argument("ROUNDS", argc, argv, 2, 5, 1000));
+  const auto threads = static_cast<unsigned>(bench::count_argument("THREADS", argc, argv, 3, 1, 1024));
   rng::Stream stream(rng::key(1, 2, 3));
   std::vector<Vec3> points(count), scattered(100000);
   for (Vec3& p : points) p = on_surface(stream);

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "common/bundle/bundle.h"
+#include "tests/bench/count_argument.h"
 #include "worker/integrators/path/kernel.h"
 #include "worker/samplers/sampler.h"
 #include "worker/scene/scene.h"
@@ -127,8 +128,9 @@ double trace(const scene::Scene& scene, const SceneT& traced, std::uint64_t samp
 int main(int argc, char** argv) {
   if (argc < 2) return fail("usage: SCENE.xml [SAMPLES [MAX_DEPTH]]");
   const std::filesystem::path path(argv[1]);
-  const std::uint64_t samples = argc > 2 ? std::strtoull(argv[2], nullptr, 10) : 200000;
-  const auto max_depth = static_cast<std::uint32_t>(argc > 3 ? std::strtoul(argv[3], nullptr, 10) : 8);
+  const std::uint64_t samples = bench::count_argument("SAMPLES", argc, argv, 2, 200000, 1e9);
+  const auto max_depth =
+      static_cast<std::uint32_t>(bench::count_argument("MAX_DEPTH", argc, argv, 3, 8, 1e6));
   const bundle::DiskSource files(path.parent_path());
   const auto description = description::parse_scene(files, path.filename().string(), {});
   if (!description.ok()) return fail(description.error().to_string());

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "common/rng/stream.h"
+#include "tests/bench/count_argument.h"
 #include "worker/scene/textures/bitmap.h"
 
 namespace {
@@ -115,7 +116,7 @@ void compare(
 }  // namespace
 
 int main(int argc, char** argv) {
-  const std::uint32_t side = argc > 1 ? static_cast<std::uint32_t>(std::stoul(argv[1])) : 4096;
+  const auto side = static_cast<std::uint32_t>(bench::count_argument("SIDE", argc, argv, 1, 4096, 32768));
   rng::Stream stream(rng::key(7));
   Rows rows{side, side, {}, {}, argc < 9};
   rows.bytes.resize(static_cast<std::size_t>(side) * side * 4);

@@ -106,8 +106,10 @@ double share_of(const v1::GetLedgerResponse& ledger, const std::string& worker_i
 }
 
 // Claim: where one worker does nine tenths of the work or more, the image is that of an even split, to the
-// last bit. The other is put to sleep whenever it has done 3 %.
+// last bit. The other is put to sleep whenever it has done 3 %; on a busy machine it may be noticed too late,
+// so that the share is an even one after all: then with another job.
 TEST(Consistency, OneWorkerDoesNearlyAll) {
+  constexpr int kMostJobs = 6;
   Farm farm;
   farm.start_master({"--unit-time", "0.05"});
   Process& lazy = farm.start_worker("lazy");
@@ -118,20 +120,25 @@ TEST(Consistency, OneWorkerDoesNearlyAll) {
     SCOPED_TRACE(integrator);
     const std::uint64_t rounds = std::string_view(integrator) == "mmlt" ? 100 : 30;
     const std::vector<std::string> options = {"--integrator", integrator, "--set", "chains=200"};
-    const std::string id = farm.submit(rounds, "cornell", options);
-    // Units that the sleeper holds are waited for when the other has nothing else to do.
-    EXPECT_TRUE(eventually(kPatienceSeconds, [&] {
-      const bool sleeps = share_of(farm.ledger(id), lazy_id) > 0.03 && farm.worker("eager").state() == "busy";
-      lazy.signal(sleeps ? SIGSTOP : SIGCONT);
-      return farm.job(id).state() == v1::JOB_STATE_DONE;
-    }));
-    lazy.signal(SIGCONT);
-    const double share = share_of(farm.ledger(id), lazy_id);
-    std::printf("%s: one of two workers made %.1f %% of the segments\n", integrator, 100 * share);
+    const auto alone = farm.render(rounds, "cornell", options);
+    double share = 0;
+    for (int job = 0; job < kMostJobs && !(share > 0 && share <= 0.1); ++job) {
+      const std::string id = farm.submit(rounds, "cornell", options);
+      // Units that the sleeper holds are waited for when the other has nothing else to do.
+      EXPECT_TRUE(eventually(kPatienceSeconds, [&] {
+        const bool sleeps =
+            share_of(farm.ledger(id), lazy_id) > 0.03 && farm.worker("eager").state() == "busy";
+        lazy.signal(sleeps ? SIGSTOP : SIGCONT);
+        return farm.job(id).state() == v1::JOB_STATE_DONE;
+      }));
+      lazy.signal(SIGCONT);
+      share = share_of(farm.ledger(id), lazy_id);
+      std::printf("%s: one of two workers made %.1f %% of the segments\n", integrator, 100 * share);
+      farm.audit(id, rounds);
+      expect_identical(farm.fetch(id), alone, "uneven shares");
+    }
     EXPECT_GT(share, 0);
-    EXPECT_LE(share, 0.1);
-    farm.audit(id, rounds);
-    expect_identical(farm.fetch(id), farm.render(rounds, "cornell", options), "nine tenths by one worker");
+    EXPECT_LE(share, 0.1) << "of " << kMostJobs << " jobs";
   }
 }
 
