@@ -4,13 +4,11 @@
 
 #include <cmath>
 #include <numbers>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "tests/statistical/moments.h"
-#include "tests/unit/scene_fixture.h"
-#include "worker/render/renderer.h"
+#include "tests/unit/renderer_fixture.h"
 
 namespace candela::render {
 namespace {
@@ -47,19 +45,11 @@ statistical::Moments measure(const Case& one) {
     job.seed = 100 + batch;
     job.sampler = "independent";
     job.filter = "box";
-    const auto settings = complete_integrator_settings(one.integrator, {}, one.settings);
-    if (!settings.ok()) throw std::runtime_error(settings.error().to_string());
-    job.integrator_settings = *settings;
-    const auto renderer = Renderer::create(files, "scene.xml", {}, job, 1);
-    if (!renderer.ok()) throw std::runtime_error(renderer.error().to_string());
-    NamedState state;
-    state.film_scale_log2 = 30;
-    const auto film = (*renderer)->make_film(state);
-    const auto done = (*renderer)->run({Unit::Kind::iterations, 0, 0, kIterations}, *film, {1});
-    if (!done.ok()) throw std::runtime_error(done.error().to_string());
+    const auto renderer = test::make_renderer(files, job, one.settings);
+    const auto film = test::render_film(*renderer, kIterations);
     double sum = 0;
     for (std::uint32_t x = 0; x < one.width; ++x) sum += static_cast<double>(film->sums()[3 * x + 1]);
-    mean.add(std::ldexp(sum, -state.film_scale_log2) / (one.width * static_cast<double>(kIterations)));
+    mean.add(std::ldexp(sum, -test::kFilmScaleLog2) / (one.width * static_cast<double>(kIterations)));
   }
   return mean;
 }

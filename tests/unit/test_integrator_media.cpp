@@ -2,11 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <stdexcept>
 #include <string>
 
-#include "tests/unit/scene_fixture.h"
-#include "worker/render/renderer.h"
+#include "tests/unit/renderer_fixture.h"
 
 namespace candela::render {
 namespace {
@@ -24,16 +22,8 @@ std::int64_t brightest(const std::string& integrator, const std::string& emitter
   job.width = job.height = 8;
   SettingsMap chosen = {{"max_depth", "5"}, {"plan", "full"}};
   if (integrator == "ppm" || integrator == "bpm") chosen["radius"] = "0.2";  // a few thousand photons
-  const auto settings = complete_integrator_settings(integrator, {}, chosen);
-  if (!settings.ok()) throw std::runtime_error(settings.error().to_string());
-  job.integrator_settings = *settings;
-  const auto renderer = Renderer::create(files, "scene.xml", {}, job, 1);
-  if (!renderer.ok()) throw std::runtime_error(renderer.error().to_string());
-  NamedState state;
-  state.film_scale_log2 = 30;
-  const auto film = (*renderer)->make_film(state);
-  const auto done = (*renderer)->run({Unit::Kind::iterations, 0, 0, 64}, *film, {1});
-  if (!done.ok()) throw std::runtime_error(done.error().to_string());
+  const auto renderer = test::make_renderer(files, job, chosen);
+  const auto film = test::render_film(*renderer, 64);
   std::int64_t most = 0;
   for (std::size_t i = 0; i < 8 * 8 * 3; ++i) most = std::max<std::int64_t>(most, film->sums()[i]);
   return most;

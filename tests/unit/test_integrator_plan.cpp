@@ -3,12 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <stdexcept>
 #include <tuple>
 
-#include "tests/unit/scene_fixture.h"
+#include "tests/unit/renderer_fixture.h"
 #include "tests/unit/volume_file.h"
-#include "worker/render/renderer.h"
 
 namespace candela::render {
 namespace {
@@ -19,15 +17,10 @@ std::unique_ptr<Renderer> renderer_of(const std::string& body, const std::string
       {{"scene.xml", "<scene version=\"3.0.0\"><integrator type=\"path\"/><sensor type=\"perspective\"/>" +
                          body + "</scene>"},
        {"v.vol", test::volume_file({1, 1, 1}, 1, {1})}});
-  const auto settings = complete_integrator_settings(integrator, {}, chosen);
-  EXPECT_TRUE(settings.ok());
   JobSettings job;
   job.integrator = integrator;
   job.width = job.height = 4;
-  job.integrator_settings = *settings;
-  auto renderer = Renderer::create(files, "scene.xml", {}, job, 1);
-  if (!renderer.ok()) throw std::runtime_error(renderer.error().to_string());
-  return std::move(*renderer);
+  return test::make_renderer(files, job, chosen);
 }
 
 std::string plan_of(const std::string& body, const std::string& integrator = "path",

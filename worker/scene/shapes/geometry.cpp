@@ -117,7 +117,7 @@ void Geometry::add(Shape shape, ShapeRecord record) {
     triangle.smooth = smooth;
     triangle.mapped = mapped;
     triangle.partials = record.reads_partials;
-    for (const std::uint32_t v : index) box.add(Vec3d(positions[v]));
+    box.add(bounds_of_triangle(static_cast<std::uint32_t>(first + i)));
   }));
   group.primitives[static_cast<std::size_t>(PrimitiveKind::triangle)].count += record.triangle_count;
   shapes.push_back(record);
