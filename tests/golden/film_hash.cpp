@@ -1,0 +1,170 @@
+#include "tests/golden/film_hash.h"
+
+#include <bit>
+#include <charconv>
+#include <filesystem>
+#include <memory>
+#include <stdexcept>
+
+#include "common/base/hash.h"
+#include "common/bundle/bundle.h"
+#include "tests/statistical/chain_driver.h"
+#include "tests/statistical/harness.h"
+
+namespace candela::golden {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::uint32_t kWidth = 48, kHeight = 32;
+
+// How a film is rendered, beside its scene and its integrator's settings.
+struct RenderPlan {
+  std::uint64_t iterations = 4;
+  std::uint64_t rounds = 2;
+  unsigned threads = 1;
+};
+
+class FilmDigest {
+ public:
+  void number(std::uint64_t value) {
+    for (int byte = 0; byte < 8; ++byte) bytes_ += static_cast<char>((value >> (8 * byte)) & 0xff);
+  }
+  void number(double value) { number(std::bit_cast<std::uint64_t>(value)); }
+  void text(const std::string& value) {
+    number(std::uint64_t{value.size()});
+    bytes_ += value;
+  }
+  void sums(const std::int64_t* begin, std::size_t count) {
+    for (std::size_t i = 0; i < count; ++i) number(static_cast<std::uint64_t>(begin[i]));
+  }
+  void tallies(const film::Tallies& tallies) {
+    number(tallies.eye_samples);
+    number(tallies.light_paths);
+    for (const std::uint64_t rejected : tallies.rejected) number(rejected);
+  }
+  void normalisation(const chains::Normalisation& normalisation) {
+    number(normalisation.b);
+    number(normalisation.standard_error);
+    number(normalisation.samples);
+  }
+  void record(const chains::ChainRecord& record) {
+    const chains::ChainCounts& counts = record.counts;
+    number(record.segments);
+    for (const std::uint64_t count : {counts.mutations, counts.accepted, counts.large_steps,
+                                      counts.large_accepted, counts.longest_stay, counts.present_stay})
+      number(count);
+    number(counts.large_sum);
+    number(counts.large_square_sum);
+    number(static_cast<double>(counts.stay_x));
+    number(static_cast<double>(counts.stay_y));
+  }
+  std::string hex() const { return sha256_hex(bytes_); }
+
+ private:
+  std::string bytes_;
+};
+
+// The folder of the scene's file.
+fs::path folder_of(const std::string& scene) {
+  const fs::path tests = fs::path(CANDELA_SOURCE_DIR) / "tests";
+  for (const char* folder : {"golden/scenes", "statistical/transport", "statistical/gallery"})
+    if (fs::exists(tests / folder / (scene + ".xml"))) return tests / folder;
+  throw std::runtime_error("no scene '" + scene +
+                           "' in tests/golden/scenes, tests/statistical/transport or gallery");
+}
+
+std::uint64_t count_of(const std::string& name, const std::string& text) {
+  std::uint64_t value = 0;
+  const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (code != std::errc() || end != text.data() + text.size() || value == 0)
+    throw std::runtime_error(name + "=" + text + ": not a whole number above 0");
+  return value;
+}
+
+bool has_chains(const std::string& integrator) {
+  return integrator == "pssmlt" || integrator == "mmlt";
+}
+
+statistical::TestScene scene_of(const GoldenFilm& film, RenderPlan& plan) {
+  statistical::TestScene scene;
+  scene.files = std::make_shared<bundle::DiskSource>(folder_of(film.scene));
+  scene.main_key = film.scene + ".xml";
+  scene = statistical::read_scene(std::move(scene), kWidth, kHeight);
+  statistical::use_own_filter(scene);
+  scene.settings.seed = 1;
+  SettingsMap of_integrator;
+  if (has_chains(film.integrator))
+    of_integrator = {{"chains", "8"}, {"bootstrap", "400"}, {"mutations", "1"}, {"direct_samples", "1"}};
+  for (const auto& [name, value] : film.settings) {
+    if (name == "filter") {
+      scene.settings.filter = value;
+      scene.settings.filter_settings.clear();
+    } else if (name == "sampler") {
+      scene.settings.sampler = value;
+    } else if (name == "isa") {
+      scene.settings.isa = value;
+    } else if (name == "seed") {
+      scene.settings.seed = count_of(name, value);
+    } else if (name == "iterations") {
+      plan.iterations = count_of(name, value);
+    } else if (name == "rounds") {
+      plan.rounds = count_of(name, value);
+    } else if (name == "threads") {
+      plan.threads = static_cast<unsigned>(count_of(name, value));
+    } else {
+      of_integrator[name] = value;
+    }
+  }
+  if (plan.iterations % 2 != 0) throw std::runtime_error("iterations is not an even number");
+  return statistical::with_integrator(std::move(scene), film.integrator, of_integrator);
+}
+
+std::string hash_of_iterations(const statistical::TestScene& scene, const RenderPlan& plan) {
+  FilmDigest digest;
+  const auto renderer = statistical::make_renderer(scene);
+  render::RunContext run;
+  run.threads = plan.threads;
+  const auto pilot = renderer->pilot(run);
+  if (!pilot.ok()) throw std::runtime_error(pilot.error().to_string());
+  for (const std::string& layer : pilot->layers) digest.text(layer);
+  for (std::uint32_t half = 0; half < 2; ++half) {
+    const auto film = renderer->make_film(pilot->state);
+    const auto done = renderer->run({Unit::Kind::iterations, half, 0, plan.iterations / 2}, *film, run);
+    if (!done.ok()) throw std::runtime_error(done.error().to_string());
+    const film::Layout& layout = film->layout();
+    for (const std::uint32_t extent : {layout.width, layout.height, layout.layers})
+      digest.number(std::uint64_t{extent});
+    digest.number(static_cast<std::uint64_t>(film->scale_log2()));
+    digest.sums(film->sums(), layout.pixel_count() * film::kChannels * layout.layers);
+    digest.tallies(film->tallies());
+  }
+  return digest.hex();
+}
+
+std::string hash_of_chains(const statistical::TestScene& scene, const RenderPlan& plan) {
+  const statistical::ChainImage image =
+      statistical::render_chains({scene, plan.rounds, plan.threads}, scene.settings.seed);
+  FilmDigest digest;
+  for (const std::uint64_t count :
+       {std::uint64_t{image.width}, std::uint64_t{image.height}, std::uint64_t{image.plan.chains},
+        image.plan.bootstrap_samples, image.plan.segment_mutations})
+    digest.number(count);
+  digest.number(static_cast<std::uint64_t>(image.state.film_scale_log2));
+  digest.normalisation(image.b0);
+  digest.normalisation(image.b);
+  digest.sums(image.sums.data(), image.sums.size());
+  digest.tallies(image.tallies);
+  for (const chains::ChainRecord& record : image.records) digest.record(record);
+  return digest.hex();
+}
+
+}  // namespace
+
+std::string film_hash(const GoldenFilm& film) {
+  RenderPlan plan;
+  const statistical::TestScene scene = scene_of(film, plan);
+  return has_chains(film.integrator) ? hash_of_chains(scene, plan) : hash_of_iterations(scene, plan);
+}
+
+}  // namespace candela::golden
