@@ -8,7 +8,7 @@ their error at fixed seeds, both against committed figures (guard.json).
 Instructions may grow by 3 %, which is far above what a run differs from the next (below 0.01 %: addresses). The
 error is relMSE estimated from an image's halves, times its iterations: at fixed seeds it is one number to the last
 bit until somebody changes what is sampled. As such a change draws other random numbers, it may grow by 30 %: over
-seeds the figure's relative standard deviation is 3 to 6 %, and of a ratio up to 8.5 %."""
+seeds the figure's relative standard deviation is 3 to 9 %, and of a ratio up to 13 %."""
 import argparse
 import concurrent.futures
 import json
@@ -18,24 +18,28 @@ import sys
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, HERE)
-from counting import counted, run  # noqa: E402
+from counting import counted_each, run_each  # noqa: E402
 
 FIGURES = os.path.join(HERE, "guard.json")
 SCENES = {"cornell": "../../deploy/scenes/cornell/scene.xml", "area": "smallvcm/area.xml"}
-INTEGRATORS = ("path", "bdpt", "vcm", "ppm")
+INTEGRATORS = ("path", "bdpt", "vcm", "ppm", "light", "pssmlt", "mmlt")
 MOST_INSTRUCTIONS = 1.03
 MOST_ERROR = 1.30
-# Enough that the loops, not what is done once a unit, are counted.
-COUNT = ("--size", "24x24", "--iterations", "4")
-ERROR = ("--size", "48x48", "--iterations", "32")
+# Enough that the loops, not what is done once a unit, are counted. Of Markov chains --iterations counts the segments of
+# all chains: two of each.
+COUNT = ("--size", "24x24", "--iterations", "4", "--set", "chains=2", "--set", "bootstrap=500",
+         "--set", "pssmlt.mutations=1", "--set", "mmlt.mutations=4")
+ERROR = ("--size", "48x48", "--iterations", "32", "--set", "chains=16", "--set", "bootstrap=4000",
+         "--set", "pssmlt.mutations=16", "--set", "mmlt.mutations=64")
 
 
-def arguments(program, scene, integrator, size):
-    return [program, "count", "--scene", os.path.join(HERE, SCENES[scene]), "--integrator", integrator, *size]
+def arguments(program, scene, work):
+    return [program, "count", "--scene", os.path.join(HERE, SCENES[scene]), "--integrators", ",".join(INTEGRATORS), *work]
 
 
-def instructions(program, scene, integrator):
-    return counted(arguments(program, scene, integrator, COUNT))["instructions"]
+def all_cases(scenes, results):
+    """Figures by (scene, integrator)."""
+    return {(scene, figures["integrator"]): figures for scene, lines in zip(scenes, results) for figures in lines}
 
 
 def worse_than(name, figures, was, counted):
@@ -59,7 +63,7 @@ def main():
     if options.update and not have_valgrind:
         sys.exit("guard.py: error: valgrind is missing (Debian: valgrind)")
 
-    renders = {case: run(arguments(options.program, *case, ERROR)) for case in cases}
+    renders = all_cases(SCENES, [run_each(arguments(options.program, scene, ERROR)) for scene in SCENES])
     compiler = next(iter(renders.values()))["compiler"]
     try:
         with open(FIGURES, encoding="utf-8") as stream:
@@ -74,7 +78,8 @@ def main():
     counts = {case: 0 for case in cases}
     if not reason:
         with concurrent.futures.ThreadPoolExecutor(min(2, os.cpu_count() or 1)) as pool:
-            counts = dict(zip(cases, pool.map(lambda case: instructions(options.program, *case), cases)))
+            lines = pool.map(lambda scene: counted_each(arguments(options.program, scene, COUNT)), SCENES)
+            counts = {case: figures["instructions"] for case, figures in all_cases(SCENES, lines).items()}
         if 0 in counts.values():
             reason = "the program was built without valgrind/callgrind.h: instructions are not counted"
             if options.update:

@@ -24,6 +24,7 @@
 #else
 #define CALLGRIND_START_INSTRUMENTATION
 #define CALLGRIND_STOP_INSTRUMENTATION
+#define CALLGRIND_DUMP_STATS
 #endif
 
 namespace candela::bench {
@@ -258,6 +259,10 @@ class ChainEstimator final : public RenderEstimator {
 };
 
 }  // namespace
+
+void end_counting() {
+  CALLGRIND_DUMP_STATS;
+}
 
 Result<std::unique_ptr<Estimator>> make_render_estimator(const RunSpec& run) {
   const double start = wall_now();

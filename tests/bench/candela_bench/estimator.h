@@ -44,6 +44,9 @@ class Estimator {
 
 using EstimatorFactory = std::function<Result<std::unique_ptr<Estimator>>(const RunSpec&)>;
 
+// Under Callgrind: writes what was counted since the last call to a file of its own.
+void end_counting();
+
 // Renders in this process.
 Result<std::unique_ptr<Estimator>> make_render_estimator(const RunSpec& run);
 

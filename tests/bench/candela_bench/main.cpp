@@ -127,8 +127,8 @@ Result<int> run(const RunOptions& options) {
 }
 
 struct CountOptions {
-  std::string scene, size, integrator;
-  std::vector<std::string> sets;
+  std::string scene, size;
+  std::vector<std::string> integrators, sets;
   std::uint64_t seed = 1, iterations = 8;
 };
 
@@ -143,24 +143,25 @@ Error size_error() {
 }
 
 // In this process, on one thread: what tests/bench/guard.py and features.py count the instructions of.
-Result<void> count(const CountOptions& options) {
+Result<void> count(const CountOptions& options, const std::string& integrator) {
   std::uint32_t width = 0, height = 0;
   if (!parse_size(options.size, width, height)) return size_error();
-  CANDELA_ASSIGN(const SettingsMap given,
-                 settings_for(options.integrator, {options.integrator}, options.sets));
-  CANDELA_ASSIGN(RunSpec run, make_run(options.scene, scene_name_of(options.scene), options.integrator, given,
-                                       width, height));
+  CANDELA_ASSIGN(const SettingsMap given, settings_for(integrator, options.integrators, options.sets));
+  CANDELA_ASSIGN(RunSpec run,
+                 make_run(options.scene, scene_name_of(options.scene), integrator, given, width, height));
   run.job.seed = options.seed;
   CANDELA_ASSIGN(const auto estimator, make_render_estimator(run));
   CANDELA_ASSIGN(const Cost cost, estimator->advance(options.iterations));
+  end_counting();
   CANDELA_ASSIGN(const Snapshot snapshot, estimator->snapshot());
   const double mean = std::accumulate(snapshot.image.begin(), snapshot.image.end(), 0.0) /
                       static_cast<double>(snapshot.image.size());
   std::printf(
-      "{\"units\": %llu, \"rays\": %llu, \"cpu_seconds\": %.6f, \"mean\": %.9g, \"own_relmse\": %.17g, "
-      "\"compiler\": \"%s\"}\n",
-      static_cast<unsigned long long>(cost.units), static_cast<unsigned long long>(cost.rays),
-      cost.cpu_seconds, mean, snapshot.own_relmse, this_machine().compiler.c_str());
+      "{\"integrator\": \"%s\", \"units\": %llu, \"rays\": %llu, \"cpu_seconds\": %.6f, \"mean\": %.9g, "
+      "\"own_relmse\": %.17g, \"compiler\": \"%s\"}\n",
+      integrator.c_str(), static_cast<unsigned long long>(cost.units),
+      static_cast<unsigned long long>(cost.rays), cost.cpu_seconds, mean, snapshot.own_relmse,
+      this_machine().compiler.c_str());
   return {};
 }
 
@@ -257,8 +258,15 @@ int main(int argc, char** argv) {
       *app.add_subcommand("count", "renders on one thread in this process; for counters of instructions");
   count_command.add_option("--scene", count_options.scene, "a scene file")->required();
   count_command.add_option("--size", count_options.size, "WIDTHxHEIGHT")->required();
-  count_command.add_option("--integrator", count_options.integrator)->required();
-  count_command.add_option("--set", count_options.sets, "KEY=VALUE")->allow_extra_args(false);
+  count_command
+      .add_option("--integrator,--integrators", count_options.integrators, "one after another, a line each")
+      ->allow_extra_args(false)
+      ->delimiter(',')
+      ->required();
+  count_command
+      .add_option("--set", count_options.sets,
+                  "KEY=VALUE where an integrator has it, or INTEGRATOR.KEY=VALUE")
+      ->allow_extra_args(false);
   count_command.add_option("--seed", count_options.seed, "default: 1")->check(CLI::NonNegativeNumber);
   count_command.add_option("--iterations", count_options.iterations, "at least 2; default: 8")
       ->check(CLI::Range(2, 1 << 20));
@@ -279,8 +287,10 @@ int main(int argc, char** argv) {
     return finish(code.ok() ? *code : fail(code.error()));
   }
   if (count_command.parsed()) {
-    const Result<void> done = count(count_options);
-    return finish(done.ok() ? 0 : fail(done.error()));
+    for (const std::string& integrator : count_options.integrators)
+      if (const Result<void> done = count(count_options, integrator); !done.ok())
+        return finish(fail(done.error()));
+    return finish(0);
   }
   if (!parse_size(size, truth.width, truth.height)) return fail(size_error());
   const auto made = make_truth(truth, processes(), stop_requested, say);
