@@ -182,17 +182,20 @@ int main(int argc, char** argv) {
   CLI::App app("A render worker: leases units of work from a master, renders them and delivers the results.");
   app.set_version_flag("--version", std::string(version()) + " (build " + std::string(build_id()) + ")");
   app.add_option("--master", texts.master, "The master's HOST:PORT; default: $CANDELA_MASTER");
-  app.add_option("--cache", texts.cache, "Folder for scene files; default: ~/.cache/candela");
+  app.add_option("--cache", texts.cache, "Folder for scene files; default: ~/.cache/candela")
+      ->type_name("DIR");
   app.add_option("--cache-size", texts.cache_size,
                  "Limit of the cache in bytes, with K, M, G or T; default: 20G");
   app.add_option("--texture-memory", texts.texture_memory,
                  "Decoded textures of a scene beyond this lie in a file; default: a quarter of the memory");
-  app.add_option("--scratch", texts.scratch, "Folder for that file, on a disk; default: the cache's");
+  app.add_option("--scratch", texts.scratch, "Folder for that file, on a disk; default: the cache's")
+      ->type_name("DIR");
   app.add_option("--threads", texts.threads, "Render threads; default: all cores this process may use");
   app.add_option("--name", texts.name, "Name shown to people; default: the host's name");
-  app.add_option("--tls-cert", texts.tls_cert, "This worker's certificate (PEM)");
-  app.add_option("--tls-key", texts.tls_key, "The certificate's private key (PEM)");
-  app.add_option("--tls-ca", texts.tls_ca, "The authority that signed the master's certificate (PEM)");
+  app.add_option("--tls-cert", texts.tls_cert, "This worker's certificate (PEM)")->type_name("FILE");
+  app.add_option("--tls-key", texts.tls_key, "The certificate's private key (PEM)")->type_name("FILE");
+  app.add_option("--tls-ca", texts.tls_ca, "The authority that signed the master's certificate (PEM)")
+      ->type_name("FILE");
   app.add_flag("--insecure", texts.insecure, "Allow a master beyond loopback without TLS");
   app.add_option("--give-up", texts.give_up,
                  "End after this long without a master, such as 10m; default: never");

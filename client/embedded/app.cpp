@@ -13,6 +13,7 @@
 #include "client/embedded/commands.h"
 #include "client/values.h"
 #include "common/base/log.h"
+#include "common/base/path_options.h"
 #include "common/base/version.h"
 #include "common/description/vocabulary.h"
 
@@ -109,12 +110,19 @@ int run_program(const std::vector<std::string>& arguments, std::ostream& out, st
   app.require_subcommand(0, 1);
   app.footer("candela COMMAND --help says more about a command");
   add_commands(app, context);
+  refuse_empty_paths(app);
 
   if (arguments.size() > 1 && !arguments[1].empty() && arguments[1][0] != '-' &&
       !is_command(app, arguments[1]))
     return report(err,
                   fmt::format("there is no command '{}'{}", printable(arguments[1]),
                               suggestion(arguments[1], command_names(app))),
+                  2);
+
+  if (const std::string bare = option_without_value(arguments); !bare.empty())
+    return report(err,
+                  fmt::format("{} has no value (write it as {}VALUE, or leave the option out)",
+                              printable(bare), printable(bare)),
                   2);
 
   try {

@@ -2,9 +2,14 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <new>
+#include <string>
+#include <vector>
+
+#include "common/base/path_options.h"
 
 namespace candela {
 
@@ -12,6 +17,12 @@ namespace candela {
 // the program failed.
 template <class Run>
 int parse_and_run(const char* program, CLI::App& app, int argc, char** argv, Run&& run) {
+  refuse_empty_paths(app);
+  const std::vector<std::string> arguments(argv + 1, argv + std::max(argc, 1));
+  if (const std::string bare = option_without_value(arguments); !bare.empty()) {
+    std::fprintf(stderr, "%s: %s has no value (see --help)\n", program, bare.c_str());
+    return 2;
+  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -14,6 +14,7 @@
 #include <sstream>
 #include <thread>
 
+#include "common/base/path_options.h"
 #include "tests/stress/report.h"
 #include "tests/stress/scenes.h"
 
@@ -94,7 +95,7 @@ int main(int argc, char** argv) try {
       ->check(CLI::PositiveNumber);
   run->add_option("--seed", options.seed, "of the first batch");
   run->add_option("--threads", options.threads, "default: one a processor")->check(CLI::Range(1, 1024));
-  run->add_option("--csv", csv_file, "every point");
+  run->add_option("--csv", csv_file, "every point")->type_name("FILE");
   run->callback([&] {
     if (!std::isfinite(effort)) throw std::runtime_error("--effort: must be finite");
     options.most_rays *= effort;
@@ -149,7 +150,12 @@ int main(int argc, char** argv) try {
   limits->add_option("files", files)->required();
   limits->add_option("--most-seconds", most_seconds, "of the CPU, for a point of the short form");
   limits->callback([&] { fmt::print("{}", limits_text(all_sweeps(), read_files(), most_seconds)); });
-  CLI11_PARSE(app, argc, argv);
+  candela::refuse_empty_paths(app);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;  // --help is an "error" too
+  }
   return 0;
 } catch (const std::exception& error) {
   fmt::print(stderr, "candela-stress: error: {}\n", error.what());

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "common/base/files.h"
+#include "common/base/path_options.h"
 #include "common/base/version.h"
 #include "tests/bench/candela_bench/process.h"
 #include "tests/bench/candela_bench/schedule.h"
@@ -197,8 +198,10 @@ int main(int argc, char** argv) {
                   "a scene file; with a list: names of its scenes, to run only these")
       ->allow_extra_args(false);
   run_command.add_option("--name", options.name, "what the scene is called in rows; default: after its file");
-  run_command.add_option("--reference", options.reference,
-                         "EXR to compare with, and NAME.stderr.exr beside it; its size is the image's");
+  run_command
+      .add_option("--reference", options.reference,
+                  "EXR to compare with, and NAME.stderr.exr beside it; its size is the image's")
+      ->type_name("FILE");
   run_command
       .add_option("--integrator,--integrators", options.integrators,
                   "default: all there are; with a list: names of its runs, to do only these")
@@ -216,7 +219,8 @@ int main(int argc, char** argv) {
   run_command.add_option("--clock", options.clock, "what --time counts: cpu (default) or wall");
   run_command.add_option("--threads", options.threads, "of each render; default: 1")
       ->check(CLI::NonNegativeNumber);
-  run_command.add_option("--out", options.out, "folder of rows; default: rows go to standard output");
+  run_command.add_option("--out", options.out, "folder of rows; default: rows go to standard output")
+      ->type_name("DIR");
   run_command.add_option("--slice", options.slice_seconds, "seconds of a turn; default: 0.5");
   run_command
       .add_option("--beside", options.beside, "how many runs are in memory and take turns; default: all")
@@ -251,6 +255,7 @@ int main(int argc, char** argv) {
       ->check(CLI::NonNegativeNumber);
   reference_command.add_option("--threads", truth.threads, "default: 1")->check(CLI::NonNegativeNumber);
   reference_command.add_option("--out", truth.out, "NAME.exr; NAME.stderr.exr is written beside it")
+      ->type_name("FILE")
       ->required();
 
   CountOptions count_options;
@@ -274,6 +279,7 @@ int main(int argc, char** argv) {
   // The process that renders one run, asked through pipes.
   CLI::App& serve_command = *app.add_subcommand("serve", "");
   serve_command.group("");
+  refuse_empty_paths(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
