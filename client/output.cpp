@@ -9,6 +9,7 @@
 
 #include "client/values.h"
 #include "common/base/files.h"
+#include "common/base/links.h"
 #include "common/image/image.h"
 
 namespace candela::client {
@@ -25,12 +26,15 @@ Result<void> check_output_path(const std::string& path, std::string_view extensi
   std::error_code code;
   const fs::file_status there = fs::status(path, code);
   if (fs::exists(there) && !fs::is_regular_file(there)) return bad("this is not a regular file");
-  const fs::path folder = fs::path(path).has_parent_path() ? fs::path(path).parent_path() : fs::path(".");
-  if (!fs::is_directory(folder, code))
-    return bad(fmt::format("there is no folder {}", printable(folder.string())));
-  if (::access(folder.c_str(), W_OK | X_OK) != 0)
-    return bad(
-        fmt::format("cannot write into the folder {}: {}", printable(folder.string()), std::strerror(errno)));
+  auto target = follow_links(path);
+  if (!target) return bad(target.error().message);
+  for (const fs::path& file : {fs::path(path), *target}) {
+    const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
+    const std::string shown = printable(folder.string());
+    if (!fs::is_directory(folder, code)) return bad(fmt::format("there is no folder {}", shown));
+    if (::access(folder.c_str(), W_OK | X_OK) != 0)
+      return bad(fmt::format("cannot write into the folder {}: {}", shown, std::strerror(errno)));
+  }
   return {};
 }
 

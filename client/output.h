@@ -16,7 +16,7 @@ struct ImageOutput {
 };
 
 // The path ends in `extension`, its folder exists and can be written, and no folder or device is in its
-// place.
+// place. If the path is a symbolic link, its target's folder exists and can be written too.
 Result<void> check_output_path(const std::string& path, std::string_view extension, std::string_view option);
 Result<void> check_output(const ImageOutput& output);
 

@@ -10,6 +10,8 @@
 #include <cerrno>
 #include <cstring>
 
+#include "common/base/links.h"
+
 namespace candela {
 namespace {
 
@@ -88,9 +90,14 @@ Result<std::string> read_file(const std::filesystem::path& path, std::uint64_t l
 
 Result<void> write_file_atomically(const std::filesystem::path& path, std::string_view data) {
   static std::atomic<unsigned> serial{0};  // names only; no result depends on it
-  const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : ".";
+  // A rename would put a file in the place of a device or a pipe.
+  struct stat info {};
+  if (::stat(path.c_str(), &info) == 0 && !S_ISREG(info.st_mode))
+    return input_error("cannot write: this is not a regular file").at(path.string(), 0);
+  CANDELA_ASSIGN(const std::filesystem::path target, follow_links(path));
+  const std::filesystem::path folder = target.has_parent_path() ? target.parent_path() : ".";
   const std::filesystem::path temporary =
-      folder / fmt::format(".{}.{}.{}.partial", path.filename().string(), ::getpid(), serial++);
+      folder / fmt::format(".{}.{}.{}.partial", target.filename().string(), ::getpid(), serial++);
   {
     Descriptor fd(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
     if (fd.get() < 0) return system_error("cannot write", path);
@@ -108,7 +115,7 @@ Result<void> write_file_atomically(const std::filesystem::path& path, std::strin
     if (::fsync(fd.get()) != 0) return abandon(system_error("cannot write", path));
     if (::close(fd.release()) != 0) return abandon(system_error("cannot write", path));
   }
-  if (::rename(temporary.c_str(), path.c_str()) != 0) {
+  if (::rename(temporary.c_str(), target.c_str()) != 0) {
     Error error = system_error("cannot write", path);
     ::unlink(temporary.c_str());
     return error;

@@ -15,8 +15,8 @@ namespace candela {
 // The whole file. Refuses what is not a regular file and what is larger than `limit_bytes`.
 Result<std::string> read_file(const std::filesystem::path& path, std::uint64_t limit_bytes);
 
-// Write to a temporary name beside `path`, fsync, rename over it, fsync the folder. After an error, or a
-// crash at any instant, `path` holds either its old content or all of the new.
+// Write to a temporary name beside `path`, fsync, rename over it, fsync the folder. After an error or a crash
+// `path` holds its old content or all of the new. A symbolic link stays, its target is written (links.h).
 Result<void> write_file_atomically(const std::filesystem::path& path, std::string_view data);
 
 // Creates the folder and its parents.

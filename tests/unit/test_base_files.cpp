@@ -44,5 +44,39 @@ TEST(Files, CutShortWhileOpen) {
   fs::remove(path);
 }
 
+// Claim: a write through a symbolic link replaces its target and keeps the link; links that lead back to
+// themselves, devices and pipes are an error and stay as they are.
+TEST(Files, LinksAreWrittenThrough) {
+  const fs::path folder = fs::temp_directory_path() / ("candela-links-" + std::to_string(::getpid()));
+  fs::create_directories(folder / "far");
+  std::ofstream(folder / "far/a") << "old";
+  fs::create_symlink("far/a", folder / "link");
+  fs::create_symlink(folder / "far/b", folder / "dangling");
+  fs::create_symlink("loop", folder / "loop");
+  fs::create_symlink("pipe", folder / "to-pipe");
+  const fs::path pipe = folder / "pipe";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+
+  for (const auto& [link, target] : {std::pair("link", "a"), std::pair("dangling", "b")}) {
+    const auto written = write_file_atomically(folder / link, "new");
+    ASSERT_TRUE(written.ok()) << written.error().to_string();
+    EXPECT_TRUE(fs::is_symlink(folder / link));
+    EXPECT_FALSE(fs::is_symlink(folder / "far" / target));
+    EXPECT_EQ(read_file(folder / link, 100).value(), "new");
+  }
+  const auto loop = write_file_atomically(folder / "loop", "new");
+  ASSERT_FALSE(loop.ok());
+  EXPECT_EQ(loop.error().message, "the symbolic link leads back to itself");
+  EXPECT_EQ(loop.error().file, (folder / "loop").string());
+  for (const char* name : {"pipe", "to-pipe", "far"}) {
+    const auto written = write_file_atomically(folder / name, "new");
+    ASSERT_FALSE(written.ok()) << name;
+    EXPECT_EQ(written.error().message, "cannot write: this is not a regular file");
+  }
+  EXPECT_TRUE(fs::is_fifo(pipe));
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder / "far"), fs::directory_iterator()), 2);
+  fs::remove_all(folder);
+}
+
 }  // namespace
 }  // namespace candela

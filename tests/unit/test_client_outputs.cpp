@@ -97,5 +97,51 @@ TEST_F(Outputs, AnEqualsSignWithoutAValueIsRefused) {
             "candela: error: --png= has no value (write it as --png=VALUE, or leave the option out)\n");
 }
 
+// Claim: an output that is a symbolic link stays one; its target gets the image, whether it was there or not.
+TEST_F(Outputs, LinksAreWrittenThrough) {
+  fs::create_directories(folder_ / "store");
+  fs::create_symlink("store/there.exr", folder_ / "there.exr");
+  fs::create_symlink(folder_ / "there.exr", folder_ / "twice.exr");
+  fs::create_symlink("store/new.exr", folder_ / "dangling.exr");
+  std::ofstream(folder_ / "store/there.exr") << "old";
+  for (const auto& [link, target] :
+       {std::pair("twice.exr", "there.exr"), std::pair("dangling.exr", "new.exr")}) {
+    const Outcome r = render(in_folder(link));
+    EXPECT_EQ(r.code, 0) << r.err;
+    EXPECT_TRUE(fs::is_symlink(folder_ / link)) << link;
+    EXPECT_TRUE(fs::is_regular_file(fs::symlink_status(folder_ / "store" / target))) << target;
+    EXPECT_GT(fs::file_size(folder_ / "store" / target), 100U);
+  }
+  EXPECT_TRUE(fs::is_symlink(folder_ / "there.exr"));
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder_ / "store"), fs::directory_iterator()), 2);
+}
+
+// Claim: an output that cannot be written is refused before anything is rendered: links that lead to
+// themselves or into folders that are not there, folders, pipes, devices.
+TEST_F(Outputs, WhatCannotBeWrittenIsRefusedFirst) {
+  fs::create_symlink("loop2.exr", folder_ / "loop1.exr");
+  fs::create_symlink("loop1.exr", folder_ / "loop2.exr");
+  fs::create_symlink("nowhere/x.exr", folder_ / "lost.exr");
+  fs::create_symlink("/dev/null", folder_ / "null.exr");
+  fs::create_directories(folder_ / "folder.exr");
+  ASSERT_EQ(::mkfifo((folder_ / "pipe.exr").c_str(), 0600), 0);
+  const struct {
+    const char* name;
+    const char* part;
+  } cases[] = {{"loop1.exr", "the symbolic link leads back to itself"},
+               {"lost.exr", "there is no folder "},
+               {"null.exr", "this is not a regular file"},
+               {"folder.exr", "this is not a regular file"},
+               {"pipe.exr", "this is not a regular file"}};
+  const std::size_t before = entries();
+  for (const auto& c : cases) {
+    const Outcome r = render(in_folder(c.name));
+    EXPECT_EQ(r.code, 2) << r.err;
+    EXPECT_TRUE(r.err.starts_with("candela: error: --output: ")) << r.err;
+    EXPECT_NE(r.err.find(c.part), std::string::npos) << r.err;
+  }
+  EXPECT_EQ(entries(), before);
+}
+
 }  // namespace
 }  // namespace candela::client
