@@ -87,11 +87,12 @@ Result<void> Farm::start() {
   scheduler_ = std::make_unique<Scheduler>(so, epoch, state.next_unit_id);
   gate_ = std::make_unique<PushGate>(o.merge_queue_bytes, o.merge_threads);
   writer_ = std::make_unique<StoreWriter>(*store_, [this](const std::string& text) {
+    const std::lock_guard lock(mutex_);
+    if (text == store_trouble_) return;  // each try fails alike: once per cause
     if (text.empty())
       log::info("the store can be written again");
     else
       log::error(fmt::format("the store cannot be written, trying again: {}", text));
-    const std::lock_guard lock(mutex_);
     store_trouble_ = text;
   });
   CANDELA_TRY(restore_jobs(std::move(state)));

@@ -162,6 +162,14 @@ class Stall {
   std::atomic<std::chrono::steady_clock::rep> since_{0};  // 0: it moves
 };
 
+// Whether everything the limits ask for is merged. (Such a render can be without its last checkpoint.)
+bool meets_a_limit(const v1::JobStatus& status) {
+  const v1::StopRule& stop = status.stop();
+  return (stop.iterations() != 0 && status.iterations() >= stop.iterations()) ||
+         (stop.time_seconds() != 0 && status.elapsed_seconds() >= stop.time_seconds()) ||
+         (stop.relmse() != 0 && status.relmse_estimate() <= stop.relmse());
+}
+
 // The command that goes on with this render.
 std::string resume_command(const Context& context) {
   std::string command;
@@ -244,14 +252,30 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   if (!watched) return std::move(watched).error();
   farm->drain_workers();
   // The last units may have come in after the last status.
-  CANDELA_ASSIGN(const v1::JobStatus last, client->get_job(id));
+  CANDELA_ASSIGN(v1::JobStatus last, client->get_job(id));
 
+  std::string exr;
   if (last.units_merged() > 0) {
-    CANDELA_ASSIGN(const std::string exr, client->fetch_image(id, options.error_layer, output.exr.empty()));
-    CANDELA_TRY(write_images(output, exr));
+    CANDELA_ASSIGN(exr, client->fetch_image(id, options.error_layer, output.exr.empty()));
   }
   const auto lost = farm->workers_lost();
+  // Before the image is written: a checkpoint that fails again and again takes its room meanwhile.
   farm->stop();
+  if (!exr.empty()) {
+    if (auto written = write_images(output, exr); !written) {
+      Error error = std::move(written).error();
+      error.kind = ErrorKind::resource;  // the output was fit to be written before
+      if (last.state() == v1::JOB_STATE_FAILED) return error;
+      return std::move(error).with_mend(
+          fmt::format("make room, then go on with: {}", resume_command(context)));
+    }
+  }
+  // The image is whole, whatever became of the last checkpoint.
+  std::string trouble;
+  if (!has_ended(last) && stall.over() && meets_a_limit(last)) {
+    trouble = "the state lacks the last iterations: " + printable(last.message());
+    last.set_state(v1::JOB_STATE_DONE);
+  }
   for (const auto& rejected : last.rejected())
     if (rejected.count() > 0)
       context.err << fmt::format("candela: warning: {} samples were rejected: {}\n", rejected.count(),
@@ -270,7 +294,12 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
     return 128 + signals.pending();
   }
   // A failed render cannot go on; a finished one need not.
-  if (!options.keep_state) CANDELA_TRY(folder->remove());
+  if (!options.keep_state) {
+    const auto removed = folder->remove();
+    trouble = removed ? std::string() : "the state could not be removed: " + removed.error().to_string();
+  }
+  if (!trouble.empty())
+    context.err << fmt::format("candela: warning: {}: {}\n", printable(folder->path().string()), trouble);
   if (last.state() != v1::JOB_STATE_DONE) return diagnose(last, scene, options, threads.front());
   if (!options.quiet) context.err << "candela: wrote " << summary(last, options.output) << '\n';
   return 0;
