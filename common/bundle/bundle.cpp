@@ -121,7 +121,8 @@ Result<description::FileSource::Bytes> DiskSource::open(const std::string& key) 
 }
 
 Result<GatheredScene> gather(const std::filesystem::path& scene_file,
-                             const std::map<std::string, std::string>& parameters) {
+                             const std::map<std::string, std::string>& parameters,
+                             const description::Reading& reading) {
   if (scene_file.filename().empty())
     return input_error("not a scene file").at(scene_file.string(), 0).with_mend("name the scene's XML file");
   CANDELA_TRY(check_parameters(parameters));
@@ -129,8 +130,8 @@ Result<GatheredScene> gather(const std::filesystem::path& scene_file,
   GatheredScene gathered;
   gathered.bundle.main_path = scene_file.filename().string();
   gathered.bundle.parameters = parameters;
-  Result<description::SceneDescription> parsed =
-      description::parse_scene(source, gathered.bundle.main_path, parameters);
+  Result<description::ReadScene> parsed =
+      description::read_scene(source, gathered.bundle.main_path, parameters, reading);
   if (!parsed.ok()) {
     // Places in the scene's text are named by key; what a person can open is the file.
     Error error = std::move(parsed).error();
@@ -138,7 +139,8 @@ Result<GatheredScene> gather(const std::filesystem::path& scene_file,
       error.file = source.real_path(error.file).string();
     return error;
   }
-  gathered.description = std::move(parsed).value();
+  gathered.description = std::move(parsed->description);
+  gathered.passed_over = std::move(parsed->passed_over);
   for (const std::string& key : gathered.description.files) {
     CANDELA_ASSIGN(const description::FileSource::Bytes bytes, source.open(key));
     gathered.bundle.files.push_back({key, sha256_hex(bytes.view), bytes.view.size()});

@@ -10,6 +10,7 @@
 
 #include "common/base/result.h"
 #include "common/description/object.h"
+#include "common/description/reading.h"
 
 namespace candela::bundle {
 
@@ -57,8 +58,10 @@ struct GatheredScene {
   description::SceneDescription description;
   Bundle bundle;
   std::map<std::string, std::filesystem::path> real_paths;  // key -> file on this disk
+  std::vector<description::Note> passed_over = {};          // see description::ReadScene
 };
 Result<GatheredScene> gather(const std::filesystem::path& scene_file,
-                             const std::map<std::string, std::string>& parameters);
+                             const std::map<std::string, std::string>& parameters,
+                             const description::Reading& reading = {});
 
 }  // namespace candela::bundle

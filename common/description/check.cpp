@@ -13,12 +13,6 @@ Error error_at(const Location& where, std::string message) {
   return input_error(std::move(message)).at(where.file, where.line);
 }
 
-const PropertyRule* find_rule(const PluginRule& plugin, std::string_view name) {
-  for (const PropertyRule& rule : plugin.properties)
-    if (rule.name == name) return &rule;
-  return nullptr;
-}
-
 bool accepts(const PropertyRule& rule, PropertyType type) {
   for (const PropertyType accepted : rule.types) {
     if (accepted == type) return true;
@@ -47,14 +41,6 @@ std::string article(std::string_view noun) {
 std::string names_of(const PluginRule& rule) {
   const std::vector<std::string_view> names = property_names(rule);
   return names.empty() ? "it has none" : fmt::format("it has {}", text::quoted_list(names));
-}
-
-Error unknown_parameter(const Object& object, const PluginRule& rule, const Location& where,
-                        std::string_view name) {
-  const std::vector<std::string_view> names = property_names(rule);
-  const std::string_view nearest = nearest_name(name, names);
-  return error_at(where, fmt::format("{} has no parameter {}", describe(object), text::quote(name)))
-      .with_mend(nearest.empty() ? names_of(rule) : text::did_you_mean(nearest));
 }
 
 // Any number the property holds, for bounds.
@@ -102,44 +88,6 @@ void take_luminance(Property& property, const PropertyRule& rule) {
   const double luminance = r == g && g == b ? r : 0.212671 * r + 0.715160 * g + 0.072169 * b;
   property.type = PropertyType::number;
   property.value = luminance;
-}
-
-Result<void> check_property(Property& property, const PropertyRule& rule) {
-  take_luminance(property, rule);
-  if (!accepts(rule, property.type))
-    return error_at(property.where, fmt::format("parameter '{}' is {}, but must be {}", rule.name,
-                                                article(name(property.type)), accepted_types(rule)));
-  if (!rule.only.empty() && !is_only_value(property, rule.only))
-    return error_at(
-        property.where,
-        fmt::format("parameter '{}' is not supported yet with a value other than {}", rule.name, rule.only));
-  if (auto* string = std::get_if<std::string>(&property.value)) {
-    if (!rule.values.empty()) {
-      const std::string folded = text::lower(*string);
-      if (std::find(rule.values.begin(), rule.values.end(), folded) == rule.values.end()) {
-        const std::string_view nearest = nearest_name(*string, rule.values);
-        Error error = error_at(property.where, fmt::format("{} is not a value of parameter '{}'",
-                                                           text::quote(*string), rule.name));
-        return std::move(error).with_mend(nearest.empty()
-                                              ? fmt::format("there is {}", text::quoted_list(rule.values))
-                                              : text::did_you_mean(nearest));
-      }
-      *string = folded;
-    } else if (is_index_of_refraction(rule)) {
-      const std::optional<double> index = named_index_of_refraction(*string);
-      if (!index) {
-        const std::vector<std::string_view> known = index_of_refraction_names();
-        const std::string_view nearest = nearest_name(*string, known);
-        return error_at(property.where, fmt::format("{} is not a material with a known index of refraction",
-                                                    text::quote(*string)))
-            .with_mend(nearest.empty() ? fmt::format("there is {}", text::quoted_list(known))
-                                       : text::did_you_mean(nearest));
-      }
-      property.type = PropertyType::number;
-      property.value = *index;
-    }
-  }
-  return check_bounds(property, rule);
 }
 
 Result<void> exclude(const Object& object, std::string_view a, std::string_view b) {
@@ -366,6 +314,70 @@ Result<void> check_scene(const Object& object, std::span<const Location> where) 
 }
 
 }  // namespace
+
+const PropertyRule* find_rule(const PluginRule& plugin, std::string_view name) {
+  for (const PropertyRule& rule : plugin.properties)
+    if (rule.name == name) return &rule;
+  return nullptr;
+}
+
+Error unknown_parameter(const Object& object, const PluginRule& rule, const Location& where,
+                        std::string_view name) {
+  const std::vector<std::string_view> names = property_names(rule);
+  const std::string_view nearest = nearest_name(name, names);
+  return error_at(where, fmt::format("{} has no parameter {}", describe(object), text::quote(name)))
+      .with_mend(nearest.empty() ? names_of(rule) : text::did_you_mean(nearest));
+}
+
+Result<void> check_property(Property& property, const PropertyRule& rule) {
+  take_luminance(property, rule);
+  if (!accepts(rule, property.type))
+    return error_at(property.where, fmt::format("parameter '{}' is {}, but must be {}", rule.name,
+                                                article(name(property.type)), accepted_types(rule)));
+  if (!rule.only.empty() && !is_only_value(property, rule.only))
+    return error_at(
+        property.where,
+        fmt::format("parameter '{}' is not supported yet with a value other than {}", rule.name, rule.only));
+  if (auto* string = std::get_if<std::string>(&property.value)) {
+    if (!rule.values.empty()) {
+      const std::string folded = text::lower(*string);
+      if (std::find(rule.values.begin(), rule.values.end(), folded) == rule.values.end()) {
+        const std::string_view nearest = nearest_name(*string, rule.values);
+        Error error = error_at(property.where, fmt::format("{} is not a value of parameter '{}'",
+                                                           text::quote(*string), rule.name));
+        return std::move(error).with_mend(nearest.empty()
+                                              ? fmt::format("there is {}", text::quoted_list(rule.values))
+                                              : text::did_you_mean(nearest));
+      }
+      *string = folded;
+    } else if (is_index_of_refraction(rule)) {
+      const std::optional<double> index = named_index_of_refraction(*string);
+      if (!index) {
+        const std::vector<std::string_view> known = index_of_refraction_names();
+        const std::string_view nearest = nearest_name(*string, known);
+        return error_at(property.where, fmt::format("{} is not a material with a known index of refraction",
+                                                    text::quote(*string)))
+            .with_mend(nearest.empty() ? fmt::format("there is {}", text::quoted_list(known))
+                                       : text::did_you_mean(nearest));
+      }
+      property.type = PropertyType::number;
+      property.value = *index;
+    }
+  }
+  return check_bounds(property, rule);
+}
+
+bool is_for_unknown_parameter(const Object& object, const PluginRule& rule, const Child& child) {
+  if (child.slot.empty()) return false;
+  const auto& children = rule.child_categories;
+  const bool as_child = std::find(children.begin(), children.end(), child.object->category) != children.end();
+  if (object.category == "medium" && child.object->category == "volume")
+    return child.slot != "albedo" && child.slot != "sigma_t";
+  if (child.object->category != "texture" || as_child) return false;
+  const auto any = [](const PropertyRule& property) { return property.any_slot; };
+  return find_rule(rule, child.slot) == nullptr &&
+         std::none_of(rule.properties.begin(), rule.properties.end(), any);
+}
 
 std::string describe(const Object& object) {
   if (object.category == "scene") return "the scene";

@@ -14,10 +14,23 @@ namespace candela::description {
 // exclude each other.
 Result<void> check_properties(Object& object, const PluginRule& rule);
 
+// The error of a parameter `name` that the plugin does not have, naming the nearest that it has, or all.
+Error unknown_parameter(const Object& object, const PluginRule& rule, const Location& where,
+                        std::string_view name);
+
+// Whether the child, a texture or a medium's volume, is given for a parameter that the plugin does not have.
+bool is_for_unknown_parameter(const Object& object, const PluginRule& rule, const Child& child);
+
+// One property against its rule; brings its value into canonical form.
+Result<void> check_property(Property& property, const PropertyRule& rule);
+
 // Categories, slots and numbers of the children, and required parameters. `child_where[i]` is where child i
 // was written or referred to.
 Result<void> check_children(const Object& object, const PluginRule& rule,
                             std::span<const Location> child_where);
+
+// The rule of a property; nullptr if the plugin has no such property.
+const PropertyRule* find_rule(const PluginRule& plugin, std::string_view name);
 
 // "bsdf 'diffuse'", "the scene"
 std::string describe(const Object& object);

@@ -198,6 +198,7 @@ Result<void> upgrade_homogeneous(Object& object) {
         .at(object.where.file, object.where.line)
         .with_mend("give sigmaA and sigmaS, or sigmaT and albedo");
   }
+  take(object, "material");  // 0.6 prefers the coefficients
   if (!absorption || !scattering)
     return error_at(absorption ? *absorption : *scattering, "'sigmaA' and 'sigmaS' are only valid together");
   for (const std::string_view other : {"sigma_t", "albedo"})
@@ -260,6 +261,12 @@ std::string slot_name(const Object& parent, std::string_view slot) {
   if (parent.plugin == "diffuse" && slot == "diffuse_reflectance") return "reflectance";
   if (parent.category == "medium" && slot == "density") return "sigma_t";
   return std::string(slot);
+}
+
+bool is_heeded(const Object& object, std::string_view parameter) {
+  if (object.category == "medium") return parameter == "material" || parameter == "orientation";
+  if (object.category == "volume") return parameter == "min" || parameter == "max";
+  return false;
 }
 
 Result<void> upgrade(Object& object, std::string_view plugin, std::vector<Note>& notes) {

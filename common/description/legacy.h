@@ -17,6 +17,10 @@ std::string plugin_name(std::string_view category, std::string_view name);
 // Today's name of the slot that a child is given for; the names of parameters are in snake case already.
 std::string slot_name(const Object& parent, std::string_view slot);
 
+// Whether 0.6 heeds a parameter that Candela lacks, so that to pass it over would be another scene, not just
+// a tidier file.
+bool is_heeded(const Object& object, std::string_view parameter);
+
 // Turns the properties of one object of an old file into today's: names, merged or split parameters, values.
 // `plugin` is the name as written. What means something else today, or nothing, is an error naming the mend.
 // What it reads as something else than 0.6 does goes to the notes.

@@ -8,10 +8,13 @@
 
 #include "common/description/check.h"
 #include "common/description/conductors.h"
+#include "common/description/element.h"
 #include "common/description/file_key.h"
 #include "common/description/legacy.h"
 #include "common/description/mixture.h"
+#include "common/description/other_integrator.h"
 #include "common/description/parameters.h"
+#include "common/description/reading.h"
 #include "common/description/resolve.h"
 #include "common/description/spectra.h"
 #include "common/description/text.h"
@@ -27,7 +30,6 @@ constexpr int max_element_depth = 64;
 constexpr std::size_t max_include_depth = 64;
 constexpr std::size_t max_includes = 10'000;
 constexpr std::size_t max_nodes = 20'000'000;
-constexpr std::size_t max_attributes = 32;
 constexpr std::size_t max_properties = 256;
 constexpr std::size_t max_total_bytes = std::size_t{1} << 30;
 constexpr std::size_t max_spectrum_bytes = std::size_t{16} << 20;  // of a file
@@ -61,10 +63,10 @@ std::string bare(std::string_view name) {
 
 class Parser {
  public:
-  Parser(const FileSource& files, const std::map<std::string, std::string>& given)
-      : files_(files), parameters_(given) {}
+  Parser(const FileSource& files, const std::map<std::string, std::string>& given, const Reading& reading)
+      : files_(files), parameters_(given), reading_(reading) {}
 
-  Result<SceneDescription> run(const std::string& main_key) {
+  Result<ReadScene> run(const std::string& main_key) {
     main_folder_ = folder_of_key(main_key);
     CANDELA_ASSIGN(const std::unique_ptr<XmlDocument> document, load(main_key));
     File file{*document, false};
@@ -78,10 +80,13 @@ class Parser {
     CANDELA_ASSIGN(file.legacy, is_legacy(file, root));
     include_stack_.push_back(main_key);
     CANDELA_ASSIGN(const std::size_t scene, parse_object(file, root, 1));
-    CANDELA_ASSIGN(ObjectPtr resolved, resolve(drafts_, scene, ids_));
+    CANDELA_ASSIGN(ObjectPtr resolved,
+                   resolve(drafts_, scene, ids_, reading_.lenient ? &passed_over_ : nullptr));
     Result<void> used = parameters_.check_all_used();
     if (!used.ok()) return std::move(used).error().at(main_key, 0);
-    return SceneDescription{std::move(resolved), {used_files_.begin(), used_files_.end()}, std::move(notes_)};
+    notes_.insert(notes_.end(), passed_over_.begin(), passed_over_.end());
+    return ReadScene{{std::move(resolved), {used_files_.begin(), used_files_.end()}, std::move(notes_)},
+                     std::move(passed_over_)};
   }
 
  private:
@@ -141,10 +146,15 @@ class Parser {
 
   // ---- elements ----
 
-  Result<void> count(const File& file, const pugi::xml_node& node) {
+  Result<void> count_node(const File& file, const pugi::xml_node& node) {
     if (++node_count_ > max_nodes)
       return error_at(file.document.where(node),
                       fmt::format("the scene has more than {} elements", max_nodes));
+    return {};
+  }
+
+  Result<void> count(const File& file, const pugi::xml_node& node) {
+    CANDELA_TRY(count_node(file, node));
     if (node.type() == pugi::node_element) return {};
     // Text: named where it begins, behind the white space.
     std::string_view words = node.value();
@@ -160,27 +170,7 @@ class Parser {
 
   // The node's attributes with parameters resolved.
   Result<Element> element(const File& file, const pugi::xml_node& node) {
-    Element result;
-    result.name = node.name();
-    result.where = file.document.where(node);
-    result.legacy = file.legacy;
-    for (const pugi::xml_attribute& attribute : node.attributes()) {
-      const std::string_view name = attribute.name();
-      if (result.find(name) != nullptr)
-        return result.error(
-            fmt::format("attribute {} of <{}> is given twice", text::quote(name), result.name));
-      if (result.attributes.size() >= max_attributes)
-        return result.error(fmt::format("<{}> has more than {} attributes", result.name, max_attributes));
-      const std::string_view value = attribute.value();
-      if (value.find('$') == std::string_view::npos) {
-        result.attributes.emplace_back(name, value);
-        continue;
-      }
-      Result<std::string> substituted = parameters_.substitute(value);
-      if (!substituted.ok()) return std::move(substituted).error().at(result.where.file, result.where.line);
-      result.attributes.emplace_back(name, std::move(substituted).value());
-    }
-    return result;
+    return read_element(file.document, node, file.legacy, parameters_);
   }
 
   Result<bool> is_legacy(const File& file, const pugi::xml_node& root) const {
@@ -276,6 +266,7 @@ class Parser {
     if (notes_.size() > max_notes) notes_.resize(max_notes);
     if (file.legacy && object->category == "bsdf" && plugin == "mixturebsdf")
       CANDELA_TRY(legacy::split_mixture(drafts_, index, notes_));
+    pass_over_unknown(*object, *rule, file.legacy);
     CANDELA_TRY(check_properties(*object, *rule));
     if (object->category == "bsdf") CANDELA_TRY(resolve_material(*object));
     for (const PropertyRule& property_rule : rule->properties) {
@@ -287,6 +278,59 @@ class Parser {
         }
     }
     return index;
+  }
+
+  // ---- what is passed over ----
+
+  void pass_over(const Error& error) {
+    if (passed_over_.size() < max_notes) passed_over_.push_back(passed_over_note(error));
+  }
+
+  // Drops the parameters that the plugin does not have, where that is no error.
+  void pass_over_unknown(Object& object, const PluginRule& rule, bool legacy) {
+    if (!legacy && !reading_.lenient) return;
+    std::erase_if(object.properties, [&](const Property& property) {
+      if (find_rule(rule, property.name) != nullptr) return false;
+      if (!reading_.lenient && legacy::is_heeded(object, property.name)) return false;
+      pass_over(unknown_parameter(object, rule, property.where, property.name));
+      return true;
+    });
+  }
+
+  bool is_other_integrator(std::string_view category) const {
+    return category == "integrator" && !reading_.integrator.empty();
+  }
+
+  // An <integrator> where another one runs.
+  Result<void> pass_over_integrator(const File& file, const pugi::xml_node& node, std::size_t parent,
+                                    int depth) {
+    const auto count = [&](const pugi::xml_node& counted) { return count_node(file, counted); };
+    const OtherIntegrator reader{file.document, file.legacy,  reading_.integrator,
+                                 parameters_,   passed_over_, count};
+    CANDELA_ASSIGN(std::shared_ptr<Object> object, reader.read(node, depth));
+    if (passed_over_.size() > max_notes) passed_over_.resize(max_notes);
+    const std::size_t index = drafts_.size();
+    if (!object->id.empty()) ids_.try_emplace(object->id, index);
+    const Location where = object->where;
+    drafts_.push_back({std::move(object), {}});
+    // Of several the first counts.
+    const auto is_integrator = [&](const Link& link) {
+      return !link.is_reference && drafts_[link.target].object->category == "integrator";
+    };
+    std::vector<Link>& links = drafts_[parent].links;
+    if (std::none_of(links.begin(), links.end(), is_integrator))
+      links.push_back({{}, where, index, false, {}});
+    return {};
+  }
+
+  // Elements that neither Mitsuba nor Candela has.
+  static bool is_unknown_element(std::string_view name) {
+    const auto is_one_of = [&](const auto& names) {
+      return std::find(names.begin(), names.end(), name) != names.end();
+    };
+    return !is_category(name) && !is_value_element(name) && !is_transform_operation(name) &&
+           name != "spectrum" && name != "blackbody" && !is_one_of(structure_elements) &&
+           !is_one_of(later_elements) && support_of_category(name) != Support::later;
   }
 
   Result<void> register_id(const std::string& id, std::size_t index, const Location& where,
@@ -310,11 +354,17 @@ class Parser {
       return error_at(file.document.where(node), "<scene> cannot be inside another element");
     if (node.type() == pugi::node_element && (name == "spectrum" || name == "blackbody"))
       return parse_spectrum(file, node, parent, depth);
+    if (node.type() == pugi::node_element && is_other_integrator(name))
+      return pass_over_integrator(file, node, parent, depth + 1);
     if (node.type() == pugi::node_element && is_category(name)) {
       CANDELA_ASSIGN(const std::size_t index, parse_object(file, node, depth + 1));
       return link_object(file, node, parent, index);
     }
     CANDELA_TRY(count(file, node));
+    if (reading_.lenient && is_unknown_element(name)) {
+      pass_over(unknown_element(file.document.where(node), name));
+      return {};
+    }
     CANDELA_ASSIGN(const Element written, element(file, node));
     if (name == "include") return parse_include(file, written, parent, depth);
     if (name == "transform") return parse_transform(file, node, written, parent);
@@ -524,6 +574,8 @@ class Parser {
     if (name == "scene") {
       CANDELA_TRY(count(included, root));
       CANDELA_TRY(parse_children(included, root, parent, depth));
+    } else if (is_other_integrator(name)) {
+      CANDELA_TRY(pass_over_integrator(included, root, parent, depth + 1));
     } else if (is_category(name)) {
       CANDELA_ASSIGN(const std::size_t index, parse_object(included, root, depth + 1));
       drafts_[parent].links.push_back(
@@ -539,6 +591,7 @@ class Parser {
 
   const FileSource& files_;
   Parameters parameters_;
+  const Reading& reading_;
   std::string main_folder_;
   std::vector<std::string> search_folders_;
   std::vector<std::string> include_stack_;
@@ -546,6 +599,7 @@ class Parser {
   std::vector<Draft> drafts_;
   std::map<std::string, std::size_t, std::less<>> ids_;
   std::vector<Note> notes_;
+  std::vector<Note> passed_over_;
   std::size_t node_count_ = 0;
   std::size_t include_count_ = 0;
   std::size_t total_bytes_ = 0;
@@ -553,9 +607,15 @@ class Parser {
 
 }  // namespace
 
+Result<ReadScene> read_scene(const FileSource& files, const std::string& main_key,
+                             const std::map<std::string, std::string>& parameters, const Reading& reading) {
+  return Parser(files, parameters, reading).run(main_key);
+}
+
 Result<SceneDescription> parse_scene(const FileSource& files, const std::string& main_key,
                                      const std::map<std::string, std::string>& parameters) {
-  return Parser(files, parameters).run(main_key);
+  CANDELA_ASSIGN(ReadScene scene, read_scene(files, main_key, parameters, {}));
+  return std::move(scene.description);
 }
 
 }  // namespace candela::description

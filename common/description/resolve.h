@@ -25,10 +25,15 @@ struct Draft {
   std::vector<Link> links;
 };
 
-// Fills in the children of all drafts and checks them. Errors: unknown ids (naming the nearest), references
-// that lead back to themselves, nesting deeper than 128 with references followed, and graphs that would
-// unfold into more than 20 million objects.
+// Fills in the children of all drafts and checks them. If `passed_over` is given, textures and volumes for
+// unknown parameters are left out and told there; else they are errors. Errors: unknown ids (naming the
+// nearest), references that lead back to themselves, nesting deeper than 128 with references followed, and
+// graphs that would unfold into more than 20 million objects.
 Result<ObjectPtr> resolve(std::vector<Draft>& drafts, std::size_t root,
-                          const std::map<std::string, std::size_t, std::less<>>& ids);
+                          const std::map<std::string, std::size_t, std::less<>>& ids,
+                          std::vector<Note>* passed_over = nullptr);
+
+// The note that tells of something passed over, made of the error that it would be.
+Note passed_over_note(const Error& error);
 
 }  // namespace candela::description

@@ -12,7 +12,8 @@ constexpr std::string_view introduction = R"(# Scenes
 <!-- Generated from common/description/vocabulary.cpp by support_table_markdown(); a test compares the two. -->
 
 Candela reads Mitsuba XML. What a plugin or a parameter means is what Mitsuba documents; this page lists what is
-understood. Anything else is an error that names the file, the line and the nearest known name.
+understood. Anything else is an error that names the file, the line and the nearest known name, except as the section
+*What is passed over* says.
 
 ## The file
 
@@ -44,6 +45,20 @@ understood. Anything else is an error that names the file, the line and the near
   folder, then in the folder of the included file that names them. All of them must be there when a job is submitted.
 - A surface without a `<bsdf>` is `diffuse`.
 
+## What is passed over
+
+What is passed over is told: by `render`, `plan` and `submit` as warnings with file, line and the nearest known name, each once
+with its number, and by `check` in its list. Values of parameters that are understood stay checked.
+
+- With `--integrator NAME` the scene's `<integrator>` may be of any type and hold anything. Of its parameters, and of those of
+  integrators nested in it, NAME takes over what it has by the same name and can use, such as `max_depth` (`maxDepth` before
+  version 2); the outermost and first value counts. A bad value of a parameter that this page lists for the scene's own
+  integrator is an error. `check` warns of the other integrator, the other commands print a note.
+- In a file before version 2 an unknown parameter of a known plugin is passed over, as in Mitsuba 0.6. Parameters that change
+  what 0.6 renders and that Candela lacks (a medium's `material`, a grid's `min` and `max`) stay errors.
+- With `--lenient` unknown parameters, textures for unknown parameters, and unknown elements with all that is in them are passed
+  over in every file. Unknown plugins, and known elements at a wrong place, stay errors.
+
 ## Limits
 
 Elements are nested at most 64 deep, includes 64, objects (with references followed) 128; a scene has at most 20 million
@@ -54,8 +69,7 @@ elements, 10 000 includes, 1 GiB of XML, and 256 MiB in one file. XML is UTF-8.
 `candela check SCENE` tells of a scene's own plugins and parameters what of this page concerns them.
 
 Parameters marked *ignored* are accepted because scenes have them, and change nothing in the picture. What is marked
-*differs* gives another picture than Mitsuba's. Another integrator
-that Mitsuba has may stand in the file if `--integrator` chooses one that Candela has.
+*differs* gives another picture than Mitsuba's.
 )";
 
 // Table cells hold no bars.

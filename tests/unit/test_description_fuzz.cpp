@@ -3,6 +3,7 @@
 
 #include <chrono>
 
+#include "common/description/reading.h"
 #include "test_description_common.h"
 
 namespace candela::description {
@@ -144,8 +145,8 @@ std::string mutate(std::string text, Random& random) {
   return text;
 }
 
-// Claim: no mutation crashes or hangs the parser; every error is one line that names a place or a parameter.
-// (Run under the sanitizers, this is a memory test too.)
+// Claim: no mutation crashes or hangs the parser; every error is one line that names a place or a parameter;
+// what the strict reading takes the lenient one takes. (Run under the sanitizers, this is a memory test too.)
 TEST(DescriptionFuzz, MutatedScenesGiveOneAnswer) {
   Random random(20260701);
   const std::string part = "<scene><bsdf type='dielectric' id='glass'/></scene>";
@@ -161,11 +162,19 @@ TEST(DescriptionFuzz, MutatedScenesGiveOneAnswer) {
     const std::string spectrum_text = which == 1 ? mutate(spectrum, random) : spectrum;
     const auto result =
         parse_text(main_text, {{"spp", "4"}}, {{"part.xml", part_text}, {"eta.spd", spectrum_text}});
+    const MemorySource files({{"scene.xml", main_text},
+                              {"part.xml", part_text},
+                              {"eta.spd", spectrum_text},
+                              {"mesh.obj", ""},
+                              {"image.png", ""}});
+    const auto loose =
+        read_scene(files, "scene.xml", {{"spp", "4"}}, {.integrator = "path", .lenient = true});
     if (result.ok()) {
+      EXPECT_TRUE(loose.ok()) << loose.error().to_string();
       ++parsed;
       continue;
     }
-    const std::string message = result.error().to_string();
+    const std::string message = (loose.ok() ? result.error() : loose.error()).to_string();
     EXPECT_FALSE(message.empty());
     EXPECT_EQ(message.find('\n'), std::string::npos) << message;
     EXPECT_EQ(result.error().exit_code(), 2) << message;

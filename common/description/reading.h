@@ -1,0 +1,34 @@
+// How strictly a scene file is read, and what of it was passed over.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "common/description/object.h"
+
+namespace candela::description {
+
+struct Reading {
+  // The integrator that runs in place of the scene's; empty: the scene's own. If it is given, nothing in an
+  // <integrator> element of the scene is an error but a bad value of a parameter that the element's own
+  // plugin has, and its properties are those that the given integrator knows, also of integrators nested in
+  // it.
+  std::string integrator = {};
+  // Unknown parameters and elements are passed over, not errors. Unknown plugins stay errors.
+  bool lenient = false;
+};
+
+struct ReadScene {
+  SceneDescription description;
+  // Unknown parameters and elements that were passed over, in the order they were met. They are among the
+  // description's notes, too.
+  std::vector<Note> passed_over;
+};
+
+// parse_scene() is this with the strict reading. In files before version 2 an unknown parameter of a known
+// plugin is passed over whatever the reading is, as Mitsuba 0.6 does; but not one that 0.6 heeds.
+Result<ReadScene> read_scene(const FileSource& files, const std::string& main_key,
+                             const std::map<std::string, std::string>& parameters, const Reading& reading);
+
+}  // namespace candela::description
