@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <map>
+#include <ostream>
 
 #include "client/values.h"
 
@@ -25,7 +27,12 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
   app.add_option("scene", options.scene, "Scene file (Mitsuba XML)")->required()->type_name("SCENE");
   add_texts(app, "-D,--define", options.defines, "Set a $parameter of the scene; may be repeated",
             "NAME=VALUE");
-  add_text(app, "--integrator", options.integrator, "Integrator; default: the scene's", "NAME");
+  add_text(app, "--integrator", options.integrator,
+           "Integrator; default: the scene's, which is passed over if this is given, but for parameters that "
+           "both know",
+           "NAME");
+  app.add_flag("--lenient", options.lenient,
+               "Warn of unknown parameters and elements of the scene, and render without them");
   add_texts(app, "--set", options.sets, "Set a setting of the integrator; may be repeated", "KEY=VALUE");
   if (with_limits) {
     add_text(app, "--iterations", options.iterations,
@@ -59,6 +66,34 @@ void add_farm_options(CLI::App& app, FarmOptions& options) {
                "Talk without TLS to a master on another machine; $CANDELA_INSECURE=true");
   add_text(app, "--timeout", options.timeout,
            "How long to try to reach the master (default 10s); $CANDELA_TIMEOUT", "DURATION");
+}
+
+void warn_of_passed_over(std::ostream& err, const LoadedScene& scene) {
+  constexpr std::size_t most_lines = 20;
+  const auto place = [&](const description::Location& where) {
+    const auto file = scene.gathered.real_paths.find(where.file);
+    return fmt::format(
+        "{}:{}", printable(file == scene.gathered.real_paths.end() ? where.file : file->second.string()),
+        where.line);
+  };
+  if (const auto& other = scene.job.other_integrator)
+    err << fmt::format("candela: note: {}: {}\n", place(other->where), other->text);
+  // The same of many objects is told once.
+  std::map<std::string_view, std::size_t> index;
+  std::vector<std::pair<const description::Note*, std::size_t>> told;
+  for (const description::Note& note : scene.gathered.passed_over) {
+    const auto [entry, is_new] = index.try_emplace(note.text, told.size());
+    if (is_new) told.push_back({&note, 0});
+    ++told[entry->second].second;
+  }
+  for (std::size_t i = 0; i < told.size() && i < most_lines; ++i) {
+    const auto& [note, count] = told[i];
+    err << fmt::format("candela: warning: {}: {}{}\n", place(note->where), note->text,
+                       count > 1 ? fmt::format(" (and {} more like it)", count - 1) : std::string());
+  }
+  if (told.size() > most_lines)
+    err << fmt::format("candela: warning: {} more things are passed over; see them all by: candela check\n",
+                       told.size() - most_lines);
 }
 
 Result<ConnectionOptions> resolve_connection(const FarmOptions& options, const Config& config) {

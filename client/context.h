@@ -35,8 +35,13 @@ CLI::Option* add_text(CLI::App& app, const std::string& names, std::optional<std
 CLI::Option* add_texts(CLI::App& app, const std::string& names, std::vector<std::string>& values,
                        const std::string& doc, const std::string& type);
 
-// SCENE, -D, --integrator, --set, --iterations, --time, --until, --seed, --size, --filter, --sampler, --isa.
+// SCENE, -D, --integrator, --lenient, --set, --iterations, --time, --until, --seed, --size, --filter,
+// --sampler, --isa.
 void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits);
+
+// What of the scene was passed over, on `err`: each thing once, with file, line and count; twenty lines at
+// most.
+void warn_of_passed_over(std::ostream& err, const LoadedScene& scene);
 
 // --master, --tls-*, --insecure, --timeout.
 struct FarmOptions {

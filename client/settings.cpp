@@ -36,8 +36,28 @@ ObjectPtr first_child(const Object* parent, std::string_view category) {
   return children.empty() ? nullptr : children.front();
 }
 
+// What of the scene's integrator counts for the one that runs.
+description::Note passed_over(const Object& written, const std::string& runs, const SettingsMap& kept) {
+  std::vector<std::string> values;
+  for (const auto& [name, value] : kept) values.push_back(fmt::format("{} = {}", name, printable(value)));
+  return {written.where, fmt::format("the scene asks for the integrator '{}', the command line for '{}'; {}",
+                                     printable(written.plugin), runs,
+                                     values.empty() ? "nothing of the scene's counts"
+                                                    : "of the scene's counts " + join(values, ", "))};
+}
+
+// Whether the scene may have the parameter, and it changes nothing here.
+bool is_without_effect(const Object& integrator, const std::string& name) {
+  const description::PluginRule* plugin = description::find_plugin("integrator", integrator.plugin);
+  if (plugin == nullptr) return false;
+  const auto rule = std::find_if(plugin->properties.begin(), plugin->properties.end(),
+                                 [&](const description::PropertyRule& r) { return r.name == name; });
+  return rule != plugin->properties.end() && (rule->ignored || !rule->only.empty());
+}
+
 Result<void> resolve_integrator(const Object& scene, const SceneOptions& options, const RendererFacts& facts,
-                                JobSettings& settings) {
+                                PreparedJob& job) {
+  JobSettings& settings = job.settings;
   const std::vector<std::string> names = facts.integrator_names();
   const std::vector<std::string_view> known(names.begin(), names.end());
   const ObjectPtr written = first_child(&scene, "integrator");
@@ -54,13 +74,14 @@ Result<void> resolve_integrator(const Object& scene, const SceneOptions& options
   }
 
   SettingsMap from_scene;
+  const bool own = written != nullptr && written->plugin == settings.integrator;
   if (written != nullptr) {
     // Under another integrator than the scene's own, what both know by one name carries over (max_depth,
     // say).
-    const bool own = written->plugin == settings.integrator;
     CANDELA_ASSIGN(const std::vector<std::string> settable, facts.setting_names(settings.integrator));
     for (const description::Property& property : written->properties) {
-      if (!own && std::find(settable.begin(), settable.end(), property.name) == settable.end()) continue;
+      const bool can_be_set = std::find(settable.begin(), settable.end(), property.name) != settable.end();
+      if (!can_be_set && (!own || is_without_effect(*written, property.name))) continue;
       const auto text = setting_text(property);
       if (!text)
         return input_error(fmt::format("'{}' cannot be a setting of an integrator", property.name))
@@ -70,6 +91,12 @@ Result<void> resolve_integrator(const Object& scene, const SceneOptions& options
   }
   CANDELA_ASSIGN(const SettingsMap from_user, parse_assignments(options.sets, "--set"));
   auto complete = facts.complete_settings(settings.integrator, from_scene, from_user);
+  // A value of another integrator that this one cannot have does not count.
+  while (!complete && !own && !from_user.contains(complete.error().field) &&
+         from_scene.erase(complete.error().field) > 0)
+    complete = facts.complete_settings(settings.integrator, from_scene, from_user);
+  if (written != nullptr && !own)
+    job.other_integrator = passed_over(*written, settings.integrator, from_scene);
   if (!complete) {
     // The validator names the setting; we know where it was written.
     Error error = std::move(complete).error();
@@ -214,7 +241,7 @@ Result<PreparedJob> prepare_job(const description::SceneDescription& scene, cons
   const ObjectPtr film = first_child(sensor.get(), "film");
   const ObjectPtr sampler = first_child(sensor.get(), "sampler");
   PreparedJob job;
-  CANDELA_TRY(resolve_integrator(*scene.scene, options, facts, job.settings));
+  CANDELA_TRY(resolve_integrator(*scene.scene, options, facts, job));
   CANDELA_TRY(resolve_filter(film.get(), options, job.settings));
   CANDELA_TRY(resolve_size(film.get(), options, job.settings));
   CANDELA_TRY(resolve_sampling(sampler.get(), options, job));
@@ -228,7 +255,8 @@ Result<LoadedScene> load_scene(const SceneOptions& options, const RendererFacts&
   CANDELA_TRY(parse_stop(options.iterations, options.time, options.until));
   if (options.size) CANDELA_TRY(parse_size(*options.size, "--size"));
   if (options.seed) CANDELA_TRY(parse_count(*options.seed, "--seed", 0, UINT64_MAX));
-  CANDELA_ASSIGN(bundle::GatheredScene gathered, bundle::gather(options.scene, parameters));
+  CANDELA_ASSIGN(bundle::GatheredScene gathered,
+                 bundle::gather(options.scene, parameters, options.reading()));
   CANDELA_ASSIGN(PreparedJob job, prepare_job(gathered.description, options, facts));
   return LoadedScene{std::move(gathered), std::move(job)};
 }

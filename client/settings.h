@@ -30,12 +30,17 @@ struct SceneOptions {
   std::vector<std::string> defines;  // name=value
   std::vector<std::string> sets;     // key=value
   std::optional<std::string> integrator, iterations, time, until, seed, size, filter, sampler, isa;
+  bool lenient = false;  // unknown parameters and elements of the scene are warnings
+
+  description::Reading reading() const { return {.integrator = integrator.value_or(""), .lenient = lenient}; }
 };
 
 struct PreparedJob {
   JobSettings settings;
   StopRule stop;
   bool stop_given = false;  // by an option; else it is the scene's sample_count
+  // If --integrator passes over an integrator of the scene: which one, and what of it counts.
+  std::optional<description::Note> other_integrator = {};
 };
 
 // The limits given as options alone; all zero if none is.

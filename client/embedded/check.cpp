@@ -43,16 +43,6 @@ std::optional<Finding> choose_integrator(const description::SceneDescription& sc
                   printable(written[0]->plugin))};
 }
 
-std::optional<Finding> other_integrator(const description::SceneDescription& scene,
-                                        const SceneOptions& options) {
-  const auto written = scene.scene->children_of("integrator");
-  if (!options.integrator || written.empty() || written[0]->plugin == *options.integrator)
-    return std::nullopt;
-  return Finding{Finding::Kind::differs, written[0]->where,
-                 fmt::format("the scene asks for the integrator '{}', the command line for '{}'",
-                             printable(written[0]->plugin), printable(*options.integrator))};
-}
-
 // Images that objects refer to, by key.
 void collect_images(const description::Object& object, std::set<const description::Object*>& seen,
                     std::set<std::string>& keys) {
@@ -64,11 +54,13 @@ void collect_images(const description::Object& object, std::set<const descriptio
 
 Result<CheckReport> check_scene(SceneOptions options, const RendererFacts& facts) {
   CANDELA_ASSIGN(const auto parameters, parse_assignments(options.defines, "-D"));
-  CANDELA_ASSIGN(const bundle::GatheredScene gathered, bundle::gather(options.scene, parameters));
+  CANDELA_ASSIGN(const bundle::GatheredScene gathered,
+                 bundle::gather(options.scene, parameters, options.reading()));
   const description::SceneDescription& scene = gathered.description;
-  std::optional<Finding> integrator = other_integrator(scene, options);
-  if (!integrator) integrator = choose_integrator(scene, options, facts);
+  std::optional<Finding> integrator = choose_integrator(scene, options, facts);
   CANDELA_ASSIGN(const PreparedJob job, prepare_job(scene, options, facts));
+  if (!integrator && job.other_integrator)
+    integrator = Finding{Finding::Kind::differs, job.other_integrator->where, job.other_integrator->text};
   const bundle::DiskSource files(std::filesystem::absolute(options.scene).parent_path());
   CANDELA_ASSIGN(const auto renderer,
                  render::Renderer::create(files, gathered.bundle.main_path, gathered.bundle.parameters,

@@ -207,6 +207,7 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   CANDELA_ASSIGN(const std::vector<unsigned> threads, worker_threads(options));
   CANDELA_ASSIGN(const std::uint64_t texture_memory, texture_memory_bytes(options));
   CANDELA_ASSIGN(const LoadedScene scene, load_scene(options.scene, context.facts));
+  warn_of_passed_over(context.err, scene);
   CANDELA_TRY(check_isa(scene.job.settings.isa));
   const auto mode = options.resume  ? StateFolder::Mode::resume
                     : options.fresh ? StateFolder::Mode::fresh

@@ -153,6 +153,30 @@ TEST(Settings, SharedSettingsCarryOver) {
   EXPECT_EQ(job->settings.integrator_settings.at("max_depth"), "13");
 }
 
+// Claim: a value of another integrator that the chosen one cannot have does not count, and is no error; of
+// its own it is one.
+TEST(Settings, BadValuesOfOtherIntegratorsDoNotCount) {
+  RendererFacts facts = fake_facts();
+  facts.complete_settings = [](const std::string&, const SettingsMap& scene,
+                               const SettingsMap&) -> Result<SettingsMap> {
+    if (scene.contains("max_depth")) return usage_error("too deep").with_field("max_depth");
+    return scene;
+  };
+  TestScene scene;
+  add_integer(*scene.integrator, "rr_depth", 4, 3);
+  EXPECT_FALSE(prepare_job({scene.scene, {"scene.xml"}}, {}, facts).ok());
+  scene.integrator->plugin = "mlt";
+  SceneOptions options;
+  options.integrator = "path";
+  const auto job = prepare_job({scene.scene, {"scene.xml"}}, options, facts);
+  ASSERT_TRUE(job.ok()) << job.error().to_string();
+  EXPECT_EQ(job->settings.integrator_settings, (SettingsMap{{"rr_depth", "4"}}));
+  ASSERT_TRUE(job->other_integrator);
+  EXPECT_EQ(job->other_integrator->text,
+            "the scene asks for the integrator 'mlt', the command line for 'path'; of the scene's counts "
+            "rr_depth = 4");
+}
+
 // Claim: what a scene leaves out is Mitsuba's default.
 TEST(Settings, MitsubaDefaults) {
   TestScene scene;

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 
+#include "common/description/reading.h"
 #include "common/film/layers.h"
 #include "worker/core/math.h"
 #include "worker/integrators/integrator.h"
@@ -177,8 +178,11 @@ Result<std::unique_ptr<Renderer>> Renderer::create(const description::FileSource
                  integrators::find_integrator(settings.integrator));
   CANDELA_ASSIGN(const samplers::SamplerKind sampler, sampler_kind(settings.sampler));
   CANDELA_ASSIGN(PixelFilter filter, PixelFilter::create(settings.filter, settings.filter_settings));
-  CANDELA_ASSIGN(const description::SceneDescription description,
-                 description::parse_scene(files, main_key, parameters));
+  // The client has refused what it should or told of it; what has come here is rendered.
+  CANDELA_ASSIGN(const description::ReadScene scene_file,
+                 description::read_scene(files, main_key, parameters,
+                                         {.integrator = settings.integrator, .lenient = true}));
+  const description::SceneDescription& description = scene_file.description;
   scene::Scene::Options options;
   options.isa = settings.isa;
   options.build_threads = threads;
