@@ -97,8 +97,8 @@ struct SceneDescription {
   std::vector<Note> notes = {};  // in the order they were met
 };
 
-// Parses and validates: unknown categories, plugins and properties are errors naming file, line and the
-// nearest known name; so are missing files, include cycles (and includes deeper than 64), unresolved
+// Parses and validates: unknown categories, plugins and properties (of old files see reading.h) are errors
+// naming place and nearest known name; so are missing files, include cycles (and deeper than 64), unresolved
 // $parameters and refs, parameters given but not used by the scene, values that do not parse, numbers that
 // are not finite, singular transforms.
 //

@@ -221,8 +221,9 @@ class Parser {
       return error_at(where, fmt::format("{} {} is not supported yet", category, text::quote(name)))
           .with_mend(fmt::format("there is {}", text::quoted_list(known)));
     const std::string_view nearest = nearest_name(name, known);
+    const std::string_view choose = category == "integrator" ? "; --integrator NAME chooses one" : "";
     return error_at(where, fmt::format("unknown {} {}", category, text::quote(name)))
-        .with_mend(nearest.empty() ? fmt::format("there is {}", text::quoted_list(known))
+        .with_mend(nearest.empty() ? fmt::format("there is {}{}", text::quoted_list(known), choose)
                                    : text::did_you_mean(nearest));
   }
 
