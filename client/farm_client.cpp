@@ -24,6 +24,8 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
+// A master that reads a film, or all files of all jobs, from its disk.
+constexpr double kReadingSeconds = 600, kVerifyingSeconds = 24 * 3600;
 constexpr int kMaxMessageBytes = 64 << 20;            // lists of jobs may be long; chunks are 1 MiB
 constexpr std::uint64_t kMaxImageBytes = 1ULL << 36;  // of a fetched image
 constexpr std::size_t kHashesPerCall = 1000;
@@ -265,6 +267,31 @@ Result<v1::JobStatus> FarmClient::cancel_job(const std::string& id) {
   return state_->job_call(&v1::FarmService::Stub::CancelJob, id);
 }
 
+Result<v1::JobStatus> FarmClient::repair_job(const std::string& id) {
+  v1::JobRequest request;
+  request.set_job_id(id);
+  v1::JobStatus response;
+  CANDELA_TRY(state_->repeat([&](grpc::ClientContext& context) {
+    context.set_deadline(deadline_in(state_->timeout_seconds + kReadingSeconds));
+    return state_->stub->RepairJob(&context, request, &response);
+  }));
+  return response;
+}
+
+Result<void> FarmClient::verify_jobs(const std::string& id,
+                                     const std::function<void(const v1::JobReport&)>& on_report) {
+  CANDELA_TRY(check_server());  // with patience; the reports are asked for once
+  v1::VerifyJobsRequest request;
+  request.set_job_id(id);
+  grpc::ClientContext context;
+  context.set_deadline(deadline_in(kVerifyingSeconds));
+  const auto reader = state_->stub->VerifyJobs(&context, request);
+  v1::JobReport report;
+  while (reader->Read(&report)) on_report(report);
+  const grpc::Status status = reader->Finish();
+  return status.ok() ? Result<void>() : Result<void>(state_->error_of(status));
+}
+
 Result<v1::JobStatus> FarmClient::extend_job(const v1::ExtendJobRequest& request) {
   // Find the master first, with patience; then ask once.
   CANDELA_TRY(check_server());
@@ -299,12 +326,13 @@ Result<v1::WorkerStatus> FarmClient::drain_worker(const std::string& id) {
 }
 
 Result<std::string> FarmClient::fetch_image(const std::string& id, bool error_layer, bool image_only,
-                                            bool chain_layers) {
+                                            bool chain_layers, bool partial) {
   v1::FetchImageRequest request;
   request.set_job_id(id);
   request.set_error_layer(error_layer);
   request.set_image_only(image_only);
   request.set_chain_layers(chain_layers);
+  request.set_partial(partial);
   const auto begin = Clock::now();
   Backoff backoff;
   for (;;) {

@@ -52,6 +52,10 @@ class FarmClient {
   Result<v1::JobStatus> pause_job(const std::string& id);
   Result<v1::JobStatus> resume_job(const std::string& id);
   Result<v1::JobStatus> cancel_job(const std::string& id);
+  // Queues what an ended job has lost, or takes in the job of a folder that the master's store does not know.
+  Result<v1::JobStatus> repair_job(const std::string& id);
+  // Calls `on_report` for each job (of `id`, or of all if it is empty) as the master has read its files.
+  Result<void> verify_jobs(const std::string& id, const std::function<void(const v1::JobReport&)>& on_report);
   // Sent once only, since it adds: after a lost connection the error says to look.
   Result<v1::JobStatus> extend_job(const v1::ExtendJobRequest& request);
   Result<v1::ListEventsResponse> list_events(const std::string& job_id, std::uint32_t limit);
@@ -60,9 +64,10 @@ class FarmClient {
   Result<v1::WorkerStatus> drain_worker(const std::string& id);
 
   // The image of what is merged now, the bytes of an EXR file, with the job's further layers if it has any
-  // and `image_only` is not set. `chain_layers`: also what an image of Markov chains is made of.
+  // and `image_only` is not set. `chain_layers`: also what an image of Markov chains is made of. `partial`:
+  // of an ended job that has lost samples, what is left; refused otherwise.
   Result<std::string> fetch_image(const std::string& id, bool error_layer, bool image_only,
-                                  bool chain_layers = false);
+                                  bool chain_layers = false, bool partial = false);
 
   // Calls `on_status` now, at each change, and at the end of the job. Returns the last status: of an ended
   // job, or, where `stop` is given and a signal came or `give_up` returned true, of one that goes on. A

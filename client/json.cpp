@@ -62,6 +62,8 @@ Json job(const v1::JobStatus& s) {
   json["units_merged"] = s.units_merged();
   json["units_leased"] = s.units_leased();
   json["iterations"] = s.iterations();
+  json["lost"] = s.lost();
+  json["repairing"] = s.repairing();
   json["samples"] = s.samples();
   json["light_paths"] = s.light_paths();
   json["rays"] = s.rays();
@@ -151,6 +153,20 @@ std::string events_json(const v1::ListEventsResponse& response) {
                     {"kind", event.kind()},
                     {"message", event.message()}});
   return text({{"events", list}});
+}
+
+std::string report_json(const v1::JobReport& report) {
+  Json findings = Json::array();
+  for (const v1::Finding& f : report.findings())
+    findings.push_back({{"part", f.part()}, {"text", f.text()}, {"mend", f.mend()}});
+  // One line a report, as they come.
+  return Json({{"id", report.job_id()},
+               {"name", report.name()},
+               {"state", report.job_id().empty() ? "" : std::string(wire::name(report.state()))},
+               {"iterations", report.iterations()},
+               {"lost", report.lost()},
+               {"findings", findings}})
+      .dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 std::string submitted_json(const std::string& id, bool existed, std::uint64_t uploaded_bytes) {

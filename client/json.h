@@ -16,6 +16,8 @@ std::string jobs_json(const v1::ListJobsResponse& response);  // {"jobs": [...]}
 std::string worker_json(const v1::WorkerStatus& status);
 std::string workers_json(const v1::ListWorkersResponse& response);  // {"workers": [...]}
 std::string events_json(const v1::ListEventsResponse& response);    // {"events": [...]}
+// One line.
+std::string report_json(const v1::JobReport& report);
 std::string submitted_json(const std::string& id, bool existed, std::uint64_t uploaded_bytes);
 std::string comparison_json(const stats::ImageComparison& comparison);
 std::string version_json();

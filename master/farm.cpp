@@ -95,10 +95,12 @@ Result<void> Farm::start() {
       log::error(fmt::format("the store cannot be written, trying again: {}", text));
     store_trouble_ = text;
   });
+  truth_ = std::make_unique<JobTruth>(*this);
   CANDELA_TRY(restore_jobs(std::move(state)));
   CANDELA_TRY(writer_->flush());
   threads_.emplace_back([this] { tick_loop(); });
   threads_.emplace_back([this] { keep_loop(); });
+  threads_.emplace_back([this] { truth_->verify_ended(); });
   return {};
 }
 
@@ -116,30 +118,21 @@ Result<void> Farm::restore_jobs(StoredState state) {
     film::Tallies tallies;
     RestoredChains chains{std::move(bootstraps[id]), std::move(state.chain_starts[id]), 0};
     if (row.named_state) {
-      std::shared_ptr<JobFilm> film = make_film(row);
-      films_[id] = film;
       const bool trusted = has_ended(row.state) && row.checkpoint_iterations == row.iterations;
-      if (trusted) {  // its film is read when somebody asks for it
-        film->close();
+      if (trusted) {  // its film is read when somebody asks for it, and verified meanwhile
+                      // (JobTruth::verify_ended)
+        films_[id] = make_film(row);
+        films_[id]->close();
         for (const UnitRow& u : merged)
           if (u.unit.half < 2) sets[u.unit.half].insert(u.unit.begin, u.unit.end);
         tallies = row.tallies;
       } else {
-        CANDELA_ASSIGN(const std::string trouble, film->ensure_loaded());
-        if (!trouble.empty()) {
-          log::warn(trouble, {.job = id});
-          scheduler_->event(t, id, "", "checkpoint", trouble);
-        }
-        const JobFilm::Snapshot copy = film->snapshot();
-        for (std::uint32_t h = 0; h < 2; ++h) {
-          sets[h] = copy.film->merged(h);
-          tallies.add(copy.film->tallies(h));
-        }
-        if (row.chains) row.chain_summary = chains::summarise(row.bootstrap, copy.counts);
-        chains.record_bytes = film->largest_record_bytes();
-        row.checkpoint_iterations = copy.film->iterations();
-        row.checkpoint_generation = film->generation();
-        if (has_ended(row.state)) film->close();
+        CANDELA_ASSIGN(const RestoredFilm opened, restore_film(row, chains));
+        films_[id] = opened.film;
+        if (!opened.trouble.empty()) scheduler_->event(t, id, "", "checkpoint-damaged", opened.trouble);
+        sets = opened.held.merged;
+        tallies = opened.held.tallies;
+        if (has_ended(row.state)) opened.film->close();
       }
     }
     scheduler_->restore(std::move(row), sets, tallies, std::move(unmerged[id]), std::move(merged), t, chains);
@@ -152,33 +145,56 @@ Result<void> Farm::restore_jobs(StoredState state) {
   return {};
 }
 
+Result<Farm::RestoredFilm> Farm::restore_film(JobRow& row, RestoredChains& restored) const {
+  RestoredFilm out;
+  out.film = make_film(row);
+  CANDELA_ASSIGN(const JobFilm::Loading loading, out.film->ensure_loaded());
+  out.trouble = loading.trouble;
+  if (row.chains) row.chain_summary = chains::summarise(row.bootstrap, out.film->chain_counts());
+  restored.record_bytes = out.film->largest_record_bytes();
+  out.held = out.film->account();
+  row.checkpoint_iterations = count(out.held.merged);
+  row.checkpoint_generation = out.film->generation();
+  return out;
+}
+
+Result<void> Farm::take_in(Manifest manifest) {
+  JobRow& row = manifest.row;
+  const std::string id = row.id;
+  RestoredChains restored{{}, std::move(manifest.chain_starts), 0};
+  CANDELA_ASSIGN(const RestoredFilm opened, restore_film(row, restored));
+  {
+    const std::lock_guard lock(mutex_);
+    films_[id] = opened.film;
+    if (!row.idempotency_token.empty()) tokens_[row.idempotency_token] = id;
+    if (!opened.trouble.empty()) scheduler_->event(now(), id, "", "checkpoint-damaged", opened.trouble);
+    scheduler_->adopt(std::move(row), opened.held.merged, opened.held.tallies, restored, now());
+    publish();
+  }
+  wake_.notify_all();
+  return writer_->flush();
+}
+
 // Films of jobs that the store does not know: it was lost, or cut short by damage, and its jobs with it.
 // Nothing else would tell, as SQLite takes a damaged end of its log for the end.
 void Farm::warn_of_orphans(Now t) {
-  std::size_t count = 0;
-  std::string example;
-  std::error_code code;
-  for (const auto& entry : std::filesystem::directory_iterator(options_.master.data_dir / "jobs", code)) {
-    const std::string id = entry.path().filename().string();
-    if (scheduler_->job(id) != nullptr) continue;
-    ++count;
-    if (example.empty() || id < example) example = id;
-  }
-  if (count == 0) return;
-  const std::string text = fmt::format(
-      "{} folder(s) in {} belong to no job the store knows, such as {}: the store may be damaged, or not the "
-      "one they "
-      "were made with",
-      count, (options_.master.data_dir / "jobs").string(), example);
-  scheduler_->event(t, "", "", "orphans", text);
+  const std::vector<std::string> orphans = truth_->orphans();
+  if (orphans.empty()) return;
+  scheduler_->event(
+      t, "", "", "orphans",
+      fmt::format("{} folder(s) in {} belong to no job the store knows, such as {}: the store may be "
+                  "damaged, or not the one they were made with; `candela verify` lists them, `candela "
+                  "repair ID` takes a job in",
+                  orphans.size(), (options_.master.data_dir / "jobs").string(), orphans.front()));
 }
 
 void Farm::log_event(const EventRow& e) const {
   std::string text = e.kind;
   if (!e.message.empty()) text += ": " + e.message;
   // What needs an operator. A job that fails by its own scene is told to whoever submitted it.
-  const bool bad =
-      e.kind == "expired" || e.kind == "set-aside" || e.kind == "checkpoint-failed" || e.kind == "refused";
+  const bool bad = e.kind == "expired" || e.kind == "set-aside" || e.kind == "checkpoint-failed" ||
+                   e.kind == "refused" || e.kind == "checkpoint-damaged" || e.kind == "lost" ||
+                   e.kind == "orphans";
   log::write(bad ? spdlog::level::warn : spdlog::level::info, text, {.job = e.job_id, .worker = e.worker_id});
 }
 
@@ -279,6 +295,8 @@ v1::JobStatus Farm::status_locked(const Job& job, Now t) const {
   }
   out.set_checkpoint_generation(r.checkpoint_generation);
   out.set_checkpoint_iterations(r.iterations_of(r.checkpoint_iterations));
+  out.set_lost(count(job.lost()));
+  out.set_repairing(r.repairs_to.has_value());
   out.set_samples_per_second(scheduler_->samples_per_second(job, t));
   out.set_eta_seconds(scheduler_->eta_seconds(job, t));
   return out;
@@ -340,18 +358,8 @@ Result<v1::JobStatus> Farm::change_job(const std::string& job_id,
 }
 
 Result<v1::JobStatus> Farm::extend(const v1::ExtendJobRequest& request) {
-  const std::shared_ptr<JobFilm> film = film_of(request.job_id());
-  if (film) {  // it may have been put away
-    film->touch(now().seconds);
-    CANDELA_ASSIGN(const std::string trouble, film->ensure_loaded());
-    if (!trouble.empty()) {
-      // The rows told of more than can be read. They are reconciled at the next start, not under a running
-      // job.
-      log::warn(trouble, {.job = request.job_id()});
-      with_scheduler([&](Scheduler& s) { s.event(now(), request.job_id(), "", "checkpoint", trouble); });
-    }
-    film->reopen();
-  }
+  CANDELA_ASSIGN(const std::shared_ptr<JobFilm> film, truth_->open_film(request.job_id()));
+  if (film) film->reopen();
   Result<v1::JobStatus> out = change_job(request.job_id(), [&](Scheduler& s, Now t) {
     return s.extend(request.job_id(), request.add_iterations(), request.add_time_seconds(), request.relmse(),
                     t);
@@ -367,10 +375,8 @@ Result<v1::GetLedgerResponse> Farm::ledger(const std::string& job_id) {
   v1::GetLedgerResponse out;
   std::shared_ptr<const film::MergedFilm> copy;
   std::uint64_t chain_segments = 0;
-  if (const std::shared_ptr<JobFilm> film = film_of(job_id)) {
-    film->touch(now().seconds);
-    CANDELA_ASSIGN(const std::string trouble, film->ensure_loaded());
-    if (!trouble.empty()) log::warn(trouble, {.job = job_id});
+  CANDELA_ASSIGN(const std::shared_ptr<JobFilm> film, truth_->open_film(job_id));
+  if (film) {
     JobFilm::Snapshot snapshot = film->snapshot();
     copy = std::move(snapshot.film);
     chain_segments = snapshot.chain_segments;

@@ -28,6 +28,8 @@
 #include "master/scheduler/scheduler.h"
 #include "master/store/blob_store.h"
 #include "master/store/store.h"
+#include "master/truth/job_truth.h"
+#include "master/truth/manifest.h"
 
 namespace candela::master {
 
@@ -64,6 +66,9 @@ class Farm {
   StoreWriter& writer() { return *writer_; }
   PushGate& gate() { return *gate_; }
   FarmCounters& counters() { return counters_; }
+  JobTruth& truth() { return *truth_; }
+  // Loaded or not (JobTruth::open_film loads it); null before the pilot and for unknown jobs.
+  std::shared_ptr<JobFilm> film_of(const std::string& job_id);
 
   // Runs `f(scheduler)` under the lock, then hands its changes to the store's queue.
   template <class F>
@@ -98,8 +103,11 @@ class Farm {
     bool error_layer = false;
     bool image_only = false;    // without the job's further layers
     bool chain_layers = false;  // with what the image of a job of chains is made of
+    bool partial = false;       // of a job that has lost samples: what is left
   };
   Result<std::string> image(const std::string& job_id, const ImageParts& parts);
+  // A job that only its folder knew. Precondition: its row and bundle are in the store already.
+  Result<void> take_in(Manifest manifest);
   Result<v1::GetLedgerResponse> ledger(const std::string& job_id);
 
   // --- chains ---
@@ -130,7 +138,13 @@ class Farm {
   Result<void> restore_jobs(StoredState state);
   void publish();  // precondition: mutex_ is held
   std::shared_ptr<JobFilm> make_film(const JobRow& row) const;
-  std::shared_ptr<JobFilm> film_of(const std::string& job_id);  // null before the pilot
+  // A job's film, read; its figures go into `row` and `restored`.
+  struct RestoredFilm {
+    std::shared_ptr<JobFilm> film;
+    JobFilm::Account held;
+    std::string trouble;  // of damaged checkpoints; empty: none
+  };
+  Result<RestoredFilm> restore_film(JobRow& row, RestoredChains& restored) const;
   v1::JobStatus status_locked(const Job& job, Now now) const;
   v1::WorkerStatus worker_locked(const WorkerState& worker, Now now) const;
   void warn_of_orphans(Now t);
@@ -153,6 +167,7 @@ class Farm {
   std::unique_ptr<Store> store_;
   std::unique_ptr<BlobStore> blobs_;
   std::unique_ptr<PushGate> gate_;
+  std::unique_ptr<JobTruth> truth_;
   FarmCounters counters_;
   std::unique_ptr<StoreWriter> writer_;
 
@@ -171,7 +186,7 @@ class Farm {
     std::uint64_t estimated_iterations = 0;
     double last_summary = 0;
     std::uint64_t summarised_iterations = 0;
-    std::string trouble;
+    std::string trouble, manifest_trouble;
   };
   std::map<std::string, Kept> kept_;
   std::mutex keep_mutex_;  // one keeper at a time (keep_loop, flush_images, stop)

@@ -25,12 +25,13 @@ std::uint64_t largest_delta(const film::Layout& layout, std::uint64_t record_cou
 bool Farm::add_chain_starts(v1::Lease& lease) {
   const auto unit = wire::from_proto(lease.unit());
   if (!unit.ok() || unit->kind != Unit::Kind::segments) return true;
-  const std::shared_ptr<JobFilm> film = film_of(lease.job_id());
-  if (!film) return false;
-  film->touch(now().seconds);
-  if (!film->ensure_loaded().ok()) return false;
-  const std::optional<ChainRecords> records = film->starts_of(*unit);
-  if (!records) return false;
+  const auto film = truth_->open_film(lease.job_id());
+  if (!film.ok() || !*film) return false;
+  const std::optional<ChainRecords> records = (*film)->starts_of(*unit);
+  if (!records) {
+    truth_->agree_if_short(lease.job_id(), **film);
+    return false;
+  }
   const auto samples = with_scheduler([&](Scheduler& s) {
     const Job& job = *s.job(lease.job_id());
     std::vector<std::uint64_t> out;
@@ -189,9 +190,8 @@ Farm::Verdict Farm::deliver(const v1::DeltaHeader& header, const std::string& by
     case Delivery::job_ended:
       return refuse(v1::DELTA_VERDICT_JOB_ENDED, "the job has ended", false);
   }
-  film->touch(now().seconds);
-  if (auto loaded = film->ensure_loaded(); !loaded.ok())
-    return refuse(v1::DELTA_VERDICT_STALE, loaded.error().to_string(), false);
+  if (auto opened = truth_->open_film(header.job_id()); !opened.ok())
+    return refuse(v1::DELTA_VERDICT_STALE, opened.error().to_string(), false);
   const auto outcome = film->merge(*delta, std::move(records));
   // A chain whose segment before is not in the film: no fault of the sender's. It is rendered again in its
   // turn.

@@ -127,16 +127,23 @@ Result<std::string> Farm::encode_image(const JobRow& row, const JobFilm::Snapsho
 }
 
 Result<std::string> Farm::image(const std::string& job_id, const ImageParts& parts) {
-  const std::shared_ptr<JobFilm> film = film_of(job_id);
-  const JobRow row = with_scheduler([&](Scheduler& s) { return s.job(job_id)->row; });
+  CANDELA_ASSIGN(const std::shared_ptr<JobFilm> film, truth_->open_film(job_id));
+  struct View {
+    JobRow row;
+    std::uint64_t lost = 0;
+    std::string message;
+  };
+  const auto [row, lost, message] = with_scheduler([&](Scheduler& s) {
+    const Job& job = *s.job(job_id);
+    return View{job.row, count(job.lost()), s.message_of(job, now())};
+  });
   const auto nothing = [&] {
     return refused_error(fmt::format("job {} has no image yet: nothing is merged", job_id))
         .with_field("job_id");
   };
   if (!film) return nothing();
-  film->touch(now().seconds);
-  CANDELA_ASSIGN(const std::string trouble, film->ensure_loaded());
-  if (!trouble.empty()) log::warn(trouble, {.job = job_id});
+  if (lost > 0 && has_ended(row.state) && !parts.partial)
+    return refused_error(fmt::format("job {}: {}", job_id, message)).with_mend("--partial gets what is left");
   const auto copy = film->snapshot(parts.image_only ? JobFilm::Part::image : JobFilm::Part::all);
   if (!copy.film || copy.film->iterations() == 0) return nothing();
   return encode_image(row, copy, parts);

@@ -57,7 +57,14 @@ void Farm::keep_loop() {
 bool Farm::save_checkpoint(const std::string& job_id, JobFilm& film) {
   Kept& kept = kept_[job_id];
   kept.last_checkpoint = now().seconds;
-  auto written = film.checkpoint();
+  Result<JobFilm::Checkpoint> written = film.checkpoint();
+  // A job without a manifest is as safe as its store: worth an event, and another attempt at the next
+  // checkpoint.
+  const Result<void> manifest = truth_->keep_manifest(job_id);
+  const std::string unwritten = manifest.ok() ? "" : manifest.error().to_string();
+  if (!unwritten.empty() && unwritten != kept.manifest_trouble)
+    with_scheduler([&](Scheduler& s) { s.event(now(), job_id, "", "manifest-failed", unwritten); });
+  kept.manifest_trouble = unwritten;
   if (!written.ok()) {
     ++counters_.checkpoint_failures;
     kept.retry_at = now().seconds + kRetrySeconds;
@@ -167,7 +174,7 @@ void Farm::keep_job(const std::string& job_id, bool force) {
   const std::shared_ptr<JobFilm> film = film_of(job_id);
   if (!film->loaded()) {
     if (view.ended) return;
-    if (auto loaded = film->ensure_loaded(); !loaded.ok()) return;
+    if (auto opened = truth_->open_film(job_id, false); !opened.ok()) return;
   }
   const double t = now().seconds;
   Kept& kept = kept_[job_id];

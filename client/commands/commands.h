@@ -21,6 +21,8 @@ void add_pause(CLI::App& app, Context& context);
 void add_resume(CLI::App& app, Context& context);
 void add_extend(CLI::App& app, Context& context);
 void add_cancel(CLI::App& app, Context& context);
+void add_verify(CLI::App& app, Context& context);
+void add_repair(CLI::App& app, Context& context);
 void add_workers(CLI::App& app, Context& context);
 void add_drain(CLI::App& app, Context& context);
 void add_events(CLI::App& app, Context& context);

@@ -94,6 +94,9 @@ void print_job(std::ostream& out, const v1::JobStatus& s) {
   line("progress", format_progress(s));
   line("iterations",
        fmt::format("{} in {} units, {} more leased", s.iterations(), s.units_merged(), s.units_leased()));
+  if (s.lost() > 0)
+    line("lost", fmt::format("{} {}, {}", s.lost(), s.has_chains() ? "chain segments" : "iterations",
+                             s.repairing() ? "being rendered again" : "see message"));
   line("samples", fmt::format("{}", s.samples()));
   if (s.light_paths() > 0) line("light paths", fmt::format("{}", s.light_paths()));
   line("rays", fmt::format("{}", s.rays()));

@@ -113,7 +113,7 @@ bool adds(const v1::ExtendJobRequest& r) {
 Result<std::string> find_job(FarmClient& farm, const LoadedScene& scene) {
   CANDELA_ASSIGN(const v1::ListJobsResponse jobs, farm.list_jobs());
   if (jobs.jobs_size() == 0) return std::string();
-  const v1::JobStatus& job = jobs.jobs(0);
+  v1::JobStatus job = jobs.jobs(0);
   const auto mismatch = [](std::string message) {
     return usage_error(std::move(message))
         .with_field("--resume")
@@ -127,6 +127,10 @@ Result<std::string> find_job(FarmClient& farm, const LoadedScene& scene) {
   if (job.state() == v1::JOB_STATE_FAILED)
     return failed_error(fmt::format("the render failed: {}", printable(job.message())))
         .with_mend("start anew by --fresh");
+  // An image made of a damaged checkpoint would miss samples: they are rendered again.
+  if (has_ended(job)) {
+    CANDELA_ASSIGN(job, farm.repair_job(job.id()));
+  }
   if (scene.job.stop_given) {
     CANDELA_ASSIGN(const v1::ExtendJobRequest request, extension(scene.job.stop, job));
     if (adds(request)) CANDELA_TRY(farm.extend_job(request));

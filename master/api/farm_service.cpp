@@ -1,8 +1,6 @@
 #include "master/api/farm_service.h"
 
 #include <fmt/format.h>
-#include <google/protobuf/io/coded_stream.h>
-#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 
 #include <algorithm>
 #include <chrono>
@@ -12,6 +10,7 @@
 
 #include "common/base/hash.h"
 #include "common/base/version.h"
+#include "common/wire/canonical.h"
 #include "master/api/service_support.h"
 
 namespace candela::master {
@@ -21,6 +20,7 @@ namespace {
 constexpr int kMaxWatchers = 256;
 constexpr int kMaxUploads = 32;
 constexpr int kMaxImages = 4;
+constexpr int kMaxVerifications = 2;
 constexpr int kMaxHashes = 100000;
 constexpr std::uint32_t kMaxEventsAsked = 10000;
 constexpr auto kStep = std::chrono::milliseconds(20);  // between looks at a job that is watched
@@ -43,20 +43,15 @@ grpc::Status too_many(const char* what) {
   return wire::to_status_with_retry(resource_error(std::string("too many ") + what + " at a time"), 1000);
 }
 
-// A message as bytes that do not depend on the order of map entries.
-std::string canonical(const google::protobuf::Message& message) {
-  std::string out;
-  google::protobuf::io::StringOutputStream stream(&out);
-  google::protobuf::io::CodedOutputStream coded(&stream);
-  coded.SetSerializationDeterministic(true);
-  message.SerializeToCodedStream(&coded);
-  coded.Trim();
-  return out;
-}
-
 bool ended(const v1::JobStatus& s) {
   return s.state() == v1::JOB_STATE_DONE || s.state() == v1::JOB_STATE_FAILED ||
          s.state() == v1::JOB_STATE_CANCELLED;
+}
+
+std::vector<std::string> job_ids(const Scheduler& scheduler) {
+  std::vector<std::string> out;
+  for (const auto& [id, job] : scheduler.jobs()) out.push_back(id);
+  return out;
 }
 
 Result<JobRow> job_of(const v1::SubmitRequest& r) {
@@ -78,7 +73,7 @@ Result<JobRow> job_of(const v1::SubmitRequest& r) {
   row.idempotency_token = r.idempotency_token();
   v1::SubmitRequest content = r;
   content.clear_idempotency_token();
-  row.content_digest = sha256_hex(canonical(content));
+  row.content_digest = sha256_hex(wire::canonical(content));
   return row;
 }
 
@@ -170,7 +165,7 @@ grpc::Status FarmServiceImpl::Submit(grpc::ServerContext*, const v1::SubmitReque
                 .with_field("bundle.files"));
     }
     row->bundle_sha256 = bundle->hash();
-    auto submitted = farm_.submit(std::move(*row), canonical(request->bundle()));
+    auto submitted = farm_.submit(std::move(*row), wire::canonical(request->bundle()));
     if (!submitted.ok()) {
       if (submitted.error().field == "idempotency_token")
         return grpc::Status(grpc::StatusCode::ALREADY_EXISTS, submitted.error().to_string());
@@ -223,7 +218,7 @@ grpc::Status FarmServiceImpl::WatchJob(grpc::ServerContext* context, const v1::W
       const bool final = ended(*status);
       const double now = farm_.now().seconds;
       if (final || now - last_sent >= interval) {
-        const std::string bytes = canonical(*status);
+        const std::string bytes = wire::canonical(*status);
         if (bytes != last || final) {
           if (!writer->Write(*status))
             return grpc::Status(grpc::StatusCode::CANCELLED, "the watcher went away");
@@ -244,8 +239,8 @@ grpc::Status FarmServiceImpl::FetchImage(grpc::ServerContext*, const v1::FetchIm
     if (!farm_.status(request->job_id())) return not_found("job", request->job_id());
     const Place place(images_, kMaxImages);
     if (!place.held()) return too_many("images");
-    auto bytes = farm_.image(request->job_id(),
-                             {request->error_layer(), request->image_only(), request->chain_layers()});
+    auto bytes = farm_.image(request->job_id(), {request->error_layer(), request->image_only(),
+                                                 request->chain_layers(), request->partial()});
     if (!bytes.ok()) return wire::to_status(bytes.error());
     v1::FetchImageChunk chunk;
     chunk.set_total_bytes(bytes->size());
@@ -365,6 +360,38 @@ grpc::Status FarmServiceImpl::GetLedger(grpc::ServerContext*, const v1::GetLedge
     auto ledger = farm_.ledger(request->job_id());
     if (!ledger.ok()) return wire::to_status(ledger.error());
     *response = std::move(*ledger);
+    return grpc::Status::OK;
+  });
+}
+
+grpc::Status FarmServiceImpl::VerifyJobs(grpc::ServerContext* context, const v1::VerifyJobsRequest* request,
+                                         grpc::ServerWriter<v1::JobReport>* writer) {
+  return guarded([&] {
+    const Place place(verifications_, kMaxVerifications);
+    if (!place.held()) return too_many("verifications");
+    std::vector<std::string> ids{request->job_id()};
+    if (request->job_id().empty()) ids = farm_.with_scheduler([](Scheduler& s) { return job_ids(s); });
+    for (const std::string& id : ids) {
+      if (context->IsCancelled()) return grpc::Status(grpc::StatusCode::CANCELLED, "cancelled");
+      if (farm_.stopping()) return stopping_status();
+      if (!farm_.status(id)) return not_found("job", id);
+      auto report = farm_.truth().verify(id);
+      if (!report.ok()) return wire::to_status(report.error());
+      writer->Write(*report);
+    }
+    if (request->job_id().empty()) writer->Write(farm_.truth().verify_store());
+    return grpc::Status::OK;
+  });
+}
+
+grpc::Status FarmServiceImpl::RepairJob(grpc::ServerContext*, const v1::JobRequest* request,
+                                        v1::JobStatus* response) {
+  return guarded([&] {
+    if (farm_.stopping()) return stopping_status();
+    auto status = farm_.truth().repair(request->job_id());
+    if (!status.ok()) return wire::to_status(status.error());
+    if (!*status) return not_found("job", request->job_id());
+    *response = std::move(**status);
     return grpc::Status::OK;
   });
 }

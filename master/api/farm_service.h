@@ -36,10 +36,13 @@ class FarmServiceImpl final : public v1::FarmService::Service {
                            v1::ListWorkersResponse*) override;
   grpc::Status DrainWorker(grpc::ServerContext*, const v1::DrainWorkerRequest*, v1::WorkerStatus*) override;
   grpc::Status GetLedger(grpc::ServerContext*, const v1::GetLedgerRequest*, v1::GetLedgerResponse*) override;
+  grpc::Status VerifyJobs(grpc::ServerContext*, const v1::VerifyJobsRequest*,
+                          grpc::ServerWriter<v1::JobReport>*) override;
+  grpc::Status RepairJob(grpc::ServerContext*, const v1::JobRequest*, v1::JobStatus*) override;
 
  private:
   Farm& farm_;
-  std::atomic<int> watchers_{0}, uploads_{0}, images_{0};
+  std::atomic<int> watchers_{0}, uploads_{0}, images_{0}, verifications_{0};
 };
 
 }  // namespace candela::master

@@ -66,33 +66,67 @@ std::vector<JobFilm::Found> JobFilm::generations() const {
   return out;
 }
 
-Result<std::string> JobFilm::ensure_loaded() {
+Result<ParsedCheckpoint> JobFilm::read(const Found& found) const {
+  CANDELA_ASSIGN(const std::string bytes, read_file(found.path, kMaxCheckpointBytes));
+  CANDELA_ASSIGN(ParsedCheckpoint parsed, parse_checkpoint(bytes, chains_));
+  if (parsed.film.layout() != layout_ || parsed.film.scale_log2() != scale_log2_)
+    return input_error("it is another film's");
+  return parsed;
+}
+
+std::string JobFilm::set_aside(const Found& found, const Error& error) {
+  std::error_code code;
+  std::filesystem::path aside = found.path;
+  aside += ".damaged";
+  std::filesystem::rename(found.path, aside, code);
+  return fmt::format("checkpoint {} is damaged{}: {}", found.path.filename().string(),
+                     code ? "" : ", kept as " + aside.filename().string(), error.message);
+}
+
+Result<JobFilm::Loading> JobFilm::ensure_loaded() {
   const std::lock_guard file_lock(file_mutex_);
-  if (loaded()) return std::string();
-  std::string trouble;
-  std::unique_ptr<film::MergedFilm> found;
-  ChainRecords records = fresh_records();
+  if (loaded()) return Loading{};
+  Loading out{true, {}};
+  std::optional<ParsedCheckpoint> found;
   std::uint64_t generation = 0, newest = 0;
   for (const Found& candidate : generations()) {
     newest = std::max(newest, candidate.generation);
-    auto bytes = read_file(candidate.path, kMaxCheckpointBytes);
-    auto parsed = bytes.ok() ? parse_checkpoint(*bytes, chains_) : Result<ParsedCheckpoint>(bytes.error());
-    if (parsed.ok() && parsed->film.layout() == layout_ && parsed->film.scale_log2() == scale_log2_) {
-      found = std::make_unique<film::MergedFilm>(std::move(parsed->film));
-      records = std::move(parsed->records);
+    Result<ParsedCheckpoint> parsed = read(candidate);
+    if (parsed.ok()) {
+      found = std::move(*parsed);
       generation = candidate.generation;
       break;
     }
-    trouble += fmt::format("{}checkpoint {} cannot be used: {}", trouble.empty() ? "" : "; ",
-                           candidate.path.filename().string(),
-                           parsed.ok() ? "it is another film's" : parsed.error().to_string());
+    if (parsed.error().kind == ErrorKind::resource) return std::move(parsed).error();
+    out.trouble += (out.trouble.empty() ? "" : "; ") + set_aside(candidate, parsed.error());
   }
-  if (!found) found = std::make_unique<film::MergedFilm>(layout_, scale_log2_);
   const std::lock_guard lock(mutex_);
-  saved_iterations_ = generation > 0 ? found->iterations() : 0;
-  film_ = std::move(found);
-  records_ = std::move(records);
-  generation_ = newest;  // the next one must be newer than a broken one, too
+  film_ = found ? std::make_unique<film::MergedFilm>(std::move(found->film))
+                : std::make_unique<film::MergedFilm>(layout_, scale_log2_);
+  records_ = found ? std::move(found->records) : fresh_records();
+  saved_iterations_ = generation > 0 ? film_->iterations() : 0;
+  generation_ = std::max(generation_, newest);  // the next one must be newer than a broken one, too
+  return out;
+}
+
+Result<std::string> JobFilm::verify_files() {
+  const std::lock_guard file_lock(file_mutex_);
+  std::string trouble;
+  bool newest = true;
+  for (const Found& candidate : generations()) {
+    Result<ParsedCheckpoint> parsed = read(candidate);
+    if (!parsed.ok() && parsed.error().kind == ErrorKind::resource) return std::move(parsed).error();
+    if (!parsed.ok()) {
+      trouble += (trouble.empty() ? "" : "; ") + set_aside(candidate, parsed.error());
+    } else if (newest) {
+      newest = false;
+      const std::lock_guard lock(mutex_);
+      // An older generation serves now, or one that somebody put in the place of the newest.
+      if (film_) saved_iterations_ = std::min(saved_iterations_, parsed->film.iterations());
+    }
+  }
+  const std::lock_guard lock(mutex_);
+  if (film_ && newest) saved_iterations_ = 0;
   return trouble;
 }
 
@@ -161,6 +195,16 @@ JobFilm::Snapshot JobFilm::snapshot(Part part) {
   for (const auto& record : records_) {
     out.counts.push_back(record->counts);
     out.chain_segments += record->segments;
+  }
+  return out;
+}
+
+JobFilm::Account JobFilm::account() const {
+  const std::lock_guard lock(mutex_);
+  Account out;
+  for (std::uint32_t h = 0; film_ && h < 2; ++h) {
+    out.merged[h] = film_->merged(h);
+    out.tallies.add(film_->tallies(h));
   }
   return out;
 }

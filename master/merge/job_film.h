@@ -7,6 +7,7 @@
 // compression or I/O.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -32,10 +33,20 @@ class JobFilm {
   JobFilm(std::filesystem::path folder, film::Layout layout, int scale_log2, FileWriter writer,
           std::uint32_t chains = 0);
 
-  // Reads the newest checkpoint that is whole and of this layout and scale; an empty film where there is
-  // none. Returns what is to be told about generations that could not be read (empty: nothing). No effect if
-  // loaded already.
-  Result<std::string> ensure_loaded();
+  // Reads the newest checkpoint that is whole and of this layout and scale; an empty film if there is none. A
+  // damaged generation is renamed to film.N.ckpt.damaged, so that it takes no place among the two that are
+  // kept. No effect if the film is loaded already. Errors: a lack of memory or of file descriptors, which
+  // says nothing of the files.
+  struct Loading {
+    bool read = false;    // by this call
+    std::string trouble;  // what is to be told about damaged generations; empty: nothing
+  };
+  Result<Loading> ensure_loaded();
+  // Reads the checkpoints that are on disk, loaded or not, and sets damaged ones aside. Returns what is to be
+  // told about them; where the newest was damaged and the film is loaded, the film is dirty again.
+  Result<std::string> verify_files();
+  // One thread at a time agrees the film with the ledger (Farm::open_film).
+  std::mutex& opening() { return opening_mutex_; }
   bool loaded() const;
   // Gives the memory back, if everything merged is on disk and the film is closed.
   void unload_if_idle(double now_seconds, double idle_seconds);
@@ -58,6 +69,12 @@ class JobFilm {
     std::uint64_t chain_segments = 0;  // by the records
   };
   Snapshot snapshot(Part part = Part::all);
+  // Which indices are merged, and the counts that came with them; empty where the film is not loaded.
+  struct Account {
+    std::array<film::IndexSet, 2> merged;
+    film::Tallies tallies;
+  };
+  Account account() const;
   std::vector<chains::ChainCounts> chain_counts() const;  // empty where it is not loaded
   std::size_t largest_record_bytes() const;
   // Every chain has had a segment, and all sums of the image are zero.
@@ -84,6 +101,10 @@ class JobFilm {
     std::filesystem::path path;
   };
   std::vector<Found> generations() const;  // newest first
+  // A checkpoint of this film. Fails (input) on damage, (resource) where the place keeps it from being read.
+  Result<ParsedCheckpoint> read(const Found& found) const;
+  // What is to be told of it.
+  static std::string set_aside(const Found& found, const Error& error);
   ChainRecords fresh_records() const;
 
   const std::filesystem::path folder_;
@@ -92,7 +113,8 @@ class JobFilm {
   const FileWriter writer_;
   const std::uint32_t chains_;
 
-  std::mutex file_mutex_;  // one reader or writer of checkpoints at a time; taken before mutex_
+  std::mutex opening_mutex_;  // taken before all others
+  std::mutex file_mutex_;     // one reader or writer of checkpoints at a time; taken before mutex_
   mutable std::mutex mutex_;
   std::unique_ptr<film::MergedFilm> film_;
   ChainRecords records_;  // by chain

@@ -353,7 +353,7 @@ void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::u
         u->second.leases;  // another worker's too: it hears with its heartbeat
     for (const std::uint64_t t : tokens) drop_lease(t, now, t != token);
     job->units.erase(unit_id);
-  } else if (job->row.chains) {
+  } else {
     retake(*job);
   }
   job->record_bytes = std::max(job->record_bytes, record_bytes);

@@ -24,6 +24,7 @@
 
 #include "common/base/result.h"
 #include "common/film/film.h"
+#include "master/scheduler/index_sets.h"
 #include "master/store/records.h"
 
 namespace candela::master {
@@ -83,8 +84,7 @@ struct Job {
       false;         // its stop rule holds: no leases, no merges; done once the final checkpoint is on disk
   std::string note;  // what is worth knowing now, e.g. that checkpoints fail
   std::array<film::IndexSet, 2> merged;
-  std::array<std::uint64_t, 2> frontier{};                     // indices below are merged or in units
-  std::array<film::IndexSet, 2> taken;                         // of chains, instead: merged or in units
+  HalfSets taken;  // what no new unit may have: merged, in units, and in a repair all but what was lost
   std::map<std::uint64_t, UnitState> units;                    // not merged
   double virtual_time = 0;                                     // worker seconds / share, for fairness
   double thread_seconds = 0;                                   // EWMA of seconds times threads per iteration
@@ -115,6 +115,8 @@ struct Job {
   std::uint64_t per_round() const { return row.chains ? row.chains->chains / 2 : 1; }
   // Whether every segment of the range has the one before it merged, or starts its chain.
   bool ready(const Unit& unit) const;
+  // Indices that the job has had and whose checkpoints are lost.
+  HalfSets lost() const { return without(row.promised, merged); }
 };
 
 struct WorkerState {
@@ -153,10 +155,18 @@ class Scheduler {
   void submit(JobRow row, Now now);
   // A job from the store, with what its film holds. `merged` rows and `unmerged` rows are reconciled with the
   // film: a row the film does not have is open again, a unit the film has is merged, gaps become new units.
-  // For a job that has ended nothing is opened.
+  // For a job that has ended nothing is opened; what its rows tell and its film lacks is lost (Job::lost).
   void restore(JobRow row, const std::array<film::IndexSet, 2>& film, const film::Tallies& tallies,
                std::vector<UnitRow> unmerged, std::vector<UnitRow> merged, Now now,
                const RestoredChains& restored = {});
+  // A job that the store did not know, with what its folder tells (JobTruth::repair).
+  void adopt(JobRow row, const HalfSets& film, const film::Tallies& tallies, const RestoredChains& chains,
+             Now now);
+  // The film of a known job was read and does not hold what `merged` rows tell. As restore(), for one job of
+  // a running master. `generation` is the newest on disk; `trouble` says what is wrong with the checkpoints,
+  // if anything.
+  void reconcile(const std::string& id, const HalfSets& film, const film::Tallies& tallies,
+                 std::vector<UnitRow> merged, std::uint64_t generation, const std::string& trouble, Now now);
   // Leases of the store, after all jobs and workers are back: each gets a fresh expiry.
   void restore_lease(const LeaseRow& row, Now now);
   void restore_worker(const WorkerRow& row, Now now);
@@ -168,6 +178,9 @@ class Scheduler {
   Result<void> cancel(const std::string& id, Now now);
   Result<void> extend(const std::string& id, std::uint64_t iterations, double seconds, double relmse,
                       Now now);
+  // Opens what an ended job has lost, and nothing else. When the film has it all the job is again what it
+  // was. False: nothing is lost, and nothing changes. Errors: the job has not ended.
+  Result<bool> repair(const std::string& id, Now now);
   // The final checkpoint of a finishing job is on disk.
   void finish(const std::string& id, Now now);
   void fail_job(const std::string& id, const std::string& message, Now now);
@@ -249,7 +262,7 @@ class Scheduler {
   double expected_seconds(const Job& job, const WorkerState& worker, const Unit& unit) const;
   void bootstrapped(Job& job, Now now);
   void restore_chains(Job& job, const RestoredChains& restored, Now now);
-  void retake(Job& job);
+  static void retake(Job& job);
   // What is worth knowing of a job's chains; empty where nothing is.
   static std::string chain_message(const JobRow& row);
   UnitState* straggler(Job& job, const WorkerState& worker, Now now);
@@ -258,7 +271,14 @@ class Scheduler {
   double seconds_per_iteration(const Job& job, const WorkerState& worker) const;
   void drop_lease(std::uint64_t token, Now now, bool refund);
   void drop_all_leases(Job& job, Now now);
-  void reopen_gaps(Job& job);
+  // Agrees the job with its film: `rows` that the film lacks are open again (lost, where the job has ended),
+  // what the film has and no row tells of becomes rows. Returns how many merged rows the film lacked.
+  std::uint64_t agree(Job& job, const HalfSets& film, std::vector<UnitRow> rows, Now now);
+  void note_lost(Job& job, const std::string& trouble, Now now);
+  // Queues an ended or finishing job again.
+  void reopen(Job& job);
+  static std::string lost_text(const Job& job);
+  Result<void> check_starts(const Job& job) const;
   void check_stop(Job& job, Now now);
   void stop(Job& job, const std::string& reason, Now now);
   void end(Job& job, JobState state, Now now);

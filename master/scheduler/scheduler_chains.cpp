@@ -25,18 +25,6 @@ bool Job::ready(const Unit& unit) const {
   return gap == gap_end;
 }
 
-// What is neither merged nor in a unit can be cut.
-void Scheduler::retake(Job& job) {
-  if (!job.row.chains) return;
-  job.taken = job.merged;
-  job.bootstrap_taken = job.table ? job.table->known() : film::IndexSet();
-  for (const auto& [id, u] : job.units) {
-    const Unit& unit = u.row.unit;
-    if (unit.kind == Unit::Kind::bootstrap) job.bootstrap_taken.insert(unit.begin, unit.end);
-    if (unit.kind == Unit::Kind::segments) job.taken[unit.half].insert(unit.begin, unit.end);
-  }
-}
-
 std::optional<Unit> Scheduler::next_samples(Job& job, std::uint64_t want) {
   const std::uint64_t samples = job.row.chains->bootstrap_samples;
   const auto [begin, end] = job.bootstrap_taken.first_gap(0, samples);

@@ -43,8 +43,9 @@ bool Scheduler::has_work(const Job& job, const WorkerState& worker) const {
     for (std::uint32_t h = 0; h < 2; ++h)
       if (free_segments(job.merged[h], job.taken[h], job.per_round(), job.target(h), 1).length > 0)
         return true;
-  } else if (job.target(0) > job.frontier[0] || job.target(1) > job.frontier[1]) {
-    return true;
+  } else {
+    for (std::uint32_t h = 0; h < 2; ++h)
+      if (!contains(job.taken[h], 0, job.target(h))) return true;
   }
   return std::any_of(job.units.begin(), job.units.end(), [&](const auto& entry) {
     const UnitState& unit = entry.second;
@@ -67,7 +68,7 @@ Extent extent_of(const Job& job) {
     return out;
   }
   for (std::uint32_t h = 0; h < 2; ++h) {
-    const std::uint64_t taken = job.row.chains ? job.taken[h].count() : job.frontier[h];
+    const std::uint64_t taken = job.taken[h].count();
     out.cut += taken;
     out.remaining += job.target(h) - std::min(job.target(h), taken);
   }
@@ -76,7 +77,7 @@ Extent extent_of(const Job& job) {
 
 }  // namespace
 
-// An open unit that came back, else a new one at the frontier.
+// An open unit that came back, else a new one.
 UnitState* Scheduler::cut(Job& job, const WorkerState& worker, bool prefetch, Now now) {
   const auto [remaining, cut_so_far] = extent_of(job);
   const std::uint64_t active = std::max<std::uint64_t>(active_workers(job, now), 1);
@@ -122,16 +123,17 @@ UnitState* Scheduler::cut(Job& job, const WorkerState& worker, bool prefetch, No
   return unit ? &add_unit(job, *unit) : nullptr;
 }
 
-// The halves advance together, so that an error estimate is there early. Precondition: something is left.
+// The halves advance together, so that an error estimate is there early.
 std::optional<Unit> Scheduler::next_iterations(Job& job, std::uint64_t want) {
-  std::array<std::uint64_t, 2> left{};
-  for (std::uint32_t h = 0; h < 2; ++h) left[h] = job.target(h) - std::min(job.target(h), job.frontier[h]);
-  std::uint32_t half = job.frontier[0] <= job.frontier[1] ? 0 : 1;
-  if (left[half] == 0) half = 1 - half;
-  const std::uint64_t n = std::min(want, left[half]);
-  const Unit unit{Unit::Kind::iterations, half, job.frontier[half], job.frontier[half] + n};
-  job.frontier[half] += n;
-  return unit;
+  std::uint32_t half = job.taken[0].count() <= job.taken[1].count() ? 0 : 1;
+  for (int i = 0; i < 2; ++i, half = 1 - half) {
+    const auto [begin, end] = job.taken[half].first_gap(0, job.target(half));
+    if (begin == end) continue;
+    const Unit unit{Unit::Kind::iterations, half, begin, begin + std::min(want, end - begin)};
+    job.taken[half].insert(unit.begin, unit.end);
+    return unit;
+  }
+  return std::nullopt;
 }
 
 // A unit that takes much longer than it should, when there is nothing else to do.

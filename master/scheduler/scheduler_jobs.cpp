@@ -14,18 +14,10 @@ constexpr double kSavePeriod = 5;      // seconds between saves of a running job
 constexpr double kRateWindow = 15;     // seconds over which samples per second are measured
 constexpr double kRelmseGrowth = 1.1;  // of iterations between the two estimates that end a job
 
-bool contains(const film::IndexSet& set, std::uint64_t begin, std::uint64_t end) {
-  const auto [gap_begin, gap_end] = set.first_gap(begin, end);
-  return gap_begin == gap_end;
-}
-
-std::uint64_t end_of(const film::IndexSet& set) {
-  return set.ranges().empty() ? 0 : set.ranges().rbegin()->second;
-}
-
 }  // namespace
 
 std::uint64_t Job::target(std::uint32_t half) const {
+  if (row.repairs_to) return end_of(row.promised[half]);
   const std::uint64_t n = row.stop.iterations > 0 ? row.stop.iterations : Limits::max_iterations;
   if (row.chains) return std::min(n * (row.chains->chains / 2), Limits::max_iterations);
   return half == 0 ? (n + 1) / 2 : n / 2;
@@ -75,129 +67,17 @@ void Scheduler::submit(JobRow row, Now now) {
   last_activity_ = now.seconds;
 }
 
-void Scheduler::reopen_gaps(Job& job) {
-  if (job.row.chains) return retake(job);
-  if (!job.row.named_state) return;
-  for (std::uint32_t h = 0; h < 2; ++h) {
-    film::IndexSet taken = job.merged[h];
-    for (const auto& [id, u] : job.units)
-      if (u.row.unit.half == h && u.row.unit.kind == Unit::Kind::iterations)
-        taken.insert(u.row.unit.begin, u.row.unit.end);
-    const std::uint64_t limit = std::min(job.frontier[h], job.target(h));
-    for (std::uint64_t at = 0; at < limit;) {
-      const auto [begin, end] = taken.first_gap(at, limit);
-      if (begin == end) break;
-      at = std::min(end, begin + kMaxUnitIterations);
-      save(add_unit(job, Unit{Unit::Kind::iterations, h, begin, at}));
-    }
-  }
-}
-
-void Scheduler::restore(JobRow row, const std::array<film::IndexSet, 2>& film, const film::Tallies& tallies,
-                        std::vector<UnitRow> unmerged, std::vector<UnitRow> merged, Now now,
-                        const RestoredChains& restored) {
-  const std::string id = row.id;
-  Job& job = jobs_[id];
-  job.row = std::move(row);
-  job.merged = film;
-  job.last_tick = now.seconds;
-  job.last_saved = now.seconds;
-  job.thread_seconds = job.row.thread_seconds_per_iteration;
-  const bool ended = has_ended(job.row.state);
-  restore_chains(job, restored, now);
-  film::IndexSet samples = job.table ? job.table->known() : film::IndexSet();
-
-  std::array<film::IndexSet, 2> ledger;  // what rows say is merged, once they agree with the film
-  std::array<film::IndexSet, 2> open;
-  std::uint64_t rows = 0, lost = 0;
-  merged.insert(merged.end(), std::make_move_iterator(unmerged.begin()),
-                std::make_move_iterator(unmerged.end()));
-  for (UnitRow& u : merged) {  // merged ones first
-    const Unit& unit = u.unit;
-    if (unit.kind == Unit::Kind::pilot) {
-      if (ended || job.row.named_state || job.row.chains || !job.units.empty()) {
-        changes_.emplace_back(DropUnit{u.id});
-        continue;
-      }
-      u.state = UnitRow::State::open;
-      UnitState state;
-      state.row = u;
-      job.units.emplace(u.id, std::move(state));
-      continue;
-    }
-    if (unit.kind == Unit::Kind::bootstrap) {
-      if (ended || !job.in_bootstrap() || unit.end > job.row.chains->bootstrap_samples ||
-          !samples.insert(unit.begin, unit.end)) {
-        changes_.emplace_back(DropUnit{u.id});
-        continue;
-      }
-      u.state = UnitRow::State::open;
-      UnitState state;
-      state.row = u;
-      job.units.emplace(u.id, std::move(state));
-      continue;
-    }
-    const bool sane = unit.half < 2 && unit.begin < unit.end && unit.kind == job.film_kind();
-    if (sane && contains(film[unit.half], unit.begin, unit.end) &&
-        ledger[unit.half].insert(unit.begin, unit.end)) {
-      ++rows;
-      if (u.state == UnitRow::State::merged) continue;
-      u.state = UnitRow::State::merged;  // the film had it, the row had not heard
-      changes_.emplace_back(PutUnit{u});
-      continue;
-    }
-    if (u.state == UnitRow::State::merged) ++lost;
-    // Segments whose chains lost the one before wait until that is there again, and are cut anew.
-    if (!sane || ended || (job.row.chains && !job.ready(unit)) ||
-        film[unit.half].intersects(unit.begin, unit.end) || !open[unit.half].insert(unit.begin, unit.end)) {
-      changes_.emplace_back(DropUnit{u.id});
-      continue;
-    }
-    u.state = UnitRow::State::open;
-    u.worker_id.clear();
-    u.token = 0;
-    UnitState state;
-    state.row = u;
-    save(job.units.emplace(u.id, std::move(state)).first->second);
-  }
-  for (std::uint32_t h = 0; h < 2; ++h) {
-    job.frontier[h] = std::max(end_of(film[h]), end_of(open[h]));
-    for (const auto& [begin, end] : film[h].ranges()) {  // what the film has and no row tells of
-      for (std::uint64_t at = begin; at < end;) {
-        const auto [gap, gap_end] = ledger[h].first_gap(at, end);
-        if (gap == gap_end) break;
-        UnitRow u;
-        u.id = next_unit_id_++;
-        u.job_id = id;
-        u.unit = Unit{job.film_kind(), h, gap, gap_end};
-        u.state = UnitRow::State::merged;
-        changes_.emplace_back(PutUnit{u});
-        ++rows;
-        at = gap_end;
-      }
-    }
-  }
-  job.row.units_merged = rows;
-  job.row.iterations = film[0].count() + film[1].count();
-  job.row.tallies = tallies;
-  if (!ended) {
-    reopen_gaps(job);
-    if (lost > 0)
-      event(now, id, "", "reconciled",
-            fmt::format("{} merged unit(s) were not in the checkpoint and run again", lost));
-    check_stop(job, now);
-    if (job.row.chains && job.row.named_state && !job.finishing &&
-        job.starts.size() != (job.row.named_state->bootstrap_b > 0 ? job.row.chains->chains : 0))
-      fail_job(id, "the store has lost where the chains start; submit the job again", now);
-  }
-  save(job, now);
-}
-
 Result<void> Scheduler::pause(const std::string& id, Now now) {
   Job& job = *find(id);
   if (job.row.state == JobState::paused) return {};
-  if (has_ended(job.row.state) || job.finishing)
+  if (has_ended(job.row.state))
     return refused_error(fmt::format("job {} has ended ({})", id, name(job.row.state))).with_field("job_id");
+  if (job.finishing)
+    return refused_error(
+               fmt::format("job {} has rendered all it was asked for and writes its last checkpoint{}", id,
+                           job.note.empty() ? "" : ": " + job.note))
+        .with_field("job_id")
+        .with_mend("extend it if it is to render more");
   job.row.state = JobState::paused;
   event(now, id, "", "paused", "");
   save(job, now);
@@ -224,9 +104,9 @@ void Scheduler::end(Job& job, JobState state, Now now) {
   drop_all_leases(job, now);
   job.units.clear();
   changes_.emplace_back(DropUnmergedUnits{job.row.id});
-  for (std::uint32_t h = 0; h < 2; ++h) job.frontier[h] = end_of(job.merged[h]);
-  retake(job);
   job.finishing = false;
+  job.row.repairs_to.reset();
+  retake(job);
   job.row.state = state;
   job.row.finished_unix_ms = now.unix_ms;
   save(job, now);
@@ -238,8 +118,9 @@ Result<void> Scheduler::cancel(const std::string& id, Now now) {
   if (job.row.state == JobState::cancelled) return {};
   if (has_ended(job.row.state))
     return refused_error(fmt::format("job {} has ended ({})", id, name(job.row.state))).with_field("job_id");
-  event(now, id, "", "cancelled", "");
-  end(job, JobState::cancelled, now);
+  // A repair that is given up leaves the job as it was before, what is still lost included.
+  event(now, id, "", job.row.repairs_to ? "repair-cancelled" : "cancelled", "");
+  end(job, job.row.repairs_to.value_or(JobState::cancelled), now);
   return {};
 }
 
@@ -264,6 +145,12 @@ void Scheduler::stop(Job& job, const std::string& reason, Now now) {
 void Scheduler::finish(const std::string& id, Now now) {
   Job* job = find(id);
   if (job == nullptr || !job->finishing) return;
+  if (job->row.repairs_to) {
+    job->note.clear();
+    event(now, id, "", "repaired", "all that was lost is rendered again");
+    end(*job, *job->row.repairs_to, now);
+    return;
+  }
   job->row.message.clear();
   if (job->row.stop_reason == "black")
     job->row.message = fmt::format(
@@ -277,6 +164,10 @@ void Scheduler::finish(const std::string& id, Now now) {
 
 void Scheduler::check_stop(Job& job, Now now) {
   if (job.finishing || has_ended(job.row.state) || job.row.iterations == 0) return;
+  // A job that lost some of what it had ends no earlier than it has all of that again.
+  if (!covers(job.merged, job.row.promised)) return;
+  job.row.promised = {};
+  if (job.row.repairs_to) return stop(job, job.row.stop_reason, now);
   const StopRule& rule = job.row.stop;
   if (rule.iterations > 0 && contains(job.merged[0], 0, job.target(0)) &&
       contains(job.merged[1], 0, job.target(1)))
@@ -323,16 +214,17 @@ Result<void> Scheduler::extend(const std::string& id, std::uint64_t iterations, 
         .with_field("add_iterations")
         .with_mend("give iterations, time or relmse");
   StopRule& rule = job.row.stop;
-  const std::uint64_t base =
-      rule.iterations > 0 ? rule.iterations : job.row.iterations_of(job.row.iterations);
+  const HalfSets had = united(job.merged, job.row.promised);
+  const std::uint64_t base = rule.iterations > 0 ? rule.iterations : job.row.iterations_of(count(had));
   if (iterations > Limits::max_iterations - std::min(base, Limits::max_iterations))
     return input_error(fmt::format("more than {} iterations in all", Limits::max_iterations))
         .with_field("add_iterations");
-  const bool again = has_ended(job.row.state) || job.finishing;
+  const bool again = has_ended(job.row.state) || job.finishing || job.row.repairs_to;
+  if (again) CANDELA_TRY(check_starts(job));
   if (again) {
+    job.row.repairs_to.reset();
     // A limit that is met and not moved would end the job at once; it has done its part.
-    if (iterations == 0 && contains(job.merged[0], 0, job.target(0)) &&
-        contains(job.merged[1], 0, job.target(1)))
+    if (iterations == 0 && contains(had[0], 0, job.target(0)) && contains(had[1], 0, job.target(1)))
       rule.iterations = 0;
     if (seconds == 0 && job.row.elapsed_seconds >= rule.time_seconds) rule.time_seconds = 0;
     if (relmse == 0 && job.row.stop_reason == "relmse") rule.relmse = 0;
@@ -344,14 +236,9 @@ Result<void> Scheduler::extend(const std::string& id, std::uint64_t iterations, 
   if (relmse > 0) rule.relmse = relmse;
   job.relmse_hits = 0;
   if (again) {
-    job.finishing = false;
-    job.row.state = JobState::queued;
     job.row.stop_reason.clear();
-    job.row.finished_unix_ms = 0;
     job.row.message.clear();
-    for (std::uint32_t h = 0; h < 2; ++h) job.frontier[h] = end_of(job.merged[h]);
-    reopen_gaps(job);
-    start_fairly(job);
+    reopen(job);
     last_activity_ = now.seconds;
   }
   event(now, id, "", "extended",
@@ -378,7 +265,8 @@ void Scheduler::tick(Now now) {
   expire(now);
   for (auto& [id, job] : jobs_) {
     if (job.row.state == JobState::running && !job.finishing) {
-      job.row.elapsed_seconds += std::max(now.seconds - job.last_tick, 0.0);
+      // A repair's time was spent before, by the samples that were lost.
+      if (!job.row.repairs_to) job.row.elapsed_seconds += std::max(now.seconds - job.last_tick, 0.0);
       check_stop(job, now);
       if (now.seconds - job.last_saved > kSavePeriod) save(job, now);
     }
@@ -448,6 +336,9 @@ double Scheduler::eta_seconds(const Job& job, Now now) const {
 
 std::string Scheduler::message_of(const Job& job, Now now) const {
   if (has_ended(job.row.state)) {
+    if (count(job.lost()) > 0)
+      return lost_text(job) + fmt::format("; `candela repair {}` renders them again{}", job.row.id,
+                                          job.row.message.empty() ? "" : "; " + job.row.message);
     if (!job.row.message.empty()) return job.row.message;
     return job.note.empty() ? chain_message(job.row) : job.note;
   }

@@ -46,6 +46,12 @@ std::optional<std::uint64_t> BlobStore::size(const std::string& sha256) const {
   return bytes;
 }
 
+Result<bool> BlobStore::check(const std::string& sha256) const {
+  if (!size(sha256)) return false;
+  CANDELA_ASSIGN(const std::string bytes, read_file(path(sha256), 1ULL << 38));
+  return sha256_hex(bytes) == sha256;
+}
+
 Result<std::unique_ptr<BlobStore::Upload>> BlobStore::begin(const std::string& sha256,
                                                             std::uint64_t size_bytes) {
   if (!is_sha256_hex(sha256)) return input_error("must be 64 lower-case hex digits").with_field("sha256");

@@ -21,6 +21,7 @@ class BlobStore {
   static Result<std::unique_ptr<BlobStore>> open(const std::filesystem::path& folder);
 
   // Size in bytes; nothing if it is not there. Precondition: is_sha256_hex(sha256).
+  Result<bool> check(const std::string& sha256) const;
   std::optional<std::uint64_t> size(const std::string& sha256) const;
   std::filesystem::path path(const std::string& sha256) const;
 

@@ -51,6 +51,11 @@ struct JobRow {
   double relmse = std::numeric_limits<double>::quiet_NaN();
   std::uint64_t checkpoint_generation = 0, checkpoint_iterations = 0;
   std::uint64_t iterations = 0;  // merged indices of both halves; of chains: segments
+  // Indices of each half that the job had when it ended. Set when its checkpoints are found to hold fewer,
+  // and cleared when the film has them all again: what the film lacks of them is lost until then.
+  std::array<film::IndexSet, 2> promised;
+  // The state that a repair leads back to; none while no repair is under way.
+  std::optional<JobState> repairs_to;
 
   // What people call iterations: indices, but of a job of chains rounds, in which every chain has one
   // segment.

@@ -4,8 +4,8 @@
 
 namespace candela::master {
 
-// 1: the first. 2: jobs.layers. 3: Markov chains.
-inline constexpr int kSchemaVersion = 3;
+// 1: the first. 2: jobs.layers. 3: Markov chains. 4: what a job had and has lost.
+inline constexpr int kSchemaVersion = 4;
 
 inline constexpr const char* kSchema = R"sql(
 CREATE TABLE counters (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -28,7 +28,8 @@ CREATE TABLE jobs (
   bootstrap_sum REAL NOT NULL DEFAULT 0, bootstrap_square_sum REAL NOT NULL DEFAULT 0,
   bootstrap_nan INTEGER NOT NULL DEFAULT 0, bootstrap_infinite INTEGER NOT NULL DEFAULT 0,
   bootstrap_negative INTEGER NOT NULL DEFAULT 0, bootstrap_saturated INTEGER NOT NULL DEFAULT 0,
-  chain_status BLOB NOT NULL DEFAULT x'', pilot_scale_log2 INTEGER NOT NULL DEFAULT 0) WITHOUT ROWID;
+  chain_status BLOB NOT NULL DEFAULT x'', pilot_scale_log2 INTEGER NOT NULL DEFAULT 0,
+  promised BLOB NOT NULL DEFAULT x'', repairs_to TEXT NOT NULL DEFAULT '') WITHOUT ROWID;
 CREATE TABLE units (
   id INTEGER PRIMARY KEY, job TEXT NOT NULL, kind INTEGER NOT NULL, half INTEGER NOT NULL,
   first INTEGER NOT NULL, last INTEGER NOT NULL, state INTEGER NOT NULL, failures INTEGER NOT NULL,
@@ -73,6 +74,12 @@ ALTER TABLE jobs ADD COLUMN bootstrap_negative INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE jobs ADD COLUMN bootstrap_saturated INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE jobs ADD COLUMN chain_status BLOB NOT NULL DEFAULT x'';
 ALTER TABLE jobs ADD COLUMN pilot_scale_log2 INTEGER NOT NULL DEFAULT 0;
+)sql";
+// From version 3: no job has lost anything. `promised` holds half, begin, end as 64-bit numbers, range by
+// range.
+inline constexpr const char* kFromVersion3 = R"sql(
+ALTER TABLE jobs ADD COLUMN promised BLOB NOT NULL DEFAULT x'';
+ALTER TABLE jobs ADD COLUMN repairs_to TEXT NOT NULL DEFAULT '';
 )sql";
 
 }  // namespace candela::master

@@ -52,6 +52,27 @@ std::vector<T> numbers_of(const std::string& bytes) {
   return values;
 }
 
+// Half, begin and end of each range, and back.
+std::vector<std::uint64_t> ranges_of(const std::array<film::IndexSet, 2>& sets) {
+  std::vector<std::uint64_t> out;
+  for (std::uint64_t h = 0; h < 2; ++h)
+    for (const auto& [begin, end] : sets[h].ranges()) out.insert(out.end(), {h, begin, end});
+  return out;
+}
+std::array<film::IndexSet, 2> sets_of(const std::vector<std::uint64_t>& ranges) {
+  std::array<film::IndexSet, 2> out;
+  for (std::size_t i = 0; i + 2 < ranges.size(); i += 3)
+    if (ranges[i] < 2) out[ranges[i]].insert(ranges[i + 1], ranges[i + 2]);
+  return out;
+}
+
+std::optional<JobState> state_of(std::string_view text) {
+  for (const JobState state : {JobState::queued, JobState::running, JobState::paused, JobState::done,
+                               JobState::failed, JobState::cancelled})
+    if (name(state) == text) return state;
+  return std::nullopt;
+}
+
 class SqliteStore final : public Store {
  public:
   SqliteStore(sqlite3* db, std::string path) : db_(db), path_(std::move(path)) {}
@@ -78,8 +99,9 @@ class SqliteStore final : public Store {
     Result<void> made;
     if (found == 0) made = execute(kSchema);
     if (found == 1) made = execute(kFromVersion1);
-    if (made.ok() && found != 0) made = execute(kFromVersion2);
-    if (made.ok()) made = execute(kChainTables);
+    if (made.ok() && (found == 1 || found == 2)) made = execute(kFromVersion2);
+    if (made.ok() && found < 3) made = execute(kChainTables);
+    if (made.ok() && found != 0) made = execute(kFromVersion3);
     if (made.ok()) made = execute(fmt::format("PRAGMA user_version={}", kSchemaVersion).c_str());
     if (made.ok()) made = execute("COMMIT");
     if (!made.ok()) sqlite3_exec(db_, "ROLLBACK", nullptr, nullptr, nullptr);
@@ -183,7 +205,7 @@ bool SqliteStore::apply(const PutJob& c) {
   Statement s(
       db_,
       "INSERT OR REPLACE INTO jobs VALUES "
-      "(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
+      "(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
   s.bind(j.id).bind(j.name).bind(j.bundle_sha256).bind_blob(settings.SerializeAsString());
   s.bind(j.stop.iterations).bind(j.stop.time_seconds).bind(j.stop.relmse);
   s.bind(j.priority).bind(j.share).bind(j.idempotency_token).bind(j.content_digest);
@@ -205,6 +227,7 @@ bool SqliteStore::apply(const PutJob& c) {
   v1::ChainStatus status;
   if (j.chains) wire::to_proto(j.chain_summary, status);
   s.bind_blob(status.SerializeAsString()).bind(j.pilot_scale_log2);
+  s.bind_blob(bytes_of(ranges_of(j.promised))).bind(j.repairs_to ? std::string(name(*j.repairs_to)) : "");
   return s.run();
 }
 
@@ -337,14 +360,9 @@ Result<StoredState> SqliteStore::load() {
       j.idempotency_token = s.text();
       j.content_digest = s.text();
       const std::string state = s.text();
-      bool known = false;
-      for (const JobState candidate : {JobState::queued, JobState::running, JobState::paused, JobState::done,
-                                       JobState::failed, JobState::cancelled}) {
-        if (name(candidate) != state) continue;
-        j.state = candidate;
-        known = true;
-      }
-      if (!known)
+      if (const auto known = state_of(state))
+        j.state = *known;
+      else
         return input_error(fmt::format("job {} has the unknown state '{}'", j.id, state)).at(path_, 0);
       j.message = s.text();
       j.stop_reason = s.text();
@@ -373,6 +391,8 @@ Result<StoredState> SqliteStore::load() {
                    fmt::format("the layers of job {} cannot be used: {}", j.id, layout.error().to_string()))
             .at(path_, 0);
       CANDELA_TRY(read_chains(s, j));
+      j.promised = sets_of(numbers_of<std::uint64_t>(s.text()));
+      j.repairs_to = state_of(s.text());
       out.jobs.push_back(std::move(j));
     }
     if (s.failed()) return failure("cannot read the jobs");

@@ -187,7 +187,7 @@ v1::FarmService::Stub& Farm::stub() {
     grpc::ChannelArguments arguments;
     arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 50);
     arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 100);
-    arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 500);
+    arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 10000);
     stub_ = v1::FarmService::NewStub(grpc::CreateCustomChannel(
         address_, credentials_ ? credentials_ : grpc::InsecureChannelCredentials(), arguments));
   }

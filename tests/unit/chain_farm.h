@@ -134,9 +134,10 @@ class ChainFarm : public ::testing::Test {
   std::shared_ptr<grpc::Channel> channel() {
     grpc::ChannelArguments arguments;  // a master that was away is found again at once
     arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-    for (const char* backoff : {GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, GRPC_ARG_MIN_RECONNECT_BACKOFF_MS,
-                                GRPC_ARG_MAX_RECONNECT_BACKOFF_MS})
+    for (const char* backoff : {GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, GRPC_ARG_MAX_RECONNECT_BACKOFF_MS})
       arguments.SetInt(backoff, 20);
+    // The time that one attempt to connect may take: on a busy machine a handshake waits for its turn.
+    arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 10000);
     return grpc::CreateCustomChannel(options_.listen, grpc::InsecureChannelCredentials(), arguments);
   }
   // With `lose` the newest checkpoint is not there afterwards: what a crash before it would leave, while the

@@ -75,6 +75,48 @@ TEST_F(ChainFarm, TheMasterDiesTwentyTimes) {
   check(id, 150);
 }
 
+// Claim: a done job of chains whose newest checkpoint is damaged says so and goes on from the one before when
+// it is extended: no segment is offered whose chain's state is lost, another job gets its turns meanwhile,
+// and the film is the one that was never damaged.
+TEST_F(ChainFarm, ADamagedCheckpointOfADoneJob) {
+  add_worker(microseconds(200));
+  const std::string id = submit(30);
+  wait_end(id);
+  farm_.reset();
+  master_.reset();
+  std::map<std::uint64_t, fs::path> generations;
+  for (const auto& e : fs::directory_iterator(options_.data_dir / "jobs" / id))
+    if (const std::string n = e.path().filename().string(); n.starts_with("film."))
+      generations[std::stoull(n.substr(5))] = e.path();
+  ASSERT_EQ(generations.size(), 2U);
+  auto bytes = read_file(generations.rbegin()->second, 1 << 28);
+  ASSERT_TRUE(bytes.ok());
+  (*bytes)[bytes->size() / 2] = static_cast<char>((*bytes)[bytes->size() / 2] ^ 1);
+  ASSERT_TRUE(write_file_atomically(generations.rbegin()->second, *bytes).ok());
+  start();
+  const v1::JobStatus hurt = wait_for(id, [](const v1::JobStatus& s) { return s.lost() > 0; });
+  EXPECT_EQ(hurt.state(), v1::JOB_STATE_DONE);
+  const std::string other = submit(5);
+  v1::ExtendJobRequest request;
+  request.set_job_id(id);
+  request.set_add_iterations(2);
+  v1::JobStatus extended;
+  grpc::ClientContext context;
+  ASSERT_TRUE(farm_->ExtendJob(&context, request, &extended).ok());
+  EXPECT_EQ(wait_end(id).state(), v1::JOB_STATE_DONE);
+  EXPECT_EQ(wait_end(other).state(), v1::JOB_STATE_DONE);
+  check(id, 32);
+  check(other, 5);
+  v1::ListEventsRequest ask;
+  ask.set_job_id(id);
+  v1::ListEventsResponse events;
+  grpc::ClientContext second;
+  ASSERT_TRUE(farm_->ListEvents(&second, ask, &events).ok());
+  int returned = 0;
+  for (const v1::Event& e : events.events()) returned += e.kind() == "returned" ? 1 : 0;
+  EXPECT_LT(returned, 5) << "leases that cannot be prepared";
+}
+
 // Claim: workers that fall silent in the midst of bootstrap and segments, that deliver twice, late, or what
 // is not theirs cost time and nothing else.
 TEST_F(ChainFarm, LostAndRepeatedDeliveries) {

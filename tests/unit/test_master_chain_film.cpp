@@ -101,7 +101,7 @@ TEST(ChainFilm, CheckpointsHoldTheRecords) {
     ASSERT_TRUE(film.checkpoint().ok());
   }
   JobFilm film(folder.path(), kLayout, 10, &write_file_atomically, kFew);
-  ASSERT_EQ(*film.ensure_loaded(), "");
+  ASSERT_EQ(film.ensure_loaded()->trouble, "");
   const JobFilm::Snapshot copy = film.snapshot(JobFilm::Part::image);
   EXPECT_EQ(copy.film->iterations(), 7U);
   EXPECT_EQ(copy.film->layout().layers, 2U);

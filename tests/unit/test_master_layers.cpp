@@ -164,7 +164,7 @@ TEST(StoreLayers, AreKept) {
   }
   execute(path, "UPDATE jobs SET layers = 'a,a'");
   EXPECT_FALSE((*open_sqlite_store(path))->load().ok());
-  execute(path, "PRAGMA user_version=4");
+  execute(path, "PRAGMA user_version=5");
   EXPECT_FALSE(open_sqlite_store(path).ok());
 }
 

@@ -1,0 +1,102 @@
+// candela verify and repair: whether the farm's files bear out what it tells of its jobs, and what to do if
+// not.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <ostream>
+
+#include "client/commands/commands.h"
+#include "client/commands/waiting.h"
+#include "client/context.h"
+#include "client/json.h"
+#include "client/values.h"
+#include "common/wire/wire.h"
+
+namespace candela::client {
+namespace {
+
+struct VerifyOptions {
+  FarmOptions farm;
+  std::string id;
+  bool json = false, wait = false, quiet = false;
+};
+
+void print_report(std::ostream& out, const v1::JobReport& report) {
+  const bool of_job = !report.job_id().empty();
+  if (of_job || report.findings_size() > 0)
+    out << fmt::format("{:<14} {:<10} {:<8} {}\n", of_job ? printable(report.job_id()) : "-",
+                       of_job ? wire::name(report.state()) : "",
+                       report.findings_size() == 0 ? "whole" : "DAMAGED",
+                       of_job ? printable(report.name()) : "no job of the store");
+  for (const v1::Finding& f : report.findings())
+    out << fmt::format("  {}: {}{}\n", printable(f.part()), printable(f.text()),
+                       f.mend().empty() ? "" : "; " + printable(f.mend()));
+  out.flush();
+}
+
+Result<int> run_verify(Context& context, const VerifyOptions& options) {
+  CANDELA_ASSIGN(const auto farm, connect(options.farm));
+  std::size_t jobs = 0, damaged = 0;
+  CANDELA_TRY(farm->verify_jobs(options.id, [&](const v1::JobReport& report) {
+    jobs += report.job_id().empty() ? 0 : 1;
+    damaged += report.findings_size() > 0 ? 1 : 0;
+    if (options.json)
+      context.out << report_json(report) << std::endl;
+    else
+      print_report(context.out, report);
+  }));
+  if (damaged == 0) {
+    if (!options.json) context.err << fmt::format("candela: {} job(s) verified, all whole\n", jobs);
+    return 0;
+  }
+  return failed_error(
+             fmt::format("{} of {} report(s) tell of damage", damaged, jobs + (options.id.empty() ? 1 : 0)))
+      .with_mend("each says what to do");
+}
+
+Result<int> run_repair(Context& context, const VerifyOptions& options) {
+  CANDELA_ASSIGN(const auto farm, connect(options.farm));
+  CANDELA_ASSIGN(const v1::JobStatus status, farm->repair_job(options.id));
+  if (options.json && !options.wait)
+    context.out << job_json(status) << '\n';
+  else if (status.repairing())
+    context.err << fmt::format("job {} renders again what it has lost: {} {}\n", printable(status.id()),
+                               status.lost(), status.has_chains() ? "chain segments" : "iterations");
+  else
+    context.err << fmt::format("job {} is {}, nothing is lost\n", printable(status.id()),
+                               wire::name(status.state()));
+  if (!options.wait) return 0;
+  return wait_for_job(context, *farm, options.id, {options.quiet, options.json, false, {}});
+}
+
+}  // namespace
+
+void add_verify(CLI::App& app, Context& context) {
+  auto options = std::make_shared<VerifyOptions>();
+  CLI::App* sub = app.add_subcommand(
+      "verify",
+      "Read a job's files on the master, or those of all jobs, and say what is lost or damaged; exits with 1 "
+      "if anything is");
+  sub->add_option("id", options->id, "Only this job")->type_name("ID");
+  add_farm_options(*sub, options->farm);
+  sub->add_flag("--json", options->json, "Print a line of JSON for each job");
+  sub->callback([&context, options] {
+    context.command = [&context, options] { return run_verify(context, *options); };
+  });
+}
+
+void add_repair(CLI::App& app, Context& context) {
+  auto options = std::make_shared<VerifyOptions>();
+  CLI::App* sub = app.add_subcommand(
+      "repair", "Render again what an ended job has lost; or take in a job that the master's store has lost");
+  sub->add_option("id", options->id, "The job")->required()->type_name("ID");
+  add_farm_options(*sub, options->farm);
+  sub->add_flag("--wait", options->wait, "Wait until the job has ended again; exits with its result");
+  sub->add_flag("--quiet", options->quiet, "With --wait: no progress");
+  sub->add_flag("--json", options->json, "Print JSON");
+  sub->callback([&context, options] {
+    context.command = [&context, options] { return run_repair(context, *options); };
+  });
+}
+
+}  // namespace candela::client

@@ -1,0 +1,74 @@
+// What a job is worth: its film against its ledger, its scene's files against their names, its state against
+// its film.
+//
+// The one place that reads a film from disk while the farm runs. Whoever needs a film (fetch, extend, ledger,
+// a lease of chains, a delivery, the keeper) asks open_film(), which agrees the job with what was read before
+// anybody uses it. A start verifies ended jobs one after the other behind the farm's back; `candela verify`
+// does so when asked, for any job.
+//
+//   found                          | a job that runs or is paused        | a job that has ended
+//   -------------------------------|-------------------------------------|------------------------------------------------
+//   a damaged checkpoint           | set aside, event checkpoint-damaged | the same
+//   the film lacks what rows tell  | rendered again, event reconciled    | said by show, fetch and an event
+//   `lost`;
+//                                  |                                     | rendered again by repair and
+//                                  extend
+//   the film has what no row tells | rows are added                      | rows are added
+//   a scene file missing, damaged  | set aside; the job waits for it     | said by verify; asked for at the
+//   next submit
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "candela/v1/client.pb.h"
+#include "common/base/result.h"
+#include "master/merge/job_film.h"
+#include "master/store/records.h"
+
+namespace candela::master {
+
+class Farm;
+
+class JobTruth {
+ public:
+  explicit JobTruth(Farm& farm) : farm_(farm) {}
+
+  // The job's film, loaded and agreed with its rows; null before the pilot. `use`: it stays in memory for a
+  // while. Errors: the place keeps it from being read.
+  Result<std::shared_ptr<JobFilm>> open_film(const std::string& job_id, bool use = true);
+  // The same for a film that is loaded and turns out not to hold what the scheduler counts as merged: agrees
+  // the job with it. False: there is no difference.
+  bool agree_if_short(const std::string& job_id, JobFilm& film);
+
+  // Precondition of these: the job exists.
+  Result<v1::JobReport> verify(const std::string& job_id);
+  // What belongs to no job of the store.
+  v1::JobReport verify_store() const;
+  // Queues what an ended job has lost, or takes the job of an unknown folder into the store. Nothing: there
+  // is neither a job nor a folder of this id.
+  Result<std::optional<v1::JobStatus>> repair(const std::string& job_id);
+  // Reads the films of all ended jobs, at a pace that leaves the disk to others. Returns when the farm stops.
+  void verify_ended();
+
+  // Folders of films that the store knows no job of.
+  std::vector<std::string> orphans() const;
+  // Writes the job's manifest where it differs from the one written before. Precondition: the job has a film.
+  Result<void> keep_manifest(const std::string& job_id);
+
+ private:
+  Result<std::vector<UnitRow>> merged_rows(const std::string& job_id);
+  Result<void> adopt(const std::string& job_id);
+  void check_scene(const JobRow& row, v1::JobReport& report);
+  Result<void> check_ledger(const std::string& job_id, JobFilm& film, v1::JobReport& report);
+  std::filesystem::path folder(const std::string& job_id) const;
+
+  Farm& farm_;
+  std::map<std::string, std::string> manifests_;  // job -> hash of what is written; the keeper's
+};
+
+}  // namespace candela::master
