@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <csignal>
+#include <ostream>
 
 #include "tests/farm/farm.h"
 #include "tests/farm/hand_worker.h"
@@ -40,6 +41,10 @@ bool built(const std::string& integrator) {
 }
 std::vector<std::string> with(const std::string& integrator) {
   return {"--integrator", integrator};
+}
+
+void PrintTo(const Fleet& fleet, std::ostream* out) {
+  *out << fleet.integrator << " on " << fleet.workers << " workers of " << fleet.threads << " threads";
 }
 
 class Fleets : public testing::TestWithParam<Fleet> {};
@@ -162,6 +167,10 @@ struct Work {
     return static_cast<std::uint64_t>(share * static_cast<double>(iterations));
   }
 };
+void PrintTo(const Work& work, std::ostream* out) {
+  *out << work.integrator;
+}
+
 class Deaths : public testing::TestWithParam<Work> {
  protected:
   void SetUp() override { ASSERT_TRUE(built(GetParam().integrator)) << GetParam().integrator; }

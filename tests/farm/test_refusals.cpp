@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <fstream>
+#include <ostream>
 #include <sstream>
 
 #include "tests/farm/farm.h"
@@ -38,6 +39,10 @@ struct BadScene {
   const char* body;  // between <scene> and </scene>, from line 3 on
   std::vector<std::string> words;
 };
+
+void PrintTo(const BadScene& scene, std::ostream* out) {
+  *out << scene.name;
+}
 
 class BadScenes : public testing::TestWithParam<BadScene> {};
 
@@ -130,6 +135,10 @@ struct BadOption {
   std::vector<std::string> arguments;  // OUT and SCENE stand for files
   std::vector<std::string> words;
 };
+
+void PrintTo(const BadOption& option, std::ostream* out) {
+  *out << option.name;
+}
 
 class BadOptions : public testing::TestWithParam<BadOption> {};
 

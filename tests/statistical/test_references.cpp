@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdio>
+#include <ostream>
 #include <string>
 #include <vector>
 
@@ -34,6 +35,10 @@ struct Case {
   double ratio_tolerance;  // of the weighted ratio of all values, beside kRatioErrors of its standard errors
   Blocks excluded;
 };
+
+void PrintTo(const Case& one, std::ostream* out) {
+  *out << one.name;
+}
 
 class References : public testing::TestWithParam<Case> {};
 
@@ -145,6 +150,10 @@ void expect_reference(const Other& c, const std::vector<std::vector<float>>& bat
             c.least_tested * static_cast<double>(result.tested + result.skipped));
   EXPECT_GT(result.adjusted_p, 1e-4) << result.worst;
   EXPECT_NEAR(result.ratio, 1.0, c.ratio_tolerance + kRatioErrors * result.ratio_stderr);
+}
+
+void PrintTo(const Other& one, std::ostream* out) {
+  *out << one.integrator << " on " << one.scene;
 }
 
 class OtherReferences : public testing::TestWithParam<Other> {};

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <ostream>
 
 #include "master/scheduler/index_sets.h"
 #include "tests/unit/master_fixture.h"
@@ -152,6 +153,10 @@ class TruthTest : public MasterTest {
     EXPECT_EQ(count(film), show(id).iterations());
   }
 };
+
+void PrintTo(Harm harm, std::ostream* out) {
+  *out << name_of(harm);
+}
 
 class EndedTruth : public TruthTest, public testing::WithParamInterface<Harm> {};
 
