@@ -33,6 +33,14 @@ Json map(const google::protobuf::Map<std::string, std::string>& values) {
   return json;
 }
 
+// Every cause by its name, those that never came included.
+Json failures(const google::protobuf::RepeatedPtrField<v1::FailureCount>& counts) {
+  Json json;
+  for (const FailureCause cause : kAllFailureCauses) json[std::string(name(cause))] = 0;
+  for (const auto& f : counts) json[std::string(name(wire::from_proto(f.cause())))] = f.count();
+  return json;
+}
+
 Json chains(const v1::ChainStatus& c) {
   Json json;
   json["chains"] = c.plan().chains();
@@ -90,6 +98,12 @@ Json job(const v1::JobStatus& s) {
                       {"isa", settings.isa()}};
   json["bundle_sha256"] = s.bundle_sha256();
   json["film_scale_log2"] = s.has_named_state() ? Json(s.named_state().film_scale_log2()) : Json(nullptr);
+  json["failures"] = failures(s.failures());
+  json["waiting"] = nullptr;
+  if (s.has_waiting())
+    json["waiting"] = {{"cause", std::string(name(wire::from_proto(s.waiting().cause())))},
+                       {"units", s.waiting().units()},
+                       {"retry_unix_ms", time_ms(s.waiting().retry_unix_ms())}};
   Json rejected = Json::object();
   for (const auto& entry : s.rejected()) rejected[entry.cause()] = entry.count();
   json["rejected_samples"] = rejected;
@@ -115,6 +129,7 @@ Json worker(const v1::WorkerStatus& w) {
   json["threads"] = w.threads();
   json["units_merged"] = w.units_merged();
   json["units_failed"] = w.units_failed();
+  json["failures"] = failures(w.failures());
   json["jobs"] = Json::array();
   for (const std::string& id : w.jobs()) json["jobs"].push_back(id);
   json["last_seen_unix_ms"] = time_ms(w.last_seen_unix_ms());

@@ -19,10 +19,10 @@ std::string random_token() {
   return token;
 }
 
-}  // namespace
-
-Result<Submitted> submit_scene(FarmClient& farm, const LoadedScene& scene, const Submission& submission,
-                               ProgressLine& progress) {
+// Uploads what the farm lacks, and submits. The bytes uploaded go to `total`.
+Result<v1::SubmitResponse> upload_and_submit(FarmClient& farm, const LoadedScene& scene,
+                                             const v1::SubmitRequest& request, ProgressLine& progress,
+                                             std::uint64_t& total) {
   // Equal files under two keys are one blob.
   std::map<std::string, const bundle::File*> blobs;
   for (const bundle::File& file : scene.gathered.bundle.files) blobs.emplace(file.sha256, &file);
@@ -30,7 +30,7 @@ Result<Submitted> submit_scene(FarmClient& farm, const LoadedScene& scene, const
   for (const auto& [hash, file] : blobs) hashes.push_back(hash);
   CANDELA_ASSIGN(const std::vector<std::string> missing, farm.find_missing(hashes));
 
-  std::uint64_t total = 0;
+  total = 0;
   for (const std::string& hash : missing) {
     if (!blobs.contains(hash)) return internal_error("the master misses a file we did not ask about");
     total += blobs.at(hash)->size_bytes;
@@ -49,6 +49,13 @@ Result<Submitted> submit_scene(FarmClient& farm, const LoadedScene& scene, const
   }
   progress.clear();
 
+  return farm.submit(request);
+}
+
+}  // namespace
+
+Result<Submitted> submit_scene(FarmClient& farm, const LoadedScene& scene, const Submission& submission,
+                               ProgressLine& progress) {
   v1::SubmitRequest request;
   request.set_name(submission.name);
   wire::to_proto(scene.gathered.bundle, *request.mutable_bundle());
@@ -57,8 +64,14 @@ Result<Submitted> submit_scene(FarmClient& farm, const LoadedScene& scene, const
   request.set_priority(submission.priority);
   request.set_share(submission.share);
   request.set_idempotency_token(submission.token.empty() ? random_token() : submission.token);
-  CANDELA_ASSIGN(const v1::SubmitResponse response, farm.submit(request));
-  return Submitted{response.job_id(), response.existed(), total};
+  std::uint64_t uploaded = 0;
+  auto response = upload_and_submit(farm, scene, request, progress, uploaded);
+  // The farm may have found damage in a file only now, and lack it since.
+  if (!response.ok() && response.error().kind == ErrorKind::refused &&
+      response.error().field == "bundle.files")
+    response = upload_and_submit(farm, scene, request, progress, uploaded);
+  if (!response.ok()) return std::move(response).error();
+  return Submitted{response->job_id(), response->existed(), uploaded};
 }
 
 }  // namespace candela::client

@@ -194,7 +194,8 @@ void Farm::log_event(const EventRow& e) const {
   // What needs an operator. A job that fails by its own scene is told to whoever submitted it.
   const bool bad = e.kind == "expired" || e.kind == "set-aside" || e.kind == "checkpoint-failed" ||
                    e.kind == "refused" || e.kind == "checkpoint-damaged" || e.kind == "lost" ||
-                   e.kind == "orphans";
+                   e.kind == "orphans" || e.kind == "waiting" || e.kind == "blob-damaged" ||
+                   e.kind == "blob-missing" || e.kind == "scene-disputed";
   log::write(bad ? spdlog::level::warn : spdlog::level::info, text, {.job = e.job_id, .worker = e.worker_id});
 }
 
@@ -245,6 +246,19 @@ Result<Farm::Submitted> Farm::submit(JobRow row, const std::string& bundle_bytes
   return Submitted{id, false};
 }
 
+namespace {
+
+void set_failures(const FailureCounts& counts, google::protobuf::RepeatedPtrField<v1::FailureCount>& out) {
+  for (const FailureCause cause : kAllFailureCauses) {
+    if (counts[index_of(cause)] == 0) continue;
+    v1::FailureCount& failure = *out.Add();
+    failure.set_cause(wire::to_proto(cause));
+    failure.set_count(counts[index_of(cause)]);
+  }
+}
+
+}  // namespace
+
 v1::JobStatus Farm::status_locked(const Job& job, Now t) const {
   const JobRow& r = job.row;
   v1::JobStatus out;
@@ -277,6 +291,12 @@ v1::JobStatus Farm::status_locked(const Job& job, Now t) const {
     v1::RejectedSamples& rejected = *out.add_rejected();
     rejected.set_cause(std::string(film::name(static_cast<film::RejectCause>(i))));
     rejected.set_count(n);
+  }
+  set_failures(job.failures, *out.mutable_failures());
+  if (const auto waiting = scheduler_->waiting_of(job, t)) {
+    out.mutable_waiting()->set_cause(wire::to_proto(waiting->cause));
+    out.mutable_waiting()->set_units(waiting->units);
+    out.mutable_waiting()->set_retry_unix_ms(waiting->retry_unix_ms);
   }
   out.set_submitted_unix_ms(r.submitted_unix_ms);
   out.set_finished_unix_ms(r.finished_unix_ms);
@@ -328,6 +348,7 @@ v1::WorkerStatus Farm::worker_locked(const WorkerState& w, Now t) const {
   out.set_units_failed(w.row.units_failed);
   out.set_last_seen_unix_ms(w.row.last_seen_unix_ms);
   out.set_message(w.message);
+  set_failures(w.failures, *out.mutable_failures());
   for (const std::string& job : scheduler_->jobs_of(w)) out.add_jobs(job);
   return out;
 }
@@ -367,6 +388,72 @@ Result<v1::JobStatus> Farm::extend(const v1::ExtendJobRequest& request) {
   if (film && with_scheduler([&](Scheduler& s) { return has_ended(s.job(request.job_id())->row.state); }))
     film->close();
   return out;
+}
+
+Result<v1::JobStatus> Farm::resume(const std::string& job_id) {
+  const auto failed = [&] {
+    return with_scheduler([&](Scheduler& s) { return s.job(job_id)->row.state == JobState::failed; });
+  };
+  std::shared_ptr<JobFilm> film;
+  if (failed()) {
+    CANDELA_ASSIGN(film, truth_->open_film(job_id));
+    if (film) film->reopen();
+  }
+  Result<v1::JobStatus> out = change_job(job_id, [&](Scheduler& s, Now t) { return s.resume(job_id, t); });
+  if (film && failed()) film->close();
+  return out;
+}
+
+std::string Farm::blob_lost(const std::string& sha256, bool found_damaged) {
+  struct Needy {
+    std::string job_id, bundle_sha256;
+  };
+  std::vector<Needy> jobs;
+  bool news = false, damaged = found_damaged;
+  with_scheduler([&](Scheduler& s) {
+    const auto [lost, fresh] = lost_blobs_.emplace(sha256, found_damaged);
+    news = fresh;
+    damaged = lost->second;  // it is missing because it was set aside
+    for (const auto& [id, job] : s.jobs())
+      if (!has_ended(job.row.state)) jobs.push_back({id, job.row.bundle_sha256});
+  });
+  if (found_damaged) ++counters_.damaged_blobs;
+  const auto text_for = [&](const std::string& key) {
+    return fmt::format("the master's copy of {} is {}: submit the scene again, which uploads it",
+                       key.empty() ? fmt::format("blob {}", sha256)
+                                   : fmt::format("'{}' (blob {})", key, sha256.substr(0, 16)),
+                       damaged ? "damaged and was set aside in blobs/damaged" : "missing");
+  };
+  std::string named;                                       // as one of the bundles names it
+  std::map<std::string, std::optional<std::string>> keys;  // by bundle; none: it has no such file
+  for (const Needy& needy : jobs) {
+    auto [key, fresh] = keys.try_emplace(needy.bundle_sha256);
+    if (fresh) {
+      const auto bytes = store_->bundle(needy.bundle_sha256);
+      v1::Bundle bundle;
+      if (bytes.ok() && *bytes && bundle.ParseFromString(**bytes))
+        for (const v1::BundleFile& file : bundle.files())
+          if (file.sha256() == sha256) key->second = file.path();
+    }
+    if (!key->second) continue;
+    named = *key->second;
+    with_scheduler([&](Scheduler& s) {
+      const std::string text = text_for(named);
+      if (s.lack_blob(needy.job_id, sha256, text, now()))
+        s.event(now(), needy.job_id, "", damaged ? "blob-damaged" : "blob-missing", text);
+    });
+  }
+  if (named.empty() && news)
+    with_scheduler([&](Scheduler& s) {
+      s.event(now(), "", "", damaged ? "blob-damaged" : "blob-missing", text_for({}));
+    });
+  return text_for(named);
+}
+
+void Farm::blob_found(const std::string& sha256) {
+  with_scheduler([&](Scheduler& s) {
+    if (lost_blobs_.erase(sha256) > 0) s.blob_arrived(sha256, now());
+  });
 }
 
 Result<v1::GetLedgerResponse> Farm::ledger(const std::string& job_id) {

@@ -44,6 +44,7 @@ struct FarmCounters {
   std::atomic<std::uint64_t> checkpoint_failures{0};
   std::atomic<std::uint64_t> merge_microseconds{0};
   std::atomic<std::uint64_t> upload_bytes{0};
+  std::atomic<std::uint64_t> damaged_blobs{0};
 };
 
 struct FarmOptions {
@@ -98,6 +99,7 @@ class Farm {
   Result<v1::JobStatus> change_job(const std::string& job_id,
                                    const std::function<Result<void>(Scheduler&, Now)>& change);
   Result<v1::JobStatus> extend(const v1::ExtendJobRequest& request);
+  Result<v1::JobStatus> resume(const std::string& job_id);
   // The image of what is merged now, as the bytes of an EXR file. ErrorKind::refused before the first merge.
   struct ImageParts {
     bool error_layer = false;
@@ -111,9 +113,16 @@ class Farm {
   Result<v1::GetLedgerResponse> ledger(const std::string& job_id);
 
   // --- chains ---
-  // What the chains of a lease's segments start from goes into it. False where the film has moved on: the
-  // lease is void then.
-  bool add_chain_starts(v1::Lease& lease);
+  // What the chains of a lease's segments start from goes into it. An error says why the film cannot give it:
+  // the unit cannot be rendered now, by anybody.
+  Result<void> add_chain_starts(v1::Lease& lease);
+
+  // --- blobs ---
+  // The blob is missing, or was found damaged and set aside: an event and the message of each job that needs
+  // it say so. The text is for the worker that asked.
+  std::string blob_lost(const std::string& sha256, bool damaged);
+  // The blob is there, whole. Jobs that waited for it go on.
+  void blob_found(const std::string& sha256);
 
   // --- deltas ---
   struct Verdict {
@@ -175,6 +184,8 @@ class Farm {
   std::unique_ptr<Scheduler> scheduler_;
   std::map<std::string, std::shared_ptr<JobFilm>> films_;
   std::map<std::string, std::string> tokens_;  // idempotency token -> job id
+  // Blobs that jobs have been told are lost: SHA-256, and whether by damage.
+  std::map<std::string, bool> lost_blobs_;
   std::string store_trouble_;
 
   std::mutex submit_mutex_;  // one submission at a time

@@ -22,15 +22,15 @@ std::uint64_t largest_delta(const film::Layout& layout, std::uint64_t record_cou
 
 }  // namespace
 
-bool Farm::add_chain_starts(v1::Lease& lease) {
+Result<void> Farm::add_chain_starts(v1::Lease& lease) {
   const auto unit = wire::from_proto(lease.unit());
-  if (!unit.ok() || unit->kind != Unit::Kind::segments) return true;
-  const auto film = truth_->open_film(lease.job_id());
-  if (!film.ok() || !*film) return false;
-  const std::optional<ChainRecords> records = (*film)->starts_of(*unit);
+  if (!unit.ok() || unit->kind != Unit::Kind::segments) return {};
+  CANDELA_ASSIGN(const std::shared_ptr<JobFilm> film, truth_->open_film(lease.job_id()));
+  if (!film) return failed_error("the job has no film");
+  const std::optional<ChainRecords> records = film->starts_of(*unit);
   if (!records) {
-    truth_->agree_if_short(lease.job_id(), **film);
-    return false;
+    truth_->agree_if_short(lease.job_id(), *film);
+    return failed_error("the job's film does not hold the segments that this unit's chains go on from");
   }
   const auto samples = with_scheduler([&](Scheduler& s) {
     const Job& job = *s.job(lease.job_id());
@@ -49,7 +49,7 @@ bool Farm::add_chain_starts(v1::Lease& lease) {
     else
       lease.add_chain_starts()->set_record(chains::encode(record));
   }
-  return true;
+  return {};
 }
 
 Result<std::optional<Farm::Verdict>> Farm::admit(const v1::DeltaHeader& header) {
@@ -101,7 +101,7 @@ Result<std::optional<Farm::Verdict>> Farm::admit(const v1::DeltaHeader& header) 
         return std::optional<Verdict>();
       }
       with_scheduler([&](Scheduler& s) {
-        s.fail_unit(header.worker_id(), header.token(), verdict.message, false, false, now());
+        s.fail_unit(header.worker_id(), header.token(), FailureCause::worker, verdict.message, now());
       });
       break;
     }
@@ -119,26 +119,33 @@ Farm::Verdict Farm::deliver(const v1::DeltaHeader& header, const std::string& by
                      .unit = static_cast<std::int64_t>(header.unit_id()),
                      .worker = header.worker_id()};
   counters_.delta_bytes += bytes.size();
-  const auto refuse = [&](v1::DeltaVerdict verdict, std::string message, bool count_as_failure) {
+  // Without a cause nobody has failed.
+  const auto refuse = [&](v1::DeltaVerdict verdict, std::string message,
+                          std::optional<FailureCause> cause = {}) {
     ++counters_.verdicts[verdict];
     log::warn(fmt::format("delta refused: {}", message), ids);
     with_scheduler([&](Scheduler& s) {
       s.event(now(), header.job_id(), header.worker_id(), "refused", message);
-      if (count_as_failure) s.fail_unit(header.worker_id(), header.token(), message, false, false, now());
+      if (cause == FailureCause::master)
+        s.lack_inputs(header.worker_id(), header.token(), message, now());
+      else if (cause)
+        s.fail_unit(header.worker_id(), header.token(), *cause, message, now());
     });
     return Verdict{verdict, std::move(message)};
   };
   if (bytes.size() != header.size_bytes())
     return refuse(v1::DELTA_VERDICT_CORRUPT,
-                  fmt::format("{} bytes came, {} were announced", bytes.size(), header.size_bytes()), true);
+                  fmt::format("{} bytes came, {} were announced", bytes.size(), header.size_bytes()),
+                  FailureCause::network);
   if (sha256_hex(bytes) != header.sha256())
-    return refuse(v1::DELTA_VERDICT_CORRUPT, "the bytes do not have the announced hash", true);
+    return refuse(v1::DELTA_VERDICT_CORRUPT, "the bytes do not have the announced hash",
+                  FailureCause::network);
 
   const auto started = std::chrono::steady_clock::now();
   const PushGate::MergeTurn turn(*gate_);
   const auto unit = wire::from_proto(header.unit());
   const std::shared_ptr<JobFilm> film = film_of(header.job_id());
-  if (!unit.ok() || !film) return refuse(v1::DELTA_VERDICT_STALE, "the job has no film", false);
+  if (!unit.ok() || !film) return refuse(v1::DELTA_VERDICT_STALE, "the job has no film");
   struct Expected {
     film::Layout layout;
     int scale_log2 = 0;
@@ -154,22 +161,24 @@ Farm::Verdict Farm::deliver(const v1::DeltaHeader& header, const std::string& by
       bytes.size() - std::min<std::size_t>(header.records_bytes(), bytes.size()));
   auto delta = film::Delta::decode(std::string_view(bytes).substr(0, bytes.size() - records_bytes.size()),
                                    expected.layout);
-  if (!delta.ok()) return refuse(v1::DELTA_VERDICT_CORRUPT, delta.error().to_string(), true);
+  if (!delta.ok()) return refuse(v1::DELTA_VERDICT_CORRUPT, delta.error().to_string(), FailureCause::worker);
   const film::DeltaInfo& info = delta->info();
   if (info.build_id != build_id())
     return refuse(v1::DELTA_VERDICT_WRONG_BUILD,
-                  fmt::format("made by build {}, the farm runs {}", info.build_id, build_id()), true);
+                  fmt::format("made by build {}, the farm runs {}", info.build_id, build_id()),
+                  FailureCause::worker);
   if (info.job_id != header.job_id() || info.scale_log2 != expected.scale_log2 ||
       info.unit.kind != unit->kind || info.unit.half != unit->half || info.unit.begin != unit->begin ||
       info.unit.end != unit->end)
     return refuse(v1::DELTA_VERDICT_CORRUPT,
-                  "the delta is of another unit, job or scale than its header says", true);
+                  "the delta is of another unit, job or scale than its header says", FailureCause::worker);
 
   std::vector<chains::ChainRecord> records;
   std::size_t largest_record = 0;
   if (unit->kind == Unit::Kind::segments) {
     auto decoded = chains::decode(records_bytes, unit->end - unit->begin);
-    if (!decoded.ok()) return refuse(v1::DELTA_VERDICT_CORRUPT, decoded.error().to_string(), true);
+    if (!decoded.ok())
+      return refuse(v1::DELTA_VERDICT_CORRUPT, decoded.error().to_string(), FailureCause::worker);
     records = std::move(*decoded);
     for (const chains::ChainRecord& r : records)
       largest_record = std::max(largest_record, chains::encoded_bytes(r));
@@ -184,24 +193,24 @@ Farm::Verdict Farm::deliver(const v1::DeltaHeader& header, const std::string& by
     case Delivery::ok:
       break;
     case Delivery::duplicate:
-      return refuse(v1::DELTA_VERDICT_DUPLICATE, "the unit is merged already", false);
+      return refuse(v1::DELTA_VERDICT_DUPLICATE, "the unit is merged already");
     case Delivery::stale:
-      return refuse(v1::DELTA_VERDICT_STALE, "the lease is not the sender's any more", false);
+      return refuse(v1::DELTA_VERDICT_STALE, "the lease is not the sender's any more");
     case Delivery::job_ended:
-      return refuse(v1::DELTA_VERDICT_JOB_ENDED, "the job has ended", false);
+      return refuse(v1::DELTA_VERDICT_JOB_ENDED, "the job has ended");
   }
   if (auto opened = truth_->open_film(header.job_id()); !opened.ok())
-    return refuse(v1::DELTA_VERDICT_STALE, opened.error().to_string(), false);
+    return refuse(v1::DELTA_VERDICT_STALE, opened.error().to_string(), FailureCause::master);
   const auto outcome = film->merge(*delta, std::move(records));
   // A chain whose segment before is not in the film: no fault of the sender's. It is rendered again in its
   // turn.
   if (!outcome.ok() && outcome.error().kind == ErrorKind::refused && unit->kind == Unit::Kind::segments)
-    return refuse(v1::DELTA_VERDICT_STALE, outcome.error().to_string(), false);
-  if (!outcome.ok()) return refuse(v1::DELTA_VERDICT_CORRUPT, outcome.error().to_string(), true);
+    return refuse(v1::DELTA_VERDICT_STALE, outcome.error().to_string());
+  if (!outcome.ok())
+    return refuse(v1::DELTA_VERDICT_CORRUPT, outcome.error().to_string(), FailureCause::worker);
   if (*outcome == JobFilm::Outcome::duplicate)
-    return refuse(v1::DELTA_VERDICT_DUPLICATE, "the unit is merged already", false);
-  if (*outcome == JobFilm::Outcome::closed)
-    return refuse(v1::DELTA_VERDICT_JOB_ENDED, "the job has ended", false);
+    return refuse(v1::DELTA_VERDICT_DUPLICATE, "the unit is merged already");
+  if (*outcome == JobFilm::Outcome::closed) return refuse(v1::DELTA_VERDICT_JOB_ENDED, "the job has ended");
   const double merge_seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
   counters_.merge_microseconds += static_cast<std::uint64_t>(merge_seconds * 1e6);

@@ -59,6 +59,15 @@ std::string percent(std::uint64_t part, std::uint64_t whole) {
                     : fmt::format("{:.1f} %", 100 * static_cast<double>(part) / static_cast<double>(whole));
 }
 
+// "3 by place, 1 by network"
+template <class Failures>
+std::string failures_text(const Failures& failures) {
+  std::vector<std::string> parts;
+  for (const auto& f : failures)
+    parts.push_back(fmt::format("{} by {}", f.count(), name(wire::from_proto(f.cause()))));
+  return join(parts, ", ");
+}
+
 template <class Line>
 void print_chains(Line&& line, const v1::JobStatus& s) {
   const v1::ChainStatus& c = s.chains();
@@ -91,6 +100,7 @@ void print_job(std::ostream& out, const v1::JobStatus& s) {
   line("name", s.name());
   line("state", std::string(wire::name(s.state())));
   if (!s.message().empty()) line("message", s.message());
+  if (s.failures_size() > 0) line("failures", failures_text(s.failures()));
   line("progress", format_progress(s));
   line("iterations",
        fmt::format("{} in {} units, {} more leased", s.iterations(), s.units_merged(), s.units_leased()));
@@ -258,7 +268,9 @@ void add_pause(CLI::App& app, Context& context) {
   add_steer(app, context, "pause", "Pause a job", &FarmClient::pause_job);
 }
 void add_resume(CLI::App& app, Context& context) {
-  add_steer(app, context, "resume", "Let a paused job go on", &FarmClient::resume_job);
+  add_steer(app, context, "resume",
+            "Let a paused or failed job go on; one that waits after failures tries again now",
+            &FarmClient::resume_job);
 }
 void add_cancel(CLI::App& app, Context& context) {
   add_steer(app, context, "cancel", "End a job; its partial image is kept", &FarmClient::cancel_job);

@@ -124,11 +124,11 @@ Result<std::string> find_job(FarmClient& farm, const LoadedScene& scene) {
   CANDELA_ASSIGN(const JobSettings was, wire::from_proto(job.settings()));
   if (const std::string text = difference(scene.job.settings, was); !text.empty())
     return mismatch("settings differ: " + text);
-  if (job.state() == v1::JOB_STATE_FAILED)
-    return failed_error(fmt::format("the render failed: {}", printable(job.message())))
-        .with_mend("start anew by --fresh");
-  // An image made of a damaged checkpoint would miss samples: they are rendered again.
-  if (has_ended(job)) {
+  // A failed render is tried again. An image made of a damaged checkpoint would miss samples: they are
+  // rendered again.
+  if (job.state() == v1::JOB_STATE_FAILED) {
+    CANDELA_ASSIGN(job, farm.resume_job(job.id()));
+  } else if (has_ended(job)) {
     CANDELA_ASSIGN(job, farm.repair_job(job.id()));
   }
   if (scene.job.stop_given) {
@@ -139,16 +139,24 @@ Result<std::string> find_job(FarmClient& farm, const LoadedScene& scene) {
   return job.id();
 }
 
-// Whether a render has stood still for want of a checkpoint: nothing is being rendered, what is merged is not
-// on disk, and the farm tries again and again. An embedded farm does not wait for somebody to make room.
+// Whether a render has stood still: nothing is being rendered and what is merged cannot be written to disk,
+// or units fail time and again and none gets done. The farm would try for ever; an embedded one does not wait
+// for somebody to make room.
 class Stall {
  public:
   void observe(const v1::JobStatus& status) {
-    const bool still = status.state() == v1::JOB_STATE_RUNNING && status.units_leased() == 0 &&
-                       status.iterations() > 0 && status.checkpoint_iterations() < status.iterations() &&
-                       !status.message().empty();
+    const bool unwritten = status.state() == v1::JOB_STATE_RUNNING && status.units_leased() == 0 &&
+                           status.iterations() > 0 && status.checkpoint_iterations() < status.iterations() &&
+                           !status.message().empty();
+    const std::uint64_t done =
+        status.units_merged() + status.chains().bootstrap_done() + (status.plan().empty() ? 0 : 1);
+    // Two workers decide about a scene, however long the second one needs for it.
+    const bool failing =
+        status.has_waiting() && status.waiting().cause() != v1::FAILURE_CAUSE_SCENE && done == done_;
+    done_ = done;
+    idle_ = status.units_leased() == 0;
     const auto now = std::chrono::steady_clock::now().time_since_epoch().count();
-    if (!still)
+    if (!unwritten && !failing)
       since_ = 0;
     else if (since_ == 0)
       since_ = now;
@@ -157,13 +165,15 @@ class Stall {
   bool over() const {
     using Clock = std::chrono::steady_clock;
     const Clock::rep since = since_;
-    return since != 0 &&
+    return since != 0 && idle_ &&
            std::chrono::duration<double>(Clock::now().time_since_epoch() - Clock::duration(since)).count() >
                kStallSeconds;
   }
 
  private:
+  std::uint64_t done_ = 0;                                // units of any kind, at the last status
   std::atomic<std::chrono::steady_clock::rep> since_{0};  // 0: it moves
+  std::atomic<bool> idle_{false};                         // no attempt is under way
 };
 
 // Whether everything the limits ask for is merged. (Such a render can be without its last checkpoint.)
@@ -290,7 +300,7 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   if (!has_ended(last) && lost) return *lost;
   if (!has_ended(last) && stall.over())
     return resource_error(printable(last.message()))
-        .with_mend(fmt::format("make room, then go on with: {}", resume_command(context)));
+        .with_mend(fmt::format("mend that, then go on with: {}", resume_command(context)));
   if (!has_ended(last)) {
     context.err << fmt::format("candela: stopped{}\ncandela: go on with: {}\n",
                                last.units_merged() > 0 ? "; wrote " + summary(last, options.output)

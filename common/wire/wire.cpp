@@ -235,6 +235,19 @@ Result<bundle::Bundle> from_proto(const v1::Bundle& message) {
   return bundle;
 }
 
+FailureCause from_proto(v1::FailureCause cause) {
+  for (const FailureCause known : kAllFailureCauses)
+    if (to_proto(known) == cause) return known;
+  return FailureCause::worker;
+}
+
+v1::FailureCause to_proto(FailureCause cause) {
+  constexpr std::array<v1::FailureCause, kFailureCauses> kCauses = {
+      v1::FAILURE_CAUSE_SCENE, v1::FAILURE_CAUSE_WORKER, v1::FAILURE_CAUSE_PLACE, v1::FAILURE_CAUSE_NETWORK,
+      v1::FAILURE_CAUSE_MASTER};
+  return kCauses[index_of(cause)];
+}
+
 std::string_view name(v1::JobState state) {
   switch (state) {
     case v1::JOB_STATE_QUEUED:

@@ -9,6 +9,7 @@
 #include "common/base/result.h"
 #include "common/bundle/bundle.h"
 #include "common/chains/chains.h"
+#include "common/job/failure.h"
 #include "common/job/job.h"
 
 namespace candela::wire {
@@ -31,6 +32,9 @@ Result<StopRule> from_proto(const v1::StopRule& message);  // at least one limit
 Result<Unit> from_proto(const v1::Unit& message);
 Result<NamedState> from_proto(const v1::NamedState& message);
 Result<bundle::Bundle> from_proto(const v1::Bundle& message);
+// What is not one of ours is the worker's: it sent it.
+FailureCause from_proto(v1::FailureCause cause);
+v1::FailureCause to_proto(FailureCause cause);
 Result<ChainPlan> from_proto(const v1::ChainPlan& message);
 Result<chains::Summary> from_proto(const v1::ChainStatus& message);
 Result<chains::ChainStart> from_proto(const v1::ChainStart& message);

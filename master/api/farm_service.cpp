@@ -116,9 +116,19 @@ grpc::Status FarmServiceImpl::UploadBlob(grpc::ServerContext* context,
     if (!first_guard.ok()) return wire::to_status(first_guard.error());
     v1::UploadBlobRequest chunk;
     if (!reader->Read(&chunk)) return grpc::Status(grpc::StatusCode::INVALID_ARGUMENT, "no chunk came");
-    auto upload = farm_.blobs().begin(chunk.sha256(), chunk.size_bytes());
+    const std::string sha256 = chunk.sha256();  // later chunks do not say it
+    auto upload = farm_.blobs().begin(sha256, chunk.size_bytes());
     if (!upload.ok()) return after_drain(*reader, wire::to_status(upload.error()));
-    if (farm_.blobs().size(chunk.sha256())) return after_drain(*reader, grpc::Status::OK);
+    if (const auto size = farm_.blobs().size(sha256)) {
+      // Another length is damage that nobody has met yet.
+      bool whole = *size == chunk.size_bytes();
+      if (!whole) {
+        const auto checked = farm_.blobs().check(sha256);
+        if (!checked.ok()) return after_drain(*reader, wire::to_status(checked.error()));
+        whole = *checked;
+      }
+      if (whole) return after_drain(*reader, grpc::Status::OK);
+    }
     do {
       if (chunk.data().size() > Limits::max_chunk_bytes)
         return after_drain(
@@ -141,6 +151,7 @@ grpc::Status FarmServiceImpl::UploadBlob(grpc::ServerContext* context,
         return grpc::Status(grpc::StatusCode::DATA_LOSS, stored.error().to_string());
       return wire::to_status(stored.error());
     }
+    farm_.blob_found(sha256);
     return grpc::Status::OK;
   });
 }
@@ -154,7 +165,12 @@ grpc::Status FarmServiceImpl::Submit(grpc::ServerContext*, const v1::SubmitReque
     auto bundle = wire::from_proto(request->bundle());
     if (!bundle.ok()) return wire::to_status(bundle.error());
     for (const bundle::File& file : bundle->files) {
-      const auto size = farm_.blobs().size(file.sha256);
+      auto size = farm_.blobs().size(file.sha256);
+      if (size && *size != file.size_bytes) {  // the submission's mistake, or damage that nobody has met yet
+        const auto whole = farm_.blobs().check(file.sha256);
+        if (!whole.ok()) return wire::to_status(whole.error());
+        if (!*whole) size.reset();
+      }
       if (!size)
         return wire::to_status(refused_error(fmt::format("the farm lacks '{}' ({})", file.path, file.sha256))
                                    .with_field("bundle.files")
@@ -276,8 +292,14 @@ grpc::Status FarmServiceImpl::PauseJob(grpc::ServerContext*, const v1::JobReques
 
 grpc::Status FarmServiceImpl::ResumeJob(grpc::ServerContext*, const v1::JobRequest* request,
                                         v1::JobStatus* response) {
-  return change(farm_, request->job_id(), response,
-                [&](Scheduler& s, Now now) { return s.resume(request->job_id(), now); });
+  return guarded([&] {
+    if (farm_.stopping()) return stopping_status();
+    if (!farm_.status(request->job_id())) return not_found("job", request->job_id());
+    auto status = farm_.resume(request->job_id());
+    if (!status.ok()) return wire::to_status(status.error());
+    *response = std::move(*status);
+    return grpc::Status::OK;
+  });
 }
 
 grpc::Status FarmServiceImpl::CancelJob(grpc::ServerContext*, const v1::JobRequest* request,

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <fstream>
 
 #include "common/base/hash.h"
 #include "common/base/version.h"
@@ -102,36 +101,48 @@ grpc::Status WorkerServiceImpl::AcquireLease(grpc::ServerContext*, const v1::Acq
     response->set_retry_ms(2000);
     return is_worker(farm_, request->worker_id(), request->session()) ? grpc::Status::OK : unauthenticated();
   }
-  const grpc::Status status =
-      as_worker(farm_, request->worker_id(), request->session(), [&](Scheduler& s, Now now) {
-        std::vector<std::string> warm;
-        for (const std::string& bundle : request->warm_bundles())
-          if (warm.size() < 64 && is_sha256_hex(bundle)) warm.push_back(bundle);
-        const AcquireResult result = s.acquire(request->worker_id(), warm, request->prefetch(), now);
-        response->set_retry_ms(result.retry_ms);
-        response->set_drain(result.drain);
-        if (!result.lease) return;
-        ++farm_.counters().leases;
-        const LeaseRow& row = result.lease->row;
-        const Job& job = *s.job(row.job_id);
-        v1::Lease& lease = *response->mutable_lease();
-        lease.set_token(row.token);
-        lease.set_unit_id(row.unit_id);
-        lease.set_job_id(row.job_id);
-        lease.set_bundle_sha256(job.row.bundle_sha256);
-        wire::to_proto(job.row.settings, *lease.mutable_settings());
-        if (job.row.named_state) wire::to_proto(*job.row.named_state, *lease.mutable_named_state());
-        wire::to_proto(job.units.at(row.unit_id).row.unit, *lease.mutable_unit());
-        lease.set_expected_seconds(row.expected_seconds);
+  const auto lease_one = [&] {
+    return as_worker(farm_, request->worker_id(), request->session(), [&](Scheduler& s, Now now) {
+      std::vector<std::string> warm;
+      for (const std::string& bundle : request->warm_bundles())
+        if (warm.size() < 64 && is_sha256_hex(bundle)) warm.push_back(bundle);
+      const AcquireResult result = s.acquire(request->worker_id(), warm, request->prefetch(), now);
+      response->set_retry_ms(result.retry_ms);
+      response->set_drain(result.drain);
+      if (!result.lease) return;
+      ++farm_.counters().leases;
+      const LeaseRow& row = result.lease->row;
+      const Job& job = *s.job(row.job_id);
+      v1::Lease& lease = *response->mutable_lease();
+      lease.set_token(row.token);
+      lease.set_unit_id(row.unit_id);
+      lease.set_job_id(row.job_id);
+      lease.set_bundle_sha256(job.row.bundle_sha256);
+      wire::to_proto(job.row.settings, *lease.mutable_settings());
+      if (job.row.named_state) wire::to_proto(*job.row.named_state, *lease.mutable_named_state());
+      wire::to_proto(job.units.at(row.unit_id).row.unit, *lease.mutable_unit());
+      lease.set_expected_seconds(row.expected_seconds);
+    });
+  };
+  // A unit whose inputs the master cannot give waits. The worker may have another one, of any job.
+  constexpr int kAttempts = 8;
+  grpc::Status status;
+  for (int attempt = 0; attempt < kAttempts; ++attempt) {
+    status = lease_one();
+    if (!status.ok() || !response->has_lease()) return status;
+    status = guarded([&] {
+      const auto added = farm_.add_chain_starts(*response->mutable_lease());
+      if (added.ok()) return grpc::Status::OK;
+      const std::uint64_t token = response->lease().token();
+      farm_.with_scheduler([&](Scheduler& s) {
+        s.lack_inputs(request->worker_id(), token, added.error().to_string(), farm_.now());
       });
-  if (!status.ok() || !response->has_lease()) return status;
-  return guarded([&] {
-    if (farm_.add_chain_starts(*response->mutable_lease())) return grpc::Status::OK;
-    const std::uint64_t token = response->lease().token();
-    farm_.with_scheduler([&](Scheduler& s) { s.return_lease(request->worker_id(), token, farm_.now()); });
-    response->clear_lease();
-    return grpc::Status::OK;
-  });
+      response->clear_lease();
+      return grpc::Status::OK;
+    });
+    if (!status.ok() || response->has_lease()) return status;
+  }
+  return status;
 }
 
 grpc::Status WorkerServiceImpl::Heartbeat(grpc::ServerContext*, const v1::HeartbeatRequest* request,
@@ -158,8 +169,8 @@ grpc::Status WorkerServiceImpl::ReturnLease(grpc::ServerContext*, const v1::Retu
 grpc::Status WorkerServiceImpl::FailUnit(grpc::ServerContext*, const v1::FailUnitRequest* request,
                                          v1::FailUnitResponse*) {
   return as_worker(farm_, request->worker_id(), request->session(), [&](Scheduler& s, Now now) {
-    s.fail_unit(request->worker_id(), request->token(), clipped(request->message()), request->input_error(),
-                true, now);
+    s.fail_unit(request->worker_id(), request->token(), wire::from_proto(request->cause()),
+                clipped(request->message()), now);
   });
 }
 
@@ -299,18 +310,34 @@ grpc::Status WorkerServiceImpl::FetchBlob(grpc::ServerContext* context, const v1
     if (!is_worker(farm_, request->worker_id(), request->session())) return unauthenticated();
     if (!is_sha256_hex(request->sha256()))
       return wire::to_status(input_error("must be 64 lower-case hex digits").with_field("sha256"));
-    const auto size = farm_.blobs().size(request->sha256());
-    if (!size) return not_found("blob", request->sha256());
-    std::ifstream file(farm_.blobs().path(request->sha256()), std::ios::binary);
+    const std::string& sha256 = request->sha256();
+    const auto lost = [&](bool damaged) {
+      return grpc::Status(grpc::StatusCode::DATA_LOSS, farm_.blob_lost(sha256, damaged));
+    };
+    // A file that is there and cannot be read, for want of a permission say, is the master's trouble as well.
+    const auto unreadable = [](const Error& error) {
+      return grpc::Status(grpc::StatusCode::DATA_LOSS, "the master " + error.to_string());
+    };
+    auto opened = farm_.blobs().read(sha256);
+    if (!opened.ok()) return unreadable(opened.error());
+    if (!*opened) return lost(false);
+    BlobStore::Reader& blob = **opened;
+    if (request->size_bytes() != 0 && request->size_bytes() != blob.size()) {
+      const auto whole = farm_.blobs().check(sha256);
+      if (!whole.ok()) return unreadable(whole.error());
+      if (!*whole) return lost(true);
+      return wire::to_status(
+          input_error(fmt::format("the blob has {} bytes, not {}", blob.size(), request->size_bytes()))
+              .with_field("size_bytes"));
+    }
     v1::FetchBlobChunk chunk;
-    std::uint64_t left = *size;
+    std::uint64_t left = blob.size();
     do {
-      const std::uint64_t n = std::min<std::uint64_t>(left, Limits::max_chunk_bytes);
-      chunk.mutable_data()->resize(n);
-      chunk.set_size_bytes(*size);
-      if (n > 0 && !file.read(chunk.mutable_data()->data(), static_cast<std::streamsize>(n)))
-        return grpc::Status(grpc::StatusCode::DATA_LOSS, "the blob cannot be read");
-      left -= n;
+      if (auto read = blob.next(Limits::max_chunk_bytes, *chunk.mutable_data()); !read.ok())
+        return read.error().kind == ErrorKind::failed ? lost(true) : unreadable(read.error());
+      chunk.set_size_bytes(blob.size());
+      left -= chunk.data().size();
+      if (left == 0) farm_.blob_found(sha256);
       if (!writer->Write(chunk)) return grpc::Status(grpc::StatusCode::CANCELLED, "the worker went away");
     } while (left > 0 && !context->IsCancelled() && !farm_.stopping());
     return left == 0 ? grpc::Status::OK : stopping_status();

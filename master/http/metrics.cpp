@@ -81,6 +81,8 @@ std::string metrics_text(Farm& farm) {
   page.counter("candela_checkpoints_total", "checkpoints written", static_cast<double>(c.checkpoints));
   page.counter("candela_checkpoint_failures_total", "checkpoints that could not be written",
                static_cast<double>(c.checkpoint_failures));
+  page.counter("candela_damaged_blobs_total", "blobs that were found damaged and set aside",
+               static_cast<double>(c.damaged_blobs));
   page.counter("candela_upload_bytes_total", "bytes of scene files uploaded",
                static_cast<double>(c.upload_bytes));
   page.gauge("candela_merge_queue_bytes", "bytes of deltas under way",
@@ -91,10 +93,15 @@ std::string metrics_text(Farm& farm) {
              static_cast<double>(farm.writer().backlog()));
   struct Leases {
     double held = 0, expired = 0;
+    FailureCounts failures{};
   };
   const Leases leases = farm.with_scheduler([](Scheduler& s) {
-    return Leases{static_cast<double>(s.lease_count()), static_cast<double>(s.expired_count())};
+    return Leases{static_cast<double>(s.lease_count()), static_cast<double>(s.expired_count()), s.failures()};
   });
+  for (const FailureCause cause : kAllFailureCauses)
+    page.counter("candela_unit_failures_total", "units that failed, by cause",
+                 static_cast<double>(leases.failures[index_of(cause)]),
+                 {{"cause", std::string(name(cause))}});
   page.gauge("candela_leases", "leases held now", leases.held);
   page.counter("candela_leases_expired_total", "leases that ran out", leases.expired);
 
@@ -109,6 +116,8 @@ std::string metrics_text(Farm& farm) {
         j.state() != v1::JOB_STATE_PAUSED)
       continue;
     const Labels labels{{"job", j.id()}};
+    page.gauge("candela_job_waiting_units", "units that failed and wait for another attempt",
+               static_cast<double>(j.waiting().units()), labels);
     page.gauge("candela_job_iterations", "iterations merged", static_cast<double>(j.iterations()), labels);
     page.gauge("candela_job_samples", "eye samples merged", static_cast<double>(j.samples()), labels);
     page.gauge("candela_job_samples_per_second", "over the last seconds", j.samples_per_second(), labels);

@@ -1,4 +1,4 @@
-// The cycle of a unit: lease, heartbeat, delivery, failure, expiry.
+// The cycle of a unit: lease, heartbeat, delivery, expiry.
 #include "master/scheduler/scheduler.h"
 
 #include <fmt/format.h>
@@ -34,10 +34,14 @@ std::uint64_t Scheduler::active_workers(const Job& job, Now now) const {
 
 // Higher priority first, then the least served; within half a unit of the least served, those whose scene is
 // warm.
-std::vector<Job*> Scheduler::candidates(const WorkerState& worker, const std::vector<std::string>& warm) {
+std::vector<Job*> Scheduler::candidates(const WorkerState& worker, const std::vector<std::string>& warm,
+                                        Now now) {
   std::vector<Job*> out;
   for (auto& [id, j] : jobs_)
-    if (j.open_for_leases() && can_run(worker, j)) out.push_back(&j);
+    if (j.open_for_leases() && can_run(worker, j)) {
+      const auto standing = j.standings.find(worker.row.id);
+      if (standing == j.standings.end() || standing->second.retry_at <= now.seconds) out.push_back(&j);
+    }
   std::sort(out.begin(), out.end(), [](const Job* a, const Job* b) {
     if (a->row.priority != b->row.priority) return a->row.priority > b->row.priority;
     if (a->virtual_time != b->virtual_time) return a->virtual_time < b->virtual_time;
@@ -110,7 +114,7 @@ AcquireResult Scheduler::acquire(const std::string& worker_id, const std::vector
     return out;
   }
   if (worker.leases.size() >= options_.max_leases_per_worker) return out;
-  const std::vector<Job*> order = candidates(worker, warm);
+  const std::vector<Job*> order = candidates(worker, warm, now);
   for (Job* job : order) {
     if (UnitState* unit = pick(*job, worker, prefetch, now)) {
       out.lease = grant(*job, *unit, worker, false, now);
@@ -118,7 +122,7 @@ AcquireResult Scheduler::acquire(const std::string& worker_id, const std::vector
     }
     // Its last units wait for a worker that is free. This one is soon, unless it takes another job's unit
     // first, and another, for as long as that job lasts.
-    if (prefetch && has_work(*job, worker)) return out;
+    if (prefetch && has_work(*job, worker, now)) return out;
   }
   if (!prefetch) {
     for (Job* job : order) {
@@ -128,8 +132,10 @@ AcquireResult Scheduler::acquire(const std::string& worker_id, const std::vector
       }
     }
   }
-  for (const Job* job : order)  // a pilot ends soon and opens the job
-    if (!job->row.named_state && !job->units.empty()) out.retry_ms = 50;  // and a bootstrap
+  for (const Job* job : order)  // a pilot that runs ends soon and opens the job, and so does a bootstrap
+    if (!job->row.named_state && std::any_of(job->units.begin(), job->units.end(),
+                                             [](const auto& unit) { return !unit.second.leases.empty(); }))
+      out.retry_ms = 50;
   return out;
 }
 
@@ -212,63 +218,6 @@ void Scheduler::return_lease(const std::string& worker_id, std::uint64_t token, 
   last_activity_ = now.seconds;
 }
 
-void Scheduler::note_failure(WorkerState& worker, const std::string& job_id, Now now) {
-  ++worker.consecutive_failures;
-  ++worker.row.units_failed;
-  worker.failed_jobs.insert(job_id);
-  changes_.emplace_back(PutWorker{worker.row});
-  if (worker.consecutive_failures < options_.max_worker_failures && worker.failed_jobs.size() < 3) return;
-  worker.message = fmt::format("set aside after {} failures in a row on {} job(s)",
-                               worker.consecutive_failures, worker.failed_jobs.size());
-  worker.set_aside_until = now.seconds + options_.set_aside_seconds;
-  event(now, "", worker.row.id, "set-aside", worker.message);
-}
-
-void Scheduler::fail_unit(const std::string& worker_id, std::uint64_t token, const std::string& message,
-                          bool input_error, bool renderer_said_so, Now now) {
-  expire(now);
-  const auto it = leases_.find(token);
-  if (it == leases_.end() || it->second.row.worker_id != worker_id) return;
-  const std::string job_id = it->second.row.job_id;
-  const std::uint64_t unit_id = it->second.row.unit_id;
-  drop_lease(token, now, true);
-  last_activity_ = now.seconds;
-  event(now, job_id, worker_id, "unit-failed", fmt::format("unit {}: {}", unit_id, message));
-  WorkerState& worker = workers_.at(worker_id);
-  // A scene that cannot be rendered is not the worker's fault.
-  if (!input_error) note_failure(worker, job_id, now);
-  Job* job = find(job_id);
-  if (job == nullptr) return;
-  if (input_error) {
-    fail_job(job_id, message, now);
-    return;
-  }
-  const auto u = job->units.find(unit_id);
-  if (u == job->units.end()) return;
-  UnitState& unit = u->second;
-  ++unit.row.failures;
-  const std::uint32_t here = ++unit.failures_by_worker[worker_id];
-  save(unit);
-  if (unit.row.failures >= options_.max_unit_failures) {
-    fail_job(job_id,
-             fmt::format("unit {} failed {} times, last on {}: {}", unit_id, unit.row.failures,
-                         worker.row.name, message),
-             now);
-    return;
-  }
-  if (!renderer_said_so || here < 2) return;
-  // Failed twice wherever it could run, and nobody left to try: waiting would be for ever.
-  for (const auto& [id, w] : workers_) {
-    if (!usable(w, now) || !can_run(w, *job)) continue;
-    const auto f = unit.failures_by_worker.find(id);
-    if (f == unit.failures_by_worker.end() || f->second < 2) return;
-  }
-  fail_job(job_id,
-           fmt::format("unit {} failed twice on each worker there is, last on {}: {}", unit_id,
-                       worker.row.name, message),
-           now);
-}
-
 const Job* Scheduler::job_of_lease(const std::string& worker_id, std::uint64_t token) const {
   const auto it = leases_.find(token);
   return it == leases_.end() || it->second.row.worker_id != worker_id ? nullptr : job(it->second.row.job_id);
@@ -286,8 +235,7 @@ bool Scheduler::complete_pilot(const std::string& worker_id, std::uint64_t token
   const auto u = job->units.find(it->second.row.unit_id);
   if (u == job->units.end() || u->second.row.unit.kind != Unit::Kind::pilot) return false;
   WorkerState& worker = workers_.at(worker_id);
-  worker.consecutive_failures = 0;
-  worker.failed_jobs.clear();
+  note_success(*job, worker, now);
   job->row.chains = result.chains;
   job->row.pilot_scale_log2 = result.state.film_scale_log2;
   if (result.chains)
@@ -371,8 +319,7 @@ void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::u
   const double per_iteration = render_seconds / static_cast<double>(unit.end - unit.begin);
   if (const auto w = workers_.find(worker_id); w != workers_.end()) {
     w->second.row.units_merged += 1;
-    w->second.consecutive_failures = 0;
-    w->second.failed_jobs.clear();
+    note_success(*job, w->second, now);
     if (per_iteration > 0) {
       blend(job->worker_seconds_per_iteration[worker_id], per_iteration);
       blend(job->thread_seconds, per_iteration * w->second.row.threads);
@@ -394,11 +341,14 @@ void Scheduler::expire(Now now) {
     if (now.seconds > lease.expires + grace) late.push_back(token);
   }
   for (const std::uint64_t token : late) {
-    const Lease& lease = leases_.at(token);
+    const auto it = leases_.find(token);
+    if (it == leases_.end()) continue;  // its job was given up for the unit of another of these leases
+    const Lease lease = it->second;
     event(now, lease.row.job_id, lease.row.worker_id, "expired",
           fmt::format("the lease of unit {} ran out", lease.row.unit_id));
     ++expired_count_;
     drop_lease(token, now, false);
+    lost_with_worker(lease, now);
     last_activity_ = now.seconds;
   }
 }

@@ -24,6 +24,7 @@
 
 #include "common/base/result.h"
 #include "common/film/film.h"
+#include "master/scheduler/failure.h"
 #include "master/scheduler/index_sets.h"
 #include "master/store/records.h"
 
@@ -37,10 +38,8 @@ struct Now {
 struct SchedulerOptions {
   double lease_seconds = 30;
   double unit_seconds = 4;
-  double set_aside_seconds = 600;
+  FailurePolicy failures;
   double forget_worker_seconds = 3600;  // a lost worker's session ends
-  std::uint32_t max_unit_failures = 4;
-  std::uint32_t max_worker_failures = 5;  // consecutive
   std::size_t max_leases_per_worker =
       6;  // rendering, prefetched, and finished ones waiting for their verdict
   std::size_t max_workers = 10000;
@@ -65,11 +64,31 @@ struct Lease {
   bool listed = false;     // some heartbeat named it
 };
 
+// What has failed of a unit that is not done. Its row counts the failures of cause worker over restarts.
+struct UnitTrouble {
+  std::array<std::uint32_t, kFailureCauses> failures{};
+  std::uint32_t lost = 0;                          // leases, with workers that fell silent
+  double retry_at = 0;                             // nobody is offered the unit before
+  std::map<std::string, std::uint32_t> by_worker;  // worker id: failures of cause scene and worker
+  std::set<std::string> witnesses;                 // distinct workers behind those of cause worker
+  std::set<std::string> refused_by;                // distinct workers that named the scene
+  FailureCause cause = FailureCause::worker;       // of the latest failure, as are the texts
+  std::string worker_name, text;
+  std::string refusal;  // what the latest of `refused_by` said
+};
+
 struct UnitState {
   UnitRow row;
   std::vector<std::uint64_t> leases;
-  std::map<std::string, std::uint32_t> failures_by_worker;
+  std::optional<UnitTrouble> trouble;
   bool speculated = false;
+  bool waits(double seconds) const { return trouble && trouble->retry_at > seconds; }
+};
+
+// How a worker has fared with a job since it last delivered something of it.
+struct Standing {
+  std::uint32_t failures = 0;  // in a row
+  double retry_at = 0;         // it is offered nothing of the job before
 };
 
 // How far a job had come at some time.
@@ -103,6 +122,12 @@ struct Job {
   std::size_t record_bytes = 0;                 // of the largest chain record seen
   std::uint64_t told_stay = 0;                  // the longest stay of a chain an event told of
 
+  FailureCounts failures{};                   // since the master started
+  std::map<std::string, Standing> standings;  // by worker id; only those that failed
+  std::set<std::string> refused_by;           // distinct workers that named the scene since the last delivery
+  bool told_waiting = false;                  // an event has, since the last delivery
+  std::map<std::string, std::string> lacks;   // SHA-256 of a blob that the master has lost: what to say of it
+
   bool open_for_leases() const {
     return !finishing && (row.state == JobState::queued || row.state == JobState::running);
   }
@@ -123,10 +148,21 @@ struct WorkerState {
   WorkerRow row;
   double last_seen = 0;
   std::set<std::uint64_t> leases;
-  std::uint32_t consecutive_failures = 0;
-  std::set<std::string> failed_jobs;  // since its last merged unit
+  std::uint32_t consecutive_failures = 0;  // of causes of its own
+  std::set<std::string> failed_jobs;       // since its last merged unit
+  std::uint32_t times_set_aside = 0;       // since its last merged unit
   double set_aside_until = 0;
+  double silence_told = -1;  // the `last_seen` of a silence for which a unit has been counted as lost
+  FailureCounts failures{};  // since the master started
   std::string message;
+};
+
+// Of a job some of whose work has failed and is not done.
+struct Waiting {
+  FailureCause cause = FailureCause::worker;
+  std::uint64_t units = 0;
+  std::int64_t retry_unix_ms = 0;  // in whole seconds, rounded up; 0: as soon as a worker can
+  std::string text;
 };
 
 struct AcquireResult {
@@ -202,10 +238,16 @@ class Scheduler {
                         Now now);
   HeartbeatResult heartbeat(const std::string& worker_id, const std::vector<std::uint64_t>& tokens, Now now);
   void return_lease(const std::string& worker_id, std::uint64_t token, Now now);
-  // Idempotent per token. With `renderer_said_so` false it was the delivery that failed, which says nothing
-  // about whether the unit can be rendered.
-  void fail_unit(const std::string& worker_id, std::uint64_t token, const std::string& message,
-                 bool input_error, bool renderer_said_so, Now now);
+  // Idempotent per token. failure.h has what follows.
+  void fail_unit(const std::string& worker_id, std::uint64_t token, FailureCause cause,
+                 const std::string& message, Now now);
+  // The master itself cannot give what the unit of this lease starts from. The unit waits; neither the worker
+  // nor the job's other units do.
+  void lack_inputs(const std::string& worker_id, std::uint64_t token, const std::string& message, Now now);
+  // The master has lost a blob that the job needs; `text` says which, and the mend. True if that is news.
+  bool lack_blob(const std::string& job_id, const std::string& sha256, const std::string& text, Now now);
+  // It has it again: jobs that waited for it go on.
+  void blob_arrived(const std::string& sha256, Now now);
   // The job of a lease that this worker holds; null if it holds none of this token.
   const Job* job_of_lease(const std::string& worker_id, std::uint64_t token) const;
   // Precondition: result.layers and the job's size are the layout of a film (film::make_layout); of a job of
@@ -246,14 +288,16 @@ class Scheduler {
   double indices_per_second(const Job& job, Now now) const;
   double eta_seconds(const Job& job, Now now) const;  // NaN where unknown
   std::string message_of(const Job& job, Now now) const;
+  std::optional<Waiting> waiting_of(const Job& job, Now now) const;
+  const FailureCounts& failures() const { return failures_; }
 
  private:
   bool usable(const WorkerState& worker, Now now) const;
   bool can_run(const WorkerState& worker, const Job& job) const;
   std::uint64_t active_workers(const Job& job, Now now) const;
-  std::vector<Job*> candidates(const WorkerState& worker, const std::vector<std::string>& warm);
+  std::vector<Job*> candidates(const WorkerState& worker, const std::vector<std::string>& warm, Now now);
   UnitState* pick(Job& job, const WorkerState& worker, bool prefetch, Now now);
-  bool has_work(const Job& job, const WorkerState& worker) const;
+  bool has_work(const Job& job, const WorkerState& worker, Now now) const;
   UnitState* cut(Job& job, const WorkerState& worker, bool prefetch, Now now);
   static std::optional<Unit> next_iterations(Job& job, std::uint64_t want);
   static std::optional<Unit> next_samples(Job& job, std::uint64_t want);
@@ -286,7 +330,30 @@ class Scheduler {
   void save(Job& job, Now now);
   void save(const UnitState& unit);
   void expire(Now now);
-  void note_failure(WorkerState& worker, const std::string& job_id, Now now);
+  // Counts, and sets the worker aside where that is due.
+  void note_failure(Job& job, WorkerState& worker, FailureCause cause, const std::string& message,
+                    const Consequence& then, Now now);
+  bool lives(const WorkerState& worker, Now now) const;
+  // Distinct workers that live and could run the job, those set aside included if `all`.
+  std::set<std::string> able_workers(const Job& job, bool all, Now now) const;
+  // Whether the unit is for others to try: this worker failed at it, and one that did not could have it.
+  bool barred(const Job& job, const UnitState& unit, const WorkerState& worker, Now now) const;
+  bool offered(const Job& job, const UnitState& unit, const WorkerState& worker, Now now) const {
+    return unit.leases.empty() && !unit.waits(now.seconds) && !barred(job, unit, worker, now);
+  }
+  // The worker has brought something of the job to its end.
+  void note_success(Job& job, WorkerState& worker, Now now);
+  UnitTrouble& blame(UnitState& unit, FailureCause cause, const WorkerState* worker,
+                     const std::string& message);
+  bool end_if_poison(Job& job, const UnitState& unit, Now now);
+  bool end_if_refused(Job& job, Now now);
+  void lost_with_worker(const Lease& lease, Now now);
+  void tell_waiting(Job& job, Now now);
+  // What failed is tried again now, also by workers set aside for it. False: nothing had failed.
+  bool forget_failures(Job& job, Now now);
+  Result<void> resume_failed(Job& job, Now now);
+  // Seconds on the steady clock before which nobody is offered the unit.
+  double next_try(const Job& job, const UnitState& unit, Now now) const;
   Job* find(const std::string& id);
 
   SchedulerOptions options_;
@@ -298,6 +365,7 @@ class Scheduler {
   std::vector<Change> changes_;
   double last_activity_ = 0;
   std::uint64_t expired_count_ = 0;
+  FailureCounts failures_{};
 };
 
 }  // namespace candela::master

@@ -79,8 +79,7 @@ Result<bool> Scheduler::complete_bootstrap(const std::string& worker_id, std::ui
 
   WorkerState& worker = workers_.at(worker_id);
   worker.row.units_merged += 1;
-  worker.consecutive_failures = 0;
-  worker.failed_jobs.clear();
+  note_success(*job, worker, now);
   job->virtual_time += (render_seconds - it->second.row.expected_seconds) / job->row.share;
   const std::uint64_t unit_id = u->first;
   const std::vector<std::uint64_t> tokens = u->second.leases;

@@ -26,15 +26,13 @@ UnitState* Scheduler::pick(Job& job, const WorkerState& worker, bool prefetch, N
   if (!job.row.named_state && !job.row.chains) {
     if (job.units.empty()) return &add_unit(job, Unit{Unit::Kind::pilot, 0, 0, 0});
     UnitState& pilot = job.units.begin()->second;
-    const auto failed = pilot.failures_by_worker.find(worker.row.id);
-    const bool barred = failed != pilot.failures_by_worker.end() && failed->second >= 2;
-    return pilot.leases.empty() && !barred ? &pilot : nullptr;
+    return offered(job, pilot, worker, now) ? &pilot : nullptr;
   }
   return cut(job, worker, prefetch, now);
 }
 
 // Whether `worker`, were it free, could have a unit of the job.
-bool Scheduler::has_work(const Job& job, const WorkerState& worker) const {
+bool Scheduler::has_work(const Job& job, const WorkerState& worker, Now now) const {
   if (job.in_bootstrap()) {
     if (job.bootstrap_taken.count() < job.row.chains->bootstrap_samples) return true;
   } else if (!job.row.named_state) {
@@ -47,11 +45,8 @@ bool Scheduler::has_work(const Job& job, const WorkerState& worker) const {
     for (std::uint32_t h = 0; h < 2; ++h)
       if (!contains(job.taken[h], 0, job.target(h))) return true;
   }
-  return std::any_of(job.units.begin(), job.units.end(), [&](const auto& entry) {
-    const UnitState& unit = entry.second;
-    const auto failed = unit.failures_by_worker.find(worker.row.id);
-    return unit.leases.empty() && (failed == unit.failures_by_worker.end() || failed->second < 2);
-  });
+  return std::any_of(job.units.begin(), job.units.end(),
+                     [&](const auto& entry) { return offered(job, entry.second, worker, now); });
 }
 
 namespace {
@@ -100,11 +95,9 @@ UnitState* Scheduler::cut(Job& job, const WorkerState& worker, bool prefetch, No
   UnitState* open = nullptr;
   std::uint64_t open_count = 0;
   for (auto& [id, u] : job.units) {
-    if (!u.leases.empty()) continue;
+    if (!u.leases.empty() || u.waits(now.seconds)) continue;
     ++open_count;
-    const auto failed = u.failures_by_worker.find(worker.row.id);
-    const bool barred = failed != u.failures_by_worker.end() && failed->second >= 2;
-    if (open == nullptr && !barred) open = &u;
+    if (open == nullptr && offered(job, u, worker, now)) open = &u;
   }
   if (prefetch && bounded) {
     // What a full-size unit would be, not the guided one: else there are always two a worker left.
@@ -144,8 +137,7 @@ UnitState* Scheduler::straggler(Job& job, const WorkerState& worker, Now now) {
     if (u.leases.size() != 1 || u.speculated) continue;
     const Lease& lease = leases_.at(u.leases[0]);
     if (lease.row.worker_id == worker.row.id) continue;
-    const auto failed = u.failures_by_worker.find(worker.row.id);
-    if (failed != u.failures_by_worker.end() && failed->second >= 2) continue;
+    if (u.waits(now.seconds) || barred(job, u, worker, now)) continue;
     const double floor =
         u.row.unit.kind == Unit::Kind::pilot ? kPilotFloor : std::max(options_.unit_seconds, 1.0);
     const double late = now.seconds - lease.granted - std::max(2 * lease.due_seconds, floor);

@@ -86,11 +86,16 @@ Result<void> Scheduler::pause(const std::string& id, Now now) {
 
 Result<void> Scheduler::resume(const std::string& id, Now now) {
   Job& job = *find(id);
+  if (job.row.state == JobState::failed) return resume_failed(job, now);
   if (has_ended(job.row.state))
     return refused_error(fmt::format("job {} has ended ({})", id, name(job.row.state)))
         .with_field("job_id")
         .with_mend("extend it");
-  if (job.row.state != JobState::paused) return {};
+  const bool again = forget_failures(job, now);
+  if (job.row.state != JobState::paused) {
+    if (again) event(now, id, "", "resumed", "what failed is tried again now");
+    return {};
+  }
   job.row.state = JobState::queued;
   start_fairly(job);
   event(now, id, "", "resumed", "");
@@ -200,7 +205,9 @@ Result<void> Scheduler::extend(const std::string& id, std::uint64_t iterations, 
                                Now now) {
   Job& job = *find(id);
   if (job.row.state == JobState::failed)
-    return refused_error(fmt::format("job {} has failed and cannot be extended", id)).with_field("job_id");
+    return refused_error(fmt::format("job {} has failed", id))
+        .with_field("job_id")
+        .with_mend("let it go on with: candela resume " + id);
   if (job.row.stop_reason == "black")
     return refused_error(fmt::format("job {} found no light to go on with", id))
         .with_field("job_id")
@@ -270,15 +277,16 @@ void Scheduler::tick(Now now) {
       check_stop(job, now);
       if (now.seconds - job.last_saved > kSavePeriod) save(job, now);
     }
+    end_if_refused(job, now);
     job.last_tick = now.seconds;
   }
   for (auto it = workers_.begin(); it != workers_.end();) {
     WorkerState& w = it->second;
     if (w.set_aside_until > 0 && w.set_aside_until <= now.seconds) {
+      // On probation: one more failure sets it aside again, for longer.
       w.set_aside_until = 0;
-      w.consecutive_failures = 0;
+      w.consecutive_failures = std::min(w.consecutive_failures, options_.failures.max_worker_failures - 1);
       w.failed_jobs.clear();
-      w.message.clear();
       event(now, "", w.row.id, "set-aside", "over; it gets leases again");
     }
     if (w.leases.empty() && now.seconds - w.last_seen > options_.forget_worker_seconds) {
@@ -345,16 +353,18 @@ std::string Scheduler::message_of(const Job& job, Now now) const {
   if (!job.note.empty()) return job.note;
   if (job.finishing) return "writing the final checkpoint";
   if (job.row.state == JobState::paused) return job.row.message;
+  if (!job.lacks.empty()) return job.lacks.begin()->second;
+  if (const auto waiting = waiting_of(job, now)) return waiting->text;
   std::uint64_t able = 0, live = 0, aside = 0;
   for (const auto& [id, w] : workers_) {
-    const bool lost = now.seconds - w.last_seen > std::max(options_.lease_seconds, 10.0);
-    if (lost) continue;
+    if (!lives(w, now)) continue;
     ++live;
     if (w.set_aside_until > now.seconds) ++aside;
     if (usable(w, now) && can_run(w, job)) ++able;
   }
   if (able == 0 && live == 0) return "no worker is connected";
-  if (able == 0 && aside == live) return "all workers are set aside after failures";
+  if (able == 0 && aside == live)
+    return fmt::format("all {} worker(s) are set aside after failures: see `candela workers`", live);
   if (able == 0)
     return fmt::format("none of the {} worker(s) connected can run instruction set {}, or they are draining",
                        live, job.row.settings.isa);

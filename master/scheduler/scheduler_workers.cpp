@@ -7,9 +7,12 @@
 
 namespace candela::master {
 
+bool Scheduler::lives(const WorkerState& worker, Now now) const {
+  return now.seconds - worker.last_seen <= std::max(options_.lease_seconds, 10.0);
+}
+
 bool Scheduler::usable(const WorkerState& worker, Now now) const {
-  return !worker.row.draining && worker.set_aside_until <= now.seconds &&
-         now.seconds - worker.last_seen <= std::max(options_.lease_seconds, 10.0);
+  return !worker.row.draining && worker.set_aside_until <= now.seconds && lives(worker, now);
 }
 
 bool Scheduler::can_run(const WorkerState& worker, const Job& job) const {
@@ -96,6 +99,7 @@ void Scheduler::deregister(const std::string& worker_id, Now now) {
   for (const std::uint64_t token : tokens) drop_lease(token, now, true);
   event(now, "", worker_id, "left", it->second.row.name);
   changes_.emplace_back(DropWorker{worker_id});
+  for (auto& [id, job] : jobs_) job.standings.erase(worker_id);
   workers_.erase(worker_id);
   last_activity_ = now.seconds;
 }
@@ -107,7 +111,7 @@ std::set<std::string> Scheduler::jobs_of(const WorkerState& worker) const {
 }
 
 std::string Scheduler::worker_state_name(const WorkerState& w, Now now) const {
-  if (now.seconds - w.last_seen > std::max(options_.lease_seconds, 10.0)) return "lost";
+  if (!lives(w, now)) return "lost";
   if (w.row.draining) return w.leases.empty() ? "drained" : "draining";
   if (w.set_aside_until > now.seconds) return "set-aside";
   return w.leases.empty() ? "idle" : "busy";

@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
 
@@ -9,6 +10,7 @@
 #include <cstring>
 
 #include "common/base/files.h"
+#include "common/base/log.h"
 #include "common/job/job.h"
 
 namespace candela::master {
@@ -46,10 +48,78 @@ std::optional<std::uint64_t> BlobStore::size(const std::string& sha256) const {
   return bytes;
 }
 
-Result<bool> BlobStore::check(const std::string& sha256) const {
-  if (!size(sha256)) return false;
-  CANDELA_ASSIGN(const std::string bytes, read_file(path(sha256), 1ULL << 38));
-  return sha256_hex(bytes) == sha256;
+Result<std::unique_ptr<BlobStore::Reader>> BlobStore::read(const std::string& sha256) {
+  auto reader = std::unique_ptr<Reader>(new Reader(*this));
+  reader->sha256_ = sha256;
+  reader->fd_ = ::open(path(sha256).c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  if (reader->fd_ < 0 && errno == ENOENT) return std::unique_ptr<Reader>();
+  struct stat info {};
+  if (reader->fd_ < 0 || ::fstat(reader->fd_, &info) != 0)
+    return disk_error("cannot read a blob", path(sha256));
+  reader->size_ = static_cast<std::uint64_t>(info.st_size);
+  return reader;
+}
+
+BlobStore::Reader::~Reader() {
+  if (fd_ >= 0) ::close(fd_);
+}
+
+Error BlobStore::Reader::damaged(const std::string& why) {
+  store_.set_aside(sha256_, fd_);
+  return failed_error(fmt::format("blob {} is damaged: {}", sha256_, why))
+      .at(store_.path(sha256_).string(), 0);
+}
+
+Result<void> BlobStore::Reader::next(std::size_t most_bytes, std::string& out) {
+  out.resize(static_cast<std::size_t>(std::min<std::uint64_t>(most_bytes, size_ - read_)));
+  std::size_t have = 0;
+  while (have < out.size()) {
+    const ssize_t n = ::read(fd_, out.data() + have, out.size() - have);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0 && errno == EIO) return damaged("the disk cannot read it");
+    if (n < 0) return disk_error("cannot read a blob", store_.path(sha256_));
+    if (n == 0) return damaged("it became shorter while it was read");
+    have += static_cast<std::size_t>(n);
+  }
+  hash_.update(out);
+  read_ += out.size();
+  if (read_ == size_ && !checked_) {
+    checked_ = true;
+    const std::string actual = hash_.finish_hex();
+    if (actual != sha256_) return damaged(fmt::format("its bytes have the hash {}", actual));
+  }
+  return {};
+}
+
+Result<bool> BlobStore::check(const std::string& sha256) {
+  CANDELA_ASSIGN(const std::unique_ptr<Reader> reader, read(sha256));
+  if (!reader) return false;
+  std::string bytes;
+  do {
+    if (auto more = reader->next(1 << 20, bytes); !more.ok()) {
+      if (more.error().kind == ErrorKind::failed) return false;
+      return std::move(more).error();
+    }
+  } while (!bytes.empty());
+  return true;
+}
+
+// Moves the file away that was read, if it still bears the blob's name: it may have been uploaded again
+// since.
+void BlobStore::set_aside(const std::string& sha256, int fd) {
+  const std::lock_guard lock(names_mutex_);
+  struct stat read {
+  }, named{};
+  if (::fstat(fd, &read) != 0 || ::stat(path(sha256).c_str(), &named) != 0) return;
+  if (read.st_dev != named.st_dev || read.st_ino != named.st_ino) return;
+  std::error_code code;
+  std::filesystem::create_directories(folder_ / "damaged", code);
+  std::filesystem::path to = folder_ / "damaged" / sha256;
+  for (int i = 1; std::filesystem::exists(to, code); ++i)
+    to = folder_ / "damaged" / fmt::format("{}.{}", sha256, i);
+  if (::rename(path(sha256).c_str(), to.c_str()) != 0)
+    log::error(fmt::format("the damaged blob {} cannot be set aside: {}", path(sha256).string(),
+                           std::strerror(errno)));
 }
 
 Result<std::unique_ptr<BlobStore::Upload>> BlobStore::begin(const std::string& sha256,
@@ -67,7 +137,7 @@ Result<std::unique_ptr<BlobStore::Upload>> BlobStore::begin(const std::string& s
                                       size_bytes, free_bytes))
         .at(folder_.string(), 0)
         .with_mend("free space on the master's disk");
-  auto upload = std::unique_ptr<Upload>(new Upload);
+  auto upload = std::unique_ptr<Upload>(new Upload(*this));
   upload->sha256_ = sha256;
   upload->size_ = size_bytes;
   upload->final_ = path(sha256);
@@ -106,7 +176,10 @@ Result<void> BlobStore::Upload::finish() {
   if (hash_.finish_hex() != sha256_)
     return failed_error(fmt::format("the bytes do not have the hash {}", sha256_)).with_field("sha256");
   if (::fsync(fd_) != 0) return disk_error("cannot store a blob", temporary_);
-  if (::rename(temporary_.c_str(), final_.c_str()) != 0) return disk_error("cannot store a blob", final_);
+  {
+    const std::lock_guard lock(store_.names_mutex_);
+    if (::rename(temporary_.c_str(), final_.c_str()) != 0) return disk_error("cannot store a blob", final_);
+  }
   ::close(fd_);
   fd_ = -1;
   const int folder = ::open(final_.parent_path().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);

@@ -91,14 +91,18 @@ void JobTruth::check_scene(const JobRow& row, v1::JobReport& report) {
     return add_finding(report, "scene", "the list of the scene's files is not the one that was submitted",
                        mend);
   for (const bundle::File& file : bundle->files) {
+    const bool there = farm_.blobs().size(file.sha256).has_value();
     const Result<bool> whole = farm_.blobs().check(file.sha256);
-    if (!whole.ok())
+    if (!whole.ok()) {
       add_finding(report, "scene",
                   fmt::format("'{}' cannot be read: {}", file.path, whole.error().to_string()),
                   "see to the master's disk");
-    else if (!*whole)
-      add_finding(report, "scene", fmt::format("'{}' ({}) is missing or damaged", file.path, file.sha256),
+    } else if (!*whole) {
+      farm_.blob_lost(file.sha256, there);  // jobs that need it hear of it before a worker asks
+      add_finding(report, "scene",
+                  fmt::format("'{}' ({}) is {}", file.path, file.sha256, there ? "damaged" : "missing"),
                   mend);
+    }
   }
 }
 

@@ -6,16 +6,10 @@
 // anybody uses it. A start verifies ended jobs one after the other behind the farm's back; `candela verify`
 // does so when asked, for any job.
 //
-//   found                          | a job that runs or is paused        | a job that has ended
-//   -------------------------------|-------------------------------------|------------------------------------------------
-//   a damaged checkpoint           | set aside, event checkpoint-damaged | the same
-//   the film lacks what rows tell  | rendered again, event reconciled    | said by show, fetch and an event
-//   `lost`;
-//                                  |                                     | rendered again by repair and
-//                                  extend
-//   the film has what no row tells | rows are added                      | rows are added
-//   a scene file missing, damaged  | set aside; the job waits for it     | said by verify; asked for at the
-//   next submit
+// A damaged checkpoint is set aside, with an event. If the film lacks what rows tell of, a job that runs or
+// is paused renders it again; a job that has ended says in show, fetch and an event what is lost, and renders
+// it when repair or extend ask. If the film has what no row tells of, rows are added. A scene file that is
+// missing or damaged is set aside; a job that needs it waits, and the next submission of the scene brings it.
 #pragma once
 
 #include <filesystem>

@@ -4,9 +4,11 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include <chrono>
 #include <memory>
 #include <optional>
 #include <string>
+#include <thread>
 
 #include "candela/v1/worker.grpc.pb.h"
 #include "common/base/hash.h"
@@ -41,6 +43,16 @@ class HandWorker {
     if (!response.has_lease()) return std::nullopt;
     return response.lease();
   }
+  // As acquire(), waiting for a unit that waits after a failure.
+  std::optional<v1::Lease> acquire_soon() {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+    std::optional<v1::Lease> lease = acquire();
+    while (!lease && status.ok() && std::chrono::steady_clock::now() < end) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      lease = acquire();
+    }
+    return lease;
+  }
   template <class Request>
   void sign(Request& request, const v1::Lease& lease) const {
     request.set_worker_id(session.worker_id());
@@ -53,6 +65,30 @@ class HandWorker {
     grpc::ClientContext context;
     status = stub->CompletePilot(&context, request, &response);
     return response.accepted();
+  }
+  void fail(const v1::Lease& lease, v1::FailureCause cause, const std::string& message) {
+    v1::FailUnitRequest request;
+    sign(request, lease);
+    request.set_cause(cause);
+    request.set_message(message);
+    v1::FailUnitResponse response;
+    grpc::ClientContext context;
+    status = stub->FailUnit(&context, request, &response);
+  }
+  // The bytes that come; `status` says whether all did. `size`: as the bundle has it.
+  std::string fetch_blob(const std::string& sha256, std::uint64_t size = 0) {
+    v1::FetchBlobRequest request;
+    request.set_worker_id(session.worker_id());
+    request.set_session(session.session());
+    request.set_sha256(sha256);
+    request.set_size_bytes(size);
+    grpc::ClientContext context;
+    auto stream = stub->FetchBlob(&context, request);
+    v1::FetchBlobChunk chunk;
+    std::string bytes;
+    while (stream->Read(&chunk)) bytes += chunk.data();
+    status = stream->Finish();
+    return bytes;
   }
   v1::DeltaHeader header(const v1::Lease& lease, const std::string& bytes,
                          std::size_t records_bytes = 0) const {

@@ -6,6 +6,7 @@
 #include <atomic>
 #include <cmath>
 #include <filesystem>
+#include <map>
 #include <thread>
 
 #include "master/farm.h"
@@ -109,11 +110,11 @@ TEST_F(MasterTest, BadDeltasNeverMerge) {
   const std::string id = submit(9);
   ASSERT_TRUE(good.step());  // the pilot
   const auto lease = [&](TestWorker& w) {
-    const auto l = w.acquire();
+    const auto l = w.acquire_soon();
     EXPECT_TRUE(l);
     return l.value_or(v1::Lease());
   };
-  const v1::Lease spare = lease(good);  // four failures of one unit would end the job
+  const v1::Lease spare = lease(good);
   v1::Lease l = lease(bad);
   std::string bytes = TestWorker::render(l);
   v1::DeltaHeader h = bad.header(l, bytes);
@@ -142,7 +143,17 @@ TEST_F(MasterTest, BadDeltasNeverMerge) {
   l = lease(last);
   EXPECT_EQ(last.deliver(l), v1::DELTA_VERDICT_MERGED);
   EXPECT_EQ(last.deliver(l), v1::DELTA_VERDICT_DUPLICATE);
-  for (int i = 0; i < 100 && show(id).iterations() < 9; ++i) last.step();
+  EXPECT_EQ(show(id).waiting().units(), 4U) << "each failed unit waits";
+  while (show(id).iterations() < 9) {
+    const auto next = last.acquire_soon();
+    ASSERT_TRUE(next);
+    ASSERT_EQ(last.deliver(*next), v1::DELTA_VERDICT_MERGED);
+  }
+  std::map<v1::FailureCause, std::uint64_t> causes;
+  const v1::JobStatus status = show(id);
+  for (const auto& f : status.failures()) causes[f.cause()] = f.count();
+  EXPECT_EQ(causes, (std::map<v1::FailureCause, std::uint64_t>{{v1::FAILURE_CAUSE_NETWORK, 1},
+                                                               {v1::FAILURE_CAUSE_WORKER, 3}}));
   EXPECT_EQ(wait_end(id).state(), v1::JOB_STATE_DONE);
   audit(id, 9);
   expect_same(checkpoint_of(id), expected_film(9));

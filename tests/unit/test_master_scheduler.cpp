@@ -178,66 +178,6 @@ TEST_F(SchedulerTest, StragglersRunTwiceAndCountOnce) {
   EXPECT_EQ(s->job("j")->row.units_merged, 1U);
 }
 
-// Claim: two failures keep a worker from a unit, four end the job with the message, an input error ends it at
-// once.
-TEST_F(SchedulerTest, FailuresAreCountedPerUnitAndWorker) {
-  worker("a");
-  worker("b");
-  job("j", 1);
-  for (int i = 0; i < 2; ++i) {
-    const auto l = lease("a");
-    ASSERT_TRUE(l);
-    s->fail_unit("a", l->row.token, "boom", false, true, now());
-    s->fail_unit("a", l->row.token, "boom", false, true, now());  // idempotent per token
-  }
-  EXPECT_FALSE(lease("a")) << "kept from the unit";
-  EXPECT_EQ(s->job("j")->row.state, JobState::running);
-  for (int i = 0; i < 2; ++i) {
-    const auto l = lease("b");
-    ASSERT_TRUE(l);
-    s->fail_unit("b", l->row.token, "boom again", false, true, now());
-  }
-  EXPECT_EQ(s->job("j")->row.state, JobState::failed);
-  EXPECT_NE(s->job("j")->row.message.find("boom again"), std::string::npos);
-
-  job("k", 1, false);
-  const auto pilot = lease("a");
-  ASSERT_TRUE(pilot);
-  s->fail_unit("a", pilot->row.token, "scene.xml:3: no such file", true, true, now());
-  EXPECT_EQ(s->job("k")->row.state, JobState::failed);
-  EXPECT_EQ(s->job("k")->row.message, "scene.xml:3: no such file");
-}
-
-// Claim: where the only worker fails a unit twice the job fails instead of waiting for ever; a bad delivery
-// does not count as proof that the unit cannot be rendered.
-TEST_F(SchedulerTest, ALonelyWorkerThatCannotEndsTheJob) {
-  worker("a");
-  job("j", 1);
-  for (int i = 0; i < 2; ++i) s->fail_unit("a", lease("a")->row.token, "corrupt delta", false, false, now());
-  EXPECT_EQ(s->job("j")->row.state, JobState::running);
-  job("k", 1);
-  for (int i = 0; i < 2; ++i) s->fail_unit("a", lease("a")->row.token, "out of memory", false, true, now());
-  EXPECT_EQ(s->job("k")->row.state, JobState::failed);
-}
-
-// Claim: a worker with five failures in a row is set aside, shown so, and back after ten minutes.
-TEST_F(SchedulerTest, AWorkerThatFailsManyIsSetAside) {
-  worker("a");
-  worker("b");
-  job("j", 1000);
-  for (int i = 0; i < 5; ++i) {
-    const auto l = lease("a");
-    ASSERT_TRUE(l) << i;
-    s->fail_unit("a", l->row.token, "boom", false, true, now());
-  }
-  EXPECT_FALSE(lease("a"));
-  EXPECT_EQ(s->worker_state_name(s->workers().at("a"), now()), "set-aside");
-  EXPECT_FALSE(s->workers().at("a").message.empty());
-  EXPECT_TRUE(lease("b"));
-  s->tick(at(clock + 601));
-  EXPECT_TRUE(lease("a"));
-}
-
 // Claim: a returned lease re-opens the unit without counting a failure.
 TEST_F(SchedulerTest, ReturnedUnitsAreOpenAgain) {
   worker("a");

@@ -99,6 +99,64 @@ TEST_F(BlobCacheTest, DamagedFilesAreFetchedAgain) {
   }
 }
 
+// Claim: a file changed in place while its process runs, of the same inode and size, is noticed at its next
+// use: at once, and when the change comes long after the check.
+TEST_F(BlobCacheTest, AFileChangedInPlaceIsFetchedAgain) {
+  auto cache = open(1 << 20);
+  const std::string content = "0123456789";
+  const fs::path path = cache->path_of(sha256_hex(content));
+  const auto change = [&] {
+    std::fstream(path, std::ios::in | std::ios::out | std::ios::binary).seekp(4).put('x').flush();
+  };
+  ASSERT_TRUE(get(*cache, content).ok());
+  change();
+  EXPECT_EQ(get(*cache, content)->bytes, content);
+  EXPECT_EQ(fetches_, 2);
+  std::this_thread::sleep_for(std::chrono::milliseconds(1500));
+  EXPECT_EQ(get(*cache, content)->bytes, content);
+  EXPECT_EQ(get(*cache, content)->bytes, content);
+  EXPECT_EQ(fetches_, 2) << "a whole file is not fetched again";
+  const auto written = fs::last_write_time(path);
+  change();
+  fs::last_write_time(path, written);  // as a tool that restores times would leave it
+  EXPECT_EQ(get(*cache, content)->bytes, content);
+  EXPECT_EQ(fetches_, 3);
+}
+
+// Claim: a cache folder that somebody removes while its worker runs is made again, whole or in part.
+TEST_F(BlobCacheTest, ARemovedFolderIsMadeAgain) {
+  auto cache = open(1 << 20);
+  const std::string content(1000, 'a');
+  for (const fs::path& removed : {folder_, folder_ / "partial", folder_ / "blobs"}) {
+    ASSERT_TRUE(get(*cache, content).ok());
+    fs::remove_all(removed);
+    const int before = fetches_;
+    EXPECT_EQ(get(*cache, std::string(1000, 'b'))->bytes, std::string(1000, 'b')) << removed;
+    fs::remove_all(removed);
+    const auto again = get(*cache, content);
+    ASSERT_TRUE(again.ok()) << again.error().to_string();
+    EXPECT_EQ(again->bytes, content);
+    EXPECT_GT(fetches_, before);
+    fs::remove_all(folder_ / "blobs");
+  }
+}
+
+// Claim: the folder may even go in the middle of a download: what came is fetched again, and nobody fails.
+TEST_F(BlobCacheTest, AFolderRemovedDuringADownload) {
+  auto cache = open(1 << 20);
+  const std::string content = "0123456789";
+  int calls = 0;
+  const auto fetch = [&](const std::string&, std::uint64_t, const BlobCache::Sink& sink) -> Result<void> {
+    CANDELA_TRY(sink(content.substr(0, 5)));
+    if (++calls == 1) fs::remove_all(folder_);
+    return sink(content.substr(5));
+  };
+  const auto mapped = cache->map(sha256_hex(content), content.size(), fetch);
+  ASSERT_TRUE(mapped.ok()) << mapped.error().to_string();
+  EXPECT_EQ(mapped->bytes, content);
+  EXPECT_EQ(calls, 2);
+}
+
 // Claim: the least recently used blobs go first, and what is mapped or pinned never goes.
 TEST_F(BlobCacheTest, EvictsTheOldestButNothingInUse) {
   auto cache = open(1000);

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <fstream>
 
 #include "common/base/version.h"
 #include "tests/temporary_folder.h"
@@ -239,7 +240,7 @@ TEST_F(WorkerServiceTest, PushThatCannotSucceedFailsTheUnit) {
   ASSERT_TRUE(master_.wait_for([&] { return master_.failures.size() == 1; }));
   const std::lock_guard lock(master_.mutex);
   EXPECT_EQ(master_.failures[0].token(), token);
-  EXPECT_FALSE(master_.failures[0].input_error());
+  EXPECT_EQ(master_.failures[0].cause(), v1::FAILURE_CAUSE_WORKER);
   EXPECT_NE(master_.failures[0].message().find("too large"), std::string::npos);
 }
 
@@ -389,8 +390,7 @@ TEST_F(WorkerServiceTest, HeartbeatsNeverStop) {
   EXPECT_TRUE(master_.wait_for([&] { return master_.heartbeats >= before + 5; }));
 }
 
-// Claim: a scene that cannot be used is an input error of the unit (the job fails at once); the worker lives
-// on.
+// Claim: a scene that cannot be used fails the unit by cause scene; the worker lives on.
 TEST_F(WorkerServiceTest, SceneErrorsFailTheUnitAsInput) {
   renderer_.create_error = input_error("unknown plugin 'difuse'").at("scene.xml", 12);
   const std::uint64_t token = master_.add_lease(0, 1);
@@ -399,7 +399,7 @@ TEST_F(WorkerServiceTest, SceneErrorsFailTheUnitAsInput) {
   {
     const std::lock_guard lock(master_.mutex);
     EXPECT_EQ(master_.failures[0].token(), token);
-    EXPECT_TRUE(master_.failures[0].input_error());
+    EXPECT_EQ(master_.failures[0].cause(), v1::FAILURE_CAUSE_SCENE);
     EXPECT_EQ(master_.failures[0].message(), "scene.xml:12: unknown plugin 'difuse'");
   }
   {
@@ -410,7 +410,7 @@ TEST_F(WorkerServiceTest, SceneErrorsFailTheUnitAsInput) {
   EXPECT_TRUE(master_.wait_for([&] { return merged_count() == 1; }));
 }
 
-// Claim: failures of this machine (errors, exceptions of the renderer) fail the unit, not as input; the
+// Claim: failures of this machine (errors, exceptions of the renderer) fail the unit by cause worker; the
 // worker lives on.
 TEST_F(WorkerServiceTest, RenderFailuresFailTheUnit) {
   renderer_.throw_bad_alloc = true;
@@ -432,13 +432,13 @@ TEST_F(WorkerServiceTest, RenderFailuresFailTheUnit) {
   EXPECT_TRUE(master_.wait_for([&] { return merged_count() == 1; }));
   const std::lock_guard lock(master_.mutex);
   EXPECT_NE(master_.failures[0].message().find("out of memory"), std::string::npos);
-  EXPECT_FALSE(master_.failures[0].input_error());
+  EXPECT_EQ(master_.failures[0].cause(), v1::FAILURE_CAUSE_WORKER);
   EXPECT_NE(master_.failures[1].message().find("a device is lost"), std::string::npos);
-  EXPECT_FALSE(master_.failures[1].input_error());
+  EXPECT_EQ(master_.failures[1].cause(), v1::FAILURE_CAUSE_WORKER);
 }
 
-// Claim: a film whose sums wrapped is never delivered: the unit fails and says why, and the next film starts
-// clean.
+// Claim: a film whose sums wrapped is never delivered: the unit fails by the scene, as it would anywhere, and
+// says why; the next film starts clean.
 TEST_F(WorkerServiceTest, OverflowFailsTheUnit) {
   {
     const std::lock_guard lock(renderer_.mutex);
@@ -455,19 +455,59 @@ TEST_F(WorkerServiceTest, OverflowFailsTheUnit) {
   EXPECT_TRUE(master_.wait_for([&] { return merged_count() == 1; }));
   const std::lock_guard lock(master_.mutex);
   EXPECT_NE(master_.failures[0].message().find("overflowed"), std::string::npos);
-  EXPECT_FALSE(master_.failures[0].input_error());
+  EXPECT_EQ(master_.failures[0].cause(), v1::FAILURE_CAUSE_SCENE);
 }
 
-// Claim: a blob with other bytes than its name says never reaches the renderer, and is no error of the scene.
+// Claim: a blob with other bytes than its name says never reaches the renderer: they changed on the way.
 TEST_F(WorkerServiceTest, WrongBlobIsRefused) {
   master_.wrong_blob_bytes = true;
   master_.add_lease(0, 1);
   start();
   ASSERT_TRUE(master_.wait_for([&] { return master_.failures.size() == 1; }));
   const std::lock_guard lock(master_.mutex);
-  EXPECT_FALSE(master_.failures[0].input_error());
+  EXPECT_EQ(master_.failures[0].cause(), v1::FAILURE_CAUSE_NETWORK);
   EXPECT_NE(master_.failures[0].message().find(sha256_hex("the texture")), std::string::npos);
   EXPECT_EQ(renderer_.created, 0);
+}
+
+// Claim: a blob or bundle that the master does not have is the master's trouble, told in its words; the
+// worker says with its request how large the blob must be.
+TEST_F(WorkerServiceTest, WhatTheMasterLacksIsItsOwnTrouble) {
+  master_.blob_script = {Status(StatusCode::DATA_LOSS, "'a.bin' is damaged: submit the scene again")};
+  master_.add_lease(0, 1);
+  master_.add_lease(1, 2);
+  master_.leases.back().set_bundle_sha256(sha256_hex("another bundle"));
+  start();
+  ASSERT_TRUE(master_.wait_for([&] { return master_.failures.size() == 2; }));
+  const std::lock_guard lock(master_.mutex);
+  EXPECT_EQ(master_.failures[0].cause(), v1::FAILURE_CAUSE_MASTER);
+  EXPECT_NE(master_.failures[0].message().find("submit the scene again"), std::string::npos);
+  EXPECT_EQ(master_.failures[1].cause(), v1::FAILURE_CAUSE_MASTER);
+  EXPECT_EQ(master_.fetched_size, 11U);
+}
+
+// Claim: errors of the renderer that are the machine's (a full scratch disk) are by cause place, and a cache
+// that cannot be written is, too. With the folder mended the next unit is rendered.
+TEST_F(WorkerServiceTest, DisksAreThePlace) {
+  renderer_.create_error = resource_error("cannot create a scratch file for textures");
+  master_.add_lease(0, 1);
+  start();
+  ASSERT_TRUE(master_.wait_for([&] { return master_.failures.size() == 1; }));
+  {
+    const std::lock_guard lock(renderer_.mutex);
+    renderer_.create_error.reset();
+  }
+  fs::remove_all(folder_);
+  std::ofstream(folder_) << "a file where the folder was";
+  master_.add_lease(0, 1);
+  ASSERT_TRUE(master_.wait_for([&] { return master_.failures.size() == 2; }));
+  fs::remove(folder_);
+  master_.add_lease(0, 1);
+  EXPECT_TRUE(master_.wait_for([&] { return merged_count() == 1; }));
+  const std::lock_guard lock(master_.mutex);
+  EXPECT_EQ(master_.failures[0].cause(), v1::FAILURE_CAUSE_PLACE);
+  EXPECT_EQ(master_.failures[1].cause(), v1::FAILURE_CAUSE_PLACE);
+  EXPECT_NE(master_.failures[1].message().find(folder_.string()), std::string::npos);
 }
 
 // Claim: a blob transfer that breaks off in the middle is taken up again, and the bytes are right.
@@ -488,7 +528,7 @@ TEST_F(WorkerServiceTest, CacheTooSmallFailsTheUnit) {
   start();
   ASSERT_TRUE(master_.wait_for([&] { return master_.failures.size() == 1; }));
   const std::lock_guard lock(master_.mutex);
-  EXPECT_FALSE(master_.failures[0].input_error());
+  EXPECT_EQ(master_.failures[0].cause(), v1::FAILURE_CAUSE_PLACE);
   EXPECT_NE(master_.failures[0].message().find("--cache-size"), std::string::npos);
 }
 

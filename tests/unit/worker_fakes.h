@@ -163,6 +163,7 @@ class FakeMaster final : public v1::WorkerService::Service {
   std::deque<v1::Lease> leases;
   int registrations = 0, acquisitions = 0, heartbeats = 0, pushes = 0, deregistrations = 0, blob_fetches = 0;
   bool saw_prefetch = false;
+  std::uint64_t fetched_size = 0;  // as the first request for a blob says it
   v1::RegisterRequest registered;
   std::vector<std::string> warm;
   std::vector<std::uint64_t> merged, returned;  // tokens
@@ -309,7 +310,7 @@ class FakeMaster final : public v1::WorkerService::Service {
     {
       const std::lock_guard lock(mutex);
       const Notify notify(*this);
-      ++blob_fetches;
+      if (++blob_fetches == 1) fetched_size = request->size_bytes();
       const auto found = blobs_.find(request->sha256());
       if (found == blobs_.end()) return {grpc::StatusCode::NOT_FOUND, "no such blob"};
       content = found->second;

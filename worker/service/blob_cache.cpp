@@ -22,9 +22,33 @@ namespace fs = std::filesystem;
 
 constexpr auto kRescanInterval = std::chrono::seconds(60);
 constexpr auto kPartialLifetime = std::chrono::hours(24);
+constexpr std::int64_t kTouchNs = 60'000'000'000;   // a use is noted in the file's mtime this often
+constexpr std::int64_t kSettledNs = 1'000'000'000;  // no file system's clock is coarser, save FAT's
 
 Error disk_error(std::string_view what, const fs::path& path) {
-  return resource_error(fmt::format("{}: {}", what, std::strerror(errno))).at(path.string(), 0);
+  const int code = errno;
+  Error error = resource_error(fmt::format("{}: {}", what, std::strerror(code))).at(path.string(), 0);
+  if (code == ENOSPC || code == EDQUOT || code == EFBIG)
+    error.mend = "free space on the worker's disk, or give its --cache a larger one";
+  else if (code == EACCES || code == EPERM || code == EROFS)
+    error.mend = "make the folder writable to the worker";
+  return error;
+}
+
+// An error of the file system by its kind: the cache's, whatever file it was.
+Error as_disk_error(Error error) {
+  error.kind = ErrorKind::resource;
+  return error;
+}
+
+std::int64_t now_ns() {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+std::int64_t nanoseconds(const timespec& t) {
+  return std::int64_t{t.tv_sec} * 1000000000 + t.tv_nsec;
 }
 
 // A temporary file that vanishes unless it is given its final name.
@@ -50,12 +74,13 @@ class PartialFile {
     }
     return {};
   }
-  Result<void> rename_to(const fs::path& path) {
+  // False: it has been removed.
+  Result<bool> rename_to(const fs::path& path) {
     closed_ = true;
     if (::close(std::exchange(fd_, -1)) != 0) return disk_error("cannot write to the cache", path_);
-    if (::rename(path_.c_str(), path.c_str()) != 0) return disk_error("cannot write to the cache", path);
-    renamed_ = true;
-    return {};
+    if (::rename(path_.c_str(), path.c_str()) == 0) return renamed_ = true;
+    if (errno == ENOENT) return false;
+    return disk_error("cannot write to the cache", path);
   }
 
  private:
@@ -81,8 +106,7 @@ std::vector<CachedFile> scan(const fs::path& blobs) {
       std::string name = file->path().filename().string();
       if (!is_sha256_hex(name) || ::lstat(file->path().c_str(), &info) != 0 || !S_ISREG(info.st_mode))
         continue;
-      found.push_back({std::move(name), static_cast<std::uint64_t>(info.st_size),
-                       std::int64_t{info.st_mtim.tv_sec} * 1000000000 + info.st_mtim.tv_nsec});
+      found.push_back({std::move(name), static_cast<std::uint64_t>(info.st_size), nanoseconds(info.st_mtim)});
     }
   }
   return found;
@@ -130,29 +154,35 @@ bool BlobCache::is_pinned(const std::string& sha256) const {
   return pins_->counts.contains(sha256);
 }
 
+Result<std::optional<BlobCache::Identity>> BlobCache::identity_of(const fs::path& path) {
+  struct stat info {};
+  if (::stat(path.c_str(), &info) != 0) {
+    if (errno == ENOENT) return std::optional<Identity>();
+    return disk_error("cannot read the cache", path);
+  }
+  return std::optional<Identity>({info.st_dev, info.st_ino, static_cast<std::uint64_t>(info.st_size),
+                                  nanoseconds(info.st_mtim), nanoseconds(info.st_ctim)});
+}
+
 // The file is mapped first and judged by what is mapped, so that nobody can change it in between by a rename.
 // Null: it is not there, or was not what it should be and has been removed.
 Result<std::shared_ptr<const MappedFile>> BlobCache::open_verified(const std::string& sha256,
                                                                    std::uint64_t size_bytes) {
   const fs::path path = path_of(sha256);
-  struct stat info {};
-  if (::stat(path.c_str(), &info) != 0) {
-    if (errno == ENOENT) return std::shared_ptr<const MappedFile>();
-    return disk_error("cannot read the cache", path);
-  }
-  const Identity identity{info.st_dev, info.st_ino, static_cast<std::uint64_t>(info.st_size)};
+  CANDELA_ASSIGN(const std::optional<Identity> before, identity_of(path));
+  if (!before) return std::shared_ptr<const MappedFile>();
   auto file = MappedFile::open(path);
-  if (!file) {
-    std::error_code code;
-    if (!fs::exists(path, code)) return std::shared_ptr<const MappedFile>();
-    return std::move(file).error();
-  }
+  CANDELA_ASSIGN(std::optional<Identity> after, identity_of(path));
+  if (!after) return std::shared_ptr<const MappedFile>();
+  if (!file) return as_disk_error(std::move(file).error());
   bool known = false;
   {
     const std::lock_guard lock(mutex_);
     const auto found = verified_.find(sha256);
-    known = found != verified_.end() && found->second == identity;
+    known = found != verified_.end() && found->second.settled && found->second.identity == *before &&
+            before == after;
   }
+  const std::int64_t checked_ns = now_ns();
   if ((*file)->bytes().size() != size_bytes || (!known && sha256_hex((*file)->bytes()) != sha256)) {
     log::warn(fmt::format("the cached file {} is damaged; it is fetched again", path.string()));
     ::unlink(path.c_str());
@@ -160,9 +190,16 @@ Result<std::shared_ptr<const MappedFile>> BlobCache::open_verified(const std::st
     verified_.erase(sha256);
     return std::shared_ptr<const MappedFile>();
   }
-  ::utimensat(AT_FDCWD, path.c_str(), nullptr, 0);  // used now; a failure only makes it look older
+  if (checked_ns - std::get<3>(*after) > kTouchNs) {
+    // Used now; a failure only makes it look older. It changes the times, so the next use checks the hash
+    // again.
+    ::utimensat(AT_FDCWD, path.c_str(), nullptr, 0);
+    CANDELA_ASSIGN(after, identity_of(path));
+    if (!after) return std::move(*file);
+  }
+  const bool settled = known || (before == after && checked_ns - std::get<4>(*after) > kSettledNs);
   const std::lock_guard lock(mutex_);
-  verified_[sha256] = identity;
+  verified_[sha256] = {*after, settled && before == after};
   return std::move(*file);
 }
 
@@ -208,7 +245,6 @@ Result<void> BlobCache::make_room(std::uint64_t need_bytes) {
 
 Result<void> BlobCache::download(const std::string& sha256, std::uint64_t size_bytes, const Fetch& fetch) {
   CANDELA_TRY(make_room(size_bytes));
-  CANDELA_TRY(make_directories(path_of(sha256).parent_path()));
   std::uint64_t serial = 0;
   {
     const std::lock_guard lock(mutex_);
@@ -216,6 +252,9 @@ Result<void> BlobCache::download(const std::string& sha256, std::uint64_t size_b
   }
   const auto stamp =
       std::chrono::system_clock::now().time_since_epoch().count();  // hosts may share the folder and pids
+  // Every time: somebody may have removed them since.
+  for (const fs::path& needed : {path_of(sha256).parent_path(), folder_ / "partial"})
+    if (auto made = make_directories(needed); !made) return as_disk_error(std::move(made).error());
   PartialFile partial(folder_ / "partial" / fmt::format("{}.{}.{}.{}", sha256, ::getpid(), stamp, serial));
   if (!partial.is_open()) return disk_error("cannot write to the cache", folder_ / "partial");
 
@@ -234,12 +273,9 @@ Result<void> BlobCache::download(const std::string& sha256, std::uint64_t size_b
         fmt::format("the master sent {} of the {} bytes of blob {}", received, size_bytes, sha256));
   if (const std::string actual = hash.finish_hex(); actual != sha256)
     return failed_error(fmt::format("the master sent other bytes (hash {}) for blob {}", actual, sha256));
-  CANDELA_TRY(partial.rename_to(path_of(sha256)));
-  struct stat info {};
-  if (::stat(path_of(sha256).c_str(), &info) == 0) {
-    const std::lock_guard lock(mutex_);
-    verified_[sha256] = {info.st_dev, info.st_ino, static_cast<std::uint64_t>(info.st_size)};
-  }
+  CANDELA_ASSIGN(const bool renamed, partial.rename_to(path_of(sha256)));
+  // Whoever looks for it fetches it again.
+  if (!renamed) log::warn(fmt::format("{} was removed during a download", folder_.string()));
   return {};
 }
 
@@ -264,8 +300,15 @@ Result<BlobCache::Mapped> BlobCache::map(const std::string& sha256, std::uint64_
 
 Result<BlobCache::Pin> BlobCache::ensure(const std::string& sha256, std::uint64_t size_bytes,
                                          const Fetch& fetch) {
+  Pin held = pin(sha256);
+  CANDELA_ASSIGN(const std::optional<Identity> identity, identity_of(path_of(sha256)));
+  if (identity && std::get<2>(*identity) == size_bytes) {
+    const std::lock_guard lock(mutex_);
+    const auto found = verified_.find(sha256);
+    if (found != verified_.end() && found->second.identity == *identity) return held;
+  }
   CANDELA_ASSIGN(const Mapped mapped, map(sha256, size_bytes, fetch));
-  return pin(sha256);
+  return held;
 }
 
 }  // namespace candela::worker

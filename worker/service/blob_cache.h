@@ -1,7 +1,8 @@
 // Blobs on this machine's disk, named by their SHA-256: CACHE/blobs/ab/<sha256>. Several workers may share a
 // folder: files appear whole by rename, vanish by unlink (which hurts nobody who has mapped them), and are
-// trusted only after their hash has been checked once in this process. The time of last use, by which the
-// oldest go first, is the file's mtime.
+// trusted only after their hash has been checked in this process, and for as long as device, inode, size,
+// mtime and ctime stay those of the file that was checked. The time of last use, by which the oldest go
+// first, is the file's mtime, to a minute. Folders that somebody removes are made again.
 #pragma once
 
 #include <chrono>
@@ -11,6 +12,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 #include <string_view>
@@ -54,10 +56,18 @@ class BlobCache {
     std::mutex mutex;
     std::map<std::string, unsigned> counts;
   };
-  using Identity = std::tuple<std::uint64_t, std::uint64_t, std::uint64_t>;  // device, inode, size
+  // Device, inode, size, mtime and ctime in nanoseconds.
+  using Identity = std::tuple<std::uint64_t, std::uint64_t, std::uint64_t, std::int64_t, std::int64_t>;
+  struct Verified {
+    Identity identity;
+    // It was checked well after its last change. A change within the same tick of the file system's clock
+    // would leave the same times, so a file checked earlier is checked again.
+    bool settled = false;
+  };
 
   BlobCache(std::filesystem::path folder, std::uint64_t limit_bytes);
   Pin pin(const std::string& sha256);
+  static Result<std::optional<Identity>> identity_of(const std::filesystem::path& path);  // none: no file
   bool is_pinned(const std::string& sha256) const;
   Result<std::shared_ptr<const MappedFile>> open_verified(const std::string& sha256,
                                                           std::uint64_t size_bytes);
@@ -68,7 +78,7 @@ class BlobCache {
   std::uint64_t limit_bytes_;
   std::shared_ptr<Pins> pins_;
   std::mutex mutex_;  // of what follows; held during file metadata operations, never during a download
-  std::map<std::string, Identity> verified_;
+  std::map<std::string, Verified> verified_;
   std::uint64_t estimated_bytes_ = 0;  // since the last scan; others' changes are unknown until the next
   std::chrono::steady_clock::time_point scanned_{};
   std::uint64_t serial_ = 0;

@@ -283,7 +283,7 @@ void FarmWorker::send_notice(std::unique_lock<std::mutex>& lock) {
     request.set_session(session.token);
     request.set_token(notice.token);
     request.set_message(notice.message);
-    request.set_input_error(notice.input_error);
+    request.set_cause(wire::to_proto(notice.cause));
     v1::FailUnitResponse response;
     status = link_.unary(MasterLink::Lane::control, &v1::WorkerService::Stub::FailUnit, request, response,
                          tuning_.call_deadline);
@@ -340,7 +340,7 @@ void FarmWorker::drop(Task& task, std::string_view why) {
 void FarmWorker::hand_back(const TaskPtr& task) {
   if (task->dropped) return;
   drop(*task, "handed back");
-  notices_.push_back({task->lease.token(), task->generation, false, {}, false});
+  notices_.push_back({task->lease.token(), task->generation, false, FailureCause::worker, {}});
   changed_.notify_all();
 }
 

@@ -86,8 +86,8 @@ class FarmWorker final : public Worker {
   struct Notice {
     std::uint64_t token = 0, generation = 0;
     bool failed = false;  // else handed back
+    FailureCause cause = FailureCause::worker;
     std::string message;
-    bool input_error = false;
   };
 
   FarmWorker(const WorkerOptions& options, std::shared_ptr<grpc::Channel> channel, RendererFactory factory,
@@ -119,10 +119,10 @@ class FarmWorker final : public Worker {
   void run_film(const TaskPtr& task, const std::shared_ptr<const SceneStore::Scene>& scene, const Unit& unit,
                 const NamedState& state);
   void fail(const TaskPtr& task, const Error& error);  // of the renderer
+  void fail(const TaskPtr& task, FailureCause cause, const std::string& message);
   std::shared_ptr<const SceneStore::Scene> scene_for(const TaskPtr& task, const JobSettings& settings);
   Film take_film(const SceneStore::Scene& scene, const NamedState& state);
   void keep_film(Film film);
-  void fail(const TaskPtr& task, const std::string& message, bool input_error);
 
   // farm_worker_push.cpp
   void push_loop();

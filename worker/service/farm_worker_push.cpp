@@ -8,6 +8,7 @@
 #include "common/base/log.h"
 #include "common/base/version.h"
 #include "common/wire/wire.h"
+#include "worker/service/failure_causes.h"
 #include "worker/service/farm_worker.h"
 
 namespace candela::worker {
@@ -64,7 +65,8 @@ void FarmWorker::deliver(Finished& finished) {
     keep_film(std::move(finished.film));
     if (!finished.task->dropped) deliver_bytes(finished, bytes, records_bytes);
   } catch (const std::exception& exception) {  // out of memory, most of all
-    fail(finished.task, fmt::format("cannot encode or send the delta: {}", exception.what()), false);
+    fail(finished.task, FailureCause::worker,
+         fmt::format("cannot encode or send the delta: {}", exception.what()));
   }
 }
 
@@ -123,9 +125,8 @@ void FarmWorker::deliver_bytes(Finished& finished, const std::string& bytes, std
       log::warn(fmt::format("delta not taken: {}", wire::from_status(status).message), ids);
       if (status.error_code() == grpc::StatusCode::INVALID_ARGUMENT ||
           ++rejections >= tuning_.max_push_rejections)
-        return fail(task,
-                    fmt::format("the master does not take the delta: {}", wire::from_status(status).message),
-                    false);
+        return fail(task, cause_of_delivery(status, FailureCause::worker),
+                    fmt::format("the master does not take the delta: {}", wire::from_status(status).message));
     }
     pause_for(task, delay, false);
   }

@@ -7,6 +7,7 @@
 #include "common/base/log.h"
 #include "common/base/version.h"
 #include "common/wire/wire.h"
+#include "worker/service/failure_causes.h"
 #include "worker/service/farm_worker.h"
 
 namespace candela::worker {
@@ -42,9 +43,10 @@ void FarmWorker::render_task(const TaskPtr& task) {
   try {
     run_task(task);
   } catch (const std::bad_alloc&) {
-    fail(task, "out of memory", false);
+    fail(task, FailureCause::worker,
+         "out of memory (give the worker a machine with more, or other programs there less)");
   } catch (const std::exception& exception) {
-    fail(task, fmt::format("the renderer failed: {}", exception.what()), false);
+    fail(task, FailureCause::worker, fmt::format("the renderer failed: {}", exception.what()));
   }
 }
 
@@ -56,10 +58,11 @@ void FarmWorker::run_task(const TaskPtr& task) {
   for (const Error* error : {settings ? nullptr : &settings.error(), unit ? nullptr : &unit.error(),
                              state ? nullptr : &state.error()})
     if (error != nullptr)
-      return fail(task, fmt::format("the lease cannot be used: {}", error->to_string()), false);
+      return fail(task, FailureCause::worker,
+                  fmt::format("the lease cannot be used: {}", error->to_string()));
   const bool film = unit->kind == Unit::Kind::iterations || unit->kind == Unit::Kind::segments;
   if (film && !lease.has_named_state())
-    return fail(task, "the lease cannot be used: named_state: it is missing", false);
+    return fail(task, FailureCause::worker, "the lease cannot be used: named_state: it is missing");
 
   const auto scene = scene_for(task, *settings);
   if (!scene || task->stop) return;
@@ -95,16 +98,18 @@ std::shared_ptr<const SceneStore::Scene> FarmWorker::scene_for(const TaskPtr& ta
                        4 * tuning_.call_deadline);
   });
   if (!status.ok()) {
-    fail(task, fmt::format("no bundle {}: {}", hash, wire::from_status(status).message), false);
+    const Error error = fetch_error(status, fmt::format("bundle {}", hash));
+    fail(task, cause_of_fetching(error), error.to_string());
     return nullptr;
   }
   auto bundle = wire::from_proto(message);
   if (!bundle) {
-    fail(task, fmt::format("bundle {} cannot be used: {}", hash, bundle.error().to_string()), false);
+    fail(task, FailureCause::network,
+         fmt::format("bundle {} cannot be used: {}", hash, bundle.error().to_string()));
     return nullptr;
   }
   if (bundle->hash() != hash) {
-    fail(task, fmt::format("the master sent another bundle for {}", hash), false);
+    fail(task, FailureCause::network, fmt::format("the master sent another bundle for {}", hash));
     return nullptr;
   }
 
@@ -114,6 +119,7 @@ std::shared_ptr<const SceneStore::Scene> FarmWorker::scene_for(const TaskPtr& ta
     blob.set_worker_id(session.worker_id);
     blob.set_session(session.token);
     blob.set_sha256(sha256);
+    blob.set_size_bytes(size_bytes);
     // A transfer that breaks off goes on where it was: the bytes that came are known to the sink already.
     std::uint64_t delivered = 0;
     Result<void> sink_error;
@@ -135,15 +141,12 @@ std::shared_ptr<const SceneStore::Scene> FarmWorker::scene_for(const TaskPtr& ta
     });
     if (!sink_error) return sink_error;
     if (fetched.ok()) return {};
-    Error error = wire::from_status(fetched);
-    error.kind = ErrorKind::failed;  // never an error of the scene
-    error.message = fmt::format("cannot fetch blob {}: {}", sha256, error.message);
-    return error;
+    return fetch_error(fetched, fmt::format("blob {}", sha256));
   };
   const auto begin = Clock::now();
   auto built = scenes_.build(*bundle, settings, fetch);
   if (auto* failure = std::get_if<SceneStore::Failure>(&built)) {
-    fail(task, failure->error.to_string(), failure->input);
+    fail(task, failure->cause, failure->error.to_string());
     return nullptr;
   }
   const std::chrono::duration<double> seconds = Clock::now() - begin;
@@ -173,10 +176,10 @@ void FarmWorker::run_pilot(const TaskPtr& task, const SceneStore::Scene& scene) 
   });
   if (task->dropped) return;
   if (!status.ok())
+    // The pilot's result follows from the scene: one that cannot be is the same on any worker.
     return fail(
-        task,
-        fmt::format("the master did not take the pilot's result: {}", wire::from_status(status).message),
-        false);
+        task, cause_of_delivery(status, FailureCause::scene),
+        fmt::format("the master did not take the pilot's result: {}", wire::from_status(status).message));
   log::info(response.accepted() ? "pilot done" : "pilot done, but the lease is another's",
             {.job = task->lease.job_id(),
              .unit = static_cast<std::int64_t>(task->lease.unit_id()),
@@ -213,9 +216,8 @@ void FarmWorker::run_bootstrap(const TaskPtr& task, const SceneStore::Scene& sce
   if (task->dropped) return;
   if (!status.ok())
     return fail(
-        task,
-        fmt::format("the master did not take the bootstrap samples: {}", wire::from_status(status).message),
-        false);
+        task, cause_of_delivery(status, FailureCause::worker),
+        fmt::format("the master did not take the bootstrap samples: {}", wire::from_status(status).message));
   log::write(
       response.accepted() ? spdlog::level::debug : spdlog::level::info,
       response.accepted() ? "bootstrap samples done" : "bootstrap samples done, but the lease is another's",
@@ -232,13 +234,14 @@ void FarmWorker::run_film(const TaskPtr& task, const std::shared_ptr<const Scene
   for (const v1::ChainStart& message : task->lease.chain_starts()) {
     auto start = wire::from_proto(message);
     if (!start)
-      return fail(task, fmt::format("the lease cannot be used: {}", start.error().to_string()), false);
+      return fail(task, FailureCause::worker,
+                  fmt::format("the lease cannot be used: {}", start.error().to_string()));
     starts.push_back(std::move(*start));
   }
   const bool segments = unit.kind == Unit::Kind::segments;
   if (starts.size() != (segments ? unit.end - unit.begin : 0))
-    return fail(task, fmt::format("the lease cannot be used: chain_starts: there are {}", starts.size()),
-                false);
+    return fail(task, FailureCause::worker,
+                fmt::format("the lease cannot be used: chain_starts: there are {}", starts.size()));
 
   Film film = take_film(*scene, state);
   const auto begin = Clock::now();
@@ -254,7 +257,9 @@ void FarmWorker::run_film(const TaskPtr& task, const std::shared_ptr<const Scene
     keep_film(std::move(film));
     if (task->stop) return;
     if (!run) return fail(task, run.error());
-    return fail(task, fmt::format("a film sum overflowed at scale 2^{}", state.film_scale_log2), false);
+    // The sums follow from the scene and the unit: they would overflow anywhere.
+    return fail(task, FailureCause::scene,
+                fmt::format("a film sum overflowed at scale 2^{}", state.film_scale_log2));
   }
 
   auto finished = std::make_shared<Finished>();
@@ -302,21 +307,22 @@ void FarmWorker::keep_film(Film film) {
 }
 
 void FarmWorker::fail(const TaskPtr& task, const Error& error) {
-  fail(task, error.to_string(), error.kind == ErrorKind::input || error.kind == ErrorKind::usage);
+  fail(task, cause_of_rendering(error), error.to_string());
 }
 
-void FarmWorker::fail(const TaskPtr& task, const std::string& message, bool input_error) {
+void FarmWorker::fail(const TaskPtr& task, FailureCause cause, const std::string& message) {
   const std::lock_guard lock(mutex_);
   if (task->dropped) return;
   task->dropped = true;
   task->stop = true;
-  // A scene that cannot be rendered is its job's trouble and told there; the rest is this worker's.
-  log::write(input_error ? spdlog::level::info : spdlog::level::err, fmt::format("unit failed: {}", message),
+  // A scene that cannot be rendered is its job's trouble, and told there. The rest is an operator's.
+  log::write(cause == FailureCause::scene ? spdlog::level::info : spdlog::level::err,
+             fmt::format("unit failed ({}): {}", name(cause), message),
              {.job = task->lease.job_id(),
               .unit = static_cast<std::int64_t>(task->lease.unit_id()),
               .worker = session_.worker_id});
   notices_.push_back(
-      {task->lease.token(), task->generation, true, message.substr(0, kMaxFailureBytes), input_error});
+      {task->lease.token(), task->generation, true, cause, message.substr(0, kMaxFailureBytes)});
   changed_.notify_all();
 }
 

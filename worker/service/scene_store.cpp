@@ -8,6 +8,7 @@
 #include <cstdio>
 
 #include "common/base/log.h"
+#include "worker/service/failure_causes.h"
 
 namespace candela::worker {
 namespace {
@@ -108,16 +109,15 @@ std::variant<std::shared_ptr<const SceneStore::Scene>, SceneStore::Failure> Scen
     shrink(0, 0);
     prepared = source.prepare();
   }
-  if (!prepared) return Failure{std::move(prepared).error(), false};
+  if (!prepared) return Failure{prepared.error(), cause_of_fetching(prepared.error())};
 
   // Make room before, not after: the new scene and the old ones need not be in memory together.
   shrink(max_scenes_ - 1, max_bytes_);
   const std::uint64_t before = resident_bytes();
   auto renderer = factory_.create(source, bundle.main_path, bundle.parameters, settings, threads_);
   if (!renderer) {
-    if (auto error = source.cache_error()) return Failure{std::move(*error), false};
-    const bool input = renderer.error().kind == ErrorKind::input || renderer.error().kind == ErrorKind::usage;
-    return Failure{std::move(renderer).error(), input};
+    if (const auto error = source.cache_error()) return Failure{*error, cause_of_fetching(*error)};
+    return Failure{renderer.error(), cause_of_rendering(renderer.error())};
   }
   auto scene = std::make_shared<Scene>();
   scene->bundle_sha256 = bundle.hash();

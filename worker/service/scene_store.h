@@ -14,6 +14,7 @@
 
 #include "common/base/result.h"
 #include "common/bundle/bundle.h"
+#include "common/job/failure.h"
 #include "common/job/job.h"
 #include "worker/render/renderer.h"
 #include "worker/service/blob_cache.h"
@@ -65,7 +66,7 @@ class SceneStore {
   };
   struct Failure {
     Error error;
-    bool input = false;  // the scene or its settings cannot be used, here or anywhere
+    FailureCause cause = FailureCause::worker;
   };
 
   SceneStore(RendererFactory factory, BlobCache& cache, unsigned threads, std::size_t max_scenes,
