@@ -6,6 +6,7 @@
 #include <fstream>
 
 #include "common/base/hash.h"
+#include "common/base/text.h"
 #include "common/base/version.h"
 #include "common/film/layers.h"
 #include "master/api/service_support.h"
@@ -41,7 +42,8 @@ bool is_worker(Farm& farm, const std::string& id, const std::string& session) {
 }
 
 std::string clipped(const std::string& text) {
-  return text.substr(0, kMaxMessageBytes);
+  return std::string(
+      clip_utf8(text, kMaxMessageBytes));  // half a character would make every later answer invalid
 }
 
 Result<void> check(const v1::RegisterRequest& r) {

@@ -1,10 +1,12 @@
 // Worker::start: options checked, the channel made, the real renderer plugged in.
 #include "worker/service/worker_service.h"
 
+#include <fmt/format.h>
 #include <grpcpp/grpcpp.h>
 
 #include <cmath>
 
+#include "common/base/text.h"
 #include "common/base/version.h"
 #include "common/wire/wire.h"
 #include "worker/service/farm_worker.h"
@@ -46,6 +48,8 @@ Result<std::unique_ptr<Worker>> Worker::start(const WorkerOptions& options,
     return usage_error("the name is longer than 256 bytes").with_field("--name");
   if (channel == nullptr) {
     CANDELA_ASSIGN(channel, dial(options));
+  if (!is_utf8(options.name))
+    return usage_error(fmt::format("'{}' is not text in UTF-8", options.name)).with_field("--name");
   }
   const scene::TextureLimits textures = {
       options.texture_memory_bytes, options.scratch_dir.empty() ? options.cache_dir : options.scratch_dir};
