@@ -137,6 +137,7 @@ class Farm {
   Result<void> start();
   Result<void> restore_jobs(StoredState state);
   void publish();  // precondition: mutex_ is held
+  Result<void> lock_data_folder();
   std::shared_ptr<JobFilm> make_film(const JobRow& row) const;
   // A job's film, read; its figures go into `row` and `restored`.
   struct RestoredFilm {
@@ -163,7 +164,7 @@ class Farm {
   void sleep(double seconds);  // until then, or a wake-up
 
   const FarmOptions options_;
-  int lock_fd_ = -1;
+  int lock_fd_ = -1, folder_fd_ = -1;  // what keeps a second master out
   std::unique_ptr<Store> store_;
   std::unique_ptr<BlobStore> blobs_;
   std::unique_ptr<PushGate> gate_;

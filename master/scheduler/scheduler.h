@@ -13,6 +13,7 @@
 // scheduler's tokens keep out those who lost their lease.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <deque>
@@ -39,6 +40,9 @@ struct SchedulerOptions {
   double unit_seconds = 4;
   double set_aside_seconds = 600;
   double forget_worker_seconds = 3600;  // a lost worker's session ends
+  // So does, sooner, that of one that never merged or failed a unit: a program that crashes as soon as it has
+  // registered.
+  double forget_idle_worker_seconds = 60;
   std::uint32_t max_unit_failures = 4;
   std::uint32_t max_worker_failures = 5;  // consecutive
   std::size_t max_leases_per_worker =
@@ -122,6 +126,7 @@ struct Job {
 struct WorkerState {
   WorkerRow row;
   double last_seen = 0;
+  bool called = false;  // after it registered
   std::set<std::uint64_t> leases;
   std::uint32_t consecutive_failures = 0;
   std::set<std::string> failed_jobs;  // since its last merged unit
@@ -248,6 +253,7 @@ class Scheduler {
   std::string message_of(const Job& job, Now now) const;
 
  private:
+  double lost_after() const { return std::max(options_.lease_seconds, 10.0); }  // seconds of silence
   bool usable(const WorkerState& worker, Now now) const;
   bool can_run(const WorkerState& worker, const Job& job) const;
   std::uint64_t active_workers(const Job& job, Now now) const;
@@ -286,6 +292,7 @@ class Scheduler {
   void save(Job& job, Now now);
   void save(const UnitState& unit);
   void expire(Now now);
+  bool make_room_for_worker(Now now);
   void note_failure(WorkerState& worker, const std::string& job_id, Now now);
   Job* find(const std::string& id);
 

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "master/scheduler/scheduler.h"
 
@@ -9,7 +10,7 @@ namespace candela::master {
 
 bool Scheduler::usable(const WorkerState& worker, Now now) const {
   return !worker.row.draining && worker.set_aside_until <= now.seconds &&
-         now.seconds - worker.last_seen <= std::max(options_.lease_seconds, 10.0);
+         now.seconds - worker.last_seen <= lost_after();
 }
 
 bool Scheduler::can_run(const WorkerState& worker, const Job& job) const {
@@ -17,8 +18,33 @@ bool Scheduler::can_run(const WorkerState& worker, const Job& job) const {
   return std::find(isas.begin(), isas.end(), job.row.settings.isa) != isas.end();
 }
 
+// Forgets the worker that would be missed least: one that never called after it registered, else one that is
+// lost and never merged, else one that never merged, else one that is lost; of several the one not heard of
+// for longest. A worker that is forgotten by mistake registers again. False if all have leases, or have
+// merged units and are there.
+bool Scheduler::make_room_for_worker(Now now) {
+  const auto rank = [&](const WorkerState& w) {
+    const bool lost = now.seconds - w.last_seen > lost_after();
+    const bool merged = w.row.units_merged > 0;
+    return !w.called && !merged ? 0 : lost && !merged ? 1 : !merged ? 2 : lost ? 3 : 4;
+  };
+  auto chosen = workers_.end();
+  std::pair<int, double> lowest{4, 0};
+  for (auto it = workers_.begin(); it != workers_.end(); ++it) {
+    if (!it->second.leases.empty()) continue;
+    const std::pair<int, double> key{rank(it->second), it->second.last_seen};
+    if (key >= lowest) continue;
+    lowest = key;
+    chosen = it;
+  }
+  if (chosen == workers_.end()) return false;
+  changes_.emplace_back(DropWorker{chosen->first});
+  workers_.erase(chosen);
+  return true;
+}
+
 Result<void> Scheduler::register_worker(WorkerRow row, Now now) {
-  if (workers_.size() >= options_.max_workers)
+  if (workers_.size() >= options_.max_workers && !make_room_for_worker(now))
     return resource_error(fmt::format("the farm has its limit of {} workers", options_.max_workers));
   row.last_seen_unix_ms = now.unix_ms;
   event(now, "", row.id, "registered",
@@ -74,6 +100,7 @@ WorkerState* Scheduler::authenticate(const std::string& id, const std::string& s
                                         static_cast<unsigned char>(expected[i]));
   if (difference != 0) return nullptr;
   it->second.last_seen = now.seconds;
+  it->second.called = true;
   it->second.row.last_seen_unix_ms = now.unix_ms;
   return &it->second;
 }
@@ -107,7 +134,7 @@ std::set<std::string> Scheduler::jobs_of(const WorkerState& worker) const {
 }
 
 std::string Scheduler::worker_state_name(const WorkerState& w, Now now) const {
-  if (now.seconds - w.last_seen > std::max(options_.lease_seconds, 10.0)) return "lost";
+  if (now.seconds - w.last_seen > lost_after()) return "lost";
   if (w.row.draining) return w.leases.empty() ? "drained" : "draining";
   if (w.set_aside_until > now.seconds) return "set-aside";
   return w.leases.empty() ? "idle" : "busy";
