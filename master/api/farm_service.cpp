@@ -109,31 +109,33 @@ grpc::Status FarmServiceImpl::UploadBlob(grpc::ServerContext* context,
                                          v1::UploadBlobResponse*) {
   return guarded([&] {
     if (farm_.stopping()) return stopping_status();
-    const Place place(uploads_, kMaxUploads);
-    if (!place.held()) return too_many("uploads");
-    // Guards against a sender that hangs, as for deltas.
-    auto first_guard = farm_.gate().enter("", 0, farm_.now().seconds, [context] { context->TryCancel(); });
-    if (!first_guard.ok()) return wire::to_status(first_guard.error());
+    // A sender that hangs is cut off, as for deltas: soon before the first chunk, which is short.
+    const auto cancel = [context] { context->TryCancel(); };
+    auto guard = farm_.gate().enter_unknown(farm_.now().seconds, cancel);
     v1::UploadBlobRequest chunk;
     if (!reader->Read(&chunk)) return grpc::Status(grpc::StatusCode::INVALID_ARGUMENT, "no chunk came");
+    const Place place(uploads_, kMaxUploads);
+    if (!place.held()) return answer_early(*context, *reader, too_many("uploads"));
+    guard = farm_.gate().enter_silent(farm_.now().seconds, cancel);
     auto upload = farm_.blobs().begin(chunk.sha256(), chunk.size_bytes());
-    if (!upload.ok()) return after_drain(*reader, wire::to_status(upload.error()));
-    if (farm_.blobs().size(chunk.sha256())) return after_drain(*reader, grpc::Status::OK);
+    if (!upload.ok()) return answer_early(*context, *reader, wire::to_status(upload.error()));
+    if (farm_.blobs().size(chunk.sha256())) return answer_early(*context, *reader, grpc::Status::OK);
     do {
       if (chunk.data().size() > Limits::max_chunk_bytes)
-        return after_drain(
-            *reader, wire::to_status(input_error(fmt::format("larger than {} bytes", Limits::max_chunk_bytes))
-                                         .with_field("data")));
+        return answer_early(
+            *context, *reader,
+            wire::to_status(input_error(fmt::format("larger than {} bytes", Limits::max_chunk_bytes))
+                                .with_field("data")));
       if (auto added = (*upload)->append(chunk.data()); !added.ok()) {
         if (added.error().kind == ErrorKind::failed)
-          return after_drain(*reader, grpc::Status(grpc::StatusCode::DATA_LOSS, added.error().to_string()));
-        return after_drain(*reader, wire::to_status(added.error()));
+          return answer_early(*context, *reader,
+                              grpc::Status(grpc::StatusCode::DATA_LOSS, added.error().to_string()));
+        return answer_early(*context, *reader, wire::to_status(added.error()));
       }
       farm_.counters().upload_bytes += chunk.data().size();
-      // A fresh guard for each chunk: a large blob may take long, silence may not.
-      first_guard->reset();
-      first_guard = farm_.gate().enter("", 0, farm_.now().seconds, [context] { context->TryCancel(); });
+      guard->progress(farm_.now().seconds);  // a large blob may take long, silence may not
     } while (reader->Read(&chunk) && !farm_.stopping());
+    guard->all_here();
     if (context->IsCancelled())
       return grpc::Status(grpc::StatusCode::CANCELLED, "the blob did not arrive whole");
     if (auto stored = (*upload)->finish(); !stored.ok()) {

@@ -226,17 +226,16 @@ grpc::Status WorkerServiceImpl::PushDelta(grpc::ServerContext* context,
                                           v1::PushDeltaResponse* response) {
   return guarded([&] {
     if (farm_.stopping()) return stopping_status();
-    // The place in the queue is taken before the size is known, so that a sender that never says it is cut
-    // off, too.
-    auto waiting = farm_.gate().enter("", 0, farm_.now().seconds, [context] { context->TryCancel(); });
-    if (!waiting.ok()) return wire::to_status(waiting.error());
+    // A sender that never says who it is and what it sends is cut off, too.
+    const auto cancel = [context] { context->TryCancel(); };
+    auto unknown = farm_.gate().enter_unknown(farm_.now().seconds, cancel);
     v1::DeltaChunk chunk;
     if (!reader->Read(&chunk)) return grpc::Status(grpc::StatusCode::INVALID_ARGUMENT, "no chunk came");
     if (!chunk.has_header())
-      return after_drain(*reader,
-                         wire::to_status(input_error("the first chunk must have it").with_field("header")));
+      return answer_early(*context, *reader,
+                          wire::to_status(input_error("the first chunk must have it").with_field("header")));
     const v1::DeltaHeader header = chunk.header();
-    const auto refuse = [&](const grpc::Status& status) { return after_drain(*reader, status); };
+    const auto refuse = [&](const grpc::Status& status) { return answer_early(*context, *reader, status); };
     if (!is_worker(farm_, header.worker_id(), header.session())) return refuse(unauthenticated());
     auto admitted = farm_.admit(header);
     if (!admitted.ok()) return refuse(wire::to_status(admitted.error()));
@@ -245,13 +244,12 @@ grpc::Status WorkerServiceImpl::PushDelta(grpc::ServerContext* context,
       response->set_message((*admitted)->message);
       return refuse(grpc::Status::OK);
     }
-    auto ticket = farm_.gate().enter(header.worker_id(), header.size_bytes(), farm_.now().seconds,
-                                     [context] { context->TryCancel(); });
+    auto ticket = farm_.gate().enter(header.worker_id(), header.size_bytes(), farm_.now().seconds, cancel);
     if (!ticket.ok()) {
       ++farm_.counters().queue_full;
       return refuse(wire::to_status_with_retry(ticket.error(), kQueueRetryMs));
     }
-    waiting->reset();
+    unknown.reset();
     const double started = farm_.now().seconds;
     std::string bytes;
     bytes.reserve(header.size_bytes());
