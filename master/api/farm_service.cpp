@@ -5,12 +5,14 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <optional>
 #include <set>
 #include <thread>
 
 #include "common/base/hash.h"
 #include "common/base/version.h"
 #include "common/wire/canonical.h"
+#include "common/wire/stall_guard.h"
 #include "master/api/service_support.h"
 
 namespace candela::master {
@@ -19,7 +21,9 @@ namespace {
 // What one master serves at a time; beyond it, RESOURCE_EXHAUSTED. Each holds a thread.
 constexpr int kMaxWatchers = 256;
 constexpr int kMaxUploads = 32;
-constexpr int kMaxImages = 4;
+constexpr int kMaxImages = 4;    // made at a time, or sent if they are large
+constexpr int kMaxSenders = 32;  // of images
+constexpr std::size_t kLargeImageBytes = 64 << 20;
 constexpr int kMaxVerifications = 2;
 constexpr int kMaxHashes = 100000;
 constexpr std::uint32_t kMaxEventsAsked = 10000;
@@ -235,21 +239,44 @@ grpc::Status FarmServiceImpl::WatchJob(grpc::ServerContext* context, const v1::W
   });
 }
 
-grpc::Status FarmServiceImpl::FetchImage(grpc::ServerContext*, const v1::FetchImageRequest* request,
+grpc::Status FarmServiceImpl::FetchImage(grpc::ServerContext* context, const v1::FetchImageRequest* request,
                                          grpc::ServerWriter<v1::FetchImageChunk>* writer) {
   return guarded([&] {
     if (!farm_.status(request->job_id())) return not_found("job", request->job_id());
-    const Place place(images_, kMaxImages);
-    if (!place.held()) return too_many("images");
-    auto bytes = farm_.image(request->job_id(), {request->error_layer(), request->image_only(),
-                                                 request->chain_layers(), request->partial()});
-    if (!bytes.ok()) return wire::to_status(bytes.error());
-    v1::FetchImageChunk chunk;
-    chunk.set_total_bytes(bytes->size());
-    for (std::size_t at = 0; at < bytes->size(); at += Limits::max_chunk_bytes) {
-      chunk.set_data(bytes->substr(at, Limits::max_chunk_bytes));
-      if (!writer->Write(chunk)) return grpc::Status(grpc::StatusCode::CANCELLED, "the client went away");
+    EncodedImagePtr image;
+    if (!request->sha256().empty())
+      image = farm_.recent_images().find(request->sha256(), farm_.now().seconds);
+    std::optional<Place> making;
+    if (!image) {
+      making.emplace(images_, kMaxImages);
+      if (!making->held()) return too_many("images");
+      auto bytes = farm_.image(request->job_id(),
+                               {request->error_layer(), request->image_only(),
+                                                   request->chain_layers(), request->partial()});
+      if (!bytes.ok()) return wire::to_status(bytes.error());
+      image = farm_.recent_images().keep(std::move(*bytes), farm_.now().seconds);
+      // Clients on slow links keep nobody from an image, as long as it is not memory they take.
+      if (image->bytes.size() <= kLargeImageBytes) making.reset();
     }
+    const Place sending(senders_, kMaxSenders);
+    if (!sending.held()) return too_many("images");
+    // A client that takes nothing is cut off.
+    const auto guard = farm_.gate().enter_silent(farm_.now().seconds, [context] { context->TryCancel(); });
+    const std::string_view bytes = image->bytes;
+    std::size_t at =
+        image->sha256 == request->sha256() ? std::min<std::uint64_t>(request->offset(), bytes.size()) : 0;
+    v1::FetchImageChunk chunk;
+    chunk.set_sha256(image->sha256);
+    chunk.set_offset(at);
+    do {
+      chunk.set_total_bytes(bytes.size());
+      const std::string_view part = bytes.substr(at, wire::kStreamBytes);
+      chunk.set_data(part.data(), part.size());
+      if (!writer->Write(chunk)) return grpc::Status(grpc::StatusCode::CANCELLED, "the client went away");
+      guard->progress(farm_.now().seconds);
+      at += part.size();
+      chunk.Clear();
+    } while (at < bytes.size());
     return grpc::Status::OK;
   });
 }

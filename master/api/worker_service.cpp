@@ -9,6 +9,7 @@
 #include "common/base/text.h"
 #include "common/base/version.h"
 #include "common/film/layers.h"
+#include "common/wire/stall_guard.h"
 #include "master/api/service_support.h"
 
 namespace candela::master {
@@ -301,17 +302,23 @@ grpc::Status WorkerServiceImpl::FetchBlob(grpc::ServerContext* context, const v1
       return wire::to_status(input_error("must be 64 lower-case hex digits").with_field("sha256"));
     const auto size = farm_.blobs().size(request->sha256());
     if (!size) return not_found("blob", request->sha256());
+    if (request->offset() > *size)
+      return wire::to_status(input_error(fmt::format("the blob has {} bytes", *size)).with_field("offset"));
     std::ifstream file(farm_.blobs().path(request->sha256()), std::ios::binary);
+    file.seekg(static_cast<std::streamoff>(request->offset()));
+    // A worker that takes nothing is cut off.
+    const auto guard = farm_.gate().enter_silent(farm_.now().seconds, [context] { context->TryCancel(); });
     v1::FetchBlobChunk chunk;
-    std::uint64_t left = *size;
+    std::uint64_t left = *size - request->offset();
     do {
-      const std::uint64_t n = std::min<std::uint64_t>(left, Limits::max_chunk_bytes);
+      const std::uint64_t n = std::min<std::uint64_t>(left, wire::kStreamBytes);
       chunk.mutable_data()->resize(n);
       chunk.set_size_bytes(*size);
       if (n > 0 && !file.read(chunk.mutable_data()->data(), static_cast<std::streamsize>(n)))
         return grpc::Status(grpc::StatusCode::DATA_LOSS, "the blob cannot be read");
       left -= n;
       if (!writer->Write(chunk)) return grpc::Status(grpc::StatusCode::CANCELLED, "the worker went away");
+      guard->progress(farm_.now().seconds);
     } while (left > 0 && !context->IsCancelled() && !farm_.stopping());
     return left == 0 ? grpc::Status::OK : stopping_status();
   });

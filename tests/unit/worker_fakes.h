@@ -162,6 +162,7 @@ class FakeMaster final : public v1::WorkerService::Service {
 
   std::deque<v1::Lease> leases;
   int registrations = 0, acquisitions = 0, heartbeats = 0, pushes = 0, deregistrations = 0, blob_fetches = 0;
+  std::vector<std::uint64_t> blob_offsets;  // of each fetch
   bool saw_prefetch = false;
   v1::RegisterRequest registered;
   std::vector<std::string> warm;
@@ -315,6 +316,8 @@ class FakeMaster final : public v1::WorkerService::Service {
       content = found->second;
       if (wrong_blob_bytes) content[0] = '!';
       status = next(blob_script);
+      blob_offsets.push_back(request->offset());
+      content.erase(0, request->offset());
     }
     // A scripted failure comes in the middle of the transfer.
     const std::size_t end = status.ok() ? content.size() : content.size() / 2;
