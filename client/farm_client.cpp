@@ -97,10 +97,16 @@ struct FarmClient::State {
   std::unique_ptr<v1::FarmService::Stub> stub;
   std::string peer;  // for messages
   double timeout_seconds = 10;
+  bool remote = true;
 
   Error error_of(const grpc::Status& status) const {
     Error error = wire::from_status(status);
-    if (error.kind == ErrorKind::unreachable) {
+    // A master of this process has no resource that comes back by waiting: its full disk is ours.
+    if (remote && error.kind == ErrorKind::resource) {
+      error.kind = ErrorKind::unreachable;
+      error.message = fmt::format("the master at {} is overloaded: {}", peer, error.message);
+      if (error.mend.empty()) error.mend = "try again later; --timeout says how long to try";
+    } else if (error.kind == ErrorKind::unreachable) {
       error.message = fmt::format("cannot reach the master at {}: {}", peer, error.message);
       error.mend =
           "is it running, is this its address, and do both use TLS or neither? --timeout says how long to "
@@ -183,6 +189,7 @@ std::unique_ptr<FarmClient> FarmClient::over(std::shared_ptr<grpc::Channel> chan
   auto state = std::make_unique<State>();
   state->stub = v1::FarmService::NewStub(std::move(channel));
   state->peer = "this process";
+  state->remote = false;
   state->timeout_seconds = timeout_seconds;
   return std::unique_ptr<FarmClient>(new FarmClient(std::move(state)));
 }
