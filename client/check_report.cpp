@@ -6,6 +6,9 @@
 #include <array>
 #include <nlohmann/json.hpp>
 
+#include "client/values.h"
+#include "common/base/text.h"
+
 namespace candela::client {
 namespace {
 
@@ -65,25 +68,27 @@ std::uint64_t CheckReport::warning_count() const {
 std::string CheckReport::to_text() const {
   std::uint64_t all_bytes = 0;
   for (const File& file : files) all_bytes += file.bytes;
-  std::string text = fmt::format("scene: {} ({}, {})\n", scene, plural(files.size(), "file", "files"),
-                                 bytes_text(all_bytes));
+  std::string text = fmt::format("scene: {} ({}, {})\n", printable(scene),
+                                 plural(files.size(), "file", "files"), bytes_text(all_bytes));
   for (const std::string& category : ordered_categories(review)) {
     text += fmt::format("{}: {}", category, plugins_text(review.uses.at(category)));
     if (category == "shape") text += fmt::format("; {}", plural(triangles, "triangle", "triangles"));
     if (category == "film") text += fmt::format("; {} x {} pixels", width, height);
     text += '\n';
   }
-  text += fmt::format("runs: {}", integrator);
-  for (const auto& [key, value] : integrator_settings) text += fmt::format(", {} = {}", key, value);
+  text += fmt::format("runs: {}", printable(integrator));
+  for (const auto& [key, value] : integrator_settings)
+    text += fmt::format(", {} = {}", printable(key), printable(value));
   text += fmt::format(", filter {}\n", filter);
   for (const Image& image : images)
     text +=
-        fmt::format("image: {}: {} x {}, {}, {} bits, {}\n", image.path, image.width, image.height,
+        fmt::format("image: {}: {} x {}, {}, {} bits, {}\n", printable(image.path), image.width, image.height,
                     plural(image.channels, "channel", "channels"), image.bits, bytes_text(image.file_bytes));
-  for (const File& file : files) text += fmt::format("file: {}: {}\n", file.path, bytes_text(file.bytes));
+  for (const File& file : files)
+    text += fmt::format("file: {}: {}\n", printable(file.path), bytes_text(file.bytes));
   for (const Finding& finding : review.findings) {
     text += fmt::format("{}: {}:{}: {}", finding.kind == Finding::Kind::differs ? "warning" : "note",
-                        finding.where.file, finding.where.line, finding.text);
+                        printable(finding.where.file), finding.where.line, printable(finding.text));
     if (finding.count > 1) text += fmt::format(" (and {} more like it)", finding.count - 1);
     text += '\n';
   }
@@ -129,7 +134,7 @@ std::string CheckReport::to_json() const {
                                 {"line", finding.where.line},
                                 {"count", finding.count},
                                 {"text", finding.text}});
-  return json.dump(2, ' ', false, Json::error_handler_t::replace);
+  return escape_json_unprintable(json.dump(2, ' ', false, Json::error_handler_t::replace));
 }
 
 }  // namespace candela::client

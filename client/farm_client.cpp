@@ -11,12 +11,14 @@
 #include <fstream>
 #include <random>
 #include <thread>
+#include <utility>
 
 #include "candela/v1/client.grpc.pb.h"
 #include "client/signals.h"
 #include "common/base/hash.h"
 #include "common/base/version.h"
 #include "common/job/job.h"
+#include "common/wire/stall_guard.h"
 #include "common/wire/wire.h"
 
 namespace candela::client {
@@ -29,7 +31,7 @@ constexpr double kReadingSeconds = 600, kVerifyingSeconds = 24 * 3600;
 constexpr int kMaxMessageBytes = 64 << 20;            // lists of jobs may be long; chunks are 1 MiB
 constexpr std::uint64_t kMaxImageBytes = 1ULL << 36;  // of a fetched image
 constexpr std::size_t kHashesPerCall = 1000;
-constexpr double kSlowestBytesPerSecond = 128 * 1024;  // deadlines of transfers allow for this
+constexpr std::chrono::seconds kImageMade{600};  // the master develops the film before it sends
 constexpr double kWatchSeconds = 20;  // one stream; then a new one, so that a hung master is noticed
 
 std::chrono::system_clock::time_point deadline_in(double seconds) {
@@ -45,6 +47,28 @@ bool may_repeat(const grpc::Status& status) {
   return status.error_code() == grpc::StatusCode::UNAVAILABLE ||
          status.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED;
 }
+
+// Transfers have no deadline but of silence, so a deadline is a link that went dead. CANCELLED is a master
+// that cut us off, or that ends.
+bool broke_off(const grpc::Status& status) {
+  return may_repeat(status) || status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED ||
+         status.error_code() == grpc::StatusCode::CANCELLED;
+}
+
+// How long a transfer has been trying to go on, since the last byte that came.
+class Outage {
+ public:
+  // Of the outage that begins now, if there is none.
+  double seconds() {
+    if (!std::exchange(on_, true)) since_ = Clock::now();
+    return seconds_since(since_);
+  }
+  void end() { on_ = false; }
+
+ private:
+  bool on_ = false;
+  Clock::time_point since_{};
+};
 
 // Pauses between tries: 0.1 s doubling to 1 s, less up to a quarter so that many clients do not knock at one
 // time.
@@ -73,16 +97,28 @@ struct FarmClient::State {
   std::unique_ptr<v1::FarmService::Stub> stub;
   std::string peer;  // for messages
   double timeout_seconds = 10;
+  bool remote = true;
 
   Error error_of(const grpc::Status& status) const {
     Error error = wire::from_status(status);
-    if (error.kind == ErrorKind::unreachable) {
+    // A master of this process has no resource that comes back by waiting: its full disk is ours.
+    if (remote && error.kind == ErrorKind::resource) {
+      error.kind = ErrorKind::unreachable;
+      error.message = fmt::format("the master at {} is overloaded: {}", peer, error.message);
+      if (error.mend.empty()) error.mend = "try again later; --timeout says how long to try";
+    } else if (error.kind == ErrorKind::unreachable) {
       error.message = fmt::format("cannot reach the master at {}: {}", peer, error.message);
       error.mend =
           "is it running, is this its address, and do both use TLS or neither? --timeout says how long to "
           "try";
     }
     return error;
+  }
+
+  // How long a transfer may be silent.
+  Clock::duration stall() const {
+    return std::max<Clock::duration>(wire::kStall, std::chrono::duration_cast<Clock::duration>(
+                                                       std::chrono::duration<double>(timeout_seconds)));
   }
 
   // Runs `call(context)` until it succeeds, fails for good, or the timeout is over.
@@ -135,8 +171,13 @@ Result<std::unique_ptr<FarmClient>> FarmClient::create(const ConnectionOptions& 
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 1000);
-  // Also the time one attempt to connect may take.
-  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 2000);
+  // Also the time one attempt to connect may take. TCP, TLS and HTTP/2 are four round trips; a third of the
+  // timeout is left for another address of the host, where the first one swallows what is sent to it.
+  const double attempt_seconds = std::clamp(options.timeout_seconds * 2 / 3, 2.0, 20.0);
+  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, static_cast<int>(attempt_seconds * 1000));
+  // A master whose machine is gone answers nothing. An answer may wait behind what a slow link has to carry.
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 20000);
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 60000);
   auto state = std::make_unique<State>();
   state->stub = v1::FarmService::NewStub(grpc::CreateCustomChannel(address.text(), credentials, arguments));
   state->peer = address.text();
@@ -148,6 +189,7 @@ std::unique_ptr<FarmClient> FarmClient::over(std::shared_ptr<grpc::Channel> chan
   auto state = std::make_unique<State>();
   state->stub = v1::FarmService::NewStub(std::move(channel));
   state->peer = "this process";
+  state->remote = false;
   state->timeout_seconds = timeout_seconds;
   return std::unique_ptr<FarmClient>(new FarmClient(std::move(state)));
 }
@@ -187,58 +229,59 @@ Result<void> FarmClient::upload_blob(const std::string& sha256, std::uint64_t si
         .at(file.string(), 0)
         .with_mend("submit again");
   };
-  const auto begin = Clock::now();
+  std::uint64_t furthest = 0;  // of all attempts
+  Outage outage;
   Backoff backoff;
   for (;;) {
     std::ifstream in(file, std::ios::binary);
     if (!in) return input_error(fmt::format("cannot open: {}", std::strerror(errno))).at(file.string(), 0);
     grpc::ClientContext context;
-    context.set_deadline(
-        deadline_in(state_->timeout_seconds + 30 + static_cast<double>(size_bytes) / kSlowestBytesPerSecond));
+    wire::StallGuard guard(context, state_->stall());
     v1::UploadBlobResponse response;
     const auto writer = state_->stub->UploadBlob(&context, &response);
+    // Hash and size go alone: the master soon cuts off who has not said them, and a slow link is full of
+    // data.
+    v1::UploadBlobRequest header;
+    header.set_sha256(sha256);
+    header.set_size_bytes(size_bytes);
+    const bool begun = writer->Write(header);
 
     Sha256 hash;
     std::uint64_t done = 0;
     bool intact = true;
-    bool first = true;
-    do {  // an empty file is one empty chunk
-      v1::UploadBlobRequest chunk;
-      if (first) {
-        chunk.set_sha256(sha256);
-        chunk.set_size_bytes(size_bytes);
-      }
-      first = false;
-      const std::uint64_t want = std::min<std::uint64_t>(Limits::max_chunk_bytes, size_bytes - done);
-      std::string data(want, '\0');
-      in.read(data.data(), static_cast<std::streamsize>(want));
-      intact = static_cast<std::uint64_t>(in.gcount()) == want;
-      if (!intact) break;
-      hash.update(data);
-      done += want;
-      // The last chunk leaves only if the whole is what was promised.
-      if (done == size_bytes &&
-          (hash.finish_hex() != sha256 || in.peek() != std::ifstream::traits_type::eof())) {
-        intact = false;
-        break;
-      }
-      chunk.set_data(std::move(data));
-      if (!writer->Write(chunk)) break;  // the status says why
-      if (sent) sent(done);
-    } while (done < size_bytes);
+    if (begun) do {  // an empty file is one empty chunk
+        v1::UploadBlobRequest chunk;
+        const std::uint64_t want = std::min<std::uint64_t>(wire::kStreamBytes, size_bytes - done);
+        std::string data(want, '\0');
+        in.read(data.data(), static_cast<std::streamsize>(want));
+        intact = static_cast<std::uint64_t>(in.gcount()) == want;
+        if (!intact) break;
+        hash.update(data);
+        done += want;
+        // The last chunk leaves only if the whole is what was promised.
+        if (done == size_bytes &&
+            (hash.finish_hex() != sha256 || in.peek() != std::ifstream::traits_type::eof())) {
+          intact = false;
+          break;
+        }
+        chunk.set_data(std::move(data));
+        if (!writer->Write(chunk)) break;  // the status says why
+        guard.allow(state_->stall());
+        if (std::exchange(furthest, std::max(furthest, done)) < done) outage.end();
+        if (sent) sent(done);
+      } while (done < size_bytes);
     if (!intact) {
       context.TryCancel();
       [[maybe_unused]] const grpc::Status cancelled = writer->Finish();
       return changed();
     }
     writer->WritesDone();
-    const grpc::Status status = writer->Finish();
+    guard.allow(wire::answer_limit(size_bytes));
+    const grpc::Status status = guard.judge(writer->Finish());
     if (status.ok()) return {};
-    if (!may_repeat(status)) return state_->error_of(status);
+    if (!broke_off(status)) return state_->error_of(status);
     const double pause = std::max(backoff.next_seconds(), wire::retry_ms(status, 0) / 1000.0);
-    if (seconds_since(begin) + pause >=
-        state_->timeout_seconds + static_cast<double>(size_bytes) / kSlowestBytesPerSecond)
-      return state_->error_of(status);
+    if (outage.seconds() + pause >= state_->timeout_seconds) return state_->error_of(status);
     sleep_seconds(pause);
   }
 }
@@ -333,32 +376,42 @@ Result<std::string> FarmClient::fetch_image(const std::string& id, bool error_la
   request.set_image_only(image_only);
   request.set_chain_layers(chain_layers);
   request.set_partial(partial);
-  const auto begin = Clock::now();
+  std::string data, sha256;
+  std::uint64_t total = 0;
+  Outage outage;
   Backoff backoff;
   for (;;) {
     grpc::ClientContext context;
-    // The master develops the film first, which takes seconds for the largest; the size is known by the first
-    // chunk only.
-    context.set_deadline(deadline_in(state_->timeout_seconds + 600));
+    wire::StallGuard guard(context, data.empty() ? kImageMade : state_->stall());
+    request.set_sha256(sha256);
+    request.set_offset(data.size());
     const auto reader = state_->stub->FetchImage(&context, request);
-    std::string data;
-    std::uint64_t total = 0;
     v1::FetchImageChunk chunk;
-    bool sound = true;
+    bool first = true, sound = true;
     while (sound && reader->Read(&chunk)) {
-      if (chunk.total_bytes() != 0) total = chunk.total_bytes();
-      sound = total <= kMaxImageBytes && data.size() + chunk.data().size() <= total;
+      if (first && (chunk.sha256() != sha256 || chunk.offset() != data.size())) {
+        data.clear();  // the master has another image by now, and sends that
+        sha256 = chunk.sha256();
+        sound = chunk.offset() == 0;
+      }
+      if (first) total = chunk.total_bytes();
+      first = false;
+      sound = sound && total <= kMaxImageBytes && data.size() + chunk.data().size() <= total;
       if (sound) data += chunk.data();
+      guard.allow(state_->stall());
+      outage.end();
+      backoff.reset();
     }
     if (!sound) context.TryCancel();
-    const grpc::Status status = reader->Finish();
-    if (!sound || (status.ok() && data.size() != total))
+    const grpc::Status status = guard.judge(reader->Finish());
+    if (!sound || (status.ok() && (data.size() != total || sha256_hex(data) != sha256)))
       return failed_error(
-          fmt::format("the master at {} sent an image of another length than it said", state_->peer));
+          fmt::format("the master at {} sent other bytes of an image than it said", state_->peer));
     if (status.ok()) return data;
+    const bool nothing_came = first && status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED;
+    if (nothing_came || !broke_off(status)) return state_->error_of(status);
     const double pause = std::max(backoff.next_seconds(), wire::retry_ms(status, 0) / 1000.0);
-    if (!may_repeat(status) || seconds_since(begin) + pause >= state_->timeout_seconds)
-      return state_->error_of(status);
+    if (outage.seconds() + pause >= state_->timeout_seconds) return state_->error_of(status);
     sleep_seconds(pause);
   }
 }

@@ -41,7 +41,7 @@ class FarmClient {
   Result<std::vector<std::string>> find_missing(const std::vector<std::string>& sha256);
   // Streams the file in chunks of at most 1 MiB, hashing as it goes. A file whose bytes are no longer those
   // of `sha256` is an input error and nothing is stored. `sent` hears of bytes as they leave (of this blob,
-  // again from 0 on a retry).
+  // again from 0 on a retry). Goes on as long as bytes leave, however slowly.
   Result<void> upload_blob(const std::string& sha256, std::uint64_t size_bytes,
                            const std::filesystem::path& file, const std::function<void(std::uint64_t)>& sent);
   // Precondition: request.idempotency_token is not empty, for it may be sent twice.
@@ -65,7 +65,8 @@ class FarmClient {
 
   // The image of what is merged now, the bytes of an EXR file, with the job's further layers if it has any
   // and `image_only` is not set. `chain_layers`: also what an image of Markov chains is made of. `partial`:
-  // of an ended job that has lost samples, what is left; refused otherwise.
+  // of an ended job that has lost samples, what is left; refused otherwise. Goes on as long as bytes come,
+  // however slowly; after a lost connection from the byte it has.
   Result<std::string> fetch_image(const std::string& id, bool error_layer, bool image_only,
                                   bool chain_layers = false, bool partial = false);
 

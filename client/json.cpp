@@ -3,6 +3,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "common/base/text.h"
 #include "common/base/version.h"
 #include "common/wire/wire.h"
 
@@ -12,7 +13,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 std::string text(const Json& json) {
-  return json.dump(2, ' ', false, Json::error_handler_t::replace);
+  return escape_json_unprintable(json.dump(2, ' ', false, Json::error_handler_t::replace));
 }
 
 Json finite(double value) {

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <vector>
 
+#include "common/base/text.h"
 #include "common/description/vocabulary.h"
 #include "common/job/job.h"
 
@@ -168,10 +169,7 @@ std::string format_bytes(std::uint64_t bytes) {
 }
 
 std::string printable(std::string_view text) {
-  std::string line(text);
-  for (char& c : line)
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
-  return line;
+  return escape_unprintable(text);
 }
 
 std::string shell_quote(std::string_view word) {

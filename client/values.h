@@ -45,7 +45,8 @@ std::string format_duration(double seconds);    // "0.4s", "12s", "3m05s", "1h02
 std::string format_count(double count);         // "950", "12.3k", "4.56M", "1.20G"
 std::string format_bytes(std::uint64_t bytes);  // "950 B", "1.2 MiB"
 
-// One line fit for a terminal: control characters become '?'. For text that came from files or peers.
+// One line fit for a terminal (escape_unprintable() of common/base/text.h). For text that came from files or
+// peers: whatever a table, a line of progress or an error shows of such text has gone through here.
 std::string printable(std::string_view text);
 
 // "a, b, c" of strings. (fmt::join trips a false alarm of GCC 12's -Wstringop-overflow.)

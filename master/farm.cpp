@@ -36,7 +36,8 @@ Farm::~Farm() {
   stop();
   writer_.reset();
   store_.reset();
-  if (lock_fd_ >= 0) ::close(lock_fd_);
+  for (const int fd : {lock_fd_, folder_fd_})
+    if (fd >= 0) ::close(fd);
 }
 
 Now Farm::now() const {
@@ -67,16 +68,7 @@ Result<void> Farm::start() {
   const MasterOptions& o = options_.master;
   if (o.data_dir.empty()) return usage_error("no data folder").with_field("--data");
   CANDELA_TRY(make_directories(o.data_dir / "jobs"));
-  lock_fd_ = ::open((o.data_dir / "lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
-  if (lock_fd_ < 0)
-    return input_error(fmt::format("cannot write in the data folder: {}", std::strerror(errno)))
-        .at(o.data_dir.string(), 0)
-        .with_field("--data");
-  if (::flock(lock_fd_, LOCK_EX | LOCK_NB) != 0)
-    return usage_error("another master uses this data folder")
-        .at(o.data_dir.string(), 0)
-        .with_field("--data")
-        .with_mend("stop it, or give another folder");
+  CANDELA_TRY(lock_data_folder());
   CANDELA_ASSIGN(blobs_, BlobStore::open(o.data_dir / "blobs"));
   CANDELA_ASSIGN(store_, open_sqlite_store(o.data_dir / "master.sqlite"));
   CANDELA_ASSIGN(const std::uint64_t epoch, store_->next_epoch());
@@ -101,6 +93,25 @@ Result<void> Farm::start() {
   threads_.emplace_back([this] { tick_loop(); });
   threads_.emplace_back([this] { keep_loop(); });
   threads_.emplace_back([this] { truth_->verify_ended(); });
+  return {};
+}
+
+// The folder itself is locked as well as a file in it: a file may be removed, and its successor locked by
+// another master. A file system whose folders cannot be locked (NFS) leaves the file.
+Result<void> Farm::lock_data_folder() {
+  const std::filesystem::path& folder = options_.master.data_dir;
+  lock_fd_ = ::open((folder / "lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  folder_fd_ = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (lock_fd_ < 0 || folder_fd_ < 0)
+    return input_error(fmt::format("cannot write in the data folder: {}", std::strerror(errno)))
+        .at(folder.string(), 0)
+        .with_field("--data");
+  if (::flock(lock_fd_, LOCK_EX | LOCK_NB) != 0 ||
+      (::flock(folder_fd_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK))
+    return usage_error("another master uses this data folder")
+        .at(folder.string(), 0)
+        .with_field("--data")
+        .with_mend("stop it, or give another folder");
   return {};
 }
 

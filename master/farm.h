@@ -22,6 +22,7 @@
 #include "candela/v1/job.pb.h"
 #include "candela/v1/worker.pb.h"
 #include "common/base/result.h"
+#include "master/api/recent_images.h"
 #include "master/master.h"
 #include "master/merge/job_film.h"
 #include "master/merge/push_gate.h"
@@ -70,6 +71,7 @@ class Farm {
   JobTruth& truth() { return *truth_; }
   // Loaded or not (JobTruth::open_film loads it); null before the pilot and for unknown jobs.
   std::shared_ptr<JobFilm> film_of(const std::string& job_id);
+  RecentImages& recent_images() { return recent_images_; }
 
   // Runs `f(scheduler)` under the lock, then hands its changes to the store's queue.
   template <class F>
@@ -144,6 +146,7 @@ class Farm {
  private:
   explicit Farm(const FarmOptions& options);
   Result<void> start();
+  Result<void> lock_data_folder();
   Result<void> restore_jobs(StoredState state);
   void publish();  // precondition: mutex_ is held
   std::shared_ptr<JobFilm> make_film(const JobRow& row) const;
@@ -172,12 +175,13 @@ class Farm {
   void sleep(double seconds);  // until then, or a wake-up
 
   const FarmOptions options_;
-  int lock_fd_ = -1;
+  int lock_fd_ = -1, folder_fd_ = -1;  // what keeps a second master out
   std::unique_ptr<Store> store_;
   std::unique_ptr<BlobStore> blobs_;
   std::unique_ptr<PushGate> gate_;
   std::unique_ptr<JobTruth> truth_;
   FarmCounters counters_;
+  RecentImages recent_images_;
   std::unique_ptr<StoreWriter> writer_;
 
   mutable std::mutex mutex_;

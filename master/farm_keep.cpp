@@ -34,6 +34,7 @@ void Farm::tick_loop() {
   while (!stopping_) {
     with_scheduler([&](Scheduler& s) { s.tick(now()); });
     gate_->cancel_hung(now().seconds, options_.push_idle_seconds);
+    recent_images_.expire(now().seconds);
     std::this_thread::sleep_for(std::chrono::duration<double>(kTickSeconds));
   }
 }

@@ -15,6 +15,7 @@
 #include "common/base/log.h"
 #include "common/base/parse_and_run.h"
 #include "common/base/quantity.h"
+#include "common/base/text.h"
 #include "common/base/version.h"
 #include "common/wire/wire.h"
 #include "master/master.h"
@@ -98,7 +99,7 @@ Result<master::MasterOptions> resolve(const Config& config, const Texts& texts) 
 }
 
 int report(const Error& error) {
-  std::fprintf(stderr, "candela-master: %s\n", error.to_string().c_str());
+  std::fprintf(stderr, "candela-master: %s\n", escape_unprintable(error.to_string()).c_str());
   return error.exit_code();
 }
 

@@ -19,6 +19,7 @@
 #include "common/base/log.h"
 #include "common/base/parse_and_run.h"
 #include "common/base/quantity.h"
+#include "common/base/text.h"
 #include "common/base/version.h"
 #include "worker/service/worker_service.h"
 
@@ -124,7 +125,7 @@ Result<worker::WorkerOptions> resolve(const Config& config, const Texts& texts) 
 }
 
 int report(const Error& error) {
-  std::fprintf(stderr, "candela-worker: %s\n", error.to_string().c_str());
+  std::fprintf(stderr, "candela-worker: %s\n", escape_unprintable(error.to_string()).c_str());
   return error.exit_code();
 }
 

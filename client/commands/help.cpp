@@ -60,7 +60,7 @@ std::string help_markdown(const CLI::App& app) {
       "| Exit code | Meaning |\n|---|---|\n"
       "| 0 | done |\n| 1 | the job failed or was cancelled, or the farm refused |\n"
       "| 2 | bad usage or input: a retry will not help |\n"
-      "| 3 | the master cannot be reached: try again |\n| 128+n | ended by signal n |\n";
+      "| 3 | the master cannot be reached, or is overloaded: try again |\n| 128+n | ended by signal n |\n";
   for (const CLI::App* command :
        app.get_subcommands([](const CLI::App* sub) { return !sub->get_group().empty(); }))
     describe(*command, page);

@@ -47,7 +47,7 @@ Result<int> run_list(Context& context, const JobOptions& options) {
   context.out << fmt::format("{:<14} {:<10} {:>4}  {:>12} {:>10} {:>8}  {}\n", "ID", "STATE", "DONE",
                              "ITERATIONS", "RELMSE", "PRIORITY", "NAME");
   for (const auto& s : response.jobs())
-    context.out << fmt::format("{:<14} {:<10} {:>3.0f}%  {:>12} {:>10} {:>8}  {}\n", s.id(),
+    context.out << fmt::format("{:<14} {:<10} {:>3.0f}%  {:>12} {:>10} {:>8}  {}\n", printable(s.id()),
                                wire::name(s.state()),
                                std::floor(100 * (s.state() == v1::JOB_STATE_DONE ? 1 : fraction_done(s))),
                                s.iterations(), error_text(s), s.priority(), printable(s.name()));
@@ -164,9 +164,9 @@ Result<int> run_events(Context& context, const JobOptions& options) {
   }
   for (const auto& event : response.events())
     context.out << fmt::format("{}  {:<14} {:<14} {:<18} {}\n", time_text(event.unix_ms()),
-                               event.job_id().empty() ? "-" : event.job_id(),
-                               event.worker_id().empty() ? "-" : event.worker_id(), printable(event.kind()),
-                               printable(event.message()));
+                               event.job_id().empty() ? "-" : printable(event.job_id()),
+                               event.worker_id().empty() ? "-" : printable(event.worker_id()),
+                               printable(event.kind()), printable(event.message()));
   return 0;
 }
 

@@ -58,7 +58,7 @@ Result<int> run_submit(Context& context, const SubmitOptions& options) {
     CANDELA_ASSIGN(submitted, submit_scene(*farm, scene, submission, progress));
   }
   if (!options.json)
-    context.out << submitted.job_id << '\n' << std::flush;
+    context.out << printable(submitted.job_id) << '\n' << std::flush;
   else if (!options.wait)
     context.out << submitted_json(submitted.job_id, submitted.existed, submitted.uploaded_bytes) << '\n';
   if (!options.wait) return 0;

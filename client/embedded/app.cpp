@@ -14,19 +14,15 @@
 #include "client/values.h"
 #include "common/base/log.h"
 #include "common/base/path_options.h"
+#include "common/base/text.h"
 #include "common/base/version.h"
 #include "common/description/vocabulary.h"
 
 namespace candela::client {
 namespace {
 
-std::string one_line(std::string text) {
-  for (char& c : text) c = c == '\n' || c == '\r' ? ' ' : c;
-  return text;
-}
-
 int report(std::ostream& err, const std::string& message, int code) {
-  err << "candela: error: " << one_line(message) << std::endl;
+  err << "candela: error: " << printable(message) << std::endl;
   return code;
 }
 
@@ -96,6 +92,21 @@ std::string explain(const CLI::App& app, const std::vector<std::string>& argumen
   return text;
 }
 
+// The proto's strings are UTF-8. A path on this disk may be any bytes; files of a scene are checked as they
+// are gathered.
+Result<void> check_text(const CLI::App& command) {
+  for (const CLI::Option* option : command.get_options()) {
+    const std::string type = option->get_type_name();
+    if (names_a_path(type)) continue;
+    for (const std::string& value : option->results()) {
+      if (is_utf8(value)) continue;
+      const std::string name = option->get_positional() ? type : option->get_name();
+      return usage_error(fmt::format("'{}' is not text in UTF-8", printable(value))).with_field(name);
+    }
+  }
+  return {};
+}
+
 }  // namespace
 
 int run_program(const std::vector<std::string>& arguments, std::ostream& out, std::ostream& err) {
@@ -137,6 +148,9 @@ int run_program(const std::vector<std::string>& arguments, std::ostream& out, st
   } catch (const CLI::ParseError& error) {
     return report(err, explain(app, arguments, error), 2);
   }
+  for (const CLI::App* command : app.get_subcommands())
+    if (const auto checked = check_text(*command); !checked)
+      return report(err, checked.error().to_string(), checked.error().exit_code());
   if (!context.command) {
     err << app.help();
     return report(err, "no command is given", 2);

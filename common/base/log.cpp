@@ -5,33 +5,24 @@
 
 #include <atomic>
 
+#include "common/base/text.h"
+
 namespace candela::log {
 namespace {
 
 std::atomic<bool> json_format{false};  // set once at start, before any thread logs
 
-std::string json_escape(std::string_view text) {
-  std::string out;
-  out.reserve(text.size() + 8);
-  for (char c : text) {
-    switch (c) {
-      case '"':
-        out += "\\\"";
-        break;
-      case '\\':
-        out += "\\\\";
-        break;
-      case '\n':
-        out += "\\n";
-        break;
-      default:
-        if (static_cast<unsigned char>(c) < 0x20)
-          out += fmt::format("\\u{:04x}", static_cast<unsigned>(c));
-        else
-          out += c;
-    }
+// Every text of a line passes here: a name from elsewhere can neither end a line nor reach the terminal.
+std::string field(std::string_view text) {
+  std::string line = escape_unprintable(text);
+  if (!json_format) return line;
+  std::string quoted;
+  quoted.reserve(line.size() + 8);
+  for (const char c : line) {
+    if (c == '"' || c == '\\') quoted += '\\';
+    quoted += c;
   }
-  return out;
+  return quoted;
 }
 
 }  // namespace
@@ -63,15 +54,15 @@ void write(spdlog::level::level_enum level, std::string_view message, const Ids&
   if (!spdlog::should_log(level)) return;
   std::string text;
   if (json_format) {
-    text = fmt::format(R"("message":"{}")", json_escape(message));
-    if (!ids.job.empty()) text += fmt::format(R"(,"job":"{}")", json_escape(ids.job));
+    text = fmt::format(R"("message":"{}")", field(message));
+    if (!ids.job.empty()) text += fmt::format(R"(,"job":"{}")", field(ids.job));
     if (ids.unit >= 0) text += fmt::format(R"(,"unit":{})", ids.unit);
-    if (!ids.worker.empty()) text += fmt::format(R"(,"worker":"{}")", json_escape(ids.worker));
+    if (!ids.worker.empty()) text += fmt::format(R"(,"worker":"{}")", field(ids.worker));
   } else {
-    text = message;
-    if (!ids.job.empty()) text += fmt::format(" job={}", ids.job);
+    text = field(message);
+    if (!ids.job.empty()) text += fmt::format(" job={}", field(ids.job));
     if (ids.unit >= 0) text += fmt::format(" unit={}", ids.unit);
-    if (!ids.worker.empty()) text += fmt::format(" worker={}", ids.worker);
+    if (!ids.worker.empty()) text += fmt::format(" worker={}", field(ids.worker));
   }
   spdlog::log(level, "{}", text);
 }

@@ -11,6 +11,8 @@
 
 #include "common/base/path_options.h"
 
+#include "common/base/text.h"
+
 namespace candela {
 
 // The exit code: run()'s; 0 for --help and --version; 2 for a command line that cannot be; 1 where memory or
@@ -27,7 +29,7 @@ int parse_and_run(const char* program, CLI::App& app, int argc, char** argv, Run
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version
-    std::fprintf(stderr, "%s: %s (see --help)\n", program, error.what());
+    std::fprintf(stderr, "%s: %s (see --help)\n", program, escape_unprintable(error.what()).c_str());
     return 2;
   }
   try {

@@ -8,6 +8,8 @@
 #include <string_view>
 #include <vector>
 
+#include "common/base/text.h"
+
 namespace candela::description::text {
 
 // Whole-string conversions, with surrounding spaces allowed; nullopt for anything else, for overflow and for
@@ -27,7 +29,7 @@ std::string snake_case(std::string_view name);
 // For messages: in single quotes, control characters and invalid UTF-8 as '?', cut after 80 bytes.
 std::string quote(std::string_view text);
 
-bool is_utf8(std::string_view text);
+using candela::is_utf8;
 
 // "did you mean 'x'?", or empty where `nearest` is.
 std::string did_you_mean(std::string_view nearest);

@@ -5,12 +5,14 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <optional>
 #include <set>
 #include <thread>
 
 #include "common/base/hash.h"
 #include "common/base/version.h"
 #include "common/wire/canonical.h"
+#include "common/wire/stall_guard.h"
 #include "master/api/service_support.h"
 
 namespace candela::master {
@@ -19,7 +21,9 @@ namespace {
 // What one master serves at a time; beyond it, RESOURCE_EXHAUSTED. Each holds a thread.
 constexpr int kMaxWatchers = 256;
 constexpr int kMaxUploads = 32;
-constexpr int kMaxImages = 4;
+constexpr int kMaxImages = 4;    // made at a time, or sent if they are large
+constexpr int kMaxSenders = 32;  // of images
+constexpr std::size_t kLargeImageBytes = 64 << 20;
 constexpr int kMaxVerifications = 2;
 constexpr int kMaxHashes = 100000;
 constexpr std::uint32_t kMaxEventsAsked = 10000;
@@ -109,41 +113,43 @@ grpc::Status FarmServiceImpl::UploadBlob(grpc::ServerContext* context,
                                          v1::UploadBlobResponse*) {
   return guarded([&] {
     if (farm_.stopping()) return stopping_status();
-    const Place place(uploads_, kMaxUploads);
-    if (!place.held()) return too_many("uploads");
-    // Guards against a sender that hangs, as for deltas.
-    auto first_guard = farm_.gate().enter("", 0, farm_.now().seconds, [context] { context->TryCancel(); });
-    if (!first_guard.ok()) return wire::to_status(first_guard.error());
+    // A sender that hangs is cut off, as for deltas: soon before the first chunk, which is short.
+    const auto cancel = [context] { context->TryCancel(); };
+    auto guard = farm_.gate().enter_unknown(farm_.now().seconds, cancel);
     v1::UploadBlobRequest chunk;
     if (!reader->Read(&chunk)) return grpc::Status(grpc::StatusCode::INVALID_ARGUMENT, "no chunk came");
+    const Place place(uploads_, kMaxUploads);
+    if (!place.held()) return answer_early(*context, *reader, too_many("uploads"));
+    guard = farm_.gate().enter_silent(farm_.now().seconds, cancel);
     const std::string sha256 = chunk.sha256();  // later chunks do not say it
     auto upload = farm_.blobs().begin(sha256, chunk.size_bytes());
-    if (!upload.ok()) return after_drain(*reader, wire::to_status(upload.error()));
+    if (!upload.ok()) return answer_early(*context, *reader, wire::to_status(upload.error()));
     if (const auto size = farm_.blobs().size(sha256)) {
       // Another length is damage that nobody has met yet.
       bool whole = *size == chunk.size_bytes();
       if (!whole) {
         const auto checked = farm_.blobs().check(sha256);
-        if (!checked.ok()) return after_drain(*reader, wire::to_status(checked.error()));
+        if (!checked.ok()) return answer_early(*context, *reader, wire::to_status(checked.error()));
         whole = *checked;
       }
-      if (whole) return after_drain(*reader, grpc::Status::OK);
+      if (whole) return answer_early(*context, *reader, grpc::Status::OK);
     }
     do {
       if (chunk.data().size() > Limits::max_chunk_bytes)
-        return after_drain(
-            *reader, wire::to_status(input_error(fmt::format("larger than {} bytes", Limits::max_chunk_bytes))
-                                         .with_field("data")));
+        return answer_early(
+            *context, *reader,
+            wire::to_status(input_error(fmt::format("larger than {} bytes", Limits::max_chunk_bytes))
+                                .with_field("data")));
       if (auto added = (*upload)->append(chunk.data()); !added.ok()) {
         if (added.error().kind == ErrorKind::failed)
-          return after_drain(*reader, grpc::Status(grpc::StatusCode::DATA_LOSS, added.error().to_string()));
-        return after_drain(*reader, wire::to_status(added.error()));
+          return answer_early(*context, *reader,
+                              grpc::Status(grpc::StatusCode::DATA_LOSS, added.error().to_string()));
+        return answer_early(*context, *reader, wire::to_status(added.error()));
       }
       farm_.counters().upload_bytes += chunk.data().size();
-      // A fresh guard for each chunk: a large blob may take long, silence may not.
-      first_guard->reset();
-      first_guard = farm_.gate().enter("", 0, farm_.now().seconds, [context] { context->TryCancel(); });
+      guard->progress(farm_.now().seconds);  // a large blob may take long, silence may not
     } while (reader->Read(&chunk) && !farm_.stopping());
+    guard->all_here();
     if (context->IsCancelled())
       return grpc::Status(grpc::StatusCode::CANCELLED, "the blob did not arrive whole");
     if (auto stored = (*upload)->finish(); !stored.ok()) {
@@ -249,21 +255,43 @@ grpc::Status FarmServiceImpl::WatchJob(grpc::ServerContext* context, const v1::W
   });
 }
 
-grpc::Status FarmServiceImpl::FetchImage(grpc::ServerContext*, const v1::FetchImageRequest* request,
+grpc::Status FarmServiceImpl::FetchImage(grpc::ServerContext* context, const v1::FetchImageRequest* request,
                                          grpc::ServerWriter<v1::FetchImageChunk>* writer) {
   return guarded([&] {
     if (!farm_.status(request->job_id())) return not_found("job", request->job_id());
-    const Place place(images_, kMaxImages);
-    if (!place.held()) return too_many("images");
-    auto bytes = farm_.image(request->job_id(), {request->error_layer(), request->image_only(),
-                                                 request->chain_layers(), request->partial()});
-    if (!bytes.ok()) return wire::to_status(bytes.error());
-    v1::FetchImageChunk chunk;
-    chunk.set_total_bytes(bytes->size());
-    for (std::size_t at = 0; at < bytes->size(); at += Limits::max_chunk_bytes) {
-      chunk.set_data(bytes->substr(at, Limits::max_chunk_bytes));
-      if (!writer->Write(chunk)) return grpc::Status(grpc::StatusCode::CANCELLED, "the client went away");
+    EncodedImagePtr image;
+    if (!request->sha256().empty())
+      image = farm_.recent_images().find(request->sha256(), farm_.now().seconds);
+    std::optional<Place> making;
+    if (!image) {
+      making.emplace(images_, kMaxImages);
+      if (!making->held()) return too_many("images");
+      auto bytes = farm_.image(request->job_id(), {request->error_layer(), request->image_only(),
+                                                   request->chain_layers(), request->partial()});
+      if (!bytes.ok()) return wire::to_status(bytes.error());
+      image = farm_.recent_images().keep(std::move(*bytes), farm_.now().seconds);
+      // Clients on slow links keep nobody from an image, as long as it is not memory they take.
+      if (image->bytes.size() <= kLargeImageBytes) making.reset();
     }
+    const Place sending(senders_, kMaxSenders);
+    if (!sending.held()) return too_many("images");
+    // A client that takes nothing is cut off.
+    const auto guard = farm_.gate().enter_silent(farm_.now().seconds, [context] { context->TryCancel(); });
+    const std::string_view bytes = image->bytes;
+    std::size_t at =
+        image->sha256 == request->sha256() ? std::min<std::uint64_t>(request->offset(), bytes.size()) : 0;
+    v1::FetchImageChunk chunk;
+    chunk.set_sha256(image->sha256);
+    chunk.set_offset(at);
+    do {
+      chunk.set_total_bytes(bytes.size());
+      const std::string_view part = bytes.substr(at, wire::kStreamBytes);
+      chunk.set_data(part.data(), part.size());
+      if (!writer->Write(chunk)) return grpc::Status(grpc::StatusCode::CANCELLED, "the client went away");
+      guard->progress(farm_.now().seconds);
+      at += part.size();
+      chunk.Clear();
+    } while (at < bytes.size());
     return grpc::Status::OK;
   });
 }

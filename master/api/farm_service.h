@@ -42,7 +42,7 @@ class FarmServiceImpl final : public v1::FarmService::Service {
 
  private:
   Farm& farm_;
-  std::atomic<int> watchers_{0}, uploads_{0}, images_{0}, verifications_{0};
+  std::atomic<int> watchers_{0}, uploads_{0}, images_{0}, senders_{0}, verifications_{0};
 };
 
 }  // namespace candela::master

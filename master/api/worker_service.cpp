@@ -5,8 +5,10 @@
 #include <cmath>
 
 #include "common/base/hash.h"
+#include "common/base/text.h"
 #include "common/base/version.h"
 #include "common/film/layers.h"
+#include "common/wire/stall_guard.h"
 #include "master/api/service_support.h"
 
 namespace candela::master {
@@ -40,7 +42,8 @@ bool is_worker(Farm& farm, const std::string& id, const std::string& session) {
 }
 
 std::string clipped(const std::string& text) {
-  return text.substr(0, kMaxMessageBytes);
+  return std::string(
+      clip_utf8(text, kMaxMessageBytes));  // half a character would make every later answer invalid
 }
 
 Result<void> check(const v1::RegisterRequest& r) {
@@ -235,17 +238,16 @@ grpc::Status WorkerServiceImpl::PushDelta(grpc::ServerContext* context,
                                           v1::PushDeltaResponse* response) {
   return guarded([&] {
     if (farm_.stopping()) return stopping_status();
-    // The place in the queue is taken before the size is known, so that a sender that never says it is cut
-    // off, too.
-    auto waiting = farm_.gate().enter("", 0, farm_.now().seconds, [context] { context->TryCancel(); });
-    if (!waiting.ok()) return wire::to_status(waiting.error());
+    // A sender that never says who it is and what it sends is cut off, too.
+    const auto cancel = [context] { context->TryCancel(); };
+    auto unknown = farm_.gate().enter_unknown(farm_.now().seconds, cancel);
     v1::DeltaChunk chunk;
     if (!reader->Read(&chunk)) return grpc::Status(grpc::StatusCode::INVALID_ARGUMENT, "no chunk came");
     if (!chunk.has_header())
-      return after_drain(*reader,
-                         wire::to_status(input_error("the first chunk must have it").with_field("header")));
+      return answer_early(*context, *reader,
+                          wire::to_status(input_error("the first chunk must have it").with_field("header")));
     const v1::DeltaHeader header = chunk.header();
-    const auto refuse = [&](const grpc::Status& status) { return after_drain(*reader, status); };
+    const auto refuse = [&](const grpc::Status& status) { return answer_early(*context, *reader, status); };
     if (!is_worker(farm_, header.worker_id(), header.session())) return refuse(unauthenticated());
     auto admitted = farm_.admit(header);
     if (!admitted.ok()) return refuse(wire::to_status(admitted.error()));
@@ -254,13 +256,12 @@ grpc::Status WorkerServiceImpl::PushDelta(grpc::ServerContext* context,
       response->set_message((*admitted)->message);
       return refuse(grpc::Status::OK);
     }
-    auto ticket = farm_.gate().enter(header.worker_id(), header.size_bytes(), farm_.now().seconds,
-                                     [context] { context->TryCancel(); });
+    auto ticket = farm_.gate().enter(header.worker_id(), header.size_bytes(), farm_.now().seconds, cancel);
     if (!ticket.ok()) {
       ++farm_.counters().queue_full;
       return refuse(wire::to_status_with_retry(ticket.error(), kQueueRetryMs));
     }
-    waiting->reset();
+    unknown.reset();
     const double started = farm_.now().seconds;
     std::string bytes;
     bytes.reserve(header.size_bytes());
@@ -330,15 +331,30 @@ grpc::Status WorkerServiceImpl::FetchBlob(grpc::ServerContext* context, const v1
           input_error(fmt::format("the blob has {} bytes, not {}", blob.size(), request->size_bytes()))
               .with_field("size_bytes"));
     }
+    if (request->offset() > blob.size())
+      return wire::to_status(
+          input_error(fmt::format("the blob has {} bytes", blob.size())).with_field("offset"));
+    // A worker that takes nothing is cut off.
+    const auto guard = farm_.gate().enter_silent(farm_.now().seconds, [context] { context->TryCancel(); });
     v1::FetchBlobChunk chunk;
-    std::uint64_t left = blob.size();
+    // What the worker has is read as well: the hash is that of all bytes.
+    std::uint64_t skip = request->offset(), left = blob.size();
     do {
-      if (auto read = blob.next(Limits::max_chunk_bytes, *chunk.mutable_data()); !read.ok())
+      const std::uint64_t most =
+          skip > 0 ? std::min<std::uint64_t>(skip, wire::kStreamBytes) : wire::kStreamBytes;
+      if (auto read = blob.next(most, *chunk.mutable_data()); !read.ok())
         return read.error().kind == ErrorKind::failed ? lost(true) : unreadable(read.error());
       chunk.set_size_bytes(blob.size());
       left -= chunk.data().size();
       if (left == 0) farm_.blob_found(sha256);
+      if (skip > 0) {
+        skip -= chunk.data().size();
+        chunk.clear_data();
+        guard->progress(farm_.now().seconds);
+        if (left > 0) continue;
+      }
       if (!writer->Write(chunk)) return grpc::Status(grpc::StatusCode::CANCELLED, "the worker went away");
+      guard->progress(farm_.now().seconds);
     } while (left > 0 && !context->IsCancelled() && !farm_.stopping());
     return left == 0 ? grpc::Status::OK : stopping_status();
   });

@@ -1,4 +1,4 @@
-// /healthz and /metrics over plain HTTP (civetweb).
+// /healthz and /metrics over plain HTTP, on a thread of their own that no client can hold up.
 #pragma once
 
 #include <memory>

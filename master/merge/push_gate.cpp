@@ -8,7 +8,7 @@ namespace candela::master {
 namespace {
 
 constexpr int kPushesPerWorker = 2;
-constexpr double kSlowestBytesPerSecond = 1 << 20;
+constexpr double kSlowestBytesPerSecond = 16 << 10;
 
 }  // namespace
 
@@ -20,12 +20,32 @@ Result<std::unique_ptr<PushGate::Ticket>> PushGate::enter(const std::string& wor
   const std::lock_guard lock(mutex_);
   const auto of_worker = std::count_if(entries_.begin(), entries_.end(),
                                        [&](const Entry& e) { return e.worker_id == worker_id; });
-  if (!worker_id.empty() && of_worker >= kPushesPerWorker)
+  if (of_worker >= kPushesPerWorker)
     return resource_error(fmt::format("{} deltas of this worker are under way already", of_worker));
   if (bytes_ > 0 && (bytes > limit_bytes_ || bytes_ > limit_bytes_ - bytes))
     return resource_error(fmt::format("the merge queue is full ({} of {} bytes)", bytes_, limit_bytes_));
-  entries_.push_front({worker_id, bytes, now_seconds, now_seconds, std::move(cancel)});
+  entries_.push_front({worker_id, bytes, now_seconds, now_seconds, false, std::move(cancel)});
   bytes_ += bytes;
+  return std::make_unique<Ticket>(*this, entries_.begin());
+}
+
+std::unique_ptr<PushGate::Ticket> PushGate::enter_silent(double now_seconds, std::function<void()> cancel) {
+  const std::lock_guard lock(mutex_);
+  entries_.push_front({"", 0, now_seconds, now_seconds, false, std::move(cancel)});
+  return std::make_unique<Ticket>(*this, entries_.begin());
+}
+
+std::unique_ptr<PushGate::Ticket> PushGate::enter_unknown(double now_seconds, std::function<void()> cancel) {
+  const std::lock_guard lock(mutex_);
+  std::size_t waiting = 0;
+  Entry* oldest = nullptr;
+  for (Entry& e : entries_) {  // the newest first
+    if (!e.unknown || !e.cancel) continue;
+    ++waiting;
+    oldest = &e;
+  }
+  if (waiting >= kMaxUnknown) std::exchange(oldest->cancel, nullptr)();
+  entries_.push_front({"", 0, now_seconds, now_seconds, true, std::move(cancel)});
   return std::make_unique<Ticket>(*this, entries_.begin());
 }
 
@@ -34,7 +54,9 @@ void PushGate::cancel_hung(double now_seconds, double idle_seconds) {
   for (Entry& e : entries_) {
     if (!e.cancel) continue;
     const double longest = idle_seconds + static_cast<double>(e.bytes) / kSlowestBytesPerSecond;
-    if (now_seconds - e.last <= idle_seconds && now_seconds - e.started <= longest) continue;
+    const bool silent = now_seconds - e.last > (e.unknown ? kUnknownSeconds : idle_seconds);
+    const bool slow = e.bytes > 0 && now_seconds - e.started > longest;
+    if (!silent && !slow) continue;
     const std::function<void()> cancel = std::exchange(e.cancel, nullptr);
     cancel();
   }

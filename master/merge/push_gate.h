@@ -1,6 +1,7 @@
 // The bounded queue in front of the merge: how many bytes of deltas may be under way, how many are merged at
 // a time, and who sits on a place without sending. A hung sender holds its own call only: it is cancelled
-// after an inactivity limit.
+// after an inactivity limit. Each stream holds a thread of the server, so streams whose sender is not known
+// yet are few and short.
 #pragma once
 
 #include <condition_variable>
@@ -21,12 +22,21 @@ class PushGate {
 
   class Ticket;
   // A place for a delta of `bytes`. ErrorKind::resource where the queue is full (a delta larger than the
-  // whole queue is taken when nothing else is under way) or this worker has two deltas under way. Without
-  // worker and bytes the place only guards against silence, and is always there. `cancel` ends the sender's
-  // call; it is called at most once, from cancel_hung(), never after the ticket's end.
+  // whole queue is taken when nothing else is under way) or this worker has two deltas under way. `cancel`
+  // ends the sender's call; it is called at most once, from cancel_hung() or enter_unknown(), never after the
+  // ticket's end.
   Result<std::unique_ptr<Ticket>> enter(const std::string& worker_id, std::uint64_t bytes, double now_seconds,
                                         std::function<void()> cancel);
-  // Cancels those that sent nothing for `idle_seconds`, or that are slower than 1 MiB/s after `idle_seconds`.
+  // A place that only guards against silence, and is always there.
+  std::unique_ptr<Ticket> enter_silent(double now_seconds, std::function<void()> cancel);
+  // A place for a stream that has not shown a valid session or header: it has kUnknownSeconds for that. Where
+  // kMaxUnknown such streams wait already, the oldest of them is cancelled: who sends its header at once is
+  // not kept out by any number of streams that do not.
+  static constexpr double kUnknownSeconds = 2;
+  static constexpr std::size_t kMaxUnknown = 64;
+  std::unique_ptr<Ticket> enter_unknown(double now_seconds, std::function<void()> cancel);
+  // Cancels those that sent nothing for `idle_seconds`, deltas that after `idle_seconds` are slower than 16
+  // KiB/s, and unknown senders whose time is over.
   void cancel_hung(double now_seconds, double idle_seconds);
 
   std::uint64_t bytes_under_way() const;
@@ -49,6 +59,7 @@ class PushGate {
     std::string worker_id;
     std::uint64_t bytes = 0;
     double started = 0, last = 0;
+    bool unknown = false;
     std::function<void()> cancel;  // empty once called, or once everything has arrived
   };
 

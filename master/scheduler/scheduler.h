@@ -13,6 +13,7 @@
 // scheduler's tokens keep out those who lost their lease.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <deque>
@@ -40,6 +41,9 @@ struct SchedulerOptions {
   double unit_seconds = 4;
   FailurePolicy failures;
   double forget_worker_seconds = 3600;  // a lost worker's session ends
+  // So does, sooner, that of one that never merged or failed a unit: a program that crashes as soon as it has
+  // registered.
+  double forget_idle_worker_seconds = 60;
   std::size_t max_leases_per_worker =
       6;  // rendering, prefetched, and finished ones waiting for their verdict
   std::size_t max_workers = 10000;
@@ -147,6 +151,7 @@ struct Job {
 struct WorkerState {
   WorkerRow row;
   double last_seen = 0;
+  bool called = false;  // after it registered
   std::set<std::uint64_t> leases;
   std::uint32_t consecutive_failures = 0;  // of causes of its own
   std::set<std::string> failed_jobs;       // since its last merged unit
@@ -292,6 +297,7 @@ class Scheduler {
   const FailureCounts& failures() const { return failures_; }
 
  private:
+  double lost_after() const { return std::max(options_.lease_seconds, 10.0); }  // seconds of silence
   bool usable(const WorkerState& worker, Now now) const;
   bool can_run(const WorkerState& worker, const Job& job) const;
   std::uint64_t active_workers(const Job& job, Now now) const;
@@ -330,6 +336,7 @@ class Scheduler {
   void save(Job& job, Now now);
   void save(const UnitState& unit);
   void expire(Now now);
+  bool make_room_for_worker(Now now);
   // Counts, and sets the worker aside where that is due.
   void note_failure(Job& job, WorkerState& worker, FailureCause cause, const std::string& message,
                     const Consequence& then, Now now);

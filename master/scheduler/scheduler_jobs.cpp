@@ -289,7 +289,10 @@ void Scheduler::tick(Now now) {
       w.failed_jobs.clear();
       event(now, "", w.row.id, "set-aside", "over; it gets leases again");
     }
-    if (w.leases.empty() && now.seconds - w.last_seen > options_.forget_worker_seconds) {
+    const bool told_of = w.row.units_merged > 0 || w.row.units_failed > 0 || w.row.draining;
+    const double forgotten_after = told_of ? options_.forget_worker_seconds
+                                           : std::max(options_.forget_idle_worker_seconds, lost_after());
+    if (w.leases.empty() && now.seconds - w.last_seen > forgotten_after) {
       changes_.emplace_back(DropWorker{w.row.id});
       it = workers_.erase(it);
     } else {

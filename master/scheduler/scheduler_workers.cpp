@@ -2,13 +2,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "master/scheduler/scheduler.h"
 
 namespace candela::master {
 
 bool Scheduler::lives(const WorkerState& worker, Now now) const {
-  return now.seconds - worker.last_seen <= std::max(options_.lease_seconds, 10.0);
+  return now.seconds - worker.last_seen <= lost_after();
 }
 
 bool Scheduler::usable(const WorkerState& worker, Now now) const {
@@ -20,8 +21,33 @@ bool Scheduler::can_run(const WorkerState& worker, const Job& job) const {
   return std::find(isas.begin(), isas.end(), job.row.settings.isa) != isas.end();
 }
 
+// Forgets the worker that would be missed least: one that never called after it registered, else one that is
+// lost and never merged, else one that never merged, else one that is lost; of several the one not heard of
+// for longest. A worker that is forgotten by mistake registers again. False if all have leases, or have
+// merged units and are there.
+bool Scheduler::make_room_for_worker(Now now) {
+  const auto rank = [&](const WorkerState& w) {
+    const bool lost = now.seconds - w.last_seen > lost_after();
+    const bool merged = w.row.units_merged > 0;
+    return !w.called && !merged ? 0 : lost && !merged ? 1 : !merged ? 2 : lost ? 3 : 4;
+  };
+  auto chosen = workers_.end();
+  std::pair<int, double> lowest{4, 0};
+  for (auto it = workers_.begin(); it != workers_.end(); ++it) {
+    if (!it->second.leases.empty()) continue;
+    const std::pair<int, double> key{rank(it->second), it->second.last_seen};
+    if (key >= lowest) continue;
+    lowest = key;
+    chosen = it;
+  }
+  if (chosen == workers_.end()) return false;
+  changes_.emplace_back(DropWorker{chosen->first});
+  workers_.erase(chosen);
+  return true;
+}
+
 Result<void> Scheduler::register_worker(WorkerRow row, Now now) {
-  if (workers_.size() >= options_.max_workers)
+  if (workers_.size() >= options_.max_workers && !make_room_for_worker(now))
     return resource_error(fmt::format("the farm has its limit of {} workers", options_.max_workers));
   row.last_seen_unix_ms = now.unix_ms;
   event(now, "", row.id, "registered",
@@ -77,6 +103,7 @@ WorkerState* Scheduler::authenticate(const std::string& id, const std::string& s
                                         static_cast<unsigned char>(expected[i]));
   if (difference != 0) return nullptr;
   it->second.last_seen = now.seconds;
+  it->second.called = true;
   it->second.row.last_seen_unix_ms = now.unix_ms;
   return &it->second;
 }

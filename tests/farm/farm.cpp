@@ -110,15 +110,13 @@ void Farm::restart_master() {
 
 Process& Farm::start_worker(const std::string& name, unsigned threads, std::vector<std::string> options) {
   std::vector<std::string> arguments = {program("candela-worker"),
-                                        "--master",
-                                        address_,
                                         "--cache",
                                         (folder_ / ("cache-" + name)).string(),
                                         "--threads",
                                         std::to_string(threads),
                                         "--name",
                                         name};
-  arguments.insert(arguments.end(), options.begin(), options.end());
+  arguments.insert(arguments.end(), options.begin(), options.end());  // the environment names the master
   workers_.push_back(std::make_unique<Process>(
       arguments, folder_ / fmt::format("worker-{}-{}", name, ++serial_), environment()));
   return *workers_.back();

@@ -189,6 +189,13 @@ TEST(Program, BadUsageIsOneLineAndCodeTwo) {
       {{"compare", "/nonexistent/a.exr", "/nonexistent/b.exr"}, "/nonexistent/a.exr"},
       {{"convert", "a.exr", "b.jpg"}, "the name does not end in .png"},
       {{}, "no command is given"},
+      {{"submit", "scene.xml", "--name", "\xff"}, "--name: '\\xff' is not text in UTF-8"},
+      {{"submit", "scene.xml", "--token", "a\xff"}, "--token: 'a\\xff' is not"},
+      {{"submit", "scene.xml", "-D", "a=\xff"}, "--define: 'a=\\xff' is not"},
+      {{"submit", "scene.xml", "--set", "a\xff=1"}, "--set: 'a\\xff=1' is not"},
+      {{"show", "\xff"}, "ID: '\\xff' is not"},
+      {{"drain", "\xff"}, "WORKER: '\\xff' is not"},
+      {{"show", "a\u202eb\nc", "--master", "\u202e"}, "'\\u202e' is not HOST:PORT"},
   };
   for (const auto& c : cases) {
     const Outcome r = run(c.arguments);

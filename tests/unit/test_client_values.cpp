@@ -93,7 +93,8 @@ TEST(Values, QuotingAndPrinting) {
   EXPECT_EQ(shell_quote("out.exr"), "out.exr");
   EXPECT_EQ(shell_quote(""), "''");
   EXPECT_EQ(shell_quote("my scene's.xml"), "'my scene'\\''s.xml'");
-  EXPECT_EQ(printable("a\x1b[2Jb\n"), "a?[2Jb?");
+  EXPECT_EQ(printable("a\x1b[2Jb\n"), "a\\x1b[2Jb\\n");
+  EXPECT_EQ(printable("gpj.\u202exe"), "gpj.\\u202exe");
 }
 
 }  // namespace

@@ -284,6 +284,8 @@ TEST_F(MasterTest, RefusesToStartTwiceOrOpenly) {
   auto second = Master::start(o);
   ASSERT_FALSE(second.ok());
   EXPECT_EQ(second.error().exit_code(), 2);
+  ASSERT_TRUE(std::filesystem::remove(folder.path() / "lock"));
+  EXPECT_FALSE(Master::start(o).ok()) << "the file of the lock was removed, the master was not";
   test::TemporaryFolder other;
   o.data_dir = other.path();
   o.listen = "0.0.0.0:0";

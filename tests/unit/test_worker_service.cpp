@@ -510,7 +510,8 @@ TEST_F(WorkerServiceTest, DisksAreThePlace) {
   EXPECT_NE(master_.failures[1].message().find(folder_.string()), std::string::npos);
 }
 
-// Claim: a blob transfer that breaks off in the middle is taken up again, and the bytes are right.
+// Claim: a blob transfer that breaks off in the middle is taken up again where it was, and the bytes are
+// right.
 TEST_F(WorkerServiceTest, BrokenBlobTransferIsResumed) {
   master_.blob_script = {Status(StatusCode::UNAVAILABLE, "broken"),
                          Status(StatusCode::UNAVAILABLE, "broken")};
@@ -518,6 +519,9 @@ TEST_F(WorkerServiceTest, BrokenBlobTransferIsResumed) {
   start();
   ASSERT_TRUE(master_.wait_for([&] { return merged_count() == 1; }));
   EXPECT_EQ(master_.blob_fetches, 4);
+  ASSERT_EQ(master_.blob_offsets.size(), 4U);
+  EXPECT_GT(master_.blob_offsets[1], 0U);
+  EXPECT_GT(master_.blob_offsets[2], master_.blob_offsets[1]) << "it goes on from the byte it has";
   EXPECT_EQ(renderer_.files["../textures/a.bin"], "the texture");
 }
 

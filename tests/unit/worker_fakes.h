@@ -162,6 +162,7 @@ class FakeMaster final : public v1::WorkerService::Service {
 
   std::deque<v1::Lease> leases;
   int registrations = 0, acquisitions = 0, heartbeats = 0, pushes = 0, deregistrations = 0, blob_fetches = 0;
+  std::vector<std::uint64_t> blob_offsets;  // of each fetch
   bool saw_prefetch = false;
   std::uint64_t fetched_size = 0;  // as the first request for a blob says it
   v1::RegisterRequest registered;
@@ -316,6 +317,8 @@ class FakeMaster final : public v1::WorkerService::Service {
       content = found->second;
       if (wrong_blob_bytes) content[0] = '!';
       status = next(blob_script);
+      blob_offsets.push_back(request->offset());
+      content.erase(0, request->offset());
     }
     // A scripted failure comes in the middle of the transfer.
     const std::size_t end = status.ok() ? content.size() : content.size() / 2;

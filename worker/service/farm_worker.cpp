@@ -9,6 +9,7 @@
 #include <array>
 
 #include "common/base/log.h"
+#include "common/base/text.h"
 #include "common/base/version.h"
 #include "common/wire/wire.h"
 
@@ -32,7 +33,7 @@ unsigned usable_cores() {
 std::string host_name() {
   std::array<char, 256> name{};
   if (::gethostname(name.data(), name.size() - 1) != 0 || name[0] == '\0') return "unknown";
-  return name.data();
+  return escape_unprintable(name.data());
 }
 
 std::uint64_t machine_memory_bytes() {
@@ -282,7 +283,7 @@ void FarmWorker::send_notice(std::unique_lock<std::mutex>& lock) {
     request.set_worker_id(session.worker_id);
     request.set_session(session.token);
     request.set_token(notice.token);
-    request.set_message(notice.message);
+    request.set_message(escape_unprintable(notice.message));  // a string of the wire is UTF-8
     request.set_cause(wire::to_proto(notice.cause));
     v1::FailUnitResponse response;
     status = link_.unary(MasterLink::Lane::control, &v1::WorkerService::Stub::FailUnit, request, response,

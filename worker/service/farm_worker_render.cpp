@@ -113,7 +113,7 @@ std::shared_ptr<const SceneStore::Scene> FarmWorker::scene_for(const TaskPtr& ta
     return nullptr;
   }
 
-  const BlobCache::Fetch fetch = [&](const std::string& sha256, std::uint64_t size_bytes,
+  const BlobCache::Fetch fetch = [&](const std::string& sha256, std::uint64_t /*size_bytes*/,
                                      const BlobCache::Sink& sink) -> Result<void> {
     v1::FetchBlobRequest blob;
     blob.set_worker_id(session.worker_id);
@@ -124,16 +124,11 @@ std::shared_ptr<const SceneStore::Scene> FarmWorker::scene_for(const TaskPtr& ta
     std::uint64_t delivered = 0;
     Result<void> sink_error;
     const grpc::Status fetched = persist(task, [&] {
-      std::uint64_t position = 0;
+      blob.set_offset(delivered);
       return link_.fetch_blob(
-          blob, size_bytes,
+          blob,
           [&](std::string_view data) -> Result<void> {
             if (task->stop) return refused_error("stopped");
-            const std::uint64_t skip =
-                std::min<std::uint64_t>(data.size(), delivered - std::min(delivered, position));
-            position += data.size();
-            data.remove_prefix(skip);
-            if (data.empty()) return {};
             delivered += data.size();
             return sink(data);
           },

@@ -3,19 +3,9 @@
 
 #include <algorithm>
 
+#include "common/wire/stall_guard.h"
+
 namespace candela::worker {
-namespace {
-
-// A transfer may take this long before it counts as hung, plus its size at a rate that any usable link
-// exceeds. A peer that is gone altogether is noticed much earlier, by keep-alive pings.
-constexpr Milliseconds kTransferFloor{30000};
-constexpr std::uint64_t kTransferBytesPerMs = 100;
-
-Milliseconds transfer_deadline(std::uint64_t size_bytes) {
-  return kTransferFloor + Milliseconds(static_cast<std::int64_t>(size_bytes / kTransferBytesPerMs));
-}
-
-}  // namespace
 
 Backoff::Backoff(Milliseconds first, Milliseconds longest, std::uint64_t seed)
     : first_(first), longest_(longest), current_(first), stream_(seed) {}
@@ -35,9 +25,9 @@ bool is_unreachable(const grpc::Status& status) {
 MasterLink::MasterLink(std::shared_ptr<grpc::Channel> channel)
     : channel_(std::move(channel)), stub_(v1::WorkerService::NewStub(channel_)) {}
 
-MasterLink::Call::Call(MasterLink& link, Lane lane, Milliseconds deadline)
+MasterLink::Call::Call(MasterLink& link, Lane lane, std::optional<Milliseconds> deadline)
     : link_(link), lane_(static_cast<std::size_t>(lane)) {
-  context_.set_deadline(std::chrono::system_clock::now() + deadline);
+  if (deadline) context_.set_deadline(std::chrono::system_clock::now() + *deadline);
   const std::lock_guard lock(link_.mutex_);
   open_ = !link_.lanes_[lane_].closed;
   if (open_) link_.lanes_[lane_].calls.insert(&context_);
@@ -55,10 +45,11 @@ void MasterLink::close(Lane lane) {
   for (grpc::ClientContext* context : state.calls) context->TryCancel();
 }
 
-grpc::Status MasterLink::fetch_blob(const v1::FetchBlobRequest& request, std::uint64_t size_bytes,
-                                    const Sink& sink, Result<void>& sink_error) {
-  Call call(*this, Lane::fetch, transfer_deadline(size_bytes));
+grpc::Status MasterLink::fetch_blob(const v1::FetchBlobRequest& request, const Sink& sink,
+                                    Result<void>& sink_error) {
+  Call call(*this, Lane::fetch, std::nullopt);
   if (!call.open()) return cancelled();
+  wire::StallGuard guard(call.context(), wire::kStall);
   const auto reader = stub_->FetchBlob(&call.context(), request);
   v1::FetchBlobChunk chunk;
   sink_error = {};
@@ -68,26 +59,33 @@ grpc::Status MasterLink::fetch_blob(const v1::FetchBlobRequest& request, std::ui
       call.context().TryCancel();
       break;
     }
+    guard.allow(wire::kStall);
   }
-  return reader->Finish();
+  return guard.judge(reader->Finish());
 }
 
 grpc::Status MasterLink::push_delta(const v1::DeltaHeader& header, std::string_view bytes,
                                     std::size_t chunk_bytes, v1::PushDeltaResponse& response) {
-  Call call(*this, Lane::push, transfer_deadline(bytes.size()));
+  Call call(*this, Lane::push, std::nullopt);
   if (!call.open()) return cancelled();
+  wire::StallGuard guard(call.context(), wire::kStall);
   const auto writer = stub_->PushDelta(&call.context(), &response);
+  // The header goes alone: the master soon cuts off who has not said who it is, and a slow link is full of
+  // data.
   v1::DeltaChunk chunk;
   *chunk.mutable_header() = header;
-  bool going = true;
-  for (std::size_t at = 0; going && (at < bytes.size() || at == 0); at += chunk_bytes) {
+  bool going = writer->Write(chunk);
+  chunk.clear_header();
+  chunk_bytes = std::min(chunk_bytes, wire::kStreamBytes);
+  for (std::size_t at = 0; going && at < bytes.size(); at += chunk_bytes) {
     const std::string_view part = bytes.substr(at, chunk_bytes);
     chunk.set_data(part.data(), part.size());
     going = writer->Write(chunk);  // false: the master has answered already, Finish() says what
-    chunk.clear_header();
+    guard.allow(wire::kStall);
   }
   if (going) writer->WritesDone();
-  return writer->Finish();
+  guard.allow(wire::answer_limit(bytes.size()));
+  return guard.judge(writer->Finish());
 }
 
 }  // namespace candela::worker

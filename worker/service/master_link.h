@@ -9,6 +9,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 #include <string_view>
@@ -53,11 +54,12 @@ class MasterLink {
     return (stub_.get()->*method)(&call.context(), request, &response);
   }
 
-  // One blob through `sink` in order. `size_bytes` sets the deadline. An error of the sink cancels the call
-  // and comes back in `sink_error`.
+  // Transfers have no deadline while they move (common/wire/stall_guard.h).
+
+  // The blob from request.offset on through `sink`, in order. An error of the sink cancels the call and comes
+  // back in `sink_error`.
   using Sink = std::function<Result<void>(std::string_view)>;
-  grpc::Status fetch_blob(const v1::FetchBlobRequest& request, std::uint64_t size_bytes, const Sink& sink,
-                          Result<void>& sink_error);
+  grpc::Status fetch_blob(const v1::FetchBlobRequest& request, const Sink& sink, Result<void>& sink_error);
 
   // One delta in chunks of at most `chunk_bytes`.
   grpc::Status push_delta(const v1::DeltaHeader& header, std::string_view bytes, std::size_t chunk_bytes,
@@ -70,7 +72,7 @@ class MasterLink {
   // Registers a call's context for as long as the call lasts.
   class Call {
    public:
-    Call(MasterLink& link, Lane lane, Milliseconds deadline);
+    Call(MasterLink& link, Lane lane, std::optional<Milliseconds> deadline);
     ~Call();
     Call(const Call&) = delete;
     Call& operator=(const Call&) = delete;

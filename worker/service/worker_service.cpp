@@ -1,10 +1,12 @@
 // Worker::start: options checked, the channel made, the real renderer plugged in.
 #include "worker/service/worker_service.h"
 
+#include <fmt/format.h>
 #include <grpcpp/grpcpp.h>
 
 #include <cmath>
 
+#include "common/base/text.h"
 #include "common/base/version.h"
 #include "common/wire/wire.h"
 #include "worker/service/farm_worker.h"
@@ -26,9 +28,11 @@ Result<std::shared_ptr<grpc::Channel>> dial(const WorkerOptions& options) {
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   // A master whose machine is gone answers nothing, not even with a closed connection.
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 20000);
-  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10000);
+  // The answer to a ping may wait behind what a slow link has to carry.
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 60000);
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 200);
-  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 1000);
+  // Also the time one attempt to connect may take: TCP, TLS and HTTP/2 are four round trips.
+  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 20000);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2000);
   return grpc::CreateCustomChannel(address.text(), credentials, arguments);
 }
@@ -44,6 +48,8 @@ Result<std::unique_ptr<Worker>> Worker::start(const WorkerOptions& options,
     return usage_error("not a number of seconds of at least 0").with_field("--give-up");
   if (options.name.size() > Limits::max_name_bytes)
     return usage_error("the name is longer than 256 bytes").with_field("--name");
+  if (!is_utf8(options.name))
+    return usage_error(fmt::format("'{}' is not text in UTF-8", options.name)).with_field("--name");
   if (channel == nullptr) {
     CANDELA_ASSIGN(channel, dial(options));
   }

@@ -1,0 +1,231 @@
+// The master's doors to the network: who comes without a word keeps nobody out.
+#include <arpa/inet.h>
+#include <fmt/format.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <list>
+#include <utility>
+#include <vector>
+
+#include "master/merge/push_gate.h"
+#include "tests/unit/master_fixture.h"
+
+namespace candela::master {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point begin) {
+  return std::chrono::duration<double>(Clock::now() - begin).count();
+}
+
+// A master on real sockets.
+class DoorsTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_TRUE(log::initialise("test", "off", "text").ok());
+    MasterOptions o;
+    o.data_dir = folder.path();
+    o.listen = "127.0.0.1:0";
+    o.http_listen = "127.0.0.1:0";
+    auto started = Master::start(o);
+    ASSERT_TRUE(started.ok()) << started.error().to_string();
+    master = std::move(*started);
+  }
+  std::shared_ptr<grpc::Channel> dial() const {
+    grpc::ChannelArguments arguments;
+    arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+    return grpc::CreateCustomChannel(fmt::format("127.0.0.1:{}", master->port()),
+                                     grpc::InsecureChannelCredentials(), arguments);
+  }
+
+  test::TemporaryFolder folder;
+  std::unique_ptr<Master> master;
+};
+
+// A TCP connection to the port of health and metrics.
+class Socket {
+ public:
+  explicit Socket(int port) : fd_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(static_cast<std::uint16_t>(port));
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    EXPECT_EQ(::connect(fd_, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
+  }
+  ~Socket() { ::close(fd_); }
+  Socket(const Socket&) = delete;
+  Socket& operator=(const Socket&) = delete;
+  void send(const std::string& text) const {
+    EXPECT_EQ(::send(fd_, text.data(), text.size(), MSG_NOSIGNAL), static_cast<ssize_t>(text.size()));
+  }
+  // All until the other side closes.
+  std::string rest() const {
+    std::string text;
+    char buffer[4096];
+    for (ssize_t n = 0; (n = ::recv(fd_, buffer, sizeof buffer, 0)) > 0;)
+      text.append(buffer, static_cast<std::size_t>(n));
+    return text;
+  }
+
+ private:
+  int fd_;
+};
+
+std::string get(int port, const std::string& path) {
+  const Socket socket(port);
+  socket.send("GET " + path + " HTTP/1.1\r\nHost: x\r\n\r\n");
+  return socket.rest();
+}
+
+// Claim: any number of connections that say nothing, or half a request, delays neither health nor metrics;
+// such connections are closed after a short while.
+TEST_F(DoorsTest, SilentConnectionsDelayNoHealth) {
+  std::list<Socket> silent;
+  for (int i = 0; i < 100; ++i) {
+    silent.emplace_back(master->http_port());
+    if (i % 2 == 1) silent.back().send("GET /heal");
+  }
+  const auto begin = Clock::now();
+  for (int i = 0; i < 10; ++i) {
+    EXPECT_NE(get(master->http_port(), "/healthz").find("HTTP/1.1 200 OK\r\n"), std::string::npos);
+    silent.emplace_back(master->http_port());
+  }
+  EXPECT_NE(get(master->http_port(), "/metrics").find("candela_jobs"), std::string::npos);
+  EXPECT_LT(seconds_since(begin), 5);  // four threads that waited 5 s for each took more than a minute
+  for (const Socket& socket : silent) EXPECT_EQ(socket.rest(), "");
+  EXPECT_LT(seconds_since(begin), 30);
+}
+
+// Claim: what is no request for a page that there is gets the status that says so.
+TEST_F(DoorsTest, HttpAnswers) {
+  const std::pair<std::string, std::string> cases[] = {
+      {"GET /healthz?full HTTP/1.0\r\n\r\n", "HTTP/1.1 200 OK\r\n"},
+      {"HEAD /metrics HTTP/1.1\r\n\r\n", "HTTP/1.1 200 OK\r\n"},
+      {"GET / HTTP/1.1\r\n\r\n", "HTTP/1.1 404 "},
+      {"POST /healthz HTTP/1.1\r\n\r\n", "HTTP/1.1 405 "},
+      {"hello\r\n\r\n", "HTTP/1.1 400 "},
+      {"\r\n\r\n", "HTTP/1.1 400 "},
+      {"GET /healthz HTTP/1.1\r\nX: " + std::string(20000, 'x') + "\r\n\r\n", "HTTP/1.1 431 "},
+  };
+  for (const auto& [request, status] : cases) {
+    const Socket socket(master->http_port());
+    socket.send(request);
+    EXPECT_TRUE(socket.rest().starts_with(status)) << request.substr(0, 40);
+  }
+  EXPECT_TRUE(get(master->http_port(), "/healthz").ends_with("\r\n\r\nok\n"));
+}
+
+// Streams of one kind that were opened and say nothing.
+template <class Request, class Response>
+struct SilentStreams {
+  struct One {
+    grpc::ClientContext context;
+    Response response;
+    std::unique_ptr<grpc::ClientWriter<Request>> writer;
+    grpc::Status finish() { return std::exchange(writer, nullptr)->Finish(); }
+  };
+  template <class Open>
+  void add(Open&& open) {
+    One& one = all.emplace_back();
+    one.context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(60));
+    one.writer = open(&one.context, &one.response);
+  }
+  ~SilentStreams() {
+    for (One& one : all) {
+      one.context.TryCancel();
+      if (one.writer) one.finish();
+    }
+  }
+  std::list<One> all;
+};
+
+// Claim: 1300 streams of deltas and uploads without a word starve no other call: clients are answered,
+// workers register and deliver, and each of the streams is cut off.
+TEST_F(DoorsTest, StreamsWithoutASessionStarveNobody) {
+  const auto stranger = dial();
+  const auto workers = v1::WorkerService::NewStub(stranger);
+  const auto uploads = v1::FarmService::NewStub(stranger);
+  SilentStreams<v1::DeltaChunk, v1::PushDeltaResponse> deltas;
+  SilentStreams<v1::UploadBlobRequest, v1::UploadBlobResponse> blobs;
+  for (int i = 0; i < 1300; ++i) {
+    if (i % 4 != 0)
+      deltas.add([&](auto* context, auto* response) { return workers->PushDelta(context, response); });
+    else
+      blobs.add([&](auto* context, auto* response) { return uploads->UploadBlob(context, response); });
+  }
+  const auto begin = Clock::now();
+  const auto honest = dial();
+  const auto farm = v1::FarmService::NewStub(honest);
+  for (int i = 0; i < 20; ++i) {
+    grpc::ClientContext context;
+    v1::ListJobsResponse jobs;
+    const grpc::Status status = farm->ListJobs(&context, {}, &jobs);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+  }
+  JobSettings settings;
+  settings.width = kWidth;
+  settings.height = kHeight;
+  const std::string id = test::submit(*farm, kScene, test::submission(kScene, settings, 2));
+  TestWorker worker(honest);
+  ASSERT_TRUE(worker.enrol().ok()) << worker.status.error_message();
+  ASSERT_TRUE(worker.step());
+  ASSERT_TRUE(worker.step());
+  EXPECT_LT(seconds_since(begin), 15);
+  for (auto& one : deltas.all) {
+    const grpc::StatusCode code = one.finish().error_code();
+    EXPECT_TRUE(code == grpc::StatusCode::CANCELLED || code == grpc::StatusCode::INVALID_ARGUMENT) << code;
+  }
+  EXPECT_LT(seconds_since(begin), 40) << "the last ones were cut off by their own deadline";
+}
+
+// Claim: who waits without a word gives way to the next, the oldest first, and to time; who has said who it
+// is waits for as long as it moves.
+TEST(PushGate, UnknownSendersAreFewAndShort) {
+  PushGate gate(1 << 20, 1);
+  std::vector<int> cancelled;
+  std::list<std::unique_ptr<PushGate::Ticket>> tickets;
+  const int limit = static_cast<int>(PushGate::kMaxUnknown);
+  for (int i = 0; i < limit + 2; ++i)
+    tickets.push_back(gate.enter_unknown(100 + 0.001 * i, [&cancelled, i] { cancelled.push_back(i); }));
+  EXPECT_EQ(cancelled, (std::vector<int>{0, 1}));
+  cancelled.clear();
+  auto known = gate.enter("w", 1000, 100, [&cancelled] { cancelled.push_back(-1); });
+  ASSERT_TRUE(known.ok());
+  const auto silent = gate.enter_silent(100, [&cancelled] { cancelled.push_back(-2); });
+  gate.cancel_hung(101, 20);
+  EXPECT_TRUE(cancelled.empty());
+  gate.cancel_hung(103, 20);
+  EXPECT_EQ(cancelled.size(), static_cast<std::size_t>(limit));
+  cancelled.clear();
+  for (int t = 110; t < 1000; t += 10) {
+    silent->progress(t);
+    gate.cancel_hung(t, 20);
+  }
+  EXPECT_EQ(cancelled, std::vector<int>{-1}) << "only the delta that did not move";
+}
+
+// Claim: a delta at 25 KB/s is slow, and no attack.
+TEST(PushGate, SlowSendersThatMoveAreNotCutOff) {
+  PushGate gate(64 << 20, 1);
+  int cancelled = 0;
+  auto slow = gate.enter("w", 10 << 20, 0, [&] { ++cancelled; });
+  ASSERT_TRUE(slow.ok());
+  const double seconds = (10 << 20) / 25e3;
+  for (double t = 0; t < seconds; t += 2.6) {  // a chunk of 64 KiB
+    (*slow)->progress(t);
+    gate.cancel_hung(t, 20);
+  }
+  EXPECT_EQ(cancelled, 0);
+  for (double t = seconds; t < 2 * seconds; t += 2.6) {
+    (*slow)->progress(t);
+    gate.cancel_hung(t, 20);
+  }
+  EXPECT_EQ(cancelled, 1) << "one that trickles is";
+}
+
+}  // namespace
+}  // namespace candela::master
