@@ -113,7 +113,7 @@ std::shared_ptr<const SceneStore::Scene> FarmWorker::scene_for(const TaskPtr& ta
     return nullptr;
   }
 
-  const BlobCache::Fetch fetch = [&](const std::string& sha256, std::uint64_t /*size_bytes*/,
+  const BlobCache::Fetch fetch = [&](const std::string& sha256, std::uint64_t size_bytes,
                                      const BlobCache::Sink& sink) -> Result<void> {
     v1::FetchBlobRequest blob;
     blob.set_worker_id(session.worker_id);
