@@ -4,6 +4,9 @@
 #include <cmath>
 #include <limits>
 
+#include "common/film/delta.h"
+#include "common/film/unit_film.h"
+#include "common/rng/stream.h"
 #include "common/stats/image_error.h"
 
 namespace candela::stats {

@@ -9,7 +9,7 @@
 
 #include "common/base/result.h"
 #include "common/chains/chains.h"
-#include "common/film/film.h"
+#include "common/film/unit_film.h"
 #include "common/job/job.h"
 #include "worker/integrators/plan.h"
 #include "worker/render/filter.h"

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "common/base/result.h"
-#include "common/film/film.h"
+#include "common/film/unit_film.h"
 #include "worker/render/renderer.h"
 
 namespace candela::integrators {

@@ -12,7 +12,7 @@
 #include "common/base/result.h"
 #include "common/chains/chains.h"
 #include "common/description/object.h"
-#include "common/film/film.h"
+#include "common/film/unit_film.h"
 #include "common/job/job.h"
 #include "worker/scene/textures/scratch.h"
 

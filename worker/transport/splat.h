@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "common/film/film.h"
+#include "common/film/unit_film.h"
 #include "common/rng/stream.h"
 #include "worker/render/filter.h"
 #include "worker/transport/connect.h"

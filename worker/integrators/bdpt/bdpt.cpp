@@ -1,7 +1,7 @@
 // The bdpt integrator: settings, plan, and the choice of a kernel (kernel.h) by them.
 #include "worker/integrators/bdpt/bdpt.h"
 
-#include "common/film/film.h"
+#include "common/film/unit_film.h"
 #include "worker/integrators/bdpt/film_sink.h"
 #include "worker/integrators/bdpt/kernel.h"
 #include "worker/integrators/bdpt/plan.h"
