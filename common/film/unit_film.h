@@ -71,6 +71,11 @@ class UnitFilm {
     if (__atomic_load_n(&flag, __ATOMIC_RELAXED) == 0)
       __atomic_store_n(&flag, std::uint8_t{1}, __ATOMIC_RELAXED);
   }
+  // What add() and splat() share; `to_sum(sum, units)` adds and returns whether the sum wrapped around.
+  template <class ToSum>
+  bool add_units(std::uint32_t layer, std::uint32_t x, std::uint32_t y,
+                 const std::array<float, kChannels>& rgb, std::uint64_t key, Tallies& tallies,
+                 bool signed_values, const ToSum& to_sum);
   std::int64_t* pixel(std::uint32_t layer, std::uint32_t x, std::uint32_t y) {
     return sums_.data() + ((std::size_t{layer} * layout_.height + y) * layout_.width + x) * kChannels;
   }
@@ -87,9 +92,10 @@ class UnitFilm {
   Tallies tallies_;
 };
 
-inline bool UnitFilm::add(std::uint32_t layer, std::uint32_t x, std::uint32_t y,
-                          const std::array<float, kChannels>& rgb, std::uint64_t key, Tallies& tallies,
-                          bool signed_values) {
+template <class ToSum>
+inline bool UnitFilm::add_units(std::uint32_t layer, std::uint32_t x, std::uint32_t y,
+                                const std::array<float, kChannels>& rgb, std::uint64_t key, Tallies& tallies,
+                                bool signed_values, const ToSum& to_sum) {
   if (!usual(rgb, signed_values)) [[unlikely]] {
     if (!admit(rgb, tallies, signed_values)) return false;
   }
@@ -99,32 +105,29 @@ inline bool UnitFilm::add(std::uint32_t layer, std::uint32_t x, std::uint32_t y,
   bool wrapped = false;
   for (int c = 0; c < kChannels; ++c) {
     const std::int64_t units = quantise(rgb[static_cast<std::size_t>(c)], units_per_value_, dither(word, c));
-    wrapped |= __builtin_add_overflow(sums[c], units, &sums[c]);
+    wrapped |= to_sum(sums[c], units);
   }
   if (wrapped) [[unlikely]]
     overflowed_.store(true, std::memory_order_relaxed);
   return true;
 }
 
+inline bool UnitFilm::add(std::uint32_t layer, std::uint32_t x, std::uint32_t y,
+                          const std::array<float, kChannels>& rgb, std::uint64_t key, Tallies& tallies,
+                          bool signed_values) {
+  return add_units(layer, x, y, rgb, key, tallies, signed_values, [](std::int64_t& sum, std::int64_t units) {
+    return __builtin_add_overflow(sum, units, &sum);
+  });
+}
+
 inline bool UnitFilm::splat(std::uint32_t layer, std::uint32_t x, std::uint32_t y,
                             const std::array<float, kChannels>& rgb, std::uint64_t key, Tallies& tallies,
                             bool signed_values) {
-  if (!usual(rgb, signed_values)) [[unlikely]] {
-    if (!admit(rgb, tallies, signed_values)) return false;
-  }
-  mark(layer, x, y);
-  std::int64_t* sums = pixel(layer, x, y);
-  const std::uint64_t word = dither_word(key);
-  bool wrapped = false;
-  for (int c = 0; c < kChannels; ++c) {
-    const std::int64_t units = quantise(rgb[static_cast<std::size_t>(c)], units_per_value_, dither(word, c));
-    const std::int64_t before = __atomic_fetch_add(&sums[c], units, __ATOMIC_RELAXED);
+  return add_units(layer, x, y, rgb, key, tallies, signed_values, [](std::int64_t& sum, std::int64_t units) {
+    const std::int64_t before = __atomic_fetch_add(&sum, units, __ATOMIC_RELAXED);
     std::int64_t after = 0;
-    wrapped |= __builtin_add_overflow(before, units, &after);
-  }
-  if (wrapped) [[unlikely]]
-    overflowed_.store(true, std::memory_order_relaxed);
-  return true;
+    return __builtin_add_overflow(before, units, &after);
+  });
 }
 
 }  // namespace candela::film
