@@ -62,7 +62,7 @@ const char* const kRoom = R"(
 TEST(IntegratorMmlt, OneTechniqueIsBdptsShare) {
   const auto scene = test::build_scene(kRoom, {}, kSensor);
   ASSERT_TRUE(scene.ok()) << scene.error().to_string();
-  const auto filter = render::PixelFilter::create("box", {});
+  const auto filter = film::PixelFilter::create("box", {});
   const UnitContext context{**scene, *filter, samplers::SamplerKind::independent, 1, 16, 16};
   const markov::FilmDomain film(context);
   constexpr std::uint32_t kMost = 6;
@@ -131,7 +131,7 @@ TEST(IntegratorMmlt, OneTechniqueIsBdptsShare) {
 TEST(IntegratorMmlt, TargetIsAShareOverItsProbability) {
   const auto scene = test::build_scene(kRoom, {}, kSensor);
   ASSERT_TRUE(scene.ok()) << scene.error().to_string();
-  const auto filter = render::PixelFilter::create("box", {});
+  const auto filter = film::PixelFilter::create("box", {});
   const UnitContext context{**scene, *filter, samplers::SamplerKind::independent, 1, 16, 16};
   const markov::FilmDomain film(context);
   constexpr std::uint32_t kMost = 4;

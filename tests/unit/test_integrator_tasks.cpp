@@ -16,14 +16,14 @@ const film::Layout kLayout{50, 40, 2};
 
 struct Stage {
   std::unique_ptr<scene::Scene> scene;
-  render::PixelFilter filter;
+  film::PixelFilter filter;
   UnitContext context() const {
     return {*scene, filter, samplers::SamplerKind::sobol, 11, kLayout.width, kLayout.height};
   }
 };
 Stage make_stage() {
   auto scene = test::build_scene("<shape type=\"sphere\"/>");
-  auto filter = render::PixelFilter::create("box", {});
+  auto filter = film::PixelFilter::create("box", {});
   if (!scene.ok() || !filter.ok()) throw std::runtime_error("no stage");
   return {std::move(*scene), *filter};
 }

@@ -12,7 +12,7 @@
 #include "common/film/unit_film.h"
 #include "common/job/job.h"
 #include "worker/integrators/plan.h"
-#include "worker/render/filter.h"
+#include "worker/film/filter.h"
 #include "worker/render/renderer.h"
 #include "worker/samplers/sampler.h"
 #include "worker/scene/scene.h"
@@ -22,7 +22,7 @@ namespace candela::integrators {
 // All that a unit may depend on, beside its own index.
 struct UnitContext {
   const scene::Scene& scene;
-  const render::PixelFilter& filter;
+  const film::PixelFilter& filter;
   samplers::SamplerKind sampler;
   std::uint64_t seed;
   std::uint32_t width, height;
