@@ -64,7 +64,7 @@ TEST(IntegratorMmlt, OneTechniqueIsBdptsShare) {
   ASSERT_TRUE(scene.ok()) << scene.error().to_string();
   const auto filter = film::PixelFilter::create("box", {});
   const UnitContext context{**scene, *filter, samplers::SamplerKind::independent, 1, 16, 16};
-  const markov::FilmDomain film(context);
+  const markov::FilmDomain film(context.filter, context.width, context.height);
   constexpr std::uint32_t kMost = 6;
   // A kernel for each longest path: on its last edge what passes straight is no matter of chance.
   bdpt::Limits limits[kMost + 1];
@@ -133,7 +133,7 @@ TEST(IntegratorMmlt, TargetIsAShareOverItsProbability) {
   ASSERT_TRUE(scene.ok()) << scene.error().to_string();
   const auto filter = film::PixelFilter::create("box", {});
   const UnitContext context{**scene, *filter, samplers::SamplerKind::independent, 1, 16, 16};
-  const markov::FilmDomain film(context);
+  const markov::FilmDomain film(context.filter, context.width, context.height);
   constexpr std::uint32_t kMost = 4;
   bdpt::Limits limits;
   limits.max_depth = kMost;
