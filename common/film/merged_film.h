@@ -46,7 +46,6 @@ class MergedFilm {
 
   // A copy of the first layers alone, with the tallies and the merged indices.
   MergedFilm first_layers(std::uint32_t count) const;
-  MergedFilm image_layer() const { return first_layers(1); }
 
   // No sum of the first layers differs from zero.
   bool black(std::uint32_t layers) const;
