@@ -1,32 +1,16 @@
 // The master as a library: candela-master runs one, `candela render` runs one inside its process.
 #pragma once
 
-#include <cstdint>
-#include <filesystem>
 #include <memory>
-#include <string>
 
 #include "common/base/result.h"
+#include "master/options.h"
 
 namespace grpc {
 class Channel;
 }
 
 namespace candela::master {
-
-struct MasterOptions {
-  std::filesystem::path data_dir;
-  std::string listen = "127.0.0.1:7070";  // HOST:PORT, port 0 picks one; empty: in-process only
-  std::string http_listen;                // HOST:PORT of /healthz and /metrics; empty: none
-  std::string tls_cert, tls_key, tls_ca;  // PEM files; all three or none (mutual TLS)
-  bool insecure = false;                  // allow a non-loopback address without TLS
-  double checkpoint_seconds = 10;         // at most this long between a merge and the checkpoint that has it
-  double lease_seconds = 30;              // without heartbeat
-  double unit_seconds = 4;                // what units are sized to
-  std::uint64_t merge_queue_bytes = 512ULL << 20;
-  unsigned merge_threads = 1;
-  bool image_on_checkpoint = true;  // also write jobs/ID/image.exr now and then (SIGHUP: at once)
-};
 
 class Master {
  public:

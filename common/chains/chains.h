@@ -24,7 +24,7 @@
 
 #include "common/base/result.h"
 #include "common/film/development.h"
-#include "common/film/film.h"
+#include "common/film/index_set.h"
 #include "common/job/job.h"
 
 namespace candela::chains {

@@ -6,6 +6,7 @@
 // meets the coder alone: zero planes cost nothing, noise is stored, the rest goes through zstd.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -14,7 +15,8 @@
 #include <vector>
 
 #include "common/base/result.h"
-#include "common/film/film.h"
+#include "common/film/counts.h"
+#include "common/film/layout.h"
 
 namespace candela::film {
 
@@ -69,6 +71,15 @@ Result<std::vector<std::uint32_t>> read_tiles(Reader& reader, std::size_t tile_c
 
 // Tiles are coded in groups of this many (32 KiB a plane): large enough for zstd, small enough for the cache.
 inline constexpr std::size_t kGroupTiles = 32;
+
+// One channel of a group of tiles as byte planes: plane p holds byte p of each zigzag integer. Planes of
+// zeros are absent.
+struct PlaneSet {
+  static constexpr int kMaxPlanes = 16;
+  std::size_t values = 0;
+  std::uint32_t present = 0;  // bit p: plane p is in `bytes`, lowest first, `values` bytes each
+  std::shared_ptr<const std::uint8_t[]> bytes;
+};
 
 // Holds the compressor's memory between calls.
 class PlaneWriter {

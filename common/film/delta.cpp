@@ -3,10 +3,13 @@
 // Bytes: "CNDLDLT1"; width, height, layers, scale_log2 (u32 each); kind, half (u8 each); begin, end (u64);
 // job id, build id (u16 length, bytes); tallies (7 u64); runs of touched tiles; for each group of 32 tiles
 // and each channel its byte planes; XXH64 of all before (u64). Integers are little-endian.
+#include "common/film/delta.h"
+
+#include <algorithm>
 #include <utility>
 
 #include "common/film/codec.h"
-#include "common/film/film.h"
+#include "common/film/unit_film.h"
 
 namespace candela::film {
 

@@ -7,7 +7,8 @@
 #include <span>
 #include <vector>
 
-#include "common/film/film.h"
+#include "common/film/layout.h"
+#include "common/film/merged_film.h"
 
 namespace candela::film {
 

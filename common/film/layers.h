@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "common/base/result.h"
-#include "common/film/film.h"
+#include "common/film/layout.h"
 
 namespace candela::film {
 

@@ -5,11 +5,16 @@
 // each group of 32 tiles and each channel its byte planes; XXH64 of all before (u64). Integers are
 // little-endian. Sums are coded as 128-bit zigzag integers, so the bytes do not tell how wide a tile is in
 // memory: equal content gives equal bytes.
+#include "common/film/merged_film.h"
+
+#include <algorithm>
+#include <cmath>
 #include <optional>
 #include <utility>
 
 #include "common/film/codec.h"
-#include "common/film/film.h"
+#include "common/film/delta.h"
+#include "common/job/job.h"
 
 namespace candela::film {
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "common/film/development.h"
-#include "common/film/film.h"
+#include "common/film/merged_film.h"
 
 namespace candela::stats {
 

@@ -13,7 +13,7 @@
 
 #include "common/base/result.h"
 #include "common/chains/chains.h"
-#include "common/film/film.h"
+#include "common/film/merged_film.h"
 
 namespace candela::master {
 

@@ -19,7 +19,8 @@
 #include <vector>
 
 #include "common/base/result.h"
-#include "common/film/film.h"
+#include "common/film/delta.h"
+#include "common/film/merged_film.h"
 #include "master/merge/checkpoint.h"
 
 namespace candela::master {

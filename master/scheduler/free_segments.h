@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "common/film/film.h"
+#include "common/film/index_set.h"
 
 namespace candela::master {
 

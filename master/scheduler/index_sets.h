@@ -4,7 +4,7 @@
 #include <array>
 #include <cstdint>
 
-#include "common/film/film.h"
+#include "common/film/index_set.h"
 
 namespace candela::master {
 

@@ -24,7 +24,7 @@
 #include <vector>
 
 #include "common/base/result.h"
-#include "common/film/film.h"
+#include "common/film/index_set.h"
 #include "master/scheduler/failure.h"
 #include "master/scheduler/index_sets.h"
 #include "master/store/records.h"

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "common/chains/chains.h"
-#include "common/film/film.h"
+#include "common/film/counts.h"
 #include "common/job/job.h"
 
 namespace candela::master {

@@ -11,6 +11,7 @@
 
 #include "common/base/hash.h"
 #include "common/bundle/bundle.h"
+#include "common/film/delta.h"
 #include "tests/bench/count_argument.h"
 #include "worker/render/renderer.h"
 

@@ -7,7 +7,9 @@
 
 #include "common/chains/chains.h"
 #include "common/film/codec.h"
+#include "common/film/delta.h"
 #include "common/film/development.h"
+#include "common/film/unit_film.h"
 #include "common/rng/stream.h"
 #include "common/stats/image_error.h"
 

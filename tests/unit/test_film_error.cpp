@@ -4,6 +4,9 @@
 #include <cmath>
 #include <limits>
 
+#include "common/film/delta.h"
+#include "common/film/unit_film.h"
+#include "common/rng/stream.h"
 #include "common/stats/image_error.h"
 
 namespace candela::stats {
@@ -75,7 +78,7 @@ TEST(EstimateError, LooksAtTheImageAlone) {
   EXPECT_EQ(estimate_error(plain).relmse, estimate_error(layered).relmse);
   EXPECT_EQ(estimate_error(plain).rmse, estimate_error(layered).rmse);
   EXPECT_EQ(error_map(plain), error_map(layered));
-  EXPECT_TRUE(layered.image_layer().serialise() == plain.serialise());
+  EXPECT_TRUE(layered.first_layers(1).serialise() == plain.serialise());
 }
 
 // Claim: the estimated squared error is unbiased, for equal and unequal halves: its mean over many seeds is

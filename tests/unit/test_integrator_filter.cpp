@@ -11,9 +11,9 @@
 
 #include "common/rng/stream.h"
 #include "tests/unit/chi_squared.h"
-#include "worker/render/filter.h"
+#include "worker/film/filter.h"
 
-namespace candela::render {
+namespace candela::film {
 namespace {
 
 struct Case {
@@ -168,4 +168,4 @@ TEST(PixelFilters, RefuseWhatTheyDoNotHave) {
 }
 
 }  // namespace
-}  // namespace candela::render
+}  // namespace candela::film

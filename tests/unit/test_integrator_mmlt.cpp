@@ -62,9 +62,9 @@ const char* const kRoom = R"(
 TEST(IntegratorMmlt, OneTechniqueIsBdptsShare) {
   const auto scene = test::build_scene(kRoom, {}, kSensor);
   ASSERT_TRUE(scene.ok()) << scene.error().to_string();
-  const auto filter = render::PixelFilter::create("box", {});
+  const auto filter = film::PixelFilter::create("box", {});
   const UnitContext context{**scene, *filter, samplers::SamplerKind::independent, 1, 16, 16};
-  const markov::FilmDomain film(context);
+  const markov::FilmDomain film(context.filter, context.width, context.height);
   constexpr std::uint32_t kMost = 6;
   // A kernel for each longest path: on its last edge what passes straight is no matter of chance.
   bdpt::Limits limits[kMost + 1];
@@ -131,9 +131,9 @@ TEST(IntegratorMmlt, OneTechniqueIsBdptsShare) {
 TEST(IntegratorMmlt, TargetIsAShareOverItsProbability) {
   const auto scene = test::build_scene(kRoom, {}, kSensor);
   ASSERT_TRUE(scene.ok()) << scene.error().to_string();
-  const auto filter = render::PixelFilter::create("box", {});
+  const auto filter = film::PixelFilter::create("box", {});
   const UnitContext context{**scene, *filter, samplers::SamplerKind::independent, 1, 16, 16};
-  const markov::FilmDomain film(context);
+  const markov::FilmDomain film(context.filter, context.width, context.height);
   constexpr std::uint32_t kMost = 4;
   bdpt::Limits limits;
   limits.max_depth = kMost;

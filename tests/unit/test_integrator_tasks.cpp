@@ -16,21 +16,21 @@ const film::Layout kLayout{50, 40, 2};
 
 struct Stage {
   std::unique_ptr<scene::Scene> scene;
-  render::PixelFilter filter;
+  film::PixelFilter filter;
   UnitContext context() const {
     return {*scene, filter, samplers::SamplerKind::sobol, 11, kLayout.width, kLayout.height};
   }
 };
 Stage make_stage() {
   auto scene = test::build_scene("<shape type=\"sphere\"/>");
-  auto filter = render::PixelFilter::create("box", {});
+  auto filter = film::PixelFilter::create("box", {});
   if (!scene.ok() || !filter.ok()) throw std::runtime_error("no stage");
   return {std::move(*scene), *filter};
 }
 
 // A stand-in for a light integrator: each path splats one value to a random pixel of both layers.
 Result<void> splat_some(const Stage& stage, const Unit& unit, std::uint64_t paths, film::UnitFilm& film,
-                        const render::RunContext& run) {
+                        const RunContext& run) {
   return run_light_paths(
       stage.context(), unit, paths, film, run,
       [&](std::uint64_t, samplers::Sampler& sampler, film::Tallies& tallies) {
@@ -116,7 +116,7 @@ TEST(LightPaths, StopIsNoticed) {
 TEST(Tasks, ProgressSpansGrowToOne) {
   std::atomic<float> progress{0};
   film::UnitFilm film(kLayout, 0);
-  const render::RunContext run{1, nullptr, &progress};
+  const RunContext run{1, nullptr, &progress};
   float last = 0;
   for (std::uint64_t part = 0; part < 6; part += 2) {
     ASSERT_TRUE(for_each_light_chunk(

@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "common/base/files.h"
+#include "common/film/unit_film.h"
 #include "common/rng/stream.h"
 #include "master/merge/job_film.h"
 #include "master/store/store.h"

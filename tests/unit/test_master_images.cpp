@@ -1,5 +1,5 @@
 // Fetching images: whole, and from the byte on that a broken transfer had.
-#include "master/api/recent_images.h"
+#include "master/merge/recent_images.h"
 #include "tests/unit/master_fixture.h"
 
 namespace candela::master {

@@ -7,7 +7,7 @@
 #include <cstdio>
 
 #include "tests/unit/mcmc_targets.h"
-#include "worker/render/filter.h"
+#include "worker/film/filter.h"
 
 namespace candela::mcmc {
 namespace {
@@ -68,7 +68,7 @@ std::array<double, kPixels> render(std::uint64_t samples, std::uint64_t seed) {
   rules.prob_large = kLargeStep;
   rules.segment_mutations = kMutations;
   rules.pixels = kPixels;
-  const auto filter = render::PixelFilter::create("box", {});
+  const auto filter = film::PixelFilter::create("box", {});
   film::UnitFilm film({kPixels, 1, 2}, chains::film_scale_log2(rules.b0, 0));
   const transport::Splatter splatter(*filter, film, kPixels, 1);
   const auto starts = table.choose_starts(kChains, seed);

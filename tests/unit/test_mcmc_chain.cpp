@@ -19,7 +19,7 @@
 #include "tests/unit/chi_squared.h"
 #include "tests/unit/kolmogorov.h"
 #include "tests/unit/mcmc_targets.h"
-#include "worker/render/filter.h"
+#include "worker/film/filter.h"
 #include "worker/transport/splat.h"
 
 namespace candela::mcmc {
@@ -180,7 +180,7 @@ TEST(McmcChain, KeepsATargetOfChangingDimension) {
 // What segment after segment of a chain adds to a film of two pixels, as developed with the true b.
 std::vector<std::array<double, 2>> segments(PrimaryTarget& target, double b, ChainRules rules,
                                             std::uint64_t chain, std::uint64_t count) {
-  const auto filter = render::PixelFilter::create("box", {});
+  const auto filter = film::PixelFilter::create("box", {});
   constexpr int kScale = 30;
   film::UnitFilm film({2, 1, 2}, kScale);
   const transport::Splatter splatter(*filter, film, 2, 1);

@@ -271,7 +271,7 @@ TEST(Photons, KeptLightVerticesComeBackWhole) {
 // the angle of a pixel.
 TEST(Photons, FirstRadiusFollowsThePixel) {
   const auto scene = floor_scene();
-  const auto filter = render::PixelFilter::create("box", {});
+  const auto filter = film::PixelFilter::create("box", {});
   ASSERT_TRUE(filter.ok());
   const integrators::UnitContext context{*scene, *filter, samplers::SamplerKind::sobol, 1, 64, 64};
   // fov 60 over 64 pixels. (The scene is built for a film of 1 by 1, so that a pixel of its is 64 of ours.)

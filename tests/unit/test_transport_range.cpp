@@ -20,6 +20,7 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 constexpr Kernel kKernels[] = {Kernel::constant, Kernel::epanechnikov, Kernel::perlin};
+constexpr const char* kKernelNames[] = {"constant", "epanechnikov", "perlin"};  // of the truth table
 
 // The truth table of the kernel theory: "case,method,N,quantity" -> value. Empty where it is not installed.
 std::map<std::string, double> truth_table() {

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "common/chains/chains.h"
+#include "common/film/delta.h"
 #include "common/rng/stream.h"
 #include "worker/render/renderer.h"
 

@@ -1,5 +1,5 @@
 // Random paths for tests of the transport layer: subpaths walked as the kernels do, all their vertices kept,
-// and joined to whole paths for the oracle (worker/transport/reference.h).
+// and joined to whole paths for the oracle (worker/transport/reference/reference.h).
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,7 @@
 #include "common/bundle/bundle.h"
 #include "worker/transport/connect.h"
 #include "worker/transport/emission.h"
-#include "worker/transport/reference.h"
+#include "worker/transport/reference/reference.h"
 #include "worker/transport/walk.h"
 
 namespace candela::test {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "worker/transport/mis.h"
-#include "worker/transport/reference.h"
+#include "worker/transport/reference/reference.h"
 
 namespace candela::transport {
 

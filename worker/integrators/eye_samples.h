@@ -15,7 +15,7 @@ namespace candela::integrators {
 // Runs body(tile_x0, tile_y0, tile_x1, tile_y1, tallies) for every tile of the film, as for_each_task.
 template <class Body>
 Result<void> for_each_tile(std::uint32_t width, std::uint32_t height, film::UnitFilm& film,
-                           const render::RunContext& run, const Body& body, ProgressSpan span = {}) {
+                           const RunContext& run, const Body& body, ProgressSpan span = {}) {
   constexpr std::uint32_t kTile = film::kTileSize;
   const std::uint32_t tiles_x = (width + kTile - 1) / kTile;
   const std::uint32_t tiles_y = (height + kTile - 1) / kTile;
@@ -57,7 +57,7 @@ Spectrum eye_sample(const UnitContext& context, std::uint32_t x, std::uint32_t y
 
 template <class Radiance>
 Result<void> run_eye_samples(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
-                             const render::RunContext& run, const Radiance& radiance) {
+                             const RunContext& run, const Radiance& radiance) {
   const bool signed_values = context.filter.has_negative_lobes();
   return for_each_tile(
       context.width, context.height, film, run,

@@ -9,11 +9,12 @@
 
 #include "common/base/result.h"
 #include "common/chains/chains.h"
-#include "common/film/film.h"
+#include "common/film/unit_film.h"
 #include "common/job/job.h"
+#include "worker/film/filter.h"
 #include "worker/integrators/plan.h"
-#include "worker/render/filter.h"
-#include "worker/render/renderer.h"
+#include "worker/integrators/run_context.h"
+#include "worker/integrators/settings.h"
 #include "worker/samplers/sampler.h"
 #include "worker/scene/scene.h"
 
@@ -22,7 +23,7 @@ namespace candela::integrators {
 // All that a unit may depend on, beside its own index.
 struct UnitContext {
   const scene::Scene& scene;
-  const render::PixelFilter& filter;
+  const film::PixelFilter& filter;
   samplers::SamplerKind sampler;
   std::uint64_t seed;
   std::uint32_t width, height;
@@ -36,7 +37,7 @@ class Integrator {
 
   // Adds the sums of the unit to the film: a pure function of (context, unit), whatever the threads.
   virtual Result<void> run(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
-                           const render::RunContext& run) const = 0;
+                           const RunContext& run) const = 0;
 
   // The radiance of `count` samples spread over the film, in a fixed order, from the pilot's own streams:
   // what the film's scale is chosen from. NaN and infinite samples are left out.
@@ -61,16 +62,15 @@ class ChainIntegrator : public Integrator {
 
   // Pure functions, as run(); render::Renderer says what they mean.
   virtual Result<film::Tallies> bootstrap(const UnitContext& context, std::uint64_t begin, std::uint64_t end,
-                                          std::span<float> contributions,
-                                          const render::RunContext& run) const = 0;
+                                          std::span<float> contributions, const RunContext& run) const = 0;
   virtual Result<void> run_segments(const UnitContext& context, const Unit& unit, const NamedState& state,
                                     std::span<const chains::ChainStart> starts, film::UnitFilm& film,
                                     std::vector<chains::ChainRecord>& records,
-                                    const render::RunContext& run) const = 0;
+                                    const RunContext& run) const = 0;
 
   // There are no iterations.
   Result<void> run(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
-                   const render::RunContext& run) const final;
+                   const RunContext& run) const final;
   const ChainIntegrator* chains() const final { return this; }
 };
 
@@ -81,7 +81,7 @@ struct IntegratorEntry {
                                                 const scene::SceneFeatures& features);
   // All settings as text with defaults filled in, or the error of what was given.
   Result<SettingsMap> (*complete)(const SettingsMap& given);
-  std::vector<render::SettingDoc> (*document)();
+  std::vector<SettingDoc> (*document)();
 };
 const std::vector<IntegratorEntry>& registry();
 // An unknown name is a usage error that lists what there is.

@@ -25,8 +25,8 @@ constexpr std::uint64_t light_chunk_count(std::uint64_t path_count) {
 // Runs body(begin, end, tallies) for the chunks [begin, end) of the paths [0, path_count), as for_each_task.
 // The body counts tallies.light_paths. A body that takes long looks at run.stop itself and may return early.
 template <class Body>
-Result<void> for_each_light_chunk(std::uint64_t path_count, film::UnitFilm& film,
-                                  const render::RunContext& run, const Body& body, ProgressSpan span = {}) {
+Result<void> for_each_light_chunk(std::uint64_t path_count, film::UnitFilm& film, const RunContext& run,
+                                  const Body& body, ProgressSpan span = {}) {
   return for_each_task(
       light_chunk_count(path_count), film, run,
       [&](std::uint64_t chunk, film::Tallies& tallies) {
@@ -41,7 +41,7 @@ Result<void> for_each_light_chunk(std::uint64_t path_count, film::UnitFilm& film
 // other: iterations run without a barrier between them.
 template <class Trace>
 Result<void> run_light_paths(const UnitContext& context, const Unit& unit, std::uint64_t paths_per_iteration,
-                             film::UnitFilm& film, const render::RunContext& run, const Trace& trace,
+                             film::UnitFilm& film, const RunContext& run, const Trace& trace,
                              ProgressSpan span = {}) {
   return for_each_light_chunk(
       paths_per_iteration, film, run,

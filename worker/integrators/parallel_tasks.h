@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "common/base/result.h"
-#include "common/film/film.h"
-#include "worker/render/renderer.h"
+#include "common/film/unit_film.h"
+#include "worker/integrators/run_context.h"
 
 namespace candela::integrators {
 
@@ -32,7 +32,7 @@ constexpr ProgressSpan progress_part(std::uint64_t part, std::uint64_t parts) {
 // are counted into the film. All tasks are done on return, unless run.stop was set: then an error, and the
 // film is not to be used. Which thread runs a task, and in which order, must change nothing in the body.
 template <class Body>
-Result<void> for_each_task(std::uint64_t task_count, film::UnitFilm& film, const render::RunContext& run,
+Result<void> for_each_task(std::uint64_t task_count, film::UnitFilm& film, const RunContext& run,
                            const Body& body, ProgressSpan span = {}) {
   const auto stopped = [&] { return run.stop != nullptr && run.stop->load(std::memory_order_relaxed); };
   std::atomic<std::uint64_t> next{0};

@@ -24,7 +24,7 @@ Result<SettingsMap> complete(const SettingsMap& given) {
 }
 
 template <class Settings>
-std::vector<render::SettingDoc> document() {
+std::vector<SettingDoc> document() {
   return write_settings(Settings{}).docs;
 }
 
@@ -56,7 +56,7 @@ Result<const IntegratorEntry*> find_integrator(std::string_view name) {
 }
 
 Result<void> ChainIntegrator::run(const UnitContext& /*context*/, const Unit& /*unit*/,
-                                  film::UnitFilm& /*film*/, const render::RunContext& /*run*/) const {
+                                  film::UnitFilm& /*film*/, const RunContext& /*run*/) const {
   return internal_error("a job of Markov chains has no iterations");
 }
 

@@ -8,9 +8,13 @@
 
 #include "common/base/result.h"
 #include "common/job/job.h"
-#include "worker/render/renderer.h"
 
 namespace candela::integrators {
+
+// A setting for --help, docs and validation.
+struct SettingDoc {
+  std::string name, type, default_value, doc;
+};
 
 // A field that is one of a closed set of names.
 struct Choice {
@@ -54,7 +58,7 @@ class SettingsWriter {
   void operator()(std::string_view name, bool& field, std::string_view doc);
   void operator()(std::string_view name, Choice& field, std::string_view doc);
   SettingsMap map;
-  std::vector<render::SettingDoc> docs;
+  std::vector<SettingDoc> docs;
 
  private:
   void add(std::string_view name, std::string type, std::string value, std::string_view doc);

@@ -59,7 +59,7 @@ struct ChainOutlets {
   film::Tallies& tallies;                     // rejected samples
   const std::atomic<bool>* stop = nullptr;
   ChainProgress* progress = nullptr;
-  void (*fault)(std::uint64_t key, float* rgb) = nullptr;  // render::RunContext
+  void (*fault)(std::uint64_t key, float* rgb) = nullptr;  // of integrators::RunContext
 };
 
 // One segment of chain number `chain`: `record` becomes the chain after it. Fails (input) where the start

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "common/film/film.h"
+#include "common/film/counts.h"
 #include "worker/core/vec.h"
 #include "worker/transport/connect.h"
 

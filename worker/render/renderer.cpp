@@ -47,7 +47,7 @@ std::string features_text(const scene::SceneFeatures& f) {
 class SceneRenderer final : public Renderer {
  public:
   SceneRenderer(JobSettings settings, std::unique_ptr<scene::Scene> scene,
-                std::unique_ptr<integrators::Integrator> integrator, PixelFilter filter,
+                std::unique_ptr<integrators::Integrator> integrator, film::PixelFilter filter,
                 samplers::SamplerKind sampler, film::Layout layout)
       : settings_(std::move(settings)),
         scene_(std::move(scene)),
@@ -149,7 +149,7 @@ class SceneRenderer final : public Renderer {
   JobSettings settings_;
   std::unique_ptr<scene::Scene> scene_;
   std::unique_ptr<integrators::Integrator> integrator_;
-  PixelFilter filter_;
+  film::PixelFilter filter_;
   samplers::SamplerKind sampler_;
   film::Layout layout_;
 };
@@ -177,7 +177,8 @@ Result<std::unique_ptr<Renderer>> Renderer::create(const description::FileSource
   CANDELA_ASSIGN(const integrators::IntegratorEntry* entry,
                  integrators::find_integrator(settings.integrator));
   CANDELA_ASSIGN(const samplers::SamplerKind sampler, sampler_kind(settings.sampler));
-  CANDELA_ASSIGN(PixelFilter filter, PixelFilter::create(settings.filter, settings.filter_settings));
+  CANDELA_ASSIGN(film::PixelFilter filter,
+                 film::PixelFilter::create(settings.filter, settings.filter_settings));
   // The client has refused what it should or told of it; what has come here is rendered.
   CANDELA_ASSIGN(const description::ReadScene scene_file,
                  description::read_scene(files, main_key, parameters,

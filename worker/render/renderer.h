@@ -2,7 +2,6 @@
 // network here.
 #pragma once
 
-#include <atomic>
 #include <functional>
 #include <memory>
 #include <span>
@@ -12,8 +11,10 @@
 #include "common/base/result.h"
 #include "common/chains/chains.h"
 #include "common/description/object.h"
-#include "common/film/film.h"
+#include "common/film/unit_film.h"
 #include "common/job/job.h"
+#include "worker/integrators/run_context.h"
+#include "worker/integrators/settings.h"
 #include "worker/scene/textures/scratch.h"
 
 namespace candela::scene {
@@ -25,13 +26,7 @@ namespace candela::render {
 // ISAs of Embree this machine can use, of "sse2", "sse4.2", "avx", "avx2", "avx512".
 std::vector<std::string> supported_isas();
 
-struct RunContext {
-  unsigned threads = 1;
-  const std::atomic<bool>* stop = nullptr;  // set: return early with an ErrorKind::refused error "stopped"
-  std::atomic<float>* progress = nullptr;   // in [0, 1]
-  // For tests of the quarantine: may spoil a sample's r, g, b just before it reaches the film.
-  void (*fault)(std::uint64_t sample_key, float* rgb) = nullptr;
-};
+using integrators::RunContext;
 
 class Renderer {
  public:
@@ -77,9 +72,7 @@ class Renderer {
 
 // Names of the integrators there are, and the settings of one as (name, default, doc) for --help, docs and
 // validation.
-struct SettingDoc {
-  std::string name, type, default_value, doc;
-};
+using integrators::SettingDoc;
 std::vector<std::string> integrator_names();
 Result<std::vector<SettingDoc>> integrator_settings(const std::string& integrator);
 // Parses, fills in defaults, and writes all settings out as text. Unknown names and bad values are usage

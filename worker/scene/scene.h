@@ -6,7 +6,6 @@
 
 #include "common/base/result.h"
 #include "common/description/object.h"
-#include "common/film/film.h"
 #include "worker/core/vec.h"
 #include "worker/scene/bsdf.h"
 #include "worker/scene/camera.h"

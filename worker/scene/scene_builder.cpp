@@ -78,7 +78,7 @@ Result<std::uint32_t> SceneBuilder::bsdf_of(const description::Object& shape, bo
   }
   const auto known = bsdf_of_object_.find(objects[0].get());
   if (known != bsdf_of_object_.end()) return known->second;
-  CANDELA_ASSIGN(Bsdf bsdf, Bsdf::build(*objects[0], textures_));
+  CANDELA_ASSIGN(Bsdf bsdf, Bsdf::build(*objects[0], textures_, coats_));
   bsdfs_.push_back(std::move(bsdf));
   const auto index = static_cast<std::uint32_t>(bsdfs_.size() - 1);
   bsdf_of_object_[objects[0].get()] = index;

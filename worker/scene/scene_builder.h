@@ -75,6 +75,7 @@ class SceneBuilder {
   TextureStore& textures_;
   Geometry& geometry_;
   std::vector<Bsdf>& bsdfs_;
+  RoughTransmittances coats_;
   LightSampler& lights_;
   Media& media_;
   std::vector<std::uint32_t>& emitter_media_;

@@ -20,6 +20,8 @@
 #include <thread>
 #include <vector>
 
+#include "common/film/delta.h"
+#include "common/film/unit_film.h"
 #include "worker/service/master_link.h"
 #include "worker/service/scene_store.h"
 #include "worker/service/worker_service.h"

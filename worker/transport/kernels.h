@@ -12,12 +12,10 @@
 #include <cmath>
 #include <cstdint>
 #include <numbers>
-#include <string_view>
 
 namespace candela::transport {
 
 enum class Kernel : std::uint8_t { constant, epanechnikov, perlin };
-inline constexpr std::string_view kKernelNames[] = {"constant", "epanechnikov", "perlin"};
 
 namespace detail {
 

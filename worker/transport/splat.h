@@ -5,16 +5,16 @@
 #include <cmath>
 #include <cstdint>
 
-#include "common/film/film.h"
+#include "common/film/unit_film.h"
 #include "common/rng/stream.h"
-#include "worker/render/filter.h"
+#include "worker/film/filter.h"
 #include "worker/transport/connect.h"
 
 namespace candela::transport {
 
 class Splatter {
  public:
-  Splatter(const render::PixelFilter& filter, film::UnitFilm& film, std::uint32_t width, std::uint32_t height)
+  Splatter(const film::PixelFilter& filter, film::UnitFilm& film, std::uint32_t width, std::uint32_t height)
       : filter_(filter),
         film_(film),
         width_(static_cast<float>(width)),
@@ -45,7 +45,7 @@ class Splatter {
   }
 
  private:
-  const render::PixelFilter& filter_;
+  const film::PixelFilter& filter_;
   film::UnitFilm& film_;
   float width_, height_, radius_;
   bool signed_;

@@ -24,7 +24,7 @@
 #include <cstdint>
 #include <limits>
 
-#include "common/film/film.h"
+#include "common/film/counts.h"
 #include "worker/samplers/sampler.h"
 #include "worker/transport/between.h"
 #include "worker/transport/vertex.h"

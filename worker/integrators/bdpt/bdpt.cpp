@@ -1,11 +1,11 @@
 // The bdpt integrator: settings, plan, and the choice of a kernel (kernel.h) by them.
 #include "worker/integrators/bdpt/bdpt.h"
 
-#include "common/film/film.h"
+#include "common/film/unit_film.h"
 #include "worker/integrators/bdpt/film_sink.h"
 #include "worker/integrators/bdpt/kernel.h"
 #include "worker/integrators/bdpt/plan.h"
-#include "worker/integrators/bidirectional/eye_radiance.h"
+#include "worker/integrators/bidirectional/pilot.h"
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/plan_walks.h"
 
@@ -31,7 +31,7 @@ struct FilmConfig {
 template <class Config>
 Result<void> run_kernel(const UnitContext& context, const Limits& limits, const Techniques& techniques,
                         const TechniqueLayers& layers, const Unit& unit, film::UnitFilm& film,
-                        const render::RunContext& run) {
+                        const RunContext& run) {
   const bool signed_values = context.filter.has_negative_lobes();
   // A path from the eye and one from the light for each pixel.
   const double paths = static_cast<double>(context.width) * context.height;
@@ -65,7 +65,7 @@ Result<void> run_kernel(const UnitContext& context, const Limits& limits, const 
 }
 
 using Run = Result<void> (*)(const UnitContext&, const Limits&, const Techniques&, const TechniqueLayers&,
-                             const Unit&, film::UnitFilm&, const render::RunContext&);
+                             const Unit&, film::UnitFilm&, const RunContext&);
 
 template <Between kBetween>
 Run run_for(MisHeuristic heuristic) {
@@ -104,7 +104,7 @@ class BdptIntegrator final : public Integrator {
   }
 
   Result<void> run(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
-                   const render::RunContext& run_context) const override {
+                   const RunContext& run_context) const override {
     const Run chosen = between_ == Between::nothing    ? run_for<Between::nothing>(limits_.heuristic)
                        : between_ == Between::surfaces ? run_for<Between::surfaces>(limits_.heuristic)
                                                        : run_for<Between::media>(limits_.heuristic);

@@ -1,8 +1,9 @@
-// The radiance along an eye ray by the eye's walk alone: light met and next event estimation. What the pilot
-// of the bidirectional family measures the film's scale with.
+// The radiance along an eye ray by the eye's walk alone: light met and next event estimation.
 #pragma once
 
-#include "worker/integrators/eye_samples.h"
+#include "common/film/counts.h"
+#include "worker/samplers/sampler.h"
+#include "worker/scene/scene.h"
 #include "worker/transport/connect.h"
 #include "worker/transport/emission.h"
 #include "worker/transport/walk.h"
@@ -46,19 +47,6 @@ Spectrum eye_radiance(const scene::Scene& scene, const transport::WalkRules& rul
     }
   }
   return sum;
-}
-
-// Integrator::pilot_luminances of the family.
-inline std::vector<float> pilot(const UnitContext& context, std::uint32_t count, std::uint32_t max_depth,
-                                std::uint32_t rr_depth, bool choose_emitter, bool hide_emitters) {
-  transport::WalkRules rules;
-  rules.max_edges = max_depth;
-  rules.rr_depth = rr_depth;
-  return pilot_eye_samples(context, count,
-                           [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies) {
-                             return eye_radiance<transport::Between::media>(
-                                 context.scene, rules, choose_emitter, hide_emitters, ray, sampler, tallies);
-                           });
 }
 
 }  // namespace candela::integrators::bidirectional

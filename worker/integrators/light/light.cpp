@@ -1,6 +1,7 @@
 #include "worker/integrators/light/light.h"
 
 #include "worker/integrators/bidirectional/eye_radiance.h"
+#include "worker/integrators/bidirectional/pilot.h"
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/light_paths.h"
 #include "worker/integrators/plan_between.h"
@@ -80,7 +81,7 @@ Spectrum seen_directly(const LightKernel& kernel, const scene::Scene& scene, con
 
 template <Between kBetween>
 Result<void> run_kernel(const LightKernel& kernel, const UnitContext& context, const Unit& unit,
-                        film::UnitFilm& film, const render::RunContext& run) {
+                        film::UnitFilm& film, const RunContext& run) {
   if (kernel.eye_rays) {
     CANDELA_TRY(run_eye_samples(
         context, unit, film, run, [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies) {
@@ -113,7 +114,7 @@ class LightIntegrator final : public Integrator {
   }
 
   Result<void> run(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
-                   const render::RunContext& run_context) const override {
+                   const RunContext& run_context) const override {
     return with_between(between_, [&](auto between) {
       return run_kernel<between()>(kernel_, context, unit, film, run_context);
     });

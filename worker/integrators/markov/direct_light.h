@@ -34,7 +34,7 @@ class DirectLight {
 
   // Of sequence index `segment` of the half. False: stopped.
   bool add(std::uint64_t segment, std::uint32_t layer, film::UnitFilm& film, film::Tallies& tallies,
-           const render::RunContext& run) const {
+           const RunContext& run) const {
     const bool signed_values = context_.filter.has_negative_lobes();
     const float weight = static_cast<float>(static_cast<double>(pixels_) / static_cast<double>(samples_));
     samplers::Sampler sampler(context_.sampler, context_.seed);

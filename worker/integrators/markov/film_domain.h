@@ -3,19 +3,20 @@
 #pragma once
 
 #include <algorithm>
+#include <cstdint>
 
-#include "worker/integrators/integrator.h"
+#include "worker/film/filter.h"
 #include "worker/transport/connect.h"
 
 namespace candela::integrators::markov {
 
 class FilmDomain {
  public:
-  explicit FilmDomain(const UnitContext& context)
-      : border_(std::max(0.0f, static_cast<float>(context.filter.radius()) - 0.5f)),
-        width_(static_cast<float>(context.width) + 2 * border_),
-        height_(static_cast<float>(context.height) + 2 * border_),
-        pixels_(static_cast<double>(context.width) * context.height) {}
+  FilmDomain(const film::PixelFilter& filter, std::uint32_t width, std::uint32_t height)
+      : border_(std::max(0.0f, static_cast<float>(filter.radius()) - 0.5f)),
+        width_(static_cast<float>(width) + 2 * border_),
+        height_(static_cast<float>(height) + 2 * border_),
+        pixels_(static_cast<double>(width) * height) {}
 
   transport::FilmPosition at(Vec2 u) const { return {u.x * width_ - border_, u.y * height_ - border_}; }
   // Pixels around the film.

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <optional>
 
-#include "worker/integrators/bidirectional/eye_radiance.h"
+#include "worker/integrators/bidirectional/pilot.h"
 #include "worker/integrators/markov/direct_light.h"
 #include "worker/integrators/parallel_tasks.h"
 #include "worker/mcmc/chain.h"
@@ -84,7 +84,7 @@ ChainPlan MarkovIntegrator::chain_plan(std::uint32_t width, std::uint32_t height
 
 Result<film::Tallies> MarkovIntegrator::bootstrap(const UnitContext& context, std::uint64_t begin,
                                                   std::uint64_t end, std::span<float> contributions,
-                                                  const render::RunContext& run) const {
+                                                  const RunContext& run) const {
   film::UnitFilm tallies_only({1, 1, 1}, 0);
   CANDELA_TRY(for_each_task(divide_up(end - begin, kBootstrapChunk), tallies_only, run,
                             [&](std::uint64_t chunk, film::Tallies& tallies) {
@@ -111,7 +111,7 @@ Result<void> MarkovIntegrator::run_segments(const UnitContext& context, const Un
                                             const NamedState& state,
                                             std::span<const chains::ChainStart> starts, film::UnitFilm& film,
                                             std::vector<chains::ChainRecord>& records,
-                                            const render::RunContext& run) const {
+                                            const RunContext& run) const {
   const ChainPlan plan = chain_plan(context.width, context.height);
   const std::uint64_t count = unit.end - unit.begin;
   mcmc::ChainRules rules;
@@ -133,7 +133,7 @@ Result<void> MarkovIntegrator::run_segments(const UnitContext& context, const Un
   std::vector<std::optional<Error>> errors(count);
   mcmc::ChainProgress progress(static_cast<double>(count) * static_cast<double>(plan.segment_mutations),
                                run.progress);
-  render::RunContext quiet = run;  // progress is that of mutations: a segment may take long
+  RunContext quiet = run;  // progress is that of mutations: a segment may take long
   quiet.progress = nullptr;
   CANDELA_TRY(for_each_task(count, film, quiet, [&](std::uint64_t i, film::Tallies& tallies) {
     const std::uint64_t index = unit.begin + i;

@@ -15,11 +15,10 @@ class MarkovIntegrator : public ChainIntegrator {
  public:
   ChainPlan chain_plan(std::uint32_t width, std::uint32_t height) const final;
   Result<film::Tallies> bootstrap(const UnitContext& context, std::uint64_t begin, std::uint64_t end,
-                                  std::span<float> contributions, const render::RunContext& run) const final;
+                                  std::span<float> contributions, const RunContext& run) const final;
   Result<void> run_segments(const UnitContext& context, const Unit& unit, const NamedState& state,
                             std::span<const chains::ChainStart> starts, film::UnitFilm& film,
-                            std::vector<chains::ChainRecord>& records,
-                            const render::RunContext& run) const final;
+                            std::vector<chains::ChainRecord>& records, const RunContext& run) const final;
   std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const final;
   std::vector<std::string> layers() const final { return {"independent"}; }
   const Plan& plan() const final { return plan_; }

@@ -30,7 +30,7 @@ struct LightSide {
 template <transport::Between kBetween, class Heuristic, class Scratch, class TraceEye>
 Result<void> run_iterations(const UnitContext& context, const Unit& unit, const MergeRules& rules,
                             LightPass& pass, bool light, bool eye, film::UnitFilm& film,
-                            const render::RunContext& run, const TraceEye& trace_eye) {
+                            const RunContext& run, const TraceEye& trace_eye) {
   const bool merges = pass.surface_photons || pass.medium_photons;
   const double first = merges ? first_radius(context, rules.radius, rules.radius_pixels) : 1;
   const auto paths = static_cast<double>(pass.paths);

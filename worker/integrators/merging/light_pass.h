@@ -76,7 +76,7 @@ void trace_light_path(const LightPass& pass, const scene::Scene& scene, const tr
 template <transport::Between kBetween, class Heuristic>
 Result<void> run_light_pass(const LightPass& pass, const UnitContext& context, std::uint32_t half,
                             std::uint64_t index, std::vector<LightChunk>& chunks, film::UnitFilm& film,
-                            const render::RunContext& run, ProgressSpan span) {
+                            const RunContext& run, ProgressSpan span) {
   chunks.resize(light_chunk_count(pass.paths));
   const transport::Splatter splatter(context.filter, film, context.width, context.height);
   return for_each_light_chunk(

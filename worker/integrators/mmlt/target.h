@@ -4,6 +4,7 @@
 // dimensions of all other numbers mean.
 #pragma once
 
+#include "worker/integrators/integrator.h"
 #include "worker/integrators/mmlt/lengths.h"
 #include "worker/integrators/pssmlt/targets.h"
 
@@ -39,7 +40,7 @@ class Target final : public mcmc::PrimaryTarget {
   Target(const UnitContext& context, const bdpt::Limits& limits, const bdpt::Techniques& techniques,
          const Lengths& lengths, film::Tallies& tallies)
       : scene_(context.scene),
-        film_(context),
+        film_(context.filter, context.width, context.height),
         sink_(film_),
         techniques_(techniques),
         lengths_(lengths),

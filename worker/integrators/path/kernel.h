@@ -23,7 +23,7 @@
 #include <bit>
 #include <cstdint>
 
-#include "common/film/film.h"
+#include "common/film/counts.h"
 #include "worker/integrators/path/techniques.h"
 #include "worker/samplers/sampler.h"
 #include "worker/scene/scene.h"

@@ -23,7 +23,7 @@ class PathIntegrator final : public Integrator {
   }
 
   Result<void> run(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
-                   const render::RunContext& run_context) const override {
+                   const RunContext& run_context) const override {
     return run_eye_samples(context, unit, film, run_context,
                            [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies) {
                              return kernel_(context.scene, limits_, ray, sampler, tallies);

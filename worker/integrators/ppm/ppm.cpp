@@ -1,6 +1,6 @@
 #include "worker/integrators/ppm/ppm.h"
 
-#include "worker/integrators/bidirectional/eye_radiance.h"
+#include "worker/integrators/bidirectional/pilot.h"
 #include "worker/integrators/merging/iterations.h"
 #include "worker/integrators/plan_between.h"
 #include "worker/integrators/plan_walks.h"
@@ -67,7 +67,7 @@ Spectrum trace_eye(const PpmKernel& kernel, const transport::WalkRules& rules, c
 
 template <Between kBetween>
 Result<void> run_kernel(const PpmKernel& kernel, const UnitContext& context, const Unit& unit,
-                        film::UnitFilm& film, const render::RunContext& run) {
+                        film::UnitFilm& film, const RunContext& run) {
   merging::LightPass pass;
   pass.paths = merging::light_path_count(kernel.merge, context);
   pass.surface_photons = kernel.merge_surface;
@@ -100,7 +100,7 @@ class PpmIntegrator final : public Integrator {
   }
 
   Result<void> run(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
-                   const render::RunContext& run_context) const override {
+                   const RunContext& run_context) const override {
     return with_between(between_, [&](auto between) {
       return run_kernel<between()>(kernel_, context, unit, film, run_context);
     });

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "worker/integrators/bdpt/kernel.h"
+#include "worker/integrators/integrator.h"
 #include "worker/integrators/markov/list_sink.h"
 #include "worker/integrators/path/kernels.h"
 #include "worker/mcmc/primary_space.h"
@@ -29,7 +30,11 @@ class PathTarget final : public mcmc::PrimaryTarget {
  public:
   PathTarget(const UnitContext& context, const path::Limits& limits,
              path::RadianceFunction<mcmc::PrimarySampler> kernel, film::Tallies& tallies)
-      : scene_(context.scene), limits_(limits), kernel_(kernel), film_(context), tallies_(tallies) {}
+      : scene_(context.scene),
+        limits_(limits),
+        kernel_(kernel),
+        film_(context.filter, context.width, context.height),
+        tallies_(tallies) {}
 
   void evaluate(mcmc::PrimaryState& numbers, mcmc::SplatList& out) override {
     mcmc::PrimarySampler& eye = numbers.walk(mcmc::PrimaryState::eye);
@@ -69,7 +74,7 @@ class BdptTarget final : public mcmc::PrimaryTarget {
   BdptTarget(const UnitContext& context, const bdpt::Limits& limits, const bdpt::Techniques& techniques,
              film::Tallies& tallies)
       : scene_(context.scene),
-        film_(context),
+        film_(context.filter, context.width, context.height),
         sink_(film_),
         light_paths_(techniques.light_paths),
         kernel_(context.scene, limits, techniques, one_of_each(film_), sink_, tallies),

@@ -18,7 +18,7 @@ class Kernel {
 
   Kernel(const UnitContext& context, const Limits& limits, const Techniques& techniques);
   // All iterations of the unit.
-  Result<void> run(const Unit& unit, film::UnitFilm& film, const render::RunContext& run);
+  Result<void> run(const Unit& unit, film::UnitFilm& film, const RunContext& run);
 
  private:
   struct Scratch {  // of one thread
@@ -59,8 +59,7 @@ Kernel<kBetween, Heuristic>::Kernel(const UnitContext& context, const Limits& li
 }
 
 template <transport::Between kBetween, class Heuristic>
-Result<void> Kernel<kBetween, Heuristic>::run(const Unit& unit, film::UnitFilm& film,
-                                              const render::RunContext& run) {
+Result<void> Kernel<kBetween, Heuristic>::run(const Unit& unit, film::UnitFilm& film, const RunContext& run) {
   return merging::run_iterations<kBetween, Heuristic, Scratch>(
       context_, unit, limits_.merge, pass_, techniques_.light_paths, techniques_.eye_paths, film, run,
       [&](const merging::LightSide& side, const Ray& ray, std::uint64_t pixel, samplers::Sampler& sampler,

@@ -1,6 +1,6 @@
 #include "worker/integrators/vcm/vcm.h"
 
-#include "worker/integrators/bidirectional/eye_radiance.h"
+#include "worker/integrators/bidirectional/pilot.h"
 #include "worker/integrators/plan_between.h"
 #include "worker/integrators/vcm/kernel.h"
 #include "worker/integrators/vcm/plan.h"
@@ -18,7 +18,7 @@ class VcmIntegrator final : public Integrator {
       : limits_(limits), power_(power), planned_(std::move(planned)) {}
 
   Result<void> run(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
-                   const render::RunContext& run_context) const override {
+                   const RunContext& run_context) const override {
     return with_between(planned_.between, [&](auto between) {
       return run_between<between()>(context, unit, film, run_context);
     });
@@ -34,7 +34,7 @@ class VcmIntegrator final : public Integrator {
  private:
   template <Between kBetween>
   Result<void> run_between(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
-                           const render::RunContext& run_context) const {
+                           const RunContext& run_context) const {
     if (power_)
       return vcm::Kernel<kBetween, transport::Power>(context, limits_, planned_.techniques)
           .run(unit, film, run_context);

@@ -42,8 +42,9 @@ float clamped(float v) {
 
 }  // namespace
 
-Result<Bsdf> Bsdf::build(const description::Object& object, TextureStore& textures) {
-  CANDELA_ASSIGN(Bsdf bsdf, build_at_depth(object, textures, 0));
+Result<Bsdf> Bsdf::build(const description::Object& object, TextureStore& textures,
+                         RoughTransmittances& coats) {
+  CANDELA_ASSIGN(Bsdf bsdf, build_at_depth(object, textures, coats, 0));
   if (bsdf.arena_parts() > ClosureArena::kParts) {
     return located("the bsdf is made of too many parts; up to " + std::to_string(ClosureArena::kParts) +
                        " are supported",
@@ -52,12 +53,22 @@ Result<Bsdf> Bsdf::build(const description::Object& object, TextureStore& textur
   return bsdf;
 }
 
-Result<Bsdf> Bsdf::build_at_depth(const description::Object& object, TextureStore& textures, int depth) {
+Result<Bsdf> Bsdf::build(const description::Object& object, TextureStore& textures) {
+  RoughTransmittances coats;
+  return build(object, textures, coats);
+}
+
+Result<Bsdf> Bsdf::build_at_depth(const description::Object& object, TextureStore& textures,
+                                  RoughTransmittances& coats, int depth) {
   if (depth > kMaxNesting) return located("bsdfs are nested more than 8 deep", object, "");
   Bsdf bsdf;
   bsdf.plugin_ = object.plugin;
   const auto plain = [&](auto surface) -> Result<Bsdf> {
-    CANDELA_TRY(surface.build(object, textures));
+    if constexpr (std::is_same_v<decltype(surface), RoughPlasticSurface>) {
+      CANDELA_TRY(surface.build(object, textures, coats));
+    } else {
+      CANDELA_TRY(surface.build(object, textures));
+    }
     bsdf.surface_ = std::move(surface);
     return std::move(bsdf);
   };
@@ -75,36 +86,37 @@ Result<Bsdf> Bsdf::build_at_depth(const description::Object& object, TextureStor
   if (plugin == "plastic") return plain(PlasticSurface());
   if (plugin == "roughplastic") return plain(RoughPlasticSurface());
   if (plugin == "twosided") {
-    CANDELA_TRY(bsdf.build_two_sided(object, textures, depth));
+    CANDELA_TRY(bsdf.build_two_sided(object, textures, coats, depth));
     return bsdf;
   }
   if (plugin == "blendbsdf") {
-    CANDELA_TRY(bsdf.build_blend(object, textures, depth));
+    CANDELA_TRY(bsdf.build_blend(object, textures, coats, depth));
     return bsdf;
   }
   if (plugin == "mask") {
-    CANDELA_TRY(bsdf.build_mask(object, textures, depth));
+    CANDELA_TRY(bsdf.build_mask(object, textures, coats, depth));
     return bsdf;
   }
   if (plugin == "normalmap" || plugin == "bumpmap") {
-    CANDELA_TRY(bsdf.build_perturbed(object, textures, depth));
+    CANDELA_TRY(bsdf.build_perturbed(object, textures, coats, depth));
     return bsdf;
   }
   return located("the bsdf plugin '" + plugin + "' is not supported", object, "");
 }
 
 Result<std::unique_ptr<Bsdf>> Bsdf::build_part(const description::Object& object, TextureStore& textures,
-                                               int depth) {
-  CANDELA_ASSIGN(Bsdf part, build_at_depth(object, textures, depth + 1));
+                                               RoughTransmittances& coats, int depth) {
+  CANDELA_ASSIGN(Bsdf part, build_at_depth(object, textures, coats, depth + 1));
   return std::make_unique<Bsdf>(std::move(part));
 }
 
-Result<void> Bsdf::build_two_sided(const description::Object& object, TextureStore& textures, int depth) {
+Result<void> Bsdf::build_two_sided(const description::Object& object, TextureStore& textures,
+                                   RoughTransmittances& coats, int depth) {
   CANDELA_ASSIGN(const auto children, parts(object, 1, 2));
   TwoSided sides;
   for (const auto& child : children) {
     if (child->plugin == "twosided") return located("twosided holds one-sided bsdfs", *child, "");
-    CANDELA_ASSIGN(std::unique_ptr<Bsdf> side, build_part(*child, textures, depth));
+    CANDELA_ASSIGN(std::unique_ptr<Bsdf> side, build_part(*child, textures, coats, depth));
     const BsdfFacts facts = side->facts();
     if (facts.two_sided) return located("twosided holds one-sided bsdfs", *child, "");
     if (facts.transmissive || facts.straight) {
@@ -117,29 +129,32 @@ Result<void> Bsdf::build_two_sided(const description::Object& object, TextureSto
   return {};
 }
 
-Result<void> Bsdf::build_blend(const description::Object& object, TextureStore& textures, int depth) {
+Result<void> Bsdf::build_blend(const description::Object& object, TextureStore& textures,
+                               RoughTransmittances& coats, int depth) {
   CANDELA_ASSIGN(const auto children, parts(object, 2, 2));
   Blend blend;
-  CANDELA_ASSIGN(blend.first, build_part(*children[0], textures, depth));
-  CANDELA_ASSIGN(blend.second, build_part(*children[1], textures, depth));
+  CANDELA_ASSIGN(blend.first, build_part(*children[0], textures, coats, depth));
+  CANDELA_ASSIGN(blend.second, build_part(*children[1], textures, coats, depth));
   CANDELA_ASSIGN(blend.weight, fraction(object, textures, "weight", 0.5f));
   surface_ = std::move(blend);
   return {};
 }
 
-Result<void> Bsdf::build_mask(const description::Object& object, TextureStore& textures, int depth) {
+Result<void> Bsdf::build_mask(const description::Object& object, TextureStore& textures,
+                              RoughTransmittances& coats, int depth) {
   CANDELA_ASSIGN(const auto children, parts(object, 1, 1));
   Mask mask;
-  CANDELA_ASSIGN(mask.nested, build_part(*children[0], textures, depth));
+  CANDELA_ASSIGN(mask.nested, build_part(*children[0], textures, coats, depth));
   CANDELA_ASSIGN(mask.opacity, fraction(object, textures, "opacity", 0.5f));
   surface_ = std::move(mask);
   return {};
 }
 
-Result<void> Bsdf::build_perturbed(const description::Object& object, TextureStore& textures, int depth) {
+Result<void> Bsdf::build_perturbed(const description::Object& object, TextureStore& textures,
+                                   RoughTransmittances& coats, int depth) {
   CANDELA_ASSIGN(const auto children, parts(object, 1, 1));
   Perturbed perturbed;
-  CANDELA_ASSIGN(perturbed.nested, build_part(*children[0], textures, depth));
+  CANDELA_ASSIGN(perturbed.nested, build_part(*children[0], textures, coats, depth));
   if (perturbed.nested->facts().perturbs)
     return located("bump and normal maps inside of one another are not supported", *children[0], "");
   CANDELA_TRY(perturbed.map.build(object, textures));

@@ -26,6 +26,10 @@ namespace candela::scene {
 class Bsdf {
  public:
   // From a description object of category "bsdf". Errors name file, line and property.
+  // `coats`: tables that the bsdfs of a scene share as they share images.
+  static Result<Bsdf> build(const description::Object& object, TextureStore& textures,
+                            RoughTransmittances& coats);
+  // A bsdf that stands alone.
   static Result<Bsdf> build(const description::Object& object, TextureStore& textures);
   // Mitsuba's default of a shape without a bsdf: one-sided diffuse, reflectance 0.5.
   static Bsdf default_diffuse();
@@ -61,13 +65,18 @@ class Bsdf {
                                RoughDielectricSurface, ThinDielectricSurface, PlasticSurface,
                                RoughPlasticSurface, TwoSided, Blend, Mask, Perturbed>;
 
-  static Result<Bsdf> build_at_depth(const description::Object& object, TextureStore& textures, int depth);
+  static Result<Bsdf> build_at_depth(const description::Object& object, TextureStore& textures,
+                                     RoughTransmittances& coats, int depth);
   static Result<std::unique_ptr<Bsdf>> build_part(const description::Object& object, TextureStore& textures,
-                                                  int depth);
-  Result<void> build_two_sided(const description::Object& object, TextureStore& textures, int depth);
-  Result<void> build_blend(const description::Object& object, TextureStore& textures, int depth);
-  Result<void> build_mask(const description::Object& object, TextureStore& textures, int depth);
-  Result<void> build_perturbed(const description::Object& object, TextureStore& textures, int depth);
+                                                  RoughTransmittances& coats, int depth);
+  Result<void> build_two_sided(const description::Object& object, TextureStore& textures,
+                               RoughTransmittances& coats, int depth);
+  Result<void> build_blend(const description::Object& object, TextureStore& textures,
+                           RoughTransmittances& coats, int depth);
+  Result<void> build_mask(const description::Object& object, TextureStore& textures,
+                          RoughTransmittances& coats, int depth);
+  Result<void> build_perturbed(const description::Object& object, TextureStore& textures,
+                               RoughTransmittances& coats, int depth);
   std::uint32_t arena_parts() const;  // closures that prepare() may make in the arena
 
   Surface surface_;

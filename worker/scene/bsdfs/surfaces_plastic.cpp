@@ -55,7 +55,8 @@ BsdfFacts PlasticSurface::facts() const {
           .min_roughness = shines ? 0.0f : 1.0f};
 }
 
-Result<void> RoughPlasticSurface::build(const description::Object& object, TextureStore& textures) {
+Result<void> RoughPlasticSurface::build(const description::Object& object, TextureStore& textures,
+                                        RoughTransmittances& coats) {
   CANDELA_TRY(base.build(object, textures));
   CANDELA_ASSIGN(const RoughnessParameters roughness, read_roughness(object, textures));
   if (!roughness.alpha_u.is_constant())
@@ -63,7 +64,7 @@ Result<void> RoughPlasticSurface::build(const description::Object& object, Textu
   alpha = std::max(kLeastAlpha, roughness.alpha_u.constant);
   ggx = roughness.ggx;
   sample_visible = roughness.sample_visible;
-  coat = textures.rough_transmittances().get(ggx, alpha, base.eta);
+  coat = coats.get(ggx, alpha, base.eta);
   base.internal_reflectance = coat->internal_reflectance();
   return {};
 }

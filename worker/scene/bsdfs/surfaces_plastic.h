@@ -34,7 +34,7 @@ struct RoughPlasticSurface {
   bool ggx = false;
   bool sample_visible = true;
   std::shared_ptr<const RoughTransmittance> coat;
-  Result<void> build(const description::Object& object, TextureStore& textures);
+  Result<void> build(const description::Object& object, TextureStore& textures, RoughTransmittances& coats);
   void prepare(Vec2 uv, bool below, Closure& out) const;
   BsdfFacts facts() const;
 };

@@ -15,7 +15,6 @@
 #include "common/base/result.h"
 #include "common/description/object.h"
 #include "worker/core/vec.h"
-#include "worker/scene/bsdfs/rough_transmittance.h"
 #include "worker/scene/textures/image_decode.h"
 #include "worker/scene/textures/scratch.h"
 #include "worker/scene/textures/texel_image.h"
@@ -82,8 +81,6 @@ class TextureStore {
 
   // For other tables as large as images.
   Scratch& scratch() { return scratch_; }
-  // Tables that bsdfs share as they share images.
-  RoughTransmittances& rough_transmittances() { return rough_transmittances_; }
 
   std::uint32_t texture_count() const { return static_cast<std::uint32_t>(textures_.size()); }
   // Of decoded texels: in memory, and in the scratch file.
@@ -98,7 +95,6 @@ class TextureStore {
 
   const description::FileSource* files_;
   Scratch scratch_;
-  RoughTransmittances rough_transmittances_;
   std::map<std::pair<std::string, ImageReading>, std::shared_ptr<const TexelImage>> images_;
   std::map<description::ObjectPtr, std::unique_ptr<const Texture>>
       textures_;  // by the object they were built from

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "worker/core/math.h"
-#include "worker/transport/reference.h"
+#include "worker/transport/reference/reference.h"
 
 namespace candela::transport::reference {
 namespace {

@@ -1,4 +1,4 @@
-#include "master/api/recent_images.h"
+#include "master/merge/recent_images.h"
 
 #include <algorithm>
 

@@ -11,7 +11,7 @@
 #include "common/job/job.h"
 #include "worker/core/vec.h"
 
-namespace candela::render {
+namespace candela::film {
 
 // A separable filter f(x) f(y), normalised to integrate to one.
 class PixelFilter {
@@ -57,4 +57,4 @@ class PixelFilter {
   std::vector<double> cdf_;
 };
 
-}  // namespace candela::render
+}  // namespace candela::film

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "worker/transport/reference.h"
+#include "worker/transport/reference/reference.h"
 
 namespace candela::transport::reference {
 

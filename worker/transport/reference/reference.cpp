@@ -1,4 +1,4 @@
-#include "worker/transport/reference.h"
+#include "worker/transport/reference/reference.h"
 
 #include <algorithm>
 #include <cmath>

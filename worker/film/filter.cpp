@@ -1,4 +1,4 @@
-#include "worker/render/filter.h"
+#include "worker/film/filter.h"
 
 #include <fmt/format.h>
 
@@ -11,7 +11,7 @@
 
 #include "worker/core/math.h"
 
-namespace candela::render {
+namespace candela::film {
 namespace {
 
 constexpr std::size_t kGaussianKnots = 513;  // of the tabulated density, over the whole support
@@ -219,4 +219,4 @@ Vec2 PixelFilter::sample(Vec2 u, float& weight) const {
   return {x, y};
 }
 
-}  // namespace candela::render
+}  // namespace candela::film

@@ -1,0 +1,26 @@
+#include "common/film/counts.h"
+
+namespace candela::film {
+
+std::string_view name(RejectCause cause) {
+  switch (cause) {
+    case RejectCause::not_a_number:
+      return "nan";
+    case RejectCause::infinite:
+      return "infinite";
+    case RejectCause::negative:
+      return "negative";
+    case RejectCause::saturated:
+      return "saturated";
+  }
+  return "unknown";
+}
+
+void Tallies::add(const Tallies& other) {
+  eye_samples += other.eye_samples;
+  light_paths += other.light_paths;
+  rays += other.rays;
+  for (std::size_t i = 0; i < rejected.size(); ++i) rejected[i] += other.rejected[i];
+}
+
+}  // namespace candela::film

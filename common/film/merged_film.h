@@ -1,0 +1,87 @@
+// What the master adds up. Integers add the same in any order, so merging is commutative and associative, and
+// idempotence comes from the set of merged iterations kept beside the sums (law 3).
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/film/counts.h"
+#include "common/film/index_set.h"
+#include "common/film/layout.h"
+
+namespace candela::film {
+
+class Delta;
+
+__extension__ using Int128 = __int128;  // a GCC extension that -Wpedantic wants declared
+
+// The job's film: two halves, each exact sums, tallies, and the set of merged indices.
+class MergedFilm {
+ public:
+  // Precondition: validate(layout, scale_log2).
+  MergedFilm(Layout layout, int scale_log2);
+
+  const Layout& layout() const { return layout_; }
+  int scale_log2() const { return scale_log2_; }
+
+  // Adds a delta of iterations or segments. Refused, and nothing changed, if its layout or scale differ or
+  // any of its indices is merged already.
+  Result<void> merge(const Delta& delta);
+  // Adds another film of the same job (a relay's, or a shard's) under the same rules.
+  Result<void> merge(const MergedFilm& other);
+
+  const IndexSet& merged(std::uint32_t half) const { return halves_[half].merged; }
+  const Tallies& tallies(std::uint32_t half) const { return halves_[half].tallies; }
+  std::uint64_t iterations() const { return halves_[0].merged.count() + halves_[1].merged.count(); }
+
+  // Checkpoint form: everything above, compressed, with a checksum. parse() accepts exactly what serialise()
+  // makes.
+  std::string serialise() const;
+  static Result<MergedFilm> parse(std::string_view bytes);
+
+  // A copy of the first layers alone, with the tallies and the merged indices.
+  MergedFilm first_layers(std::uint32_t count) const;
+
+  // No sum of the first layers differs from zero.
+  bool black(std::uint32_t layers) const;
+
+  // Sum of one half in film units (128 bits).
+  Int128 sum(std::uint32_t half, std::uint32_t layer, std::uint32_t x, std::uint32_t y, int channel) const;
+
+  // Mean over iterations of one layer, both halves together or one of them: width * height * 3 floats, row by
+  // row. The division is in double from the exact sums. Zero where nothing is merged.
+  enum class Which { both, half0, half1 };
+  std::vector<float> develop(std::uint32_t layer, Which which = Which::both) const;
+  // The same for one row, before rounding to float. `out` has width * 3 values.
+  void develop_row(std::uint32_t layer, std::uint32_t y, Which which, std::span<double> out) const;
+
+ private:
+  // 64-bit sums until one would overflow, then 128-bit: the values are the same, the memory is what is
+  // needed. Order: [channel][y][x] within the tile. Both empty: all zero.
+  struct TileSums {
+    std::vector<std::int64_t> narrow;
+    std::vector<Int128> wide;
+    void widen();
+  };
+  // Invariant: |sum| <= merged.count() * 2^63, so 128 bits cannot overflow (indices are below 2^40).
+  struct Half {
+    std::vector<TileSums> tiles;  // [layer][tile], empty until touched
+    IndexSet merged;
+    Tallies tallies;
+  };
+  static void add_tile(TileSums& sums, std::span<const std::int64_t> values);
+  static void add_tile(TileSums& sums, std::span<const Int128> values);
+  void serialise_half(std::string& out, const Half& half) const;
+  Result<void> parse_half(std::string_view& rest, Half& half) const;
+
+  Layout layout_;
+  int scale_log2_;
+  std::array<Half, 2> halves_;
+};
+
+}  // namespace candela::film

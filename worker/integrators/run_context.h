@@ -1,0 +1,17 @@
+// How a unit runs, as opposed to what it computes: but for the fault of tests, nothing here changes its sums.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+namespace candela::integrators {
+
+struct RunContext {
+  unsigned threads = 1;
+  const std::atomic<bool>* stop = nullptr;  // set: return early with an ErrorKind::refused error "stopped"
+  std::atomic<float>* progress = nullptr;   // in [0, 1]
+  // For tests of the quarantine: may spoil a sample's r, g, b just before it reaches the film.
+  void (*fault)(std::uint64_t sample_key, float* rgb) = nullptr;
+};
+
+}  // namespace candela::integrators
