@@ -88,7 +88,8 @@ void render(const scene::Scene& scene, int samples, std::uint64_t seed, Film& fi
         if (!scene.intersect(ray, hit)) continue;
         const Vec3 front = dot(hit.ng, ray.direction) > 0 ? -hit.ng : hit.ng;
         scene::DirectSample light;
-        if (!scene.sample_direct(hit, front, choice, {u, v}, light) || scene.occluded(light.shadow_ray))
+        if (scene.sample_direct(hit, front, choice, {u, v}, light) != scene::DirectOutcome::sampled ||
+            scene.occluded(light.shadow_ray))
           continue;
         sum += static_cast<double>(light.radiance.g * dot(front, light.wi) / light.pdf_solid_angle);
       }

@@ -47,8 +47,8 @@ class Recorder {
   }
   Spectrum emitted(const scene::SurfaceHit& hit, Vec3 wo) const { return scene_.emitted(hit, wo); }
   Spectrum environment(Vec3 d) const { return scene_.environment(d); }
-  bool sample_direct(const scene::SurfaceHit& reference, Vec3 front, float u_select, Vec2 u,
-                     scene::DirectSample& out) const {
+  scene::DirectOutcome sample_direct(const scene::SurfaceHit& reference, Vec3 front, float u_select, Vec2 u,
+                                     scene::DirectSample& out) const {
     return scene_.sample_direct(reference, front, u_select, u, out);
   }
   float pdf_direct_solid_angle(const scene::SurfaceHit& reference, Vec3 front, Vec3 d,

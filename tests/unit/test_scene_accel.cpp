@@ -9,7 +9,6 @@
 
 #include "tests/unit/scene_fixture.h"
 #include "worker/scene/accel.h"
-#include "worker/scene/light_sampler.h"
 
 namespace candela::scene {
 namespace {
@@ -333,7 +332,8 @@ TEST(Accel, ShadowRaysReachTheirLight) {
       const Vec3 above = p.offset + Vec3{8 * a - 4, 8 * b - 4, 0.5f} * p.scale;
       ASSERT_TRUE((*scene)->intersect({above, {0, 0, -1}}, hit));
       DirectSample light;
-      if (!(*scene)->sample_direct(hit, hit.shading.n, c, {stream.next_float(), stream.next_float()}, light))
+      if ((*scene)->sample_direct(hit, hit.shading.n, c, {stream.next_float(), stream.next_float()}, light) !=
+          DirectOutcome::sampled)
         continue;
       ++sampled;
       ASSERT_FALSE((*scene)->occluded(light.shadow_ray)) << "scale " << p.scale << " offset " << p.offset.x;

@@ -52,7 +52,7 @@ void check_density(const std::string& body, Vec3 reference, Vec3 front, std::uin
     DirectSample light;
     const float a = stream.next_float(), b = stream.next_float();
     double value = 0;
-    if (scene.sample_direct(ref, front, a, {b, stream.next_float()}, light)) {
+    if (scene.sample_direct(ref, front, a, {b, stream.next_float()}, light) == DirectOutcome::sampled) {
       ASSERT_GT(light.pdf_solid_angle, 0);
       ASSERT_NEAR(length(light.wi), 1, 1e-5f);
       // What the sample found is what a ray finds, and its density is that of the other technique.
@@ -138,7 +138,7 @@ void expect_irradiance(const Scene& scene, Vec3 p, int n, double expected, doubl
     DirectSample light;
     const float a = stream.next_float(), b = stream.next_float();
     double value = 0;
-    if (scene.sample_direct(ref, ref.ng, a, {b, stream.next_float()}, light)) {
+    if (scene.sample_direct(ref, ref.ng, a, {b, stream.next_float()}, light) == DirectOutcome::sampled) {
       value = static_cast<double>(light.radiance.g * std::max(0.0f, dot(ref.ng, light.wi)) /
                                   light.pdf_solid_angle);
     }
@@ -206,9 +206,12 @@ TEST(LightSampling, EmissionIsOneSided) {
   EXPECT_EQ((*scene)->emitted(hit, {0, 0, -1}).g, 2.0f);
   EXPECT_TRUE((*scene)->emitted(hit, {0, 0, 1}).is_black());
   DirectSample light;
-  EXPECT_FALSE((*scene)->sample_direct(point_reference({0, 0, 2}), {}, 0.5f, {0.5f, 0.5f}, light));
-  EXPECT_FALSE((*scene)->sample_direct(point_reference({0, 0, 0}), {0, 0, -1}, 0.5f, {0.5f, 0.5f}, light));
-  EXPECT_TRUE((*scene)->sample_direct(point_reference({0, 0, 0}), {0, 0, 1}, 0.5f, {0.5f, 0.5f}, light));
+  EXPECT_NE((*scene)->sample_direct(point_reference({0, 0, 2}), {}, 0.5f, {0.5f, 0.5f}, light),
+            DirectOutcome::sampled);
+  EXPECT_NE((*scene)->sample_direct(point_reference({0, 0, 0}), {0, 0, -1}, 0.5f, {0.5f, 0.5f}, light),
+            DirectOutcome::sampled);
+  EXPECT_EQ((*scene)->sample_direct(point_reference({0, 0, 0}), {0, 0, 1}, 0.5f, {0.5f, 0.5f}, light),
+            DirectOutcome::sampled);
 }
 
 // Extreme sizes and distances give finite samples whose estimate is right.

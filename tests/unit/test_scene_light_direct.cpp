@@ -59,7 +59,7 @@ void check(const LightCase& light, const View& view, std::uint64_t seed) {
     DirectSample out;
     const float u = draws.next();
     std::size_t where = kBins * kBins;
-    if (scene.sample_direct(reference, view.front, u, draws.next_2d(), out)) {
+    if (scene.sample_direct(reference, view.front, u, draws.next_2d(), out) == DirectOutcome::sampled) {
       ASSERT_NEAR(length(out.wi), 1, 1e-5f);
       ASSERT_GT(out.pdf_solid_angle, 0);
       SurfaceHit hit;

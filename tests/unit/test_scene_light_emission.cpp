@@ -263,7 +263,7 @@ TEST(Emission, DensitiesOfDirectSamplesAreThoseOfEmission) {
       const SurfaceHit reference = point_reference({0.3f * draws.next(), 0.3f * draws.next(), 0.1f});
       DirectSample direct;
       const float u = draws.next();
-      if (!scene->sample_direct(reference, {}, u, draws.next_2d(), direct)) continue;
+      if (scene->sample_direct(reference, {}, u, draws.next_2d(), direct) != DirectOutcome::sampled) continue;
       EmissionDensity density;
       ASSERT_TRUE(scene->pdf_emission(direct, density)) << light.name;
       ++found;
@@ -315,7 +315,8 @@ double floor_by_direct(const Scene& scene, Draws& draws, int n, Mean& mean) {
     DirectSample light;
     double value = 0;
     const float choice = draws.next();
-    if (scene.sample_direct(at, at.ng, choice, draws.next_2d(), light) && !scene.occluded(light.shadow_ray))
+    if (scene.sample_direct(at, at.ng, choice, draws.next_2d(), light) == DirectOutcome::sampled &&
+        !scene.occluded(light.shadow_ray))
       value = kFloorArea * static_cast<double>(light.radiance.g) * static_cast<double>(dot(at.ng, light.wi)) /
               static_cast<double>(light.pdf_solid_angle);
     mean.add(value);
@@ -399,7 +400,8 @@ TEST(SpotLights, FallOffLinearlyInTheAngle) {
     const double a = degrees * kPi / 180;
     const Vec3 d(Vec3d{std::cos(a), std::sin(a) * std::cos(around), std::sin(a) * std::sin(around)});
     DirectSample light;
-    if (!scene->sample_direct(point_reference(Vec3{1, 2, 3} + d * 2.0f), {}, 0.5f, {0.5f, 0.5f}, light))
+    if (scene->sample_direct(point_reference(Vec3{1, 2, 3} + d * 2.0f), {}, 0.5f, {0.5f, 0.5f}, light) !=
+        DirectOutcome::sampled)
       return 0.0;
     EXPECT_TRUE(light.delta);
     EXPECT_EQ(light.pdf_solid_angle, 1.0f);

@@ -19,7 +19,7 @@
 #include "tests/unit/light_cases.h"
 #include "tests/unit/scene_fixture.h"
 #include "worker/core/math.h"
-#include "worker/scene/light_tree.h"
+#include "worker/scene/emitters/choice/light_tree.h"
 
 namespace candela::scene {
 namespace {
@@ -253,7 +253,7 @@ TEST(LightTrees, ScenesKeepAllTheirLight) {
       const float u = draws.next();
       double value = 0;
       // Unoccluded: each lamp alone casts no shadows of others.
-      if (of.sample_direct(at, front, u, draws.next_2d(), light))
+      if (of.sample_direct(at, front, u, draws.next_2d(), light) == DirectOutcome::sampled)
         value = static_cast<double>(light.radiance.g * std::max(0.0f, dot(at.ng, light.wi)) /
                                     light.pdf_solid_angle);
       mean.add(value);

@@ -131,9 +131,10 @@ class PathTest {
     list_.add(steps_.next);
     list_.add_side(Chain{slots}, here.v, steps_.eye_step, steps_.eye_reverse);
     scene::DirectSample light;
-    ASSERT_TRUE(scene_.sample_direct(here.v.hit, here.v.front,
-                                     sampler.draw_1d(here.block + kEmitterChoice, here.stratified),
-                                     sampler.draw_2d(here.block + kEmitterPoint, here.stratified), light));
+    ASSERT_EQ(scene_.sample_direct(here.v.hit, here.v.front,
+                                   sampler.draw_1d(here.block + kEmitterChoice, here.stratified),
+                                   sampler.draw_2d(here.block + kEmitterPoint, here.stratified), light),
+              scene::DirectOutcome::sampled);
     FullPath path;
     path.light_infinite = light.infinite;
     path.light.emitter = light.emitter;

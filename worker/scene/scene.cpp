@@ -177,14 +177,14 @@ Spectrum Scene::environment(Vec3 d) const {
   return impl_->lights.environment(d);
 }
 
-bool Scene::sample_direct(const SurfaceHit& reference, Vec3 front, float u_select, Vec2 u,
-                          DirectSample& out) const {
+DirectOutcome Scene::sample_direct(const SurfaceHit& reference, Vec3 front, float u_select, Vec2 u,
+                                   DirectSample& out) const {
   return impl_->lights.sample(reference, front, u_select, u, out);
 }
 
-float Scene::pdf_direct_solid_angle(const SurfaceHit& reference, Vec3 front, Vec3 /*d*/,
+float Scene::pdf_direct_solid_angle(const SurfaceHit& reference, Vec3 front, Vec3 d,
                                     const SurfaceHit& hit) const {
-  return hit.emitter == kNone ? 0.0f : impl_->lights.pdf_solid_angle(reference, front, hit);
+  return hit.emitter == kNone ? 0.0f : impl_->lights.pdf_solid_angle(reference, front, d, hit);
 }
 
 float Scene::prob_direct(const SurfaceHit& reference, Vec3 front, std::uint32_t emitter) const {
@@ -193,6 +193,10 @@ float Scene::prob_direct(const SurfaceHit& reference, Vec3 front, std::uint32_t 
 
 float Scene::pdf_direct_environment_solid_angle(const SurfaceHit& reference, Vec3 front, Vec3 d) const {
   return impl_->lights.pdf_environment_solid_angle(reference, front, d);
+}
+
+const Lights& Scene::lights() const {
+  return impl_->lights;
 }
 
 bool Scene::sample_emission(float u_select, Vec2 u_position, Vec2 u_direction, EmissionSample& out) const {

@@ -9,13 +9,15 @@
 #include "worker/core/vec.h"
 #include "worker/scene/bsdf.h"
 #include "worker/scene/camera.h"
-#include "worker/scene/emitter.h"
+#include "worker/scene/emitters/emitter.h"
 #include "worker/scene/features.h"
 #include "worker/scene/hit.h"
 #include "worker/scene/media/medium.h"
 #include "worker/scene/textures/scratch.h"
 
 namespace candela::scene {
+
+class Lights;
 
 class Scene {
  public:
@@ -64,9 +66,9 @@ class Scene {
   // Next event estimation. `front`: the shading normal turned to the side that scatters (the viewer's);
   // emitters wholly behind it may be left out. Zero where light from both sides counts (transmission, media).
   // u_select and u are from the vertex's block; u_select is not read where there is one emitter and it is no
-  // mesh. False: no emitter can light this point by this choice.
-  bool sample_direct(const SurfaceHit& reference, Vec3 front, float u_select, Vec2 u,
-                     DirectSample& out) const;
+  // mesh. Light is to be had only where the outcome is `sampled`.
+  DirectOutcome sample_direct(const SurfaceHit& reference, Vec3 front, float u_select, Vec2 u,
+                              DirectSample& out) const;
   // The density with which sample_direct would have chosen the direction d to the emitting surface `hit`.
   float pdf_direct_solid_angle(const SurfaceHit& reference, Vec3 front, Vec3 d, const SurfaceHit& hit) const;
   // The discrete probability with which it would have chosen this emitter: all there is to say of one that is
@@ -74,6 +76,8 @@ class Scene {
   float prob_direct(const SurfaceHit& reference, Vec3 front, std::uint32_t emitter) const;
   // As pdf_direct_solid_angle, for a direction that leaves the scene.
   float pdf_direct_environment_solid_angle(const SurfaceHit& reference, Vec3 front, Vec3 d) const;
+  // The emitters and all techniques of direct light, beside the one above (emitters/lights.h).
+  const Lights& lights() const;
 
   // Light paths: an emitter chosen by power, a place on it and a direction; see EmissionSample for densities
   // and measures. u_select and u_position are read together. False: no light by this choice.

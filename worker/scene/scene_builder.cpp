@@ -251,7 +251,7 @@ Result<void> SceneBuilder::emitter(const description::Object& object) {
     const Vec3d world = object.find("position") != nullptr ? Vec3d{p[0], p[1], p[2]} : to_world.translation();
     CANDELA_ASSIGN(const Spectrum intensity, quantity(object, "intensity"));
     if (intensity.is_black()) return {};
-    lights_.add_point(Vec3(world), intensity);
+    lights_.add(PointLight(Vec3(world), intensity));
     features_.any_delta_emitter = true;
     const double r = std::max(geometry_.bounds.radius(), 1e-12);
     features_.max_emitted_radiance =
@@ -260,7 +260,7 @@ Result<void> SceneBuilder::emitter(const description::Object& object) {
     CANDELA_ASSIGN(const SpotLight light, spot(object, to_world));
     const float peak = luminance(light.peak());
     if (!(peak > 0)) return {};
-    lights_.add_spot(light);
+    lights_.add(light);
     features_.any_delta_emitter = true;
     const double r = std::max(geometry_.bounds.radius(), 1e-12);
     features_.max_emitted_radiance =
@@ -277,14 +277,14 @@ Result<void> SceneBuilder::emitter(const description::Object& object) {
       return error_at(object, "direction has no length").with_field("direction");
     CANDELA_ASSIGN(const Spectrum irradiance, quantity(object, "irradiance"));
     if (irradiance.is_black()) return {};
-    lights_.add_directional(Vec3(world / l), irradiance);
+    lights_.add(DirectionalLight(Vec3(world / l), irradiance));
     features_.any_delta_emitter = true;
     features_.max_emitted_radiance = std::max(features_.max_emitted_radiance, luminance(irradiance));
   } else if (object.plugin == "constant" || object.plugin == "envmap") {
     CANDELA_ASSIGN(Environment environment, Environment::build(object, textures_));
     if (environment.black()) return {};
     features_.max_emitted_radiance = std::max(features_.max_emitted_radiance, environment.max_luminance());
-    lights_.add_environment(std::move(environment));
+    lights_.add(std::move(environment));
     features_.any_environment = true;
   } else {
     return error_at(object, "emitter '" + object.plugin + "' is not supported yet");

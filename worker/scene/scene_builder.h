@@ -12,8 +12,8 @@
 #include "common/description/object.h"
 #include "worker/scene/accel.h"
 #include "worker/scene/bsdfs/bsdf_build.h"
+#include "worker/scene/emitters/lights.h"
 #include "worker/scene/features.h"
-#include "worker/scene/light_sampler.h"
 #include "worker/scene/media/media.h"
 #include "worker/scene/sensors/sensor.h"
 #include "worker/scene/shapes/geometry.h"
@@ -26,7 +26,7 @@ struct SceneData {
   std::unique_ptr<TextureStore> textures;
   Geometry geometry;
   std::vector<Bsdf> bsdfs;
-  LightSampler lights{geometry};
+  Lights lights{geometry};
   Media media;
   std::uint32_t camera_medium = kNone;
   std::vector<std::uint32_t> emitter_media;  // by emitter
@@ -76,7 +76,7 @@ class SceneBuilder {
   Geometry& geometry_;
   std::vector<Bsdf>& bsdfs_;
   RoughTransmittances coats_;
-  LightSampler& lights_;
+  Lights& lights_;
   Media& media_;
   std::vector<std::uint32_t>& emitter_media_;
   SceneFeatures& features_;

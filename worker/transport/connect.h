@@ -92,8 +92,8 @@ bool next_event(const ConnectContext& c, SamplerT& sampler, std::uint32_t block,
                 Steps* steps = nullptr) {
   scene::DirectSample light;
   const float u_emitter = choose_emitter ? sampler.draw_1d(block + kEmitterChoice, stratified) : 0.0f;
-  if (!c.scene.sample_direct(v.hit, v.front, u_emitter, sampler.draw_2d(block + kEmitterPoint, stratified),
-                             light))
+  if (c.scene.sample_direct(v.hit, v.front, u_emitter, sampler.draw_2d(block + kEmitterPoint, stratified),
+                            light) != scene::DirectOutcome::sampled)
     return false;
   float pdf = 0;
   const Spectrum value = scatter_value(c.scene, v, v.wo, light.wi, TransportMode::radiance, pdf);

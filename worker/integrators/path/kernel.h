@@ -68,8 +68,8 @@ Spectrum radiance(const SceneT& scene, const Limits& limits, Ray ray, SamplerT& 
     DirectSample light;
     float u_emitter = 0;
     if (limits.choose_emitter) u_emitter = sampler.draw_1d(block + kEmitterChoice, stratified);
-    if (!scene.sample_direct(here, side, u_emitter, sampler.draw_2d(block + kEmitterPoint, stratified),
-                             light))
+    if (scene.sample_direct(here, side, u_emitter, sampler.draw_2d(block + kEmitterPoint, stratified),
+                            light) != scene::DirectOutcome::sampled)
       return;
     float pdf_solid_angle = 0;
     Spectrum value = eval_pdf(light.wi, pdf_solid_angle);

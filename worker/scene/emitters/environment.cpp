@@ -261,4 +261,38 @@ bool Environment::sample(Vec2 u, Vec3& d, Spectrum& radiance_out, float& pdf) co
   return true;
 }
 
+DirectOutcome Environment::sample_direct(const SurfaceHit& reference, Vec3 front, double /*rest*/, Vec2 u,
+                                         DirectSample& out) const {
+  float pdf = 0;
+  if (!sample(u, out.wi, out.radiance, pdf) || !(pdf > 0)) return DirectOutcome::failed;
+  out.infinite = true;
+  out.delta = false;
+  out.ng = {};
+  out.pdf_solid_angle = pdf;
+  out.shadow_ray = spawn_ray(reference, out.wi);
+  if (!faces(front, out.wi)) {
+    out.radiance = {};
+    return DirectOutcome::dark;
+  }
+  return out.radiance.is_black() ? DirectOutcome::dark : DirectOutcome::sampled;
+}
+
+bool Environment::sample_emission(const SceneExtent& scene, double /*rest*/, Vec2 u_position,
+                                  Vec2 u_direction, EmissionSample& out) const {
+  Vec3 to_light;
+  float pdf = 0;
+  if (!sample(u_direction, to_light, out.radiance, pdf) || !(pdf > 0)) return false;
+  pdf_emission(scene, {}, -to_light, out);  // 0 by rounding at the edge of a cell: the caller looks
+  scene.start_outside(-to_light, u_position, out);
+  return true;
+}
+
+bool Environment::pdf_emission(const SceneExtent& scene, Vec3 /*ng*/, Vec3 d, EmissionDensity& out) const {
+  out.cosine = 1;
+  out.infinite = true;
+  out.pdf_area = scene.pdf_disk_area();
+  out.pdf_solid_angle = pdf_solid_angle(-d);
+  return out.prob > 0 && out.pdf_solid_angle > 0;
+}
+
 }  // namespace candela::scene

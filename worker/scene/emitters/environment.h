@@ -10,13 +10,19 @@
 
 #include "common/base/result.h"
 #include "common/description/object.h"
+#include "worker/core/math.h"
 #include "worker/core/vec.h"
+#include "worker/scene/emitters/emitter.h"
+#include "worker/scene/emitters/scene_extent.h"
 #include "worker/scene/textures/texture.h"
 
 namespace candela::scene {
 
 class Environment {
  public:
+  static constexpr bool kInfinite = true;
+  static constexpr bool kReadsRest = false;
+
   // From a description object "constant" or "envmap".
   static Result<Environment> build(const description::Object& object, TextureStore& textures);
   static Environment constant(Spectrum radiance);
@@ -28,6 +34,24 @@ class Environment {
   bool sample(Vec2 u, Vec3& d, Spectrum& radiance, float& pdf_solid_angle) const;
   // The density with which sample() chooses d; exactly that of the quantised tables it samples by.
   float pdf_solid_angle(Vec3 d) const;
+
+  // The direction, with its density and this environment's own light. The shadow ray is filled even where it
+  // is dark, since another environment may shine along it.
+  DirectOutcome sample_direct(const SurfaceHit& reference, Vec3 front, double rest, Vec2 u,
+                              DirectSample& out) const;
+  float pdf_direct_solid_angle(Vec3 /*reference*/, Vec3 d, const SurfaceHit& /*hit*/) const {
+    return pdf_solid_angle(d);
+  }
+
+  bool sample_emission(const SceneExtent& scene, double rest, Vec2 u_position, Vec2 u_direction,
+                       EmissionSample& out) const;
+  // d: along which the light travels.
+  bool pdf_emission(const SceneExtent& scene, Vec3 ng, Vec3 d, EmissionDensity& out) const;
+
+  Spectrum power(const SceneExtent& scene) const {
+    return mean_radiance_ * (4 * math::kPi) * static_cast<float>(scene.disk_area());
+  }
+  float importance(Vec3 /*p*/, Vec3 /*front*/) const { return luminance(mean_radiance_) * math::kPi; }
 
   bool is_constant() const { return map_ == nullptr; }
   bool black() const { return mean_radiance_.is_black(); }

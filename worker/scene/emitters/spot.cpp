@@ -6,29 +6,23 @@
 
 #include "worker/core/math.h"
 #include "worker/core/warp.h"
+#include "worker/scene/emitters/double_math.h"
+#include "worker/scene/emitters/place.h"
 
 namespace candela::scene {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
 
-void sincos_double(double x, double& sine, double& cosine) {  // x in [0, pi]
-  std::uint64_t quadrant = 0;
-  const double r = math::detail::reduce_quadrant(x, quadrant);
-  const double s = math::detail::sin_kernel(r), c = math::detail::cos_kernel(r);
-  sine = (quadrant & 1) != 0 ? c : s;
-  cosine = (quadrant & 1) != 0 ? -s : c;
-  if ((quadrant & 2) != 0) {
-    sine = -sine;
-    cosine = -cosine;
-  }
-}
-
 }  // namespace
 
 SpotLight::SpotLight(Vec3 position, const Frame& frame, Spectrum intensity, double cutoff, double beam,
                      const ColorTexture& texture)
-    : position_(position), frame_(frame), intensity_(intensity), texture_(texture) {
+    : position_(position),
+      frame_(frame),
+      intensity_(intensity),
+      texture_(texture),
+      strength_(luminance(peak())) {
   double sin_cutoff = 0, cos_cutoff = 0, sin_beam = 0, cos_beam = 0, half_sine = 0, half_cosine = 0;
   sincos_double(cutoff, sin_cutoff, cos_cutoff);
   sincos_double(beam, sin_beam, cos_beam);
@@ -85,6 +79,38 @@ Vec3 SpotLight::sample(Vec2 u) const {
 
 float SpotLight::pdf_solid_angle(Vec3 d) const {
   return falloff(frame_.to_local(d)) > 0 ? warp::pdf_uniform_cone_solid_angle(one_minus_cos_) : 0.0f;
+}
+
+DirectOutcome SpotLight::sample_direct(const SurfaceHit& reference, Vec3 front, double /*rest*/, Vec2 /*u*/,
+                                       DirectSample& out) const {
+  return sample_place(
+      position_, reference, front, [this](Vec3 d) { return intensity(d); }, out);
+}
+
+bool SpotLight::sample_emission(const SceneExtent& /*scene*/, double /*rest*/, Vec2 /*u_position*/,
+                                Vec2 u_direction, EmissionSample& out) const {
+  const Vec3 d = sample(u_direction);
+  out.delta_position = true;
+  out.pdf_area = 1;
+  out.radiance = intensity(d);
+  out.pdf_solid_angle = pdf_solid_angle(d);
+  if (!(out.pdf_solid_angle > 0)) return false;  // on the rim, by rounding
+  start_at(position_, d, out);
+  return true;
+}
+
+bool SpotLight::pdf_emission(const SceneExtent& /*scene*/, Vec3 /*ng*/, Vec3 d, EmissionDensity& out) const {
+  return pdf_emission_place(pdf_solid_angle(d), out);
+}
+
+LightBounds SpotLight::bounds(const Geometry& /*geometry*/) const {
+  LightBounds out;
+  out.box.add(Vec3d(position_));
+  out.axis = frame_.n;
+  out.spread = beam_;
+  out.emission = cutoff_ - beam_;
+  out.strength = strength_;
+  return out;
 }
 
 }  // namespace candela::scene

@@ -2,41 +2,68 @@
 // off linearly in the angle to nothing at cutoff_angle, times an optional texture projected along the axis.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+
 #include "worker/core/vec.h"
+#include "worker/scene/emitters/cone.h"
+#include "worker/scene/emitters/emitter.h"
+#include "worker/scene/emitters/light_bounds.h"
+#include "worker/scene/emitters/scene_extent.h"
+#include "worker/scene/shapes/geometry.h"
 #include "worker/scene/textures/texture.h"
 
 namespace candela::scene {
 
 class SpotLight {
  public:
+  static constexpr bool kInfinite = false;
+  static constexpr bool kReadsRest = false;
+
   // frame.n is the axis, frame.s and frame.t span the texture; angles in radians, 0 <= beam <= cutoff <= pi,
   // cutoff > 0 (below pi / 2 with a texture that varies).
   SpotLight(Vec3 position, const Frame& frame, Spectrum intensity, double cutoff, double beam,
             const ColorTexture& texture);
 
+  DirectOutcome sample_direct(const SurfaceHit& reference, Vec3 front, double rest, Vec2 u,
+                              DirectSample& out) const;
+  // No ray meets it.
+  float pdf_direct_solid_angle(Vec3 /*reference*/, Vec3 /*d*/, const SurfaceHit& /*hit*/) const { return 0; }
+
+  bool sample_emission(const SceneExtent& scene, double rest, Vec2 u_position, Vec2 u_direction,
+                       EmissionSample& out) const;
+  bool pdf_emission(const SceneExtent& scene, Vec3 ng, Vec3 d, EmissionDensity& out) const;
+
+  // W; by quadrature where there is a texture, analytic otherwise.
+  Spectrum power(const SceneExtent& /*scene*/) const { return power_; }
+  LightBounds bounds(const Geometry& geometry) const;
+  float importance(Vec3 p, Vec3 front) const {
+    const Vec3 v = position_ - p;
+    const float d2 = std::max(length_squared(v), 1e-36f), inverse_d = 1 / std::sqrt(d2);
+    if (-dot(frame_.n, v) * inverse_d < cos_cutoff_ - kCosineSlack) return 0;
+    if (is_zero(front)) return std::min(strength_ / d2, kMaxImportance);
+    const float h = dot(front, v);
+    if (!(h > 0)) return 0;
+    return std::min(strength_ * std::max(h * inverse_d, kMinBoundCosine) / d2, kMaxImportance);
+  }
+
+  Spectrum peak() const { return intensity_ * texture_.maximum(); }
+
+ private:
   // W / sr towards d (unit, world).
   Spectrum intensity(Vec3 d) const;
   // Uniform in the cone, with its density.
   Vec3 sample(Vec2 u) const;
   float pdf_solid_angle(Vec3 d) const;
-
-  Vec3 position() const { return position_; }
-  Vec3 axis() const { return frame_.n; }
-  float cos_cutoff() const { return cos_cutoff_; }
-  float beam() const { return beam_; }      // radians
-  float cutoff() const { return cutoff_; }  // radians
-  // W; by quadrature where there is a texture, analytic otherwise.
-  Spectrum power() const { return power_; }
-  Spectrum peak() const { return intensity_ * texture_.maximum(); }
-
- private:
   float falloff(Vec3 local) const;
 
   Vec3 position_;
   Frame frame_;
   Spectrum intensity_;
   ColorTexture texture_;
-  float cutoff_, beam_, cos_cutoff_, inverse_transition_, inverse_tangent_;
+  float strength_;       // importance at unit distance and cosines
+  float cutoff_, beam_;  // radians
+  float cos_cutoff_, inverse_transition_, inverse_tangent_;
   float one_minus_cos_;  // of the cutoff, without its cancellation
   Spectrum power_;
 };

@@ -12,6 +12,20 @@
 
 namespace candela::scene {
 
+// The outcome of choosing a direction towards light. All three are draws that an estimator counts.
+enum class DirectOutcome : std::uint8_t {
+  sampled,  // light arrives along it, unless something is in between
+  dark,     // the direction has its density, but no light arrives along it: below the horizon of `front`,
+            // outside of a spot's cone, at a black texel. DirectSample::shadow_ray is not filled
+  failed,   // there is no direction: nothing can light the point by this choice, or the point that was
+            // chosen has no density per solid angle (seen from behind). DirectSample is not filled
+};
+
+// Whether light from wi counts at a scattering side `front` (see Scene::sample_direct; zero: both sides).
+inline bool faces(Vec3 front, Vec3 wi) {
+  return (front.x == 0 && front.y == 0 && front.z == 0) || dot(front, wi) > 0;
+}
+
 // A direction towards light chosen at a reference point.
 struct DirectSample {
   Vec3 wi;            // unit, world, from the reference point

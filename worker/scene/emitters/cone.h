@@ -12,7 +12,7 @@ inline bool is_zero(Vec3 v) {
   return v.x == 0 && v.y == 0 && v.z == 0;
 }
 
-// Of an angle in [0, pi].
+// The sine of an angle in [0, pi].
 inline float sine(float cosine) {
   return std::sqrt(std::max(0.0f, 1 - cosine * cosine));
 }

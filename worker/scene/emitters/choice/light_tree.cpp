@@ -1,4 +1,4 @@
-#include "worker/scene/light_tree.h"
+#include "worker/scene/emitters/choice/light_tree.h"
 
 #include <algorithm>
 #include <array>
@@ -6,14 +6,11 @@
 #include <limits>
 
 #include "worker/core/math.h"
-#include "worker/scene/cone.h"
+#include "worker/scene/emitters/cone.h"
 
 namespace candela::scene {
 namespace {
 
-constexpr float kLeastCosine = 0.02f;  // a bound that is possible but small still counts this much
-constexpr float kCosineSlack = 1e-3f;  // rounding must not declare a possible emitter impossible
-constexpr float kLargestImportance = 1e30f;
 // Emitters spread over a sphere of radius r around the reference are as if at less than r; below half of it
 // one near emitter is too likely to be the one that counts.
 constexpr float kNearest = 0.25f;  // least squared distance, in squared radii
@@ -79,7 +76,7 @@ double orientation_measure(const Cone& cone) {
   return 2 * kPi * (1 - co) + kPi / 2 * tail;
 }
 
-// Of the sphere around a box, since that is what nodes know of it (and a row of points has no surface).
+// The surface of the sphere around a box: nodes know the sphere, and the box of a row of points has none.
 double surface(const Bounds& box) {
   const double r = box.radius();
   return r * r;
@@ -145,7 +142,7 @@ struct LightTree::Build {
     node.cos_spread = sum.cone.cosine;
     node.sin_spread = sum.cone.sine;
     node.cos_emission = math::cosf(std::min(sum.cone.emission, math::kPi));
-    node.strength = std::min(strength, kLargestImportance);
+    node.strength = std::min(strength, kMaxImportance);
     return sum;
   }
 
@@ -259,15 +256,15 @@ float LightTree::importance(const Node& node, Vec3 p, Vec3 front) {
   const float at_center = std::max(c, 0.0f);
   subtract_angle(c, s, cos_extent, sin_extent);
   if (d2 > node.radius * node.radius && c < node.cos_emission - kCosineSlack) return 0;
-  result *= std::max(kBound * c + (1 - kBound) * at_center, kLeastCosine);
+  result *= std::max(kBound * c + (1 - kBound) * at_center, kMinBoundCosine);
   if (!both_sides) {
     c = std::clamp(h * inverse_d, -1.0f, 1.0f);
     s = sine(c);
     const float seen_at_center = std::max(c, 0.0f);
     subtract_angle(c, s, cos_extent, sin_extent);
-    result *= std::max(kBound * c + (1 - kBound) * seen_at_center, kLeastCosine);
+    result *= std::max(kBound * c + (1 - kBound) * seen_at_center, kMinBoundCosine);
   }
-  return std::min(result, kLargestImportance);
+  return std::min(result, kMaxImportance);
 }
 
 bool LightTree::sample(Vec3 p, Vec3 front, double u, std::uint32_t& emitter, float& prob,

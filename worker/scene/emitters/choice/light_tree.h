@@ -11,20 +11,9 @@
 #include <vector>
 
 #include "worker/core/vec.h"
-#include "worker/scene/bounds.h"
+#include "worker/scene/emitters/light_bounds.h"
 
 namespace candela::scene {
-
-// What the tree needs to know of one emitter.
-struct LightBounds {
-  Bounds box;
-  Vec3 axis{0, 0, 1};  // of the cone that holds all normals (directions, for a point)
-  float spread = 0;    // its half angle, radians
-  float emission = 0;  // light leaves within this angle of a normal, radians
-  float strength = 0;  // importance at unit distance, W / sr
-  double power = 0;    // W, what the build weighs by
-  std::uint32_t emitter = 0;
-};
 
 class LightTree {
  public:

@@ -1,0 +1,69 @@
+// Choice by an importance of each emitter at the reference: an estimate of the irradiance it would give
+// unoccluded, from its power, distance and the cosines at both ends bounded over its extent (in the manner of
+// Conty Estevez and Kulla 2018, and pbrt-v4's light bounds). It is zero only where the emitter cannot light
+// the point at all. A tenth of the choice goes evenly to all that are not zero, since an irradiance says
+// little about a glossy lobe. Linear in the number of emitters.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+
+#include "worker/scene/emitters/choice/choice.h"
+#include "worker/scene/emitters/emitter_set.h"
+
+namespace candela::scene {
+
+class ImportanceChooser {
+ public:
+  static constexpr std::size_t kMaxEmitters = 64;
+
+  // The emitters must outlive this; when it is asked there are at most kMaxEmitters.
+  explicit ImportanceChooser(const EmitterSet& emitters) : emitters_(&emitters) {}
+
+  bool choose(Vec3 p, Vec3 front, double u, EmitterChoice& out) const {
+    std::array<float, kMaxEmitters> values;
+    std::uint32_t positive_count = 0;
+    const float sum = importances(p, front, values.data(), positive_count);
+    if (positive_count == 0) return false;
+    double cumulative = 0;
+    bool found = false;
+    for (std::size_t i = 0; i < emitters_->size(); ++i) {
+      const float q = mixed_share(kEvenShare, values[i], sum, positive_count);
+      if (!(q > 0)) continue;
+      out.emitter = static_cast<std::uint32_t>(i);
+      out.prob = q;
+      found = true;
+      out.rest = std::clamp((u - cumulative) / static_cast<double>(q), 0.0, 1.0 - 0x1p-53);
+      cumulative += static_cast<double>(q);
+      if (u < cumulative) break;
+    }
+    return found;
+  }
+
+  float prob(Vec3 p, Vec3 front, std::uint32_t emitter) const {
+    std::array<float, kMaxEmitters> values;
+    std::uint32_t positive_count = 0;
+    const float sum = importances(p, front, values.data(), positive_count);
+    return mixed_share(kEvenShare, values[emitter], sum, positive_count);
+  }
+
+ private:
+  static constexpr float kEvenShare = 0.1f;
+
+  // Fills importances; the sum, and the number above zero.
+  float importances(Vec3 p, Vec3 front, float* out, std::uint32_t& positive_count) const {
+    float sum = 0;
+    positive_count = 0;
+    for (std::size_t i = 0; i < emitters_->size(); ++i) {
+      out[i] = emitters_->importance(static_cast<std::uint32_t>(i), p, front);
+      sum += out[i];
+      positive_count += out[i] > 0 ? 1u : 0u;
+    }
+    return sum;
+  }
+
+  const EmitterSet* emitters_;
+};
+
+}  // namespace candela::scene

@@ -1,0 +1,105 @@
+// All emitters of a scene, by index: one closed set of kinds. Each kind is an object with the whole
+// interface,
+//   sample_direct, pdf_direct_solid_angle   light as seen from a point, given that this emitter was chosen
+//   sample_emission, pdf_emission           light as it leaves; `prob` of its choice is filled in by the
+//   caller power, importance, bounds (unless kInfinite), emitted and min_power (surfaces)
+// and this is the only place that knows which kinds there are.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "worker/scene/emitters/cylinder.h"
+#include "worker/scene/emitters/directional.h"
+#include "worker/scene/emitters/disk.h"
+#include "worker/scene/emitters/environment.h"
+#include "worker/scene/emitters/mesh.h"
+#include "worker/scene/emitters/point.h"
+#include "worker/scene/emitters/rectangle.h"
+#include "worker/scene/emitters/sphere.h"
+#include "worker/scene/emitters/spot.h"
+
+namespace candela::scene {
+
+// At most 11 kinds: up to that std::visit is a switch, beyond it a table of functions.
+using Emitter = std::variant<RectangleLight, SphereLight, DiskLight, CylinderLight, MeshLight, PointLight,
+                             SpotLight, DirectionalLight, Environment>;
+
+// The emitter of a shape that is in the geometry already; rectangle: as build_shape gave it, null otherwise.
+Emitter make_area_light(const Geometry& geometry, std::uint32_t shape, const Rectangle* rectangle,
+                        const ColorTexture& radiance);
+
+class EmitterSet {
+  template <class Visitor>
+  decltype(auto) visit(std::uint32_t i, Visitor&& visitor) const {
+    return std::visit(std::forward<Visitor>(visitor), emitters_[i]);
+  }
+
+ public:
+  std::uint32_t add(Emitter emitter);
+
+  std::size_t size() const { return emitters_.size(); }
+  bool empty() const { return emitters_.empty(); }
+  // Indices of the environments. Their light arrives together, whichever of them proposed a direction.
+  const std::vector<std::uint32_t>& environments() const { return environments_; }
+  const Environment& environment(std::uint32_t i) const { return *std::get_if<Environment>(&emitters_[i]); }
+  bool is_environment(std::uint32_t i) const { return std::holds_alternative<Environment>(emitters_[i]); }
+
+  bool infinite(std::uint32_t i) const {
+    return visit(i, [](const auto& e) { return e.kInfinite; });
+  }
+  bool reads_rest(std::uint32_t i) const {
+    return visit(i, [](const auto& e) { return e.kReadsRest; });
+  }
+
+  DirectOutcome sample_direct(std::uint32_t i, const SurfaceHit& reference, Vec3 front, double rest, Vec2 u,
+                              DirectSample& out) const {
+    return visit(i, [&](const auto& e) { return e.sample_direct(reference, front, rest, u, out); });
+  }
+  // The density of the direction d to `hit`; 0 for emitters that no ray meets.
+  float pdf_direct_solid_angle(std::uint32_t i, Vec3 reference, Vec3 d, const SurfaceHit& hit) const {
+    return visit(i, [&](const auto& e) { return e.pdf_direct_solid_angle(reference, d, hit); });
+  }
+
+  bool sample_emission(std::uint32_t i, const SceneExtent& scene, double rest, Vec2 u_position,
+                       Vec2 u_direction, EmissionSample& out) const {
+    return visit(i,
+                 [&](const auto& e) { return e.sample_emission(scene, rest, u_position, u_direction, out); });
+  }
+  // The densities of light leaving along d from a place where the emitter's normal is ng.
+  bool pdf_emission(std::uint32_t i, const SceneExtent& scene, Vec3 ng, Vec3 d, EmissionDensity& out) const {
+    return visit(i, [&](const auto& e) { return e.pdf_emission(scene, ng, d, out); });
+  }
+
+  // Radiance of emitter hit.emitter from its surface at `hit` towards wo; black where it has no surface.
+  Spectrum emitted(const SurfaceHit& hit, Vec3 wo) const {
+    return visit(hit.emitter, [&](const auto& e) {
+      if constexpr (requires { e.emitted(hit, wo); })
+        return e.emitted(hit, wo);
+      else
+        return Spectrum();
+    });
+  }
+
+  // W, towards the scene; analytic where radiance does not vary, by a fixed quadrature otherwise.
+  Spectrum power(std::uint32_t i, const SceneExtent& scene) const {
+    return visit(i, [&](const auto& e) { return e.power(scene); });
+  }
+  // W, luminance, as a choice by power weighs the emitter. Finite, not negative.
+  double weight_of_power(std::uint32_t i, const SceneExtent& scene) const;
+  // An estimate of the irradiance at p, unoccluded; zero only where the emitter can give none.
+  float importance(std::uint32_t i, Vec3 p, Vec3 front) const {
+    return visit(i, [&](const auto& e) { return e.importance(p, front); });
+  }
+  // Nothing for an emitter that is infinite. Leaves `power` to the caller.
+  std::optional<LightBounds> bounds(std::uint32_t i, const Geometry& geometry) const;
+
+ private:
+  std::vector<Emitter> emitters_;
+  std::vector<std::uint32_t> environments_;
+};
+
+}  // namespace candela::scene

@@ -1,0 +1,96 @@
+// The lights of a scene: its emitters, the choosers among them, and the sampling of light by both.
+//
+// Seen from a point, one emitter is chosen (choice/) and then a direction to it (emitters/<kind>). With few
+// emitters the choice is by importance, beyond ImportanceChooser::kMaxEmitters by a light tree. Light paths
+// have no reference: for them emitters are chosen by power, positions uniformly in area, directions in
+// proportion to the cosine (surfaces), uniformly (points, cones of spots) or to the environment's radiance;
+// light from outside starts on a disk across its direction that covers the scene's bounding sphere
+// [Veach 1997, Sec. 4.6 and 8.3].
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "worker/scene/emitters/choice/importance.h"
+#include "worker/scene/emitters/choice/power.h"
+#include "worker/scene/emitters/choice/tree.h"
+#include "worker/scene/emitters/choice/uniform.h"
+#include "worker/scene/emitters/emitter.h"
+#include "worker/scene/emitters/emitter_set.h"
+
+namespace candela::scene {
+
+// The techniques of direct light: they differ in the choice of the emitter, not in the point on it.
+enum class LightTechnique : std::uint8_t {
+  adapted,  // to the reference: by importance or tree; the technique of Scene::sample_direct
+  power,
+  uniform,
+};
+inline constexpr LightTechnique kLightTechniques[] = {LightTechnique::adapted, LightTechnique::power,
+                                                      LightTechnique::uniform};
+
+class Lights {
+ public:
+  // The geometry must outlive this. Emitters are numbered in the order of adding.
+  explicit Lights(const Geometry& geometry) : geometry_(&geometry) {}
+  Lights(const Lights&) = delete;
+  Lights& operator=(const Lights&) = delete;
+
+  // See make_area_light.
+  std::uint32_t add_area(std::uint32_t shape, const Rectangle* rectangle, const ColorTexture& radiance) {
+    return add(make_area_light(*geometry_, shape, rectangle, radiance));
+  }
+  std::uint32_t add(Emitter emitter) { return emitters_.add(std::move(emitter)); }
+  // After the last add: distances and powers need the scene's extent.
+  // choose_by_power: no tree, for measurements against it.
+  void finish(bool choose_by_power = false);
+
+  std::size_t size() const { return emitters_.size(); }
+
+  // Radiance of area emitter hit.emitter from its surface at `hit` towards wo.
+  Spectrum emitted(const SurfaceHit& hit, Vec3 wo) const { return emitters_.emitted(hit, wo); }
+  Spectrum environment(Vec3 d) const;
+
+  // See Scene. The densities of all techniques at one direction may be combined: a direction that one
+  // technique samples or finds dark has the density that the others say here.
+  DirectOutcome sample(const SurfaceHit& reference, Vec3 front, float u_select, Vec2 u, DirectSample& out,
+                       LightTechnique technique = LightTechnique::adapted) const;
+  float pdf_solid_angle(const SurfaceHit& reference, Vec3 front, Vec3 d, const SurfaceHit& hit,
+                        LightTechnique technique = LightTechnique::adapted) const;
+  float pdf_environment_solid_angle(const SurfaceHit& reference, Vec3 front, Vec3 d,
+                                    LightTechnique technique = LightTechnique::adapted) const;
+  // The discrete probability of choosing `emitter` at the reference; what sample() uses.
+  float prob(Vec3 reference, Vec3 front, std::uint32_t emitter,
+             LightTechnique technique = LightTechnique::adapted) const;
+
+  bool sample_emission(float u_select, Vec2 u_position, Vec2 u_direction, EmissionSample& out) const;
+  bool pdf_emission(const SurfaceHit& hit, Vec3 d, EmissionDensity& out) const;
+  bool pdf_emission(const DirectSample& light, EmissionDensity& out) const;
+  bool pdf_emission_environment(Vec3 to_light, EmissionDensity& out) const;
+  // Power in W, towards the scene; analytic where radiance does not vary, by a fixed quadrature otherwise.
+  Spectrum power(std::uint32_t emitter) const { return emitters_.power(emitter, extent_); }
+  // The discrete probability with which sample_emission chooses the emitter.
+  float prob_emission(std::uint32_t emitter) const { return by_power_.prob(emitter); }
+
+ private:
+  // Calls f(chooser) with that of the technique.
+  template <class F>
+  decltype(auto) with_chooser(LightTechnique technique, const F& f) const;
+  // Chooses the emitter of sample(). False: none can light the point.
+  bool choose(Vec3 p, Vec3 front, double u, LightTechnique technique, EmitterChoice& out) const;
+  // Probability of choosing any environment for a light path.
+  float prob_emission_environments() const;
+
+  const Geometry* geometry_;
+  EmitterSet emitters_;
+  SceneExtent extent_;
+  // How the adapted technique chooses.
+  enum class Adapted : std::uint8_t { importance, tree, power } adapted_ = Adapted::importance;
+  bool draws_choice_ = false;  // sample() reads its first number
+  ImportanceChooser by_importance_{emitters_};
+  TreeChooser by_tree_;
+  PowerChooser by_power_;
+  UniformChooser uniform_;
+};
+
+}  // namespace candela::scene
