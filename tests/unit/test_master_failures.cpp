@@ -461,7 +461,8 @@ TEST_F(FailureTest, AFailedJobCanBeResumed) {
   s->restore(chains, {}, {}, {}, {}, now());
   const auto lost = s->resume("chains", now());
   ASSERT_FALSE(lost.ok());
-  EXPECT_NE(lost.error().to_string().find("submit the job again"), std::string::npos) << lost.error().to_string();
+  EXPECT_NE(lost.error().to_string().find("submit the job again"), std::string::npos)
+      << lost.error().to_string();
 }
 
 // Claim: resuming a job that waits tries again at once, also with the workers that were set aside for it.

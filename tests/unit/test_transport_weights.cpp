@@ -1,5 +1,6 @@
 // Claims, on random paths through every scene of tests/statistical/transport and gallery, and
-// ../shared/scenes where it is there. The oracle is worker/transport/reference/reference.h: literal products in double.
+// ../shared/scenes where it is there. The oracle is worker/transport/reference/reference.h: literal products
+// in double.
 // - The weights of the recursion (mis.h), driven with the numbers of one path, are those of the literal
 //   products, and over all techniques that can make the path they sum to one: both to 1e-12, for the balance
 //   and the power heuristic, any technique left out, eta from 1e-12 to 1e12.
