@@ -441,6 +441,20 @@ TEST_F(SchedulerTest, RestartReconcilesRowsWithTheFilm) {
   EXPECT_GT(t.acquire("a", {}, false, now()).lease->row.token, l.token);
 }
 
+// Claim: a job that has rendered all it was asked for, but whose last checkpoint fails, cannot be paused, and
+// the refusal says what it waits for, not that it has ended.
+TEST_F(SchedulerTest, AFinishingJobCannotBePaused) {
+  worker("a");
+  job("j", 2);
+  while (const auto l = lease("a")) deliver(*l, unit_of(*l));
+  ASSERT_TRUE(s->job("j")->finishing);
+  s->set_note("j", "the disk is full");
+  const auto paused = s->pause("j", now());
+  ASSERT_FALSE(paused.ok());
+  EXPECT_EQ(paused.error().message.find("has ended"), std::string::npos) << paused.error().message;
+  EXPECT_NE(paused.error().message.find("the disk is full"), std::string::npos) << paused.error().message;
+}
+
 // Claim: sizes follow cost, the end of the job, the overhead of a delta, and a time limit.
 TEST(Sizing, FollowsItsRules) {
   SizingInput in;
