@@ -49,9 +49,8 @@ Result<int> run_verify(Context& context, const VerifyOptions& options) {
     if (!options.json) context.err << fmt::format("candela: {} job(s) verified, all whole\n", jobs);
     return 0;
   }
-  return failed_error(
-             fmt::format("{} of {} report(s) tell of damage", damaged, jobs + (options.id.empty() ? 1 : 0)))
-      .with_mend("each says what to do");
+  return failed_error(fmt::format("{} job(s) verified, damage in {} report(s)", jobs, damaged))
+      .with_mend("each report says what to do");
 }
 
 Result<int> run_repair(Context& context, const VerifyOptions& options) {
