@@ -39,8 +39,8 @@ CLI::Option* add_texts(CLI::App& app, const std::string& names, std::vector<std:
 // --sampler, --isa.
 void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits);
 
-// What of the scene was passed over, on `err`: each thing once, with file, line and count; twenty lines at
-// most.
+// Tells on `err` what was passed over in the scene: each thing once, with file, line and count, at most
+// twenty lines.
 void warn_of_passed_over(std::ostream& err, const LoadedScene& scene);
 
 // --master, --tls-*, --insecure, --timeout.

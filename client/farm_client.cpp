@@ -58,7 +58,7 @@ bool broke_off(const grpc::Status& status) {
 // How long a transfer has been trying to go on, since the last byte that came.
 class Outage {
  public:
-  // Of the outage that begins now, if there is none.
+  // Begins an outage now, unless one is under way.
   double seconds() {
     if (!std::exchange(on_, true)) since_ = Clock::now();
     return seconds_since(since_);

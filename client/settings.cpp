@@ -36,7 +36,7 @@ ObjectPtr first_child(const Object* parent, std::string_view category) {
   return children.empty() ? nullptr : children.front();
 }
 
-// What of the scene's integrator counts for the one that runs.
+// The parameters of the scene's integrator that count for the one that runs.
 description::Note passed_over(const Object& written, const std::string& runs, const SettingsMap& kept) {
   std::vector<std::string> values;
   for (const auto& [name, value] : kept) values.push_back(fmt::format("{} = {}", name, printable(value)));

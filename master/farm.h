@@ -115,8 +115,8 @@ class Farm {
   Result<v1::GetLedgerResponse> ledger(const std::string& job_id);
 
   // --- chains ---
-  // What the chains of a lease's segments start from goes into it. An error says why the film cannot give it:
-  // the unit cannot be rendered now, by anybody.
+  // Puts into a lease of segments what their chains start from. An error says why the film cannot give it:
+  // nobody can render the unit now.
   Result<void> add_chain_starts(v1::Lease& lease);
 
   // --- blobs ---

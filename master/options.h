@@ -1,4 +1,4 @@
-// What a master can be told when it starts.
+// The options of a master.
 #pragma once
 
 #include <cstdint>

@@ -26,7 +26,7 @@ std::string plugin_name(std::string_view written) {
 
 }  // namespace
 
-// What cannot be substituted stays as it is.
+// A $parameter that has no value stays as it is.
 std::string OtherIntegrator::text_of(const pugi::xml_node& node, const char* attribute) const {
   const std::string_view raw = node.attribute(attribute).value();
   Result<std::string> substituted = parameters.substitute(raw);

@@ -314,7 +314,7 @@ class Parser {
     if (!object->id.empty()) ids_.try_emplace(object->id, index);
     const Location where = object->where;
     drafts_.push_back({std::move(object), {}});
-    // Of several the first counts.
+    // The first one counts if there are several.
     const auto is_integrator = [&](const Link& link) {
       return !link.is_reference && drafts_[link.target].object->category == "integrator";
     };

@@ -1,4 +1,4 @@
-// What a worker hands in of one unit: the bytes of its film, and their checked form.
+// The film of one unit as a worker hands it in: its bytes, and their checked form.
 #pragma once
 
 #include <array>
@@ -18,7 +18,7 @@ namespace candela::film {
 
 class UnitFilm;
 
-// What identifies a delta: checked against the lease before it is merged.
+// Identifies a delta; checked against the lease before it is merged.
 struct DeltaInfo {
   Unit unit;
   Layout layout;

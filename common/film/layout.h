@@ -1,4 +1,4 @@
-// What a film is, without its sums: its size, its layers, its scale, and the tiles it is divided into.
+// A film without its sums: its size, its layers, its scale, and the tiles it is divided into.
 #pragma once
 
 #include <cstddef>

@@ -1,5 +1,5 @@
-// What the master adds up. Integers add the same in any order, so merging is commutative and associative, and
-// idempotence comes from the set of merged iterations kept beside the sums (law 3).
+// The film that the master adds up. Integers add the same in any order, so merging is commutative and
+// associative, and idempotence comes from the set of merged iterations kept beside the sums (law 3).
 #pragma once
 
 #include <array>

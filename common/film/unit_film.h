@@ -1,4 +1,4 @@
-// What a worker adds the samples of one unit into: exact integer sums (quantise.h).
+// The film that a worker adds the samples of one unit into: exact integer sums (quantise.h).
 #pragma once
 
 #include <algorithm>
@@ -71,7 +71,7 @@ class UnitFilm {
     if (__atomic_load_n(&flag, __ATOMIC_RELAXED) == 0)
       __atomic_store_n(&flag, std::uint8_t{1}, __ATOMIC_RELAXED);
   }
-  // What add() and splat() share; `to_sum(sum, units)` adds and returns whether the sum wrapped around.
+  // Shared by add() and splat(); `to_sum(sum, units)` adds and returns whether the sum wrapped around.
   template <class ToSum>
   bool add_units(std::uint32_t layer, std::uint32_t x, std::uint32_t y,
                  const std::array<float, kChannels>& rgb, std::uint64_t key, Tallies& tallies,

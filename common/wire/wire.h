@@ -32,7 +32,7 @@ Result<StopRule> from_proto(const v1::StopRule& message);  // at least one limit
 Result<Unit> from_proto(const v1::Unit& message);
 Result<NamedState> from_proto(const v1::NamedState& message);
 Result<bundle::Bundle> from_proto(const v1::Bundle& message);
-// What is not one of ours is the worker's: it sent it.
+// A value that we do not know is the worker's fault, which sent it.
 FailureCause from_proto(v1::FailureCause cause);
 v1::FailureCause to_proto(FailureCause cause);
 Result<ChainPlan> from_proto(const v1::ChainPlan& message);

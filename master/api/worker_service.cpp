@@ -337,7 +337,7 @@ grpc::Status WorkerServiceImpl::FetchBlob(grpc::ServerContext* context, const v1
     // A worker that takes nothing is cut off.
     const auto guard = farm_.gate().enter_silent(farm_.now().seconds, [context] { context->TryCancel(); });
     v1::FetchBlobChunk chunk;
-    // What the worker has is read as well: the hash is that of all bytes.
+    // Bytes that the worker has already are read too: the hash is that of all bytes.
     std::uint64_t skip = request->offset(), left = blob.size();
     do {
       const std::uint64_t most =

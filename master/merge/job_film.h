@@ -104,7 +104,7 @@ class JobFilm {
   std::vector<Found> generations() const;  // newest first
   // A checkpoint of this film. Fails (input) on damage, (resource) where the place keeps it from being read.
   Result<ParsedCheckpoint> read(const Found& found) const;
-  // What is to be told of it.
+  // Renames it; returns the text that tells of it.
   static std::string set_aside(const Found& found, const Error& error);
   ChainRecords fresh_records() const;
 

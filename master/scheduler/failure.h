@@ -1,4 +1,4 @@
-// What follows from a failed unit, as a pure function of its cause and of what failed before.
+// The consequence of a failed unit, as a pure function of its cause and of what failed before.
 //
 // cause   | the unit waits  | its worker, for this job | its worker, for all | the job fails when
 // --------|-----------------|--------------------------|---------------------|-------------------

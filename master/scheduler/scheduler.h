@@ -68,7 +68,7 @@ struct Lease {
   bool listed = false;     // some heartbeat named it
 };
 
-// What has failed of a unit that is not done. Its row counts the failures of cause worker over restarts.
+// The failures of a unit that is not done. Its row counts the failures of cause worker over restarts.
 struct UnitTrouble {
   std::array<std::uint32_t, kFailureCauses> failures{};
   std::uint32_t lost = 0;                          // leases, with workers that fell silent
@@ -162,7 +162,7 @@ struct WorkerState {
   std::string message;
 };
 
-// Of a job some of whose work has failed and is not done.
+// The state of a job that waits after failures.
 struct Waiting {
   FailureCause cause = FailureCause::worker;
   std::uint64_t units = 0;
@@ -356,7 +356,7 @@ class Scheduler {
   bool end_if_refused(Job& job, Now now);
   void lost_with_worker(const Lease& lease, Now now);
   void tell_waiting(Job& job, Now now);
-  // What failed is tried again now, also by workers set aside for it. False: nothing had failed.
+  // Tries failed units again now, also on workers set aside for them. False: nothing had failed.
   bool forget_failures(Job& job, Now now);
   Result<void> resume_failed(Job& job, Now now);
   // Seconds on the steady clock before which nobody is offered the unit.

@@ -314,7 +314,7 @@ std::optional<Waiting> Scheduler::waiting_of(const Job& job, Now now) const {
     shown = &unit;
     soonest = next;
   }
-  // Where no worker is left that could try again, that is what is to be told.
+  // If no worker is left that could try again, the job's message tells that instead.
   if (shown == nullptr || !std::isfinite(soonest)) return std::nullopt;
   const UnitTrouble& trouble = *shown->trouble;
   Waiting out;

@@ -1,5 +1,5 @@
-// What a job is worth: its film against its ledger, its scene's files against their names, its state against
-// its film.
+// Compares what is told of a job with its files: its film against its ledger, its scene's files against their
+// names, its state against its film.
 //
 // The one place that reads a film from disk while the farm runs. Whoever needs a film (fetch, extend, ledger,
 // a lease of chains, a delivery, the keeper) asks open_film(), which agrees the job with what was read before
@@ -41,7 +41,7 @@ class JobTruth {
 
   // Precondition of these: the job exists.
   Result<v1::JobReport> verify(const std::string& job_id);
-  // What belongs to no job of the store.
+  // Reports folders that belong to no job of the store.
   v1::JobReport verify_store() const;
   // Queues what an ended job has lost, or takes the job of an unknown folder into the store. Nothing: there
   // is neither a job nor a folder of this id.

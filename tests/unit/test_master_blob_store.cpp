@@ -30,7 +30,7 @@ class BlobStoreTest : public testing::Test {
     ASSERT_TRUE((*upload)->append(bytes).ok());
     ASSERT_TRUE((*upload)->finish().ok());
   }
-  // What comes, in pieces of seven bytes; whether it came to its end.
+  // The bytes that come, in pieces of seven; and whether they came to their end.
   std::pair<std::string, bool> read(const std::string& hash) {
     auto reader = store_->read(hash);
     EXPECT_TRUE(reader.ok() && *reader);

@@ -1,4 +1,4 @@
-// What follows from failed units, by cause: the policy, and the scheduler that lives by it.
+// The consequences of failed units, by cause: the policy, and the scheduler that lives by it.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 

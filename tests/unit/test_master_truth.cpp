@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// What happens to the files of a job while the master is down.
+// The harm done to the files of a job while the master is down.
 enum class Harm : std::uint8_t { flip_newest, remove_newest, flip_all, remove_all };
 
 std::string name_of(Harm harm) {

@@ -46,7 +46,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   // An error is one line that names its place.
   if (!parsed.ok() && parsed.error().to_string().find('\n') != std::string::npos) std::abort();
   if (parsed.ok() && parsed->scene == nullptr) std::abort();
-  // What the strict reading takes the lenient one takes.
+  // The lenient reading takes whatever the strict one takes.
   const auto loose = description::read_scene(files, "scene.xml", {}, {.integrator = "path", .lenient = true});
   if (parsed.ok() && !loose.ok()) std::abort();
   return 0;
