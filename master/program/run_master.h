@@ -1,0 +1,9 @@
+// The program candela-master: one master process, from its command line to its exit code.
+#pragma once
+
+namespace candela::master {
+
+// To be called from main() alone: blocks signals in the calling thread.
+int run_master(int argc, char** argv);
+
+}  // namespace candela::master

@@ -1,0 +1,32 @@
+// The table of integrators: one row for each (IntegratorEntry, integrator.h).
+#pragma once
+
+#include <memory>
+#include <string_view>
+#include <vector>
+
+#include "worker/integrators/integrator.h"
+#include "worker/integrators/markov/markov.h"
+#include "worker/integrators/settings.h"
+
+namespace candela::integrators {
+
+// The row of an integrator whose settings are a `Settings`.
+template <class Settings>
+IntegratorEntry integrator_entry(std::string_view name,
+                                 Result<std::unique_ptr<Integrator>> (*create)(const SettingsMap&,
+                                                                               const scene::SceneFeatures&)) {
+  return {name, create,
+          +[](const SettingsMap& given) -> Result<SettingsMap> {
+            CANDELA_ASSIGN(const Settings settings, parse_settings<Settings>(given));
+            if constexpr (requires { settings.markov; }) CANDELA_TRY(check(settings.markov));
+            return write_settings(settings).map;
+          },
+          +[] { return write_settings(Settings{}).docs; }};
+}
+
+// The product's integrators. A program's table is registry(): the library candela_registry defines registry()
+// as these rows, and a test program that defines registry() among its own objects adds rows of its own.
+std::vector<IntegratorEntry> product_integrators();
+
+}  // namespace candela::integrators
