@@ -217,6 +217,63 @@ void Farm::publish() {
   writer_->enqueue(std::move(changes));
 }
 
+namespace {
+
+// The films in memory, for the scheduler. Precondition of its calls: the lock of `films` is held.
+class LoadedFilms final : public FilmInputs {
+ public:
+  explicit LoadedFilms(const std::map<std::string, std::shared_ptr<JobFilm>>& films) : films_(films) {}
+  Answer chain_records(const std::string& job_id, const Unit& unit) const override {
+    const auto film = films_.find(job_id);
+    if (film == films_.end()) return {State::unread, {}};
+    JobFilm::Starts starts = film->second->starts_of(unit);
+    switch (starts.state) {
+      case JobFilm::Starts::State::whole:
+        return {State::whole, std::move(starts.records)};
+      case JobFilm::Starts::State::unread:
+        return {State::unread, {}};
+      case JobFilm::Starts::State::merged:
+        return {State::merged, {}};
+      case JobFilm::Starts::State::lost:
+        break;
+    }
+    return {State::lost, {}};
+  }
+
+ private:
+  const std::map<std::string, std::shared_ptr<JobFilm>>& films_;
+};
+
+}  // namespace
+
+Result<AcquireResult> Farm::acquire(const std::string& worker_id, const std::string& session,
+                                    const std::vector<std::string>& warm, bool prefetch,
+                                    const std::function<void(const Job&, const Lease&)>& describe) {
+  // A second time, if the films that the first decision lacked are in memory then.
+  for (int attempt = 0;; ++attempt) {
+    struct Decision {
+      bool known = true;
+      AcquireResult result;
+    };
+    Decision decision = with_scheduler([&](Scheduler& s) {
+      const Now t = now();
+      if (s.authenticate(worker_id, session, t) == nullptr) return Decision{false, {}};
+      const LoadedFilms films(films_);
+      Decision d{true, s.acquire(worker_id, warm, prefetch, t, &films)};
+      if (d.result.lease) describe(*s.job(d.result.lease->row.job_id), *d.result.lease);
+      return d;
+    });
+    if (!decision.known) return refused_error("this session is not known: register again");
+    AcquireResult& result = decision.result;
+    for (const std::string& id : result.lacking)
+      if (const auto film = film_of(id)) truth_->agree_if_short(id, *film);
+    if (result.lease || result.unread.empty() || attempt > 0) return std::move(result);
+    for (const std::string& id : result.unread)
+      if (auto opened = truth_->open_film(id); !opened.ok())
+        log::warn(fmt::format("the film cannot be read: {}", opened.error().to_string()), {.job = id});
+  }
+}
+
 std::shared_ptr<JobFilm> Farm::film_of(const std::string& job_id) {
   const std::lock_guard lock(mutex_);
   const auto it = films_.find(job_id);
@@ -318,7 +375,8 @@ v1::JobStatus Farm::status_locked(const Job& job, Now t) const {
     v1::ChainStatus& status = *out.mutable_chains();
     wire::to_proto(r.chain_summary, status);
     wire::to_proto(*r.chains, *status.mutable_plan());
-    status.set_bootstrap_done(job.table ? job.table->known().count() : r.chains->bootstrap_samples);
+    const chains::BootstrapTable* table = job.source->table();
+    status.set_bootstrap_done(table != nullptr ? table->known().count() : r.chains->bootstrap_samples);
     if (!r.named_state) {
       status.set_b(std::numeric_limits<double>::quiet_NaN());
       status.set_b_standard_error(std::numeric_limits<double>::quiet_NaN());

@@ -114,10 +114,12 @@ class Farm {
   Result<void> take_in(Manifest manifest);
   Result<v1::GetLedgerResponse> ledger(const std::string& job_id);
 
-  // --- chains ---
-  // Puts into a lease of segments what their chains start from. An error says why the film cannot give it:
-  // nobody can render the unit now.
-  Result<void> add_chain_starts(v1::Lease& lease);
+  // --- leases ---
+  // A lease for this worker with the inputs of its unit, if there is one. `describe` sees the lease and its
+  // job under the scheduler's lock. ErrorKind::refused: the session is not known.
+  Result<AcquireResult> acquire(const std::string& worker_id, const std::string& session,
+                                const std::vector<std::string>& warm, bool prefetch,
+                                const std::function<void(const Job&, const Lease&)>& describe);
 
   // --- blobs ---
   // The blob is missing, or was found damaged and set aside: an event and the message of each job that needs

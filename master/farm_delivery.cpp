@@ -22,36 +22,6 @@ std::uint64_t largest_delta(const film::Layout& layout, std::uint64_t record_cou
 
 }  // namespace
 
-Result<void> Farm::add_chain_starts(v1::Lease& lease) {
-  const auto unit = wire::from_proto(lease.unit());
-  if (!unit.ok() || unit->kind != Unit::Kind::segments) return {};
-  CANDELA_ASSIGN(const std::shared_ptr<JobFilm> film, truth_->open_film(lease.job_id()));
-  if (!film) return failed_error("the job has no film");
-  const std::optional<ChainRecords> records = film->starts_of(*unit);
-  if (!records) {
-    truth_->agree_if_short(lease.job_id(), *film);
-    return failed_error("the job's film does not hold the segments that this unit's chains go on from");
-  }
-  const auto samples = with_scheduler([&](Scheduler& s) {
-    const Job& job = *s.job(lease.job_id());
-    std::vector<std::uint64_t> out;
-    for (std::uint64_t i = unit->begin; i < unit->end; ++i) {
-      const std::uint64_t chain = chains::chain_of(unit->half, i, job.row.chains->chains);
-      // Where nothing was found there is nothing to start from, and any number does.
-      out.push_back(chain < job.starts.size() ? job.starts[chain] : 0);
-    }
-    return out;
-  });
-  for (std::size_t i = 0; i < records->size(); ++i) {
-    const chains::ChainRecord& record = *(*records)[i];
-    if (record.segments == 0)
-      lease.add_chain_starts()->set_bootstrap_sample(samples[i]);
-    else
-      lease.add_chain_starts()->set_record(chains::encode(record));
-  }
-  return {};
-}
-
 Result<std::optional<Farm::Verdict>> Farm::admit(const v1::DeltaHeader& header) {
   CANDELA_ASSIGN(const Unit unit, wire::from_proto(header.unit()));
   if (!is_sha256_hex(header.sha256()))

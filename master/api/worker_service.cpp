@@ -104,48 +104,39 @@ grpc::Status WorkerServiceImpl::AcquireLease(grpc::ServerContext*, const v1::Acq
     response->set_retry_ms(2000);
     return is_worker(farm_, request->worker_id(), request->session()) ? grpc::Status::OK : unauthenticated();
   }
-  const auto lease_one = [&] {
-    return as_worker(farm_, request->worker_id(), request->session(), [&](Scheduler& s, Now now) {
-      std::vector<std::string> warm;
-      for (const std::string& bundle : request->warm_bundles())
-        if (warm.size() < 64 && is_sha256_hex(bundle)) warm.push_back(bundle);
-      const AcquireResult result = s.acquire(request->worker_id(), warm, request->prefetch(), now);
-      response->set_retry_ms(result.retry_ms);
-      response->set_drain(result.drain);
-      if (!result.lease) return;
-      ++farm_.counters().leases;
-      const LeaseRow& row = result.lease->row;
-      const Job& job = *s.job(row.job_id);
-      v1::Lease& lease = *response->mutable_lease();
-      lease.set_token(row.token);
-      lease.set_unit_id(row.unit_id);
-      lease.set_job_id(row.job_id);
-      lease.set_bundle_sha256(job.row.bundle_sha256);
-      wire::to_proto(job.row.settings, *lease.mutable_settings());
-      if (job.row.named_state) wire::to_proto(*job.row.named_state, *lease.mutable_named_state());
-      wire::to_proto(job.units.at(row.unit_id).row.unit, *lease.mutable_unit());
-      lease.set_expected_seconds(row.expected_seconds);
-    });
-  };
-  // A unit whose inputs the master cannot give waits. The worker may have another one, of any job.
-  constexpr int kAttempts = 8;
-  grpc::Status status;
-  for (int attempt = 0; attempt < kAttempts; ++attempt) {
-    status = lease_one();
-    if (!status.ok() || !response->has_lease()) return status;
-    status = guarded([&] {
-      const auto added = farm_.add_chain_starts(*response->mutable_lease());
-      if (added.ok()) return grpc::Status::OK;
-      const std::uint64_t token = response->lease().token();
-      farm_.with_scheduler([&](Scheduler& s) {
-        s.lack_inputs(request->worker_id(), token, added.error().to_string(), farm_.now());
-      });
-      response->clear_lease();
-      return grpc::Status::OK;
-    });
-    if (!status.ok() || response->has_lease()) return status;
-  }
-  return status;
+  return guarded([&] {
+    if (farm_.stopping()) return stopping_status();
+    std::vector<std::string> warm;
+    for (const std::string& bundle : request->warm_bundles())
+      if (warm.size() < 64 && is_sha256_hex(bundle)) warm.push_back(bundle);
+    auto result = farm_.acquire(request->worker_id(), request->session(), warm, request->prefetch(),
+                                [&](const Job& job, const Lease& granted) {
+                                  const LeaseRow& row = granted.row;
+                                  v1::Lease& lease = *response->mutable_lease();
+                                  lease.set_token(row.token);
+                                  lease.set_unit_id(row.unit_id);
+                                  lease.set_job_id(row.job_id);
+                                  lease.set_bundle_sha256(job.row.bundle_sha256);
+                                  wire::to_proto(job.row.settings, *lease.mutable_settings());
+                                  if (job.row.named_state)
+                                    wire::to_proto(*job.row.named_state, *lease.mutable_named_state());
+                                  wire::to_proto(job.units.at(row.unit_id).row.unit, *lease.mutable_unit());
+                                  lease.set_expected_seconds(row.expected_seconds);
+                                });
+    if (!result.ok()) return unauthenticated();
+    response->set_retry_ms(result->retry_ms);
+    response->set_drain(result->drain);
+    if (!result->lease) return grpc::Status::OK;
+    ++farm_.counters().leases;
+    for (const UnitStart& start : result->input.chain_starts) {
+      v1::ChainStart& out = *response->mutable_lease()->add_chain_starts();
+      if (start.record && start.record->segments > 0)
+        out.set_record(chains::encode(*start.record));
+      else
+        out.set_bootstrap_sample(start.bootstrap_sample);
+    }
+    return grpc::Status::OK;
+  });
 }
 
 grpc::Status WorkerServiceImpl::Heartbeat(grpc::ServerContext*, const v1::HeartbeatRequest* request,

@@ -103,7 +103,10 @@ Result<JobFilm::Loading> JobFilm::ensure_loaded() {
   const std::lock_guard lock(mutex_);
   film_ = found ? std::make_unique<film::MergedFilm>(std::move(found->film))
                 : std::make_unique<film::MergedFilm>(layout_, scale_log2_);
-  records_ = found ? std::move(found->records) : fresh_records();
+  {
+    const std::lock_guard records_lock(records_mutex_);
+    records_ = found ? std::move(found->records) : fresh_records();
+  }
   saved_iterations_ = generation > 0 ? film_->iterations() : 0;
   generation_ = std::max(generation_, newest);  // the next one must be newer than a broken one, too
   return out;
@@ -140,6 +143,7 @@ void JobFilm::unload_if_idle(double now_seconds, double idle_seconds) {
   if (film_ && closed_ && film_->iterations() == saved_iterations_ &&
       now_seconds - last_use_ > idle_seconds) {
     film_.reset();
+    const std::lock_guard records_lock(records_mutex_);
     ChainRecords().swap(records_);
   }
 }
@@ -169,8 +173,9 @@ Result<JobFilm::Outcome> JobFilm::merge(const film::Delta& delta, std::vector<ch
     }
   }
   CANDELA_TRY(film_->merge(delta));
+  const std::lock_guard records_lock(records_mutex_);
   for (std::uint64_t i = unit.begin; chains_ > 0 && i < unit.end; ++i)
-    records_[chains::chain_of(unit.half, i, chains_)] = std::move(shared[i - unit.begin]);
+    records_[chains::chain_of(unit.half, i, chains_)].swap(shared[i - unit.begin]);
   return Outcome::merged;
 }
 
@@ -232,14 +237,19 @@ bool JobFilm::all_black() const {
          film_->black(chains::kImageLayers);
 }
 
-std::optional<ChainRecords> JobFilm::starts_of(const Unit& unit) const {
-  const std::lock_guard lock(mutex_);
-  if (records_.empty() || unit.half > 1 || unit.end - unit.begin > chains_ / 2) return std::nullopt;
-  ChainRecords out;
+JobFilm::Starts JobFilm::starts_of(const Unit& unit) const {
+  const std::lock_guard lock(records_mutex_);
+  if (unit.half > 1 || unit.end - unit.begin > chains_ / 2) return {};
+  if (records_.empty()) return {Starts::State::unread, {}};
+  Starts out{Starts::State::whole, {}};
+  out.records.reserve(unit.end - unit.begin);
   for (std::uint64_t i = unit.begin; i < unit.end; ++i) {
-    out.push_back(records_[chains::chain_of(unit.half, i, chains_)]);
-    if (out.back()->segments != chains::segment_of(i, chains_)) return std::nullopt;
+    out.records.push_back(records_[chains::chain_of(unit.half, i, chains_)]);
+    const std::uint64_t done = out.records.back()->segments, before = chains::segment_of(i, chains_);
+    if (done < before) return {};
+    if (done > before) out.state = Starts::State::merged;
   }
+  if (out.state != Starts::State::whole) out.records.clear();
   return out;
 }
 

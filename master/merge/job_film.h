@@ -81,9 +81,19 @@ class JobFilm {
   // Every chain has had a segment, and all sums of the image are zero.
   bool all_black() const;
 
-  // The records that the segments of a unit start from, those of first segments empty; nothing where the film
-  // does not have exactly the segments before.
-  std::optional<ChainRecords> starts_of(const Unit& unit) const;
+  // The records that the segments of a unit start from, those of first segments empty. Never waits for a
+  // merge: the scheduler asks while it decides.
+  struct Starts {
+    enum class State : std::uint8_t {
+      whole,
+      unread,  // the film is not loaded
+      lost,    // the film lacks a segment before, or the unit is none of this film
+      merged,  // the film has a segment of the unit
+    };
+    State state = State::lost;
+    ChainRecords records;  // if whole: one for each index, in order
+  };
+  Starts starts_of(const Unit& unit) const;
 
   struct Checkpoint {
     std::uint64_t generation = 0;
@@ -118,6 +128,9 @@ class JobFilm {
   std::mutex file_mutex_;     // one reader or writer of checkpoints at a time; taken before mutex_
   mutable std::mutex mutex_;
   std::unique_ptr<film::MergedFilm> film_;
+  // Taken after mutex_, and held for copying pointers only. `records_` changes under both locks, so either of
+  // them is enough to read it.
+  mutable std::mutex records_mutex_;
   ChainRecords records_;  // by chain
   bool closed_ = false;
   std::uint64_t generation_ = 0;  // newest on disk

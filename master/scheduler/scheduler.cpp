@@ -6,12 +6,6 @@
 #include <algorithm>
 
 namespace candela::master {
-namespace {
-
-constexpr double kPilotCharge = 1;  // worker seconds a pilot is charged until its cost is known
-
-}  // namespace
-
 Scheduler::Scheduler(const SchedulerOptions& options, std::uint64_t epoch, std::uint64_t next_unit_id)
     : options_(options), next_token_((epoch << 32) + 1), next_unit_id_(next_unit_id) {}
 
@@ -77,7 +71,7 @@ Lease& Scheduler::grant(Job& job, UnitState& unit, WorkerState& worker, bool spe
   lease.due_seconds = lease.row.expected_seconds;
   for (const std::uint64_t other : worker.leases) lease.due_seconds += leases_.at(other).row.expected_seconds;
   job.virtual_time +=
-      std::max(lease.row.expected_seconds, u.kind == Unit::Kind::pilot ? kPilotCharge : 0) / job.row.share;
+      std::max(lease.row.expected_seconds, job.source->cost().min_charged_seconds) / job.row.share;
   unit.leases.push_back(lease.row.token);
   unit.row.state = UnitRow::State::leased;
   if (speculative) unit.speculated = true;
@@ -97,8 +91,41 @@ Lease& Scheduler::grant(Job& job, UnitState& unit, WorkerState& worker, bool spe
   return leases_.emplace(lease.row.token, lease).first->second;
 }
 
+bool Scheduler::gather_input(Job& job, UnitState& unit, const FilmInputs* films, AcquireResult& out,
+                             Now now) {
+  FilmInputs::Records records;
+  if (films != nullptr && job.source->needs_film()) {
+    FilmInputs::Answer answer = films->chain_records(job.row.id, unit.row.unit);
+    if (answer.state == FilmInputs::State::unread) out.unread.push_back(job.row.id);
+    if (answer.state == FilmInputs::State::lost) {
+      out.lacking.push_back(job.row.id);
+      note_lacking(job, unit, "the job's film does not hold the segments that this unit's chains go on from",
+                   now);
+    }
+    if (answer.state != FilmInputs::State::whole) return false;
+    records = std::move(answer.records);
+  }
+  out.input = job.source->input(job.view(), unit.row.unit, std::move(records));
+  return true;
+}
+
+bool Scheduler::lease_unit(Job& job, WorkerState& worker, bool prefetch, const FilmInputs* films,
+                           AcquireResult& out, Now now) {
+  constexpr int kAttempts = 8;  // of one job, so that no other job waits for it
+  for (int i = 0; i < kAttempts; ++i) {
+    UnitState* unit = pick(job, worker, prefetch, now);
+    if (unit == nullptr) return false;
+    if (gather_input(job, *unit, films, out, now)) {
+      out.lease = grant(job, *unit, worker, false, now);
+      return true;
+    }
+    if (!unit->waits(now.seconds)) return false;  // it would be picked again
+  }
+  return false;
+}
+
 AcquireResult Scheduler::acquire(const std::string& worker_id, const std::vector<std::string>& warm,
-                                 bool prefetch, Now now) {
+                                 bool prefetch, Now now, const FilmInputs* films) {
   expire(now);
   AcquireResult out;
   WorkerState& worker = workers_.at(worker_id);
@@ -116,25 +143,26 @@ AcquireResult Scheduler::acquire(const std::string& worker_id, const std::vector
   if (worker.leases.size() >= options_.max_leases_per_worker) return out;
   const std::vector<Job*> order = candidates(worker, warm, now);
   for (Job* job : order) {
-    if (UnitState* unit = pick(*job, worker, prefetch, now)) {
-      out.lease = grant(*job, *unit, worker, false, now);
-      return out;
-    }
+    if (lease_unit(*job, worker, prefetch, films, out, now)) return out;
     // Its last units wait for a worker that is free. This one is soon, unless it takes another job's unit
     // first, and another, for as long as that job lasts.
-    if (prefetch && has_work(*job, worker, now)) return out;
+    const bool short_of_input = std::count(out.unread.begin(), out.unread.end(), job->row.id) > 0 ||
+                                std::count(out.lacking.begin(), out.lacking.end(), job->row.id) > 0;
+    if (prefetch && !short_of_input && has_work(*job, worker, now)) return out;
   }
   if (!prefetch) {
     for (Job* job : order) {
-      if (UnitState* unit = straggler(*job, worker, now)) {
+      UnitState* unit = straggler(*job, worker, now);
+      if (unit != nullptr && gather_input(*job, *unit, films, out, now)) {
         out.lease = grant(*job, *unit, worker, true, now);
         return out;
       }
     }
   }
   for (const Job* job : order)  // a pilot that runs ends soon and opens the job, and so does a bootstrap
-    if (!job->row.named_state && std::any_of(job->units.begin(), job->units.end(),
-                                             [](const auto& unit) { return !unit.second.leases.empty(); }))
+    if (!job->source->makes_film() && std::any_of(job->units.begin(), job->units.end(), [](const auto& unit) {
+          return !unit.second.leases.empty();
+        }))
       out.retry_ms = 50;
   return out;
 }
@@ -229,19 +257,15 @@ bool Scheduler::complete_pilot(const std::string& worker_id, std::uint64_t token
   const auto it = leases_.find(token);
   if (it == leases_.end() || it->second.row.worker_id != worker_id) return false;
   Job* job = find(it->second.row.job_id);
-  if (job == nullptr || job->row.named_state || job->row.chains || job->finishing ||
-      has_ended(job->row.state))
-    return false;
+  if (job == nullptr || job->finishing || has_ended(job->row.state)) return false;
   const auto u = job->units.find(it->second.row.unit_id);
   if (u == job->units.end() || u->second.row.unit.kind != Unit::Kind::pilot) return false;
   WorkerState& worker = workers_.at(worker_id);
   note_success(*job, worker, now);
   job->row.chains = result.chains;
   job->row.pilot_scale_log2 = result.state.film_scale_log2;
-  if (result.chains)
-    job->table.emplace(result.chains->bootstrap_samples);
-  else
-    job->row.named_state = result.state;
+  if (!result.chains) job->row.named_state = result.state;
+  job->source = make_source(job->row);
   job->row.plan = result.plan;
   job->row.layers = result.layers;
   job->row.thread_seconds_per_iteration = result.seconds_per_iteration * worker.row.threads;
@@ -270,8 +294,9 @@ Delivery Scheduler::check_delivery(const std::string& worker_id, std::uint64_t t
   expire(now);
   const Job* job = find(job_id);
   if (job == nullptr) return Delivery::stale;
-  if (unit.kind != job->film_kind() || unit.half > 1) return Delivery::stale;
-  if (job->merged[unit.half].intersects(unit.begin, unit.end)) return Delivery::duplicate;
+  const Claim claim = job->source->claim(job->merged, unit);
+  if (claim == Claim::foreign) return Delivery::stale;
+  if (claim == Claim::merged) return Delivery::duplicate;
   if (job->finishing || has_ended(job->row.state)) return Delivery::job_ended;
   const auto it = leases_.find(token);
   if (it == leases_.end() || it->second.row.worker_id != worker_id || it->second.row.unit_id != unit_id ||

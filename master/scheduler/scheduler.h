@@ -4,9 +4,8 @@
 // Pure logic: no I/O, no threads, no clock of its own. Every call is told the time; the caller holds one lock
 // around all calls. What is to be remembered comes out as changes for the store, in order (take_changes()).
 //
-// A job of Markov chains (common/chains/chains.h) has a bootstrap between its pilot and its film. Its
-// segments are indices as iterations are, but one can be cut only when its chain's segment before is merged:
-// a straggler holds up its own chains, and what lies behind them is skipped.
+// A job passes through stages (unit_source.h): the pilot, of a job of Markov chains the bootstrap, and the
+// film. The scheduler asks the source of the present stage for units and knows no kind of work.
 //
 // A unit is open, leased (once, or twice if it is a straggler's) or merged; merged units live on only as the
 // set of merged indices. Exactly-once counting is the film's: it refuses an index that it has. The
@@ -27,6 +26,7 @@
 #include "common/film/index_set.h"
 #include "master/scheduler/failure.h"
 #include "master/scheduler/index_sets.h"
+#include "master/scheduler/unit_source.h"
 #include "master/store/records.h"
 
 namespace candela::master {
@@ -107,7 +107,6 @@ struct Job {
       false;         // its stop rule holds: no leases, no merges; done once the final checkpoint is on disk
   std::string note;  // what is worth knowing now, e.g. that checkpoints fail
   std::array<film::IndexSet, 2> merged;
-  HalfSets taken;  // what no new unit may have: merged, in units, and in a repair all but what was lost
   std::map<std::uint64_t, UnitState> units;                    // not merged
   double virtual_time = 0;                                     // worker seconds / share, for fairness
   double thread_seconds = 0;                                   // EWMA of seconds times threads per iteration
@@ -119,12 +118,12 @@ struct Job {
   std::uint64_t relmse_hit_iterations = 0;
   std::deque<Progress> recent;
 
+  std::unique_ptr<UnitSource> source;  // of the present stage
+
   // Of a job of chains.
-  std::optional<chains::BootstrapTable> table;  // between pilot and named state
-  film::IndexSet bootstrap_taken;               // samples known or in units
-  std::vector<std::uint64_t> starts;            // of each chain: a bootstrap sample
-  std::size_t record_bytes = 0;                 // of the largest chain record seen
-  std::uint64_t told_stay = 0;                  // the longest stay of a chain an event told of
+  std::vector<std::uint64_t> starts;  // of each chain: a bootstrap sample
+  std::size_t record_bytes = 0;       // of the largest chain record seen
+  std::uint64_t told_stay = 0;        // the longest stay of a chain an event told of
 
   FailureCounts failures{};                   // since the master started
   std::map<std::string, Standing> standings;  // by worker id; only those that failed
@@ -138,12 +137,8 @@ struct Job {
   // Number of indices of a half that the stop rule asks for; no limit: the largest there may be. Of a job of
   // chains an iteration of the stop rule is a round: a segment of each chain.
   std::uint64_t target(std::uint32_t half) const;
-  bool in_bootstrap() const { return row.chains && !row.named_state; }
-  Unit::Kind film_kind() const { return row.chains ? Unit::Kind::segments : Unit::Kind::iterations; }
-  // Chains of a half; 1 for other jobs, whose every index is a round of its half.
-  std::uint64_t per_round() const { return row.chains ? row.chains->chains / 2 : 1; }
-  // Whether every segment of the range has the one before it merged, or starts its chain.
-  bool ready(const Unit& unit) const;
+  JobView view(std::uint64_t active_workers = 1) const;
+  bool in_bootstrap() const { return source->table() != nullptr; }
   // Indices that the job has had and whose checkpoints are lost.
   HalfSets lost() const { return without(row.promised, merged); }
 };
@@ -172,6 +167,9 @@ struct Waiting {
 
 struct AcquireResult {
   std::optional<Lease> lease;
+  UnitInput input;                   // of the lease's unit
+  std::vector<std::string> unread;   // jobs whose units were not offered, since their films are not in memory
+  std::vector<std::string> lacking;  // jobs whose films do not hold what some unit starts from
   std::uint32_t retry_ms = 0;
   bool drain = false;
 };
@@ -239,8 +237,11 @@ class Scheduler {
   std::string worker_state_name(const WorkerState& worker, Now now) const;
 
   // --- the cycle of a unit ---
+  // A lease comes with the inputs of its unit, in one decision. A unit whose inputs are missing is not
+  // offered: it waits, the job says so, and other units and jobs go on. `films`: where the inputs are; null
+  // where no job needs any.
   AcquireResult acquire(const std::string& worker_id, const std::vector<std::string>& warm, bool prefetch,
-                        Now now);
+                        Now now, const FilmInputs* films = nullptr);
   HeartbeatResult heartbeat(const std::string& worker_id, const std::vector<std::uint64_t>& tokens, Now now);
   void return_lease(const std::string& worker_id, std::uint64_t token, Now now);
   // Idempotent per token. failure.h has what follows.
@@ -304,11 +305,11 @@ class Scheduler {
   std::vector<Job*> candidates(const WorkerState& worker, const std::vector<std::string>& warm, Now now);
   UnitState* pick(Job& job, const WorkerState& worker, bool prefetch, Now now);
   bool has_work(const Job& job, const WorkerState& worker, Now now) const;
-  UnitState* cut(Job& job, const WorkerState& worker, bool prefetch, Now now);
-  static std::optional<Unit> next_iterations(Job& job, std::uint64_t want);
-  static std::optional<Unit> next_samples(Job& job, std::uint64_t want);
-  static std::optional<Unit> next_segments(Job& job, std::uint64_t want, std::uint64_t active_workers);
-  static std::uint64_t most_segments(const Job& job, std::uint64_t active_workers);
+  // Puts the unit's inputs into `out`. False: they are missing, and `out` and the job say so.
+  bool gather_input(Job& job, UnitState& unit, const FilmInputs* films, AcquireResult& out, Now now);
+  // Leases a unit of the job, if it has one for this worker.
+  bool lease_unit(Job& job, WorkerState& worker, bool prefetch, const FilmInputs* films, AcquireResult& out,
+                  Now now);
   double expected_seconds(const Job& job, const WorkerState& worker, const Unit& unit) const;
   void bootstrapped(Job& job, Now now);
   void restore_chains(Job& job, const RestoredChains& restored, Now now);
@@ -352,6 +353,7 @@ class Scheduler {
   void note_success(Job& job, WorkerState& worker, Now now);
   UnitTrouble& blame(UnitState& unit, FailureCause cause, const WorkerState* worker,
                      const std::string& message);
+  void note_lacking(Job& job, UnitState& unit, const std::string& message, Now now);
   bool end_if_poison(Job& job, const UnitState& unit, Now now);
   bool end_if_refused(Job& job, Now now);
   void lost_with_worker(const Lease& lease, Now now);

@@ -157,18 +157,22 @@ void Scheduler::lack_inputs(const std::string& worker_id, std::uint64_t token, c
   Job* job = find(job_id);
   if (job == nullptr) return;
   const auto u = job->units.find(unit_id);
-  if (u == job->units.end()) return;
+  if (u != job->units.end()) note_lacking(*job, u->second, message, now);
+}
+
+// The unit waits. Neither a worker nor the job's other units do.
+void Scheduler::note_lacking(Job& job, UnitState& unit, const std::string& message, Now now) {
   ++failures_[index_of(FailureCause::master)];
-  ++job->failures[index_of(FailureCause::master)];
-  UnitTrouble& trouble = blame(u->second, FailureCause::master, nullptr, message);
+  ++job.failures[index_of(FailureCause::master)];
+  UnitTrouble& trouble = blame(unit, FailureCause::master, nullptr, message);
   FailureHistory history;
   history.cause = FailureCause::master;
-  history.unit_id = unit_id;
+  history.unit_id = unit.row.id;
   history.of_unit = ++trouble.failures[index_of(FailureCause::master)];
   trouble.retry_at = now.seconds + consequence(history, options_.failures).unit_wait;
-  event(now, job_id, "", "unit-failed",
-        fmt::format("{}: unit {}: {}", name(FailureCause::master), unit_id, message));
-  tell_waiting(*job, now);
+  event(now, job.row.id, "", "unit-failed",
+        fmt::format("{}: unit {}: {}", name(FailureCause::master), unit.row.id, message));
+  tell_waiting(job, now);
 }
 
 // A worker that fell silent may have been ended by the unit that it rendered, which is the first that it was

@@ -18,9 +18,11 @@ constexpr double kRelmseGrowth = 1.1;  // of iterations between the two estimate
 
 std::uint64_t Job::target(std::uint32_t half) const {
   if (row.repairs_to) return end_of(row.promised[half]);
-  const std::uint64_t n = row.stop.iterations > 0 ? row.stop.iterations : Limits::max_iterations;
-  if (row.chains) return std::min(n * (row.chains->chains / 2), Limits::max_iterations);
-  return half == 0 ? (n + 1) / 2 : n / 2;
+  return row.indices_of(half, row.stop.iterations > 0 ? row.stop.iterations : Limits::max_iterations);
+}
+
+JobView Job::view(std::uint64_t active_workers) const {
+  return {merged, {target(0), target(1)}, row.stop.iterations > 0, active_workers, record_bytes, starts};
 }
 
 const Job* Scheduler::job(const std::string& id) const {
@@ -60,6 +62,7 @@ void Scheduler::submit(JobRow row, Now now) {
   const std::string id = row.id;
   Job& job = jobs_[id];
   job.row = std::move(row);
+  job.source = make_source(job.row);
   job.last_tick = now.seconds;
   start_fairly(job);
   event(now, id, "", "submitted", job.row.name);
@@ -185,7 +188,7 @@ void Scheduler::relmse_estimated(const std::string& id, double relmse, std::uint
   Job* job = find(id);
   if (job == nullptr) return;
   job->row.relmse = relmse;
-  const std::uint64_t least = kRelmseMinIterationsPerHalf * job->per_round();
+  const std::uint64_t least = kRelmseMinIterationsPerHalf * job->row.per_round();
   const bool enough =
       std::min(job->merged[0].count(), job->merged[1].count()) >= least && iterations >= 2 * least;
   if (job->row.stop.relmse <= 0 || !enough) return;
@@ -333,7 +336,7 @@ double Scheduler::eta_seconds(const Job& job, Now now) const {
   constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
   if (job.row.state != JobState::running || job.finishing) return kUnknown;
   double eta = std::numeric_limits<double>::infinity();
-  const auto per_iteration = static_cast<double>(job.row.chains ? job.row.chains->chains : 1);
+  const auto per_iteration = static_cast<double>(job.row.indices_per_iteration());
   const double rate = indices_per_second(job, now) / per_iteration;  // iterations
   const double done = static_cast<double>(job.row.iterations) / per_iteration;
   if (rate > 0 && job.row.stop.iterations > 0)

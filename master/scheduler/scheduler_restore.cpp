@@ -12,23 +12,21 @@
 namespace candela::master {
 
 void Scheduler::retake(Job& job) {
-  job.taken = job.merged;
-  job.bootstrap_taken = job.table ? job.table->known() : film::IndexSet();
-  for (const auto& [id, u] : job.units) {
-    const Unit& unit = u.row.unit;
-    if (unit.kind == Unit::Kind::bootstrap) job.bootstrap_taken.insert(unit.begin, unit.end);
-    if (unit.kind == job.film_kind()) job.taken[unit.half].insert(unit.begin, unit.end);
-  }
-  if (!job.row.repairs_to) return;
-  for (std::uint32_t h = 0; h < 2; ++h)
-    job.taken[h] = united(job.taken[h], complement(job.row.promised[h], end_of(job.row.promised[h])));
+  HalfSets closed = job.merged;
+  for (std::uint32_t h = 0; job.row.repairs_to && h < 2; ++h)
+    closed[h] = united(closed[h], complement(job.row.promised[h], end_of(job.row.promised[h])));
+  job.source->restart(closed);
+  const JobView view = job.view();
+  for (const auto& [id, u] : job.units) job.source->take(view, u.row.unit);
 }
 
 std::uint64_t Scheduler::agree(Job& job, const HalfSets& film, std::vector<UnitRow> rows, Now now) {
   const bool ended = has_ended(job.row.state);
   job.merged = film;
-  HalfSets ledger, open, told;
-  film::IndexSet samples = job.table ? job.table->known() : film::IndexSet();
+  HalfSets ledger, told;
+  UnitSource& source = *job.source;
+  source.restart(film);
+  const JobView view = job.view();
   std::uint64_t merged_rows = 0, missing_rows = 0;
   const auto reopen_row = [&](UnitRow& u) {
     u.state = UnitRow::State::open;
@@ -40,22 +38,8 @@ std::uint64_t Scheduler::agree(Job& job, const HalfSets& film, std::vector<UnitR
   };
   for (UnitRow& u : rows) {
     const Unit& unit = u.unit;
-    if (unit.kind == Unit::Kind::pilot) {
-      if (ended || job.row.named_state || job.row.chains || !job.units.empty())
-        changes_.emplace_back(DropUnit{u.id});
-      else
-        reopen_row(u);
-      continue;
-    }
-    if (unit.kind == Unit::Kind::bootstrap) {
-      if (ended || !job.in_bootstrap() || unit.end > job.row.chains->bootstrap_samples ||
-          !samples.insert(unit.begin, unit.end))
-        changes_.emplace_back(DropUnit{u.id});
-      else
-        reopen_row(u);
-      continue;
-    }
-    const bool sane = unit.half < 2 && unit.begin < unit.end && unit.kind == job.film_kind();
+    const bool sane =
+        source.makes_film() && unit.kind == source.kind() && unit.half < 2 && unit.begin < unit.end;
     if (sane && u.state == UnitRow::State::merged) told[unit.half].insert(unit.begin, unit.end);
     if (sane && contains(film[unit.half], unit.begin, unit.end) &&
         ledger[unit.half].insert(unit.begin, unit.end)) {
@@ -67,8 +51,7 @@ std::uint64_t Scheduler::agree(Job& job, const HalfSets& film, std::vector<UnitR
     }
     if (u.state == UnitRow::State::merged) ++missing_rows;
     // Segments whose chains lost the one before wait until that is there again, and are cut anew.
-    if (!sane || ended || (job.row.chains && !job.ready(unit)) ||
-        film[unit.half].intersects(unit.begin, unit.end) || !open[unit.half].insert(unit.begin, unit.end)) {
+    if (ended || !source.take(view, unit)) {
       changes_.emplace_back(DropUnit{u.id});
       continue;
     }
@@ -81,7 +64,7 @@ std::uint64_t Scheduler::agree(Job& job, const HalfSets& film, std::vector<UnitR
       UnitRow u;
       u.id = next_unit_id_++;
       u.job_id = job.row.id;
-      u.unit = Unit{job.film_kind(), h, begin, end};
+      u.unit = Unit{source.kind(), h, begin, end};
       u.state = UnitRow::State::merged;
       changes_.emplace_back(PutUnit{u});
       ++merged_rows;
@@ -105,6 +88,7 @@ void Scheduler::restore(JobRow row, const HalfSets& film, const film::Tallies& t
   const std::string id = row.id;
   Job& job = jobs_[id];
   job.row = std::move(row);
+  job.source = make_source(job.row);
   job.merged = film;
   job.last_tick = now.seconds;
   job.last_saved = now.seconds;
@@ -154,7 +138,7 @@ void Scheduler::reconcile(const std::string& id, const HalfSets& film, const fil
 std::string Scheduler::lost_text(const Job& job) {
   const std::uint64_t lost = count(job.lost());
   return fmt::format("{} of {} {} are lost: no checkpoint that can be read has them", lost,
-                     lost + job.row.iterations, job.row.chains ? "chain segments" : "iterations");
+                     lost + job.row.iterations, job.source->noun());
 }
 
 void Scheduler::note_lost(Job& job, const std::string& trouble, Now now) {

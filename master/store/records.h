@@ -2,6 +2,7 @@
 // decides) and the store (which keeps); neither knows the other.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <limits>
@@ -59,8 +60,14 @@ struct JobRow {
 
   // What people call iterations: indices, but of a job of chains rounds, in which every chain has one
   // segment.
-  std::uint64_t iterations_of(std::uint64_t indices) const {
-    return chains ? indices / chains->chains : indices;
+  std::uint64_t indices_per_iteration() const { return chains ? chains->chains : 1; }
+  std::uint64_t iterations_of(std::uint64_t indices) const { return indices / indices_per_iteration(); }
+  // Chains of a half; 1 for other jobs, whose every index is a round of its half.
+  std::uint64_t per_round() const { return chains ? chains->chains / 2 : 1; }
+  // Sequence indices of a half in so many iterations.
+  std::uint64_t indices_of(std::uint32_t half, std::uint64_t n) const {
+    if (chains) return std::min(n * per_round(), Limits::max_iterations);
+    return half == 0 ? (n + 1) / 2 : n / 2;
   }
 };
 

@@ -81,13 +81,14 @@ TEST(ChainFilm, RecordsFollowTheSums) {
   ASSERT_EQ(*spoiled([](chains::ChainRecord&) {}), JobFilm::Outcome::merged);
 
   const auto starts = film.starts_of(segments(0, 6, 8));
-  ASSERT_TRUE(starts);
-  EXPECT_EQ((*starts)[1]->segments, 2U);
-  EXPECT_EQ((*starts)[1]->state, "chain 2");
-  EXPECT_FALSE(film.starts_of(segments(0, 3, 5))) << "they are done";
-  EXPECT_FALSE(film.starts_of(segments(0, 5, 6))) << "chain 4 has no first segment yet";
-  ASSERT_TRUE(film.starts_of(segments(1, 0, 3)));
-  EXPECT_EQ((*film.starts_of(segments(1, 0, 3)))[0]->segments, 0U);
+  using State = JobFilm::Starts::State;
+  ASSERT_EQ(starts.state, State::whole);
+  EXPECT_EQ(starts.records[1]->segments, 2U);
+  EXPECT_EQ(starts.records[1]->state, "chain 2");
+  EXPECT_EQ(film.starts_of(segments(0, 3, 5)).state, State::merged) << "they are done";
+  EXPECT_EQ(film.starts_of(segments(0, 5, 6)).state, State::lost) << "chain 4 has no first segment yet";
+  ASSERT_EQ(film.starts_of(segments(1, 0, 3)).state, State::whole);
+  EXPECT_EQ(film.starts_of(segments(1, 0, 3)).records[0]->segments, 0U);
 }
 
 // Claim: a checkpoint brings back sums and records as they were; a film read from it takes the next segments

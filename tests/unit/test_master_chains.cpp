@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <map>
 
 #include "common/rng/stream.h"
 #include "master/scheduler/free_segments.h"
@@ -240,7 +241,7 @@ TEST_F(ChainSchedulerTest, PauseCancelAndExtend) {
   auto l = lease("a");
   ASSERT_TRUE(complete(*l, unit_of(*l)));
   ASSERT_TRUE(s->cancel("j", now()).ok());
-  const std::uint64_t known = s->job("j")->table->known().count();
+  const std::uint64_t known = s->job("j")->source->table()->known().count();
   EXPECT_GT(known, 0U);
   ASSERT_TRUE(s->extend("j", 1, 0, 0, now()).ok());
   l = lease("a");
@@ -323,7 +324,8 @@ TEST_F(ChainSchedulerTest, RestartsLoseNothingElse) {
     ASSERT_TRUE(complete(*l, u));
   }
   EXPECT_EQ(redone.ranges(), (std::map<std::uint64_t, std::uint64_t>{{200, 400}, {600, 1000}}));
-  const Job before = *s->job("j");
+  const JobRow before = s->job("j")->row;
+  const std::vector<std::uint64_t> starts = s->job("j")->starts;
 
   // The film lost [5, 10) of half 0, which was merged, and with it the ground under [25, 30).
   constexpr std::uint64_t n = kChains / 2;
@@ -337,16 +339,16 @@ TEST_F(ChainSchedulerTest, RestartsLoseNothingElse) {
   w.session = "session-a";
   w.isas = {"avx2"};
   t.restore_worker(w, now());
-  t.restore(before.row, film, {},
+  t.restore(before, film, {},
             {unit_row(7, {Unit::Kind::segments, 0, n + 10, n + 15}, UnitRow::State::leased)},
             {unit_row(1, {Unit::Kind::segments, 0, 0, 5}, UnitRow::State::merged),
              unit_row(2, {Unit::Kind::segments, 0, 5, 10}, UnitRow::State::merged),
              unit_row(3, {Unit::Kind::segments, 0, 10, n}, UnitRow::State::merged),
              unit_row(4, {Unit::Kind::segments, 0, n, n + 5}, UnitRow::State::merged),
              unit_row(8, {Unit::Kind::segments, 0, n + 5, n + 10}, UnitRow::State::merged)},
-            now(), {{}, before.starts, 100});
+            now(), {{}, starts, 100});
   const Job& job = *t.job("j");
-  EXPECT_EQ(job.starts, before.starts);
+  EXPECT_EQ(job.starts, starts);
   EXPECT_EQ(job.row.units_merged, 3U);
   ASSERT_EQ(job.units.size(), 2U) << "[5, 10) again, and [n+10, n+15)";
   EXPECT_TRUE(job.units.contains(2));
@@ -357,6 +359,81 @@ TEST_F(ChainSchedulerTest, RestartsLoseNothingElse) {
   while (const auto l = lease("a")) ASSERT_EQ(deliver(*l, unit_of(*l)), Delivery::ok);
   EXPECT_TRUE(s->job("j")->finishing);
   EXPECT_EQ(s->job("j")->row.iterations, 3 * kChains);
+}
+
+// The inputs of films that a test makes up.
+class KnownInputs final : public FilmInputs {
+ public:
+  Answer chain_records(const std::string& job_id, const Unit& unit) const override {
+    if (const auto it = states.find(job_id); it != states.end()) return {it->second, {}};
+    Records records(unit.end - unit.begin, std::make_shared<const chains::ChainRecord>());
+    return {State::whole, std::move(records)};
+  }
+  std::map<std::string, State> states;
+};
+
+// Claim: a lease of segments comes with one start for each index. A unit whose inputs are missing is not
+// offered: nobody has a lease of it, its job says why, another job's units go out in the same call, and the
+// unit itself goes out as soon as its inputs are there and its wait is over.
+TEST_F(ChainSchedulerTest, LeasesComeWithTheirInputs) {
+  worker("a");
+  job("j", 2);
+  bootstrap("a");
+  s->submit(row("other", 4), now());
+  KnownInputs films;
+  const auto acquire = [&](bool prefetch) {
+    s->authenticate("a", "session-a", now());
+    return s->acquire("a", {}, prefetch, now(), &films);
+  };
+  for (const bool prefetch : {false, true})
+    for (const auto missing : {FilmInputs::State::unread, FilmInputs::State::lost}) {
+      films.states["j"] = missing;
+      at(clock + 1000);
+      s->authenticate("a", "session-a", now());
+      const AcquireResult result = acquire(prefetch);
+      ASSERT_TRUE(result.lease) << "another job starves";
+      EXPECT_EQ(result.lease->row.job_id, "other");
+      EXPECT_EQ(s->leases_of("j"), 0U);
+      const bool lost = missing == FilmInputs::State::lost;
+      EXPECT_EQ(result.unread, lost ? std::vector<std::string>() : std::vector<std::string>{"j"});
+      EXPECT_EQ(result.lacking.empty(), !lost);
+      if (lost) {
+        EXPECT_NE(s->message_of(*s->job("j"), now()).find("does not hold the segments"), std::string::npos)
+            << s->message_of(*s->job("j"), now());
+      }
+      s->return_lease("a", result.lease->row.token, now());
+    }
+  films.states.clear();
+  at(clock + 1000);
+  for (int i = 0; i < 20; ++i) {
+    const AcquireResult result = acquire(false);
+    ASSERT_TRUE(result.lease);
+    const Unit unit = unit_of(*result.lease);
+    if (result.lease->row.job_id != "j") {
+      s->pause("other", now()).ok();
+      continue;
+    }
+    ASSERT_EQ(result.input.chain_starts.size(), unit.end - unit.begin);
+    for (std::uint64_t k = unit.begin; k < unit.end; ++k)
+      EXPECT_EQ(result.input.chain_starts[k - unit.begin].bootstrap_sample,
+                s->job("j")->starts[chains::chain_of(unit.half, k, kChains)]);
+    return;
+  }
+  ADD_FAILURE() << "no lease of segments";
+}
+
+// Claim: a unit whose merge is on its way to the scheduler is not offered again, and nothing is told of it.
+TEST_F(ChainSchedulerTest, AUnitThatTheFilmHasIsNotOffered) {
+  worker("a");
+  job("j", 2);
+  bootstrap("a");
+  KnownInputs films;
+  films.states["j"] = FilmInputs::State::merged;
+  s->authenticate("a", "session-a", now());
+  const AcquireResult result = s->acquire("a", {}, false, now(), &films);
+  EXPECT_FALSE(result.lease);
+  EXPECT_TRUE(result.unread.empty() && result.lacking.empty());
+  EXPECT_FALSE(s->waiting_of(*s->job("j"), now()));
 }
 
 }  // namespace

@@ -1,0 +1,35 @@
+// Iterations: any range of a half that nobody has.
+#include <algorithm>
+
+#include "master/scheduler/unit_source.h"
+
+namespace candela::master {
+namespace {
+
+class IterationSource final : public UnitSource {
+ public:
+  Unit::Kind kind() const override { return Unit::Kind::iterations; }
+  std::optional<Unit> cut(const JobView& job, std::uint64_t want) override {
+    std::uint32_t half = half_behind();
+    for (int i = 0; i < 2; ++i, half = 1 - half) {
+      const auto [begin, end] = taken_[half].first_gap(0, job.target[half]);
+      if (begin == end) continue;
+      const Unit unit{kind(), half, begin, begin + std::min(want, end - begin)};
+      taken_[half].insert(unit.begin, unit.end);
+      return unit;
+    }
+    return std::nullopt;
+  }
+  bool has_unit(const JobView& job) const override {
+    return !contains(taken_[0], 0, job.target[0]) || !contains(taken_[1], 0, job.target[1]);
+  }
+  Extent extent(const JobView& job) const override { return film_extent(job, taken_); }
+};
+
+}  // namespace
+
+std::unique_ptr<UnitSource> make_iteration_source() {
+  return std::make_unique<IterationSource>();
+}
+
+}  // namespace candela::master
