@@ -1,0 +1,36 @@
+// Epochs: which iterations share one decided state. T_0 = 0 and
+//   T_{e+1} - T_e = max(first, floor(T_e / growth)), rounded up to even,
+// so that an epoch is the same range of sequence indices in both halves of a job. A border depends on the
+// epoch's number alone: a job that is extended goes on in the epoch it was in.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+namespace candela {
+
+class Epochs {
+ public:
+  // Preconditions: first > 0, growth > 0.
+  Epochs(std::uint64_t first, std::uint32_t growth);
+
+  // T_e, an iteration. Epochs that begin beyond Limits::max_iterations begin at the first such border.
+  std::uint64_t begin(std::uint64_t epoch) const;
+  // Epoch of an iteration of the job.
+  std::uint64_t of_iteration(std::uint64_t iteration) const;
+
+  // The same for a sequence index of either half.
+  std::uint64_t begin_index(std::uint64_t epoch) const { return begin(epoch) / 2; }
+  std::uint64_t of_index(std::uint64_t index) const { return of_iteration(2 * index); }
+
+ private:
+  std::vector<std::uint64_t> borders_;  // T_0, T_1, ... up to the first beyond the limit
+};
+
+// How many epochs the state of epoch e depends on: those below e - lag, all of whose units are merged when it
+// is decided.
+constexpr std::uint64_t epochs_before(std::uint64_t epoch, std::uint32_t lag) {
+  return epoch > lag ? epoch - lag : 0;
+}
+
+}  // namespace candela
