@@ -20,7 +20,7 @@ from counting import counted  # noqa: E402
 
 ROOT = os.path.dirname(os.path.dirname(HERE))
 ROOM = os.path.join(ROOT, "deploy/scenes/cornell/scene.xml")
-BSDF, TEXTURE, PATH, WALK = ("worker/scene/bsdf.h", "worker/scene/textures/texture.h", "worker/integrators/path/kernel.h",
+BSDF, TEXTURE, PATH, WALK = ("worker/scene/bsdf.h", "worker/scene/textures/texture.h", "worker/estimators/path.h",
                              "worker/transport/walk.h")
 REMOVALS = {
     "textures": [
@@ -35,7 +35,7 @@ REMOVALS = {
         (BSDF, """return (kLobeKinds & bit(kind)) != 0 ||
            (kind == BsdfKind::perturbed && (perturbed.flips || perturbed.nested->chooses_lobe()));""",
          "return (kLobeKinds & bit(kind)) != 0;"),
-        (PATH, "    arena.clear();\n", ""),
+        (PATH, "    arena_.clear();\n", ""),
         (WALK, "    arena.clear();\n", ""),
         ("worker/transport/light_vertices.h", "        slot.arena.clear();\n", ""),
         ("worker/scene/shapes/geometry.cpp", "triangle.partials = record.reads_partials;", "triangle.partials = false;"),
@@ -43,16 +43,15 @@ REMOVALS = {
     "specular surfaces": [
         (BSDF, "return (kDeltaKinds & bit(kind)) != 0 || ((kCompositeKinds & bit(kind)) != 0 && parts_purely_delta());",
          "return false;"),
-        (PATH, "previous_delta = next.delta;", "previous_delta = false;"),
+        (PATH, "previous_delta_ = next.delta;", "previous_delta_ = false;"),
         (WALK, "depart(v, pdf, next.delta, reverse, out);", "depart(v, pdf, false, reverse, out);"),
         (WALK, "if (next.delta) {", "if (false) {"),
     ],
     "thin lens": [
         ("worker/integrators/eye_samples.h", "context.scene.reads_lens() ? sampler.next_2d() : Vec2{0.5f, 0.5f}",
          "Vec2{0.5f, 0.5f}"),
-        ("worker/transport/connect.h",
-         "c.scene.reads_lens() ? sampler.draw_2d(block + kLens, stratified) : Vec2{0.5f, 0.5f}",
-         "(static_cast<void>(stratified), Vec2{0.5f, 0.5f})"),
+        ("worker/transport/technique/connect_lens.h", "c.scene.reads_lens() ? draws.draw_2d(kLens) : Vec2{0.5f, 0.5f}",
+         "Vec2{0.5f, 0.5f}"),
     ],
 }
 REMOVALS["all of these"] = [edit for edits in REMOVALS.values() for edit in edits]

@@ -1,5 +1,5 @@
 // `path` rays per second, shading and sampling included, against bare Embree for exactly the same rays: those
-// that the path kernel traces for a stretch of pixels, recorded once and replayed through rtcIntersect1 and
+// that the path tracer traces for a stretch of pixels, recorded once and replayed through rtcIntersect1 and
 // rtcOccluded1 on the same Embree scene. Also Scene::intersect and Scene::occluded on them: what recomputing
 // hits costs. CPU time of one thread, five rounds in turn, medians.
 //
@@ -15,7 +15,7 @@
 
 #include "common/bundle/bundle.h"
 #include "tests/bench/count_argument.h"
-#include "worker/integrators/path/kernel.h"
+#include "worker/estimators/path.h"
 #include "worker/samplers/sampler.h"
 #include "worker/scene/scene.h"
 
@@ -45,6 +45,7 @@ class Recorder {
   scene::Closure closure(const scene::SurfaceHit& hit, Vec3 wo, scene::ClosureArena& arena) const {
     return scene_.closure(hit, wo, arena);
   }
+  const scene::SceneFeatures& features() const { return scene_.features(); }
   Spectrum emitted(const scene::SurfaceHit& hit, Vec3 wo) const { return scene_.emitted(hit, wo); }
   Spectrum environment(Vec3 d) const { return scene_.environment(d); }
   scene::DirectOutcome sample_direct(const scene::SurfaceHit& reference, Vec3 front, float u_select, Vec2 u,
@@ -97,8 +98,8 @@ int fail(const std::string& message) {
 template <class SceneT>
 double trace(const scene::Scene& scene, const SceneT& traced, std::uint64_t samples,
              std::uint32_t max_depth) {
-  const integrators::path::Limits limits{max_depth, 5, 1, true, scene.features().emitters > 1};
-  const bool environment = scene.features().any_environment;
+  const estimators::PathOptions options{max_depth, 5, 1, transport::MisHeuristic::power};
+  const estimators::Techniques techniques;
   samplers::Sampler sampler(samplers::SamplerKind::sobol, 1);
   film::Tallies tallies;
   double sum = 0;
@@ -112,12 +113,8 @@ double trace(const scene::Scene& scene, const SceneT& traced, std::uint64_t samp
         float weight = 0;
         const Ray ray = scene.camera_ray(static_cast<float>(x) + offset.x, static_cast<float>(y) + offset.y,
                                          {0.5f, 0.5f}, weight);
-        const Spectrum value =
-            environment
-                ? integrators::path::radiance<true, true, true, true, integrators::path::Between::nothing>(
-                      traced, limits, ray, sampler, tallies)
-                : integrators::path::radiance<true, true, false, true, integrators::path::Between::nothing>(
-                      traced, limits, ray, sampler, tallies);
+        using Tracer = estimators::PathTracer<transport::Between::nothing, SceneT, samplers::Sampler>;
+        const Spectrum value = Tracer(traced, options, techniques, sampler, tallies).radiance(ray);
         sum += static_cast<double>(value.g);
       }
   return sum;

@@ -11,7 +11,7 @@
 #include "tests/statistical/harness.h"
 #include "tests/statistical/moments.h"
 #include "tests/unit/volume_file.h"
-#include "worker/integrators/path/kernel.h"
+#include "worker/estimators/path_dispatch.h"
 
 namespace candela::statistical {
 namespace {
@@ -313,7 +313,6 @@ TEST(Media, UniformGridIsHomogeneous) {
 }
 
 void expect_techniques_agree(const std::string& body, const std::vector<Vec2>& places) {
-  using integrators::path::Between;
   const TestScene test = scene_with(body, 8, {{"v.vol", noise_file(1)}});
   const auto description = description::parse_scene(*test.files, "scene.xml", {});
   ASSERT_TRUE(description.ok()) << description.error().to_string();
@@ -321,23 +320,23 @@ void expect_techniques_agree(const std::string& body, const std::vector<Vec2>& p
   const auto built = scene::Scene::build(*description, *test.files, options);
   ASSERT_TRUE(built.ok()) << built.error().to_string();
   const scene::Scene& scene = **built;
-  const integrators::path::Limits limits = {4, 100, 2, true, true};
-  const auto estimate = [&](const auto& kernel, float x, float y, std::uint64_t seed, int count) {
+  const estimators::PathOptions limits = {4, 100, 2, transport::MisHeuristic::power};
+  const auto estimate = [&](const estimators::Techniques& techniques, float x, float y, std::uint64_t seed,
+                            int count) {
     Moments value;
     samplers::Sampler sampler(samplers::SamplerKind::independent, seed);
     film::Tallies tallies;
     for (int i = 0; i < count; ++i) {
       sampler.start(0, static_cast<std::uint64_t>(i), 0, 0);
       float weight = 1;
-      value.add(static_cast<double>(
-          luminance(kernel(scene, limits, scene.camera_ray(x, y, {0.5f, 0.5f}, weight), sampler, tallies))));
+      value.add(static_cast<double>(luminance(estimators::path_radiance<transport::Between::media>(
+          scene, limits, techniques, scene.camera_ray(x, y, {0.5f, 0.5f}, weight), sampler, tallies))));
     }
     return value;
   };
-  const auto both = &integrators::path::radiance<true, true, true, true, Between::media, scene::Scene>;
-  const auto by_light = &integrators::path::radiance<true, false, false, false, Between::media, scene::Scene>;
-  const auto by_scattering =
-      &integrators::path::radiance<false, true, true, false, Between::media, scene::Scene>;
+  estimators::Techniques both, by_light, by_scattering;
+  by_light.hit_light = false;
+  by_scattering.next_event = false;
   for (const Vec2 place : places) {
     const Moments all = estimate(both, place.x, place.y, 1, 60000);
     const Moments light = estimate(by_light, place.x, place.y, 2, 60000);

@@ -36,7 +36,7 @@ template <class ChoiceT>
 struct RecordConfig {
   static constexpr transport::Between kBetween = transport::Between::media;
   static constexpr bool kLists = false;
-  using Heuristic = transport::Balance;
+  using Mis = transport::Balance;
   using Sampler = mcmc::PrimarySampler;
   using Sink = Recorder;
   using Choice = ChoiceT;
@@ -57,37 +57,38 @@ const char* const kRoom = R"(
   <shape type="cube"><transform name="to_world"><translate x="2" z="5"/></transform><bsdf type="null"/>
     <medium name="interior" type="homogeneous"><rgb name="sigma_t" value="0.5"/></medium></shape>)";
 
-// Claim: of the same numbers, one technique finds to the last digits what bdpt's kernel finds by it among all
-// others, for every technique of every length, also behind surfaces that pass light straight and in media.
+// Claim: of the same numbers, one technique finds to the last digits what bdpt's estimator finds by it among
+// all others, for every technique of every length, also behind surfaces that pass light straight and in
+// media.
 TEST(IntegratorMmlt, OneTechniqueIsBdptsShare) {
   const auto scene = test::build_scene(kRoom, {}, kSensor);
   ASSERT_TRUE(scene.ok()) << scene.error().to_string();
   const auto filter = film::PixelFilter::create("box", {});
   const UnitContext context{**scene, *filter, samplers::SamplerKind::independent, 1, 16, 16};
-  const markov::FilmDomain film(context.filter, context.width, context.height);
+  const estimators::FilmDomain film(context.filter, context.width, context.height);
   constexpr std::uint32_t kMost = 6;
-  // A kernel for each longest path: on its last edge what passes straight is no matter of chance.
-  bdpt::Limits limits[kMost + 1];
-  const bdpt::Techniques techniques;
+  // An estimator for each longest path: on its last edge what passes straight is no matter of chance.
+  estimators::PathOptions options[kMost + 1];
+  const estimators::Techniques techniques;
   film::Tallies tallies;
   Recorder all[kMost + 1], one;
-  using Whole = bdpt::Kernel<RecordConfig<bdpt::EveryTechnique>>;
+  using Whole = estimators::Bidirectional<RecordConfig<estimators::EveryTechnique>>;
   std::vector<std::unique_ptr<Whole>> whole;
   for (std::uint32_t most = 0; most <= kMost; ++most) {
-    limits[most].max_depth = std::max(most, 1u);
-    limits[most].rr_depth = 1000;
-    whole.push_back(std::make_unique<Whole>(**scene, limits[most], techniques, pssmlt::one_of_each(film),
+    options[most].max_depth = std::max(most, 1u);
+    options[most].rr_depth = 1000;
+    whole.push_back(std::make_unique<Whole>(**scene, options[most], techniques, estimators::one_of_each(film),
                                             all[most], tallies));
   }
-  bdpt::Kernel<RecordConfig<bdpt::OneTechnique>> single(**scene, limits[kMost], techniques,
-                                                        pssmlt::one_of_each(film), one, tallies);
+  estimators::Bidirectional<RecordConfig<estimators::OneTechnique>> single(
+      **scene, options[kMost], techniques, estimators::one_of_each(film), one, tallies);
   mcmc::PrimaryState numbers({});
   ByTechnique times;
   for (std::uint64_t key = 0; key < 20000; ++key) {
     numbers.start(rng::key(9, key));
     mcmc::PrimarySampler& eye = numbers.walk(mcmc::PrimaryState::eye);
     mcmc::PrimarySampler& light = numbers.walk(mcmc::PrimaryState::light);
-    const Ray ray = pssmlt::film_ray(**scene, film, eye).ray;
+    const Ray ray = estimators::film_ray(**scene, film, eye).ray;
     for (std::uint32_t most = 1; most <= kMost; ++most) {
       all[most].found.clear();
       whole[most]->trace_light(light);
@@ -96,7 +97,7 @@ TEST(IntegratorMmlt, OneTechniqueIsBdptsShare) {
     for (std::uint32_t edges = 1; edges <= kMost; ++edges) {
       const auto count = mmlt::techniques_of(edges, techniques);
       for (std::uint32_t choice = 0; choice < count.all(); ++choice) {
-        const bdpt::OneTechnique chosen = mmlt::technique(edges, count, choice);
+        const estimators::OneTechnique chosen = mmlt::technique(edges, count, choice);
         one.found.clear();
         single.choose(chosen);
         if (chosen.s > 1)
@@ -133,18 +134,18 @@ TEST(IntegratorMmlt, TargetIsAShareOverItsProbability) {
   ASSERT_TRUE(scene.ok()) << scene.error().to_string();
   const auto filter = film::PixelFilter::create("box", {});
   const UnitContext context{**scene, *filter, samplers::SamplerKind::independent, 1, 16, 16};
-  const markov::FilmDomain film(context.filter, context.width, context.height);
+  const estimators::FilmDomain film(context.filter, context.width, context.height);
   constexpr std::uint32_t kMost = 4;
-  bdpt::Limits limits;
-  limits.max_depth = kMost;
-  limits.rr_depth = 1000;
-  const bdpt::Techniques techniques;
+  estimators::PathOptions options;
+  options.max_depth = kMost;
+  options.rr_depth = 1000;
+  const estimators::Techniques techniques;
   const mmlt::Lengths lengths(1, kMost);
   film::Tallies tallies;
   Recorder one;
-  bdpt::Kernel<RecordConfig<bdpt::OneTechnique>> single(**scene, limits, techniques,
-                                                        pssmlt::one_of_each(film), one, tallies);
-  mmlt::Target<transport::Between::media> target(context, limits, techniques, lengths, tallies);
+  estimators::Bidirectional<RecordConfig<estimators::OneTechnique>> single(
+      **scene, options, techniques, estimators::one_of_each(film), one, tallies);
+  mmlt::Target<transport::Between::media> target(context, options, techniques, lengths, tallies);
   mcmc::PrimaryState numbers({});
   mcmc::SplatList list;
   std::map<std::pair<std::uint32_t, std::uint32_t>, int> times;
@@ -156,11 +157,11 @@ TEST(IntegratorMmlt, TargetIsAShareOverItsProbability) {
     double nearest = 1;
     std::pair<std::uint32_t, std::uint32_t> which;
     mcmc::PrimarySampler& eye = numbers.walk(mcmc::PrimaryState::eye);
-    const Ray ray = pssmlt::film_ray(**scene, film, eye).ray;
+    const Ray ray = estimators::film_ray(**scene, film, eye).ray;
     for (std::uint32_t edges = 1; edges <= kMost; ++edges) {
       const auto count = mmlt::techniques_of(edges, techniques);
       for (std::uint32_t choice = 0; choice < count.all(); ++choice) {
-        const bdpt::OneTechnique chosen = mmlt::technique(edges, count, choice);
+        const estimators::OneTechnique chosen = mmlt::technique(edges, count, choice);
         one.found.clear();
         single.choose(chosen);
         if (chosen.s > 1)
@@ -185,7 +186,7 @@ TEST(IntegratorMmlt, TargetIsAShareOverItsProbability) {
 // Claim: whatever techniques run, choices number each of those that can make a path of this length once.
 TEST(IntegratorMmlt, ChoicesCoverTechniquesOnce) {
   for (unsigned mask = 0; mask < 32; ++mask) {
-    bdpt::Techniques t;
+    estimators::Techniques t;
     t.hit_light = (mask & 1) != 0;
     t.next_event = (mask & 2) != 0;
     t.connect = (mask & 4) != 0;
@@ -205,7 +206,7 @@ TEST(IntegratorMmlt, ChoicesCoverTechniquesOnce) {
       // Paths of two edges: s = 1 is next event estimation, s = 2 the lens'.
       const auto count = mmlt::techniques_of(edges, t);
       for (std::uint32_t choice = 0; choice < count.all(); ++choice) {
-        const bdpt::OneTechnique chosen = mmlt::technique(edges, count, choice);
+        const estimators::OneTechnique chosen = mmlt::technique(edges, count, choice);
         EXPECT_EQ(chosen.s + chosen.t, edges + 1);
         EXPECT_TRUE(found.insert(chosen.s).second);
       }

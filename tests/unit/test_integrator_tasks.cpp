@@ -31,17 +31,17 @@ Stage make_stage() {
 // A stand-in for a light integrator: each path splats one value to a random pixel of both layers.
 Result<void> splat_some(const Stage& stage, const Unit& unit, std::uint64_t paths, film::UnitFilm& film,
                         const RunContext& run) {
-  return run_light_paths(
-      stage.context(), unit, paths, film, run,
-      [&](std::uint64_t, samplers::Sampler& sampler, film::Tallies& tallies) {
-        const Vec2 at = sampler.next_2d();
-        const auto x = static_cast<std::uint32_t>(at.x * static_cast<float>(kLayout.width));
-        const auto y = static_cast<std::uint32_t>(at.y * static_cast<float>(kLayout.height));
-        const float value = sampler.next_1d();
-        film.splat(0, x, y, {value, 1, 0}, sampler.sample_key(), tallies);
-        film.splat(1, x, y, {0, value, 1}, sampler.sample_key(), tallies);
-        ++tallies.rays;
-      });
+  return run_light_paths(stage.context(), unit, paths, film, run, [&](film::Tallies& tallies) {
+    return [&](std::uint64_t, samplers::Sampler& sampler) {
+      const Vec2 at = sampler.next_2d();
+      const auto x = static_cast<std::uint32_t>(at.x * static_cast<float>(kLayout.width));
+      const auto y = static_cast<std::uint32_t>(at.y * static_cast<float>(kLayout.height));
+      const float value = sampler.next_1d();
+      film.splat(0, x, y, {value, 1, 0}, sampler.sample_key(), tallies);
+      film.splat(1, x, y, {0, value, 1}, sampler.sample_key(), tallies);
+      ++tallies.rays;
+    };
+  });
 }
 
 // Claim: sums and tallies do not depend on the threads, nor on how iterations are cut into units, and the
@@ -102,8 +102,10 @@ TEST(LightPaths, StopIsNoticed) {
     film::UnitFilm film(kLayout, 0);
     const auto result =
         run_light_paths(stage.context(), {Unit::Kind::iterations, 0, 0, 100000}, 100 * kLightChunk, film,
-                        {threads, &stop, nullptr}, [&](std::uint64_t, samplers::Sampler&, film::Tallies&) {
-                          if (++traced == 10) stop = true;
+                        {threads, &stop, nullptr}, [&](film::Tallies&) {
+                          return [&](std::uint64_t, samplers::Sampler&) {
+                            if (++traced == 10) stop = true;
+                          };
                         });
     ASSERT_FALSE(result.ok());
     EXPECT_EQ(result.error().kind, ErrorKind::refused);

@@ -10,10 +10,12 @@
 #include "tests/unit/scene_fixture.h"
 #include "worker/integrators/merging/first_radius.h"
 #include "worker/transport/light_vertices.h"
-#include "worker/transport/merge.h"
+#include "worker/transport/technique/merge.h"
 
 namespace candela::transport {
 namespace {
+
+using WeightedVertex = Vertex<MisBlock>;
 
 constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
 
@@ -29,19 +31,19 @@ std::unique_ptr<scene::Scene> floor_scene(const std::string& more = "") {
 }
 
 // The eye's vertex where a ray from the camera meets the scene.
-Vertex vertex_at(const scene::Scene& scene, Vec3 direction, scene::ClosureArena& arena) {
-  Vertex v;
+WeightedVertex vertex_at(const scene::Scene& scene, Vec3 direction, scene::ClosureArena& arena) {
+  WeightedVertex v;
   if (!scene.intersect({{0, 0, 0}, direction}, v.hit)) throw std::runtime_error("nothing there");
   v.wo = -direction;
-  v.connects = true;
+  v.connectible = true;
   v.edges = 1;
   v.throughput = Spectrum(2.0f);
   v.closure = scene.closure(v.hit, v.hit.shading.to_local(v.wo), arena);
   return v;
 }
 
-Vertex light_vertex(Vec3 p, Vec3 wo, float flux) {
-  Vertex v;
+WeightedVertex light_vertex(Vec3 p, Vec3 wo, float flux) {
+  WeightedVertex v;
   v.hit.p = p;
   v.hit.ng = {0, 0, -1};
   v.hit.shading = make_frame(v.hit.ng);
@@ -52,10 +54,9 @@ Vertex light_vertex(Vec3 p, Vec3 wo, float flux) {
   return v;
 }
 
-MergeMaps maps_of(const PhotonMap& map, float radius, Kernel kernel = Kernel::constant) {
-  MergeMaps maps(kernel, radius, radius);
+MergeMaps<MisBlock> maps_of(const PhotonMap<MisBlock>& map, float radius, Kernel kernel = Kernel::constant) {
+  MergeMaps<MisBlock> maps(kernel, radius, radius);
   maps.surface = &map;
-  maps.eta.surface = effective_area(kernel, static_cast<double>(radius)) * 10;
   maps.per_path = 0.1f;
   return maps;
 }
@@ -66,33 +67,33 @@ MergeMaps maps_of(const PhotonMap& map, float radius, Kernel kernel = Kernel::co
 TEST(Photons, MergeIsTheProductWrittenOut) {
   const auto scene = floor_scene();
   scene::ClosureArena arena;
-  Vertex v = vertex_at(*scene, {0, 0, 1}, arena);
+  WeightedVertex v = vertex_at(*scene, {0, 0, 1}, arena);
   v.mis = {0.5, 0.25, 3, 0};
   const Vec3 from = normalize(Vec3{0.6f, 0, -0.8f});
   for (const Kernel kernel : {Kernel::constant, Kernel::epanechnikov, Kernel::perlin}) {
-    PhotonBuffer buffer;
-    Vertex near = light_vertex({0.06f, 0.08f, 5}, from, 7);
+    PhotonBuffer<MisBlock> buffer;
+    WeightedVertex near = light_vertex({0.06f, 0.08f, 5}, from, 7);
     near.mis = {2, 1, 0.5, 0};
     ASSERT_TRUE(buffer.keep(*scene, near));
     ASSERT_TRUE(buffer.keep(*scene, light_vertex({0.3f, 0, 5}, from, 7)));
-    PhotonMap map;
-    const PhotonBuffer* chunks[] = {&buffer};
+    PhotonMap<MisBlock> map;
+    const PhotonBuffer<MisBlock>* chunks[] = {&buffer};
     ASSERT_TRUE(map.build(chunks, 0.2f, 1).ok());
-    const MergeMaps maps = maps_of(map, 0.2f, kernel);
+    const MergeMaps<MisBlock> maps = maps_of(map, 0.2f, kernel);
     const double t = 0.5, area = std::numbers::pi * 0.04;
     const double k = kernel == Kernel::constant ? 1 / area
                      : kernel == Kernel::epanechnikov
                          ? 2 * (1 - t * t) / area
                          : 3.5 * (1 - 10 * t * t * t + 15 * t * t * t * t - 6 * t * t * t * t * t) / area;
     const double expected = 2 * (0.5 / std::numbers::pi) * 7 * k * 0.1;
-    const Spectrum sum = merge<Unweighted>(*scene, maps, v);
+    const Spectrum sum = merge<Unweighted>(*scene, maps, {}, v);
     EXPECT_NEAR(static_cast<double>(sum.r), expected, 2e-5 * expected);
     EXPECT_NEAR(static_cast<double>(sum.g), expected / 2, 2e-5 * expected);
     // Densities of the two directions of a diffuse surface.
-    const double eta = maps.eta.surface;
+    const double eta = effective_area(kernel, static_cast<double>(0.2f)) * 10;
     const double to_light = 0.8 / std::numbers::pi, to_eye = 1 / std::numbers::pi;
     const double rest = 2 + to_light * (1 + 0.5 * eta) + 0.5 + to_eye * (0.25 + 3 * eta);
-    const Spectrum weighted = merge<Balance>(*scene, maps, v);
+    const Spectrum weighted = merge<Balance>(*scene, maps, {eta, 0}, v);
     EXPECT_NEAR(static_cast<double>(weighted.r), expected * eta / (eta + rest), 2e-5 * expected);
   }
 }
@@ -103,18 +104,18 @@ TEST(Photons, MergeIsTheProductWrittenOut) {
 TEST(Photons, OverAnEdgeNothingIsDividedByNothing) {
   const auto scene = floor_scene();
   scene::ClosureArena arena;
-  const Vertex v = vertex_at(*scene, {0, 0, 1}, arena);
+  const WeightedVertex v = vertex_at(*scene, {0, 0, 1}, arena);
   for (const float own : {1e-3f, 2e-3f, 0.1f, 0.9f}) {
-    Vertex beside = light_vertex({0.01f, 0, 5}, normalize(Vec3{1, 0, -1e-3f}), 1);
+    WeightedVertex beside = light_vertex({0.01f, 0, 5}, normalize(Vec3{1, 0, -1e-3f}), 1);
     beside.arrival = own;
-    PhotonBuffer buffer;
+    PhotonBuffer<MisBlock> buffer;
     ASSERT_TRUE(buffer.keep(*scene, beside));
-    PhotonMap map;
-    const PhotonBuffer* chunks[] = {&buffer};
+    PhotonMap<MisBlock> map;
+    const PhotonBuffer<MisBlock>* chunks[] = {&buffer};
     ASSERT_TRUE(map.build(chunks, 0.1f, 1).ok());
     const double full = 2 * (0.5 / std::numbers::pi) / (std::numbers::pi * 0.01) * 0.1;
     const double expected = full * std::min(1.0, 2e-3 / static_cast<double>(own));
-    const auto sum = static_cast<double>(merge<Unweighted>(*scene, maps_of(map, 0.1f), v).r);
+    const auto sum = static_cast<double>(merge<Unweighted>(*scene, maps_of(map, 0.1f), {}, v).r);
     EXPECT_NEAR(sum, expected, 1e-4 * expected) << own;
   }
 }
@@ -123,17 +124,17 @@ TEST(Photons, OverAnEdgeNothingIsDividedByNothing) {
 TEST(Photons, LongestPathIsKept) {
   const auto scene = floor_scene();
   scene::ClosureArena arena;
-  const Vertex v = vertex_at(*scene, {0, 0, 1}, arena);
-  PhotonBuffer buffer;
+  const WeightedVertex v = vertex_at(*scene, {0, 0, 1}, arena);
+  PhotonBuffer<MisBlock> buffer;
   ASSERT_TRUE(buffer.keep(*scene, light_vertex({0, 0, 5}, {0, 0, -1}, 1)));
-  PhotonMap map;
-  const PhotonBuffer* chunks[] = {&buffer};
+  PhotonMap<MisBlock> map;
+  const PhotonBuffer<MisBlock>* chunks[] = {&buffer};
   ASSERT_TRUE(map.build(chunks, 0.1f, 1).ok());
-  MergeMaps maps = maps_of(map, 0.1f);
+  MergeMaps<MisBlock> maps = maps_of(map, 0.1f);
   maps.max_edges = 4;  // 3 + 1
-  EXPECT_FALSE(merge<Unweighted>(*scene, maps, v).is_black());
+  EXPECT_FALSE(merge<Unweighted>(*scene, maps, {}, v).is_black());
   maps.max_edges = 3;
-  EXPECT_TRUE(merge<Unweighted>(*scene, maps, v).is_black());
+  EXPECT_TRUE(merge<Unweighted>(*scene, maps, {}, v).is_black());
 }
 
 // Claim: in media photons merge with eye vertices in the same medium alone, with the phase function and a
@@ -148,27 +149,27 @@ TEST(Photons, MediaMergeInTheirOwn) {
                   "type=\"null\"/>" +
                   medium);
   ASSERT_EQ(scene->features().media, 2u);
-  Vertex light = light_vertex({0.1f, 0, 0}, {0, 0, 1}, 6);
-  light.kind = Vertex::Kind::medium;
+  WeightedVertex light = light_vertex({0.1f, 0, 0}, {0, 0, 1}, 6);
+  light.kind = VertexKind::medium;
   light.medium = 0;
-  PhotonBuffer buffer;
+  PhotonBuffer<MisBlock> buffer;
   ASSERT_TRUE(buffer.keep(*scene, light));
   EXPECT_FLOAT_EQ(buffer.photons()[0].flux.r, 3);
   EXPECT_EQ(buffer.photons()[0].flux.b, 0);
-  PhotonMap map;
-  const PhotonBuffer* chunks[] = {&buffer};
+  PhotonMap<MisBlock> map;
+  const PhotonBuffer<MisBlock>* chunks[] = {&buffer};
   ASSERT_TRUE(map.build(chunks, 0.2f, 1).ok());
-  MergeMaps maps(Kernel::constant, 1, 0.2f);
+  MergeMaps<MisBlock> maps(Kernel::constant, 1, 0.2f);
   maps.medium = &map;
   maps.per_path = 0.5f;
-  Vertex eye = light;
+  WeightedVertex eye = light;
   eye.edges = 1;
   eye.hit.p = {0, 0, 0};
   eye.throughput = Spectrum(5.0f);
   const double expected = 5 * 3 / (4 * std::numbers::pi) * 0.75 / (std::numbers::pi * 0.008) * 0.5;
-  EXPECT_NEAR(static_cast<double>(merge<Unweighted>(*scene, maps, eye).r), expected, 1e-5 * expected);
+  EXPECT_NEAR(static_cast<double>(merge<Unweighted>(*scene, maps, {}, eye).r), expected, 1e-5 * expected);
   eye.medium = 1;
-  EXPECT_TRUE(merge<Unweighted>(*scene, maps, eye).is_black());
+  EXPECT_TRUE(merge<Unweighted>(*scene, maps, {}, eye).is_black());
 }
 
 // Claim: however many threads build it, and however photons are spread over chunks, a map gives the same sum
@@ -176,25 +177,25 @@ TEST(Photons, MediaMergeInTheirOwn) {
 TEST(Photons, ThreadsAndChunksChangeNothing) {
   const auto scene = floor_scene();
   scene::ClosureArena arena;
-  const Vertex v = vertex_at(*scene, {0, 0, 1}, arena);
+  const WeightedVertex v = vertex_at(*scene, {0, 0, 1}, arena);
   rng::Stream stream(5);
-  std::vector<Vertex> vertices;
+  std::vector<WeightedVertex> vertices;
   for (int i = 0; i < 100000; ++i) {
     const float x = stream.next_float(), y = stream.next_float();
     vertices.push_back(light_vertex({x - 0.5f, y - 0.5f, 5}, {0, 0, -1}, stream.next_float()));
   }
   std::vector<Spectrum> sums;
   for (const std::size_t parts : {1, 7, 64}) {
-    std::vector<PhotonBuffer> buffers(parts);
+    std::vector<PhotonBuffer<MisBlock>> buffers(parts);
     for (std::size_t i = 0; i < vertices.size(); ++i)
       ASSERT_TRUE(buffers[i * parts / vertices.size()].keep(*scene, vertices[i]));
-    std::vector<const PhotonBuffer*> chunks;
-    for (const PhotonBuffer& buffer : buffers) chunks.push_back(&buffer);
+    std::vector<const PhotonBuffer<MisBlock>*> chunks;
+    for (const PhotonBuffer<MisBlock>& buffer : buffers) chunks.push_back(&buffer);
     for (const unsigned threads : {1u, 4u}) {
-      PhotonMap map;
+      PhotonMap<MisBlock> map;
       ASSERT_TRUE(map.build(chunks, 0.1f, threads).ok());
       EXPECT_EQ(map.size(), vertices.size());
-      sums.push_back(merge<Unweighted>(*scene, maps_of(map, 0.1f), v));
+      sums.push_back(merge<Unweighted>(*scene, maps_of(map, 0.1f), {}, v));
     }
   }
   EXPECT_FALSE(sums[0].is_black());
@@ -204,14 +205,14 @@ TEST(Photons, ThreadsAndChunksChangeNothing) {
 // Claim: a vertex that is nowhere, or whose flux is no number, never gets into a map.
 TEST(Photons, WhatIsNoNumberStaysOut) {
   const auto scene = floor_scene();
-  PhotonBuffer buffer;
+  PhotonBuffer<MisBlock> buffer;
   EXPECT_FALSE(buffer.keep(*scene, light_vertex({kNaN, 0, 5}, {0, 0, -1}, 1)));
   EXPECT_FALSE(
       buffer.keep(*scene, light_vertex({0, 0, std::numeric_limits<float>::infinity()}, {0, 0, -1}, 1)));
   EXPECT_FALSE(buffer.keep(*scene, light_vertex({0, 0, 5}, {0, 0, -1}, kNaN)));
   EXPECT_EQ(buffer.size(), 0u);
-  PhotonMap map;
-  const PhotonBuffer* chunks[] = {&buffer};
+  PhotonMap<MisBlock> map;
+  const PhotonBuffer<MisBlock>* chunks[] = {&buffer};
   ASSERT_TRUE(map.build(chunks, 0.1f, 2).ok());
   EXPECT_EQ(map.size(), 0u);
 }
@@ -223,12 +224,12 @@ TEST(Photons, WeightsAtTheLimits) {
   EXPECT_EQ(merge_weight(1e-30, 0, 0), 1);
   EXPECT_NEAR(merge_weight(0.5, 0.25, 0.25), 0.5, 1e-15);
   const auto scene = floor_scene();
-  Vertex v = light_vertex({0, 0, 5}, {0, 0, -1}, 1);
+  WeightedVertex v = light_vertex({0, 0, 5}, {0, 0, -1}, 1);
   v.mis = {1e60, 1e50, 0, std::numeric_limits<double>::infinity()};
-  PhotonBuffer buffer;
+  PhotonBuffer<MisBlock> buffer;
   ASSERT_TRUE(buffer.keep(*scene, v));
   const double most = static_cast<double>(std::numeric_limits<float>::max());
-  const MisBlock kept = buffer.photons()[0].mis();
+  const MisBlock kept = buffer.photons()[0].weights.block();
   EXPECT_EQ(kept.known, most);
   EXPECT_EQ(kept.pending, most);
   EXPECT_EQ(kept.pending_surface, 0);
@@ -239,22 +240,22 @@ TEST(Photons, WeightsAtTheLimits) {
 TEST(Photons, KeptLightVerticesComeBackWhole) {
   const auto scene = floor_scene();
   scene::ClosureArena arena;
-  Vertex v = vertex_at(*scene, normalize(Vec3{0.1f, 0.2f, 1}), arena);
+  WeightedVertex v = vertex_at(*scene, normalize(Vec3{0.1f, 0.2f, 1}), arena);
   v.mis = {1, 2, 3, 4};
   v.arrival = 0.75f;
-  LightVertexBuffer buffer;
+  LightVertexBuffer<MisBlock> buffer;
   buffer.end_path();
   for (const std::uint32_t edges : {1u, 2u, 3u}) {
     v.edges = edges;
     buffer.keep(v);
   }
   buffer.end_path();
-  Subpath path;
+  Subpath<MisBlock> path;
   buffer.load(*scene, 0, 10, path);
   EXPECT_EQ(path.size(), 0u);
   buffer.load(*scene, 1, 3, path);
   ASSERT_EQ(path.size(), 2u);
-  const Vertex& back = path[1];
+  const WeightedVertex& back = path[1];
   EXPECT_EQ(back.edges, 2u);
   EXPECT_EQ(back.hit.p.x, v.hit.p.x);
   EXPECT_EQ(back.arrival, v.arrival);

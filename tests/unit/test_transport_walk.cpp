@@ -1,4 +1,4 @@
-// Walks from the light that meet the lens.
+// Walks from the light that meet the lens, and what an observer of a walk is shown.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -42,7 +42,7 @@ int last_edge_meetings(const std::string& body, std::uint32_t max_edges, int wal
   film::Tallies tallies;
   samplers::Sampler sampler(samplers::SamplerKind::independent, 5);
   int meetings = 0;
-  Vertex v;
+  Vertex<MisBlock> v;
   scene::ClosureArena arena;
   for (int i = 0; i < walks; ++i) {
     sampler.start_light(0, 0, static_cast<std::uint64_t>(i));
@@ -54,7 +54,7 @@ int last_edge_meetings(const std::string& body, std::uint32_t max_edges, int wal
       EXPECT_LE(walk.lens().met ? walk.lens().edges : 0, max_edges + 1);
       meetings += walk.lens().met && walk.lens().edges == max_edges + 1 ? 1 : 0;
       if (event != LightWalk::Event::vertex) break;
-      EXPECT_TRUE(v.edges <= max_edges || !v.connects);
+      EXPECT_TRUE(v.edges <= max_edges || !v.connectible);
       if (walk.scatter(v) == LightWalk::Step::ended) break;
     }
   }
@@ -73,6 +73,93 @@ TEST(LightWalk, MeetsTheLensStraightThroughASheetWithItsLastEdge) {
     EXPECT_NEAR(through, open, 5 * std::sqrt(open + through)) << max_edges;
     EXPECT_NEAR(media, open, 5 * std::sqrt(open + media)) << max_edges;
   }
+}
+
+struct Sightings {
+  int stretches = 0, scattered = 0, survived = 0;
+  bool open = false;  // a stretch whose flight has not ended
+  MediumSegment last;
+};
+struct CountingObserver {
+  Sightings* seen;
+  void stretch(const MediumSegment& segment) {
+    EXPECT_FALSE(seen->open);
+    seen->open = true;
+    ++seen->stretches;
+    seen->last = segment;
+  }
+  void scattered(float distance) {
+    EXPECT_TRUE(seen->open);
+    EXPECT_LT(distance, seen->last.ray.t_max);
+    seen->open = false;
+    ++seen->scattered;
+  }
+  void survived() {
+    EXPECT_TRUE(seen->open);
+    seen->open = false;
+    ++seen->survived;
+  }
+};
+
+// Claim: before each flight an observer sees the whole stretch of the medium, as the ray meets it, and the
+// walk's throughput there; then whether the walk scattered or survived; and it changes nothing of the walk.
+TEST(EyeWalk, ShowsAnObserverEachStretchOfAMedium) {
+  const auto scene = test::build_scene(
+      R"(<shape type="cube"><transform name="to_world"><translate z="4"/></transform><bsdf type="null"/>
+         <medium name="interior" type="homogeneous"><rgb name="sigma_t" value="1, 0.8, 0.6"/>
+         <rgb name="albedo" value="0.9"/></medium></shape>
+         <shape type="sphere"><float name="radius" value="20"/><emitter type="area"/></shape>)");
+  ASSERT_TRUE(scene.ok()) << scene.error().to_string();
+  WalkRules rules;
+  rules.max_edges = 6;
+  const MisFactors factors;
+  film::Tallies tallies;
+  samplers::Sampler sampler(samplers::SamplerKind::independent, 5);
+  using Observed =
+      Walk<TransportMode::radiance, Between::media, Balance, samplers::Sampler, CountingObserver>;
+  using Plain = Walk<TransportMode::radiance, Between::media, Balance>;
+  Sightings seen;
+  int medium_vertices = 0, passed_whole = 0;
+  for (std::uint64_t i = 0; i < 2000; ++i) {
+    float weight = 1;
+    const Ray ray =
+        (*scene)->camera_ray(0.3f + 0.4f * static_cast<float>(i % 20) / 20, 0.5f, {0.5f, 0.5f}, weight);
+    sampler.start(0, i, 0, 0);
+    Observed walk(**scene, rules, factors, sampler, tallies, CountingObserver{&seen});
+    Plain plain(**scene, rules, factors, sampler, tallies);
+    walk.start_eye(ray);
+    plain.start_eye(ray);
+    Vertex<MisBlock> v, w;
+    scene::ClosureArena arena, other;
+    for (;;) {
+      const int stretches = seen.stretches;
+      const auto event = walk.advance(v, arena);
+      ASSERT_EQ(static_cast<int>(event), static_cast<int>(plain.advance(w, other)));
+      if (event != Observed::Event::vertex) break;
+      ASSERT_EQ(v.throughput.g, w.throughput.g);
+      ASSERT_EQ(v.mis.known, w.mis.known);
+      medium_vertices += v.on_surface() ? 0 : 1;
+      if (seen.stretches > stretches) {
+        EXPECT_EQ(seen.last.edges, v.edges);
+        SurfaceHit end;
+        const bool found = (*scene)->intersect({seen.last.ray.origin, seen.last.ray.direction}, end);
+        ASSERT_TRUE(found);
+        EXPECT_LE(seen.last.ray.t_max, end.distance);
+        EXPECT_GT(seen.last.ray.t_max, end.distance - 1e-3f);  // short of the surface by its error
+        passed_whole += v.on_surface() ? 1 : 0;
+      }
+      const auto step = walk.scatter(v);
+      ASSERT_EQ(static_cast<int>(step), static_cast<int>(plain.scatter(w)));
+      if (step == Observed::Step::ended) break;
+    }
+    ASSERT_FALSE(seen.open);  // no channel absorbs all
+  }
+  EXPECT_EQ(seen.stretches, seen.scattered + seen.survived);
+  // A scattering on the last edge is no vertex.
+  EXPECT_GE(seen.scattered, medium_vertices);
+  EXPECT_EQ(seen.survived, passed_whole);
+  EXPECT_GT(medium_vertices, 1000);
+  EXPECT_GT(passed_whole, 1000);
 }
 
 }  // namespace

@@ -1,17 +1,19 @@
 // Claims, on random paths through every scene of tests/statistical/transport and gallery, and
 // ../shared/scenes where it is there. The oracle is worker/transport/reference/reference.h: literal products
 // in double.
-// - The weights of the recursion (mis.h), driven with the numbers of one path, are those of the literal
+// - The weights of the recursion (mis/balance_power.h), driven with the numbers of one path, are those of the literal
 //   products, and over all techniques that can make the path they sum to one: both to 1e-12, for the balance
 //   and the power heuristic, any technique left out, eta from 1e-12 to 1e12.
-// - The weights and values that the kernels' functions return (connect.h, emission.h) are those of the oracle
+// - The weights and values that the techniques return (technique/) are those of the oracle
 //   for the path they made: weights to 1e-5, values to 1e-4, besides what floats are known to lose
 //   (Evaluation::rounding). The oracle finds surfaces passed and lights by rays of its own, and its
 //   directions differ in the last bit: one path in a thousand may differ more in its weight (narrow lobes),
 //   one in fifty in its value (opacity and radiance from textures at places found anew), by at most what is
 //   stated below.
-// - So are those of merge.h, where a light walk is made to end at the very place of an eye vertex, and of
+// - So are those of technique/merge.h, where a light walk is made to end at the very place of an eye vertex, and of
 //   TechniqueList for all four heuristics.
+// - eta differs from place to place on the film: the weights of a path are those of eta where the path meets the
+//   film, which the oracle finds from the path alone, whichever technique made the path.
 // - All this holds on paths of a thousand vertices; where densities leave the range of doubles, weights stay
 //   numbers.
 // Deterministic: nothing is random but the paths, which have fixed seeds.

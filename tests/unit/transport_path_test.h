@@ -12,7 +12,7 @@
 
 #include "tests/unit/transport_paths.h"
 #include "tests/unit/transport_recursion.h"
-#include "worker/transport/merge.h"
+#include "worker/transport/technique/merge.h"
 #include "worker/transport/technique_list.h"
 
 namespace candela::transport {
@@ -23,10 +23,12 @@ using reference::Scaled;
 using test::Slot;
 using test::Slots;
 
+using WeightedVertex = Vertex<MisBlock>;
+
 // As TechniqueList wants to see a subpath.
 struct Chain {
   const Slots& slots;
-  const Vertex& operator[](std::size_t i) const { return slots[i]->v; }
+  const WeightedVertex& operator[](std::size_t i) const { return slots[i]->v; }
 };
 
 template <Between kBetween, class Heuristic>
@@ -45,7 +47,7 @@ class PathTest {
   void run(std::uint64_t index) {
     counts_ = counts_of(index, rules_.meets_lens);
     factors_ = factors_of<Heuristic>(counts_);
-    eta_ = eta_of<Heuristic>(counts_);
+    eta_field_.counts = counts_;
     const ConnectContext c{scene_, factors_, rules_, tallies_};
     samplers::Sampler eye_sampler(samplers::SamplerKind::independent, 7);
     samplers::Sampler light_sampler(samplers::SamplerKind::independent, 7);
@@ -67,6 +69,7 @@ class PathTest {
     const Ray ray = scene_.camera_ray(x, y, u_lens, response);
     if (!scene_.pdf_camera(ray.origin, ray.direction, camera_, rules_.film_border)) return;
     lens_near_ = ray.origin;
+    eta_ = eta_field_.at({x, y});
     EyeWalk walk(scene_, rules_, factors_, sampler, tallies_);
     walk.start_eye(ray);
     std::uint32_t parent = scene::kNone;
@@ -79,19 +82,19 @@ class PathTest {
       slots.push_back(std::move(slot));
       Slot& here = *slots.back();
       const auto index_here = static_cast<std::uint32_t>(slots.size() - 1);
-      const Vertex* before = parent == scene::kNone ? nullptr : &slots[parent]->v;
+      const WeightedVertex* before = parent == scene::kNone ? nullptr : &slots[parent]->v;
       Contribution found;
       if (counts_.hit_light > 0 && wanted(here.v) &&
-          hit_light<Heuristic>(c, here.v, here.left, before, eta_, found, &steps_)) {
+          hit_light<Heuristic>(c, here.v, here.left, before, eta_, found, &terms_)) {
         list_.clear();
         if (here.v.edges > 1) {
-          list_.add(steps_.next);
-          list_.add_side(Chain{slots}, here.v, steps_.eye_step, steps_.eye_reverse, true);
+          list_.add(terms_.next);
+          list_.add_side(Chain{slots}, here.v, terms_.eye_step, terms_.eye_reverse, true);
         }
         check_hit_light(slots, index_here, found);
       }
       if (here.left) return;
-      if (counts_.next_event > 0 && wanted(here.v) && here.v.connects && here.v.edges < rules_.max_edges)
+      if (counts_.next_event > 0 && wanted(here.v) && here.v.connectible && here.v.edges < rules_.max_edges)
         light_directly(c, sampler, slots, index_here);
       const auto step = walk.scatter(here.v);
       if (step == EyeWalk::Step::ended) return;
@@ -124,12 +127,11 @@ class PathTest {
                       std::uint32_t last) {
     const Slot& here = *slots[last];
     Contribution found;
-    if (!next_event<kBetween, Heuristic>(c, sampler, here.block, here.stratified, true, here.v, eta_, found,
-                                         &steps_))
+    if (!next_event<kBetween, Heuristic>(c, test::draws_of(here, sampler), here.v, eta_, found, &terms_))
       return;
     list_.clear();
-    list_.add(steps_.next);
-    list_.add_side(Chain{slots}, here.v, steps_.eye_step, steps_.eye_reverse);
+    list_.add(terms_.next);
+    list_.add_side(Chain{slots}, here.v, terms_.eye_step, terms_.eye_reverse);
     scene::DirectSample light;
     ASSERT_EQ(scene_.sample_direct(here.v.hit, here.v.front,
                                    sampler.draw_1d(here.block + kEmitterChoice, here.stratified),
@@ -173,7 +175,7 @@ class PathTest {
       slots.push_back(std::move(slot));
       Slot& here = *slots.back();
       const auto index_here = static_cast<std::uint32_t>(slots.size() - 1);
-      if (counts_.light_image > 0 && wanted(here.v) && here.v.connects && here.v.edges < rules_.max_edges)
+      if (counts_.light_image > 0 && wanted(here.v) && here.v.connectible && here.v.edges < rules_.max_edges)
         to_lens(c, sampler, slots, index_here);
       const auto step = walk.scatter(here.v);
       if (step == LightWalk::Step::ended) return;
@@ -187,12 +189,12 @@ class PathTest {
   void check_hit_lens(const ConnectContext& c, const LightWalk& walk, const Slots& slots, std::uint32_t last,
                       Vec3 wo) {
     FilmPosition film;
-    const Contribution found = hit_lens<Heuristic>(c, walk, eta_, film, &steps_);
+    const Contribution found = hit_lens(c, walk, eta_field_, film, &terms_);
     if (!(found.weight > 0)) return;
     list_.clear();
-    list_.add(steps_.next);
-    const Vertex& before = slots[last]->v;
-    list_.add_side(Chain{slots}, before, steps_.light_step, before.pdf_reverse, before.left_by_delta);
+    list_.add(terms_.next);
+    const WeightedVertex& before = slots[last]->v;
+    list_.add_side(Chain{slots}, before, terms_.light_step, before.pdf_reverse, before.left_by_delta);
     FullPath path;
     test::set_light(path, origin_);
     fill(path, chain(slots, last), {}, nullptr);
@@ -213,12 +215,12 @@ class PathTest {
     const Slot& here = *slots[last];
     FilmPosition film;
     Contribution found;
-    if (!connect_lens<kBetween, Heuristic>(c, sampler, here.block, here.stratified, here.v, eta_, film, found,
-                                           &steps_))
+    if (!connect_lens<kBetween, Heuristic>(c, test::draws_of(here, sampler), here.v, eta_field_, film, found,
+                                           &terms_))
       return;
     list_.clear();
-    list_.add(steps_.next);
-    list_.add_side(Chain{slots}, here.v, steps_.light_step, steps_.light_reverse);
+    list_.add(terms_.next);
+    list_.add_side(Chain{slots}, here.v, terms_.light_step, terms_.light_reverse);
     scene::CameraSample camera;
     const Vec2 u =
         scene_.reads_lens() ? sampler.draw_2d(here.block + kLens, here.stratified) : Vec2{0.5f, 0.5f};
@@ -234,15 +236,15 @@ class PathTest {
 
   void connect_pair(const ConnectContext& c, const Slots& light, std::size_t j, const Slots& eye,
                     std::size_t i) {
-    const Vertex &z = light[j]->v, &y = eye[i]->v;
-    if (counts_.connect == 0 || eye[i]->left || !wanted(z) || !wanted(y) || !z.connects || !y.connects ||
-        z.edges + y.edges + 1 > rules_.max_edges)
+    const WeightedVertex &z = light[j]->v, &y = eye[i]->v;
+    if (counts_.connect == 0 || eye[i]->left || !wanted(z) || !wanted(y) || !z.connectible ||
+        !y.connectible || z.edges + y.edges + 1 > rules_.max_edges)
       return;
     Contribution found;
-    if (!connect<kBetween, Heuristic>(c, z, y, 13, eta_, found, &steps_)) return;
+    if (!connect<kBetween, Heuristic>(c, z, y, 13, eta_, found, &terms_)) return;
     list_.clear();
-    list_.add_side(Chain{light}, z, steps_.light_step, steps_.light_reverse);
-    list_.add_side(Chain{eye}, y, steps_.eye_step, steps_.eye_reverse);
+    list_.add_side(Chain{light}, z, terms_.light_step, terms_.light_reverse);
+    list_.add_side(Chain{eye}, y, terms_.eye_step, terms_.eye_reverse);
     const Vec3d difference = Vec3d(z.hit.p) - Vec3d(y.hit.p);
     const Vec3 between = -Vec3(difference / std::sqrt(length_squared(difference)));
     FullPath path;
@@ -255,8 +257,8 @@ class PathTest {
   }
 
   // The light's walk goes on from z to the very place of y, and is merged there.
-  void check_merge(const FullPath& path, const Vertex& z, const Vertex& y, Vec3 to_light) {
-    const bool surface = y.kind == Vertex::Kind::surface;
+  void check_merge(const FullPath& path, const WeightedVertex& z, const WeightedVertex& y, Vec3 to_light) {
+    const bool surface = y.kind == VertexKind::surface;
     if ((surface ? counts_.merge_surface : counts_.merge_medium) == 0) return;
     const Evaluation evaluation(scene_, path, {rules_.film_border, rules_.eye_paths});
     if (!evaluation.valid()) return;
@@ -266,32 +268,31 @@ class PathTest {
     const auto reverse =
         static_cast<double>(pdf_scatter_solid_angle(scene_, z, -to_light, z.wo, TransportMode::radiance));
     const PathNumbers& n = evaluation.numbers();
-    Vertex arrived = y;
+    WeightedVertex arrived = y;
     arrived.wo = to_light;
     arrived.edges = z.edges + 1;
     arrived.arrival = y.density_factor(to_light);
     arrived.throughput = z.throughput * scattered * (1 / pdf);
-    const Departure d =
-        leave_vertex<Heuristic>(z.mis, z.kind == Vertex::Kind::surface, false, static_cast<double>(pdf),
+    const MisDeparture d =
+        Heuristic::leave_vertex(z.mis, z.kind == VertexKind::surface, false, static_cast<double>(pdf),
                                 reverse, static_cast<double>(z.density_factor(-to_light)));
     arrived.mis =
-        arrive_later<Heuristic>(d, factors_, static_cast<double>(arrived.arrival),
+        Heuristic::arrive_later(d, factors_, static_cast<double>(arrived.arrival),
                                 static_cast<double>(pdf) * n.survival[z.edges] / n.distance_squared[z.edges] *
                                     static_cast<double>(arrived.arrival));
-    PhotonBuffer buffer;
+    PhotonBuffer<MisBlock> buffer;
     if (!buffer.keep(scene_, arrived)) return;
-    PhotonMap map;
-    const PhotonBuffer* const chunks[] = {&buffer};
+    PhotonMap<MisBlock> map;
+    const PhotonBuffer<MisBlock>* const chunks[] = {&buffer};
     constexpr float kRadius = 1e-2f;
     ASSERT_TRUE(map.build(chunks, kRadius, 1).ok());
-    MergeMaps maps(Kernel::constant, kRadius, kRadius);
+    MergeMaps<MisBlock> maps(Kernel::constant, kRadius, kRadius);
     maps.surface = maps.medium = &map;
-    maps.eta = eta_;
-    const Spectrum weighted = merge<Heuristic>(scene_, maps, y);
-    const Spectrum whole = merge<Unweighted>(scene_, maps, y);
+    const Spectrum weighted = merge<Heuristic>(scene_, maps, eta_, y);
+    const Spectrum whole = merge<Unweighted>(scene_, maps, {}, y);
     const auto largest = static_cast<double>(whole.max_component());
     if (!(largest > 0)) return;
-    const auto techniques = reference::list_techniques(n, counts_);
+    const auto techniques = reference::list_techniques(n, counts_at(path));
     const auto weights = reference::weigh(techniques, kNamed<Heuristic>);
     for (std::size_t i = 0; i < techniques.size(); ++i) {
       if (techniques[i].kind != Technique::Kind::merge || techniques[i].light_vertices != s) continue;
@@ -351,7 +352,14 @@ class PathTest {
     }
   }
 
-  bool wanted(const Vertex& v) const { return v.edges % every_ == 0; }
+  // With eta where the path's last edge meets the film, found from the path alone.
+  Counts counts_at(const FullPath& path) const {
+    scene::CameraDensity camera;
+    EXPECT_TRUE(scene_.pdf_camera(path.lens_near, -path.along.back(), camera, rules_.film_border));
+    return counts_there(counts_, {camera.film_x, camera.film_y});
+  }
+
+  bool wanted(const WeightedVertex& v) const { return v.edges % every_ == 0; }
 
   void check(const FullPath& path, Technique::Kind kind, std::size_t s, const Contribution& found) {
     ++findings_.paths;
@@ -364,13 +372,14 @@ class PathTest {
       return;
     }
     if (!evaluation.media_agree()) ++findings_.media_differ;
-    const auto techniques = reference::list_techniques(evaluation.numbers(), counts_);
+    const Counts counts = counts_at(path);
+    const auto techniques = reference::list_techniques(evaluation.numbers(), counts);
     const auto weights = reference::weigh(techniques, kNamed<Heuristic>);
     const std::size_t edges = path.edge_count();
     std::string what = std::string(name_of(kind)) + " s=" + std::to_string(s) +
                        " k=" + std::to_string(edges) + " light" + (path.light_infinite ? "(far)" : "");
     for (const auto& v : path.inner)
-      what += v.delta ? " delta" : v.kind == Vertex::Kind::medium ? " medium" : " surface";
+      what += v.delta ? " delta" : v.kind == VertexKind::medium ? " medium" : " surface";
     bool listed = false;
     for (std::size_t i = 0; i < techniques.size(); ++i) {
       if (techniques[i].kind != kind || techniques[i].light_vertices != s) continue;
@@ -395,7 +404,7 @@ class PathTest {
     if constexpr (std::is_same_v<Heuristic, Balance>)
       check_list(evaluation.numbers(), kind, s, evaluation.rounding(), what);
     if (edges == 1) return;
-    const auto recursive = recursive_weights<Heuristic>(evaluation.numbers(), counts_, techniques);
+    const auto recursive = recursive_weights<Heuristic>(evaluation.numbers(), counts, techniques);
     double sum = 0;
     for (std::size_t i = 0; i < techniques.size(); ++i) {
       sum += recursive[i];
@@ -412,11 +421,12 @@ class PathTest {
   Findings& findings_;
   Counts counts_;
   MisFactors factors_;
-  MergeFactors eta_;
+  VaryingEta<Heuristic> eta_field_;
+  MergeFactors eta_;  // along the eye path
   std::uint32_t every_;
   film::Tallies tallies_;
   TechniqueList list_;
-  Steps steps_;
+  WeightTerms terms_;
   scene::CameraDensity camera_;
   Vec3 lens_near_;
   scene::EmissionSample origin_;

@@ -9,9 +9,12 @@
 #include <vector>
 
 #include "common/bundle/bundle.h"
-#include "worker/transport/connect.h"
-#include "worker/transport/emission.h"
 #include "worker/transport/reference/reference.h"
+#include "worker/transport/technique/connect.h"
+#include "worker/transport/technique/connect_lens.h"
+#include "worker/transport/technique/hit_lens.h"
+#include "worker/transport/technique/hit_light.h"
+#include "worker/transport/technique/next_event.h"
 #include "worker/transport/walk.h"
 
 namespace candela::test {
@@ -29,7 +32,7 @@ inline Result<std::unique_ptr<scene::Scene>> load_scene(const std::filesystem::p
 
 // A vertex where a walk arrived. v.parent: the slot of the vertex before, scene::kNone: the end point.
 struct Slot {
-  transport::Vertex v;
+  transport::Vertex<transport::MisBlock> v;
   scene::ClosureArena arena;
   std::uint32_t block = 0;  // of the sampler
   bool stratified = false;
@@ -43,8 +46,13 @@ template <class WalkT>
 void note(const WalkT& walk, Slot& slot, std::uint32_t parent) {
   slot.v.parent = parent;
   slot.v.left_by_delta = false;
-  slot.block = walk.block();
+  slot.block = walk.draws().block;
   slot.stratified = walk.stratified();
+}
+
+// The random numbers of the slot's vertex.
+inline transport::VertexDraws<samplers::Sampler> draws_of(const Slot& slot, samplers::Sampler& sampler) {
+  return {sampler, slot.block, slot.stratified};
 }
 
 // The vertices from the one after the end point up to slots[last]; none for kNone.
@@ -59,7 +67,7 @@ inline transport::reference::InnerVertex inner_vertex(const Slot& slot, bool las
   transport::reference::InnerVertex inner;
   inner.kind = slot.v.kind;
   inner.hit = slot.v.hit;
-  inner.medium = slot.v.kind == transport::Vertex::Kind::medium ? slot.v.medium : scene::kNone;
+  inner.medium = slot.v.kind == transport::VertexKind::medium ? slot.v.medium : scene::kNone;
   inner.delta = !last && slot.v.left_by_delta;
   inner.delta_prob = slot.delta_prob;
   inner.delta_prob_from_light = from_light;

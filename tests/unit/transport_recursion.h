@@ -1,4 +1,5 @@
-// The recursion of mis.h along a path given by its numbers, to be compared with the oracle's products.
+// The recursion of mis/balance_power.h along a path given by its numbers, to be compared with the oracle's
+// products.
 #pragma once
 
 #include <algorithm>
@@ -7,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "worker/transport/mis.h"
+#include "worker/transport/mis/balance_power.h"
 #include "worker/transport/reference/reference.h"
 
 namespace candela::transport {
@@ -42,25 +43,25 @@ std::vector<double> recursive_weights(const PathNumbers& n, const Counts& counts
   const auto merged = [&](std::size_t i) { return n.in_medium[i] ? eta.medium : eta.surface; };
 
   std::vector<MisBlock> light(k + 1), eye(k + 1);
-  Departure d = leave_end<Heuristic>(factors.hit_light, n.light_prob, n.light_can_be_hit, n.pdf_to_eye[0],
-                                     n.factor_to_eye[0]);
-  light[1] = arrive_from_light<Heuristic>(d, factors, n.factor_to_light[1], n.light_density(1),
+  MisDeparture d = Heuristic::leave_end(factors.hit_light, n.light_prob, n.light_can_be_hit, n.pdf_to_eye[0],
+                                        n.factor_to_eye[0]);
+  light[1] = Heuristic::arrive_from_light(d, factors, n.factor_to_light[1], n.light_density(1),
                                           n.delta[1] ? 0 : n.light_direct, n.light_prob);
   for (std::size_t i = 1; i < k; ++i) {
-    d = leave_vertex<Heuristic>(light[i], !n.in_medium[i], n.delta[i], n.pdf_to_eye[i], n.pdf_to_light[i],
+    d = Heuristic::leave_vertex(light[i], !n.in_medium[i], n.delta[i], n.pdf_to_eye[i], n.pdf_to_light[i],
                                 n.factor_to_eye[i]);
     if (i + 1 < k)
-      light[i + 1] = arrive_later<Heuristic>(d, factors, n.factor_to_light[i + 1], n.light_density(i + 1));
+      light[i + 1] = Heuristic::arrive_later(d, factors, n.factor_to_light[i + 1], n.light_density(i + 1));
   }
-  const Departure to_lens = d;
-  d = leave_end<Heuristic>(factors.hit_lens, n.lens_prob, n.lens_can_be_hit, n.pdf_to_light[k],
+  const MisDeparture to_lens = d;
+  d = Heuristic::leave_end(factors.hit_lens, n.lens_prob, n.lens_can_be_hit, n.pdf_to_light[k],
                            n.factor_to_light[k]);
   eye[k - 1] =
-      arrive_from_eye<Heuristic>(d, factors, n.factor_to_eye[k - 1], n.eye_density(k - 1), n.survival[k - 1]);
+      Heuristic::arrive_from_eye(d, factors, n.factor_to_eye[k - 1], n.eye_density(k - 1), n.survival[k - 1]);
   for (std::size_t i = k - 1; i > 0; --i) {
-    d = leave_vertex<Heuristic>(eye[i], !n.in_medium[i], n.delta[i], n.pdf_to_light[i], n.pdf_to_eye[i],
+    d = Heuristic::leave_vertex(eye[i], !n.in_medium[i], n.delta[i], n.pdf_to_light[i], n.pdf_to_eye[i],
                                 n.factor_to_light[i]);
-    eye[i - 1] = arrive_later<Heuristic>(d, factors, n.factor_to_eye[i - 1], n.eye_density(i - 1));
+    eye[i - 1] = Heuristic::arrive_later(d, factors, n.factor_to_eye[i - 1], n.eye_density(i - 1));
   }
 
   std::vector<double> weights;
@@ -71,25 +72,25 @@ std::vector<double> recursive_weights(const PathNumbers& n, const Counts& counts
       case Technique::Kind::hit_light: {
         MisBlock block = eye[0];
         block.known = n.delta[1] ? 0 : factors.next_event * raise(n.light_direct / n.eye_density(0));
-        rest = sum_of<Heuristic>(block, n.light_prob * n.pdf_to_eye[0], eta);
+        rest = Heuristic::sum(block, n.light_prob * n.pdf_to_eye[0], eta);
         break;
       }
       case Technique::Kind::next_event: {
         const double hit = n.light_can_be_hit ? n.eye_density(0) / n.light_direct : 0;
         const double traced = n.light_prob * n.light_density(1) / n.light_direct;
         rest = factors.hit_light * raise(hit) +
-               raise(traced) * (merged(1) + sum_of<Heuristic>(eye[1], n.pdf_to_eye[1], eta));
+               raise(traced) * (merged(1) + Heuristic::sum(eye[1], n.pdf_to_eye[1], eta));
         break;
       }
       case Technique::Kind::connect:
         rest = raise(n.eye_density(s - 1)) *
-                   (merged(s - 1) + sum_of<Heuristic>(light[s - 1], n.pdf_to_light[s - 1], eta)) +
-               raise(n.light_density(s)) * (merged(s) + sum_of<Heuristic>(eye[s], n.pdf_to_eye[s], eta));
+                   (merged(s - 1) + Heuristic::sum(light[s - 1], n.pdf_to_light[s - 1], eta)) +
+               raise(n.light_density(s)) * (merged(s) + Heuristic::sum(eye[s], n.pdf_to_eye[s], eta));
         break;
       case Technique::Kind::light_image: {
         const double met = n.lens_can_be_hit ? n.light_density(k) / n.lens_connect : 0;
         rest = (raise(n.eye_density(k - 1)) *
-                    (merged(k - 1) + sum_of<Heuristic>(light[k - 1], n.pdf_to_light[k - 1], eta)) +
+                    (merged(k - 1) + Heuristic::sum(light[k - 1], n.pdf_to_light[k - 1], eta)) +
                 factors.hit_lens * raise(met)) /
                factors.light_image;
         break;
@@ -104,8 +105,8 @@ std::vector<double> recursive_weights(const PathNumbers& n, const Counts& counts
         break;
       }
       case Technique::Kind::merge:
-        rest = (sum_of<Heuristic>(light[s], n.pdf_to_light[s], eta) +
-                sum_of<Heuristic>(eye[s], n.pdf_to_eye[s], eta)) /
+        rest = (Heuristic::sum(light[s], n.pdf_to_light[s], eta) +
+                Heuristic::sum(eye[s], n.pdf_to_eye[s], eta)) /
                merged(s);
         break;
     }
@@ -173,5 +174,19 @@ inline Counts counts_of(std::uint64_t i, bool lens) {
   c.merge_medium = kEta[(i / 5) % 5];
   return c;
 }
+
+// eta that differs from place to place on the film, by a factor of about a hundred from corner to corner.
+inline Counts counts_there(Counts counts, FilmPosition at) {
+  const double factor =
+      std::exp(0.05 * (static_cast<double>(at.x) - 32) + 0.02 * (static_cast<double>(at.y) - 32));
+  counts.merge_surface *= factor;
+  counts.merge_medium /= factor;
+  return counts;
+}
+template <class Heuristic>
+struct VaryingEta {
+  Counts counts;
+  MergeFactors at(FilmPosition place) const { return eta_of<Heuristic>(counts_there(counts, place)); }
+};
 
 }  // namespace candela::transport

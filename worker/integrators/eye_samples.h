@@ -9,6 +9,7 @@
 
 #include "worker/integrators/integrator.h"
 #include "worker/integrators/parallel_tasks.h"
+#include "worker/transport/film_position.h"
 
 namespace candela::integrators {
 
@@ -32,6 +33,7 @@ Result<void> for_each_tile(std::uint32_t width, std::uint32_t height, film::Unit
 struct EyeRay {
   Ray ray;
   float weight;  // of the filter and the sensor
+  transport::FilmPosition at;
 };
 
 // The ray of an eye sample. Draws dimensions 0 (film position) and, where the lens is finite, 1.
@@ -41,10 +43,11 @@ inline EyeRay eye_ray(const UnitContext& context, std::uint32_t x, std::uint32_t
   float filter_weight = 1;
   const Vec2 offset = context.filter.sample(sampler.next_2d(), filter_weight);
   float response = 1;
+  const transport::FilmPosition at{static_cast<float>(x) + 0.5f + offset.x,
+                                   static_cast<float>(y) + 0.5f + offset.y};
   const Ray ray = context.scene.camera_ray(
-      static_cast<float>(x) + 0.5f + offset.x, static_cast<float>(y) + 0.5f + offset.y,
-      context.scene.reads_lens() ? sampler.next_2d() : Vec2{0.5f, 0.5f}, response);
-  return {ray, filter_weight * response};
+      at.x, at.y, context.scene.reads_lens() ? sampler.next_2d() : Vec2{0.5f, 0.5f}, response);
+  return {ray, filter_weight * response, at};
 }
 
 // One eye sample: filter position, camera ray, radiance.

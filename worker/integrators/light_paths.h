@@ -9,14 +9,13 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "worker/estimators/light_store.h"
 #include "worker/integrators/integrator.h"
 #include "worker/integrators/parallel_tasks.h"
 
 namespace candela::integrators {
 
-// Paths of one chunk. Large enough that taking one costs nothing, small enough that some thousands of paths
-// keep all threads busy.
-inline constexpr std::uint64_t kLightChunk = 1024;
+using estimators::kLightChunk;
 
 constexpr std::uint64_t light_chunk_count(std::uint64_t path_count) {
   return (path_count + kLightChunk - 1) / kLightChunk;
@@ -36,21 +35,23 @@ Result<void> for_each_light_chunk(std::uint64_t path_count, film::UnitFilm& film
       span);
 }
 
-// Traces `paths_per_iteration` light paths for each iteration of the unit: trace(path, sampler, tallies) with
-// the sampler at the path's start. Counts light_paths. For integrators whose light paths know nothing of each
-// other: iterations run without a barrier between them.
-template <class Trace>
+// Traces `paths_per_iteration` light paths for each iteration of the unit: make_tracer(tallies) returns, for
+// each chunk, what traces one: tracer(path, sampler) with the sampler at the path's start. Counts
+// light_paths. For integrators whose light paths know nothing of each other: iterations run without a barrier
+// between them.
+template <class MakeTracer>
 Result<void> run_light_paths(const UnitContext& context, const Unit& unit, std::uint64_t paths_per_iteration,
-                             film::UnitFilm& film, const RunContext& run, const Trace& trace,
+                             film::UnitFilm& film, const RunContext& run, const MakeTracer& make_tracer,
                              ProgressSpan span = {}) {
   return for_each_light_chunk(
       paths_per_iteration, film, run,
       [&](std::uint64_t begin, std::uint64_t end, film::Tallies& tallies) {
         samplers::Sampler sampler(context.sampler, context.seed);
+        auto&& tracer = make_tracer(tallies);
         for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
           for (std::uint64_t path = begin; path < end; ++path) {
             sampler.start_light(unit.half, index, path);
-            trace(path, sampler, tallies);
+            tracer(path, sampler);
           }
           tallies.light_paths += end - begin;
           if (run.stop != nullptr && run.stop->load(std::memory_order_relaxed)) return;

@@ -6,14 +6,14 @@
 #include <cmath>
 
 #include "worker/core/math.h"
-#include "worker/transport/walk.h"
+#include "worker/transport/roulette.h"
 
 namespace candela::integrators {
 
 void note_lasting_media(const scene::SceneFeatures& features, std::uint32_t max_depth, std::uint32_t rr_depth,
                         Plan& plan) {
   const double each =
-      static_cast<double>(features.lasting_fraction) / static_cast<double>(transport::kLongestSurvival);
+      static_cast<double>(features.lasting_fraction) / static_cast<double>(transport::kMaxSurvival);
   if (features.emitters == 0 || max_depth <= rr_depth || each <= 1) return;
   const double scatterings = std::min<double>(max_depth - rr_depth, 10'000);
   if (!(math::pow(each, scatterings) > 10)) return;

@@ -9,7 +9,7 @@
 
 #include "common/film/counts.h"
 #include "worker/core/vec.h"
-#include "worker/transport/connect.h"
+#include "worker/transport/film_position.h"
 
 namespace candela::mcmc {
 

@@ -1,5 +1,5 @@
-// Light subpaths of a whole iteration, kept in a compact form: what a vertex needs to be connected is made
-// again, bsdf included, for the one path that an eye path connects to.
+// Compact storage of all light subpaths of an iteration. BSDFs are evaluated again by load(), for the one
+// subpath that an eye path connects to.
 #pragma once
 
 #include <cstdint>
@@ -9,9 +9,10 @@
 
 namespace candela::transport {
 
-// A vertex that connects.
+// A connectible vertex. Block: that of a policy of weights (mis/).
+template <class Block>
 struct LightVertex {
-  explicit LightVertex(const Vertex& v)
+  explicit LightVertex(const Vertex<Block>& v)
       : hit(v.hit),
         wo(v.wo),
         throughput(v.throughput),
@@ -25,33 +26,34 @@ struct LightVertex {
   Vec3 wo;
   Spectrum throughput;
   float arrival;
-  MisBlock mis;
+  [[no_unique_address]] Block mis;
   std::uint32_t edges;
   std::uint32_t medium;
-  Vertex::Kind kind;
+  VertexKind kind;
 };
 
 // Of one chunk of light paths, in their order.
+template <class Block>
 class LightVertexBuffer {
  public:
   void clear() {
     vertices_.clear();
     ends_.clear();
   }
-  void keep(const Vertex& v) { vertices_.emplace_back(v); }
+  void keep(const Vertex<Block>& v) { vertices_.emplace_back(v); }
   // Once after each path's vertices.
   void end_path() { ends_.push_back(static_cast<std::uint32_t>(vertices_.size())); }
 
   // The vertices of the chunk's path, those with fewer than `below` edges, ready to be connected.
-  void load(const scene::Scene& scene, std::uint64_t path, std::uint32_t below, Subpath& out) const {
+  void load(const scene::Scene& scene, std::uint64_t path, std::uint32_t below, Subpath<Block>& out) const {
     out.clear();
     for (std::uint32_t i = path == 0 ? 0 : ends_[path - 1]; i < ends_[path]; ++i) {
-      const LightVertex& kept = vertices_[i];
+      const LightVertex<Block>& kept = vertices_[i];
       if (kept.edges >= below) continue;
-      Subpath::Slot& slot = out.next();
-      Vertex& v = slot.vertex;
+      auto& slot = out.next();
+      Vertex<Block>& v = slot.vertex;
       v.kind = kept.kind;
-      v.connects = true;
+      v.connectible = true;
       v.hit = kept.hit;
       v.wo = kept.wo;
       v.throughput = kept.throughput;
@@ -59,20 +61,20 @@ class LightVertexBuffer {
       v.mis = kept.mis;
       v.edges = kept.edges;
       v.medium = kept.medium;
-      if (v.kind == Vertex::Kind::surface) {
+      if (v.on_surface()) {
         slot.arena.clear();
         v.closure = scene.closure(v.hit, v.hit.shading.to_local(v.wo), slot.arena);
       }
-      out.keep();
+      out.add();
     }
   }
 
   std::uint64_t bytes() const {
-    return vertices_.capacity() * sizeof(LightVertex) + ends_.capacity() * sizeof(std::uint32_t);
+    return vertices_.capacity() * sizeof(LightVertex<Block>) + ends_.capacity() * sizeof(std::uint32_t);
   }
 
  private:
-  std::vector<LightVertex> vertices_;
+  std::vector<LightVertex<Block>> vertices_;
   std::vector<std::uint32_t> ends_;
 };
 

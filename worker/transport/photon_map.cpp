@@ -8,10 +8,6 @@ namespace {
 
 constexpr std::size_t kMostPhotons = 0xfffffff7u;  // RangeSearch's limit
 
-float saturated(double value) {
-  return static_cast<float>(std::min(value, static_cast<double>(std::numeric_limits<float>::max())));
-}
-
 bool finite(Vec3 v) {
   return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
 }
@@ -21,12 +17,13 @@ bool finite(Spectrum s) {
 
 }  // namespace
 
-bool PhotonBuffer::keep(const scene::Scene& scene, const Vertex& v) {
-  Photon photon;
+template <class Block>
+bool PhotonBuffer<Block>::keep(const scene::Scene& scene, const Vertex<Block>& v) {
+  Photon<Block> photon;
   photon.wo = v.wo;
   photon.flux = v.throughput;
   photon.edges = v.edges;
-  if (v.kind == Vertex::Kind::medium) {
+  if (!v.on_surface()) {
     photon.medium_or_cosine = v.medium;
     const scene::Medium& medium = scene.medium(v.medium);
     const Spectrum sigma_s = medium.sigma_t(v.hit.p) * medium.albedo(v.hit.p);
@@ -38,16 +35,15 @@ bool PhotonBuffer::keep(const scene::Scene& scene, const Vertex& v) {
     photon.medium_or_cosine = std::bit_cast<std::uint32_t>(v.arrival);
   }
   if (!finite(v.hit.p) || !finite(photon.flux)) return false;
-  photon.known = saturated(v.mis.known);
-  photon.pending = saturated(v.mis.pending);
-  photon.pending_surface = saturated(v.mis.pending_surface);
-  photon.pending_medium = saturated(v.mis.pending_medium);
+  photon.weights.store(v.mis);
   positions_.push_back(v.hit.p);
   photons_.push_back(photon);
   return true;
 }
 
-Result<void> PhotonMap::build(std::span<const PhotonBuffer* const> chunks, float radius, unsigned threads) {
+template <class Block>
+Result<void> PhotonMap<Block>::build(std::span<const PhotonBuffer<Block>* const> chunks, float radius,
+                                     unsigned threads) {
   std::vector<std::size_t> first(chunks.size() + 1, 0);
   for (std::size_t c = 0; c < chunks.size(); ++c) first[c + 1] = first[c] + chunks[c]->size();
   const std::size_t count = first.back();
@@ -82,5 +78,10 @@ Result<void> PhotonMap::build(std::span<const PhotonBuffer* const> chunks, float
   search_.forget_order();
   return {};
 }
+
+template class PhotonBuffer<NoBlock>;
+template class PhotonBuffer<MisBlock>;
+template class PhotonMap<NoBlock>;
+template class PhotonMap<MisBlock>;
 
 }  // namespace candela::transport

@@ -2,8 +2,8 @@
 //
 // A photon estimates radiance times the cosine at its surface (per area), or radiance (per volume, flux
 // already divided by the sigma_s that the walk put into its throughput): the eye's vertex brings its own.
-// What weights need of the light's subpath is kept as floats, which hold 24 bits of sums that are compared
-// with others; where they cannot hold the magnitude they saturate.
+// The block that weights need (Block: that of a policy, mis/) is kept as floats, which hold 24 bits of sums
+// that are compared with others; where they cannot hold the magnitude they saturate.
 #pragma once
 
 #include <algorithm>
@@ -21,59 +21,85 @@
 
 namespace candela::transport {
 
+// A vertex's block as a photon keeps it.
+template <class Block>
+struct StoredBlock;
+template <>
+struct StoredBlock<NoBlock> {
+  void store(const NoBlock& /*block*/) {}
+  NoBlock block() const { return {}; }
+};
+template <>
+struct StoredBlock<MisBlock> {
+  float known = 0, pending = 0, pending_surface = 0, pending_medium = 0;
+
+  void store(const MisBlock& block) {
+    known = saturated(block.known);
+    pending = saturated(block.pending);
+    pending_surface = saturated(block.pending_surface);
+    pending_medium = saturated(block.pending_medium);
+  }
+  MisBlock block() const {
+    return {static_cast<double>(known), static_cast<double>(pending), static_cast<double>(pending_surface),
+            static_cast<double>(pending_medium)};
+  }
+  static float saturated(double value) {
+    return static_cast<float>(std::min(value, static_cast<double>(std::numeric_limits<float>::max())));
+  }
+};
+
+template <class Block>
 struct Photon {
-  Vec3 wo;                       // unit, world, towards where the light came from
-  Spectrum flux;                 // of one light path; W, in a medium W m
-  float known = 0, pending = 0;  // MisBlock
-  float pending_surface = 0, pending_medium = 0;
+  Vec3 wo;        // unit, world, towards where the light came from
+  Spectrum flux;  // of one light path; W, in a medium W m
+  [[no_unique_address]] StoredBlock<Block> weights;
   std::uint32_t edges = 0;  // from the light
-  // In a medium its index, on a surface the bits of Vertex::arrival: the cosine of wo with the true normal.
+  // In a medium its index, on a surface the bits of ScatterPoint::arrival: the cosine of wo with the true
+  // normal.
   std::uint32_t medium_or_cosine = scene::kNone;
 
   std::uint32_t medium() const { return medium_or_cosine; }
   float cosine() const { return std::bit_cast<float>(medium_or_cosine); }
-  MisBlock mis() const {
-    return {static_cast<double>(known), static_cast<double>(pending), static_cast<double>(pending_surface),
-            static_cast<double>(pending_medium)};
-  }
 };
-static_assert(sizeof(Photon) == 48);
+static_assert(sizeof(Photon<MisBlock>) == 48 && sizeof(Photon<NoBlock>) == 32);
 
 // What one chunk of light paths leaves, in the order of its paths and their vertices.
+template <class Block>
 class PhotonBuffer {
  public:
   void clear() {
     positions_.clear();
     photons_.clear();
   }
-  // Of a vertex that connects. False: not a place or a flux that can be used, and nothing is kept.
-  bool keep(const scene::Scene& scene, const Vertex& v);
+  // Of a connectible vertex. False: not a place or a flux that can be used, and nothing is kept.
+  bool keep(const scene::Scene& scene, const Vertex<Block>& v);
 
   std::size_t size() const { return photons_.size(); }
   std::span<const Vec3> positions() const { return positions_; }
-  std::span<const Photon> photons() const { return photons_; }
+  std::span<const Photon<Block>> photons() const { return photons_; }
 
  private:
   std::vector<Vec3> positions_;
-  std::vector<Photon> photons_;
+  std::vector<Photon<Block>> photons_;
 };
 
+template <class Block>
 class PhotonMap {
  public:
   // From the buffers in their order. radius: that of the queries. More than 2^32 - 9 photons are an error.
   // The result does not depend on the number of threads.
-  Result<void> build(std::span<const PhotonBuffer* const> chunks, float radius, unsigned threads);
+  Result<void> build(std::span<const PhotonBuffer<Block>* const> chunks, float radius, unsigned threads);
 
   std::size_t size() const { return photons_.size(); }
   // Held between build and the next one.
-  std::uint64_t bytes() const { return search_.bytes() + photons_.capacity() * sizeof(Photon); }
+  std::uint64_t bytes() const { return search_.bytes() + photons_.capacity() * sizeof(Photon<Block>); }
 
   // The steps of a query: others can work while memory is fetched. announce() and find() are RangeSearch's;
   // collect() finds the photons and asks for them.
   using Query = RangeSearch::Query;
   struct Hits {
     struct Hit {
-      const Photon* photon;
+      const Photon<Block>* photon;
       float d2;
     };
     static constexpr std::uint32_t kMost = 64;
@@ -89,10 +115,10 @@ class PhotonMap {
     hits.count = 0;
     search_.visit_slots(query, [&](std::uint32_t slot, float d2) {
       if (hits.count == Hits::kMost) {
-        for (const Hits::Hit& hit : hits.hit) visit(*hit.photon, hit.d2);
+        for (const auto& hit : hits.hit) visit(*hit.photon, hit.d2);
         hits.count = 0;
       }
-      const Photon* photon = &photons_[slot];
+      const Photon<Block>* photon = &photons_[slot];
       __builtin_prefetch(photon);
       hits.hit[hits.count++] = {photon, d2};
     });
@@ -100,9 +126,9 @@ class PhotonMap {
 
  private:
   RangeSearch search_;
-  HugeVector<Photon> photons_;  // by slot
-  HugeVector<Vec3> positions_;  // by index; room kept between builds
-  HugeVector<Photon> by_index_;
+  HugeVector<Photon<Block>> photons_;  // by slot
+  HugeVector<Vec3> positions_;         // by index; room kept between builds
+  HugeVector<Photon<Block>> by_index_;
 };
 
 }  // namespace candela::transport

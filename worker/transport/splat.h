@@ -7,8 +7,9 @@
 
 #include "common/film/unit_film.h"
 #include "common/rng/stream.h"
+#include "worker/core/vec.h"
 #include "worker/film/filter.h"
-#include "worker/transport/connect.h"
+#include "worker/transport/film_position.h"
 
 namespace candela::transport {
 

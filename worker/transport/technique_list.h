@@ -1,14 +1,14 @@
 // All techniques that could have made a path, with their densities relative to the one that did: what
 // heuristics need that look at more than the sum. Made by a walk along both subpaths' stored vertices, in
-// time proportional to the path's length; mis.h does it in constant time where the sum is enough.
+// time proportional to the path's length; mis/balance_power.h does it in constant time where the sum is
+// enough.
 #pragma once
 
 #include <algorithm>
 #include <cstdint>
 #include <vector>
 
-#include "worker/transport/connect.h"
-#include "worker/transport/mis.h"
+#include "worker/transport/mis/balance_power.h"
 #include "worker/transport/subpath.h"
 
 namespace candela::transport {
@@ -24,9 +24,10 @@ class TechniqueList {
   // leaves out the connection that ends at v.
   // chain[i]: vertex i of v's subpath.
   template <class Chain>
-  void add_side(const Chain& chain, const Vertex& v, double step, double reverse, bool skip_last = false) {
+  void add_side(const Chain& chain, const Vertex<MisBlock>& v, double step, double reverse,
+                bool skip_last = false) {
     double relative = step;
-    for (const Vertex* at = &v;;) {
+    for (const Vertex<MisBlock>* at = &v;;) {
       if (!skip_last) add(relative * at->mis.known);
       if (at->edges == 1) {
         add(relative * reverse * at->mis.pending);

@@ -1,5 +1,5 @@
-// A vertex of a subpath: a place where a walk scattered or could have, with all that is needed to connect it,
-// merge it, and know the densities of both directions in any measure.
+// A vertex of a subpath: a place where a walk scattered or could have, with all that is needed to connect it
+// and merge it (ScatterPoint), and what a policy of weights keeps there (Vertex).
 #pragma once
 
 #include <cmath>
@@ -9,7 +9,7 @@
 #include "worker/scene/bsdf.h"
 #include "worker/scene/hit.h"
 #include "worker/scene/scene.h"
-#include "worker/transport/mis.h"
+#include "worker/transport/mis/balance_power.h"
 
 namespace candela::transport {
 
@@ -17,7 +17,7 @@ using scene::SurfaceHit;
 using scene::TransportMode;
 
 // Cosines below it count as it: no density may vanish where a ray did arrive.
-inline constexpr float kLeastCosine = 1e-9f;
+inline constexpr float kMinCosine = 1e-9f;
 
 // Of importance mode, where shading normals differ from the geometric one: what makes the bsdf that a walk
 // from the light needs out of what Closure gives, which knows the shading frame alone. wo: towards the light.
@@ -29,43 +29,50 @@ inline float shading_correction(const SurfaceHit& hit, Vec3 wo, Vec3 wi) {
   return below > 0 ? above / below : 0.0f;
 }
 
-struct Vertex {
-  enum class Kind : std::uint8_t { surface, medium };
-  Kind kind = Kind::surface;
-  // Has lobes that are not delta: may be connected to and merged with.
-  bool connects = false;
-  bool previous_connects = false;  // and so had the vertex before it, in the direction the walk took
-  std::uint32_t edges = 0;         // from the subpath's end point; passing straight counts no edge
-  std::uint32_t parent =
-      scene::kNone;  // where subpaths are kept: index of the vertex before; kNone: end point
-  std::uint32_t medium = scene::kNone;  // that the walk arrived through; of a vertex in it, its own
-  SurfaceHit hit;
-  Vec3 wo;                 // unit, world, towards the vertex before
-  Vec3 front;              // as Scene::sample_direct wants it: zero where both sides scatter
-  Spectrum throughput;     // of the subpath up to here, scattering here not included. In a medium sigma_s is
-  float arrival = 1;       // cosine between wo and ng; in a medium the hazard, mean of sigma_t over channels
-  scene::Closure closure;  // of a surface
-  MisBlock mis;
-  double pdf_arrival = 0;  // of the direction the walk arrived by, per solid angle, survival included
-  double pdf_area = 0;     // with which the walk chose this vertex: area, or volume; survival included
-  double back_area = 0;    // the reverse density is pdf_reverse (solid angle) times this; 1 at infinity
-  double pdf_reverse = 0;  // set by Walk::scatter: towards the vertex before by a walk of the other kind that
-                           // comes from the direction chosen; a delta lobe's: see Walk
-  bool left_by_delta = false;  // set by Walk::scatter
+enum class VertexKind : std::uint8_t { surface, medium };
 
-  // What turns a solid-angle density of arriving here along w (unit), at unit distance, into one per area or
-  // volume.
+struct ScatterPoint {
+  VertexKind kind = VertexKind::surface;
+  // Has lobes that are not delta: may be connected to and merged with.
+  bool connectible = false;
+  // Set by Walk::scatter.
+  bool left_by_delta = false;
+  // From the subpath's end point; passing a surface straight counts no edge.
+  std::uint32_t edges = 0;
+  // In a kept subpath the index of the vertex before; kNone: the end point.
+  std::uint32_t parent = scene::kNone;
+  // The medium that the walk arrived through; of a vertex in a medium, that medium.
+  std::uint32_t medium = scene::kNone;
+  SurfaceHit hit;
+  Vec3 wo;     // unit, world, towards the vertex before
+  Vec3 front;  // as Scene::sample_direct wants it: zero if both sides scatter
+  // Of the subpath up to here, without the scattering here. In a medium it includes sigma_s.
+  Spectrum throughput;
+  // The cosine between wo and ng; in a medium the hazard, the mean of sigma_t over channels.
+  float arrival = 1;
+  scene::Closure closure;  // of a surface
+
+  bool on_surface() const { return kind == VertexKind::surface; }
+  // The factor from a solid-angle density of arriving here along w (unit), at unit distance, to one per area
+  // or volume.
   float density_factor(Vec3 w) const {
-    return kind == Kind::medium ? arrival : std::max(std::abs(dot(w, hit.ng)), kLeastCosine);
+    return kind == VertexKind::medium ? arrival : std::max(std::abs(dot(w, hit.ng)), kMinCosine);
   }
 };
+
+// Block: that of a policy of weights (mis/); an unweighted vertex carries none.
+template <class Block>
+struct Vertex : ScatterPoint, Block::Densities {
+  [[no_unique_address]] Block mis;
+};
+static_assert(sizeof(Vertex<NoBlock>) == sizeof(ScatterPoint));
 
 // The scattering value, times the cosine at wi (world directions, away from the vertex), of a walk that
 // arrived against wo, and its density per solid angle of going on along wi. radiance: a walk from the eye;
 // importance: from the light. Zero for delta lobes.
-inline Spectrum scatter_value(const scene::Scene& scene, const Vertex& v, Vec3 wo, Vec3 wi,
+inline Spectrum scatter_value(const scene::Scene& scene, const ScatterPoint& v, Vec3 wo, Vec3 wi,
                               TransportMode mode, float& pdf_solid_angle) {
-  if (v.kind == Vertex::Kind::medium) {
+  if (v.kind == VertexKind::medium) {
     pdf_solid_angle = scene.medium(v.medium).phase().pdf_solid_angle(wo, wi);
     return Spectrum(scene.medium(v.medium).phase().eval(wo, wi));
   }
@@ -75,9 +82,9 @@ inline Spectrum scatter_value(const scene::Scene& scene, const Vertex& v, Vec3 w
 }
 
 // The density alone.
-inline float pdf_scatter_solid_angle(const scene::Scene& scene, const Vertex& v, Vec3 wo, Vec3 wi,
+inline float pdf_scatter_solid_angle(const scene::Scene& scene, const ScatterPoint& v, Vec3 wo, Vec3 wi,
                                      TransportMode mode) {
-  if (v.kind == Vertex::Kind::medium) return scene.medium(v.medium).phase().pdf_solid_angle(wo, wi);
+  if (v.kind == VertexKind::medium) return scene.medium(v.medium).phase().pdf_solid_angle(wo, wi);
   return v.closure.pdf_solid_angle(v.hit.shading.to_local(wo), v.hit.shading.to_local(wi), mode);
 }
 

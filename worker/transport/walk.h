@@ -1,22 +1,23 @@
 // The random walk that makes subpaths, from the eye or from the light, vertex by vertex:
 //
-//   walk.start_eye(ray, ...) or walk.start_light(...);
+//   walk.start_eye(ray) or walk.start_light();
 //   while (walk.advance(v, arena) == Event::vertex) {   // v is where it arrived
 //     ... use v ...
 //     if (walk.scatter(v) == Step::ended) break;         // where it goes on to
 //   }
 //
+// Estimators do not write this loop: eye_path.h and light_path.h have it.
+//
 // Between two vertices it may pass surfaces straight and cross media. A surface passed straight is no vertex
 // of the path, but its other lobes scatter: advance() stops there, v may be connected, and if scatter() says
 // `passed` the next vertex counts from the one before.
 //
-// Weights: each vertex gets its MisBlock on arrival (mis.h). At a delta lobe the two densities are discrete,
-// of choosing it, and only their quotient matters, which must be the inverse of what a walk the other way
-// has: prob_reverse / prob / eta^2, eta^2 for the solid angles that refraction narrows (their ratio is eta^2
-// cos / cos, and the cosines cancel those of the area densities).
+// Weights: each vertex gets the block of the policy Mis on arrival (mis/). At a delta lobe the two densities
+// are discrete, of choosing it, and only their quotient matters, which must be the inverse of what a walk the
+// other way has: prob_reverse / prob / eta^2, eta^2 for the solid angles that refraction narrows (their ratio
+// is eta^2 cos / cos, and the cosines cancel those of the area densities).
 //
-// Dimensions of the sampler: the start's (eye: film position and lens; light: choice and place, direction,
-// ...) come first, then a block for each stretch of a ray.
+// Random numbers: draws.h. Stretches of media that the walk crosses are shown to an Observer (segments.h).
 #pragma once
 
 #include <algorithm>
@@ -25,23 +26,15 @@
 #include <limits>
 
 #include "common/film/counts.h"
+#include "worker/core/measure.h"
 #include "worker/samplers/sampler.h"
 #include "worker/transport/between.h"
+#include "worker/transport/draws.h"
+#include "worker/transport/roulette.h"
+#include "worker/transport/segments.h"
 #include "worker/transport/vertex.h"
 
 namespace candela::transport {
-
-inline constexpr std::uint32_t kEyeDimensions = 2, kLightDimensions = 3;
-// Of a block. Emitter: next event estimation, lens: connections to the camera, of which a walk makes one.
-inline constexpr std::uint32_t kLobe = 0, kDirection = 1, kRoulette = 2, kFlight = 3, kEmitterChoice = 4,
-                               kEmitterPoint = 5, kLens = 5, kTransmittance = 6, kLensFlight = 7, kBlock = 8;
-// Behind as many vertices that are not specular draws are independent ones.
-inline constexpr std::uint32_t kStratifiedVertices = 2;
-inline constexpr float kRouletteFloor = 0.5f;     // of the throughput, below which a walk may end
-inline constexpr float kLongestSurvival = 0.95f;  // so that it ends where nothing is absorbed
-// Between surfaces that scatter, a walk whose throughput roulette has scaled up above its start's lives on up
-// to so many edges: at reflectances above the bound's root the variance would have no bound.
-inline constexpr std::uint32_t kBrightWalk = 1024;
 
 struct WalkRules {
   std::uint32_t max_edges = 1u << 30;  // to its last vertex
@@ -51,18 +44,30 @@ struct WalkRules {
   double eye_paths = 1;                // per iteration: pixels
 };
 
-// SamplerT: samplers::Sampler, or what stands in for it (mcmc::PrimarySampler).
-template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT = samplers::Sampler>
+// SamplerT: samplers::Sampler, or what stands in for it (mcmc::PrimarySampler). Observer: as NoObserver; a
+// handle, kept by value.
+template <TransportMode kMode, Between kBetween, class MisT, class SamplerT = samplers::Sampler,
+          class Observer = NoObserver>
 class Walk {
  public:
+  using Mis = MisT;
+  using Block = typename Mis::Block;
+  using Vertex = transport::Vertex<Block>;
+  using Departure = typename Mis::Departure;
+  static constexpr Between kContent = kBetween;
   enum class Event : std::uint8_t { vertex, left, ended };
   enum class Step : std::uint8_t { scattered, passed, ended };
   static constexpr bool kFromLight = kMode == TransportMode::importance;
   static constexpr bool kPasses = kBetween != Between::nothing, kMedia = kBetween == Between::media;
 
   Walk(const scene::Scene& scene, const WalkRules& rules, const MisFactors& factors, SamplerT& sampler,
-       film::Tallies& tallies)
-      : scene_(scene), rules_(rules), factors_(factors), sampler_(sampler), tallies_(tallies) {}
+       film::Tallies& tallies, Observer observer = {})
+      : scene_(scene),
+        rules_(rules),
+        factors_(factors),
+        sampler_(sampler),
+        tallies_(tallies),
+        observer_(observer) {}
 
   // Draws dimensions [0, kLightDimensions). False: no light by this choice.
   bool start_light();
@@ -71,7 +76,7 @@ class Walk {
 
   // On to the next vertex. `vertex`: where the walk may scatter, or only what emits: one at max_edges has no
   // closure unless it passes light on, and one beyond is only made on the way to the lens, where light may go
-  // straight on: it has no closure and does not connect. `left`: out of the scene; v has
+  // straight on: it has no closure and is not connectible. `left`: out of the scene; v has
   // throughput, wo, edges and what weights need. `ended`: absorbed.
   Event advance(Vertex& v, scene::ClosureArena& arena);
   // Chooses the direction from v, which advance() just filled.
@@ -80,8 +85,10 @@ class Walk {
   const scene::EmissionSample& origin() const { return origin_; }
   // Whether draws at this vertex should be stratified.
   bool stratified() const { return scatterings_ < kStratifiedVertices; }
-  // The first dimension of the present vertex's block.
-  std::uint32_t block() const { return block_; }
+  // The random numbers of the present vertex.
+  VertexDraws<SamplerT> draws() const { return {sampler_, block_, stratified()}; }
+  // Names the path among all of its sampler.
+  std::uint64_t sample_key() const { return sampler_.sample_key(); }
 
   // Where the last advance() met the lens on its way, light walks alone.
   struct LensMeeting {
@@ -99,7 +106,7 @@ class Walk {
 
  private:
   // Vertices of more edges do not scatter.
-  std::uint32_t most_edges() const { return rules_.max_edges + (kFromLight && rules_.meets_lens ? 1 : 0); }
+  std::uint32_t max_edges() const { return rules_.max_edges + (kFromLight && rules_.meets_lens ? 1 : 0); }
   void arrive(Vertex& v);
   void depart(Vertex& v, float pdf, bool delta, double pdf_reverse, double factor_out);
   // `longest`: of the probability.
@@ -114,6 +121,7 @@ class Walk {
   const MisFactors& factors_;
   SamplerT& sampler_;
   film::Tallies& tallies_;
+  [[no_unique_address]] Observer observer_;
 
   Ray ray_;
   Spectrum throughput_;
@@ -127,14 +135,14 @@ class Walk {
   Vec3 from_;            // that vertex's place, the start's
   bool finite_ = true;   // it has one
   double survival_ = 1;  // of the edge so far
-  Departure departure_;
+  [[no_unique_address]] Departure departure_;
   double origin_density_ = 1;  // of the end point alone
   scene::EmissionSample origin_;
   LensMeeting lens_;
 };
 
-template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
-bool Walk<kMode, kBetween, Heuristic, SamplerT>::start_light() {
+template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
+bool Walk<kMode, kBetween, Mis, SamplerT, Observer>::start_light() {
   const float u_select = sampler_.draw_1d(0, true);
   const Vec2 u_position = sampler_.draw_2d(1, true), u_direction = sampler_.draw_2d(2, true);
   if (!scene_.sample_emission(u_select, u_position, u_direction, origin_)) return false;
@@ -154,26 +162,26 @@ bool Walk<kMode, kBetween, Heuristic, SamplerT>::start_light() {
   block_ = kLightDimensions;
   from_ = origin_.vertex.p;
   finite_ = !origin_.infinite;
-  if constexpr (Heuristic::kWeighs) {
+  if constexpr (Mis::kWeighs) {
     const double prob = static_cast<double>(origin_.prob), area = static_cast<double>(origin_.pdf_area),
                  angle = static_cast<double>(origin_.pdf_solid_angle);
     origin_density_ = prob * (finite_ ? area : angle);
-    departure_ = leave_end<Heuristic>(
-        factors_.hit_light, origin_density_, !origin_.delta_position && !origin_.delta_direction,
-        finite_ ? angle : area, finite_ ? static_cast<double>(origin_.cosine) : 1.0);
+    departure_ = Mis::leave_end(factors_.hit_light, origin_density_,
+                                !origin_.delta_position && !origin_.delta_direction, finite_ ? angle : area,
+                                finite_ ? static_cast<double>(origin_.cosine) : 1.0);
   }
   return true;
 }
 
-template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
-void Walk<kMode, kBetween, Heuristic, SamplerT>::start_eye(const Ray& ray) {
+template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
+void Walk<kMode, kBetween, Mis, SamplerT, Observer>::start_eye(const Ray& ray) {
   ray_ = ray;
   throughput_ = Spectrum(1.0f);
   if constexpr (kMedia) medium_ = scene_.camera_medium(ray);
   block_ = kEyeDimensions;
   finite_ = true;
   from_ = ray.origin;
-  if constexpr (Heuristic::kWeighs) {
+  if constexpr (Mis::kWeighs) {
     scene::CameraDensity camera;
     departure_ = {};
     // A ray at the film's rim may be off it by rounding: then no other technique finds its path.
@@ -181,14 +189,14 @@ void Walk<kMode, kBetween, Heuristic, SamplerT>::start_eye(const Ray& ray) {
     from_ = camera.p;
     finite_ = !camera.delta_direction;
     const auto pdf = static_cast<double>(camera.delta_direction ? camera.pdf_area : camera.pdf_solid_angle);
-    departure_ = leave_end<Heuristic>(factors_.hit_lens, static_cast<double>(camera.pdf_area),
-                                      !camera.delta_position && !camera.delta_direction,
-                                      rules_.eye_paths * pdf, static_cast<double>(camera.cosine));
+    departure_ = Mis::leave_end(factors_.hit_lens, static_cast<double>(camera.pdf_area),
+                                !camera.delta_position && !camera.delta_direction, rules_.eye_paths * pdf,
+                                static_cast<double>(camera.cosine));
   }
 }
 
-template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
-auto Walk<kMode, kBetween, Heuristic, SamplerT>::advance(Vertex& v, scene::ClosureArena& arena) -> Event {
+template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
+auto Walk<kMode, kBetween, Mis, SamplerT, Observer>::advance(Vertex& v, scene::ClosureArena& arena) -> Event {
   const bool from_outside = kFromLight && first_stretch_ && !finite_;
   if (first_stretch_)
     first_stretch_ = false;
@@ -203,7 +211,7 @@ auto Walk<kMode, kBetween, Heuristic, SamplerT>::advance(Vertex& v, scene::Closu
   }
   v.wo = -ray_.direction;
   v.edges = edges_ + 1;
-  v.pdf_reverse = 0;
+  if constexpr (Mis::kWeighs) v.pdf_reverse = 0;
   // One more edge than max_edges is for the lens alone, which may stand behind what light passes straight.
   const bool for_lens = kFromLight && v.edges > rules_.max_edges;
   if (for_lens && (!kPasses || !found)) return Event::ended;
@@ -212,20 +220,25 @@ auto Walk<kMode, kBetween, Heuristic, SamplerT>::advance(Vertex& v, scene::Closu
     if (medium_ != scene::kNone) {
       const scene::Medium& around = scene_.medium(medium_);
       Ray stretch = inside_medium(ray_, found ? &v.hit : nullptr);
+      observer_.stretch({stretch, medium_, throughput_, survival_, v.edges});
       const scene::DistanceSample flight =
           around.sample_distance(stretch, throughput_, sampler_.draw_2d(block_ + kFlight, stratified()));
       throughput_ *= flight.weight;
       if (throughput_.is_black()) return Event::ended;
+      if (flight.scattered)
+        observer_.scattered(flight.distance);
+      else
+        observer_.survived();
       if (flight.scattered) stretch.t_max = flight.distance;
       if (from_outside) stretch.t_max = Ray().t_max;  // as the eye's walk sees that edge
-      if constexpr (Heuristic::kWeighs) survival_ *= static_cast<double>(stretch_survival(around, stretch));
+      if constexpr (Mis::kWeighs) survival_ *= static_cast<double>(stretch_survival(around, stretch));
       if (flight.scattered) {
         if (for_lens || (v.edges >= rules_.max_edges && !kFromLight))
           return Event::ended;  // light cannot come from it, or not go on
-        v.kind = Vertex::Kind::medium;
+        v.kind = VertexKind::medium;
         medium_vertex(ray_, flight.distance, v.hit);
         v.medium = medium_;
-        v.connects = true;
+        v.connectible = true;
         v.front = {};
         const Spectrum sigma_t = around.sigma_t(v.hit.p);
         // Where the grid's value vanishes by interpolation nothing scatters; rounding may say otherwise.
@@ -238,24 +251,24 @@ auto Walk<kMode, kBetween, Heuristic, SamplerT>::advance(Vertex& v, scene::Closu
   }
   v.medium = medium_;
   v.throughput = throughput_;
-  v.kind = Vertex::Kind::surface;
+  v.kind = VertexKind::surface;
   if (!found) {
     v.arrival = 1;
-    v.connects = false;
-    if constexpr (Heuristic::kWeighs) {
+    v.connectible = false;
+    if constexpr (Mis::kWeighs) {
       finite_ = false;
       arrive(v);
     }
     return Event::left;
   }
   v.arrival = v.density_factor(v.wo);
-  v.connects = false;
+  v.connectible = false;
   v.closure.black = true;
   if (v.edges < rules_.max_edges || (kFromLight && !for_lens)) {
     const Vec3 wo = v.hit.shading.to_local(v.wo);
     arena.clear();
     v.closure = scene_.closure(v.hit, wo, arena);
-    v.connects = !v.closure.black && !v.closure.purely_delta();
+    v.connectible = !v.closure.black && !v.closure.purely_delta();
     v.front = v.closure.scatters_through() ? Vec3{} : wo.z < 0 ? -v.hit.shading.n : v.hit.shading.n;
   }
   arrive(v);
@@ -264,8 +277,8 @@ auto Walk<kMode, kBetween, Heuristic, SamplerT>::advance(Vertex& v, scene::Closu
 
 // A point or spot light may lie on a surface (a spot in a ceiling): next event estimation does not meet that,
 // and neither does its walk, which then goes on from behind it.
-template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
-bool Walk<kMode, kBetween, Heuristic, SamplerT>::leave_surfaces(bool found, SurfaceHit& hit) {
+template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
+bool Walk<kMode, kBetween, Mis, SamplerT, Observer>::leave_surfaces(bool found, SurfaceHit& hit) {
   while (found && goes_through(hit, origin_.vertex.p)) {
     if constexpr (kMedia) medium_ = scene_.medium_beyond(hit, ray_.direction, medium_);
     ray_ = spawn_ray(hit, ray_.direction);
@@ -277,74 +290,76 @@ bool Walk<kMode, kBetween, Heuristic, SamplerT>::leave_surfaces(bool found, Surf
 }
 
 // What weights need to know of an edge that ends at v.
-template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
-void Walk<kMode, kBetween, Heuristic, SamplerT>::arrive(Vertex& v) {
-  if constexpr (!Heuristic::kWeighs) return;
-  const Departure& d = departure_;
-  const double at_v = static_cast<double>(v.arrival);
-  const double distance_squared = finite_ ? length_squared(Vec3d(v.hit.p) - Vec3d(from_)) : 1;
-  const double spread = survival_ / std::max(distance_squared, std::numeric_limits<double>::min());
-  v.previous_connects = d.connects > 0;
-  v.pdf_arrival = d.pdf * survival_;
-  v.pdf_area = d.pdf * spread * at_v;
-  v.back_area = spread * d.leave * d.pdf;
-  v.mis = {};
-  if (!(d.pdf > 0)) return;
-  if (edges_ > 0) {
-    v.mis = arrive_later<Heuristic>(d, factors_, at_v, v.pdf_area);
-  } else if constexpr (kFromLight) {
-    const double direct = v.connects ? direct_density(v, distance_squared) : 0;
-    v.mis = arrive_from_light<Heuristic>(d, factors_, at_v, v.pdf_area, direct, origin_density_);
-  } else {
-    v.mis = arrive_from_eye<Heuristic>(d, factors_, at_v, v.pdf_area, survival_);
+template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
+void Walk<kMode, kBetween, Mis, SamplerT, Observer>::arrive(Vertex& v) {
+  if constexpr (Mis::kWeighs) {
+    const Departure& d = departure_;
+    const double at_v = static_cast<double>(v.arrival);
+    const double distance_squared = finite_ ? length_squared(Vec3d(v.hit.p) - Vec3d(from_)) : 1;
+    const double spread = survival_ / std::max(distance_squared, std::numeric_limits<double>::min());
+    v.previous_connects = d.connects > 0;
+    v.pdf_arrival = d.pdf * survival_;
+    v.pdf_area = solid_angle_to_area_by_spread(d.pdf, spread, at_v);
+    v.back_area = spread * d.leave * d.pdf;
+    v.mis = {};
+    if (!(d.pdf > 0)) return;
+    if (edges_ > 0) {
+      v.mis = Mis::arrive_later(d, factors_, at_v, v.pdf_area);
+    } else if constexpr (kFromLight) {
+      const double direct = v.connectible ? direct_density(v, distance_squared) : 0;
+      v.mis = Mis::arrive_from_light(d, factors_, at_v, v.pdf_area, direct, origin_density_);
+    } else {
+      v.mis = Mis::arrive_from_eye(d, factors_, at_v, v.pdf_area, survival_);
+    }
   }
 }
 
 // With which next event estimation at v would have chosen the light's point, in the measure of the walk's
 // own.
-template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
-double Walk<kMode, kBetween, Heuristic, SamplerT>::direct_density(const Vertex& v,
-                                                                  double distance_squared) const {
+template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
+double Walk<kMode, kBetween, Mis, SamplerT, Observer>::direct_density(const Vertex& v,
+                                                                      double distance_squared) const {
   const scene::EmissionSample& o = origin_;
   if (o.delta_position || o.delta_direction)
     return static_cast<double>(scene_.prob_direct(v.hit, v.front, o.vertex.emitter));
   if (o.infinite) return static_cast<double>(scene_.pdf_direct_environment_solid_angle(v.hit, v.front, v.wo));
-  return static_cast<double>(scene_.pdf_direct_solid_angle(v.hit, v.front, v.wo, o.vertex)) *
-         static_cast<double>(o.cosine) / distance_squared;
+  return solid_angle_to_area(
+      static_cast<double>(scene_.pdf_direct_solid_angle(v.hit, v.front, v.wo, o.vertex)),
+      static_cast<double>(o.cosine), distance_squared);
 }
 
-template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
-void Walk<kMode, kBetween, Heuristic, SamplerT>::depart(Vertex& v, float pdf, bool delta, double pdf_reverse,
-                                                        double factor_out) {
+template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
+void Walk<kMode, kBetween, Mis, SamplerT, Observer>::depart(Vertex& v, float pdf, bool delta,
+                                                            double pdf_reverse, double factor_out) {
   edges_ = v.edges;
   from_ = v.hit.p;
   finite_ = true;
   survival_ = 1;
   v.left_by_delta = delta;
-  if constexpr (Heuristic::kWeighs) {
+  if constexpr (Mis::kWeighs) {
     v.pdf_reverse = pdf_reverse;
-    departure_ = leave_vertex<Heuristic>(v.mis, v.kind == Vertex::Kind::surface, delta,
-                                         static_cast<double>(pdf), pdf_reverse, factor_out);
+    departure_ = Mis::leave_vertex(v.mis, v.kind == VertexKind::surface, delta, static_cast<double>(pdf),
+                                   pdf_reverse, factor_out);
   }
 }
 
-template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
-auto Walk<kMode, kBetween, Heuristic, SamplerT>::scatter(Vertex& v) -> Step {
+template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
+auto Walk<kMode, kBetween, Mis, SamplerT, Observer>::scatter(Vertex& v) -> Step {
   const bool stratify = stratified();
   if constexpr (kMedia) {
-    if (v.kind == Vertex::Kind::medium) {
-      if (v.edges >= most_edges()) return Step::ended;
+    if (v.kind == VertexKind::medium) {
+      if (v.edges >= max_edges()) return Step::ended;
       Vec3 wi;
       const float pdf =
           scene_.medium(v.medium).phase().sample(v.wo, sampler_.draw_2d(block_ + kDirection, stratify), wi);
       ++scatterings_;
       depart(v, pdf, false, static_cast<double>(pdf), static_cast<double>(v.arrival));
-      if (!survives(kLongestSurvival)) return Step::ended;
+      if (!survives(kMaxSurvival)) return Step::ended;
       ray_ = {v.hit.p, wi};
       return Step::scattered;
     }
   }
-  if (v.edges >= most_edges()) {
+  if (v.edges >= max_edges()) {
     if constexpr (kPasses) {  // light may still arrive straight through
       throughput_ *= scene_.straight(v.hit, kFromLight ? -v.wo : v.wo);  // as the viewer sees it
       if (!throughput_.is_black() && pass_straight(v.hit)) return Step::passed;
@@ -371,7 +386,7 @@ auto Walk<kMode, kBetween, Heuristic, SamplerT>::scatter(Vertex& v) -> Step {
 
   double reverse = 0, out = 0;
   float pdf = 1;
-  if constexpr (Heuristic::kWeighs) {
+  if constexpr (Mis::kWeighs) {
     out = static_cast<double>(v.density_factor(wi));
     if (next.delta) {
       pdf = next.prob;
@@ -384,24 +399,25 @@ auto Walk<kMode, kBetween, Heuristic, SamplerT>::scatter(Vertex& v) -> Step {
     }
   }
   depart(v, pdf, next.delta, reverse, out);
-  const bool bright = !next.delta && edges_ < kBrightWalk && throughput_.max_component() * scale_ > 1;
-  if (!survives(bright ? 1.0f : kLongestSurvival)) return Step::ended;
+  const bool bright =
+      !next.delta && edges_ < kSubpathRoulette.free_depth && throughput_.max_component() * scale_ > 1;
+  if (!survives(bright ? 1.0f : kMaxSurvival)) return Step::ended;
   ray_ = spawn_ray(v.hit, wi);
   if constexpr (kMedia) medium_ = scene_.medium_beyond(v.hit, ray_.direction, medium_);
   return Step::scattered;
 }
 
-template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
-bool Walk<kMode, kBetween, Heuristic, SamplerT>::survives(float longest) {
+template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
+bool Walk<kMode, kBetween, Mis, SamplerT, Observer>::survives(float longest) {
   if (edges_ < rules_.rr_depth) return true;
-  const float survive = std::min(throughput_.max_component() * scale_ * (1 / kRouletteFloor), longest);
+  const float survive = kSubpathRoulette.survival(throughput_.max_component() * scale_, longest);
   if (!(sampler_.draw_1d(block_ + kRoulette, stratified()) < survive)) return false;
   throughput_ *= 1 / survive;
   return true;
 }
 
-template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
-bool Walk<kMode, kBetween, Heuristic, SamplerT>::pass_straight(const SurfaceHit& hit) {
+template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
+bool Walk<kMode, kBetween, Mis, SamplerT, Observer>::pass_straight(const SurfaceHit& hit) {
   if constexpr (kMedia) medium_ = scene_.medium_beyond(hit, ray_.direction, medium_);
   ray_ = spawn_ray(hit, ray_.direction);
   return ++passes_ < kMostPasses;
@@ -409,8 +425,8 @@ bool Walk<kMode, kBetween, Heuristic, SamplerT>::pass_straight(const SurfaceHit&
 
 // The lens does not stop the walk, and it is met whether or not a flight through a medium would have got
 // there: what a medium takes is in the throughput instead.
-template <TransportMode kMode, Between kBetween, class Heuristic, class SamplerT>
-void Walk<kMode, kBetween, Heuristic, SamplerT>::look_for_lens(bool found, const SurfaceHit& hit) {
+template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
+void Walk<kMode, kBetween, Mis, SamplerT, Observer>::look_for_lens(bool found, const SurfaceHit& hit) {
   float distance = 0;
   if (!scene_.intersect_camera(ray_, distance, lens_.camera, rules_.film_border)) return;
   if (found && !(distance < hit.distance)) return;
@@ -426,7 +442,7 @@ void Walk<kMode, kBetween, Heuristic, SamplerT>::look_for_lens(bool found, const
       const Ray stretch{ray_.origin, ray_.direction, distance};
       lens_.throughput *= scene_.medium(medium_).transmittance(stretch, stream);
       if (lens_.throughput.is_black()) lens_.met = false;
-      if constexpr (Heuristic::kWeighs)
+      if constexpr (Mis::kWeighs)
         lens_.survival = survival_ * static_cast<double>(stretch_survival(scene_.medium(medium_), stretch));
     }
   }

@@ -1,58 +1,59 @@
-// The bdpt integrator: settings, plan, and the choice of a kernel (kernel.h) by them.
+// The bdpt integrator: settings, plan, and the choice of an estimator (estimators/bidirectional.h) by them.
 #include "worker/integrators/bdpt/bdpt.h"
 
 #include "common/film/unit_film.h"
+#include "worker/estimators/bidirectional.h"
 #include "worker/integrators/bdpt/film_sink.h"
-#include "worker/integrators/bdpt/kernel.h"
-#include "worker/integrators/bdpt/plan.h"
 #include "worker/integrators/bidirectional/pilot.h"
+#include "worker/integrators/bidirectional/plan.h"
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/plan_walks.h"
 
 namespace candela::integrators {
 namespace {
 
-using bdpt::Limits;
 using bdpt::TechniqueLayers;
-using bdpt::Techniques;
+using estimators::PathOptions;
+using estimators::Techniques;
 using transport::Between;
 using transport::MisHeuristic;
 
-template <Between kB, class HeuristicT, bool kL>
+template <Between kB, class MisT, bool kL>
 struct FilmConfig {
   static constexpr Between kBetween = kB;
   static constexpr bool kLists = kL;
-  using Heuristic = HeuristicT;
+  using Mis = MisT;
   using Sampler = samplers::Sampler;
   using Sink = bdpt::FilmSink;
-  using Choice = bdpt::EveryTechnique;
+  using Choice = estimators::EveryTechnique;
 };
 
 template <class Config>
-Result<void> run_kernel(const UnitContext& context, const Limits& limits, const Techniques& techniques,
+Result<void> run_kernel(const UnitContext& context, const PathOptions& options, const Techniques& techniques,
                         const TechniqueLayers& layers, const Unit& unit, film::UnitFilm& film,
                         const RunContext& run) {
   const bool signed_values = context.filter.has_negative_lobes();
   // A path from the eye and one from the light for each pixel.
   const double paths = static_cast<double>(context.width) * context.height;
-  const bdpt::PathCounts counts{paths, paths, static_cast<float>(context.filter.radius())};
+  const estimators::PathCounts counts{paths, paths, static_cast<float>(context.filter.radius())};
   return for_each_tile(
       context.width, context.height, film, run,
       [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1, film::Tallies& tallies) {
         samplers::Sampler eye(context.sampler, context.seed), light(context.sampler, context.seed);
         bdpt::FilmSink sink(context, layers, paths, film, tallies);
-        bdpt::Kernel<Config> kernel(context.scene, limits, techniques, counts, sink, tallies);
+        estimators::Bidirectional<Config> estimator(context.scene, options, techniques, counts, sink,
+                                                    tallies);
         for (std::uint32_t y = y0; y < y1; ++y) {
           for (std::uint32_t x = x0; x < x1; ++x) {
             for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
               if (techniques.light_paths) {
                 light.start_light(unit.half, index, std::uint64_t{y} * context.width + x);
-                kernel.trace_light(light);
+                estimator.trace_light(light);
               }
               eye.start(unit.half, index, x, y);
               const EyeRay ray = eye_ray(context, x, y, eye);
               sink.start_eye(x, y, ray.weight, eye.sample_key());
-              kernel.trace_eye(ray.ray, eye);
+              estimator.trace_eye(ray.ray, eye);
               Spectrum value = sink.sum() * ray.weight;
               if (run.fault != nullptr) run.fault(eye.sample_key(), &value.r);
               film.splat(0, x, y, {value.r, value.g, value.b}, eye.sample_key(), tallies, signed_values);
@@ -64,8 +65,8 @@ Result<void> run_kernel(const UnitContext& context, const Limits& limits, const 
       });
 }
 
-using Run = Result<void> (*)(const UnitContext&, const Limits&, const Techniques&, const TechniqueLayers&,
-                             const Unit&, film::UnitFilm&, const RunContext&);
+using Run = Result<void> (*)(const UnitContext&, const PathOptions&, const Techniques&,
+                             const TechniqueLayers&, const Unit&, film::UnitFilm&, const RunContext&);
 
 template <Between kBetween>
 Run run_for(MisHeuristic heuristic) {
@@ -84,43 +85,42 @@ Run run_for(MisHeuristic heuristic) {
 class BdptIntegrator final : public Integrator {
  public:
   BdptIntegrator(const BdptSettings& settings, const scene::SceneFeatures& features) {
-    limits_.max_depth = settings.max_depth < 0 ? 1u << 30 : static_cast<std::uint32_t>(settings.max_depth);
-    limits_.rr_depth = static_cast<std::uint32_t>(settings.rr_depth);
-    limits_.least_edges = settings.hide_emitters ? 2 : 1;
-    limits_.choose_emitter = features.emitters > 1 || features.any_mesh_emitter;
-    limits_.heuristic = settings.heuristic.value == "balance"   ? MisHeuristic::balance
-                        : settings.heuristic.value == "power"   ? MisHeuristic::power
-                        : settings.heuristic.value == "maximum" ? MisHeuristic::maximum
-                                                                : MisHeuristic::cutoff;
-    const bdpt::Planned planned = bdpt::plan(limits_, features, settings.plan.value == "full", plan_);
-    note_lasting_media(features, limits_.max_depth, limits_.rr_depth, plan_);
+    if (settings.max_depth >= 0) options_.max_depth = static_cast<std::uint32_t>(settings.max_depth);
+    options_.rr_depth = static_cast<std::uint32_t>(settings.rr_depth);
+    options_.min_edges = settings.hide_emitters ? 2 : 1;
+    options_.heuristic = settings.heuristic.value == "balance"   ? MisHeuristic::balance
+                         : settings.heuristic.value == "power"   ? MisHeuristic::power
+                         : settings.heuristic.value == "maximum" ? MisHeuristic::maximum
+                                                                 : MisHeuristic::cutoff;
+    const bidirectional::Planned planned =
+        bidirectional::plan(options_, features, settings.plan.value == "full", plan_);
+    note_lasting_media(features, options_.max_depth, options_.rr_depth, plan_);
     techniques_ = planned.techniques;
     between_ = planned.between;
     const std::string& layers = settings.layers.value;
-    if (layers != "none" && limits_.max_depth > 0)
+    if (layers != "none" && options_.max_depth > 0)
       layers_ = TechniqueLayers(layers != "unweighted", layers != "weighted",
-                                static_cast<std::uint32_t>(settings.layer_depth), limits_.max_depth,
+                                static_cast<std::uint32_t>(settings.layer_depth), options_.max_depth,
                                 features.finite_lens);
   }
 
   Result<void> run(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
                    const RunContext& run_context) const override {
-    const Run chosen = between_ == Between::nothing    ? run_for<Between::nothing>(limits_.heuristic)
-                       : between_ == Between::surfaces ? run_for<Between::surfaces>(limits_.heuristic)
-                                                       : run_for<Between::media>(limits_.heuristic);
-    return chosen(context, limits_, techniques_, layers_, unit, film, run_context);
+    const Run chosen = between_ == Between::nothing    ? run_for<Between::nothing>(options_.heuristic)
+                       : between_ == Between::surfaces ? run_for<Between::surfaces>(options_.heuristic)
+                                                       : run_for<Between::media>(options_.heuristic);
+    return chosen(context, options_, techniques_, layers_, unit, film, run_context);
   }
 
   std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {
-    return bidirectional::pilot(context, count, limits_.max_depth, limits_.rr_depth, limits_.choose_emitter,
-                                limits_.least_edges > 1);
+    return bidirectional::pilot(context, count, options_);
   }
 
   const Plan& plan() const override { return plan_; }
   std::vector<std::string> layers() const override { return layers_.names(); }
 
  private:
-  Limits limits_;
+  PathOptions options_;
   Techniques techniques_;
   TechniqueLayers layers_;
   Between between_ = Between::media;

@@ -6,8 +6,8 @@
 
 #include "worker/integrators/bdpt/layers.h"
 #include "worker/integrators/integrator.h"
-#include "worker/transport/connect.h"
 #include "worker/transport/splat.h"
+#include "worker/transport/technique/contribution.h"
 
 namespace candela::integrators::bdpt {
 

@@ -10,8 +10,8 @@
 #include <cstdint>
 #include <numeric>
 
+#include "worker/estimators/path_dispatch.h"
 #include "worker/integrators/eye_samples.h"
-#include "worker/integrators/path/kernels.h"
 #include "worker/integrators/path/plan.h"
 
 namespace candela::integrators::markov {
@@ -19,11 +19,12 @@ namespace candela::integrators::markov {
 class DirectLight {
  public:
   // samples: of each segment.
-  DirectLight(const UnitContext& context, const path::Limits& limits, const path::Techniques& techniques,
-              std::uint64_t samples, std::uint32_t half)
+  DirectLight(const UnitContext& context, const estimators::PathOptions& options,
+              const path::Planned& planned, std::uint64_t samples, std::uint32_t half)
       : context_(context),
-        limits_(limits),
-        kernel_(path::kernel_for<samplers::Sampler>(techniques)),
+        options_(options),
+        techniques_(planned.techniques),
+        radiance_(estimators::path_radiance_for<samplers::Sampler>(planned.between)),
         samples_(samples),
         pixels_(std::uint64_t{context.width} * context.height),
         half_(half) {
@@ -44,10 +45,11 @@ class DirectLight {
       const auto x = static_cast<std::uint32_t>(at % context_.width);
       const auto y = static_cast<std::uint32_t>(at / context_.width);
       sampler.start(half_, (segment * samples_ + i) / pixels_, x, y);
-      Spectrum value = eye_sample(context_, x, y, sampler, tallies,
-                                  [&](const Ray& ray, samplers::Sampler& draws, film::Tallies& counts) {
-                                    return kernel_(context_.scene, limits_, ray, draws, counts);
-                                  });
+      Spectrum value =
+          eye_sample(context_, x, y, sampler, tallies,
+                     [&](const Ray& ray, samplers::Sampler& draws, film::Tallies& counts) {
+                       return radiance_(context_.scene, options_, techniques_, ray, draws, counts);
+                     });
       value *= weight;
       if (run.fault != nullptr) run.fault(sampler.sample_key(), &value.r);
       film.splat(layer, x, y, {value.r, value.g, value.b}, sampler.sample_key(), tallies, signed_values);
@@ -63,8 +65,9 @@ class DirectLight {
   std::uint64_t place(std::uint64_t j) const { return (offset_ + j % pixels_ * stride_) % pixels_; }
 
   const UnitContext& context_;
-  const path::Limits& limits_;
-  path::RadianceFunction<samplers::Sampler> kernel_;
+  const estimators::PathOptions& options_;
+  const estimators::Techniques& techniques_;
+  estimators::RadianceFunction<samplers::Sampler> radiance_;
   std::uint64_t samples_, pixels_, stride_ = 1, offset_ = 0;
   std::uint32_t half_;
 };

@@ -50,14 +50,13 @@ MarkovIntegrator::MarkovIntegrator(const MarkovSettings& settings, const scene::
     : settings_(settings),
       least_edges_(hide_emitters ? 2 : 1),
       most_edges_(max_depth < 0 ? 1u << 30 : static_cast<std::uint32_t>(max_depth)),
-      choose_emitter_(features.emitters > 1 || features.any_mesh_emitter),
-      rr_depth_(static_cast<std::uint32_t>(rr_depth)),
-      hide_emitters_(hide_emitters),
+      pilot_options_{most_edges_, static_cast<std::uint32_t>(rr_depth), least_edges_},
       direct_by_path_(settings.direct.value == "path") {
   if (direct_by_path_) {
-    direct_limits_ = {std::min(most_edges_, 2U), rr_depth_, least_edges_, true, choose_emitter_};
+    direct_options_ = {std::min(most_edges_, 2U), pilot_options_.rr_depth, least_edges_,
+                       transport::MisHeuristic::power};
     Plan its_own;
-    direct_techniques_ = path::plan(direct_limits_, features, full_plan, its_own);
+    direct_ = path::plan(direct_options_, features, full_plan, its_own);
     least_edges_ = 3;
     plan_.use("path tracing beside the chains", "direct=path: paths of one and two edges are left to it");
   } else {
@@ -126,7 +125,7 @@ Result<void> MarkovIntegrator::run_segments(const UnitContext& context, const Un
   const std::uint64_t direct_samples = divide_up(
       std::uint64_t{context.width} * context.height * static_cast<std::uint64_t>(settings_.direct_samples),
       plan.chains);
-  const markov::DirectLight direct(context, direct_limits_, direct_techniques_, direct_samples, unit.half);
+  const markov::DirectLight direct(context, direct_options_, direct_, direct_samples, unit.half);
   const transport::Splatter splatter(context.filter, film, context.width, context.height);
 
   records.assign(count, {});
@@ -162,7 +161,7 @@ Result<void> MarkovIntegrator::run_segments(const UnitContext& context, const Un
 }
 
 std::vector<float> MarkovIntegrator::pilot_luminances(const UnitContext& context, std::uint32_t count) const {
-  return bidirectional::pilot(context, count, most_edges_, rr_depth_, choose_emitter_, hide_emitters_);
+  return bidirectional::pilot(context, count, pilot_options_);
 }
 
 }  // namespace candela::integrators

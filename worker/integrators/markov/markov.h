@@ -6,7 +6,7 @@
 
 #include "worker/integrators/integrator.h"
 #include "worker/integrators/markov/settings.h"
-#include "worker/integrators/path/techniques.h"
+#include "worker/integrators/path/plan.h"
 #include "worker/mcmc/primary_space.h"
 
 namespace candela::integrators {
@@ -41,12 +41,10 @@ class MarkovIntegrator : public ChainIntegrator {
  private:
   MarkovSettings settings_;
   std::uint32_t least_edges_ = 1, most_edges_ = 0;
-  bool choose_emitter_ = true;
-  std::uint32_t rr_depth_ = 5;
-  bool hide_emitters_ = false;
+  estimators::PathOptions pilot_options_;
   bool direct_by_path_ = false;
-  path::Limits direct_limits_{};
-  path::Techniques direct_techniques_;
+  estimators::PathOptions direct_options_;
+  path::Planned direct_;
 };
 
 // An even number of chains, steps in order.

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <string>
 
-#include "worker/integrators/bdpt/plan.h"
+#include "worker/integrators/bidirectional/plan.h"
 #include "worker/integrators/markov/markov.h"
 #include "worker/integrators/mmlt/target.h"
 #include "worker/integrators/plan_between.h"
@@ -23,16 +23,15 @@ class MmltIntegrator final : public MarkovIntegrator {
   MmltIntegrator(const MmltSettings& settings, const scene::SceneFeatures& features)
       : MarkovIntegrator(settings.markov, features, settings.max_depth, settings.rr_depth,
                          settings.hide_emitters, settings.plan.value == "full"),
-        limits_{most_edges(), static_cast<std::uint32_t>(settings.rr_depth), least_edges(),
-                features.emitters > 1 || features.any_mesh_emitter, transport::MisHeuristic::balance},
-        bdpt_(bdpt::plan(limits_, features, settings.plan.value == "full", plan_)),
+        options_{most_edges(), static_cast<std::uint32_t>(settings.rr_depth), least_edges()},
+        planned_(bidirectional::plan(options_, features, settings.plan.value == "full", plan_)),
         lengths_(shortest(), std::max(shortest(), std::min(most_edges(), kLongest))) {
     if (most_edges() < shortest()) {
-      bdpt_.techniques = {false, false, false, false, false, false};
+      planned_.techniques = estimators::Techniques::none();
       plan_.skip("chains", "max_depth leaves nothing to them");
       return;
     }
-    note_lasting_media(features, std::min(most_edges(), kLongest), limits_.rr_depth, plan_);
+    note_lasting_media(features, std::min(most_edges(), kLongest), options_.rr_depth, plan_);
     plan_.use("path lengths", "from " + std::to_string(shortest()) + " edges" +
                                   (settings.max_depth < 0 ? std::string(", without a limit")
                                                           : " to " + std::to_string(most_edges())));
@@ -41,21 +40,22 @@ class MmltIntegrator final : public MarkovIntegrator {
  private:
   // The shortest length that some technique can make.
   std::uint32_t shortest() const {
-    const bool seen = bdpt_.techniques.hit_light;
+    const bool seen = planned_.techniques.hit_light;
     return std::max(least_edges(), seen ? 1U : 2U);
   }
 
   std::unique_ptr<mcmc::PrimaryTarget> make_target(const UnitContext& context,
                                                    film::Tallies& tallies) const override {
-    return with_between(bdpt_.between, [&](auto between) { return target<between()>(context, tallies); });
+    return with_between(planned_.between, [&](auto between) { return target<between()>(context, tallies); });
   }
   template <Between kBetween>
   std::unique_ptr<mcmc::PrimaryTarget> target(const UnitContext& context, film::Tallies& tallies) const {
-    return std::make_unique<mmlt::Target<kBetween>>(context, limits_, bdpt_.techniques, lengths_, tallies);
+    return std::make_unique<mmlt::Target<kBetween>>(context, options_, planned_.techniques, lengths_,
+                                                    tallies);
   }
 
-  bdpt::Limits limits_;
-  bdpt::Planned bdpt_;
+  estimators::PathOptions options_;
+  bidirectional::Planned planned_;
   mmlt::Lengths lengths_;
 };
 

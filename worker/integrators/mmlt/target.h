@@ -4,9 +4,10 @@
 // dimensions of all other numbers mean.
 #pragma once
 
+#include "worker/estimators/list_sink.h"
 #include "worker/integrators/integrator.h"
 #include "worker/integrators/mmlt/lengths.h"
-#include "worker/integrators/pssmlt/targets.h"
+#include "worker/mcmc/primary_space.h"
 
 namespace candela::integrators::mmlt {
 
@@ -16,15 +17,16 @@ struct TechniqueCount {
   std::uint32_t hit_light, next_event, connect, light_image, hit_lens;
   std::uint32_t all() const { return hit_light + next_event + connect + light_image + hit_lens; }
 };
-inline TechniqueCount techniques_of(std::uint32_t edges, const bdpt::Techniques& t) {
+inline TechniqueCount techniques_of(std::uint32_t edges, const estimators::Techniques& t) {
   const auto one = [](bool runs) { return runs ? 1u : 0u; };
   return {one(t.hit_light && edges >= 1), one(t.next_event && edges >= 2),
           t.connect && edges >= 3 ? edges - 2 : 0, one(t.light_image && edges >= 2),
           one(t.hit_lens && edges >= 2)};
 }
 // Number `choice` of them, in the order above.
-inline bdpt::OneTechnique technique(std::uint32_t edges, const TechniqueCount& count, std::uint32_t choice) {
-  const auto made_with = [&](std::uint32_t s) { return bdpt::OneTechnique{s, edges + 1 - s}; };
+inline estimators::OneTechnique technique(std::uint32_t edges, const TechniqueCount& count,
+                                          std::uint32_t choice) {
+  const auto made_with = [&](std::uint32_t s) { return estimators::OneTechnique{s, edges + 1 - s}; };
   if (choice < count.hit_light) return made_with(0);
   choice -= count.hit_light;
   if (choice < count.next_event) return made_with(1);
@@ -37,14 +39,14 @@ inline bdpt::OneTechnique technique(std::uint32_t edges, const TechniqueCount& c
 template <transport::Between kBetween>
 class Target final : public mcmc::PrimaryTarget {
  public:
-  Target(const UnitContext& context, const bdpt::Limits& limits, const bdpt::Techniques& techniques,
-         const Lengths& lengths, film::Tallies& tallies)
+  Target(const UnitContext& context, const estimators::PathOptions& options,
+         const estimators::Techniques& techniques, const Lengths& lengths, film::Tallies& tallies)
       : scene_(context.scene),
         film_(context.filter, context.width, context.height),
         sink_(film_),
         techniques_(techniques),
         lengths_(lengths),
-        kernel_(context.scene, limits, techniques, pssmlt::one_of_each(film_), sink_, tallies),
+        estimator_(context.scene, options, techniques, estimators::one_of_each(film_), sink_, tallies),
         tallies_(tallies) {}
 
   void evaluate(mcmc::PrimaryState& numbers, mcmc::SplatList& out) override {
@@ -54,20 +56,20 @@ class Target final : public mcmc::PrimaryTarget {
     const std::uint32_t all = count.all();
     if (all == 0) return;
     const float u = choice.draw_1d(kTechnique, true);
-    const bdpt::OneTechnique chosen = technique(
+    const estimators::OneTechnique chosen = technique(
         length.edges, count, std::min(static_cast<std::uint32_t>(u * static_cast<float>(all)), all - 1));
-    kernel_.choose(chosen);
+    estimator_.choose(chosen);
     sink_.start(out, static_cast<float>(static_cast<double>(all) / length.prob));
     if (chosen.s > 1)
-      kernel_.trace_light(numbers.walk(mcmc::PrimaryState::light));
+      estimator_.trace_light(numbers.walk(mcmc::PrimaryState::light));
     else
-      kernel_.no_light();
+      estimator_.no_light();
     if (chosen.t < 2) return;
-    if (chosen.s > 1 && kernel_.light_size() == 0) return;  // nothing to connect to
+    if (chosen.s > 1 && estimator_.light_size() == 0) return;  // nothing to connect to
     mcmc::PrimarySampler& eye = numbers.walk(mcmc::PrimaryState::eye);
-    const pssmlt::FilmRay ray = pssmlt::film_ray(scene_, film_, eye);
+    const estimators::FilmRay ray = estimators::film_ray(scene_, film_, eye);
     ++tallies_.eye_samples;
-    kernel_.trace_eye(ray.ray, eye);
+    estimator_.trace_eye(ray.ray, eye);
     sink_.finish_eye(ray.at, ray.weight);
   }
 
@@ -75,11 +77,11 @@ class Target final : public mcmc::PrimaryTarget {
   static constexpr std::uint32_t kLength = 0, kTechnique = 1;  // dimensions
 
   const scene::Scene& scene_;
-  markov::FilmDomain film_;
-  markov::ListSink sink_;
-  const bdpt::Techniques& techniques_;
+  estimators::FilmDomain film_;
+  estimators::ListSink sink_;
+  const estimators::Techniques& techniques_;
   const Lengths& lengths_;
-  bdpt::Kernel<pssmlt::ListConfig<kBetween, bdpt::OneTechnique>> kernel_;
+  estimators::Bidirectional<estimators::ListConfig<kBetween, estimators::OneTechnique>> estimator_;
   film::Tallies& tallies_;
 };
 

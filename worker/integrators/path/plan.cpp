@@ -4,13 +4,15 @@
 
 namespace candela::integrators::path {
 
-Techniques plan(const Limits& limits, const scene::SceneFeatures& features, bool full, Plan& plan) {
-  Techniques techniques;
+Planned plan(const estimators::PathOptions& options, const scene::SceneFeatures& features, bool full,
+             Plan& plan) {
+  Planned planned;
+  estimators::Techniques& techniques = planned.techniques;
   if (full) {
     plan.use("everything", "plan=full");
-    return techniques;
+    return planned;
   }
-  const bool bounces = limits.max_depth >= 2;
+  const bool bounces = options.max_depth >= 2;
   const bool area_or_environment = features.any_area_emitter || features.any_environment;
 
   if (!bounces) {
@@ -29,32 +31,30 @@ Techniques plan(const Limits& limits, const scene::SceneFeatures& features, bool
     plan.use("next event estimation", "emitters can be sampled from surfaces that are not specular");
   }
 
-  techniques.hit_emitters = features.any_area_emitter;
+  techniques.hit_light = area_or_environment;
   if (features.any_area_emitter)
     plan.use("light found by bsdf sampling", "area emitters can be hit");
   else
     plan.skip("light found by bsdf sampling on surfaces", "no surface emits");
 
-  techniques.environment = features.any_environment;
   if (features.any_environment)
     plan.use("light from outside the scene", "there is an environment");
   else
     plan.skip("light from outside the scene", "no environment");
 
-  techniques.weigh = techniques.next_event && area_or_environment;
-  if (techniques.weigh)
+  if (techniques.next_event && techniques.hit_light)
     plan.use("multiple importance sampling", "both techniques can find the same light");
   else
     plan.skip("multiple importance sampling", techniques.next_event
                                                   ? "only point-like emitters: bsdf sampling cannot find them"
                                                   : "one technique finds all the light there is");
 
-  techniques.between =
+  planned.between =
       plan_between(features, plan,
                    features.any_heterogeneous_medium
                        ? "free flights by delta tracking, transmittance by residual ratio tracking"
                        : "homogeneous: free flights and transmittance in closed form");
-  return techniques;
+  return planned;
 }
 
 }  // namespace candela::integrators::path

@@ -1,7 +1,7 @@
 // The pssmlt integrator: settings, plan, and the choice of a target (targets.h) by them.
 #include "worker/integrators/pssmlt/pssmlt.h"
 
-#include "worker/integrators/bdpt/plan.h"
+#include "worker/integrators/bidirectional/plan.h"
 #include "worker/integrators/markov/markov.h"
 #include "worker/integrators/path/plan.h"
 #include "worker/integrators/plan_between.h"
@@ -20,15 +20,17 @@ class PssmltIntegrator final : public MarkovIntegrator {
                          settings.hide_emitters, settings.plan.value == "full"),
         over_path_(settings.over.value == "path") {
     const bool full = settings.plan.value == "full";
-    const bool choose_emitter = features.emitters > 1 || features.any_mesh_emitter;
     const auto rr_depth = static_cast<std::uint32_t>(settings.roulette());
+    options_ = {most_edges(), rr_depth, least_edges(),
+                over_path_ ? transport::MisHeuristic::power : transport::MisHeuristic::balance};
     if (over_path_) {
-      path_limits_ = {most_edges(), rr_depth, least_edges(), true, choose_emitter};
-      path_kernel_ = path::kernel_for<mcmc::PrimarySampler>(path::plan(path_limits_, features, full, plan_));
+      const path::Planned planned = path::plan(options_, features, full, plan_);
+      techniques_ = planned.techniques;
+      between_ = planned.between;
     } else {
-      bdpt_limits_ = {most_edges(), rr_depth, least_edges(), choose_emitter,
-                      transport::MisHeuristic::balance};
-      bdpt_ = bdpt::plan(bdpt_limits_, features, full, plan_);
+      const bidirectional::Planned planned = bidirectional::plan(options_, features, full, plan_);
+      techniques_ = planned.techniques;
+      between_ = planned.between;
       note_lasting_media(features, most_edges(), rr_depth, plan_);
     }
   }
@@ -36,20 +38,21 @@ class PssmltIntegrator final : public MarkovIntegrator {
  private:
   std::unique_ptr<mcmc::PrimaryTarget> make_target(const UnitContext& context,
                                                    film::Tallies& tallies) const override {
-    if (over_path_) return std::make_unique<pssmlt::PathTarget>(context, path_limits_, path_kernel_, tallies);
-    return with_between(bdpt_.between,
-                        [&](auto between) { return bdpt_target<between()>(context, tallies); });
+    if (over_path_)
+      return std::make_unique<pssmlt::PathTarget>(
+          context, options_, techniques_, estimators::path_radiance_for<mcmc::PrimarySampler>(between_),
+          tallies);
+    return with_between(between_, [&](auto between) { return bdpt_target<between()>(context, tallies); });
   }
   template <Between kBetween>
   std::unique_ptr<mcmc::PrimaryTarget> bdpt_target(const UnitContext& context, film::Tallies& tallies) const {
-    return std::make_unique<pssmlt::BdptTarget<kBetween>>(context, bdpt_limits_, bdpt_.techniques, tallies);
+    return std::make_unique<pssmlt::BdptTarget<kBetween>>(context, options_, techniques_, tallies);
   }
 
   bool over_path_;
-  path::Limits path_limits_{};
-  path::RadianceFunction<mcmc::PrimarySampler> path_kernel_ = nullptr;
-  bdpt::Limits bdpt_limits_;
-  bdpt::Planned bdpt_;
+  estimators::PathOptions options_;
+  estimators::Techniques techniques_;
+  Between between_ = Between::media;
 };
 
 }  // namespace

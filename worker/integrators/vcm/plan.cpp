@@ -21,30 +21,30 @@ constexpr const char* kSpecular = "every surface scatters specularly: only chanc
 
 }  // namespace
 
-Planned make_plan(const Techniques& wanted, const Limits& limits, bool full,
+Planned make_plan(const estimators::Techniques& wanted, const estimators::PathOptions& options, bool full,
                   const scene::SceneFeatures& features) {
   Planned planned;
-  Techniques& t = planned.techniques;
+  estimators::Techniques& t = planned.techniques;
   Plan& plan = planned.plan;
   t = wanted;
-  if (limits.max_depth < 1) {
-    t = Techniques::none();
+  if (options.max_depth < 1) {
+    t = estimators::Techniques::none();
     plan.skip("everything", "max_depth 0 is a black image");
     return planned;
   }
   if (features.emitters == 0) {
-    t = Techniques::none();
+    t = estimators::Techniques::none();
     plan.skip("everything", "the scene has no emitter");
     return planned;
   }
-  if (limits.max_depth < 2) {
-    t = Techniques::none();
+  if (options.max_depth < 2) {
+    t = estimators::Techniques::none();
     t.eye_paths = t.hit_light = true;
     plan.skip("all but light seen directly", "max_depth shows emitters only");
     return planned;
   }
-  if (limits.max_depth < 3) t.connect = false;
-  note_lasting_media(features, limits.max_depth, limits.rr_depth, plan);
+  if (options.max_depth < 3) t.connect = false;
+  note_lasting_media(features, options.max_depth, options.rr_depth, plan);
   if (full) {
     plan.use("everything", "plan=full");
     t.light_paths = t.needs_light_paths();

@@ -1,21 +1,22 @@
 #include "worker/integrators/vcm/vcm.h"
 
 #include "worker/integrators/bidirectional/pilot.h"
+#include "worker/integrators/merging/iterations.h"
 #include "worker/integrators/plan_between.h"
-#include "worker/integrators/vcm/kernel.h"
 #include "worker/integrators/vcm/plan.h"
 
 namespace candela::integrators {
 namespace {
 
+using estimators::PathOptions;
+using estimators::Techniques;
 using transport::Between;
-using vcm::Limits;
-using vcm::Techniques;
+using transport::MisHeuristic;
 
 class VcmIntegrator final : public Integrator {
  public:
-  VcmIntegrator(const Limits& limits, bool power, vcm::Planned planned)
-      : limits_(limits), power_(power), planned_(std::move(planned)) {}
+  VcmIntegrator(const PathOptions& options, const merging::MergeRules& merge, vcm::Planned planned)
+      : options_{options, planned.techniques, merge}, planned_(std::move(planned)) {}
 
   Result<void> run(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
                    const RunContext& run_context) const override {
@@ -25,8 +26,7 @@ class VcmIntegrator final : public Integrator {
   }
 
   std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {
-    return bidirectional::pilot(context, count, limits_.max_depth, limits_.rr_depth, limits_.choose_emitter,
-                                limits_.hide_emitters);
+    return bidirectional::pilot(context, count, options_.paths);
   }
 
   const Plan& plan() const override { return planned_.plan; }
@@ -35,27 +35,26 @@ class VcmIntegrator final : public Integrator {
   template <Between kBetween>
   Result<void> run_between(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
                            const RunContext& run_context) const {
-    if (power_)
-      return vcm::Kernel<kBetween, transport::Power>(context, limits_, planned_.techniques)
-          .run(unit, film, run_context);
-    return vcm::Kernel<kBetween, transport::Balance>(context, limits_, planned_.techniques)
-        .run(unit, film, run_context);
+    if (options_.paths.heuristic == MisHeuristic::power)
+      return run_weighted<kBetween, transport::Power>(context, unit, film, run_context);
+    return run_weighted<kBetween, transport::Balance>(context, unit, film, run_context);
+  }
+  template <Between kBetween, class Mis>
+  Result<void> run_weighted(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
+                            const RunContext& run_context) const {
+    return merging::run_iterations<estimators::VcmEye<kBetween, Mis, transport::ConstantEta>>(
+        context, unit, options_, film, run_context);
   }
 
-  Limits limits_;
-  bool power_;
+  merging::IterationOptions options_;
   vcm::Planned planned_;
 };
 
 template <class Settings>
-Limits limits_of(const Settings& settings, const scene::SceneFeatures& features) {
-  Limits limits;
-  limits.max_depth = settings.common.depth();
-  limits.rr_depth = static_cast<std::uint32_t>(settings.common.rr_depth);
-  limits.hide_emitters = settings.common.hide_emitters;
-  limits.choose_emitter = features.emitters > 1 || features.any_mesh_emitter;
-  limits.merge = settings.merge.rules();
-  return limits;
+PathOptions path_options(const Settings& settings) {
+  return {settings.common.depth(), static_cast<std::uint32_t>(settings.common.rr_depth),
+          settings.common.hide_emitters ? 2u : 1u,
+          settings.heuristic.value == "power" ? MisHeuristic::power : MisHeuristic::balance};
 }
 
 }  // namespace
@@ -63,23 +62,23 @@ Limits limits_of(const Settings& settings, const scene::SceneFeatures& features)
 Result<std::unique_ptr<Integrator>> make_vcm_integrator(const SettingsMap& settings,
                                                         const scene::SceneFeatures& features) {
   CANDELA_ASSIGN(const VcmSettings parsed, parse_settings<VcmSettings>(settings));
-  const Limits limits = limits_of(parsed, features);
+  const PathOptions options = path_options(parsed);
   Techniques wanted;
   wanted.merge_medium = parsed.merge_media;
   return std::unique_ptr<Integrator>(std::make_unique<VcmIntegrator>(
-      limits, parsed.heuristic.value == "power",
-      vcm::make_plan(wanted, limits, parsed.common.plan.value == "full", features)));
+      options, parsed.merge.rules(),
+      vcm::make_plan(wanted, options, parsed.common.plan.value == "full", features)));
 }
 
 Result<std::unique_ptr<Integrator>> make_bpm_integrator(const SettingsMap& settings,
                                                         const scene::SceneFeatures& features) {
   CANDELA_ASSIGN(const BpmSettings parsed, parse_settings<BpmSettings>(settings));
-  const Limits limits = limits_of(parsed, features);
+  const PathOptions options = path_options(parsed);
   Techniques wanted;
   wanted.next_event = wanted.connect = wanted.light_image = wanted.hit_lens = false;
   return std::unique_ptr<Integrator>(std::make_unique<VcmIntegrator>(
-      limits, parsed.heuristic.value == "power",
-      vcm::make_plan(wanted, limits, parsed.common.plan.value == "full", features)));
+      options, parsed.merge.rules(),
+      vcm::make_plan(wanted, options, parsed.common.plan.value == "full", features)));
 }
 
 }  // namespace candela::integrators

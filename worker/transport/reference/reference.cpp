@@ -23,7 +23,7 @@ void multiply(Channels& a, const Channels& b, double scale = 1) {
   for (std::size_t i = 0; i < 3; ++i) a[i] *= b[i] * scale;
 }
 double cosine(Vec3 a, Vec3 b) {
-  return std::max(std::abs(dot(Vec3d(a), Vec3d(b))), static_cast<double>(kLeastCosine));
+  return std::max(std::abs(dot(Vec3d(a), Vec3d(b))), static_cast<double>(kMinCosine));
 }
 
 // exp(-sigma_t length).
@@ -105,8 +105,8 @@ void Evaluation::count_rounding() {
       ends += static_cast<double>(hit.error) / c;
     };
     const Vec3 d = path_.along[i];
-    if (i > 0 && path_.inner[i - 1].kind == Vertex::Kind::surface) surface(path_.inner[i - 1].hit, d);
-    if (i + 1 < k && path_.inner[i].kind == Vertex::Kind::surface) surface(path_.inner[i].hit, d);
+    if (i > 0 && path_.inner[i - 1].kind == VertexKind::surface) surface(path_.inner[i - 1].hit, d);
+    if (i + 1 < k && path_.inner[i].kind == VertexKind::surface) surface(path_.inner[i].hit, d);
     if (i == 0 && path_.light.emitter != scene::kNone && length_squared(path_.light.ng) > 0)
       surface(path_.light, d);
     for (const Pass& pass : edges_[i].passes) surface(pass.hit, d);
@@ -133,7 +133,7 @@ bool Evaluation::follow_edge(std::size_t i) {
   const std::size_t start = from_outside ? 1 : i;
   const bool at_lens = start == k;
   const bool start_in_space = at_lens || (start == 0 ? path_.light_delta_position
-                                                     : path_.inner[start - 1].kind == Vertex::Kind::medium);
+                                                     : path_.inner[start - 1].kind == VertexKind::medium);
   const Vec3 p = at_lens ? path_.lens_near : Vec3(place(start));
   const scene::SurfaceHit* surface = start_in_space ? nullptr
                                      : start == 0   ? &path_.light
@@ -141,7 +141,7 @@ bool Evaluation::follow_edge(std::size_t i) {
   Ray ray = surface == nullptr ? Ray{p, d} : spawn_ray(*surface, d);
 
   const scene::SurfaceHit* target = nullptr;  // a surface that ends the edge
-  if (!from_outside && i + 1 < k && path_.inner[i].kind == Vertex::Kind::surface)
+  if (!from_outside && i + 1 < k && path_.inner[i].kind == VertexKind::surface)
     target = &path_.inner[i].hit;
   const Vec3d end = from_outside ? Vec3d{} : i + 1 == k ? Vec3d(path_.lens_near) : place(i + 1);
   Vec3d last(p);
@@ -216,7 +216,7 @@ void Evaluation::assign_media() {
       if (j > 0) medium = scene_.medium_beyond(edge.passes[j - 1].hit, path_.along[i], medium);
       edge.stretches[j].medium = medium;
     }
-    if (i + 1 < k && path_.inner[i].kind == Vertex::Kind::surface)
+    if (i + 1 < k && path_.inner[i].kind == VertexKind::surface)
       medium = scene_.medium_beyond(path_.inner[i].hit, path_.along[i + 1], medium);
   }
   medium = scene_.camera_medium({path_.lens_near, -path_.along[k - 1]});
@@ -233,7 +233,7 @@ void Evaluation::assign_media() {
       else
         closed_form_ = false;
     }
-    if (i > 0 && path_.inner[i - 1].kind == Vertex::Kind::surface)
+    if (i > 0 && path_.inner[i - 1].kind == VertexKind::surface)
       medium = scene_.medium_beyond(path_.inner[i - 1].hit, -path_.along[i - 1], medium);
   }
 }
@@ -244,7 +244,7 @@ void Evaluation::evaluate_inner(std::size_t i) {
   PathNumbers& n = numbers_;
   inner_.push_back(std::make_unique<Inner>());
   Inner& x = *inner_.back();
-  if (v.kind == Vertex::Kind::medium) {
+  if (v.kind == VertexKind::medium) {
     const scene::Medium& medium = scene_.medium(v.medium);
     const Channels sigma_t = channels(medium.sigma_t(v.hit.p));
     n.in_medium[i] = true;
@@ -324,7 +324,7 @@ bool Evaluation::evaluate_ends() {
   if (k > 1) {
     const InnerVertex& first = path_.inner[0];
     Vec3 front;
-    if (first.kind == Vertex::Kind::surface && !inner_[0]->from_eye.scatters_through())
+    if (first.kind == VertexKind::surface && !inner_[0]->from_eye.scatters_through())
       front = dot(path_.along[1], first.hit.shading.n) < 0 ? -first.hit.shading.n : first.hit.shading.n;
     if (delta)
       n.light_direct = static_cast<double>(scene_.prob_direct(first.hit, front, path_.light.emitter));

@@ -1,8 +1,8 @@
 // The oracle: contribution, densities and weights of one whole path, by the literal formulas. Slow, in
-// double, and apart from the recursions of mis.h, walk.h and connect.h, which are tested against it.
+// double, and apart from the recursions of mis/, walk.h and technique/, which are tested against it.
 //
 // A path x_0 ... x_k runs from the light to the eye; P_i, Q_i, C_0, C_k and the techniques are those at the
-// top of mis.h. Vertices are a position with its surface or medium; bsdfs are prepared anew, from the side
+// top of mis/balance_power.h. Vertices are a position with its surface or medium; bsdfs are prepared anew, from the side
 // each walk comes from; what lies between vertices is found by rays of its own.
 //
 // Conventions that any set of weights is free to choose, and that have to be the same everywhere:
@@ -46,7 +46,7 @@ class Scaled {
 };
 
 struct InnerVertex {
-  Vertex::Kind kind = Vertex::Kind::surface;
+  VertexKind kind = VertexKind::surface;
   scene::SurfaceHit hit;
   std::uint32_t medium = scene::kNone;  // of a vertex in it
   bool delta = false;                   // the path turns here by a delta lobe

@@ -5,10 +5,13 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "worker/estimators/options.h"
 #include "worker/film/filter.h"
-#include "worker/transport/connect.h"
+#include "worker/mcmc/primary_state.h"
+#include "worker/scene/scene.h"
+#include "worker/transport/film_position.h"
 
-namespace candela::integrators::markov {
+namespace candela::estimators {
 
 class FilmDomain {
  public:
@@ -32,4 +35,24 @@ class FilmDomain {
   double pixels_;
 };
 
-}  // namespace candela::integrators::markov
+// The ray of the eye's numbers: dimensions 0 and, if the lens is finite, 1.
+struct FilmRay {
+  transport::FilmPosition at;
+  Ray ray;
+  float weight = 1;  // of the sensor
+};
+inline FilmRay film_ray(const scene::Scene& scene, const FilmDomain& film, mcmc::PrimarySampler& numbers) {
+  FilmRay result;
+  result.at = film.at(numbers.draw_2d(0, true));
+  result.ray =
+      scene.camera_ray(result.at.x, result.at.y,
+                       scene.reads_lens() ? numbers.draw_2d(1, true) : Vec2{0.5f, 0.5f}, result.weight);
+  return result;
+}
+
+// A path from the eye, uniform over the domain, and one from the light.
+inline PathCounts one_of_each(const FilmDomain& film) {
+  return {1 / film.area_over_film(), 1, film.border()};
+}
+
+}  // namespace candela::estimators

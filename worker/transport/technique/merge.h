@@ -8,9 +8,9 @@
 //   beta sigma_s p(wo, w) flux K_r(d) / light_path_count,
 // beta having the sigma_s of the eye's vertex.
 //
-// The weight of a merge (mis.h) is eta / (eta + sum_light + sum_eye), each sum from its own subpath's lengths
-// and directions: taken from an averaged place they would add a bias of first order in r, eta =
-// light_path_count times effective area or volume.
+// The weight of a merge (mis/balance_power.h) is eta / (eta + sum_light + sum_eye), each sum from its own
+// subpath's lengths and directions: taken from an averaged place they would add a bias of first order in r,
+// eta = light_path_count times effective area or volume.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +21,8 @@
 
 namespace candela::transport {
 
-// One iteration's photons and radii. Immutable while eye paths run.
+// One iteration's photons and radii. Immutable while eye paths run. Block: that of the photons.
+template <class Block>
 struct MergeMaps {
   MergeMaps(Kernel kernel, float disc_radius_, float ball_radius_)
       : disc_radius(disc_radius_),
@@ -29,25 +30,22 @@ struct MergeMaps {
         disc(kernel, disc_radius_),
         ball(kernel, ball_radius_) {}
 
-  // Asks for what Gather::start reads of the memory, for an eye's vertex that connects.
-  void announce(const Vertex& v) const {
-    if (const PhotonMap* map = map_for(v)) map->announce(v.hit.p, radius_for(v));
+  // Asks for what Gather::start reads of the memory, for an eye's vertex that is connectible.
+  void announce(const ScatterPoint& v) const {
+    if (const PhotonMap<Block>* map = map_for(v)) map->announce(v.hit.p, radius_for(v));
   }
   // Null: nothing to merge with.
-  const PhotonMap* map_for(const Vertex& v) const {
+  const PhotonMap<Block>* map_for(const ScatterPoint& v) const {
     if (v.edges >= max_edges) return nullptr;
-    return v.kind == Vertex::Kind::surface ? surface : medium;
+    return v.on_surface() ? surface : medium;
   }
-  float radius_for(const Vertex& v) const {
-    return v.kind == Vertex::Kind::surface ? disc_radius : ball_radius;
-  }
+  float radius_for(const ScatterPoint& v) const { return v.on_surface() ? disc_radius : ball_radius; }
 
-  const PhotonMap* surface = nullptr;  // null: no merging there
-  const PhotonMap* medium = nullptr;
+  const PhotonMap<Block>* surface = nullptr;  // null: no merging there
+  const PhotonMap<Block>* medium = nullptr;
   float disc_radius, ball_radius;
   DiscKernel disc;
   BallKernel ball;
-  MergeFactors eta;               // raised; > 0 where there is a map
   float per_path = 1;             // 1 / light_path_count
   std::uint32_t max_edges = ~0u;  // of the merged path
 };
@@ -62,16 +60,20 @@ inline double merge_weight(double eta, double light_sum, double eye_sum) {
   return 1 / (1 + (light_sum + eye_sum) / eta);
 }
 
-// The weighted contribution of a photon at the eye's vertex v, which connects, without v.throughput and
-// maps.per_path.
-template <class Heuristic>
+// The weighted contribution of a photon at the eye's vertex v, which is connectible, without v.throughput and
+// maps.per_path. eta: at the film position of the eye's path, > 0 if weights are wanted.
+template <class Mis, class Block>
 class SurfaceMerge {
  public:
-  SurfaceMerge(const MergeMaps& maps, const Vertex& v)
-      : maps_(maps), v_(v), wo_(v.hit.shading.to_local(v.wo)), most_edges_(maps.max_edges - v.edges) {}
+  SurfaceMerge(const MergeMaps<Block>& maps, const MergeFactors& eta, const Vertex<Block>& v)
+      : maps_(maps),
+        eta_(eta),
+        v_(v),
+        wo_(v.hit.shading.to_local(v.wo)),
+        max_edges_(maps.max_edges - v.edges) {}
 
-  void operator()(const Photon& photon, float d2) {
-    if (photon.edges > most_edges_) return;
+  void operator()(const Photon<Block>& photon, float d2) {
+    if (photon.edges > max_edges_) return;
     const Vec3 wi = v_.hit.shading.to_local(photon.wo);
     float pdf = 0;
     Spectrum value = v_.closure.eval_pdf(wo_, wi, TransportMode::radiance, pdf);
@@ -79,12 +81,12 @@ class SurfaceMerge {
     value *= photon.flux;
     const float cosine = std::max(v_.density_factor(photon.wo), kLeastOfOwnCosine * photon.cosine());
     float factor = maps_.disc.value(d2) / cosine;
-    if constexpr (Heuristic::kWeighs) {
+    if constexpr (Mis::kWeighs) {
       const auto reverse =
           static_cast<double>(v_.closure.pdf_solid_angle(wi, wo_, TransportMode::importance));
-      factor *= static_cast<float>(merge_weight(
-          maps_.eta.surface, sum_of<Heuristic>(photon.mis(), static_cast<double>(pdf), maps_.eta),
-          sum_of<Heuristic>(v_.mis, reverse, maps_.eta)));
+      factor *= static_cast<float>(
+          merge_weight(eta_.surface, Mis::sum(photon.weights.block(), static_cast<double>(pdf), eta_),
+                       Mis::sum(v_.mis, reverse, eta_)));
     }
     sum += value * factor;
   }
@@ -92,28 +94,33 @@ class SurfaceMerge {
   Spectrum sum;
 
  private:
-  const MergeMaps& maps_;
-  const Vertex& v_;
+  const MergeMaps<Block>& maps_;
+  const MergeFactors& eta_;
+  const Vertex<Block>& v_;
   Vec3 wo_;
-  std::uint32_t most_edges_;
+  std::uint32_t max_edges_;
 };
 
-template <class Heuristic>
+template <class Mis, class Block>
 class MediumMerge {
  public:
-  MediumMerge(const scene::Scene& scene, const MergeMaps& maps, const Vertex& v)
-      : maps_(maps), v_(v), phase_(scene.medium(v.medium).phase()), most_edges_(maps.max_edges - v.edges) {}
+  MediumMerge(const scene::Scene& scene, const MergeMaps<Block>& maps, const MergeFactors& eta,
+              const Vertex<Block>& v)
+      : maps_(maps),
+        eta_(eta),
+        v_(v),
+        phase_(scene.medium(v.medium).phase()),
+        max_edges_(maps.max_edges - v.edges) {}
 
-  void operator()(const Photon& photon, float d2) {
-    if (photon.medium() != v_.medium || photon.edges > most_edges_) return;
+  void operator()(const Photon<Block>& photon, float d2) {
+    if (photon.medium() != v_.medium || photon.edges > max_edges_) return;
     float factor = phase_.eval(v_.wo, photon.wo) * maps_.ball.value(d2);
     if (factor == 0) return;
-    if constexpr (Heuristic::kWeighs) {
+    if constexpr (Mis::kWeighs) {
       const auto forward = static_cast<double>(phase_.pdf_solid_angle(v_.wo, photon.wo));
       const auto reverse = static_cast<double>(phase_.pdf_solid_angle(photon.wo, v_.wo));
-      factor *= static_cast<float>(merge_weight(maps_.eta.medium,
-                                                sum_of<Heuristic>(photon.mis(), forward, maps_.eta),
-                                                sum_of<Heuristic>(v_.mis, reverse, maps_.eta)));
+      factor *= static_cast<float>(merge_weight(eta_.medium, Mis::sum(photon.weights.block(), forward, eta_),
+                                                Mis::sum(v_.mis, reverse, eta_)));
     }
     sum += photon.flux * factor;
   }
@@ -121,22 +128,26 @@ class MediumMerge {
   Spectrum sum;
 
  private:
-  const MergeMaps& maps_;
-  const Vertex& v_;
+  const MergeMaps<Block>& maps_;
+  const MergeFactors& eta_;
+  const Vertex<Block>& v_;
   const scene::Phase& phase_;
-  std::uint32_t most_edges_;
+  std::uint32_t max_edges_;
 };
 
 // All merges at one vertex of the eye after another, in steps between which photons come from memory:
 // MergeMaps::announce() when the vertex is made, start() and collect() when there has been something else to
 // do, finish() before the vertex goes. finish() does what is left of all.
-template <class Heuristic>
+template <class Mis, class Block = typename Mis::Block>
 class Gather {
  public:
-  Gather(const scene::Scene& scene, const MergeMaps& maps) : scene_(scene), maps_(maps) {}
+  Gather(const scene::Scene& scene, const MergeMaps<Block>& maps) : scene_(scene), maps_(maps) {}
 
-  // v connects. The one before has to be finished.
-  void start(const Vertex& v) {
+  // A path is next, with this eta.
+  void begin(const MergeFactors& eta) { eta_ = eta; }
+
+  // v is connectible. The one before has to be finished.
+  void start(const Vertex<Block>& v) {
     map_ = maps_.map_for(v);
     if (map_ == nullptr) return;
     v_ = &v;
@@ -165,31 +176,34 @@ class Gather {
   enum class Step : std::uint8_t { none, found, collected };
   template <class Use>
   void with_merge(const Use& use) {
-    if (v_->kind == Vertex::Kind::surface) {
-      SurfaceMerge<Heuristic> merge(maps_, *v_);
+    if (v_->on_surface()) {
+      SurfaceMerge<Mis, Block> merge(maps_, eta_, *v_);
       use(merge);
       sum_ += merge.sum;
     } else {
-      MediumMerge<Heuristic> merge(scene_, maps_, *v_);
+      MediumMerge<Mis, Block> merge(scene_, maps_, eta_, *v_);
       use(merge);
       sum_ += merge.sum;
     }
   }
 
   const scene::Scene& scene_;
-  const MergeMaps& maps_;
-  const PhotonMap* map_ = nullptr;
-  const Vertex* v_ = nullptr;
+  const MergeMaps<Block>& maps_;
+  MergeFactors eta_;
+  const PhotonMap<Block>* map_ = nullptr;
+  const Vertex<Block>* v_ = nullptr;
   Step step_ = Step::none;
   Spectrum sum_;
-  PhotonMap::Query query_;
-  PhotonMap::Hits hits_;
+  typename PhotonMap<Block>::Query query_;
+  typename PhotonMap<Block>::Hits hits_;
 };
 
 // The same in one step.
-template <class Heuristic>
-Spectrum merge(const scene::Scene& scene, const MergeMaps& maps, const Vertex& v) {
-  Gather<Heuristic> gather(scene, maps);
+template <class Mis, class Block>
+Spectrum merge(const scene::Scene& scene, const MergeMaps<Block>& maps, const MergeFactors& eta,
+               const Vertex<Block>& v) {
+  Gather<Mis, Block> gather(scene, maps);
+  gather.begin(eta);
   gather.start(v);
   return gather.finish();
 }

@@ -1,18 +1,18 @@
-#include "worker/integrators/bdpt/plan.h"
+#include "worker/integrators/bidirectional/plan.h"
 
 #include <string_view>
 
 #include "worker/integrators/plan_between.h"
 
-namespace candela::integrators::bdpt {
+namespace candela::integrators::bidirectional {
 
-Planned plan(const Limits& limits, const scene::SceneFeatures& f, bool full, Plan& plan) {
+Planned plan(const estimators::PathOptions& options, const scene::SceneFeatures& f, bool full, Plan& plan) {
   Planned planned;
-  Techniques& t = planned.techniques;
+  estimators::Techniques& t = planned.techniques;
   // What cannot be run at all, whatever is asked for.
-  if (limits.max_depth < 2) t.next_event = t.light_image = t.hit_lens = false;
-  if (limits.max_depth < 3) t.connect = false;
-  if (limits.max_depth < 1) t.hit_light = false;
+  if (options.max_depth < 2) t.next_event = t.light_image = t.hit_lens = false;
+  if (options.max_depth < 3) t.connect = false;
+  if (options.max_depth < 1) t.hit_light = false;
   const auto finish = [&] { t.light_paths = t.connect || t.light_image || t.hit_lens; };
   if (full) {
     plan.use("everything", "plan=full");
@@ -45,4 +45,4 @@ Planned plan(const Limits& limits, const scene::SceneFeatures& f, bool full, Pla
   return planned;
 }
 
-}  // namespace candela::integrators::bdpt
+}  // namespace candela::integrators::bidirectional

@@ -1,11 +1,12 @@
-// What bdpt's kernel finds, on its way to a chain's list. The scalar contribution is that of the image's
+// The sink of Bidirectional that goes to a chain's list. The scalar contribution is that of the image's
 // mean: values are divided by the number of pixels.
 #pragma once
 
-#include "worker/integrators/markov/film_domain.h"
+#include "worker/estimators/bidirectional.h"
+#include "worker/estimators/film_domain.h"
 #include "worker/mcmc/splat_list.h"
 
-namespace candela::integrators::markov {
+namespace candela::estimators {
 
 class ListSink {
  public:
@@ -38,4 +39,15 @@ class ListSink {
   Spectrum sum_;
 };
 
-}  // namespace candela::integrators::markov
+// Bidirectional for chains. ChoiceT: see there.
+template <transport::Between kB, class ChoiceT>
+struct ListConfig {
+  static constexpr transport::Between kBetween = kB;
+  static constexpr bool kLists = false;
+  using Mis = transport::Balance;
+  using Sampler = mcmc::PrimarySampler;
+  using Sink = ListSink;
+  using Choice = ChoiceT;
+};
+
+}  // namespace candela::estimators

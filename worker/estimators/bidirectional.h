@@ -1,0 +1,224 @@
+// The work for one path from the light and one from the eye: every way to join them. A path of s vertices
+// from the light and t from the eye has s + t - 1 edges:
+//   s = 0         the eye's walk meets light                   t = 0   a light path meets a finite lens
+//   s = 1         next event estimation                        t = 1   connection to the lens: a splat
+//   s, t >= 2     connection of a light and an eye vertex
+// Light seen directly (one edge) is left to s = 0, which finds it without noise.
+//
+// What is found goes to a sink: a film, or a chain's list.
+#pragma once
+
+#include <cstdint>
+
+#include "worker/estimators/options.h"
+#include "worker/scene/scene.h"
+#include "worker/transport/eye_path.h"
+#include "worker/transport/light_path.h"
+#include "worker/transport/subpath.h"
+#include "worker/transport/technique/connect.h"
+#include "worker/transport/technique/connect_lens.h"
+#include "worker/transport/technique/hit_lens.h"
+#include "worker/transport/technique/hit_light.h"
+#include "worker/transport/technique/next_event.h"
+#include "worker/transport/technique_list.h"
+
+namespace candela::estimators {
+
+// Every technique of every length.
+struct EveryTechnique {
+  static constexpr bool wants(std::uint32_t, std::uint32_t) { return true; }
+  static constexpr bool light_goes_on(std::uint32_t) { return true; }
+  static constexpr bool eye_goes_on(std::uint32_t) { return true; }
+};
+
+// One: paths of s vertices from the light and t from the eye.
+struct OneTechnique {
+  std::uint32_t s = 0, t = 0;
+  bool wants(std::uint32_t s_, std::uint32_t t_) const { return s == s_ && t == t_; }
+  // Beyond a vertex of so many edges. (One that is passed straight is not behind.)
+  bool light_goes_on(std::uint32_t edges) const { return edges + 1 < s; }
+  bool eye_goes_on(std::uint32_t edges) const { return edges + 1 < t; }
+};
+
+// Config: kBetween; Mis; kLists: heuristics that need all densities, Mis is Balance then; Sampler; Choice:
+// one of the above; Sink, with
+//   eye(contribution, s, t)              techniques of t >= 2: along the eye's ray
+//   light(contribution, s, t, at, key)   t < 2: to be divided by the number of light paths
+template <class Config>
+class Bidirectional {
+ public:
+  static constexpr transport::Between kBetween = Config::kBetween;
+  static constexpr bool kLists = Config::kLists;
+  using Mis = typename Config::Mis;
+  using Sampler = typename Config::Sampler;
+  using Sink = typename Config::Sink;
+  using Choice = typename Config::Choice;
+  using EyeWalk = transport::Walk<scene::TransportMode::radiance, kBetween, Mis, Sampler>;
+  using LightWalk = transport::Walk<scene::TransportMode::importance, kBetween, Mis, Sampler>;
+  using Vertex = typename EyeWalk::Vertex;
+
+  Bidirectional(const scene::Scene& scene, const PathOptions& options, const Techniques& techniques,
+                const PathCounts& counts, Sink& sink, film::Tallies& tallies)
+      : scene_(scene),
+        options_(options),
+        techniques_(techniques),
+        sink_(sink),
+        tallies_(tallies),
+        factors_(mis_factors<Mis>(techniques, counts)),
+        eye_rules_(eye_rules(options, techniques, counts)),
+        light_rules_(light_rules(options, techniques, counts)) {}
+
+  // The light path of the sampler, kept.
+  void trace_light(Sampler& sampler) {
+    ++tallies_.light_paths;
+    LightWalk walk(scene_, light_rules_, factors_, sampler, tallies_);
+    LightSide at{*this, light_context_};
+    transport::follow_light_path(walk, light_, at);
+  }
+  // No light path: there are no light vertices to connect to.
+  void no_light() { light_.clear(); }
+  std::uint32_t light_size() const { return light_.size(); }
+  // The eye path along a ray.
+  void trace_eye(const Ray& ray, Sampler& sampler) {
+    EyeWalk walk(scene_, eye_rules_, factors_, sampler, tallies_);
+    EyeSide at{{}, *this, eye_context_};
+    transport::follow_eye_path(walk, ray, eye_, at);
+  }
+
+  // The paths to come are those of this choice, all of which have s + t - 1 edges.
+  void choose(const Choice& choice) {
+    choice_ = choice;
+    eye_rules_.max_edges = choice.s + choice.t - 1;
+    light_rules_.max_edges = eye_rules_.max_edges - 1;
+  }
+
+ private:
+  struct LightSide;
+  struct EyeSide;
+
+  transport::WeightTerms* wanted_terms() { return kLists ? &terms_ : nullptr; }
+  void weigh(transport::Contribution& found) const { found.weight = list_.weight(options_.heuristic); }
+
+  const scene::Scene& scene_;
+  const PathOptions& options_;
+  const Techniques& techniques_;
+  Sink& sink_;
+  film::Tallies& tallies_;
+  Choice choice_;
+  transport::MisFactors factors_;
+  transport::WalkRules eye_rules_, light_rules_;
+  const transport::ConnectContext eye_context_{scene_, factors_, eye_rules_, tallies_};
+  const transport::ConnectContext light_context_{scene_, factors_, light_rules_, tallies_};
+  transport::Subpath<typename Mis::Block> light_, eye_;
+  transport::WeightTerms terms_;
+  transport::TechniqueList list_;
+};
+
+// Light that meets the lens (t = 0), connections to the lens (t = 1).
+template <class Config>
+struct Bidirectional<Config>::LightSide {
+  Bidirectional& e;
+  const transport::ConnectContext& context;
+
+  void met_lens(const LightWalk& walk, std::uint64_t key) {
+    const std::uint32_t s = walk.lens().edges + 1;
+    if (walk.lens().edges < e.options_.min_edges || !e.choice_.wants(s, 0)) return;
+    transport::FilmPosition film;
+    transport::Contribution found =
+        transport::hit_lens(context, walk, transport::ConstantEta{}, film, e.wanted_terms());
+    if (!(found.weight > 0)) return;
+    if constexpr (kLists) {
+      const Vertex& last = *e.light_.before();
+      e.list_.clear();
+      e.list_.add(e.terms_.next);
+      e.list_.add_side(e.light_, last, e.terms_.light_step, last.pdf_reverse, last.left_by_delta);
+      e.weigh(found);
+    }
+    e.sink_.light(found, s, 0, film, rng::combine(key, 2));
+  }
+  bool vertex(const LightWalk& walk, const Vertex& v, std::uint64_t key) {
+    const std::uint32_t s = v.edges + 1;
+    transport::FilmPosition film;
+    transport::Contribution found;
+    if (e.techniques_.light_image && v.connectible && s >= e.options_.min_edges && e.choice_.wants(s, 1) &&
+        transport::connect_lens<kBetween, Mis>(context, walk.draws(), v, transport::ConstantEta{}, film,
+                                               found, e.wanted_terms())) {
+      if constexpr (kLists) {
+        e.list_.clear();
+        e.list_.add(e.terms_.next);
+        e.list_.add_side(e.light_, v, e.terms_.light_step, e.terms_.light_reverse);
+        e.weigh(found);
+      }
+      e.sink_.light(found, s, 1, film, rng::combine(key, 3));
+    }
+    return LightWalk::kPasses || e.choice_.light_goes_on(v.edges);
+  }
+  bool scattered(const Vertex& v) const { return e.choice_.light_goes_on(v.edges); }
+};
+
+// Light met (s = 0), next event estimation (s = 1), connections to the light path's vertices.
+template <class Config>
+struct Bidirectional<Config>::EyeSide : transport::EyeTechniques {
+  Bidirectional& e;
+  const transport::ConnectContext& context;
+
+  void arrived(const EyeWalk& /*walk*/, const Vertex& v, const Vertex* before, bool left) {
+    transport::Contribution found;
+    if (!e.techniques_.hit_light || v.edges < e.options_.min_edges || !e.choice_.wants(0, v.edges + 1) ||
+        !transport::hit_light<Mis>(context, v, left, before, {}, found, e.wanted_terms()))
+      return;
+    if constexpr (kLists) {
+      if (v.edges > 1) {
+        e.list_.clear();
+        e.list_.add(e.terms_.next);
+        e.list_.add_side(e.eye_, v, e.terms_.eye_step, e.terms_.eye_reverse, true);
+        e.weigh(found);
+      }
+    }
+    e.sink_.eye(found, 0, v.edges + 1);
+  }
+  bool vertex(const EyeWalk& walk, const Vertex& v) {
+    if (v.connectible && v.edges < e.eye_rules_.max_edges) {
+      if (e.techniques_.next_event && v.edges + 1 >= e.options_.min_edges) light_directly(walk, v);
+      if (e.techniques_.connect) connect_all(walk, v);
+    }
+    return EyeWalk::kPasses || e.choice_.eye_goes_on(v.edges);
+  }
+  bool scattered(const Vertex& v) const { return e.choice_.eye_goes_on(v.edges); }
+
+ private:
+  void light_directly(const EyeWalk& walk, const Vertex& v) {
+    transport::Contribution found;
+    if (!e.choice_.wants(1, v.edges + 1) ||
+        !transport::next_event<kBetween, Mis>(context, walk.draws(), v, {}, found, e.wanted_terms()))
+      return;
+    if constexpr (kLists) {
+      e.list_.clear();
+      e.list_.add(e.terms_.next);
+      e.list_.add_side(e.eye_, v, e.terms_.eye_step, e.terms_.eye_reverse);
+      e.weigh(found);
+    }
+    e.sink_.eye(found, 1, v.edges + 1);
+  }
+  void connect_all(const EyeWalk& walk, const Vertex& v) {
+    const std::uint64_t passage = transport::passage_key<kBetween>(walk.draws());
+    transport::Contribution found;
+    for (std::uint32_t i = 0; i < e.light_.size(); ++i) {
+      const Vertex& z = e.light_[i];
+      if (!z.connectible || z.edges + v.edges + 1 > e.eye_rules_.max_edges) continue;
+      if (!e.choice_.wants(z.edges + 1, v.edges + 1)) continue;
+      if (!transport::connect<kBetween, Mis>(context, z, v, rng::combine(passage, i + 1), {}, found,
+                                             e.wanted_terms()))
+        continue;
+      if constexpr (kLists) {
+        e.list_.clear();
+        e.list_.add_side(e.light_, z, e.terms_.light_step, e.terms_.light_reverse);
+        e.list_.add_side(e.eye_, v, e.terms_.eye_step, e.terms_.eye_reverse);
+        e.weigh(found);
+      }
+      e.sink_.eye(found, z.edges + 1, v.edges + 1);
+    }
+  }
+};
+
+}  // namespace candela::estimators

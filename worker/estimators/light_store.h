@@ -1,0 +1,66 @@
+// What light paths of an iteration leave for eye paths: photons and vertices, in chunks of light paths.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "common/film/counts.h"
+#include "worker/transport/light_vertices.h"
+#include "worker/transport/photon_map.h"
+
+namespace candela::estimators {
+
+// Paths of one chunk. Large enough that taking one costs nothing, small enough that some thousands of paths
+// keep all threads busy.
+inline constexpr std::uint64_t kLightChunk = 1024;
+
+// Which vertices of light paths are kept.
+struct LightKeeping {
+  bool vertices = false, surface_photons = false, medium_photons = false;
+  bool caustics_only = false;  // only photons that arrive from a specular vertex
+};
+
+// For light paths that leave nothing but splats.
+struct NoStore {
+  template <class Block>
+  static void keep(const scene::Scene& /*scene*/, const transport::Vertex<Block>& /*v*/, bool /*last*/,
+                   bool /*by_specular*/, film::Tallies& /*tallies*/) {}
+};
+
+// Of one chunk, in the order of its paths.
+template <class Block>
+struct LightStore {
+  LightKeeping keeping;
+  transport::PhotonBuffer<Block> surface, medium;
+  transport::LightVertexBuffer<Block> vertices;
+
+  void clear() {
+    surface.clear();
+    medium.clear();
+    vertices.clear();
+  }
+  // v is connectible. last: no edge may come between it and the lens. by_specular: the vertex before was left
+  // by a delta lobe.
+  void keep(const scene::Scene& scene, const transport::Vertex<Block>& v, bool last, bool by_specular,
+            film::Tallies& tallies) {
+    const bool photons = v.on_surface() ? keeping.surface_photons : keeping.medium_photons;
+    if (photons && (by_specular || !keeping.caustics_only)) {
+      if (!(v.on_surface() ? surface : medium).keep(scene, v))
+        ++tallies.rejected[static_cast<std::size_t>(film::RejectCause::not_a_number)];
+    }
+    if (keeping.vertices && !last) vertices.keep(v);
+  }
+  // Once after each path.
+  void end_path() {
+    if (keeping.vertices) vertices.end_path();
+  }
+};
+
+// The vertices of light path `path` with fewer than `below` edges.
+template <class Block>
+void load_light_path(const std::vector<LightStore<Block>>& chunks, const scene::Scene& scene,
+                     std::uint64_t path, std::uint32_t below, transport::Subpath<Block>& out) {
+  chunks[path / kLightChunk].vertices.load(scene, path % kLightChunk, below, out);
+}
+
+}  // namespace candela::estimators

@@ -1,0 +1,79 @@
+// Light paths whose vertices are splatted on the film: connected to the lens (t = 1), or by meeting it (t =
+// 0); and kept in a store for eye paths.
+#pragma once
+
+#include <cstdint>
+
+#include "worker/estimators/light_store.h"
+#include "worker/estimators/options.h"
+#include "worker/transport/light_path.h"
+#include "worker/transport/splat.h"
+#include "worker/transport/technique/connect_lens.h"
+#include "worker/transport/technique/hit_lens.h"
+
+namespace candela::estimators {
+
+template <transport::Between kBetween, class Mis, class Store, transport::EtaField Eta>
+class LightTracing {
+ public:
+  using LightWalk = transport::Walk<transport::TransportMode::importance, kBetween, Mis>;
+  using Vertex = typename LightWalk::Vertex;
+
+  // All by reference but the options: they outlive the estimator.
+  LightTracing(const scene::Scene& scene, const PathOptions& options, const Techniques& techniques,
+               const PathCounts& counts, const Eta& eta, const transport::Splatter& splatter, Store& store,
+               film::Tallies& tallies)
+      : scene_(scene),
+        factors_(mis_factors<Mis>(techniques, counts)),
+        rules_(light_rules(options, techniques, counts)),
+        light_image_(techniques.light_image),
+        each_(static_cast<float>(1 / counts.light_paths)),
+        eta_(eta),
+        splatter_(splatter),
+        store_(store),
+        tallies_(tallies) {}
+
+  // The light path of the sampler.
+  void operator()(std::uint64_t /*path*/, samplers::Sampler& sampler) {
+    by_specular_ = false;
+    LightWalk walk(scene_, rules_, factors_, sampler, tallies_);
+    transport::follow_light_path(walk, room_, *this);
+  }
+
+  // The techniques: see light_path.h.
+  void met_lens(const LightWalk& walk, std::uint64_t key) {
+    transport::FilmPosition film;
+    const transport::Contribution found = transport::hit_lens(context_, walk, eta_, film);
+    if (found.weight > 0) splatter_.splat(0, film, found.weighted() * each_, rng::combine(key, 2), tallies_);
+  }
+  bool vertex(const LightWalk& walk, const Vertex& v, std::uint64_t key) {
+    if (!v.connectible) return true;
+    // The lens has one edge to come, and a connection to the eye's first vertex two.
+    store_.keep(scene_, v, v.edges >= rules_.max_edges, by_specular_, tallies_);
+    transport::FilmPosition film;
+    transport::Contribution found;
+    if (light_image_ && transport::connect_lens<kBetween, Mis>(context_, walk.draws(), v, eta_, film, found))
+      splatter_.splat(0, film, found.weighted() * each_, rng::combine(key, 3), tallies_);
+    return true;
+  }
+  bool scattered(const Vertex& v) {
+    by_specular_ = v.left_by_delta;
+    return true;
+  }
+
+ private:
+  const scene::Scene& scene_;
+  const transport::MisFactors factors_;
+  const transport::WalkRules rules_;
+  const bool light_image_;
+  const float each_;
+  const Eta& eta_;
+  const transport::Splatter& splatter_;
+  Store& store_;
+  film::Tallies& tallies_;
+  const transport::ConnectContext context_{scene_, factors_, rules_, tallies_};
+  transport::VertexPair<typename Mis::Block> room_;
+  bool by_specular_ = false;
+};
+
+}  // namespace candela::estimators

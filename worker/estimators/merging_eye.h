@@ -1,0 +1,175 @@
+// The eye paths of the merging family. Both follow a path along a ray and return its radiance; one object
+// serves many paths of a thread.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "worker/estimators/light_store.h"
+#include "worker/estimators/options.h"
+#include "worker/transport/eye_path.h"
+#include "worker/transport/technique/connect.h"
+#include "worker/transport/technique/hit_light.h"
+#include "worker/transport/technique/merge.h"
+#include "worker/transport/technique/next_event.h"
+
+namespace candela::estimators {
+
+// What eye paths of an iteration find.
+template <class Block, transport::EtaField Eta>
+struct LightSide {
+  transport::MergeMaps<Block> maps;
+  const std::vector<LightStore<Block>>& chunks;
+  std::uint64_t path_count;
+  Eta eta;
+};
+
+// vcm and bpm: every vertex meets light by itself (s = 0), by next event estimation (s = 1), by connection to
+// the vertices of one light path, and by merging with the photons of all; all weighted against each other.
+template <transport::Between kBetween, class MisT, transport::EtaField Eta>
+class VcmEye : public transport::EyeTechniques {
+ public:
+  using Mis = MisT;
+  using Block = typename Mis::Block;
+  using EyeWalk = transport::Walk<transport::TransportMode::radiance, kBetween, Mis>;
+  using Vertex = typename EyeWalk::Vertex;
+
+  VcmEye(const scene::Scene& scene, const PathOptions& options, const Techniques& techniques,
+         const PathCounts& counts, const LightSide<Block, Eta>& side, film::Tallies& tallies)
+      : scene_(scene),
+        options_(options),
+        techniques_(techniques),
+        factors_(mis_factors<Mis>(techniques, counts)),
+        rules_(eye_rules(options, techniques, counts)),
+        side_(side),
+        tallies_(tallies),
+        gather_(scene, side.maps) {}
+
+  // The ray goes through this place on the film; light_path is that to connect to.
+  Spectrum trace(const Ray& ray, transport::FilmPosition at, std::uint64_t light_path,
+                 samplers::Sampler& sampler) {
+    eta_ = side_.eta.at(at);
+    gather_.begin(eta_);
+    sum_ = {};
+    light_path_ = light_path;
+    loaded_ = false;
+    EyeWalk walk(scene_, rules_, factors_, sampler, tallies_);
+    transport::follow_eye_path(walk, ray, room_, *this);
+    return sum_ += gather_.finish();
+  }
+
+  // The techniques: see eye_path.h.
+  void arrived(const EyeWalk& /*walk*/, const Vertex& v, const Vertex* before, bool left) {
+    gather_.collect();  // for the vertex before
+    transport::Contribution found;
+    if (techniques_.hit_light && v.edges >= options_.min_edges &&
+        transport::hit_light<Mis>(context_, v, left, before, eta_, found))
+      sum_ += found.weighted();
+  }
+  bool vertex(const EyeWalk& walk, const Vertex& v) {
+    if (v.connectible) side_.maps.announce(v);
+    transport::Contribution found;
+    if (v.connectible && v.edges < options_.max_depth) {
+      if (techniques_.next_event &&
+          transport::next_event<kBetween, Mis>(context_, walk.draws(), v, eta_, found))
+        sum_ += found.weighted();
+      if (techniques_.connect && v.edges + 2 <= options_.max_depth) connect_all(walk, v);
+    }
+    sum_ += gather_.finish();
+    if (v.connectible) gather_.start(v);
+    return true;
+  }
+  void passed() { sum_ += gather_.finish(); }  // the next vertex takes this one's place
+
+ private:
+  void connect_all(const EyeWalk& walk, const Vertex& v) {
+    if (!loaded_)  // the first vertex that connects asks for the longest light paths
+      load_light_path(side_.chunks, scene_, light_path_, options_.max_depth - v.edges, light_);
+    loaded_ = true;
+    const std::uint64_t passage = transport::passage_key<kBetween>(walk.draws());
+    transport::Contribution found;
+    for (std::uint32_t i = 0; i < light_.size(); ++i) {
+      const Vertex& z = light_[i];
+      if (z.edges + v.edges + 1 > options_.max_depth) break;
+      if (transport::connect<kBetween, Mis>(context_, z, v, rng::combine(passage, i + 1), eta_, found))
+        sum_ += found.weighted();
+    }
+  }
+
+  const scene::Scene& scene_;
+  const PathOptions& options_;
+  const Techniques& techniques_;
+  const transport::MisFactors factors_;
+  const transport::WalkRules rules_;
+  const LightSide<Block, Eta>& side_;
+  film::Tallies& tallies_;
+  const transport::ConnectContext context_{scene_, factors_, rules_, tallies_};
+  transport::VertexPair<Block> room_;
+  transport::Subpath<Block> light_;
+  transport::Gather<Mis> gather_;
+  // Of the path under way.
+  transport::MergeFactors eta_;
+  Spectrum sum_;
+  std::uint64_t light_path_ = 0;
+  bool loaded_ = false;
+};
+
+// ppm: the walk goes on where it is reflected or refracted specularly. What its other lobes scatter is
+// estimated by merging, all of it, where they are met: so it ends there. Each path is found in one way.
+template <transport::Between kBetween, transport::EtaField Eta>
+class PpmEye : public transport::EyeTechniques {
+ public:
+  using Mis = transport::Unweighted;
+  using Block = typename Mis::Block;
+  using EyeWalk = transport::Walk<transport::TransportMode::radiance, kBetween, Mis>;
+  using Vertex = typename EyeWalk::Vertex;
+
+  PpmEye(const scene::Scene& scene, const PathOptions& options, const Techniques& techniques,
+         const PathCounts& counts, const LightSide<Block, Eta>& side, film::Tallies& tallies)
+      : scene_(scene),
+        options_(options),
+        techniques_(techniques),
+        rules_(eye_rules(options, techniques, counts)),
+        side_(side),
+        tallies_(tallies) {}
+
+  Spectrum trace(const Ray& ray, transport::FilmPosition /*at*/, std::uint64_t /*light_path*/,
+                 samplers::Sampler& sampler) {
+    sum_ = {};
+    EyeWalk walk(scene_, rules_, factors_, sampler, tallies_);
+    transport::follow_eye_path(walk, ray, room_, *this);
+    return sum_;
+  }
+
+  // The techniques: see eye_path.h.
+  void arrived(const EyeWalk& /*walk*/, const Vertex& v, const Vertex* /*before*/, bool left) {
+    transport::Contribution found;
+    if (techniques_.hit_light && v.edges >= options_.min_edges &&
+        transport::hit_light<Mis>(context_, v, left, nullptr, {}, found))
+      sum_ += found.value;
+  }
+  bool vertex(const EyeWalk& /*walk*/, const Vertex& v) {
+    if (!v.connectible) return true;
+    sum_ += transport::merge<Mis>(scene_, side_.maps, {}, v);
+    return v.on_surface() && (kMaySpecular & scene::bit(v.closure.kind)) != 0;
+  }
+  static bool scattered(const Vertex& v) { return v.left_by_delta; }
+
+ private:
+  // Kinds of bsdfs with delta lobes, perhaps beside others.
+  static constexpr std::uint32_t kMaySpecular =
+      scene::kDeltaKinds | scene::kCompositeKinds | scene::bit(scene::BsdfKind::plastic);
+
+  const scene::Scene& scene_;
+  const PathOptions& options_;
+  const Techniques& techniques_;
+  const transport::MisFactors factors_;
+  const transport::WalkRules rules_;
+  const LightSide<Block, Eta>& side_;
+  film::Tallies& tallies_;
+  const transport::ConnectContext context_{scene_, factors_, rules_, tallies_};
+  transport::VertexPair<Block> room_;
+  Spectrum sum_;
+};
+
+}  // namespace candela::estimators

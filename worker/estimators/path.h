@@ -1,0 +1,281 @@
+// Path tracing. A path of depth d has d edges from the camera to the emitter, whose ends scatter. At each
+// vertex light is gathered in two ways: a direction sampled towards an emitter, and the direction that the
+// path goes on in should it meet one. Both estimate the same integral; each contribution is weighted by the
+// heuristic from the two solid-angle densities at the vertex.
+//
+// Between two vertices light may pass surfaces straight and cross media (between.h). Neither turns it, so
+// that the densities of its direction at the vertex stay what they were, and so do the weights: they depend
+// on the vertex, the direction and the emitter alone, not on what chance decided along the way. A flight
+// through a medium may end in a vertex of its own, which scatters by the phase function.
+//
+// throughput: product of scattering values times cosines over densities, along the path so far.
+// Random numbers: path_block of transport/draws.h. A draw that nothing at the vertex reads is not made.
+//
+// Russian roulette from rr_depth on: kPathRoulette. A path survives with 4 times the probability Mitsuba
+// gives it. Where light is hard to find, what a few long paths bring is most of the variance, and ending them
+// early with their survivors scaled up makes it worse; where it is easy, long paths are only time. The bound
+// on the probability does not hold in media either: in a cloud that absorbs nothing the lengths of paths fall
+// off as slowly as n^-3/2, and a bound's survivors, scaled up, would carry light in samples too rare to come
+// up.
+//
+// Why this is not transport::Walk (docs/decisions/005): its last edge crosses media by their transmittance, not
+// by a flight, and its random block has 5 draws in place of 8: other films. They share draws.h and roulette.h.
+#pragma once
+
+#include <bit>
+#include <cstdint>
+
+#include "common/film/counts.h"
+#include "worker/estimators/options.h"
+#include "worker/samplers/sampler.h"
+#include "worker/scene/scene.h"
+#include "worker/transport/between.h"
+#include "worker/transport/draws.h"
+#include "worker/transport/roulette.h"
+#include "worker/transport/technique/contribution.h"
+
+namespace candela::estimators {
+
+// The MIS weight of a technique with density p against one of density q, as a ratio so that it neither over-
+// nor underflows. [Veach 1997, Eq. 9.8 (balance) and 9.13 (power, beta = 2)]
+inline float mis_weight(float p, float q, bool power) {
+  const float ratio = q / p;
+  return 1.0f / (1.0f + (power ? ratio * ratio : ratio));
+}
+
+// One path. Of the techniques it knows next_event and hit_light; where both run they are weighted.
+// SceneT is scene::Scene, or what stands in for it to watch the rays. SamplerT likewise: samplers::Sampler,
+// or a chain's.
+template <transport::Between kBetween, class SceneT, class SamplerT>
+class PathTracer {
+ public:
+  PathTracer(const SceneT& scene, const PathOptions& options, const Techniques& techniques, SamplerT& sampler,
+             film::Tallies& tallies)
+      : scene_(scene),
+        options_(options),
+        hit_light_(techniques.hit_light),
+        next_event_(techniques.next_event),
+        weighs_(techniques.hit_light && techniques.next_event),
+        power_(options.heuristic == transport::MisHeuristic::power),
+        chooses_emitter_(transport::reads_emitter_choice(scene)),
+        sampler_(sampler),
+        tallies_(tallies) {}
+
+  // The radiance arriving along `ray`.
+  Spectrum radiance(const Ray& ray) {
+    ray_ = ray;
+    if constexpr (kMedia) medium_ = scene_.camera_medium(ray);
+    // An iteration is a stretch of a ray up to the next surface or scattering. depth_ counts edges between
+    // vertices that scatter: passing straight does not.
+    while (depth_ <= options_.max_depth && follow_stretch())
+      block_ += kMedia ? transport::path_block::kMediaBlock : transport::path_block::kBlock;
+    tallies_.rays += rays_;
+    return sum_;
+  }
+
+ private:
+  static constexpr bool kPasses = kBetween != transport::Between::nothing,
+                        kMedia = kBetween == transport::Between::media;
+  enum class Flight : std::uint8_t { absorbed, scattered, arrived };
+
+  float draw_1d(std::uint32_t which) { return sampler_.draw_1d(block_ + which, stratified_); }
+  Vec2 draw_2d(std::uint32_t which) { return sampler_.draw_2d(block_ + which, stratified_); }
+
+  // False: the path ends. So for all functions of steps.
+  bool follow_stretch() {
+    scene::SurfaceHit& hit = hits_[depth_ & 1];
+    stratified_ = scatterings_ < transport::kStratifiedVertices;
+    ++rays_;
+    const bool found = scene_.intersect(ray_, hit);
+    if constexpr (kMedia) {
+      if (medium_ != scene::kNone) {
+        const Flight flight = fly(found ? &hit : nullptr);
+        if (flight == Flight::absorbed) return false;
+        if (flight == Flight::scattered) return scatter_in_medium(hit);
+      }
+    }
+    if (!found) {
+      if (hit_light_ && depth_ >= options_.min_edges) add_environment();
+      return false;
+    }
+    if (hit_light_ && hit.emitter != scene::kNone && depth_ >= options_.min_edges) add_emitted(hit);
+    if (depth_ == options_.max_depth) {  // light may still arrive straight through
+      if constexpr (kPasses) {
+        throughput_ *= scene_.straight(hit, -ray_.direction);
+        return !throughput_.is_black() && pass_straight(hit);
+      }
+      return false;
+    }
+    return scatter(hit);
+  }
+
+  // A flight through the medium up to the surface, or to a scattering before.
+  Flight fly(const scene::SurfaceHit* surface) {
+    const scene::Medium& around = scene_.medium(medium_);
+    const Ray stretch = transport::inside_medium(ray_, surface);
+    const Vec2 u = draw_2d(transport::path_block::kFlight);
+    scene::DistanceSample flight;
+    if (depth_ < options_.max_depth) {
+      flight = around.sample_distance(stretch, throughput_, u);
+    } else {  // nothing may scatter any more
+      rng::Stream stream(rng::key(std::bit_cast<std::uint32_t>(u.x), std::bit_cast<std::uint32_t>(u.y)));
+      flight.weight = around.transmittance(stretch, stream);
+    }
+    throughput_ *= flight.weight;
+    if (throughput_.is_black()) return Flight::absorbed;
+    if (!flight.scattered) return Flight::arrived;
+    transport::medium_vertex(ray_, flight.distance, hits_[depth_ & 1]);
+    return Flight::scattered;
+  }
+
+  bool scatter_in_medium(const scene::SurfaceHit& here) {
+    const scene::Phase& phase = scene_.medium(medium_).phase();
+    const Vec3 wo = -ray_.direction;
+    front_ = {};
+    ++scatterings_;
+    if (next_event_ && depth_ + 1 >= options_.min_edges)
+      sample_light(here, front_, [&](Vec3 wi, float& pdf_solid_angle) {
+        pdf_solid_angle = phase.pdf_solid_angle(wo, wi);
+        return Spectrum(phase.eval(wo, wi));
+      });
+    previous_pdf_solid_angle_ = phase.sample(wo, draw_2d(transport::path_block::kDirection), ray_.direction);
+    previous_delta_ = false;
+    if (!survives(depth_ < transport::kPathRoulette.free_depth)) return false;
+    ray_ = {here.p, ray_.direction};
+    ++depth_;
+    return true;
+  }
+
+  bool scatter(const scene::SurfaceHit& hit) {
+    const Vec3 wo = hit.shading.to_local(-ray_.direction);
+    arena_.clear();
+    const scene::Closure closure = scene_.closure(hit, wo, arena_);
+    if (closure.black) return false;
+    const Vec3 side = closure.scatters_through() ? Vec3{} : wo.z < 0 ? -hit.shading.n : hit.shading.n;
+    const bool connectible = !closure.purely_delta();
+    scatterings_ += connectible ? 1 : 0;
+    if (next_event_ && connectible && depth_ + 1 >= options_.min_edges)
+      sample_light(hit, side, [&](Vec3 wi, float& pdf_solid_angle) {
+        return closure.eval_pdf(wo, hit.shading.to_local(wi), scene::TransportMode::radiance,
+                                pdf_solid_angle);
+      });
+    scene::BsdfSample next;
+    const float u_lobe = closure.chooses_lobe() ? draw_1d(transport::path_block::kLobe) : 0.0f;
+    if (!closure.sample(wo, u_lobe, draw_2d(transport::path_block::kDirection),
+                        scene::TransportMode::radiance, next))
+      return false;
+    throughput_ *= next.weight;
+    if (throughput_.is_black()) return false;
+    if constexpr (kPasses) {
+      if (next.straight) return pass_straight(hit);
+    }
+    eta_scale_ *= next.eta * next.eta;
+    if (!survives(!next.delta && depth_ < transport::kPathRoulette.free_depth &&
+                  throughput_.max_component() * eta_scale_ > 1))
+      return false;
+    front_ = side;
+    previous_delta_ = next.delta;
+    previous_pdf_solid_angle_ = next.pdf_solid_angle;
+    ray_ = spawn_ray(hit, hit.shading.to_world(next.wi));
+    if constexpr (kMedia) medium_ = scene_.medium_beyond(hit, ray_.direction, medium_);
+    ++depth_;
+    return true;
+  }
+
+  // Next event estimation from the vertex `here`, which scatters as eval_pdf(wi, pdf) says.
+  template <class EvalPdf>
+  void sample_light(const scene::SurfaceHit& here, Vec3 side, const EvalPdf& eval_pdf) {
+    using namespace transport;
+    scene::DirectSample light;
+    const float u_emitter = chooses_emitter_ ? draw_1d(path_block::kEmitterChoice) : 0.0f;
+    if (scene_.sample_direct(here, side, u_emitter, draw_2d(path_block::kEmitterPoint), light) !=
+        scene::DirectOutcome::sampled)
+      return;
+    float pdf_solid_angle = 0;
+    Spectrum value = eval_pdf(light.wi, pdf_solid_angle);
+    if (value.is_black()) return;
+    if constexpr (kPasses) {
+      rng::Stream stream(0);
+      std::uint32_t through = medium_;
+      if constexpr (kMedia) {
+        const Vec2 u = sampler_.draw_2d(block_ + path_block::kTransmittance, false);
+        stream = rng::Stream(rng::key(std::bit_cast<std::uint32_t>(u.x), std::bit_cast<std::uint32_t>(u.y)));
+        through = scene_.medium_beyond(here, light.wi, through);
+      }
+      value *= passing<kBetween>(scene_, light.shadow_ray, through, stream, rays_);
+      if (value.is_black()) return;
+    } else {
+      ++rays_;
+      if (scene_.occluded(light.shadow_ray)) return;
+    }
+    float weight = 1 / light.pdf_solid_angle;
+    if (weighs_ && !light.delta) weight *= mis_weight(light.pdf_solid_angle, pdf_solid_angle, power_);
+    sum_ += throughput_ * value * light.radiance * weight;
+  }
+
+  // Light that the ray found by itself.
+  void add_environment() {
+    const Spectrum arriving = scene_.environment(ray_.direction);
+    if (arriving.is_black()) return;
+    float weight = 1;
+    if (weighs_ && !previous_delta_)
+      weight =
+          mis_weight(previous_pdf_solid_angle_,
+                     scene_.pdf_direct_environment_solid_angle(previous(), front_, ray_.direction), power_);
+    sum_ += throughput_ * arriving * weight;
+  }
+  void add_emitted(const scene::SurfaceHit& hit) {
+    const Spectrum emitted = scene_.emitted(hit, -ray_.direction);
+    if (emitted.is_black()) return;
+    float weight = 1;
+    if (weighs_ && !previous_delta_)
+      weight = mis_weight(previous_pdf_solid_angle_,
+                          scene_.pdf_direct_solid_angle(previous(), front_, ray_.direction, hit), power_);
+    sum_ += throughput_ * emitted * weight;
+  }
+
+  // Survivors are scaled up. free: no bound on the probability.
+  bool survives(bool free) {
+    if (depth_ < options_.rr_depth) return true;
+    const float survive = transport::kPathRoulette.survival(throughput_.max_component() * eta_scale_,
+                                                            free ? 1.0f : transport::kMaxSurvival);
+    if (!(draw_1d(transport::path_block::kRoulette) < survive)) return false;
+    throughput_ *= 1 / survive;
+    return true;
+  }
+
+  // On through a surface that changes nothing but the throughput. False: the ray does not get on.
+  bool pass_straight(const scene::SurfaceHit& hit) {
+    if constexpr (kMedia) medium_ = scene_.medium_beyond(hit, ray_.direction, medium_);
+    ray_ = spawn_ray(hit, ray_.direction);
+    return ++passes_ < transport::kMostPasses;
+  }
+
+  const scene::SurfaceHit& previous() const { return hits_[~depth_ & 1]; }
+
+  const SceneT& scene_;
+  const PathOptions& options_;
+  const bool hit_light_, next_event_, weighs_, power_, chooses_emitter_;
+  SamplerT& sampler_;
+  film::Tallies& tallies_;
+
+  Ray ray_;
+  Spectrum sum_;
+  Spectrum throughput_{1.0f};  // scattering values times cosines over densities, along the path so far
+  float eta_scale_ =
+      1;  // squared relative index since the camera: undoes radiance's 1/eta^2 for the roulette
+  std::uint32_t depth_ = 1, block_ = transport::kEyeDimensions, passes_ = 0;
+  std::uint32_t scatterings_ = 0;        // vertices so far that are not specular
+  bool stratified_ = true;               // draws of the present vertex
+  std::uint32_t medium_ = scene::kNone;  // that the ray is in
+  std::uint64_t rays_ = 0;
+  scene::SurfaceHit hits_[2];  // the edge's end and its start, in turn
+  scene::ClosureArena arena_;
+  // Of the vertex before: the camera cannot be sampled from a light; its shading normal on the viewer's side,
+  // zero if it scatters through, and in a medium.
+  bool previous_delta_ = true;
+  float previous_pdf_solid_angle_ = 0;
+  Vec3 front_;
+};
+
+}  // namespace candela::estimators

@@ -1,0 +1,48 @@
+// The loop over the vertices of an eye path, the same for all estimators.
+#pragma once
+
+#include "worker/transport/subpath.h"
+#include "worker/transport/walk.h"
+
+namespace candela::transport {
+
+// Follows the path along a ray of Scene::camera_ray. `room` is a VertexPair or a Subpath. `at` is the list of
+// an estimator's techniques:
+//   arrived(walk, v, before, left)   v is where light may be met: on a surface, or out of the scene if `left`
+//   bool vertex(walk, v)             v may scatter, and be connected if it is connectible; false ends the
+//   path bool scattered(v)                the walk chose a direction; false ends the path passed() the walk
+//   goes straight on; v's place is used for the next vertex unless
+//                                    the room keeps it
+template <class WalkT, class Room, class Techniques>
+void follow_eye_path(WalkT& walk, const Ray& ray, Room& room, Techniques& at) {
+  room.clear();
+  walk.start_eye(ray);
+  for (;;) {
+    auto& [v, arena] = room.next();
+    const auto event = walk.advance(v, arena);
+    if (event == WalkT::Event::ended) return;
+    const bool left = event == WalkT::Event::left;
+    at.arrived(walk, v, room.before(), left);
+    if (left || !at.vertex(walk, v)) return;
+    switch (walk.scatter(v)) {
+      case WalkT::Step::ended:
+        return;
+      case WalkT::Step::scattered:
+        if (!at.scattered(v)) return;
+        room.keep();
+        break;
+      case WalkT::Step::passed:
+        at.passed();
+        room.pass();
+        break;
+    }
+  }
+}
+
+// What most estimators do after a vertex.
+struct EyeTechniques {
+  static bool scattered(const ScatterPoint& /*v*/) { return true; }
+  static void passed() {}
+};
+
+}  // namespace candela::transport

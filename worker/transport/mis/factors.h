@@ -1,0 +1,35 @@
+// How many samples each technique takes: what weights (mis/balance_power.h) know of an integrator.
+#pragma once
+
+#include <concepts>
+
+#include "worker/transport/film_position.h"
+
+namespace candela::transport {
+
+// Samples per eye path, 0: not run. Raised as the heuristic wants it.
+struct MisFactors {
+  double hit_light = 1, next_event = 1, connect = 1;
+  double light_image = 1, hit_lens = 1;  // the number of light paths per iteration
+};
+
+// eta, raised; 0: no merging.
+struct MergeFactors {
+  double surface = 0, medium = 0;
+};
+
+// eta as a function of the place on the film that a path arrives at. It must not depend on the technique that
+// made the path: a splat from a light path and the eye path through the same place see the same eta, so that
+// the weights of a path sum to one. Nothing that a vertex stores contains eta.
+template <class T>
+concept EtaField = requires(const T& field, FilmPosition at) {
+  { field.at(at) } -> std::convertible_to<MergeFactors>;
+};
+
+// The same eta everywhere.
+struct ConstantEta {
+  MergeFactors factors;
+  const MergeFactors& at(FilmPosition /*place*/) const { return factors; }
+};
+
+}  // namespace candela::transport

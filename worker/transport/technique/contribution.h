@@ -1,0 +1,77 @@
+// What a technique finds, and what all of them need. The techniques are those of mis/balance_power.h, a file
+// each; each gives the value of its estimator without the weight, and the weight.
+#pragma once
+
+#include <bit>
+#include <cstdint>
+
+#include "common/film/counts.h"
+#include "worker/transport/between.h"
+#include "worker/transport/draws.h"
+#include "worker/transport/mis/factors.h"
+#include "worker/transport/vertex.h"
+#include "worker/transport/walk.h"
+
+namespace candela::transport {
+
+struct Contribution {
+  Spectrum value;  // unweighted: value * weight is what goes to the film
+  double weight = 0;
+  bool is_black() const { return value.is_black(); }
+  Spectrum weighted() const { return value * static_cast<float>(weight); }
+};
+
+// The terms of a weight, for heuristics that look at each technique (technique_list.h). Densities relative to
+// that of the technique at hand. next: the neighboring technique that is no connection of vertices.
+// light_step and light_reverse: the last light vertex as the eye's walk samples it, and that vertex's
+// pdf_reverse; eye_step and eye_reverse likewise.
+struct WeightTerms {
+  double next = 0;
+  double light_step = 0, light_reverse = 0;
+  double eye_step = 0, eye_reverse = 0;
+};
+
+// Whether Scene::sample_direct reads its u_select: a fact of the scene.
+template <class SceneT>
+bool reads_emitter_choice(const SceneT& scene) {
+  const scene::SceneFeatures& features = scene.features();
+  return features.emitters > 1 || features.any_mesh_emitter;
+}
+
+// Common to the techniques of an estimator.
+struct ConnectContext {
+  const scene::Scene& scene;
+  const MisFactors& factors;
+  const WalkRules& rules;
+  film::Tallies& tallies;
+  const bool chooses_emitter = reads_emitter_choice(scene);
+};
+
+// The fraction of light that passes between vertex v and along `shadow_ray` from it, and the survival of
+// weights.
+template <Between kBetween>
+Spectrum visibility(const ConnectContext& c, const ScatterPoint& v, const Ray& shadow_ray,
+                    std::uint64_t stream_key, double& survival) {
+  survival = 1;
+  if constexpr (kBetween == Between::nothing) {
+    ++c.tallies.rays;
+    return c.scene.occluded(shadow_ray) ? Spectrum() : Spectrum(1.0f);
+  } else {
+    std::uint32_t medium = v.medium;
+    if constexpr (kBetween == Between::media) {
+      if (v.kind == VertexKind::surface)
+        medium = c.scene.medium_beyond(v.hit, shadow_ray.direction, v.medium);
+    }
+    return passing<kBetween>(c.scene, shadow_ray, medium, rng::Stream(stream_key), c.tallies.rays, &survival);
+  }
+}
+
+// The key of a sub-stream for tracking through media, from the vertex's block.
+template <Between kBetween, class SamplerT>
+std::uint64_t passage_key(const VertexDraws<SamplerT>& draws) {
+  if constexpr (kBetween != Between::media) return 0;
+  const Vec2 u = draws.sampler.draw_2d(draws.block + kTransmittance, false);
+  return rng::key(std::bit_cast<std::uint32_t>(u.x), std::bit_cast<std::uint32_t>(u.y), 0);
+}
+
+}  // namespace candela::transport
