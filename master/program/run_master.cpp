@@ -19,6 +19,7 @@
 #include "common/base/quantity.h"
 #include "common/base/text.h"
 #include "common/base/version.h"
+#include "common/wire/grpc_settings.h"
 #include "common/wire/wire.h"
 #include "master/master.h"
 
@@ -170,7 +171,7 @@ int run_master(int argc, char** argv) {
     std::fprintf(stderr, "candela-master: this CPU lacks %s, which this build needs\n", missing);
     return 1;
   }
-  if (std::getenv("GRPC_VERBOSITY") == nullptr) setenv("GRPC_VERBOSITY", "NONE", 1);
+  wire::configure_grpc();
   Texts texts;
   CLI::App app{"The master of a Candela farm: keeps jobs, leases work to workers, merges what they render."};
   app.set_version_flag("--version", "candela-master " + std::string(build_id()));

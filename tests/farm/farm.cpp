@@ -12,6 +12,7 @@
 #include <stdexcept>
 
 #include "common/job/job.h"
+#include "common/wire/grpc_settings.h"
 #include "common/wire/wire.h"
 
 namespace candela::farm {
@@ -61,6 +62,7 @@ std::vector<std::string> job_options(std::uint64_t iterations, std::uint64_t see
 }
 
 Farm::Farm() {
+  wire::configure_grpc();
   std::ofstream(folder_ / "config.toml") << "# nothing of the machine's own settings\n";
 }
 

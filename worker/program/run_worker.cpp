@@ -23,6 +23,7 @@
 #include "common/base/quantity.h"
 #include "common/base/text.h"
 #include "common/base/version.h"
+#include "common/wire/grpc_settings.h"
 #include "worker/service/worker_service.h"
 
 namespace candela::worker {
@@ -180,6 +181,7 @@ int run_worker(int argc, char** argv) {
     std::fprintf(stderr, "candela-worker: this CPU lacks %s, which this build needs\n", missing);
     return 1;
   }
+  wire::configure_grpc();
   Texts texts;
   CLI::App app("A render worker: leases units of work from a master, renders them and delivers the results.");
   app.set_version_flag("--version", std::string(version()) + " (build " + std::string(build_id()) + ")");
