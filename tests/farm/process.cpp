@@ -73,6 +73,8 @@ Process::Process(const std::vector<std::string>& arguments, const std::filesyste
     sigset_t none;
     sigemptyset(&none);
     ::sigprocmask(SIG_SETMASK, &none, nullptr);
+    // Tests send these; a test started in the background of a shell inherits that they are ignored.
+    for (const int number : {SIGINT, SIGQUIT, SIGHUP}) ::signal(number, SIG_DFL);
     // A file size limit (the full disk test's) shall come as an error, as a full disk does, not as a signal.
     ::signal(SIGXFSZ, SIG_IGN);
     ::dup2(in_fd, 0);
