@@ -30,19 +30,13 @@ REMOVALS = {
          "float eval(Vec2 /*uv*/) const { return constant; }"),
     ],
     "bump maps, masks, blends": [
-        (BSDF, "bit(BsdfKind::blend) | bit(BsdfKind::perturbed);", "0u;"),
-        (BSDF, "bit(BsdfKind::roughplastic) | bit(BsdfKind::blend);", "bit(BsdfKind::roughplastic);"),
-        (BSDF, """return (kLobeKinds & bit(kind)) != 0 ||
-           (kind == BsdfKind::perturbed && (perturbed.flips || perturbed.nested->chooses_lobe()));""",
-         "return (kLobeKinds & bit(kind)) != 0;"),
         (PATH, "    arena_.clear();\n", ""),
         (WALK, "    arena.clear();\n", ""),
         ("worker/transport/light_vertices.h", "        slot.arena.clear();\n", ""),
         ("worker/scene/shapes/geometry.cpp", "triangle.partials = record.reads_partials;", "triangle.partials = false;"),
     ],
     "specular surfaces": [
-        (BSDF, "return (kDeltaKinds & bit(kind)) != 0 || ((kCompositeKinds & bit(kind)) != 0 && parts_purely_delta());",
-         "return false;"),
+        (BSDF, "return traits_.purely_delta;", "return false;"),
         (PATH, "previous_delta_ = next.delta;", "previous_delta_ = false;"),
         (WALK, "depart(v, pdf, next.delta, reverse, out);", "depart(v, pdf, false, reverse, out);"),
         (WALK, "if (next.delta) {", "if (false) {"),

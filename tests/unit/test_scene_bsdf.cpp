@@ -11,6 +11,7 @@
 #include "common/rng/stream.h"
 #include "worker/core/math.h"
 #include "worker/scene/bsdf.h"
+#include "worker/scene/bsdfs/kinds.h"
 #include "worker/scene/bsdfs/microfacet.h"
 
 namespace candela::scene {
@@ -26,21 +27,18 @@ Vec3 direction(double cos_theta, double phi) {
 
 Closure make_diffuse(Spectrum reflectance) {
   Closure c;
-  c.kind = BsdfKind::diffuse;
-  c.diffuse = {reflectance};
+  c.set(DiffuseClosure{reflectance});
   return c;
 }
 Closure make_rough(float alpha_u, float alpha_v, bool ggx, bool visible) {
   Closure c;
-  c.kind = BsdfKind::roughconductor;
-  c.rough_conductor = {Spectrum(1), Spectrum(0), Spectrum(1), alpha_u,
-                       alpha_v,     ggx,         visible};  // reflects all
+  c.set(RoughConductorClosure{Spectrum(1), Spectrum(0), Spectrum(1), alpha_u, alpha_v, ggx,
+                              visible});  // reflects all
   return c;
 }
 Closure make_dielectric(float eta, float r = 1, float t = 1) {
   Closure c;
-  c.kind = BsdfKind::dielectric;
-  c.dielectric = {Spectrum(r), Spectrum(t), eta};
+  c.set(DielectricClosure{Spectrum(r), Spectrum(t), eta});
   return c;
 }
 
@@ -73,7 +71,7 @@ std::vector<Case> rough_cases() {
 // Facet slopes in units of alpha, (r, phi), where r^2 = t / (1 - t): a chart of all normals in which no lobe
 // is narrow. Returns wi for t and phi, and the Jacobian d(solid angle of wi) / (dt dphi).
 Vec3 chart(const Closure& c, Vec3 wo, double t, double phi, double& jacobian) {
-  const auto& p = c.rough_conductor;
+  const auto& p = c.get<RoughConductorClosure>();
   const double r = std::sqrt(1 / ((1 - t) * (1 - t)) - 1);
   const double au = static_cast<double>(p.alpha_u);
   const double av = static_cast<double>(p.alpha_v);
@@ -87,7 +85,7 @@ Vec3 chart(const Closure& c, Vec3 wo, double t, double phi, double& jacobian) {
   return cos_d > 0 ? Vec3(i) : Vec3{0, 0, -1};
 }
 void inverse_chart(const Closure& c, Vec3 wo, Vec3 wi, double& t, double& phi) {
-  const auto& p = c.rough_conductor;
+  const auto& p = c.get<RoughConductorClosure>();
   const Vec3d h = normalize(Vec3d(wo) + Vec3d(wi));
   const double x = h.x / h.z / static_cast<double>(p.alpha_u);
   const double y = h.y / h.z / static_cast<double>(p.alpha_v);
@@ -109,7 +107,8 @@ TEST(RoughConductor, SamplingMatchesDensity) {
   for (std::size_t n = 0; n < cases.size(); ++n) {
     const Closure& c = cases[n].closure;
     const Vec3 wo = direction(cases[n].cos_o, cases[n].phi_o);
-    const int samples = cases[n].cos_o * static_cast<double>(c.rough_conductor.alpha_u) < 1e-5 ? 3000 : 15000;
+    const int samples =
+        cases[n].cos_o * static_cast<double>(c.get<RoughConductorClosure>().alpha_u) < 1e-5 ? 3000 : 15000;
     std::vector<double> expected(kRadial * kAngular + 1);
     double total = 0;
     for (int a = 0; a < kRadial; ++a) {
@@ -161,7 +160,8 @@ TEST(RoughConductor, SamplingMatchesDensity) {
 TEST(RoughConductor, WeightIsValueOverDensity) {
   for (const Case& k : rough_cases()) {
     const Vec3 wo = direction(k.cos_o, k.phi_o);
-    const float alpha = std::min(k.closure.rough_conductor.alpha_u, k.closure.rough_conductor.alpha_v);
+    const float alpha = std::min(k.closure.get<RoughConductorClosure>().alpha_u,
+                                 k.closure.get<RoughConductorClosure>().alpha_v);
     rng::Stream stream(rng::key(12));
     for (int i = 0; i < 300; ++i) {
       const float ux = stream.next_float();
@@ -199,11 +199,12 @@ TEST(RoughConductor, WhiteFurnaceLosesNotGains) {
     }
     albedo *= 2 * std::numbers::pi / (kSteps * kSteps);
     EXPECT_LE(albedo, 1.003) << k.name;  // 0.003: the quadrature's error at the horizon
-    const float alpha = std::max(k.closure.rough_conductor.alpha_u, k.closure.rough_conductor.alpha_v);
+    const float alpha = std::max(k.closure.get<RoughConductorClosure>().alpha_u,
+                                 k.closure.get<RoughConductorClosure>().alpha_v);
     if (k.cos_o > 0.5 && alpha <= 0.1f) {
       EXPECT_GE(albedo, 0.97) << k.name;
     }
-    if (!k.closure.rough_conductor.sample_visible) continue;
+    if (!k.closure.get<RoughConductorClosure>().sample_visible) continue;
     rng::Stream stream(rng::key(13));
     for (int i = 0; i < 1000; ++i) {
       const float ux = stream.next_float();
@@ -221,8 +222,10 @@ TEST(Bsdf, Reciprocity) {
   std::vector<Closure> closures = {make_diffuse({0.2f, 0.5f, 0.9f})};
   for (const Case& k : rough_cases()) {
     Closure c = k.closure;
-    c.rough_conductor.eta = {1.6f, 0.9f, 0.5f};
-    c.rough_conductor.k = {9.2f, 6.3f, 4.8f};
+    RoughConductorClosure metal = c.get<RoughConductorClosure>();
+    metal.eta = {1.6f, 0.9f, 0.5f};
+    metal.k = {9.2f, 6.3f, 4.8f};
+    c.set(metal);
     closures.push_back(c);
   }
   rng::Stream stream(rng::key(14));
@@ -387,11 +390,10 @@ TEST(Dielectric, ColouredLobes) {
 // normal-incidence value and the dielectric limit k = 0.
 TEST(Conductor, MirrorsWithComplexFresnel) {
   Closure c;
-  c.kind = BsdfKind::conductor;
   const auto normal = [](double eta, double k) {
     return ((eta - 1) * (eta - 1) + k * k) / ((eta + 1) * (eta + 1) + k * k);
   };
-  c.conductor = {Spectrum(1), {0.2f, 1.5f, 3}, {3.9f, 0, 4.5f}};
+  c.set(ConductorClosure{Spectrum(1), {0.2f, 1.5f, 3}, {3.9f, 0, 4.5f}});
   BsdfSample s;
   ASSERT_TRUE(c.sample({0, 0, 1}, 0, {}, TransportMode::radiance, s));
   EXPECT_NEAR(s.weight.r, normal(0.2, 3.9), 1e-5);
@@ -403,7 +405,8 @@ TEST(Conductor, MirrorsWithComplexFresnel) {
     EXPECT_EQ(s.wi, (Vec3{-wo.x, -wo.y, wo.z}));
     EXPECT_NEAR(s.weight.g, fresnel_reference(cos_o, 1.5), 1e-5) << cos_o;
   }
-  c.conductor = {Spectrum(0.7f), Spectrum(0), Spectrum(1)};  // Mitsuba's material "none": reflects all
+  // Mitsuba's material "none": reflects all.
+  c.set(ConductorClosure{Spectrum(0.7f), Spectrum(0), Spectrum(1)});
   for (const double cos_o : {1.0, 0.5, 1e-3, 1e-6}) {
     ASSERT_TRUE(c.sample(direction(cos_o, 1), 0, {}, TransportMode::radiance, s));
     EXPECT_NEAR(s.weight.r, 0.7f, 1e-6f);
@@ -476,17 +479,10 @@ TEST(Bsdf, RandomInputNeverGivesNaN) {
           stream.next_u32() % 4 == 0 ? 1 + (stream.next_float() - 0.5f) * 1e-5f : number(1e-3, 1e3),
           reflectance.r, unit_number());
     } else if (kind == 2) {
-      c.kind = BsdfKind::conductor;
-      c.conductor = {reflectance, eta, k};
+      c.set(ConductorClosure{reflectance, eta, k});
     } else {
-      c.kind = BsdfKind::roughconductor;
-      c.rough_conductor = {reflectance,
-                           eta,
-                           k,
-                           number(1e-4, 100),
-                           number(1e-4, 100),
-                           stream.next_u32() % 2 == 0,
-                           stream.next_u32() % 3 != 0};
+      c.set(RoughConductorClosure{reflectance, eta, k, number(1e-4, 100), number(1e-4, 100),
+                                  stream.next_u32() % 2 == 0, stream.next_u32() % 3 != 0});
     }
     c.flipped = stream.next_u32() % 4 == 0 && kind != 1;
     const Vec3 wo = any_direction();

@@ -185,7 +185,7 @@ TEST(PerturbedBsdf, MirroredParameterisation) {
   const Prepared p(*bumped->bsdf, hit_at({0.4f, 0.5f}), {0, 0, 1});
   const Prepared q(*bumped->bsdf, hit_at({0.4f, 0.5f}, {1, 0, 0}, {0, -1, 0}), {0, 0, 1});
   for (const Prepared* each : {&p, &q}) {
-    const Frame& f = each->closure.perturbed.frame;
+    const Frame& f = each->closure.get<PerturbedClosure>().frame;
     EXPECT_NEAR(f.n.x, -std::sqrt(0.5f), 1e-6f);
     EXPECT_NEAR(f.n.z, std::sqrt(0.5f), 1e-6f);
     EXPECT_LT(length(cross(f.s, f.t) - f.n), 1e-6f);
@@ -310,8 +310,8 @@ TEST(PerturbedBsdf, ThroughAScene) {
     ASSERT_TRUE((*built)->intersect({{-0.4f, 0.3f, 0}, {0, 0, 1}}, hit));
     ClosureArena arena;
     const Closure closure = (*built)->closure(hit, hit.shading.to_local({0, 0, -1}), arena);
-    ASSERT_EQ(closure.kind, BsdfKind::perturbed);
-    const Vec3 n = hit.shading.to_world(closure.perturbed.frame.n);
+    ASSERT_TRUE(closure.is<PerturbedClosure>());
+    const Vec3 n = hit.shading.to_world(closure.get<PerturbedClosure>().frame.n);
     // The surface rises towards -z as u grows, along +-x.
     const Vec3d expected = normalize(Vec3d{-0.125 * side, 0, -1});
     EXPECT_NEAR(n.x, expected.x, 1e-5);
@@ -331,7 +331,7 @@ TEST(PerturbedBsdf, BuildsOnlyWhatHasMeaning) {
   const auto old =
       build("<bsdf type='bumpmap'><texture type='checkerboard'/><bsdf type='diffuse'/></bsdf>", "", "0.6.0");
   const Prepared p(*old->bsdf, hit_at({0, 0}), {0, 0, 1});
-  EXPECT_FALSE(p.closure.perturbed.flips);
+  EXPECT_FALSE(p.closure.get<PerturbedClosure>().flips);
 
   const auto error = [](const std::string& xml) { return Built(xml, "", "3.0.0").error; };
   EXPECT_NE(error("<bsdf type='bumpmap'><bsdf type='diffuse'/></bsdf>").find("lacks a texture"),

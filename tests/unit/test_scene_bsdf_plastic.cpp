@@ -5,6 +5,7 @@
 
 #include "worker/scene/bsdf.h"
 #include "worker/scene/bsdfs/fresnel.h"
+#include "worker/scene/bsdfs/kinds.h"
 #include "worker/scene/bsdfs/rough_transmittance.h"
 
 namespace candela::scene {
@@ -14,8 +15,7 @@ namespace {
 // visible ones, on a fine grid.
 double reflectance(bool ggx, float alpha, float eta, double mu, int steps) {
   Closure c;
-  c.kind = BsdfKind::roughdielectric;
-  c.rough_dielectric = {Spectrum(1), Spectrum(0), eta, alpha, alpha, ggx, false};
+  c.set(RoughDielectricClosure{Spectrum(1), Spectrum(0), eta, alpha, alpha, ggx, false});
   const Vec3 wo{static_cast<float>(std::sqrt(1 - mu * mu)), 0, static_cast<float>(mu)};
   double sum = 0;
   for (int i = 0; i < steps; ++i) {

@@ -204,12 +204,12 @@ TEST(PrincipledBsdf, IsItsDefinition) {
 // and specular exclude each other; a black base has white hue; facts follow the textures.
 TEST(PrincipledBsdf, Builds) {
   Built plain("<bsdf type='principled'/>");
-  EXPECT_NEAR(plain.prepared({0, 0, 1}).principled.eta, 1.5, 1e-6);
+  EXPECT_NEAR(plain.prepared({0, 0, 1}).get<PrincipledClosure>().eta, 1.5, 1e-6);
   EXPECT_TRUE(plain.prepared({0, 0, -1}).black);
   EXPECT_FALSE(plain.bsdf->facts().transmissive);
   Built matched(
       "<bsdf type='principled'><float name='eta' value='1'/><float name='spec_trans' value='0.5'/></bsdf>");
-  EXPECT_EQ(matched.prepared({0, 0, 1}).principled.eta, 1.001f);
+  EXPECT_EQ(matched.prepared({0, 0, 1}).get<PrincipledClosure>().eta, 1.001f);
   EXPECT_TRUE(matched.bsdf->facts().transmissive);
   EXPECT_TRUE(matched.prepared({0, 0, -1}).scatters_through());
   Built both(
@@ -248,9 +248,9 @@ TEST(PhongBsdf, IsItsDefinition) {
   }
   Built modern("<bsdf type='phong'/>");
   const Closure c = modern.prepared({0, 0, 1});
-  EXPECT_EQ(c.phong.exponent, 30);
-  EXPECT_EQ(c.phong.diffuse.g, 0.5f);
-  EXPECT_EQ(c.phong.specular.g, 0.2f);
+  EXPECT_EQ(c.get<PhongClosure>().exponent, 30);
+  EXPECT_EQ(c.get<PhongClosure>().diffuse.g, 0.5f);
+  EXPECT_EQ(c.get<PhongClosure>().specular.g, 0.2f);
   Built off("<bsdf type='phong'><boolean name='ensure_energy_conservation' value='false'/></bsdf>");
   EXPECT_FALSE(off.error.empty());
 }
@@ -285,8 +285,8 @@ TEST(WardBsdf, IsItsDefinition) {
   }
   Built one("<bsdf type='ward'><float name='alpha' value='0.3'/><float name='alpha_v' value='0.4'/></bsdf>");
   ASSERT_TRUE(one.bsdf) << one.error;
-  EXPECT_EQ(one.prepared({0, 0, 1}).ward.alpha_u, 0.3f);
-  EXPECT_EQ(one.prepared({0, 0, 1}).ward.alpha_v, 0.4f);
+  EXPECT_EQ(one.prepared({0, 0, 1}).get<WardClosure>().alpha_u, 0.3f);
+  EXPECT_EQ(one.prepared({0, 0, 1}).get<WardClosure>().alpha_v, 0.4f);
 }
 
 }  // namespace

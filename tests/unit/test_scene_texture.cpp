@@ -338,16 +338,16 @@ TEST(BsdfBuild, ParametersAndSides) {
   both->children.push_back({"", object("bsdf", "roughconductor", {number("alpha", 0)})});
   const auto two = Bsdf::build(*both, store);
   ASSERT_TRUE(two.ok());
-  EXPECT_EQ(prepared(*two, {0, 0, 1}).kind, BsdfKind::diffuse);
+  EXPECT_TRUE(prepared(*two, {0, 0, 1}).is<DiffuseClosure>());
   const Closure back = prepared(*two, {0, 0, -1});
-  EXPECT_EQ(back.kind, BsdfKind::roughconductor);
+  EXPECT_TRUE(back.is<RoughConductorClosure>());
   EXPECT_TRUE(back.flipped);
-  EXPECT_EQ(back.rough_conductor.alpha_u, 1e-4f);  // Mitsuba's floor
-  EXPECT_EQ(back.rough_conductor.k.r, 1);          // material "none"
+  EXPECT_EQ(back.get<RoughConductorClosure>().alpha_u, 1e-4f);  // Mitsuba's floor
+  EXPECT_EQ(back.get<RoughConductorClosure>().k.r, 1);          // material "none"
 
   const auto water = Bsdf::build(*object("bsdf", "dielectric", {}), store);
   ASSERT_TRUE(water.ok());
-  EXPECT_NEAR(prepared(*water, {0, 0, -1}).dielectric.eta, 1.5046 / 1.000277, 1e-6);
+  EXPECT_NEAR(prepared(*water, {0, 0, -1}).get<DielectricClosure>().eta, 1.5046 / 1.000277, 1e-6);
   const BsdfFacts wet = water->facts();
   EXPECT_TRUE(wet.delta && !wet.smooth && wet.transmissive);
 

@@ -151,15 +151,11 @@ class PpmEye : public transport::EyeTechniques {
   bool vertex(const EyeWalk& /*walk*/, const Vertex& v) {
     if (!v.connectible) return true;
     sum_ += transport::merge<Mis>(scene_, side_.maps, {}, v);
-    return v.on_surface() && (kMaySpecular & scene::bit(v.closure.kind)) != 0;
+    return v.on_surface() && v.closure.has_delta_lobes();
   }
   static bool scattered(const Vertex& v) { return v.left_by_delta; }
 
  private:
-  // Kinds of bsdfs with delta lobes, perhaps beside others.
-  static constexpr std::uint32_t kMaySpecular =
-      scene::kDeltaKinds | scene::kCompositeKinds | scene::bit(scene::BsdfKind::plastic);
-
   const scene::Scene& scene_;
   const PathOptions& options_;
   const Techniques& techniques_;

@@ -3,42 +3,45 @@
 // through the surface must find the probabilities announced.
 #pragma once
 
+#include <memory>
+#include <string_view>
+
 #include "worker/scene/bsdf.h"
+#include "worker/scene/bsdfs/surface.h"
+#include "worker/scene/hit.h"
 
-namespace candela::scene::blend {
+namespace candela::scene {
 
-inline Spectrum eval_pdf(const BlendParameters& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf) {
-  float pdf_first = 0;
-  float pdf_second = 0;
-  const Spectrum first = p.first->eval_pdf(wo, wi, mode, pdf_first);
-  const Spectrum second = p.second->eval_pdf(wo, wi, mode, pdf_second);
-  pdf = (1 - p.weight) * pdf_first + p.weight * pdf_second;
-  return first * (1 - p.weight) + second * p.weight;
-}
+class Bsdf;
 
-inline bool sample(const BlendParameters& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode,
-                   BsdfSample& out) {
-  const float q = p.weight;
-  const bool second = u_lobe < q;
-  const float prob = second ? q : 1 - q;
-  const float rest = second ? u_lobe / q : (u_lobe - q) / (1 - q);
-  // The rest is below 1 but for rounding.
-  if (!(second ? p.second : p.first)->sample(wo, std::min(rest, 0x1.fffffep-1f), u, mode, out)) return false;
-  if (out.delta) {
-    out.prob *= prob;
-    out.prob_reverse *= prob;
-    return true;
+// (1 - weight) of `first`, weight of `second`. A mask is a blend of nothing and its bsdf by opacity.
+struct BlendClosure {
+  const Closure* first;
+  const Closure* second;
+  float weight;
+
+  ClosureTraits traits() const;
+};
+Spectrum eval_pdf(const BlendClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
+bool sample(const BlendClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
+Spectrum straight(const BlendClosure& p, Vec3 wo);
+
+struct BlendSurface {
+  using ClosureType = BlendClosure;
+  static constexpr std::string_view kPlugins[] = {"blendbsdf"};
+
+  std::unique_ptr<Bsdf> first, second;
+  FloatTexture weight;  // of the second
+
+  Result<void> build(const description::Object& object, const BuildContext& context);
+  void prepare(const SurfaceHit& hit, Vec3 wo, ClosureArena& arena, Closure& out) const;
+  BsdfFacts facts() const;
+  std::uint32_t arena_parts() const;
+  template <class Visitor>
+  void for_each_part(const Visitor& visit) const {
+    visit(*first);
+    visit(*second);
   }
-  float pdf = 0;
-  const Spectrum value = eval_pdf(p, wo, out.wi, mode, pdf);
-  if (!(pdf > kLeastDensity)) return false;
-  out.pdf_solid_angle = pdf;
-  out.weight = value * (1 / pdf);
-  return true;
-}
+};
 
-inline Spectrum straight(const BlendParameters& p, Vec3 wo) {
-  return p.first->straight(wo) * (1 - p.weight) + p.second->straight(wo) * p.weight;
-}
-
-}  // namespace candela::scene::blend
+}  // namespace candela::scene

@@ -1,23 +1,18 @@
 // A Bsdf as the scene keeps it: a plain surface, or a composite of further Bsdfs. prepare() looks textures up
-// at a hit, resolves two-sidedness and lays composites out in an arena; what it returns is sampled and
+// at a hit, resolves two-sidedness and lays composites out in an arena; the closure it makes is sampled and
 // evaluated without looking at the scene again.
 #pragma once
 
 #include <memory>
 #include <string>
-#include <string_view>
-#include <variant>
 #include <vector>
 
 #include "common/base/result.h"
 #include "common/description/object.h"
 #include "worker/scene/bsdf.h"
-#include "worker/scene/bsdfs/perturbation.h"
-#include "worker/scene/bsdfs/surfaces.h"
-#include "worker/scene/bsdfs/surfaces_dielectric.h"
-#include "worker/scene/bsdfs/surfaces_phong.h"
-#include "worker/scene/bsdfs/surfaces_plastic.h"
-#include "worker/scene/bsdfs/surfaces_principled.h"
+#include "worker/scene/bsdfs/kinds.h"
+#include "worker/scene/bsdfs/rough_transmittance.h"
+#include "worker/scene/bsdfs/surface.h"
 #include "worker/scene/hit.h"
 #include "worker/scene/textures/texture.h"
 
@@ -31,6 +26,9 @@ class Bsdf {
                             RoughTransmittances& coats);
   // A bsdf that stands alone.
   static Result<Bsdf> build(const description::Object& object, TextureStore& textures);
+  // A part of the composite whose context is given.
+  static Result<std::unique_ptr<Bsdf>> build_part(const description::Object& object,
+                                                  const BuildContext& composite);
   // Mitsuba's default of a shape without a bsdf: one-sided diffuse, reflectance 0.5.
   static Bsdf default_diffuse();
 
@@ -41,45 +39,12 @@ class Bsdf {
   BsdfFacts facts() const;
   // The plugins it is made of, each once, parts before wholes, without twosided.
   void collect_plugins(std::vector<std::string>& names) const;
-
- private:
-  // Both sides alike where there is no back.
-  struct TwoSided {
-    std::unique_ptr<Bsdf> front, back;
-    const Bsdf& of(bool below) const { return below && back != nullptr ? *back : *front; }
-  };
-  struct Blend {
-    std::unique_ptr<Bsdf> first, second;
-    FloatTexture weight;  // of the second
-  };
-  struct Mask {
-    std::unique_ptr<Bsdf> nested;
-    FloatTexture opacity;
-  };
-  struct Perturbed {
-    std::unique_ptr<Bsdf> nested;
-    Perturbation map;
-  };
-  using Surface = std::variant<DiffuseSurface, DielectricSurface, ConductorSurface, RoughConductorSurface,
-                               NullSurface, PhongSurface, WardSurface, PrincipledSurface,
-                               RoughDielectricSurface, ThinDielectricSurface, PlasticSurface,
-                               RoughPlasticSurface, TwoSided, Blend, Mask, Perturbed>;
-
-  static Result<Bsdf> build_at_depth(const description::Object& object, TextureStore& textures,
-                                     RoughTransmittances& coats, int depth);
-  static Result<std::unique_ptr<Bsdf>> build_part(const description::Object& object, TextureStore& textures,
-                                                  RoughTransmittances& coats, int depth);
-  Result<void> build_two_sided(const description::Object& object, TextureStore& textures,
-                               RoughTransmittances& coats, int depth);
-  Result<void> build_blend(const description::Object& object, TextureStore& textures,
-                           RoughTransmittances& coats, int depth);
-  Result<void> build_mask(const description::Object& object, TextureStore& textures,
-                          RoughTransmittances& coats, int depth);
-  Result<void> build_perturbed(const description::Object& object, TextureStore& textures,
-                               RoughTransmittances& coats, int depth);
   std::uint32_t arena_parts() const;  // closures that prepare() may make in the arena
 
-  Surface surface_;
+ private:
+  static Result<Bsdf> build_in(const description::Object& object, const BuildContext& context);
+
+  BsdfSurface surface_;
   std::string plugin_ = "diffuse";
 };
 

@@ -1,17 +1,29 @@
 // A smooth metal: mirror reflection with complex Fresnel reflectance. One delta lobe, one-sided.
 #pragma once
 
+#include <string_view>
+
 #include "worker/scene/bsdf.h"
-#include "worker/scene/bsdfs/fresnel.h"
+#include "worker/scene/bsdfs/surface.h"
 
-namespace candela::scene::conductor {
+namespace candela::scene {
 
-inline bool sample(const ConductorParameters& p, Vec3 wo, BsdfSample& out) {
-  if (wo.z <= 0) return false;
-  out.wi = {-wo.x, -wo.y, wo.z};
-  out.weight = p.reflectance * fresnel_conductor(std::min(1.0f, wo.z), p.eta, p.k);
-  out.delta = true;
-  return true;
-}
+struct ConductorClosure {
+  Spectrum reflectance, eta, k;  // relative to the outside medium
 
-}  // namespace candela::scene::conductor
+  ClosureTraits traits() const { return {.purely_delta = true, .has_delta = true}; }
+};
+bool sample(const ConductorClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
+
+struct ConductorSurface {
+  using ClosureType = ConductorClosure;
+  static constexpr std::string_view kPlugins[] = {"conductor"};
+
+  ColorTexture reflectance, eta, k;
+
+  Result<void> build(const description::Object& object, const BuildContext& context);
+  void prepare(Vec2 uv, bool below, Closure& out) const;
+  BsdfFacts facts() const;
+};
+
+}  // namespace candela::scene

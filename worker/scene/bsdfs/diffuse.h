@@ -1,12 +1,21 @@
 // Lambertian reflection, one-sided. Density: cosine.
 #pragma once
 
+#include <string_view>
+
 #include "worker/core/warp.h"
 #include "worker/scene/bsdf.h"
+#include "worker/scene/bsdfs/surface.h"
 
-namespace candela::scene::diffuse {
+namespace candela::scene {
 
-inline Spectrum eval_pdf(const DiffuseParameters& p, Vec3 wo, Vec3 wi, float& pdf) {
+struct DiffuseClosure {
+  Spectrum reflectance;
+
+  ClosureTraits traits() const { return {}; }
+};
+
+inline Spectrum eval_pdf(const DiffuseClosure& p, Vec3 wo, Vec3 wi, TransportMode /*mode*/, float& pdf) {
   if (wo.z <= 0 || wi.z <= 0) {
     pdf = 0;
     return {};
@@ -15,7 +24,8 @@ inline Spectrum eval_pdf(const DiffuseParameters& p, Vec3 wo, Vec3 wi, float& pd
   return p.reflectance * pdf;
 }
 
-inline bool sample(const DiffuseParameters& p, Vec3 wo, Vec2 u, BsdfSample& out) {
+inline bool sample(const DiffuseClosure& p, Vec3 wo, float /*u_lobe*/, Vec2 u, TransportMode /*mode*/,
+                   BsdfSample& out) {
   if (wo.z <= 0) return false;
   out.wi = warp::cosine_hemisphere(u);
   out.pdf_solid_angle = out.wi.z * math::kInvPi;
@@ -23,4 +33,15 @@ inline bool sample(const DiffuseParameters& p, Vec3 wo, Vec2 u, BsdfSample& out)
   return true;
 }
 
-}  // namespace candela::scene::diffuse
+struct DiffuseSurface {
+  using ClosureType = DiffuseClosure;
+  static constexpr std::string_view kPlugins[] = {"diffuse"};
+
+  ColorTexture reflectance;
+
+  Result<void> build(const description::Object& object, const BuildContext& context);
+  void prepare(Vec2 uv, bool below, Closure& out) const;
+  BsdfFacts facts() const;
+};
+
+}  // namespace candela::scene

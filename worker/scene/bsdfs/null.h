@@ -1,17 +1,26 @@
 // No surface at all: light passes straight on. Bounds media.
 #pragma once
 
+#include <string_view>
+
 #include "worker/scene/bsdf.h"
+#include "worker/scene/bsdfs/surface.h"
 
-namespace candela::scene::null {
+namespace candela::scene {
 
-inline bool sample(Vec3 wo, BsdfSample& out) {
-  out.wi = -wo;
-  out.weight = Spectrum(1);
-  out.delta = true;
-  out.transmitted = true;
-  out.straight = true;
-  return true;
-}
+struct NullClosure {
+  ClosureTraits traits() const { return {.purely_delta = true, .has_delta = true}; }
+};
+bool sample(const NullClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
+Spectrum straight(const NullClosure& p, Vec3 wo);
 
-}  // namespace candela::scene::null
+struct NullSurface {
+  using ClosureType = NullClosure;
+  static constexpr std::string_view kPlugins[] = {"null"};
+
+  Result<void> build(const description::Object& object, const BuildContext& context);
+  void prepare(Vec2 uv, bool below, Closure& out) const;
+  BsdfFacts facts() const;
+};
+
+}  // namespace candela::scene

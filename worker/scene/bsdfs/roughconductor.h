@@ -5,52 +5,38 @@
 // dot(wo, h).
 #pragma once
 
+#include <string_view>
+
 #include "worker/scene/bsdf.h"
-#include "worker/scene/bsdfs/fresnel.h"
-#include "worker/scene/bsdfs/microfacet.h"
+#include "worker/scene/bsdfs/conductor.h"
+#include "worker/scene/bsdfs/surface.h"
 
-namespace candela::scene::roughconductor {
+namespace candela::scene {
 
-inline float pdf_of(const RoughConductorParameters& p, const Microfacets& m, Vec3 wo, Vec3 h, float d) {
-  if (p.sample_visible) return 0.25f * d * m.masking_over_cosine(wo);
-  return 0.25f * d * h.z / std::max(dot(wo, h), 1e-20f);
-}
+struct RoughConductorClosure {
+  Spectrum reflectance, eta, k;
+  float alpha_u, alpha_v;
+  bool ggx;  // else Beckmann
+  bool sample_visible;
 
-inline Spectrum eval_pdf(const RoughConductorParameters& p, Vec3 wo, Vec3 wi, float& pdf) {
-  pdf = 0;
-  if (wo.z <= 0 || wi.z <= 0) return {};
-  const Vec3 sum = wo + wi;
-  const float len2 = length_squared(sum);
-  if (!(len2 > 0)) return {};
-  const Vec3 h = sum * (1 / std::sqrt(len2));
-  const float cos_d = dot(wo, h);
-  if (!(cos_d > 0)) return {};
-  const Microfacets m{p.alpha_u, p.alpha_v, p.ggx};
-  const float d = m.D(h);
-  if (d == 0) return {};
-  const float masking_o = m.masking_over_cosine(wo);
-  pdf = p.sample_visible ? 0.25f * d * masking_o : 0.25f * d * h.z / std::max(cos_d, 1e-20f);
-  return p.reflectance * fresnel_conductor(std::min(1.0f, cos_d), p.eta, p.k) *
-         (0.25f * d * masking_o * m.G1(wi));
-}
+  ClosureTraits traits() const { return {}; }
+};
+Spectrum eval_pdf(const RoughConductorClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
+bool sample(const RoughConductorClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode,
+            BsdfSample& out);
 
-inline bool sample(const RoughConductorParameters& p, Vec3 wo, Vec2 u, BsdfSample& out) {
-  if (wo.z <= 0) return false;
-  const Microfacets m{p.alpha_u, p.alpha_v, p.ggx};
-  const Vec3 h = p.sample_visible ? m.sample_visible(wo, u) : m.sample_all(u);
-  const float cos_d = dot(wo, h);
-  if (!(cos_d > 0)) return false;
-  const Vec3 reflected = h * (2 * cos_d) - wo;
-  if (!(reflected.z > 0))
-    return false;  // into the surface: the energy that a second bounce would carry is lost
-  out.wi = normalize(reflected);
-  const float d = m.D(h);
-  if (!(d > 0)) return false;
-  out.pdf_solid_angle = pdf_of(p, m, wo, h, d);
-  const float geometry =
-      p.sample_visible ? m.G1(out.wi) : m.masking_over_cosine(wo) * m.G1(out.wi) * cos_d / h.z;
-  out.weight = p.reflectance * fresnel_conductor(std::min(1.0f, cos_d), p.eta, p.k) * geometry;
-  return true;
-}
+struct RoughConductorSurface {
+  using ClosureType = RoughConductorClosure;
+  static constexpr std::string_view kPlugins[] = {"roughconductor"};
 
-}  // namespace candela::scene::roughconductor
+  ConductorSurface metal;
+  FloatTexture alpha_u, alpha_v;
+  bool ggx = false;
+  bool sample_visible = true;
+
+  Result<void> build(const description::Object& object, const BuildContext& context);
+  void prepare(Vec2 uv, bool below, Closure& out) const;
+  BsdfFacts facts() const;
+};
+
+}  // namespace candela::scene

@@ -3,77 +3,42 @@
 //   f |cos theta_i| = F D G / (4 cos theta_o) + T(wo) T(wi) / eta^2  rho / (1 - rho R_in)  |cos theta_i| / pi
 #pragma once
 
-#include "worker/core/warp.h"
+#include <memory>
+#include <string_view>
+
 #include "worker/scene/bsdf.h"
-#include "worker/scene/bsdfs/fresnel.h"
-#include "worker/scene/bsdfs/microfacet.h"
+#include "worker/scene/bsdfs/coated_base.h"
 #include "worker/scene/bsdfs/rough_transmittance.h"
+#include "worker/scene/bsdfs/surface.h"
 
-namespace candela::scene::roughplastic {
+namespace candela::scene {
 
-struct Parts {
-  float transmittance_o;
-  float prob;  // of sampling the coat
+struct RoughPlasticClosure {
+  Spectrum diffuse, specular;
+  float eta, alpha;
+  float specular_share;
+  bool ggx;
+  bool sample_visible;
+  const RoughTransmittance* coat;
+
+  ClosureTraits traits() const { return {.reads_lobe = true}; }
 };
-inline bool parts(const RoughPlasticParameters& p, Vec3 wo, Parts& out) {
-  out.transmittance_o = p.coat->transmittance(wo.z);
-  const float r = (1 - out.transmittance_o) * p.specular_share;
-  const float t = out.transmittance_o * (1 - p.specular_share);
-  if (!(r + t > 0)) return false;
-  out.prob = r / (r + t);
-  return true;
-}
+Spectrum eval_pdf(const RoughPlasticClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
+bool sample(const RoughPlasticClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
 
-inline Spectrum eval_pdf_of(const RoughPlasticParameters& p, const Parts& parts, Vec3 wo, Vec3 wi,
-                            float& pdf) {
-  const float cosine = wi.z * math::kInvPi;
-  pdf = (1 - parts.prob) * cosine;
-  const Spectrum base = p.diffuse * (parts.transmittance_o * p.coat->transmittance(wi.z) * cosine);
-  const Vec3 sum = wo + wi;
-  const float len2 = length_squared(sum);
-  if (!(len2 > 0)) return base;
-  const Vec3 h = sum * (1 / std::sqrt(len2));
-  const float cos_d = std::min(1.0f, dot(wo, h));
-  if (!(cos_d > 0)) return base;
-  const Microfacets m{p.alpha, p.alpha, p.ggx};
-  const float d = m.D(h);
-  if (d == 0) return base;
-  const float masking_o = m.masking_over_cosine(wo);
-  pdf += parts.prob * (p.sample_visible ? 0.25f * d * masking_o : 0.25f * d * h.z / std::max(cos_d, 1e-20f));
-  float cos_t = 0;
-  const float fresnel = fresnel_dielectric(cos_d, (1 - cos_d) * (1 + cos_d), p.eta, cos_t);
-  return base + p.specular * (fresnel * 0.25f * d * masking_o * m.G1(wi));
-}
+struct RoughPlasticSurface {
+  using ClosureType = RoughPlasticClosure;
+  static constexpr std::string_view kPlugins[] = {"roughplastic"};
 
-inline Spectrum eval_pdf(const RoughPlasticParameters& p, Vec3 wo, Vec3 wi, float& pdf) {
-  pdf = 0;
-  if (wo.z <= 0 || wi.z <= 0) return {};
-  Parts parts_o;
-  if (!parts(p, wo, parts_o)) return {};
-  return eval_pdf_of(p, parts_o, wo, wi, pdf);
-}
+  CoatedBase base;
+  float alpha = 0.1f;
+  bool ggx = false;
+  bool sample_visible = true;
+  std::shared_ptr<const RoughTransmittance> coat;
 
-inline bool sample(const RoughPlasticParameters& p, Vec3 wo, float u_lobe, Vec2 u, BsdfSample& out) {
-  if (wo.z <= 0) return false;
-  Parts parts_o;
-  if (!parts(p, wo, parts_o)) return false;
-  if (u_lobe < parts_o.prob) {
-    const Microfacets m{p.alpha, p.alpha, p.ggx};
-    const Vec3 h = p.sample_visible ? m.sample_visible(wo, u) : m.sample_all(u);
-    const float cos_d = dot(wo, h);
-    if (!(cos_d > 0)) return false;
-    const Vec3 reflected = h * (2 * cos_d) - wo;
-    if (!(reflected.z > 0)) return false;
-    out.wi = normalize(reflected);
-  } else {
-    out.wi = warp::cosine_hemisphere(u);
-  }
-  float pdf = 0;
-  const Spectrum value = eval_pdf_of(p, parts_o, wo, out.wi, pdf);
-  if (!(pdf > kLeastDensity)) return false;
-  out.pdf_solid_angle = pdf;
-  out.weight = value * (1 / pdf);
-  return true;
-}
+  Result<void> build(const description::Object& object, const BuildContext& context);
+  void prepare(Vec2 uv, bool below, Closure& out) const;
+  BsdfFacts facts() const;
+};
 
-}  // namespace candela::scene::roughplastic
+}  // namespace candela::scene

@@ -3,45 +3,33 @@
 // and T' = (1 - R) / (1 + R).
 #pragma once
 
+#include <string_view>
+
 #include "worker/scene/bsdf.h"
-#include "worker/scene/bsdfs/fresnel.h"
+#include "worker/scene/bsdfs/dielectric.h"
+#include "worker/scene/bsdfs/surface.h"
 
-namespace candela::scene::thindielectric {
+namespace candela::scene {
 
-// R of one boundary; wo from either side.
-inline float boundary(const DielectricParameters& p, Vec3 wo) {
-  float cos_t = 0;
-  return fresnel_dielectric(std::min(1.0f, std::abs(wo.z)), std::min(1.0f, wo.x * wo.x + wo.y * wo.y), p.eta,
-                            cos_t);
-}
+struct ThinDielectricClosure {
+  Spectrum reflectance, transmittance;  // specular_reflectance, specular_transmittance
+  float eta;                            // int_ior / ext_ior
 
-inline Spectrum straight(const DielectricParameters& p, Vec3 wo) {
-  const float r = boundary(p, wo);
-  return p.transmittance * ((1 - r) / (1 + r));
-}
+  ClosureTraits traits() const { return {.purely_delta = true, .has_delta = true, .reads_lobe = true}; }
+};
+bool sample(const ThinDielectricClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode,
+            BsdfSample& out);
+Spectrum straight(const ThinDielectricClosure& p, Vec3 wo);
 
-inline bool sample(const DielectricParameters& p, Vec3 wo, float u_lobe, BsdfSample& out) {
-  const float one = boundary(p, wo);
-  const float reflected = 2 * one / (1 + one);
-  const float passing = (1 - one) / (1 + one);
-  const float r = reflected * p.reflectance.max_component();
-  const float t = passing * p.transmittance.max_component();
-  if (!(r + t > 0)) return false;
-  const float prob_reflect = r / (r + t);
-  out.delta = true;
-  if (u_lobe < prob_reflect) {
-    if (wo.z == 0) return false;
-    out.wi = {-wo.x, -wo.y, wo.z};
-    out.prob = out.prob_reverse = prob_reflect;
-    out.weight = p.reflectance * (reflected / prob_reflect);
-    return true;
-  }
-  out.wi = -wo;
-  out.transmitted = true;
-  out.straight = true;
-  out.prob = out.prob_reverse = 1 - prob_reflect;
-  out.weight = p.transmittance * (passing / (1 - prob_reflect));
-  return out.prob > 0;
-}
+struct ThinDielectricSurface {
+  using ClosureType = ThinDielectricClosure;
+  static constexpr std::string_view kPlugins[] = {"thindielectric"};
 
-}  // namespace candela::scene::thindielectric
+  DielectricSurface boundary;
+
+  Result<void> build(const description::Object& object, const BuildContext& context);
+  void prepare(Vec2 uv, bool below, Closure& out) const;
+  BsdfFacts facts() const;
+};
+
+}  // namespace candela::scene

@@ -1,6 +1,26 @@
-#include "worker/scene/bsdfs/surface_support.h"
+#include "worker/scene/bsdfs/surface.h"
+
+#include <algorithm>
 
 namespace candela::scene {
+
+void BsdfFacts::forget_lobes() {
+  delta = smooth = transmissive = straight = false;
+  max_albedo = 0;
+  min_roughness = 1;
+}
+
+void BsdfFacts::join(const BsdfFacts& other) {
+  delta |= other.delta;
+  smooth |= other.smooth;
+  transmissive |= other.transmissive;
+  straight |= other.straight;
+  two_sided |= other.two_sided;
+  perturbs |= other.perturbs;
+  reads_partials |= other.reads_partials;
+  max_albedo = std::max(max_albedo, other.max_albedo);
+  min_roughness = std::min(min_roughness, other.min_roughness);
+}
 
 Error located(std::string message, const description::Object& object, std::string_view property) {
   description::Location where = object.where;
@@ -31,6 +51,16 @@ Result<ColorTexture> read_reflectance(const description::Object& object, Texture
         .with_mend("scale it into [0, 1]");
   }
   return color;
+}
+
+Result<FloatTexture> read_fraction(const description::Object& object, TextureStore& textures,
+                                   std::string_view name, float otherwise) {
+  CANDELA_ASSIGN(FloatTexture value, textures.number(object, name, otherwise));
+  if (value.is_constant() && !(value.constant >= 0 && value.constant <= 1)) {
+    return located(std::string(name) + " lies between 0 and 1, not at " + shown(value.constant), object,
+                   name);
+  }
+  return value;
 }
 
 Result<float> read_relative_eta(const description::Object& object, double int_otherwise,
@@ -79,6 +109,18 @@ Result<RoughnessParameters> read_roughness(const description::Object& object, Te
   CANDELA_ASSIGN(result.alpha_u, read_alpha(object, textures, anisotropic ? "alpha_u" : "alpha"));
   CANDELA_ASSIGN(result.alpha_v, read_alpha(object, textures, anisotropic ? "alpha_v" : "alpha"));
   return result;
+}
+
+Result<std::vector<description::ObjectPtr>> nested_bsdfs(const description::Object& object, std::size_t min,
+                                                         std::size_t max) {
+  auto children = object.children_of("bsdf");
+  if (children.size() < min || children.size() > max) {
+    const std::string wanted =
+        min == max ? std::to_string(min) : std::to_string(min) + " or " + std::to_string(max);
+    return located(object.plugin + " holds " + wanted + " bsdfs; here are " + std::to_string(children.size()),
+                   object, "");
+  }
+  return children;
 }
 
 }  // namespace candela::scene

@@ -1,0 +1,20 @@
+// What plastics share: a diffuse base under a dielectric coat.
+#pragma once
+
+#include "worker/scene/bsdfs/surface.h"
+
+namespace candela::scene {
+
+struct CoatedBase {
+  ColorTexture diffuse, specular;
+  float eta = 1;
+  bool nonlinear = false;
+  double internal_reflectance = 0;  // of the coat, for diffuse light from inside
+  Result<void> build(const description::Object& object, const BuildContext& context);
+  // What is left of `diffuse` after any number of reflections inside, over eta^2; and the specular part's
+  // share of the two colors. False: both are black.
+  bool prepare(Vec2 uv, Spectrum& base, Spectrum& coat, float& specular_share) const;
+  float max_albedo() const;
+};
+
+}  // namespace candela::scene
