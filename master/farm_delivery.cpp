@@ -7,17 +7,126 @@
 #include "common/base/hash.h"
 #include "common/base/log.h"
 #include "common/base/version.h"
+#include "common/stages/epochs.h"
 #include "common/wire/wire.h"
 #include "master/farm.h"
 
 namespace candela::master {
 namespace {
 
-// An upper bound of an encoded delta: raw sums, an eighth more for incompressible planes, and headers.
-std::uint64_t largest_delta(const film::Layout& layout, std::uint64_t record_count) {
-  const std::uint64_t raw =
-      std::uint64_t{layout.pixel_count()} * layout.layers * film::kChannels * sizeof(std::int64_t);
-  return raw + raw / 8 + (1 << 20) + record_count * (chains::kMaxRecordBytes + sizeof(std::uint32_t));
+// An upper bound of the encoded delta of a unit: raw integers, an eighth more for incompressible planes,
+// records, and headers.
+std::uint64_t largest_delta(const film::DeltaShape& shape, const Unit& unit) {
+  const std::uint64_t count = unit.end - unit.begin;
+  constexpr std::uint64_t kHeaders = 1 << 20;
+  if (!makes_film(unit.kind)) return count * sizeof(float) + kHeaders;
+  std::uint64_t integers = std::uint64_t{shape.film.layers} * film::kChannels;
+  for (const film::AccumulatorSpec& spec : shape.accumulators) integers += spec.channels;
+  const std::uint64_t raw = shape.film.pixel_count() * integers * sizeof(std::int64_t);
+  const std::uint64_t records = unit.kind == Unit::Kind::segments ? count : 0;
+  return raw + raw / 8 + kHeaders + records * (chains::kMaxRecordBytes + sizeof(std::uint32_t));
+}
+
+film::DeltaShape shape_of(const JobRow& row) {
+  return {layout_of(row), row.accumulators};
+}
+
+// Without a cause nobody has failed.
+struct Refusal {
+  v1::DeltaVerdict verdict = v1::DELTA_VERDICT_UNSPECIFIED;
+  std::string message;
+  std::optional<FailureCause> cause = {};
+};
+Refusal corrupt(std::string message, FailureCause cause = FailureCause::worker) {
+  return {v1::DELTA_VERDICT_CORRUPT, std::move(message), cause};
+}
+std::optional<Refusal> check_build(const std::string& build) {
+  if (build == build_id()) return std::nullopt;
+  return Refusal{v1::DELTA_VERDICT_WRONG_BUILD,
+                 fmt::format("made by build {}, the farm runs {}", build, build_id()), FailureCause::worker};
+}
+std::optional<Refusal> refusal_of(Delivery delivery) {
+  switch (delivery) {
+    case Delivery::ok:
+      break;
+    case Delivery::duplicate:
+      return Refusal{v1::DELTA_VERDICT_DUPLICATE, "the unit is merged already"};
+    case Delivery::stale:
+      return Refusal{v1::DELTA_VERDICT_STALE, "the lease is not the sender's any more"};
+    case Delivery::job_ended:
+      return Refusal{v1::DELTA_VERDICT_JOB_ENDED, "the job has ended"};
+  }
+  return std::nullopt;
+}
+
+// What the job says of its deltas.
+struct Expected {
+  film::DeltaShape shape;
+  std::optional<NamedState> state;
+  std::optional<EpochPlan> epochs;
+};
+
+// Whether a decoded delta is what its header says and the job expects.
+std::optional<Refusal> check(const film::Delta& delta, const v1::DeltaHeader& header, const Unit& unit,
+                             const Expected& expected) {
+  const film::DeltaInfo& info = delta.info();
+  if (auto wrong = check_build(info.build_id)) return wrong;
+  if (info.job_id != header.job_id() || info.unit.kind != unit.kind || info.unit.half != unit.half ||
+      info.unit.begin != unit.begin || info.unit.end != unit.end ||
+      (makes_film(unit.kind) && info.scale_log2 != expected.state->film_scale_log2))
+    return corrupt("the delta is of another unit, job or scale than its header says");
+  const auto& rejected = delta.tallies().rejected;
+  if (!makes_film(unit.kind) && *std::max_element(rejected.begin(), rejected.end()) > unit.end - unit.begin)
+    return corrupt("more samples are rejected than there are");
+  if (!expected.epochs) return std::nullopt;
+  const std::uint64_t epoch = Epochs(expected.epochs->first, expected.epochs->growth).of_index(unit.begin);
+  for (std::size_t i = 0; i < delta.accumulators().size(); ++i)
+    if (expected.shape.accumulators[i].per == film::AccumulatorSpec::Per::epoch &&
+        delta.accumulators()[i].epoch != epoch)
+      return corrupt("an accumulator is of another epoch than the unit");
+  return std::nullopt;
+}
+
+double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+// Adds a film, with accumulators and records, to the job's.
+std::optional<Refusal> merge_film(Farm& farm, const v1::DeltaHeader& header, const Unit& unit,
+                                  const film::Delta& delta, double receive_seconds,
+                                  std::chrono::steady_clock::time_point started) {
+  const bool segments = unit.kind == Unit::Kind::segments;
+  auto records = chains::decode(delta.records(), segments ? unit.end - unit.begin : 0);
+  if (!records.ok()) return corrupt(records.error().to_string());
+  std::size_t largest_record = 0;
+  for (const chains::ChainRecord& r : *records)
+    largest_record = std::max(largest_record, chains::encoded_bytes(r));
+  if (auto opened = farm.truth().open_film(header.job_id()); !opened.ok())
+    return Refusal{v1::DELTA_VERDICT_STALE, opened.error().to_string(), FailureCause::master};
+  const std::shared_ptr<JobFilm> film = farm.film_of(header.job_id());
+  if (!film) return Refusal{v1::DELTA_VERDICT_STALE, "the job has no film"};
+  const auto outcome = film->merge(delta, std::move(*records));
+  // The film lacks what the unit goes on from: no fault of the sender's. It is rendered again in its turn.
+  if (!outcome.ok() && outcome.error().kind == ErrorKind::refused && segments)
+    return Refusal{v1::DELTA_VERDICT_STALE, outcome.error().to_string()};
+  if (!outcome.ok()) return corrupt(outcome.error().to_string());
+  if (*outcome == JobFilm::Outcome::duplicate) return refusal_of(Delivery::duplicate);
+  if (*outcome == JobFilm::Outcome::closed) return refusal_of(Delivery::job_ended);
+  farm.with_scheduler([&](Scheduler& s) {
+    s.merged(header.worker_id(), header.token(), header.unit_id(), header.job_id(), unit, delta.tallies(),
+             header.render_seconds(), receive_seconds + seconds_since(started), farm.now(), largest_record);
+  });
+  return std::nullopt;
+}
+
+// Adds the contributions of bootstrap samples to the job's table.
+std::optional<Refusal> merge_table(Farm& farm, const v1::DeltaHeader& header, const film::Delta& delta) {
+  const auto taken = farm.with_scheduler([&](Scheduler& s) {
+    return s.complete_bootstrap(header.worker_id(), header.token(), delta.table(), delta.tallies().rejected,
+                                header.render_seconds(), farm.now());
+  });
+  if (!taken.ok()) return corrupt(taken.error().to_string());
+  return *taken ? std::nullopt : refusal_of(Delivery::stale);
 }
 
 }  // namespace
@@ -28,12 +137,6 @@ Result<std::optional<Farm::Verdict>> Farm::admit(const v1::DeltaHeader& header) 
     return input_error("must be 64 lower-case hex digits").with_field("header.sha256");
   if (!(header.render_seconds() >= 0) || header.render_seconds() > 1e9)
     return input_error("must be seconds, 0 or more").with_field("header.render_seconds");
-  const bool segments = unit.kind == Unit::Kind::segments;
-  if (segments ? header.records_bytes() == 0 || header.records_bytes() > header.size_bytes()
-               : header.records_bytes() != 0)
-    return input_error(fmt::format("{} of {} bytes are not possible for this kind of unit",
-                                   header.records_bytes(), header.size_bytes()))
-        .with_field("header.records_bytes");
   struct Answer {
     Delivery delivery;
     std::uint64_t largest = 0;
@@ -42,46 +145,26 @@ Result<std::optional<Farm::Verdict>> Farm::admit(const v1::DeltaHeader& header) 
     Answer a{
         s.check_delivery(header.worker_id(), header.token(), header.unit_id(), header.job_id(), unit, now()),
         0};
-    if (const Job* job = s.job(header.job_id()))
-      a.largest = largest_delta(layout_of(job->row), segments ? unit.end - unit.begin : 0);
+    if (const Job* job = s.job(header.job_id())) a.largest = largest_delta(shape_of(job->row), unit);
     if (a.delivery == Delivery::ok) s.touch_lease(header.token(), now());
     return a;
   });
-  Verdict verdict;
-  switch (answer.delivery) {
-    case Delivery::duplicate:
-      verdict = {v1::DELTA_VERDICT_DUPLICATE, "the unit is merged already"};
-      break;
-    case Delivery::stale:
-      verdict = {v1::DELTA_VERDICT_STALE, "the lease is not the sender's any more"};
-      break;
-    case Delivery::job_ended:
-      verdict = {v1::DELTA_VERDICT_JOB_ENDED, "the job has ended"};
-      break;
-    case Delivery::ok: {
-      std::string wrong;
-      if (header.build_id() != build_id()) {
-        verdict = {v1::DELTA_VERDICT_WRONG_BUILD,
-                   fmt::format("made by build {}, the farm runs {}", header.build_id(), build_id())};
-      } else if (header.size_bytes() == 0 || header.size_bytes() > answer.largest) {
-        verdict = {v1::DELTA_VERDICT_CORRUPT,
-                   fmt::format("{} bytes cannot be a delta of this job (at most {})", header.size_bytes(),
-                               answer.largest)};
-      } else {
-        return std::optional<Verdict>();
-      }
-      with_scheduler([&](Scheduler& s) {
-        s.fail_unit(header.worker_id(), header.token(), FailureCause::worker, verdict.message, now());
-      });
-      break;
-    }
-  }
-  ++counters_.verdicts[verdict.verdict];
-  log::info(fmt::format("delta refused: {}", verdict.message),
+  std::optional<Refusal> refusal = refusal_of(answer.delivery);
+  if (!refusal) refusal = check_build(header.build_id());
+  if (!refusal && (header.size_bytes() == 0 || header.size_bytes() > answer.largest))
+    refusal = corrupt(fmt::format("{} bytes cannot be a delta of this job (at most {})", header.size_bytes(),
+                                  answer.largest));
+  if (!refusal) return std::optional<Verdict>();
+  if (refusal->cause)
+    with_scheduler([&](Scheduler& s) {
+      s.fail_unit(header.worker_id(), header.token(), *refusal->cause, refusal->message, now());
+    });
+  ++counters_.verdicts[refusal->verdict];
+  log::info(fmt::format("delta refused: {}", refusal->message),
             {.job = header.job_id(),
              .unit = static_cast<std::int64_t>(header.unit_id()),
              .worker = header.worker_id()});
-  return std::optional<Verdict>(verdict);
+  return std::optional<Verdict>({refusal->verdict, refusal->message});
 }
 
 Farm::Verdict Farm::deliver(const v1::DeltaHeader& header, const std::string& bytes, double receive_seconds) {
@@ -89,105 +172,49 @@ Farm::Verdict Farm::deliver(const v1::DeltaHeader& header, const std::string& by
                      .unit = static_cast<std::int64_t>(header.unit_id()),
                      .worker = header.worker_id()};
   counters_.delta_bytes += bytes.size();
-  // Without a cause nobody has failed.
-  const auto refuse = [&](v1::DeltaVerdict verdict, std::string message,
-                          std::optional<FailureCause> cause = {}) {
-    ++counters_.verdicts[verdict];
-    log::warn(fmt::format("delta refused: {}", message), ids);
+  const auto refuse = [&](Refusal refusal) {
+    ++counters_.verdicts[refusal.verdict];
+    log::warn(fmt::format("delta refused: {}", refusal.message), ids);
     with_scheduler([&](Scheduler& s) {
-      s.event(now(), header.job_id(), header.worker_id(), "refused", message);
-      if (cause == FailureCause::master)
-        s.lack_inputs(header.worker_id(), header.token(), message, now());
-      else if (cause)
-        s.fail_unit(header.worker_id(), header.token(), *cause, message, now());
+      s.event(now(), header.job_id(), header.worker_id(), "refused", refusal.message);
+      if (refusal.cause == FailureCause::master)
+        s.lack_inputs(header.worker_id(), header.token(), refusal.message, now());
+      else if (refusal.cause)
+        s.fail_unit(header.worker_id(), header.token(), *refusal.cause, refusal.message, now());
     });
-    return Verdict{verdict, std::move(message)};
+    return Verdict{refusal.verdict, std::move(refusal.message)};
   };
   if (bytes.size() != header.size_bytes())
-    return refuse(v1::DELTA_VERDICT_CORRUPT,
-                  fmt::format("{} bytes came, {} were announced", bytes.size(), header.size_bytes()),
-                  FailureCause::network);
+    return refuse(corrupt(fmt::format("{} bytes came, {} were announced", bytes.size(), header.size_bytes()),
+                          FailureCause::network));
   if (sha256_hex(bytes) != header.sha256())
-    return refuse(v1::DELTA_VERDICT_CORRUPT, "the bytes do not have the announced hash",
-                  FailureCause::network);
+    return refuse(corrupt("the bytes do not have the announced hash", FailureCause::network));
 
   const auto started = std::chrono::steady_clock::now();
   const PushGate::MergeTurn turn(*gate_);
   const auto unit = wire::from_proto(header.unit());
-  const std::shared_ptr<JobFilm> film = film_of(header.job_id());
-  if (!unit.ok() || !film) return refuse(v1::DELTA_VERDICT_STALE, "the job has no film");
-  struct Expected {
-    film::Layout layout;
-    int scale_log2 = 0;
-  };
-  const Expected expected = with_scheduler([&](Scheduler& s) {
-    const JobRow& row = s.job(header.job_id())->row;
-    Expected e;
-    e.layout = layout_of(row);
-    e.scale_log2 = row.named_state ? row.named_state->film_scale_log2 : 0;
-    return e;
+  if (!unit.ok()) return refuse(corrupt(unit.error().to_string()));
+  const auto expected = with_scheduler([&](Scheduler& s) -> std::optional<Expected> {
+    const Job* job = s.job(header.job_id());
+    if (job == nullptr) return std::nullopt;
+    return Expected{shape_of(job->row), job->row.named_state, job->row.epochs};
   });
-  const std::string_view records_bytes = std::string_view(bytes).substr(
-      bytes.size() - std::min<std::size_t>(header.records_bytes(), bytes.size()));
-  auto delta = film::Delta::decode(std::string_view(bytes).substr(0, bytes.size() - records_bytes.size()),
-                                   expected.layout);
-  if (!delta.ok()) return refuse(v1::DELTA_VERDICT_CORRUPT, delta.error().to_string(), FailureCause::worker);
-  const film::DeltaInfo& info = delta->info();
-  if (info.build_id != build_id())
-    return refuse(v1::DELTA_VERDICT_WRONG_BUILD,
-                  fmt::format("made by build {}, the farm runs {}", info.build_id, build_id()),
-                  FailureCause::worker);
-  if (info.job_id != header.job_id() || info.scale_log2 != expected.scale_log2 ||
-      info.unit.kind != unit->kind || info.unit.half != unit->half || info.unit.begin != unit->begin ||
-      info.unit.end != unit->end)
-    return refuse(v1::DELTA_VERDICT_CORRUPT,
-                  "the delta is of another unit, job or scale than its header says", FailureCause::worker);
-
-  std::vector<chains::ChainRecord> records;
-  std::size_t largest_record = 0;
-  if (unit->kind == Unit::Kind::segments) {
-    auto decoded = chains::decode(records_bytes, unit->end - unit->begin);
-    if (!decoded.ok())
-      return refuse(v1::DELTA_VERDICT_CORRUPT, decoded.error().to_string(), FailureCause::worker);
-    records = std::move(*decoded);
-    for (const chains::ChainRecord& r : records)
-      largest_record = std::max(largest_record, chains::encoded_bytes(r));
-  }
+  if (!expected || (makes_film(unit->kind) && !expected->state))
+    return refuse({v1::DELTA_VERDICT_STALE, "the job has no film"});
+  auto delta = film::Delta::decode(bytes, expected->shape);
+  if (!delta.ok()) return refuse(corrupt(delta.error().to_string()));
+  if (auto wrong = check(*delta, header, *unit, *expected)) return refuse(std::move(*wrong));
 
   // The lease may have run out while the bytes came.
   const Delivery again = with_scheduler([&](Scheduler& s) {
     return s.check_delivery(header.worker_id(), header.token(), header.unit_id(), header.job_id(), *unit,
                             now());
   });
-  switch (again) {
-    case Delivery::ok:
-      break;
-    case Delivery::duplicate:
-      return refuse(v1::DELTA_VERDICT_DUPLICATE, "the unit is merged already");
-    case Delivery::stale:
-      return refuse(v1::DELTA_VERDICT_STALE, "the lease is not the sender's any more");
-    case Delivery::job_ended:
-      return refuse(v1::DELTA_VERDICT_JOB_ENDED, "the job has ended");
-  }
-  if (auto opened = truth_->open_film(header.job_id()); !opened.ok())
-    return refuse(v1::DELTA_VERDICT_STALE, opened.error().to_string(), FailureCause::master);
-  const auto outcome = film->merge(*delta, std::move(records));
-  // A chain whose segment before is not in the film: no fault of the sender's. It is rendered again in its
-  // turn.
-  if (!outcome.ok() && outcome.error().kind == ErrorKind::refused && unit->kind == Unit::Kind::segments)
-    return refuse(v1::DELTA_VERDICT_STALE, outcome.error().to_string());
-  if (!outcome.ok())
-    return refuse(v1::DELTA_VERDICT_CORRUPT, outcome.error().to_string(), FailureCause::worker);
-  if (*outcome == JobFilm::Outcome::duplicate)
-    return refuse(v1::DELTA_VERDICT_DUPLICATE, "the unit is merged already");
-  if (*outcome == JobFilm::Outcome::closed) return refuse(v1::DELTA_VERDICT_JOB_ENDED, "the job has ended");
-  const double merge_seconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
-  counters_.merge_microseconds += static_cast<std::uint64_t>(merge_seconds * 1e6);
-  with_scheduler([&](Scheduler& s) {
-    s.merged(header.worker_id(), header.token(), header.unit_id(), header.job_id(), *unit, delta->tallies(),
-             header.render_seconds(), receive_seconds + merge_seconds, now(), largest_record);
-  });
+  if (auto late = refusal_of(again)) return refuse(std::move(*late));
+  auto refusal = makes_film(unit->kind) ? merge_film(*this, header, *unit, *delta, receive_seconds, started)
+                                        : merge_table(*this, header, *delta);
+  if (refusal) return refuse(std::move(*refusal));
+  counters_.merge_microseconds += static_cast<std::uint64_t>(seconds_since(started) * 1e6);
   ++counters_.verdicts[v1::DELTA_VERDICT_MERGED];
   log::debug("merged", ids);
   wake_.notify_all();

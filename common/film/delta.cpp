@@ -1,11 +1,17 @@
-// The wire form of a unit's film.
+// The wire form of what one unit brings.
 //
-// Bytes: "CNDLDLT1"; width, height, layers, scale_log2 (u32 each); kind, half (u8 each); begin, end (u64);
-// job id, build id (u16 length, bytes); tallies (7 u64); runs of touched tiles; for each group of 32 tiles
-// and each channel its byte planes; XXH64 of all before (u64). Integers are little-endian.
+// Bytes: "CNDLDLT2"; kind, half (u8 each); begin, end (u64); job id, build id (u16 length, bytes); the
+// sections; XXH64 of all before (u64). Integers are little-endian. A section: kind (u8), name (u16 length,
+// bytes), epoch (u64), length (u64), and so many bytes:
+//   film         width, height, layers, scale_log2 (u32 each), sums (sparse_sums.h)
+//   accumulator  sums, of the channels that the job's plan gives this name
+//   records      chain records, each with its length before it (common/chains/chains.h)
+//   table        float32 values
+//   counts       7 u64
 #include "common/film/delta.h"
 
-#include <algorithm>
+#include <bit>
+#include <limits>
 #include <utility>
 
 #include "common/film/codec.h"
@@ -15,11 +21,12 @@ namespace candela::film {
 
 namespace {
 
-constexpr std::string_view kMagic = "CNDLDLT1";
+constexpr std::string_view kMagic = "CNDLDLT2";
 
-void put_text(std::string& out, const std::string& text) {
+void put_text(std::string& out, std::string_view text) {
+  text = text.substr(0, std::numeric_limits<std::uint16_t>::max());
   put_u16(out, static_cast<std::uint16_t>(text.size()));
-  out.append(text, 0, 0xffff);
+  out.append(text);
 }
 
 Result<std::string> read_text(Reader& reader, const char* field) {
@@ -28,125 +35,203 @@ Result<std::string> read_text(Reader& reader, const char* field) {
   return std::string(reader.bytes(size));
 }
 
-}  // namespace
-
-std::string encode_delta(const UnitFilm& film, const DeltaInfo& info) {
-  const Layout& layout = film.layout();
-  const std::int64_t* sums = film.sums();
-  std::vector<std::uint32_t> tiles;
-  for (std::size_t tile = 0; tile < layout.tile_count(); ++tile) {
-    if (!film.touched(tile)) continue;
-    const TileRect rect = tile_rect(layout, tile);
-    bool zero = true;
-    for (std::uint32_t y = rect.y; zero && y < rect.y + rect.height; ++y) {
-      const std::int64_t* row =
-          sums + ((std::size_t{rect.layer} * layout.height + y) * layout.width + rect.x) * kChannels;
-      zero =
-          std::all_of(row, row + std::size_t{rect.width} * kChannels, [](std::int64_t v) { return v == 0; });
-    }
-    if (!zero) tiles.push_back(static_cast<std::uint32_t>(tile));
-  }
-
-  std::string out(kMagic);
-  out.reserve(1024 + tiles.size() * kTileSize * kTileSize * kChannels * 3);
-  put_layout(out, layout, film.scale_log2());
-  put_u8(out, static_cast<std::uint8_t>(info.unit.kind));
-  put_u8(out, static_cast<std::uint8_t>(info.unit.half));
-  put_u64(out, info.unit.begin);
-  put_u64(out, info.unit.end);
-  put_text(out, info.job_id);
-  put_text(out, info.build_id);
-  put_tallies(out, film.tallies());
-  put_tiles(out, tiles);
-
-  PlaneWriter writer;
-  std::array<std::vector<std::uint64_t>, kChannels> codes;
-  for (auto& channel : codes) channel.resize(kGroupTiles * kTileSize * kTileSize);
-  for (std::size_t first = 0; first < tiles.size(); first += kGroupTiles) {
-    const std::size_t last = std::min(tiles.size(), first + kGroupTiles);
-    std::size_t values = 0;
-    for (std::size_t t = first; t < last; ++t) {
-      const TileRect rect = tile_rect(layout, tiles[t]);
-      for (std::uint32_t y = rect.y; y < rect.y + rect.height; ++y) {
-        const std::int64_t* row =
-            sums + ((std::size_t{rect.layer} * layout.height + y) * layout.width + rect.x) * kChannels;
-        for (std::size_t c = 0; c < kChannels; ++c) {
-          std::uint64_t* to = codes[c].data() + values;
-          for (std::uint32_t x = 0; x < rect.width; ++x) to[x] = zigzag(row[x * kChannels + c]);
-        }
-        values += rect.width;
-      }
-    }
-    for (const auto& channel : codes) writer.put(out, std::span(channel).first(values), {});
-  }
-  seal(out);
-  return out;
+Error section_error(std::string_view text) {
+  return input_error("the delta " + std::string(text)).with_field("sections");
 }
 
-Result<Delta> Delta::decode(std::string_view bytes, const Layout& expected) {
-  CANDELA_ASSIGN(const std::string_view content, unseal(bytes, kMagic, "the delta"));
-  Reader reader(content);
-  Delta delta;
-  DeltaInfo& info = delta.info_;
-  info.layout.width = reader.u32();
-  info.layout.height = reader.u32();
-  info.layout.layers = reader.u32();
-  info.scale_log2 = static_cast<std::int32_t>(reader.u32());
-  if (!reader.ok()) return input_error("the delta ends in its header").with_field("length");
-  CANDELA_TRY(validate(info.layout, info.scale_log2));
-  if (info.layout != expected) {
-    return input_error("the delta is of a film of " + std::to_string(info.layout.width) + " x " +
-                       std::to_string(info.layout.height) + " x " + std::to_string(info.layout.layers) +
-                       ", the job's is of " + std::to_string(expected.width) + " x " +
-                       std::to_string(expected.height) + " x " + std::to_string(expected.layers))
-        .with_field("layout");
+std::string_view name_of(SectionKind kind) {
+  switch (kind) {
+    case SectionKind::film:
+      return "film";
+    case SectionKind::accumulator:
+      return "accumulator";
+    case SectionKind::records:
+      return "records";
+    case SectionKind::table:
+      return "table";
+    case SectionKind::counts:
+      return "counts";
   }
+  return "unknown";
+}
+
+// A unit's sections, in order.
+std::vector<SectionKind> sections_of(Unit::Kind kind, std::size_t accumulators) {
+  if (kind == Unit::Kind::bootstrap) return {SectionKind::table, SectionKind::counts};
+  std::vector<SectionKind> kinds{SectionKind::film};
+  kinds.resize(1 + accumulators, SectionKind::accumulator);
+  if (kind == Unit::Kind::segments) kinds.push_back(SectionKind::records);
+  kinds.push_back(SectionKind::counts);
+  return kinds;
+}
+
+Result<DeltaInfo> read_info(Reader& reader) {
+  DeltaInfo info;
   const std::uint8_t kind = reader.u8();
   info.unit.half = reader.u8();
   info.unit.begin = reader.u64();
   info.unit.end = reader.u64();
-  if (kind > static_cast<std::uint8_t>(Unit::Kind::segments) ||
-      kind == static_cast<std::uint8_t>(Unit::Kind::bootstrap)) {  // a bootstrap makes no film
+  if (!reader.ok()) return input_error("the delta ends in its header").with_field("length");
+  if (kind > static_cast<std::uint8_t>(Unit::Kind::segments))
     return input_error("the delta is of an unknown kind of unit").with_field("kind");
-  }
   info.unit.kind = static_cast<Unit::Kind>(kind);
-  const bool iterations = info.unit.kind != Unit::Kind::pilot;
+  const bool pilot = info.unit.kind == Unit::Kind::pilot;
   if (info.unit.half > 1 || info.unit.end > Limits::max_iterations || info.unit.begin > info.unit.end ||
-      (iterations && info.unit.begin == info.unit.end)) {
+      (!pilot && info.unit.begin == info.unit.end))
     return input_error("the delta's range of iterations is not possible").with_field("unit");
-  }
   CANDELA_ASSIGN(info.job_id, read_text(reader, "job_id"));
   CANDELA_ASSIGN(info.build_id, read_text(reader, "build_id"));
-  delta.tallies_ = read_tallies(reader);
-  CANDELA_ASSIGN(delta.tiles_, read_tiles(reader, expected.tile_count()));
+  return info;
+}
 
-  PlaneReader planes;
-  for (std::size_t first = 0; first < delta.tiles_.size(); first += kGroupTiles) {
-    Group group;
-    group.first = first;
-    group.count = std::min(kGroupTiles, delta.tiles_.size() - first);
-    std::size_t values = 0;
-    for (std::size_t t = first; t < first + group.count; ++t)
-      values += tile_rect(expected, delta.tiles_[t]).pixels();
-    for (PlaneSet& channel : group.channels) {
-      CANDELA_ASSIGN(channel, planes.read(reader, values, 8));
-    }
-    std::size_t offset = 0;
-    for (std::size_t t = first; t < first + group.count; ++t) {
-      const std::size_t pixels = tile_rect(expected, delta.tiles_[t]).pixels();
-      if (!std::any_of(group.channels.begin(), group.channels.end(),
-                       [&](const PlaneSet& channel) { return any(channel, offset, pixels); })) {
-        return input_error("the delta lists a tile that is all zero").with_field("tiles");
-      }
-      offset += pixels;
-    }
-    delta.groups_.push_back(std::move(group));
+Result<void> read_film_header(Reader& reader, const Layout& expected, DeltaInfo& info) {
+  info.layout.width = reader.u32();
+  info.layout.height = reader.u32();
+  info.layout.layers = reader.u32();
+  info.scale_log2 = static_cast<std::int32_t>(reader.u32());
+  if (!reader.ok()) return input_error("the delta ends in its film").with_field("length");
+  CANDELA_TRY(validate(info.layout, info.scale_log2));
+  if (info.layout == expected) return {};
+  const auto text = [](const Layout& l) {
+    return std::to_string(l.width) + " x " + std::to_string(l.height) + " x " + std::to_string(l.layers);
+  };
+  return input_error("the delta is of a film of " + text(info.layout) + ", the job's is of " + text(expected))
+      .with_field("layout");
+}
+
+}  // namespace
+
+DeltaWriter::DeltaWriter(const DeltaInfo& info) : out_(kMagic) {
+  put_u8(out_, static_cast<std::uint8_t>(info.unit.kind));
+  put_u8(out_, static_cast<std::uint8_t>(info.unit.half));
+  put_u64(out_, info.unit.begin);
+  put_u64(out_, info.unit.end);
+  put_text(out_, info.job_id);
+  put_text(out_, info.build_id);
+}
+
+void DeltaWriter::begin(SectionKind kind, std::string_view name, std::uint64_t epoch) {
+  put_u8(out_, static_cast<std::uint8_t>(kind));
+  put_text(out_, name);
+  put_u64(out_, epoch);
+  section_ = out_.size();
+  put_u64(out_, 0);
+}
+
+void DeltaWriter::end() {
+  std::string length;
+  put_u64(length, out_.size() - section_ - sizeof(std::uint64_t));
+  out_.replace(section_, length.size(), length);
+}
+
+void DeltaWriter::film(const UnitFilm& film) {
+  begin(SectionKind::film, "", 0);
+  put_layout(out_, film.layout(), film.scale_log2());
+  film.put_sums(out_);
+  end();
+}
+
+void DeltaWriter::accumulator(const UnitAccumulator& sums, std::uint64_t epoch) {
+  begin(SectionKind::accumulator, sums.spec().name, epoch);
+  sums.put_sums(out_);
+  end();
+}
+
+void DeltaWriter::records(std::string_view encoded) {
+  begin(SectionKind::records, "", 0);
+  out_.append(encoded);
+  end();
+}
+
+void DeltaWriter::table(std::span<const float> values) {
+  begin(SectionKind::table, "", 0);
+  for (const float value : values) put_u32(out_, std::bit_cast<std::uint32_t>(value));
+  end();
+}
+
+void DeltaWriter::counts(const Tallies& tallies) {
+  begin(SectionKind::counts, "", 0);
+  put_tallies(out_, tallies);
+  end();
+}
+
+std::string DeltaWriter::finish() {
+  seal(out_);
+  return std::move(out_);
+}
+
+std::string encode_delta(const UnitFilm& film, const DeltaInfo& info, std::string_view records) {
+  DeltaWriter writer(info);
+  writer.film(film);
+  if (info.unit.kind == Unit::Kind::segments) writer.records(records);
+  writer.counts(film.tallies());
+  return writer.finish();
+}
+
+Result<Delta> Delta::decode(std::string_view bytes, const DeltaShape& expected) {
+  CANDELA_ASSIGN(const std::string_view content, unseal(bytes, kMagic, "the delta"));
+  Reader reader(content);
+  Delta delta;
+  CANDELA_ASSIGN(delta.info_, read_info(reader));
+  for (const SectionKind kind : sections_of(delta.info_.unit.kind, expected.accumulators.size())) {
+    if (reader.rest().empty()) return section_error("has no section '" + std::string(name_of(kind)) + "'");
+    const auto found = static_cast<SectionKind>(reader.u8());
+    CANDELA_ASSIGN(const std::string name, read_text(reader, "sections"));
+    const std::uint64_t epoch = reader.u64();
+    const std::uint64_t length = reader.u64();
+    if (!reader.ok() || length > reader.rest().size())
+      return input_error("the delta ends in a section").with_field("length");
+    if (found != kind)
+      return section_error("has a section '" + std::string(name_of(found)) + "' in the place of '" +
+                           std::string(name_of(kind)) + "'");
+    CANDELA_TRY(delta.read_section(kind, name, epoch, reader.bytes(length), expected));
   }
-  if (!reader.ok() || !reader.rest().empty()) {
+  if (!reader.rest().empty()) {
     return input_error("the delta has " + std::to_string(reader.rest().size()) + " bytes too many")
         .with_field("length");
   }
   return delta;
+}
+
+Result<void> Delta::read_section(SectionKind kind, std::string_view name, std::uint64_t epoch,
+                                 std::string_view bytes, const DeltaShape& expected) {
+  Reader reader(bytes);
+  std::string expected_name;
+  bool per_epoch = false;
+  switch (kind) {
+    case SectionKind::film: {
+      CANDELA_TRY(read_film_header(reader, expected.film, info_));
+      CANDELA_ASSIGN(film_, SparseSums::read(reader, expected.film, kChannels));
+      break;
+    }
+    case SectionKind::accumulator: {
+      const AccumulatorSpec& spec = expected.accumulators[accumulators_.size()];
+      expected_name = spec.name;
+      per_epoch = spec.per == AccumulatorSpec::Per::epoch;
+      const Layout layout{expected.film.width, expected.film.height, 1};
+      CANDELA_ASSIGN(SparseSums sums, SparseSums::read(reader, layout, spec.channels));
+      accumulators_.push_back({epoch, std::move(sums)});
+      break;
+    }
+    case SectionKind::records:
+      records_ = reader.bytes(reader.rest().size());
+      break;
+    case SectionKind::table:
+      table_.reserve(bytes.size() / sizeof(float));
+      while (reader.rest().size() >= sizeof(float)) table_.push_back(std::bit_cast<float>(reader.u32()));
+      break;
+    case SectionKind::counts:
+      tallies_ = read_tallies(reader);
+      break;
+  }
+  if (!reader.ok() || !reader.rest().empty())
+    return section_error("has a section '" + std::string(name_of(kind)) + "' of a wrong length");
+  if (name != expected_name)
+    return section_error("has a section '" + std::string(name) + "', the job's plan has '" + expected_name +
+                         "' in its place");
+  if (per_epoch ? epoch >= kMaxEpochs : epoch != 0)
+    return section_error("has a section of epoch " + std::to_string(epoch) + ", which it cannot have");
+  return {};
 }
 
 }  // namespace candela::film

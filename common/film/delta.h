@@ -1,24 +1,36 @@
-// The film of one unit as a worker hands it in: its bytes, and their checked form.
+// All that one unit brings, as a worker hands it in: sections in one file with one header and one checksum.
+//
+// A unit of iterations brings its film, the job's accumulators and counts; one of segments also the records
+// of its chains; one of bootstrap samples a table of contributions and counts. Whoever adds a kind of work
+// chooses among sections, and the way of a delta through the farm stays the same.
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "common/base/result.h"
-#include "common/film/codec.h"
+#include "common/film/accumulator.h"
 #include "common/film/counts.h"
 #include "common/film/layout.h"
+#include "common/film/sparse_sums.h"
 #include "common/job/job.h"
 
 namespace candela::film {
 
 class UnitFilm;
 
-// Identifies a delta; checked against the lease before it is merged.
+enum class SectionKind : std::uint8_t { film = 1, accumulator = 2, records = 3, table = 4, counts = 5 };
+
+// An epoch's number is below this.
+inline constexpr std::uint64_t kMaxEpochs = 1ULL << 20;
+
+// Identifies a delta; checked against the lease before it is merged. Layout and scale are the film's, and
+// meaningless without one.
 struct DeltaInfo {
   Unit unit;
   Layout layout;
@@ -27,34 +39,66 @@ struct DeltaInfo {
   std::string build_id;
 };
 
-// Wire form of a unit's film: header, tallies, touched tiles compressed (byte planes of zigzag integers,
-// zstd), checksum. Deterministic: films of equal sums and tallies give equal bytes. Preconditions: the film
-// has not overflowed; the ids have at most Limits::max_name_bytes; info's layout and scale are ignored in
-// favour of the film's.
-std::string encode_delta(const UnitFilm& film, const DeltaInfo& info);
+// Writes a delta section by section, in the order of the functions below. Deterministic: equal sums, records,
+// tables and counts give equal bytes. Preconditions: no sum has overflowed; the ids have at most
+// Limits::max_name_bytes; info's layout and scale are ignored in favor of the film's.
+class DeltaWriter {
+ public:
+  explicit DeltaWriter(const DeltaInfo& info);
+  void film(const UnitFilm& film);
+  // In the order of the job's plan. `epoch`: 0 for an accumulator of the whole job.
+  void accumulator(const UnitAccumulator& sums, std::uint64_t epoch);
+  void records(std::string_view encoded);  // chains::encode
+  void table(std::span<const float> values);
+  void counts(const Tallies& tallies);
+  std::string finish();
+
+ private:
+  void begin(SectionKind kind, std::string_view name, std::uint64_t epoch);
+  void end();
+  std::string out_;
+  std::size_t section_ = 0;  // where the length of the open section is
+};
+
+// The delta of a unit of a job without accumulators. `records`: encoded, of a unit of segments.
+std::string encode_delta(const UnitFilm& film, const DeltaInfo& info, std::string_view records = {});
+
+// What the deltas of a job hold, beside what follows from a unit's kind.
+struct DeltaShape {
+  DeltaShape(const Layout& layout, std::vector<AccumulatorSpec> specs = {})  // NOLINT: a film is a shape
+      : film(layout), accumulators(std::move(specs)) {}
+  Layout film;
+  std::vector<AccumulatorSpec> accumulators;
+};
 
 // A checked, decoded delta.
 class Delta {
  public:
-  // Fails on anything that is not the whole and unchanged output of encode_delta: wrong magic, length,
-  // checksum, tile index, decompressed size, trailing bytes. Memory is bounded by the layout in `expected`,
-  // which must match.
-  static Result<Delta> decode(std::string_view bytes, const Layout& expected);
+  // Fails (input) on anything that is not the whole and unchanged output of a DeltaWriter: wrong magic,
+  // length, checksum, tile index, decompressed size, trailing bytes; and on sections that a unit of its kind
+  // does not have, or lacks. Memory is bounded by `expected`, which must match, and by the bytes themselves.
+  static Result<Delta> decode(std::string_view bytes, const DeltaShape& expected);
+
+  struct AccumulatorSums {
+    std::uint64_t epoch = 0;
+    SparseSums sums;
+  };
   const DeltaInfo& info() const { return info_; }
   const Tallies& tallies() const { return tallies_; }
+  const SparseSums& film() const { return film_; }
+  const std::vector<AccumulatorSums>& accumulators() const { return accumulators_; }  // as in the plan
+  const std::string& records() const { return records_; }  // encoded; empty if there is no such section
+  const std::vector<float>& table() const { return table_; }
 
  private:
-  friend class MergedFilm;
-  // Consecutive entries of tiles_, kept as byte planes (a third of the memory of the sums) until they are
-  // merged.
-  struct Group {
-    std::size_t first = 0, count = 0;
-    std::array<PlaneSet, kChannels> channels;
-  };
+  Result<void> read_section(SectionKind kind, std::string_view name, std::uint64_t epoch,
+                            std::string_view bytes, const DeltaShape& expected);
   DeltaInfo info_;
   Tallies tallies_;
-  std::vector<std::uint32_t> tiles_;  // ascending indices
-  std::vector<Group> groups_;
+  SparseSums film_;
+  std::vector<AccumulatorSums> accumulators_;
+  std::string records_;
+  std::vector<float> table_;
 };
 
 }  // namespace candela::film

@@ -13,12 +13,11 @@
 #include "common/film/counts.h"
 #include "common/film/index_set.h"
 #include "common/film/layout.h"
+#include "common/film/tile_sums.h"
 
 namespace candela::film {
 
 class Delta;
-
-__extension__ using Int128 = __int128;  // a GCC extension that -Wpedantic wants declared
 
 // The job's film: two halves, each exact sums, tallies, and the set of merged indices.
 class MergedFilm {
@@ -61,23 +60,14 @@ class MergedFilm {
   void develop_row(std::uint32_t layer, std::uint32_t y, Which which, std::span<double> out) const;
 
  private:
-  // 64-bit sums until one would overflow, then 128-bit: the values are the same, the memory is what is
-  // needed. Order: [channel][y][x] within the tile. Both empty: all zero.
-  struct TileSums {
-    std::vector<std::int64_t> narrow;
-    std::vector<Int128> wide;
-    void widen();
-  };
   // Invariant: |sum| <= merged.count() * 2^63, so 128 bits cannot overflow (indices are below 2^40).
   struct Half {
-    std::vector<TileSums> tiles;  // [layer][tile], empty until touched
+    TileSums sums;
     IndexSet merged;
     Tallies tallies;
   };
-  static void add_tile(TileSums& sums, std::span<const std::int64_t> values);
-  static void add_tile(TileSums& sums, std::span<const Int128> values);
-  void serialise_half(std::string& out, const Half& half) const;
-  Result<void> parse_half(std::string_view& rest, Half& half) const;
+  static void serialise_half(std::string& out, const Half& half);
+  static Result<void> parse_half(Reader& reader, Half& half);
 
   Layout layout_;
   int scale_log2_;

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <limits>
 
+#include "common/film/sparse_sums.h"
+
 namespace candela::film {
 
 UnitFilm::UnitFilm(Layout layout, int scale_log2)
@@ -51,6 +53,10 @@ Tallies UnitFilm::tallies() const {
   const Tallies copy = tallies_;
   lock_.clear(std::memory_order_release);
   return copy;
+}
+
+void UnitFilm::put_sums(std::string& out) const {
+  film::put_sums(out, layout_, kChannels, sums_, touched_);
 }
 
 void UnitFilm::clear() {

@@ -6,6 +6,7 @@
 #include <atomic>
 #include <bit>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "common/film/counts.h"
@@ -52,6 +53,8 @@ class UnitFilm {
   // Sum of a pixel in film units, for tests and encoders. Index: (layer * height + y) * width + x.
   const std::int64_t* sums() const { return sums_.data(); }
   bool touched(std::size_t tile_index) const { return touched_[tile_index] != 0; }
+  // Appends the sums in the form of a delta (sparse_sums.h).
+  void put_sums(std::string& out) const;
 
  private:
   // True for what may be added. Otherwise counts the cause. Out of line: the unusual case.

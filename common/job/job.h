@@ -4,7 +4,6 @@
 
 #include <cstdint>
 #include <map>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -45,6 +44,11 @@ struct Unit {
   std::uint64_t end = 0;
 };
 
+// Units of these kinds bring a film.
+constexpr bool makes_film(Unit::Kind kind) {
+  return kind == Unit::Kind::iterations || kind == Unit::Kind::segments;
+}
+
 // The number of an iteration within its job, counted over both halves: what schedules (the radius of
 // iteration i) are computed from. Inverse of half i % 2, index i / 2.
 constexpr std::uint64_t global_iteration(std::uint32_t half, std::uint64_t index) {
@@ -63,14 +67,6 @@ struct ChainPlan {
   std::uint32_t chains = 0;  // even
   std::uint64_t bootstrap_samples = 0;
   std::uint64_t segment_mutations = 0;  // of one chain in one segment
-};
-
-struct PilotResult {
-  NamedState state;
-  std::string plan;                      // text, for people and metadata
-  double seconds_per_iteration = 0;      // with the threads it was measured with; of chains: per segment
-  std::vector<std::string> layers = {};  // of the film beside the image, in order; empty for most
-  std::optional<ChainPlan> chains = {};  // a job of chains: the bootstrap comes next
 };
 
 // Limits that both ends enforce.

@@ -1,8 +1,6 @@
 // Conversions of what jobs of Markov chains add to the wire.
 #include <fmt/format.h>
 
-#include <cmath>
-
 #include "common/wire/wire.h"
 
 namespace candela::wire {
@@ -97,30 +95,6 @@ Result<chains::Summary> from_proto(const v1::ChainStatus& message) {
     c.longest_stay = group.longest_stay();
     c.stay_x = group.stay_x();
     c.stay_y = group.stay_y();
-  }
-  return out;
-}
-
-Result<BootstrapResult> from_proto(const v1::CompleteBootstrapRequest& message) {
-  BootstrapResult out;
-  if (!std::isfinite(message.render_seconds()) || message.render_seconds() < 0)
-    return field_error("render_seconds", "must be seconds, 0 or more");
-  out.render_seconds = message.render_seconds();
-  if (message.contributions_size() == 0) return field_error("contributions", "there are none");
-  for (const float value : message.contributions())
-    if (!std::isfinite(value) || value < 0)
-      return field_error("contributions", fmt::format("{} is not a finite number of at least 0", value));
-  out.contributions.assign(message.contributions().begin(), message.contributions().end());
-  for (const v1::RejectedSamples& entry : message.rejected()) {
-    bool known = false;
-    for (std::size_t cause = 0; cause < out.rejected.size(); ++cause) {
-      if (film::name(static_cast<film::RejectCause>(cause)) != entry.cause()) continue;
-      out.rejected[cause] = entry.count();
-      known = true;
-    }
-    if (!known || entry.count() > out.contributions.size())
-      return field_error("rejected", known ? "more samples are rejected than there are"
-                                           : "a cause that is none of nan, infinite, negative, saturated");
   }
   return out;
 }

@@ -11,6 +11,7 @@
 #include "common/chains/chains.h"
 #include "common/job/failure.h"
 #include "common/job/job.h"
+#include "common/stages/work_plan.h"
 
 namespace candela::wire {
 
@@ -20,6 +21,7 @@ void to_proto(const Unit& unit, v1::Unit& out);
 void to_proto(const NamedState& state, v1::NamedState& out);
 void to_proto(const bundle::Bundle& bundle, v1::Bundle& out);
 void to_proto(const ChainPlan& plan, v1::ChainPlan& out);
+void to_proto(const WorkPlan& plan, v1::WorkPlan& out);
 // The plan and what is done of the bootstrap are the caller's.
 void to_proto(const chains::Summary& summary, v1::ChainStatus& out);
 // A start is a record once there are segments behind it.
@@ -36,16 +38,10 @@ Result<bundle::Bundle> from_proto(const v1::Bundle& message);
 FailureCause from_proto(v1::FailureCause cause);
 v1::FailureCause to_proto(FailureCause cause);
 Result<ChainPlan> from_proto(const v1::ChainPlan& message);
+// Checked for form; validate() of work_plan.h checks its meaning for the job's size.
+Result<WorkPlan> from_proto(const v1::WorkPlan& message);
 Result<chains::Summary> from_proto(const v1::ChainStatus& message);
 Result<chains::ChainStart> from_proto(const v1::ChainStart& message);
-// A result of samples [unit.begin, unit.end): so many contributions, finite and not negative.
-struct BootstrapResult {
-  std::vector<float> contributions;
-  std::array<std::uint64_t, film::kRejectCauses> rejected{};
-  double render_seconds = 0;
-};
-Result<BootstrapResult> from_proto(const v1::CompleteBootstrapRequest& message);
-
 // Error <-> grpc::Status. The kind survives the trip (input, usage -> INVALID_ARGUMENT; unreachable ->
 // UNAVAILABLE; refused -> FAILED_PRECONDITION; resource -> RESOURCE_EXHAUSTED; failed -> ABORTED; internal ->
 // INTERNAL), as do message and field, in one line. from_status maps DEADLINE_EXCEEDED, UNAVAILABLE to

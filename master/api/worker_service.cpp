@@ -7,7 +7,6 @@
 #include "common/base/hash.h"
 #include "common/base/text.h"
 #include "common/base/version.h"
-#include "common/film/layers.h"
 #include "common/wire/stall_guard.h"
 #include "master/api/service_support.h"
 
@@ -176,52 +175,20 @@ grpc::Status WorkerServiceImpl::CompletePilot(grpc::ServerContext*, const v1::Co
     return wire::to_status(input_error("must be seconds, 0 or more").with_field("seconds_per_iteration"));
   if (request->plan().size() > (64U << 10))
     return wire::to_status(input_error("longer than 64 KiB").with_field("plan"));
-  PilotResult result{*state,
-                     request->plan(),
-                     request->seconds_per_iteration(),
-                     {request->layers().begin(), request->layers().end()}};
-  if (auto valid = film::validate_layer_names(result.layers); !valid.ok())
-    return wire::to_status(valid.error());
-  if (request->has_chains()) {
-    auto plan = wire::from_proto(request->chains());
-    if (!plan.ok()) return wire::to_status(plan.error());
-    result.chains = *plan;
-    if (result.layers.size() + 1 < chains::kImageLayers)
-      return wire::to_status(
-          input_error("a job of chains has a second layer, which is part of the image").with_field("layers"));
-  }
+  auto work = wire::from_proto(request->work());
+  if (!work.ok()) return wire::to_status(work.error());
+  const PilotResult result{*state, request->plan(), request->seconds_per_iteration(), std::move(*work)};
   Result<void> fits;
   const grpc::Status status =
       as_worker(farm_, request->worker_id(), request->session(), [&](Scheduler& s, Now now) {
         if (const Job* job = s.job_of_lease(request->worker_id(), request->token())) {
           const JobSettings& settings = job->row.settings;
-          if (auto layout = film::make_layout(settings.width, settings.height, result.layers); !layout.ok()) {
-            fits = layout.error();
-            return;
-          }
+          fits = validate(result.work, settings.width, settings.height);
+          if (!fits.ok()) return;
         }
         response->set_accepted(s.complete_pilot(request->worker_id(), request->token(), result, now));
       });
   return fits.ok() ? status : wire::to_status(fits.error());
-}
-
-grpc::Status WorkerServiceImpl::CompleteBootstrap(grpc::ServerContext*,
-                                                  const v1::CompleteBootstrapRequest* request,
-                                                  v1::CompleteBootstrapResponse* response) {
-  auto result = wire::from_proto(*request);
-  if (!result.ok()) return wire::to_status(result.error());
-  Result<void> taken;
-  const grpc::Status status =
-      as_worker(farm_, request->worker_id(), request->session(), [&](Scheduler& s, Now now) {
-        const auto accepted =
-            s.complete_bootstrap(request->worker_id(), request->token(), std::move(result->contributions),
-                                 result->rejected, result->render_seconds, now);
-        if (accepted.ok())
-          response->set_accepted(*accepted);
-        else
-          taken = accepted.error();
-      });
-  return taken.ok() ? status : wire::to_status(taken.error());
 }
 
 grpc::Status WorkerServiceImpl::PushDelta(grpc::ServerContext* context,

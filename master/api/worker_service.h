@@ -20,8 +20,6 @@ class WorkerServiceImpl final : public v1::WorkerService::Service {
   grpc::Status FailUnit(grpc::ServerContext*, const v1::FailUnitRequest*, v1::FailUnitResponse*) override;
   grpc::Status CompletePilot(grpc::ServerContext*, const v1::CompletePilotRequest*,
                              v1::CompletePilotResponse*) override;
-  grpc::Status CompleteBootstrap(grpc::ServerContext*, const v1::CompleteBootstrapRequest*,
-                                 v1::CompleteBootstrapResponse*) override;
   grpc::Status PushDelta(grpc::ServerContext*, grpc::ServerReader<v1::DeltaChunk>*,
                          v1::PushDeltaResponse*) override;
   grpc::Status GetBundle(grpc::ServerContext*, const v1::GetBundleRequest*, v1::Bundle*) override;

@@ -262,12 +262,14 @@ bool Scheduler::complete_pilot(const std::string& worker_id, std::uint64_t token
   if (u == job->units.end() || u->second.row.unit.kind != Unit::Kind::pilot) return false;
   WorkerState& worker = workers_.at(worker_id);
   note_success(*job, worker, now);
-  job->row.chains = result.chains;
+  job->row.chains = result.work.chains;
   job->row.pilot_scale_log2 = result.state.film_scale_log2;
-  if (!result.chains) job->row.named_state = result.state;
+  if (!result.work.chains) job->row.named_state = result.state;
   job->source = make_source(job->row);
   job->row.plan = result.plan;
-  job->row.layers = result.layers;
+  job->row.layers = result.work.layers;
+  job->row.accumulators = result.work.accumulators;
+  job->row.epochs = result.work.epochs;
   job->row.thread_seconds_per_iteration = result.seconds_per_iteration * worker.row.threads;
   job->thread_seconds = job->row.thread_seconds_per_iteration;
   const std::uint64_t unit_id = u->first;
@@ -276,13 +278,13 @@ bool Scheduler::complete_pilot(const std::string& worker_id, std::uint64_t token
   job->units.erase(unit_id);
   changes_.emplace_back(DropUnit{unit_id});
   std::string text = fmt::format("{:.4g} s per iteration", result.seconds_per_iteration);
-  if (result.chains)
+  if (result.work.chains)
     text = fmt::format("{} chains, {} bootstrap samples, {:.4g} s per segment of {} mutations",
-                       result.chains->chains, result.chains->bootstrap_samples, result.seconds_per_iteration,
-                       result.chains->segment_mutations);
+                       result.work.chains->chains, result.work.chains->bootstrap_samples,
+                       result.seconds_per_iteration, result.work.chains->segment_mutations);
   else
     text = fmt::format("film scale 2^{}, {}", result.state.film_scale_log2, text);
-  if (!result.layers.empty()) text += fmt::format(", {} layers", result.layers.size());
+  if (!result.work.layers.empty()) text += fmt::format(", {} layers", result.work.layers.size());
   event(now, job->row.id, worker_id, "pilot", text);
   save(*job, now);
   last_activity_ = now.seconds;

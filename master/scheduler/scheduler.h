@@ -256,8 +256,7 @@ class Scheduler {
   void blob_arrived(const std::string& sha256, Now now);
   // The job of a lease that this worker holds; null if it holds none of this token.
   const Job* job_of_lease(const std::string& worker_id, std::uint64_t token) const;
-  // Precondition: result.layers and the job's size are the layout of a film (film::make_layout); of a job of
-  // chains, chains::validate(*result.chains) holds, and there are layers enough (chains::kImageLayers).
+  // Precondition: validate(result.work) holds for the job's size.
   bool complete_pilot(const std::string& worker_id, std::uint64_t token, const PilotResult& result, Now now);
   // False for a stale token. Fails (input) if the result is not of the lease's samples.
   Result<bool> complete_bootstrap(const std::string& worker_id, std::uint64_t token,

@@ -16,6 +16,7 @@
 #include "common/chains/chains.h"
 #include "common/film/counts.h"
 #include "common/job/job.h"
+#include "common/stages/work_plan.h"
 
 namespace candela::master {
 
@@ -36,6 +37,8 @@ struct JobRow {
   std::string stop_reason;  // "iterations", "time", "relmse", "black"; empty while it runs
   std::optional<NamedState> named_state;
   std::string plan;
+  std::vector<film::AccumulatorSpec> accumulators;  // beside the film; valid (film::validate)
+  std::optional<EpochPlan> epochs;
   std::vector<std::string> layers;  // of the film beside the image; valid (film::make_layout)
   std::optional<ChainPlan>
       chains;                // of a job of Markov chains, from the pilot; its state follows the bootstrap

@@ -73,12 +73,11 @@ std::vector<Pushed> push_next(const ChainJob& job, const ChainImage& so_far, std
     std::vector<chains::ChainStart> starts;
     for (std::uint64_t i = unit.begin; i < unit.end; ++i)
       starts.push_back({0, so_far.records[chains::chain_of(unit.half, i, so_far.plan.chains)]});
-    const auto film = renderer->make_film(so_far.state);
-    std::vector<chains::ChainRecord> records;
-    if (!renderer->run_segments(unit, so_far.state, starts, *film, records, {}).ok()) std::abort();
-    const std::string delta = film::encode_delta(*film, {unit, film->layout(), 0, "a job", "a build"});
-    out.push_back(
-        {segments, delta.size(), chains::encode(std::span<const chains::ChainRecord>(records)).size()});
+    auto output = renderer->make_output(so_far.state);
+    if (!renderer->run(unit, {so_far.state, {}, starts}, output, {}).ok()) std::abort();
+    const std::string delta = encode_delta({unit, {}, 0, "a job", "a build"}, output);
+    const std::size_t records = chains::encode(std::span<const chains::ChainRecord>(output.records)).size();
+    out.push_back({segments, delta.size() - records, records});
   }
   return out;
 }
@@ -113,9 +112,10 @@ Sample run_iterations(const TestScene& scene, std::uint64_t seed, std::uint64_t 
   TestScene seeded = scene;
   seeded.settings.seed = seed;
   const auto renderer = make_renderer(seeded);
-  const auto film = renderer->make_film(state);
+  auto output = renderer->make_output(state);
+  const auto& film = output.film;
   const std::clock_t begin = std::clock();
-  if (!renderer->run({Unit::Kind::iterations, 0, 0, iterations}, *film, {}).ok()) std::abort();
+  if (!renderer->run({Unit::Kind::iterations, 0, 0, iterations}, {}, output, {}).ok()) std::abort();
   const double seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
   const double to_value = std::ldexp(1.0, -film->scale_log2()) / static_cast<double>(iterations);
   Sample sample;

@@ -53,10 +53,11 @@ int main(int argc, char** argv) {
   run.threads = 2;
   const auto pilot = (*renderer)->pilot(run);
   if (!pilot.ok()) return fail(pilot.error().to_string());
-  const auto film = (*renderer)->make_film(pilot->state);
+  auto output = (*renderer)->make_output(pilot->state);
+  const auto& film = output.film;
   for (std::uint64_t count : counts) {
     film->clear();
-    const auto done = (*renderer)->run({Unit::Kind::iterations, 0, 0, count}, *film, run);
+    const auto done = (*renderer)->run({Unit::Kind::iterations, 0, 0, count}, {}, output, run);
     if (!done.ok()) return fail(done.error().to_string());
     film::DeltaInfo info;
     info.unit = {Unit::Kind::iterations, 0, 0, count};
@@ -73,7 +74,7 @@ int main(int argc, char** argv) {
     for (std::uint64_t repeat = 0; repeat < 4; ++repeat) {
       film->clear();
       info.unit = {Unit::Kind::iterations, 0, repeat * count, (repeat + 1) * count};
-      const auto again = (*renderer)->run(info.unit, *film, run);
+      const auto again = (*renderer)->run(info.unit, {}, output, run);
       if (!again.ok()) return fail(again.error().to_string());
       const std::string next = film::encode_delta(*film, info);
       const double t2 = thread_cpu_seconds();

@@ -146,7 +146,7 @@ class Run {
     job.seed = seed;
     job.integrator_settings = value_of(render::complete_integrator_settings(integrator, {}, settings));
     renderer_ = value_of(render::Renderer::create(files_, scene.filename(), {}, job, 1));
-    film_ = renderer_->make_film(value_of(renderer_->pilot({})).state);
+    output_ = renderer_->make_output(value_of(renderer_->pilot({})).state);
   }
 
   // Runs iterations [begin, end) of a job, those of each half as a unit, and returns their CPU seconds.
@@ -155,17 +155,17 @@ class Run {
     tallies_ = {};
     double seconds = 0;
     for (std::uint32_t half = 0; half < 2; ++half) {
-      film_->clear();
+      output_.clear();
       const Unit unit{Unit::Kind::iterations, half, (begin + 1 - half) / 2, (end + 1 - half) / 2};
       if (unit.begin == unit.end) continue;
       const double start = cpu_seconds();
-      const auto done = renderer_->run(unit, *film_, {});
+      const auto done = renderer_->run(unit, {}, output_, {});
       seconds += cpu_seconds() - start;
       if (!done.ok()) fail(done.error().to_string());
-      const double to_value = std::ldexp(1.0, -film_->scale_log2()) / static_cast<double>(end - begin);
+      const double to_value = std::ldexp(1.0, -output_.film->scale_log2()) / static_cast<double>(end - begin);
       for (std::size_t i = 0; i < sums_.size(); ++i)
-        sums_[i] += static_cast<double>(film_->sums()[i]) * to_value;
-      tallies_.add(film_->tallies());
+        sums_[i] += static_cast<double>(output_.film->sums()[i]) * to_value;
+      tallies_.add(output_.tallies());
     }
     return seconds;
   }
@@ -179,7 +179,7 @@ class Run {
   std::vector<double> sums_;  // means of what the last run added, row by row
   film::Tallies tallies_;
   std::unique_ptr<render::Renderer> renderer_;
-  std::unique_ptr<film::UnitFilm> film_;
+  render::UnitOutput output_;
 };
 
 std::vector<std::string> chosen_integrators(const Options& options, std::initializer_list<const char*> all) {

@@ -86,9 +86,10 @@ int main(int argc, char** argv) {
     const render::RunContext run;
     const auto pilot = (*renderer)->pilot(run);
     if (!pilot.ok()) return fail(pilot.error().to_string());
-    const auto film = (*renderer)->make_film(pilot->state);
+    auto output = (*renderer)->make_output(pilot->state);
+    const auto& film = output.film;
     const double begin = cpu_seconds();
-    const auto done = (*renderer)->run({Unit::Kind::iterations, 0, 0, iterations}, *film, run);
+    const auto done = (*renderer)->run({Unit::Kind::iterations, 0, 0, iterations}, {}, output, run);
     const double seconds = cpu_seconds() - begin;
     if (!done.ok()) return fail(done.error().to_string());
     const double to_value = std::ldexp(1.0, -film->scale_log2()) / static_cast<double>(iterations);

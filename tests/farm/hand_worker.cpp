@@ -87,7 +87,7 @@ std::optional<v1::Lease> HandWorker::try_acquire() {
   if (lease.unit().kind() == v1::Unit::KIND_PILOT)
     complete_pilot(lease);
   else if (lease.unit().kind() == v1::Unit::KIND_BOOTSTRAP)
-    complete_bootstrap(lease);
+    push(delta_for(lease, scene_file_for_pilots));
   else
     return lease;
   return std::nullopt;
@@ -102,30 +102,12 @@ void HandWorker::complete_pilot(const v1::Lease& lease) {
   wire::to_proto(pilot.state, *done.mutable_named_state());
   done.set_plan(pilot.plan);
   done.set_seconds_per_iteration(pilot.seconds_per_iteration);
-  for (const std::string& layer : pilot.layers) done.add_layers(layer);
-  if (pilot.chains) wire::to_proto(*pilot.chains, *done.mutable_chains());
+  wire::to_proto(pilot.work, *done.mutable_work());
   v1::CompletePilotResponse accepted;
   grpc::ClientContext context;
   set_deadline(context);
   expect_ok(stub_->CompletePilot(&context, done, &accepted), "CompletePilot");
   if (!accepted.accepted()) throw std::runtime_error("the pilot was not accepted");
-}
-
-void HandWorker::complete_bootstrap(const v1::Lease& lease) {
-  const Unit unit = unwrap(wire::from_proto(lease.unit()));
-  std::vector<float> contributions(unit.end - unit.begin);
-  unwrap(renderer_for(lease, scene_file_for_pilots).bootstrap(unit.begin, unit.end, contributions, {}));
-  v1::CompleteBootstrapRequest done;
-  done.set_worker_id(registered_.worker_id());
-  done.set_session(registered_.session());
-  done.set_token(lease.token());
-  done.mutable_contributions()->Add(contributions.begin(), contributions.end());
-  done.set_render_seconds(0.1);
-  v1::CompleteBootstrapResponse accepted;
-  grpc::ClientContext context;
-  set_deadline(context);
-  expect_ok(stub_->CompleteBootstrap(&context, done, &accepted), "CompleteBootstrap");
-  if (!accepted.accepted()) throw std::runtime_error("the bootstrap samples were not accepted");
 }
 
 v1::Lease HandWorker::acquire(double seconds) {
@@ -149,24 +131,15 @@ Push HandWorker::delta_for(const v1::Lease& lease, const std::string& scene_file
   render::Renderer& renderer = renderer_for(lease, scene_file);
   const NamedState state = unwrap(wire::from_proto(lease.named_state()));
   const Unit unit = unwrap(wire::from_proto(lease.unit()));
-  const auto film = renderer.make_film(state);
+  render::UnitOutput output;
+  if (makes_film(unit.kind)) output = renderer.make_output(state);
   std::vector<chains::ChainStart> starts;
   for (const v1::ChainStart& start : lease.chain_starts()) starts.push_back(unwrap(wire::from_proto(start)));
-  std::vector<chains::ChainRecord> records;
-  const Result<void> ran = unit.kind == Unit::Kind::segments
-                               ? renderer.run_segments(unit, state, starts, *film, records, {})
-                               : renderer.run(unit, *film, {});
+  const Result<void> ran = renderer.run(unit, {state, {}, starts}, output, {});
   if (!ran.ok()) throw std::runtime_error(ran.error().to_string());
 
-  film::DeltaInfo info;
-  info.unit = unit;
-  info.layout = film->layout();
-  info.scale_log2 = film->scale_log2();
-  info.job_id = lease.job_id();
-  info.build_id = std::string(build_id());
   Push push;
-  const std::string record_bytes = chains::encode(std::span<const chains::ChainRecord>(records));
-  push.bytes = film::encode_delta(*film, info) + record_bytes;
+  push.bytes = encode_delta({unit, {}, 0, lease.job_id(), std::string(build_id())}, output);
   push.header.set_worker_id(registered_.worker_id());
   push.header.set_session(registered_.session());
   push.header.set_token(lease.token());
@@ -175,7 +148,6 @@ Push HandWorker::delta_for(const v1::Lease& lease, const std::string& scene_file
   *push.header.mutable_unit() = lease.unit();
   push.header.set_build_id(std::string(build_id()));
   push.header.set_size_bytes(push.bytes.size());
-  push.header.set_records_bytes(record_bytes.size());
   push.header.set_sha256(sha256_hex(push.bytes));
   push.header.set_render_seconds(0.1);
   return push;

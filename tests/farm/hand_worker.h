@@ -49,7 +49,6 @@ class HandWorker {
 
  private:
   void complete_pilot(const v1::Lease& lease);
-  void complete_bootstrap(const v1::Lease& lease);
   render::Renderer& renderer_for(const v1::Lease& lease, const std::string& scene_file);
 
   std::unique_ptr<v1::WorkerService::Stub> stub_;

@@ -127,10 +127,11 @@ std::string hash_of_iterations(const statistical::TestScene& scene, const Render
   run.threads = plan.threads;
   const auto pilot = renderer->pilot(run);
   if (!pilot.ok()) throw std::runtime_error(pilot.error().to_string());
-  for (const std::string& layer : pilot->layers) digest.text(layer);
+  for (const std::string& layer : pilot->work.layers) digest.text(layer);
   for (std::uint32_t half = 0; half < 2; ++half) {
-    const auto film = renderer->make_film(pilot->state);
-    const auto done = renderer->run({Unit::Kind::iterations, half, 0, plan.iterations / 2}, *film, run);
+    auto output = renderer->make_output(pilot->state);
+    const auto& film = output.film;
+    const auto done = renderer->run({Unit::Kind::iterations, half, 0, plan.iterations / 2}, {}, output, run);
     if (!done.ok()) throw std::runtime_error(done.error().to_string());
     const film::Layout& layout = film->layout();
     for (const std::uint32_t extent : {layout.width, layout.height, layout.layers})

@@ -34,16 +34,21 @@ ChainImage render_chains(const ChainJob& job, std::uint64_t seed) {
   render::RunContext run;
   run.threads = job.threads;
   const PilotResult pilot = value_of(renderer->pilot(run));
-  if (!pilot.chains) throw std::runtime_error("not a job of chains");
+  if (!pilot.work.chains) throw std::runtime_error("not a job of chains");
   ChainImage result;
-  result.plan = *pilot.chains;
+  result.plan = *pilot.work.chains;
   result.width = scene.settings.width;
   result.height = scene.settings.height;
 
-  std::vector<float> contributions(result.plan.bootstrap_samples);
+  render::UnitOutput bootstrap;
   const double begin = cpu_seconds();
-  result.tallies = value_of(renderer->bootstrap(0, contributions.size(), contributions, run));
+  if (const auto done =
+          renderer->run({Unit::Kind::bootstrap, 0, 0, result.plan.bootstrap_samples}, {}, bootstrap, run);
+      !done.ok())
+    throw std::runtime_error(done.error().to_string());
   result.bootstrap_seconds = cpu_seconds() - begin;
+  result.tallies = bootstrap.counts;
+  const std::vector<float>& contributions = bootstrap.table;
   chains::BootstrapTable table(contributions.size());
   if (const auto inserted = table.insert(0, contributions); !inserted.ok())
     throw std::runtime_error(inserted.error().to_string());
@@ -55,7 +60,8 @@ ChainImage render_chains(const ChainJob& job, std::uint64_t seed) {
 
   result.state = state;
 
-  const auto film = renderer->make_film(state);
+  auto output = renderer->make_output(state);
+  const auto& film = output.film;
   const std::uint64_t each = result.plan.chains / 2;
   const double chains_begin = cpu_seconds();
   result.records.resize(result.plan.chains);
@@ -67,9 +73,9 @@ ChainImage render_chains(const ChainJob& job, std::uint64_t seed) {
         const std::uint64_t chain = chains::chain_of(half, i, result.plan.chains);
         from.push_back({starts.empty() ? 0 : starts[chain], result.records[chain]});
       }
-      std::vector<chains::ChainRecord> records;
-      if (const auto done = renderer->run_segments(unit, state, from, *film, records, run); !done.ok())
+      if (const auto done = renderer->run(unit, {state, {}, from}, output, run); !done.ok())
         throw std::runtime_error(done.error().to_string());
+      const std::vector<chains::ChainRecord>& records = output.records;
       for (std::uint64_t i = 0; i < records.size(); ++i)
         result.records[chains::chain_of(half, unit.begin + i, result.plan.chains)] = records[i];
     }

@@ -103,8 +103,9 @@ std::vector<std::vector<float>> render_batches(TestScene scene, std::uint64_t se
     const auto renderer = make_renderer(scene);
     const auto pilot = renderer->pilot(run);
     if (!pilot.ok()) give_up(pilot.error());
-    const auto film = renderer->make_film(pilot->state);
-    const auto done = renderer->run({Unit::Kind::iterations, 0, 0, iterations}, *film, run);
+    auto output = renderer->make_output(pilot->state);
+    const auto& film = output.film;
+    const auto done = renderer->run({Unit::Kind::iterations, 0, 0, iterations}, {}, output, run);
     if (!done.ok()) give_up(done.error());
     for (std::uint64_t rejected : film->tallies().rejected)
       if (rejected != 0) throw std::runtime_error(fmt::format("{} samples were rejected", rejected));
@@ -155,8 +156,9 @@ std::vector<std::vector<double>> render_layers(const TestScene& scene, const Nam
   const auto renderer = make_renderer(seeded);
   render::RunContext run;
   run.threads = threads;
-  const auto film = renderer->make_film(state);
-  const auto done = renderer->run({Unit::Kind::iterations, half, first, first + iterations}, *film, run);
+  auto output = renderer->make_output(state);
+  const auto& film = output.film;
+  const auto done = renderer->run({Unit::Kind::iterations, half, first, first + iterations}, {}, output, run);
   if (!done.ok()) give_up(done.error());
   for (const std::uint64_t rejected : film->tallies().rejected)
     if (rejected != 0)

@@ -45,8 +45,9 @@ film::Delta delta_of(const render::Renderer& renderer, const NamedState& state, 
                      unsigned threads) {
   render::RunContext run;
   run.threads = threads;
-  const auto film = renderer.make_film(state);
-  const auto done = renderer.run(unit, *film, run);
+  auto output = renderer.make_output(state);
+  const auto& film = output.film;
+  const auto done = renderer.run(unit, {}, output, run);
   EXPECT_TRUE(done.ok());
   film::DeltaInfo info;
   info.unit = unit;
@@ -67,7 +68,7 @@ void film_depends_on_the_job_alone(TestScene scene) {
   const auto pilot = renderer->pilot(one);
   ASSERT_TRUE(pilot.ok());
   const NamedState state = pilot->state;
-  const film::Layout layout = renderer->make_film(state)->layout();
+  const film::Layout layout = renderer->make_output(state).film->layout();
   const auto unit = [](std::uint32_t half, std::uint64_t begin, std::uint64_t end) {
     return Unit{Unit::Kind::iterations, half, begin, end};
   };
@@ -152,8 +153,9 @@ TEST(Exactness, SpoiledSamplesAreCountedAndKeptOut) {
   render::RunContext run;
   run.threads = 2;
   run.fault = &spoil;
-  const auto film = renderer->make_film(NamedState{20});
-  ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 0, 0, 64}, *film, run).ok());
+  auto output = renderer->make_output(NamedState{20});
+  const auto& film = output.film;
+  ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 0, 0, 64}, {}, output, run).ok());
   const film::Tallies tallies = film->tallies();
   EXPECT_EQ(tallies.eye_samples, 32U * 32 * 64);
   // Each cause is spoiled once in 64 of 65536 samples: 1024 expected, standard deviation 32; 6 of them allow
@@ -172,8 +174,8 @@ TEST(Exactness, StopEndsAUnit) {
   const std::atomic<bool> stop{true};
   render::RunContext run;
   run.stop = &stop;
-  const auto film = renderer->make_film(NamedState{20});
-  const auto done = renderer->run({Unit::Kind::iterations, 0, 0, 1000000}, *film, run);
+  auto output = renderer->make_output(NamedState{20});
+  const auto done = renderer->run({Unit::Kind::iterations, 0, 0, 1000000}, {}, output, run);
   ASSERT_FALSE(done.ok());
   EXPECT_EQ(done.error().kind, ErrorKind::refused);
 }

@@ -74,6 +74,14 @@ TEST(MarkovJobs, ThreadsChangeNothing) {
   }
 }
 
+render::UnitOutput bootstrap(const render::Renderer& renderer, std::uint64_t begin, std::uint64_t end,
+                             const render::RunContext& run) {
+  render::UnitOutput output;
+  const auto done = renderer.run({Unit::Kind::bootstrap, 0, begin, end}, {}, output, run);
+  EXPECT_TRUE(done.ok());
+  return output;
+}
+
 // Claim: a unit cut into smaller ones, rendered in another order, gives the same film and the same records.
 TEST(MarkovJobs, CutsOfUnitsChangeNothing) {
   const TestScene scene = load("box-diffuse", 32, 32);
@@ -82,11 +90,10 @@ TEST(MarkovJobs, CutsOfUnitsChangeNothing) {
   chained.settings.seed = 3;
   const auto renderer = make_renderer(chained);
   const render::RunContext run{2};
-  std::vector<float> contributions(1000), in_parts(1000);
-  ASSERT_TRUE(renderer->bootstrap(0, 1000, contributions, run).ok());
-  const std::span<float> parts(in_parts);
-  ASSERT_TRUE(renderer->bootstrap(700, 1000, parts.subspan(700), run).ok());
-  ASSERT_TRUE(renderer->bootstrap(0, 700, parts.subspan(0, 700), run).ok());
+  const std::vector<float> contributions = bootstrap(*renderer, 0, 1000, run).table;
+  const std::vector<float> later = bootstrap(*renderer, 700, 1000, run).table;
+  std::vector<float> in_parts = bootstrap(*renderer, 0, 700, run).table;
+  in_parts.insert(in_parts.end(), later.begin(), later.end());
   EXPECT_EQ(contributions, in_parts);
   chains::BootstrapTable table(1000);
   ASSERT_TRUE(table.insert(0, contributions).ok());
@@ -96,24 +103,20 @@ TEST(MarkovJobs, CutsOfUnitsChangeNothing) {
   state.film_scale_log2 = chains::film_scale_log2(state.bootstrap_b, 0);
   std::vector<chains::ChainStart> starts;
   for (std::uint64_t i = 0; i < 8; ++i) starts.push_back({chosen[2 * i + 1], {}});
-  const auto whole = renderer->make_film(state), cut = renderer->make_film(state);
-  std::vector<chains::ChainRecord> records, last, first;
-  ASSERT_TRUE(
-      renderer->run_segments({Unit::Kind::segments, 1, 0, 8}, state, starts, *whole, records, run).ok());
+  auto whole = renderer->make_output(state), cut = renderer->make_output(state);
+  ASSERT_TRUE(renderer->run({Unit::Kind::segments, 1, 0, 8}, {state, {}, starts}, whole, run).ok());
   const std::span<const chains::ChainStart> all(starts);
-  ASSERT_TRUE(
-      renderer->run_segments({Unit::Kind::segments, 1, 3, 8}, state, all.subspan(3), *cut, last, run).ok());
-  ASSERT_TRUE(
-      renderer->run_segments({Unit::Kind::segments, 1, 0, 3}, state, all.subspan(0, 3), *cut, first, run)
-          .ok());
-  first.insert(first.end(), last.begin(), last.end());
-  EXPECT_EQ(first, records);
-  const std::size_t values = whole->layout().pixel_count() * 3 * 2;
-  EXPECT_TRUE(std::equal(whole->sums(), whole->sums() + values, cut->sums()));
+  ASSERT_TRUE(renderer->run({Unit::Kind::segments, 1, 3, 8}, {state, {}, all.subspan(3)}, cut, run).ok());
+  const std::vector<chains::ChainRecord> last = cut.records;
+  ASSERT_TRUE(renderer->run({Unit::Kind::segments, 1, 0, 3}, {state, {}, all.subspan(0, 3)}, cut, run).ok());
+  std::vector<chains::ChainRecord> joined = cut.records;
+  joined.insert(joined.end(), last.begin(), last.end());
+  EXPECT_EQ(joined, whole.records);
+  const std::size_t values = whole.film->layout().pixel_count() * 3 * 2;
+  EXPECT_TRUE(std::equal(whole.film->sums(), whole.film->sums() + values, cut.film->sums()));
   // A record of another segment is refused, not rendered.
-  EXPECT_EQ(
-      renderer->run_segments({Unit::Kind::segments, 1, 8, 16}, state, starts, *cut, first, run).error().kind,
-      ErrorKind::input);
+  EXPECT_EQ(renderer->run({Unit::Kind::segments, 1, 8, 16}, {state, {}, starts}, cut, run).error().kind,
+            ErrorKind::input);
 }
 
 // Claim: chains show no trace of where they started. Thousands of jobs whose chains make four mutations each
@@ -286,13 +289,12 @@ TEST(MarkovJobs, SpoiltSamplesAreQuarantined) {
     if (key % 64 == 1) rgb[0] = INFINITY;
     if (key % 64 == 2) rgb[2] = -1;
   };
-  std::vector<float> contributions(2000);
-  const auto tallies = renderer->bootstrap(0, 2000, contributions, run);
-  ASSERT_TRUE(tallies.ok());
+  const render::UnitOutput samples = bootstrap(*renderer, 0, 2000, run);
+  const std::vector<float>& contributions = samples.table;
   const auto spoilt = [](const film::Tallies& t) {
     return std::min({t.rejected[0], t.rejected[1], t.rejected[2]});
   };
-  EXPECT_GT(spoilt(*tallies), 5u);
+  EXPECT_GT(spoilt(samples.counts), 5u);
   chains::BootstrapTable table(2000);
   ASSERT_TRUE(table.insert(0, contributions).ok());
   NamedState state;
@@ -300,12 +302,10 @@ TEST(MarkovJobs, SpoiltSamplesAreQuarantined) {
   state.film_scale_log2 = chains::film_scale_log2(state.bootstrap_b, 0);
   const auto chosen = table.choose_starts(4, 0);
   const std::vector<chains::ChainStart> starts = {{chosen[0], {}}, {chosen[2], {}}};
-  const auto film = renderer->make_film(state);
-  std::vector<chains::ChainRecord> records;
-  ASSERT_TRUE(
-      renderer->run_segments({Unit::Kind::segments, 0, 0, 2}, state, starts, *film, records, run).ok());
-  EXPECT_GT(spoilt(film->tallies()), 5u);
-  for (const auto& record : records) {
+  auto output = renderer->make_output(state);
+  ASSERT_TRUE(renderer->run({Unit::Kind::segments, 0, 0, 2}, {state, {}, starts}, output, run).ok());
+  EXPECT_GT(spoilt(output.tallies()), 5u);
+  for (const auto& record : output.records) {
     EXPECT_TRUE(std::isfinite(record.counts.large_sum));
     EXPECT_NEAR(record.counts.large_sum / static_cast<double>(record.counts.large_steps), state.bootstrap_b,
                 state.bootstrap_b);
@@ -318,24 +318,22 @@ TEST(MarkovJobs, StopsWithinASegment) {
   TestScene scene = with_integrator(load("box-diffuse", 512, 512), "pssmlt",
                                     {{"chains", "2"}, {"bootstrap", "100"}, {"mutations", "1000"}});
   const auto renderer = make_renderer(scene);
-  std::vector<float> contributions(100);
-  ASSERT_TRUE(renderer->bootstrap(0, 100, contributions, {}).ok());
+  const std::vector<float> contributions = bootstrap(*renderer, 0, 100, {}).table;
   NamedState state;
   state.bootstrap_b = 1;
   const auto start = std::max_element(contributions.begin(), contributions.end()) - contributions.begin();
   const std::vector<chains::ChainStart> starts = {{static_cast<std::uint64_t>(start), {}}};
-  const auto film = renderer->make_film(state);
+  auto output = renderer->make_output(state);
   std::atomic<bool> stop{false};
   std::atomic<float> progress{0};
-  std::vector<chains::ChainRecord> records;
   std::chrono::steady_clock::time_point asked;
   std::jthread impatient([&] {
     while (progress.load() == 0) std::this_thread::yield();
     asked = std::chrono::steady_clock::now();
     stop = true;
   });
-  const auto result = renderer->run_segments({Unit::Kind::segments, 0, 0, 1}, state, starts, *film, records,
-                                             {1, &stop, &progress});
+  const auto result =
+      renderer->run({Unit::Kind::segments, 0, 0, 1}, {state, {}, starts}, output, {1, &stop, &progress});
   const auto ended = std::chrono::steady_clock::now();
   impatient.join();
   ASSERT_FALSE(result.ok());
@@ -362,11 +360,11 @@ TEST(MarkovJobs, PlansSayWhatChainsAreFor) {
   const auto pilot =
       make_renderer(with_integrator(glass, "mmlt", {{"chains", "30"}, {"mutations", "5"}}))->pilot({});
   ASSERT_TRUE(pilot.ok());
-  ASSERT_TRUE(pilot->chains.has_value());
-  EXPECT_EQ(pilot->chains->chains, 30u);
-  EXPECT_EQ(pilot->chains->segment_mutations, 11u);  // 8 * 8 * 5 / 30, rounded up
-  EXPECT_EQ(pilot->chains->bootstrap_samples, 100000u);
-  EXPECT_EQ(pilot->layers, std::vector<std::string>{"independent"});
+  ASSERT_TRUE(pilot->work.chains.has_value());
+  EXPECT_EQ(pilot->work.chains->chains, 30u);
+  EXPECT_EQ(pilot->work.chains->segment_mutations, 11u);  // 8 * 8 * 5 / 30, rounded up
+  EXPECT_EQ(pilot->work.chains->bootstrap_samples, 100000u);
+  EXPECT_EQ(pilot->work.layers, std::vector<std::string>{"independent"});
   EXPECT_GT(pilot->seconds_per_iteration, 0);
 }
 

@@ -75,7 +75,7 @@ class Layered {
   Layered(const TestScene& scene, const BatchPlan& plan) : scene_(scene), plan_(plan) {
     const auto pilot = make_renderer(scene)->pilot({});
     if (!pilot.ok()) throw std::runtime_error(pilot.error().to_string());
-    names_ = pilot->layers;
+    names_ = pilot->work.layers;
   }
   const std::vector<std::string>& names() const { return names_; }
   std::size_t find(const std::string& name) const {

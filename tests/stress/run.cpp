@@ -69,8 +69,9 @@ std::vector<double> render_batch(const TestScene& scene, const NamedState& state
   const auto renderer = statistical::make_renderer(seeded);
   render::RunContext run;
   run.fault = options.fault;
-  const auto film = renderer->make_film(state);
-  const auto done = renderer->run({Unit::Kind::iterations, half, first, first + iterations}, *film, run);
+  auto output = renderer->make_output(state);
+  const auto& film = output.film;
+  const auto done = renderer->run({Unit::Kind::iterations, half, first, first + iterations}, {}, output, run);
   if (!done.ok()) throw std::runtime_error(done.error().to_string());
   tallies = film->tallies();
   const double to_value = std::ldexp(1.0, -film->scale_log2()) / static_cast<double>(iterations);

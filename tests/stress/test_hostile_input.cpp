@@ -85,8 +85,9 @@ TEST(HostileInput, HugeTexelsAreCountedOrRendered) {
     const auto renderer = statistical::make_renderer(scene);
     const auto pilot = renderer->pilot({});
     ASSERT_TRUE(pilot.ok()) << pilot.error().to_string();
-    const auto film = renderer->make_film(pilot->state);
-    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 0, 0, 4}, *film, {}).ok());
+    auto output = renderer->make_output(pilot->state);
+    const auto& film = output.film;
+    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 0, 0, 4}, {}, output, {}).ok());
     std::int64_t largest = 0;
     for (std::size_t i = 0; i < 8 * 8 * 3; ++i) largest = std::max(largest, film->sums()[i]);
     const double brightest = std::ldexp(static_cast<double>(largest), -film->scale_log2());
@@ -110,8 +111,9 @@ TEST(HostileInput, PowerBeyondFloatsIsCounted) {
     const auto renderer = statistical::make_renderer(own);
     const auto pilot = renderer->pilot({});
     ASSERT_TRUE(pilot.ok()) << pilot.error().to_string();
-    const auto film = renderer->make_film(pilot->state);
-    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 0, 0, 4}, *film, {}).ok());
+    auto output = renderer->make_output(pilot->state);
+    const auto& film = output.film;
+    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 0, 0, 4}, {}, output, {}).ok());
     std::uint64_t rejected = 0;
     for (const std::uint64_t n : film->tallies().rejected) rejected += n;
     EXPECT_GT(rejected, 0U) << integrator;

@@ -45,62 +45,37 @@ class ToyWorker : public test::HandWorker {
     sign(request, lease);
     request.mutable_named_state()->set_film_scale_log2(kPilotScale);
     request.set_seconds_per_iteration(1e-4);
-    for (const char* layer : {"independent", "segments"}) request.add_layers(layer);
+    for (const char* layer : {"independent", "segments"}) request.mutable_work()->add_layers(layer);
     wire::to_proto(Toy::from(wire::from_proto(lease.settings())->integrator_settings).plan,
-                   *request.mutable_chains());
+                   *request.mutable_work()->mutable_chains());
     if (spoil) spoil(request);
     complete(request);
     return status;
   }
-  bool bootstrap(const v1::Lease& lease) {
-    const Unit unit = *wire::from_proto(lease.unit());
-    std::vector<float> values(unit.end - unit.begin);
-    const auto tallies =
-        ToyRenderer(*wire::from_proto(lease.settings())).bootstrap(unit.begin, unit.end, values, {});
-    v1::CompleteBootstrapRequest request;
-    sign(request, lease);
-    request.mutable_contributions()->Add(values.begin(), values.end());
-    v1::CompleteBootstrapResponse response;
-    grpc::ClientContext context;
-    EXPECT_TRUE(stub->CompleteBootstrap(&context, request, &response).ok());
-    return response.accepted();
-  }
-  struct Rendered {
-    std::string film;
-    std::vector<chains::ChainRecord> records;
-  };
-  static Rendered render(const v1::Lease& lease) {
+  static render::UnitOutput render(const v1::Lease& lease) {
     const ToyRenderer renderer(*wire::from_proto(lease.settings()));
     const Unit unit = *wire::from_proto(lease.unit());
     const NamedState state = *wire::from_proto(lease.named_state());
     std::vector<chains::ChainStart> starts;
     for (const auto& start : lease.chain_starts()) starts.push_back(*wire::from_proto(start));
-    const auto film = renderer.make_film(state);
-    Rendered out;
-    EXPECT_TRUE(renderer.run_segments(unit, state, starts, *film, out.records, {}).ok());
-    out.film = film::encode_delta(*film, {unit, {}, 0, lease.job_id(), std::string(build_id())});
-    return out;
+    render::UnitOutput output;
+    if (makes_film(unit.kind)) output = renderer.make_output(state);
+    EXPECT_TRUE(renderer.run(unit, {state, {}, starts}, output, {}).ok());
+    return output;
   }
-  v1::PushDeltaResponse push(const v1::Lease& lease, const std::string& film, const std::string& records) {
-    const std::string bytes = film + records;
-    return HandWorker::push(header(lease, bytes, records.size()), bytes);
+  v1::PushDeltaResponse push(const v1::Lease& lease, const render::UnitOutput& output) {
+    const film::DeltaInfo info{
+        *wire::from_proto(lease.unit()), {}, 0, lease.job_id(), std::string(build_id())};
+    const std::string bytes = encode_delta(info, output);
+    return HandWorker::push(header(lease, bytes), bytes);
   }
-  v1::DeltaVerdict deliver(const v1::Lease& lease) {
-    const Rendered r = render(lease);
-    return push(lease, r.film, chains::encode(std::span<const chains::ChainRecord>(r.records))).verdict();
-  }
+  v1::DeltaVerdict deliver(const v1::Lease& lease) { return push(lease, render(lease)).verdict(); }
   // One lease, done; false if there was none.
   bool step() {
     const auto lease = acquire();
     if (!lease) return false;
-    switch (lease->unit().kind()) {
-      case v1::Unit::KIND_PILOT:
-        return pilot(*lease).ok();
-      case v1::Unit::KIND_BOOTSTRAP:
-        return bootstrap(*lease);
-      default:
-        return deliver(*lease) == v1::DELTA_VERDICT_MERGED;
-    }
+    if (lease->unit().kind() == v1::Unit::KIND_PILOT) return pilot(*lease).ok();
+    return deliver(*lease) == v1::DELTA_VERDICT_MERGED;
   }
 };
 

@@ -90,8 +90,7 @@ class HandWorker {
     status = stream->Finish();
     return bytes;
   }
-  v1::DeltaHeader header(const v1::Lease& lease, const std::string& bytes,
-                         std::size_t records_bytes = 0) const {
+  v1::DeltaHeader header(const v1::Lease& lease, const std::string& bytes) const {
     v1::DeltaHeader h;
     sign(h, lease);
     h.set_unit_id(lease.unit_id());
@@ -99,7 +98,6 @@ class HandWorker {
     *h.mutable_unit() = lease.unit();
     h.set_build_id(std::string(build_id()));
     h.set_size_bytes(bytes.size());
-    h.set_records_bytes(records_bytes);
     h.set_sha256(sha256_hex(bytes));
     h.set_render_seconds(0.01);
     return h;

@@ -30,10 +30,10 @@ inline std::unique_ptr<film::UnitFilm> render_film(const render::Renderer& rende
                                                    std::uint64_t iterations) {
   NamedState state;
   state.film_scale_log2 = kFilmScaleLog2;
-  auto film = renderer.make_film(state);
-  const auto done = renderer.run({Unit::Kind::iterations, 0, 0, iterations}, *film, {1});
+  auto output = renderer.make_output(state);
+  const auto done = renderer.run({Unit::Kind::iterations, 0, 0, iterations}, {}, output, {1});
   if (!done.ok()) throw std::runtime_error(done.error().to_string());
-  return film;
+  return std::move(output.film);
 }
 
 }  // namespace candela::test

@@ -71,18 +71,21 @@ bool take_permit() {
 
 class LayeredRenderer final : public render::Renderer {
  public:
-  std::unique_ptr<film::UnitFilm> make_film(const NamedState& state) const override {
-    return std::make_unique<film::UnitFilm>(film::Layout{kWidth, kHeight, 3}, state.film_scale_log2);
+  render::UnitOutput make_output(const NamedState& state) const override {
+    render::UnitOutput output;
+    output.film = std::make_unique<film::UnitFilm>(film::Layout{kWidth, kHeight, 3}, state.film_scale_log2);
+    return output;
   }
   Result<PilotResult> pilot(const render::RunContext&) const override {
-    return PilotResult{{kScale}, "the plan", 0.01, kLayers};
+    return PilotResult{{kScale}, "the plan", 0.01, {.layers = kLayers}};
   }
-  Result<void> run(const Unit& unit, film::UnitFilm& film, const render::RunContext& context) const override {
+  Result<void> run(const Unit& unit, const render::UnitInput&, render::UnitOutput& output,
+                   const render::RunContext& context) const override {
     while (!take_permit()) {
       if (context.stop->load()) return refused_error("stopped");
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
-    render(unit.half, unit.begin, unit.end, film);
+    render(unit.half, unit.begin, unit.end, *output.film);
     // An iteration costs so much that units stay small, whatever the machine.
     std::this_thread::sleep_for(std::chrono::milliseconds(5 * (unit.end - unit.begin)));
     return {};

@@ -177,7 +177,7 @@ TEST(MergedFilm, DevelopsMeans) {
     unit.add(0, 2, 1, {value, 0, 0}, 1, tallies);
     DeltaInfo info;
     info.unit = {Unit::Kind::iterations, half, begin, end};
-    const auto delta = Delta::decode(encode_delta(unit, info), {3, 2, 1});
+    const auto delta = Delta::decode(encode_delta(unit, info), Layout{3, 2, 1});
     ASSERT_TRUE(delta.ok());
     ASSERT_TRUE(film.merge(*delta).ok());
   };
@@ -199,7 +199,7 @@ TEST(MergedFilm, DamagedCheckpointsAreRefused) {
     unit.add(0, 3 * i % 34, i % 3, {1, 1.0F * static_cast<float>(i), 0}, i, tallies);
   DeltaInfo info;
   info.unit = {Unit::Kind::iterations, 0, 2, 5};
-  ASSERT_TRUE(film.merge(Delta::decode(encode_delta(unit, info), {34, 3, 1}).value()).ok());
+  ASSERT_TRUE(film.merge(Delta::decode(encode_delta(unit, info), Layout{34, 3, 1}).value()).ok());
   const std::string good = film.serialise();
   ASSERT_TRUE(MergedFilm::parse(good).ok());
   ASSERT_FALSE(MergedFilm::parse(good + '\0').ok());

@@ -45,18 +45,18 @@ TEST(Merging, ThreadsAndCutsChangeNothing) {
     const auto renderer = make(integrator, kBox, {{"radius", "0.02"}});
     NamedState state;
     state.film_scale_log2 = 20;
-    const auto one = renderer->make_film(state), four = renderer->make_film(state),
-               cut = renderer->make_film(state);
-    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 1, 2, 5}, *one, {1}).ok());
-    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 1, 2, 5}, *four, {4}).ok());
-    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 1, 3, 5}, *cut, {2}).ok());
-    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 1, 2, 3}, *cut, {3}).ok());
-    EXPECT_EQ(sums(*one), sums(*four)) << integrator;
-    EXPECT_EQ(sums(*one), sums(*cut)) << integrator;
-    EXPECT_EQ(one->tallies(), four->tallies()) << integrator;
-    EXPECT_EQ(one->tallies().eye_samples, 3 * kSize * kSize) << integrator;
-    EXPECT_EQ(one->tallies().light_paths, 3 * kSize * kSize) << integrator;
-    for (const std::uint64_t count : one->tallies().rejected) EXPECT_EQ(count, 0u) << integrator;
+    auto one = renderer->make_output(state), four = renderer->make_output(state),
+         cut = renderer->make_output(state);
+    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 1, 2, 5}, {}, one, {1}).ok());
+    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 1, 2, 5}, {}, four, {4}).ok());
+    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 1, 3, 5}, {}, cut, {2}).ok());
+    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 1, 2, 3}, {}, cut, {3}).ok());
+    EXPECT_EQ(sums(*one.film), sums(*four.film)) << integrator;
+    EXPECT_EQ(sums(*one.film), sums(*cut.film)) << integrator;
+    EXPECT_EQ(one.film->tallies(), four.film->tallies()) << integrator;
+    EXPECT_EQ(one.film->tallies().eye_samples, 3 * kSize * kSize) << integrator;
+    EXPECT_EQ(one.film->tallies().light_paths, 3 * kSize * kSize) << integrator;
+    for (const std::uint64_t count : one.film->tallies().rejected) EXPECT_EQ(count, 0u) << integrator;
   }
 }
 
@@ -66,8 +66,9 @@ TEST(Merging, CountsOfLightPaths) {
   for (const auto& [setting, count] :
        {std::pair<std::string, std::uint64_t>{"0.1", 160}, {"2.5", 4000}, {"1e-9", 1}}) {
     const auto renderer = make("vcm", kBox, {{"light_paths", setting}});
-    const auto film = renderer->make_film({});
-    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 0, 0, 1}, *film, {1}).ok());
+    auto output = renderer->make_output({});
+    const auto& film = output.film;
+    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 0, 0, 1}, {}, output, {1}).ok());
     EXPECT_EQ(film->tallies().light_paths, count);
   }
 }
@@ -75,13 +76,14 @@ TEST(Merging, CountsOfLightPaths) {
 // Claim: a stop ends a unit with an error; progress ends at 1 without one.
 TEST(Merging, StopsAndProgress) {
   const auto renderer = make("vcm", kBox);
-  const auto film = renderer->make_film({});
+  auto output = renderer->make_output({});
+  const auto& film = output.film;
   std::atomic<bool> stop{true};
   std::atomic<float> progress{0};
-  EXPECT_FALSE(renderer->run({Unit::Kind::iterations, 0, 0, 2}, *film, {1, &stop, &progress}).ok());
+  EXPECT_FALSE(renderer->run({Unit::Kind::iterations, 0, 0, 2}, {}, output, {1, &stop, &progress}).ok());
   stop = false;
   film->clear();
-  EXPECT_TRUE(renderer->run({Unit::Kind::iterations, 0, 0, 2}, *film, {1, &stop, &progress}).ok());
+  EXPECT_TRUE(renderer->run({Unit::Kind::iterations, 0, 0, 2}, {}, output, {1, &stop, &progress}).ok());
   EXPECT_EQ(progress.load(), 1.0f);
 }
 

@@ -53,7 +53,8 @@ class ChainSchedulerTest : public SchedulerFixture {
     s->submit(row(id, iterations), now());
     worker("pilot");
     const auto l = lease("pilot");
-    PilotResult result{{17}, "", 1, {"independent"}, ChainPlan{kChains, kSamples, kMutations}};
+    PilotResult result{
+        {17}, "", 1, {.layers = {"independent"}, .chains = ChainPlan{kChains, kSamples, kMutations}}};
     ASSERT_TRUE(s->complete_pilot("pilot", l->row.token, result, now()));
     s->deregister("pilot", now());
   }

@@ -2,6 +2,7 @@
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <filesystem>
 #include <optional>
 
@@ -54,10 +55,13 @@ class MasterLayers : public testing::Test {
   }
   // OK only if the pilot was accepted.
   grpc::Status complete(const std::vector<std::string>& layers) {
+    return complete(WorkPlan{.layers = layers});
+  }
+  grpc::Status complete(const WorkPlan& plan) {
     v1::CompletePilotRequest request;
     worker_->sign(request, lease_);
     request.mutable_named_state()->set_film_scale_log2(16);
-    for (const std::string& layer : layers) request.add_layers(layer);
+    wire::to_proto(plan, *request.mutable_work());
     const bool accepted = worker_->complete(request);
     if (worker_->status.ok() && !accepted) return {grpc::StatusCode::ABORTED, "not accepted"};
     return worker_->status;
@@ -131,6 +135,40 @@ TEST_F(MasterLayers, DeltasMustHaveTheJobsLayers) {
   ASSERT_TRUE(worker_->enrol().ok());
   EXPECT_EQ(push(acquire(), {40, 33, 3}).verdict(), v1::DELTA_VERDICT_MERGED);
   EXPECT_GT(show().iterations(), 0U);
+}
+
+// Claim: a job's deltas must have the accumulators of its plan: without them, or of another epoch, they are
+// corrupt, and the film stays as it was; those of the plan merge.
+TEST_F(MasterLayers, DeltasMustHaveTheJobsAccumulators) {
+  using Per = film::AccumulatorSpec::Per;
+  start(40, 33);
+  WorkPlan plan;
+  plan.accumulators = {{"sectors", 2, 8, Per::job}};
+  plan.accumulators.push_back({"", 1, 0, Per::job});
+  EXPECT_NE(complete(plan).error_message().find("accumulators"), std::string::npos);
+  plan.accumulators.pop_back();
+  ASSERT_TRUE(complete(plan).ok());
+  const auto push_with = [&](const std::vector<film::AccumulatorSpec>& specs, std::uint64_t epoch) {
+    const v1::Lease lease = acquire();
+    film::UnitFilm film({40, 33, 1}, 16);
+    film::DeltaWriter writer({*wire::from_proto(lease.unit()), {}, 0, job_, std::string(build_id())});
+    writer.film(film);
+    film::Tallies tallies;
+    for (const film::AccumulatorSpec& spec : specs) {
+      film::UnitAccumulator sums(40, 33, spec);
+      sums.add(3, 4, 0, std::array<double, 1>{1.5}, 9, tallies);
+      writer.accumulator(sums, epoch);
+    }
+    writer.counts(tallies);
+    const std::string bytes = writer.finish();
+    const v1::DeltaVerdict verdict = worker_->push(worker_->header(lease, bytes), bytes).verdict();
+    EXPECT_EQ(verdict == v1::DELTA_VERDICT_MERGED, show().iterations() > 0);
+    EXPECT_TRUE(worker_->enrol().ok());  // a worker that failed at a unit is not offered it again
+    return verdict;
+  };
+  EXPECT_EQ(push_with({}, 0), v1::DELTA_VERDICT_CORRUPT);
+  EXPECT_EQ(push_with(plan.accumulators, 1), v1::DELTA_VERDICT_CORRUPT);
+  EXPECT_EQ(push_with(plan.accumulators, 0), v1::DELTA_VERDICT_MERGED);
 }
 
 // Claim: a store keeps a job's layers, which decide its film's layout; a job without any has the image alone.

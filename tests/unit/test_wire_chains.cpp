@@ -106,36 +106,5 @@ TEST(WireChains, Summaries) {
   EXPECT_EQ(wire::from_proto(message).error().field, "chains.groups");
 }
 
-// Claim: bootstrap results hold finite contributions of at least 0 and known causes of rejection.
-TEST(WireChains, BootstrapResults) {
-  v1::CompleteBootstrapRequest good;
-  for (const float v : {0.0F, 2.5F, 1e30F}) good.add_contributions(v);
-  good.set_render_seconds(0.5);
-  v1::RejectedSamples& rejected = *good.add_rejected();
-  rejected.set_cause("infinite");
-  rejected.set_count(2);
-  const auto back = wire::from_proto(good);
-  ASSERT_TRUE(back.ok()) << back.error().to_string();
-  EXPECT_EQ(back->contributions, (std::vector<float>{0.0F, 2.5F, 1e30F}));
-  EXPECT_EQ(back->rejected, (std::array<std::uint64_t, 4>{0, 2, 0, 0}));
-  EXPECT_EQ(back->render_seconds, 0.5);
-  v1::CompleteBootstrapRequest bad;
-  EXPECT_EQ(wire::from_proto(bad).error().field, "contributions");
-  for (const float v : {-1.0F, std::nanf(""), HUGE_VALF}) {
-    bad = good;
-    bad.add_contributions(v);
-    EXPECT_EQ(wire::from_proto(bad).error().field, "contributions");
-  }
-  bad = good;
-  bad.set_render_seconds(-1);
-  EXPECT_EQ(wire::from_proto(bad).error().field, "render_seconds");
-  bad = good;
-  bad.mutable_rejected(0)->set_cause("boredom");
-  EXPECT_EQ(wire::from_proto(bad).error().field, "rejected");
-  bad = good;
-  bad.mutable_rejected(0)->set_count(4);
-  EXPECT_EQ(wire::from_proto(bad).error().field, "rejected");
-}
-
 }  // namespace
 }  // namespace candela

@@ -114,7 +114,7 @@ TEST_F(WorkerServiceTest, LayersGoWithPilotAndDeltas) {
   start();
   ASSERT_TRUE(master_.wait_for([&] { return merged_count() == 1 && master_.pilots.size() == 1; }));
   const std::lock_guard lock(master_.mutex);
-  const auto& said = master_.pilots[0].layers();
+  const auto& said = master_.pilots[0].work().layers();
   EXPECT_EQ(std::vector<std::string>(said.begin(), said.end()), renderer_.layers);
   const film::Layout layout{40, 8, 3};
   const auto delta = film::Delta::decode(master_.deltas[token], layout);
@@ -124,6 +124,79 @@ TEST_F(WorkerServiceTest, LayersGoWithPilotAndDeltas) {
   ASSERT_TRUE(merged.merge(*delta).ok());
   for (std::uint32_t layer = 0; layer < 3; ++layer)
     EXPECT_EQ(merged.develop(layer)[(3 * 40 + 17) * 3], 17.0F * static_cast<float>(std::max(layer, 1U)));
+}
+
+// Claim: what a job sums beside its film goes with the pilot's plan and with each delta, exact and cleared
+// between units; states that a lease names reach the renderer as bytes, fetched once.
+TEST_F(WorkerServiceTest, AccumulatorsAndStatesGoWithUnits) {
+  renderer_.accumulators = {{"moments", 2, 4, film::AccumulatorSpec::Per::job}};
+  const std::string radius(5000, 'r');
+  master_.add_lease(0, 0, true);
+  std::vector<std::uint64_t> tokens;
+  for (const std::uint64_t begin : {0, 3}) {
+    tokens.push_back(master_.add_lease(begin, begin + 3));
+    master_.add_state("radius", radius);
+  }
+  start();
+  ASSERT_TRUE(master_.wait_for([&] { return merged_count() == 2 && master_.pilots.size() == 1; }));
+  const std::lock_guard lock(master_.mutex);
+  const auto plan = wire::from_proto(master_.pilots[0].work());
+  ASSERT_TRUE(plan.ok()) << plan.error().to_string();
+  EXPECT_EQ(plan->accumulators, renderer_.accumulators);
+  film::MergedAccumulator sums(40, 8, plan->accumulators[0]);
+  for (const std::uint64_t token : tokens) {
+    const auto delta =
+        film::Delta::decode(master_.deltas[token], {film::Layout{40, 8, 1}, plan->accumulators});
+    ASSERT_TRUE(delta.ok()) << delta.error().to_string();
+    sums.merge(delta->accumulators().at(0).sums);
+  }
+  EXPECT_TRUE(sums.sum(17, 3, 0) == 6 * 16);
+  EXPECT_TRUE(sums.sum(17, 3, 1) == 6 * 16 * 17);
+  {
+    const std::lock_guard renderer_lock(renderer_.mutex);
+    EXPECT_EQ(renderer_.states, (std::map<std::string, std::string>{{"radius", radius}}));
+  }
+  EXPECT_EQ(master_.blob_fetches, 3) << "scene, texture, and the state once";
+}
+
+// Claim: a state that is not named by a hash, or that the master lacks, fails its unit by the right cause,
+// and nothing is delivered.
+TEST_F(WorkerServiceTest, StatesThatCannotBeHadFailTheUnit) {
+  for (const std::uint64_t begin : {0, 1}) {
+    master_.add_lease(begin, begin + 1);
+    const std::lock_guard lock(master_.mutex);
+    v1::DecidedState& state = *master_.leases.back().add_states();
+    state.set_name("radius");
+    state.set_sha256(begin == 0 ? "../../etc/passwd" : std::string(64, '0'));
+    state.set_size_bytes(5);
+  }
+  start();
+  ASSERT_TRUE(master_.wait_for([&] { return master_.failures.size() == 2; }));
+  const std::lock_guard lock(master_.mutex);
+  EXPECT_EQ(master_.failures[0].cause(), v1::FAILURE_CAUSE_WORKER);
+  EXPECT_EQ(master_.failures[1].cause(), v1::FAILURE_CAUSE_MASTER);
+  for (const auto& failure : master_.failures)
+    EXPECT_NE(failure.message().find("radius"), std::string::npos) << failure.message();
+  EXPECT_EQ(merged_count(), 0U);
+}
+
+// Claim: a unit of bootstrap samples needs no named state, and its delta is a table with its counts.
+TEST_F(WorkerServiceTest, TablesGoAsDeltas) {
+  const std::uint64_t token = master_.add_lease(40, 50);
+  {
+    const std::lock_guard lock(master_.mutex);
+    master_.leases.back().clear_named_state();
+    master_.leases.back().mutable_unit()->set_kind(v1::Unit::KIND_BOOTSTRAP);
+  }
+  start();
+  ASSERT_TRUE(master_.wait_for([&] { return merged_count() == 1; }));
+  const std::lock_guard lock(master_.mutex);
+  const auto delta = film::Delta::decode(master_.deltas[token], film::Layout{40, 8, 1});
+  ASSERT_TRUE(delta.ok()) << delta.error().to_string();
+  EXPECT_EQ(delta->info().unit.begin, 40U);
+  ASSERT_EQ(delta->table().size(), 10U);
+  EXPECT_EQ(delta->table()[3], 43.0F);
+  EXPECT_EQ(delta->tallies().rejected[0], 1U);
 }
 
 // Claim: a master of another protocol or build ends the worker with the master's own words, and is not asked

@@ -65,38 +65,43 @@ class ToyRenderer final : public render::Renderer {
     layout_ = {settings.width, settings.height, 3};
   }
 
-  std::unique_ptr<film::UnitFilm> make_film(const NamedState& state) const override {
-    return std::make_unique<film::UnitFilm>(layout_, state.film_scale_log2);
+  render::UnitOutput make_output(const NamedState& state) const override {
+    render::UnitOutput output;
+    output.film = std::make_unique<film::UnitFilm>(layout_, state.film_scale_log2);
+    return output;
   }
   Result<PilotResult> pilot(const render::RunContext&) const override {
     const double seconds = std::max(std::chrono::duration<double>(per_segment_).count(), 1e-4);
-    return PilotResult{{kPilotScale}, "a toy", seconds, {"independent", "segments"}, toy_.plan};
+    return PilotResult{
+        {kPilotScale}, "a toy", seconds, {.layers = {"independent", "segments"}, .chains = toy_.plan}};
   }
-  Result<void> run(const Unit&, film::UnitFilm&, const render::RunContext&) const override {
-    return internal_error("chains have no iterations");
+  Result<void> run(const Unit& unit, const render::UnitInput& input, render::UnitOutput& output,
+                   const render::RunContext& context) const override {
+    return unit.kind == Unit::Kind::bootstrap ? run_bootstrap(unit, output, context)
+                                              : run_segments(unit, input, output, context);
   }
-  Result<film::Tallies> bootstrap(std::uint64_t begin, std::uint64_t end, std::span<float> contributions,
-                                  const render::RunContext& context) const override {
-    film::Tallies tallies;
-    for (std::uint64_t i = begin; i < end; ++i) {
+  Result<void> run_bootstrap(const Unit& unit, render::UnitOutput& output,
+                             const render::RunContext& context) const {
+    for (std::uint64_t i = unit.begin; i < unit.end; ++i) {
       const std::uint32_t p = pixel(start_of(i));
-      contributions[i - begin] = toy_.f(p);
-      if (p % 20 == 0) ++tallies.rejected[static_cast<std::size_t>(film::RejectCause::infinite)];
+      output.table.push_back(toy_.f(p));
+      if (p % 20 == 0) ++output.counts.rejected[static_cast<std::size_t>(film::RejectCause::infinite)];
     }
-    std::this_thread::sleep_for(per_segment_ * (end - begin) / toy_.plan.segment_mutations);
+    std::this_thread::sleep_for(per_segment_ * (unit.end - unit.begin) / toy_.plan.segment_mutations);
     if (context.stop != nullptr && *context.stop) return refused_error("stopped");
-    return tallies;
+    return {};
   }
-  Result<void> run_segments(const Unit& unit, const NamedState& state,
-                            std::span<const chains::ChainStart> starts, film::UnitFilm& film,
-                            std::vector<chains::ChainRecord>& records,
-                            const render::RunContext& context) const override {
+  Result<void> run_segments(const Unit& unit, const render::UnitInput& input, render::UnitOutput& output,
+                            const render::RunContext& context) const {
+    const auto starts = input.starts;
+    film::UnitFilm& film = *output.film;
     film::Tallies tallies;
     for (std::uint64_t i = unit.begin; i < unit.end; ++i) {
       const std::uint64_t chain = chains::chain_of(unit.half, i, toy_.plan.chains);
       if (starts[i - unit.begin].record.segments != chains::segment_of(i, toy_.plan.chains))
         return input_error("a start of another segment");
-      records.push_back(segment(chain, starts[i - unit.begin], state.bootstrap_b, film, tallies));
+      output.records.push_back(
+          segment(chain, starts[i - unit.begin], input.scalars.bootstrap_b, film, tallies));
       std::this_thread::sleep_for(per_segment_);
       if (context.stop != nullptr && *context.stop) return refused_error("stopped");
       if (context.progress != nullptr)
@@ -199,8 +204,10 @@ inline Expected expect(const JobSettings& settings, std::uint64_t rounds) {
   const ChainPlan plan = Toy::from(settings.integrator_settings).plan;
   const film::Layout layout{settings.width, settings.height, 3};
   chains::BootstrapTable table(plan.bootstrap_samples);
-  std::vector<float> values(plan.bootstrap_samples);
-  if (!renderer.bootstrap(0, plan.bootstrap_samples, values, {}) || !table.insert(0, values)) std::abort();
+  render::UnitOutput all;
+  if (!renderer.run({Unit::Kind::bootstrap, 0, 0, plan.bootstrap_samples}, {}, all, {}) ||
+      !table.insert(0, all.table))
+    std::abort();
   NamedState state;
   state.bootstrap_b = table.normalisation().b;
   state.film_scale_log2 = chains::film_scale_log2(state.bootstrap_b, kPilotScale);
@@ -216,12 +223,11 @@ inline Expected expect(const JobSettings& settings, std::uint64_t rounds) {
         const std::uint64_t chain = chains::chain_of(half, i, plan.chains);
         starts.push_back({samples.empty() ? 0 : samples[chain], out.records[chain]});
       }
-      const auto film = renderer.make_film(state);
-      std::vector<chains::ChainRecord> records;
-      if (!renderer.run_segments(unit, state, starts, *film, records, {})) std::abort();
+      auto output = renderer.make_output(state);
+      if (!renderer.run(unit, {state, {}, starts}, output, {})) std::abort();
       for (std::uint64_t i = unit.begin; i < unit.end; ++i)
-        out.records[chains::chain_of(half, i, plan.chains)] = records[i - unit.begin];
-      const auto delta = film::Delta::decode(film::encode_delta(*film, {unit, layout, 0, "", ""}), layout);
+        out.records[chains::chain_of(half, i, plan.chains)] = output.records[i - unit.begin];
+      const auto delta = film::Delta::decode(encode_delta({unit, {}, 0, "", ""}, output), layout);
       if (!delta || !out.film.merge(*delta)) std::abort();
     }
   return out;

@@ -39,9 +39,11 @@ struct FakeRendererControl {
   float progress_at_gate = 0;  // what they report meanwhile
   std::optional<Error> create_error, run_error;
   bool throw_bad_alloc = false;
-  std::vector<std::string> layers;           // what the pilot says; layer i holds i times the image
-  bool overflow = false;                     // one pixel gets more than 64 bits hold
-  std::map<std::string, std::string> files;  // read at creation: key -> bytes
+  std::vector<std::string> layers;                  // what the pilot says; layer i holds i times the image
+  std::vector<film::AccumulatorSpec> accumulators;  // of two channels: the number of samples, and of x
+  std::map<std::string, std::string> states;        // what a unit was given, by name
+  bool overflow = false;                            // one pixel gets more than 64 bits hold
+  std::map<std::string, std::string> files;         // read at creation: key -> bytes
 
   void close_gate(float progress) {
     const std::lock_guard lock(mutex);
@@ -60,17 +62,24 @@ class FakeRenderer final : public render::Renderer {
   FakeRenderer(FakeRendererControl& control, const JobSettings& settings)
       : control_(control), settings_(settings) {
     layer_names_ = control.layers;
+    accumulators_ = control.accumulators;
   }
 
-  std::unique_ptr<film::UnitFilm> make_film(const NamedState& state) const override {
-    return std::make_unique<film::UnitFilm>(
+  render::UnitOutput make_output(const NamedState& state) const override {
+    render::UnitOutput output;
+    output.film = std::make_unique<film::UnitFilm>(
         film::Layout{settings_.width, settings_.height, 1 + static_cast<std::uint32_t>(layer_names_.size())},
         state.film_scale_log2);
+    for (const film::AccumulatorSpec& spec : accumulators_)
+      output.accumulators.push_back(
+          std::make_unique<film::UnitAccumulator>(settings_.width, settings_.height, spec));
+    return output;
   }
   Result<PilotResult> pilot(const render::RunContext&) const override {
-    return PilotResult{{12}, "a plan", 0.25, layer_names_};
+    return PilotResult{{12}, "a plan", 0.25, {.layers = layer_names_, .accumulators = accumulators_}};
   }
-  Result<void> run(const Unit& unit, film::UnitFilm& film, const render::RunContext& context) const override {
+  Result<void> run(const Unit& unit, const render::UnitInput& input, render::UnitOutput& output,
+                   const render::RunContext& context) const override {
     {
       std::unique_lock lock(control_.mutex);
       if (control_.run_error) return *control_.run_error;
@@ -83,6 +92,16 @@ class FakeRenderer final : public render::Renderer {
       --control_.running;
     }
     if (context.stop->load()) return refused_error("stopped");
+    if (unit.kind == Unit::Kind::bootstrap) {
+      for (std::uint64_t i = unit.begin; i < unit.end; ++i) output.table.push_back(static_cast<float>(i));
+      output.counts.rejected[0] = 1;
+      return {};
+    }
+    {
+      const std::lock_guard lock(control_.mutex);
+      for (const auto& [name, bytes] : input.states) control_.states[name] = std::string(bytes);
+    }
+    film::UnitFilm& film = *output.film;
     film::Tallies tallies;
     if (control_.overflow) {
       const auto most = static_cast<float>(std::ldexp(film::kMaxContribution, -film.scale_log2()));
@@ -98,6 +117,8 @@ class FakeRenderer final : public render::Renderer {
             for (float& v : value) v *= static_cast<float>(layer);
             film.splat(layer, x, y, value, key, tallies);
           }
+          for (const auto& sums : output.accumulators)
+            sums->add(x, y, 0, std::array<double, 2>{1, static_cast<double>(x)}, key, tallies);
           ++tallies.eye_samples;
           tallies.light_paths += layer_names_.size();
         }
@@ -110,6 +131,7 @@ class FakeRenderer final : public render::Renderer {
   FakeRendererControl& control_;
   JobSettings settings_;
   std::vector<std::string> layer_names_;
+  std::vector<film::AccumulatorSpec> accumulators_;
 };
 
 inline RendererFactory fake_factory(FakeRendererControl& control) {
@@ -192,6 +214,15 @@ class FakeMaster final : public v1::WorkerService::Service {
     if (!pilot) lease.mutable_named_state()->set_film_scale_log2(12);
     leases.push_back(lease);
     return lease.token();
+  }
+  // Names a state in the last lease; the master has its bytes.
+  void add_state(const std::string& name, const std::string& bytes) {
+    const std::lock_guard lock(mutex);
+    v1::DecidedState& state = *leases.back().add_states();
+    state.set_name(name);
+    state.set_sha256(sha256_hex(bytes));
+    state.set_size_bytes(bytes.size());
+    blobs_[state.sha256()] = bytes;
   }
   template <class Condition>
   [[nodiscard]] bool wait_for(Condition condition, int milliseconds = 5000) {

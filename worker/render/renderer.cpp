@@ -7,6 +7,7 @@
 
 #include "common/description/reading.h"
 #include "common/film/layers.h"
+#include "common/stages/epochs.h"
 #include "worker/core/math.h"
 #include "worker/integrators/integrator.h"
 
@@ -48,16 +49,24 @@ class SceneRenderer final : public Renderer {
  public:
   SceneRenderer(JobSettings settings, std::unique_ptr<scene::Scene> scene,
                 std::unique_ptr<integrators::Integrator> integrator, film::PixelFilter filter,
-                samplers::SamplerKind sampler, film::Layout layout)
+                samplers::SamplerKind sampler, WorkPlan work, film::Layout layout)
       : settings_(std::move(settings)),
         scene_(std::move(scene)),
         integrator_(std::move(integrator)),
         filter_(std::move(filter)),
         sampler_(sampler),
-        layout_(layout) {}
+        work_(std::move(work)),
+        layout_(layout) {
+    if (work_.epochs) epochs_.emplace(work_.epochs->first, work_.epochs->growth);
+  }
 
-  std::unique_ptr<film::UnitFilm> make_film(const NamedState& state) const override {
-    return std::make_unique<film::UnitFilm>(layout_, state.film_scale_log2);
+  UnitOutput make_output(const NamedState& state) const override {
+    UnitOutput output;
+    output.film = std::make_unique<film::UnitFilm>(layout_, state.film_scale_log2);
+    for (const film::AccumulatorSpec& spec : work_.accumulators)
+      output.accumulators.push_back(
+          std::make_unique<film::UnitAccumulator>(layout_.width, layout_.height, spec));
+    return output;
   }
 
   Result<PilotResult> pilot(const RunContext& run_context) const override {
@@ -78,59 +87,33 @@ class SceneRenderer final : public Renderer {
     PilotResult result;
     result.state.film_scale_log2 = film::scale_log2_for(typical);
     result.plan = plan_text();
-    result.layers = integrator_->layers();
+    result.work = work_;
     const double pixels = static_cast<double>(settings_.width) * settings_.height;
     result.seconds_per_iteration =
         seconds.count() * pixels / kPilotSamples / std::max(1U, run_context.threads);
-    if (integrator_->chains() == nullptr) return result;
+    if (!work_.chains) return result;
 
     // Of chains: the seconds of a segment, from what a mutation costs at the least, an independent sample.
-    result.chains = integrator_->chains()->chain_plan(settings_.width, settings_.height);
     RunContext quiet = run_context;
     quiet.threads = 1;
     quiet.progress = nullptr;
-    std::vector<float> contributions(std::min<std::uint64_t>(256, result.chains->bootstrap_samples));
+    const std::uint64_t samples = std::min<std::uint64_t>(256, work_.chains->bootstrap_samples);
+    UnitOutput discarded;
     const auto timed = std::chrono::steady_clock::now();
-    CANDELA_ASSIGN(
-        const film::Tallies tallies,
-        integrator_->chains()->bootstrap(context(), 0, contributions.size(), contributions, quiet));
-    static_cast<void>(tallies);
+    CANDELA_TRY(integrator_->run(context(), {Unit::Kind::bootstrap, 0, 0, samples}, {}, discarded, quiet));
     const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - timed;
-    result.seconds_per_iteration = spent.count() / static_cast<double>(contributions.size()) *
-                                   static_cast<double>(result.chains->segment_mutations) /
+    result.seconds_per_iteration = spent.count() / static_cast<double>(samples) *
+                                   static_cast<double>(work_.chains->segment_mutations) /
                                    std::max(1U, run_context.threads);
     return result;
   }
 
-  Result<void> run(const Unit& unit, film::UnitFilm& film, const RunContext& run_context) const override {
-    if (unit.kind != Unit::Kind::iterations || unit.half > 1 || unit.begin >= unit.end)
-      return internal_error("not a unit of iterations");
-    CANDELA_TRY(integrator_->run(context(), unit, film, run_context));
-    if (film.overflowed()) return failed_error("a film sum of this unit overflowed 64 bits");
-    return {};
-  }
-
-  Result<film::Tallies> bootstrap(std::uint64_t begin, std::uint64_t end, std::span<float> contributions,
-                                  const RunContext& run_context) const override {
-    const integrators::ChainIntegrator* const integrator = integrator_->chains();
-    if (integrator == nullptr) return Renderer::bootstrap(begin, end, contributions, run_context);
-    if (begin >= end || end > chains::kMaxBootstrapSamples || contributions.size() != end - begin)
-      return internal_error("not a unit of bootstrap samples");
-    return integrator->bootstrap(context(), begin, end, contributions, run_context);
-  }
-
-  Result<void> run_segments(const Unit& unit, const NamedState& state,
-                            std::span<const chains::ChainStart> starts, film::UnitFilm& film,
-                            std::vector<chains::ChainRecord>& records,
-                            const RunContext& run_context) const override {
-    const integrators::ChainIntegrator* const integrator = integrator_->chains();
-    if (integrator == nullptr) return Renderer::run_segments(unit, state, starts, film, records, run_context);
-    const std::uint64_t most = integrator->chain_plan(settings_.width, settings_.height).chains / 2;
-    if (unit.kind != Unit::Kind::segments || unit.half > 1 || unit.begin >= unit.end ||
-        unit.end - unit.begin > most || starts.size() != unit.end - unit.begin)
-      return internal_error("not a unit of segments");
-    CANDELA_TRY(integrator->run_segments(context(), unit, state, starts, film, records, run_context));
-    if (film.overflowed()) return failed_error("a film sum of this unit overflowed 64 bits");
+  Result<void> run(const Unit& unit, const UnitInput& input, UnitOutput& output,
+                   const RunContext& run_context) const override {
+    CANDELA_TRY(check(unit, input, output));
+    output.epoch = epochs_ ? epochs_->of_index(unit.begin) : 0;
+    CANDELA_TRY(integrator_->run(context(), unit, input, output, run_context));
+    if (output.overflowed()) return failed_error("a sum of this unit overflowed 64 bits");
     return {};
   }
 
@@ -142,6 +125,28 @@ class SceneRenderer final : public Renderer {
   const scene::SceneFeatures* features() const override { return &scene_->features(); }
 
  private:
+  // A unit of the kinds that the plan has, with the input and output of its kind.
+  Result<void> check(const Unit& unit, const UnitInput& input, const UnitOutput& output) const {
+    const std::uint64_t count = unit.end - unit.begin;
+    bool possible =
+        unit.half <= 1 && unit.begin < unit.end && makes_film(unit.kind) == (output.film != nullptr);
+    switch (unit.kind) {
+      case Unit::Kind::pilot:
+        return internal_error("a pilot is not run as a unit");
+      case Unit::Kind::iterations:
+        possible &= !work_.chains && input.starts.empty();
+        if (epochs_) possible &= epochs_->of_index(unit.begin) == epochs_->of_index(unit.end - 1);
+        break;
+      case Unit::Kind::bootstrap:
+        possible &= work_.chains && unit.end <= chains::kMaxBootstrapSamples && input.starts.empty();
+        break;
+      case Unit::Kind::segments:
+        possible &= work_.chains && count <= work_.chains->chains / 2 && input.starts.size() == count;
+        break;
+    }
+    return possible ? Result<void>() : internal_error("not a unit of this job");
+  }
+
   integrators::UnitContext context() const {
     return {*scene_, filter_, sampler_, settings_.seed, settings_.width, settings_.height};
   }
@@ -151,23 +156,12 @@ class SceneRenderer final : public Renderer {
   std::unique_ptr<integrators::Integrator> integrator_;
   film::PixelFilter filter_;
   samplers::SamplerKind sampler_;
+  WorkPlan work_;
+  std::optional<Epochs> epochs_;
   film::Layout layout_;
 };
 
 }  // namespace
-
-Result<film::Tallies> Renderer::bootstrap(std::uint64_t /*begin*/, std::uint64_t /*end*/,
-                                          std::span<float> /*contributions*/,
-                                          const RunContext& /*context*/) const {
-  return internal_error("this integrator has no Markov chains");
-}
-
-Result<void> Renderer::run_segments(const Unit& /*unit*/, const NamedState& /*state*/,
-                                    std::span<const chains::ChainStart> /*starts*/, film::UnitFilm& /*film*/,
-                                    std::vector<chains::ChainRecord>& /*records*/,
-                                    const RunContext& /*context*/) const {
-  return internal_error("this integrator has no Markov chains");
-}
 
 Result<std::unique_ptr<Renderer>> Renderer::create(const description::FileSource& files,
                                                    const std::string& main_key,
@@ -193,10 +187,12 @@ Result<std::unique_ptr<Renderer>> Renderer::create(const description::FileSource
   CANDELA_ASSIGN(std::unique_ptr<scene::Scene> scene, scene::Scene::build(description, files, options));
   CANDELA_ASSIGN(std::unique_ptr<integrators::Integrator> integrator,
                  entry->create(settings.integrator_settings, scene->features()));
-  CANDELA_ASSIGN(const film::Layout layout,
-                 film::make_layout(settings.width, settings.height, integrator->layers()));
-  return std::unique_ptr<Renderer>(std::make_unique<SceneRenderer>(
-      settings, std::move(scene), std::move(integrator), std::move(filter), sampler, layout));
+  WorkPlan work = integrator->work({settings.width, settings.height});
+  CANDELA_TRY(validate(work, settings.width, settings.height));
+  CANDELA_ASSIGN(const film::Layout layout, film::make_layout(settings.width, settings.height, work.layers));
+  return std::unique_ptr<Renderer>(std::make_unique<SceneRenderer>(settings, std::move(scene),
+                                                                   std::move(integrator), std::move(filter),
+                                                                   sampler, std::move(work), layout));
 }
 
 std::vector<std::string> supported_isas() {

@@ -4,17 +4,16 @@
 
 #include <functional>
 #include <memory>
-#include <span>
 #include <string>
 #include <vector>
 
 #include "common/base/result.h"
-#include "common/chains/chains.h"
 #include "common/description/object.h"
-#include "common/film/unit_film.h"
 #include "common/job/job.h"
+#include "common/stages/work_plan.h"
 #include "worker/integrators/run_context.h"
 #include "worker/integrators/settings.h"
+#include "worker/integrators/unit_data.h"
 #include "worker/scene/textures/scratch.h"
 
 namespace candela::scene {
@@ -27,6 +26,8 @@ namespace candela::render {
 std::vector<std::string> supported_isas();
 
 using integrators::RunContext;
+using integrators::UnitInput;
+using integrators::UnitOutput;
 
 class Renderer {
  public:
@@ -40,28 +41,15 @@ class Renderer {
                                                   const JobSettings& settings, unsigned threads,
                                                   const scene::TextureLimits& textures = {});
 
-  // A film of the job's size for run() to add into.
-  virtual std::unique_ptr<film::UnitFilm> make_film(const NamedState& state) const = 0;
-
-  // Pure functions of (scene, settings, unit): not of threads, time, or what ran before. The film must be
-  // clear.
+  // Pure functions of (scene, settings, unit, input): not of threads, time, or what ran before.
   virtual Result<PilotResult> pilot(const RunContext& context) const = 0;
-  virtual Result<void> run(const Unit& unit, film::UnitFilm& film, const RunContext& context) const = 0;
 
-  // Jobs of Markov chains (PilotResult::chains). Others answer with an internal error.
-  //
-  // The scalar contributions of bootstrap samples [begin, end), `contributions` being as long: finite and not
-  // negative. A sample that was neither is 0 and counted in the tallies by its cause.
-  virtual Result<film::Tallies> bootstrap(std::uint64_t begin, std::uint64_t end,
-                                          std::span<float> contributions, const RunContext& context) const;
-  // A unit of segments, none of a chain twice: `starts` and the new `records` one for each index, in order.
-  // state.bootstrap_b may be 0 (nothing found): chains then stand still and only what needs no chain is
-  // added. An input error where a start cannot be one of this job and index. Nothing in `records` is to be
-  // used after an error.
-  virtual Result<void> run_segments(const Unit& unit, const NamedState& state,
-                                    std::span<const chains::ChainStart> starts, film::UnitFilm& film,
-                                    std::vector<chains::ChainRecord>& records,
-                                    const RunContext& context) const;
+  // What a unit that brings a film adds into: film and accumulators of the job's size, clear.
+  virtual UnitOutput make_output(const NamedState& state) const = 0;
+  // `output` is of make_output() and clear, or an empty one for a unit that brings no film. An error of kind
+  // input where the unit's input cannot be one of this job; nothing of the output may be used after any.
+  virtual Result<void> run(const Unit& unit, const UnitInput& input, UnitOutput& output,
+                           const RunContext& context) const = 0;
 
   // The integrator's plan as text: features found, what will run, what is skipped and why.
   virtual std::string plan_text() const = 0;

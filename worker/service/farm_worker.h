@@ -1,10 +1,10 @@
 // The worker's threads and what they share. Control registers, acquires leases and reports; heartbeat keeps
-// the leases alive; render turns units into films; push encodes and delivers them. All shared state is behind
+// the leases alive; render runs units; push encodes and delivers them. All shared state is behind
 // one mutex that is never held during a call, a render or file access.
 //
 //   control --pending--> render --outbox--> push
 //
-// At most one lease is waiting, one film is rendered and one is pushed. A finished delta stays in the outbox
+// At most one lease is waiting, one unit is rendered and one is pushed. A finished delta stays in the outbox
 // until the master gives its verdict or the lease is lost.
 #pragma once
 
@@ -21,7 +21,6 @@
 #include <vector>
 
 #include "common/film/delta.h"
-#include "common/film/unit_film.h"
 #include "worker/service/master_link.h"
 #include "worker/service/scene_store.h"
 #include "worker/service/worker_service.h"
@@ -72,16 +71,16 @@ class FarmWorker final : public Worker {
     std::atomic<bool> dropped{false};
   };
   using TaskPtr = std::shared_ptr<Task>;
-  struct Film {
+  // Sums to add into, kept from unit to unit.
+  struct Sums {
     std::string scene_key;
     int scale_log2 = 0;
-    std::unique_ptr<film::UnitFilm> film;
+    render::UnitOutput output;
   };
   struct Finished {
     TaskPtr task;
-    Film film;
+    Sums sums;
     film::DeltaInfo info;
-    std::vector<chains::ChainRecord> records;  // of segments
     double render_seconds = 0;
   };
   // What must be told the master about a unit that will not be delivered.
@@ -116,20 +115,23 @@ class FarmWorker final : public Worker {
   void render_task(const TaskPtr& task);
   void run_task(const TaskPtr& task);
   void run_pilot(const TaskPtr& task, const SceneStore::Scene& scene);
-  void run_bootstrap(const TaskPtr& task, const SceneStore::Scene& scene, const Unit& unit);
-  // A unit that makes a film: iterations, or segments of chains.
-  void run_film(const TaskPtr& task, const std::shared_ptr<const SceneStore::Scene>& scene, const Unit& unit,
+  void run_unit(const TaskPtr& task, const SceneStore::Scene& scene, const Unit& unit,
                 const NamedState& state);
   void fail(const TaskPtr& task, const Error& error);  // of the renderer
   void fail(const TaskPtr& task, FailureCause cause, const std::string& message);
+  // Fetches blobs for the task, again and again while the master is away.
+  BlobCache::Fetch fetch_for(const TaskPtr& task);
+  // The bytes of the states that the lease names, which `owners` keeps. False: the task was failed or
+  // stopped.
+  bool fetch_states(const TaskPtr& task, render::UnitInput& input, std::vector<BlobCache::Mapped>& owners);
   std::shared_ptr<const SceneStore::Scene> scene_for(const TaskPtr& task, const JobSettings& settings);
-  Film take_film(const SceneStore::Scene& scene, const NamedState& state);
-  void keep_film(Film film);
+  Sums take_sums(const SceneStore::Scene& scene, const Unit& unit, const NamedState& state);
+  void keep_sums(Sums sums);
 
   // farm_worker_push.cpp
   void push_loop();
   void deliver(Finished& finished);
-  void deliver_bytes(Finished& finished, const std::string& bytes, std::size_t records_bytes);
+  void deliver_bytes(Finished& finished, const std::string& bytes);
 
   // Repeats `call` while the master is unreachable and the task is ours. The last status; CANCELLED if it was
   // given up.
@@ -155,7 +157,7 @@ class FarmWorker final : public Worker {
   TaskPtr running_;
   std::deque<std::shared_ptr<Finished>> outbox_;  // the front one is being pushed
   std::deque<Notice> notices_;
-  std::vector<Film> spare_films_;
+  std::vector<Sums> spare_sums_;
   Clock::time_point next_acquire_{};
   bool asked_while_busy_ = false;
   enum class Drain { no, by_master, by_us } drain_ = Drain::no;

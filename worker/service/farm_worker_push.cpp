@@ -1,4 +1,4 @@
-// The push thread: film -> delta -> verdict. See farm_worker.h.
+// The push thread: unit's output -> delta -> verdict. See farm_worker.h.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -54,23 +54,17 @@ void FarmWorker::push_loop() {
 void FarmWorker::deliver(Finished& finished) {
   try {
     std::string bytes;
-    std::size_t records_bytes = 0;
-    if (!finished.task->dropped) {
-      bytes = film::encode_delta(*finished.film.film, finished.info);
-      const std::string records = chains::encode(finished.records);
-      records_bytes = records.size();
-      bytes += records;
-    }
-    finished.film.film->clear();
-    keep_film(std::move(finished.film));
-    if (!finished.task->dropped) deliver_bytes(finished, bytes, records_bytes);
+    if (!finished.task->dropped) bytes = encode_delta(finished.info, finished.sums.output);
+    finished.sums.output.clear();
+    keep_sums(std::move(finished.sums));
+    if (!finished.task->dropped) deliver_bytes(finished, bytes);
   } catch (const std::exception& exception) {  // out of memory, most of all
     fail(finished.task, FailureCause::worker,
          fmt::format("cannot encode or send the delta: {}", exception.what()));
   }
 }
 
-void FarmWorker::deliver_bytes(Finished& finished, const std::string& bytes, std::size_t records_bytes) {
+void FarmWorker::deliver_bytes(Finished& finished, const std::string& bytes) {
   const TaskPtr& task = finished.task;
   const Session session = session_now();
   const log::Ids ids{.job = task->lease.job_id(),
@@ -85,7 +79,6 @@ void FarmWorker::deliver_bytes(Finished& finished, const std::string& bytes, std
   wire::to_proto(finished.info.unit, *header.mutable_unit());
   header.set_build_id(finished.info.build_id);
   header.set_size_bytes(bytes.size());
-  header.set_records_bytes(records_bytes);
   header.set_sha256(sha256_hex(bytes));
   header.set_render_seconds(finished.render_seconds);
 

@@ -1,9 +1,10 @@
-// The render thread: lease -> scene -> film. See farm_worker.h.
+// The render thread: lease -> scene -> what the unit brings. See farm_worker.h.
 #include <fmt/format.h>
 
 #include <exception>
 #include <new>
 
+#include "common/base/hash.h"
 #include "common/base/log.h"
 #include "common/base/version.h"
 #include "common/wire/wire.h"
@@ -20,7 +21,7 @@ constexpr std::size_t kMaxFailureBytes = 4096;  // of a message to the master
 void FarmWorker::render_loop() {
   std::unique_lock lock(mutex_);
   while (true) {
-    // One film may be with the push thread while another is rendered, no more.
+    // One unit may be with the push thread while another is rendered, no more.
     changed_.wait(lock, [&] { return closing_ || (!pending_.empty() && outbox_.size() <= 1); });
     if (closing_) return;
     TaskPtr task = std::move(pending_.front());
@@ -60,8 +61,7 @@ void FarmWorker::run_task(const TaskPtr& task) {
     if (error != nullptr)
       return fail(task, FailureCause::worker,
                   fmt::format("the lease cannot be used: {}", error->to_string()));
-  const bool film = unit->kind == Unit::Kind::iterations || unit->kind == Unit::Kind::segments;
-  if (film && !lease.has_named_state())
+  if (makes_film(unit->kind) && !lease.has_named_state())
     return fail(task, FailureCause::worker, "the lease cannot be used: named_state: it is missing");
 
   const auto scene = scene_for(task, *settings);
@@ -70,15 +70,58 @@ void FarmWorker::run_task(const TaskPtr& task) {
     const std::lock_guard lock(mutex_);
     task->started = Clock::now();  // the unit's own time, by which its end is foretold
   }
-  switch (unit->kind) {
-    case Unit::Kind::pilot:
-      return run_pilot(task, *scene);
-    case Unit::Kind::bootstrap:
-      return run_bootstrap(task, *scene, *unit);
-    case Unit::Kind::iterations:
-    case Unit::Kind::segments:
-      return run_film(task, scene, *unit, *state);
+  if (unit->kind == Unit::Kind::pilot) return run_pilot(task, *scene);
+  run_unit(task, *scene, *unit, *state);
+}
+
+BlobCache::Fetch FarmWorker::fetch_for(const TaskPtr& task) {
+  return [this, task, session = session_now()](const std::string& sha256, std::uint64_t size_bytes,
+                                               const BlobCache::Sink& sink) -> Result<void> {
+    v1::FetchBlobRequest blob;
+    blob.set_worker_id(session.worker_id);
+    blob.set_session(session.token);
+    blob.set_sha256(sha256);
+    blob.set_size_bytes(size_bytes);
+    // A transfer that breaks off goes on where it was: the bytes that came are known to the sink already.
+    std::uint64_t delivered = 0;
+    Result<void> sink_error;
+    const grpc::Status fetched = persist(task, [&] {
+      blob.set_offset(delivered);
+      return link_.fetch_blob(
+          blob,
+          [&](std::string_view data) -> Result<void> {
+            if (task->stop) return refused_error("stopped");
+            delivered += data.size();
+            return sink(data);
+          },
+          sink_error);
+    });
+    if (!sink_error) return sink_error;
+    if (fetched.ok()) return {};
+    return fetch_error(fetched, fmt::format("blob {}", sha256));
+  };
+}
+
+bool FarmWorker::fetch_states(const TaskPtr& task, render::UnitInput& input,
+                              std::vector<BlobCache::Mapped>& owners) {
+  const BlobCache::Fetch fetch = fetch_for(task);
+  for (const v1::DecidedState& state : task->lease.states()) {
+    if (!is_sha256_hex(state.sha256()) || state.size_bytes() > Limits::max_blob_bytes) {
+      fail(task, FailureCause::worker,
+           fmt::format("the lease cannot be used: states: '{}' is not named by a hash", state.name()));
+      return false;
+    }
+    auto mapped = cache_->map(state.sha256(), state.size_bytes(), fetch);
+    if (task->stop) return false;
+    if (!mapped) {
+      fail(task, cause_of_fetching(mapped.error()),
+           fmt::format("state '{}': {}", state.name(), mapped.error().to_string()));
+      return false;
+    }
+    input.states[state.name()] = mapped->bytes;
+    owners.push_back(std::move(*mapped));
   }
+  return true;
 }
 
 // The compiled scene of the lease's job; null if the task was failed or stopped on the way.
@@ -113,33 +156,8 @@ std::shared_ptr<const SceneStore::Scene> FarmWorker::scene_for(const TaskPtr& ta
     return nullptr;
   }
 
-  const BlobCache::Fetch fetch = [&](const std::string& sha256, std::uint64_t size_bytes,
-                                     const BlobCache::Sink& sink) -> Result<void> {
-    v1::FetchBlobRequest blob;
-    blob.set_worker_id(session.worker_id);
-    blob.set_session(session.token);
-    blob.set_sha256(sha256);
-    blob.set_size_bytes(size_bytes);
-    // A transfer that breaks off goes on where it was: the bytes that came are known to the sink already.
-    std::uint64_t delivered = 0;
-    Result<void> sink_error;
-    const grpc::Status fetched = persist(task, [&] {
-      blob.set_offset(delivered);
-      return link_.fetch_blob(
-          blob,
-          [&](std::string_view data) -> Result<void> {
-            if (task->stop) return refused_error("stopped");
-            delivered += data.size();
-            return sink(data);
-          },
-          sink_error);
-    });
-    if (!sink_error) return sink_error;
-    if (fetched.ok()) return {};
-    return fetch_error(fetched, fmt::format("blob {}", sha256));
-  };
   const auto begin = Clock::now();
-  auto built = scenes_.build(*bundle, settings, fetch);
+  auto built = scenes_.build(*bundle, settings, fetch_for(task));
   if (auto* failure = std::get_if<SceneStore::Failure>(&built)) {
     fail(task, failure->cause, failure->error.to_string());
     return nullptr;
@@ -162,8 +180,7 @@ void FarmWorker::run_pilot(const TaskPtr& task, const SceneStore::Scene& scene) 
   wire::to_proto(result->state, *request.mutable_named_state());
   request.set_plan(result->plan);
   request.set_seconds_per_iteration(result->seconds_per_iteration);
-  for (const std::string& layer : result->layers) request.add_layers(layer);
-  if (result->chains) wire::to_proto(*result->chains, *request.mutable_chains());
+  wire::to_proto(result->work, *request.mutable_work());
   v1::CompletePilotResponse response;
   const grpc::Status status = persist(task, [&] {
     return link_.unary(MasterLink::Lane::control, &v1::WorkerService::Stub::CompletePilot, request, response,
@@ -182,50 +199,9 @@ void FarmWorker::run_pilot(const TaskPtr& task, const SceneStore::Scene& scene) 
   task->dropped = true;  // nothing is left to hand back
 }
 
-void FarmWorker::run_bootstrap(const TaskPtr& task, const SceneStore::Scene& scene, const Unit& unit) {
-  std::vector<float> contributions(unit.end - unit.begin);
-  const auto begin = Clock::now();
-  const auto tallies = scene.renderer->bootstrap(unit.begin, unit.end, contributions,
-                                                 {threads_, &task->stop, &task->progress});
-  const std::chrono::duration<double> seconds = Clock::now() - begin;
-  if (task->stop) return;
-  if (!tallies) return fail(task, tallies.error());
-  const Session session = session_now();
-  v1::CompleteBootstrapRequest request;
-  request.set_worker_id(session.worker_id);
-  request.set_session(session.token);
-  request.set_token(task->lease.token());
-  request.mutable_contributions()->Add(contributions.begin(), contributions.end());
-  for (std::size_t cause = 0; cause < tallies->rejected.size(); ++cause) {
-    if (tallies->rejected[cause] == 0) continue;
-    v1::RejectedSamples& rejected = *request.add_rejected();
-    rejected.set_cause(std::string(film::name(static_cast<film::RejectCause>(cause))));
-    rejected.set_count(tallies->rejected[cause]);
-  }
-  request.set_render_seconds(seconds.count());
-  v1::CompleteBootstrapResponse response;
-  const grpc::Status status = persist(task, [&] {
-    return link_.unary(MasterLink::Lane::control, &v1::WorkerService::Stub::CompleteBootstrap, request,
-                       response, tuning_.call_deadline);
-  });
-  if (task->dropped) return;
-  if (!status.ok())
-    return fail(
-        task, cause_of_delivery(status, FailureCause::worker),
-        fmt::format("the master did not take the bootstrap samples: {}", wire::from_status(status).message));
-  log::write(
-      response.accepted() ? spdlog::level::debug : spdlog::level::info,
-      response.accepted() ? "bootstrap samples done" : "bootstrap samples done, but the lease is another's",
-      {.job = task->lease.job_id(),
-       .unit = static_cast<std::int64_t>(task->lease.unit_id()),
-       .worker = session.worker_id});
-  task->dropped = true;  // nothing is left to hand back
-}
-
-void FarmWorker::run_film(const TaskPtr& task, const std::shared_ptr<const SceneStore::Scene>& scene,
-                          const Unit& unit, const NamedState& state) {
+void FarmWorker::run_unit(const TaskPtr& task, const SceneStore::Scene& scene, const Unit& unit,
+                          const NamedState& state) {
   std::vector<chains::ChainStart> starts;
-  std::vector<chains::ChainRecord> records;
   for (const v1::ChainStart& message : task->lease.chain_starts()) {
     auto start = wire::from_proto(message);
     if (!start)
@@ -233,40 +209,43 @@ void FarmWorker::run_film(const TaskPtr& task, const std::shared_ptr<const Scene
                   fmt::format("the lease cannot be used: {}", start.error().to_string()));
     starts.push_back(std::move(*start));
   }
-  const bool segments = unit.kind == Unit::Kind::segments;
-  if (starts.size() != (segments ? unit.end - unit.begin : 0))
+  if (starts.size() != (unit.kind == Unit::Kind::segments ? unit.end - unit.begin : 0))
     return fail(task, FailureCause::worker,
                 fmt::format("the lease cannot be used: chain_starts: there are {}", starts.size()));
 
-  Film film = take_film(*scene, state);
+  render::UnitInput input;
+  input.scalars = state;
+  input.starts = starts;
+  std::vector<BlobCache::Mapped> states;
+  if (!fetch_states(task, input, states)) return;
+  Sums sums = take_sums(scene, unit, state);
+  render::UnitOutput& output = sums.output;
   const auto begin = Clock::now();
-  const render::RunContext context{threads_, &task->stop, &task->progress};
-  auto run = segments ? scene->renderer->run_segments(unit, state, starts, *film.film, records, context)
-                      : scene->renderer->run(unit, *film.film, context);
+  auto run = scene.renderer->run(unit, input, output, {threads_, &task->stop, &task->progress});
   const std::chrono::duration<double> seconds = Clock::now() - begin;
-  const bool overflowed = film.film->overflowed();
-  if (run && records.size() != starts.size())
-    run = internal_error(fmt::format("{} records of {} segments", records.size(), starts.size()));
+  const bool overflowed = output.overflowed();
+  const std::uint64_t samples = unit.kind == Unit::Kind::bootstrap ? unit.end - unit.begin : 0;
+  if (run && (output.records.size() != starts.size() || output.table.size() != samples))
+    run = internal_error(fmt::format("{} records of {} segments, a table of {} for {} samples",
+                                     output.records.size(), starts.size(), output.table.size(), samples));
   if (!run || overflowed) {
-    film.film->clear();
-    keep_film(std::move(film));
+    output.clear();
+    keep_sums(std::move(sums));
     if (task->stop) return;
-    if (!run) return fail(task, run.error());
     // The sums follow from the scene and the unit: they would overflow anywhere.
-    return fail(task, FailureCause::scene,
-                fmt::format("a film sum overflowed at scale 2^{}", state.film_scale_log2));
+    if (overflowed)
+      return fail(task, FailureCause::scene,
+                  fmt::format("a sum overflowed, at a film scale of 2^{}", state.film_scale_log2));
+    return fail(task, run.error());
   }
 
   auto finished = std::make_shared<Finished>();
   finished->task = task;
   finished->info.unit = unit;
-  finished->info.layout = film.film->layout();
-  finished->info.scale_log2 = state.film_scale_log2;
   finished->info.job_id = task->lease.job_id();
   finished->info.build_id = build_id();
-  finished->records = std::move(records);
   finished->render_seconds = seconds.count();
-  finished->film = std::move(film);
+  finished->sums = std::move(sums);
   {
     const std::lock_guard lock(mutex_);
     if (!task->dropped && !closing_) {
@@ -276,29 +255,32 @@ void FarmWorker::run_film(const TaskPtr& task, const std::shared_ptr<const Scene
       return;
     }
   }
-  finished->film.film->clear();
-  keep_film(std::move(finished->film));
+  finished->sums.output.clear();
+  keep_sums(std::move(finished->sums));
 }
 
-FarmWorker::Film FarmWorker::take_film(const SceneStore::Scene& scene, const NamedState& state) {
-  std::vector<Film> unfit;  // freed outside the lock
+FarmWorker::Sums FarmWorker::take_sums(const SceneStore::Scene& scene, const Unit& unit,
+                                       const NamedState& state) {
+  if (!makes_film(unit.kind)) return {};
+  std::vector<Sums> unfit;  // freed outside the lock
   {
     const std::lock_guard lock(mutex_);
-    while (!spare_films_.empty()) {
-      Film film = std::move(spare_films_.back());
-      spare_films_.pop_back();
-      if (film.scene_key == scene.key && film.scale_log2 == state.film_scale_log2) return film;
-      unfit.push_back(std::move(film));
+    while (!spare_sums_.empty()) {
+      Sums sums = std::move(spare_sums_.back());
+      spare_sums_.pop_back();
+      if (sums.scene_key == scene.key && sums.scale_log2 == state.film_scale_log2) return sums;
+      unfit.push_back(std::move(sums));
     }
   }
   unfit.clear();
-  return {scene.key, state.film_scale_log2, scene.renderer->make_film(state)};
+  return {scene.key, state.film_scale_log2, scene.renderer->make_output(state)};
 }
 
-// `film` is clear.
-void FarmWorker::keep_film(Film film) {
+// Precondition: the sums are clear.
+void FarmWorker::keep_sums(Sums sums) {
+  if (sums.output.film == nullptr) return;
   const std::lock_guard lock(mutex_);
-  if (spare_films_.size() < 2) spare_films_.push_back(std::move(film));
+  if (spare_sums_.size() < 2) spare_sums_.push_back(std::move(sums));
 }
 
 void FarmWorker::fail(const TaskPtr& task, const Error& error) {

@@ -83,7 +83,7 @@ class RenderEstimator : public Estimator {
       const std::uint64_t end = (units + 1 - half) / 2;
       for (std::uint64_t begin = (cost_.units + 1 - half) / 2; begin < end;) {
         const Unit unit{unit_kind(), half, begin, std::min(end, begin + most_units())};
-        film_->clear();
+        output_.clear();
         CANDELA_TRY(render(unit));
         cost_.peak_memory_bytes = peak_memory_bytes();
         CANDELA_TRY(deliver(unit));
@@ -144,13 +144,13 @@ class RenderEstimator : public Estimator {
   }
 
   void make_films(const NamedState& state) {
-    film_ = renderer_->make_film(state);
-    merged_.emplace(film_->layout(), film_->scale_log2());
+    output_ = renderer_->make_output(state);
+    merged_.emplace(output_.film->layout(), output_.film->scale_log2());
   }
 
   std::unique_ptr<render::Renderer> renderer_;
   render::RunContext context_;
-  std::unique_ptr<film::UnitFilm> film_;
+  render::UnitOutput output_;
   std::optional<film::MergedFilm> merged_;
   Cost cost_;
 
@@ -161,8 +161,8 @@ class RenderEstimator : public Estimator {
     info.unit = unit;
     info.job_id = "bench";
     info.build_id = std::string(build_id());
-    const std::string bytes = film::encode_delta(*film_, info);
-    CANDELA_ASSIGN(const film::Delta delta, film::Delta::decode(bytes, film_->layout()));
+    const std::string bytes = encode_delta(info, output_);
+    CANDELA_ASSIGN(const film::Delta delta, film::Delta::decode(bytes, output_.film->layout()));
     CANDELA_TRY(merged_->merge(delta));
     ++cost_.deltas;
     cost_.delta_bytes += bytes.size();
@@ -183,7 +183,7 @@ class IterationEstimator final : public RenderEstimator {
   Unit::Kind unit_kind() const override { return Unit::Kind::iterations; }
   std::uint64_t most_units() const override { return Limits::max_iterations; }
   Result<void> render(const Unit& unit) override {
-    return timed(cost_, [&] { return renderer_->run(unit, *film_, context_); });
+    return timed(cost_, [&] { return renderer_->run(unit, {}, output_, context_); });
   }
   film::Development development() const override { return {}; }
 };
@@ -192,20 +192,19 @@ class IterationEstimator final : public RenderEstimator {
 class ChainEstimator final : public RenderEstimator {
  public:
   ChainEstimator(std::unique_ptr<render::Renderer> renderer, const RunSpec& run, const PilotResult& pilot)
-      : RenderEstimator(std::move(renderer), run), plan_(*pilot.chains), records_(plan_.chains) {
+      : RenderEstimator(std::move(renderer), run), plan_(*pilot.work.chains), records_(plan_.chains) {
     pilot_scale_log2_ = pilot.state.film_scale_log2;
     seed_ = run.job.seed;
   }
   std::string unit_name() const override { return "segments"; }
 
   Result<void> bootstrap() {
-    std::vector<float> contributions(plan_.bootstrap_samples);
-    CANDELA_ASSIGN(const film::Tallies tallies, timed(cost_, [&] {
-                     return renderer_->bootstrap(0, contributions.size(), contributions, context_);
-                   }));
-    add(cost_, tallies);
+    const Unit unit{Unit::Kind::bootstrap, 0, 0, plan_.bootstrap_samples};
+    render::UnitOutput output;
+    CANDELA_TRY(timed(cost_, [&] { return renderer_->run(unit, {}, output, context_); }));
+    add(cost_, output.counts);
     chains::BootstrapTable table(plan_.bootstrap_samples);
-    CANDELA_TRY(table.insert(0, contributions));
+    CANDELA_TRY(table.insert(0, output.table));
     sums_ = table.sums();
     starts_ = table.choose_starts(plan_.chains, seed_);
     state_.bootstrap_b = table.normalisation().b;
@@ -224,13 +223,9 @@ class ChainEstimator final : public RenderEstimator {
       const std::uint64_t chain = chains::chain_of(unit.half, i, plan_.chains);
       from.push_back({starts_.empty() ? 0 : starts_[chain], records_[chain]});
     }
-    std::vector<chains::ChainRecord> after;
-    CANDELA_TRY(
-        timed(cost_, [&] { return renderer_->run_segments(unit, state_, from, *film_, after, context_); }));
-    for (std::size_t i = 0; i < after.size(); ++i) {
-      cost_.delta_bytes += chains::encoded_bytes(after[i]);
-      records_[chains::chain_of(unit.half, unit.begin + i, plan_.chains)] = std::move(after[i]);
-    }
+    CANDELA_TRY(timed(cost_, [&] { return renderer_->run(unit, {state_, {}, from}, output_, context_); }));
+    for (std::size_t i = 0; i < output_.records.size(); ++i)
+      records_[chains::chain_of(unit.half, unit.begin + i, plan_.chains)] = output_.records[i];
     return {};
   }
 
@@ -273,7 +268,7 @@ Result<std::unique_ptr<Estimator>> make_render_estimator(const RunSpec& run) {
   context.threads = run.threads;
   CANDELA_ASSIGN(const PilotResult pilot, renderer->pilot(context));
   const double seconds = wall_now() - start;
-  if (pilot.chains) {
+  if (pilot.work.chains) {
     auto estimator = std::make_unique<ChainEstimator>(std::move(renderer), run, pilot);
     CANDELA_TRY(estimator->bootstrap());
     estimator->set_setup_seconds(seconds);

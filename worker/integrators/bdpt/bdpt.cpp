@@ -104,12 +104,12 @@ class BdptIntegrator final : public Integrator {
                                 features.finite_lens);
   }
 
-  Result<void> run(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
-                   const RunContext& run_context) const override {
+  Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
+                   UnitOutput& output, const RunContext& run_context) const override {
     const Run chosen = between_ == Between::nothing    ? run_for<Between::nothing>(options_.heuristic)
                        : between_ == Between::surfaces ? run_for<Between::surfaces>(options_.heuristic)
                                                        : run_for<Between::media>(options_.heuristic);
-    return chosen(context, options_, techniques_, layers_, unit, film, run_context);
+    return chosen(context, options_, techniques_, layers_, unit, *output.film, run_context);
   }
 
   std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {
@@ -117,7 +117,8 @@ class BdptIntegrator final : public Integrator {
   }
 
   const Plan& plan() const override { return plan_; }
-  std::vector<std::string> layers() const override { return layers_.names(); }
+  std::size_t layer_count() const { return layers_.names().size(); }
+  WorkPlan work(FilmSize /*size*/) const override { return {.layers = layers_.names()}; }
 
  private:
   PathOptions options_;
@@ -133,9 +134,9 @@ Result<std::unique_ptr<Integrator>> make_bdpt_integrator(const SettingsMap& sett
                                                          const scene::SceneFeatures& features) {
   CANDELA_ASSIGN(const BdptSettings parsed, parse_settings<BdptSettings>(settings));
   auto integrator = std::make_unique<BdptIntegrator>(parsed, features);
-  if (integrator->layers().size() + 1 > film::kMaxLayers) {
+  if (integrator->layer_count() + 1 > film::kMaxLayers) {
     return usage_error("techniques of paths of " + std::to_string(parsed.layer_depth) + " edges need " +
-                       std::to_string(integrator->layers().size()) + " layers; a film has at most " +
+                       std::to_string(integrator->layer_count()) + " layers; a film has at most " +
                        std::to_string(film::kMaxLayers - 1))
         .with_field("layer_depth")
         .with_mend("lower layer_depth, or ask for weighted or unweighted layers alone");

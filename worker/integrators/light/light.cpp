@@ -50,10 +50,11 @@ class LightIntegrator final : public Integrator {
     make_plan(settings, features);
   }
 
-  Result<void> run(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
-                   const RunContext& run_context) const override {
-    return with_between(
-        between_, [&](auto between) { return run_kernel<between()>(context, unit, film, run_context); });
+  Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
+                   UnitOutput& output, const RunContext& run_context) const override {
+    return with_between(between_, [&](auto between) {
+      return run_kernel<between()>(context, unit, *output.film, run_context);
+    });
   }
 
   std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {

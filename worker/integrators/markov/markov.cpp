@@ -72,56 +72,72 @@ MarkovIntegrator::MarkovIntegrator(const MarkovSettings& settings, const scene::
     plan_.use("Metropolis", "light may be hard to find: " + reasons);
 }
 
-ChainPlan MarkovIntegrator::chain_plan(std::uint32_t width, std::uint32_t height) const {
+ChainPlan MarkovIntegrator::chain_plan(FilmSize size) const {
   ChainPlan plan;
   plan.chains = static_cast<std::uint32_t>(settings_.chains);
   plan.bootstrap_samples = static_cast<std::uint64_t>(settings_.bootstrap);
-  const std::uint64_t pixels = std::uint64_t{width} * height;
+  const std::uint64_t pixels = std::uint64_t{size.width} * size.height;
   plan.segment_mutations = divide_up(pixels * static_cast<std::uint64_t>(settings_.mutations), plan.chains);
   return plan;
 }
 
-Result<film::Tallies> MarkovIntegrator::bootstrap(const UnitContext& context, std::uint64_t begin,
-                                                  std::uint64_t end, std::span<float> contributions,
-                                                  const RunContext& run) const {
+WorkPlan MarkovIntegrator::work(FilmSize size) const {
+  WorkPlan plan;
+  plan.layers = {"independent"};
+  plan.chains = chain_plan(size);
+  return plan;
+}
+
+Result<void> MarkovIntegrator::run(const UnitContext& context, const Unit& unit, const UnitInput& input,
+                                   UnitOutput& output, const RunContext& run) const {
+  return unit.kind == Unit::Kind::bootstrap ? run_bootstrap(context, unit, output, run)
+                                            : run_segments(context, unit, input, output, run);
+}
+
+Result<void> MarkovIntegrator::run_bootstrap(const UnitContext& context, const Unit& unit, UnitOutput& output,
+                                             const RunContext& run) const {
+  std::vector<float>& contributions = output.table;
+  contributions.assign(unit.end - unit.begin, 0);
   film::UnitFilm tallies_only({1, 1, 1}, 0);
-  CANDELA_TRY(for_each_task(divide_up(end - begin, kBootstrapChunk), tallies_only, run,
-                            [&](std::uint64_t chunk, film::Tallies& tallies) {
-                              const auto target = make_target(context, tallies);
-                              mcmc::PrimarySpace space(*target, {settings_.step_least, settings_.step_most});
-                              mcmc::SplatList list;
-                              const std::uint64_t from = begin + chunk * kBootstrapChunk;
-                              for (std::uint64_t i = from; i < std::min(from + kBootstrapChunk, end); ++i) {
-                                if (run.stop != nullptr && run.stop->load(std::memory_order_relaxed)) return;
-                                const std::uint64_t key = mcmc::bootstrap_key(context.seed, i);
-                                space.start(key, list);
-                                if (run.fault != nullptr && !list.splats().empty()) {
-                                  run.fault(key, &list.editable()[0].value.r);
-                                  list.sum_again();
-                                }
-                                contributions[i - begin] =
-                                    static_cast<float>(mcmc::usable_scalar(list, tallies));
-                              }
-                            }));
-  return tallies_only.tallies();
+  CANDELA_TRY(for_each_task(
+      divide_up(unit.end - unit.begin, kBootstrapChunk), tallies_only, run,
+      [&](std::uint64_t chunk, film::Tallies& tallies) {
+        const auto target = make_target(context, tallies);
+        mcmc::PrimarySpace space(*target, {settings_.step_least, settings_.step_most});
+        mcmc::SplatList list;
+        const std::uint64_t from = unit.begin + chunk * kBootstrapChunk;
+        for (std::uint64_t i = from; i < std::min(from + kBootstrapChunk, unit.end); ++i) {
+          if (run.stop != nullptr && run.stop->load(std::memory_order_relaxed)) return;
+          const std::uint64_t key = mcmc::bootstrap_key(context.seed, i);
+          space.start(key, list);
+          if (run.fault != nullptr && !list.splats().empty()) {
+            run.fault(key, &list.editable()[0].value.r);
+            list.sum_again();
+          }
+          contributions[i - unit.begin] = static_cast<float>(mcmc::usable_scalar(list, tallies));
+        }
+      }));
+  output.counts = tallies_only.tallies();
+  return {};
 }
 
 Result<void> MarkovIntegrator::run_segments(const UnitContext& context, const Unit& unit,
-                                            const NamedState& state,
-                                            std::span<const chains::ChainStart> starts, film::UnitFilm& film,
-                                            std::vector<chains::ChainRecord>& records,
+                                            const UnitInput& input, UnitOutput& output,
                                             const RunContext& run) const {
-  const ChainPlan plan = chain_plan(context.width, context.height);
+  const ChainPlan plan = chain_plan({context.width, context.height});
+  const auto starts = input.starts;
+  film::UnitFilm& film = *output.film;
+  std::vector<chains::ChainRecord>& records = output.records;
   const std::uint64_t count = unit.end - unit.begin;
   mcmc::ChainRules rules;
   rules.seed = context.seed;
-  rules.b0 = state.bootstrap_b;
+  rules.b0 = input.scalars.bootstrap_b;
   rules.prob_large = settings_.large_step;
   rules.segment_mutations = plan.segment_mutations;
   rules.pixels = static_cast<double>(context.width) * context.height;
-  if (!std::isfinite(state.bootstrap_b) || state.bootstrap_b < 0)
+  if (!std::isfinite(input.scalars.bootstrap_b) || input.scalars.bootstrap_b < 0)
     return internal_error("the first estimate of b is negative or not finite");
-  const bool dark = !(state.bootstrap_b > 0);
+  const bool dark = !(input.scalars.bootstrap_b > 0);
   const std::uint64_t direct_samples = divide_up(
       std::uint64_t{context.width} * context.height * static_cast<std::uint64_t>(settings_.direct_samples),
       plan.chains);

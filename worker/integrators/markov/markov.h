@@ -11,16 +11,12 @@
 
 namespace candela::integrators {
 
-class MarkovIntegrator : public ChainIntegrator {
+class MarkovIntegrator : public Integrator {
  public:
-  ChainPlan chain_plan(std::uint32_t width, std::uint32_t height) const final;
-  Result<film::Tallies> bootstrap(const UnitContext& context, std::uint64_t begin, std::uint64_t end,
-                                  std::span<float> contributions, const RunContext& run) const final;
-  Result<void> run_segments(const UnitContext& context, const Unit& unit, const NamedState& state,
-                            std::span<const chains::ChainStart> starts, film::UnitFilm& film,
-                            std::vector<chains::ChainRecord>& records, const RunContext& run) const final;
+  WorkPlan work(FilmSize size) const final;
+  Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
+                   const RunContext& run) const final;
   std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const final;
-  std::vector<std::string> layers() const final { return {"independent"}; }
   const Plan& plan() const final { return plan_; }
 
  protected:
@@ -39,6 +35,14 @@ class MarkovIntegrator : public ChainIntegrator {
   Plan plan_;
 
  private:
+  ChainPlan chain_plan(FilmSize size) const;
+  Result<void> run_bootstrap(const UnitContext& context, const Unit& unit, UnitOutput& output,
+                             const RunContext& run) const;
+  // With b0 = 0 (nothing found) chains stand still, and only what needs no chain is added. Fails (input) if
+  // a start cannot be one of this job and index.
+  Result<void> run_segments(const UnitContext& context, const Unit& unit, const UnitInput& input,
+                            UnitOutput& output, const RunContext& run) const;
+
   MarkovSettings settings_;
   std::uint32_t least_edges_ = 1, most_edges_ = 0;
   estimators::PathOptions pilot_options_;

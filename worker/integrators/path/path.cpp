@@ -20,9 +20,9 @@ class PathIntegrator final : public Integrator {
     radiance_ = estimators::path_radiance_for<samplers::Sampler>(planned_.between);
   }
 
-  Result<void> run(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
-                   const RunContext& run_context) const override {
-    return run_eye_samples(context, unit, film, run_context,
+  Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
+                   UnitOutput& output, const RunContext& run_context) const override {
+    return run_eye_samples(context, unit, *output.film, run_context,
                            [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies) {
                              return radiance_(context.scene, options_, planned_.techniques, ray, sampler,
                                               tallies);

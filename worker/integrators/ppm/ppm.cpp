@@ -26,11 +26,11 @@ class PpmIntegrator final : public Integrator {
     t.light_paths = t.merges();
   }
 
-  Result<void> run(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
-                   const RunContext& run_context) const override {
+  Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
+                   UnitOutput& output, const RunContext& run_context) const override {
     return with_between(between_, [&](auto between) {
       return merging::run_iterations<estimators::PpmEye<between(), transport::ConstantEta>>(
-          context, unit, options_, film, run_context);
+          context, unit, options_, *output.film, run_context);
     });
   }
 

@@ -18,10 +18,10 @@ class VcmIntegrator final : public Integrator {
   VcmIntegrator(const PathOptions& options, const merging::MergeRules& merge, vcm::Planned planned)
       : options_{options, planned.techniques, merge}, planned_(std::move(planned)) {}
 
-  Result<void> run(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
-                   const RunContext& run_context) const override {
+  Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
+                   UnitOutput& output, const RunContext& run_context) const override {
     return with_between(planned_.between, [&](auto between) {
-      return run_between<between()>(context, unit, film, run_context);
+      return run_between<between()>(context, unit, *output.film, run_context);
     });
   }
 

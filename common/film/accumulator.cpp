@@ -1,0 +1,153 @@
+#include "common/film/accumulator.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/film/codec.h"
+#include "common/film/layers.h"
+#include "common/film/quantise.h"
+#include "common/film/sparse_sums.h"
+
+namespace candela::film {
+namespace {
+
+Error spec_error(const AccumulatorSpec& spec, std::string_view text) {
+  return input_error("accumulator '" + spec.name + "': " + std::string(text)).with_field("accumulators");
+}
+
+// |sum| of at most 2^40 indices, each of 64 bits.
+constexpr Uint128 kMaxSum = static_cast<Uint128>(1) << 103;
+
+}  // namespace
+
+Result<void> validate(std::span<const AccumulatorSpec> specs, std::uint32_t width, std::uint32_t height) {
+  if (specs.size() > kMaxAccumulators)
+    return input_error(std::to_string(specs.size()) + " accumulators, at most " +
+                       std::to_string(kMaxAccumulators) + " are possible")
+        .with_field("accumulators");
+  std::vector<std::string> names;
+  std::uint64_t channels = 0;
+  for (const AccumulatorSpec& spec : specs) {
+    names.push_back(spec.name);
+    if (spec.channels == 0 || spec.channels > kMaxAccumulatorChannels)
+      return spec_error(spec, std::to_string(spec.channels) + " channels, 1 to " +
+                                  std::to_string(kMaxAccumulatorChannels) + " are possible");
+    if (std::abs(spec.scale_log2) > kMaxScaleLog2)
+      return spec_error(spec, "scale 2^" + std::to_string(spec.scale_log2) + " is out of bounds");
+    channels += spec.channels;
+  }
+  if (auto valid = validate_layer_names(names); !valid.ok())
+    return input_error(valid.error().message).with_field("accumulators");
+  if (std::uint64_t{width} * height > kMaxAccumulatorValues / std::max<std::uint64_t>(channels, 1))
+    return input_error("a film of " + std::to_string(width) + " x " + std::to_string(height) +
+                       " pixels is too large for accumulators of " + std::to_string(channels) +
+                       " channels together")
+        .with_field("accumulators");
+  return {};
+}
+
+UnitAccumulator::UnitAccumulator(std::uint32_t width, std::uint32_t height, const AccumulatorSpec& spec)
+    : spec_(spec),
+      layout_{width, height, 1},
+      units_per_value_(std::ldexp(1.0, spec.scale_log2)),
+      limit_(kMaxContribution / units_per_value_),
+      sums_(layout_.pixel_count() * spec.channels),
+      touched_(layout_.tile_count()) {}
+
+template <class ToSum>
+bool UnitAccumulator::add_units(std::uint32_t x, std::uint32_t y, std::uint32_t first,
+                                std::span<const double> values, std::uint64_t key, Tallies& tallies,
+                                const ToSum& to_sum) {
+  bool is_nan = false, is_infinite = false, is_saturated = false;
+  for (const double value : values) {
+    is_nan |= std::isnan(value);
+    is_infinite |= std::isinf(value);
+    is_saturated |= std::abs(value) > limit_;
+  }
+  if (is_nan || is_infinite || is_saturated) [[unlikely]] {
+    const RejectCause cause = is_nan        ? RejectCause::not_a_number
+                              : is_infinite ? RejectCause::infinite
+                                            : RejectCause::saturated;
+    ++tallies.rejected[static_cast<std::size_t>(cause)];
+    return false;
+  }
+  std::uint8_t& flag = touched_[std::size_t{y / kTileSize} * layout_.tiles_x() + x / kTileSize];
+  if (__atomic_load_n(&flag, __ATOMIC_RELAXED) == 0)
+    __atomic_store_n(&flag, std::uint8_t{1}, __ATOMIC_RELAXED);
+  std::int64_t* sums = sums_.data() + (std::size_t{y} * layout_.width + x) * spec_.channels + first;
+  const std::uint64_t word = dither_word(key);
+  bool wrapped = false;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const double uniform = dither(word, static_cast<int>(first + i));
+    wrapped |= to_sum(sums[i], quantise(values[i], units_per_value_, uniform));
+  }
+  if (wrapped) [[unlikely]]
+    overflowed_.store(true, std::memory_order_relaxed);
+  return true;
+}
+
+bool UnitAccumulator::add(std::uint32_t x, std::uint32_t y, std::uint32_t first,
+                          std::span<const double> values, std::uint64_t key, Tallies& tallies) {
+  return add_units(x, y, first, values, key, tallies, [](std::int64_t& sum, std::int64_t units) {
+    return __builtin_add_overflow(sum, units, &sum);
+  });
+}
+
+bool UnitAccumulator::splat(std::uint32_t x, std::uint32_t y, std::uint32_t first,
+                            std::span<const double> values, std::uint64_t key, Tallies& tallies) {
+  return add_units(x, y, first, values, key, tallies, [](std::int64_t& sum, std::int64_t units) {
+    const std::int64_t before = __atomic_fetch_add(&sum, units, __ATOMIC_RELAXED);
+    std::int64_t after = 0;
+    return __builtin_add_overflow(before, units, &after);
+  });
+}
+
+void UnitAccumulator::clear() {
+  for (std::size_t tile = 0; tile < touched_.size(); ++tile) {
+    if (touched_[tile] == 0) continue;
+    const TileRect rect = tile_rect(layout_, tile);
+    for (std::uint32_t y = rect.y; y < rect.y + rect.height; ++y)
+      std::fill_n(sums_.data() + (std::size_t{y} * layout_.width + rect.x) * spec_.channels,
+                  std::size_t{rect.width} * spec_.channels, 0);
+    touched_[tile] = 0;
+  }
+  overflowed_.store(false, std::memory_order_relaxed);
+}
+
+void UnitAccumulator::put_sums(std::string& out) const {
+  film::put_sums(out, layout_, spec_.channels, sums_, touched_);
+}
+
+MergedAccumulator::MergedAccumulator(std::uint32_t width, std::uint32_t height, const AccumulatorSpec& spec)
+    : spec_(spec), layout_{width, height, 1}, sums_(layout_, spec.channels) {}
+
+Result<void> MergedAccumulator::merge(const MergedAccumulator& other) {
+  if (other.layout_ != layout_ || other.spec_ != spec_)
+    return refused_error("the accumulators differ in size or shape").with_field("accumulators");
+  sums_.add(other.sums_);
+  return {};
+}
+
+std::string MergedAccumulator::serialise() const {
+  std::string out;
+  put_u32(out, layout_.width);
+  put_u32(out, layout_.height);
+  put_u32(out, spec_.channels);
+  put_u32(out, static_cast<std::uint32_t>(spec_.scale_log2));
+  sums_.put(out);
+  return out;
+}
+
+Result<MergedAccumulator> MergedAccumulator::parse(std::string_view bytes, std::uint32_t width,
+                                                   std::uint32_t height, const AccumulatorSpec& spec) {
+  Reader reader(bytes);
+  MergedAccumulator out(width, height, spec);
+  const bool same = reader.u32() == width && reader.u32() == height && reader.u32() == spec.channels &&
+                    reader.u32() == static_cast<std::uint32_t>(spec.scale_log2);
+  if (!same || !reader.ok()) return spec_error(spec, "the stored sums are of another shape");
+  CANDELA_TRY(out.sums_.read(reader, kMaxSum, "the accumulator"));
+  if (!reader.rest().empty()) return spec_error(spec, "there are bytes too many");
+  return out;
+}
+
+}  // namespace candela::film

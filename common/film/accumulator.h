@@ -1,0 +1,115 @@
+// Sums beside the film: per pixel a fixed number of 64-bit integers with a scale of their own, for statistics
+// that are no radiance (sectors of a neighborhood, moments, matrices). They are quantized once, add exactly,
+// and travel and are stored beside the film's sums.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/film/counts.h"
+#include "common/film/layout.h"
+#include "common/film/tile_sums.h"
+
+namespace candela::film {
+
+inline constexpr std::uint32_t kMaxAccumulators = 16;
+inline constexpr std::uint32_t kMaxAccumulatorChannels = 64;
+// Of all accumulators together: pixels times channels. As many integers as the largest film has.
+inline constexpr std::uint64_t kMaxAccumulatorValues = kMaxLayerPixels * kChannels;
+
+struct AccumulatorSpec {
+  enum class Per : std::uint8_t {
+    job,    // one for each half of the job
+    epoch,  // one for each epoch, of both halves together
+  };
+  std::string name;  // as a layer's: "radius.sectors"
+  std::uint32_t channels = 1;
+  int scale_log2 = 0;  // an integer is value * 2^scale_log2
+  Per per = Per::job;
+  bool operator==(const AccumulatorSpec&) const = default;
+};
+
+// Fails (input) unless names are valid as layers' names are and all different, and channels, scales, their
+// number and their size together are within the bounds above. The error's field begins with "accumulators".
+Result<void> validate(std::span<const AccumulatorSpec> specs, std::uint32_t width, std::uint32_t height);
+
+// The accumulator that a worker adds the samples of one unit into.
+class UnitAccumulator {
+ public:
+  // Precondition: validate() holds.
+  UnitAccumulator(std::uint32_t width, std::uint32_t height, const AccumulatorSpec& spec);
+
+  const AccumulatorSpec& spec() const { return spec_; }
+
+  // Adds values to channels [first, first + values.size()) of a pixel that only the calling thread touches.
+  // Signs are free. `key` names the sample and seeds the rounding; two calls for one pixel must differ in
+  // key or in channels. If any value is NaN, infinite or saturated, none is added, the sample counts once in
+  // `tallies.rejected`, and the result is false. Preconditions: pixel and channels are inside.
+  bool add(std::uint32_t x, std::uint32_t y, std::uint32_t first, std::span<const double> values,
+           std::uint64_t key, Tallies& tallies);
+  // The same from any thread. Not at the same time as add() on the same pixel.
+  bool splat(std::uint32_t x, std::uint32_t y, std::uint32_t first, std::span<const double> values,
+             std::uint64_t key, Tallies& tallies);
+
+  // A sum wrapped around: the unit must fail.
+  bool overflowed() const { return overflowed_.load(std::memory_order_relaxed); }
+  void clear();
+
+  // Index: (y * width + x) * channels + channel.
+  const std::int64_t* sums() const { return sums_.data(); }
+  // Appends the sums in the form of a delta (sparse_sums.h).
+  void put_sums(std::string& out) const;
+
+ private:
+  template <class ToSum>
+  bool add_units(std::uint32_t x, std::uint32_t y, std::uint32_t first, std::span<const double> values,
+                 std::uint64_t key, Tallies& tallies, const ToSum& to_sum);
+
+  AccumulatorSpec spec_;
+  Layout layout_;  // one layer
+  double units_per_value_;
+  double limit_;  // the largest value that is not saturated
+  std::vector<std::int64_t> sums_;
+  std::vector<std::uint8_t> touched_;  // by tile; relaxed atomic access while threads add
+  std::atomic<bool> overflowed_{false};
+};
+
+// The accumulator that a master adds up. Sums are exact: 64 bits, widened to 128 where 64 would overflow, so
+// merging never fails for what the sums are, and is commutative and associative. Which units are in it, the
+// job's film knows (law 3).
+class MergedAccumulator {
+ public:
+  // Precondition: validate() holds.
+  MergedAccumulator(std::uint32_t width, std::uint32_t height, const AccumulatorSpec& spec);
+
+  const AccumulatorSpec& spec() const { return spec_; }
+  // Precondition: `sums` were read for this size and number of channels.
+  void merge(const SparseSums& sums) { sums_.add(sums); }
+  // Fails (refused), and nothing changes, if size or spec differ.
+  Result<void> merge(const MergedAccumulator& other);
+
+  Int128 sum(std::uint32_t x, std::uint32_t y, std::uint32_t channel) const {
+    return sums_.sum(0, x, y, channel);
+  }
+  std::uint32_t width() const { return layout_.width; }
+  std::uint32_t height() const { return layout_.height; }
+
+  // Stored form: width, height, channels, scale (u32 each), and the sums (TileSums::put). Equal sums give
+  // equal bytes.
+  std::string serialise() const;
+  // Fails (input) on anything but the whole of what serialise() of such an accumulator makes.
+  static Result<MergedAccumulator> parse(std::string_view bytes, std::uint32_t width, std::uint32_t height,
+                                         const AccumulatorSpec& spec);
+
+ private:
+  AccumulatorSpec spec_;
+  Layout layout_;  // one layer
+  TileSums sums_;
+};
+
+}  // namespace candela::film

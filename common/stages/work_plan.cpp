@@ -1,0 +1,62 @@
+#include "common/stages/work_plan.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "common/chains/chains.h"
+#include "common/film/layers.h"
+
+namespace candela {
+namespace {
+
+constexpr std::uint32_t kMaxGrowth = 1U << 16;
+constexpr std::uint32_t kMaxLag = 64;
+
+Error plan_error(std::string_view field, std::string message) {
+  return input_error(std::move(message)).with_field(fmt::format("work.{}", field));
+}
+
+Result<void> validate(const EpochPlan& plan) {
+  const auto bad = [](std::string_view field, std::string message) {
+    return plan_error(fmt::format("epochs.{}", field), std::move(message));
+  };
+  if (plan.first == 0 || plan.first % 2 != 0 || plan.first > Limits::max_iterations)
+    return bad("first",
+               fmt::format("{} iterations cannot be the first epoch: an even number is needed", plan.first));
+  if (plan.growth == 0 || plan.growth > kMaxGrowth)
+    return bad("growth", fmt::format("{} is not 1 to {}", plan.growth, kMaxGrowth));
+  if (plan.lag > kMaxLag) return bad("lag", fmt::format("{} epochs, at most {}", plan.lag, kMaxLag));
+  if (plan.rule.empty() || plan.rule.size() > Limits::max_name_bytes)
+    return bad("rule", "it has no name, or too long a one");
+  if (plan.constants.size() > Limits::max_settings)
+    return bad("constants", fmt::format("more than {}", Limits::max_settings));
+  for (const auto& [name, value] : plan.constants)
+    if (name.empty() || name.size() > Limits::max_name_bytes || value.size() > Limits::max_setting_bytes)
+      return bad("constants", fmt::format("'{}' has no name, or is too long", name));
+  return {};
+}
+
+}  // namespace
+
+Result<void> validate(const WorkPlan& plan, std::uint32_t width, std::uint32_t height) {
+  if (auto layout = film::make_layout(width, height, plan.layers); !layout.ok())
+    return plan_error("layers", layout.error().message);
+  if (auto valid = film::validate(plan.accumulators, width, height); !valid.ok())
+    return plan_error("accumulators", valid.error().message);
+  if (plan.chains) {
+    if (auto valid = chains::validate(*plan.chains); !valid.ok())
+      return plan_error(fmt::format("chains.{}", valid.error().field), valid.error().message);
+    if (plan.layers.size() + 1 < chains::kImageLayers)
+      return plan_error("layers", "a job of chains has a second layer, which is part of the image");
+    if (plan.epochs) return plan_error("epochs", "a job of chains has none");
+  }
+  if (plan.epochs) return validate(*plan.epochs);
+  const bool per_epoch =
+      std::any_of(plan.accumulators.begin(), plan.accumulators.end(),
+                  [](const auto& spec) { return spec.per == film::AccumulatorSpec::Per::epoch; });
+  if (per_epoch) return plan_error("accumulators", "one is kept for each epoch, and there are no epochs");
+  return {};
+}
+
+}  // namespace candela

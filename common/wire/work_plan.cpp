@@ -1,0 +1,68 @@
+// Conversions of a job's plan of work. Bounds are checked by validate() of common/stages/work_plan.h, which
+// needs the job's size.
+#include <fmt/format.h>
+
+#include "common/wire/wire.h"
+
+namespace candela::wire {
+namespace {
+
+using film::AccumulatorSpec;
+
+Error field_error(std::string field, std::string message) {
+  return input_error(std::move(message)).with_field(std::move(field));
+}
+
+}  // namespace
+
+void to_proto(const WorkPlan& plan, v1::WorkPlan& out) {
+  out.Clear();
+  out.mutable_layers()->Assign(plan.layers.begin(), plan.layers.end());
+  for (const AccumulatorSpec& spec : plan.accumulators) {
+    v1::AccumulatorSpec& to = *out.add_accumulators();
+    to.set_name(spec.name);
+    to.set_channels(spec.channels);
+    to.set_scale_log2(spec.scale_log2);
+    to.set_per_epoch(spec.per == AccumulatorSpec::Per::epoch);
+  }
+  if (plan.chains) to_proto(*plan.chains, *out.mutable_chains());
+  if (plan.epochs) {
+    v1::EpochPlan& to = *out.mutable_epochs();
+    to.set_first(plan.epochs->first);
+    to.set_growth(plan.epochs->growth);
+    to.set_lag(plan.epochs->lag);
+    to.set_rule(plan.epochs->rule);
+    to.mutable_constants()->insert(plan.epochs->constants.begin(), plan.epochs->constants.end());
+  }
+}
+
+Result<WorkPlan> from_proto(const v1::WorkPlan& message) {
+  WorkPlan plan;
+  // Bounds before anything is copied: these lists come from outside.
+  if (message.layers_size() >= static_cast<int>(film::kMaxLayers))
+    return field_error("work.layers",
+                       fmt::format("{} layers, at most {}", message.layers_size(), film::kMaxLayers - 1));
+  if (message.accumulators_size() > static_cast<int>(film::kMaxAccumulators))
+    return field_error("work.accumulators", fmt::format("{} accumulators, at most {}",
+                                                        message.accumulators_size(), film::kMaxAccumulators));
+  plan.layers.assign(message.layers().begin(), message.layers().end());
+  for (const v1::AccumulatorSpec& from : message.accumulators())
+    plan.accumulators.push_back({from.name(), from.channels(), from.scale_log2(),
+                                 from.per_epoch() ? AccumulatorSpec::Per::epoch : AccumulatorSpec::Per::job});
+  if (message.has_chains()) {
+    auto chains = from_proto(message.chains());
+    if (!chains.ok()) return std::move(chains).error().with_field("work." + chains.error().field);
+    plan.chains = *chains;
+  }
+  if (message.has_epochs()) {
+    const v1::EpochPlan& from = message.epochs();
+    plan.epochs = EpochPlan{from.first(),
+                            from.growth(),
+                            from.lag(),
+                            from.rule(),
+                            {from.constants().begin(), from.constants().end()}};
+  }
+  return plan;
+}
+
+}  // namespace candela::wire

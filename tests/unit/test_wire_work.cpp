@@ -1,0 +1,89 @@
+// A job's plan of work on the wire, and its bounds.
+#include <gtest/gtest.h>
+
+#include "common/wire/wire.h"
+
+namespace candela {
+namespace {
+
+using film::AccumulatorSpec;
+
+WorkPlan whole_plan() {
+  WorkPlan plan;
+  plan.layers = {"s2.t3", "independent"};
+  plan.accumulators = {{"radius.sectors", 13, 12, AccumulatorSpec::Per::epoch},
+                       {"matrix", 64, -8, AccumulatorSpec::Per::job}};
+  plan.epochs = EpochPlan{8, 16, 1, "sectors", {{"alpha", "0.01"}, {"k", "0.7"}}};
+  return plan;
+}
+
+// Claim: a plan comes back as it was, with every part and without any.
+TEST(WireWorkPlan, ComesBackAsItWas) {
+  for (const bool chains : {false, true}) {
+    WorkPlan plan = whole_plan();
+    if (chains) {
+      plan.epochs.reset();
+      plan.chains = ChainPlan{100, 5000, 1U << 20};
+    }
+    v1::WorkPlan message;
+    wire::to_proto(plan, message);
+    const auto back = wire::from_proto(message);
+    ASSERT_TRUE(back.ok()) << back.error().to_string();
+    EXPECT_EQ(back->layers, plan.layers);
+    EXPECT_EQ(back->accumulators, plan.accumulators);
+    EXPECT_EQ(back->epochs, plan.epochs);
+    EXPECT_EQ(back->chains.has_value(), chains);
+    if (chains) {
+      EXPECT_EQ(back->chains->segment_mutations, plan.chains->segment_mutations);
+    }
+  }
+  const auto empty = wire::from_proto(v1::WorkPlan());
+  ASSERT_TRUE(empty.ok());
+  EXPECT_TRUE(validate(*empty, 64, 64).ok());
+  EXPECT_TRUE(validate(whole_plan(), 64, 64).ok());
+}
+
+// Claim: lists that are too long are refused before they are copied, each by its field.
+TEST(WireWorkPlan, ListsAreBounded) {
+  v1::WorkPlan message;
+  for (int i = 0; i < 64; ++i) message.add_layers(std::to_string(i));
+  EXPECT_EQ(wire::from_proto(message).error().field, "work.layers");
+  message.clear_layers();
+  for (int i = 0; i < 17; ++i) message.add_accumulators();
+  EXPECT_EQ(wire::from_proto(message).error().field, "work.accumulators");
+  message.Clear();
+  message.mutable_chains()->set_chains(7);
+  EXPECT_EQ(wire::from_proto(message).error().field.rfind("work.chains", 0), 0U);
+}
+
+// Claim: each part of a plan that cannot be is refused by its field.
+TEST(WorkPlan, PartsAreChecked) {
+  const auto field = [](void (*spoil)(WorkPlan&), std::uint32_t size = 64) -> std::string {
+    WorkPlan plan = whole_plan();
+    spoil(plan);
+    const auto checked = validate(plan, size, size);
+    return checked.ok() ? "valid" : checked.error().field;
+  };
+  EXPECT_EQ(field([](WorkPlan&) {}), "valid");
+  EXPECT_EQ(field([](WorkPlan& p) { p.layers = {"a/b"}; }), "work.layers");
+  EXPECT_EQ(field([](WorkPlan& p) { p.accumulators[0].channels = 65; }), "work.accumulators");
+  EXPECT_EQ(field([](WorkPlan&) {}, 16384), "work.accumulators") << "too large together";
+  EXPECT_EQ(field([](WorkPlan& p) { p.epochs.reset(); }), "work.accumulators") << "of epochs that are not";
+  EXPECT_EQ(field([](WorkPlan& p) { p.epochs->first = 0; }), "work.epochs.first");
+  EXPECT_EQ(field([](WorkPlan& p) { p.epochs->first = 9; }), "work.epochs.first");
+  EXPECT_EQ(field([](WorkPlan& p) { p.epochs->growth = 0; }), "work.epochs.growth");
+  EXPECT_EQ(field([](WorkPlan& p) { p.epochs->lag = 65; }), "work.epochs.lag");
+  EXPECT_EQ(field([](WorkPlan& p) { p.epochs->rule.clear(); }), "work.epochs.rule");
+  EXPECT_EQ(field([](WorkPlan& p) { p.epochs->constants.emplace(std::string(), std::string("x")); }),
+            "work.epochs.constants");
+  EXPECT_EQ(field([](WorkPlan& p) { p.chains = ChainPlan{4, 10, 10}; }), "work.epochs");
+  EXPECT_EQ(field([](WorkPlan& p) { p.chains = ChainPlan{5, 10, 10}; }), "work.chains.chains");
+  EXPECT_EQ(field([](WorkPlan& p) {
+              p.layers.clear();
+              p.chains = ChainPlan{4, 10, 10};
+            }),
+            "work.layers");
+}
+
+}  // namespace
+}  // namespace candela

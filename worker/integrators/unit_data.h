@@ -1,0 +1,63 @@
+// What a unit starts from, beside scene and settings, and what it brings.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/chains/chains.h"
+#include "common/film/accumulator.h"
+#include "common/film/delta.h"
+#include "common/film/unit_film.h"
+#include "common/job/job.h"
+
+namespace candela::integrators {
+
+struct UnitInput {
+  NamedState scalars;
+  // Bytes of the decided states that the lease names, by name.
+  std::map<std::string, std::string_view, std::less<>> states;
+  // Of a unit of segments: one for each index, in order.
+  std::span<const chains::ChainStart> starts;
+};
+
+struct UnitOutput {
+  // Null for a unit that brings no film.
+  std::unique_ptr<film::UnitFilm> film;
+  // As in the plan of work; none for a unit that brings no film.
+  std::vector<std::unique_ptr<film::UnitAccumulator>> accumulators;
+  // The unit's epoch, which accumulators for each epoch belong to.
+  std::uint64_t epoch = 0;
+  // Of a unit of segments: one for each index, in order.
+  std::vector<chains::ChainRecord> records;
+  // Of a unit of bootstrap samples: the contribution of each, in order.
+  std::vector<float> table;
+  // Of a unit that brings no film; a film has its own.
+  film::Tallies counts;
+
+  // A sum wrapped around: nothing of the unit may be used.
+  bool overflowed() const {
+    bool any = film != nullptr && film->overflowed();
+    for (const auto& sums : accumulators) any |= sums->overflowed();
+    return any;
+  }
+  film::Tallies tallies() const { return film != nullptr ? film->tallies() : counts; }
+  // Ready for the next unit; the memory of sums is kept.
+  void clear() {
+    if (film != nullptr) film->clear();
+    for (const auto& sums : accumulators) sums->clear();
+    records.clear();
+    table.clear();
+    epoch = 0;
+    counts = {};
+  }
+};
+
+// The delta of a unit. Preconditions: no sum has overflowed; info's ids have at most Limits::max_name_bytes.
+std::string encode_delta(const film::DeltaInfo& info, const UnitOutput& output);
+
+}  // namespace candela::integrators
