@@ -61,7 +61,8 @@ std::filesystem::path Farm::job_folder(const std::string& job_id) const {
 std::shared_ptr<JobFilm> Farm::make_film(const JobRow& row) const {
   FileWriter writer = options_.film_writer ? options_.film_writer : FileWriter(&write_file_atomically);
   return std::make_shared<JobFilm>(job_folder(row.id), layout_of(row), row.named_state->film_scale_log2,
-                                   std::move(writer), row.chains ? row.chains->chains : 0);
+                                   std::move(writer),
+                                   CheckpointShape{row.chains ? row.chains->chains : 0, row.accumulators});
 }
 
 Result<void> Farm::start() {

@@ -1,18 +1,28 @@
-// The bytes of a checkpoint: a film, and of a job of Markov chains the records of its chains, which are those
-// of exactly the merged segments.
+// The bytes of a checkpoint: all that a job has merged. A film; of a job of Markov chains the records of its
+// chains, which are those of exactly the merged segments; accumulators and decided states where a job has
+// them.
 //
-// Without chains the bytes are the film's own form. With chains: "CANCHNS1"; the length of the film's form
+// Of a film alone the bytes are the film's own form. With chains: "CANCHNS1"; the length of the film's form
 // (u64) and that; the number of chains (u32); their records in the order of chains, each with its length
-// (u32) before it; XXH64 of all before (u64).
+// (u32) before it; XXH64 of all before (u64). With accumulators or states: "CANSUMS1"; the length of a
+// checkpoint without them (u64) and that; the number of accumulators (u32), each with its place in the plan
+// (u32), half or epoch (u64) and length (u64) before its bytes; the number of states (u32), each with name
+// (u16 length, bytes), epoch (u64) and SHA-256 (64 hex digits); XXH64 of all before (u64). Checkpoints of
+// before there were accumulators are of the first two forms.
 #pragma once
 
+#include <cstdint>
+#include <map>
 #include <memory>
+#include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "common/base/result.h"
 #include "common/chains/chains.h"
+#include "common/film/accumulator.h"
 #include "common/film/merged_film.h"
 
 namespace candela::master {
@@ -20,14 +30,38 @@ namespace candela::master {
 // One for each chain; shared, for they are copied with each snapshot and never change.
 using ChainRecords = std::vector<std::shared_ptr<const chains::ChainRecord>>;
 
-std::string encode_checkpoint(const film::MergedFilm& film, const ChainRecords& records);
+// An accumulator's place in the job's plan, and the half or the epoch it is of.
+using AccumulatorKey = std::pair<std::uint32_t, std::uint64_t>;
+// One that a reader may hold is copied before it changes.
+using Accumulators = std::map<AccumulatorKey, std::shared_ptr<film::MergedAccumulator>>;
+
+// A state that was decided from merged sums. Its bytes are a blob of this hash.
+struct DecidedState {
+  std::string name;
+  std::uint64_t epoch = 0;
+  std::string sha256;
+  bool operator==(const DecidedState&) const = default;
+};
+
+std::string encode_checkpoint(const film::MergedFilm& film, const ChainRecords& records,
+                              const Accumulators& accumulators = {},
+                              std::span<const DecidedState> states = {});
 
 struct ParsedCheckpoint {
   film::MergedFilm film;
   ChainRecords records;
+  Accumulators accumulators = {};
+  std::vector<DecidedState> states = {};  // in the order of decisions
 };
-// Fails (input) on damage, on another number of chains, and where a record is not of the segments that are
-// merged.
-Result<ParsedCheckpoint> parse_checkpoint(std::string_view bytes, std::uint32_t chains);
+// What the checkpoints of a job hold beside its film.
+struct CheckpointShape {
+  CheckpointShape(std::uint32_t chain_count, std::vector<film::AccumulatorSpec> specs = {})  // NOLINT
+      : chains(chain_count), accumulators(std::move(specs)) {}
+  std::uint32_t chains;  // 0: none
+  std::vector<film::AccumulatorSpec> accumulators;
+};
+// Fails (input) on damage, on another number of chains, where a record is not of the segments that are
+// merged, and on accumulators that the shape does not have.
+Result<ParsedCheckpoint> parse_checkpoint(std::string_view bytes, const CheckpointShape& shape);
 
 }  // namespace candela::master

@@ -38,12 +38,13 @@ Result<void> follows(const chains::ChainRecord& before, const chains::ChainRecor
 }  // namespace
 
 JobFilm::JobFilm(std::filesystem::path folder, film::Layout layout, int scale_log2, FileWriter writer,
-                 std::uint32_t chains)
+                 CheckpointShape shape)
     : folder_(std::move(folder)),
       layout_(layout),
       scale_log2_(scale_log2),
       writer_(std::move(writer)),
-      chains_(chains) {}
+      chains_(shape.chains),
+      specs_(std::move(shape.accumulators)) {}
 
 ChainRecords JobFilm::fresh_records() const {
   return ChainRecords(chains_, std::make_shared<const chains::ChainRecord>());
@@ -68,7 +69,7 @@ std::vector<JobFilm::Found> JobFilm::generations() const {
 
 Result<ParsedCheckpoint> JobFilm::read(const Found& found) const {
   CANDELA_ASSIGN(const std::string bytes, read_file(found.path, kMaxCheckpointBytes));
-  CANDELA_ASSIGN(ParsedCheckpoint parsed, parse_checkpoint(bytes, chains_));
+  CANDELA_ASSIGN(ParsedCheckpoint parsed, parse_checkpoint(bytes, {chains_, specs_}));
   if (parsed.film.layout() != layout_ || parsed.film.scale_log2() != scale_log2_)
     return input_error("it is another film's");
   return parsed;
@@ -107,6 +108,9 @@ Result<JobFilm::Loading> JobFilm::ensure_loaded() {
     const std::lock_guard records_lock(records_mutex_);
     records_ = found ? std::move(found->records) : fresh_records();
   }
+  accumulators_ = found ? std::move(found->accumulators) : Accumulators();
+  states_ = found ? std::move(found->states) : std::vector<DecidedState>();
+  saved_states_ = states_.size();
   saved_iterations_ = generation > 0 ? film_->iterations() : 0;
   generation_ = std::max(generation_, newest);  // the next one must be newer than a broken one, too
   return out;
@@ -140,9 +144,12 @@ bool JobFilm::loaded() const {
 
 void JobFilm::unload_if_idle(double now_seconds, double idle_seconds) {
   const std::lock_guard lock(mutex_);
-  if (film_ && closed_ && film_->iterations() == saved_iterations_ &&
+  if (film_ && closed_ && film_->iterations() == saved_iterations_ && states_.size() == saved_states_ &&
       now_seconds - last_use_ > idle_seconds) {
     film_.reset();
+    accumulators_.clear();
+    states_.clear();
+    saved_states_ = 0;
     const std::lock_guard records_lock(records_mutex_);
     ChainRecords().swap(records_);
   }
@@ -172,11 +179,52 @@ Result<JobFilm::Outcome> JobFilm::merge(const film::Delta& delta, std::vector<ch
       CANDELA_TRY(follows(*records_[chain], *shared[i - unit.begin], chain, chains::segment_of(i, chains_)));
     }
   }
-  CANDELA_TRY(film_->merge(delta));
+  if (delta.accumulators().size() != specs_.size())
+    return input_error(
+               fmt::format("{} accumulators, the job has {}", delta.accumulators().size(), specs_.size()))
+        .with_field("accumulators");
+  CANDELA_TRY(film_->merge(delta));  // the last that can be refused
+  for (std::uint32_t i = 0; i < specs_.size(); ++i) {
+    const film::Delta::AccumulatorSums& sums = delta.accumulators()[i];
+    const bool per_job = specs_[i].per == film::AccumulatorSpec::Per::job;
+    editable({i, per_job ? unit.half : sums.epoch}).merge(sums.sums);
+  }
   const std::lock_guard records_lock(records_mutex_);
   for (std::uint64_t i = unit.begin; chains_ > 0 && i < unit.end; ++i)
     records_[chains::chain_of(unit.half, i, chains_)].swap(shared[i - unit.begin]);
   return Outcome::merged;
+}
+
+// Precondition: mutex_ is held.
+film::MergedAccumulator& JobFilm::editable(const AccumulatorKey& key) {
+  auto& held = accumulators_[key];
+  if (!held)
+    held = std::make_shared<film::MergedAccumulator>(layout_.width, layout_.height, specs_[key.first]);
+  else if (held.use_count() > 1)  // readers hold it; a new one takes the lock first
+    held = std::make_shared<film::MergedAccumulator>(*held);
+  return *held;
+}
+
+std::shared_ptr<const film::MergedAccumulator> JobFilm::accumulator(std::string_view name,
+                                                                    std::uint64_t part) const {
+  const std::lock_guard lock(mutex_);
+  for (std::uint32_t i = 0; film_ && i < specs_.size(); ++i) {
+    if (specs_[i].name != name) continue;
+    if (const auto found = accumulators_.find({i, part}); found != accumulators_.end()) return found->second;
+    return std::make_shared<film::MergedAccumulator>(layout_.width, layout_.height, specs_[i]);
+  }
+  return nullptr;
+}
+
+void JobFilm::remember(const DecidedState& state) {
+  const std::lock_guard lock(mutex_);
+  const auto same = [&](const DecidedState& s) { return s.name == state.name && s.epoch == state.epoch; };
+  if (film_ && std::none_of(states_.begin(), states_.end(), same)) states_.push_back(state);
+}
+
+std::vector<DecidedState> JobFilm::states() const {
+  const std::lock_guard lock(mutex_);
+  return states_;
 }
 
 void JobFilm::close() {
@@ -257,19 +305,25 @@ Result<JobFilm::Checkpoint> JobFilm::checkpoint() {
   const std::lock_guard file_lock(file_mutex_);
   std::shared_ptr<const film::MergedFilm> copy;
   ChainRecords records;
+  Accumulators accumulators;
+  std::vector<DecidedState> states;
   {
     const std::lock_guard lock(mutex_);
     if (!film_) return Checkpoint{generation_, saved_iterations_};  // unloaded means saved
+    accumulators = accumulators_;
+    states = states_;
     copy = std::make_shared<const film::MergedFilm>(*film_);
     records = records_;
   }
   CANDELA_TRY(make_directories(folder_));
   const std::uint64_t next = generation() + 1;
-  CANDELA_TRY(writer_(folder_ / fmt::format("film.{}.ckpt", next), encode_checkpoint(*copy, records)));
+  CANDELA_TRY(writer_(folder_ / fmt::format("film.{}.ckpt", next),
+                      encode_checkpoint(*copy, records, accumulators, states)));
   {
     const std::lock_guard lock(mutex_);
     generation_ = next;
     saved_iterations_ = copy->iterations();
+    saved_states_ = states.size();
   }
   // This one and the newest before it stay.
   const std::vector<Found> all = generations();
@@ -280,7 +334,7 @@ Result<JobFilm::Checkpoint> JobFilm::checkpoint() {
 
 bool JobFilm::dirty() const {
   const std::lock_guard lock(mutex_);
-  return film_ && film_->iterations() != saved_iterations_;
+  return film_ && (film_->iterations() != saved_iterations_ || states_.size() != saved_states_);
 }
 
 std::uint64_t JobFilm::generation() const {

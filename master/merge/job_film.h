@@ -1,5 +1,5 @@
-// The merged film of one job with its checkpoints; of a job of Markov chains with the records of its chains,
-// which change together with the sums, under one lock and in one file.
+// All that one job has merged, with its checkpoints: the film, of a job of Markov chains the records of its
+// chains, and accumulators. They change together, under one lock and in one file.
 //
 // A checkpoint is a file film.<generation>.ckpt, made visible atomically, that holds the sums and the exact
 // set of merged indices (checkpoint.h). The generation before is kept until the next one is on disk, and
@@ -30,9 +30,9 @@ using FileWriter = std::function<Result<void>(const std::filesystem::path&, std:
 
 class JobFilm {
  public:
-  // `chains`: how many; 0 for other jobs.
+  // `shape`: what there is beside the film.
   JobFilm(std::filesystem::path folder, film::Layout layout, int scale_log2, FileWriter writer,
-          std::uint32_t chains = 0);
+          CheckpointShape shape = 0);
 
   // Reads the newest checkpoint that is whole and of this layout and scale; an empty film if there is none. A
   // damaged generation is renamed to film.N.ckpt.damaged, so that it takes no place among the two that are
@@ -54,8 +54,8 @@ class JobFilm {
 
   enum class Outcome { merged, duplicate, closed };
   // duplicate: the film has some of its indices. closed: the job has ended. Errors: layout or scale differ;
-  // of chains a record that does not follow its chain's present one by one segment. Sums and records change
-  // together or not at all. `records`: of a delta of segments one for each index, in order.
+  // of chains a record that does not follow its chain's present one by one segment. Film, accumulators and
+  // records change together or not at all. `records`: of a delta of segments one for each index, in order.
   Result<Outcome> merge(const film::Delta& delta, std::vector<chains::ChainRecord> records = {});
   void close();  // no more merges: what is there is final
   void reopen();
@@ -80,6 +80,13 @@ class JobFilm {
   std::size_t largest_record_bytes() const;
   // Every chain has had a segment, and all sums of the image are zero.
   bool all_black() const;
+
+  // The sums of an accumulator: of a half, or of an epoch (`part`). Zeros where nothing is merged; null where
+  // the film is not loaded or the job has no such accumulator. They never change.
+  std::shared_ptr<const film::MergedAccumulator> accumulator(std::string_view name, std::uint64_t part) const;
+  // Remembers a state in the next checkpoint. No effect if that name has one for the epoch already.
+  void remember(const DecidedState& state);
+  std::vector<DecidedState> states() const;
 
   // The records that the segments of a unit start from, those of first segments empty. Never waits for a
   // merge: the scheduler asks while it decides.
@@ -117,12 +124,14 @@ class JobFilm {
   // Renames it; returns the text that tells of it.
   static std::string set_aside(const Found& found, const Error& error);
   ChainRecords fresh_records() const;
+  film::MergedAccumulator& editable(const AccumulatorKey& key);
 
   const std::filesystem::path folder_;
   const film::Layout layout_;
   const int scale_log2_;
   const FileWriter writer_;
   const std::uint32_t chains_;
+  const std::vector<film::AccumulatorSpec> specs_;
 
   std::mutex opening_mutex_;  // taken before all others
   std::mutex file_mutex_;     // one reader or writer of checkpoints at a time; taken before mutex_
@@ -132,9 +141,12 @@ class JobFilm {
   // them is enough to read it.
   mutable std::mutex records_mutex_;
   ChainRecords records_;  // by chain
+  Accumulators accumulators_;
+  std::vector<DecidedState> states_;
   bool closed_ = false;
   std::uint64_t generation_ = 0;  // newest on disk
   std::uint64_t saved_iterations_ = 0;
+  std::size_t saved_states_ = 0;
   double last_use_ = 0;
 };
 

@@ -1,0 +1,135 @@
+// The sums beside a job's film: merging with it, and in its checkpoints.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <filesystem>
+
+#include "common/base/files.h"
+#include "common/film/unit_film.h"
+#include "common/rng/stream.h"
+#include "master/merge/job_film.h"
+#include "tests/temporary_folder.h"
+
+namespace candela::master {
+namespace {
+
+namespace fs = std::filesystem;
+using Per = film::AccumulatorSpec::Per;
+
+constexpr film::Layout kLayout{40, 8, 1};
+const std::vector<film::AccumulatorSpec> kSpecs{{"moments", 2, 8, Per::epoch}, {"matrix", 1, 0, Per::job}};
+const std::string kHash(64, 'a');
+
+// Unit [i, i + 1) of a half, in epoch i / 4.
+film::Delta delta_of(std::uint32_t half, std::uint64_t i) {
+  film::UnitFilm film(kLayout, 10);
+  film::UnitAccumulator moments(kLayout.width, kLayout.height, kSpecs[0]);
+  film::UnitAccumulator matrix(kLayout.width, kLayout.height, kSpecs[1]);
+  film::Tallies tallies;
+  const std::uint64_t key = rng::key(half, i);
+  const auto x = static_cast<std::uint32_t>(key % kLayout.width);
+  film.splat(0, x, 3, {1, 2, 3}, key, tallies);
+  moments.add(x, 3, 0, std::array<double, 2>{0.5, 0.25}, key, tallies);
+  matrix.add(x, 3, 0, std::array<double, 1>{7}, key, tallies);
+  film.count(tallies);
+  film::DeltaWriter writer({{Unit::Kind::iterations, half, i, i + 1}, {}, 0, "j", "b"});
+  writer.film(film);
+  writer.accumulator(moments, i / 4);
+  writer.accumulator(matrix, 0);
+  writer.counts(tallies);
+  auto delta = film::Delta::decode(writer.finish(), {kLayout, kSpecs});
+  EXPECT_TRUE(delta.ok()) << delta.error().to_string();
+  return std::move(*delta);
+}
+
+std::int64_t total(const JobFilm& film, std::string_view name, std::uint64_t part) {
+  const auto sums = film.accumulator(name, part);
+  if (!sums) return -1;
+  std::int64_t sum = 0;
+  for (std::uint32_t y = 0; y < kLayout.height; ++y)
+    for (std::uint32_t x = 0; x < kLayout.width; ++x) sum += static_cast<std::int64_t>(sums->sum(x, y, 0));
+  return sum;
+}
+
+JobFilm job_film(const fs::path& folder) {
+  return JobFilm(folder, kLayout, 10, &write_file_atomically, CheckpointShape{0, kSpecs});
+}
+
+// Claim: film and accumulators change together or not at all; a sum of each epoch has the units of that epoch
+// alone, a sum of the job one for each half; a reader's sums do not change.
+TEST(JobAccumulators, FollowTheFilm) {
+  test::TemporaryFolder folder;
+  JobFilm film = job_film(folder.path());
+  EXPECT_EQ(film.accumulator("moments", 0), nullptr) << "not loaded";
+  ASSERT_TRUE(film.ensure_loaded().ok());
+  EXPECT_EQ(total(film, "moments", 0), 0) << "nothing is merged";
+  EXPECT_EQ(film.accumulator("unknown", 0), nullptr);
+  for (std::uint64_t i = 0; i < 6; ++i) {
+    EXPECT_EQ(*film.merge(delta_of(0, i)), JobFilm::Outcome::merged);
+    EXPECT_EQ(*film.merge(delta_of(0, i)), JobFilm::Outcome::duplicate);
+  }
+  const auto held = film.accumulator("moments", 1);
+  EXPECT_EQ(*film.merge(delta_of(1, 4)), JobFilm::Outcome::merged);
+  EXPECT_EQ(total(film, "moments", 0), 4 * 128);
+  EXPECT_EQ(total(film, "moments", 1), 3 * 128) << "of both halves";
+  EXPECT_EQ(total(film, "moments", 2), 0);
+  EXPECT_EQ(total(film, "matrix", 0), 6 * 7);
+  EXPECT_EQ(total(film, "matrix", 1), 7);
+  std::int64_t before = 0;
+  for (std::uint32_t x = 0; x < kLayout.width; ++x) before += static_cast<std::int64_t>(held->sum(x, 3, 0));
+  EXPECT_EQ(before, 2 * 128);
+
+  film::UnitFilm alone(kLayout, 10);
+  const auto plain = film::Delta::decode(
+      film::encode_delta(alone, {{Unit::Kind::iterations, 1, 9, 10}, {}, 0, "j", "b"}), kLayout);
+  ASSERT_TRUE(plain.ok());
+  EXPECT_EQ(film.merge(*plain).error().field, "accumulators");
+  EXPECT_FALSE(film.account().merged[1].intersects(9, 10));
+}
+
+// Claim: one checkpoint holds film, accumulators and states; what is read is what was written, to the byte;
+// a state that is remembered makes the job dirty; damaged and foreign bytes are refused, and checkpoints of
+// films alone are read as before.
+TEST(JobAccumulators, AreInTheCheckpoint) {
+  test::TemporaryFolder folder;
+  std::string bytes;
+  {
+    JobFilm film = job_film(folder.path());
+    ASSERT_TRUE(film.ensure_loaded().ok());
+    for (std::uint64_t i = 0; i < 6; ++i) ASSERT_TRUE(film.merge(delta_of(i % 2, i)).ok());
+    ASSERT_TRUE(film.checkpoint().ok());
+    EXPECT_FALSE(film.dirty());
+    film.remember({"radius", 0, kHash});
+    film.remember({"radius", 0, std::string(64, 'b')});
+    EXPECT_TRUE(film.dirty());
+    ASSERT_TRUE(film.checkpoint().ok());
+    EXPECT_FALSE(film.dirty());
+    bytes = *read_file(folder.path() / "film.2.ckpt", 1 << 20);
+  }
+  JobFilm film = job_film(folder.path());
+  ASSERT_TRUE(film.ensure_loaded().ok());
+  EXPECT_EQ(film.states(), (std::vector<DecidedState>{{"radius", 0, kHash}}));
+  EXPECT_EQ(total(film, "moments", 0), 4 * 128);
+  EXPECT_EQ(total(film, "matrix", 1), 3 * 7);
+  EXPECT_FALSE(film.dirty());
+  ASSERT_TRUE(film.checkpoint().ok());
+  EXPECT_TRUE(*read_file(folder.path() / "film.3.ckpt", 1 << 20) == bytes);
+
+  const CheckpointShape shape{0, kSpecs};
+  ASSERT_TRUE(parse_checkpoint(bytes, shape).ok());
+  EXPECT_EQ(parse_checkpoint(bytes, 0).error().field, "accumulators");
+  EXPECT_FALSE(parse_checkpoint(bytes, {6, kSpecs}).ok());
+  EXPECT_FALSE(parse_checkpoint(bytes, {0, {{"moments", 3, 8, Per::epoch}, kSpecs[1]}}).ok());
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    std::string bad = bytes;
+    bad[i] = static_cast<char>(bad[i] ^ 16);
+    EXPECT_FALSE(parse_checkpoint(bad, shape).ok()) << i;
+    EXPECT_FALSE(parse_checkpoint(std::string_view(bytes).substr(0, i), shape).ok()) << i;
+  }
+  const film::MergedFilm plain(kLayout, 10);
+  EXPECT_TRUE(encode_checkpoint(plain, {}) == plain.serialise());
+  EXPECT_TRUE(parse_checkpoint(plain.serialise(), shape).ok());
+}
+
+}  // namespace
+}  // namespace candela::master
