@@ -18,6 +18,7 @@
 #include "common/base/hash.h"
 #include "common/base/version.h"
 #include "common/job/job.h"
+#include "common/wire/dial.h"
 #include "common/wire/stall_guard.h"
 #include "common/wire/wire.h"
 
@@ -162,24 +163,19 @@ FarmClient::~FarmClient() = default;
 
 Result<std::unique_ptr<FarmClient>> FarmClient::create(const ConnectionOptions& options) {
   CANDELA_ASSIGN(const wire::Address address, wire::parse_address(options.master, "--master"));
-  CANDELA_ASSIGN(auto credentials,
-                 wire::channel_credentials(address, {options.tls_cert, options.tls_key, options.tls_ca},
-                                           options.insecure));
-  grpc::ChannelArguments arguments;
-  arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
-  // A farm is reached directly: a proxy meant for web pages is in its way.
-  arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
-  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 1000);
-  // Also the time one attempt to connect may take. TCP, TLS and HTTP/2 are four round trips; a third of the
-  // timeout is left for another address of the host, where the first one swallows what is sent to it.
+  // A third of the timeout is left for another address of the host, for when the first one swallows what is
+  // sent to it.
   const double attempt_seconds = std::clamp(options.timeout_seconds * 2 / 3, 2.0, 20.0);
-  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, static_cast<int>(attempt_seconds * 1000));
-  // A master whose machine is gone answers nothing. An answer may wait behind what a slow link has to carry.
-  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 20000);
-  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 60000);
+  CANDELA_ASSIGN(const std::shared_ptr<grpc::Channel> channel,
+                 wire::dial({.master = options.master,
+                             .tls = {options.tls_cert, options.tls_key, options.tls_ca},
+                             .insecure = options.insecure,
+                             .max_receive_bytes = kMaxMessageBytes,
+                             .min_backoff_ms = 100,
+                             .max_backoff_ms = 1000,
+                             .attempt_ms = static_cast<int>(attempt_seconds * 1000)}));
   auto state = std::make_unique<State>();
-  state->stub = v1::FarmService::NewStub(grpc::CreateCustomChannel(address.text(), credentials, arguments));
+  state->stub = v1::FarmService::NewStub(channel);
   state->peer = address.text();
   state->timeout_seconds = options.timeout_seconds;
   return std::unique_ptr<FarmClient>(new FarmClient(std::move(state)));

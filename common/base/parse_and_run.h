@@ -1,4 +1,5 @@
-// The end of a server's main(): its command line, then its run, with every way out said on standard error.
+// A server's program around its run: is the CPU fit, what does the command line say; every way out is said on
+// standard error.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -10,8 +11,8 @@
 #include <vector>
 
 #include "common/base/path_options.h"
-
 #include "common/base/text.h"
+#include "common/base/version.h"
 
 namespace candela {
 
@@ -19,6 +20,10 @@ namespace candela {
 // the program failed.
 template <class Run>
 int parse_and_run(const char* program, CLI::App& app, int argc, char** argv, Run&& run) {
+  if (const char* missing = missing_cpu_feature()) {
+    std::fprintf(stderr, "%s: this CPU lacks %s, which this build needs\n", program, missing);
+    return 1;
+  }
   refuse_empty_paths(app);
   const std::vector<std::string> arguments(argv + 1, argv + std::max(argc, 1));
   if (const std::string bare = option_without_value(arguments); !bare.empty()) {

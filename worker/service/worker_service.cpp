@@ -2,40 +2,18 @@
 #include "worker/service/worker_service.h"
 
 #include <fmt/format.h>
-#include <grpcpp/grpcpp.h>
 
 #include <cmath>
 
 #include "common/base/text.h"
 #include "common/base/version.h"
-#include "common/wire/wire.h"
+#include "common/wire/dial.h"
 #include "worker/service/farm_worker.h"
 
 namespace candela::worker {
 namespace {
 
-constexpr int kMaxReceiveBytes = 64 << 20;  // a bundle of the largest size allowed is within
 constexpr unsigned kMaxThreads = 4096;
-
-Result<std::shared_ptr<grpc::Channel>> dial(const WorkerOptions& options) {
-  CANDELA_ASSIGN(const wire::Address address, wire::parse_address(options.master, "--master"));
-  CANDELA_ASSIGN(const std::shared_ptr<grpc::ChannelCredentials> credentials,
-                 wire::channel_credentials(address, {options.tls_cert, options.tls_key, options.tls_ca},
-                                           options.insecure));
-  grpc::ChannelArguments arguments;
-  arguments.SetMaxReceiveMessageSize(kMaxReceiveBytes);
-  // A farm is reached directly: a proxy meant for web pages is in its way.
-  arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-  // A master whose machine is gone answers nothing, not even with a closed connection.
-  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 20000);
-  // The answer to a ping may wait behind what a slow link has to carry.
-  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 60000);
-  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 200);
-  // Also the time one attempt to connect may take: TCP, TLS and HTTP/2 are four round trips.
-  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 20000);
-  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2000);
-  return grpc::CreateCustomChannel(address.text(), credentials, arguments);
-}
 
 }  // namespace
 
@@ -51,7 +29,9 @@ Result<std::unique_ptr<Worker>> Worker::start(const WorkerOptions& options,
   if (!is_utf8(options.name))
     return usage_error(fmt::format("'{}' is not text in UTF-8", options.name)).with_field("--name");
   if (channel == nullptr) {
-    CANDELA_ASSIGN(channel, dial(options));
+    CANDELA_ASSIGN(channel, wire::dial({.master = options.master,
+                                        .tls = {options.tls_cert, options.tls_key, options.tls_ca},
+                                        .insecure = options.insecure}));
   }
   const scene::TextureLimits textures = {
       options.texture_memory_bytes, options.scratch_dir.empty() ? options.cache_dir : options.scratch_dir};
