@@ -18,6 +18,7 @@
 #include "common/image/image.h"
 #include "common/stats/image_error.h"
 #include "tests/bench/count_argument.h"
+#include "tests/integrators.h"
 #include "tests/statistical/chain_driver.h"
 
 namespace {
@@ -171,7 +172,7 @@ int main(int argc, char** argv) {
     for (std::uint64_t seed = 1; seed <= seeds; ++seed)
       for (Row& row : rows) {
         TestScene scene = scene_from_shared(name, truth->width, truth->height);
-        const bool chained = row.integrator == "pssmlt" || row.integrator == "mmlt";
+        const bool chained = test::has_chains(row.integrator);
         SettingsMap settings = row.settings;
         if (chained)
           for (const auto& [key, value] : chosen) settings[key] = value;

@@ -10,13 +10,19 @@
 #include <string_view>
 
 #include "tests/farm/farm.h"
+#include "tests/integrators.h"
 
 namespace candela::farm {
 namespace {
 
 // Jobs of each integrator: on the farm that means are taken from, and on the others, which give the same.
 constexpr int kMany = 16, kFew = 2;
-constexpr const char* kIntegrators[] = {"bdpt", "pssmlt", "mmlt"};
+// Chains, and what they are compared with.
+std::vector<std::string> compared() {
+  std::vector<std::string> names = test::chain_integrators();
+  names.insert(names.begin(), "bdpt");
+  return names;
+}
 
 double mean_luminance(const image::Image& image) {
   double sum = 0;
@@ -46,7 +52,7 @@ std::map<std::string, std::vector<image::Image>> render_all(int workers, int see
   for (int i = 0; i < workers; ++i) farm.start_worker("w" + std::to_string(i));
   EXPECT_TRUE(eventually(kPatienceSeconds, [&] { return farm.workers().size() == std::size_t(workers); }));
   std::map<std::string, std::vector<std::string>> jobs;
-  for (const std::string integrator : kIntegrators)
+  for (const std::string& integrator : compared())
     for (int seed = 1; seed <= seeds; ++seed) {
       std::vector<std::string> options = {"--integrator", integrator};
       if (integrator != "bdpt")
@@ -82,11 +88,11 @@ TEST(Consistency, MeanLuminanceIsBdptsForAnyNumberOfWorkers) {
   constexpr double kBound = 7;
   const Estimate truth = estimate(four.at("bdpt"));
   EXPECT_GT(truth.mean, 0);
-  for (const char* integrator : {"pssmlt", "mmlt"}) {
+  for (const std::string& integrator : test::chain_integrators()) {
     const Estimate found = estimate(four.at(integrator));
     const double error = std::hypot(found.standard_error, truth.standard_error);
-    std::printf("%s: mean luminance %.5f +- %.5f, bdpt %.5f +- %.5f, t = %.2f; finds %.1f %%\n", integrator,
-                found.mean, found.standard_error, truth.mean, truth.standard_error,
+    std::printf("%s: mean luminance %.5f +- %.5f, bdpt %.5f +- %.5f, t = %.2f; finds %.1f %%\n",
+                integrator.c_str(), found.mean, found.standard_error, truth.mean, truth.standard_error,
                 (found.mean - truth.mean) / error, 100 * (kBound + 1.4) * error / truth.mean);
     EXPECT_LT(std::abs(found.mean - truth.mean), kBound * error);
     EXPECT_LT((kBound + 1.4) * error, 0.1 * truth.mean) << "or the line above proves little";
@@ -116,9 +122,9 @@ TEST(Consistency, OneWorkerDoesNearlyAll) {
   farm.start_worker("eager");
   ASSERT_TRUE(eventually(kPatienceSeconds, [&] { return farm.workers().size() == 2; }));
   const std::string lazy_id = farm.worker("lazy").id();
-  for (const char* integrator : {"pssmlt", "mmlt"}) {
+  for (const std::string& integrator : test::chain_integrators()) {
     SCOPED_TRACE(integrator);
-    const std::uint64_t rounds = std::string_view(integrator) == "mmlt" ? 100 : 30;
+    const std::uint64_t rounds = integrator == "mmlt" ? 100 : 30;
     const std::vector<std::string> options = {"--integrator", integrator, "--set", "chains=200"};
     const auto alone = farm.render(rounds, "cornell", options);
     double share = 0;
@@ -133,7 +139,7 @@ TEST(Consistency, OneWorkerDoesNearlyAll) {
       }));
       lazy.signal(SIGCONT);
       share = share_of(farm.ledger(id), lazy_id);
-      std::printf("%s: one of two workers made %.1f %% of the segments\n", integrator, 100 * share);
+      std::printf("%s: one of two workers made %.1f %% of the segments\n", integrator.c_str(), 100 * share);
       farm.audit(id, rounds);
       expect_identical(farm.fetch(id), alone, "uneven shares");
     }

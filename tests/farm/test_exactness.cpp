@@ -9,6 +9,7 @@
 
 #include "tests/farm/farm.h"
 #include "tests/farm/hand_worker.h"
+#include "tests/integrators.h"
 #include "worker/render/renderer.h"
 
 namespace candela::farm {
@@ -21,18 +22,24 @@ const std::vector<std::string> kShortUnits = {"--unit-time", "0.05", "--checkpoi
 struct Fleet {
   int workers;
   unsigned threads;
-  const char* integrator = "path";
-  std::uint64_t iterations = kIterations;
+  std::string integrator = "path";
 };
 
-// Light traced by photons and merged is exact as eye paths are. Of those the odd count of iterations is
-// smaller, as each costs more.
-constexpr std::uint64_t kFewIterations = 201;
+// Iterations for a job of kIterations of path: an odd number.
+std::uint64_t iterations_of(const std::string& integrator) {
+  const double share = test::integrator_row(integrator).farm_share;
+  return static_cast<std::uint64_t>(share * static_cast<double>(kIterations)) | 1;
+}
 
-// An iteration of Markov chains is many mutations a pixel.
-constexpr std::uint64_t kRounds = 15;
-bool has_chains(const std::string& integrator) {
-  return integrator == "pssmlt" || integrator == "mmlt";
+// Path on fleets of several sizes; the others on one worker of two threads, and on three workers.
+std::vector<Fleet> fleets() {
+  std::vector<Fleet> result = {{1, 1}, {1, 2}, {2, 1}, {5, 1}};
+  for (const std::string& integrator : test::all_integrators()) {
+    if (integrator == "path") continue;
+    result.push_back({1, 2, integrator});
+    result.push_back({3, 1, integrator});
+  }
+  return result;
 }
 
 bool built(const std::string& integrator) {
@@ -51,7 +58,8 @@ class Fleets : public testing::TestWithParam<Fleet> {};
 
 // Claim: the pixels do not depend on how many workers there are, nor on their threads.
 TEST_P(Fleets, SamePixels) {
-  const auto [worker_count, threads, integrator, iterations] = GetParam();
+  const auto& [worker_count, threads, integrator] = GetParam();
+  const std::uint64_t iterations = iterations_of(integrator);
   ASSERT_TRUE(built(integrator)) << integrator;
   Farm farm;
   farm.start_master(kShortUnits);
@@ -63,19 +71,11 @@ TEST_P(Fleets, SamePixels) {
   farm.audit(id, iterations);
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    , Fleets,
-    testing::Values(Fleet{1, 1}, Fleet{1, 2}, Fleet{2, 1}, Fleet{5, 1}, Fleet{1, 2, "light", kFewIterations},
-                    Fleet{3, 1, "light", kFewIterations}, Fleet{1, 2, "bdpt", kFewIterations},
-                    Fleet{3, 1, "bdpt", kFewIterations}, Fleet{2, 2, "ppm", kFewIterations},
-                    Fleet{2, 2, "bpm", kFewIterations}, Fleet{1, 2, "vcm", kFewIterations},
-                    Fleet{5, 1, "vcm", kFewIterations}, Fleet{1, 2, "pssmlt", kRounds},
-                    Fleet{4, 1, "pssmlt", kRounds}, Fleet{3, 1, "mmlt", kRounds}),
-    [](const testing::TestParamInfo<Fleet>& one) {
-      const std::string name = one.param.integrator;
-      return (name == "path" ? "" : name) + std::to_string(one.param.workers) + "Workers" +
-             std::to_string(one.param.threads) + "Threads";
-    });
+INSTANTIATE_TEST_SUITE_P(, Fleets, testing::ValuesIn(fleets()), [](const testing::TestParamInfo<Fleet>& one) {
+  const std::string name = one.param.integrator;
+  return (name == "path" ? "" : name) + std::to_string(one.param.workers) + "Workers" +
+         std::to_string(one.param.threads) + "Threads";
+});
 
 class UnitTimes : public testing::TestWithParam<std::pair<const char*, const char*>> {};
 
@@ -83,9 +83,7 @@ class UnitTimes : public testing::TestWithParam<std::pair<const char*, const cha
 TEST_P(UnitTimes, SamePixels) {
   const auto [seconds, integrator] = GetParam();
   ASSERT_TRUE(built(integrator)) << integrator;
-  const std::uint64_t iterations = integrator == std::string("path") ? kIterations
-                                   : has_chains(integrator)          ? kRounds
-                                                                     : kFewIterations;
+  const std::uint64_t iterations = iterations_of(integrator);
   Farm farm;
   farm.start_master({"--unit-time", seconds});
   for (const char* name : {"a", "b"}) farm.start_worker(name);
@@ -110,15 +108,16 @@ INSTANTIATE_TEST_SUITE_P(, UnitTimes,
 
 // Claim: the pixels do not depend on the order in which units arrive. One worker takes up to five leases at a
 // time and delivers them backwards.
-class Order : public testing::TestWithParam<const char*> {};
+class Order : public testing::TestWithParam<std::string> {};
 
 TEST_P(Order, BackwardsInBatchesOfFive) {
-  const char* const integrator = GetParam();
+  const std::string& integrator = GetParam();
   ASSERT_TRUE(built(integrator)) << integrator;
-  const std::uint64_t iterations = has_chains(integrator) ? 4 : 40;
+  const std::uint64_t iterations = test::has_chains(integrator) ? 4 : 40;
   // The hand worker's units are as small as can be: few chains keep their number small.
   std::vector<std::string> options = with(integrator);
-  if (has_chains(integrator)) options.insert(options.end(), {"--set", "chains=20", "--set", "bootstrap=200"});
+  if (test::has_chains(integrator))
+    options.insert(options.end(), {"--set", "chains=20", "--set", "bootstrap=200"});
   Farm farm;
   farm.start_master({"--unit-time", "0.01"});
   const std::string id = farm.submit(iterations, "cornell", options);
@@ -141,8 +140,8 @@ TEST_P(Order, BackwardsInBatchesOfFive) {
   farm.audit(id, iterations);
 }
 
-INSTANTIATE_TEST_SUITE_P(, Order, testing::Values("path", "light", "bdpt", "vcm", "pssmlt", "mmlt"),
-                         [](const auto& one) { return std::string(one.param); });
+INSTANTIATE_TEST_SUITE_P(, Order, testing::ValuesIn(test::all_integrators()),
+                         [](const auto& one) { return one.param; });
 
 // Claim: several jobs at once do not touch each other.
 TEST(Jobs, ThreeAtOnce) {
@@ -159,12 +158,12 @@ TEST(Jobs, ThreeAtOnce) {
   }
 }
 
-// A job that lasts for the events of a death: `share` scales the iterations that `path` needs for that.
+// A job that lasts for the events of a death, given the iterations that `path` needs for that.
 struct Work {
-  const char* integrator;
-  double share;
+  std::string integrator;
   std::uint64_t of(std::uint64_t iterations) const {
-    return static_cast<std::uint64_t>(share * static_cast<double>(iterations));
+    return static_cast<std::uint64_t>(test::integrator_row(integrator).farm_share *
+                                      static_cast<double>(iterations));
   }
 };
 void PrintTo(const Work& work, std::ostream* out) {
@@ -281,9 +280,9 @@ TEST_P(Deaths, WorkerStoppedPastItsLease) {
 }
 
 INSTANTIATE_TEST_SUITE_P(, Deaths,
-                         testing::Values(Work{"path", 1}, Work{"bdpt", 0.2}, Work{"vcm", 0.2},
-                                         Work{"pssmlt", 0.04}, Work{"mmlt", 0.04}),
-                         [](const auto& one) { return std::string(one.param.integrator); });
+                         testing::Values(Work{"path"}, Work{"bdpt"}, Work{"vcm"}, Work{"pssmlt"},
+                                         Work{"mmlt"}),
+                         [](const auto& one) { return one.param.integrator; });
 
 }  // namespace
 }  // namespace candela::farm

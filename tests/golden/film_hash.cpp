@@ -8,6 +8,7 @@
 
 #include "common/base/hash.h"
 #include "common/bundle/bundle.h"
+#include "tests/integrators.h"
 #include "tests/statistical/chain_driver.h"
 #include "tests/statistical/harness.h"
 
@@ -82,10 +83,6 @@ std::uint64_t count_of(const std::string& name, const std::string& text) {
   return value;
 }
 
-bool has_chains(const std::string& integrator) {
-  return integrator == "pssmlt" || integrator == "mmlt";
-}
-
 statistical::TestScene scene_of(const GoldenFilm& film, RenderPlan& plan) {
   statistical::TestScene scene;
   scene.files = std::make_shared<bundle::DiskSource>(folder_of(film.scene));
@@ -93,9 +90,8 @@ statistical::TestScene scene_of(const GoldenFilm& film, RenderPlan& plan) {
   scene = statistical::read_scene(std::move(scene), kWidth, kHeight);
   statistical::use_own_filter(scene);
   scene.settings.seed = 1;
-  SettingsMap of_integrator;
-  if (has_chains(film.integrator))
-    of_integrator = {{"chains", "8"}, {"bootstrap", "400"}, {"mutations", "1"}, {"direct_samples", "1"}};
+  const auto& small = test::integrator_row(film.integrator).small;
+  SettingsMap of_integrator(small.begin(), small.end());
   for (const auto& [name, value] : film.settings) {
     if (name == "filter") {
       scene.settings.filter = value;
@@ -165,7 +161,7 @@ std::string hash_of_chains(const statistical::TestScene& scene, const RenderPlan
 std::string film_hash(const GoldenFilm& film) {
   RenderPlan plan;
   const statistical::TestScene scene = scene_of(film, plan);
-  return has_chains(film.integrator) ? hash_of_chains(scene, plan) : hash_of_iterations(scene, plan);
+  return test::has_chains(film.integrator) ? hash_of_chains(scene, plan) : hash_of_iterations(scene, plan);
 }
 
 }  // namespace candela::golden

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "tests/integrators.h"
 #include "tests/statistical/harness.h"
 #include "tests/unit/volume_file.h"
 
@@ -89,7 +90,7 @@ void film_depends_on_the_job_alone(TestScene scene) {
   EXPECT_EQ(second->state.film_scale_log2, state.film_scale_log2);
 }
 
-class ExactnessOf : public testing::TestWithParam<const char*> {
+class ExactnessOf : public testing::TestWithParam<std::string> {
  protected:
   void SetUp() override { ASSERT_TRUE(has_integrator(GetParam())) << GetParam(); }
 };
@@ -108,8 +109,8 @@ TEST_P(ExactnessOf, FilmOfMediaDependsOnTheJobAlone) {
   film_depends_on_the_job_alone(with_integrator(std::move(scene), GetParam()));
 }
 
-INSTANTIATE_TEST_SUITE_P(, ExactnessOf, testing::Values("path", "light", "bdpt", "ppm", "bpm", "vcm"),
-                         [](const auto& one) { return std::string(one.param); });
+INSTANTIATE_TEST_SUITE_P(, ExactnessOf, testing::ValuesIn(test::iteration_integrators()),
+                         [](const auto& one) { return one.param; });
 
 // Claim: another seed is another image, and the halves are different estimates (the test above is not
 // comparing zeros).

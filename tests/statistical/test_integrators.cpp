@@ -28,6 +28,7 @@
 #include <vector>
 
 #include "common/bundle/bundle.h"
+#include "tests/integrators.h"
 #include "tests/statistical/extrapolation.h"
 #include "tests/statistical/harness.h"
 #include "tests/statistical/transport_scenes.h"
@@ -72,9 +73,7 @@ TestScene load(std::string_view name) {
   return scene;
 }
 
-bool merges(std::string_view integrator) {
-  return integrator == "ppm" || integrator == "bpm" || integrator == "vcm";
-}
+using test::merges;
 
 double margin_of(std::string_view integrator) {
   return merges(integrator) ? merging(integrator).margin : 0;

@@ -14,6 +14,7 @@
 #include <thread>
 
 #include "common/bundle/bundle.h"
+#include "tests/integrators.h"
 #include "tests/statistical/chain_driver.h"
 
 namespace candela::statistical {
@@ -349,7 +350,7 @@ TEST(MarkovJobs, PlansSayWhatChainsAreFor) {
     return make_renderer(with_integrator(scene, integrator))->plan_text();
   };
   const TestScene sky = load("constant", 8, 8), glass = load("caustic", 8, 8);
-  for (const char* integrator : {"pssmlt", "mmlt"}) {
+  for (const std::string& integrator : test::chain_integrators()) {
     EXPECT_NE(plan_of(sky, integrator).find("skip a gain by Metropolis"), std::string::npos)
         << plan_of(sky, integrator);
     EXPECT_NE(plan_of(glass, integrator).find("use  Metropolis: light may be hard to find"),
@@ -372,7 +373,7 @@ TEST(MarkovJobs, PlansSayWhatChainsAreFor) {
 // the field.
 TEST(MarkovJobs, OddNumbersOfChainsAreRefused) {
   TestScene scene = load("box-diffuse", 8, 8);
-  for (const char* integrator : {"pssmlt", "mmlt"}) {
+  for (const std::string& integrator : test::chain_integrators()) {
     for (const auto& [name, value] : SettingsMap{{"chains", "7"}, {"step_least", "0.1"}}) {
       TestScene wrong = with_integrator(scene, integrator);
       wrong.settings.integrator_settings[name] = value;

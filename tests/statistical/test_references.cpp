@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "common/image/image.h"
+#include "tests/integrators.h"
 #include "tests/statistical/chain_driver.h"
 #include "tests/statistical/harness.h"
 
@@ -166,7 +167,7 @@ TEST_P(OtherReferences, Agree) {
   if (c.nightly && !long_form()) GTEST_SKIP() << "only with CANDELA_LONG=1";
   const TestScene scene = scene_from_shared(c.scene, c.width, c.height);
   const std::string name = c.integrator;
-  const bool merging = name == "ppm" || name == "bpm" || name == "vcm";
+  const bool merging = test::merges(name);
   std::vector<Term> terms;
   if (merging) {
     const auto at = [&](double radius) {

@@ -11,6 +11,7 @@
 #include <stdexcept>
 #include <thread>
 
+#include "tests/integrators.h"
 #include "tests/statistical/chain_driver.h"
 #include "tests/statistical/harness.h"
 
@@ -29,10 +30,6 @@ double cpu_seconds() {
 constexpr double kNoisy = 0.03;
 // And below which batches are the same.
 constexpr double kEqual = 1e-6;
-
-bool is_chain(const std::string& integrator) {
-  return integrator == "pssmlt" || integrator == "mmlt";
-}
 
 TestScene make_scene(const Shot& shot, const Claim& claim) {
   TestScene scene;
@@ -59,7 +56,7 @@ double mean_over(const Quantity& q, std::uint32_t width, const std::vector<doubl
 std::vector<double> render_batch(const TestScene& scene, const NamedState& state, std::uint64_t seed,
                                  std::uint32_t half, std::uint64_t first, std::uint64_t iterations,
                                  const RunOptions& options, film::Tallies& tallies) {
-  if (is_chain(scene.settings.integrator)) {
+  if (test::has_chains(scene.settings.integrator)) {
     const auto image = statistical::render_chains({scene, iterations, 1, 1}, seed);
     tallies = image.tallies;
     return image.image;
@@ -103,7 +100,8 @@ Shot complete_shot(const Sweep& sweep, double value) {
 Runner::Stage Runner::render(double value, int stage, std::uint64_t iterations) const {
   const Shot shot = complete_shot(sweep_, value);
   const TestScene scene = make_scene(shot, claim_);
-  const NamedState state = is_chain(claim_.integrator) ? NamedState{} : statistical::pilot_state(scene);
+  const NamedState state =
+      test::has_chains(claim_.integrator) ? NamedState{} : statistical::pilot_state(scene);
   Stage result;
   result.rows.resize(options_.batches);
   std::atomic<std::size_t> next{0};

@@ -4,6 +4,7 @@
 #include <array>
 #include <string>
 
+#include "tests/integrators.h"
 #include "tests/stress/sweep.h"
 
 namespace candela::stress {
@@ -40,8 +41,7 @@ SettingsMap usual_settings();
 Shot uniform_shot(std::string body, double expected);
 void set(Shot& shot, const std::string& name, const std::string& value);
 
-inline const std::vector<std::string> kEveryone = {"path", "light", "bdpt",   "ppm",
-                                                   "bpm",  "vcm",   "pssmlt", "mmlt"};
+inline const std::vector<std::string> kEveryone = test::all_integrators();
 std::vector<std::string> everyone_but(const std::vector<std::string>& left_out);
 
 // The parts of all_sweeps().

@@ -1,6 +1,7 @@
 // Kernel radii, and numbers of iterations and photons beyond 32 bits.
 #include <cmath>
 
+#include "tests/integrators.h"
 #include "tests/stress/scenes.h"
 
 namespace candela::stress {
@@ -23,8 +24,8 @@ Sweep kernel_radius() {
     set(shot, "max_depth", number(16));
     return shot;
   };
-  sweep.claims = claims_of({"ppm", "bpm", "vcm"});
-  for (const char* other : {"path", "light", "bdpt", "pssmlt", "mmlt"})
+  sweep.claims = claims_of(test::merging_integrators());
+  for (const std::string& other : everyone_but(test::merging_integrators()))
     sweep.excuses.push_back({other, "has no radius"});
   return sweep;
 }
@@ -45,8 +46,8 @@ Sweep iteration_index() {
     set(shot, "max_depth", number(16));
     return shot;
   };
-  sweep.claims = claims_of(everyone_but({"pssmlt", "mmlt"}));
-  for (const char* chains : {"pssmlt", "mmlt"})
+  sweep.claims = claims_of(test::iteration_integrators());
+  for (const std::string& chains : test::chain_integrators())
     sweep.excuses.push_back({chains, "a chain's segments follow each other: none can be begun at"});
   return sweep;
 }

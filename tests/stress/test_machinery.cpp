@@ -10,6 +10,7 @@
 #include <string>
 
 #include "common/rng/stream.h"
+#include "tests/integrators.h"
 #include "tests/stress/report.h"
 #include "tests/stress/scenes.h"
 
@@ -61,7 +62,7 @@ TEST(StressMachinery, FlagsAWrongImage) {
 // Claim: a fault planted on the way into the film is seen, whichever integrator it befalls; and samples that
 // are not numbers are counted by cause.
 TEST(StressMachinery, FlagsPlantedFaults) {
-  for (const char* integrator : {"path", "light", "bdpt", "ppm", "bpm", "vcm"}) {
+  for (const std::string& integrator : test::iteration_integrators()) {
     RunOptions options;
     options.fault = brighten;
     EXPECT_EQ(run_one(closed_spheres(1), integrator, options).verdict, Verdict::broken) << integrator;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <string>
 
+#include "tests/integrators.h"
 #include "tests/unit/renderer_fixture.h"
 
 namespace candela::render {
@@ -32,7 +33,7 @@ std::int64_t brightest(const std::string& integrator, const std::string& emitter
 // Claim: no light from outside gets through a medium that has no end, by any technique; a light inside does,
 // and so does that from outside where the medium takes nothing.
 TEST(IntegratorMedia, LightFromOutsideDoesNotGetThroughEndlessFog) {
-  for (const char* integrator : {"path", "light", "bdpt", "ppm", "bpm", "vcm"}) {
+  for (const std::string& integrator : test::iteration_integrators()) {
     SCOPED_TRACE(integrator);
     for (const char* outside :
          {"<emitter type=\"directional\"><vector name=\"direction\" x=\"0\" y=\"0\" z=\"1\"/></emitter>",

@@ -1,6 +1,7 @@
 // ppm, bpm and vcm as the farm sees them: settings, plans, units, stops.
 #include <gtest/gtest.h>
 
+#include "tests/integrators.h"
 #include "tests/unit/scene_fixture.h"
 #include "worker/render/renderer.h"
 
@@ -41,7 +42,7 @@ std::vector<std::int64_t> sums(const film::UnitFilm& film) {
 
 // Claim: a unit is a pure function of its indices, not of threads, nor of how iterations are cut into units.
 TEST(Merging, ThreadsAndCutsChangeNothing) {
-  for (const std::string integrator : {"ppm", "bpm", "vcm"}) {
+  for (const std::string& integrator : test::merging_integrators()) {
     const auto renderer = make(integrator, kBox, {{"radius", "0.02"}});
     NamedState state;
     state.film_scale_log2 = 20;

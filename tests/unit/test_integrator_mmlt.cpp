@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "tests/integrators.h"
 #include "tests/unit/chi_squared.h"
 #include "tests/unit/scene_fixture.h"
 #include "worker/integrators/mmlt/lengths.h"
@@ -246,7 +247,7 @@ TEST(IntegratorMmlt, LengthsFollowTheirProbabilities) {
 
 // What settings cannot mean together is refused where a job is made, not where it runs.
 TEST(MarkovSettings, RefusedOnCompletion) {
-  for (const char* integrator : {"pssmlt", "mmlt"}) {
+  for (const std::string& integrator : test::chain_integrators()) {
     EXPECT_TRUE(render::complete_integrator_settings(integrator, {}, {{"chains", "8"}}).ok());
     const auto odd = render::complete_integrator_settings(integrator, {}, {{"chains", "7"}});
     ASSERT_FALSE(odd.ok());
