@@ -1,9 +1,12 @@
 // The table of integrators that tests share, against the registry.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 
+#include "common/description/vocabulary.h"
 #include "tests/integrators.h"
 #include "worker/render/renderer.h"
 
@@ -29,6 +32,33 @@ TEST(IntegratorTable, RowsSayWhatTheIntegratorsDo) {
     EXPECT_EQ(row.merges, has("radius"));
     SettingsMap small(row.small.begin(), row.small.end());
     EXPECT_TRUE(render::complete_integrator_settings(row.name, {}, small).ok());
+  }
+}
+
+// Claim: a parameter of an integrator that has an effect in a scene file is a setting of that integrator,
+// which takes the values at the parameter's bounds. (The vocabulary of scene files repeats names and bounds.)
+TEST(IntegratorTable, SettingsTakeWhatSceneFilesMaySay) {
+  for (const test::IntegratorRow& row : test::integrators()) {
+    const auto* plugin = description::find_plugin("integrator", row.name);
+    ASSERT_NE(plugin, nullptr) << row.name;
+    const auto takes = [&](std::string_view name, const std::string& value) {
+      return render::complete_integrator_settings(row.name, {{std::string(name), value}}, {}).ok();
+    };
+    for (const description::PropertyRule& rule : plugin->properties) {
+      if (rule.ignored || !rule.only.empty()) continue;
+      SCOPED_TRACE(fmt::format("{}.{}", row.name, rule.name));
+      ASSERT_EQ(rule.types.size(), 1U);
+      if (rule.types.front() == description::PropertyType::boolean) {
+        EXPECT_TRUE(takes(rule.name, "true") && takes(rule.name, "false"));
+        EXPECT_FALSE(takes(rule.name, "1"));
+        continue;
+      }
+      EXPECT_EQ(takes(rule.name, fmt::format("{}", rule.minimum)), !rule.above_minimum);
+      if (std::isfinite(rule.maximum)) {
+        EXPECT_TRUE(takes(rule.name, fmt::format("{}", rule.maximum)));
+        EXPECT_FALSE(takes(rule.name, fmt::format("{}", rule.maximum + 1)));
+      }
+    }
   }
 }
 
