@@ -36,20 +36,38 @@ struct EyeRadiance : transport::EyeTechniques {
   std::uint32_t min_edges_;
 };
 
+// The same as a function of rays. The scene and the options outlive it.
 template <transport::Between kBetween>
-Spectrum eye_radiance(const scene::Scene& scene, const PathOptions& options, const Ray& ray,
-                      samplers::Sampler& sampler, film::Tallies& tallies) {
-  using EyeWalk = transport::Walk<transport::TransportMode::radiance, kBetween, transport::Balance>;
-  Techniques techniques = Techniques::none();
-  techniques.hit_light = techniques.next_event = true;
-  const transport::WalkRules rules = eye_rules(options, techniques, {});
-  const transport::MisFactors factors = mis_factors<transport::Balance>(techniques, {});
-  const transport::ConnectContext context{scene, factors, rules, tallies};
-  EyeWalk walk(scene, rules, factors, sampler, tallies);
-  transport::VertexPair<transport::MisBlock> room;
-  EyeRadiance<EyeWalk> at(context, options.min_edges);
-  transport::follow_eye_path(walk, ray, room, at);
-  return at.sum;
-}
+class EyeRadianceFunction {
+ public:
+  EyeRadianceFunction(const scene::Scene& scene, const PathOptions& options)
+      : scene_(scene),
+        min_edges_(options.min_edges),
+        rules_(eye_rules(options, techniques(), {})),
+        factors_(mis_factors<transport::Balance>(techniques(), {})),
+        chooses_emitter_(transport::reads_emitter_choice(scene)) {}
+
+  Spectrum operator()(const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies) const {
+    using EyeWalk = transport::Walk<transport::TransportMode::radiance, kBetween, transport::Balance>;
+    const transport::ConnectContext context{scene_, factors_, rules_, tallies, chooses_emitter_};
+    EyeWalk walk(scene_, rules_, factors_, sampler, tallies);
+    transport::VertexPair<transport::MisBlock> room;
+    EyeRadiance<EyeWalk> at(context, min_edges_);
+    transport::follow_eye_path(walk, ray, room, at);
+    return at.sum;
+  }
+
+ private:
+  static Techniques techniques() {
+    Techniques t = Techniques::none();
+    t.hit_light = t.next_event = true;
+    return t;
+  }
+  const scene::Scene& scene_;
+  const std::uint32_t min_edges_;
+  const transport::WalkRules rules_;
+  const transport::MisFactors factors_;
+  const bool chooses_emitter_;
+};
 
 }  // namespace candela::estimators

@@ -18,8 +18,9 @@
 // off as slowly as n^-3/2, and a bound's survivors, scaled up, would carry light in samples too rare to come
 // up.
 //
-// Why this is not transport::Walk (docs/decisions/005): its last edge crosses media by their transmittance, not
-// by a flight, and its random block has 5 draws in place of 8: other films. They share draws.h and roulette.h.
+// Why this is not transport::Walk (docs/decisions/005): on the scenes of tests/bench/guard.py the common
+// walk, even without weights, takes 6 and 7 % more instructions. Its last edge also crosses media by a
+// flight, not by their transmittance, and its random block is longer. Both share draws.h and roulette.h.
 #pragma once
 
 #include <bit>

@@ -22,7 +22,7 @@ inline constexpr float kMinCosine = 1e-9f;
 // Of importance mode, where shading normals differ from the geometric one: what makes the bsdf that a walk
 // from the light needs out of what Closure gives, which knows the shading frame alone. wo: towards the light.
 // [Veach 1997, Eq. 5.19]
-inline float shading_correction(const SurfaceHit& hit, Vec3 wo, Vec3 wi) {
+[[gnu::always_inline]] inline float shading_correction(const SurfaceHit& hit, Vec3 wo, Vec3 wi) {
   if (hit.ng == hit.shading.n) return 1;
   const float above = std::abs(dot(wo, hit.shading.n) * dot(wi, hit.ng));
   const float below = std::abs(dot(wo, hit.ng) * dot(wi, hit.shading.n));
@@ -67,11 +67,15 @@ struct Vertex : ScatterPoint, Block::Densities {
 };
 static_assert(sizeof(Vertex<NoBlock>) == sizeof(ScatterPoint));
 
+// Always inlined: the compiler's limit on the growth of a file with many walks would end it anywhere, at 1 %
+// of the instructions of bdpt and pssmlt.
+
 // The scattering value, times the cosine at wi (world directions, away from the vertex), of a walk that
 // arrived against wo, and its density per solid angle of going on along wi. radiance: a walk from the eye;
 // importance: from the light. Zero for delta lobes.
-inline Spectrum scatter_value(const scene::Scene& scene, const ScatterPoint& v, Vec3 wo, Vec3 wi,
-                              TransportMode mode, float& pdf_solid_angle) {
+[[gnu::always_inline]] inline Spectrum scatter_value(const scene::Scene& scene, const ScatterPoint& v,
+                                                     Vec3 wo, Vec3 wi, TransportMode mode,
+                                                     float& pdf_solid_angle) {
   if (v.kind == VertexKind::medium) {
     pdf_solid_angle = scene.medium(v.medium).phase().pdf_solid_angle(wo, wi);
     return Spectrum(scene.medium(v.medium).phase().eval(wo, wi));
@@ -82,8 +86,8 @@ inline Spectrum scatter_value(const scene::Scene& scene, const ScatterPoint& v, 
 }
 
 // The density alone.
-inline float pdf_scatter_solid_angle(const scene::Scene& scene, const ScatterPoint& v, Vec3 wo, Vec3 wi,
-                                     TransportMode mode) {
+[[gnu::always_inline]] inline float pdf_scatter_solid_angle(const scene::Scene& scene, const ScatterPoint& v,
+                                                            Vec3 wo, Vec3 wi, TransportMode mode) {
   if (v.kind == VertexKind::medium) return scene.medium(v.medium).phase().pdf_solid_angle(wo, wi);
   return v.closure.pdf_solid_angle(v.hit.shading.to_local(wo), v.hit.shading.to_local(wi), mode);
 }

@@ -12,11 +12,8 @@ namespace candela::integrators::bidirectional {
 // Integrator::pilot_luminances of the family.
 inline std::vector<float> pilot(const UnitContext& context, std::uint32_t count,
                                 const estimators::PathOptions& options) {
-  return pilot_eye_samples(context, count,
-                           [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies) {
-                             return estimators::eye_radiance<transport::Between::media>(
-                                 context.scene, options, ray, sampler, tallies);
-                           });
+  return pilot_eye_samples(
+      context, count, estimators::EyeRadianceFunction<transport::Between::media>(context.scene, options));
 }
 
 }  // namespace candela::integrators::bidirectional

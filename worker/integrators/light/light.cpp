@@ -19,10 +19,8 @@ template <Between kBetween>
 Result<void> run_eye_rays(PathOptions options, const UnitContext& context, const Unit& unit,
                           film::UnitFilm& film, const RunContext& run) {
   options.max_depth = 1;
-  return run_eye_samples(
-      context, unit, film, run, [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies) {
-        return estimators::eye_radiance<kBetween>(context.scene, options, ray, sampler, tallies);
-      });
+  return run_eye_samples(context, unit, film, run,
+                         estimators::EyeRadianceFunction<kBetween>(context.scene, options));
 }
 
 template <Between kBetween, class Mis>
