@@ -27,6 +27,18 @@ struct Plan {
   void note(std::string subject, std::string warning) {
     items.push_back({PlanItem::Kind::note, std::move(subject), std::move(warning)});
   }
+  // Runs a technique that is wanted if it pays, and says why, or why not. Says nothing of one that is not
+  // wanted.
+  void decide(bool& technique, std::string_view name, bool pays, std::string_view why,
+              std::string_view why_not) {
+    if (!technique) return;
+    technique = pays;
+    if (pays)
+      use(std::string(name), std::string(why));
+    else
+      skip(std::string(name), std::string(why_not));
+  }
+  void append(const Plan& other) { items.insert(items.end(), other.items.begin(), other.items.end()); }
   std::string to_text() const;
 };
 

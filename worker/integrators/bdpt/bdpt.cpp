@@ -4,9 +4,10 @@
 #include "common/film/unit_film.h"
 #include "worker/estimators/bidirectional.h"
 #include "worker/integrators/bdpt/film_sink.h"
-#include "worker/integrators/bidirectional/pilot.h"
 #include "worker/integrators/bidirectional/plan.h"
 #include "worker/integrators/eye_samples.h"
+#include "worker/integrators/iteration_integrator.h"
+#include "worker/integrators/plan_between.h"
 #include "worker/integrators/plan_walks.h"
 
 namespace candela::integrators {
@@ -82,50 +83,22 @@ Run run_for(MisHeuristic heuristic) {
   return &run_kernel<FilmConfig<kBetween, transport::Balance, true>>;
 }
 
-class BdptIntegrator final : public Integrator {
+class BdptIntegrator final : public IterationIntegrator {
  public:
-  BdptIntegrator(const BdptSettings& settings, const scene::SceneFeatures& features) {
-    if (settings.max_depth >= 0) options_.max_depth = static_cast<std::uint32_t>(settings.max_depth);
-    options_.rr_depth = static_cast<std::uint32_t>(settings.rr_depth);
-    options_.min_edges = settings.hide_emitters ? 2 : 1;
-    options_.heuristic = settings.heuristic.value == "balance"   ? MisHeuristic::balance
-                         : settings.heuristic.value == "power"   ? MisHeuristic::power
-                         : settings.heuristic.value == "maximum" ? MisHeuristic::maximum
-                                                                 : MisHeuristic::cutoff;
-    const bidirectional::Planned planned =
-        bidirectional::plan(options_, features, settings.plan.value == "full", plan_);
-    note_lasting_media(features, options_.max_depth, options_.rr_depth, plan_);
-    techniques_ = planned.techniques;
-    between_ = planned.between;
-    const std::string& layers = settings.layers.value;
-    if (layers != "none" && options_.max_depth > 0)
-      layers_ = TechniqueLayers(layers != "unweighted", layers != "weighted",
-                                static_cast<std::uint32_t>(settings.layer_depth), options_.max_depth,
-                                features.finite_lens);
-  }
+  BdptIntegrator(const PathOptions& options, Planned planned, TechniqueLayers layers)
+      : IterationIntegrator(options, std::move(planned)), layers_(std::move(layers)) {}
 
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run_context) const override {
-    const Run chosen = between_ == Between::nothing    ? run_for<Between::nothing>(options_.heuristic)
-                       : between_ == Between::surfaces ? run_for<Between::surfaces>(options_.heuristic)
-                                                       : run_for<Between::media>(options_.heuristic);
-    return chosen(context, options_, techniques_, layers_, unit, *output.film, run_context);
+    const Run chosen =
+        with_between(planned_.between, [&](auto between) { return run_for<between()>(options_.heuristic); });
+    return chosen(context, options_, planned_.techniques, layers_, unit, *output.film, run_context);
   }
 
-  std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {
-    return bidirectional::pilot(context, count, options_);
-  }
-
-  const Plan& plan() const override { return plan_; }
-  std::size_t layer_count() const { return layers_.names().size(); }
   WorkPlan work(FilmSize /*size*/) const override { return {.layers = layers_.names()}; }
 
  private:
-  PathOptions options_;
-  Techniques techniques_;
-  TechniqueLayers layers_;
-  Between between_ = Between::media;
-  Plan plan_;
+  const TechniqueLayers layers_;
 };
 
 }  // namespace
@@ -133,15 +106,25 @@ class BdptIntegrator final : public Integrator {
 Result<std::unique_ptr<Integrator>> make_bdpt_integrator(const SettingsMap& settings,
                                                          const scene::SceneFeatures& features) {
   CANDELA_ASSIGN(const BdptSettings parsed, parse_settings<BdptSettings>(settings));
-  auto integrator = std::make_unique<BdptIntegrator>(parsed, features);
-  if (integrator->layer_count() + 1 > film::kMaxLayers) {
+  PathOptions options = parsed.common.path_options();
+  options.heuristic = heuristic_named(parsed.heuristic.value);
+  TechniqueLayers layers;
+  if (const std::string& asked = parsed.layers.value; asked != "none" && options.max_depth > 0)
+    layers = TechniqueLayers(asked != "unweighted", asked != "weighted",
+                             static_cast<std::uint32_t>(parsed.layer_depth), options.max_depth,
+                             features.finite_lens);
+  const std::size_t layer_count = layers.names().size();
+  if (layer_count + 1 > film::kMaxLayers) {
     return usage_error("techniques of paths of " + std::to_string(parsed.layer_depth) + " edges need " +
-                       std::to_string(integrator->layer_count()) + " layers; a film has at most " +
+                       std::to_string(layer_count) + " layers; a film has at most " +
                        std::to_string(film::kMaxLayers - 1))
         .with_field("layer_depth")
         .with_mend("lower layer_depth, or ask for weighted or unweighted layers alone");
   }
-  return std::unique_ptr<Integrator>(std::move(integrator));
+  Planned planned = bidirectional::plan(options, features, parsed.common.full_plan());
+  note_lasting_media(features, options.max_depth, options.rr_depth, planned.plan);
+  return std::unique_ptr<Integrator>(
+      std::make_unique<BdptIntegrator>(options, std::move(planned), std::move(layers)));
 }
 
 }  // namespace candela::integrators

@@ -1,8 +1,8 @@
 #include "worker/integrators/light/light.h"
 
 #include "worker/estimators/light_tracing.h"
-#include "worker/integrators/bidirectional/pilot.h"
 #include "worker/integrators/eye_samples.h"
+#include "worker/integrators/iteration_integrator.h"
 #include "worker/integrators/light_paths.h"
 #include "worker/integrators/plan_between.h"
 #include "worker/integrators/plan_walks.h"
@@ -38,90 +38,64 @@ Result<void> run_light(const PathOptions& options, const Techniques& techniques,
   });
 }
 
-class LightIntegrator final : public Integrator {
+class LightIntegrator final : public IterationIntegrator {
  public:
-  LightIntegrator(const LightSettings& settings, const scene::SceneFeatures& features) {
-    if (settings.max_depth >= 0) options_.max_depth = static_cast<std::uint32_t>(settings.max_depth);
-    options_.rr_depth = static_cast<std::uint32_t>(settings.rr_depth);
-    options_.min_edges = settings.hide_emitters ? 2 : 1;
-    techniques_.eye_paths = techniques_.light_image = techniques_.hit_lens = true;
-    make_plan(settings, features);
-  }
+  using IterationIntegrator::IterationIntegrator;
 
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run_context) const override {
-    return with_between(between_, [&](auto between) {
+    return with_between(planned_.between, [&](auto between) {
       return run_kernel<between()>(context, unit, *output.film, run_context);
     });
   }
 
-  std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {
-    return bidirectional::pilot(context, count, options_);
-  }
-
-  const Plan& plan() const override { return plan_; }
-
  private:
-  void make_plan(const LightSettings& settings, const scene::SceneFeatures& features);
-
   // Both techniques can find the same light through a finite lens; then they are weighted.
   template <Between kBetween>
   Result<void> run_kernel(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
                           const RunContext& run) const {
-    if (techniques_.eye_paths) CANDELA_TRY(run_eye_rays<kBetween>(options_, context, unit, film, run));
-    if (techniques_.hit_lens)
-      return run_light<kBetween, transport::Balance>(options_, techniques_, context, unit, film, run);
-    if (techniques_.light_image)
-      return run_light<kBetween, transport::Unweighted>(options_, techniques_, context, unit, film, run);
+    if (planned_.techniques.eye_paths)
+      CANDELA_TRY(run_eye_rays<kBetween>(options_, context, unit, film, run));
+    if (planned_.techniques.hit_lens)
+      return run_light<kBetween, transport::Balance>(options_, planned_.techniques, context, unit, film, run);
+    if (planned_.techniques.light_image)
+      return run_light<kBetween, transport::Unweighted>(options_, planned_.techniques, context, unit, film,
+                                                        run);
     return {};
   }
-
-  PathOptions options_;
-  Techniques techniques_ = Techniques::none();
-  Between between_ = Between::media;
-  Plan plan_;
 };
 
-void LightIntegrator::make_plan(const LightSettings& settings, const scene::SceneFeatures& features) {
-  if (options_.max_depth < 1) {
-    techniques_.eye_paths = techniques_.light_image = techniques_.hit_lens = false;
-    plan_.skip("everything", "max_depth 0 is a black image");
-    return;
+Planned plan_light(const PathOptions& options, const scene::SceneFeatures& features, bool full) {
+  Planned planned;
+  Plan& plan = planned.plan;
+  Techniques& t = planned.techniques;
+  t = Techniques::none();
+  if (options.max_depth < 1) {
+    plan.skip("everything", "max_depth 0 is a black image");
+    return planned;
   }
-  if (options_.max_depth < 2) techniques_.light_image = techniques_.hit_lens = false;
-  if (options_.min_edges > 1) techniques_.eye_paths = false;
-  if (features.emitters == 0) techniques_.light_image = techniques_.hit_lens = false;
-  note_lasting_media(features, options_.max_depth, options_.rr_depth, plan_);
-  if (settings.plan.value == "full") {
-    plan_.use("everything", "plan=full");
-    return;
+  const bool hide_emitters = options.min_edges > 1;
+  t.eye_paths = !hide_emitters;
+  t.light_image = t.hit_lens = options.max_depth >= 2 && features.emitters > 0;
+  note_lasting_media(features, options.max_depth, options.rr_depth, plan);
+  if (full) {
+    plan.use("everything", "plan=full");
+    return planned;
   }
-  if (!features.any_area_emitter && !features.any_environment && techniques_.eye_paths) {
-    techniques_.eye_paths = false;
-    plan_.skip("eye rays", "no emitter can be seen directly");
-  } else if (techniques_.eye_paths) {
-    plan_.use("eye rays", "emitters seen directly");
-  } else {
-    plan_.skip("eye rays", "hide_emitters");
-  }
-  if (techniques_.light_image && features.all_bsdfs_delta && !features.any_scattering_medium) {
-    techniques_.light_image = false;
-    plan_.skip("connections to the lens", "every surface scatters specularly");
-  } else if (techniques_.light_image) {
-    plan_.use("connections to the lens", "light paths scatter where the camera may see it");
-  } else {
-    plan_.skip("connections to the lens", "no light paths");
-  }
-  if (!features.finite_lens && techniques_.hit_lens) {
-    techniques_.hit_lens = false;
-    plan_.skip("light that meets the lens", "the lens is a point, or infinitely far");
-  } else if (techniques_.hit_lens) {
-    plan_.use("light that meets the lens", "the lens has an area");
-  }
+  if (hide_emitters) plan.skip("eye rays", "hide_emitters");
+  plan.decide(t.eye_paths, "eye rays", features.any_area_emitter || features.any_environment,
+              "emitters seen directly", "no emitter can be seen directly");
+  if (!t.light_image) plan.skip("connections to the lens", "no light paths");
+  plan.decide(t.light_image, "connections to the lens",
+              !features.all_bsdfs_delta || features.any_scattering_medium,
+              "light paths scatter where the camera may see it", "every surface scatters specularly");
+  plan.decide(t.hit_lens, "light that meets the lens", features.finite_lens, "the lens has an area",
+              "the lens is a point, or infinitely far");
   if (features.any_delta_bsdf)
-    plan_.skip("what the camera sees by specular reflection or refraction",
-               "light tracing cannot find it: bdpt or vcm can");
-  between_ = plan_between(features, plan_);
+    plan.skip("what the camera sees by specular reflection or refraction",
+              "light tracing cannot find it: bdpt or vcm can");
+  planned.between = plan_between(features, plan);
+  return planned;
 }
 
 }  // namespace
@@ -129,7 +103,9 @@ void LightIntegrator::make_plan(const LightSettings& settings, const scene::Scen
 Result<std::unique_ptr<Integrator>> make_light_integrator(const SettingsMap& settings,
                                                           const scene::SceneFeatures& features) {
   CANDELA_ASSIGN(const LightSettings parsed, parse_settings<LightSettings>(settings));
-  return std::unique_ptr<Integrator>(std::make_unique<LightIntegrator>(parsed, features));
+  const PathOptions options = parsed.common.path_options();
+  return std::unique_ptr<Integrator>(
+      std::make_unique<LightIntegrator>(options, plan_light(options, features, parsed.common.full_plan())));
 }
 
 }  // namespace candela::integrators

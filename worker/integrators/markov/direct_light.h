@@ -19,8 +19,8 @@ namespace candela::integrators::markov {
 class DirectLight {
  public:
   // samples: of each segment.
-  DirectLight(const UnitContext& context, const estimators::PathOptions& options,
-              const path::Planned& planned, std::uint64_t samples, std::uint32_t half)
+  DirectLight(const UnitContext& context, const estimators::PathOptions& options, const Planned& planned,
+              std::uint64_t samples, std::uint32_t half)
       : context_(context),
         options_(options),
         techniques_(planned.techniques),

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <optional>
 
-#include "worker/integrators/bidirectional/pilot.h"
 #include "worker/integrators/markov/direct_light.h"
 #include "worker/integrators/parallel_tasks.h"
+#include "worker/integrators/pilot.h"
 #include "worker/mcmc/chain.h"
 
 namespace candela::integrators {
@@ -45,19 +45,18 @@ Result<void> check(const MarkovSettings& settings) {
   return {};
 }
 
-MarkovIntegrator::MarkovIntegrator(const MarkovSettings& settings, const scene::SceneFeatures& features,
-                                   int max_depth, int rr_depth, bool hide_emitters, bool full_plan)
+MarkovIntegrator::MarkovIntegrator(const MarkovSettings& settings, const estimators::PathOptions& options,
+                                   const scene::SceneFeatures& features, bool full_plan)
     : settings_(settings),
-      least_edges_(hide_emitters ? 2 : 1),
-      most_edges_(max_depth < 0 ? 1u << 30 : static_cast<std::uint32_t>(max_depth)),
-      pilot_options_{most_edges_, static_cast<std::uint32_t>(rr_depth), least_edges_},
-      direct_by_path_(settings.direct.value == "path") {
+      direct_by_path_(settings.direct.value == "path"),
+      all_options_(options),
+      chain_options_(options) {
   if (direct_by_path_) {
-    direct_options_ = {std::min(most_edges_, 2U), pilot_options_.rr_depth, least_edges_,
-                       transport::MisHeuristic::power};
-    Plan its_own;
-    direct_ = path::plan(direct_options_, features, full_plan, its_own);
-    least_edges_ = 3;
+    direct_options_ = options;
+    direct_options_.max_depth = std::min(options.max_depth, 2U);
+    direct_options_.heuristic = transport::MisHeuristic::power;
+    direct_ = path::plan(direct_options_, features, full_plan);
+    chain_options_.min_edges = 3;
     plan_.use("path tracing beside the chains", "direct=path: paths of one and two edges are left to it");
   } else {
     plan_.skip("path tracing beside the chains", "direct=chain: the chains follow light of all path lengths");
@@ -177,7 +176,7 @@ Result<void> MarkovIntegrator::run_segments(const UnitContext& context, const Un
 }
 
 std::vector<float> MarkovIntegrator::pilot_luminances(const UnitContext& context, std::uint32_t count) const {
-  return bidirectional::pilot(context, count, pilot_options_);
+  return pilot_by_eye_walk(context, count, all_options_);
 }
 
 }  // namespace candela::integrators

@@ -20,17 +20,16 @@ class MarkovIntegrator : public Integrator {
   const Plan& plan() const final { return plan_; }
 
  protected:
-  // `max_depth`: as bdpt means it. The plan has items of direct light and of what Metropolis may gain.
-  MarkovIntegrator(const MarkovSettings& settings, const scene::SceneFeatures& features, int max_depth,
-                   int rr_depth, bool hide_emitters, bool full_plan);
+  // options: of all paths. The plan has items of direct light and of what Metropolis may gain.
+  MarkovIntegrator(const MarkovSettings& settings, const estimators::PathOptions& options,
+                   const scene::SceneFeatures& features, bool full_plan);
 
   // Another one for each thread. It counts into the tallies and outlives neither them nor the context.
   virtual std::unique_ptr<mcmc::PrimaryTarget> make_target(const UnitContext& context,
                                                            film::Tallies& tallies) const = 0;
 
-  // Edges of the shortest and longest paths that the chains follow.
-  std::uint32_t least_edges() const { return least_edges_; }
-  std::uint32_t most_edges() const { return most_edges_; }
+  // Of the paths that the chains follow.
+  const estimators::PathOptions& chain_options() const { return chain_options_; }
 
   Plan plan_;
 
@@ -44,11 +43,9 @@ class MarkovIntegrator : public Integrator {
                             UnitOutput& output, const RunContext& run) const;
 
   MarkovSettings settings_;
-  std::uint32_t least_edges_ = 1, most_edges_ = 0;
-  estimators::PathOptions pilot_options_;
   bool direct_by_path_ = false;
-  estimators::PathOptions direct_options_;
-  path::Planned direct_;
+  estimators::PathOptions all_options_, chain_options_, direct_options_;
+  Planned direct_;
 };
 
 // An even number of chains, steps in order.

@@ -21,27 +21,29 @@ constexpr std::uint32_t kLongest = 1u << 20;
 class MmltIntegrator final : public MarkovIntegrator {
  public:
   MmltIntegrator(const MmltSettings& settings, const scene::SceneFeatures& features)
-      : MarkovIntegrator(settings.markov, features, settings.max_depth, settings.rr_depth,
-                         settings.hide_emitters, settings.plan.value == "full"),
-        options_{most_edges(), static_cast<std::uint32_t>(settings.rr_depth), least_edges()},
-        planned_(bidirectional::plan(options_, features, settings.plan.value == "full", plan_)),
-        lengths_(shortest(), std::max(shortest(), std::min(most_edges(), kLongest))) {
-    if (most_edges() < shortest()) {
+      : MarkovIntegrator(settings.markov, settings.common.path_options(), features,
+                         settings.common.full_plan()),
+        options_(chain_options()),
+        planned_(bidirectional::plan(options_, features, settings.common.full_plan())),
+        lengths_(shortest(), std::max(shortest(), std::min(options_.max_depth, kLongest))) {
+    plan_.append(planned_.plan);
+    if (options_.max_depth < shortest()) {
       planned_.techniques = estimators::Techniques::none();
       plan_.skip("chains", "max_depth leaves nothing to them");
       return;
     }
-    note_lasting_media(features, std::min(most_edges(), kLongest), options_.rr_depth, plan_);
-    plan_.use("path lengths", "from " + std::to_string(shortest()) + " edges" +
-                                  (settings.max_depth < 0 ? std::string(", without a limit")
-                                                          : " to " + std::to_string(most_edges())));
+    note_lasting_media(features, std::min(options_.max_depth, kLongest), options_.rr_depth, plan_);
+    plan_.use("path lengths",
+              "from " + std::to_string(shortest()) + " edges" +
+                  (settings.common.max_depth < 0 ? std::string(", without a limit")
+                                                 : " to " + std::to_string(options_.max_depth)));
   }
 
  private:
   // The shortest length that some technique can make.
   std::uint32_t shortest() const {
     const bool seen = planned_.techniques.hit_light;
-    return std::max(least_edges(), seen ? 1U : 2U);
+    return std::max(options_.min_edges, seen ? 1U : 2U);
   }
 
   std::unique_ptr<mcmc::PrimaryTarget> make_target(const UnitContext& context,
@@ -55,7 +57,7 @@ class MmltIntegrator final : public MarkovIntegrator {
   }
 
   estimators::PathOptions options_;
-  bidirectional::Planned planned_;
+  Planned planned_;
   mmlt::Lengths lengths_;
 };
 

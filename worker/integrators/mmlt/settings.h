@@ -1,25 +1,20 @@
 #pragma once
 
+#include "worker/integrators/common_settings.h"
 #include "worker/integrators/markov/settings.h"
 
 namespace candela::integrators {
 
 struct MmltSettings {
-  int max_depth = -1;
-  int rr_depth = 1024;
-  bool hide_emitters = false;
+  CommonSettings common{1024};
   MarkovSettings markov;
-  Choice plan{"auto", {"auto", "full"}};
 
   template <class Visitor>
   void fields(Visitor& visit) {
-    visit("max_depth", max_depth, -1, 1 << 20,
-          "edges of the longest path; -1 none, 1 shows emitters only, 2 adds direct light");
-    visit("rr_depth", rr_depth, 1, 1 << 20,
-          "path depth from which Russian roulette may end a subpath; lengths are chosen before");
-    visit("hide_emitters", hide_emitters, "emitters do not show themselves to the camera");
+    common.path_fields(visit, 1,
+                       "path depth from which Russian roulette may end a subpath; lengths are chosen before");
     markov.fields(visit);
-    visit("plan", plan, "auto leaves out what the scene does not need; full runs everything");
+    common.plan_field(visit);
   }
 };
 

@@ -3,22 +3,17 @@
 
 #include "worker/estimators/path_dispatch.h"
 #include "worker/integrators/eye_samples.h"
+#include "worker/integrators/iteration_integrator.h"
 #include "worker/integrators/path/plan.h"
 
 namespace candela::integrators {
 namespace {
 
-class PathIntegrator final : public Integrator {
+class PathIntegrator final : public IterationIntegrator {
  public:
-  PathIntegrator(const PathSettings& settings, const scene::SceneFeatures& features) {
-    if (settings.max_depth >= 0) options_.max_depth = static_cast<std::uint32_t>(settings.max_depth);
-    options_.rr_depth = static_cast<std::uint32_t>(settings.rr_depth);
-    options_.min_edges = settings.hide_emitters ? 2 : 1;
-    options_.heuristic = settings.heuristic.value == "power" ? transport::MisHeuristic::power
-                                                             : transport::MisHeuristic::balance;
-    planned_ = path::plan(options_, features, settings.plan.value == "full", plan_);
-    radiance_ = estimators::path_radiance_for<samplers::Sampler>(planned_.between);
-  }
+  PathIntegrator(const estimators::PathOptions& options, Planned planned)
+      : IterationIntegrator(options, std::move(planned)),
+        radiance_(estimators::path_radiance_for<samplers::Sampler>(planned_.between)) {}
 
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run_context) const override {
@@ -36,13 +31,8 @@ class PathIntegrator final : public Integrator {
         });
   }
 
-  const Plan& plan() const override { return plan_; }
-
  private:
-  estimators::PathOptions options_;
-  Plan plan_;
-  path::Planned planned_;
-  estimators::RadianceFunction<samplers::Sampler> radiance_ = nullptr;
+  const estimators::RadianceFunction<samplers::Sampler> radiance_;
 };
 
 }  // namespace
@@ -50,7 +40,10 @@ class PathIntegrator final : public Integrator {
 Result<std::unique_ptr<Integrator>> make_path_integrator(const SettingsMap& settings,
                                                          const scene::SceneFeatures& features) {
   CANDELA_ASSIGN(const PathSettings parsed, parse_settings<PathSettings>(settings));
-  return std::unique_ptr<Integrator>(std::make_unique<PathIntegrator>(parsed, features));
+  estimators::PathOptions options = parsed.common.path_options();
+  options.heuristic = heuristic_named(parsed.heuristic.value);
+  return std::unique_ptr<Integrator>(
+      std::make_unique<PathIntegrator>(options, path::plan(options, features, parsed.common.full_plan())));
 }
 
 }  // namespace candela::integrators

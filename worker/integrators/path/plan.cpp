@@ -4,34 +4,27 @@
 
 namespace candela::integrators::path {
 
-Planned plan(const estimators::PathOptions& options, const scene::SceneFeatures& features, bool full,
-             Plan& plan) {
+Planned plan(const estimators::PathOptions& options, const scene::SceneFeatures& features, bool full) {
   Planned planned;
+  Plan& plan = planned.plan;
   estimators::Techniques& techniques = planned.techniques;
+  techniques = estimators::Techniques::none();
+  techniques.eye_paths = techniques.next_event = techniques.hit_light = true;
   if (full) {
     plan.use("everything", "plan=full");
     return planned;
   }
   const bool bounces = options.max_depth >= 2;
-  const bool area_or_environment = features.any_area_emitter || features.any_environment;
+  const bool scatters = !features.all_bsdfs_delta || features.any_scattering_medium;
+  plan.decide(
+      techniques.next_event, "next event estimation", bounces && features.emitters > 0 && scatters,
+      features.any_scattering_medium ? "emitters can be sampled from points in media and from surfaces"
+                                     : "emitters can be sampled from surfaces that are not specular",
+      !bounces                 ? "max_depth shows emitters only"
+      : features.emitters == 0 ? "the scene has no emitter"
+                               : "every surface scatters specularly: no sampled light direction can matter");
 
-  if (!bounces) {
-    techniques.next_event = false;
-    plan.skip("next event estimation", "max_depth shows emitters only");
-  } else if (features.emitters == 0) {
-    techniques.next_event = false;
-    plan.skip("next event estimation", "the scene has no emitter");
-  } else if (features.all_bsdfs_delta && !features.any_scattering_medium) {
-    techniques.next_event = false;
-    plan.skip("next event estimation",
-              "every surface scatters specularly: no sampled light direction can matter");
-  } else if (features.any_scattering_medium) {
-    plan.use("next event estimation", "emitters can be sampled from points in media and from surfaces");
-  } else {
-    plan.use("next event estimation", "emitters can be sampled from surfaces that are not specular");
-  }
-
-  techniques.hit_light = area_or_environment;
+  techniques.hit_light = features.any_area_emitter || features.any_environment;
   if (features.any_area_emitter)
     plan.use("light found by bsdf sampling", "area emitters can be hit");
   else

@@ -1,27 +1,20 @@
 // Settings of the path tracer, as Mitsuba names and means them.
 #pragma once
 
-#include "worker/integrators/settings.h"
+#include "worker/integrators/common_settings.h"
 
 namespace candela::integrators {
 
 struct PathSettings {
-  int max_depth =
-      -1;  // edges of the longest path; -1: no limit, 0: black, 1: emitters seen directly, 2: direct light
-  int rr_depth = 5;  // Russian roulette from this depth on
-  bool hide_emitters = false;
+  CommonSettings common{5};
   Choice heuristic{"power", {"power", "balance"}};
-  Choice plan{"auto", {"auto", "full"}};
 
   template <class Visitor>
   void fields(Visitor& visit) {
-    visit("max_depth", max_depth, -1, 1 << 20,
-          "edges of the longest path; -1 none, 1 shows emitters only, 2 adds direct light");
-    visit("rr_depth", rr_depth, 1, 1 << 20, "path depth from which Russian roulette may end a path");
-    visit("hide_emitters", hide_emitters, "emitters do not show themselves to the camera");
+    common.path_fields(visit);
     visit("heuristic", heuristic,
           "how next event estimation and bsdf sampling are weighted against each other");
-    visit("plan", plan, "auto leaves out what the scene does not need; full runs everything");
+    common.plan_field(visit);
   }
 };
 

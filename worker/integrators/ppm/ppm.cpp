@@ -1,6 +1,6 @@
 #include "worker/integrators/ppm/ppm.h"
 
-#include "worker/integrators/bidirectional/pilot.h"
+#include "worker/integrators/iteration_integrator.h"
 #include "worker/integrators/merging/iterations.h"
 #include "worker/integrators/plan_between.h"
 #include "worker/integrators/plan_walks.h"
@@ -8,88 +8,70 @@
 namespace candela::integrators {
 namespace {
 
-using transport::Between;
+using estimators::PathOptions;
+using estimators::Techniques;
 
-class PpmIntegrator final : public Integrator {
+class PpmIntegrator final : public IterationIntegrator {
  public:
-  PpmIntegrator(const PpmSettings& settings, const scene::SceneFeatures& features) {
-    options_.paths.max_depth = settings.common.depth();
-    options_.paths.rr_depth = static_cast<std::uint32_t>(settings.common.rr_depth);
-    options_.paths.min_edges = settings.common.hide_emitters ? 2 : 1;
-    options_.merge = settings.merge.rules();
-    options_.caustics_only = settings.photons.value == "caustics";
-    estimators::Techniques& t = options_.techniques;
-    t = estimators::Techniques::none();
-    t.eye_paths = t.merge_surface = t.merge_medium = true;
-    t.hit_light = !options_.caustics_only;
-    make_plan(settings, features);
-    t.light_paths = t.merges();
-  }
+  PpmIntegrator(const PathOptions& options, Planned planned, const merging::MergeRules& merge,
+                bool caustics_only)
+      : IterationIntegrator(options, std::move(planned)),
+        iterations_{options_, planned_.techniques, merge, caustics_only} {}
 
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run_context) const override {
-    return with_between(between_, [&](auto between) {
+    return with_between(planned_.between, [&](auto between) {
       return merging::run_iterations<estimators::PpmEye<between(), transport::ConstantEta>>(
-          context, unit, options_, *output.film, run_context);
+          context, unit, iterations_, *output.film, run_context);
     });
   }
 
-  std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {
-    return bidirectional::pilot(context, count, options_.paths);
-  }
-
-  const Plan& plan() const override { return plan_; }
-
  private:
-  void make_plan(const PpmSettings& settings, const scene::SceneFeatures& features);
-
-  merging::IterationOptions options_;
-  Between between_ = Between::media;
-  Plan plan_;
+  const merging::IterationOptions iterations_;
 };
 
-void PpmIntegrator::make_plan(const PpmSettings& settings, const scene::SceneFeatures& features) {
-  estimators::Techniques& t = options_.techniques;
-  if (options_.paths.max_depth < 1 || features.emitters == 0) {
-    t.eye_paths = t.hit_light = t.merge_surface = t.merge_medium = false;
-    plan_.skip("everything",
-               features.emitters == 0 ? "the scene has no emitter" : "max_depth 0 is a black image");
-    return;
+Planned plan_ppm(const PathOptions& options, bool caustics_only, const scene::SceneFeatures& features,
+                 bool full) {
+  Planned planned;
+  Plan& plan = planned.plan;
+  Techniques& t = planned.techniques;
+  t = Techniques::none();
+  if (options.max_depth < 1 || features.emitters == 0) {
+    plan.skip("everything",
+              features.emitters == 0 ? "the scene has no emitter" : "max_depth 0 is a black image");
+    return planned;
   }
-  if (options_.paths.max_depth < 2) {
-    t.merge_surface = t.merge_medium = false;
-    plan_.skip("photons", "max_depth shows emitters only");
-    return;
+  t.eye_paths = true;
+  t.hit_light = !caustics_only;
+  if (options.max_depth < 2) {
+    plan.skip("photons", "max_depth shows emitters only");
+    return planned;
   }
-  if (options_.caustics_only && !features.any_delta_bsdf) {
-    t.eye_paths = t.merge_surface = t.merge_medium = false;
-    plan_.skip("everything", "no surface is specular: there are no caustics");
-    return;
+  if (caustics_only && !features.any_delta_bsdf) {
+    t = Techniques::none();
+    plan.skip("everything", "no surface is specular: there are no caustics");
+    return planned;
   }
-  note_lasting_media(features, options_.paths.max_depth, options_.paths.rr_depth, plan_);
-  if (settings.common.plan.value == "full") {
-    plan_.use("everything", "plan=full");
-    return;
+  t.merge_surface = t.merge_medium = t.light_paths = true;
+  note_lasting_media(features, options.max_depth, options.rr_depth, plan);
+  if (full) {
+    plan.use("everything", "plan=full");
+    return planned;
   }
-  if (options_.caustics_only) plan_.skip("photons that no specular vertex sent", "photons=caustics");
-  t.hit_light = t.hit_light && (features.any_area_emitter || features.any_environment);
-  if (t.hit_light)
-    plan_.use("light met by eye paths", "seen directly, or by specular reflection or refraction");
-  else if (options_.caustics_only)
-    plan_.skip("light met by eye paths", "photons=caustics");
-  else
-    plan_.skip("light met by eye paths", "no emitter has an area, and there is no environment");
-  t.merge_surface = !features.all_bsdfs_delta;
-  if (t.merge_surface)
-    plan_.use("photons on surfaces", "some surface is not specular");
-  else
-    plan_.skip("photons on surfaces", "every surface scatters specularly");
-  t.merge_medium = features.any_scattering_medium;
-  if (t.merge_medium)
-    plan_.use("photons in media", "there are media that scatter");
-  else
-    plan_.skip("photons in media", "no medium scatters");
-  between_ = plan_between(features, plan_, "free flights");
+  if (caustics_only) {
+    plan.skip("photons that no specular vertex sent", "photons=caustics");
+    plan.skip("light met by eye paths", "photons=caustics");
+  }
+  plan.decide(t.hit_light, "light met by eye paths", features.any_area_emitter || features.any_environment,
+              "seen directly, or by specular reflection or refraction",
+              "no emitter has an area, and there is no environment");
+  plan.decide(t.merge_surface, "photons on surfaces", !features.all_bsdfs_delta,
+              "some surface is not specular", "every surface scatters specularly");
+  plan.decide(t.merge_medium, "photons in media", features.any_scattering_medium,
+              "there are media that scatter", "no medium scatters");
+  t.light_paths = t.merges();
+  planned.between = plan_between(features, plan, "free flights");
+  return planned;
 }
 
 }  // namespace
@@ -97,7 +79,11 @@ void PpmIntegrator::make_plan(const PpmSettings& settings, const scene::SceneFea
 Result<std::unique_ptr<Integrator>> make_ppm_integrator(const SettingsMap& settings,
                                                         const scene::SceneFeatures& features) {
   CANDELA_ASSIGN(const PpmSettings parsed, parse_settings<PpmSettings>(settings));
-  return std::unique_ptr<Integrator>(std::make_unique<PpmIntegrator>(parsed, features));
+  const PathOptions options = parsed.common.path_options();
+  const bool caustics_only = parsed.photons.value == "caustics";
+  return std::unique_ptr<Integrator>(std::make_unique<PpmIntegrator>(
+      options, plan_ppm(options, caustics_only, features, parsed.common.full_plan()), parsed.merge.rules(),
+      caustics_only));
 }
 
 }  // namespace candela::integrators

@@ -1,17 +1,19 @@
 #pragma once
 
+#include "worker/integrators/common_settings.h"
 #include "worker/integrators/merging/settings.h"
 
 namespace candela::integrators {
 
 struct PpmSettings {
-  merging::CommonSettings common;
+  CommonSettings common;
   merging::MergeSettings merge;
   Choice photons{"all", {"all", "caustics"}};
 
   template <class Visitor>
   void fields(Visitor& visit) {
-    common.fields(visit);
+    common.path_fields(visit);
+    common.plan_field(visit);
     merge.fields(visit);
     visit("photons", photons,
           "caustics: nothing is kept, nor shown, but light that comes to a vertex from a specular one");

@@ -16,23 +16,17 @@ using transport::Between;
 class PssmltIntegrator final : public MarkovIntegrator {
  public:
   PssmltIntegrator(const PssmltSettings& settings, const scene::SceneFeatures& features)
-      : MarkovIntegrator(settings.markov, features, settings.max_depth, settings.roulette(),
-                         settings.hide_emitters, settings.plan.value == "full"),
-        over_path_(settings.over.value == "path") {
-    const bool full = settings.plan.value == "full";
-    const auto rr_depth = static_cast<std::uint32_t>(settings.roulette());
-    options_ = {most_edges(), rr_depth, least_edges(),
-                over_path_ ? transport::MisHeuristic::power : transport::MisHeuristic::balance};
+      : MarkovIntegrator(settings.markov, settings.path_options(), features, settings.common.full_plan()),
+        over_path_(settings.over.value == "path"),
+        options_(chain_options()) {
     if (over_path_) {
-      const path::Planned planned = path::plan(options_, features, full, plan_);
-      techniques_ = planned.techniques;
-      between_ = planned.between;
+      options_.heuristic = transport::MisHeuristic::power;
+      planned_ = path::plan(options_, features, settings.common.full_plan());
     } else {
-      const bidirectional::Planned planned = bidirectional::plan(options_, features, full, plan_);
-      techniques_ = planned.techniques;
-      between_ = planned.between;
-      note_lasting_media(features, most_edges(), rr_depth, plan_);
+      planned_ = bidirectional::plan(options_, features, settings.common.full_plan());
+      note_lasting_media(features, options_.max_depth, options_.rr_depth, planned_.plan);
     }
+    plan_.append(planned_.plan);
   }
 
  private:
@@ -40,19 +34,19 @@ class PssmltIntegrator final : public MarkovIntegrator {
                                                    film::Tallies& tallies) const override {
     if (over_path_)
       return std::make_unique<pssmlt::PathTarget>(
-          context, options_, techniques_, estimators::path_radiance_for<mcmc::PrimarySampler>(between_),
-          tallies);
-    return with_between(between_, [&](auto between) { return bdpt_target<between()>(context, tallies); });
+          context, options_, planned_.techniques,
+          estimators::path_radiance_for<mcmc::PrimarySampler>(planned_.between), tallies);
+    return with_between(planned_.between,
+                        [&](auto between) { return bdpt_target<between()>(context, tallies); });
   }
   template <Between kBetween>
   std::unique_ptr<mcmc::PrimaryTarget> bdpt_target(const UnitContext& context, film::Tallies& tallies) const {
-    return std::make_unique<pssmlt::BdptTarget<kBetween>>(context, options_, techniques_, tallies);
+    return std::make_unique<pssmlt::BdptTarget<kBetween>>(context, options_, planned_.techniques, tallies);
   }
 
   bool over_path_;
   estimators::PathOptions options_;
-  estimators::Techniques techniques_;
-  Between between_ = Between::media;
+  Planned planned_;
 };
 
 }  // namespace

@@ -6,23 +6,12 @@
 namespace candela::integrators::vcm {
 namespace {
 
-// Turns a technique off, and says why; one that is off already is not spoken of.
-void skip(bool& technique, Plan& plan, const char* name, const char* reason) {
-  if (!technique) return;
-  technique = false;
-  plan.skip(name, reason);
-}
-
-void use(bool technique, Plan& plan, const char* name, const char* reason) {
-  if (technique) plan.use(name, reason);
-}
-
 constexpr const char* kSpecular = "every surface scatters specularly: only chance leads there";
 
 }  // namespace
 
-Planned make_plan(const estimators::Techniques& wanted, const estimators::PathOptions& options, bool full,
-                  const scene::SceneFeatures& features) {
+Planned plan(const estimators::PathOptions& options, const estimators::Techniques& wanted,
+             const scene::SceneFeatures& features, bool full) {
   Planned planned;
   estimators::Techniques& t = planned.techniques;
   Plan& plan = planned.plan;
@@ -51,44 +40,37 @@ Planned make_plan(const estimators::Techniques& wanted, const estimators::PathOp
     return planned;
   }
 
-  if (!features.any_area_emitter && !features.any_environment)
-    skip(t.hit_light, plan, "light met by eye paths", "no emitter has an area, and there is no environment");
-  use(t.hit_light, plan, "light met by eye paths", "area emitters or an environment");
-
-  const bool no_vertices = features.all_bsdfs_delta && !features.any_scattering_medium;
+  plan.decide(t.hit_light, "light met by eye paths", features.any_area_emitter || features.any_environment,
+              "area emitters or an environment", "no emitter has an area, and there is no environment");
+  const bool scatters = !features.all_bsdfs_delta || features.any_scattering_medium;
   const bool connects = t.next_event || t.connect || t.light_image;
-  if (no_vertices) {
-    skip(t.next_event, plan, "next event estimation", kSpecular);
-    skip(t.connect, plan, "connections", kSpecular);
-    skip(t.light_image, plan, "connections to the lens",
-         "every surface scatters specularly: no vertex sees it");
-    skip(t.merge_surface, plan, "merging", kSpecular);
-    skip(t.merge_medium, plan, "merging in media", kSpecular);
+  plan.decide(t.next_event, "next event estimation", scatters,
+              "emitters can be sampled from vertices that are not specular", kSpecular);
+  plan.decide(t.connect, "connections", scatters, "of the eye path's vertices to those of a light path",
+              kSpecular);
+  plan.decide(t.light_image, "connections to the lens", scatters,
+              "light paths scatter where the camera may see it",
+              "every surface scatters specularly: no vertex sees it");
+  if (!scatters) {
+    plan.decide(t.merge_surface, "merging", false, "", kSpecular);
+    plan.decide(t.merge_medium, "merging in media", false, "", kSpecular);
   }
-  use(t.next_event, plan, "next event estimation",
-      "emitters can be sampled from vertices that are not specular");
-  use(t.connect, plan, "connections", "of the eye path's vertices to those of a light path");
-  use(t.light_image, plan, "connections to the lens", "light paths scatter where the camera may see it");
-
   // Merging finds light that connections cannot, through specular vertices, or do not well, through glossy
   // ones. All other paths connections make with less noise, and without bias.
-  if (features.all_bsdfs_delta)
-    skip(t.merge_surface, plan, "merging on surfaces", kSpecular);
-  else if (connects && !features.any_delta_bsdf && !features.any_rough_glossy)
-    skip(t.merge_surface, plan, "merging on surfaces",
-         "nothing glossy or specular can hide a light from connections: bidirectional path tracing is left");
-  use(t.merge_surface, plan, "merging on surfaces",
-      connects ? "something glossy or specular may hide a light from connections"
-               : "the only way light paths are used");
-  if (!features.any_scattering_medium)
-    skip(t.merge_medium, plan, "merging in media", "no medium scatters");
-  else if (!t.merge_medium && connects)
+  const bool hidden_light = features.any_delta_bsdf || features.any_rough_glossy;
+  plan.decide(t.merge_surface, "merging on surfaces",
+              !features.all_bsdfs_delta && (!connects || hidden_light),
+              connects ? "something glossy or specular may hide a light from connections"
+                       : "the only way light paths are used",
+              features.all_bsdfs_delta ? kSpecular
+                                       : "nothing glossy or specular can hide a light from connections: "
+                                         "bidirectional path tracing is left");
+  if (features.any_scattering_medium && !t.merge_medium && connects)
     plan.skip("merging in media", "merge_media is false: connections find light in media");
-  use(t.merge_medium, plan, "merging in media", "there are media that scatter");
-
-  if (!features.finite_lens)
-    skip(t.hit_lens, plan, "light that meets the lens", "the lens is a point, or infinitely far");
-  use(t.hit_lens, plan, "light that meets the lens", "the lens has an area");
+  plan.decide(t.merge_medium, "merging in media", features.any_scattering_medium,
+              "there are media that scatter", "no medium scatters");
+  plan.decide(t.hit_lens, "light that meets the lens", features.finite_lens, "the lens has an area",
+              "the lens is a point, or infinitely far");
 
   t.light_paths = t.needs_light_paths();
   if (!t.light_paths) plan.skip("light paths", "no technique needs them");

@@ -1,11 +1,12 @@
 #pragma once
 
+#include "worker/integrators/common_settings.h"
 #include "worker/integrators/merging/settings.h"
 
 namespace candela::integrators {
 
 struct VcmSettings {
-  merging::CommonSettings common;
+  CommonSettings common;
   merging::MergeSettings merge;
   Choice heuristic{"balance", {"balance", "power"}};
   bool merge_media = false;
@@ -15,7 +16,8 @@ struct VcmSettings {
 
   template <class Visitor>
   void fields(Visitor& visit) {
-    common.fields(visit);
+    common.path_fields(visit);
+    common.plan_field(visit);
     merge.fields(visit);
     visit("heuristic", heuristic, "how the techniques are weighted against each other");
     visit("merge_media", merge_media, "merge in media too, with balls; connections cover media without");
@@ -23,13 +25,14 @@ struct VcmSettings {
 };
 
 struct BpmSettings {
-  merging::CommonSettings common;
+  CommonSettings common;
   merging::MergeSettings merge;
   Choice heuristic{"balance", {"balance", "power"}};
 
   template <class Visitor>
   void fields(Visitor& visit) {
-    common.fields(visit);
+    common.path_fields(visit);
+    common.plan_field(visit);
     merge.fields(visit);
     visit("heuristic", heuristic, "how merges at different vertices are weighted against each other");
   }

@@ -1,6 +1,6 @@
 #include "worker/integrators/vcm/vcm.h"
 
-#include "worker/integrators/bidirectional/pilot.h"
+#include "worker/integrators/iteration_integrator.h"
 #include "worker/integrators/merging/iterations.h"
 #include "worker/integrators/plan_between.h"
 #include "worker/integrators/vcm/plan.h"
@@ -13,10 +13,10 @@ using estimators::Techniques;
 using transport::Between;
 using transport::MisHeuristic;
 
-class VcmIntegrator final : public Integrator {
+class VcmIntegrator final : public IterationIntegrator {
  public:
-  VcmIntegrator(const PathOptions& options, const merging::MergeRules& merge, vcm::Planned planned)
-      : options_{options, planned.techniques, merge}, planned_(std::move(planned)) {}
+  VcmIntegrator(const PathOptions& options, Planned planned, const merging::MergeRules& merge)
+      : IterationIntegrator(options, std::move(planned)), iterations_{options_, planned_.techniques, merge} {}
 
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run_context) const override {
@@ -25,17 +25,11 @@ class VcmIntegrator final : public Integrator {
     });
   }
 
-  std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {
-    return bidirectional::pilot(context, count, options_.paths);
-  }
-
-  const Plan& plan() const override { return planned_.plan; }
-
  private:
   template <Between kBetween>
   Result<void> run_between(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
                            const RunContext& run_context) const {
-    if (options_.paths.heuristic == MisHeuristic::power)
+    if (options_.heuristic == MisHeuristic::power)
       return run_weighted<kBetween, transport::Power>(context, unit, film, run_context);
     return run_weighted<kBetween, transport::Balance>(context, unit, film, run_context);
   }
@@ -43,18 +37,19 @@ class VcmIntegrator final : public Integrator {
   Result<void> run_weighted(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
                             const RunContext& run_context) const {
     return merging::run_iterations<estimators::VcmEye<kBetween, Mis, transport::ConstantEta>>(
-        context, unit, options_, film, run_context);
+        context, unit, iterations_, film, run_context);
   }
 
-  merging::IterationOptions options_;
-  vcm::Planned planned_;
+  const merging::IterationOptions iterations_;
 };
 
 template <class Settings>
-PathOptions path_options(const Settings& settings) {
-  return {settings.common.depth(), static_cast<std::uint32_t>(settings.common.rr_depth),
-          settings.common.hide_emitters ? 2u : 1u,
-          settings.heuristic.value == "power" ? MisHeuristic::power : MisHeuristic::balance};
+std::unique_ptr<Integrator> make(const Settings& settings, const Techniques& wanted,
+                                 const scene::SceneFeatures& features) {
+  PathOptions options = settings.common.path_options();
+  options.heuristic = heuristic_named(settings.heuristic.value);
+  return std::make_unique<VcmIntegrator>(
+      options, vcm::plan(options, wanted, features, settings.common.full_plan()), settings.merge.rules());
 }
 
 }  // namespace
@@ -62,23 +57,17 @@ PathOptions path_options(const Settings& settings) {
 Result<std::unique_ptr<Integrator>> make_vcm_integrator(const SettingsMap& settings,
                                                         const scene::SceneFeatures& features) {
   CANDELA_ASSIGN(const VcmSettings parsed, parse_settings<VcmSettings>(settings));
-  const PathOptions options = path_options(parsed);
   Techniques wanted;
   wanted.merge_medium = parsed.merge_media;
-  return std::unique_ptr<Integrator>(std::make_unique<VcmIntegrator>(
-      options, parsed.merge.rules(),
-      vcm::make_plan(wanted, options, parsed.common.plan.value == "full", features)));
+  return make(parsed, wanted, features);
 }
 
 Result<std::unique_ptr<Integrator>> make_bpm_integrator(const SettingsMap& settings,
                                                         const scene::SceneFeatures& features) {
   CANDELA_ASSIGN(const BpmSettings parsed, parse_settings<BpmSettings>(settings));
-  const PathOptions options = path_options(parsed);
   Techniques wanted;
   wanted.next_event = wanted.connect = wanted.light_image = wanted.hit_lens = false;
-  return std::unique_ptr<Integrator>(std::make_unique<VcmIntegrator>(
-      options, parsed.merge.rules(),
-      vcm::make_plan(wanted, options, parsed.common.plan.value == "full", features)));
+  return make(parsed, wanted, features);
 }
 
 }  // namespace candela::integrators

@@ -7,13 +7,13 @@
 #include "worker/estimators/eye_radiance.h"
 #include "worker/integrators/eye_samples.h"
 
-namespace candela::integrators::bidirectional {
+namespace candela::integrators {
 
 // Integrator::pilot_luminances of the family.
-inline std::vector<float> pilot(const UnitContext& context, std::uint32_t count,
-                                const estimators::PathOptions& options) {
+inline std::vector<float> pilot_by_eye_walk(const UnitContext& context, std::uint32_t count,
+                                            const estimators::PathOptions& options) {
   return pilot_eye_samples(
       context, count, estimators::EyeRadianceFunction<transport::Between::media>(context.scene, options));
 }
 
-}  // namespace candela::integrators::bidirectional
+}  // namespace candela::integrators

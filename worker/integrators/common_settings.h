@@ -1,0 +1,46 @@
+// Settings that every integrator has.
+#pragma once
+
+#include "worker/estimators/options.h"
+#include "worker/integrators/settings.h"
+
+namespace candela::integrators {
+
+struct CommonSettings {
+  int max_depth = -1;
+  int rr_depth = 2;
+  bool hide_emitters = false;
+  Choice plan{"auto", {"auto", "full"}};
+
+  CommonSettings() = default;
+  explicit CommonSettings(int default_rr_depth) : rr_depth(default_rr_depth) {}
+
+  bool full_plan() const { return plan.value == "full"; }
+  estimators::PathOptions path_options() const {
+    return {max_depth < 0 ? estimators::kNoDepthLimit : static_cast<std::uint32_t>(max_depth),
+            static_cast<std::uint32_t>(rr_depth), hide_emitters ? 2u : 1u};
+  }
+
+  template <class Visitor>
+  void path_fields(Visitor& visit, int min_rr_depth = 1,
+                   std::string_view rr_doc = "path depth from which Russian roulette may end a path") {
+    visit("max_depth", max_depth, -1, 1 << 20,
+          "edges of the longest path; -1 none, 1 shows emitters only, 2 adds direct light");
+    visit("rr_depth", rr_depth, min_rr_depth, 1 << 20, rr_doc);
+    visit("hide_emitters", hide_emitters, "emitters do not show themselves to the camera");
+  }
+  template <class Visitor>
+  void plan_field(Visitor& visit) {
+    visit("plan", plan, "auto leaves out what the scene does not need; full runs everything");
+  }
+};
+
+inline transport::MisHeuristic heuristic_named(std::string_view name) {
+  using transport::MisHeuristic;
+  return name == "balance"   ? MisHeuristic::balance
+         : name == "power"   ? MisHeuristic::power
+         : name == "maximum" ? MisHeuristic::maximum
+                             : MisHeuristic::cutoff;
+}
+
+}  // namespace candela::integrators

@@ -1,0 +1,26 @@
+// What integrators of iterations share: the options of their paths, the plan, and a pilot by the eye's walk.
+#pragma once
+
+#include <utility>
+
+#include "worker/integrators/pilot.h"
+#include "worker/integrators/planned.h"
+
+namespace candela::integrators {
+
+class IterationIntegrator : public Integrator {
+ public:
+  IterationIntegrator(const estimators::PathOptions& options, Planned planned)
+      : options_(options), planned_(std::move(planned)) {}
+
+  std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {
+    return pilot_by_eye_walk(context, count, options_);
+  }
+  const Plan& plan() const final { return planned_.plan; }
+
+ protected:
+  const estimators::PathOptions options_;
+  const Planned planned_;
+};
+
+}  // namespace candela::integrators
