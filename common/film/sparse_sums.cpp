@@ -37,7 +37,8 @@ void put_sums(std::string& out, const Layout& layout, std::uint32_t channels,
         const auto row = row_of(rect, y);
         for (std::size_t c = 0; c < channels; ++c) {
           std::uint64_t* to = codes[c].data() + values;
-          for (std::uint32_t x = 0; x < rect.width; ++x) to[x] = zigzag(row[x * channels + c]);
+          const std::int64_t* from = row.data() + c;
+          for (std::size_t x = 0, width = rect.width; x < width; ++x, from += channels) to[x] = zigzag(*from);
         }
         values += rect.width;
       }
