@@ -93,6 +93,7 @@ Result<void> Farm::start() {
   CANDELA_TRY(writer_->flush());
   threads_.emplace_back([this] { tick_loop(); });
   threads_.emplace_back([this] { keep_loop(); });
+  threads_.emplace_back([this] { decide_loop(); });
   threads_.emplace_back([this] { truth_->verify_ended(); });
   return {};
 }
@@ -128,7 +129,8 @@ Result<void> Farm::restore_jobs(StoredState state) {
     CANDELA_ASSIGN(std::vector<UnitRow> merged, store_->merged_units(id));
     std::array<film::IndexSet, 2> sets;
     film::Tallies tallies;
-    RestoredChains chains{std::move(bootstraps[id]), std::move(state.chain_starts[id]), 0};
+    RestoredChains chains{std::move(bootstraps[id]), std::move(state.chain_starts[id]), 0,
+                          std::move(state.states[id])};
     if (row.named_state) {
       const bool trusted = has_ended(row.state) && row.checkpoint_iterations == row.iterations;
       if (trusted) {  // its film is read when somebody asks for it, and verified meanwhile
@@ -164,6 +166,10 @@ Result<Farm::RestoredFilm> Farm::restore_film(JobRow& row, RestoredChains& resto
   out.trouble = loading.trouble;
   if (row.chains) row.chain_summary = chains::summarise(row.bootstrap, out.film->chain_counts());
   restored.record_bytes = out.film->largest_record_bytes();
+  // The store may lag behind the film after a power cut.
+  for (const DecidedState& state : out.film->states())
+    if (state.epoch == restored.states.size() && blobs_->size(state.sha256))
+      restored.states.push_back({row.id, state.epoch, state.name, state.sha256, *blobs_->size(state.sha256)});
   out.held = out.film->account();
   row.checkpoint_iterations = count(out.held.merged);
   row.checkpoint_generation = out.film->generation();
@@ -173,7 +179,7 @@ Result<Farm::RestoredFilm> Farm::restore_film(JobRow& row, RestoredChains& resto
 Result<void> Farm::take_in(Manifest manifest) {
   JobRow& row = manifest.row;
   const std::string id = row.id;
-  RestoredChains restored{{}, std::move(manifest.chain_starts), 0};
+  RestoredChains restored{{}, std::move(manifest.chain_starts), 0, {}};
   CANDELA_ASSIGN(const RestoredFilm opened, restore_film(row, restored));
   {
     const std::lock_guard lock(mutex_);
@@ -475,6 +481,11 @@ Result<v1::JobStatus> Farm::resume(const std::string& job_id) {
 }
 
 std::string Farm::blob_lost(const std::string& sha256, bool found_damaged) {
+  if (with_scheduler([&](Scheduler& s) { return s.lost_state(sha256, now()); })) {
+    wake_.notify_all();
+    return fmt::format("the master's copy of state {} is {}: it is decided again", sha256.substr(0, 16),
+                       found_damaged ? "damaged" : "missing");
+  }
   struct Needy {
     std::string job_id, bundle_sha256;
   };

@@ -169,6 +169,11 @@ class Farm {
 
   void tick_loop();
   void keep_loop();
+  void decide_loop();
+  // Tells the film every state of its job, for the next checkpoint.
+  void remember_states(const std::string& job_id, JobFilm& film);
+  // The hash of the state; empty if it cannot be decided now and will be due again. Errors: the place.
+  Result<std::optional<std::string>> decide_state(const DueDecision& due);
   void keep_job(const std::string& job_id, bool force);
   bool save_checkpoint(const std::string& job_id, JobFilm& film);
   void estimate(const std::string& job_id, JobFilm& film, bool now_please);

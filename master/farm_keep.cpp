@@ -58,6 +58,7 @@ void Farm::keep_loop() {
 bool Farm::save_checkpoint(const std::string& job_id, JobFilm& film) {
   Kept& kept = kept_[job_id];
   kept.last_checkpoint = now().seconds;
+  remember_states(job_id, film);
   Result<JobFilm::Checkpoint> written = film.checkpoint();
   // A job without a manifest is as safe as its store: worth an event, and another attempt at the next
   // checkpoint.

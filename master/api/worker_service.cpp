@@ -7,6 +7,7 @@
 #include "common/base/hash.h"
 #include "common/base/text.h"
 #include "common/base/version.h"
+#include "common/stages/decision.h"
 #include "common/wire/stall_guard.h"
 #include "master/api/service_support.h"
 
@@ -127,6 +128,12 @@ grpc::Status WorkerServiceImpl::AcquireLease(grpc::ServerContext*, const v1::Acq
     response->set_drain(result->drain);
     if (!result->lease) return grpc::Status::OK;
     ++farm_.counters().leases;
+    for (const StateRow& state : result->input.states) {
+      v1::DecidedState& out = *response->mutable_lease()->add_states();
+      out.set_name(state.name);
+      out.set_sha256(state.sha256);
+      out.set_size_bytes(state.size_bytes);
+    }
     for (const UnitStart& start : result->input.chain_starts) {
       v1::ChainStart& out = *response->mutable_lease()->add_chain_starts();
       if (start.record && start.record->segments > 0)
@@ -184,6 +191,8 @@ grpc::Status WorkerServiceImpl::CompletePilot(grpc::ServerContext*, const v1::Co
         if (const Job* job = s.job_of_lease(request->worker_id(), request->token())) {
           const JobSettings& settings = job->row.settings;
           fits = validate(result.work, settings.width, settings.height);
+          if (fits.ok() && result.work.epochs)
+            if (auto rule = find_rule(result.work.epochs->rule); !rule.ok()) fits = rule.error();
           if (!fits.ok()) return;
         }
         response->set_accepted(s.complete_pilot(request->worker_id(), request->token(), result, now));

@@ -159,10 +159,12 @@ AcquireResult Scheduler::acquire(const std::string& worker_id, const std::vector
       }
     }
   }
-  for (const Job* job : order)  // a pilot that runs ends soon and opens the job, and so does a bootstrap
-    if (!job->source->makes_film() && std::any_of(job->units.begin(), job->units.end(), [](const auto& unit) {
-          return !unit.second.leases.empty();
-        }))
+  for (const Job* job : order)  // what runs or is decided ends soon and opens the job
+    if (job->source->due_decision(job->view())) {
+      out.retry_ms = 50;
+    } else if (!job->source->makes_film() &&
+               std::any_of(job->units.begin(), job->units.end(),
+                           [](const auto& unit) { return !unit.second.leases.empty(); }))
       out.retry_ms = 50;
   return out;
 }
@@ -265,11 +267,11 @@ bool Scheduler::complete_pilot(const std::string& worker_id, std::uint64_t token
   job->row.chains = result.work.chains;
   job->row.pilot_scale_log2 = result.state.film_scale_log2;
   if (!result.work.chains) job->row.named_state = result.state;
-  job->source = make_source(job->row);
   job->row.plan = result.plan;
   job->row.layers = result.work.layers;
   job->row.accumulators = result.work.accumulators;
   job->row.epochs = result.work.epochs;
+  job->source = make_source(job->row);
   job->row.thread_seconds_per_iteration = result.seconds_per_iteration * worker.row.threads;
   job->thread_seconds = job->row.thread_seconds_per_iteration;
   const std::uint64_t unit_id = u->first;

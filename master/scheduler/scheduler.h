@@ -125,6 +125,10 @@ struct Job {
   std::size_t record_bytes = 0;       // of the largest chain record seen
   std::uint64_t told_stay = 0;        // the longest stay of a chain an event told of
 
+  // Of a job of epochs: decided states of epochs 0, 1, ... Their bytes are there.
+  std::vector<StateRow> states;
+  std::vector<std::string> known_states;  // SHA-256 of every state that was ever decided
+
   FailureCounts failures{};                   // since the master started
   std::map<std::string, Standing> standings;  // by worker id; only those that failed
   std::set<std::string> refused_by;           // distinct workers that named the scene since the last delivery
@@ -179,11 +183,22 @@ struct HeartbeatResult {
 };
 enum class Delivery { ok, duplicate, stale, job_ended };
 
-// What the store and the film keep of a job's chains.
+// What the store and the film keep of a job's chains and epochs.
 struct RestoredChains {
   std::vector<BootstrapRow> bootstrap;  // of one that is not complete
   std::vector<std::uint64_t> starts;    // else these
   std::size_t record_bytes = 0;         // of the largest record in the film
+  std::vector<StateRow> states = {};    // of epochs 0, 1, ...
+};
+
+// A decision that can and must be made: all that it depends on is merged.
+struct DueDecision {
+  std::string job_id;
+  EpochPlan plan;
+  std::uint64_t epoch = 0;
+  std::uint32_t width = 0, height = 0;
+  std::optional<StateRow> previous;  // state of the epoch before
+  HalfSets needed;                   // indices whose sums it depends on
 };
 
 class Scheduler {
@@ -277,6 +292,14 @@ class Scheduler {
   // What the film's records say now, and how long chains have stayed.
   void chains_summarised(const std::string& id, const chains::Summary& summary, Now now);
 
+  // --- epochs ---
+  std::vector<DueDecision> due_decisions() const;
+  // The state of an epoch is decided, and its bytes are in the blob store. No effect if it is not the next
+  // one. A state that was decided before must come out as the same bytes; otherwise the job fails.
+  void decided(const StateRow& row, Now now);
+  // The bytes of a state are lost: it, and those after it, are decided anew. False: no job has such a state.
+  bool lost_state(const std::string& sha256, Now now);
+
   // Expiries, time limits, workers that came back or got lost. Call it a few times a second.
   void tick(Now now);
 
@@ -312,6 +335,7 @@ class Scheduler {
   double expected_seconds(const Job& job, const WorkerState& worker, const Unit& unit) const;
   void bootstrapped(Job& job, Now now);
   void restore_chains(Job& job, const RestoredChains& restored, Now now);
+  static void restore_states(Job& job, const std::vector<StateRow>& states);
   static void retake(Job& job);
   // What is worth knowing of a job's chains; empty where nothing is.
   static std::string chain_message(const JobRow& row);

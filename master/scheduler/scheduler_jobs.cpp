@@ -22,7 +22,8 @@ std::uint64_t Job::target(std::uint32_t half) const {
 }
 
 JobView Job::view(std::uint64_t active_workers) const {
-  return {merged, {target(0), target(1)}, row.stop.iterations > 0, active_workers, record_bytes, starts};
+  return {merged, {target(0), target(1)}, row.stop.iterations > 0, active_workers, record_bytes, starts,
+          states};
 }
 
 const Job* Scheduler::job(const std::string& id) const {

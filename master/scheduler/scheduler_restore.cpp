@@ -94,6 +94,7 @@ void Scheduler::restore(JobRow row, const HalfSets& film, const film::Tallies& t
   job.last_saved = now.seconds;
   job.thread_seconds = job.row.thread_seconds_per_iteration;
   restore_chains(job, restored, now);
+  restore_states(job, restored.states);
   merged.insert(merged.end(), std::make_move_iterator(unmerged.begin()),
                 std::make_move_iterator(unmerged.end()));  // merged ones first
   const std::uint64_t missing = agree(job, film, std::move(merged), now);
@@ -113,6 +114,7 @@ void Scheduler::adopt(JobRow row, const HalfSets& film, const film::Tallies& tal
   const std::string id = row.id;
   event(now, id, "", "adopted", fmt::format("taken in from its folder with {} merged indices", count(film)));
   if (row.chains) changes_.emplace_back(PutStarts{id, chains.starts});
+  for (const StateRow& state : chains.states) changes_.emplace_back(PutState{state});
   restore(std::move(row), film, tallies, {}, {}, now, chains);
   start_fairly(*find(id));
   last_activity_ = now.seconds;

@@ -46,7 +46,8 @@ Extent film_extent(const JobView& job, const HalfSets& taken) {
 
 std::unique_ptr<UnitSource> make_source(const JobRow& row) {
   if (!row.named_state) return row.chains ? make_bootstrap_source(*row.chains) : make_pilot_source();
-  return row.chains ? make_segment_source(*row.chains) : make_iteration_source();
+  if (row.chains) return make_segment_source(*row.chains);
+  return row.epochs ? make_epoch_source(*row.epochs) : make_iteration_source();
 }
 
 }  // namespace candela::master

@@ -1,6 +1,6 @@
 // A stage of a job's work as the scheduler sees it: which units there are, which of them can be rendered now,
-// and what each starts from. Pilot, bootstrap, iterations and segments are stages; make_source() is the one
-// place that tells them apart.
+// and what each starts from. Pilot, bootstrap, iterations, iterations in epochs, and segments are stages;
+// make_source() is the one place that tells them apart.
 //
 // Pure logic without a clock. A source remembers which indices it has cut into units; what is merged is told
 // by the caller, who keeps one set for the job.
@@ -31,6 +31,7 @@ struct JobView {
   std::uint64_t active_workers = 1;     // that can take units of the job
   std::size_t record_bytes = 0;         // of the largest chain record seen
   std::span<const std::uint64_t> chain_starts;
+  std::span<const StateRow> states;  // of epochs 0, 1, ...
 };
 
 // Indices of a stage.
@@ -62,6 +63,7 @@ struct UnitStart {
 // A unit's own inputs, beside those of the whole job.
 struct UnitInput {
   std::vector<UnitStart> chain_starts;  // of a unit of segments: one for each index, in order
+  std::vector<StateRow> states;         // that were decided for the unit
 };
 
 // The films' side of a unit's inputs. The scheduler asks it while it decides, so it answers from memory.
@@ -113,6 +115,9 @@ class UnitSource {
   // `records`: of the film, where the source needs it.
   virtual UnitInput input(const JobView& job, const Unit& unit, FilmInputs::Records records) const;
 
+  // The epoch whose state can and must be decided next.
+  virtual std::optional<std::uint64_t> due_decision(const JobView&) const { return std::nullopt; }
+
   // A stage whose units bring parts of one table. Null for others.
   virtual const chains::BootstrapTable* table() const { return nullptr; }
   // Errors (input): the values are not those of the unit's indices, or the stage has no table.
@@ -137,6 +142,7 @@ std::unique_ptr<UnitSource> make_source(const JobRow& row);
 std::unique_ptr<UnitSource> make_pilot_source();
 std::unique_ptr<UnitSource> make_bootstrap_source(const ChainPlan& plan);
 std::unique_ptr<UnitSource> make_iteration_source();
+std::unique_ptr<UnitSource> make_epoch_source(const EpochPlan& plan);
 std::unique_ptr<UnitSource> make_segment_source(const ChainPlan& plan);
 
 }  // namespace candela::master

@@ -111,6 +111,15 @@ struct BootstrapRow {
   std::array<std::uint64_t, film::kRejectCauses> rejected{};
 };
 
+// The state of an epoch, decided from merged sums. Its bytes are a blob.
+struct StateRow {
+  std::string job_id;
+  std::uint64_t epoch = 0;
+  std::string name, sha256;
+  std::uint64_t size_bytes = 0;
+  bool operator==(const StateRow&) const = default;
+};
+
 struct WorkerRow {
   std::string id, session, name, host, build_id;
   std::uint32_t threads = 1;
@@ -164,8 +173,11 @@ struct PutStarts {
   std::string job_id;
   std::vector<std::uint64_t> starts;
 };
+struct PutState {
+  StateRow row;
+};
 using Change = std::variant<PutJob, PutUnit, DropUnit, DropUnmergedUnits, PutLease, DropLease, PutWorker,
-                            DropWorker, AddEvent, PutBundle, PutBootstrap, PutStarts>;
+                            DropWorker, AddEvent, PutBundle, PutBootstrap, PutStarts, PutState>;
 
 // "queued", "running", ...
 std::string_view name(JobState state);

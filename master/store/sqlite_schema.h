@@ -4,8 +4,9 @@
 
 namespace candela::master {
 
-// 1: the first. 2: jobs.layers. 3: Markov chains. 4: what a job had and has lost.
-inline constexpr int kSchemaVersion = 4;
+// 1: the first. 2: jobs.layers. 3: Markov chains. 4: what a job had and has lost. 5:
+// epochs and accumulators.
+inline constexpr int kSchemaVersion = 5;
 
 inline constexpr const char* kSchema = R"sql(
 CREATE TABLE counters (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -29,7 +30,8 @@ CREATE TABLE jobs (
   bootstrap_nan INTEGER NOT NULL DEFAULT 0, bootstrap_infinite INTEGER NOT NULL DEFAULT 0,
   bootstrap_negative INTEGER NOT NULL DEFAULT 0, bootstrap_saturated INTEGER NOT NULL DEFAULT 0,
   chain_status BLOB NOT NULL DEFAULT x'', pilot_scale_log2 INTEGER NOT NULL DEFAULT 0,
-  promised BLOB NOT NULL DEFAULT x'', repairs_to TEXT NOT NULL DEFAULT '') WITHOUT ROWID;
+  promised BLOB NOT NULL DEFAULT x'', repairs_to TEXT NOT NULL DEFAULT '',
+  work BLOB NOT NULL DEFAULT x'') WITHOUT ROWID;
 CREATE TABLE units (
   id INTEGER PRIMARY KEY, job TEXT NOT NULL, kind INTEGER NOT NULL, half INTEGER NOT NULL,
   first INTEGER NOT NULL, last INTEGER NOT NULL, state INTEGER NOT NULL, failures INTEGER NOT NULL,
@@ -80,6 +82,14 @@ ALTER TABLE jobs ADD COLUMN pilot_scale_log2 INTEGER NOT NULL DEFAULT 0;
 inline constexpr const char* kFromVersion3 = R"sql(
 ALTER TABLE jobs ADD COLUMN promised BLOB NOT NULL DEFAULT x'';
 ALTER TABLE jobs ADD COLUMN repairs_to TEXT NOT NULL DEFAULT '';
+)sql";
+
+// From version 4: no job has accumulators or epochs. `work` holds a candela.v1.WorkPlan of them.
+inline constexpr const char* kFromVersion4 = "ALTER TABLE jobs ADD COLUMN work BLOB NOT NULL DEFAULT x''";
+inline constexpr const char* kStateTable = R"sql(
+CREATE TABLE states (
+  job TEXT NOT NULL, epoch INTEGER NOT NULL, name TEXT NOT NULL, sha256 TEXT NOT NULL,
+  size_bytes INTEGER NOT NULL, PRIMARY KEY (job, epoch)) WITHOUT ROWID;
 )sql";
 
 }  // namespace candela::master

@@ -101,7 +101,9 @@ class SqliteStore final : public Store {
     if (found == 1) made = execute(kFromVersion1);
     if (made.ok() && (found == 1 || found == 2)) made = execute(kFromVersion2);
     if (made.ok() && found < 3) made = execute(kChainTables);
-    if (made.ok() && found != 0) made = execute(kFromVersion3);
+    if (made.ok() && found != 0 && found < 4) made = execute(kFromVersion3);
+    if (made.ok() && found != 0) made = execute(kFromVersion4);
+    if (made.ok()) made = execute(kStateTable);
     if (made.ok()) made = execute(fmt::format("PRAGMA user_version={}", kSchemaVersion).c_str());
     if (made.ok()) made = execute("COMMIT");
     if (!made.ok()) sqlite3_exec(db_, "ROLLBACK", nullptr, nullptr, nullptr);
@@ -143,11 +145,13 @@ class SqliteStore final : public Store {
   }
   static UnitRow read_unit(Statement& s);
   Result<void> read_chains(Statement& s, JobRow& j) const;
+  Result<void> read_work(Statement& s, JobRow& j) const;
 
   bool apply(const PutJob& c);
   bool apply(const PutUnit& c);
   bool apply(const PutBootstrap& c);
   bool apply(const PutStarts& c);
+  bool apply(const PutState& c);
   bool apply(const DropUnit& c) { return Statement(db_, "DELETE FROM units WHERE id = ?").bind(c.id).run(); }
   bool apply(const DropUnmergedUnits& c) {
     return Statement(db_, "DELETE FROM units WHERE job = ? AND state != 2").bind(c.job_id).run() &&
@@ -205,7 +209,7 @@ bool SqliteStore::apply(const PutJob& c) {
   Statement s(
       db_,
       "INSERT OR REPLACE INTO jobs VALUES "
-      "(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
+      "(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
   s.bind(j.id).bind(j.name).bind(j.bundle_sha256).bind_blob(settings.SerializeAsString());
   s.bind(j.stop.iterations).bind(j.stop.time_seconds).bind(j.stop.relmse);
   s.bind(j.priority).bind(j.share).bind(j.idempotency_token).bind(j.content_digest);
@@ -228,6 +232,9 @@ bool SqliteStore::apply(const PutJob& c) {
   if (j.chains) wire::to_proto(j.chain_summary, status);
   s.bind_blob(status.SerializeAsString()).bind(j.pilot_scale_log2);
   s.bind_blob(bytes_of(ranges_of(j.promised))).bind(j.repairs_to ? std::string(name(*j.repairs_to)) : "");
+  v1::WorkPlan work;
+  wire::to_proto(WorkPlan{{}, j.accumulators, {}, j.epochs}, work);
+  s.bind_blob(work.SerializeAsString());
   return s.run();
 }
 
@@ -248,6 +255,16 @@ bool SqliteStore::apply(const PutStarts& c) {
              .bind_blob(bytes_of(c.starts))
              .run() &&
          Statement(db_, "DELETE FROM bootstraps WHERE job = ?").bind(c.job_id).run();
+}
+
+bool SqliteStore::apply(const PutState& c) {
+  return Statement(db_, "INSERT OR REPLACE INTO states VALUES (?,?,?,?,?)")
+      .bind(c.row.job_id)
+      .bind(c.row.epoch)
+      .bind(c.row.name)
+      .bind(c.row.sha256)
+      .bind(c.row.size_bytes)
+      .run();
 }
 
 bool SqliteStore::apply(const PutUnit& c) {
@@ -338,6 +355,22 @@ Result<void> SqliteStore::read_chains(Statement& s, JobRow& j) const {
   return {};
 }
 
+Result<void> SqliteStore::read_work(Statement& s, JobRow& j) const {
+  const auto unusable = [&](const std::string& why) {
+    return input_error(fmt::format("the plan of work of job {} cannot be used: {}", j.id, why)).at(path_, 0);
+  };
+  v1::WorkPlan message;
+  if (!message.ParseFromString(s.text())) return unusable("it cannot be read");
+  auto work = wire::from_proto(message);
+  if (!work.ok()) return unusable(work.error().to_string());
+  work->layers = j.layers;
+  if (auto valid = validate(*work, j.settings.width, j.settings.height); !valid.ok())
+    return unusable(valid.error().to_string());
+  j.accumulators = std::move(work->accumulators);
+  j.epochs = std::move(work->epochs);
+  return {};
+}
+
 Result<StoredState> SqliteStore::load() {
   const std::lock_guard lock(mutex_);
   StoredState out;
@@ -393,6 +426,7 @@ Result<StoredState> SqliteStore::load() {
       CANDELA_TRY(read_chains(s, j));
       j.promised = sets_of(numbers_of<std::uint64_t>(s.text()));
       j.repairs_to = state_of(s.text());
+      CANDELA_TRY(read_work(s, j));
       out.jobs.push_back(std::move(j));
     }
     if (s.failed()) return failure("cannot read the jobs");
@@ -415,6 +449,19 @@ Result<StoredState> SqliteStore::load() {
       out.leases.push_back(std::move(l));
     }
     if (s.failed()) return failure("cannot read the leases");
+  }
+  {
+    Statement s(db_, "SELECT job, epoch, name, sha256, size_bytes FROM states ORDER BY job, epoch");
+    while (s.step()) {
+      StateRow row;
+      row.job_id = s.text();
+      row.epoch = s.count();
+      row.name = s.text();
+      row.sha256 = s.text();
+      row.size_bytes = s.count();
+      out.states[row.job_id].push_back(row);
+    }
+    if (s.failed()) return failure("cannot read the states");
   }
   {
     Statement s(db_, "SELECT * FROM workers ORDER BY id");

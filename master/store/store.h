@@ -28,6 +28,7 @@ struct StoredState {
   std::vector<WorkerRow> workers;
   std::vector<BootstrapRow> bootstraps;                            // of those that are not complete
   std::map<std::string, std::vector<std::uint64_t>> chain_starts;  // by job
+  std::map<std::string, std::vector<StateRow>> states;             // by job, in the order of epochs
   std::uint64_t next_unit_id = 1;
 };
 

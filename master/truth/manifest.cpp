@@ -41,6 +41,8 @@ Result<std::string> encode_manifest(const JobRow& row, const std::string& bundle
     m.mutable_bootstrap_rejected()->Assign(row.bootstrap_rejected.begin(), row.bootstrap_rejected.end());
     m.set_pilot_scale_log2(row.pilot_scale_log2);
   }
+  if (row.epochs || !row.accumulators.empty())
+    wire::to_proto(WorkPlan{{}, row.accumulators, {}, row.epochs}, *m.mutable_work());
   m.set_thread_seconds_per_iteration(row.thread_seconds_per_iteration);
   m.set_submitted_unix_ms(row.submitted_unix_ms);
   m.set_elapsed_seconds(row.elapsed_seconds);
@@ -86,6 +88,11 @@ Result<Manifest> parse_manifest(std::string_view bytes) {
       row.bootstrap_rejected[i] = m.bootstrap_rejected(static_cast<int>(i));
     row.pilot_scale_log2 = m.pilot_scale_log2();
   }
+  CANDELA_ASSIGN(WorkPlan work, wire::from_proto(m.work()));
+  work.layers = row.layers;
+  CANDELA_TRY(validate(work, row.settings.width, row.settings.height));
+  row.accumulators = std::move(work.accumulators);
+  row.epochs = std::move(work.epochs);
   row.thread_seconds_per_iteration = m.thread_seconds_per_iteration();
   row.submitted_unix_ms = m.submitted_unix_ms();
   row.elapsed_seconds = m.elapsed_seconds();

@@ -9,6 +9,7 @@
 #include "common/base/log.h"
 #include "common/film/film.h"
 #include "master/master.h"
+#include "master/store/sqlite_schema.h"
 #include "master/store/store.h"
 #include "tests/temporary_folder.h"
 #include "tests/unit/farm_calls.h"
@@ -202,7 +203,7 @@ TEST(StoreLayers, AreKept) {
   }
   execute(path, "UPDATE jobs SET layers = 'a,a'");
   EXPECT_FALSE((*open_sqlite_store(path))->load().ok());
-  execute(path, "PRAGMA user_version=5");
+  execute(path, ("PRAGMA user_version=" + std::to_string(kSchemaVersion + 1)).c_str());
   EXPECT_FALSE(open_sqlite_store(path).ok());
 }
 

@@ -169,6 +169,25 @@ TEST(StoreVersions, EarlierOnesBecomeThePresentOne) {
       chains.chains = ChainPlan{2, 1, 1};
       ASSERT_TRUE((*store)->write(std::vector<Change>{PutJob{chains}, PutStarts{"k", {0, 0}}}).ok());
       EXPECT_EQ((*store)->load()->jobs.at(1).chains->chains, 2U);
+      EXPECT_FALSE(j.epochs);
+      EXPECT_TRUE(j.accumulators.empty());
+      EXPECT_TRUE(state->states.empty() || opening > 0);
+      JobRow epochs = j;
+      epochs.id = "k";
+      epochs.layers.clear();
+      epochs.accumulators = {{"squares", 3, 12, film::AccumulatorSpec::Per::epoch}};
+      epochs.epochs = EpochPlan{8, 16, 1, "rule", {{"threshold", "7"}}};
+      const std::vector<StateRow> states{{"k", 0, "rule", std::string(64, 'a'), 5},
+                                         {"k", 1, "rule", std::string(64, 'b'), 6}};
+      ASSERT_TRUE((*store)
+                      ->write(std::vector<Change>{PutJob{epochs}, PutState{states[1]}, PutState{states[0]},
+                                                  PutState{states[1]}})
+                      .ok());
+      const auto again = (*store)->load();
+      ASSERT_TRUE(again.ok()) << again.error().to_string();
+      EXPECT_EQ(again->jobs.at(1).epochs, epochs.epochs);
+      EXPECT_EQ(again->jobs.at(1).accumulators, epochs.accumulators);
+      EXPECT_EQ(again->states.at("k"), states);
     }
   }
 }

@@ -1,0 +1,113 @@
+// The thread that decides the states of epochs, off the scheduler's lock: sums in, a blob and a row out. The
+// blob is on disk before anybody hears of the state.
+#include <fmt/format.h>
+
+#include "common/base/hash.h"
+#include "common/base/log.h"
+#include "common/stages/decision.h"
+#include "common/stages/epochs.h"
+#include "master/farm.h"
+
+namespace candela::master {
+namespace {
+
+constexpr double kDecideSeconds = 0.05;  // between looks for decisions that are due
+constexpr double kRetrySeconds = 1;      // after one that could not be made
+
+Result<void> put_blob(BlobStore& blobs, const std::string& sha256, std::string_view bytes) {
+  CANDELA_ASSIGN(const bool there, blobs.check(sha256));
+  if (there) return {};
+  CANDELA_ASSIGN(const auto upload, blobs.begin(sha256, bytes.size()));
+  CANDELA_TRY(upload->append(bytes));
+  return upload->finish();
+}
+
+// Nothing: the blob is missing or damaged.
+Result<std::optional<std::string>> read_blob(BlobStore& blobs, const std::string& sha256) {
+  CANDELA_ASSIGN(const auto reader, blobs.read(sha256));
+  if (!reader) return std::optional<std::string>();
+  std::string bytes, part;
+  while (bytes.size() < reader->size()) {
+    if (auto read = reader->next(1 << 20, part); !read.ok()) {
+      if (read.error().kind == ErrorKind::failed) return std::optional<std::string>();
+      return std::move(read).error();
+    }
+    if (part.empty()) break;
+    bytes += part;
+  }
+  return std::optional<std::string>(std::move(bytes));
+}
+
+}  // namespace
+
+Result<std::optional<std::string>> Farm::decide_state(const DueDecision& due) {
+  CANDELA_ASSIGN(const std::shared_ptr<JobFilm> film, truth_->open_film(due.job_id));
+  if (!film) return std::optional<std::string>();
+  if (!covers(film->account().merged, due.needed)) {  // a checkpoint was lost, and its units are made again
+    truth_->agree_if_short(due.job_id, *film);
+    return std::optional<std::string>();
+  }
+  std::string previous;
+  if (due.previous) {
+    CANDELA_ASSIGN(std::optional<std::string> bytes, read_blob(*blobs_, due.previous->sha256));
+    if (!bytes) {
+      with_scheduler([&](Scheduler& s) { s.lost_state(due.previous->sha256, now()); });
+      return std::optional<std::string>();
+    }
+    previous = std::move(*bytes);
+  }
+  std::vector<std::shared_ptr<const film::MergedAccumulator>> held;
+  const auto sums = [&](std::string_view name, std::uint64_t epoch) -> const film::MergedAccumulator* {
+    if (epoch >= epochs_before(due.epoch, due.plan.lag)) return nullptr;
+    held.push_back(film->accumulator(name, epoch));
+    return held.back().get();
+  };
+  auto state = decide({due.plan, due.epoch, due.width, due.height, previous, sums});
+  if (!state.ok()) {
+    with_scheduler([&](Scheduler& s) {
+      s.fail_job(
+          due.job_id,
+          fmt::format("the state of epoch {} cannot be decided: {}", due.epoch, state.error().to_string()),
+          now());
+    });
+    return std::optional<std::string>();
+  }
+  StateRow row{due.job_id, due.epoch, due.plan.rule, sha256_hex(*state), state->size()};
+  CANDELA_TRY(put_blob(*blobs_, row.sha256, *state));
+  with_scheduler([&](Scheduler& s) { s.decided(row, now()); });
+  remember_states(due.job_id, *film);
+  return std::optional<std::string>(std::move(row.sha256));
+}
+
+// A film whose checkpoint was lost has fewer than the store.
+void Farm::remember_states(const std::string& job_id, JobFilm& film) {
+  for (const StateRow& row : with_scheduler([&](Scheduler& s) { return s.job(job_id)->states; }))
+    film.remember({row.name, row.epoch, row.sha256});
+}
+
+void Farm::decide_loop() {
+  std::map<std::string, double> retry_at;  // by job
+  std::string told;
+  while (!stopping_) {
+    bool any = false;
+    for (const DueDecision& due : with_scheduler([](Scheduler& s) { return s.due_decisions(); })) {
+      if (stopping_ || retry_at[due.job_id] > now().seconds) continue;
+      const auto state = decide_state(due);
+      if (state.ok() && *state) {
+        any = true;
+        continue;
+      }
+      retry_at[due.job_id] = now().seconds + (state.ok() ? kDecideSeconds : kRetrySeconds);
+      if (state.ok()) continue;
+      const std::string text = state.error().to_string();
+      if (std::exchange(told, text) == text) continue;
+      with_scheduler([&](Scheduler& s) {
+        s.event(now(), due.job_id, "", "undecided",
+                fmt::format("the state of epoch {}: {}", due.epoch, text));
+      });
+    }
+    if (!any) sleep(kDecideSeconds);
+  }
+}
+
+}  // namespace candela::master

@@ -1,0 +1,76 @@
+// Iterations in epochs: no unit crosses a border, and an epoch is open when its state is decided. The state
+// of epoch e is decided when all units of the epochs below e - lag are merged, so lag + 1 epochs are open at
+// a time and no worker waits at a border.
+#include "common/stages/epochs.h"
+
+#include <algorithm>
+
+#include "master/scheduler/unit_source.h"
+
+namespace candela::master {
+namespace {
+
+class EpochSource final : public UnitSource {
+ public:
+  explicit EpochSource(const EpochPlan& plan) : epochs_(plan.first, plan.growth), lag_(plan.lag) {}
+  Unit::Kind kind() const override { return Unit::Kind::iterations; }
+
+  std::optional<Unit> cut(const JobView& job, std::uint64_t want) override {
+    std::uint32_t half = half_behind();
+    for (int i = 0; i < 2; ++i, half = 1 - half) {
+      const auto [begin, end] = taken_[half].first_gap(0, open_end(job, half));
+      if (begin == end) continue;
+      const std::uint64_t epoch = epochs_.of_index(begin);
+      const std::uint64_t border = epochs_.begin_index(epoch + 1);
+      // Every worker gets some units of an epoch, since all wait for its last one.
+      const std::uint64_t length = border - epochs_.begin_index(epoch);
+      const std::uint64_t most =
+          std::max<std::uint64_t>(length / std::max<std::uint64_t>(job.active_workers, 1), 1);
+      const Unit unit{kind(), half, begin, std::min({end, border, begin + std::min(want, most)})};
+      taken_[half].insert(unit.begin, unit.end);
+      return unit;
+    }
+    return std::nullopt;
+  }
+  bool has_unit(const JobView& job) const override {
+    for (std::uint32_t h = 0; h < 2; ++h)
+      if (!contains(taken_[h], 0, open_end(job, h))) return true;
+    return false;
+  }
+  Extent extent(const JobView& job) const override { return film_extent(job, taken_); }
+  UnitInput input(const JobView& job, const Unit& unit, FilmInputs::Records) const override {
+    return {{}, {job.states[epochs_.of_index(unit.begin)]}};
+  }
+  std::optional<std::uint64_t> due_decision(const JobView& job) const override {
+    const std::uint64_t epoch = job.states.size();
+    const std::uint64_t begin = epochs_.begin_index(epoch);
+    if (begin >= job.target[0] && begin >= job.target[1]) return std::nullopt;  // the job does not get there
+    const std::uint64_t needed = epochs_.begin_index(epochs_before(epoch, lag_));
+    for (std::uint32_t h = 0; h < 2; ++h)
+      if (!contains(job.merged[h], 0, needed)) return std::nullopt;
+    return epoch;
+  }
+
+ protected:
+  bool ready(const JobView& job, const Unit& unit) const override {
+    const std::uint64_t epoch = epochs_.of_index(unit.begin);
+    return epoch < job.states.size() && unit.end <= epochs_.begin_index(epoch + 1);
+  }
+
+ private:
+  // One past the last index of a half that can be rendered now.
+  std::uint64_t open_end(const JobView& job, std::uint32_t half) const {
+    return std::min(job.target[half], epochs_.begin_index(job.states.size()));
+  }
+
+  const Epochs epochs_;
+  const std::uint32_t lag_;
+};
+
+}  // namespace
+
+std::unique_ptr<UnitSource> make_epoch_source(const EpochPlan& plan) {
+  return std::make_unique<EpochSource>(plan);
+}
+
+}  // namespace candela::master
