@@ -87,7 +87,7 @@ std::map<std::string, std::string> Farm::environment() const {
 
 void Farm::start_master(std::vector<std::string> options) {
   master_options_ = std::move(options);
-  std::vector<std::string> arguments = {program("candela-master"), "--data", (folder_ / "data").string()};
+  std::vector<std::string> arguments = {program(master_program_), "--data", (folder_ / "data").string()};
   if (std::find(master_options_.begin(), master_options_.end(), "--listen") == master_options_.end()) {
     arguments.push_back("--listen");
     arguments.push_back(address_.empty() ? "127.0.0.1:0" : address_);
@@ -111,7 +111,7 @@ void Farm::restart_master() {
 }
 
 Process& Farm::start_worker(const std::string& name, unsigned threads, std::vector<std::string> options) {
-  std::vector<std::string> arguments = {program("candela-worker"),
+  std::vector<std::string> arguments = {program(worker_program_),
                                         "--cache",
                                         (folder_ / ("cache-" + name)).string(),
                                         "--threads",

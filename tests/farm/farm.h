@@ -39,6 +39,12 @@ class Farm {
 
   TempDir& folder() { return folder_; }
 
+  // Other programs in the place of the product's, from the same folder.
+  void set_programs(std::string master, std::string worker) {
+    master_program_ = std::move(master);
+    worker_program_ = std::move(worker);
+  }
+
   // --- processes ---
   void start_master(std::vector<std::string> options = {});
   void kill_master();     // SIGKILL
@@ -85,6 +91,7 @@ class Farm {
 
  private:
   TempDir folder_;
+  std::string master_program_ = "candela-master", worker_program_ = "candela-worker";
   std::vector<std::string> master_options_, client_options_;
   std::string address_;
   std::unique_ptr<Process> master_;

@@ -1,0 +1,314 @@
+// Epochs through real processes: whatever dies, and when, the film, the accumulators and every decided state
+// of the toy come out as the same bytes, which a loop in this process makes without a farm.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <csignal>
+#include <cstdlib>
+#include <ostream>
+
+#include "common/base/files.h"
+#include "common/base/hash.h"
+#include "common/base/version.h"
+#include "common/rng/stream.h"
+#include "common/stages/epochs.h"
+#include "master/merge/checkpoint.h"
+#include "tests/farm/farm.h"
+#include "tests/farm/toy/toy.h"
+#include "tests/unit/farm_calls.h"
+#include "tests/unit/hand_worker.h"
+
+namespace candela::farm {
+namespace {
+
+constexpr std::uint32_t kToyWidth = 40, kToyHeight = 33;
+constexpr std::uint64_t kSeed = 11;
+// A shape, a light and a camera, which the toy ignores.
+const std::string kToyScene =
+    "<scene version='3.0.0'><sensor type='perspective'/><shape type='sphere'><emitter "
+    "type='area'/></shape></scene>";
+
+std::uint64_t iterations_of_the_form() {
+  return std::getenv("CANDELA_TOY_LONG") != nullptr ? 1201 : 161;
+}
+
+// The toy's job without a farm: one unit for each half of each epoch, states decided in between.
+struct Truth {
+  film::MergedFilm film{{kToyWidth, kToyHeight, 1}, 0};
+  std::map<std::uint64_t, film::MergedAccumulator> squares;  // by epoch
+  std::vector<std::string> states;
+};
+Truth truth_of(std::uint64_t iterations, int scale_log2) {
+  const WorkPlan work = toy::work_plan();
+  const EpochPlan& plan = *work.epochs;
+  const Epochs epochs(plan.first, plan.growth);
+  Truth out;
+  out.film = film::MergedFilm({kToyWidth, kToyHeight, 1}, scale_log2);
+  const std::array<std::uint64_t, 2> target = {(iterations + 1) / 2, iterations / 2};
+  for (std::uint64_t e = 0; epochs.begin_index(e) < target[0]; ++e) {
+    const auto sums = [&](std::string_view, std::uint64_t epoch) -> const film::MergedAccumulator* {
+      return epoch < epochs_before(e, plan.lag) ? &out.squares.at(epoch) : nullptr;
+    };
+    const std::string previous = e > 0 ? out.states.back() : std::string();
+    out.states.push_back(*decide({plan, e, kToyWidth, kToyHeight, previous, sums}));
+    out.squares.emplace(e, film::MergedAccumulator(kToyWidth, kToyHeight, work.accumulators[0]));
+    for (std::uint32_t half = 0; half < 2; ++half) {
+      const Unit unit{Unit::Kind::iterations, half, epochs.begin_index(e),
+                      std::min(epochs.begin_index(e + 1), target[half])};
+      if (unit.begin >= unit.end) continue;
+      integrators::UnitOutput output = toy::make_output(kToyWidth, kToyHeight, scale_log2);
+      output.epoch = e;
+      EXPECT_TRUE(toy::render(unit, out.states.back(), kToyWidth, kToyHeight, kSeed, output).ok());
+      film::DeltaInfo info;
+      info.unit = unit;
+      info.job_id = "j";
+      const auto delta = film::Delta::decode(integrators::encode_delta(info, output),
+                                             {{kToyWidth, kToyHeight, 1}, work.accumulators});
+      EXPECT_TRUE(delta.ok()) << delta.error().to_string();
+      EXPECT_TRUE(out.film.merge(*delta).ok());
+      out.squares.at(e).merge(delta->accumulators()[0].sums);
+    }
+  }
+  return out;
+}
+
+class ToyFarm : public testing::Test {
+ protected:
+  ToyFarm() { farm.set_programs("toy-master", "toy-worker"); }
+  void start_master(std::vector<std::string> more = {}) {
+    std::vector<std::string> options = {"--unit-time", "0.02",         "--checkpoint-interval",
+                                        "0.05",        "--lease-time", "1.5"};
+    options.insert(options.end(), more.begin(), more.end());
+    farm.start_master(options);
+  }
+  std::string submit(std::uint64_t iterations, int pause_microseconds = 400) {
+    JobSettings settings;
+    settings.integrator = toy::kName;
+    settings.integrator_settings = {{"pause", std::to_string(pause_microseconds)}};
+    settings.width = kToyWidth;
+    settings.height = kToyHeight;
+    settings.seed = kSeed;
+    return test::submit(farm.stub(), kToyScene, test::submission(kToyScene, settings, iterations));
+  }
+  void extend(const std::string& id, std::uint64_t iterations) {
+    v1::ExtendJobRequest request;
+    request.set_job_id(id);
+    request.set_add_iterations(iterations);
+    v1::JobStatus status;
+    const auto extended = [&] {
+      grpc::ClientContext context;
+      context.set_wait_for_ready(true);
+      return farm.stub().ExtendJob(&context, request, &status);
+    };
+    farm.job(id);  // the master may just have been restarted
+    const grpc::Status answer = extended();
+    ASSERT_TRUE(answer.ok()) << answer.error_message();
+  }
+  // The whole of a finished job against the loop without a farm, and its states against a replay of what is
+  // stored.
+  void check(const std::string& id, std::uint64_t iterations) {
+    const v1::JobStatus status = farm.wait_for(id, v1::JOB_STATE_DONE);
+    ASSERT_EQ(status.iterations(), iterations);
+    const Truth truth = truth_of(iterations, status.named_state().film_scale_log2());
+    const auto bytes = read_file(farm.folder().path() / "data" / "jobs" / id /
+                                     fmt::format("film.{}.ckpt", status.checkpoint_generation()),
+                                 1 << 28);
+    ASSERT_TRUE(bytes.ok());
+    const WorkPlan work = toy::work_plan();
+    const auto found = master::parse_checkpoint(*bytes, {0, work.accumulators});
+    ASSERT_TRUE(found.ok()) << found.error().to_string();
+    EXPECT_TRUE(found->film.serialise() == truth.film.serialise()) << "the film";
+    ASSERT_EQ(found->accumulators.size(), truth.squares.size());
+    for (const auto& [epoch, squares] : truth.squares)
+      EXPECT_TRUE(found->accumulators.at({0, epoch})->serialise() == squares.serialise())
+          << "epoch " << epoch;
+    ASSERT_EQ(found->states.size(), truth.states.size());
+    bool changed = false;
+    for (std::size_t e = 0; e < truth.states.size(); ++e) {
+      EXPECT_EQ(found->states[e].epoch, e);
+      EXPECT_EQ(found->states[e].sha256, sha256_hex(truth.states[e])) << "epoch " << e;
+      changed |= e > 0 && truth.states[e] != truth.states[e - 1];
+    }
+    EXPECT_TRUE(changed) << "nothing is tested";
+    const auto stored = [&](std::string_view, std::uint64_t epoch) -> const film::MergedAccumulator* {
+      return found->accumulators.at({0, epoch}).get();
+    };
+    const auto again = replay(*work.epochs, found->states.size(), kToyWidth, kToyHeight, stored);
+    ASSERT_TRUE(again.ok()) << again.error().to_string();
+    EXPECT_EQ(*again, truth.states) << "the replay";
+    farm.audit(id, iterations);
+  }
+
+  Farm farm;
+  const std::uint64_t whole = iterations_of_the_form();
+};
+
+class ToyFleets : public ToyFarm, public testing::WithParamInterface<int> {};
+
+// Claim: film, accumulators and states do not depend on the number of workers.
+TEST_P(ToyFleets, SameBytes) {
+  start_master();
+  for (int i = 0; i < GetParam(); ++i) farm.start_worker("w" + std::to_string(i));
+  check(submit(whole), whole);
+}
+INSTANTIATE_TEST_SUITE_P(Workers, ToyFleets, testing::Values(1, 4, 16),
+                         [](const auto& test) { return std::to_string(test.param); });
+
+// Claim: SIGKILL of the master and of workers, at times all over the job, changes no byte.
+TEST_F(ToyFarm, KillsChangeNothing) {
+  start_master();
+  std::vector<Process*> workers;
+  for (int i = 0; i < 3; ++i) workers.push_back(&farm.start_worker("w" + std::to_string(i)));
+  const std::string id = submit(whole);
+  rng::Stream stream(rng::key(3, 5));
+  const int kills = std::getenv("CANDELA_TOY_LONG") != nullptr ? 60 : 8;
+  for (int k = 0; k < kills; ++k) {
+    // Progress in between, so that the deaths fall all over the job.
+    const std::uint64_t next = whole * static_cast<std::uint64_t>(k) / static_cast<std::uint64_t>(kills + 1);
+    farm.wait_for_iterations(id, next);
+    std::this_thread::sleep_for(std::chrono::milliseconds(static_cast<int>(stream.next_double() * 60)));
+    if (k % 2 == 0) {
+      farm.kill_master();
+      farm.restart_master();
+    } else {
+      const std::size_t w = static_cast<std::size_t>(stream.next_double() * 3);
+      farm.forget_worker(*workers[w]);
+      workers[w] = &farm.start_worker(fmt::format("again{}", k));
+    }
+  }
+  check(id, whole);
+}
+
+// Claim: a master that lost its newest checkpoint between epochs, while its store tells of later states,
+// decides nothing anew, renders what is lost and ends with the same bytes.
+TEST_F(ToyFarm, ALostCheckpointChangesNoState) {
+  start_master();
+  farm.start_worker("a");
+  farm.start_worker("b");
+  const std::string id = submit(whole);
+  for (int k = 1; k <= 2; ++k) {
+    farm.wait_for_iterations(id, whole * static_cast<std::uint64_t>(k) / 3);
+    farm.kill_master();
+    const auto folder = farm.folder().path() / "data" / "jobs" / id;
+    std::vector<std::pair<std::uint64_t, std::filesystem::path>> generations;
+    for (const auto& e : std::filesystem::directory_iterator(folder))
+      if (const std::string n = e.path().filename().string(); n.starts_with("film.") && n.ends_with(".ckpt"))
+        generations.emplace_back(std::stoull(n.substr(5)), e.path());
+    for (const auto& [generation, path] : generations)
+      if (k == 1 || generation == std::max_element(generations.begin(), generations.end())->first)
+        std::filesystem::remove(path);  // all of them once: the film begins again, the states do not
+    farm.restart_master();
+  }
+  check(id, whole);
+}
+
+// Claim: a blob of a state that is lost, or damaged, is decided again as the same bytes.
+TEST_F(ToyFarm, ALostStateIsDecidedAgain) {
+  start_master();
+  Process& first = farm.start_worker("a");
+  const std::string id = submit(whole, 4000);
+  farm.wait_for_iterations(id, whole / 3);
+  farm.forget_worker(first);
+  std::size_t spoiled = 0;
+  const WorkPlan work = toy::work_plan();
+  for (const v1::Event& event : farm.events(id)) {
+    if (event.kind() != "decided") continue;
+    const std::string sha256 = event.message().substr(event.message().size() - 64);
+    for (const auto& e :
+         std::filesystem::recursive_directory_iterator(farm.folder().path() / "data" / "blobs"))
+      if (e.path().filename().string().find(sha256) != std::string::npos && e.is_regular_file()) {
+        if (spoiled++ % 2 == 0)
+          std::filesystem::remove(e.path());
+        else
+          std::filesystem::resize_file(e.path(), 5);
+        break;
+      }
+  }
+  EXPECT_GT(spoiled, 1U);
+  farm.start_worker("fresh");  // its cache is empty
+  check(id, whole);
+}
+
+// Claim: a worker that sleeps past its lease and wakes delivers nothing twice.
+TEST_F(ToyFarm, AZombieChangesNothing) {
+  start_master();
+  Process& zombie = farm.start_worker("zombie");
+  const std::string id = submit(whole, 4000);
+  farm.wait_for_iterations(id, whole / 4);
+  zombie.signal(SIGSTOP);
+  farm.start_worker("b");
+  farm.wait_for_iterations(id, whole * 3 / 4);
+  zombie.signal(SIGCONT);
+  check(id, whole);
+}
+
+// Claim: a job that is extended, amid an epoch and by a master that was restarted since, is the job that
+// asked for all of it at once.
+TEST_F(ToyFarm, ExtensionsContinue) {
+  start_master();
+  farm.start_worker("a");
+  farm.start_worker("b");
+  const std::string id = submit(whole / 3);
+  check(id, whole / 3);
+  extend(id, 7);
+  check(id, whole / 3 + 7);
+  farm.kill_master();
+  farm.restart_master();
+  extend(id, whole - whole / 3 - 7);
+  check(id, whole);
+}
+
+// Claim: a replayed delta is a duplicate, one of a lease that is over is stale, and one whose accumulator is
+// of another epoch is refused; none of them changes a byte.
+TEST_F(ToyFarm, ReplaysChangeNothing) {
+  start_master();
+  const std::string id = submit(whole);
+  test::HandWorker hand(grpc::CreateChannel(farm.address(), grpc::InsecureChannelCredentials()));
+  ASSERT_TRUE(hand.enrol().ok());
+  auto lease = hand.acquire_soon();
+  ASSERT_TRUE(lease);
+  v1::CompletePilotRequest pilot;
+  hand.sign(pilot, *lease);
+  pilot.mutable_named_state()->set_film_scale_log2(toy::kFilmScale);
+  pilot.set_seconds_per_iteration(0.002);
+  wire::to_proto(toy::work_plan(), *pilot.mutable_work());
+  ASSERT_TRUE(hand.complete(pilot));
+  const auto made = [&](const v1::Lease& of, std::uint64_t epoch_offset) {
+    const Unit unit = *wire::from_proto(of.unit());
+    EXPECT_EQ(of.states_size(), 1);
+    integrators::UnitOutput output = toy::make_output(kToyWidth, kToyHeight, toy::kFilmScale);
+    const WorkPlan work = toy::work_plan();
+    output.epoch = Epochs(work.epochs->first, work.epochs->growth).of_index(unit.begin) + epoch_offset;
+    const std::string state = hand.fetch_blob(of.states(0).sha256(), of.states(0).size_bytes());
+    EXPECT_EQ(sha256_hex(state), of.states(0).sha256());
+    EXPECT_TRUE(toy::render(unit, state, kToyWidth, kToyHeight, kSeed, output).ok());
+    film::DeltaInfo info;
+    info.unit = unit;
+    info.job_id = id;
+    info.build_id = std::string(build_id());
+    return integrators::encode_delta(info, output);
+  };
+  for (int i = 0; i < 3; ++i) {
+    lease = hand.acquire_soon();
+    ASSERT_TRUE(lease);
+    const std::string bytes = made(*lease, 0);
+    EXPECT_EQ(hand.push(hand.header(*lease, bytes), bytes).verdict(), v1::DELTA_VERDICT_MERGED);
+    EXPECT_EQ(hand.push(hand.header(*lease, bytes), bytes).verdict(), v1::DELTA_VERDICT_DUPLICATE);
+  }
+  lease = hand.acquire_soon();
+  ASSERT_TRUE(lease);
+  const std::string wrong = made(*lease, 1);
+  EXPECT_EQ(hand.push(hand.header(*lease, wrong), wrong).verdict(), v1::DELTA_VERDICT_CORRUPT);
+  farm.start_worker("a");
+  check(id, whole);
+  const std::string late = made(*lease, 0);
+  const auto verdict = hand.push(hand.header(*lease, late), late).verdict();
+  EXPECT_TRUE(verdict == v1::DELTA_VERDICT_DUPLICATE || verdict == v1::DELTA_VERDICT_STALE ||
+              verdict == v1::DELTA_VERDICT_JOB_ENDED)
+      << verdict;
+  check(id, whole);
+}
+
+}  // namespace
+}  // namespace candela::farm

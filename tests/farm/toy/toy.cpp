@@ -1,0 +1,74 @@
+#include "tests/farm/toy/toy.h"
+
+#include "common/rng/stream.h"
+#include "common/stages/epochs.h"
+
+namespace candela::toy {
+namespace {
+
+constexpr std::uint64_t kFirst = 4;
+constexpr std::uint32_t kGrowth = 4, kLag = 1;
+constexpr std::int64_t kThreshold = 12;  // of the mean square, in units of the accumulator
+constexpr int kSquareScale = 12;
+
+}  // namespace
+
+WorkPlan work_plan() {
+  WorkPlan plan;
+  plan.accumulators = {{kSquares, 1, kSquareScale, film::AccumulatorSpec::Per::epoch}};
+  plan.epochs = EpochPlan{kFirst, kGrowth, kLag, kRule, {{"threshold", std::to_string(kThreshold)}}};
+  return plan;
+}
+
+integrators::UnitOutput make_output(std::uint32_t width, std::uint32_t height, int film_scale_log2) {
+  integrators::UnitOutput output;
+  output.film = std::make_unique<film::UnitFilm>(film::Layout{width, height, 1}, film_scale_log2);
+  output.accumulators.push_back(
+      std::make_unique<film::UnitAccumulator>(width, height, work_plan().accumulators[0]));
+  return output;
+}
+
+Result<void> render(const Unit& unit, std::string_view state, std::uint32_t width, std::uint32_t height,
+                    std::uint64_t seed, integrators::UnitOutput& output) {
+  if (state.size() != std::size_t{width} * height)
+    return input_error("the state is not of this film").with_field("state");
+  film::Tallies tallies;
+  for (std::uint64_t i = unit.begin; i < unit.end; ++i)
+    for (std::uint32_t y = 0; y < height; ++y)
+      for (std::uint32_t x = 0; x < width; ++x) {
+        const std::uint64_t key = rng::key(seed, unit.half, i, y, x);
+        const int level = static_cast<unsigned char>(state[std::size_t{y} * width + x]);
+        // Pixels differ in power, so that they stop doubling at different levels.
+        const double amplitude = 1 + static_cast<double>((x * 7 + y * 13) % 16);
+        const double value = amplitude * rng::to_double(key) / static_cast<double>(1ULL << level);
+        const auto v = static_cast<float>(value);
+        tallies.eye_samples += 1;
+        output.film->add(0, x, y, {v, v * 0.5F, v * 0.25F}, key, tallies);
+        const double square = value * value;
+        output.accumulators[0]->add(x, y, 0, {&square, 1}, key, tallies);
+      }
+  output.film->count(tallies);
+  return {};
+}
+
+Result<std::string> double_where_squares_say_so(const DecisionInput& input) {
+  const std::size_t pixels = std::size_t{input.width} * input.height;
+  if (input.epoch == 0) return std::string(pixels, '\0');
+  if (input.previous.size() != pixels) return failed_error("the state before is of another film");
+  std::string state(input.previous);
+  const std::uint64_t before = epochs_before(input.epoch, input.plan.lag);
+  if (before == 0) return state;
+  const film::MergedAccumulator* squares = input.sums(kSquares, before - 1);
+  if (squares == nullptr) return failed_error("there are no squares");
+  const Epochs epochs(input.plan.first, input.plan.growth);
+  const auto samples = static_cast<std::int64_t>(epochs.begin(before) - epochs.begin(before - 1));
+  const std::int64_t threshold = std::stoll(input.plan.constants.at("threshold"));
+  for (std::uint32_t y = 0; y < input.height; ++y)
+    for (std::uint32_t x = 0; x < input.width; ++x) {
+      char& level = state[std::size_t{y} * input.width + x];
+      if (level < 40 && squares->sum(x, y, 0) > film::Int128{threshold} * samples) ++level;
+    }
+  return state;
+}
+
+}  // namespace candela::toy
