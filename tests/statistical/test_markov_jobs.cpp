@@ -135,6 +135,8 @@ TEST(MarkovJobs, StartsLeaveNoTrace) {
   const Rows right = render_rows({{1.0, with_integrator(scene, "path")}}, plan, regions, 1, 1);
   const int jobs = long_form() ? 20000 : 1000;
   for (const Method& method : methods()) {
+    // Starts are drawn by the farm, the same for all methods: the short form leaves the slowest out.
+    if (!long_form() && &method == &methods()[0]) continue;
     SCOPED_TRACE(method.name);
     ChainJob job = job_of(scene, method, {{"chains", "64"}, {"bootstrap", "2048"}, {"mutations", "1"}});
     Rows rows(jobs);
