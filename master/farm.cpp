@@ -1,4 +1,3 @@
-// Opening a farm, submitting to it, and what it tells.
 #include "master/farm.h"
 
 #include <fcntl.h>
@@ -10,11 +9,11 @@
 #include <cerrno>
 #include <chrono>
 #include <cstring>
-#include <limits>
 
 #include "common/base/files.h"
 #include "common/base/log.h"
 #include "common/wire/wire.h"
+#include "master/jobs/job_status.h"
 
 namespace candela::master {
 
@@ -40,29 +39,10 @@ Farm::~Farm() {
     if (fd >= 0) ::close(fd);
 }
 
-Now Farm::now() const {
-  using std::chrono::duration;
-  return {duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(),
-          std::chrono::duration_cast<std::chrono::milliseconds>(
-              std::chrono::system_clock::now().time_since_epoch())
-              .count()};
-}
-
 Result<std::unique_ptr<Farm>> Farm::open(const FarmOptions& options) {
   auto farm = std::unique_ptr<Farm>(new Farm(options));
   CANDELA_TRY(farm->start());
   return farm;
-}
-
-std::filesystem::path Farm::job_folder(const std::string& job_id) const {
-  return options_.master.data_dir / "jobs" / job_id;
-}
-
-std::shared_ptr<JobFilm> Farm::make_film(const JobRow& row) const {
-  FileWriter writer = options_.film_writer ? options_.film_writer : FileWriter(&write_file_atomically);
-  return std::make_shared<JobFilm>(job_folder(row.id), layout_of(row), row.named_state->film_scale_log2,
-                                   std::move(writer),
-                                   CheckpointShape{row.chains ? row.chains->chains : 0, row.accumulators});
 }
 
 Result<void> Farm::start() {
@@ -77,10 +57,9 @@ Result<void> Farm::start() {
   SchedulerOptions so;
   so.lease_seconds = o.lease_seconds;
   so.unit_seconds = o.unit_seconds;
-  scheduler_ = std::make_unique<Scheduler>(so, epoch, state.next_unit_id);
   gate_ = std::make_unique<PushGate>(o.merge_queue_bytes, o.merge_threads);
   writer_ = std::make_unique<StoreWriter>(*store_, [this](const std::string& text) {
-    const std::lock_guard lock(mutex_);
+    const std::lock_guard lock(health_mutex_);
     if (text == store_trouble_) return;  // each try fails alike: once per cause
     if (text.empty())
       log::info("the store can be written again");
@@ -88,12 +67,19 @@ Result<void> Farm::start() {
       log::error(fmt::format("the store cannot be written, trying again: {}", text));
     store_trouble_ = text;
   });
+  table_ = std::make_unique<JobTable>(
+      std::make_unique<Scheduler>(so, epoch, state.next_unit_id), *writer_, o.data_dir / "jobs",
+      options_.film_writer ? options_.film_writer : FileWriter(&write_file_atomically));
   truth_ = std::make_unique<JobTruth>(*this);
+  deltas_ = std::make_unique<DeltaIntake>(*table_, *truth_, *gate_, counters_, wake_);
+  images_ = std::make_unique<ImageWriter>(*table_, *truth_, *store_);
+  decider_ = std::make_unique<EpochDecider>(*table_, *truth_, *blobs_, wake_);
+  upkeep_ = std::make_unique<JobUpkeep>(*table_, *truth_, *images_, counters_, wake_, options_.master);
   CANDELA_TRY(restore_jobs(std::move(state)));
   CANDELA_TRY(writer_->flush());
   threads_.emplace_back([this] { tick_loop(); });
-  threads_.emplace_back([this] { keep_loop(); });
-  threads_.emplace_back([this] { decide_loop(); });
+  threads_.emplace_back([this] { upkeep_->upkeep_loop(); });
+  threads_.emplace_back([this] { decider_->decide_loop(); });
   threads_.emplace_back([this] { truth_->verify_ended(); });
   return {};
 }
@@ -123,45 +109,56 @@ Result<void> Farm::restore_jobs(StoredState state) {
   for (UnitRow& u : state.unmerged_units) unmerged[u.job_id].push_back(std::move(u));
   std::map<std::string, std::vector<BootstrapRow>> bootstraps;
   for (BootstrapRow& b : state.bootstraps) bootstraps[b.job_id].push_back(std::move(b));
+  struct Restored {
+    JobRow row;
+    std::vector<UnitRow> merged;
+    RestoredChains chains;
+    RestoredFilm film;  // null before the pilot
+  };
+  std::vector<Restored> jobs;  // their films are read before the lock is taken
   for (JobRow& row : state.jobs) {
     const std::string id = row.id;
-    if (!row.idempotency_token.empty()) tokens_[row.idempotency_token] = id;
     CANDELA_ASSIGN(std::vector<UnitRow> merged, store_->merged_units(id));
-    std::array<film::IndexSet, 2> sets;
-    film::Tallies tallies;
     RestoredChains chains{std::move(bootstraps[id]), std::move(state.chain_starts[id]), 0,
                           std::move(state.states[id])};
+    RestoredFilm film;
     if (row.named_state) {
       const bool trusted = has_ended(row.state) && row.checkpoint_iterations == row.iterations;
       if (trusted) {  // its film is read when somebody asks for it, and verified meanwhile
                       // (JobTruth::verify_ended)
-        films_[id] = make_film(row);
-        films_[id]->close();
+        film.film = table_->make_film(row);
         for (const UnitRow& u : merged)
-          if (u.unit.half < 2) sets[u.unit.half].insert(u.unit.begin, u.unit.end);
-        tallies = row.tallies;
+          if (u.unit.half < 2) film.held.merged[u.unit.half].insert(u.unit.begin, u.unit.end);
+        film.held.tallies = row.tallies;
       } else {
-        CANDELA_ASSIGN(const RestoredFilm opened, restore_film(row, chains));
-        films_[id] = opened.film;
-        if (!opened.trouble.empty()) scheduler_->event(t, id, "", "checkpoint-damaged", opened.trouble);
-        sets = opened.held.merged;
-        tallies = opened.held.tallies;
-        if (has_ended(row.state)) opened.film->close();
+        CANDELA_ASSIGN(film, restore_film(row, chains));
       }
+      if (has_ended(row.state)) film.film->close();
     }
-    scheduler_->restore(std::move(row), sets, tallies, std::move(unmerged[id]), std::move(merged), t, chains);
+    jobs.push_back({std::move(row), std::move(merged), std::move(chains), std::move(film)});
   }
-  warn_of_orphans(t);
-  for (const WorkerRow& w : state.workers) scheduler_->restore_worker(w, t);
-  for (const LeaseRow& l : state.leases) scheduler_->restore_lease(l, t);
+  table_->with_films([&](Scheduler& s, JobFilms& films) {
+    for (Restored& job : jobs) {
+      const std::string id = job.row.id;
+      if (!job.row.idempotency_token.empty()) tokens_[job.row.idempotency_token] = id;
+      if (job.film.film) films[id] = job.film.film;
+      if (!job.film.trouble.empty()) s.event(t, id, "", "checkpoint-damaged", job.film.trouble);
+      s.restore(std::move(job.row), job.film.held.merged, job.film.held.tallies, std::move(unmerged[id]),
+                std::move(job.merged), t, job.chains);
+    }
+  });
+  warn_of_orphans();
+  with_scheduler([&](Scheduler& s) {
+    for (const WorkerRow& w : state.workers) s.restore_worker(w, t);
+    for (const LeaseRow& l : state.leases) s.restore_lease(l, t);
+  });
   if (!state.jobs.empty()) log::info(fmt::format("continuing with {} job(s)", state.jobs.size()));
-  publish();
   return {};
 }
 
 Result<Farm::RestoredFilm> Farm::restore_film(JobRow& row, RestoredChains& restored) const {
   RestoredFilm out;
-  out.film = make_film(row);
+  out.film = table_->make_film(row);
   CANDELA_ASSIGN(const JobFilm::Loading loading, out.film->ensure_loaded());
   out.trouble = loading.trouble;
   if (row.chains) row.chain_summary = chains::summarise(row.bootstrap, out.film->chain_counts());
@@ -181,47 +178,26 @@ Result<void> Farm::take_in(Manifest manifest) {
   const std::string id = row.id;
   RestoredChains restored{{}, std::move(manifest.chain_starts), 0, {}};
   CANDELA_ASSIGN(const RestoredFilm opened, restore_film(row, restored));
-  {
-    const std::lock_guard lock(mutex_);
-    films_[id] = opened.film;
+  table_->with_films([&](Scheduler& s, JobFilms& films) {
+    films[id] = opened.film;
     if (!row.idempotency_token.empty()) tokens_[row.idempotency_token] = id;
-    if (!opened.trouble.empty()) scheduler_->event(now(), id, "", "checkpoint-damaged", opened.trouble);
-    scheduler_->adopt(std::move(row), opened.held.merged, opened.held.tallies, restored, now());
-    publish();
-  }
-  wake_.notify_all();
+    if (!opened.trouble.empty()) s.event(now(), id, "", "checkpoint-damaged", opened.trouble);
+    s.adopt(std::move(row), opened.held.merged, opened.held.tallies, restored, now());
+  });
+  wake_.wake();
   return writer_->flush();
 }
 
 // Films of jobs that the store does not know: it was lost, or cut short by damage, and its jobs with it.
 // Nothing else would tell, as SQLite takes a damaged end of its log for the end.
-void Farm::warn_of_orphans(Now t) {
+void Farm::warn_of_orphans() {
   const std::vector<std::string> orphans = truth_->orphans();
   if (orphans.empty()) return;
-  scheduler_->event(
-      t, "", "", "orphans",
-      fmt::format("{} folder(s) in {} belong to no job the store knows, such as {}: the store may be "
-                  "damaged, or not the one they were made with; `candela verify` lists them, `candela "
-                  "repair ID` takes a job in",
-                  orphans.size(), (options_.master.data_dir / "jobs").string(), orphans.front()));
-}
-
-void Farm::log_event(const EventRow& e) const {
-  std::string text = e.kind;
-  if (!e.message.empty()) text += ": " + e.message;
-  // What needs an operator. A job that fails by its own scene is told to whoever submitted it.
-  const bool bad = e.kind == "expired" || e.kind == "set-aside" || e.kind == "checkpoint-failed" ||
-                   e.kind == "refused" || e.kind == "checkpoint-damaged" || e.kind == "lost" ||
-                   e.kind == "orphans" || e.kind == "waiting" || e.kind == "blob-damaged" ||
-                   e.kind == "blob-missing" || e.kind == "scene-disputed";
-  log::write(bad ? spdlog::level::warn : spdlog::level::info, text, {.job = e.job_id, .worker = e.worker_id});
-}
-
-void Farm::publish() {
-  std::vector<Change> changes = scheduler_->take_changes();
-  for (const Change& c : changes)
-    if (const auto* e = std::get_if<AddEvent>(&c)) log_event(e->row);
-  writer_->enqueue(std::move(changes));
+  const std::string text = fmt::format(
+      "{} folder(s) in {} belong to no job the store knows, such as {}: the store may be damaged, or not the "
+      "one they were made with; `candela verify` lists them, `candela repair ID` takes a job in",
+      orphans.size(), (options_.master.data_dir / "jobs").string(), orphans.front());
+  with_scheduler([&](Scheduler& s) { s.event(now(), "", "", "orphans", text); });
 }
 
 namespace {
@@ -229,7 +205,7 @@ namespace {
 // The films in memory, for the scheduler. Precondition of its calls: the lock of `films` is held.
 class LoadedFilms final : public FilmInputs {
  public:
-  explicit LoadedFilms(const std::map<std::string, std::shared_ptr<JobFilm>>& films) : films_(films) {}
+  explicit LoadedFilms(const JobFilms& films) : films_(films) {}
   Answer chain_records(const std::string& job_id, const Unit& unit) const override {
     const auto film = films_.find(job_id);
     if (film == films_.end()) return {State::unread, {}};
@@ -248,7 +224,7 @@ class LoadedFilms final : public FilmInputs {
   }
 
  private:
-  const std::map<std::string, std::shared_ptr<JobFilm>>& films_;
+  const JobFilms& films_;
 };
 
 }  // namespace
@@ -262,10 +238,10 @@ Result<AcquireResult> Farm::acquire(const std::string& worker_id, const std::str
       bool known = true;
       AcquireResult result;
     };
-    Decision decision = with_scheduler([&](Scheduler& s) {
+    Decision decision = table_->with_films([&](Scheduler& s, const JobFilms& in_memory) {
       const Now t = now();
       if (s.authenticate(worker_id, session, t) == nullptr) return Decision{false, {}};
-      const LoadedFilms films(films_);
+      const LoadedFilms films(in_memory);
       Decision d{true, s.acquire(worker_id, warm, prefetch, t, &films)};
       if (d.result.lease) describe(*s.job(d.result.lease->row.job_id), *d.result.lease);
       return d;
@@ -281,172 +257,76 @@ Result<AcquireResult> Farm::acquire(const std::string& worker_id, const std::str
   }
 }
 
-std::shared_ptr<JobFilm> Farm::film_of(const std::string& job_id) {
-  const std::lock_guard lock(mutex_);
-  const auto it = films_.find(job_id);
-  if (it != films_.end()) return it->second;
-  const Job* job = scheduler_->job(job_id);
-  if (job == nullptr || !job->row.named_state) return nullptr;
-  return films_[job_id] = make_film(job->row);
+Result<std::optional<std::string>> Farm::choose_id(const Scheduler& s, JobRow& row) const {
+  if (const auto it = tokens_.find(row.idempotency_token);
+      !row.idempotency_token.empty() && it != tokens_.end()) {
+    const Job* first = s.job(it->second);
+    if (first != nullptr && first->row.content_digest == row.content_digest)
+      return std::optional<std::string>(it->second);
+    return refused_error("this token was used for another submission")
+        .with_field("idempotency_token")
+        .with_mend("use a new token for a new job");
+  }
+  if (s.jobs().size() >= SchedulerOptions{}.max_jobs)
+    return resource_error(fmt::format("the farm has its limit of {} jobs", SchedulerOptions{}.max_jobs));
+  do row.id = random_id("j", 10);
+  while (s.job(row.id) != nullptr);
+  return std::optional<std::string>();
 }
 
 Result<Farm::Submitted> Farm::submit(JobRow row, const std::string& bundle_bytes) {
   const std::lock_guard one(submit_mutex_);
-  {
-    const std::lock_guard lock(mutex_);
-    if (const auto it = tokens_.find(row.idempotency_token);
-        !row.idempotency_token.empty() && it != tokens_.end()) {
-      const Job* first = scheduler_->job(it->second);
-      if (first != nullptr && first->row.content_digest == row.content_digest)
-        return Submitted{it->second, true};
-      return refused_error("this token was used for another submission")
-          .with_field("idempotency_token")
-          .with_mend("use a new token for a new job");
-    }
-    if (scheduler_->jobs().size() >= SchedulerOptions{}.max_jobs)
-      return resource_error(fmt::format("the farm has its limit of {} jobs", SchedulerOptions{}.max_jobs));
-    do row.id = random_id("j", 10);
-    while (scheduler_->job(row.id) != nullptr);
-  }
+  CANDELA_ASSIGN(const std::optional<std::string> existing,
+                 with_scheduler([&](Scheduler& s) { return choose_id(s, row); }));
+  if (existing) return Submitted{*existing, true};
   row.submitted_unix_ms = now().unix_ms;
   // On disk before it is known: a client that hears an id may rely on it.
   const std::vector<Change> changes{PutBundle{row.bundle_sha256, bundle_bytes}, PutJob{row}};
   CANDELA_TRY(store_->write(changes));
   const std::string id = row.id;
-  if (!row.idempotency_token.empty()) {
-    const std::lock_guard lock(mutex_);
-    tokens_[row.idempotency_token] = id;
-  }
-  with_scheduler([&](Scheduler& s) { s.submit(std::move(row), now()); });
+  with_scheduler([&](Scheduler& s) {
+    if (!row.idempotency_token.empty()) tokens_[row.idempotency_token] = id;
+    s.submit(std::move(row), now());
+  });
   return Submitted{id, false};
 }
 
-namespace {
-
-void set_failures(const FailureCounts& counts, google::protobuf::RepeatedPtrField<v1::FailureCount>& out) {
-  for (const FailureCause cause : kAllFailureCauses) {
-    if (counts[index_of(cause)] == 0) continue;
-    v1::FailureCount& failure = *out.Add();
-    failure.set_cause(wire::to_proto(cause));
-    failure.set_count(counts[index_of(cause)]);
-  }
-}
-
-}  // namespace
-
-v1::JobStatus Farm::status_locked(const Job& job, Now t) const {
-  const JobRow& r = job.row;
-  v1::JobStatus out;
-  out.set_id(r.id);
-  out.set_name(r.name);
-  static constexpr std::array<v1::JobState, 6> kStates = {v1::JOB_STATE_QUEUED, v1::JOB_STATE_RUNNING,
-                                                          v1::JOB_STATE_PAUSED, v1::JOB_STATE_DONE,
-                                                          v1::JOB_STATE_FAILED, v1::JOB_STATE_CANCELLED};
-  out.set_state(kStates[static_cast<std::size_t>(r.state)]);
-  out.set_message(scheduler_->message_of(job, t));
-  out.set_priority(r.priority);
-  out.set_share(r.share);
-  wire::to_proto(r.settings, *out.mutable_settings());
-  wire::to_proto(r.stop, *out.mutable_stop());
-  out.set_bundle_sha256(r.bundle_sha256);
-  if (r.named_state) wire::to_proto(*r.named_state, *out.mutable_named_state());
-  out.set_units_merged(r.units_merged);
-  out.set_iterations(r.iterations_of(r.iterations));
-  out.set_samples(r.tallies.eye_samples);
-  out.set_light_paths(r.tallies.light_paths);
-  out.set_rays(r.tallies.rays);
-  out.set_relmse_estimate(r.relmse);
-  out.set_units_leased(scheduler_->leases_of(r.id));
-  out.set_elapsed_seconds(r.elapsed_seconds);
-  out.set_worker_seconds(r.worker_seconds);
-  for (int i = 0; i < film::kRejectCauses; ++i) {
-    const auto cause = static_cast<std::size_t>(i);
-    const std::uint64_t n = r.tallies.rejected[cause] + r.bootstrap_rejected[cause];
-    if (n == 0) continue;
-    v1::RejectedSamples& rejected = *out.add_rejected();
-    rejected.set_cause(std::string(film::name(static_cast<film::RejectCause>(i))));
-    rejected.set_count(n);
-  }
-  set_failures(job.failures, *out.mutable_failures());
-  if (const auto waiting = scheduler_->waiting_of(job, t)) {
-    out.mutable_waiting()->set_cause(wire::to_proto(waiting->cause));
-    out.mutable_waiting()->set_units(waiting->units);
-    out.mutable_waiting()->set_retry_unix_ms(waiting->retry_unix_ms);
-  }
-  out.set_submitted_unix_ms(r.submitted_unix_ms);
-  out.set_finished_unix_ms(r.finished_unix_ms);
-  out.set_plan(r.plan);
-  for (std::size_t i = r.chains ? chains::kImageLayers - 1 : 0; i < r.layers.size(); ++i)
-    out.add_layers(r.layers[i]);
-  if (r.chains) {
-    v1::ChainStatus& status = *out.mutable_chains();
-    wire::to_proto(r.chain_summary, status);
-    wire::to_proto(*r.chains, *status.mutable_plan());
-    const chains::BootstrapTable* table = job.source->table();
-    status.set_bootstrap_done(table != nullptr ? table->known().count() : r.chains->bootstrap_samples);
-    if (!r.named_state) {
-      status.set_b(std::numeric_limits<double>::quiet_NaN());
-      status.set_b_standard_error(std::numeric_limits<double>::quiet_NaN());
-    }
-  }
-  out.set_checkpoint_generation(r.checkpoint_generation);
-  out.set_checkpoint_iterations(r.iterations_of(r.checkpoint_iterations));
-  out.set_lost(count(job.lost()));
-  out.set_repairing(r.repairs_to.has_value());
-  out.set_samples_per_second(scheduler_->samples_per_second(job, t));
-  out.set_eta_seconds(scheduler_->eta_seconds(job, t));
-  return out;
-}
-
 std::optional<v1::JobStatus> Farm::status(const std::string& job_id) {
-  const std::lock_guard lock(mutex_);
-  const Job* job = scheduler_->job(job_id);
-  if (job == nullptr) return std::nullopt;
-  return status_locked(*job, now());
+  return with_scheduler([&](Scheduler& s) -> std::optional<v1::JobStatus> {
+    const Job* job = s.job(job_id);
+    if (job == nullptr) return std::nullopt;
+    return status_of(s, *job, now());
+  });
 }
 
 std::vector<v1::JobStatus> Farm::all_status() {
-  const std::lock_guard lock(mutex_);
-  std::vector<v1::JobStatus> out;
-  for (const auto& [id, job] : scheduler_->jobs()) out.push_back(status_locked(job, now()));
-  return out;
-}
-
-v1::WorkerStatus Farm::worker_locked(const WorkerState& w, Now t) const {
-  v1::WorkerStatus out;
-  out.set_id(w.row.id);
-  out.set_name(w.row.name);
-  out.set_state(scheduler_->worker_state_name(w, t));
-  out.set_threads(w.row.threads);
-  out.set_build_id(w.row.build_id);
-  out.set_host(w.row.host);
-  out.set_units_merged(w.row.units_merged);
-  out.set_units_failed(w.row.units_failed);
-  out.set_last_seen_unix_ms(w.row.last_seen_unix_ms);
-  out.set_message(w.message);
-  set_failures(w.failures, *out.mutable_failures());
-  for (const std::string& job : scheduler_->jobs_of(w)) out.add_jobs(job);
-  return out;
+  return with_scheduler([&](Scheduler& s) {
+    std::vector<v1::JobStatus> out;
+    for (const auto& [id, job] : s.jobs()) out.push_back(status_of(s, job, now()));
+    return out;
+  });
 }
 
 std::vector<v1::WorkerStatus> Farm::all_workers() {
-  const std::lock_guard lock(mutex_);
-  std::vector<v1::WorkerStatus> out;
-  for (const auto& [id, w] : scheduler_->workers()) out.push_back(worker_locked(w, now()));
-  return out;
+  return with_scheduler([&](Scheduler& s) {
+    std::vector<v1::WorkerStatus> out;
+    for (const auto& [id, w] : s.workers()) out.push_back(status_of(s, w, now()));
+    return out;
+  });
 }
 
 std::optional<v1::WorkerStatus> Farm::worker(const std::string& id) {
-  const std::lock_guard lock(mutex_);
-  const auto it = scheduler_->workers().find(id);
-  if (it == scheduler_->workers().end()) return std::nullopt;
-  return worker_locked(it->second, now());
+  return with_scheduler([&](Scheduler& s) -> std::optional<v1::WorkerStatus> {
+    const auto it = s.workers().find(id);
+    if (it == s.workers().end()) return std::nullopt;
+    return status_of(s, it->second, now());
+  });
 }
 
 Result<v1::JobStatus> Farm::change_job(const std::string& job_id,
                                        const std::function<Result<void>(Scheduler&, Now)>& change) {
   CANDELA_TRY(with_scheduler([&](Scheduler& s) { return change(s, now()); }));
-  wake_.notify_all();
+  wake_.wake();
   std::optional<v1::JobStatus> out = status(job_id);
   if (out->state() == v1::JOB_STATE_CANCELLED)
     if (const auto film = film_of(job_id)) film->close();
@@ -482,7 +362,7 @@ Result<v1::JobStatus> Farm::resume(const std::string& job_id) {
 
 std::string Farm::blob_lost(const std::string& sha256, bool found_damaged) {
   if (with_scheduler([&](Scheduler& s) { return s.lost_state(sha256, now()); })) {
-    wake_.notify_all();
+    wake_.wake();
     return fmt::format("the master's copy of state {} is {}: it is decided again", sha256.substr(0, 16),
                        found_damaged ? "damaged" : "missing");
   }
@@ -594,11 +474,38 @@ Result<v1::GetLedgerResponse> Farm::ledger(const std::string& job_id) {
 }
 
 std::string Farm::trouble() {
-  const std::lock_guard lock(mutex_);
-  if (!store_trouble_.empty()) return "store: " + store_trouble_;
-  for (const auto& [id, job] : scheduler_->jobs())
-    if (!job.note.empty() && !has_ended(job.row.state)) return "job " + id + ": " + job.note;
-  return {};
+  {
+    const std::lock_guard lock(health_mutex_);
+    if (!store_trouble_.empty()) return "store: " + store_trouble_;
+  }
+  return with_scheduler([&](Scheduler& s) {
+    for (const auto& [id, job] : s.jobs())
+      if (!job.note.empty() && !has_ended(job.row.state)) return "job " + id + ": " + job.note;
+    return std::string();
+  });
+}
+
+// Ends what nobody waits for any more: leases that ran out, senders that hang, images that were sent.
+void Farm::tick_loop() {
+  constexpr double kTickSeconds = 0.05;
+  while (!stopping()) {
+    with_scheduler([&](Scheduler& s) { s.tick(now()); });
+    gate_->cancel_hung(now().seconds, options_.push_idle_seconds);
+    images_->recent().expire(now().seconds);
+    std::this_thread::sleep_for(std::chrono::duration<double>(kTickSeconds));
+  }
+}
+
+void Farm::stop() {
+  if (stopped_.exchange(true)) return;
+  begin_stop();
+  for (std::thread& t : threads_)
+    if (t.joinable()) t.join();
+  threads_.clear();
+  if (!upkeep_) return;  // it never started
+  upkeep_->last_checkpoints();
+  if (auto flushed = writer_->flush(); !flushed.ok())
+    log::error(fmt::format("the store could not be written: {}", flushed.error().to_string()));
 }
 
 }  // namespace candela::master

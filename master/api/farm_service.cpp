@@ -261,15 +261,15 @@ grpc::Status FarmServiceImpl::FetchImage(grpc::ServerContext* context, const v1:
     if (!farm_.status(request->job_id())) return not_found("job", request->job_id());
     EncodedImagePtr image;
     if (!request->sha256().empty())
-      image = farm_.recent_images().find(request->sha256(), farm_.now().seconds);
+      image = farm_.images().recent().find(request->sha256(), farm_.now().seconds);
     std::optional<Place> making;
     if (!image) {
       making.emplace(images_, kMaxImages);
       if (!making->held()) return too_many("images");
-      auto bytes = farm_.image(request->job_id(), {request->error_layer(), request->image_only(),
-                                                   request->chain_layers(), request->partial()});
+      auto bytes = farm_.images().encode(request->job_id(), {request->error_layer(), request->image_only(),
+                                                             request->chain_layers(), request->partial()});
       if (!bytes.ok()) return wire::to_status(bytes.error());
-      image = farm_.recent_images().keep(std::move(*bytes), farm_.now().seconds);
+      image = farm_.images().recent().keep(std::move(*bytes), farm_.now().seconds);
       // Clients on slow links keep nobody from an image, as long as it is not memory they take.
       if (image->bytes.size() <= kLargeImageBytes) making.reset();
     }

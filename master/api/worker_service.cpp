@@ -216,7 +216,7 @@ grpc::Status WorkerServiceImpl::PushDelta(grpc::ServerContext* context,
     const v1::DeltaHeader header = chunk.header();
     const auto refuse = [&](const grpc::Status& status) { return answer_early(*context, *reader, status); };
     if (!is_worker(farm_, header.worker_id(), header.session())) return refuse(unauthenticated());
-    auto admitted = farm_.admit(header);
+    auto admitted = farm_.deltas().admit(header);
     if (!admitted.ok()) return refuse(wire::to_status(admitted.error()));
     if (*admitted) {
       response->set_verdict((*admitted)->verdict);
@@ -252,7 +252,7 @@ grpc::Status WorkerServiceImpl::PushDelta(grpc::ServerContext* context,
     if (!too_long && bytes.size() < header.size_bytes() && context->IsCancelled())
       return grpc::Status(grpc::StatusCode::CANCELLED, "the delta did not arrive whole in time");
     (*ticket)->all_here();
-    const Farm::Verdict verdict = farm_.deliver(header, bytes, farm_.now().seconds - started);
+    const DeltaIntake::Verdict verdict = farm_.deltas().deliver(header, bytes, farm_.now().seconds - started);
     response->set_verdict(verdict.verdict);
     response->set_message(verdict.message);
     return grpc::Status::OK;

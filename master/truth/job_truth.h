@@ -2,7 +2,7 @@
 // names, its state against its film.
 //
 // The one place that reads a film from disk while the farm runs. Whoever needs a film (fetch, extend, ledger,
-// a lease of chains, a delivery, the keeper) asks open_film(), which agrees the job with what was read before
+// a lease of chains, a delivery, the upkeep) asks open_film(), which agrees the job with what was read before
 // anybody uses it. A start verifies ended jobs one after the other behind the farm's back; `candela verify`
 // does so when asked, for any job.
 //
@@ -62,7 +62,8 @@ class JobTruth {
   std::filesystem::path folder(const std::string& job_id) const;
 
   Farm& farm_;
-  std::map<std::string, std::string> manifests_;  // job -> hash of what is written; the keeper's
+  std::map<std::string, std::string>
+      manifests_;  // job -> hash of what is written; guarded by JobUpkeep's lock
 };
 
 }  // namespace candela::master

@@ -355,8 +355,8 @@ TEST(FarmDisk, AFullDiskDelaysTheEndOnly) {
     h.set_build_id(std::string(build_id()));
     h.set_size_bytes(bytes.size());
     h.set_sha256(sha256_hex(bytes));
-    EXPECT_FALSE(*farm.admit(h));
-    return farm.deliver(h, bytes, 0).verdict == v1::DELTA_VERDICT_MERGED;
+    EXPECT_FALSE(*farm.deltas().admit(h));
+    return farm.deltas().deliver(h, bytes, 0).verdict == v1::DELTA_VERDICT_MERGED;
   };
   const auto until = [&](auto condition) {
     for (int i = 0; i < 500 && !condition(*farm.status(id)); ++i)

@@ -1,12 +1,10 @@
-// Images that explain themselves.
-//
-// Pixels, and every attribute under "candela:" but those named here, depend on scene, settings and merged
-// iterations alone: equal renders have equal bytes there. What tells of this run (its job id and name, how
-// many units it was cut into, why it stopped) is in candela:job, candela:name and under "candela:run:".
+#include "master/jobs/image_writer.h"
+
 #include <fmt/format.h>
 
 #include <map>
 
+#include "common/base/files.h"
 #include "common/base/log.h"
 #include "common/base/version.h"
 #include "common/bundle/bundle.h"
@@ -14,7 +12,6 @@
 #include "common/image/image.h"
 #include "common/stats/image_error.h"
 #include "common/wire/wire.h"
-#include "master/farm.h"
 
 namespace candela::master {
 namespace {
@@ -26,7 +23,7 @@ std::string text_of(const SettingsMap& settings) {
   return out;
 }
 
-// What an image of Markov chains tells of its normalisation and of how the chains moved.
+// Attributes of an image of Markov chains: its normalization and the movement of its chains.
 void describe_chains(const JobRow& row, const JobFilm::Snapshot& snapshot,
                      std::map<std::string, std::string>& m) {
   const chains::Summary summary = chains::summarise(row.bootstrap, snapshot.counts);
@@ -58,8 +55,8 @@ void describe_chains(const JobRow& row, const JobFilm::Snapshot& snapshot,
 
 }  // namespace
 
-Result<std::string> Farm::encode_image(const JobRow& row, const JobFilm::Snapshot& snapshot,
-                                       const ImageParts& parts) {
+Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapshot& snapshot,
+                                        const ImageParts& parts) {
   const film::MergedFilm& film = *snapshot.film;
   const film::Development development = development_of(row, snapshot.counts);
   film::Tallies tallies = film.tallies(0);
@@ -90,7 +87,7 @@ Result<std::string> Farm::encode_image(const JobRow& row, const JobFilm::Snapsho
   m["candela:plan"] = row.plan;
   m["candela:version"] = std::string(version());
   m["candela:build_id"] = std::string(build_id());
-  auto bundle_bytes = store_->bundle(row.bundle_sha256);
+  auto bundle_bytes = store_.bundle(row.bundle_sha256);
   v1::Bundle message;
   if (bundle_bytes.ok() && *bundle_bytes && message.ParseFromString(**bundle_bytes)) {
     SettingsMap parameters(message.parameters().begin(), message.parameters().end());
@@ -126,16 +123,16 @@ Result<std::string> Farm::encode_image(const JobRow& row, const JobFilm::Snapsho
   return image::encode_exr(s.width, s.height, rgb, m, layers);
 }
 
-Result<std::string> Farm::image(const std::string& job_id, const ImageParts& parts) {
-  CANDELA_ASSIGN(const std::shared_ptr<JobFilm> film, truth_->open_film(job_id));
+Result<std::string> ImageWriter::encode(const std::string& job_id, const ImageParts& parts) {
+  CANDELA_ASSIGN(const std::shared_ptr<JobFilm> film, truth_.open_film(job_id));
   struct View {
     JobRow row;
     std::uint64_t lost = 0;
     std::string message;
   };
-  const auto [row, lost, message] = with_scheduler([&](Scheduler& s) {
+  const auto [row, lost, message] = table_.with_scheduler([&](Scheduler& s) {
     const Job& job = *s.job(job_id);
-    return View{job.row, count(job.lost()), s.message_of(job, now())};
+    return View{job.row, count(job.lost()), s.message_of(job, JobTable::now())};
   });
   const auto nothing = [&] {
     return refused_error(fmt::format("job {} has no image yet: nothing is merged", job_id))
@@ -146,7 +143,17 @@ Result<std::string> Farm::image(const std::string& job_id, const ImageParts& par
     return refused_error(fmt::format("job {}: {}", job_id, message)).with_mend("--partial gets what is left");
   const auto copy = film->snapshot(parts.image_only ? JobFilm::Part::image : JobFilm::Part::all);
   if (!copy.film || copy.film->iterations() == 0) return nothing();
-  return encode_image(row, copy, parts);
+  return encode(row, copy, parts);
+}
+
+void ImageWriter::write_file(const std::string& job_id, JobFilm& film) {
+  const JobFilm::Snapshot copy = film.snapshot();
+  const JobRow row = table_.with_scheduler([&](Scheduler& s) { return s.job(job_id)->row; });
+  if (!copy.film || copy.film->iterations() == 0) return;
+  auto bytes = encode(row, copy, {});
+  Result<void> written = bytes.ok() ? write_file_atomically(table_.folder_of(job_id) / "image.exr", *bytes)
+                                    : Result<void>(bytes.error());
+  if (!written.ok()) log::warn(fmt::format("no image: {}", written.error().to_string()), {.job = job_id});
 }
 
 }  // namespace candela::master

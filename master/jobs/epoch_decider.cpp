@@ -1,12 +1,11 @@
-// The thread that decides the states of epochs, off the scheduler's lock: sums in, a blob and a row out. The
-// blob is on disk before anybody hears of the state.
+#include "master/jobs/epoch_decider.h"
+
 #include <fmt/format.h>
 
 #include "common/base/hash.h"
 #include "common/base/log.h"
 #include "common/stages/decision.h"
 #include "common/stages/epochs.h"
-#include "master/farm.h"
 
 namespace candela::master {
 namespace {
@@ -40,18 +39,18 @@ Result<std::optional<std::string>> read_blob(BlobStore& blobs, const std::string
 
 }  // namespace
 
-Result<std::optional<std::string>> Farm::decide_state(const DueDecision& due) {
-  CANDELA_ASSIGN(const std::shared_ptr<JobFilm> film, truth_->open_film(due.job_id));
+Result<std::optional<std::string>> EpochDecider::decide_state(const DueDecision& due) {
+  CANDELA_ASSIGN(const std::shared_ptr<JobFilm> film, truth_.open_film(due.job_id));
   if (!film) return std::optional<std::string>();
   if (!covers(film->account().merged, due.needed)) {  // a checkpoint was lost, and its units are made again
-    truth_->agree_if_short(due.job_id, *film);
+    truth_.agree_if_short(due.job_id, *film);
     return std::optional<std::string>();
   }
   std::string previous;
   if (due.previous) {
-    CANDELA_ASSIGN(std::optional<std::string> bytes, read_blob(*blobs_, due.previous->sha256));
+    CANDELA_ASSIGN(std::optional<std::string> bytes, read_blob(blobs_, due.previous->sha256));
     if (!bytes) {
-      with_scheduler([&](Scheduler& s) { s.lost_state(due.previous->sha256, now()); });
+      table_.with_scheduler([&](Scheduler& s) { s.lost_state(due.previous->sha256, JobTable::now()); });
       return std::optional<std::string>();
     }
     previous = std::move(*bytes);
@@ -64,49 +63,41 @@ Result<std::optional<std::string>> Farm::decide_state(const DueDecision& due) {
   };
   auto state = decide({due.plan, due.epoch, due.width, due.height, previous, sums});
   if (!state.ok()) {
-    with_scheduler([&](Scheduler& s) {
+    table_.with_scheduler([&](Scheduler& s) {
       s.fail_job(
           due.job_id,
           fmt::format("the state of epoch {} cannot be decided: {}", due.epoch, state.error().to_string()),
-          now());
+          JobTable::now());
     });
     return std::optional<std::string>();
   }
   StateRow row{due.job_id, due.epoch, due.plan.rule, sha256_hex(*state), state->size()};
-  CANDELA_TRY(put_blob(*blobs_, row.sha256, *state));
-  with_scheduler([&](Scheduler& s) { s.decided(row, now()); });
-  remember_states(due.job_id, *film);
+  CANDELA_TRY(put_blob(blobs_, row.sha256, *state));
+  table_.with_scheduler([&](Scheduler& s) { s.decided(row, JobTable::now()); });
+  table_.remember_states(due.job_id, *film);
   return std::optional<std::string>(std::move(row.sha256));
 }
 
-// A film whose checkpoint was lost has fewer than the store.
-void Farm::remember_states(const std::string& job_id, JobFilm& film) {
-  for (const StateRow& row : with_scheduler([&](Scheduler& s) { return s.job(job_id)->states; }))
-    film.remember({row.name, row.epoch, row.sha256});
-}
-
-void Farm::decide_loop() {
-  std::map<std::string, double> retry_at;  // by job
-  std::string told;
-  while (!stopping_) {
+void EpochDecider::decide_loop() {
+  while (!wake_.stopping()) {
     bool any = false;
-    for (const DueDecision& due : with_scheduler([](Scheduler& s) { return s.due_decisions(); })) {
-      if (stopping_ || retry_at[due.job_id] > now().seconds) continue;
+    for (const DueDecision& due : table_.with_scheduler([](Scheduler& s) { return s.due_decisions(); })) {
+      if (wake_.stopping() || retry_at_[due.job_id] > JobTable::now().seconds) continue;
       const auto state = decide_state(due);
       if (state.ok() && *state) {
         any = true;
         continue;
       }
-      retry_at[due.job_id] = now().seconds + (state.ok() ? kDecideSeconds : kRetrySeconds);
+      retry_at_[due.job_id] = JobTable::now().seconds + (state.ok() ? kDecideSeconds : kRetrySeconds);
       if (state.ok()) continue;
       const std::string text = state.error().to_string();
-      if (std::exchange(told, text) == text) continue;
-      with_scheduler([&](Scheduler& s) {
-        s.event(now(), due.job_id, "", "undecided",
+      if (std::exchange(reported_error_, text) == text) continue;
+      table_.with_scheduler([&](Scheduler& s) {
+        s.event(JobTable::now(), due.job_id, "", "undecided",
                 fmt::format("the state of epoch {}: {}", due.epoch, text));
       });
     }
-    if (!any) sleep(kDecideSeconds);
+    if (!any) wake_.sleep(kDecideSeconds);
   }
 }
 

@@ -1,4 +1,5 @@
-// Deltas: what happens between a worker's bytes and the merged film.
+#include "master/jobs/delta_intake.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -9,9 +10,16 @@
 #include "common/base/version.h"
 #include "common/stages/epochs.h"
 #include "common/wire/wire.h"
-#include "master/farm.h"
 
 namespace candela::master {
+
+// Without a cause nobody has failed.
+struct DeltaRefusal {
+  v1::DeltaVerdict verdict = v1::DELTA_VERDICT_UNSPECIFIED;
+  std::string message;
+  std::optional<FailureCause> cause = {};
+};
+
 namespace {
 
 // An upper bound of the encoded delta of a unit: raw integers, an eighth more for incompressible planes,
@@ -31,12 +39,8 @@ film::DeltaShape shape_of(const JobRow& row) {
   return {layout_of(row), row.accumulators};
 }
 
-// Without a cause nobody has failed.
-struct Refusal {
-  v1::DeltaVerdict verdict = v1::DELTA_VERDICT_UNSPECIFIED;
-  std::string message;
-  std::optional<FailureCause> cause = {};
-};
+using Refusal = DeltaRefusal;
+
 Refusal corrupt(std::string message, FailureCause cause = FailureCause::worker) {
   return {v1::DELTA_VERDICT_CORRUPT, std::move(message), cause};
 }
@@ -59,7 +63,7 @@ std::optional<Refusal> refusal_of(Delivery delivery) {
   return std::nullopt;
 }
 
-// What the job says of its deltas.
+// The job's part of the contract on deltas.
 struct Expected {
   film::DeltaShape shape;
   std::optional<NamedState> state;
@@ -91,47 +95,48 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-// Adds a film, with accumulators and records, to the job's.
-std::optional<Refusal> merge_film(Farm& farm, const v1::DeltaHeader& header, const Unit& unit,
-                                  const film::Delta& delta, double receive_seconds,
-                                  std::chrono::steady_clock::time_point started) {
+}  // namespace
+
+std::optional<DeltaRefusal> DeltaIntake::merge_film(const v1::DeltaHeader& header, const Unit& unit,
+                                                    const film::Delta& delta, double receive_seconds,
+                                                    std::chrono::steady_clock::time_point started) {
   const bool segments = unit.kind == Unit::Kind::segments;
   auto records = chains::decode(delta.records(), segments ? unit.end - unit.begin : 0);
   if (!records.ok()) return corrupt(records.error().to_string());
   std::size_t largest_record = 0;
   for (const chains::ChainRecord& r : *records)
     largest_record = std::max(largest_record, chains::encoded_bytes(r));
-  if (auto opened = farm.truth().open_film(header.job_id()); !opened.ok())
+  if (auto opened = truth_.open_film(header.job_id()); !opened.ok())
     return Refusal{v1::DELTA_VERDICT_STALE, opened.error().to_string(), FailureCause::master};
-  const std::shared_ptr<JobFilm> film = farm.film_of(header.job_id());
+  const std::shared_ptr<JobFilm> film = table_.film_of(header.job_id());
   if (!film) return Refusal{v1::DELTA_VERDICT_STALE, "the job has no film"};
   const auto outcome = film->merge(delta, std::move(*records));
-  // The film lacks what the unit goes on from: no fault of the sender's. It is rendered again in its turn.
+  // The film lacks the segment before this one, through no fault of the sender: the unit is rendered again
+  // later.
   if (!outcome.ok() && outcome.error().kind == ErrorKind::refused && segments)
     return Refusal{v1::DELTA_VERDICT_STALE, outcome.error().to_string()};
   if (!outcome.ok()) return corrupt(outcome.error().to_string());
   if (*outcome == JobFilm::Outcome::duplicate) return refusal_of(Delivery::duplicate);
   if (*outcome == JobFilm::Outcome::closed) return refusal_of(Delivery::job_ended);
-  farm.with_scheduler([&](Scheduler& s) {
+  table_.with_scheduler([&](Scheduler& s) {
     s.merged(header.worker_id(), header.token(), header.unit_id(), header.job_id(), unit, delta.tallies(),
-             header.render_seconds(), receive_seconds + seconds_since(started), farm.now(), largest_record);
+             header.render_seconds(), receive_seconds + seconds_since(started), JobTable::now(),
+             largest_record);
   });
   return std::nullopt;
 }
 
-// Adds the contributions of bootstrap samples to the job's table.
-std::optional<Refusal> merge_table(Farm& farm, const v1::DeltaHeader& header, const film::Delta& delta) {
-  const auto taken = farm.with_scheduler([&](Scheduler& s) {
+std::optional<DeltaRefusal> DeltaIntake::merge_table(const v1::DeltaHeader& header,
+                                                     const film::Delta& delta) {
+  const auto taken = table_.with_scheduler([&](Scheduler& s) {
     return s.complete_bootstrap(header.worker_id(), header.token(), delta.table(), delta.tallies().rejected,
-                                header.render_seconds(), farm.now());
+                                header.render_seconds(), JobTable::now());
   });
   if (!taken.ok()) return corrupt(taken.error().to_string());
   return *taken ? std::nullopt : refusal_of(Delivery::stale);
 }
 
-}  // namespace
-
-Result<std::optional<Farm::Verdict>> Farm::admit(const v1::DeltaHeader& header) {
+Result<std::optional<DeltaIntake::Verdict>> DeltaIntake::admit(const v1::DeltaHeader& header) {
   CANDELA_ASSIGN(const Unit unit, wire::from_proto(header.unit()));
   if (!is_sha256_hex(header.sha256()))
     return input_error("must be 64 lower-case hex digits").with_field("header.sha256");
@@ -141,12 +146,12 @@ Result<std::optional<Farm::Verdict>> Farm::admit(const v1::DeltaHeader& header) 
     Delivery delivery;
     std::uint64_t largest = 0;
   };
-  const Answer answer = with_scheduler([&](Scheduler& s) {
-    Answer a{
-        s.check_delivery(header.worker_id(), header.token(), header.unit_id(), header.job_id(), unit, now()),
-        0};
+  const Answer answer = table_.with_scheduler([&](Scheduler& s) {
+    Answer a{s.check_delivery(header.worker_id(), header.token(), header.unit_id(), header.job_id(), unit,
+                              JobTable::now()),
+             0};
     if (const Job* job = s.job(header.job_id())) a.largest = largest_delta(shape_of(job->row), unit);
-    if (a.delivery == Delivery::ok) s.touch_lease(header.token(), now());
+    if (a.delivery == Delivery::ok) s.touch_lease(header.token(), JobTable::now());
     return a;
   });
   std::optional<Refusal> refusal = refusal_of(answer.delivery);
@@ -156,8 +161,8 @@ Result<std::optional<Farm::Verdict>> Farm::admit(const v1::DeltaHeader& header) 
                                   answer.largest));
   if (!refusal) return std::optional<Verdict>();
   if (refusal->cause)
-    with_scheduler([&](Scheduler& s) {
-      s.fail_unit(header.worker_id(), header.token(), *refusal->cause, refusal->message, now());
+    table_.with_scheduler([&](Scheduler& s) {
+      s.fail_unit(header.worker_id(), header.token(), *refusal->cause, refusal->message, JobTable::now());
     });
   ++counters_.verdicts[refusal->verdict];
   log::info(fmt::format("delta refused: {}", refusal->message),
@@ -167,7 +172,8 @@ Result<std::optional<Farm::Verdict>> Farm::admit(const v1::DeltaHeader& header) 
   return std::optional<Verdict>({refusal->verdict, refusal->message});
 }
 
-Farm::Verdict Farm::deliver(const v1::DeltaHeader& header, const std::string& bytes, double receive_seconds) {
+DeltaIntake::Verdict DeltaIntake::deliver(const v1::DeltaHeader& header, const std::string& bytes,
+                                          double receive_seconds) {
   const log::Ids ids{.job = header.job_id(),
                      .unit = static_cast<std::int64_t>(header.unit_id()),
                      .worker = header.worker_id()};
@@ -175,12 +181,12 @@ Farm::Verdict Farm::deliver(const v1::DeltaHeader& header, const std::string& by
   const auto refuse = [&](Refusal refusal) {
     ++counters_.verdicts[refusal.verdict];
     log::warn(fmt::format("delta refused: {}", refusal.message), ids);
-    with_scheduler([&](Scheduler& s) {
-      s.event(now(), header.job_id(), header.worker_id(), "refused", refusal.message);
+    table_.with_scheduler([&](Scheduler& s) {
+      s.event(JobTable::now(), header.job_id(), header.worker_id(), "refused", refusal.message);
       if (refusal.cause == FailureCause::master)
-        s.lack_inputs(header.worker_id(), header.token(), refusal.message, now());
+        s.lack_inputs(header.worker_id(), header.token(), refusal.message, JobTable::now());
       else if (refusal.cause)
-        s.fail_unit(header.worker_id(), header.token(), *refusal.cause, refusal.message, now());
+        s.fail_unit(header.worker_id(), header.token(), *refusal.cause, refusal.message, JobTable::now());
     });
     return Verdict{refusal.verdict, std::move(refusal.message)};
   };
@@ -191,10 +197,10 @@ Farm::Verdict Farm::deliver(const v1::DeltaHeader& header, const std::string& by
     return refuse(corrupt("the bytes do not have the announced hash", FailureCause::network));
 
   const auto started = std::chrono::steady_clock::now();
-  const PushGate::MergeTurn turn(*gate_);
+  const PushGate::MergeTurn turn(gate_);
   const auto unit = wire::from_proto(header.unit());
   if (!unit.ok()) return refuse(corrupt(unit.error().to_string()));
-  const auto expected = with_scheduler([&](Scheduler& s) -> std::optional<Expected> {
+  const auto expected = table_.with_scheduler([&](Scheduler& s) -> std::optional<Expected> {
     const Job* job = s.job(header.job_id());
     if (job == nullptr) return std::nullopt;
     return Expected{shape_of(job->row), job->row.named_state, job->row.epochs};
@@ -206,18 +212,18 @@ Farm::Verdict Farm::deliver(const v1::DeltaHeader& header, const std::string& by
   if (auto wrong = check(*delta, header, *unit, *expected)) return refuse(std::move(*wrong));
 
   // The lease may have run out while the bytes came.
-  const Delivery again = with_scheduler([&](Scheduler& s) {
+  const Delivery again = table_.with_scheduler([&](Scheduler& s) {
     return s.check_delivery(header.worker_id(), header.token(), header.unit_id(), header.job_id(), *unit,
-                            now());
+                            JobTable::now());
   });
   if (auto late = refusal_of(again)) return refuse(std::move(*late));
-  auto refusal = makes_film(unit->kind) ? merge_film(*this, header, *unit, *delta, receive_seconds, started)
-                                        : merge_table(*this, header, *delta);
+  auto refusal = makes_film(unit->kind) ? merge_film(header, *unit, *delta, receive_seconds, started)
+                                        : merge_table(header, *delta);
   if (refusal) return refuse(std::move(*refusal));
   counters_.merge_microseconds += static_cast<std::uint64_t>(seconds_since(started) * 1e6);
   ++counters_.verdicts[v1::DELTA_VERDICT_MERGED];
   log::debug("merged", ids);
-  wake_.notify_all();
+  wake_.wake();
   return {v1::DELTA_VERDICT_MERGED, ""};
 }
 

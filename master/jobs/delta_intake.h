@@ -1,0 +1,54 @@
+// Deltas, from a worker's bytes to the merged tallies: verify, decode, merge, tell the scheduler.
+//
+// Called by any number of threads at a time. The class has no state and no lock of its own: the gate bounds
+// how many deltas are merged at a time, the film takes each delta once, and the table counts it.
+#pragma once
+
+#include <chrono>
+#include <optional>
+#include <string>
+
+#include "candela/v1/worker.pb.h"
+#include "common/base/result.h"
+#include "common/film/delta.h"
+#include "master/jobs/farm_counters.h"
+#include "master/jobs/job_table.h"
+#include "master/jobs/wake_signal.h"
+#include "master/merge/push_gate.h"
+#include "master/truth/job_truth.h"
+
+namespace candela::master {
+
+struct DeltaRefusal;  // defined in delta_intake.cpp
+
+class DeltaIntake {
+ public:
+  struct Verdict {
+    v1::DeltaVerdict verdict = v1::DELTA_VERDICT_UNSPECIFIED;
+    std::string message;
+  };
+
+  DeltaIntake(JobTable& table, JobTruth& truth, PushGate& gate, FarmCounters& counters, WakeSignal& wake)
+      : table_(table), truth_(truth), gate_(gate), counters_(counters), wake_(wake) {}
+
+  // Before reading: a verdict if the delta need not be read at all. Errors: header fields, size.
+  Result<std::optional<Verdict>> admit(const v1::DeltaHeader& header);
+  // The whole delta is here: verify, decode, merge, remember.
+  Verdict deliver(const v1::DeltaHeader& header, const std::string& bytes, double receive_seconds);
+
+ private:
+  // Adds a film, with accumulators and records, to the job's.
+  std::optional<DeltaRefusal> merge_film(const v1::DeltaHeader& header, const Unit& unit,
+                                         const film::Delta& delta, double receive_seconds,
+                                         std::chrono::steady_clock::time_point started);
+  // Adds the contributions of bootstrap samples to the job's table.
+  std::optional<DeltaRefusal> merge_table(const v1::DeltaHeader& header, const film::Delta& delta);
+
+  JobTable& table_;
+  JobTruth& truth_;
+  PushGate& gate_;
+  FarmCounters& counters_;
+  WakeSignal& wake_;
+};
+
+}  // namespace candela::master

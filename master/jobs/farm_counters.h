@@ -1,0 +1,23 @@
+// Counters since the start, for /metrics.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+
+namespace candela::master {
+
+struct FarmCounters {
+  static constexpr int kVerdicts = 7;  // index: v1::DeltaVerdict
+  std::array<std::atomic<std::uint64_t>, kVerdicts> verdicts{};
+  std::atomic<std::uint64_t> delta_bytes{0};
+  std::atomic<std::uint64_t> queue_full{0};
+  std::atomic<std::uint64_t> leases{0};
+  std::atomic<std::uint64_t> checkpoints{0};
+  std::atomic<std::uint64_t> checkpoint_failures{0};
+  std::atomic<std::uint64_t> merge_microseconds{0};
+  std::atomic<std::uint64_t> upload_bytes{0};
+  std::atomic<std::uint64_t> damaged_blobs{0};
+};
+
+}  // namespace candela::master

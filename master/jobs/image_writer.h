@@ -1,0 +1,48 @@
+// Images of what is merged: a snapshot of a film becomes the bytes of an EXR file that explains itself.
+//
+// Pixels, and every attribute under "candela:" but those named here, depend on scene, settings and merged
+// iterations alone: equal renders have equal bytes there. What tells of this run (its job id and name, how
+// many units it was cut into, why it stopped) is in candela:job, candela:name and under "candela:run:".
+//
+// Called by any number of threads at a time. The images that were sent a short time ago have a lock of their
+// own (RecentImages); an image is encoded from a snapshot, under no lock.
+#pragma once
+
+#include <string>
+
+#include "common/base/result.h"
+#include "master/jobs/job_table.h"
+#include "master/merge/recent_images.h"
+#include "master/truth/job_truth.h"
+
+namespace candela::master {
+
+struct ImageParts {
+  bool error_layer = false;
+  bool image_only = false;    // without the job's further layers
+  bool chain_layers = false;  // with what the image of a job of chains is made of
+  bool partial = false;       // of a job that has lost samples: what is left
+};
+
+class ImageWriter {
+ public:
+  ImageWriter(JobTable& table, JobTruth& truth, Store& store) : table_(table), truth_(truth), store_(store) {}
+
+  // The image of what is merged now, as the bytes of an EXR file. ErrorKind::refused before the first merge.
+  // Precondition: the job exists.
+  Result<std::string> encode(const std::string& job_id, const ImageParts& parts);
+  // Writes the image into the job's folder. An image that cannot be written is worth a line in the log, no
+  // more: the film is safe in its checkpoints.
+  void write_file(const std::string& job_id, JobFilm& film);
+  RecentImages& recent() { return recent_; }
+
+ private:
+  Result<std::string> encode(const JobRow& row, const JobFilm::Snapshot& snapshot, const ImageParts& parts);
+
+  JobTable& table_;
+  JobTruth& truth_;
+  Store& store_;
+  RecentImages recent_;
+};
+
+}  // namespace candela::master

@@ -1,0 +1,70 @@
+#include "master/jobs/job_table.h"
+
+#include <chrono>
+
+#include "common/base/log.h"
+
+namespace candela::master {
+namespace {
+
+void log_event(const EventRow& e) {
+  std::string text = e.kind;
+  if (!e.message.empty()) text += ": " + e.message;
+  // Warnings are for the operator. Scene errors are reported to the submitter, not logged as warnings.
+  const bool bad = e.kind == "expired" || e.kind == "set-aside" || e.kind == "checkpoint-failed" ||
+                   e.kind == "refused" || e.kind == "checkpoint-damaged" || e.kind == "lost" ||
+                   e.kind == "orphans" || e.kind == "waiting" || e.kind == "blob-damaged" ||
+                   e.kind == "blob-missing" || e.kind == "scene-disputed";
+  log::write(bad ? spdlog::level::warn : spdlog::level::info, text, {.job = e.job_id, .worker = e.worker_id});
+}
+
+}  // namespace
+
+JobTable::JobTable(std::unique_ptr<Scheduler> scheduler, StoreWriter& writer, std::filesystem::path folder,
+                   FileWriter film_writer)
+    : writer_(writer),
+      folder_(std::move(folder)),
+      film_writer_(std::move(film_writer)),
+      scheduler_(std::move(scheduler)) {}
+
+Now JobTable::now() {
+  using std::chrono::duration;
+  return {duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(),
+          std::chrono::duration_cast<std::chrono::milliseconds>(
+              std::chrono::system_clock::now().time_since_epoch())
+              .count()};
+}
+
+std::shared_ptr<JobFilm> JobTable::make_film(const JobRow& row) const {
+  return std::make_shared<JobFilm>(folder_of(row.id), layout_of(row), row.named_state->film_scale_log2,
+                                   film_writer_,
+                                   CheckpointShape{row.chains ? row.chains->chains : 0, row.accumulators});
+}
+
+std::shared_ptr<JobFilm> JobTable::film_of(const std::string& job_id) {
+  const std::lock_guard lock(mutex_);
+  const auto it = films_.find(job_id);
+  if (it != films_.end()) return it->second;
+  const Job* job = scheduler_->job(job_id);
+  if (job == nullptr || !job->row.named_state) return nullptr;
+  return films_[job_id] = make_film(job->row);
+}
+
+JobFilms JobTable::films() const {
+  const std::lock_guard lock(mutex_);
+  return films_;
+}
+
+void JobTable::remember_states(const std::string& job_id, JobFilm& film) {
+  for (const StateRow& row : with_scheduler([&](Scheduler& s) { return s.job(job_id)->states; }))
+    film.remember({row.name, row.epoch, row.sha256});
+}
+
+void JobTable::publish() {
+  std::vector<Change> changes = scheduler_->take_changes();
+  for (const Change& c : changes)
+    if (const auto* e = std::get_if<AddEvent>(&c)) log_event(e->row);
+  writer_.enqueue(std::move(changes));
+}
+
+}  // namespace candela::master

@@ -1,0 +1,71 @@
+// The scheduler and the films of its jobs, under one lock.
+//
+// The lock is never held across I/O or across a merge into a film, which has a lock of its own. Each
+// decision's changes are handed to the store's queue before the lock is released, so the store sees them in
+// the order of the decisions.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <utility>
+
+#include "master/merge/job_film.h"
+#include "master/scheduler/scheduler.h"
+#include "master/store/store.h"
+
+namespace candela::master {
+
+using JobFilms = std::map<std::string, std::shared_ptr<JobFilm>>;  // by job
+
+class JobTable {
+ public:
+  // `folder` holds one folder for each job. `film_writer` writes checkpoints.
+  JobTable(std::unique_ptr<Scheduler> scheduler, StoreWriter& writer, std::filesystem::path folder,
+           FileWriter film_writer);
+
+  static Now now();
+
+  // Runs `f(scheduler)` under the lock, then hands its changes to the store's queue.
+  template <class F>
+  auto with_scheduler(F&& f) {
+    return with_films([&](Scheduler& scheduler, JobFilms&) { return f(scheduler); });
+  }
+  // The same for `f(scheduler, films)`.
+  template <class F>
+  auto with_films(F&& f) {
+    struct Finally {
+      JobTable& table;
+      ~Finally() { table.publish(); }
+    };
+    const std::lock_guard lock(mutex_);
+    const Finally finally{*this};
+    return f(*scheduler_, films_);
+  }
+
+  // Loaded or not (JobTruth::open_film loads it); null before the pilot and for unknown jobs.
+  std::shared_ptr<JobFilm> film_of(const std::string& job_id);
+  JobFilms films() const;
+  // A film without content that is not in the table. Precondition: the pilot is done.
+  std::shared_ptr<JobFilm> make_film(const JobRow& row) const;
+  // Tells the film every decided state of its job, for the next checkpoint. A film whose checkpoint was lost
+  // has fewer than the store.
+  void remember_states(const std::string& job_id, JobFilm& film);
+  std::filesystem::path folder_of(const std::string& job_id) const { return folder_ / job_id; }
+
+ private:
+  void publish();  // precondition: mutex_ is held
+
+  StoreWriter& writer_;
+  const std::filesystem::path folder_;
+  const FileWriter film_writer_;
+
+  mutable std::mutex mutex_;  // guards the two below
+  std::unique_ptr<Scheduler> scheduler_;
+  JobFilms films_;
+};
+
+}  // namespace candela::master

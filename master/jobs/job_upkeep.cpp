@@ -1,0 +1,210 @@
+#include "master/jobs/job_upkeep.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/base/log.h"
+#include "common/stats/image_error.h"
+
+namespace candela::master {
+namespace {
+
+constexpr double kRoundSeconds = 0.1;    // between rounds of upkeep
+constexpr double kSummarySeconds = 0.5;  // between summaries of a job's chains
+constexpr double kRetrySeconds = 1;      // after a checkpoint that failed
+constexpr double kImageSeconds = 60;     // between images of a running job
+constexpr double kIdleFilmSeconds = 60;  // before the film of a job that has ended gives its memory back
+constexpr double kEstimateGrowth = 1.1;  // of iterations between estimates
+constexpr double kMinEstimateSeconds = 0.25, kMaxEstimateSeconds = 2;
+constexpr double kEstimateShare = 0.05;  // of one thread, at most
+
+}  // namespace
+
+void JobUpkeep::upkeep_loop() {
+  while (!wake_.stopping()) {
+    const bool force = flush_requested_.exchange(false);
+    std::vector<std::string> ids;
+    table_.with_scheduler([&](Scheduler& s) {
+      for (const auto& [id, job] : s.jobs()) ids.push_back(id);
+    });
+    for (const std::string& id : ids) {
+      if (wake_.stopping()) break;
+      const std::lock_guard lock(mutex_);
+      upkeep(id, force);
+    }
+    wake_.sleep(kRoundSeconds);
+  }
+}
+
+bool JobUpkeep::save_checkpoint(const std::string& job_id, JobFilm& film) {
+  State& state = jobs_[job_id];
+  state.last_checkpoint = JobTable::now().seconds;
+  table_.remember_states(job_id, film);
+  Result<JobFilm::Checkpoint> written = film.checkpoint();
+  keep_manifest(job_id);
+  if (!written.ok()) {
+    ++counters_.checkpoint_failures;
+    state.retry_at = JobTable::now().seconds + kRetrySeconds;
+    const std::string text = written.error().to_string();
+    table_.with_scheduler([&](Scheduler& s) {
+      // Once per cause: a disk may be full for hours.
+      if (state.checkpoint_error != text) s.event(JobTable::now(), job_id, "", "checkpoint-failed", text);
+      s.set_note(job_id,
+                 fmt::format("the checkpoint could not be written, trying again; generation {} serves: {}",
+                             film.generation(), text));
+    });
+    state.checkpoint_error = text;
+    return false;
+  }
+  ++counters_.checkpoints;
+  table_.with_scheduler([&](Scheduler& s) {
+    if (!state.checkpoint_error.empty()) {
+      s.event(JobTable::now(), job_id, "", "checkpoint", "checkpoints can be written again");
+      s.set_note(job_id, "");
+    }
+    s.checkpointed(job_id, written->generation, written->iterations, JobTable::now());
+  });
+  state.checkpoint_error.clear();
+  state.retry_at = 0;
+  return true;
+}
+
+// A job without a manifest is as safe as its store: worth an event, and another attempt at the next
+// checkpoint.
+void JobUpkeep::keep_manifest(const std::string& job_id) {
+  State& state = jobs_[job_id];
+  const Result<void> written = truth_.keep_manifest(job_id);
+  const std::string text = written.ok() ? "" : written.error().to_string();
+  if (!text.empty() && text != state.manifest_error)
+    table_.with_scheduler(
+        [&](Scheduler& s) { s.event(JobTable::now(), job_id, "", "manifest-failed", text); });
+  state.manifest_error = text;
+}
+
+void JobUpkeep::estimate_error(const std::string& job_id, JobFilm& film, bool at_once) {
+  State& state = jobs_[job_id];
+  struct Figures {
+    std::uint64_t iterations = 0;
+    bool both = false;
+  };
+  const Figures f = table_.with_scheduler([&](Scheduler& s) {
+    const Job* job = s.job(job_id);
+    return Figures{job->row.iterations, job->merged[0].count() > 0 && job->merged[1].count() > 0};
+  });
+  if (!f.both || f.iterations == state.estimated_iterations) return;
+  if (!at_once) {
+    const double wait = std::clamp(state.estimate_cost / kEstimateShare, kMinEstimateSeconds,
+                                   std::max(kMaxEstimateSeconds, state.estimate_cost / kEstimateShare));
+    if (JobTable::now().seconds - state.last_estimate < wait) return;
+    if (static_cast<double>(f.iterations) < kEstimateGrowth * static_cast<double>(state.estimated_iterations))
+      return;
+  }
+  const double started = JobTable::now().seconds;
+  const JobFilm::Snapshot copy = film.snapshot(JobFilm::Part::image);
+  if (!copy.film) return;
+  const JobRow row = table_.with_scheduler([&](Scheduler& s) { return s.job(job_id)->row; });
+  const stats::ErrorEstimate e = stats::estimate_error(*copy.film, development_of(row, copy.counts));
+  state.last_estimate = JobTable::now().seconds;
+  state.estimate_cost = state.last_estimate - started;
+  state.estimated_iterations = copy.film->iterations();
+  table_.with_scheduler(
+      [&](Scheduler& s) { s.relmse_estimated(job_id, e.relmse, copy.film->iterations(), JobTable::now()); });
+}
+
+// The status of a job's chains follows its film within half a second.
+void JobUpkeep::summarize_chains(const std::string& job_id, JobFilm& film, bool at_once) {
+  State& state = jobs_[job_id];
+  if (!at_once && JobTable::now().seconds - state.last_summary < kSummarySeconds) return;
+  struct View {
+    bool chains = false;
+    std::uint64_t iterations = 0;
+    chains::BootstrapSums bootstrap;
+  };
+  const View view = table_.with_scheduler([&](Scheduler& s) {
+    const JobRow& row = s.job(job_id)->row;
+    return View{row.chains.has_value(), row.iterations, row.bootstrap};
+  });
+  if (!view.chains || view.iterations == state.summarized_iterations) return;
+  const chains::Summary summary = chains::summarise(view.bootstrap, film.chain_counts());
+  state.last_summary = JobTable::now().seconds;
+  state.summarized_iterations = view.iterations;
+  // Chains without light are no failure while layers that need no chains have light.
+  const bool black = !(view.bootstrap.sum > 0) && film.all_black();
+  table_.with_scheduler([&](Scheduler& s) {
+    s.chains_summarised(job_id, summary, JobTable::now());
+    if (black) s.found_black(job_id, JobTable::now());
+  });
+}
+
+void JobUpkeep::write_image(const std::string& job_id, JobFilm& film) {
+  jobs_[job_id].last_image = JobTable::now().seconds;
+  images_.write_file(job_id, film);
+}
+
+void JobUpkeep::upkeep(const std::string& job_id, bool force) {
+  struct View {
+    bool finishing = false, ended = false, paused = false, has_film = false;
+  };
+  const View view = table_.with_scheduler([&](Scheduler& s) {
+    const Job* job = s.job(job_id);
+    return View{job->finishing, has_ended(job->row.state), job->row.state == JobState::paused,
+                job->row.named_state.has_value()};
+  });
+  if (!view.has_film) return;
+  const std::shared_ptr<JobFilm> film = table_.film_of(job_id);
+  if (!film->loaded()) {
+    if (view.ended) return;
+    if (auto opened = truth_.open_film(job_id, false); !opened.ok()) return;
+  }
+  const double t = JobTable::now().seconds;
+  State& state = jobs_[job_id];
+
+  if (view.finishing || view.ended) {
+    film->close();
+    if (t < state.retry_at) return;
+    if (view.finishing) estimate_error(job_id, *film, true);
+    if (film->dirty()) summarize_chains(job_id, *film, true);
+    if ((film->dirty() || film->generation() == 0) && !save_checkpoint(job_id, *film)) return;
+    if (view.finishing) {
+      const bool extended = table_.with_scheduler([&](Scheduler& s) {
+        s.finish(job_id, JobTable::now());
+        return !has_ended(s.job(job_id)->row.state);
+      });
+      film->touch(t);
+      if (extended) film->reopen();  // somebody wanted more in the meantime
+      wake_.wake();
+      if (options_.image_on_checkpoint) write_image(job_id, *film);
+    } else if (force) {
+      write_image(job_id, *film);
+    }
+    film->unload_if_idle(t, kIdleFilmSeconds);
+    return;
+  }
+  film->reopen();
+  estimate_error(job_id, *film, false);
+  summarize_chains(job_id, *film, false);
+  const bool due = film->dirty() && t >= state.retry_at &&
+                   (force || view.paused || t - state.last_checkpoint >= options_.checkpoint_seconds);
+  if (due) save_checkpoint(job_id, *film);
+  if (force || (due && options_.image_on_checkpoint && t - state.last_image >= kImageSeconds))
+    write_image(job_id, *film);
+}
+
+void JobUpkeep::flush_images() {
+  flush_requested_ = true;
+  wake_.wake();
+}
+
+void JobUpkeep::last_checkpoints() {
+  const std::lock_guard lock(mutex_);
+  for (const auto& [id, film] : table_.films()) {
+    film->close();
+    if (film->dirty() && !save_checkpoint(id, *film))
+      log::error("the last checkpoint could not be written; the generation before serves at the next start",
+                 {.job = id});
+  }
+}
+
+}  // namespace candela::master

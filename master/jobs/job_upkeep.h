@@ -1,0 +1,69 @@
+// The upkeep of jobs: checkpoints, manifests, error estimates, chain summaries, images in the job's folder,
+// and the last step of a job. Law 6: a job is done when its final checkpoint is on disk, not before.
+//
+// `mutex_` guards what is remembered of each job and admits one thread at a time to the upkeep of a job. It
+// is held across I/O, so only upkeep may wait for it; the table's lock is taken under it, never the other way
+// round.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <map>
+#include <mutex>
+#include <string>
+
+#include "master/jobs/farm_counters.h"
+#include "master/jobs/image_writer.h"
+#include "master/jobs/job_table.h"
+#include "master/jobs/wake_signal.h"
+#include "master/options.h"
+#include "master/truth/job_truth.h"
+
+namespace candela::master {
+
+class JobUpkeep {
+ public:
+  // `options` must outlive this object.
+  JobUpkeep(JobTable& table, JobTruth& truth, ImageWriter& images, FarmCounters& counters, WakeSignal& wake,
+            const MasterOptions& options)
+      : table_(table), truth_(truth), images_(images), counters_(counters), wake_(wake), options_(options) {}
+
+  // The body of one thread. Returns when the farm stops.
+  void upkeep_loop();
+  // The next round writes the images of all jobs.
+  void flush_images();
+  // Closes every film and writes the checkpoints that are due. Precondition: upkeep_loop() has returned.
+  void last_checkpoints();
+
+ private:
+  // What upkeep remembers of a job; times are of the steady clock.
+  struct State {
+    double last_checkpoint = 0, retry_at = 0, last_image = 0;
+    double last_estimate = 0, estimate_cost = 0;
+    std::uint64_t estimated_iterations = 0;
+    double last_summary = 0;
+    std::uint64_t summarized_iterations = 0;
+    std::string checkpoint_error, manifest_error;  // reported last; empty: none
+  };
+
+  // Precondition of these: mutex_ is held.
+  void upkeep(const std::string& job_id, bool force);
+  bool save_checkpoint(const std::string& job_id, JobFilm& film);
+  void keep_manifest(const std::string& job_id);
+  void estimate_error(const std::string& job_id, JobFilm& film, bool at_once);
+  void summarize_chains(const std::string& job_id, JobFilm& film, bool at_once);
+  void write_image(const std::string& job_id, JobFilm& film);
+
+  JobTable& table_;
+  JobTruth& truth_;
+  ImageWriter& images_;
+  FarmCounters& counters_;
+  WakeSignal& wake_;
+  const MasterOptions& options_;
+
+  std::atomic<bool> flush_requested_{false};
+  std::mutex mutex_;
+  std::map<std::string, State> jobs_;
+};
+
+}  // namespace candela::master
