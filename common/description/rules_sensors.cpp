@@ -1,8 +1,13 @@
 // Integrators, sensors, samplers, films and filters, from Mitsuba's documentation: what is here is what
 // Candela renders.
+#include <fmt/format.h>
+
 #include <iterator>
+#include <string>
+#include <utility>
 
 #include "common/description/rules.h"
+#include "common/job/integrator_words.h"
 
 namespace candela::description::rules {
 
@@ -112,81 +117,93 @@ void add_filters(std::vector<PluginRule>& table) {
                    .doc = "windowed sinc"});
 }
 
-}  // namespace
+namespace words = integrator_words;
 
-namespace {
+// The vocabulary checks the minimum of an integer. The renderer checks the maximum, for settings of scene
+// files and of command lines alike.
+PropertyRule rule_of(const words::IntegerSetting& setting, std::string_view doc) {
+  return {
+      .name = setting.name, .types = {integer}, .doc = doc, .minimum = static_cast<double>(setting.minimum)};
+}
 
-// What all integrators have, and what is said to them that is the farm's to decide.
-std::vector<PropertyRule> integrator_properties(std::vector<PropertyRule> own) {
+PropertyRule rule_of(const words::NumberSetting& setting, std::string_view doc) {
+  return {.name = setting.name,
+          .types = {number},
+          .doc = doc,
+          .minimum = setting.minimum,
+          .maximum = setting.maximum,
+          .above_minimum = setting.above_minimum};
+}
+
+// PropertyRule keeps a view of its text, so text with defaults in it must last as long as the program.
+std::string_view max_depth_doc() {
+  static const std::string doc = fmt::format(
+      "longest path in edges, -1 for no limit; 1 shows emitters only, 2 direct light (default {})",
+      words::kDefaultMaxDepth);
+  return doc;
+}
+
+std::string_view hide_emitters_doc() {
+  static const std::string doc =
+      fmt::format("directly visible emitters are left out (default {})", words::kHideEmitters.default_value);
+  return doc;
+}
+
+std::string_view alpha_doc() {
+  static const std::string doc =
+      fmt::format("how fast radii shrink: their squares as i^(alpha - 1) (default {}; vcm {})",
+                  words::kPpm.alpha.text, words::kVcm.alpha.text);
+  return doc;
+}
+
+// The settings that Mitsuba has too, and Mitsuba's parameters that the farm decides or that have no effect
+// here. `own`: parameters of that second kind that this integrator has alone.
+PluginRule integrator_rule(const words::IntegratorWords& integrator, std::vector<PropertyRule> own,
+                           std::string_view doc) {
   std::vector<PropertyRule> rules = {
-      {.name = "max_depth",
-       .types = {integer},
-       .doc = "longest path in edges, -1 for no limit; 1 shows emitters only, 2 direct light (default -1)",
-       .minimum = -1},
-      {.name = "rr_depth",
-       .types = {integer},
-       .doc = "path depth from which Russian roulette may end a path (default: see the integrator)",
-       .minimum = 1},
-      flag("hide_emitters", "directly visible emitters are left out (default false)"),
+      rule_of(words::kMaxDepth, max_depth_doc()),
+      rule_of(words::kRrDepth,
+              "path depth from which Russian roulette may end a path (default: see the integrator)"),
+      flag(words::kHideEmitters.name, hide_emitters_doc()),
       ignored("samples_per_pass", {integer}, "the farm cuts work into units itself"),
       ignored("block_size", {integer}, "the farm cuts work into units itself"),
       ignored("timeout", {number, integer}, "a stop rule belongs to the job: --time")};
+  if (!integrator.alpha.text.empty()) rules.push_back(rule_of(words::kAlpha, alpha_doc()));
   rules.insert(rules.end(), std::make_move_iterator(own.begin()), std::make_move_iterator(own.end()));
-  return rules;
+  return {.category = "integrator",
+          .name = integrator.name,
+          .properties = std::move(rules),
+          .child_categories = {},
+          .doc = doc};
 }
 
 }  // namespace
 
+// The order is that of docs/scenes.md.
 void add_integrators(std::vector<PluginRule>& table) {
+  table.push_back(integrator_rule(
+      words::kPath,
+      {only("strict_normals", boolean, "false", "0.6: treatment of inconsistent shading normals"),
+       ignored("use_spectral_mis", {boolean}, "volpathmis: always done")},
+      "path tracing with next event estimation and multiple importance sampling, through media too; "
+      "the names `volpath`, `volpathmis` and `volpath_simple` mean this one"));
+  table.push_back(integrator_rule(words::kLight,
+                                  {ignored("brute_force", {boolean}, "0.6: connections are always made")},
+                                  "light tracing; the name `ptracer` means this one"));
   table.push_back(
-      {.category = "integrator",
-       .name = "path",
-       .properties = integrator_properties(
-           {only("strict_normals", boolean, "false", "0.6: treatment of inconsistent shading normals"),
-            ignored("use_spectral_mis", {boolean}, "volpathmis: always done")}),
-       .child_categories = {},
-       .doc = "path tracing with next event estimation and multiple importance sampling, through media too; "
-              "the names `volpath`, `volpathmis` and `volpath_simple` mean this one"});
-  table.push_back({.category = "integrator",
-                   .name = "light",
-                   .properties = integrator_properties(
-                       {ignored("brute_force", {boolean}, "0.6: connections are always made")}),
-                   .child_categories = {},
-                   .doc = "light tracing; the name `ptracer` means this one"});
-  table.push_back({.category = "integrator",
-                   .name = "bdpt",
-                   .properties = integrator_properties(
-                       {ignored("light_image", {boolean}, "0.6: the plan decides which techniques run"),
-                        ignored("sample_direct", {boolean}, "0.6: the plan decides which techniques run")}),
-                   .child_categories = {},
-                   .doc = "bidirectional path tracing with all techniques"});
-  const PropertyRule alpha = {
-      .name = "alpha",
-      .types = {number},
-      .doc = "how fast radii shrink: their squares as i^(alpha - 1) (default 2/3; vcm 0.75)",
-      .minimum = 0,
-      .maximum = 1,
-      .above_minimum = true};
-  table.push_back(
-      {.category = "integrator",
-       .name = "ppm",
-       .properties = integrator_properties(
-           {alpha, ignored("photon_count", {integer}, "light paths follow the film: --set light_paths"),
-            ignored("initial_radius", {number}, "the first radius follows the scene: --set radius"),
-            ignored("granularity", {integer}, "the farm cuts work into units itself"),
-            ignored("max_passes", {integer}, "a stop rule belongs to the job: --iterations")}),
-       .child_categories = {},
-       .doc = "stochastic progressive photon mapping; the name `sppm` means this one"});
-  table.push_back({.category = "integrator",
-                   .name = "bpm",
-                   .properties = integrator_properties({alpha}),
-                   .child_categories = {},
-                   .doc = "bidirectional photon mapping"});
-  table.push_back({.category = "integrator",
-                   .name = "vcm",
-                   .properties = integrator_properties({alpha}),
-                   .child_categories = {},
-                   .doc = "vertex connection and merging"});
+      integrator_rule(words::kBdpt,
+                      {ignored("light_image", {boolean}, "0.6: the plan decides which techniques run"),
+                       ignored("sample_direct", {boolean}, "0.6: the plan decides which techniques run")},
+                      "bidirectional path tracing with all techniques"));
+  table.push_back(integrator_rule(
+      words::kPpm,
+      {ignored("photon_count", {integer}, "light paths follow the film: --set light_paths"),
+       ignored("initial_radius", {number}, "the first radius follows the scene: --set radius"),
+       ignored("granularity", {integer}, "the farm cuts work into units itself"),
+       ignored("max_passes", {integer}, "a stop rule belongs to the job: --iterations")},
+      "stochastic progressive photon mapping; the name `sppm` means this one"));
+  table.push_back(integrator_rule(words::kBpm, {}, "bidirectional photon mapping"));
+  table.push_back(integrator_rule(words::kVcm, {}, "vertex connection and merging"));
   const std::string_view their_own = "chains have settings of their own: --help of the integrator";
   const std::vector<PropertyRule> chains = {ignored("luminance_samples", {integer}, their_own),
                                             ignored("direct_samples", {integer}, their_own),
@@ -194,16 +211,9 @@ void add_integrators(std::vector<PluginRule>& table) {
                                             ignored("two_stage", {boolean}, "0.6: the bootstrap is uniform")};
   std::vector<PropertyRule> over = chains;
   over.push_back(ignored("bidirectional", {boolean}, "0.6: --set over=bdpt or over=path"));
-  table.push_back({.category = "integrator",
-                   .name = "pssmlt",
-                   .properties = integrator_properties(std::move(over)),
-                   .child_categories = {},
-                   .doc = "Metropolis light transport in primary sample space"});
-  table.push_back({.category = "integrator",
-                   .name = "mmlt",
-                   .properties = integrator_properties(chains),
-                   .child_categories = {},
-                   .doc = "multiplexed Metropolis light transport"});
+  table.push_back(
+      integrator_rule(words::kPssmlt, std::move(over), "Metropolis light transport in primary sample space"));
+  table.push_back(integrator_rule(words::kMmlt, chains, "multiplexed Metropolis light transport"));
 }
 
 namespace {

@@ -5,8 +5,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
+#include <vector>
 
 #include "common/description/vocabulary.h"
+#include "common/job/integrator_words.h"
 #include "tests/integrators.h"
 #include "worker/render/renderer.h"
 
@@ -36,7 +39,7 @@ TEST(IntegratorTable, RowsSayWhatTheIntegratorsDo) {
 }
 
 // Claim: a parameter of an integrator that has an effect in a scene file is a setting of that integrator,
-// which takes the values at the parameter's bounds. (The vocabulary of scene files repeats names and bounds.)
+// which takes the values at the parameter's bounds.
 TEST(IntegratorTable, SettingsTakeWhatSceneFilesMaySay) {
   for (const test::IntegratorRow& row : test::integrators()) {
     const auto* plugin = description::find_plugin("integrator", row.name);
@@ -59,6 +62,31 @@ TEST(IntegratorTable, SettingsTakeWhatSceneFilesMaySay) {
         EXPECT_FALSE(takes(rule.name, fmt::format("{}", rule.maximum + 1)));
       }
     }
+  }
+}
+
+// Claim: the shared words name the renderer's integrators and no other; so does the vocabulary of scene
+// files.
+TEST(IntegratorTable, WordsNameEveryIntegrator) {
+  std::vector<std::string> names;
+  for (const auto& words : integrator_words::kIntegrators) names.emplace_back(words.name);
+  EXPECT_THAT(names, testing::UnorderedElementsAreArray(render::integrator_names()));
+  EXPECT_THAT(description::plugin_names("integrator"), testing::UnorderedElementsAreArray(names));
+}
+
+// Claim: an integrator's settings start from the defaults that its shared words tell readers of, and it has
+// alpha if they say so.
+TEST(IntegratorTable, SettingsHaveTheDefaultsOfTheirWords) {
+  for (const auto& words : integrator_words::kIntegrators) {
+    SCOPED_TRACE(words.name);
+    const auto defaults = render::complete_integrator_settings(std::string(words.name), {}, {});
+    ASSERT_TRUE(defaults.ok()) << defaults.error().to_string();
+    EXPECT_EQ(defaults->at("max_depth"), "-1");
+    EXPECT_EQ(defaults->at("rr_depth"), std::to_string(words.rr_depth));
+    EXPECT_EQ(defaults->at("hide_emitters"), "false");
+    ASSERT_EQ(defaults->contains("alpha"), !words.alpha.text.empty());
+    if (words.alpha.text.empty()) continue;
+    EXPECT_EQ(std::stod(defaults->at("alpha")), words.alpha.value);
   }
 }
 

@@ -1,19 +1,19 @@
 // Settings that every integrator has.
 #pragma once
 
+#include "common/job/integrator_words.h"
 #include "worker/estimators/options.h"
 #include "worker/integrators/settings.h"
 
 namespace candela::integrators {
 
 struct CommonSettings {
-  int max_depth = -1;
-  int rr_depth = 2;
-  bool hide_emitters = false;
+  int max_depth = integrator_words::kDefaultMaxDepth;
+  int rr_depth;
+  bool hide_emitters = integrator_words::kHideEmitters.default_value;
   Choice plan{"auto", {"auto", "full"}};
 
-  CommonSettings() = default;
-  explicit CommonSettings(int default_rr_depth) : rr_depth(default_rr_depth) {}
+  explicit CommonSettings(const integrator_words::IntegratorWords& words) : rr_depth(words.rr_depth) {}
 
   bool full_plan() const { return plan.value == "full"; }
   estimators::PathOptions path_options() const {
@@ -22,12 +22,13 @@ struct CommonSettings {
   }
 
   template <class Visitor>
-  void path_fields(Visitor& visit, int min_rr_depth = 1,
+  void path_fields(Visitor& visit, int min_rr_depth = integrator_words::kRrDepth.minimum,
                    std::string_view rr_doc = "path depth from which Russian roulette may end a path") {
-    visit("max_depth", max_depth, -1, 1 << 20,
+    using namespace integrator_words;
+    visit(kMaxDepth.name, max_depth, kMaxDepth.minimum, kMaxDepth.maximum,
           "edges of the longest path; -1 none, 1 shows emitters only, 2 adds direct light");
-    visit("rr_depth", rr_depth, min_rr_depth, 1 << 20, rr_doc);
-    visit("hide_emitters", hide_emitters, "emitters do not show themselves to the camera");
+    visit(kRrDepth.name, rr_depth, min_rr_depth, kRrDepth.maximum, rr_doc);
+    visit(kHideEmitters.name, hide_emitters, "emitters do not show themselves to the camera");
   }
   template <class Visitor>
   void plan_field(Visitor& visit) {

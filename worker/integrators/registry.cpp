@@ -2,6 +2,7 @@
 
 #include <string_view>
 
+#include "common/job/integrator_words.h"
 #include "worker/integrators/bdpt/bdpt.h"
 #include "worker/integrators/light/light.h"
 #include "worker/integrators/markov/markov.h"
@@ -15,14 +16,14 @@ namespace candela::integrators {
 
 std::vector<IntegratorEntry> product_integrators() {
   return {
-      integrator_entry<PathSettings>("path", &make_path_integrator),
-      integrator_entry<BdptSettings>("bdpt", &make_bdpt_integrator),
-      integrator_entry<LightSettings>("light", &make_light_integrator),
-      integrator_entry<PpmSettings>("ppm", &make_ppm_integrator),
-      integrator_entry<BpmSettings>("bpm", &make_bpm_integrator),
-      integrator_entry<VcmSettings>("vcm", &make_vcm_integrator),
-      integrator_entry<PssmltSettings>("pssmlt", &make_pssmlt_integrator),
-      integrator_entry<MmltSettings>("mmlt", &make_mmlt_integrator),
+      integrator_entry<PathSettings>(integrator_words::kPath.name, &make_path_integrator),
+      integrator_entry<BdptSettings>(integrator_words::kBdpt.name, &make_bdpt_integrator),
+      integrator_entry<LightSettings>(integrator_words::kLight.name, &make_light_integrator),
+      integrator_entry<PpmSettings>(integrator_words::kPpm.name, &make_ppm_integrator),
+      integrator_entry<BpmSettings>(integrator_words::kBpm.name, &make_bpm_integrator),
+      integrator_entry<VcmSettings>(integrator_words::kVcm.name, &make_vcm_integrator),
+      integrator_entry<PssmltSettings>(integrator_words::kPssmlt.name, &make_pssmlt_integrator),
+      integrator_entry<MmltSettings>(integrator_words::kMmlt.name, &make_mmlt_integrator),
   };
 }
 

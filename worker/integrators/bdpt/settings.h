@@ -5,14 +5,15 @@
 namespace candela::integrators {
 
 struct BdptSettings {
-  CommonSettings common;
+  CommonSettings common{integrator_words::kBdpt};
   Choice heuristic{"balance", {"balance", "power", "maximum", "cutoff"}};
   Choice layers{"none", {"none", "weighted", "unweighted", "both"}};
   int layer_depth = 4;
 
   template <class Visitor>
   void fields(Visitor& visit) {
-    common.path_fields(visit, 1, "path depth from which Russian roulette may end a subpath");
+    common.path_fields(visit, integrator_words::kRrDepth.minimum,
+                       "path depth from which Russian roulette may end a subpath");
     visit("heuristic", heuristic, "how the techniques that can make a path are weighted against each other");
     visit(
         "layers", layers,

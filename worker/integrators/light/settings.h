@@ -5,7 +5,7 @@
 namespace candela::integrators {
 
 struct LightSettings {
-  CommonSettings common;
+  CommonSettings common{integrator_words::kLight};
 
   template <class Visitor>
   void fields(Visitor& visit) {

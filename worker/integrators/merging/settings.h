@@ -1,6 +1,7 @@
 // Settings that all integrators of the merging family share.
 #pragma once
 
+#include "common/job/integrator_words.h"
 #include "worker/integrators/merging/rules.h"
 #include "worker/integrators/settings.h"
 
@@ -9,9 +10,11 @@ namespace candela::integrators::merging {
 struct MergeSettings {
   double radius = 0.003;
   double radius_pixels = 0;
-  double alpha = 2.0 / 3;
+  double alpha;
   double light_paths = 1;
   Choice kernel{"constant", {"constant", "perlin", "epanechnikov"}};
+
+  explicit MergeSettings(const integrator_words::IntegratorWords& words) : alpha(words.alpha.value) {}
 
   MergeRules rules() const {
     const transport::Kernel kind = kernel.value == "constant" ? transport::Kernel::constant
@@ -22,12 +25,13 @@ struct MergeSettings {
 
   template <class Visitor>
   void fields(Visitor& visit) {
+    using integrator_words::kAlpha;
     visit("radius", radius, NumberRange{0, 1, true},
           "merging radius of the first iteration, as a fraction of the scene's bounding sphere's");
     visit("radius_pixels", radius_pixels, NumberRange{0, 1e6},
           "above 0: that radius in widths of a pixel at what the camera sees (the median) instead");
     visit(
-        "alpha", alpha, NumberRange{0, 1, true},
+        kAlpha.name, alpha, NumberRange{kAlpha.minimum, kAlpha.maximum, kAlpha.above_minimum},
         "how the radius shrinks: the variance of n iterations falls as n^-alpha, their bias as n^(alpha-1)");
     visit("light_paths", light_paths, NumberRange{0, 64, true}, "light paths of an iteration, per pixel");
     visit("kernel", kernel, "how merging weighs photons by their distance");

@@ -6,7 +6,7 @@
 namespace candela::integrators {
 
 struct PathSettings {
-  CommonSettings common{5};
+  CommonSettings common{integrator_words::kPath};
   Choice heuristic{"power", {"power", "balance"}};
 
   template <class Visitor>

@@ -6,8 +6,8 @@
 namespace candela::integrators {
 
 struct PpmSettings {
-  CommonSettings common;
-  merging::MergeSettings merge;
+  CommonSettings common{integrator_words::kPpm};
+  merging::MergeSettings merge{integrator_words::kPpm};
   Choice photons{"all", {"all", "caustics"}};
 
   template <class Visitor>

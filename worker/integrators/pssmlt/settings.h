@@ -1,5 +1,7 @@
 #pragma once
 
+#include <fmt/format.h>
+
 #include "worker/integrators/common_settings.h"
 #include "worker/integrators/markov/settings.h"
 
@@ -7,22 +9,28 @@ namespace candela::integrators {
 
 struct PssmltSettings {
   Choice over{"bdpt", {"bdpt", "path"}};
-  CommonSettings common{0};
+  CommonSettings common{integrator_words::kPssmlt};
   MarkovSettings markov;
 
   estimators::PathOptions path_options() const {
     estimators::PathOptions options = common.path_options();
-    if (common.rr_depth == 0) options.rr_depth = over.value == "path" ? 5 : 2;
+    if (common.rr_depth == 0) {
+      const int depth =
+          over.value == "path" ? integrator_words::kPath.rr_depth : integrator_words::kBdpt.rr_depth;
+      options.rr_depth = static_cast<std::uint32_t>(depth);
+    }
     return options;
   }
 
   template <class Visitor>
   void fields(Visitor& visit) {
     visit("over", over, "the estimator whose random numbers the chains mutate");
+    using namespace integrator_words;
     common.path_fields(
-        visit, 0,
-        "path depth from which Russian roulette may end a subpath; 0: what is best for bdpt (2) or "
-        "path (5)");
+        visit, kPssmlt.rr_depth,
+        fmt::format("path depth from which Russian roulette may end a subpath; 0: what is best for "
+                    "bdpt ({}) or path ({})",
+                    kBdpt.rr_depth, kPath.rr_depth));
     markov.fields(visit);
     common.plan_field(visit);
   }

@@ -6,13 +6,10 @@
 namespace candela::integrators {
 
 struct VcmSettings {
-  CommonSettings common;
-  merging::MergeSettings merge;
+  CommonSettings common{integrator_words::kVcm};
+  merging::MergeSettings merge{integrator_words::kVcm};
   Choice heuristic{"balance", {"balance", "power"}};
   bool merge_media = false;
-
-  // Merging carries less of the image than in ppm: its bias matters less, its variance as much.
-  VcmSettings() { merge.alpha = 0.75; }
 
   template <class Visitor>
   void fields(Visitor& visit) {
@@ -25,8 +22,8 @@ struct VcmSettings {
 };
 
 struct BpmSettings {
-  CommonSettings common;
-  merging::MergeSettings merge;
+  CommonSettings common{integrator_words::kBpm};
+  merging::MergeSettings merge{integrator_words::kBpm};
   Choice heuristic{"balance", {"balance", "power"}};
 
   template <class Visitor>
