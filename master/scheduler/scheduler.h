@@ -44,8 +44,8 @@ struct SchedulerOptions {
   // So does, sooner, that of one that never merged or failed a unit: a program that crashes as soon as it has
   // registered.
   double forget_idle_worker_seconds = 60;
-  std::size_t max_leases_per_worker =
-      6;  // rendering, prefetched, and finished ones waiting for their verdict
+  // Rendering, prefetched, and finished ones waiting for their verdict.
+  std::size_t max_leases_per_worker = 6;
   std::size_t max_workers = 10000;
   std::size_t max_jobs = 100000;
 };
@@ -103,8 +103,8 @@ struct Progress {
 
 struct Job {
   JobRow row;
-  bool finishing =
-      false;         // its stop rule holds: no leases, no merges; done once the final checkpoint is on disk
+  // Its stop rule holds: no leases, no merges. It is done once the final checkpoint is on disk.
+  bool finishing = false;
   std::string note;  // what is worth knowing now, e.g. that checkpoints fail
   std::array<film::IndexSet, 2> merged;
   std::map<std::uint64_t, UnitState> units;                    // not merged

@@ -30,15 +30,15 @@ namespace candela::worker {
 // Times and bounds; tests shorten them.
 struct Tuning {
   Milliseconds first_backoff{100};
-  Milliseconds longest_backoff{
-      2000};  // a master that restarts is back in seconds: its workers must not sleep longer
+  // A master that restarts is back in seconds: its workers must not sleep longer.
+  Milliseconds longest_backoff{2000};
   Milliseconds call_deadline{5000};  // of a unary call
   Milliseconds register_deadline{10000};
   Milliseconds finish_within{2000};      // a draining worker finishes a unit this near to its end
   Milliseconds drain_limit{20000};       // and delivers for at most this long
   Milliseconds farewell_deadline{2000};  // of each last call
-  unsigned max_push_rejections =
-      20;  // of one delta, by answers that are neither a verdict nor a reason to wait
+  // Of one delta, by answers that are neither a verdict nor a reason to wait.
+  unsigned max_push_rejections = 20;
   std::size_t max_scenes = 4;
 };
 

@@ -8,11 +8,10 @@ namespace candela::transport {
 
 // Follows the path along a ray of Scene::camera_ray. `room` is a VertexPair or a Subpath. `at` is the list of
 // an estimator's techniques:
-//   arrived(walk, v, before, left)   v is where light may be met: on a surface, or out of the scene if `left`
-//   bool vertex(walk, v)             v may scatter, and be connected if it is connectible; false ends the
-//   path bool scattered(v)                the walk chose a direction; false ends the path passed() the walk
-//   goes straight on; v's place is used for the next vertex unless
-//                                    the room keeps it
+// - arrived(walk, v, before, left): light may be met at v, on a surface, or out of the scene if `left`.
+// - bool vertex(walk, v): v may scatter, and be connected if it is connectible. False ends the path.
+// - bool scattered(v): the walk chose a direction. False ends the path.
+// - passed(): the walk goes straight on. The next vertex takes v's place unless the room keeps it.
 template <class WalkT, class Room, class Techniques>
 void follow_eye_path(WalkT& walk, const Ray& ray, Room& room, Techniques& at) {
   room.clear();

@@ -8,11 +8,11 @@
 namespace candela::transport {
 
 // Follows the light path of the walk's sampler. `room` is a VertexPair or a Subpath. `at` is the list of an
-// estimator's techniques; `key` names the vertex among all of a unit, and with a number of its own each
+// estimator's techniques. `key` names the vertex among all of a unit, and with a number of its own each
 // splat:
-//   met_lens(walk, key)         the edge to the next vertex met a finite lens
-//   bool vertex(walk, v, key)   v may scatter, and be connected if it is connectible; false ends the path
-//   bool scattered(v)           the walk chose a direction; false ends the path
+// - met_lens(walk, key): the edge to the next vertex met a finite lens.
+// - bool vertex(walk, v, key): v may scatter, and be connected if it is connectible. False ends the path.
+// - bool scattered(v): the walk chose a direction. False ends the path.
 template <class WalkT, class Room, class Techniques>
 void follow_light_path(WalkT& walk, Room& room, Techniques& at) {
   room.clear();

@@ -31,8 +31,8 @@ struct DirectSample {
   Vec3 wi;            // unit, world, from the reference point
   Spectrum radiance;  // arriving along -wi, unoccluded. Delta emitters: radiance * solid angle in the limit
                       // (intensity / r^2, irradiance)
-  float pdf_solid_angle =
-      0;  // including the choice of emitter; for delta emitters the discrete probability of that choice
+  // Includes the choice of emitter. For delta emitters it is the discrete probability of that choice.
+  float pdf_solid_angle = 0;
   bool delta = false;
   bool infinite = false;  // from outside the scene: p means nothing
   std::uint32_t emitter = kNone;
