@@ -1,4 +1,4 @@
-// What the programs of the servers share: their settings from command line, environment and configuration
+// Code that the servers' programs share: their settings from command line, environment and configuration
 // files, their log, their signals and their ends. (parse_and_run.h reads the command line itself.)
 #pragma once
 

@@ -63,7 +63,7 @@ class DeltaWriter {
 // The delta of a unit of a job without accumulators. `records`: encoded, of a unit of segments.
 std::string encode_delta(const UnitFilm& film, const DeltaInfo& info, std::string_view records = {});
 
-// What the deltas of a job hold, beside what follows from a unit's kind.
+// The parts of a job's deltas that do not follow from a unit's kind.
 struct DeltaShape {
   DeltaShape(const Layout& layout, std::vector<AccumulatorSpec> specs = {})  // NOLINT: a film is a shape
       : film(layout), accumulators(std::move(specs)) {}

@@ -27,8 +27,8 @@ class Epochs {
   std::vector<std::uint64_t> borders_;  // T_0, T_1, ... up to the first beyond the limit
 };
 
-// How many epochs the state of epoch e depends on: those below e - lag, all of whose units are merged when it
-// is decided.
+// Number of epochs that the state of epoch e depends on: those below e - lag. All their units are merged when
+// it is decided.
 constexpr std::uint64_t epochs_before(std::uint64_t epoch, std::uint32_t lag) {
   return epoch > lag ? epoch - lag : 0;
 }

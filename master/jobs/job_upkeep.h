@@ -36,7 +36,7 @@ class JobUpkeep {
   void last_checkpoints();
 
  private:
-  // What upkeep remembers of a job; times are of the steady clock.
+  // The memory of upkeep for one job; times are of the steady clock.
   struct State {
     double last_checkpoint = 0, retry_at = 0, last_image = 0;
     double last_estimate = 0, estimate_cost = 0;

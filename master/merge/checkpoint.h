@@ -2,7 +2,7 @@
 // chains, which are those of exactly the merged segments; accumulators and decided states where a job has
 // them.
 //
-// Of a film alone the bytes are the film's own form. With chains: "CANCHNS1"; the length of the film's form
+// The bytes of a film alone are the film's own form. With chains: "CANCHNS1"; the length of the film's form
 // (u64) and that; the number of chains (u32); their records in the order of chains, each with its length
 // (u32) before it; XXH64 of all before (u64). With accumulators or states: "CANSUMS1"; the length of a
 // checkpoint without them (u64) and that; the number of accumulators (u32), each with its place in the plan
@@ -53,7 +53,7 @@ struct ParsedCheckpoint {
   Accumulators accumulators = {};
   std::vector<DecidedState> states = {};  // in the order of decisions
 };
-// What the checkpoints of a job hold beside its film.
+// The parts of a job's checkpoints beside its film.
 struct CheckpointShape {
   CheckpointShape(std::uint32_t chain_count, std::vector<film::AccumulatorSpec> specs = {})  // NOLINT
       : chains(chain_count), accumulators(std::move(specs)) {}

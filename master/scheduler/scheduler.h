@@ -125,7 +125,7 @@ struct Job {
   std::size_t record_bytes = 0;       // of the largest chain record seen
   std::uint64_t told_stay = 0;        // the longest stay of a chain an event told of
 
-  // Of a job of epochs: decided states of epochs 0, 1, ... Their bytes are there.
+  // Decided states of epochs 0, 1, ... of a job of epochs. Their bytes are there.
   std::vector<StateRow> states;
   std::vector<std::string> known_states;  // SHA-256 of every state that was ever decided
 
@@ -183,7 +183,7 @@ struct HeartbeatResult {
 };
 enum class Delivery { ok, duplicate, stale, job_ended };
 
-// What the store and the film keep of a job's chains and epochs.
+// A job's chains and epochs, as the store and the film keep them.
 struct RestoredChains {
   std::vector<BootstrapRow> bootstrap;  // of one that is not complete
   std::vector<std::uint64_t> starts;    // else these

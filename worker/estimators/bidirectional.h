@@ -5,7 +5,7 @@
 //   s, t >= 2     connection of a light and an eye vertex
 // Light seen directly (one edge) is left to s = 0, which finds it without noise.
 //
-// What is found goes to a sink: a film, or a chain's list.
+// A sink takes what is found: a film, or a chain's list.
 #pragma once
 
 #include <cstdint>

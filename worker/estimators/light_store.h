@@ -1,4 +1,4 @@
-// What light paths of an iteration leave for eye paths: photons and vertices, in chunks of light paths.
+// Photons and vertices that the light paths of an iteration leave for eye paths, in chunks of light paths.
 #pragma once
 
 #include <cstdint>
@@ -27,7 +27,7 @@ struct NoStore {
                    bool /*by_specular*/, film::Tallies& /*tallies*/) {}
 };
 
-// Of one chunk, in the order of its paths.
+// The store of one chunk, in the order of its paths.
 template <class Block>
 struct LightStore {
   LightKeeping keeping;

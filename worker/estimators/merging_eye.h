@@ -15,7 +15,7 @@
 
 namespace candela::estimators {
 
-// What eye paths of an iteration find.
+// The light side of an iteration, as eye paths see it.
 template <class Block, transport::EtaField Eta>
 struct LightSide {
   transport::MergeMaps<Block> maps;
@@ -107,7 +107,7 @@ class VcmEye : public transport::EyeTechniques {
   transport::VertexPair<Block> room_;
   transport::Subpath<Block> light_;
   transport::Gather<Mis> gather_;
-  // Of the path under way.
+  // The path under way.
   transport::MergeFactors eta_;
   Spectrum sum_;
   std::uint64_t light_path_ = 0;

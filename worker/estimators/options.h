@@ -1,4 +1,4 @@
-// What an estimator may make of a path: limits that the user sets, techniques that a plan chose.
+// Options of estimators: limits that the user sets, techniques that a plan chose.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@ inline constexpr std::uint32_t kNoDepthLimit = 1u << 30;
 struct PathOptions {
   // Edges of the longest path, and from how many on Russian roulette may end a subpath.
   std::uint32_t max_depth = kNoDepthLimit, rr_depth = 2;
-  // Of paths that count, at most 3: 2 leaves out emitters seen by the camera.
+  // Paths with fewer edges do not count. At most 3; 2 leaves out emitters seen by the camera.
   std::uint32_t min_edges = 1;
   transport::MisHeuristic heuristic = transport::MisHeuristic::balance;
 };
@@ -31,10 +31,10 @@ struct Techniques {
   constexpr bool needs_light_paths() const { return connect || light_image || hit_lens || merges(); }
 };
 
-// How many paths there are to be weighted against each other; places on the film are uniform.
+// Numbers of paths that are weighted against each other; places on the film are uniform.
 struct PathCounts {
-  double eye_paths =
-      1;  // over the film: the density of eye paths is width * height times that of one pixel's
+  // Over the film: the density of eye paths is width * height times that of one pixel's.
+  double eye_paths = 1;
   double light_paths = 1;
   float film_border = 0;  // pixels around the film that eye paths come from, or that splats matter in
 };

@@ -272,7 +272,7 @@ class PathTracer {
   std::uint64_t rays_ = 0;
   scene::SurfaceHit hits_[2];  // the edge's end and its start, in turn
   scene::ClosureArena arena_;
-  // Of the vertex before: the camera cannot be sampled from a light; its shading normal on the viewer's side,
+  // The vertex before: a light cannot sample the camera; its shading normal lies on the viewer's side, and is
   // zero if it scatters through, and in a medium.
   bool previous_delta_ = true;
   float previous_pdf_solid_angle_ = 0;

@@ -1,4 +1,4 @@
-// What integrators of iterations share: the options of their paths, the plan, and a pilot by the eye's walk.
+// The base of integrators of iterations: the options of their paths, the plan, and a pilot by the eye's walk.
 #pragma once
 
 #include <utility>

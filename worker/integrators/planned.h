@@ -1,4 +1,4 @@
-// What a plan decided. Each integrator has a function
+// The decisions of a plan. Each integrator has a function
 //   Planned plan(const PathOptions&, [what it would run at most,] const SceneFeatures&, bool full)
 // full: leaves out only what the options do.
 #pragma once

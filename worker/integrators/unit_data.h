@@ -1,4 +1,4 @@
-// What a unit starts from, beside scene and settings, and what it brings.
+// Input and output of a unit, beside scene and settings.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +21,7 @@ struct UnitInput {
   NamedState scalars;
   // Bytes of the decided states that the lease names, by name.
   std::map<std::string, std::string_view, std::less<>> states;
-  // Of a unit of segments: one for each index, in order.
+  // A unit of segments has one for each index, in order.
   std::span<const chains::ChainStart> starts;
 };
 
@@ -32,11 +32,11 @@ struct UnitOutput {
   std::vector<std::unique_ptr<film::UnitAccumulator>> accumulators;
   // The unit's epoch, which accumulators for each epoch belong to.
   std::uint64_t epoch = 0;
-  // Of a unit of segments: one for each index, in order.
+  // A unit of segments brings one for each index, in order.
   std::vector<chains::ChainRecord> records;
-  // Of a unit of bootstrap samples: the contribution of each, in order.
+  // A unit of bootstrap samples brings the contribution of each, in order.
   std::vector<float> table;
-  // Of a unit that brings no film; a film has its own.
+  // Counts of a unit that brings no film; a film has its own.
   film::Tallies counts;
 
   // A sum wrapped around: nothing of the unit may be used.

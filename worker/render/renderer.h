@@ -44,7 +44,7 @@ class Renderer {
   // Pure functions of (scene, settings, unit, input): not of threads, time, or what ran before.
   virtual Result<PilotResult> pilot(const RunContext& context) const = 0;
 
-  // What a unit that brings a film adds into: film and accumulators of the job's size, clear.
+  // An output for a unit that brings a film: film and accumulators of the job's size, clear.
   virtual UnitOutput make_output(const NamedState& state) const = 0;
   // `output` is of make_output() and clear, or an empty one for a unit that brings no film. An error of kind
   // input where the unit's input cannot be one of this job; nothing of the output may be used after any.

@@ -37,7 +37,7 @@ struct Tuning {
   Milliseconds finish_within{2000};      // a draining worker finishes a unit this near to its end
   Milliseconds drain_limit{20000};       // and delivers for at most this long
   Milliseconds farewell_deadline{2000};  // of each last call
-  // Of one delta, by answers that are neither a verdict nor a reason to wait.
+  // Limit for one delta; a rejection is neither a verdict nor a reason to wait.
   unsigned max_push_rejections = 20;
   std::size_t max_scenes = 4;
 };

@@ -1,4 +1,4 @@
-// Where each random number of a path is: dimensions of the sampler. The start's come first (eye: film
+// The dimension of the sampler for each random number of a path. The start's come first (eye: film
 // position and lens; light: choice and place, direction, ...), then a block for each stretch of a ray.
 #pragma once
 

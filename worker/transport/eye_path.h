@@ -38,7 +38,7 @@ void follow_eye_path(WalkT& walk, const Ray& ray, Room& room, Techniques& at) {
   }
 }
 
-// What most estimators do after a vertex.
+// The usual answers after a vertex.
 struct EyeTechniques {
   static bool scattered(const ScatterPoint& /*v*/) { return true; }
   static void passed() {}

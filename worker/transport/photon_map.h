@@ -71,7 +71,7 @@ class PhotonBuffer {
     positions_.clear();
     photons_.clear();
   }
-  // Of a connectible vertex. False: not a place or a flux that can be used, and nothing is kept.
+  // Precondition: v is connectible. False: its place or flux cannot be used, and nothing is kept.
   bool keep(const scene::Scene& scene, const Vertex<Block>& v);
 
   std::size_t size() const { return photons_.size(); }

@@ -21,8 +21,8 @@ struct Roulette {
   }
 };
 
-// Of the subpaths of walk.h, whose light other techniques find too, and of path tracing, which has no other:
-// the factors are measured (docs/integrators/transport.md, path.md).
+// Roulette of the subpaths of walk.h, whose light other techniques find too, and of path tracing, which has
+// no other. The factors are measured (docs/integrators/transport.md, path.md).
 inline constexpr Roulette kSubpathRoulette{0.5f, 1024};
 inline constexpr Roulette kPathRoulette{0.25f, 1u << 14};
 

@@ -1,4 +1,4 @@
-// Where the loops of eye_path.h and light_path.h put the vertices that they make: one after another in a
+// Rooms: the loops of eye_path.h and light_path.h put their vertices there, one after another in a
 // subpath that is kept, or two in turn.
 #pragma once
 

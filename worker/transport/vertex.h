@@ -46,7 +46,7 @@ struct ScatterPoint {
   SurfaceHit hit;
   Vec3 wo;     // unit, world, towards the vertex before
   Vec3 front;  // as Scene::sample_direct wants it: zero if both sides scatter
-  // Of the subpath up to here, without the scattering here. In a medium it includes sigma_s.
+  // Throughput of the subpath up to here, without the scattering here. In a medium it includes sigma_s.
   Spectrum throughput;
   // The cosine between wo and ng; in a medium the hazard, the mean of sigma_t over channels.
   float arrival = 1;

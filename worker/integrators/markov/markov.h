@@ -28,7 +28,7 @@ class MarkovIntegrator : public Integrator {
   virtual std::unique_ptr<mcmc::PrimaryTarget> make_target(const UnitContext& context,
                                                            film::Tallies& tallies) const = 0;
 
-  // Of the paths that the chains follow.
+  // Options of the paths that the chains follow.
   const estimators::PathOptions& chain_options() const { return chain_options_; }
 
   Plan plan_;

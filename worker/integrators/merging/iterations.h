@@ -14,7 +14,7 @@
 
 namespace candela::integrators::merging {
 
-// What an integrator of the family does in each iteration.
+// Options of an integrator of the family, the same for all iterations.
 struct IterationOptions {
   estimators::PathOptions paths;
   estimators::Techniques techniques;

@@ -1,4 +1,4 @@
-// What plastics share: a diffuse base under a dielectric coat.
+// A diffuse base under a dielectric coat, for all plastics.
 #pragma once
 
 #include "worker/scene/bsdfs/surface.h"
@@ -11,8 +11,8 @@ struct CoatedBase {
   bool nonlinear = false;
   double internal_reflectance = 0;  // of the coat, for diffuse light from inside
   Result<void> build(const description::Object& object, const BuildContext& context);
-  // What is left of `diffuse` after any number of reflections inside, over eta^2; and the specular part's
-  // share of the two colors. False: both are black.
+  // `base` is what is left of `diffuse` after any number of reflections inside, over eta^2; `specular_share`
+  // is the specular part's share of the two colors. False: both are black.
   bool prepare(Vec2 uv, Spectrum& base, Spectrum& coat, float& specular_share) const;
   float max_albedo() const;
 };

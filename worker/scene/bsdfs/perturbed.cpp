@@ -38,7 +38,7 @@ float shadowing(const PerturbedClosure& p, Vec3 light) {
   return 2 * z / (z + std::sqrt(z * z + p.shadow_alpha2 * across2));
 }
 
-// What turns the nested bsdf's adjoint into this one's. Both directions agree. Kept finite along the surface.
+// The factor from the nested bsdf's adjoint to this one's. Both directions agree. It stays finite at grazing.
 float adjoint(Vec3 wo, Vec3 turned_wo, Vec3 wi, Vec3 turned_wi) {
   return std::abs(turned_wo.z * wi.z) /
          (std::max(std::abs(wo.z), 1e-6f) * std::max(std::abs(turned_wi.z), 1e-6f));

@@ -45,7 +45,7 @@ Spectrum eval_pdf(const RoughDielectricClosure& p, Vec3 wo, Vec3 wi, TransportMo
   const float cos_o = dot(wo, h);
   const float cos_i = dot(wi, h);
   if (!(cos_o > 0) || reflected != (cos_i > 0)) return {};
-  // Of refraction both cosines are known; by Snell's law the other one would lose its digits at the critical
+  // Refraction knows both cosines; by Snell's law the other one would lose its digits at the critical
   // angle.
   float cos_t = 0;
   const float fresnel = reflected ? fresnel_dielectric(std::min(1.0f, cos_o),

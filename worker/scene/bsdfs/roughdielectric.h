@@ -31,7 +31,7 @@ Spectrum eval_pdf(const RoughDielectricClosure& p, Vec3 wo, Vec3 wi, TransportMo
 bool sample(const RoughDielectricClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode,
             BsdfSample& out);
 
-// Where the indices match within kMatchedIndex there is no boundary: light passes straight on.
+// If the indices match within kMatchedIndex there is no boundary: light passes straight on.
 struct RoughDielectricSurface {
   using ClosureType = RoughDielectricClosure;
   static constexpr std::string_view kPlugins[] = {"roughdielectric"};

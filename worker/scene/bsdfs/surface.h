@@ -1,5 +1,5 @@
-// What the surfaces of all kinds share. A surface is a bsdf as the scene keeps it: parameters that may be
-// textures. It builds itself from a description, fills in a Closure at a point, and states facts about
+// The parts that surfaces of all kinds share. A surface is a bsdf as the scene keeps it: parameters that may
+// be textures. It builds itself from a description, fills in a Closure at a point, and states facts about
 // itself:
 //
 //   ClosureType, kPlugins   the closure it prepares, if that is its own; the names in scene files

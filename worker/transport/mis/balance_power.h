@@ -16,8 +16,8 @@
 // times the samples each takes per eye path, which MisFactors holds: 0 where it is not run. A weight is one
 // technique's density over the sum of all, raised to a power where the heuristic says so.
 //
-// Of the densities with fewer vertices from the light than s, relative to P_0 ... P_s Q_s ... Q_k, the vertex
-// x_s of a light subpath keeps
+// For the densities with fewer vertices from the light than s, relative to P_0 ... P_s Q_s ... Q_k, the
+// vertex x_s of a light subpath keeps
 //   sum = known + q (pending + pending_surface eta_surface + pending_medium eta_medium),
 // q: the density per solid angle with which the eye's walk would go from x_s to x_{s-1}, not known before the
 // direction it comes from is; and the eye's vertices likewise, with the roles exchanged. In the report's
@@ -49,9 +49,9 @@ struct MisBlock {
   // Further densities of a vertex, which weights need where the walk is, but no connection does later.
   struct Densities {
     bool previous_connects = false;  // the vertex before could be connected, in the direction the walk took
-    // Of the direction the walk arrived by, per solid angle, survival included.
+    // Density of the direction that the walk arrived by, per solid angle, survival included.
     double pdf_arrival = 0;
-    // With which the walk chose this vertex: per area, or volume; survival included.
+    // Density with which the walk chose this vertex: per area, or volume; survival included.
     double pdf_area = 0;
     // The reverse density is pdf_reverse (solid angle) times this; 1 at infinity.
     double back_area = 0;

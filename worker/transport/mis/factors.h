@@ -1,4 +1,4 @@
-// How many samples each technique takes: what weights (mis/balance_power.h) know of an integrator.
+// Numbers of samples of each technique: all that weights (mis/balance_power.h) know of an integrator.
 #pragma once
 
 #include <concepts>

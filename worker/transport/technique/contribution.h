@@ -1,5 +1,5 @@
-// What a technique finds, and what all of them need. The techniques are those of mis/balance_power.h, a file
-// each; each gives the value of its estimator without the weight, and the weight.
+// The result of a technique, and the input that all of them need. The techniques are those of
+// mis/balance_power.h, a file each; each gives the value of its estimator without the weight, and the weight.
 #pragma once
 
 #include <bit>

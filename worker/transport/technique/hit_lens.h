@@ -26,7 +26,7 @@ Contribution hit_lens(const ConnectContext& c, const WalkT& walk, const Eta& eta
     const auto cosine = static_cast<double>(met.camera.cosine);
     const double distance_squared = std::max(length_squared(Vec3d(met.camera.p) - Vec3d(walk.from())),
                                              std::numeric_limits<double>::min());
-    // Of the lens' point as the light walk finds it, without survival: see Walk::look_for_lens.
+    // Density of the lens' point as the light walk finds it, without survival: see Walk::look_for_lens.
     const double found = solid_angle_to_area(d.pdf, cosine, distance_squared);
     const auto lens_area_pdf = static_cast<double>(met.camera.pdf_area);
     double rest = 0;
