@@ -1,7 +1,8 @@
 // Claims, on random paths through every scene of tests/statistical/transport and gallery, and
 // ../shared/scenes where it is there. The oracle is worker/transport/reference/reference.h: literal products
 // in double.
-// - The weights of the recursion (mis/balance_power.h), driven with the numbers of one path, are those of the literal
+// - The weights of the recursion (mis/balance_power.h), driven with the numbers of one path, are those of the
+// literal
 //   products, and over all techniques that can make the path they sum to one: both to 1e-12, for the balance
 //   and the power heuristic, any technique left out, eta from 1e-12 to 1e12.
 // - The weights and values that the techniques return (technique/) are those of the oracle
@@ -10,9 +11,11 @@
 //   directions differ in the last bit: one path in a thousand may differ more in its weight (narrow lobes),
 //   one in fifty in its value (opacity and radiance from textures at places found anew), by at most what is
 //   stated below.
-// - So are those of technique/merge.h, where a light walk is made to end at the very place of an eye vertex, and of
+// - So are those of technique/merge.h, where a light walk is made to end at the very place of an eye vertex,
+// and of
 //   TechniqueList for all four heuristics.
-// - eta differs from place to place on the film: the weights of a path are those of eta where the path meets the
+// - eta differs from place to place on the film: the weights of a path are those of eta where the path meets
+// the
 //   film, which the oracle finds from the path alone, whichever technique made the path.
 // - All this holds on paths of a thousand vertices; where densities leave the range of doubles, weights stay
 //   numbers.

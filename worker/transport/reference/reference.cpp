@@ -141,8 +141,7 @@ bool Evaluation::follow_edge(std::size_t i) {
   Ray ray = surface == nullptr ? Ray{p, d} : spawn_ray(*surface, d);
 
   const scene::SurfaceHit* target = nullptr;  // a surface that ends the edge
-  if (!from_outside && i + 1 < k && path_.inner[i].kind == VertexKind::surface)
-    target = &path_.inner[i].hit;
+  if (!from_outside && i + 1 < k && path_.inner[i].kind == VertexKind::surface) target = &path_.inner[i].hit;
   const Vec3d end = from_outside ? Vec3d{} : i + 1 == k ? Vec3d(path_.lens_near) : place(i + 1);
   Vec3d last(p);
   std::vector<double> lengths;

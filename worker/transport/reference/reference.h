@@ -2,8 +2,8 @@
 // double, and apart from the recursions of mis/, walk.h and technique/, which are tested against it.
 //
 // A path x_0 ... x_k runs from the light to the eye; P_i, Q_i, C_0, C_k and the techniques are those at the
-// top of mis/balance_power.h. Vertices are a position with its surface or medium; bsdfs are prepared anew, from the side
-// each walk comes from; what lies between vertices is found by rays of its own.
+// top of mis/balance_power.h. Vertices are a position with its surface or medium; bsdfs are prepared anew,
+// from the side each walk comes from; what lies between vertices is found by rays of its own.
 //
 // Conventions that any set of weights is free to choose, and that have to be the same everywhere:
 // - Delta lobes: both densities are per solid angle towards the light, times one delta function that is left
