@@ -1,4 +1,4 @@
-// What programs tell gRPC by the environment.
+// Settings that programs give gRPC by the environment.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
