@@ -1,5 +1,5 @@
 // Why a unit of work failed. Whoever sees the failure names its cause once, where it arises; the cause alone
-// decides what follows (master/scheduler/failure.h, docs/farm.md).
+// decides what follows (master/scheduler/failure.h, docs/failures.md).
 #pragma once
 
 #include <array>
