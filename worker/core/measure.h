@@ -1,7 +1,8 @@
 // Changes of measure of densities. A direction of density p per solid angle meets a surface at distance d
 // with the density p |cos| / d^2 per area; in a medium the hazard (per length) takes the cosine's place and
 // the density is per volume. Operations are done in the order of the parameters: a caller that has the same
-// factors in another order gets other last bits.
+// factors in another order gets other last bits. The oracle (transport/reference) converts by itself: it
+// shares nothing with what it checks.
 #pragma once
 
 namespace candela {
@@ -20,6 +21,17 @@ constexpr T solid_angle_to_area_by_spread(T pdf_solid_angle, T spread, T cosine)
 template <class T>
 constexpr T area_to_solid_angle(T pdf_area, T distance_squared, T cosine) {
   return pdf_area * distance_squared / cosine;
+}
+// Per solid angle, of a point uniform in `area` that is seen over a distance: a caller whose vector is not
+// normalized has the cosine times the distance and needs no division more.
+constexpr double uniform_area_to_solid_angle(double area, double distance_squared, double distance,
+                                             double cosine_times_distance) {
+  return distance_squared * distance / (cosine_times_distance * area);
+}
+// Per solid angle, of a direction whose place on a plane at unit depth is uniform in `area`. length_cubed: of
+// the vector to that place.
+constexpr double unit_plane_to_solid_angle(double area, double length_cubed) {
+  return length_cubed / area;
 }
 // Per area across the direction (at unit distance), from per solid angle.
 template <class T>

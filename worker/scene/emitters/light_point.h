@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "worker/core/measure.h"
 #include "worker/core/vec.h"
 
 namespace candela::scene {
@@ -23,7 +24,8 @@ inline float pdf_of_area_solid_angle(Vec3 reference, Vec3 p, Vec3 ng, double are
   const double distance_squared = length_squared(v);
   const double cosine_times_distance = dot(v, Vec3d(ng));
   if (!(cosine_times_distance > 0)) return 0;
-  return static_cast<float>(distance_squared * std::sqrt(distance_squared) / (cosine_times_distance * area));
+  return static_cast<float>(uniform_area_to_solid_angle(area, distance_squared, std::sqrt(distance_squared),
+                                                        cosine_times_distance));
 }
 
 // Fills direction and density of a point uniform in `area`, by one square root. False: it has no density.
@@ -33,7 +35,8 @@ inline bool finish_by_area(Vec3 reference, double area, LightPoint& out) {
   const double cosine_times_distance = -dot(v, Vec3d(out.ng));
   if (!(cosine_times_distance > 0)) return false;
   out.wi = Vec3(v / distance);
-  out.pdf_solid_angle = static_cast<float>(distance_squared * distance / (cosine_times_distance * area));
+  out.pdf_solid_angle = static_cast<float>(
+      uniform_area_to_solid_angle(area, distance_squared, distance, cosine_times_distance));
   return out.pdf_solid_angle > 0 && out.pdf_solid_angle < std::numeric_limits<float>::infinity();
 }
 

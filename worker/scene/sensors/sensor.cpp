@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "worker/core/math.h"
+#include "worker/core/measure.h"
 #include "worker/scene/transform.h"
 
 namespace candela::scene {
@@ -212,7 +213,7 @@ bool Sensor::sample(const SurfaceHit& reference, Vec2 u_lens, float border, Came
   const double distance_squared = length_squared(v), distance = std::sqrt(distance_squared);
   const double cosine = dot(v, direction_) / distance;
   // d(film) / d(solid angle) from the lens point: a pixel at unit depth spans det(across, down, w) / |w|^3.
-  const double l = distance / depth, jacobian = l * l * l / pixel_;
+  const double l = distance / depth, jacobian = unit_plane_to_solid_angle(pixel_, l * l * l);
   out.wi = Vec3(v / -distance);
   out.p = Vec3(origin_ + lens);
   out.cosine = static_cast<float>(cosine);
@@ -220,7 +221,7 @@ bool Sensor::sample(const SurfaceHit& reference, Vec2 u_lens, float border, Came
   out.film_y = static_cast<float>(y);
   if (kind_ == Kind::thinlens) {
     out.importance = static_cast<float>(jacobian / (lens_area_ * cosine));
-    out.pdf_solid_angle = static_cast<float>(distance_squared / (cosine * lens_area_));
+    out.pdf_solid_angle = static_cast<float>(area_to_solid_angle(1.0, distance_squared, cosine * lens_area_));
   } else {
     out.importance = static_cast<float>(jacobian / distance_squared);
   }
@@ -268,7 +269,8 @@ bool Sensor::density(Vec3 point, Vec3 direction, float border, CameraDensity& ou
   }
   const double x = dot(on_plane, dual_x_), y = dot(on_plane, dual_y_);
   if (!on_film(x, y, border)) return false;
-  const double l_squared = length_squared(w), jacobian = l_squared * std::sqrt(l_squared) / pixel_;
+  const double l_squared = length_squared(w);
+  const double jacobian = unit_plane_to_solid_angle(pixel_, l_squared * std::sqrt(l_squared));
   out.film_x = static_cast<float>(x);
   out.film_y = static_cast<float>(y);
   out.pdf_solid_angle = static_cast<float>(jacobian / film_area);

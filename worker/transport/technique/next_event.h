@@ -1,6 +1,7 @@
 // s = 1: next event estimation, a point on a light chosen as seen from the eye's vertex.
 #pragma once
 
+#include "worker/core/measure.h"
 #include "worker/transport/technique/contribution.h"
 
 namespace candela::transport {
@@ -36,9 +37,9 @@ bool next_event(const ConnectContext& c, const VertexDraws<SamplerT>& draws,
                static_cast<double>(emission.pdf_solid_angle) * survival *
                static_cast<double>(v.density_factor(light.wi)) / direct;
       if (emission.delta_position)
-        traced /= length_squared(Vec3d(v.hit.p) - Vec3d(light.p));
+        traced = solid_angle_to_perpendicular(traced, length_squared(Vec3d(v.hit.p) - Vec3d(light.p)));
       else if (!emission.infinite)
-        traced /= static_cast<double>(emission.cosine);
+        traced = solid_angle_to_projected(traced, static_cast<double>(emission.cosine));
       reverse =
           static_cast<double>(pdf_scatter_solid_angle(c.scene, v, light.wi, v.wo, TransportMode::importance));
     }
