@@ -54,8 +54,8 @@ WeightedVertex light_vertex(Vec3 p, Vec3 wo, float flux) {
   return v;
 }
 
-MergeMaps<MisBlock> maps_of(const PhotonMap<MisBlock>& map, float radius, Kernel kernel = Kernel::constant) {
-  MergeMaps<MisBlock> maps(kernel, radius, radius);
+MergeMaps<MisBlock> maps_of(const PhotonMap<MisBlock>& map) {
+  MergeMaps<MisBlock> maps;
   maps.surface = &map;
   maps.per_path = 0.1f;
   return maps;
@@ -79,21 +79,21 @@ TEST(Photons, MergeIsTheProductWrittenOut) {
     PhotonMap<MisBlock> map;
     const PhotonBuffer<MisBlock>* chunks[] = {&buffer};
     ASSERT_TRUE(map.build(chunks, 0.2f, 1).ok());
-    const MergeMaps<MisBlock> maps = maps_of(map, 0.2f, kernel);
+    const MergeMaps<MisBlock> maps = maps_of(map);
     const double t = 0.5, area = std::numbers::pi * 0.04;
     const double k = kernel == Kernel::constant ? 1 / area
                      : kernel == Kernel::epanechnikov
                          ? 2 * (1 - t * t) / area
                          : 3.5 * (1 - 10 * t * t * t + 15 * t * t * t * t - 6 * t * t * t * t * t) / area;
     const double expected = 2 * (0.5 / std::numbers::pi) * 7 * k * 0.1;
-    const Spectrum sum = merge<Unweighted>(*scene, maps, {}, v);
+    const Spectrum sum = merge<Unweighted>(*scene, maps, {kernel, 0.2f, 0.2f}, v);
     EXPECT_NEAR(static_cast<double>(sum.r), expected, 2e-5 * expected);
     EXPECT_NEAR(static_cast<double>(sum.g), expected / 2, 2e-5 * expected);
     // Densities of the two directions of a diffuse surface.
     const double eta = effective_area(kernel, static_cast<double>(0.2f)) * 10;
     const double to_light = 0.8 / std::numbers::pi, to_eye = 1 / std::numbers::pi;
     const double rest = 2 + to_light * (1 + 0.5 * eta) + 0.5 + to_eye * (0.25 + 3 * eta);
-    const Spectrum weighted = merge<Balance>(*scene, maps, {eta, 0}, v);
+    const Spectrum weighted = merge<Balance>(*scene, maps, {kernel, 0.2f, 0.2f, {eta, 0}}, v);
     EXPECT_NEAR(static_cast<double>(weighted.r), expected * eta / (eta + rest), 2e-5 * expected);
   }
 }
@@ -115,7 +115,8 @@ TEST(Photons, OverAnEdgeNothingIsDividedByNothing) {
     ASSERT_TRUE(map.build(chunks, 0.1f, 1).ok());
     const double full = 2 * (0.5 / std::numbers::pi) / (std::numbers::pi * 0.01) * 0.1;
     const double expected = full * std::min(1.0, 2e-3 / static_cast<double>(own));
-    const auto sum = static_cast<double>(merge<Unweighted>(*scene, maps_of(map, 0.1f), {}, v).r);
+    const auto sum =
+        static_cast<double>(merge<Unweighted>(*scene, maps_of(map), {Kernel::constant, 0.1f, 0.1f}, v).r);
     EXPECT_NEAR(sum, expected, 1e-4 * expected) << own;
   }
 }
@@ -130,11 +131,12 @@ TEST(Photons, LongestPathIsKept) {
   PhotonMap<MisBlock> map;
   const PhotonBuffer<MisBlock>* chunks[] = {&buffer};
   ASSERT_TRUE(map.build(chunks, 0.1f, 1).ok());
-  MergeMaps<MisBlock> maps = maps_of(map, 0.1f);
+  MergeMaps<MisBlock> maps = maps_of(map);
+  const MergeScale scale(Kernel::constant, 0.1f, 0.1f);
   maps.max_edges = 4;  // 3 + 1
-  EXPECT_FALSE(merge<Unweighted>(*scene, maps, {}, v).is_black());
+  EXPECT_FALSE(merge<Unweighted>(*scene, maps, scale, v).is_black());
   maps.max_edges = 3;
-  EXPECT_TRUE(merge<Unweighted>(*scene, maps, {}, v).is_black());
+  EXPECT_TRUE(merge<Unweighted>(*scene, maps, scale, v).is_black());
 }
 
 // Claim: in media photons merge with eye vertices in the same medium alone, with the phase function and a
@@ -159,7 +161,8 @@ TEST(Photons, MediaMergeInTheirOwn) {
   PhotonMap<MisBlock> map;
   const PhotonBuffer<MisBlock>* chunks[] = {&buffer};
   ASSERT_TRUE(map.build(chunks, 0.2f, 1).ok());
-  MergeMaps<MisBlock> maps(Kernel::constant, 1, 0.2f);
+  const MergeScale scale(Kernel::constant, 1, 0.2f);
+  MergeMaps<MisBlock> maps;
   maps.medium = &map;
   maps.per_path = 0.5f;
   WeightedVertex eye = light;
@@ -167,9 +170,9 @@ TEST(Photons, MediaMergeInTheirOwn) {
   eye.hit.p = {0, 0, 0};
   eye.throughput = Spectrum(5.0f);
   const double expected = 5 * 3 / (4 * std::numbers::pi) * 0.75 / (std::numbers::pi * 0.008) * 0.5;
-  EXPECT_NEAR(static_cast<double>(merge<Unweighted>(*scene, maps, {}, eye).r), expected, 1e-5 * expected);
+  EXPECT_NEAR(static_cast<double>(merge<Unweighted>(*scene, maps, scale, eye).r), expected, 1e-5 * expected);
   eye.medium = 1;
-  EXPECT_TRUE(merge<Unweighted>(*scene, maps, {}, eye).is_black());
+  EXPECT_TRUE(merge<Unweighted>(*scene, maps, scale, eye).is_black());
 }
 
 // Claim: however many threads build it, and however photons are spread over chunks, a map gives the same sum
@@ -195,7 +198,7 @@ TEST(Photons, ThreadsAndChunksChangeNothing) {
       PhotonMap<MisBlock> map;
       ASSERT_TRUE(map.build(chunks, 0.1f, threads).ok());
       EXPECT_EQ(map.size(), vertices.size());
-      sums.push_back(merge<Unweighted>(*scene, maps_of(map, 0.1f), {}, v));
+      sums.push_back(merge<Unweighted>(*scene, maps_of(map), {Kernel::constant, 0.1f, 0.1f}, v));
     }
   }
   EXPECT_FALSE(sums[0].is_black());

@@ -286,10 +286,11 @@ class PathTest {
     const PhotonBuffer<MisBlock>* const chunks[] = {&buffer};
     constexpr float kRadius = 1e-2f;
     ASSERT_TRUE(map.build(chunks, kRadius, 1).ok());
-    MergeMaps<MisBlock> maps(Kernel::constant, kRadius, kRadius);
+    const MergeScale scale(Kernel::constant, kRadius, kRadius, eta_);
+    MergeMaps<MisBlock> maps;
     maps.surface = maps.medium = &map;
-    const Spectrum weighted = merge<Heuristic>(scene_, maps, eta_, y);
-    const Spectrum whole = merge<Unweighted>(scene_, maps, {}, y);
+    const Spectrum weighted = merge<Heuristic>(scene_, maps, scale, y);
+    const Spectrum whole = merge<Unweighted>(scene_, maps, scale, y);
     const auto largest = static_cast<double>(whole.max_component());
     if (!(largest > 0)) return;
     const auto techniques = reference::list_techniques(n, counts_at(path));
@@ -304,7 +305,7 @@ class PathTest {
                                                path.edge_count(), weight, weights[i]));
       if (kBetween != Between::nothing) return;  // what a medium or a surface takes is not in the photon
       const auto value = evaluation.estimator_value(techniques[i]);
-      const auto kernel = static_cast<double>(maps.disc.value(0));
+      const auto kernel = static_cast<double>(scale.disc.value(0));
       const double error = std::max({std::abs(value[0] * kernel - static_cast<double>(whole.r)),
                                      std::abs(value[1] * kernel - static_cast<double>(whole.g)),
                                      std::abs(value[2] * kernel - static_cast<double>(whole.b))}) /

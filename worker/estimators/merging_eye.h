@@ -16,26 +16,29 @@
 namespace candela::estimators {
 
 // The light side of an iteration, as eye paths see it.
-template <class Block, transport::EtaField Eta>
+template <class Block, transport::ScaleField Field>
 struct LightSide {
   transport::MergeMaps<Block> maps;
   const std::vector<LightStore<Block>>& chunks;
   std::uint64_t path_count;
-  Eta eta;
+  Field field;
 };
 
 // vcm and bpm: every vertex meets light by itself (s = 0), by next event estimation (s = 1), by connection to
 // the vertices of one light path, and by merging with the photons of all; all weighted against each other.
-template <transport::Between kBetween, class MisT, transport::EtaField Eta>
+template <transport::Between kBetween, class MisT, transport::ScaleField Field,
+          class StatisticsT = transport::NoStatistics>
 class VcmEye : public transport::EyeTechniques {
  public:
   using Mis = MisT;
   using Block = typename Mis::Block;
+  using Statistics = StatisticsT;
   using EyeWalk = transport::Walk<transport::TransportMode::radiance, kBetween, Mis>;
   using Vertex = typename EyeWalk::Vertex;
 
   VcmEye(const scene::Scene& scene, const PathOptions& options, const Techniques& techniques,
-         const PathCounts& counts, const LightSide<Block, Eta>& side, film::Tallies& tallies)
+         const PathCounts& counts, const LightSide<Block, Field>& side, const Statistics& statistics,
+         film::Tallies& tallies)
       : scene_(scene),
         options_(options),
         techniques_(techniques),
@@ -43,13 +46,14 @@ class VcmEye : public transport::EyeTechniques {
         rules_(eye_rules(options, techniques, counts)),
         side_(side),
         tallies_(tallies),
-        gather_(scene, side.maps) {}
+        gather_(scene, side.maps, statistics) {}
 
   // The ray goes through this place on the film; light_path is that to connect to.
   Spectrum trace(const Ray& ray, transport::FilmPosition at, std::uint64_t light_path,
                  samplers::Sampler& sampler) {
-    eta_ = side_.eta.at(at);
-    gather_.begin(eta_);
+    const transport::MergeScale& scale = side_.field.at(at);
+    eta_ = scale.eta;
+    gather_.begin(scale);
     sum_ = {};
     light_path_ = light_path;
     loaded_ = false;
@@ -57,6 +61,9 @@ class VcmEye : public transport::EyeTechniques {
     transport::follow_eye_path(walk, ray, room_, *this);
     return sum_ += gather_.finish();
   }
+
+  // Of the path that was traced last.
+  const Statistics& statistics() const { return gather_.statistics(); }
 
   // The techniques: see eye_path.h.
   void arrived(const EyeWalk& /*walk*/, const Vertex& v, const Vertex* before, bool left) {
@@ -67,7 +74,7 @@ class VcmEye : public transport::EyeTechniques {
       sum_ += found.weighted();
   }
   bool vertex(const EyeWalk& walk, const Vertex& v) {
-    if (v.connectible) side_.maps.announce(v);
+    if (v.connectible) gather_.announce(v);
     transport::Contribution found;
     if (v.connectible && v.edges < options_.max_depth) {
       if (techniques_.next_event &&
@@ -101,12 +108,12 @@ class VcmEye : public transport::EyeTechniques {
   const Techniques& techniques_;
   const transport::MisFactors factors_;
   const transport::WalkRules rules_;
-  const LightSide<Block, Eta>& side_;
+  const LightSide<Block, Field>& side_;
   film::Tallies& tallies_;
   const transport::ConnectContext context_{scene_, factors_, rules_, tallies_};
   transport::VertexPair<Block> room_;
   transport::Subpath<Block> light_;
-  transport::Gather<Mis> gather_;
+  transport::Gather<Mis, Statistics> gather_;
   // The path under way.
   transport::MergeFactors eta_;
   Spectrum sum_;
@@ -116,30 +123,38 @@ class VcmEye : public transport::EyeTechniques {
 
 // ppm: the walk goes on where it is reflected or refracted specularly. What its other lobes scatter is
 // estimated by merging, all of it, where they are met: so it ends there. Each path is found in one way.
-template <transport::Between kBetween, transport::EtaField Eta>
+template <transport::Between kBetween, transport::ScaleField Field,
+          class StatisticsT = transport::NoStatistics>
 class PpmEye : public transport::EyeTechniques {
  public:
   using Mis = transport::Unweighted;
   using Block = typename Mis::Block;
+  using Statistics = StatisticsT;
   using EyeWalk = transport::Walk<transport::TransportMode::radiance, kBetween, Mis>;
   using Vertex = typename EyeWalk::Vertex;
 
   PpmEye(const scene::Scene& scene, const PathOptions& options, const Techniques& techniques,
-         const PathCounts& counts, const LightSide<Block, Eta>& side, film::Tallies& tallies)
+         const PathCounts& counts, const LightSide<Block, Field>& side, const Statistics& statistics,
+         film::Tallies& tallies)
       : scene_(scene),
         options_(options),
         techniques_(techniques),
         rules_(eye_rules(options, techniques, counts)),
         side_(side),
-        tallies_(tallies) {}
+        tallies_(tallies),
+        gather_(scene, side.maps, statistics) {}
 
-  Spectrum trace(const Ray& ray, transport::FilmPosition /*at*/, std::uint64_t /*light_path*/,
+  Spectrum trace(const Ray& ray, transport::FilmPosition at, std::uint64_t /*light_path*/,
                  samplers::Sampler& sampler) {
+    gather_.begin(side_.field.at(at));
     sum_ = {};
     EyeWalk walk(scene_, rules_, factors_, sampler, tallies_);
     transport::follow_eye_path(walk, ray, room_, *this);
     return sum_;
   }
+
+  // Of the path that was traced last.
+  const Statistics& statistics() const { return gather_.statistics(); }
 
   // The techniques: see eye_path.h.
   void arrived(const EyeWalk& /*walk*/, const Vertex& v, const Vertex* /*before*/, bool left) {
@@ -150,7 +165,8 @@ class PpmEye : public transport::EyeTechniques {
   }
   bool vertex(const EyeWalk& /*walk*/, const Vertex& v) {
     if (!v.connectible) return true;
-    sum_ += transport::merge<Mis>(scene_, side_.maps, {}, v);
+    gather_.start(v);
+    sum_ += gather_.finish();
     return v.on_surface() && v.closure.has_delta_lobes();
   }
   static bool scattered(const Vertex& v) { return v.left_by_delta; }
@@ -161,10 +177,11 @@ class PpmEye : public transport::EyeTechniques {
   const Techniques& techniques_;
   const transport::MisFactors factors_;
   const transport::WalkRules rules_;
-  const LightSide<Block, Eta>& side_;
+  const LightSide<Block, Field>& side_;
   film::Tallies& tallies_;
   const transport::ConnectContext context_{scene_, factors_, rules_, tallies_};
   transport::VertexPair<Block> room_;
+  transport::Gather<Mis, Statistics> gather_;
   Spectrum sum_;
 };
 

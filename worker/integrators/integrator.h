@@ -37,12 +37,13 @@ class Integrator {
  public:
   virtual ~Integrator() = default;
 
-  // The work that a job of this integrator asks of the farm: a function of its settings and the film's size
-  // alone; valid (validate() of work_plan.h), which create() sees to where settings decide. Units are
-  // iterations, or, with chains, bootstrap samples and segments (common/chains/chains.h); the first layers of
-  // a job of chains are the chains' part and what independent samples brought. Each layer is summed and
-  // developed as the image is: a mean over iterations.
-  virtual WorkPlan work(FilmSize /*size*/) const { return {}; }
+  // The work that a job of this integrator asks of the farm: a function of its scene, its settings, the
+  // film's size, and the scale that the pilot chose for the film, which scales of accumulators may follow and
+  // nothing else (before the pilot: 0); valid (validate() of work_plan.h), which create() sees to where
+  // settings decide. Units are iterations, or, with chains, bootstrap samples and segments
+  // (common/chains/chains.h); the first layers of a job of chains are the chains' part and what independent
+  // samples brought. Each layer is summed and developed as the image is: a mean over iterations.
+  virtual WorkPlan work(FilmSize /*size*/, int /*film_scale_log2*/) const { return {}; }
 
   // Adds to `output` what the unit brings: a pure function of (context, unit, input), whatever the threads.
   // Precondition: the unit is of the plan's kinds, and input and output are what such a unit has.

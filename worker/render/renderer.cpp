@@ -63,7 +63,7 @@ class SceneRenderer final : public Renderer {
   UnitOutput make_output(const NamedState& state) const override {
     UnitOutput output;
     output.film = std::make_unique<film::UnitFilm>(layout_, state.film_scale_log2);
-    for (const film::AccumulatorSpec& spec : work_.accumulators)
+    for (const film::AccumulatorSpec& spec : work(state.film_scale_log2).accumulators)
       output.accumulators.push_back(
           std::make_unique<film::UnitAccumulator>(layout_.width, layout_.height, spec));
     return output;
@@ -87,7 +87,7 @@ class SceneRenderer final : public Renderer {
     PilotResult result;
     result.state.film_scale_log2 = film::scale_log2_for(typical);
     result.plan = plan_text();
-    result.work = work_;
+    result.work = work(result.state.film_scale_log2);
     const double pixels = static_cast<double>(settings_.width) * settings_.height;
     result.seconds_per_iteration =
         seconds.count() * pixels / kPilotSamples / std::max(1U, run_context.threads);
@@ -147,6 +147,9 @@ class SceneRenderer final : public Renderer {
     return possible ? Result<void>() : internal_error("not a unit of this job");
   }
 
+  WorkPlan work(int film_scale_log2) const {
+    return integrator_->work({settings_.width, settings_.height}, film_scale_log2);
+  }
   integrators::UnitContext context() const {
     return {*scene_, filter_, sampler_, settings_.seed, settings_.width, settings_.height};
   }
@@ -156,7 +159,7 @@ class SceneRenderer final : public Renderer {
   std::unique_ptr<integrators::Integrator> integrator_;
   film::PixelFilter filter_;
   samplers::SamplerKind sampler_;
-  WorkPlan work_;
+  WorkPlan work_;  // for a film of scale 0
   std::optional<Epochs> epochs_;
   film::Layout layout_;
 };
@@ -187,7 +190,7 @@ Result<std::unique_ptr<Renderer>> Renderer::create(const description::FileSource
   CANDELA_ASSIGN(std::unique_ptr<scene::Scene> scene, scene::Scene::build(description, files, options));
   CANDELA_ASSIGN(std::unique_ptr<integrators::Integrator> integrator,
                  entry->create(settings.integrator_settings, scene->features()));
-  WorkPlan work = integrator->work({settings.width, settings.height});
+  WorkPlan work = integrator->work({settings.width, settings.height}, 0);
   CANDELA_TRY(validate(work, settings.width, settings.height));
   CANDELA_ASSIGN(const film::Layout layout, film::make_layout(settings.width, settings.height, work.layers));
   return std::unique_ptr<Renderer>(std::make_unique<SceneRenderer>(settings, std::move(scene),

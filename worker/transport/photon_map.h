@@ -91,6 +91,10 @@ class PhotonMap {
   Result<void> build(std::span<const PhotonBuffer<Block>* const> chunks, float radius, unsigned threads);
 
   std::size_t size() const { return photons_.size(); }
+  // Of a photon that collect() found.
+  Vec3 position(const Photon<Block>& photon) const {
+    return search_.position(static_cast<std::uint32_t>(&photon - photons_.data()));
+  }
   // Held between build and the next one.
   std::uint64_t bytes() const { return search_.bytes() + photons_.capacity() * sizeof(Photon<Block>); }
 

@@ -12,7 +12,7 @@ class ToyIntegrator final : public Integrator {
  public:
   explicit ToyIntegrator(std::chrono::microseconds pause) : pause_(pause) {}
 
-  WorkPlan work(FilmSize) const override { return toy::work_plan(); }
+  WorkPlan work(FilmSize, int) const override { return toy::work_plan(); }
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
                    const RunContext& run_context) const override {
     const auto state = input.states.find(toy::kRule);

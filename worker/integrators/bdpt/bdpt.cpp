@@ -95,7 +95,9 @@ class BdptIntegrator final : public IterationIntegrator {
     return chosen(context, options_, planned_.techniques, layers_, unit, *output.film, run_context);
   }
 
-  WorkPlan work(FilmSize /*size*/) const override { return {.layers = layers_.names()}; }
+  WorkPlan work(FilmSize /*size*/, int /*film_scale_log2*/) const override {
+    return {.layers = layers_.names()};
+  }
 
  private:
   const TechniqueLayers layers_;

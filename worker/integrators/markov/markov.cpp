@@ -80,7 +80,7 @@ ChainPlan MarkovIntegrator::chain_plan(FilmSize size) const {
   return plan;
 }
 
-WorkPlan MarkovIntegrator::work(FilmSize size) const {
+WorkPlan MarkovIntegrator::work(FilmSize size, int /*film_scale_log2*/) const {
   WorkPlan plan;
   plan.layers = {"independent"};
   plan.chains = chain_plan(size);

@@ -13,7 +13,7 @@ namespace candela::integrators {
 
 class MarkovIntegrator : public Integrator {
  public:
-  WorkPlan work(FilmSize size) const final;
+  WorkPlan work(FilmSize size, int film_scale_log2) const final;
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
                    const RunContext& run) const final;
   std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const final;

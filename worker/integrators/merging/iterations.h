@@ -10,7 +10,7 @@
 #include "worker/integrators/merging/first_radius.h"
 #include "worker/integrators/merging/light_pass.h"
 #include "worker/integrators/merging/rules.h"
-#include "worker/transport/radius.h"
+#include "worker/integrators/merging/scales.h"
 
 namespace candela::integrators::merging {
 
@@ -27,18 +27,25 @@ inline std::uint64_t light_path_count(const MergeRules& rules, const UnitContext
   return static_cast<std::uint64_t>(std::max(1.0, std::floor(rules.light_paths * pixels + 0.5)));
 }
 
+inline double first_radius(const UnitContext& context, const IterationOptions& options) {
+  return options.techniques.merges()
+             ? first_radius(context, options.merge.radius, options.merge.radius_pixels)
+             : 1;
+}
+
 // The eye paths of one iteration. EyeEstimator: VcmEye or PpmEye of estimators/merging_eye.h.
 template <class EyeEstimator, class LightSide>
 Result<void> run_eye_pass(const UnitContext& context, const IterationOptions& options,
-                          const estimators::PathCounts& counts, const LightSide& side, std::uint32_t half,
-                          std::uint64_t index, film::UnitFilm& film, const RunContext& run,
-                          ProgressSpan span) {
+                          const estimators::PathCounts& counts, const LightSide& side,
+                          const typename EyeEstimator::Statistics& statistics, std::uint32_t half,
+                          std::uint64_t index, UnitOutput& output, const RunContext& run, ProgressSpan span) {
   const bool signed_values = context.filter.has_negative_lobes();
+  film::UnitFilm& film = *output.film;
   return for_each_tile(
       context.width, context.height, film, run,
       [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1, film::Tallies& tallies) {
         samplers::Sampler sampler(context.sampler, context.seed);
-        EyeEstimator eye(context.scene, options.paths, options.techniques, counts, side, tallies);
+        EyeEstimator eye(context.scene, options.paths, options.techniques, counts, side, statistics, tallies);
         for (std::uint32_t y = y0; y < y1; ++y) {
           for (std::uint32_t x = x0; x < x1; ++x) {
             sampler.start(half, index, x, y);
@@ -46,7 +53,16 @@ Result<void> run_eye_pass(const UnitContext& context, const IterationOptions& op
             const EyeRay ray = eye_ray(context, x, y, sampler);
             Spectrum value = eye.trace(ray.ray, ray.at, pixel % side.path_count, sampler) * ray.weight;
             if (run.fault != nullptr) run.fault(sampler.sample_key(), &value.r);
-            film.add(0, x, y, {value.r, value.g, value.b}, sampler.sample_key(), tallies, signed_values);
+            const bool kept =
+                film.add(0, x, y, {value.r, value.g, value.b}, sampler.sample_key(), tallies, signed_values);
+            if constexpr (EyeEstimator::Statistics::kCollects) {
+              // The film follows the filter; statistics follow the radius, that of the position.
+              if (kept) {
+                const auto [at_x, at_y] = transport::pixel_of(ray.at, context.width, context.height);
+                eye.statistics().write(output.accumulators, at_x, at_y, ray.weight, sampler.sample_key(),
+                                       tallies);
+              }
+            }
           }
           tallies.eye_samples += x1 - x0;
           if (run.stop != nullptr && run.stop->load(std::memory_order_relaxed)) return;
@@ -55,16 +71,17 @@ Result<void> run_eye_pass(const UnitContext& context, const IterationOptions& op
       span);
 }
 
-template <class EyeEstimator>
+// scales: see scales.h. statistics: what every eye path's statistics start as.
+template <class EyeEstimator, class Scales>
 Result<void> run_iterations(const UnitContext& context, const Unit& unit, const IterationOptions& options,
-                            film::UnitFilm& film, const RunContext& run) {
+                            const Scales& scales, const typename EyeEstimator::Statistics& statistics,
+                            UnitOutput& output, const RunContext& run) {
   using Mis = typename EyeEstimator::Mis;
   using Block = typename Mis::Block;
+  using Field = typename Scales::Field;
   constexpr transport::Between kBetween = EyeEstimator::EyeWalk::kContent;
-  const MergeRules& rules = options.merge;
   const estimators::Techniques& techniques = options.techniques;
-  const double first = techniques.merges() ? first_radius(context, rules.radius, rules.radius_pixels) : 1;
-  const std::uint64_t path_count = light_path_count(rules, context);
+  const std::uint64_t path_count = light_path_count(options.merge, context);
   const auto paths = static_cast<double>(path_count);
   const estimators::PathCounts counts{static_cast<double>(context.width) * context.height, paths,
                                       static_cast<float>(context.filter.radius())};
@@ -75,36 +92,41 @@ Result<void> run_iterations(const UnitContext& context, const Unit& unit, const 
   transport::PhotonMap<Block> surface, medium;
   for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
     const std::uint64_t phase = 2 * (index - unit.begin);
-    const std::uint64_t iteration = global_iteration(unit.half, index);
-    const double disc = transport::disc_radius(first, iteration, rules.alpha);
-    const double ball = transport::ball_radius(first, iteration, rules.alpha);
-    estimators::LightSide<Block, transport::ConstantEta> side{
-        {rules.kernel, static_cast<float>(disc), static_cast<float>(ball)}, chunks, path_count, {}};
-    side.maps.max_edges = options.paths.max_depth;
-    side.maps.per_path = static_cast<float>(1 / paths);
-    if (techniques.merge_surface)
-      side.eta.factors.surface = Mis::raise(paths * transport::effective_area(rules.kernel, disc));
-    if (techniques.merge_medium)
-      side.eta.factors.medium = Mis::raise(paths * transport::effective_volume(rules.kernel, ball));
+    estimators::LightSide<Block, Field> side{
+        {}, chunks, path_count, scales.field(global_iteration(unit.half, index))};
+    transport::MergeMaps<Block>& maps = side.maps;
+    maps.max_edges = options.paths.max_depth;
+    maps.per_path = static_cast<float>(1 / paths);
     if (techniques.light_paths)
-      CANDELA_TRY(
-          (run_light_pass<kBetween, Mis>(context, options.paths, techniques, counts, keeping, side.eta,
-                                         unit.half, index, chunks, film, run, progress_part(phase, phases))));
+      CANDELA_TRY((run_light_pass<kBetween, Mis>(context, options.paths, techniques, counts, keeping,
+                                                 transport::EtaOf<Field>{side.field}, unit.half, index,
+                                                 chunks, *output.film, run, progress_part(phase, phases))));
+    const SearchRadii radii = scales.search_radii(side.field);
     if (techniques.merge_surface) {
-      CANDELA_TRY(build_photon_map(chunks, &estimators::LightStore<Block>::surface, side.maps.disc_radius,
-                                   run.threads, surface));
-      side.maps.surface = &surface;
+      CANDELA_TRY(build_photon_map(chunks, &estimators::LightStore<Block>::surface, radii.disc, run.threads,
+                                   surface));
+      maps.surface = &surface;
     }
     if (techniques.merge_medium) {
-      CANDELA_TRY(build_photon_map(chunks, &estimators::LightStore<Block>::medium, side.maps.ball_radius,
-                                   run.threads, medium));
-      side.maps.medium = &medium;
+      CANDELA_TRY(
+          build_photon_map(chunks, &estimators::LightStore<Block>::medium, radii.ball, run.threads, medium));
+      maps.medium = &medium;
     }
     if (techniques.eye_paths)
-      CANDELA_TRY((run_eye_pass<EyeEstimator>(context, options, counts, side, unit.half, index, film, run,
-                                              progress_part(phase + 1, phases))));
+      CANDELA_TRY((run_eye_pass<EyeEstimator>(context, options, counts, side, statistics, unit.half, index,
+                                              output, run, progress_part(phase + 1, phases))));
   }
   return {};
+}
+
+// Those of one radius for the whole film.
+template <class EyeEstimator>
+Result<void> run_progressive(const UnitContext& context, const Unit& unit, const IterationOptions& options,
+                             UnitOutput& output, const RunContext& run) {
+  const ProgressiveScales<typename EyeEstimator::Mis> scales(
+      options.merge, first_radius(context, options),
+      static_cast<double>(light_path_count(options.merge, context)), options.techniques);
+  return run_iterations<EyeEstimator>(context, unit, options, scales, {}, output, run);
 }
 
 }  // namespace candela::integrators::merging

@@ -21,8 +21,8 @@ class PpmIntegrator final : public IterationIntegrator {
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run_context) const override {
     return with_between(planned_.between, [&](auto between) {
-      return merging::run_iterations<estimators::PpmEye<between(), transport::ConstantEta>>(
-          context, unit, iterations_, *output.film, run_context);
+      return merging::run_progressive<estimators::PpmEye<between(), transport::ConstantScale>>(
+          context, unit, iterations_, output, run_context);
     });
   }
 

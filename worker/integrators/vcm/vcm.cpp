@@ -21,23 +21,23 @@ class VcmIntegrator final : public IterationIntegrator {
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run_context) const override {
     return with_between(planned_.between, [&](auto between) {
-      return run_between<between()>(context, unit, *output.film, run_context);
+      return run_between<between()>(context, unit, output, run_context);
     });
   }
 
  private:
   template <Between kBetween>
-  Result<void> run_between(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
+  Result<void> run_between(const UnitContext& context, const Unit& unit, UnitOutput& output,
                            const RunContext& run_context) const {
     if (options_.heuristic == MisHeuristic::power)
-      return run_weighted<kBetween, transport::Power>(context, unit, film, run_context);
-    return run_weighted<kBetween, transport::Balance>(context, unit, film, run_context);
+      return run_weighted<kBetween, transport::Power>(context, unit, output, run_context);
+    return run_weighted<kBetween, transport::Balance>(context, unit, output, run_context);
   }
   template <Between kBetween, class Mis>
-  Result<void> run_weighted(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
+  Result<void> run_weighted(const UnitContext& context, const Unit& unit, UnitOutput& output,
                             const RunContext& run_context) const {
-    return merging::run_iterations<estimators::VcmEye<kBetween, Mis, transport::ConstantEta>>(
-        context, unit, iterations_, film, run_context);
+    return merging::run_progressive<estimators::VcmEye<kBetween, Mis, transport::ConstantScale>>(
+        context, unit, iterations_, output, run_context);
   }
 
   const merging::IterationOptions iterations_;

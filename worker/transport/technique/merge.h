@@ -15,37 +15,24 @@
 
 #include <cstdint>
 
-#include "worker/transport/kernels.h"
+#include "worker/transport/merge_scale.h"
+#include "worker/transport/merge_statistics.h"
 #include "worker/transport/photon_map.h"
 #include "worker/transport/vertex.h"
 
 namespace candela::transport {
 
-// One iteration's photons and radii. Immutable while eye paths run. Block: that of the photons.
+// One iteration's photons. Immutable while eye paths run. Block: that of the photons.
 template <class Block>
 struct MergeMaps {
-  MergeMaps(Kernel kernel, float disc_radius_, float ball_radius_)
-      : disc_radius(disc_radius_),
-        ball_radius(ball_radius_),
-        disc(kernel, disc_radius_),
-        ball(kernel, ball_radius_) {}
-
-  // Asks for what Gather::start reads of the memory, for an eye's vertex that is connectible.
-  void announce(const ScatterPoint& v) const {
-    if (const PhotonMap<Block>* map = map_for(v)) map->announce(v.hit.p, radius_for(v));
-  }
   // Null: nothing to merge with.
   const PhotonMap<Block>* map_for(const ScatterPoint& v) const {
     if (v.edges >= max_edges) return nullptr;
     return v.on_surface() ? surface : medium;
   }
-  float radius_for(const ScatterPoint& v) const { return v.on_surface() ? disc_radius : ball_radius; }
 
   const PhotonMap<Block>* surface = nullptr;  // null: no merging there
   const PhotonMap<Block>* medium = nullptr;
-  float disc_radius, ball_radius;
-  DiscKernel disc;
-  BallKernel ball;
   float per_path = 1;             // 1 / light_path_count
   std::uint32_t max_edges = ~0u;  // of the merged path
 };
@@ -61,14 +48,16 @@ inline double merge_weight(double eta, double light_sum, double eye_sum) {
 }
 
 // The weighted contribution of a photon at the eye's vertex v, which is connectible, without v.throughput and
-// maps.per_path. eta: at the film position of the eye's path, > 0 if weights are wanted.
-template <class Mis, class Block>
+// maps.per_path. scale: at the film position of the eye's path; its eta is > 0 if weights are wanted.
+template <class Mis, class Block, class Statistics>
 class SurfaceMerge {
  public:
-  SurfaceMerge(const MergeMaps<Block>& maps, const MergeFactors& eta, const Vertex<Block>& v)
+  SurfaceMerge(const MergeMaps<Block>& maps, const MergeScale& scale, const Vertex<Block>& v,
+               Statistics& statistics)
       : maps_(maps),
-        eta_(eta),
+        scale_(scale),
         v_(v),
+        statistics_(statistics),
         wo_(v.hit.shading.to_local(v.wo)),
         max_edges_(maps.max_edges - v.edges) {}
 
@@ -80,78 +69,105 @@ class SurfaceMerge {
     if (value.is_black()) return;
     value *= photon.flux;
     const float cosine = std::max(v_.density_factor(photon.wo), kLeastOfOwnCosine * photon.cosine());
-    float factor = maps_.disc.value(d2) / cosine;
+    float factor = scale_.disc.value(d2) / cosine;
+    float weight = 1;
     if constexpr (Mis::kWeighs) {
       const auto reverse =
           static_cast<double>(v_.closure.pdf_solid_angle(wi, wo_, TransportMode::importance));
-      factor *= static_cast<float>(
-          merge_weight(eta_.surface, Mis::sum(photon.weights.block(), static_cast<double>(pdf), eta_),
-                       Mis::sum(v_.mis, reverse, eta_)));
+      weight = static_cast<float>(merge_weight(
+          scale_.eta.surface, Mis::sum(photon.weights.block(), static_cast<double>(pdf), scale_.eta),
+          Mis::sum(v_.mis, reverse, scale_.eta)));
+      factor *= weight;
     }
     sum += value * factor;
+    if constexpr (Statistics::kCollects)
+      statistics_.add(maps_.surface->position(photon) - v_.hit.p, value, weight / cosine);
   }
 
   Spectrum sum;
 
  private:
   const MergeMaps<Block>& maps_;
-  const MergeFactors& eta_;
+  const MergeScale& scale_;
   const Vertex<Block>& v_;
+  Statistics& statistics_;
   Vec3 wo_;
   std::uint32_t max_edges_;
 };
 
-template <class Mis, class Block>
+template <class Mis, class Block, class Statistics>
 class MediumMerge {
  public:
-  MediumMerge(const scene::Scene& scene, const MergeMaps<Block>& maps, const MergeFactors& eta,
-              const Vertex<Block>& v)
+  MediumMerge(const scene::Scene& scene, const MergeMaps<Block>& maps, const MergeScale& scale,
+              const Vertex<Block>& v, Statistics& statistics)
       : maps_(maps),
-        eta_(eta),
+        scale_(scale),
         v_(v),
+        statistics_(statistics),
         phase_(scene.medium(v.medium).phase()),
         max_edges_(maps.max_edges - v.edges) {}
 
   void operator()(const Photon<Block>& photon, float d2) {
     if (photon.medium() != v_.medium || photon.edges > max_edges_) return;
-    float factor = phase_.eval(v_.wo, photon.wo) * maps_.ball.value(d2);
+    const float phase = phase_.eval(v_.wo, photon.wo);
+    float factor = phase * scale_.ball.value(d2);
     if (factor == 0) return;
+    float weight = 1;
     if constexpr (Mis::kWeighs) {
       const auto forward = static_cast<double>(phase_.pdf_solid_angle(v_.wo, photon.wo));
       const auto reverse = static_cast<double>(phase_.pdf_solid_angle(photon.wo, v_.wo));
-      factor *= static_cast<float>(merge_weight(eta_.medium, Mis::sum(photon.weights.block(), forward, eta_),
-                                                Mis::sum(v_.mis, reverse, eta_)));
+      weight = static_cast<float>(merge_weight(scale_.eta.medium,
+                                               Mis::sum(photon.weights.block(), forward, scale_.eta),
+                                               Mis::sum(v_.mis, reverse, scale_.eta)));
+      factor *= weight;
     }
     sum += photon.flux * factor;
+    if constexpr (Statistics::kCollects)
+      statistics_.add(maps_.medium->position(photon) - v_.hit.p, photon.flux, phase * weight);
   }
 
   Spectrum sum;
 
  private:
   const MergeMaps<Block>& maps_;
-  const MergeFactors& eta_;
+  const MergeScale& scale_;
   const Vertex<Block>& v_;
+  Statistics& statistics_;
   const scene::Phase& phase_;
   std::uint32_t max_edges_;
 };
 
 // All merges at one vertex of the eye after another, in steps between which photons come from memory:
-// MergeMaps::announce() when the vertex is made, start() and collect() when there has been something else to
+// announce() when the vertex is made, start() and collect() when there has been something else to
 // do, finish() before the vertex goes. finish() does what is left of all.
-template <class Mis, class Block = typename Mis::Block>
+//
+// StatisticsT: what else is wanted of merges (merge_statistics.h).
+template <class Mis, class StatisticsT = NoStatistics, class Block = typename Mis::Block>
 class Gather {
  public:
-  Gather(const scene::Scene& scene, const MergeMaps<Block>& maps) : scene_(scene), maps_(maps) {}
+  using Statistics = StatisticsT;
+  Gather(const scene::Scene& scene, const MergeMaps<Block>& maps, const Statistics& statistics = {})
+      : scene_(scene), maps_(maps), statistics_(statistics) {}
 
-  // A path is next, with this eta.
-  void begin(const MergeFactors& eta) { eta_ = eta; }
+  // A path is next, with this scale, which has to outlive it.
+  void begin(const MergeScale& scale) {
+    scale_ = &scale;
+    if constexpr (Statistics::kCollects) statistics_.begin();
+  }
+  // Of the path, up to the last vertex that is finished.
+  const Statistics& statistics() const { return statistics_; }
 
+  // Asks for what start() reads of the memory, for an eye's vertex that is connectible.
+  void announce(const ScatterPoint& v) const {
+    if (const PhotonMap<Block>* map = maps_.map_for(v)) map->announce(v.hit.p, radius_for(v));
+  }
   // v is connectible. The one before has to be finished.
   void start(const Vertex<Block>& v) {
     map_ = maps_.map_for(v);
     if (map_ == nullptr) return;
     v_ = &v;
-    map_->find(v.hit.p, maps_.radius_for(v), query_);
+    map_->find(v.hit.p, radius_for(v), query_);
+    if constexpr (Statistics::kCollects) statistics_.start(v, *scale_, maps_.per_path);
     step_ = Step::found;
   }
   void collect() {
@@ -174,14 +190,17 @@ class Gather {
 
  private:
   enum class Step : std::uint8_t { none, found, collected };
+  float radius_for(const ScatterPoint& v) const {
+    return v.on_surface() ? scale_->disc_radius : scale_->ball_radius;
+  }
   template <class Use>
   void with_merge(const Use& use) {
     if (v_->on_surface()) {
-      SurfaceMerge<Mis, Block> merge(maps_, eta_, *v_);
+      SurfaceMerge<Mis, Block, Statistics> merge(maps_, *scale_, *v_, statistics_);
       use(merge);
       sum_ += merge.sum;
     } else {
-      MediumMerge<Mis, Block> merge(scene_, maps_, eta_, *v_);
+      MediumMerge<Mis, Block, Statistics> merge(scene_, maps_, *scale_, *v_, statistics_);
       use(merge);
       sum_ += merge.sum;
     }
@@ -189,7 +208,8 @@ class Gather {
 
   const scene::Scene& scene_;
   const MergeMaps<Block>& maps_;
-  MergeFactors eta_;
+  [[no_unique_address]] Statistics statistics_;
+  const MergeScale* scale_ = nullptr;  // of the path
   const PhotonMap<Block>* map_ = nullptr;
   const Vertex<Block>* v_ = nullptr;
   Step step_ = Step::none;
@@ -200,10 +220,10 @@ class Gather {
 
 // The same in one step.
 template <class Mis, class Block>
-Spectrum merge(const scene::Scene& scene, const MergeMaps<Block>& maps, const MergeFactors& eta,
+Spectrum merge(const scene::Scene& scene, const MergeMaps<Block>& maps, const MergeScale& scale,
                const Vertex<Block>& v) {
-  Gather<Mis, Block> gather(scene, maps);
-  gather.begin(eta);
+  Gather<Mis, NoStatistics, Block> gather(scene, maps);
+  gather.begin(scale);
   gather.start(v);
   return gather.finish();
 }

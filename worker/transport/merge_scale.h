@@ -1,0 +1,47 @@
+// Radii of merging as a function of the film position, with all that follows from a radius: kernels, and the
+// merging factors that weights need.
+#pragma once
+
+#include <concepts>
+
+#include "worker/transport/kernels.h"
+#include "worker/transport/mis/factors.h"
+
+namespace candela::transport {
+
+// How a path merges: at all its vertices alike.
+struct MergeScale {
+  MergeScale(Kernel kernel, float disc_radius_, float ball_radius_, const MergeFactors& eta_ = {})
+      : disc_radius(disc_radius_),
+        ball_radius(ball_radius_),
+        disc(kernel, disc_radius_),
+        ball(kernel, ball_radius_),
+        eta(eta_) {}
+
+  float disc_radius, ball_radius;
+  DiscKernel disc;
+  BallKernel ball;
+  MergeFactors eta;
+};
+
+// The scale as a function of the place on the film that a path arrives at, and of nothing else: see EtaField.
+// References stay valid as long as the field.
+template <class T>
+concept ScaleField = requires(const T& field, FilmPosition at) {
+  { field.at(at) } -> std::same_as<const MergeScale&>;
+};
+
+// The same scale everywhere.
+struct ConstantScale {
+  MergeScale scale;
+  const MergeScale& at(FilmPosition /*place*/) const { return scale; }
+};
+
+// The eta of a field, for splats.
+template <ScaleField Field>
+struct EtaOf {
+  const Field& field;
+  const MergeFactors& at(FilmPosition place) const { return field.at(place).eta; }
+};
+
+}  // namespace candela::transport
