@@ -1,0 +1,29 @@
+#include <algorithm>
+#include <array>
+
+#include "tests/bench/candela_study/study.h"
+
+namespace candela::study {
+namespace {
+
+constexpr std::array kStudies = {
+    Study{"bias-aware",
+          "the bias-aware balance heuristic, the plain one and their bounds on known integrands",
+          "Hachisuka 2012, supplement, sections B to D", 0, 0, run_bias_aware},
+    Study{"ups-alpha", "error, variance and bias of ppm and vcm against alpha, on a torus in glass",
+          "Hachisuka 2012, supplement, Fig. 1 and Eq. 46", 8, 2, run_ups_alpha},
+};
+
+}  // namespace
+
+std::span<const Study> studies() {
+  return kStudies;
+}
+
+const Study* find_study(std::string_view name) {
+  const auto found =
+      std::find_if(kStudies.begin(), kStudies.end(), [&](const Study& s) { return s.name == name; });
+  return found == kStudies.end() ? nullptr : &*found;
+}
+
+}  // namespace candela::study

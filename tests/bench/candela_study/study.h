@@ -1,0 +1,54 @@
+// candela-study: experiments that remake figures and tables of papers. Pages about them: docs/studies.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/result.h"
+
+namespace candela::study {
+
+inline constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+
+// One number of a study. A field that does not apply is empty or NaN.
+struct Row {
+  std::string part;      // of the study
+  std::string problem;   // scene, field or integrand
+  std::string method;    // integrator or heuristic
+  double alpha = kNone;  // by which the radius shrinks
+  double n = kNone;      // iterations or samples
+  std::string quantity;
+  double value = kNone;
+  double standard_error = kNone;  // 0: exact
+};
+
+struct Request {
+  bool short_form = false;  // seconds
+  std::uint64_t seeds = 1;  // independent runs, with the seeds 1, 2, ...
+  unsigned threads = 1;
+  std::function<void(const std::string& line)> say = [](const std::string&) {};
+};
+
+struct Study {
+  std::string_view name;
+  std::string_view summary;
+  std::string_view source;  // in the words of docs/references.bib, and the figure or equation
+  std::uint64_t seeds;      // default; 0: it renders nothing, and its random numbers are its own
+  std::uint64_t short_seeds;
+  Result<std::vector<Row>> (*run)(const Request& request);
+};
+
+// All studies, by name.
+std::span<const Study> studies();
+// Null if there is no study of that name.
+const Study* find_study(std::string_view name);
+
+Result<std::vector<Row>> run_ups_alpha(const Request& request);
+Result<std::vector<Row>> run_bias_aware(const Request& request);
+
+}  // namespace candela::study
