@@ -1,0 +1,66 @@
+#include "common/adaptive/f_test.h"
+
+#include <algorithm>
+
+namespace candela::adaptive {
+namespace {
+
+constexpr int kSumBits = 42;
+
+Uint128 magnitude(Int128 value) {
+  return value < 0 ? -static_cast<Uint128>(value) : static_cast<Uint128>(value);
+}
+
+}  // namespace
+
+bool f_exceeds(const SectorSums& sums, std::uint64_t critical) {
+  if (sums.squares <= 0) return false;
+  Uint128 largest = 0;
+  for (const Int128 sum : sums.sums) largest = std::max(largest, magnitude(sum));
+  int down = 0;
+  while (largest >> down > Uint128{1} << kSumBits) ++down;
+
+  const auto n = static_cast<Int128>(sums.sums.size());
+  Int128 of_squares = 0, total = 0;
+  for (Int128 sum : sums.sums) {
+    sum >>= down;
+    of_squares += sum * sum;
+    total += sum;
+  }
+  // |sum| <= 2^42 and n <= 12: below 2^92, and 2^32 times that below 2^124.
+  const auto left = static_cast<Uint128>(n * of_squares - total * total) << 32;
+  const Uint128 squares = (static_cast<Uint128>(sums.squares) << sums.square_shift) >> (2 * down);
+  Uint128 right = 0;
+  // A product beyond 128 bits is larger than the left side.
+  if (__builtin_mul_overflow(squares, static_cast<Uint128>(critical) * static_cast<Uint128>(n - 1), &right))
+    return false;
+  return left > right;
+}
+
+double f_statistic(const SectorSums& sums) {
+  if (sums.squares <= 0) return 0;
+  const auto n = static_cast<double>(sums.sums.size());
+  double total = 0;
+  for (const Int128 sum : sums.sums) total += static_cast<double>(sum);
+  const double mean = total / n;
+  double deviation = 0;
+  for (const Int128 sum : sums.sums) {
+    const double d = static_cast<double>(sum) - mean;
+    deviation += d * d;
+  }
+  const double squares =
+      static_cast<double>(sums.squares) * static_cast<double>(std::uint64_t{1} << sums.square_shift);
+  return n / (n - 1) * deviation / squares;
+}
+
+std::array<Int128, kSectorChannels / 2> antipodal(std::span<const Int128, kSectorChannels> sums) {
+  constexpr int kPairs = kSectorsPerRing / 2;
+  std::array<Int128, kSectorChannels / 2> pairs{};
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const std::size_t first = i / kPairs * kSectorsPerRing + i % kPairs;
+    pairs[i] = sums[first] + sums[first + kPairs];
+  }
+  return pairs;
+}
+
+}  // namespace candela::adaptive

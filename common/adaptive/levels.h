@@ -1,0 +1,53 @@
+// Levels of a radius: the state of a pixel is a byte g, and its radius is the first radius times factor^g.
+// Text of the constants that levels and tests of a job have in its plan of work.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/job/job.h"
+
+namespace candela::adaptive {
+
+inline constexpr int kMaxLevel = 255;  // a level is one byte
+
+struct Levels {
+  double factor = 0;  // in (0, 1)
+  int max_level = 0;
+  // floors[g - 1]: the iteration that an epoch has to begin at or after for level g to be allowed. Does not
+  // decrease. Empty: all levels are allowed at all times.
+  std::vector<std::uint64_t> floors = {};
+  bool operator==(const Levels&) const = default;
+
+  // The largest level that is allowed in an epoch which begins at this iteration.
+  int deepest(std::uint64_t iteration) const;
+  // radii[g] = first * factor^g, by repeated multiplication, for g = 0 .. max_level.
+  std::vector<double> radii(double first) const;
+};
+
+// Levels whose radius stays at or above min_radius * (i + 1)^(-1 / power), for a radius of 1 at level 0 and
+// the epoch's first iteration i. The paper's floor r_min i^((alpha-1)/2) with alpha = 3/4 has power 8 [Lin et
+// al. 2023, Eq. 21]. Levels that are never allowed are left out. Preconditions: 0 < factor < 1,
+// 0 < min_radius < 1, power > 0.
+Levels levels_above(double factor, double min_radius, int power);
+
+// Writes `factor`, `max_level` and, unless empty, `floors`.
+void put_levels(const Levels& levels, SettingsMap& constants);
+// Fails (input) with the constant's name as field.
+Result<Levels> get_levels(const SettingsMap& constants);
+
+// Numbers as text: the shortest that is read back as the same bits, whatever the machine.
+std::string constant_text(double value);
+Result<double> get_number(const SettingsMap& constants, std::string_view name);
+Result<std::uint64_t> get_integer(const SettingsMap& constants, std::string_view name);
+// One of the words; the default if the constant is absent.
+Result<std::string> get_word(const SettingsMap& constants, std::string_view name,
+                             const std::vector<std::string>& words, std::string_view by_default);
+
+// round(value * 2^32): critical values, which decisions take as integers. Precondition: 0 <= value < 2^31.
+std::uint64_t critical_integer(double value);
+
+}  // namespace candela::adaptive
