@@ -25,8 +25,7 @@ constexpr int kCells = 128;     // of [0, 1]
 constexpr int kEdgeCells = 24;  // of a side of the unit square
 constexpr double kMerges = 16;  // intensity of technique 2 at the first radius
 
-// ---- problems
-// ------------------------------------------------------------------------------------------------
+// ---- problems ----
 
 // Cells of [0, 1]; densities are normalized, and the integral of f is 1.
 template <class F, class B, class P1, class P2>
@@ -125,8 +124,7 @@ std::vector<MisProblem> problems() {
   };
 }
 
-// ---- parts
-// ---------------------------------------------------------------------------------------------------
+// ---- parts ----
 
 void run_fixed(const Request& request, std::vector<Row>& rows) {
   const int last = request.short_form ? 12 : 24;

@@ -1,21 +1,16 @@
 // Error of ppm and vcm against alpha and iterations: Fig. 1 of Hachisuka et al.'s supplement (2012), and the
 // rates of variance and bias of Eq. 46.
 //
-// Part "toy": the pixel whose errors are known (toy.h), exact and simulated. Part "scene": a torus in glass.
-// All figures of the scene are relative to the mean of the reference, over all pixels and channels. With
-// images I_s of S seeds and two independent references R1, R2 of path:
-//   squared error   mean of (I_s - R1)(I_s - R2), so that no noise of a reference is left in it
-//   variance        of one image, from the spread over seeds
-//   squared bias    mean of (I_s - R1)(I_t - R2) over all pairs of seeds s, t
-//   bias            amplitude of (I_s - R1) along the pattern P of the bias of the first radius, over that of
-//                   P itself: P is the image at constant radius (alpha = 1) less R2, normalized by a second,
-//                   independent image less R1. Its theory is bias_factor().
+// Part "toy": the pixel whose errors are known (toy.h), exact and simulated. Part "scene": a torus in glass,
+// whose errors are those of image_errors.h against two references of path. The pattern of the bias is that of
+// constant radii (alpha = 1), so that the theory of the amplitude is bias_factor().
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "tests/bench/candela_bench/estimator.h"
+#include "tests/bench/candela_study/image_errors.h"
+#include "tests/bench/candela_study/renders.h"
 #include "tests/bench/candela_study/study.h"
 #include "tests/bench/candela_study/toy.h"
 #include "tests/statistical/moments.h"
@@ -51,8 +46,7 @@ class Rows {
   std::vector<Row> rows_;
 };
 
-// ---- toy
-// -----------------------------------------------------------------------------------------------------
+// ---- toy ----
 
 void run_toy(const Request& request, Rows& rows) {
   std::vector<std::uint64_t> counts;
@@ -100,86 +94,7 @@ void run_toy(const Request& request, Rows& rows) {
     }
 }
 
-// ---- scene
-// ---------------------------------------------------------------------------------------------------
-
-using Image = std::vector<float>;
-
-struct Size {
-  std::uint32_t width, height;
-};
-
-// Images of one render after so many iterations; `counts` ascend.
-Result<std::vector<Image>> render(const Request& request, Size size, const std::string& integrator,
-                                  const SettingsMap& settings, std::uint64_t seed, const std::string& sampler,
-                                  const std::vector<std::uint64_t>& counts) {
-  CANDELA_ASSIGN(bench::RunSpec run, bench::make_run(CANDELA_SOURCE_DIR "/tests/bench/torus/torus.xml",
-                                                     "torus", integrator, settings, size.width, size.height));
-  run.job.seed = seed;
-  run.job.sampler = sampler;
-  run.threads = request.threads;
-  CANDELA_ASSIGN(const auto estimator, bench::make_render_estimator(run));
-  std::vector<Image> images;
-  for (const std::uint64_t count : counts) {
-    CANDELA_TRY(estimator->advance(count));
-    CANDELA_ASSIGN(bench::Snapshot snapshot, estimator->snapshot());
-    images.push_back(std::move(snapshot.image));
-  }
-  return images;
-}
-
-// Mean over values of (a - b)(c - d).
-double product(const Image& a, const Image& b, const Image& c, const Image& d) {
-  double sum = 0;
-  for (std::size_t i = 0; i < a.size(); ++i)
-    sum += (static_cast<double>(a[i]) - static_cast<double>(b[i])) *
-           (static_cast<double>(c[i]) - static_cast<double>(d[i]));
-  return sum / static_cast<double>(a.size());
-}
-
-Image mean_image(const std::vector<Image>& images, std::size_t begin, std::size_t end) {
-  std::vector<double> sum(images[begin].size());
-  for (std::size_t k = begin; k < end; ++k)
-    for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += static_cast<double>(images[k][i]);
-  Image mean;
-  for (const double value : sum) mean.push_back(static_cast<float>(value / static_cast<double>(end - begin)));
-  return mean;
-}
-
-// Independent references, and their mean.
-struct Truth {
-  Image first, second;
-  double mean = 0;
-};
-
-// The bias of the first radius: a picture, and the product that an amplitude of 1 has.
-struct Pattern {
-  Image at_first_radius;  // less the second reference it is the pattern
-  double square = 0;
-};
-
-// What the seeds' images after one count of iterations say.
-struct Found {
-  Moments squared_error, variance, squared_bias, amplitude;
-};
-
-Found compare(const std::vector<Image>& images, const Truth& truth, const Pattern& pattern) {
-  const double unit = truth.mean * truth.mean;
-  const auto seeds = static_cast<double>(images.size());
-  const Image mean = mean_image(images, 0, images.size());
-  Found found;
-  for (const Image& image : images) {
-    const double squared_error = product(image, truth.first, image, truth.second);
-    found.squared_error.add(squared_error / unit);
-    found.amplitude.add(product(image, truth.first, pattern.at_first_radius, truth.second) / pattern.square);
-    if (seeds < 2) continue;
-    found.variance.add(product(image, mean, image, mean) / unit * seeds / (seeds - 1));
-    // Of this image with all others: seeds * (mean - R2) is the sum of all.
-    const double with_all = seeds * product(image, truth.first, mean, truth.second);
-    found.squared_bias.add((with_all - squared_error) / (seeds - 1) / unit);
-  }
-  return found;
-}
+// ---- scene ----
 
 // The slope of log(value) over log(n) between two counts, and its standard error as of independent values.
 void add_slope(Rows& rows, const std::string& integrator, double alpha, const std::string& quantity,
@@ -192,55 +107,56 @@ void add_slope(Rows& rows, const std::string& integrator, double alpha, const st
 }
 
 Result<void> run_scene(const Request& request, Rows& rows) {
-  const Size size = request.short_form ? Size{16, 16} : Size{48, 48};
+  const std::uint32_t side = request.short_form ? 16 : 48;
   const std::vector<std::uint64_t> counts = request.short_form
                                                 ? std::vector<std::uint64_t>{4, 16}
                                                 : std::vector<std::uint64_t>{4, 16, 64, 256, 1024};
   const std::vector<double>& alphas = request.short_form ? kRateAlphas : kAlphas;
-  const std::vector<std::uint64_t> reference_count = {request.short_form ? std::uint64_t{1024} : 65536};
+  const auto render = [&](const std::string& integrator, double alpha, std::uint64_t seed) {
+    return Render{.scene = "tests/bench/torus/torus.xml",
+                  .width = side,
+                  .height = side,
+                  .integrator = integrator,
+                  .settings = {{"alpha", fmt::format("{:.9g}", alpha)}, {"radius", kFirstRadius}},
+                  .seed = seed,
+                  .threads = request.threads};
+  };
 
-  Truth truth;
-  for (Image* reference : {&truth.first, &truth.second}) {
-    const std::uint64_t seed = kReferenceSeed + (reference == &truth.second ? 1 : 0);
-    CANDELA_ASSIGN(auto images, render(request, size, "path", {}, seed, "sobol", reference_count));
-    *reference = std::move(images[0]);
-    request.say(fmt::format("ups-alpha: reference {} of 2", reference == &truth.first ? 1 : 2));
+  const std::uint64_t reference_count = request.short_form ? 1024 : 32768;
+  std::vector<Image> references;
+  for (const std::uint64_t seed : {kReferenceSeed, kReferenceSeed + 1}) {
+    Render reference = render("path", 1, seed);
+    reference.settings = {};
+    reference.sampler = "sobol";
+    CANDELA_ASSIGN(auto images, render_images(reference, {reference_count}));
+    references.push_back(std::move(images[0]));
+    request.say(fmt::format("ups-alpha: reference {} of 2", references.size()));
   }
-  for (const Image* reference : {&truth.first, &truth.second})
-    for (const float value : *reference)
-      truth.mean += static_cast<double>(value) / (2 * static_cast<double>(reference->size()));
-  const double unit = truth.mean * truth.mean;
-  rows.add("torus", "path", kNone, static_cast<double>(reference_count[0]), "variance",
-           product(truth.first, truth.second, truth.first, truth.second) / 2 / unit, kNone);
+  const Truth truth(references[0], references[1]);
+  rows.add("torus", "path", kNone, static_cast<double>(reference_count), "variance", truth.variance, kNone);
 
   for (const std::string integrator : {"ppm", "vcm"}) {
-    const auto settings = [](double alpha) {
-      return SettingsMap{{"alpha", fmt::format("{:.9g}", alpha)}, {"radius", kFirstRadius}};
-    };
     std::vector<Image> constant;
     const std::uint64_t halves = std::max<std::uint64_t>(2, request.seeds);
     for (std::uint64_t seed = 0; seed < halves; ++seed) {
-      CANDELA_ASSIGN(auto images, render(request, size, integrator, settings(1), kPatternSeed + seed,
-                                         "independent", {counts.back()}));
+      CANDELA_ASSIGN(auto images, render_images(render(integrator, 1, kPatternSeed + seed), {counts.back()}));
       constant.push_back(std::move(images[0]));
     }
-    Pattern pattern{mean_image(constant, 0, halves / 2), 0};
-    const Image other = mean_image(constant, halves / 2, halves);
-    pattern.square = product(other, truth.first, pattern.at_first_radius, truth.second);
-    rows.add("torus", integrator, 1, static_cast<double>(counts.back()), "squared bias",
-             pattern.square / unit, kNone);
+    const Pattern pattern(truth, mean_image(constant, 0, halves / 2),
+                          mean_image(constant, halves / 2, halves));
+    rows.add("torus", integrator, 1, static_cast<double>(counts.back()), "squared bias", pattern.square,
+             kNone);
 
     for (const double alpha : alphas) {
       std::vector<std::vector<Image>> images(counts.size());  // [count][seed]
       for (std::uint64_t seed = 1; seed <= request.seeds; ++seed) {
-        CANDELA_ASSIGN(auto found,
-                       render(request, size, integrator, settings(alpha), seed, "independent", counts));
+        CANDELA_ASSIGN(auto found, render_images(render(integrator, alpha, seed), counts));
         for (std::size_t k = 0; k < counts.size(); ++k) images[k].push_back(std::move(found[k]));
       }
-      std::vector<Found> found;
+      std::vector<ImageErrors> found;
       for (std::size_t k = 0; k < counts.size(); ++k) {
         const auto n = static_cast<double>(counts[k]);
-        found.push_back(compare(images[k], truth, pattern));
+        found.push_back(errors_of(images[k], truth, pattern));
         rows.add("torus", integrator, alpha, n, "squared error", found[k].squared_error);
         // Of two seeds both have the same deviation from their mean: that says nothing of its error.
         if (request.seeds > 1)

@@ -1,0 +1,57 @@
+#include "tests/bench/candela_study/image_errors.h"
+
+#include <utility>
+
+namespace candela::study {
+namespace {
+
+// Mean over values of (a - b)(c - d).
+double product(const Image& a, const Image& b, const Image& c, const Image& d) {
+  double sum = 0;
+  for (std::size_t i = 0; i < a.size(); ++i)
+    sum += (static_cast<double>(a[i]) - static_cast<double>(b[i])) *
+           (static_cast<double>(c[i]) - static_cast<double>(d[i]));
+  return sum / static_cast<double>(a.size());
+}
+
+}  // namespace
+
+Truth::Truth(Image one, Image other) : first(std::move(one)), second(std::move(other)) {
+  for (const Image* reference : {&first, &second})
+    for (const float value : *reference)
+      mean += static_cast<double>(value) / (2 * static_cast<double>(reference->size()));
+  variance = product(first, second, first, second) / 2 / (mean * mean);
+}
+
+Pattern::Pattern(const Truth& truth, Image one, const Image& other)
+    : biased(std::move(one)),
+      square(product(other, truth.first, biased, truth.second) / (truth.mean * truth.mean)) {}
+
+ImageErrors errors_of(const std::vector<Image>& images, const Truth& truth, const Pattern& pattern) {
+  const double unit = truth.mean * truth.mean;
+  const auto seeds = static_cast<double>(images.size());
+  const Image mean = mean_image(images, 0, images.size());
+  ImageErrors errors;
+  for (const Image& image : images) {
+    const double squared = product(image, truth.first, image, truth.second) / unit;
+    errors.squared_error.add(squared);
+    errors.amplitude.add(product(image, truth.first, pattern.biased, truth.second) / unit / pattern.square);
+    if (images.size() < 2) continue;
+    errors.variance.add(product(image, mean, image, mean) / unit * seeds / (seeds - 1));
+    // Of this image with all others: seeds * (mean - R2) is the sum over all.
+    const double with_all = seeds * product(image, truth.first, mean, truth.second) / unit;
+    errors.squared_bias.add((with_all - squared) / (seeds - 1));
+  }
+  return errors;
+}
+
+Image mean_image(const std::vector<Image>& images, std::size_t begin, std::size_t end) {
+  std::vector<double> sum(images[begin].size());
+  for (std::size_t k = begin; k < end; ++k)
+    for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += static_cast<double>(images[k][i]);
+  Image mean;
+  for (const double value : sum) mean.push_back(static_cast<float>(value / static_cast<double>(end - begin)));
+  return mean;
+}
+
+}  // namespace candela::study
