@@ -1,0 +1,129 @@
+#include "common/mis/estimators.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/mis/ldlt.h"
+
+namespace candela::mis {
+namespace {
+
+constexpr double kMinPivot = 1e-10;  // of the number of batches, without a ridge
+
+Sums total(std::span<const Sums> parts) {
+  Sums all;
+  for (const Sums& part : parts) all.add(part);
+  return all;
+}
+
+}  // namespace
+
+// C_ij = s_i s_j (S_A,ij - S_r,i S_r,j / W), d_i = s_i (S_b,i - S_r,i S_F / W), s_i = sqrt(n_i):
+// the second moments of the controls about their mean. W comes from S_A, so that rounding leaves the null
+// vector s where it is. Centering takes the intercept out of the ridge.
+Slopes solve(const Allocation& allocation, const Sums& sums, double ridge) {
+  Slopes slopes{};
+  const std::size_t n = allocation.techniques;
+  const Vector r = sums.control_sums(allocation);
+  double samples = 0;
+  for (std::size_t i = 0; i < n; ++i) samples += allocation.counts[i] * r[i];
+  if (!(samples > 0)) return slopes;
+  Vector s{};
+  for (std::size_t i = 0; i < n; ++i) s[i] = std::sqrt(allocation.counts[i]);
+  std::array<Vector, kMaxTechniques> matrix{};
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t j = 0; j <= i; ++j)
+      matrix[i][j] = s[i] * s[j] * (sums.a[packed(i, j)] - r[i] * r[j] / samples);
+    matrix[i][i] += ridge;
+  }
+  const double min_pivot = ridge > 0 ? 0 : kMinPivot * samples / allocation.total();
+  const Ldlt<kMaxTechniques> ldlt(matrix, n, min_pivot);
+  for (std::size_t k = 0; k < kColors; ++k) {
+    const double mean = sums.balance_sum(allocation, k) / samples;
+    Vector d{};
+    for (std::size_t i = 0; i < n; ++i) d[i] = s[i] * (sums.b[k][i] - r[i] * mean);
+    slopes[k] = ldlt.solve(d);
+    for (std::size_t i = 0; i < n; ++i) slopes[k][i] *= s[i];
+  }
+  return slopes;
+}
+
+Color correction(const Allocation& allocation, const Sums& sums, const Slopes& slopes) {
+  const Vector r = sums.control_sums(allocation);
+  double samples = 0;
+  for (std::size_t i = 0; i < allocation.techniques; ++i) samples += allocation.counts[i] * r[i];
+  const double batches = samples / allocation.total();
+  Color out{};
+  for (std::size_t k = 0; k < kColors; ++k)
+    for (std::size_t i = 0; i < allocation.techniques; ++i) out[k] += slopes[k][i] * (batches - r[i]);
+  return out;
+}
+
+double ridge(const Allocation& allocation, double samples, int scale_log2, double factor) {
+  const double batches = samples / allocation.total();
+  const double rounding = std::ldexp(
+      8 * static_cast<double>(allocation.techniques) * std::sqrt(std::max(samples, 0.0)), -scale_log2);
+  return batches > 0 ? std::max(factor / batches, rounding) : 1;
+}
+
+Color direct(const Allocation& allocation, std::span<const Sums> parts, int scale_log2) {
+  const Sums all = total(parts);
+  if (all.samples(allocation) < 1.5 * allocation.total()) return {};
+  return correction(allocation, all,
+                    solve(allocation, all, ridge(allocation, all.samples(allocation), scale_log2)));
+}
+
+Color progressive(const Allocation& allocation, std::span<const Sums> epochs, int scale_log2) {
+  Color out{};
+  Sums before;
+  for (const Sums& epoch : epochs) {
+    const Slopes slopes =
+        solve(allocation, before, ridge(allocation, before.samples(allocation), scale_log2));
+    const Color part = correction(allocation, epoch, slopes);
+    for (std::size_t k = 0; k < kColors; ++k) out[k] += part[k];
+    before.add(epoch);
+  }
+  return out;
+}
+
+Color crossfit(const Allocation& allocation, const Sums& half0, const Sums& half1, int scale_log2) {
+  const auto slopes_of = [&](const Sums& half) {
+    return solve(allocation, half, ridge(allocation, half.samples(allocation), scale_log2));
+  };
+  Color out = correction(allocation, half0, slopes_of(half1));
+  const Color other = correction(allocation, half1, slopes_of(half0));
+  for (std::size_t k = 0; k < kColors; ++k) out[k] += other[k];
+  return out;
+}
+
+// Columns of the regression: an intercept 1 and d_k = p_k / p_c = M c_k; y = f / p_c = M f / q.
+Color fan(const Allocation& allocation, const Sums& batch, std::size_t dropped, double lambda) {
+  constexpr std::size_t kMaxColumns = kMaxTechniques + 1;
+  const std::size_t n = allocation.techniques;
+  const double m = allocation.total();
+  const Vector r = batch.control_sums(allocation);
+  std::array<std::array<double, kMaxColumns>, kMaxColumns> gram{};
+  std::array<std::size_t, kMaxColumns> columns{};
+  std::size_t count = 0;
+  for (std::size_t column = 0; column <= n; ++column)
+    if (column != dropped) columns[count++] = column;
+  const auto product = [&](std::size_t i, std::size_t j) {  // i >= j
+    if (i == 0) return batch.samples(allocation);
+    return j == 0 ? m * r[i - 1] : m * m * batch.a[packed(i - 1, j - 1)];
+  };
+  for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t j = 0; j <= i; ++j) gram[i][j] = product(columns[i], columns[j]);
+    gram[i][i] += lambda;
+  }
+  const Ldlt<kMaxColumns> ldlt(gram, count, lambda > 0 ? 0 : kMinPivot);
+  Color out{};
+  for (std::size_t k = 0; k < kColors; ++k) {
+    std::array<double, kMaxColumns> rhs{};
+    for (std::size_t i = 0; i < count; ++i)
+      rhs[i] = columns[i] == 0 ? m * batch.balance_sum(allocation, k) : m * m * batch.b[k][columns[i] - 1];
+    for (const double h : ldlt.solve(rhs)) out[k] += h;
+  }
+  return out;
+}
+
+}  // namespace candela::mis

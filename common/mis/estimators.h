@@ -1,0 +1,50 @@
+// Estimators of optimal multiple importance sampling: what the image gains on the balance heuristic, made
+// from merged sums when somebody reads it.
+//
+// For any slopes alpha,
+//   T F = S_F + alpha . (W / M 1 - S_r)                              [Kondapaneni 2019, Eq. 16, with f = 0
+//   kept]
+// is unbiased if alpha does not depend on the same samples: the second term, the *correction*, has
+// expectation zero. W / M is the number of batches that the sums hold. Batches of a pixel that drew no
+// samples, since the eye path met nothing to light, are not among them, and their share of the image is in no
+// control.
+//
+//   direct       alpha from the same sums; biased by O(1/T), consistent
+//   progressive  alpha of an epoch from all epochs before it; unbiased
+//   crossfit     alpha of each half from the other half; unbiased
+//   fan          [Fan 2006] as [Kondapaneni 2019, supplement, Algorithm 3] has it: one batch of few samples,
+//                a technique's column left out, the intercept in the ridge. Inconsistent; for comparison
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <span>
+
+#include "common/mis/sums.h"
+
+namespace candela::mis {
+
+using Slopes = std::array<Vector, kColors>;  // alpha, by color
+
+// Solves the centered system with a ridge that makes the slopes fall back to those of the balance heuristic,
+// zero. No rank is decided with ridge > 0: dependent techniques get slopes that cancel. ridge = 0 leaves out
+// directions whose pivot is below 1e-10 of the number of batches: for tests.
+Slopes solve(const Allocation& allocation, const Sums& sums, double ridge);
+
+// alpha . (W / M 1 - S_r).
+Color correction(const Allocation& allocation, const Sums& sums, const Slopes& slopes);
+
+// The ridge of a system whose sums hold W samples and whose S_A was rounded to multiples of 2^-scale_log2:
+// max(factor / T, 8 N sqrt(T M) 2^-scale_log2), T = W / M.
+double ridge(const Allocation& allocation, double samples, int scale_log2, double factor = 0.1);
+
+// Corrections to the sum of the balance heuristic's estimates over all the sums given; zero while there is no
+// second batch. `scale_log2` is S_A's.
+Color direct(const Allocation& allocation, std::span<const Sums> parts, int scale_log2);
+Color crossfit(const Allocation& allocation, const Sums& half0, const Sums& half1, int scale_log2);
+Color progressive(const Allocation& allocation, std::span<const Sums> epochs, int scale_log2);
+
+// F of one batch, by the system without column `dropped` (0: the intercept, i + 1: technique i).
+Color fan(const Allocation& allocation, const Sums& batch, std::size_t dropped, double lambda = 1);
+
+}  // namespace candela::mis
