@@ -22,7 +22,7 @@ using statistical::Moments;
 using statistical::moments_of;
 
 const std::vector<double> kRateAlphas = {0.5, 2.0 / 3, 0.75, 0.9};
-const std::vector<double> kAlphas = {0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 2.0 / 3, 0.7, 0.75, 0.8, 0.9};
+const std::vector<double> kAlphas = {0.3, 0.5, 0.6, 2.0 / 3, 0.7, 0.75, 0.8, 0.9};
 // Fraction of the scene's bounding radius. Bias and noise of the torus are alike there within some hundred
 // iterations.
 constexpr const char* kFirstRadius = "0.03";
@@ -122,7 +122,7 @@ Result<void> run_scene(const Request& request, Rows& rows) {
                   .threads = request.threads};
   };
 
-  const std::uint64_t reference_count = request.short_form ? 1024 : 32768;
+  const std::uint64_t reference_count = request.short_form ? 1024 : 16384;
   std::vector<Image> references;
   for (const std::uint64_t seed : {kReferenceSeed, kReferenceSeed + 1}) {
     Render reference = render("path", 1, seed);
