@@ -3,7 +3,7 @@
 //
 //   r_N^6 = 2 k3 m2 / (k2^2 L^2 N)
 //
-// [Kaplanyan 2015, Eq. 5.15, with the second moment m2 and k3 in place of a variance over pi]. The sums are
+// [Kaplanyan 2017, Eq. 5.15, with the second moment m2 and k3 in place of a variance over pi]. The sums are
 // A2 = sum phi^2 k_r(y) pi r_1^2 and D1 = sum phi D_h(y) pi r_1^4, with phi in units of film values; N drops
 // out: (r / r_1)^6 = c6 A2 / D1^2, c6 = 2 pi k3 / k2^2, for the constant kernel 32.
 #pragma once
