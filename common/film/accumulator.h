@@ -96,6 +96,13 @@ class MergedAccumulator {
   Int128 sum(std::uint32_t x, std::uint32_t y, std::uint32_t channel) const {
     return sums_.sum(0, x, y, channel);
   }
+  // All channels of a pixel at once. Precondition: `sums` has one for each channel.
+  void get_pixel(std::uint32_t x, std::uint32_t y, std::span<Int128> sums) const {
+    sums_.get_pixel(0, x, y, sums);
+  }
+  void set_pixel(std::uint32_t x, std::uint32_t y, std::span<const Int128> sums) {
+    sums_.set_pixel(0, x, y, sums);
+  }
   std::uint32_t width() const { return layout_.width; }
   std::uint32_t height() const { return layout_.height; }
 

@@ -86,6 +86,33 @@ Int128 TileSums::sum(std::uint32_t layer, std::uint32_t x, std::uint32_t y, std:
   return 0;
 }
 
+void TileSums::get_pixel(std::uint32_t layer, std::uint32_t x, std::uint32_t y,
+                         std::span<Int128> sums) const {
+  const TilePlace at = tile_place(layout_, layer, x, y);
+  const Tile& tile = tiles_[at.tile];
+  for (std::size_t c = 0, i = at.offset; c < sums.size(); ++c, i += at.pixels)
+    sums[c] = !tile.narrow.empty() ? tile.narrow[i] : !tile.wide.empty() ? tile.wide[i] : Int128{0};
+}
+
+void TileSums::set_pixel(std::uint32_t layer, std::uint32_t x, std::uint32_t y,
+                         std::span<const Int128> sums) {
+  const TilePlace at = tile_place(layout_, layer, x, y);
+  Tile& tile = tiles_[at.tile];
+  const auto is_zero = [](Int128 value) { return value == 0; };
+  const auto fits = [](Int128 value) { return value == static_cast<std::int64_t>(value); };
+  if (tile.narrow.empty() && tile.wide.empty()) {
+    if (std::all_of(sums.begin(), sums.end(), is_zero)) return;
+    tile.narrow.assign(at.pixels * channels_, 0);
+  }
+  if (tile.wide.empty() && !std::all_of(sums.begin(), sums.end(), fits)) tile.widen();
+  for (std::size_t c = 0, i = at.offset; c < sums.size(); ++c, i += at.pixels) {
+    if (tile.wide.empty())
+      tile.narrow[i] = static_cast<std::int64_t>(sums[c]);
+    else
+      tile.wide[i] = sums[c];
+  }
+}
+
 bool TileSums::zero(std::size_t tile_count) const {
   return std::all_of(tiles_.begin(), tiles_.begin() + static_cast<std::ptrdiff_t>(tile_count),
                      [](const Tile& tile) { return tile.zero(); });

@@ -29,8 +29,6 @@ class TileSums {
     void add(std::span<const std::int64_t> values);
     void add(std::span<const Int128> values);
     bool zero() const;
-
-   private:
     void widen();
   };
 
@@ -44,6 +42,9 @@ class TileSums {
 
   const Tile& tile(std::size_t index) const { return tiles_[index]; }
   Int128 sum(std::uint32_t layer, std::uint32_t x, std::uint32_t y, std::uint32_t channel) const;
+  // All channels of a pixel. Precondition: `sums` has one for each.
+  void get_pixel(std::uint32_t layer, std::uint32_t x, std::uint32_t y, std::span<Int128> sums) const;
+  void set_pixel(std::uint32_t layer, std::uint32_t x, std::uint32_t y, std::span<const Int128> sums);
   // No sum of the first `tile_count` tiles differs from zero.
   bool zero(std::size_t tile_count) const;
   // A copy of the first layers alone.

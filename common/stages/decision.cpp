@@ -15,24 +15,41 @@ Result<DecisionRule> find_rule(std::string_view name) {
       .with_field("work.epochs.rule");
 }
 
-Result<std::string> decide(const DecisionInput& input) {
+Carry empty_carry(std::span<const film::AccumulatorSpec> accumulators, std::uint32_t width,
+                  std::uint32_t height) {
+  Carry carry;
+  for (const film::AccumulatorSpec& spec : accumulators)
+    if (spec.per == film::AccumulatorSpec::Per::epoch) carry.sums.emplace_back(width, height, spec);
+  return carry;
+}
+
+Result<std::string> decide(const DecisionInput& input, Carry& carry) {
   CANDELA_ASSIGN(const DecisionRule rule, find_rule(input.plan.rule));
-  CANDELA_ASSIGN(std::string state, rule.decide(input));
-  if (state.size() > kMaxStateBytes)
-    return failed_error(fmt::format("the rule '{}' decided a state of {} bytes, more than {}", rule.name,
-                                    state.size(), kMaxStateBytes));
+  CANDELA_ASSIGN(std::string state, rule.decide(input, carry));
+  if (state.size() > kMaxStateBytes || carry.memo.size() > kMaxStateBytes)
+    return failed_error(
+        fmt::format("the rule '{}' decided a state of {} bytes and a memo of {}, more than {}", rule.name,
+                    state.size(), carry.memo.size(), kMaxStateBytes));
   return state;
 }
 
-Result<std::vector<std::string>> replay(const EpochPlan& plan, std::uint64_t epochs, std::uint32_t width,
-                                        std::uint32_t height, const decltype(DecisionInput::sums)& sums) {
-  std::vector<std::string> states;
+Result<Replay> replay(const EpochPlan& plan, std::span<const film::AccumulatorSpec> accumulators,
+                      std::uint64_t epochs, std::uint32_t width, std::uint32_t height,
+                      const EpochSums& sums) {
+  Replay out{{}, empty_carry(accumulators, width, height)};
   for (std::uint64_t e = 0; e < epochs; ++e) {
-    const std::string_view previous = states.empty() ? std::string_view() : states.back();
-    CANDELA_ASSIGN(std::string state, decide({plan, e, width, height, previous, sums}));
-    states.push_back(std::move(state));
+    DecisionInput input{plan, e, width, height, {}, {}};
+    if (e > 0) input.previous = out.states.back();
+    if (e > plan.lag) {
+      const std::uint64_t folded = e - 1 - plan.lag;
+      input.folded = {folded, out.states[folded], {}};
+      for (const film::MergedAccumulator& sum : out.carry.sums)
+        input.folded->sums.push_back(sums(sum.spec().name, folded));
+    }
+    CANDELA_ASSIGN(std::string state, decide(input, out.carry));
+    out.states.push_back(std::move(state));
   }
-  return states;
+  return out;
 }
 
 }  // namespace candela

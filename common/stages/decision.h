@@ -1,15 +1,23 @@
 // Decisions: the state of an epoch from merged sums, by a rule with a name.
 //
-// A rule is a pure function of integers. Its result depends on the plan, the epoch, the states before and the
-// sums of whole epochs, and on nothing else, so anybody who has the sums finds the same bytes again. The
-// master decides; a test may replay it.
+// A rule is a pure function. Its result depends on the plan, the epoch, the state before, the sums of one
+// whole epoch and on what the rule itself carries from the epochs before, and on nothing else. It computes
+// with integers, or with + - * / sqrt of doubles (the same bits on every machine), so anybody who has the
+// sums finds the same bytes again. The master decides; a test may replay it.
+//
+//   decision e:  (state e-1, carry, sums of epoch e-1-lag)  ->  (state e, carry)
+//
+// Each epoch is folded once, in order, and its sums are not needed afterwards: a job of any length keeps the
+// sums of lag + 1 epochs and one carry.
 #pragma once
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "common/base/result.h"
@@ -20,22 +28,52 @@ namespace candela {
 
 inline constexpr std::size_t kMaxStateBytes = std::size_t{1} << 30;
 
+// What a rule keeps of the epochs that it has folded, beside the state. The master's alone: no worker gets
+// it.
+struct Carry {
+  // One for each accumulator of the plan that is kept per epoch, in the plan's order and with its spec.
+  std::vector<film::MergedAccumulator> sums;
+  std::string memo;  // the rule's own bytes, such as one per pixel; empty before the first decision
+};
+// The carry before the first decision: zeros. `accumulators`: all of the plan.
+Carry empty_carry(std::span<const film::AccumulatorSpec> accumulators, std::uint32_t width,
+                  std::uint32_t height);
+
 struct DecisionInput {
   const EpochPlan& plan;
   std::uint64_t epoch = 0;  // whose state is wanted
   std::uint32_t width = 0, height = 0;
   std::string_view previous;  // state of the epoch before; empty for epoch 0
-  // The sums of an accumulator over one epoch below epochs_before(epoch, plan.lag), every unit of which is
-  // merged. Null: the job has no accumulator of this name for each epoch. Valid until decide() returns.
-  std::function<const film::MergedAccumulator*(std::string_view name, std::uint64_t of_epoch)> sums;
+  // The epoch that is newly whole, epoch - 1 - plan.lag: all its units are merged.
+  struct Folded {
+    std::uint64_t epoch = 0;
+    std::string_view state;                            // that its units were rendered with
+    std::vector<const film::MergedAccumulator*> sums;  // as Carry::sums
+  };
+  std::optional<Folded> folded;  // absent while epoch <= plan.lag
 };
 
-// Errors end the job: the rule cannot decide from sums that nobody can change.
-using Decide = Result<std::string> (*)(const DecisionInput& input);
+// Changes the carry in place. Errors end the job: the rule cannot decide from sums that nobody can change.
+using Decide = Result<std::string> (*)(const DecisionInput& input, Carry& carry);
+
+// A description of a state for people.
+struct StateReport {
+  std::vector<std::pair<std::string, double>> figures;  // such as "pixels shrunk", in order
+  struct Layer {
+    std::string name;           // valid as a film layer's name
+    std::vector<float> values;  // width * height, row by row
+  };
+  std::vector<Layer> layers;  // empty unless they are asked for
+};
+// A pure function too. `carry`: as the decision of `state` left it.
+using Describe = Result<StateReport> (*)(const EpochPlan& plan, std::uint64_t epoch, std::uint32_t width,
+                                         std::uint32_t height, std::string_view state, const Carry& carry,
+                                         bool with_layers);
 
 struct DecisionRule {
   std::string_view name;
-  Decide decide;
+  Decide decide = nullptr;
+  Describe describe = nullptr;  // null: there is nothing to tell
 };
 
 // A program's rules. The library candela_rules defines this function alone (rules/rules.cpp); a test program
@@ -45,12 +83,19 @@ std::span<const DecisionRule> decision_rules();
 // The rule of this name. The error (input) lists the names there are.
 Result<DecisionRule> find_rule(std::string_view name);
 
-// The state of the epoch, by the plan's rule. Fails (input) on an unknown rule, (failed) on a state that is
-// too large, and as the rule fails.
-Result<std::string> decide(const DecisionInput& input);
+// The state of the epoch, by the plan's rule. Fails (input) on an unknown rule, (failed) on a state or memo
+// that is too large, and as the rule fails; the carry is of no use then.
+Result<std::string> decide(const DecisionInput& input, Carry& carry);
 
-// The states of epochs [0, epochs), one after the other, from the sums alone.
-Result<std::vector<std::string>> replay(const EpochPlan& plan, std::uint64_t epochs, std::uint32_t width,
-                                        std::uint32_t height, const decltype(DecisionInput::sums)& sums);
+// Decisions [0, epochs), one after the other, from the sums alone.
+struct Replay {
+  std::vector<std::string> states;
+  Carry carry;  // after the last decision
+};
+// The sums of a whole epoch, of an accumulator that is kept per epoch. Valid until replay() returns.
+using EpochSums =
+    std::function<const film::MergedAccumulator*(std::string_view name, std::uint64_t of_epoch)>;
+Result<Replay> replay(const EpochPlan& plan, std::span<const film::AccumulatorSpec> accumulators,
+                      std::uint64_t epochs, std::uint32_t width, std::uint32_t height, const EpochSums& sums);
 
 }  // namespace candela

@@ -5,7 +5,6 @@
 #include "common/base/hash.h"
 #include "common/base/log.h"
 #include "common/stages/decision.h"
-#include "common/stages/epochs.h"
 
 namespace candela::master {
 namespace {
@@ -21,22 +20,6 @@ Result<void> put_blob(BlobStore& blobs, const std::string& sha256, std::string_v
   return upload->finish();
 }
 
-// Nothing: the blob is missing or damaged.
-Result<std::optional<std::string>> read_blob(BlobStore& blobs, const std::string& sha256) {
-  CANDELA_ASSIGN(const auto reader, blobs.read(sha256));
-  if (!reader) return std::optional<std::string>();
-  std::string bytes, part;
-  while (bytes.size() < reader->size()) {
-    if (auto read = reader->next(1 << 20, part); !read.ok()) {
-      if (read.error().kind == ErrorKind::failed) return std::optional<std::string>();
-      return std::move(read).error();
-    }
-    if (part.empty()) break;
-    bytes += part;
-  }
-  return std::optional<std::string>(std::move(bytes));
-}
-
 }  // namespace
 
 Result<std::optional<std::string>> EpochDecider::decide_state(const DueDecision& due) {
@@ -46,22 +29,16 @@ Result<std::optional<std::string>> EpochDecider::decide_state(const DueDecision&
     truth_.agree_if_short(due.job_id, *film);
     return std::optional<std::string>();
   }
-  std::string previous;
-  if (due.previous) {
-    CANDELA_ASSIGN(std::optional<std::string> bytes, read_blob(blobs_, due.previous->sha256));
-    if (!bytes) {
-      table_.with_scheduler([&](Scheduler& s) { s.lost_state(due.previous->sha256, JobTable::now()); });
-      return std::optional<std::string>();
-    }
-    previous = std::move(*bytes);
-  }
   std::vector<std::shared_ptr<const film::MergedAccumulator>> held;
   const auto sums = [&](std::string_view name, std::uint64_t epoch) -> const film::MergedAccumulator* {
-    if (epoch >= epochs_before(due.epoch, due.plan.lag)) return nullptr;
     held.push_back(film->accumulator(name, epoch));
     return held.back().get();
   };
-  auto state = decide({due.plan, due.epoch, due.width, due.height, previous, sums});
+  const auto accumulators =
+      table_.with_scheduler([&](Scheduler& s) { return s.job(due.job_id)->row.accumulators; });
+  auto replayed = replay(due.plan, accumulators, due.epoch + 1, due.width, due.height, sums);
+  Result<std::string> state =
+      replayed.ok() ? Result<std::string>(std::move(replayed->states.back())) : std::move(replayed).error();
   if (!state.ok()) {
     table_.with_scheduler([&](Scheduler& s) {
       s.fail_job(

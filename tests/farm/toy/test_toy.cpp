@@ -38,6 +38,7 @@ struct Truth {
   film::MergedFilm film{{kToyWidth, kToyHeight, 1}, 0};
   std::map<std::uint64_t, film::MergedAccumulator> squares;  // by epoch
   std::vector<std::string> states;
+  Carry carry = empty_carry(toy::work_plan().accumulators, kToyWidth, kToyHeight);
 };
 Truth truth_of(std::uint64_t iterations, int scale_log2) {
   const WorkPlan work = toy::work_plan();
@@ -47,11 +48,14 @@ Truth truth_of(std::uint64_t iterations, int scale_log2) {
   out.film = film::MergedFilm({kToyWidth, kToyHeight, 1}, scale_log2);
   const std::array<std::uint64_t, 2> target = {(iterations + 1) / 2, iterations / 2};
   for (std::uint64_t e = 0; epochs.begin_index(e) < target[0]; ++e) {
-    const auto sums = [&](std::string_view, std::uint64_t epoch) -> const film::MergedAccumulator* {
-      return epoch < epochs_before(e, plan.lag) ? &out.squares.at(epoch) : nullptr;
-    };
-    const std::string previous = e > 0 ? out.states.back() : std::string();
-    out.states.push_back(*decide({plan, e, kToyWidth, kToyHeight, previous, sums}));
+    DecisionInput input{plan, e, kToyWidth, kToyHeight, {}, {}};
+    if (e > 0) input.previous = out.states.back();
+    if (e > plan.lag) {
+      const std::uint64_t folded = e - 1 - plan.lag;
+      input.folded = {folded, out.states[folded], {&out.squares.at(folded)}};
+    }
+    std::string state = *decide(input, out.carry);
+    out.states.push_back(std::move(state));
     out.squares.emplace(e, film::MergedAccumulator(kToyWidth, kToyHeight, work.accumulators[0]));
     for (std::uint32_t half = 0; half < 2; ++half) {
       const Unit unit{Unit::Kind::iterations, half, epochs.begin_index(e),
@@ -134,9 +138,10 @@ class ToyFarm : public testing::Test {
     const auto stored = [&](std::string_view, std::uint64_t epoch) -> const film::MergedAccumulator* {
       return found->accumulators.at({0, epoch}).get();
     };
-    const auto again = replay(*work.epochs, found->states.size(), kToyWidth, kToyHeight, stored);
+    const auto again =
+        replay(*work.epochs, work.accumulators, found->states.size(), kToyWidth, kToyHeight, stored);
     ASSERT_TRUE(again.ok()) << again.error().to_string();
-    EXPECT_EQ(*again, truth.states) << "the replay";
+    EXPECT_EQ(again->states, truth.states) << "the replay";
     farm.audit(id, iterations);
   }
 

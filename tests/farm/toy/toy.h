@@ -1,6 +1,6 @@
 // A toy of the adaptive kernels, for tests of epochs alone. Each pixel has a number, 2^level, that divides
-// its samples. A sample's square is summed over each epoch; where the sum says so, the next state doubles the
-// number.
+// its samples. A sample's square is summed over each epoch. The rule carries the sum since a pixel's number
+// was last doubled; if the mean is large enough, the next state doubles the number, and the sum begins anew.
 #pragma once
 
 #include <cstdint>
@@ -28,7 +28,12 @@ Result<void> render(const Unit& unit, std::string_view state, std::uint32_t widt
 // Clear sums for a unit.
 integrators::UnitOutput make_output(std::uint32_t width, std::uint32_t height, int film_scale_log2);
 
-// The rule: integers in, integers out.
-Result<std::string> double_where_squares_say_so(const DecisionInput& input);
+// The rule: integers in, integers out. The memo has a record for each pixel: how often the rule looked at the
+// pixel (u32), and the iterations in the carried sum (u32).
+Result<std::string> double_where_squares_say_so(const DecisionInput& input, Carry& carry);
+// Figures: doublings, looks. Layer: level.
+Result<StateReport> describe(const EpochPlan& plan, std::uint64_t epoch, std::uint32_t width,
+                             std::uint32_t height, std::string_view state, const Carry& carry,
+                             bool with_layers);
 
 }  // namespace candela::toy

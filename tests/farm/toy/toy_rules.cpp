@@ -6,7 +6,8 @@
 namespace candela {
 
 std::span<const DecisionRule> decision_rules() {
-  static constexpr std::array<DecisionRule, 1> rules{{{toy::kRule, &toy::double_where_squares_say_so}}};
+  static constexpr std::array<DecisionRule, 1> rules{
+      {{toy::kRule, &toy::double_where_squares_say_so, &toy::describe}}};
   return rules;
 }
 
