@@ -1,0 +1,82 @@
+// The rule of FPPM and VCM+: r <- k r where the F test rejects equal sectors [Lin et al. 2023, Eq. 21].
+//
+// Sums count for a pixel only if they were made with its present radius: sums of the epochs that were open
+// when it shrank are dropped. After a rejection the pixel begins anew.
+#include <array>
+
+#include "common/adaptive/f_test.h"
+#include "common/stages/rules/level_state.h"
+#include "common/stages/rules/radius_rules.h"
+
+namespace candela::rules {
+namespace {
+
+const std::vector<std::string>& accumulators() {
+  static const std::vector<std::string> names = {adaptive::kSectors, adaptive::kSquares};
+  return names;
+}
+
+}  // namespace
+
+Result<std::string> decide_fppm(const DecisionInput& input, Carry& carry) {
+  CANDELA_TRY(check_input(input, carry, accumulators(), 1));
+  CANDELA_ASSIGN(const adaptive::Levels levels, adaptive::get_levels(input.plan.constants));
+  CANDELA_ASSIGN(const std::uint64_t critical, adaptive::get_integer(input.plan.constants, "critical"));
+  CANDELA_ASSIGN(const std::string test,
+                 adaptive::get_word(input.plan.constants, "test", {"sectors", "antipodal"}, "sectors"));
+  if (input.epoch == 0) return std::string(pixels_of(input), '\0');
+  std::string state(input.previous);
+  if (!input.folded) return state;
+
+  film::MergedAccumulator& sectors = carry.sums[0];
+  film::MergedAccumulator& squares = carry.sums[1];
+  const int square_shift = 2 * sectors.spec().scale_log2 - squares.spec().scale_log2;
+  if (sectors.spec().channels != adaptive::kSectorChannels || square_shift < 0 || square_shift > 20)
+    return failed_error("the accumulators of the F test have another form");
+  const int deepest = levels.deepest(first_iteration(input.plan, input.epoch));
+  std::array<Int128, adaptive::kSectorChannels> sums{}, added{};
+  Int128 square = 0, added_square = 0;
+  std::size_t pixel = 0;
+  for (std::uint32_t y = 0; y < input.height; ++y)
+    for (std::uint32_t x = 0; x < input.width; ++x, ++pixel) {
+      if (input.folded->state[pixel] != state[pixel]) continue;
+      input.folded->sums[0]->get_pixel(x, y, added);
+      input.folded->sums[1]->get_pixel(x, y, {&added_square, 1});
+      const bool none = std::all_of(added.begin(), added.end(), [](Int128 sum) { return sum == 0; });
+      if (none && added_square == 0) continue;  // no photons: nothing new to test
+      sectors.get_pixel(x, y, sums);
+      squares.get_pixel(x, y, {&square, 1});
+      for (std::size_t s = 0; s < sums.size(); ++s) sums[s] += added[s];
+      square += added_square;
+      // A pixel at its floor collects sums for the time when the floor falls.
+      if (level_at(state, pixel) < deepest) {
+        count_up(carry.memo[pixel]);
+        bool rejects = false;
+        if (test == "antipodal") {
+          const auto pairs = adaptive::antipodal(sums);
+          rejects = adaptive::f_exceeds({pairs, square, square_shift}, critical);
+        } else {
+          rejects = adaptive::f_exceeds({sums, square, square_shift}, critical);
+        }
+        if (rejects) {
+          ++state[pixel];
+          sums.fill(0);
+          square = 0;
+        }
+      }
+      sectors.set_pixel(x, y, sums);
+      squares.set_pixel(x, y, {&square, 1});
+    }
+  return state;
+}
+
+Result<StateReport> describe_fppm(const EpochPlan& plan, std::uint64_t /*epoch*/, std::uint32_t /*width*/,
+                                  std::uint32_t /*height*/, std::string_view state, const Carry& carry,
+                                  bool with_layers) {
+  // Every rejection is one level.
+  return describe_levels(plan, state,
+                         {{"looks", "tests.looks", carry.memo}, {"rejections", "tests.rejections", state}},
+                         with_layers);
+}
+
+}  // namespace candela::rules
