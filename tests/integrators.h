@@ -15,6 +15,7 @@ struct IntegratorRow {
   std::string name;
   bool chains = false;  // its units are bootstrap samples and segments of Markov chains
   bool merges = false;  // it merges photons: biased by a radius
+  bool epochs = false;  // its radii are decided between epochs; `small` then has short ones
   // Iterations of a job on the farm that takes as long as one of path's with 1.
   double farm_share = 1;
   // Settings for which a few pixels are a small job.
@@ -47,6 +48,9 @@ inline bool has_chains(std::string_view name) {
 }
 inline bool merges(std::string_view name) {
   return integrator_row(name).merges;
+}
+inline bool has_epochs(std::string_view name) {
+  return integrator_row(name).epochs;
 }
 
 // Names of the rows that fit.

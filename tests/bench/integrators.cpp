@@ -32,6 +32,7 @@
 #include "common/image/image.h"
 #include "common/stats/image_error.h"
 #include "tests/bench/count_argument.h"
+#include "tests/epoch_run.h"
 #include "tests/statistical/moments.h"
 #include "worker/render/renderer.h"
 
@@ -146,22 +147,25 @@ class Run {
     job.seed = seed;
     job.integrator_settings = value_of(render::complete_integrator_settings(integrator, {}, settings));
     renderer_ = value_of(render::Renderer::create(files_, scene.filename(), {}, job, 1));
-    output_ = renderer_->make_output(value_of(renderer_->pilot({})).state);
+    const PilotResult pilot = value_of(renderer_->pilot({}));
+    output_ = renderer_->make_output(pilot.state);
+    epochs_.emplace(*renderer_, pilot);
   }
 
-  // Runs iterations [begin, end) of a job, those of each half as a unit, and returns their CPU seconds.
+  // Runs iterations [begin, end) of a job, those of each half as a unit, or as one in each epoch, and returns
+  // their CPU seconds.
   double run(std::uint64_t begin, std::uint64_t end) {
     sums_.assign(std::size_t{width_} * height_ * 3, 0.0);
     tallies_ = {};
     double seconds = 0;
-    for (std::uint32_t half = 0; half < 2; ++half) {
+    for (const Unit& unit : epochs_->units(begin, end)) {
       output_.clear();
-      const Unit unit{Unit::Kind::iterations, half, (begin + 1 - half) / 2, (end + 1 - half) / 2};
-      if (unit.begin == unit.end) continue;
+      const render::UnitInput input = value_of(epochs_->input(unit));
       const double start = cpu_seconds();
-      const auto done = renderer_->run(unit, {}, output_, {});
+      const auto done = renderer_->run(unit, input, output_, {});
       seconds += cpu_seconds() - start;
       if (!done.ok()) fail(done.error().to_string());
+      if (const auto added = epochs_->add(unit, output_); !added.ok()) fail(added.error().to_string());
       const double to_value = std::ldexp(1.0, -output_.film->scale_log2()) / static_cast<double>(end - begin);
       for (std::size_t i = 0; i < sums_.size(); ++i)
         sums_[i] += static_cast<double>(output_.film->sums()[i]) * to_value;
@@ -180,6 +184,7 @@ class Run {
   film::Tallies tallies_;
   std::unique_ptr<render::Renderer> renderer_;
   render::UnitOutput output_;
+  std::optional<test::EpochRun> epochs_;
 };
 
 std::vector<std::string> chosen_integrators(const Options& options, std::initializer_list<const char*> all) {

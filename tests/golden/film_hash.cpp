@@ -8,6 +8,7 @@
 
 #include "common/base/hash.h"
 #include "common/bundle/bundle.h"
+#include "tests/epoch_run.h"
 #include "tests/integrators.h"
 #include "tests/statistical/chain_driver.h"
 #include "tests/statistical/harness.h"
@@ -90,6 +91,7 @@ statistical::TestScene scene_of(const GoldenFilm& film, RenderPlan& plan) {
   scene = statistical::read_scene(std::move(scene), kWidth, kHeight);
   statistical::use_own_filter(scene);
   scene.settings.seed = 1;
+  if (test::has_epochs(film.integrator)) plan.iterations = 12;
   const auto& small = test::integrator_row(film.integrator).small;
   SettingsMap of_integrator(small.begin(), small.end());
   for (const auto& [name, value] : film.settings) {
@@ -124,18 +126,16 @@ std::string hash_of_iterations(const statistical::TestScene& scene, const Render
   const auto pilot = renderer->pilot(run);
   if (!pilot.ok()) throw std::runtime_error(pilot.error().to_string());
   for (const std::string& layer : pilot->work.layers) digest.text(layer);
-  for (std::uint32_t half = 0; half < 2; ++half) {
-    auto output = renderer->make_output(pilot->state);
-    const auto& film = output.film;
-    const auto done = renderer->run({Unit::Kind::iterations, half, 0, plan.iterations / 2}, {}, output, run);
-    if (!done.ok()) throw std::runtime_error(done.error().to_string());
-    const film::Layout& layout = film->layout();
-    for (const std::uint32_t extent : {layout.width, layout.height, layout.layers})
+  const auto job = test::render_job(*renderer, *pilot, plan.iterations, run);
+  if (!job.ok()) throw std::runtime_error(job.error().to_string());
+  for (const test::JobSums::Half& half : job->halves) {
+    for (const std::uint32_t extent : {job->layout.width, job->layout.height, job->layout.layers})
       digest.number(std::uint64_t{extent});
-    digest.number(static_cast<std::uint64_t>(film->scale_log2()));
-    digest.sums(film->sums(), layout.pixel_count() * film::kChannels * layout.layers);
-    digest.tallies(film->tallies());
+    digest.number(static_cast<std::uint64_t>(job->scale_log2));
+    digest.sums(half.sums.data(), half.sums.size());
+    digest.tallies(half.tallies);
   }
+  for (const std::string& state : job->states) digest.text(state);
   return digest.hex();
 }
 

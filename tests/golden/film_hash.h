@@ -2,11 +2,13 @@
 //
 // Unless a setting of its line says otherwise, a film has 48 x 32 pixels, the seed 1, one thread, and the
 // reconstruction filter that the scene asks for; an integrator of iterations renders 4 of them, 2 of each
-// half; a job of Markov chains has 8 chains, 400 bootstrap samples, and 2 rounds of one mutation per pixel.
+// half, and one with epochs 12; a job of Markov chains has 8 chains, 400 bootstrap samples, and 2 rounds of
+// one mutation per pixel.
 //
 // The hash is over
 // * the film's size, layers and scale, which the pilot decides, and the layers' names;
 // * for iterations, of each half: the sums of all pixels and layers;
+// * for iterations with epochs, the states that were decided;
 // * for chains: the plan, b0 and b with their standard errors and numbers of samples, the sums of both
 //   layers, and the counts and sums of each chain's record;
 // * the tallies of eye samples, light paths, and rejected samples by cause.

@@ -15,6 +15,8 @@
 #include <thread>
 
 #include "common/bundle/bundle.h"
+#include "tests/epoch_run.h"
+#include "tests/integrators.h"
 #include "tests/statistical/moments.h"
 #include "tests/statistical/quantiles.h"
 
@@ -37,6 +39,18 @@ SettingsMap settings_in_scene(const description::FileSource& files, const std::s
         from_scene[property.name] = std::get<bool>(property.value) ? "true" : "false";
     }
   return from_scene;
+}
+
+// The layers of a job with epochs: both halves, for they decide together.
+std::vector<std::vector<double>> job_means(const render::Renderer& renderer, const PilotResult& pilot,
+                                           std::uint64_t iterations, const render::RunContext& run) {
+  const auto job = test::render_job(renderer, pilot, iterations, run);
+  if (!job.ok()) give_up(job.error());
+  for (const std::uint64_t rejected : job->tallies().rejected)
+    if (rejected != 0) throw std::runtime_error(fmt::format("{} samples were rejected", rejected));
+  std::vector<std::vector<double>> layers;
+  for (std::size_t layer = 0; layer < job->layout.layers; ++layer) layers.push_back(job->mean(layer));
+  return layers;
 }
 
 }  // namespace
@@ -103,6 +117,11 @@ std::vector<std::vector<float>> render_batches(TestScene scene, std::uint64_t se
     const auto renderer = make_renderer(scene);
     const auto pilot = renderer->pilot(run);
     if (!pilot.ok()) give_up(pilot.error());
+    if (test::has_epochs(scene.settings.integrator)) {
+      const auto mean = job_means(*renderer, *pilot, iterations, run).at(0);
+      images.emplace_back(mean.begin(), mean.end());
+      continue;
+    }
     auto output = renderer->make_output(pilot->state);
     const auto& film = output.film;
     const auto done = renderer->run({Unit::Kind::iterations, 0, 0, iterations}, {}, output, run);
@@ -156,6 +175,13 @@ std::vector<std::vector<double>> render_layers(const TestScene& scene, const Nam
   const auto renderer = make_renderer(seeded);
   render::RunContext run;
   run.threads = threads;
+  if (test::has_epochs(scene.settings.integrator)) {
+    if (first != 0) throw std::runtime_error("a job with epochs begins with its first iteration");
+    auto pilot = renderer->pilot(run);
+    if (!pilot.ok()) give_up(pilot.error());
+    pilot->state = state;
+    return job_means(*renderer, *pilot, iterations, run);
+  }
   auto output = renderer->make_output(state);
   const auto& film = output.film;
   const auto done = renderer->run({Unit::Kind::iterations, half, first, first + iterations}, {}, output, run);

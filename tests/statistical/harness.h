@@ -62,7 +62,8 @@ bool long_form();
 NamedState pilot_state(const TestScene& scene);
 
 // One film of `iterations` indices from `first` on of one half: its mean, width * height * 3 values a layer.
-// A rejected sample throws.
+// A rejected sample throws. Of an integrator with epochs it is a whole job of so many iterations, of both
+// halves; `first` has to be 0.
 std::vector<std::vector<double>> render_layers(const TestScene& scene, const NamedState& state,
                                                std::uint64_t seed, std::uint32_t half, std::uint64_t first,
                                                std::uint64_t iterations, unsigned threads = 1);

@@ -11,6 +11,7 @@
 #include <stdexcept>
 #include <thread>
 
+#include "tests/epoch_run.h"
 #include "tests/integrators.h"
 #include "tests/statistical/chain_driver.h"
 #include "tests/statistical/harness.h"
@@ -66,6 +67,16 @@ std::vector<double> render_batch(const TestScene& scene, const NamedState& state
   const auto renderer = statistical::make_renderer(seeded);
   render::RunContext run;
   run.fault = options.fault;
+  if (test::has_epochs(scene.settings.integrator)) {  // a whole job: both halves decide together
+    if (first != 0) throw std::runtime_error("a job with epochs begins with its first iteration");
+    auto pilot = renderer->pilot(run);
+    if (!pilot.ok()) throw std::runtime_error(pilot.error().to_string());
+    pilot->state = state;
+    const auto job = test::render_job(*renderer, *pilot, iterations, run);
+    if (!job.ok()) throw std::runtime_error(job.error().to_string());
+    tallies = job->tallies();
+    return job->mean(0);
+  }
   auto output = renderer->make_output(state);
   const auto& film = output.film;
   const auto done = renderer->run({Unit::Kind::iterations, half, first, first + iterations}, {}, output, run);

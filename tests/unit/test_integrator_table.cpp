@@ -33,6 +33,7 @@ TEST(IntegratorTable, RowsSayWhatTheIntegratorsDo) {
     };
     EXPECT_EQ(row.chains, has("chains"));
     EXPECT_EQ(row.merges, has("radius"));
+    EXPECT_EQ(row.epochs, has("epoch_min"));
     SettingsMap small(row.small.begin(), row.small.end());
     EXPECT_TRUE(render::complete_integrator_settings(row.name, {}, small).ok());
   }

@@ -17,6 +17,7 @@
 #include "common/film/development.h"
 #include "common/film/film.h"
 #include "common/stats/image_error.h"
+#include "tests/epoch_run.h"
 #include "worker/render/renderer.h"
 
 #if __has_include(<valgrind/callgrind.h>)
@@ -78,17 +79,11 @@ class RenderEstimator : public Estimator {
   }
 
   Result<Cost> advance(std::uint64_t units) override {
-    // Unit i is index i / 2 of half i % 2.
-    for (std::uint32_t half = 0; half < 2 && units > cost_.units; ++half) {
-      const std::uint64_t end = (units + 1 - half) / 2;
-      for (std::uint64_t begin = (cost_.units + 1 - half) / 2; begin < end;) {
-        const Unit unit{unit_kind(), half, begin, std::min(end, begin + most_units())};
-        output_.clear();
-        CANDELA_TRY(render(unit));
-        cost_.peak_memory_bytes = peak_memory_bytes();
-        CANDELA_TRY(deliver(unit));
-        begin = unit.end;
-      }
+    for (const Unit& unit : units_between(cost_.units, units)) {
+      output_.clear();
+      CANDELA_TRY(render(unit));
+      cost_.peak_memory_bytes = peak_memory_bytes();
+      CANDELA_TRY(deliver(unit));
     }
     cost_.units = std::max(cost_.units, units);
     return cost_;
@@ -134,8 +129,8 @@ class RenderEstimator : public Estimator {
   void set_setup_seconds(double seconds) { cost_.setup_seconds = seconds; }
 
  protected:
-  virtual Unit::Kind unit_kind() const = 0;
-  virtual std::uint64_t most_units() const = 0;  // at a time, of a half
+  // The units [from, to) in ranges, in order. Unit i is index i / 2 of half i % 2.
+  virtual std::vector<Unit> units_between(std::uint64_t from, std::uint64_t to) const = 0;
   virtual Result<void> render(const Unit& unit) = 0;
   virtual film::Development development() const = 0;
   virtual std::string save_others() const { return {}; }
@@ -162,7 +157,9 @@ class RenderEstimator : public Estimator {
     info.job_id = "bench";
     info.build_id = std::string(build_id());
     const std::string bytes = encode_delta(info, output_);
-    CANDELA_ASSIGN(const film::Delta delta, film::Delta::decode(bytes, output_.film->layout()));
+    film::DeltaShape shape(output_.film->layout());
+    for (const auto& sums : output_.accumulators) shape.accumulators.push_back(sums->spec());
+    CANDELA_ASSIGN(const film::Delta delta, film::Delta::decode(bytes, shape));
     CANDELA_TRY(merged_->merge(delta));
     ++cost_.deltas;
     cost_.delta_bytes += bytes.size();
@@ -174,18 +171,28 @@ class RenderEstimator : public Estimator {
 class IterationEstimator final : public RenderEstimator {
  public:
   IterationEstimator(std::unique_ptr<render::Renderer> renderer, const RunSpec& run, const PilotResult& pilot)
-      : RenderEstimator(std::move(renderer), run) {
+      : RenderEstimator(std::move(renderer), run), epochs_(*renderer_, pilot) {
     make_films(pilot.state);
   }
   std::string unit_name() const override { return "iterations"; }
 
  protected:
-  Unit::Kind unit_kind() const override { return Unit::Kind::iterations; }
-  std::uint64_t most_units() const override { return Limits::max_iterations; }
+  std::vector<Unit> units_between(std::uint64_t from, std::uint64_t to) const override {
+    return epochs_.units(from, to);
+  }
   Result<void> render(const Unit& unit) override {
-    return timed(cost_, [&] { return renderer_->run(unit, {}, output_, context_); });
+    CANDELA_ASSIGN(const render::UnitInput input, epochs_.input(unit));
+    CANDELA_TRY(timed(cost_, [&] { return renderer_->run(unit, input, output_, context_); }));
+    return epochs_.add(unit, output_);
   }
   film::Development development() const override { return {}; }
+  std::string save_others() const override { return epochs_.plan() ? epochs_.save() : std::string(); }
+  Result<void> restore_others(std::string_view saved) override {
+    return epochs_.plan() ? epochs_.restore(saved) : RenderEstimator::restore_others(saved);
+  }
+
+ private:
+  test::EpochRun epochs_;
 };
 
 // A job of Markov chains (common/chains/chains.h). The bootstrap counts as rendering: the first row has it.
@@ -214,8 +221,15 @@ class ChainEstimator final : public RenderEstimator {
   }
 
  protected:
-  Unit::Kind unit_kind() const override { return Unit::Kind::segments; }
-  std::uint64_t most_units() const override { return plan_.chains / 2; }
+  std::vector<Unit> units_between(std::uint64_t from, std::uint64_t to) const override {
+    std::vector<Unit> units;
+    for (std::uint32_t half = 0; half < 2 && to > from; ++half) {
+      const std::uint64_t end = (to + 1 - half) / 2;
+      for (std::uint64_t begin = (from + 1 - half) / 2; begin < end; begin = units.back().end)
+        units.push_back({Unit::Kind::segments, half, begin, std::min(end, begin + plan_.chains / 2)});
+    }
+    return units;
+  }
 
   Result<void> render(const Unit& unit) override {
     std::vector<chains::ChainStart> from;
