@@ -281,13 +281,14 @@ void run_progressive(const Request& request, std::vector<Row>& rows) {
 
 }  // namespace
 
-Result<std::vector<Row>> run_bias_aware(const Request& request) {
-  std::vector<Row> rows;
+Result<Results> run_bias_aware(const Request& request) {
+  Results results;
+  std::vector<Row>& rows = results.rows;
   run_fixed(request, rows);
   run_simulated(request, rows);
   run_random(request, rows);
   run_progressive(request, rows);
-  return rows;
+  return results;
 }
 
 }  // namespace candela::study

@@ -46,6 +46,16 @@ std::string csv_of(const Head& head, std::span<const Row> rows) {
   return text;
 }
 
+std::string csv_of(std::span<const Map> maps) {
+  std::string text = bench::csv_line({"name", "width", "height", "values"});
+  for (const Map& map : maps) {
+    std::string values;
+    for (const float value : map.values) values += fmt::format("{}{:.6g}", values.empty() ? "" : " ", value);
+    text += bench::csv_line({map.name, std::to_string(map.width), std::to_string(map.height), values});
+  }
+  return text;
+}
+
 std::string commit_of(const std::string& folder) {
   std::string quoted = "'";
   for (const char c : folder) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);

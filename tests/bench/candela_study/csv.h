@@ -16,6 +16,9 @@ using Head = std::vector<std::pair<std::string, std::string>>;
 // The same bytes for the same rows on every machine. A value that is not finite is an empty cell.
 std::string csv_of(const Head& head, std::span<const Row> rows);
 
+// A line for each map: its name, width, height, and its values with spaces between.
+std::string csv_of(std::span<const Map> maps);
+
 // The commit that the sources at `folder` are of, with "-changed" if files differ from it; empty if git does
 // not know.
 std::string commit_of(const std::string& folder);

@@ -4,7 +4,8 @@
     draw.py DIR/NAME.csv    writes DIR/NAME.png and DIR/NAME.md
 
 A study NAME has a module draw_NAME.py ("-" becomes "_") with PAPER, the words on what the paper says, and two
-functions of a list of rows: figure(rows) returns a matplotlib figure, tables(rows) Markdown.
+functions: figure(rows, maps) returns a matplotlib figure, tables(rows) Markdown. The maps are those of
+DIR/NAME-maps.csv, by name, as lists of rows of numbers.
 """
 import csv
 import importlib
@@ -42,6 +43,20 @@ def read(path):
             row[name] = float(row[name]) if row[name] else math.nan
         rows.append(row)
     return head, rows
+
+
+def read_maps(path):
+    """Maps by name; none if there is no such file."""
+    maps = {}
+    if os.path.exists(path):
+        csv.field_size_limit(1 << 28)
+        with open(path, encoding="utf-8", newline="") as stream:
+            for row in csv.DictReader(stream, strict=True):
+                width, values = int(row["width"]), [float(v) for v in row["values"].split()]
+                if len(values) != width * int(row["height"]):
+                    raise BadInput(f"{path}: map {row['name']} has {len(values)} values")
+                maps[row["name"]] = [values[i:i + width] for i in range(0, len(values), width)]
+    return maps
 
 
 def select(rows, **wanted):
@@ -94,13 +109,15 @@ def main():
         sys.exit("draw.py: error: matplotlib is missing (Debian: python3-matplotlib)")
     try:
         head, rows = read(path)
+        maps = read_maps(os.path.splitext(path)[0] + "-maps.csv")
         sys.path.insert(0, HERE)
         study = importlib.import_module("draw_" + head.get("study", "").replace("-", "_"))
     except (BadInput, ImportError) as error:
         sys.exit(f"draw.py: error: {error}")
     base = os.path.splitext(path)[0]
-    figure = study.figure(rows)
-    figure.tight_layout()
+    figure = study.figure(rows, maps)
+    if not figure.get_constrained_layout():
+        figure.tight_layout()
     figure.savefig(base + ".png", dpi=80)
     with open(base + ".md", "w", encoding="utf-8") as stream:
         stream.write(page(head, study.PAPER, study.tables(rows)))

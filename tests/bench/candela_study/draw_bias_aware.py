@@ -14,7 +14,7 @@ FIXED = (("balance", "gap", "balance", "C0-"), ("bias-aware", "gap", "bias-aware
          ("bound", "with the terms left out", "bound with its missing terms", "k:"))
 
 
-def figure(rows):
+def figure(rows, _maps):
     result, axes = pyplot.subplots(2, 4, figsize=(17, 8))
     panels = list(axes.flat)
     for panel, (problem, what) in zip(panels, PROBLEMS):

@@ -14,7 +14,7 @@ def counts_of(rows):
     return sorted({row["n"] for row in rows if row["part"] == "scene" and row["method"] == "theory"})
 
 
-def figure(rows):
+def figure(rows, _maps):
     result, axes = pyplot.subplots(2, 3, figsize=(15, 8.5))
     counts = counts_of(rows)
     for panel, method in zip(axes[0], ("ppm", "vcm")):

@@ -27,7 +27,7 @@ Pattern::Pattern(const Truth& truth, Image one, const Image& other)
     : biased(std::move(one)),
       square(product(other, truth.first, biased, truth.second) / (truth.mean * truth.mean)) {}
 
-ImageErrors errors_of(const std::vector<Image>& images, const Truth& truth, const Pattern& pattern) {
+ImageErrors errors_of(const std::vector<Image>& images, const Truth& truth) {
   const double unit = truth.mean * truth.mean;
   const auto seeds = static_cast<double>(images.size());
   const Image mean = mean_image(images, 0, images.size());
@@ -35,13 +35,20 @@ ImageErrors errors_of(const std::vector<Image>& images, const Truth& truth, cons
   for (const Image& image : images) {
     const double squared = product(image, truth.first, image, truth.second) / unit;
     errors.squared_error.add(squared);
-    errors.amplitude.add(product(image, truth.first, pattern.biased, truth.second) / unit / pattern.square);
     if (images.size() < 2) continue;
     errors.variance.add(product(image, mean, image, mean) / unit * seeds / (seeds - 1));
     // Of this image with all others: seeds * (mean - R2) is the sum over all.
     const double with_all = seeds * product(image, truth.first, mean, truth.second) / unit;
     errors.squared_bias.add((with_all - squared) / (seeds - 1));
   }
+  return errors;
+}
+
+ImageErrors errors_of(const std::vector<Image>& images, const Truth& truth, const Pattern& pattern) {
+  ImageErrors errors = errors_of(images, truth);
+  const double unit = truth.mean * truth.mean * pattern.square;
+  for (const Image& image : images)
+    errors.amplitude.add(product(image, truth.first, pattern.biased, truth.second) / unit);
   return errors;
 }
 

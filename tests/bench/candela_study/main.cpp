@@ -81,7 +81,7 @@ Result<void> run(const Options& options) {
   request.say = [](const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); };
   const bench::Machine machine = bench::this_machine();
   const std::string commit = commit_of(CANDELA_SOURCE_DIR);
-  CANDELA_ASSIGN(const std::vector<Row> rows, study->run(request));
+  CANDELA_ASSIGN(const Results results, study->run(request));
 
   const std::string seeds = study->seeds == 0 ? "" : fmt::format(" --seeds {}", request.seeds);
   const std::string command =
@@ -98,7 +98,9 @@ Result<void> run(const Options& options) {
                      {"seeds", study->seeds == 0 ? "fixed" : fmt::format("1 to {}", request.seeds)},
                      {"started", machine.started},
                      {"cpu_seconds", fmt::format("{:.0f}", cpu_seconds())}};
-  CANDELA_TRY(write_file_atomically(csv, csv_of(head, rows)));
+  CANDELA_TRY(write_file_atomically(csv, csv_of(head, results.rows)));
+  if (!results.maps.empty())
+    CANDELA_TRY(write_file_atomically(folder / (options.name + "-maps.csv"), csv_of(results.maps)));
   std::printf("%s\n", csv.c_str());
   std::fflush(stdout);
   return options.no_figure ? Result<void>() : draw(csv);

@@ -1,24 +1,75 @@
 #include "tests/bench/candela_study/renders.h"
 
-#include "tests/bench/candela_bench/estimator.h"
+#include <fmt/format.h>
+#include <time.h>
+
+#include <cmath>
+#include <filesystem>
+
+#include "common/bundle/bundle.h"
+#include "common/film/film.h"
+#include "tests/bench/candela_bench/spec.h"
+#include "tests/epoch_run.h"
+#include "worker/render/renderer.h"
 
 namespace candela::study {
 
-Result<std::vector<Image>> render_images(const Render& render, const std::vector<std::uint64_t>& counts) {
-  const std::string file = CANDELA_SOURCE_DIR "/" + render.scene;
+namespace {
+
+double cpu_now() {
+  timespec time{};
+  ::clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+}  // namespace
+
+Result<Rendered> render_job(const Render& render, const std::vector<std::uint64_t>& counts) {
+  const std::filesystem::path file = CANDELA_SOURCE_DIR "/" + render.scene;
   CANDELA_ASSIGN(bench::RunSpec run, bench::make_run(file, bench::scene_name_of(file), render.integrator,
                                                      render.settings, render.width, render.height));
   run.job.seed = render.seed;
   run.job.sampler = render.sampler;
-  run.threads = render.threads;
-  CANDELA_ASSIGN(const auto estimator, bench::make_render_estimator(run));
-  std::vector<Image> images;
+  const bundle::DiskSource files(file.parent_path());
+  CANDELA_ASSIGN(const auto renderer,
+                 render::Renderer::create(files, file.filename(), {}, run.job, render.threads));
+  render::RunContext context;
+  context.threads = render.threads;
+  CANDELA_ASSIGN(const PilotResult pilot, renderer->pilot(context));
+  if (pilot.work.chains) return internal_error(render.integrator + " has no iterations");
+  test::EpochRun epochs(*renderer, pilot);
+  render::UnitOutput output = renderer->make_output(pilot.state);
+
+  const std::size_t values = output.film->layout().pixel_count() * 3;
+  std::vector<double> sums(values);
+  Rendered rendered;
+  std::uint64_t done = 0;
+  double seconds = 0;
   for (const std::uint64_t count : counts) {
-    CANDELA_TRY(estimator->advance(count));
-    CANDELA_ASSIGN(bench::Snapshot snapshot, estimator->snapshot());
-    images.push_back(std::move(snapshot.image));
+    for (const Unit& unit : epochs.units(done, count)) {
+      output.clear();
+      const double start = cpu_now();
+      CANDELA_TRY(epochs.run(unit, output, context));
+      seconds += cpu_now() - start;
+      for (const std::uint64_t rejected : output.film->tallies().rejected)
+        if (rejected != 0)
+          return failed_error(fmt::format("{} samples of {} were rejected", rejected, render.integrator))
+              .at(file, 0);
+      for (std::size_t i = 0; i < values; ++i) sums[i] += static_cast<double>(output.film->sums()[i]);
+    }
+    done = count;
+    rendered.cpu_seconds.push_back(seconds);
+    Image& image = rendered.images.emplace_back();
+    const double to_value = std::ldexp(1.0, -output.film->scale_log2()) / static_cast<double>(count);
+    for (const double sum : sums) image.push_back(static_cast<float>(sum * to_value));
   }
-  return images;
+  CANDELA_ASSIGN(rendered.report, epochs.describe(true));
+  return rendered;
+}
+
+Result<std::vector<Image>> render_images(const Render& render, const std::vector<std::uint64_t>& counts) {
+  CANDELA_ASSIGN(Rendered rendered, render_job(render, counts));
+  return std::move(rendered.images);
 }
 
 }  // namespace candela::study

@@ -7,6 +7,7 @@
 
 #include "common/base/result.h"
 #include "common/job/job.h"
+#include "common/stages/decision.h"
 #include "tests/bench/candela_study/image_errors.h"
 
 namespace candela::study {
@@ -20,7 +21,14 @@ struct Render {
   std::string sampler = "independent";
   unsigned threads = 1;
 };
-// The images of one render after so many iterations; `counts` ascend.
+struct Rendered {
+  std::vector<Image> images;
+  std::vector<double> cpu_seconds;  // of this process, in the calls that render, until each of them
+  StateReport report;  // of the last state, with its layers; empty if the integrator has no epochs
+};
+// The images of one job of iterations after so many of them; `counts` ascend. A rejected sample is an error.
+Result<Rendered> render_job(const Render& render, const std::vector<std::uint64_t>& counts);
+// The images alone.
 Result<std::vector<Image>> render_images(const Render& render, const std::vector<std::uint64_t>& counts);
 
 }  // namespace candela::study

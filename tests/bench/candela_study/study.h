@@ -27,6 +27,18 @@ struct Row {
   double standard_error = kNone;  // 0: exact
 };
 
+// A picture of one value a pixel, row by row.
+struct Map {
+  std::string name;
+  std::uint32_t width = 0, height = 0;
+  std::vector<float> values;
+};
+
+struct Results {
+  std::vector<Row> rows;
+  std::vector<Map> maps;
+};
+
 struct Request {
   bool short_form = false;  // seconds
   std::uint64_t seeds = 1;  // independent runs, with the seeds 1, 2, ...
@@ -40,7 +52,7 @@ struct Study {
   std::string_view source;  // in the words of docs/references.bib, and the figure or equation
   std::uint64_t seeds;      // default; 0: it renders nothing, and its random numbers are its own
   std::uint64_t short_seeds;
-  Result<std::vector<Row>> (*run)(const Request& request);
+  Result<Results> (*run)(const Request& request);
 };
 
 // All studies, by name.
@@ -48,7 +60,7 @@ std::span<const Study> studies();
 // Null if there is no study of that name.
 const Study* find_study(std::string_view name);
 
-Result<std::vector<Row>> run_ups_alpha(const Request& request);
-Result<std::vector<Row>> run_bias_aware(const Request& request);
+Result<Results> run_ups_alpha(const Request& request);
+Result<Results> run_bias_aware(const Request& request);
 
 }  // namespace candela::study

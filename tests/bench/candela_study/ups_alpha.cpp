@@ -185,13 +185,13 @@ Result<void> run_scene(const Request& request, Rows& rows) {
 
 }  // namespace
 
-Result<std::vector<Row>> run_ups_alpha(const Request& request) {
+Result<Results> run_ups_alpha(const Request& request) {
   Rows toy("toy"), scene("scene");
   run_toy(request, toy);
   CANDELA_TRY(run_scene(request, scene));
-  std::vector<Row> rows = toy.take();
-  for (Row& row : scene.take()) rows.push_back(std::move(row));
-  return rows;
+  Results results{toy.take(), {}};
+  for (Row& row : scene.take()) results.rows.push_back(std::move(row));
+  return results;
 }
 
 }  // namespace candela::study
