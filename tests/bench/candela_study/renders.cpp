@@ -48,9 +48,11 @@ Result<Rendered> render_job(const Render& render, const std::vector<std::uint64_
   for (const std::uint64_t count : counts) {
     for (const Unit& unit : epochs.units(done, count)) {
       output.clear();
+      CANDELA_ASSIGN(const render::UnitInput input, epochs.input(unit));
       const double start = cpu_now();
-      CANDELA_TRY(epochs.run(unit, output, context));
+      CANDELA_TRY(renderer->run(unit, input, output, context));
       seconds += cpu_now() - start;
+      CANDELA_TRY(epochs.add(unit, output));
       for (const std::uint64_t rejected : output.film->tallies().rejected)
         if (rejected != 0)
           return failed_error(fmt::format("{} samples of {} were rejected", rejected, render.integrator))
