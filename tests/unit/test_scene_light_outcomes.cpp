@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "tests/unit/light_cases.h"
+#include "worker/core/math.h"
 #include "worker/scene/emitters/choice/power.h"
 #include "worker/scene/emitters/choice/uniform.h"
 #include "worker/scene/emitters/lights.h"
@@ -76,7 +77,8 @@ TEST(DirectOutcomes, AreToldApart) {
       {"spot", kSpotFacingDown, {0, 0, 0}, up, DirectOutcome::sampled},
       {"beside the spot's cone", kSpotFacingDown, {3, 0, 0}, up, DirectOutcome::dark},
       {"sky", "<emitter type=\"constant\"/>", {0, 0, 0}, {0, 1, 0}, DirectOutcome::sampled},
-      {"sky below the horizon", "<emitter type=\"constant\"/>", {0, 0, 0}, {0, -1, 0}, DirectOutcome::dark},
+      // A constant sky is sampled on the front's side alone.
+      {"sky, the other side", "<emitter type=\"constant\"/>", {0, 0, 0}, {0, -1, 0}, DirectOutcome::sampled},
       {"no emitter", "", {0, 0, 0}, up, DirectOutcome::failed},
   };
   for (const Case& c : cases) {
@@ -90,6 +92,43 @@ TEST(DirectOutcomes, AreToldApart) {
     EXPECT_GT(light.pdf_solid_angle, 0) << c.name;
     EXPECT_NEAR(length(light.wi), 1, 1e-5f) << c.name;
   }
+}
+
+// Claim: a constant sky is sampled by the cosine where the reference has a front: the density is the stated
+// one, and the cosine over it is pi, so that a diffuse surface has no noise from an open sky.
+TEST(DirectOutcomes, AConstantSkyIsSampledByTheCosine) {
+  auto scene = build_scene("<emitter type=\"constant\"/>");
+  ASSERT_TRUE(scene.ok()) << scene.error().to_string();
+  Draws draws(31, 2);
+  const Vec3 front = normalize(Vec3{1, 2, -0.5f});
+  const SurfaceHit reference = point_reference({0, 0, 0});
+  for (int i = 0; i < 1000; ++i) {
+    DirectSample light;
+    ASSERT_EQ((*scene)->sample_direct(reference, front, draws.next(), draws.next_2d(), light),
+              DirectOutcome::sampled);
+    EXPECT_EQ((*scene)->pdf_direct_environment_solid_angle(reference, front, light.wi),
+              light.pdf_solid_angle);
+    EXPECT_NEAR(dot(front, light.wi) / light.pdf_solid_angle, math::kPi, 1e-4f);
+  }
+}
+
+// Claim: beside a lamp that gives as much, a constant sky gets next to no shadow ray, since scattered rays
+// find it; where the lamp cannot shine it gets all of them.
+TEST(DirectOutcomes, ASmoothSkyLeavesTheRayToTheLamp) {
+  // Irradiance pi from either.
+  const std::string lamp =
+      "<emitter type=\"directional\"><vector name=\"direction\" x=\"0\" y=\"0\" z=\"-1\"/>"
+      "<rgb name=\"irradiance\" value=\"3.14159 3.14159 3.14159\"/></emitter>";
+  auto scene = build_scene(lamp + "<emitter type=\"constant\"/>");
+  ASSERT_TRUE(scene.ok()) << scene.error().to_string();
+  const SurfaceHit reference = point_reference({0, 0, 0});
+  const auto sky_share = [&](Vec3 front) {
+    const Vec3 d = normalize(front + Vec3{0.1f, 0.2f, 0});
+    return (*scene)->pdf_direct_environment_solid_angle(reference, front, d) * math::kPi / dot(d, front);
+  };
+  EXPECT_LT(sky_share({0, 0, 1}), 0.05f);
+  EXPECT_GT(sky_share({0, 0, 1}), 0.01f);
+  EXPECT_NEAR(sky_share({0, 0, -1}), 1, 1e-5f);
 }
 
 // Claim: a black texel makes a draw dark, not failed.

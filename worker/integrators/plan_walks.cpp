@@ -26,4 +26,21 @@ void note_lasting_media(const scene::SceneFeatures& features, std::uint32_t max_
                                            : "mean free paths without an end"));
 }
 
+void plan_shadow_rays(const scene::SceneFeatures& features, Plan& plan) {
+  std::uint32_t environments = 0;
+  for (const auto& [kind, count] : features.emitter_kinds)
+    if (kind == "constant" || kind == "envmap") environments += count;
+  if (environments == 0 || features.emitters <= environments) return;
+  if (features.environment_variation < 1)
+    plan.use(
+        "shadow rays to lamps",
+        fmt::format("the environment is smooth (relative variance {:.2g}): scattered rays find it, and it "
+                    "gets shadow rays where lamps give far less",
+                    static_cast<double>(features.environment_variation)));
+  else
+    plan.use("shadow rays to lamps and to the environment",
+             fmt::format("by what each gives: the environment is uneven (relative variance {:.2g})",
+                         static_cast<double>(features.environment_variation)));
+}
+
 }  // namespace candela::integrators

@@ -13,4 +13,8 @@ namespace candela::integrators {
 void note_lasting_media(const scene::SceneFeatures& features, std::uint32_t max_depth, std::uint32_t rr_depth,
                         Plan& plan);
 
+// Says how shadow rays are shared between an environment and other emitters (scene/emitters/choice/choice.h),
+// if there are both.
+void plan_shadow_rays(const scene::SceneFeatures& features, Plan& plan);
+
 }  // namespace candela::integrators

@@ -284,6 +284,7 @@ Result<void> SceneBuilder::emitter(const description::Object& object) {
     CANDELA_ASSIGN(Environment environment, Environment::build(object, textures_));
     if (environment.black()) return {};
     features_.max_emitted_radiance = std::max(features_.max_emitted_radiance, environment.max_luminance());
+    features_.environment_variation = std::max(features_.environment_variation, environment.variation());
     lights_.add(std::move(environment));
     features_.any_environment = true;
   } else {

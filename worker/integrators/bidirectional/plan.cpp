@@ -3,6 +3,7 @@
 #include <string_view>
 
 #include "worker/integrators/plan_between.h"
+#include "worker/integrators/plan_walks.h"
 
 namespace candela::integrators::bidirectional {
 
@@ -27,6 +28,7 @@ Planned plan(const estimators::PathOptions& options, const scene::SceneFeatures&
          "there are emitters to be hit", "no ray can hit an emitter");
   decide(t.next_event, 2, "next event estimation (s = 1)", lit && scatters, "emitters can be sampled",
          why_not);
+  if (t.next_event) plan_shadow_rays(f, planned.plan);
   decide(t.connect, 3, "connections of vertices (s > 1, t > 1)", lit && scatters,
          "light and eye subpaths meet in between", why_not);
   decide(t.light_image, 2, "connections to the lens (t = 1)", lit && scatters,

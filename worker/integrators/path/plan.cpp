@@ -1,6 +1,7 @@
 #include "worker/integrators/path/plan.h"
 
 #include "worker/integrators/plan_between.h"
+#include "worker/integrators/plan_walks.h"
 
 namespace candela::integrators::path {
 
@@ -23,6 +24,8 @@ Planned plan(const estimators::PathOptions& options, const scene::SceneFeatures&
       !bounces                 ? "max_depth shows emitters only"
       : features.emitters == 0 ? "the scene has no emitter"
                                : "every surface scatters specularly: no sampled light direction can matter");
+
+  if (techniques.next_event) plan_shadow_rays(features, plan);
 
   techniques.hit_light = features.any_area_emitter || features.any_environment;
   if (features.any_area_emitter)

@@ -46,6 +46,7 @@ Planned plan(const estimators::PathOptions& options, const estimators::Technique
   const bool connects = t.next_event || t.connect || t.light_image;
   plan.decide(t.next_event, "next event estimation", scatters,
               "emitters can be sampled from vertices that are not specular", kSpecular);
+  if (t.next_event) plan_shadow_rays(features, plan);
   plan.decide(t.connect, "connections", scatters, "of the eye path's vertices to those of a light path",
               kSpecular);
   plan.decide(t.light_image, "connections to the lens", scatters,

@@ -10,6 +10,7 @@
 
 #include "worker/core/math.h"
 #include "worker/core/warp.h"
+#include "worker/scene/emitters/cone.h"
 
 namespace candela::scene {
 
@@ -160,6 +161,7 @@ Result<Environment> Environment::build(const description::Object& object, Textur
   std::vector<double> row_weights(map->rows);
   std::vector<double> cell_weights(map->columns);
   double mean[3] = {0, 0, 0};
+  double squares = 0;
   float brightest = 0;
   for (std::uint32_t r = 0; r < map->rows; ++r) {
     const double solid_angle = map->cell_solid_angle(r);
@@ -177,6 +179,7 @@ Result<Environment> Environment::build(const description::Object& object, Textur
         mean[2] += s.b * solid_angle;
       }
       cell_weights[c] = weight * solid_angle;
+      squares += weight * weight * solid_angle;
       row += cell_weights[c];
     }
     row_weights[r] = row;
@@ -194,6 +197,10 @@ Result<Environment> Environment::build(const description::Object& object, Textur
   if (!make_cdf(row_weights, map->row_cdf.data()) || m.is_black()) return constant(Spectrum());
   e.mean_radiance_ = m;
   e.max_luminance_ = brightest * map->scale;
+  // E[L^2] / E[L]^2 - 1 over the sphere.
+  double total = 0;
+  for (const double w : row_weights) total += w;
+  e.variation_ += static_cast<float>(std::max(0.0, squares * 4 * std::numbers::pi / (total * total) - 1));
   e.map_ = std::move(map);
   return e;
 }
@@ -261,10 +268,22 @@ bool Environment::sample(Vec2 u, Vec3& d, Spectrum& radiance_out, float& pdf) co
   return true;
 }
 
+float Environment::pdf_direct_solid_angle(Vec3 front, Vec3 d) const {
+  if (map_ || is_zero(front) || black()) return pdf_solid_angle(d);
+  return warp::pdf_cosine_hemisphere_solid_angle(dot(front, d));
+}
+
 DirectOutcome Environment::sample_direct(const SurfaceHit& reference, Vec3 front, double /*rest*/, Vec2 u,
                                          DirectSample& out) const {
   float pdf = 0;
-  if (!sample(u, out.wi, out.radiance, pdf) || !(pdf > 0)) return DirectOutcome::failed;
+  if (!map_ && !is_zero(front) && !black()) {
+    out.wi = make_frame(front).to_world(warp::cosine_hemisphere(u));
+    out.radiance = mean_radiance_;
+    pdf = pdf_direct_solid_angle(front, out.wi);
+  } else if (!sample(u, out.wi, out.radiance, pdf)) {
+    return DirectOutcome::failed;
+  }
+  if (!(pdf > 0)) return DirectOutcome::failed;
   out.infinite = true;
   out.delta = false;
   out.ng = {};

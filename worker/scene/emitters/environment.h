@@ -39,6 +39,8 @@ class Environment {
   // is dark, since another environment may shine along it.
   DirectOutcome sample_direct(const SurfaceHit& reference, Vec3 front, double rest, Vec2 u,
                               DirectSample& out) const;
+  // Its density. Where the reference has a front, a constant environment is sampled by the cosine.
+  float pdf_direct_solid_angle(Vec3 front, Vec3 d) const;
   float pdf_direct_solid_angle(Vec3 /*reference*/, Vec3 d, const SurfaceHit& /*hit*/) const {
     return pdf_solid_angle(d);
   }
@@ -58,11 +60,17 @@ class Environment {
   // Mean over the sphere of directions: the power onto a disk of radius r is mean * 4 pi * pi r^2.
   Spectrum mean_radiance() const { return mean_radiance_; }
   float max_luminance() const { return max_luminance_; }
+  // The relative variance of what a sample of a scattering direction finds of it, roughly: that of the
+  // radiance over directions, and something for what stands before it.
+  float variation() const { return variation_; }
 
  private:
+  static constexpr float kVariationOfShadows = 0.03f;
+
   struct Map;
   Spectrum mean_radiance_;
   float max_luminance_ = 0;
+  float variation_ = kVariationOfShadows;
   std::shared_ptr<const Map> map_;  // null: constant
 };
 

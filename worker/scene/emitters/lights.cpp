@@ -76,7 +76,7 @@ float Lights::pdf_environment_solid_angle(const SurfaceHit& reference, Vec3 fron
                                           LightTechnique technique) const {
   float sum = 0;
   for (const std::uint32_t i : emitters_.environments())
-    sum += emitters_.environment(i).pdf_solid_angle(d) * prob(reference.p, front, i, technique);
+    sum += emitters_.environment(i).pdf_direct_solid_angle(front, d) * prob(reference.p, front, i, technique);
   return sum;
 }
 

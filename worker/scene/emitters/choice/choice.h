@@ -4,6 +4,7 @@
 // with u in [0, 1) and `front` as in Scene::sample_direct. Choosers know nothing of points on emitters.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 
 #include "worker/scene/hit.h"
@@ -16,11 +17,40 @@ struct EmitterChoice {
   double rest = 0;  // what is left of u, uniform in [0, 1) again
 };
 
-// The probability of a candidate of this importance: a part of the choice goes evenly to all candidates that
-// are possible, the rest in proportion.
-inline float mixed_share(float even, float importance, float sum, std::uint32_t positive_count) {
-  if (!(importance > 0)) return 0;
-  return (1 - even) * (importance / sum) + even / static_cast<float>(positive_count);
+// A candidate of a choice: what it is expected to give, and its part of what is shared out evenly among the
+// candidates that are possible, 1 for most.
+struct Candidate {
+  float importance, even;  // not set by themselves: arrays of candidates are filled one by one
+};
+
+// A part of the choice, `even`, goes evenly to all candidates that are possible, the rest in proportion to
+// importance.
+struct CandidateSum {
+  float importance = 0, even = 0;
+
+  void add(Candidate c) {
+    importance += c.importance;
+    even += c.even;
+  }
+  float share(Candidate c, float even_part) const {
+    if (!(c.importance > 0)) return 0;
+    return (1 - even_part) * (c.importance / importance) + even_part * (c.even / even);
+  }
+};
+
+inline Candidate candidate(float importance) {
+  return {importance, importance > 0 ? 1.0f : 0.0f};
+}
+// An environment beside emitters that have a place or a direction, `others` in sum. A path finds the
+// environment by itself, by the direction that it goes on in, and finds a smooth one without much noise; no
+// other emitter is found so well. Let r be the importance of the others over that of the environment, and q
+// their part of the choice. A choice adds (1 / q - 1) r^2 to the variance; samples of the environment take
+// about `variation` q from it. The sum is smallest near q = r^2 / (r^2 + variation). (variation: see
+// Environment.) In proportion where that is more.
+inline Candidate environment_candidate(float importance, float variation, float others) {
+  if (!(others > 0)) return candidate(importance);
+  const float part = std::min(1.0f, variation * importance / others);
+  return {importance * part, importance > 0 ? std::min(1.0f, variation) : 0.0f};
 }
 
 }  // namespace candela::scene

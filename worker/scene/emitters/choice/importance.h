@@ -22,14 +22,13 @@ class ImportanceChooser {
   explicit ImportanceChooser(const EmitterSet& emitters) : emitters_(&emitters) {}
 
   bool choose(Vec3 p, Vec3 front, double u, EmitterChoice& out) const {
-    std::array<float, kMaxEmitters> values;
-    std::uint32_t positive_count = 0;
-    const float sum = importances(p, front, values.data(), positive_count);
-    if (positive_count == 0) return false;
+    Candidates candidates;
+    const CandidateSum sum = find(p, front, candidates);
+    if (!(sum.importance > 0)) return false;
     double cumulative = 0;
     bool found = false;
     for (std::size_t i = 0; i < emitters_->size(); ++i) {
-      const float q = mixed_share(kEvenShare, values[i], sum, positive_count);
+      const float q = sum.share(candidates[i], kEvenShare);
       if (!(q > 0)) continue;
       out.emitter = static_cast<std::uint32_t>(i);
       out.prob = q;
@@ -42,23 +41,25 @@ class ImportanceChooser {
   }
 
   float prob(Vec3 p, Vec3 front, std::uint32_t emitter) const {
-    std::array<float, kMaxEmitters> values;
-    std::uint32_t positive_count = 0;
-    const float sum = importances(p, front, values.data(), positive_count);
-    return mixed_share(kEvenShare, values[emitter], sum, positive_count);
+    Candidates candidates;
+    const CandidateSum sum = find(p, front, candidates);
+    return sum.share(candidates[emitter], kEvenShare);
   }
 
  private:
   static constexpr float kEvenShare = 0.1f;
+  using Candidates = std::array<Candidate, kMaxEmitters>;
 
-  // Fills importances; the sum, and the number above zero.
-  float importances(Vec3 p, Vec3 front, float* out, std::uint32_t& positive_count) const {
-    float sum = 0;
-    positive_count = 0;
+  CandidateSum find(Vec3 p, Vec3 front, Candidates& out) const {
+    CandidateSum sum;
     for (std::size_t i = 0; i < emitters_->size(); ++i) {
-      out[i] = emitters_->importance(static_cast<std::uint32_t>(i), p, front);
-      sum += out[i];
-      positive_count += out[i] > 0 ? 1u : 0u;
+      out[i] = candidate(emitters_->importance(static_cast<std::uint32_t>(i), p, front));
+      if (!emitters_->is_environment(static_cast<std::uint32_t>(i))) sum.add(out[i]);
+    }
+    const float others = sum.importance;
+    for (const std::uint32_t i : emitters_->environments()) {
+      out[i] = environment_candidate(out[i].importance, emitters_->environment(i).variation(), others);
+      sum.add(out[i]);
     }
     return sum;
   }

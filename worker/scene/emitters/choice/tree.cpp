@@ -20,35 +20,38 @@ TreeChooser::TreeChooser(const EmitterSet& emitters, const Geometry& geometry,
   tree_ = LightTree(std::move(placed), emitters.size());
 }
 
-float TreeChooser::importances(Vec3 p, Vec3 front, float& tree, std::uint32_t& positive_count) const {
-  tree = tree_.importance(p, front);
-  float sum = tree;
-  positive_count = tree > 0 ? 1 : 0;
-  for (const std::uint32_t i : infinite_) {
-    const float value = emitters_->importance(i, p, front);
-    sum += value;
-    positive_count += value > 0 ? 1u : 0u;
-  }
-  return sum;
+Candidate TreeChooser::infinite(std::uint32_t emitter, Vec3 p, Vec3 front, float others) const {
+  const float importance = emitters_->importance(emitter, p, front);
+  if (!emitters_->is_environment(emitter)) return candidate(importance);
+  return environment_candidate(importance, emitters_->environment(emitter).variation(), others);
+}
+
+TreeChooser::Candidates TreeChooser::find(Vec3 p, Vec3 front) const {
+  Candidates out;
+  out.tree = candidate(tree_.importance(p, front));
+  out.others = out.tree.importance;
+  for (const std::uint32_t i : infinite_)
+    if (!emitters_->is_environment(i)) out.others += emitters_->importance(i, p, front);
+  out.sum.add(out.tree);
+  for (const std::uint32_t i : infinite_) out.sum.add(infinite(i, p, front, out.others));
+  return out;
 }
 
 bool TreeChooser::choose(Vec3 p, Vec3 front, double u, EmitterChoice& out) const {
   if (infinite_.empty()) return tree_.sample(p, front, u, out.emitter, out.prob, out.rest);
-  float tree = 0;
-  std::uint32_t positive_count = 0;
-  const float sum = importances(p, front, tree, positive_count);
-  if (positive_count == 0) return false;
+  const Candidates candidates = find(p, front);
+  if (!(candidates.sum.importance > 0)) return false;
   double cumulative = 0;
   bool found = false;
   for (const std::uint32_t i : infinite_) {
-    const float q = mixed_share(kEvenShare, emitters_->importance(i, p, front), sum, positive_count);
+    const float q = candidates.sum.share(infinite(i, p, front, candidates.others), kEvenShare);
     if (!(q > 0)) continue;
     out = {i, q, std::clamp((u - cumulative) / static_cast<double>(q), 0.0, 1.0 - 0x1p-53)};
     found = true;
     cumulative += static_cast<double>(q);
     if (u < cumulative) return true;
   }
-  const float q = mixed_share(kEvenShare, tree, sum, positive_count);
+  const float q = candidates.sum.share(candidates.tree, kEvenShare);
   if (!(q > 0)) return found;  // rounding left a sliver beyond the last
   const double left = std::clamp((u - cumulative) / static_cast<double>(q), 0.0, 1.0 - 0x1p-53);
   if (!tree_.sample(p, front, left, out.emitter, out.prob, out.rest)) return false;
@@ -58,12 +61,10 @@ bool TreeChooser::choose(Vec3 p, Vec3 front, double u, EmitterChoice& out) const
 
 float TreeChooser::prob(Vec3 p, Vec3 front, std::uint32_t emitter) const {
   if (infinite_.empty()) return tree_.prob(p, front, emitter);
-  float tree = 0;
-  std::uint32_t positive_count = 0;
-  const float sum = importances(p, front, tree, positive_count);
+  const Candidates candidates = find(p, front);
   if (emitters_->infinite(emitter))
-    return mixed_share(kEvenShare, emitters_->importance(emitter, p, front), sum, positive_count);
-  const float q = mixed_share(kEvenShare, tree, sum, positive_count);
+    return candidates.sum.share(infinite(emitter, p, front, candidates.others), kEvenShare);
+  const float q = candidates.sum.share(candidates.tree, kEvenShare);
   return q > 0 ? q * tree_.prob(p, front, emitter) : 0.0f;
 }
 

@@ -25,8 +25,14 @@ class TreeChooser {
  private:
   static constexpr float kEvenShare = 0.5f;
 
-  // The sum of all candidates' importances; the tree's, and the number above zero.
-  float importances(Vec3 p, Vec3 front, float& tree, std::uint32_t& positive_count) const;
+  // All candidates: the tree, and what is infinitely far away.
+  struct Candidates {
+    Candidate tree{0, 0};
+    float others = 0;  // importance of all but environments
+    CandidateSum sum;
+  };
+  Candidates find(Vec3 p, Vec3 front) const;
+  Candidate infinite(std::uint32_t emitter, Vec3 p, Vec3 front, float others) const;
 
   const EmitterSet* emitters_ = nullptr;
   LightTree tree_;
