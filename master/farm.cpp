@@ -165,8 +165,10 @@ Result<Farm::RestoredFilm> Farm::restore_film(JobRow& row, RestoredChains& resto
   restored.record_bytes = out.film->largest_record_bytes();
   // The store may lag behind the film after a power cut.
   for (const DecidedState& state : out.film->states())
-    if (state.epoch == restored.states.size() && blobs_->size(state.sha256))
-      restored.states.push_back({row.id, state.epoch, state.name, state.sha256, *blobs_->size(state.sha256)});
+    if (const auto there = blobs_->size(state.sha256);
+        state.epoch == restored.states.size() && (there || state.size_bytes > 0))
+      restored.states.push_back(
+          {row.id, state.epoch, state.name, state.sha256, there.value_or(state.size_bytes)});
   out.held = out.film->account();
   row.checkpoint_iterations = count(out.held.merged);
   row.checkpoint_generation = out.film->generation();

@@ -105,6 +105,7 @@ class MergedAccumulator {
   }
   std::uint32_t width() const { return layout_.width; }
   std::uint32_t height() const { return layout_.height; }
+  std::uint64_t memory_bytes() const { return sums_.memory_bytes(); }
 
   // Stored form: width, height, channels, scale (u32 each), and the sums (TileSums::put). Equal sums give
   // equal bytes.

@@ -118,6 +118,13 @@ bool TileSums::zero(std::size_t tile_count) const {
                      [](const Tile& tile) { return tile.zero(); });
 }
 
+std::uint64_t TileSums::memory_bytes() const {
+  std::uint64_t bytes = 0;
+  for (const Tile& tile : tiles_)
+    bytes += tile.narrow.size() * sizeof(std::int64_t) + tile.wide.size() * sizeof(Int128);
+  return bytes;
+}
+
 TileSums TileSums::first_layers(const Layout& layout) const {
   TileSums out(layout, channels_);
   std::copy_n(tiles_.begin(), out.tiles_.size(), out.tiles_.begin());  // layer after layer

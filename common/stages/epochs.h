@@ -32,5 +32,10 @@ class Epochs {
 constexpr std::uint64_t epochs_before(std::uint64_t epoch, std::uint32_t lag) {
   return epoch > lag ? epoch - lag : 0;
 }
+// Number of epochs that the first `decisions` decisions have folded. The states from this epoch on are those
+// that units still start from and the next decisions need.
+constexpr std::uint64_t epochs_folded(std::uint64_t decisions, std::uint32_t lag) {
+  return decisions > 0 ? epochs_before(decisions - 1, lag) : 0;
+}
 
 }  // namespace candela

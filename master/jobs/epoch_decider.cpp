@@ -2,9 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <utility>
+
 #include "common/base/hash.h"
 #include "common/base/log.h"
-#include "common/stages/decision.h"
 
 namespace candela::master {
 namespace {
@@ -22,56 +23,74 @@ Result<void> put_blob(BlobStore& blobs, const std::string& sha256, std::string_v
 
 }  // namespace
 
-Result<std::optional<std::string>> EpochDecider::decide_state(const DueDecision& due) {
-  CANDELA_ASSIGN(const std::shared_ptr<JobFilm> film, truth_.open_film(due.job_id));
-  if (!film) return std::optional<std::string>();
-  if (!covers(film->account().merged, due.needed)) {  // a checkpoint was lost, and its units are made again
-    truth_.agree_if_short(due.job_id, *film);
-    return std::optional<std::string>();
-  }
-  std::vector<std::shared_ptr<const film::MergedAccumulator>> held;
-  const auto sums = [&](std::string_view name, std::uint64_t epoch) -> const film::MergedAccumulator* {
-    held.push_back(film->accumulator(name, epoch));
-    return held.back().get();
-  };
-  const auto accumulators =
-      table_.with_scheduler([&](Scheduler& s) { return s.job(due.job_id)->row.accumulators; });
-  auto replayed = replay(due.plan, accumulators, due.epoch + 1, due.width, due.height, sums);
-  Result<std::string> state =
-      replayed.ok() ? Result<std::string>(std::move(replayed->states.back())) : std::move(replayed).error();
-  if (!state.ok()) {
+Result<void> EpochDecider::restore_states(const EpochJob& job, const JobFilm& film) {
+  for (const DecidedState& state : film.states()) {
+    if (state.epoch < job.states || state.epoch >= film.decisions()) continue;
+    // Nobody starts from a state whose bytes the film does not keep.
+    if (const auto bytes = film.state_bytes(state.epoch)) CANDELA_TRY(put_blob(blobs_, state.sha256, *bytes));
     table_.with_scheduler([&](Scheduler& s) {
-      s.fail_job(
-          due.job_id,
-          fmt::format("the state of epoch {} cannot be decided: {}", due.epoch, state.error().to_string()),
-          JobTable::now());
+      s.decided({job.job_id, state.epoch, state.name, state.sha256, state.size_bytes}, JobTable::now());
     });
-    return std::optional<std::string>();
   }
-  StateRow row{due.job_id, due.epoch, due.plan.rule, sha256_hex(*state), state->size()};
-  CANDELA_TRY(put_blob(blobs_, row.sha256, *state));
-  table_.with_scheduler([&](Scheduler& s) { s.decided(row, JobTable::now()); });
-  table_.remember_states(due.job_id, *film);
-  return std::optional<std::string>(std::move(row.sha256));
+  return {};
+}
+
+Result<bool> EpochDecider::decide_next(const EpochJob& job, JobFilm& film) {
+  const std::optional<NextDecision> next = film.next_decision();
+  if (!next) {  // a checkpoint was lost, and its units are made again
+    if (job.due) truth_.agree_if_short(job.job_id, film);
+    return false;
+  }
+  const auto fail = [&](const Error& error) {
+    table_.with_scheduler([&](Scheduler& s) {
+      s.fail_job(job.job_id,
+                 fmt::format("the state of epoch {} cannot be decided: {}", next->epoch, error.to_string()),
+                 JobTable::now());
+    });
+    return false;
+  };
+  Result<MadeDecision> made = make(*next, *film.epoch_plan(), film.layout());
+  if (!made.ok()) return fail(made.error());
+  const StateRow row{job.job_id, made->state.epoch, made->state.name, made->state.sha256,
+                     made->state.size_bytes};
+  CANDELA_TRY(put_blob(blobs_, row.sha256, made->bytes));
+  if (!table_.with_scheduler([&](Scheduler& s) { return s.agrees(row, JobTable::now()); })) return false;
+  const Result<bool> folded = film.fold(std::move(*made));
+  if (!folded.ok()) return fail(folded.error());
+  if (*folded) table_.with_scheduler([&](Scheduler& s) { s.decided(row, JobTable::now()); });
+  return *folded;
+}
+
+Result<bool> EpochDecider::step(const EpochJob& job) {
+  std::shared_ptr<JobFilm> film = table_.film_of(job.job_id);
+  if (!film) return false;
+  if (!film->loaded()) {
+    CANDELA_ASSIGN(film, truth_.open_film(job.job_id));
+  }
+  const std::uint64_t made = film->decisions();
+  if (made == job.states && !job.due) return false;
+  if (made <= job.states) return decide_next(job, *film);
+  CANDELA_TRY(restore_states(job, *film));
+  return true;
 }
 
 void EpochDecider::decide_loop() {
   while (!wake_.stopping()) {
     bool any = false;
-    for (const DueDecision& due : table_.with_scheduler([](Scheduler& s) { return s.due_decisions(); })) {
-      if (wake_.stopping() || retry_at_[due.job_id] > JobTable::now().seconds) continue;
-      const auto state = decide_state(due);
-      if (state.ok() && *state) {
+    for (const EpochJob& job : table_.with_scheduler([](Scheduler& s) { return s.epoch_jobs(); })) {
+      if (wake_.stopping() || retry_at_[job.job_id] > JobTable::now().seconds) continue;
+      const auto done = step(job);
+      if (done.ok() && *done) {
         any = true;
         continue;
       }
-      retry_at_[due.job_id] = JobTable::now().seconds + (state.ok() ? kDecideSeconds : kRetrySeconds);
-      if (state.ok()) continue;
-      const std::string text = state.error().to_string();
+      retry_at_[job.job_id] = JobTable::now().seconds + (done.ok() ? kDecideSeconds : kRetrySeconds);
+      if (done.ok()) continue;
+      const std::string text = done.error().to_string();
       if (std::exchange(reported_error_, text) == text) continue;
       table_.with_scheduler([&](Scheduler& s) {
-        s.event(JobTable::now(), due.job_id, "", "undecided",
-                fmt::format("the state of epoch {}: {}", due.epoch, text));
+        s.event(JobTable::now(), job.job_id, "", "undecided",
+                fmt::format("the state of the epoch after {}: {}", job.states, text));
       });
     }
     if (!any) wake_.sleep(kDecideSeconds);

@@ -1,9 +1,13 @@
-// Decides the states of epochs, off the scheduler's lock: sums in, a blob and a row out. The blob is on disk
-// before anybody hears of the state.
+// Decides the states of epochs, off the scheduler's lock and the film's: sums in, a blob, a row and a carry
+// out. The blob is on disk before anybody hears of the state.
+//
+// The film knows how many decisions are folded into its carry, the scheduler how many states there are. They
+// differ after a loss. If the film went back to an older checkpoint, its decisions are made again as its
+// epochs are whole again, and must give the states that are known. If a state's blob was lost, the film's
+// copy is written anew.
 #pragma once
 
 #include <map>
-#include <optional>
 #include <string>
 
 #include "common/base/result.h"
@@ -22,8 +26,10 @@ class EpochDecider {
   void decide_loop();
 
  private:
-  // The hash of the state; empty if it cannot be decided now and will be due again. Errors: the place.
-  Result<std::optional<std::string>> decide_state(const DueDecision& due);
+  // The next step of a job, if it can be made now. Errors: the place.
+  Result<bool> step(const EpochJob& job);
+  Result<bool> decide_next(const EpochJob& job, JobFilm& film);
+  Result<void> restore_states(const EpochJob& job, const JobFilm& film);
 
   JobTable& table_;
   JobTruth& truth_;

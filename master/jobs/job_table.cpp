@@ -36,9 +36,9 @@ Now JobTable::now() {
 }
 
 std::shared_ptr<JobFilm> JobTable::make_film(const JobRow& row) const {
-  return std::make_shared<JobFilm>(folder_of(row.id), layout_of(row), row.named_state->film_scale_log2,
-                                   film_writer_,
-                                   CheckpointShape{row.chains ? row.chains->chains : 0, row.accumulators});
+  return std::make_shared<JobFilm>(
+      folder_of(row.id), layout_of(row), row.named_state->film_scale_log2, film_writer_,
+      CheckpointShape{row.chains ? row.chains->chains : 0, row.accumulators, row.epochs});
 }
 
 std::shared_ptr<JobFilm> JobTable::film_of(const std::string& job_id) {
@@ -57,7 +57,7 @@ JobFilms JobTable::films() const {
 
 void JobTable::remember_states(const std::string& job_id, JobFilm& film) {
   for (const StateRow& row : with_scheduler([&](Scheduler& s) { return s.job(job_id)->states; }))
-    film.remember({row.name, row.epoch, row.sha256});
+    film.remember({row.name, row.epoch, row.sha256, row.size_bytes});
 }
 
 void JobTable::publish() {

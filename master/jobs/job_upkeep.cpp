@@ -146,11 +146,12 @@ void JobUpkeep::write_image(const std::string& job_id, JobFilm& film) {
 void JobUpkeep::upkeep(const std::string& job_id, bool force) {
   struct View {
     bool finishing = false, ended = false, paused = false, has_film = false;
+    std::uint64_t states = 0;
   };
   const View view = table_.with_scheduler([&](Scheduler& s) {
     const Job* job = s.job(job_id);
     return View{job->finishing, has_ended(job->row.state), job->row.state == JobState::paused,
-                job->row.named_state.has_value()};
+                job->row.named_state.has_value(), job->states.size()};
   });
   if (!view.has_film) return;
   const std::shared_ptr<JobFilm> film = table_.film_of(job_id);
@@ -161,6 +162,8 @@ void JobUpkeep::upkeep(const std::string& job_id, bool force) {
   const double t = JobTable::now().seconds;
   State& state = jobs_[job_id];
 
+  // The last checkpoint has all decisions, also those that are made again after a loss.
+  if (view.finishing && film->decisions() < view.states && film->next_decision()) return;
   if (view.finishing || view.ended) {
     film->close();
     if (t < state.retry_at) return;

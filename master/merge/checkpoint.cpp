@@ -6,12 +6,14 @@
 #include "common/film/codec.h"
 #include "common/film/delta.h"
 #include "common/job/job.h"
+#include "common/stages/epochs.h"
 
 namespace candela::master {
 namespace {
 
 constexpr std::string_view kChainsMagic = "CANCHNS1";
 constexpr std::string_view kSumsMagic = "CANSUMS1";
+constexpr std::string_view kDecisionsMagic = "CANSUMS2";
 constexpr std::uint32_t kMaxStates = 1U << 22;
 
 std::string encode_film_and_chains(const film::MergedFilm& merged, const ChainRecords& records) {
@@ -86,7 +88,7 @@ Result<void> parse_accumulators(film::Reader& reader, const CheckpointShape& sha
   return {};
 }
 
-Result<void> parse_states(film::Reader& reader, ParsedCheckpoint& out) {
+Result<void> parse_states(film::Reader& reader, bool with_sizes, ParsedCheckpoint& out) {
   const auto bad = [](std::string_view text) {
     return input_error("the checkpoint " + std::string(text)).with_field("states");
   };
@@ -99,18 +101,76 @@ Result<void> parse_states(film::Reader& reader, ParsedCheckpoint& out) {
     state.name = reader.bytes(size);
     state.epoch = reader.u64();
     state.sha256 = reader.bytes(64);
+    if (with_sizes) state.size_bytes = reader.u64();
     if (!reader.ok() || !is_sha256_hex(state.sha256)) return bad("ends in its states");
-    out.states.push_back(std::move(state));
+    if (state.epoch != i) return bad("has states out of order");
+    out.decisions.states.push_back(std::move(state));
   }
   return {};
+}
+
+// States and carry in memory are what the decisions left, to the bit, or the film is not used.
+Result<void> parse_decisions(film::Reader& reader, const CheckpointShape& shape, ParsedCheckpoint& out) {
+  const auto bad = [](std::string_view text) {
+    return input_error("the checkpoint " + std::string(text)).with_field("decisions");
+  };
+  Decisions& decisions = out.decisions;
+  if (!shape.epochs) return bad("has decisions, and the job has no epochs");
+  decisions.made = reader.u64();
+  if (!reader.ok() || decisions.made == 0 || decisions.made > decisions.states.size())
+    return bad("has more decisions than states");
+  const std::uint64_t folded = epochs_folded(decisions.made, shape.epochs->lag);
+  for (std::uint64_t e = folded; e < decisions.made; ++e) {
+    const std::uint64_t length = reader.u64();
+    if (!reader.ok() || length > reader.rest().size() || length > kMaxStateBytes)
+      return bad("ends in the bytes of its states");
+    std::string bytes(reader.bytes(length));
+    if (sha256_hex(bytes) != decisions.states[e].sha256) return bad("has a state that is not of its hash");
+    decisions.bytes.emplace(e, std::make_shared<const std::string>(std::move(bytes)));
+  }
+  for (const auto& [key, sums] : out.accumulators)
+    if (sums->spec().per == film::AccumulatorSpec::Per::epoch && key.second < folded)
+      return bad("has the sums of an epoch that is folded");
+  const film::Layout& layout = out.film.layout();
+  Carry carry;
+  for (const film::AccumulatorSpec& spec : shape.accumulators) {
+    if (spec.per != film::AccumulatorSpec::Per::epoch) continue;
+    const std::uint64_t length = reader.u64();
+    if (!reader.ok() || length > reader.rest().size()) return bad("ends in its carry");
+    CANDELA_ASSIGN(film::MergedAccumulator sums,
+                   film::MergedAccumulator::parse(reader.bytes(length), layout.width, layout.height, spec));
+    carry.sums.push_back(std::move(sums));
+  }
+  const std::uint64_t length = reader.u64();
+  if (!reader.ok() || length > reader.rest().size() || length > kMaxStateBytes)
+    return bad("ends in the memo of its carry");
+  carry.memo = reader.bytes(length);
+  decisions.carry = std::make_shared<const Carry>(std::move(carry));
+  return {};
+}
+
+void put_decisions(std::string& out, const Decisions& decisions) {
+  film::put_u64(out, decisions.made);
+  for (const auto& [epoch, bytes] : decisions.bytes) {
+    film::put_u64(out, bytes->size());
+    out += *bytes;
+  }
+  for (const film::MergedAccumulator& sums : decisions.carry->sums) {
+    const std::string one = sums.serialise();
+    film::put_u64(out, one.size());
+    out += one;
+  }
+  film::put_u64(out, decisions.carry->memo.size());
+  out += decisions.carry->memo;
 }
 
 }  // namespace
 
 std::string encode_checkpoint(const film::MergedFilm& film, const ChainRecords& records,
-                              const Accumulators& accumulators, std::span<const DecidedState> states) {
+                              const Accumulators& accumulators, const Decisions& decisions) {
+  const std::vector<DecidedState>& states = decisions.states;
   if (accumulators.empty() && states.empty()) return encode_film_and_chains(film, records);
-  std::string out(kSumsMagic);
+  std::string out(decisions.carry ? kDecisionsMagic : kSumsMagic);
   {
     const std::string inner = encode_film_and_chains(film, records);
     film::put_u64(out, inner.size());
@@ -130,21 +190,26 @@ std::string encode_checkpoint(const film::MergedFilm& film, const ChainRecords& 
     out += state.name;
     film::put_u64(out, state.epoch);
     out += state.sha256;
+    if (decisions.carry) film::put_u64(out, state.size_bytes);
   }
+  if (decisions.carry) put_decisions(out, decisions);
   film::seal(out);
   return out;
 }
 
 Result<ParsedCheckpoint> parse_checkpoint(std::string_view bytes, const CheckpointShape& shape) {
-  if (!bytes.starts_with(kSumsMagic)) return parse_film_and_chains(bytes, shape.chains);
-  CANDELA_ASSIGN(const std::string_view content, film::unseal(bytes, kSumsMagic, "the checkpoint"));
+  const bool decided = bytes.starts_with(kDecisionsMagic);
+  if (!decided && !bytes.starts_with(kSumsMagic)) return parse_film_and_chains(bytes, shape.chains);
+  CANDELA_ASSIGN(const std::string_view content,
+                 film::unseal(bytes, decided ? kDecisionsMagic : kSumsMagic, "the checkpoint"));
   film::Reader reader(content);
   const std::uint64_t length = reader.u64();
   if (!reader.ok() || length > reader.rest().size())
     return input_error("the checkpoint ends in its film").with_field("length");
   CANDELA_ASSIGN(ParsedCheckpoint out, parse_film_and_chains(reader.bytes(length), shape.chains));
   CANDELA_TRY(parse_accumulators(reader, shape, out));
-  CANDELA_TRY(parse_states(reader, out));
+  CANDELA_TRY(parse_states(reader, decided, out));
+  if (decided) CANDELA_TRY(parse_decisions(reader, shape, out));
   if (!reader.rest().empty()) return input_error("the checkpoint has bytes too many").with_field("length");
   return out;
 }

@@ -8,13 +8,16 @@
 // checkpoint without them (u64) and that; the number of accumulators (u32), each with its place in the plan
 // (u32), half or epoch (u64) and length (u64) before its bytes; the number of states (u32), each with name
 // (u16 length, bytes), epoch (u64) and SHA-256 (64 hex digits); XXH64 of all before (u64). Checkpoints of
-// before there were accumulators are of the first two forms.
+// before there were accumulators are of the first two forms. With decisions that were folded: "CANSUMS2"; as
+// "CANSUMS1" up to the states, each with its size (u64) after its hash; the number of decisions (u64); the
+// bytes of the states of epochs that are not folded, each with its length (u64); the sums of the carry, each
+// with its length (u64), its memo with its length (u64); XXH64 of all before (u64).
 #pragma once
 
 #include <cstdint>
 #include <map>
 #include <memory>
-#include <span>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -24,6 +27,7 @@
 #include "common/chains/chains.h"
 #include "common/film/accumulator.h"
 #include "common/film/merged_film.h"
+#include "common/stages/decision.h"
 
 namespace candela::master {
 
@@ -40,28 +44,39 @@ struct DecidedState {
   std::string name;
   std::uint64_t epoch = 0;
   std::string sha256;
+  std::uint64_t size_bytes = 0;  // 0: not known, from a checkpoint of the first form with states
   bool operator==(const DecidedState&) const = default;
 };
 
+// The decisions of a job of epochs. The sums of the epochs that they folded are in `carry` alone.
+struct Decisions {
+  std::vector<DecidedState> states;    // of epochs 0, 1, ...: those made here, then others known to the store
+  std::uint64_t made = 0;              // decisions [0, made) are folded into `carry`
+  std::shared_ptr<const Carry> carry;  // null: none is made
+  // Of the states [epochs_folded(made), made).
+  std::map<std::uint64_t, std::shared_ptr<const std::string>> bytes;
+};
+
 std::string encode_checkpoint(const film::MergedFilm& film, const ChainRecords& records,
-                              const Accumulators& accumulators = {},
-                              std::span<const DecidedState> states = {});
+                              const Accumulators& accumulators = {}, const Decisions& decisions = {});
 
 struct ParsedCheckpoint {
   film::MergedFilm film;
   ChainRecords records;
   Accumulators accumulators = {};
-  std::vector<DecidedState> states = {};  // in the order of decisions
+  Decisions decisions = {};
 };
 // The parts of a job's checkpoints beside its film.
 struct CheckpointShape {
-  CheckpointShape(std::uint32_t chain_count, std::vector<film::AccumulatorSpec> specs = {})  // NOLINT
-      : chains(chain_count), accumulators(std::move(specs)) {}
+  CheckpointShape(std::uint32_t chain_count, std::vector<film::AccumulatorSpec> specs = {},  // NOLINT
+                  std::optional<EpochPlan> plan = {})
+      : chains(chain_count), accumulators(std::move(specs)), epochs(std::move(plan)) {}
   std::uint32_t chains;  // 0: none
   std::vector<film::AccumulatorSpec> accumulators;
+  std::optional<EpochPlan> epochs;
 };
 // Fails (input) on damage, on another number of chains, where a record is not of the segments that are
-// merged, and on accumulators that the shape does not have.
+// merged, on accumulators that the shape does not have, and where states and carry do not belong together.
 Result<ParsedCheckpoint> parse_checkpoint(std::string_view bytes, const CheckpointShape& shape);
 
 }  // namespace candela::master

@@ -44,7 +44,10 @@ JobFilm::JobFilm(std::filesystem::path folder, film::Layout layout, int scale_lo
       scale_log2_(scale_log2),
       writer_(std::move(writer)),
       chains_(shape.chains),
-      specs_(std::move(shape.accumulators)) {}
+      specs_(std::move(shape.accumulators)),
+      epoch_plan_(std::move(shape.epochs)),
+      epochs_(epoch_plan_ ? std::optional<Epochs>({epoch_plan_->first, epoch_plan_->growth}) : std::nullopt) {
+}
 
 ChainRecords JobFilm::fresh_records() const {
   return ChainRecords(chains_, std::make_shared<const chains::ChainRecord>());
@@ -69,7 +72,7 @@ std::vector<JobFilm::Found> JobFilm::generations() const {
 
 Result<ParsedCheckpoint> JobFilm::read(const Found& found) const {
   CANDELA_ASSIGN(const std::string bytes, read_file(found.path, kMaxCheckpointBytes));
-  CANDELA_ASSIGN(ParsedCheckpoint parsed, parse_checkpoint(bytes, {chains_, specs_}));
+  CANDELA_ASSIGN(ParsedCheckpoint parsed, parse_checkpoint(bytes, {chains_, specs_, epoch_plan_}));
   if (parsed.film.layout() != layout_ || parsed.film.scale_log2() != scale_log2_)
     return input_error("it is another film's");
   return parsed;
@@ -109,32 +112,35 @@ Result<JobFilm::Loading> JobFilm::ensure_loaded() {
     records_ = found ? std::move(found->records) : fresh_records();
   }
   accumulators_ = found ? std::move(found->accumulators) : Accumulators();
-  states_ = found ? std::move(found->states) : std::vector<DecidedState>();
-  saved_states_ = states_.size();
+  decisions_ = found ? std::move(found->decisions) : Decisions();
+  saved_states_ = decisions_.states.size();
+  saved_decisions_ = decisions_.made;
   saved_iterations_ = generation > 0 ? film_->iterations() : 0;
   generation_ = std::max(generation_, newest);  // the next one must be newer than a broken one, too
   return out;
 }
 
-Result<std::string> JobFilm::verify_files() {
+Result<JobFilm::Verified> JobFilm::verify_files() {
   const std::lock_guard file_lock(file_mutex_);
-  std::string trouble;
-  bool newest = true;
+  Verified out;
+  std::optional<ParsedCheckpoint> newest;
   for (const Found& candidate : generations()) {
     Result<ParsedCheckpoint> parsed = read(candidate);
     if (!parsed.ok() && parsed.error().kind == ErrorKind::resource) return std::move(parsed).error();
     if (!parsed.ok()) {
-      trouble += (trouble.empty() ? "" : "; ") + set_aside(candidate, parsed.error());
-    } else if (newest) {
-      newest = false;
+      out.damage += (out.damage.empty() ? "" : "; ") + set_aside(candidate, parsed.error());
+    } else if (!newest) {
+      newest = std::move(*parsed);
       const std::lock_guard lock(mutex_);
       // An older generation serves now, or one that somebody put in the place of the newest.
-      if (film_) saved_iterations_ = std::min(saved_iterations_, parsed->film.iterations());
+      if (film_) saved_iterations_ = std::min(saved_iterations_, newest->film.iterations());
+    } else if (out.contradiction.empty()) {
+      out.contradiction = contradiction(*parsed, *newest, {chains_, specs_, epoch_plan_});
     }
   }
   const std::lock_guard lock(mutex_);
-  if (film_ && newest) saved_iterations_ = 0;
-  return trouble;
+  if (film_ && !newest) saved_iterations_ = 0;
+  return out;
 }
 
 bool JobFilm::loaded() const {
@@ -144,12 +150,11 @@ bool JobFilm::loaded() const {
 
 void JobFilm::unload_if_idle(double now_seconds, double idle_seconds) {
   const std::lock_guard lock(mutex_);
-  if (film_ && closed_ && film_->iterations() == saved_iterations_ && states_.size() == saved_states_ &&
-      now_seconds - last_use_ > idle_seconds) {
+  if (closed_ && saved() && now_seconds - last_use_ > idle_seconds) {
     film_.reset();
     accumulators_.clear();
-    states_.clear();
-    saved_states_ = 0;
+    decisions_ = {};
+    saved_states_ = saved_decisions_ = 0;
     const std::lock_guard records_lock(records_mutex_);
     ChainRecords().swap(records_);
   }
@@ -214,17 +219,6 @@ std::shared_ptr<const film::MergedAccumulator> JobFilm::accumulator(std::string_
     return std::make_shared<film::MergedAccumulator>(layout_.width, layout_.height, specs_[i]);
   }
   return nullptr;
-}
-
-void JobFilm::remember(const DecidedState& state) {
-  const std::lock_guard lock(mutex_);
-  const auto same = [&](const DecidedState& s) { return s.name == state.name && s.epoch == state.epoch; };
-  if (film_ && std::none_of(states_.begin(), states_.end(), same)) states_.push_back(state);
-}
-
-std::vector<DecidedState> JobFilm::states() const {
-  const std::lock_guard lock(mutex_);
-  return states_;
 }
 
 void JobFilm::close() {
@@ -306,24 +300,25 @@ Result<JobFilm::Checkpoint> JobFilm::checkpoint() {
   std::shared_ptr<const film::MergedFilm> copy;
   ChainRecords records;
   Accumulators accumulators;
-  std::vector<DecidedState> states;
+  Decisions decisions;
   {
     const std::lock_guard lock(mutex_);
     if (!film_) return Checkpoint{generation_, saved_iterations_};  // unloaded means saved
     accumulators = accumulators_;
-    states = states_;
+    decisions = decisions_;
     copy = std::make_shared<const film::MergedFilm>(*film_);
     records = records_;
   }
   CANDELA_TRY(make_directories(folder_));
   const std::uint64_t next = generation() + 1;
   CANDELA_TRY(writer_(folder_ / fmt::format("film.{}.ckpt", next),
-                      encode_checkpoint(*copy, records, accumulators, states)));
+                      encode_checkpoint(*copy, records, accumulators, decisions)));
   {
     const std::lock_guard lock(mutex_);
     generation_ = next;
     saved_iterations_ = copy->iterations();
-    saved_states_ = states.size();
+    saved_states_ = decisions.states.size();
+    saved_decisions_ = decisions.made;
   }
   // This one and the newest before it stay.
   const std::vector<Found> all = generations();
@@ -334,7 +329,12 @@ Result<JobFilm::Checkpoint> JobFilm::checkpoint() {
 
 bool JobFilm::dirty() const {
   const std::lock_guard lock(mutex_);
-  return film_ && (film_->iterations() != saved_iterations_ || states_.size() != saved_states_);
+  return film_ && !saved();
+}
+
+bool JobFilm::saved() const {
+  return film_ && film_->iterations() == saved_iterations_ && decisions_.states.size() == saved_states_ &&
+         decisions_.made == saved_decisions_;
 }
 
 std::uint64_t JobFilm::generation() const {

@@ -21,7 +21,9 @@
 #include "common/base/result.h"
 #include "common/film/delta.h"
 #include "common/film/merged_film.h"
+#include "common/stages/epochs.h"
 #include "master/merge/checkpoint.h"
+#include "master/merge/decisions.h"
 
 namespace candela::master {
 
@@ -43,9 +45,15 @@ class JobFilm {
     std::string trouble;  // what is to be told about damaged generations; empty: nothing
   };
   Result<Loading> ensure_loaded();
-  // Reads the checkpoints that are on disk, loaded or not, and sets damaged ones aside. Returns what is to be
-  // told about them; where the newest was damaged and the film is loaded, the film is dirty again.
-  Result<std::string> verify_files();
+  // Reads the checkpoints that are on disk, loaded or not, and sets damaged ones aside. If the newest was
+  // damaged and the film is loaded, the film is dirty again.
+  // Two whole generations of a job of epochs are compared: the decisions of the older one, and those that can
+  // be made anew from its sums, must be those of the newer one.
+  struct Verified {
+    std::string damage;         // empty: none
+    std::string contradiction;  // of decisions between the generations; empty: none
+  };
+  Result<Verified> verify_files();
   // One thread at a time agrees the film with the ledger (Farm::open_film).
   std::mutex& opening() { return opening_mutex_; }
   bool loaded() const;
@@ -84,9 +92,29 @@ class JobFilm {
   // The sums of an accumulator: of a half, or of an epoch (`part`). Zeros where nothing is merged; null where
   // the film is not loaded or the job has no such accumulator. They never change.
   std::shared_ptr<const film::MergedAccumulator> accumulator(std::string_view name, std::uint64_t part) const;
-  // Remembers a state in the next checkpoint. No effect if that name has one for the epoch already.
+  // Remembers a state in the next checkpoint. No effect unless it is of the first epoch without one.
   void remember(const DecidedState& state);
   std::vector<DecidedState> states() const;
+
+  const film::Layout& layout() const { return layout_; }
+  const std::optional<EpochPlan>& epoch_plan() const { return epoch_plan_; }
+  // Nothing: the film is not loaded, the job has no epochs, or the epoch to be folded is not whole.
+  std::optional<NextDecision> next_decision() const;
+  // Takes what was decided: the state, the carry after it, and no sums of the folded epoch from now on, all
+  // at once. False, and nothing changes: the film is not at this decision any more. Errors (failed): the film
+  // has another state of this epoch, from a checkpoint of the form before carries.
+  Result<bool> fold(MadeDecision made);
+  // The decisions that are made here, their last state and the carry after it.
+  struct Latest {
+    std::uint64_t decisions = 0;
+    std::shared_ptr<const std::string> state;
+    std::shared_ptr<const Carry> carry;
+    std::uint64_t statistics_bytes = 0;  // in memory: the carry and all accumulators
+  };
+  Latest latest() const;
+  std::uint64_t decisions() const;
+  // The bytes of a state that is not folded; null where they are not kept.
+  std::shared_ptr<const std::string> state_bytes(std::uint64_t epoch) const;
 
   // The records that the segments of a unit start from, those of first segments empty. Never waits for a
   // merge: the scheduler asks while it decides.
@@ -125,6 +153,7 @@ class JobFilm {
   static std::string set_aside(const Found& found, const Error& error);
   ChainRecords fresh_records() const;
   film::MergedAccumulator& editable(const AccumulatorKey& key);
+  bool saved() const;  // nothing has changed since the last checkpoint; precondition: mutex_ is held
 
   const std::filesystem::path folder_;
   const film::Layout layout_;
@@ -132,6 +161,8 @@ class JobFilm {
   const FileWriter writer_;
   const std::uint32_t chains_;
   const std::vector<film::AccumulatorSpec> specs_;
+  const std::optional<EpochPlan> epoch_plan_;
+  const std::optional<Epochs> epochs_;  // of epoch_plan_
 
   std::mutex opening_mutex_;  // taken before all others
   std::mutex file_mutex_;     // one reader or writer of checkpoints at a time; taken before mutex_
@@ -142,11 +173,11 @@ class JobFilm {
   mutable std::mutex records_mutex_;
   ChainRecords records_;  // by chain
   Accumulators accumulators_;
-  std::vector<DecidedState> states_;
+  Decisions decisions_;
   bool closed_ = false;
   std::uint64_t generation_ = 0;  // newest on disk
   std::uint64_t saved_iterations_ = 0;
-  std::size_t saved_states_ = 0;
+  std::uint64_t saved_states_ = 0, saved_decisions_ = 0;
   double last_use_ = 0;
 };
 

@@ -191,14 +191,11 @@ struct RestoredChains {
   std::vector<StateRow> states = {};    // of epochs 0, 1, ...
 };
 
-// A decision that can and must be made: all that it depends on is merged.
-struct DueDecision {
+// A job of epochs that has not ended.
+struct EpochJob {
   std::string job_id;
-  EpochPlan plan;
-  std::uint64_t epoch = 0;
-  std::uint32_t width = 0, height = 0;
-  std::optional<StateRow> previous;  // state of the epoch before
-  HalfSets needed;                   // indices whose sums it depends on
+  std::uint64_t states = 0;  // number of states that are decided
+  bool due = false;          // the next one can and must be decided: all that it depends on is merged
 };
 
 class Scheduler {
@@ -293,11 +290,15 @@ class Scheduler {
   void chains_summarised(const std::string& id, const chains::Summary& summary, Now now);
 
   // --- epochs ---
-  std::vector<DueDecision> due_decisions() const;
-  // The state of an epoch is decided, and its bytes are in the blob store. No effect if it is not the next
-  // one. A state that was decided before must come out as the same bytes; otherwise the job fails.
+  std::vector<EpochJob> epoch_jobs() const;
+  // Whether this is the state of its epoch, as far as one is known. If it is not, the job fails: the sums
+  // have changed.
+  bool agrees(const StateRow& row, Now now);
+  // The state of an epoch is decided, and its bytes are in the blob store. No effect unless it agrees and is
+  // the next one.
   void decided(const StateRow& row, Now now);
-  // The bytes of a state are lost: it, and those after it, are decided anew. False: no job has such a state.
+  // The bytes of a state are lost: it, and those after it, come from the film or are decided anew. False: no
+  // job has such a state.
   bool lost_state(const std::string& sha256, Now now);
 
   // Expiries, time limits, workers that came back or got lost. Call it a few times a second.

@@ -122,21 +122,34 @@ Result<void> JobTruth::check_ledger(const std::string& job_id, JobFilm& film, v1
   return {};
 }
 
+void JobTruth::check_states(const std::string& job_id, const JobFilm& film, v1::JobReport& report) {
+  const std::vector<DecidedState> held = film.states();
+  const auto told = farm_.with_scheduler([&](Scheduler& s) { return s.job(job_id)->states; });
+  for (std::size_t e = 0; e < std::min(held.size(), told.size()); ++e)
+    if (held[e].sha256 != told[e].sha256)
+      return add_finding(report, "state",
+                         fmt::format("the film has another state of epoch {} than the store", e),
+                         "submit the job again");
+}
+
 Result<v1::JobReport> JobTruth::verify(const std::string& job_id) {
   v1::JobReport report;
   const std::shared_ptr<JobFilm> known = farm_.film_of(job_id);
   if (known) {
     const bool in_memory = known->loaded();
-    CANDELA_ASSIGN(const std::string trouble, known->verify_files());
-    if (!trouble.empty()) {
+    CANDELA_ASSIGN(const JobFilm::Verified files, known->verify_files());
+    if (!files.contradiction.empty())
+      add_finding(report, "state", files.contradiction, "submit the job again");
+    if (!files.damage.empty()) {
       farm_.with_scheduler(
-          [&](Scheduler& s) { s.event(farm_.now(), job_id, "", "checkpoint-damaged", trouble); });
-      add_finding(report, "film", trouble,
+          [&](Scheduler& s) { s.event(farm_.now(), job_id, "", "checkpoint-damaged", files.damage); });
+      add_finding(report, "film", files.damage,
                   in_memory ? "the film is in memory and is written again by itself"
                             : "the generation before serves; what it lacks is counted as lost");
     }
     CANDELA_ASSIGN(const std::shared_ptr<JobFilm> film, open_film(job_id));
     CANDELA_TRY(check_ledger(job_id, *film, report));
+    check_states(job_id, *film, report);
   }
   struct View {
     JobRow row;

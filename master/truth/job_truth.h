@@ -59,6 +59,7 @@ class JobTruth {
   Result<void> adopt(const std::string& job_id);
   void check_scene(const JobRow& row, v1::JobReport& report);
   Result<void> check_ledger(const std::string& job_id, JobFilm& film, v1::JobReport& report);
+  void check_states(const std::string& job_id, const JobFilm& film, v1::JobReport& report);
   std::filesystem::path folder(const std::string& job_id) const;
 
   Farm& farm_;

@@ -99,8 +99,8 @@ TEST(JobAccumulators, AreInTheCheckpoint) {
     for (std::uint64_t i = 0; i < 6; ++i) ASSERT_TRUE(film.merge(delta_of(i % 2, i)).ok());
     ASSERT_TRUE(film.checkpoint().ok());
     EXPECT_FALSE(film.dirty());
-    film.remember({"radius", 0, kHash});
-    film.remember({"radius", 0, std::string(64, 'b')});
+    film.remember({"radius", 0, kHash, 0});
+    film.remember({"radius", 0, std::string(64, 'b'), 0});
     EXPECT_TRUE(film.dirty());
     ASSERT_TRUE(film.checkpoint().ok());
     EXPECT_FALSE(film.dirty());
@@ -108,7 +108,7 @@ TEST(JobAccumulators, AreInTheCheckpoint) {
   }
   JobFilm film = job_film(folder.path());
   ASSERT_TRUE(film.ensure_loaded().ok());
-  EXPECT_EQ(film.states(), (std::vector<DecidedState>{{"radius", 0, kHash}}));
+  EXPECT_EQ(film.states(), (std::vector<DecidedState>{{"radius", 0, kHash, 0}}));
   EXPECT_EQ(total(film, "moments", 0), 4 * 128);
   EXPECT_EQ(total(film, "matrix", 1), 3 * 7);
   EXPECT_FALSE(film.dirty());

@@ -31,17 +31,17 @@ class EpochSchedulerTest : public SchedulerFixture {
   }
   // Decides what is due, once for each job. What must be merged before is merged.
   std::size_t decide() {
-    const std::vector<DueDecision> due = s->due_decisions();
-    for (const DueDecision& d : due) {
+    std::size_t count = 0;
+    for (const EpochJob& d : s->epoch_jobs()) {
       const Job& job = *s->job(d.job_id);
-      EXPECT_EQ(d.epoch, job.states.size());
+      EXPECT_EQ(d.states, job.states.size());
+      if (!d.due) continue;
+      ++count;
       for (std::uint32_t h = 0; h < 2; ++h)
-        EXPECT_TRUE(contains(job.merged[h], 0, kEpochs.begin_index(epochs_before(d.epoch, kPlan.lag))));
-      EXPECT_TRUE(covers(job.merged, d.needed));
-      EXPECT_EQ(d.previous.has_value(), d.epoch > 0);
-      s->decided({d.job_id, d.epoch, "rule", hash_of(d.epoch), 1}, now());
+        EXPECT_TRUE(contains(job.merged[h], 0, kEpochs.begin_index(epochs_before(d.states, kPlan.lag))));
+      s->decided({d.job_id, d.states, "rule", hash_of(d.states), 1}, now());
     }
-    return due.size();
+    return count;
   }
   // A lease with what came beside it.
   AcquireResult acquire(const std::string& w) {
@@ -140,7 +140,7 @@ TEST_F(EpochSchedulerTest, ALostFilmKeepsTheStates) {
   restored.states = states;
   s->restore(row, {}, {}, {}, {}, now(), restored);
   EXPECT_EQ(s->job("j")->states, states);
-  EXPECT_TRUE(s->due_decisions().empty());
+  EXPECT_FALSE(s->epoch_jobs().at(0).due);
   const auto l = lease("a");
   ASSERT_TRUE(l);
   EXPECT_EQ(unit_of(*l).begin, 0U);
@@ -162,9 +162,10 @@ TEST_F(EpochSchedulerTest, ALostStateIsDecidedAgain) {
     EXPECT_TRUE(s->lost_state(hash_of(0), now()));
     EXPECT_TRUE(s->job("j")->states.empty());
     EXPECT_FALSE(lease("a"));
-    const auto due = s->due_decisions();
-    ASSERT_EQ(due.size(), 1U);
-    EXPECT_EQ(due[0].epoch, 0U);
+    const auto jobs = s->epoch_jobs();
+    ASSERT_EQ(jobs.size(), 1U);
+    EXPECT_TRUE(jobs[0].due);
+    EXPECT_EQ(jobs[0].states, 0U);
     s->decided({"j", 0, "rule", same ? hash_of(0) : hash_of(7), 1}, now());
     EXPECT_EQ(s->job("j")->row.state == JobState::failed, !same);
     s->decided({"j", 5, "rule", hash_of(5), 1}, now());

@@ -80,11 +80,16 @@ Truth truth_of(std::uint64_t iterations, int scale_log2) {
 class ToyFarm : public testing::Test {
  protected:
   ToyFarm() { farm.set_programs("toy-master", "toy-worker"); }
-  void start_master(std::vector<std::string> more = {}) {
-    std::vector<std::string> options = {"--unit-time", "0.02",         "--checkpoint-interval",
-                                        "0.05",        "--lease-time", "1.5"};
+  void start_master(const std::string& checkpoint_seconds = "0.05", std::vector<std::string> more = {}) {
+    std::vector<std::string> options = {"--unit-time",      "0.02",         "--checkpoint-interval",
+                                        checkpoint_seconds, "--lease-time", "1.5"};
     options.insert(options.end(), more.begin(), more.end());
     farm.start_master(options);
+  }
+  std::size_t decided(const std::string& id) {
+    std::size_t count = 0;
+    for (const v1::Event& event : farm.events(id)) count += event.kind() == "decided" ? 1 : 0;
+    return count;
   }
   std::string submit(std::uint64_t iterations, int pause_microseconds = 400) {
     JobSettings settings;
@@ -120,28 +125,32 @@ class ToyFarm : public testing::Test {
                                  1 << 28);
     ASSERT_TRUE(bytes.ok());
     const WorkPlan work = toy::work_plan();
-    const auto found = master::parse_checkpoint(*bytes, {0, work.accumulators});
+    const auto found = master::parse_checkpoint(*bytes, {0, work.accumulators, work.epochs});
     ASSERT_TRUE(found.ok()) << found.error().to_string();
     EXPECT_TRUE(found->film.serialise() == truth.film.serialise()) << "the film";
-    ASSERT_EQ(found->accumulators.size(), truth.squares.size());
-    for (const auto& [epoch, squares] : truth.squares)
-      EXPECT_TRUE(found->accumulators.at({0, epoch})->serialise() == squares.serialise())
-          << "epoch " << epoch;
-    ASSERT_EQ(found->states.size(), truth.states.size());
+    const master::Decisions& decisions = found->decisions;
+    ASSERT_EQ(decisions.states.size(), truth.states.size());
+    ASSERT_EQ(decisions.made, truth.states.size());
     bool changed = false;
     for (std::size_t e = 0; e < truth.states.size(); ++e) {
-      EXPECT_EQ(found->states[e].epoch, e);
-      EXPECT_EQ(found->states[e].sha256, sha256_hex(truth.states[e])) << "epoch " << e;
+      EXPECT_EQ(decisions.states[e].epoch, e);
+      EXPECT_EQ(decisions.states[e].sha256, sha256_hex(truth.states[e])) << "epoch " << e;
       changed |= e > 0 && truth.states[e] != truth.states[e - 1];
     }
     EXPECT_TRUE(changed) << "nothing is tested";
-    const auto stored = [&](std::string_view, std::uint64_t epoch) -> const film::MergedAccumulator* {
-      return found->accumulators.at({0, epoch}).get();
-    };
+    EXPECT_TRUE(decisions.carry->memo == truth.carry.memo) << "the memo";
+    EXPECT_TRUE(decisions.carry->sums.at(0).serialise() == truth.carry.sums.at(0).serialise()) << "the carry";
+    // The sums of folded epochs are gone, those of the others are there.
+    const std::uint64_t folded = epochs_folded(decisions.made, work.epochs->lag);
+    ASSERT_EQ(found->accumulators.size(), truth.squares.size() - folded);
+    for (const auto& [key, squares] : found->accumulators)
+      EXPECT_TRUE(squares->serialise() == truth.squares.at(key.second).serialise()) << "epoch " << key.second;
     const auto again =
-        replay(*work.epochs, work.accumulators, found->states.size(), kToyWidth, kToyHeight, stored);
+        replay(*work.epochs, work.accumulators, truth.states.size(), kToyWidth, kToyHeight,
+               [&](std::string_view, std::uint64_t epoch) { return &truth.squares.at(epoch); });
     ASSERT_TRUE(again.ok()) << again.error().to_string();
     EXPECT_EQ(again->states, truth.states) << "the replay";
+    EXPECT_EQ(again->carry.memo, truth.carry.memo) << "the replay";
     farm.audit(id, iterations);
   }
 
@@ -205,6 +214,51 @@ TEST_F(ToyFarm, ALostCheckpointChangesNoState) {
         std::filesystem::remove(path);  // all of them once: the film begins again, the states do not
     farm.restart_master();
   }
+  check(id, whole);
+}
+
+// Claim: a master that dies after a decision, before a checkpoint has it, makes the decision again from an
+// older checkpoint and ends with the same bytes.
+TEST_F(ToyFarm, DeathsBetweenDecisionAndCheckpoint) {
+  start_master("0.4");
+  farm.start_worker("a");
+  farm.start_worker("b");
+  const std::string id = submit(whole, 2000);
+  for (std::size_t k = 1; k <= 4; ++k) {
+    const std::size_t before = decided(id);
+    for (int i = 0; i < 4000 && decided(id) == before && farm.job(id).state() != v1::JOB_STATE_DONE; ++i)
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    farm.kill_master();
+    farm.restart_master();
+  }
+  check(id, whole);
+}
+
+// Claim: a job whose checkpoint is of the form before carries, with the sums of all its epochs, goes on: the
+// sums are folded again and give the same states.
+TEST_F(ToyFarm, AnOldCheckpointGoesOn) {
+  start_master();
+  farm.start_worker("a");
+  const std::uint64_t first = whole / 2;
+  const std::string id = submit(first);
+  check(id, first);
+  const v1::JobStatus status = farm.job(id);
+  farm.kill_master();
+  const Truth truth = truth_of(first, status.named_state().film_scale_log2());
+  master::Accumulators accumulators;
+  for (const auto& [epoch, squares] : truth.squares)
+    accumulators[{0, epoch}] = std::make_shared<film::MergedAccumulator>(squares);
+  master::Decisions decisions;
+  for (std::size_t e = 0; e < truth.states.size(); ++e)
+    decisions.states.push_back({toy::kRule, e, sha256_hex(truth.states[e]), 0});
+  const auto folder = farm.folder().path() / "data" / "jobs" / id;
+  for (const auto& e : std::filesystem::directory_iterator(folder))
+    if (e.path().extension() == ".ckpt") std::filesystem::remove(e.path());
+  ASSERT_TRUE(write_file_atomically(folder / fmt::format("film.{}.ckpt", status.checkpoint_generation()),
+                                    master::encode_checkpoint(truth.film, {}, accumulators, decisions))
+                  .ok());
+  farm.restart_master();
+  extend(id, whole - first);
   check(id, whole);
 }
 
