@@ -168,7 +168,7 @@ TEST(StudyScenes, SquaredBiasIsThatOfTheDiscs) {
   Request request;
   request.short_form = true;
   request.seeds = 8;
-  const auto results = compare_radii(request, "test", {{"constant", "ppm", {{"alpha", "1"}}}});
+  const auto results = compare_radii(request, {"test", {{"constant", "ppm", {{"alpha", "1"}}}}});
   ASSERT_TRUE(results.ok()) << results.error().to_string();
   for (const AnalyticScene& scene : analytic_scenes()) {
     const Image truth = truth_of(scene, 8);

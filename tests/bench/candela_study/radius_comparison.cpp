@@ -64,19 +64,21 @@ std::vector<double> relative_bias(const AnalyticScene& scene, std::uint32_t side
   return biases;
 }
 
-Result<Results> compare_radii(const Request& request, const std::string& part,
-                              const std::vector<RadiusMethod>& methods) {
+Result<Results> compare_radii(const Request& request, const RadiusComparison& comparison) {
   const std::uint32_t side = request.short_form ? 8 : 24;
-  const std::uint64_t iterations = request.short_form ? 64 : 4096;
+  const std::uint64_t iterations = request.short_form ? 64 : comparison.iterations;
   const std::vector<std::uint64_t> counts = {iterations / 64, iterations / 8, iterations};
   Results results;
   for (const AnalyticScene& scene : analytic_scenes()) {
+    const auto& names = comparison.scenes;
+    if (!names.empty() && std::find(names.begin(), names.end(), scene.name) == names.end()) continue;
     const Image truth_image = truth_of(scene, side);
     const Truth truth(truth_image, truth_image);
     const auto add = [&](const std::string& method, double n, const std::string& quantity, double value,
                          double standard_error) {
       if (!std::isfinite(value)) return;  // there are no such pixels
-      results.rows.push_back({part, scene.name, method, kNone, n, quantity, value, standard_error});
+      results.rows.push_back(
+          {comparison.part, scene.name, method, kNone, n, quantity, value, standard_error});
     };
 
     std::vector<double> best(counts.size(), std::numeric_limits<double>::infinity()),
@@ -99,7 +101,7 @@ Result<Results> compare_radii(const Request& request, const std::string& part,
     }
 
     const std::vector<double> biases = relative_bias(scene, side, kFirstRadius);
-    for (const RadiusMethod& method : methods) {
+    for (const RadiusMethod& method : comparison.methods) {
       std::vector<std::vector<Image>> images(counts.size());
       for (std::uint64_t seed = 1; seed <= request.seeds; ++seed) {
         CANDELA_ASSIGN(Rendered rendered,
@@ -134,7 +136,7 @@ Result<Results> compare_radii(const Request& request, const std::string& part,
         add(method.name, n, "squared bias", errors.squared_bias.mean(), known * errors.squared_bias.error());
       }
     }
-    request.say(fmt::format("{}: {}", part, scene.name));
+    request.say(fmt::format("{}: {}", comparison.part, scene.name));
   }
   return results;
 }

@@ -17,6 +17,13 @@ struct RadiusMethod {
   SettingsMap settings = {};
 };
 
+struct RadiusComparison {
+  std::string part;
+  std::vector<RadiusMethod> methods;
+  std::uint64_t iterations = 4096;
+  std::vector<std::string> scenes = {};  // names; empty: all
+};
+
 // Of each scene and method, after 1/64, 1/8 and all of the iterations, relative to the mean of the picture:
 // "squared error", "variance", "squared bias" (two seeds or more); of integrators with epochs also what
 // the rule tells of the last state, its map of radii (from the first seed), and
@@ -24,8 +31,7 @@ struct RadiusMethod {
 //   "missed"         share of the pixels with a bias above 10 % there whose radius has not
 // if there are such pixels. The method "best fixed radius" is the least squared error of constant radii
 // in hindsight.
-Result<Results> compare_radii(const Request& request, const std::string& part,
-                              const std::vector<RadiusMethod>& methods);
+Result<Results> compare_radii(const Request& request, const RadiusComparison& comparison);
 
 // The bias of the constant kernel of this radius over the field, for each pixel.
 std::vector<double> relative_bias(const AnalyticScene& scene, std::uint32_t side, double radius);
