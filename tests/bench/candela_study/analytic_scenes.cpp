@@ -24,7 +24,8 @@ std::string file_of(const std::string& name) {
 
 const std::vector<AnalyticScene>& analytic_scenes() {
   static const std::vector<AnalyticScene> scenes = {
-      {"flat", "no bias at any radius", file_of("flat"), of_spot},
+      {"flat", "hardly any bias; a gradient of up to 6 % across a first disc, at the corners",
+       file_of("flat"), of_spot},
       {"gradient", "a gradient, which does not bias", file_of("gradient"),
        [](double x, double y) { return of_point(4, 0.8, 0.8, x, y); }},
       {"curvature", "a bias that grows as the squared radius", file_of("curvature"),
@@ -36,7 +37,7 @@ const std::vector<AnalyticScene>& analytic_scenes() {
          const int squares = static_cast<int>(std::floor(4 * x)) + static_cast<int>(std::floor(4 * y));
          return of_spot(x, y) * (squares % 2 == 0 ? 0.2 : 1);
        }},
-      {"two-lights", "an edge of photon density in even light", file_of("two-lights"), of_spot},
+      {"two-lights", "an edge of photon density in the light of flat", file_of("two-lights"), of_spot},
   };
   return scenes;
 }
