@@ -32,6 +32,7 @@ ImageErrors errors_of(const std::vector<Image>& images, const Truth& truth) {
   const auto seeds = static_cast<double>(images.size());
   const Image mean = mean_image(images, 0, images.size());
   ImageErrors errors;
+  std::vector<double> with_others;
   for (const Image& image : images) {
     const double squared = product(image, truth.first, image, truth.second) / unit;
     errors.squared_error.add(squared);
@@ -39,7 +40,14 @@ ImageErrors errors_of(const std::vector<Image>& images, const Truth& truth) {
     errors.variance.add(product(image, mean, image, mean) / unit * seeds / (seeds - 1));
     // Of this image with all others: seeds * (mean - R2) is the sum over all.
     const double with_all = seeds * product(image, truth.first, mean, truth.second) / unit;
-    errors.squared_bias.add((with_all - squared) / (seeds - 1));
+    with_others.push_back((with_all - squared) / (seeds - 1));
+  }
+  // Pseudo-values of the jackknife: their mean is the mean over pairs. Each pair is in two images' means, so
+  // the spread of these would be too small an error.
+  const double pairs = statistical::moments_of(with_others).mean();
+  for (const double others : with_others) {
+    const double without = seeds > 2 ? (seeds * pairs - 2 * others) / (seeds - 2) : pairs;
+    errors.squared_bias.add(seeds * pairs - (seeds - 1) * without);
   }
   return errors;
 }

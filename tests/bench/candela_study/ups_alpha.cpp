@@ -162,7 +162,9 @@ Result<void> run_scene(const Request& request, Rows& rows) {
         if (request.seeds > 1)
           rows.add("torus", integrator, alpha, n, "variance", found[k].variance.mean(),
                    request.seeds > 2 ? found[k].variance.error() : kNone);
-        if (request.seeds > 1) rows.add("torus", integrator, alpha, n, "squared bias", found[k].squared_bias);
+        if (request.seeds > 1)
+          rows.add("torus", integrator, alpha, n, "squared bias", found[k].squared_bias.mean(),
+                   request.seeds > 2 ? found[k].squared_bias.error() : kNone);
         rows.add("torus", integrator, alpha, n, "bias", found[k].amplitude);
         if (integrator == "ppm") rows.add("torus", "theory", alpha, n, "bias", bias_factor(alpha, n));
       }
