@@ -34,8 +34,8 @@ struct Pattern {
 struct ImageErrors {
   statistical::Moments squared_error, variance, squared_bias, amplitude;  // over seeds
 };
-// error() of each is its standard error over seeds, from three seeds on. With one seed, variance and squared bias are not known and have no values; without a pattern, the amplitude
-// has none.
+// error() of each is its standard error over seeds, from three seeds on. With one seed, variance and squared
+// bias are not known and have no values; without a pattern, the amplitude has none.
 ImageErrors errors_of(const std::vector<Image>& images, const Truth& truth);
 ImageErrors errors_of(const std::vector<Image>& images, const Truth& truth, const Pattern& pattern);
 
