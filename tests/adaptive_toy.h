@@ -82,6 +82,19 @@ inline ToyPlan fppm_plan(EpochPlan epochs, double alpha, double k, const std::st
   epochs.constants["test"] = test;
   return {epochs, {adaptive::sectors_spec(kToyFilmScale), adaptive::squares_spec(kToyFilmScale)}};
 }
+// Rings and nested discs: `test` is as in the plan.
+inline ToyPlan rings_plan(EpochPlan epochs, const std::string& test, bool rings) {
+  const int n = test == "sectors" ? 12 : 6;
+  adaptive::put_levels({std::sqrt(0.5), adaptive::kRings - 2, {}}, epochs.constants);
+  epochs.constants["critical"] =
+      std::to_string(adaptive::critical_integer(adaptive::chi_squared_quantile(0.01, n - 1) / (n - 1)));
+  epochs.constants["test"] = test;
+  epochs.constants["rings"] = rings ? "1" : "0";
+  epochs.constants["kappa"] = "3";
+  return {epochs,
+          {rings ? adaptive::ring_sectors_spec(kToyFilmScale) : adaptive::discs_spec(kToyFilmScale),
+           adaptive::ring_squares_spec(kToyFilmScale)}};
+}
 inline ToyPlan cppm_plan(EpochPlan epochs, double alpha) {
   const double factor = std::exp2(-1.0 / 6);
   adaptive::put_levels({factor, 100, {}}, epochs.constants);
@@ -193,13 +206,16 @@ class AdaptiveToy {
               const std::string& state) {
     constexpr double kPi = 3.14159265358979323846, kR1 = ToyCase::kFirstRadius;
     const bool plug_in = plan_.epochs.rule == "appm", counts = plan_.epochs.rule == "cppm";
+    const std::string& first_sums = plan_.accumulators[0].name;
+    const bool discs = first_sums == adaptive::kDiscs, rings = discs || first_sums == adaptive::kRingSectors;
     const double r = radii_[static_cast<std::size_t>(level(state, pixel))];
     const double h = plug_in ? kR1 * adaptive::pilot_bandwidth(adaptive::Pilot::tenth, epoch_begin) : 0;
     const double reach = std::max(r, 2 * h);
     const double bound = problem_.max_density(reach);
     const std::uint64_t photons =
         draws_.poisson(static_cast<double>(passes) * ToyCase::kDensity * bound * kPi * reach * reach);
-    std::array<film::Int128, adaptive::kSectorChannels> sums{};
+    std::vector<film::Int128> sums(plan_.accumulators[0].channels);
+    std::array<film::Int128, adaptive::kRings> of_rings{};
     film::Int128 squares = 0, laplacian = 0;
     for (std::uint64_t i = 0; i < photons; ++i) {
       const double rho = reach * std::sqrt(draws_.uniform()), angle = 2 * kPi * draws_.uniform();
@@ -214,6 +230,13 @@ class AdaptiveToy {
         if (inside) squares += units(0, phi * phi * kR1 * kR1 / (r * r));
         const int stencil = adaptive::laplacian_stencil(x, y, h);
         if (stencil != 0) laplacian += units(1, phi * stencil * kR1 * kR1 * kR1 * kR1 / (h * h * h * h));
+        continue;
+      }
+      if (rings) {
+        const int ring = adaptive::ring_of(x * x + y * y, kR1 * kR1, level(state, pixel));
+        const int channel = discs ? ring : ring * adaptive::kSectorsPerRing + adaptive::disc_sector(x, y);
+        sums[static_cast<std::size_t>(channel)] += units(0, phi);
+        of_rings[static_cast<std::size_t>(ring)] += units(1, phi * phi);
         continue;
       }
       const auto channel = static_cast<std::size_t>(adaptive::disc_channel(x, y, r * r));
@@ -232,7 +255,8 @@ class AdaptiveToy {
       add(open[1], {&laplacian, 1});
     } else {
       add(open[0], sums);
-      if (!counts) add(open[1], {&squares, 1});
+      if (rings) add(open[1], of_rings);
+      if (!counts && !rings) add(open[1], {&squares, 1});
     }
   }
 

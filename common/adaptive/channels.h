@@ -20,11 +20,19 @@ namespace candela::adaptive {
 inline constexpr int kSectorsPerRing = 6;
 inline constexpr int kSectorChannels = 12;
 
-inline constexpr const char* kSectors = "fppm.sectors";      // sum of phi; kSectorChannels
-inline constexpr const char* kSquares = "fppm.squares";      // sum of phi^2 over all sectors
-inline constexpr const char* kCounts = "cppm.counts";        // number of photons; kSectorChannels
-inline constexpr const char* kMoments = "appm.moments";      // sum of phi^2 k_r(y) pi r_1^2
-inline constexpr const char* kLaplacian = "appm.laplacian";  // sum of phi D_h(y) pi r_1^4; signed
+inline constexpr const char* kSectors = "fppm.sectors";  // sum of phi; kSectorChannels
+inline constexpr const char* kSquares = "fppm.squares";  // sum of phi^2 over all sectors
+// Statistics that outlive a radius. Ring g has the photons at distances from r_1 2^(-(g+1)/2) to r_1
+// 2^(-g/2), the last ring all that are nearer. kRings sums and kRings sums of squares, or 6 sectors a ring:
+// ring * 6 + sector.
+inline constexpr int kRings = 12;
+inline constexpr int kRingSectorChannels = kRings * kSectorsPerRing;
+inline constexpr const char* kDiscs = "fppm.discs";               // sum of phi
+inline constexpr const char* kRingSectors = "fppm.rings";         // sum of phi
+inline constexpr const char* kRingSquares = "fppm.ring_squares";  // sum of phi^2, of all sectors
+inline constexpr const char* kCounts = "cppm.counts";             // number of photons; kSectorChannels
+inline constexpr const char* kMoments = "appm.moments";           // sum of phi^2 k_r(y) pi r_1^2
+inline constexpr const char* kLaplacian = "appm.laplacian";       // sum of phi D_h(y) pi r_1^4; signed
 
 // The film's mean has 2^19 to 2^20 film units, so that phi summed over the photons of one iteration is about
 // 2^16 units. kSquareShift less bits than twice as many are enough for squares.
@@ -45,6 +53,16 @@ inline film::AccumulatorSpec sectors_spec(int film_scale_log2) {
 }
 inline film::AccumulatorSpec squares_spec(int film_scale_log2) {
   return {kSquares, 1, square_scale(film_scale_log2), film::AccumulatorSpec::Per::epoch};
+}
+inline film::AccumulatorSpec discs_spec(int film_scale_log2) {
+  return {kDiscs, kRings, sector_scale(film_scale_log2), film::AccumulatorSpec::Per::epoch};
+}
+inline film::AccumulatorSpec ring_sectors_spec(int film_scale_log2) {
+  return {kRingSectors, kRingSectorChannels, sector_scale(film_scale_log2),
+          film::AccumulatorSpec::Per::epoch};
+}
+inline film::AccumulatorSpec ring_squares_spec(int film_scale_log2) {
+  return {kRingSquares, kRings, square_scale(film_scale_log2), film::AccumulatorSpec::Per::epoch};
 }
 inline film::AccumulatorSpec counts_spec() {
   return {kCounts, kSectorChannels, 0, film::AccumulatorSpec::Per::epoch};
@@ -73,6 +91,27 @@ inline int disc_sector(double u, double v) {
 inline int disc_channel(double u, double v, double radius_squared) {
   const int annulus = 2 * (u * u + v * v) < radius_squared ? 0 : 1;
   return annulus * kSectorsPerRing + disc_sector(u, v);
+}
+
+// The ring of a photon at this squared distance, for squares in the same unit of length; `level` is that of
+// the pixel, whose radius is the photon's bound but for rounding.
+inline int ring_of(double distance_squared, double first_radius_squared, int level) {
+  int ring = 0;
+  double border = first_radius_squared / 2;
+  for (; ring < kRings - 1 && (ring < level || distance_squared <= border); ++ring) border /= 2;
+  return ring < kRings - 1 ? ring : kRings - 1;
+}
+
+// The share of ring g of a disc over its share of a ball of the same radius: a ball's phi times this has the
+// means of a disc's in an even field.
+inline double ball_ring_weight(int ring) {
+  constexpr double kBallFactor = 0.35355339059327379;  // 2^(-3/2): of volumes, from level to level
+  double disc = 1, ball = 1;
+  for (int g = 0; g < ring; ++g) {
+    disc /= 2;
+    ball *= kBallFactor;
+  }
+  return ring == kRings - 1 ? disc / ball : disc / 2 / (ball * (1 - kBallFactor));
 }
 
 // A photon at (x, y, z) in the ball of this radius: the sector is the face of the cube that the direction

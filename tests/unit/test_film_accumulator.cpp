@@ -243,7 +243,7 @@ TEST(Accumulator, SpecsAreBounded) {
   EXPECT_FALSE(valid({{"a/b", 1, 0, Per::job}}));
   EXPECT_FALSE(valid({{"a", 1, 0, Per::job}, {"a", 2, 0, Per::job}}));
   EXPECT_FALSE(valid({{"a", 0, 0, Per::job}}));
-  EXPECT_FALSE(valid({{"a", 65, 0, Per::job}}));
+  EXPECT_FALSE(valid({{"a", kMaxAccumulatorChannels + 1, 0, Per::job}}));
   EXPECT_FALSE(valid({{"a", 1, 201, Per::job}}));
   EXPECT_FALSE(valid(std::vector<AccumulatorSpec>(17, AccumulatorSpec{"a", 1, 0, Per::job})));
   EXPECT_TRUE(valid({{"a", 12, 0, Per::job}}, 16384));

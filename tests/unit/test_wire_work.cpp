@@ -66,7 +66,8 @@ TEST(WorkPlan, PartsAreChecked) {
   };
   EXPECT_EQ(field([](WorkPlan&) {}), "valid");
   EXPECT_EQ(field([](WorkPlan& p) { p.layers = {"a/b"}; }), "work.layers");
-  EXPECT_EQ(field([](WorkPlan& p) { p.accumulators[0].channels = 65; }), "work.accumulators");
+  EXPECT_EQ(field([](WorkPlan& p) { p.accumulators[0].channels = film::kMaxAccumulatorChannels + 1; }),
+            "work.accumulators");
   EXPECT_EQ(field([](WorkPlan&) {}, 16384), "work.accumulators") << "too large together";
   EXPECT_EQ(field([](WorkPlan& p) { p.epochs.reset(); }), "work.accumulators") << "of epochs that are not";
   EXPECT_EQ(field([](WorkPlan& p) { p.epochs->first = 0; }), "work.epochs.first");

@@ -19,11 +19,14 @@ const std::vector<std::string>& accumulators() {
 }  // namespace
 
 Result<std::string> decide_fppm(const DecisionInput& input, Carry& carry) {
-  CANDELA_TRY(check_input(input, carry, accumulators(), 1));
-  CANDELA_ASSIGN(const adaptive::Levels levels, adaptive::get_levels(input.plan.constants));
-  CANDELA_ASSIGN(const std::uint64_t critical, adaptive::get_integer(input.plan.constants, "critical"));
+  const SettingsMap& constants = input.plan.constants;
   CANDELA_ASSIGN(const std::string test,
-                 adaptive::get_word(input.plan.constants, "test", {"sectors", "antipodal"}, "sectors"));
+                 adaptive::get_word(constants, "test", {"sectors", "antipodal", "nested"}, "sectors"));
+  CANDELA_ASSIGN(const std::string rings, adaptive::get_word(constants, "rings", {"0", "1"}, "0"));
+  if (rings == "1" || test == "nested") return decide_fppm_rings(input, carry, test, rings == "1");
+  CANDELA_TRY(check_input(input, carry, accumulators(), 1));
+  CANDELA_ASSIGN(const adaptive::Levels levels, adaptive::get_levels(constants));
+  CANDELA_ASSIGN(const std::uint64_t critical, adaptive::get_integer(constants, "critical"));
   if (input.epoch == 0) return std::string(pixels_of(input), '\0');
   std::string state(input.previous);
   if (!input.folded) return state;
@@ -73,9 +76,14 @@ Result<std::string> decide_fppm(const DecisionInput& input, Carry& carry) {
 Result<StateReport> describe_fppm(const EpochPlan& plan, std::uint64_t /*epoch*/, std::uint32_t /*width*/,
                                   std::uint32_t /*height*/, std::string_view state, const Carry& carry,
                                   bool with_layers) {
-  // Every rejection is one level.
+  const std::string_view memo = carry.memo;
+  if (memo.size() < state.size()) return failed_error("the state is of another film than its memo");
+  // Without rings every rejection is one level, and the memo has no plane of them.
+  const std::string_view rejections =
+      memo.size() > state.size() ? memo.substr(state.size(), state.size()) : state;
   return describe_levels(plan, state,
-                         {{"looks", "tests.looks", carry.memo}, {"rejections", "tests.rejections", state}},
+                         {{"looks", "tests.looks", memo.substr(0, state.size())},
+                          {"rejections", "tests.rejections", rejections}},
                          with_layers);
 }
 
