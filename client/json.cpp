@@ -62,6 +62,18 @@ Json chains(const v1::ChainStatus& c) {
   return json;
 }
 
+Json epochs(const v1::EpochStatus& e) {
+  Json json;
+  json["epoch"] = e.epoch();
+  json["first_iteration"] = e.first_iteration();
+  json["iterations"] = e.iterations();
+  json["statistics_bytes"] = e.statistics_bytes();
+  json["received_bytes"] = e.received_bytes();
+  json["figures"] = Json::object();
+  for (const v1::Figure& figure : e.figures()) json["figures"][figure.name()] = finite(figure.value());
+  return json;
+}
+
 Json job(const v1::JobStatus& s) {
   Json json;
   json["id"] = s.id();
@@ -114,6 +126,7 @@ Json job(const v1::JobStatus& s) {
   json["bootstrap_b"] =
       s.has_chains() && s.has_named_state() ? finite(s.named_state().bootstrap_b()) : Json(nullptr);
   json["chains"] = s.has_chains() ? chains(s.chains()) : Json(nullptr);
+  json["epochs"] = s.has_epochs() ? epochs(s.epochs()) : Json(nullptr);
   json["layers"] = Json::array();
   for (const std::string& layer : s.layers()) json["layers"].push_back(layer);
   json["plan"] = s.plan();

@@ -6,6 +6,7 @@
 #include <sys/random.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cstring>
@@ -72,7 +73,8 @@ Result<void> Farm::start() {
       options_.film_writer ? options_.film_writer : FileWriter(&write_file_atomically));
   truth_ = std::make_unique<JobTruth>(*this);
   deltas_ = std::make_unique<DeltaIntake>(*table_, *truth_, *gate_, counters_, wake_);
-  images_ = std::make_unique<ImageWriter>(*table_, *truth_, *store_);
+  reports_ = std::make_unique<StateReports>(*table_, *truth_);
+  images_ = std::make_unique<ImageWriter>(*table_, *truth_, *store_, *reports_);
   decider_ = std::make_unique<EpochDecider>(*table_, *truth_, *blobs_, wake_);
   upkeep_ = std::make_unique<JobUpkeep>(*table_, *truth_, *images_, counters_, wake_, options_.master);
   CANDELA_TRY(restore_jobs(std::move(state)));
@@ -301,6 +303,13 @@ std::optional<v1::JobStatus> Farm::status(const std::string& job_id) {
   });
 }
 
+std::optional<v1::JobStatus> Farm::full_status(const std::string& job_id) {
+  std::optional<v1::JobStatus> out = status(job_id);
+  if (out)
+    if (auto epochs = reports_->status(job_id)) *out->mutable_epochs() = std::move(*epochs);
+  return out;
+}
+
 std::vector<v1::JobStatus> Farm::all_status() {
   return with_scheduler([&](Scheduler& s) {
     std::vector<v1::JobStatus> out;
@@ -360,6 +369,13 @@ Result<v1::JobStatus> Farm::resume(const std::string& job_id) {
   Result<v1::JobStatus> out = change_job(job_id, [&](Scheduler& s, Now t) { return s.resume(job_id, t); });
   if (film && failed()) film->close();
   return out;
+}
+
+std::uint64_t Farm::statistics_limit() const {
+  if (options_.master.statistics_bytes > 0) return options_.master.statistics_bytes;
+  const auto pages = static_cast<std::uint64_t>(std::max(::sysconf(_SC_PHYS_PAGES), 0L));
+  const auto page_bytes = static_cast<std::uint64_t>(std::max(::sysconf(_SC_PAGESIZE), 0L));
+  return pages * page_bytes / 4;
 }
 
 std::string Farm::blob_lost(const std::string& sha256, bool found_damaged) {

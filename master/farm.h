@@ -61,6 +61,7 @@ class Farm {
   JobTruth& truth() { return *truth_; }
   DeltaIntake& deltas() { return *deltas_; }
   ImageWriter& images() { return *images_; }
+  StateReports& reports() { return *reports_; }
   // Loaded or not (JobTruth::open_film loads it); null before the pilot and for unknown jobs.
   std::shared_ptr<JobFilm> film_of(const std::string& job_id) { return table_->film_of(job_id); }
 
@@ -79,6 +80,8 @@ class Farm {
   // content.
   Result<Submitted> submit(JobRow row, const std::string& bundle_bytes);
   std::optional<v1::JobStatus> status(const std::string& job_id);
+  // The same, with the report of its decided states.
+  std::optional<v1::JobStatus> full_status(const std::string& job_id);
   std::vector<v1::JobStatus> all_status();
   std::vector<v1::WorkerStatus> all_workers();
   std::optional<v1::WorkerStatus> worker(const std::string& id);
@@ -97,6 +100,9 @@ class Farm {
   Result<AcquireResult> acquire(const std::string& worker_id, const std::string& session,
                                 const std::vector<std::string>& warm, bool prefetch,
                                 const std::function<void(const Job&, const Lease&)>& describe);
+
+  // Bytes that the statistics of a job may take.
+  std::uint64_t statistics_limit() const;
 
   // --- blobs ---
   // The blob is missing, or was found damaged and set aside: an event and the message of each job that needs
@@ -141,6 +147,7 @@ class Farm {
   std::unique_ptr<JobTable> table_;
   std::unique_ptr<JobTruth> truth_;
   std::unique_ptr<DeltaIntake> deltas_;
+  std::unique_ptr<StateReports> reports_;
   std::unique_ptr<ImageWriter> images_;
   std::unique_ptr<EpochDecider> decider_;
   std::unique_ptr<JobUpkeep> upkeep_;

@@ -18,7 +18,8 @@ struct MasterOptions {
   double unit_seconds = 4;                // what units are sized to
   std::uint64_t merge_queue_bytes = 512ULL << 20;
   unsigned merge_threads = 1;
-  bool image_on_checkpoint = true;  // also write jobs/ID/image.exr now and then (SIGHUP: at once)
+  std::uint64_t statistics_bytes = 0;  // of one job's epochs in memory, at most; 0: a quarter of the memory
+  bool image_on_checkpoint = true;     // also write jobs/ID/image.exr now and then (SIGHUP: at once)
 };
 
 }  // namespace candela::master

@@ -92,6 +92,17 @@ void print_chains(Line&& line, const v1::JobStatus& s) {
   }
 }
 
+template <class Line>
+void print_epochs(Line&& line, const v1::EpochStatus& e) {
+  line("epoch", fmt::format("{}: iterations {} to {}", e.epoch(), e.first_iteration(),
+                            e.first_iteration() + e.iterations() - 1));
+  for (const v1::Figure& figure : e.figures())
+    line("  " + figure.name(), fmt::format(" {:.6g}", figure.value()));
+  line("statistics", fmt::format("{:.1f} MB in the master's memory, {:.1f} MB of deltas received",
+                                 static_cast<double>(e.statistics_bytes()) * 1e-6,
+                                 static_cast<double>(e.received_bytes()) * 1e-6));
+}
+
 void print_job(std::ostream& out, const v1::JobStatus& s) {
   const auto line = [&](std::string_view name, const std::string& value) {
     out << fmt::format("{:<14}{}\n", name, printable(value));
@@ -129,6 +140,7 @@ void print_job(std::ostream& out, const v1::JobStatus& s) {
   line("integrator", integrator);
   if (s.layers_size() > 0) line("layers", join(s.layers(), " "));
   if (s.has_chains()) print_chains(line, s);
+  if (s.has_epochs()) print_epochs(line, s.epochs());
   line("priority", fmt::format("{}, share {}", s.priority(), s.share()));
   line("bundle", s.bundle_sha256());
   line("checkpoint",

@@ -12,7 +12,8 @@ struct WatchOptions {
   FarmOptions farm;
   std::string id, output;
   std::optional<std::string> png;
-  bool quiet = false, json = false, error_layer = false, chain_layers = false, partial = false;
+  bool quiet = false, json = false, error_layer = false, chain_layers = false, partial = false,
+       layers = false;
 };
 
 Result<int> run_watch(Context& context, const WatchOptions& options) {
@@ -26,8 +27,9 @@ Result<int> run_fetch(const WatchOptions& options) {
     return usage_error("no output is given").with_mend("use -o out.exr, --png out.png or both");
   CANDELA_TRY(check_output(output));
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
-  CANDELA_ASSIGN(const std::string exr, farm->fetch_image(options.id, options.error_layer, output.exr.empty(),
-                                                          options.chain_layers, options.partial));
+  CANDELA_ASSIGN(const std::string exr,
+                 farm->fetch_image(options.id, options.error_layer, output.exr.empty(), options.chain_layers,
+                                   options.partial, options.layers));
   CANDELA_TRY(write_images(output, exr));
   return 0;
 }
@@ -57,6 +59,8 @@ void add_fetch(CLI::App& app, Context& context) {
                 "Add the layer 'error': the estimated standard deviation");
   sub->add_flag("--chain-layers", options->chain_layers,
                 "Of a job of Markov chains, add what its image is made of: layers 'raw.chains' and 'raw.*'");
+  sub->add_flag("--layers", options->layers,
+                "Of a job with adaptive radii, add the layers that describe them, such as 'radius'");
   sub->add_flag("--partial", options->partial,
                 "Of a job that has ended and lost samples (see verify), get what is left");
   add_farm_options(*sub, options->farm);

@@ -37,7 +37,8 @@ struct RenderOptions {
   SceneOptions scene;
   std::string output;
   std::optional<std::string> png, threads, workers, texture_memory;
-  bool resume = false, fresh = false, keep_state = false, quiet = false, json = false, error_layer = false;
+  bool resume = false, fresh = false, keep_state = false, quiet = false, json = false, error_layer = false,
+       layers = false;
 };
 
 Result<std::vector<unsigned>> worker_threads(const RenderOptions& options) {
@@ -271,7 +272,8 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
 
   std::string exr;
   if (last.units_merged() > 0) {
-    CANDELA_ASSIGN(exr, client->fetch_image(id, options.error_layer, output.exr.empty()));
+    CANDELA_ASSIGN(
+        exr, client->fetch_image(id, options.error_layer, output.exr.empty(), false, false, options.layers));
   }
   const auto lost = farm->workers_lost();
   // Before the image is written: a checkpoint that fails again and again takes its room meanwhile.
@@ -332,6 +334,8 @@ void add_render(CLI::App& app, Context& context) {
   add_text(*sub, "--png", options->png, "Also write the image as sRGB PNG", "FILE");
   sub->add_flag("--error-layer", options->error_layer,
                 "Add the layer 'error' to the EXR: the estimated standard deviation");
+  sub->add_flag("--layers", options->layers,
+                "With adaptive radii, add the layers that describe them to the EXR, such as 'radius'");
   add_text(*sub, "--threads", options->threads, "Threads in all (default: all cores)", "N");
   add_text(*sub, "--workers", options->workers, "Workers to split them among (default 1)", "N");
   add_text(*sub, "--texture-memory", options->texture_memory,

@@ -23,6 +23,14 @@ Carry empty_carry(std::span<const film::AccumulatorSpec> accumulators, std::uint
   return carry;
 }
 
+std::uint64_t statistics_bytes(const WorkPlan& plan, std::uint32_t width, std::uint32_t height) {
+  std::uint64_t sums = 0;
+  for (const film::AccumulatorSpec& spec : plan.accumulators)
+    sums += std::uint64_t{spec.channels} *
+            (spec.per == film::AccumulatorSpec::Per::job || !plan.epochs ? 2 : plan.epochs->lag + 2);
+  return std::uint64_t{width} * height * sums * sizeof(std::int64_t);
+}
+
 Result<std::string> decide(const DecisionInput& input, Carry& carry) {
   CANDELA_ASSIGN(const DecisionRule rule, find_rule(input.plan.rule));
   CANDELA_ASSIGN(std::string state, rule.decide(input, carry));

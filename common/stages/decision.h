@@ -39,6 +39,10 @@ struct Carry {
 Carry empty_carry(std::span<const film::AccumulatorSpec> accumulators, std::uint32_t width,
                   std::uint32_t height);
 
+// Memory that a master needs for the accumulators of a job, if every pixel has sums of 64 bits: those of the
+// job for each half, those of epochs for lag + 1 open epochs and the carry.
+std::uint64_t statistics_bytes(const WorkPlan& plan, std::uint32_t width, std::uint32_t height);
+
 struct DecisionInput {
   const EpochPlan& plan;
   std::uint64_t epoch = 0;  // whose state is wanted

@@ -218,7 +218,7 @@ grpc::Status FarmServiceImpl::ListJobs(grpc::ServerContext*, const v1::ListJobsR
 grpc::Status FarmServiceImpl::GetJob(grpc::ServerContext*, const v1::GetJobRequest* request,
                                      v1::JobStatus* response) {
   return guarded([&] {
-    auto status = farm_.status(request->job_id());
+    auto status = farm_.full_status(request->job_id());
     if (!status) return not_found("job", request->job_id());
     *response = std::move(*status);
     return grpc::Status::OK;
@@ -266,8 +266,9 @@ grpc::Status FarmServiceImpl::FetchImage(grpc::ServerContext* context, const v1:
     if (!image) {
       making.emplace(images_, kMaxImages);
       if (!making->held()) return too_many("images");
-      auto bytes = farm_.images().encode(request->job_id(), {request->error_layer(), request->image_only(),
-                                                             request->chain_layers(), request->partial()});
+      auto bytes = farm_.images().encode(
+          request->job_id(), {request->error_layer(), request->image_only(), request->chain_layers(),
+                              request->state_layers(), request->partial()});
       if (!bytes.ok()) return wire::to_status(bytes.error());
       image = farm_.images().recent().keep(std::move(*bytes), farm_.now().seconds);
       // Clients on slow links keep nobody from an image, as long as it is not memory they take.

@@ -174,6 +174,19 @@ grpc::Status WorkerServiceImpl::FailUnit(grpc::ServerContext*, const v1::FailUni
   });
 }
 
+namespace {
+
+std::string statistics_error(const JobSettings& settings, std::uint64_t needed, std::uint64_t limit) {
+  const auto megabytes = [](std::uint64_t bytes) { return (bytes + 999'999) / 1'000'000; };
+  return fmt::format(
+      "the statistics of '{}' at {} x {} pixels take {} MB of the master's memory, which allows {} MB: "
+      "render a "
+      "smaller image, or start the master with a larger --statistics-memory",
+      settings.integrator, settings.width, settings.height, megabytes(needed), megabytes(limit));
+}
+
+}  // namespace
+
 grpc::Status WorkerServiceImpl::CompletePilot(grpc::ServerContext*, const v1::CompletePilotRequest* request,
                                               v1::CompletePilotResponse* response) {
   auto state = wire::from_proto(request->named_state());
@@ -194,6 +207,13 @@ grpc::Status WorkerServiceImpl::CompletePilot(grpc::ServerContext*, const v1::Co
           if (fits.ok() && result.work.epochs)
             if (auto rule = find_rule(result.work.epochs->rule); !rule.ok()) fits = rule.error();
           if (!fits.ok()) return;
+          const std::uint64_t needed = statistics_bytes(result.work, settings.width, settings.height);
+          const std::uint64_t limit = farm_.statistics_limit();
+          if (needed > limit) {  // no worker can help
+            const std::string id = job->row.id;
+            s.fail_job(id, statistics_error(settings, needed, limit), now);
+            return;
+          }
         }
         response->set_accepted(s.complete_pilot(request->worker_id(), request->token(), result, now));
       });

@@ -61,6 +61,18 @@ void add_chains(Page& page, const v1::JobStatus& j, const Labels& labels) {
   }
 }
 
+void add_epochs(Page& page, const v1::EpochStatus& e, const Labels& labels) {
+  page.gauge("candela_job_epoch", "epoch of the newest decided state", static_cast<double>(e.epoch()),
+             labels);
+  page.gauge("candela_job_statistics_bytes", "statistics in memory",
+             static_cast<double>(e.statistics_bytes()), labels);
+  for (const v1::Figure& figure : e.figures()) {
+    Labels one = labels;
+    one["figure"] = figure.name();
+    page.gauge("candela_job_state", "figures of the newest decided state", figure.value(), one);
+  }
+}
+
 }  // namespace
 
 std::string metrics_text(Farm& farm) {
@@ -124,6 +136,7 @@ std::string metrics_text(Farm& farm) {
     page.gauge("candela_job_checkpoint_iterations", "iterations in the newest checkpoint",
                static_cast<double>(j.checkpoint_iterations()), labels);
     if (j.has_chains()) add_chains(page, j, labels);
+    if (const auto epochs = farm.reports().status(j.id())) add_epochs(page, *epochs, labels);
     if (!std::isnan(j.relmse_estimate()))
       page.gauge("candela_job_relmse", "estimated relative mean squared error", j.relmse_estimate(), labels);
   }

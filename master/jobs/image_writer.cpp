@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <map>
 
 #include "common/base/files.h"
@@ -53,10 +54,22 @@ void describe_chains(const JobRow& row, const JobFilm::Snapshot& snapshot,
   m["candela:bootstrap_samples"] = std::to_string(row.chains->bootstrap_samples);
 }
 
+// How far the decisions had come depends on the run where the job ends amid an epoch.
+void describe_epochs(const v1::EpochStatus& status, std::map<std::string, std::string>& m) {
+  m["candela:run:epoch"] = std::to_string(status.epoch());
+  m["candela:run:epoch_iterations"] = std::to_string(status.iterations());
+  for (const v1::Figure& figure : status.figures()) {
+    std::string name = figure.name();
+    std::replace(name.begin(), name.end(), ' ', '_');
+    m["candela:run:" + name] = fmt::format("{:.6g}", figure.value());
+  }
+}
+
 }  // namespace
 
 Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapshot& snapshot,
-                                        const ImageParts& parts) {
+                                        const ImageParts& parts,
+                                        const std::vector<StateReport::Layer>& state_layers) {
   const film::MergedFilm& film = *snapshot.film;
   const film::Development development = development_of(row, snapshot.counts);
   film::Tallies tallies = film.tallies(0);
@@ -95,6 +108,8 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
   }
   m["candela:run:units_merged"] = std::to_string(row.units_merged);
   m["candela:run:stop_reason"] = row.stop_reason;
+  if (row.epochs)
+    if (const auto status = reports_.status(row.id)) describe_epochs(*status, m);
 
   const std::vector<float> rgb = film::develop_image(film, development);
   std::vector<float> error;
@@ -104,6 +119,13 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
                         std::vector<double> mean(out.size());
                         film.develop_row(i, y, film::MergedFilm::Which::both, mean);
                         for (std::size_t v = 0; v < out.size(); ++v) out[v] = static_cast<float>(mean[v]);
+                      }});
+  };
+  const auto add_state_layer = [&](const StateReport::Layer& layer) {
+    layers.push_back({layer.name, {}, [&layer, &s](std::uint32_t y, std::span<float> out) {
+                        for (std::uint32_t x = 0; x < s.width; ++x)
+                          std::fill_n(out.begin() + 3 * static_cast<std::ptrdiff_t>(x), 3,
+                                      layer.values[std::size_t{y} * s.width + x]);
                       }});
   };
   for (std::uint32_t i = development.image_layers(); i < film.layout().layers; ++i) {
@@ -116,6 +138,7 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
     add_layer("raw.chains", 0);
     add_layer("raw." + row.layers[0], 1);
   }
+  for (const StateReport::Layer& layer : state_layers) add_state_layer(layer);
   if (parts.error_layer) {
     error = stats::error_map(film, development);
     layers.push_back({std::string(film::kErrorLayer), error, {}});
@@ -143,14 +166,18 @@ Result<std::string> ImageWriter::encode(const std::string& job_id, const ImagePa
     return refused_error(fmt::format("job {}: {}", job_id, message)).with_mend("--partial gets what is left");
   const auto copy = film->snapshot(parts.image_only ? JobFilm::Part::image : JobFilm::Part::all);
   if (!copy.film || copy.film->iterations() == 0) return nothing();
-  return encode(row, copy, parts);
+  std::vector<StateReport::Layer> state_layers;
+  if (parts.state_layers) {
+    CANDELA_ASSIGN(state_layers, StateReports::layers(*film));
+  }
+  return encode(row, copy, parts, state_layers);
 }
 
 void ImageWriter::write_file(const std::string& job_id, JobFilm& film) {
   const JobFilm::Snapshot copy = film.snapshot();
   const JobRow row = table_.with_scheduler([&](Scheduler& s) { return s.job(job_id)->row; });
   if (!copy.film || copy.film->iterations() == 0) return;
-  auto bytes = encode(row, copy, {});
+  auto bytes = encode(row, copy, {}, {});
   Result<void> written = bytes.ok() ? write_file_atomically(table_.folder_of(job_id) / "image.exr", *bytes)
                                     : Result<void>(bytes.error());
   if (!written.ok()) log::warn(fmt::format("no image: {}", written.error().to_string()), {.job = job_id});

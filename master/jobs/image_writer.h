@@ -12,6 +12,7 @@
 
 #include "common/base/result.h"
 #include "master/jobs/job_table.h"
+#include "master/jobs/state_reports.h"
 #include "master/merge/recent_images.h"
 #include "master/truth/job_truth.h"
 
@@ -21,12 +22,14 @@ struct ImageParts {
   bool error_layer = false;
   bool image_only = false;    // without the job's further layers
   bool chain_layers = false;  // with what the image of a job of chains is made of
+  bool state_layers = false;  // with what the rule of a job of epochs tells of its newest state
   bool partial = false;       // of a job that has lost samples: what is left
 };
 
 class ImageWriter {
  public:
-  ImageWriter(JobTable& table, JobTruth& truth, Store& store) : table_(table), truth_(truth), store_(store) {}
+  ImageWriter(JobTable& table, JobTruth& truth, Store& store, StateReports& reports)
+      : table_(table), truth_(truth), store_(store), reports_(reports) {}
 
   // The image of what is merged now, as the bytes of an EXR file. ErrorKind::refused before the first merge.
   // Precondition: the job exists.
@@ -37,11 +40,13 @@ class ImageWriter {
   RecentImages& recent() { return recent_; }
 
  private:
-  Result<std::string> encode(const JobRow& row, const JobFilm::Snapshot& snapshot, const ImageParts& parts);
+  Result<std::string> encode(const JobRow& row, const JobFilm::Snapshot& snapshot, const ImageParts& parts,
+                             const std::vector<StateReport::Layer>& state_layers);
 
   JobTable& table_;
   JobTruth& truth_;
   Store& store_;
+  StateReports& reports_;
   RecentImages recent_;
 };
 

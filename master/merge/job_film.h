@@ -8,6 +8,7 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -113,6 +114,9 @@ class JobFilm {
   };
   Latest latest() const;
   std::uint64_t decisions() const;
+  // Bytes of the deltas that were merged into this object, as they came.
+  void received(std::uint64_t bytes) { received_bytes_ += bytes; }
+  std::uint64_t received_bytes() const { return received_bytes_; }
   // The bytes of a state that is not folded; null where they are not kept.
   std::shared_ptr<const std::string> state_bytes(std::uint64_t epoch) const;
 
@@ -164,6 +168,7 @@ class JobFilm {
   const std::optional<EpochPlan> epoch_plan_;
   const std::optional<Epochs> epochs_;  // of epoch_plan_
 
+  std::atomic<std::uint64_t> received_bytes_{0};
   std::mutex opening_mutex_;  // taken before all others
   std::mutex file_mutex_;     // one reader or writer of checkpoints at a time; taken before mutex_
   mutable std::mutex mutex_;

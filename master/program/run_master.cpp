@@ -22,7 +22,7 @@ namespace {
 // Options as written; empty if not given.
 struct Texts {
   std::string listen, data, http, tls_cert, tls_key, tls_ca, checkpoint_interval, lease_time, unit_time,
-      merge_queue, log_level, log_format;
+      merge_queue, statistics_memory, log_level, log_format;
   bool insecure = false;
 };
 
@@ -31,7 +31,7 @@ constexpr const char* kProgram = "candela-master";
 Result<MasterOptions> resolve(const DaemonSettings& settings, const Texts& texts) {
   CANDELA_TRY(settings.check_names({"listen", "data", "http", "tls-cert", "tls-key", "tls-ca", "insecure",
                                     "checkpoint-interval", "lease-time", "unit-time", "merge-queue",
-                                    "log-level", "log-format"}));
+                                    "statistics-memory", "log-level", "log-format"}));
   // $CANDELA_LISTEN is read, $CANDELA_MASTER is not: it names a master to call, not one to be.
   const auto choose_shared = [&](const std::string& option, const std::string& given) {
     return settings.choose(option, given, DaemonSettings::Scope::shared);
@@ -56,6 +56,7 @@ Result<MasterOptions> resolve(const DaemonSettings& settings, const Texts& texts
   CANDELA_TRY(read_positive_seconds(choose("lease-time", texts.lease_time), options.lease_seconds));
   CANDELA_TRY(read_positive_seconds(choose("unit-time", texts.unit_time), options.unit_seconds));
   CANDELA_TRY(read_bytes(choose("merge-queue", texts.merge_queue), options.merge_queue_bytes));
+  CANDELA_TRY(read_bytes(choose("statistics-memory", texts.statistics_memory), options.statistics_bytes));
   return options;
 }
 
@@ -130,6 +131,9 @@ int run_master(int argc, char** argv) {
       ->type_name("TIME");
   app.add_option("--unit-time", texts.unit_time, "what units are sized to (default 4s)")->type_name("TIME");
   app.add_option("--merge-queue", texts.merge_queue, "bytes of deltas that may be under way (default 512M)")
+      ->type_name("SIZE");
+  app.add_option("--statistics-memory", texts.statistics_memory,
+                 "bytes that the statistics of one job's epochs may take (default: a quarter of the memory)")
       ->type_name("SIZE");
   app.add_option("--log-level", texts.log_level, "trace, debug, info, warn, error, off (default info)")
       ->type_name("LEVEL");

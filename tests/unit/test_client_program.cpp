@@ -103,6 +103,24 @@ TEST(Progress, OfChains) {
   EXPECT_EQ(json.at("chains").at("groups").at(0).at("stay_pixel").at(0), 7.5);
 }
 
+// Claim: scripts get the epoch of a job and the figures of its state; other jobs have none.
+TEST(Progress, OfEpochs) {
+  v1::JobStatus s = running_job();
+  EXPECT_TRUE(nlohmann::json::parse(job_json(s)).at("epochs").is_null());
+  v1::EpochStatus& epochs = *s.mutable_epochs();
+  epochs.set_epoch(7);
+  epochs.set_iterations(16);
+  epochs.set_statistics_bytes(1000);
+  v1::Figure& figure = *epochs.add_figures();
+  figure.set_name("pixels shrunk");
+  figure.set_value(12);
+  const auto json = nlohmann::json::parse(job_json(s)).at("epochs");
+  EXPECT_EQ(json.at("epoch"), 7);
+  EXPECT_EQ(json.at("iterations"), 16);
+  EXPECT_EQ(json.at("statistics_bytes"), 1000);
+  EXPECT_EQ(json.at("figures").at("pixels shrunk"), 12);
+}
+
 // Claim: 100% is shown of a job that is done only; with several limits the furthest counts.
 TEST(Progress, FractionIsOfTheNearestEnd) {
   v1::JobStatus s = running_job();

@@ -3,8 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cstdio>
+#include <ctime>
 #include <filesystem>
 
+#include "common/adaptive/channels.h"
+#include "common/adaptive/levels.h"
 #include "common/base/files.h"
 #include "common/base/hash.h"
 #include "common/film/unit_film.h"
@@ -273,6 +277,72 @@ TEST(FilmDecisions, VerificationComparesCarries) {
   ASSERT_TRUE(found.ok());
   EXPECT_TRUE(found->damage.empty()) << found->damage;
   EXPECT_NE(found->contradiction.find("carried"), std::string::npos) << found->contradiction;
+}
+
+// Prints the master's CPU seconds for one epoch of fppm at 1920 x 1080, all pixels with photons. Run with
+// --gtest_also_run_disabled_tests.
+TEST(FilmDecisions, DISABLED_SecondsOfAnEpoch) {
+  constexpr film::Layout kLarge{1920, 1080, 1};
+  const std::vector<film::AccumulatorSpec> specs{adaptive::sectors_spec(20), adaptive::squares_spec(20)};
+  EpochPlan plan{8, 16, 1, "fppm", {{"critical", "12345678901"}, {"test", "sectors"}}};
+  adaptive::put_levels({0.7, 18, {}}, plan.constants);
+  const auto seconds = [last = std::clock()](const char* what) mutable {
+    const std::clock_t now = std::clock();
+    std::printf("%-28s %.3f CPU s\n", what, static_cast<double>(now - last) / CLOCKS_PER_SEC);
+    last = std::clock();
+  };
+  auto clock = seconds;
+  film::UnitFilm film(kLarge, 20);
+  film::UnitAccumulator sectors(kLarge.width, kLarge.height, specs[0]);
+  film::UnitAccumulator squares(kLarge.width, kLarge.height, specs[1]);
+  film::Tallies tallies;
+  for (std::uint32_t y = 0; y < kLarge.height; ++y)
+    for (std::uint32_t x = 0; x < kLarge.width; ++x) {
+      const std::uint64_t key = rng::key(y, x);
+      std::array<double, adaptive::kSectorChannels> values;
+      for (std::size_t s = 0; s < values.size(); ++s) values[s] = rng::to_double(rng::key(key, s)) * 0.1;
+      sectors.add(x, y, 0, values, key, tallies);
+      const double square = 0.01;
+      squares.add(x, y, 0, {&square, 1}, key, tallies);
+      film.add(0, x, y, {1, 1, 1}, key, tallies);
+    }
+  const auto bytes_of = [&](std::uint32_t half, std::uint64_t epoch) {
+    film::DeltaWriter writer({{Unit::Kind::iterations, half, 4 * epoch, 4 * epoch + 4}, {}, 0, "j", "b"});
+    writer.film(film);
+    writer.accumulator(sectors, epoch);
+    writer.accumulator(squares, epoch);
+    writer.counts(tallies);
+    return writer.finish();
+  };
+  clock("making the sums");
+  const std::string first = bytes_of(0, 0), second = bytes_of(1, 0);
+  clock("two encoded deltas");
+  std::printf("%.1f MB each\n", static_cast<double>(first.size()) * 1e-6);
+  test::TemporaryFolder folder;
+  JobFilm job(folder.path(), kLarge, 20, &write_file_atomically, {0, specs, plan});
+  ASSERT_TRUE(job.ensure_loaded().ok());
+  const auto step = [&] {
+    const auto next = job.next_decision();
+    ASSERT_TRUE(next);
+    auto made = make(*next, plan, kLarge);
+    ASSERT_TRUE(made.ok()) << made.error().to_string();
+    clock("decided");
+    ASSERT_TRUE(*job.fold(std::move(*made)));
+    clock("folded");
+  };
+  step();
+  step();
+  for (const std::string* bytes : {&first, &second}) {
+    auto delta = film::Delta::decode(*bytes, {kLarge, specs});
+    ASSERT_TRUE(delta.ok()) << delta.error().to_string();
+    clock("delta decoded");
+    ASSERT_EQ(*job.merge(*delta), JobFilm::Outcome::merged);
+    clock("delta merged");
+  }
+  step();
+  ASSERT_TRUE(job.checkpoint().ok());
+  clock("checkpoint");
+  std::printf("%.1f MB of statistics\n", static_cast<double>(job.latest().statistics_bytes) * 1e-6);
 }
 
 }  // namespace

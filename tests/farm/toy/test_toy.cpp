@@ -289,6 +289,50 @@ TEST_F(ToyFarm, ALostStateIsDecidedAgain) {
   check(id, whole);
 }
 
+// Claim: the status of a job tells the newest decided state by the rule's figures and the memory of its
+// statistics; an image has them as attributes, and layers when asked.
+TEST_F(ToyFarm, ReportsTellOfTheState) {
+  start_master();
+  farm.start_worker("a");
+  const std::string id = submit(whole);
+  const v1::EpochStatus epochs = farm.wait_for(id, v1::JOB_STATE_DONE).epochs();
+  const Truth truth = truth_of(whole, 20);
+  EXPECT_EQ(epochs.epoch(), truth.states.size() - 1);
+  double doublings = 0;
+  for (const char level : truth.states.back()) doublings += level;
+  ASSERT_EQ(epochs.figures_size(), 2);
+  EXPECT_EQ(epochs.figures(0).name(), "doublings");
+  EXPECT_EQ(epochs.figures(0).value(), doublings);
+  EXPECT_GT(epochs.statistics_bytes(), kToyWidth * kToyHeight * 8U);
+  EXPECT_LT(epochs.statistics_bytes(), kToyWidth * kToyHeight * 8U * 6);
+  EXPECT_GT(epochs.received_bytes(), 0U);
+  for (const bool layers : {false, true}) {
+    v1::FetchImageRequest request;
+    request.set_job_id(id);
+    request.set_state_layers(layers);
+    grpc::ClientContext context;
+    const auto reader = farm.stub().FetchImage(&context, request);
+    std::string bytes;
+    for (v1::FetchImageChunk chunk; reader->Read(&chunk);) bytes += chunk.data();
+    ASSERT_TRUE(reader->Finish().ok());
+    const auto path = farm.folder().path() / "image.exr";
+    ASSERT_TRUE(write_file_atomically(path, bytes).ok());
+    EXPECT_EQ(image::read_layer(path, "level").ok(), layers);
+    EXPECT_EQ(image::read_image(path)->metadata.at("candela:run:doublings"),
+              fmt::format("{:.6g}", doublings));
+  }
+}
+
+// Claim: a job whose statistics do not fit into the master's memory fails when its plan of work is known, and
+// says how much is needed.
+TEST_F(ToyFarm, StatisticsThatDoNotFitAreRefused) {
+  start_master("0.05", {"--statistics-memory", "30K"});
+  farm.start_worker("a");
+  const v1::JobStatus status = farm.wait_for(submit(whole), v1::JOB_STATE_FAILED);
+  EXPECT_NE(status.message().find("--statistics-memory"), std::string::npos) << status.message();
+  EXPECT_EQ(status.iterations(), 0U);
+}
+
 // Claim: a worker that sleeps past its lease and wakes delivers nothing twice.
 TEST_F(ToyFarm, AZombieChangesNothing) {
   start_master();

@@ -1,0 +1,43 @@
+// What people are told of the decided states of a job of epochs. A report is made when somebody asks, once
+// for each decision.
+//
+// `mutex_` guards the reports that are remembered. It is not held while a report is made.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "candela/v1/job.pb.h"
+#include "common/base/result.h"
+#include "common/stages/decision.h"
+#include "master/jobs/job_table.h"
+#include "master/truth/job_truth.h"
+
+namespace candela::master {
+
+class StateReports {
+ public:
+  StateReports(JobTable& table, JobTruth& truth) : table_(table), truth_(truth) {}
+
+  // Nothing: the job has no epochs, or no state is decided. Reads the film of a job that has ended if nothing
+  // is remembered of it.
+  std::optional<v1::EpochStatus> status(const std::string& job_id);
+  // The layers of the newest state; none if the rule offers none.
+  static Result<std::vector<StateReport::Layer>> layers(const JobFilm& film);
+
+ private:
+  JobTable& table_;
+  JobTruth& truth_;
+  std::mutex mutex_;
+  struct Told {
+    std::uint64_t decisions = 0;
+    v1::EpochStatus status;
+  };
+  std::map<std::string, Told> told_;  // by job
+};
+
+}  // namespace candela::master
