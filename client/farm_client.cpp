@@ -365,7 +365,8 @@ Result<v1::WorkerStatus> FarmClient::drain_worker(const std::string& id) {
 }
 
 Result<std::string> FarmClient::fetch_image(const std::string& id, bool error_layer, bool image_only,
-                                            bool chain_layers, bool partial, bool state_layers) {
+                                            bool chain_layers, bool partial, bool state_layers,
+                                            const std::string& estimator) {
   v1::FetchImageRequest request;
   request.set_job_id(id);
   request.set_error_layer(error_layer);
@@ -373,6 +374,7 @@ Result<std::string> FarmClient::fetch_image(const std::string& id, bool error_la
   request.set_chain_layers(chain_layers);
   request.set_partial(partial);
   request.set_state_layers(state_layers);
+  request.set_estimator(estimator);
   std::string data, sha256;
   std::uint64_t total = 0;
   Outage outage;

@@ -66,10 +66,12 @@ class FarmClient {
   // The image of what is merged now, the bytes of an EXR file, with the job's further layers if it has any
   // and `image_only` is not set. `chain_layers`: also what an image of Markov chains is made of. `partial`:
   // of an ended job that has lost samples, what is left; refused otherwise. `state_layers`: also what
-  // describes the newest state of a job of epochs. Goes on as long as bytes come, however slowly; after a
-  // lost connection from the byte it has.
+  // describes the newest state of a job of epochs. `estimator`: one that the job's development offers; empty:
+  // the job's own. Goes on as long as bytes come, however slowly; after a lost connection from the byte it
+  // has.
   Result<std::string> fetch_image(const std::string& id, bool error_layer, bool image_only,
-                                  bool chain_layers = false, bool partial = false, bool state_layers = false);
+                                  bool chain_layers = false, bool partial = false, bool state_layers = false,
+                                  const std::string& estimator = {});
 
   // Calls `on_status` now, at each change, and at the end of the job. Returns the last status: of an ended
   // job, or, where `stop` is given and a signal came or `give_up` returned true, of one that goes on. A

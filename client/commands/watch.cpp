@@ -11,7 +11,7 @@ namespace {
 struct WatchOptions {
   FarmOptions farm;
   std::string id, output;
-  std::optional<std::string> png;
+  std::optional<std::string> png, estimator;
   bool quiet = false, json = false, error_layer = false, chain_layers = false, partial = false,
        layers = false;
 };
@@ -29,7 +29,7 @@ Result<int> run_fetch(const WatchOptions& options) {
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
   CANDELA_ASSIGN(const std::string exr,
                  farm->fetch_image(options.id, options.error_layer, output.exr.empty(), options.chain_layers,
-                                   options.partial, options.layers));
+                                   options.partial, options.layers, options.estimator.value_or("")));
   CANDELA_TRY(write_images(output, exr));
   return 0;
 }
@@ -61,6 +61,8 @@ void add_fetch(CLI::App& app, Context& context) {
                 "Of a job of Markov chains, add what its image is made of: layers 'raw.chains' and 'raw.*'");
   sub->add_flag("--layers", options->layers,
                 "Of a job with adaptive radii, add the layers that describe them, such as 'radius'");
+  add_text(*sub, "--estimator", options->estimator,
+           "Of a job whose sums can be read in several ways (optimis), the one to use", "NAME");
   sub->add_flag("--partial", options->partial,
                 "Of a job that has ended and lost samples (see verify), get what is left");
   add_farm_options(*sub, options->farm);

@@ -4,9 +4,29 @@
 
 namespace candela::film {
 
+namespace {
+
+void add_corrections(const MergedFilm& film, const Development& development, std::uint32_t y,
+                     MergedFilm::Which which, std::span<double> row) {
+  double iterations = 0;
+  for (std::uint32_t half = 0; half < 2; ++half)
+    if (which == MergedFilm::Which::both || (which == MergedFilm::Which::half0) == (half == 0))
+      iterations += static_cast<double>(film.merged(half).count());
+  if (!(iterations > 0)) return;
+  for (std::uint32_t half = 0; half < 2; ++half) {
+    if (which != MergedFilm::Which::both && (which == MergedFilm::Which::half0) != (half == 0)) continue;
+    if (!development.corrections[half]) continue;
+    const float* from = development.corrections[half]->data() + y * row.size();
+    for (std::size_t i = 0; i < row.size(); ++i) row[i] += static_cast<double>(from[i]) / iterations;
+  }
+}
+
+}  // namespace
+
 void develop_image_row(const MergedFilm& film, const Development& development, std::uint32_t y,
                        MergedFilm::Which which, std::span<double> out, std::span<double> scaled) {
   film.develop_row(0, y, which, scaled);
+  add_corrections(film, development, y, which, scaled);
   if (development.factor != 1)
     for (double& value : scaled) value *= development.factor;
   if (!development.two_layers) {

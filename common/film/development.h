@@ -3,7 +3,9 @@
 // error, asks here.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -12,11 +14,14 @@
 
 namespace candela::film {
 
-// The image is factor * mean of layer 0, and with two layers + mean of layer 1.
+// The image is factor * mean of layer 0 and its corrections, and with two layers + mean of layer 1.
 struct Development {
   double factor = 1;
   bool two_layers = false;
   double factor_variance = 0;  // relative: (standard error / factor)^2
+  // By half: what is added to the sums of layer 0, in units of light, before they are divided by the number
+  // of iterations: width * height * 3 values, or none.
+  std::array<std::shared_ptr<const std::vector<float>>, 2> corrections = {};
   // Layers that are combined into the image, and no layers of their own.
   std::uint32_t image_layers() const { return two_layers ? 2 : 1; }
 };

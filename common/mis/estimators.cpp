@@ -16,6 +16,13 @@ Sums total(std::span<const Sums> parts) {
   return all;
 }
 
+// Zero while there is no second batch.
+Slopes direct_slopes(const Allocation& allocation, const Sums& all, int scale_log2) {
+  const double samples = all.samples(allocation);
+  if (samples < 1.5 * allocation.total()) return {};
+  return solve(allocation, all, ridge(allocation, samples, scale_log2));
+}
+
 }  // namespace
 
 // C_ij = s_i s_j (S_A,ij - S_r,i S_r,j / W), d_i = s_i (S_b,i - S_r,i S_F / W), s_i = sqrt(n_i):
@@ -68,9 +75,15 @@ double ridge(const Allocation& allocation, double samples, int scale_log2, doubl
 
 Color direct(const Allocation& allocation, std::span<const Sums> parts, int scale_log2) {
   const Sums all = total(parts);
-  if (all.samples(allocation) < 1.5 * allocation.total()) return {};
-  return correction(allocation, all,
-                    solve(allocation, all, ridge(allocation, all.samples(allocation), scale_log2)));
+  return correction(allocation, all, direct_slopes(allocation, all, scale_log2));
+}
+
+std::array<Color, 2> direct_halves(const Allocation& allocation, const Sums& half0, const Sums& half1,
+                                   int scale_log2) {
+  Sums all = half0;
+  all.add(half1);
+  const Slopes slopes = direct_slopes(allocation, all, scale_log2);
+  return {correction(allocation, half0, slopes), correction(allocation, half1, slopes)};
 }
 
 Color progressive(const Allocation& allocation, std::span<const Sums> epochs, int scale_log2) {
@@ -86,14 +99,18 @@ Color progressive(const Allocation& allocation, std::span<const Sums> epochs, in
   return out;
 }
 
-Color crossfit(const Allocation& allocation, const Sums& half0, const Sums& half1, int scale_log2) {
+std::array<Color, 2> crossfit_halves(const Allocation& allocation, const Sums& half0, const Sums& half1,
+                                     int scale_log2) {
   const auto slopes_of = [&](const Sums& half) {
     return solve(allocation, half, ridge(allocation, half.samples(allocation), scale_log2));
   };
-  Color out = correction(allocation, half0, slopes_of(half1));
-  const Color other = correction(allocation, half1, slopes_of(half0));
-  for (std::size_t k = 0; k < kColors; ++k) out[k] += other[k];
-  return out;
+  return {correction(allocation, half0, slopes_of(half1)), correction(allocation, half1, slopes_of(half0))};
+}
+
+Color crossfit(const Allocation& allocation, const Sums& half0, const Sums& half1, int scale_log2) {
+  std::array<Color, 2> parts = crossfit_halves(allocation, half0, half1, scale_log2);
+  for (std::size_t k = 0; k < kColors; ++k) parts[0][k] += parts[1][k];
+  return parts[0];
 }
 
 // Columns of the regression: an intercept 1 and d_k = p_k / p_c = M c_k; y = f / p_c = M f / q.

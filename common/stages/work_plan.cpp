@@ -17,6 +17,15 @@ Error plan_error(std::string_view field, std::string message) {
   return input_error(std::move(message)).with_field(fmt::format("work.{}", field));
 }
 
+Result<void> validate_constants(std::string_view field, const SettingsMap& constants) {
+  if (constants.size() > Limits::max_settings)
+    return plan_error(field, fmt::format("more than {}", Limits::max_settings));
+  for (const auto& [name, value] : constants)
+    if (name.empty() || name.size() > Limits::max_name_bytes || value.size() > Limits::max_setting_bytes)
+      return plan_error(field, fmt::format("'{}' has no name, or is too long", name));
+  return {};
+}
+
 Result<void> validate(const EpochPlan& plan) {
   const auto bad = [](std::string_view field, std::string message) {
     return plan_error(fmt::format("epochs.{}", field), std::move(message));
@@ -29,12 +38,13 @@ Result<void> validate(const EpochPlan& plan) {
   if (plan.lag > kMaxLag) return bad("lag", fmt::format("{} epochs, at most {}", plan.lag, kMaxLag));
   if (plan.rule.empty() || plan.rule.size() > Limits::max_name_bytes)
     return bad("rule", "it has no name, or too long a one");
-  if (plan.constants.size() > Limits::max_settings)
-    return bad("constants", fmt::format("more than {}", Limits::max_settings));
-  for (const auto& [name, value] : plan.constants)
-    if (name.empty() || name.size() > Limits::max_name_bytes || value.size() > Limits::max_setting_bytes)
-      return bad("constants", fmt::format("'{}' has no name, or is too long", name));
-  return {};
+  return validate_constants("epochs.constants", plan.constants);
+}
+
+Result<void> validate(const DevelopmentPlan& plan) {
+  if (plan.name.empty() || plan.name.size() > Limits::max_name_bytes)
+    return plan_error("development.name", "it has no name, or too long a one");
+  return validate_constants("development.constants", plan.constants);
 }
 
 }  // namespace
@@ -50,7 +60,9 @@ Result<void> validate(const WorkPlan& plan, std::uint32_t width, std::uint32_t h
     if (plan.layers.size() + 1 < chains::kImageLayers)
       return plan_error("layers", "a job of chains has a second layer, which is part of the image");
     if (plan.epochs) return plan_error("epochs", "a job of chains has none");
+    if (plan.development) return plan_error("development", "a job of chains has its own");
   }
+  if (plan.development) CANDELA_TRY(validate(*plan.development));
   if (plan.epochs) return validate(*plan.epochs);
   const bool per_epoch =
       std::any_of(plan.accumulators.begin(), plan.accumulators.end(),

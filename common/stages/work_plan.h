@@ -25,11 +25,21 @@ struct EpochPlan {
   bool operator==(const EpochPlan&) const = default;
 };
 
+// How the image is read from film and accumulators, if it is more than a mean: a rule by name
+// (common/stages/development.h) and its constants, among them `estimator`, the read-out that is the image
+// unless somebody asks for another.
+struct DevelopmentPlan {
+  std::string name;
+  SettingsMap constants;
+  bool operator==(const DevelopmentPlan&) const = default;
+};
+
 struct WorkPlan {
   std::vector<std::string> layers = {};  // of the film beside the image, in order; empty for most
   std::vector<film::AccumulatorSpec> accumulators = {};
   std::optional<ChainPlan> chains = {};  // a job of chains: the bootstrap comes after the pilot
   std::optional<EpochPlan> epochs = {};
+  std::optional<DevelopmentPlan> development = {};  // absent: the mean
 };
 
 // Fails (input) unless every part is valid for a film of this size, the film has the layers that a job of

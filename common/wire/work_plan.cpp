@@ -34,6 +34,11 @@ void to_proto(const WorkPlan& plan, v1::WorkPlan& out) {
     to.set_rule(plan.epochs->rule);
     to.mutable_constants()->insert(plan.epochs->constants.begin(), plan.epochs->constants.end());
   }
+  if (plan.development) {
+    v1::DevelopmentPlan& to = *out.mutable_development();
+    to.set_name(plan.development->name);
+    to.mutable_constants()->insert(plan.development->constants.begin(), plan.development->constants.end());
+  }
 }
 
 Result<WorkPlan> from_proto(const v1::WorkPlan& message) {
@@ -61,6 +66,10 @@ Result<WorkPlan> from_proto(const v1::WorkPlan& message) {
                             from.lag(),
                             from.rule(),
                             {from.constants().begin(), from.constants().end()}};
+  }
+  if (message.has_development()) {
+    const v1::DevelopmentPlan& from = message.development();
+    plan.development = DevelopmentPlan{from.name(), {from.constants().begin(), from.constants().end()}};
   }
   return plan;
 }

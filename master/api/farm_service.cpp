@@ -268,7 +268,7 @@ grpc::Status FarmServiceImpl::FetchImage(grpc::ServerContext* context, const v1:
       if (!making->held()) return too_many("images");
       auto bytes = farm_.images().encode(
           request->job_id(), {request->error_layer(), request->image_only(), request->chain_layers(),
-                              request->state_layers(), request->partial()});
+                              request->state_layers(), request->partial(), request->estimator()});
       if (!bytes.ok()) return wire::to_status(bytes.error());
       image = farm_.images().recent().keep(std::move(*bytes), farm_.now().seconds);
       // Clients on slow links keep nobody from an image, as long as it is not memory they take.

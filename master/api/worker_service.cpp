@@ -8,6 +8,7 @@
 #include "common/base/text.h"
 #include "common/base/version.h"
 #include "common/stages/decision.h"
+#include "common/stages/development.h"
 #include "common/wire/stall_guard.h"
 #include "master/api/service_support.h"
 
@@ -206,6 +207,7 @@ grpc::Status WorkerServiceImpl::CompletePilot(grpc::ServerContext*, const v1::Co
           fits = validate(result.work, settings.width, settings.height);
           if (fits.ok() && result.work.epochs)
             if (auto rule = find_rule(result.work.epochs->rule); !rule.ok()) fits = rule.error();
+          if (fits.ok()) fits = check_development(result.work);
           if (!fits.ok()) return;
           const std::uint64_t needed = statistics_bytes(result.work, settings.width, settings.height);
           const std::uint64_t limit = farm_.statistics_limit();

@@ -11,8 +11,10 @@
 #include "common/bundle/bundle.h"
 #include "common/film/layers.h"
 #include "common/image/image.h"
+#include "common/stages/development.h"
 #include "common/stats/image_error.h"
 #include "common/wire/wire.h"
+#include "master/jobs/develop.h"
 
 namespace candela::master {
 namespace {
@@ -71,7 +73,7 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
                                         const ImageParts& parts,
                                         const std::vector<StateReport::Layer>& state_layers) {
   const film::MergedFilm& film = *snapshot.film;
-  const film::Development development = development_of(row, snapshot.counts);
+  CANDELA_ASSIGN(const film::Development development, develop(row, snapshot, parts.estimator));
   film::Tallies tallies = film.tallies(0);
   tallies.add(film.tallies(1));
   const JobSettings& s = row.settings;
@@ -97,6 +99,9 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
     m[fmt::format("candela:rejected_{}", film::name(static_cast<film::RejectCause>(i)))] = std::to_string(
         tallies.rejected[static_cast<std::size_t>(i)] + row.bootstrap_rejected[static_cast<std::size_t>(i)]);
   if (row.chains) describe_chains(row, snapshot, m);
+  if (row.development)
+    m["candela:estimator"] =
+        parts.estimator.empty() ? std::string(default_estimator(*row.development)) : parts.estimator;
   m["candela:plan"] = row.plan;
   m["candela:version"] = std::string(version());
   m["candela:build_id"] = std::string(build_id());

@@ -20,10 +20,11 @@ namespace candela::master {
 
 struct ImageParts {
   bool error_layer = false;
-  bool image_only = false;    // without the job's further layers
-  bool chain_layers = false;  // with what the image of a job of chains is made of
-  bool state_layers = false;  // with what the rule of a job of epochs tells of its newest state
-  bool partial = false;       // of a job that has lost samples: what is left
+  bool image_only = false;     // without the job's further layers
+  bool chain_layers = false;   // with what the image of a job of chains is made of
+  bool state_layers = false;   // with what the rule of a job of epochs tells of its newest state
+  bool partial = false;        // of a job that has lost samples: what is left
+  std::string estimator = {};  // one that the job's development offers; empty: the job's own
 };
 
 class ImageWriter {

@@ -7,6 +7,7 @@
 
 #include "common/base/log.h"
 #include "common/stats/image_error.h"
+#include "master/jobs/develop.h"
 
 namespace candela::master {
 namespace {
@@ -105,7 +106,12 @@ void JobUpkeep::estimate_error(const std::string& job_id, JobFilm& film, bool at
   const JobFilm::Snapshot copy = film.snapshot(JobFilm::Part::image);
   if (!copy.film) return;
   const JobRow row = table_.with_scheduler([&](Scheduler& s) { return s.job(job_id)->row; });
-  const stats::ErrorEstimate e = stats::estimate_error(*copy.film, development_of(row, copy.counts));
+  const auto development = develop(row, copy, {});
+  if (!development.ok()) {
+    log::warn(fmt::format("no error estimate: {}", development.error().to_string()), {.job = job_id});
+    return;
+  }
+  const stats::ErrorEstimate e = stats::estimate_error(*copy.film, *development);
   state.last_estimate = JobTable::now().seconds;
   state.estimate_cost = state.last_estimate - started;
   state.estimated_iterations = copy.film->iterations();

@@ -243,6 +243,11 @@ JobFilm::Snapshot JobFilm::snapshot(Part part) {
     out.counts.push_back(record->counts);
     out.chain_segments += record->segments;
   }
+  out.accumulators.resize(specs_.size());
+  for (std::size_t i = 0; i < specs_.size(); ++i)
+    for (std::uint32_t half = 0; half < 2 && specs_[i].per == film::AccumulatorSpec::Per::job; ++half)
+      if (const auto found = accumulators_.find({i, half}); found != accumulators_.end())
+        out.accumulators[i][half] = found->second;
   return out;
 }
 

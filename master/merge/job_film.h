@@ -77,6 +77,8 @@ class JobFilm {
     std::shared_ptr<const film::MergedFilm> film;
     std::vector<chains::ChainCounts> counts;
     std::uint64_t chain_segments = 0;  // by the records
+    // The sums of an accumulator that is kept for each half, at the same moment. Null: nothing is merged.
+    std::vector<std::array<std::shared_ptr<const film::MergedAccumulator>, 2>> accumulators = {};  // as specs
   };
   Snapshot snapshot(Part part = Part::all);
   // Which indices are merged, and the counts that came with them; empty where the film is not loaded.

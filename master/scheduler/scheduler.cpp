@@ -271,6 +271,7 @@ bool Scheduler::complete_pilot(const std::string& worker_id, std::uint64_t token
   job->row.layers = result.work.layers;
   job->row.accumulators = result.work.accumulators;
   job->row.epochs = result.work.epochs;
+  job->row.development = result.work.development;
   job->source = make_source(job->row);
   job->row.thread_seconds_per_iteration = result.seconds_per_iteration * worker.row.threads;
   job->thread_seconds = job->row.thread_seconds_per_iteration;

@@ -39,6 +39,7 @@ struct JobRow {
   std::string plan;
   std::vector<film::AccumulatorSpec> accumulators;  // beside the film; valid (film::validate)
   std::optional<EpochPlan> epochs;
+  std::optional<DevelopmentPlan> development;
   std::vector<std::string> layers;  // of the film beside the image; valid (film::make_layout)
   std::optional<ChainPlan>
       chains;                // of a job of Markov chains, from the pilot; its state follows the bootstrap

@@ -233,7 +233,7 @@ bool SqliteStore::apply(const PutJob& c) {
   s.bind_blob(status.SerializeAsString()).bind(j.pilot_scale_log2);
   s.bind_blob(bytes_of(ranges_of(j.promised))).bind(j.repairs_to ? std::string(name(*j.repairs_to)) : "");
   v1::WorkPlan work;
-  wire::to_proto(WorkPlan{{}, j.accumulators, {}, j.epochs}, work);
+  wire::to_proto(WorkPlan{{}, j.accumulators, {}, j.epochs, j.development}, work);
   s.bind_blob(work.SerializeAsString());
   return s.run();
 }
@@ -368,6 +368,7 @@ Result<void> SqliteStore::read_work(Statement& s, JobRow& j) const {
     return unusable(valid.error().to_string());
   j.accumulators = std::move(work->accumulators);
   j.epochs = std::move(work->epochs);
+  j.development = std::move(work->development);
   return {};
 }
 

@@ -41,8 +41,8 @@ Result<std::string> encode_manifest(const JobRow& row, const std::string& bundle
     m.mutable_bootstrap_rejected()->Assign(row.bootstrap_rejected.begin(), row.bootstrap_rejected.end());
     m.set_pilot_scale_log2(row.pilot_scale_log2);
   }
-  if (row.epochs || !row.accumulators.empty())
-    wire::to_proto(WorkPlan{{}, row.accumulators, {}, row.epochs}, *m.mutable_work());
+  if (row.epochs || row.development || !row.accumulators.empty())
+    wire::to_proto(WorkPlan{{}, row.accumulators, {}, row.epochs, row.development}, *m.mutable_work());
   m.set_thread_seconds_per_iteration(row.thread_seconds_per_iteration);
   m.set_submitted_unix_ms(row.submitted_unix_ms);
   m.set_elapsed_seconds(row.elapsed_seconds);
@@ -93,6 +93,7 @@ Result<Manifest> parse_manifest(std::string_view bytes) {
   CANDELA_TRY(validate(work, row.settings.width, row.settings.height));
   row.accumulators = std::move(work.accumulators);
   row.epochs = std::move(work.epochs);
+  row.development = std::move(work.development);
   row.thread_seconds_per_iteration = m.thread_seconds_per_iteration();
   row.submitted_unix_ms = m.submitted_unix_ms();
   row.elapsed_seconds = m.elapsed_seconds();

@@ -177,6 +177,7 @@ TEST(StoreVersions, EarlierOnesBecomeThePresentOne) {
       epochs.layers.clear();
       epochs.accumulators = {{"squares", 3, 12, film::AccumulatorSpec::Per::epoch}};
       epochs.epochs = EpochPlan{8, 16, 1, "rule", {{"threshold", "7"}}};
+      epochs.development = DevelopmentPlan{"mis", {{"estimator", "direct"}}};
       const std::vector<StateRow> states{{"k", 0, "rule", std::string(64, 'a'), 5},
                                          {"k", 1, "rule", std::string(64, 'b'), 6}};
       ASSERT_TRUE((*store)
@@ -186,6 +187,7 @@ TEST(StoreVersions, EarlierOnesBecomeThePresentOne) {
       const auto again = (*store)->load();
       ASSERT_TRUE(again.ok()) << again.error().to_string();
       EXPECT_EQ(again->jobs.at(1).epochs, epochs.epochs);
+      EXPECT_EQ(again->jobs.at(1).development, epochs.development);
       EXPECT_EQ(again->jobs.at(1).accumulators, epochs.accumulators);
       EXPECT_EQ(again->states.at("k"), states);
     }

@@ -14,6 +14,7 @@ WorkPlan whole_plan() {
   plan.accumulators = {{"radius.sectors", 13, 12, AccumulatorSpec::Per::epoch},
                        {"matrix", 64, -8, AccumulatorSpec::Per::job}};
   plan.epochs = EpochPlan{8, 16, 1, "sectors", {{"alpha", "0.01"}, {"k", "0.7"}}};
+  plan.development = DevelopmentPlan{"optimal_mis", {{"estimator", "crossfit"}}};
   return plan;
 }
 
@@ -23,6 +24,7 @@ TEST(WireWorkPlan, ComesBackAsItWas) {
     WorkPlan plan = whole_plan();
     if (chains) {
       plan.epochs.reset();
+      plan.development.reset();
       plan.chains = ChainPlan{100, 5000, 1U << 20};
     }
     v1::WorkPlan message;
@@ -32,6 +34,7 @@ TEST(WireWorkPlan, ComesBackAsItWas) {
     EXPECT_EQ(back->layers, plan.layers);
     EXPECT_EQ(back->accumulators, plan.accumulators);
     EXPECT_EQ(back->epochs, plan.epochs);
+    EXPECT_EQ(back->development, plan.development);
     EXPECT_EQ(back->chains.has_value(), chains);
     if (chains) {
       EXPECT_EQ(back->chains->segment_mutations, plan.chains->segment_mutations);

@@ -1,0 +1,30 @@
+#include "master/jobs/develop.h"
+
+#include <fmt/format.h>
+
+#include "common/stages/development.h"
+
+namespace candela::master {
+
+Result<film::Development> develop(const JobRow& row, const JobFilm::Snapshot& snapshot,
+                                  std::string_view estimator) {
+  film::Development out = development_of(row, snapshot.counts);
+  if (!row.development) {
+    if (estimator.empty()) return out;
+    return usage_error(fmt::format("job {} has one read-out, and no estimator '{}'", row.id, estimator))
+        .with_field("estimator");
+  }
+  const auto sums = [&](std::string_view name, std::uint32_t half) -> const film::MergedAccumulator* {
+    for (std::size_t i = 0; i < row.accumulators.size() && i < snapshot.accumulators.size(); ++i)
+      if (row.accumulators[i].name == name) return snapshot.accumulators[i][half].get();
+    return nullptr;
+  };
+  CANDELA_ASSIGN(Corrections corrections,
+                 correct({*row.development, estimator, row.settings.width, row.settings.height, sums}));
+  for (std::size_t half = 0; half < 2; ++half)
+    if (!corrections[half].empty())
+      out.corrections[half] = std::make_shared<const std::vector<float>>(std::move(corrections[half]));
+  return out;
+}
+
+}  // namespace candela::master
