@@ -32,6 +32,7 @@ inline const std::vector<IntegratorRow>& integrators() {
       {.name = "ppm", .merges = true, .farm_share = 0.2},
       {.name = "bpm", .merges = true, .farm_share = 0.2},
       {.name = "vcm", .merges = true, .farm_share = 0.2},
+      {.name = "optimis"},
       {.name = "pssmlt", .chains = true, .farm_share = 0.04, .small = few_chains},
       {.name = "mmlt", .chains = true, .farm_share = 0.04, .small = few_chains},
   };

@@ -204,6 +204,8 @@ void add_integrators(std::vector<PluginRule>& table) {
       "stochastic progressive photon mapping; the name `sppm` means this one"));
   table.push_back(integrator_rule(words::kBpm, {}, "bidirectional photon mapping"));
   table.push_back(integrator_rule(words::kVcm, {}, "vertex connection and merging"));
+  table.push_back(integrator_rule(words::kOptimis, {},
+                                  "path tracing with optimal weights of direct light at the first vertex"));
   const std::string_view their_own = "chains have settings of their own: --help of the integrator";
   const std::vector<PropertyRule> chains = {ignored("luminance_samples", {integer}, their_own),
                                             ignored("direct_samples", {integer}, their_own),

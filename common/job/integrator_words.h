@@ -57,10 +57,11 @@ inline constexpr IntegratorWords kPpm{"ppm", 2, kTwoThirds};
 inline constexpr IntegratorWords kBpm{"bpm", 2, kTwoThirds};
 // Merging carries less of the image than in ppm: its bias matters less, its variance as much.
 inline constexpr IntegratorWords kVcm{"vcm", 2, {0.75, "0.75"}};
+inline constexpr IntegratorWords kOptimis{"optimis", 5};
 // 0: the default of the estimator that the chains are over.
 inline constexpr IntegratorWords kPssmlt{"pssmlt", 0};
 inline constexpr IntegratorWords kMmlt{"mmlt", 1024};
 
-inline constexpr std::array kIntegrators = {kPath, kBdpt, kLight, kPpm, kBpm, kVcm, kPssmlt, kMmlt};
+inline constexpr std::array kIntegrators = {kPath, kBdpt, kLight, kPpm, kBpm, kVcm, kOptimis, kPssmlt, kMmlt};
 
 }  // namespace candela::integrator_words

@@ -27,6 +27,7 @@
 #include <cstdint>
 
 #include "common/film/counts.h"
+#include "worker/estimators/first_vertex.h"
 #include "worker/estimators/options.h"
 #include "worker/samplers/sampler.h"
 #include "worker/scene/scene.h"
@@ -46,12 +47,12 @@ inline float mis_weight(float p, float q, bool power) {
 
 // One path. Of the techniques it knows next_event and hit_light; where both run they are weighted.
 // SceneT is scene::Scene, or what stands in for it to watch the rays. SamplerT likewise: samplers::Sampler,
-// or a chain's.
-template <transport::Between kBetween, class SceneT, class SamplerT>
+// or a chain's. FirstT: FirstVertex, if it has techniques of its own there.
+template <transport::Between kBetween, class SceneT, class SamplerT, class FirstT = NoFirstVertex>
 class PathTracer {
  public:
   PathTracer(const SceneT& scene, const PathOptions& options, const Techniques& techniques, SamplerT& sampler,
-             film::Tallies& tallies)
+             film::Tallies& tallies, FirstT* first = nullptr)
       : scene_(scene),
         options_(options),
         hit_light_(techniques.hit_light),
@@ -60,7 +61,8 @@ class PathTracer {
         power_(options.heuristic == transport::MisHeuristic::power),
         chooses_emitter_(transport::reads_emitter_choice(scene)),
         sampler_(sampler),
-        tallies_(tallies) {}
+        tallies_(tallies),
+        first_(first) {}
 
   // The radiance arriving along `ray`.
   Spectrum radiance(const Ray& ray) {
@@ -77,6 +79,7 @@ class PathTracer {
  private:
   static constexpr bool kPasses = kBetween != transport::Between::nothing,
                         kMedia = kBetween == transport::Between::media;
+  static constexpr bool kFirst = FirstT::kActive;
   enum class Flight : std::uint8_t { absorbed, scattered, arrived };
 
   float draw_1d(std::uint32_t which) { return sampler_.draw_1d(block_ + which, stratified_); }
@@ -134,16 +137,24 @@ class PathTracer {
     const Vec3 wo = -ray_.direction;
     front_ = {};
     ++scatterings_;
-    if (next_event_ && depth_ + 1 >= options_.min_edges)
-      sample_light(here, front_, [&](Vec3 wi, float& pdf_solid_angle) {
-        pdf_solid_angle = phase.pdf_solid_angle(wo, wi);
-        return Spectrum(phase.eval(wo, wi));
-      });
+    const auto eval_pdf = [&](Vec3 wi, float& pdf_solid_angle) {
+      pdf_solid_angle = phase.pdf_solid_angle(wo, wi);
+      return Spectrum(phase.eval(wo, wi));
+    };
+    bool first = false;
+    if constexpr (kFirst) {
+      first = scatterings_ == 1;
+      if (first) sample_first(here, front_, eval_pdf);
+    }
+    if (!first && next_event_ && depth_ + 1 >= options_.min_edges) sample_light(here, front_, eval_pdf);
     previous_pdf_solid_angle_ = phase.sample(wo, draw_2d(transport::path_block::kDirection), ray_.direction);
     previous_delta_ = false;
-    if (!survives(depth_ < transport::kPathRoulette.free_depth)) return false;
+    if (!first && !survives(depth_ < transport::kPathRoulette.free_depth)) return false;
     ray_ = {here.p, ray_.direction};
     ++depth_;
+    if constexpr (kFirst) {
+      if (first) leave_first();
+    }
     return true;
   }
 
@@ -155,11 +166,16 @@ class PathTracer {
     const Vec3 side = closure.scatters_through() ? Vec3{} : wo.z < 0 ? -hit.shading.n : hit.shading.n;
     const bool connectible = !closure.purely_delta();
     scatterings_ += connectible ? 1 : 0;
-    if (next_event_ && connectible && depth_ + 1 >= options_.min_edges)
-      sample_light(hit, side, [&](Vec3 wi, float& pdf_solid_angle) {
-        return closure.eval_pdf(wo, hit.shading.to_local(wi), scene::TransportMode::radiance,
-                                pdf_solid_angle);
-      });
+    const auto eval_pdf = [&](Vec3 wi, float& pdf_solid_angle) {
+      return closure.eval_pdf(wo, hit.shading.to_local(wi), scene::TransportMode::radiance, pdf_solid_angle);
+    };
+    bool first = false;
+    if constexpr (kFirst) {
+      first = connectible && scatterings_ == 1;
+      if (first) sample_first(hit, side, eval_pdf);
+    }
+    if (!first && next_event_ && connectible && depth_ + 1 >= options_.min_edges)
+      sample_light(hit, side, eval_pdf);
     scene::BsdfSample next;
     const float u_lobe = closure.chooses_lobe() ? draw_1d(transport::path_block::kLobe) : 0.0f;
     if (!closure.sample(wo, u_lobe, draw_2d(transport::path_block::kDirection),
@@ -171,8 +187,10 @@ class PathTracer {
       if (next.straight) return pass_straight(hit);
     }
     eta_scale_ *= next.eta * next.eta;
-    if (!survives(!next.delta && depth_ < transport::kPathRoulette.free_depth &&
-                  throughput_.max_component() * eta_scale_ > 1))
+    // At the first vertex of FirstT nobody plays: a bsdf ray that ended would be a failure of another
+    // density.
+    if (!first && !survives(!next.delta && depth_ < transport::kPathRoulette.free_depth &&
+                            throughput_.max_component() * eta_scale_ > 1))
       return false;
     front_ = side;
     previous_delta_ = next.delta;
@@ -180,7 +198,44 @@ class PathTracer {
     ray_ = spawn_ray(hit, hit.shading.to_world(next.wi));
     if constexpr (kMedia) medium_ = scene_.medium_beyond(hit, ray_.direction, medium_);
     ++depth_;
+    if constexpr (kFirst) {
+      if (first) leave_first();
+    }
     return true;
+  }
+
+  // All techniques of direct light but the bsdf's, from the vertex `here`.
+  template <class EvalPdf>
+  void sample_first(const scene::SurfaceHit& here, Vec3 side, const EvalPdf& eval_pdf) {
+    using namespace transport;
+    first_->reach();
+    for (std::size_t i = 0; i < first_->selections().size(); ++i) {
+      // The first has the path tracer's random numbers.
+      const std::uint32_t at = i == 0 ? block_ : path_block::further_light(i);
+      const float u_emitter =
+          chooses_emitter_ ? sampler_.draw_1d(at + path_block::kEmitterChoice, stratified_) : 0.0f;
+      const Vec2 u = sampler_.draw_2d(at + path_block::kEmitterPoint, stratified_);
+      scene::DirectSample light;
+      const scene::DirectOutcome outcome =
+          scene_.lights().sample(here, side, u_emitter, u, light, first_->selections()[i]);
+      if (outcome == scene::DirectOutcome::failed) {
+        first_->failed(i);
+        continue;
+      }
+      float pdf_solid_angle = 0;
+      Spectrum value;
+      if (outcome == scene::DirectOutcome::sampled) {
+        value = eval_pdf(light.wi, pdf_solid_angle);
+        if (!value.is_black()) pass_to_light(here, light, at, value);
+      }
+      if (value.is_black() || light.delta) pdf_solid_angle = 0;
+      sum_ +=
+          first_->drawn(scene_, here, side, i, light, pdf_solid_angle, throughput_ * value * light.radiance);
+    }
+  }
+  void leave_first() {
+    first_depth_ = depth_;
+    first_->leave(depth_);
   }
 
   // Next event estimation from the vertex `here`, which scatters as eval_pdf(wi, pdf) says.
@@ -195,29 +250,45 @@ class PathTracer {
     float pdf_solid_angle = 0;
     Spectrum value = eval_pdf(light.wi, pdf_solid_angle);
     if (value.is_black()) return;
+    pass_to_light(here, light, block_, value);
+    if (value.is_black()) return;
+    float weight = 1 / light.pdf_solid_angle;
+    if (weighs_ && !light.delta) weight *= mis_weight(light.pdf_solid_angle, pdf_solid_angle, power_);
+    sum_ += throughput_ * value * light.radiance * weight;
+  }
+
+  // Multiplies by what arrives of the light; black if nothing does.
+  void pass_to_light(const scene::SurfaceHit& here, const scene::DirectSample& light, std::uint32_t block,
+                     Spectrum& value) {
+    using namespace transport;
     if constexpr (kPasses) {
       rng::Stream stream(0);
       std::uint32_t through = medium_;
       if constexpr (kMedia) {
-        const Vec2 u = sampler_.draw_2d(block_ + path_block::kTransmittance, false);
+        const Vec2 u = sampler_.draw_2d(block + path_block::kTransmittance, false);
         stream = rng::Stream(rng::key(std::bit_cast<std::uint32_t>(u.x), std::bit_cast<std::uint32_t>(u.y)));
         through = scene_.medium_beyond(here, light.wi, through);
       }
       value *= passing<kBetween>(scene_, light.shadow_ray, through, stream, rays_);
-      if (value.is_black()) return;
     } else {
       ++rays_;
-      if (scene_.occluded(light.shadow_ray)) return;
+      if (scene_.occluded(light.shadow_ray)) value = {};
     }
-    float weight = 1 / light.pdf_solid_angle;
-    if (weighs_ && !light.delta) weight *= mis_weight(light.pdf_solid_angle, pdf_solid_angle, power_);
-    sum_ += throughput_ * value * light.radiance * weight;
   }
 
   // Light that the ray found by itself.
   void add_environment() {
     const Spectrum arriving = scene_.environment(ray_.direction);
     if (arriving.is_black()) return;
+    if constexpr (kFirst) {
+      if (depth_ == first_depth_) {
+        sum_ += first_->found(
+            previous_pdf_solid_angle_, previous_delta_, throughput_ * arriving, [&](scene::LightTechnique t) {
+              return scene_.lights().pdf_environment_solid_angle(previous(), front_, ray_.direction, t);
+            });
+        return;
+      }
+    }
     float weight = 1;
     if (weighs_ && !previous_delta_)
       weight =
@@ -228,6 +299,15 @@ class PathTracer {
   void add_emitted(const scene::SurfaceHit& hit) {
     const Spectrum emitted = scene_.emitted(hit, -ray_.direction);
     if (emitted.is_black()) return;
+    if constexpr (kFirst) {
+      if (depth_ == first_depth_) {
+        sum_ += first_->found(
+            previous_pdf_solid_angle_, previous_delta_, throughput_ * emitted, [&](scene::LightTechnique t) {
+              return scene_.lights().pdf_solid_angle(previous(), front_, ray_.direction, hit, t);
+            });
+        return;
+      }
+    }
     float weight = 1;
     if (weighs_ && !previous_delta_)
       weight = mis_weight(previous_pdf_solid_angle_,
@@ -259,6 +339,7 @@ class PathTracer {
   const bool hit_light_, next_event_, weighs_, power_, chooses_emitter_;
   SamplerT& sampler_;
   film::Tallies& tallies_;
+  [[maybe_unused]] FirstT* const first_;
 
   Ray ray_;
   Spectrum sum_;
@@ -277,6 +358,7 @@ class PathTracer {
   bool previous_delta_ = true;
   float previous_pdf_solid_angle_ = 0;
   Vec3 front_;
+  [[maybe_unused]] std::uint32_t first_depth_ = 0;  // edges to what the first vertex's own ray meets
 };
 
 }  // namespace candela::estimators

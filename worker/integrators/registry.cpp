@@ -7,6 +7,7 @@
 #include "worker/integrators/light/light.h"
 #include "worker/integrators/markov/markov.h"
 #include "worker/integrators/mmlt/mmlt.h"
+#include "worker/integrators/optimis/optimis.h"
 #include "worker/integrators/path/path.h"
 #include "worker/integrators/ppm/ppm.h"
 #include "worker/integrators/pssmlt/pssmlt.h"
@@ -22,6 +23,7 @@ std::vector<IntegratorEntry> product_integrators() {
       integrator_entry<PpmSettings>(integrator_words::kPpm.name, &make_ppm_integrator),
       integrator_entry<BpmSettings>(integrator_words::kBpm.name, &make_bpm_integrator),
       integrator_entry<VcmSettings>(integrator_words::kVcm.name, &make_vcm_integrator),
+      integrator_entry<OptimisSettings>(integrator_words::kOptimis.name, &make_optimis_integrator),
       integrator_entry<PssmltSettings>(integrator_words::kPssmlt.name, &make_pssmlt_integrator),
       integrator_entry<MmltSettings>(integrator_words::kMmlt.name, &make_mmlt_integrator),
   };

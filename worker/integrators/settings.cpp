@@ -95,6 +95,27 @@ void SettingsReader::operator()(std::string_view name, Choice& field, std::strin
   field.value = *text;
 }
 
+void SettingsReader::operator()(std::string_view name, NameList& field, std::string_view /*doc*/) {
+  const std::string* text = take(name);
+  if (text == nullptr) return;
+  std::vector<std::string> values;
+  for (std::size_t begin = 0; begin <= text->size();) {
+    const std::size_t end = std::min(text->find(',', begin), text->size());
+    std::string value = text->substr(begin, end - begin);
+    if (std::find(field.names.begin(), field.names.end(), value) == field.names.end()) {
+      fail(name, quoted(value) + " is not one of " + joined(field.names, ", "));
+      return;
+    }
+    if (std::find(values.begin(), values.end(), value) != values.end()) {
+      fail(name, quoted(value) + " is there twice");
+      return;
+    }
+    values.push_back(std::move(value));
+    begin = end + 1;
+  }
+  field.values = std::move(values);
+}
+
 Result<void> SettingsReader::finish() const {
   if (!ok_) return Error(error_);
   for (const auto& [key, value] : map_) {
@@ -129,6 +150,10 @@ void SettingsWriter::operator()(std::string_view name, bool& field, std::string_
 
 void SettingsWriter::operator()(std::string_view name, Choice& field, std::string_view doc) {
   add(name, joined(field.names, " | "), field.value, doc);
+}
+
+void SettingsWriter::operator()(std::string_view name, NameList& field, std::string_view doc) {
+  add(name, "some of " + joined(field.names, ","), joined(field.values, ","), doc);
 }
 
 }  // namespace candela::integrators

@@ -2,6 +2,7 @@
 // validation and docs all walk that list.
 #pragma once
 
+#include <algorithm>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -22,6 +23,15 @@ struct Choice {
   std::vector<std::string_view> names;
 };
 
+// A field that is some of a closed set of names, at least one, each once: "a,b".
+struct NameList {
+  std::vector<std::string> values;
+  std::vector<std::string_view> names;
+  bool has(std::string_view name) const {
+    return std::find(values.begin(), values.end(), name) != values.end();
+  }
+};
+
 // A field that is a real number in [lowest, highest], or in (lowest, highest] where `above`.
 struct NumberRange {
   double lowest, highest;
@@ -36,6 +46,7 @@ class SettingsReader {
   void operator()(std::string_view name, double& field, NumberRange range, std::string_view doc);
   void operator()(std::string_view name, bool& field, std::string_view doc);
   void operator()(std::string_view name, Choice& field, std::string_view doc);
+  void operator()(std::string_view name, NameList& field, std::string_view doc);
   // After all fields: an error for a bad value, or for a key that no field took.
   Result<void> finish() const;
 
@@ -57,6 +68,7 @@ class SettingsWriter {
   void operator()(std::string_view name, double& field, NumberRange range, std::string_view doc);
   void operator()(std::string_view name, bool& field, std::string_view doc);
   void operator()(std::string_view name, Choice& field, std::string_view doc);
+  void operator()(std::string_view name, NameList& field, std::string_view doc);
   SettingsMap map;
   std::vector<SettingDoc> docs;
 

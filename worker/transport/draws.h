@@ -2,6 +2,7 @@
 // position and lens; light: choice and place, direction, ...), then a block for each stretch of a ray.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 #include "worker/core/vec.h"
@@ -20,6 +21,10 @@ inline constexpr std::uint32_t kLobe = 0, kDirection = 1, kRoulette = 2, kFlight
 namespace path_block {
 inline constexpr std::uint32_t kEmitterChoice = 0, kEmitterPoint = 1, kLobe = 2, kDirection = 3,
                                kRoulette = 4, kFlight = 5, kTransmittance = 6, kBlock = 5, kMediaBlock = 7;
+// A block for technique i > 0 of direct light at one vertex, far beyond those of any path.
+constexpr std::uint32_t further_light(std::size_t i) {
+  return (1u << 30) + static_cast<std::uint32_t>(i) * kMediaBlock;
+}
 }  // namespace path_block
 
 // Only the first vertices that are not specular use stratified samples: later ones gain less than they cost.
