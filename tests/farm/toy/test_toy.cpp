@@ -333,6 +333,41 @@ TEST_F(ToyFarm, StatisticsThatDoNotFitAreRefused) {
   EXPECT_EQ(status.iterations(), 0U);
 }
 
+// Claim: a job of which only its folder is left, without a store and without the blobs of its states, is
+// taken in and extended to the same bytes.
+TEST_F(ToyFarm, AFolderAloneGoesOn) {
+  start_master();
+  Process& worker = farm.start_worker("a");
+  const std::uint64_t first = whole / 2;
+  const std::string id = submit(first);
+  check(id, first);
+  std::vector<std::string> states;
+  for (const v1::Event& event : farm.events(id))
+    if (event.kind() == "decided") states.push_back(event.message().substr(event.message().size() - 64));
+  farm.forget_worker(worker);
+  farm.kill_master();
+  const auto data = farm.folder().path() / "data";
+  for (const char* file : {"master.sqlite", "master.sqlite-wal", "master.sqlite-shm"})
+    std::filesystem::remove(data / file);
+  std::vector<std::filesystem::path> blobs;
+  for (const auto& e : std::filesystem::recursive_directory_iterator(data / "blobs"))
+    for (const std::string& sha256 : states)
+      if (e.path().filename().string().find(sha256) != std::string::npos) blobs.push_back(e.path());
+  EXPECT_FALSE(blobs.empty());
+  for (const auto& blob : blobs) std::filesystem::remove(blob);
+  farm.restart_master();
+  v1::JobRequest request;
+  request.set_job_id(id);
+  v1::JobStatus status;
+  grpc::ClientContext context;
+  context.set_wait_for_ready(true);
+  const grpc::Status taken_in = farm.stub().RepairJob(&context, request, &status);
+  ASSERT_TRUE(taken_in.ok()) << taken_in.error_message();
+  farm.start_worker("b");  // its cache is empty
+  extend(id, whole - first);
+  check(id, whole);
+}
+
 // Claim: a worker that sleeps past its lease and wakes delivers nothing twice.
 TEST_F(ToyFarm, AZombieChangesNothing) {
   start_master();
