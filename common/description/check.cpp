@@ -9,10 +9,6 @@
 namespace candela::description {
 namespace {
 
-Error error_at(const Location& where, std::string message) {
-  return input_error(std::move(message)).at(where.file, where.line);
-}
-
 bool accepts(const PropertyRule& rule, PropertyType type) {
   for (const PropertyType accepted : rule.types) {
     if (accepted == type) return true;

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <span>
+#include <string>
+#include <utility>
 
 #include "common/base/result.h"
 #include "common/description/object.h"
@@ -31,6 +33,10 @@ Result<void> check_children(const Object& object, const PluginRule& rule,
 
 // The rule of a property; nullptr if the plugin has no such property.
 const PropertyRule* find_rule(const PluginRule& plugin, std::string_view name);
+
+inline Error error_at(const Location& where, std::string message) {
+  return input_error(std::move(message)).at(where.file, where.line);
+}
 
 // "bsdf 'diffuse'", "the scene"
 std::string describe(const Object& object);

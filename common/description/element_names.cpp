@@ -7,6 +7,7 @@
 #include <charconv>
 #include <vector>
 
+#include "common/description/check.h"
 #include "common/description/text.h"
 #include "common/description/transform.h"
 #include "common/description/values.h"
@@ -24,10 +25,6 @@ constexpr std::array<std::string_view, 1> later_elements = {"animation"};
 std::string bare(std::string_view name) {
   const std::string quoted = text::quote(name);
   return quoted.substr(1, quoted.size() - 2);
-}
-
-Error error_at(const Location& where, std::string message) {
-  return input_error(std::move(message)).at(where.file, where.line);
 }
 
 }  // namespace

@@ -6,14 +6,11 @@
 #include <cmath>
 #include <numeric>
 
+#include "common/description/check.h"
 #include "common/description/text.h"
 
 namespace candela::description::legacy {
 namespace {
-
-Error error_at(const Location& where, std::string message) {
-  return input_error(std::move(message)).at(where.file, where.line);
-}
 
 // The weights, taken out of the properties: not negative, their sum not above 1.
 Result<std::vector<double>> take_weights(Object& object, std::size_t bsdfs, std::vector<Note>& notes) {

@@ -11,7 +11,7 @@
 namespace candela::description {
 namespace {
 
-constexpr int max_element_depth = 64;
+constexpr int max_foreign_depth = 64;
 
 // Whether the parameter has an effect; others are accepted for Mitsuba's sake.
 bool is_used(const PropertyRule* rule) {
@@ -45,9 +45,9 @@ Result<std::shared_ptr<Object>> OtherIntegrator::read(const pugi::xml_node& node
 
 Result<void> OtherIntegrator::walk(const pugi::xml_node& node, std::string_view plugin, Object& into,
                                    int depth) const {
-  if (depth > max_element_depth) {
+  if (depth > max_foreign_depth) {
     const Location where = document.where(node);
-    return input_error(fmt::format("elements are nested deeper than {} levels", max_element_depth))
+    return input_error(fmt::format("elements are nested deeper than {} levels", max_foreign_depth))
         .at(where.file, where.line);
   }
   CANDELA_TRY(count(node));

@@ -12,7 +12,7 @@ namespace {
 
 // Attributes do not grow beyond this by substitution: a hostile scene stays small.
 constexpr std::size_t max_attribute_bytes = std::size_t{16} << 20;
-constexpr std::size_t max_total_bytes = std::size_t{256} << 20;
+constexpr std::size_t max_parameter_bytes = std::size_t{256} << 20;
 
 bool is_name_character(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
@@ -78,9 +78,9 @@ Result<std::string> Parameters::substitute(std::string_view text) {
     result += best->second.text;
     text.remove_prefix(1 + best->first.size());
     total_bytes_ += best->second.text.size();
-    if (total_bytes_ > max_total_bytes)
+    if (total_bytes_ > max_parameter_bytes)
       return input_error(fmt::format("the scene's attributes grow by more than {} bytes by their parameters",
-                                     max_total_bytes));
+                                     max_parameter_bytes));
     if (result.size() > max_attribute_bytes)
       return input_error(
           fmt::format("an attribute grows beyond {} bytes by its parameters", max_attribute_bytes));

@@ -70,10 +70,6 @@ class Parser {
     bool legacy;
   };
 
-  static Error error_at(const Location& where, std::string message) {
-    return input_error(std::move(message)).at(where.file, where.line);
-  }
-
   // ---- files ----
 
   Result<std::unique_ptr<XmlDocument>> load(const std::string& key) {

@@ -12,7 +12,7 @@ namespace {
 
 constexpr int max_height = 128;
 constexpr std::uint64_t max_unfolded = 20'000'000;
-constexpr std::size_t max_notes = 100'000;
+constexpr std::size_t max_resolved_notes = 100'000;
 
 class Resolver {
  public:
@@ -46,7 +46,7 @@ class Resolver {
       const Child child{link.slot, drafts_[target].object};
       if (passed_over_ != nullptr && rule != nullptr &&
           is_for_unknown_parameter(*draft.object, *rule, child)) {
-        if (passed_over_->size() < max_notes)
+        if (passed_over_->size() < max_resolved_notes)
           passed_over_->push_back(
               passed_over_note(unknown_parameter(*draft.object, *rule, link.where, link.slot)));
         continue;
@@ -71,10 +71,6 @@ class Resolver {
     int height = 1;
     std::uint64_t unfolded = 1;
   };
-
-  static Error error_at(const Location& where, std::string message) {
-    return input_error(std::move(message)).at(where.file, where.line);
-  }
 
   Error unknown_id(const Link& link) const {
     std::vector<std::string_view> known;

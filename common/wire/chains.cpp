@@ -1,14 +1,11 @@
 // Conversions of what jobs of Markov chains add to the wire.
 #include <fmt/format.h>
 
+#include "common/wire/field_error.h"
 #include "common/wire/wire.h"
 
 namespace candela::wire {
 namespace {
-
-Error field_error(std::string field, std::string message) {
-  return input_error(std::move(message)).with_field(std::move(field));
-}
 
 // An error of common/chains, with the message's name before its field.
 Error inside(std::string_view message, Error error) {

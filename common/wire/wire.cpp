@@ -8,6 +8,8 @@
 #include <array>
 #include <cmath>
 
+#include "common/wire/field_error.h"
+
 namespace candela::wire {
 namespace {
 
@@ -17,10 +19,6 @@ constexpr std::array<std::string_view, 2> kSamplers = {"independent", "sobol"};
 constexpr std::array<std::string_view, 5> kIsas = {"sse2", "sse4.2", "avx", "avx2", "avx512"};
 constexpr std::size_t kMaxIdentifierBytes = 64;
 constexpr int kMaxScaleLog2 = 1000;  // a double holds 2^1000 and 2^-1000 as normal numbers
-
-Error field_error(std::string_view field, std::string message) {
-  return input_error(std::move(message)).with_field(std::string(field));
-}
 
 // What of a peer's text may be shown in a message: printable, and not long.
 std::string shown(std::string_view text) {

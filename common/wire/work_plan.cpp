@@ -2,16 +2,13 @@
 // needs the job's size.
 #include <fmt/format.h>
 
+#include "common/wire/field_error.h"
 #include "common/wire/wire.h"
 
 namespace candela::wire {
 namespace {
 
 using film::AccumulatorSpec;
-
-Error field_error(std::string field, std::string message) {
-  return input_error(std::move(message)).with_field(std::move(field));
-}
 
 }  // namespace
 

@@ -17,7 +17,7 @@ namespace {
 
 constexpr std::uint32_t kQueueRetryMs = 250;
 constexpr int kMaxHeartbeatUnits = 1024;
-constexpr std::size_t kMaxMessageBytes = 4096;
+constexpr std::size_t kMaxReasonBytes = 4096;
 
 grpc::Status unauthenticated() {
   return {grpc::StatusCode::UNAUTHENTICATED, "this session is not known: register again"};
@@ -44,7 +44,7 @@ bool is_worker(Farm& farm, const std::string& id, const std::string& session) {
 
 std::string clipped(const std::string& text) {
   return std::string(
-      clip_utf8(text, kMaxMessageBytes));  // half a character would make every later answer invalid
+      clip_utf8(text, kMaxReasonBytes));  // half a character would make every later answer invalid
 }
 
 Result<void> check(const v1::RegisterRequest& r) {

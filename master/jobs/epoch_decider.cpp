@@ -10,8 +10,8 @@
 namespace candela::master {
 namespace {
 
-constexpr double kDecideSeconds = 0.05;  // between looks for decisions that are due
-constexpr double kRetrySeconds = 1;      // after one that could not be made
+constexpr double kDecideSeconds = 0.05;      // between looks for decisions that are due
+constexpr double kRetryDecisionSeconds = 1;  // after one that could not be made
 
 Result<void> put_blob(BlobStore& blobs, const std::string& sha256, std::string_view bytes) {
   CANDELA_ASSIGN(const bool there, blobs.check(sha256));
@@ -84,7 +84,7 @@ void EpochDecider::decide_loop() {
         any = true;
         continue;
       }
-      retry_at_[job.job_id] = JobTable::now().seconds + (done.ok() ? kDecideSeconds : kRetrySeconds);
+      retry_at_[job.job_id] = JobTable::now().seconds + (done.ok() ? kDecideSeconds : kRetryDecisionSeconds);
       if (done.ok()) continue;
       const std::string text = done.error().to_string();
       if (std::exchange(reported_error_, text) == text) continue;

@@ -15,13 +15,13 @@
 namespace candela::farm {
 namespace {
 
-constexpr std::uint64_t kIterations = 400;
+constexpr std::uint64_t kDeltaIterations = 400;
 
 class Deltas : public testing::Test {
  protected:
   void start(std::vector<std::string> options = {"--unit-time", "0.05"}) {
     farm_.start_master(std::move(options));
-    id_ = farm_.submit(kIterations);
+    id_ = farm_.submit(kDeltaIterations);
   }
   HandWorker hand(const std::string& name) {
     HandWorker worker(farm_.address(), name);
@@ -31,8 +31,8 @@ class Deltas : public testing::Test {
   void finish() {
     farm_.start_worker("honest", 2);
     farm_.wait_for(id_, v1::JOB_STATE_DONE);
-    expect_identical(farm_.fetch(id_), farm_.render(kIterations), "after everything");
-    farm_.audit(id_, kIterations);
+    expect_identical(farm_.fetch(id_), farm_.render(kDeltaIterations), "after everything");
+    farm_.audit(id_, kDeltaIterations);
   }
   // One bad push, its verdict, then an honest delivery by the same worker, so that no unit fails time and
   // again.

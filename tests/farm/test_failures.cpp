@@ -17,12 +17,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uint64_t kIterations = 60;
+constexpr std::uint64_t kFewIterations = 60;
 const std::vector<std::string> kMasterOptions{"--unit-time", "0.1",          "--checkpoint-interval",
                                               "0.2",         "--lease-time", "2"};
 
 // The process may write no file beyond so many bytes: a full disk, as far as it can see.
-void limit_files(const Process& process, bool limited) {
+void limit_cache_files(const Process& process, bool limited) {
   rlimit limit{};
   ASSERT_EQ(::prlimit(process.pid(), RLIMIT_FSIZE, nullptr, &limit), 0);
   limit.rlim_cur = limited ? 256 : limit.rlim_max;
@@ -41,8 +41,8 @@ TEST(Failures, AFullCacheDisk) {
   farm.start_master(kMasterOptions);
   Process& worker = farm.start_worker("narrow");
   ASSERT_TRUE(eventually(30, [&] { return farm.workers().size() == 1; }));
-  limit_files(worker, true);
-  const std::string id = farm.submit(kIterations);
+  limit_cache_files(worker, true);
+  const std::string id = farm.submit(kFewIterations);
   ASSERT_TRUE(eventually(60, [&] {
     const auto status = farm.job(id);
     return status.failures_size() > 0 && status.failures(0).count() >= 3;
@@ -55,11 +55,11 @@ TEST(Failures, AFullCacheDisk) {
     EXPECT_NE(shown.find(part), std::string::npos) << shown;
   EXPECT_NE(farm.candela({"workers"}).out.find("place: "), std::string::npos);
   EXPECT_TRUE(told(farm, id, "waiting"));
-  limit_files(worker, false);
+  limit_cache_files(worker, false);
   EXPECT_EQ(farm.candela({"resume", id}).exit_code, 0);
   farm.wait_for(id, v1::JOB_STATE_DONE, 30);
-  expect_identical(farm.fetch(id), farm.render(kIterations), "after a full cache disk");
-  farm.audit(id, kIterations);
+  expect_identical(farm.fetch(id), farm.render(kFewIterations), "after a full cache disk");
+  farm.audit(id, kFewIterations);
 }
 
 // Claim: a scene file that rots on the master's disk holds the job up, is named, and is mended by submitting
@@ -67,7 +67,7 @@ TEST(Failures, AFullCacheDisk) {
 TEST(Failures, ARottenSceneFile) {
   Farm farm;
   farm.start_master(kMasterOptions);
-  const std::string id = farm.submit(kIterations);
+  const std::string id = farm.submit(kFewIterations);
   std::size_t spoilt = 0;
   for (const auto& e : fs::recursive_directory_iterator(farm.folder() / "data" / "blobs"))
     if (e.is_regular_file()) {
@@ -83,11 +83,11 @@ TEST(Failures, ARottenSceneFile) {
   EXPECT_EQ(farm.worker("one").units_failed(), 0U);
   for (int i = 0; i < 3; ++i) {  // a scene may have several files: each is missed when it is read
     if (farm.job(id).message().find("submit the scene again") == std::string::npos) break;
-    const std::string again = farm.submit(kIterations, "cornell", {}, 8);
+    const std::string again = farm.submit(kFewIterations, "cornell", {}, 8);
     eventually(5, [&] { return farm.job(again).state() == v1::JOB_STATE_DONE; });
   }
   farm.wait_for(id, v1::JOB_STATE_DONE);
-  expect_identical(farm.fetch(id), farm.render(kIterations), "after rot");
+  expect_identical(farm.fetch(id), farm.render(kFewIterations), "after rot");
 }
 
 // Claim: a worker whose cache somebody removes renders the next job as if nothing had been.
@@ -97,7 +97,7 @@ TEST(Failures, ARemovedCache) {
   farm.start_worker("one");
   farm.wait_for(farm.submit(4), v1::JOB_STATE_DONE);
   fs::remove_all(farm.folder() / "cache-one");
-  const std::string id = farm.submit(kIterations, "furnace");
+  const std::string id = farm.submit(kFewIterations, "furnace");
   farm.wait_for(id, v1::JOB_STATE_DONE);
   EXPECT_EQ(farm.job(id).failures_size(), 0);
 }

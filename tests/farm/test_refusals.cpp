@@ -15,7 +15,7 @@
 namespace candela::farm {
 namespace {
 
-std::string slurp(const std::filesystem::path& path) {
+std::string read_text(const std::filesystem::path& path) {
   std::ifstream file(path);
   std::ostringstream text;
   text << file.rdbuf();
@@ -284,9 +284,9 @@ TEST(Tls, MutualOrNothing) {
   farm.start_master(options);
   farm.set_client_options(certificates.options("client"));
   grpc::SslCredentialsOptions ssl;
-  ssl.pem_root_certs = slurp(certificates.file("ca.pem"));
-  ssl.pem_private_key = slurp(certificates.file("client.key"));
-  ssl.pem_cert_chain = slurp(certificates.file("client.pem"));
+  ssl.pem_root_certs = read_text(certificates.file("ca.pem"));
+  ssl.pem_private_key = read_text(certificates.file("client.key"));
+  ssl.pem_cert_chain = read_text(certificates.file("client.pem"));
   farm.set_credentials(grpc::SslCredentials(ssl));
 
   farm.start_worker("trusted", 2, certificates.options("client"));

@@ -11,12 +11,12 @@
 namespace candela::farm {
 namespace {
 
-const std::vector<std::string> kShortUnits = {"--unit-time", "0.05",         "--checkpoint-interval",
-                                              "0.2",         "--lease-time", "3"};
+const std::vector<std::string> kShortLeases = {"--unit-time", "0.05",         "--checkpoint-interval",
+                                               "0.2",         "--lease-time", "3"};
 
 class Steering : public testing::Test {
  protected:
-  void start(std::uint64_t iterations, std::vector<std::string> options = kShortUnits) {
+  void start(std::uint64_t iterations, std::vector<std::string> options = kShortLeases) {
     farm_.start_master(std::move(options));
     farm_.start_worker("one");
     id_ = farm_.submit(iterations);
@@ -121,7 +121,7 @@ TEST_F(Steering, CancelKeepsWhatIsThere) {
 
 // Claim: submitting again with the same token makes no second job; with other content it is refused.
 TEST_F(Steering, TokenMakesSubmitSafeToRepeat) {
-  farm_.start_master(kShortUnits);
+  farm_.start_master(kShortLeases);
   const std::string first = farm_.submit(16, "cornell", {"--token", "t-1"});
   EXPECT_EQ(farm_.submit(16, "cornell", {"--token", "t-1"}), first);
   EXPECT_EQ(nlohmann::json::parse(tell({"list", "--json"})).dump().find("\"t-1\""), std::string::npos);
@@ -135,7 +135,7 @@ TEST_F(Steering, TokenMakesSubmitSafeToRepeat) {
 // Claim: a drained worker leaves by itself, with its unit delivered; the job goes on elsewhere.
 TEST_F(Steering, Drain) {
   constexpr std::uint64_t iterations = 2000;
-  farm_.start_master(kShortUnits);
+  farm_.start_master(kShortLeases);
   Process& leaving = farm_.start_worker("leaving");
   id_ = farm_.submit(iterations);
   farm_.wait_for_iterations(id_, 1);

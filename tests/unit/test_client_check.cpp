@@ -9,16 +9,12 @@
 
 #include "client/embedded/app.h"
 #include "common/image/image.h"
+#include "tests/unit/client_outcome.h"
 
 namespace candela::client {
 namespace {
 
 namespace fs = std::filesystem;
-
-struct Outcome {
-  int code;
-  std::string out, err;
-};
 
 class Check : public testing::Test {
  protected:

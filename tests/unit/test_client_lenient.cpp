@@ -9,16 +9,12 @@
 #include <sstream>
 
 #include "client/embedded/app.h"
+#include "tests/unit/client_outcome.h"
 
 namespace candela::client {
 namespace {
 
 namespace fs = std::filesystem;
-
-struct Outcome {
-  int code;
-  std::string out, err;
-};
 
 class ForeignScenes : public testing::Test {
  protected:

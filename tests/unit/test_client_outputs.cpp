@@ -10,16 +10,12 @@
 #include "client/embedded/app.h"
 #include "client/output.h"
 #include "common/base/files.h"
+#include "tests/unit/client_outcome.h"
 
 namespace candela::client {
 namespace {
 
 namespace fs = std::filesystem;
-
-struct Outcome {
-  int code;
-  std::string out, err;
-};
 
 class Outputs : public testing::Test {
  protected:

@@ -16,16 +16,12 @@
 #include "client/json.h"
 #include "client/output.h"
 #include "client/progress.h"
+#include "tests/unit/client_outcome.h"
 
 namespace candela::client {
 namespace {
 
 namespace fs = std::filesystem;
-
-struct Outcome {
-  int code;
-  std::string out, err;
-};
 
 Outcome run(std::vector<std::string> arguments) {
   arguments.insert(arguments.begin(), "candela");

@@ -12,7 +12,7 @@
 namespace candela::stats {
 namespace {
 
-constexpr film::Layout kLayout{24, 16, 1};
+constexpr film::Layout kSmall{24, 16, 1};
 
 // Means of the pixels: bright, dim and black ones.
 float mean_of(std::uint32_t x, std::uint32_t c) {
@@ -22,16 +22,16 @@ float mean_of(std::uint32_t x, std::uint32_t c) {
 // A film of n0 and n1 iterations of exponentially distributed samples: the variance of one is its mean
 // squared.
 film::MergedFilm render(std::uint64_t seed, std::uint64_t n0, std::uint64_t n1) {
-  film::MergedFilm film(kLayout, 24);
+  film::MergedFilm film(kSmall, 24);
   for (std::uint32_t half = 0; half < 2; ++half) {
     const std::uint64_t count = half == 0 ? n0 : n1;
     if (count == 0) continue;
-    film::UnitFilm unit(kLayout, 24);
+    film::UnitFilm unit(kSmall, 24);
     film::Tallies tallies;
     for (std::uint64_t i = 0; i < count; ++i) {
       rng::Stream stream(rng::key(seed, half, i));
-      for (std::uint32_t y = 0; y < kLayout.height; ++y) {
-        for (std::uint32_t x = 0; x < kLayout.width; ++x) {
+      for (std::uint32_t y = 0; y < kSmall.height; ++y) {
+        for (std::uint32_t x = 0; x < kSmall.width; ++x) {
           std::array<float, 3> rgb{};
           for (std::uint32_t c = 0; c < 3; ++c) rgb[c] = -mean_of(x, c) * std::log(1 - stream.next_float());
           EXPECT_TRUE(unit.add(0, x, y, rgb, rng::key(seed, half, i, y, x), tallies));
@@ -40,7 +40,7 @@ film::MergedFilm render(std::uint64_t seed, std::uint64_t n0, std::uint64_t n1) 
     }
     film::DeltaInfo info;
     info.unit = {Unit::Kind::iterations, half, 0, count};
-    const auto delta = film::Delta::decode(film::encode_delta(unit, info), kLayout);
+    const auto delta = film::Delta::decode(film::encode_delta(unit, info), kSmall);
     EXPECT_TRUE(delta.ok());
     EXPECT_TRUE(film.merge(*delta).ok());
   }
@@ -50,14 +50,14 @@ film::MergedFilm render(std::uint64_t seed, std::uint64_t n0, std::uint64_t n1) 
 // Claim: the error is the image's: further layers, however noisy, change neither estimate nor map, and the
 // copy of the image alone has the image's sums, counts and iterations.
 TEST(EstimateError, LooksAtTheImageAlone) {
-  constexpr film::Layout kLayered{kLayout.width, kLayout.height, 3};
-  film::MergedFilm plain(kLayout, 24), layered(kLayered, 24);
+  constexpr film::Layout kLayered{kSmall.width, kSmall.height, 3};
+  film::MergedFilm plain(kSmall, 24), layered(kLayered, 24);
   for (std::uint32_t half = 0; half < 2; ++half) {
-    film::UnitFilm a(kLayout, 24), b(kLayered, 24);
+    film::UnitFilm a(kSmall, 24), b(kLayered, 24);
     film::Tallies tallies;
     rng::Stream stream(rng::key(8, half));
-    for (std::uint32_t y = 0; y < kLayout.height; ++y) {
-      for (std::uint32_t x = 0; x < kLayout.width; ++x) {
+    for (std::uint32_t y = 0; y < kSmall.height; ++y) {
+      for (std::uint32_t x = 0; x < kSmall.width; ++x) {
         const float v = stream.next_float();
         a.add(0, x, y, {v, 1, 0}, x, tallies);
         b.add(0, x, y, {v, 1, 0}, x, tallies);
@@ -69,7 +69,7 @@ TEST(EstimateError, LooksAtTheImageAlone) {
     a.count(tallies);
     b.count(tallies);
     const Unit unit{Unit::Kind::iterations, half, 0, 2 + half};
-    const auto of_a = film::Delta::decode(film::encode_delta(a, {unit, kLayout, 24, "", ""}), kLayout);
+    const auto of_a = film::Delta::decode(film::encode_delta(a, {unit, kSmall, 24, "", ""}), kSmall);
     const auto of_b = film::Delta::decode(film::encode_delta(b, {unit, kLayered, 24, "", ""}), kLayered);
     ASSERT_TRUE(of_a.ok() && of_b.ok());
     ASSERT_TRUE(plain.merge(*of_a).ok() && layered.merge(*of_b).ok());
@@ -88,8 +88,8 @@ TEST(EstimateError, LooksAtTheImageAlone) {
 TEST(EstimateError, IsUnbiased) {
   constexpr int kSeeds = 150;
   double variance = 0;  // of one iteration, mean over the values
-  for (std::uint32_t x = 0; x < kLayout.width; ++x) {
-    for (std::uint32_t c = 0; c < 3; ++c) variance += std::pow(mean_of(x, c), 2) / (kLayout.width * 3.0);
+  for (std::uint32_t x = 0; x < kSmall.width; ++x) {
+    for (std::uint32_t c = 0; c < 3; ++c) variance += std::pow(mean_of(x, c), 2) / (kSmall.width * 3.0);
   }
   for (const auto& [n0, n1] : {std::pair<std::uint64_t, std::uint64_t>{4, 4}, {7, 2}}) {
     const double truth = variance / static_cast<double>(n0 + n1);
@@ -102,7 +102,7 @@ TEST(EstimateError, IsUnbiased) {
       const std::vector<float> image = film.develop(0);
       double error = 0;
       for (std::size_t i = 0; i < image.size(); ++i) {
-        const double exact = mean_of(static_cast<std::uint32_t>(i / 3 % kLayout.width), i % 3);
+        const double exact = mean_of(static_cast<std::uint32_t>(i / 3 % kSmall.width), i % 3);
         error += std::pow(image[i] - exact, 2) / static_cast<double>(image.size());
       }
       difference_sum += estimate - error;
@@ -194,11 +194,11 @@ TEST(EstimateError, KnowsItsLimits) {
   EXPECT_TRUE(std::isnan(estimate_error(render(1, 0, 0)).relmse));
   EXPECT_TRUE(std::isnan(estimate_error(render(1, 3, 0)).relmse));
   EXPECT_TRUE(std::isnan(error_map(render(1, 0, 3))[7]));
-  film::MergedFilm black(kLayout, 24);
+  film::MergedFilm black(kSmall, 24);
   for (std::uint32_t half = 0; half < 2; ++half) {
     film::DeltaInfo info;
     info.unit = {Unit::Kind::iterations, half, 0, 1};
-    const auto delta = film::Delta::decode(film::encode_delta(film::UnitFilm(kLayout, 24), info), kLayout);
+    const auto delta = film::Delta::decode(film::encode_delta(film::UnitFilm(kSmall, 24), info), kSmall);
     ASSERT_TRUE(black.merge(*delta).ok());
   }
   EXPECT_EQ(estimate_error(black).relmse, 0.0);

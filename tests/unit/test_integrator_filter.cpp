@@ -16,12 +16,12 @@
 namespace candela::film {
 namespace {
 
-struct Case {
+struct FilterCase {
   std::string name;
   SettingsMap settings;
   bool negative;
 };
-const std::vector<Case> kCases = {
+const std::vector<FilterCase> kCases = {
     {"box", {}, false},
     {"box", {{"radius", "1.25"}}, false},
     {"tent", {}, false},
@@ -36,7 +36,7 @@ const std::vector<Case> kCases = {
     {"lanczos", {{"lobes", "5"}}, true},
 };
 
-PixelFilter make(const Case& c) {
+PixelFilter make(const FilterCase& c) {
   auto filter = PixelFilter::create(c.name, c.settings);
   EXPECT_TRUE(filter.ok()) << c.name;
   return *filter;
@@ -50,7 +50,7 @@ double integrate(double a, double b, int n, const F& f) {
 }
 
 TEST(PixelFilters, IntegrateToOne) {
-  for (const Case& c : kCases) {
+  for (const FilterCase& c : kCases) {
     const PixelFilter filter = make(c);
     const double r = filter.radius();
     EXPECT_NEAR(integrate(-r, r, 20000, [&](double x) { return filter.eval_1d(x); }), 1, 1e-6) << c.name;
@@ -80,7 +80,7 @@ TEST(PixelFilters, AreMitsubas) {
 
 TEST(PixelFilters, SamplesFollowTheirDensity) {
   std::uint64_t seed = 0;
-  for (const Case& c : kCases) {
+  for (const FilterCase& c : kCases) {
     const PixelFilter filter = make(c);
     const double r = filter.radius();
     constexpr int kBins = 20, kSamples = 200000;
@@ -130,7 +130,7 @@ TEST(PixelFilters, SamplesFollowTheirDensity) {
 
 // A position gives pixels in all: 1 where the filter's shifts sum to one; on average always.
 TEST(PixelFilters, SplatsOfAPositionSumToOneOnAverage) {
-  for (const Case& c : kCases) {
+  for (const FilterCase& c : kCases) {
     const PixelFilter filter = make(c);
     double mean = 0;
     constexpr int kSteps = 32;

@@ -16,18 +16,18 @@ namespace {
 namespace fs = std::filesystem;
 using Per = film::AccumulatorSpec::Per;
 
-constexpr film::Layout kLayout{40, 8, 1};
+constexpr film::Layout kWide{40, 8, 1};
 const std::vector<film::AccumulatorSpec> kSpecs{{"moments", 2, 8, Per::epoch}, {"matrix", 1, 0, Per::job}};
 const std::string kHash(64, 'a');
 
 // Unit [i, i + 1) of a half, in epoch i / 4.
 film::Delta delta_of(std::uint32_t half, std::uint64_t i) {
-  film::UnitFilm film(kLayout, 10);
-  film::UnitAccumulator moments(kLayout.width, kLayout.height, kSpecs[0]);
-  film::UnitAccumulator matrix(kLayout.width, kLayout.height, kSpecs[1]);
+  film::UnitFilm film(kWide, 10);
+  film::UnitAccumulator moments(kWide.width, kWide.height, kSpecs[0]);
+  film::UnitAccumulator matrix(kWide.width, kWide.height, kSpecs[1]);
   film::Tallies tallies;
   const std::uint64_t key = rng::key(half, i);
-  const auto x = static_cast<std::uint32_t>(key % kLayout.width);
+  const auto x = static_cast<std::uint32_t>(key % kWide.width);
   film.splat(0, x, 3, {1, 2, 3}, key, tallies);
   moments.add(x, 3, 0, std::array<double, 2>{0.5, 0.25}, key, tallies);
   matrix.add(x, 3, 0, std::array<double, 1>{7}, key, tallies);
@@ -37,7 +37,7 @@ film::Delta delta_of(std::uint32_t half, std::uint64_t i) {
   writer.accumulator(moments, i / 4);
   writer.accumulator(matrix, 0);
   writer.counts(tallies);
-  auto delta = film::Delta::decode(writer.finish(), {kLayout, kSpecs});
+  auto delta = film::Delta::decode(writer.finish(), {kWide, kSpecs});
   EXPECT_TRUE(delta.ok()) << delta.error().to_string();
   return std::move(*delta);
 }
@@ -46,13 +46,13 @@ std::int64_t total(const JobFilm& film, std::string_view name, std::uint64_t par
   const auto sums = film.accumulator(name, part);
   if (!sums) return -1;
   std::int64_t sum = 0;
-  for (std::uint32_t y = 0; y < kLayout.height; ++y)
-    for (std::uint32_t x = 0; x < kLayout.width; ++x) sum += static_cast<std::int64_t>(sums->sum(x, y, 0));
+  for (std::uint32_t y = 0; y < kWide.height; ++y)
+    for (std::uint32_t x = 0; x < kWide.width; ++x) sum += static_cast<std::int64_t>(sums->sum(x, y, 0));
   return sum;
 }
 
 JobFilm job_film(const fs::path& folder) {
-  return JobFilm(folder, kLayout, 10, &write_file_atomically, CheckpointShape{0, kSpecs});
+  return JobFilm(folder, kWide, 10, &write_file_atomically, CheckpointShape{0, kSpecs});
 }
 
 // Claim: film and accumulators change together or not at all; a sum of each epoch has the units of that epoch
@@ -76,12 +76,12 @@ TEST(JobAccumulators, FollowTheFilm) {
   EXPECT_EQ(total(film, "matrix", 0), 6 * 7);
   EXPECT_EQ(total(film, "matrix", 1), 7);
   std::int64_t before = 0;
-  for (std::uint32_t x = 0; x < kLayout.width; ++x) before += static_cast<std::int64_t>(held->sum(x, 3, 0));
+  for (std::uint32_t x = 0; x < kWide.width; ++x) before += static_cast<std::int64_t>(held->sum(x, 3, 0));
   EXPECT_EQ(before, 2 * 128);
 
-  film::UnitFilm alone(kLayout, 10);
+  film::UnitFilm alone(kWide, 10);
   const auto plain = film::Delta::decode(
-      film::encode_delta(alone, {{Unit::Kind::iterations, 1, 9, 10}, {}, 0, "j", "b"}), kLayout);
+      film::encode_delta(alone, {{Unit::Kind::iterations, 1, 9, 10}, {}, 0, "j", "b"}), kWide);
   ASSERT_TRUE(plain.ok());
   EXPECT_EQ(film.merge(*plain).error().field, "accumulators");
   EXPECT_FALSE(film.account().merged[1].intersects(9, 10));
@@ -126,7 +126,7 @@ TEST(JobAccumulators, AreInTheCheckpoint) {
     EXPECT_FALSE(parse_checkpoint(bad, shape).ok()) << i;
     EXPECT_FALSE(parse_checkpoint(std::string_view(bytes).substr(0, i), shape).ok()) << i;
   }
-  const film::MergedFilm plain(kLayout, 10);
+  const film::MergedFilm plain(kWide, 10);
   EXPECT_TRUE(encode_checkpoint(plain, {}) == plain.serialise());
   EXPECT_TRUE(parse_checkpoint(plain.serialise(), shape).ok());
 }

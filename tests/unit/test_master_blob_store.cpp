@@ -2,25 +2,18 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
-#include <fstream>
 #include <functional>
 #include <vector>
 
 #include "master/store/blob_store.h"
 #include "tests/temporary_folder.h"
+#include "tests/unit/flip_a_bit.h"
 
 namespace candela::master {
 namespace {
 
 namespace fs = std::filesystem;
-
-void flip_a_bit(const fs::path& path, std::uint64_t at) {
-  std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
-  file.seekg(static_cast<std::streamoff>(at));
-  const auto byte = static_cast<char>(file.get() ^ 1);
-  file.seekp(static_cast<std::streamoff>(at)).put(byte);
-  ASSERT_TRUE(file.flush().good());
-}
+using test::flip_a_bit;
 
 class BlobStoreTest : public testing::Test {
  protected:

@@ -4,22 +4,15 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
 
+#include "tests/unit/flip_a_bit.h"
 #include "tests/unit/master_fixture.h"
 
 namespace candela::master {
 namespace {
 
 namespace fs = std::filesystem;
-
-void flip_a_bit(const fs::path& path, std::uint64_t at) {
-  std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
-  file.seekg(static_cast<std::streamoff>(at));
-  const auto byte = static_cast<char>(file.get() ^ 1);
-  file.seekp(static_cast<std::streamoff>(at)).put(byte);
-  ASSERT_TRUE(file.flush().good());
-}
+using test::flip_a_bit;
 
 class MasterBlobs : public MasterTest {
  protected:

@@ -1,0 +1,13 @@
+// What one call of the program left.
+#pragma once
+
+#include <string>
+
+namespace candela::client {
+
+struct Outcome {
+  int code;
+  std::string out, err;
+};
+
+}  // namespace candela::client
