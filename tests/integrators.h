@@ -1,8 +1,10 @@
 // The integrators as tests know them, one row each. A new integrator is a row here, and is then in the tests
-// of exactness, of the farm, of stress and of golden films. unit_integrator compares the rows with the
-// registry.
+// of exactness, of the farm, of stress, of pictures and of golden films. The fields of the short form say
+// which expensive tests continuous integration runs for it; the long form (CANDELA_LONG=1) runs all.
+// unit_integrator compares the rows with the registry.
 #pragma once
 
+#include <cstdint>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -10,6 +12,10 @@
 #include <vector>
 
 namespace candela::test {
+
+// On which scenes of transport/ the short form compares an integrator's picture with others: on all, on
+// three, on none; or no form does, because tests of its own do.
+enum class Pictures { everywhere, some, nightly, own_tests };
 
 struct IntegratorRow {
   std::string name;
@@ -20,21 +26,59 @@ struct IntegratorRow {
   double farm_share = 1;
   // Settings for which a few pixels are a small job.
   std::vector<std::pair<std::string, std::string>> small = {};
+  // The integrator whose scenes and radii are its own too; empty: none other.
+  std::string like = {};
+
+  // The short form.
+  Pictures pictures = Pictures::nightly;
+  std::vector<std::string> unit_times = {};  // seconds of the units of which a farm makes the picture
+  // How often a job's master dies, 20: its workers die, sleep and leave too. 0: all of that is left to the
+  // long form.
+  int deaths = 0;
+  // Iterations of a job of the soak, some seconds of work; 0: the soak, long or short, does without it.
+  std::uint64_t soak_iterations = 0;
+
+  const std::string& family() const { return like.empty() ? name : like; }
 };
 
 inline const std::vector<IntegratorRow>& integrators() {
   static const std::vector<std::pair<std::string, std::string>> few_chains = {
       {"chains", "8"}, {"bootstrap", "400"}, {"mutations", "1"}, {"direct_samples", "1"}};
   static const std::vector<IntegratorRow> rows = {
-      {.name = "path"},
-      {.name = "light", .farm_share = 0.2},
-      {.name = "bdpt", .farm_share = 0.2},
-      {.name = "ppm", .merges = true, .farm_share = 0.2},
-      {.name = "bpm", .merges = true, .farm_share = 0.2},
-      {.name = "vcm", .merges = true, .farm_share = 0.2},
-      {.name = "optimis"},
-      {.name = "pssmlt", .chains = true, .farm_share = 0.04, .small = few_chains},
-      {.name = "mmlt", .chains = true, .farm_share = 0.04, .small = few_chains},
+      {.name = "path",
+       .pictures = Pictures::everywhere,
+       .unit_times = {"0.01", "0.3", "5"},
+       .deaths = 20,
+       .soak_iterations = 2500},
+      {.name = "light", .farm_share = 0.2, .pictures = Pictures::everywhere},
+      {.name = "bdpt",
+       .farm_share = 0.2,
+       .pictures = Pictures::everywhere,
+       .unit_times = {"0.01"},
+       .deaths = 5},
+      {.name = "ppm", .merges = true, .farm_share = 0.2, .pictures = Pictures::everywhere},
+      {.name = "bpm", .merges = true, .farm_share = 0.2, .pictures = Pictures::everywhere},
+      {.name = "vcm",
+       .merges = true,
+       .farm_share = 0.2,
+       .pictures = Pictures::everywhere,
+       .unit_times = {"0.01", "0.3"},
+       .deaths = 5,
+       .soak_iterations = 400},
+      {.name = "optimis", .like = "path", .pictures = Pictures::own_tests},
+      {.name = "pssmlt",
+       .chains = true,
+       .farm_share = 0.04,
+       .small = few_chains,
+       .unit_times = {"0.01"},
+       .deaths = 20,
+       .soak_iterations = 30},
+      {.name = "mmlt",
+       .chains = true,
+       .farm_share = 0.04,
+       .small = few_chains,
+       .unit_times = {"0.3"},
+       .deaths = 5},
   };
   return rows;
 }

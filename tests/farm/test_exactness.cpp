@@ -78,11 +78,19 @@ INSTANTIATE_TEST_SUITE_P(, Fleets, testing::ValuesIn(fleets()), [](const testing
          std::to_string(one.param.threads) + "Threads";
 });
 
-class UnitTimes : public testing::TestWithParam<std::pair<const char*, const char*>> {};
+using UnitTime = std::pair<std::string, std::string>;  // seconds, integrator
+std::vector<UnitTime> unit_times() {
+  std::vector<UnitTime> result;
+  for (const test::IntegratorRow& row : test::integrators())
+    for (const std::string& seconds : row.unit_times) result.emplace_back(seconds, row.name);
+  return result;
+}
+
+class UnitTimes : public testing::TestWithParam<UnitTime> {};
 
 // Claim: the pixels do not depend on how the iterations are cut into units.
 TEST_P(UnitTimes, SamePixels) {
-  const auto [seconds, integrator] = GetParam();
+  const auto& [seconds, integrator] = GetParam();
   ASSERT_TRUE(built(integrator)) << integrator;
   const std::uint64_t iterations = iterations_of(integrator);
   Farm farm;
@@ -95,17 +103,12 @@ TEST_P(UnitTimes, SamePixels) {
   farm.audit(id, iterations);
 }
 
-INSTANTIATE_TEST_SUITE_P(, UnitTimes,
-                         testing::Values(std::pair("0.01", "path"), std::pair("0.3", "path"),
-                                         std::pair("5", "path"), std::pair("0.01", "bdpt"),
-                                         std::pair("0.01", "vcm"), std::pair("0.3", "vcm"),
-                                         std::pair("0.01", "pssmlt"), std::pair("0.3", "mmlt")),
-                         [](const auto& one) {
-                           std::string name = one.param.first;
-                           std::replace(name.begin(), name.end(), '.', '_');
-                           const std::string integrator = one.param.second;
-                           return (integrator == "path" ? "" : integrator) + "Seconds" + name;
-                         });
+INSTANTIATE_TEST_SUITE_P(, UnitTimes, testing::ValuesIn(unit_times()), [](const auto& one) {
+  std::string name = one.param.first;
+  std::replace(name.begin(), name.end(), '.', '_');
+  const std::string& integrator = one.param.second;
+  return (integrator == "path" ? "" : integrator) + "Seconds" + name;
+});
 
 // Claim: the pixels do not depend on the order in which units arrive. One worker takes up to five leases at a
 // time and delivers them backwards.
@@ -159,13 +162,17 @@ TEST(Jobs, ThreeAtOnce) {
   }
 }
 
+bool long_form() {
+  return std::getenv("CANDELA_LONG") != nullptr;
+}
+
 // A job that lasts for the events of a death, given the iterations that `path` needs for that. The farm knows
 // iterations and chains: one integrator of each kind goes through all deaths, and loses its master twenty
-// times. The others lose it five times; with CANDELA_LONG=1 they do as the two.
+// times. The others lose it as often as their rows say; with CANDELA_LONG=1 all do as the two.
 struct Work {
   std::string integrator;
   int short_deaths;
-  int deaths() const { return std::getenv("CANDELA_LONG") != nullptr ? 20 : short_deaths; }
+  int deaths() const { return long_form() ? 20 : short_deaths; }
   std::uint64_t of(std::uint64_t iterations) const {
     return static_cast<std::uint64_t>(test::integrator_row(integrator).farm_share *
                                       static_cast<double>(iterations));
@@ -177,9 +184,7 @@ void PrintTo(const Work& work, std::ostream* out) {
 
 class Deaths : public testing::TestWithParam<Work> {
  protected:
-  static bool left_to_the_long_form() {
-    return GetParam().short_deaths < 20 && std::getenv("CANDELA_LONG") == nullptr;
-  }
+  static bool left_to_the_long_form() { return GetParam().short_deaths < 20 && !long_form(); }
   void SetUp() override { ASSERT_TRUE(built(GetParam().integrator)) << GetParam().integrator; }
 };
 
@@ -290,9 +295,13 @@ TEST_P(Deaths, WorkerStoppedPastItsLease) {
   farm.audit(id, iterations);
 }
 
-INSTANTIATE_TEST_SUITE_P(, Deaths,
-                         testing::Values(Work{"path", 20}, Work{"bdpt", 5}, Work{"vcm", 5},
-                                         Work{"pssmlt", 20}, Work{"mmlt", 5}),
+std::vector<Work> works() {
+  std::vector<Work> result;
+  for (const test::IntegratorRow& row : test::integrators())
+    if (row.deaths > 0 || long_form()) result.push_back({row.name, row.deaths});
+  return result;
+}
+INSTANTIATE_TEST_SUITE_P(, Deaths, testing::ValuesIn(works()),
                          [](const auto& one) { return one.param.integrator; });
 
 }  // namespace

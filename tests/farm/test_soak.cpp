@@ -20,6 +20,7 @@
 #include <thread>
 
 #include "tests/farm/farm.h"
+#include "tests/integrators.h"
 
 namespace candela::farm {
 namespace {
@@ -35,15 +36,23 @@ std::uint64_t number_from(const char* variable, std::uint64_t otherwise) {
 }
 
 struct Kind {
-  const char* integrator;
-  std::uint64_t iterations;  // some seconds of work
+  std::string integrator;
+  std::uint64_t iterations;
   std::vector<std::string> options;
 };
+std::vector<Kind> kinds_of_rows() {
+  std::vector<Kind> all;
+  for (const test::IntegratorRow& row : test::integrators()) {
+    if (row.soak_iterations == 0) continue;
+    all.push_back({row.name, row.soak_iterations, {"--integrator", row.name}});
+    if (row.chains)
+      for (const char* word : {"--set", "chains=64", "--set", "bootstrap=2000"})
+        all.back().options.emplace_back(word);
+  }
+  return all;
+}
 const std::vector<Kind>& kinds() {
-  static const std::vector<Kind> all = {
-      {"path", 2500, {"--integrator", "path"}},
-      {"vcm", 400, {"--integrator", "vcm"}},
-      {"pssmlt", 30, {"--integrator", "pssmlt", "--set", "chains=64", "--set", "bootstrap=2000"}}};
+  static const std::vector<Kind> all = kinds_of_rows();
   return all;
 }
 

@@ -57,7 +57,8 @@ double nightly_seconds() {
 // all of it. With enough, half the radius leaves a quarter of the bias, and so most of the 0.5 % to noise.
 Merging merging(std::string_view integrator) {
   const bool full = long_form() && nightly_seconds() >= 300;
-  if (integrator == "vcm") return full ? Merging{0.005, 0.001} : Merging{0.01, 0.003};
+  if (test::integrator_row(integrator).family() == "vcm")
+    return full ? Merging{0.005, 0.001} : Merging{0.01, 0.003};
   if (full) return {0.005, 0.001, 16};
   return long_form() ? Merging{0.01, 0.003, 4} : Merging{0.03, 0.02, 2};
 }
@@ -181,24 +182,19 @@ TEST_P(Integrators, Agree) {
   const std::vector<std::string> nightly_order = {"bdpt", "path", "vcm", "bpm", "ppm"};
   std::string reference;
   double margin = 0;
-  std::map<std::string, unsigned, std::less<>> bits;
-  for (const auto& [bit, known] : kTransportIntegrators) {
-    bits.emplace(known, bit);
-    if ((entry.complete & bit) != 0) margin = std::max(margin, margin_of(known));
-  }
+  for (const std::string& name : compared_on(entry, long_form())) margin = std::max(margin, margin_of(name));
   for (const std::string& name : long_form() ? nightly_order : short_order)
-    if (reference.empty() && (good & bits.at(name)) != 0) reference = name;
+    if (reference.empty() && (good & transport_bit(name)) != 0) reference = name;
   ASSERT_FALSE(reference.empty()) << "no integrator renders this scene";
   const Contest right = enter(scene, reference, 1, 1 - kShareOfTested, margin + margin_of(reference));
   std::printf("%s (%s)\n", std::string(entry.name).c_str(), std::string(entry.hazard).c_str());
   std::optional<Contest> path;
   std::size_t others = 0;
-  for (const auto& [bit, known] : kTransportIntegrators) {
-    const std::string name(known);
-    if ((entry.complete & bit) == 0 || name == reference) continue;
+  for (const std::string& name : compared_on(entry, long_form())) {
+    if (name == reference) continue;
     ++others;
     SCOPED_TRACE(fmt::format("{}, {}", entry.name, name));
-    const bool slow = (entry.slow & bit) != 0;
+    const bool slow = (entry.slow & transport_bit(name)) != 0;
     const double both = margin_of(name) + margin_of(reference);
     const Contest tested = enter(scene, name, 2 + others, kShareOfTested, both);
     expect_agreement(tested, right, slow, both);
@@ -235,13 +231,13 @@ TEST_P(Plans, FullAgreesWithAuto) {
   const TransportScene& entry = entry_of(GetParam());
   const TestScene scene = load(entry.name);
   std::size_t tried = 0;
-  for (const auto& [bit, known] : kTransportIntegrators) {
-    const std::string name(known);
-    if ((entry.complete & bit) == 0 || !has_setting(name, "plan")) continue;
+  for (const std::string& name : compared_on(entry, long_form())) {
+    if (!has_setting(name, "plan")) continue;
     SCOPED_TRACE(fmt::format("{}, {}", entry.name, name));
     const double margin = margin_of(name);
     expect_agreement(enter(scene, name, 11 + tried, 0.5, margin, {{"plan", "full"}}),
-                     enter(scene, name, 21 + tried, 0.5, margin), (entry.slow & bit) != 0, margin);
+                     enter(scene, name, 21 + tried, 0.5, margin), (entry.slow & transport_bit(name)) != 0,
+                     margin);
     ++tried;
   }
   EXPECT_GT(tried, 0u) << "no integrator with a plan renders this scene";
@@ -262,9 +258,8 @@ TEST_P(Depths, Agree) {
     const SettingsMap settings{{"max_depth", depth}};
     const Contest right = enter(scene, "path", 31, 1 - kShareOfTested, margin_of("bpm"), settings);
     std::uint64_t seed = 32;
-    for (const auto& [bit, known] : kTransportIntegrators) {
-      const std::string name(known);
-      if ((entry.complete & bit) == 0 || name == "path") continue;
+    for (const std::string& name : compared_on(entry, long_form())) {
+      if (name == "path") continue;
       SCOPED_TRACE(fmt::format("{}, {}, max_depth {}", entry.name, name, depth));
       expect_agreement(enter(scene, name, seed++, kShareOfTested, margin_of(name), settings), right, false,
                        margin_of(name));

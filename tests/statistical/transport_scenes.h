@@ -3,12 +3,20 @@
 // what it cannot do is written down.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <iterator>
+#include <stdexcept>
+#include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
+
+#include "tests/integrators.h"
 
 namespace candela::statistical {
 
-// Sets of integrators.
+// Sets of integrators. Those of tests/integrators.h that are `like` another are wherever it is.
 enum TransportIntegrators : unsigned {
   kNone = 0,
   kPath = 1,
@@ -22,12 +30,15 @@ enum TransportIntegrators : unsigned {
   kAll = kUnbiased | kMerging,
 };
 
-struct NamedIntegrator {
-  unsigned bit;
-  std::string_view name;
-};
-inline constexpr std::array<NamedIntegrator, 6> kTransportIntegrators = {
-    {{kPath, "path"}, {kLight, "light"}, {kBdpt, "bdpt"}, {kPpm, "ppm"}, {kBpm, "bpm"}, {kVcm, "vcm"}}};
+inline unsigned transport_bit(std::string_view integrator) {
+  constexpr std::array<std::pair<unsigned, std::string_view>, 6> bits = {
+      {{kPath, "path"}, {kLight, "light"}, {kBdpt, "bdpt"}, {kPpm, "ppm"}, {kBpm, "bpm"}, {kVcm, "vcm"}}};
+  const std::string name = test::integrator_row(integrator).family();
+  const auto found =
+      std::find_if(bits.begin(), bits.end(), [&](const auto& bit) { return bit.second == name; });
+  if (found == bits.end()) throw std::runtime_error("tests/integrators.h: '" + name + "' has no scenes");
+  return found->first;
+}
 
 struct TransportScene {
   std::string_view name;    // of the file transport/NAME.xml
@@ -106,5 +117,21 @@ inline constexpr std::array kTransportScenes = {
     TransportScene{"fog-endless", "fog without an end that lets one colour pass", kAll, kNone, ""},
     TransportScene{"instances", "squeezed and mirrored copies", kAll, kNone, ""},
 };
+
+// Names of the integrators whose pictures of the scene are compared: of those that are complete, in the short
+// form those that the table of integrators has in it.
+inline std::vector<std::string> compared_on(const TransportScene& scene, bool long_form) {
+  constexpr std::array<std::string_view, 3> some = {"box-diffuse", "caustic", "many-lamps"};
+  const bool is_some = std::find(some.begin(), some.end(), scene.name) != some.end();
+  std::vector<std::string> names;
+  for (const test::IntegratorRow& row : test::integrators()) {
+    using test::Pictures;
+    if (row.chains || row.pictures == Pictures::own_tests || (scene.complete & transport_bit(row.name)) == 0)
+      continue;
+    if (long_form || row.pictures == Pictures::everywhere || (is_some && row.pictures == Pictures::some))
+      names.push_back(row.name);
+  }
+  return names;
+}
 
 }  // namespace candela::statistical

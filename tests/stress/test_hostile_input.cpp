@@ -107,7 +107,8 @@ TEST(HostileInput, PowerBeyondFloatsIsCounted) {
        "<scene version=\"3.0.0\"><integrator type=\"path\"/>" + closed_sphere(1, 0.5, 1e37) + "</scene>"}});
   scene.main_key = "scene.xml";
   scene = statistical::read_scene(std::move(scene), 8, 8);
-  for (const char* integrator : {"light", "bdpt", "ppm", "bpm", "vcm"}) {
+  for (const std::string& integrator : test::iteration_integrators()) {
+    if (test::integrator_row(integrator).family() == "path") continue;  // starts no path at a lamp
     const TestScene own = statistical::with_integrator(scene, integrator);
     const auto renderer = statistical::make_renderer(own);
     const auto pilot = renderer->pilot({});
