@@ -3,20 +3,25 @@
 #include <fmt/format.h>
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <stdexcept>
 
+#include "common/base/hash.h"
 #include "common/job/job.h"
 #include "common/wire/grpc_settings.h"
 #include "common/wire/wire.h"
 
 namespace candela::farm {
 namespace {
+
+namespace fs = std::filesystem;
 
 [[noreturn]] void give_up(const std::string& message) {
   throw std::runtime_error(message);
@@ -28,6 +33,31 @@ std::string program(const std::string& name) {
 
 std::string joined(const std::vector<std::string>& words) {
   return fmt::format("{}", fmt::join(words, " "));
+}
+
+std::string state_of(const fs::path& file) {
+  return fmt::format("{} {} {}\n", file.string(), fs::file_size(file),
+                     fs::last_write_time(file).time_since_epoch().count());
+}
+
+// Where tests keep the image that this build of the program makes of the scene with these settings: many
+// tests, each a process, compare with the same one. Its name has all that decides it.
+fs::path shared_reference(const fs::path& scene, const std::vector<std::string>& settings) {
+  std::vector<std::string> parts = {state_of(program("candela")), scene.string(), joined(settings)};
+  for (const auto& entry : fs::recursive_directory_iterator(scene.parent_path()))
+    if (entry.is_regular_file()) parts.push_back(state_of(entry.path()));
+  std::sort(parts.begin(), parts.end());
+  return fs::path(CANDELA_BINARY_DIR).parent_path() / "farm-references" /
+         (sha256_hex(joined(parts)) + ".exr");
+}
+
+// Seen whole or not at all. Without room the next test renders for itself.
+void share(const fs::path& file, const fs::path& shared) {
+  std::error_code ignored;
+  fs::create_directories(shared.parent_path(), ignored);
+  const fs::path copy = fmt::format("{}.{}", shared.string(), ::getpid());
+  if (fs::copy_file(file, copy, fs::copy_options::overwrite_existing, ignored))
+    fs::rename(copy, shared, ignored);
 }
 
 template <class Request, class Response>
@@ -171,12 +201,19 @@ image::Image Farm::fetch(const std::string& id) {
 }
 
 image::Image Farm::render(std::uint64_t iterations, const std::string& scene, std::vector<std::string> more) {
-  const auto file = folder_ / fmt::format("rendered-{}.exr", ++serial_);
-  std::vector<std::string> arguments = {"render", scene_path(scene), "-o", file.string(), "--quiet"};
-  for (const std::string& word : job_options(iterations)) arguments.push_back(word);
-  arguments.insert(arguments.end(), more.begin(), more.end());
-  const CommandResult result = candela(arguments);
-  if (result.exit_code != 0) give_up(fmt::format("render: exit {}\n{}", result.exit_code, result.err));
+  std::vector<std::string> settings = job_options(iterations);
+  settings.insert(settings.end(), more.begin(), more.end());
+  const fs::path shared = shared_reference(scene_path(scene), settings);
+  const bool about_threads = std::find(more.begin(), more.end(), "--threads") != more.end();
+  fs::path file = shared;
+  if (about_threads || !fs::exists(shared)) {
+    file = folder_ / fmt::format("rendered-{}.exr", ++serial_);
+    std::vector<std::string> arguments = {"render", scene_path(scene), "-o", file.string(), "--quiet"};
+    arguments.insert(arguments.end(), settings.begin(), settings.end());
+    const CommandResult result = candela(arguments);
+    if (result.exit_code != 0) give_up(fmt::format("render: exit {}\n{}", result.exit_code, result.err));
+    if (!about_threads) share(file, shared);
+  }
   auto image = image::read_image(file);
   if (!image.ok()) give_up(image.error().to_string());
   return std::move(image).value();

@@ -71,7 +71,8 @@ class Farm {
                      std::vector<std::string> more = {}, std::uint64_t seed = 7);
   // The image as `candela fetch` gets it.
   image::Image fetch(const std::string& id);
-  // The image as `candela render` makes it, in a process of its own.
+  // The image as `candela render` makes it, in a process of its own: this test's, or an earlier one's with
+  // the same settings, unless they say how many threads.
   image::Image render(std::uint64_t iterations, const std::string& scene = "cornell",
                       std::vector<std::string> more = {});
 
