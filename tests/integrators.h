@@ -44,6 +44,9 @@ struct IntegratorRow {
 inline const std::vector<IntegratorRow>& integrators() {
   static const std::vector<std::pair<std::string, std::string>> few_chains = {
       {"chains", "8"}, {"bootstrap", "400"}, {"mutations", "1"}, {"direct_samples", "1"}};
+  // Some pixels reject their radius within a few iterations.
+  static const std::vector<std::pair<std::string, std::string>> early_f_tests = {
+      {"epoch_min", "2"}, {"radius", "0.05"}, {"alpha_f", "0.3"}};
   static const std::vector<IntegratorRow> rows = {
       {.name = "path",
        .pictures = Pictures::everywhere,
@@ -66,6 +69,34 @@ inline const std::vector<IntegratorRow>& integrators() {
        .deaths = 5,
        .soak_iterations = 400},
       {.name = "optimis", .like = "path", .pictures = Pictures::own_tests},
+      {.name = "fppm",
+       .merges = true,
+       .epochs = true,
+       .farm_share = 0.2,
+       .small = early_f_tests,
+       .like = "ppm",
+       .pictures = Pictures::own_tests},
+      {.name = "cppm",
+       .merges = true,
+       .epochs = true,
+       .farm_share = 0.2,
+       .small = {{"epoch_min", "2"}, {"radius", "0.05"}, {"alpha_chi", "0.3"}},
+       .like = "ppm",
+       .pictures = Pictures::own_tests},
+      {.name = "appm",
+       .merges = true,
+       .epochs = true,
+       .farm_share = 0.2,
+       .small = {{"epoch_min", "2"}, {"radius", "0.05"}},
+       .like = "ppm",
+       .pictures = Pictures::own_tests},
+      {.name = "vcmplus",
+       .merges = true,
+       .epochs = true,
+       .farm_share = 0.2,
+       .small = early_f_tests,
+       .like = "vcm",
+       .pictures = Pictures::own_tests},
       {.name = "pssmlt",
        .chains = true,
        .farm_share = 0.04,

@@ -76,21 +76,25 @@ inline film::AccumulatorSpec laplacian_spec(int film_scale_log2) {
 
 // The sector of angle 60 s to 60 (s + 1) degrees, from the first axis of the frame towards the second. The
 // place opposite to (u, v) is in the opposite sector.
+template <class Real>
+int disc_sector_of(Real u, Real v) {  // without branches: loops over it become vector code
+  constexpr auto kSqrt3 = static_cast<Real>(1.7320508075688772);
+  const bool lower = (v < 0) | ((v == 0) & (u < 0));
+  const Real a = lower ? -u : u, b = lower ? -v : v;
+  return (lower ? 3 : 0) + (b < kSqrt3 * a ? 0 : 1) + (b > -kSqrt3 * a ? 0 : 1);
+}
 inline int disc_sector(double u, double v) {
-  constexpr double kSqrt3 = 1.7320508075688772;
-  const bool lower = v < 0 || (v == 0 && u < 0);
-  if (lower) {
-    u = -u;
-    v = -v;
-  }
-  const int s = v < kSqrt3 * u ? 0 : v > -kSqrt3 * u ? 1 : 2;
-  return lower ? s + 3 : s;
+  return disc_sector_of(u, v);
 }
 
 // A photon at (u, v) in the disc of this squared radius.
-inline int disc_channel(double u, double v, double radius_squared) {
+template <class Real>
+int disc_channel_of(Real u, Real v, Real radius_squared) {
   const int annulus = 2 * (u * u + v * v) < radius_squared ? 0 : 1;
-  return annulus * kSectorsPerRing + disc_sector(u, v);
+  return annulus * kSectorsPerRing + disc_sector_of(u, v);
+}
+inline int disc_channel(double u, double v, double radius_squared) {
+  return disc_channel_of(u, v, radius_squared);
 }
 
 // The ring of a photon at this squared distance, for squares in the same unit of length; `level` is that of

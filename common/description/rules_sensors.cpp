@@ -206,6 +206,13 @@ void add_integrators(std::vector<PluginRule>& table) {
   table.push_back(integrator_rule(words::kVcm, {}, "vertex connection and merging"));
   table.push_back(integrator_rule(words::kOptimis, {},
                                   "path tracing with optimal weights of direct light at the first vertex"));
+  table.push_back(integrator_rule(words::kFppm, {}, "photon mapping with radii by F tests"));
+  table.push_back(
+      integrator_rule(words::kCppm, {}, "photon mapping with radii by chi-squared tests of photon counts"));
+  table.push_back(
+      integrator_rule(words::kAppm, {}, "photon mapping with radii that minimize the estimated error"));
+  table.push_back(
+      integrator_rule(words::kVcmplus, {}, "vertex connection and merging with radii by F tests"));
   const std::string_view their_own = "chains have settings of their own: --help of the integrator";
   const std::vector<PropertyRule> chains = {ignored("luminance_samples", {integer}, their_own),
                                             ignored("direct_samples", {integer}, their_own),

@@ -58,10 +58,16 @@ inline constexpr IntegratorWords kBpm{"bpm", 2, kTwoThirds};
 // Merging carries less of the image than in ppm: its bias matters less, its variance as much.
 inline constexpr IntegratorWords kVcm{"vcm", 2, {0.75, "0.75"}};
 inline constexpr IntegratorWords kOptimis{"optimis", 5};
+// Their radii follow from statistics.
+inline constexpr IntegratorWords kFppm{"fppm", 2};
+inline constexpr IntegratorWords kCppm{"cppm", 2};
+inline constexpr IntegratorWords kAppm{"appm", 2};
+inline constexpr IntegratorWords kVcmplus{"vcmplus", 2};
 // 0: the default of the estimator that the chains are over.
 inline constexpr IntegratorWords kPssmlt{"pssmlt", 0};
 inline constexpr IntegratorWords kMmlt{"mmlt", 1024};
 
-inline constexpr std::array kIntegrators = {kPath, kBdpt, kLight, kPpm, kBpm, kVcm, kOptimis, kPssmlt, kMmlt};
+inline constexpr std::array kIntegrators = {kPath, kBdpt, kLight, kPpm,     kBpm,    kVcm, kOptimis,
+                                            kFppm, kCppm, kAppm,  kVcmplus, kPssmlt, kMmlt};
 
 }  // namespace candela::integrator_words

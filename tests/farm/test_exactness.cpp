@@ -144,7 +144,12 @@ TEST_P(Order, BackwardsInBatchesOfFive) {
   farm.audit(id, iterations);
 }
 
-INSTANTIATE_TEST_SUITE_P(, Order, testing::ValuesIn(test::all_integrators()),
+// Units of epochs begin with states, which the hand worker does not fetch: Toy.* delivers such units in any
+// order.
+std::vector<std::string> without_epochs() {
+  return test::integrators_where([](const test::IntegratorRow& row) { return !row.epochs; });
+}
+INSTANTIATE_TEST_SUITE_P(, Order, testing::ValuesIn(without_epochs()),
                          [](const auto& one) { return one.param; });
 
 // Claim: several jobs at once do not touch each other.

@@ -41,7 +41,14 @@ SettingsMap usual_settings();
 Shot uniform_shot(std::string body, double expected);
 void set(Shot& shot, const std::string& name, const std::string& value);
 
-inline const std::vector<std::string> kEveryone = test::all_integrators();
+// Without those whose radii are decided between epochs: the same estimators at radii that the sweep does not
+// set.
+inline const std::vector<std::string> kEveryone =
+    test::integrators_where([](const test::IntegratorRow& row) { return !row.epochs; });
+inline const std::vector<std::string> kMerging =
+    test::integrators_where([](const test::IntegratorRow& row) { return row.merges && !row.epochs; });
+inline const std::vector<std::string> kOfIterations =
+    test::integrators_where([](const test::IntegratorRow& row) { return !row.chains && !row.epochs; });
 std::vector<std::string> everyone_but(const std::vector<std::string>& left_out);
 
 // The parts of all_sweeps().

@@ -24,9 +24,8 @@ Sweep kernel_radius() {
     set(shot, "max_depth", number(16));
     return shot;
   };
-  sweep.claims = claims_of(test::merging_integrators());
-  for (const std::string& other : everyone_but(test::merging_integrators()))
-    sweep.excuses.push_back({other, "has no radius"});
+  sweep.claims = claims_of(kMerging);
+  for (const std::string& other : everyone_but(kMerging)) sweep.excuses.push_back({other, "has no radius"});
   return sweep;
 }
 
@@ -46,7 +45,7 @@ Sweep iteration_index() {
     set(shot, "max_depth", number(16));
     return shot;
   };
-  sweep.claims = claims_of(test::iteration_integrators());
+  sweep.claims = claims_of(kOfIterations);
   for (const std::string& chains : test::chain_integrators())
     sweep.excuses.push_back({chains, "a chain's segments follow each other: none can be begun at"});
   return sweep;

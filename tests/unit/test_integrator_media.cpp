@@ -34,6 +34,7 @@ std::int64_t brightest(const std::string& integrator, const std::string& emitter
 // and so does that from outside where the medium takes nothing.
 TEST(IntegratorMedia, LightFromOutsideDoesNotGetThroughEndlessFog) {
   for (const std::string& integrator : test::iteration_integrators()) {
+    if (test::has_epochs(integrator)) continue;  // the same walks, with a state
     SCOPED_TRACE(integrator);
     for (const char* outside :
          {"<emitter type=\"directional\"><vector name=\"direction\" x=\"0\" y=\"0\" z=\"1\"/></emitter>",

@@ -54,16 +54,18 @@ class VcmEye : public transport::EyeTechniques {
     const transport::MergeScale& scale = side_.field.at(at);
     eta_ = scale.eta;
     gather_.begin(scale);
-    sum_ = {};
+    sum_ = merged_ = {};
     light_path_ = light_path;
     loaded_ = false;
     EyeWalk walk(scene_, rules_, factors_, sampler, tallies_);
     transport::follow_eye_path(walk, ray, room_, *this);
-    return sum_ += gather_.finish();
+    merge();
+    return sum_;
   }
 
   // Of the path that was traced last.
   const Statistics& statistics() const { return gather_.statistics(); }
+  Spectrum merged() const { return merged_; }
 
   // The techniques: see eye_path.h.
   void arrived(const EyeWalk& /*walk*/, const Vertex& v, const Vertex* before, bool left) {
@@ -82,13 +84,18 @@ class VcmEye : public transport::EyeTechniques {
         sum_ += found.weighted();
       if (techniques_.connect && v.edges + 2 <= options_.max_depth) connect_all(walk, v);
     }
-    sum_ += gather_.finish();
+    merge();
     if (v.connectible) gather_.start(v);
     return true;
   }
-  void passed() { sum_ += gather_.finish(); }  // the next vertex takes this one's place
+  void passed() { merge(); }  // the next vertex takes this one's place
 
  private:
+  void merge() {
+    const Spectrum found = gather_.finish();
+    sum_ += found;
+    merged_ += found;
+  }
   void connect_all(const EyeWalk& walk, const Vertex& v) {
     if (!loaded_)  // the first vertex that connects asks for the longest light paths
       load_light_path(side_.chunks, scene_, light_path_, options_.max_depth - v.edges, light_);
@@ -116,7 +123,7 @@ class VcmEye : public transport::EyeTechniques {
   transport::Gather<Mis, Statistics> gather_;
   // The path under way.
   transport::MergeFactors eta_;
-  Spectrum sum_;
+  Spectrum sum_, merged_;
   std::uint64_t light_path_ = 0;
   bool loaded_ = false;
 };
@@ -147,7 +154,7 @@ class PpmEye : public transport::EyeTechniques {
   Spectrum trace(const Ray& ray, transport::FilmPosition at, std::uint64_t /*light_path*/,
                  samplers::Sampler& sampler) {
     gather_.begin(side_.field.at(at));
-    sum_ = {};
+    sum_ = merged_ = {};
     EyeWalk walk(scene_, rules_, factors_, sampler, tallies_);
     transport::follow_eye_path(walk, ray, room_, *this);
     return sum_;
@@ -155,6 +162,7 @@ class PpmEye : public transport::EyeTechniques {
 
   // Of the path that was traced last.
   const Statistics& statistics() const { return gather_.statistics(); }
+  Spectrum merged() const { return merged_; }
 
   // The techniques: see eye_path.h.
   void arrived(const EyeWalk& /*walk*/, const Vertex& v, const Vertex* /*before*/, bool left) {
@@ -166,7 +174,9 @@ class PpmEye : public transport::EyeTechniques {
   bool vertex(const EyeWalk& /*walk*/, const Vertex& v) {
     if (!v.connectible) return true;
     gather_.start(v);
-    sum_ += gather_.finish();
+    const Spectrum found = gather_.finish();
+    sum_ += found;
+    merged_ += found;
     return v.on_surface() && v.closure.has_delta_lobes();
   }
   static bool scattered(const Vertex& v) { return v.left_by_delta; }
@@ -182,7 +192,7 @@ class PpmEye : public transport::EyeTechniques {
   const transport::ConnectContext context_{scene_, factors_, rules_, tallies_};
   transport::VertexPair<Block> room_;
   transport::Gather<Mis, Statistics> gather_;
-  Spectrum sum_;
+  Spectrum sum_, merged_;
 };
 
 }  // namespace candela::estimators

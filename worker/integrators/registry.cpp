@@ -3,7 +3,10 @@
 #include <string_view>
 
 #include "common/job/integrator_words.h"
+#include "worker/integrators/appm/appm.h"
 #include "worker/integrators/bdpt/bdpt.h"
+#include "worker/integrators/cppm/cppm.h"
+#include "worker/integrators/fppm/fppm.h"
 #include "worker/integrators/light/light.h"
 #include "worker/integrators/markov/markov.h"
 #include "worker/integrators/mmlt/mmlt.h"
@@ -12,6 +15,7 @@
 #include "worker/integrators/ppm/ppm.h"
 #include "worker/integrators/pssmlt/pssmlt.h"
 #include "worker/integrators/vcm/vcm.h"
+#include "worker/integrators/vcmplus/vcmplus.h"
 
 namespace candela::integrators {
 
@@ -24,6 +28,10 @@ std::vector<IntegratorEntry> product_integrators() {
       integrator_entry<BpmSettings>(integrator_words::kBpm.name, &make_bpm_integrator),
       integrator_entry<VcmSettings>(integrator_words::kVcm.name, &make_vcm_integrator),
       integrator_entry<OptimisSettings>(integrator_words::kOptimis.name, &make_optimis_integrator),
+      integrator_entry<FppmSettings>(integrator_words::kFppm.name, &make_fppm_integrator),
+      integrator_entry<CppmSettings>(integrator_words::kCppm.name, &make_cppm_integrator),
+      integrator_entry<AppmSettings>(integrator_words::kAppm.name, &make_appm_integrator),
+      integrator_entry<VcmplusSettings>(integrator_words::kVcmplus.name, &make_vcmplus_integrator),
       integrator_entry<PssmltSettings>(integrator_words::kPssmlt.name, &make_pssmlt_integrator),
       integrator_entry<MmltSettings>(integrator_words::kMmlt.name, &make_mmlt_integrator),
   };

@@ -24,9 +24,10 @@ std::string number_text(double value) {
 }
 
 std::string range_text(NumberRange range) {
-  const std::string highest = number_text(range.highest);
-  if (range.above) return "above " + number_text(range.lowest) + " and at most " + highest;
-  return "from " + number_text(range.lowest) + " to " + highest;
+  const std::string lowest = number_text(range.lowest), highest = number_text(range.highest);
+  if (range.below) return (range.above ? "above " : "from ") + lowest + " and below " + highest;
+  if (range.above) return "above " + lowest + " and at most " + highest;
+  return "from " + lowest + " to " + highest;
 }
 
 std::string quoted(const std::string& text) {
@@ -68,7 +69,7 @@ void SettingsReader::operator()(std::string_view name, double& field, NumberRang
   const auto [end, code] = std::from_chars(text->data(), text->data() + text->size(), value);
   const bool high_enough = range.above ? value > range.lowest : value >= range.lowest;
   if (code != std::errc() || end != text->data() + text->size() || !high_enough ||
-      !(value <= range.highest)) {
+      !(range.below ? value < range.highest : value <= range.highest)) {
     fail(name, quoted(*text) + " is not a number " + range_text(range));
     return;
   }

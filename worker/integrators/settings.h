@@ -32,10 +32,11 @@ struct NameList {
   }
 };
 
-// A field that is a real number in [lowest, highest], or in (lowest, highest] where `above`.
+// A field that is a real number from lowest to highest, lowest itself left out if `above`, highest if
+// `below`.
 struct NumberRange {
   double lowest, highest;
-  bool above = false;
+  bool above = false, below = false;
 };
 
 // Visitor that reads fields from text and remembers what it consumed.

@@ -3,6 +3,9 @@
 #pragma once
 
 #include <concepts>
+#include <cstdint>
+#include <span>
+#include <string_view>
 
 #include "worker/transport/kernels.h"
 #include "worker/transport/mis/factors.h"
@@ -35,6 +38,25 @@ concept ScaleField = requires(const T& field, FilmPosition at) {
 struct ConstantScale {
   MergeScale scale;
   const MergeScale& at(FilmPosition /*place*/) const { return scale; }
+};
+
+// A scale for each pixel, by its level: one byte of a map, an index into a table.
+class ScaleMap {
+ public:
+  // Views, which have to outlive the map. Every byte of `map` (width * height of them) is below
+  // levels.size().
+  ScaleMap(std::span<const MergeScale> levels, std::string_view map, std::uint32_t width,
+           std::uint32_t height)
+      : levels_(levels), map_(map), width_(width), height_(height) {}
+  const MergeScale& at(FilmPosition place) const {
+    const auto [x, y] = pixel_of(place, width_, height_);
+    return levels_[static_cast<unsigned char>(map_[std::size_t{y} * width_ + x])];
+  }
+
+ private:
+  std::span<const MergeScale> levels_;
+  std::string_view map_;
+  std::uint32_t width_, height_;
 };
 
 // The eta of a field, for splats.

@@ -43,6 +43,10 @@ double first_radius(const UnitContext& context, double fraction, double pixels) 
   const double footprint = pixels > 0 ? pixel_footprint(context) : 0;
   const double radius =
       footprint > 0 ? pixels * footprint : fraction * static_cast<double>(context.scene.features().radius);
+  return clamped_radius(radius);
+}
+
+double clamped_radius(double radius) {
   return std::clamp(radius, kLeast, kMost);
 }
 

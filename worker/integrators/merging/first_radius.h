@@ -11,4 +11,7 @@ namespace candela::integrators::merging {
 // of the scene and the film's size.
 double first_radius(const UnitContext& context, double fraction, double pixels);
 
+// Within what kernels can take.
+double clamped_radius(double radius);
+
 }  // namespace candela::integrators::merging

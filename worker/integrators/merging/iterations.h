@@ -3,16 +3,25 @@
 #pragma once
 
 #include <cstdint>
+#include <mutex>
+#include <string>
 #include <vector>
 
 #include "worker/estimators/merging_eye.h"
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/merging/first_radius.h"
 #include "worker/integrators/merging/light_pass.h"
+#include "worker/integrators/merging/neighbor_radius.h"
 #include "worker/integrators/merging/rules.h"
 #include "worker/integrators/merging/scales.h"
 
 namespace candela::integrators::merging {
+
+// neighbor_radius() of a renderer, which is the same for all units.
+struct NeighborRadius {
+  std::once_flag once;
+  double value = 0;
+};
 
 // Options of an integrator of the family, the same for all iterations.
 struct IterationOptions {
@@ -20,6 +29,12 @@ struct IterationOptions {
   estimators::Techniques techniques;
   MergeRules merge;
   bool caustics_only = false;  // see LightKeeping
+  bool merging_layer = false;  // the part of the image that merging brings is a layer of the film
+  mutable NeighborRadius neighbor_radius = {};
+
+  std::vector<std::string> layers() const {
+    return merging_layer ? std::vector<std::string>{"merging"} : std::vector<std::string>();
+  }
 };
 
 inline std::uint64_t light_path_count(const MergeRules& rules, const UnitContext& context) {
@@ -28,9 +43,17 @@ inline std::uint64_t light_path_count(const MergeRules& rules, const UnitContext
 }
 
 inline double first_radius(const UnitContext& context, const IterationOptions& options) {
-  return options.techniques.merges()
-             ? first_radius(context, options.merge.radius, options.merge.radius_pixels)
-             : 1;
+  if (!options.techniques.merges()) return 1;
+  const MergeRules& rules = options.merge;
+  if (rules.radius_neighbors > 0) {
+    NeighborRadius& known = options.neighbor_radius;
+    std::call_once(known.once, [&] {
+      known.value = neighbor_radius(context, options.paths, rules.radius_neighbors,
+                                    static_cast<double>(light_path_count(rules, context)));
+    });
+    if (known.value > 0) return clamped_radius(known.value);
+  }
+  return first_radius(context, rules.radius, rules.radius_pixels);
 }
 
 // The eye paths of one iteration. EyeEstimator: VcmEye or PpmEye of estimators/merging_eye.h.
@@ -55,12 +78,15 @@ Result<void> run_eye_pass(const UnitContext& context, const IterationOptions& op
             if (run.fault != nullptr) run.fault(sampler.sample_key(), &value.r);
             const bool kept =
                 film.add(0, x, y, {value.r, value.g, value.b}, sampler.sample_key(), tallies, signed_values);
+            if (options.merging_layer && kept) {
+              const Spectrum merged = eye.merged() * ray.weight;
+              film.add(1, x, y, {merged.r, merged.g, merged.b}, sampler.sample_key(), tallies, signed_values);
+            }
             if constexpr (EyeEstimator::Statistics::kCollects) {
               // The film follows the filter; statistics follow the radius, that of the position.
               if (kept) {
                 const auto [at_x, at_y] = transport::pixel_of(ray.at, context.width, context.height);
-                eye.statistics().write(output.accumulators, at_x, at_y, ray.weight, sampler.sample_key(),
-                                       tallies);
+                eye.statistics().write(output.accumulators, at_x, at_y, ray.weight, sampler.sample_key());
               }
             }
           }

@@ -10,6 +10,7 @@ namespace candela::integrators::merging {
 struct MergeSettings {
   double radius = 0.003;
   double radius_pixels = 0;
+  int radius_neighbors = 0;
   double alpha;
   double light_paths = 1;
   Choice kernel{"constant", {"constant", "perlin", "epanechnikov"}};
@@ -20,19 +21,23 @@ struct MergeSettings {
     const transport::Kernel kind = kernel.value == "constant" ? transport::Kernel::constant
                                    : kernel.value == "perlin" ? transport::Kernel::perlin
                                                               : transport::Kernel::epanechnikov;
-    return {kind, radius, radius_pixels, alpha, light_paths};
+    return {kind, radius, radius_pixels, radius_neighbors, alpha, light_paths};
   }
 
+  // progressive: the radius follows from the number of the iteration.
   template <class Visitor>
-  void fields(Visitor& visit) {
+  void fields(Visitor& visit, bool progressive = true) {
     using integrator_words::kAlpha;
     visit("radius", radius, NumberRange{0, 1, true},
           "merging radius of the first iteration, as a fraction of the scene's bounding sphere's");
     visit("radius_pixels", radius_pixels, NumberRange{0, 1e6},
           "above 0: that radius in widths of a pixel at what the camera sees (the median) instead");
-    visit(
-        kAlpha.name, alpha, NumberRange{kAlpha.minimum, kAlpha.maximum, kAlpha.above_minimum},
-        "how the radius shrinks: the variance of n iterations falls as n^-alpha, their bias as n^(alpha-1)");
+    visit("radius_neighbors", radius_neighbors, 0, 1 << 14,
+          "above 0: that radius such that so many photons lie within it (the median) instead of both");
+    if (progressive)
+      visit(kAlpha.name, alpha, NumberRange{kAlpha.minimum, kAlpha.maximum, kAlpha.above_minimum},
+            "how the radius shrinks: the variance of n iterations falls as n^-alpha, their bias as "
+            "n^(alpha-1)");
     visit("light_paths", light_paths, NumberRange{0, 64, true}, "light paths of an iteration, per pixel");
     visit("kernel", kernel, "how merging weighs photons by their distance");
   }

@@ -10,6 +10,7 @@ struct VcmSettings {
   merging::MergeSettings merge{integrator_words::kVcm};
   Choice heuristic{"balance", {"balance", "power"}};
   bool merge_media = false;
+  Choice layers{"none", {"none", "merging"}};
 
   template <class Visitor>
   void fields(Visitor& visit) {
@@ -18,6 +19,7 @@ struct VcmSettings {
     merge.fields(visit);
     visit("heuristic", heuristic, "how the techniques are weighted against each other");
     visit("merge_media", merge_media, "merge in media too, with balls; connections cover media without");
+    visit("layers", layers, "a further layer in the EXR: the part of the image that merging brings");
   }
 };
 

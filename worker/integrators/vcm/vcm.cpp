@@ -15,8 +15,14 @@ using transport::MisHeuristic;
 
 class VcmIntegrator final : public IterationIntegrator {
  public:
-  VcmIntegrator(const PathOptions& options, Planned planned, const merging::MergeRules& merge)
-      : IterationIntegrator(options, std::move(planned)), iterations_{options_, planned_.techniques, merge} {}
+  VcmIntegrator(const PathOptions& options, Planned planned, const merging::MergeRules& merge,
+                bool merging_layer)
+      : IterationIntegrator(options, std::move(planned)),
+        iterations_{options_, planned_.techniques, merge, false, merging_layer} {}
+
+  WorkPlan work(FilmSize /*size*/, int /*film_scale_log2*/) const override {
+    return {.layers = iterations_.layers()};
+  }
 
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run_context) const override {
@@ -44,12 +50,13 @@ class VcmIntegrator final : public IterationIntegrator {
 };
 
 template <class Settings>
-std::unique_ptr<Integrator> make(const Settings& settings, const Techniques& wanted,
+std::unique_ptr<Integrator> make(const Settings& settings, const Techniques& wanted, bool merging_layer,
                                  const scene::SceneFeatures& features) {
   PathOptions options = settings.common.path_options();
   options.heuristic = heuristic_named(settings.heuristic.value);
-  return std::make_unique<VcmIntegrator>(
-      options, vcm::plan(options, wanted, features, settings.common.full_plan()), settings.merge.rules());
+  return std::make_unique<VcmIntegrator>(options,
+                                         vcm::plan(options, wanted, features, settings.common.full_plan()),
+                                         settings.merge.rules(), merging_layer);
 }
 
 }  // namespace
@@ -59,7 +66,7 @@ Result<std::unique_ptr<Integrator>> make_vcm_integrator(const SettingsMap& setti
   CANDELA_ASSIGN(const VcmSettings parsed, parse_settings<VcmSettings>(settings));
   Techniques wanted;
   wanted.merge_medium = parsed.merge_media;
-  return make(parsed, wanted, features);
+  return make(parsed, wanted, parsed.layers.value == "merging", features);
 }
 
 Result<std::unique_ptr<Integrator>> make_bpm_integrator(const SettingsMap& settings,
@@ -67,7 +74,7 @@ Result<std::unique_ptr<Integrator>> make_bpm_integrator(const SettingsMap& setti
   CANDELA_ASSIGN(const BpmSettings parsed, parse_settings<BpmSettings>(settings));
   Techniques wanted;
   wanted.next_event = wanted.connect = wanted.light_image = wanted.hit_lens = false;
-  return make(parsed, wanted, features);
+  return make(parsed, wanted, false, features);
 }
 
 }  // namespace candela::integrators

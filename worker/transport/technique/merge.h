@@ -13,11 +13,13 @@
 // eta = light_path_count times effective area or volume.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+#include <limits>
 
 #include "worker/transport/merge_scale.h"
-#include "worker/transport/merge_statistics.h"
 #include "worker/transport/photon_map.h"
+#include "worker/transport/statistics/none.h"
 #include "worker/transport/vertex.h"
 
 namespace candela::transport {
@@ -47,6 +49,11 @@ inline double merge_weight(double eta, double light_sum, double eye_sum) {
   return 1 / (1 + (light_sum + eye_sum) / eta);
 }
 
+// As RangeSearch compares.
+inline bool within(float d2, float radius) {
+  return d2 <= std::min(radius * radius, std::numeric_limits<float>::max());
+}
+
 // The weighted contribution of a photon at the eye's vertex v, which is connectible, without v.throughput and
 // maps.per_path. scale: at the film position of the eye's path; its eta is > 0 if weights are wanted.
 template <class Mis, class Block, class Statistics>
@@ -69,7 +76,9 @@ class SurfaceMerge {
     if (value.is_black()) return;
     value *= photon.flux;
     const float cosine = std::max(v_.density_factor(photon.wo), kLeastOfOwnCosine * photon.cosine());
-    float factor = scale_.disc.value(d2) / cosine;
+    float kernel = scale_.disc.value(d2);
+    if constexpr (Statistics::kReaches) kernel = within(d2, scale_.disc_radius) ? kernel : 0;
+    float factor = kernel / cosine;
     float weight = 1;
     if constexpr (Mis::kWeighs) {
       const auto reverse =
@@ -81,7 +90,7 @@ class SurfaceMerge {
     }
     sum += value * factor;
     if constexpr (Statistics::kCollects)
-      statistics_.add(maps_.surface->position(photon) - v_.hit.p, value, weight / cosine);
+      statistics_.add(maps_.surface->position(photon) - v_.hit.p, value, weight / cosine, kernel);
   }
 
   Spectrum sum;
@@ -110,8 +119,10 @@ class MediumMerge {
   void operator()(const Photon<Block>& photon, float d2) {
     if (photon.medium() != v_.medium || photon.edges > max_edges_) return;
     const float phase = phase_.eval(v_.wo, photon.wo);
-    float factor = phase * scale_.ball.value(d2);
-    if (factor == 0) return;
+    float kernel = scale_.ball.value(d2);
+    if constexpr (Statistics::kReaches) kernel = within(d2, scale_.ball_radius) ? kernel : 0;
+    float factor = phase * kernel;
+    if (Statistics::kReaches ? phase == 0 : factor == 0) return;
     float weight = 1;
     if constexpr (Mis::kWeighs) {
       const auto forward = static_cast<double>(phase_.pdf_solid_angle(v_.wo, photon.wo));
@@ -123,7 +134,7 @@ class MediumMerge {
     }
     sum += photon.flux * factor;
     if constexpr (Statistics::kCollects)
-      statistics_.add(maps_.medium->position(photon) - v_.hit.p, photon.flux, phase * weight);
+      statistics_.add(maps_.medium->position(photon) - v_.hit.p, photon.flux, phase * weight, kernel);
   }
 
   Spectrum sum;
@@ -141,7 +152,7 @@ class MediumMerge {
 // announce() when the vertex is made, start() and collect() when there has been something else to
 // do, finish() before the vertex goes. finish() does what is left of all.
 //
-// StatisticsT: what else is wanted of merges (merge_statistics.h).
+// StatisticsT: what else is wanted of merges (statistics/none.h).
 template <class Mis, class StatisticsT = NoStatistics, class Block = typename Mis::Block>
 class Gather {
  public:
@@ -185,13 +196,17 @@ class Gather {
       with_merge([&](auto&& merge) {
         for (std::uint32_t i = 0; i < hits_.count; ++i) merge(*hits_.hit[i].photon, hits_.hit[i].d2);
       });
+    if constexpr (Statistics::kCollects) statistics_.end();
     return v_->throughput * sum_ * maps_.per_path;
   }
 
  private:
   enum class Step : std::uint8_t { none, found, collected };
+  // Of the search.
   float radius_for(const ScatterPoint& v) const {
-    return v.on_surface() ? scale_->disc_radius : scale_->ball_radius;
+    const float radius = v.on_surface() ? scale_->disc_radius : scale_->ball_radius;
+    if constexpr (Statistics::kReaches) return std::max(radius, statistics_.reach(v.on_surface()));
+    return radius;
   }
   template <class Use>
   void with_merge(const Use& use) {

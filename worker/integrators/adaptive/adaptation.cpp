@@ -1,0 +1,142 @@
+#include "worker/integrators/adaptive/adaptation.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/adaptive/channels.h"
+#include "common/adaptive/plug_in.h"
+#include "common/adaptive/quantile.h"
+
+namespace candela::integrators::adaptive {
+
+namespace rules = candela::adaptive;
+
+Result<void> check(const EpochSettings& settings) {
+  if (settings.epoch_min % 2 == 0) return {};
+  return usage_error(fmt::format("'{}' is not an even number", settings.epoch_min))
+      .with_field("epoch_min")
+      .with_mend("an epoch has as many iterations of either half of a job");
+}
+
+Result<void> check(const PlugInSettings& settings) {
+  if (settings.r_min <= settings.r_max) return {};
+  return usage_error(fmt::format("'{}' is below r_min = {}", settings.r_max, settings.r_min))
+      .with_field("r_max");
+}
+
+namespace {
+
+// Floors of radii fall as i^(-1/8) [Lin 2023, Eq. 21, with alpha = 3/4].
+constexpr int kFloorPower = 8;
+
+Adaptation make_adaptation(const EpochSettings& epochs, std::string_view rule, rules::Levels levels) {
+  Adaptation adaptation;
+  EpochPlan& plan = adaptation.epochs;
+  plan.first = static_cast<std::uint64_t>(epochs.epoch_min);
+  plan.growth = static_cast<std::uint32_t>(epochs.growth);
+  plan.lag = static_cast<std::uint32_t>(epochs.lag);
+  plan.rule = rule;
+  rules::put_levels(levels, plan.constants);
+  adaptation.levels = std::move(levels);
+  return adaptation;
+}
+
+}  // namespace
+
+Adaptation f_test(const EpochSettings& epochs, const FTestSettings& test) {
+  Adaptation adaptation =
+      make_adaptation(epochs, "fppm", rules::levels_above(test.k, test.r_min, kFloorPower));
+  EpochPlan& plan = adaptation.epochs;
+  const int degrees =
+      (test.test.value == "antipodal" ? rules::kSectorChannels / 2 : rules::kSectorChannels) - 1;
+  plan.constants["test"] = test.test.value;
+  plan.constants["critical"] =
+      std::to_string(rules::critical_integer(rules::chi_squared_quantile(test.alpha_f, degrees) / degrees));
+  adaptation.accumulators = +[](int film_scale_log2) -> std::vector<film::AccumulatorSpec> {
+    return {rules::sectors_spec(film_scale_log2), rules::squares_spec(film_scale_log2)};
+  };
+  return adaptation;
+}
+
+Adaptation count_test(const EpochSettings& epochs, const CountTestSettings& test) {
+  // Areas by thirds of a halving: the inner disc is three levels down, and a rejection is one.
+  constexpr double kFactor = 0.89089871814033930;  // 2^(-1/6)
+  Adaptation adaptation =
+      make_adaptation(epochs, "cppm", rules::levels_above(kFactor, test.r_min, kFloorPower));
+  SettingsMap& constants = adaptation.epochs.constants;
+  const auto critical = [&](int sectors) {
+    return std::to_string(rules::critical_integer(rules::chi_squared_quantile(test.alpha_chi, sectors - 1)));
+  };
+  constants["critical_outer"] = critical(rules::kSectorChannels);
+  constants["critical_inner"] = critical(rules::kSectorsPerRing);
+  constants["first_batch"] = std::to_string(test.first_batch);
+  constants["batch_growth"] =
+      std::to_string(static_cast<std::uint64_t>(std::floor(test.batch_growth * 0x1p16 + 0.5)));
+  constants.emplace("halving_levels", "3");
+  adaptation.accumulators =
+      +[](int /*film_scale_log2*/) -> std::vector<film::AccumulatorSpec> { return {rules::counts_spec()}; };
+  return adaptation;
+}
+
+Adaptation plug_in(const EpochSettings& epochs, const PlugInSettings& bandwidth, transport::Kernel kernel) {
+  constexpr double kFactor = 0.95760328069857365;  // 2^(-1/16)
+  // k2 and k3 of the kernels on the unit disc (worker/transport/kernels.h): second moment along an axis, and
+  // integral of the square.
+  constexpr double kSecondMoment[] = {1.0 / 4, 1.0 / 6, 5.0 / 48};
+  Adaptation adaptation = make_adaptation(epochs, "appm", {kFactor, rules::kMaxLevel});
+  SettingsMap& constants = adaptation.epochs.constants;
+  constants["c6"] = rules::constant_text(rules::plug_in_constant(kSecondMoment[static_cast<int>(kernel)],
+                                                                 1 / transport::effective_area(kernel, 1),
+                                                                 bandwidth.recursive_correction));
+  constants["r_min"] = rules::constant_text(bandwidth.r_min);
+  constants["r_max"] = rules::constant_text(bandwidth.r_max);
+  adaptation.accumulators = +[](int film_scale_log2) -> std::vector<film::AccumulatorSpec> {
+    return {rules::moments_spec(film_scale_log2), rules::laplacian_spec(film_scale_log2)};
+  };
+  return adaptation;
+}
+
+WorkPlan work_plan(const Adaptation& adaptation, int film_scale_log2) {
+  WorkPlan plan;
+  plan.accumulators = adaptation.accumulators(film_scale_log2);
+  plan.epochs = adaptation.epochs;
+  return plan;
+}
+
+void note_statistics(const Adaptation& adaptation, Plan& plan) {
+  std::uint32_t channels = 0;
+  for (const film::AccumulatorSpec& spec : adaptation.accumulators(0)) channels += spec.channels;
+  plan.use("a radius for each pixel",
+           fmt::format("decided by the rule {} once an epoch, of {} iterations or 1/{} "
+                       "of those before; {} levels, 1 byte a pixel",
+                       adaptation.epochs.rule, adaptation.epochs.first, adaptation.epochs.growth,
+                       adaptation.levels.max_level + 1));
+  plan.use("statistics",
+           fmt::format(
+               "{0} sums a pixel: a worker has {1} bytes a pixel, the master {1} for each of {2} epochs; at "
+               "most {1} bytes a pixel cross the network for a unit, about {3} where photons are dense",
+               channels, 8 * channels, adaptation.epochs.lag + 2, 4 * channels));
+}
+
+Result<std::string_view> level_map(const UnitInput& input, const Adaptation& adaptation,
+                                   const UnitContext& context) {
+  const auto state = input.states.find(adaptation.epochs.rule);
+  const auto bad = [&](std::string_view what) {
+    return input_error(fmt::format("the state '{}' {}", adaptation.epochs.rule, what)).with_field("states");
+  };
+  if (state == input.states.end()) return bad("of the unit's epoch is missing");
+  const std::string_view map = state->second;
+  if (map.size() != std::size_t{context.width} * context.height)
+    return bad(
+        fmt::format("has {} bytes, the film {} x {} pixels", map.size(), context.width, context.height));
+  const auto too_deep = [&](char level) {
+    return static_cast<unsigned char>(level) > adaptation.levels.max_level;
+  };
+  if (std::any_of(map.begin(), map.end(), too_deep))
+    return bad(fmt::format("has a level beyond {}", adaptation.levels.max_level));
+  return map;
+}
+
+}  // namespace candela::integrators::adaptive

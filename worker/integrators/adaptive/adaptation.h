@@ -1,0 +1,41 @@
+// What integrators with a radius for each pixel share: a table of radii by level, a state of one level a
+// pixel, statistics for each epoch, and a rule that decides the state from them (common/adaptive).
+#pragma once
+
+#include <string_view>
+#include <vector>
+
+#include "common/adaptive/levels.h"
+#include "common/stages/work_plan.h"
+#include "worker/integrators/adaptive/settings.h"
+#include "worker/integrators/integrator.h"
+#include "worker/integrators/planned.h"
+#include "worker/transport/kernels.h"
+
+namespace candela::integrators::adaptive {
+
+struct Adaptation {
+  EpochPlan epochs;  // its rule's name is that of the state too
+  candela::adaptive::Levels levels;
+  std::vector<film::AccumulatorSpec> (*accumulators)(int film_scale_log2) = nullptr;
+};
+
+// The F test's, by the rule "fppm".
+Adaptation f_test(const EpochSettings& epochs, const FTestSettings& test);
+// The chi-squared test's, by the rule "cppm".
+Adaptation count_test(const EpochSettings& epochs, const CountTestSettings& test);
+// The plug-in bandwidth's, by the rule "appm".
+Adaptation plug_in(const EpochSettings& epochs, const PlugInSettings& bandwidth, transport::Kernel kernel);
+
+// Accumulators and epochs.
+WorkPlan work_plan(const Adaptation& adaptation, int film_scale_log2);
+
+// Says in the plan what memory and network are asked for.
+void note_statistics(const Adaptation& adaptation, Plan& plan);
+
+// The levels of a unit's pixels. Fails (input) where the state is absent, or not of this film and these
+// levels.
+Result<std::string_view> level_map(const UnitInput& input, const Adaptation& adaptation,
+                                   const UnitContext& context);
+
+}  // namespace candela::integrators::adaptive

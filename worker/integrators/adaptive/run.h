@@ -1,0 +1,25 @@
+// The iterations of a unit with a radius for each pixel.
+#pragma once
+
+#include "worker/integrators/adaptive/adaptation.h"
+#include "worker/integrators/adaptive/scales.h"
+#include "worker/integrators/merging/iterations.h"
+
+namespace candela::integrators::adaptive {
+
+// EyeEstimator: VcmEye or PpmEye with a ScaleMap. statistics(first_radius): what each eye path's statistics
+// start as.
+template <class EyeEstimator, class MakeStatistics>
+Result<void> run_adaptive(const UnitContext& context, const Unit& unit, const UnitInput& input,
+                          const merging::IterationOptions& options, const Adaptation& adaptation,
+                          const MakeStatistics& statistics, UnitOutput& output, const RunContext& run) {
+  CANDELA_ASSIGN(const std::string_view map, level_map(input, adaptation, context));
+  const double first = merging::first_radius(context, options);
+  const MappedScales<typename EyeEstimator::Mis> scales(
+      options.merge, adaptation.levels.radii(first), map, context,
+      static_cast<double>(merging::light_path_count(options.merge, context)), options.techniques);
+  return merging::run_iterations<EyeEstimator>(context, unit, options, scales, statistics(first), output,
+                                               run);
+}
+
+}  // namespace candela::integrators::adaptive

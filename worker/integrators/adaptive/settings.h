@@ -1,0 +1,81 @@
+// Settings of integrators whose radii follow from statistics.
+#pragma once
+
+#include "worker/integrators/settings.h"
+
+namespace candela::integrators::adaptive {
+
+// When radii are decided.
+struct EpochSettings {
+  int epoch_min = 8;
+  int growth = 16;
+  int lag = 1;
+
+  template <class Visitor>
+  void fields(Visitor& visit) {
+    visit("epoch_min", epoch_min, 2, 1 << 20,
+          "iterations of the shortest epoch, an even number: radii are decided once an epoch");
+    visit("growth", growth, 1, 1 << 16, "an epoch has at least 1/growth of the iterations before it");
+    visit("lag", lag, 0, 64, "epochs that are rendered while the statistics of those before arrive");
+  }
+};
+Result<void> check(const EpochSettings& settings);
+
+// The F test and what it does to a radius.
+struct FTestSettings {
+  Choice test{"sectors", {"sectors", "antipodal"}};
+  double alpha_f = 0.01;
+  double k = 0.7;
+  double r_min = 0.001;
+
+  template <class Visitor>
+  void fields(Visitor& visit) {
+    visit(
+        "test", test,
+        "what is compared: all sectors of the disc, or sums of opposite ones, which a gradient leaves equal");
+    visit("alpha_f", alpha_f, NumberRange{0, 1, true, true},
+          "probability that a test rejects a radius in which the light is even");
+    visit("k", k, NumberRange{0, 1, true, true}, "factor of a radius that is rejected");
+    visit("r_min", r_min, NumberRange{0, 1, true, true},
+          "smallest radius of the first iteration, as a share of the first radius; falls as i^(-1/8)");
+  }
+};
+
+// The chi-squared test of numbers of photons.
+struct CountTestSettings {
+  double alpha_chi = 0.01;
+  int first_batch = 10;
+  double batch_growth = 1.5625;
+  double r_min = 0.001;
+
+  template <class Visitor>
+  void fields(Visitor& visit) {
+    visit("alpha_chi", alpha_chi, NumberRange{0, 1, true, true},
+          "probability that a test rejects a radius in which photons are even");
+    visit("first_batch", first_batch, 1, 1 << 30, "photons that the first test of a pixel waits for");
+    visit("batch_growth", batch_growth, NumberRange{1, 1024},
+          "factor of that number with each radius; 1.5625 makes radii fall as with alpha = 2/3");
+    visit("r_min", r_min, NumberRange{0, 1, true, true},
+          "smallest radius of the first iteration, as a share of the first radius; falls as i^(-1/8)");
+  }
+};
+
+// The plug-in bandwidth.
+struct PlugInSettings {
+  Choice pilot{"tenth", {"tenth", "eighth"}};
+  bool recursive_correction = false;
+  double r_min = 0.001, r_max = 4;
+
+  template <class Visitor>
+  void fields(Visitor& visit) {
+    visit("pilot", pilot, "exponent that the pilot radius falls with, which the Laplacian is estimated at");
+    visit("recursive_correction", recursive_correction,
+          "the radius that is best for the mean of all radii so far, smaller by a sixth");
+    visit("r_min", r_min, NumberRange{0, 1e6, true},
+          "smallest radius of iteration i, as a share of the first radius times i^(-1/6)");
+    visit("r_max", r_max, NumberRange{0, 1e6, true}, "largest radius of iteration i, in the same way");
+  }
+};
+Result<void> check(const PlugInSettings& settings);
+
+}  // namespace candela::integrators::adaptive

@@ -1,0 +1,19 @@
+#include "worker/integrators/cppm/cppm.h"
+
+#include "worker/integrators/adaptive/photon_mapping.h"
+#include "worker/integrators/ppm/plan.h"
+#include "worker/transport/statistics/counts.h"
+
+namespace candela::integrators {
+
+Result<std::unique_ptr<Integrator>> make_cppm_integrator(const SettingsMap& settings,
+                                                         const scene::SceneFeatures& features) {
+  CANDELA_ASSIGN(const CppmSettings parsed, parse_settings<CppmSettings>(settings));
+  CANDELA_TRY(adaptive::check(parsed.epochs));
+  return adaptive::make_photon_mapping<transport::SectorCounts>(
+      parsed, ppm::plan(parsed.common.path_options(), false, features, parsed.common.full_plan()),
+      adaptive::count_test(parsed.epochs, parsed.test),
+      [](double /*first_radius*/, const Unit& /*unit*/) { return transport::SectorCounts(); });
+}
+
+}  // namespace candela::integrators

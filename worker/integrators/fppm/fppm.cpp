@@ -1,0 +1,19 @@
+#include "worker/integrators/fppm/fppm.h"
+
+#include "worker/integrators/adaptive/photon_mapping.h"
+#include "worker/integrators/ppm/plan.h"
+#include "worker/transport/statistics/weighted_sectors.h"
+
+namespace candela::integrators {
+
+Result<std::unique_ptr<Integrator>> make_fppm_integrator(const SettingsMap& settings,
+                                                         const scene::SceneFeatures& features) {
+  CANDELA_ASSIGN(const FppmSettings parsed, parse_settings<FppmSettings>(settings));
+  CANDELA_TRY(adaptive::check(parsed.epochs));
+  return adaptive::make_photon_mapping<transport::WeightedSectors>(
+      parsed, ppm::plan(parsed.common.path_options(), false, features, parsed.common.full_plan()),
+      adaptive::f_test(parsed.epochs, parsed.f_test),
+      [](double first_radius, const Unit& /*unit*/) { return transport::WeightedSectors(first_radius); });
+}
+
+}  // namespace candela::integrators

@@ -1,0 +1,99 @@
+#include "worker/integrators/merging/neighbor_radius.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "worker/samplers/sampler.h"
+#include "worker/transport/eye_path.h"
+#include "worker/transport/light_path.h"
+
+namespace candela::integrators::merging {
+namespace {
+
+constexpr int kGrid = 32;                       // by as many eye paths
+constexpr std::uint64_t kLightPaths = 1 << 14;  // of the pilot
+
+using transport::Unweighted;
+using Vertex = transport::Vertex<transport::NoBlock>;
+
+// Places on surfaces where photons would be kept.
+struct Photons : transport::EyeTechniques {
+  std::vector<Vec3> places;
+
+  template <class Walk>
+  static void met_lens(const Walk& /*walk*/, std::uint64_t /*key*/) {}
+  template <class Walk>
+  bool vertex(const Walk& /*walk*/, const Vertex& v, std::uint64_t /*key*/) {
+    if (v.connectible && v.on_surface()) places.push_back(v.hit.p);
+    return true;
+  }
+};
+
+// The first vertex that merges, as ppm's eye paths reach it.
+struct FirstVertex {
+  bool found = false;
+  Vec3 place;
+
+  template <class Walk>
+  static void arrived(const Walk& /*walk*/, const Vertex& /*v*/, const Vertex* /*before*/, bool /*left*/) {}
+  template <class Walk>
+  bool vertex(const Walk& /*walk*/, const Vertex& v) {
+    if (!v.connectible) return true;
+    found = v.on_surface();
+    place = v.hit.p;
+    return false;
+  }
+  static bool scattered(const Vertex& v) { return v.left_by_delta; }
+  static void passed() {}
+};
+
+}  // namespace
+
+double neighbor_radius(const UnitContext& context, const estimators::PathOptions& options, int neighbors,
+                       double light_paths) {
+  constexpr transport::Between kBetween = transport::Between::media;  // what all others are part of
+  const transport::MisFactors factors;
+  film::Tallies tallies;
+  samplers::Sampler sampler(samplers::SamplerKind::independent,
+                            rng::key(context.seed, 0x6e65696768ULL));  // "neigh"
+  transport::VertexPair<transport::NoBlock> room;
+  Photons photons;
+  const transport::WalkRules light_rules{options.max_depth - 1, options.rr_depth};
+  for (std::uint64_t path = 0; path < kLightPaths; ++path) {
+    sampler.start_light(0, 0, path);
+    transport::Walk<transport::TransportMode::importance, kBetween, Unweighted> walk(
+        context.scene, light_rules, factors, sampler, tallies);
+    transport::follow_light_path(walk, room, photons);
+  }
+  const auto kth = static_cast<std::size_t>(neighbors) - 1;
+  if (photons.places.size() <= kth) return 0;
+
+  std::vector<double> radii, squares(photons.places.size());
+  const transport::WalkRules eye_rules{options.max_depth, options.rr_depth};
+  for (int j = 0; j < kGrid; ++j)
+    for (int i = 0; i < kGrid; ++i) {
+      sampler.start(0, 0, static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(j));
+      float weight = 1;
+      const Ray ray = context.scene.camera_ray(
+          (static_cast<float>(i) + 0.5f) * static_cast<float>(context.width) / kGrid,
+          (static_cast<float>(j) + 0.5f) * static_cast<float>(context.height) / kGrid, {0.5f, 0.5f}, weight);
+      transport::Walk<transport::TransportMode::radiance, kBetween, Unweighted> walk(
+          context.scene, eye_rules, factors, sampler, tallies);
+      FirstVertex first;
+      transport::follow_eye_path(walk, ray, room, first);
+      if (!first.found) continue;
+      std::transform(photons.places.begin(), photons.places.end(), squares.begin(),
+                     [&](Vec3 p) { return length_squared(Vec3d(p) - Vec3d(first.place)); });
+      const auto nth = squares.begin() + static_cast<std::ptrdiff_t>(kth);
+      std::nth_element(squares.begin(), nth, squares.end());
+      radii.push_back(std::sqrt(*nth));
+    }
+  if (radii.empty()) return 0;
+  const auto middle = radii.begin() + static_cast<std::ptrdiff_t>(radii.size() / 2);
+  std::nth_element(radii.begin(), middle, radii.end());
+  // Photons of an iteration are as many times denser.
+  return *middle * std::sqrt(static_cast<double>(kLightPaths) / light_paths);
+}
+
+}  // namespace candela::integrators::merging

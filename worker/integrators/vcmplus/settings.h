@@ -1,0 +1,31 @@
+#pragma once
+
+#include "worker/integrators/adaptive/settings.h"
+#include "worker/integrators/common_settings.h"
+#include "worker/integrators/merging/settings.h"
+
+namespace candela::integrators {
+
+struct VcmplusSettings {
+  CommonSettings common{integrator_words::kVcmplus};
+  merging::MergeSettings merge{integrator_words::kVcmplus};
+  Choice heuristic{"balance", {"balance", "power"}};
+  bool merge_media = false;
+  Choice layers{"none", {"none", "merging"}};
+  adaptive::FTestSettings f_test;
+  adaptive::EpochSettings epochs;
+
+  template <class Visitor>
+  void fields(Visitor& visit) {
+    common.path_fields(visit);
+    common.plan_field(visit);
+    merge.fields(visit, false);
+    visit("heuristic", heuristic, "how the techniques are weighted against each other");
+    visit("merge_media", merge_media, "merge in media too, with balls; connections cover media without");
+    visit("layers", layers, "a further layer in the EXR: the part of the image that merging brings");
+    f_test.fields(visit);
+    epochs.fields(visit);
+  }
+};
+
+}  // namespace candela::integrators

@@ -1,0 +1,73 @@
+#include "worker/integrators/vcmplus/vcmplus.h"
+
+#include "worker/integrators/adaptive/run.h"
+#include "worker/integrators/iteration_integrator.h"
+#include "worker/integrators/plan_between.h"
+#include "worker/integrators/vcm/plan.h"
+#include "worker/transport/statistics/weighted_sectors.h"
+
+namespace candela::integrators {
+namespace {
+
+using transport::Between;
+
+class VcmplusIntegrator final : public IterationIntegrator {
+ public:
+  VcmplusIntegrator(const estimators::PathOptions& options, Planned planned, const merging::MergeRules& merge,
+                    bool merging_layer, adaptive::Adaptation adaptation)
+      : IterationIntegrator(options, std::move(planned)),
+        iterations_{options_, planned_.techniques, merge, false, merging_layer},
+        adaptation_(std::move(adaptation)) {}
+
+  // Where nothing is merged there is nothing to decide.
+  WorkPlan work(FilmSize /*size*/, int film_scale_log2) const override {
+    WorkPlan plan;
+    if (planned_.techniques.merges()) plan = adaptive::work_plan(adaptation_, film_scale_log2);
+    plan.layers = iterations_.layers();
+    return plan;
+  }
+  Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
+                   const RunContext& run_context) const override {
+    return with_between(planned_.between, [&](auto between) {
+      if (options_.heuristic == transport::MisHeuristic::power)
+        return run_weighted<between(), transport::Power>(context, unit, input, output, run_context);
+      return run_weighted<between(), transport::Balance>(context, unit, input, output, run_context);
+    });
+  }
+
+ private:
+  template <Between kBetween, class Mis>
+  Result<void> run_weighted(const UnitContext& context, const Unit& unit, const UnitInput& input,
+                            UnitOutput& output, const RunContext& run_context) const {
+    if (!planned_.techniques.merges())
+      return merging::run_progressive<estimators::VcmEye<kBetween, Mis, transport::ConstantScale>>(
+          context, unit, iterations_, output, run_context);
+    using Statistics = transport::WeightedSectors;
+    return adaptive::run_adaptive<estimators::VcmEye<kBetween, Mis, transport::ScaleMap, Statistics>>(
+        context, unit, input, iterations_, adaptation_,
+        [](double first_radius) { return Statistics(first_radius); }, output, run_context);
+  }
+
+  const merging::IterationOptions iterations_;
+  const adaptive::Adaptation adaptation_;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<Integrator>> make_vcmplus_integrator(const SettingsMap& settings,
+                                                            const scene::SceneFeatures& features) {
+  CANDELA_ASSIGN(const VcmplusSettings parsed, parse_settings<VcmplusSettings>(settings));
+  CANDELA_TRY(adaptive::check(parsed.epochs));
+  estimators::PathOptions options = parsed.common.path_options();
+  options.heuristic = heuristic_named(parsed.heuristic.value);
+  estimators::Techniques wanted;
+  wanted.merge_medium = parsed.merge_media;
+  Planned planned = vcm::plan(options, wanted, features, parsed.common.full_plan());
+  adaptive::Adaptation adaptation = adaptive::f_test(parsed.epochs, parsed.f_test);
+  if (planned.techniques.merges()) adaptive::note_statistics(adaptation, planned.plan);
+  return std::unique_ptr<Integrator>(
+      std::make_unique<VcmplusIntegrator>(options, std::move(planned), parsed.merge.rules(),
+                                          parsed.layers.value == "merging", std::move(adaptation)));
+}
+
+}  // namespace candela::integrators
