@@ -10,8 +10,15 @@ constexpr std::array kStudies = {
     Study{"bias-aware",
           "the bias-aware balance heuristic, the plain one and their bounds on known integrands",
           "Hachisuka 2012, supplement, sections B to D", 0, 0, run_bias_aware},
+    Study{"fppm-comparison",
+          "radii by schedule, counts, F test and plug-in bandwidth on scenes with known pictures",
+          "Lin 2023, Fig. 6 to 8", 3, 2, run_fppm_comparison},
+    Study{"lag", "the F test with states that lie 0, 1 and 4 epochs back", "Lin 2023, on a farm", 3, 2,
+          run_lag},
     Study{"ups-alpha", "error, variance and bias of ppm and vcm against alpha, on a torus in glass",
           "Hachisuka 2012, supplement, Fig. 1 and Eq. 46", 3, 2, run_ups_alpha},
+    Study{"vcmplus-table", "iterations and time of vcm and vcmplus to equal error", "Lin 2023, Table I", 2, 2,
+          run_vcmplus_table},
 };
 
 }  // namespace

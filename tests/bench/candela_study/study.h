@@ -62,5 +62,8 @@ const Study* find_study(std::string_view name);
 
 Result<Results> run_ups_alpha(const Request& request);
 Result<Results> run_bias_aware(const Request& request);
+Result<Results> run_fppm_comparison(const Request& request);
+Result<Results> run_lag(const Request& request);
+Result<Results> run_vcmplus_table(const Request& request);
 
 }  // namespace candela::study
