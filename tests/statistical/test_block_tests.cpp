@@ -209,7 +209,7 @@ TEST(BlockTests, PathAgainstPath) {
   TestScene scene = scene_from_xml(kScene, 32, 32);
   BatchPlan plan;
   plan.batches = kBatches * 2 * trials;
-  plan.iterations = 1;
+  plan.iterations = 2;
   const Rows all = render_rows({{1.0, scene}}, plan, kRegions, 1, 1);
   const auto slice = [&](std::size_t k) {
     return Estimator{"path", [&, k](std::uint64_t, double) {

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <limits>
 
+#include "tests/epoch_run.h"
 #include "tests/integrators.h"
 #include "tests/statistical/harness.h"
 #include "tests/stress/scenes.h"
@@ -115,7 +116,8 @@ TEST(HostileInput, PowerBeyondFloatsIsCounted) {
     ASSERT_TRUE(pilot.ok()) << pilot.error().to_string();
     auto output = renderer->make_output(pilot->state);
     const auto& film = output.film;
-    ASSERT_TRUE(renderer->run({Unit::Kind::iterations, 0, 0, 4}, {}, output, {}).ok());
+    test::EpochRun job(*renderer, *pilot);
+    ASSERT_TRUE(job.run({Unit::Kind::iterations, 0, 0, 4}, output, {}).ok());
     std::uint64_t rejected = 0;
     for (const std::uint64_t n : film->tallies().rejected) rejected += n;
     EXPECT_GT(rejected, 0U) << integrator;
