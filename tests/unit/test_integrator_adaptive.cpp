@@ -252,6 +252,38 @@ TEST(Adaptive, BadSettingsAreNamed) {
   }
 }
 
+// Claim: fppm with rings or nested discs has the accumulators of their rule, whose sums do not depend on
+// threads or cuts, and refuses a factor k that it would not use.
+TEST(Adaptive, RingsAreOfFppm) {
+  const struct {
+    const char* test;
+    const char* rings;
+    std::uint32_t channels;
+  } forms[] = {
+      {"nested", "false", 12}, {"sectors", "true", 72}, {"antipodal", "true", 72}, {"nested", "true", 72}};
+  for (const auto& form : forms) {
+    const auto renderer =
+        make("fppm", kBox, {{"radius", "0.05"}, {"test", form.test}, {"rings", form.rings}}, "gaussian");
+    const PilotResult asked = pilot(*renderer);
+    ASSERT_EQ(asked.work.accumulators.size(), 2U);
+    EXPECT_EQ(asked.work.accumulators[0].channels, form.channels);
+    EXPECT_EQ(asked.work.accumulators[1].channels, 12U);
+    const std::string map = mixed_map();
+    const UnitOutput one = run(*renderer, map, {Unit::Kind::iterations, 0, 0, 3}, {1}),
+                     other = run(*renderer, map, {Unit::Kind::iterations, 0, 0, 3}, {3});
+    for (std::size_t i = 0; i < 2; ++i) {
+      const auto values = sums(*one.accumulators[i]);
+      EXPECT_EQ(values, sums(*other.accumulators[i])) << form.test;
+      EXPECT_GT(std::accumulate(values.begin(), values.end(), std::int64_t{0}), 0) << form.test;
+    }
+    const auto refused =
+        complete_integrator_settings("fppm", {}, {{"test", form.test}, {"rings", form.rings}, {"k", "0.6"}});
+    ASSERT_FALSE(refused.ok()) << form.test;
+    EXPECT_EQ(refused.error().field, "k");
+  }
+  EXPECT_FALSE(complete_integrator_settings("vcmplus", {}, {{"test", "nested"}}).ok());
+}
+
 // Claim: the layer `merging` of vcm and vcmplus is what merging adds to the image: with all other techniques
 // the image, and nothing where the plan merges nothing.
 TEST(Adaptive, MergingIsALayer) {

@@ -21,6 +21,7 @@ IntegratorEntry integrator_entry(std::string_view name,
             CANDELA_ASSIGN(const Settings settings, parse_settings<Settings>(given));
             if constexpr (requires { settings.markov; }) CANDELA_TRY(check(settings.markov));
             if constexpr (requires { settings.epochs; }) CANDELA_TRY(check(settings.epochs));
+            if constexpr (requires { settings.rings; }) CANDELA_TRY(check(settings.f_test, settings.rings));
             if constexpr (requires { settings.bandwidth; }) CANDELA_TRY(check(settings.bandwidth));
             return write_settings(settings).map;
           },

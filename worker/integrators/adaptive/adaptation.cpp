@@ -26,6 +26,13 @@ Result<void> check(const PlugInSettings& settings) {
       .with_field("r_max");
 }
 
+Result<void> check(const FTestSettings& test, const RingSettings& rings) {
+  if ((!rings.rings && test.test.value != "nested") || test.k == FTestSettings().k) return {};
+  return usage_error(fmt::format("'{}' has no part in it: rings and nested discs halve the area", test.k))
+      .with_field("k")
+      .with_mend("leave it out");
+}
+
 namespace {
 
 // Floors of radii fall as i^(-1/8) [Lin 2023, Eq. 21, with alpha = 3/4].
@@ -56,6 +63,33 @@ Adaptation f_test(const EpochSettings& epochs, const FTestSettings& test) {
       std::to_string(rules::critical_integer(rules::chi_squared_quantile(test.alpha_f, degrees) / degrees));
   adaptation.accumulators = +[](int film_scale_log2) -> std::vector<film::AccumulatorSpec> {
     return {rules::sectors_spec(film_scale_log2), rules::squares_spec(film_scale_log2)};
+  };
+  return adaptation;
+}
+
+Adaptation ring_test(const EpochSettings& epochs, const FTestSettings& test, const RingSettings& rings) {
+  constexpr double kFactor = 0.70710678118654752;  // half of the area
+  rules::Levels levels = rules::levels_above(kFactor, test.r_min, kFloorPower);
+  levels.max_level = std::min(levels.max_level, rules::kRings - 2);
+  levels.floors.resize(static_cast<std::size_t>(levels.max_level));
+  Adaptation adaptation = make_adaptation(epochs, "fppm", std::move(levels));
+  SettingsMap& constants = adaptation.epochs.constants;
+  constants["test"] = test.test.value;
+  constants.emplace("rings", std::to_string(rings.rings ? 1 : 0));
+  if (test.test.value == "nested") constants["kappa"] = rules::constant_text(rings.kappa);
+  if (!rings.rings) {
+    adaptation.accumulators = +[](int film_scale_log2) -> std::vector<film::AccumulatorSpec> {
+      return {rules::discs_spec(film_scale_log2), rules::ring_squares_spec(film_scale_log2)};
+    };
+    return adaptation;
+  }
+  // Beside nested discs the F test is that of antipodal pairs.
+  const int degrees =
+      (test.test.value == "sectors" ? rules::kSectorChannels : rules::kSectorChannels / 2) - 1;
+  constants["critical"] =
+      std::to_string(rules::critical_integer(rules::chi_squared_quantile(test.alpha_f, degrees) / degrees));
+  adaptation.accumulators = +[](int film_scale_log2) -> std::vector<film::AccumulatorSpec> {
+    return {rules::ring_sectors_spec(film_scale_log2), rules::ring_squares_spec(film_scale_log2)};
   };
   return adaptation;
 }

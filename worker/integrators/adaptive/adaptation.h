@@ -22,6 +22,8 @@ struct Adaptation {
 
 // The F test's, by the rule "fppm".
 Adaptation f_test(const EpochSettings& epochs, const FTestSettings& test);
+// The F test's on rings, and that of nested discs, by the rule "fppm". k of `test` has no part in it.
+Adaptation ring_test(const EpochSettings& epochs, const FTestSettings& test, const RingSettings& rings);
 // The chi-squared test's, by the rule "cppm".
 Adaptation count_test(const EpochSettings& epochs, const CountTestSettings& test);
 // The plug-in bandwidth's, by the rule "appm".

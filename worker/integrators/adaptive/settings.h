@@ -41,6 +41,21 @@ struct FTestSettings {
   }
 };
 
+// Statistics that outlive a radius.
+struct RingSettings {
+  bool rings = false;
+  double kappa = 3;
+
+  template <class Visitor>
+  void fields(Visitor& visit) {
+    visit("rings", rings,
+          "sums in rings that no rejection zeroes: every radius is tested at each look; 84 sums a pixel");
+    visit("kappa", kappa, NumberRange{0, 1000, true},
+          "standard errors by which the means of nested discs may differ");
+  }
+};
+Result<void> check(const FTestSettings& test, const RingSettings& rings);
+
 // The chi-squared test of numbers of photons.
 struct CountTestSettings {
   double alpha_chi = 0.01;

@@ -9,7 +9,8 @@ namespace candela::integrators {
 struct FppmSettings {
   CommonSettings common{integrator_words::kFppm};
   merging::MergeSettings merge{integrator_words::kFppm};
-  adaptive::FTestSettings f_test;
+  adaptive::FTestSettings f_test{.test = {"sectors", {"sectors", "antipodal", "nested"}}};
+  adaptive::RingSettings rings;
   adaptive::EpochSettings epochs;
 
   template <class Visitor>
@@ -18,6 +19,7 @@ struct FppmSettings {
     common.plan_field(visit);
     merge.fields(visit, false);
     f_test.fields(visit);
+    rings.fields(visit);
     epochs.fields(visit);
   }
 };
