@@ -44,18 +44,19 @@ struct FarmOptions {
   double push_idle_seconds = 20;  // a sender of a delta silent for this long is cut off
 };
 
-class Farm {
+class Farm final : public TruthFarm {
  public:
   static Result<std::unique_ptr<Farm>> open(const FarmOptions& options);
-  ~Farm();
+  ~Farm() override;
   Farm(const Farm&) = delete;
   Farm& operator=(const Farm&) = delete;
 
-  Now now() const { return JobTable::now(); }
+  Now now() const override { return JobTable::now(); }
   const FarmOptions& options() const { return options_; }
-  BlobStore& blobs() { return *blobs_; }
-  Store& store() { return *store_; }
-  StoreWriter& writer() { return *writer_; }
+  const std::filesystem::path& data_folder() const override { return options_.master.data_dir; }
+  BlobStore& blobs() override { return *blobs_; }
+  Store& store() override { return *store_; }
+  StoreWriter& writer() override { return *writer_; }
   PushGate& gate() { return *gate_; }
   FarmCounters& counters() { return counters_; }
   JobTruth& truth() { return *truth_; }
@@ -63,7 +64,8 @@ class Farm {
   ImageWriter& images() { return *images_; }
   StateReports& reports() { return *reports_; }
   // Loaded or not (JobTruth::open_film loads it); null before the pilot and for unknown jobs.
-  std::shared_ptr<JobFilm> film_of(const std::string& job_id) { return table_->film_of(job_id); }
+  std::shared_ptr<JobFilm> film_of(const std::string& job_id) override { return table_->film_of(job_id); }
+  void use_scheduler(const std::function<void(Scheduler&)>& use) override { table_->with_scheduler(use); }
 
   // Runs `f(scheduler)` under the lock, then hands its changes to the store's queue.
   template <class F>
@@ -79,7 +81,7 @@ class Farm {
   // The settings, stop rule and bundle are validated already. ErrorKind::refused: the token names another
   // content.
   Result<Submitted> submit(JobRow row, const std::string& bundle_bytes);
-  std::optional<v1::JobStatus> status(const std::string& job_id);
+  std::optional<v1::JobStatus> status(const std::string& job_id) override;
   // The same, with the report of its decided states.
   std::optional<v1::JobStatus> full_status(const std::string& job_id);
   std::vector<v1::JobStatus> all_status();
@@ -87,11 +89,11 @@ class Farm {
   std::optional<v1::WorkerStatus> worker(const std::string& id);
   // pause, resume, cancel, extend: applied, written, and the status after.
   Result<v1::JobStatus> change_job(const std::string& job_id,
-                                   const std::function<Result<void>(Scheduler&, Now)>& change);
+                                   const std::function<Result<void>(Scheduler&, Now)>& change) override;
   Result<v1::JobStatus> extend(const v1::ExtendJobRequest& request);
   Result<v1::JobStatus> resume(const std::string& job_id);
   // A job that only its folder knew. Precondition: its row and bundle are in the store already.
-  Result<void> take_in(Manifest manifest);
+  Result<void> take_in(Manifest manifest) override;
   Result<v1::GetLedgerResponse> ledger(const std::string& job_id);
 
   // --- leases ---
@@ -107,12 +109,12 @@ class Farm {
   // --- blobs ---
   // The blob is missing, or was found damaged and set aside: an event and the message of each job that needs
   // it say so. The text is for the worker that asked.
-  std::string blob_lost(const std::string& sha256, bool damaged);
+  std::string blob_lost(const std::string& sha256, bool damaged) override;
   // The blob is there, whole. Jobs that waited for it go on.
   void blob_found(const std::string& sha256);
 
   // --- the end, and health ---
-  bool stopping() const { return wake_.stopping(); }
+  bool stopping() const override { return wake_.stopping(); }
   void begin_stop() { wake_.stop(); }  // streams end; no more leases
   void stop();                         // last checkpoints; idempotent
   void flush_images() { upkeep_->flush_images(); }

@@ -9,7 +9,6 @@
 #include "common/base/files.h"
 #include "common/base/hash.h"
 #include "common/wire/wire.h"
-#include "master/farm.h"
 #include "master/truth/manifest.h"
 
 namespace candela::master {
@@ -29,7 +28,7 @@ void add_finding(v1::JobReport& report, std::string part, std::string text, std:
 }  // namespace
 
 std::filesystem::path JobTruth::folder(const std::string& job_id) const {
-  return farm_.options().master.data_dir / "jobs" / job_id;
+  return farm_.data_folder() / "jobs" / job_id;
 }
 
 Result<std::vector<UnitRow>> JobTruth::merged_rows(const std::string& job_id) {

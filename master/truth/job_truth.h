@@ -23,14 +23,13 @@
 #include "common/base/result.h"
 #include "master/merge/job_film.h"
 #include "master/store/records.h"
+#include "master/truth/truth_farm.h"
 
 namespace candela::master {
 
-class Farm;
-
 class JobTruth {
  public:
-  explicit JobTruth(Farm& farm) : farm_(farm) {}
+  explicit JobTruth(TruthFarm& farm) : farm_(farm) {}
 
   // The job's film, loaded and agreed with its rows; null before the pilot. `use`: it stays in memory for a
   // while. Errors: the place keeps it from being read.
@@ -62,7 +61,7 @@ class JobTruth {
   void check_states(const std::string& job_id, const JobFilm& film, v1::JobReport& report);
   std::filesystem::path folder(const std::string& job_id) const;
 
-  Farm& farm_;
+  TruthFarm& farm_;
   std::map<std::string, std::string>
       manifests_;  // job -> hash of what is written; guarded by JobUpkeep's lock
 };
