@@ -33,9 +33,9 @@ int ring_level(std::span<const Int128> rings, std::span<const Int128, kRings> sq
 int nested_level(const DiscSums& disc, double kappa) {
   constexpr std::size_t kDepth = 6;
   constexpr double kLeastPhotons = 8;
-  // Of the disc of level g, over all rings from g on: its area, the integral of the field over it with every
-  // ring's mean over its own iterations, the variance of that integral for a second moment of 1 per area and
-  // iteration, and plain sums. Areas are shares of the first disc.
+  // The disc of level g is all rings from g on. This has its area, the integral of the field over it with
+  // every ring's mean over its own iterations, the variance of that integral for a second moment of 1 per
+  // area and iteration, and plain sums. Areas are shares of the first disc.
   struct Disc {
     double area = 0, integral = 0, variance = 0, sum = 0, squares = 0, covered = 0;
   };

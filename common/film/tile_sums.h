@@ -47,7 +47,7 @@ class TileSums {
   void set_pixel(std::uint32_t layer, std::uint32_t x, std::uint32_t y, std::span<const Int128> sums);
   // No sum of the first `tile_count` tiles differs from zero.
   bool zero(std::size_t tile_count) const;
-  // Of the sums: tiles without any take none.
+  // Bytes of the sums. A tile without sums takes none.
   std::uint64_t memory_bytes() const;
   // A copy of the first layers alone.
   TileSums first_layers(const Layout& layout) const;

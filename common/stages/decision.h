@@ -28,8 +28,8 @@ namespace candela {
 
 inline constexpr std::size_t kMaxStateBytes = std::size_t{1} << 30;
 
-// What a rule keeps of the epochs that it has folded, beside the state. The master's alone: no worker gets
-// it.
+// The memory of a rule: sums and bytes of the epochs that the rule has folded, beside the state. The master
+// keeps the carry, and sends it to no worker.
 struct Carry {
   // One for each accumulator of the plan that is kept per epoch, in the plan's order and with its spec.
   std::vector<film::MergedAccumulator> sums;

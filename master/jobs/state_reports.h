@@ -1,5 +1,5 @@
-// What people are told of the decided states of a job of epochs. A report is made when somebody asks, once
-// for each decision.
+// Reports describe the decided states of a job of epochs for people. The master makes a report when somebody
+// asks, once for each decision.
 //
 // `mutex_` guards the reports that are remembered. It is not held while a report is made.
 #pragma once

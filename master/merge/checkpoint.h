@@ -53,7 +53,7 @@ struct Decisions {
   std::vector<DecidedState> states;    // of epochs 0, 1, ...: those made here, then others known to the store
   std::uint64_t made = 0;              // decisions [0, made) are folded into `carry`
   std::shared_ptr<const Carry> carry;  // null: none is made
-  // Of the states [epochs_folded(made), made).
+  // Bytes of the states [epochs_folded(made), made), by epoch.
   std::map<std::uint64_t, std::shared_ptr<const std::string>> bytes;
 };
 

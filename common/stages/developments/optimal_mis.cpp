@@ -34,7 +34,7 @@ Result<mis::Allocation> allocation_of(const DevelopmentPlan& plan) {
   return out;
 }
 
-// What a half's accumulators hold of one pixel.
+// The accumulators of a half, and the values of their units.
 struct Half {
   const film::MergedAccumulator* matrix;
   const film::MergedAccumulator* vector;
