@@ -31,13 +31,19 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
            "Integrator; default: the scene's, which is passed over if this is given, but for parameters that "
            "both know",
            "NAME");
-  app.add_flag("--lenient", options.lenient,
-               "Warn of unknown parameters and elements of the scene, and render without them");
+  app.add_flag(
+      "--lenient", options.lenient,
+      "Warn of unknown parameters, elements and plugins of the scene, and render without them or with the "
+      "nearest plugin");
   add_texts(app, "--set", options.sets, "Set a setting of the integrator; may be repeated", "KEY=VALUE");
   if (with_limits) {
+    add_text(app, "--spp", options.spp,
+             "Stop after N samples per pixel, or mutations per pixel of Markov chains; default without any "
+             "limit: the scene's sample_count",
+             "N");
     add_text(app, "--iterations", options.iterations,
-             "Stop after N iterations (samples per pixel; of Markov chains rounds, one segment of each "
-             "chain); default without any limit: the scene's sample_count",
+             "Stop after N iterations, each a sample per pixel; of Markov chains rounds, one segment of each "
+             "chain",
              "N");
     add_text(app, "--time", options.time, "Stop after this time, such as 90s, 10m or 1h30m", "DURATION");
     add_text(app, "--until", options.until,
@@ -49,6 +55,10 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
            "Pixel filter: box, tent, gaussian, mitchell, catmullrom or lanczos; default: the scene's rfilter",
            "NAME");
   add_text(app, "--sampler", options.sampler, "Sampler: sobol (default) or independent", "NAME");
+  add_text(app, "--aov", options.aov,
+           "Layers of what the camera sees first, such as albedo,normal,depth or NAME:KIND; default: the "
+           "scene's integrator `aov`; none for none",
+           "LIST");
   add_text(app, "--isa", options.isa,
            "Instruction set Embree may use: sse2, sse4.2, avx, avx2 (default) or avx512; part of what the "
            "pixels depend on",

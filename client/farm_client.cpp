@@ -364,17 +364,17 @@ Result<v1::WorkerStatus> FarmClient::drain_worker(const std::string& id) {
   return state_->unary<v1::WorkerStatus>(&v1::FarmService::Stub::DrainWorker, request);
 }
 
-Result<std::string> FarmClient::fetch_image(const std::string& id, bool error_layer, bool image_only,
-                                            bool chain_layers, bool partial, bool state_layers,
-                                            const std::string& estimator) {
+Result<std::string> FarmClient::fetch_image(const std::string& id, const ImageRequest& image) {
   v1::FetchImageRequest request;
   request.set_job_id(id);
-  request.set_error_layer(error_layer);
-  request.set_image_only(image_only);
-  request.set_chain_layers(chain_layers);
-  request.set_partial(partial);
-  request.set_state_layers(state_layers);
-  request.set_estimator(estimator);
+  request.set_error_layer(image.error_layer);
+  request.set_image_only(image.image_only);
+  request.set_chain_layers(image.chain_layers);
+  request.set_partial(image.partial);
+  request.set_state_layers(image.state_layers);
+  request.set_estimator(image.estimator);
+  request.set_half(image.half);
+  request.set_variance_layer(image.variance_layer);
   std::string data, sha256;
   std::uint64_t total = 0;
   Outage outage;

@@ -20,6 +20,18 @@ namespace candela::client {
 
 class StopSignals;
 
+// Which image of a job, and which of its layers.
+struct ImageRequest {
+  bool error_layer = false;
+  bool image_only = false;     // without the job's further layers
+  bool chain_layers = false;   // with what an image of Markov chains is made of
+  bool partial = false;        // of an ended job that has lost samples, what is left; refused otherwise
+  bool state_layers = false;   // with what describes the newest state of a job of epochs
+  std::string estimator = {};  // one that the job's development offers; empty: the job's own
+  v1::FetchImageRequest::Half half = v1::FetchImageRequest::HALF_UNSPECIFIED;
+  bool variance_layer = false;
+};
+
 struct ConnectionOptions {
   std::string master;                     // HOST:PORT
   std::string tls_cert, tls_key, tls_ca;  // PEM files; all three or none
@@ -63,15 +75,9 @@ class FarmClient {
   // Marks it and returns at once; when its last lease is gone the worker's state is "drained".
   Result<v1::WorkerStatus> drain_worker(const std::string& id);
 
-  // The image of what is merged now, the bytes of an EXR file, with the job's further layers if it has any
-  // and `image_only` is not set. `chain_layers`: also what an image of Markov chains is made of. `partial`:
-  // of an ended job that has lost samples, what is left; refused otherwise. `state_layers`: also what
-  // describes the newest state of a job of epochs. `estimator`: one that the job's development offers; empty:
-  // the job's own. Goes on as long as bytes come, however slowly; after a lost connection from the byte it
-  // has.
-  Result<std::string> fetch_image(const std::string& id, bool error_layer, bool image_only,
-                                  bool chain_layers = false, bool partial = false, bool state_layers = false,
-                                  const std::string& estimator = {});
+  // The image of what is merged now, the bytes of an EXR file. Goes on as long as bytes come, however slowly;
+  // after a lost connection from the byte it has.
+  Result<std::string> fetch_image(const std::string& id, const ImageRequest& image);
 
   // Calls `on_status` now, at each change, and at the end of the job. Returns the last status: of an ended
   // job, or, where `stop` is given and a signal came or `give_up` returned true, of one that goes on. A

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "client/progress.h"
 #include "common/base/text.h"
 #include "common/base/version.h"
 #include "common/wire/wire.h"
@@ -83,6 +84,8 @@ Json job(const v1::JobStatus& s) {
   json["units_merged"] = s.units_merged();
   json["units_leased"] = s.units_leased();
   json["iterations"] = s.iterations();
+  const double each = samples_per_iteration(s);
+  json["samples_per_pixel"] = each > 0 ? Json(each * static_cast<double>(s.iterations())) : Json(nullptr);
   json["lost"] = s.lost();
   json["repairing"] = s.repairing();
   json["samples"] = s.samples();
@@ -108,7 +111,8 @@ Json job(const v1::JobStatus& s) {
                       {"filter_settings", map(settings.filter_settings())},
                       {"sampler", settings.sampler()},
                       {"seed", settings.seed()},
-                      {"isa", settings.isa()}};
+                      {"isa", settings.isa()},
+                      {"aovs", settings.aovs()}};
   json["bundle_sha256"] = s.bundle_sha256();
   json["film_scale_log2"] = s.has_named_state() ? Json(s.named_state().film_scale_log2()) : Json(nullptr);
   json["failures"] = failures(s.failures());
@@ -129,6 +133,7 @@ Json job(const v1::JobStatus& s) {
   json["epochs"] = s.has_epochs() ? epochs(s.epochs()) : Json(nullptr);
   json["layers"] = Json::array();
   for (const std::string& layer : s.layers()) json["layers"].push_back(layer);
+  json["worker_memory_bytes"] = s.worker_memory_bytes();
   json["plan"] = s.plan();
   return json;
 }
@@ -143,6 +148,7 @@ Json worker(const v1::WorkerStatus& w) {
   json["threads"] = w.threads();
   json["units_merged"] = w.units_merged();
   json["units_failed"] = w.units_failed();
+  json["resident_bytes"] = w.resident_bytes();
   json["failures"] = failures(w.failures());
   json["jobs"] = Json::array();
   for (const std::string& id : w.jobs()) json["jobs"].push_back(id);

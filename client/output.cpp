@@ -47,19 +47,8 @@ Result<void> check_output(const ImageOutput& output) {
 Result<void> write_images(const ImageOutput& output, const std::string& exr_bytes) {
   if (!output.exr.empty()) CANDELA_TRY(write_file_atomically(output.exr, exr_bytes));
   if (output.png.empty()) return {};
-  // The PNG is made of the file as it is on disk: of the one just written, or of a passing one.
-  fs::path source = output.exr;
-  if (output.exr.empty()) {
-    source = fmt::format("{}.{}.exr", output.png, ::getpid());
-    CANDELA_TRY(write_file_atomically(source, exr_bytes));
-  }
-  auto read = image::read_image(source);
-  if (output.exr.empty()) {
-    std::error_code ignored;
-    fs::remove(source, ignored);
-  }
-  if (!read) return std::move(read).error();
-  CANDELA_ASSIGN(const std::string png, image::encode_png(*read));
+  CANDELA_ASSIGN(const image::Image image, image::decode_exr(exr_bytes));
+  CANDELA_ASSIGN(const std::string png, image::encode_png(image));
   return write_file_atomically(output.png, png);
 }
 

@@ -29,7 +29,33 @@ std::string b_text(const v1::ChainStatus& chains) {
   return fmt::format("b {:.4g} +- {:.1g} %", chains.b(), relative);
 }
 
+// Few digits: chains' segments are whole mutations, so a round may be a fraction of a sample more.
+std::string amount(double samples) {
+  return samples == std::floor(samples) || samples >= 1000 ? fmt::format("{:.0f}", samples)
+                                                           : fmt::format("{:.1f}", samples);
+}
+
+// "12.3 spp/s".
+std::string rate_text(const v1::JobStatus& status) {
+  const double pixels = static_cast<double>(status.settings().width()) * status.settings().height();
+  const double rate = status.samples_per_second() / std::max(pixels, 1.0);
+  return fmt::format("{} spp/s", rate >= 1000 ? format_count(rate) : fmt::format("{:.3g}", rate));
+}
+
 }  // namespace
+
+double samples_per_iteration(const v1::JobStatus& status) {
+  if (!status.has_chains()) return 1;
+  const v1::ChainPlan& plan = status.chains().plan();
+  const double pixels = static_cast<double>(status.settings().width()) * status.settings().height();
+  return pixels > 0 ? static_cast<double>(plan.segment_mutations()) * plan.chains() / pixels : 0;
+}
+
+std::string effort_text(const v1::JobStatus& status, std::uint64_t iterations) {
+  const double each = samples_per_iteration(status);
+  return each > 0 ? amount(each * static_cast<double>(iterations)) + " spp"
+                  : fmt::format("{} iterations", iterations);
+}
 
 double fraction_done(const v1::JobStatus& status) {
   double fraction = 0;
@@ -47,13 +73,16 @@ double fraction_done(const v1::JobStatus& status) {
 std::string format_progress(const v1::JobStatus& status) {
   std::vector<std::string> parts;
   const v1::StopRule& stop = status.stop();
-  if (stop.iterations() > 0)
-    parts.push_back(fmt::format("{}/{} iterations", status.iterations(), stop.iterations()));
-  else
-    parts.push_back(fmt::format("{} iterations", status.iterations()));
+  if (stop.iterations() > 0) {
+    const double each = samples_per_iteration(status);
+    parts.push_back(each > 0 ? fmt::format("{}/{}", amount(each * static_cast<double>(status.iterations())),
+                                           effort_text(status, stop.iterations()))
+                             : fmt::format("{}/{} iterations", status.iterations(), stop.iterations()));
+  } else {
+    parts.push_back(effort_text(status, status.iterations()));
+  }
   const bool running = status.state() == v1::JOB_STATE_RUNNING;
-  if (running && status.samples_per_second() > 0)
-    parts.push_back(fmt::format("{} samples/s", format_count(status.samples_per_second())));
+  if (running && status.samples_per_second() > 0) parts.push_back(rate_text(status));
   if (status.iterations() > 0 && std::isfinite(status.relmse_estimate())) {
     std::string text = fmt::format("relMSE {:.1e}", status.relmse_estimate());
     if (stop.relmse() > 0) text += fmt::format(" (to {:.1e})", stop.relmse());
@@ -68,6 +97,8 @@ std::string format_progress(const v1::JobStatus& status) {
   } else if (running && std::isfinite(status.eta_seconds())) {
     parts.push_back("ETA " + format_duration(status.eta_seconds()));
   }
+  if (running && status.worker_memory_bytes() > 0)
+    parts.push_back("memory " + format_bytes(status.worker_memory_bytes()));
   if (!running) parts.emplace_back(wire::name(status.state()));
   // Of a running job too: that it waits for a worker or for room on a disk.
   if (!status.message().empty()) parts.push_back(printable(status.message()));

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <iosfwd>
 #include <string>
 #include <string_view>
@@ -11,8 +12,14 @@
 
 namespace candela::client {
 
-// "42%  54/128 iterations, 12.3M samples/s, relMSE 1.2e-03 (to 1.0e-03), ETA 1m05s": the parts that are
-// known.
+// Samples, or mutations, that one iteration of the job brings to each pixel; 0 where no pilot has told it
+// yet.
+double samples_per_iteration(const v1::JobStatus& status);
+// "64 spp" of so many iterations, or "64 iterations" where it is not known.
+std::string effort_text(const v1::JobStatus& status, std::uint64_t iterations);
+
+// "42%  54/128 spp, 12.3 spp/s, relMSE 1.2e-03 (to 1.0e-03), ETA 1m05s, memory 512.0 MiB": the parts that are
+// known. The memory is that of the largest worker.
 std::string format_progress(const v1::JobStatus& status);
 
 // How far a job is, in [0, 1]: the furthest of its limits.

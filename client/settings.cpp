@@ -9,17 +9,14 @@
 #include "client/values.h"
 #include "common/description/setting_text.h"
 #include "common/description/vocabulary.h"
+#include "common/job/aov.h"
+#include "common/job/setting_names.h"
 
 namespace candela::client {
 namespace {
 
 using description::Object;
 using description::ObjectPtr;
-
-constexpr std::array<std::string_view, 6> kFilters = {"box",      "tent",       "gaussian",
-                                                      "mitchell", "catmullrom", "lanczos"};
-constexpr std::array<std::string_view, 2> kSamplers = {"independent", "sobol"};
-constexpr std::array<std::string_view, 5> kIsas = {"sse2", "sse4.2", "avx", "avx2", "avx512"};
 
 // Mitsuba's defaults for what a scene does not say.
 constexpr std::int64_t kDefaultWidth = 768;   // pixels
@@ -55,8 +52,9 @@ bool is_without_effect(const Object& integrator, const std::string& name) {
   return rule != plugin->properties.end() && (rule->ignored || !rule->only.empty());
 }
 
-Result<void> resolve_integrator(const Object& scene, const SceneOptions& options, const RendererFacts& facts,
-                                PreparedJob& job) {
+// spp: the effort in samples a pixel; 0: not known. The film's size is resolved.
+Result<void> resolve_integrator(const Object& scene, const SceneOptions& options, std::uint64_t spp,
+                                const RendererFacts& facts, PreparedJob& job) {
   JobSettings& settings = job.settings;
   const std::vector<std::string> names = facts.integrator_names();
   const std::vector<std::string_view> known(names.begin(), names.end());
@@ -90,11 +88,23 @@ Result<void> resolve_integrator(const Object& scene, const SceneOptions& options
     }
   }
   CANDELA_ASSIGN(const SettingsMap from_user, parse_assignments(options.sets, "--set"));
-  auto complete = facts.complete_settings(settings.integrator, from_scene, from_user);
+  if (spp > 0) {
+    CANDELA_ASSIGN(job.of_effort, facts.settings_of_effort(settings.integrator, spp,
+                                                           std::uint64_t{settings.width} * settings.height));
+    std::erase_if(job.of_effort, [&](const auto& setting) {
+      return from_scene.contains(setting.first) || from_user.contains(setting.first);
+    });
+  }
+  const auto try_complete = [&] {
+    SettingsMap given = job.of_effort;
+    given.insert(from_scene.begin(), from_scene.end());
+    return facts.complete_settings(settings.integrator, given, from_user);
+  };
+  auto complete = try_complete();
   // A value of another integrator that this one cannot have does not count.
   while (!complete && !own && !from_user.contains(complete.error().field) &&
          from_scene.erase(complete.error().field) > 0)
-    complete = facts.complete_settings(settings.integrator, from_scene, from_user);
+    complete = try_complete();
   if (written != nullptr && !own)
     job.other_integrator = passed_over(*written, settings.integrator, from_scene);
   if (!complete) {
@@ -115,15 +125,19 @@ Result<void> resolve_integrator(const Object& scene, const SceneOptions& options
   return {};
 }
 
+Result<std::uint64_t> parse_spp(const std::string& text) {
+  return parse_count(text, "--spp", 1, Limits::max_iterations);
+}
+
 Result<void> resolve_filter(const Object* film, const SceneOptions& options, JobSettings& settings) {
   const ObjectPtr written = first_child(film, "rfilter");
   if (options.filter) {
-    CANDELA_ASSIGN(settings.filter, parse_choice(*options.filter, "--filter", kFilters));
+    CANDELA_ASSIGN(settings.filter, parse_choice(*options.filter, "--filter", kFilterNames));
   } else if (written == nullptr) {
     settings.filter = "gaussian";
-  } else if (std::find(kFilters.begin(), kFilters.end(), written->plugin) == kFilters.end()) {
+  } else if (std::find(kFilterNames.begin(), kFilterNames.end(), written->plugin) == kFilterNames.end()) {
     return scene_error(*written, fmt::format("there is no rfilter '{}' here", printable(written->plugin)))
-        .with_mend(fmt::format("give --filter, one of {}", join(kFilters, ", ")));
+        .with_mend(fmt::format("give --filter, one of {}", join(kFilterNames, ", ")));
   } else {
     settings.filter = written->plugin;
   }
@@ -177,13 +191,14 @@ Result<void> resolve_size(const Object* film, const SceneOptions& options, JobSe
   return {};
 }
 
-Result<void> resolve_sampling(const Object* sampler, const SceneOptions& options, PreparedJob& job) {
+// Returns the effort in samples a pixel: --spp, or the scene's where no limit is given; else 0.
+Result<std::uint64_t> resolve_sampling(const Object* sampler, const SceneOptions& options, PreparedJob& job) {
   JobSettings& settings = job.settings;
   if (options.sampler) {
-    CANDELA_ASSIGN(settings.sampler, parse_choice(*options.sampler, "--sampler", kSamplers));
+    CANDELA_ASSIGN(settings.sampler, parse_choice(*options.sampler, "--sampler", kSamplerNames));
   }
   if (options.isa) {
-    CANDELA_ASSIGN(settings.isa, parse_choice(*options.isa, "--isa", kIsas));
+    CANDELA_ASSIGN(settings.isa, parse_choice(*options.isa, "--isa", kIsaNames));
   }
   if (options.seed) {
     CANDELA_ASSIGN(settings.seed, parse_count(*options.seed, "--seed", 0, UINT64_MAX));
@@ -192,34 +207,63 @@ Result<void> resolve_sampling(const Object* sampler, const SceneOptions& options
     if (seed < 0) return scene_error(*sampler, fmt::format("seed is {}, below 0", seed));
     settings.seed = static_cast<std::uint64_t>(seed);
   }
-  CANDELA_ASSIGN(job.stop, parse_stop(options.iterations, options.time, options.until));
-  job.stop_given = options.iterations || options.time || options.until;
-  if (!job.stop_given) {
-    const std::int64_t count =
-        sampler != nullptr ? sampler->get_integer("sample_count", kDefaultSampleCount) : kDefaultSampleCount;
-    if (count < 1 || static_cast<std::uint64_t>(count) > Limits::max_iterations)
-      return scene_error(
-          *sampler, fmt::format("sample_count is {}, not within 1 and {}", count, Limits::max_iterations));
-    job.stop.iterations = static_cast<std::uint64_t>(count);
-  }
-  return {};
+  CANDELA_ASSIGN(job.stop, parse_stop(options));
+  job.stop_given = options.spp || options.iterations || options.time || options.until;
+  if (options.spp) return parse_spp(*options.spp);
+  if (job.stop_given) return 0;
+  const std::int64_t count =
+      sampler != nullptr ? sampler->get_integer("sample_count", kDefaultSampleCount) : kDefaultSampleCount;
+  if (count < 1 || static_cast<std::uint64_t>(count) > Limits::max_iterations)
+    return scene_error(*sampler,
+                       fmt::format("sample_count is {}, not within 1 and {}", count, Limits::max_iterations));
+  return static_cast<std::uint64_t>(count);
+}
+
+// As the job has it: --aov, or what the scene asks for.
+Result<std::string> resolve_aovs(const std::string& of_scene, const SceneOptions& options) {
+  if (!options.aov) return of_scene;
+  auto aovs = parse_aovs(*options.aov);
+  if (!aovs) return std::move(aovs).error().with_field("--aov");
+  return text_of(*aovs);
 }
 
 }  // namespace
 
-Result<StopRule> parse_stop(const std::optional<std::string>& iterations,
-                            const std::optional<std::string>& time, const std::optional<std::string>& until) {
+Result<StopRule> parse_stop(const SceneOptions& options) {
   StopRule stop;
-  if (iterations) {
-    CANDELA_ASSIGN(stop.iterations, parse_count(*iterations, "--iterations", 1, Limits::max_iterations));
+  if (options.spp) CANDELA_TRY(parse_spp(*options.spp));
+  if (options.spp && options.iterations)
+    return usage_error("--spp and --iterations exclude each other")
+        .with_mend("give samples per pixel by --spp; --iterations counts passes, of Markov chains rounds");
+  if (options.iterations) {
+    CANDELA_ASSIGN(stop.iterations,
+                   parse_count(*options.iterations, "--iterations", 1, Limits::max_iterations));
   }
-  if (time) {
-    CANDELA_ASSIGN(stop.time_seconds, parse_duration(*time, "--time"));
+  if (options.time) {
+    CANDELA_ASSIGN(stop.time_seconds, parse_duration(*options.time, "--time"));
   }
-  if (until) {
-    CANDELA_ASSIGN(stop.relmse, parse_until(*until, "--until"));
+  if (options.until) {
+    CANDELA_ASSIGN(stop.relmse, parse_until(*options.until, "--until"));
   }
   return stop;
+}
+
+std::uint64_t iterations_of(std::uint64_t spp, std::uint64_t samples_per_iteration) {
+  const std::uint64_t each = std::max<std::uint64_t>(samples_per_iteration, 1);
+  return spp / each + (spp % each == 0 ? 0 : 1);
+}
+
+Result<void> keep_effort_of(const JobSettings& was, const RendererFacts& facts, PreparedJob& job) {
+  JobSettings& settings = job.settings;
+  if (job.of_effort.empty() || was.integrator != settings.integrator) return {};
+  for (auto& [name, value] : job.of_effort) {
+    const auto found = was.integrator_settings.find(name);
+    if (found != was.integrator_settings.end()) settings.integrator_settings[name] = value = found->second;
+  }
+  CANDELA_ASSIGN(const std::uint64_t each,
+                 facts.samples_per_iteration(settings.integrator, settings.integrator_settings));
+  job.stop.iterations = iterations_of(job.spp, each);
+  return {};
 }
 
 Result<std::map<std::string, std::string>> parse_assignments(const std::vector<std::string>& texts,
@@ -241,10 +285,16 @@ Result<PreparedJob> prepare_job(const description::SceneDescription& scene, cons
   const ObjectPtr film = first_child(sensor.get(), "film");
   const ObjectPtr sampler = first_child(sensor.get(), "sampler");
   PreparedJob job;
-  CANDELA_TRY(resolve_integrator(*scene.scene, options, facts, job));
   CANDELA_TRY(resolve_filter(film.get(), options, job.settings));
   CANDELA_TRY(resolve_size(film.get(), options, job.settings));
-  CANDELA_TRY(resolve_sampling(sampler.get(), options, job));
+  CANDELA_ASSIGN(job.settings.aovs, resolve_aovs(scene.aovs, options));
+  CANDELA_ASSIGN(job.spp, resolve_sampling(sampler.get(), options, job));
+  CANDELA_TRY(resolve_integrator(*scene.scene, options, job.spp, facts, job));
+  if (job.spp > 0) {
+    CANDELA_ASSIGN(const std::uint64_t each,
+                   facts.samples_per_iteration(job.settings.integrator, job.settings.integrator_settings));
+    job.stop.iterations = iterations_of(job.spp, each);
+  }
   return job;
 }
 
@@ -252,13 +302,15 @@ Result<LoadedScene> load_scene(const SceneOptions& options, const RendererFacts&
   // A bad option is told at once, not after a scene of gigabytes was hashed.
   CANDELA_ASSIGN(const auto parameters, parse_assignments(options.defines, "-D"));
   CANDELA_TRY(parse_assignments(options.sets, "--set"));
-  CANDELA_TRY(parse_stop(options.iterations, options.time, options.until));
+  CANDELA_TRY(parse_stop(options));
+  CANDELA_TRY(resolve_aovs({}, options));
   if (options.size) CANDELA_TRY(parse_size(*options.size, "--size"));
   if (options.seed) CANDELA_TRY(parse_count(*options.seed, "--seed", 0, UINT64_MAX));
   CANDELA_ASSIGN(bundle::GatheredScene gathered,
                  bundle::gather(options.scene, parameters, options.reading()));
   CANDELA_ASSIGN(PreparedJob job, prepare_job(gathered.description, options, facts));
-  return LoadedScene{std::move(gathered), std::move(job)};
+  return LoadedScene{std::move(gathered), std::move(job),
+                     std::filesystem::absolute(options.scene).parent_path()};
 }
 
 std::string difference(const JobSettings& now, const JobSettings& was) {
@@ -283,6 +335,7 @@ std::string difference(const JobSettings& now, const JobSettings& was) {
   compare("sampler", now.sampler, was.sampler);
   compare("seed", now.seed, was.seed);
   compare("isa", now.isa, was.isa);
+  compare("aovs", now.aovs, was.aovs);
   return fmt::format("{}", join(lines, "; "));
 }
 

@@ -3,6 +3,7 @@
 // seed), and what the scene leaves open are Mitsuba's documented defaults.
 #pragma once
 
+#include <filesystem>
 #include <functional>
 #include <map>
 #include <optional>
@@ -12,8 +13,11 @@
 #include "common/base/result.h"
 #include "common/bundle/bundle.h"
 #include "common/job/job.h"
+#include "common/stages/work_plan.h"
 
 namespace candela::client {
+
+struct LoadedScene;
 
 // What the client must know of the renderer, without linking it: injected by the program.
 struct RendererFacts {
@@ -22,6 +26,17 @@ struct RendererFacts {
   std::function<Result<SettingsMap>(const std::string& integrator, const SettingsMap& from_scene,
                                     const SettingsMap& from_user)>
       complete_settings;
+  std::function<std::vector<std::string>()> supported_isas;  // that this machine's Embree can use
+  // The work that a job asks of the farm: of these settings with any scene at most, and of this scene, which
+  // is loaded for that. Empty: nothing is known.
+  std::function<Result<WorkPlan>(const JobSettings&)> largest_work;
+  std::function<Result<WorkPlan>(const LoadedScene&)> work_of;
+  // Settings that follow from an effort in samples, or mutations, a pixel where nobody gives them.
+  std::function<Result<SettingsMap>(const std::string& integrator, std::uint64_t spp, std::uint64_t pixels)>
+      settings_of_effort;
+  // Samples, or mutations, that one iteration brings to a pixel.
+  std::function<Result<std::uint64_t>(const std::string& integrator, const SettingsMap& settings)>
+      samples_per_iteration;
 };
 
 // The options that `render`, `submit` and `plan` share, as typed.
@@ -29,8 +44,8 @@ struct SceneOptions {
   std::string scene;                 // path of the scene file
   std::vector<std::string> defines;  // name=value
   std::vector<std::string> sets;     // key=value
-  std::optional<std::string> integrator, iterations, time, until, seed, size, filter, sampler, isa;
-  bool lenient = false;  // unknown parameters and elements of the scene are warnings
+  std::optional<std::string> integrator, spp, iterations, time, until, seed, size, filter, sampler, isa, aov;
+  bool lenient = false;  // unknown parameters, elements and plugins of the scene are warnings
 
   description::Reading reading() const { return {.integrator = integrator.value_or(""), .lenient = lenient}; }
 };
@@ -39,13 +54,16 @@ struct PreparedJob {
   JobSettings settings;
   StopRule stop;
   bool stop_given = false;  // by an option; else it is the scene's sample_count
+  std::uint64_t spp = 0;    // what stop.iterations were made of; 0: they were given, or there is no limit
+  // Of the integrator's settings those that nobody gave and that followed from the effort.
+  SettingsMap of_effort = {};
   // If --integrator passes over an integrator of the scene: which one, and what of it counts.
   std::optional<description::Note> other_integrator = {};
 };
 
-// The limits given as options alone; all zero if none is.
-Result<StopRule> parse_stop(const std::optional<std::string>& iterations,
-                            const std::optional<std::string>& time, const std::optional<std::string>& until);
+// The limits given as options alone, without --spp; all zero if none is. --spp and --iterations exclude each
+// other.
+Result<StopRule> parse_stop(const SceneOptions& options);
 
 Result<std::map<std::string, std::string>> parse_assignments(const std::vector<std::string>& texts,
                                                              std::string_view option);
@@ -59,8 +77,16 @@ Result<PreparedJob> prepare_job(const description::SceneDescription& scene, cons
 struct LoadedScene {
   bundle::GatheredScene gathered;
   PreparedJob job;
+  std::filesystem::path folder;  // of the scene file
 };
 Result<LoadedScene> load_scene(const SceneOptions& options, const RendererFacts& facts);
+
+// Iterations that bring at least `spp` samples, or mutations, to each pixel.
+std::uint64_t iterations_of(std::uint64_t spp, std::uint64_t samples_per_iteration);
+
+// Takes from the settings of a job that was begun what follows from the effort alone: a job that is extended
+// keeps it.
+Result<void> keep_effort_of(const JobSettings& was, const RendererFacts& facts, PreparedJob& job);
 
 // What differs between two settings, one line ("seed is 1, was 0; width is ..."); empty if nothing does.
 std::string difference(const JobSettings& now, const JobSettings& was);

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "client/values.h"
+#include "common/stages/decision.h"
 #include "common/wire/wire.h"
 
 namespace candela::client {
@@ -52,10 +53,28 @@ Result<v1::SubmitResponse> upload_and_submit(FarmClient& farm, const LoadedScene
   return farm.submit(request);
 }
 
+// The scene is loaded only if its settings leave the answer open.
+Result<void> check_statistics(FarmClient& farm, const LoadedScene& scene, const RendererFacts& facts) {
+  if (!facts.largest_work) return {};
+  const JobSettings& settings = scene.job.settings;
+  CANDELA_ASSIGN(const WorkPlan largest, facts.largest_work(settings));
+  if (largest.accumulators.empty()) return {};
+  CANDELA_ASSIGN(const v1::GetServerInfoResponse master, farm.check_server());
+  const auto fits = [&](const WorkPlan& work) -> Result<void> {
+    CANDELA_TRY(validate(work, settings.width, settings.height));
+    return candela::check_statistics(work, settings, master.statistics_limit_bytes());
+  };
+  auto any_scene = fits(largest);
+  if (any_scene.ok() || !facts.work_of) return any_scene;
+  CANDELA_ASSIGN(const WorkPlan work, facts.work_of(scene));
+  return fits(work);
+}
+
 }  // namespace
 
-Result<Submitted> submit_scene(FarmClient& farm, const LoadedScene& scene, const Submission& submission,
-                               ProgressLine& progress) {
+Result<Submitted> submit_scene(FarmClient& farm, const LoadedScene& scene, const RendererFacts& facts,
+                               const Submission& submission, ProgressLine& progress) {
+  CANDELA_TRY(check_statistics(farm, scene, facts));
   v1::SubmitRequest request;
   request.set_name(submission.name);
   wire::to_proto(scene.gathered.bundle, *request.mutable_bundle());

@@ -23,7 +23,8 @@ struct Submitted {
   std::uint64_t uploaded_bytes = 0;
 };
 
-Result<Submitted> submit_scene(FarmClient& farm, const LoadedScene& scene, const Submission& submission,
-                               ProgressLine& progress);
+// Nothing is uploaded for a job whose statistics the master has no memory for.
+Result<Submitted> submit_scene(FarmClient& farm, const LoadedScene& scene, const RendererFacts& facts,
+                               const Submission& submission, ProgressLine& progress);
 
 }  // namespace candela::client

@@ -114,14 +114,14 @@ Result<void> Farm::restore_jobs(StoredState state) {
   struct Restored {
     JobRow row;
     std::vector<UnitRow> merged;
-    RestoredChains chains;
+    RestoredStages chains;
     RestoredFilm film;  // null before the pilot
   };
   std::vector<Restored> jobs;  // their films are read before the lock is taken
   for (JobRow& row : state.jobs) {
     const std::string id = row.id;
     CANDELA_ASSIGN(std::vector<UnitRow> merged, store_->merged_units(id));
-    RestoredChains chains{std::move(bootstraps[id]), std::move(state.chain_starts[id]), 0,
+    RestoredStages chains{std::move(bootstraps[id]), std::move(state.chain_starts[id]), 0,
                           std::move(state.states[id])};
     RestoredFilm film;
     if (row.named_state) {
@@ -158,7 +158,7 @@ Result<void> Farm::restore_jobs(StoredState state) {
   return {};
 }
 
-Result<Farm::RestoredFilm> Farm::restore_film(JobRow& row, RestoredChains& restored) const {
+Result<Farm::RestoredFilm> Farm::restore_film(JobRow& row, RestoredStages& restored) const {
   RestoredFilm out;
   out.film = table_->make_film(row);
   CANDELA_ASSIGN(const JobFilm::Loading loading, out.film->ensure_loaded());
@@ -180,7 +180,7 @@ Result<Farm::RestoredFilm> Farm::restore_film(JobRow& row, RestoredChains& resto
 Result<void> Farm::take_in(Manifest manifest) {
   JobRow& row = manifest.row;
   const std::string id = row.id;
-  RestoredChains restored{{}, std::move(manifest.chain_starts), 0, {}};
+  RestoredStages restored{{}, std::move(manifest.chain_starts), 0, {}};
   CANDELA_ASSIGN(const RestoredFilm opened, restore_film(row, restored));
   table_->with_films([&](Scheduler& s, JobFilms& films) {
     films[id] = opened.film;

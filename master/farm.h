@@ -131,7 +131,7 @@ class Farm final : public TruthFarm {
     JobFilm::Account held;
     std::string trouble;  // of damaged checkpoints; empty: none
   };
-  Result<RestoredFilm> restore_film(JobRow& row, RestoredChains& restored) const;
+  Result<RestoredFilm> restore_film(JobRow& row, RestoredStages& restored) const;
   void warn_of_orphans();
   // The id of the job that was submitted with the same token; otherwise nothing, and `row` has a new id.
   // Precondition: called inside with_scheduler().

@@ -76,7 +76,7 @@ inline EpochPlan toy_epochs(std::string rule, std::uint64_t first, std::uint32_t
 }
 inline ToyPlan fppm_plan(EpochPlan epochs, double alpha, double k, const std::string& test) {
   const int n = test == "antipodal" ? 6 : 12;
-  adaptive::put_levels(adaptive::levels_above(k, 0.001, 8), epochs.constants);
+  adaptive::put_levels(adaptive::levels_above(k, 0.001, 0.75), epochs.constants);
   epochs.constants["critical"] =
       std::to_string(adaptive::critical_integer(adaptive::chi_squared_quantile(alpha, n - 1) / (n - 1)));
   epochs.constants["test"] = test;
@@ -107,13 +107,18 @@ inline ToyPlan cppm_plan(EpochPlan epochs, double alpha) {
   epochs.constants["batch_growth"] = std::to_string(std::lround(std::exp2(2.0 / 3) * 65536));
   return {epochs, {adaptive::counts_spec()}};
 }
-inline ToyPlan appm_plan(EpochPlan epochs) {
+inline ToyPlan appm_plan(EpochPlan epochs, bool reference = false) {
   adaptive::put_levels({std::exp2(-1.0 / 16), 255, {}}, epochs.constants);
   epochs.constants["c6"] =
       adaptive::constant_text(adaptive::plug_in_constant(0.25, 1 / 3.14159265358979323846, false));
   epochs.constants["r_min"] = "0.001";
   epochs.constants["r_max"] = "4";
-  return {epochs, {adaptive::moments_spec(kToyFilmScale), adaptive::laplacian_spec(kToyFilmScale)}};
+  ToyPlan plan{epochs, {adaptive::moments_spec(kToyFilmScale), adaptive::laplacian_spec(kToyFilmScale)}};
+  if (reference) {
+    plan.epochs.constants["pilot_c10"] = adaptive::constant_text(adaptive::reference_constant(0.25, 2.84615));
+    plan.accumulators.push_back(adaptive::means_spec(kToyFilmScale));
+  }
+  return plan;
 }
 
 // After some iterations. Errors are one standard error over pixels.
@@ -209,14 +214,17 @@ class AdaptiveToy {
     const std::string& first_sums = plan_.accumulators[0].name;
     const bool discs = first_sums == adaptive::kDiscs, rings = discs || first_sums == adaptive::kRingSectors;
     const double r = radii_[static_cast<std::size_t>(level(state, pixel))];
-    const double h = plug_in ? kR1 * adaptive::pilot_bandwidth(adaptive::Pilot::tenth, epoch_begin) : 0;
+    const bool reference = plug_in && plan_.accumulators.size() == 3;
+    const double h = reference ? kR1 * adaptive::pilot_of_level(level(state, pixels_ + pixel))
+                     : plug_in ? kR1 * adaptive::pilot_bandwidth(adaptive::Pilot::tenth, epoch_begin)
+                               : 0;
     const double reach = std::max(r, 2 * h);
     const double bound = problem_.max_density(reach);
     const std::uint64_t photons =
         draws_.poisson(static_cast<double>(passes) * ToyCase::kDensity * bound * kPi * reach * reach);
     std::vector<film::Int128> sums(plan_.accumulators[0].channels);
     std::array<film::Int128, adaptive::kRings> of_rings{};
-    film::Int128 squares = 0, laplacian = 0;
+    film::Int128 squares = 0, laplacian = 0, mean = 0;
     for (std::uint64_t i = 0; i < photons; ++i) {
       const double rho = reach * std::sqrt(draws_.uniform()), angle = 2 * kPi * draws_.uniform();
       const double x = rho * std::cos(angle), y = rho * std::sin(angle);
@@ -228,6 +236,7 @@ class AdaptiveToy {
       if (inside) totals_[pixel] += value / (kPi * r * r);
       if (plug_in) {
         if (inside) squares += units(0, phi * phi * kR1 * kR1 / (r * r));
+        if (inside && reference) mean += units(2, phi * kR1 * kR1 / (r * r));
         const int stencil = adaptive::laplacian_stencil(x, y, h);
         if (stencil != 0) laplacian += units(1, phi * stencil * kR1 * kR1 * kR1 * kR1 / (h * h * h * h));
         continue;
@@ -253,6 +262,7 @@ class AdaptiveToy {
     if (plug_in) {
       add(open[0], {&squares, 1});
       add(open[1], {&laplacian, 1});
+      if (reference) add(open[2], {&mean, 1});
     } else {
       add(open[0], sums);
       if (rings) add(open[1], of_rings);

@@ -2,8 +2,6 @@
 // options and sets Context::command; nothing is done while parsing.
 #pragma once
 
-#include <string>
-
 namespace CLI {
 class App;
 }
@@ -25,13 +23,14 @@ void add_verify(CLI::App& app, Context& context);
 void add_repair(CLI::App& app, Context& context);
 void add_workers(CLI::App& app, Context& context);
 void add_drain(CLI::App& app, Context& context);
+void add_slurm(CLI::App& app, Context& context);
 void add_events(CLI::App& app, Context& context);
 void add_compare(CLI::App& app, Context& context);
 void add_convert(CLI::App& app, Context& context);
 void add_version(CLI::App& app, Context& context);
+void add_doctor(CLI::App& app, Context& context);
+void add_completion(CLI::App& app, Context& context);
 void add_help_markdown(CLI::App& app, Context& context);
-
-// The CLI reference of docs/cli.md, made of the parser's own descriptions.
-std::string help_markdown(const CLI::App& app);
+void add_help_man(CLI::App& app, Context& context);
 
 }  // namespace candela::client

@@ -19,8 +19,8 @@ struct JobOptions {
   FarmOptions farm;
   std::string id;
   bool json = false;
-  std::optional<std::string> limit;                    // events
-  std::optional<std::string> iterations, time, until;  // extend
+  std::optional<std::string> limit;                         // events
+  std::optional<std::string> spp, iterations, time, until;  // extend
 };
 
 std::string time_text(std::int64_t unix_ms) {
@@ -98,7 +98,7 @@ void print_epochs(Line&& line, const v1::EpochStatus& e) {
                             e.first_iteration() + e.iterations() - 1));
   for (const v1::Figure& figure : e.figures())
     line("  " + figure.name(), fmt::format(" {:.6g}", figure.value()));
-  line("statistics", fmt::format("{:.1f} MB in the master's memory, {:.1f} MB of deltas received",
+  line("statistics", fmt::format("{:.1f} MB in the master's memory, {:.1f} MB received",
                                  static_cast<double>(e.statistics_bytes()) * 1e-6,
                                  static_cast<double>(e.received_bytes()) * 1e-6));
 }
@@ -113,6 +113,7 @@ void print_job(std::ostream& out, const v1::JobStatus& s) {
   if (!s.message().empty()) line("message", s.message());
   if (s.failures_size() > 0) line("failures", failures_text(s.failures()));
   line("progress", format_progress(s));
+  line("effort", effort_text(s, s.iterations()));
   line("iterations",
        fmt::format("{} in {} units, {} more leased", s.iterations(), s.units_merged(), s.units_leased()));
   if (s.lost() > 0)
@@ -123,7 +124,7 @@ void print_job(std::ostream& out, const v1::JobStatus& s) {
   line("rays", fmt::format("{}", s.rays()));
   line("relMSE", error_text(s));
   std::vector<std::string> limits;
-  if (s.stop().iterations() > 0) limits.push_back(fmt::format("{} iterations", s.stop().iterations()));
+  if (s.stop().iterations() > 0) limits.push_back(effort_text(s, s.stop().iterations()));
   if (s.stop().time_seconds() > 0) limits.push_back(format_duration(s.stop().time_seconds()));
   if (s.stop().relmse() > 0) limits.push_back(fmt::format("relMSE {}", s.stop().relmse()));
   line("stops at", fmt::format("{}", join(limits, " or ")));
@@ -138,6 +139,7 @@ void print_job(std::ostream& out, const v1::JobStatus& s) {
   std::string integrator = settings.integrator();
   for (const auto& [key, value] : sorted) integrator += fmt::format(" {}={}", key, value);
   line("integrator", integrator);
+  if (!settings.aovs().empty()) line("AOVs", settings.aovs());
   if (s.layers_size() > 0) line("layers", join(s.layers(), " "));
   if (s.has_chains()) print_chains(line, s);
   if (s.has_epochs()) print_epochs(line, s.epochs());
@@ -215,10 +217,25 @@ Result<int> run_extend(Context& context, const JobOptions& options) {
     CANDELA_ASSIGN(const double target, parse_until(*options.until, "--until"));
     request.set_relmse(target);
   }
-  if (!options.iterations && !options.time && !options.until)
+  if (!options.spp && !options.iterations && !options.time && !options.until)
     return usage_error("nothing to extend by")
-        .with_mend("give --iterations +N, --time +DURATION or --until relmse=X");
+        .with_mend("give --spp +N, --time +DURATION or --until relmse=X");
+  if (options.spp && options.iterations)
+    return usage_error("--spp and --iterations exclude each other").with_mend("give one of them");
+  std::uint64_t spp = 0;
+  if (options.spp) {
+    CANDELA_ASSIGN(spp, parse_count(without_plus(*options.spp), "--spp", 1, Limits::max_iterations));
+  }
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
+  if (spp > 0) {
+    CANDELA_ASSIGN(const v1::JobStatus job, farm->get_job(options.id));
+    const double each = samples_per_iteration(job);
+    if (!(each > 0))
+      return usage_error("how many samples a round of this job brings is not known before its pilot")
+          .with_field("--spp")
+          .with_mend("try again when it renders, or give --iterations +N");
+    request.set_add_iterations(static_cast<std::uint64_t>(std::ceil(static_cast<double>(spp) / each)));
+  }
   CANDELA_ASSIGN(const v1::JobStatus status, farm->extend_job(request));
   if (options.json)
     context.out << job_json(status) << '\n';
@@ -292,6 +309,7 @@ void add_extend(CLI::App& app, Context& context) {
   auto options = std::make_shared<JobOptions>();
   CLI::App* sub =
       add_job_command(app, options, "extend", "Add to a job's limits; a finished job goes on", true);
+  add_text(*sub, "--spp", options->spp, "So many more samples, or mutations, per pixel", "+N");
   add_text(*sub, "--iterations", options->iterations, "So many more iterations", "+N");
   add_text(*sub, "--time", options->time, "So much more time", "+DURATION");
   add_text(*sub, "--until", options->until, "A new target for the estimated error", "relmse=X");

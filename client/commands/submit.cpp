@@ -18,20 +18,31 @@ struct SubmitOptions {
   SceneOptions scene;
   FarmOptions farm;
   std::optional<std::string> name, priority, share, token, output, png;
-  bool wait = false, quiet = false, json = false, error_layer = false;
+  PreviewOptions preview;
+  bool wait = false, quiet = false, json = false, error_layer = false, variance_layer = false;
 };
 
+// What only --wait can do is refused without it.
+Result<void> check_waits(const SubmitOptions& options) {
+  if (options.wait) return {};
+  const std::pair<bool, const char*> needs[] = {
+      {options.output.has_value(), "--output"},   {options.png.has_value(), "--png"},
+      {options.error_layer, "--error-layer"},     {options.variance_layer, "--variance-layer"},
+      {options.preview.tev.has_value(), "--tev"}, {options.preview.interval.has_value(), "--preview"},
+  };
+  for (const auto& [given, option] : needs)
+    if (given) return usage_error("an output needs --wait").with_field(option);
+  return {};
+}
+
 Result<int> run_submit(Context& context, const SubmitOptions& options) {
-  WaitOptions wait{options.quiet,
-                   options.json,
-                   options.error_layer,
-                   {options.output.value_or(""), options.png.value_or("")}};
-  if (!options.wait && (options.output || options.png || options.error_layer))
-    return usage_error("an output needs --wait")
-        .with_field(options.output ? "--output"
-                    : options.png  ? "--png"
-                                   : "--error-layer");
+  WaitOptions wait{options.quiet,       options.json,
+                   options.error_layer, {options.output.value_or(""), options.png.value_or("")},
+                   options.preview,     options.variance_layer};
+  CANDELA_TRY(check_waits(options));
   CANDELA_TRY(check_output(wait.output));
+  // A bad address or interval is told before there is a job.
+  CANDELA_TRY(plan_preview(options.preview, {}, wait.output.png));
   Submission submission;
   submission.name = options.name.value_or(std::filesystem::path(options.scene.scene).filename().string());
   if (submission.name.size() > Limits::max_name_bytes)
@@ -55,7 +66,7 @@ Result<int> run_submit(Context& context, const SubmitOptions& options) {
   Submitted submitted;
   {
     ProgressLine progress(context.err, ProgressLine::mode_for(options.quiet));
-    CANDELA_ASSIGN(submitted, submit_scene(*farm, scene, submission, progress));
+    CANDELA_ASSIGN(submitted, submit_scene(*farm, scene, context.facts, submission, progress));
   }
   if (!options.json)
     context.out << printable(submitted.job_id) << '\n' << std::flush;
@@ -82,7 +93,10 @@ void add_submit(CLI::App& app, Context& context) {
   add_text(*sub, "-o,--output", options->output, "With --wait: write the image here at the end (.exr)",
            "FILE");
   add_text(*sub, "--png", options->png, "With --wait: also write the image as sRGB PNG", "FILE");
+  add_preview_options(*sub, options->preview, true);
   sub->add_flag("--error-layer", options->error_layer, "With --wait: add the layer 'error' to the EXR");
+  sub->add_flag("--variance-layer", options->variance_layer,
+                "With --wait: add the layer 'variance' to the EXR");
   sub->add_flag("--quiet", options->quiet, "No progress");
   sub->add_flag("--json", options->json, "Print JSON: with --wait the job's last status, else its id");
   sub->callback([&context, options] {

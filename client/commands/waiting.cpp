@@ -13,6 +13,8 @@ namespace candela::client {
 
 Result<int> wait_for_job(Context& context, FarmClient& farm, const std::string& id,
                          const WaitOptions& options) {
+  CANDELA_ASSIGN(PreviewPlan plan, plan_preview(options.preview, "candela " + id, options.output.png));
+  Preview preview(farm, id, std::move(plan));
   v1::JobStatus last;
   {
     const StopSignals signals;
@@ -21,10 +23,13 @@ Result<int> wait_for_job(Context& context, FarmClient& farm, const std::string& 
     auto watched = farm.watch_job(
         id, progress.interval_ms(),
         [&](const v1::JobStatus& status) {
+          preview.warn(context.err, progress);
           progress.show(format_progress(status), status.state() != state);
           state = status.state();
         },
         &signals);
+    preview.stop(watched.ok() && has_ended(*watched));
+    preview.warn(context.err, progress);
     progress.clear();
     if (!watched) return std::move(watched).error();
     last = std::move(watched).value();
@@ -37,8 +42,9 @@ Result<int> wait_for_job(Context& context, FarmClient& farm, const std::string& 
   if (options.json) context.out << job_json(last) << '\n';
   const bool wants_image = !options.output.exr.empty() || !options.output.png.empty();
   if (wants_image && last.units_merged() > 0) {
-    CANDELA_ASSIGN(const std::string exr,
-                   farm.fetch_image(id, options.error_layer, options.output.exr.empty()));
+    CANDELA_ASSIGN(const std::string exr, farm.fetch_image(id, {.error_layer = options.error_layer,
+                                                                .image_only = options.output.exr.empty(),
+                                                                .variance_layer = options.variance_layer}));
     CANDELA_TRY(write_images(options.output, exr));
   }
   if (last.state() != v1::JOB_STATE_DONE) {

@@ -3,6 +3,7 @@
 
 #include "client/context.h"
 #include "client/output.h"
+#include "client/preview/preview.h"
 #include "client/progress.h"
 
 namespace candela::client {
@@ -12,6 +13,8 @@ struct WaitOptions {
   bool json = false;  // the last status on standard output
   bool error_layer = false;
   ImageOutput output;  // fetched at the end, where given
+  PreviewOptions preview = {};
+  bool variance_layer = false;
 };
 
 // Exit code: the job's result, or 128+n where a signal ended the waiting (the job goes on).

@@ -1,9 +1,12 @@
 // candela watch and fetch: seeing a job to its end, and getting its image at any time.
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
 #include <ostream>
 
 #include "client/commands/commands.h"
 #include "client/commands/waiting.h"
+#include "client/values.h"
 
 namespace candela::client {
 namespace {
@@ -11,14 +14,22 @@ namespace {
 struct WatchOptions {
   FarmOptions farm;
   std::string id, output;
-  std::optional<std::string> png, estimator;
+  std::optional<std::string> png, estimator, half;
+  PreviewOptions preview;
   bool quiet = false, json = false, error_layer = false, chain_layers = false, partial = false,
-       layers = false;
+       layers = false, variance_layer = false;
 };
 
 Result<int> run_watch(Context& context, const WatchOptions& options) {
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
-  return wait_for_job(context, *farm, options.id, {options.quiet, options.json, false, {}});
+  return wait_for_job(context, *farm, options.id, {options.quiet, options.json, false, {}, options.preview});
+}
+
+Result<v1::FetchImageRequest::Half> parse_half(const std::optional<std::string>& text) {
+  if (!text) return v1::FetchImageRequest::HALF_UNSPECIFIED;
+  if (*text == "A") return v1::FetchImageRequest::HALF_A;
+  if (*text == "B") return v1::FetchImageRequest::HALF_B;
+  return usage_error(fmt::format("'{}' is neither A nor B", printable(*text))).with_field("--half");
 }
 
 Result<int> run_fetch(const WatchOptions& options) {
@@ -26,10 +37,17 @@ Result<int> run_fetch(const WatchOptions& options) {
   if (output.exr.empty() && output.png.empty())
     return usage_error("no output is given").with_mend("use -o out.exr, --png out.png or both");
   CANDELA_TRY(check_output(output));
+  CANDELA_ASSIGN(const auto half, parse_half(options.half));
+  if (options.half && (options.error_layer || options.variance_layer))
+    return usage_error(
+        fmt::format("--half and {} exclude each other: the error is estimated from both halves",
+                    options.error_layer ? "--error-layer" : "--variance-layer"));
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
-  CANDELA_ASSIGN(const std::string exr,
-                 farm->fetch_image(options.id, options.error_layer, output.exr.empty(), options.chain_layers,
-                                   options.partial, options.layers, options.estimator.value_or("")));
+  CANDELA_ASSIGN(
+      const std::string exr,
+      farm->fetch_image(options.id,
+                        {options.error_layer, output.exr.empty(), options.chain_layers, options.partial,
+                         options.layers, options.estimator.value_or(""), half, options.variance_layer}));
   CANDELA_TRY(write_images(output, exr));
   return 0;
 }
@@ -42,6 +60,7 @@ void add_watch(CLI::App& app, Context& context) {
       app.add_subcommand("watch", "Show a job's progress until it has ended; exits with its result");
   sub->add_option("id", options->id, "The job")->required()->type_name("ID");
   add_farm_options(*sub, options->farm);
+  add_preview_options(*sub, options->preview, false);
   sub->add_flag("--quiet", options->quiet, "No progress, just wait");
   sub->add_flag("--json", options->json, "Print the last status as JSON");
   sub->callback([&context, options] {
@@ -57,12 +76,17 @@ void add_fetch(CLI::App& app, Context& context) {
   add_text(*sub, "--png", options->png, "Write the image as sRGB PNG", "FILE");
   sub->add_flag("--error-layer", options->error_layer,
                 "Add the layer 'error': the estimated standard deviation");
+  sub->add_flag("--variance-layer", options->variance_layer,
+                "Add the layer 'variance': the square of 'error', which is estimated without bias");
   sub->add_flag("--chain-layers", options->chain_layers,
                 "Of a job of Markov chains, add what its image is made of: layers 'raw.chains' and 'raw.*'");
   sub->add_flag("--layers", options->layers,
                 "Of a job with adaptive radii, add the layers that describe them, such as 'radius'");
   add_text(*sub, "--estimator", options->estimator,
            "Of a job whose sums can be read in several ways (optimis), the one to use", "NAME");
+  add_text(*sub, "--half", options->half,
+           "The image of one half of the job's samples, for denoisers that filter each half by the other",
+           "A|B");
   sub->add_flag("--partial", options->partial,
                 "Of a job that has ended and lost samples (see verify), get what is left");
   add_farm_options(*sub, options->farm);

@@ -11,6 +11,7 @@
 #include "client/commands/commands.h"
 #include "client/context.h"
 #include "client/embedded/commands.h"
+#include "client/help/command_tree.h"
 #include "client/values.h"
 #include "common/base/log.h"
 #include "common/base/path_options.h"
@@ -43,11 +44,15 @@ void add_commands(CLI::App& app, Context& context) {
   add_repair(app, context);
   add_workers(app, context);
   add_drain(app, context);
+  add_slurm(app, context);
   add_events(app, context);
   add_compare(app, context);
   add_convert(app, context);
+  add_doctor(app, context);
+  add_completion(app, context);
   add_version(app, context);
   add_help_markdown(app, context);
+  add_help_man(app, context);
 }
 
 // " (did you mean '--iterations'?)" for a word that is no option or command.
@@ -109,6 +114,19 @@ Result<void> check_text(const CLI::App& command) {
 
 }  // namespace
 
+std::unique_ptr<CLI::App> make_parser(Context& context) {
+  auto app = std::make_unique<CLI::App>(
+      "Candela renders scenes by physically based light transport, here or on a farm", "candela");
+  app->set_version_flag("--version", fmt::format("candela {}", version()), "Print the version");
+  app->set_help_flag("-h,--help", "Print help");
+  app->require_subcommand(0, 1);
+  app->footer("candela COMMAND --help says more about a command");
+  add_commands(*app, context);
+  add_examples(*app);
+  refuse_empty_paths(*app);
+  return app;
+}
+
 int run_program(const std::vector<std::string>& arguments, std::ostream& out, std::ostream& err) {
   const char* level = std::getenv("CANDELA_LOG_LEVEL");
   if (const auto logging =
@@ -117,13 +135,8 @@ int run_program(const std::vector<std::string>& arguments, std::ostream& out, st
     return report(err, logging.error().to_string(), logging.error().exit_code());
 
   Context context{out, err, renderer_facts(), arguments, {}};
-  CLI::App app("Candela renders scenes by physically based light transport, here or on a farm", "candela");
-  app.set_version_flag("--version", fmt::format("candela {}", version()), "Print the version");
-  app.set_help_flag("-h,--help", "Print help");
-  app.require_subcommand(0, 1);
-  app.footer("candela COMMAND --help says more about a command");
-  add_commands(app, context);
-  refuse_empty_paths(app);
+  const std::unique_ptr<CLI::App> parser = make_parser(context);
+  CLI::App& app = *parser;
 
   if (arguments.size() > 1 && !arguments[1].empty() && arguments[1][0] != '-' &&
       !is_command(app, arguments[1]))

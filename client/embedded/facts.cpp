@@ -1,3 +1,6 @@
+#include <algorithm>
+#include <thread>
+
 #include "client/embedded/commands.h"
 #include "worker/render/renderer.h"
 
@@ -15,6 +18,22 @@ RendererFacts renderer_facts() {
   facts.complete_settings = [](const std::string& integrator, const SettingsMap& from_scene,
                                const SettingsMap& from_user) {
     return render::complete_integrator_settings(integrator, from_scene, from_user);
+  };
+  facts.supported_isas = [] { return render::supported_isas(); };
+  facts.largest_work = [](const JobSettings& settings) { return render::largest_work(settings); };
+  facts.work_of = [](const LoadedScene& scene) -> Result<WorkPlan> {
+    const unsigned threads = std::max(1U, std::thread::hardware_concurrency());
+    CANDELA_ASSIGN(const auto renderer,
+                   render::Renderer::create(bundle::DiskSource(scene.folder), scene.gathered.bundle.main_path,
+                                            scene.gathered.bundle.parameters, scene.job.settings, threads));
+    CANDELA_ASSIGN(PilotResult pilot, renderer->pilot({threads}));
+    return std::move(pilot.work);
+  };
+  facts.settings_of_effort = [](const std::string& integrator, std::uint64_t spp, std::uint64_t pixels) {
+    return render::integrator_settings_of_effort(integrator, spp, pixels);
+  };
+  facts.samples_per_iteration = [](const std::string& integrator, const SettingsMap& settings) {
+    return render::samples_per_iteration(integrator, settings);
   };
   return facts;
 }

@@ -16,6 +16,7 @@
 #include "client/embedded/state_folder.h"
 #include "client/json.h"
 #include "client/output.h"
+#include "client/preview/preview.h"
 #include "client/progress.h"
 #include "client/signals.h"
 #include "client/submission.h"
@@ -35,10 +36,11 @@ constexpr double kStallSeconds = 5;  // of a render that can keep neither checkp
 
 struct RenderOptions {
   SceneOptions scene;
+  PreviewOptions preview;
   std::string output;
   std::optional<std::string> png, threads, workers, texture_memory;
   bool resume = false, fresh = false, keep_state = false, quiet = false, json = false, error_layer = false,
-       layers = false;
+       variance_layer = false, layers = false;
 };
 
 Result<std::vector<unsigned>> worker_threads(const RenderOptions& options) {
@@ -91,8 +93,8 @@ Result<v1::ExtendJobRequest> extension(const StopRule& wanted, const v1::JobStat
   if (wanted.iterations != 0 && wanted.iterations != was.iterations()) {
     const std::uint64_t base = was.iterations() != 0 ? was.iterations() : job.iterations();
     if (wanted.iterations <= base)
-      return cannot("--iterations", fmt::format("{} iterations are {} already", base,
-                                                was.iterations() != 0 ? "the limit" : "there"));
+      return cannot("--spp or --iterations", fmt::format("{} iterations are {} already", base,
+                                                         was.iterations() != 0 ? "the limit" : "there"));
     request.set_add_iterations(wanted.iterations - base);
   }
   if (wanted.time_seconds != 0 && wanted.time_seconds != was.time_seconds()) {
@@ -111,7 +113,7 @@ bool adds(const v1::ExtendJobRequest& r) {
 
 // The one job of the state folder, after checking that it is the one the command describes; empty if a crash
 // came before it.
-Result<std::string> find_job(FarmClient& farm, const LoadedScene& scene) {
+Result<std::string> find_job(FarmClient& farm, const RendererFacts& facts, LoadedScene& scene) {
   CANDELA_ASSIGN(const v1::ListJobsResponse jobs, farm.list_jobs());
   if (jobs.jobs_size() == 0) return std::string();
   v1::JobStatus job = jobs.jobs(0);
@@ -123,6 +125,7 @@ Result<std::string> find_job(FarmClient& farm, const LoadedScene& scene) {
   if (job.bundle_sha256() != scene.gathered.bundle.hash())
     return mismatch("the scene, one of its files or a -D parameter has changed");
   CANDELA_ASSIGN(const JobSettings was, wire::from_proto(job.settings()));
+  CANDELA_TRY(keep_effort_of(was, facts, scene.job));
   if (const std::string text = difference(scene.job.settings, was); !text.empty())
     return mismatch("settings differ: " + text);
   // A failed render is tried again. An image made of a damaged checkpoint would miss samples: they are
@@ -209,7 +212,7 @@ Error diagnose(const v1::JobStatus& status, const LoadedScene& scene, const Rend
 }
 
 std::string summary(const v1::JobStatus& status, const std::string& output) {
-  std::string text = fmt::format("{}: {} iterations", printable(output), status.iterations());
+  std::string text = fmt::format("{}: {}", printable(output), effort_text(status, status.iterations()));
   if (std::isfinite(status.relmse_estimate()))
     text += fmt::format(", relMSE {:.1e}", status.relmse_estimate());
   return text + fmt::format(", {}", format_duration(status.elapsed_seconds()));
@@ -218,10 +221,13 @@ std::string summary(const v1::JobStatus& status, const std::string& output) {
 Result<int> run_render(Context& context, const RenderOptions& options) {
   const ImageOutput output{options.output, options.png.value_or("")};
   CANDELA_TRY(check_output(output));
+  const std::string scene_file = std::filesystem::path(options.scene.scene).filename().string();
+  CANDELA_ASSIGN(PreviewPlan preview_plan,
+                 plan_preview(options.preview, "candela " + scene_file, output.png));
   if (options.resume && options.fresh) return usage_error("--resume and --fresh exclude each other");
   CANDELA_ASSIGN(const std::vector<unsigned> threads, worker_threads(options));
   CANDELA_ASSIGN(const std::uint64_t texture_memory, texture_memory_bytes(options));
-  CANDELA_ASSIGN(const LoadedScene scene, load_scene(options.scene, context.facts));
+  CANDELA_ASSIGN(LoadedScene scene, load_scene(options.scene, context.facts));
   warn_of_passed_over(context.err, scene);
   CANDELA_TRY(check_isa(scene.job.settings.isa));
   const auto mode = options.resume  ? StateFolder::Mode::resume
@@ -236,13 +242,12 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   const std::unique_ptr<FarmClient> client = FarmClient::over(farm->channel(), kCallSeconds);
   std::string id;
   if (options.resume) {
-    CANDELA_ASSIGN(id, find_job(*client, scene));
+    CANDELA_ASSIGN(id, find_job(*client, context.facts, scene));
   }
   if (id.empty()) {
     Submission submission;
-    submission.name =
-        std::filesystem::path(options.scene.scene).filename().string().substr(0, Limits::max_name_bytes);
-    auto submitted = submit_scene(*client, scene, submission, progress);
+    submission.name = scene_file.substr(0, Limits::max_name_bytes);
+    auto submitted = submit_scene(*client, scene, context.facts, submission, progress);
     if (!submitted) {
       farm->stop();
       CANDELA_TRY(folder->remove());
@@ -252,12 +257,14 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   }
   CANDELA_TRY(farm->start_workers(threads, folder->cache(), texture_memory));
 
+  Preview preview(*client, id, std::move(preview_plan));
   Stall stall;
   v1::JobState state = v1::JOB_STATE_UNSPECIFIED;
   auto watched = client->watch_job(
       id, progress.interval_ms(),
       [&](const v1::JobStatus& status) {
         stall.observe(status);
+        preview.warn(context.err, progress);
         // That a job waits for a moment before its first lease is no news here.
         if (status.state() == v1::JOB_STATE_QUEUED && status.message().empty()) return;
         progress.show(format_progress(status), status.state() != state);
@@ -267,13 +274,17 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   progress.clear();
   if (!watched) return std::move(watched).error();
   farm->drain_workers();
+  preview.stop(true);
+  preview.warn(context.err, progress);
   // The last units may have come in after the last status.
   CANDELA_ASSIGN(v1::JobStatus last, client->get_job(id));
 
   std::string exr;
   if (last.units_merged() > 0) {
-    CANDELA_ASSIGN(
-        exr, client->fetch_image(id, options.error_layer, output.exr.empty(), false, false, options.layers));
+    CANDELA_ASSIGN(exr, client->fetch_image(id, {.error_layer = options.error_layer,
+                                                 .image_only = output.exr.empty(),
+                                                 .state_layers = options.layers,
+                                                 .variance_layer = options.variance_layer}));
   }
   const auto lost = farm->workers_lost();
   // Before the image is written: a checkpoint that fails again and again takes its room meanwhile.
@@ -332,8 +343,11 @@ void add_render(CLI::App& app, Context& context) {
       ->required()
       ->type_name("FILE");
   add_text(*sub, "--png", options->png, "Also write the image as sRGB PNG", "FILE");
+  add_preview_options(*sub, options->preview, true);
   sub->add_flag("--error-layer", options->error_layer,
                 "Add the layer 'error' to the EXR: the estimated standard deviation");
+  sub->add_flag("--variance-layer", options->variance_layer,
+                "Add the layer 'variance' to the EXR: the square of 'error', without bias");
   sub->add_flag("--layers", options->layers,
                 "With adaptive radii, add the layers that describe them to the EXR, such as 'radius'");
   add_text(*sub, "--threads", options->threads, "Threads in all (default: all cores)", "N");

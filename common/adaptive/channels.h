@@ -31,8 +31,11 @@ inline constexpr const char* kDiscs = "fppm.discs";               // sum of phi
 inline constexpr const char* kRingSectors = "fppm.rings";         // sum of phi
 inline constexpr const char* kRingSquares = "fppm.ring_squares";  // sum of phi^2, of all sectors
 inline constexpr const char* kCounts = "cppm.counts";             // number of photons; kSectorChannels
-inline constexpr const char* kMoments = "appm.moments";           // sum of phi^2 k_r(y) pi r_1^2
-inline constexpr const char* kLaplacian = "appm.laplacian";       // sum of phi D_h(y) pi r_1^4; signed
+// Of merges on surfaces. Where media merge too a second channel has those in media, with 4/3 pi r_1^3 in
+// place of pi r_1^2.
+inline constexpr const char* kMoments = "appm.moments";      // sum of phi^2 k_r(y) pi r_1^2
+inline constexpr const char* kLaplacian = "appm.laplacian";  // sum of phi D_h(y) pi r_1^4; signed
+inline constexpr const char* kMeans = "appm.means";          // sum of phi k_r(y) pi r_1^2; surfaces alone
 
 // The film's mean has 2^19 to 2^20 film units, so that phi summed over the photons of one iteration is about
 // 2^16 units. kSquareShift less bits than twice as many are enough for squares.
@@ -67,11 +70,14 @@ inline film::AccumulatorSpec ring_squares_spec(int film_scale_log2) {
 inline film::AccumulatorSpec counts_spec() {
   return {kCounts, kSectorChannels, 0, film::AccumulatorSpec::Per::epoch};
 }
-inline film::AccumulatorSpec moments_spec(int film_scale_log2) {
-  return {kMoments, 1, square_scale(film_scale_log2), film::AccumulatorSpec::Per::epoch};
+inline film::AccumulatorSpec moments_spec(int film_scale_log2, bool media = false) {
+  return {kMoments, media ? 2U : 1U, square_scale(film_scale_log2), film::AccumulatorSpec::Per::epoch};
 }
-inline film::AccumulatorSpec laplacian_spec(int film_scale_log2) {
-  return {kLaplacian, 1, sector_scale(film_scale_log2), film::AccumulatorSpec::Per::epoch};
+inline film::AccumulatorSpec laplacian_spec(int film_scale_log2, bool media = false) {
+  return {kLaplacian, media ? 2U : 1U, sector_scale(film_scale_log2), film::AccumulatorSpec::Per::epoch};
+}
+inline film::AccumulatorSpec means_spec(int film_scale_log2) {
+  return {kMeans, 1, sector_scale(film_scale_log2), film::AccumulatorSpec::Per::epoch};
 }
 
 // The sector of angle 60 s to 60 (s + 1) degrees, from the first axis of the frame towards the second. The

@@ -33,6 +33,14 @@ bool read_number(std::string_view text, Number& value) {
   return code == std::errc() && end == text.data() + text.size();
 }
 
+// base^exponent, by products if the exponent is a small integer.
+double raised(double base, double exponent) {
+  if (exponent > 64 || exponent != std::floor(exponent)) return std::pow(base, exponent);
+  double power = 1;
+  for (int i = 0; i < static_cast<int>(exponent); ++i) power *= base;
+  return power;
+}
+
 }  // namespace
 
 int Levels::deepest(std::uint64_t iteration) const {
@@ -49,13 +57,13 @@ std::vector<double> Levels::radii(double first) const {
   return radii;
 }
 
-Levels levels_above(double factor, double min_radius, int power) {
+Levels levels_above(double factor, double min_radius, double alpha) {
   Levels levels{factor, 0};
+  const double power = 2 / (1 - alpha);
   double radius = factor;
   for (int g = 1; g <= kMaxLevel; ++g, radius *= factor) {
     // radius >= min_radius (i + 1)^(-1 / power)  <=>  i + 1 >= (min_radius / radius)^power
-    double needed = 1;
-    for (int i = 0; i < power; ++i) needed *= min_radius / radius;
+    const double needed = raised(min_radius / radius, power);
     if (needed > static_cast<double>(Limits::max_iterations)) break;
     levels.floors.push_back(needed <= 1 ? 0 : static_cast<std::uint64_t>(std::ceil(needed)) - 1);
     levels.max_level = g;

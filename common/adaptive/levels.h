@@ -28,11 +28,10 @@ struct Levels {
   std::vector<double> radii(double first) const;
 };
 
-// Levels whose radius stays at or above min_radius * (i + 1)^(-1 / power), for a radius of 1 at level 0 and
-// the epoch's first iteration i. The paper's floor r_min i^((alpha-1)/2) with alpha = 3/4 has power 8 [Lin et
-// al. 2023, Eq. 21]. Levels that are never allowed are left out. Preconditions: 0 < factor < 1,
-// 0 < min_radius < 1, power > 0.
-Levels levels_above(double factor, double min_radius, int power);
+// Levels whose radius stays at or above min_radius * (i + 1)^((alpha - 1) / 2), for a radius of 1 at level 0
+// and the epoch's first iteration i [Lin et al. 2023, Eq. 21]. Levels that are never allowed are left out.
+// Preconditions: 0 < factor < 1, 0 < min_radius < 1, 0 < alpha < 1.
+Levels levels_above(double factor, double min_radius, double alpha);
 
 // Writes `factor`, `max_level` and, unless empty, `floors`.
 void put_levels(const Levels& levels, SettingsMap& constants);

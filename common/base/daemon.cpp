@@ -98,4 +98,18 @@ void end_process(int code) {
   std::_Exit(code);
 }
 
+Result<std::filesystem::path> default_cache_folder() {
+  const auto variable = [](const char* name) {
+    const char* value = std::getenv(name);
+    return std::string(value != nullptr ? value : "");
+  };
+  // The XDG specification says to ignore a relative path.
+  if (const std::string xdg = variable("XDG_CACHE_HOME"); xdg.starts_with('/'))
+    return std::filesystem::path(xdg) / "candela";
+  if (const std::string home = variable("HOME"); !home.empty())
+    return std::filesystem::path(home) / ".cache" / "candela";
+  return usage_error("no folder is given, and there is neither $XDG_CACHE_HOME nor $HOME")
+      .with_field("--cache");
+}
+
 }  // namespace candela

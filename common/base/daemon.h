@@ -4,6 +4,7 @@
 
 #include <csignal>
 #include <cstdint>
+#include <filesystem>
 #include <initializer_list>
 #include <string>
 #include <utility>
@@ -50,6 +51,9 @@ Result<void> read_seconds(const Chosen& chosen, double& out);           // at le
 Result<void> read_positive_seconds(const Chosen& chosen, double& out);  // above 0
 Result<void> read_flag(const Chosen& chosen, bool& out);
 Error bad_value(const Chosen& chosen, const std::string& what);
+
+// Where a worker keeps scene files unless --cache says otherwise.
+Result<std::filesystem::path> default_cache_folder();
 
 // Prints the error; returns its exit code.
 int report(const char* program, const Error& error);

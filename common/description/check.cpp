@@ -108,6 +108,16 @@ Result<void> check_focal_length(const Object& object) {
 }
 
 Result<void> check_combinations(const Object& object) {
+  if (object.plugin == "spot" && object.category == "emitter") {
+    const double cutoff = object.get_number("cutoff_angle", 20);
+    const Property* beam = object.find("beam_width");
+    if (beam != nullptr && object.get_number("beam_width", 0) > cutoff)
+      return error_at(beam->where, fmt::format("parameter 'beam_width' is beyond cutoff_angle, {}", cutoff));
+  }
+  if (object.plugin == "projector") {
+    CANDELA_TRY(exclude(object, "fov", "focal_length"));
+    CANDELA_TRY(check_focal_length(object));
+  }
   if (object.plugin == "perspective") {
     CANDELA_TRY(exclude(object, "fov", "focal_length"));
     CANDELA_TRY(check_focal_length(object));
@@ -299,9 +309,6 @@ Result<void> check_scene(const Object& object, std::span<const Location> where) 
   for (std::size_t i = 0; i < object.children.size(); ++i) {
     const Object& child = *object.children[i].object;
     if (child.category != "emitter") continue;
-    if (child.plugin == "area")
-      return error_at(where[i], "emitter 'area' is outside of a shape")
-          .with_mend("move it into the shape that glows");
     if (child.plugin != "constant" && child.plugin != "envmap") continue;
     if (environment) return error_at(where[i], "the scene has more than one environment emitter");
     environment = true;
@@ -373,6 +380,16 @@ bool is_for_unknown_parameter(const Object& object, const PluginRule& rule, cons
   const auto any = [](const PropertyRule& property) { return property.any_slot; };
   return find_rule(rule, child.slot) == nullptr &&
          std::none_of(rule.properties.begin(), rule.properties.end(), any);
+}
+
+bool is_unfit_texture(const Object& object, const PluginRule& rule, const Child& child) {
+  const auto& children = rule.child_categories;
+  if (child.object->category != "texture" || child.slot.empty() ||
+      std::find(children.begin(), children.end(), "texture") != children.end())
+    return false;
+  const PropertyRule* slot = find_rule(rule, child.slot);
+  if (slot == nullptr) return false;
+  return !slot->textured || object.find(child.slot) != nullptr || object.find_child(child.slot) != nullptr;
 }
 
 std::string describe(const Object& object) {

@@ -23,6 +23,9 @@ Error unknown_parameter(const Object& object, const PluginRule& rule, const Loca
 // Whether the child, a texture or a medium's volume, is given for a parameter that the plugin does not have.
 bool is_for_unknown_parameter(const Object& object, const PluginRule& rule, const Child& child);
 
+// Whether the child is a texture for a parameter that takes none, or that has a value already.
+bool is_unfit_texture(const Object& object, const PluginRule& rule, const Child& child);
+
 // One property against its rule; brings its value into canonical form.
 Result<void> check_property(Property& property, const PropertyRule& rule);
 

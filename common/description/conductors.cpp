@@ -100,6 +100,18 @@ Error unknown_conductor(const Property& material) {
                                  : text::did_you_mean(nearest));
 }
 
+void clamp_indices(Object& object, std::vector<Note>& notes) {
+  if (object.category != "bsdf" || (object.plugin != "conductor" && object.plugin != "roughconductor"))
+    return;
+  for (Property& property : object.properties) {
+    if (property.name != "eta" && property.name != "k") continue;
+    auto* rgb = std::get_if<Rgb>(&property.value);
+    if (rgb == nullptr || *std::min_element(rgb->value.begin(), rgb->value.end()) >= 0) continue;
+    notes.push_back({property.where, fmt::format("negative components of '{}' become 0", property.name)});
+    for (double& component : rgb->value) component = std::max(component, 0.0);
+  }
+}
+
 Result<void> resolve_material(Object& object) {
   const auto found = std::find_if(object.properties.begin(), object.properties.end(),
                                   [](const Property& property) { return property.name == "material"; });

@@ -24,6 +24,9 @@ std::vector<std::string> conductor_names();
 // The error of a property that names none of them, with the nearest.
 Error unknown_conductor(const Property& material);
 
+// Negative indices of a conductor, from integrals over measured tables, become 0; a note for each.
+void clamp_indices(Object& object, std::vector<Note>& notes);
+
 // Turns the checked property 'material', if there is one, into eta and k ('none': into nothing). An error
 // where eta or k are given too.
 Result<void> resolve_material(Object& object);

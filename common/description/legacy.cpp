@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/description/conductors.h"
+#include "common/description/media_presets.h"
 #include "common/description/text.h"
 #include "common/description/transform.h"
 #include "common/description/vocabulary.h"
@@ -48,8 +49,12 @@ Result<void> merge_uv_parameters(Object& object) {
     std::string_view name;
     double& value;
   };
-  const std::array<Target, 4> targets = {
-      {{"uoffset", offset[0]}, {"voffset", offset[1]}, {"uscale", scale[0]}, {"vscale", scale[1]}}};
+  double both = 1;  // uvscale, which uscale and vscale override
+  const std::array<Target, 5> targets = {{{"uvscale", both},
+                                          {"uoffset", offset[0]},
+                                          {"voffset", offset[1]},
+                                          {"uscale", scale[0]},
+                                          {"vscale", scale[1]}}};
   std::optional<Location> first;
   for (const Target& target : targets) {
     const std::optional<Property> property = take(object, target.name);
@@ -57,6 +62,7 @@ Result<void> merge_uv_parameters(Object& object) {
     const std::optional<double> number = number_of(*property);
     if (!number) return error_at(*property, fmt::format("parameter '{}' must be a float", target.name));
     target.value = *number;
+    if (target.name == "uvscale") scale[0] = scale[1] = both;
     if (!first) first = property->where;
   }
   if (!first) return {};
@@ -169,6 +175,19 @@ Result<void> upgrade_conductor(Object& object) {
   return {};
 }
 
+// Microfacet distributions of 0.6 that Candela lacks. Their alpha is made to look like Beckmann's.
+void upgrade_distribution(Object& object, std::vector<Note>& notes) {
+  Property* distribution = find(object, "distribution");
+  auto* value = distribution == nullptr ? nullptr : std::get_if<std::string>(&distribution->value);
+  if (value == nullptr) return;
+  const std::string folded = text::lower(*value);
+  if (folded != "phong" && folded != "as") return;
+  notes.push_back({distribution->where, fmt::format("the distribution '{}' is read as beckmann of the same "
+                                                    "alpha: its highlights have another shape",
+                                                    folded)});
+  *value = "beckmann";
+}
+
 Result<Vec3> color_of(const Property& property) {
   if (const std::optional<double> gray = number_of(property)) return Vec3{*gray, *gray, *gray};
   if (const auto* rgb = std::get_if<Rgb>(&property.value)) return rgb->value;
@@ -184,21 +203,49 @@ Result<void> rename(Object& object, std::string_view from, std::string_view to) 
   return {};
 }
 
+// The coefficients of a measured medium. 0.6 takes skin1 if nothing is given.
+Result<void> set_preset(Object& object, const std::optional<Property>& material) {
+  const Location where = material ? material->where : object.where;
+  const std::string* name = material ? std::get_if<std::string>(&material->value) : nullptr;
+  if (material && name == nullptr) return error_at(*material, "parameter 'material' must be a string");
+  const std::optional<MediumPreset> preset = named_medium(name == nullptr ? "skin1" : *name);
+  if (!preset) {
+    const std::vector<std::string_view> known = medium_names();
+    const std::string_view nearest = nearest_name(*name, known);
+    return input_error(fmt::format("{} is no medium with measured coefficients", text::quote(*name)))
+        .at(where.file, where.line)
+        .with_mend(nearest.empty() ? fmt::format("there is {}", text::quoted_list(known))
+                                   : text::did_you_mean(nearest));
+  }
+  Rgb extinction;
+  Rgb albedo;
+  for (std::size_t c = 0; c < 3; ++c) {
+    extinction.value[c] = preset->sigma_s[c] + preset->sigma_a[c];
+    albedo.value[c] = preset->sigma_s[c] / extinction.value[c];
+  }
+  object.properties.push_back({"sigma_t", PropertyType::rgb, extinction, where});
+  object.properties.push_back({"albedo", PropertyType::rgb, albedo, where});
+  return {};
+}
+
+// The layer `hk` takes its coefficients as a medium does.
+Result<void> upgrade_layer(Object& object) {
+  const std::optional<Property> material = take(object, "material");
+  for (const std::string_view name : {"sigma_s", "sigma_a", "sigma_t", "albedo"})
+    if (find(object, name) != nullptr) return {};
+  return set_preset(object, material);
+}
+
 // Scattering and absorption to extinction and albedo.
 Result<void> upgrade_homogeneous(Object& object) {
   const std::optional<Property> absorption = take(object, "sigma_a");
   const std::optional<Property> scattering = take(object, "sigma_s");
+  const std::optional<Property> material = take(object, "material");
   if (!absorption && !scattering) {
-    if (find(object, "material") != nullptr || find(object, "sigma_t") != nullptr ||
-        find(object, "albedo") != nullptr)
-      return {};
-    return input_error(
-               "medium 'homogeneous' has no coefficients, which before version 2 means the material 'skin1'; "
-               "named media are not supported")
-        .at(object.where.file, object.where.line)
-        .with_mend("give sigmaA and sigmaS, or sigmaT and albedo");
+    if (find(object, "sigma_t") != nullptr || find(object, "albedo") != nullptr) return {};
+    return set_preset(object, material);
   }
-  take(object, "material");  // 0.6 prefers the coefficients
+  // 0.6 prefers the coefficients to a material.
   if (!absorption || !scattering)
     return error_at(absorption ? *absorption : *scattering, "'sigmaA' and 'sigmaS' are only valid together");
   for (const std::string_view other : {"sigma_t", "albedo"})
@@ -240,6 +287,14 @@ void upgrade_grid(Object& object, std::vector<Note>& notes) {
                    "they are at the centres, as in Mitsuba 3"});
 }
 
+// The check takes a color in the place of a number by its luminance.
+void note_colored_opacity(Object& object, std::vector<Note>& notes) {
+  const Property* opacity = find(object, "opacity");
+  const auto* rgb = opacity == nullptr ? nullptr : std::get_if<Rgb>(&opacity->value);
+  if (rgb == nullptr || (rgb->value[0] == rgb->value[1] && rgb->value[1] == rgb->value[2])) return;
+  notes.push_back({opacity->where, "a colored opacity counts by its luminance: what passes has no tint"});
+}
+
 // What Mitsuba 3.7 does beside 0.6's perturbation of the normal.
 void keep_plain_bumps(Object& object) {
   for (const std::string_view name : {"flip_invalid_normals", "use_shadowing_function"}) {
@@ -251,7 +306,6 @@ void keep_plain_bumps(Object& object) {
 }  // namespace
 
 std::string plugin_name(std::string_view category, std::string_view name) {
-  if (category == "film" && name == "ldrfilm") return "hdrfilm";
   if (category == "bsdf" && name == "bump") return "bumpmap";
   if (category == "bsdf" && name == "mixturebsdf") return "blendbsdf";
   return std::string(name);
@@ -264,41 +318,47 @@ std::string slot_name(const Object& parent, std::string_view slot) {
 }
 
 bool is_heeded(const Object& object, std::string_view parameter) {
-  if (object.category == "medium") return parameter == "material" || parameter == "orientation";
+  if (object.category == "medium") return parameter == "orientation";
   if (object.category == "volume") return parameter == "min" || parameter == "max";
   return false;
 }
 
-Result<void> upgrade(Object& object, std::string_view plugin, std::vector<Note>& notes) {
+void upgrade_film(Object& object, std::string_view plugin, std::vector<Note>& notes) {
+  if (object.category != "film" || (plugin != "ldrfilm" && plugin != "mfilm")) return;
+  for (const std::string_view dropped_name :
+       {"tonemap_method", "gamma", "exposure", "key", "burn", "digits", "variable"})
+    if (const std::optional<Property> dropped = take(object, dropped_name))
+      notes.push_back(
+          {dropped->where, fmt::format("parameter '{}' of film '{}' is dropped: images stay linear, and PNGs "
+                                       "are encoded as sRGB without tone mapping",
+                                       dropped_name, plugin)});
+  if (plugin != "mfilm") return;
+  // A matrix of numbers is one pixel unless the scene says more.
+  for (const char* size : {"width", "height"})
+    if (find(object, size) == nullptr)
+      object.properties.push_back({size, PropertyType::integer, std::int64_t{1}, object.where});
+}
+
+Result<void> upgrade(Object& object, std::vector<Note>& notes) {
   if (object.category == "bsdf" && object.plugin == "diffuse") {
     Property* old = find(object, "diffuse_reflectance");
     if (old != nullptr && find(object, "reflectance") == nullptr) old->name = "reflectance";
   }
   if (object.category == "bsdf" && (object.plugin == "conductor" || object.plugin == "roughconductor"))
     CANDELA_TRY(upgrade_conductor(object));
+  if (object.category == "bsdf" && object.plugin == "hk") CANDELA_TRY(upgrade_layer(object));
+  if (object.category == "bsdf" && object.plugin.starts_with("rough")) upgrade_distribution(object, notes);
   if (object.category == "bsdf" && (object.plugin == "normalmap" || object.plugin == "bumpmap"))
     keep_plain_bumps(object);
   if (object.category == "texture") CANDELA_TRY(merge_uv_parameters(object));
   if (object.category == "texture" && object.plugin == "bitmap") CANDELA_TRY(upgrade_bitmap(object, notes));
-  if (object.category == "bsdf" && object.plugin == "mask")
-    if (const Property* opacity = find(object, "opacity"))
-      if (const auto* rgb = std::get_if<Rgb>(&opacity->value);
-          rgb != nullptr && (rgb->value[0] != rgb->value[1] || rgb->value[1] != rgb->value[2]))
-        return error_at(*opacity, "a coloured opacity is not supported").with_mend("give one number");
+  if (object.category == "bsdf" && object.plugin == "mask") note_colored_opacity(object, notes);
   if (object.category == "medium") CANDELA_TRY(upgrade_medium(object));
   if (object.category == "volume" && object.plugin == "gridvolume") upgrade_grid(object, notes);
   // Parameters whose capitals are their names.
   if (object.category == "rfilter" && object.plugin == "mitchell")
     for (Property& property : object.properties)
       if (property.name == "b" || property.name == "c") property.name = property.name == "b" ? "B" : "C";
-  if (object.category == "film" && plugin == "ldrfilm")
-    for (const std::string_view tone_mapping : {"tonemap_method", "gamma", "exposure", "key", "burn"})
-      if (const std::optional<Property> dropped = take(object, tone_mapping))
-        notes.push_back(
-            {dropped->where,
-             fmt::format("parameter '{}' of film 'ldrfilm' is dropped: images stay linear, and PNGs "
-                         "are encoded as sRGB without tone mapping",
-                         tone_mapping)});
   return {};
 }
 

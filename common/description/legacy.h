@@ -11,7 +11,7 @@
 
 namespace candela::description::legacy {
 
-// Today's name of a plugin ("ldrfilm" -> "hdrfilm"); the name itself where it has not changed.
+// Today's name of a plugin ("bump" -> "bumpmap"); the name itself where it has not changed.
 std::string plugin_name(std::string_view category, std::string_view name);
 
 // Today's name of the slot that a child is given for; the names of parameters are in snake case already.
@@ -22,8 +22,11 @@ std::string slot_name(const Object& parent, std::string_view slot);
 bool is_heeded(const Object& object, std::string_view parameter);
 
 // Turns the properties of one object of an old file into today's: names, merged or split parameters, values.
-// `plugin` is the name as written. What means something else today, or nothing, is an error naming the mend.
+// What means something else today, or nothing, is an error naming the mend.
 // What it reads as something else than 0.6 does goes to the notes.
-Result<void> upgrade(Object& object, std::string_view plugin, std::vector<Note>& notes);
+Result<void> upgrade(Object& object, std::vector<Note>& notes);
+
+// 0.6's films `ldrfilm` and `mfilm` (`plugin`: the name as written) as hdrfilm, in files of any version.
+void upgrade_film(Object& object, std::string_view plugin, std::vector<Note>& notes);
 
 }  // namespace candela::description::legacy

@@ -5,6 +5,7 @@
 #include "common/description/check.h"
 #include "common/description/element.h"
 #include "common/description/resolve.h"
+#include "common/description/scene_aovs.h"
 #include "common/description/text.h"
 #include "common/description/vocabulary.h"
 
@@ -85,6 +86,9 @@ Result<void> OtherIntegrator::take(const pugi::xml_node& node, std::string_view 
     return property;
   };
   Result<Property> property = parse();
+  if (plugin == "aov" && name == "aovs" && property.ok() && aovs.empty()) {
+    CANDELA_ASSIGN(aovs, aovs_of_scene(*property, lenient, notes));
+  }
   if (!property.ok() && is_used(own_rule)) return std::move(property).error();
   if (own != nullptr && own == running) {
     if (own_rule == nullptr)

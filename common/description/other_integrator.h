@@ -21,6 +21,8 @@ struct OtherIntegrator {
   std::vector<Note>& notes;  // if the scene's integrator is the one that runs: what of it is passed over
   std::function<Result<void>(const pugi::xml_node&)>
       count;  // of the scene's elements; its error ends the reading
+  bool lenient;
+  std::string& aovs;  // gets what an element `aov` asks for, unless something is there already
 
   // An object of the element's plugin, whatever it is called. Its properties are the parameters that the
   // integrator that runs knows and whose values it can have, from the element and the integrators nested in

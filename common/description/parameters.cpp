@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "common/description/lenient.h"
 #include "common/description/text.h"
 #include "common/description/vocabulary.h"
 
@@ -20,7 +21,8 @@ bool is_name_character(char c) {
 
 }  // namespace
 
-Parameters::Parameters(const std::map<std::string, std::string>& given) {
+Parameters::Parameters(const std::map<std::string, std::string>& given, bool assumes_usual)
+    : assumes_usual_(assumes_usual) {
   for (const auto& [name, text] : given) values_[name] = {text, true, false};
 }
 
@@ -46,6 +48,13 @@ Parameters::Values::iterator Parameters::longest_name(std::string_view rest) {
   return values_.end();
 }
 
+Parameters::Values::iterator Parameters::assume(std::string_view name) {
+  const std::string_view usual = lenient::usual_value(name);
+  if (usual.empty()) return values_.end();
+  assumed_.emplace_back(name, usual);
+  return values_.try_emplace(std::string(name), Value{std::string(usual), false, false}).first;
+}
+
 Result<std::string> Parameters::substitute(std::string_view text) {
   std::string result;
   while (!text.empty()) {
@@ -60,11 +69,12 @@ Result<std::string> Parameters::substitute(std::string_view text) {
       continue;
     }
     const std::string_view rest = text.substr(1);
-    const auto best = longest_name(rest);
+    auto best = longest_name(rest);
+    std::size_t length = 0;
+    while (length < rest.size() && is_name_character(rest[length])) ++length;
+    const std::string_view name = rest.substr(0, length);
+    if (best == values_.end() && assumes_usual_) best = assume(name);
     if (best == values_.end()) {
-      std::size_t length = 0;
-      while (length < rest.size() && is_name_character(rest[length])) ++length;
-      const std::string_view name = rest.substr(0, length);
       std::vector<std::string_view> known;
       for (const auto& [other, value] : values_) known.push_back(other);
       const std::string_view nearest = nearest_name(name, known);

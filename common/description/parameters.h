@@ -4,6 +4,8 @@
 #include <map>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include "common/base/result.h"
 
@@ -11,7 +13,12 @@ namespace candela::description {
 
 class Parameters {
  public:
-  explicit Parameters(const std::map<std::string, std::string>& given);
+  // `assumes_usual`: names with a usual value need no other (lenient.h).
+  explicit Parameters(const std::map<std::string, std::string>& given, bool assumes_usual = false);
+  void assume_usual(bool assumes) { assumes_usual_ = assumes; }
+
+  // Names and values that were assumed since the last call.
+  std::vector<std::pair<std::string, std::string>> take_assumed() { return std::exchange(assumed_, {}); }
 
   // A <default>: counts only where the name has no value yet.
   void add_default(const std::string& name, const std::string& value);
@@ -32,8 +39,12 @@ class Parameters {
   };
   using Values = std::map<std::string, Value, std::less<>>;
   Values::iterator longest_name(std::string_view rest);
+  // The usual value of `name` becomes its value; values_.end() if there is none.
+  Values::iterator assume(std::string_view name);
 
   Values values_;
+  bool assumes_usual_ = false;
+  std::vector<std::pair<std::string, std::string>> assumed_;
   std::size_t total_bytes_ = 0;  // put into attributes so far
 };
 

@@ -3,20 +3,23 @@
 
 #include <algorithm>
 #include <map>
-#include <set>
 
 #include "common/description/check.h"
 #include "common/description/conductors.h"
 #include "common/description/element.h"
 #include "common/description/element_names.h"
-#include "common/description/file_key.h"
 #include "common/description/legacy.h"
 #include "common/description/mixture.h"
 #include "common/description/other_integrator.h"
 #include "common/description/parameters.h"
+#include "common/description/pbrt/reader.h"
 #include "common/description/reading.h"
+#include "common/description/repair.h"
 #include "common/description/resolve.h"
+#include "common/description/scene_aovs.h"
+#include "common/description/scene_files.h"
 #include "common/description/spectra.h"
+#include "common/description/stand_in.h"
 #include "common/description/text.h"
 #include "common/description/transform.h"
 #include "common/description/values.h"
@@ -31,18 +34,19 @@ constexpr std::size_t max_include_depth = 64;
 constexpr std::size_t max_includes = 10'000;
 constexpr std::size_t max_nodes = 20'000'000;
 constexpr std::size_t max_properties = 256;
-constexpr std::size_t max_total_bytes = std::size_t{1} << 30;
-constexpr std::size_t max_spectrum_bytes = std::size_t{16} << 20;  // of a file
 constexpr std::size_t max_notes = 100'000;
 
 class Parser {
  public:
-  Parser(const FileSource& files, const std::map<std::string, std::string>& given, const Reading& reading)
-      : files_(files), parameters_(given), reading_(reading) {}
+  Parser(const FileSource& files, const std::string& main_key,
+         const std::map<std::string, std::string>& given, const Reading& reading)
+      : files_(files, main_key),
+        main_key_(main_key),
+        parameters_(given, reading.lenient),
+        reading_(reading) {}
 
-  Result<ReadScene> run(const std::string& main_key) {
-    main_folder_ = folder_of_key(main_key);
-    CANDELA_ASSIGN(const std::unique_ptr<XmlDocument> document, load(main_key));
+  Result<ReadScene> run() {
+    CANDELA_ASSIGN(const std::unique_ptr<XmlDocument> document, files_.document(main_key_));
     File file{*document, false};
     const pugi::xml_node root = document->root();
     if (std::string_view(root.name()) != "scene")
@@ -52,14 +56,17 @@ class Parser {
       return error_at(document->where(root), "<scene> lacks the attribute 'version'")
           .with_mend("write <scene version=\"3.0.0\">, or the version the file was made for");
     CANDELA_ASSIGN(file.legacy, is_legacy(file, root));
-    include_stack_.push_back(main_key);
+    include_stack_.push_back(main_key_);
     CANDELA_ASSIGN(const std::size_t scene, parse_object(file, root, 1));
     CANDELA_ASSIGN(ObjectPtr resolved,
                    resolve(drafts_, scene, ids_, reading_.lenient ? &passed_over_ : nullptr));
     Result<void> used = parameters_.check_all_used();
-    if (!used.ok()) return std::move(used).error().at(main_key, 0);
+    if (!used.ok()) return std::move(used).error().at(main_key_, 0);
     notes_.insert(notes_.end(), passed_over_.begin(), passed_over_.end());
-    return ReadScene{{std::move(resolved), {used_files_.begin(), used_files_.end()}, std::move(notes_)},
+    return ReadScene{{std::move(resolved),
+                      {files_.used().begin(), files_.used().end()},
+                      std::move(notes_),
+                      std::move(aovs_)},
                      std::move(passed_over_)};
   }
 
@@ -70,48 +77,8 @@ class Parser {
     bool legacy;
   };
 
-  // ---- files ----
-
-  Result<std::unique_ptr<XmlDocument>> load(const std::string& key) {
-    if (!is_file_key(key)) return input_error(fmt::format("{} is not the name of a file", text::quote(key)));
-    CANDELA_ASSIGN(const FileSource::Bytes bytes, files_.open(key));
-    CANDELA_TRY(count_bytes(key, bytes.view.size()));
-    used_files_.insert(key);
-    return XmlDocument::parse(key, bytes.view);
-  }
-
-  // A file counts as often as it is read.
-  Result<void> count_bytes(const std::string& key, std::size_t bytes) {
-    total_bytes_ += bytes;
-    if (total_bytes_ <= max_total_bytes) return {};
-    return input_error(
-               fmt::format("the scene's XML and spectra have more than {} bytes in all", max_total_bytes))
-        .at(key, 0);
-  }
-
-  // The key of a file named in the scene, found and readable: in the <path> folders, the last one first, then
-  // in the main scene file's folder, then in the folder of the XML file that names it.
   Result<std::string> find_file(const File& file, const Location& where, std::string_view name) {
-    std::vector<std::string> folders(search_folders_.rbegin(), search_folders_.rend());
-    folders.push_back(main_folder_);
-    folders.push_back(folder_of_key(file.document.key()));
-    std::optional<Error> first_error;
-    for (const std::string& folder : folders) {
-      const std::string key = file_key(folder, name);
-      if (name.empty() || !is_file_key(key))
-        return error_at(where, fmt::format("{} is not the name of a file", text::quote(name)));
-      if (used_files_.contains(key)) return key;
-      Result<FileSource::Bytes> bytes = files_.open(key);
-      if (bytes.ok()) {
-        used_files_.insert(key);
-        return key;
-      }
-      // The main folder's reason is the one to tell.
-      if (!first_error || folder == main_folder_) first_error = std::move(bytes).error();
-    }
-    Error error = error_at(where, fmt::format("file {}: {}", text::quote(name), first_error->message));
-    error.kind = first_error->kind;
-    return error;
+    return files_.find(file.document.key(), where, name);
   }
 
   // ---- elements ----
@@ -140,7 +107,13 @@ class Parser {
 
   // The node's attributes with parameters resolved.
   Result<Element> element(const File& file, const pugi::xml_node& node) {
-    return read_element(file.document, node, file.legacy, parameters_);
+    Result<Element> result = read_element(file.document, node, file.legacy, parameters_);
+    for (const auto& [name, value] : parameters_.take_assumed()) {
+      const Location where = file.document.where(node);
+      note_passed_over({where, fmt::format("the parameter {} has no value: {} is assumed",
+                                           text::quote("$" + name), value)});
+    }
+    return result;
   }
 
   Result<bool> is_legacy(const File& file, const pugi::xml_node& root) const {
@@ -176,6 +149,8 @@ class Parser {
     const bool is_scene = written.name == "scene";
     if (is_scene) {
       CANDELA_TRY(written.expect({}, {"version", "type", "id", "name"}));
+    } else if (reading_.lenient) {
+      CANDELA_TRY(written.expect({}, {"type", "id", "name", "version"}));  // none is unknown, too
     } else {
       CANDELA_TRY(written.expect({"type"}, {"id", "name", "version"}));
     }
@@ -185,7 +160,7 @@ class Parser {
     CANDELA_TRY(check_name(written, "name"));
 
     auto object = std::make_shared<Object>();
-    object->category = std::string(written.name);
+    object->category = std::string(stand_in::category_of(node));
     const std::string plugin = is_scene ? std::string() : std::string(written.get("type"));
     object->plugin = file.legacy ? legacy::plugin_name(object->category, plugin) : plugin;
     object->plugin = std::string(canonical_plugin(object->category, object->plugin));
@@ -195,19 +170,40 @@ class Parser {
     // Integrators that Mitsuba has are kept unread: the command line may choose another.
     const bool unread =
         object->category == "integrator" && support_of_plugin("integrator", object->plugin) == Support::later;
-    if (rule == nullptr && !unread) return unknown_plugin(written.where, object->category, object->plugin);
+    const bool may_replace = reading_.lenient && object->category != "spectrum";
+    if (rule == nullptr && !unread && !may_replace)
+      return unknown_plugin(written.where, object->category, object->plugin);
 
     const std::size_t index = drafts_.size();
     drafts_.push_back({object, {}});
+    drafts_.back().legacy = file.legacy;
     CANDELA_TRY(register_id(object->id, index, written.where, written.name));
     CANDELA_TRY(parse_children(file, node, index, depth));
 
+    if (object->category == "integrator" && object->plugin == "aov" && aovs_.empty()) {
+      if (const Property* aovs = object->find("aovs")) {
+        CANDELA_ASSIGN(aovs_, aovs_of_scene(*aovs, reading_.lenient, passed_over_));
+      }
+    }
+    if (object->category == "integrator" && rule == nullptr) {
+      if (const auto nested = stand_in::integrator_inside(drafts_, index, notes_)) return *nested;
+      rule = stand_in::direct_as_path(*object);
+    }
+    if (rule == nullptr && may_replace) rule = stand_in::replace_unknown(drafts_, ids_, index, passed_over_);
     if (rule == nullptr) return index;
-    if (file.legacy) CANDELA_TRY(legacy::upgrade(*object, plugin, notes_));
+    if (reading_.lenient) repair::material(*object, passed_over_);
+    if (file.legacy) CANDELA_TRY(legacy::upgrade(*object, notes_));
+    legacy::upgrade_film(*object, plugin, notes_);
+    clamp_indices(*object, notes_);
+    if (object->plugin == "normalmap" && (file.legacy || reading_.lenient))
+      CANDELA_TRY(add_normal_map_file(file, index));
     if (notes_.size() > max_notes) notes_.resize(max_notes);
     if (file.legacy && object->category == "bsdf" && plugin == "mixturebsdf")
       CANDELA_TRY(legacy::split_mixture(drafts_, index, notes_));
-    pass_over_unknown(*object, *rule, file.legacy);
+    pass_over_unknown(drafts_[index], *rule, file.legacy);
+    if (drafts_[index].stands_in) stand_in::drop_unfit(*object, *rule, passed_over_);
+    if (reading_.lenient) repair::properties(*object, *rule, passed_over_);
+    if (passed_over_.size() > max_notes) passed_over_.resize(max_notes);
     CANDELA_TRY(check_properties(*object, *rule));
     if (object->category == "bsdf") CANDELA_TRY(resolve_material(*object));
     for (const PropertyRule& property_rule : rule->properties) {
@@ -221,15 +217,54 @@ class Parser {
     return index;
   }
 
+  // A normal map that is named in place of a texture, as forks of Mitsuba have it.
+  Result<void> add_normal_map_file(const File& file, std::size_t index) {
+    Draft& draft = drafts_[index];
+    const auto has_map = [](const Link& link) { return link.slot == "normalmap"; };
+    const auto named = std::find_if(draft.object->properties.begin(), draft.object->properties.end(),
+                                    [](const Property& property) { return property.name == "filename"; });
+    if (named == draft.object->properties.end() || !std::holds_alternative<std::string>(named->value) ||
+        std::any_of(draft.links.begin(), draft.links.end(), has_map))
+      return {};
+    Property name = std::move(*named);
+    draft.object->properties.erase(named);
+    CANDELA_ASSIGN(name.value, find_file(file, name.where, std::get<std::string>(name.value)));
+    note_passed_over({name.where, "bsdf 'normalmap' has no parameter 'filename': it is read as a bitmap"});
+    auto texture = std::make_shared<Object>();
+    texture->category = "texture";
+    texture->plugin = "bitmap";
+    texture->where = name.where;
+    texture->properties = {name, {"raw", PropertyType::boolean, true, name.where}};
+    draft.links.push_back({"normalmap", name.where, drafts_.size(), false, {}});
+    drafts_.push_back({std::move(texture), {}});
+    return {};
+  }
+
   // ---- what is passed over ----
 
-  void pass_over(const Error& error) {
-    if (passed_over_.size() < max_notes) passed_over_.push_back(passed_over_note(error));
+  void note_passed_over(Note note) {
+    if (passed_over_.size() < max_notes) passed_over_.push_back(std::move(note));
+  }
+  void pass_over(const Error& error) { note_passed_over(passed_over_note(error)); }
+
+  // Files before version 2 and lenient ones may give a parameter twice: the later value counts, as in 0.6.
+  Result<void> give_again(Property& first, Property property, const Object& object, bool allowed) {
+    const std::string message = fmt::format("parameter {} of {} is given twice, first in line {}",
+                                            text::quote(property.name), describe(object), first.where.line);
+    if (!allowed) return error_at(property.where, message);
+    note_passed_over({property.where, message + ": this value counts"});
+    first = std::move(property);
+    return {};
   }
 
   // Drops the parameters that the plugin does not have, where that is no error.
-  void pass_over_unknown(Object& object, const PluginRule& rule, bool legacy) {
+  void pass_over_unknown(Draft& draft, const PluginRule& rule, bool legacy) {
+    Object& object = *draft.object;
     if (!legacy && !reading_.lenient) return;
+    const bool may_rename = reading_.lenient && (!legacy || draft.stands_in);
+    for (Property& property : object.properties)
+      if (may_rename && find_rule(rule, property.name) == nullptr)
+        stand_in::rename_unknown(object, rule, property, passed_over_);
     std::erase_if(object.properties, [&](const Property& property) {
       if (find_rule(rule, property.name) != nullptr) return false;
       if (!reading_.lenient && legacy::is_heeded(object, property.name)) return false;
@@ -246,9 +281,11 @@ class Parser {
   Result<void> pass_over_integrator(const File& file, const pugi::xml_node& node, std::size_t parent,
                                     int depth) {
     const auto count = [&](const pugi::xml_node& counted) { return count_node(file, counted); };
-    const OtherIntegrator reader{file.document, file.legacy,  reading_.integrator,
-                                 parameters_,   passed_over_, count};
+    const OtherIntegrator reader{file.document, file.legacy, reading_.integrator, parameters_,
+                                 passed_over_,  count,       reading_.lenient,    aovs_};
+    parameters_.assume_usual(false);
     CANDELA_ASSIGN(std::shared_ptr<Object> object, reader.read(node, depth));
+    parameters_.assume_usual(reading_.lenient);
     if (passed_over_.size() > max_notes) passed_over_.resize(max_notes);
     const std::size_t index = drafts_.size();
     if (!object->id.empty()) ids_.try_emplace(object->id, index);
@@ -283,7 +320,8 @@ class Parser {
     const std::string_view name = node.name();
     if (node.type() == pugi::node_element && name == "scene")
       return error_at(file.document.where(node), "<scene> cannot be inside another element");
-    if (node.type() == pugi::node_element && (name == "spectrum" || name == "blackbody"))
+    if (node.type() == pugi::node_element && (name == "spectrum" || name == "blackbody") &&
+        stand_in::category_of(node) != "texture")
       return parse_spectrum(file, node, parent, depth);
     if (node.type() == pugi::node_element && is_other_integrator(name))
       return pass_over_integrator(file, node, parent, depth + 1);
@@ -292,13 +330,14 @@ class Parser {
       return link_object(file, node, parent, index);
     }
     CANDELA_TRY(count(file, node));
-    if (reading_.lenient && is_unknown_element(name)) {
+    if (reading_.lenient && (is_unknown_element(name) || support_of_category(name) == Support::later)) {
       pass_over(unknown_element(file.document.where(node), name));
       return {};
     }
     CANDELA_ASSIGN(const Element written, element(file, node));
     if (name == "include") return parse_include(file, written, parent, depth);
     if (name == "transform") return parse_transform(file, node, written, parent);
+    if (name == "animation" && reading_.lenient) return parse_animation(file, node, written, parent);
     if (is_value_element(name)) {
       CANDELA_TRY(check_name(written, "name"));
       CANDELA_ASSIGN(Property property, parse_value(written));
@@ -347,11 +386,7 @@ class Parser {
       } else if (written.find("filename") != nullptr) {
         CANDELA_TRY(written.expect({"name", "filename"}));
         CANDELA_ASSIGN(const std::string key, find_file(file, written.where, written.get("filename")));
-        CANDELA_ASSIGN(const FileSource::Bytes bytes, files_.open(key));
-        if (bytes.view.size() > max_spectrum_bytes)
-          return written.error(fmt::format("{} has {} bytes, more than the limit of {} for a spectrum",
-                                           text::quote(key), bytes.view.size(), max_spectrum_bytes));
-        CANDELA_TRY(count_bytes(key, bytes.view.size()));
+        CANDELA_ASSIGN(const FileSource::Bytes bytes, files_.spectrum(key, written.where));
         CANDELA_ASSIGN(const colorimetry::Spectrum spectrum, parse_spectrum_file(key, bytes.view));
         CANDELA_ASSIGN(converted, convert_spectrum(spectrum, use, file.legacy));
       } else {
@@ -403,10 +438,9 @@ class Parser {
     property.name = modern_name(file, property.name);
     if (property.name.empty())
       return error_at(property.where, fmt::format("a parameter of {} has an empty name", describe(object)));
-    if (const Property* first = object.find(property.name))
-      return error_at(property.where,
-                      fmt::format("parameter {} of {} is given twice, first in line {}",
-                                  text::quote(property.name), describe(object), first->where.line));
+    for (Property& first : object.properties)
+      if (first.name == property.name)
+        return give_again(first, std::move(property), object, file.legacy || reading_.lenient);
     if (object.properties.size() >= max_properties)
       return error_at(property.where,
                       fmt::format("{} has more than {} parameters", describe(object), max_properties));
@@ -432,8 +466,14 @@ class Parser {
         return operation.error(fmt::format("<{}> cannot be inside <transform>", operation.name))
             .with_mend("there is <translate>, <rotate>, <scale>, <lookat>, <matrix>");
       CANDELA_TRY(no_children(file, child));
-      CANDELA_ASSIGN(const Mat4 step, parse_operation(operation, two_dimensional));
-      matrix = transform::multiply(step, matrix);
+      Result<Mat4> step = parse_operation(operation, two_dimensional);
+      if (!step.ok() && reading_.lenient && operation.name == "rotate" &&
+          operation.find("angle") != nullptr) {
+        pass_over(step.error());
+        continue;
+      }
+      if (!step.ok()) return std::move(step).error();
+      matrix = transform::multiply(*step, matrix);
     }
     if (!transform::is_finite(matrix))
       return written.error(fmt::format("the transform {} is not finite", text::quote(property.name)));
@@ -442,6 +482,17 @@ class Parser {
           .with_mend("it flattens space; scale by a small number instead of 0");
     property.value = matrix;
     return add_property(file, std::move(property), parent);
+  }
+
+  // Nothing moves here: the first of the transforms of 0.6's <animation> is taken.
+  Result<void> parse_animation(const File& file, const pugi::xml_node& node, const Element& written,
+                               std::size_t parent) {
+    pass_over(error_at(written.where, "motion is not supported yet")
+                  .with_mend("the first transform of <animation> is taken"));
+    const pugi::xml_node first = node.child("transform");
+    if (!first) return {};
+    CANDELA_TRY(count(file, first));
+    return parse_transform(file, first, written, parent);
   }
 
   Result<void> parse_reference(const File& file, const Element& written, std::size_t parent) {
@@ -477,14 +528,7 @@ class Parser {
   Result<void> parse_path(const File& file, const Element& written, int depth) {
     CANDELA_TRY(written.expect({"value"}));
     if (depth != 1) return written.error("<path> belongs directly into <scene>");
-    std::string folder = file_key(folder_of_key(file.document.key()), written.get("value"));
-    while (folder.size() > 1 && folder.ends_with('/')) folder.pop_back();
-    if (written.get("value").empty() || !text::is_utf8(folder))
-      return written.error("<path> names no folder");
-    if (search_folders_.size() >= max_search_folders)
-      return written.error(fmt::format("the scene has more than {} <path> elements", max_search_folders));
-    search_folders_.push_back(std::move(folder));
-    return {};
+    return files_.add_folder(file.document.key(), written.where, written.get("value"));
   }
 
   Result<void> parse_include(const File& file, const Element& written, std::size_t parent, int depth) {
@@ -496,7 +540,7 @@ class Parser {
       return written.error(fmt::format("includes are nested deeper than {} levels", max_include_depth));
     if (++include_count_ > max_includes)
       return written.error(fmt::format("the scene has more than {} includes", max_includes));
-    CANDELA_ASSIGN(const std::unique_ptr<XmlDocument> document, load(key));
+    CANDELA_ASSIGN(const std::unique_ptr<XmlDocument> document, files_.document(key));
     File included{*document, file.legacy};
     const pugi::xml_node root = document->root();
     CANDELA_ASSIGN(included.legacy, is_legacy(included, root));
@@ -518,29 +562,26 @@ class Parser {
     return {};
   }
 
-  static constexpr std::size_t max_search_folders = 64;
-
-  const FileSource& files_;
+  SceneFiles files_;
+  std::string main_key_;
   Parameters parameters_;
   const Reading& reading_;
-  std::string main_folder_;
-  std::vector<std::string> search_folders_;
   std::vector<std::string> include_stack_;
-  std::set<std::string> used_files_;
   std::vector<Draft> drafts_;
   std::map<std::string, std::size_t, std::less<>> ids_;
   std::vector<Note> notes_;
   std::vector<Note> passed_over_;
+  std::string aovs_;
   std::size_t node_count_ = 0;
   std::size_t include_count_ = 0;
-  std::size_t total_bytes_ = 0;
 };
 
 }  // namespace
 
 Result<ReadScene> read_scene(const FileSource& files, const std::string& main_key,
                              const std::map<std::string, std::string>& parameters, const Reading& reading) {
-  return Parser(files, parameters, reading).run(main_key);
+  if (pbrt::is_pbrt_file(main_key)) return pbrt::read_pbrt_scene(files, main_key, parameters, reading);
+  return Parser(files, main_key, parameters, reading).run();
 }
 
 Result<SceneDescription> parse_scene(const FileSource& files, const std::string& main_key,

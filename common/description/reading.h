@@ -15,13 +15,14 @@ struct Reading {
   // plugin has, and its properties are those that the given integrator knows, also of integrators nested in
   // it.
   std::string integrator = {};
-  // Unknown parameters and elements are passed over, not errors. Unknown plugins stay errors.
+  // Unknown parameters and elements are passed over, and the nearest plugin stands in for an unknown one
+  // (lenient.h); they are no errors. What the strict reading accepts means the same.
   bool lenient = false;
 };
 
 struct ReadScene {
   SceneDescription description;
-  // Unknown parameters and elements that were passed over, in the order they were met. They are among the
+  // What was passed over, or replaced, in the order they were met. They are among the
   // description's notes, too.
   std::vector<Note> passed_over;
 };

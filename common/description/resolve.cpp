@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "common/description/check.h"
 #include "common/description/text.h"
+#include "common/description/transform.h"
 
 namespace candela::description {
 namespace {
@@ -43,23 +45,50 @@ class Resolver {
       CANDELA_TRY(visit(target, depth + 1, link.where));
       node.height = std::max(node.height, nodes_[target].height + 1);
       node.unfolded = std::min(max_unfolded + 1, node.unfolded + nodes_[target].unfolded);
+      if (drafts_[target].left_out) continue;
       const Child child{link.slot, drafts_[target].object};
+      if (passed_over_ != nullptr && drafts_[target].stands_in && child.object->category == "sensor" &&
+          draft.object->category == "shape") {
+        move_sensor_out(*draft.object, *drafts_[target].object, child, link.where);
+        continue;
+      }
+      if (passed_over_ != nullptr && draft.object->category == "shape" &&
+          child.object->category == "emitter" && child.object->plugin != "area") {
+        move_emitter_out(*draft.object, *child.object, link.where);
+        continue;
+      }
+      if (passed_over_ != nullptr && rule != nullptr && draft.stands_in &&
+          !fits(*draft.object, *rule, child)) {
+        tell(error_at(link.where, fmt::format("{} cannot be inside {}", describe(*child.object),
+                                              describe(*draft.object))));
+        continue;
+      }
       if (passed_over_ != nullptr && rule != nullptr &&
           is_for_unknown_parameter(*draft.object, *rule, child)) {
-        if (passed_over_->size() < max_resolved_notes)
-          passed_over_->push_back(
-              passed_over_note(unknown_parameter(*draft.object, *rule, link.where, link.slot)));
+        tell(unknown_parameter(*draft.object, *rule, link.where, link.slot));
+        continue;
+      }
+      if (passed_over_ != nullptr && rule != nullptr && is_unfit_texture(*draft.object, *rule, child)) {
+        tell(error_at(link.where, fmt::format("a texture as parameter {} of {} is not supported",
+                                              text::quote(link.slot), describe(*draft.object))));
         continue;
       }
       draft.object->children.push_back(child);
       where.push_back(link.where);
     }
+    if (passed_over_ != nullptr) unnest_maps(*draft.object, where);
     if (node.height > max_height)
       return error_at(from, fmt::format("objects are nested deeper than {} levels", max_height));
     if (node.unfolded > max_unfolded)
       return error_at(draft.object->where, fmt::format("{} unfolds into more than {} objects",
                                                        describe(*draft.object), max_unfolded));
+    if (draft.object->category == "scene")
+      for (const auto& [moved, place] : moved_) {
+        draft.object->children.push_back(moved);
+        where.push_back(place);
+      }
     if (rule != nullptr) CANDELA_TRY(check_children(*draft.object, *rule, where));
+    if (draft.legacy && draft.object->category == "sensor") begin_media_at_camera(*draft.object);
     node.state = State::done;
     return {};
   }
@@ -72,6 +101,83 @@ class Resolver {
     std::uint64_t unfolded = 1;
   };
 
+  // A sensor that lies on a shape, for one that Candela lacks: it goes beside the shape, with its place.
+  void move_sensor_out(const Object& shape, Object& sensor, const Child& child, const Location& where) {
+    std::erase_if(sensor.properties, [](const Property& property) { return property.name == "to_world"; });
+    sensor.properties.push_back(
+        {"to_world", PropertyType::transform, shape.get_transform("to_world"), sensor.where});
+    moved_.emplace_back(Child{{}, child.object}, where);
+  }
+
+  // An emitter inside of a shape that is not its surface: a copy goes beside the shape, in the shape's frame.
+  void move_emitter_out(const Object& shape, const Object& emitter, const Location& where) {
+    tell(error_at(where, fmt::format("{} cannot be inside {}", describe(emitter), describe(shape)))
+             .with_mend("it is put beside the shape, in its frame"));
+    auto moved = std::make_shared<Object>(emitter);
+    Mat4 place = emitter.get_transform("to_world");
+    if (emitter.find("position") != nullptr) place = transform::translate(emitter.get_vec3("position", {}));
+    std::erase_if(moved->properties, [](const Property& property) {
+      return property.name == "to_world" || property.name == "position";
+    });
+    if (emitter.find("direction") == nullptr)
+      moved->properties.push_back({"to_world", PropertyType::transform,
+                                   transform::multiply(shape.get_transform("to_world"), place),
+                                   emitter.where});
+    moved_.emplace_back(Child{{}, std::move(moved)}, where);
+  }
+
+  static bool is_map(const Object& object) {
+    return object.plugin == "bumpmap" || object.plugin == "normalmap";
+  }
+
+  // Of a bump or normal map directly inside another one the outer one counts.
+  void unnest_maps(Object& object, const std::vector<Location>& where) {
+    if (!is_map(object)) return;
+    for (std::size_t i = 0; i < object.children.size(); ++i) {
+      Child& child = object.children[i];
+      while (is_map(*child.object) && !child.object->children_of("bsdf").empty()) {
+        tell(error_at(where[i],
+                      fmt::format("{} inside {} is not supported", describe(*child.object), describe(object)))
+                 .with_mend("the outer one counts"));
+        child.object = child.object->children_of("bsdf").front();
+      }
+    }
+  }
+
+  // 0.6 counts the way through a medium from the camera, not from the near plane. A near plane so close is at
+  // the camera; it differs where a surface is nearer than the scene's near plane.
+  static void begin_media_at_camera(Object& sensor) {
+    if (sensor.children_of("medium").empty()) return;
+    constexpr double at_camera = 1e-6;
+    for (Property& property : sensor.properties)
+      if (property.name == "near_clip") {
+        property.type = PropertyType::number;
+        property.value = at_camera;
+        return;
+      }
+    sensor.properties.push_back({"near_clip", PropertyType::number, at_camera, sensor.where});
+  }
+
+  void tell(const Error& error) {
+    if (passed_over_->size() < max_resolved_notes) passed_over_->push_back(passed_over_note(error));
+  }
+
+  // Whether an object that stands in for another can take the child beside those it has.
+  static bool fits(const Object& object, const PluginRule& rule, const Child& child) {
+    const auto& categories = rule.child_categories;
+    if (child.object->category == "texture" &&
+        std::find(categories.begin(), categories.end(), "texture") == categories.end()) {
+      const PropertyRule* slot = find_rule(rule, child.slot);
+      return slot != nullptr && slot->textured && object.find(child.slot) == nullptr &&
+             object.find_child(child.slot) == nullptr;
+    }
+    if (std::find(categories.begin(), categories.end(), child.object->category) == categories.end())
+      return false;
+    const bool several = object.category == "bsdf" || object.category == "shape" ||
+                         child.object->category == "volume" || child.object->category == "medium";
+    return several || object.children_of(child.object->category).empty();
+  }
+
   Error unknown_id(const Link& link) const {
     std::vector<std::string_view> known;
     for (const auto& [id, target] : ids_) known.push_back(id);
@@ -82,6 +188,7 @@ class Resolver {
   std::vector<Draft>& drafts_;
   const std::map<std::string, std::size_t, std::less<>>& ids_;
   std::vector<Note>* passed_over_;
+  std::vector<std::pair<Child, Location>> moved_;  // out of shapes, beside them
   std::vector<Node> nodes_;
 };
 

@@ -23,10 +23,14 @@ struct Link {
 struct Draft {
   std::shared_ptr<Object> object;  // properties complete and checked, no children yet
   std::vector<Link> links;
+  bool stands_in = false;  // for a plugin that nobody knows: children that do not fit are left out
+  bool left_out = false;   // so are links to this
+  bool legacy = false;     // written in a file before version 2
 };
 
 // Fills in the children of all drafts and checks them. If `passed_over` is given, textures and volumes for
-// unknown parameters are left out and told there; else they are errors. Errors: unknown ids (naming the
+// unknown parameters, and what does not fit into an object that stands in for another, are left out and told
+// there; else they are errors. Errors: unknown ids (naming the
 // nearest), references that lead back to themselves, nesting deeper than 128 with references followed, and
 // graphs that would unfold into more than 20 million objects.
 Result<ObjectPtr> resolve(std::vector<Draft>& drafts, std::size_t root,

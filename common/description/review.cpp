@@ -15,9 +15,11 @@ namespace {
 
 // What of the scene's children acts by itself; the others are there to be referred to.
 bool acts(const Object& object) {
-  return object.category == "shape"
-             ? object.plugin != "shapegroup"
-             : object.category == "emitter" || object.category == "sensor" || object.category == "integrator";
+  return object.category == "shape" ? object.plugin != "shapegroup"
+         : object.category == "emitter"
+             // An area emitter glows in the shapes that refer to it.
+             ? object.plugin != "area"
+             : object.category == "sensor" || object.category == "integrator";
 }
 
 bool is_value(const Property& property, std::string_view value) {

@@ -63,6 +63,7 @@ void add_integrators(std::vector<PluginRule>& table);
 void add_sensors(std::vector<PluginRule>& table);
 void add_shapes(std::vector<PluginRule>& table);
 void add_bsdfs(std::vector<PluginRule>& table);
+void add_old_bsdfs(std::vector<PluginRule>& table);  // those that Mitsuba 0.6 alone has
 void add_emitters(std::vector<PluginRule>& table);
 void add_textures(std::vector<PluginRule>& table);
 void add_spectra(std::vector<PluginRule>& table);

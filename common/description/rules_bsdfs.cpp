@@ -228,6 +228,7 @@ void add_bsdfs(std::vector<PluginRule>& table) {
                       shadow},
        .child_categories = {"bsdf"},
        .doc = "one bsdf, its shading normals as if the surface were displaced"});
+  add_old_bsdfs(table);
   table.push_back({.category = "bsdf",
                    .name = "twosided",
                    .properties = {},

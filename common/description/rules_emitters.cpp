@@ -3,6 +3,76 @@
 
 namespace candela::description::rules {
 
+namespace {
+
+// 0.6's emitters of daylight, by what they have beside the position of the sun.
+PluginRule daylight(std::string_view name, std::vector<PropertyRule> own, std::string_view doc,
+                    std::string_view differs) {
+  const auto whole = [](std::string_view parameter, std::string_view meaning, double low, double high) {
+    return PropertyRule{
+        .name = parameter, .types = {integer}, .doc = meaning, .minimum = low, .maximum = high};
+  };
+  const auto real = [](std::string_view parameter, std::string_view meaning, double low, double high) {
+    return PropertyRule{
+        .name = parameter, .types = {number}, .doc = meaning, .minimum = low, .maximum = high};
+  };
+  std::vector<PropertyRule> rules = {
+      real("turbidity", "haze: 2 very clear, 3 clear, 6 warm and moist, 10 hazy (default 3)", 1, 10),
+      {.name = "sun_direction",
+       .types = {vector},
+       .doc = "towards the sun, +y is up; else by date, time and place"},
+      whole("year", "(default 2010)", 1900, 2100),
+      whole("month", "(default 7)", 1, 12),
+      whole("day", "(default 10)", 1, 31),
+      real("hour", "(default 15)", 0, 24),
+      real("minute", "(default 0)", 0, 60),
+      real("second", "(default 0)", 0, 60),
+      real("latitude", "degrees to the north (default 35.6894, Tokyo)", -90, 90),
+      real("longitude", "degrees to the east (default 139.6917)", -180, 180),
+      real("timezone", "hours before UTC (default 9)", -14, 14),
+      whole("resolution", "columns of the image that the light becomes (default 512)", 8, 8192),
+      to_world("turns the sky from +y"),
+      sampling_weight()};
+  rules.insert(rules.end(), own.begin(), own.end());
+  return {.category = "emitter",
+          .name = name,
+          .properties = std::move(rules),
+          .child_categories = {"medium"},
+          .doc = doc,
+          .differs = differs};
+}
+
+void add_daylight(std::vector<PluginRule>& table) {
+  const auto factor = [](std::string_view name) {
+    return PropertyRule{.name = name, .types = {number}, .doc = "factor (default 1)", .minimum = 0};
+  };
+  const PropertyRule stretch = {.name = "stretch",
+                                .types = {number},
+                                .doc = "lets the sky reach below the horizon: 2 to the nadir (default 1)",
+                                .minimum = 1,
+                                .maximum = 2};
+  const PropertyRule albedo = ignored("albedo", {rgb}, "of the ground: the model of the sky has none");
+  const PropertyRule radius = {
+      .name = "sun_radius_scale",
+      .types = {number},
+      .doc = "widens the sun and keeps its power (default 1; at least 0.01 is taken)",
+      .minimum = 0};
+  const std::string_view sky =
+      "the sky is Preetham's of 1999, where 0.6 has Hosek and Wilkie's of 2012 and Mitsuba 3 a fit of that, "
+      "with +z up";
+  const std::string_view sun =
+      "the sun is a black body of 5778 K behind Rayleigh and aerosol scattering: no ozone, gases or vapor; "
+      "it "
+      "is as wide as a pixel of the image at least";
+  table.push_back(daylight("sky", {factor("scale"), stretch, albedo},
+                           "a clear sky without the sun after Preetham 1999", sky));
+  table.push_back(daylight("sun", {factor("scale"), radius}, "the sun through the atmosphere", sun));
+  table.push_back(daylight("sunsky", {factor("sky_scale"), factor("sun_scale"), radius, stretch, albedo},
+                           "sky and sun together", sky));
+}
+
+}  // namespace
+
 void add_emitters(std::vector<PluginRule>& table) {
   table.push_back({.category = "emitter",
                    .name = "area",
@@ -49,6 +119,31 @@ void add_emitters(std::vector<PluginRule>& table) {
        .doc = "a point that shines into a cone"});
   table.push_back(
       {.category = "emitter",
+       .name = "projector",
+       .properties =
+           {textured(non_negative_rgb("irradiance",
+                                      "the picture: irradiance over pi, W/m^2, of the plane at distance 1 "
+                                      "(default 1)")),
+            {.name = "scale", .types = {number}, .doc = "factor (default 1)", .minimum = 0},
+            {.name = "fov",
+             .types = {number},
+             .doc = "field of view in degrees along fov_axis (default from focal_length)",
+             .minimum = 0,
+             .maximum = 179.999,
+             .above_minimum = true},
+            {.name = "fov_axis",
+             .types = {string},
+             .values = {"x", "y", "diagonal", "smaller", "larger"},
+             .doc = "the picture's axis fov spans (default x)"},
+            {.name = "focal_length",
+             .types = {string},
+             .doc = "35 mm equivalent focal length, such as 50mm, where fov is absent (default 50mm)"},
+            to_world("as of a camera that sees the picture: along +z, +y is up, +x to the left"),
+            sampling_weight()},
+       .child_categories = {"medium"},
+       .doc = "a point that projects a picture, as a pinhole camera would see it"});
+  table.push_back(
+      {.category = "emitter",
        .name = "directional",
        .properties = {non_negative_rgb("irradiance", "W/m^2 on a plane facing the light (default 1)"),
                       {.name = "direction",
@@ -67,6 +162,11 @@ void add_emitters(std::vector<PluginRule>& table) {
       {.category = "emitter",
        .name = "envmap",
        .properties = {file("latitude-longitude image, +y up"),
+                      {.name = "mapping",
+                       .types = {string},
+                       .values = {"latlong", "equalarea"},
+                       .doc =
+                           "Candela's addition: equalarea is pbrt's square picture, +z up (default latlong)"},
                       {.name = "scale", .types = {number}, .doc = "factor (default 1)", .minimum = 0},
                       to_world("turns the environment (default identity)"),
                       sampling_weight(),
@@ -76,6 +176,7 @@ void add_emitters(std::vector<PluginRule>& table) {
                       ignored("cache", {boolean}, "0.6: no cache files are written")},
        .child_categories = {"medium"},
        .doc = "light from an image at infinity"});
+  add_daylight(table);
 }
 
 }  // namespace candela::description::rules

@@ -57,7 +57,8 @@ void add_media(std::vector<PluginRule>& table) {
                    .doc = "of particles much smaller than the wavelength, without polarisation"});
   table.push_back({.category = "volume",
                    .name = "constvolume",
-                   .properties = {{.name = "value", .types = {rgb}, .doc = "(default 1)", .minimum = 0}},
+                   .properties = {{.name = "value", .types = {rgb}, .doc = "(default 1)", .minimum = 0},
+                                  ignored("to_world", {transform}, "the value is the same everywhere")},
                    .child_categories = {},
                    .doc = "the same value everywhere"});
   table.push_back(

@@ -22,7 +22,7 @@ void add_samplers(std::vector<PluginRule>& table) {
          .properties =
              {{.name = "sample_count",
                .types = {integer},
-               .doc = "samples a pixel: the job's iterations where no stop rule is given (default 4)",
+               .doc = "samples, or mutations, a pixel: the job's --spp where no limit is given (default 4)",
                .minimum = 1},
               ignored("seed", {integer}, "the seed belongs to the job: --seed"),
               ignored("jitter", {boolean}, "the kind of sampler belongs to the job: --sampler"),
@@ -39,38 +39,43 @@ void add_films(std::vector<PluginRule>& table) {
   table.push_back(
       {.category = "film",
        .name = "hdrfilm",
-       .properties =
-           {{.name = "width",
-             .types = {integer},
-             .doc = "pixels (default 768)",
-             .minimum = 1,
-             .maximum = most},
-            {.name = "height",
-             .types = {integer},
-             .doc = "pixels (default 576)",
-             .minimum = 1,
-             .maximum = most},
-            only("crop_offset_x", integer, "0", "left edge of the crop window in pixels"),
-            only("crop_offset_y", integer, "0", "top edge of the crop window in pixels"),
-            {.name = "crop_width", .types = {integer}, .doc = "pixels; only the film's width for now"},
-            {.name = "crop_height", .types = {integer}, .doc = "pixels; only the film's height for now"},
-            ignored("file_format", {string}, "the output's name decides: .exr or .png"),
-            [] {
-              PropertyRule rule = ignored("pixel_format", {string}, "images are linear Rec.709 RGB");
-              rule.differs = "images have the channels R, G and B: no alpha, no luminance alone";
-              rule.differs_unless = "rgb";
-              return rule;
-            }(),
-            ignored("component_format", {string}, "images are 32-bit float"),
-            ignored("sample_border", {boolean}, "filters are sampled, so edges need no border"),
-            ignored("compensate", {boolean}, "sums are exact always"),
-            ignored("banner", {boolean}, "0.6: no banner is ever drawn"),
-            ignored("attach_log", {boolean}, "0.6: images carry their own metadata"),
-            ignored("high_quality_edges", {boolean}, "0.6: filters are sampled, so edges need no border")},
+       .properties = {
+           {.name = "width",
+            .types = {integer},
+            .doc = "pixels (default 768)",
+            .minimum = 1,
+            .maximum = most},
+           {.name = "height",
+            .types = {integer},
+            .doc = "pixels (default 576)",
+            .minimum = 1,
+            .maximum = most},
+           only("crop_offset_x", integer, "0", "left edge of the crop window in pixels"),
+           only("crop_offset_y", integer, "0", "top edge of the crop window in pixels"),
+           {.name = "crop_width", .types = {integer}, .doc = "pixels; only the film's width for now"},
+           {.name = "crop_height", .types = {integer}, .doc = "pixels; only the film's height for now"},
+           ignored("file_format", {string}, "the output's name decides: .exr or .png"),
+           [] {
+             PropertyRule rule = ignored("pixel_format", {string}, "images are linear Rec.709 RGB");
+             rule.differs = "images have the channels R, G and B: no alpha, no luminance alone";
+             rule.differs_unless = "rgb";
+             return rule;
+           }(),
+           ignored("component_format", {string}, "images are 32-bit float"),
+           ignored("sample_border", {boolean}, "filters are sampled, so edges need no border"),
+           ignored("compensate", {boolean}, "sums are exact always"),
+           [] {
+             PropertyRule rule = ignored("gamma", {number}, "images are linear");
+             rule.differs = "images are linear whatever the gamma is";
+             rule.differs_unless = "1";
+             return rule;
+           }(),
+           ignored("banner", {boolean}, "0.6: no banner is ever drawn"),
+           ignored("attach_log", {boolean}, "0.6: images carry their own metadata"),
+           ignored("high_quality_edges", {boolean}, "0.6: filters are sampled, so edges need no border")},
        .child_categories = {"rfilter"},
-       .doc = "the image's size and its reconstruction filter (default filter gaussian); 0.6's ldrfilm is "
-              "read as "
-              "this, without its tone mapping"});
+       .doc = "the image's size and its reconstruction filter (default filter gaussian); 0.6's ldrfilm "
+              "and mfilm are read as this, without tone mapping and as images"});
 }
 
 void add_filters(std::vector<PluginRule>& table) {
@@ -151,8 +156,8 @@ std::string_view hide_emitters_doc() {
 
 std::string_view alpha_doc() {
   static const std::string doc =
-      fmt::format("how fast radii shrink: their squares as i^(alpha - 1) (default {}; vcm {})",
-                  words::kPpm.alpha.text, words::kVcm.alpha.text);
+      fmt::format("how fast radii shrink: their squares as i^(alpha - 1) (default {}; vcm {}, vcmplus {})",
+                  words::kPpm.alpha.text, words::kVcm.alpha.text, words::kVcmplus.alpha.text);
   return doc;
 }
 
@@ -167,7 +172,14 @@ PluginRule integrator_rule(const words::IntegratorWords& integrator, std::vector
       flag(words::kHideEmitters.name, hide_emitters_doc()),
       ignored("samples_per_pass", {integer}, "the farm cuts work into units itself"),
       ignored("block_size", {integer}, "the farm cuts work into units itself"),
-      ignored("timeout", {number, integer}, "a stop rule belongs to the job: --time")};
+      ignored("timeout", {number, integer}, "a stop rule belongs to the job: --time"),
+      [] {
+        PropertyRule rule = ignored("strict_normals", {boolean},
+                                    "0.6: light that shading normals let through a surface is kept");
+        rule.differs = "light that shading normals let through a surface is kept, which 0.6 drops";
+        rule.differs_unless = "false";
+        return rule;
+      }()};
   if (!integrator.alpha.text.empty()) rules.push_back(rule_of(words::kAlpha, alpha_doc()));
   rules.insert(rules.end(), std::make_move_iterator(own.begin()), std::make_move_iterator(own.end()));
   return {.category = "integrator",
@@ -182,9 +194,7 @@ PluginRule integrator_rule(const words::IntegratorWords& integrator, std::vector
 // The order is that of docs/scenes.md.
 void add_integrators(std::vector<PluginRule>& table) {
   table.push_back(integrator_rule(
-      words::kPath,
-      {only("strict_normals", boolean, "false", "0.6: treatment of inconsistent shading normals"),
-       ignored("use_spectral_mis", {boolean}, "volpathmis: always done")},
+      words::kPath, {ignored("use_spectral_mis", {boolean}, "volpathmis: always done")},
       "path tracing with next event estimation and multiple importance sampling, through media too; "
       "the names `volpath`, `volpathmis` and `volpath_simple` mean this one"));
   table.push_back(integrator_rule(words::kLight,
@@ -232,8 +242,8 @@ std::vector<PropertyRule> sensor_properties(PropertyRule to_world) {
   return {std::move(to_world),
           positive("near_clip", "distance of the near plane along the view in scene units (default 0.01)"),
           positive("far_clip", "distance of the far plane along the view in scene units (default 10000)"),
-          only("shutter_open", number, "0", "opening of the shutter in seconds"),
-          only("shutter_close", number, "0", "closing of the shutter in seconds")};
+          ignored("shutter_open", {number}, "nothing moves"),
+          ignored("shutter_close", {number}, "nothing moves")};
 }
 
 std::vector<PropertyRule> perspective_properties() {

@@ -3,26 +3,60 @@
 
 namespace candela::description::rules {
 
+namespace {
+
+void add_curves(std::vector<PluginRule>& table) {
+  const auto curve = [](std::string_view name, std::string_view doc, std::string_view differs) {
+    return PluginRule{
+        .category = "shape",
+        .name = name,
+        .properties = {file("text, a control point a line: x y z radius; an empty line between curves"),
+                       to_world("object to world (default identity)"),
+                       flag("flip_normals", "normals point the other way (default false)"), silhouette()},
+        .child_categories = {"bsdf", "emitter", "medium"},
+        .doc = doc,
+        .differs = differs};
+  };
+  table.push_back(curve("bsplinecurve",
+                        "tubes along uniform cubic B-splines, without caps; u goes around, v along a curve",
+                        "tubes are meshes of 16 sides with smooth normals (fewer beyond 125 000 rings)"));
+  table.push_back(
+      curve("linearcurve", "tubes along straight segments, without caps; u goes around, v along a curve",
+            "tubes are meshes of 16 sides with smooth normals (fewer beyond 125 000 rings), mitered where "
+            "segments meet, where Mitsuba has balls"));
+}
+
+}  // namespace
+
 void add_shapes(std::vector<PluginRule>& table) {
   const std::vector<std::string_view> children = {"bsdf", "emitter", "medium"};
   const PropertyRule place = to_world("object to world (default identity)");
   const PropertyRule flip = flag("flip_normals", "normals point the other way (default false)");
   const PropertyRule faceted =
       flag("face_normals", "normals of the file are dropped, triangles look flat (default false)");
+  const PropertyRule creases = {
+      .name = "max_smooth_angle",
+      .types = {number},
+      .doc =
+          "degrees: normals of the file are dropped; faces that meet at more than this have a crease, others "
+          "are smooth (default: as the file)",
+      .minimum = 0,
+      .maximum = 180};
   table.push_back(
       {.category = "shape",
        .name = "obj",
        .properties = {file("Wavefront OBJ with triangles and polygons; materials are not read"), place,
-                      faceted, flip, flag("flip_tex_coords", "v becomes 1 - v (default true)"), silhouette(),
-                      ignored("collapse", {boolean}, "0.6: a file is one shape always")},
+                      faceted, creases, flip, flag("flip_tex_coords", "v becomes 1 - v (default true)"),
+                      silhouette(), ignored("collapse", {boolean}, "0.6: a file is one shape always")},
        .child_categories = children,
        .doc = "triangle mesh of a Wavefront OBJ file"});
   table.push_back(
       {.category = "shape",
        .name = "ply",
        .properties = {file("Stanford PLY, text or binary, with triangles and polygons; colours are not read"),
-                      place, faceted, flip, flag("flip_tex_coords", "v becomes 1 - v (default false)"),
-                      silhouette(), ignored("srgb", {boolean}, "0.6: about colours, which are not read")},
+                      place, faceted, creases, flip,
+                      flag("flip_tex_coords", "v becomes 1 - v (default false)"), silhouette(),
+                      ignored("srgb", {boolean}, "0.6: about colours, which are not read")},
        .child_categories = children,
        .doc = "triangle mesh of a PLY file"});
   table.push_back({.category = "shape",
@@ -35,10 +69,27 @@ void add_shapes(std::vector<PluginRule>& table) {
                                    .maximum = 4294967295.0},
                                   place,
                                   faceted,
+                                  creases,
                                   flip,
                                   silhouette()},
                    .child_categories = children,
                    .doc = "triangle mesh of Mitsuba's own format"});
+  table.push_back(
+      {.category = "shape",
+       .name = "pbrtmesh",
+       .properties = {file("a file of a pbrt scene"),
+                      {.name = "offset",
+                       .types = {integer},
+                       .required = true,
+                       .doc = "where the Shape directive begins, in bytes",
+                       .minimum = 0},
+                      place,
+                      faceted,
+                      flip,
+                      silhouette()},
+       .child_categories = children,
+       .doc = "Candela's addition: the triangles of one Shape directive of a pbrt scene: trianglemesh, "
+              "bilinearmesh, loopsubdiv, and parts of spheres, disks and cylinders"});
   table.push_back({.category = "shape",
                    .name = "rectangle",
                    .properties = {place, flip, silhouette()},
@@ -49,23 +100,27 @@ void add_shapes(std::vector<PluginRule>& table) {
                    .properties = {place, flip, silhouette()},
                    .child_categories = children,
                    .doc = "[-1, 1]^3, facing outside"});
-  table.push_back({.category = "shape",
-                   .name = "sphere",
-                   .properties = {{.name = "center",
-                                   .types = {point},
-                                   .doc = "in object space, before to_world (default 0, 0, 0)"},
-                                  positive("radius", "in object space, before to_world (default 1)"),
-                                  place,
-                                  flip,
-                                  silhouette()},
-                   .child_categories = children,
-                   .doc = "a true sphere; to_world may not scale it unevenly"});
+  table.push_back(
+      {.category = "shape",
+       .name = "sphere",
+       .properties = {{.name = "center",
+                       .types = {point},
+                       .doc = "in object space, before to_world (default 0, 0, 0)"},
+                      positive("radius", "in object space, before to_world (default 1)"),
+                      place,
+                      flip,
+                      silhouette()},
+       .child_categories = children,
+       .doc = "a true sphere, or an ellipsoid if to_world scales it unevenly; one that glows must be a "
+              "sphere"});
   table.push_back(
       {.category = "shape",
        .name = "disk",
        .properties = {place, flip, silhouette()},
        .child_categories = children,
-       .doc = "the unit disk in the plane z = 0, facing +z; to_world may not make it an ellipse"});
+       .doc =
+           "the unit disk in the plane z = 0, facing +z, or an ellipse if to_world scales it unevenly; one "
+           "that glows must be a disk"});
   table.push_back(
       {.category = "shape",
        .name = "cylinder",
@@ -78,8 +133,23 @@ void add_shapes(std::vector<PluginRule>& table) {
                       flip,
                       silhouette()},
        .child_categories = children,
-       .doc = "a true cylinder without caps, facing outside; to_world may not scale it unevenly around its "
-              "axis"});
+       .doc = "a true cylinder without caps, facing outside, or one over an ellipse if to_world scales it "
+              "unevenly; one that glows must be round"});
+  add_curves(table);
+  table.push_back(
+      {.category = "shape",
+       .name = "sdfgrid",
+       .properties =
+           {file("Mitsuba's .vol file of one channel: distances at the corners of cells in [0, 1]^3, "
+                 "negative inside"),
+            place, flip,
+            ignored("normals", {string}, "they are smooth: differences of the field over a cell"),
+            ignored("watertight", {boolean}, "the mesh has holes only at the grid's border"), silhouette()},
+       .child_categories = children,
+       .doc = "the surface on which a grid of signed distances is zero",
+       .differs =
+           "the surface is a mesh of triangles, finer than the grid, where Mitsuba meets the field itself; "
+           "it has no texture coordinates"});
   table.push_back({.category = "shape",
                    .name = "shapegroup",
                    .properties = {},

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include "common/description/conductors.h"
+#include "common/description/media_presets.h"
 #include "common/description/vocabulary.h"
 
 namespace candela::description {
@@ -11,7 +12,7 @@ constexpr std::string_view introduction = R"(# Scenes
 
 <!-- Generated from common/description/vocabulary.cpp by support_table_markdown(); a test compares the two. -->
 
-Candela reads Mitsuba XML. What a plugin or a parameter means is what Mitsuba documents; this page lists what is
+Candela reads Mitsuba XML, and [pbrt's scenes](pbrt.md). What a plugin or a parameter means is what Mitsuba documents; this page lists what is
 understood. Anything else is an error that names the file, the line and the nearest known name, except as the section
 *What is passed over* says.
 
@@ -20,9 +21,11 @@ understood. Anything else is an error that names the file, the line and the near
 - `<scene version="3.0.0">` is read in the spelling of Mitsuba 3. With a version before 2 (`version="0.6.0"`) names are
   translated: `toWorld`, `intIOR`, `sampleCount` become `to_world`, `int_ior`, `sample_count`; `uscale`, `uoffset` and
   their like become a `to_uv` transform that looks up at `uv * scale + offset`; `wrapModeU` and `wrapModeV` become
-  `wrap_mode`; `ldrfilm` becomes `hdrfilm`; the filters `ewa` and `trilinear` become `bilinear`; a `mixturebsdf` becomes
+  `wrap_mode`; the filters `ewa` and `trilinear` become `bilinear`; a `mixturebsdf` becomes
   `blendbsdf`s; `sigmaA` and `sigmaS` become `sigma_t` and `albedo`, a medium's volume `density` its `sigma_t`, and
-  `densityMultiplier` its `scale`; grids fill the bounding box of their file; conductors without parameters are copper, and
+  `densityMultiplier` its `scale`; a homogeneous medium's `material` (default `skin1`) becomes measured coefficients per
+  millimeter; media begin at the camera, not at the near plane; the microfacet distributions `phong` and `as` become
+  `beckmann`; a parameter that is given twice has its later value; grids fill the bounding box of their file; conductors without parameters are copper, and
   `extEta` divides their `eta` and `k`.
 - Values: `<boolean>`, `<integer>`, `<float>`, `<string>`, `<point>` and `<vector>` (`x`, `y`, `z`, or `value`), `<rgb>`
   (linear Rec.709: one or three numbers; `#rrggbb` is decoded from sRGB, before version 2 it is linear), `<srgb>` (decoded
@@ -43,21 +46,63 @@ understood. Anything else is an error that names the file, the line and the near
 - `<include filename="..."/>` puts the content of another scene file here, or one object.
 - Files are looked for in the folders named by `<path value="..."/>` (the last one first), then in the main scene file's
   folder, then in the folder of the included file that names them. All of them must be there when a job is submitted.
-- A surface without a `<bsdf>` is `diffuse`.
+- A surface without a `<bsdf>` is `diffuse`. An emitter `area` at the top of the scene glows in the shapes that refer to it.
+- A `<spectrum>` whose type is a texture is that texture.
+- The integrator `direct` is `path` with a `max_depth` of 2. Of an integrator that Candela lacks and that holds another one
+  (`aov`, `moment`) the one inside runs; the `aovs` of `aov` become layers beside its image, unless `--aov` says otherwise
+  (`observing.md`, *AOVs*). The films `ldrfilm` and `mfilm` are read as `hdrfilm`.
 
 ## What is passed over
 
 What is passed over is told: by `render`, `plan` and `submit` as warnings with file, line and the nearest known name, each once
-with its number, and by `check` in its list. Values of parameters that are understood stay checked.
+with its number, and by `check` in its list. Values of parameters that are understood stay checked; `--lenient`
+mends some, as the next section says.
 
 - With `--integrator NAME` the scene's `<integrator>` may be of any type and hold anything. Of its parameters, and of those of
   integrators nested in it, NAME takes over what it has by the same name and can use, such as `max_depth` (`maxDepth` before
   version 2); the outermost and first value counts. A bad value of a parameter that this page lists for the scene's own
   integrator is an error. `check` warns of the other integrator, the other commands print a note.
 - In a file before version 2 an unknown parameter of a known plugin is passed over, as in Mitsuba 0.6. Parameters that change
-  what 0.6 renders and that Candela lacks (a medium's `material`, a grid's `min` and `max`) stay errors.
+  what 0.6 renders and that Candela lacks (a grid's `min` and `max`) stay errors.
 - With `--lenient` unknown parameters, textures for unknown parameters, and unknown elements with all that is in them are passed
-  over in every file. Unknown plugins, and known elements at a wrong place, stay errors.
+  over in every file; unknown plugins are replaced as the next section says. Known elements at a wrong place stay errors.
+
+## What stands in with `--lenient`
+
+Each replacement is a warning that names both plugins. Without `--lenient` it is an error.
+
+| unknown | read as |
+|---|---|
+| a plugin's name in other capitals (`Rectangle`) | that plugin |
+| a name that begins with a known one (`roughconductor_heitz`) | the known one |
+| `disneybsdf`, `disneymetal`, `disneyglass`, `disneyclearcoat` | `principled` |
+| `simplemicrofacet`, `approxmicrofacet`, `pplastic` | `roughplastic` |
+| `polarizer`, `circular`; `retarder` | `thindielectric` of index 1 that passes half; `null` |
+| `principledthin` | `principled` |
+| a bsdf that holds one bsdf; two | the one inside (`mask` of opacity 1); `blendbsdf` |
+| any other bsdf | `diffuse` |
+| a film; sampler; filter | `hdrfilm`; `independent`; `gaussian` |
+| `collimated` | `spot`, half a degree wide, of the same power |
+| `radiancemeter`; `irradiancemeter` | `orthographic`: 2e-4 wide; along the normal of its rectangle, so that it is not irradiance |
+| any other sensor | `perspective` (`distant`, `telecentric`: `orthographic`) |
+| a texture | `rawconstant` of 0.5 |
+| a phase function; medium | `isotropic`; `homogeneous` |
+| an integrator | `path` (`photonmapper`, `upm`: `ppm`; `mlt`, `erpt`: `mmlt`) |
+| a `point`, `spot`, ... inside a shape | the same beside the shape, in its frame |
+| a shape, emitter or volume | nothing: it is left out |
+| a parameter under a near name (`toWorld`, `baseColor`, `density` of a medium) | that parameter, if its value fits |
+| `$spp`, `$resx`, `$max_depth` and their like without a value | 16, 768, -1: the usual value |
+| a `<rotate>` without an axis | no rotation |
+
+| a number out of bounds, or at a bound that is excluded; a `beam_width` beyond its `cutoff_angle` | the nearest one within; colors are scaled |
+| an object without a type | one of an unknown type |
+| a string for a number, a fraction for an integer | the number, the nearest integer |
+| another value that no rule accepts, a texture for a parameter that takes none | the default |
+| a crop window | the whole film |
+| `<animation>` | its first transform |
+| a bump or normal map directly in another | the outer one |
+
+A replaced plugin keeps the parameters, textures and children that the new one has and accepts; the others are passed over.
 
 ## Limits
 
@@ -139,6 +184,10 @@ std::string support_table_markdown() {
   names.clear();
   for (const std::string& conductor : conductor_names())
     names += fmt::format("{}{}", names.empty() ? "" : ", ", conductor);
+  page += names + ".\n\n## Media by name\n\nBefore version 2, per millimeter, of Jensen et al. 2001: ";
+  names.clear();
+  for (const std::string_view medium : medium_names())
+    names += fmt::format("{}{}", names.empty() ? "" : ", ", medium);
   return page + names + ".\n";
 }
 

@@ -138,8 +138,9 @@ Result<Mat4> rotation(const Element& element) {
   CANDELA_ASSIGN(const Vec3 axis, components(element, 0));
   CANDELA_ASSIGN(const double degrees, number(element, element.get("angle")));
   const std::optional<Mat4> result = transform::rotate(axis, degrees);
-  if (!result) return element.error("the axis of <rotate> has no length").with_mend("give x, y or z");
-  return *result;
+  if (result) return *result;
+  if (degrees == 0) return transform::identity;  // about any axis
+  return element.error("the axis of <rotate> has no length").with_mend("give x, y or z");
 }
 
 Result<Mat4> look_at(const Element& element) {

@@ -47,17 +47,13 @@ const std::vector<MitsubaNames>& mitsuba_names() {
       {"sensor",
        {"telecentric", "spherical", "irradiancemeter", "radiancemeter", "mradiancemeter", "fluencemeter",
         "distant", "batch", "perspective_rdist"}},
-      {"film", {"specfilm", "mfilm", "tiledhdrfilm", "ldrfilm"}},
-      {"shape",
-       {"bsplinecurve", "linearcurve", "sdfgrid", "merge", "hair", "heightfield", "ellipsoids",
-        "ellipsoidsmesh", "deformable"}},
+      {"film", {"specfilm", "tiledhdrfilm"}},
+      {"shape", {"merge", "hair", "heightfield", "ellipsoids", "ellipsoidsmesh", "deformable"}},
       {"bsdf",
-       {"roughdiffuse", "mixturebsdf", "principledthin", "measured", "measured_polarized", "hair", "coating",
-        "roughcoating", "difftrans", "hk", "irawan", "polarizer", "retarder", "circular", "pplastic"}},
-      {"emitter",
-       {"collimated", "directionalarea", "projector", "sunsky", "sun", "sky", "timed_sunsky", "volumelight"}},
+       {"mixturebsdf", "principledthin", "measured", "measured_polarized", "hair", "irawan", "polarizer",
+        "retarder", "circular", "pplastic"}},
+      {"emitter", {"collimated", "directionalarea", "timed_sunsky", "volumelight"}},
       {"texture", {"mesh_attribute", "volume", "gridtexture", "vertexcolors", "wireframe", "curvature"}},
-      {"spectrum", {"rawconstant"}},
       {"medium", {"specmedium"}},
       {"phase", {"blendphase", "mixturephase", "sggx", "tabphase", "kkay", "microflake", "forward"}},
       {"volume", {"volcache", "hgridvolume", "sggxvolume"}},
@@ -141,6 +137,7 @@ Support support_of_plugin(std::string_view category, std::string_view name) {
 }
 
 std::string_view canonical_plugin(std::string_view category, std::string_view name) {
+  if (category == "film" && (name == "ldrfilm" || name == "mfilm")) return "hdrfilm";
   if (category != "integrator") return name;
   if (name == "volpath" || name == "volpathmis" || name == "volpath_simple") return "path";
   if (name == "ptracer") return "light";

@@ -211,6 +211,7 @@ Result<void> Delta::read_section(SectionKind kind, std::string_view name, std::u
       const Layout layout{expected.film.width, expected.film.height, 1};
       CANDELA_ASSIGN(SparseSums sums, SparseSums::read(reader, layout, spec.channels));
       accumulators_.push_back({epoch, std::move(sums)});
+      accumulator_bytes_ += bytes.size();
       break;
     }
     case SectionKind::records:

@@ -87,6 +87,7 @@ class Delta {
   const Tallies& tallies() const { return tallies_; }
   const SparseSums& film() const { return film_; }
   const std::vector<AccumulatorSums>& accumulators() const { return accumulators_; }  // as in the plan
+  std::uint64_t accumulator_bytes() const { return accumulator_bytes_; }  // of those sections, encoded
   const std::string& records() const { return records_; }  // encoded; empty if there is no such section
   const std::vector<float>& table() const { return table_; }
 
@@ -97,6 +98,7 @@ class Delta {
   Tallies tallies_;
   SparseSums film_;
   std::vector<AccumulatorSums> accumulators_;
+  std::uint64_t accumulator_bytes_ = 0;
   std::string records_;
   std::vector<float> table_;
 };

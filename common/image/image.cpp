@@ -136,24 +136,31 @@ std::vector<int> colour_channels(const OIIO::ImageSpec& spec) {
   return {};
 }
 
-// The same for the layer of that name.
+// The same for the layer of that name; kZeros for a channel that it lacks.
+constexpr int kZeros = -1;
 std::vector<int> layer_channels(const OIIO::ImageSpec& spec, const std::string& layer) {
-  std::vector<int> channels;
-  for (const char* channel : {".R", ".G", ".B"}) {
-    const auto at = std::find(spec.channelnames.begin(), spec.channelnames.end(), layer + channel);
-    if (at == spec.channelnames.end()) return {};
-    channels.push_back(static_cast<int>(at - spec.channelnames.begin()));
+  for (const std::string_view letters : {"RGB", "XYZ", "UV0", "ZZZ", "YYY", "III"}) {
+    std::vector<int> channels;
+    for (const char letter : letters) {
+      const auto at = std::find(spec.channelnames.begin(), spec.channelnames.end(), layer + '.' + letter);
+      if (letter == '0')
+        channels.push_back(kZeros);
+      else if (at != spec.channelnames.end())
+        channels.push_back(static_cast<int>(at - spec.channelnames.begin()));
+    }
+    if (channels.size() == letters.size()) return channels;
   }
-  return channels;
+  return {};
 }
 
 // The names for which layer_channels() finds something, in the file's order.
 std::vector<std::string> layer_names(const OIIO::ImageSpec& spec) {
   std::vector<std::string> names;
   for (const std::string& channel : spec.channelnames) {
-    if (channel.size() < 3 || channel.compare(channel.size() - 2, 2, ".R") != 0) continue;
+    if (channel.size() < 3 || channel[channel.size() - 2] != '.') continue;
     std::string layer = channel.substr(0, channel.size() - 2);
-    if (!layer_channels(spec, layer).empty()) names.push_back(std::move(layer));
+    if (std::find(names.begin(), names.end(), layer) == names.end() && !layer_channels(spec, layer).empty())
+      names.push_back(std::move(layer));
   }
   return names;
 }
@@ -206,6 +213,7 @@ Result<Image> read_open(OIIO::ImageInput& input, std::uint64_t file_bytes, const
   } else {
     std::vector<float> plane(pixels);
     for (std::size_t c = 0; c < 3; ++c) {
+      if (channels[c] == kZeros) continue;
       if (!input.read_image(part, 0, channels[c], channels[c] + 1, OIIO::TypeDesc::FLOAT, plane.data())) {
         return failed();
       }
@@ -245,6 +253,20 @@ float linear_to_srgb(float value) {
 
 Result<Image> read_image(const std::filesystem::path& path) {
   return read_part(path, "");
+}
+
+Result<Image> decode_exr(std::string_view bytes) {
+  try {
+    OIIO::Filesystem::IOMemReader memory(bytes.data(), bytes.size());
+    const auto input = OIIO::ImageInput::open("memory.exr", nullptr, &memory);
+    if (!input)
+      return input_error("this is not an EXR image that can be read: " + one_line(OIIO::geterror()));
+    return read_open(*input, bytes.size(), "");
+  } catch (const std::bad_alloc&) {
+    return resource_error("the image does not fit into memory");
+  } catch (const std::exception& problem) {  // of the format libraries
+    return input_error("cannot read the image: " + one_line(problem.what()));
+  }
 }
 
 Result<Image> read_layer(const std::filesystem::path& path, const std::string& layer) {
@@ -300,8 +322,10 @@ Result<std::string> encode_exr(std::uint32_t width, std::uint32_t height, std::s
   CANDELA_TRY(check_extent(width, height));
   const std::size_t pixels = std::size_t{width} * height;
   if (rgb.size() != pixels * 3) return internal_error("the image to encode has another size than it says");
-  OIIO::ImageSpec spec(static_cast<int>(width), static_cast<int>(height),
-                       static_cast<int>(3 + 3 * layers.size()), OIIO::TypeDesc::FLOAT);
+  std::size_t channel_count = 3;
+  for (const Layer& layer : layers) channel_count += layer.letters.size();
+  OIIO::ImageSpec spec(static_cast<int>(width), static_cast<int>(height), static_cast<int>(channel_count),
+                       OIIO::TypeDesc::FLOAT);
   spec.channelnames = {"R", "G", "B"};
   std::set<std::string> names;
   for (const Layer& layer : layers) {
@@ -309,12 +333,15 @@ Result<std::string> encode_exr(std::uint32_t width, std::uint32_t height, std::s
         layer.name.find('\0') != std::string::npos) {
       return internal_error("'" + layer.name + "' cannot name a layer, or names two").with_field("layer");
     }
-    if (layer.row == nullptr && layer.rgb.size() != pixels * 3) {
+    if (layer.row == nullptr && layer.rgb.size() != pixels * layer.letters.size()) {
       return internal_error("the layer '" + layer.name + "' has another size than the image")
           .with_field("layer");
     }
-    for (const char* channel : {".R", ".G", ".B"}) spec.channelnames.push_back(layer.name + channel);
+    for (const char letter : layer.letters) spec.channelnames.push_back(layer.name + '.' + letter);
   }
+  if (std::set<std::string_view>(spec.channelnames.begin(), spec.channelnames.end()).size() !=
+      spec.channelnames.size())
+    return usage_error("two channels of the image have one name").with_field("layer");
   for (const auto& [key, value] : metadata) {
     if (key.empty() || key.size() > kMaxAttributeName || key.find('\0') != std::string::npos ||
         is_reserved(key)) {
@@ -330,16 +357,23 @@ Result<std::string> encode_exr(std::uint32_t width, std::uint32_t height, std::s
   try {
     if (layers.empty()) return write("exr", spec, OIIO::TypeDesc::FLOAT, rgb.data());
     const std::size_t channels = static_cast<std::size_t>(spec.nchannels);
-    std::vector<float> layer_row(std::size_t{width} * 3);
+    std::vector<float> layer_row;
     return write("exr", spec, OIIO::TypeDesc::FLOAT, nullptr, [&](std::uint32_t y, float* row) {
-      const auto put = [&](const float* from, std::size_t first) {
-        for (std::size_t x = 0; x < width; ++x) std::copy_n(from + 3 * x, 3, row + x * channels + first);
+      const auto put = [&](const float* from, std::size_t count, std::size_t first) {
+        for (std::size_t x = 0; x < width; ++x)
+          std::copy_n(from + count * x, count, row + x * channels + first);
       };
-      const std::size_t at = std::size_t{y} * width * 3;
-      put(&rgb[at], 0);
-      for (std::size_t i = 0; i < layers.size(); ++i) {
-        if (layers[i].row) layers[i].row(y, layer_row);
-        put(layers[i].row ? layer_row.data() : &layers[i].rgb[at], 3 + 3 * i);
+      const std::size_t row_pixels = std::size_t{y} * width;
+      put(&rgb[row_pixels * 3], 3, 0);
+      std::size_t first = 3;
+      for (const Layer& layer : layers) {
+        const std::size_t count = layer.letters.size();
+        if (layer.row) {
+          layer_row.resize(width * count);
+          layer.row(y, layer_row);
+        }
+        put(layer.row ? layer_row.data() : &layer.rgb[row_pixels * count], count, first);
+        first += count;
       }
     });
   } catch (const std::bad_alloc&) {

@@ -21,20 +21,26 @@ struct Image {
   std::map<std::string, std::string> metadata;  // "candela:*" attributes and what else is text
 };
 
-// An extra named layer in an EXR: channels NAME.R, NAME.G, NAME.B. Its pixels are `rgb`, or what `row` gives:
-// all r, g, b of row y. (A film of many layers need not be developed all at once.)
+// An extra named layer in an EXR: channels NAME.R, NAME.G, NAME.B, or one for each of other letters. Its
+// pixels are `rgb`, or what `row` gives: all channels of row y, interleaved. (A film of many layers need not
+// be developed all at once.)
 struct Layer {
   std::string name;
   std::span<const float> rgb = {};
   std::function<void(std::uint32_t y, std::span<float> out)> row = {};
+  std::string_view letters = "RGB";
 };
 
 // The R, G, B channels of an EXR (or any format OpenImageIO reads; non-float ones are taken as sRGB and
 // linearised). A luminance-only file fills all three. Errors name the file.
 Result<Image> read_image(const std::filesystem::path& path);
 
-// The same of one named layer of an EXR: channels NAME.R, NAME.G, NAME.B. Where there is none of that name
-// the error lists those there are.
+// The image of an EXR file in memory.
+Result<Image> decode_exr(std::string_view bytes);
+
+// The same of one named layer of an EXR: channels NAME.R, NAME.G, NAME.B, or NAME.X, NAME.Y, NAME.Z; NAME.U
+// and NAME.V, with zeros for the third; or one of NAME.Z, NAME.Y and NAME.I, for all three. Where there is
+// none of that name the error lists those there are.
 Result<Image> read_layer(const std::filesystem::path& path, const std::string& layer);
 
 // What the head of an image file says, without reading its pixels. Errors name the file.

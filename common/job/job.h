@@ -22,6 +22,7 @@ struct JobSettings {
   std::string sampler = "sobol";
   std::uint64_t seed = 0;
   std::string isa = "avx2";  // the ISA Embree may use
+  std::string aovs = {};     // "NAME:KIND,..." (common/job/aov.h); empty: none
 };
 
 struct StopRule {

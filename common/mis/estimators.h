@@ -38,6 +38,9 @@ Color correction(const Allocation& allocation, const Sums& sums, const Slopes& s
 // max(factor / T, 8 N sqrt(T M) 2^-scale_log2), T = W / M.
 double ridge(const Allocation& allocation, double samples, int scale_log2, double factor = 0.1);
 
+// The slopes of sums that were rounded so, with that ridge; zero without samples.
+Slopes ridge_slopes(const Allocation& allocation, const Sums& sums, int scale_log2);
+
 // Corrections to the sum of the balance heuristic's estimates over all the sums given; zero while there is no
 // second batch. `scale_log2` is S_A's.
 // The estimates from each of two halves, which add up to the estimate from both.

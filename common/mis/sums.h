@@ -55,6 +55,24 @@ inline Controls controls(const Allocation& allocation, std::span<const double> d
   for (std::size_t i = 0; i < allocation.techniques; ++i) out.c[i] /= out.sum;
   return out;
 }
+// The same controls to the last bit, for densities that are zero beyond the techniques: in whole registers.
+// Precondition: as above.
+template <std::size_t kLanes>
+inline void controls_in_lanes(const Allocation& allocation, const Vector& densities, Vector& c) {
+  double largest = 0, sum = 0;
+  for (std::size_t i = 0; i < kLanes; ++i) largest = std::max(largest, densities[i]);
+  for (std::size_t i = 0; i < kLanes; ++i) c[i] = densities[i] / largest;
+  for (std::size_t i = 0; i < kLanes; ++i) sum += allocation.counts[i] * c[i];
+  for (std::size_t i = 0; i < kLanes; ++i) c[i] /= sum;
+}
+inline Vector control_vector(const Allocation& allocation, const Vector& densities) {
+  Vector c{};
+  if (allocation.techniques <= kMaxTechniques / 2)
+    controls_in_lanes<kMaxTechniques / 2>(allocation, densities, c);
+  else
+    controls_in_lanes<kMaxTechniques>(allocation, densities, c);
+  return c;
+}
 // Controls of a sample that technique i alone can have made.
 inline Vector controls_of_one(const Allocation& allocation, std::size_t i) {
   Vector c{};
@@ -73,6 +91,11 @@ struct Sums {
     for (std::size_t k = 0; k < kColors; ++k)
       if (f_over_q[k] != 0)
         for (std::size_t i = 0; i < techniques; ++i) b[k][i] += f_over_q[k] * c[i];
+  }
+  // Of so many techniques; all others are zero already.
+  void clear(std::size_t techniques) {
+    std::fill_n(a.begin(), packed_size(techniques), 0.0);
+    for (Vector& color : b) std::fill_n(color.begin(), techniques, 0.0);
   }
   void add(const Sums& other) {
     for (std::size_t i = 0; i < a.size(); ++i) a[i] += other.a[i];

@@ -28,7 +28,24 @@ std::uint64_t statistics_bytes(const WorkPlan& plan, std::uint32_t width, std::u
   for (const film::AccumulatorSpec& spec : plan.accumulators)
     sums += std::uint64_t{spec.channels} *
             (spec.per == film::AccumulatorSpec::Per::job || !plan.epochs ? 2 : plan.epochs->lag + 2);
-  return std::uint64_t{width} * height * sums * sizeof(std::int64_t);
+  std::uint64_t memo = 0;
+  if (plan.epochs) {
+    const Result<DecisionRule> rule = find_rule(plan.epochs->rule);
+    if (rule.ok() && rule->memo_bytes != nullptr) memo = rule->memo_bytes(*plan.epochs);
+  }
+  return std::uint64_t{width} * height * (sums * sizeof(std::int64_t) + memo);
+}
+
+Result<void> check_statistics(const WorkPlan& plan, const JobSettings& settings, std::uint64_t limit_bytes) {
+  const std::uint64_t needed = statistics_bytes(plan, settings.width, settings.height);
+  if (needed <= limit_bytes) return {};
+  const auto megabytes = [](std::uint64_t bytes) { return (bytes + 999'999) / 1'000'000; };
+  return input_error(
+             fmt::format("the statistics of '{}' at {} x {} pixels take {} MB of the master's memory, "
+                         "which allows {} MB",
+                         settings.integrator, settings.width, settings.height, megabytes(needed),
+                         megabytes(limit_bytes)))
+      .with_mend("render a smaller image, or start the master with a larger --statistics-memory");
 }
 
 Result<std::string> decide(const DecisionInput& input, Carry& carry) {

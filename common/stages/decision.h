@@ -40,8 +40,10 @@ Carry empty_carry(std::span<const film::AccumulatorSpec> accumulators, std::uint
                   std::uint32_t height);
 
 // Memory that a master needs for the accumulators of a job, if every pixel has sums of 64 bits: those of the
-// job for each half, those of epochs for lag + 1 open epochs and the carry.
+// job for each half, those of epochs for lag + 1 open epochs and the carry, whose memo counts too.
 std::uint64_t statistics_bytes(const WorkPlan& plan, std::uint32_t width, std::uint32_t height);
+// Fails (input) if a job of this plan needs more than a master allows.
+Result<void> check_statistics(const WorkPlan& plan, const JobSettings& settings, std::uint64_t limit_bytes);
 
 struct DecisionInput {
   const EpochPlan& plan;
@@ -74,10 +76,14 @@ using Describe = Result<StateReport> (*)(const EpochPlan& plan, std::uint64_t ep
                                          std::uint32_t height, std::string_view state, const Carry& carry,
                                          bool with_layers);
 
+// Bytes of the memo of one pixel.
+using MemoBytes = std::uint64_t (*)(const EpochPlan& plan);
+
 struct DecisionRule {
   std::string_view name;
   Decide decide = nullptr;
-  Describe describe = nullptr;  // null: there is nothing to tell
+  Describe describe = nullptr;     // null: there is nothing to tell
+  MemoBytes memo_bytes = nullptr;  // null: there is no memo
 };
 
 // A program's rules. The library candela_rules defines this function alone (rules/rules.cpp); a test program

@@ -13,6 +13,7 @@
 #include "common/base/result.h"
 #include "common/film/accumulator.h"
 #include "common/film/development.h"
+#include "common/stages/decision.h"
 #include "common/stages/work_plan.h"
 
 namespace candela {
@@ -24,6 +25,10 @@ struct DevelopmentInput {
   // The sums of an accumulator over a half of the job, all of one moment and that of the film. Null: nothing
   // is merged, or the job has none of this name for each half.
   std::function<const film::MergedAccumulator*(std::string_view name, std::uint32_t half)> sums;
+  // Of a job of epochs: what its rule carries (null: nothing is decided), and for each epoch that is not
+  // folded, in order, what is merged of its sums, by place as in Carry::sums (null: nothing).
+  const Carry* carry = nullptr;
+  std::vector<std::vector<const film::MergedAccumulator*>> open = {};
 };
 
 // By half, as film::Development has them; empty: none.

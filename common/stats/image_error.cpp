@@ -135,6 +135,14 @@ ErrorEstimate estimate_error(const film::MergedFilm& film, const film::Developme
   return estimate;
 }
 
+std::vector<float> variance_map(const film::MergedFilm& film, const film::Development& development) {
+  std::vector<float> map;
+  map.reserve(film.layout().pixel_count() * film::kChannels);
+  visit_values(film, development, variance_factor(film, development),
+               [&](double variance, double) { map.push_back(static_cast<float>(variance)); });
+  return map;
+}
+
 std::vector<float> error_map(const film::MergedFilm& film, const film::Development& development) {
   std::vector<float> map;
   map.reserve(film.layout().pixel_count() * film::kChannels);

@@ -46,5 +46,8 @@ ErrorEstimate estimate_error(const film::MergedFilm& film, const film::Developme
 // The standard deviation of each value of the pooled image estimated as above (one degree of freedom: noisy;
 // smooth before display). width * height * 3.
 std::vector<float> error_map(const film::MergedFilm& film, const film::Development& development = {});
+// Its square, the variance of each value, which is estimated without bias: means of it over pixels or images
+// estimate the mean of the variance, which means of error_map() do not.
+std::vector<float> variance_map(const film::MergedFilm& film, const film::Development& development = {});
 
 }  // namespace candela::stats

@@ -8,15 +8,13 @@
 #include <array>
 #include <cmath>
 
+#include "common/job/aov.h"
+#include "common/job/setting_names.h"
 #include "common/wire/field_error.h"
 
 namespace candela::wire {
 namespace {
 
-constexpr std::array<std::string_view, 6> kFilters = {"box",      "tent",       "gaussian",
-                                                      "mitchell", "catmullrom", "lanczos"};
-constexpr std::array<std::string_view, 2> kSamplers = {"independent", "sobol"};
-constexpr std::array<std::string_view, 5> kIsas = {"sse2", "sse4.2", "avx", "avx2", "avx512"};
 constexpr std::size_t kMaxIdentifierBytes = 64;
 constexpr int kMaxScaleLog2 = 1000;  // a double holds 2^1000 and 2^-1000 as normal numbers
 
@@ -96,6 +94,7 @@ void to_proto(const JobSettings& settings, v1::JobSettings& out) {
   out.set_sampler(settings.sampler);
   out.set_seed(settings.seed);
   out.set_isa(settings.isa);
+  out.set_aovs(settings.aovs);
 }
 
 void to_proto(const StopRule& stop, v1::StopRule& out) {
@@ -146,15 +145,21 @@ Result<JobSettings> from_proto(const v1::JobSettings& message) {
                                                      message.width(), message.height(), Limits::max_pixels));
   settings.width = message.width();
   settings.height = message.height();
-  CANDELA_TRY(check_one_of(message.filter(), kFilters, "settings.filter"));
+  CANDELA_TRY(check_one_of(message.filter(), kFilterNames, "settings.filter"));
   settings.filter = message.filter();
   CANDELA_ASSIGN(settings.filter_settings,
                  settings_from_proto(message.filter_settings(), "settings.filter_settings"));
-  CANDELA_TRY(check_one_of(message.sampler(), kSamplers, "settings.sampler"));
+  CANDELA_TRY(check_one_of(message.sampler(), kSamplerNames, "settings.sampler"));
   settings.sampler = message.sampler();
   settings.seed = message.seed();
-  CANDELA_TRY(check_one_of(message.isa(), kIsas, "settings.isa"));
+  CANDELA_TRY(check_one_of(message.isa(), kIsaNames, "settings.isa"));
   settings.isa = message.isa();
+  if (message.aovs().size() > Limits::max_setting_bytes)
+    return field_error("settings.aovs", fmt::format("{} bytes, more than the limit of {}",
+                                                    message.aovs().size(), Limits::max_setting_bytes));
+  const auto aovs = parse_aovs(message.aovs());
+  if (!aovs.ok()) return field_error("settings.aovs", aovs.error().message);
+  settings.aovs = text_of(*aovs);
   return settings;
 }
 

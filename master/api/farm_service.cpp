@@ -52,6 +52,19 @@ bool ended(const v1::JobStatus& s) {
          s.state() == v1::JOB_STATE_CANCELLED;
 }
 
+Result<film::MergedFilm::Which> half_of(v1::FetchImageRequest::Half half) {
+  switch (half) {
+    case v1::FetchImageRequest::HALF_UNSPECIFIED:
+      return film::MergedFilm::Which::both;
+    case v1::FetchImageRequest::HALF_A:
+      return film::MergedFilm::Which::half0;
+    case v1::FetchImageRequest::HALF_B:
+      return film::MergedFilm::Which::half1;
+    default:
+      return usage_error("there is no such half").with_field("half");
+  }
+}
+
 std::vector<std::string> job_ids(const Scheduler& scheduler) {
   std::vector<std::string> out;
   for (const auto& [id, job] : scheduler.jobs()) out.push_back(id);
@@ -88,6 +101,8 @@ grpc::Status FarmServiceImpl::GetServerInfo(grpc::ServerContext*, const v1::GetS
   response->set_version(std::string(version()));
   response->set_build_id(std::string(build_id()));
   response->set_protocol(kProtocol);
+  response->set_unix_ms(JobTable::now().unix_ms);
+  response->set_statistics_limit_bytes(farm_.statistics_limit());
   return grpc::Status::OK;
 }
 
@@ -266,9 +281,12 @@ grpc::Status FarmServiceImpl::FetchImage(grpc::ServerContext* context, const v1:
     if (!image) {
       making.emplace(images_, kMaxImages);
       if (!making->held()) return too_many("images");
+      auto which = half_of(request->half());
+      if (!which.ok()) return wire::to_status(which.error());
       auto bytes = farm_.images().encode(
-          request->job_id(), {request->error_layer(), request->image_only(), request->chain_layers(),
-                              request->state_layers(), request->partial(), request->estimator()});
+          request->job_id(),
+          {request->error_layer(), request->image_only(), request->chain_layers(), request->state_layers(),
+           request->partial(), request->estimator(), *which, request->variance_layer()});
       if (!bytes.ok()) return wire::to_status(bytes.error());
       image = farm_.images().recent().keep(std::move(*bytes), farm_.now().seconds);
       // Clients on slow links keep nobody from an image, as long as it is not memory they take.

@@ -154,6 +154,7 @@ grpc::Status WorkerServiceImpl::Heartbeat(grpc::ServerContext*, const v1::Heartb
   return as_worker(farm_, request->worker_id(), request->session(), [&](Scheduler& s, Now now) {
     std::vector<std::uint64_t> tokens;
     for (const v1::UnitProgress& u : request->units()) tokens.push_back(u.token());
+    s.note_memory(request->worker_id(), request->resident_bytes());
     const HeartbeatResult result = s.heartbeat(request->worker_id(), tokens, now);
     for (const std::uint64_t token : result.revoked) response->add_revoked_tokens(token);
     response->set_drain(result.drain);
@@ -174,19 +175,6 @@ grpc::Status WorkerServiceImpl::FailUnit(grpc::ServerContext*, const v1::FailUni
                 clipped(request->message()), now);
   });
 }
-
-namespace {
-
-std::string statistics_error(const JobSettings& settings, std::uint64_t needed, std::uint64_t limit) {
-  const auto megabytes = [](std::uint64_t bytes) { return (bytes + 999'999) / 1'000'000; };
-  return fmt::format(
-      "the statistics of '{}' at {} x {} pixels take {} MB of the master's memory, which allows {} MB: "
-      "render a "
-      "smaller image, or start the master with a larger --statistics-memory",
-      settings.integrator, settings.width, settings.height, megabytes(needed), megabytes(limit));
-}
-
-}  // namespace
 
 grpc::Status WorkerServiceImpl::CompletePilot(grpc::ServerContext*, const v1::CompletePilotRequest* request,
                                               v1::CompletePilotResponse* response) {
@@ -209,11 +197,9 @@ grpc::Status WorkerServiceImpl::CompletePilot(grpc::ServerContext*, const v1::Co
             if (auto rule = find_rule(result.work.epochs->rule); !rule.ok()) fits = rule.error();
           if (fits.ok()) fits = check_development(result.work);
           if (!fits.ok()) return;
-          const std::uint64_t needed = statistics_bytes(result.work, settings.width, settings.height);
-          const std::uint64_t limit = farm_.statistics_limit();
-          if (needed > limit) {  // no worker can help
+          if (auto small = check_statistics(result.work, settings, farm_.statistics_limit()); !small.ok()) {
             const std::string id = job->row.id;
-            s.fail_job(id, statistics_error(settings, needed, limit), now);
+            s.fail_job(id, small.error().to_string(), now);  // no worker can help
             return;
           }
         }

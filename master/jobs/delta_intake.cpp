@@ -118,7 +118,7 @@ std::optional<DeltaRefusal> DeltaIntake::merge_film(const v1::DeltaHeader& heade
   if (!outcome.ok()) return corrupt(outcome.error().to_string());
   if (*outcome == JobFilm::Outcome::duplicate) return refusal_of(Delivery::duplicate);
   if (*outcome == JobFilm::Outcome::closed) return refusal_of(Delivery::job_ended);
-  film->received(header.size_bytes());
+  film->received_statistics(delta.accumulator_bytes());
   table_.with_scheduler([&](Scheduler& s) {
     s.merged(header.worker_id(), header.token(), header.unit_id(), header.job_id(), unit, delta.tallies(),
              header.render_seconds(), receive_seconds + seconds_since(started), JobTable::now(),

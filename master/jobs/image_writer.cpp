@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iterator>
 #include <map>
 
 #include "common/base/files.h"
@@ -14,6 +15,7 @@
 #include "common/stages/development.h"
 #include "common/stats/image_error.h"
 #include "common/wire/wire.h"
+#include "master/jobs/aov_layers.h"
 #include "master/jobs/develop.h"
 
 namespace candela::master {
@@ -26,12 +28,31 @@ std::string text_of(const SettingsMap& settings) {
   return out;
 }
 
-// Attributes of an image of Markov chains: its normalization and the movement of its chains.
-void describe_chains(const JobRow& row, const JobFilm::Snapshot& snapshot,
+using Which = film::MergedFilm::Which;
+
+bool includes(Which which, std::size_t half) {
+  return which == Which::both || (which == Which::half0) == (half == 0);
+}
+
+// Sequence indices in the image.
+std::uint64_t merged_in(const film::MergedFilm& film, Which which) {
+  std::uint64_t indices = 0;
+  for (std::uint32_t half = 0; half < 2; ++half)
+    if (includes(which, half)) indices += film.merged(half).count();
+  return indices;
+}
+
+// Attributes of an image of Markov chains: its normalization and the movement of its chains. b is the whole
+// job's also in the image of a half.
+void describe_chains(const JobRow& row, const JobFilm::Snapshot& snapshot, Which which,
                      std::map<std::string, std::string>& m) {
   const chains::Summary summary = chains::summarise(row.bootstrap, snapshot.counts);
   chains::ChainCounts all;
-  for (const chains::ChainCounts& group : summary.groups) {
+  std::uint64_t longest_stay = 0;
+  for (std::size_t g = 0; g < summary.groups.size(); ++g) {
+    if (!includes(which, g % 2)) continue;  // even groups are of half 0
+    const chains::ChainCounts& group = summary.groups[g];
+    longest_stay = std::max(longest_stay, group.longest_stay);
     all.mutations += group.mutations;
     all.accepted += group.accepted;
     all.large_steps += group.large_steps;
@@ -41,14 +62,15 @@ void describe_chains(const JobRow& row, const JobFilm::Snapshot& snapshot,
     return whole == 0 ? std::string("0")
                       : fmt::format("{:.6g}", static_cast<double>(part) / static_cast<double>(whole));
   };
-  m["candela:chains"] = std::to_string(row.chains->chains);
+  m["candela:chains"] = std::to_string(which == Which::both ? row.chains->chains : row.chains->chains / 2);
   m["candela:segment_mutations"] = std::to_string(row.chains->segment_mutations);
-  m["candela:segments"] = std::to_string(snapshot.chain_segments);
+  m["candela:segments"] =
+      std::to_string(which == Which::both ? snapshot.chain_segments : merged_in(*snapshot.film, which));
   m["candela:mutations"] = std::to_string(all.mutations);
   m["candela:acceptance"] = share(all.accepted, all.mutations);
   m["candela:large_steps"] = share(all.large_steps, all.mutations);
   m["candela:large_acceptance"] = share(all.large_accepted, all.large_steps);
-  m["candela:longest_stay"] = std::to_string(chains::longest_stay(summary).longest_stay);
+  m["candela:longest_stay"] = std::to_string(longest_stay);
   m["candela:b"] = fmt::format("{}", summary.normalisation.b);
   m["candela:b_standard_error"] = fmt::format("{:.6g}", summary.normalisation.standard_error);
   m["candela:b_samples"] = std::to_string(summary.normalisation.samples);
@@ -74,8 +96,9 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
                                         const std::vector<StateReport::Layer>& state_layers) {
   const film::MergedFilm& film = *snapshot.film;
   CANDELA_ASSIGN(const film::Development development, develop(row, snapshot, parts.estimator));
-  film::Tallies tallies = film.tallies(0);
-  tallies.add(film.tallies(1));
+  film::Tallies tallies;
+  for (std::uint32_t half = 0; half < 2; ++half)
+    if (includes(parts.which, half)) tallies.add(film.tallies(half));
   const JobSettings& s = row.settings;
   std::map<std::string, std::string> m;
   m["candela:job"] = row.id;
@@ -89,16 +112,21 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
   m["candela:sampler"] = s.sampler;
   m["candela:seed"] = std::to_string(s.seed);
   m["candela:isa"] = s.isa;
-  m["candela:iterations"] = std::to_string(row.iterations_of(film.iterations()));
+  if (!s.aovs.empty()) m["candela:aovs"] = s.aovs;
+  const bool whole = parts.which == Which::both;
+  m["candela:iterations"] = std::to_string(whole ? row.iterations_of(film.iterations())
+                                                 : merged_in(film, parts.which) / row.per_round());
+  if (!whole) m["candela:half"] = parts.which == Which::half0 ? "A" : "B";
   m["candela:eye_samples"] = std::to_string(tallies.eye_samples);
   m["candela:light_paths"] = std::to_string(tallies.light_paths);
   m["candela:rays"] = std::to_string(tallies.rays);
   m["candela:scale"] = fmt::format("2^{}", film.scale_log2());
-  m["candela:relmse_estimate"] = fmt::format("{:.6g}", stats::estimate_error(film, development).relmse);
+  if (whole)
+    m["candela:relmse_estimate"] = fmt::format("{:.6g}", stats::estimate_error(film, development).relmse);
   for (int i = 0; i < film::kRejectCauses; ++i)
     m[fmt::format("candela:rejected_{}", film::name(static_cast<film::RejectCause>(i)))] = std::to_string(
         tallies.rejected[static_cast<std::size_t>(i)] + row.bootstrap_rejected[static_cast<std::size_t>(i)]);
-  if (row.chains) describe_chains(row, snapshot, m);
+  if (row.chains) describe_chains(row, snapshot, parts.which, m);
   if (row.development)
     m["candela:estimator"] =
         parts.estimator.empty() ? std::string(default_estimator(*row.development)) : parts.estimator;
@@ -116,13 +144,13 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
   if (row.epochs)
     if (const auto status = reports_.status(row.id)) describe_epochs(*status, m);
 
-  const std::vector<float> rgb = film::develop_image(film, development);
-  std::vector<float> error;
+  const std::vector<float> rgb = film::develop_image(film, development, parts.which);
+  std::vector<float> error, variance;
   std::vector<image::Layer> layers;
   const auto add_layer = [&](std::string name, std::uint32_t i) {
-    layers.push_back({std::move(name), {}, [&film, i](std::uint32_t y, std::span<float> out) {
+    layers.push_back({std::move(name), {}, [&film, &parts, i](std::uint32_t y, std::span<float> out) {
                         std::vector<double> mean(out.size());
-                        film.develop_row(i, y, film::MergedFilm::Which::both, mean);
+                        film.develop_row(i, y, parts.which, mean);
                         for (std::size_t v = 0; v < out.size(); ++v) out[v] = static_cast<float>(mean[v]);
                       }});
   };
@@ -144,14 +172,29 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
     add_layer("raw." + row.layers[0], 1);
   }
   for (const StateReport::Layer& layer : state_layers) add_state_layer(layer);
+  if (!parts.image_only) {
+    CANDELA_ASSIGN(std::vector<image::Layer> aovs, aov_layers(row, snapshot, parts.which));
+    std::move(aovs.begin(), aovs.end(), std::back_inserter(layers));
+  }
   if (parts.error_layer) {
     error = stats::error_map(film, development);
-    layers.push_back({std::string(film::kErrorLayer), error, {}});
+    layers.push_back({std::string(kErrorLayer), error, {}});
+  }
+  if (parts.variance_layer) {
+    variance = stats::variance_map(film, development);
+    layers.push_back({std::string(kVarianceLayer), variance, {}});
   }
   return image::encode_exr(s.width, s.height, rgb, m, layers);
 }
 
 Result<std::string> ImageWriter::encode(const std::string& job_id, const ImageParts& parts) {
+  if (parts.error_layer && parts.which != Which::both)
+    return usage_error("the error is estimated from both halves: the image of one half has no error layer")
+        .with_field("error_layer");
+  if (parts.variance_layer && parts.which != Which::both)
+    return usage_error(
+               "the variance is estimated from both halves: the image of one half has no variance layer")
+        .with_field("variance_layer");
   CANDELA_ASSIGN(const std::shared_ptr<JobFilm> film, truth_.open_film(job_id));
   struct View {
     JobRow row;
@@ -171,6 +214,10 @@ Result<std::string> ImageWriter::encode(const std::string& job_id, const ImagePa
     return refused_error(fmt::format("job {}: {}", job_id, message)).with_mend("--partial gets what is left");
   const auto copy = film->snapshot(parts.image_only ? JobFilm::Part::image : JobFilm::Part::all);
   if (!copy.film || copy.film->iterations() == 0) return nothing();
+  if (merged_in(*copy.film, parts.which) == 0)
+    return refused_error(fmt::format("job {} has no image of half {} yet: nothing of this half is merged",
+                                     job_id, parts.which == Which::half0 ? 'A' : 'B'))
+        .with_field("half");
   std::vector<StateReport::Layer> state_layers;
   if (parts.state_layers) {
     CANDELA_ASSIGN(state_layers, StateReports::layers(*film));

@@ -25,6 +25,8 @@ struct ImageParts {
   bool state_layers = false;   // with what the rule of a job of epochs tells of its newest state
   bool partial = false;        // of a job that has lost samples: what is left
   std::string estimator = {};  // one that the job's development offers; empty: the job's own
+  film::MergedFilm::Which which = film::MergedFilm::Which::both;  // a half has no error or variance layer
+  bool variance_layer = false;
 };
 
 class ImageWriter {
@@ -32,7 +34,8 @@ class ImageWriter {
   ImageWriter(JobTable& table, JobTruth& truth, Store& store, StateReports& reports)
       : table_(table), truth_(truth), store_(store), reports_(reports) {}
 
-  // The image of what is merged now, as the bytes of an EXR file. ErrorKind::refused before the first merge.
+  // The image of what is merged now, as the bytes of an EXR file. ErrorKind::refused before the first merge
+  // (of the half that is asked for), usage for the error layer of a half.
   // Precondition: the job exists.
   Result<std::string> encode(const std::string& job_id, const ImageParts& parts);
   // Writes the image into the job's folder. An image that cannot be written is worth a line in the log, no

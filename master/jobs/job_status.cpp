@@ -81,6 +81,7 @@ v1::JobStatus status_of(const Scheduler& scheduler, const Job& job, Now t) {
   out.set_repairing(r.repairs_to.has_value());
   out.set_samples_per_second(scheduler.samples_per_second(job, t));
   out.set_eta_seconds(scheduler.eta_seconds(job, t));
+  out.set_worker_memory_bytes(scheduler.worker_memory_of(r.id));
   return out;
 }
 
@@ -96,6 +97,7 @@ v1::WorkerStatus status_of(const Scheduler& scheduler, const WorkerState& w, Now
   out.set_units_failed(w.row.units_failed);
   out.set_last_seen_unix_ms(w.row.last_seen_unix_ms);
   out.set_message(w.message);
+  out.set_resident_bytes(w.resident_bytes);
   set_failures(w.failures, *out.mutable_failures());
   for (const std::string& job : scheduler.jobs_of(w)) out.add_jobs(job);
   return out;

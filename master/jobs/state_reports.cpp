@@ -44,7 +44,7 @@ std::optional<v1::EpochStatus> StateReports::status(const std::string& job_id) {
   if (latest.decisions == 0) return std::nullopt;
   const auto completed = [&](v1::EpochStatus status) {
     status.set_statistics_bytes(latest.statistics_bytes);
-    status.set_received_bytes(film->received_bytes());
+    status.set_received_bytes(film->received_statistics_bytes());
     return status;
   };
   {

@@ -248,6 +248,7 @@ JobFilm::Snapshot JobFilm::snapshot(Part part) {
     for (std::uint32_t half = 0; half < 2 && specs_[i].per == film::AccumulatorSpec::Per::job; ++half)
       if (const auto found = accumulators_.find({i, half}); found != accumulators_.end())
         out.accumulators[i][half] = found->second;
+  add_epochs(out);
   return out;
 }
 

@@ -79,6 +79,10 @@ class JobFilm {
     std::uint64_t chain_segments = 0;  // by the records
     // The sums of an accumulator that is kept for each half, at the same moment. Null: nothing is merged.
     std::vector<std::array<std::shared_ptr<const film::MergedAccumulator>, 2>> accumulators = {};  // as specs
+    // Of a job of epochs: the carry (null: nothing is decided), and for each epoch that is not folded, in
+    // order, what is merged of its sums, by place as in Carry::sums (null: nothing).
+    std::shared_ptr<const Carry> carry = {};
+    std::vector<std::vector<std::shared_ptr<const film::MergedAccumulator>>> open_epochs = {};
   };
   Snapshot snapshot(Part part = Part::all);
   // Which indices are merged, and the counts that came with them; empty where the film is not loaded.
@@ -116,9 +120,9 @@ class JobFilm {
   };
   Latest latest() const;
   std::uint64_t decisions() const;
-  // Bytes of the deltas that were merged into this object, as they came.
-  void received(std::uint64_t bytes) { received_bytes_ += bytes; }
-  std::uint64_t received_bytes() const { return received_bytes_; }
+  // Bytes of the accumulators in the deltas that were merged into this object, as they came.
+  void received_statistics(std::uint64_t bytes) { received_statistics_bytes_ += bytes; }
+  std::uint64_t received_statistics_bytes() const { return received_statistics_bytes_; }
   // The bytes of a state that is not folded; null where they are not kept.
   std::shared_ptr<const std::string> state_bytes(std::uint64_t epoch) const;
 
@@ -159,6 +163,8 @@ class JobFilm {
   static std::string set_aside(const Found& found, const Error& error);
   ChainRecords fresh_records() const;
   film::MergedAccumulator& editable(const AccumulatorKey& key);
+  // Adds the carry and the sums of epochs that are not folded. Precondition: mutex_ is held.
+  void add_epochs(Snapshot& snapshot) const;
   bool saved() const;  // nothing has changed since the last checkpoint; precondition: mutex_ is held
 
   const std::filesystem::path folder_;
@@ -170,7 +176,7 @@ class JobFilm {
   const std::optional<EpochPlan> epoch_plan_;
   const std::optional<Epochs> epochs_;  // of epoch_plan_
 
-  std::atomic<std::uint64_t> received_bytes_{0};
+  std::atomic<std::uint64_t> received_statistics_bytes_{0};
   std::mutex opening_mutex_;  // taken before all others
   std::mutex file_mutex_;     // one reader or writer of checkpoints at a time; taken before mutex_
   mutable std::mutex mutex_;

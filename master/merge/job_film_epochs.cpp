@@ -1,6 +1,7 @@
 // The decisions of a job of epochs: what the next one is made from, and what it leaves.
 #include <fmt/format.h>
 
+#include <map>
 #include <utility>
 
 #include "master/merge/job_film.h"
@@ -45,6 +46,23 @@ JobFilm::Latest JobFilm::latest() const {
     for (const film::MergedAccumulator& sums : out.carry->sums) out.statistics_bytes += sums.memory_bytes();
   }
   return out;
+}
+
+void JobFilm::add_epochs(Snapshot& snapshot) const {
+  if (!epochs_) return;
+  snapshot.carry = decisions_.carry;
+  std::vector<std::uint32_t> places(specs_.size());
+  std::uint32_t kept = 0;
+  for (std::size_t i = 0; i < specs_.size(); ++i)
+    if (specs_[i].per == Per::epoch) places[i] = kept++;
+  std::map<std::uint64_t, std::vector<std::shared_ptr<const film::MergedAccumulator>>> by_epoch;
+  for (const auto& [key, sums] : accumulators_) {
+    if (specs_[key.first].per != Per::epoch) continue;
+    auto& epoch = by_epoch[key.second];
+    epoch.resize(kept);
+    epoch[places[key.first]] = sums;
+  }
+  for (auto& [epoch, sums] : by_epoch) snapshot.open_epochs.push_back(std::move(sums));
 }
 
 std::optional<NextDecision> JobFilm::next_decision() const {

@@ -159,6 +159,7 @@ struct WorkerState {
   double silence_told = -1;  // the `last_seen` of a silence for which a unit has been counted as lost
   FailureCounts failures{};  // since the master started
   std::string message;
+  std::uint64_t resident_bytes = 0;  // of its process, as it last told; 0: unknown
 };
 
 // The state of a job that waits after failures.
@@ -184,7 +185,7 @@ struct HeartbeatResult {
 enum class Delivery { ok, duplicate, stale, job_ended };
 
 // A job's chains and epochs, as the store and the film keep them.
-struct RestoredChains {
+struct RestoredStages {
   std::vector<BootstrapRow> bootstrap;  // of one that is not complete
   std::vector<std::uint64_t> starts;    // else these
   std::size_t record_bytes = 0;         // of the largest record in the film
@@ -209,9 +210,9 @@ class Scheduler {
   // For a job that has ended nothing is opened; what its rows tell and its film lacks is lost (Job::lost).
   void restore(JobRow row, const std::array<film::IndexSet, 2>& film, const film::Tallies& tallies,
                std::vector<UnitRow> unmerged, std::vector<UnitRow> merged, Now now,
-               const RestoredChains& restored = {});
+               const RestoredStages& restored = {});
   // A job that the store did not know, with what its folder tells (JobTruth::repair).
-  void adopt(JobRow row, const HalfSets& film, const film::Tallies& tallies, const RestoredChains& chains,
+  void adopt(JobRow row, const HalfSets& film, const film::Tallies& tallies, const RestoredStages& chains,
              Now now);
   // The film of a known job was read and does not hold what `merged` rows tell. As restore(), for one job of
   // a running master. `generation` is the newest on disk; `trouble` says what is wrong with the checkpoints,
@@ -314,6 +315,10 @@ class Scheduler {
   std::size_t lease_count() const { return leases_.size(); }
   std::uint64_t expired_count() const { return expired_count_; }
   double samples_per_second(const Job& job, Now now) const;
+  // The resident memory of a worker's process, as its last heartbeat told; 0: unknown.
+  void note_memory(const std::string& worker_id, std::uint64_t resident_bytes);
+  // The largest of those that have leases of the job.
+  std::uint64_t worker_memory_of(const std::string& job_id) const;
   double indices_per_second(const Job& job, Now now) const;
   double eta_seconds(const Job& job, Now now) const;  // NaN where unknown
   std::string message_of(const Job& job, Now now) const;
@@ -335,7 +340,7 @@ class Scheduler {
                   Now now);
   double expected_seconds(const Job& job, const WorkerState& worker, const Unit& unit) const;
   void bootstrapped(Job& job, Now now);
-  void restore_chains(Job& job, const RestoredChains& restored, Now now);
+  void restore_chains(Job& job, const RestoredStages& restored, Now now);
   static void restore_states(Job& job, const std::vector<StateRow>& states);
   static void retake(Job& job);
   // What is worth knowing of a job's chains; empty where nothing is.

@@ -63,7 +63,7 @@ void Scheduler::bootstrapped(Job& job, Now now) {
   save(job, now);
 }
 
-void Scheduler::restore_chains(Job& job, const RestoredChains& restored, Now now) {
+void Scheduler::restore_chains(Job& job, const RestoredStages& restored, Now now) {
   if (!job.row.chains) return;
   job.record_bytes = restored.record_bytes;
   job.told_stay = chains::longest_stay(job.row.chain_summary).longest_stay;

@@ -310,6 +310,21 @@ std::size_t Scheduler::leases_of(const std::string& job_id) const {
       leases_.begin(), leases_.end(), [&](const auto& entry) { return entry.second.row.job_id == job_id; }));
 }
 
+void Scheduler::note_memory(const std::string& worker_id, std::uint64_t resident_bytes) {
+  const auto found = workers_.find(worker_id);
+  if (found != workers_.end()) found->second.resident_bytes = resident_bytes;
+}
+
+std::uint64_t Scheduler::worker_memory_of(const std::string& job_id) const {
+  std::uint64_t most = 0;
+  for (const auto& [token, lease] : leases_) {
+    if (lease.row.job_id != job_id) continue;
+    const auto worker = workers_.find(lease.row.worker_id);
+    if (worker != workers_.end()) most = std::max(most, worker->second.resident_bytes);
+  }
+  return most;
+}
+
 double Scheduler::samples_per_second(const Job& job, Now now) const {
   if (job.row.state != JobState::running || job.recent.empty()) return 0;
   const Progress& first = job.recent.front();

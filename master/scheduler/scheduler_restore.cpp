@@ -84,7 +84,7 @@ std::uint64_t Scheduler::agree(Job& job, const HalfSets& film, std::vector<UnitR
 
 void Scheduler::restore(JobRow row, const HalfSets& film, const film::Tallies& tallies,
                         std::vector<UnitRow> unmerged, std::vector<UnitRow> merged, Now now,
-                        const RestoredChains& restored) {
+                        const RestoredStages& restored) {
   const std::string id = row.id;
   Job& job = jobs_[id];
   job.row = std::move(row);
@@ -110,7 +110,7 @@ void Scheduler::restore(JobRow row, const HalfSets& film, const film::Tallies& t
 }
 
 void Scheduler::adopt(JobRow row, const HalfSets& film, const film::Tallies& tallies,
-                      const RestoredChains& chains, Now now) {
+                      const RestoredStages& chains, Now now) {
   const std::string id = row.id;
   event(now, id, "", "adopted", fmt::format("taken in from its folder with {} merged indices", count(film)));
   if (row.chains) changes_.emplace_back(PutStarts{id, chains.starts});

@@ -12,11 +12,18 @@
 //   bench_integrators plans SCENE.xml [options]
 //       plan=auto and plan=full in turn: CPU seconds an iteration, and variance (relMSE without a reference,
 //       from pairs of seeds) times CPU seconds, at 128x128
+//   bench_integrators weights SCENE.xml [options]
+//       optimis with weights=balance and weights=optimal in turn: CPU seconds an iteration at 256x256, and
+//       what the sums of optimal weights cost beside the same techniques
+//   bench_integrators development SCENE.xml [options]
+//       optimis at 1920x1080: seconds in which the master reads the image by optimal weights
 // Options: --scenes A,B  --integrators A,B  --rounds N  --iterations N  --reference-iterations N  --seeds N
 //          --set KEY=VALUE (where an integrator has it)
 #include <sys/resource.h>
 
 #include <algorithm>
+#include <array>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
@@ -26,14 +33,18 @@
 #include <optional>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/bundle/bundle.h"
+#include "common/film/delta.h"
 #include "common/image/image.h"
+#include "common/stages/development.h"
 #include "common/stats/image_error.h"
 #include "tests/bench/count_argument.h"
 #include "tests/epoch_run.h"
 #include "tests/statistical/moments.h"
+#include "worker/integrators/unit_data.h"
 #include "worker/render/renderer.h"
 
 namespace {
@@ -149,6 +160,7 @@ class Run {
     renderer_ = value_of(render::Renderer::create(files_, scene.filename(), {}, job, 1));
     const PilotResult pilot = value_of(renderer_->pilot({}));
     output_ = renderer_->make_output(pilot.state);
+    work_ = pilot.work;
     epochs_.emplace(*renderer_, pilot);
   }
 
@@ -174,6 +186,35 @@ class Run {
     return seconds;
   }
 
+  // Runs so many iterations of each half of a job without epochs, merges them as a master does, and returns
+  // seconds of reading the image by its development: all processors, and CPU seconds of them all.
+  std::pair<double, double> develop(std::uint64_t iterations) {
+    if (!work_.development || work_.epochs) fail("the job is read by no development, or by that of epochs");
+    std::array<std::vector<film::MergedAccumulator>, 2> sums;
+    for (std::uint32_t half = 0; half < 2; ++half) {
+      const Unit unit{Unit::Kind::iterations, half, 0, iterations};
+      output_.clear();
+      if (const auto done = renderer_->run(unit, {}, output_, {}); !done.ok()) fail(done.error().to_string());
+      const std::string bytes = integrators::encode_delta({unit, {}, 0, "bench", "bench"}, output_);
+      const film::Delta delta =
+          value_of(film::Delta::decode(bytes, {{width_, height_, 1}, work_.accumulators}));
+      for (const film::AccumulatorSpec& spec : work_.accumulators)
+        sums[half].emplace_back(width_, height_, spec);
+      for (std::size_t i = 0; i < delta.accumulators().size(); ++i)
+        sums[half][i].merge(delta.accumulators()[i].sums);
+    }
+    const auto find = [&](std::string_view name, std::uint32_t half) -> const film::MergedAccumulator* {
+      for (const film::MergedAccumulator& a : sums[half])
+        if (a.spec().name == name) return &a;
+      return nullptr;
+    };
+    const auto start = std::chrono::steady_clock::now();
+    const double cpu_start = cpu_seconds();
+    value_of(correct({*work_.development, {}, width_, height_, find}));
+    return {std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(),
+            cpu_seconds() - cpu_start};
+  }
+
   std::vector<float> image() const { return {sums_.begin(), sums_.end()}; }
   film::Tallies tallies() const { return tallies_; }
 
@@ -184,6 +225,7 @@ class Run {
   film::Tallies tallies_;
   std::unique_ptr<render::Renderer> renderer_;
   render::UnitOutput output_;
+  WorkPlan work_;
   std::optional<test::EpochRun> epochs_;
 };
 
@@ -409,11 +451,49 @@ int plans(const Options& options) {
   return 0;
 }
 
+// --- weights ---
+
+int weights(const Options& options) {
+  const std::uint64_t iterations = options.iterations == 0 ? 8 : options.iterations;
+  std::vector<Run> runs;
+  for (const char* name : {"balance", "optimal"}) {
+    SettingsMap chosen = options.chosen;
+    chosen["weights"] = name;
+    runs.emplace_back(options.folder, "optimis", 256, 256, 1, chosen);
+  }
+  for (Run& run : runs) run.run(0, iterations);  // first use of memory
+  std::vector<double> seconds[2], ratios;
+  for (std::uint64_t round = 1; round <= options.rounds; ++round) {
+    for (std::size_t i = 0; i < 2; ++i)
+      seconds[i].push_back(runs[i].run(round * iterations, (round + 1) * iterations) /
+                           static_cast<double>(iterations));
+    ratios.push_back(seconds[1].back() / seconds[0].back());
+  }
+  std::sort(ratios.begin(), ratios.end());
+  std::printf("balance %.5f s/it, optimal %.5f s/it; optimal over balance: median %.3f, from %.3f to %.3f\n",
+              median(seconds[0]), median(seconds[1]), median(ratios), ratios.front(), ratios.back());
+  return 0;
+}
+
+int development(const Options& options) {
+  Run run(options.folder, "optimis", 1920, 1080, 1, options.chosen);
+  std::vector<double> wall, cpu;
+  for (std::uint64_t round = 0; round < options.rounds; ++round) {
+    const auto [seconds, cpu_time] = run.develop(options.iterations == 0 ? 2 : options.iterations);
+    wall.push_back(seconds);
+    cpu.push_back(cpu_time);
+  }
+  std::printf("image of 1920x1080 by optimal weights: %.3f s, %.3f CPU s\n", median(wall), median(cpu));
+  return 0;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   const std::string usage =
-      "usage: smallvcm CACHE | mitsuba SHARED | plans SCENE.xml  [--scenes A,B] [--integrators A,B] "
+      "usage: smallvcm CACHE | mitsuba SHARED | plans SCENE.xml | weights SCENE.xml | development SCENE.xml "
+      "[--scenes A,B] "
+      "[--integrators A,B] "
       "[--rounds N] "
       "[--iterations N] [--reference-iterations N] [--seeds N] [--set k=v]";
   if (argc < 3 || argc % 2 == 0) fail(usage);
@@ -444,5 +524,7 @@ int main(int argc, char** argv) {
   if (options.mode == "smallvcm") return smallvcm(options);
   if (options.mode == "mitsuba") return mitsuba(options);
   if (options.mode == "plans") return plans(options);
+  if (options.mode == "weights") return weights(options);
+  if (options.mode == "development") return development(options);
   fail(usage);
 }

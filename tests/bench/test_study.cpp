@@ -18,6 +18,7 @@
 #include "tests/bench/candela_study/renders.h"
 #include "tests/bench/candela_study/study.h"
 #include "tests/bench/candela_study/toy.h"
+#include "tests/bench/candela_study/vcmplus_table.h"
 #include "tests/temporary_folder.h"
 
 namespace candela::study {
@@ -110,6 +111,27 @@ TEST(StudyImages, KnownBiasAndNoise) {
   EXPECT_LT(errors.amplitude.error(), 0.005);
 }
 
+// Claim: the relative error is that of each pixel over its own reference, but for dark pixels, and the noise
+// of two references is not in it.
+TEST(StudyImages, RelativeErrorsAreOfPixels) {
+  const Truth exact({1, 3, 0}, {1, 3, 0});
+  const double dark = 0.01 * exact.mean * exact.mean;
+  EXPECT_NEAR(relative_squared_error({1.5, 3.3F, 0.1F}, exact),
+              (0.25 / (1 + dark) + 0.09 / (9 + dark) + 0.01 / dark) / 3, 1e-6);
+  // Two references whose errors are opposite, as those of a mean with a standard error.
+  const Truth spread({1.25, 3}, {0.75, 3});
+  EXPECT_NEAR(relative_squared_error({1.5, 3}, spread), (0.25 - 0.0625) / (1 + 0.04) / 2, 1e-6);
+}
+
+// Claim: a trimmed mean leaves out the largest values, at least one of any share above 0, and only those.
+TEST(StudyImages, TrimmedMeansLeaveOutTheLargest) {
+  const std::vector<double> values = {5, -2, 1000, 1, 4};
+  EXPECT_DOUBLE_EQ(trimmed_mean(values, 0), 1008.0 / 5);
+  EXPECT_DOUBLE_EQ(trimmed_mean(values, 0.01), 2);
+  EXPECT_DOUBLE_EQ(trimmed_mean(values, 0.4), 1);
+  EXPECT_TRUE(std::isnan(trimmed_mean({}, 0.01)));
+}
+
 // ---- scenes ----
 
 // Claim: the analytic scenes have the pictures that are stated, as path renders them. Its direct light has no
@@ -161,6 +183,42 @@ TEST(StudyScenes, BiasesOfDiscs) {
   }
 }
 
+// Claim: a shrunk radius is a mistake if twice its area would be without a bias above its noise, a bias of
+// more than 3 standard errors is one; between them nothing is.
+TEST(StudyScenes, DecisionsAreJudgedByBiasAndNoise) {
+  const auto none = [](double) { return 0.0; };
+  EXPECT_EQ(decision(1, none, 0.01), 0);
+  EXPECT_EQ(decision(0.7, none, 0.01), 1);
+  const auto curved = [](double f) { return -0.08 * f * f; };  // in standard errors: 8 f^3
+  EXPECT_EQ(decision(1, curved, 0.01), -1);
+  EXPECT_EQ(decision(0.75, curved, 0.01), -1);
+  EXPECT_EQ(decision(0.70, curved, 0.01), 0);
+  EXPECT_EQ(decision(0.36, curved, 0.01), 0);
+  EXPECT_EQ(decision(0.35, curved, 0.01), 1);
+}
+
+// Claim: in even light all pixels that shrink, and no others, are false positives; near a shadow's edge at
+// the first radius there are false negatives.
+TEST(StudyScenes, FalseDecisionsAreCounted) {
+  Request request;
+  request.short_form = true;
+  const auto results = compare_radii(request, {"test",
+                                               {{"nervous", "fppm", {{"alpha_f", "0.5"}, {"lag", "0"}}},
+                                                {"calm", "fppm", {{"alpha_f", "1e-9"}}}}});
+  ASSERT_TRUE(results.ok()) << results.error().to_string();
+  const auto value = [&](const std::string& scene, const std::string& method, const std::string& quantity) {
+    for (const Row& row : results->rows)
+      if (row.problem == scene && row.method == method && row.quantity == quantity && row.n == 64)
+        return row.value;
+    return -1.0;
+  };
+  EXPECT_GT(value("flat", "nervous", "false positives"), 0.3);
+  EXPECT_EQ(value("flat", "nervous", "false positives"), value("flat", "nervous", "share of pixels shrunk"));
+  EXPECT_EQ(value("flat", "nervous", "false negatives"), 0);
+  EXPECT_EQ(value("flat", "calm", "false positives"), 0);
+  EXPECT_GT(value("edge", "calm", "false negatives"), 0.1);
+}
+
 // Claim: compare_radii() measures against the stated pictures: at a constant radius the squared bias of ppm
 // is that of the discs on all scenes, within 5 standard errors over 8 seeds and a tenth of itself for
 // filtering by pixels: a false alarm has the chance 1e-2 by Student's t; the seeds are fixed.
@@ -172,7 +230,7 @@ TEST(StudyScenes, SquaredBiasIsThatOfTheDiscs) {
   ASSERT_TRUE(results.ok()) << results.error().to_string();
   for (const AnalyticScene& scene : analytic_scenes()) {
     const Image truth = truth_of(scene, 8);
-    const auto biases = relative_bias(scene, 8, 1.0 / 6);
+    const auto biases = relative_bias(scene, 8, 1.0 / 6, 6);
     double square = 0, mean = 0;
     for (std::size_t i = 0; i < biases.size(); ++i) {
       square +=
@@ -354,6 +412,8 @@ TEST(StudyProgram, BadWordsAreErrors) {
       {"bias-aware --out=", "--out=: the option has no value"},
       {"bias-aware --seeds 3" + out, "--seeds: study 'bias-aware' renders nothing that has a seed"},
       {"ups-alpha --seeds 0" + out, "--seeds"},
+      {"ups-alpha --side 32" + out, "--side: study 'ups-alpha' has one size and all of its scenes"},
+      {"vcmplus-table --short --scenes nowhere" + out, "--scenes: there is no scene 'nowhere' (some of "},
       {"ups-alpha --frob" + out, "--frob"},
       {"bias-aware --short --out /dev/null/x", "/dev/null/x"},
       {"", "no study is given (one of "}};

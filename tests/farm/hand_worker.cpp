@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <filesystem>
+#include <map>
 #include <stdexcept>
 
 #include "common/base/hash.h"
@@ -101,7 +102,7 @@ void HandWorker::complete_pilot(const v1::Lease& lease) {
   done.set_token(lease.token());
   wire::to_proto(pilot.state, *done.mutable_named_state());
   done.set_plan(pilot.plan);
-  done.set_seconds_per_iteration(pilot.seconds_per_iteration);
+  done.set_seconds_per_iteration(told_seconds > 0 ? told_seconds : pilot.seconds_per_iteration);
   wire::to_proto(pilot.work, *done.mutable_work());
   v1::CompletePilotResponse accepted;
   grpc::ClientContext context;
@@ -127,6 +128,22 @@ render::Renderer& HandWorker::renderer_for(const v1::Lease& lease, const std::st
   return *renderer_;
 }
 
+std::string HandWorker::fetch_state(const v1::DecidedState& state) {
+  v1::FetchBlobRequest request;
+  request.set_worker_id(registered_.worker_id());
+  request.set_session(registered_.session());
+  request.set_sha256(state.sha256());
+  request.set_size_bytes(state.size_bytes());
+  grpc::ClientContext context;
+  set_deadline(context);
+  const auto stream = stub_->FetchBlob(&context, request);
+  std::string bytes;
+  for (v1::FetchBlobChunk chunk; stream->Read(&chunk);) bytes += chunk.data();
+  expect_ok(stream->Finish(), "FetchBlob");
+  if (sha256_hex(bytes) != state.sha256()) throw std::runtime_error("a state is not that of its hash");
+  return bytes;
+}
+
 Push HandWorker::delta_for(const v1::Lease& lease, const std::string& scene_file) {
   render::Renderer& renderer = renderer_for(lease, scene_file);
   const NamedState state = unwrap(wire::from_proto(lease.named_state()));
@@ -135,7 +152,11 @@ Push HandWorker::delta_for(const v1::Lease& lease, const std::string& scene_file
   if (makes_film(unit.kind)) output = renderer.make_output(state);
   std::vector<chains::ChainStart> starts;
   for (const v1::ChainStart& start : lease.chain_starts()) starts.push_back(unwrap(wire::from_proto(start)));
-  const Result<void> ran = renderer.run(unit, {state, {}, starts}, output, {});
+  std::map<std::string, std::string> states;
+  render::UnitInput input{state, {}, starts};
+  for (const v1::DecidedState& decided : lease.states())
+    input.states[decided.name()] = states[decided.name()] = fetch_state(decided);
+  const Result<void> ran = renderer.run(unit, input, output, {});
   if (!ran.ok()) throw std::runtime_error(ran.error().to_string());
 
   Push push;

@@ -45,10 +45,12 @@ class HandWorker {
 
   v1::WorkerService::Stub& stub() { return *stub_; }
   std::string scene_file_for_pilots;  // must be set before acquire()
+  double told_seconds = 0;            // of an iteration, in answers to pilots; 0: as measured
   const std::string& id() const { return registered_.worker_id(); }
 
  private:
   void complete_pilot(const v1::Lease& lease);
+  std::string fetch_state(const v1::DecidedState& state);
   render::Renderer& renderer_for(const v1::Lease& lease, const std::string& scene_file);
 
   std::unique_ptr<v1::WorkerService::Stub> stub_;

@@ -47,7 +47,9 @@ bool built(const std::string& integrator) {
   const auto names = render::integrator_names();
   return std::find(names.begin(), names.end(), integrator) != names.end();
 }
+// In a box of matt walls a plan merges nothing beside connections, and decides no radius then.
 std::vector<std::string> with(const std::string& integrator) {
+  if (test::merges(integrator)) return {"--integrator", integrator, "--set", "plan=full"};
   return {"--integrator", integrator};
 }
 
@@ -122,6 +124,9 @@ TEST_P(Order, BackwardsInBatchesOfFive) {
   std::vector<std::string> options = with(integrator);
   if (test::has_chains(integrator))
     options.insert(options.end(), {"--set", "chains=20", "--set", "bootstrap=200"});
+  if (test::has_epochs(integrator))
+    for (const auto& [name, value] : test::integrator_row(integrator).small)
+      options.insert(options.end(), {"--set", name + "=" + value});
   Farm farm;
   farm.start_master({"--unit-time", "0.01"});
   const std::string id = farm.submit(iterations, "cornell", options);
@@ -144,12 +149,7 @@ TEST_P(Order, BackwardsInBatchesOfFive) {
   farm.audit(id, iterations);
 }
 
-// Units of epochs begin with states, which the hand worker does not fetch: Toy.* delivers such units in any
-// order.
-std::vector<std::string> without_epochs() {
-  return test::integrators_where([](const test::IntegratorRow& row) { return !row.epochs; });
-}
-INSTANTIATE_TEST_SUITE_P(, Order, testing::ValuesIn(without_epochs()),
+INSTANTIATE_TEST_SUITE_P(, Order, testing::ValuesIn(test::all_integrators()),
                          [](const auto& one) { return one.param; });
 
 // Claim: several jobs at once do not touch each other.

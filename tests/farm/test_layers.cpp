@@ -1,6 +1,7 @@
 // Layers of bidirectional techniques on a farm of real processes.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "tests/farm/farm.h"
@@ -65,6 +66,52 @@ TEST(Layers, SurviveDeathsToTheLastBit) {
     ASSERT_NEAR(sum[i], static_cast<double>(image.rgb[i]), 1e-4 * (mean + std::abs(sum[i]))) << "value " << i;
   EXPECT_TRUE(image::read_layer(fetched, "error").ok());
   EXPECT_FALSE(image::read_layer(rendered, "error").ok());
+}
+
+// Claim: the AOVs of a job of chains, whose eye samples are counted pixel by pixel, are the same to the last
+// bit from `candela render` and from a farm of two workers whose master is killed on the way; so is the
+// variance, which is the square of the error. A job without AOVs has the same image.
+TEST(Layers, AovsOfChainsAreTheSameEverywhere) {
+  constexpr std::uint64_t iterations = 40;
+  const std::vector<std::string> options = {"--integrator", "pssmlt",      "--set", "chains=8",
+                                            "--set",        "mutations=4", "--aov", "albedo,normal,depth"};
+  Farm farm;
+  farm.start_master({"--unit-time", "0.05", "--checkpoint-interval", "0.05", "--lease-time", "2"});
+  farm.start_worker("one");
+  farm.start_worker("two");
+  const std::string id = farm.submit(iterations, "cornell", options);
+  farm.wait_for_iterations(id, 1);
+  farm.kill_master();
+  farm.restart_master();
+  farm.wait_for(id, v1::JOB_STATE_DONE);
+  farm.audit(id, iterations);
+  const std::string fetched = (farm.folder().path() / "fetched.exr").string();
+  ASSERT_EQ(farm.candela({"fetch", id, "-o", fetched, "--error-layer", "--variance-layer"}).exit_code, 0);
+  const auto render = [&](const std::string& name, const std::vector<std::string>& with) {
+    const std::string path = (farm.folder().path() / name).string();
+    std::vector<std::string> command = {"render", scene_path("cornell"), "-o", path, "--quiet"};
+    for (const std::string& option : job_options(iterations)) command.push_back(option);
+    command.insert(command.end(), with.begin(), with.end());
+    const CommandResult done = farm.candela(command);
+    EXPECT_EQ(done.exit_code, 0) << done.err;
+    return path;
+  };
+  const std::string rendered = render("rendered.exr", options);
+  expect_identical(*image::read_image(fetched), *image::read_image(rendered), "the image");
+  for (const char* name : {"albedo", "normal", "depth"}) {
+    const auto here = image::read_layer(rendered, name), there = image::read_layer(fetched, name);
+    ASSERT_TRUE(here.ok() && there.ok()) << name;
+    expect_identical(*there, *here, name);
+  }
+  const auto normal = image::read_layer(fetched, "normal");
+  EXPECT_LT(*std::min_element(normal->rgb.begin(), normal->rgb.end()), -0.5F) << "signs are kept";
+  const auto error = image::read_layer(fetched, "error"), variance = image::read_layer(fetched, "variance");
+  ASSERT_TRUE(error.ok() && variance.ok());
+  for (std::size_t i = 0; i < error->rgb.size(); ++i)
+    ASSERT_NEAR(variance->rgb[i], error->rgb[i] * error->rgb[i], 1e-6F * variance->rgb[i]);
+  std::vector<std::string> plain(options.begin(), options.end() - 2);
+  expect_identical(*image::read_image(render("plain.exr", plain)), *image::read_image(rendered),
+                   "without AOVs");
 }
 
 }  // namespace

@@ -48,6 +48,10 @@ std::vector<Kind> kinds_of_rows() {
     if (row.chains)
       for (const char* word : {"--set", "chains=64", "--set", "bootstrap=2000"})
         all.back().options.emplace_back(word);
+    if (row.merges) all.back().options.insert(all.back().options.end(), {"--set", "plan=full"});
+    if (row.epochs)
+      for (const auto& [name, value] : row.small)
+        all.back().options.insert(all.back().options.end(), {"--set", name + "=" + value});
   }
   return all;
 }

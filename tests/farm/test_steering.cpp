@@ -158,7 +158,7 @@ TEST_F(Steering, RenderInterruptedAndResumed) {
     const auto process = farm_.start_candela(command, "render");
     // Some work must be behind it: a progress line tells of merged samples.
     ASSERT_TRUE(eventually(
-        30, [&] { return !process->running() || process->err().find("samples/s") != std::string::npos; }));
+        30, [&] { return !process->running() || process->err().find("spp/s") != std::string::npos; }));
     ASSERT_TRUE(process->running()) << "the render ended too soon (make it longer) or failed: "
                                     << process->err();
     process->signal(number);

@@ -128,6 +128,14 @@ inline const std::vector<LightCase>& light_cases() {
        "<emitter type=\"envmap\"><string name=\"filename\" value=\"map.pfm\"/><float name=\"scale\" "
        "value=\"2\"/><transform name=\"to_world\"><rotate x=\"1\" angle=\"70\"/></transform></emitter>",
        0, 0},
+      {"projector",
+       "<emitter type=\"projector\">" + aim +
+           "<float name=\"fov\" value=\"60\"/><float name=\"scale\" value=\"3\"/><texture "
+           "name=\"irradiance\" "
+           "type=\"checkerboard\"><rgb name=\"color0\" value=\"0.2\"/><rgb name=\"color1\" "
+           "value=\"1\"/></texture>"
+           "</emitter>",
+       0, 3 * 0.6 * pi * 4 / 3},
   };
   return cases;
 }

@@ -248,5 +248,28 @@ TEST(Power, IsTheTables) {
   }
 }
 
+// Claim: a pattern with the period of the sectors about the gather point has equal sums and is not seen,
+// whatever its phase, by as many photons as show one of two periods at once (section 8).
+TEST(Power, DoesNotSeePatternsOfSixPeriods) {
+  test::Draws draws(17);
+  const auto rejections = [&](int periods, double phase) {
+    return rate_of(300, [&] {
+      Pixel pixel;
+      const std::uint64_t n = draws.poisson(3000);
+      for (std::uint64_t i = 0; i < n; ++i) {
+        const double rho = std::sqrt(draws.uniform()), angle = 6.283185307179586 * draws.uniform();
+        if (2 * draws.uniform() > 1 + std::cos(periods * angle + phase)) continue;
+        pixel.add(static_cast<std::uint64_t>(disc_channel(rho * std::cos(angle), rho * std::sin(angle), 1)),
+                  1);
+      }
+      return f_exceeds({pixel.sums, pixel.squares}, critical(0.01));
+    });
+  };
+  for (const double phase : {0.0, 1.0, 2.5}) {
+    expect_rate(rejections(6, phase), 0.01, 0, "six periods");
+    EXPECT_EQ(rejections(2, phase).value, 1);
+  }
+}
+
 }  // namespace
 }  // namespace candela::adaptive

@@ -247,6 +247,39 @@ TEST(AppmRule, ChoosesTheLevel) {
   EXPECT_EQ(job.level(0), 19);
 }
 
+// Claim: with pilot=reference the state has a second plane, the pilots that the note's Eq. 9 asks for, and
+// pixels without light keep theirs; in media the radius is that of three dimensions.
+TEST(AppmRule, ChoosesPilotsAndKnowsMedia) {
+  test::ToyPlan plan = test::appm_plan(short_epochs("appm", 0), true);
+  plan.epochs.constants["c7"] = "48";  // 4 pi k3 / k2^2 of constant kernels, k3 of the ball
+  plan.epochs.constants["k2_ratio"] = "0.8";
+  plan.accumulators[0] = adaptive::moments_spec(test::kToyFilmScale, true);
+  plan.accumulators[1] = adaptive::laplacian_spec(test::kToyFilmScale, true);
+  Job job(plan);
+  EXPECT_EQ(job.state(), std::string(2 * kPixels, '\0'));
+  const auto add = [&](std::uint32_t pixel, std::size_t accumulator, std::size_t channel, double value) {
+    std::array<Int128, 2> values{};
+    values[channel] = std::llround(value * std::exp2(job.carry().sums[accumulator].spec().scale_log2));
+    job.add(pixel, accumulator, std::span(values).first(accumulator == 2 ? 1 : 2));
+  };
+  add(0, 0, 0, 0.25);
+  add(0, 1, 0, -32);
+  add(0, 2, 0, 4);
+  // (r / r_1)^7 = 48 a2 / (0.8 d1)^2 = 2^-14
+  add(1, 0, 1, 1.0 / 1024);
+  add(1, 1, 1, 34.6410162);
+  job.next();
+  EXPECT_EQ(job.level(0), 19);  // as without media: 2^(-7/6)
+  EXPECT_EQ(job.level(1), 32);  // 2^-2
+  // z = 8 / 32; (h / r_1)^10 = pi 3 C / (2 (3/2)^2) z^4 a2 / a1^2
+  const double h = std::pow(3.14159265 * 1.89743333 * std::exp2(-8.0) * 0.25 / 16, 0.1);
+  EXPECT_EQ(job.level(kPixels), std::lround(16 * std::log2(0.5 / h)));
+  EXPECT_EQ(job.level(kPixels + 1), 0);
+  EXPECT_EQ(job.level(kPixels + 2), 0);
+  job.next();
+  EXPECT_EQ(job.report(true).layers[0].values.size(), kPixels);
+}
+
 // Claim: what people are told: number and share of shrunk pixels, median and mean radius as fractions of the
 // first, looks and rejections; layers only when they are asked for.
 TEST(RuleReports, TellFiguresAndLayers) {

@@ -66,6 +66,10 @@ const std::vector<Cell>& cells() {
     {"appm", "", 8, {quad, density}, {0.0047474, 0.000435, 0.17174, 0.00465}, {0.0014062, 0.000149, 0.12469, 0.0032}},
     {"appm", "", 8, {step, density}, {0.021166, 0.00171, 0.10427, 0.000683}, {0.0013232, 0.000184, 0.063114, 0.000144}},
     {"appm", "", 8, {dip, density}, {0.5355, 0.00535, 0.14975, 0.0035}, {0.33135, 0.00485, 0.073667, 0.000471}},
+    {"appm", "reference", 8, {constant, density}, {0.00030420, 4.42e-05, 0.35499, 0.00771}, {4.1730e-05, 5.9e-06, 0.34421, 0.00674}},
+    {"appm", "reference", 8, {quad, density}, {0.0031031, 0.000266, 0.16486, 0.00099}, {0.00076019, 7.54e-05, 0.11518, 0.0003}},
+    {"appm", "reference", 8, {step, density}, {0.093897, 0.00279, 0.16807, 0.000668}, {0.018512, 0.000681, 0.11203, 0.000427}},
+    {"appm", "reference", 8, {dip, density}, {0.60891, 0.00278, 0.32178, 0.00722}, {0.59016, 0.00192, 0.22636, 0.00316}},
       {"fppm", "rings sectors", 8, {constant, density}, {0.00013381, 1.3e-05, 0.46981, 0.00603}, {2.1013e-05, 2.81e-06, 0.44989, 0.00737}},
       {"fppm", "rings sectors", 8, {constant, anti}, {0.00016454, 1.5e-05, 0.46791, 0.00472}, {3.1882e-05, 4.44e-06, 0.45111, 0.00565}},
       {"fppm", "rings sectors", 8, {ramp, density}, {0.0013682, 0.000121, 0.1378, 0.00201}, {0.00057029, 9.09e-05, 0.080288, 0.00125}},
@@ -117,7 +121,9 @@ AdaptiveToy make_toy(const Cell& cell, std::uint32_t pixels, std::uint64_t seed)
     const std::string test = cell.test.substr(cell.test.find(' ') + 1);
     return {cell.problem, rings_plan(epochs, test, cell.test != test), pixels, seed};
   }
-  return {cell.problem, cell.rule == "appm" ? appm_plan(epochs) : fppm_plan(epochs, 0.01, 0.7, cell.test),
+  return {cell.problem,
+          cell.rule == "appm" ? appm_plan(epochs, cell.test == "reference")
+                              : fppm_plan(epochs, 0.01, 0.7, cell.test),
           pixels, seed};
 }
 

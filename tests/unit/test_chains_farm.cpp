@@ -346,6 +346,40 @@ TEST_F(ChainFarm, ImagesExplainThemselves) {
                 static_cast<double>(picture->rgb[i]), 1e-5);
 }
 
+// Claim: the image of a half is that of every other chain with the b of all; its counts are of these chains.
+TEST_F(ChainFarm, ImagesOfHalves) {
+  toy_.direct = true;
+  add_worker(microseconds(0));
+  const std::string id = submit(5);
+  EXPECT_EQ(wait_end(id).state(), v1::JOB_STATE_DONE);
+  const Expected expected = expect(settings_, 5);
+  const auto whole = image::read_image(fetch(id))->metadata;
+  std::uint64_t stays = 0;
+  for (const bool second : {false, true}) {
+    const auto half = image::read_image(fetch(id, [second](v1::FetchImageRequest& r) {
+      r.set_half(second ? v1::FetchImageRequest::HALF_B : v1::FetchImageRequest::HALF_A);
+    }));
+    ASSERT_TRUE(half.ok());
+    EXPECT_EQ(half->rgb,
+              film::develop_image(expected.film, expected.development(),
+                                  second ? film::MergedFilm::Which::half1 : film::MergedFilm::Which::half0));
+    const auto& m = half->metadata;
+    EXPECT_EQ(m.at("candela:half"), second ? "B" : "A");
+    EXPECT_EQ(m.at("candela:iterations"), "5");
+    EXPECT_EQ(m.at("candela:chains"), "20");
+    EXPECT_EQ(m.at("candela:segments"), "100");
+    EXPECT_EQ(m.at("candela:mutations"), "20000");
+    EXPECT_EQ(m.at("candela:b"), whole.at("candela:b"));
+    std::uint64_t stay = 0;
+    const auto counts = expected.counts();
+    for (std::size_t c = second ? 1 : 0; c < counts.size(); c += 2)
+      stay = std::max(stay, counts[c].longest_stay);
+    EXPECT_EQ(m.at("candela:longest_stay"), std::to_string(stay));
+    stays = std::max(stays, stay);
+  }
+  EXPECT_EQ(whole.at("candela:longest_stay"), std::to_string(stays));
+}
+
 // Claim: a job without light ends soon after its bootstrap, black, and says why; light that needs no chain is
 // rendered all the same.
 TEST_F(ChainFarm, BlackJobs) {

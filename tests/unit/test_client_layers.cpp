@@ -193,6 +193,37 @@ class LayersOverTheFarm : public testing::Test {
     return folder_ / name;
   }
 
+  // Claim: the image of a half is the exact mean of this half's iterations, in every layer, and says so. The
+  // two, weighted by their iterations, are the image. A half has no error layer.
+  void check_halves(const std::string& id, const film::MergedFilm& expected) {
+    using v1::FetchImageRequest;
+    using Which = film::MergedFilm::Which;
+    std::vector<double> sum(expected.develop(0).size());
+    for (const auto& [half, which, name] : {std::tuple(FetchImageRequest::HALF_A, Which::half0, "A"),
+                                            std::tuple(FetchImageRequest::HALF_B, Which::half1, "B")}) {
+      const auto exr = client_->fetch_image(id, {.half = half});
+      ASSERT_TRUE(exr.ok()) << exr.error().to_string();
+      const fs::path path = put("half.exr", *exr);
+      const auto picture = image::read_image(path);
+      ASSERT_TRUE(picture.ok());
+      EXPECT_EQ(picture->rgb, expected.develop(0, which)) << name;
+      EXPECT_NE(picture->rgb, expected.develop(0)) << "both halves alike prove nothing";
+      EXPECT_EQ(image::read_layer(path, kLayers[1])->rgb, expected.develop(2, which)) << name;
+      EXPECT_EQ(picture->metadata.at("candela:half"), name);
+      EXPECT_EQ(picture->metadata.count("candela:relmse_estimate"), 0U);
+      const std::uint64_t iterations = expected.merged(which == Which::half0 ? 0 : 1).count();
+      EXPECT_EQ(picture->metadata.at("candela:iterations"), std::to_string(iterations));
+      EXPECT_EQ(picture->metadata.at("candela:eye_samples"), std::to_string(iterations * kWidth * kHeight));
+      for (std::size_t i = 0; i < sum.size(); ++i)
+        sum[i] += static_cast<double>(picture->rgb[i]) * static_cast<double>(iterations) / kIterations;
+      const auto refused = client_->fetch_image(id, {.error_layer = true, .half = half});
+      ASSERT_FALSE(refused.ok());
+      EXPECT_EQ(refused.error().exit_code(), 2) << refused.error().to_string();
+    }
+    const std::vector<float> image = expected.develop(0);
+    for (std::size_t i = 0; i < sum.size(); ++i) ASSERT_NEAR(sum[i], static_cast<double>(image[i]), 1e-6);
+  }
+
   test::TemporaryFolder temporary_;
   fs::path folder_ = temporary_.path(), data_;
   std::unique_ptr<master::Master> master_;
@@ -207,6 +238,8 @@ class LayersOverTheFarm : public testing::Test {
 TEST_F(LayersOverTheFarm, SurviveRestartsAndReachTheExr) {
   const std::string id = submit();
   EXPECT_TRUE(show(id).layers().empty()) << "before the pilot";
+  EXPECT_EQ(client_->fetch_image(id, {.half = v1::FetchImageRequest::HALF_B}).error().kind,
+            ErrorKind::refused);
   permits() = 3;
   start_workers();
   ASSERT_TRUE(wait_for(id, [](const auto& s) { return s.units_merged() == 3; }));
@@ -247,7 +280,7 @@ TEST_F(LayersOverTheFarm, SurviveRestartsAndReachTheExr) {
   EXPECT_TRUE(*bytes == expected.serialise()) << "the last checkpoint";
 
   for (const bool error_layer : {false, true}) {
-    const auto exr = client_->fetch_image(id, error_layer, false);
+    const auto exr = client_->fetch_image(id, {.error_layer = error_layer});
     ASSERT_TRUE(exr.ok()) << exr.error().to_string();
     const fs::path path = put("all.exr", *exr);
     EXPECT_EQ(image::read_image_size(path)->channels, error_layer ? 12U : 9U);
@@ -269,12 +302,13 @@ TEST_F(LayersOverTheFarm, SurviveRestartsAndReachTheExr) {
       EXPECT_EQ(error->rgb, stats::error_map(expected));
     }
   }
-  const auto alone = client_->fetch_image(id, false, true);
+  const auto alone = client_->fetch_image(id, {.image_only = true});
   ASSERT_TRUE(alone.ok());
   const fs::path path = put("alone.exr", *alone);
   EXPECT_EQ(image::read_image_size(path)->channels, 3U);
   EXPECT_EQ(image::read_image(path)->rgb, expected.develop(0));
   EXPECT_EQ(image::read_image(path)->metadata.count("candela:layers"), 0U);
+  check_halves(id, expected);
   // What the master writes by itself has the layers, too.
   EXPECT_EQ(image::read_layer(data_ / "jobs" / id / "image.exr", kLayers[1])->rgb, expected.develop(2));
 }

@@ -85,6 +85,22 @@ TEST_F(Outputs, EmptyNamesAreRefused) {
   EXPECT_EQ(entries(), 1U);  // the scene
 }
 
+// Claim: a half is A or B, and has no error layer; both are told before a master is called.
+TEST_F(Outputs, HalvesThatCannotBeAreRefused) {
+  const Outcome other =
+      run({"fetch", "j1", "--master", "127.0.0.1:1", "-o", in_folder("x.exr"), "--half", "C"});
+  EXPECT_EQ(other.code, 2);
+  EXPECT_EQ(other.err, "candela: error: --half: 'C' is neither A nor B\n");
+  const Outcome both = run(
+      {"fetch", "j1", "--master", "127.0.0.1:1", "-o", in_folder("x.exr"), "--half", "A", "--error-layer"});
+  EXPECT_EQ(both.code, 2);
+  EXPECT_NE(both.err.find("--half and --error-layer exclude each other"), std::string::npos) << both.err;
+  const Outcome variance = run({"fetch", "j1", "--master", "127.0.0.1:1", "-o", in_folder("x.exr"), "--half",
+                                "A", "--variance-layer"});
+  EXPECT_EQ(variance.code, 2);
+  EXPECT_NE(variance.err.find("--half and --variance-layer exclude"), std::string::npos) << variance.err;
+}
+
 // Claim: "--png=" does not take the next word for its value; it is refused.
 TEST_F(Outputs, AnEqualsSignWithoutAValueIsRefused) {
   const Outcome r = run({"render", in_folder("scene.xml"), "-o", in_folder("x.exr"), "--png=", "--quiet"});

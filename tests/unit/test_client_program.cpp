@@ -36,6 +36,8 @@ v1::JobStatus running_job() {
   s.set_state(v1::JOB_STATE_RUNNING);
   s.mutable_stop()->set_iterations(128);
   s.set_iterations(54);
+  s.mutable_settings()->set_width(400);
+  s.mutable_settings()->set_height(250);
   s.set_samples_per_second(12.34e6);
   s.set_relmse_estimate(1.234e-3);
   s.set_eta_seconds(65);
@@ -45,26 +47,28 @@ v1::JobStatus running_job() {
 // Claim: the line shows what is known, and leaves out what is not.
 TEST(Progress, Lines) {
   v1::JobStatus s = running_job();
-  EXPECT_EQ(format_progress(s), " 42%  54/128 iterations, 12.3M samples/s, relMSE 1.2e-03, ETA 1m05s");
+  EXPECT_EQ(format_progress(s), " 42%  54/128 spp, 123 spp/s, relMSE 1.2e-03, ETA 1m05s");
+  s.set_worker_memory_bytes(300 << 20);
+  EXPECT_EQ(format_progress(s), " 42%  54/128 spp, 123 spp/s, relMSE 1.2e-03, ETA 1m05s, memory 300.0 MiB");
+  s.set_worker_memory_bytes(0);
   s.mutable_stop()->set_relmse(1e-3);
-  EXPECT_EQ(format_progress(s),
-            " 81%  54/128 iterations, 12.3M samples/s, relMSE 1.2e-03 (to 1.0e-03), ETA 1m05s");
+  EXPECT_EQ(format_progress(s), " 81%  54/128 spp, 123 spp/s, relMSE 1.2e-03 (to 1.0e-03), ETA 1m05s");
   s = running_job();
   s.set_iterations(0);
   s.set_samples_per_second(0);
   s.set_relmse_estimate(std::nan(""));
   s.set_eta_seconds(std::nan(""));
-  EXPECT_EQ(format_progress(s), "  0%  0/128 iterations, preparing the scene");
+  EXPECT_EQ(format_progress(s), "  0%  0/128 spp, preparing the scene");
   s = running_job();
   s.set_state(v1::JOB_STATE_DONE);
   s.set_iterations(128);
-  EXPECT_EQ(format_progress(s), "100%  128/128 iterations, relMSE 1.2e-03, done");
+  EXPECT_EQ(format_progress(s), "100%  128/128 spp, relMSE 1.2e-03, done");
   s = running_job();
   s.set_iterations(128);
   s.set_samples_per_second(0);
   s.set_eta_seconds(std::nan(""));
   s.set_message("no room");  // why it does not move
-  EXPECT_EQ(format_progress(s), " 99%  128/128 iterations, relMSE 1.2e-03, no room");
+  EXPECT_EQ(format_progress(s), " 99%  128/128 spp, relMSE 1.2e-03, no room");
 }
 
 // Claim: a job of chains shows its bootstrap, and then b with its relative error; scripts get every figure.
@@ -90,7 +94,13 @@ TEST(Progress, OfChains) {
   group.set_mutations(10);
   group.set_longest_stay(4);
   group.set_stay_x(7.5F);
-  EXPECT_EQ(format_progress(s), "  0%  0/128 iterations, b 0.5123 +- 0.4 %");
+  // Rounds of 1000 segments of 1650 mutations are 16.5 mutations a pixel each.
+  chains.mutable_plan()->set_segment_mutations(1650);
+  EXPECT_EQ(format_progress(s), "  0%  0/2112 spp, b 0.5123 +- 0.4 %");
+  s.set_iterations(3);
+  EXPECT_EQ(format_progress(s).substr(0, 17), "  2%  49.5/2112 s");
+  EXPECT_EQ(nlohmann::json::parse(job_json(s)).at("samples_per_pixel"), 49.5);
+  s.set_iterations(0);
   const auto json = nlohmann::json::parse(job_json(s));
   EXPECT_EQ(json.at("bootstrap_b"), 0.5);
   EXPECT_EQ(json.at("chains").at("b_samples"), 123456);
@@ -197,6 +207,11 @@ TEST(Program, BadUsageIsOneLineAndCodeTwo) {
       {{"render", "/nonexistent/scene.xml", "-o", out}, "/nonexistent/scene.xml"},
       {{"submit", "scene.xml", "--share", "nan"}, "--share"},
       {{"submit", "scene.xml", "-o", out}, "an output needs --wait"},
+      {{"submit", "scene.xml", "--tev", "127.0.0.1:1"}, "--tev: an output needs --wait"},
+      {{"submit", "scene.xml", "--variance-layer"}, "--variance-layer: an output needs --wait"},
+      {{"submit", "scene.xml", "--wait", "--preview", "5s"}, "--preview: there is nothing to preview"},
+      {{"submit", "scene.xml", "--wait", "--tev", "nowhere"}, "--tev"},
+      {{"render", "scene.xml", "-o", out, "--aov", "colour"}, "--aov: there is no AOV 'colour'"},
       {{"extend", "j1"}, "nothing to extend by"},
       {{"show"}, "id"},
       {{"show", "j1", "--master", "nowhere"}, "--master"},

@@ -35,6 +35,36 @@ RendererFacts fake_facts() {
       }
     return all;
   };
+  facts.settings_of_effort = [](const std::string&, std::uint64_t, std::uint64_t) -> Result<SettingsMap> {
+    return SettingsMap{};
+  };
+  facts.samples_per_iteration = [](const std::string&, const SettingsMap&) -> Result<std::uint64_t> {
+    return 1;
+  };
+  return facts;
+}
+
+// One of chains, whose rounds are so many mutations a pixel as its setting says.
+RendererFacts facts_of_chains() {
+  RendererFacts facts = fake_facts();
+  facts.setting_names = [](const std::string&) -> Result<std::vector<std::string>> {
+    return std::vector<std::string>{"mutations", "bootstrap"};
+  };
+  facts.complete_settings = [](const std::string&, const SettingsMap& scene,
+                               const SettingsMap& user) -> Result<SettingsMap> {
+    SettingsMap all = user;
+    all.insert(scene.begin(), scene.end());
+    all.insert({{"mutations", "16"}, {"bootstrap", "100000"}});
+    return all;
+  };
+  facts.settings_of_effort = [](const std::string&, std::uint64_t spp,
+                                std::uint64_t pixels) -> Result<SettingsMap> {
+    return SettingsMap{{"mutations", std::to_string(std::min<std::uint64_t>(spp, 16))},
+                       {"bootstrap", std::to_string(spp * pixels)}};
+  };
+  facts.samples_per_iteration = [](const std::string&, const SettingsMap& s) -> Result<std::uint64_t> {
+    return std::stoull(s.at("mutations"));
+  };
   return facts;
 }
 
@@ -85,6 +115,22 @@ TEST(Settings, SceneDecides) {
   EXPECT_EQ(job->settings.seed, 9U);
   EXPECT_EQ(job->stop.iterations, 64U);
   EXPECT_FALSE(job->stop_given);
+}
+
+// Claim: the scene's AOVs count unless the command line has some, or none.
+TEST(Settings, AovsOfSceneAndCommandLine) {
+  const auto aovs = [](const std::string& of_scene, const std::optional<std::string>& given) {
+    const TestScene scene;
+    SceneOptions options;
+    options.aov = given;
+    const auto job = prepare_job({scene.scene, {"scene.xml"}, {}, of_scene}, options, fake_facts());
+    return job.ok() ? job->settings.aovs : job.error().to_string();
+  };
+  EXPECT_EQ(aovs("", {}), "");
+  EXPECT_EQ(aovs("dd:depth", {}), "dd:depth");
+  EXPECT_EQ(aovs("dd:depth", "normal,a:albedo"), "normal:sh_normal,a:albedo");
+  EXPECT_EQ(aovs("dd:depth", "none"), "");
+  EXPECT_TRUE(aovs("", "depth,x").starts_with("--aov: there is no AOV 'x'")) << aovs("", "depth,x");
 }
 
 // Claim: each filter takes the numbers that are its own from the scene, defaults elsewhere, and nothing of
@@ -175,6 +221,68 @@ TEST(Settings, BadValuesOfOtherIntegratorsDoNotCount) {
   EXPECT_EQ(job->other_integrator->text,
             "the scene asks for the integrator 'mlt', the command line for 'path'; of the scene's counts "
             "rr_depth = 4");
+}
+
+// Claim: --spp, and a scene's sample_count, count samples per pixel of every integrator: of chains, as many
+// rounds as bring them, with the settings that this effort decides unless somebody gave them.
+TEST(Settings, EffortInSamplesPerPixel) {
+  const auto prepared = [](SceneOptions options, bool of_chains) {
+    TestScene scene;
+    scene.integrator->properties.clear();
+    const auto job =
+        prepare_job({scene.scene, {"scene.xml"}}, options, of_chains ? facts_of_chains() : fake_facts());
+    EXPECT_TRUE(job.ok()) << job.error().to_string();
+    return job.ok() ? job.value() : PreparedJob();
+  };
+  SceneOptions options;
+  EXPECT_EQ(prepared(options, false).stop.iterations, 64U);
+  EXPECT_EQ(prepared(options, true).stop.iterations, 4U) << "64 samples a pixel, 16 a round";
+  options.spp = "20";
+  EXPECT_EQ(prepared(options, false).stop.iterations, 20U);
+  EXPECT_TRUE(prepared(options, false).stop_given);
+  EXPECT_EQ(prepared(options, true).stop.iterations, 2U) << "whole rounds";
+  options.spp = "3";
+  const PreparedJob few = prepared(options, true);
+  EXPECT_EQ(few.stop.iterations, 1U);
+  EXPECT_EQ(few.settings.integrator_settings, (SettingsMap{{"mutations", "3"}, {"bootstrap", "192000"}}));
+  options.sets = {"mutations=2"};
+  const PreparedJob given = prepared(options, true);
+  EXPECT_EQ(given.stop.iterations, 2U);
+  EXPECT_EQ(given.settings.integrator_settings, (SettingsMap{{"mutations", "2"}, {"bootstrap", "192000"}}));
+  options.iterations = "4";
+  const auto both = prepare_job({TestScene().scene, {"scene.xml"}}, options, fake_facts());
+  ASSERT_FALSE(both.ok());
+  EXPECT_EQ(both.error().exit_code(), 2);
+  EXPECT_NE(both.error().to_string().find("--spp"), std::string::npos);
+  options.spp.reset();
+  EXPECT_EQ(prepared(options, true).stop.iterations, 4U) << "rounds";
+  options.iterations.reset();
+  options.spp = "0";
+  EXPECT_FALSE(prepare_job({TestScene().scene, {"scene.xml"}}, options, fake_facts()).ok());
+}
+
+// Claim: a job that goes on keeps what its first effort decided, so that --spp can be raised; what somebody
+// gave stays given.
+TEST(Settings, AnExtendedJobKeepsItsEffort) {
+  const RendererFacts facts = facts_of_chains();
+  TestScene scene;
+  scene.integrator->properties.clear();
+  SceneOptions options;
+  options.spp = "3";
+  const auto first = prepare_job({scene.scene, {"scene.xml"}}, options, facts);
+  ASSERT_TRUE(first.ok());
+  options.spp = "64";
+  auto more = prepare_job({scene.scene, {"scene.xml"}}, options, facts);
+  ASSERT_TRUE(more.ok());
+  EXPECT_NE(difference(more->settings, first->settings), "");
+  ASSERT_TRUE(keep_effort_of(first->settings, facts, more.value()).ok());
+  EXPECT_EQ(difference(more->settings, first->settings), "");
+  EXPECT_EQ(more->stop.iterations, 22U);
+  options.sets = {"mutations=16"};
+  auto other = prepare_job({scene.scene, {"scene.xml"}}, options, facts);
+  ASSERT_TRUE(other.ok());
+  ASSERT_TRUE(keep_effort_of(first->settings, facts, other.value()).ok());
+  EXPECT_EQ(difference(other->settings, first->settings), "mutations is 16, was 3");
 }
 
 // Claim: what a scene leaves out is Mitsuba's default.

@@ -75,6 +75,32 @@ TEST(Math, InverseTrigonometryIsWithinOneUlp) {
   EXPECT_LE(worst, 1);
 }
 
+TEST(Math, DoubleTrigonometryIsWithinItsBounds) {
+  rng::Stream stream(rng::key(10));
+  double worst = 0;
+  long double worst_sine = 0;
+  for (int i = 0; i < 200000; ++i) {
+    const auto number = [&] {
+      return std::ldexp(stream.next_double() - 0.5, static_cast<int>(stream.next_u32() % 80) - 40);
+    };
+    const double y = number(), x = i % 2 == 0 ? number() : y * (1 + std::ldexp(number(), -10));
+    worst = std::max(worst, double_ulps(math::atan2(y, x), std::atan2(static_cast<long double>(y),
+                                                                      static_cast<long double>(x))));
+    const double angle = (stream.next_double() - 0.5) * (i % 2 == 0 ? 13 : 2000);
+    double s = 0, c = 0;
+    math::sincos(angle, s, c);
+    worst_sine = std::max({worst_sine, std::abs(s - std::sin(static_cast<long double>(angle))),
+                           std::abs(c - std::cos(static_cast<long double>(angle)))});
+  }
+  EXPECT_LE(worst, 4);
+  EXPECT_LE(worst_sine, 1e-15L);
+  EXPECT_EQ(math::atan2(0.0, 1.0), 0);
+  EXPECT_EQ(math::atan2(0.0, -1.0), std::numbers::pi);
+  EXPECT_EQ(math::atan2(-0.0, -1.0), -std::numbers::pi);
+  EXPECT_EQ(math::atan2(1.0, 0.0), std::numbers::pi / 2);
+  EXPECT_TRUE(std::isnan(math::atan2(std::numeric_limits<double>::quiet_NaN(), 1.0)));
+}
+
 TEST(Math, ExponentialsAreWithinTheirBounds) {
   EXPECT_LE(worst_float(-87, 88.7f, math::expf, [](long double x) { return std::exp(x); }), 1);
   EXPECT_LE(worst_float(-1, 1, math::expf, [](long double x) { return std::exp(x); }), 1);

@@ -135,12 +135,11 @@ TEST(DescriptionLegacy, Refusals) {
        "scene.xml:1: '1' is not a pair of wavelength and value (write nanometres and value as '550:0.5', "
        "without "
        "spaces inside)"},
-      {"<bsdf type='mask'><rgb name='opacity' value='1, 0, 0'/><bsdf type='diffuse'/></bsdf>",
-       "scene.xml:1: a coloured opacity is not supported (give one number)"},
-      {"<medium type='homogeneous'/>",
-       "scene.xml:1: medium 'homogeneous' has no coefficients, which before version 2 means the material "
-       "'skin1'; "
-       "named media are not supported (give sigmaA and sigmaS, or sigmaT and albedo)"},
+      {"<medium type='homogeneous'><string name='material' value='syrup of nobody'/></medium>",
+       "scene.xml:1: 'syrup of nobody' is no medium with measured coefficients (there is 'apple', "
+       "'chicken1', "
+       "'chicken2', 'cream', 'ketchup', 'marble', 'potato', 'skimmilk', 'skin1', 'skin2', 'spectralon', "
+       "'wholemilk')"},
       {"<medium type='homogeneous'><rgb name='sigmaA' value='1'/></medium>",
        "scene.xml:1: 'sigmaA' and 'sigmaS' are only valid together"},
       {"<medium type='homogeneous'><rgb name='sigmaA' value='1'/><rgb name='sigmaS' value='-1'/></medium>",

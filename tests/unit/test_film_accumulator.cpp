@@ -75,6 +75,31 @@ TEST(Accumulator, SumsAreOfTheSamples) {
   }
 }
 
+// Claim: add(), which takes few channels and moderate values four at a time, and splat(), which takes one
+// after another, give the same integers: for any number of channels from any channel on, any sign and size,
+// and values that are integers already.
+TEST(Accumulator, FourAtATimeAreOneAfterAnother) {
+  const AccumulatorSpec wide{"wide", 64, 10, Per::job};
+  UnitAccumulator one(1, 1, wide), four(1, 1, wide);
+  Tallies tallies;
+  std::vector<double> values;
+  for (std::uint64_t i = 0; i < 20000; ++i) {
+    rng::Stream random(rng::key(11, i));
+    values.resize(1 + i % 17);
+    // Up to 2^45 times 2^10 units: below and above where the fast way ends.
+    const int largest = static_cast<int>(random.next_u32() % 75) - 30;
+    for (double& value : values) {
+      value = std::ldexp(2 * random.next_double() - 1, largest);
+      if (random.next_u32() % 8 == 0) value = std::ldexp(std::round(std::ldexp(value, 10)), -10);
+    }
+    const std::uint32_t first = random.next_u32() % (64 - static_cast<std::uint32_t>(values.size()));
+    const std::uint64_t key = random.next_u64();
+    ASSERT_TRUE(one.splat(0, 0, first, values, key, tallies));
+    ASSERT_TRUE(four.add(0, 0, first, values, key, tallies));
+    ASSERT_TRUE(std::equal(one.sums(), one.sums() + 64, four.sums())) << "sample " << i;
+  }
+}
+
 // Claim: NaN, infinite and absurdly large values add nothing to any channel and count once, by cause; a sum
 // that leaves 64 bits is noticed.
 TEST(Accumulator, BadSamplesAreCountedAndOverflowNoticed) {

@@ -1,9 +1,11 @@
 // Integrators with a radius for each pixel, unit by unit: settings, plans, maps of levels, statistics.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <numeric>
 
 #include "common/adaptive/channels.h"
+#include "common/stages/decision.h"
 #include "tests/unit/scene_fixture.h"
 #include "worker/render/renderer.h"
 
@@ -74,9 +76,10 @@ std::vector<std::int64_t> sums(const film::UnitAccumulator& sums) {
   return {sums.sums(), sums.sums() + std::size_t{kSize} * kSize * sums.spec().channels};
 }
 
-// Claim: with one level for all pixels, vcmplus renders the film of vcm, and fppm, cppm and appm that of ppm,
-// at a constant radius, bit for bit: with any filter, in media, with any kernel and heuristic.
-TEST(Adaptive, OneLevelIsTheIntegratorWithAConstantRadius) {
+// Claim: with one level for all pixels, vcmplus renders the film of vcm with the same alpha, and fppm, cppm
+// and appm that of ppm at a constant radius, bit for bit: with any filter, in media, with any kernel and
+// heuristic.
+TEST(Adaptive, OneLevelIsTheIntegratorWithoutTests) {
   const std::string fog =
       "<shape type=\"sphere\"><float name=\"radius\" value=\"0.9\"/><bsdf type=\"null\"/><medium "
       "name=\"interior\" type=\"homogeneous\"><float name=\"sigma_t\" value=\"1\"/><rgb name=\"albedo\" "
@@ -87,10 +90,11 @@ TEST(Adaptive, OneLevelIsTheIntegratorWithAConstantRadius) {
         {kBox, {{"radius", "0.03"}}}, {kBox + fog, {{"radius", "0.03"}, {"kernel", "epanechnikov"}}}};
     if (plus) cases.push_back({kBox + fog, {{"merge_media", "true"}, {"heuristic", "power"}}});
     for (const auto& [body, settings] : cases) {
-      SettingsMap constant = settings;
-      constant["alpha"] = "1";
-      const auto adaptive = make(integrator, body, settings, "gaussian");
-      const auto plain = make(plus ? "vcm" : "ppm", body, constant, "gaussian");
+      SettingsMap of_adaptive = settings, of_plain = settings;
+      if (plus) of_adaptive["alpha"] = "0.8";
+      of_plain["alpha"] = plus ? "0.8" : "1";
+      const auto adaptive = make(integrator, body, of_adaptive, "gaussian");
+      const auto plain = make(plus ? "vcm" : "ppm", body, of_plain, "gaussian");
       const Unit unit{Unit::Kind::iterations, 1, 2, 4};
       const auto one = run(*adaptive, constant_map(), unit), other = run(*plain, "", unit);
       // The search for appm's stencil reaches further and finds photons in another order.
@@ -231,6 +235,41 @@ TEST(Adaptive, OtherStatesAreRefused) {
   }
 }
 
+// Claim: appm has sums of media where media merge, and with pilot=reference sums of light and a plane of
+// pilots, whose levels are checked; the statistics follow the pilots, the film does not.
+TEST(Adaptive, PilotsAreAPlaneOfTheState) {
+  const std::string fog =
+      "<shape type=\"sphere\"><float name=\"radius\" value=\"0.9\"/><bsdf type=\"null\"/><medium "
+      "name=\"interior\" type=\"homogeneous\"><float name=\"sigma_t\" value=\"1\"/><rgb name=\"albedo\" "
+      "value=\"0.5, 0.5, 0.5\"/></medium></shape>";
+  const SettingsMap reference = {{"radius", "0.03"}, {"pilot", "reference"}};
+  for (const bool medium : {false, true}) {
+    const auto renderer = make("appm", medium ? kBox + fog : kBox, reference);
+    const auto asked = pilot(*renderer);
+    ASSERT_EQ(asked.work.accumulators.size(), 3U);
+    for (std::size_t i = 0; i < 3; ++i)
+      EXPECT_EQ(asked.work.accumulators[i].channels, medium && i < 2 ? 2U : 1U) << i;
+    const Unit unit{Unit::Kind::iterations, 0, 0, 2};
+    const auto wide = run(*renderer, constant_map() + constant_map(), unit);
+    std::string narrow_pilots = constant_map();
+    std::fill(narrow_pilots.begin(), narrow_pilots.end(), '\x20');
+    const auto narrow = run(*renderer, constant_map() + narrow_pilots, unit);
+    EXPECT_EQ(sums(*wide.accumulators[0]), sums(*narrow.accumulators[0]));
+    EXPECT_NE(sums(*wide.accumulators[1]), sums(*narrow.accumulators[1]));
+    const auto means = sums(*wide.accumulators[2]);
+    EXPECT_GT(std::accumulate(means.begin(), means.end(), std::int64_t{0}), 0);
+    for (const std::string& pilots : {std::string(), std::string(kSize * kSize, '\x4b')}) {
+      UnitOutput output = renderer->make_output(asked.state);
+      UnitInput input;
+      const std::string map = constant_map() + pilots;
+      input.states["appm"] = map;
+      const auto done = renderer->run(unit, input, output, {});
+      ASSERT_FALSE(done.ok());
+      EXPECT_EQ(done.error().field, "states");
+    }
+  }
+}
+
 // Claim: bad settings are errors that name the setting.
 TEST(Adaptive, BadSettingsAreNamed) {
   const std::vector<std::array<std::string, 3>> bad = {
@@ -244,6 +283,12 @@ TEST(Adaptive, BadSettingsAreNamed) {
       {"cppm", "first_batch", "0"},  {"appm", "pilot", "seventh"},
       {"appm", "r_max", "0.0001"},   {"appm", "recursive_correction", "2"},
       {"fppm", "alpha", "0.5"},      {"vcmplus", "layers", "weighted"},
+      {"fppm", "alpha_f", "-0.1"},   {"vcmplus", "alpha_f", "nan"},
+      {"cppm", "alpha_chi", "0"},    {"fppm", "k", "-0.5"},
+      {"vcmplus", "k", "1.2"},       {"vcmplus", "test", "nested"},
+      {"fppm", "rings", "maybe"},    {"fppm", "kappa", "0"},
+      {"appm", "epoch_min", "-2"},   {"vcmplus", "epoch_min", "2.5"},
+      {"fppm", "floor_alpha", "1"},  {"vcmplus", "floor_alpha", "0"},
   };
   for (const auto& [integrator, name, value] : bad) {
     const auto refused = complete_integrator_settings(integrator, {}, {{name, value}});
@@ -304,6 +349,101 @@ TEST(Adaptive, MergingIsALayer) {
     EXPECT_GT(merged, 0);
     EXPECT_LT(merged, all);
   }
+}
+
+// Claim: what a job of some settings may ask for at most is known without its scene: no scene makes more
+// statistics of them, and a plain one as many.
+TEST(Adaptive, LargestWorkIsThatOfSomeScene) {
+  const std::string lamp =
+      "<shape type=\"sphere\"><point name=\"center\" x=\"0\" y=\"0.5\" z=\"0\"/><float name=\"radius\" "
+      "value=\"0.1\"/><emitter type=\"area\"/></shape>";
+  const std::string mirrors = "<shape type=\"sphere\"><bsdf type=\"conductor\"/></shape>";
+  const std::string fog =
+      "<shape type=\"sphere\"><float name=\"radius\" value=\"0.9\"/><bsdf type=\"null\"/><medium "
+      "name=\"interior\" type=\"homogeneous\"><float name=\"sigma_t\" value=\"1\"/></medium></shape>";
+  const auto bytes = [](const WorkPlan& work) { return statistics_bytes(work, kSize, kSize); };
+  for (const std::string& integrator : integrator_names())
+    for (const char* plan : {"auto", "full"}) {
+      SCOPED_TRACE(integrator + " " + plan);
+      const bool radii = std::count(kAdaptive.begin(), kAdaptive.end(), integrator) != 0;
+      JobSettings job;
+      job.integrator = integrator;
+      job.width = job.height = kSize;
+      job.integrator_settings = *complete_integrator_settings(integrator, {}, {{"plan", plan}});
+      const auto largest = largest_work(job);
+      ASSERT_TRUE(largest.ok()) << largest.error().to_string();
+      if (bytes(*largest) == 0 && std::string(plan) == "full") continue;  // one plan is enough
+      std::uint64_t most = 0;
+      for (const std::string& body : {std::string(), kBox, kBox + lamp, kBox + lamp + fog, mirrors + lamp,
+                                      kBox + lamp + "<emitter type=\"constant\"/>"}) {
+        const std::uint64_t needed = bytes(pilot(*make(integrator, body, {{"plan", plan}})).work);
+        EXPECT_LE(needed, bytes(*largest)) << body;
+        most = std::max(most, needed);
+      }
+      EXPECT_EQ(most, bytes(*largest));
+      EXPECT_EQ(most > 0, radii || integrator == "optimis");
+    }
+}
+
+// Claim: the best technique's statistics are known without the scene too, also where not every scene has a
+// technique that reaches all lights.
+TEST(Adaptive, LargestWorkOfTheBestTechnique) {
+  for (const char* selection : {"contribution", "contribution,power"}) {
+    JobSettings job;
+    job.integrator = "optimis";
+    job.width = job.height = kSize;
+    job.integrator_settings =
+        *complete_integrator_settings("optimis", {}, {{"weights", "best"}, {"selection", selection}});
+    const auto largest = largest_work(job);
+    ASSERT_TRUE(largest.ok()) << largest.error().to_string();
+    // Three colors of each technique and of all together, a square of each, and the number of batches.
+    const std::uint64_t techniques = std::string(selection) == "contribution" ? 2 : 3;
+    EXPECT_EQ(statistics_bytes(*largest, kSize, kSize),
+              std::uint64_t{kSize} * kSize * 2 * 8 * (3 * (techniques + 1) + techniques + 1));
+  }
+}
+
+// Claim: what a rule says of its memo's size is the size of its memo.
+TEST(Adaptive, MemosHaveTheStatedSize) {
+  const std::pair<std::string, SettingsMap> jobs[] = {{"fppm", {}},
+                                                      {"fppm", {{"test", "nested"}}},
+                                                      {"fppm", {{"rings", "true"}}},
+                                                      {"cppm", {}},
+                                                      {"appm", {}},
+                                                      {"vcmplus", {}},
+                                                      {"optimis", {{"estimator", "progressive"}}}};
+  for (const auto& [integrator, chosen] : jobs) {
+    JobSettings job;
+    job.integrator = integrator;
+    job.width = job.height = kSize;
+    job.integrator_settings = *complete_integrator_settings(integrator, {}, chosen);
+    WorkPlan work = *largest_work(job);
+    ASSERT_TRUE(work.epochs) << integrator;
+    const auto first = replay(*work.epochs, work.accumulators, 1, kSize, kSize,
+                              [](auto...) { return static_cast<const film::MergedAccumulator*>(nullptr); });
+    ASSERT_TRUE(first.ok()) << first.error().to_string();
+    const std::uint64_t with_memo = statistics_bytes(work, kSize, kSize);
+    work.epochs->rule = "none";
+    EXPECT_EQ(with_memo - statistics_bytes(work, kSize, kSize), first->carry.memo.size()) << integrator;
+  }
+}
+
+// Claim: a job that needs more memory than there is is refused with the film, the bytes, the setting and what
+// to do; one that needs just as much is not.
+TEST(Adaptive, TooLargeFilmsAreRefused) {
+  JobSettings job;
+  job.integrator = "fppm";
+  job.width = 1920;
+  job.height = 1080;
+  job.integrator_settings = *complete_integrator_settings("fppm", {}, {});
+  const WorkPlan work = *largest_work(job);
+  const std::uint64_t needed = std::uint64_t{1920} * 1080 * (13 * 8 * 3 + 1);
+  EXPECT_TRUE(check_statistics(work, job, needed).ok());
+  const auto refused = check_statistics(work, job, needed - 1);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().kind, ErrorKind::input);
+  for (const char* word : {"fppm", "1920 x 1080", "650 MB", "--statistics-memory", "smaller image"})
+    EXPECT_NE(refused.error().to_string().find(word), std::string::npos) << refused.error().to_string();
 }
 
 // Claim: the plan says what statistics cost in memory and on the wire.

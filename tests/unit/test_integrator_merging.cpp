@@ -1,9 +1,14 @@
 // ppm, bpm and vcm as the farm sees them: settings, plans, units, stops.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <vector>
+
 #include "tests/integrators.h"
 #include "tests/unit/scene_fixture.h"
+#include "worker/integrators/merging/pixels_alone.h"
 #include "worker/render/renderer.h"
+#include "worker/transport/film_position.h"
 
 namespace candela::render {
 namespace {
@@ -38,6 +43,45 @@ std::unique_ptr<Renderer> make(const std::string& integrator, const std::string&
 
 std::vector<std::int64_t> sums(const film::UnitFilm& film) {
   return {film.sums(), film.sums() + film.layout().pixel_count() * film::kChannels};
+}
+
+// Claim: a pixel is one tile's alone only if no path of another tile can have its position in it, however
+// far the filter scatters; and most of a tile's pixels are.
+TEST(Merging, PixelsAloneAreReachedFromOneTile) {
+  using integrators::merging::PixelsAlone;
+  constexpr std::uint32_t kTile = film::kTileSize, kWidth = 100, kHeight = 40;
+  const auto tile = [&](std::uint32_t x, std::uint32_t y, double radius) {
+    const std::uint32_t x0 = x / kTile * kTile, y0 = y / kTile * kTile;
+    return PixelsAlone(kWidth, kHeight, radius, x0, y0, std::min(x0 + kTile, kWidth),
+                       std::min(y0 + kTile, kHeight));
+  };
+  for (const double radius : {1e-3, 0.5, 0.75, 1.0, 1.4999, 1.5, 2.0, 3.0, 31.0, 40.0, 200.0}) {
+    std::vector<int> alone(std::size_t{kWidth} * kHeight, -1);  // the tile
+    for (std::uint32_t y = 0; y < kHeight; ++y)
+      for (std::uint32_t x = 0; x < kWidth; ++x)
+        for (std::uint32_t of_y = 0; of_y < kHeight; of_y += kTile)
+          for (std::uint32_t of_x = 0; of_x < kWidth; of_x += kTile) {
+            if (!tile(of_x, of_y, radius).contains(x, y)) continue;
+            int& owner = alone[std::size_t{y} * kWidth + x];
+            EXPECT_EQ(owner, -1) << x << ' ' << y;
+            owner = static_cast<int>(of_y / kTile * 4 + of_x / kTile);
+          }
+    for (std::uint32_t y = 0; y < kHeight; ++y)
+      for (std::uint32_t x = 0; x < kWidth; ++x)
+        for (int place = 0; place < 25; ++place) {
+          const auto shift = [&](int step) { return static_cast<float>(radius * (step - 2) / 2); };
+          const auto at = transport::pixel_of({static_cast<float>(x) + 0.5f + shift(place % 5),
+                                               static_cast<float>(y) + 0.5f + shift(place / 5)},
+                                              kWidth, kHeight);
+          const int owner = alone[std::size_t{at.y} * kWidth + at.x];
+          ASSERT_TRUE(owner == -1 || owner == static_cast<int>(y / kTile * 4 + x / kTile))
+              << radius << ": " << x << ' ' << y << " to " << at.x << ' ' << at.y;
+        }
+    const auto count = std::count_if(alone.begin(), alone.end(), [](int owner) { return owner >= 0; });
+    if (radius <= 2) {
+      EXPECT_GT(count, kWidth * kHeight / 2) << radius;
+    }
+  }
 }
 
 // Claim: a unit is a pure function of its indices, not of threads, nor of how iterations are cut into units.

@@ -33,10 +33,29 @@ TEST(IntegratorTable, RowsSayWhatTheIntegratorsDo) {
     };
     EXPECT_EQ(row.chains, has("chains"));
     EXPECT_EQ(row.merges, has("radius"));
-    EXPECT_EQ(row.epochs, has("epoch_min"));
+    EXPECT_EQ(row.epochs, has("epoch_min") && has("radius"));
     SettingsMap small(row.small.begin(), row.small.end());
     EXPECT_TRUE(render::complete_integrator_settings(row.name, {}, small).ok());
   }
+}
+
+// Claim: bad settings of optimis are errors that name the setting.
+TEST(IntegratorTable, BadSettingsOfOptimisAreNamed) {
+  const std::vector<std::pair<std::string, std::string>> bad = {
+      {"techniques", "bdsf"},       {"techniques", "bsdf,bsdf"},
+      {"techniques", ""},           {"selection", "random"},
+      {"selection", "power,sun"},   {"weights", "best-guess"},
+      {"estimator", "guess"},       {"depth", "3"},
+      {"hide_emitters", "perhaps"}, {"plan", "none"}};
+  for (const auto& [name, value] : bad) {
+    const auto refused = render::complete_integrator_settings("optimis", {}, {{name, value}});
+    ASSERT_FALSE(refused.ok()) << name << '=' << value;
+    EXPECT_EQ(refused.error().field, name) << refused.error().to_string();
+  }
+  const auto unknown = render::complete_integrator_settings("optimis", {}, {{"estimater", "direct"}});
+  ASSERT_FALSE(unknown.ok());
+  EXPECT_NE(unknown.error().to_string().find("'estimator'"), std::string::npos)
+      << unknown.error().to_string();
 }
 
 // Claim: a parameter of an integrator that has an effect in a scene file is a setting of that integrator,
@@ -88,6 +107,34 @@ TEST(IntegratorTable, SettingsHaveTheDefaultsOfTheirWords) {
     ASSERT_EQ(defaults->contains("alpha"), !words.alpha.text.empty());
     if (words.alpha.text.empty()) continue;
     EXPECT_EQ(std::stod(defaults->at("alpha")), words.alpha.value);
+  }
+}
+
+// Claim: what an effort in samples per pixel decides completes the settings of every integrator, and is spent
+// to less than one round more; chains' bootstraps stay within a sixteenth of the work and the defaults.
+TEST(IntegratorTable, EffortsAreSpentInWholeIterations) {
+  for (const test::IntegratorRow& row : test::integrators()) {
+    for (const std::uint64_t spp :
+         {std::uint64_t{1}, std::uint64_t{5}, std::uint64_t{16}, std::uint64_t{100}, std::uint64_t{1} << 62})
+      for (const std::uint64_t pixels : {std::uint64_t{1}, std::uint64_t{64 * 48}, std::uint64_t{1} << 32}) {
+        SCOPED_TRACE(fmt::format("{}, {} spp, {} pixels", row.name, spp, pixels));
+        const auto effort = render::integrator_settings_of_effort(row.name, spp, pixels);
+        ASSERT_TRUE(effort.ok());
+        EXPECT_EQ(effort->contains("mutations"), row.chains);
+        const auto settings = render::complete_integrator_settings(row.name, effort.value(), {});
+        ASSERT_TRUE(settings.ok()) << settings.error().to_string();
+        const auto each = render::samples_per_iteration(row.name, settings.value());
+        ASSERT_TRUE(each.ok());
+        EXPECT_EQ(each.value() > 1, row.chains && spp > 1);
+        const std::uint64_t rounds = (spp + each.value() - 1) / each.value();
+        EXPECT_LT(rounds * each.value() - spp, rounds);
+        if (!row.chains) continue;
+        const double bootstrap = std::stod(settings->at("bootstrap"));
+        EXPECT_GE(bootstrap, 4000);
+        EXPECT_LE(bootstrap, 100000);
+        const double work = static_cast<double>(spp) * static_cast<double>(pixels);
+        EXPECT_LE(bootstrap, std::max(4000.0, work / 16));
+      }
   }
 }
 

@@ -33,6 +33,7 @@ std::string deflate_all(const std::string& raw) {
 struct Plan {
   std::uint16_t version = 4;
   bool doubles = false, normals = true, uvs = true, colors = false;
+  bool names_precision = true;  // in the flags
   std::uint32_t extra_flags = 0;
   std::uint64_t vertex_claim = 4, triangle_claim = 2;
   std::uint32_t last_index = 3;
@@ -43,7 +44,10 @@ struct Plan {
 std::string body(const Plan& plan) {
   std::string raw;
   put<std::uint32_t>(raw, (plan.normals ? 1u : 0u) | (plan.uvs ? 2u : 0u) | (plan.colors ? 8u : 0u) |
-                              (plan.doubles ? 0x2000u : 0x1000u) | plan.extra_flags);
+                              (!plan.names_precision ? 0u
+                               : plan.doubles        ? 0x2000u
+                                                     : 0x1000u) |
+                              plan.extra_flags);
   if (plan.version == 4) raw += std::string("name") + '\0';
   put<std::uint64_t>(raw, plan.vertex_claim);
   put<std::uint64_t>(raw, plan.triangle_claim);
@@ -123,6 +127,18 @@ TEST(SerializedLoader, ReadsVersionsPrecisionsAndIndices) {
   }
 }
 
+// Flags that name no precision mean single precision, as in Mitsuba 0.6.
+TEST(SerializedLoader, PrecisionIsSingleUnlessFlagsSayMore) {
+  const auto named = load_serialized(file({Plan{}}), "a.serialized", 0);
+  const auto unnamed = load_serialized(file({Plan{.names_precision = false}}), "a.serialized", 0);
+  ASSERT_TRUE(named.ok() && unnamed.ok());
+  ASSERT_EQ(unnamed->positions.size(), named->positions.size());
+  for (std::size_t i = 0; i < named->positions.size(); ++i) {
+    EXPECT_EQ(unnamed->positions[i].x, named->positions[i].x);
+    EXPECT_EQ(unnamed->positions[i].y, named->positions[i].y);
+  }
+}
+
 TEST(SerializedLoader, RefusesDamageAndLies) {
   const std::string good = file({Plan{}});
   EXPECT_EQ(error_of(good), "no error");
@@ -144,7 +160,7 @@ TEST(SerializedLoader, RefusesDamageAndLies) {
             "a.serialized: the compressed mesh data end early or are damaged");
   EXPECT_EQ(error_of(file({Plan{.triangle_claim = 0}})), "a.serialized: mesh 0 has no triangles");
   EXPECT_EQ(error_of(file({Plan{.extra_flags = 0x2000}})),
-            "a.serialized: the mesh's flags name neither single nor double precision, or both");
+            "a.serialized: the mesh's flags name both single and double precision");
   std::string many = good;
   many[many.size() - 4] = '\x7f';
   EXPECT_EQ(error_of(many),

@@ -308,7 +308,7 @@ TEST_F(ChainSchedulerTest, RestartsLoseNothingElse) {
   };
   std::vector<float> values;
   for (std::uint64_t i = 0; i < 600; ++i) values.push_back(contribution(i));
-  RestoredChains restored;
+  RestoredStages restored;
   restored.bootstrap = {{"j", 0, {values.begin(), values.begin() + 200}, {1, 0, 0, 0}},
                         {"j", 400, {values.begin() + 400, values.end()}, {2, 0, 0, 0}}};
   s->restore(j, {}, {},

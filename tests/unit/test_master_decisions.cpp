@@ -122,6 +122,33 @@ TEST(FilmDecisions, FoldAWholeEpochOnce) {
   EXPECT_TRUE(film.accumulator("moments", 0)->serialise() == zeros);
 }
 
+// Claim: a snapshot has the carry, and the sums of the epochs that are not in it, of one moment.
+TEST(FilmDecisions, SnapshotsHaveTheRest) {
+  test::TemporaryFolder folder;
+  JobFilm film = job_film(folder.path());
+  ASSERT_TRUE(film.ensure_loaded().ok());
+  EXPECT_TRUE(film.snapshot().open_epochs.empty());
+  EXPECT_FALSE(film.snapshot().carry);
+  decide(film);
+  merge(film, 0);
+  merge(film, 1);
+  ASSERT_EQ(*film.merge(delta_of(1, 2)), JobFilm::Outcome::merged);
+  const auto count = [&](const JobFilm::Snapshot& snapshot) {
+    auto sums = film::MergedAccumulator(kLayout.width, kLayout.height, kSpecs[0]);
+    EXPECT_TRUE(sums.merge(snapshot.carry->sums.at(0)).ok());
+    for (const auto& epoch : snapshot.open_epochs) EXPECT_TRUE(sums.merge(*epoch.at(0)).ok());
+    return sums.serialise();
+  };
+  const JobFilm::Snapshot before = film.snapshot();
+  EXPECT_EQ(before.open_epochs.size(), 3U);
+  const std::string all = count(before);
+  decide(film);
+  const JobFilm::Snapshot after = film.snapshot(JobFilm::Part::image);
+  EXPECT_EQ(after.open_epochs.size(), 1U) << "epochs 0 and 1 are folded";
+  EXPECT_TRUE(count(after) == all);
+  EXPECT_TRUE(count(before) == all) << "the reader keeps what it has";
+}
+
 // Claim: a checkpoint is as large after thirty epochs as after eight, but for the list of states.
 TEST(FilmDecisions, CheckpointsStayBounded) {
   test::TemporaryFolder folder;

@@ -136,7 +136,7 @@ TEST_F(EpochSchedulerTest, ALostFilmKeepsTheStates) {
   JobRow row = s->job("j")->row;
   s = std::make_unique<Scheduler>(options(), 2, 1000);
   worker("a");
-  RestoredChains restored;
+  RestoredStages restored;
   restored.states = states;
   s->restore(row, {}, {}, {}, {}, now(), restored);
   EXPECT_EQ(s->job("j")->states, states);

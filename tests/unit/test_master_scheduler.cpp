@@ -135,6 +135,24 @@ TEST_F(SchedulerTest, HeartbeatsKeepWhatTheyName) {
   EXPECT_EQ(s->expired_count(), 1U);
 }
 
+// Claim: the memory of a job's workers is the largest that its present workers told.
+TEST_F(SchedulerTest, MemoryIsOfTheLargestWorkerOfTheJob) {
+  worker("a");
+  worker("b");
+  worker("idle");
+  job("j", 100);
+  EXPECT_EQ(s->worker_memory_of("j"), 0U);
+  s->note_memory("a", 700);
+  s->note_memory("b", 900);
+  s->note_memory("idle", 5000);
+  s->note_memory("nobody", 9000);
+  EXPECT_EQ(s->worker_memory_of("j"), 0U) << "nobody renders it";
+  ASSERT_TRUE(lease("a"));
+  EXPECT_EQ(s->worker_memory_of("j"), 700U);
+  ASSERT_TRUE(lease("b"));
+  EXPECT_EQ(s->worker_memory_of("j"), 900U);
+}
+
 // Claim: a lease that its live worker does not name is open again within seconds, not after lease times:
 // after a restart the end of a job does not wait for units that died with their process. The late delivery is
 // refused.

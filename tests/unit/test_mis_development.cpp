@@ -20,8 +20,8 @@ constexpr int kFilmScale = 20;
 
 WorkPlan plan_of(const test::MisProblem& p, std::string_view estimator) {
   WorkPlan plan;
-  plan.accumulators = optimal_mis::accumulators(p.size(), kFilmScale);
-  plan.development = optimal_mis::plan(p.allocation, estimator);
+  plan.accumulators = pixel_sums::specs(p.size(), kFilmScale, film::AccumulatorSpec::Per::job);
+  plan.development = optimal_mis::plan(optimal_mis::kName, p.allocation, estimator);
   return plan;
 }
 
@@ -74,7 +74,7 @@ struct Job {
 
   DevelopmentInput input(std::string_view estimator) const {
     return {*plan.development, estimator, kWidth, kHeight, [this](std::string_view name, std::uint32_t half) {
-              return &sums[name == optimal_mis::kMatrix ? 0 : 1][half];
+              return &sums[name == pixel_sums::kMatrix ? 0 : 1][half];
             }};
   }
   film::Development development(std::string_view estimator) const {
@@ -154,9 +154,9 @@ TEST(MisDevelopment, MatrixCountsSamples) {
     mis::Sums sums;
     for (std::uint32_t i = 0; i < 3; ++i)
       sums.a[i] =
-          static_cast<double>(job.sums[0][0].sum(x, 7, i)) * std::ldexp(1.0, -optimal_mis::kMatrixScale);
+          static_cast<double>(job.sums[0][0].sum(x, 7, i)) * std::ldexp(1.0, -pixel_sums::kMatrixScale);
     EXPECT_NEAR(sums.samples(job.problem.allocation), 24,
-                2 * 27.0 * 8 * std::ldexp(1.0, -optimal_mis::kMatrixScale - 1));
+                2 * 27.0 * 8 * std::ldexp(1.0, -pixel_sums::kMatrixScale - 1));
   }
 }
 

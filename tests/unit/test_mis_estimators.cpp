@@ -125,6 +125,29 @@ TEST(MisEstimators, BiasIsSeenAndAbsent) {
   }
 }
 
+// Claim: the bias of the direct estimator falls as one over the number of batches, by what theory computed
+// for 128 of them.
+TEST(MisEstimators, DirectBiasFalls) {
+  struct Case {
+    const char* problem;
+    double bias, standard_error;
+  };
+  for (const Case& c : {Case{"D2", 6.74e-4, 8e-6}, Case{"D5", 3.81e-4, 5e-6}}) {
+    const MisProblem p = test::mis_problem(c.problem);
+    const mis::Slopes exact = exact_slopes(p);
+    constexpr int kBatches = 128;
+    Mean direct;
+    for (std::uint64_t seed = 0; seed < 10000; ++seed) {
+      rng::Stream random(rng::key(13, seed));
+      const Sums all = test::mis_batches(p, kBatches, random);
+      direct.add(direct_without_ridge(p.allocation, all, kBatches) -
+                 estimate(p.allocation, all, exact, kBatches));
+    }
+    EXPECT_NEAR(direct.mean(), c.bias, kSigmas * std::hypot(direct.error(), c.standard_error)) << c.problem;
+    EXPECT_GT(direct.mean(), 2 * kSigmas * direct.error()) << "the test must see this bias";
+  }
+}
+
 // Claim: crossfit is nearly optimal from 32 batches on, and costs little where there is nothing to gain.
 TEST(MisEstimators, VarianceOfCrossfit) {
   const auto variance = [](const MisProblem& p, int batches, int runs) {

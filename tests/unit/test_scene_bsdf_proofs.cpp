@@ -105,6 +105,71 @@ void add_plastics(std::vector<BsdfConfiguration>& all) {
   one("roughplastic", "without_gloss", "<rgb name='specular_reflectance' value='0 0 0'/>" + red, 0);
 }
 
+// The bsdfs of Mitsuba 0.6 that Mitsuba 3 lacks.
+void add_old_bsdfs(std::vector<BsdfConfiguration>& all) {
+  const auto one = [&](const std::string& plugin, const std::string& name, const std::string& inside,
+                       double least = 0) {
+    all.push_back({.name = plugin + "_" + name,
+                   .xml = "<bsdf type='" + plugin + "'>" + inside + "</bsdf>",
+                   .least_albedo = least});
+  };
+  const std::string gray = "<rgb name='reflectance' value='0.8 0.4 0.1'/>";
+  one("roughdiffuse", "default", "", 0.4);
+  one("roughdiffuse", "flat", gray + number("alpha", "0"));
+  one("roughdiffuse", "coarse", gray + number("alpha", "0.7"));
+  one("roughdiffuse", "fast",
+      gray + number("alpha", "0.5") + "<boolean name='use_fast_approx' value='true'/>");
+  all.push_back({.name = "roughdiffuse_two_sided",
+                 .xml = "<bsdf type='twosided'><bsdf type='roughdiffuse'>" + gray + "</bsdf></bsdf>"});
+  one("difftrans", "default", "");
+  one("difftrans", "white", "<rgb name='transmittance' value='1'/>", 1);
+  one("difftrans", "colored", "<rgb name='transmittance' value='0.9 0.3 0'/>");
+  const auto layer = [&](const std::string& name, const std::string& s, const std::string& a,
+                         const std::string& more, double least = 0) {
+    one("hk", name, "<rgb name='sigma_s' value='" + s + "'/><rgb name='sigma_a' value='" + a + "'/>" + more,
+        least);
+  };
+  layer("thin", "0.5 0.8 0.2", "0 0.1 0.4", "");
+  layer("thick", "9 5 7", "1 0 0", number("thickness", "2"));
+  layer("forward", "1", "0.2", "<phase type='hg'><float name='g' value='0.7'/></phase>");
+  layer("rayleigh", "1", "0", number("thickness", "0.3") + "<phase type='rayleigh'/>", 0.7);
+  layer("nothing", "0", "0", "", 1);
+  one("hk", "by_albedo", "<rgb name='sigma_t' value='2'/><rgb name='albedo' value='0.9 0.5 0'/>");
+  const std::string white = "<bsdf type='diffuse'><rgb name='reflectance' value='1'/></bsdf>";
+  one("coating", "white", white, 0.4);
+  one("coating", "absorbing", "<rgb name='sigma_a' value='0.1 0.5 2'/>" + number("thickness", "0.5") + white);
+  one("coating", "denser_outside", number("int_ior", "1") + number("ext_ior", "1.5") + white);
+  one("coating", "matched", number("int_ior", "1.2") + number("ext_ior", "1.2") + white, 1);
+  one("coating", "of_mirror", "<bsdf type='conductor'/>", 0.8);
+  one("coating", "of_rough_metal", "<bsdf type='roughconductor'><float name='alpha' value='0.15'/></bsdf>",
+      0.4);
+  one("coating", "of_plastic", "<bsdf type='plastic'/>");
+  one("coating", "without_gloss", "<rgb name='specular_reflectance' value='0'/>" + white);
+  const std::string satin = "<bsdf type='roughconductor'><float name='alpha' value='0.15'/></bsdf>";
+  one("roughcoating", "white", white, 0.4);
+  one("roughcoating", "wide_ggx",
+      "<string name='distribution' value='ggx'/>" + number("alpha", "0.6") + white, 0.3);
+  one("roughcoating", "narrow", number("alpha", "0.01") + white, 0.4);
+  one("roughcoating", "all_normals",
+      number("alpha", "0.3") + "<boolean name='sample_visible' value='false'/>" + white);
+  one("roughcoating", "absorbing",
+      "<rgb name='sigma_a' value='0.1 0.5 2'/><rgb name='specular_reflectance' value='1 0.5 0'/>" + white);
+  one("roughcoating", "of_mirror", "<bsdf type='conductor'/>", 0.6);
+  one("roughcoating", "of_rough_metal", number("alpha", "0.3") + satin, 0.3);
+  one("roughcoating", "matched", number("int_ior", "1.2") + number("ext_ior", "1.2") + white, 0.9);
+  one("roughcoating", "without_gloss", "<rgb name='specular_reflectance' value='0'/>" + white);
+  all.push_back(
+      {.name = "roughcoating_two_sided",
+       .xml = "<bsdf type='twosided'><bsdf type='roughcoating'><bsdf type='plastic'/></bsdf></bsdf>"});
+  one("roughcoating", "of_two_sides",
+      "<bsdf type='twosided'><bsdf type='diffuse'/><bsdf type='conductor'/></bsdf>");
+  all.push_back({.name = "coating_two_sided",
+                 .xml = "<bsdf type='twosided'><bsdf type='coating'><bsdf type='blendbsdf'><bsdf "
+                        "type='conductor'/><bsdf type='diffuse'/></bsdf></bsdf></bsdf>"});
+  one("coating", "of_two_sides",
+      "<bsdf type='twosided'><bsdf type='diffuse'/><bsdf type='conductor'/></bsdf>");
+}
+
 std::vector<BsdfConfiguration> configurations() {
   std::vector<BsdfConfiguration> all;
 
@@ -167,6 +232,7 @@ std::vector<BsdfConfiguration> configurations() {
 
   add_rough_dielectrics(all);
   add_plastics(all);
+  add_old_bsdfs(all);
 
   all.push_back({.name = "thindielectric", .xml = "<bsdf type='thindielectric'/>", .least_albedo = 1});
   all.push_back({.name = "thindielectric_denser_outside",

@@ -83,7 +83,7 @@ TEST(SceneBuild, SphereHasMitsubasParameterisation) {
   hit = shoot(**scene, {1, 2, 3}, {0, 0, 1});  // from inside: the outside stays outside
   expect_near(hit.ng, {0, 0, 1});
   EXPECT_EQ(build_scene("<shape type=\"sphere\"><transform name=\"to_world\"><scale x=\"1\" y=\"2\" "
-                        "z=\"1\"/></transform></shape>")
+                        "z=\"1\"/></transform><emitter type=\"area\"/></shape>")
                 .error()
                 .message,
             "shape 'sphere': to_world scales unevenly or shears, which would make it an ellipsoid");
@@ -120,7 +120,10 @@ TEST(SceneBuild, DiskHasMitsubasParameterisation) {
   expect_near(hit.ng, {0, 0, -1});
   EXPECT_NEAR(hit.uv.y, 0.25f, 1e-6f);
   EXPECT_EQ(
-      place("<transform name=\"to_world\"><scale x=\"1\" y=\"2\" z=\"1\"/></transform>").error().message,
+      place(
+          "<transform name=\"to_world\"><scale x=\"1\" y=\"2\" z=\"1\"/></transform><emitter type=\"area\"/>")
+          .error()
+          .message,
       "shape 'disk': to_world scales unevenly or shears, which would make it an ellipse");
   EXPECT_EQ(place(matrix({1, 0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1})).error().message,
             "the transform 'to_world' is singular");
@@ -159,7 +162,9 @@ TEST(SceneBuild, CylinderHasMitsubasParameterisation) {
   expect_near(hit.ng, {0, 0, -1});
   EXPECT_NEAR(hit.uv.y, 0.25f, 1e-6f);
   EXPECT_EQ(
-      place("<transform name=\"to_world\"><scale x=\"2\"/></transform>").error().message,
+      place("<transform name=\"to_world\"><scale x=\"2\"/></transform><emitter type=\"area\"/>")
+          .error()
+          .message,
       "shape 'cylinder': to_world scales unevenly across the axis or shears, which would make it no circular "
       "cylinder");
   EXPECT_EQ(place("<point name=\"p1\" x=\"0\" y=\"0\" z=\"0\"/>").error().message,

@@ -1,7 +1,7 @@
 // Claims: for every kind of emitter with an extent, the directions sample_direct draws follow the density
 // that pdf_direct_* states (chi-squared over directions, from references near, far, aside and behind, with
 // and without a front), densities integrate to one or to the fraction that can be reached, and the radiance
-// of a sample is what a ray in its direction finds. False-alarm rate: about 70 chi-squared tests at 1e-7:
+// of a sample is what a ray in its direction finds. False-alarm rate: about 75 chi-squared tests at 1e-7:
 // below 1e-5. Seeds are fixed, so that a test that passes keeps passing.
 #include <gtest/gtest.h>
 
@@ -13,6 +13,7 @@
 #include "tests/unit/chi_squared.h"
 #include "tests/unit/light_cases.h"
 #include "tests/unit/scene_fixture.h"
+#include "worker/scene/emitters/lights.h"
 
 namespace candela::scene {
 namespace {
@@ -29,17 +30,21 @@ struct View {
   Vec3 p, front;
 };
 
-// Density of sample_direct along d, where its light is what a ray finds there.
-double density_along(const Scene& scene, const SurfaceHit& reference, Vec3 front, Vec3 d) {
+// Density of the sampler along d, where its light is what a ray finds there.
+double density_along(const Scene& scene, PointSampler point, const SurfaceHit& reference, Vec3 front,
+                     Vec3 d) {
   if (length_squared(front) > 0 && !(dot(front, d) > 0)) return 0;
   SurfaceHit hit;
   if (!scene.intersect({reference.p, d}, hit))
     return static_cast<double>(scene.pdf_direct_environment_solid_angle(reference, front, d));
   if (hit.emitter == kNone || !(dot(hit.ng, d) < 0)) return 0;
+  if (point != PointSampler::own)
+    return static_cast<double>(scene.lights().pdf_point_solid_angle(reference, front, d, hit, point));
   return static_cast<double>(scene.pdf_direct_solid_angle(reference, front, d, hit));
 }
 
-void check(const LightCase& light, const View& view, std::uint64_t seed) {
+void check(const LightCase& light, const View& view, std::uint64_t seed,
+           PointSampler point = PointSampler::own) {
   auto built = build_scene(light.body, test::light_files());
   ASSERT_TRUE(built.ok()) << built.error().to_string();
   const Scene& scene = **built;
@@ -59,7 +64,8 @@ void check(const LightCase& light, const View& view, std::uint64_t seed) {
     DirectSample out;
     const float u = draws.next();
     std::size_t where = kBins * kBins;
-    if (scene.sample_direct(reference, view.front, u, draws.next_2d(), out) == DirectOutcome::sampled) {
+    if (scene.lights().sample(reference, view.front, u, draws.next_2d(), out, LightTechnique::adapted,
+                              point) == DirectOutcome::sampled) {
       ASSERT_NEAR(length(out.wi), 1, 1e-5f);
       ASSERT_GT(out.pdf_solid_angle, 0);
       SurfaceHit hit;
@@ -74,9 +80,9 @@ void check(const LightCase& light, const View& view, std::uint64_t seed) {
         };
         where = cell(a) * kBins + cell(b);
         if (met && dot(hit.ng, out.wi) < -0.05f) {
-          ASSERT_NEAR(
-              density_along(scene, reference, view.front, out.wi) / static_cast<double>(out.pdf_solid_angle),
-              1, 1e-2)
+          ASSERT_NEAR(density_along(scene, point, reference, view.front, out.wi) /
+                          static_cast<double>(out.pdf_solid_angle),
+                      1, 1e-2)
               << light.name;
           if (!light.name.starts_with("textured")) {
             ASSERT_NEAR(scene.emitted(hit, -out.wi).g, out.radiance.g, 1e-4f * out.radiance.g);
@@ -98,8 +104,8 @@ void check(const LightCase& light, const View& view, std::uint64_t seed) {
           2 * kPi * ((static_cast<double>(j) + static_cast<double>(draws.next())) / (kBins * kFine) - 0.5);
       const double r = std::sqrt(std::max(0.0, 1 - z * z));
       const Vec3 d = normalize(frame.to_world(Vec3(Vec3d{r * std::cos(phi), r * std::sin(phi), z})));
-      const double p =
-          density_along(scene, reference, view.front, d) * 2 * kPi * cap / (kBins * kFine * kBins * kFine);
+      const double p = density_along(scene, point, reference, view.front, d) * 2 * kPi * cap /
+                       (kBins * kFine * kBins * kFine);
       expected[i / kFine * kBins + j / kFine] += p * kSamples;
       total += p;
     }
@@ -130,15 +136,16 @@ void check(const LightCase& light, const View& view, std::uint64_t seed) {
       << light.name << " from " << view.p.x << " " << view.p.y << " " << view.p.z << " total " << total;
 }
 
+const std::vector<View> views = {
+    {{0, 0, 0}, {}},
+    {{0.1f, 0.2f, 1.2f}, {}},                              // near
+    {{1.5f, -1, 1.7f}, {}},                                // aside
+    {{0.3f, -0.2f, -6}, {}},                               // far
+    {{0.2f, 0, 3.5f}, {}},                                 // behind
+    {{0.4f, 0.2f, 1.3f}, normalize(Vec3{1, 0.3f, 0.4f})},  // a front that cuts it
+};
+
 TEST(DirectSampling, FollowsItsDensity) {
-  const std::vector<View> views = {
-      {{0, 0, 0}, {}},
-      {{0.1f, 0.2f, 1.2f}, {}},                              // near
-      {{1.5f, -1, 1.7f}, {}},                                // aside
-      {{0.3f, -0.2f, -6}, {}},                               // far
-      {{0.2f, 0, 3.5f}, {}},                                 // behind
-      {{0.4f, 0.2f, 1.3f}, normalize(Vec3{1, 0.3f, 0.4f})},  // a front that cuts it
-  };
   std::uint64_t seed = 0;
   for (const LightCase& light : test::light_cases()) {
     if (light.area == 0 && light.name != "constant" && light.name != "envmap") continue;  // delta
@@ -147,6 +154,14 @@ TEST(DirectSampling, FollowsItsDensity) {
   // Inside.
   for (const LightCase& light : test::light_cases())
     if (light.name.starts_with("inner")) check(light, {{0, 0.05f, 2.1f}, {}}, ++seed);
+}
+
+// The same of points in the solid angle of triangles.
+TEST(DirectSampling, FollowsItsDensityInTheSolidAngleOfTriangles) {
+  std::uint64_t seed = 1000;
+  for (const LightCase& light : test::light_cases())
+    if (light.name == "cube")
+      for (const View& view : views) check(light, view, ++seed, PointSampler::spherical);
 }
 
 }  // namespace

@@ -193,6 +193,14 @@ TEST(Emission, DirectionsFollowTheirDensity) {
         b = turn(static_cast<double>(l.y), static_cast<double>(l.x));
         ASSERT_LT(a, 1 + 1e-5);
         ASSERT_NEAR(static_cast<double>(out.pdf_solid_angle) * 2 * kPi * cap, 1, 1e-4);
+      } else if (light.name == "projector") {
+        // Uniform over the picture, which reaches tan(30 degrees) to each side at distance 1.
+        const double half = std::tan(30 * kPi / 180);
+        const Vec3 left = normalize(cross(Vec3{0, 1, 0}, axis)), up = cross(axis, left);
+        const double z = static_cast<double>(dot(d, axis));
+        a = 0.5 - 0.5 * static_cast<double>(dot(d, left)) / z / half;
+        b = 0.5 - 0.5 * static_cast<double>(dot(d, up)) / z / half;
+        ASSERT_NEAR(static_cast<double>(out.pdf_solid_angle) * 4 * half * half * z * z * z, 1, 1e-4);
       } else {
         a = 0.5 - 0.5 * static_cast<double>(d.z);
         b = turn(static_cast<double>(d.y), static_cast<double>(d.x));
@@ -274,7 +282,11 @@ TEST(Emission, DensitiesOfDirectSamplesAreThoseOfEmission) {
         EXPECT_NEAR(density.pdf_area / other.pdf_area, 1, 1e-5f);
         EXPECT_EQ(density.delta_position, other.delta_position);
         EXPECT_EQ(density.delta_direction, other.delta_direction);
-        if (light.area == 0 && light.name != "envmap") {
+        if (light.name == "projector") {
+          const double cosine = static_cast<double>(-dot(direct.wi, normalize(Vec3{0.1f, -0.1f, -2})));
+          EXPECT_NEAR(static_cast<double>(density.pdf_solid_angle) * 4 / 3 * cosine * cosine * cosine, 1,
+                      1e-4);
+        } else if (light.area == 0 && light.name != "envmap") {
           EXPECT_NEAR(density.pdf_solid_angle / other.pdf_solid_angle, 1, 1e-5f);
         }
       }
@@ -387,6 +399,50 @@ TEST(Emission, OfNothingIsNothing) {
   ASSERT_NE(scene, nullptr);
   EmissionSample out;
   EXPECT_FALSE(scene->sample_emission(0.5f, {0.5f, 0.5f}, {0.5f, 0.5f}, out));
+}
+
+// Claim: a projector's picture is upright and not mirrored for who looks along it, fov spans its width, and
+// the irradiance of a plane across the axis is pi E / z^2 wherever on it, dark beside the picture.
+TEST(Projectors, ShowTheirPictureOnAPlane) {
+  // 2 x 1 texels: red to the left, green to the right.
+  std::string picture = "PF\n2 1\n-1.0\n";
+  for (const float v : {1.0f, 0.0f, 0.0f, 0.0f, 1.0f, 0.0f}) {
+    char bytes[4];
+    __builtin_memcpy(bytes, &v, 4);
+    picture.append(bytes, 4);
+  }
+  const auto scene = build_scene(
+      "<emitter type=\"projector\"><float name=\"fov\" value=\"90\"/><float name=\"scale\" "
+      "value=\"2\"/><texture "
+      "name=\"irradiance\" type=\"bitmap\"><string name=\"filename\" value=\"p.pfm\"/><string "
+      "name=\"filter_type\" value=\"nearest\"/></texture></emitter>" +
+          kFloor,
+      {{"p.pfm", picture}});
+  ASSERT_TRUE(scene.ok()) << scene.error().to_string();
+  const auto irradiance = [&](Vec3 p) {
+    DirectSample out;
+    const Vec3 back{0, 0, -1};
+    const DirectOutcome outcome =
+        (*scene)->sample_direct(test::point_reference(p, back), back, 0.5f, {0.5f, 0.5f}, out);
+    return outcome == DirectOutcome::sampled ? out.radiance * dot(out.wi, back) : Spectrum();
+  };
+  // +x is to the left; the picture is twice as wide as high: half its height is 1/2 at distance 1.
+  for (const float z : {1.0f, 3.0f}) {
+    for (const Vec2 at : {Vec2{0.9f, 0.4f}, Vec2{0.1f, -0.45f}, Vec2{0.5f, 0}}) {
+      const Spectrum left = irradiance({at.x * z, at.y * z, z}), right = irradiance({-at.x * z, at.y * z, z});
+      EXPECT_NEAR(left.r * z * z, 2 * kPi, 1e-4);
+      EXPECT_EQ(left.g, 0);
+      EXPECT_NEAR(right.g * z * z, 2 * kPi, 1e-4);
+      EXPECT_EQ(right.r, 0);
+    }
+    EXPECT_TRUE(irradiance({1.1f * z, 0, z}).is_black());
+    EXPECT_TRUE(irradiance({0, 0.55f * z, z}).is_black());
+    EXPECT_TRUE(irradiance({0.1f, 0.1f, -z}).is_black());
+  }
+  for (const char* bad : {"<float name=\"fov\" value=\"60\"/><string name=\"focal_length\" value=\"50mm\"/>",
+                          "<transform name=\"to_world\"><scale x=\"2\"/></transform>"}) {
+    EXPECT_FALSE(build_scene(std::string("<emitter type=\"projector\">") + bad + "</emitter>").ok()) << bad;
+  }
 }
 
 // Mitsuba's falloff, by hand, and its refusals.

@@ -44,15 +44,18 @@ const std::string kPointLamp =
     "<emitter type=\"point\"><point name=\"position\" x=\"0\" y=\"0\" z=\"2\"/></emitter>";
 
 // The density that a technique states for the direction of `light`, by the point alone.
-float stated_density(const Lights& lights, LightTechnique technique, const SurfaceHit& reference, Vec3 front,
-                     const DirectSample& light) {
+float stated_density(const Lights& lights, LightTechnique technique, PointSampler point,
+                     const SurfaceHit& reference, Vec3 front, const DirectSample& light) {
   if (light.delta) return lights.prob(reference.p, front, light.emitter, technique);
   if (light.infinite) return lights.pdf_environment_solid_angle(reference, front, light.wi, technique);
   SurfaceHit hit;
   hit.p = light.p;
   hit.ng = light.ng;
   hit.emitter = light.emitter;
-  return lights.pdf_solid_angle(reference, front, light.wi, hit, technique);
+  hit.primitive = light.primitive;
+  if (point == PointSampler::own) return lights.pdf_solid_angle(reference, front, light.wi, hit, technique);
+  return lights.pdf_point_solid_angle(reference, front, light.wi, hit, point) *
+         lights.prob(reference.p, front, light.emitter, technique);
 }
 
 struct Case {
@@ -167,22 +170,26 @@ TEST(DirectOutcomes, HaveTheStatedDensityInEveryTechnique) {
     auto scene = build_scene(body, light_files());
     ASSERT_TRUE(scene.ok()) << scene.error().to_string();
     const Lights& lights = (*scene)->lights();
-    for (const LightTechnique technique : kLightTechniques) {
+    constexpr PointSampler kPoints[] = {PointSampler::own, PointSampler::spherical, PointSampler::area,
+                                        PointSampler::parallel};
+    for (int i = 0; i < 12; ++i) {
+      const LightTechnique technique = kLightTechniques[i / 4];
+      const PointSampler point = kPoints[i % 4];
       Draws draws(31, 2);
       std::array<int, 3> counts{};
-      for (int i = 0; i < 20000; ++i) {
+      for (int k = 0; k < 20000; ++k) {
         const SurfaceHit reference = point_reference({0.3f, -0.4f, 0.2f});
-        const Vec3 front = i % 2 == 0 ? Vec3{} : normalize(Vec3{1, 0.5f, 0.3f});
+        const Vec3 front = k % 2 == 0 ? Vec3{} : normalize(Vec3{1, 0.5f, 0.3f});
         DirectSample light;
         const float u = draws.next();
-        const auto outcome = lights.sample(reference, front, u, draws.next_2d(), light, technique);
+        const auto outcome = lights.sample(reference, front, u, draws.next_2d(), light, technique, point);
         ++counts[static_cast<std::size_t>(outcome)];
         if (outcome == DirectOutcome::failed) continue;
-        const float stated = stated_density(lights, technique, reference, front, light);
+        const float stated = stated_density(lights, technique, point, reference, front, light);
         ASSERT_NEAR(stated / light.pdf_solid_angle, 1, 2e-3f)
-            << "technique " << static_cast<int>(technique) << ", emitter " << light.emitter;
+            << "technique " << i << ", emitter " << light.emitter;
       }
-      for (const int count : counts) EXPECT_GT(count, 0) << "technique " << static_cast<int>(technique);
+      for (const int count : counts) EXPECT_GT(count, 0) << "technique " << i;
     }
   }
 }

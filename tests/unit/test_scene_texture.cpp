@@ -167,6 +167,18 @@ TEST(Texture, BytesAreSrgbUnlessRaw) {
 }
 
 // Claim: Mitsuba's checkerboard: color0 where both halves agree.
+// Claim: a raw constant may be a number, a color, or a vector, which all mean the same texture.
+TEST(Texture, RawConstantTakesAVector) {
+  const MemoryFiles files;
+  TextureStore store(files);
+  const Property vector = {"value", PropertyType::vector, description::Vec3{0.25, 3, 0}, {"scene.xml", 8}};
+  const Spectrum s = color_of(store, object("texture", "rawconstant", {vector})).eval({0.3f, 0.4f});
+  EXPECT_EQ(s.r, 0.25f);
+  EXPECT_EQ(s.g, 3);
+  EXPECT_EQ(s.b, 0);
+  EXPECT_EQ(color_of(store, object("texture", "rawconstant", {number("value", 2)})).eval({}).g, 2);
+}
+
 TEST(Texture, Checkerboard) {
   MemoryFiles files;
   TextureStore store(files);
@@ -253,6 +265,49 @@ TEST(Texture, ScaleMultiplies) {
 }
 
 // Claim: each bad input is one error that names the scene file, the line and the image.
+// Claim: a mix is linear in its amount, goes on beyond the second texture, is cut at its maximum and at 0,
+// and has the slope of what it shows.
+TEST(Texture, MixIsLinearAndCut) {
+  MemoryFiles files;
+  files.files["ramp.pfm"] = pfm(2, 1, {Spectrum{0, 0.5f, 1}, Spectrum{1, 0.5f, 2}});
+  TextureStore store(files);
+  const auto ramp = object("texture", "bitmap", {text("filename", "ramp.pfm"), text("wrap_mode", "clamp")});
+  const auto mix = object("texture", "mix", {rgb("color0", 0.5, 0.5, 0.5), number("maximum", 1)});
+  mix->children.push_back({"color1", ramp});
+  mix->children.push_back({"amount", object("texture", "rawconstant", {number("value", 0.25)})});
+  const ColorTexture quarter = color_of(store, mix);
+  for (const float u : {0.3f, 0.5f, 0.6f}) {
+    const float x = 2 * u - 0.5f;  // along the ramp
+    const Spectrum value = quarter.eval({u, 0.5f});
+    EXPECT_NEAR(value.r, 0.375f + 0.25f * x, 1e-6f);
+    EXPECT_NEAR(value.g, 0.5f, 1e-6f);
+    EXPECT_NEAR(value.b, 0.375f + 0.25f * (1 + x), 1e-6f);
+    const TextureGradient slope = quarter.texture->gradient({u, 0.5f});
+    EXPECT_NEAR(slope.du.r, 0.5f, 1e-5f);
+    EXPECT_NEAR(slope.du.g, 0, 1e-6f);
+  }
+  EXPECT_NEAR(quarter.maximum().b, 0.875f, 1e-6f);
+  EXPECT_NEAR(quarter.minimum().r, 0.375f, 1e-6f);
+  // Black and a texture, by an amount that is another: their product.
+  const auto product = object("texture", "mix", {rgb("color0", 0, 0, 0), number("maximum", 1)});
+  product->children.push_back({"color1", ramp});
+  product->children.push_back({"amount", object("texture", "rawconstant", {number("value", 3)})});
+  const ColorTexture three = color_of(store, product);
+  EXPECT_NEAR(three.eval({0.3f, 0.5f}).r, 0.3f, 1e-6f);
+  EXPECT_EQ(three.eval({0.6f, 0.5f}).g, 1);  // 1.5
+  EXPECT_EQ(three.texture->gradient({0.6f, 0.5f}).du.b, 0);
+  EXPECT_NEAR(three.texture->gradient({0.3f, 0.5f}).du.r, 6, 1e-4f);
+  EXPECT_EQ(three.maximum().b, 1);
+  // The amount's slope counts too.
+  const auto by_ramp = object("texture", "mix", {rgb("color0", 0, 0, 0), rgb("color1", 2, 2, 2)});
+  by_ramp->children.push_back({"amount", ramp});
+  const ColorTexture amounts = color_of(store, by_ramp);
+  const float h = 1e-3f;
+  const float difference = (amounts.eval({0.5f + h, 0.5f}).r - amounts.eval({0.5f - h, 0.5f}).r) / (2 * h);
+  EXPECT_NEAR(amounts.texture->gradient({0.5f, 0.5f}).du.r, difference, 1e-2f);
+  EXPECT_GT(difference, 1);
+}
+
 TEST(Texture, BadInputNamesFileAndMend) {
   MemoryFiles files;
   files.files["nan.pfm"] = pfm(2, 1, {Spectrum(0.5f), {0.1f, NAN, 0}});

@@ -214,9 +214,12 @@ TEST(Statistics, MomentsAreALiteralLoop) {
           return static_cast<double>(medium ? of.ball.value(static_cast<float>(d2))
                                             : of.disc.value(static_cast<float>(d2)));
         };
-        double moment = 0, laplacian = 0, largest = 0;
+        double moment = 0, mean = 0, laplacian = 0, largest = 0;
         each_photon(cloud, medium, [&](Vec3 y, double phi, double d2) {
-          if (d2 <= static_cast<double>(kRadius * kRadius)) moment += value(scale, d2) * extent * phi * phi;
+          if (d2 <= static_cast<double>(kRadius * kRadius)) {
+            moment += value(scale, d2) * extent * phi * phi;
+            mean += value(scale, d2) * extent * phi;
+          }
           const Vec3 axes[] = {medium ? Vec3{1, 0, 0} : frame.s, medium ? Vec3{0, 1, 0} : frame.t, {0, 0, 1}};
           const auto at = [&](Vec3 to) {
             const auto d = static_cast<double>(dot(y - to, y - to));
@@ -231,13 +234,41 @@ TEST(Statistics, MomentsAreALiteralLoop) {
         });
         PlugInMoments moments(kernel, kFirst, h);
         const Spectrum sum = gather(cloud, kernel, moments);
-        EXPECT_NEAR(moments.moment(), moment, 1e-5 * moment);
-        EXPECT_NEAR(moments.laplacian(), laplacian, 1e-4 * largest);
+        EXPECT_NEAR(moments.moment(!medium), moment, 1e-5 * moment);
+        EXPECT_NEAR(moments.laplacian(!medium), laplacian, 1e-4 * largest);
+        EXPECT_NEAR(moments.mean(), medium ? 0 : mean, 1e-5 * mean);
+        EXPECT_EQ(moments.moment(medium), 0);
+        EXPECT_EQ(moments.laplacian(medium), 0);
         const Spectrum plain = merge<Unweighted>(*cloud.scene, cloud.maps, scale, cloud.eye);
         EXPECT_NEAR(static_cast<double>(sum.g), static_cast<double>(plain.g),
                     1e-5 * static_cast<double>(plain.g));  // another order of the same photons
       }
     }
+}
+
+// Claim: pilots of pixels are those of the place on the film, on surfaces alone, and the reach follows them.
+TEST(Statistics, PilotsFollowTheFilmPosition) {
+  std::vector<SurfacePilot> table;
+  for (const double h : {0.2, 0.05}) table.emplace_back(Kernel::constant, kFirst, h);
+  const std::string map{0, 1, 1, 0};  // 2 x 2
+  for (const bool medium : {false, true}) {
+    Cloud cloud;
+    fill(cloud, medium);
+    const MergeScale scale(Kernel::constant, kRadius, kRadius);
+    const auto laplacian = [&](const PlugInMoments& statistics, FilmPosition at) {
+      Gather<Unweighted, PlugInMoments> all(*cloud.scene, cloud.maps, statistics);
+      all.begin(scale, at);
+      all.start(cloud.eye);
+      (void)all.finish();
+      return all.statistics().laplacian(!medium);
+    };
+    const PlugInMoments pilots(Kernel::constant, kFirst, 0.1, {table, map, 2, 2});
+    for (const auto& [at, h] : {std::pair{FilmPosition{0.5f, 0.5f}, 0.2}, {FilmPosition{1.5f, 0.5f}, 0.05}}) {
+      const double found = laplacian(pilots, at);
+      EXPECT_NE(found, 0);
+      EXPECT_EQ(found, laplacian({Kernel::constant, kFirst, medium ? 0.1 : h}, at));
+    }
+  }
 }
 
 // Claim: a path's statistics start at zero, go to one pixel, and are scaled by its weight on the film, by its
@@ -255,14 +286,14 @@ TEST(Statistics, AreWrittenOnceAPath) {
     return made;
   };
   const auto sums = accumulators(40);
-  sectors.write(sums, 2, 1, -0.5f, 9);
+  sectors.write(sums, 2, 1, -0.5f, 9, false);
   for (std::size_t pixel = 0; pixel < 12; ++pixel)
     for (std::size_t c = 0; c < 12; ++c)
       EXPECT_NEAR(std::ldexp(static_cast<double>(sums[0]->sums()[pixel * 12 + c]), -36),
                   pixel == 6 ? 0.5 * sectors.sums()[c] : 0, 1e-9);
   EXPECT_NEAR(std::ldexp(static_cast<double>(sums[1]->sums()[6]), -64) / (0.25 * sectors.squares()), 1, 1e-9);
   const auto full = accumulators(120);
-  sectors.write(full, 2, 1, 1, 9);
+  sectors.write(full, 2, 1, 1, 9, true);
   for (const auto& sum : full)
     for (std::size_t i = 0; i < 12 * sum->spec().channels; ++i) EXPECT_EQ(sum->sums()[i], 0);
   sectors.begin();

@@ -113,4 +113,46 @@ float erff(float x) {
   return static_cast<float>(erf_small(x));
 }
 
+double atan2(double y, double x) {
+  const double ay = std::abs(y), ax = std::abs(x);
+  if (ax != ax || ay != ay) return x + y;
+  const bool steep = ay > ax;
+  const double low = steep ? ax : ay, high = steep ? ay : ax;
+  // The quotient and, beyond tan(pi/8), (t - 1) / (t + 1) without a quotient before it.
+  double offset = 0, t = 0;
+  if (high > 0) {
+    if (low > 0.41421356237309503 * high) {
+      offset = std::numbers::pi / 4;
+      t = low == high ? 0.0 : (low - high) / (low + high);
+    } else {
+      t = low / high;
+    }
+  }
+  // Interpolated at Chebyshev nodes in t^2 on [0, tan^2(pi/8)], relative error 4e-18.
+  double angle = offset + t * detail::polynomial(
+                                  t * t, {1.0, -0.3333333333333312, 0.19999999999940893, -0.14285714279250245,
+                                          0.11111110744919658, -0.09090896809064027, 0.07692045330902225,
+                                          -0.06662951813629191, 0.05846878297330872, -0.05035102456601552,
+                                          0.03796525745386593, -0.017805397205419446});
+  if (steep) angle = std::numbers::pi / 2 - angle;
+  if (std::signbit(x)) angle = std::numbers::pi - angle;
+  return std::copysign(angle, y);
+}
+
+void sincos(double x, double& sine, double& cosine) {
+  std::uint64_t quadrant = 0;
+  const double r = detail::reduce_quadrant(x, quadrant), z = r * r;
+  // Taylor; the first terms left out are below 1e-18 on |r| <= pi/4.
+  const double s =
+      r + r * z *
+              detail::polynomial(z, {-1.0 / 6, 1.0 / 120, -1.0 / 5040, 1.0 / 362880, -1.0 / 39916800,
+                                     1.0 / 6227020800.0, -1.0 / 1307674368000.0, 1.0 / 355687428096000.0});
+  const double c =
+      1 + z * detail::polynomial(z, {-1.0 / 2, 1.0 / 24, -1.0 / 720, 1.0 / 40320, -1.0 / 3628800,
+                                     1.0 / 479001600, -1.0 / 87178291200.0, 1.0 / 20922789888000.0});
+  const double a = (quadrant & 1) != 0 ? c : s, b = (quadrant & 1) != 0 ? s : c;
+  sine = (quadrant & 2) != 0 ? -a : a;
+  cosine = ((quadrant + 1) & 2) != 0 ? -b : b;
+}
+
 }  // namespace candela::math

@@ -3,7 +3,8 @@
 // optimal multiple importance sampling (common/mis/sums.h).
 //
 // A batch is one draw of every technique: of the bsdf, and of a point on a light by each way of choosing the
-// light. c_i is the density of technique i over the sum of all at the point that was drawn.
+// light with each way of sampling a point on it. c_i is the density of technique i over the sum of all at the
+// point that was drawn.
 //   dark      no light arrives: c from the densities of the light techniques
 //   failed    no point was drawn; a bsdf ray that meets no light
 //   occluded  as dark. The bsdf technique's density is that of finding light: it is zero at a point that is
@@ -17,10 +18,12 @@
 
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
-#include "common/mis/sums.h"
+#include "common/mis/batch.h"
+#include "common/mis/best.h"
 #include "worker/estimators/options.h"
 #include "worker/scene/emitters/lights.h"
 #include "worker/scene/scene.h"
@@ -28,14 +31,18 @@
 namespace candela::estimators {
 
 struct FirstVertexSetup {
-  bool bsdf = false;                              // technique 0, if it is there
-  std::vector<scene::LightTechnique> selections;  // the techniques after it
+  bool bsdf = false;  // technique 0, if it is there
+  // The techniques after it: all points by the first selection, then all by the second, ...
+  std::vector<scene::LightTechnique> selections;
+  std::vector<scene::PointSampler> points = {scene::PointSampler::own};
   mis::Heuristic heuristic = mis::Heuristic::balance;
   bool controls = false;       // tallied; the heuristic is the balance heuristic's
+  bool singles = false;        // likewise: what each technique alone would bring
   bool bsdf_is_alone = false;  // see above
   bool direct_only = false;    // the path ends there
 
-  std::size_t techniques() const { return selections.size() + (bsdf ? 1 : 0); }
+  std::size_t light_techniques() const { return selections.size() * points.size(); }
+  std::size_t techniques() const { return light_techniques() + (bsdf ? 1 : 0); }
 };
 
 // The path tracer's own techniques at every vertex.
@@ -57,96 +64,166 @@ class FirstVertex {
 
   void start() {
     options_ = all_options_;
-    batch_ = {};
-    reached_ = pending_ = false;
+    if (setup_.singles) singles_ = {};
+    reached_ = false;
   }
   // The path is there, and draws every technique.
   void reach() {
     reached_ = true;
-    pending_ = setup_.bsdf;
-    light_ = {};
-    controls_ = setup_.bsdf ? mis::controls_of_one(allocation_, 0) : mis::Vector{};
+    if (setup_.bsdf && setup_.controls) set(0, mis::controls_of_one(allocation_, 0), {});
   }
   // The path goes on from there; `depth` edges from the eye is what its ray meets.
   void leave(std::uint32_t depth) {
     if (setup_.direct_only) options_.max_depth = depth;
   }
 
-  const std::vector<scene::LightTechnique>& selections() const { return setup_.selections; }
+  std::size_t light_techniques() const { return setup_.light_techniques(); }
+  scene::LightTechnique selection(std::size_t light_technique) const {
+    return setup_.selections[light_technique / setup_.points.size()];
+  }
+  scene::PointSampler point(std::size_t light_technique) const {
+    return setup_.points[light_technique % setup_.points.size()];
+  }
 
-  void failed(std::size_t selection) {
-    if (setup_.controls) batch_.add(n_, mis::controls_of_one(allocation_, technique(selection)), {});
+  void failed(std::size_t light_technique) {
+    const std::size_t own = technique(light_technique);
+    if (setup_.controls) set(own, mis::controls_of_one(allocation_, own), {});
   }
 
   // Light from a point that the technique drew, or none. `light`: of that technique. value: what arrives,
   // before it is divided by a density. Returns the contribution.
-  Spectrum drawn(const scene::Scene& scene, const scene::SurfaceHit& here, Vec3 front, std::size_t selection,
-                 const scene::DirectSample& light, float pdf_bsdf, const Spectrum& value) {
-    std::array<double, mis::kMaxTechniques> p{};
-    const scene::Lights& lights = scene.lights();
-    const bool environment = light.infinite && !light.delta;
-    const float chosen =
-        environment ? 1 : lights.prob(here.p, front, light.emitter, setup_.selections[selection]);
-    for (std::size_t i = 0; i < setup_.selections.size(); ++i) {
-      double& to = p[technique(i)];
-      if (i == selection)
-        to = light.pdf_solid_angle;
-      else if (environment)
-        to = lights.pdf_environment_solid_angle(here, front, light.wi, setup_.selections[i]);
-      else
-        to = static_cast<double>(light.pdf_solid_angle) / static_cast<double>(chosen) *
-             static_cast<double>(lights.prob(here.p, front, light.emitter, setup_.selections[i]));
-    }
-    if (setup_.bsdf) p[0] = pdf_bsdf;
-    const std::size_t own = technique(selection);
+  Spectrum drawn(const scene::Scene& scene, const scene::SurfaceHit& here, Vec3 front,
+                 std::size_t light_technique, const scene::DirectSample& light, float pdf_bsdf,
+                 const Spectrum& value) {
+    Densities p{};
+    if (light.infinite && !light.delta)
+      add_environment_densities(scene.lights(), here, front, light.wi, p);
+    else
+      add_densities(scene.lights(), here, front, light_technique, light, p);
+    const std::size_t own = technique(light_technique);
+    p[own] = static_cast<double>(light.pdf_solid_angle);
+    if (setup_.bsdf) p[0] = static_cast<double>(pdf_bsdf);
     if (!usable(p, own)) {
-      failed(selection);
+      failed(light_technique);
       return {};
     }
-    mis::Vector weights{};
-    mis::weights(setup_.heuristic, allocation_, p, weights);
+    const mis::Vector weights = weights_at(p);
     const Spectrum contribution =
         value.is_black() ? Spectrum() : value * static_cast<float>(weights[own] / p[own]);
     if (setup_.controls) {
-      if (setup_.bsdf_is_alone && setup_.bsdf) p[0] = 0;
-      batch_.add(n_, mis::controls(allocation_, p).c, color(contribution));
+      if (setup_.bsdf && setup_.bsdf_is_alone) p[0] = 0;
+      set(own, setup_.bsdf_is_alone ? mis::control_vector(allocation_, p) : weights, color(contribution));
     }
+    if (setup_.singles && !value.is_black())
+      add_single(own, value * static_cast<float>(1 / p[own]), contribution);
     return contribution;
   }
 
-  // Light that the bsdf's ray found: `value` is divided by the density with which it was drawn. pdf_light(t):
-  // the density of a light technique. Returns the contribution.
-  template <class PdfLight>
-  Spectrum found(float pdf_bsdf, bool delta, const Spectrum& value, const PdfLight& pdf_light) {
+  // Light that the bsdf's ray from `here` along d found, on a surface or (hit: null) outside of the scene.
+  // `value` is divided by the density with which the ray was drawn. Returns the contribution.
+  Spectrum found(const scene::Lights& lights, const scene::SurfaceHit& here, Vec3 front, Vec3 d,
+                 const scene::SurfaceHit* hit, float pdf_bsdf, bool delta, const Spectrum& value) {
     if (delta) {  // nobody else can find it
-      if (setup_.bsdf) add_light(value);
+      add_light(value);
       return value;
     }
     if (!setup_.bsdf) return {};
-    std::array<double, mis::kMaxTechniques> p{};
-    p[0] = pdf_bsdf;
-    for (std::size_t i = 0; i < setup_.selections.size(); ++i)
-      p[technique(i)] = pdf_light(setup_.selections[i]);
+    Densities p{};
+    p[0] = static_cast<double>(pdf_bsdf);
+    if (hit == nullptr)
+      add_environment_densities(lights, here, front, d, p);
+    else
+      add_densities(lights, here, front, d, *hit, p);
     if (!usable(p, 0)) return {};
-    mis::Vector weights{};
-    mis::weights(setup_.heuristic, allocation_, p, weights);
+    const mis::Vector weights = weights_at(p);
+    if (setup_.controls && !setup_.bsdf_is_alone) batch_.c[sample(0)] = weights;
     const Spectrum contribution = value * static_cast<float>(weights[0]);
-    if (!setup_.bsdf_is_alone) controls_ = mis::controls(allocation_, p).c;
+    if (setup_.singles) add_single(0, value, contribution);
     add_light(contribution);
     return contribution;
   }
 
-  // The path has ended. Whether there was such a vertex, and the sums of its batch.
-  bool finish() {
-    if (pending_ && setup_.controls) batch_.add(n_, controls_, light_);
-    pending_ = false;
-    return reached_;
-  }
-  const mis::Sums& batch() const { return batch_; }
+  // When the path has ended: whether there was such a vertex, and then its batch.
+  bool reached() const { return reached_; }
+  const mis::Batch& batch() const { return batch_; }
+  // Of one batch, without squares. Light that the bsdf alone can find is in no part of it.
+  const mis::Singles& singles() const { return singles_; }
 
  private:
-  std::size_t technique(std::size_t selection) const { return selection + (setup_.bsdf ? 1 : 0); }
-  bool usable(const std::array<double, mis::kMaxTechniques>& p, std::size_t own) const {
+  using Densities = mis::Vector;
+
+  // By the heuristic. Those of the balance heuristic are the controls, since each technique has one sample.
+  mis::Vector weights_at(const Densities& p) const {
+    if (setup_.heuristic == mis::Heuristic::balance) return mis::control_vector(allocation_, p);
+    mis::Vector weights{};
+    mis::weights(setup_.heuristic, allocation_, p, weights);
+    return weights;
+  }
+  std::size_t technique(std::size_t light_technique) const { return light_technique + (setup_.bsdf ? 1 : 0); }
+  // In the batch: the bsdf's sample is the last.
+  std::size_t sample(std::size_t technique) const {
+    return !setup_.bsdf ? technique : technique == 0 ? n_ - 1 : technique - 1;
+  }
+  void set(std::size_t technique, const mis::Vector& c, const mis::Color& f_over_q) {
+    batch_.c[sample(technique)] = c;
+    batch_.f_over_q[sample(technique)] = f_over_q;
+  }
+  // The densities of the light techniques for a direction out of the scene; where an environment is chosen,
+  // all sample it in its own way.
+  void add_environment_densities(const scene::Lights& lights, const scene::SurfaceHit& here, Vec3 front,
+                                 Vec3 d, Densities& p) const {
+    for (std::size_t s = 0; s < setup_.selections.size(); ++s) {
+      const float pdf = lights.pdf_environment_solid_angle(here, front, d, setup_.selections[s]);
+      for (std::size_t m = 0; m < setup_.points.size(); ++m)
+        p[technique(s * setup_.points.size() + m)] = static_cast<double>(pdf);
+    }
+  }
+  // The same for a point on a surface that a ray found.
+  void add_densities(const scene::Lights& lights, const scene::SurfaceHit& here, Vec3 front, Vec3 d,
+                     const scene::SurfaceHit& hit, Densities& p) const {
+    std::array<float, mis::kMaxTechniques> given{};  // the emitter, by sampler of points
+    bool any = false;
+    for (std::size_t m = 0; m < setup_.points.size(); ++m) {
+      given[m] = lights.pdf_point_solid_angle(here, front, d, hit, setup_.points[m]);
+      any |= given[m] > 0;
+    }
+    if (!any) return;
+    for (std::size_t s = 0; s < setup_.selections.size(); ++s) {
+      const float prob = lights.prob(here.p, front, hit.emitter, setup_.selections[s]);
+      for (std::size_t m = 0; m < setup_.points.size(); ++m)
+        if (given[m] > 0) p[technique(s * setup_.points.size() + m)] = static_cast<double>(given[m] * prob);
+    }
+  }
+  // The same for a point that a technique drew, but of this technique.
+  void add_densities(const scene::Lights& lights, const scene::SurfaceHit& here, Vec3 front,
+                     std::size_t light_technique, const scene::DirectSample& light, Densities& p) const {
+    if (setup_.light_techniques() == 1) return;
+    const std::size_t points = setup_.points.size(), own_point = light_technique % points;
+    const float chosen = lights.prob(here.p, front, light.emitter, selection(light_technique));
+    Densities given{};  // the emitter, by sampler of points
+    given[own_point] = static_cast<double>(light.pdf_solid_angle) / static_cast<double>(chosen);
+    if (points > 1) {
+      scene::SurfaceHit hit;
+      hit.p = light.p;
+      hit.ng = light.ng;
+      hit.emitter = light.emitter;
+      hit.primitive = light.primitive;
+      for (std::size_t m = 0; m < points; ++m) {
+        if (m == own_point) continue;
+        // A point-like emitter has one point.
+        given[m] = light.delta ? given[own_point]
+                               : static_cast<double>(lights.pdf_point_solid_angle(here, front, light.wi, hit,
+                                                                                  setup_.points[m]));
+      }
+    }
+    for (std::size_t s = 0; s < setup_.selections.size(); ++s) {
+      const bool own = s == light_technique / points;
+      const float prob = own ? chosen : lights.prob(here.p, front, light.emitter, setup_.selections[s]);
+      for (std::size_t m = 0; m < points; ++m)
+        p[technique(s * points + m)] = given[m] * static_cast<double>(prob);
+    }
+  }
+  bool usable(const Densities& p, std::size_t own) const {
     double sum = 0;
     for (std::size_t i = 0; i < n_; ++i) sum += p[i];
     return p[own] > 0 && std::isfinite(sum);
@@ -154,9 +231,20 @@ class FirstVertex {
   static mis::Color color(const Spectrum& s) {
     return {static_cast<double>(s.r), static_cast<double>(s.g), static_cast<double>(s.b)};
   }
+  // To the bsdf's sample.
   void add_light(const Spectrum& s) {
+    if (!setup_.bsdf || !setup_.controls) return;
     const mis::Color more = color(s);
-    for (std::size_t k = 0; k < mis::kColors; ++k) light_[k] += more[k];
+    mis::Color& light = batch_.f_over_q[n_ - 1];
+    for (std::size_t k = 0; k < mis::kColors; ++k) light[k] += more[k];
+  }
+
+  void add_single(std::size_t technique, const Spectrum& alone, const Spectrum& balance) {
+    const mis::Color v = color(alone), w = color(balance);
+    for (std::size_t k = 0; k < mis::kColors; ++k) {
+      singles_.single[technique][k] += v[k];
+      singles_.balance[k] += w[k];
+    }
   }
 
   const FirstVertexSetup& setup_;
@@ -164,12 +252,9 @@ class FirstVertex {
   const PathOptions all_options_;
   const std::size_t n_;
   mis::Allocation allocation_;
-  mis::Sums batch_;
+  mis::Batch batch_;  // the bsdf's sample is complete when the path has ended
+  mis::Singles singles_;
   bool reached_ = false;
-  // The bsdf's draw: its controls and light are complete when the path has ended.
-  bool pending_ = false;
-  mis::Vector controls_{};
-  mis::Color light_{};
 };
 
 }  // namespace candela::estimators

@@ -53,7 +53,7 @@ class VcmEye : public transport::EyeTechniques {
                  samplers::Sampler& sampler) {
     const transport::MergeScale& scale = side_.field.at(at);
     eta_ = scale.eta;
-    gather_.begin(scale);
+    gather_.begin(scale, at);
     sum_ = merged_ = {};
     light_path_ = light_path;
     loaded_ = false;
@@ -153,7 +153,7 @@ class PpmEye : public transport::EyeTechniques {
 
   Spectrum trace(const Ray& ray, transport::FilmPosition at, std::uint64_t /*light_path*/,
                  samplers::Sampler& sampler) {
-    gather_.begin(side_.field.at(at));
+    gather_.begin(side_.field.at(at), at);
     sum_ = merged_ = {};
     EyeWalk walk(scene_, rules_, factors_, sampler, tallies_);
     transport::follow_eye_path(walk, ray, room_, *this);

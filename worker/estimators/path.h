@@ -209,7 +209,7 @@ class PathTracer {
   void sample_first(const scene::SurfaceHit& here, Vec3 side, const EvalPdf& eval_pdf) {
     using namespace transport;
     first_->reach();
-    for (std::size_t i = 0; i < first_->selections().size(); ++i) {
+    for (std::size_t i = 0; i < first_->light_techniques(); ++i) {
       // The first has the path tracer's random numbers.
       const std::uint32_t at = i == 0 ? block_ : path_block::further_light(i);
       const float u_emitter =
@@ -217,7 +217,7 @@ class PathTracer {
       const Vec2 u = sampler_.draw_2d(at + path_block::kEmitterPoint, stratified_);
       scene::DirectSample light;
       const scene::DirectOutcome outcome =
-          scene_.lights().sample(here, side, u_emitter, u, light, first_->selections()[i]);
+          scene_.lights().sample(here, side, u_emitter, u, light, first_->selection(i), first_->point(i));
       if (outcome == scene::DirectOutcome::failed) {
         first_->failed(i);
         continue;
@@ -282,10 +282,8 @@ class PathTracer {
     if (arriving.is_black()) return;
     if constexpr (kFirst) {
       if (depth_ == first_depth_) {
-        sum_ += first_->found(
-            previous_pdf_solid_angle_, previous_delta_, throughput_ * arriving, [&](scene::LightTechnique t) {
-              return scene_.lights().pdf_environment_solid_angle(previous(), front_, ray_.direction, t);
-            });
+        sum_ += first_->found(scene_.lights(), previous(), front_, ray_.direction, nullptr,
+                              previous_pdf_solid_angle_, previous_delta_, throughput_ * arriving);
         return;
       }
     }
@@ -301,10 +299,8 @@ class PathTracer {
     if (emitted.is_black()) return;
     if constexpr (kFirst) {
       if (depth_ == first_depth_) {
-        sum_ += first_->found(
-            previous_pdf_solid_angle_, previous_delta_, throughput_ * emitted, [&](scene::LightTechnique t) {
-              return scene_.lights().pdf_solid_angle(previous(), front_, ray_.direction, hit, t);
-            });
+        sum_ += first_->found(scene_.lights(), previous(), front_, ray_.direction, &hit,
+                              previous_pdf_solid_angle_, previous_delta_, throughput_ * emitted);
         return;
       }
     }

@@ -65,6 +65,11 @@ struct IntegratorEntry {
   // All settings as text with defaults filled in, or the error of what was given.
   Result<SettingsMap> (*complete)(const SettingsMap& given);
   std::vector<SettingDoc> (*document)();
+  // Settings that follow from an effort of `spp` samples, or mutations, a pixel on a film of `pixels`, where
+  // nobody gives them.
+  SettingsMap (*of_effort)(std::uint64_t spp, std::uint64_t pixels);
+  // Samples, or mutations, that one iteration brings to a pixel, of complete settings.
+  Result<std::uint64_t> (*samples_per_iteration)(const SettingsMap& settings);
 };
 const std::vector<IntegratorEntry>& registry();
 // An unknown name is a usage error that lists what there is.

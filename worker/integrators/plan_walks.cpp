@@ -29,7 +29,8 @@ void note_lasting_media(const scene::SceneFeatures& features, std::uint32_t max_
 void plan_shadow_rays(const scene::SceneFeatures& features, Plan& plan) {
   std::uint32_t environments = 0;
   for (const auto& [kind, count] : features.emitter_kinds)
-    if (kind == "constant" || kind == "envmap") environments += count;
+    if (kind == "constant" || kind == "envmap" || kind == "sky" || kind == "sun" || kind == "sunsky")
+      environments += count;
   if (environments == 0 || features.emitters <= environments) return;
   if (features.environment_variation < 1)
     plan.use(

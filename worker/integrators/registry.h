@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "worker/integrators/integrator.h"
+#include "worker/integrators/markov/effort.h"
 #include "worker/integrators/markov/markov.h"
 #include "worker/integrators/settings.h"
 
@@ -16,16 +17,31 @@ template <class Settings>
 IntegratorEntry integrator_entry(std::string_view name,
                                  Result<std::unique_ptr<Integrator>> (*create)(const SettingsMap&,
                                                                                const scene::SceneFeatures&)) {
-  return {name, create,
+  return {name,
+          create,
           +[](const SettingsMap& given) -> Result<SettingsMap> {
             CANDELA_ASSIGN(const Settings settings, parse_settings<Settings>(given));
             if constexpr (requires { settings.markov; }) CANDELA_TRY(check(settings.markov));
             if constexpr (requires { settings.epochs; }) CANDELA_TRY(check(settings.epochs));
             if constexpr (requires { settings.rings; }) CANDELA_TRY(check(settings.f_test, settings.rings));
+            if constexpr (requires { check(settings); }) CANDELA_TRY(check(settings));
             if constexpr (requires { settings.bandwidth; }) CANDELA_TRY(check(settings.bandwidth));
             return write_settings(settings).map;
           },
-          +[] { return write_settings(Settings{}).docs; }};
+          +[] { return write_settings(Settings{}).docs; },
+          +[](std::uint64_t spp, std::uint64_t pixels) -> SettingsMap {
+            if constexpr (requires(Settings s) { s.markov; })
+              return markov::settings_of_effort(spp, pixels);
+            else
+              return {};
+          },
+          +[](const SettingsMap& given) -> Result<std::uint64_t> {
+            CANDELA_ASSIGN(const Settings settings, parse_settings<Settings>(given));
+            if constexpr (requires { settings.markov; })
+              return static_cast<std::uint64_t>(settings.markov.mutations);
+            else
+              return 1;
+          }};
 }
 
 // The product's integrators. A program's table is registry(): the library candela_registry defines registry()

@@ -9,6 +9,7 @@ std::string encode_delta(const film::DeltaInfo& info, const UnitOutput& output) 
     const bool per_epoch = sums->spec().per == film::AccumulatorSpec::Per::epoch;
     writer.accumulator(*sums, per_epoch ? output.epoch : 0);
   }
+  for (const auto& sums : output.aovs) writer.accumulator(*sums, 0);
   if (info.unit.kind == Unit::Kind::segments)
     writer.records(chains::encode(std::span<const chains::ChainRecord>(output.records)));
   if (info.unit.kind == Unit::Kind::bootstrap) writer.table(output.table);

@@ -28,8 +28,10 @@ struct UnitInput {
 struct UnitOutput {
   // Null for a unit that brings no film.
   std::unique_ptr<film::UnitFilm> film;
-  // As in the plan of work; none for a unit that brings no film.
+  // As in the integrator's plan of work; none for a unit that brings no film.
   std::vector<std::unique_ptr<film::UnitAccumulator>> accumulators;
+  // Of the renderer's AOVs, which come after those of the integrator in the plan of work.
+  std::vector<std::unique_ptr<film::UnitAccumulator>> aovs;
   // The unit's epoch, which accumulators for each epoch belong to.
   std::uint64_t epoch = 0;
   // A unit of segments brings one for each index, in order.
@@ -43,6 +45,7 @@ struct UnitOutput {
   bool overflowed() const {
     bool any = film != nullptr && film->overflowed();
     for (const auto& sums : accumulators) any |= sums->overflowed();
+    for (const auto& sums : aovs) any |= sums->overflowed();
     return any;
   }
   film::Tallies tallies() const { return film != nullptr ? film->tallies() : counts; }
@@ -50,6 +53,7 @@ struct UnitOutput {
   void clear() {
     if (film != nullptr) film->clear();
     for (const auto& sums : accumulators) sums->clear();
+    for (const auto& sums : aovs) sums->clear();
     records.clear();
     table.clear();
     epoch = 0;

@@ -193,8 +193,9 @@ Result<Mesh> load_serialized(std::string_view bytes, const std::string& name, st
   if (!reader.inflater.read(counts, sizeof counts)) return reader.truncated();
   const std::uint64_t vertex_count = counts[0], triangle_count = counts[1];
   reader.doubles = (flags & kDouble) != 0;
-  if (reader.doubles == ((flags & kSingle) != 0)) {
-    return fail("the mesh's flags name neither single nor double precision, or both");
+  // Mitsuba's own reader takes a mesh for one of single precision unless its flags say double.
+  if (reader.doubles && (flags & kSingle) != 0) {
+    return fail("the mesh's flags name both single and double precision");
   }
   if ((flags & kHasTangents) != 0) return fail("serialized meshes with tangents are not supported");
   const std::uint64_t numbers = 3 + ((flags & kHasNormals) != 0 ? 3u : 0u) +

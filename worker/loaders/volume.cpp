@@ -42,7 +42,7 @@ float value_at(std::string_view data, std::int32_t encoding, std::size_t i) {
 
 }  // namespace
 
-Result<VolumeData> load_volume(std::string_view bytes, const std::string& name) {
+Result<VolumeData> load_volume(std::string_view bytes, const std::string& name, bool keeps_negative) {
   const auto fail = [&](std::string message) { return input_error(std::move(message)).at(name, 0); };
   if (bytes.size() < kHeaderBytes || bytes.substr(0, 3) != "VOL")
     return fail("not a volume file (it does not start with VOL and a header of 48 bytes)");
@@ -81,11 +81,9 @@ Result<VolumeData> load_volume(std::string_view bytes, const std::string& name) 
   volume.values.resize(static_cast<std::size_t>(count));
   for (std::size_t i = 0; i < volume.values.size(); ++i) {
     const float value = value_at(data, encoding, i);
-    if (!(value >= 0) || !std::isfinite(value)) {
-      return fail("value " + std::to_string(i) + " of the volume is " +
-                  (std::isfinite(value) ? "negative" : "not finite"));
-    }
-    volume.values[i] = value;
+    if (!std::isfinite(value)) return fail("value " + std::to_string(i) + " of the volume is not finite");
+    if (value < 0) ++volume.negative_count;
+    volume.values[i] = value < 0 && !keeps_negative ? 0.0f : value;
   }
   return volume;
 }

@@ -39,20 +39,6 @@ Result<void> read_threads(const Chosen& chosen, unsigned& out) {
   return {};
 }
 
-Result<std::filesystem::path> default_cache() {
-  const auto variable = [](const char* name) {
-    const char* value = std::getenv(name);
-    return std::string(value != nullptr ? value : "");
-  };
-  // The XDG specification says to ignore a relative path.
-  if (const std::string xdg = variable("XDG_CACHE_HOME"); xdg.starts_with('/'))
-    return std::filesystem::path(xdg) / "candela";
-  if (const std::string home = variable("HOME"); !home.empty())
-    return std::filesystem::path(home) / ".cache" / "candela";
-  return usage_error("no folder is given, and there is neither $XDG_CACHE_HOME nor $HOME")
-      .with_field("--cache");
-}
-
 Result<WorkerOptions> resolve(const DaemonSettings& settings, const Texts& texts) {
   CANDELA_TRY(settings.check_names({"master", "cache", "cache-size", "texture-memory", "scratch", "threads",
                                     "name", "tls-cert", "tls-key", "tls-ca", "insecure", "give-up",
@@ -66,7 +52,7 @@ Result<WorkerOptions> resolve(const DaemonSettings& settings, const Texts& texts
     return usage_error("no master is given").with_mend("use --master HOST:PORT or set $CANDELA_MASTER");
   options.cache_dir = choose("cache", texts.cache).value;
   if (options.cache_dir.empty()) {
-    CANDELA_ASSIGN(options.cache_dir, default_cache());
+    CANDELA_ASSIGN(options.cache_dir, default_cache_folder());
   }
   CANDELA_TRY(read_bytes(choose("cache-size", texts.cache_size), options.cache_limit_bytes));
   CANDELA_TRY(read_bytes(choose("texture-memory", texts.texture_memory), options.texture_memory_bytes));

@@ -4,11 +4,15 @@
 
 #include <chrono>
 #include <cmath>
+#include <optional>
 
 #include "common/description/reading.h"
+#include "common/description/unpacked_files.h"
 #include "common/film/layers.h"
+#include "common/stages/decision.h"
 #include "common/stages/epochs.h"
 #include "worker/core/math.h"
+#include "worker/integrators/aov/aov_pass.h"
 #include "worker/integrators/integrator.h"
 
 namespace candela::render {
@@ -45,14 +49,34 @@ std::string features_text(const scene::SceneFeatures& f) {
   return text;
 }
 
+// The integrator's work with what AOVs ask for beside it.
+WorkPlan with_aovs(WorkPlan work, const integrators::AovPass& aovs, const scene::SceneFeatures& features) {
+  for (film::AccumulatorSpec& spec : aovs.accumulators(features))
+    work.accumulators.push_back(std::move(spec));
+  return work;
+}
+
+// Fails (usage) if an AOV has the name of a layer.
+Result<void> check_names(const std::vector<Aov>& aovs, const std::vector<std::string>& layers) {
+  for (const Aov& aov : aovs)
+    if (std::find(layers.begin(), layers.end(), aov.name) != layers.end())
+      return usage_error(fmt::format("an AOV is called '{}' as a layer of the integrator is", aov.name))
+          .with_field("aovs")
+          .with_mend("give it another name: NAME:KIND");
+  return {};
+}
+
 class SceneRenderer final : public Renderer {
  public:
   SceneRenderer(JobSettings settings, std::unique_ptr<scene::Scene> scene,
-                std::unique_ptr<integrators::Integrator> integrator, film::PixelFilter filter,
-                samplers::SamplerKind sampler, WorkPlan work, film::Layout layout)
+                std::unique_ptr<scene::Scene> parameterized_scene,
+                std::unique_ptr<integrators::Integrator> integrator, integrators::AovPass aovs,
+                film::PixelFilter filter, samplers::SamplerKind sampler, WorkPlan work, film::Layout layout)
       : settings_(std::move(settings)),
         scene_(std::move(scene)),
+        parameterized_scene_(std::move(parameterized_scene)),
         integrator_(std::move(integrator)),
+        aovs_(std::move(aovs)),
         filter_(std::move(filter)),
         sampler_(sampler),
         work_(std::move(work)),
@@ -63,9 +87,13 @@ class SceneRenderer final : public Renderer {
   UnitOutput make_output(const NamedState& state) const override {
     UnitOutput output;
     output.film = std::make_unique<film::UnitFilm>(layout_, state.film_scale_log2);
-    for (const film::AccumulatorSpec& spec : work(state.film_scale_log2).accumulators)
-      output.accumulators.push_back(
-          std::make_unique<film::UnitAccumulator>(layout_.width, layout_.height, spec));
+    const auto make = [&](const film::AccumulatorSpec& spec) {
+      return std::make_unique<film::UnitAccumulator>(layout_.width, layout_.height, spec);
+    };
+    for (const film::AccumulatorSpec& spec : integrators_work(state.film_scale_log2).accumulators)
+      output.accumulators.push_back(make(spec));
+    for (const film::AccumulatorSpec& spec : aovs_.accumulators(scene_->features()))
+      output.aovs.push_back(make(spec));
     return output;
   }
 
@@ -113,13 +141,14 @@ class SceneRenderer final : public Renderer {
     CANDELA_TRY(check(unit, input, output));
     output.epoch = epochs_ ? epochs_->of_index(unit.begin) : 0;
     CANDELA_TRY(integrator_->run(context(), unit, input, output, run_context));
+    CANDELA_TRY(aovs_.run(aov_context(), unit, output, run_context));
     if (output.overflowed()) return failed_error("a sum of this unit overflowed 64 bits");
     return {};
   }
 
   std::string plan_text() const override {
     return features_text(scene_->features()) + fmt::format("integrator: {}\n", settings_.integrator) +
-           integrator_->plan().to_text();
+           integrator_->plan().to_text() + aovs_.plan_text();
   }
 
   const scene::SceneFeatures* features() const override { return &scene_->features(); }
@@ -147,16 +176,29 @@ class SceneRenderer final : public Renderer {
     return possible ? Result<void>() : internal_error("not a unit of this job");
   }
 
-  WorkPlan work(int film_scale_log2) const {
+  WorkPlan integrators_work(int film_scale_log2) const {
     return integrator_->work({settings_.width, settings_.height}, film_scale_log2);
+  }
+  WorkPlan work(int film_scale_log2) const {
+    return with_aovs(integrators_work(film_scale_log2), aovs_, scene_->features());
   }
   integrators::UnitContext context() const {
     return {*scene_, filter_, sampler_, settings_.seed, settings_.width, settings_.height};
   }
+  integrators::UnitContext aov_context() const {
+    return {parameterized_scene_ ? *parameterized_scene_ : *scene_,
+            filter_,
+            sampler_,
+            settings_.seed,
+            settings_.width,
+            settings_.height};
+  }
 
   JobSettings settings_;
   std::unique_ptr<scene::Scene> scene_;
+  std::unique_ptr<scene::Scene> parameterized_scene_;  // null: no AOV needs one
   std::unique_ptr<integrators::Integrator> integrator_;
+  integrators::AovPass aovs_;
   film::PixelFilter filter_;
   samplers::SamplerKind sampler_;
   WorkPlan work_;  // for a film of scale 0
@@ -180,6 +222,7 @@ Result<std::unique_ptr<Renderer>> Renderer::create(const description::FileSource
   CANDELA_ASSIGN(const description::ReadScene scene_file,
                  description::read_scene(files, main_key, parameters,
                                          {.integrator = settings.integrator, .lenient = true}));
+  const description::UnpackedFiles unpacked(files);
   const description::SceneDescription& description = scene_file.description;
   scene::Scene::Options options;
   options.isa = settings.isa;
@@ -187,15 +230,24 @@ Result<std::unique_ptr<Renderer>> Renderer::create(const description::FileSource
   options.film_width = settings.width;
   options.film_height = settings.height;
   options.textures = textures;
-  CANDELA_ASSIGN(std::unique_ptr<scene::Scene> scene, scene::Scene::build(description, files, options));
+  CANDELA_ASSIGN(std::vector<Aov> aov_list, parse_aovs(settings.aovs));
+  CANDELA_ASSIGN(std::unique_ptr<scene::Scene> scene, scene::Scene::build(description, unpacked, options));
   CANDELA_ASSIGN(std::unique_ptr<integrators::Integrator> integrator,
                  entry->create(settings.integrator_settings, scene->features()));
   WorkPlan work = integrator->work({settings.width, settings.height}, 0);
+  CANDELA_TRY(check_names(aov_list, work.layers));
+  integrators::AovPass aovs(std::move(aov_list), work.chains);
+  work = with_aovs(std::move(work), aovs, scene->features());
   CANDELA_TRY(validate(work, settings.width, settings.height));
+  std::unique_ptr<scene::Scene> parameterized_scene;
+  if (aovs.reads_parameters()) {
+    options.parameterized = true;
+    CANDELA_ASSIGN(parameterized_scene, scene::Scene::build(description, unpacked, options));
+  }
   CANDELA_ASSIGN(const film::Layout layout, film::make_layout(settings.width, settings.height, work.layers));
-  return std::unique_ptr<Renderer>(std::make_unique<SceneRenderer>(settings, std::move(scene),
-                                                                   std::move(integrator), std::move(filter),
-                                                                   sampler, std::move(work), layout));
+  return std::unique_ptr<Renderer>(std::make_unique<SceneRenderer>(
+      settings, std::move(scene), std::move(parameterized_scene), std::move(integrator), std::move(aovs),
+      std::move(filter), sampler, std::move(work), layout));
 }
 
 std::vector<std::string> supported_isas() {
@@ -228,6 +280,52 @@ Result<SettingsMap> complete_integrator_settings(const std::string& integrator, 
   SettingsMap merged = from_scene;
   for (const auto& [name, value] : from_user) merged[name] = value;
   return entry->complete(merged);
+}
+
+Result<WorkPlan> largest_work(const JobSettings& settings) {
+  CANDELA_ASSIGN(const integrators::IntegratorEntry* entry,
+                 integrators::find_integrator(settings.integrator));
+  CANDELA_ASSIGN(const std::vector<Aov> aovs, parse_aovs(settings.aovs));
+  // A scene for which nothing is skipped; what a plan drops because of fog or masks is not in it. Settings
+  // that it has no use for may suit a scene of lamps alone.
+  scene::SceneFeatures lamps;
+  lamps.shapes = lamps.emitters = 2;
+  lamps.bsdf_kinds["diffuse"] = 1;
+  lamps.any_area_emitter = lamps.any_mesh_emitter = lamps.any_rectangle_emitter = true;
+  lamps.radius = 1;
+  scene::SceneFeatures everything = lamps;
+  everything.any_delta_emitter = everything.any_environment = true;
+  std::optional<WorkPlan> largest;
+  std::optional<Error> error;
+  for (const bool full : {false, true})
+    for (const scene::SceneFeatures& features : {everything, lamps}) {
+      SettingsMap chosen = settings.integrator_settings;
+      if (full && chosen.contains("plan")) chosen["plan"] = "full";
+      const auto integrator = entry->create(chosen, features);
+      if (!integrator.ok()) {
+        if (!error) error = integrator.error();
+        continue;
+      }
+      WorkPlan work = (*integrator)->work({settings.width, settings.height}, 0);
+      const integrators::AovPass pass(aovs, work.chains);
+      work = with_aovs(std::move(work), pass, features);
+      if (!largest || statistics_bytes(work, settings.width, settings.height) >
+                          statistics_bytes(*largest, settings.width, settings.height))
+        largest = std::move(work);
+    }
+  if (!largest) return *error;
+  return *std::move(largest);
+}
+
+Result<SettingsMap> integrator_settings_of_effort(const std::string& integrator, std::uint64_t spp,
+                                                  std::uint64_t pixels) {
+  CANDELA_ASSIGN(const integrators::IntegratorEntry* entry, integrators::find_integrator(integrator));
+  return entry->of_effort(spp, pixels);
+}
+
+Result<std::uint64_t> samples_per_iteration(const std::string& integrator, const SettingsMap& settings) {
+  CANDELA_ASSIGN(const integrators::IntegratorEntry* entry, integrators::find_integrator(integrator));
+  return entry->samples_per_iteration(settings);
 }
 
 }  // namespace candela::render

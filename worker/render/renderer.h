@@ -68,5 +68,15 @@ Result<std::vector<SettingDoc>> integrator_settings(const std::string& integrato
 // overridden by `from_user`.
 Result<SettingsMap> complete_integrator_settings(const std::string& integrator, const SettingsMap& from_scene,
                                                  const SettingsMap& from_user);
+// Settings that follow from an effort of `spp` samples, or mutations, a pixel on a film of `pixels`, where
+// nobody gives them.
+Result<SettingsMap> integrator_settings_of_effort(const std::string& integrator, std::uint64_t spp,
+                                                  std::uint64_t pixels);
+// Samples, or mutations, that one iteration of an integrator with these complete settings brings to a pixel.
+Result<std::uint64_t> samples_per_iteration(const std::string& integrator, const SettingsMap& settings);
+
+// The work that a job of these settings asks of the farm, without its scene: with the most statistics that
+// any scene makes of them.
+Result<WorkPlan> largest_work(const JobSettings& settings);
 
 }  // namespace candela::render

@@ -5,7 +5,7 @@
 // and an instance costs no geometry object.
 //
 // Build quality is medium: Embree's tree is then the same whatever the number of threads; that of high
-// quality is not (RenderKit/embree issue 20).
+// quality is not (RenderKit/embree issue 20). Surfaces that lie in one plane: see ties.h.
 #include "worker/scene/accel.h"
 
 #include <embree3/rtcore.h>
@@ -15,6 +15,8 @@
 #include <cstring>
 #include <limits>
 #include <utility>
+
+#include "worker/scene/ties.h"
 
 namespace candela::scene {
 namespace {
@@ -213,12 +215,20 @@ Ray ray_of(const RTCRay& ray) {
 // traced while the hit before it is still being computed. So they are written whole.
 using Float4 = float __attribute__((vector_size(16)));
 
-void set_ray(const Ray& ray, RTCRay& out) {
+// False, and the ray meets nothing, where it is not finite or too far away. Embree's arithmetic ends
+// at 1.8e18; builds of it that check what they are given end the program there. What may lie that far is a
+// vertex in a medium without end, or the ray's origin as a tiny instance sees it.
+[[nodiscard]] bool set_ray(const Ray& ray, RTCRay& out) {
   const Float4 origin = {ray.origin.x, ray.origin.y, ray.origin.z, 0};              // and tnear
   const Float4 direction = {ray.direction.x, ray.direction.y, ray.direction.z, 0};  // and time
   static_assert(offsetof(RTCRay, org_x) == 0 && offsetof(RTCRay, tnear) == 12 &&
                 offsetof(RTCRay, dir_x) == 16 && offsetof(RTCRay, time) == 28 &&
                 offsetof(RTCRay, tfar) == 32);
+  // One comparison in place of six, as every ray pays for it. What is not a number is not below either.
+  constexpr float kFarthest = 1.8e18f;
+  const Float4 squares = origin * origin + direction * direction;
+  if (!(squares[0] + squares[1] + squares[2] <= kFarthest * kFarthest)) [[unlikely]]
+    return false;
   auto* bytes = reinterpret_cast<char*>(&out);
   std::memcpy(bytes, &origin, sizeof origin);
   std::memcpy(bytes + sizeof origin, &direction, sizeof direction);
@@ -226,16 +236,7 @@ void set_ray(const Ray& ray, RTCRay& out) {
   out.mask = 0xffffffffu;
   out.id = 0;
   out.flags = 0;
-}
-
-// Embree's arithmetic ends at 1.8e18; builds of it that check what they are given end the program there. What
-// may lie that far is a vertex in a medium without end, or the ray's origin as a tiny instance sees it.
-bool traceable(Vec3 v) {
-  constexpr float kFarthest = 1.8e18f;
-  return std::abs(v.x) <= kFarthest && std::abs(v.y) <= kFarthest && std::abs(v.z) <= kFarthest;
-}
-bool traceable(const Ray& ray) {
-  return traceable(ray.origin) && traceable(ray.direction);
+  return true;
 }
 
 // The user data of the instances' geometry.
@@ -267,9 +268,8 @@ void instance_intersect(const RTCIntersectFunctionNArguments* args) {
   const Instance& instance = user->geometry->instances[args->primID];
   auto* found = reinterpret_cast<RTCRayHit*>(args->rayhit);
   const Ray ray = Geometry::to_group(instance, ray_of(found->ray));
-  if (!traceable(ray)) return;
   RTCRayHit query;
-  set_ray(ray, query.ray);
+  if (!set_ray(ray, query.ray)) return;
   query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
   query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
   args->context->instID[0] = args->primID;
@@ -286,9 +286,8 @@ void instance_occluded(const RTCOccludedFunctionNArguments* args) {
   const Instance& instance = user->geometry->instances[args->primID];
   auto* ray = reinterpret_cast<RTCRay*>(args->ray);
   const Ray inside = Geometry::to_group(instance, ray_of(*ray));
-  if (!traceable(inside)) return;
   RTCRay query;
-  set_ray(inside, query);
+  if (!set_ray(inside, query)) return;
   args->context->instID[0] = args->primID;
   rtcOccluded1(user->scenes[instance.group].get(), args->context, &query);
   args->context->instID[0] = RTC_INVALID_GEOMETRY_ID;
@@ -324,6 +323,7 @@ struct Accel::Impl {
   const Geometry* geometry = nullptr;
   Instances instances;
   EmbreeScene scene;
+  std::unique_ptr<Ties> ties;
 };
 
 Accel::Accel(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -355,6 +355,7 @@ Result<Accel> Accel::build(const Geometry& geometry, const std::string& isa, uns
     attach_group(device, scene, geometry, geometry.groups[0]);
     attach_instances(device, scene, geometry, impl->instances);
     rtcCommitScene(scene);
+    impl->ties = Ties::build(device, geometry);
   }
   rtcSetDeviceErrorFunction(device, nullptr, nullptr);
   if (first.code != RTC_ERROR_NONE || scene == nullptr) return embree_error(first, "building the scene");
@@ -362,12 +363,10 @@ Result<Accel> Accel::build(const Geometry& geometry, const std::string& isa, uns
 }
 
 bool Accel::intersect(const Ray& ray, Found& found) const {
-  if (!traceable(ray)) [[unlikely]]
-    return false;
+  RTCRayHit query;
+  if (!set_ray(ray, query.ray)) return false;
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
-  RTCRayHit query;
-  set_ray(ray, query.ray);
   query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
   query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
   rtcIntersect1(impl_->scene.get(), &context, &query);
@@ -377,6 +376,8 @@ bool Accel::intersect(const Ray& ray, Found& found) const {
     const Geometry& geometry = *impl_->geometry;
     const Group& group = geometry.groups[geometry.instances[found.instance].group];
     found.primitive += group.primitives[query.hit.geomID].first;
+  } else if (impl_->ties != nullptr) [[unlikely]] {
+    impl_->ties->settle(ray, query.ray.tfar, found.kind, found.primitive);
   }
   return true;
 }
@@ -386,12 +387,10 @@ void* Accel::embree_scene() const {
 }
 
 bool Accel::occluded(const Ray& ray) const {
-  if (!traceable(ray)) [[unlikely]]
-    return false;
+  RTCRay query;
+  if (!set_ray(ray, query)) return false;
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
-  RTCRay query;
-  set_ray(ray, query);
   rtcOccluded1(impl_->scene.get(), &context, &query);
   return query.tfar < 0;
 }

@@ -27,6 +27,7 @@ struct SceneFeatures {
   bool any_delta_emitter = false;   // point, directional
   bool any_area_emitter = false;
   bool any_mesh_emitter = false;  // an area emitter whose sampling chooses a triangle first
+  bool any_rectangle_emitter = false;
   std::uint32_t media = 0;
   bool any_scattering_medium = false;
   bool any_heterogeneous_medium = false;
@@ -39,6 +40,7 @@ struct SceneFeatures {
   bool finite_lens = false;  // camera rays depend on a point on the lens
   std::uint32_t emitters = 0;
   float radius = 0;                // of the bounding sphere
+  float largest_coordinate = 0;    // in magnitude, of the corners of the scene's bounding box
   float max_emitted_radiance = 0;  // luminance, a scale for films of scenes whose pilot finds no light
 };
 

@@ -40,7 +40,7 @@ Result<std::unique_ptr<Scene>> Scene::build(const description::SceneDescription&
   if (sensors.size() > 1) log::warn("the scene has several sensors; the first is used");
 
   impl.textures = std::make_unique<TextureStore>(files, options.textures);
-  SceneBuilder builder(files, impl);
+  SceneBuilder builder(files, impl, options.parameterized);
   // Meshes are read by as many threads as the tree is built by.
   tbb::task_arena arena(static_cast<int>(std::max(1u, options.build_threads)));
   CANDELA_TRY(arena.execute([&] { return builder.shapes(root); }));
@@ -230,6 +230,15 @@ bool Scene::reads_lens() const {
 Ray Scene::camera_ray(float film_x, float film_y, Vec2 u_lens, float& weight) const {
   weight = 1;
   return impl_->sensor.ray(film_x, film_y, u_lens);
+}
+
+double Scene::near_distance(const Ray& camera_ray) const {
+  return impl_->sensor.near_distance(camera_ray.direction);
+}
+
+std::uint32_t Scene::primitive_in_shape(const SurfaceHit& hit) const {
+  const ShapeRecord& shape = impl_->geometry.shapes[hit.shape];
+  return shape.triangle_count > 0 ? hit.primitive - shape.first_triangle : 0;
 }
 
 bool Scene::sample_camera(const SurfaceHit& reference, Vec2 u_lens, CameraSample& out,

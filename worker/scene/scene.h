@@ -27,6 +27,9 @@ class Scene {
     std::uint32_t film_width = 1, film_height = 1;  // for the sensor's aspect
     bool choose_emitters_by_power = false;  // for measurements: beyond a few, by power instead of the tree
     TextureLimits textures;
+    // All hits have uv, dp_du and dp_dv, not those alone whose bsdfs read them. Tangent frames follow dp_du
+    // then, so that samples of bsdfs differ.
+    bool parameterized = false;
   };
   static Result<std::unique_ptr<Scene>> build(const description::SceneDescription& description,
                                               const description::FileSource& files, const Options& options);
@@ -98,6 +101,12 @@ class Scene {
   // weight: the sensor's response (1, as Mitsuba means it).
   bool reads_lens() const;
   Ray camera_ray(float film_x, float film_y, Vec2 u_lens, float& weight) const;
+  // From the pinhole, or the point on the lens, to where such a ray begins: along its unit direction to the
+  // near plane. 0 for an orthographic camera, whose rays begin there.
+  double near_distance(const Ray& camera_ray) const;
+
+  // The number of a hit's primitive within its shape: of a triangle in its mesh; 0 of other shapes.
+  std::uint32_t primitive_in_shape(const SurfaceHit& hit) const;
 
   // For paths from the light: see camera.h for measures and normalisation. Film positions up to film_border
   // pixels outside the film count as on it, since a reconstruction filter reaches beyond it.

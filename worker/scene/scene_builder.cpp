@@ -7,7 +7,10 @@
 #include <utility>
 
 #include "common/base/log.h"
+#include "worker/scene/emitters/daylight.h"
 #include "worker/scene/lasting_medium.h"
+#include "worker/scene/sensors/field_of_view.h"
+#include "worker/scene/textures/bitmap.h"
 #include "worker/scene/transform.h"
 
 namespace candela::scene {
@@ -28,9 +31,28 @@ bool reads_uv(const description::Object& object) {
                      [](const description::Child& c) { return reads_uv(*c.object); });
 }
 
+// Lamps must be round: they are sampled by area.
+bool is_stretched_surface(const description::Object& shape) {
+  return shape.children_of("emitter").empty() && is_stretched(shape);
+}
+
 Spectrum to_spectrum(const description::Rgb& rgb) {
   return {static_cast<float>(rgb.value[0]), static_cast<float>(rgb.value[1]),
           static_cast<float>(rgb.value[2])};
+}
+
+// Of a light that to_world turns and places.
+Result<Frame> frame_of(const description::Object& object, const Transform& to_world) {
+  const Vec3d x = to_world.column(0), y = to_world.column(1), z = to_world.column(2);
+  if (!to_world.is_similarity() || !(length(z) > 0)) {
+    return error_at(object,
+                    "the to_world of a " + object.plugin + " light must not shear, stretch or flatten")
+        .with_field("to_world");
+  }
+  // Gram-Schmidt: what is left of the rounding in the file.
+  const Vec3d n = normalize(z), s = normalize(x - n * dot(n, x));
+  const Vec3d t = normalize(y - n * dot(n, y) - s * dot(s, y));
+  return Frame{Vec3(s), Vec3(t), Vec3(n)};
 }
 
 bool is_radiometric(Spectrum s) {
@@ -102,11 +124,13 @@ void SceneBuilder::count_bsdf(const Bsdf& bsdf) {
 Result<void> SceneBuilder::shapes(const description::Object& scene) {
   const auto all = scene.children_of("shape");
   for (const auto& shape : all) {
-    if (shape->plugin != "shapegroup" && shape->plugin != "instance") CANDELA_TRY(add_shape(*shape, false));
+    if (shape->plugin != "shapegroup" && shape->plugin != "instance" && !is_stretched_surface(*shape))
+      CANDELA_TRY(add_shape(*shape, false));
   }
   // The scene's own shapes come first, then those of each group.
   for (const auto& shape : all) {
     if (shape->plugin == "instance") CANDELA_TRY(instance(*shape));
+    if (is_stretched_surface(*shape)) CANDELA_TRY(stretched(*shape));
   }
   return {};
 }
@@ -128,6 +152,18 @@ Result<void> SceneBuilder::instance(const description::Object& object) {
     return error_at(object, "an instance needs one shapegroup, given by a reference to its id");
   }
   CANDELA_ASSIGN(const std::uint32_t group, group_of(groups[0]));
+  return add_instance(object, group);
+}
+
+Result<void> SceneBuilder::stretched(const description::Object& object) {
+  description::Object round = object;
+  std::erase_if(round.properties, [](const description::Property& p) { return p.name == "to_world"; });
+  const std::uint32_t group = geometry_.begin_group();
+  CANDELA_TRY(add_shape(round, true));
+  return add_instance(object, group);
+}
+
+Result<void> SceneBuilder::add_instance(const description::Object& object, std::uint32_t group) {
   const Transform to_world(object.get_transform("to_world"));
   if (to_world.determinant() == 0 || !std::isfinite(1 / to_world.determinant())) {
     return error_at(object, "to_world is singular").with_field("to_world");
@@ -162,6 +198,7 @@ Result<void> SceneBuilder::add_shape(const description::Object& object, bool in_
   CANDELA_ASSIGN(record.bsdf, bsdf_of(object, !emitters.empty()));
   record.reads_uv = reads_uv(object);
   record.reads_partials = bsdfs_[record.bsdf].facts().reads_partials;
+  if (parameterized_) record.reads_uv = record.reads_partials = true;
   // A tangent frame in the world needs the derivative that it follows.
   record.reads_partials |= in_group && record.reads_uv;
   CANDELA_ASSIGN(Shape shape, build_shape(object, files_));
@@ -196,6 +233,7 @@ Result<void> SceneBuilder::finish_geometry() {
     emitter_media_.back() = media_.exterior(geometry_.shapes[area.shape].medium_interface);
     ++features_.emitter_kinds["area"];
     features_.any_area_emitter = true;
+    features_.any_rectangle_emitter |= area.rectangle.has_value();
     features_.any_mesh_emitter |= !area.rectangle && geometry_.shapes[area.shape].triangle_count > 0;
     features_.max_emitted_radiance = std::max(features_.max_emitted_radiance, luminance(radiance.maximum()));
   }
@@ -227,22 +265,32 @@ Result<SpotLight> SceneBuilder::spot(const description::Object& object, const Tr
     return error_at(object, "a texture cannot be projected into a cone of cutoff_angle 90 degrees or more")
         .with_field("cutoff_angle");
   }
-  const Vec3d x = to_world.column(0), y = to_world.column(1), z = to_world.column(2);
-  if (!to_world.is_similarity() || !(length(z) > 0)) {
-    return error_at(object, "the to_world of a spot light must not shear, stretch or flatten")
-        .with_field("to_world");
-  }
-  // Gram-Schmidt: what is left of the rounding in the file.
-  const Vec3d n = normalize(z), s = normalize(x - n * dot(n, x));
-  const Vec3d t = normalize(y - n * dot(n, y) - s * dot(s, y));
+  CANDELA_ASSIGN(const Frame frame, frame_of(object, to_world));
   constexpr double kRadians = std::numbers::pi / 180;
-  return SpotLight(Vec3(to_world.translation()), {Vec3(s), Vec3(t), Vec3(n)}, intensity, cutoff * kRadians,
-                   beam * kRadians, texture);
+  return SpotLight(Vec3(to_world.translation()), frame, intensity, cutoff * kRadians, beam * kRadians,
+                   texture);
+}
+
+Result<ProjectorLight> SceneBuilder::projector(const description::Object& object, const Transform& to_world) {
+  CANDELA_ASSIGN(const ColorTexture picture, textures_.color(object, "irradiance", Spectrum(1.0f)));
+  if (picture.is_constant() && !is_radiometric(picture.constant))
+    return error_at(object, "irradiance must be finite and not negative").with_field("irradiance");
+  const double aspect = aspect_of(picture.texture), scale = object.get_number("scale", 1);
+  CANDELA_ASSIGN(const double half_width, half_width_at_unit_depth(object, aspect));
+  CANDELA_ASSIGN(const Frame frame, frame_of(object, to_world));
+  return ProjectorLight(Vec3(to_world.translation()), frame, picture, scale, half_width, half_width / aspect);
+}
+
+void SceneBuilder::add_place_light(Emitter light, float peak) {
+  lights_.add(std::move(light));
+  features_.any_delta_emitter = true;
+  const double r = std::max(geometry_.bounds.radius(), 1e-12);
+  features_.max_emitted_radiance = std::max(features_.max_emitted_radiance, peak / static_cast<float>(r * r));
 }
 
 Result<void> SceneBuilder::emitter(const description::Object& object) {
   const Transform to_world(object.get_transform("to_world"));
-  if (object.plugin == "area") return error_at(object, "an area emitter belongs inside a shape");
+  if (object.plugin == "area") return {};  // glows in the shapes that refer to it, as in Mitsuba 3
   if (object.plugin == "point") {
     if (object.find("position") != nullptr && object.find("to_world") != nullptr) {
       return error_at(object, "give either position or to_world, not both").with_field("position");
@@ -251,20 +299,17 @@ Result<void> SceneBuilder::emitter(const description::Object& object) {
     const Vec3d world = object.find("position") != nullptr ? Vec3d{p[0], p[1], p[2]} : to_world.translation();
     CANDELA_ASSIGN(const Spectrum intensity, quantity(object, "intensity"));
     if (intensity.is_black()) return {};
-    lights_.add(PointLight(Vec3(world), intensity));
-    features_.any_delta_emitter = true;
-    const double r = std::max(geometry_.bounds.radius(), 1e-12);
-    features_.max_emitted_radiance =
-        std::max(features_.max_emitted_radiance, luminance(intensity) / static_cast<float>(r * r));
+    add_place_light(PointLight(Vec3(world), intensity), luminance(intensity));
   } else if (object.plugin == "spot") {
     CANDELA_ASSIGN(const SpotLight light, spot(object, to_world));
     const float peak = luminance(light.peak());
     if (!(peak > 0)) return {};
-    lights_.add(light);
-    features_.any_delta_emitter = true;
-    const double r = std::max(geometry_.bounds.radius(), 1e-12);
-    features_.max_emitted_radiance =
-        std::max(features_.max_emitted_radiance, peak / static_cast<float>(r * r));
+    add_place_light(light, peak);
+  } else if (object.plugin == "projector") {
+    CANDELA_ASSIGN(const ProjectorLight light, projector(object, to_world));
+    const float peak = luminance(light.peak());
+    if (!(peak > 0)) return {};
+    add_place_light(light, peak);
   } else if (object.plugin == "directional") {
     if (object.find("direction") != nullptr && object.find("to_world") != nullptr) {
       return error_at(object, "give either direction or to_world, not both").with_field("direction");
@@ -280,7 +325,7 @@ Result<void> SceneBuilder::emitter(const description::Object& object) {
     lights_.add(DirectionalLight(Vec3(world / l), irradiance));
     features_.any_delta_emitter = true;
     features_.max_emitted_radiance = std::max(features_.max_emitted_radiance, luminance(irradiance));
-  } else if (object.plugin == "constant" || object.plugin == "envmap") {
+  } else if (object.plugin == "constant" || object.plugin == "envmap" || is_daylight(object)) {
     CANDELA_ASSIGN(Environment environment, Environment::build(object, textures_));
     if (environment.black()) return {};
     features_.max_emitted_radiance = std::max(features_.max_emitted_radiance, environment.max_luminance());
@@ -320,6 +365,12 @@ void SceneBuilder::finish_features() {
   features_.lasting_fraction = static_cast<float>(lasting.fraction);
   features_.lasting_thickness = static_cast<float>(lasting.thickness);
   features_.radius = static_cast<float>(geometry_.bounds.radius());
+  for (const Vec3d p : {geometry_.bounds.low, geometry_.bounds.high}) {
+    if (geometry_.bounds.empty()) break;
+    features_.largest_coordinate =
+        std::max(features_.largest_coordinate,
+                 static_cast<float>(std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)})));
+  }
 }
 
 }  // namespace candela::scene

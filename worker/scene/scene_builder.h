@@ -39,9 +39,10 @@ struct SceneData {
 // Fills SceneData: shapes first, then finish_geometry, emitters, finish_features.
 class SceneBuilder {
  public:
-  // Both must outlive this; data.textures is there already.
-  SceneBuilder(const description::FileSource& files, SceneData& data)
+  // Both must outlive this; data.textures is there already. `parameterized`: as Scene::Options has it.
+  SceneBuilder(const description::FileSource& files, SceneData& data, bool parameterized = false)
       : files_(files),
+        parameterized_(parameterized),
         textures_(*data.textures),
         geometry_(data.geometry),
         bsdfs_(data.bsdfs),
@@ -64,14 +65,21 @@ class SceneBuilder {
 
   // With its group if it is the first of it.
   Result<void> instance(const description::Object& object);
+  Result<void> add_instance(const description::Object& object, std::uint32_t group);
+  // A round shape whose to_world stretches it: an instance of its own.
+  Result<void> stretched(const description::Object& object);
   Result<void> add_shape(const description::Object& object, bool in_group);
   Result<std::uint32_t> group_of(const description::ObjectPtr& object);
   Result<std::uint32_t> bsdf_of(const description::Object& shape, bool emits);
   Result<Spectrum> quantity(const description::Object& object, std::string_view name) const;
   Result<SpotLight> spot(const description::Object& object, const Transform& to_world);
+  Result<ProjectorLight> projector(const description::Object& object, const Transform& to_world);
+  // A light at a point that is not black, whose intensity (W / sr) has this largest luminance.
+  void add_place_light(Emitter light, float peak);
   void count_bsdf(const Bsdf& bsdf);
 
   const description::FileSource& files_;
+  const bool parameterized_;
   TextureStore& textures_;
   Geometry& geometry_;
   std::vector<Bsdf>& bsdfs_;

@@ -12,6 +12,7 @@
 #include "common/base/text.h"
 #include "common/base/version.h"
 #include "common/wire/wire.h"
+#include "worker/service/resident_memory.h"
 
 namespace candela::worker {
 namespace {
@@ -418,6 +419,7 @@ void FarmWorker::heartbeat_loop() {
     v1::HeartbeatRequest request;
     request.set_worker_id(session.worker_id);
     request.set_session(session.token);
+    request.set_resident_bytes(resident_bytes());
     const auto add = [&](const Task& task, double fraction) {
       if (task.dropped) return;
       v1::UnitProgress& unit = *request.add_units();

@@ -2,28 +2,14 @@
 #include "worker/service/scene_store.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cstdio>
 
 #include "common/base/log.h"
 #include "worker/service/failure_causes.h"
+#include "worker/service/resident_memory.h"
 
 namespace candela::worker {
-namespace {
-
-// Resident memory of this process; 0 where it is unknown.
-std::uint64_t resident_bytes() {
-  std::FILE* file = std::fopen("/proc/self/statm", "re");
-  if (file == nullptr) return 0;
-  unsigned long total = 0, resident = 0;
-  const bool read = std::fscanf(file, "%lu %lu", &total, &resident) == 2;
-  std::fclose(file);
-  return read ? resident * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE)) : 0;
-}
-
-}  // namespace
 
 Result<void> BundleSource::prepare() {
   pins_.reserve(bundle_.files.size());
@@ -77,6 +63,7 @@ std::string SceneStore::key(const std::string& bundle_sha256, const JobSettings&
   add_map(settings.filter_settings);
   add(settings.sampler);
   add(settings.isa);
+  add(settings.aovs);
   return text;
 }
 

@@ -18,10 +18,16 @@ const std::vector<std::string>& accumulators() {
   return names;
 }
 
+constexpr std::uint64_t kMemoPlanes = 3;
+
 }  // namespace
 
+std::uint64_t cppm_memo_bytes(const EpochPlan& /*plan*/) {
+  return kMemoPlanes;
+}
+
 Result<std::string> decide_cppm(const DecisionInput& input, Carry& carry) {
-  CANDELA_TRY(check_input(input, carry, accumulators(), 3));
+  CANDELA_TRY(check_input(input, carry, accumulators(), kMemoPlanes));
   const SettingsMap& constants = input.plan.constants;
   CANDELA_ASSIGN(const adaptive::Levels levels, adaptive::get_levels(constants));
   adaptive::CountsTest test;

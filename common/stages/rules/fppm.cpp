@@ -16,7 +16,18 @@ const std::vector<std::string>& accumulators() {
   return names;
 }
 
+constexpr std::uint64_t kMemoPlanes = 1;
+
 }  // namespace
+
+std::uint64_t fppm_memo_bytes(const EpochPlan& plan) {
+  const auto is = [&](const char* name, std::string_view word) {
+    const auto found = plan.constants.find(name);
+    return found != plan.constants.end() && found->second == word;
+  };
+  const bool nested = is("test", "nested");
+  return nested || is("rings", "1") ? fppm_rings_memo_bytes(nested) : kMemoPlanes;
+}
 
 Result<std::string> decide_fppm(const DecisionInput& input, Carry& carry) {
   const SettingsMap& constants = input.plan.constants;
@@ -24,7 +35,7 @@ Result<std::string> decide_fppm(const DecisionInput& input, Carry& carry) {
                  adaptive::get_word(constants, "test", {"sectors", "antipodal", "nested"}, "sectors"));
   CANDELA_ASSIGN(const std::string rings, adaptive::get_word(constants, "rings", {"0", "1"}, "0"));
   if (rings == "1" || test == "nested") return decide_fppm_rings(input, carry, test, rings == "1");
-  CANDELA_TRY(check_input(input, carry, accumulators(), 1));
+  CANDELA_TRY(check_input(input, carry, accumulators(), kMemoPlanes));
   CANDELA_ASSIGN(const adaptive::Levels levels, adaptive::get_levels(constants));
   CANDELA_ASSIGN(const std::uint64_t critical, adaptive::get_integer(constants, "critical"));
   if (input.epoch == 0) return std::string(pixels_of(input), '\0');

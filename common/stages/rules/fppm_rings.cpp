@@ -26,13 +26,16 @@ std::uint64_t add_passes(char* bytes, std::uint64_t more) {
 
 }  // namespace
 
+std::uint64_t fppm_rings_memo_bytes(bool nested) {
+  return kPlanes + (nested ? kRings * kPassBytes : 0);
+}
+
 Result<std::string> decide_fppm_rings(const DecisionInput& input, Carry& carry, const std::string& test,
                                       bool rings) {
   const bool nested = test == "nested";
   const std::vector<std::string> names = {rings ? adaptive::kRingSectors : adaptive::kDiscs,
                                           adaptive::kRingSquares};
-  const std::size_t memo_bytes = kPlanes + (nested ? kRings * kPassBytes : 0);
-  CANDELA_TRY(check_input(input, carry, names, memo_bytes));
+  CANDELA_TRY(check_input(input, carry, names, fppm_rings_memo_bytes(nested)));
   const SettingsMap& constants = input.plan.constants;
   CANDELA_ASSIGN(const adaptive::Levels levels, adaptive::get_levels(constants));
   CANDELA_ASSIGN(const std::uint64_t critical,

@@ -7,7 +7,7 @@
 namespace candela::rules {
 
 Result<void> check_input(const DecisionInput& input, Carry& carry, const std::vector<std::string>& names,
-                         std::size_t memo_planes) {
+                         std::size_t memo_planes, std::size_t state_planes) {
   const std::size_t pixels = pixels_of(input);
   const auto has_names = [&](const auto& sums, const auto& name_of) {
     return sums.size() == names.size() &&
@@ -20,11 +20,11 @@ Result<void> check_input(const DecisionInput& input, Carry& carry, const std::ve
   if (input.epoch == 0) carry.memo.assign(memo_planes * pixels, '\0');
   if (carry.memo.size() != memo_planes * pixels)
     return failed_error(fmt::format("the rule '{}' carries a memo of another film", input.plan.rule));
-  if (input.epoch != 0 && input.previous.size() != pixels)
+  if (input.epoch != 0 && input.previous.size() != state_planes * pixels)
     return failed_error("the state before is of another film");
   if (!input.folded) return {};
   if (!has_names(input.folded->sums, [](const auto* sum) { return sum->spec().name; }) ||
-      input.folded->state.size() != pixels)
+      input.folded->state.size() != state_planes * pixels)
     return failed_error("the epoch to fold is of another film");
   return {};
 }

@@ -29,9 +29,10 @@ inline void count_up(char& byte) {
 }
 
 // Checks sizes and accumulators, and clears the memo of epoch 0. Fails (failed) unless the carry and the
-// folded epoch have these accumulators in this order, and states and memo are of this film.
+// folded epoch have these accumulators in this order, and states and memo are of this film: `planes` of one
+// byte a pixel.
 Result<void> check_input(const DecisionInput& input, Carry& carry, const std::vector<std::string>& names,
-                         std::size_t memo_planes);
+                         std::size_t memo_planes, std::size_t state_planes = 1);
 
 // The first iteration of an epoch of the plan.
 std::uint64_t first_iteration(const EpochPlan& plan, std::uint64_t epoch);

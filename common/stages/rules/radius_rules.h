@@ -16,9 +16,12 @@ Result<StateReport> describe_fppm(const EpochPlan& plan, std::uint64_t epoch, st
                                   std::uint32_t height, std::string_view state, const Carry& carry,
                                   bool with_layers);
 
+std::uint64_t fppm_memo_bytes(const EpochPlan& plan);
+
 // The part of decide_fppm() for rings and nested discs.
 Result<std::string> decide_fppm_rings(const DecisionInput& input, Carry& carry, const std::string& test,
                                       bool rings);
+std::uint64_t fppm_rings_memo_bytes(bool nested);
 
 // CPPM: the chi-squared test on counts. Constants: factor = 2^(-1/6), so that three levels are half of the
 // area; max_level, floors, `critical_outer` and `critical_inner` (times 2^32), `first_batch`, `batch_growth`
@@ -27,6 +30,7 @@ Result<std::string> decide_cppm(const DecisionInput& input, Carry& carry);
 Result<StateReport> describe_cppm(const EpochPlan& plan, std::uint64_t epoch, std::uint32_t width,
                                   std::uint32_t height, std::string_view state, const Carry& carry,
                                   bool with_layers);
+std::uint64_t cppm_memo_bytes(const EpochPlan& plan);
 
 // APPM: the plug-in bandwidth. Constants: factor, max_level, `c6`, `r_min`, `r_max`. Accumulators:
 // appm.moments, appm.laplacian.

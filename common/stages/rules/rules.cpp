@@ -2,15 +2,18 @@
 #include <array>
 
 #include "common/stages/decision.h"
+#include "common/stages/epoch_corrections.h"
+#include "common/stages/rules/optimal_mis.h"
 #include "common/stages/rules/radius_rules.h"
 
 namespace candela {
 
 std::span<const DecisionRule> decision_rules() {
-  static constexpr std::array<DecisionRule, 3> rules{{
-      {"fppm", &rules::decide_fppm, &rules::describe_fppm},
-      {"cppm", &rules::decide_cppm, &rules::describe_cppm},
+  static constexpr std::array<DecisionRule, 4> rules{{
+      {"fppm", &rules::decide_fppm, &rules::describe_fppm, &rules::fppm_memo_bytes},
+      {"cppm", &rules::decide_cppm, &rules::describe_cppm, &rules::cppm_memo_bytes},
       {"appm", &rules::decide_appm, &rules::describe_appm},
+      {epoch_corrections::kRule, &rules::decide_optimal_mis, nullptr, &rules::optimal_mis_memo_bytes},
   }};
   return rules;
 }

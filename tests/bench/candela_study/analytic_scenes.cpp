@@ -16,6 +16,12 @@ double of_spot(double x, double y) {
   return of_point(8, 0, 2, x, y);
 }
 
+// Of parts/dip.png, whose 48 x 48 texels lie over [-1, 1]^2: one of its dark rows (columns).
+bool in_spot(double x) {
+  const int texel = static_cast<int>(std::floor(24 * (x + 1))) % 12;
+  return texel == 2 || texel == 9;
+}
+
 std::string file_of(const std::string& name) {
   return "tests/bench/candela_study/scenes/" + name + ".xml";
 }
@@ -24,8 +30,8 @@ std::string file_of(const std::string& name) {
 
 const std::vector<AnalyticScene>& analytic_scenes() {
   static const std::vector<AnalyticScene> scenes = {
-      {"flat", "hardly any bias; a gradient of up to 6 % across a first disc, at the corners",
-       file_of("flat"), of_spot},
+      {"flat", "even light: every radius that shrinks is a mistake", file_of("flat"),
+       [](double, double) { return 2.0; }, 2.5},
       {"gradient", "a gradient, which does not bias", file_of("gradient"),
        [](double x, double y) { return of_point(4, 0.8, 0.8, x, y); }},
       {"curvature", "a bias that grows as the squared radius", file_of("curvature"),
@@ -37,13 +43,15 @@ const std::vector<AnalyticScene>& analytic_scenes() {
          const int squares = static_cast<int>(std::floor(4 * x)) + static_cast<int>(std::floor(4 * y));
          return of_spot(x, y) * (squares % 2 == 0 ? 0.2 : 1);
        }},
-      {"two-lights", "an edge of photon density in the light of flat", file_of("two-lights"), of_spot},
+      {"two-lights", "an edge of photon density in nearly even light", file_of("two-lights"), of_spot},
+      {"dip", "dark spots of an eighth of the first radius", file_of("dip"),
+       [](double x, double y) { return of_spot(x, y) * (in_spot(x) && in_spot(y) ? 0.2 : 1); }},
   };
   return scenes;
 }
 
 Image truth_of(const AnalyticScene& scene, std::uint32_t side) {
-  constexpr int kPoints = 8;  // of a pixel's side
+  constexpr int kPoints = 24;  // of a pixel's side
   Image image;
   for (std::uint32_t row = 0; row < side; ++row)
     for (std::uint32_t column = 0; column < side; ++column) {

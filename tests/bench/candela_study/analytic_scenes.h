@@ -17,6 +17,7 @@ struct AnalyticScene {
   std::string file;  // relative to the sources
   // Irradiance of the floor at a place of [-0.5, 0.5]^2.
   std::function<double(double x, double y)> irradiance;
+  double light_paths = 1;  // per pixel, for about 20 photons in a first disc
 };
 const std::vector<AnalyticScene>& analytic_scenes();
 

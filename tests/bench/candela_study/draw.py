@@ -4,8 +4,9 @@
     draw.py DIR/NAME.csv    writes DIR/NAME.png and DIR/NAME.md
 
 A study NAME has a module draw_NAME.py ("-" becomes "_") with PAPER, the words on what the paper says, and two
-functions: figure(rows, maps) returns a matplotlib figure, tables(rows) Markdown. The maps are those of
-DIR/NAME-maps.csv, by name, as lists of rows of numbers.
+functions: figure(rows, maps) returns a matplotlib figure, tables(rows) Markdown. A third, more_figures(rows, maps),
+may return further figures by name, which become DIR/NAME-FIGURE.png. The maps are those of DIR/NAME-maps.csv, by name,
+as lists of rows of numbers.
 """
 import csv
 import importlib
@@ -90,9 +91,10 @@ def table(names, lines):
     return text + "".join("| " + " | ".join(line) + " |\n" for line in lines) + "\n"
 
 
-def page(head, paper, tables):
+def page(head, paper, tables, figures=()):
     name = head["study"]
-    return (f"# {name}: {head['summary']}\n\n![{name}]({name}.png)\n\n    {head['command']}\n\n"
+    pictures = "".join(f"![{file}]({file}.png)\n\n" for file in [name] + [f"{name}-{figure}" for figure in figures])
+    return (f"# {name}: {head['summary']}\n\n{pictures}    {head['command']}\n\n"
             f"**The paper** ({head['source']}). {paper}\n\n**Run**: seeds {head['seeds']}, "
             f"{head['cpu_seconds']} CPU seconds on one {head['cpu']} ({head['cores']} cores), commit "
             f"{head['commit'][:12] or 'unknown'}, build {head['build']}.\n\n{tables}")
@@ -115,13 +117,15 @@ def main():
     except (BadInput, ImportError) as error:
         sys.exit(f"draw.py: error: {error}")
     base = os.path.splitext(path)[0]
-    figure = study.figure(rows, maps)
-    if not figure.get_constrained_layout():
-        figure.tight_layout()
-    figure.savefig(base + ".png", dpi=80)
+    more = study.more_figures(rows, maps) if hasattr(study, "more_figures") else {}
+    figures = {base: study.figure(rows, maps), **{f"{base}-{name}": drawn for name, drawn in more.items()}}
+    for path, figure in figures.items():
+        if not figure.get_constrained_layout():
+            figure.tight_layout()
+        figure.savefig(path + ".png", dpi=80)
     with open(base + ".md", "w", encoding="utf-8") as stream:
-        stream.write(page(head, study.PAPER, study.tables(rows)))
-    print(base + ".png\n" + base + ".md")
+        stream.write(page(head, study.PAPER, study.tables(rows), more))
+    print("".join(path + ".png\n" for path in figures) + base + ".md")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,7 @@
-"""Figure and tables of the studies that compare ways to choose the radius on the analytic scenes."""
+"""Figure and tables of the studies that compare ways to choose the radius on the analytic scenes.
+
+Maps are gray for the radius; red: it has shrunk without need; blue: it has a bias that is significant.
+"""
 import math
 
 from matplotlib import pyplot
@@ -24,9 +27,15 @@ def methods_of(rows):
     return methods
 
 
-def figure(rows, maps):
+def colors_of(radii, decisions):
+    tints = {0: (1, 1, 1), 1: (1, 0.25, 0.2), -1: (0.2, 0.4, 1)}
+    return [[[0.25 * (decision != 0) + (1 - 0.25 * (decision != 0)) * radius * tint for tint in tints[decision]]
+             for radius, decision in zip(*lines)] for lines in zip(radii, decisions)]
+
+
+def figure(rows, maps, mapped=None):
     methods, scenes = methods_of(rows), scenes_of(rows)
-    mapped = [m for m in methods if any(name.split(" ", 1)[1] == m for name in maps)]
+    mapped = [m for m in mapped or methods if any(name.split(" ", 1)[1] == m for name in maps)]
     result, axes = pyplot.subplots(1 + len(mapped), len(scenes), squeeze=False, constrained_layout=True,
                                    figsize=(2.4 * len(scenes), 2.6 + 2.1 * len(mapped)))
     for column, scene in enumerate(scenes):
@@ -40,16 +49,14 @@ def figure(rows, maps):
         panel.tick_params(labelsize=6, which="both")
         panel.grid(alpha=0.3, which="both")
         for row, method in enumerate(mapped, 1):
-            image = axes[row][column].imshow(maps[f"{scene} {method}"], vmin=0, vmax=1, cmap="gray")
+            axes[row][column].imshow(colors_of(maps[f"{scene} {method}"], maps[f"{scene} {method} decisions"]))
             axes[row][column].set_xticks([])
             axes[row][column].set_yticks([])
             if column == 0:
                 axes[row][column].set_ylabel(f"{method}:\nradius / first")
     axes[0][0].set_ylabel("RMS error / mean")
     axes[0][0].set_xlabel("iterations")
-    axes[0][-1].legend(fontsize=6)
-    if mapped:
-        result.colorbar(image, ax=axes[1:, -1], fraction=0.05)
+    axes[0][-1].legend(fontsize=5)
     return result
 
 
@@ -70,7 +77,14 @@ def tables(rows):
                       for m in methods])
     text += table(["scene", "best radius / first"] + methods, lines)
     decided = [m for m in methods if value(rows, method=m, n=last, quantity="median radius") > 0]
-    text += "Share of pixels that shrank without a bias / of biased pixels that did not shrink; median radius / first:\n\n"
-    lines = [[scene] + [" / ".join(cell(scene, m, q, "{:.2f}") for q in ("false shrinks", "missed")) + "; " +
-                        cell(scene, m, "median radius", "{:.2f}") for m in decided] for scene in scenes]
+    text += ("Pixels whose radius shrank without need / that have a significant bias, in percent; "
+             "median radius / first:\n\n")
+    lines = []
+    for scene in scenes:
+        line = [scene]
+        for method in decided:
+            shares = [100 * value(rows, problem=scene, method=method, n=last, quantity=quantity)
+                      for quantity in ("false positives", "false negatives")]
+            line.append("{:.0f} / {:.0f}; ".format(*shares) + cell(scene, method, "median radius", "{:.2f}"))
+        lines.append(line)
     return text + table(["scene"] + decided, lines)

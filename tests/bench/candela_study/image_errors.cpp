@@ -60,6 +60,17 @@ ImageErrors errors_of(const std::vector<Image>& images, const Truth& truth, cons
   return errors;
 }
 
+double relative_squared_error(const Image& image, const Truth& truth) {
+  double sum = 0;
+  for (std::size_t i = 0; i < image.size(); ++i) {
+    const auto one = static_cast<double>(truth.first[i]), other = static_cast<double>(truth.second[i]),
+               value = static_cast<double>(image[i]);
+    const double reference = (one + other) / 2;
+    sum += (value - one) * (value - other) / (reference * reference + 0.01 * truth.mean * truth.mean);
+  }
+  return sum / static_cast<double>(image.size());
+}
+
 Image mean_image(const std::vector<Image>& images, std::size_t begin, std::size_t end) {
   std::vector<double> sum(images[begin].size());
   for (std::size_t k = begin; k < end; ++k)

@@ -39,6 +39,10 @@ struct ImageErrors {
 ImageErrors errors_of(const std::vector<Image>& images, const Truth& truth);
 ImageErrors errors_of(const std::vector<Image>& images, const Truth& truth, const Pattern& pattern);
 
+// Mean of (I - R1)(I - R2) / (R^2 + 0.01 mean(R)^2), R = (R1 + R2) / 2: the noise of R1 and R2, which are
+// independent, is not in the numerator's expectation.
+double relative_squared_error(const Image& image, const Truth& truth);
+
 // The mean of images [begin, end).
 Image mean_image(const std::vector<Image>& images, std::size_t begin, std::size_t end);
 

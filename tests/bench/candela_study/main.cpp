@@ -24,6 +24,8 @@ struct Options {
   std::string name, out;
   std::uint64_t seeds = 0;  // 0: the study's own
   unsigned threads = 1;
+  std::uint32_t side = 0;  // 0: the study's own
+  std::vector<std::string> scenes;
   bool list = false, short_form = false, no_figure = false;
 };
 
@@ -68,6 +70,9 @@ Result<void> run(const Options& options) {
   if (options.seeds != 0 && study->seeds == 0)
     return usage_error(fmt::format("study '{}' renders nothing that has a seed", study->name))
         .with_field("--seeds");
+  if (!study->in_pieces && (options.side != 0 || !options.scenes.empty()))
+    return usage_error(fmt::format("study '{}' has one size and all of its scenes", study->name))
+        .with_field(options.side != 0 ? "--side" : "--scenes");
   // Before the work, not after it.
   const std::filesystem::path folder = std::filesystem::absolute(options.out);
   CANDELA_TRY(make_directories(folder));
@@ -78,14 +83,18 @@ Result<void> run(const Options& options) {
   request.short_form = options.short_form;
   request.seeds = options.seeds != 0 ? options.seeds : options.short_form ? study->short_seeds : study->seeds;
   request.threads = options.threads;
+  request.side = options.side;
+  request.scenes = options.scenes;
+  if (study->in_pieces && !options.short_form) request.folder = folder / (options.name + "-pieces");
   request.say = [](const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); };
   const bench::Machine machine = bench::this_machine();
   const std::string commit = commit_of(CANDELA_SOURCE_DIR);
   CANDELA_ASSIGN(const Results results, study->run(request));
 
   const std::string seeds = study->seeds == 0 ? "" : fmt::format(" --seeds {}", request.seeds);
-  const std::string command =
-      fmt::format("candela-study {}{}{} --out DIR", study->name, options.short_form ? " --short" : "", seeds);
+  const std::string side = options.side == 0 ? "" : fmt::format(" --side {}", options.side);
+  const std::string command = fmt::format("candela-study {}{}{}{} --out DIR", study->name,
+                                          options.short_form ? " --short" : "", seeds, side);
   const Head head = {{"study", std::string(study->name)},
                      {"summary", std::string(study->summary)},
                      {"source", std::string(study->source)},
@@ -134,6 +143,10 @@ int main(int argc, char** argv) {
   app.add_option("--seeds", options.seeds, "independent renders; default: the study's own")
       ->check(CLI::Range(1, 1000));
   app.add_option("--threads", options.threads, "of each render; default: 1")->check(CLI::Range(1, 1024));
+  app.add_option("--side", options.side, "of pictures, in pixels; default: the study's own (vcmplus-table)")
+      ->check(CLI::Range(8, 4096));
+  app.add_option("--scenes", options.scenes, "these alone, with commas between; default: all (vcmplus-table)")
+      ->delimiter(',');
   app.add_flag("--no-figure", options.no_figure, "write the CSV alone; needs no Python");
   refuse_empty_paths(app);
   const std::vector<std::string> arguments(argv + 1, argv + argc);

@@ -5,6 +5,8 @@
 
 #include <cmath>
 #include <filesystem>
+#include <iterator>
+#include <utility>
 
 #include "common/bundle/bundle.h"
 #include "common/film/film.h"
@@ -41,7 +43,7 @@ Result<Rendered> render_job(const Render& render, const std::vector<std::uint64_
   render::UnitOutput output = renderer->make_output(pilot.state);
 
   const std::size_t values = output.film->layout().pixel_count() * 3;
-  std::vector<double> sums(values);
+  std::vector<double> sums(values * output.film->layout().layers);
   Rendered rendered;
   std::uint64_t done = 0;
   double seconds = 0;
@@ -57,13 +59,17 @@ Result<Rendered> render_job(const Render& render, const std::vector<std::uint64_
         if (rejected != 0)
           return failed_error(fmt::format("{} samples of {} were rejected", rejected, render.integrator))
               .at(file, 0);
-      for (std::size_t i = 0; i < values; ++i) sums[i] += static_cast<double>(output.film->sums()[i]);
+      for (std::size_t i = 0; i < sums.size(); ++i) sums[i] += static_cast<double>(output.film->sums()[i]);
     }
     done = count;
     rendered.cpu_seconds.push_back(seconds);
-    Image& image = rendered.images.emplace_back();
     const double to_value = std::ldexp(1.0, -output.film->scale_log2()) / static_cast<double>(count);
-    for (const double sum : sums) image.push_back(static_cast<float>(sum * to_value));
+    std::vector<Image> layers(output.film->layout().layers);
+    for (std::size_t i = 0; i < sums.size(); ++i)
+      layers[i / values].push_back(static_cast<float>(sums[i] * to_value));
+    rendered.images.push_back(std::move(layers[0]));
+    rendered.layers.assign(std::make_move_iterator(layers.begin() + 1),
+                           std::make_move_iterator(layers.end()));
   }
   CANDELA_ASSIGN(rendered.report, epochs.describe(true));
   return rendered;

@@ -23,6 +23,7 @@ struct Render {
 };
 struct Rendered {
   std::vector<Image> images;
+  std::vector<Image> layers;        // of the film, after the last count
   std::vector<double> cpu_seconds;  // of this process, in the calls that render, until each of them
   StateReport report;  // of the last state, with its layers; empty if the integrator has no epochs
 };

@@ -1,7 +1,9 @@
 // candela-study: experiments that remake figures and tables of papers. Pages about them: docs/studies.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <limits>
 #include <span>
@@ -43,6 +45,13 @@ struct Request {
   bool short_form = false;  // seconds
   std::uint64_t seeds = 1;  // independent runs, with the seeds 1, 2, ...
   unsigned threads = 1;
+  // Of studies in pieces (see Study):
+  std::uint32_t side = 0;           // of pictures, in pixels; 0: the study's own
+  std::vector<std::string> scenes;  // names; empty: all
+  std::filesystem::path folder;     // where pieces are kept; empty: nowhere
+  bool wants(const std::string& scene) const {
+    return scenes.empty() || std::find(scenes.begin(), scenes.end(), scene) != scenes.end();
+  }
   std::function<void(const std::string& line)> say = [](const std::string&) {};
 };
 
@@ -53,6 +62,8 @@ struct Study {
   std::uint64_t seeds;      // default; 0: it renders nothing, and its random numbers are its own
   std::uint64_t short_seeds;
   Result<Results> (*run)(const Request& request);
+  // Takes the side and names of scenes, keeps the results of each scene, and goes on with what is left.
+  bool in_pieces = false;
 };
 
 // All studies, by name.
@@ -63,7 +74,11 @@ const Study* find_study(std::string_view name);
 Result<Results> run_ups_alpha(const Request& request);
 Result<Results> run_bias_aware(const Request& request);
 Result<Results> run_fppm_comparison(const Request& request);
+Result<Results> run_mis_1d(const Request& request);
+Result<Results> run_mis_scenes(const Request& request);
+Result<Results> run_fppm_scenes(const Request& request);
 Result<Results> run_lag(const Request& request);
+Result<Results> run_upbp_nsd(const Request& request);
 Result<Results> run_vcmplus_table(const Request& request);
 
 }  // namespace candela::study

@@ -1,115 +1,309 @@
-// vcm and vcmplus to equal error: Table I of Lin et al. as ratios of iterations and of CPU seconds, on scenes
-// of this repository. The target is the error that vcm has after all iterations.
+// vcm and vcmplus to equal error: Table I of Lin et al. as ratios of iterations and of CPU seconds, Fig. 14
+// (first radii), tables II and III (k, alpha_f) as errors over those of vcm. Both integrators start at the
+// radius in which ten photons of an iteration lie, as in the paper's pictures, whatever the size of ours.
+#include "tests/bench/candela_study/vcmplus_table.h"
+
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
-#include "tests/bench/candela_study/image_errors.h"
-#include "tests/bench/candela_study/renders.h"
-#include "tests/bench/candela_study/study.h"
+#include "common/base/version.h"
+#include "tests/bench/candela_study/kept.h"
 
 namespace candela::study {
 namespace {
 
-struct Scene {
-  const char* name;
-  const char* file;
-  const char* reference;  // integrator: unbiased, with a noise that is small here
+struct Sizes {
+  std::uint32_t side;
+  std::vector<std::uint64_t> counts;  // of iterations
+  std::size_t parameters_at;          // index of the count at which parameters are compared
+  std::uint64_t pairs;                // of renders whose times are compared
+  std::uint64_t reference_share;      // of the references' samples: 1 / this
 };
-constexpr Scene kScenes[] = {
-    {"cornell", "deploy/scenes/cornell/scene.xml", "bdpt"},
-    {"studio", "deploy/scenes/studio/scene.xml", "bdpt"},
-    {"torus", "tests/bench/torus/torus.xml", "path"},
-    {"caustic", "tests/statistical/transport/caustic.xml", "bdpt"},
-    {"sds", "tests/statistical/transport/sds.xml", "path"},
-    {"textured-lamp", "tests/statistical/transport/textured-lamp.xml", "bdpt"},
-    {"lamp-in-glass", "tests/statistical/transport/lamp-in-glass.xml", "bdpt"},
-    {"mirror-glossy", "tests/statistical/transport/mirror-glossy.xml", "bdpt"},
+Sizes sizes_of(const Request& request) {
+  Sizes sizes =
+      request.short_form ? Sizes{12, {4, 8, 16}, 1, 2, 64} : Sizes{64, {16, 32, 64, 128, 256, 512}, 3, 6, 1};
+  if (request.side != 0) sizes.side = request.side;
+  return sizes;
+}
+
+// All results of one scene.
+class SceneTable {
+ public:
+  SceneTable(const Request& request, const Sizes& sizes, const TableScene& scene, const TableTruth& truth)
+      : request_(request), sizes_(sizes), scene_(scene), truth_(truth) {}
+
+  Result<Results> run() {
+    CANDELA_ASSIGN(const auto both, measure({vcm(scene_.photons), vcmplus(scene_.photons)}, sizes_.counts));
+    if (!both[1].report.figures.empty()) {
+      add_maps(both);
+      CANDELA_TRY(add_cost());
+    }
+    add_curves("table", both);
+    add_ratios("table", both);
+    if (scene_.parameters) {
+      CANDELA_TRY(add_radii());
+      CANDELA_TRY(add_parameters(both[0]));
+    }
+    return std::move(results_);
+  }
+
+ private:
+  static TableMethod vcm(int photons) {
+    return {"vcm", "vcm", {{"radius_neighbors", std::to_string(photons)}, {"layers", "merging"}}};
+  }
+  static TableMethod vcmplus(int photons, const SettingsMap& settings = {}) {
+    TableMethod method{"vcmplus", "vcmplus", vcm(photons).settings};
+    for (const auto& [name, value] : settings) {
+      method.name += ' ' + name + '=' + value;
+      method.settings[name] = value;
+    }
+    return method;
+  }
+  void add(const std::string& part, const std::string& method, double n, const std::string& quantity,
+           double value, double standard_error = kNone) {
+    if (std::isfinite(value))
+      results_.rows.push_back({part, scene_.name, method, kNone, n, quantity, value, standard_error});
+  }
+  void add_median(const std::string& part, const std::string& method, double n, const std::string& quantity,
+                  const std::vector<double>& values) {
+    statistical::Moments moments;
+    for (const double value : values) moments.add(value);
+    add(part, method, n, quantity, median(values), values.size() > 2 ? moments.error() : kNone);
+  }
+
+  Result<Rendered> render(const TableMethod& method, std::uint64_t seed,
+                          const std::vector<std::uint64_t>& counts) const {
+    return render_job({.scene = scene_.file,
+                       .width = sizes_.side,
+                       .height = sizes_.side,
+                       .integrator = method.integrator,
+                       .settings = method.settings,
+                       .seed = seed,
+                       .threads = request_.threads},
+                      counts);
+  }
+
+  // Methods take turns, so that what slows the machine down for a while slows all of them.
+  Result<std::vector<TableCurve>> measure(const std::vector<TableMethod>& methods,
+                                          const std::vector<std::uint64_t>& counts) const {
+    std::vector<TableCurve> curves(methods.size());
+    std::vector<std::vector<std::vector<Image>>> images(methods.size());  // [method][count][seed]
+    for (std::size_t m = 0; m < methods.size(); ++m) {
+      curves[m].name = methods[m].name;
+      curves[m].counts.assign(counts.begin(), counts.end());
+      curves[m].squared.resize(counts.size());
+      images[m].resize(counts.size());
+      curves[m].relative.resize(counts.size());
+      curves[m].trimmed.resize(counts.size());
+      curves[m].seconds.resize(counts.size());
+    }
+    for (std::uint64_t seed = 1; seed <= request_.seeds; ++seed)
+      for (std::size_t m = 0; m < methods.size(); ++m) {
+        CANDELA_ASSIGN(Rendered rendered, render(methods[m], seed, counts));
+        TableCurve& curve = curves[m];
+        for (std::size_t k = 0; k < counts.size(); ++k) {
+          curve.squared[k].push_back(truth_.squared_error(rendered.images[k]));
+          curve.relative[k].push_back(truth_.relative_error(rendered.images[k]));
+          curve.trimmed[k].push_back(truth_.trimmed_error(rendered.images[k]));
+          curve.seconds[k].push_back(rendered.cpu_seconds[k]);
+          images[m][k].push_back(rendered.images[k]);
+        }
+        if (seed != 1) continue;
+        curve.report = std::move(rendered.report);
+        curve.image = std::move(rendered.images.back());
+        if (!rendered.layers.empty()) curve.merged = std::move(rendered.layers[0]);
+      }
+    for (std::size_t m = 0; m < methods.size() && request_.seeds > 1; ++m)
+      for (const auto& of_count : images[m]) curves[m].bias.push_back(truth_.relative_bias(of_count));
+    return curves;
+  }
+
+  void add_curves(const std::string& part, const std::vector<TableCurve>& curves) {
+    for (const TableCurve& curve : curves) {
+      for (std::size_t k = 0; k < curve.counts.size(); ++k) {
+        add_median(part, curve.name, curve.counts[k], "squared error", curve.squared[k]);
+        add_median(part, curve.name, curve.counts[k], "relative error", curve.relative[k]);
+        add_median(part, curve.name, curve.counts[k], "trimmed error", curve.trimmed[k]);
+        add_median(part, curve.name, curve.counts[k], "CPU seconds", curve.seconds[k]);
+        if (!curve.bias.empty())
+          add(part, curve.name, curve.counts[k], "relative squared bias", curve.bias[k]);
+      }
+      for (const auto& [name, value] : curve.report.figures)
+        add(part, curve.name, curve.counts.back(), name, value);
+      add(part, curve.name, curve.counts.back(), "share of merging", share_of(curve.merged, curve.image));
+    }
+  }
+  static double share_of(const Image& part, const Image& whole) {
+    double sum = 0, all = 0;
+    for (const float value : part) sum += static_cast<double>(value);
+    for (const float value : whole) all += static_cast<double>(value);
+    return all > 0 ? sum / all : kNone;
+  }
+
+  // Of curves[1] over curves[0].
+  void add_ratios(const std::string& part, const std::vector<TableCurve>& curves) {
+    const TableCurve &base = curves[0], &other = curves[1];
+    for (const auto& [name, errors] : {std::pair{"", &TableCurve::relative},
+                                       {", squared error", &TableCurve::squared},
+                                       {", trimmed error", &TableCurve::trimmed}}) {
+      const std::vector<double> target = medians(base.*errors);
+      for (std::size_t k = 1; k < base.counts.size(); ++k) {
+        std::vector<double> iterations, ratios;
+        for (std::size_t s = 0; s < request_.seeds; ++s) {
+          iterations.push_back(iterations_ratio(base.counts, target, of_seed(other.*errors, s), k));
+          ratios.push_back((other.*errors)[k][s] / target[k]);
+        }
+        add_median(part, other.name, base.counts[k], std::string("iterations over vcm's") + name, iterations);
+        add_median(part, other.name, base.counts[k], std::string("error over vcm's") + name, ratios);
+      }
+      const auto seconds = medians(other.seconds);
+      add(part, other.name, base.counts.back(), std::string("CPU seconds over vcm's") + name,
+          reached(seconds, medians(other.*errors), target.back()) / median(base.seconds.back()));
+    }
+    std::vector<double> costs;
+    for (std::size_t s = 0; s < request_.seeds; ++s)
+      costs.push_back(other.seconds.back()[s] / base.seconds.back()[s]);
+    add_median(part, other.name, base.counts.back(), "CPU seconds of an iteration over vcm's", costs);
+  }
+  static std::vector<double> medians(const std::vector<std::vector<double>>& values) {
+    std::vector<double> found;
+    for (const auto& of_count : values) found.push_back(median(of_count));
+    return found;
+  }
+  static std::vector<double> of_seed(const std::vector<std::vector<double>>& values, std::size_t seed) {
+    std::vector<double> found;
+    for (const auto& of_count : values) found.push_back(of_count[seed]);
+    return found;
+  }
+  // Iterations that `errors` need to the k-th target, over those of the target. If they never get there:
+  // those that the target's curve needs less to where `errors` get, as a ratio.
+  static double iterations_ratio(const std::vector<double>& counts, const std::vector<double>& targets,
+                                 const std::vector<double>& errors, std::size_t k) {
+    const double needed = reached(counts, errors, targets[k]);
+    if (std::isfinite(needed)) return needed / counts[k];
+    return counts.back() / reached(counts, targets, errors.back());
+  }
+
+  void add_maps(const std::vector<TableCurve>& curves) {
+    for (const StateReport::Layer& layer : curves[1].report.layers)
+      if (layer.name == "radius") add_map("radius", layer.values);
+    for (const TableCurve& curve : curves) {
+      std::vector<float> shares;
+      for (std::size_t i = 0; i + 2 < curve.image.size(); i += 3) {
+        const float all = curve.image[i] + curve.image[i + 1] + curve.image[i + 2],
+                    part = curve.merged[i] + curve.merged[i + 1] + curve.merged[i + 2];
+        shares.push_back(all > 0 ? part / all : 0);
+      }
+      add_map("merging " + curve.name, std::move(shares));
+    }
+  }
+  void add_map(const std::string& what, std::vector<float> values) {
+    results_.maps.push_back({scene_.name + ' ' + what, sizes_.side, sizes_.side, std::move(values)});
+  }
+
+  // What the statistics cost: vcm and vcmplus at the same constant radius, at which both make the same film.
+  Result<void> add_cost() {
+    const std::uint64_t count = sizes_.counts[1];
+    TableMethod constant = vcm(scene_.photons);
+    constant.settings["alpha"] = "1";
+    // Lag 1: the first two epochs have the first radius.
+    const TableMethod tested =
+        vcmplus(scene_.photons, {{"alpha", "1"}, {"epoch_min", std::to_string(count / 2)}});
+    std::vector<double> ratios;
+    for (std::uint64_t seed = 1; seed <= sizes_.pairs; ++seed) {
+      CANDELA_ASSIGN(const Rendered without, render(constant, seed, {count}));
+      CANDELA_ASSIGN(const Rendered with, render(tested, seed, {count}));
+      if (with.images != without.images)
+        return internal_error("vcmplus at one radius makes another film than vcm on " + scene_.name);
+      ratios.push_back(with.cpu_seconds[0] / without.cpu_seconds[0]);
+    }
+    add_median("cost", "vcmplus", static_cast<double>(count), "CPU seconds at equal radii over vcm's",
+               ratios);
+    return {};
+  }
+
+  // Fig. 14.
+  Result<void> add_radii() {
+    for (const int photons : {1, 100}) {  // and scene_.photons in the table
+      CANDELA_ASSIGN(const auto both, measure({vcm(photons), vcmplus(photons)}, sizes_.counts));
+      const std::string part = fmt::format("{} photons in a first disc", photons);
+      add_curves(part, both);
+      add_ratios(part, both);
+    }
+    return {};
+  }
+
+  // Tables II and III.
+  Result<void> add_parameters(const TableCurve& base) {
+    const double n = base.counts[sizes_.parameters_at];
+    const double squared = median(base.squared[sizes_.parameters_at]),
+                 relative = median(base.relative[sizes_.parameters_at]);
+    const std::vector<SettingsMap> settings = {{{"k", "0.5"}},         {{"k", "0.6"}},
+                                               {{"k", "0.7"}},         {{"k", "0.8"}},
+                                               {{"k", "0.9"}},         {{"alpha_f", "0.01"}},
+                                               {{"alpha_f", "0.1"}},   {{"alpha", "1"}},
+                                               {{"alpha", "0.8"}},     {{"alpha", "1"}, {"alpha_f", "0.01"}},
+                                               {{"test", "antipodal"}}};
+    std::vector<TableMethod> methods;
+    for (const SettingsMap& one : settings) methods.push_back(vcmplus(scene_.photons, one));
+    CANDELA_ASSIGN(const auto curves, measure(methods, {static_cast<std::uint64_t>(n)}));
+    for (const TableCurve& curve : curves) {
+      std::vector<double> of_squared, of_relative;
+      for (const double error : curve.squared[0]) of_squared.push_back(error / squared);
+      for (const double error : curve.relative[0]) of_relative.push_back(error / relative);
+      add_median("parameters", curve.name, n, "error over vcm's", of_relative);
+      add_median("parameters", curve.name, n, "error over vcm's, squared error", of_squared);
+    }
+    return {};
+  }
+
+  const Request& request_;
+  const Sizes& sizes_;
+  const TableScene& scene_;
+  const TableTruth& truth_;
+  Results results_;
 };
 
-// Where the curve first reaches `target`, by lines in log-log; NaN if it does not. Errors fall.
-double reached(const std::vector<double>& places, const std::vector<double>& errors, double target) {
-  for (std::size_t k = 0; k < errors.size(); ++k) {
-    if (errors[k] > target) continue;
-    if (k == 0) return places[0];
-    const double share = std::log(errors[k - 1] / target) / std::log(errors[k - 1] / errors[k]);
-    return places[k - 1] * std::pow(places[k] / places[k - 1], share);
-  }
-  return kNone;
+Result<Results> results_of(const Request& request, const Sizes& sizes, const TableScene& scene) {
+  const std::uint64_t count = std::max<std::uint64_t>(16, scene.reference_count / sizes.reference_share);
+  CANDELA_ASSIGN(const TableTruth truth,
+                 TableTruth::render(scene, sizes.side, count, request.threads, request.folder));
+  CANDELA_ASSIGN(Results results, SceneTable(request, sizes, scene, truth).run());
+  for (const auto& [quantity, value] :
+       {std::pair{"squared error", truth.variance()}, {"relative error", truth.relative_variance()}})
+    results.rows.push_back({"reference", scene.name, scene.reference, kNone, static_cast<double>(count),
+                            quantity, value, kNone});
+  return results;
 }
 
 }  // namespace
 
 Result<Results> run_vcmplus_table(const Request& request) {
-  const std::uint32_t side = request.short_form ? 12 : 48;
-  const std::uint64_t reference_count = request.short_form ? 64 : 1024;
-  std::vector<std::uint64_t> counts;
-  for (std::uint64_t n = request.short_form ? 4 : 16; n <= (request.short_form ? 16 : 512); n *= 2)
-    counts.push_back(n);
+  const Sizes sizes = sizes_of(request);
+  std::string known;
+  for (const TableScene& scene : table_scenes()) known += (known.empty() ? "" : ", ") + scene.name;
+  for (const std::string& name : request.scenes)
+    if (std::none_of(table_scenes().begin(), table_scenes().end(),
+                     [&](const TableScene& scene) { return scene.name == name; }))
+      return usage_error(fmt::format("there is no scene '{}'", name))
+          .with_field("--scenes")
+          .with_mend("some of " + known);
   Results results;
-  for (const Scene& scene : kScenes) {
-    const auto render = [&](const std::string& integrator, std::uint64_t seed) {
-      return Render{.scene = scene.file,
-                    .width = side,
-                    .height = side,
-                    .integrator = integrator,
-                    .seed = seed,
-                    .threads = request.threads};
-    };
-    std::vector<Image> references;
-    for (const std::uint64_t seed : {900001, 900002}) {
-      Render reference = render(scene.reference, seed);
-      reference.sampler = "sobol";
-      CANDELA_ASSIGN(auto images, render_images(reference, {reference_count}));
-      references.push_back(std::move(images[0]));
+  for (const TableScene& scene : table_scenes()) {
+    const bool by_name = !request.scenes.empty();
+    if (!request.wants(scene.name) || (request.short_form && !by_name && !scene.in_short_form)) continue;
+    if (!std::filesystem::exists(CANDELA_SOURCE_DIR "/" + scene.file)) {
+      request.say(fmt::format("vcmplus-table: {} is skipped: there is no {}", scene.name, scene.file));
+      continue;
     }
-    const Truth truth(references[0], references[1]);
-    const auto add = [&](const std::string& method, double n, const std::string& quantity, double value,
-                         double standard_error) {
-      if (std::isfinite(value))
-        results.rows.push_back(
-            {"vcmplus-table", scene.name, method, kNone, n, quantity, value, standard_error});
-    };
-    add(scene.reference, static_cast<double>(reference_count), "variance", truth.variance, kNone);
-
-    struct Curve {
-      std::vector<double> errors, seconds;
-    };
-    std::vector<double> places(counts.begin(), counts.end());
-    std::vector<Curve> curves;
-    for (const std::string integrator : {"vcm", "vcmplus"}) {
-      Curve curve{std::vector<double>(counts.size()), std::vector<double>(counts.size())};
-      std::vector<std::vector<Image>> images(counts.size());
-      for (std::uint64_t seed = 1; seed <= request.seeds; ++seed) {
-        CANDELA_ASSIGN(Rendered rendered, render_job(render(integrator, seed), counts));
-        for (std::size_t k = 0; k < counts.size(); ++k) {
-          images[k].push_back(std::move(rendered.images[k]));
-          curve.seconds[k] += rendered.cpu_seconds[k] / static_cast<double>(request.seeds);
-        }
-        if (seed != 1) continue;
-        for (const auto& [name, value] : rendered.report.figures)
-          add(integrator, places.back(), name, value, kNone);
-        for (const StateReport::Layer& layer : rendered.report.layers)
-          if (layer.name == "radius")
-            results.maps.push_back({std::string(scene.name) + " " + integrator, side, side, layer.values});
-      }
-      for (std::size_t k = 0; k < counts.size(); ++k) {
-        const auto errors = errors_of(images[k], truth);
-        curve.errors[k] = errors.squared_error.mean();
-        add(integrator, places[k], "squared error", curve.errors[k],
-            request.seeds > 2 ? errors.squared_error.error() : kNone);
-        add(integrator, places[k], "CPU seconds", curve.seconds[k], kNone);
-      }
-      curves.push_back(std::move(curve));
-    }
-    const double target = curves[0].errors.back();
-    add("vcmplus", places.back(), "iterations over vcm's",
-        reached(places, curves[1].errors, target) / places.back(), kNone);
-    add("vcmplus", places.back(), "CPU seconds over vcm's",
-        reached(curves[1].seconds, curves[1].errors, target) / curves[0].seconds.back(), kNone);
-    add("vcmplus", places.back(), "CPU seconds of an iteration over vcm's",
-        curves[1].seconds.back() / curves[0].seconds.back(), kNone);
-    add("vcmplus", places.back(), "squared error over vcm's", curves[1].errors.back() / target, kNone);
+    const std::string key = fmt::format("{} side {} seeds {} last {}", build_id(), sizes.side, request.seeds,
+                                        sizes.counts.back());
+    CANDELA_ASSIGN(Results of_scene, kept_results(request.folder, scene.name, key,
+                                                  [&] { return results_of(request, sizes, scene); }));
+    results.rows.insert(results.rows.end(), of_scene.rows.begin(), of_scene.rows.end());
+    results.maps.insert(results.maps.end(), of_scene.maps.begin(), of_scene.maps.end());
     request.say(fmt::format("vcmplus-table: {}", scene.name));
   }
   return results;

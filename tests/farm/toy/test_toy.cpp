@@ -15,6 +15,7 @@
 #include "common/stages/epochs.h"
 #include "master/merge/checkpoint.h"
 #include "tests/farm/farm.h"
+#include "tests/farm/local_job.h"
 #include "tests/farm/toy/toy.h"
 #include "tests/unit/farm_calls.h"
 #include "tests/unit/hand_worker.h"
@@ -33,48 +34,14 @@ std::uint64_t iterations_of_the_form() {
   return std::getenv("CANDELA_TOY_LONG") != nullptr ? 1201 : 161;
 }
 
-// The toy's job without a farm: one unit for each half of each epoch, states decided in between.
-struct Truth {
-  film::MergedFilm film{{kToyWidth, kToyHeight, 1}, 0};
-  std::map<std::uint64_t, film::MergedAccumulator> squares;  // by epoch
-  std::vector<std::string> states;
-  Carry carry = empty_carry(toy::work_plan().accumulators, kToyWidth, kToyHeight);
-};
-Truth truth_of(std::uint64_t iterations, int scale_log2) {
-  const WorkPlan work = toy::work_plan();
-  const EpochPlan& plan = *work.epochs;
-  const Epochs epochs(plan.first, plan.growth);
-  Truth out;
-  out.film = film::MergedFilm({kToyWidth, kToyHeight, 1}, scale_log2);
-  const std::array<std::uint64_t, 2> target = {(iterations + 1) / 2, iterations / 2};
-  for (std::uint64_t e = 0; epochs.begin_index(e) < target[0]; ++e) {
-    DecisionInput input{plan, e, kToyWidth, kToyHeight, {}, {}};
-    if (e > 0) input.previous = out.states.back();
-    if (e > plan.lag) {
-      const std::uint64_t folded = e - 1 - plan.lag;
-      input.folded = {folded, out.states[folded], {&out.squares.at(folded)}};
-    }
-    std::string state = *decide(input, out.carry);
-    out.states.push_back(std::move(state));
-    out.squares.emplace(e, film::MergedAccumulator(kToyWidth, kToyHeight, work.accumulators[0]));
-    for (std::uint32_t half = 0; half < 2; ++half) {
-      const Unit unit{Unit::Kind::iterations, half, epochs.begin_index(e),
-                      std::min(epochs.begin_index(e + 1), target[half])};
-      if (unit.begin >= unit.end) continue;
-      integrators::UnitOutput output = toy::make_output(kToyWidth, kToyHeight, scale_log2);
-      output.epoch = e;
-      EXPECT_TRUE(toy::render(unit, out.states.back(), kToyWidth, kToyHeight, kSeed, output).ok());
-      film::DeltaInfo info;
-      info.unit = unit;
-      info.job_id = "j";
-      const auto delta = film::Delta::decode(integrators::encode_delta(info, output),
-                                             {{kToyWidth, kToyHeight, 1}, work.accumulators});
-      EXPECT_TRUE(delta.ok()) << delta.error().to_string();
-      EXPECT_TRUE(out.film.merge(*delta).ok());
-      out.squares.at(e).merge(delta->accumulators()[0].sums);
-    }
-  }
-  return out;
+// The toy's job without a farm.
+LocalJob truth_of(std::uint64_t iterations, int scale_log2) {
+  return local_job(toy::work_plan(), {kToyWidth, kToyHeight, 1}, scale_log2, iterations,
+                   [&](const Unit& unit, std::string_view state) {
+                     integrators::UnitOutput output = toy::make_output(kToyWidth, kToyHeight, scale_log2);
+                     EXPECT_TRUE(toy::render(unit, state, kToyWidth, kToyHeight, kSeed, output).ok());
+                     return output;
+                   });
 }
 
 class ToyFarm : public testing::Test {
@@ -114,43 +81,13 @@ class ToyFarm : public testing::Test {
     const grpc::Status answer = extended();
     ASSERT_TRUE(answer.ok()) << answer.error_message();
   }
-  // The whole of a finished job against the loop without a farm, and its states against a replay of what is
-  // stored.
+  // The whole of a finished job against the loop without a farm.
   void check(const std::string& id, std::uint64_t iterations) {
     const v1::JobStatus status = farm.wait_for(id, v1::JOB_STATE_DONE);
     ASSERT_EQ(status.iterations(), iterations);
-    const Truth truth = truth_of(iterations, status.named_state().film_scale_log2());
-    const auto bytes = read_file(farm.folder().path() / "data" / "jobs" / id /
-                                     fmt::format("film.{}.ckpt", status.checkpoint_generation()),
-                                 1 << 28);
-    ASSERT_TRUE(bytes.ok());
-    const WorkPlan work = toy::work_plan();
-    const auto found = master::parse_checkpoint(*bytes, {0, work.accumulators, work.epochs});
-    ASSERT_TRUE(found.ok()) << found.error().to_string();
-    EXPECT_TRUE(found->film.serialise() == truth.film.serialise()) << "the film";
-    const master::Decisions& decisions = found->decisions;
-    ASSERT_EQ(decisions.states.size(), truth.states.size());
-    ASSERT_EQ(decisions.made, truth.states.size());
-    bool changed = false;
-    for (std::size_t e = 0; e < truth.states.size(); ++e) {
-      EXPECT_EQ(decisions.states[e].epoch, e);
-      EXPECT_EQ(decisions.states[e].sha256, sha256_hex(truth.states[e])) << "epoch " << e;
-      changed |= e > 0 && truth.states[e] != truth.states[e - 1];
-    }
-    EXPECT_TRUE(changed) << "nothing is tested";
-    EXPECT_TRUE(decisions.carry->memo == truth.carry.memo) << "the memo";
-    EXPECT_TRUE(decisions.carry->sums.at(0).serialise() == truth.carry.sums.at(0).serialise()) << "the carry";
-    // The sums of folded epochs are gone, those of the others are there.
-    const std::uint64_t folded = epochs_folded(decisions.made, work.epochs->lag);
-    ASSERT_EQ(found->accumulators.size(), truth.squares.size() - folded);
-    for (const auto& [key, squares] : found->accumulators)
-      EXPECT_TRUE(squares->serialise() == truth.squares.at(key.second).serialise()) << "epoch " << key.second;
-    const auto again =
-        replay(*work.epochs, work.accumulators, truth.states.size(), kToyWidth, kToyHeight,
-               [&](std::string_view, std::uint64_t epoch) { return &truth.squares.at(epoch); });
-    ASSERT_TRUE(again.ok()) << again.error().to_string();
-    EXPECT_EQ(again->states, truth.states) << "the replay";
-    EXPECT_EQ(again->carry.memo, truth.carry.memo) << "the replay";
+    expect_checkpoint(farm.folder().path() / "data" / "jobs" / id /
+                          fmt::format("film.{}.ckpt", status.checkpoint_generation()),
+                      truth_of(iterations, status.named_state().film_scale_log2()));
     farm.audit(id, iterations);
   }
 
@@ -244,10 +181,7 @@ TEST_F(ToyFarm, AnOldCheckpointGoesOn) {
   check(id, first);
   const v1::JobStatus status = farm.job(id);
   farm.kill_master();
-  const Truth truth = truth_of(first, status.named_state().film_scale_log2());
-  master::Accumulators accumulators;
-  for (const auto& [epoch, squares] : truth.squares)
-    accumulators[{0, epoch}] = std::make_shared<film::MergedAccumulator>(squares);
+  const LocalJob truth = truth_of(first, status.named_state().film_scale_log2());
   master::Decisions decisions;
   for (std::size_t e = 0; e < truth.states.size(); ++e)
     decisions.states.push_back({toy::kRule, e, sha256_hex(truth.states[e]), 0});
@@ -255,7 +189,7 @@ TEST_F(ToyFarm, AnOldCheckpointGoesOn) {
   for (const auto& e : std::filesystem::directory_iterator(folder))
     if (e.path().extension() == ".ckpt") std::filesystem::remove(e.path());
   ASSERT_TRUE(write_file_atomically(folder / fmt::format("film.{}.ckpt", status.checkpoint_generation()),
-                                    master::encode_checkpoint(truth.film, {}, accumulators, decisions))
+                                    master::encode_checkpoint(truth.film, {}, truth.accumulators, decisions))
                   .ok());
   farm.restart_master();
   extend(id, whole - first);
@@ -296,7 +230,7 @@ TEST_F(ToyFarm, ReportsTellOfTheState) {
   farm.start_worker("a");
   const std::string id = submit(whole);
   const v1::EpochStatus epochs = farm.wait_for(id, v1::JOB_STATE_DONE).epochs();
-  const Truth truth = truth_of(whole, 20);
+  const LocalJob truth = truth_of(whole, 20);
   EXPECT_EQ(epochs.epoch(), truth.states.size() - 1);
   double doublings = 0;
   for (const char level : truth.states.back()) doublings += level;

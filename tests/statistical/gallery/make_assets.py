@@ -85,6 +85,40 @@ def write_vol(path, n=16):
                     f.write(struct.pack("<f", max(0.0, 1 - r) * streak))
 
 
+def write_curves(path, curves):
+    """Control points x y z radius, an empty line between curves."""
+    with open(path, "w", newline="\n") as f:
+        f.write("\n".join("".join("%.5f %.5f %.5f %.5f\n" % p for p in curve) for curve in curves))
+
+
+def spring(turns=4, points=9):
+    """A coil that gets thinner towards its top."""
+    n = turns * points
+    return [(0.42 * math.cos(2 * math.pi * i / points), 0.06 + 1.2 * i / n, 0.42 * math.sin(2 * math.pi * i / points),
+             0.07 - 0.05 * i / n) for i in range(n + 3)]
+
+
+def stems(count=7):
+    """Bent stems of five points."""
+    return [[(0.1 * math.cos(a) * (1 + t * t), 0.3 * t, 0.1 * math.sin(a) * (1 + t * t), 0.05 - 0.008 * t)
+             for t in range(5)] for a in (2 * math.pi * k / count for k in range(count))]
+
+
+def write_field(path, n=20):
+    """The distance field of two balls that melt into each other."""
+    with open(path, "wb") as f:
+        f.write(b"VOL" + struct.pack("<B", 3) + struct.pack("<5i", 1, n, n, n, 1) +
+                struct.pack("<6f", 0, 0, 0, 1, 1, 1))
+        for z in range(n):
+            for y in range(n):
+                for x in range(n):
+                    p = [c / (n - 1) for c in (x, y, z)]
+                    a = math.dist(p, (0.36, 0.4, 0.5)) - 0.24
+                    b = math.dist(p, (0.68, 0.6, 0.5)) - 0.2
+                    h = max(0.0, 0.15 - abs(a - b)) / 0.15
+                    f.write(struct.pack("<f", min(a, b) - h * h * 0.15 / 4))
+
+
 vertices, triangles = torus(24, 12, 0.62, 0.26)
 write_obj("assets/torus.obj", vertices, triangles)
 write_ply("assets/torus.ply", vertices, triangles, "a torus")
@@ -95,6 +129,15 @@ write_png("assets/height.png", 64, 64, height)
 write_png("assets/normals.png", 64, 64, normals)
 write_pfm("assets/sky.pfm", 32, 16, sky)
 write_vol("assets/smoke.vol")
+write_curves("assets/spring.txt", [spring()])
+write_curves("assets/stems.txt", stems())
+write_field("assets/balls.vol")
+with open("assets/pebble.pbrt", "w", newline="\n") as f:
+    f.write("# A box that subdivision rounds.\n")
+    f.write('Shape "loopsubdiv" "integer levels" 4\n')
+    f.write('  "point3 P" [-0.7 -0.7 -0.7  0.7 -0.7 -0.7  0.7 0.7 -0.7  -0.7 0.7 -0.7\n')
+    f.write('              -0.4 -0.4 0.9  0.4 -0.4 0.9  0.4 0.4 0.9  -0.4 0.4 0.9]\n')
+    f.write('  "integer indices" [0 2 1  0 3 2  4 5 6  4 6 7  0 1 5  0 5 4  2 3 7  2 7 6  0 4 7  0 7 3  1 2 6  1 6 5]\n')
 with open("assets/metal.spd", "w", newline="\n") as f:
     f.write("# a reflectance that rises towards the red: wavelength in nm, value\n")
     for w in range(380, 781, 20):

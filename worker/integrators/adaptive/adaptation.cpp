@@ -35,9 +35,6 @@ Result<void> check(const FTestSettings& test, const RingSettings& rings) {
 
 namespace {
 
-// Floors of radii fall as i^(-1/8) [Lin 2023, Eq. 21, with alpha = 3/4].
-constexpr int kFloorPower = 8;
-
 Adaptation make_adaptation(const EpochSettings& epochs, std::string_view rule, rules::Levels levels) {
   Adaptation adaptation;
   EpochPlan& plan = adaptation.epochs;
@@ -54,7 +51,7 @@ Adaptation make_adaptation(const EpochSettings& epochs, std::string_view rule, r
 
 Adaptation f_test(const EpochSettings& epochs, const FTestSettings& test) {
   Adaptation adaptation =
-      make_adaptation(epochs, "fppm", rules::levels_above(test.k, test.r_min, kFloorPower));
+      make_adaptation(epochs, "fppm", rules::levels_above(test.k, test.r_min, test.floor_alpha));
   EpochPlan& plan = adaptation.epochs;
   const int degrees =
       (test.test.value == "antipodal" ? rules::kSectorChannels / 2 : rules::kSectorChannels) - 1;
@@ -69,7 +66,7 @@ Adaptation f_test(const EpochSettings& epochs, const FTestSettings& test) {
 
 Adaptation ring_test(const EpochSettings& epochs, const FTestSettings& test, const RingSettings& rings) {
   constexpr double kFactor = 0.70710678118654752;  // half of the area
-  rules::Levels levels = rules::levels_above(kFactor, test.r_min, kFloorPower);
+  rules::Levels levels = rules::levels_above(kFactor, test.r_min, test.floor_alpha);
   levels.max_level = std::min(levels.max_level, rules::kRings - 2);
   levels.floors.resize(static_cast<std::size_t>(levels.max_level));
   Adaptation adaptation = make_adaptation(epochs, "fppm", std::move(levels));
@@ -98,7 +95,7 @@ Adaptation count_test(const EpochSettings& epochs, const CountTestSettings& test
   // Areas by thirds of a halving: the inner disc is three levels down, and a rejection is one.
   constexpr double kFactor = 0.89089871814033930;  // 2^(-1/6)
   Adaptation adaptation =
-      make_adaptation(epochs, "cppm", rules::levels_above(kFactor, test.r_min, kFloorPower));
+      make_adaptation(epochs, "cppm", rules::levels_above(kFactor, test.r_min, test.floor_alpha));
   SettingsMap& constants = adaptation.epochs.constants;
   const auto critical = [&](int sectors) {
     return std::to_string(rules::critical_integer(rules::chi_squared_quantile(test.alpha_chi, sectors - 1)));
@@ -114,21 +111,49 @@ Adaptation count_test(const EpochSettings& epochs, const CountTestSettings& test
   return adaptation;
 }
 
-Adaptation plug_in(const EpochSettings& epochs, const PlugInSettings& bandwidth, transport::Kernel kernel) {
+namespace {
+
+template <bool kMedia, bool kMeans>
+std::vector<film::AccumulatorSpec> plug_in_accumulators(int film_scale_log2) {
+  std::vector<film::AccumulatorSpec> specs = {rules::moments_spec(film_scale_log2, kMedia),
+                                              rules::laplacian_spec(film_scale_log2, kMedia)};
+  if (kMeans) specs.push_back(rules::means_spec(film_scale_log2));
+  return specs;
+}
+
+}  // namespace
+
+Adaptation plug_in(const EpochSettings& epochs, const PlugInSettings& bandwidth, transport::Kernel kernel,
+                   bool media) {
   constexpr double kFactor = 0.95760328069857365;  // 2^(-1/16)
-  // k2 and k3 of the kernels on the unit disc (worker/transport/kernels.h): second moment along an axis, and
-  // integral of the square.
+  // k2 and k3 of the kernels on the unit disc and ball (worker/transport/kernels.h): second moment along an
+  // axis, and integral of the square. C: energy of the stencil of five discs.
   constexpr double kSecondMoment[] = {1.0 / 4, 1.0 / 6, 5.0 / 48};
+  constexpr double kBallSecondMoment[] = {1.0 / 5, 1.0 / 7, 7.0 / 75};
+  constexpr double kStencilEnergy[] = {2.84615, 4.79888, 11.4011};
+  const int of_kernel = static_cast<int>(kernel);
   Adaptation adaptation = make_adaptation(epochs, "appm", {kFactor, rules::kMaxLevel});
   SettingsMap& constants = adaptation.epochs.constants;
-  constants["c6"] = rules::constant_text(rules::plug_in_constant(kSecondMoment[static_cast<int>(kernel)],
-                                                                 1 / transport::effective_area(kernel, 1),
-                                                                 bandwidth.recursive_correction));
+  constants["c6"] = rules::constant_text(rules::plug_in_constant(
+      kSecondMoment[of_kernel], 1 / transport::effective_area(kernel, 1), bandwidth.recursive_correction));
+  if (media) {
+    const rules::PlugInMedia in_media =
+        rules::plug_in_media(kSecondMoment[of_kernel], kBallSecondMoment[of_kernel],
+                             1 / transport::effective_volume(kernel, 1), bandwidth.recursive_correction);
+    constants["c7"] = rules::constant_text(in_media.c7);
+    constants["k2_ratio"] = rules::constant_text(in_media.k2_ratio);
+  }
   constants["r_min"] = rules::constant_text(bandwidth.r_min);
   constants["r_max"] = rules::constant_text(bandwidth.r_max);
-  adaptation.accumulators = +[](int film_scale_log2) -> std::vector<film::AccumulatorSpec> {
-    return {rules::moments_spec(film_scale_log2), rules::laplacian_spec(film_scale_log2)};
-  };
+  const bool reference = bandwidth.pilot.value == "reference";
+  if (reference) {
+    constants["pilot_c10"] =
+        rules::constant_text(rules::reference_constant(kSecondMoment[of_kernel], kStencilEnergy[of_kernel]));
+    adaptation.planes = {rules::kPilotLevels};
+  }
+  adaptation.accumulators =
+      media ? (reference ? plug_in_accumulators<true, true> : plug_in_accumulators<true, false>)
+            : (reference ? plug_in_accumulators<false, true> : plug_in_accumulators<false, false>);
   return adaptation;
 }
 
@@ -144,9 +169,10 @@ void note_statistics(const Adaptation& adaptation, Plan& plan) {
   for (const film::AccumulatorSpec& spec : adaptation.accumulators(0)) channels += spec.channels;
   plan.use("a radius for each pixel",
            fmt::format("decided by the rule {} once an epoch, of {} iterations or 1/{} "
-                       "of those before; {} levels, 1 byte a pixel",
+                       "of those before; {} levels, {} byte{} a pixel",
                        adaptation.epochs.rule, adaptation.epochs.first, adaptation.epochs.growth,
-                       adaptation.levels.max_level + 1));
+                       adaptation.levels.max_level + 1, 1 + adaptation.planes.size(),
+                       adaptation.planes.empty() ? "" : "s"));
   plan.use("statistics",
            fmt::format(
                "{0} sums a pixel: a worker has {1} bytes a pixel, the master {1} for each of {2} epochs; at "
@@ -155,22 +181,25 @@ void note_statistics(const Adaptation& adaptation, Plan& plan) {
 }
 
 Result<std::string_view> level_map(const UnitInput& input, const Adaptation& adaptation,
-                                   const UnitContext& context) {
+                                   const UnitContext& context, std::size_t plane) {
   const auto state = input.states.find(adaptation.epochs.rule);
   const auto bad = [&](std::string_view what) {
     return input_error(fmt::format("the state '{}' {}", adaptation.epochs.rule, what)).with_field("states");
   };
   if (state == input.states.end()) return bad("of the unit's epoch is missing");
-  const std::string_view map = state->second;
-  if (map.size() != std::size_t{context.width} * context.height)
-    return bad(
-        fmt::format("has {} bytes, the film {} x {} pixels", map.size(), context.width, context.height));
-  const auto too_deep = [&](char level) {
-    return static_cast<unsigned char>(level) > adaptation.levels.max_level;
-  };
-  if (std::any_of(map.begin(), map.end(), too_deep))
-    return bad(fmt::format("has a level beyond {}", adaptation.levels.max_level));
-  return map;
+  const std::size_t pixels = std::size_t{context.width} * context.height;
+  if (state->second.size() != (1 + adaptation.planes.size()) * pixels)
+    return bad(fmt::format("has {} bytes, the film {} x {} pixels", state->second.size(), context.width,
+                           context.height));
+  const auto map = [&](std::size_t k) { return std::string_view(state->second).substr(k * pixels, pixels); };
+  for (std::size_t k = 0; k <= adaptation.planes.size(); ++k) {
+    const int levels = k == 0 ? adaptation.levels.max_level + 1 : adaptation.planes[k - 1];
+    const std::string_view bytes = map(k);
+    const auto too_deep = [&](char level) { return static_cast<unsigned char>(level) >= levels; };
+    if (std::any_of(bytes.begin(), bytes.end(), too_deep))
+      return bad(fmt::format("has a level beyond {}", levels - 1));
+  }
+  return map(plane);
 }
 
 }  // namespace candela::integrators::adaptive

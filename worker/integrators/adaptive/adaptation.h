@@ -17,6 +17,8 @@ namespace candela::integrators::adaptive {
 struct Adaptation {
   EpochPlan epochs;  // its rule's name is that of the state too
   candela::adaptive::Levels levels;
+  // Of the state beside the plane of levels: one more plane of one byte a pixel for each, below this number.
+  std::vector<int> planes = {};
   std::vector<film::AccumulatorSpec> (*accumulators)(int film_scale_log2) = nullptr;
 };
 
@@ -26,8 +28,10 @@ Adaptation f_test(const EpochSettings& epochs, const FTestSettings& test);
 Adaptation ring_test(const EpochSettings& epochs, const FTestSettings& test, const RingSettings& rings);
 // The chi-squared test's, by the rule "cppm".
 Adaptation count_test(const EpochSettings& epochs, const CountTestSettings& test);
-// The plug-in bandwidth's, by the rule "appm".
-Adaptation plug_in(const EpochSettings& epochs, const PlugInSettings& bandwidth, transport::Kernel kernel);
+// The plug-in bandwidth's, by the rule "appm". media: merges in media too. pilot=reference adds a plane of
+// levels of pilots to the state.
+Adaptation plug_in(const EpochSettings& epochs, const PlugInSettings& bandwidth, transport::Kernel kernel,
+                   bool media);
 
 // Accumulators and epochs.
 WorkPlan work_plan(const Adaptation& adaptation, int film_scale_log2);
@@ -35,9 +39,9 @@ WorkPlan work_plan(const Adaptation& adaptation, int film_scale_log2);
 // Says in the plan what memory and network are asked for.
 void note_statistics(const Adaptation& adaptation, Plan& plan);
 
-// The levels of a unit's pixels. Fails (input) where the state is absent, or not of this film and these
-// levels.
+// A plane of a unit's state, by default the levels of its pixels. Fails (input) where the state is absent, or
+// not of this film and these levels in all its planes.
 Result<std::string_view> level_map(const UnitInput& input, const Adaptation& adaptation,
-                                   const UnitContext& context);
+                                   const UnitContext& context, std::size_t plane = 0);
 
 }  // namespace candela::integrators::adaptive

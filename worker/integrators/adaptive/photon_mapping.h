@@ -9,8 +9,8 @@
 
 namespace candela::integrators::adaptive {
 
-// Statistics: a policy of worker/transport/statistics. make_statistics(first_radius, unit): what those of an
-// eye path start as.
+// Statistics: a policy of worker/transport/statistics. make_statistics(first_radius, context, unit, input):
+// what those of an eye path start as.
 template <class Statistics, class MakeStatistics>
 class PhotonMapping final : public IterationIntegrator {
  public:
@@ -33,7 +33,8 @@ class PhotonMapping final : public IterationIntegrator {
             context, unit, iterations_, output, run_context);
       return run_adaptive<estimators::PpmEye<between(), transport::ScaleMap, Statistics>>(
           context, unit, input, iterations_, adaptation_,
-          [&](double first_radius) { return make_statistics_(first_radius, unit); }, output, run_context);
+          [&](double first_radius) { return make_statistics_(first_radius, context, unit, input); }, output,
+          run_context);
     });
   }
 

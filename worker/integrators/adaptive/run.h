@@ -15,7 +15,7 @@ Result<void> run_adaptive(const UnitContext& context, const Unit& unit, const Un
                           const MakeStatistics& statistics, UnitOutput& output, const RunContext& run) {
   CANDELA_ASSIGN(const std::string_view map, level_map(input, adaptation, context));
   const double first = merging::first_radius(context, options);
-  const MappedScales<typename EyeEstimator::Mis> scales(
+  MappedScales<typename EyeEstimator::Mis> scales(
       options.merge, adaptation.levels.radii(first), map, context,
       static_cast<double>(merging::light_path_count(options.merge, context)), options.techniques);
   return merging::run_iterations<EyeEstimator>(context, unit, options, scales, statistics(first), output,

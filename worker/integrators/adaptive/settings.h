@@ -21,12 +21,23 @@ struct EpochSettings {
 };
 Result<void> check(const EpochSettings& settings);
 
+// The floor of the radii [Lin 2023, Eq. 21].
+inline constexpr double kFloorAlpha = 0.75;
+template <class Visitor>
+void floor_fields(Visitor& visit, double& r_min, double& floor_alpha) {
+  visit("r_min", r_min, NumberRange{0, 1, true, true},
+        "smallest radius of the first iteration, as a share of the first radius");
+  visit("floor_alpha", floor_alpha, NumberRange{0, 1, true, true},
+        "how that smallest radius falls with the number i of the iteration: as i^((floor_alpha - 1) / 2)");
+}
+
 // The F test and what it does to a radius.
 struct FTestSettings {
   Choice test{"sectors", {"sectors", "antipodal"}};
   double alpha_f = 0.01;
   double k = 0.7;
   double r_min = 0.001;
+  double floor_alpha = kFloorAlpha;
 
   template <class Visitor>
   void fields(Visitor& visit) {
@@ -36,8 +47,7 @@ struct FTestSettings {
     visit("alpha_f", alpha_f, NumberRange{0, 1, true, true},
           "probability that a test rejects a radius in which the light is even");
     visit("k", k, NumberRange{0, 1, true, true}, "factor of a radius that is rejected");
-    visit("r_min", r_min, NumberRange{0, 1, true, true},
-          "smallest radius of the first iteration, as a share of the first radius; falls as i^(-1/8)");
+    floor_fields(visit, r_min, floor_alpha);
   }
 };
 
@@ -62,6 +72,7 @@ struct CountTestSettings {
   int first_batch = 10;
   double batch_growth = 1.5625;
   double r_min = 0.001;
+  double floor_alpha = kFloorAlpha;
 
   template <class Visitor>
   void fields(Visitor& visit) {
@@ -70,20 +81,22 @@ struct CountTestSettings {
     visit("first_batch", first_batch, 1, 1 << 30, "photons that the first test of a pixel waits for");
     visit("batch_growth", batch_growth, NumberRange{1, 1024},
           "factor of that number with each radius; 1.5625 makes radii fall as with alpha = 2/3");
-    visit("r_min", r_min, NumberRange{0, 1, true, true},
-          "smallest radius of the first iteration, as a share of the first radius; falls as i^(-1/8)");
+    floor_fields(visit, r_min, floor_alpha);
   }
 };
 
 // The plug-in bandwidth.
 struct PlugInSettings {
-  Choice pilot{"tenth", {"tenth", "eighth"}};
+  Choice pilot{"tenth", {"tenth", "eighth", "reference"}};
   bool recursive_correction = false;
   double r_min = 0.001, r_max = 4;
 
   template <class Visitor>
   void fields(Visitor& visit) {
-    visit("pilot", pilot, "exponent that the pilot radius falls with, which the Laplacian is estimated at");
+    visit("pilot", pilot,
+          "pilot radius, which the Laplacian is estimated at: exponent that it falls with, or the best one "
+          "of a "
+          "bell-shaped field, for each pixel");
     visit("recursive_correction", recursive_correction,
           "the radius that is best for the mean of all radii so far, smaller by a sixth");
     visit("r_min", r_min, NumberRange{0, 1e6, true},

@@ -1,5 +1,9 @@
 #include "worker/integrators/appm/appm.h"
 
+#include <memory>
+#include <mutex>
+#include <vector>
+
 #include "common/adaptive/plug_in.h"
 #include "common/stages/epochs.h"
 #include "worker/integrators/adaptive/photon_mapping.h"
@@ -7,6 +11,53 @@
 #include "worker/transport/statistics/plug_in.h"
 
 namespace candela::integrators {
+namespace {
+
+// The statistics of a unit's eye paths: with the pilot of its epoch, and with pilot=reference those of its
+// pixels.
+class MakeMoments {
+ public:
+  MakeMoments(transport::Kernel kernel, const std::string& pilot, adaptive::Adaptation adaptation)
+      : kernel_(kernel),
+        pilot_(pilot == "eighth" ? candela::adaptive::Pilot::eighth : candela::adaptive::Pilot::tenth),
+        adaptation_(std::move(adaptation)),
+        epochs_(adaptation_.epochs.first, adaptation_.epochs.growth),
+        table_(std::make_shared<Table>()) {}
+
+  // Precondition: level_map() accepts the input's state.
+  transport::PlugInMoments operator()(double first_radius, const UnitContext& context, const Unit& unit,
+                                      const UnitInput& input) const {
+    const std::uint64_t begin = epochs_.begin(epochs_.of_index(unit.begin));
+    const double pilot = clamped(first_radius * candela::adaptive::pilot_bandwidth(pilot_, begin));
+    if (adaptation_.planes.empty()) return {kernel_, first_radius, pilot};
+    // The first radius is the same for all units of a job.
+    std::call_once(table_->once, [&] {
+      for (int g = 0; g < candela::adaptive::kPilotLevels; ++g)
+        table_->pilots.emplace_back(kernel_, first_radius,
+                                    clamped(first_radius * candela::adaptive::pilot_of_level(g)));
+    });
+    return {kernel_,
+            first_radius,
+            pilot,
+            {table_->pilots, *adaptive::level_map(input, adaptation_, context, 1), context.width,
+             context.height}};
+  }
+
+ private:
+  struct Table {
+    std::once_flag once;
+    std::vector<transport::SurfacePilot> pilots;
+  };
+  static double clamped(double radius) { return std::max(radius, adaptive::kLeastRadius); }
+
+  transport::Kernel kernel_;
+  candela::adaptive::Pilot pilot_;
+  adaptive::Adaptation adaptation_;
+  Epochs epochs_;
+  std::shared_ptr<Table> table_;
+};
+
+}  // namespace
 
 Result<std::unique_ptr<Integrator>> make_appm_integrator(const SettingsMap& settings,
                                                          const scene::SceneFeatures& features) {
@@ -14,19 +65,11 @@ Result<std::unique_ptr<Integrator>> make_appm_integrator(const SettingsMap& sett
   CANDELA_TRY(adaptive::check(parsed.epochs));
   CANDELA_TRY(adaptive::check(parsed.bandwidth));
   const transport::Kernel kernel = parsed.merge.rules().kernel;
-  const adaptive::Adaptation adaptation = adaptive::plug_in(parsed.epochs, parsed.bandwidth, kernel);
-  const auto pilot = parsed.bandwidth.pilot.value == "tenth" ? candela::adaptive::Pilot::tenth
-                                                             : candela::adaptive::Pilot::eighth;
+  Planned planned = ppm::plan(parsed.common.path_options(), false, features, parsed.common.full_plan());
+  const adaptive::Adaptation adaptation =
+      adaptive::plug_in(parsed.epochs, parsed.bandwidth, kernel, planned.techniques.merge_medium);
   return adaptive::make_photon_mapping<transport::PlugInMoments>(
-      parsed, ppm::plan(parsed.common.path_options(), false, features, parsed.common.full_plan()), adaptation,
-      [kernel, pilot, epochs = Epochs(adaptation.epochs.first, adaptation.epochs.growth)](double first_radius,
-                                                                                          const Unit& unit) {
-        const std::uint64_t begin = epochs.begin(epochs.of_index(unit.begin));
-        return transport::PlugInMoments(
-            kernel, first_radius,
-            std::max(first_radius * candela::adaptive::pilot_bandwidth(pilot, begin),
-                     adaptive::kLeastRadius));
-      });
+      parsed, std::move(planned), adaptation, MakeMoments(kernel, parsed.bandwidth.pilot.value, adaptation));
 }
 
 }  // namespace candela::integrators

@@ -13,7 +13,7 @@ Result<std::unique_ptr<Integrator>> make_cppm_integrator(const SettingsMap& sett
   return adaptive::make_photon_mapping<transport::SectorCounts>(
       parsed, ppm::plan(parsed.common.path_options(), false, features, parsed.common.full_plan()),
       adaptive::count_test(parsed.epochs, parsed.test),
-      [](double /*first_radius*/, const Unit& /*unit*/) { return transport::SectorCounts(); });
+      [](double /*first_radius*/, const auto&...) { return transport::SectorCounts(); });
 }
 
 }  // namespace candela::integrators

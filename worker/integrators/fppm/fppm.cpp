@@ -13,7 +13,7 @@ std::unique_ptr<Integrator> make(const FppmSettings& settings, Planned planned,
                                  const MakeAdaptation& make_adaptation) {
   return adaptive::make_photon_mapping<Statistics>(
       settings, std::move(planned), make_adaptation(settings.epochs, settings.f_test, settings.rings),
-      [](double first_radius, const Unit& /*unit*/) { return Statistics(first_radius); });
+      [](double first_radius, const auto&...) { return Statistics(first_radius); });
 }
 
 }  // namespace

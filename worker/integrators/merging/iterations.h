@@ -12,6 +12,7 @@
 #include "worker/integrators/merging/first_radius.h"
 #include "worker/integrators/merging/light_pass.h"
 #include "worker/integrators/merging/neighbor_radius.h"
+#include "worker/integrators/merging/pixels_alone.h"
 #include "worker/integrators/merging/rules.h"
 #include "worker/integrators/merging/scales.h"
 
@@ -67,6 +68,7 @@ Result<void> run_eye_pass(const UnitContext& context, const IterationOptions& op
   return for_each_tile(
       context.width, context.height, film, run,
       [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1, film::Tallies& tallies) {
+        const PixelsAlone alone(context.width, context.height, context.filter.radius(), x0, y0, x1, y1);
         samplers::Sampler sampler(context.sampler, context.seed);
         EyeEstimator eye(context.scene, options.paths, options.techniques, counts, side, statistics, tallies);
         for (std::uint32_t y = y0; y < y1; ++y) {
@@ -86,7 +88,8 @@ Result<void> run_eye_pass(const UnitContext& context, const IterationOptions& op
               // The film follows the filter; statistics follow the radius, that of the position.
               if (kept) {
                 const auto [at_x, at_y] = transport::pixel_of(ray.at, context.width, context.height);
-                eye.statistics().write(output.accumulators, at_x, at_y, ray.weight, sampler.sample_key());
+                eye.statistics().write(output.accumulators, at_x, at_y, ray.weight, sampler.sample_key(),
+                                       alone.contains(at_x, at_y));
               }
             }
           }
@@ -100,7 +103,7 @@ Result<void> run_eye_pass(const UnitContext& context, const IterationOptions& op
 // scales: see scales.h. statistics: what every eye path's statistics start as.
 template <class EyeEstimator, class Scales>
 Result<void> run_iterations(const UnitContext& context, const Unit& unit, const IterationOptions& options,
-                            const Scales& scales, const typename EyeEstimator::Statistics& statistics,
+                            Scales& scales, const typename EyeEstimator::Statistics& statistics,
                             UnitOutput& output, const RunContext& run) {
   using Mis = typename EyeEstimator::Mis;
   using Block = typename Mis::Block;

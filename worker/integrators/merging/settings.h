@@ -15,7 +15,9 @@ struct MergeSettings {
   double light_paths = 1;
   Choice kernel{"constant", {"constant", "perlin", "epanechnikov"}};
 
-  explicit MergeSettings(const integrator_words::IntegratorWords& words) : alpha(words.alpha.value) {}
+  // Without the setting alpha the radius follows from statistics alone.
+  explicit MergeSettings(const integrator_words::IntegratorWords& words)
+      : alpha(words.alpha.text.empty() ? 1 : words.alpha.value) {}
 
   MergeRules rules() const {
     const transport::Kernel kind = kernel.value == "constant" ? transport::Kernel::constant

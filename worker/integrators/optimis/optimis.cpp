@@ -1,7 +1,14 @@
 // The integrator optimis: settings, work plan, and the tallies of each sample.
 #include "worker/integrators/optimis/optimis.h"
 
+#include <fmt/format.h>
+
+#include <optional>
+
+#include "common/stages/developments/best_technique.h"
 #include "common/stages/developments/optimal_mis.h"
+#include "common/stages/epoch_corrections.h"
+#include "common/stages/epochs.h"
 #include "worker/estimators/path.h"
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/iteration_integrator.h"
@@ -11,8 +18,10 @@
 namespace candela::integrators {
 namespace {
 
-// Words that seed the rounding of a sample's matrix and vector, beside that of its film.
-constexpr std::uint64_t kMatrixWord = 1, kVectorWord = 2;
+using optimis::ReadOut;
+
+// Words that seed the rounding of a sample's sums, beside that of its film.
+constexpr std::uint64_t kFirstWord = 1, kSecondWord = 2, kThirdWord = 3;
 
 class OptimisIntegrator final : public IterationIntegrator {
   // Calls f(trace), trace(ray, sampler, tallies, first) being the radiance along a ray.
@@ -34,46 +43,57 @@ class OptimisIntegrator final : public IterationIntegrator {
   }
 
  public:
-  OptimisIntegrator(const estimators::PathOptions& options, optimis::PlannedFirstVertex planned,
-                    std::string estimator)
+  OptimisIntegrator(const OptimisSettings& settings, const estimators::PathOptions& options,
+                    optimis::PlannedFirstVertex planned)
       : IterationIntegrator(options, std::move(planned.planned)),
         setup_(std::move(planned.setup)),
-        estimator_(std::move(estimator)) {}
+        read_out_(planned.read_out),
+        eligible_(planned.eligible),
+        settings_(settings),
+        allocation_(mis::Allocation::ones(setup_.techniques())),
+        tally_(tally_of(setup_.techniques())),
+        paths_(read_out_ == ReadOut::fan ? static_cast<std::uint64_t>(settings.batch) : 1) {
+    if (read_out_ == ReadOut::epochs) epochs_.emplace(epoch_plan().first, epoch_plan().growth);
+  }
 
   WorkPlan work(FilmSize /*size*/, int film_scale_log2) const override {
+    using Per = film::AccumulatorSpec::Per;
     WorkPlan plan;
-    if (!setup_.controls) return plan;
     const std::size_t n = setup_.techniques();
-    plan.accumulators = optimal_mis::accumulators(n, film_scale_log2);
-    plan.development = optimal_mis::plan(mis::Allocation::ones(n), estimator_);
+    if (read_out_ == ReadOut::best) {
+      plan.accumulators = best_technique::accumulators(n, film_scale_log2);
+      plan.development = best_technique::plan(n, eligible_);
+    } else if (read_out_ == ReadOut::sums || read_out_ == ReadOut::epochs) {
+      const bool epochs = read_out_ == ReadOut::epochs;
+      plan.accumulators = pixel_sums::specs(n, film_scale_log2, epochs ? Per::epoch : Per::job);
+      plan.development = optimal_mis::plan(epochs ? optimal_mis::kEpochName : optimal_mis::kName, allocation_,
+                                           settings_.estimator.value);
+      if (epochs) plan.epochs = epoch_plan();
+    }
     return plan;
   }
 
+  // The states of epochs say nothing: slopes are for whoever reads the image.
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run) const override {
     return with_tracer(context, [&](const auto& trace) {
-      const bool signed_values = context.filter.has_negative_lobes();
+      // Slopes of an epoch are from earlier ones: they have to be independent. One half's samples of all
+      // epochs are one sequence of the sampler, those of different words are not.
+      const std::uint32_t word =
+          unit.half + (epochs_ ? 2 * static_cast<std::uint32_t>(epochs_->of_index(unit.begin)) : 0);
       return for_each_tile(context.width, context.height, *output.film, run,
                            [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1,
                                film::Tallies& tallies) {
                              samplers::Sampler sampler(context.sampler, context.seed);
                              estimators::FirstVertex first(setup_, options_);
+                             mis::Sums batch;
+                             const Iteration iteration{context, unit,    word,  run,  output,
+                                                       tallies, sampler, first, batch};
                              for (std::uint32_t y = y0; y < y1; ++y) {
                                for (std::uint32_t x = x0; x < x1; ++x) {
-                                 for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
-                                   sampler.start(unit.half, index, x, y);
-                                   const EyeRay eye = eye_ray(context, x, y, sampler);
-                                   first.start();
-                                   Spectrum value = trace(eye.ray, sampler, tallies, first) * eye.weight;
-                                   if (run.fault != nullptr) run.fault(sampler.sample_key(), &value.r);
-                                   const bool kept =
-                                       output.film->add(0, x, y, {value.r, value.g, value.b},
-                                                        sampler.sample_key(), tallies, signed_values);
-                                   if (first.finish() && setup_.controls)
-                                     tally(first.batch(), kept ? static_cast<double>(eye.weight) : 0, x, y,
-                                           sampler.sample_key(), output, tallies);
-                                 }
-                                 tallies.eye_samples += unit.end - unit.begin;
+                                 for (std::uint64_t index = unit.begin; index < unit.end; ++index)
+                                   render(iteration, trace, index, x, y);
+                                 tallies.eye_samples += (unit.end - unit.begin) * paths_;
                                  if (run.stop != nullptr && run.stop->load(std::memory_order_relaxed)) return;
                                }
                              }
@@ -93,37 +113,172 @@ class OptimisIntegrator final : public IterationIntegrator {
   }
 
  private:
-  // One batch. A sample that the film refused is a dark one: weight 0.
-  void tally(const mis::Sums& batch, double weight, std::uint32_t x, std::uint32_t y, std::uint64_t key,
-             UnitOutput& output, film::Tallies& tallies) const {
-    const std::size_t n = setup_.techniques();
-    output.accumulators[0]->add(x, y, 0, std::span(batch.a).first(mis::packed_size(n)),
-                                rng::combine(key, kMatrixWord), tallies);
-    std::array<double, mis::kColors * mis::kMaxTechniques> light{};
+  EpochPlan epoch_plan() const {
+    return {static_cast<std::uint64_t>(settings_.epoch_min),
+            static_cast<std::uint32_t>(settings_.growth),
+            static_cast<std::uint32_t>(settings_.lag),
+            std::string(epoch_corrections::kRule),
+            {{"counts", pixel_sums::counts_text(allocation_)}}};
+  }
+
+  struct Iteration {
+    const UnitContext& context;
+    const Unit& unit;
+    std::uint32_t sequence;  // the sampler's, beside seed and pixel
+    const RunContext& run;
+    UnitOutput& output;
+    film::Tallies& tallies;
+    samplers::Sampler& sampler;
+    estimators::FirstVertex& first;
+    mis::Sums& batch;  // of fan: of all paths of an iteration
+  };
+
+  // One iteration of a pixel.
+  template <class Trace>
+  void render(const Iteration& i, const Trace& trace, std::uint64_t index, std::uint32_t x,
+              std::uint32_t y) const {
+    // Light of the paths, and of those that reached a first vertex the sums.
+    Spectrum light;
+    if (read_out_ == ReadOut::fan) i.batch.clear(setup_.techniques());
+    bool reached = false;
+    float weight = 0;
+    for (std::uint64_t path = 0; path < paths_; ++path) {
+      i.sampler.start(i.sequence, index * paths_ + path, x, y);
+      const EyeRay eye = eye_ray(i.context, x, y, i.sampler);
+      i.first.start();
+      light += trace(eye.ray, i.sampler, i.tallies, i.first) * eye.weight;
+      weight = eye.weight;
+      reached = i.first.reached();
+      if (reached && read_out_ == ReadOut::fan)
+        add_weighted(i.batch, mis::sums_of(setup_.techniques(), i.first.batch()), eye.weight);
+    }
+    if (read_out_ == ReadOut::fan) {
+      light += optimal_part(i.batch);
+      light *= 1 / static_cast<float>(paths_);
+    }
+    const std::uint64_t key = i.sampler.sample_key();
+    if (i.run.fault != nullptr) i.run.fault(key, &light.r);
+    const bool signed_values = i.context.filter.has_negative_lobes() || read_out_ == ReadOut::fan;
+    const bool kept = i.output.film->add(0, x, y, {light.r, light.g, light.b}, key, i.tallies, signed_values);
+    if (!reached) return;
+    // A sample that the film refused is a dark one.
+    const double kept_weight = kept ? static_cast<double>(weight) : 0;
+    const std::uint32_t part = read_out_ == ReadOut::epochs ? i.unit.half : 0;
+    if (read_out_ == ReadOut::sums || read_out_ == ReadOut::epochs)
+      tally_(i.first.batch(), kept_weight, part, x, y, key, i.output, i.tallies);
+    if (read_out_ == ReadOut::best)
+      tally_singles(i.first.singles(), kept_weight, x, y, key, i.output, i.tallies);
+  }
+
+  // Direct light of the paths of one iteration by [Fan 2006], less that of the balance heuristic.
+  Spectrum optimal_part(const mis::Sums& sums) const {
+    Spectrum out;
+    const double batches = sums.samples(allocation_) / allocation_.total();
+    if (!(batches > 0)) return out;
+    const mis::Color f = mis::fan(allocation_, sums, allocation_.techniques);
+    const auto more = [&](std::size_t k) {
+      return static_cast<float>(batches * f[k] - sums.balance_sum(allocation_, k));
+    };
+    return {more(0), more(1), more(2)};
+  }
+  static void add_weighted(mis::Sums& to, mis::Sums more, float weight) {
+    for (mis::Vector& color : more.b)
+      for (double& b : color) b *= static_cast<double>(weight);
+    to.add(more);
+  }
+
+  // One batch. part: the half, in accumulators of epochs.
+  template <std::size_t kTechniques>
+  static void tally(const mis::Batch& batch, double weight, std::uint32_t part, std::uint32_t x,
+                    std::uint32_t y, std::uint64_t key, UnitOutput& output, film::Tallies& tallies) {
+    // The accumulators share it: errors of rounding that are correlated bias neither.
+    const std::uint64_t sums_key = rng::combine(key, kFirstWord);
+    const auto matrix = mis::matrix_of<kTechniques>(batch);
+    output.accumulators[0]->add(x, y, part * pixel_sums::matrix_channels(kTechniques), matrix, sums_key,
+                                tallies);
+    if (weight == 0) return;
+    auto light = mis::vector_of<kTechniques>(batch);
     bool any = false;
-    for (std::size_t k = 0; k < mis::kColors; ++k)
-      for (std::size_t i = 0; i < n; ++i) {
-        light[k * n + i] = weight == 0 ? 0 : batch.b[k][i] * weight;
-        any |= light[k * n + i] != 0;
-      }
+    for (double& b : light) {
+      b *= weight;
+      any |= b != 0;
+    }
     if (any)
-      output.accumulators[1]->add(x, y, 0, std::span(light).first(mis::kColors * n),
-                                  rng::combine(key, kVectorWord), tallies);
+      output.accumulators[1]->add(x, y, part * pixel_sums::vector_channels(kTechniques), light, sums_key,
+                                  tallies);
+  }
+  using Tally = decltype(&tally<2>);
+  static Tally tally_of(std::size_t techniques) {
+    static_assert(mis::kMaxTechniques == 8);
+    constexpr std::array<Tally, 7> kTallies = {&tally<2>, &tally<3>, &tally<4>, &tally<5>,
+                                               &tally<6>, &tally<7>, &tally<8>};
+    return techniques < 2 ? nullptr : kTallies[techniques - 2];
+  }
+
+  // What each technique alone brings in one batch.
+  void tally_singles(const mis::Singles& singles, double weight, std::uint32_t x, std::uint32_t y,
+                     std::uint64_t key, UnitOutput& output, film::Tallies& tallies) const {
+    const std::size_t n = setup_.techniques();
+    const double one = 1;
+    output.accumulators[2]->add(x, y, 0, std::span(&one, 1), rng::combine(key, kThirdWord), tallies);
+    std::array<double, mis::kColors*(mis::kMaxTechniques + 1)> light{};
+    std::array<double, mis::kMaxTechniques> squares{};
+    const double largest = best_technique::max_square(output.accumulators[1]->spec());
+    bool any = false;
+    for (std::size_t i = 0; i <= n && weight != 0; ++i) {
+      for (std::size_t k = 0; k < mis::kColors; ++k) {
+        const double value = (i < n ? singles.single[i] : singles.balance)[k] * weight;
+        light[i * mis::kColors + k] = value;
+        any |= value != 0;
+        if (i < n) squares[i] += value * value;
+      }
+      if (i < n) squares[i] = std::min(squares[i], largest);
+    }
+    if (!any) return;
+    output.accumulators[0]->add(x, y, 0, std::span(light).first(best_technique::singles_channels(n)),
+                                rng::combine(key, kFirstWord), tallies);
+    output.accumulators[1]->add(x, y, 0, std::span(squares).first(n), rng::combine(key, kSecondWord),
+                                tallies);
   }
 
   const estimators::FirstVertexSetup setup_;
-  const std::string estimator_;
+  const ReadOut read_out_;
+  const mis::Eligible eligible_;
+  const OptimisSettings settings_;
+  const mis::Allocation allocation_;
+  const Tally tally_;             // of optimal weights
+  const std::uint64_t paths_;     // of a pixel in one iteration
+  std::optional<Epochs> epochs_;  // of progressive
 };
 
 }  // namespace
 
+Result<void> check(const OptimisSettings& settings) {
+  const std::size_t selections = settings.selection.values.size(),
+                    points = settings.techniques.values.size() - (settings.techniques.has("bsdf") ? 1 : 0),
+                    n = selections * points + 1;  // a plan may add bsdf sampling
+  if (n <= mis::kMaxTechniques) return {};
+  return usage_error(
+             fmt::format("{} ways of sampling points times {} selections, and bsdf, are {} techniques; "
+                         "at most {} fit",
+                         points, selections, n, mis::kMaxTechniques))
+      .with_field("techniques")
+      .with_mend("name fewer of 'techniques' or of 'selection'");
+}
+
 Result<std::unique_ptr<Integrator>> make_optimis_integrator(const SettingsMap& settings,
                                                             const scene::SceneFeatures& features) {
   CANDELA_ASSIGN(const OptimisSettings parsed, parse_settings<OptimisSettings>(settings));
+  CANDELA_TRY(check(parsed));
   estimators::PathOptions options = parsed.common.path_options();
   options.heuristic = transport::MisHeuristic::power;  // of later vertices: the path tracer's default
-  return std::unique_ptr<Integrator>(std::make_unique<OptimisIntegrator>(
-      options, optimis::plan(parsed, options, features), parsed.estimator.value));
+  if (parsed.epoch_min % 2 != 0)
+    return usage_error(fmt::format("'{}' is not an even number", parsed.epoch_min))
+        .with_field("epoch_min")
+        .with_mend("an epoch has as many iterations of either half of a job");
+  CANDELA_ASSIGN(optimis::PlannedFirstVertex planned, optimis::plan(parsed, options, features));
+  return std::unique_ptr<Integrator>(
+      std::make_unique<OptimisIntegrator>(parsed, options, std::move(planned)));
 }
 
 }  // namespace candela::integrators

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "worker/integrators/path/plan.h"
 
 namespace candela::integrators::optimis {
@@ -13,21 +15,157 @@ scene::LightTechnique selection_named(std::string_view name) {
                            : scene::LightTechnique::adapted;
 }
 
+std::string_view selection_name(scene::LightTechnique selection) {
+  return selection == scene::LightTechnique::uniform ? "uniform"
+         : selection == scene::LightTechnique::power ? "power"
+                                                     : "contribution";
+}
+
+ReadOut read_out_of(const OptimisSettings& settings) {
+  if (settings.weights.value == "best") return ReadOut::best;
+  if (settings.weights.value != "optimal") return ReadOut::film;
+  return settings.estimator.value == "progressive" ? ReadOut::epochs
+         : settings.estimator.value == "fan"       ? ReadOut::fan
+                                                   : ReadOut::sums;
+}
+
 mis::Heuristic weights_named(std::string_view name) {
   for (const mis::HeuristicName& h : mis::kHeuristics)
     if (h.name == name) return h.heuristic;
-  return mis::Heuristic::balance;  // what optimal weights correct
+  return mis::Heuristic::balance;  // what optimal weights and the best technique correct
 }
 
-// Bytes of the sums of a pixel at the master, both halves.
-std::size_t sum_bytes(std::size_t techniques) {
-  return 2 * 8 * (mis::packed_size(techniques) + mis::kColors * techniques);
+// By setting `techniques`.
+std::string_view name_of(scene::PointSampler point) {
+  return point == scene::PointSampler::spherical  ? "spherical"
+         : point == scene::PointSampler::area     ? "area"
+         : point == scene::PointSampler::parallel ? "parallel"
+                                                  : "light";
+}
+
+scene::PointSampler point_named(std::string_view name) {
+  using scene::PointSampler;
+  for (const PointSampler point : {PointSampler::spherical, PointSampler::area, PointSampler::parallel})
+    if (name_of(point) == name) return point;
+  return PointSampler::own;
+}
+
+const char* points_of(scene::PointSampler point) {
+  return point == scene::PointSampler::parallel ? "on rectangles; other lamps in their own way"
+                                                : "on rectangles and triangles; other lamps in their own way";
+}
+
+// Samplers of points that coincide on all lamps of the scene have one representative.
+scene::PointSampler representative(scene::PointSampler point, const scene::SceneFeatures& features) {
+  using scene::PointSampler;
+  if (features.any_rectangle_emitter) return point;
+  return features.any_mesh_emitter && point == PointSampler::spherical ? point : PointSampler::own;
+}
+
+// Which ways of sampling points the scene needs.
+void plan_points(const OptimisSettings& settings, const scene::SceneFeatures& features, bool full,
+                 estimators::FirstVertexSetup& setup, Plan& plan) {
+  std::vector<scene::PointSampler> seen;
+  setup.points.clear();
+  for (const std::string& name : settings.techniques.values) {
+    if (name == "bsdf") continue;
+    const scene::PointSampler point = point_named(name), as = representative(point, features);
+    const bool again = std::find(seen.begin(), seen.end(), as) != seen.end();
+    const std::string what = fmt::format("points on lights by '{}'", name);
+    if (!full && again) {
+      plan.skip(what, features.any_mesh_emitter
+                          ? "no lamp is a rectangle: the same as another technique's"
+                          : "no lamp is a rectangle or a mesh: the same as another technique's");
+      continue;
+    }
+    seen.push_back(as);
+    setup.points.push_back(point);
+    if (point != scene::PointSampler::own)
+      plan.use(what, features.any_rectangle_emitter ? points_of(point)
+                     : as == point                  ? "on triangles; other lamps in their own way"
+                                                    : "no lamp has others: in the lamps' own way");
+  }
+}
+
+// Sums of a pixel.
+std::size_t sums_of(ReadOut read_out, std::size_t techniques) {
+  if (read_out == ReadOut::fan || read_out == ReadOut::film) return 0;
+  if (read_out == ReadOut::best) return mis::kColors * (techniques + 1) + techniques + 1;
+  return mis::packed_size(techniques) + mis::kColors * techniques;
+}
+
+// Bit i: technique i covers all light that the weights share out.
+mis::Eligible covering(const estimators::FirstVertexSetup& setup, const scene::SceneFeatures& features) {
+  mis::Eligible out = 0;
+  std::size_t technique = 0;
+  if (setup.bsdf) {
+    if (!features.any_delta_emitter) out |= 1U;
+    ++technique;
+  }
+  // The choice adapted to a point may leave a smooth environment to scattered rays.
+  const bool leaves_out = features.any_environment && features.emitters > 1;
+  for (const scene::LightTechnique selection : setup.selections)
+    for (const scene::PointSampler point : setup.points) {
+      const bool clipped = point == scene::PointSampler::parallel && features.any_rectangle_emitter;
+      if ((selection != scene::LightTechnique::adapted || !leaves_out) && !clipped) out |= 1U << technique;
+      ++technique;
+    }
+  return out;
+}
+
+// Says how the image is read, where more than one technique is to be weighted.
+void describe_read_out(const OptimisSettings& settings, PlannedFirstVertex& out) {
+  Plan& plan = out.planned.plan;
+  const std::size_t n = out.setup.techniques();
+  const std::size_t bytes = 8 * sums_of(out.read_out, n);
+  const std::string use = "optimal weights";
+  switch (out.read_out) {
+    case ReadOut::film:
+      plan.skip(use, "weights=" + settings.weights.value);
+      break;
+    case ReadOut::sums:
+      plan.use(use, fmt::format("{} techniques, {} bytes of sums a pixel, read by {}", n, 2 * bytes,
+                                settings.estimator.value));
+      break;
+    case ReadOut::epochs:
+      plan.use(use,
+               fmt::format("{} techniques, from the sums of all epochs before; an epoch has {} iterations or "
+                           "1/{} of those before",
+                           n, settings.epoch_min, settings.growth));
+      plan.use("statistics",
+               fmt::format("{0} bytes a pixel for each of {1} epochs and 48 beside; a worker has {0}",
+                           2 * bytes, settings.lag + 2));
+      break;
+    case ReadOut::fan:
+      plan.use(use, fmt::format("{} techniques, solved for in each iteration of {} paths a pixel; biased", n,
+                                settings.batch));
+      break;
+    case ReadOut::best: {
+      std::string names;
+      std::size_t technique = 0;
+      const auto add = [&](const std::string& name) {
+        if (out.eligible >> technique++ & 1) names += (names.empty() ? "" : ", ") + name;
+      };
+      if (out.setup.bsdf) add("bsdf");
+      for (const scene::LightTechnique selection : out.setup.selections)
+        for (const scene::PointSampler point : out.setup.points)
+          add(point == scene::PointSampler::own
+                  ? std::string(selection_name(selection))
+                  : fmt::format("{} {}", selection_name(selection), name_of(point)));
+      plan.skip(use, "weights=best");
+      plan.use("the best technique of each pixel",
+               fmt::format("of those that reach all lights ({}), by the sums of the job's other half; {} "
+                           "bytes of sums a pixel",
+                           names, 2 * bytes));
+      break;
+    }
+  }
 }
 
 }  // namespace
 
-PlannedFirstVertex plan(const OptimisSettings& settings, const estimators::PathOptions& options,
-                        const scene::SceneFeatures& features) {
+Result<PlannedFirstVertex> plan(const OptimisSettings& settings, const estimators::PathOptions& options,
+                                const scene::SceneFeatures& features) {
   const bool full = settings.common.full_plan();
   PlannedFirstVertex out{path::plan(options, features, full), {}};
   Plan& plan = out.planned.plan;
@@ -37,7 +175,8 @@ PlannedFirstVertex plan(const OptimisSettings& settings, const estimators::PathO
   setup.bsdf_is_alone = out.planned.between != transport::Between::nothing;
   // Direct light of other techniques than bsdf sampling, and vertices to light.
   const bool sampled = full || out.planned.techniques.next_event;
-  if (sampled && settings.techniques.has("light")) {
+  if (sampled) plan_points(settings, features, full, setup, plan);
+  if (sampled && !setup.points.empty()) {
     for (const std::string& name : settings.selection.values) {
       if (!full && features.emitters == 1 && !setup.selections.empty())
         plan.skip(fmt::format("light selection '{}'", name),
@@ -57,25 +196,41 @@ PlannedFirstVertex plan(const OptimisSettings& settings, const estimators::PathO
     plan.use("bsdf sampling as a technique of direct light",
              "samples of lights may leave the environment out");
   }
+  // Points by their parallel projection leave out what is near the horizon.
+  if (!setup.bsdf && !setup.selections.empty() && features.any_rectangle_emitter &&
+      setup.points == std::vector{scene::PointSampler::parallel}) {
+    setup.bsdf = true;
+    plan.use("bsdf sampling as a technique of direct light",
+             "points by 'parallel' alone leave out lamps near the horizon");
+  }
   if (setup.selections.empty() && features.any_delta_emitter)
     plan.note("direct light", "bsdf sampling finds no light from points and directions: it is missing");
   const std::size_t n = setup.techniques();
-  if (settings.weights.value != "optimal") {
-    plan.skip("optimal weights", "weights=" + settings.weights.value);
-  } else if (n < 2) {
-    plan.skip("optimal weights", n == 0 ? "no light is sampled" : "one technique needs no weights");
-  } else if (setup.bsdf_is_alone && setup.selections.size() < 2) {
+  const ReadOut wanted = read_out_of(settings);
+  if (wanted != ReadOut::film && n < 2) {
+    plan.skip(wanted == ReadOut::best ? "the best technique" : "optimal weights",
+              n == 0 ? "no light is sampled" : "one technique needs no weights");
+    return out;
+  }
+  if (wanted == ReadOut::best) {
+    out.eligible = covering(setup, features);
+    if (out.eligible == 0)
+      return usage_error("'best': no technique reaches all lights of the scene by itself")
+          .with_field("weights")
+          .with_mend("--set selection=power adds one that does");
+  } else if (wanted != ReadOut::film && setup.bsdf_is_alone && setup.light_techniques() < 2) {
     plan.skip("optimal weights",
               "bsdf rays cross media or pass surfaces straight, which no weight foresees, and one technique "
               "is left");
-  } else {
-    setup.controls = true;
-    plan.use("optimal weights", fmt::format("{} techniques, {} bytes of sums a pixel, read by {}", n,
-                                            sum_bytes(n), settings.estimator.value));
-    if (setup.bsdf_is_alone)
-      plan.skip("optimal weights of bsdf sampling",
-                "its rays cross media or pass surfaces straight, which no weight foresees");
+    return out;
   }
+  out.read_out = wanted;
+  setup.singles = wanted == ReadOut::best;
+  setup.controls = wanted != ReadOut::best && wanted != ReadOut::film;
+  describe_read_out(settings, out);
+  if (setup.controls && setup.bsdf_is_alone)
+    plan.skip("optimal weights of bsdf sampling",
+              "its rays cross media or pass surfaces straight, which no weight foresees");
   return out;
 }
 

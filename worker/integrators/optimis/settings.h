@@ -7,24 +7,41 @@ namespace candela::integrators {
 
 struct OptimisSettings {
   CommonSettings common{integrator_words::kOptimis};
-  NameList techniques{{"bsdf", "light"}, {"bsdf", "light"}};
+  NameList techniques{{"bsdf", "light"}, {"bsdf", "light", "spherical", "area", "parallel"}};
   NameList selection{{"contribution", "power"}, {"contribution", "power", "uniform"}};
-  Choice weights{"optimal", {"optimal", "balance", "power", "cutoff", "maximum"}};
-  Choice estimator{"crossfit", {"crossfit", "direct", "balance"}};
+  Choice weights{"optimal", {"optimal", "balance", "power", "cutoff", "maximum", "best"}};
+  Choice estimator{"crossfit", {"crossfit", "direct", "balance", "progressive", "fan"}};
+  int epoch_min = 16;
+  int growth = 1;
+  int lag = 1;
+  int batch = 4;
   Choice depth{"full", {"full", "direct"}};
 
   template <class Visitor>
   void fields(Visitor& visit) {
     common.path_fields(visit);
     visit("techniques", techniques,
-          "direct light at the first vertex that is not specular: by bsdf sampling, by points on lights");
-    visit("selection", selection, "how the light of a point is chosen; each is a technique");
+          "direct light at the first vertex that is not specular: by bsdf sampling, and by points on lights, "
+          "as path samples them (light), uniform in solid angle, in area, in their parallel projection");
+    visit("selection", selection,
+          "how the light of a point is chosen; each with each way of sampling points is a technique");
     visit("weights", weights, "how the techniques are weighted against each other");
     visit("estimator", estimator,
           "of optimal weights: what the image is read by; fetch --estimator has the others");
+    visit("epoch_min", epoch_min, 2, 1 << 20,
+          "estimator=progressive: iterations of the shortest epoch, an even number; the first epoch has the "
+          "weights of the balance heuristic");
+    visit("growth", growth, 1, 1 << 16,
+          "estimator=progressive: an epoch has at least 1/growth of the iterations before it");
+    visit("lag", lag, 0, 64,
+          "estimator=progressive: epochs that are rendered while the sums of those before arrive");
+    visit("batch", batch, 2, 64, "estimator=fan: paths of a pixel in one iteration, solved for together");
     visit("depth", depth, "full: beyond the first vertex by path tracing; direct: direct light there alone");
     common.plan_field(visit);
   }
 };
+
+// At most mis::kMaxTechniques techniques.
+Result<void> check(const OptimisSettings& settings);
 
 }  // namespace candela::integrators

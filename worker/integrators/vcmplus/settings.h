@@ -12,14 +12,15 @@ struct VcmplusSettings {
   Choice heuristic{"balance", {"balance", "power"}};
   bool merge_media = false;
   Choice layers{"none", {"none", "merging"}};
-  adaptive::FTestSettings f_test;
+  // A radius that is rejected wrongly costs less than in fppm: connections find what merging loses.
+  adaptive::FTestSettings f_test{.alpha_f = 0.05};
   adaptive::EpochSettings epochs;
 
   template <class Visitor>
   void fields(Visitor& visit) {
     common.path_fields(visit);
     common.plan_field(visit);
-    merge.fields(visit, false);
+    merge.fields(visit);
     visit("heuristic", heuristic, "how the techniques are weighted against each other");
     visit("merge_media", merge_media, "merge in media too, with balls; connections cover media without");
     visit("layers", layers, "a further layer in the EXR: the part of the image that merging brings");

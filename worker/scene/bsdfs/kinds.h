@@ -11,17 +11,22 @@
 
 #include "worker/scene/bsdf.h"
 #include "worker/scene/bsdfs/blend.h"
+#include "worker/scene/bsdfs/coating.h"
 #include "worker/scene/bsdfs/conductor.h"
 #include "worker/scene/bsdfs/dielectric.h"
+#include "worker/scene/bsdfs/difftrans.h"
 #include "worker/scene/bsdfs/diffuse.h"
+#include "worker/scene/bsdfs/hk.h"
 #include "worker/scene/bsdfs/mask.h"
 #include "worker/scene/bsdfs/null.h"
 #include "worker/scene/bsdfs/perturbed.h"
 #include "worker/scene/bsdfs/phong.h"
 #include "worker/scene/bsdfs/plastic.h"
 #include "worker/scene/bsdfs/principled.h"
+#include "worker/scene/bsdfs/roughcoating.h"
 #include "worker/scene/bsdfs/roughconductor.h"
 #include "worker/scene/bsdfs/roughdielectric.h"
+#include "worker/scene/bsdfs/roughdiffuse.h"
 #include "worker/scene/bsdfs/roughplastic.h"
 #include "worker/scene/bsdfs/thindielectric.h"
 #include "worker/scene/bsdfs/twosided.h"
@@ -33,7 +38,8 @@ using BsdfSurface =
     std::variant<DiffuseSurface, DielectricSurface, ConductorSurface, RoughConductorSurface, NullSurface,
                  PhongSurface, WardSurface, PrincipledSurface, RoughDielectricSurface, ThinDielectricSurface,
                  PlasticSurface, RoughPlasticSurface, TwoSidedSurface, BlendSurface, MaskSurface,
-                 PerturbedSurface>;
+                 PerturbedSurface, RoughDiffuseSurface, DiffuseTransmitterSurface, LayerSurface,
+                 CoatingSurface, RoughCoatingSurface>;
 
 inline constexpr std::size_t kBsdfKinds = std::variant_size_v<BsdfSurface>;
 

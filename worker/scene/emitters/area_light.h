@@ -8,7 +8,10 @@
 //   pdf_solid_angle(p, SurfaceHit)        its density, by the reference and the point alone
 //   sample_area(rest, u, LightPoint&)     a point uniform in area, density 1 / area(), as light paths start
 //   find_uv(LightPoint&)                  fills uv where the two leave it out, since it costs an arc tangent
-// Both fill p, ng and error. Surfaces emit from their front only.
+// Both fill p, ng and error. Surfaces emit from their front only. Surfaces with more than one way of sampling
+// (points/point_sampler.h) have, for the others,
+//   sample_by(PointSampler, p, front, rest, u, LightPoint&)         as sample()
+//   pdf_by_solid_angle(PointSampler, p, front, SurfaceHit)
 #pragma once
 
 #include <algorithm>
@@ -21,6 +24,7 @@
 #include "worker/scene/emitters/emitter.h"
 #include "worker/scene/emitters/light_bounds.h"
 #include "worker/scene/emitters/light_point.h"
+#include "worker/scene/emitters/points/point_sampler.h"
 #include "worker/scene/emitters/scene_extent.h"
 #include "worker/scene/emitters/surface_extent.h"
 #include "worker/scene/shapes/geometry.h"
@@ -53,6 +57,16 @@ class AreaLight {
   float pdf_direct_solid_angle(Vec3 reference, Vec3 /*d*/, const SurfaceHit& hit) const {
     return surface_.pdf_solid_angle(reference, hit);
   }
+  // The same by another sampler of points; by the emitter's own if its surface does not have that one.
+  DirectOutcome sample_direct_by(PointSampler sampler, const SurfaceHit& reference, Vec3 front, double rest,
+                                 Vec2 u, DirectSample& out) const;
+  float pdf_direct_by_solid_angle(PointSampler sampler, Vec3 reference, Vec3 front,
+                                  const SurfaceHit& hit) const {
+    if constexpr (kHasSamplers) {
+      if (sampler != PointSampler::own) return surface_.pdf_by_solid_angle(sampler, reference, front, hit);
+    }
+    return pdf_direct_solid_angle(reference, {}, hit);
+  }
 
   bool sample_emission(const SceneExtent& scene, double rest, Vec2 u_position, Vec2 u_direction,
                        EmissionSample& out) const;
@@ -76,6 +90,11 @@ class AreaLight {
   }
 
  private:
+  static constexpr bool kHasSamplers = requires(const Surface& s, LightPoint& p) {
+    s.sample_by(PointSampler::area, Vec3(), Vec3(), 0.0, Vec2(), p);
+  };
+  // What arrives from a point that was sampled.
+  DirectOutcome direct(const SurfaceHit& reference, Vec3 front, LightPoint& point, DirectSample& out) const;
   float pdf_area() const { return static_cast<float>(1 / surface_.area()); }
   void sample_area(double rest, Vec2 u, LightPoint& out) const {
     surface_.sample_area(rest, u, out);
@@ -95,9 +114,29 @@ DirectOutcome AreaLight<Surface>::sample_direct(const SurfaceHit& reference, Vec
                                                 DirectSample& out) const {
   LightPoint point;
   if (!surface_.sample(reference.p, rest, u, point)) return DirectOutcome::failed;
+  return direct(reference, front, point, out);
+}
+
+template <class Surface>
+DirectOutcome AreaLight<Surface>::sample_direct_by(PointSampler sampler, const SurfaceHit& reference,
+                                                   Vec3 front, double rest, Vec2 u, DirectSample& out) const {
+  if constexpr (kHasSamplers) {
+    if (sampler != PointSampler::own) {
+      LightPoint point;
+      if (!surface_.sample_by(sampler, reference.p, front, rest, u, point)) return DirectOutcome::failed;
+      return direct(reference, front, point, out);
+    }
+  }
+  return sample_direct(reference, front, rest, u, out);
+}
+
+template <class Surface>
+DirectOutcome AreaLight<Surface>::direct(const SurfaceHit& reference, Vec3 front, LightPoint& point,
+                                         DirectSample& out) const {
   out.wi = point.wi;
   out.p = point.p;
   out.ng = point.ng;
+  out.primitive = point.primitive;
   out.pdf_solid_angle = point.pdf_solid_angle;
   out.delta = false;
   out.infinite = false;

@@ -36,9 +36,10 @@ struct DirectSample {
   bool delta = false;
   bool infinite = false;  // from outside the scene: p means nothing
   std::uint32_t emitter = kNone;
-  Ray shadow_ray;  // from the offset reference point, ends just before the light
-  Vec3 p;          // on the light
-  Vec3 ng;         // unit, of the emitting front; zero where there is no surface
+  Ray shadow_ray;                   // from the offset reference point, ends just before the light
+  Vec3 p;                           // on the light
+  Vec3 ng;                          // unit, of the emitting front; zero where there is no surface
+  std::uint32_t primitive = kNone;  // of the surface, as in SurfaceHit; set where the density reads it
 };
 
 // How sample_emission chooses where light starts, and where to.

@@ -18,6 +18,7 @@
 #include "worker/scene/emitters/environment.h"
 #include "worker/scene/emitters/mesh.h"
 #include "worker/scene/emitters/point.h"
+#include "worker/scene/emitters/projector.h"
 #include "worker/scene/emitters/rectangle.h"
 #include "worker/scene/emitters/sphere.h"
 #include "worker/scene/emitters/spot.h"
@@ -26,7 +27,7 @@ namespace candela::scene {
 
 // At most 11 kinds: up to that std::visit is a switch, beyond it a table of functions.
 using Emitter = std::variant<RectangleLight, SphereLight, DiskLight, CylinderLight, MeshLight, PointLight,
-                             SpotLight, DirectionalLight, Environment>;
+                             SpotLight, ProjectorLight, DirectionalLight, Environment>;
 
 // The emitter of a shape that is in the geometry already; rectangle: as build_shape gave it, null otherwise.
 Emitter make_area_light(const Geometry& geometry, std::uint32_t shape, const Rectangle* rectangle,
@@ -62,6 +63,26 @@ class EmitterSet {
   // The density of the direction d to `hit`; 0 for emitters that no ray meets.
   float pdf_direct_solid_angle(std::uint32_t i, Vec3 reference, Vec3 d, const SurfaceHit& hit) const {
     return visit(i, [&](const auto& e) { return e.pdf_direct_solid_angle(reference, d, hit); });
+  }
+
+  // The same by a sampler of points; by the emitter's own where it has no other.
+  DirectOutcome sample_direct_by(PointSampler sampler, std::uint32_t i, const SurfaceHit& reference,
+                                 Vec3 front, double rest, Vec2 u, DirectSample& out) const {
+    return visit(i, [&](const auto& e) {
+      if constexpr (requires { e.sample_direct_by(sampler, reference, front, rest, u, out); })
+        return e.sample_direct_by(sampler, reference, front, rest, u, out);
+      else
+        return e.sample_direct(reference, front, rest, u, out);
+    });
+  }
+  float pdf_direct_by_solid_angle(PointSampler sampler, std::uint32_t i, Vec3 reference, Vec3 front, Vec3 d,
+                                  const SurfaceHit& hit) const {
+    return visit(i, [&](const auto& e) {
+      if constexpr (requires { e.pdf_direct_by_solid_angle(sampler, reference, front, hit); })
+        return e.pdf_direct_by_solid_angle(sampler, reference, front, hit);
+      else
+        return e.pdf_direct_solid_angle(reference, d, hit);
+    });
   }
 
   bool sample_emission(std::uint32_t i, const SceneExtent& scene, double rest, Vec2 u_position,

@@ -11,6 +11,8 @@
 #include "worker/core/math.h"
 #include "worker/core/warp.h"
 #include "worker/scene/emitters/cone.h"
+#include "worker/scene/emitters/daylight.h"
+#include "worker/scene/emitters/equal_area.h"
 
 namespace candela::scene {
 
@@ -104,6 +106,32 @@ bool make_cdf(const std::vector<double>& weights, float* cdf) {
   return true;
 }
 
+// The image of an envmap's file or of daylight.
+Result<std::shared_ptr<const TexelImage>> image_of(const description::Object& object,
+                                                   TextureStore& textures) {
+  if (is_daylight(object)) {
+    CANDELA_ASSIGN(TexelImage image, daylight_image(object, textures.scratch()));
+    return std::shared_ptr<const TexelImage>(std::make_shared<const TexelImage>(std::move(image)));
+  }
+  if (object.plugin != "envmap")
+    return located("'" + object.plugin + "' is no environment emitter", object, "");
+  const std::string file = object.get_string("filename", "");
+  if (file.empty()) return located("an envmap needs a file", object, "filename");
+  const description::Property* named = object.find("filename");
+  CANDELA_ASSIGN(std::shared_ptr<const TexelImage> image,
+                 textures.image(file, {}, named != nullptr ? named->where : object.where));
+  if (object.get_string("mapping", "latlong") == "equalarea") {
+    if (image->width != image->height || image->width > 65536)
+      return located("a picture of the mapping 'equalarea' is square, of at most 65536 pixels a side", object,
+                     "filename");
+    CANDELA_ASSIGN(TexelImage rows, latitude_longitude(*image, textures.scratch()));
+    return std::shared_ptr<const TexelImage>(std::make_shared<const TexelImage>(std::move(rows)));
+  }
+  if (image->width < 2 || image->height < 3)
+    return located("an environment map has at least 2 x 3 pixels", object, "filename");
+  return image;
+}
+
 }  // namespace
 
 Environment Environment::constant(Spectrum radiance) {
@@ -120,26 +148,17 @@ Result<Environment> Environment::build(const description::Object& object, Textur
       return located("the radiance of a constant emitter is one colour", object, "radiance");
     return constant(color.constant);
   }
-  if (object.plugin != "envmap")
-    return located("'" + object.plugin + "' is no environment emitter", object, "");
-
-  const std::string file = object.get_string("filename", "");
-  if (file.empty()) return located("an envmap needs a file", object, "filename");
-  const double scale = object.get_number("scale", 1);
+  CANDELA_ASSIGN(const std::shared_ptr<const TexelImage> image, image_of(object, textures));
+  const double scale = is_daylight(object) ? 1.0 : object.get_number("scale", 1);
   if (!(scale >= 0) || !std::isfinite(static_cast<float>(scale))) {
     return located("the scale is finite and not negative", object, "scale");
   }
   auto map = std::make_shared<Map>();
   CANDELA_ASSIGN(map->to_world, directions(object));
-  const description::Property* named = object.find("filename");
-  CANDELA_ASSIGN(map->image, textures.image(file, {}, named != nullptr ? named->where : object.where));
-  const TexelImage& image = *map->image;
-  if (image.width < 2 || image.height < 3) {
-    return located("an environment map has at least 2 x 3 pixels", object, "filename");
-  }
+  map->image = image;
   map->scale = static_cast<float>(scale);
-  map->columns = image.width;
-  map->rows = image.height - 1;
+  map->columns = image->width;
+  map->rows = image->height - 1;
   map->edge_cos.resize(map->rows + 1);
   for (std::uint32_t r = 0; r <= map->rows; ++r) {
     // Reduced by hand, so that both poles are approached by small arguments.
@@ -168,8 +187,8 @@ Result<Environment> Environment::build(const description::Object& object, Textur
     double row = 0;
     for (std::uint32_t c = 0; c < map->columns; ++c) {
       const std::uint32_t next = c + 1 == map->columns ? 0 : c + 1;
-      const Spectrum corners[4] = {image.at(c, r), image.at(next, r), image.at(c, r + 1),
-                                   image.at(next, r + 1)};
+      const Spectrum corners[4] = {image->at(c, r), image->at(next, r), image->at(c, r + 1),
+                                   image->at(next, r + 1)};
       double weight = 0;
       for (const Spectrum& s : corners) {
         weight += luminance(s);

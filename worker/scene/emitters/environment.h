@@ -1,4 +1,5 @@
-// Light from infinitely far away: `constant` (one radiance) and `envmap` (a latitude-longitude image).
+// Light from infinitely far away: `constant` (one radiance), `envmap` (a latitude-longitude image), and the
+// sky and the sun, which become such an image.
 //
 // Orientation is Mitsuba 3's: in the emitter's space u = atan2(x, -z) / 2 pi, v = acos(y) / pi, v = 0 the top
 // row. Lookups are bilinear between texel centres horizontally (periodic); rows span the sphere from pole to
@@ -23,7 +24,7 @@ class Environment {
   static constexpr bool kInfinite = true;
   static constexpr bool kReadsRest = false;
 
-  // From a description object "constant" or "envmap".
+  // From a description object "constant", "envmap", "sky", "sun" or "sunsky".
   static Result<Environment> build(const description::Object& object, TextureStore& textures);
   static Environment constant(Spectrum radiance);
 

@@ -2,21 +2,29 @@
 #pragma once
 
 #include <cmath>
+#include <cstdint>
 #include <limits>
 
 #include "worker/core/measure.h"
 #include "worker/core/vec.h"
+#include "worker/scene/hit.h"
 
 namespace candela::scene {
 
 struct LightPoint {
   Vec3 p;
-  Vec3 ng;          // of the emitting front
-  Vec3 wi;          // unit, from the reference towards p
-  Vec2 uv;          // of the shape's parameterization; see find_uv() of the surfaces
-  float error = 0;  // of p, as in SurfaceHit
+  Vec3 ng;                          // of the emitting front
+  Vec3 wi;                          // unit, from the reference towards p
+  Vec2 uv;                          // of the shape's parameterization; see find_uv() of the surfaces
+  float error = 0;                  // of p, as in SurfaceHit
+  std::uint32_t primitive = kNone;  // the triangle, of a mesh
   float pdf_solid_angle = 0;
 };
+
+// Whether a sample of this density can be used: neither zero, nor beyond the range of floats, nor NaN.
+inline bool usable_density(double pdf) {
+  return pdf > 0 && pdf < static_cast<double>(std::numeric_limits<float>::max());
+}
 
 // Density per solid angle of a point uniform in `area`; zero if it is seen from behind or edge-on.
 inline float pdf_of_area_solid_angle(Vec3 reference, Vec3 p, Vec3 ng, double area) {

@@ -42,14 +42,16 @@ bool Lights::choose(Vec3 p, Vec3 front, double u, LightTechnique technique, Emit
 }
 
 DirectOutcome Lights::sample(const SurfaceHit& reference, Vec3 front, float u_select, Vec2 u,
-                             DirectSample& out, LightTechnique technique) const {
+                             DirectSample& out, LightTechnique technique, PointSampler point) const {
   if (emitters_.empty()) return DirectOutcome::failed;
   EmitterChoice choice{0, 1.0f, 0.0};
   if (draws_choice_ && !choose(reference.p, front, extend_draw(u_select, u.x, u.y), technique, choice))
     return DirectOutcome::failed;
   out.emitter = choice.emitter;
   const DirectOutcome outcome =
-      emitters_.sample_direct(choice.emitter, reference, front, choice.rest, u, out);
+      point == PointSampler::own
+          ? emitters_.sample_direct(choice.emitter, reference, front, choice.rest, u, out)
+          : emitters_.sample_direct_by(point, choice.emitter, reference, front, choice.rest, u, out);
   if (outcome == DirectOutcome::failed) return outcome;
   out.pdf_solid_angle *= choice.prob;
   if (emitters_.environments().size() > 1 && emitters_.is_environment(choice.emitter)) [[unlikely]] {

@@ -20,7 +20,7 @@
 
 namespace candela::scene {
 
-// The techniques of direct light: they differ in the choice of the emitter, not in the point on it.
+// The choice of the emitter in direct light. With a sampler of points it makes a technique.
 enum class LightTechnique : std::uint8_t {
   adapted,  // to the reference: by importance or tree; the technique of Scene::sample_direct
   power,
@@ -54,11 +54,18 @@ class Lights {
   // See Scene. The densities of all techniques at one direction may be combined: a direction that one
   // technique samples or finds dark has the density that the others say here.
   DirectOutcome sample(const SurfaceHit& reference, Vec3 front, float u_select, Vec2 u, DirectSample& out,
-                       LightTechnique technique = LightTechnique::adapted) const;
+                       LightTechnique technique = LightTechnique::adapted,
+                       PointSampler point = PointSampler::own) const;
   float pdf_solid_angle(const SurfaceHit& reference, Vec3 front, Vec3 d, const SurfaceHit& hit,
                         LightTechnique technique = LightTechnique::adapted) const;
   float pdf_environment_solid_angle(const SurfaceHit& reference, Vec3 front, Vec3 d,
                                     LightTechnique technique = LightTechnique::adapted) const;
+  // The density of the direction d to `hit`, given that its emitter was chosen. Reads emitter, p, ng and
+  // primitive of the hit.
+  float pdf_point_solid_angle(const SurfaceHit& reference, Vec3 front, Vec3 d, const SurfaceHit& hit,
+                              PointSampler point) const {
+    return emitters_.pdf_direct_by_solid_angle(point, hit.emitter, reference.p, front, d, hit);
+  }
   // The discrete probability of choosing `emitter` at the reference; what sample() uses.
   float prob(Vec3 reference, Vec3 front, std::uint32_t emitter,
              LightTechnique technique = LightTechnique::adapted) const;

@@ -1,4 +1,4 @@
-// The triangles of one shape that emit, sampled uniformly in area.
+// The triangles of one shape that emit, sampled uniformly in area; or in the solid angle of one of them.
 #pragma once
 
 #include <cstdint>
@@ -19,11 +19,18 @@ class MeshSurface {
   bool reaches(Vec3 /*reference*/) const { return true; }
   bool sample(Vec3 reference, double rest, Vec2 u, LightPoint& out) const;
   float pdf_solid_angle(Vec3 reference, const SurfaceHit& hit) const;
+  // spherical: a triangle by its area, and a point of it uniform in solid angle. The others: as above.
+  bool sample_by(PointSampler sampler, Vec3 reference, Vec3 front, double rest, Vec2 u,
+                 LightPoint& out) const;
+  float pdf_by_solid_angle(PointSampler sampler, Vec3 reference, Vec3 front, const SurfaceHit& hit) const;
   void sample_area(double rest, Vec2 u, LightPoint& out) const;
   double area() const { return triangles_.total(); }
   void find_uv(LightPoint& /*point*/) const {}
 
  private:
+  // A point of the triangle by barycentric coordinates.
+  void place(std::uint32_t triangle, Vec3 p, Vec2 barycentric, LightPoint& out) const;
+
   const Geometry* geometry_;
   std::uint32_t first_;
   Distribution triangles_;

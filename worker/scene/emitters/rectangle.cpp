@@ -7,6 +7,20 @@
 #include "worker/scene/emitters/double_math.h"
 
 namespace candela::scene {
+namespace {
+
+double height(Vec3 reference, Vec3 front, Vec3 p) {
+  return dot(Vec3d(front), Vec3d(p) - Vec3d(reference));
+}
+
+// The density of a point that the projection covers.
+double pdf_parallel_solid_angle(const ParallelProjection& projection, Vec3 reference, Vec3 front, Vec3 p) {
+  const Vec3d v = (Vec3d(p) - Vec3d(reference)) / height(reference, front, p);  // on the projection's plane
+  const double squared = length_squared(v);
+  return unit_plane_to_solid_angle(projection.area(), squared * std::sqrt(squared));
+}
+
+}  // namespace
 
 RectangleSurface::RectangleSurface(const Rectangle& rectangle, float error)
     : rectangle_(rectangle), error_(error) {
@@ -19,9 +33,9 @@ RectangleSurface::RectangleSurface(const Rectangle& rectangle, float error)
   center_ = rectangle.corner + (rectangle.edge_u + rectangle.edge_v) * 0.5f;
   const double diagonal_squared = length_u_ * length_u_ + length_v_ * length_v_;
   // Edges written as decimal text are perpendicular to some 1e-6.
-  const bool right_angled = std::abs(dot(axis_u_, axis_v_)) < 1e-5;
+  right_angled_ = std::abs(dot(axis_u_, axis_v_)) < 1e-5;
   near_squared_ =
-      right_angled ? static_cast<float>(diagonal_squared) * kNearDiagonals * kNearDiagonals : 0.0f;
+      right_angled_ ? static_cast<float>(diagonal_squared) * kNearDiagonals * kNearDiagonals : 0.0f;
 }
 
 bool RectangleSurface::spherical(Vec3 reference, Spherical& s) const {
@@ -94,6 +108,93 @@ float RectangleSurface::pdf_solid_angle(Vec3 reference, const SurfaceHit& hit) c
   Spherical s;
   if (spherical(reference, s)) return static_cast<float>(1 / s.solid_angle);
   return pdf_of_area_solid_angle(reference, hit.p, rectangle_.normal, area_);
+}
+
+// ---- by a sampler of points
+
+SphericalRectangle RectangleSurface::rectangle_from(Vec3 reference) const {
+  const Vec3d d = from(reference);
+  const double x0 = dot(d, axis_u_), y0 = dot(d, axis_v_);
+  return {x0, x0 + length_u_, y0, y0 + length_v_, -dot(d, Vec3d(rectangle_.normal))};
+}
+
+std::array<SphericalTriangle, 2> RectangleSurface::triangles_from(Vec3 reference) const {
+  const Vec3d a = from(reference), u(rectangle_.edge_u), v(rectangle_.edge_v);
+  const double each = volume(reference);
+  return {SphericalTriangle(a, a + u, a + u + v, each), SphericalTriangle(a, a + u + v, a + v, each)};
+}
+
+ParallelProjection RectangleSurface::projection_from(Vec3 reference, Vec3 front) const {
+  return {from(reference), Vec3d(rectangle_.edge_u), Vec3d(rectangle_.edge_v), volume(reference),
+          Vec3d(front)};
+}
+
+double RectangleSurface::solid_angle_from(Vec3 reference) const {
+  if (right_angled_) return rectangle_from(reference).solid_angle();
+  const auto triangles = triangles_from(reference);
+  return triangles[0].solid_angle() + triangles[1].solid_angle();
+}
+
+void RectangleSurface::place(Vec3 reference, TVec2<double> at, LightPoint& out) const {
+  const Vec3d p =
+      Vec3d(rectangle_.corner) + Vec3d(rectangle_.edge_u) * at.x + Vec3d(rectangle_.edge_v) * at.y;
+  out.p = Vec3(p);
+  out.ng = rectangle_.normal;
+  out.uv = {static_cast<float>(at.x), static_cast<float>(at.y)};
+  out.error = error_;
+  out.wi = Vec3(normalize(p - Vec3d(reference)));  // not zero: the reference is off the plane
+}
+
+bool RectangleSurface::sample_by(PointSampler sampler, Vec3 reference, Vec3 front, double /*rest*/, Vec2 u,
+                                 LightPoint& out) const {
+  if (!reaches(reference)) return false;
+  const TVec2<double> draw{static_cast<double>(u.x), static_cast<double>(u.y)};
+  double pdf = 0;
+  if (sampler == PointSampler::spherical && right_angled_) {
+    const SphericalRectangle seen = rectangle_from(reference);
+    pdf = 1 / seen.solid_angle();
+    if (!usable_density(pdf)) return false;
+    const Vec3d d = from(reference);
+    const TVec2<double> p = seen.sample(draw.x, draw.y);
+    place(reference, {(p.x - dot(d, axis_u_)) / length_u_, (p.y - dot(d, axis_v_)) / length_v_}, out);
+  } else if (sampler == PointSampler::spherical) {
+    const auto seen = triangles_from(reference);
+    const double s0 = seen[0].solid_angle(), s = s0 + seen[1].solid_angle();
+    pdf = 1 / s;
+    if (!usable_density(pdf)) return false;
+    const bool first = draw.x * s < s0;
+    const double rest = first ? draw.x * s / s0 : (draw.x * s - s0) / (s - s0);
+    const TVec2<double> b = seen[first ? 0 : 1].sample(std::clamp(rest, 0.0, 1.0), draw.y);
+    // Corners 00, 10, 11 and 00, 11, 01.
+    place(reference, first ? TVec2<double>{b.x + b.y, b.y} : TVec2<double>{b.x, b.x + b.y}, out);
+  } else if (sampler == PointSampler::parallel && !is_zero(front)) {
+    const ParallelProjection seen = projection_from(reference, front);
+    if (!(seen.area() > 0)) return false;
+    place(reference, seen.sample(draw.x, draw.y), out);
+    pdf = pdf_parallel_solid_angle(seen, reference, front, out.p);
+  } else {
+    place(reference, draw, out);
+    pdf = static_cast<double>(pdf_of_area_solid_angle(reference, out.p, rectangle_.normal, area_));
+  }
+  if (!usable_density(pdf)) return false;
+  out.pdf_solid_angle = static_cast<float>(pdf);
+  return true;
+}
+
+float RectangleSurface::pdf_by_solid_angle(PointSampler sampler, Vec3 reference, Vec3 front,
+                                           const SurfaceHit& hit) const {
+  if (!reaches(reference)) return 0;
+  double pdf = 0;
+  if (sampler == PointSampler::spherical) {
+    pdf = 1 / solid_angle_from(reference);
+  } else if (sampler == PointSampler::parallel && !is_zero(front)) {
+    const ParallelProjection seen = projection_from(reference, front);
+    if (seen.area() > 0 && seen.covers(height(reference, front, hit.p)))
+      pdf = pdf_parallel_solid_angle(seen, reference, front, hit.p);
+  } else {
+    pdf = static_cast<double>(pdf_of_area_solid_angle(reference, hit.p, rectangle_.normal, area_));
+  }
+  return usable_density(pdf) ? static_cast<float>(pdf) : 0.0f;
 }
 
 template class AreaLight<RectangleSurface>;

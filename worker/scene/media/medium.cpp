@@ -153,17 +153,20 @@ Result<Volume> build_volume(const description::Object& medium, std::string_view 
 
 }  // namespace
 
+Phase build_phase(const description::Object& owner) {
+  const auto phases = owner.children_of("phase");
+  if (!phases.empty() && phases[0]->plugin == "hg")
+    return Phase::henyey_greenstein(static_cast<float>(phases[0]->get_number("g", 0.8)));
+  return !phases.empty() && phases[0]->plugin == "rayleigh" ? Phase::rayleigh() : Phase();
+}
+
 Result<Medium> build_medium(const description::Object& object, const description::FileSource& files) {
   CANDELA_ASSIGN(Volume sigma_t, build_volume(object, "sigma_t", 1, files));
   CANDELA_ASSIGN(Volume albedo, build_volume(object, "albedo", 0.75, files));
   if (albedo.maximum().max_component() > 1)
     return error_at(object, "albedo", "the albedo is above 1 somewhere: the medium would make light");
   const auto scale = static_cast<float>(object.get_number("scale", 1));
-  Phase phase;
-  const auto phases = object.children_of("phase");
-  if (!phases.empty() && phases[0]->plugin == "hg")
-    phase = Phase::henyey_greenstein(static_cast<float>(phases[0]->get_number("g", 0.8)));
-  if (!phases.empty() && phases[0]->plugin == "rayleigh") phase = Phase::rayleigh();
+  const Phase phase = build_phase(object);
   const bool grid = sigma_t.grid != nullptr;
   const double longest = grid ? sigma_t.grid->longest_line() : 0;
   Medium medium(std::move(sigma_t), scale, std::move(albedo), phase);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/base/log.h"
 #include "worker/loaders/vdb/volume_vdb.h"
 #include "worker/scene/transform.h"
 
@@ -47,6 +48,10 @@ Result<GridVolume> GridVolume::build(const description::Object& object,
     return fail("'" + file + "' is not an OpenVDB file: it does not start as one").with_field("filename");
   } else {
     CANDELA_ASSIGN(grid.data_, loaders::load_volume(bytes.view, file));
+    if (grid.data_.negative_count > 0) {
+      log::warn(object.where.file + ":" + std::to_string(object.where.line) + ": " +
+                std::to_string(grid.data_.negative_count) + " negative values of '" + file + "' became 0");
+    }
   }
   grid.nearest_ = object.get_string("filter_type", "trilinear") == "nearest";
   const std::string wrap = object.get_string("wrap_mode", "clamp");

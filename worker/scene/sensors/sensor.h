@@ -41,6 +41,11 @@ class Sensor {
     return {Vec3(origin + unit * (near_clip_ * l)), Vec3(unit), reach(l)};
   }
 
+  // Along a unit direction of ray(), from the lens to the near plane; 0 for an orthographic camera.
+  double near_distance(Vec3 direction) const {
+    return kind_ == Kind::orthographic ? 0.0 : near_clip_ / dot(Vec3d(direction), dual_depth_);
+  }
+
   // A lens point as seen from the reference, uniform over the lens. False: the reference is not on the film,
   // widened by `border` pixels on each side, or not between the clip planes.
   bool sample(const SurfaceHit& reference, Vec2 u_lens, float border, CameraSample& out) const;

@@ -3,6 +3,13 @@
 
 #include <cmath>
 
+#include "worker/loaders/curves.h"
+#include "worker/loaders/pbrt_mesh.h"
+#include "worker/loaders/volume.h"
+#include "worker/scene/shapes/creases.h"
+#include "worker/scene/shapes/level_set.h"
+#include "worker/scene/shapes/tube.h"
+
 namespace candela::scene {
 namespace {
 
@@ -96,7 +103,7 @@ Result<Shape> build_sphere(const description::Object& object, const Transform& t
   if (!to_world.is_similarity()) {
     return error_at(object, "to_world scales unevenly or shears, which would make it an ellipsoid")
         .with_field("to_world")
-        .with_mend("scale all axes alike, or use a mesh");
+        .with_mend("only a shape that does not glow may be stretched; use a mesh");
   }
   const double scale = length(to_world.column(0));
   Sphere sphere;
@@ -116,12 +123,30 @@ bool is_circle(Vec3d a, Vec3d b) {
   return std::abs(la - lb) <= 1e-4 * la && std::abs(dot(a, b)) <= 1e-4 * la * lb;
 }
 
+// The angle around a cylinder is measured in Mitsuba's basis [Duff et al. 2017], taken along by to_world.
+std::array<Vec3d, 3> cylinder_axes(Vec3d axis, const Transform& to_world) {
+  const Vec3d n = normalize(axis);
+  const double sign = std::copysign(1.0, n.z), a = -1 / (sign + n.z), b = n.x * n.y * a;
+  return {to_world.vector({1 + sign * n.x * n.x * a, sign * b, -sign * n.x}),
+          to_world.vector({b, sign + n.y * n.y * a, -n.y}), to_world.vector(axis)};
+}
+
+bool is_round(Vec3d u, Vec3d v, Vec3d along) {
+  const double slack = 1e-4 * length(u) * length(along);
+  return is_circle(u, v) && std::abs(dot(u, along)) <= slack && std::abs(dot(v, along)) <= slack;
+}
+
+Vec3d cylinder_axis(const description::Object& object) {
+  const description::Vec3 p0 = object.get_vec3("p0", {0, 0, 0}), p1 = object.get_vec3("p1", {0, 0, 1});
+  return Vec3d{p1[0], p1[1], p1[2]} - Vec3d{p0[0], p0[1], p0[2]};
+}
+
 Result<Shape> build_disk(const description::Object& object, const Transform& to_world) {
   const Vec3d u = to_world.column(0), v = to_world.column(1);
   if (!is_circle(u, v)) {
     return error_at(object, "to_world scales unevenly or shears, which would make it an ellipse")
         .with_field("to_world")
-        .with_mend("scale both axes alike, or use a mesh");
+        .with_mend("only a shape that does not glow may be stretched; use a mesh");
   }
   Disk disk;
   disk.center = to_world.translation();
@@ -143,26 +168,20 @@ Result<Shape> build_disk(const description::Object& object, const Transform& to_
 }
 
 Result<Shape> build_cylinder(const description::Object& object, const Transform& to_world) {
-  const description::Vec3 p0 = object.get_vec3("p0", {0, 0, 0}), p1 = object.get_vec3("p1", {0, 0, 1});
+  const description::Vec3 p0 = object.get_vec3("p0", {0, 0, 0});
   const double radius = object.get_number("radius", 1.0);
   if (!(radius > 0)) {
     return error_at(object, "radius must be above 0, not " + std::to_string(radius)).with_field("radius");
   }
-  const Vec3d base{p0[0], p0[1], p0[2]}, axis = Vec3d{p1[0], p1[1], p1[2]} - base;
+  const Vec3d base{p0[0], p0[1], p0[2]}, axis = cylinder_axis(object);
   if (!(length(axis) > 0)) return error_at(object, "p0 and p1 are the same point").with_field("p1");
-  // The angle is measured in Mitsuba's basis around the axis [Duff et al. 2017], taken along by to_world.
-  const Vec3d n = normalize(axis);
-  const double sign = std::copysign(1.0, n.z), a = -1 / (sign + n.z), b = n.x * n.y * a;
-  const Vec3d u = to_world.vector({1 + sign * n.x * n.x * a, sign * b, -sign * n.x});
-  const Vec3d v = to_world.vector({b, sign + n.y * n.y * a, -n.y});
-  const Vec3d along = to_world.vector(axis);
-  const double slack = 1e-4 * length(u) * length(along);
-  if (!is_circle(u, v) || !(std::abs(dot(u, along)) <= slack) || !(std::abs(dot(v, along)) <= slack)) {
+  const auto [u, v, along] = cylinder_axes(axis, to_world);
+  if (!is_round(u, v, along)) {
     return error_at(object,
                     "to_world scales unevenly across the axis or shears, which would make it no "
                     "circular cylinder")
         .with_field("to_world")
-        .with_mend("scale all axes alike, or use a mesh");
+        .with_mend("only a shape that does not glow may be stretched; use a mesh");
   }
   Cylinder cylinder;
   cylinder.base = to_world.point(base);
@@ -185,24 +204,48 @@ Result<Shape> build_from_file(const description::Object& object, const descripti
   if (file.empty()) return error_at(object, "filename is missing").with_field("filename");
   CANDELA_ASSIGN(const description::FileSource::Bytes bytes, files.open(file));
   loaders::Mesh mesh;
-  if (object.plugin == "obj") {
+  const bool faceted = object.get_bool("face_normals", false);
+  if (object.plugin == "bsplinecurve") {
+    CANDELA_ASSIGN(const auto curves, loaders::load_curves(bytes.view, file, 4));
+    mesh = bspline_tubes(curves);
+  } else if (object.plugin == "linearcurve") {
+    CANDELA_ASSIGN(const auto curves, loaders::load_curves(bytes.view, file, 2));
+    mesh = linear_tubes(curves);
+  } else if (object.plugin == "sdfgrid") {
+    CANDELA_ASSIGN(const auto field, loaders::load_volume(bytes.view, file, true));
+    CANDELA_ASSIGN(mesh, level_set(field, file));
+  } else if (object.plugin == "obj") {
     CANDELA_ASSIGN(mesh, loaders::load_obj(bytes.view, file, object.get_bool("flip_tex_coords", true)));
   } else if (object.plugin == "ply") {
     CANDELA_ASSIGN(mesh, loaders::load_ply(bytes.view, file));
     if (object.get_bool("flip_tex_coords", false)) {
       for (Vec2& uv : mesh.uvs) uv.y = 1 - uv.y;
     }
+  } else if (object.plugin == "pbrtmesh") {
+    CANDELA_ASSIGN(mesh, loaders::load_pbrt_shape(bytes.view, file, object.get_integer("offset", 0),
+                                                  object.where.file == file ? object.where.line : 1));
   } else {
     CANDELA_ASSIGN(mesh, loaders::load_serialized(bytes.view, file, object.get_integer("shape_index", 0)));
     if (object.get_bool("flip_tex_coords", false)) {
       for (Vec2& uv : mesh.uvs) uv.y = 1 - uv.y;
     }
   }
-  return shape_from_mesh(std::move(mesh), to_world, object.get_bool("face_normals", false),
-                         object.get_bool("flip_normals", false), file);
+  if (object.find("max_smooth_angle") != nullptr && !faceted) {
+    mesh = split_at_creases(std::move(mesh), to_world, object.get_number("max_smooth_angle", 0));
+  }
+  return shape_from_mesh(std::move(mesh), to_world, faceted, object.get_bool("flip_normals", false), file);
 }
 
 }  // namespace
+
+bool is_stretched(const description::Object& object) {
+  const Transform to_world(object.get_transform("to_world"));
+  if (object.plugin == "sphere") return !to_world.is_similarity();
+  if (object.plugin == "disk") return !is_circle(to_world.column(0), to_world.column(1));
+  if (object.plugin != "cylinder" || !(length(cylinder_axis(object)) > 0)) return false;
+  const auto [u, v, along] = cylinder_axes(cylinder_axis(object), to_world);
+  return !is_round(u, v, along);
+}
 
 Result<Shape> build_shape(const description::Object& object, const description::FileSource& files) {
   const Transform to_world(object.get_transform("to_world"));
@@ -211,8 +254,7 @@ Result<Shape> build_shape(const description::Object& object, const description::
   if (object.plugin == "sphere") return build_sphere(object, to_world);
   if (object.plugin == "disk") return build_disk(object, to_world);
   if (object.plugin == "cylinder") return build_cylinder(object, to_world);
-  if (object.plugin == "obj" || object.plugin == "ply" || object.plugin == "serialized")
-    return build_from_file(object, files, to_world);
+  if (object.find("filename") != nullptr) return build_from_file(object, files, to_world);
   return error_at(object, "this renderer cannot build it yet");
 }
 

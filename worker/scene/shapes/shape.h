@@ -1,5 +1,5 @@
-// A shape of the scene description in world space: a triangle mesh, or a sphere, disk or cylinder, checked
-// and ready to be joined into the scene's geometry.
+// A shape of the scene description in world space: a triangle mesh (curves and level sets are meshes, too),
+// or a sphere, disk or cylinder, checked and ready to be joined into the scene's geometry.
 #pragma once
 
 #include <array>
@@ -40,6 +40,10 @@ struct Shape {
 
 // Builds a shape from its description. Errors name file and line of the scene or of the mesh.
 Result<Shape> build_shape(const description::Object& object, const description::FileSource& files);
+
+// Whether to_world makes an ellipse, an ellipsoid or a cylinder over an ellipse of a disk, a sphere or a
+// cylinder. build_shape() refuses these; an instance of the round shape is what they are.
+bool is_stretched(const description::Object& object);
 
 // A mesh in world space: applies to_world, completes vertex normals (angle-weighted averages of the faces
 // around a vertex where the file has none, as Mitsuba does; none at all for face_normals), turns triangles so

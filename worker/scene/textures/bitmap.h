@@ -26,6 +26,7 @@ class Bitmap final : public Texture {
   TextureGradient gradient(Vec2 uv) const override;
   Spectrum maximum() const override { return maximum_; }
   Spectrum minimum() const override { return minimum_; }
+  const TexelImage& image() const { return *image_; }
 
  private:
   // f(upper left, upper right, lower left, lower right, weight of the right ones, weight of the lower ones)
@@ -40,5 +41,8 @@ class Bitmap final : public Texture {
   Settings settings_;
   Spectrum minimum_, maximum_;
 };
+
+// Width over height of the image that the texture shows; 1 where it shows none.
+double aspect_of(const Texture* texture);
 
 }  // namespace candela::scene

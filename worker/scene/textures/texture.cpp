@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include "worker/scene/textures/bitmap.h"
@@ -40,6 +41,19 @@ class Checkerboard final : public Texture {
   UvTransform to_uv_;
 };
 
+// The same value everywhere.
+class RawConstant final : public Texture {
+ public:
+  explicit RawConstant(Spectrum value) : value_(value) {}
+  Spectrum eval(Vec2 /*uv*/) const override { return value_; }
+  TextureGradient gradient(Vec2 /*uv*/) const override { return {}; }
+  Spectrum maximum() const override { return value_; }
+  Spectrum minimum() const override { return value_; }
+
+ private:
+  Spectrum value_;
+};
+
 // A texture times a constant.
 class Scale final : public Texture {
  public:
@@ -51,6 +65,7 @@ class Scale final : public Texture {
   }
   Spectrum maximum() const override { return nested_.maximum() * factor_; }
   Spectrum minimum() const override { return nested_.minimum() * factor_; }
+  const Texture& nested() const { return nested_; }
 
  private:
   static Spectrum finite(Spectrum s) {
@@ -61,6 +76,63 @@ class Scale final : public Texture {
 
   const Texture& nested_;
   Spectrum factor_;
+};
+
+// Two textures mixed by a third, at most `most`. Amounts above 1 go on beyond the second, so that a mix of
+// black and a texture is their product with the amount.
+class Mix final : public Texture {
+ public:
+  Mix(ColorTexture color0, ColorTexture color1, FloatTexture amount, float most)
+      : color0_(color0), color1_(color1), amount_(amount), most_(most) {}
+
+  Spectrum eval(Vec2 uv) const override {
+    return clamp(mixed(color0_.eval(uv), color1_.eval(uv), amount_.eval(uv)));
+  }
+  TextureGradient gradient(Vec2 uv) const override {
+    const Spectrum a = color0_.eval(uv), b = color1_.eval(uv);
+    const float t = amount_.eval(uv);
+    const TextureGradient ga = gradient_of(color0_, uv), gb = gradient_of(color1_, uv);
+    const Vec2 gt = amount_.gradient(uv);
+    const Spectrum value = mixed(a, b, t);
+    const Spectrum across = b + a * -1.0f;
+    return {slope(value, mixed(ga.du, gb.du, t) + across * gt.x),
+            slope(value, mixed(ga.dv, gb.dv, t) + across * gt.y)};
+  }
+  Spectrum maximum() const override { return clamp(corner(true)); }
+  Spectrum minimum() const override { return clamp(corner(false)); }
+
+ private:
+  static Spectrum mixed(Spectrum a, Spectrum b, float t) { return a * (1 - t) + b * t; }
+  static TextureGradient gradient_of(const ColorTexture& color, Vec2 uv) {
+    return color.texture == nullptr ? TextureGradient{} : color.texture->gradient(uv);
+  }
+  float clamp(float value) const { return std::clamp(value, 0.0f, most_); }
+  Spectrum clamp(Spectrum s) const { return {clamp(s.r), clamp(s.g), clamp(s.b)}; }
+  // Flat where the value is clamped.
+  float slope(float value, float gradient) const {
+    constexpr float largest = std::numeric_limits<float>::max();
+    return value >= 0 && value <= most_ ? std::clamp(gradient, -largest, largest) : 0.0f;
+  }
+  Spectrum slope(Spectrum value, Spectrum gradient) const {
+    return {slope(value.r, gradient.r), slope(value.g, gradient.g), slope(value.b, gradient.b)};
+  }
+  // The mix is linear in each of its parts, so that its bounds are among those of the parts.
+  Spectrum corner(bool largest) const {
+    std::optional<Spectrum> bound;
+    for (const Spectrum& a : {color0_.minimum(), color0_.maximum()})
+      for (const Spectrum& b : {color1_.minimum(), color1_.maximum()})
+        for (const float t : {amount_.minimum(), amount_.maximum()}) {
+          const Spectrum value = mixed(a, b, t);
+          if (!bound) bound = value;
+          const auto pick = [&](float x, float y) { return largest ? std::max(x, y) : std::min(x, y); };
+          bound = Spectrum{pick(bound->r, value.r), pick(bound->g, value.g), pick(bound->b, value.b)};
+        }
+    return *bound;
+  }
+
+  ColorTexture color0_, color1_;
+  FloatTexture amount_;
+  float most_;
 };
 
 Error located(std::string message, const description::Object& object, std::string_view property) {
@@ -78,6 +150,13 @@ constexpr std::pair<std::string_view, Wrap> kWrapModes[] = {{"repeat", Wrap::rep
                                                             {"one", Wrap::one}};
 
 }  // namespace
+
+double aspect_of(const Texture* texture) {
+  while (const auto* scale = dynamic_cast<const Scale*>(texture)) texture = &scale->nested();
+  const auto* bitmap = dynamic_cast<const Bitmap*>(texture);
+  if (bitmap == nullptr) return 1;
+  return static_cast<double>(bitmap->image().width) / static_cast<double>(bitmap->image().height);
+}
 
 Result<std::shared_ptr<const TexelImage>> TextureStore::image(const std::string& key,
                                                               const ImageReading& reading,
@@ -158,6 +237,30 @@ Result<const Texture*> TextureStore::build(const description::ObjectPtr& object,
     CANDELA_ASSIGN(const ColorTexture color0, color_at_depth(*object, "color0", Spectrum(0.4f), depth + 1));
     CANDELA_ASSIGN(const ColorTexture color1, color_at_depth(*object, "color1", Spectrum(0.2f), depth + 1));
     texture = std::make_unique<Checkerboard>(color0, color1, UvTransform::from(*object));
+  } else if (object->plugin == "mix") {
+    CANDELA_ASSIGN(const ColorTexture color0, color_at_depth(*object, "color0", Spectrum(0.0f), depth + 1));
+    CANDELA_ASSIGN(const ColorTexture color1, color_at_depth(*object, "color1", Spectrum(1.0f), depth + 1));
+    CANDELA_ASSIGN(const FloatTexture amount, number_at_depth(*object, "amount", 0.5f, depth + 1));
+    const double most = object->get_number("maximum", std::numeric_limits<float>::max());
+    texture =
+        std::make_unique<Mix>(color0, color1, amount,
+                              static_cast<float>(std::min<double>(most, std::numeric_limits<float>::max())));
+    const Spectrum bound = texture->maximum();
+    for (const float component : {bound.r, bound.g, bound.b})
+      if (!std::isfinite(component)) return located("the mixed texture is finite", *object, "color1");
+  } else if (object->plugin == "rawconstant") {
+    const description::Property* given = object->find("value");
+    const bool is_vector = given != nullptr && (given->type == description::PropertyType::vector ||
+                                                given->type == description::PropertyType::point);
+    const auto rgb = is_vector ? std::nullopt : object->get_rgb("value");
+    const auto value = rgb ? rgb->value : object->get_vec3("value", {1, 1, 1});
+    const Spectrum constant = {static_cast<float>(value[0]), static_cast<float>(value[1]),
+                               static_cast<float>(value[2])};
+    for (const float c : {constant.r, constant.g, constant.b}) {
+      if (!(c >= 0 && c <= std::numeric_limits<float>::max()))
+        return located("the value is finite and not negative", *object, "value");
+    }
+    texture = std::make_unique<RawConstant>(constant);
   } else if (object->plugin == "scale") {
     const auto nested = object->children_of("texture");
     if (nested.size() != 1) return located("a scale texture holds one texture", *object, "");
@@ -207,10 +310,15 @@ Result<ColorTexture> TextureStore::color(const description::Object& owner, std::
 
 Result<FloatTexture> TextureStore::number(const description::Object& owner, std::string_view name,
                                           float otherwise) {
+  return number_at_depth(owner, name, otherwise, 0);
+}
+
+Result<FloatTexture> TextureStore::number_at_depth(const description::Object& owner, std::string_view name,
+                                                   float otherwise, int depth) {
   FloatTexture result;
   result.constant = otherwise;
   if (const description::Child* child = owner.find_child(name); child != nullptr) {
-    CANDELA_ASSIGN(result.texture, build(child->object, 0));
+    CANDELA_ASSIGN(result.texture, build(child->object, depth));
     return result;
   }
   if (owner.find(name) != nullptr) {

@@ -92,6 +92,8 @@ class TextureStore {
   Result<std::unique_ptr<const Texture>> build_bitmap(const description::Object& object);
   Result<ColorTexture> color_at_depth(const description::Object& owner, std::string_view name,
                                       Spectrum otherwise, int depth);
+  Result<FloatTexture> number_at_depth(const description::Object& owner, std::string_view name,
+                                       float otherwise, int depth);
 
   const description::FileSource* files_;
   Scratch scratch_;

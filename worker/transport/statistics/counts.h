@@ -8,6 +8,7 @@
 
 #include "common/film/accumulator.h"
 #include "worker/transport/statistics/phi.h"
+#include "worker/transport/statistics/put.h"
 #include "worker/transport/statistics/sectors.h"
 
 namespace candela::transport {
@@ -38,10 +39,9 @@ class SectorCounts {
     photons_.count = 0;
   }
   void write(std::span<const std::unique_ptr<film::UnitAccumulator>> accumulators, std::uint32_t x,
-             std::uint32_t y, float weight, std::uint64_t key) const {
+             std::uint32_t y, float weight, std::uint64_t key, bool alone) const {
     if (!any_ || weight == 0) return;
-    film::Tallies ignored;
-    accumulators[0]->splat(x, y, 0, counts_, key, ignored);
+    put_statistics(*accumulators[0], alone, x, y, counts_, key);
   }
 
   const std::array<double, Sectors::kCount>& counts() const { return counts_; }

@@ -3,36 +3,71 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <string_view>
 
 #include "common/film/accumulator.h"
 #include "worker/transport/kernels.h"
 #include "worker/transport/merge_scale.h"
 #include "worker/transport/statistics/phi.h"
+#include "worker/transport/statistics/put.h"
 
 namespace candela::transport {
+
+// A distance h of the stencil's kernels on surfaces, and what follows from it.
+struct SurfacePilot {
+  SurfacePilot(Kernel kernel, double first_radius, double pilot)
+      : h(static_cast<float>(pilot)),
+        r2_over_h2(first_radius * first_radius / (pilot * pilot)),
+        disc(kernel, h) {}
+  float h;
+  double r2_over_h2;
+  DiscKernel disc;
+};
+
+// Those of pixels: levels of a table, by a map of one byte a pixel. Views, which have to outlive it.
+struct PilotMap {
+  std::span<const SurfacePilot> levels;
+  std::string_view map;
+  std::uint32_t width = 0, height = 0;
+  const SurfacePilot& at(FilmPosition place) const {
+    const auto [x, y] = pixel_of(place, width, height);
+    return levels[static_cast<unsigned char>(map[std::size_t{y} * width + x])];
+  }
+};
 
 // Accumulators, without a unit but the film's:
 //   moments    sum of k_r(y) phi^2 / k_1,    k_1 = 1 over the area (volume) of the first radius r_1
 //   laplacian  sum of D_h(y) phi r_1^2 / k_1,
 //   D_h(y) = h^-2 (sum over the axes a of [k_h(y - h a) + k_h(y + h a) - 2 k_h(y)])
+//   means      sum of k_r(y) phi / k_1 on surfaces, if the job has this accumulator
+// Of the first two a second channel has the sums of media, if the job's have it.
 class PlugInMoments {
  public:
   static constexpr bool kCollects = true, kReaches = true;
 
-  // pilot: h, of the epoch.
-  PlugInMoments(Kernel kernel, double first_radius, double pilot)
+  // pilot: h of the epoch, in media, and on surfaces unless there is a map of theirs.
+  PlugInMoments(Kernel kernel, double first_radius, double pilot, const PilotMap& pilots = {})
       : first_(first_radius),
-        r2_over_h2_(first_radius * first_radius / (pilot * pilot)),
-        h_(static_cast<float>(pilot)),
-        disc_(kernel, h_),
-        ball_(kernel, h_) {}
+        pilots_(pilots),
+        pilot_(kernel, first_radius, pilot),
+        ball_h_(pilot_.h),
+        ball_r2_over_h2_(pilot_.r2_over_h2),
+        ball_(kernel, pilot_.h) {}
 
-  float reach(bool /*surface*/) const { return 2 * h_; }
-  void begin() { moment_ = laplacian_ = 0; }
+  // The path that is next is of this place on the film.
+  void place(FilmPosition at) {
+    if (!pilots_.map.empty()) pilot_ = pilots_.at(at);
+  }
+  float reach(bool surface) const { return 2 * (surface ? pilot_.h : ball_h_); }
+  void begin() {
+    moments_ = laplacians_ = {};
+    mean_ = 0;
+  }
   void start(const ScatterPoint& v, const MergeScale& /*scale*/, float per_path) {
     phi_.start(v, first_, per_path);
     surface_ = v.on_surface();
@@ -40,55 +75,70 @@ class PlugInMoments {
   }
   void add(Vec3 offset, Spectrum value, float factor, float kernel) {
     const double phi = static_cast<double>(phi_.weight(value, factor)) * phi_.scale();
-    moment_ += static_cast<double>(kernel) / (surface_ ? first_.per_disc : first_.per_ball) * phi * phi;
-    const double stencil = surface_ ? on_disc(offset) : in_ball(offset);
-    laplacian_ += stencil * phi;
+    const double weight = static_cast<double>(kernel) / (surface_ ? first_.per_disc : first_.per_ball);
+    const std::size_t part = surface_ ? 0 : 1;
+    moments_[part] += weight * phi * phi;
+    laplacians_[part] += (surface_ ? on_disc(offset) : in_ball(offset)) * phi;
+    if (surface_) mean_ += weight * phi;
   }
   void end() {}
   void write(std::span<const std::unique_ptr<film::UnitAccumulator>> accumulators, std::uint32_t x,
-             std::uint32_t y, float weight, std::uint64_t key) const {
-    if (moment_ == 0 && laplacian_ == 0) return;
+             std::uint32_t y, float weight, std::uint64_t key, bool alone) const {
+    const auto zero = [](double value) { return value == 0; };
+    if (std::all_of(moments_.begin(), moments_.end(), zero) &&
+        std::all_of(laplacians_.begin(), laplacians_.end(), zero))
+      return;
     const double scale = std::abs(static_cast<double>(weight));
-    const double moment = moment_ * scale * scale, laplacian = laplacian_ * scale;
-    film::Tallies ignored;
-    if (accumulators[0]->splat(x, y, 0, {&moment, 1}, key, ignored))
-      accumulators[1]->splat(x, y, 0, {&laplacian, 1}, key, ignored);
+    const std::size_t channels = accumulators[0]->spec().channels;
+    auto moments = moments_, laplacians = laplacians_;
+    for (double& moment : moments) moment *= scale * scale;
+    for (double& laplacian : laplacians) laplacian *= scale;
+    if (!put_statistics(*accumulators[0], alone, x, y, std::span(moments).first(channels), key) ||
+        !put_statistics(*accumulators[1], alone, x, y, std::span(laplacians).first(channels), key) ||
+        accumulators.size() < 3)
+      return;
+    const double mean = mean_ * scale;
+    put_statistics(*accumulators[2], alone, x, y, {&mean, 1}, key);
   }
 
-  double moment() const { return moment_; }
-  double laplacian() const { return laplacian_; }
+  double moment(bool surface = true) const { return moments_[surface ? 0 : 1]; }
+  double laplacian(bool surface = true) const { return laplacians_[surface ? 0 : 1]; }
+  double mean() const { return mean_; }
 
  private:
   // D_h r_1^2 / k_1.
   double on_disc(Vec3 offset) const {
-    const float u = dot(offset, frame_.s), v = dot(offset, frame_.t);
+    const float u = dot(offset, frame_.s), v = dot(offset, frame_.t), h = pilot_.h;
     const auto at = [&](float du, float dv) {
       const float d2 = (u - du) * (u - du) + (v - dv) * (v - dv);
-      return d2 <= h_ * h_ ? static_cast<double>(disc_.value(d2)) : 0.0;
+      return d2 <= h * h ? static_cast<double>(pilot_.disc.value(d2)) : 0.0;
     };
-    const double sum = at(h_, 0) + at(-h_, 0) + at(0, h_) + at(0, -h_) - 4 * at(0, 0);
-    return sum * r2_over_h2_ / first_.per_disc;
+    const double sum = at(h, 0) + at(-h, 0) + at(0, h) + at(0, -h) - 4 * at(0, 0);
+    return sum * pilot_.r2_over_h2 / first_.per_disc;
   }
   double in_ball(Vec3 offset) const {
+    const float h = ball_h_;
     const auto at = [&](Vec3 to) {
       const Vec3 y = offset - to;
       const float d2 = dot(y, y);
-      return d2 <= h_ * h_ ? static_cast<double>(ball_.value(d2)) : 0.0;
+      return d2 <= h * h ? static_cast<double>(ball_.value(d2)) : 0.0;
     };
-    const double sum = at({h_, 0, 0}) + at({-h_, 0, 0}) + at({0, h_, 0}) + at({0, -h_, 0}) + at({0, 0, h_}) +
-                       at({0, 0, -h_}) - 6 * at({0, 0, 0});
-    return sum * r2_over_h2_ / first_.per_ball;
+    const double sum = at({h, 0, 0}) + at({-h, 0, 0}) + at({0, h, 0}) + at({0, -h, 0}) + at({0, 0, h}) +
+                       at({0, 0, -h}) - 6 * at({0, 0, 0});
+    return sum * ball_r2_over_h2_ / first_.per_ball;
   }
 
   FirstExtents first_;
-  double r2_over_h2_;
-  float h_;
-  DiscKernel disc_;
+  PilotMap pilots_;
+  SurfacePilot pilot_;  // of the path
+  float ball_h_;
+  double ball_r2_over_h2_;
   BallKernel ball_;
   Phi phi_;
   bool surface_ = true;
   Frame frame_;
-  double moment_ = 0, laplacian_ = 0;
+  std::array<double, 2> moments_{}, laplacians_{};  // on surfaces, in media
+  double mean_ = 0;
 };
 
 }  // namespace candela::transport

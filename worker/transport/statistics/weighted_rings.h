@@ -12,6 +12,7 @@
 #include "common/film/accumulator.h"
 #include "worker/transport/merge_scale.h"
 #include "worker/transport/statistics/phi.h"
+#include "worker/transport/statistics/put.h"
 #include "worker/transport/vertex.h"
 
 namespace candela::transport {
@@ -68,16 +69,15 @@ class WeightedRings {
   void end() {}
   // As WeightedSectors: a path whose squares the accumulator cannot hold adds nothing.
   void write(std::span<const std::unique_ptr<film::UnitAccumulator>> accumulators, std::uint32_t x,
-             std::uint32_t y, float weight, std::uint64_t key) const {
+             std::uint32_t y, float weight, std::uint64_t key, bool alone) const {
     if (!any_ || weight == 0) return;
     const double scale = std::abs(static_cast<double>(weight));
     auto squares = squares_;
     for (double& square : squares) square *= scale * scale;
-    film::Tallies ignored;
-    if (!accumulators[1]->splat(x, y, 0, squares, key, ignored)) return;
+    if (!put_statistics(*accumulators[1], alone, x, y, squares, key)) return;
     auto sums = sums_;
     for (double& sum : sums) sum *= scale;
-    accumulators[0]->splat(x, y, 0, sums, key, ignored);
+    put_statistics(*accumulators[0], alone, x, y, sums, key);
   }
 
   const std::array<double, kRings * kPerRing>& sums() const { return sums_; }

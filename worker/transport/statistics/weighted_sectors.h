@@ -10,6 +10,7 @@
 
 #include "common/film/accumulator.h"
 #include "worker/transport/statistics/phi.h"
+#include "worker/transport/statistics/put.h"
 #include "worker/transport/statistics/sectors.h"
 
 namespace candela::transport {
@@ -46,15 +47,14 @@ class WeightedSectors {
   // A path whose squares the accumulator cannot hold adds nothing. It would outweigh all others, and then no
   // test rejects.
   void write(std::span<const std::unique_ptr<film::UnitAccumulator>> accumulators, std::uint32_t x,
-             std::uint32_t y, float weight, std::uint64_t key) const {
+             std::uint32_t y, float weight, std::uint64_t key, bool alone) const {
     if (squares_ == 0) return;
     const double scale = std::abs(static_cast<double>(weight));
     const double squares = squares_ * scale * scale;
-    film::Tallies ignored;
-    if (!accumulators[1]->splat(x, y, 0, {&squares, 1}, key, ignored)) return;
+    if (!put_statistics(*accumulators[1], alone, x, y, {&squares, 1}, key)) return;
     std::array<double, Sectors::kCount> sums = sums_;
     for (double& sum : sums) sum *= scale;
-    accumulators[0]->splat(x, y, 0, sums, key, ignored);
+    put_statistics(*accumulators[0], alone, x, y, sums, key);
   }
 
   const std::array<double, Sectors::kCount>& sums() const { return sums_; }

@@ -160,9 +160,10 @@ class Gather {
   Gather(const scene::Scene& scene, const MergeMaps<Block>& maps, const Statistics& statistics = {})
       : scene_(scene), maps_(maps), statistics_(statistics) {}
 
-  // A path is next, with this scale, which has to outlive it.
-  void begin(const MergeScale& scale) {
+  // A path is next, of this place on the film, with this scale, which has to outlive it.
+  void begin(const MergeScale& scale, FilmPosition at = {}) {
     scale_ = &scale;
+    if constexpr (requires(Statistics s) { s.place(at); }) statistics_.place(at);
     if constexpr (Statistics::kCollects) statistics_.begin();
   }
   // Of the path, up to the last vertex that is finished.

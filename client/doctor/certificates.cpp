@@ -1,0 +1,112 @@
+#include <fmt/format.h>
+#include <openssl/err.h>
+#include <openssl/pem.h>
+#include <openssl/x509.h>
+#include <openssl/x509_vfy.h>
+
+#include <memory>
+
+#include "client/doctor/checks.h"
+#include "client/values.h"
+#include "common/base/files.h"
+
+namespace candela::client {
+namespace {
+
+template <auto Free>
+struct Deleter {
+  template <class T>
+  void operator()(T* object) const {
+    Free(object);
+  }
+};
+using Certificate = std::unique_ptr<X509, Deleter<X509_free>>;
+using Bio = std::unique_ptr<BIO, Deleter<BIO_free>>;
+using Store = std::unique_ptr<X509_STORE, Deleter<X509_STORE_free>>;
+using Verification = std::unique_ptr<X509_STORE_CTX, Deleter<X509_STORE_CTX_free>>;
+
+constexpr std::uint64_t kMostBytes = 1 << 20;
+constexpr double kSoonDays = 30;
+
+Certificate read_certificate(const std::string& file) {
+  const auto text = read_file(file, kMostBytes);
+  if (!text) return nullptr;
+  const Bio bio(BIO_new_mem_buf(text->data(), static_cast<int>(text->size())));
+  Certificate certificate(PEM_read_bio_X509(bio.get(), nullptr, nullptr, nullptr));
+  ERR_clear_error();
+  return certificate;
+}
+
+// From now on; negative: past.
+double days_until(const ASN1_TIME* time) {
+  int days = 0, seconds = 0;
+  if (ASN1_TIME_diff(&days, &seconds, nullptr, time) != 1) return 0;
+  return days + seconds / 86400.0;
+}
+
+std::string date_of(const ASN1_TIME* time) {
+  const Bio bio(BIO_new(BIO_s_mem()));
+  if (ASN1_TIME_print(bio.get(), time) != 1) return "an unknown date";
+  char* data = nullptr;
+  const long size = BIO_get_mem_data(bio.get(), &data);
+  return {data, static_cast<std::size_t>(size)};
+}
+
+Diagnosis check_certificate(const std::string& name, const std::string& file) {
+  const Certificate certificate = read_certificate(file);
+  if (!certificate)
+    return {name, Diagnosis::State::broken, fmt::format("{}: no certificate in PEM form", printable(file)),
+            "give another file"};
+  const ASN1_TIME* begin = X509_get0_notBefore(certificate.get());
+  if (days_until(begin) > 0)
+    return {name, Diagnosis::State::broken,
+            fmt::format("{}: valid only from {}", printable(file), date_of(begin)),
+            "set this machine's clock, or wait"};
+  const ASN1_TIME* end = X509_get0_notAfter(certificate.get());
+  return check_expiry(name, days_until(end),
+                      fmt::format("{}: valid until {}", printable(file), date_of(end)));
+}
+
+// Nothing if our certificate is the authority's, or if one of them cannot be read.
+std::optional<Diagnosis> check_signature(const ConnectionOptions& connection) {
+  const Certificate ours = read_certificate(connection.tls_cert);
+  const Certificate authority = read_certificate(connection.tls_ca);
+  if (!ours || !authority) return std::nullopt;
+  const Store store(X509_STORE_new());
+  X509_STORE_add_cert(store.get(), authority.get());
+  // Dates have checks of their own, and an authority may be one of several.
+  X509_STORE_set_flags(store.get(), X509_V_FLAG_NO_CHECK_TIME | X509_V_FLAG_PARTIAL_CHAIN);
+  const Verification context(X509_STORE_CTX_new());
+  X509_STORE_CTX_init(context.get(), store.get(), ours.get(), nullptr);
+  const bool signed_by = X509_verify_cert(context.get()) == 1;
+  const std::string why = X509_verify_cert_error_string(X509_STORE_CTX_get_error(context.get()));
+  ERR_clear_error();
+  if (signed_by)
+    return Diagnosis{"signature", Diagnosis::State::ok, "our certificate is the authority's", {}};
+  return Diagnosis{"signature", Diagnosis::State::warning,
+                   fmt::format("our certificate is not signed by {}: {}", printable(connection.tls_ca), why),
+                   "use a certificate that the master's --tls-ca has signed, if it is the same authority"};
+}
+
+}  // namespace
+
+Diagnosis check_expiry(const std::string& name, double days, const std::string& text) {
+  if (days < 0)
+    return {name, Diagnosis::State::broken, text + ", which is past", "have a new certificate signed"};
+  if (days < kSoonDays)
+    return {name, Diagnosis::State::warning, fmt::format("{}, in {:.0f} days", text, days),
+            "have a new certificate signed before"};
+  return {name, Diagnosis::State::ok, text, {}};
+}
+
+std::vector<Diagnosis> check_certificates(const ConnectionOptions& connection) {
+  if (connection.tls_cert.empty() && connection.tls_ca.empty())
+    return {{"certificates", Diagnosis::State::skipped, "none are given: the connection has no TLS", {}}};
+  std::vector<Diagnosis> checks;
+  if (!connection.tls_cert.empty()) checks.push_back(check_certificate("certificate", connection.tls_cert));
+  if (!connection.tls_ca.empty()) checks.push_back(check_certificate("authority", connection.tls_ca));
+  if (const auto signature = check_signature(connection)) checks.push_back(*signature);
+  return checks;
+}
+
+}  // namespace candela::client

@@ -1,0 +1,50 @@
+#include "client/help/command_tree.h"
+
+#include <CLI/CLI.hpp>
+#include <sstream>
+
+namespace candela::client {
+namespace {
+
+// The footer of a command is "Example:" and lines of two blanks and a command.
+std::vector<std::string> examples_of(const CLI::App& command) {
+  std::vector<std::string> examples;
+  std::istringstream footer(command.get_footer());
+  for (std::string line; std::getline(footer, line);)
+    if (line.starts_with("  candela ")) examples.push_back(line.substr(2));
+  return examples;
+}
+
+OptionEntry entry_of(const CLI::Option& option) {
+  OptionEntry entry;
+  entry.text = option.get_description();
+  entry.required = option.get_required();
+  entry.repeated = option.get_expected_max() > 1;
+  if (option.get_positional() || option.get_items_expected_max() > 0) entry.value = option.get_type_name();
+  if (option.get_positional()) return entry;
+  for (const std::string& name : option.get_snames()) entry.names.push_back("-" + name);
+  for (const std::string& name : option.get_lnames()) entry.names.push_back("--" + name);
+  return entry;
+}
+
+}  // namespace
+
+std::string CommandEntry::usage() const {
+  std::string line = "candela " + name;
+  for (const OptionEntry& option : options)
+    if (option.positional()) line += option.required ? " " + option.value : " [" + option.value + "]";
+  return line;
+}
+
+std::vector<CommandEntry> visible_commands(const CLI::App& app) {
+  std::vector<CommandEntry> commands;
+  for (const CLI::App* command :
+       app.get_subcommands([](const CLI::App* sub) { return !sub->get_group().empty(); })) {
+    CommandEntry entry{command->get_name(), command->get_description(), examples_of(*command), {}};
+    for (const CLI::Option* option : command->get_options()) entry.options.push_back(entry_of(*option));
+    commands.push_back(std::move(entry));
+  }
+  return commands;
+}
+
+}  // namespace candela::client

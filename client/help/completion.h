@@ -1,0 +1,20 @@
+// What both shells' scripts need to know of a value.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "client/help/pages.h"
+
+namespace candela::client {
+
+// How the value of an option or argument is completed.
+struct ValueKind {
+  enum class Source { none, words, files, folders, jobs, workers };
+  Source source = Source::none;
+  std::vector<std::string> words;
+};
+
+ValueKind value_kind(const OptionEntry& option, const Choices& choices);
+
+}  // namespace candela::client

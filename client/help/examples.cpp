@@ -1,0 +1,66 @@
+// Examples of all commands. A test parses each of them with the program's own parser.
+#include <CLI/CLI.hpp>
+#include <map>
+#include <string_view>
+#include <vector>
+
+#include "client/help/command_tree.h"
+
+namespace candela::client {
+namespace {
+
+const std::map<std::string_view, std::vector<std::string_view>>& examples() {
+  static const std::map<std::string_view, std::vector<std::string_view>> all = {
+      {"render",
+       {"candela render scene.xml -o out.exr --png out.png --iterations 256",
+        "candela render scene.xml -o out.exr --integrator vcm --until relmse=1e-3",
+        "candela render scene.xml -o out.exr --iterations 1024 --resume",
+        "candela render scene.xml -o out.exr --png out.png --preview 5s --tev localhost:14158"}},
+      {"plan", {"candela plan scene.xml --integrator bdpt"}},
+      {"check", {"candela check scene.xml --strict"}},
+      {"submit",
+       {"candela submit scene.xml --master farm:7070 --iterations 1024",
+        "candela submit scene.xml --time 10m --wait -o out.exr"}},
+      {"list", {"candela list --master farm:7070"}},
+      {"show", {"candela show j7 --json"}},
+      {"watch", {"candela watch j7", "candela watch j7 --tev localhost:14158"}},
+      {"fetch",
+       {"candela fetch j7 -o out.exr --png out.png --error-layer", "candela fetch j7 --half A -o a.exr"}},
+      {"pause", {"candela pause j7"}},
+      {"resume", {"candela resume j7"}},
+      {"extend", {"candela extend j7 --iterations +512"}},
+      {"cancel", {"candela cancel j7"}},
+      {"verify", {"candela verify j7"}},
+      {"repair", {"candela repair j7 --wait"}},
+      {"workers", {"candela workers --master farm:7070"}},
+      {"drain", {"candela drain w3 --wait"}},
+      {"slurm",
+       {"candela slurm --master farm:7070 --workers 20 --cpus 16 --time 8:00:00 --partition render --submit",
+        "candela slurm --master farm:7070 --workers 4 --cpus 8 -o workers.sbatch"}},
+      {"events", {"candela events j7 --limit 20"}},
+      {"compare", {"candela compare out.exr reference.exr --worst 10"}},
+      {"convert", {"candela convert out.exr out.png --exposure 1.5"}},
+      {"doctor", {"candela doctor --master farm:7070 --data /var/lib/candela"}},
+      {"completion",
+       {"candela completion bash > ~/.local/share/bash-completion/completions/candela",
+        "candela completion zsh > ~/.zfunc/_candela"}},
+      {"version", {"candela version --json"}},
+  };
+  return all;
+}
+
+}  // namespace
+
+void add_examples(CLI::App& app) {
+  for (CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
+    const auto found = examples().find(command->get_name());
+    std::string footer;
+    if (found != examples().end()) {
+      footer = found->second.size() > 1 ? "Examples:" : "Example:";
+      for (const std::string_view line : found->second) footer += "\n  " + std::string(line);
+    }
+    command->footer(footer);
+  }
+}
+
+}  // namespace candela::client

@@ -1,0 +1,174 @@
+"""The connection to a master."""
+from __future__ import annotations
+
+import ipaddress
+import json
+import os
+import time
+from pathlib import Path
+from typing import Any, Optional, Union, Unpack
+
+import grpc
+
+from .errors import CandelaError, UnreachableError, UsageError
+from .job import Job, status_of
+from .program import SceneSettings, run_program, scene_arguments
+from .v1 import client_pb2, client_pb2_grpc
+
+PathLike = Union[str, "os.PathLike[str]"]
+
+PROTOCOL = 2  # kProtocol of common/base/version.h; a test compares them
+_MAX_MESSAGE_BYTES = 64 << 20
+_INPUT = (grpc.StatusCode.INVALID_ARGUMENT, grpc.StatusCode.NOT_FOUND)
+_AWAY = (
+    grpc.StatusCode.UNAVAILABLE,
+    grpc.StatusCode.RESOURCE_EXHAUSTED,
+    grpc.StatusCode.DEADLINE_EXCEEDED,
+)
+
+
+class Farm:
+    """A farm by the address of its master, HOST:PORT.
+
+    `cert`, `key` and `ca` are PEM files, needed for a master beyond this machine unless `insecure`. What is
+    left out comes from $CANDELA_MASTER, $CANDELA_TLS_CERT, $CANDELA_TLS_KEY and $CANDELA_TLS_CA. `timeout`: how many
+    seconds to try to reach the master.
+    """
+
+    def __init__(
+        self,
+        address: Optional[str] = None,
+        *,
+        cert: Optional[PathLike] = None,
+        key: Optional[PathLike] = None,
+        ca: Optional[PathLike] = None,
+        insecure: bool = False,
+        timeout: float = 10,
+    ) -> None:
+        def choose(given: Optional[PathLike], variable: str) -> str:
+            return os.fspath(given) if given is not None else os.environ.get(variable, "")
+
+        self.address = choose(address, "CANDELA_MASTER")
+        self.timeout = timeout
+        self._insecure = insecure
+        self._tls = [choose(cert, "CANDELA_TLS_CERT"), choose(key, "CANDELA_TLS_KEY"), choose(ca, "CANDELA_TLS_CA")]
+        if not self.address:
+            raise UsageError("no master is given: name it HOST:PORT or set $CANDELA_MASTER")
+        if any(self._tls) and not all(self._tls):
+            raise UsageError("cert, key and ca go together, and one is missing")
+        if not any(self._tls) and not insecure and not _is_loopback(self.address):
+            raise UsageError(
+                f"{self.address} is not a loopback address and there is no TLS: give cert, key and ca, or "
+                "insecure=True on a network you trust"
+            )
+        self._channel = self._dial()
+        self.stub = client_pb2_grpc.FarmServiceStub(self._channel)
+        self._checked = False
+
+    def __repr__(self) -> str:
+        return f"<candela.Farm {self.address}>"
+
+    def __enter__(self) -> Farm:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._channel.close()
+
+    def _dial(self) -> grpc.Channel:
+        options = [
+            ("grpc.max_receive_message_length", _MAX_MESSAGE_BYTES),
+            ("grpc.initial_reconnect_backoff_ms", 100),
+            ("grpc.max_reconnect_backoff_ms", 1000),
+        ]
+        if not any(self._tls):
+            return grpc.insecure_channel(self.address, options=options)
+        cert, key, ca = (Path(name).read_bytes() for name in self._tls)
+        return grpc.secure_channel(self.address, grpc.ssl_channel_credentials(ca, key, cert), options=options)
+
+    def check(self) -> Any:
+        """The master's version, build and protocol. Raises CandelaError if it speaks another protocol."""
+        info = self.call("GetServerInfo", client_pb2.GetServerInfoRequest(), check=False)
+        if info.protocol != PROTOCOL:
+            raise CandelaError(
+                f"the master at {self.address} (version {info.version}) speaks protocol {info.protocol}, this "
+                f"package {PROTOCOL}: install one version on both"
+            )
+        self._checked = True
+        return info
+
+    def submit(
+        self,
+        scene: PathLike,
+        *,
+        name: Optional[str] = None,
+        priority: int = 0,
+        share: float = 1,
+        token: Optional[str] = None,
+        quiet: bool = True,
+        **settings: Unpack[SceneSettings],
+    ) -> Job:
+        """Sends a scene with all its files to the farm, by `candela submit`; returns its job.
+
+        `token`: submitting again with it returns the first job. Raises UsageError, with file and line, for a
+        scene that cannot be rendered.
+        """
+        arguments = ["submit", os.fspath(scene), "--json", *self._connection_arguments()]
+        arguments += [f"--priority={priority}", f"--share={share!r}"]
+        arguments += [f"--name={name}"] if name is not None else []
+        arguments += [f"--token={token}"] if token is not None else []
+        answer = json.loads(run_program(arguments + scene_arguments(settings), quiet))
+        return Job(self, answer["id"])
+
+    def job(self, job_id: str) -> Job:
+        return Job(self, job_id)
+
+    def jobs(self) -> list[Job]:
+        """All jobs that the master has."""
+        answer = self.call("ListJobs", client_pb2.ListJobsRequest())
+        return [Job(self, status.id) for status in answer.jobs]
+
+    def workers(self) -> list[Any]:
+        """The workers as messages WorkerStatus of proto/candela/v1/job.proto."""
+        return list(self.call("ListWorkers", client_pb2.ListWorkersRequest()).workers)
+
+    def call(self, method: str, request: Any, *, repeat: bool = True, check: bool = True) -> Any:
+        """One call of FarmService. If the master is away it is repeated for the farm's timeout."""
+        if check and not self._checked:
+            self.check()
+        begin = time.monotonic()
+        pause = 0.1
+        while True:
+            left = self.timeout - (time.monotonic() - begin)
+            try:
+                return getattr(self.stub, method)(request, timeout=max(0.1, left))
+            except grpc.RpcError as error:
+                if not repeat or error.code() not in _AWAY[:2] or left <= pause:
+                    raise self.error_of(error) from None
+            time.sleep(pause)
+            pause = min(1.0, 2 * pause)
+
+    def error_of(self, error: grpc.RpcError) -> CandelaError:
+        text = error.details() or error.code().name
+        if error.code() in _AWAY:
+            return UnreachableError(f"cannot reach the master at {self.address}: {text}")
+        return UsageError(text) if error.code() in _INPUT else CandelaError(text)
+
+    def _connection_arguments(self) -> list[str]:
+        arguments = [f"--master={self.address}", f"--timeout={self.timeout}s"]
+        if any(self._tls):
+            for option, value in zip(("--tls-cert", "--tls-key", "--tls-ca"), self._tls):
+                arguments.append(f"{option}={value}")
+        return arguments + (["--insecure"] if self._insecure else [])
+
+
+def _is_loopback(address: str) -> bool:
+    host = address.rpartition(":")[0].strip("[]")
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False

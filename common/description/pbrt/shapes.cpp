@@ -1,0 +1,184 @@
+#include "common/description/pbrt/shapes.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "common/description/check.h"
+#include "common/description/pbrt/geometry.h"
+#include "common/description/text.h"
+#include "common/description/transform.h"
+
+namespace candela::description::pbrt {
+namespace {
+
+constexpr std::array<std::string_view, 8> shape_types = {
+    "sphere", "disk", "cylinder", "trianglemesh", "plymesh", "bilinearmesh", "loopsubdiv", "curve"};
+
+// Whether the first lines of a PLY file tell of normals.
+bool ply_has_normals(std::string_view bytes) {
+  const std::string_view header = bytes.substr(0, std::min<std::size_t>(bytes.find("end_header"), 65536));
+  for (const std::string_view name : {" nx\n", " nx\r", " nx "})
+    if (header.find(name) != std::string_view::npos) return true;
+  return false;
+}
+
+}  // namespace
+
+// What is not whole or not round becomes a grid of triangles.
+Result<std::shared_ptr<Object>> Shapes::part_of_quadric(ShapeEntity& entity) {
+  context_.differs(entity.where,
+                   fmt::format("a part of a {}, or a stretched one, is made of triangles", entity.type));
+  return triangles(entity, false, true);
+}
+
+Result<std::shared_ptr<Object>> Shapes::sphere(ShapeEntity& entity) {
+  ParameterList& parameters = entity.parameters;
+  CANDELA_ASSIGN(const double radius, parameters.number("radius", 1));
+  CANDELA_ASSIGN(const double z_min, parameters.number("zmin", -radius));
+  CANDELA_ASSIGN(const double z_max, parameters.number("zmax", radius));
+  CANDELA_ASSIGN(const double phi_max, parameters.number("phimax", 360));
+  const bool whole = std::min(z_min, z_max) <= -radius && std::max(z_min, z_max) >= radius && phi_max >= 360;
+  if (!whole || !is_similarity(entity.to_world)) return part_of_quadric(entity);
+  std::shared_ptr<Object> shape = make("shape", "sphere", entity.where);
+  set(*shape, "radius", radius);
+  // pbrt counts v from the bottom, Mitsuba from the top.
+  set(*shape, "to_world", transform::multiply(entity.to_world, transform::scale({1, 1, -1})));
+  if (entity.reverse_orientation) set_flag(*shape, "flip_normals", true);
+  return shape;
+}
+
+Result<std::shared_ptr<Object>> Shapes::disk(ShapeEntity& entity) {
+  ParameterList& parameters = entity.parameters;
+  CANDELA_ASSIGN(const double radius, parameters.number("radius", 1));
+  CANDELA_ASSIGN(const double inner, parameters.number("innerradius", 0));
+  CANDELA_ASSIGN(const double height, parameters.number("height", 0));
+  CANDELA_ASSIGN(const double phi_max, parameters.number("phimax", 360));
+  if (inner > 0 || phi_max < 360 || !is_similarity(entity.to_world)) return part_of_quadric(entity);
+  std::shared_ptr<Object> shape = make("shape", "disk", entity.where);
+  const Mat4 place =
+      transform::multiply(transform::translate({0, 0, height}), transform::scale({radius, radius, radius}));
+  set(*shape, "to_world", transform::multiply(entity.to_world, place));
+  if (entity.reverse_orientation) set_flag(*shape, "flip_normals", true);
+  return shape;
+}
+
+Result<std::shared_ptr<Object>> Shapes::cylinder(ShapeEntity& entity) {
+  ParameterList& parameters = entity.parameters;
+  CANDELA_ASSIGN(const double radius, parameters.number("radius", 1));
+  CANDELA_ASSIGN(const double z_min, parameters.number("zmin", -1));
+  CANDELA_ASSIGN(const double z_max, parameters.number("zmax", 1));
+  CANDELA_ASSIGN(const double phi_max, parameters.number("phimax", 360));
+  if (phi_max < 360 || !is_similarity(entity.to_world)) return part_of_quadric(entity);
+  std::shared_ptr<Object> shape = make("shape", "cylinder", entity.where);
+  set(*shape, "radius", radius);
+  set_point(*shape, "p0", {0, 0, std::min(z_min, z_max)});
+  set_point(*shape, "p1", {0, 0, std::max(z_min, z_max)});
+  set(*shape, "to_world", entity.to_world);
+  if (entity.reverse_orientation) set_flag(*shape, "flip_normals", true);
+  return shape;
+}
+
+Result<std::shared_ptr<Object>> Shapes::triangles(ShapeEntity& entity, bool flat, bool has_normals) {
+  if (entity.has_shared_values)
+    return error_at(entity.where,
+                    fmt::format("a parameter of shape '{}' given by Attribute is not supported", entity.type))
+        .with_mend("write it into the Shape directive");
+  std::shared_ptr<Object> shape = make("shape", "pbrtmesh", entity.where);
+  set(*shape, "filename", entity.where.file);
+  set_integer(*shape, "offset", static_cast<std::int64_t>(entity.offset));
+  set(*shape, "to_world", entity.to_world);
+  if (flat) set_flag(*shape, "face_normals", true);
+  // Without normals the order of corners decides the front, which a mirror turns around.
+  if (entity.reverse_orientation != (!has_normals && swaps_handedness(entity.to_world)))
+    set_flag(*shape, "flip_normals", true);
+  entity.parameters.ignore({"P", "N", "uv", "st", "S", "indices", "faceIndices", "emissionfilename", "levels",
+                            "scheme", "edgelength", "radius", "zmin", "zmax", "phimax", "innerradius",
+                            "height"});
+  return shape;
+}
+
+Result<std::shared_ptr<Object>> Shapes::ply(ShapeEntity& entity) {
+  CANDELA_ASSIGN(const std::string name, entity.parameters.text("filename", ""));
+  CANDELA_ASSIGN(const std::string key, context_.find_file(entity.where, name));
+  CANDELA_ASSIGN(const FileSource::Bytes bytes, context_.open(key));
+  if (entity.parameters.has("displacement")) {
+    CANDELA_TRY(context_.refuse(error_at(entity.where, "the displacement of a mesh is not supported yet")));
+    entity.parameters.ignore({"displacement", "displacement.edgelength", "uvscale"});
+  }
+  entity.parameters.ignore({"edgelength"});
+  std::shared_ptr<Object> shape = make("shape", "ply", entity.where);
+  set(*shape, "filename", key);
+  set(*shape, "to_world", entity.to_world);
+  const bool flat = !ply_has_normals(bytes.view);
+  if (flat) set_flag(*shape, "face_normals", true);
+  if (entity.reverse_orientation != (flat && swaps_handedness(entity.to_world)))
+    set_flag(*shape, "flip_normals", true);
+  return shape;
+}
+
+Result<std::shared_ptr<Object>> Shapes::geometry(ShapeEntity& entity) {
+  if (entity.type == "sphere") return sphere(entity);
+  if (entity.type == "disk") return disk(entity);
+  if (entity.type == "cylinder") return cylinder(entity);
+  if (entity.type == "plymesh") return ply(entity);
+  if (entity.type == "trianglemesh") {
+    const bool has_normals = entity.parameters.has("N");
+    return triangles(entity, !has_normals, has_normals);
+  }
+  if (entity.type == "bilinearmesh") return triangles(entity, false, true);
+  if (entity.type == "loopsubdiv") return triangles(entity, false, false);
+  const bool known = std::find(shape_types.begin(), shape_types.end(), entity.type) != shape_types.end();
+  CANDELA_TRY(context_.refuse(
+      known ? error_at(entity.where, fmt::format("shape '{}' is not supported yet", entity.type))
+            : Context::unknown(entity.where, "shape", entity.type, shape_types),
+      "it is left out"));
+  return std::shared_ptr<Object>();
+}
+
+Result<ObjectPtr> Shapes::masked(ShapeEntity& entity, ObjectPtr bsdf) {
+  CANDELA_ASSIGN(const std::optional<Value> alpha, textures_.opacity(entity.parameters, "alpha"));
+  if (!alpha || (alpha->is_constant() && alpha->number() >= 1)) return bsdf;
+  const double constant = alpha->is_constant() ? alpha->number() : 1;
+  ObjectPtr& mask = masks_[{bsdf.get(), {alpha->texture.get(), constant}}];
+  if (mask) return mask;
+  std::shared_ptr<Object> object = make("bsdf", "mask", entity.where);
+  set_number(*object, "opacity", *alpha);
+  add(*object, "", std::move(bsdf));
+  CANDELA_ASSIGN(mask, Context::finish(std::move(object)));
+  return mask;
+}
+
+Result<void> Shapes::add_media(const ShapeEntity& entity, Object& shape, const ObjectPtr& interior) {
+  const bool bounds_media = entity.inside != entity.outside || interior;
+  if (!bounds_media) return {};
+  CANDELA_ASSIGN(ObjectPtr inside, media_.medium(entity.inside, entity.where));
+  CANDELA_ASSIGN(ObjectPtr outside, media_.medium(entity.outside, entity.where));
+  if (interior) inside = interior;
+  if (inside) add(shape, "interior", std::move(inside));
+  if (outside) add(shape, "exterior", std::move(outside));
+  return {};
+}
+
+Result<ObjectPtr> Shapes::build(ShapeEntity& entity) {
+  if (!transform::is_finite(entity.to_world) || !transform::is_invertible(entity.to_world))
+    return error_at(entity.where, "the transform of the shape is singular");
+  CANDELA_ASSIGN(std::shared_ptr<Object> shape, geometry(entity));
+  if (shape == nullptr) return ObjectPtr();
+  CANDELA_ASSIGN(Surface surface, materials_.surface(entity.material));
+  const bool interface = surface.bsdf->plugin == "null";
+  CANDELA_ASSIGN(ObjectPtr bsdf, masked(entity, std::move(surface.bsdf)));
+  add(*shape, "", std::move(bsdf));
+  CANDELA_TRY(add_media(entity, *shape, surface.interior));
+  if (entity.emitter && interface)
+    context_.differs(entity.where, "a shape of the material 'interface' does not glow, as in pbrt");
+  if (entity.emitter && shape->children.at(0).object->plugin == "mask")
+    context_.differs(entity.where, "a lamp of an alpha below 1 glows and is seen as if its alpha were 1");
+  if (entity.emitter && !interface) add(*shape, "", entity.emitter);
+  CANDELA_TRY(context_.refuse_unused(entity.parameters, fmt::format("shape '{}'", entity.type)));
+  return Context::finish(std::move(shape));
+}
+
+}  // namespace candela::description::pbrt

@@ -1,0 +1,425 @@
+#include "common/description/pbrt/textures.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "common/description/check.h"
+#include "common/description/text.h"
+#include "common/description/transform.h"
+
+namespace candela::description::pbrt {
+namespace {
+
+constexpr std::array<std::string_view, 14> texture_types = {
+    "constant", "imagemap", "checkerboard", "scale", "mix",      "directionmix", "bilerp",
+    "dots",     "fbm",      "marble",       "ptex",  "wrinkled", "windy",        "uv"};
+
+constexpr int max_depth = 64;
+
+bool is_one_of(std::string_view name, std::span<const std::string_view> names) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+// An 8-bit picture, whose numbers are sRGB if nothing else is said.
+bool is_encoded(std::string_view file) {
+  const std::string name = text::lower(file);
+  return !name.ends_with(".exr") && !name.ends_with(".hdr") && !name.ends_with(".pfm");
+}
+
+Result<Value> texture_value(std::shared_ptr<Object> object) {
+  Value value;
+  value.where = object->where;
+  CANDELA_ASSIGN(value.texture, Context::finish(std::move(object)));
+  return value;
+}
+
+// Values of rows are counted from the bottom in pbrt.
+Mat4 upside_down(const Mat4& to_uv) {
+  return transform::multiply(Mat4{1, 0, 0, 0, 0, -1, 0, 1, 0, 0, 1, 0, 0, 0, 0, 1}, to_uv);
+}
+
+}  // namespace
+
+void set_color(Object& object, std::string_view name, const Value& value) {
+  if (value.is_constant())
+    set(object, name, Rgb{value.constant});
+  else
+    add(object, name, value.texture);
+}
+
+void set_number(Object& object, std::string_view name, const Value& value) {
+  if (value.is_constant())
+    set(object, name, value.number());
+  else
+    add(object, name, value.texture);
+}
+
+Result<void> Textures::define(const std::string& name, std::string_view kind, const std::string& type,
+                              ParameterList parameters, ColorSpace space, const Location& where) {
+  if (kind != "float" && kind != "spectrum")
+    return error_at(where,
+                    fmt::format("a texture is of 'float' or 'spectrum', not of {}", text::quote(kind)));
+  auto& known = kind == "float" ? floats_ : spectra_;
+  const auto [entry, added] = known.try_emplace(
+      name, Definition{type, std::move(parameters), space, where, kind == "float", false, std::nullopt});
+  if (added) return {};
+  const Location& first = entry->second.where;
+  return error_at(
+      where, fmt::format("the texture {} is defined since {}:{}", text::quote(name), first.file, first.line));
+}
+
+Result<Value> Textures::named(const Parameter& parameter, bool is_float) {
+  auto& known = is_float ? floats_ : spectra_;
+  if (parameter.strings.size() != 1)
+    return error_at(parameter.where,
+                    fmt::format("parameter {} needs one texture", text::quote(parameter.name)));
+  const auto found = known.find(parameter.strings[0]);
+  if (found == known.end()) {
+    std::vector<std::string_view> names;
+    for (const auto& [name, definition] : known) names.push_back(name);
+    return Context::unknown(parameter.where, is_float ? "float texture" : "spectrum texture",
+                            parameter.strings[0], names);
+  }
+  Definition& definition = found->second;
+  if (definition.value) return *definition.value;
+  if (definition.open)
+    return error_at(definition.where, fmt::format("the texture {} holds itself", text::quote(found->first)));
+  if (depth_ >= max_depth)
+    return error_at(definition.where, fmt::format("textures are nested deeper than {} levels", max_depth));
+  definition.open = true;
+  ++depth_;
+  CANDELA_ASSIGN(Value value, read(definition));
+  --depth_;
+  definition.open = false;
+  CANDELA_TRY(context_.refuse_unused(definition.parameters, fmt::format("texture '{}'", definition.type)));
+  definition.value = value;
+  return value;
+}
+
+namespace {
+
+Result<void> not_negated(const Value& value) {
+  if (!value.negated) return {};
+  return error_at(value.where, "the values of the texture are negative");
+}
+
+}  // namespace
+
+Result<std::optional<Value>> Textures::optional_color(ParameterList& parameters, std::string_view name,
+                                                      ColorSpace space, SpectrumUse use) {
+  if (const Parameter* texture = parameters.take(name, {"texture"})) {
+    CANDELA_ASSIGN(Value value, named(*texture, false));
+    value.where = texture->where;
+    CANDELA_TRY(not_negated(value));
+    return std::optional<Value>(std::move(value));
+  }
+  const Parameter* parameter = parameters.take(name, {"rgb", "spectrum", "blackbody"});
+  if (parameter == nullptr) return std::optional<Value>();
+  CANDELA_ASSIGN(const Rgb rgb, color_of(context_, *parameter, use, space));
+  return std::optional<Value>(Value{rgb.value, nullptr, parameter->where});
+}
+
+Result<std::optional<Value>> Textures::optional_number(ParameterList& parameters, std::string_view name) {
+  CANDELA_ASSIGN(std::optional<Value> value, displacement(parameters, name));
+  if (value) CANDELA_TRY(not_negated(*value));
+  return value;
+}
+
+Result<std::optional<Value>> Textures::displacement(ParameterList& parameters, std::string_view name) {
+  if (const Parameter* texture = parameters.take(name, {"texture"})) {
+    CANDELA_ASSIGN(Value value, named(*texture, true));
+    value.where = texture->where;
+    return std::optional<Value>(std::move(value));
+  }
+  const Parameter* parameter = parameters.take(name, {"float"});
+  if (parameter == nullptr) return std::optional<Value>();
+  CANDELA_ASSIGN(const double number, parameters.number(name, 0));
+  return std::optional<Value>(Value{{number, number, number}, nullptr, parameter->where});
+}
+
+Result<Value> Textures::color(ParameterList& parameters, std::string_view name, const Vec3& otherwise,
+                              ColorSpace space, SpectrumUse use) {
+  CANDELA_ASSIGN(std::optional<Value> value, optional_color(parameters, name, space, use));
+  return value ? std::move(*value) : Value{otherwise, nullptr, {}};
+}
+
+Result<Value> Textures::number(ParameterList& parameters, std::string_view name, double otherwise) {
+  CANDELA_ASSIGN(std::optional<Value> value, optional_number(parameters, name));
+  return value ? std::move(*value) : Value{{otherwise, otherwise, otherwise}, nullptr, {}};
+}
+
+Result<Value> Textures::read(Definition& definition) {
+  const std::string& type = definition.type;
+  if (type == "constant") return part(definition, "value", 1);
+  if (type == "imagemap") return read_image(definition);
+  if (type == "checkerboard") return read_checkerboard(definition);
+  if (type == "scale") return read_scale(definition);
+  if (type == "mix") return read_mix(definition);
+  const Error error = is_one_of(type, texture_types)
+                          ? error_at(definition.where, fmt::format("texture '{}' is not supported yet", type))
+                          : Context::unknown(definition.where, "texture", type, texture_types);
+  CANDELA_TRY(context_.refuse(error, "it is read as the constant 0.5"));
+  definition.parameters = {};
+  return Value{{0.5, 0.5, 0.5}, nullptr, definition.where};
+}
+
+// A parameter of a texture that may be a texture of the same kind.
+Result<Value> Textures::part(Definition& definition, std::string_view name, double otherwise) {
+  if (definition.is_float) return number(definition.parameters, name, otherwise);
+  const Vec3 gray = {otherwise, otherwise, otherwise};
+  return color(definition.parameters, name, gray, definition.space, SpectrumUse::unbounded);
+}
+
+// From the surface's (u, v) to the texture's.
+Result<Mat4> Textures::mapping(Definition& definition) {
+  ParameterList& parameters = definition.parameters;
+  CANDELA_ASSIGN(const std::string kind, parameters.text("mapping", "uv"));
+  if (kind != "uv") {
+    constexpr std::array<std::string_view, 4> known = {"uv", "spherical", "cylindrical", "planar"};
+    const Error error =
+        is_one_of(kind, known)
+            ? error_at(definition.where,
+                       fmt::format("the mapping '{}' of a texture is not supported yet", kind))
+            : Context::unknown(definition.where, "mapping", kind, known);
+    CANDELA_TRY(context_.refuse(error, "the texture follows the surface's u and v"));
+    parameters.ignore({"v1", "v2"});
+  }
+  std::array<double, 4> scale_and_shift = {1, 1, 0, 0};
+  const std::array<std::string_view, 4> names = {"uscale", "vscale", "udelta", "vdelta"};
+  for (std::size_t i = 0; i < 4; ++i) {
+    CANDELA_ASSIGN(scale_and_shift[i], parameters.number(names[i], scale_and_shift[i]));
+  }
+  const auto [su, sv, du, dv] = scale_and_shift;
+  return Mat4{su, 0, 0, du, 0, sv, 0, dv, 0, 0, 1, 0, 0, 0, 0, 1};
+}
+
+Result<ObjectPtr> Textures::picture(const Location& where, std::string_view file, bool raw) {
+  const std::shared_ptr<Object> bitmap = make("texture", "bitmap", where);
+  CANDELA_ASSIGN(const std::string key, context_.find_file(where, file));
+  set(*bitmap, "filename", key);
+  set(*bitmap, "to_uv", upside_down(transform::identity));
+  if (raw) set_flag(*bitmap, "raw", true);
+  return Context::finish(bitmap);
+}
+
+Result<Value> Textures::read_image(Definition& definition) {
+  ParameterList& parameters = definition.parameters;
+  const std::shared_ptr<Object> bitmap = make("texture", "bitmap", definition.where);
+  CANDELA_ASSIGN(const std::string file, parameters.text("filename", ""));
+  CANDELA_ASSIGN(const std::string key, context_.find_file(definition.where, file));
+  set(*bitmap, "filename", key);
+  CANDELA_ASSIGN(const Mat4 to_uv, mapping(definition));
+  set(*bitmap, "to_uv", upside_down(to_uv));
+  CANDELA_ASSIGN(const std::string filter, parameters.text("filter", "bilinear"));
+  if (filter == "point") set(*bitmap, "filter_type", std::string("nearest"));
+  parameters.ignore({"maxanisotropy"});
+  CANDELA_ASSIGN(const std::string wrap, parameters.text("wrap", "repeat"));
+  constexpr std::array<std::string_view, 4> wraps = {"repeat", "black", "clamp", "octahedralsphere"};
+  if (!is_one_of(wrap, wraps)) return Context::unknown(definition.where, "wrap", wrap, wraps);
+  if (wrap == "octahedralsphere")
+    CANDELA_TRY(
+        context_.refuse(error_at(definition.where, "the wrap 'octahedralsphere' is not supported yet"),
+                        "it is read as repeat"));
+  set(*bitmap, "wrap_mode", std::string(wrap == "black" ? "zero" : wrap == "clamp" ? "clamp" : "repeat"));
+  CANDELA_ASSIGN(const std::string encoding, parameters.text("encoding", ""));
+  if (encoding == "linear") {
+    set_flag(*bitmap, "raw", true);
+  } else if (encoding.starts_with("gamma ")) {
+    const std::optional<double> gamma = text::to_number(std::string_view(encoding).substr(6));
+    if (!gamma || !(*gamma > 0))
+      return error_at(definition.where, fmt::format("{} is no encoding", text::quote(encoding)));
+    set(*bitmap, "gamma", *gamma);
+  } else if (!encoding.empty() && encoding != "sRGB") {
+    return error_at(definition.where, fmt::format("{} is no encoding", text::quote(encoding)))
+        .with_mend("there is 'sRGB', 'linear', 'gamma 2.2'");
+  }
+  CANDELA_ASSIGN(const bool invert, parameters.flag("invert", false));
+  CANDELA_ASSIGN(const double scale, parameters.number("scale", 1));
+  CANDELA_ASSIGN(const Value picture, texture_value(bitmap));
+  CANDELA_ASSIGN(const Value value, scaled(picture, {scale, scale, scale}));
+  if (!invert) return value;
+  if (!definition.is_float) {
+    CANDELA_TRY(context_.refuse(
+        error_at(definition.where, "the parameter 'invert' of a spectrum texture is not supported yet")));
+    return value;
+  }
+  const std::shared_ptr<Object> inverse = make("texture", "mix", definition.where);
+  set(*inverse, "color0", Rgb{{1, 1, 1}});
+  set(*inverse, "color1", Rgb{{0, 0, 0}});
+  set_number(*inverse, "amount", value);
+  return texture_value(inverse);
+}
+
+Result<Value> Textures::read_checkerboard(Definition& definition) {
+  const std::shared_ptr<Object> board = make("texture", "checkerboard", definition.where);
+  CANDELA_ASSIGN(const std::int64_t dimension, definition.parameters.integer("dimension", 2));
+  if (dimension != 2)
+    CANDELA_TRY(
+        context_.refuse(error_at(definition.where, "a checkerboard of 3 dimensions is not supported yet"),
+                        "it follows u and v"));
+  CANDELA_ASSIGN(const Mat4 to_uv, mapping(definition));
+  // pbrt's squares have the width 1, ours 1/2.
+  set(*board, "to_uv", transform::multiply(transform::scale({0.5, 0.5, 1}), to_uv));
+  CANDELA_ASSIGN(const Value first, part(definition, "tex1", 1));
+  CANDELA_ASSIGN(const Value second, part(definition, "tex2", 0));
+  set_color(*board, "color0", first);
+  set_color(*board, "color1", second);
+  return texture_value(board);
+}
+
+Result<Value> Textures::scaled(const Value& value, const Vec3& factor) {
+  Value result = value;
+  if (value.is_constant()) {
+    for (std::size_t i = 0; i < 3; ++i) result.constant[i] *= factor[i];
+    return result;
+  }
+  if (factor == Vec3{1, 1, 1}) return result;
+  const bool negative = std::max({factor[0], factor[1], factor[2]}) < 0;
+  result.negated ^= negative;
+  const std::shared_ptr<Object> scale = make("texture", "scale", value.texture->where);
+  const double sign = negative ? -1 : 1;
+  set(*scale, "scale", Rgb{{sign * factor[0], sign * factor[1], sign * factor[2]}});
+  add(*scale, "", value.texture);
+  CANDELA_ASSIGN(result.texture, Context::finish(scale));
+  return result;
+}
+
+namespace {
+
+// What no value of the texture exceeds, as far as its description tells.
+double upper_bound(const Object& texture) {
+  const auto largest_of = [&](std::string_view name, double otherwise) {
+    if (const Child* child = texture.find_child(name)) return upper_bound(*child->object);
+    const std::optional<Rgb> rgb = texture.get_rgb(name);
+    return rgb ? std::max({rgb->value[0], rgb->value[1], rgb->value[2]}) : otherwise;
+  };
+  constexpr double unknown = std::numeric_limits<double>::infinity();
+  if (texture.plugin == "bitmap") return is_encoded(texture.get_string("filename", "")) ? 1 : unknown;
+  if (texture.plugin == "checkerboard") return std::max(largest_of("color0", 0.4), largest_of("color1", 0.2));
+  if (texture.plugin == "scale") return largest_of("scale", 1) * upper_bound(*texture.children.at(0).object);
+  if (texture.plugin == "mix") return texture.get_number("maximum", unknown);
+  return unknown;
+}
+
+}  // namespace
+
+Result<Value> Textures::at_most_one(const Value& value) {
+  Value result = value;
+  if (value.is_constant() || upper_bound(*value.texture) <= 1) return result;
+  const std::shared_ptr<Object> clamp = make("texture", "mix", value.texture->where);
+  add(*clamp, "color0", value.texture);
+  set(*clamp, "amount", 0.0);
+  set(*clamp, "maximum", 1.0);
+  CANDELA_ASSIGN(result.texture, Context::finish(clamp));
+  return result;
+}
+
+Result<Value> Textures::reflectance(ParameterList& parameters, std::string_view name, const Vec3& otherwise,
+                                    ColorSpace space) {
+  CANDELA_ASSIGN(const Value value, color(parameters, name, otherwise, space));
+  return at_most_one(value);
+}
+
+// pbrt takes the alpha of a picture of four channels for its number.
+Result<ObjectPtr> Textures::with_alpha(const ObjectPtr& texture) {
+  if (texture->plugin == "scale") {
+    const auto copy = std::make_shared<Object>(*texture);
+    CANDELA_ASSIGN(copy->children.at(0).object, with_alpha(texture->children.at(0).object));
+    return Context::finish(copy);
+  }
+  if (texture->plugin != "bitmap") return texture;
+  CANDELA_ASSIGN(const FileSource::Bytes bytes, context_.open(texture->get_string("filename", "")));
+  // The color type of a PNG: gray or RGB with alpha.
+  constexpr std::size_t color_type = 25;
+  const bool png = bytes.view.starts_with("\x89PNG\r\n") && bytes.view.size() > color_type;
+  if (!png || (bytes.view[color_type] != 4 && bytes.view[color_type] != 6)) return texture;
+  const auto copy = std::make_shared<Object>(*texture);
+  set(*copy, "channel", std::string("a"));
+  return Context::finish(copy);
+}
+
+Result<std::optional<Value>> Textures::opacity(ParameterList& parameters, std::string_view name) {
+  CANDELA_ASSIGN(std::optional<Value> value, optional_number(parameters, name));
+  if (!value || value->is_constant()) return value;
+  CANDELA_ASSIGN(value->texture, with_alpha(value->texture));
+  return value;
+}
+
+// Black and a texture mixed by a factor are their product.
+Result<Value> Textures::read_scale(Definition& definition) {
+  CANDELA_ASSIGN(const std::optional<Value> given,
+                 definition.is_float ? displacement(definition.parameters, "tex")
+                                     : optional_color(definition.parameters, "tex", definition.space,
+                                                      SpectrumUse::unbounded));
+  const Value texture = given.value_or(Value{{1, 1, 1}, nullptr, definition.where});
+  CANDELA_ASSIGN(const Value factor, number(definition.parameters, "scale", 1));
+  if (factor.is_constant()) return scaled(texture, factor.constant);
+  if (texture.is_constant()) return scaled(factor, texture.constant);
+  const std::shared_ptr<Object> product = make("texture", "mix", definition.where);
+  set(*product, "color0", Rgb{{0, 0, 0}});
+  set_color(*product, "color1", texture);
+  set_number(*product, "amount", factor);
+  CANDELA_ASSIGN(Value value, texture_value(product));
+  value.negated = texture.negated;
+  return value;
+}
+
+Result<Value> Textures::read_mix(Definition& definition) {
+  CANDELA_ASSIGN(const Value first, part(definition, "tex1", 0));
+  CANDELA_ASSIGN(const Value second, part(definition, "tex2", 1));
+  CANDELA_ASSIGN(const Value amount, number(definition.parameters, "amount", 0.5));
+  if (first.is_constant() && second.is_constant() && amount.is_constant()) {
+    Value value = first;
+    for (std::size_t i = 0; i < 3; ++i)
+      value.constant[i] += amount.number() * (second.constant[i] - first.constant[i]);
+    return value;
+  }
+  if (amount.is_constant() && amount.number() == 0) return first;
+  if (amount.is_constant() && amount.number() == 1) return second;
+  const std::shared_ptr<Object> mix = make("texture", "mix", definition.where);
+  set_color(*mix, "color0", first);
+  set_color(*mix, "color1", second);
+  set_number(*mix, "amount", amount);
+  return texture_value(mix);
+}
+
+Result<Value> Textures::root(const Value& value) {
+  Value result = value;
+  if (value.is_constant()) {
+    for (double& component : result.constant) component = std::sqrt(std::max(component, 0.0));
+    return result;
+  }
+  if (value.texture->plugin == "mix") {
+    CANDELA_TRY(context_.refuse(
+        error_at(value.where,
+                 "the roughness of a mixed texture is supported with remaproughness false alone"),
+        "alpha is the roughness"));
+    return result;
+  }
+  const auto copy = std::make_shared<Object>(*value.texture);
+  for (Property& property : copy->properties)
+    if (auto* rgb = std::get_if<Rgb>(&property.value))
+      for (double& component : rgb->value) component = std::sqrt(std::max(component, 0.0));
+  for (Child& child : copy->children) {
+    CANDELA_ASSIGN(const Value inner, root({{}, child.object, value.where}));
+    child.object = inner.texture;
+  }
+  if (copy->plugin == "bitmap") {
+    const bool encoded = is_encoded(copy->get_string("filename", "")) && !copy->get_bool("raw", false);
+    const double gamma = copy->get_number("gamma", encoded ? 2.2 : 1);
+    if (encoded && copy->find("gamma") == nullptr)
+      context_.differs(copy->where, "the square root of an sRGB picture is taken as if its gamma were 2.2");
+    std::erase_if(copy->properties, [](const Property& property) {
+      return property.name == "gamma" || property.name == "raw";
+    });
+    set(*copy, "gamma", gamma / 2);
+  }
+  CANDELA_ASSIGN(result.texture, Context::finish(copy));
+  return result;
+}
+
+}  // namespace candela::description::pbrt

@@ -1,0 +1,97 @@
+#include "common/description/pbrt/tokens.h"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+#include "common/description/check.h"
+#include "common/description/text.h"
+
+namespace candela::description::pbrt {
+namespace {
+
+bool is_space(char c) {
+  return c == ' ' || c == '\n' || c == '\t' || c == '\r';
+}
+
+bool ends_word(char c) {
+  return is_space(c) || c == '"' || c == '[' || c == ']' || c == '#';
+}
+
+std::optional<char> unescape(char c) {
+  switch (c) {
+    case 'b':
+      return '\b';
+    case 'f':
+      return '\f';
+    case 'n':
+      return '\n';
+    case 'r':
+      return '\r';
+    case 't':
+      return '\t';
+    case '\\':
+    case '\'':
+    case '"':
+      return c;
+    default:
+      return std::nullopt;
+  }
+}
+
+}  // namespace
+
+Tokens::Tokens(std::string key, std::string_view bytes, std::size_t offset, int line)
+    : key_(std::move(key)), bytes_(bytes), at_(offset), line_(line) {}
+
+void Tokens::skip_space() {
+  while (at_ < bytes_.size()) {
+    const char c = bytes_[at_];
+    if (c == '#') {
+      while (at_ < bytes_.size() && bytes_[at_] != '\n') ++at_;
+    } else if (is_space(c)) {
+      line_ += c == '\n' ? 1 : 0;
+      ++at_;
+    } else {
+      return;
+    }
+  }
+}
+
+Result<Token> Tokens::quoted_string() {
+  Token token{{}, true, line_, at_};
+  const std::size_t begin = ++at_;
+  std::string* changed = nullptr;
+  for (; at_ < bytes_.size() && bytes_[at_] != '\n'; ++at_) {
+    char c = bytes_[at_];
+    if (c == '"') {
+      token.text = changed != nullptr ? std::string_view(*changed) : bytes_.substr(begin, at_ - begin);
+      ++at_;
+      return token;
+    }
+    if (c == '\\') {
+      if (changed == nullptr) changed = &unescaped_.emplace_back(bytes_.substr(begin, at_ - begin));
+      const std::optional<char> meant = ++at_ < bytes_.size() ? unescape(bytes_[at_]) : std::nullopt;
+      if (!meant) return error_at(here(), "a string has an unknown escape after its backslash");
+      c = *meant;
+    }
+    if (changed != nullptr) *changed += c;
+  }
+  return error_at(here(), "a string has no closing quote in its line");
+}
+
+Result<std::optional<Token>> Tokens::next() {
+  if (returned_) return std::exchange(returned_, std::nullopt);
+  skip_space();
+  if (at_ >= bytes_.size()) return std::optional<Token>();
+  if (bytes_[at_] == '"') {
+    CANDELA_ASSIGN(const Token token, quoted_string());
+    return std::optional<Token>(token);
+  }
+  const std::size_t begin = at_++;
+  if (bytes_[begin] != '[' && bytes_[begin] != ']')
+    while (at_ < bytes_.size() && !ends_word(bytes_[at_])) ++at_;
+  return std::optional<Token>({bytes_.substr(begin, at_ - begin), false, line_, begin});
+}
+
+}  // namespace candela::description::pbrt

@@ -1,0 +1,57 @@
+#include "common/description/scene_aovs.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+
+#include "common/description/check.h"
+#include "common/description/text.h"
+#include "common/job/aov.h"
+
+namespace candela::description {
+namespace {
+
+// Of Mitsuba 3: derivatives on the screen, which need ray differentials, and a test for differentiable
+// rendering.
+constexpr std::array<std::string_view, 3> kAbsent = {"duv_dx", "duv_dy", "boundary_test"};
+
+// Mitsuba separates entries by commas and spaces.
+std::vector<std::string_view> entries_of(std::string_view list) {
+  constexpr std::string_view kSeparators = ", \t\n";
+  std::vector<std::string_view> entries;
+  for (std::size_t begin = list.find_first_not_of(kSeparators); begin != std::string_view::npos;) {
+    const std::size_t end = std::min(list.find_first_of(kSeparators, begin), list.size());
+    entries.push_back(list.substr(begin, end - begin));
+    begin = list.find_first_not_of(kSeparators, end);
+  }
+  return entries;
+}
+
+}  // namespace
+
+Result<std::string> aovs_of_scene(const Property& aovs, bool lenient, std::vector<Note>& passed_over) {
+  if (!std::holds_alternative<std::string>(aovs.value))
+    return error_at(aovs.where, "the parameter 'aovs' of integrator 'aov' is no string");
+  std::string kept;
+  for (const std::string_view entry : entries_of(std::get<std::string>(aovs.value))) {
+    const std::string_view kind = entry.substr(entry.find(':') + 1);
+    if (std::find(kAbsent.begin(), kAbsent.end(), kind) != kAbsent.end()) {
+      passed_over.push_back({aovs.where, fmt::format("there is no AOV '{}' here: it is passed over", kind)});
+      continue;
+    }
+    const std::string longer = fmt::format("{}{}{}", kept, kept.empty() ? "" : ",", entry);
+    if (const auto parsed = parse_aovs(longer); parsed.ok()) {
+      kept = text_of(*parsed);
+    } else if (lenient) {
+      passed_over.push_back({aovs.where, parsed.error().message + ": it is passed over"});
+    } else {
+      Error error = error_at(aovs.where, parsed.error().message);
+      error.mend = parsed.error().mend;
+      return error;
+    }
+  }
+  return kept;
+}
+
+}  // namespace candela::description

@@ -1,0 +1,46 @@
+// The files that a scene names: where they are looked for, which of them were used, and how much was read.
+#pragma once
+
+#include <memory>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/description/object.h"
+#include "common/description/xml_document.h"
+
+namespace candela::description {
+
+class SceneFiles {
+ public:
+  // `files` must outlive this.
+  SceneFiles(const FileSource& files, const std::string& main_key);
+
+  // The XML document of this key. Its bytes count as often as it is read.
+  Result<std::unique_ptr<XmlDocument>> document(const std::string& key);
+
+  // The key of a file named in the scene, found and readable: in the <path> folders, the last one first, then
+  // in the main scene file's folder, then in the folder of the XML file `from` that names it.
+  Result<std::string> find(const std::string& from, const Location& where, std::string_view name);
+
+  // The content of a spectrum's file, which find() has found.
+  Result<FileSource::Bytes> spectrum(const std::string& key, const Location& where);
+
+  // A <path> element of the XML file `from`.
+  Result<void> add_folder(const std::string& from, const Location& where, std::string_view name);
+
+  const std::set<std::string>& used() const { return used_; }
+
+ private:
+  Result<void> count_bytes(const std::string& key, std::size_t bytes);
+
+  const FileSource& files_;
+  std::string main_folder_;
+  std::vector<std::string> folders_;
+  std::set<std::string> used_;
+  std::size_t total_bytes_ = 0;
+};
+
+}  // namespace candela::description

@@ -1,0 +1,80 @@
+#include "common/description/unpacked_files.h"
+
+#include <fmt/format.h>
+#include <zlib.h>
+
+#include <algorithm>
+#include <memory>
+
+namespace candela::description {
+namespace {
+
+constexpr std::size_t max_unpacked_bytes = std::size_t{4} << 30;
+constexpr std::size_t step_bytes = std::size_t{1} << 20;
+constexpr int gzip_window = 15 + 16;  // zlib's way to ask for a gzip header
+
+class Inflater {
+ public:
+  Inflater() { ready_ = inflateInit2(&stream_, gzip_window) == Z_OK; }
+  ~Inflater() {
+    if (ready_) inflateEnd(&stream_);
+  }
+  Inflater(const Inflater&) = delete;
+  Inflater& operator=(const Inflater&) = delete;
+  bool ready() const { return ready_; }
+  z_stream& stream() { return stream_; }
+
+ private:
+  z_stream stream_{};
+  bool ready_ = false;
+};
+
+}  // namespace
+
+Result<std::string> unpack_gzip(std::string_view bytes, const std::string& key, std::size_t max_bytes) {
+  Inflater inflater;
+  if (!inflater.ready()) return resource_error("not enough memory to unpack").at(key, 0);
+  z_stream& stream = inflater.stream();
+  std::string result;
+  int status = Z_OK;
+  while (true) {
+    if (stream.avail_in == 0) {
+      const std::size_t take = std::min<std::size_t>(bytes.size(), step_bytes);
+      // zlib does not write through next_in; its type is older than const.
+      stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data()));
+      stream.avail_in = static_cast<uInt>(take);
+      bytes.remove_prefix(take);
+    }
+    // Several packed parts may follow each other.
+    if (status == Z_STREAM_END) {
+      if (stream.avail_in == 0) return result;
+      if (inflateReset2(&stream, gzip_window) != Z_OK) break;
+    }
+    const std::size_t before = result.size();
+    const std::size_t room = std::min(step_bytes, max_bytes + 1 - before);
+    result.resize(before + room);
+    stream.next_out = reinterpret_cast<Bytef*>(result.data() + before);
+    stream.avail_out = static_cast<uInt>(room);
+    const bool at_end = stream.avail_in == 0;
+    status = inflate(&stream, Z_NO_FLUSH);
+    result.resize(result.size() - stream.avail_out);
+    if (result.size() > max_bytes)
+      return input_error(fmt::format("the file unpacks to more than {} bytes", max_bytes)).at(key, 0);
+    const bool stuck = at_end && result.size() == before && status != Z_STREAM_END;
+    if ((status != Z_OK && status != Z_STREAM_END) || stuck) break;
+  }
+  return input_error("the file is not packed by gzip, or is damaged").at(key, 0);
+}
+
+Result<FileSource::Bytes> UnpackedFiles::open(const std::string& key) const {
+  if (!key.ends_with(".gz")) return files_.open(key);
+  const std::lock_guard lock(mutex_);
+  if (const auto known = unpacked_.find(key); known != unpacked_.end()) return known->second;
+  CANDELA_ASSIGN(const Bytes packed, files_.open(key));
+  CANDELA_ASSIGN(std::string content, unpack_gzip(packed.view, key, max_unpacked_bytes));
+  auto owner = std::make_shared<const std::string>(std::move(content));
+  const std::string_view view = *owner;
+  return unpacked_.emplace(key, Bytes{std::move(owner), view}).first->second;
+}
+
+}  // namespace candela::description

@@ -1,0 +1,28 @@
+// Files whose names end in .gz, unpacked.
+#pragma once
+
+#include <map>
+#include <mutex>
+#include <string>
+
+#include "common/description/object.h"
+
+namespace candela::description {
+
+// Opens the files of another source. What ends in .gz is unpacked once and kept; the other source outlives
+// this one. May be used by several threads.
+class UnpackedFiles final : public FileSource {
+ public:
+  explicit UnpackedFiles(const FileSource& files) : files_(files) {}
+  Result<Bytes> open(const std::string& key) const override;
+
+ private:
+  const FileSource& files_;
+  mutable std::mutex mutex_;
+  mutable std::map<std::string, Bytes> unpacked_;
+};
+
+// The content of a gzip file, at most `max_bytes`. `key` is for errors.
+Result<std::string> unpack_gzip(std::string_view bytes, const std::string& key, std::size_t max_bytes);
+
+}  // namespace candela::description

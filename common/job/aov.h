@@ -1,0 +1,57 @@
+// Arbitrary output variables (AOVs): what the camera sees first, in layers beside the image. Kinds and their
+// names are those of Mitsuba 3's integrator `aov`. Each AOV is an accumulator of the job
+// (common/film/accumulator.h): the sums of its values over the eye samples, weighted by the pixel filter
+// (docs/decisions/045).
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/result.h"
+
+namespace candela {
+
+enum class AovKind : std::uint8_t {
+  albedo,
+  depth,
+  position,
+  uv,
+  geo_normal,
+  sh_normal,
+  dp_du,
+  dp_dv,
+  prim_index,
+  shape_index,
+  coverage,
+};
+
+struct Aov {
+  std::string name;  // of the layer
+  AovKind kind = AovKind::albedo;
+  bool operator==(const Aov&) const = default;
+};
+
+inline constexpr std::size_t kMaxAovs = 12;
+
+// Reads "NAME:KIND,KIND,...". A kind alone names its layer too; `normal` is `normal:sh_normal`. "" and "none"
+// have no AOV. Fails (usage) on anything else, on two equal names, and on more than kMaxAovs.
+Result<std::vector<Aov>> parse_aovs(std::string_view text);
+// As "NAME:KIND,...", which parse_aovs() reads.
+std::string text_of(const std::vector<Aov>& aovs);
+
+std::string_view name(AovKind kind);
+// The letters of the channels in an image file: "RGB" of albedo makes NAME.R, NAME.G and NAME.B.
+std::string_view channel_letters(AovKind kind);
+// Names of all kinds for messages: "albedo, depth, ...".
+std::string aov_kind_names();
+
+// The name of its accumulator.
+std::string accumulator_name(const Aov& aov);
+
+// Of a job of Markov chains: an accumulator of one channel that counts the eye samples of each pixel, by
+// which sums of AOVs are divided. Sums of other jobs are divided by the number of iterations.
+inline constexpr std::string_view kAovSamples = "aov-samples";
+
+}  // namespace candela

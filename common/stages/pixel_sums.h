@@ -1,0 +1,48 @@
+// The accumulators of optimal multiple importance sampling (common/mis/sums.h): names, channels and scales,
+// and the sums of a pixel read from them. An accumulator of an epoch has the channels of half 0, then those
+// of half 1.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string_view>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/film/accumulator.h"
+#include "common/job/job.h"
+#include "common/mis/sums.h"
+
+namespace candela::pixel_sums {
+
+inline constexpr std::string_view kMatrix = "mis.matrix";  // S_A, packed
+inline constexpr std::string_view kVector = "mis.vector";  // S_b, [color][technique]
+
+// Bits below one of S_A's integers. Rounding changes an image by 1e-11 of itself.
+inline constexpr int kMatrixScale = 32;
+// S_b has as many bits more than the film: it is what slopes are from, not the image.
+inline constexpr int kVectorBits = 4;
+
+constexpr std::uint32_t matrix_channels(std::size_t techniques) {
+  return static_cast<std::uint32_t>(mis::packed_size(techniques));
+}
+constexpr std::uint32_t vector_channels(std::size_t techniques) {
+  return static_cast<std::uint32_t>(mis::kColors * techniques);
+}
+
+// Accumulators of the plan of work, matrix and vector in this order.
+std::vector<film::AccumulatorSpec> specs(std::size_t techniques, int film_scale_log2,
+                                         film::AccumulatorSpec::Per per);
+bool has_specs(const std::vector<film::AccumulatorSpec>& accumulators, std::size_t techniques,
+               film::AccumulatorSpec::Per per);
+
+// The numbers of samples as constants of a plan, and back. Precondition: counts are integers.
+std::string counts_text(const mis::Allocation& allocation);
+// Fails (input) unless there are 1 to kMaxTechniques whole numbers from 1 to 2^16. The error has no field.
+Result<mis::Allocation> parse_counts(const SettingsMap& constants);
+
+// The sums of a pixel. Null accumulators: zeros. `part`: 0, or the half that is read of an epoch's.
+mis::Sums read(const film::MergedAccumulator* matrix, const film::MergedAccumulator* vector, std::uint32_t x,
+               std::uint32_t y, std::size_t techniques, std::uint32_t part);
+
+}  // namespace candela::pixel_sums

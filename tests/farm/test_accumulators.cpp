@@ -1,0 +1,293 @@
+// Jobs whose units bring more than a film, of every integrator that has such: radii that are decided between
+// epochs, and the sums of optimal weights. Film, accumulators and every decided state are the bytes that a
+// loop in this process makes without a farm, for any number of workers, whatever dies, and when.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <csignal>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <set>
+#include <thread>
+
+#include "common/base/files.h"
+#include "common/rng/stream.h"
+#include "common/stages/epochs.h"
+#include "tests/farm/farm.h"
+#include "tests/farm/hand_worker.h"
+#include "tests/farm/local_job.h"
+#include "tests/integrators.h"
+#include "tests/unit/farm_calls.h"
+#include "tests/unit/scene_fixture.h"
+#include "worker/render/renderer.h"
+
+namespace candela::farm {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::uint32_t kSide = 16;  // pixels
+
+// A box with a glass ball and two lamps: pixels shrink, and the lights are worth a choice.
+const std::string kLitBox =
+    "<scene version=\"3.0.0\"><integrator type=\"path\"/><sensor type=\"perspective\"/>"
+    "<shape type=\"cube\"><bsdf type=\"twosided\"><bsdf type=\"diffuse\"/></bsdf></shape>"
+    "<shape type=\"sphere\"><point name=\"center\" x=\"0.3\" y=\"-0.4\" z=\"0.4\"/><float name=\"radius\" "
+    "value=\"0.3\"/><bsdf type=\"dielectric\"/></shape>"
+    "<shape type=\"rectangle\"><transform name=\"to_world\"><scale value=\"0.3\"/><rotate x=\"1\" "
+    "angle=\"90\"/><translate y=\"0.99\"/></transform><emitter type=\"area\"/></shape>"
+    "<shape type=\"sphere\"><point name=\"center\" x=\"-0.7\" y=\"-0.5\" z=\"0.7\"/><float name=\"radius\" "
+    "value=\"0.05\"/><emitter type=\"area\"><rgb name=\"radiance\" value=\"9\"/></emitter></shape></scene>";
+
+struct JobKind {
+  std::string name;
+  JobSettings settings;
+  bool epochs = false;
+};
+
+// A row for each integrator with accumulators, and for other rules of the same.
+std::vector<JobKind> job_kinds() {
+  std::vector<JobKind> all;
+  const auto add = [&](const std::string& name, const std::string& integrator, const SettingsMap& chosen) {
+    JobKind kind{name, {}, false};
+    kind.settings.integrator = integrator;
+    kind.settings.width = kind.settings.height = kSide;
+    kind.settings.seed = 5;
+    const auto complete = render::complete_integrator_settings(integrator, {}, chosen);
+    if (!complete.ok()) throw std::runtime_error(complete.error().to_string());
+    kind.settings.integrator_settings = *complete;
+    const auto work = render::largest_work(kind.settings);
+    if (!work.ok()) throw std::runtime_error(work.error().to_string());
+    kind.epochs = work->epochs.has_value();
+    if (!work->accumulators.empty()) all.push_back(std::move(kind));
+  };
+  for (const test::IntegratorRow& row : test::integrators()) {
+    SettingsMap chosen(row.small.begin(), row.small.end());
+    add(row.name, row.name, chosen);
+    if (row.name == "fppm") {
+      chosen.insert({{"test", "nested"}, {"rings", "true"}});
+      add("fppm with rings", row.name, chosen);
+    }
+    if (row.name == "optimis")
+      add("optimis, progressive", row.name,
+          {{"estimator", "progressive"}, {"epoch_min", "2"}, {"growth", "16"}});
+  }
+  // AOVs are accumulators beside the integrator's own.
+  for (const std::string integrator : {"path", "appm"}) {
+    JobKind kind{integrator + " with AOVs", {}, false};
+    for (const JobKind& own : all)
+      if (own.settings.integrator == integrator) kind = {integrator + " with AOVs", own.settings, own.epochs};
+    kind.settings.integrator = integrator;
+    kind.settings.width = kind.settings.height = kSide;
+    kind.settings.seed = 5;
+    if (integrator == "path")
+      kind.settings.integrator_settings = *render::complete_integrator_settings(integrator, {}, {});
+    kind.settings.aovs = "albedo:albedo,n:sh_normal,p:position,coverage:coverage";
+    all.push_back(std::move(kind));
+  }
+  return all;
+}
+
+class AccumulatorFarm : public testing::Test {
+ protected:
+  struct Job {
+    const JobKind* kind;
+    std::string id;
+  };
+
+  AccumulatorFarm() {
+    if (!write_file_atomically(scene_file(), kLitBox)) throw std::runtime_error("no room for the scene");
+  }
+  std::string scene_file() const { return (folder_ / "scene.xml").string(); }
+  void start_master(const std::string& checkpoint_seconds, const std::string& lease_seconds = "1.5") {
+    farm.start_master(
+        {"--unit-time", "0.01", "--checkpoint-interval", checkpoint_seconds, "--lease-time", lease_seconds});
+  }
+  std::string submit(const JobKind& kind, std::uint64_t iterations) {
+    return test::submit(farm.stub(), kLitBox, test::submission(kLitBox, kind.settings, iterations));
+  }
+  std::vector<Job> submit_all(std::uint64_t iterations) {
+    std::vector<Job> jobs;
+    for (const JobKind& kind : kinds_) jobs.push_back({&kind, submit(kind, iterations)});
+    return jobs;
+  }
+  void extend(const std::string& id, std::uint64_t iterations) {
+    farm.job(id);  // the master may just have been restarted
+    v1::ExtendJobRequest request;
+    request.set_job_id(id);
+    request.set_add_iterations(iterations);
+    v1::JobStatus status;
+    grpc::ClientContext context;
+    context.set_wait_for_ready(true);
+    const grpc::Status answer = farm.stub().ExtendJob(&context, request, &status);
+    ASSERT_TRUE(answer.ok()) << answer.error_message();
+  }
+  std::size_t decided(const std::string& id) {
+    const auto events = farm.events(id);
+    return static_cast<std::size_t>(std::count_if(
+        events.begin(), events.end(), [](const v1::Event& event) { return event.kind() == "decided"; }));
+  }
+  // The checkpoints of a job, oldest first; none before the first.
+  std::vector<fs::path> checkpoints(const std::string& id) {
+    std::map<std::uint64_t, fs::path> found;
+    std::error_code none;
+    for (const auto& e : fs::directory_iterator(farm.folder() / "data" / "jobs" / id, none))
+      if (const std::string n = e.path().filename().string(); n.starts_with("film.") && n.ends_with(".ckpt"))
+        found[std::stoull(n.substr(5))] = e.path();
+    std::vector<fs::path> paths;
+    for (const auto& [generation, path] : found) paths.push_back(path);
+    return paths;
+  }
+
+  const LocalJob& truth(const JobKind& kind, std::uint64_t iterations) {
+    const auto key = std::make_pair(kind.name, iterations);
+    const auto known = truths_.find(key);
+    if (known != truths_.end()) return known->second;
+    const test::TextFiles files({{"scene.xml", kLitBox}});
+    const auto renderer = render::Renderer::create(files, "scene.xml", {}, kind.settings, 1);
+    if (!renderer.ok()) throw std::runtime_error(renderer.error().to_string());
+    const auto pilot = (*renderer)->pilot({});
+    if (!pilot.ok()) throw std::runtime_error(pilot.error().to_string());
+    const auto render = [&](const Unit& unit, std::string_view state) {
+      render::UnitOutput output = (*renderer)->make_output(pilot->state);
+      render::UnitInput input{pilot->state, {}, {}};
+      if (pilot->work.epochs) input.states[pilot->work.epochs->rule] = state;
+      const auto done = (*renderer)->run(unit, input, output, {});
+      EXPECT_TRUE(done.ok()) << done.error().to_string();
+      return output;
+    };
+    return truths_
+        .emplace(key,
+                 local_job(pilot->work, {kSide, kSide, 1}, pilot->state.film_scale_log2, iterations, render))
+        .first->second;
+  }
+  void check(const Job& job, std::uint64_t iterations) {
+    SCOPED_TRACE(job.kind->name + ", " + job.id);
+    const v1::JobStatus status = farm.wait_for(job.id, v1::JOB_STATE_DONE);
+    ASSERT_EQ(status.iterations(), iterations);
+    expect_checkpoint(farm.folder() / "data" / "jobs" / job.id /
+                          fmt::format("film.{}.ckpt", status.checkpoint_generation()),
+                      truth(*job.kind, iterations));
+    farm.audit(job.id, iterations);
+  }
+
+  TempDir folder_;
+  Farm farm;
+  const std::vector<JobKind> kinds_ = job_kinds();
+  std::map<std::pair<std::string, std::uint64_t>, LocalJob> truths_;
+};
+
+// Claim: film, accumulators and states do not depend on the number of workers.
+TEST_F(AccumulatorFarm, SameBytesOfOneTwoAndEightWorkers) {
+  constexpr std::uint64_t kIterations = 75;
+  start_master("0.2");
+  std::set<std::string> merged_by;
+  int workers = 0;
+  for (const int fleet : {1, 2, 8}) {
+    for (; workers < fleet; ++workers) farm.start_worker(fmt::format("w{}", workers));
+    ASSERT_TRUE(eventually(kPatienceSeconds, [&] { return farm.workers().size() == std::size_t(fleet); }));
+    merged_by.clear();
+    const std::vector<Job> jobs = submit_all(kIterations);
+    for (const Job& job : jobs) {
+      check(job, kIterations);
+      const v1::GetLedgerResponse ledger = farm.ledger(job.id);
+      for (const v1::LedgerRow& row : ledger.merged()) merged_by.insert(row.worker_id());
+    }
+    EXPECT_GE(merged_by.size(), std::min<std::size_t>(2, std::size_t(fleet)));
+  }
+  EXPECT_GT(merged_by.size(), 2U) << "eight workers, of which two did all the work";
+}
+
+// Claim: SIGKILL of the master and of workers, at times all over the jobs, with the newest checkpoints lost,
+// and an extension of what has ended change no byte.
+TEST_F(AccumulatorFarm, DeathsChangeNothing) {
+  constexpr std::uint64_t kFirst = 241, kMore = 38;
+  constexpr int kDeaths = 6;
+  start_master("0.05");
+  std::vector<Process*> workers;
+  for (int i = 0; i < 2; ++i) workers.push_back(&farm.start_worker(fmt::format("w{}", i)));
+  const std::vector<Job> jobs = submit_all(kFirst);
+  rng::Stream stream(rng::key(7, 5));
+  for (int death = 0; death < kDeaths; ++death) {
+    const Job& job = jobs[static_cast<std::size_t>(death) % jobs.size()];
+    farm.wait_for_iterations(job.id, kFirst * static_cast<std::uint64_t>(death) / kDeaths + 1);
+    std::this_thread::sleep_for(std::chrono::milliseconds(static_cast<int>(stream.next_double() * 40)));
+    if (death % 2 == 1) {
+      auto& worker = workers[static_cast<std::size_t>(death / 2) % workers.size()];
+      farm.forget_worker(*worker);
+      worker = &farm.start_worker(fmt::format("again{}", death));
+      continue;
+    }
+    farm.kill_master();
+    for (const Job& one : jobs)
+      if (auto files = checkpoints(one.id); death == 2 && files.size() > 1) fs::remove(files.back());
+    farm.restart_master();
+  }
+  for (const Job& job : jobs) farm.wait_for(job.id, v1::JOB_STATE_DONE);
+  farm.kill_master();
+  farm.restart_master();
+  for (const Job& job : jobs) extend(job.id, kMore);
+  for (const Job& job : jobs) check(job, kFirst + kMore);
+  EXPECT_EQ(farm.candela({"verify"}).exit_code, 0);
+}
+
+// Claim: a master that dies within an epoch, or between the decision of an epoch and its first unit, deltas
+// that are delivered backwards and twice, and an extension within an epoch change no byte.
+TEST_F(AccumulatorFarm, EpochsOutliveTheMaster) {
+  constexpr std::uint64_t kFirst = 11, kWhole = 19;  // epochs of two iterations: kFirst ends within one
+  start_master("0.02", "600");
+  std::size_t between = 0, within = 0;
+  for (const JobKind& kind : kinds_) {
+    SCOPED_TRACE(kind.name);
+    const Job job{&kind, submit(kind, kFirst)};
+    auto worker = std::make_unique<HandWorker>(farm.address(), kind.name);
+    const auto prepare = [&] {
+      worker->scene_file_for_pilots = scene_file();
+      worker->told_seconds = 1;  // so that a unit is one iteration
+    };
+    prepare();
+    bool extended = false;
+    std::size_t delivered = 0, deaths = 0;
+    ASSERT_TRUE(eventually(kPatienceSeconds, [&] {
+      std::vector<v1::Lease> leases;
+      for (int i = 0; i < 3; ++i)
+        if (auto lease = worker->try_acquire()) leases.push_back(*lease);
+      for (auto lease = leases.rbegin(); lease != leases.rend(); ++lease, ++delivered) {
+        const Push push = worker->delta_for(*lease, scene_file());
+        EXPECT_EQ(worker->push(push).verdict(), v1::DELTA_VERDICT_MERGED);
+        EXPECT_EQ(worker->push(push).verdict(), v1::DELTA_VERDICT_DUPLICATE);
+      }
+      const v1::JobStatus status = farm.job(job.id);
+      if (status.state() == v1::JOB_STATE_DONE) {
+        if (extended) return true;
+        extend(job.id, kWhole - kFirst);
+        extended = true;
+        return false;
+      }
+      // Once with an odd number of iterations, which is within an epoch, and once with an even one whose next
+      // state is decided.
+      const std::uint64_t done = status.iterations();
+      const bool odd = done % 2 == 1;
+      if (deaths >= 2 || delivered < 3 || odd != (deaths == 0)) return false;
+      if (!odd && kind.epochs) {
+        const std::size_t needed = done / 2 + 1;
+        EXPECT_TRUE(eventually(kPatienceSeconds, [&] { return decided(job.id) >= needed; }));
+      }
+      ++(odd ? within : between);
+      ++deaths;
+      farm.kill_master();
+      farm.restart_master();
+      worker = std::make_unique<HandWorker>(farm.address(), kind.name);
+      prepare();
+      return false;
+    }));
+    check(job, kWhole);
+  }
+  EXPECT_EQ(within, kinds_.size());
+  EXPECT_EQ(between, kinds_.size());
+}
+
+}  // namespace
+}  // namespace candela::farm

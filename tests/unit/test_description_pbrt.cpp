@@ -1,0 +1,573 @@
+// Scenes of pbrt's version 4: each means what a scene of Mitsuba's XML means, or is an error that names its
+// place.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <zlib.h>
+
+#include "common/description/reading.h"
+#include "common/description/review.h"
+#include "test_description_common.h"
+
+namespace candela::description {
+namespace {
+
+using Files = std::map<std::string, std::string>;
+
+Result<ReadScene> read_pbrt(const std::string& text, Files more = {}, const Reading& reading = {}) {
+  more["scene.pbrt"] = text;
+  more.try_emplace("image.png", "not read here");
+  more.try_emplace("rgba.png", std::string("\x89PNG\r\n") + std::string(19, 0) + "\x06 more");
+  return read_scene(MemorySource(std::move(more)), "scene.pbrt", {}, reading);
+}
+
+std::string outcome_of(const Result<ReadScene>& result) {
+  return result.ok() ? "ok" : result.error().to_string();
+}
+
+// What of the scene the world section makes, without sensor and integrator.
+std::string world_of(const Object& scene) {
+  std::string text;
+  for (const Child& child : scene.children)
+    if (child.object->category != "sensor" && child.object->category != "integrator")
+      text += dump(*child.object) + "\n";
+  return text;
+}
+
+std::string pbrt_world(const std::string& world) {
+  const auto read = read_pbrt("WorldBegin\n" + world);
+  return read.ok() ? world_of(*read->description.scene) : outcome_of(read);
+}
+
+std::string xml_world(const std::string& world) {
+  const auto read = parse_text("<scene version=\"3.0.0\">" + world + "</scene>", {}, {{"rgba.png", ""}});
+  return read.ok() ? world_of(*read->scene) : outcome(read);
+}
+
+std::string matrix(const std::string& values) {
+  return "<transform name='to_world'><matrix value='" + values + "'/></transform>";
+}
+
+const std::string kUnit = "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1";
+// A sphere as pbrt has it: v from the bottom.
+std::string xml_sphere(const std::string& inside) {
+  return "<shape type='sphere'><float name='radius' value='1'/>" +
+         matrix("1 0 0 0 0 1 0 0 0 0 -1 0 0 0 0 1") + inside + "</shape>";
+}
+std::string xml_twosided(const std::string& bsdf) {
+  return "<bsdf type='twosided'>" + bsdf + "</bsdf>";
+}
+std::string gray(const std::string& name, double value) {
+  const std::string v = fmt::format("{}", value);
+  return "<rgb name='" + name + "' value='" + v + ", " + v + ", " + v + "'/>";
+}
+
+struct Twin {
+  std::string pbrt, xml;
+};
+
+// Claim: materials, lights and shapes are those of our vocabulary, with pbrt's defaults, its two-sided opaque
+// materials, its roughness as the root of alpha, and indices of metals under a coat divided by the coat's.
+TEST(DescriptionPbrt, WorldsMeanTheSameAsTheirTwins) {
+  const std::string half = xml_twosided("<bsdf type='diffuse'>" + gray("reflectance", 0.5) + "</bsdf>");
+  const std::vector<Twin> twins = {
+      {"Shape \"sphere\"", xml_sphere(half)},
+      {"Material \"diffuse\" \"rgb reflectance\" [ .1 .2 .3 ]\nShape \"sphere\"",
+       xml_sphere(xml_twosided("<bsdf type='diffuse'><rgb name='reflectance' value='.1,.2,.3'/></bsdf>"))},
+      {"Material \"dielectric\" \"float eta\" 1.33\nShape \"sphere\"",
+       xml_sphere("<bsdf type='dielectric'><float name='int_ior' value='1.33'/><float name='ext_ior' "
+                  "value='1'/></bsdf>")},
+      {"Material \"dielectric\" \"float roughness\" 0.25\nShape \"sphere\"",
+       xml_sphere(
+           "<bsdf type='roughdielectric'><float name='int_ior' value='1.5'/><float name='ext_ior' "
+           "value='1'/><string name='distribution' value='ggx'/><float name='alpha' value='0.5'/></bsdf>")},
+      {"Material \"dielectric\" \"float uroughness\" 0.25 \"float vroughness\" 0.04\nShape \"sphere\"",
+       xml_sphere(
+           "<bsdf type='roughdielectric'><float name='int_ior' value='1.5'/><float name='ext_ior' "
+           "value='1'/><string name='distribution' value='ggx'/><float name='alpha_u' value='0.5'/><float "
+           "name='alpha_v' value='0.2'/></bsdf>")},
+      {"Material \"conductor\" \"rgb eta\" [1 2 3] \"rgb k\" [4 5 6] \"float roughness\" .3 \"bool "
+       "remaproughness\" false\nShape \"sphere\"",
+       xml_sphere(xml_twosided("<bsdf type='roughconductor'><rgb name='eta' value='1,2,3'/><rgb name='k' "
+                               "value='4,5,6'/><string name='distribution' value='ggx'/><float name='alpha' "
+                               "value='0.3'/></bsdf>"))},
+      {"Material \"conductor\" \"spectrum eta\" \"metal-Au-eta\" \"spectrum k\" \"metal-Au-k\"\nShape "
+       "\"sphere\"",
+       xml_sphere(xml_twosided("<bsdf type='conductor'><string name='material' value='Au'/></bsdf>"))},
+      {"Material \"coatedconductor\" \"rgb conductor.eta\" [3 3 3] \"rgb conductor.k\" [1.5 3 6] \"float "
+       "interface.eta\" 1.5\nShape \"sphere\"",
+       xml_sphere(xml_twosided(
+           "<bsdf type='coating'><float name='int_ior' value='1.5'/><float name='ext_ior' value='1'/><bsdf "
+           "type='conductor'><rgb name='eta' value='2,2,2'/><rgb name='k' value='1,2,4'/></bsdf></bsdf>"))},
+      {"Material \"coateddiffuse\"\nShape \"sphere\"",
+       xml_sphere(xml_twosided("<bsdf type='plastic'>" + gray("diffuse_reflectance", 0.5) +
+                               "<float name='int_ior' value='1.5'/><float name='ext_ior' value='1'/><boolean "
+                               "name='nonlinear' value='true'/></bsdf>"))},
+      {"Material \"interface\"\nShape \"sphere\"", xml_sphere("<bsdf type='null'/>")},
+      {"MakeNamedMaterial \"a\" \"string type\" \"thindielectric\"\nMakeNamedMaterial \"b\" \"string type\" "
+       "\"mix\" \"string materials\" [\"a\" \"c\"] \"float amount\" 0.25\nNamedMaterial \"b\"\nShape "
+       "\"sphere\"\nMakeNamedMaterial \"c\" \"string type\" \"diffuse\"",
+       xml_sphere(
+           "<bsdf type='blendbsdf'><float name='weight' value='0.25'/><bsdf type='thindielectric'><float "
+           "name='int_ior' value='1.5'/><float name='ext_ior' value='1'/></bsdf>" +
+           half + "</bsdf>")},
+      // 0.2 reflected and 0.6 transmitted: three quarters of the weight transmit.
+      {"Material \"diffusetransmission\" \"rgb reflectance\" [.125 .125 .125] \"rgb transmittance\" [.375 "
+       ".375 "
+       ".375]\nShape \"sphere\"",
+       xml_sphere("<bsdf type='blendbsdf'><float name='weight' value='0.75'/>" +
+                  xml_twosided("<bsdf type='diffuse'>" + gray("reflectance", 0.5) + "</bsdf>") +
+                  "<bsdf type='difftrans'>" + gray("transmittance", 0.5) + "</bsdf></bsdf>")},
+      {"Shape \"sphere\" \"float alpha\" 0.25",
+       xml_sphere("<bsdf type='mask'><float name='opacity' value='0.25'/>" + half + "</bsdf>")},
+      {"Translate 1 2 3\nShape \"cylinder\" \"float radius\" 2 \"float zmax\" 4",
+       "<shape type='cylinder'><float name='radius' value='2'/><point name='p0' value='0,0,-1'/><point "
+       "name='p1' "
+       "value='0,0,4'/>" +
+           matrix("1 0 0 1 0 1 0 2 0 0 1 3 0 0 0 1") + half + "</shape>"},
+      {"ReverseOrientation\nShape \"disk\" \"float radius\" 2 \"float height\" 3",
+       "<shape type='disk'>" + matrix("2 0 0 0 0 2 0 0 0 0 2 3 0 0 0 1") +
+           "<boolean name='flip_normals' value='true'/>" + half + "</shape>"},
+      {"AreaLightSource \"diffuse\" \"rgb L\" [1 2 3] \"float scale\" 2\nShape \"sphere\"",
+       xml_sphere(half + "<emitter type='area'><rgb name='radiance' value='2,4,6'/></emitter>")},
+      {"Translate 1 0 0\nLightSource \"point\" \"rgb I\" [1 2 3] \"point3 from\" [0 1 0]",
+       "<emitter type='point'><rgb name='intensity' value='1,2,3'/><point name='position' "
+       "value='1,1,0'/></emitter>"},
+      {"LightSource \"distant\" \"point3 from\" [0 0 5] \"point3 to\" [1 0 5] \"float illuminance\" 7",
+       "<emitter type='directional'><rgb name='irradiance' value='7,7,7'/><point name='direction' "
+       "value='1,0,0'/></emitter>"},
+      {"LightSource \"infinite\" \"rgb L\" [.5 .5 .5] \"float scale\" 4",
+       "<emitter type='constant'>" + gray("radiance", 2) + "</emitter>"},
+      {"LightSource \"infinite\" \"string filename\" \"image.png\" \"float scale\" 4",
+       "<emitter type='envmap'><string name='filename' value='image.png'/><string name='mapping' "
+       "value='equalarea'/><float name='scale' value='4'/>" +
+           matrix(kUnit) + "</emitter>"},
+      {"MakeNamedMedium \"fog\" \"string type\" \"homogeneous\" \"rgb sigma_a\" [1 1 1] \"rgb sigma_s\" [3 3 "
+       "3] "
+       "\"float g\" 0.5\nMediumInterface \"fog\" \"\"\nMaterial \"interface\"\nShape \"sphere\"",
+       xml_sphere(
+           "<bsdf type='null'/><medium name='interior' type='homogeneous'>" + gray("sigma_t", 4) +
+           gray("albedo", 0.75) +
+           "<float name='scale' value='1'/><phase type='hg'><float name='g' value='0.5'/></phase></medium>")},
+  };
+  for (const Twin& twin : twins) EXPECT_EQ(pbrt_world(twin.pbrt), xml_world(twin.xml)) << twin.pbrt;
+}
+
+// Claim: textures are looked up as pbrt does: rows from the bottom, its scale and shift of u and v, squares
+// of width 1, constants folded into the parameter.
+TEST(DescriptionPbrt, TexturesMeanTheSameAsTheirTwins) {
+  const auto on_sphere = [](const std::string& texture) {
+    return xml_sphere(xml_twosided("<bsdf type='diffuse'>" + texture + "</bsdf>"));
+  };
+  const std::string use = "\nMaterial \"diffuse\" \"texture reflectance\" \"t\"\nShape \"sphere\"";
+  const auto to_uv = [](const std::string& values) {
+    return "<transform name='to_uv'><matrix value='" + values + "'/></transform>";
+  };
+  const auto named_picture = [&](const std::string& slot) {
+    return "<texture name='" + slot + "' type='bitmap'><string name='filename' value='image.png'/>" +
+           to_uv("1 0 0 0 0 -1 0 1 0 0 1 0 0 0 0 1") + "<string name='wrap_mode' value='repeat'/></texture>";
+  };
+  const std::string picture = named_picture("");
+  const std::vector<Twin> twins = {
+      {"Texture \"t\" \"spectrum\" \"constant\" \"rgb value\" [.1 .2 .3]" + use,
+       on_sphere("<rgb name='reflectance' value='.1,.2,.3'/>")},
+      {"Texture \"c\" \"spectrum\" \"constant\" \"rgb value\" [.5 .5 .5]\nTexture \"t\" \"spectrum\" "
+       "\"scale\" "
+       "\"texture tex\" \"c\" \"float scale\" .5" +
+           use,
+       on_sphere(gray("reflectance", 0.25))},
+      {"Texture \"t\" \"spectrum\" \"mix\" \"rgb tex1\" [0 0 0] \"rgb tex2\" [1 1 1] \"float amount\" .25" +
+           use,
+       on_sphere(gray("reflectance", 0.25))},
+      {"Texture \"t\" \"spectrum\" \"imagemap\" \"string filename\" \"image.png\" \"float uscale\" 2 \"float "
+       "vscale\" 3 \"float udelta\" .5 \"string wrap\" \"clamp\"" +
+           use,
+       on_sphere("<texture name='reflectance' type='bitmap'><string name='filename' value='image.png'/>" +
+                 to_uv("2 0 0 0.5 0 -3 0 1 0 0 1 0 0 0 0 1") +
+                 "<string name='wrap_mode' value='clamp'/></texture>")},
+      {"Texture \"t\" \"spectrum\" \"checkerboard\" \"float uscale\" 8 \"float vscale\" 4 \"rgb tex1\" [.9 "
+       ".9 .9] "
+       "\"rgb tex2\" [.1 .1 .1]" +
+           use,
+       on_sphere("<texture name='reflectance' type='checkerboard'>" +
+                 to_uv("4 0 0 0 0 2 0 0 0 0 1 0 0 0 0 1") + gray("color0", 0.9) + gray("color1", 0.1) +
+                 "</texture>")},
+      // Values above 1 become 1.
+      {"Texture \"i\" \"spectrum\" \"imagemap\" \"string filename\" \"image.png\"\nTexture \"t\" "
+       "\"spectrum\" "
+       "\"scale\" \"texture tex\" \"i\" \"float scale\" 1.5" +
+           use,
+       on_sphere("<texture name='reflectance' type='mix'><texture name='color0' type='scale'>" +
+                 gray("scale", 1.5) + picture +
+                 "</texture><float name='amount' value='0'/><float name='maximum' "
+                 "value='1'/></texture>")},
+      {"Texture \"i\" \"spectrum\" \"imagemap\" \"string filename\" \"image.png\"\nTexture \"f\" \"float\" "
+       "\"imagemap\" \"string filename\" \"image.png\"\nTexture \"t\" \"spectrum\" \"mix\" \"texture tex1\" "
+       "\"i\" "
+       "\"rgb tex2\" [.5 .5 .5] \"texture amount\" \"f\"\nMaterial \"diffuse\" \"texture reflectance\" "
+       "\"t\"\nShape "
+       "\"sphere\"",
+       on_sphere("<texture name='reflectance' type='mix'><texture name='color0' type='mix'>" +
+                 named_picture("color0") + gray("color1", 0.5) + named_picture("amount") +
+                 "</texture><float name='amount' value='0'/><float name='maximum' value='1'/></texture>")},
+      // Displacements may go down; a picture's alpha is the opacity.
+      {"Texture \"i\" \"float\" \"imagemap\" \"string filename\" \"image.png\"\nTexture \"t\" \"float\" "
+       "\"scale\" "
+       "\"texture tex\" \"i\" \"float scale\" -.5\nMaterial \"diffuse\" \"texture displacement\" "
+       "\"t\"\nShape "
+       "\"sphere\"",
+       xml_sphere(xml_twosided("<bsdf type='bumpmap'><texture name='texture' type='scale'>" +
+                               gray("scale", 0.5) + picture +
+                               "</texture><float name='scale' value='-1'/><bsdf type='diffuse'>" +
+                               gray("reflectance", 0.5) + "</bsdf></bsdf>"))},
+      {"Texture \"t\" \"float\" \"imagemap\" \"string filename\" \"rgba.png\"\nShape \"sphere\" \"texture "
+       "alpha\" "
+       "\"t\"",
+       xml_sphere("<bsdf type='mask'><texture name='opacity' type='bitmap'><string name='filename' "
+                  "value='rgba.png'/>" +
+                  to_uv("1 0 0 0 0 -1 0 1 0 0 1 0 0 0 0 1") +
+                  "<string name='wrap_mode' value='repeat'/><string name='channel' value='a'/></texture>" +
+                  xml_twosided("<bsdf type='diffuse'>" + gray("reflectance", 0.5) + "</bsdf>") + "</bsdf>")},
+      // The root of a linear picture is its power 1/2.
+      {"Texture \"t\" \"float\" \"imagemap\" \"string filename\" \"image.png\" \"string encoding\" "
+       "\"linear\"\n"
+       "Material \"dielectric\" \"texture roughness\" \"t\"\nShape \"sphere\"",
+       xml_sphere(
+           "<bsdf type='roughdielectric'><float name='int_ior' value='1.5'/><float name='ext_ior' "
+           "value='1'/><string name='distribution' value='ggx'/><texture name='alpha' type='bitmap'><string "
+           "name='filename' value='image.png'/>" +
+           to_uv("1 0 0 0 0 -1 0 1 0 0 1 0 0 0 0 1") +
+           "<string name='wrap_mode' value='repeat'/><float name='gamma' value='0.5'/></texture></bsdf>")},
+  };
+  for (const Twin& twin : twins) EXPECT_EQ(pbrt_world(twin.pbrt), xml_world(twin.xml)) << twin.pbrt;
+}
+
+// Claim: scopes keep and give back the whole state, or the transform alone; Attribute, coordinate systems,
+// Include and Import work on it as pbrt's do.
+TEST(DescriptionPbrt, TheStateOfTheFileCounts) {
+  const std::string at_1 = "Translate 1 0 0\nShape \"cylinder\"";
+  const std::vector<Twin> same = {
+      {"AttributeBegin\nTranslate 5 5 5\nMaterial \"interface\"\nReverseOrientation\nAttributeEnd\n" + at_1,
+       at_1},
+      {"TransformBegin\nTranslate 5 5 5\nTransformEnd\n" + at_1, at_1},
+      {"Transform [1 0 0 0  0 1 0 0  0 0 1 0  1 0 0 1]\nShape \"cylinder\"", at_1},
+      {"Rotate 30 1 2 3\nIdentity\n" + at_1, at_1},
+      {"Translate 1 0 0\nCoordinateSystem \"here\"\nTranslate 1 0 0\nCoordSysTransform \"here\"\nShape "
+       "\"cylinder\"",
+       at_1},
+      {"Translate 0 0 -3\nConcatTransform [1 0 0 0  0 1 0 0  0 0 1 0  1 0 3 1]\nShape \"cylinder\"", at_1},
+      {"ActiveTransform EndTime\nTranslate 7 7 7\nActiveTransform All\n" + at_1, at_1},
+      {"Attribute \"shape\" \"float radius\" 2\nShape \"cylinder\"", "Shape \"cylinder\" \"float radius\" 2"},
+      {"Attribute \"shape\" \"float radius\" 2\nShape \"cylinder\" \"float radius\" 3",
+       "Shape \"cylinder\" \"float radius\" 3"},
+      {"# a comment with \"quotes\" [\nShape \"cylinder\" \"float radius\" [ 2 ] # and\n",
+       "Shape\n\"cylinder\"\t\"float  radius\"2"},
+  };
+  for (const Twin& twin : same) EXPECT_EQ(pbrt_world(twin.pbrt), pbrt_world(twin.xml)) << twin.pbrt;
+
+  const Files files = {{"parts/a.pbrt", "Translate 1 0 0\nInclude \"parts/b.pbrt\"\n"},
+                       {"parts/b.pbrt", "Shape \"cylinder\"\n"}};
+  const auto included = read_pbrt("WorldBegin\nInclude \"parts/a.pbrt\"\nShape \"cylinder\"", files);
+  ASSERT_TRUE(included.ok()) << outcome_of(included);
+  EXPECT_EQ(world_of(*included->description.scene), pbrt_world(at_1) + pbrt_world(at_1));
+  EXPECT_EQ(included->description.files,
+            (std::vector<std::string>{"parts/a.pbrt", "parts/b.pbrt", "scene.pbrt"}));
+  const auto imported = read_pbrt("WorldBegin\nImport \"parts/a.pbrt\"\nShape \"cylinder\"", files);
+  ASSERT_TRUE(imported.ok()) << outcome_of(imported);
+  EXPECT_EQ(world_of(*imported->description.scene), pbrt_world(at_1) + pbrt_world("Shape \"cylinder\""));
+}
+
+// Claim: an object's shapes keep the transform of their definition; instances have their own; lamps do not
+// glow there, and that is told.
+TEST(DescriptionPbrt, ObjectsAreInstanced) {
+  const auto read = read_pbrt(
+      "WorldBegin\nObjectBegin \"o\"\nTranslate 1 0 0\nAreaLightSource \"diffuse\"\nShape "
+      "\"cylinder\"\nObjectEnd\n"
+      "Translate 0 2 0\nObjectInstance \"o\"\nScale 1 2 3\nObjectInstance \"o\"\nShape \"disk\"");
+  ASSERT_TRUE(read.ok()) << outcome_of(read);
+  const auto shapes = read->description.scene->children_of("shape");
+  ASSERT_EQ(shapes.size(), 3U);
+  EXPECT_EQ(shapes[0]->plugin, "pbrtmesh");  // a disk scaled unevenly
+  EXPECT_TRUE(shapes[0]->children_of("emitter").empty());
+  for (std::size_t i = 1; i < 3; ++i) {
+    EXPECT_EQ(shapes[i]->plugin, "instance");
+    EXPECT_EQ(shapes[i]->get_transform("to_world")[7], 2);
+    EXPECT_EQ(shapes[i]->get_transform("to_world")[5], i == 1 ? 1 : 2);
+  }
+  const ObjectPtr group = shapes[1]->children_of("shape").at(0);
+  EXPECT_EQ(group, shapes[2]->children_of("shape").at(0));
+  const ObjectPtr inside = group->children_of("shape").at(0);
+  EXPECT_EQ(inside->get_transform("to_world")[3], 1);
+  EXPECT_TRUE(inside->children_of("emitter").empty());
+  bool told = false;
+  for (const Note& note : read->description.notes)
+    told |= note.text.find("does not glow") != std::string::npos;
+  EXPECT_TRUE(told);
+}
+
+// Claim: fronts are those of pbrt. A mirror turns a mesh without normals around, unless ReverseOrientation
+// does too; normals of the file decide else.
+TEST(DescriptionPbrt, FrontsFollowMirrors) {
+  const auto flips = [](const std::string& before, const std::string& after) {
+    const auto read = read_pbrt("WorldBegin\n" + before +
+                                "\nShape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0]" + after);
+    EXPECT_TRUE(read.ok()) << outcome_of(read);
+    return read.ok() && read->description.scene->children_of("shape").at(0)->get_bool("flip_normals", false);
+  };
+  const std::string normals = " \"normal N\" [0 0 1 0 0 1 0 0 1]";
+  EXPECT_FALSE(flips("", ""));
+  EXPECT_TRUE(flips("Scale -1 1 1", ""));
+  EXPECT_TRUE(flips("ReverseOrientation", ""));
+  EXPECT_FALSE(flips("ReverseOrientation\nScale -1 1 1", ""));
+  EXPECT_FALSE(flips("Scale -1 1 1", normals));
+  EXPECT_TRUE(flips("ReverseOrientation\nScale -1 1 1", normals));
+}
+
+// Claim: film, filter, sampler, integrator and camera are taken over with pbrt's defaults; the exposure of
+// the film scales the lights.
+TEST(DescriptionPbrt, OptionsAreTakenOver) {
+  const auto plain = read_pbrt("WorldBegin");
+  ASSERT_TRUE(plain.ok()) << outcome_of(plain);
+  const Object& scene = *plain->description.scene;
+  EXPECT_EQ(scene.children_of("integrator").at(0)->plugin, "path");
+  EXPECT_EQ(scene.children_of("integrator").at(0)->get_integer("max_depth", 0), 6);
+  const ObjectPtr sensor = scene.children_of("sensor").at(0);
+  EXPECT_EQ(sensor->plugin, "perspective");
+  EXPECT_EQ(sensor->get_number("fov", 0), 90);
+  EXPECT_EQ(sensor->get_string("fov_axis", ""), "y");
+  EXPECT_EQ(sensor->children_of("film").at(0)->get_integer("width", 0), 1280);
+  EXPECT_EQ(sensor->children_of("film").at(0)->get_integer("height", 0), 720);
+  EXPECT_EQ(sensor->children_of("sampler").at(0)->get_integer("sample_count", 0), 16);
+  EXPECT_EQ(sensor->children_of("film").at(0)->children_of("rfilter").at(0)->plugin, "gaussian");
+
+  const auto full = read_pbrt(
+      "Film \"rgb\" \"integer xresolution\" 100 \"integer yresolution\" 200 \"float iso\" 50 \"float "
+      "exposuretime\" 4\n"
+      "PixelFilter \"triangle\" \"float xradius\" 1.5 \"float yradius\" 1.5\nIntegrator \"bdpt\" \"integer "
+      "maxdepth\" 3\n"
+      "Sampler \"stratified\" \"integer xsamples\" 3 \"integer ysamples\" 5\n"
+      "Scale 2 2 2\nCamera \"perspective\" \"float fov\" 30 \"float lensradius\" .5 \"float focaldistance\" "
+      "6\n"
+      "WorldBegin\nLightSource \"infinite\"");
+  ASSERT_TRUE(full.ok()) << outcome_of(full);
+  const Object& other = *full->description.scene;
+  EXPECT_EQ(other.children_of("integrator").at(0)->plugin, "bdpt");
+  EXPECT_EQ(other.children_of("integrator").at(0)->get_integer("max_depth", 0), 4);
+  const ObjectPtr lens = other.children_of("sensor").at(0);
+  EXPECT_EQ(lens->plugin, "thinlens");
+  EXPECT_EQ(lens->get_string("fov_axis", ""), "x");
+  EXPECT_EQ(lens->get_number("aperture_radius", 0),
+            0.25);  // the world is half as large as the camera's space
+  EXPECT_EQ(lens->get_number("focus_distance", 0), 3);
+  EXPECT_EQ(lens->children_of("sampler").at(0)->get_integer("sample_count", 0), 15);
+  EXPECT_EQ(lens->children_of("film").at(0)->children_of("rfilter").at(0)->get_number("radius", 0), 1.5);
+  EXPECT_EQ(other.children_of("emitter").at(0)->get_rgb("radiance")->value, (Vec3{2, 2, 2}));
+}
+
+// Claim: colors of other color spaces and black bodies of unit luminance become linear Rec.709.
+TEST(DescriptionPbrt, SpectraBecomeColors) {
+  const auto radiance = [](const std::string& light) {
+    const auto read = read_pbrt("WorldBegin\n" + light);
+    EXPECT_TRUE(read.ok()) << outcome_of(read);
+    return read.ok() ? read->description.scene->children_of("emitter").at(0)->get_rgb("radiance")->value
+                     : Vec3{};
+  };
+  const auto luminance = [](const Vec3& c) { return 0.212671 * c[0] + 0.715160 * c[1] + 0.072169 * c[2]; };
+  const Vec3 warm = radiance("LightSource \"infinite\" \"blackbody L\" 3000 \"float scale\" 5");
+  EXPECT_NEAR(luminance(warm), 5, 1e-6);
+  EXPECT_GT(warm[0], 3 * warm[2]);
+  const Vec3 flat = radiance("LightSource \"infinite\" \"spectrum L\" [300 7 900 7]");
+  EXPECT_NEAR(luminance(flat), 1, 1e-3);
+  for (const double c : radiance("LightSource \"infinite\" \"spectrum L\" \"stdillum-D65\""))
+    EXPECT_NEAR(c, 1, 1e-4);
+  for (const char* space : {"srgb", "rec2020", "dci-p3", "aces2065-1"})
+    for (const double c :
+         radiance(fmt::format("ColorSpace \"{}\"\nLightSource \"infinite\" \"rgb L\" [1 1 1]", space)))
+      EXPECT_NEAR(c, 1, 2e-3) << space;
+  const Vec3 green = radiance("ColorSpace \"rec2020\"\nLightSource \"infinite\" \"rgb L\" [.5 1 .5]");
+  EXPECT_NEAR(green[1], 1.1329 - 0.5 * (0.12455 + 0.00835), 1e-3);
+}
+
+struct Mistake {
+  std::string world, strict, lenient;  // messages; "ok": none
+};
+
+// Claim: what is not understood is one error that names the place and the nearest name; with --lenient what
+// can be replaced is replaced and told.
+TEST(DescriptionPbrt, MistakesAreNamed) {
+  const std::vector<Mistake> mistakes = {
+      {"Shap \"sphere\"", "unknown directive 'Shap' (did you mean 'Shape'?)", ""},
+      {"Shape \"sphera\"", "unknown shape 'sphera' (did you mean 'sphere'?)",
+       "unknown shape 'sphera': it is left out (did you mean 'sphere'?)"},
+      {"Shape \"curve\"", "shape 'curve' is not supported yet",
+       "shape 'curve' is not supported yet: it is left out"},
+      {"Material \"difuse\"", "unknown material 'difuse' (did you mean 'diffuse'?)", "ok"},
+      {"Material \"hair\"\nShape \"sphere\"", "material 'hair' is not supported yet",
+       "material 'hair' is not supported yet: it is read as 'diffuse'"},
+      {"Shape \"sphere\" \"float radus\" 1",
+       "shape 'sphere' has no parameter 'radus' (did you mean 'radius'?)",
+       "shape 'sphere' has no parameter 'radus': it is passed over (did you mean 'radius'?)"},
+      {"Shape \"sphere\" \"string radius\" \"1\"",
+       "parameter 'radius' of shape 'sphere' has a type that it cannot have: 'string'",
+       "parameter 'radius' of shape"},
+      {"Shape \"sphere\" \"floot radius\" 1", "unknown type of a parameter 'floot' (did you mean 'float'?)",
+       ""},
+      {"Shape \"sphere\" \"float radius\" [1 2]", "parameter 'radius' needs 1 value", ""},
+      {"Shape \"sphere\" \"float radius\" nan", "'nan' is no finite number (parameter 'radius')", ""},
+      {"Shape \"sphere\" \"float radius\" 1 \"float radius\" 2", "parameter 'radius' is given twice", ""},
+      {"Shape \"sphere\" \"color c\" [1 1 1]",
+       "the type 'color' is of pbrt's version 3 (write 'rgb', or convert the file with pbrt --upgrade)", ""},
+      {"NamedMaterial \"x\"\nShape \"sphere\"", "unknown named material 'x' (there is none)", ""},
+      {"AttributeEnd", "AttributeEnd ends nothing", ""},
+      {"AttributeBegin", "AttributeBegin has no end", ""},
+      {"AttributeBegin\nTransformEnd", "TransformEnd ends AttributeBegin of scene.pbrt:2", ""},
+      {"Camera \"perspective\"", "Camera stands behind WorldBegin", ""},
+      {"ObjectInstance \"o\"", "unknown object 'o' (there is none)", ""},
+      {"Include \"none.pbrt\"", "file 'none.pbrt': no such file", ""},
+      {"Include \"scene.pbrt\"", "'scene.pbrt' includes itself", ""},
+      {"Translate 1 2 \"3\"", "Translate needs a finite number, not '3'", ""},
+      {"Scale 0 1 1\nShape \"sphere\"", "the transform of the shape is singular", ""},
+      {"LookAt 0 0 0 0 0 1 0 0 1", "LookAt looks at its own place, or along its up vector", ""},
+      {"LightSource \"goniometric\"", "light 'goniometric' is not supported yet",
+       "light 'goniometric' is not supported yet: it is read as 'point'"},
+      {"Texture \"t\" \"float\" \"fbm\"\nShape \"sphere\" \"texture alpha\" \"t\"",
+       "texture 'fbm' is not supported yet",
+       "texture 'fbm' is not supported yet: it is read as the constant 0.5"},
+      {"Texture \"t\" \"float\" \"scale\" \"texture tex\" \"t\"\nShape \"sphere\" \"texture alpha\" \"t\"",
+       "the texture 't' holds itself", ""},
+      {"MakeNamedMedium \"m\" \"string type\" \"cloud\"", "medium 'cloud' is not supported yet",
+       "medium 'cloud' is not supported yet: it is read as 'homogeneous'"},
+      {"Material \"diffuse\" \"rgb reflectance\" [2 0 0]\nShape \"sphere\"",
+       "parameter 'reflectance' is 2, but must be at most 1", ""},
+  };
+  for (const Mistake& mistake : mistakes) {
+    const auto strict = read_pbrt("WorldBegin\n" + mistake.world);
+    ASSERT_FALSE(strict.ok()) << mistake.world;
+    Error error = strict.error();
+    EXPECT_EQ(error.file, "scene.pbrt") << mistake.world;
+    EXPECT_GE(error.line, 1) << mistake.world;
+    error.file.clear();
+    EXPECT_EQ(error.to_string(), mistake.strict) << mistake.world;
+    const auto lenient = read_pbrt("WorldBegin\n" + mistake.world, {}, {.integrator = {}, .lenient = true});
+    EXPECT_EQ(lenient.ok(), !mistake.lenient.empty()) << mistake.world << " " << outcome_of(lenient);
+    if (!lenient.ok() || mistake.lenient == "ok") continue;
+    ASSERT_EQ(lenient->passed_over.size(), 1U) << mistake.world;
+    EXPECT_TRUE(lenient->passed_over[0].text.starts_with(mistake.lenient)) << lenient->passed_over[0].text;
+  }
+  EXPECT_EQ(read_scene(MemorySource(Files{{"a.pbrt", ""}}), "a.pbrt", {{"spp", "4"}}, {}).error().to_string(),
+            "a.pbrt: the scene does not use the parameter 'spp' (a pbrt scene has none)");
+}
+
+// Claim: chains of textures and materials of any length end in an error, not on the stack.
+TEST(DescriptionPbrt, DeepChainsAreErrors) {
+  std::string textures =
+      "WorldBegin\nTexture \"t0\" \"float\" \"imagemap\" \"string filename\" \"image.png\"\n";
+  std::string materials = "WorldBegin\nMakeNamedMaterial \"m0\" \"string type\" \"diffuse\"\n";
+  constexpr int kLength = 50'000;
+  for (int i = 1; i <= kLength; ++i) {
+    textures += fmt::format("Texture \"t{}\" \"float\" \"scale\" \"texture tex\" \"t{}\"\n", i, i - 1);
+    materials += fmt::format(
+        "MakeNamedMaterial \"m{}\" \"string type\" \"mix\" \"string materials\" [\"m0\" \"m{}\"]\n", i,
+        i - 1);
+  }
+  textures += fmt::format("Shape \"sphere\" \"texture alpha\" \"t{}\"\n", kLength);
+  materials += fmt::format("NamedMaterial \"m{}\"\nShape \"sphere\"\n", kLength);
+  EXPECT_NE(outcome_of(read_pbrt(textures)).find("textures are nested deeper than 64 levels"),
+            std::string::npos);
+  EXPECT_NE(outcome_of(read_pbrt(materials)).find("materials are nested deeper than 64 levels"),
+            std::string::npos);
+}
+
+std::string gzip(const std::string& content) {
+  std::string packed(content.size() + 256, '\0');
+  z_stream stream{};
+  EXPECT_EQ(deflateInit2(&stream, 6, Z_DEFLATED, 15 + 16, 8, Z_DEFAULT_STRATEGY), Z_OK);
+  std::string input = content;
+  stream.next_in = reinterpret_cast<Bytef*>(input.data());
+  stream.avail_in = static_cast<uInt>(input.size());
+  stream.next_out = reinterpret_cast<Bytef*>(packed.data());
+  stream.avail_out = static_cast<uInt>(packed.size());
+  EXPECT_EQ(deflate(&stream, Z_FINISH), Z_STREAM_END);
+  packed.resize(stream.total_out);
+  deflateEnd(&stream);
+  return packed;
+}
+
+// Claim: packed files are read like others; damaged ones are an error.
+TEST(DescriptionPbrt, PackedFilesAreUnpacked) {
+  const std::string part = "Shape \"cylinder\"\n";
+  const std::string packed = gzip(part);
+  const std::string main = "WorldBegin\nInclude \"part.pbrt.gz\"";
+  const auto read = read_pbrt(main, {{"part.pbrt.gz", packed}});
+  ASSERT_TRUE(read.ok()) << outcome_of(read);
+  EXPECT_EQ(world_of(*read->description.scene), pbrt_world(part));
+  const auto twice = read_pbrt(main, {{"part.pbrt.gz", packed + packed}});
+  ASSERT_TRUE(twice.ok()) << outcome_of(twice);
+  EXPECT_EQ(twice->description.scene->children_of("shape").size(), 2U);
+  for (const std::string& damaged :
+       {packed.substr(0, packed.size() - 9), std::string("no gzip"), std::string()}) {
+    const auto bad = read_pbrt(main, {{"part.pbrt.gz", damaged}});
+    EXPECT_NE(outcome_of(bad).find("the file is not packed by gzip, or is damaged"), std::string::npos)
+        << outcome_of(bad);
+  }
+}
+
+// Claim: whatever the bytes, the answer is a scene or one error with a place.
+TEST(DescriptionPbrt, MutatedScenesAreScenesOrErrors) {
+  const std::string seed = R"(LookAt 0 1 -4 0 1 0 0 1 0
+Film "rgb" "integer xresolution" 32 "float cropwindow" [0 1 .25 1]
+Camera "perspective" "float fov" 45 "float screenwindow" [-1 2 -1 1]
+WorldBegin
+Texture "t" "spectrum" "imagemap" "string filename" "image.png" "float scale" 0.5
+MakeNamedMedium "fog" "string type" "homogeneous" "string preset" "Skin1"
+MakeNamedMaterial "g" "string type" "subsurface" "rgb sigma_a" [1 2 3]
+AttributeBegin
+  MediumInterface "fog" ""
+  Material "diffuse" "texture reflectance" "t" "string normalmap" "image.png"
+  Shape "trianglemesh" "point3 P" [0 0 0 1 0 0 0 1 0] "integer indices" [0 1 2]
+AttributeEnd
+ObjectBegin "o"
+  NamedMaterial "g"
+  Shape "sphere" "float zmax" 0.5
+ObjectEnd
+ObjectInstance "o"
+LightSource "spot" "blackbody I" 5000 "point3 from" [0 1 0] "float power" 10
+)";
+  ASSERT_TRUE(read_pbrt(seed).ok()) << outcome_of(read_pbrt(seed));
+  std::uint64_t state = 1;
+  const auto below = [&](std::size_t n) {
+    state = state * 6364136223846793005U + 1442695040888963407U;
+    return static_cast<std::size_t>((state >> 33) % n);
+  };
+  std::size_t scenes = 0, errors = 0;
+  for (int i = 0; i < 2000; ++i) {
+    std::string text = seed;
+    for (std::size_t edits = 1 + below(3); edits > 0; --edits) {
+      const std::size_t at = below(text.size());
+      switch (below(4)) {
+        case 0:
+          text.erase(at, 1 + below(12));
+          break;
+        case 1:
+          text[at] = static_cast<char>(below(256));
+          break;
+        case 2:
+          text.insert(at, text.substr(below(text.size()), below(40)));
+          break;
+        default:
+          if (const std::size_t digit = text.find_first_of("0123456789", at); digit != std::string::npos)
+            text[digit] = static_cast<char>('0' + below(10));
+      }
+    }
+    const auto read = read_pbrt(text, {}, {.integrator = {}, .lenient = i % 2 == 0});
+    ++(read.ok() ? scenes : errors);
+    if (read.ok())
+      review(read->description);
+    else
+      EXPECT_EQ(read.error().kind, ErrorKind::input) << outcome_of(read);
+  }
+  EXPECT_GT(scenes, 200U);
+  EXPECT_GT(errors, 200U);
+}
+
+}  // namespace
+}  // namespace candela::description

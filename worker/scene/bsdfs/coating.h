@@ -1,0 +1,52 @@
+// A smooth dielectric layer that may absorb, on another bsdf: Mitsuba 0.6's `coating`. Light is reflected off
+// the layer (a delta lobe), or refracted into it, scattered by the bsdf below, and refracted out. What the
+// layer reflects back down inside is lost, as in 0.6. With F the layer's reflectance, w' the refracted
+// directions and c' their cosines:
+//   f(wo, wi) = (1 - F(wo)) (1 - F(wi)) / eta^2 exp(-sigma_a thickness (1 / c'_o + 1 / c'_i)) f_below(wo',
+//   wi')
+// [Weidlich and Wilkie 2007]
+#pragma once
+
+#include <memory>
+#include <string_view>
+
+#include "worker/scene/bsdf.h"
+#include "worker/scene/bsdfs/surface.h"
+#include "worker/scene/hit.h"
+
+namespace candela::scene {
+
+class Bsdf;
+
+struct CoatingClosure {
+  const Closure* below;
+  Spectrum specular;    // color of the layer's reflection
+  Spectrum absorption;  // sigma_a thickness
+  float eta;            // of the layer over outside
+  float share;          // steers sampling to the layer's reflection
+
+  ClosureTraits traits() const;
+};
+Spectrum eval_pdf(const CoatingClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
+bool sample(const CoatingClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
+
+struct CoatingSurface {
+  using ClosureType = CoatingClosure;
+  static constexpr std::string_view kPlugins[] = {"coating"};
+
+  std::unique_ptr<Bsdf> base;
+  ColorTexture specular, sigma_a;
+  float thickness = 1;
+  float eta = 1;
+
+  Result<void> build(const description::Object& object, const BuildContext& context);
+  void prepare(const SurfaceHit& hit, Vec3 wo, ClosureArena& arena, Closure& out) const;
+  BsdfFacts facts() const;
+  std::uint32_t arena_parts() const;
+  template <class Visitor>
+  void for_each_part(const Visitor& visit) const {
+    visit(*base);
+  }
+};
+
+}  // namespace candela::scene

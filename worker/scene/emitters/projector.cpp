@@ -1,0 +1,103 @@
+#include "worker/scene/emitters/projector.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "worker/core/math.h"
+#include "worker/scene/emitters/place.h"
+
+namespace candela::scene {
+
+ProjectorLight::ProjectorLight(Vec3 position, const Frame& frame, const ColorTexture& picture, double scale,
+                               double tan_x, double tan_y)
+    : position_(position),
+      frame_(frame),
+      picture_(picture),
+      factor_(math::kPi * static_cast<float>(scale)),
+      tan_x_(static_cast<float>(tan_x)),
+      tan_y_(static_cast<float>(tan_y)),
+      cos_corner_(static_cast<float>(1 / std::sqrt(1 + tan_x * tan_x + tan_y * tan_y))),
+      strength_(luminance(peak())) {
+  const float area = 4 * tan_x_ * tan_y_;
+  if (picture_.is_constant()) {
+    power_ = picture_.constant * (factor_ * area);
+    return;
+  }
+  constexpr int kSteps = 64;
+  double sum[3] = {};
+  for (int i = 0; i < kSteps * kSteps; ++i) {
+    const Spectrum s = picture_.eval(
+        {(static_cast<float>(i % kSteps) + 0.5f) / kSteps, (static_cast<float>(i / kSteps) + 0.5f) / kSteps});
+    sum[0] += static_cast<double>(s.r);
+    sum[1] += static_cast<double>(s.g);
+    sum[2] += static_cast<double>(s.b);
+  }
+  const double each = static_cast<double>(factor_) * static_cast<double>(area) / (kSteps * kSteps);
+  power_ = {static_cast<float>(sum[0] * each), static_cast<float>(sum[1] * each),
+            static_cast<float>(sum[2] * each)};
+}
+
+Spectrum ProjectorLight::peak() const {
+  return picture_.maximum() * (factor_ / (cos_corner_ * cos_corner_ * cos_corner_));
+}
+
+bool ProjectorLight::picture_place(Vec3 d, Vec2& uv, float& cosine) const {
+  const Vec3 local = frame_.to_local(d);
+  if (!(local.z > 0)) return false;
+  const float x = local.x / local.z, y = local.y / local.z;
+  if (!(std::abs(x) <= tan_x_ && std::abs(y) <= tan_y_)) return false;
+  uv = {0.5f - 0.5f * x / tan_x_, 0.5f - 0.5f * y / tan_y_};
+  cosine = local.z;
+  return true;
+}
+
+Spectrum ProjectorLight::intensity(Vec3 d) const {
+  Vec2 uv;
+  float cosine = 0;
+  if (!picture_place(d, uv, cosine)) return {};
+  return picture_.eval(uv) * (factor_ / (cosine * cosine * cosine));
+}
+
+float ProjectorLight::pdf_solid_angle(Vec3 d) const {
+  Vec2 uv;
+  float cosine = 0;
+  return picture_place(d, uv, cosine) ? 1 / (4 * tan_x_ * tan_y_ * cosine * cosine * cosine) : 0.0f;
+}
+
+DirectOutcome ProjectorLight::sample_direct(const SurfaceHit& reference, Vec3 front, double /*rest*/,
+                                            Vec2 /*u*/, DirectSample& out) const {
+  return sample_place(
+      position_, reference, front, [this](Vec3 d) { return intensity(d); }, out);
+}
+
+bool ProjectorLight::sample_emission(const SceneExtent& /*scene*/, double /*rest*/, Vec2 /*u_position*/,
+                                     Vec2 u_direction, EmissionSample& out) const {
+  // Rounding must not put a direction beside the picture.
+  constexpr float kInside = 1 - 0x1p-20f;
+  const Vec3 local = {(1 - 2 * u_direction.x) * tan_x_ * kInside, (1 - 2 * u_direction.y) * tan_y_ * kInside,
+                      1};
+  const Vec3 d = normalize(frame_.to_world(local));
+  out.delta_position = true;
+  out.pdf_area = 1;
+  out.radiance = intensity(d);
+  out.pdf_solid_angle = pdf_solid_angle(d);
+  if (!(out.pdf_solid_angle > 0)) return false;
+  start_at(position_, d, out);
+  return true;
+}
+
+bool ProjectorLight::pdf_emission(const SceneExtent& /*scene*/, Vec3 /*ng*/, Vec3 d,
+                                  EmissionDensity& out) const {
+  return pdf_emission_place(pdf_solid_angle(d), out);
+}
+
+LightBounds ProjectorLight::bounds(const Geometry& /*geometry*/) const {
+  LightBounds out;
+  out.box.add(Vec3d(position_));
+  out.axis = frame_.n;
+  out.spread = math::atan2f(std::sqrt(tan_x_ * tan_x_ + tan_y_ * tan_y_), 1);
+  out.strength = strength_;
+  return out;
+}
+
+}  // namespace candela::scene

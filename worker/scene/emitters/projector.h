@@ -1,0 +1,71 @@
+// Mitsuba 3's projector: a point that shines through a picture on the plane at distance 1 before it, such
+// that the picture is the plane's irradiance over pi. With c the cosine to the axis the intensity is
+//   I(d) = pi E(u, v) / c^3
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "worker/core/vec.h"
+#include "worker/scene/emitters/cone.h"
+#include "worker/scene/emitters/emitter.h"
+#include "worker/scene/emitters/light_bounds.h"
+#include "worker/scene/emitters/scene_extent.h"
+#include "worker/scene/shapes/geometry.h"
+#include "worker/scene/textures/texture.h"
+
+namespace candela::scene {
+
+class ProjectorLight {
+ public:
+  static constexpr bool kInfinite = false;
+  static constexpr bool kReadsRest = false;
+
+  // frame.n is the axis, frame.s points to the left of the picture and frame.t to its top; tan_x, tan_y > 0:
+  // half its width and height.
+  ProjectorLight(Vec3 position, const Frame& frame, const ColorTexture& picture, double scale, double tan_x,
+                 double tan_y);
+
+  DirectOutcome sample_direct(const SurfaceHit& reference, Vec3 front, double rest, Vec2 u,
+                              DirectSample& out) const;
+  // No ray meets it.
+  float pdf_direct_solid_angle(Vec3 /*reference*/, Vec3 /*d*/, const SurfaceHit& /*hit*/) const { return 0; }
+
+  // Uniformly over the picture.
+  bool sample_emission(const SceneExtent& scene, double rest, Vec2 u_position, Vec2 u_direction,
+                       EmissionSample& out) const;
+  bool pdf_emission(const SceneExtent& scene, Vec3 ng, Vec3 d, EmissionDensity& out) const;
+
+  // W; by quadrature where the picture varies, analytic otherwise.
+  Spectrum power(const SceneExtent& /*scene*/) const { return power_; }
+  LightBounds bounds(const Geometry& geometry) const;
+  float importance(Vec3 p, Vec3 front) const {
+    const Vec3 v = position_ - p;
+    const float d2 = std::max(length_squared(v), 1e-36f), inverse_d = 1 / std::sqrt(d2);
+    if (-dot(frame_.n, v) * inverse_d < cos_corner_ - kCosineSlack) return 0;
+    if (is_zero(front)) return std::min(strength_ / d2, kMaxImportance);
+    const float h = dot(front, v);
+    if (!(h > 0)) return 0;
+    return std::min(strength_ * std::max(h * inverse_d, kMinBoundCosine) / d2, kMaxImportance);
+  }
+
+  // W / sr, in no direction more.
+  Spectrum peak() const;
+
+ private:
+  // False: d (unit, world) leaves beside the picture.
+  bool picture_place(Vec3 d, Vec2& uv, float& cosine) const;
+  Spectrum intensity(Vec3 d) const;
+  float pdf_solid_angle(Vec3 d) const;
+
+  Vec3 position_;
+  Frame frame_;
+  ColorTexture picture_;
+  float factor_;  // pi times the scale
+  float tan_x_, tan_y_;
+  float cos_corner_;
+  float strength_;  // importance at unit distance and cosines
+  Spectrum power_;
+};
+
+}  // namespace candela::scene

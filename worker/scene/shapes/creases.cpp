@@ -1,0 +1,70 @@
+#include "worker/scene/shapes/creases.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+#include <numeric>
+#include <tuple>
+#include <vector>
+
+#include "worker/core/math.h"
+
+namespace candela::scene {
+namespace {
+
+Vec3d face_normal(const loaders::Mesh& mesh, const Transform& to_world, std::size_t face) {
+  const auto& t = mesh.triangles[face];
+  const Vec3d a = to_world.point(Vec3d(mesh.positions[t[0]]));
+  const Vec3d n =
+      cross(to_world.point(Vec3d(mesh.positions[t[1]])) - a, to_world.point(Vec3d(mesh.positions[t[2]])) - a);
+  const double l = length(n);
+  return l > 0 && std::isfinite(l) ? n / l : Vec3d{};
+}
+
+}  // namespace
+
+loaders::Mesh split_at_creases(loaders::Mesh mesh, const Transform& to_world, double max_degrees) {
+  float sine = 0, cosine = 0;
+  math::sincosf(static_cast<float>(max_degrees * (std::numbers::pi / 180)), sine, cosine);
+  const double threshold = static_cast<double>(cosine) - 1e-6;
+  std::vector<Vec3d> normals(mesh.triangles.size());
+  for (std::size_t i = 0; i < normals.size(); ++i) normals[i] = face_normal(mesh, to_world, i);
+
+  // Corners of faces, those of one place next to each other, and there in the order of the faces.
+  std::vector<std::size_t> corners(3 * mesh.triangles.size());
+  std::iota(corners.begin(), corners.end(), std::size_t{0});
+  const auto place = [&](std::size_t corner) {
+    const std::uint32_t v = mesh.triangles[corner / 3][corner % 3];
+    const Vec3 p = mesh.positions[v];
+    const Vec2 uv = mesh.uvs.empty() ? Vec2{} : mesh.uvs[v];
+    return std::tuple(p.x, p.y, p.z, uv.x, uv.y);
+  };
+  std::stable_sort(corners.begin(), corners.end(),
+                   [&](std::size_t a, std::size_t b) { return place(a) < place(b); });
+
+  loaders::Mesh split;
+  split.dropped_face_count = mesh.dropped_face_count;
+  split.triangles.resize(mesh.triangles.size());
+  std::vector<bool> taken(corners.size());
+  for (std::size_t begin = 0, end = 0; begin < corners.size(); begin = end) {
+    while (end < corners.size() && place(corners[end]) == place(corners[begin])) ++end;
+    for (std::size_t i = begin; i < end; ++i) {
+      if (taken[corners[i]]) continue;
+      const auto vertex = static_cast<std::uint32_t>(split.positions.size());
+      const std::uint32_t old = mesh.triangles[corners[i] / 3][corners[i] % 3];
+      split.positions.push_back(mesh.positions[old]);
+      if (!mesh.uvs.empty()) split.uvs.push_back(mesh.uvs[old]);
+      for (std::size_t k = i; k < end; ++k) {
+        const std::size_t corner = corners[k];
+        if (taken[corner] || (k != i && dot(normals[corners[i] / 3], normals[corner / 3]) < threshold))
+          continue;
+        taken[corner] = true;
+        split.triangles[corner / 3][corner % 3] = vertex;
+      }
+    }
+  }
+  return split;
+}
+
+}  // namespace candela::scene

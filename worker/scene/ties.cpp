@@ -1,0 +1,365 @@
+#include "worker/scene/ties.h"
+
+#include <embree3/rtcore.h>
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+namespace candela::scene {
+namespace {
+
+// A flat primitive with its plane: normal (one of the two, by rule) and distance of the plane from the
+// origin.
+struct Flat {
+  std::uint64_t normal;  // rounded
+  double distance;
+  Contested what;
+  Bounds box;
+};
+
+// Of +n and -n the one whose first large component is positive.
+Vec3d without_sign(Vec3d n) {
+  for (const double c : {n.x, n.y, n.z})
+    if (std::abs(c) > 0.5) return c < 0 ? n * -1.0 : n;
+  return n;
+}
+
+std::uint64_t rounded(Vec3d n) {
+  const auto cell = [](double c) { return static_cast<std::uint64_t>(std::lround(c * 1024) + 1024); };
+  return cell(n.x) << 32 | cell(n.y) << 16 | cell(n.z);
+}
+
+double largest_coordinate(const Bounds& b) {
+  return std::max({std::abs(b.low.x), std::abs(b.low.y), std::abs(b.low.z), std::abs(b.high.x),
+                   std::abs(b.high.y), std::abs(b.high.z)});
+}
+
+std::vector<Flat> flats_of(const Geometry& geometry) {
+  std::vector<Flat> flats;
+  const auto add = [&](PrimitiveKind kind, std::uint32_t shape, std::uint32_t primitive, Vec3d normal,
+                       Vec3d point, const Bounds& box) {
+    const double l = length(normal);
+    if (!(l > 0) || !std::isfinite(l)) return;
+    const Vec3d n = without_sign(normal / l);
+    flats.push_back({rounded(n), dot(n, point), {kind, shape, primitive, 0, {}}, box});
+  };
+  const auto range = [&](PrimitiveKind kind) {
+    return geometry.groups[0].primitives[static_cast<std::size_t>(kind)];
+  };
+  const Group::Range triangles = range(PrimitiveKind::triangle), disks = range(PrimitiveKind::disk);
+  flats.reserve(triangles.count + disks.count);
+  for (std::uint32_t i = triangles.first; i < triangles.first + triangles.count; ++i) {
+    const Triangle& t = geometry.triangles[i];
+    const Vec3d a(t.v0), b(t.v1), c(t.v2);
+    Bounds box;
+    for (const Vec3d& corner : {a, b, c}) box.add(corner);
+    add(PrimitiveKind::triangle, t.shape, i, cross(b - a, c - a), a, box);
+  }
+  for (std::uint32_t i = disks.first; i < disks.first + disks.count; ++i) {
+    const DiskRecord& d = geometry.disks[i];
+    add(PrimitiveKind::disk, d.shape, i, d.disk.axes[2], d.disk.center, bounds_of(d.disk));
+  }
+  return flats;
+}
+
+// Whether boxes in one plane have more than an edge in common.
+bool overlap_in_plane(const Bounds& a, const Bounds& b, double edge) {
+  int wide = 0;
+  for (double Vec3d::*axis : {&Vec3d::x, &Vec3d::y, &Vec3d::z}) {
+    const double common = std::min(a.high.*axis, b.high.*axis) - std::max(a.low.*axis, b.low.*axis);
+    if (common < -edge) return false;
+    wide += common > edge ? 1 : 0;
+  }
+  return wide >= 2;
+}
+
+// One shape's part of a plane: flats [first, last), sorted by shape.
+struct Part {
+  std::size_t first, last;
+  Bounds box;
+  Place place;
+  std::vector<const Part*> others;  // those whose boxes overlap this one's
+};
+
+Place place_in(const Bounds& box, double pad) {
+  const auto below = [&](double v) { return std::nextafter(static_cast<float>(v - pad), -INFINITY); };
+  const auto above = [&](double v) { return std::nextafter(static_cast<float>(v + pad), INFINITY); };
+  Place place;
+  place.low = {below(box.low.x), below(box.low.y), below(box.low.z)};
+  place.high = {above(box.high.x), above(box.high.y), above(box.high.z)};
+  return place;
+}
+
+// Corners of the triangles in [begin, end), three of each. Empty where there are many or disks are among
+// them.
+std::vector<Vec3d> few_corners(const Geometry& geometry, std::vector<Flat>::iterator begin,
+                               std::vector<Flat>::iterator end) {
+  constexpr std::ptrdiff_t kMost = 16;
+  std::vector<Vec3d> corners;
+  if (end - begin > kMost) return corners;
+  for (auto i = begin; i != end; ++i) {
+    if (i->what.kind != PrimitiveKind::triangle) return {};
+    const Triangle& t = geometry.triangles[i->what.primitive];
+    corners.insert(corners.end(), {Vec3d(t.v0), Vec3d(t.v1), Vec3d(t.v2)});
+  }
+  return corners;
+}
+
+// Adds the edges of triangles that have all corners on one side.
+void add_outline(const std::vector<Vec3d>& corners, double pad, Place& place) {
+  for (std::size_t i = 0; i < corners.size() && place.edge_count < Place::kMostEdges; ++i) {
+    const std::size_t t = i / 3 * 3;
+    const Vec3d a = corners[i], b = corners[t + (i + 1) % 3], c = corners[t + (i + 2) % 3];
+    const Vec3d along = b - a, inward = (c - a) - along * (dot(c - a, along) / length_squared(along));
+    if (!(length(inward) > pad)) continue;  // a sliver tells no direction
+    const Vec3d outward = inward / -length(inward);
+    const double distance = dot(outward, a) + pad;
+    if (std::all_of(corners.begin(), corners.end(),
+                    [&](const Vec3d& corner) { return dot(outward, corner) <= distance; }))
+      place.edges[place.edge_count++] = {Vec3(outward), static_cast<float>(distance + pad)};
+  }
+}
+
+// Of many places the last one holds all the rest.
+void add_place(const Place& place, std::vector<Place>& places) {
+  constexpr std::size_t kMost = 8;
+  if (places.size() < kMost) {
+    places.push_back(place);
+    return;
+  }
+  Place& last = places.back();
+  last.low = {std::min(last.low.x, place.low.x), std::min(last.low.y, place.low.y),
+              std::min(last.low.z, place.low.z)};
+  last.high = {std::max(last.high.x, place.high.x), std::max(last.high.y, place.high.y),
+               std::max(last.high.z, place.high.z)};
+  last.edge_count = 0;
+}
+
+// flats: in one plane, sorted by shape. Adds those that are contested.
+void find_in_plane(const Geometry& geometry, std::vector<Flat>::iterator begin,
+                   std::vector<Flat>::iterator end, double edge, std::uint32_t plane,
+                   std::vector<Contested>& out) {
+  std::vector<Part> parts;
+  for (auto i = begin; i != end; ++i) {
+    const auto at = static_cast<std::size_t>(i - begin);
+    if (i == begin || i->what.shape != (i - 1)->what.shape) parts.push_back({at, at, {}, {}, {}});
+    parts.back().last = at + 1;
+    parts.back().box.add(i->box);
+  }
+  if (parts.size() < 2) return;
+  std::sort(parts.begin(), parts.end(),
+            [](const Part& a, const Part& b) { return a.box.low.x < b.box.low.x; });
+  for (std::size_t i = 0; i < parts.size(); ++i)
+    for (std::size_t j = i + 1; j < parts.size() && parts[j].box.low.x <= parts[i].box.high.x + edge; ++j)
+      if (overlap_in_plane(parts[i].box, parts[j].box, edge)) {
+        parts[i].others.push_back(&parts[j]);
+        parts[j].others.push_back(&parts[i]);
+      }
+  const auto flat = [&](std::size_t i) { return begin + static_cast<std::ptrdiff_t>(i); };
+  for (Part& part : parts) {
+    const double pad = 64 * edge;
+    part.place = place_in(part.box, pad);
+    if (!part.others.empty())
+      add_outline(few_corners(geometry, flat(part.first), flat(part.last)), pad, part.place);
+  }
+  for (const Part& part : parts)
+    for (std::size_t k = part.first; k < part.last && !part.others.empty(); ++k) {
+      Contested& what = flat(k)->what;
+      what.plane = plane;
+      for (const Part* other : part.others)
+        if (overlap_in_plane(flat(k)->box, other->box, edge)) add_place(other->place, what.others);
+      if (!what.others.empty()) out.push_back(std::move(what));
+    }
+}
+
+}  // namespace
+
+std::vector<Contested> find_contested(const Geometry& geometry) {
+  std::vector<Flat> flats = flats_of(geometry);
+  std::vector<Contested> out;
+  const auto several = [&] {
+    return std::any_of(flats.begin(), flats.end(),
+                       [&](const Flat& f) { return f.what.shape != flats.front().what.shape; });
+  };
+  if (!several()) return out;
+  std::sort(flats.begin(), flats.end(), [](const Flat& a, const Flat& b) {
+    return std::tie(a.normal, a.distance, a.what.shape, a.what.primitive) <
+           std::tie(b.normal, b.distance, b.what.shape, b.what.primitive);
+  });
+  // What rounding makes of coordinates, and Embree's arithmetic of distances.
+  const double tolerance = 0x1p-20 * largest_coordinate(geometry.groups[0].bounds);
+  std::uint32_t plane = 0;
+  for (auto begin = flats.begin(); begin != flats.end();) {
+    auto end = begin + 1;
+    while (end != flats.end() && end->normal == begin->normal &&
+           end->distance - (end - 1)->distance <= tolerance)
+      ++end;
+    if (end - begin > 1) {
+      std::sort(begin, end, [](const Flat& a, const Flat& b) { return a.what.shape < b.what.shape; });
+      find_in_plane(geometry, begin, end, tolerance, plane++, out);
+    }
+    begin = end;
+  }
+  std::sort(out.begin(), out.end(), [](const Contested& a, const Contested& b) {
+    return std::tie(a.shape, a.kind, a.primitive) < std::tie(b.shape, b.kind, b.primitive);
+  });
+  return out;
+}
+
+namespace {
+
+constexpr unsigned kTriangles = 0, kDisks = 1;  // Embree's geometries
+
+// What Embree's callbacks see of one of them.
+struct TieGeometry {
+  const Geometry* geometry = nullptr;
+  const std::vector<Contested>* contested = nullptr;
+  std::vector<std::uint32_t> index;  // in contested, by primitive
+
+  const Contested& at(unsigned primitive) const { return (*contested)[index[primitive]]; }
+  const Disk& disk(unsigned primitive) const { return geometry->disks[at(primitive).primitive].disk; }
+};
+
+// Takes note of the first that is met in its plane, and of none as a hit, so that all are met.
+struct TieQuery {
+  RTCIntersectContext context;
+  std::uint32_t plane, first;
+};
+
+void note(RTCIntersectContext* context, const TieGeometry& geometry, unsigned primitive) {
+  auto* query = reinterpret_cast<TieQuery*>(context);
+  if (geometry.at(primitive).plane == query->plane)
+    query->first = std::min(query->first, geometry.index[primitive]);
+}
+
+void note_triangle(const RTCFilterFunctionNArguments* args) {
+  if (args->valid[0] == 0) return;
+  note(args->context, *static_cast<const TieGeometry*>(args->geometryUserPtr),
+       RTCHitN_primID(args->hit, args->N, 0));
+  args->valid[0] = 0;
+}
+
+void note_disk(const RTCIntersectFunctionNArguments* args) {
+  if (args->valid[0] == 0) return;
+  const auto& geometry = *static_cast<const TieGeometry*>(args->geometryUserPtr);
+  const RTCRay& ray = reinterpret_cast<const RTCRayHit*>(args->rayhit)->ray;
+  const auto vector = [](float x, float y, float z) {
+    return Vec3d(static_cast<double>(x), static_cast<double>(y), static_cast<double>(z));
+  };
+  double t = 0;
+  if (meet(geometry.disk(args->primID), vector(ray.org_x, ray.org_y, ray.org_z),
+           vector(ray.dir_x, ray.dir_y, ray.dir_z), static_cast<double>(ray.tnear),
+           static_cast<double>(ray.tfar), t))
+    note(args->context, geometry, args->primID);
+}
+
+void disk_bounds(const RTCBoundsFunctionArguments* args) {
+  const Bounds box = bounds_of(static_cast<const TieGeometry*>(args->geometryUserPtr)->disk(args->primID));
+  const auto below = [](double v) { return std::nextafter(static_cast<float>(v), -INFINITY); };
+  const auto above = [](double v) { return std::nextafter(static_cast<float>(v), INFINITY); };
+  *args->bounds_o = {below(box.low.x),  below(box.low.y),  below(box.low.z),  0,
+                     above(box.high.x), above(box.high.y), above(box.high.z), 0};
+}
+
+}  // namespace
+
+// What is contested, as a scene of its own.
+struct Ties::Scene {
+  Scene() = default;
+  Scene(const Scene&) = delete;
+  Scene& operator=(const Scene&) = delete;
+  ~Scene() {
+    if (scene != nullptr) rtcReleaseScene(scene);
+  }
+
+  TieGeometry triangles, disks;
+  std::vector<std::array<std::uint32_t, 3>> corners;  // of the triangles, in Geometry::positions
+  RTCScene scene = nullptr;
+};
+
+Ties::Ties() : scene_(std::make_unique<Scene>()) {}
+Ties::~Ties() = default;
+
+std::unique_ptr<Ties> Ties::build(RTCDevice device, const Geometry& geometry) {
+  std::vector<Contested> contested = find_contested(geometry);
+  if (contested.empty()) return nullptr;
+  std::unique_ptr<Ties> ties(new Ties);
+  ties->contested_ = std::move(contested);
+  Scene& made = *ties->scene_;
+  made.triangles = {&geometry, &ties->contested_, {}};
+  made.disks = made.triangles;
+  for (std::uint32_t i = 0; i < ties->contested_.size(); ++i) {
+    const Contested& c = ties->contested_[i];
+    auto& index = ties->index_[static_cast<std::size_t>(c.kind)];
+    if (index.empty())
+      index.assign(geometry.groups[0].primitives[static_cast<std::size_t>(c.kind)].count, kNone);
+    index[c.primitive] = i;
+    std::uint32_t& last = ties->contested_end_[static_cast<std::size_t>(c.kind)];
+    last = std::max(last, c.primitive + 1);
+    if (c.kind == PrimitiveKind::triangle) {
+      made.triangles.index.push_back(i);
+      made.corners.push_back(geometry.indices[c.primitive]);
+    } else {
+      made.disks.index.push_back(i);
+    }
+  }
+  made.scene = rtcNewScene(device);
+  if (made.scene == nullptr) return nullptr;  // the device has heard of it
+  rtcSetSceneFlags(made.scene, RTC_SCENE_FLAG_ROBUST);
+  const auto attach = [&](RTCGeometry of, unsigned id) {
+    rtcCommitGeometry(of);
+    rtcAttachGeometryByID(made.scene, of, id);
+    rtcReleaseGeometry(of);
+  };
+  if (!made.corners.empty()) {
+    RTCGeometry of = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
+    rtcSetSharedGeometryBuffer(of, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, geometry.positions.data(), 0,
+                               sizeof(Vec3), geometry.positions.size() - 1);
+    rtcSetSharedGeometryBuffer(of, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, made.corners.data(), 0,
+                               sizeof made.corners[0], made.corners.size());
+    rtcSetGeometryUserData(of, &made.triangles);
+    rtcSetGeometryIntersectFilterFunction(of, note_triangle);
+    attach(of, kTriangles);
+  }
+  if (!made.disks.index.empty()) {
+    RTCGeometry of = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
+    rtcSetGeometryUserPrimitiveCount(of, static_cast<unsigned>(made.disks.index.size()));
+    rtcSetGeometryUserData(of, &made.disks);
+    rtcSetGeometryBoundsFunction(of, disk_bounds, nullptr);
+    rtcSetGeometryIntersectFunction(of, note_disk);
+    attach(of, kDisks);
+  }
+  rtcCommitScene(made.scene);
+  return ties;
+}
+
+void Ties::settle_contested(const Ray& ray, float distance, std::uint32_t index, PrimitiveKind& kind,
+                            std::uint32_t& primitive) const {
+  const Vec3 p = ray.origin + ray.direction * distance;
+  const std::vector<Place>& others = contested_[index].others;
+  if (std::none_of(others.begin(), others.end(), [&](const Place& place) { return place.holds(p); })) return;
+  TieQuery query;
+  rtcInitIntersectContext(&query.context);
+  query.plane = contested_[index].plane;
+  query.first = index;
+  // All in the plane are met at one place: the stretch only has to hold what Embree's rounding makes of it.
+  constexpr float kStretch = 0x1p-10f;
+  RTCRayHit hit{};
+  hit.ray.org_x = ray.origin.x;
+  hit.ray.org_y = ray.origin.y;
+  hit.ray.org_z = ray.origin.z;
+  hit.ray.dir_x = ray.direction.x;
+  hit.ray.dir_y = ray.direction.y;
+  hit.ray.dir_z = ray.direction.z;
+  hit.ray.tnear = distance * (1 - kStretch);
+  hit.ray.tfar = distance * (1 + kStretch);
+  hit.ray.mask = 0xffffffffU;
+  hit.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+  hit.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+  rtcIntersect1(scene_->scene, &query.context, &hit);
+  kind = contested_[query.first].kind;
+  primitive = contested_[query.first].primitive;
+}
+
+}  // namespace candela::scene
