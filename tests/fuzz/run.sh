@@ -45,6 +45,7 @@ copy_shared() {
   [[ -d "$scenes" ]] || return 0
   case "$target" in
     scene) pattern='*.xml' ;;
+    pbrt) pattern='*.pbrt' ;;
     obj) pattern='*.obj' ;;
     ply) pattern='*.ply' ;;
     serialized) pattern='*.serialized' ;;

@@ -1,0 +1,7 @@
+// The scene readers on any bytes, read as pbrt-v4's text. scene_input.h says how several files lie in one input.
+#include "scene_input.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  candela::fuzz::read_both_ways(candela::fuzz::files_of(data, size, "scene.pbrt"), "scene.pbrt");
+  return 0;
+}
