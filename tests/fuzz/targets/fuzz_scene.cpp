@@ -1,5 +1,4 @@
-// The scene readers on any bytes, read as XML of Mitsuba. scene_input.h says how several files lie in one
-// input.
+// The scene readers on any bytes, read as XML of Mitsuba. scene_input.h says how files lie in one input.
 #include "scene_input.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

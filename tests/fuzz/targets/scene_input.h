@@ -1,5 +1,4 @@
-// What the scene readers' targets share: how the files of a scene lie in one input, and what a reading must
-// keep.
+// What the targets of scene readers share: the files of a scene in one input, and what a reading promises.
 #pragma once
 
 #include <cstddef>
@@ -31,8 +30,7 @@ class Files final : public description::FileSource {
   }
 };
 
-// The input is the main file; after a line "=== NAME" follows another file of that name, for includes and
-// spectra.
+// The input is the main file; a line "=== NAME" begins another file, for includes and spectra.
 inline Files files_of(const std::uint8_t* data, std::size_t size, std::string main) {
   std::string_view rest(reinterpret_cast<const char*>(data), size);
   constexpr std::string_view mark = "\n=== ";
