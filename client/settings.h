@@ -55,7 +55,7 @@ struct PreparedJob {
   StopRule stop;
   bool stop_given = false;  // by an option; else it is the scene's sample_count
   std::uint64_t spp = 0;    // what stop.iterations were made of; 0: they were given, or there is no limit
-  // Of the integrator's settings those that nobody gave and that followed from the effort.
+  // The integrator's settings that nobody gave and that follow from the effort.
   SettingsMap of_effort = {};
   // If --integrator passes over an integrator of the scene: which one, and what of it counts.
   std::optional<description::Note> other_integrator = {};

@@ -22,7 +22,7 @@ struct SubmitOptions {
   bool wait = false, quiet = false, json = false, error_layer = false, variance_layer = false;
 };
 
-// What only --wait can do is refused without it.
+// Refuses options that need --wait if --wait is not given.
 Result<void> check_waits(const SubmitOptions& options) {
   if (options.wait) return {};
   const std::pair<bool, const char*> needs[] = {

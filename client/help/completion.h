@@ -1,4 +1,4 @@
-// What both shells' scripts need to know of a value.
+// Facts about an option's value that the scripts of both shells need.
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-// What describes the program, as text: the reference, man pages, completion of shells.
+// Descriptions of the program as text: the reference, man pages, shell completion.
 #pragma once
 
 #include <map>

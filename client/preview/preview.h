@@ -25,7 +25,7 @@ struct PreviewOptions {
 // `with_png`: the command writes a PNG that can be rewritten.
 void add_preview_options(CLI::App& app, PreviewOptions& options, bool with_png);
 
-// What to show and where. Nothing: no preview.
+// The viewer and the PNG file that a preview writes to. There is no preview if both are empty.
 struct PreviewPlan {
   std::optional<TevViewer> tev;
   std::string png;  // path; empty: none

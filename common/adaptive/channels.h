@@ -31,8 +31,8 @@ inline constexpr const char* kDiscs = "fppm.discs";               // sum of phi
 inline constexpr const char* kRingSectors = "fppm.rings";         // sum of phi
 inline constexpr const char* kRingSquares = "fppm.ring_squares";  // sum of phi^2, of all sectors
 inline constexpr const char* kCounts = "cppm.counts";             // number of photons; kSectorChannels
-// Of merges on surfaces. Where media merge too a second channel has those in media, with 4/3 pi r_1^3 in
-// place of pi r_1^2.
+// The sums of merges on surfaces. If media merge too, a second channel has the sums of merges in media, with
+// 4/3 pi r_1^3 in place of pi r_1^2.
 inline constexpr const char* kMoments = "appm.moments";      // sum of phi^2 k_r(y) pi r_1^2
 inline constexpr const char* kLaplacian = "appm.laplacian";  // sum of phi D_h(y) pi r_1^4; signed
 inline constexpr const char* kMeans = "appm.means";          // sum of phi k_r(y) pi r_1^2; surfaces alone

@@ -28,9 +28,9 @@ namespace candela::adaptive {
 // the mean over all radii so far, whose optimum is smaller (a third inside the root).
 double plug_in_constant(double k2, double k3, bool recursive);
 
-// Of merges in media, for k2 of the disc and k2, k3 of the ball. `recursive`: the mean over radii that fall
-// as i^(-1/7) has 7/10 of the last one's variance and (7/5)^2 of its squared bias, a factor of 2.8 inside the
-// root.
+// The plug-in radius of merges in media, from k2 of the disc and k2, k3 of the ball. `recursive`: the mean
+// over radii that fall as i^(-1/7) has 7/10 of the variance of the last radius and (7/5)^2 of its squared
+// bias, a factor of 2.8 inside the root.
 struct PlugInMedia {
   double c7 = 0, k2_ratio = 0;
 };

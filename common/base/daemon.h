@@ -52,7 +52,7 @@ Result<void> read_positive_seconds(const Chosen& chosen, double& out);  // above
 Result<void> read_flag(const Chosen& chosen, bool& out);
 Error bad_value(const Chosen& chosen, const std::string& what);
 
-// Where a worker keeps scene files unless --cache says otherwise.
+// The folder in which a worker keeps scene files unless --cache names another one.
 Result<std::filesystem::path> default_cache_folder();
 
 // Prints the error; returns its exit code.

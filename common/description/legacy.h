@@ -22,8 +22,8 @@ std::string slot_name(const Object& parent, std::string_view slot);
 bool is_heeded(const Object& object, std::string_view parameter);
 
 // Turns the properties of one object of an old file into today's: names, merged or split parameters, values.
-// What means something else today, or nothing, is an error naming the mend.
-// What it reads as something else than 0.6 does goes to the notes.
+// A word that means something else today, or nothing, is an error that names the mend. `notes` get every word
+// that Candela reads otherwise than Mitsuba 0.6.
 Result<void> upgrade(Object& object, std::vector<Note>& notes);
 
 // 0.6's films `ldrfilm` and `mfilm` (`plugin`: the name as written) as hdrfilm, in files of any version.

@@ -1,4 +1,4 @@
-// What the lenient reading puts in the place of plugins and parameters that Candela does not know.
+// The lenient reading replaces plugins and parameters that Candela does not know.
 #pragma once
 
 #include <cstddef>

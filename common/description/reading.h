@@ -22,8 +22,8 @@ struct Reading {
 
 struct ReadScene {
   SceneDescription description;
-  // What was passed over, or replaced, in the order they were met. They are among the
-  // description's notes, too.
+  // Notes on plugins, parameters and values that the reading passed over or replaced, in the order of the
+  // file. The description's notes contain them too.
   std::vector<Note> passed_over;
 };
 

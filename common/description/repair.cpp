@@ -85,7 +85,7 @@ std::string shown(const Property& property) {
   return fmt::format("{:.4g}, {:.4g}, {:.4g}", color[0], color[1], color[2]);
 }
 
-// Of a film that is cropped the whole is rendered.
+// Removes the crop window: a film that cannot be cropped is rendered whole.
 void drop_crop(Object& film, std::vector<Note>& passed_over) {
   constexpr std::array<std::string_view, 4> crop = {"crop_offset_x", "crop_offset_y", "crop_width",
                                                     "crop_height"};

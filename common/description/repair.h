@@ -1,5 +1,5 @@
-// What the lenient reading makes of values that the rules refuse: the nearest value that they accept, or else
-// the default. Each change is told in `passed_over`.
+// The lenient reading replaces values that the rules refuse by the nearest value that they accept, or else by
+// the default. `passed_over` gets a note on each change.
 #pragma once
 
 #include <vector>

@@ -130,7 +130,7 @@ class Resolver {
     return object.plugin == "bumpmap" || object.plugin == "normalmap";
   }
 
-  // Of a bump or normal map directly inside another one the outer one counts.
+  // If a bump or normal map stands directly inside another one, the outer map counts.
   void unnest_maps(Object& object, const std::vector<Location>& where) {
     if (!is_map(object)) return;
     for (std::size_t i = 0; i < object.children.size(); ++i) {

@@ -89,7 +89,7 @@ constexpr std::array<AddIfWithin, kMaxChunk> kAdders = adders(std::make_index_se
 // |sum| of at most 2^40 indices, each of 64 bits.
 constexpr Uint128 kMaxSum = static_cast<Uint128>(1) << 103;
 
-// Of values that are not all within the limit.
+// The cause of rejection of values that are not all within the limit.
 RejectCause reject_cause(std::span<const double> values) {
   bool is_infinite = false;
   for (const double value : values) {

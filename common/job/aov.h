@@ -50,8 +50,9 @@ std::string aov_kind_names();
 // The name of its accumulator.
 std::string accumulator_name(const Aov& aov);
 
-// Of a job of Markov chains: an accumulator of one channel that counts the eye samples of each pixel, by
-// which sums of AOVs are divided. Sums of other jobs are divided by the number of iterations.
+// Name of an accumulator of jobs of Markov chains. The accumulator has one channel, which counts the eye
+// samples of each pixel; the master divides sums of AOVs by them. The sums of other jobs are divided by the
+// number of iterations.
 inline constexpr std::string_view kAovSamples = "aov-samples";
 
 }  // namespace candela

@@ -92,7 +92,7 @@ struct Sums {
       if (f_over_q[k] != 0)
         for (std::size_t i = 0; i < techniques; ++i) b[k][i] += f_over_q[k] * c[i];
   }
-  // Of so many techniques; all others are zero already.
+  // Sets the sums of so many techniques to zero. Precondition: all further sums are zero.
   void clear(std::size_t techniques) {
     std::fill_n(a.begin(), packed_size(techniques), 0.0);
     for (Vector& color : b) std::fill_n(color.begin(), techniques, 0.0);

@@ -25,8 +25,8 @@ struct DevelopmentInput {
   // The sums of an accumulator over a half of the job, all of one moment and that of the film. Null: nothing
   // is merged, or the job has none of this name for each half.
   std::function<const film::MergedAccumulator*(std::string_view name, std::uint32_t half)> sums;
-  // Of a job of epochs: what its rule carries (null: nothing is decided), and for each epoch that is not
-  // folded, in order, what is merged of its sums, by place as in Carry::sums (null: nothing).
+  // If the job has epochs: the carry of its rule (null: no decision was made), and for each epoch that is not
+  // folded, in order, the merged sums by place as in Carry::sums (null: no sums).
   const Carry* carry = nullptr;
   std::vector<std::vector<const film::MergedAccumulator*>> open = {};
 };

@@ -79,8 +79,8 @@ class JobFilm {
     std::uint64_t chain_segments = 0;  // by the records
     // The sums of an accumulator that is kept for each half, at the same moment. Null: nothing is merged.
     std::vector<std::array<std::shared_ptr<const film::MergedAccumulator>, 2>> accumulators = {};  // as specs
-    // Of a job of epochs: the carry (null: nothing is decided), and for each epoch that is not folded, in
-    // order, what is merged of its sums, by place as in Carry::sums (null: nothing).
+    // If the job has epochs: the carry (null: no decision was made), and for each epoch that is not folded,
+    // in order, the merged sums by place as in Carry::sums (null: no sums).
     std::shared_ptr<const Carry> carry = {};
     std::vector<std::vector<std::shared_ptr<const film::MergedAccumulator>>> open_epochs = {};
   };

@@ -1,5 +1,6 @@
-// What an epoch costs beside its rendering: bytes on the wire, CPU time of a worker to encode its statistics,
-// CPU time of the master to decode and merge them and to decide the next state, for a film of a real scene.
+// Measures the cost of an epoch beside its rendering: bytes on the wire, CPU time of a worker to encode the
+// statistics, CPU time of the master to decode and merge them and to decide the next state, for a film of a
+// real scene.
 //
 //   bench_epoch_cost SCENE.xml [WIDTH HEIGHT [ITERATIONS]]        default 1920 1080 8
 //

@@ -1,5 +1,5 @@
-// What a farm tells of jobs with statistics: show, metrics and layers of adaptive radii, read-outs of optimal
-// weights, and the refusal of films that are too large for the master.
+// Tests the reports of a farm on jobs with statistics: show, metrics and layers of adaptive radii, read-outs
+// of optimal weights, and the refusal of films that are too large for the master.
 #include <arpa/inet.h>
 #include <fmt/format.h>
 #include <gtest/gtest.h>

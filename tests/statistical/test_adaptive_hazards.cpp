@@ -1,5 +1,5 @@
-// What radii that follow from tests do where something is known to be hard: the hazards of
-// ../shared/theory/adaptive-kernels.md, section 8, from the renderer. docs/testing.md lists all of them.
+// Tests the renderer's adaptive radii in known hard cases: the hazards of
+// ../shared/theory/adaptive-kernels.md, section 8. docs/testing.md lists all of them.
 //
 // A floor of 24 x 24 pixels is seen from above, its light is known (tests/bench/candela_study/scenes). Claims
 // are about levels of radii; seeds are fixed. Bounds were chosen so that the statistic lies four or more of

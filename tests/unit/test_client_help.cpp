@@ -1,4 +1,4 @@
-// What describes the program: examples, shell completion, man pages.
+// Tests the descriptions of the program: examples, shell completion, man pages.
 #include <gtest/gtest.h>
 
 #include <CLI/CLI.hpp>
@@ -77,7 +77,7 @@ class Completion : public ::testing::Test {
     script_ = folder_.path() / ("candela." + name);
     std::ofstream(script_) << output_of_program({"completion", name});
   }
-  // What bash offers for the last of `words`, one a line.
+  // The words that bash offers for the last of `words`, one a line.
   std::string complete(const std::vector<std::string>& words) const {
     std::string list;
     for (const std::string& word : words) list += " '" + word + "'";

@@ -1,5 +1,5 @@
-// What stands in for plugins, parameters and values that nobody knows: the lenient reading, and what every
-// reading understands of Mitsuba's less common plugins.
+// Tests the stand-ins of the lenient reading for unknown plugins, parameters and values, and Mitsuba's less
+// common plugins, which every reading understands.
 #include <gtest/gtest.h>
 
 #include "common/description/reading.h"

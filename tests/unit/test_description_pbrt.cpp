@@ -24,7 +24,7 @@ std::string outcome_of(const Result<ReadScene>& result) {
   return result.ok() ? "ok" : result.error().to_string();
 }
 
-// What of the scene the world section makes, without sensor and integrator.
+// The objects of the world section: the scene without sensor and integrator.
 std::string world_of(const Object& scene) {
   std::string text;
   for (const Child& child : scene.children)

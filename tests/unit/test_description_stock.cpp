@@ -58,7 +58,7 @@ const std::vector<Documented>& documented() {
   return all;
 }
 
-// What a plugin cannot be without.
+// The parameters and children that a plugin requires.
 std::string contents(const std::string& category, const std::string& plugin) {
   static const std::set<std::string> with_file = {"obj",         "ply",          "serialized",  "hair",
                                                   "heightfield", "bsplinecurve", "linearcurve", "sdfgrid",

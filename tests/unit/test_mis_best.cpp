@@ -82,7 +82,7 @@ TEST(MisBest, HasTheVarianceOfTheBestTechnique) {
     const double mean = sum / kRuns, variance = squares / kRuns - mean * mean;
     EXPECT_NEAR(mean, f, 5 * std::sqrt(variance / kRuns)) << c.problem;
     EXPECT_GT(right, 2 * kRuns * 0.85) << c.problem;
-    // Of the variance of a variance, and of the wrong choices.
+    // The tolerance covers the variance of a variance, and wrong choices.
     EXPECT_NEAR(kBatches * variance / table_best(c.problem), 1, c.tolerance) << c.problem;
   }
 }

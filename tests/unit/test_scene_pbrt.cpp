@@ -187,7 +187,7 @@ TEST(PbrtScene, InfiniteLightShowsItsPicture) {
       pbrt_scene("WorldBegin\nRotate 90 0 0 1\nLightSource \"infinite\" \"string filename\" \"sky.pfm\"",
                  {{"sky.pfm", picture}});
   ASSERT_NE(turned, nullptr);
-  // What was towards +x (red) is towards +y now.
+  // Red was towards +x; now red is towards +y.
   const float z = std::sqrt(1 - 0.49f);
   EXPECT_NEAR(turned->environment({0, 0.7f, z}).r, scene->environment({0.7f, 0, z}).r / 2, 1e-4f);
   EXPECT_GT(turned->environment({0, 0.7f, z}).r, turned->environment({0, -0.7f, z}).r + 0.3f);

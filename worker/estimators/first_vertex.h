@@ -146,7 +146,8 @@ class FirstVertex {
   // When the path has ended: whether there was such a vertex, and then its batch.
   bool reached() const { return reached_; }
   const mis::Batch& batch() const { return batch_; }
-  // Of one batch, without squares. Light that the bsdf alone can find is in no part of it.
+  // The sums of each technique over one batch, without squares. No part of the sums has light that only bsdf
+  // sampling can find.
   const mis::Singles& singles() const { return singles_; }
 
  private:

@@ -30,7 +30,7 @@ struct UnitOutput {
   std::unique_ptr<film::UnitFilm> film;
   // As in the integrator's plan of work; none for a unit that brings no film.
   std::vector<std::unique_ptr<film::UnitAccumulator>> accumulators;
-  // Of the renderer's AOVs, which come after those of the integrator in the plan of work.
+  // Accumulators of the renderer's AOVs, which follow those of the integrator in the plan of work.
   std::vector<std::unique_ptr<film::UnitAccumulator>> aovs;
   // The unit's epoch, which accumulators for each epoch belong to.
   std::uint64_t epoch = 0;

@@ -41,7 +41,7 @@ Spectrum to_spectrum(const description::Rgb& rgb) {
           static_cast<float>(rgb.value[2])};
 }
 
-// Of a light that to_world turns and places.
+// The frame of a light that to_world turns and places.
 Result<Frame> frame_of(const description::Object& object, const Transform& to_world) {
   const Vec3d x = to_world.column(0), y = to_world.column(1), z = to_world.column(2);
   if (!to_world.is_similarity() || !(length(z) > 0)) {

@@ -121,7 +121,7 @@ void add_outline(const std::vector<Vec3d>& corners, double pad, Place& place) {
   }
 }
 
-// Of many places the last one holds all the rest.
+// Adds a place. If there are too many places, the last one holds all the rest.
 void add_place(const Place& place, std::vector<Place>& places) {
   constexpr std::size_t kMost = 8;
   if (places.size() < kMost) {
@@ -187,7 +187,7 @@ std::vector<Contested> find_contested(const Geometry& geometry) {
     return std::tie(a.normal, a.distance, a.what.shape, a.what.primitive) <
            std::tie(b.normal, b.distance, b.what.shape, b.what.primitive);
   });
-  // What rounding makes of coordinates, and Embree's arithmetic of distances.
+  // Bounds the rounding of coordinates and of Embree's distances.
   const double tolerance = 0x1p-20 * largest_coordinate(geometry.groups[0].bounds);
   std::uint32_t plane = 0;
   for (auto begin = flats.begin(); begin != flats.end();) {
@@ -264,7 +264,7 @@ void disk_bounds(const RTCBoundsFunctionArguments* args) {
 
 }  // namespace
 
-// What is contested, as a scene of its own.
+// The contested primitives, as a scene of their own.
 struct Ties::Scene {
   Scene() = default;
   Scene(const Scene&) = delete;

@@ -18,8 +18,9 @@ struct RTCDeviceTy;
 
 namespace candela::scene {
 
-// Where a shape may lie in a plane: a box, and edges of the shape's outline there, which cut off what the box
-// has too much. All are padded: a point that Embree's distance leads to may be outside.
+// The place of a shape in a plane: a box, and edges of the shape's outline, which cut off the corners of the
+// box that the shape does not fill. Box and edges are padded, since a point at Embree's distance may be
+// outside.
 struct Place {
   struct Edge {
     Vec3 outward;
@@ -61,7 +62,7 @@ class Ties {
   Ties& operator=(const Ties&) = delete;
   ~Ties();
 
-  // What the ray meets first at `distance` (as Embree tells it), in place of the primitive that Embree found.
+  // Replaces the primitive that Embree found by the first one that the ray meets at Embree's `distance`.
   void settle(const Ray& ray, float distance, PrimitiveKind& kind, std::uint32_t& primitive) const {
     if (primitive >= contested_end_[static_cast<std::size_t>(kind)]) return;
     const std::uint32_t index = index_[static_cast<std::size_t>(kind)][primitive];

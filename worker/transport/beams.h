@@ -1,4 +1,4 @@
-// Where beams come closest: to each other, and to a point.
+// The closest approach of two beams, and of a beam and a point.
 #pragma once
 
 #include <cmath>
@@ -7,7 +7,7 @@
 
 namespace candela::transport {
 
-// Of the lines o_a + s a and o_b + t b, a and b of length one.
+// The closest approach of the lines o_a + s a and o_b + t b, with unit a and b.
 struct Approach {
   double along_a, along_b;  // s and t; may be negative, or beyond what a beam is long
   double distance;
@@ -25,7 +25,7 @@ inline Approach closest_approach(Vec3 o_a, Vec3 a, Vec3 o_b, Vec3 b) {
           std::abs(dot(between, n)) / sine, sine};
 }
 
-// Of the line o + t d, d of length one, and a point.
+// The projection of a point on the line o + t d, with unit d.
 struct Projection {
   double along;
   double distance_squared;

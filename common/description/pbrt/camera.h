@@ -14,7 +14,7 @@ struct Entity {
   Location where;
 };
 
-// What stands before WorldBegin, with pbrt's defaults.
+// The directives before WorldBegin, with the defaults of pbrt.
 struct RenderOptions {
   Entity camera{"perspective", {}, {}};
   Entity film{"rgb", {}, {}};

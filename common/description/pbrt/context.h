@@ -1,5 +1,5 @@
-// What all parts of the pbrt reader need: the scene's files, objects with checked parameters, and what is
-// told of differences.
+// The tools of all parts of the pbrt reader: the scene's files, objects with checked parameters, and notes on
+// differences.
 #pragma once
 
 #include <memory>

@@ -7,7 +7,7 @@
 
 namespace candela::description::pbrt {
 
-// Of an affine matrix; nothing if it is singular.
+// The inverse of an affine matrix; nothing if the matrix is singular.
 std::optional<Mat4> inverse(const Mat4& matrix);
 
 // Rotation, even scale, mirror and translation: spheres stay spheres.

@@ -364,7 +364,7 @@ Result<Surface> Materials::thin_dielectric(Definition& definition) {
 
 namespace {
 
-// What a constant leaves is the texture's.
+// The weight of transmission in a blend. A constant part keeps its value; a texture takes the rest.
 double weight_of_transmission(const Value& reflectance, const Value& transmittance, double scale) {
   const double r = largest(reflectance.constant) * scale, t = largest(transmittance.constant) * scale;
   const auto usable = [](double part) { return part > 0 && part < 1; };

@@ -27,7 +27,7 @@ bool ply_has_normals(std::string_view bytes) {
 
 }  // namespace
 
-// What is not whole or not round becomes a grid of triangles.
+// Makes a grid of triangles from a part of a quadric, or from a stretched quadric.
 Result<std::shared_ptr<Object>> Shapes::part_of_quadric(ShapeEntity& entity) {
   context_.differs(entity.where,
                    fmt::format("a part of a {}, or a stretched one, is made of triangles", entity.type));

@@ -9,7 +9,7 @@
 
 namespace candela::description::pbrt {
 
-// Of the rgb values in a file; all are kept as linear Rec.709.
+// The color space of rgb values in a file. The description keeps all values as linear Rec.709.
 enum class ColorSpace { srgb, dci_p3, rec2020, aces };
 std::optional<ColorSpace> color_space(std::string_view name);
 std::span<const std::string_view> color_space_names();

@@ -290,7 +290,7 @@ Result<Value> Textures::scaled(const Value& value, const Vec3& factor) {
 
 namespace {
 
-// What no value of the texture exceeds, as far as its description tells.
+// An upper bound of the texture's values, as far as its description tells.
 double upper_bound(const Object& texture) {
   const auto largest_of = [&](std::string_view name, double otherwise) {
     if (const Child* child = texture.find_child(name)) return upper_bound(*child->object);

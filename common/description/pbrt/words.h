@@ -1,4 +1,4 @@
-// What stands behind a pbrt directive without a name: strings, numbers, matrices.
+// Reads the arguments of a pbrt directive that have no name: strings, numbers, matrices.
 #pragma once
 
 #include <array>

@@ -10,7 +10,7 @@
 namespace candela::rules {
 namespace {
 
-// Of an epoch, or of the carry.
+// Reads a pixel's sums of an epoch, or of the carry.
 epoch_corrections::HalfSums read(const film::MergedAccumulator& matrix, const film::MergedAccumulator& vector,
                                  std::uint32_t x, std::uint32_t y, std::size_t techniques) {
   return {pixel_sums::read(&matrix, &vector, x, y, techniques, 0),

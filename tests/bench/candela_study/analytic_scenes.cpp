@@ -16,7 +16,7 @@ double of_spot(double x, double y) {
   return of_point(8, 0, 2, x, y);
 }
 
-// Of parts/dip.png, whose 48 x 48 texels lie over [-1, 1]^2: one of its dark rows (columns).
+// Whether x lies in a dark row (column) of parts/dip.png, whose 48 x 48 texels lie over [-1, 1]^2.
 bool in_spot(double x) {
   const int texel = static_cast<int>(std::floor(24 * (x + 1))) % 12;
   return texel == 2 || texel == 9;

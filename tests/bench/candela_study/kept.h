@@ -1,4 +1,5 @@
-// What a long study has done, kept in a folder, so that it goes on after a kill with what is left.
+// Keeps the finished pieces of a long study in a folder, so that the study goes on after a kill with the
+// rest.
 #pragma once
 
 #include <filesystem>

@@ -186,7 +186,7 @@ MisExact exact_of(const MisCase& problem) {
   const std::vector<double> fail = failures(problem);
   for (std::size_t i = 0; i < n; ++i)
     exact.sums.a[mis::packed(i, i)] += fail[i] / problem.allocation.counts[i];
-  // Of all slopes that are as good, those that solve A alpha = b.
+  // Many slopes may be equally good; alpha solves A alpha = b.
   exact.alpha = mis::solve(problem.allocation, exact.sums, 0)[0];
   const double sum = std::accumulate(exact.alpha.begin(), exact.alpha.end(), 0.0);
   for (std::size_t i = 0; i < n; ++i)

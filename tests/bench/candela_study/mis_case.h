@@ -23,7 +23,7 @@ struct MisPoint {
   mis::Vector p{};
 };
 
-// What estimators see of a sample.
+// The part of a sample that estimators see.
 struct MisSample {
   mis::Vector c{};
   double f_over_q = 0;
@@ -62,7 +62,8 @@ MisExact exact_of(const MisCase& problem);
 inline constexpr std::array<const char*, 7> kMisStrategies = {
     "balance", "power", "cutoff", "maximum", "best", "best, all samples", "optimal"};
 double exact_variance(const MisCase& problem, const MisExact& exact, const std::string& strategy);
-// Of all techniques at a point, where f > 0. `best, all samples` has those of `best`.
+// The weights of all techniques at a point. Precondition: f > 0 there. The strategy `best, all samples` has
+// the weights of `best`.
 mis::Vector weights_at(const MisCase& problem, const MisExact& exact, const std::string& strategy,
                        const MisPoint& point);
 

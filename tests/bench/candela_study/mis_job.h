@@ -21,7 +21,7 @@ double thread_seconds();
 
 class MisJob {
  public:
-  // What is merged of some blocks.
+  // The merged film and sums of some blocks.
   struct Merged {
     film::MergedFilm film;
     std::array<std::vector<film::MergedAccumulator>, 2> sums;  // [half][accumulator]

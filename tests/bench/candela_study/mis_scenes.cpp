@@ -1,5 +1,5 @@
-// What weights are worth in pictures: the error of direct light by path, and by optimis with every heuristic
-// and with optimal weights, after equal numbers of iterations and in equal CPU time.
+// Measures the value of weights in pictures: the error of direct light by path, and by optimis with every
+// heuristic and with optimal weights, after equal numbers of iterations and in equal CPU time.
 //
 // An iteration is one sample of every technique. Contestants render in turn, a block of iterations each, so
 // that a slow moment of the machine hits all of them. Images of 16, 64 and 256 iterations are made of the
@@ -134,7 +134,7 @@ class PixelMoments {
 class Runner {
  public:
   Runner(Contestant contestant, MisJob job) : contestant_(std::move(contestant)), job_(std::move(job)) {
-    // What the job cannot read differently, it reads as its film.
+    // A job without a development has one estimator, its film.
     if (!job_.work().development) contestant_.estimators = {""};
   }
   static Result<Runner> create(Contestant contestant, const Render& base) {
@@ -214,7 +214,7 @@ Ratio product(const Ratio& a, const Ratio& b) {
   const double value = a.value * b.value;
   return {value, std::abs(value) * std::hypot(a.error / a.value, b.error / b.value)};
 }
-// Of two means whose samples have nothing in common.
+// The ratio of two means of independent samples.
 Ratio ratio_of_independent(const std::vector<double>& a, const std::vector<double>& b) {
   const Moments above = statistical::moments_of(a), below = statistical::moments_of(b);
   const double value = above.mean() / below.mean();
@@ -222,15 +222,15 @@ Ratio ratio_of_independent(const std::vector<double>& a, const std::vector<doubl
                               : std::abs(value) *
                                     std::hypot(above.error() / above.mean(), below.error() / below.mean())};
 }
-// Of the seconds of blocks that were rendered next to each other: the median, which a moment's load of the
-// machine does not move.
+// The median ratio of the seconds of blocks that were rendered next to each other. A short load of the
+// machine does not move the median.
 Ratio ratio_of_seconds(const std::vector<double>& a, const std::vector<double>& b) {
   std::vector<double> ratios;
   for (std::size_t k = 0; k < a.size(); ++k) ratios.push_back(a[k] / b[k]);
   std::sort(ratios.begin(), ratios.end());
   const std::size_t n = ratios.size();
   const double spread = ratios[3 * n / 4] - ratios[n / 4];
-  // Of a median of normal values: 1.25 s / sqrt(n), s = quartiles' distance / 1.35.
+  // The error of a median of normal values is 1.25 s / sqrt(n), with s = the quartiles' distance / 1.35.
   return {ratios[n / 2], 1.25 * spread / 1.35 / std::sqrt(static_cast<double>(n))};
 }
 

@@ -8,8 +8,8 @@
 
 namespace candela::study {
 
-// What a side does along its own ray: a point at the sampled distance; or a beam, short (it ends at the
-// sampled distance) or long, not blurred along itself or blurred.
+// The sample of one side along its own ray: a point at the sampled distance; or a beam, short (the beam ends
+// at the sampled distance) or long, not blurred along itself or blurred.
 enum class AxisKind { point, short_beam, long_beam, blurred_short_beam, blurred_long_beam };
 
 struct NsdEstimator {
@@ -19,7 +19,7 @@ struct NsdEstimator {
 // All 25.
 const std::vector<NsdEstimator>& nsd_estimators();
 
-// Where the rays cross. u: the kernel's full width in mean free paths.
+// The place where the rays cross. u: the kernel's full width in mean free paths.
 struct Crossing {
   bool fixed;  // at `depth`, on both rays; else uniform over an interval that begins half a width before the
                // ray

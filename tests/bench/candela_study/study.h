@@ -45,7 +45,7 @@ struct Request {
   bool short_form = false;  // seconds
   std::uint64_t seeds = 1;  // independent runs, with the seeds 1, 2, ...
   unsigned threads = 1;
-  // Of studies in pieces (see Study):
+  // Options of studies in pieces (see Study):
   std::uint32_t side = 0;           // of pictures, in pixels; 0: the study's own
   std::vector<std::string> scenes;  // names; empty: all
   std::filesystem::path folder;     // where pieces are kept; empty: nowhere

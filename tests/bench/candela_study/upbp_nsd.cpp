@@ -54,7 +54,7 @@ class Distances {
   Ray ray_{{0, 0, 0}, {1, 0, 0}};
 };
 
-// What a side scores along its own ray, whose crossing is `cross` deep and whose sampled distance is s.
+// The score of a side along its own ray. cross: depth of the crossing; s: the sampled distance.
 double axis_score(AxisKind kind, double cross, double u, double s) {
   const double low = std::max(0.0, cross - u / 2), high = cross + u / 2;  // the kernel's window on the ray
   switch (kind) {
@@ -81,7 +81,7 @@ struct Spread {
   }
   double nsd() const { return std::sqrt(values.variance()) / values.mean(); }
   double error() const {
-    // Of the square, by its larger term; the mean's error is part of it.
+    // The relative error of the square. The mean's error is one of the two terms.
     const double relative = std::hypot(squares.error() / squares.mean(), 2 * values.error() / values.mean());
     const double second = squares.mean() / (values.mean() * values.mean());
     return 0.5 * second * relative / nsd();
@@ -125,7 +125,7 @@ void run_simulated(const Request& request, std::vector<Row>& rows) {
               kernel == 0 ? 0 : axis_score(one.light, light, u, s) * axis_score(one.eye, eye, u, t) * kernel);
         }
       }
-      // Of the mean: e^-4 / D or 1 / (20^2 D), times the bias.
+      // The true mean is e^-4 / D or 1 / (20^2 D), times the bias.
       const double truth =
           (crossing.fixed ? std::exp(-2 * crossing.depth) : std::pow(crossing.depth, -2)) / kOffsets;
       for (std::size_t k = 0; k < spreads.size(); ++k) {

@@ -142,7 +142,7 @@ class SceneTable {
     return all > 0 ? sum / all : kNone;
   }
 
-  // Of curves[1] over curves[0].
+  // Adds the ratios of curves[1] over curves[0].
   void add_ratios(const std::string& part, const std::vector<TableCurve>& curves) {
     const TableCurve &base = curves[0], &other = curves[1];
     for (const auto& [name, errors] : {std::pair{"", &TableCurve::relative},
@@ -203,7 +203,7 @@ class SceneTable {
     results_.maps.push_back({scene_.name + ' ' + what, sizes_.side, sizes_.side, std::move(values)});
   }
 
-  // What the statistics cost: vcm and vcmplus at the same constant radius, at which both make the same film.
+  // Measures the cost of the statistics: vcm and vcmplus make the same film at the same constant radius.
   Result<void> add_cost() {
     const std::uint64_t count = sizes_.counts[1];
     TableMethod constant = vcm(scene_.photons);

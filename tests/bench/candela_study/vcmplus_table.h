@@ -44,7 +44,7 @@ class TableTruth {
   double trimmed_error(const Image& image) const;
   // The part of relative_error() that images of different seeds have in common: mean over all pairs.
   double relative_bias(const std::vector<Image>& images) const;
-  // Of one reference, as squared_error() and relative_error() measure.
+  // The variance of one reference, in the measures of squared_error() and relative_error().
   double variance() const;
   double relative_variance() const;
 
@@ -76,8 +76,8 @@ struct TableCurve {
 double median(std::vector<double> values);
 // Without this share of the values, the largest. Precondition: 0 <= share < 1.
 double trimmed_mean(std::vector<double> values, double share);
-// Where the curve first reaches `target`, by lines in log-log; NaN if it does not, or not above 0. Errors
-// fall.
+// The place at which the curve of falling errors first reaches `target`, by lines in log-log; NaN if the
+// curve does not reach it, or not above 0.
 double reached(const std::vector<double>& places, const std::vector<double>& errors, double target);
 
 }  // namespace candela::study

@@ -102,7 +102,7 @@ double TableTruth::relative_bias(const std::vector<Image>& images) const {
   const auto seeds = static_cast<double>(images.size());
   double sum = 0;
   for (std::size_t i = 0; i < first_.size(); ++i) {
-    // Of all pairs, less those of an image with itself.
+    // The sum over all pairs, less the pairs of an image with itself.
     double to_first = 0, to_second = 0, with_itself = 0;
     for (const Image& image : images) {
       const double a = static_cast<double>(image[i]) - static_cast<double>(first_[i]),

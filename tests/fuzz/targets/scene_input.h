@@ -1,4 +1,4 @@
-// What the targets of scene readers share: the files of a scene in one input, and what a reading promises.
+// Shared by the targets of scene readers: the files of a scene in one input, and the promises of a reading.
 #pragma once
 
 #include <cstddef>

@@ -17,7 +17,7 @@ namespace candela::integrators::adaptive {
 struct Adaptation {
   EpochPlan epochs;  // its rule's name is that of the state too
   candela::adaptive::Levels levels;
-  // Of the state beside the plane of levels: one more plane of one byte a pixel for each, below this number.
+  // Planes of the state beside the plane of levels: each has one byte a pixel, below this number.
   std::vector<int> planes = {};
   std::vector<film::AccumulatorSpec> (*accumulators)(int film_scale_log2) = nullptr;
 };

@@ -33,8 +33,8 @@ class MappedScales {
         height_(context.height),
         search_(search_level(radii_, map)) {}
 
-  // Of one iteration of the job, valid until the next call. The radii of all levels shrink alike, by
-  // rules.alpha.
+  // The scales of one iteration of the job, valid until the next call. The radii of all levels shrink alike,
+  // by rules.alpha.
   Field field(std::uint64_t iteration) {
     const double disc = transport::disc_radius(1, iteration, rules_.alpha),
                  ball = transport::ball_radius(1, iteration, rules_.alpha);

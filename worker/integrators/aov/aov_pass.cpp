@@ -23,7 +23,7 @@ constexpr int kUnitScale = 36;
 // Indices: up to 2^36.
 constexpr int kIndexScale = 20;
 
-// What an eye sample sees.
+// The surface that an eye sample sees.
 struct Seen {
   scene::SurfaceHit hit;
   Spectrum albedo;

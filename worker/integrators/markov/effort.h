@@ -1,5 +1,5 @@
-// What an effort in samples a pixel decides of a job of Markov chains: how long its segments are, and how
-// much of the work goes into the bootstrap.
+// Derives two settings of a job of Markov chains from an effort in samples a pixel: the length of segments,
+// and the share of the bootstrap in the work.
 #pragma once
 
 #include <cstdint>

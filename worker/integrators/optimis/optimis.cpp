@@ -215,7 +215,7 @@ class OptimisIntegrator final : public IterationIntegrator {
     return techniques < 2 ? nullptr : kTallies[techniques - 2];
   }
 
-  // What each technique alone brings in one batch.
+  // Adds the estimate of each technique alone in one batch.
   void tally_singles(const mis::Singles& singles, double weight, std::uint32_t x, std::uint32_t y,
                      std::uint64_t key, UnitOutput& output, film::Tallies& tallies) const {
     const std::size_t n = setup_.techniques();

@@ -39,8 +39,8 @@ inline bool enters(const Refracted& r) {
   return r.reflectance < 1 && r.inside.z != 0;
 }
 
-// What is left of `passing` after the way in along o and out along i. absorption: sigma_a times the
-// thickness.
+// The part of `passing` that the layer does not absorb on the way in along o and out along i. absorption:
+// sigma_a times the thickness.
 inline Spectrum absorbed(float passing, Spectrum absorption, const Refracted& o, const Refracted& i) {
   if (absorption.is_black()) return Spectrum(passing);
   const float path = 1 / std::abs(o.inside.z) + 1 / std::abs(i.inside.z);

@@ -93,7 +93,7 @@ class AreaLight {
   static constexpr bool kHasSamplers = requires(const Surface& s, LightPoint& p) {
     s.sample_by(PointSampler::area, Vec3(), Vec3(), 0.0, Vec2(), p);
   };
-  // What arrives from a point that was sampled.
+  // The light that arrives from a sampled point.
   DirectOutcome direct(const SurfaceHit& reference, Vec3 front, LightPoint& point, DirectSample& out) const;
   float pdf_area() const { return static_cast<float>(1 / surface_.area()); }
   void sample_area(double rest, Vec2 u, LightPoint& out) const {

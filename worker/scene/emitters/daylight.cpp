@@ -159,7 +159,7 @@ struct Panorama {
 
   explicit Panorama(std::uint32_t w) : width(w), height(w / 2), texels(std::size_t{w} * (w / 2)) {}
   double polar(std::uint32_t row) const { return std::numbers::pi * row / (height - 1); }
-  // What a texel's bilinear weight integrates to over the sphere: the hat of its row times 2 pi / width.
+  // The integral of a texel's bilinear weight over the sphere: the hat of its row times 2 pi / width.
   double solid_angle(std::uint32_t row) const {
     const double step = std::numbers::pi / (height - 1), around = 2 * std::numbers::pi / width;
     const double shape = 2 * (1 - cosine_of(step)) / step;

@@ -12,7 +12,7 @@ namespace candela::scene {
 
 bool is_daylight(const description::Object& emitter);
 
-// Of an emitter that is_daylight().
+// The image of an emitter for which is_daylight() holds.
 Result<TexelImage> daylight_image(const description::Object& emitter, Scratch& scratch);
 
 }  // namespace candela::scene

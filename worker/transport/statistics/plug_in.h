@@ -45,7 +45,7 @@ struct PilotMap {
 //   laplacian  sum of D_h(y) phi r_1^2 / k_1,
 //   D_h(y) = h^-2 (sum over the axes a of [k_h(y - h a) + k_h(y + h a) - 2 k_h(y)])
 //   means      sum of k_r(y) phi / k_1 on surfaces, if the job has this accumulator
-// Of the first two a second channel has the sums of media, if the job's have it.
+// The first two accumulators have a second channel with the sums of media, if the job merges in media.
 class PlugInMoments {
  public:
   static constexpr bool kCollects = true, kReaches = true;

@@ -33,7 +33,7 @@ class ParallelProjection {
   static constexpr int kMaxCorners = 5;
 
   void clip(const std::array<Corner, 4>& corners);
-  // Of triangle (0, i, i + 1) of the polygon.
+  // The projected area of triangle (0, i, i + 1) of the polygon.
   double projected_area(int i) const;
 
   std::array<Corner, kMaxCorners> corners_{};

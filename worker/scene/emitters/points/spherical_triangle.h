@@ -26,7 +26,7 @@ class SphericalTriangle {
   double volume_, solid_angle_;
 };
 
-// Of the triangle whose corners are seen along a, b, c. [Oosterom 1983, Eq. 8]
+// The solid angle of a triangle; its corners are seen along a, b, c. [Oosterom 1983, Eq. 8]
 double solid_angle_of_triangle(Vec3d a, Vec3d b, Vec3d c, double volume);
 
 }  // namespace candela::scene
