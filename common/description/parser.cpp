@@ -22,6 +22,7 @@
 #include "common/description/stand_in.h"
 #include "common/description/text.h"
 #include "common/description/transform.h"
+#include "common/description/unpacked_files.h"
 #include "common/description/values.h"
 #include "common/description/vocabulary.h"
 #include "common/description/xml_document.h"
@@ -581,7 +582,8 @@ class Parser {
 Result<ReadScene> read_scene(const FileSource& files, const std::string& main_key,
                              const std::map<std::string, std::string>& parameters, const Reading& reading) {
   if (pbrt::is_pbrt_file(main_key)) return pbrt::read_pbrt_scene(files, main_key, parameters, reading);
-  return Parser(files, main_key, parameters, reading).run();
+  const UnpackedFiles unpacked(files);
+  return Parser(unpacked, main_key, parameters, reading).run();
 }
 
 Result<SceneDescription> parse_scene(const FileSource& files, const std::string& main_key,

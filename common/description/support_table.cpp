@@ -93,7 +93,6 @@ Each replacement is a warning that names both plugins. Without `--lenient` it is
 | a parameter under a near name (`toWorld`, `baseColor`, `density` of a medium) | that parameter, if its value fits |
 | `$spp`, `$resx`, `$max_depth` and their like without a value | 16, 768, -1: the usual value |
 | a `<rotate>` without an axis | no rotation |
-
 | a number out of bounds, or at a bound that is excluded; a `beam_width` beyond its `cutoff_angle` | the nearest one within; colors are scaled |
 | an object without a type | one of an unknown type |
 | a string for a number, a fraction for an integer | the number, the nearest integer |
@@ -103,6 +102,25 @@ Each replacement is a warning that names both plugins. Without `--lenient` it is
 | a bump or normal map directly in another | the outer one |
 
 A replaced plugin keeps the parameters, textures and children that the new one has and accepts; the others are passed over.
+
+## Meshes and images
+
+What a file is, its content says, not its name (of images; TGA alone by name). A file whose name ends in `.gz` is unpacked,
+the scene file too. Damaged and lying files are errors that name the file and the line or byte.
+
+| file | read |
+|---|---|
+| `obj` | all faces as one mesh; polygons become fans of triangles, negative indices count back; groups, `usemtl`, `mtllib`, smoothing, lines, curves, `w` and vertex colors are passed over; v is flipped unless `flip_tex_coords` is false |
+| `ply` | text and binary of both byte orders, all types of numbers; `vertex_indices` or `vertex_index` of any length as fans; `nx ny nz`; `u v`, `s t`, `texture_u texture_v`, `texture_s texture_t`; other elements are passed over, and texture coordinates of faces (a warning) |
+| `serialized` | versions 3 and 4, single and double precision, `shape_index`; vertex colors are passed over, tangents refused |
+| OpenEXR | half and float, by scanlines or tiles, the data window of the first part; `R G B` in capital or small letters, or one channel of any name, as gray; alpha apart; other channels beside `R G B` are passed over; luminance and chroma, layers alone and integers are refused |
+| PNG | 1 to 16 bits, gray, palette, colors, with alpha or without; sRGB, 16 bits too, as in Mitsuba 3; `gAMA`, `cHRM` and profiles play no part |
+| JPEG | gray and color, sRGB; four inks (CMYK) are refused |
+| Radiance HDR, PFM | linear; PFM of both byte orders, times its scale |
+| TIFF, TGA, BMP, PNM | 8 bits and, of TIFF and PNM, 16: sRGB; floats of TIFF: linear |
+
+`raw` and `gamma` of a `bitmap` replace that decoding. Alpha multiplies nothing: colors are as stored. NaN, infinite and
+negative values are errors.
 
 ## Limits
 

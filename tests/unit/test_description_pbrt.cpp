@@ -511,6 +511,21 @@ TEST(DescriptionPbrt, PackedFilesAreUnpacked) {
   }
 }
 
+// Claim: scenes in XML and what they include may be packed too.
+TEST(DescriptionPbrt, PackedXmlIsUnpacked) {
+  const std::string part = "<scene version='3.0.0'><shape type='sphere'/></scene>";
+  const std::string main =
+      "<scene version='3.0.0'><include filename='part.xml.gz'/><shape type='ply'><string name='filename' "
+      "value='mesh.ply.gz'/></shape></scene>";
+  const MemorySource source(
+      {{"scene.xml.gz", gzip(main)}, {"part.xml.gz", gzip(part)}, {"mesh.ply.gz", gzip("ply")}});
+  const auto read = read_scene(source, "scene.xml.gz", {}, {});
+  ASSERT_TRUE(read.ok()) << outcome_of(read);
+  EXPECT_EQ(read->description.scene->children_of("shape").size(), 2U);
+  const auto damaged = read_scene(MemorySource({{"scene.xml.gz", main}}), "scene.xml.gz", {}, {});
+  EXPECT_NE(outcome_of(damaged).find("not packed by gzip"), std::string::npos) << outcome_of(damaged);
+}
+
 // Claim: whatever the bytes, the answer is a scene or one error with a place.
 TEST(DescriptionPbrt, MutatedScenesAreScenesOrErrors) {
   const std::string seed = R"(LookAt 0 1 -4 0 1 0 0 1 0

@@ -1,7 +1,5 @@
 // Image files to texels, whatever their format, and texels in the scratch file instead of memory. Images are
 // encoded here by OpenImageIO.
-#include <OpenImageIO/filesystem.h>
-#include <OpenImageIO/imageio.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <unistd.h>
@@ -14,6 +12,7 @@
 
 #include "common/base/files.h"
 #include "common/rng/stream.h"
+#include "tests/unit/image_bytes.h"
 #include "worker/core/math.h"
 #include "worker/scene/emitters/environment.h"
 #include "worker/scene/textures/texture.h"
@@ -35,19 +34,7 @@ class MemoryFiles final : public description::FileSource {
   }
 };
 
-// The file's bytes; `data` holds values of `from`, interleaved.
-std::string encode(const std::string& format, const OIIO::ImageSpec& spec, OIIO::TypeDesc from,
-                   const void* data) {
-  std::vector<unsigned char> bytes;
-  OIIO::Filesystem::IOVecOutput proxy(bytes);
-  auto output = OIIO::ImageOutput::create(format);
-  if (!output || !output->set_ioproxy(&proxy) || !output->open("x." + format, spec) ||
-      !output->write_image(from, data) || !output->close()) {
-    ADD_FAILURE() << format << ": " << (output ? output->geterror() : "no such format");
-    return {};
-  }
-  return {bytes.begin(), bytes.end()};
-}
+using test::encode_image;
 
 TexelImage decode(const std::string& bytes, const std::string& name, const ImageReading& reading = {}) {
   Scratch scratch({});
@@ -103,7 +90,7 @@ TEST(TextureFiles, BytesOfEveryFormat) {
         OIIO::ImageSpec spec(width, height, channels, OIIO::TypeDesc::UINT8);
         spec.attribute("oiio:UnassociatedAlpha", 1);  // write colours as they are
         const std::string name = format == "targa" ? "x.tga" : "x." + format;
-        const std::string bytes = encode(format, spec, OIIO::TypeDesc::UINT8, values.data());
+        const std::string bytes = encode_image(format, spec, OIIO::TypeDesc::UINT8, values.data());
         const TexelImage image = decode(bytes, name);
         ASSERT_EQ(image.width, static_cast<std::uint32_t>(width));
         ASSERT_EQ(image.height, static_cast<std::uint32_t>(height));
@@ -155,7 +142,7 @@ TEST(TextureFiles, WordsAndFloats) {
     check(pnm, "x16.pnm", [&](std::size_t i) { return from_srgb(words[i] / 65535.0); });
     for (const std::string format : {"png", "tiff"}) {
       const OIIO::ImageSpec spec(width, height, 3, OIIO::TypeDesc::UINT16);
-      check(encode(format, spec, OIIO::TypeDesc::UINT16, words.data()), "x16." + format,
+      check(encode_image(format, spec, OIIO::TypeDesc::UINT16, words.data()), "x16." + format,
             [&](std::size_t i) { return from_srgb(words[i] / 65535.0); });
     }
     const auto linear = [&](std::size_t i) { return floats[i]; };
@@ -163,12 +150,12 @@ TEST(TextureFiles, WordsAndFloats) {
       for (const int tile : {0, 16}) {
         OIIO::ImageSpec spec(width, height, 3, half ? OIIO::TypeDesc::HALF : OIIO::TypeDesc::FLOAT);
         spec.tile_width = spec.tile_height = tile;
-        check(encode("openexr", spec, OIIO::TypeDesc::FLOAT, floats.data()), "x.exr", linear);
+        check(encode_image("openexr", spec, OIIO::TypeDesc::FLOAT, floats.data()), "x.exr", linear);
       }
     }
     const OIIO::ImageSpec spec(width, height, 3, OIIO::TypeDesc::FLOAT);
-    check(encode("hdr", spec, OIIO::TypeDesc::FLOAT, floats.data()), "x.hdr", linear);
-    check(encode("tiff", spec, OIIO::TypeDesc::FLOAT, floats.data()), "x.tif", linear);
+    check(encode_image("hdr", spec, OIIO::TypeDesc::FLOAT, floats.data()), "x.hdr", linear);
+    check(encode_image("tiff", spec, OIIO::TypeDesc::FLOAT, floats.data()), "x.tif", linear);
   }
 }
 
@@ -177,7 +164,7 @@ TEST(TextureFiles, WordsAndFloats) {
 TEST(TextureFiles, Channels) {
   const std::vector<float> values = {0.1f, 0.2f, 0.3f, 0.4f, 0.5f, 0.6f, 0.7f, 0.8f};
   OIIO::ImageSpec spec(2, 1, 4, OIIO::TypeDesc::FLOAT);
-  const std::string rgba = encode("openexr", spec, OIIO::TypeDesc::FLOAT, values.data());
+  const std::string rgba = encode_image("openexr", spec, OIIO::TypeDesc::FLOAT, values.data());
   EXPECT_EQ(decode(rgba, "x.exr").at(1, 0), (Spectrum{0.5f, 0.6f, 0.7f}));
   for (const auto& [name, expected] : {std::pair("r", 0.5f), {"g", 0.6f}, {"b", 0.7f}, {"a", 0.8f}}) {
     ImageReading reading;
@@ -187,13 +174,13 @@ TEST(TextureFiles, Channels) {
     EXPECT_EQ(image.at(1, 0), Spectrum(expected)) << name;
   }
   spec.channelnames = {"Y", "BY", "RY", "Z"};
-  EXPECT_NE(
-      error_of(encode("openexr", spec, OIIO::TypeDesc::FLOAT, values.data()), "x.exr").find("R, G and B"),
-      std::string::npos);
+  EXPECT_NE(error_of(encode_image("openexr", spec, OIIO::TypeDesc::FLOAT, values.data()), "x.exr")
+                .find("R, G and B"),
+            std::string::npos);
   spec = OIIO::ImageSpec(2, 1, 1, OIIO::TypeDesc::FLOAT);
   ImageReading alpha;
   alpha.channel = "a";
-  const std::string gray = encode("openexr", spec, OIIO::TypeDesc::FLOAT, values.data());
+  const std::string gray = encode_image("openexr", spec, OIIO::TypeDesc::FLOAT, values.data());
   EXPECT_NE(error_of(gray, "x.exr", alpha).find("no channel 'a'"), std::string::npos);
   EXPECT_EQ(decode(gray, "x.exr").at(1, 0), Spectrum(0.2f));
 }
@@ -218,7 +205,7 @@ TEST(TextureFiles, HugeExrAttributeIsRefused) {
   const float values[] = {0.1f, 0.2f, 0.3f};
   OIIO::ImageSpec spec(1, 1, 3, OIIO::TypeDesc::FLOAT);
   spec.attribute("note", "hello");
-  std::string bytes = encode("openexr", spec, OIIO::TypeDesc::FLOAT, values);
+  std::string bytes = encode_image("openexr", spec, OIIO::TypeDesc::FLOAT, values);
   const std::size_t at = bytes.find(std::string("note\0string\0", 12));
   ASSERT_NE(at, std::string::npos);
   bytes.replace(at + 12, 4, "\xff\xff\xff\x7f");
@@ -241,7 +228,7 @@ TEST(TextureFiles, ChannelNamesOfSeveralLinesAreSaidInOne) {
   const float values[] = {0.1f, 0.2f, 0.3f};
   OIIO::ImageSpec spec(1, 1, 3, OIIO::TypeDesc::FLOAT);
   spec.channelnames = {"A\nline", "B", "C"};
-  const std::string error = error_of(encode("openexr", spec, OIIO::TypeDesc::FLOAT, values), "x.exr");
+  const std::string error = error_of(encode_image("openexr", spec, OIIO::TypeDesc::FLOAT, values), "x.exr");
   EXPECT_NE(error.find("channels"), std::string::npos) << error;
   EXPECT_EQ(error.find('\n'), std::string::npos) << error;
 }
@@ -251,10 +238,10 @@ TEST(TextureFiles, GammaAndRaw) {
   MemoryFiles files;
   const unsigned char bytes[] = {0, 51, 255};
   files.files["a.png"] =
-      encode("png", OIIO::ImageSpec(1, 1, 3, OIIO::TypeDesc::UINT8), OIIO::TypeDesc::UINT8, bytes);
+      encode_image("png", OIIO::ImageSpec(1, 1, 3, OIIO::TypeDesc::UINT8), OIIO::TypeDesc::UINT8, bytes);
   const float values[] = {0.25f, 0.5f, 4};
   files.files["a.exr"] =
-      encode("openexr", OIIO::ImageSpec(1, 1, 3, OIIO::TypeDesc::FLOAT), OIIO::TypeDesc::FLOAT, values);
+      encode_image("openexr", OIIO::ImageSpec(1, 1, 3, OIIO::TypeDesc::FLOAT), OIIO::TypeDesc::FLOAT, values);
   TextureStore store(files);
   const auto at = [&](const std::string& file, std::vector<Property> more) {
     more.push_back(text("filename", file));
@@ -287,7 +274,7 @@ TEST(TextureFiles, WrapModesOfEachDirection) {
   MemoryFiles files;
   const float values[] = {0.1f, 0.2f, 0.3f, 0.4f};
   files.files["a.exr"] =
-      encode("openexr", OIIO::ImageSpec(2, 2, 1, OIIO::TypeDesc::FLOAT), OIIO::TypeDesc::FLOAT, values);
+      encode_image("openexr", OIIO::ImageSpec(2, 2, 1, OIIO::TypeDesc::FLOAT), OIIO::TypeDesc::FLOAT, values);
   TextureStore store(files);
   const auto make = [&](std::vector<Property> more) {
     more.push_back(text("filename", "a.exr"));
@@ -320,13 +307,13 @@ std::map<std::string, std::string> large_files() {
     std::vector<unsigned char> bytes(static_cast<std::size_t>(300 * 200 * channels));
     for (unsigned char& v : bytes) v = static_cast<unsigned char>(stream.next_u32());
     files["a" + std::to_string(channels) + ".png"] =
-        encode("png", OIIO::ImageSpec(300, 200, channels, OIIO::TypeDesc::UINT8), OIIO::TypeDesc::UINT8,
-               bytes.data());
+        encode_image("png", OIIO::ImageSpec(300, 200, channels, OIIO::TypeDesc::UINT8), OIIO::TypeDesc::UINT8,
+                     bytes.data());
     std::vector<float> floats(bytes.size());
     for (float& v : floats) v = stream.next_float();
     files["a" + std::to_string(channels) + ".exr"] =
-        encode("openexr", OIIO::ImageSpec(300, 200, channels, OIIO::TypeDesc::FLOAT), OIIO::TypeDesc::FLOAT,
-               floats.data());
+        encode_image("openexr", OIIO::ImageSpec(300, 200, channels, OIIO::TypeDesc::FLOAT),
+                     OIIO::TypeDesc::FLOAT, floats.data());
   }
   return files;
 }
@@ -410,8 +397,8 @@ TEST(TextureFiles, MemoryIsBoundedWhateverTheTextures) {
     for (const char* const name : {"a.png", "b.png", "c.png", "d.png"})
       files.files[name] = {bytes.begin(), bytes.end()};
     std::vector<unsigned char> small(2048 * 2048, 7);
-    files.files["small.png"] = encode("png", OIIO::ImageSpec(2048, 2048, 1, OIIO::TypeDesc::UINT8),
-                                      OIIO::TypeDesc::UINT8, small.data());
+    files.files["small.png"] = encode_image("png", OIIO::ImageSpec(2048, 2048, 1, OIIO::TypeDesc::UINT8),
+                                            OIIO::TypeDesc::UINT8, small.data());
   }
   TextureLimits limits;
   limits.memory_bytes = 24 << 20;

@@ -63,6 +63,24 @@ bool held_whole(std::string_view format, std::string_view bytes) {
   return format == "jpeg" || format == "bmp" || format == "targa";
 }
 
+// Whether a JPEG has four components: inks, which have no colors without their profile. The library would
+// guess.
+bool is_jpeg_of_inks(std::string_view bytes) {
+  const auto byte = [&](std::size_t at) { return static_cast<unsigned char>(bytes[at]); };
+  for (std::size_t at = 2; at + 9 < bytes.size() && byte(at) == 0xff;) {
+    const unsigned marker = byte(at + 1);
+    if (marker == 0xff) {  // padding
+      ++at;
+      continue;
+    }
+    const bool is_frame =
+        marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
+    if (is_frame) return byte(at + 9) == 4;
+    at += 2 + (static_cast<std::size_t>(byte(at + 2)) << 8 | byte(at + 3));
+  }
+  return false;
+}
+
 // The library believes an OpenEXR header: it makes room for an attribute of any stated size before it reads
 // it. Whether every attribute can be in the file.
 bool exr_header_fits(std::string_view bytes) {
@@ -135,6 +153,8 @@ class Decoder {
   template <class T>
   Result<void> read(int begin, int end, bool tiled, T* out);
   Result<void> check_size() const;
+  int channel_named(char upper) const;
+  int single_channel() const;
   Result<void> find_channels();
   float to_linear(double v) const;
   template <class T>
@@ -170,6 +190,8 @@ Result<void> Decoder::open() {
   format_ = format;
   if (format_ == "openexr" && !exr_header_fits(encoded_))
     return image_error("the file's header is damaged or cut off", file_);
+  if (format_ == "jpeg" && is_jpeg_of_inks(encoded_))
+    return image_error("the JPEG holds four inks (CMYK), not colors", file_).with_mend("save it as RGB");
   if (format_ == "pnm" && bytes_hold_binary_pnm()) return open_pnm();
   input_ = OIIO::ImageInput::create(format);
   // The bytes are all there is: a reader that would open a file by name instead must not be asked.
@@ -250,26 +272,39 @@ Result<void> Decoder::check_size() const {
   return {};
 }
 
+// The channel of this name in capital or small letters; -1 if there is none.
+int Decoder::channel_named(char upper) const {
+  for (std::size_t i = 0; i < spec_.channelnames.size(); ++i) {
+    const std::string& name = spec_.channelnames[i];
+    if (name.size() == 1 && (name[0] == upper || name[0] == upper - 'A' + 'a')) return static_cast<int>(i);
+  }
+  return -1;
+}
+
+// The only channel beside an alpha; -1 if there are several.
+int Decoder::single_channel() const {
+  if (spec_.nchannels == 1) return 0;
+  const int alpha = channel_named('A');
+  return spec_.nchannels == 2 && alpha >= 0 ? 1 - alpha : -1;
+}
+
 // Where red, green and blue are among the channels; one-channel images give all three the same.
 Result<void> Decoder::find_channels() {
   int found[3];
   if (!reading_.channel.empty()) {
-    const char* const upper = reading_.channel == "r"   ? "R"
-                              : reading_.channel == "g" ? "G"
-                              : reading_.channel == "b" ? "B"
-                                                        : "A";
-    found[0] = found[1] = found[2] = spec_.channelindex(upper);
+    found[0] = found[1] = found[2] = channel_named(static_cast<char>(reading_.channel[0] - 'a' + 'A'));
     if (found[0] < 0) return image_error("the image has no channel '" + reading_.channel + "'", file_);
     gray_ = true;
   } else {
-    const char* const names[3] = {"R", "G", "B"};
+    const char names[3] = {'R', 'G', 'B'};
     bool named = true;
     for (int c = 0; c < 3; ++c) {
-      found[c] = spec_.channelindex(names[c]);
+      found[c] = channel_named(names[c]);
       named = named && found[c] >= 0;
     }
     if (!named) {
-      if (spec_.nchannels > 2) {
+      const int single = single_channel();
+      if (single < 0) {
         std::string all;
         for (const std::string& name : spec_.channelnames) all += (all.empty() ? "" : ", ") + name;
         return image_error("the image has the channels " + one_line(all) + ", but a colour is R, G and B",
@@ -277,7 +312,7 @@ Result<void> Decoder::find_channels() {
             .with_mend("store the layer of interest as R, G, B");
       }
       gray_ = true;
-      found[0] = found[1] = found[2] = 0;
+      found[0] = found[1] = found[2] = single;
     }
   }
   first_ = std::min({found[0], found[1], found[2]});
