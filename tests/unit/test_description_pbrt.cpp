@@ -304,6 +304,29 @@ TEST(DescriptionPbrt, ObjectsAreInstanced) {
   EXPECT_TRUE(told);
 }
 
+// Claim: curves that follow each other are read as one shape, unless something but their geometry differs.
+TEST(DescriptionPbrt, CurvesAreGathered) {
+  const std::string curve = "Shape \"curve\" \"point3 P\" [0 0 0 1 0 0 2 0 0 3 0 0] ";
+  const auto counts = [&](const std::string& world) {
+    const auto read = read_pbrt("WorldBegin\n" + world);
+    EXPECT_TRUE(read.ok()) << outcome_of(read);
+    std::string text;
+    if (read.ok())
+      for (const ObjectPtr& shape : read->description.scene->children_of("shape"))
+        text += fmt::format("{} ", shape->get_integer("curves", 0));
+    return text;
+  };
+  EXPECT_EQ(counts(curve), "1 ");
+  EXPECT_EQ(counts(curve + curve + "\"float width0\" 0.1 " + curve), "3 ");
+  EXPECT_EQ(counts(curve + "Translate 1 0 0 " + curve + curve), "1 2 ");
+  EXPECT_EQ(counts(curve + "Shape \"sphere\" " + curve), "1 0 1 ");
+  EXPECT_EQ(counts(curve + "Material \"diffuse\" " + curve), "1 1 ");
+  EXPECT_EQ(counts(curve + "\"float alpha\" 0.5 " + curve), "1 1 ");
+  EXPECT_EQ(counts("ObjectBegin \"o\" " + curve + curve + "ObjectEnd " + curve), "1 ");
+  const auto wrong = read_pbrt("WorldBegin\n" + curve + "\"string type\" \"round\"");
+  EXPECT_NE(outcome_of(wrong).find("type of curve"), std::string::npos) << outcome_of(wrong);
+}
+
 // Claim: fronts are those of pbrt. A mirror turns a mesh without normals around, unless ReverseOrientation
 // does too; normals of the file decide else.
 TEST(DescriptionPbrt, FrontsFollowMirrors) {
@@ -398,8 +421,6 @@ TEST(DescriptionPbrt, MistakesAreNamed) {
       {"Shap \"sphere\"", "unknown directive 'Shap' (did you mean 'Shape'?)", ""},
       {"Shape \"sphera\"", "unknown shape 'sphera' (did you mean 'sphere'?)",
        "unknown shape 'sphera': it is left out (did you mean 'sphere'?)"},
-      {"Shape \"curve\"", "shape 'curve' is not supported yet",
-       "shape 'curve' is not supported yet: it is left out"},
       {"Material \"difuse\"", "unknown material 'difuse' (did you mean 'diffuse'?)", "ok"},
       {"Material \"hair\"\nShape \"sphere\"", "material 'hair' is not supported yet",
        "material 'hair' is not supported yet: it is read as 'diffuse'"},

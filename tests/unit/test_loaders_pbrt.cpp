@@ -7,6 +7,7 @@
 #include <string>
 
 #include "worker/loaders/loop_subdivision.h"
+#include "worker/loaders/pbrt_curve.h"
 #include "worker/loaders/pbrt_mesh.h"
 
 namespace candela::loaders {
@@ -150,6 +151,93 @@ TEST(PbrtMesh, DamagedDirectivesAreErrors) {
   EXPECT_EQ(pbrt_error("Shape"), "a.pbrt:7: the Shape directive names no type");
   EXPECT_EQ(pbrt_error("Scale 1 1 1", 6), "a.pbrt:7: no Shape directive begins at byte 6");
   EXPECT_EQ(pbrt_error("Scale", 5), "a.pbrt:7: the offset of a shape lies outside of the file");
+}
+
+std::vector<PieceList> pbrt_curves(const std::string& text, std::int64_t count = 1) {
+  auto curves = load_pbrt_curves(text, "a.pbrt", 0, 1, count);
+  EXPECT_TRUE(curves.ok()) << curves.error().to_string();
+  return curves.ok() ? std::move(curves).value() : std::vector<PieceList>{};
+}
+
+std::string curve_error(const std::string& text, std::int64_t count = 1) {
+  auto curves = load_pbrt_curves(text, "a.pbrt", 0, 7, count);
+  return curves.ok() ? "no error" : curves.error().to_string();
+}
+
+// A uniform cubic B-spline by its blossom: repeated interpolation between its control points.
+ControlPoint on_piece(const CubicPiece& piece, double t) {
+  std::array<Vec3d, 4> p;
+  std::array<double, 4> r{};
+  for (std::size_t i = 0; i < 4; ++i) {
+    p[i] = piece[i].p;
+    r[i] = piece[i].radius;
+  }
+  for (int level = 1; level <= 3; ++level)
+    for (int i = 0; i + level < 4; ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      const double a = (t - (i + level - 3)) / (4 - level);  // knots -2 .. 3
+      p[k] = p[k] * (1 - a) + p[k + 1] * a;
+      r[k] = r[k] * (1 - a) + r[k + 1] * a;
+    }
+  return {p[0], r[0]};
+}
+
+void expect_near(Vec3d a, Vec3d b) {
+  EXPECT_NEAR(a.x, b.x, 1e-12);
+  EXPECT_NEAR(a.y, b.y, 1e-12);
+  EXPECT_NEAR(a.z, b.z, 1e-12);
+}
+
+// Claim: Bezier curves and B-splines of both degrees are the polynomials that their control points define,
+// and the radius is half of the width, linear in the parameter of the whole curve.
+TEST(PbrtCurve, PiecesAreTheDirectivesPolynomials) {
+  const auto cubic = pbrt_curves(
+      "Shape \"curve\" \"point3 P\" [0 0 0 1 2 0 3 3 0 4 0 1 5 -3 2 6 0 0 7 1 1] \"float width0\" 4 \"float "
+      "width1\" 0");
+  ASSERT_EQ(cubic.size(), 1U);
+  ASSERT_EQ(cubic[0].size(), 2U);
+  expect_near(on_piece(cubic[0][0], 0).p, {0, 0, 0});
+  expect_near(on_piece(cubic[0][0], 0.5).p, {2, 15.0 / 8, 0.125});
+  expect_near(on_piece(cubic[0][0], 1).p, {4, 0, 1});
+  expect_near(on_piece(cubic[0][1], 0).p, {4, 0, 1});
+  expect_near(on_piece(cubic[0][1], 1).p, {7, 1, 1});
+  EXPECT_NEAR(on_piece(cubic[0][0], 0).radius, 2, 1e-12);
+  EXPECT_NEAR(on_piece(cubic[0][0], 0.5).radius, 1.5, 1e-12);
+  EXPECT_NEAR(on_piece(cubic[0][1], 1).radius, 0, 1e-12);
+  const auto quadratic =
+      pbrt_curves("Shape \"curve\" \"integer degree\" 2 \"point3 P\" [0 0 0 1 2 0 2 0 0] \"float width\" 3");
+  ASSERT_EQ(quadratic[0].size(), 1U);
+  expect_near(on_piece(quadratic[0][0], 0.5).p, {1, 1, 0});
+  expect_near(on_piece(quadratic[0][0], 0.25).p, {0.5, 0.75, 0});
+  EXPECT_NEAR(on_piece(quadratic[0][0], 0.25).radius, 1.5, 1e-12);
+  const auto spline = pbrt_curves(
+      "Shape \"curve\" \"string basis\" \"bspline\" \"point3 P\" [0 0 0 1 6 0 2 0 0 3 0 0 4 0 0]");
+  ASSERT_EQ(spline[0].size(), 2U);
+  expect_near(on_piece(spline[0][0], 0).p, {1, 4, 0});
+  expect_near(on_piece(spline[0][1], 0).p, {2, 1, 0});
+  const auto hoop = pbrt_curves(
+      "Shape \"curve\" \"string basis\" \"bspline\" \"integer degree\" 2 \"point3 P\" [0 0 0 2 4 0 4 0 0]");
+  ASSERT_EQ(hoop[0].size(), 1U);
+  expect_near(on_piece(hoop[0][0], 0).p, {1, 2, 0});
+  expect_near(on_piece(hoop[0][0], 0.5).p, {2, 3, 0});
+  expect_near(on_piece(hoop[0][0], 1).p, {3, 2, 0});
+}
+
+// Claim: several directives are read where the first one begins; what is no curve is an error at its line.
+TEST(PbrtCurve, DirectivesFollowEachOther) {
+  const std::string one = "Shape \"curve\" \"point3 P\" [0 0 0 1 0 0 2 0 0 3 0 0]\n";
+  EXPECT_EQ(pbrt_curves(one + one + one + "Shape \"sphere\"", 3).size(), 3U);
+  EXPECT_NE(curve_error(one + one, 3).find("no directive"), std::string::npos) << curve_error(one + one, 3);
+  const std::string other = curve_error(one + "Shape \"sphere\"", 2);
+  EXPECT_NE(other.find("a.pbrt:8"), std::string::npos) << other;
+  for (const std::string wrong :
+       {"\"point3 P\" [0 0 0 1 0 0 2 0 0]", "\"point3 P\" [0 0 0 1 0 0 2 0 0 3 0 0 4 0 0]",
+        "\"float width\" 1", "\"point3 P\" [0 0 0 1 0 0 2 0 0 3 0 0] \"float width\" -1",
+        "\"point3 P\" [0 0 0 1 0 0 2 0 0 3 0 0] \"integer degree\" 4",
+        "\"point3 P\" [0 0 0 1 0 0 2 0 0 3 0 0] \"string basis\" \"hermite\"",
+        "\"point3 P\" [0 0 0 1 0 0 2 0 0 3 0 0] \"string type\" \"tape\"",
+        "\"point3 P\" [0 0 0 1 0 0 2 0 0 1e300 0 0]"})
+    EXPECT_NE(curve_error("Shape \"curve\" " + wrong).find("a.pbrt:7"), std::string::npos) << wrong;
 }
 
 }  // namespace

@@ -114,6 +114,22 @@ TEST(PbrtScene, ShapesLieWhereTheyShould) {
   EXPECT_EQ(height_at(0.75f), -1);           // the object itself is not there
 }
 
+// Claim: a straight curve is a tube of pbrt's width around its points. Two that follow each
+// other are both there.
+TEST(PbrtScene, CurvesAreTubes) {
+  const auto scene = pbrt_scene(
+      "WorldBegin\nTranslate 10 0 0\n"
+      "Shape \"curve\" \"point3 P\" [-3 0 0 -1 0 0 1 0 0 3 0 0] \"float width\" 2\n"
+      "Shape \"curve\" \"point3 P\" [-3 5 0 -1 5 0 1 5 0 3 5 0] \"float width0\" 2 \"float width1\" 4\n");
+  ASSERT_NE(scene, nullptr);
+  SurfaceHit hit;
+  ASSERT_TRUE(scene->intersect(Ray{{11.5f, 0, 50}, {0, 0, -1}}, hit));
+  EXPECT_NEAR(hit.p.z, 1, 0.03f);
+  ASSERT_TRUE(scene->intersect(Ray{{11.5f, 5, 50}, {0, 0, -1}}, hit));
+  EXPECT_NEAR(hit.p.z, 1.75f, 0.05f);
+  EXPECT_FALSE(scene->intersect(Ray{{11.5f, 2.5f, 50}, {0, 0, -1}}, hit));
+}
+
 std::string float_bytes(const std::vector<float>& values) {
   std::string bytes(values.size() * sizeof(float), '\0');
   std::memcpy(bytes.data(), values.data(), bytes.size());

@@ -98,6 +98,32 @@ TEST(SweptCurves, BentOnesFollowTheSpline) {
   }
 }
 
+// Claim: pieces of a curve are joined: the two halves of a straight one make one tube, whose radius goes on
+// growing, whose u goes from 0 to 1 along it, and whose v goes around.
+TEST(SweptCurves, PiecesAreJoined) {
+  loaders::PieceList pieces(2);
+  for (std::size_t i = 0; i < 2; ++i)
+    for (std::size_t k = 0; k < 4; ++k) {
+      const double x = static_cast<double>(i) + static_cast<double>(k) - 1;
+      pieces[i][k] = {{0, 0, x}, 0.5 + 0.25 * x};
+    }
+  const loaders::Mesh mesh = piecewise_tubes({pieces});
+  ASSERT_EQ(mesh.uvs.size(), mesh.positions.size());
+  float low = 2, high = 0;
+  for (std::size_t i = 0; i < mesh.positions.size(); ++i) {
+    const Vec3 p = mesh.positions[i];
+    EXPECT_NEAR(mesh.uvs[i].x, p.z / 2, 1e-6f);
+    EXPECT_NEAR(std::hypot(p.x, p.y), 0.5f + 0.25f * p.z, 0.01f * (0.5f + 0.25f * p.z));
+    low = std::min(low, p.z);
+    high = std::max(high, p.z);
+  }
+  EXPECT_EQ(low, 0);
+  EXPECT_EQ(high, 2);
+  EXPECT_EQ(mesh.positions.size() % 17, 0U);
+  EXPECT_EQ(mesh.triangles.size(), (mesh.positions.size() / 17 - 1) * 32);
+  EXPECT_EQ(piecewise_tubes({pieces, pieces}).triangles.size(), 2 * mesh.triangles.size());
+}
+
 // ---- level sets ----
 
 std::string ball_field(std::int32_t n, double radius) {

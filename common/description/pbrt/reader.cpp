@@ -74,6 +74,7 @@ class Reader {
     if (total_bytes_ > max_total_bytes)
       return input_error(fmt::format("the scene has more than {} bytes of text", max_total_bytes)).at(key, 0);
     include_stack_.push_back(key);
+    follows_shape_ = false;
     Tokens tokens(key, bytes.view);
     while (true) {
       CANDELA_ASSIGN(const std::optional<Token> word, tokens.next());
@@ -88,6 +89,14 @@ class Reader {
     if (word.quoted)
       return error_at(tokens.where(word),
                       fmt::format("a string {} at the place of a directive", text::quote(word.text)));
+    const bool is_shape = word.text == "Shape";
+    follows_shape_ = follows_shape_ && is_shape;
+    CANDELA_TRY(handle(tokens, word));
+    follows_shape_ = is_shape;
+    return {};
+  }
+
+  Result<void> handle(Tokens& tokens, const Token& word) {
     const auto named = [&](const auto& d) { return d.name == word.text; };
     const auto own = directives();
     if (const auto found = std::find_if(own.begin(), own.end(), named); found != own.end())
@@ -264,6 +273,11 @@ class Reader {
     shape.material = state_.values().material;
     shape.inside = state_.values().inside;
     shape.outside = state_.values().outside;
+    std::vector<ShapeEntity>& shapes = object_ == nullptr ? shape_entities_ : *object_;
+    if (follows_shape_ && !shapes.empty() && shapes.back().joins(shape)) {
+      ++shapes.back().curve_count;
+      return {};
+    }
     if (object_ == nullptr) {
       shape.emitter = state_.values().emitter;
       shape_entities_.push_back(std::move(shape));
@@ -376,6 +390,7 @@ class Reader {
   std::size_t include_count_ = 0, entity_count_ = 0, total_bytes_ = 0;
   RenderOptions options_;
   double exposure_ = 1;
+  bool follows_shape_ = false;  // no other directive stands behind the last shape
   std::vector<ObjectPtr> emitters_;
   std::vector<ShapeEntity> shape_entities_;
   std::map<std::string, std::vector<ShapeEntity>, std::less<>> objects_;

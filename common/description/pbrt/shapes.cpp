@@ -100,6 +100,30 @@ Result<std::shared_ptr<Object>> Shapes::triangles(ShapeEntity& entity, bool flat
   return shape;
 }
 
+bool ShapeEntity::joins(const ShapeEntity& other) const {
+  const auto is_plain_curve = [](const ShapeEntity& entity) {
+    return entity.type == "curve" && !entity.has_shared_values &&
+           entity.parameters.is_only(
+               {"P", "N", "type", "basis", "degree", "width", "width0", "width1", "splitdepth"});
+  };
+  return is_plain_curve(*this) && is_plain_curve(other) && where.file == other.where.file;
+}
+
+Result<std::shared_ptr<Object>> Shapes::curve(ShapeEntity& entity) {
+  constexpr std::array<std::string_view, 3> types = {"flat", "cylinder", "ribbon"};
+  CANDELA_ASSIGN(const std::string type, entity.parameters.text("type", "flat"));
+  if (std::find(types.begin(), types.end(), type) == types.end())
+    return Context::unknown(entity.where, "type of curve", type, types);
+  context_.differs(entity.where,
+                   type == "cylinder"
+                       ? "curves are tubes: meshes of up to 16 sides with smooth normals"
+                       : fmt::format("curves of the type '{}' are tubes, as wide and as thick", type));
+  entity.parameters.ignore({"N", "basis", "degree", "width", "width0", "width1", "splitdepth"});
+  CANDELA_ASSIGN(std::shared_ptr<Object> shape, triangles(entity, false, true));
+  set_integer(*shape, "curves", entity.curve_count);
+  return shape;
+}
+
 Result<std::shared_ptr<Object>> Shapes::ply(ShapeEntity& entity) {
   CANDELA_ASSIGN(const std::string name, entity.parameters.text("filename", ""));
   CANDELA_ASSIGN(const std::string key, context_.find_file(entity.where, name));
@@ -128,13 +152,11 @@ Result<std::shared_ptr<Object>> Shapes::geometry(ShapeEntity& entity) {
     const bool has_normals = entity.parameters.has("N");
     return triangles(entity, !has_normals, has_normals);
   }
+  if (entity.type == "curve") return curve(entity);
   if (entity.type == "bilinearmesh") return triangles(entity, false, true);
   if (entity.type == "loopsubdiv") return triangles(entity, false, false);
-  const bool known = std::find(shape_types.begin(), shape_types.end(), entity.type) != shape_types.end();
-  CANDELA_TRY(context_.refuse(
-      known ? error_at(entity.where, fmt::format("shape '{}' is not supported yet", entity.type))
-            : Context::unknown(entity.where, "shape", entity.type, shape_types),
-      "it is left out"));
+  CANDELA_TRY(
+      context_.refuse(Context::unknown(entity.where, "shape", entity.type, shape_types), "it is left out"));
   return std::shared_ptr<Object>();
 }
 

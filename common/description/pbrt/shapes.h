@@ -2,6 +2,7 @@
 // triangles.
 #pragma once
 
+#include <cstdint>
 #include <map>
 #include <string>
 #include <utility>
@@ -24,8 +25,13 @@ struct ShapeEntity {
   bool reverse_orientation = false;
   bool has_shared_values = false;  // parameters of an Attribute directive are among them
   MaterialName material;
-  std::string inside, outside;  // media
-  ObjectPtr emitter;            // null: it does not glow
+  std::string inside, outside;   // media
+  ObjectPtr emitter;             // null: it does not glow
+  std::int64_t curve_count = 1;  // of directives that follow each other, if it is a curve
+
+  // Whether a directive of the same state may be read together with this one: both are curves that differ in
+  // nothing but their geometry.
+  bool joins(const ShapeEntity& other) const;
 };
 
 class Shapes {
@@ -41,6 +47,7 @@ class Shapes {
   Result<std::shared_ptr<Object>> sphere(ShapeEntity& entity);
   Result<std::shared_ptr<Object>> disk(ShapeEntity& entity);
   Result<std::shared_ptr<Object>> cylinder(ShapeEntity& entity);
+  Result<std::shared_ptr<Object>> curve(ShapeEntity& entity);
   Result<std::shared_ptr<Object>> ply(ShapeEntity& entity);
   Result<std::shared_ptr<Object>> part_of_quadric(ShapeEntity& entity);
   // The triangles that the loader makes of the directive. `flat`: without shading normals; `has_normals`: the

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "worker/loaders/curves.h"
+#include "worker/loaders/pbrt_curve.h"
 #include "worker/loaders/pbrt_mesh.h"
 #include "worker/loaders/volume.h"
 #include "worker/scene/shapes/creases.h"
@@ -222,8 +223,14 @@ Result<Shape> build_from_file(const description::Object& object, const descripti
       for (Vec2& uv : mesh.uvs) uv.y = 1 - uv.y;
     }
   } else if (object.plugin == "pbrtmesh") {
-    CANDELA_ASSIGN(mesh, loaders::load_pbrt_shape(bytes.view, file, object.get_integer("offset", 0),
-                                                  object.where.file == file ? object.where.line : 1));
+    const std::int64_t offset = object.get_integer("offset", 0), curves = object.get_integer("curves", 0);
+    const int line = object.where.file == file ? object.where.line : 1;
+    if (curves > 0) {
+      CANDELA_ASSIGN(const auto pieces, loaders::load_pbrt_curves(bytes.view, file, offset, line, curves));
+      mesh = piecewise_tubes(pieces);
+    } else {
+      CANDELA_ASSIGN(mesh, loaders::load_pbrt_shape(bytes.view, file, offset, line));
+    }
   } else {
     CANDELA_ASSIGN(mesh, loaders::load_serialized(bytes.view, file, object.get_integer("shape_index", 0)));
     if (object.get_bool("flip_tex_coords", false)) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "worker/core/math.h"
 
@@ -69,13 +70,22 @@ void add_section(std::vector<Section>& sections, const SplinePoint& at) {
   sections.push_back(section);
 }
 
+// The sections of a piece, without the first one if it follows another piece.
+void add_piece(std::vector<Section>& sections, const loaders::ControlPoint* c) {
+  const int steps = steps_of(c);
+  for (int k = sections.empty() ? 0 : 1; k <= steps; ++k)
+    add_section(sections, spline_at(c, static_cast<double>(k) / steps));
+}
+
 std::vector<Section> bspline_sections(const loaders::Curve& curve) {
   std::vector<Section> sections;
-  for (std::size_t i = 0; i + 3 < curve.size(); ++i) {
-    const int steps = steps_of(&curve[i]);
-    for (int k = i == 0 ? 0 : 1; k <= steps; ++k)
-      add_section(sections, spline_at(&curve[i], static_cast<double>(k) / steps));
-  }
+  for (std::size_t i = 0; i + 3 < curve.size(); ++i) add_piece(sections, &curve[i]);
+  return sections;
+}
+
+std::vector<Section> piece_sections(const loaders::PieceList& pieces) {
+  std::vector<Section> sections;
+  for (const loaders::CubicPiece& piece : pieces) add_piece(sections, piece.data());
   return sections;
 }
 
@@ -148,11 +158,11 @@ void add_tube(const std::vector<Section>& sections, std::size_t sides, loaders::
   }
 }
 
-template <class Sections>
-loaders::Mesh tubes(const std::vector<loaders::Curve>& curves, const Sections& sections_of) {
+template <class Curve, class Sections>
+loaders::Mesh tubes(const std::vector<Curve>& curves, const Sections& sections_of) {
   std::vector<std::vector<Section>> all;
   std::size_t count = 1;
-  for (const loaders::Curve& curve : curves) {
+  for (const Curve& curve : curves) {
     all.push_back(sections_of(curve));
     count += all.back().size();
   }
@@ -170,6 +180,12 @@ loaders::Mesh bspline_tubes(const std::vector<loaders::Curve>& curves) {
 
 loaders::Mesh linear_tubes(const std::vector<loaders::Curve>& curves) {
   return tubes(curves, linear_sections);
+}
+
+loaders::Mesh piecewise_tubes(const std::vector<loaders::PieceList>& curves) {
+  loaders::Mesh mesh = tubes(curves, piece_sections);
+  for (Vec2& uv : mesh.uvs) std::swap(uv.x, uv.y);
+  return mesh;
 }
 
 }  // namespace candela::scene

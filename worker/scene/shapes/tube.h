@@ -6,6 +6,7 @@
 
 #include "worker/loaders/curves.h"
 #include "worker/loaders/mesh.h"
+#include "worker/loaders/pbrt_curve.h"
 
 namespace candela::scene {
 
@@ -14,5 +15,8 @@ loaders::Mesh bspline_tubes(const std::vector<loaders::Curve>& curves);
 
 // Straight segments from point to point, mitered where they meet, without caps at the ends.
 loaders::Mesh linear_tubes(const std::vector<loaders::Curve>& curves);
+
+// The cubic pieces of each list, joined. u goes along a curve and v around it, as in pbrt.
+loaders::Mesh piecewise_tubes(const std::vector<loaders::PieceList>& curves);
 
 }  // namespace candela::scene
