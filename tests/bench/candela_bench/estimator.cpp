@@ -159,6 +159,7 @@ class RenderEstimator : public Estimator {
     const std::string bytes = encode_delta(info, output_);
     film::DeltaShape shape(output_.film->layout());
     for (const auto& sums : output_.accumulators) shape.accumulators.push_back(sums->spec());
+    for (const auto& sums : output_.aovs) shape.accumulators.push_back(sums->spec());
     CANDELA_ASSIGN(const film::Delta delta, film::Delta::decode(bytes, shape));
     CANDELA_TRY(merged_->merge(delta));
     ++cost_.deltas;

@@ -14,6 +14,7 @@
 #include "common/base/files.h"
 #include "common/base/path_options.h"
 #include "common/base/version.h"
+#include "common/job/aov.h"
 #include "tests/bench/candela_bench/process.h"
 #include "tests/bench/candela_bench/schedule.h"
 #include "tests/bench/candela_bench/truth.h"
@@ -128,7 +129,7 @@ Result<int> run(const RunOptions& options) {
 }
 
 struct CountOptions {
-  std::string scene, size;
+  std::string scene, size, aovs;
   std::vector<std::string> integrators, sets;
   std::uint64_t seed = 1, iterations = 8;
 };
@@ -151,6 +152,8 @@ Result<void> count(const CountOptions& options, const std::string& integrator) {
   CANDELA_ASSIGN(RunSpec run,
                  make_run(options.scene, scene_name_of(options.scene), integrator, given, width, height));
   run.job.seed = options.seed;
+  CANDELA_ASSIGN(const std::vector<Aov> aovs, parse_aovs(options.aovs));
+  run.job.aovs = text_of(aovs);
   CANDELA_ASSIGN(const auto estimator, make_render_estimator(run));
   CANDELA_ASSIGN(const Cost cost, estimator->advance(options.iterations));
   end_counting();
@@ -272,6 +275,7 @@ int main(int argc, char** argv) {
       .add_option("--set", count_options.sets,
                   "KEY=VALUE where an integrator has it, or INTEGRATOR.KEY=VALUE")
       ->allow_extra_args(false);
+  count_command.add_option("--aov", count_options.aovs, "AOVs beside the image, as of candela render");
   count_command.add_option("--seed", count_options.seed, "default: 1")->check(CLI::NonNegativeNumber);
   count_command.add_option("--iterations", count_options.iterations, "at least 2; default: 8")
       ->check(CLI::Range(2, 1 << 20));
