@@ -82,14 +82,25 @@ void add_media(std::vector<PluginRule>& table) {
                  "the grid fills the file's bounding box, before to_world (default false); a .vdb file's box "
                  "reaches half a voxel beyond the indices of its outermost active voxels, through the grid's "
                  "own transform, which may scale and move but not turn, shear or mirror"),
+            {.name = "offset",
+             .types = {integer},
+             .doc = "Candela's addition: where the MakeNamedMedium directive of the grid begins in a file of "
+                    "a pbrt "
+                    "scene, in bytes",
+             .minimum = 0},
+            {.name = "factor",
+             .types = {rgb},
+             .doc = "Candela's addition: values are multiplied by it (default 1)",
+             .minimum = 0},
             {.name = "filter_type",
              .types = {string},
              .values = {"trilinear", "nearest"},
              .doc = "interpolation between the centres of cells (default trilinear)"},
             {.name = "wrap_mode",
              .types = {string},
-             .values = {"clamp", "repeat", "mirror"},
-             .doc = "beyond the grid's outermost centres (default clamp)"},
+             .values = {"clamp", "repeat", "mirror", "zero"},
+             .doc = "beyond the grid's outermost centres (default clamp); zero, as in pbrt, is Candela's "
+                    "addition"},
             ignored("raw", {boolean}, "colours are linear here either way"),
             ignored("accel", {boolean}, "for GPUs only"),
             ignored("max_value", {number}, "the maximum is found in the data")},

@@ -327,6 +327,41 @@ TEST(DescriptionPbrt, CurvesAreGathered) {
   EXPECT_NE(outcome_of(wrong).find("type of curve"), std::string::npos) << outcome_of(wrong);
 }
 
+// Claim: a grid of densities is a grid volume that refers to its directive, with pbrt's box and its fall to 0
+// at the border.
+TEST(DescriptionPbrt, GridsOfDensitiesStayInTheirFile) {
+  const std::string before = "Translate 1 0 0\n";
+  const std::string medium =
+      "MakeNamedMedium \"smoke\" \"string type\" \"uniformgrid\" \"integer nx\" 2 \"float density\" [ 1 2 ] "
+      "\"point3 p0\" [ 0 5 0 ] \"point3 p1\" [ 2 1 1 ] \"rgb sigma_a\" [ 1 2 3 ] \"rgb sigma_s\" [ 3 2 1 ] "
+      "\"float scale\" 10 \"float g\" 0.5\n";
+  const std::string world =
+      "WorldBegin\nMediumInterface \"smoke\" \"\"\nMaterial \"interface\"\nShape \"sphere\"";
+  const auto read = read_pbrt(before + medium + world);
+  ASSERT_TRUE(read.ok()) << outcome_of(read);
+  const auto shapes = read->description.scene->children_of("shape");
+  ASSERT_EQ(shapes.size(), 1U);
+  const Child* inside = shapes[0]->find_child("interior");
+  ASSERT_NE(inside, nullptr);
+  EXPECT_EQ(inside->object->plugin, "heterogeneous");
+  EXPECT_EQ(inside->object->get_number("scale", 0), 10);
+  EXPECT_EQ(inside->object->get_rgb("albedo")->value, (Vec3{0.75, 0.5, 0.25}));
+  EXPECT_EQ(inside->object->children_of("phase").size(), 1U);
+  const Child* grid = inside->object->find_child("sigma_t");
+  ASSERT_NE(grid, nullptr);
+  EXPECT_EQ(grid->object->get_integer("offset", 0), static_cast<std::int64_t>(before.size()));
+  EXPECT_EQ(grid->object->get_rgb("factor")->value, (Vec3{4, 4, 4}));
+  EXPECT_EQ(grid->object->get_string("wrap_mode", ""), "zero");
+  EXPECT_EQ(grid->object->get_transform("to_world"), (Mat4{2, 0, 0, 1, 0, 4, 0, 1, 0, 0, 1, 0, 0, 0, 0, 1}));
+  const auto flat =
+      read_pbrt("MakeNamedMedium \"m\" \"string type\" \"uniformgrid\" \"point3 p1\" [ 1 1 0 ]");
+  EXPECT_NE(outcome_of(flat).find("no volume"), std::string::npos) << outcome_of(flat);
+  const auto shared = read_pbrt(
+      "Attribute \"medium\" \"float g\" 0.1\nMakeNamedMedium \"m\" \"string type\" \"uniformgrid\" \"float "
+      "density\" 1");
+  EXPECT_NE(outcome_of(shared).find("given by Attribute"), std::string::npos) << outcome_of(shared);
+}
+
 // Claim: fronts are those of pbrt. A mirror turns a mesh without normals around, unless ReverseOrientation
 // does too; normals of the file decide else.
 TEST(DescriptionPbrt, FrontsFollowMirrors) {

@@ -8,6 +8,7 @@
 
 #include "worker/loaders/loop_subdivision.h"
 #include "worker/loaders/pbrt_curve.h"
+#include "worker/loaders/pbrt_grid.h"
 #include "worker/loaders/pbrt_mesh.h"
 
 namespace candela::loaders {
@@ -238,6 +239,29 @@ TEST(PbrtCurve, DirectivesFollowEachOther) {
         "\"point3 P\" [0 0 0 1 0 0 2 0 0 3 0 0] \"string type\" \"tape\"",
         "\"point3 P\" [0 0 0 1 0 0 2 0 0 1e300 0 0]"})
     EXPECT_NE(curve_error("Shape \"curve\" " + wrong).find("a.pbrt:7"), std::string::npos) << wrong;
+}
+
+// Claim: the densities of a medium are read where its directive begins, x fastest; a list that is not as long
+// as the grid and negative densities are errors at their line.
+TEST(PbrtGrid, DensitiesAreAsWritten) {
+  const std::string before = "WorldBegin\n";
+  const std::string medium =
+      "MakeNamedMedium \"smoke\" \"string type\" \"uniformgrid\" \"integer nx\" 2 \"integer nz\" [ 3 ]\n"
+      "  \"float density\" [ 0 1 2 3 4.5 1e-50 ] \"rgb sigma_a\" [ 1 1 1 ]";
+  const auto grid = load_pbrt_grid(before + medium, "a.pbrt", static_cast<std::int64_t>(before.size()), 2);
+  ASSERT_TRUE(grid.ok()) << grid.error().to_string();
+  EXPECT_EQ(grid->size, (std::array<std::uint32_t, 3>{2, 1, 3}));
+  EXPECT_EQ(grid->channels, 1U);
+  EXPECT_EQ(grid->values, (std::vector<float>{0, 1, 2, 3, 4.5f, 0}));
+  const std::string directive = "MakeNamedMedium \"m\" ";
+  for (const std::string& wrong :
+       {directive, directive + "\"float density\" [ 1 2 ]", directive + "\"float density\" -1",
+        directive + "\"float density\" 1e60", directive + "\"integer nx\" 0 \"float density\" []",
+        directive + "\"integer nx\" 9000000 \"integer ny\" 9000000 \"float density\" 1",
+        std::string("Medium \"m\""), std::string("MakeNamedMedium m"), std::string()}) {
+    const auto bad = load_pbrt_grid(wrong, "a.pbrt", 0, 7);
+    EXPECT_NE((bad.ok() ? "no error" : bad.error().to_string()).find("a.pbrt:7"), std::string::npos) << wrong;
+  }
 }
 
 }  // namespace

@@ -47,6 +47,7 @@ class GraphicsState {
   Result<void> expect_world(Tokens& tokens, const Token& word) const;
 
   // Gives the parameters those that Attribute has for the target.
+  bool shares(std::string_view target) const { return values_.shared.contains(target); }
   void add_shared(std::string_view target, ParameterList& parameters) const;
 
   // The camera has the current transform.

@@ -9,6 +9,7 @@
 #include "common/description/check.h"
 #include "common/description/media_presets.h"
 #include "common/description/text.h"
+#include "common/description/transform.h"
 
 namespace candela::description::pbrt {
 namespace {
@@ -22,6 +23,24 @@ Result<Vec3> coefficient(Context& context, ParameterList& parameters, std::strin
   if (parameter == nullptr) return otherwise;
   CANDELA_ASSIGN(const Rgb rgb, color_of(context, *parameter, SpectrumUse::unbounded, space));
   return rgb.value;
+}
+
+std::pair<Rgb, Rgb> extinction_and_albedo(const Vec3& absorption, const Vec3& scattering) {
+  Rgb extinction, albedo;
+  for (std::size_t i = 0; i < 3; ++i) {
+    extinction.value[i] = absorption[i] + scattering[i];
+    albedo.value[i] = extinction.value[i] > 0 ? scattering[i] / extinction.value[i] : 0;
+  }
+  return {extinction, albedo};
+}
+
+Result<void> add_phase(Object& medium, double g) {
+  if (g == 0) return {};
+  std::shared_ptr<Object> phase = make("phase", "hg", medium.where);
+  set(*phase, "g", g);
+  CANDELA_ASSIGN(ObjectPtr finished, Context::finish(std::move(phase)));
+  add(medium, "", std::move(finished));
+  return {};
 }
 
 }  // namespace
@@ -47,26 +66,63 @@ Result<ObjectPtr> scattering_medium(Context& context, ParameterList& parameters,
                  coefficient(context, parameters, "sigma_s", coefficients.sigma_s, space));
   CANDELA_ASSIGN(const double scale, parameters.number("scale", 1));
   CANDELA_ASSIGN(const double g, parameters.number("g", 0));
-  Rgb extinction, albedo;
-  for (std::size_t i = 0; i < 3; ++i) {
-    extinction.value[i] = absorption[i] + scattering[i];
-    albedo.value[i] = extinction.value[i] > 0 ? scattering[i] / extinction.value[i] : 0;
-  }
+  const auto [extinction, albedo] = extinction_and_albedo(absorption, scattering);
   std::shared_ptr<Object> medium = make("medium", "homogeneous", where);
   set(*medium, "sigma_t", extinction);
   set(*medium, "albedo", albedo);
   set(*medium, "scale", scale);
-  if (g != 0) {
-    std::shared_ptr<Object> phase = make("phase", "hg", where);
-    set(*phase, "g", g);
-    CANDELA_ASSIGN(ObjectPtr finished, Context::finish(std::move(phase)));
-    add(*medium, "", std::move(finished));
-  }
+  CANDELA_TRY(add_phase(*medium, g));
   return Context::finish(std::move(medium));
 }
 
-Result<void> Media::define(const std::string& name, ParameterList parameters, ColorSpace space,
-                           const Location& where) {
+// The densities stay in the scene's file. Beyond the outermost centers of cells pbrt's grid falls to 0.
+Result<ObjectPtr> Media::uniform_grid(MediumEntity& entity) {
+  ParameterList& parameters = entity.parameters;
+  if (entity.has_shared_values)
+    return error_at(entity.where, "a parameter of a medium 'uniformgrid' given by Attribute is not supported")
+        .with_mend("write it into the MakeNamedMedium directive");
+  if (parameters.has("temperature")) {
+    CANDELA_TRY(
+        context_.refuse(error_at(entity.where, "a medium that glows is not supported yet"), "it is dark"));
+    parameters.ignore({"temperature", "temperaturescale", "temperatureoffset"});
+  }
+  CANDELA_ASSIGN(const Vec3 p0, parameters.point("p0", {0, 0, 0}));
+  CANDELA_ASSIGN(const Vec3 p1, parameters.point("p1", {1, 1, 1}));
+  Vec3 low{}, extent{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    low[i] = std::min(p0[i], p1[i]);
+    extent[i] = std::max(p0[i], p1[i]) - low[i];
+    if (!(extent[i] > 0)) return error_at(entity.where, "the medium's box from p0 to p1 has no volume");
+  }
+  parameters.ignore({"density", "nx", "ny", "nz"});
+  CANDELA_ASSIGN(const Vec3 absorption,
+                 coefficient(context_, parameters, "sigma_a", {1, 1, 1}, entity.space));
+  CANDELA_ASSIGN(const Vec3 scattering,
+                 coefficient(context_, parameters, "sigma_s", {1, 1, 1}, entity.space));
+  CANDELA_ASSIGN(const double scale, parameters.number("scale", 1));
+  CANDELA_ASSIGN(const double g, parameters.number("g", 0));
+  const auto [extinction, albedo] = extinction_and_albedo(absorption, scattering);
+  const std::shared_ptr<Object> grid = make("volume", "gridvolume", entity.where);
+  set(*grid, "filename", entity.where.file);
+  set_integer(*grid, "offset", static_cast<std::int64_t>(entity.offset));
+  set(*grid, "factor", extinction);
+  set(*grid, "wrap_mode", std::string("zero"));
+  set(*grid, "to_world",
+      transform::multiply(entity.to_world,
+                          transform::multiply(transform::translate(low), transform::scale(extent))));
+  CANDELA_ASSIGN(ObjectPtr finished, Context::finish(grid));
+  std::shared_ptr<Object> medium = make("medium", "heterogeneous", entity.where);
+  add(*medium, "sigma_t", std::move(finished));
+  set(*medium, "albedo", albedo);
+  set(*medium, "scale", scale);
+  CANDELA_TRY(add_phase(*medium, g));
+  return Context::finish(std::move(medium));
+}
+
+Result<void> Media::define(MediumEntity entity) {
+  const std::string& name = entity.name;
+  const Location& where = entity.where;
+  ParameterList& parameters = entity.parameters;
   if (const auto known = media_.find(name); known != media_.end()) {
     const Location& first = known->second->where;
     return error_at(where, fmt::format("the medium {} is defined since {}:{}", text::quote(name), first.file,
@@ -77,7 +133,7 @@ Result<void> Media::define(const std::string& name, ParameterList parameters, Co
   if (!known) {
     CANDELA_TRY(context_.refuse(Context::unknown(where, "medium", type, medium_types),
                                 "it is read as 'homogeneous'"));
-  } else if (type != "homogeneous") {
+  } else if (type != "homogeneous" && type != "uniformgrid") {
     CANDELA_TRY(context_.refuse(error_at(where, fmt::format("medium '{}' is not supported yet", type)),
                                 "it is read as 'homogeneous'"));
   }
@@ -85,8 +141,12 @@ Result<void> Media::define(const std::string& name, ParameterList parameters, Co
     CANDELA_TRY(context_.refuse(error_at(where, "a medium that glows is not supported yet"), "it is dark"));
     parameters.ignore({"Le", "Lescale"});
   }
-  CANDELA_ASSIGN(ObjectPtr medium, scattering_medium(context_, parameters, "preset", space, where));
-  if (type == "homogeneous")
+  const auto read = [&]() {
+    return type == "uniformgrid" ? uniform_grid(entity)
+                                 : scattering_medium(context_, parameters, "preset", entity.space, where);
+  };
+  CANDELA_ASSIGN(ObjectPtr medium, read());
+  if (type == "homogeneous" || type == "uniformgrid")
     CANDELA_TRY(context_.refuse_unused(parameters, fmt::format("medium '{}'", type)));
   media_.emplace(name, std::move(medium));
   return {};

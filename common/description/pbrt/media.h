@@ -13,17 +13,29 @@ namespace candela::description::pbrt {
 Result<ObjectPtr> scattering_medium(Context& context, ParameterList& parameters, std::string_view preset,
                                     ColorSpace space, const Location& where);
 
+// A MakeNamedMedium directive with the state it was met in.
+struct MediumEntity {
+  std::string name;
+  ParameterList parameters;
+  Location where;
+  std::size_t offset = 0;  // of the directive in its file
+  Mat4 to_world{};
+  ColorSpace space = ColorSpace::srgb;
+  bool has_shared_values = false;  // parameters of an Attribute directive are among them
+};
+
 class Media {
  public:
   explicit Media(Context& context) : context_(context) {}
 
   // MakeNamedMedium.
-  Result<void> define(const std::string& name, ParameterList parameters, ColorSpace space,
-                      const Location& where);
+  Result<void> define(MediumEntity entity);
   // The medium; null for the empty name.
   Result<ObjectPtr> medium(const std::string& name, const Location& where) const;
 
  private:
+  Result<ObjectPtr> uniform_grid(MediumEntity& entity);
+
   Context& context_;
   std::map<std::string, ObjectPtr, std::less<>> media_;
 };

@@ -219,8 +219,15 @@ class Reader {
   }
   Result<void> make_named_medium(Tokens& tokens, const Token& word) {
     CANDELA_ASSIGN(Entity given, read_entity(tokens, word));
-    state_.add_shared("medium", given.parameters);
-    return media_.define(given.type, std::move(given.parameters), state_.values().space, given.where);
+    MediumEntity medium{given.type,
+                        std::move(given.parameters),
+                        given.where,
+                        word.offset,
+                        state_.values().world_from_object,
+                        state_.values().space,
+                        state_.shares("medium")};
+    state_.add_shared("medium", medium.parameters);
+    return media_.define(std::move(medium));
   }
   Result<void> light_source(Tokens& tokens, const Token& word) {
     CANDELA_TRY(state_.expect_world(tokens, word));

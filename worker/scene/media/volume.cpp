@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
+#include <vector>
 
 #include "common/base/log.h"
+#include "worker/loaders/pbrt_grid.h"
 #include "worker/loaders/vdb/volume_vdb.h"
 #include "worker/scene/transform.h"
 
@@ -46,6 +49,9 @@ Result<GridVolume> GridVolume::build(const description::Object& object,
     return fail("only OpenVDB files have grids with names, and '" + file + "' is none").with_field("grid");
   } else if (file.ends_with(".vdb")) {
     return fail("'" + file + "' is not an OpenVDB file: it does not start as one").with_field("filename");
+  } else if (object.find("offset") != nullptr) {
+    CANDELA_ASSIGN(grid.data_, loaders::load_pbrt_grid(bytes.view, file, object.get_integer("offset", 0),
+                                                       object.where.file == file ? object.where.line : 1));
   } else {
     CANDELA_ASSIGN(grid.data_, loaders::load_volume(bytes.view, file));
     if (grid.data_.negative_count > 0) {
@@ -53,9 +59,19 @@ Result<GridVolume> GridVolume::build(const description::Object& object,
                 std::to_string(grid.data_.negative_count) + " negative values of '" + file + "' became 0");
     }
   }
+  if (const auto factor = object.get_rgb("factor")) {
+    const auto& v = factor->value;
+    grid.scale({static_cast<float>(v[0]), static_cast<float>(v[1]), static_cast<float>(v[2])});
+    for (const float value : grid.data_.values)
+      if (!std::isfinite(value))
+        return fail("values of '" + file + "' times the factor are too large").with_field("factor");
+  }
   grid.nearest_ = object.get_string("filter_type", "trilinear") == "nearest";
   const std::string wrap = object.get_string("wrap_mode", "clamp");
-  grid.wrap_ = wrap == "repeat" ? Wrap::repeat : wrap == "mirror" ? Wrap::mirror : Wrap::clamp;
+  grid.wrap_ = wrap == "repeat"   ? Wrap::repeat
+               : wrap == "mirror" ? Wrap::mirror
+               : wrap == "zero"   ? Wrap::zero
+                                  : Wrap::clamp;
 
   const Transform to_world(object.get_transform("to_world"));
   const double determinant = to_world.determinant();
@@ -80,12 +96,26 @@ Result<GridVolume> GridVolume::build(const description::Object& object,
   return grid;
 }
 
+void GridVolume::scale(Spectrum factor) {
+  const bool is_gray = factor.r == factor.g && factor.g == factor.b;
+  if (data_.channels == 1 && !is_gray) {
+    std::vector<float> colors(3 * data_.values.size());
+    for (std::size_t i = 0; i < colors.size(); ++i) colors[i] = data_.values[i / 3];
+    data_.values = std::move(colors);
+    data_.channels = 3;
+  }
+  const float factors[3] = {factor.r, factor.g, factor.b};
+  for (std::size_t i = 0; i < data_.values.size(); ++i) data_.values[i] *= factors[i % data_.channels];
+}
+
 std::int64_t GridVolume::wrapped(std::int64_t i, int axis) const {
   const auto n = static_cast<std::int64_t>(data_.size[static_cast<std::size_t>(axis)]);
   if (i >= 0 && i < n) return i;
   switch (wrap_) {
     case Wrap::clamp:
       return std::clamp<std::int64_t>(i, 0, n - 1);
+    case Wrap::zero:
+      return -1;
     case Wrap::repeat:
       return ((i % n) + n) % n;
     case Wrap::mirror: {
@@ -97,6 +127,7 @@ std::int64_t GridVolume::wrapped(std::int64_t i, int axis) const {
 }
 
 Spectrum GridVolume::cell(std::int64_t x, std::int64_t y, std::int64_t z) const {
+  if ((x | y | z) < 0) return Spectrum(0.0f);
   const std::size_t i =
       (static_cast<std::size_t>(z) * data_.size[1] + static_cast<std::size_t>(y)) * data_.size[0] +
       static_cast<std::size_t>(x);

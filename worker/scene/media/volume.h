@@ -16,7 +16,7 @@ namespace candela::scene {
 // to_world places the cube.
 class GridVolume {
  public:
-  enum class Wrap : std::uint8_t { clamp, repeat, mirror };
+  enum class Wrap : std::uint8_t { clamp, repeat, mirror, zero };
 
   // From a description object "gridvolume".
   static Result<GridVolume> build(const description::Object& object, const description::FileSource& files);
@@ -40,7 +40,9 @@ class GridVolume {
   const std::array<std::uint32_t, 3>& size() const { return data_.size; }
 
  private:
-  std::int64_t wrapped(std::int64_t i, int axis) const;
+  // Multiplies all values.
+  void scale(Spectrum factor);
+  std::int64_t wrapped(std::int64_t i, int axis) const;                 // -1: outside, where values are 0
   Spectrum cell(std::int64_t x, std::int64_t y, std::int64_t z) const;  // wrapped already
 
   loaders::VolumeData data_;
