@@ -6,6 +6,7 @@
 #include <cmath>
 #include <string>
 
+#include "common/rng/stream.h"
 #include "worker/loaders/loop_subdivision.h"
 #include "worker/loaders/pbrt_curve.h"
 #include "worker/loaders/pbrt_grid.h"
@@ -262,6 +263,39 @@ TEST(PbrtGrid, DensitiesAreAsWritten) {
     const auto bad = load_pbrt_grid(wrong, "a.pbrt", 0, 7);
     EXPECT_NE((bad.ok() ? "no error" : bad.error().to_string()).find("a.pbrt:7"), std::string::npos) << wrong;
   }
+}
+
+// Claim: whatever the bytes of a directive, the answer is curves, a grid, or one error; grids are as large as
+// they say.
+TEST(PbrtGrid, MutatedDirectivesAreReadOrErrors) {
+  const std::string seeds[] = {
+      "Shape \"curve\" \"point3 P\" [ 0 0 0 1 0 0 2 1 0 3 0 0 ] \"float width0\" 0.1 \"string basis\" "
+      "\"bspline\"\n"
+      "Shape \"curve\" \"integer degree\" 2 \"point3 P\" [ 0 0 0 1 0 0 2 1 0 ] \"string type\" \"flat\"",
+      "MakeNamedMedium \"m\" \"integer nx\" 2 \"integer ny\" 1 \"integer nz\" 3 \"float density\" [ 0 1 2 3 "
+      "4 5 ]"};
+  rng::Stream stream(rng::key(91));
+  const std::string alphabet = "0123456789-+.e[]\" \nPxyz";
+  std::size_t read = 0;
+  for (int i = 0; i < 20000; ++i) {
+    std::string bytes = seeds[i % 2];
+    for (std::uint32_t k = stream.next_u32() % 4; k > 0; --k)
+      bytes[stream.next_u32() % bytes.size()] = alphabet[stream.next_u32() % alphabet.size()];
+    if (stream.next_u32() % 8 == 0) bytes.resize(stream.next_u32() % bytes.size());
+    if (const auto curves = load_pbrt_curves(bytes, "a.pbrt", 0, 1, 2); curves.ok()) {
+      ++read;
+      EXPECT_EQ(curves->size(), 2U);
+    } else {
+      EXPECT_FALSE(curves.error().message.empty());
+    }
+    if (const auto grid = load_pbrt_grid(bytes, "a.pbrt", 0, 1); grid.ok()) {
+      ++read;
+      EXPECT_EQ(grid->values.size(), std::size_t{grid->size[0]} * grid->size[1] * grid->size[2]);
+    } else {
+      EXPECT_FALSE(grid.error().message.empty());
+    }
+  }
+  EXPECT_GT(read, 4000U);
 }
 
 }  // namespace
