@@ -65,35 +65,14 @@ bool sample(const CoatingClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMod
 }
 
 Result<void> CoatingSurface::build(const description::Object& object, const BuildContext& context) {
-  CANDELA_ASSIGN(const auto children, nested_bsdfs(object, 1, 1));
-  CANDELA_ASSIGN(base, Bsdf::build_part(*children[0], context));
-  const BsdfFacts below = base->facts();
-  if (below.transmissive || below.straight) {
-    return located("coating holds a bsdf that lets no light through; " + children[0]->plugin + " does",
-                   *children[0], "");
-  }
-  CANDELA_ASSIGN(specular, read_reflectance(object, context.textures, "specular_reflectance", 1));
-  CANDELA_ASSIGN(sigma_a, context.textures.color(object, "sigma_a", Spectrum()));
-  CANDELA_ASSIGN(eta, read_relative_eta(object, 1.5046, 1.000277));  // bk7 in air
-  thickness = static_cast<float>(object.get_number("thickness", 1));
-  if (!(thickness >= 0) || !std::isfinite(thickness))
-    return located("the thickness is finite and not negative", object, "thickness");
-  return {};
+  return build_coat("coating", object, context);
 }
 
 void CoatingSurface::prepare(const SurfaceHit& hit, Vec3 wo, ClosureArena& arena, Closure& out) const {
   CoatingClosure p = {};
-  Closure& below = arena.make();
-  p.below = &below;
-  p.eta = eta;
-  p.specular = specular.eval(hit.uv);
-  p.absorption = sigma_a.eval(hit.uv) * thickness;
-  p.share = layer_share(p.specular, p.absorption);
-  const Refracted o = refract_in(p.eta, wo);
-  if (enters(o)) base->prepare(hit, o.inside, arena, below);
+  prepare_coat(hit, wo, arena, p);
   out.set(p);
-  // The layer has as many sides as what is below it.
-  out.black = (wo.z < 0 && !base->facts().two_sided) || (p.specular.is_black() && below.black);
+  out.black = is_black(p, wo);
 }
 
 BsdfFacts CoatingSurface::facts() const {
@@ -104,10 +83,6 @@ BsdfFacts CoatingSurface::facts() const {
   facts.min_roughness = 0;
   facts.max_albedo = std::max(facts.max_albedo, mirror.max_component());
   return facts;
-}
-
-std::uint32_t CoatingSurface::arena_parts() const {
-  return 1 + base->arena_parts();
 }
 
 }  // namespace candela::scene

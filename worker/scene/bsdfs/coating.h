@@ -7,46 +7,27 @@
 // [Weidlich and Wilkie 2007]
 #pragma once
 
-#include <memory>
 #include <string_view>
 
 #include "worker/scene/bsdf.h"
-#include "worker/scene/bsdfs/surface.h"
+#include "worker/scene/bsdfs/coat_surface.h"
 #include "worker/scene/hit.h"
 
 namespace candela::scene {
 
-class Bsdf;
-
-struct CoatingClosure {
-  const Closure* below;
-  Spectrum specular;    // color of the layer's reflection
-  Spectrum absorption;  // sigma_a thickness
-  float eta;            // of the layer over outside
-  float share;          // steers sampling to the layer's reflection
-
+struct CoatingClosure : CoatClosure {
   ClosureTraits traits() const;
 };
 Spectrum eval_pdf(const CoatingClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
 bool sample(const CoatingClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
 
-struct CoatingSurface {
+struct CoatingSurface : CoatSurface {
   using ClosureType = CoatingClosure;
   static constexpr std::string_view kPlugins[] = {"coating"};
-
-  std::unique_ptr<Bsdf> base;
-  ColorTexture specular, sigma_a;
-  float thickness = 1;
-  float eta = 1;
 
   Result<void> build(const description::Object& object, const BuildContext& context);
   void prepare(const SurfaceHit& hit, Vec3 wo, ClosureArena& arena, Closure& out) const;
   BsdfFacts facts() const;
-  std::uint32_t arena_parts() const;
-  template <class Visitor>
-  void for_each_part(const Visitor& visit) const {
-    visit(*base);
-  }
 };
 
 }  // namespace candela::scene

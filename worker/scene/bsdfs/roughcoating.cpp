@@ -109,44 +109,24 @@ bool sample(const RoughCoatingClosure& p, Vec3 wo, float u_lobe, Vec2 u, Transpo
 }
 
 Result<void> RoughCoatingSurface::build(const description::Object& object, const BuildContext& context) {
-  CANDELA_ASSIGN(const auto children, nested_bsdfs(object, 1, 1));
-  CANDELA_ASSIGN(base, Bsdf::build_part(*children[0], context));
-  const BsdfFacts below = base->facts();
-  if (below.transmissive || below.straight) {
-    return located("roughcoating holds a bsdf that lets no light through; " + children[0]->plugin + " does",
-                   *children[0], "");
-  }
+  CANDELA_TRY(build_coat("roughcoating", object, context));
   CANDELA_ASSIGN(const RoughnessParameters roughness, read_roughness(object, context.textures));
   alpha = std::max(kMinAlpha, roughness.alpha_u.constant);
   ggx = roughness.ggx;
   sample_visible = roughness.sample_visible;
-  CANDELA_ASSIGN(specular, read_reflectance(object, context.textures, "specular_reflectance", 1));
-  CANDELA_ASSIGN(sigma_a, context.textures.color(object, "sigma_a", Spectrum()));
-  CANDELA_ASSIGN(eta, read_relative_eta(object, 1.5046, 1.000277));  // bk7 in air
-  thickness = static_cast<float>(object.get_number("thickness", 1));
-  if (!(thickness >= 0) || !std::isfinite(thickness))
-    return located("the thickness is finite and not negative", object, "thickness");
   coat = context.coats.get(ggx, alpha, eta);
   return {};
 }
 
 void RoughCoatingSurface::prepare(const SurfaceHit& hit, Vec3 wo, ClosureArena& arena, Closure& out) const {
   RoughCoatingClosure p = {};
-  Closure& below = arena.make();
-  p.below = &below;
+  prepare_coat(hit, wo, arena, p);
   p.coat = coat.get();
-  p.eta = eta;
   p.alpha = alpha;
   p.ggx = ggx;
   p.sample_visible = sample_visible;
-  p.specular = specular.eval(hit.uv);
-  p.absorption = sigma_a.eval(hit.uv) * thickness;
-  p.share = layer_share(p.specular, p.absorption);
-  const Refracted o = refract_in(eta, wo);
-  if (enters(o)) base->prepare(hit, o.inside, arena, below);
   out.set(p);
-  // The layer has as many sides as what is below it.
-  out.black = (wo.z < 0 && !base->facts().two_sided) || (p.specular.is_black() && below.black);
+  out.black = is_black(p, wo);
 }
 
 BsdfFacts RoughCoatingSurface::facts() const {
@@ -157,10 +137,6 @@ BsdfFacts RoughCoatingSurface::facts() const {
   facts.min_roughness = std::min(facts.min_roughness, alpha);
   facts.max_albedo = std::max(facts.max_albedo, gloss.max_component());
   return facts;
-}
-
-std::uint32_t RoughCoatingSurface::arena_parts() const {
-  return 1 + base->arena_parts();
 }
 
 }  // namespace candela::scene

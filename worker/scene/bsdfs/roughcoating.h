@@ -11,22 +11,15 @@
 #include <string_view>
 
 #include "worker/scene/bsdf.h"
+#include "worker/scene/bsdfs/coat_surface.h"
 #include "worker/scene/bsdfs/rough_transmittance.h"
-#include "worker/scene/bsdfs/surface.h"
 #include "worker/scene/hit.h"
 
 namespace candela::scene {
 
-class Bsdf;
-
-struct RoughCoatingClosure {
-  const Closure* below;
+struct RoughCoatingClosure : CoatClosure {
   const RoughTransmittance* coat;
-  Spectrum specular;    // color of the layer's reflection
-  Spectrum absorption;  // sigma_a thickness
-  float eta;            // of the layer over outside
   float alpha;
-  float share;  // steers sampling to the layer's reflection
   bool ggx;
   bool sample_visible;
 
@@ -35,15 +28,11 @@ struct RoughCoatingClosure {
 Spectrum eval_pdf(const RoughCoatingClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
 bool sample(const RoughCoatingClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
 
-struct RoughCoatingSurface {
+struct RoughCoatingSurface : CoatSurface {
   using ClosureType = RoughCoatingClosure;
   static constexpr std::string_view kPlugins[] = {"roughcoating"};
 
-  std::unique_ptr<Bsdf> base;
-  ColorTexture specular, sigma_a;
   std::shared_ptr<const RoughTransmittance> coat;
-  float thickness = 1;
-  float eta = 1;
   float alpha = 0.1f;
   bool ggx = false;
   bool sample_visible = true;
@@ -51,11 +40,6 @@ struct RoughCoatingSurface {
   Result<void> build(const description::Object& object, const BuildContext& context);
   void prepare(const SurfaceHit& hit, Vec3 wo, ClosureArena& arena, Closure& out) const;
   BsdfFacts facts() const;
-  std::uint32_t arena_parts() const;
-  template <class Visitor>
-  void for_each_part(const Visitor& visit) const {
-    visit(*base);
-  }
 };
 
 }  // namespace candela::scene

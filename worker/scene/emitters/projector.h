@@ -3,11 +3,8 @@
 //   I(d) = pi E(u, v) / c^3
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-
 #include "worker/core/vec.h"
-#include "worker/scene/emitters/cone.h"
+#include "worker/scene/emitters/cone_importance.h"
 #include "worker/scene/emitters/emitter.h"
 #include "worker/scene/emitters/light_bounds.h"
 #include "worker/scene/emitters/scene_extent.h"
@@ -40,13 +37,7 @@ class ProjectorLight {
   Spectrum power(const SceneExtent& /*scene*/) const { return power_; }
   LightBounds bounds(const Geometry& geometry) const;
   float importance(Vec3 p, Vec3 front) const {
-    const Vec3 v = position_ - p;
-    const float d2 = std::max(length_squared(v), 1e-36f), inverse_d = 1 / std::sqrt(d2);
-    if (-dot(frame_.n, v) * inverse_d < cos_corner_ - kCosineSlack) return 0;
-    if (is_zero(front)) return std::min(strength_ / d2, kMaxImportance);
-    const float h = dot(front, v);
-    if (!(h > 0)) return 0;
-    return std::min(strength_ * std::max(h * inverse_d, kMinBoundCosine) / d2, kMaxImportance);
+    return cone_importance(strength_, position_ - p, front, frame_.n, cos_corner_);
   }
 
   // W / sr, in no direction more.
