@@ -55,6 +55,24 @@ inline PropertyRule sampling_weight() {
                  "how often the emitter is chosen: noise only, the mean is the same");
 }
 
+// The field of view of a camera or a projector: fov, fov_axis, focal_length. fov_axis_doc says whose axis it
+// is.
+inline std::vector<PropertyRule> field_of_view(std::string_view fov_axis_doc) {
+  return {{.name = "fov",
+           .types = {number},
+           .doc = "field of view in degrees along fov_axis (default from focal_length)",
+           .minimum = 0,
+           .maximum = 179.999,
+           .above_minimum = true},
+          {.name = "fov_axis",
+           .types = {string},
+           .values = {"x", "y", "diagonal", "smaller", "larger"},
+           .doc = fov_axis_doc},
+          {.name = "focal_length",
+           .types = {string},
+           .doc = "35 mm equivalent focal length, such as 50mm, where fov is absent (default 50mm)"}};
+}
+
 inline PropertyRule silhouette() {
   return ignored("silhouette_sampling_weight", {number}, "for differentiable rendering only");
 }

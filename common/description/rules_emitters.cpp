@@ -117,31 +117,19 @@ void add_emitters(std::vector<PluginRule>& table) {
             sampling_weight()},
        .child_categories = {},
        .doc = "a point that shines into a cone"});
-  table.push_back(
-      {.category = "emitter",
-       .name = "projector",
-       .properties =
-           {textured(non_negative_rgb("irradiance",
-                                      "the picture: irradiance over pi, W/m^2, of the plane at distance 1 "
-                                      "(default 1)")),
-            {.name = "scale", .types = {number}, .doc = "factor (default 1)", .minimum = 0},
-            {.name = "fov",
-             .types = {number},
-             .doc = "field of view in degrees along fov_axis (default from focal_length)",
-             .minimum = 0,
-             .maximum = 179.999,
-             .above_minimum = true},
-            {.name = "fov_axis",
-             .types = {string},
-             .values = {"x", "y", "diagonal", "smaller", "larger"},
-             .doc = "the picture's axis fov spans (default x)"},
-            {.name = "focal_length",
-             .types = {string},
-             .doc = "35 mm equivalent focal length, such as 50mm, where fov is absent (default 50mm)"},
-            to_world("as of a camera that sees the picture: along +z, +y is up, +x to the left"),
-            sampling_weight()},
-       .child_categories = {"medium"},
-       .doc = "a point that projects a picture, as a pinhole camera would see it"});
+  std::vector<PropertyRule> projector = field_of_view("the picture's axis fov spans (default x)");
+  projector.insert(projector.begin(),
+                   {textured(non_negative_rgb("irradiance",
+                                              "the picture: irradiance over pi, W/m^2, of the "
+                                              "plane at distance 1 (default 1)")),
+                    {.name = "scale", .types = {number}, .doc = "factor (default 1)", .minimum = 0}});
+  projector.push_back(to_world("as of a camera that sees the picture: along +z, +y is up, +x to the left"));
+  projector.push_back(sampling_weight());
+  table.push_back({.category = "emitter",
+                   .name = "projector",
+                   .properties = std::move(projector),
+                   .child_categories = {"medium"},
+                   .doc = "a point that projects a picture, as a pinhole camera would see it"});
   table.push_back(
       {.category = "emitter",
        .name = "directional",

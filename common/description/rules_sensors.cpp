@@ -249,27 +249,13 @@ std::vector<PropertyRule> sensor_properties(PropertyRule to_world) {
 std::vector<PropertyRule> perspective_properties() {
   std::vector<PropertyRule> rules =
       sensor_properties(to_world("camera to world; the camera looks along +z, +y is up, +x to the left"));
-  const std::vector<PropertyRule> more = {
-      {.name = "fov",
-       .types = {number},
-       .doc = "field of view in degrees along fov_axis (default from focal_length)",
-       .minimum = 0,
-       .maximum = 179.999,
-       .above_minimum = true},
-      {.name = "fov_axis",
-       .types = {string},
-       .values = {"x", "y", "diagonal", "smaller", "larger"},
-       .doc = "the image axis fov spans (default x)"},
-      {.name = "focal_length",
-       .types = {string},
-       .doc = "35 mm equivalent focal length, such as 50mm, where fov is absent (default 50mm)"},
-      {.name = "principal_point_offset_x",
-       .types = {number},
-       .doc = "offset of the principal point in image widths (default 0)"},
-      {.name = "principal_point_offset_y",
-       .types = {number},
-       .doc = "offset of the principal point in image heights (default 0)"}};
-  rules.insert(rules.end(), more.begin(), more.end());
+  for (PropertyRule& rule : field_of_view("the image axis fov spans (default x)")) rules.push_back(rule);
+  rules.push_back({.name = "principal_point_offset_x",
+                   .types = {number},
+                   .doc = "offset of the principal point in image widths (default 0)"});
+  rules.push_back({.name = "principal_point_offset_y",
+                   .types = {number},
+                   .doc = "offset of the principal point in image heights (default 0)"});
   return rules;
 }
 

@@ -2,8 +2,6 @@
 // verify, decode and merge it, for a film of a real scene.
 //
 //   bench_delta_cost SCENE.xml [WIDTH HEIGHT [ITERATIONS...]]        default 1920 1080 1 4 16
-#include <time.h>
-
 #include <cstdio>
 #include <filesystem>
 #include <string>
@@ -13,17 +11,13 @@
 #include "common/bundle/bundle.h"
 #include "common/film/delta.h"
 #include "tests/bench/count_argument.h"
+#include "tests/bench/thread_time.h"
 #include "worker/render/renderer.h"
 
 namespace {
 
 using namespace candela;
-
-double thread_cpu_seconds() {
-  timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
+using bench::thread_cpu_seconds;
 
 int fail(const std::string& message) {
   std::fprintf(stderr, "bench_delta_cost: %s\n", message.c_str());

@@ -5,8 +5,6 @@
 //   bench_epoch_cost SCENE.xml [WIDTH HEIGHT [ITERATIONS]]        default 1920 1080 8
 //
 // The first epoch of each integrator with adaptive radii, rendered as one unit for each half.
-#include <time.h>
-
 #include <cstdio>
 #include <filesystem>
 #include <string>
@@ -16,18 +14,14 @@
 #include "common/film/delta.h"
 #include "common/stages/decision.h"
 #include "tests/bench/count_argument.h"
+#include "tests/bench/thread_time.h"
 #include "tests/epoch_run.h"
 #include "worker/render/renderer.h"
 
 namespace {
 
 using namespace candela;
-
-double thread_cpu_seconds() {
-  timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
+using bench::thread_cpu_seconds;
 
 int fail(const std::string& message) {
   std::fprintf(stderr, "bench_epoch_cost: %s\n", message.c_str());

@@ -3,8 +3,6 @@
 // the fastest turn of each counts, for other programs only ever add.
 //
 //   bench_textures [SIDE]
-#include <time.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -16,6 +14,7 @@
 
 #include "common/rng/stream.h"
 #include "tests/bench/count_argument.h"
+#include "tests/bench/thread_time.h"
 #include "worker/scene/textures/bitmap.h"
 
 namespace {
@@ -30,9 +29,7 @@ float sum = 0;  // so that nothing is optimised away
 
 // CPU time: the machine may be busy.
 double cpu_nanoseconds() {
-  timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return 1e9 * static_cast<double>(now.tv_sec) + static_cast<double>(now.tv_nsec);
+  return 1e9 * bench::thread_cpu_seconds();
 }
 
 double nanoseconds(const std::vector<Vec2>& uvs, const auto& eval) {

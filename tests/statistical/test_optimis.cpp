@@ -352,6 +352,13 @@ constexpr const char* kHiddenLamp = R"(<scene version="3.0.0">
     <translate x="-1.5" y="2.5" z="0.5"/></transform><emitter type="area"><rgb name="radiance" value="15"/></emitter></shape>
 </scene>)";
 
+double squared_error(const std::vector<float>& image, const std::vector<float>& truth) {
+  double sum = 0;
+  for (std::size_t i = 0; i < image.size(); ++i)
+    sum += std::pow(static_cast<double>(image[i]) - static_cast<double>(truth[i]), 2);
+  return sum;
+}
+
 // Claim: where the selections send many samples to a lamp that is hidden, optimal weights lower the squared
 // error to less than half of the balance heuristic's; direct weights too.
 TEST(Optimis, GainsWhereALampIsHidden) {
@@ -366,11 +373,7 @@ TEST(Optimis, GainsWhereALampIsHidden) {
   }
   const std::vector<float> truth = job.image(reference, "crossfit");
   const auto error = [&](std::string_view estimator) {
-    const std::vector<float> image = job.image(m, estimator);
-    double sum = 0;
-    for (std::size_t i = 0; i < image.size(); ++i)
-      sum += std::pow(static_cast<double>(image[i]) - static_cast<double>(truth[i]), 2);
-    return sum;
+    return squared_error(job.image(m, estimator), truth);
   };
   const double balance = error("balance");
   for (const char* estimator : {"crossfit", "direct"}) {
@@ -401,11 +404,7 @@ TEST(Optimis, GainsWithOneSmallLamp) {
   }
   const std::vector<float> truth = job.image(reference, "crossfit");
   const auto error = [&](std::string_view estimator) {
-    const std::vector<float> image = job.image(m, estimator);
-    double sum = 0;
-    for (std::size_t i = 0; i < image.size(); ++i)
-      sum += std::pow(static_cast<double>(image[i]) - static_cast<double>(truth[i]), 2);
-    return sum;
+    return squared_error(job.image(m, estimator), truth);
   };
   const double ratio = error("crossfit") / error("balance");
   std::printf("squared error of crossfit over that of balance, one small lamp: %.4f\n", ratio);

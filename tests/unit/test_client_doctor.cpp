@@ -11,7 +11,6 @@
 #include "client/embedded/app.h"
 #include "master/master.h"
 #include "tests/farm/certificates.h"
-#include "tests/temporary_folder.h"
 #include "tests/unit/client_outcome.h"
 
 namespace candela::client {
@@ -20,16 +19,8 @@ namespace {
 namespace fs = std::filesystem;
 using State = Diagnosis::State;
 
-class Doctor : public ::testing::Test {
+class Doctor : public CommandTest {
  protected:
-  void SetUp() override {
-    // No configuration of the machine that runs this test.
-    std::ofstream(folder_.path() / "config.toml") << "";
-    ::setenv("CANDELA_CONFIG", (folder_.path() / "config.toml").c_str(), 1);
-    ::unsetenv("CANDELA_MASTER");
-  }
-  void TearDown() override { ::unsetenv("CANDELA_CONFIG"); }
-
   Outcome run(const std::vector<std::string>& more) const {
     std::vector<std::string> arguments = {"candela", "doctor"};
     arguments.insert(arguments.end(), more.begin(), more.end());
@@ -48,8 +39,6 @@ class Doctor : public ::testing::Test {
     for (const auto& check : json.at("checks")) checks[check.at("name")] = check;
     return checks;
   }
-
-  test::TemporaryFolder folder_;
 };
 
 // Claim: what is less than it should be is a warning or broken, and says what to do.

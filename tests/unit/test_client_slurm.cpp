@@ -9,21 +9,13 @@
 
 #include "client/embedded/app.h"
 #include "client/slurm/batch_script.h"
-#include "tests/temporary_folder.h"
 #include "tests/unit/client_outcome.h"
 
 namespace candela::client {
 namespace {
 
-class Slurm : public ::testing::Test {
+class Slurm : public CommandTest {
  protected:
-  void SetUp() override {
-    std::ofstream(folder_.path() / "config.toml") << "";
-    ::setenv("CANDELA_CONFIG", (folder_.path() / "config.toml").c_str(), 1);
-    ::unsetenv("CANDELA_MASTER");
-  }
-  void TearDown() override { ::unsetenv("CANDELA_CONFIG"); }
-
   Outcome run(std::vector<std::string> more, const std::string& master = "farm:7070") const {
     std::vector<std::string> arguments = {"candela", "slurm", "--master", master, "--insecure"};
     arguments.insert(arguments.end(), more.begin(), more.end());
@@ -35,8 +27,6 @@ class Slurm : public ::testing::Test {
   static bool bash_reads(const std::string& path) {
     return std::system(("bash -n '" + path + "'").c_str()) == 0;
   }
-
-  test::TemporaryFolder folder_;
 };
 
 TEST_F(Slurm, TheScriptSaysWhatWasAskedFor) {

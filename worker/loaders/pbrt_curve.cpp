@@ -4,19 +4,17 @@
 #include <limits>
 #include <utility>
 
+#include "common/description/check.h"
 #include "common/description/pbrt/parameters.h"
 
 namespace candela::loaders {
 namespace {
 
+using description::error_at;
 using description::Location;
 using description::pbrt::Parameter;
 using description::pbrt::ParameterList;
 using description::pbrt::Tokens;
-
-Error error_at(const Location& where, std::string message) {
-  return input_error(std::move(message)).at(where.file, where.line);
-}
 
 using Bezier = std::array<Vec3d, 4>;
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "common/description/check.h"
 #include "common/description/pbrt/parameters.h"
 #include "worker/core/math.h"
 #include "worker/loaders/loop_subdivision.h"
@@ -11,6 +12,7 @@
 namespace candela::loaders {
 namespace {
 
+using description::error_at;
 using description::Location;
 using description::pbrt::Parameter;
 using description::pbrt::ParameterList;
@@ -20,10 +22,6 @@ constexpr std::uint64_t kMostTriangles = std::uint64_t{1} << 28;
 constexpr std::uint32_t kPatchGrid = 16;  // quads along each side of a patch that is not flat
 constexpr std::uint32_t kAround = 256;    // quads around a whole circle
 constexpr std::uint32_t kFromPoleToPole = 128;
-
-Error error_at(const Location& where, std::string message) {
-  return input_error(std::move(message)).at(where.file, where.line);
-}
 
 // The numbers of a parameter as points or pairs; empty if it is absent.
 template <class Vector, std::size_t n>

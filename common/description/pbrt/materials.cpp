@@ -189,6 +189,17 @@ Value at_least_smooth(Value value) {
 
 }  // namespace
 
+void Materials::set_microfacets(Object& bsdf, const Roughness& rough) {
+  set(bsdf, "distribution", std::string("ggx"));
+  const bool same = rough.u.texture == rough.v.texture && rough.u.constant == rough.v.constant;
+  if (same) {
+    set_number(bsdf, "alpha", at_least_smooth(rough.u));
+  } else {
+    set_number(bsdf, "alpha_u", at_least_smooth(rough.u));
+    set_number(bsdf, "alpha_v", at_least_smooth(rough.v));
+  }
+}
+
 Result<Surface> Materials::diffuse(Definition& definition) {
   std::shared_ptr<Object> bsdf = make("bsdf", "diffuse", definition.where);
   CANDELA_ASSIGN(const Value reflectance, textures_.reflectance(definition.parameters, "reflectance",
@@ -284,16 +295,7 @@ Result<ObjectPtr> Materials::metal_bsdf(const Definition& definition, const Meta
     set_color(*bsdf, "eta", eta);
     set_color(*bsdf, "k", k);
   }
-  if (!rough.smooth) {
-    set(*bsdf, "distribution", std::string("ggx"));
-    const bool same = rough.u.texture == rough.v.texture && rough.u.constant == rough.v.constant;
-    if (same) {
-      set_number(*bsdf, "alpha", at_least_smooth(rough.u));
-    } else {
-      set_number(*bsdf, "alpha_u", at_least_smooth(rough.u));
-      set_number(*bsdf, "alpha_v", at_least_smooth(rough.v));
-    }
-  }
+  if (!rough.smooth) set_microfacets(*bsdf, rough);
   return Context::finish(std::move(bsdf));
 }
 
@@ -333,16 +335,7 @@ Result<ObjectPtr> Materials::glass(Definition& definition) {
       make("bsdf", rough.smooth ? "dielectric" : "roughdielectric", definition.where);
   set(*bsdf, "int_ior", eta);
   set(*bsdf, "ext_ior", 1.0);
-  if (!rough.smooth) {
-    set(*bsdf, "distribution", std::string("ggx"));
-    const bool same = rough.u.texture == rough.v.texture && rough.u.constant == rough.v.constant;
-    if (same) {
-      set_number(*bsdf, "alpha", at_least_smooth(rough.u));
-    } else {
-      set_number(*bsdf, "alpha_u", at_least_smooth(rough.u));
-      set_number(*bsdf, "alpha_v", at_least_smooth(rough.v));
-    }
-  }
+  if (!rough.smooth) set_microfacets(*bsdf, rough);
   return Context::finish(std::move(bsdf));
 }
 

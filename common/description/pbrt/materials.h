@@ -75,6 +75,8 @@ class Materials {
   Result<Metal> metal(Definition& definition, const std::string& prefix);
   Result<ObjectPtr> metal_bsdf(const Definition& definition, const Metal& metal, const Roughness& roughness,
                                double outside);
+  // Gives a rough bsdf GGX microfacets of that roughness.
+  static void set_microfacets(Object& bsdf, const Roughness& rough);
   Result<Roughness> roughness(Definition& definition, const std::string& prefix);
   // Shading normals from a picture or a displacement.
   Result<ObjectPtr> with_maps(Definition& definition, ObjectPtr bsdf);
