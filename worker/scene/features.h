@@ -28,6 +28,8 @@ struct SceneFeatures {
   bool any_area_emitter = false;
   bool any_mesh_emitter = false;  // an area emitter whose sampling chooses a triangle first
   bool any_rectangle_emitter = false;
+  bool any_textured_emitter = false;  // an area emitter whose radiance varies
+  float largest_area_emitter = 0;     // its extent: the diagonal of its bounding box
   std::uint32_t media = 0;
   bool any_scattering_medium = false;
   bool any_heterogeneous_medium = false;

@@ -235,6 +235,9 @@ Result<void> SceneBuilder::finish_geometry() {
     features_.any_area_emitter = true;
     features_.any_rectangle_emitter |= area.rectangle.has_value();
     features_.any_mesh_emitter |= !area.rectangle && geometry_.shapes[area.shape].triangle_count > 0;
+    features_.any_textured_emitter |= !radiance.is_constant();
+    const double extent = 2 * geometry_.bounds_of_shape(area.shape).radius();
+    features_.largest_area_emitter = std::max(features_.largest_area_emitter, static_cast<float>(extent));
     features_.max_emitted_radiance = std::max(features_.max_emitted_radiance, luminance(radiance.maximum()));
   }
   return {};

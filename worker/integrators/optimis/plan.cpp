@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <optional>
 
 #include "worker/integrators/path/plan.h"
 
@@ -23,7 +24,7 @@ std::string_view selection_name(scene::LightTechnique selection) {
 
 ReadOut read_out_of(const OptimisSettings& settings) {
   if (settings.weights.value == "best") return ReadOut::best;
-  if (settings.weights.value != "optimal") return ReadOut::film;
+  if (settings.weights.value != "optimal" && settings.weights.value != "auto") return ReadOut::film;
   return settings.estimator.value == "progressive" ? ReadOut::epochs
          : settings.estimator.value == "fan"       ? ReadOut::fan
                                                    : ReadOut::sums;
@@ -113,8 +114,34 @@ mis::Eligible covering(const estimators::FirstVertexSetup& setup, const scene::S
   return out;
 }
 
+// A lamp of less than this share of the scene's radius is a small one.
+constexpr float kSmallLamp = 0.005f;
+
+// Why optimal weights would cost more than they gain; nothing: they may pay. (docs/studies/mis-scenes.md)
+std::optional<std::string> no_gain(const estimators::FirstVertexSetup& setup,
+                                   const scene::SceneFeatures& features) {
+  if (features.emitters != 1) return {};  // one may be hidden: nobody knows before the scene is rendered
+  if (features.any_environment)
+    return "the only light is an environment: bsdf rays and points of the environment agree";
+  if (!features.any_area_emitter) return {};
+  if (features.largest_area_emitter < kSmallLamp * features.radius)
+    return "the only lamp is small and far from most points: any technique finds the light without noise";
+  // With more ways of sampling points, the balance heuristic may be far from the best weights.
+  if (features.any_textured_emitter && setup.points.size() == 1)
+    return "the only lamp is textured: no density follows the texture";
+  return {};
+}
+
+// Where optimal weights gain.
+const char* gain(const estimators::FirstVertexSetup& setup, const scene::SceneFeatures& features) {
+  return features.emitters > 1 ? "samples of lamps that are hidden are subtracted"
+         : setup.bsdf          ? "bsdf rays that rarely meet the lamp add no noise"
+                               : "densities that differ over the lamp are combined";
+}
+
 // Says how the image is read, where more than one technique is to be weighted.
-void describe_read_out(const OptimisSettings& settings, PlannedFirstVertex& out) {
+void describe_read_out(const OptimisSettings& settings, const scene::SceneFeatures& features,
+                       PlannedFirstVertex& out) {
   Plan& plan = out.planned.plan;
   const std::size_t n = out.setup.techniques();
   const std::size_t bytes = 8 * sums_of(out.read_out, n);
@@ -124,8 +151,8 @@ void describe_read_out(const OptimisSettings& settings, PlannedFirstVertex& out)
       plan.skip(use, "weights=" + settings.weights.value);
       break;
     case ReadOut::sums:
-      plan.use(use, fmt::format("{} techniques, {} bytes of sums a pixel, read by {}", n, 2 * bytes,
-                                settings.estimator.value));
+      plan.use(use, fmt::format("{} techniques, {} bytes of sums a pixel, read by {}; {}", n, 2 * bytes,
+                                settings.estimator.value, gain(out.setup, features)));
       break;
     case ReadOut::epochs:
       plan.use(use,
@@ -224,10 +251,18 @@ Result<PlannedFirstVertex> plan(const OptimisSettings& settings, const estimator
               "is left");
     return out;
   }
+  // Whoever asks for an estimator gets it.
+  if (!full && wanted == ReadOut::sums && settings.weights.value == "auto" &&
+      settings.estimator.value == "crossfit") {
+    if (const std::optional<std::string> reason = no_gain(setup, features)) {
+      plan.skip("optimal weights", *reason + "; weights=optimal has them");
+      return out;
+    }
+  }
   out.read_out = wanted;
   setup.singles = wanted == ReadOut::best;
   setup.controls = wanted != ReadOut::best && wanted != ReadOut::film;
-  describe_read_out(settings, out);
+  describe_read_out(settings, features, out);
   if (setup.controls && setup.bsdf_is_alone)
     plan.skip("optimal weights of bsdf sampling",
               "its rays cross media or pass surfaces straight, which no weight foresees");

@@ -9,7 +9,7 @@ struct OptimisSettings {
   CommonSettings common{integrator_words::kOptimis};
   NameList techniques{{"bsdf", "light"}, {"bsdf", "light", "spherical", "area", "parallel"}};
   NameList selection{{"contribution", "power"}, {"contribution", "power", "uniform"}};
-  Choice weights{"optimal", {"optimal", "balance", "power", "cutoff", "maximum", "best"}};
+  Choice weights{"auto", {"auto", "optimal", "balance", "power", "cutoff", "maximum", "best"}};
   Choice estimator{"crossfit", {"crossfit", "direct", "balance", "progressive", "fan"}};
   int epoch_min = 16;
   int growth = 1;
@@ -25,7 +25,10 @@ struct OptimisSettings {
           "as path samples them (light), uniform in solid angle, in area, in their parallel projection");
     visit("selection", selection,
           "how the light of a point is chosen; each with each way of sampling points is a technique");
-    visit("weights", weights, "how the techniques are weighted against each other");
+    visit("weights", weights,
+          "how the techniques are weighted against each other; auto: optimal, or balance if the plan expects "
+          "no "
+          "gain from optimal weights");
     visit("estimator", estimator,
           "of optimal weights: what the image is read by; fetch --estimator has the others");
     visit("epoch_min", epoch_min, 2, 1 << 20,
