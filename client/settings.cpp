@@ -43,6 +43,9 @@ description::Note passed_over(const Object& written, const std::string& runs, co
                                                     : "of the scene's counts " + join(values, ", "))};
 }
 
+// What the scene's integrator says of the scene for every integrator: the renderer reads it there.
+constexpr std::string_view kOfScene = "strict_normals";
+
 // Whether the scene may have the parameter, and it changes nothing here.
 bool is_without_effect(const Object& integrator, const std::string& name) {
   const description::PluginRule* plugin = description::find_plugin("integrator", integrator.plugin);
@@ -71,7 +74,7 @@ Result<void> resolve_integrator(const Object& scene, const SceneOptions& options
     settings.integrator = written->plugin;
   }
 
-  SettingsMap from_scene;
+  SettingsMap from_scene, of_scene;
   const bool own = written != nullptr && written->plugin == settings.integrator;
   if (written != nullptr) {
     // Under another integrator than the scene's own, what both know by one name carries over (max_depth,
@@ -79,12 +82,13 @@ Result<void> resolve_integrator(const Object& scene, const SceneOptions& options
     CANDELA_ASSIGN(const std::vector<std::string> settable, facts.setting_names(settings.integrator));
     for (const description::Property& property : written->properties) {
       const bool can_be_set = std::find(settable.begin(), settable.end(), property.name) != settable.end();
-      if (!can_be_set && (!own || is_without_effect(*written, property.name))) continue;
+      if (!can_be_set && property.name != kOfScene && (!own || is_without_effect(*written, property.name)))
+        continue;
       const auto text = setting_text(property);
       if (!text)
         return input_error(fmt::format("'{}' cannot be a setting of an integrator", property.name))
             .at(property.where.file, property.where.line);
-      from_scene[property.name] = *text;
+      (property.name == kOfScene ? of_scene : from_scene)[property.name] = *text;
     }
   }
   CANDELA_ASSIGN(const SettingsMap from_user, parse_assignments(options.sets, "--set"));
@@ -105,8 +109,10 @@ Result<void> resolve_integrator(const Object& scene, const SceneOptions& options
   while (!complete && !own && !from_user.contains(complete.error().field) &&
          from_scene.erase(complete.error().field) > 0)
     complete = try_complete();
-  if (written != nullptr && !own)
-    job.other_integrator = passed_over(*written, settings.integrator, from_scene);
+  if (written != nullptr && !own) {
+    of_scene.insert(from_scene.begin(), from_scene.end());
+    job.other_integrator = passed_over(*written, settings.integrator, of_scene);
+  }
   if (!complete) {
     // The validator names the setting; we know where it was written.
     Error error = std::move(complete).error();

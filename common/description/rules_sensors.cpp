@@ -173,13 +173,8 @@ PluginRule integrator_rule(const words::IntegratorWords& integrator, std::vector
       ignored("samples_per_pass", {integer}, "the farm cuts work into units itself"),
       ignored("block_size", {integer}, "the farm cuts work into units itself"),
       ignored("timeout", {number, integer}, "a stop rule belongs to the job: --time"),
-      [] {
-        PropertyRule rule = ignored("strict_normals", {boolean},
-                                    "0.6: light that shading normals let through a surface is kept");
-        rule.differs = "light that shading normals let through a surface is kept, which 0.6 drops";
-        rule.differs_unless = "false";
-        return rule;
-      }()};
+      flag("strict_normals",
+           "no light passes by shading normals to the geometric normal's other side (default false)")};
   if (!integrator.alpha.text.empty()) rules.push_back(rule_of(words::kAlpha, alpha_doc()));
   rules.insert(rules.end(), std::make_move_iterator(own.begin()), std::make_move_iterator(own.end()));
   return {.category = "integrator",

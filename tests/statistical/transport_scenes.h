@@ -71,6 +71,7 @@ inline constexpr std::array kTransportScenes = {
     TransportScene{"bump", "bump maps: scattering without symmetry", kAll, kNone, ""},
     TransportScene{"normal-map", "normal maps", kAll, kNone, ""},
     TransportScene{"coarse-mesh", "smooth normals on twenty faces", kAll, kNone, ""},
+    TransportScene{"strict-normals", "smooth normals that let no light through", kAll, kNone, ""},
     TransportScene{"sides", "one-sided and two-sided sheets", kAll, kNone, ""},
     TransportScene{"mask", "textured opacity before the lamp and before the eye", kAll, kNone, ""},
     TransportScene{"thin-null", "thin panes and a null box: light passes straight", kAll & ~kLight, kNone,

@@ -110,6 +110,13 @@ class Proof {
       ADD_FAILURE() << built.error().to_string();
       return 0;
     }
+    if (c_.ng.z < 1) {
+      built = scene::Bsdf::with_strict_normals(std::move(*built));
+      if (!built.ok()) {
+        ADD_FAILURE() << built.error().to_string();
+        return 0;
+      }
+    }
     bsdf_ = std::make_unique<scene::Bsdf>(std::move(*built));
     facts_ = bsdf_->facts();
 
@@ -135,7 +142,7 @@ class Proof {
   Closure prepare(Vec3 wo) {
     scene::SurfaceHit hit;
     hit.shading = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-    hit.ng = {0, 0, 1};
+    hit.ng = c_.ng;
     hit.uv = {0.3f, 0.6f};
     hit.dp_du = {1, 0, 0};
     hit.dp_dv = {0, 1, 0};

@@ -31,6 +31,8 @@ struct BsdfConfiguration {
   std::string why_more = {};       // where most_albedo is above 1: why its definition makes light
   // Directions wo are these cosines on both sides; adds to the default ones.
   std::vector<double> more_cosines = {};
+  // The geometric normal in the shading frame, unit. One that is not the z axis: with strict normals.
+  Vec3 ng = {0, 0, 1};
 };
 void PrintTo(const BsdfConfiguration& configuration, std::ostream* out);
 

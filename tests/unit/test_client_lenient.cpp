@@ -82,6 +82,22 @@ TEST_F(ForeignScenes, ParametersWithoutEffectAreAccepted) {
   EXPECT_EQ(nlohmann::json::parse(r.out).at("integrator_settings").at("max_depth"), "7");
 }
 
+// Claim: strict_normals is the scene's, for its own integrator and for another one, which tells that it
+// counts; it is no setting of any.
+TEST_F(ForeignScenes, StrictNormalsAreTheScenes) {
+  const std::string strict = "'><boolean name='strict_normals' value='true'/></integrator>";
+  const Outcome own = run({"plan", "--json"}, "3.0.0", "<integrator type='path" + strict);
+  EXPECT_EQ(own.code, 0) << own.err;
+  EXPECT_EQ(own.err, "");
+  EXPECT_FALSE(nlohmann::json::parse(own.out).at("integrator_settings").contains("strict_normals"));
+  const Outcome other =
+      run({"plan", "--json", "--integrator", "bdpt"}, "3.0.0", "<integrator type='path" + strict);
+  EXPECT_EQ(other.code, 0) << other.err;
+  EXPECT_TRUE(other.err.find("of the scene's counts strict_normals = true") != std::string::npos)
+      << other.err;
+  EXPECT_FALSE(nlohmann::json::parse(other.out).at("integrator_settings").contains("strict_normals"));
+}
+
 // Claim: what is passed over is a warning with file, line and nearest name, once however often it is there;
 // in files before version 2 always, in later ones with --lenient; check has it in its list.
 TEST_F(ForeignScenes, UnknownParametersAreWarnings) {

@@ -170,6 +170,20 @@ void add_old_bsdfs(std::vector<BsdfConfiguration>& all) {
       "<bsdf type='twosided'><bsdf type='diffuse'/><bsdf type='conductor'/></bsdf>");
 }
 
+// On a surface whose geometric normal leans by 37 degrees.
+void add_strict_normals(std::vector<BsdfConfiguration>& all) {
+  const auto one = [&](const std::string& name, const std::string& xml, double eta = 1) {
+    all.push_back({.name = "strict_normals_" + name, .xml = xml, .eta = eta, .ng = {0.48f, -0.36f, 0.8f}});
+  };
+  one("diffuse", "<bsdf type='diffuse'><rgb name='reflectance' value='0.2 0.5 1'/></bsdf>");
+  one("two_sided", "<bsdf type='twosided'><bsdf type='roughplastic'/></bsdf>");
+  one("glass", "<bsdf type='dielectric'/>", kGlass);
+  one("rough_glass", "<bsdf type='roughdielectric'><float name='alpha' value='0.3'/></bsdf>", kGlass);
+  one("mask",
+      "<bsdf type='mask'><float name='opacity' value='0.7'/><bsdf type='blendbsdf'><bsdf type='diffuse'/>"
+      "<bsdf type='conductor'/></bsdf></bsdf>");
+}
+
 std::vector<BsdfConfiguration> configurations() {
   std::vector<BsdfConfiguration> all;
 
@@ -233,6 +247,7 @@ std::vector<BsdfConfiguration> configurations() {
   add_rough_dielectrics(all);
   add_plastics(all);
   add_old_bsdfs(all);
+  add_strict_normals(all);
 
   all.push_back({.name = "thindielectric", .xml = "<bsdf type='thindielectric'/>", .least_albedo = 1});
   all.push_back({.name = "thindielectric_denser_outside",

@@ -17,8 +17,17 @@ struct Scene::Impl : SceneData {
 };
 
 namespace {
-constexpr std::uint32_t kMostProbes = 1u << 12;  // surfaces passed to learn what medium a place is in
+// Where the scene's integrator asks for it. Integrators that Candela lacks keep unchecked properties.
+bool strict_normals(const description::Object& root) {
+  const auto integrators = root.children_of("integrator");
+  if (integrators.empty()) return false;
+  const description::Property* property = integrators[0]->find("strict_normals");
+  const bool* value = property == nullptr ? nullptr : std::get_if<bool>(&property->value);
+  return value != nullptr && *value;
 }
+
+constexpr std::uint32_t kMostProbes = 1u << 12;  // surfaces passed to learn what medium a place is in
+}  // namespace
 
 Scene::Scene() : impl_(std::make_unique<Impl>()) {}
 Scene::~Scene() = default;
@@ -44,6 +53,11 @@ Result<std::unique_ptr<Scene>> Scene::build(const description::SceneDescription&
   // Meshes are read by as many threads as the tree is built by.
   tbb::task_arena arena(static_cast<int>(std::max(1u, options.build_threads)));
   CANDELA_TRY(arena.execute([&] { return builder.shapes(root); }));
+  if (strict_normals(root)) {
+    for (Bsdf& bsdf : impl.bsdfs) {
+      CANDELA_ASSIGN(bsdf, Bsdf::with_strict_normals(std::move(bsdf)));
+    }
+  }
   CANDELA_TRY(builder.finish_geometry());
   for (const auto& emitter : root.children_of("emitter")) CANDELA_TRY(builder.emitter(*emitter));
   impl.lights.finish(options.choose_emitters_by_power);

@@ -32,16 +32,17 @@ Result<BsdfSurface> build_surface(const description::Object& object, const Build
   }
 }
 
+std::string too_many_parts() {
+  return "the bsdf is made of too many parts; up to " + std::to_string(ClosureArena::kParts) +
+         " are supported";
+}
+
 }  // namespace
 
 Result<Bsdf> Bsdf::build(const description::Object& object, TextureStore& textures,
                          RoughTransmittances& coats) {
   CANDELA_ASSIGN(Bsdf bsdf, build_in(object, {.textures = textures, .coats = coats}));
-  if (bsdf.arena_parts() > ClosureArena::kParts) {
-    return located("the bsdf is made of too many parts; up to " + std::to_string(ClosureArena::kParts) +
-                       " are supported",
-                   object, "");
-  }
+  if (bsdf.arena_parts() > ClosureArena::kParts) return located(too_many_parts(), object, "");
   return bsdf;
 }
 
@@ -72,6 +73,17 @@ Bsdf Bsdf::default_diffuse() {
   surface.reflectance.constant = Spectrum(0.5f);
   bsdf.surface_ = surface;
   return bsdf;
+}
+
+Result<Bsdf> Bsdf::with_strict_normals(Bsdf bsdf) {
+  StrictNormalsSurface surface;
+  Bsdf strict;
+  strict.plugin_ = bsdf.plugin_;  // it is listed as its part
+  surface.nested = std::make_unique<Bsdf>(std::move(bsdf));
+  strict.surface_ = std::move(surface);
+  if (strict.arena_parts() > ClosureArena::kParts)
+    return input_error(too_many_parts() + ", of which strict_normals is one");
+  return strict;
 }
 
 void Bsdf::prepare(const SurfaceHit& hit, Vec3 wo, ClosureArena& arena, Closure& out) const {

@@ -31,6 +31,8 @@ class Bsdf {
                                                   const BuildContext& composite);
   // Mitsuba's default of a shape without a bsdf: one-sided diffuse, reflectance 0.5.
   static Bsdf default_diffuse();
+  // The bsdf as strict_normals has it (strict_normals.h).
+  static Result<Bsdf> with_strict_normals(Bsdf bsdf);
 
   // wo: unit, in the hit's shading frame, towards where the walk came from. The closure is good for as long
   // as the arena is not cleared.

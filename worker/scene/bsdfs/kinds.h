@@ -28,6 +28,7 @@
 #include "worker/scene/bsdfs/roughdielectric.h"
 #include "worker/scene/bsdfs/roughdiffuse.h"
 #include "worker/scene/bsdfs/roughplastic.h"
+#include "worker/scene/bsdfs/strict_normals.h"
 #include "worker/scene/bsdfs/thindielectric.h"
 #include "worker/scene/bsdfs/twosided.h"
 #include "worker/scene/bsdfs/ward.h"
@@ -39,7 +40,7 @@ using BsdfSurface =
                  PhongSurface, WardSurface, PrincipledSurface, RoughDielectricSurface, ThinDielectricSurface,
                  PlasticSurface, RoughPlasticSurface, TwoSidedSurface, BlendSurface, MaskSurface,
                  PerturbedSurface, RoughDiffuseSurface, DiffuseTransmitterSurface, LayerSurface,
-                 CoatingSurface, RoughCoatingSurface>;
+                 CoatingSurface, RoughCoatingSurface, StrictNormalsSurface>;
 
 inline constexpr std::size_t kBsdfKinds = std::variant_size_v<BsdfSurface>;
 
