@@ -176,7 +176,9 @@ std::string worker_json(const v1::WorkerStatus& status) {
 std::string workers_json(const v1::ListWorkersResponse& response) {
   Json list = Json::array();
   for (const auto& status : response.workers()) list.push_back(worker(status));
-  return text({{"workers", list}});
+  return text(
+      {{"workers", list},
+       {"wanted", {{"threads", response.wanted().threads()}, {"workers", response.wanted().workers()}}}});
 }
 
 std::string events_json(const v1::ListEventsResponse& response) {

@@ -14,7 +14,7 @@ namespace candela::client {
 std::string job_json(const v1::JobStatus& status);
 std::string jobs_json(const v1::ListJobsResponse& response);  // {"jobs": [...]}
 std::string worker_json(const v1::WorkerStatus& status);
-std::string workers_json(const v1::ListWorkersResponse& response);  // {"workers": [...]}
+std::string workers_json(const v1::ListWorkersResponse& response);  // {"workers": [...], "wanted": {...}}
 std::string events_json(const v1::ListEventsResponse& response);    // {"events": [...]}
 // One line.
 std::string report_json(const v1::JobReport& report);

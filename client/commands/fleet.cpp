@@ -17,7 +17,7 @@ namespace {
 struct FleetOptions {
   FarmOptions farm;
   std::string id;
-  bool wait = false, json = false;
+  bool wait = false, json = false, wanted = false;
 };
 
 std::string age_text(std::int64_t unix_ms) {
@@ -31,6 +31,11 @@ Result<int> run_workers(Context& context, const FleetOptions& options) {
   CANDELA_ASSIGN(const v1::ListWorkersResponse response, farm->list_workers());
   if (options.json) {
     context.out << workers_json(response) << '\n';
+    return 0;
+  }
+  if (options.wanted) {
+    context.out << fmt::format("{} threads, {} workers\n", response.wanted().threads(),
+                               response.wanted().workers());
     return 0;
   }
   if (response.workers_size() == 0) {
@@ -87,6 +92,8 @@ void add_workers(CLI::App& app, Context& context) {
   auto options = std::make_shared<FleetOptions>();
   CLI::App* sub = app.add_subcommand("workers", "List the farm's workers");
   add_farm_options(*sub, options->farm);
+  sub->add_flag("--wanted", options->wanted,
+                "Print how many threads, and workers of the present size, the open jobs could use now");
   sub->add_flag("--json", options->json, "Print JSON");
   sub->callback([&context, options] {
     context.command = [&context, options] { return run_workers(context, *options); };

@@ -32,7 +32,7 @@ const std::map<std::string_view, std::vector<std::string_view>>& examples() {
       {"cancel", {"candela cancel j7"}},
       {"verify", {"candela verify j7"}},
       {"repair", {"candela repair j7 --wait"}},
-      {"workers", {"candela workers --master farm:7070"}},
+      {"workers", {"candela workers --master farm:7070", "candela workers --wanted"}},
       {"drain", {"candela drain w3 --wait"}},
       {"slurm",
        {"candela slurm --master farm:7070 --workers 20 --cpus 16 --time 8:00:00 --partition render --submit",

@@ -392,6 +392,9 @@ grpc::Status FarmServiceImpl::ListWorkers(grpc::ServerContext*, const v1::ListWo
                                           v1::ListWorkersResponse* response) {
   return guarded([&] {
     for (v1::WorkerStatus& w : farm_.all_workers()) *response->add_workers() = std::move(w);
+    const Wanted wanted = farm_.with_scheduler([&](Scheduler& s) { return s.wanted(farm_.now()); });
+    response->mutable_wanted()->set_threads(wanted.threads);
+    response->mutable_wanted()->set_workers(wanted.workers);
     return grpc::Status::OK;
   });
 }

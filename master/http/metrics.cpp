@@ -106,9 +106,11 @@ std::string metrics_text(Farm& farm) {
   struct Leases {
     double held = 0, expired = 0;
     FailureCounts failures{};
+    Wanted wanted;
   };
-  const Leases leases = farm.with_scheduler([](Scheduler& s) {
-    return Leases{static_cast<double>(s.lease_count()), static_cast<double>(s.expired_count()), s.failures()};
+  const Leases leases = farm.with_scheduler([&](Scheduler& s) {
+    return Leases{static_cast<double>(s.lease_count()), static_cast<double>(s.expired_count()), s.failures(),
+                  s.wanted(farm.now())};
   });
   for (const FailureCause cause : kAllFailureCauses)
     page.counter("candela_unit_failures_total", "units that failed, by cause",
@@ -116,6 +118,10 @@ std::string metrics_text(Farm& farm) {
                  {{"cause", std::string(name(cause))}});
   page.gauge("candela_leases", "leases held now", leases.held);
   page.counter("candela_leases_expired_total", "leases that ran out", leases.expired);
+  page.gauge("candela_threads_wanted", "threads that the open jobs could use now",
+             static_cast<double>(leases.wanted.threads));
+  page.gauge("candela_workers_wanted", "workers of the present size that the open jobs could use now",
+             static_cast<double>(leases.wanted.workers));
 
   std::map<std::string, int> jobs, workers;
   for (const JobState s : {JobState::queued, JobState::running, JobState::paused, JobState::done,

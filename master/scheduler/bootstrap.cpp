@@ -13,7 +13,7 @@ class BootstrapSource final : public UnitSource {
   explicit BootstrapSource(const ChainPlan& plan) : plan_(plan), table_(plan.bootstrap_samples) {}
   Unit::Kind kind() const override { return Unit::Kind::bootstrap; }
   // A sample costs as much as a mutation; an iteration of a job of chains is a segment.
-  StageCost cost() const override { return {static_cast<double>(plan_.segment_mutations), 0, 1}; }
+  StageCost cost() const override { return {static_cast<double>(plan_.segment_mutations), 0, 1, true}; }
   bool makes_film() const override { return false; }
   std::string_view noun() const override { return "bootstrap samples"; }
 
@@ -28,6 +28,9 @@ class BootstrapSource final : public UnitSource {
   Extent extent(const JobView&) const override {
     const std::uint64_t cut = taken_[0].count();
     return {plan_.bootstrap_samples - cut, cut, true};
+  }
+  std::uint64_t open_indices(const JobView&) const override {
+    return plan_.bootstrap_samples - table_.known().count();
   }
   bool take(const JobView& job, const Unit& unit) override {
     return unit.end <= plan_.bootstrap_samples && UnitSource::take(job, unit);

@@ -38,6 +38,14 @@ class EpochSource final : public UnitSource {
     return false;
   }
   Extent extent(const JobView& job) const override { return film_extent(job, taken_); }
+  std::uint64_t open_indices(const JobView& job) const override {
+    std::uint64_t open = 0;
+    for (std::uint32_t h = 0; h < 2; ++h) {
+      const std::uint64_t end = open_end(job, h);
+      open += end - std::min(end, job.merged[h].count());
+    }
+    return open;
+  }
   UnitInput input(const JobView& job, const Unit& unit, FilmInputs::Records) const override {
     return {{}, {job.states[epochs_.of_index(unit.begin)]}};
   }

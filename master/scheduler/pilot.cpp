@@ -19,6 +19,7 @@ class PilotSource final : public UnitSource {
   }
   bool has_unit(const JobView&) const override { return !taken_one_; }
   Extent extent(const JobView&) const override { return {taken_one_ ? 0U : 1U, taken_one_ ? 1U : 0U, false}; }
+  std::uint64_t open_indices(const JobView&) const override { return 1; }
   bool take(const JobView&, const Unit& unit) override {
     return unit.kind == Unit::Kind::pilot && !std::exchange(taken_one_, true);
   }

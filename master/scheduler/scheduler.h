@@ -192,6 +192,12 @@ struct RestoredStages {
   std::vector<StateRow> states = {};    // of epochs 0, 1, ...
 };
 
+// What the jobs could use now. What is at work is part of it.
+struct Wanted {
+  std::uint64_t threads = 0;
+  std::uint64_t workers = 0;  // with as many threads as the present ones have on average
+};
+
 // A job of epochs that has not ended.
 struct EpochJob {
   std::string job_id;
@@ -321,6 +327,10 @@ class Scheduler {
   std::uint64_t worker_memory_of(const std::string& job_id) const;
   double indices_per_second(const Job& job, Now now) const;
   double eta_seconds(const Job& job, Now now) const;  // NaN where unknown
+  // Threads that the open jobs could use now such that each has at least a unit's time of work; of a job
+  // whose cost nobody knows yet, one worker's; of each open job at least one. At most as many workers as the
+  // farm admits. While no worker is there, nobody knows how many threads one has: then one worker is wanted.
+  Wanted wanted(Now now) const;
   std::string message_of(const Job& job, Now now) const;
   std::optional<Waiting> waiting_of(const Job& job, Now now) const;
   const FailureCounts& failures() const { return failures_; }

@@ -18,6 +18,11 @@ class SegmentSource final : public UnitSource {
  public:
   explicit SegmentSource(const ChainPlan& plan) : chains_(plan.chains), per_round_(plan.chains / 2) {}
   Unit::Kind kind() const override { return Unit::Kind::segments; }
+  StageCost cost() const override {
+    StageCost cost;
+    cost.serial = true;
+    return cost;
+  }
   std::string_view noun() const override { return "chain segments"; }
 
   std::optional<Unit> cut(const JobView& job, std::uint64_t want) override {
@@ -39,6 +44,9 @@ class SegmentSource final : public UnitSource {
     return false;
   }
   Extent extent(const JobView& job) const override { return film_extent(job, taken_); }
+  std::uint64_t open_indices(const JobView& job) const override {
+    return std::min<std::uint64_t>(chains_, UnitSource::open_indices(job));
+  }
   std::uint64_t max_unit(const JobView& job) const override {
     const std::uint64_t share = chains_ / (kUnitsPerWorker * std::max<std::uint64_t>(job.active_workers, 1));
     std::uint64_t most = std::min(per_round_, std::max<std::uint64_t>(share, 1));

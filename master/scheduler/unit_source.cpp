@@ -9,6 +9,13 @@ std::uint64_t UnitSource::max_unit(const JobView&) const {
   return std::numeric_limits<std::uint64_t>::max();
 }
 
+std::uint64_t UnitSource::open_indices(const JobView& job) const {
+  std::uint64_t open = 0;
+  for (std::uint32_t h = 0; h < 2; ++h)
+    open += job.target[h] - std::min(job.target[h], job.merged[h].count());
+  return open;
+}
+
 bool UnitSource::take(const JobView& job, const Unit& unit) {
   return unit.begin < unit.end && claim(job.merged, unit) == Claim::open && ready(job, unit) &&
          taken_[unit.half].insert(unit.begin, unit.end);

@@ -46,6 +46,7 @@ struct StageCost {
   double indices_per_iteration = 1;  // that take as long as one iteration
   double min_charged_seconds = 0;    // of worker time, when a unit is leased
   double min_straggler_seconds = 1;  // before a leased unit counts as a straggler
+  bool serial = false;               // one thread renders an index
 };
 
 enum class Claim : std::uint8_t {
@@ -98,6 +99,9 @@ class UnitSource {
   virtual std::optional<Unit> cut(const JobView& job, std::uint64_t want) = 0;
   virtual bool has_unit(const JobView& job) const = 0;
   virtual Extent extent(const JobView& job) const = 0;
+  // Indices that can be rendered at the same time now, by any number of workers: those in units, and those
+  // that could be cut.
+  virtual std::uint64_t open_indices(const JobView& job) const;
   // No unit that is cut now has more indices.
   virtual std::uint64_t max_unit(const JobView& job) const;
 

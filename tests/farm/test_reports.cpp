@@ -132,6 +132,8 @@ TEST(Reports, ShowAndMetricsTellOfRadii) {
     EXPECT_TRUE(found) << name;
   }
   EXPECT_EQ(page.find("candela_job_epoch{job=\"" + plain), std::string::npos);
+  EXPECT_NE(page.find("\ncandela_threads_wanted "), std::string::npos);
+  EXPECT_NE(page.find("\ncandela_workers_wanted "), std::string::npos);
   // The wire: less than all bytes of deltas, which have films and the other job's too.
   const std::size_t at = page.find("\ncandela_delta_bytes_total ");
   ASSERT_NE(at, std::string::npos);
