@@ -39,7 +39,7 @@ constexpr std::size_t max_notes = 100'000;
 
 class Parser {
  public:
-  Parser(const FileSource& files, const std::string& main_key,
+  Parser(const UnpackedFiles& files, const std::string& main_key,
          const std::map<std::string, std::string>& given, const Reading& reading)
       : files_(files, main_key),
         main_key_(main_key),

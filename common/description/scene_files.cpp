@@ -18,12 +18,12 @@ constexpr std::size_t max_search_folders = 64;
 
 }  // namespace
 
-SceneFiles::SceneFiles(const FileSource& files, const std::string& main_key)
+SceneFiles::SceneFiles(const UnpackedFiles& files, const std::string& main_key)
     : files_(files), main_folder_(folder_of_key(main_key)) {}
 
 Result<std::unique_ptr<XmlDocument>> SceneFiles::document(const std::string& key) {
   if (!is_file_key(key)) return input_error(fmt::format("{} is not the name of a file", text::quote(key)));
-  CANDELA_ASSIGN(const FileSource::Bytes bytes, files_.open(key));
+  CANDELA_ASSIGN(const FileSource::Bytes bytes, files_.open(key, XmlDocument::max_bytes));
   CANDELA_TRY(count_bytes(key, bytes.view.size()));
   used_.insert(key);
   return XmlDocument::parse(key, bytes.view);
@@ -39,13 +39,13 @@ Result<std::string> SceneFiles::find(const std::string& from, const Location& wh
     if (name.empty() || !is_file_key(key))
       return error_at(where, fmt::format("{} is not the name of a file", text::quote(name)));
     if (used_.contains(key)) return key;
-    Result<FileSource::Bytes> bytes = files_.open(key);
-    if (bytes.ok()) {
+    Result<void> found = files_.find(key);
+    if (found.ok()) {
       used_.insert(key);
       return key;
     }
     // The main folder's reason is the one to tell.
-    if (!first_error || folder == main_folder_) first_error = std::move(bytes).error();
+    if (!first_error || folder == main_folder_) first_error = std::move(found).error();
   }
   Error error = error_at(where, fmt::format("file {}: {}", text::quote(name), first_error->message));
   error.kind = first_error->kind;
@@ -53,7 +53,7 @@ Result<std::string> SceneFiles::find(const std::string& from, const Location& wh
 }
 
 Result<FileSource::Bytes> SceneFiles::spectrum(const std::string& key, const Location& where) {
-  CANDELA_ASSIGN(FileSource::Bytes bytes, files_.open(key));
+  CANDELA_ASSIGN(FileSource::Bytes bytes, files_.open(key, max_spectrum_bytes));
   if (bytes.view.size() > max_spectrum_bytes)
     return error_at(where, fmt::format("{} has {} bytes, more than the limit of {} for a spectrum",
                                        text::quote(key), bytes.view.size(), max_spectrum_bytes));

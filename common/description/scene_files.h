@@ -9,6 +9,7 @@
 
 #include "common/base/result.h"
 #include "common/description/object.h"
+#include "common/description/unpacked_files.h"
 #include "common/description/xml_document.h"
 
 namespace candela::description {
@@ -16,7 +17,7 @@ namespace candela::description {
 class SceneFiles {
  public:
   // `files` must outlive this.
-  SceneFiles(const FileSource& files, const std::string& main_key);
+  SceneFiles(const UnpackedFiles& files, const std::string& main_key);
 
   // The XML document of this key. Its bytes count as often as it is read.
   Result<std::unique_ptr<XmlDocument>> document(const std::string& key);
@@ -36,7 +37,7 @@ class SceneFiles {
  private:
   Result<void> count_bytes(const std::string& key, std::size_t bytes);
 
-  const FileSource& files_;
+  const UnpackedFiles& files_;
   std::string main_folder_;
   std::vector<std::string> folders_;
   std::set<std::string> used_;

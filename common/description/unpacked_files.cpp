@@ -29,9 +29,8 @@ class Inflater {
   bool ready_ = false;
 };
 
-}  // namespace
-
-Result<std::string> unpack_gzip(std::string_view bytes, const std::string& key, std::size_t max_bytes) {
+// The first `max_bytes` of the content or more, or all of it if it is shorter.
+Result<std::string> unpack(std::string_view bytes, const std::string& key, std::size_t max_bytes) {
   Inflater inflater;
   if (!inflater.ready()) return resource_error("not enough memory to unpack").at(key, 0);
   z_stream& stream = inflater.stream();
@@ -58,23 +57,55 @@ Result<std::string> unpack_gzip(std::string_view bytes, const std::string& key, 
     const bool at_end = stream.avail_in == 0;
     status = inflate(&stream, Z_NO_FLUSH);
     result.resize(result.size() - stream.avail_out);
-    if (result.size() > max_bytes)
-      return input_error(fmt::format("the file unpacks to more than {} bytes", max_bytes)).at(key, 0);
+    if (result.size() > max_bytes) return result;
     const bool stuck = at_end && result.size() == before && status != Z_STREAM_END;
     if ((status != Z_OK && status != Z_STREAM_END) || stuck) break;
   }
   return input_error("the file is not packed by gzip, or is damaged").at(key, 0);
 }
 
+Error too_large(const std::string& key, std::size_t max_bytes) {
+  return input_error(fmt::format("the file unpacks to more than {} bytes", max_bytes)).at(key, 0);
+}
+
+}  // namespace
+
+Result<std::string> unpack_gzip(std::string_view bytes, const std::string& key, std::size_t max_bytes) {
+  CANDELA_ASSIGN(std::string content, unpack(bytes, key, max_bytes));
+  if (content.size() > max_bytes) return too_large(key, max_bytes);
+  return content;
+}
+
 Result<FileSource::Bytes> UnpackedFiles::open(const std::string& key) const {
+  return open(key, max_unpacked_bytes);
+}
+
+Result<FileSource::Bytes> UnpackedFiles::open(const std::string& key, std::size_t max_bytes) const {
   if (!key.ends_with(".gz")) return files_.open(key);
   const std::lock_guard lock(mutex_);
-  if (const auto known = unpacked_.find(key); known != unpacked_.end()) return known->second;
+  if (const auto known = unpacked_.find(key); known != unpacked_.end()) {
+    if (known->second.view.size() > max_bytes) return too_large(key, max_bytes);
+    return known->second;
+  }
   CANDELA_ASSIGN(const Bytes packed, files_.open(key));
-  CANDELA_ASSIGN(std::string content, unpack_gzip(packed.view, key, max_unpacked_bytes));
+  CANDELA_ASSIGN(std::string content, unpack_gzip(packed.view, key, max_bytes));
   auto owner = std::make_shared<const std::string>(std::move(content));
   const std::string_view view = *owner;
   return unpacked_.emplace(key, Bytes{std::move(owner), view}).first->second;
+}
+
+Result<FileSource::Bytes> UnpackedFiles::start(const std::string& key, std::size_t count) const {
+  CANDELA_ASSIGN(Bytes bytes, files_.open(key));
+  if (!key.ends_with(".gz")) return bytes;
+  CANDELA_ASSIGN(std::string content, unpack(bytes.view, key, count));
+  auto owner = std::make_shared<const std::string>(std::move(content));
+  const std::string_view view = *owner;
+  return Bytes{std::move(owner), view};
+}
+
+Result<void> UnpackedFiles::find(const std::string& key) const {
+  CANDELA_ASSIGN([[maybe_unused]] const Bytes bytes, files_.open(key));
+  return {};
 }
 
 }  // namespace candela::description

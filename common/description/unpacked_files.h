@@ -15,6 +15,13 @@ class UnpackedFiles final : public FileSource {
  public:
   explicit UnpackedFiles(const FileSource& files) : files_(files) {}
   Result<Bytes> open(const std::string& key) const override;
+  // The same, for readers with a limit: a packed file that unpacks to more than `max_bytes` is an error.
+  Result<Bytes> open(const std::string& key, std::size_t max_bytes) const;
+  // The first bytes of a file, at least `count` if it has so many. A packed file is unpacked no further, and
+  // is not kept.
+  Result<Bytes> start(const std::string& key, std::size_t count) const;
+  // Whether the file can be read. A packed file is not unpacked.
+  Result<void> find(const std::string& key) const;
 
  private:
   const FileSource& files_;

@@ -582,6 +582,40 @@ TEST(DescriptionPbrt, PackedXmlIsUnpacked) {
   EXPECT_NE(outcome_of(damaged).find("not packed by gzip"), std::string::npos) << outcome_of(damaged);
 }
 
+// Claim: a packed scene file is unpacked up to the limit of its kind and no further: the error tells the
+// limit, though the bytes beyond it are damaged. Packed meshes are not unpacked to learn whether they are
+// there.
+TEST(DescriptionPbrt, PackedFilesAreUnpackedUpToTheirLimit) {
+  constexpr std::size_t mebibyte = std::size_t{1} << 20;
+  const std::string part = gzip(std::string(mebibyte, ' '));
+  std::string bomb;
+  for (int i = 0; i < 260; ++i) bomb += part;
+  bomb += "damage";
+  const std::string main = "<scene version='3.0.0'><include filename='bomb.xml.gz'/></scene>";
+  const auto include =
+      read_scene(MemorySource({{"scene.xml", main}, {"bomb.xml.gz", bomb}}), "scene.xml", {}, {});
+  EXPECT_NE(outcome_of(include).find("bomb.xml.gz"), std::string::npos) << outcome_of(include);
+  EXPECT_NE(outcome_of(include).find("unpacks to more than 268435456 bytes"), std::string::npos)
+      << outcome_of(include);
+  const std::string spectrum = "LightSource \"point\" \"spectrum I\" \"bomb.spd.gz\"";
+  const auto lamp = read_pbrt("WorldBegin\n" + spectrum, {{"bomb.spd.gz", bomb}});
+  EXPECT_NE(outcome_of(lamp).find("unpacks to more than 16777216 bytes"), std::string::npos)
+      << outcome_of(lamp);
+  const std::string mesh =
+      gzip("ply\nformat ascii 1.0\nelement vertex 0\nend_header\n" + std::string(mebibyte, ' ')) + part +
+      "damage";
+  const auto pbrt =
+      read_pbrt("WorldBegin\nShape \"plymesh\" \"string filename\" \"m.ply.gz\"", {{"m.ply.gz", mesh}});
+  EXPECT_TRUE(pbrt.ok()) << outcome_of(pbrt);
+  const auto xml =
+      read_scene(MemorySource({{"scene.xml",
+                                "<scene version='3.0.0'><shape type='ply'><string name='filename' "
+                                "value='m.ply.gz'/></shape></scene>"},
+                               {"m.ply.gz", mesh}}),
+                 "scene.xml", {}, {});
+  EXPECT_TRUE(xml.ok()) << outcome_of(xml);
+}
+
 // Claim: whatever the bytes, the answer is a scene or one error with a place.
 TEST(DescriptionPbrt, MutatedScenesAreScenesOrErrors) {
   const std::string seed = R"(LookAt 0 1 -4 0 1 0 0 1 0

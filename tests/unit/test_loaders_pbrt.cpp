@@ -242,6 +242,16 @@ TEST(PbrtCurve, DirectivesFollowEachOther) {
     EXPECT_NE(curve_error("Shape \"curve\" " + wrong).find("a.pbrt:7"), std::string::npos) << wrong;
 }
 
+// Claim: more pieces than the limit are an error at the line of the directive that has them, before they take
+// memory.
+TEST(PbrtCurve, PiecesAreBounded) {
+  const std::string one = "Shape \"curve\" \"point3 P\" [0 0 0 1 0 0 2 0 0 3 0 0 4 0 0 5 0 0 6 0 0]\n";
+  EXPECT_TRUE(load_pbrt_curves(one + one + one, "a.pbrt", 0, 7, 3, 6).ok());
+  const auto bad = load_pbrt_curves(one + one + one, "a.pbrt", 0, 7, 3, 5);
+  ASSERT_FALSE(bad.ok());
+  EXPECT_NE(bad.error().to_string().find("a.pbrt:9"), std::string::npos) << bad.error().to_string();
+}
+
 // Claim: the densities of a medium are read where its directive begins, x fastest; a list that is not as long
 // as the grid and negative densities are errors at their line.
 TEST(PbrtGrid, DensitiesAreAsWritten) {

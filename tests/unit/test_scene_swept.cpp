@@ -81,7 +81,7 @@ TEST(SweptCurves, BentOnesFollowTheSpline) {
     const double angle = 2 * 3.14159265358979 * i / 12;
     curve.push_back({{std::cos(angle), std::sin(angle), 0}, 0.1 + 0.01 * i});
   }
-  const loaders::Mesh mesh = bspline_tubes({curve});
+  const loaders::Mesh mesh = *bspline_tubes({curve});
   ASSERT_FALSE(mesh.triangles.empty());
   // The spline of points at angles of 30 degrees: 2/3 + 1/3 cos(30 degrees) at a knot, less between.
   const double at_knot = 2.0 / 3 + std::cos(3.14159265358979 / 6) / 3;
@@ -107,7 +107,7 @@ TEST(SweptCurves, PiecesAreJoined) {
       const double x = static_cast<double>(i) + static_cast<double>(k) - 1;
       pieces[i][k] = {{0, 0, x}, 0.5 + 0.25 * x};
     }
-  const loaders::Mesh mesh = piecewise_tubes({pieces});
+  const loaders::Mesh mesh = *piecewise_tubes({pieces});
   ASSERT_EQ(mesh.uvs.size(), mesh.positions.size());
   float low = 2, high = 0;
   for (std::size_t i = 0; i < mesh.positions.size(); ++i) {
@@ -121,7 +121,24 @@ TEST(SweptCurves, PiecesAreJoined) {
   EXPECT_EQ(high, 2);
   EXPECT_EQ(mesh.positions.size() % 17, 0U);
   EXPECT_EQ(mesh.triangles.size(), (mesh.positions.size() / 17 - 1) * 32);
-  EXPECT_EQ(piecewise_tubes({pieces, pieces}).triangles.size(), 2 * mesh.triangles.size());
+  EXPECT_EQ(piecewise_tubes({pieces, pieces})->triangles.size(), 2 * mesh.triangles.size());
+}
+
+// Claim: tubes of more triangles than the limit are an error, for one curve as for many.
+TEST(SweptCurves, TrianglesAreBounded) {
+  loaders::Curve curve;
+  for (int i = 0; i < 40; ++i) curve.push_back({{std::cos(1.0 * i), std::sin(1.0 * i), 0.1 * i}, 0.1});
+  const loaders::PieceList pieces(40);
+  const std::string wanted = "more than 200 triangles";
+  const auto message = [](const Result<loaders::Mesh>& mesh) {
+    return mesh.ok() ? "no error" : mesh.error().message;
+  };
+  EXPECT_NE(message(bspline_tubes({curve}, 200)).find(wanted), std::string::npos);
+  EXPECT_NE(message(linear_tubes({curve}, 200)).find(wanted), std::string::npos);
+  EXPECT_NE(message(piecewise_tubes({pieces}, 200)).find(wanted), std::string::npos);
+  const std::vector<loaders::Curve> many(11, {{{0, 0, 0}, 1}, {{0, 0, 1}, 1}});
+  EXPECT_NE(message(linear_tubes(many, 200)).find(wanted), std::string::npos);
+  EXPECT_TRUE(linear_tubes(many, 20 * 23).ok());
 }
 
 // ---- level sets ----

@@ -46,7 +46,7 @@ Result<std::vector<Vec3d>> control_points(ParameterList& parameters, const Locat
   return points;
 }
 
-Result<PieceList> curve(ParameterList& parameters, const Location& where) {
+Result<PieceList> curve(ParameterList& parameters, const Location& where, std::size_t max_pieces) {
   CANDELA_ASSIGN(const std::vector<Vec3d> p, control_points(parameters, where));
   CANDELA_ASSIGN(const std::int64_t degree, parameters.integer("degree", 3));
   CANDELA_ASSIGN(const std::string basis, parameters.text("basis", "bezier"));
@@ -68,6 +68,9 @@ Result<PieceList> curve(ParameterList& parameters, const Location& where) {
     return error_at(where, "a " + basis + " curve of degree " + std::to_string(degree) + " cannot have " +
                                std::to_string(p.size()) + " control points");
   const std::size_t pieces = bezier ? (p.size() - 1) / d : p.size() - d;
+  if (pieces > max_pieces)
+    return error_at(
+        where, "the curves that follow each other up to here have more pieces than a mesh of tubes can hold");
   PieceList result(pieces);
   for (std::size_t i = 0; i < pieces; ++i) {
     const Vec3d* const c = &p[bezier ? i * d : i];
@@ -90,7 +93,8 @@ Result<PieceList> curve(ParameterList& parameters, const Location& where) {
 }  // namespace
 
 Result<std::vector<PieceList>> load_pbrt_curves(std::string_view bytes, const std::string& name,
-                                                std::int64_t offset, int line, std::int64_t count) {
+                                                std::int64_t offset, int line, std::int64_t count,
+                                                std::size_t max_pieces) {
   const Location first{name, line};
   if (offset < 0 || static_cast<std::uint64_t>(offset) >= bytes.size())
     return error_at(first, "the offset of a shape lies outside of the file");
@@ -103,7 +107,8 @@ Result<std::vector<PieceList>> load_pbrt_curves(std::string_view bytes, const st
     if (!word || word->quoted || word->text != "Shape" || !type || !type->quoted || type->text != "curve")
       return error_at(where, "here is no directive of a shape 'curve'");
     CANDELA_ASSIGN(ParameterList parameters, ParameterList::read(tokens));
-    CANDELA_ASSIGN(PieceList pieces, curve(parameters, where));
+    CANDELA_ASSIGN(PieceList pieces, curve(parameters, where, max_pieces));
+    max_pieces -= pieces.size();
     result.push_back(std::move(pieces));
   }
   return result;

@@ -32,12 +32,12 @@ Result<std::string> Context::find_file(const Location& where, std::string_view n
     if (name.empty() || !is_file_key(key))
       return error_at(where, fmt::format("{} is not the name of a file", text::quote(name)));
     if (used_files_.contains(key)) return key;
-    Result<FileSource::Bytes> bytes = files_.open(key);
-    if (bytes.ok()) {
+    Result<void> found = files_.find(key);
+    if (found.ok()) {
       used_files_.insert(key);
       return key;
     }
-    if (!first_error) first_error = std::move(bytes).error();
+    if (!first_error) first_error = std::move(found).error();
   }
   Error error = error_at(where, fmt::format("file {}: {}", text::quote(name), first_error->message));
   error.kind = first_error->kind;

@@ -11,19 +11,27 @@
 
 #include "common/description/pbrt/parameters.h"
 #include "common/description/reading.h"
+#include "common/description/unpacked_files.h"
 
 namespace candela::description::pbrt {
 
 class Context {
  public:
-  Context(const FileSource& files, const Reading& reading) : files_(files), reading_(reading) {}
+  Context(const UnpackedFiles& files, const Reading& reading) : files_(files), reading_(reading) {}
 
   const Reading& reading() const { return reading_; }
 
   // The key of a file that the scene names: pbrt looks in the folder of the main file alone; ours then looks
   // in the folder of the file that names it.
   Result<std::string> find_file(const Location& where, std::string_view name);
-  Result<FileSource::Bytes> open(const std::string& key) const { return files_.open(key); }
+  // The text of a file of directives, at most `max_bytes` if it is packed.
+  Result<FileSource::Bytes> open(const std::string& key, std::size_t max_bytes) const {
+    return files_.open(key, max_bytes);
+  }
+  // The first bytes of a picture or mesh, at least `count` if it has so many.
+  Result<FileSource::Bytes> start(const std::string& key, std::size_t count) const {
+    return files_.start(key, count);
+  }
   void set_main_file(const std::string& key);
 
   // The picture differs from pbrt's; told by `candela check`.
@@ -44,7 +52,7 @@ class Context {
   std::vector<Note> take_passed_over() { return std::move(passed_over_); }
 
  private:
-  const FileSource& files_;
+  const UnpackedFiles& files_;
   const Reading& reading_;
   std::string main_folder_;
   std::set<std::string> used_files_;

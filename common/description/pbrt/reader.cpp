@@ -37,7 +37,7 @@ struct Instance {
 
 class Reader {
  public:
-  Reader(const FileSource& files, const Reading& reading, const std::string& main_key)
+  Reader(const UnpackedFiles& files, const Reading& reading, const std::string& main_key)
       : context_(files, reading),
         textures_(context_),
         materials_(context_, textures_, {main_key, 1}),
@@ -69,7 +69,7 @@ class Reader {
   // ---- files ----
 
   Result<void> read_file(const std::string& key) {
-    CANDELA_ASSIGN(const FileSource::Bytes bytes, context_.open(key));
+    CANDELA_ASSIGN(const FileSource::Bytes bytes, context_.open(key, max_total_bytes - total_bytes_));
     total_bytes_ += bytes.view.size();
     if (total_bytes_ > max_total_bytes)
       return input_error(fmt::format("the scene has more than {} bytes of text", max_total_bytes)).at(key, 0);

@@ -17,9 +17,12 @@ namespace {
 constexpr std::array<std::string_view, 8> shape_types = {
     "sphere", "disk", "cylinder", "trianglemesh", "plymesh", "bilinearmesh", "loopsubdiv", "curve"};
 
+constexpr std::size_t max_ply_header = 65536;
+
 // Whether the first lines of a PLY file tell of normals.
 bool ply_has_normals(std::string_view bytes) {
-  const std::string_view header = bytes.substr(0, std::min<std::size_t>(bytes.find("end_header"), 65536));
+  const std::string_view header =
+      bytes.substr(0, std::min<std::size_t>(bytes.find("end_header"), max_ply_header));
   for (const std::string_view name : {" nx\n", " nx\r", " nx "})
     if (header.find(name) != std::string_view::npos) return true;
   return false;
@@ -127,7 +130,7 @@ Result<std::shared_ptr<Object>> Shapes::curve(ShapeEntity& entity) {
 Result<std::shared_ptr<Object>> Shapes::ply(ShapeEntity& entity) {
   CANDELA_ASSIGN(const std::string name, entity.parameters.text("filename", ""));
   CANDELA_ASSIGN(const std::string key, context_.find_file(entity.where, name));
-  CANDELA_ASSIGN(const FileSource::Bytes bytes, context_.open(key));
+  CANDELA_ASSIGN(const FileSource::Bytes bytes, context_.start(key, max_ply_header));
   if (entity.parameters.has("displacement")) {
     CANDELA_TRY(context_.refuse(error_at(entity.where, "the displacement of a mesh is not supported yet")));
     entity.parameters.ignore({"displacement", "displacement.edgelength", "uvscale"});

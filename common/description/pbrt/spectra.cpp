@@ -84,7 +84,7 @@ Rgb clamped(Vec3 rgb) {
 Result<colorimetry::Spectrum> samples_of(Context& context, const Parameter& parameter) {
   if (!parameter.strings.empty()) {
     CANDELA_ASSIGN(const std::string key, context.find_file(parameter.where, parameter.strings[0]));
-    CANDELA_ASSIGN(const FileSource::Bytes bytes, context.open(key));
+    CANDELA_ASSIGN(const FileSource::Bytes bytes, context.open(key, max_spectrum_bytes));
     if (bytes.view.size() > max_spectrum_bytes)
       return error_at(parameter.where,
                       fmt::format("{} has {} bytes, more than the limit of {} for a spectrum",

@@ -332,9 +332,10 @@ Result<ObjectPtr> Textures::with_alpha(const ObjectPtr& texture) {
     return Context::finish(copy);
   }
   if (texture->plugin != "bitmap") return texture;
-  CANDELA_ASSIGN(const FileSource::Bytes bytes, context_.open(texture->get_string("filename", "")));
   // The color type of a PNG: gray or RGB with alpha.
   constexpr std::size_t color_type = 25;
+  CANDELA_ASSIGN(const FileSource::Bytes bytes,
+                 context_.start(texture->get_string("filename", ""), color_type + 1));
   const bool png = bytes.view.starts_with("\x89PNG\r\n") && bytes.view.size() > color_type;
   if (!png || (bytes.view[color_type] != 4 && bytes.view[color_type] != 6)) return texture;
   const auto copy = std::make_shared<Object>(*texture);

@@ -199,6 +199,12 @@ Result<Shape> build_cylinder(const description::Object& object, const Transform&
   return shape;
 }
 
+// Errors of the mesh get the place of the shape.
+Result<loaders::Mesh> at_shape(const description::Object& object, Result<loaders::Mesh> mesh) {
+  if (mesh.ok()) return mesh;
+  return std::move(mesh).error().at(object.where.file, object.where.line);
+}
+
 Result<Shape> build_from_file(const description::Object& object, const description::FileSource& files,
                               const Transform& to_world) {
   const std::string file = object.get_string("filename", "");
@@ -208,10 +214,10 @@ Result<Shape> build_from_file(const description::Object& object, const descripti
   const bool faceted = object.get_bool("face_normals", false);
   if (object.plugin == "bsplinecurve") {
     CANDELA_ASSIGN(const auto curves, loaders::load_curves(bytes.view, file, 4));
-    mesh = bspline_tubes(curves);
+    CANDELA_ASSIGN(mesh, at_shape(object, bspline_tubes(curves)));
   } else if (object.plugin == "linearcurve") {
     CANDELA_ASSIGN(const auto curves, loaders::load_curves(bytes.view, file, 2));
-    mesh = linear_tubes(curves);
+    CANDELA_ASSIGN(mesh, at_shape(object, linear_tubes(curves)));
   } else if (object.plugin == "sdfgrid") {
     CANDELA_ASSIGN(const auto field, loaders::load_volume(bytes.view, file, true));
     CANDELA_ASSIGN(mesh, level_set(field, file));
@@ -227,7 +233,7 @@ Result<Shape> build_from_file(const description::Object& object, const descripti
     const int line = object.where.file == file ? object.where.line : 1;
     if (curves > 0) {
       CANDELA_ASSIGN(const auto pieces, loaders::load_pbrt_curves(bytes.view, file, offset, line, curves));
-      mesh = piecewise_tubes(pieces);
+      CANDELA_ASSIGN(mesh, at_shape(object, piecewise_tubes(pieces)));
     } else {
       CANDELA_ASSIGN(mesh, loaders::load_pbrt_shape(bytes.view, file, offset, line));
     }

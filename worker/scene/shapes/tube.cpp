@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <string>
 #include <utility>
 
 #include "worker/core/math.h"
@@ -77,19 +78,22 @@ void add_piece(std::vector<Section>& sections, const loaders::ControlPoint* c) {
     add_section(sections, spline_at(c, static_cast<double>(k) / steps));
 }
 
-std::vector<Section> bspline_sections(const loaders::Curve& curve) {
+// Sections of a curve, which are not continued when there are more than `max_sections`.
+std::vector<Section> bspline_sections(const loaders::Curve& curve, std::size_t max_sections) {
   std::vector<Section> sections;
-  for (std::size_t i = 0; i + 3 < curve.size(); ++i) add_piece(sections, &curve[i]);
+  for (std::size_t i = 0; i + 3 < curve.size() && sections.size() <= max_sections; ++i)
+    add_piece(sections, &curve[i]);
   return sections;
 }
 
-std::vector<Section> piece_sections(const loaders::PieceList& pieces) {
+std::vector<Section> piece_sections(const loaders::PieceList& pieces, std::size_t max_sections) {
   std::vector<Section> sections;
-  for (const loaders::CubicPiece& piece : pieces) add_piece(sections, piece.data());
+  for (std::size_t i = 0; i < pieces.size() && sections.size() <= max_sections; ++i)
+    add_piece(sections, pieces[i].data());
   return sections;
 }
 
-std::vector<Section> linear_sections(const loaders::Curve& curve) {
+std::vector<Section> linear_sections(const loaders::Curve& curve, std::size_t /*max_sections*/) {
   std::vector<Section> sections;
   for (const loaders::ControlPoint& point : curve)
     if (sections.empty() || length(point.p - sections.back().p) > 0)
@@ -159,12 +163,17 @@ void add_tube(const std::vector<Section>& sections, std::size_t sides, loaders::
 }
 
 template <class Curve, class Sections>
-loaders::Mesh tubes(const std::vector<Curve>& curves, const Sections& sections_of) {
+Result<loaders::Mesh> tubes(const std::vector<Curve>& curves, const Sections& sections_of,
+                            std::size_t max_triangles) {
+  const std::size_t max_sections = max_triangles / (2 * kFewestSides);
   std::vector<std::vector<Section>> all;
-  std::size_t count = 1;
+  std::size_t count = 1;  // of sections
   for (const Curve& curve : curves) {
-    all.push_back(sections_of(curve));
+    all.push_back(sections_of(curve, max_sections - std::min(count, max_sections)));
     count += all.back().size();
+    if (count > max_sections)
+      return input_error("the curves of the shape are tubes of more than " + std::to_string(max_triangles) +
+                         " triangles");
   }
   const std::size_t sides = std::clamp(kVertexBudget / count, kFewestSides, kMostSides);
   loaders::Mesh mesh;
@@ -174,16 +183,17 @@ loaders::Mesh tubes(const std::vector<Curve>& curves, const Sections& sections_o
 
 }  // namespace
 
-loaders::Mesh bspline_tubes(const std::vector<loaders::Curve>& curves) {
-  return tubes(curves, bspline_sections);
+Result<loaders::Mesh> bspline_tubes(const std::vector<loaders::Curve>& curves, std::size_t max_triangles) {
+  return tubes(curves, bspline_sections, max_triangles);
 }
 
-loaders::Mesh linear_tubes(const std::vector<loaders::Curve>& curves) {
-  return tubes(curves, linear_sections);
+Result<loaders::Mesh> linear_tubes(const std::vector<loaders::Curve>& curves, std::size_t max_triangles) {
+  return tubes(curves, linear_sections, max_triangles);
 }
 
-loaders::Mesh piecewise_tubes(const std::vector<loaders::PieceList>& curves) {
-  loaders::Mesh mesh = tubes(curves, piece_sections);
+Result<loaders::Mesh> piecewise_tubes(const std::vector<loaders::PieceList>& curves,
+                                      std::size_t max_triangles) {
+  CANDELA_ASSIGN(loaders::Mesh mesh, tubes(curves, piece_sections, max_triangles));
   for (Vec2& uv : mesh.uvs) std::swap(uv.x, uv.y);
   return mesh;
 }
