@@ -114,12 +114,11 @@ Result<int> run_doctor(Context& context, const DoctorOptions& options) {
 void add_doctor(CLI::App& app, Context& context) {
   auto options = std::make_shared<DoctorOptions>();
   CLI::App* sub = app.add_subcommand(
-      "doctor",
-      "Diagnosis this machine, its configuration and its farm; exits with 1 if something is broken");
+      "doctor", "Diagnose this machine, its configuration and its farm; exits with 1 if something is broken");
   add_text(*sub, "--data", options->data,
            "Also check this data folder of a master; default: the configuration's", "DIR");
   add_text(*sub, "--cache", options->cache,
-           "Diagnosis this cache folder of a worker; default: the one it would use", "DIR");
+           "Diagnose this cache folder of a worker; default: the one it would use", "DIR");
   add_farm_options(*sub, options->farm);
   sub->add_flag("--json", options->json, "Print JSON");
   sub->callback([&context, options] {

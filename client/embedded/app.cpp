@@ -74,6 +74,19 @@ bool is_command(const CLI::App& app, const std::string& word) {
   return std::any_of(all.begin(), all.end(), [&](const CLI::App* sub) { return sub->get_name() == word; });
 }
 
+// The commands that have an option: " (it is an option of 'fetch')"; empty if none has.
+std::string owners(const CLI::App& app, const std::string& name) {
+  constexpr std::size_t max_named = 3;
+  std::vector<std::string> commands;
+  for (const CLI::App* sub : app.get_subcommands([](const CLI::App* s) { return !s->get_group().empty(); }))
+    if (name.starts_with("--") && sub->get_option_no_throw(name) != nullptr)
+      commands.push_back(fmt::format("'{}'", sub->get_name()));
+  if (commands.empty()) return {};
+  const bool more = commands.size() > max_named;
+  if (more) commands.resize(max_named);
+  return fmt::format(" (it is an option of {}{})", fmt::join(commands, ", "), more ? " and others" : "");
+}
+
 // What the parser could not make sense of, in words and with the nearest option.
 std::string explain(const CLI::App& app, const std::vector<std::string>& arguments,
                     const CLI::ParseError& error) {
@@ -88,8 +101,11 @@ std::string explain(const CLI::App& app, const std::vector<std::string>& argumen
     for (std::size_t i = 1; i < arguments.size(); ++i) {
       const std::string name = arguments[i].substr(0, arguments[i].find('='));
       if (name.size() > 1 && name.starts_with('-') && what.find(arguments[i]) != std::string::npos &&
-          std::find(options.begin(), options.end(), name) == options.end())
-        return fmt::format("there is no option '{}'{}", printable(name), suggestion(name, options));
+          std::find(options.begin(), options.end(), name) == options.end()) {
+        const std::string elsewhere = owners(app, name);
+        return fmt::format("there is no option '{}'{}", printable(name),
+                           elsewhere.empty() ? suggestion(name, options) : elsewhere);
+      }
     }
   }
   std::string text = what;

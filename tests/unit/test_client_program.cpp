@@ -194,6 +194,8 @@ TEST(Program, BadUsageIsOneLineAndCodeTwo) {
       {{"rendr"}, "there is no command 'rendr' (did you mean 'render'?)"},
       {{"render", "scene.xml", "-o", out, "--iteratons", "3"},
        "there is no option '--iteratons' (did you mean '--iterations'?)"},
+      {{"render", "a.xml", "-o", "b.exr", "--half", "A"},
+       "there is no option '--half' (it is an option of 'fetch')"},
       {{"render", "scene.xml"}, "--output"},
       {{"render", "-o", out}, "scene"},
       {{"render", "scene.xml", "-o", "x.png"}, "--output: x.png: the name does not end in .exr"},

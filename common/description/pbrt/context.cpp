@@ -49,7 +49,8 @@ void Context::differs(const Location& where, std::string text) {
 }
 
 Result<void> Context::refuse(const Error& error, std::string_view instead) {
-  if (!reading_.lenient) return error;
+  if (!reading_.lenient)
+    return error.mend.empty() ? Error(error).with_mend(fmt::format("with --lenient {}", instead)) : error;
   if (passed_over_.size() >= max_told) return {};
   const std::string mend = error.mend.empty() ? std::string() : fmt::format(" ({})", error.mend);
   passed_over_.push_back({{error.file, error.line}, fmt::format("{}: {}{}", error.message, instead, mend)});
