@@ -99,6 +99,16 @@ std::vector<std::string> everyone_but(const std::vector<std::string>& left_out) 
   return result;
 }
 
+void add_adaptive(Sweep& sweep) {
+  for (const test::IntegratorRow& row : test::integrators()) {
+    if (!row.epochs) continue;
+    Claim claim{row.name, {}, 16};
+    for (const auto& [name, value] : row.small)
+      if (name != "radius") claim.settings[name] = value;  // the first radius is the sweep's
+    sweep.claims.push_back(std::move(claim));
+  }
+}
+
 std::vector<Quantity> uniform_quantities(std::uint32_t width, std::uint32_t height,
                                          std::optional<double> expected) {
   std::vector<Quantity> result = {{"image", 0, 0, width, height, expected, 1}};

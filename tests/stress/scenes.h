@@ -42,7 +42,7 @@ Shot uniform_shot(std::string body, double expected);
 void set(Shot& shot, const std::string& name, const std::string& value);
 
 // Without those whose radii are decided between epochs: the same estimators at radii that the sweep does not
-// set.
+// set. add_adaptive() has them.
 inline const std::vector<std::string> kEveryone =
     test::integrators_where([](const test::IntegratorRow& row) { return !row.epochs; });
 inline const std::vector<std::string> kMerging =
@@ -50,6 +50,9 @@ inline const std::vector<std::string> kMerging =
 inline const std::vector<std::string> kOfIterations =
     test::integrators_where([](const test::IntegratorRow& row) { return !row.chains && !row.epochs; });
 std::vector<std::string> everyone_but(const std::vector<std::string>& left_out);
+// Adds claims of those whose radii are decided between epochs, with epochs so short that a batch decides
+// several times. For hazards of what decides.
+void add_adaptive(Sweep& sweep);
 
 // The parts of all_sweeps().
 std::vector<Sweep> path_sweeps();

@@ -74,6 +74,7 @@ Sweep zero_throughput() {
     return shot;
   };
   sweep.claims = claims_of(kEveryone);
+  add_adaptive(sweep);
   return sweep;
 }
 
