@@ -43,7 +43,7 @@ description::Note passed_over(const Object& written, const std::string& runs, co
                                                     : "of the scene's counts " + join(values, ", "))};
 }
 
-// What the scene's integrator says of the scene for every integrator: the renderer reads it there.
+// The property of a scene's integrator that counts under every integrator: the renderer reads it there.
 constexpr std::string_view kOfScene = "strict_normals";
 
 // Whether the scene may have the parameter, and it changes nothing here.

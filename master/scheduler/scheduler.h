@@ -192,7 +192,7 @@ struct RestoredStages {
   std::vector<StateRow> states = {};    // of epochs 0, 1, ...
 };
 
-// What the jobs could use now. What is at work is part of it.
+// The threads and workers that the open jobs could use now, those at work included.
 struct Wanted {
   std::uint64_t threads = 0;
   std::uint64_t workers = 0;  // with as many threads as the present ones have on average

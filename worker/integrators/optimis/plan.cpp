@@ -132,7 +132,7 @@ std::optional<std::string> no_gain(const estimators::FirstVertexSetup& setup,
   return {};
 }
 
-// Where optimal weights gain.
+// The reason for which optimal weights gain, for the plan.
 const char* gain(const estimators::FirstVertexSetup& setup, const scene::SceneFeatures& features) {
   return features.emitters > 1 ? "samples of lamps that are hidden are subtracted"
          : setup.bsdf          ? "bsdf rays that rarely meet the lamp add no noise"
