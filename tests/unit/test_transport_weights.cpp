@@ -4,7 +4,8 @@
 // - The weights of the recursion (mis/balance_power.h), driven with the numbers of one path, are those of the
 // literal
 //   products, and over all techniques that can make the path they sum to one: both to 1e-12, for the balance
-//   and the power heuristic, any technique left out, eta from 1e-12 to 1e12.
+//   and the power heuristic, and the extended balance heuristic with merges of beams (mis/beam_balance.h),
+//   any technique left out, eta from 1e-12 to 1e12.
 // - The weights and values that the techniques return (technique/) are those of the oracle
 //   for the path they made: weights to 1e-5, values to 1e-4, besides what floats are known to lose
 //   (Evaluation::rounding). The oracle finds surfaces passed and lights by rays of its own, and its
@@ -39,6 +40,10 @@ template <Between kBetween>
 void run_all(const scene::Scene& scene, const WalkRules& rules, std::uint64_t pairs, Findings& findings) {
   PathTest<kBetween, Balance> balance(scene, rules, findings);
   PathTest<kBetween, Power> power(scene, rules, findings);
+  if constexpr (kBetween == Between::media) {
+    PathTest<kBetween, BeamBalance> beams(scene, rules, findings);
+    for (std::uint64_t i = 0; i < pairs / 2; ++i) beams.run(i);
+  }
   for (std::uint64_t i = 0; i < pairs; ++i) {
     if (i % 2 == 0)
       balance.run(i / 2);
@@ -93,6 +98,9 @@ PathNumbers invented_path(rng::Stream& stream, std::size_t k, double decades) {
     n.factor_to_light.push_back(end ? 1 : uniform(stream) + 1e-6);
     n.delta.push_back(!end && uniform(stream) < 0.3);
     n.in_medium.push_back(!end && !n.delta.back() && uniform(stream) < 0.3);
+    // A medium's hazard is the same for both edges.
+    if (n.in_medium.back()) n.factor_to_light.back() = n.factor_to_eye.back();
+    n.beam_sine.push_back(n.in_medium.back() && uniform(stream) < 0.8 ? uniform(stream) + 1e-6 : 0);
     if (i == k) break;
     n.survival.push_back(uniform(stream) + 1e-3);
     n.distance_squared.push_back(any());
@@ -105,7 +113,7 @@ void expect_recursion_holds(std::size_t k, double decades, std::uint64_t paths, 
   for (std::uint64_t i = 0; i < paths; ++i) {
     rng::Stream stream(rng::key(17, i));
     const PathNumbers n = invented_path(stream, k, decades);
-    const Counts counts = counts_of(i, true);
+    const Counts counts = Heuristic::kMergesBeams ? beam_counts_of(i, true) : counts_of(i, true);
     const auto techniques = reference::list_techniques(n, counts);
     const auto weights = reference::weigh(techniques, kNamed<Heuristic>);
     const auto recursive = recursive_weights<Heuristic>(n, counts, techniques);
@@ -125,12 +133,14 @@ TEST(TransportWeights, HoldForAnyDensities) {
   for (const std::size_t k : {2u, 3u, 5u, 20u}) {
     expect_recursion_holds<Balance>(k, 8, 500);
     expect_recursion_holds<Power>(k, 8, 500);
+    expect_recursion_holds<BeamBalance>(k, 8, 500);
   }
 }
 
 TEST(TransportWeights, HoldOnPathsOfAThousandVertices) {
   expect_recursion_holds<Balance>(1000, 1, 12);
   expect_recursion_holds<Power>(1000, 1, 12);
+  expect_recursion_holds<BeamBalance>(1000, 1, 3);
   // Here the densities of techniques differ by more than doubles can say.
   expect_recursion_holds<Balance>(1000, 8, 60, true);
   expect_recursion_holds<Power>(1000, 8, 60, true);

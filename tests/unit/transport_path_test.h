@@ -45,7 +45,8 @@ class PathTest {
 
   // One eye and one light subpath, and all that can be made of them.
   void run(std::uint64_t index) {
-    counts_ = counts_of(index, rules_.meets_lens);
+    counts_ = Heuristic::kMergesBeams ? beam_counts_of(index, rules_.meets_lens)
+                                      : counts_of(index, rules_.meets_lens);
     factors_ = factors_of<Heuristic>(counts_);
     eta_field_.counts = counts_;
     const ConnectContext c{scene_, factors_, rules_, tallies_};
@@ -253,7 +254,9 @@ class PathTest {
          &between);
     set_eye_end(path);
     check(path, Technique::Kind::connect, z.edges + 1, found);
-    if (every_ == 1) check_merge(path, z, y, -between);
+    if constexpr (!Heuristic::kMergesBeams) {
+      if (every_ == 1) check_merge(path, z, y, -between);
+    }
   }
 
   // The light's walk goes on from z to the very place of y, and is merged there.
@@ -357,6 +360,7 @@ class PathTest {
   Counts counts_at(const FullPath& path) const {
     scene::CameraDensity camera;
     EXPECT_TRUE(scene_.pdf_camera(path.lens_near, -path.along.back(), camera, rules_.film_border));
+    if constexpr (Heuristic::kMergesBeams) return counts_;
     return counts_there(counts_, {camera.film_x, camera.film_y});
   }
 

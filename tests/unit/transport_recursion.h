@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "worker/transport/mis/balance_power.h"
+#include "worker/transport/mis/beam_balance.h"
 #include "worker/transport/reference/reference.h"
 
 namespace candela::transport {
@@ -24,11 +24,16 @@ constexpr reference::Heuristic kNamed<Power> = reference::Heuristic::power;
 
 template <class Heuristic>
 MisFactors factors_of(const Counts& c) {
-  return {c.hit_light, c.next_event, c.connect, Heuristic::raise(c.light_image),
-          Heuristic::raise(c.hit_lens)};
+  return {c.hit_light,
+          c.next_event,
+          c.connect,
+          Heuristic::raise(c.light_image),
+          Heuristic::raise(c.hit_lens),
+          {c.merge_medium, c.point_beam, c.beam_point, c.beam_beam}};
 }
 template <class Heuristic>
 MergeFactors eta_of(const Counts& c) {
+  if constexpr (Heuristic::kMergesBeams) return {c.merge_surface, 1};  // see beam_balance.h
   return {Heuristic::raise(c.merge_surface), Heuristic::raise(c.merge_medium)};
 }
 
@@ -40,7 +45,22 @@ std::vector<double> recursive_weights(const PathNumbers& n, const Counts& counts
   const MisFactors factors = factors_of<Heuristic>(counts);
   const MergeFactors eta = eta_of<Heuristic>(counts);
   const auto raise = Heuristic::raise;
-  const auto merged = [&](std::size_t i) { return n.in_medium[i] ? eta.medium : eta.surface; };
+  const auto merged = [&](std::size_t i) {
+    if constexpr (Heuristic::kMergesBeams) {
+      if (n.in_medium[i])
+        return n.beam_sine[i] > 0 ? factors.medium.at(n.factor_to_eye[i], n.beam_sine[i])
+                                  : factors.medium.point_point;
+    }
+    return n.in_medium[i] ? eta.medium : eta.surface;
+  };
+  const auto leave = [&](const MisBlock& block, std::size_t i, double pdf, double pdf_reverse,
+                         double factor) {
+    MisDeparture left = Heuristic::leave_vertex(block, !n.in_medium[i], n.delta[i], pdf, pdf_reverse, factor);
+    if constexpr (Heuristic::kMergesBeams) {
+      if (n.in_medium[i]) Heuristic::add_merges(left, merged(i));
+    }
+    return left;
+  };
 
   std::vector<MisBlock> light(k + 1), eye(k + 1);
   MisDeparture d = Heuristic::leave_end(factors.hit_light, n.light_prob, n.light_can_be_hit, n.pdf_to_eye[0],
@@ -48,8 +68,7 @@ std::vector<double> recursive_weights(const PathNumbers& n, const Counts& counts
   light[1] = Heuristic::arrive_from_light(d, factors, n.factor_to_light[1], n.light_density(1),
                                           n.delta[1] ? 0 : n.light_direct, n.light_prob);
   for (std::size_t i = 1; i < k; ++i) {
-    d = Heuristic::leave_vertex(light[i], !n.in_medium[i], n.delta[i], n.pdf_to_eye[i], n.pdf_to_light[i],
-                                n.factor_to_eye[i]);
+    d = leave(light[i], i, n.pdf_to_eye[i], n.pdf_to_light[i], n.factor_to_eye[i]);
     if (i + 1 < k)
       light[i + 1] = Heuristic::arrive_later(d, factors, n.factor_to_light[i + 1], n.light_density(i + 1));
   }
@@ -59,8 +78,7 @@ std::vector<double> recursive_weights(const PathNumbers& n, const Counts& counts
   eye[k - 1] =
       Heuristic::arrive_from_eye(d, factors, n.factor_to_eye[k - 1], n.eye_density(k - 1), n.survival[k - 1]);
   for (std::size_t i = k - 1; i > 0; --i) {
-    d = Heuristic::leave_vertex(eye[i], !n.in_medium[i], n.delta[i], n.pdf_to_light[i], n.pdf_to_eye[i],
-                                n.factor_to_light[i]);
+    d = leave(eye[i], i, n.pdf_to_light[i], n.pdf_to_eye[i], n.factor_to_light[i]);
     eye[i - 1] = Heuristic::arrive_later(d, factors, n.factor_to_eye[i - 1], n.eye_density(i - 1));
   }
 
@@ -105,6 +123,21 @@ std::vector<double> recursive_weights(const PathNumbers& n, const Counts& counts
         break;
       }
       case Technique::Kind::merge:
+      case Technique::Kind::merge_point_beam:
+      case Technique::Kind::merge_beam_point:
+      case Technique::Kind::merge_beam_beam:
+        if constexpr (Heuristic::kMergesBeams) {
+          const double light_hazard = n.factor_to_light[s], eye_hazard = n.factor_to_eye[s];
+          const double own = !n.in_medium[s]                               ? eta.surface
+                             : t.kind == Technique::Kind::merge            ? counts.merge_medium
+                             : t.kind == Technique::Kind::merge_point_beam ? counts.point_beam / eye_hazard
+                             : t.kind == Technique::Kind::merge_beam_point
+                                 ? counts.beam_point / light_hazard
+                                 : counts.beam_beam * n.beam_sine[s] / (light_hazard * eye_hazard);
+          weights.push_back(own / (merged(s) + Heuristic::sum(light[s], n.pdf_to_light[s], eta) +
+                                   Heuristic::sum(eye[s], n.pdf_to_eye[s], eta)));
+          continue;
+        }
         rest = (Heuristic::sum(light[s], n.pdf_to_light[s], eta) +
                 Heuristic::sum(eye[s], n.pdf_to_eye[s], eta)) /
                merged(s);
@@ -144,7 +177,8 @@ struct Findings {
 };
 
 inline const char* name_of(Technique::Kind kind) {
-  constexpr const char* kNames[] = {"hit_light", "next_event", "connect", "light_image", "hit_lens", "merge"};
+  constexpr const char* kNames[] = {"hit_light", "next_event", "connect", "light_image", "hit_lens",
+                                    "merge",     "pb2d",       "bp2d",    "bb1d"};
   return kNames[static_cast<int>(kind)];
 }
 
@@ -183,10 +217,22 @@ inline Counts counts_there(Counts counts, FilmPosition at) {
   counts.merge_medium /= factor;
   return counts;
 }
+// The merges of beams left out, from path to path.
+inline Counts beam_counts_of(std::uint64_t i, bool lens) {
+  Counts c = counts_of(i, lens);
+  constexpr double kEta[] = {1, 0, 1e3, 1e-6};
+  c.point_beam = kEta[i % 4];
+  c.beam_point = kEta[(i / 2) % 4];
+  c.beam_beam = kEta[(i / 3) % 4];
+  return c;
+}
 template <class Heuristic>
 struct VaryingEta {
   Counts counts;
-  MergeFactors at(FilmPosition place) const { return eta_of<Heuristic>(counts_there(counts, place)); }
+  MergeFactors at(FilmPosition place) const {
+    if constexpr (Heuristic::kMergesBeams) return eta_of<Heuristic>(counts);  // walks know one eta
+    return eta_of<Heuristic>(counts_there(counts, place));
+  }
 };
 
 }  // namespace candela::transport

@@ -20,8 +20,13 @@ struct LightKeeping {
   bool caustics_only = false;  // only photons that arrive from a specular vertex
 };
 
-// For light paths that leave nothing but splats.
+// For light paths that leave nothing but splats. Stores may observe walks (segments.h); crossed() comes after
+// each of their steps.
 struct NoStore {
+  using Observer = transport::NoObserver;
+  static Observer observer() { return {}; }
+  template <class Walk>
+  static void crossed(const Walk& /*walk*/) {}
   template <class Block>
   static void keep(const scene::Scene& /*scene*/, const transport::Vertex<Block>& /*v*/, bool /*last*/,
                    bool /*by_specular*/, film::Tallies& /*tallies*/) {}
@@ -30,6 +35,11 @@ struct NoStore {
 // The store of one chunk, in the order of its paths.
 template <class Block>
 struct LightStore {
+  using Observer = transport::NoObserver;
+  static Observer observer() { return {}; }
+  template <class Walk>
+  static void crossed(const Walk& /*walk*/) {}
+
   LightKeeping keeping;
   transport::PhotonBuffer<Block> surface, medium;
   transport::LightVertexBuffer<Block> vertices;

@@ -16,7 +16,8 @@ namespace candela::estimators {
 template <transport::Between kBetween, class Mis, class Store, transport::EtaField Eta>
 class LightTracing {
  public:
-  using LightWalk = transport::Walk<transport::TransportMode::importance, kBetween, Mis>;
+  using LightWalk = transport::Walk<transport::TransportMode::importance, kBetween, Mis, samplers::Sampler,
+                                    typename Store::Observer>;
   using Vertex = typename LightWalk::Vertex;
 
   // All by reference but the options: they outlive the estimator.
@@ -36,8 +37,9 @@ class LightTracing {
   // The light path of the sampler.
   void operator()(std::uint64_t /*path*/, samplers::Sampler& sampler) {
     by_specular_ = false;
-    LightWalk walk(scene_, rules_, factors_, sampler, tallies_);
+    LightWalk walk(scene_, rules_, factors_, sampler, tallies_, store_.observer());
     transport::follow_light_path(walk, room_, *this);
+    store_.crossed(walk);
   }
 
   // The techniques: see light_path.h.
@@ -47,6 +49,7 @@ class LightTracing {
     if (found.weight > 0) splatter_.splat(0, film, found.weighted() * each_, rng::combine(key, 2), tallies_);
   }
   bool vertex(const LightWalk& walk, const Vertex& v, std::uint64_t key) {
+    store_.crossed(walk);
     if (!v.connectible) return true;
     // The lens has one edge to come, and a connection to the eye's first vertex two.
     store_.keep(scene_, v, v.edges >= rules_.max_edges, by_specular_, tallies_);

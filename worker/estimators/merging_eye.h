@@ -24,21 +24,35 @@ struct LightSide {
   Field field;
 };
 
+// Merges of beams, as VcmEye asks for them.
+struct NoBeams {
+  static constexpr bool kMerges = false;
+  template <class Block, class Field>
+  using Side = LightSide<Block, Field>;
+  using Observer = transport::NoObserver;
+  static Observer observer() { return {}; }
+
+  template <class Side>
+  NoBeams(const scene::Scene& /*scene*/, const PathOptions& /*options*/, const Side& /*side*/) {}
+};
+
 // vcm and bpm: every vertex meets light by itself (s = 0), by next event estimation (s = 1), by connection to
 // the vertices of one light path, and by merging with the photons of all; all weighted against each other.
+// Beams: NoBeams, or what merges with beams and in media (integrators/upbp).
 template <transport::Between kBetween, class MisT, transport::ScaleField Field,
-          class StatisticsT = transport::NoStatistics>
+          class StatisticsT = transport::NoStatistics, class Beams = NoBeams>
 class VcmEye : public transport::EyeTechniques {
  public:
   using Mis = MisT;
   using Block = typename Mis::Block;
   using Statistics = StatisticsT;
-  using EyeWalk = transport::Walk<transport::TransportMode::radiance, kBetween, Mis>;
+  using EyeWalk = transport::Walk<transport::TransportMode::radiance, kBetween, Mis, samplers::Sampler,
+                                  typename Beams::Observer>;
   using Vertex = typename EyeWalk::Vertex;
+  using Side = typename Beams::template Side<Block, Field>;
 
   VcmEye(const scene::Scene& scene, const PathOptions& options, const Techniques& techniques,
-         const PathCounts& counts, const LightSide<Block, Field>& side, const Statistics& statistics,
-         film::Tallies& tallies)
+         const PathCounts& counts, const Side& side, const Statistics& statistics, film::Tallies& tallies)
       : scene_(scene),
         options_(options),
         techniques_(techniques),
@@ -46,7 +60,8 @@ class VcmEye : public transport::EyeTechniques {
         rules_(eye_rules(options, techniques, counts)),
         side_(side),
         tallies_(tallies),
-        gather_(scene, side.maps, statistics) {}
+        gather_(scene, side.maps, statistics),
+        beams_(scene, options, side) {}
 
   // The ray goes through this place on the film; light_path is that to connect to.
   Spectrum trace(const Ray& ray, transport::FilmPosition at, std::uint64_t light_path,
@@ -57,8 +72,9 @@ class VcmEye : public transport::EyeTechniques {
     sum_ = merged_ = {};
     light_path_ = light_path;
     loaded_ = false;
-    EyeWalk walk(scene_, rules_, factors_, sampler, tallies_);
+    EyeWalk walk(scene_, rules_, factors_, sampler, tallies_, beams_.observer());
     transport::follow_eye_path(walk, ray, room_, *this);
+    crossed(walk);
     merge();
     return sum_;
   }
@@ -68,8 +84,9 @@ class VcmEye : public transport::EyeTechniques {
   Spectrum merged() const { return merged_; }
 
   // The techniques: see eye_path.h.
-  void arrived(const EyeWalk& /*walk*/, const Vertex& v, const Vertex* before, bool left) {
+  void arrived(const EyeWalk& walk, const Vertex& v, const Vertex* before, bool left) {
     gather_.collect();  // for the vertex before
+    crossed(walk);
     transport::Contribution found;
     if (techniques_.hit_light && v.edges >= options_.min_edges &&
         transport::hit_light<Mis>(context_, v, left, before, eta_, found))
@@ -85,16 +102,20 @@ class VcmEye : public transport::EyeTechniques {
       if (techniques_.connect && v.edges + 2 <= options_.max_depth) connect_all(walk, v);
     }
     merge();
+    if constexpr (Beams::kMerges) add_merged(beams_.merge_at(v));
     if (v.connectible) gather_.start(v);
     return true;
   }
   void passed() { merge(); }  // the next vertex takes this one's place
 
  private:
-  void merge() {
-    const Spectrum found = gather_.finish();
+  void merge() { add_merged(gather_.finish()); }
+  void add_merged(const Spectrum& found) {
     sum_ += found;
     merged_ += found;
+  }
+  void crossed([[maybe_unused]] const EyeWalk& walk) {
+    if constexpr (Beams::kMerges) add_merged(beams_.merge_along(walk));
   }
   void connect_all(const EyeWalk& walk, const Vertex& v) {
     if (!loaded_)  // the first vertex that connects asks for the longest light paths
@@ -115,12 +136,13 @@ class VcmEye : public transport::EyeTechniques {
   const Techniques& techniques_;
   const transport::MisFactors factors_;
   const transport::WalkRules rules_;
-  const LightSide<Block, Field>& side_;
+  const Side& side_;
   film::Tallies& tallies_;
   const transport::ConnectContext context_{scene_, factors_, rules_, tallies_};
   transport::VertexPair<Block> room_;
   transport::Subpath<Block> light_;
   transport::Gather<Mis, Statistics> gather_;
+  [[no_unique_address]] Beams beams_;
   // The path under way.
   transport::MergeFactors eta_;
   Spectrum sum_, merged_;

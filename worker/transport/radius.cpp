@@ -46,4 +46,8 @@ double ball_radius(double first_radius, std::uint64_t iteration, double alpha) {
   return first_radius * math::pow(shrinkage(iteration, alpha), 1.0 / 3);
 }
 
+double blur_radius(double first_radius, std::uint64_t iteration, int dimension) {
+  return first_radius * math::pow(static_cast<double>(iteration) + 1, -1.0 / (4 + dimension));
+}
+
 }  // namespace candela::transport

@@ -20,4 +20,8 @@ double shrinkage(std::uint64_t iteration, double alpha);
 double disc_radius(double first_radius, std::uint64_t iteration, double alpha);
 double ball_radius(double first_radius, std::uint64_t iteration, double alpha);
 
+// The radius of a merge that blurs over a line, a disc or a ball (dimension 1, 2, 3): the power law whose
+// variance and squared bias fall alike, first_radius (iteration + 1)^(-1 / (4 + dimension)).
+double blur_radius(double first_radius, std::uint64_t iteration, int dimension);
+
 }  // namespace candela::transport

@@ -24,4 +24,27 @@ struct NoObserver {
   void survived() {}
 };
 
+// The last stretch that a walk crossed, up to where the flight ended: a short beam.
+struct Crossing {
+  MediumSegment segment;
+  float end = 0;      // along the ray
+  bool some = false;  // there is one, and the flight through it came to an end
+};
+
+// Keeps the last crossing for an estimator that looks at it after each step of the walk.
+class CrossingObserver {
+ public:
+  explicit CrossingObserver(Crossing& last) : last_(&last) {}
+  void stretch(const MediumSegment& segment) { *last_ = {segment, 0, false}; }
+  void scattered(float distance) { end(distance); }
+  void survived() { end(last_->segment.ray.t_max); }
+
+ private:
+  void end(float at) {
+    last_->end = at;
+    last_->some = true;
+  }
+  Crossing* last_;
+};
+
 }  // namespace candela::transport

@@ -44,6 +44,18 @@ struct WalkRules {
   double eye_paths = 1;                // per iteration: pixels
 };
 
+// The density with which next event estimation at `hit`, the first vertex of a light path from o, would have
+// chosen the light's point, in the measure of the light walk's own. front, wo: as ScatterPoint's;
+// distance_squared: between them.
+inline double direct_density(const scene::Scene& scene, const scene::EmissionSample& o, const SurfaceHit& hit,
+                             Vec3 front, Vec3 wo, double distance_squared) {
+  if (o.delta_position || o.delta_direction)
+    return static_cast<double>(scene.prob_direct(hit, front, o.vertex.emitter));
+  if (o.infinite) return static_cast<double>(scene.pdf_direct_environment_solid_angle(hit, front, wo));
+  return solid_angle_to_area(static_cast<double>(scene.pdf_direct_solid_angle(hit, front, wo, o.vertex)),
+                             static_cast<double>(o.cosine), distance_squared);
+}
+
 // SamplerT: samplers::Sampler, or what stands in for it (mcmc::PrimarySampler). Observer: as NoObserver; a
 // handle, kept by value.
 template <TransportMode kMode, Between kBetween, class MisT, class SamplerT = samplers::Sampler,
@@ -103,6 +115,8 @@ class Walk {
   // The edge under way, and where it began.
   const Departure& departure() const { return departure_; }
   Vec3 from() const { return from_; }
+  bool from_finite() const { return finite_; }  // false: light from outside
+  double origin_density() const { return origin_density_; }
 
  private:
   // Vertices of more edges do not scatter.
@@ -114,7 +128,6 @@ class Walk {
   bool leave_surfaces(bool found, SurfaceHit& hit);
   bool pass_straight(const SurfaceHit& hit);
   void look_for_lens(bool found, const SurfaceHit& hit);
-  double direct_density(const Vertex& v, double distance_squared) const;
 
   const scene::Scene& scene_;
   const WalkRules& rules_;
@@ -306,26 +319,13 @@ void Walk<kMode, kBetween, Mis, SamplerT, Observer>::arrive(Vertex& v) {
     if (edges_ > 0) {
       v.mis = Mis::arrive_later(d, factors_, at_v, v.pdf_area);
     } else if constexpr (kFromLight) {
-      const double direct = v.connectible ? direct_density(v, distance_squared) : 0;
+      const double direct =
+          v.connectible ? direct_density(scene_, origin_, v.hit, v.front, v.wo, distance_squared) : 0;
       v.mis = Mis::arrive_from_light(d, factors_, at_v, v.pdf_area, direct, origin_density_);
     } else {
       v.mis = Mis::arrive_from_eye(d, factors_, at_v, v.pdf_area, survival_);
     }
   }
-}
-
-// With which next event estimation at v would have chosen the light's point, in the measure of the walk's
-// own.
-template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
-double Walk<kMode, kBetween, Mis, SamplerT, Observer>::direct_density(const Vertex& v,
-                                                                      double distance_squared) const {
-  const scene::EmissionSample& o = origin_;
-  if (o.delta_position || o.delta_direction)
-    return static_cast<double>(scene_.prob_direct(v.hit, v.front, o.vertex.emitter));
-  if (o.infinite) return static_cast<double>(scene_.pdf_direct_environment_solid_angle(v.hit, v.front, v.wo));
-  return solid_angle_to_area(
-      static_cast<double>(scene_.pdf_direct_solid_angle(v.hit, v.front, v.wo, o.vertex)),
-      static_cast<double>(o.cosine), distance_squared);
 }
 
 template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
@@ -354,6 +354,9 @@ auto Walk<kMode, kBetween, Mis, SamplerT, Observer>::scatter(Vertex& v) -> Step 
           scene_.medium(v.medium).phase().sample(v.wo, sampler_.draw_2d(block_ + kDirection, stratify), wi);
       ++scatterings_;
       depart(v, pdf, false, static_cast<double>(pdf), static_cast<double>(v.arrival));
+      if constexpr (Mis::kMergesBeams)
+        Mis::add_merges(departure_,
+                        Mis::merges(factors_.medium, scene_.medium(v.medium), v.arrival, v.wo, wi));
       if (!survives(kMaxSurvival)) return Step::ended;
       ray_ = {v.hit.p, wi};
       return Step::scattered;

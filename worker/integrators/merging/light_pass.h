@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <type_traits>
 #include <vector>
 
 #include "worker/estimators/light_tracing.h"
@@ -13,34 +14,47 @@ namespace candela::integrators::merging {
 template <class Block>
 using LightChunks = std::vector<estimators::LightStore<Block>>;
 
-// All of iteration `index` of the half. chunks: resized to light_chunk_count(counts.light_paths).
+// All of iteration `index` of the half. store_of(chunk) makes the chunk's store, empty, or refers to it: see
+// LightTracing.
+template <transport::Between kBetween, class Mis, transport::EtaField Eta, class StoreOf>
+Result<void> trace_light_paths(const UnitContext& context, const estimators::PathOptions& options,
+                               const estimators::Techniques& techniques, const estimators::PathCounts& counts,
+                               const Eta& eta, std::uint32_t half, std::uint64_t index,
+                               const StoreOf& store_of, film::UnitFilm& film, const RunContext& run,
+                               ProgressSpan span) {
+  const transport::Splatter splatter(context.filter, film, context.width, context.height);
+  return for_each_light_chunk(
+      static_cast<std::uint64_t>(counts.light_paths), film, run,
+      [&](std::uint64_t begin, std::uint64_t end, film::Tallies& tallies) {
+        auto&& store = store_of(begin / kLightChunk);
+        samplers::Sampler sampler(context.sampler, context.seed);
+        estimators::LightTracing<kBetween, Mis, std::remove_reference_t<decltype(store)>, Eta> light(
+            context.scene, options, techniques, counts, eta, splatter, store, tallies);
+        for (std::uint64_t path = begin; path < end; ++path) {
+          sampler.start_light(half, index, path);
+          light(path, sampler);
+          store.end_path();
+        }
+        tallies.light_paths += end - begin;
+      },
+      span);
+}
+
+// The same into chunks, which are resized to light_chunk_count(counts.light_paths).
 template <transport::Between kBetween, class Mis, transport::EtaField Eta>
 Result<void> run_light_pass(const UnitContext& context, const estimators::PathOptions& options,
                             const estimators::Techniques& techniques, const estimators::PathCounts& counts,
                             const estimators::LightKeeping& keeping, const Eta& eta, std::uint32_t half,
                             std::uint64_t index, LightChunks<typename Mis::Block>& chunks,
                             film::UnitFilm& film, const RunContext& run, ProgressSpan span) {
-  using Store = estimators::LightStore<typename Mis::Block>;
-  const auto paths = static_cast<std::uint64_t>(counts.light_paths);
-  chunks.resize(light_chunk_count(paths));
-  const transport::Splatter splatter(context.filter, film, context.width, context.height);
-  return for_each_light_chunk(
-      paths, film, run,
-      [&](std::uint64_t begin, std::uint64_t end, film::Tallies& tallies) {
-        Store& chunk = chunks[begin / kLightChunk];
-        chunk.keeping = keeping;
-        chunk.clear();
-        samplers::Sampler sampler(context.sampler, context.seed);
-        estimators::LightTracing<kBetween, Mis, Store, Eta> light(context.scene, options, techniques, counts,
-                                                                  eta, splatter, chunk, tallies);
-        for (std::uint64_t path = begin; path < end; ++path) {
-          sampler.start_light(half, index, path);
-          light(path, sampler);
-          chunk.end_path();
-        }
-        tallies.light_paths += end - begin;
-      },
-      span);
+  chunks.resize(light_chunk_count(static_cast<std::uint64_t>(counts.light_paths)));
+  const auto store_of = [&](std::uint64_t chunk) -> auto& {
+    chunks[chunk].keeping = keeping;
+    chunks[chunk].clear();
+    return chunks[chunk];
+  };
+  return trace_light_paths<kBetween, Mis>(context, options, techniques, counts, eta, half, index, store_of,
+                                          film, run, span);
 }
 
 // Builds a map of the chunks' photons.

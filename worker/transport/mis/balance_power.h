@@ -75,6 +75,7 @@ template <int kBeta>
 struct BalancePower {
   static_assert(kBeta == 1 || kBeta == 2);
   static constexpr bool kWeighs = true;
+  static constexpr bool kMergesBeams = false;  // see beam_balance.h
   using Block = MisBlock;
   using Departure = MisDeparture;
 

@@ -7,10 +7,23 @@
 
 namespace candela::transport {
 
+// Merges in media, each the number of light paths times its effective volume, area or length, 0: not run.
+// The first word is the light's entity, the second the eye's; beams are short.
+struct MediumMerges {
+  double point_point = 0, point_beam = 0, beam_point = 0, beam_beam = 0;
+
+  // The sum at a vertex of this hazard, where light turns by an angle of this sine. [Krivanek 2014]
+  double at(double hazard, double sine) const {
+    const double beam = 1 / hazard;
+    return point_point + beam * (point_beam + beam_point + beam * sine * beam_beam);
+  }
+};
+
 // Samples per eye path, 0: not run. Raised as the heuristic wants it.
 struct MisFactors {
   double hit_light = 1, next_event = 1, connect = 1;
   double light_image = 1, hit_lens = 1;  // the number of light paths per iteration
+  MediumMerges medium = {};              // read by BeamBalance (mis/beam_balance.h) alone
 };
 
 // eta, raised; 0: no merging.

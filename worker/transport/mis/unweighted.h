@@ -9,7 +9,7 @@ struct NoBlock {
 };
 
 struct Unweighted {
-  static constexpr bool kWeighs = false;
+  static constexpr bool kWeighs = false, kMergesBeams = false;
   using Block = NoBlock;
   struct Departure {};
   static double raise(double /*ratio*/) { return 0; }

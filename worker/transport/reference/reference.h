@@ -82,6 +82,9 @@ struct PathNumbers {
   std::vector<double> factor_to_eye, factor_to_light;
   std::vector<double> survival, distance_squared;  // of edges; distance 1 to infinity
   std::vector<bool> delta, in_medium;              // of vertices
+  // Of vertices in homogeneous media, where there are beams: the sine of the angle between their two edges;
+  // 0 elsewhere.
+  std::vector<double> beam_sine;
 
   double light_density(std::size_t i) const;  // P_i
   double eye_density(std::size_t i) const;    // Q_i
@@ -98,10 +101,23 @@ struct Rules {
 struct Counts {
   double hit_light = 1, next_event = 1, connect = 1, light_image = 1, hit_lens = 1;
   double merge_surface = 0, merge_medium = 0;  // eta
+  // The same of beams: number of light paths times the effective area or length. First the light's entity,
+  // then the eye's; both sides' beams are short.
+  double point_beam = 0, beam_point = 0, beam_beam = 0;
 };
 
 struct Technique {
-  enum class Kind : std::uint8_t { hit_light, next_event, connect, light_image, hit_lens, merge };
+  enum class Kind : std::uint8_t {
+    hit_light,
+    next_event,
+    connect,
+    light_image,
+    hit_lens,
+    merge,
+    merge_point_beam,
+    merge_beam_point,
+    merge_beam_beam
+  };
   Kind kind{};
   std::size_t light_vertices = 0;  // s; of a merge the index of the vertex it blurs
   Scaled density;                  // times its count

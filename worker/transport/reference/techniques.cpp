@@ -75,6 +75,15 @@ std::vector<Technique> list_techniques(const PathNumbers& n, const Counts& count
   for (std::size_t s = 1; s < k; ++s)
     if (!n.delta[s])
       add(Kind::merge, s, n.in_medium[s] ? counts.merge_medium : counts.merge_surface, product(s + 1, s));
+  // A short beam on a side does not choose the distance: without its density per length, given that the walk
+  // gets there, the hazard. [Krivanek 2014]
+  for (std::size_t s = 1; s < k && !n.beam_sine.empty(); ++s) {
+    if (!(n.beam_sine[s] > 0)) continue;
+    const double light = n.factor_to_light[s], eye = n.factor_to_eye[s];
+    add(Kind::merge_point_beam, s, counts.point_beam, product(s + 1, s) / eye);
+    add(Kind::merge_beam_point, s, counts.beam_point, product(s + 1, s) / light);
+    add(Kind::merge_beam_beam, s, counts.beam_beam, product(s + 1, s) * n.beam_sine[s] / light / eye);
+  }
   return list;
 }
 

@@ -144,6 +144,9 @@ Channels Evaluation::estimator_value(const Technique& technique) const {
       density = walk_density(true, k + 1);
       break;
     case Technique::Kind::merge:  // of two vertices at one place
+    case Technique::Kind::merge_point_beam:
+    case Technique::Kind::merge_beam_point:
+    case Technique::Kind::merge_beam_beam:
       density = walk_density(true, s + 1) * walk_density(false, k + 1 - s);
       break;
   }

@@ -47,6 +47,17 @@ struct ConnectContext {
   const bool chooses_emitter = reads_emitter_choice(scene);
 };
 
+// What merges at v count, where a path turns between v.wo and wi: in the unit of Mis::sum.
+template <class Mis>
+double merges_at(const ConnectContext& c, const ScatterPoint& v, [[maybe_unused]] Vec3 wi,
+                 const MergeFactors& eta) {
+  if (v.on_surface()) return eta.surface;
+  if constexpr (Mis::kMergesBeams)
+    return Mis::merges(c.factors.medium, c.scene.medium(v.medium), v.arrival, v.wo, wi);
+  else
+    return eta.medium;
+}
+
 // The fraction of light that passes between vertex v and along `shadow_ray` from it, and the survival of
 // weights.
 template <Between kBetween>

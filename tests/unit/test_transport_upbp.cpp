@@ -1,0 +1,312 @@
+// Points and beams in media: the structures that find what meets, the edges that weights are made from, and
+// the four merges against the truth tables of two beams (docs/integrators/upbp.md).
+// Deterministic: fixed seeds. Means of simulations alarm falsely with probability below 1e-6 each (5 standard
+// errors), were the seeds drawn anew.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <numbers>
+#include <vector>
+
+#include "common/rng/stream.h"
+#include "tests/unit/transport_paths.h"
+#include "worker/transport/kernels.h"
+#include "worker/transport/photon_beams.h"
+#include "worker/transport/radius.h"
+#include "worker/transport/subpath.h"
+
+namespace candela::transport {
+namespace {
+
+double uniform(rng::Stream& stream) {
+  return static_cast<double>(stream.next_float());
+}
+Vec3 somewhere(rng::Stream& stream, double size) {
+  return Vec3(Vec3d{uniform(stream), uniform(stream), uniform(stream)} * size);
+}
+Vec3 direction(rng::Stream& stream) {
+  const double z = 2 * uniform(stream) - 1, phi = 2 * std::numbers::pi * uniform(stream);
+  const double r = std::sqrt(1 - z * z);
+  return Vec3(Vec3d{r * std::cos(phi), r * std::sin(phi), z});
+}
+
+// Beams and points as light paths leave them, without a scene.
+struct Light {
+  std::vector<PhotonBeam> beams;
+  std::vector<Vec3> points;
+};
+
+// Claim: trees find every item near a point or a segment that looking at all of them finds, each once, in an
+// order that the number of threads does not change.
+TEST(TransportUpbp, TreesFindWhatLiesNear) {
+  rng::Stream stream(3);
+  std::vector<ItemBox> boxes;
+  std::vector<Vec3> points;
+  for (int i = 0; i < 5000; ++i) {
+    points.push_back(somewhere(stream, i % 10 == 0 ? 1000 : 1));
+    boxes.push_back({points.back(), points.back()});
+  }
+  BoxTree one, many;
+  const auto order = one.build(boxes, 1), again = many.build(boxes, 4);
+  EXPECT_EQ(order, again);
+  for (int query = 0; query < 300; ++query) {
+    const QuerySegment s{somewhere(stream, 1), direction(stream), static_cast<float>(uniform(stream) * 3)};
+    const float radius = 0.03f;
+    std::vector<int> seen(points.size(), 0), near(points.size(), 0);
+    one.near_segment(s, radius, [&](std::uint32_t slot, std::uint32_t end) {
+      for (; slot < end; ++slot) ++seen[order[slot]];
+    });
+    one.near_point(s.origin, radius, [&](std::uint32_t slot, std::uint32_t end) {
+      for (; slot < end; ++slot) ++near[order[slot]];
+    });
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      ASSERT_LE(seen[i], 1);
+      const Projection at = project(s.origin, s.direction, points[i]);
+      const double r2 = static_cast<double>(radius) * static_cast<double>(radius);
+      if (at.distance_squared < r2 && at.along >= 0 && at.along < static_cast<double>(s.length)) {
+        ASSERT_EQ(seen[i], 1) << i;
+      }
+      if (length_squared(Vec3d(points[i]) - Vec3d(s.origin)) < r2) {
+        ASSERT_EQ(near[i], 1) << i;
+      }
+    }
+  }
+}
+
+// A scene with one medium, so that buffers accept beams.
+std::unique_ptr<scene::Scene> fog() {
+  auto scene = test::load_scene(std::filesystem::path(CANDELA_SOURCE_DIR) /
+                                "tests/statistical/transport/fog-thin.xml");
+  EXPECT_TRUE(scene.ok());
+  return std::move(*scene);
+}
+
+Crossing crossing(Vec3 origin, Vec3 along, double length) {
+  return {{{origin, along}, 0, Spectrum(1.0f), 1, 2}, static_cast<float>(length), true};
+}
+
+// Claim: each closest approach of a query beam, and each projection of a point, to a photon beam cut into
+// pieces is found once.
+TEST(TransportUpbp, PiecesOfBeamsAreMetOnce) {
+  const auto scene = fog();
+  rng::Stream stream(5);
+  BeamBuffer buffer;
+  for (int i = 0; i < 400; ++i)
+    ASSERT_TRUE(buffer.keep(
+        *scene, crossing(somewhere(stream, 1), direction(stream), 0.01 + 2 * uniform(stream)), {}, {}));
+  const BeamBuffer* const chunks[] = {&buffer};
+  PhotonBeams beams;
+  const float radius = 0.02f;
+  ASSERT_TRUE(beams.build(chunks, radius, 2).ok());
+  ASSERT_EQ(beams.size(), 400U);
+  std::size_t met = 0;
+  for (int query = 0; query < 300; ++query) {
+    const QuerySegment s{somewhere(stream, 1), direction(stream), static_cast<float>(uniform(stream) * 2)};
+    std::size_t found = 0, found_by_point = 0, expected = 0, expected_by_point = 0;
+    beams.near_segment(s, radius, [&](const PhotonBeam&, const Approach&) { ++found; });
+    beams.near_point(s.origin, radius, [&](const PhotonBeam&, const Projection&) { ++found_by_point; });
+    for (const PhotonBeam& beam : buffer.beams()) {
+      const Approach at = closest_approach(s.origin, s.direction, beam.origin, beam.direction);
+      const auto r = static_cast<double>(radius), length = static_cast<double>(beam.length);
+      expected += at.distance < r && at.along_a >= 0 && at.along_a < static_cast<double>(s.length) &&
+                          at.along_b >= 0 && at.along_b < length
+                      ? 1
+                      : 0;
+      const Projection p = project(beam.origin, beam.direction, s.origin);
+      expected_by_point += p.distance_squared < r * r && p.along >= 0 && p.along < length ? 1 : 0;
+    }
+    ASSERT_EQ(found, expected);
+    ASSERT_EQ(found_by_point, expected_by_point);
+    met += found;
+  }
+  EXPECT_GT(met, 500U);
+}
+
+struct Mean {
+  double sum = 0, squares = 0;
+  std::size_t count = 0;
+  void add(double x) {
+    sum += x;
+    squares += x * x;
+    ++count;
+  }
+  double mean() const { return sum / static_cast<double>(count); }
+  double error() const {
+    const auto n = static_cast<double>(count);
+    return std::sqrt(std::max(squares / n - mean() * mean(), 0.0) / n);
+  }
+};
+
+// Claim: two beams that cross at 30 degrees, 1.5 mean free paths from both starts, in a sheet of thickness 2:
+// the expectations of the four merges at radius 0.2 and 0.4, constant kernel, sigma_t = 1, in closed form:
+//   P-P3D truth 3 (k cosh k - sinh k) / k^3, k = h / sin 15 deg;  P-B2D, B-P2D truth 2 I_1(k) / k,
+//   k = h cot 15 deg;  B-B1D truth.
+TEST(TransportUpbp, TwoBeamsMeetAsTheClosedFormsSay) {
+  const auto scene = fog();
+  const double angle = std::numbers::pi / 6, start = 1.5, sheet = 2;
+  const Vec3 eye(Vec3d{0, 0, 1}), light(Vec3d{std::sin(angle), 0, std::cos(angle)});
+  struct Row {
+    double h, pp, pb, bb;
+  };
+  for (const Row& row :
+       {Row{0.4, 0.062739292, 0.065005233, 0.049787068}, Row{0.2, 0.052824101, 0.053335718, 0.049787068}}) {
+    const auto h = static_cast<float>(row.h);
+    const BallKernel ball(Kernel::constant, h);
+    const DiscKernel disc(Kernel::constant, h);
+    const LineKernel line(Kernel::constant, h);
+    Mean pp, pb, bp, bb;
+    rng::Stream stream(11);
+    for (int batch = 0; batch < 1200; ++batch) {
+      constexpr int kLight = 250, kEye = 40;
+      // The eye's ray crosses z = 0 at start mean free paths; light's is displaced across both.
+      const Vec3 eye_origin = eye * static_cast<float>(-start);
+      BeamBuffer buffer;
+      std::vector<Vec3> ends;
+      for (int i = 0; i < kLight; ++i) {
+        const Vec3 origin = light * static_cast<float>(-start) +
+                            Vec3{0, static_cast<float>((uniform(stream) - 0.5) * sheet), 0};
+        const double length = -std::log(1 - uniform(stream));
+        if (!(length > 0)) continue;
+        ASSERT_TRUE(buffer.keep(*scene, crossing(origin, light, length), {}, {}));
+        ends.push_back(origin + light * static_cast<float>(length));
+      }
+      const BeamBuffer* const chunks[] = {&buffer};
+      PhotonBeams beams;
+      ASSERT_TRUE(beams.build(chunks, h, 1).ok());
+      std::vector<ItemBox> boxes;
+      boxes.reserve(ends.size());
+      for (const Vec3 p : ends) boxes.push_back({p, p});
+      BoxTree points;
+      const auto order = points.build(boxes, 1);
+      double sum_pp = 0, sum_pb = 0, sum_bp = 0, sum_bb = 0;
+      for (int j = 0; j < kEye; ++j) {
+        const auto length = static_cast<float>(-std::log(1 - uniform(stream)));
+        const Vec3 end = eye_origin + eye * length;
+        const QuerySegment s{eye_origin, eye, length};
+        const double r2 = row.h * row.h;
+        points.near_point(end, h, [&](std::uint32_t slot, std::uint32_t last) {
+          for (; slot < last; ++slot)
+            if (const double d2 = length_squared(Vec3d(ends[order[slot]]) - Vec3d(end)); d2 < r2)
+              sum_pp += static_cast<double>(ball.value(static_cast<float>(d2)));
+        });
+        points.near_segment(s, h, [&](std::uint32_t slot, std::uint32_t last) {
+          for (; slot < last; ++slot) {
+            const Projection at = project(s.origin, s.direction, ends[order[slot]]);
+            if (at.distance_squared < r2 && at.along >= 0 && at.along < static_cast<double>(length))
+              sum_pb += static_cast<double>(disc.value(static_cast<float>(at.distance_squared)));
+          }
+        });
+        beams.near_point(end, h, [&](const PhotonBeam&, const Projection& at) {
+          sum_bp += static_cast<double>(disc.value(static_cast<float>(at.distance_squared)));
+        });
+        beams.near_segment(s, h, [&](const PhotonBeam&, const Approach& at) {
+          sum_bb += static_cast<double>(line.value(static_cast<float>(at.distance * at.distance))) / at.sine;
+        });
+      }
+      const double pairs = static_cast<double>(kLight) * kEye;
+      // The sheet's displacement has density 1 / D; truth is e^-3 for D = 2 in the units of the table:
+      // C = D sin(angle).
+      const double unit = sheet * std::sin(angle);
+      pp.add(sum_pp / pairs * unit);
+      pb.add(sum_pb / pairs * unit);
+      bp.add(sum_bp / pairs * unit);
+      bb.add(sum_bb / pairs * unit);
+    }
+    EXPECT_NEAR(pp.mean(), row.pp, 5 * pp.error()) << "P-P3D, h = " << row.h;
+    EXPECT_NEAR(pb.mean(), row.pb, 5 * pb.error()) << "P-B2D, h = " << row.h;
+    EXPECT_NEAR(bp.mean(), row.pb, 5 * bp.error()) << "B-P2D, h = " << row.h;
+    EXPECT_NEAR(bb.mean(), row.bb, 5 * bb.error()) << "B-B1D, h = " << row.h;
+    for (const Mean* m : {&pp, &pb, &bp, &bb}) EXPECT_LT(m->error(), 0.03 * row.bb);
+  }
+}
+
+// Claim: at the end of its flight the vertex made from an edge and its crossing has the numbers that the walk
+// gives the vertex it makes there, for walks of both kinds.
+template <TransportMode kMode>
+void expect_edges_make_vertices(const scene::Scene& scene) {
+  constexpr bool kLight = kMode == TransportMode::importance;
+  MisFactors factors;
+  factors.light_image = 100;
+  factors.medium = {0.5, 0.1, 0.3, 0.2};
+  WalkRules rules;
+  rules.max_edges = 8;
+  rules.eye_paths = 64 * 64;
+  film::Tallies tallies;
+  samplers::Sampler sampler(samplers::SamplerKind::independent, 9);
+  std::size_t vertices = 0;
+  for (std::uint64_t i = 0; i < 2000; ++i) {
+    Crossing last;
+    Walk<kMode, Between::media, BeamBalance, samplers::Sampler, CrossingObserver> walk(
+        scene, rules, factors, sampler, tallies, CrossingObserver(last));
+    using WalkT = decltype(walk);
+    if constexpr (kLight) {
+      sampler.start_light(0, i, 0);
+      if (!walk.start_light()) continue;
+    } else {
+      sampler.start(0, i, 0, 0);
+      float weight = 1;
+      const auto [x, y] = sampler.draw_2d(0, true);
+      walk.start_eye(scene.camera_ray(x * 64, y * 64, {0.5f, 0.5f}, weight));
+    }
+    VertexSlot<MisBlock> slot;
+    Vertex<MisBlock>& v = slot.vertex;
+    for (;;) {
+      last.some = false;
+      if (walk.advance(v, slot.arena) != WalkT::Event::vertex) break;
+      if (v.kind == VertexKind::medium) {
+        ASSERT_TRUE(last.some);
+        const EdgeStart edge = edge_start(walk, last.segment);
+        const Vec3d place = Vec3d(last.segment.ray.origin) +
+                            Vec3d(last.segment.ray.direction) * static_cast<double>(last.end);
+        const auto hazard = static_cast<double>(v.arrival);
+        const EdgeVertex made =
+            vertex_on(edge, place, hazard,
+                      static_cast<double>(scene.medium(v.medium).prob_pass(last.end, Spectrum(1.0f))));
+        // Places are rounded to float, so that short edges lose digits.
+        const double tolerance = 1e-5 + 4e-6 / static_cast<double>(last.end);
+        EXPECT_NEAR(made.pdf_volume / v.pdf_area, 1, tolerance);
+        MisBlock block;
+        if constexpr (kLight) {
+          double direct = 0;
+          if (edge.edges == 1)
+            direct = direct_density(scene, walk.origin(), v.hit, {}, v.wo, made.distance_squared);
+          block = light_block(edge, factors, made, hazard, direct);
+        } else {
+          block = eye_block(edge, factors, made, hazard);
+        }
+        const auto near = [&](double a, double b) {
+          return std::abs(a - b) <= tolerance * std::abs(b) + 1e-300;
+        };
+        EXPECT_TRUE(near(block.known, v.mis.known)) << block.known << " " << v.mis.known;
+        EXPECT_TRUE(near(block.pending, v.mis.pending)) << block.pending << " " << v.mis.pending;
+        EXPECT_TRUE(near(block.pending_surface, v.mis.pending_surface));
+        EXPECT_TRUE(near(block.pending_medium, v.mis.pending_medium));
+        ++vertices;
+      }
+      if (walk.scatter(v) == WalkT::Step::ended) break;
+    }
+  }
+  EXPECT_GT(vertices, 300U);
+}
+TEST(TransportUpbp, EdgesMakeTheVerticesOfWalks) {
+  for (const char* name : {"fog-thin", "fog-glass", "fog-camera"}) {
+    SCOPED_TRACE(name);
+    const auto scene = test::load_scene(std::filesystem::path(CANDELA_SOURCE_DIR) /
+                                        "tests/statistical/transport" / (std::string(name) + ".xml"));
+    ASSERT_TRUE(scene.ok()) << scene.error().to_string();
+    expect_edges_make_vertices<TransportMode::importance>(**scene);
+    expect_edges_make_vertices<TransportMode::radiance>(**scene);
+  }
+}
+
+// Claim: radii follow the power law of their dimension, whatever ran before.
+TEST(TransportUpbp, RadiiFollowTheirPowerLaws) {
+  EXPECT_EQ(blur_radius(0.5, 0, 1), 0.5);
+  EXPECT_NEAR(blur_radius(1, 31, 1), 0.5, 1e-12);
+  EXPECT_NEAR(blur_radius(1, 63, 2), 0.5, 1e-12);
+  EXPECT_NEAR(blur_radius(1, 127, 3), 0.5, 1e-12);
+}
+
+}  // namespace
+}  // namespace candela::transport

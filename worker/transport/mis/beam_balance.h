@@ -1,0 +1,43 @@
+// The balance heuristic with merges of points and beams in media: the extended balance heuristic
+// [Krivanek 2014] with short beams in homogeneous media, where
+//   PP : PB : BP : BB = N V_3 : N V_2 / hazard : N V_2 / hazard : N V_1 sin / hazard^2
+// at a vertex, whatever its distances: eta there is a function of the medium and the angle alone
+// (MediumMerges::at). In a grid, points are merged with points alone.
+//
+// Walks know eta: pending_medium holds the sum of the vertices' eta themselves, and MergeFactors::medium
+// is 1.
+#pragma once
+
+#include "worker/core/vec.h"
+#include "worker/scene/media/medium.h"
+#include "worker/transport/mis/balance_power.h"
+
+namespace candela::transport {
+
+inline double sine_between(Vec3 a, Vec3 b) {
+  return length(cross(Vec3d(a), Vec3d(b)));  // the root of 1 - cos^2 has no digits at small angles
+}
+
+struct BeamBalance : BalancePower<1> {
+  static constexpr bool kMergesBeams = true;
+
+  // Of all merges in media at a vertex; wo, wi: away from it.
+  static double merges(const MediumMerges& m, const scene::Medium& medium, float hazard, Vec3 wo, Vec3 wi) {
+    if (!medium.homogeneous()) return m.point_point;
+    return m.at(static_cast<double>(hazard), sine_between(wo, wi));
+  }
+
+  // As BalancePower, without the merges at a vertex in a medium: those are add_merges'.
+  static Departure leave_vertex(const Block& block, bool surface, bool delta, double pdf, double pdf_reverse,
+                                double factor_out) {
+    Departure d = BalancePower::leave_vertex(block, true, delta || !surface, pdf, pdf_reverse, factor_out);
+    if (!surface) {
+      d.connects = 1;
+      d.carried.pending += block.known;
+    }
+    return d;
+  }
+  static void add_merges(Departure& d, double merges) { d.carried.pending_medium += merges; }
+};
+
+}  // namespace candela::transport

@@ -1,0 +1,116 @@
+#include "worker/transport/photon_beams.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace candela::transport {
+namespace {
+
+constexpr std::size_t kMostItems = 0x7fffffffu;  // BoxTree's limit
+
+Error too_many(const char* what) {
+  return usage_error(std::string("an iteration has more than 2^31 ") + what + " in media")
+      .with_field("light_paths")
+      .with_mend("trace fewer light paths per iteration, or set max_depth");
+}
+
+bool finite(Vec3 v) {
+  return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
+}
+bool finite(Spectrum s) {
+  return std::isfinite(s.r) && std::isfinite(s.g) && std::isfinite(s.b);
+}
+
+ItemBox box_between(Vec3d a, Vec3d b) {
+  return {Vec3(Vec3d{std::min(a.x, b.x), std::min(a.y, b.y), std::min(a.z, b.z)}),
+          Vec3(Vec3d{std::max(a.x, b.x), std::max(a.y, b.y), std::max(a.z, b.z)})};
+}
+
+}  // namespace
+
+bool BeamBuffer::keep(const scene::Scene& scene, const Crossing& crossing, const EdgeStart& start,
+                      const scene::EmissionSample& emission) {
+  const MediumSegment& segment = crossing.segment;
+  if (!has_beams(scene.medium(segment.medium)) || !(crossing.end > 0)) return true;
+  const Ray& ray = segment.ray;
+  if (!finite(ray.origin) || !finite(ray.direction) || !finite(ray.origin + ray.direction * crossing.end) ||
+      !finite(segment.throughput))
+    return false;
+  std::uint32_t index = 0;
+  if (segment.edges == 1) {
+    index = static_cast<std::uint32_t>(emissions_.size());
+    emissions_.push_back(emission);
+  }
+  beams_.push_back(
+      {ray.origin, ray.direction, crossing.end, segment.throughput, segment.medium, segment.edges, index});
+  starts_.push_back(start);
+  return true;
+}
+
+Result<void> PhotonBeams::build(std::span<const BeamBuffer* const> chunks, float radius, unsigned threads) {
+  beams_.clear();
+  starts_.clear();
+  emissions_.clear();
+  for (const BeamBuffer* chunk : chunks) {
+    const auto first = static_cast<std::uint32_t>(emissions_.size());
+    for (PhotonBeam beam : chunk->beams()) {
+      beam.emission += first;
+      beams_.push_back(beam);
+    }
+    starts_.insert(starts_.end(), chunk->starts().begin(), chunk->starts().end());
+    emissions_.insert(emissions_.end(), chunk->emissions().begin(), chunk->emissions().end());
+  }
+  if (beams_.size() > kMostItems / kMostPieces) return too_many("pieces of photon beams");
+
+  std::vector<Piece> pieces;
+  std::vector<ItemBox> boxes;
+  pieces.reserve(beams_.size());
+  boxes.reserve(beams_.size());
+  const double piece_length = kPieceRadii * static_cast<double>(radius);
+  for (std::uint32_t i = 0; i < beams_.size(); ++i) {
+    const PhotonBeam& beam = beams_[i];
+    const double wanted = std::ceil(static_cast<double>(beam.length) / piece_length);
+    const auto count = static_cast<std::uint16_t>(std::clamp(wanted, 1.0, static_cast<double>(kMostPieces)));
+    const Vec3d origin(beam.origin), direction(beam.direction);
+    for (std::uint16_t k = 0; k < count; ++k) {
+      pieces.push_back({i, k, count});
+      boxes.push_back(box_between(origin + direction * begin(k, count, beam.length),
+                                  origin + direction * begin(k + 1u, count, beam.length)));
+    }
+  }
+  const std::vector<std::uint32_t> order = tree_.build(boxes, threads);
+  pieces_.resize(pieces.size());
+  for (std::size_t slot = 0; slot < order.size(); ++slot) pieces_[slot] = pieces[order[slot]];
+  return {};
+}
+
+std::uint64_t PhotonBeams::bytes() const {
+  return tree_.bytes() + pieces_.capacity() * sizeof(Piece) + beams_.capacity() * sizeof(PhotonBeam) +
+         starts_.capacity() * sizeof(EdgeStart) + emissions_.capacity() * sizeof(scene::EmissionSample);
+}
+
+Result<void> PhotonPoints::build(std::span<const PhotonBuffer<MisBlock>* const> chunks, unsigned threads) {
+  std::vector<ItemBox> boxes;
+  std::vector<Photon<MisBlock>> photons;
+  for (const PhotonBuffer<MisBlock>* chunk : chunks) {
+    for (const Vec3 p : chunk->positions()) boxes.push_back({p, p});
+    photons.insert(photons.end(), chunk->photons().begin(), chunk->photons().end());
+  }
+  if (photons.size() > kMostItems) return too_many("photons");
+  const std::vector<std::uint32_t> order = tree_.build(boxes, threads);
+  positions_.resize(photons.size());
+  photons_.resize(photons.size());
+  for (std::size_t slot = 0; slot < order.size(); ++slot) {
+    positions_[slot] = boxes[order[slot]].low;
+    photons_[slot] = photons[order[slot]];
+  }
+  return {};
+}
+
+std::uint64_t PhotonPoints::bytes() const {
+  return tree_.bytes() + positions_.capacity() * sizeof(Vec3) +
+         photons_.capacity() * sizeof(Photon<MisBlock>);
+}
+
+}  // namespace candela::transport

@@ -1,0 +1,161 @@
+// Beams and points that light paths leave in media, in trees (box_tree.h).
+//
+// A photon beam is short: it ends where its flight ended. At s along it, it carries
+//   throughput T(s) / P(s),     P: the probability that the flight passes s,
+// which is the throughput itself where all channels have one sigma_t. [Krivanek 2014]
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "worker/scene/emitters/emitter.h"
+#include "worker/transport/beams.h"
+#include "worker/transport/box_tree.h"
+#include "worker/transport/edge_start.h"
+#include "worker/transport/photon_map.h"
+
+namespace candela::transport {
+
+struct PhotonBeam {
+  Vec3 origin, direction;  // unit
+  float length;
+  Spectrum throughput;  // at the origin
+  std::uint32_t medium, edges;
+  std::uint32_t emission;  // of first edges: index of the sample they came from
+};
+
+// Whether beams are made in a medium: homogeneous ones that scatter.
+inline bool has_beams(const scene::Medium& medium) {
+  return medium.homogeneous() && (medium.max_sigma_t() * medium.max_albedo()).max_component() > 0;
+}
+
+// What one chunk of light paths leaves, in the order of its paths.
+class BeamBuffer {
+ public:
+  void clear() {
+    beams_.clear();
+    starts_.clear();
+    emissions_.clear();
+  }
+  // Nothing of a medium without beams. False: the numbers cannot be used.
+  bool keep(const scene::Scene& scene, const Crossing& crossing, const EdgeStart& start,
+            const scene::EmissionSample& emission);
+
+  std::span<const PhotonBeam> beams() const { return beams_; }
+  std::span<const EdgeStart> starts() const { return starts_; }
+  std::span<const scene::EmissionSample> emissions() const { return emissions_; }
+
+ private:
+  std::vector<PhotonBeam> beams_;
+  std::vector<EdgeStart> starts_;  // of each beam
+  std::vector<scene::EmissionSample> emissions_;
+};
+
+// An iteration's beams, cut into pieces of kPieceRadii radii.
+class PhotonBeams {
+ public:
+  static constexpr double kPieceRadii = 8;
+  static constexpr std::uint32_t kMostPieces = 64;  // of a beam
+
+  // From the buffers in their order. radius: that of the queries. The result does not depend on `threads`.
+  Result<void> build(std::span<const BeamBuffer* const> chunks, float radius, unsigned threads);
+
+  std::size_t size() const { return beams_.size(); }
+  const EdgeStart& start(const PhotonBeam& beam) const { return starts_[index_of(beam)]; }
+  const scene::EmissionSample& emission(const PhotonBeam& beam) const { return emissions_[beam.emission]; }
+  std::uint64_t bytes() const;
+
+  // visit(beam, Projection): beams that pass p within the radius, beside their own length.
+  template <class Visit>
+  void near_point(Vec3 p, float radius, Visit&& visit) const {
+    const double r2 = static_cast<double>(radius) * static_cast<double>(radius);
+    tree_.near_point(p, radius, [&](std::uint32_t slot, std::uint32_t end) {
+      for (; slot < end; ++slot) {
+        const Piece& piece = pieces_[slot];
+        const PhotonBeam& beam = beams_[piece.beam];
+        const Projection at = project(beam.origin, beam.direction, p);
+        if (at.distance_squared < r2 && inside(piece, beam, at.along)) visit(beam, at);
+      }
+    });
+  }
+  // visit(beam, Approach): beams whose closest approach to the segment is within the radius, and within the
+  // length of both. a of the Approach: the segment.
+  template <class Visit>
+  void near_segment(const QuerySegment& s, float radius, Visit&& visit) const {
+    const auto r = static_cast<double>(radius), end_t = static_cast<double>(s.length);
+    tree_.near_segment(s, radius, [&](std::uint32_t slot, std::uint32_t end) {
+      for (; slot < end; ++slot) {
+        const Piece& piece = pieces_[slot];
+        const PhotonBeam& beam = beams_[piece.beam];
+        const Approach at = closest_approach(s.origin, s.direction, beam.origin, beam.direction);
+        if (at.sine > 0 && at.distance < r && at.along_a >= 0 && at.along_a < end_t &&
+            inside(piece, beam, at.along_b))
+          visit(beam, at);
+      }
+    });
+  }
+
+ private:
+  // [length index / count, length (index + 1) / count) of a beam: each place is in one piece.
+  struct Piece {
+    std::uint32_t beam;
+    std::uint16_t index, count;
+  };
+  static double begin(std::uint32_t index, std::uint32_t count, float length) {
+    return static_cast<double>(length) * index / count;
+  }
+  static bool inside(const Piece& piece, const PhotonBeam& beam, double s) {
+    return s >= begin(piece.index, piece.count, beam.length) &&
+           s < begin(piece.index + 1u, piece.count, beam.length);
+  }
+  std::size_t index_of(const PhotonBeam& beam) const {
+    return static_cast<std::size_t>(&beam - beams_.data());
+  }
+
+  BoxTree tree_;
+  std::vector<Piece> pieces_;  // by slot
+  std::vector<PhotonBeam> beams_;
+  std::vector<EdgeStart> starts_;
+  std::vector<scene::EmissionSample> emissions_;
+};
+
+// An iteration's photons in media.
+class PhotonPoints {
+ public:
+  Result<void> build(std::span<const PhotonBuffer<MisBlock>* const> chunks, unsigned threads);
+
+  std::size_t size() const { return photons_.size(); }
+  std::uint64_t bytes() const;
+
+  // visit(photon, squared distance), at most `radius` away.
+  template <class Visit>
+  void near_point(Vec3 p, float radius, Visit&& visit) const {
+    const double r2 = static_cast<double>(radius) * static_cast<double>(radius);
+    tree_.near_point(p, radius, [&](std::uint32_t slot, std::uint32_t end) {
+      for (; slot < end; ++slot) {
+        const double d2 = length_squared(Vec3d(positions_[slot]) - Vec3d(p));
+        if (d2 < r2) visit(photons_[slot], d2);
+      }
+    });
+  }
+  // visit(photon, its position, Projection): photons whose projection lies on the segment.
+  template <class Visit>
+  void near_segment(const QuerySegment& s, float radius, Visit&& visit) const {
+    const double r2 = static_cast<double>(radius) * static_cast<double>(radius);
+    tree_.near_segment(s, radius, [&](std::uint32_t slot, std::uint32_t end) {
+      for (; slot < end; ++slot) {
+        const Projection at = project(s.origin, s.direction, positions_[slot]);
+        if (at.distance_squared < r2 && at.along >= 0 && at.along < static_cast<double>(s.length))
+          visit(photons_[slot], at);
+      }
+    });
+  }
+
+ private:
+  BoxTree tree_;
+  std::vector<Vec3> positions_;  // by slot
+  std::vector<Photon<MisBlock>> photons_;
+};
+
+}  // namespace candela::transport

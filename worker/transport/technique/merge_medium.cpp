@@ -1,0 +1,155 @@
+#include "worker/transport/technique/merge_medium.h"
+
+#include <algorithm>
+
+#include "worker/transport/between.h"
+#include "worker/transport/walk.h"
+
+namespace candela::transport {
+namespace {
+
+constexpr MergeFactors kUnit{0, 1};  // mis/beam_balance.h
+
+// As Walk::advance has it.
+float hazard_of(const scene::Medium& medium, Vec3 p) {
+  const Spectrum sigma_t = medium.sigma_t(p);
+  return std::max((sigma_t.r + sigma_t.g + sigma_t.b) * (1.0f / 3), 1e-30f);
+}
+
+// T / P of a short beam that began with this throughput.
+Spectrum short_beam(const scene::Medium& medium, Spectrum throughput, float s) {
+  const Spectrum sigma_t = medium.sigma_t({});
+  if (sigma_t.r == sigma_t.g && sigma_t.g == sigma_t.b) return Spectrum(1.0f);
+  rng::Stream unread(0);
+  const float passes = medium.prob_pass(s, throughput);
+  if (!(passes > 0)) return {};
+  return medium.transmittance({{}, {0, 0, 1}, s}, unread) * (1 / passes);
+}
+
+// What the walks' weights count for the stretch from a beam's beginning.
+double survival(const scene::Medium& medium, double s) {
+  return static_cast<double>(medium.prob_pass(static_cast<float>(s), Spectrum(1.0f)));
+}
+
+Vec3d place(Vec3 origin, Vec3 direction, double s) {
+  return Vec3d(origin) + Vec3d(direction) * s;
+}
+
+}  // namespace
+
+// The densities of all techniques with fewer vertices from the light than a merge at s along the beam,
+// relative to it. pdf_to_light: with which the eye's walk would take the beam's way.
+double MediumGather::light_sum(const PhotonBeam& beam, double s, double hazard, const scene::Medium& medium,
+                               double pdf_to_light) const {
+  const EdgeStart& start = maps_.beams->start(beam);
+  const Vec3d p = place(beam.origin, beam.direction, s);
+  const EdgeVertex v = vertex_on(start, p, hazard, survival(medium, s));
+  double direct = 0;
+  if (start.edges == 1) {
+    SurfaceHit hit;
+    medium_vertex({beam.origin, beam.direction}, static_cast<float>(s), hit);
+    direct =
+        direct_density(scene_, maps_.beams->emission(beam), hit, {}, -beam.direction, v.distance_squared);
+  }
+  return BeamBalance::sum(light_block(start, maps_.factors, v, hazard, direct), pdf_to_light, kUnit);
+}
+
+Spectrum MediumGather::at_vertex(const Vertex<MisBlock>& v) const {
+  if (v.on_surface() || v.edges >= maps_.max_edges) return {};
+  const std::uint32_t light_edges = maps_.max_edges - v.edges;
+  const scene::Medium& medium = scene_.medium(v.medium);
+  const scene::Phase& phase = medium.phase();
+  const auto hazard = static_cast<double>(v.arrival);
+  const MediumMerges& eta = maps_.factors.medium;
+  // The weight of a merge of this eta with light from w.
+  const auto weight = [&](double own, Vec3 w, double sum_light) {
+    const auto reverse = static_cast<double>(phase.pdf_solid_angle(w, v.wo));
+    return own / (BeamBalance::merges(eta, medium, v.arrival, v.wo, w) + sum_light +
+                  BeamBalance::sum(v.mis, reverse, kUnit));
+  };
+  Spectrum sum;
+  if (eta.point_point > 0)
+    maps_.points->near_point(
+        v.hit.p, static_cast<float>(maps_.radii.point_point), [&](const Photon<MisBlock>& photon, double d2) {
+          if (photon.medium() != v.medium || photon.edges > light_edges) return;
+          const float factor = phase.eval(v.wo, photon.wo) * maps_.ball.value(static_cast<float>(d2));
+          if (factor == 0) return;
+          const auto forward = static_cast<double>(phase.pdf_solid_angle(v.wo, photon.wo));
+          const double light = BeamBalance::sum(photon.weights.block(), forward, kUnit);
+          sum += photon.flux * (factor * static_cast<float>(weight(eta.point_point, photon.wo, light)));
+        });
+  if (eta.beam_point > 0 && has_beams(medium))
+    maps_.beams->near_point(
+        v.hit.p, static_cast<float>(maps_.radii.beam_point), [&](const PhotonBeam& beam, Projection at) {
+          if (beam.medium != v.medium || beam.edges > light_edges) return;
+          const Vec3 w = -beam.direction;
+          const float factor =
+              phase.eval(v.wo, w) * maps_.beam_point.value(static_cast<float>(at.distance_squared));
+          if (factor == 0) return;
+          const auto forward = static_cast<double>(phase.pdf_solid_angle(v.wo, w));
+          const double light = light_sum(beam, at.along, hazard, medium, forward);
+          sum += beam.throughput * short_beam(medium, beam.throughput, static_cast<float>(at.along)) *
+                 (factor * static_cast<float>(weight(eta.beam_point / hazard, w, light)));
+        });
+  return v.throughput * sum * maps_.per_path;
+}
+
+Spectrum MediumGather::along(const Crossing& crossing, const EdgeStart& start) const {
+  const MediumSegment& segment = crossing.segment;
+  const scene::Medium& medium = scene_.medium(segment.medium);
+  const MediumMerges& eta = maps_.factors.medium;
+  if (segment.edges >= maps_.max_edges || !has_beams(medium) || !(crossing.end > 0)) return {};
+  const std::uint32_t light_edges = maps_.max_edges - segment.edges;
+  const QuerySegment query{segment.ray.origin, segment.ray.direction, crossing.end};
+  const Vec3 wo = -query.direction;
+  const scene::Phase& phase = medium.phase();
+  const float hazard_at = hazard_of(medium, query.origin);
+  const auto hazard = static_cast<double>(hazard_at);
+  // The weight of a merge at t.
+  const auto weight = [&](double own, double t, Vec3 w, double sum_light) {
+    const EdgeVertex v =
+        vertex_on(start, place(query.origin, query.direction, t), hazard, survival(medium, t));
+    const auto reverse = static_cast<double>(phase.pdf_solid_angle(w, wo));
+    const double sum_eye = BeamBalance::sum(eye_block(start, maps_.factors, v, hazard), reverse, kUnit);
+    return own / (BeamBalance::merges(eta, medium, hazard_at, wo, w) + sum_light + sum_eye);
+  };
+  // sigma_s at t, with T / P up to there.
+  const auto scattered = [&](double t) {
+    const Vec3 p(place(query.origin, query.direction, t));
+    return medium.sigma_t(p) * medium.albedo(p) *
+           short_beam(medium, segment.throughput, static_cast<float>(t));
+  };
+  Spectrum sum;
+  if (eta.point_beam > 0)
+    maps_.points->near_segment(
+        query, static_cast<float>(maps_.radii.point_beam),
+        [&](const Photon<MisBlock>& photon, Projection at) {
+          if (photon.medium() != segment.medium || photon.edges > light_edges) return;
+          const float factor =
+              phase.eval(wo, photon.wo) * maps_.point_beam.value(static_cast<float>(at.distance_squared));
+          if (factor == 0) return;
+          const auto forward = static_cast<double>(phase.pdf_solid_angle(wo, photon.wo));
+          const double light = BeamBalance::sum(photon.weights.block(), forward, kUnit);
+          sum += photon.flux * scattered(at.along) *
+                 (factor * static_cast<float>(weight(eta.point_beam / hazard, at.along, photon.wo, light)));
+        });
+  if (eta.beam_beam > 0)
+    maps_.beams->near_segment(
+        query, static_cast<float>(maps_.radii.beam_beam), [&](const PhotonBeam& beam, const Approach& at) {
+          if (beam.medium != segment.medium || beam.edges > light_edges) return;
+          const Vec3 w = -beam.direction;
+          const double factor =
+              static_cast<double>(phase.eval(wo, w) *
+                                  maps_.beam_beam.value(static_cast<float>(at.distance * at.distance))) /
+              at.sine;
+          if (factor == 0) return;
+          const auto forward = static_cast<double>(phase.pdf_solid_angle(wo, w));
+          const double light = light_sum(beam, at.along_b, hazard, medium, forward);
+          const double own = eta.beam_beam * at.sine / (hazard * hazard);
+          sum += beam.throughput * short_beam(medium, beam.throughput, static_cast<float>(at.along_b)) *
+                 scattered(at.along_a) * static_cast<float>(factor * weight(own, at.along_a, w, light));
+        });
+  return segment.throughput * sum * maps_.per_path;
+}
+
+}  // namespace candela::transport

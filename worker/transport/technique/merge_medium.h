@@ -1,0 +1,65 @@
+// Merging in media with points and beams [Krivanek 2014]: light's entity first, the eye's second. With w the
+// direction the light came from and N light paths,
+//   P-P3D  beta sigma_s p(wo, w) flux K_3 / N                a vertex with the photons around it
+//   P-B2D  beta(t) sigma_s p(wo, w) flux K_2 / N             a short query beam with the photons beside it
+//   B-P2D  beta sigma_s p(wo, w) flux(s) K_2 / N             a vertex with the photon beams that pass it
+//   B-B1D  beta(t) sigma_s p(wo, w) flux(s) K_1 / (N sin)    two beams that pass each other
+// beta(t), flux(s): times T / P, see photon_beams.h. The merged vertex has light's and the eye's subpath meet
+// in one medium. Weights: eta of the technique over all eta at the vertex and the sums of both sides, each
+// from its own subpath's lengths (mis/beam_balance.h).
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "worker/transport/kernels.h"
+#include "worker/transport/photon_beams.h"
+
+namespace candela::transport {
+
+struct MediumRadii {
+  double point_point = 0, point_beam = 0, beam_point = 0, beam_beam = 0;
+};
+
+// One iteration's merges in media. Immutable while eye paths run.
+struct MediumMaps {
+  MediumMaps(Kernel kernel, const MediumRadii& radii_, const MediumMerges& eta)
+      : radii(radii_),
+        ball(kernel, static_cast<float>(radii.point_point)),
+        point_beam(kernel, static_cast<float>(radii.point_beam)),
+        beam_point(kernel, static_cast<float>(radii.beam_point)),
+        beam_beam(kernel, static_cast<float>(radii.beam_beam)) {
+    factors.medium = eta;
+  }
+
+  const PhotonPoints* points = nullptr;  // null: none
+  const PhotonBeams* beams = nullptr;
+  MediumRadii radii;
+  BallKernel ball;
+  DiscKernel point_beam, beam_point;
+  LineKernel beam_beam;
+  MisFactors factors;             // of the walks
+  float per_path = 1;             // 1 / light_path_count
+  std::uint32_t max_edges = ~0u;  // of the merged path
+};
+
+// The merges of one eye path after another.
+class MediumGather {
+ public:
+  MediumGather(const scene::Scene& scene, const MediumMaps& maps) : scene_(scene), maps_(maps) {}
+
+  // At a vertex in a medium: P-P3D and B-P2D. Weighted, v.throughput included.
+  Spectrum at_vertex(const Vertex<MisBlock>& v) const;
+  // Along a short query beam: P-B2D and B-B1D. start: of its edge.
+  Spectrum along(const Crossing& crossing, const EdgeStart& start) const;
+
+ private:
+  struct EyeBeam;
+  double light_sum(const PhotonBeam& beam, double s, double hazard, const scene::Medium& medium,
+                   double pdf_to_light) const;
+
+  const scene::Scene& scene_;
+  const MediumMaps& maps_;
+};
+
+}  // namespace candela::transport
