@@ -63,6 +63,7 @@ inline const std::vector<IntegratorRow>& integrators() {
        .pictures = Pictures::everywhere,
        .unit_times = {"0.01", "0.3"},
        .soak_iterations = 400},
+      {.name = "upbp", .merges = true, .farm_share = 0.1, .like = "vcm", .pictures = Pictures::own_tests},
       {.name = "optimis", .like = "path", .pictures = Pictures::own_tests, .soak_iterations = 1000},
       {.name = "fppm",
        .merges = true,

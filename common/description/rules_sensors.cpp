@@ -209,6 +209,7 @@ void add_integrators(std::vector<PluginRule>& table) {
       "stochastic progressive photon mapping; the name `sppm` means this one"));
   table.push_back(integrator_rule(words::kBpm, {}, "bidirectional photon mapping"));
   table.push_back(integrator_rule(words::kVcm, {}, "vertex connection and merging"));
+  table.push_back(integrator_rule(words::kUpbp, {}, "vcm with merges of points and beams in media"));
   table.push_back(integrator_rule(words::kOptimis, {},
                                   "path tracing with optimal weights of direct light at the first vertex"));
   table.push_back(integrator_rule(words::kFppm, {}, "photon mapping with radii by F tests"));

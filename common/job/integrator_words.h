@@ -57,6 +57,8 @@ inline constexpr IntegratorWords kPpm{"ppm", 2, kTwoThirds};
 inline constexpr IntegratorWords kBpm{"bpm", 2, kTwoThirds};
 // Merging carries less of the image than in ppm: its bias matters less, its variance as much.
 inline constexpr IntegratorWords kVcm{"vcm", 2, {0.75, "0.75"}};
+// alpha is that of merging on surfaces; radii in media have exponents of their own.
+inline constexpr IntegratorWords kUpbp{"upbp", 2, {0.75, "0.75"}};
 inline constexpr IntegratorWords kOptimis{"optimis", 5};
 // Their radii follow from statistics.
 inline constexpr IntegratorWords kFppm{"fppm", 2};
@@ -68,7 +70,7 @@ inline constexpr IntegratorWords kVcmplus{"vcmplus", 2, {0.9, "0.9"}};
 inline constexpr IntegratorWords kPssmlt{"pssmlt", 0};
 inline constexpr IntegratorWords kMmlt{"mmlt", 1024};
 
-inline constexpr std::array kIntegrators = {kPath, kBdpt, kLight, kPpm,     kBpm,    kVcm, kOptimis,
-                                            kFppm, kCppm, kAppm,  kVcmplus, kPssmlt, kMmlt};
+inline constexpr std::array kIntegrators = {kPath,    kBdpt, kLight, kPpm,  kBpm,     kVcm,    kUpbp,
+                                            kOptimis, kFppm, kCppm,  kAppm, kVcmplus, kPssmlt, kMmlt};
 
 }  // namespace candela::integrator_words

@@ -14,6 +14,7 @@
 #include "worker/integrators/path/path.h"
 #include "worker/integrators/ppm/ppm.h"
 #include "worker/integrators/pssmlt/pssmlt.h"
+#include "worker/integrators/upbp/upbp.h"
 #include "worker/integrators/vcm/vcm.h"
 #include "worker/integrators/vcmplus/vcmplus.h"
 
@@ -27,6 +28,7 @@ std::vector<IntegratorEntry> product_integrators() {
       integrator_entry<PpmSettings>(integrator_words::kPpm.name, &make_ppm_integrator),
       integrator_entry<BpmSettings>(integrator_words::kBpm.name, &make_bpm_integrator),
       integrator_entry<VcmSettings>(integrator_words::kVcm.name, &make_vcm_integrator),
+      integrator_entry<UpbpSettings>(integrator_words::kUpbp.name, &make_upbp_integrator),
       integrator_entry<OptimisSettings>(integrator_words::kOptimis.name, &make_optimis_integrator),
       integrator_entry<FppmSettings>(integrator_words::kFppm.name, &make_fppm_integrator),
       integrator_entry<CppmSettings>(integrator_words::kCppm.name, &make_cppm_integrator),

@@ -1,0 +1,138 @@
+// upbp: each technique alone and all together, against quadrature and against vcm and path.
+// Block tests alarm falsely with probability at most 1e-5 each (Bonferroni over blocks and channels); there
+// are fewer than 30: the whole file below 3e-4.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <numbers>
+
+#include "common/bundle/bundle.h"
+#include "tests/statistical/harness.h"
+
+namespace candela::statistical {
+namespace {
+
+constexpr double kAlpha = 1e-5;
+
+TestScene scene_with(const std::string& body, std::uint32_t size) {
+  return scene_from_xml("<scene version=\"3.0.0\"><integrator type=\"volpath\"/>" + body + "</scene>", size,
+                        size);
+}
+
+void expect_agreement(const std::vector<std::vector<float>>& batches, const std::vector<float>& expected,
+                      const std::vector<float>& error, std::uint32_t size, const std::string& what,
+                      double allowed_bias) {
+  const BlockTestResult result =
+      block_test(batches, expected, error, size, size, {8, 0.05, allowed_bias, {}});
+  std::printf("%-8s ratio %.4f +- %.4f, median relative standard error %.4f\n", what.c_str(), result.ratio,
+              result.ratio_stderr, result.median_relative_standard_error);
+  EXPECT_GT(result.tested, 0U) << what;
+  EXPECT_LE(result.skipped, result.tested) << what << ": too noisy to say anything";
+  EXPECT_GT(result.adjusted_p, kAlpha) << what << ": " << result.worst;
+}
+
+// Claim: light of a point lamp scattered once, in a colored medium with a forward phase function around the
+// camera, is the integral of sigma_s f T T I / r^2 along the ray, by each technique alone and by lists. The
+// radius is 0.02 of the lamp's distance: its bias is below 1e-3.
+TEST(Upbp, SingleScatteringByQuadrature) {
+  constexpr double kForward = 0.6;
+  const std::string body =
+      R"(<medium id="fog" type="homogeneous"><rgb name="sigma_t" value="0.2, 0.4, 0.6"/><rgb name="albedo" value="0.8"/>
+        <phase type="hg"><float name="g" value="0.6"/></phase></medium>
+        <sensor type="orthographic"><float name="near_clip" value="0.0001"/><ref id="fog"/><transform name="to_world"><scale x="0.5" y="0.5"/><translate z="-3"/></transform></sensor>
+        <emitter type="point"><point name="position" x="0" y="1.5" z="0"/><rgb name="intensity" value="2"/></emitter>
+        <shape type="rectangle"><transform name="to_world"><scale value="9"/><rotate x="1" angle="180"/><translate z="4"/></transform>
+          <bsdf type="diffuse"><rgb name="reflectance" value="0"/></bsdf></shape>)";
+  constexpr std::uint32_t kSize = 16;
+  std::vector<float> expected;
+  for (std::uint32_t y = 0; y < kSize; ++y)
+    for (std::uint32_t x = 0; x < kSize; ++x) {
+      std::array<double, 3> sum{};
+      constexpr int kSub = 3, kSteps = 1400;
+      for (int s = 0; s < kSub * kSub; ++s) {
+        const double px = (x + (s % kSub + 0.5) / kSub) / kSize - 0.5,
+                     py = 0.5 - (y + (s / kSub + 0.5) / kSub) / kSize;
+        for (int i = 0; i < kSteps; ++i) {
+          const double t = 7.0 * (i + 0.5) / kSteps, z = t - 3;
+          const double r2 = px * px + (py - 1.5) * (py - 1.5) + z * z, r = std::sqrt(r2);
+          const double d = 1 + kForward * kForward + 2 * kForward * z / r;
+          const double phase = (1 - kForward * kForward) / (4 * std::numbers::pi * d * std::sqrt(d));
+          for (std::size_t c = 0; c < 3; ++c) {
+            const double sigma = 0.2 * static_cast<double>(c + 1);
+            sum[c] +=
+                0.8 * sigma * phase * std::exp(-sigma * (t + r)) * 2 / r2 * 7.0 / kSteps / (kSub * kSub);
+          }
+        }
+      }
+      for (const double v : sum) expected.push_back(static_cast<float>(v));
+    }
+  struct Row {
+    const char* techniques;
+    int iterations;
+  };
+  for (const Row& row : {Row{"all", 16}, Row{"pb2d", 64}, Row{"bp2d", 64}, Row{"bb1d", 24}, Row{"pp3d", 160},
+                         Row{"vcm,bb1d", 16}}) {
+    // The disc behind is 9 wide: the scene's sphere has a radius of about 13.
+    const TestScene scene =
+        with_integrator(scene_with(body, kSize), "upbp",
+                        {{"max_depth", "2"},
+                         {"techniques", row.techniques},
+                         {"light_paths", "16"},
+                         {"radius", std::string(row.techniques) == "pp3d" ? "0.012" : "0.003"}});
+    expect_agreement(render_batches(scene, 61, 10, static_cast<std::uint64_t>(row.iterations)), expected, {},
+                     kSize, row.techniques, 0.005);
+  }
+}
+
+TestScene load(const std::string& name, std::uint32_t size) {
+  TestScene scene;
+  scene.files = std::make_shared<bundle::DiskSource>(CANDELA_SOURCE_DIR "/tests/statistical/transport");
+  scene.main_key = name + ".xml";
+  return read_scene(std::move(scene), size, size);
+}
+
+// Claim: on scenes with fog in a box, within glass and around the camera, and with a grid of smoke, the
+// combination has the expectation of bdpt, up to the blur of its radius.
+TEST(Upbp, AgreesWithBdpt) {
+  constexpr std::uint32_t kSize = 24;
+  for (const std::string name : {"fog-thin", "fog-glass", "fog-camera", "smoke"}) {
+    SCOPED_TRACE(name);
+    const TestScene scene = load(name, kSize);
+    const auto reference = render_batches(with_integrator(scene, "bdpt"), 301, 10, 64);
+    std::vector<float> mean(reference[0].size()), error(reference[0].size());
+    for (std::size_t i = 0; i < mean.size(); ++i) {
+      double sum = 0, squares = 0;
+      for (const auto& batch : reference) {
+        sum += static_cast<double>(batch[i]);
+        squares += static_cast<double>(batch[i]) * static_cast<double>(batch[i]);
+      }
+      const double m = sum / 10;
+      mean[i] = static_cast<float>(m);
+      error[i] = static_cast<float>(std::sqrt(std::max(squares / 10 - m * m, 0.0) / 9));
+    }
+    const auto all = with_integrator(scene, "upbp", {{"radius", "0.004"}});
+    expect_agreement(render_batches(all, 501, 10, 10), mean, error, kSize, "all", 0.01);
+  }
+}
+
+// Claim: without a medium upbp is vcm, bit for bit; a technique by itself in a list has the film of bpm's
+// kind.
+TEST(Upbp, IsVcmWithoutMedia) {
+  const TestScene scene = load("caustic", 16);
+  const auto vcm = render_batches(with_integrator(scene, "vcm"), 5, 2, 3);
+  EXPECT_EQ(render_batches(with_integrator(scene, "upbp"), 5, 2, 3), vcm);
+  EXPECT_EQ(render_batches(with_integrator(scene, "upbp", {{"techniques", "vcm"}}), 5, 2, 3), vcm);
+}
+
+// Claim: beams alone are refused where a medium is a grid, and the mend names the setting.
+TEST(Upbp, RefusesBeamsAloneInGrids) {
+  const TestScene scene = with_integrator(load("smoke", 8), "upbp", {{"techniques", "bb1d"}});
+  const auto renderer = render::Renderer::create(*scene.files, scene.main_key, {}, scene.settings, 2);
+  ASSERT_FALSE(renderer.ok());
+  EXPECT_NE(renderer.error().to_string().find("techniques"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace candela::statistical

@@ -1,0 +1,35 @@
+#pragma once
+
+#include "worker/integrators/common_settings.h"
+#include "worker/integrators/merging/settings.h"
+
+namespace candela::integrators {
+
+struct UpbpSettings {
+  CommonSettings common{integrator_words::kUpbp};
+  merging::MergeSettings merge{integrator_words::kUpbp};
+  NameList techniques{{"all"}, {"all", "vcm", "pp3d", "pb2d", "bp2d", "bb1d"}};
+  double radius_pp3d = 0, radius_pb2d = 0, radius_bp2d = 0, radius_bb1d = 0;
+  Choice layers{"none", {"none", "merging"}};
+
+  bool wants(std::string_view name) const { return techniques.has("all") || techniques.has(name); }
+
+  template <class Visitor>
+  void fields(Visitor& visit) {
+    common.path_fields(visit);
+    common.plan_field(visit);
+    merge.fields(visit);
+    visit("techniques", techniques,
+          "vcm: connections; merges in media of light's points (p) or beams (b) with the eye's: pp3d, pb2d, "
+          "bp2d, bb1d; merging on surfaces is in all");
+    const NumberRange range{0, 1};
+    visit("radius_pp3d", radius_pp3d, range,
+          "above 0: radius of pp3d in the first iteration, as `radius` is that of all");
+    visit("radius_pb2d", radius_pb2d, range, "the same for pb2d");
+    visit("radius_bp2d", radius_bp2d, range, "the same for bp2d");
+    visit("radius_bb1d", radius_bb1d, range, "the same for bb1d");
+    visit("layers", layers, "a further layer in the EXR: the part of the image that merging brings");
+  }
+};
+
+}  // namespace candela::integrators

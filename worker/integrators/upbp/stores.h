@@ -1,0 +1,91 @@
+// Both sides of an iteration of upbp: what light paths leave, and how eye paths merge with it.
+#pragma once
+
+#include <vector>
+
+#include "worker/estimators/merging_eye.h"
+#include "worker/transport/technique/merge_medium.h"
+
+namespace candela::integrators::upbp {
+
+using Photons = estimators::LightStore<transport::MisBlock>;
+
+// What one chunk of light paths leaves: vertices and photons as for vcm, and beams. A handle; while it is in
+// use it stays where it is.
+class BeamStore {
+ public:
+  using Observer = transport::CrossingObserver;
+
+  BeamStore(Photons& photons, transport::BeamBuffer& beams, const scene::Scene& scene, bool keeps_beams,
+            std::uint32_t max_edges)
+      : photons_(photons), beams_(beams), scene_(scene), keeps_beams_(keeps_beams), max_edges_(max_edges) {}
+
+  Observer observer() {
+    crossing_.some = false;
+    return Observer(crossing_);
+  }
+  template <class Walk>
+  void crossed(const Walk& walk) {
+    if (!crossing_.some) return;
+    crossing_.some = false;
+    if (!keeps_beams_ || crossing_.segment.edges > max_edges_) return;
+    // A stretch that comes from outside without end lets nothing through that scatters.
+    if (!beams_.keep(scene_, crossing_, transport::edge_start(walk, crossing_.segment), walk.origin()))
+      ++rejected_;
+  }
+  void keep(const scene::Scene& scene, const transport::Vertex<transport::MisBlock>& v, bool last,
+            bool by_specular, film::Tallies& tallies) {
+    photons_.keep(scene, v, last, by_specular, tallies);
+    tallies.rejected[static_cast<std::size_t>(film::RejectCause::not_a_number)] += rejected_;
+    rejected_ = 0;
+  }
+  void end_path() { photons_.end_path(); }
+
+ private:
+  Photons& photons_;
+  transport::BeamBuffer& beams_;
+  const scene::Scene& scene_;
+  const bool keeps_beams_;
+  const std::uint32_t max_edges_;  // of light paths
+  transport::Crossing crossing_;
+  std::uint64_t rejected_ = 0;
+};
+
+// The light side of an iteration.
+template <class Block, class Field>
+struct BeamSide : estimators::LightSide<Block, Field> {
+  const transport::MediumMaps& medium;
+};
+
+// The merges in media of VcmEye.
+class EyeBeams {
+ public:
+  static constexpr bool kMerges = true;
+  template <class Block, class Field>
+  using Side = BeamSide<Block, Field>;
+  using Observer = transport::CrossingObserver;
+
+  template <class SideT>
+  EyeBeams(const scene::Scene& scene, const estimators::PathOptions& /*options*/, const SideT& side)
+      : gather_(scene, side.medium) {}
+
+  Observer observer() {
+    crossing_.some = false;
+    return Observer(crossing_);
+  }
+  template <class Walk>
+  Spectrum merge_along(const Walk& walk) {
+    if (!crossing_.some) return {};
+    crossing_.some = false;
+    return gather_.along(crossing_, transport::edge_start(walk, crossing_.segment));
+  }
+  Spectrum merge_at(const transport::Vertex<transport::MisBlock>& v) const {
+    return v.connectible ? gather_.at_vertex(v) : Spectrum();
+  }
+
+ private:
+  transport::MediumGather gather_;
+  transport::Crossing crossing_;
+};
+
+}  // namespace candela::integrators::upbp
