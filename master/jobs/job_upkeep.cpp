@@ -7,6 +7,7 @@
 
 #include "common/base/log.h"
 #include "common/stats/image_error.h"
+#include "master/jobs/convergence.h"
 #include "master/jobs/develop.h"
 
 namespace candela::master {
@@ -117,6 +118,8 @@ void JobUpkeep::estimate_error(const std::string& job_id, JobFilm& film, bool at
   state.estimated_iterations = copy.film->iterations();
   table_.with_scheduler(
       [&](Scheduler& s) { s.relmse_estimated(job_id, e.relmse, copy.film->iterations(), JobTable::now()); });
+  append_convergence(table_.folder_of(job_id),
+                     {row.iterations_of(copy.film->iterations()), row.elapsed_seconds, e.relmse});
 }
 
 // The status of a job's chains follows its film within half a second.

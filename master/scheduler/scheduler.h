@@ -236,6 +236,8 @@ class Scheduler {
   Result<void> cancel(const std::string& id, Now now);
   Result<void> extend(const std::string& id, std::uint64_t iterations, double seconds, double relmse,
                       Now now);
+  // Leases of units that are under way stay.
+  Result<void> set_priority(const std::string& id, std::int32_t priority, Now now);
   // Opens what an ended job has lost, and nothing else. When the film has it all the job is again what it
   // was. False: nothing is lost, and nothing changes. Errors: the job has not ended.
   Result<bool> repair(const std::string& id, Now now);

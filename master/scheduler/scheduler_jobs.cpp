@@ -10,8 +10,9 @@
 namespace candela::master {
 namespace {
 
-constexpr double kSavePeriod = 5;      // seconds between saves of a running job's elapsed time
-constexpr double kRateWindow = 15;     // seconds over which samples per second are measured
+constexpr double kSavePeriod = 5;   // seconds between saves of a running job's elapsed time
+constexpr double kRateWindow = 15;  // seconds over which samples per second are measured
+constexpr std::int32_t kMaxPriority = 1000000;
 constexpr double kRelmseGrowth = 1.1;  // of iterations between the two estimates that end a job
 
 }  // namespace
@@ -84,6 +85,20 @@ Result<void> Scheduler::pause(const std::string& id, Now now) {
         .with_mend("extend it if it is to render more");
   job.row.state = JobState::paused;
   event(now, id, "", "paused", "");
+  save(job, now);
+  return {};
+}
+
+Result<void> Scheduler::set_priority(const std::string& id, std::int32_t priority, Now now) {
+  Job& job = *find(id);
+  if (has_ended(job.row.state))
+    return refused_error(fmt::format("job {} has ended ({})", id, name(job.row.state))).with_field("job_id");
+  if (priority < -kMaxPriority || priority > kMaxPriority)
+    return input_error(fmt::format("must be -{} to {}", kMaxPriority, kMaxPriority)).with_field("priority");
+  if (job.row.priority == priority) return {};
+  event(now, id, "", "priority", fmt::format("from {} to {}", job.row.priority, priority));
+  job.row.priority = priority;
+  start_fairly(job);
   save(job, now);
   return {};
 }
