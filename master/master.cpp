@@ -15,6 +15,7 @@
 #include "master/api/worker_service.h"
 #include "master/farm.h"
 #include "master/http/http_server.h"
+#include "master/http/live_page.h"
 
 namespace candela::master {
 namespace {
@@ -77,7 +78,11 @@ class MasterImpl final : public Master {
           .with_field("--listen")
           .with_mend("choose another address or port, or stop what holds it");
     if (!o.http_listen.empty()) {
-      CANDELA_ASSIGN(http_, HttpServer::start(*farm_, o.http_listen));
+      std::string token;
+      if (!o.page_token_file.empty()) {
+        CANDELA_ASSIGN(token, read_page_token(o.page_token_file));
+      }
+      CANDELA_ASSIGN(http_, HttpServer::start(*farm_, o.http_listen, token));
     }
     return {};
   }
@@ -125,10 +130,17 @@ Result<std::unique_ptr<Master>> Master::start(const MasterOptions& options) {
   if (!options.http_listen.empty()) {
     CANDELA_ASSIGN(const wire::Address http, wire::parse_address(options.http_listen, "--http"));
     if (!http.loopback && !options.insecure)
-      return usage_error("health and metrics are plain HTTP, and " + http.text() +
+      return usage_error("the page, health and metrics are plain HTTP, and " + http.text() +
                          " can be reached from elsewhere")
           .with_field("--http")
           .with_mend("listen on 127.0.0.1 and let a proxy of yours serve it, or say --insecure");
+  }
+  if (!options.page_token_file.empty()) {
+    if (options.http_listen.empty())
+      return usage_error("a token is for the page, and there is none")
+          .with_field("--page-token-file")
+          .with_mend("say where to serve the page: --http HOST:PORT");
+    CANDELA_TRY(read_page_token(options.page_token_file));
   }
   FarmOptions farm_options;
   farm_options.master = options;

@@ -10,7 +10,8 @@ namespace candela::master {
 struct MasterOptions {
   std::filesystem::path data_dir;
   std::string listen = "127.0.0.1:7070";  // HOST:PORT, port 0 picks one; empty: in-process only
-  std::string http_listen;                // HOST:PORT of /healthz and /metrics; empty: none
+  std::string http_listen;                // HOST:PORT of page, health and metrics; empty: none
+  std::string page_token_file;            // its text allows the page to change jobs; empty: read-only
   std::string tls_cert, tls_key, tls_ca;  // PEM files; all three or none (mutual TLS)
   bool insecure = false;                  // allow a non-loopback address without TLS
   double checkpoint_seconds = 10;         // at most this long between a merge and the checkpoint that has it

@@ -28,18 +28,28 @@ LocalFarm::~LocalFarm() {
   stop();
 }
 
-Result<std::unique_ptr<LocalFarm>> LocalFarm::start(const std::filesystem::path& data_dir) {
+Result<std::unique_ptr<LocalFarm>> LocalFarm::start(const std::filesystem::path& data_dir,
+                                                    const std::string& page) {
   master::MasterOptions options;
   options.data_dir = data_dir;
   options.listen.clear();
+  options.http_listen = page;
   options.image_on_checkpoint = false;  // we write the image ourselves, where it was asked for
   auto state = std::make_unique<State>();
-  CANDELA_ASSIGN(state->master, master::Master::start(options));
+  auto master = master::Master::start(options);
+  if (!master.ok() && master.error().field == "--http")
+    return std::move(master).error().with_field("--page").with_mend(
+        "use a free port of this machine, such as localhost:9090; port 0 picks one");
+  CANDELA_ASSIGN(state->master, std::move(master));
   return std::unique_ptr<LocalFarm>(new LocalFarm(std::move(state)));
 }
 
 std::shared_ptr<grpc::Channel> LocalFarm::channel() {
   return state_->master->in_process_channel();
+}
+
+int LocalFarm::page_port() const {
+  return state_->master->http_port();
 }
 
 Result<void> LocalFarm::start_workers(const std::vector<unsigned>& threads,

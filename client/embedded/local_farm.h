@@ -17,11 +17,13 @@ namespace candela::client {
 
 class LocalFarm {
  public:
-  // The master alone; it continues what is in its folder.
-  static Result<std::unique_ptr<LocalFarm>> start(const std::filesystem::path& data_dir);
+  // The master alone; it continues what is in its folder. `page`: HOST:PORT of its page; empty: none.
+  static Result<std::unique_ptr<LocalFarm>> start(const std::filesystem::path& data_dir,
+                                                  const std::string& page = {});
   ~LocalFarm();  // stops
 
   std::shared_ptr<grpc::Channel> channel();
+  int page_port() const;  // 0: no page
   // One worker for each entry, of so many threads. They share `texture_memory_bytes` (0: the default).
   Result<void> start_workers(const std::vector<unsigned>& threads, const std::filesystem::path& cache_dir,
                              std::uint64_t texture_memory_bytes);

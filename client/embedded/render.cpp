@@ -38,9 +38,9 @@ struct RenderOptions {
   SceneOptions scene;
   PreviewOptions preview;
   std::string output;
-  std::optional<std::string> png, threads, workers, texture_memory;
+  std::optional<std::string> png, page, threads, workers, texture_memory;
   bool resume = false, fresh = false, keep_state = false, quiet = false, json = false, error_layer = false,
-       variance_layer = false, layers = false;
+       variance_layer = false, layers = false, page_stay = false;
 };
 
 Result<std::vector<unsigned>> worker_threads(const RenderOptions& options) {
@@ -238,7 +238,8 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
 
   const StopSignals signals;
   ProgressLine progress(context.err, ProgressLine::mode_for(options.quiet));
-  CANDELA_ASSIGN(const std::unique_ptr<LocalFarm> farm, LocalFarm::start(folder->farm()));
+  CANDELA_ASSIGN(const std::unique_ptr<LocalFarm> farm,
+                 LocalFarm::start(folder->farm(), options.page.value_or("")));
   const std::unique_ptr<FarmClient> client = FarmClient::over(farm->channel(), kCallSeconds);
   std::string id;
   if (options.resume) {
@@ -254,6 +255,13 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
       return std::move(submitted).error();
     }
     id = submitted->job_id;
+  }
+  std::string page;
+  if (options.page) {
+    CANDELA_ASSIGN(wire::Address address, wire::parse_address(*options.page, "--page"));
+    address.port = farm->page_port();
+    page = fmt::format("http://{}/jobs/{}", address.text(), id);
+    context.err << "candela: the page is at " << page << std::endl;
   }
   CANDELA_TRY(farm->start_workers(threads, folder->cache(), texture_memory));
 
@@ -287,6 +295,16 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
                                                  .variance_layer = options.variance_layer}));
   }
   const auto lost = farm->workers_lost();
+  if (options.page_stay && has_ended(last) && signals.pending() == 0) {
+    if (!exr.empty()) CANDELA_TRY(write_images(output, exr));
+    context.err << fmt::format("candela: {}; the page stays until Ctrl-C\n",
+                               exr.empty() ? std::string("there is no image")
+                                           : "wrote " + summary(last, options.output))
+                << std::flush;
+    while (!signals.wait_for(std::chrono::milliseconds(500))) {
+    }
+    exr.clear();
+  }
   // Before the image is written: a checkpoint that fails again and again takes its room meanwhile.
   farm->stop();
   if (!exr.empty()) {
@@ -329,7 +347,8 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   if (!trouble.empty())
     context.err << fmt::format("candela: warning: {}: {}\n", printable(folder->path().string()), trouble);
   if (last.state() != v1::JOB_STATE_DONE) return diagnose(last, scene, options, threads.front());
-  if (!options.quiet) context.err << "candela: wrote " << summary(last, options.output) << '\n';
+  if (!options.quiet && !options.page_stay)
+    context.err << "candela: wrote " << summary(last, options.output) << '\n';
   return 0;
 }
 
@@ -350,6 +369,11 @@ void add_render(CLI::App& app, Context& context) {
                 "Add the layer 'variance' to the EXR: the square of 'error', without bias");
   sub->add_flag("--layers", options->layers,
                 "With adaptive radii, add the layers that describe them to the EXR, such as 'radius'");
+  add_text(*sub, "--page", options->page,
+           "Serve a live page of the render on a port of this machine, such as localhost:9090", "HOST:PORT");
+  sub->add_flag("--page-stay", options->page_stay,
+                "With --page: keep it when the render has ended, until Ctrl-C")
+      ->needs("--page");
   add_text(*sub, "--threads", options->threads, "Threads in all (default: all cores)", "N");
   add_text(*sub, "--workers", options->workers, "Workers to split them among (default 1)", "N");
   add_text(*sub, "--texture-memory", options->texture_memory,

@@ -15,6 +15,7 @@ const std::map<std::string_view, std::vector<std::string_view>>& examples() {
        {"candela render scene.xml -o out.exr --png out.png --iterations 256",
         "candela render scene.xml -o out.exr --integrator vcm --until relmse=1e-3",
         "candela render scene.xml -o out.exr --iterations 1024 --resume",
+        "candela render scene.xml -o out.exr --until relmse=1e-3 --page localhost:9090 --page-stay",
         "candela render scene.xml -o out.exr --png out.png --preview 5s --tev localhost:14158"}},
       {"plan", {"candela plan scene.xml --integrator bdpt"}},
       {"check", {"candela check scene.xml --strict"}},

@@ -12,16 +12,21 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cerrno>
 #include <chrono>
 #include <cstring>
 #include <list>
+#include <mutex>
+#include <optional>
 #include <thread>
 #include <utility>
 #include <vector>
 
 #include "common/wire/wire.h"
 #include "master/farm.h"
+#include "master/http/http_message.h"
+#include "master/http/live_page.h"
 
 namespace candela::master {
 namespace {
@@ -29,9 +34,12 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t kMaxConnections = 64;
-constexpr std::size_t kMaxRequestBytes = 8192;
+constexpr std::size_t kMaxStreams = 48;                 // of them, of events
+constexpr std::size_t kMaxStreamBytes = 4 << 20;        // that a stream's client has not taken
 constexpr auto kRequestTime = std::chrono::seconds(2);  // from connection to the whole request
 constexpr auto kAnswerTime = std::chrono::seconds(10);  // from there until the client has taken the answer
+constexpr auto kLaterTime = std::chrono::seconds(60);   // for an answer that reads files
+constexpr auto kStreamTime = std::chrono::seconds(15);  // to take what was sent; then a sign of life
 constexpr auto kPause = std::chrono::milliseconds(50);  // after an error of accept() that will pass
 
 class Descriptor {
@@ -51,96 +59,175 @@ class Descriptor {
   int fd_;
 };
 
-struct Answer {
-  int code = 200;
-  std::string_view reason = "OK", type = "text/plain; charset=utf-8";
-  std::string body;
-};
-
-std::string text_of(const Answer& answer, bool with_body) {
-  std::string text = fmt::format(
-      "HTTP/1.1 {} {}\r\nContent-Type: {}\r\nContent-Length: {}\r\nCache-Control: no-store\r\n"
-      "Connection: close\r\n{}\r\n",
-      answer.code, answer.reason, answer.type, answer.body.size(),
-      answer.code == 405 ? "Allow: GET, HEAD\r\n" : "");
-  if (with_body) text += answer.body;
-  return text;
+HttpAnswer health_of(Farm& farm) {
+  const std::string trouble = farm.stopping() ? "stopping" : farm.trouble();
+  if (trouble.empty()) return {.body = "ok\n"};
+  return {.code = 503, .body = trouble + "\n"};
 }
 
-Answer answer_to(Farm& farm, std::string_view path) {
-  if (path == "/healthz") {
-    const std::string trouble = farm.stopping() ? "stopping" : farm.trouble();
-    if (trouble.empty()) return {.body = "ok\n"};
-    return {.code = 503, .reason = "Service Unavailable", .body = trouble + "\n"};
-  }
-  if (path == "/metrics")
-    return {.type = "text/plain; version=0.0.4; charset=utf-8", .body = metrics_text(farm)};
-  return {.code = 404, .reason = "Not Found", .body = "there are /healthz and /metrics\n"};
-}
-
-// `head` is what came up to the empty line: "GET /healthz?x HTTP/1.1" and the fields, which say nothing to
-// us.
-std::string respond(Farm& farm, std::string_view head) {
-  const std::string_view line = head.substr(0, head.find_first_of("\r\n"));
-  const std::size_t first = line.find(' '), last = line.rfind(' ');
-  if (first == last || !line.substr(last + 1).starts_with("HTTP/1."))
-    return text_of({.code = 400, .reason = "Bad Request", .body = "this is not HTTP/1\n"}, true);
-  const std::string_view method = line.substr(0, first), target = line.substr(first + 1, last - first - 1);
-  if (method != "GET" && method != "HEAD")
-    return text_of({.code = 405, .reason = "Method Not Allowed", .body = "only GET and HEAD\n"}, true);
+// Nothing: the page answers later.
+std::optional<HttpAnswer> answer_to(Farm& farm, LivePage& page, const HttpRequest& request,
+                                    std::uint64_t connection) {
+  const bool post = request.method == "POST" && request.path.starts_with("/api/");
+  if (request.method != "GET" && request.method != "HEAD" && !post)
+    return error_answer(405, "only GET and HEAD");
   try {
-    return text_of(answer_to(farm, target.substr(0, target.find('?'))), method == "GET");
+    if (request.path == "/healthz") return health_of(farm);
+    if (request.path == "/metrics")
+      return HttpAnswer{.type = "text/plain; version=0.0.4; charset=utf-8", .body = metrics_text(farm)};
+    return page.answer(request, connection);
   } catch (const std::exception&) {  // out of memory, most of all
-    return text_of({.code = 500, .reason = "Internal Server Error", .body = "no answer could be made\n"},
-                   true);
+    return error_answer(500, "no answer could be made");
   }
 }
 
 class Server final : public HttpServer {
  public:
-  Server(Farm& farm, Descriptor listener, Descriptor stop, int port)
-      : farm_(farm), listener_(std::move(listener)), stop_(std::move(stop)), port_(port) {
+  Server(Farm& farm, Descriptor listener, Descriptor wake, int port, const PageOptions& page)
+      : farm_(farm), listener_(std::move(listener)), wake_(std::move(wake)), port_(port) {
+    page_ = std::make_unique<LivePage>(farm, page,
+                                       LivePage::Out{[this](std::uint64_t id, HttpAnswer a) {
+                                                       put({id, "", std::move(a), ""});
+                                                     },
+                                                     [this](const std::string& topic, std::string text) {
+                                                       put({0, topic, {}, std::move(text)});
+                                                     }});
     thread_ = std::thread([this] { run(); });
   }
   ~Server() override {
-    const std::uint64_t one = 1;
-    [[maybe_unused]] const ssize_t written = ::write(stop_.get(), &one, sizeof one);
+    stopping_ = true;
+    wake();
     thread_.join();
+    page_.reset();
   }
   int port() const override { return port_; }
 
  private:
   struct Connection {
+    std::uint64_t id = 0;
     Descriptor socket;
     Clock::time_point deadline;
-    std::string in, out;  // out: empty until the request is whole
+    std::string in, out;  // out: empty until there is an answer
     std::size_t sent = 0;
+    bool waits = false;  // the page answers later
+    bool head = false;
+    std::string topic = {};  // of a stream
     bool over = false;
   };
+  // An answer to a connection, or a text for all streams of a topic.
+  struct Message {
+    std::uint64_t connection;
+    std::string topic;
+    HttpAnswer answer;
+    std::string text;
+  };
+
+  void wake() {
+    const std::uint64_t one = 1;
+    [[maybe_unused]] const ssize_t written = ::write(wake_.get(), &one, sizeof one);
+  }
+  void put(Message message) {
+    {
+      const std::lock_guard lock(mutex_);
+      messages_.push_back(std::move(message));
+    }
+    wake();
+  }
 
   void run() {
     std::vector<pollfd> polled;
     for (;;) {
-      polled.assign({{stop_.get(), POLLIN, 0}, {listener_.get(), POLLIN, 0}});
+      polled.assign({{wake_.get(), POLLIN, 0}, {listener_.get(), POLLIN, 0}});
       auto next = Clock::now() + std::chrono::hours(1);
       for (const Connection& c : connections_) {
-        polled.push_back({c.socket.get(), static_cast<short>(c.out.empty() ? POLLIN : POLLOUT), 0});
+        // Of a stream and of a client that waits, what comes is the end of the connection.
+        const bool writes = c.sent < c.out.size();
+        polled.push_back({c.socket.get(), static_cast<short>(writes ? POLLOUT : POLLIN), 0});
         next = std::min(next, c.deadline);
       }
       const auto wait = std::chrono::ceil<std::chrono::milliseconds>(next - Clock::now()).count();
       if (::poll(polled.data(), polled.size(), static_cast<int>(std::max<std::int64_t>(wait, 0))) < 0 &&
           errno != EINTR)
         std::this_thread::sleep_for(kPause);
-      if (polled[0].revents != 0) return;
+      if (stopping_) return;
       auto entry = polled.begin() + 2;
       const auto now = Clock::now();
       for (Connection& c : connections_) {
         if ((entry++)->revents != 0) step(c);
-        c.over = c.over || now >= c.deadline;
+        if (now < c.deadline) continue;
+        // A stream that has nothing to send is kept alive; one whose client takes nothing ends.
+        if (!c.topic.empty() && c.sent == c.out.size())
+          append(c, ": alive\n\n");
+        else
+          c.over = true;
       }
-      connections_.remove_if([](const Connection& c) { return c.over; });
+      if (polled[0].revents != 0) take_messages();
+      drop_finished();
       if (polled[1].revents != 0) take_one();
     }
+  }
+
+  void drop_finished() {
+    for (auto c = connections_.begin(); c != connections_.end();) {
+      if (!c->over) {
+        ++c;
+        continue;
+      }
+      if (!c->topic.empty()) {
+        --streams_;
+        page_->closed(c->topic);
+      }
+      c = connections_.erase(c);
+    }
+  }
+
+  void take_messages() {
+    std::uint64_t count = 0;
+    [[maybe_unused]] const ssize_t n = ::read(wake_.get(), &count, sizeof count);
+    std::vector<Message> messages;
+    {
+      const std::lock_guard lock(mutex_);
+      messages.swap(messages_);
+    }
+    for (const Message& m : messages)
+      for (Connection& c : connections_) {
+        if (c.over) continue;
+        if (m.topic.empty() && c.id == m.connection && c.waits) {
+          answer(c, m.answer);
+          step(c);
+        } else if (!m.topic.empty() && c.topic == m.topic) {
+          append(c, m.text);
+        }
+      }
+  }
+
+  // Sends more to a stream. A client that is too far behind begins anew.
+  void append(Connection& c, std::string_view text) {
+    if (c.sent == c.out.size()) {
+      c.out.clear();
+      c.sent = 0;
+      c.deadline = Clock::now() + kStreamTime;
+    }
+    c.out += text;
+    if (c.out.size() > kMaxStreamBytes)
+      c.over = true;
+    else
+      step(c);
+  }
+
+  void answer(Connection& c, const HttpAnswer& answer) {
+    c.waits = false;
+    c.deadline = Clock::now() + kAnswerTime;
+    if (!answer.topic.empty() && !c.head) {
+      if (streams_ >= kMaxStreams) {
+        c.out = to_text(error_answer(503, "too many streams"));
+        return;
+      }
+      ++streams_;
+      c.topic = answer.topic;
+      page_->opened(c.topic);
+    }
+    c.out = to_text(answer, !c.head);
   }
 
   void take_one() {
@@ -150,23 +237,30 @@ class Server final : public HttpServer {
       if (connections_.empty())
         std::this_thread::sleep_for(kPause);
       else
-        connections_.pop_front();  // out of descriptors: the oldest gives way
+        give_way();  // out of descriptors
       return;
     }
     // Whoever sent its request at once, as honest clients do, is answered before it can have to give way.
     Connection& c = connections_.emplace_back();
+    c.id = ++last_id_;
     c.socket = std::move(socket);
     c.deadline = Clock::now() + kRequestTime;
     step(c);
-    if (c.over)
-      connections_.pop_back();
-    else if (connections_.size() > kMaxConnections)
-      connections_.pop_front();
+    if (!c.over && connections_.size() > kMaxConnections) give_way();
+    drop_finished();
+  }
+
+  // The oldest connection that is no stream. (There is one: streams are fewer than connections may be.)
+  void give_way() {
+    const auto oldest = std::find_if(connections_.begin(), connections_.end(),
+                                     [](const Connection& c) { return c.topic.empty() && !c.over; });
+    if (oldest != connections_.end()) oldest->over = true;
+    drop_finished();
   }
 
   // Reads or writes what can be read or written now.
   void step(Connection& c) {
-    while (c.out.empty()) {
+    while (c.out.empty() || (!c.topic.empty() && c.sent == c.out.size())) {
       char buffer[2048];
       const ssize_t n = ::recv(c.socket.get(), buffer, sizeof buffer, 0);
       if (n < 0 && errno == EINTR) continue;
@@ -175,31 +269,45 @@ class Server final : public HttpServer {
         c.over = true;
         return;
       }
+      if (c.waits || !c.topic.empty()) return;  // it has been read whole: more means nothing
       c.in.append(buffer, static_cast<std::size_t>(n));
-      if (c.in.find("\r\n\r\n") == std::string::npos && c.in.find("\n\n") == std::string::npos) {
-        if (c.in.size() <= kMaxRequestBytes) continue;
-        c.out =
-            text_of({.code = 431, .reason = "Request Header Fields Too Large", .body = "too long\n"}, true);
+      ParsedRequest parsed = parse_request(c.in);
+      if (parsed.bytes == 0) continue;
+      c.head = parsed.request.method == "HEAD";
+      const auto now = parsed.error ? parsed.error : answer_to(farm_, *page_, parsed.request, c.id);
+      if (now) {
+        answer(c, *now);
       } else {
-        c.out = respond(farm_, c.in);
+        c.waits = true;
+        c.deadline = Clock::now() + kLaterTime;
       }
-      c.deadline = Clock::now() + kAnswerTime;
     }
     while (c.sent < c.out.size()) {
       const ssize_t n = ::send(c.socket.get(), c.out.data() + c.sent, c.out.size() - c.sent, MSG_NOSIGNAL);
       if (n < 0 && errno == EINTR) continue;
       if (n < 0 && errno == EAGAIN) return;
-      if (n < 0) break;
+      if (n < 0) {
+        c.over = true;
+        return;
+      }
       c.sent += static_cast<std::size_t>(n);
     }
+    if (!c.topic.empty()) return;
     ::shutdown(c.socket.get(), SHUT_WR);
     c.over = true;
   }
 
   Farm& farm_;
-  Descriptor listener_, stop_;
+  Descriptor listener_, wake_;
   const int port_;
-  std::list<Connection> connections_;  // in the order they came; of the thread
+  std::atomic<bool> stopping_{false};
+  std::mutex mutex_;  // guards messages_
+  std::vector<Message> messages_;
+  // Of the thread:
+  std::list<Connection> connections_;  // in the order they came
+  std::size_t streams_ = 0;
+  std::uint64_t last_id_ = 0;
+  std::unique_ptr<LivePage> page_;
   std::thread thread_;
 };
 
@@ -237,16 +345,17 @@ std::pair<Descriptor, int> listen_on(const wire::Address& address) {
 
 }  // namespace
 
-Result<std::unique_ptr<HttpServer>> HttpServer::start(Farm& farm, const std::string& listen) {
+Result<std::unique_ptr<HttpServer>> HttpServer::start(Farm& farm, const std::string& listen,
+                                                      const std::string& page_token) {
   CANDELA_ASSIGN(const wire::Address address, wire::parse_address(listen, "--http"));
   auto [listener, port] = listen_on(address);
-  Descriptor stop(listener.get() < 0 ? -1 : ::eventfd(0, EFD_CLOEXEC));
-  if (listener.get() < 0 || stop.get() < 0)
+  Descriptor wake(listener.get() < 0 ? -1 : ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
+  if (listener.get() < 0 || wake.get() < 0)
     return usage_error(fmt::format("cannot listen on {}: {}", address.text(), std::strerror(errno)))
         .with_field("--http")
         .with_mend("choose another port, or stop what holds it");
-  return std::unique_ptr<HttpServer>(
-      std::make_unique<Server>(farm, std::move(listener), std::move(stop), port));
+  return std::unique_ptr<HttpServer>(std::make_unique<Server>(
+      farm, std::move(listener), std::move(wake), port, PageOptions{page_token, address.loopback}));
 }
 
 }  // namespace candela::master

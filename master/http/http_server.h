@@ -1,4 +1,4 @@
-// /healthz and /metrics over plain HTTP, on a thread of their own that no client can hold up.
+// The page, /healthz and /metrics over plain HTTP, on a thread of their own that no client can hold up.
 #pragma once
 
 #include <memory>
@@ -14,7 +14,9 @@ class HttpServer {
  public:
   virtual ~HttpServer() = default;  // closes the port; no handler runs afterwards
   // Errors: ErrorKind::usage naming --http where the address cannot be bound. `farm` must outlive the server.
-  static Result<std::unique_ptr<HttpServer>> start(Farm& farm, const std::string& listen);
+  // An empty token: the page is read-only.
+  static Result<std::unique_ptr<HttpServer>> start(Farm& farm, const std::string& listen,
+                                                   const std::string& page_token);
   virtual int port() const = 0;
 };
 

@@ -21,17 +21,17 @@ namespace {
 
 // Options as written; empty if not given.
 struct Texts {
-  std::string listen, data, http, tls_cert, tls_key, tls_ca, checkpoint_interval, lease_time, unit_time,
-      merge_queue, statistics_memory, log_level, log_format;
+  std::string listen, data, http, page_token_file, tls_cert, tls_key, tls_ca, checkpoint_interval, lease_time,
+      unit_time, merge_queue, statistics_memory, log_level, log_format;
   bool insecure = false;
 };
 
 constexpr const char* kProgram = "candela-master";
 
 Result<MasterOptions> resolve(const DaemonSettings& settings, const Texts& texts) {
-  CANDELA_TRY(settings.check_names({"listen", "data", "http", "tls-cert", "tls-key", "tls-ca", "insecure",
-                                    "checkpoint-interval", "lease-time", "unit-time", "merge-queue",
-                                    "statistics-memory", "log-level", "log-format"}));
+  CANDELA_TRY(settings.check_names({"listen", "data", "http", "page-token-file", "tls-cert", "tls-key",
+                                    "tls-ca", "insecure", "checkpoint-interval", "lease-time", "unit-time",
+                                    "merge-queue", "statistics-memory", "log-level", "log-format"}));
   // $CANDELA_LISTEN is read, $CANDELA_MASTER is not: it names a master to call, not one to be.
   const auto choose_shared = [&](const std::string& option, const std::string& given) {
     return settings.choose(option, given, DaemonSettings::Scope::shared);
@@ -46,6 +46,7 @@ Result<MasterOptions> resolve(const DaemonSettings& settings, const Texts& texts
   if (options.data_dir.empty())
     return usage_error("no data folder is given").with_mend("use --data DIR or set $CANDELA_MASTER_DATA");
   options.http_listen = choose("http", texts.http).value;
+  options.page_token_file = choose("page-token-file", texts.page_token_file).value;
   options.tls_cert = choose_shared("tls-cert", texts.tls_cert).value;
   options.tls_key = choose_shared("tls-key", texts.tls_key).value;
   options.tls_ca = choose_shared("tls-ca", texts.tls_ca).value;
@@ -115,8 +116,11 @@ int run_master(int argc, char** argv) {
   app.add_option("--listen", texts.listen, "address to serve on; port 0 picks one (default 127.0.0.1:7070)")
       ->type_name("HOST:PORT");
   app.add_option("--data", texts.data, "folder of jobs, films and scene files")->type_name("DIR");
-  app.add_option("--http", texts.http, "address of /healthz and /metrics (default: none)")
+  app.add_option("--http", texts.http, "address of the page, /healthz and /metrics (default: none)")
       ->type_name("HOST:PORT");
+  app.add_option("--page-token-file", texts.page_token_file,
+                 "file with the token that lets the page change jobs (default: the page is read-only)")
+      ->type_name("FILE");
   app.add_option("--tls-cert", texts.tls_cert, "this master's certificate (PEM)")->type_name("FILE");
   app.add_option("--tls-key", texts.tls_key, "its private key (PEM)")->type_name("FILE");
   app.add_option("--tls-ca", texts.tls_ca,

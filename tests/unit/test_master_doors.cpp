@@ -105,7 +105,15 @@ TEST_F(DoorsTest, HttpAnswers) {
   const std::pair<std::string, std::string> cases[] = {
       {"GET /healthz?full HTTP/1.0\r\n\r\n", "HTTP/1.1 200 OK\r\n"},
       {"HEAD /metrics HTTP/1.1\r\n\r\n", "HTTP/1.1 200 OK\r\n"},
-      {"GET / HTTP/1.1\r\n\r\n", "HTTP/1.1 404 "},
+      {"GET / HTTP/1.1\r\nHost: localhost:1\r\n\r\n", "HTTP/1.1 200 OK\r\n"},
+      {"GET /nothing HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n", "HTTP/1.1 404 "},
+      {"GET /%2 HTTP/1.1\r\nHost: [::1]:1\r\n\r\n", "HTTP/1.1 400 "},
+      // A page of another site, whose name was made to lead here, cannot read this master.
+      {"GET /api/jobs HTTP/1.1\r\nHost: evil.example\r\n\r\n", "HTTP/1.1 421 "},
+      {"POST /api/check HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9999\r\n\r\n", "HTTP/1.1 413 "},
+      {"POST /api/check HTTP/1.1\r\nHost: localhost\r\nContent-Length: -1\r\n\r\n", "HTTP/1.1 400 "},
+      {"POST /api/check HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\n", "HTTP/1.1 411 "},
+      {"POST /api/check HTTP/1.1\r\nHost: localhost\r\n\r\n", "HTTP/1.1 403 "},  // there is no token
       {"POST /healthz HTTP/1.1\r\n\r\n", "HTTP/1.1 405 "},
       {"hello\r\n\r\n", "HTTP/1.1 400 "},
       {"\r\n\r\n", "HTTP/1.1 400 "},

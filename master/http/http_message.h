@@ -1,0 +1,49 @@
+// What a client sent and what it is sent back, as text of HTTP/1.1.
+#pragma once
+
+#include <cstddef>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace candela::master {
+
+inline constexpr std::size_t kMaxHeadBytes = 8192;
+inline constexpr std::size_t kMaxBodyBytes = 4096;
+
+struct HttpRequest {
+  std::string method;
+  std::string path;                           // decoded, without the query
+  std::map<std::string, std::string> query;   // decoded; of a POST also its body
+  std::map<std::string, std::string> fields;  // by name in lower case; a later one of a name is dropped
+  std::string_view field(const std::string& name) const {
+    const auto it = fields.find(name);
+    return it == fields.end() ? std::string_view() : std::string_view(it->second);
+  }
+};
+
+struct HttpAnswer {
+  int code = 200;
+  std::string type = "text/plain; charset=utf-8";
+  std::string body = {};
+  std::shared_ptr<const std::string> shared =
+      {};                  // the body where many clients get the same; `body` is empty
+  std::string etag = {};   // empty: not to be kept
+  std::string topic = {};  // not empty: a stream of events, which begins with `body` and stays open
+};
+
+struct ParsedRequest {
+  std::size_t bytes = 0;                 // of the whole request; 0: it is not whole yet
+  HttpRequest request = {};              // if it is whole and no error
+  std::optional<HttpAnswer> error = {};  // what to say to a request that cannot be read
+};
+ParsedRequest parse_request(std::string_view text);
+
+// With the body unless it is the answer to HEAD.
+std::string to_text(const HttpAnswer& answer, bool with_body = true);
+
+HttpAnswer error_answer(int code, std::string_view text);
+
+}  // namespace candela::master

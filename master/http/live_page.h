@@ -1,0 +1,107 @@
+// The live page: routes, streams of events, and controls. docs/decisions/050-the-page.md
+//
+// answer() runs on the thread of the server and neither waits nor computes for long. Whatever reads a film,
+// the store or many rows runs on a thread of the page, once for all viewers, and takes at most kShare of a
+// core.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "common/base/result.h"
+#include "master/http/http_message.h"
+#include "master/http/pictures.h"
+
+namespace candela::master {
+
+class Farm;
+
+struct PageOptions {
+  std::string token;     // empty: read-only
+  bool loopback = true;  // then only requests for a loopback name are answered
+};
+// Errors (usage): it cannot be read, or has fewer than 16 characters beside white space.
+Result<std::string> read_page_token(const std::string& file);
+
+class LivePage {
+ public:
+  // Both from any thread.
+  struct Out {
+    std::function<void(std::uint64_t connection, HttpAnswer answer)> answer;
+    std::function<void(const std::string& topic, std::string text)> publish;
+  };
+  LivePage(Farm& farm, PageOptions options, Out out);
+  ~LivePage();
+
+  // Nothing: the answer comes later, by Out::answer.
+  std::optional<HttpAnswer> answer(const HttpRequest& request, std::uint64_t connection);
+  void opened(const std::string& topic);
+  void closed(const std::string& topic);
+
+ private:
+  // Spends at most a share of the time on what it guards: due() until then, spent() with the processor's
+  // time.
+  class Budget {
+   public:
+    bool due(double now) const { return now >= next_; }
+    void spent(double now, double seconds, double pause, double share);
+    void reset() { next_ = 0; }
+
+   private:
+    double next_ = 0;
+  };
+  struct Topic {
+    int viewers = 0;
+    std::map<std::string, std::string> sent;  // by kind of event: the last one, for who comes later
+    Budget status, details, picture;
+    std::uint64_t iterations = 0;  // of the picture that was sent
+    std::shared_ptr<Picture> picture_made;
+  };
+  using Rows = std::map<std::string, std::string>;  // by id: JSON
+  using Task = std::function<void()>;
+
+  std::optional<HttpAnswer> answer_api(const HttpRequest& request, std::uint64_t connection);
+  std::optional<HttpAnswer> control(const HttpRequest& request, std::uint64_t connection);
+  HttpAnswer open_stream(const HttpRequest& request);
+  HttpAnswer tile(const HttpRequest& request, const std::string& job_id);
+  HttpAnswer pixel(const HttpRequest& request, const std::string& job_id);
+  std::optional<HttpAnswer> refusal(const HttpRequest& request) const;
+  std::optional<HttpAnswer> later(std::uint64_t connection, std::function<HttpAnswer()> make);
+
+  // On the thread of the page.
+  void run();
+  void refresh();
+  void refresh_farm();
+  void refresh_worker(const std::string& topic, const std::string& id);
+  void refresh_picture(const std::string& topic, const std::string& id, bool error);
+  std::string details_of(const std::string& id);
+  void send(const std::string& topic, const std::string& kind, std::string data);
+  Rows job_rows();
+  Rows worker_rows();
+  HttpAnswer list_jobs(const std::map<std::string, std::string>& query);
+  HttpAnswer change(const std::string& id, const std::string& verb,
+                    const std::map<std::string, std::string>& values);
+
+  Farm& farm_;
+  const PageOptions options_;
+  const Out out_;
+  const std::string start_;  // differs after a restart of the master
+
+  std::mutex mutex_;  // guards all below; held for copying alone
+  std::condition_variable wake_;
+  bool stopping_ = false;
+  std::deque<Task> tasks_;
+  std::map<std::string, Topic> topics_;
+  Rows jobs_, workers_;  // as last sent
+  std::thread thread_;
+};
+
+}  // namespace candela::master

@@ -1,0 +1,280 @@
+// What the page shows, made once for all viewers and sent when it has changed.
+#include <fmt/format.h>
+#include <ctime>
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+#include "master/farm.h"
+#include "master/http/live_page.h"
+#include "master/http/page_json.h"
+
+namespace candela::master {
+namespace {
+
+// Of one core, in all three at most 1.6 %, whatever is open: what costs more comes less often.
+constexpr double kRowsShare = 0.004, kStatusShare = 0.002, kDetailsShare = 0.002, kPictureShare = 0.008;
+constexpr double kRowsPause = 1, kStatusPause = 1, kDetailsPause = 3, kPicturePause = 2;  // seconds at least
+constexpr std::size_t kRowsUnderLock = 50;
+constexpr std::uint32_t kMaxEvents = 200;
+constexpr std::size_t kMaxListed = 500;
+constexpr std::uint64_t kMaxShareUnits = 200000;  // of a job; beyond it the shares are not told
+constexpr auto kRound = std::chrono::milliseconds(250);
+
+double processor_seconds() {
+  timespec t{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_nsec) * 1e-9;
+}
+
+}  // namespace
+
+void LivePage::Budget::spent(double now, double seconds, double pause, double share) {
+  next_ = now + std::max(pause, seconds / share);
+}
+
+void LivePage::opened(const std::string& topic) {
+  {
+    const std::lock_guard lock(mutex_);
+    ++topics_[topic].viewers;
+  }
+  wake_.notify_all();
+}
+
+void LivePage::closed(const std::string& topic) {
+  const std::lock_guard lock(mutex_);
+  const auto it = topics_.find(topic);
+  if (it == topics_.end() || --it->second.viewers > 0) return;
+  topics_.erase(it);
+  if (topic == "farm") {
+    jobs_.clear();
+    workers_.clear();
+  }
+}
+
+void LivePage::run() {
+  for (;;) {
+    std::deque<Task> tasks;
+    {
+      std::unique_lock lock(mutex_);
+      const auto ready = [this] { return stopping_ || !tasks_.empty(); };
+      if (topics_.empty())
+        wake_.wait(lock, [&] { return ready() || !topics_.empty(); });
+      else
+        wake_.wait_for(lock, kRound, ready);
+      if (stopping_) return;
+      tasks.swap(tasks_);
+    }
+    for (const Task& task : tasks) task();
+    if (!farm_.stopping()) refresh();
+  }
+}
+
+void LivePage::refresh() {
+  std::vector<std::string> names;
+  {
+    const std::lock_guard lock(mutex_);
+    for (const auto& [name, topic] : topics_) names.push_back(name);
+  }
+  // As many topics share what one may spend.
+  const double topics = static_cast<double>(names.size());
+  for (const std::string& name : names) {
+    const auto run_if_due = [&](Budget Topic::*budget, double pause, double share, const auto& what) {
+      {
+        const std::lock_guard lock(mutex_);
+        const auto it = topics_.find(name);
+        if (it == topics_.end() || !(it->second.*budget).due(farm_.now().seconds)) return;
+      }
+      const double before = processor_seconds();
+      what();
+      const std::lock_guard lock(mutex_);
+      if (const auto it = topics_.find(name); it != topics_.end())
+        (it->second.*budget).spent(farm_.now().seconds, processor_seconds() - before, pause, share / topics);
+    };
+    const std::size_t slash = name.find('/');
+    const std::string id = slash == std::string::npos ? "" : name.substr(slash + 1);
+    if (id.empty()) {
+      run_if_due(&Topic::status, kRowsPause, kRowsShare, [&] { refresh_farm(); });
+    } else if (name.starts_with("worker/")) {
+      run_if_due(&Topic::details, kDetailsPause, kDetailsShare, [&] { refresh_worker(name, id); });
+    } else {
+      const bool error = name.starts_with("error/");
+      run_if_due(&Topic::status, kStatusPause, kStatusShare, [&] {
+        if (const auto status = farm_.full_status(id)) send(name, "job", job_page_json(*status));
+      });
+      run_if_due(&Topic::picture, kPicturePause, kPictureShare, [&] { refresh_picture(name, id, error); });
+      run_if_due(&Topic::details, kDetailsPause, kDetailsShare,
+                 [&] { send(name, "details", details_of(id)); });
+    }
+  }
+}
+
+void LivePage::send(const std::string& topic, const std::string& kind, std::string data) {
+  {
+    const std::lock_guard lock(mutex_);
+    const auto it = topics_.find(topic);
+    if (it == topics_.end()) return;
+    std::string& last = it->second.sent[kind];
+    if (last == data) return;
+    last = data;
+  }
+  out_.publish(topic, fmt::format("event: {}\ndata: {}\n\n", kind, data));
+}
+
+LivePage::Rows LivePage::job_rows() {
+  std::vector<std::string> ids = farm_.with_scheduler([](Scheduler& s) {
+    std::vector<std::string> out;
+    for (const auto& [id, job] : s.jobs()) out.push_back(id);
+    return out;
+  });
+  Rows rows;
+  for (std::size_t i = 0; i < ids.size(); i += kRowsUnderLock)
+    farm_.with_scheduler([&](Scheduler& s) {
+      const Now t = farm_.now();
+      for (std::size_t k = i; k < std::min(i + kRowsUnderLock, ids.size()); ++k)
+        if (const Job* job = s.job(ids[k])) rows.emplace(ids[k], job_line_json(s, *job, t));
+    });
+  return rows;
+}
+
+LivePage::Rows LivePage::worker_rows() {
+  std::vector<std::string> ids = farm_.with_scheduler([](Scheduler& s) {
+    std::vector<std::string> out;
+    for (const auto& [id, worker] : s.workers()) out.push_back(id);
+    return out;
+  });
+  Rows rows;
+  for (std::size_t i = 0; i < ids.size(); i += kRowsUnderLock)
+    farm_.with_scheduler([&](Scheduler& s) {
+      const Now t = farm_.now();
+      for (std::size_t k = i; k < std::min(i + kRowsUnderLock, ids.size()); ++k)
+        if (const auto it = s.workers().find(ids[k]); it != s.workers().end())
+          rows.emplace(ids[k], worker_line_json(s, it->second, t));
+    });
+  return rows;
+}
+
+// Rows that are new or differ. Who comes later has the lists by GET.
+void LivePage::refresh_farm() {
+  const auto publish = [&](const char* kind, Rows now, Rows LivePage::*last) {
+    std::vector<std::string> changed;
+    {
+      const std::lock_guard lock(mutex_);
+      for (const auto& [id, row] : now)
+        if (const auto it = (this->*last).find(id); it == (this->*last).end() || it->second != row)
+          changed.push_back(row);
+      this->*last = std::move(now);
+    }
+    if (!changed.empty())
+      out_.publish("farm", fmt::format("event: {}\ndata: {}\n\n", kind, json_array(changed)));
+  };
+  publish("jobs", job_rows(), &LivePage::jobs_);
+  publish("workers", worker_rows(), &LivePage::workers_);
+}
+
+HttpAnswer LivePage::list_jobs(const std::map<std::string, std::string>& query) {
+  std::size_t offset = 0;
+  if (const auto it = query.find("offset"); it != query.end()) {
+    if (it->second.empty() || it->second.size() > 9 ||
+        it->second.find_first_not_of("0123456789") != std::string::npos)
+      return error_answer(400, "offset must be an integer");
+    offset = static_cast<std::size_t>(std::stoul(it->second));
+  }
+  // The newest first.
+  auto order = farm_.with_scheduler([](Scheduler& s) {
+    std::vector<std::pair<std::int64_t, std::string>> out;
+    for (const auto& [id, job] : s.jobs()) out.emplace_back(-job.row.submitted_unix_ms, id);
+    return out;
+  });
+  std::sort(order.begin(), order.end());
+  std::vector<std::string> rows;
+  const std::size_t end = std::min(order.size(), offset + kMaxListed);
+  for (std::size_t i = offset; i < end; i += kRowsUnderLock)
+    farm_.with_scheduler([&](Scheduler& s) {
+      for (std::size_t k = i; k < std::min(i + kRowsUnderLock, end); ++k)
+        if (const Job* job = s.job(order[k].second)) rows.push_back(job_line_json(s, *job, farm_.now()));
+    });
+  return {.type = "application/json",
+          .body = JsonObject()
+                      .count("total", order.size())
+                      .count("offset", offset)
+                      .json("jobs", json_array(rows))
+                      .text() +
+                  "\n"};
+}
+
+void LivePage::refresh_worker(const std::string& topic, const std::string& id) {
+  if (const auto status = farm_.worker(id)) send(topic, "worker", worker_page_json(*status));
+  auto events = farm_.store().events("", 10 * kMaxEvents);
+  if (!events.ok()) return;
+  std::erase_if(*events, [&](const EventRow& e) { return e.worker_id != id; });
+  send(topic, "events", events_page_json(*events));
+}
+
+void LivePage::refresh_picture(const std::string& topic, const std::string& id, bool error) {
+  const std::uint64_t indices = farm_.with_scheduler([&](Scheduler& s) {
+    const Job* job = s.job(id);
+    return job == nullptr ? 0 : job->row.iterations;
+  });
+  {
+    const std::lock_guard lock(mutex_);
+    const auto it = topics_.find(topic);
+    if (it == topics_.end() || (it->second.picture_made && it->second.iterations == indices)) return;
+  }
+  auto made = indices == 0 ? Result<std::shared_ptr<Picture>>(refused_error("nothing is merged yet"))
+                           : make_picture(farm_, id, error);
+  if (!made.ok()) {
+    send(topic, "nopicture", JsonObject().add("message", made.error().to_string()).text());
+    return;
+  }
+  const Picture& picture = **made;
+  std::vector<std::string> levels;
+  for (const Picture::Level& level : picture.levels())
+    levels.push_back(JsonObject().count("width", level.width).count("height", level.height).text());
+  const std::string data =
+      JsonObject().count("iterations", picture.iterations()).json("levels", json_array(levels)).text();
+  {
+    const std::lock_guard lock(mutex_);
+    const auto it = topics_.find(topic);
+    if (it == topics_.end()) return;
+    it->second.iterations = indices;
+    it->second.picture_made = std::move(*made);
+    it->second.sent.erase("picture");  // another picture of as many iterations is news
+    it->second.sent.erase("nopicture");
+  }
+  send(topic, "picture", data);
+}
+
+std::string LivePage::details_of(const std::string& id) {
+  std::map<std::string, double> seconds;  // by worker
+  std::map<std::string, std::uint64_t> units;
+  const std::uint64_t merged = farm_.with_scheduler([&](Scheduler& s) {
+    const Job* job = s.job(id);
+    return job == nullptr ? 0 : job->row.units_merged;
+  });
+  if (merged <= kMaxShareUnits)
+    if (auto rows = farm_.store().merged_units(id); rows.ok())
+      for (const UnitRow& row : *rows) {
+        seconds[row.worker_id] += row.seconds;
+        ++units[row.worker_id];
+      }
+  std::vector<std::string> shares;
+  for (const auto& [worker, time] : seconds) {
+    const auto status = farm_.worker(worker);
+    shares.push_back(JsonObject()
+                         .add("worker", worker)
+                         .add("name", status ? status->name() : worker)
+                         .count("units", units[worker])
+                         .add("seconds", time)
+                         .text());
+  }
+  auto events = farm_.store().events(id, kMaxEvents);
+  return JsonObject()
+      .json("shares", json_array(shares))
+      .json("events", events.ok() ? events_page_json(*events) : "[]")
+      .json("convergence", convergence_json(read_convergence(farm_.data_folder() / "jobs" / id)))
+      .text();
+}
+
+}  // namespace candela::master

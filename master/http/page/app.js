@@ -1,0 +1,423 @@
+// The pages: jobs, one job, workers, one worker.
+import {bar, bytes, count, duration, h, progress, put, small, when} from './dom.js';
+import {get, onToken, post, setToken, stream, unlocked} from './net.js';
+import {chart} from './chart.js';
+import {Viewer} from './viewer.js';
+
+const main = document.getElementById('main');
+const live = document.getElementById('live');
+const dialog = document.getElementById('dialog');
+let controls = false;
+
+function connection(text, bad) {
+  put(live, text);
+  live.classList.toggle('bad', bad);
+}
+const connected = {
+  lost: () => connection('Connection lost, trying again', true),
+  found: () => connection('Live', false),
+};
+
+const link = (path, text) => h('a', {href: path}, text);
+const jobLink = (id, text = id) => link('/jobs/' + encodeURIComponent(id), text);
+const workerLink = (id, text = id) => link('/workers/' + encodeURIComponent(id), text);
+const badge = (state) => h('span', {class: 'badge ' + state}, state);
+
+// A question with fields and a button. ask({...}, async (values) => ...): an error that it throws is shown.
+function ask({title, text, fields = [], action, danger}, act) {
+  const inputs = fields.map((f) => h('input', {id: 'field-' + f.name, name: f.name, type: f.type || 'text', autocomplete: 'off', inputmode: f.inputmode, value: f.value}));
+  const trouble = h('p', {class: 'trouble', role: 'alert'});
+  const close = () => dialog.close();
+  const go = async () => {
+    put(trouble, '');
+    try {
+      await act(Object.fromEntries(inputs.map((i) => [i.name, i.value.trim()])));
+      close();
+    } catch (e) {
+      put(trouble, e.message);
+    }
+  };
+  dialog.replaceChildren(
+      h('h2', {id: 'dialog-title'}, title), text ? h('p', {}, text) : null,
+      ...fields.map((f, i) => h('div', {class: 'field'}, h('label', {for: 'field-' + f.name}, f.label), inputs[i])), trouble,
+      h('div', {class: 'buttons'}, h('button', {type: 'button', onclick: close}, 'Back'),
+          h('button', {type: 'button', class: danger ? 'danger' : 'primary', id: 'dialog-go', onclick: go}, action)));
+  for (const i of inputs) i.addEventListener('keydown', (e) => { if (e.key === 'Enter') { e.preventDefault(); go(); } });
+  dialog.showModal();
+  if (inputs.length) inputs[0].focus();
+}
+
+const unlock = document.getElementById('unlock');
+unlock.addEventListener('click', () => {
+  if (unlocked()) {
+    setToken('');
+    return;
+  }
+  ask({title: 'Unlock controls', text: 'The token is in the file that the master was given as --page-token-file. It stays in this tab.', fields: [{name: 'token', label: 'Token', type: 'password'}], action: 'Unlock'},
+      async ({token}) => {
+        await post('/api/check', {}, token);
+        setToken(token);
+      });
+});
+function showLock() {
+  unlock.hidden = !controls;
+  put(unlock, unlocked() ? 'Lock controls' : 'Unlock controls');
+  document.body.classList.toggle('unlocked', controls && unlocked());
+}
+onToken(showLock);
+
+// Rows by key in a table; `make(row)` gives {element, update(row)}.
+class Rows {
+  constructor(body, make, order) {
+    Object.assign(this, {body, make, order, rows: new Map()});
+  }
+  add(data) {
+    let moved = false;
+    for (const d of data) {
+      let row = this.rows.get(d.id);
+      if (!row) {
+        row = {...this.make(d), data: null};
+        this.rows.set(d.id, row);
+        moved = true;
+      }
+      if (!row.data || this.order(row.data) + '' !== this.order(d) + '') moved = true;
+      row.data = d;
+      row.update(d);
+    }
+    if (!moved) return;
+    const sorted = [...this.rows.values()].map((r) => [this.order(r.data), r.element]);
+    sorted.sort(([a], [b]) => { for (let i = 0; i < a.length; ++i) if (a[i] !== b[i]) return a[i] < b[i] ? -1 : 1; return 0; });
+    this.body.replaceChildren(...sorted.map(([, e]) => e));
+  }
+}
+
+function table(caption, heads) {
+  const body = h('tbody');
+  return {body, element: h('table', {}, h('caption', {class: 'hidden'}, caption), h('thead', {}, h('tr', {}, ...heads.map((t) => h('th', {scope: 'col'}, t)))), body)};
+}
+
+function cells(labels) {
+  return labels.map((label) => h('td', {'data-label': label}));
+}
+
+function filterBox(label, rows, text) {
+  const shown = h('span', {class: 'note', role: 'status'});
+  const box = h('input', {type: 'search', 'aria-label': label, placeholder: label, oninput: () => apply()});
+  const apply = () => {
+    const wanted = box.value.toLowerCase();
+    let n = 0;
+    for (const row of rows().values()) {
+      row.element.hidden = wanted !== '' && !text(row.data).toLowerCase().includes(wanted);
+      n += row.element.hidden ? 0 : 1;
+    }
+    put(shown, wanted ? n + ' shown' : '');
+  };
+  return {element: h('div', {class: 'filter'}, box, shown), apply};
+}
+
+const kOrder = {running: 0, paused: 1, queued: 2};
+
+async function jobsPage() {
+  document.title = 'Jobs – Candela';
+  const {body, element} = table('Jobs of this farm, running ones first', ['Job', 'State', 'Progress', 'Error', 'Iterations', 'Time', 'Left', 'Priority']);
+  const rows = new Rows(body, (d) => {
+    const [name, state, done, error, iterations, time, left, priority] = cells(['Job', 'State', 'Progress', 'Error', 'Iterations', 'Time', 'Left', 'Priority']);
+    const a = jobLink(d.id, d.name || d.id), note = h('span', {class: 'note'}), mark = badge(d.state), meter = bar('Progress of ' + (d.name || d.id)), percent = h('span', {class: 'note'});
+    name.append(a, note);
+    state.append(mark);
+    done.append(meter, percent);
+    const row = h('tr', {}, name, state, done, error, iterations, time, left, priority);
+    return {element: row, update: (j) => {
+      put(a, j.name || j.id);
+      put(note, j.integrator + ' · ' + j.id + (j.message ? ' · ' + j.message : ''));
+      put(mark, j.state);
+      mark.className = 'badge ' + j.state;
+      const p = j.state === 'done' ? 1 : progress(j);
+      meter.hidden = p === null;
+      meter.value = p || 0;
+      put(percent, p === null ? 'no limit' : Math.floor(100 * p) + ' %');
+      put(error, small(j.relmse));
+      put(iterations, count(j.iterations));
+      put(time, duration(j.elapsed_seconds));
+      put(left, j.state === 'running' ? duration(j.eta_seconds) : '–');
+      put(priority, String(j.priority));
+    }};
+  }, (j) => [kOrder[j.state] ?? 3, -j.submitted_unix_ms, j.id]);
+  const filter = filterBox('Find a job', () => rows.rows, (j) => j.name + ' ' + j.id + ' ' + j.state + ' ' + j.integrator);
+  const summary = h('p', {class: 'summary', role: 'status'});
+  let total = 0;
+  const more = h('button', {type: 'button', hidden: true, onclick: () => load(rows.rows.size)}, 'Older jobs');
+  const none = h('p', {class: 'empty', hidden: true}, 'There are no jobs. Submit one with: candela submit SCENE.xml --spp 256');
+  main.replaceChildren(h('h1', {}, 'Jobs'), summary, filter.element, h('div', {class: 'scroll'}, element), none, more);
+  const refresh = () => {
+    const by = {};
+    for (const r of rows.rows.values()) by[r.data.state] = (by[r.data.state] || 0) + 1;
+    put(summary, total + (total === 1 ? ' job' : ' jobs') + Object.entries(by).map(([s, n]) => `, ${n} ${s}`).join(''));
+    none.hidden = total > 0;
+    element.hidden = total === 0;
+    more.hidden = rows.rows.size >= total;
+    filter.apply();
+  };
+  const load = async (offset) => {
+    const list = await get('/api/jobs?offset=' + offset);
+    total = list.total;
+    rows.add(list.jobs);
+    refresh();
+  };
+  const oldest = () => Math.min(...[...rows.rows.values()].map((r) => r.data.submitted_unix_ms));
+  await load(0);
+  return stream('', {
+    jobs: (data) => {
+      const limit = rows.rows.size && rows.rows.size < total ? oldest() : -Infinity;
+      const fresh = data.filter((j) => rows.rows.has(j.id) || j.submitted_unix_ms >= limit);
+      total += fresh.filter((j) => !rows.rows.has(j.id)).length;
+      rows.add(fresh);
+      refresh();
+    },
+  }, {...connected, restarted: () => load(0)});
+}
+
+async function workersPage() {
+  document.title = 'Workers – Candela';
+  const labels = ['Worker', 'State', 'Threads', 'Units', 'Failed', 'Jobs', ''];
+  const {body, element} = table('Workers of this farm', labels);
+  const rows = new Rows(body, (d) => {
+    const [name, state, threads, units, failed, jobs, act] = cells(labels);
+    const a = workerLink(d.id, d.name || d.id), note = h('span', {class: 'note'}), mark = badge(d.state);
+    name.append(a, note);
+    state.append(mark);
+    act.append(h('button', {type: 'button', class: 'control', 'aria-label': 'Drain ' + (d.name || d.id), onclick: () => drain(d.id, d.name || d.id)}, 'Drain'));
+    let shown = '';
+    return {element: h('tr', {}, name, state, threads, units, failed, jobs, act), update: (w) => {
+      put(a, w.name || w.id);
+      put(note, w.message || w.host);
+      put(mark, w.state);
+      mark.className = 'badge ' + w.state;
+      put(threads, String(w.threads));
+      put(units, count(w.units_merged));
+      put(failed, count(w.units_failed));
+      if (shown !== w.jobs.join()) {
+        shown = w.jobs.join();
+        jobs.replaceChildren(...w.jobs.flatMap((j, i) => [i ? ', ' : '', jobLink(j)]));
+      }
+    }};
+  }, (w) => [w.state === 'lost' ? 1 : 0, w.name, w.id]);
+  const filter = filterBox('Find a worker', () => rows.rows, (w) => w.name + ' ' + w.host + ' ' + w.state);
+  const summary = h('p', {class: 'summary', role: 'status'});
+  main.replaceChildren(h('h1', {}, 'Workers'), summary, filter.element, h('div', {class: 'scroll'}, element));
+  const refresh = () => {
+    const by = {};
+    let threads = 0;
+    for (const r of rows.rows.values()) {
+      by[r.data.state] = (by[r.data.state] || 0) + 1;
+      if (r.data.state !== 'lost') threads += r.data.threads;
+    }
+    put(summary, rows.rows.size + ' workers, ' + threads + ' threads' + Object.entries(by).map(([s, n]) => `, ${n} ${s}`).join(''));
+    filter.apply();
+  };
+  const load = async () => {
+    rows.add((await get('/api/workers')).workers);
+    refresh();
+  };
+  await load();
+  return stream('', {workers: (data) => { rows.add(data); refresh(); }}, {...connected, restarted: load});
+}
+
+function drain(id, name) {
+  ask({title: 'Drain ' + name + '?', text: 'It finishes its units and leaves.', action: 'Drain'}, () => post(`/api/workers/${encodeURIComponent(id)}/drain`));
+}
+
+// Figures with labels, told by put().
+function figures(names) {
+  const nodes = {};
+  const list = h('dl', {class: 'figures'}, ...names.map(([key, label]) => h('div', {}, h('dt', {}, label), nodes[key] = h('dd', {}, '–'))));
+  return {list, nodes};
+}
+
+function section(title, ...children) {
+  return h('section', {'aria-label': title}, h('h2', {}, title), ...children);
+}
+
+function eventList(events) {
+  return events.length === 0 ? h('p', {class: 'note'}, 'None.') : h('ol', {class: 'events', reversed: true}, ...events.slice().reverse().map((e) => h('li', {}, h('time', {datetime: new Date(e.unix_ms).toISOString()}, when(e.unix_ms)), h('b', {}, e.kind), h('span', {}, e.message, e.worker ? ' ' : '', e.worker ? workerLink(e.worker) : ''))));
+}
+
+async function jobPage(id) {
+  const path = '/api/jobs/' + encodeURIComponent(id);
+  const first = await get(path);
+  const title = h('h1', {}), state = badge('queued'), message = h('p', {class: 'message', role: 'status'}), meter = bar('Progress'), percent = h('span', {class: 'percent'});
+  const {list, nodes} = figures([['left', 'Time left'], ['relmse', 'Estimated relMSE'], ['iterations', 'Iterations'], ['rate', 'Samples a second'], ['elapsed', 'Time rendering'], ['worker', 'Worker time'], ['leased', 'Units under way'], ['memory', 'Largest worker'], ['priority', 'Priority'], ['rejected', 'Rejected samples']]);
+  const act = (verb, values) => post(`${path}/${verb}`, values);
+  const say = async (f) => { try { await f(); } catch (e) { ask({title: 'It did not work', text: e.message, action: 'Well'}, async () => {}); } };
+  const buttons = {
+    pause: h('button', {type: 'button', class: 'control', onclick: () => say(() => act('pause'))}, 'Pause'),
+    resume: h('button', {type: 'button', class: 'control', onclick: () => say(() => act('resume'))}, 'Resume'),
+    extend: h('button', {type: 'button', class: 'control', onclick: () => ask({title: 'Extend', text: 'Fill in one or more.', fields: [{name: 'iterations', label: 'Iterations more', inputmode: 'numeric'}, {name: 'minutes', label: 'Minutes more', inputmode: 'decimal'}, {name: 'relmse', label: 'Stop at an estimated relMSE of', inputmode: 'decimal'}], action: 'Extend'},
+        ({iterations, minutes, relmse}) => act('extend', {iterations, seconds: minutes ? String(60 * Number(minutes)) : '', relmse}))}, 'Extend…'),
+    priority: h('button', {type: 'button', class: 'control', onclick: () => ask({title: 'Priority', text: 'Higher ones go first.', fields: [{name: 'priority', label: 'Priority', inputmode: 'numeric', value: String(job.priority)}], action: 'Set'}, (v) => act('priority', v))}, 'Priority…'),
+    cancel: h('button', {type: 'button', class: 'control danger', onclick: () => ask({title: 'Cancel this job?', text: 'It keeps the image of what is merged, and can be extended later.', action: 'Cancel the job', danger: true}, () => act('cancel'))}, 'Cancel…'),
+  };
+  const plot = h('div', {class: 'plot'}), plotText = h('p', {class: 'note'});
+  let axis = 'iterations', convergence = [], job = first, viewer = null, end = null;
+  const choose = (a, text) => h('button', {type: 'button', 'aria-pressed': String(a === axis), onclick: (e) => {
+    axis = a;
+    for (const b of e.target.parentElement.children) b.setAttribute('aria-pressed', String(b === e.target));
+    drawPlot();
+  }}, text);
+  let plotted = '';
+  const drawPlot = () => {
+    const key = [axis, job.stop_relmse, job.stop_iterations, job.stop_seconds, convergence.length, convergence.at(-1)].join();
+    if (key === plotted) return;
+    plotted = key;
+    const {svg, text} = chart(job, convergence, axis);
+    plot.replaceChildren(...(svg ? [svg] : []));
+    put(plotText, text);
+  };
+  const shares = h('div', {}), events = h('div', {}), plan = h('pre', {tabindex: 0, 'aria-label': 'Plan'}), settings = h('dl', {class: 'settings'});
+  const chains = section('Markov chains'), epochs = section('Epochs');
+  chains.hidden = epochs.hidden = true;
+  const chainFacts = h('p', {}), groups = h('div', {class: 'groups'}), epochFacts = h('p', {}), epochTable = h('dl', {class: 'settings'});
+  chains.append(chainFacts, groups);
+  epochs.append(epochFacts, epochTable);
+  const stage = h('div', {class: 'stagebox'});
+  main.replaceChildren(
+      h('div', {class: 'jobhead'}, h('div', {}, title, state), h('div', {class: 'buttons'}, ...Object.values(buttons))), message,
+      h('div', {class: 'overall'}, meter, percent),
+      h('div', {class: 'columns'}, h('div', {class: 'side'}, stage, section('Events', events)),
+          h('div', {class: 'side'}, list, section('Convergence', h('div', {class: 'switch', role: 'group', 'aria-label': 'Horizontal axis'}, choose('iterations', 'Iterations'), choose('seconds', 'Time')), plot, plotText), section('Workers’ share', shares))),
+      h('div', {class: 'below'}, chains, epochs, section('Plan', plan), section('Settings', settings)));
+  let settingsShown = '';
+  const show = (j) => {
+    job = j;
+    document.title = (j.name || j.id) + ' – Candela';
+    put(title, j.name || j.id);
+    put(state, j.state);
+    state.className = 'badge ' + j.state;
+    put(message, j.message);
+    const p = j.state === 'done' ? 1 : progress(j);
+    meter.hidden = p === null;
+    meter.value = p || 0;
+    put(percent, p === null ? 'No limit is set' : Math.floor(100 * p) + ' %');
+    put(nodes.left, j.state === 'running' ? duration(j.eta_seconds) : '–');
+    put(nodes.relmse, small(j.relmse));
+    put(nodes.iterations, count(j.iterations) + (j.stop_iterations ? ' of ' + count(j.stop_iterations) : ''));
+    put(nodes.rate, count(j.samples_per_second));
+    put(nodes.elapsed, duration(j.elapsed_seconds) + (j.stop_seconds ? ' of ' + duration(j.stop_seconds) : ''));
+    put(nodes.worker, duration(j.worker_seconds));
+    put(nodes.leased, count(j.units_leased));
+    put(nodes.memory, bytes(j.worker_memory_bytes));
+    put(nodes.priority, j.priority + (j.share !== 1 ? ', share ' + small(j.share) : ''));
+    put(nodes.rejected, count(Object.values(j.rejected).reduce((a, b) => a + b, 0)));
+    const ended = ['done', 'failed', 'cancelled'].includes(j.state);
+    buttons.pause.hidden = ended || j.state === 'paused';
+    buttons.resume.hidden = j.state !== 'paused' && j.state !== 'failed';
+    buttons.cancel.hidden = ended;
+    buttons.priority.hidden = ended;
+    put(plan, j.plan.length ? j.plan.join('\n') : 'The plan comes with the first unit.');
+    const s = j.settings, facts = [['Job', j.id], ['Integrator', s.integrator], ...Object.entries(s.integrator_settings), ['Size', `${s.width} × ${s.height}`], ['Filter', s.filter], ...Object.entries(s.filter_settings), ['Sampler', s.sampler], ['Seed', s.seed], ['Instruction set', s.isa], ['AOVs', s.aovs || 'none'],
+      ['Stop', [j.stop_iterations ? count(j.stop_iterations) + ' iterations' : '', j.stop_seconds ? duration(j.stop_seconds) : '', j.stop_relmse ? 'relMSE ' + small(j.stop_relmse) : ''].filter(Boolean).join(', ') || 'never'],
+      ['Submitted', when(j.submitted_unix_ms)], ...(j.finished_unix_ms ? [['Finished', when(j.finished_unix_ms)]] : []), ['On disk', count(j.checkpoint_iterations) + ' iterations'], ['Scene', j.bundle.slice(0, 16)]];
+    if (settingsShown !== String(facts)) {
+      settingsShown = String(facts);
+      settings.replaceChildren(...facts.map(([k, v]) => h('div', {}, h('dt', {}, k), h('dd', {}, v))));
+    }
+    chains.hidden = !j.chains;
+    if (j.chains) {
+      const c = j.chains;
+      put(chainFacts, `${count(c.chains)} chains; bootstrap ${count(c.bootstrap_done)} of ${count(c.bootstrap_samples)} samples; ` + (c.b === null ? 'b is not known yet' : `b = ${small(c.b)} ± ${small(c.b_standard_error)}`));
+      groups.replaceChildren(...c.groups.map((g, i) => h('span', {}, h('b', {}, String(i)), ' ', g.mutations ? Math.round((100 * g.accepted) / g.mutations) + ' %' : '–', h('small', {}, 'stay ' + count(g.longest_stay)))));
+    }
+    epochs.hidden = !j.epochs;
+    if (j.epochs) {
+      put(epochFacts, `Epoch ${j.epochs.epoch} is decided: ${count(j.epochs.iterations)} iterations from ${count(j.epochs.first_iteration)}; ${bytes(j.epochs.statistics_bytes)} of statistics`);
+      epochTable.replaceChildren(...j.epochs.figures.map((f) => h('div', {}, h('dt', {}, f.name), h('dd', {}, small(f.value)))));
+    }
+    drawPlot();
+  };
+  const details = (d) => {
+    convergence = d.convergence;
+    drawPlot();
+    const all = d.shares.reduce((a, s) => a + s.seconds, 0);
+    shares.replaceChildren(d.shares.length ? h('ul', {class: 'shares'}, ...d.shares.sort((a, b) => b.seconds - a.seconds).slice(0, 40).map((s) => {
+      const meter = h('progress', {max: 1, value: all ? s.seconds / all : 0, 'aria-hidden': 'true'});
+      return h('li', {}, workerLink(s.worker, s.name || s.worker), meter, h('span', {}, (all ? Math.round((100 * s.seconds) / all) : 0) + '\u00a0%'), h('span', {class: 'note'}, count(s.units) + ' units'));
+    })) : h('p', {class: 'note'}, 'Nothing is merged yet.'));
+    events.replaceChildren(eventList(d.events));
+  };
+  const open = (kind) => {
+    if (end) end();
+    if (viewer) viewer.close();
+    viewer = new Viewer(id, kind);
+    viewer.onkind = open;
+    stage.replaceChildren(viewer.element);
+    end = stream('job=' + encodeURIComponent(id) + '&kind=' + kind,
+        {job: show, details, picture: (p) => viewer.picture(p), nopicture: (p) => viewer.none(p.message)}, {...connected, restarted: () => {}});
+  };
+  show(first);
+  open('image');
+  return () => { end(); viewer.close(); };
+}
+
+async function workerPage(id) {
+  const first = await get('/api/workers/' + encodeURIComponent(id));
+  const title = h('h1', {}), state = badge('idle'), message = h('p', {class: 'message', role: 'status'}), events = h('div', {}), jobs = h('p', {});
+  const {list, nodes} = figures([['host', 'Host'], ['threads', 'Threads'], ['units', 'Units merged'], ['failed', 'Units failed'], ['memory', 'Memory'], ['seen', 'Last seen'], ['build', 'Build']]);
+  main.replaceChildren(h('div', {class: 'jobhead'}, h('div', {}, title, state), h('div', {class: 'buttons'}, h('button', {type: 'button', class: 'control', onclick: () => drain(id, title.textContent)}, 'Drain…'))),
+      message, list, section('Jobs', jobs), section('Events', events));
+  const show = (w) => {
+    document.title = (w.name || w.id) + ' – Candela';
+    put(title, w.name || w.id);
+    put(state, w.state);
+    state.className = 'badge ' + w.state;
+    put(message, w.message);
+    put(nodes.host, w.host);
+    put(nodes.threads, String(w.threads));
+    put(nodes.units, count(w.units_merged));
+    put(nodes.failed, count(w.units_failed) + Object.entries(w.failures).map(([k, n]) => `, ${k} ${n}`).join(''));
+    put(nodes.memory, bytes(w.resident_bytes));
+    put(nodes.seen, when(w.last_seen_unix_ms));
+    put(nodes.build, w.build_id);
+    jobs.replaceChildren(...(w.jobs.length ? w.jobs.flatMap((j, i) => [i ? ', ' : '', jobLink(j)]) : ['None now.']));
+  };
+  show(first);
+  return stream('worker=' + encodeURIComponent(id), {worker: show, events: (e) => events.replaceChildren(eventList(e))}, {...connected, restarted: () => {}});
+}
+
+// Routes. Links change the page without loading it anew.
+let leave = null, visit = 0;
+async function route() {
+  const mine = ++visit;
+  if (leave) leave();
+  leave = null;
+  const path = location.pathname;
+  const page = path === '/' ? jobsPage : path === '/workers' ? workersPage : path.startsWith('/jobs/') ? () => jobPage(decodeURIComponent(path.slice(6))) : () => workerPage(decodeURIComponent(path.slice(9)));
+  for (const a of document.querySelectorAll('[data-nav]')) {
+    const here = path.startsWith('/workers') ? 'workers' : 'jobs';
+    if (a.dataset.nav === here) a.setAttribute('aria-current', path === '/' || path === '/workers' ? 'page' : 'true');
+    else a.removeAttribute('aria-current');
+  }
+  try {
+    const end = await page();
+    if (mine === visit) leave = end;
+    else end();
+  } catch (e) {
+    if (mine !== visit) return;
+    main.replaceChildren(h('h1', {}, 'Not here'), h('p', {}, e.message), h('p', {}, link('/', 'All jobs')));
+    if (e instanceof TypeError) setTimeout(() => { if (mine === visit) route(); }, 2000);
+  }
+}
+document.addEventListener('click', (e) => {
+  const a = e.target.closest('a');
+  if (!a || a.origin !== location.origin || a.hash || e.button || e.metaKey || e.ctrlKey || e.shiftKey) return;
+  e.preventDefault();
+  history.pushState(null, '', a.href);
+  route().then(() => main.focus({preventScroll: true}));
+  scrollTo(0, 0);
+});
+addEventListener('popstate', route);
+
+get('/api/farm').then((farm) => {
+  controls = farm.controls;
+  showLock();
+}).catch(() => connected.lost());
+route();

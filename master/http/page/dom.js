@@ -1,0 +1,66 @@
+// Elements and texts. Names of jobs and workers are foreign text: they become text nodes, never markup.
+
+// h('p', {class: 'note'}, 'text', child): attributes, `on...` listeners, children.
+export function h(tag, attributes = {}, ...children) {
+  const svg = ['svg', 'path', 'line', 'circle', 'text', 'g', 'polyline', 'rect', 'title'].includes(tag);
+  const element = svg ? document.createElementNS('http://www.w3.org/2000/svg', tag) : document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (value === null || value === undefined || value === false) continue;
+    if (name.startsWith('on')) element.addEventListener(name.slice(2), value);
+    else element.setAttribute(name, value === true ? '' : value);
+  }
+  element.append(...children.filter((c) => c !== null && c !== undefined));
+  return element;
+}
+
+// Sets a text only if it differs, so that selections and screen readers are left in peace.
+export function put(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
+export function count(n) {
+  if (n === null || n === undefined) return '–';
+  if (n < 1e4) return String(Math.round(n));
+  for (const [size, unit] of [[1e12, 'T'], [1e9, 'G'], [1e6, 'M'], [1e3, 'k']])
+    if (n >= size) return (n / size).toPrecision(3) + ' ' + unit;
+  return String(n);
+}
+
+export function bytes(n) {
+  if (!n) return '–';
+  for (const [size, unit] of [[2 ** 40, 'TiB'], [2 ** 30, 'GiB'], [2 ** 20, 'MiB'], [2 ** 10, 'KiB']])
+    if (n >= size) return (n / size).toPrecision(3) + ' ' + unit;
+  return n + ' B';
+}
+
+export function duration(s) {
+  if (s === null || s === undefined) return '–';
+  if (s < 60) return Math.round(s) + ' s';
+  if (s < 3600) return Math.floor(s / 60) + ' min ' + Math.floor(s % 60) + ' s';
+  if (s < 86400) return Math.floor(s / 3600) + ' h ' + Math.floor((s % 3600) / 60) + ' min';
+  return Math.floor(s / 86400) + ' d ' + Math.floor((s % 86400) / 3600) + ' h';
+}
+
+export function small(v) {
+  if (v === null || v === undefined) return '–';
+  if (v === 0) return '0';
+  return Math.abs(v) >= 0.01 && Math.abs(v) < 1e4 ? String(Number(v.toPrecision(4))) : String(Number(v.toPrecision(3)).toExponential()).replace('e+', 'e');
+}
+
+export function when(ms) {
+  return ms ? new Date(ms).toLocaleString() : '–';
+}
+
+// Share of the work that is done, of the limit that will end it first; null without a limit.
+export function progress(job) {
+  const shares = [];
+  if (job.stop_iterations) shares.push(job.iterations / job.stop_iterations);
+  if (job.stop_seconds) shares.push(job.elapsed_seconds / job.stop_seconds);
+  if (job.stop_relmse && job.relmse) shares.push(job.stop_relmse / job.relmse);
+  return shares.length ? Math.min(1, Math.max(...shares)) : null;
+}
+
+export function bar(label) {
+  const element = h('progress', {max: 1, value: 0, 'aria-label': label});
+  return element;
+}

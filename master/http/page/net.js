@@ -1,0 +1,77 @@
+// Calls, the stream of events, and the token.
+const listeners = new Set();
+let token = sessionStorage.getItem('candela-token') || '';
+
+export function unlocked() {
+  return token !== '';
+}
+
+export function onToken(f) {
+  listeners.add(f);
+}
+
+export function setToken(text) {
+  token = text;
+  if (text) sessionStorage.setItem('candela-token', text);
+  else sessionStorage.removeItem('candela-token');
+  for (const f of listeners) f();
+}
+
+export async function get(path) {
+  const answer = await fetch(path, {cache: 'no-store'});
+  if (!answer.ok) throw new Error((await answer.text()).trim());
+  return answer.json();
+}
+
+// The header, not a cookie, carries the token: no other site can make a browser send it.
+export async function post(path, values = {}, given = token) {
+  const answer = await fetch(path, {
+    method: 'POST',
+    cache: 'no-store',
+    headers: {Authorization: 'Bearer ' + given},
+    body: new URLSearchParams(values),
+  });
+  if (!answer.ok) throw new Error((await answer.text()).trim());
+  return answer.json();
+}
+
+// handlers: {kind: f(data)}; `lost` and `found` tell of the connection, `restarted` of another master. Hidden
+// pages hold no connection. Returns a function that ends it.
+export function stream(query, handlers, {lost, found, restarted}) {
+  let source = null, timer = 0, over = false, start = '';
+  const open = () => {
+    clearTimeout(timer);
+    if (over || source || document.hidden) return;
+    source = new EventSource('/api/stream?' + query);
+    source.addEventListener('hello', (e) => {
+      const now = JSON.parse(e.data).start;
+      found();
+      if (start && start !== now) restarted();
+      start = now;
+    });
+    for (const [kind, f] of Object.entries(handlers))
+      source.addEventListener(kind, (e) => f(JSON.parse(e.data)));
+    source.onerror = () => {
+      lost();
+      if (source && source.readyState === EventSource.CLOSED) {
+        source = null;
+        timer = setTimeout(open, 2000);
+      }
+    };
+  };
+  const close = () => {
+    if (source) source.close();
+    source = null;
+    clearTimeout(timer);
+  };
+  const visible = () => (document.hidden ? close() : open());
+  document.addEventListener('visibilitychange', visible);
+  addEventListener('pagehide', close);
+  open();
+  return () => {
+    over = true;
+    document.removeEventListener('visibilitychange', visible);
+    removeEventListener('pagehide', close);
+    close();
+  };
+}

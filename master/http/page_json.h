@@ -1,0 +1,47 @@
+// What the page reads: JSON of jobs and workers. Unknown numbers (NaN) are null; every text is one printable
+// line of UTF-8, a plan an array of such.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "candela/v1/job.pb.h"
+#include "candela/v1/worker.pb.h"
+#include "master/jobs/convergence.h"
+#include "master/scheduler/scheduler.h"
+#include "master/store/records.h"
+
+namespace candela::master {
+
+// One object, field by field.
+class JsonObject {
+ public:
+  JsonObject& add(std::string_view name, std::string_view text);
+  JsonObject& add(std::string_view name, const char* text) { return add(name, std::string_view(text)); }
+  JsonObject& add(std::string_view name, double value);
+  JsonObject& count(std::string_view name, std::uint64_t value);
+  JsonObject& number(std::string_view name, std::int64_t value);
+  JsonObject& flag(std::string_view name, bool value);
+  JsonObject& json(std::string_view name, std::string_view value);  // as it is
+  std::string text() const { return text_ + "}"; }
+
+ private:
+  void key(std::string_view name);
+  std::string text_ = "{";
+};
+std::string json_string(std::string_view text);
+std::string json_array(const std::vector<std::string>& values);  // each is JSON
+
+// A line of the list of jobs. Precondition of these two: the lock of the table is held.
+std::string job_line_json(const Scheduler& scheduler, const Job& job, Now now);
+std::string worker_line_json(const Scheduler& scheduler, const WorkerState& worker, Now now);
+
+std::string job_page_json(const v1::JobStatus& status);
+std::string worker_page_json(const v1::WorkerStatus& status);
+std::string events_page_json(const std::vector<EventRow>& events);
+std::string convergence_json(const std::vector<ConvergencePoint>& points);
+
+}  // namespace candela::master

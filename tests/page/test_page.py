@@ -1,0 +1,325 @@
+"""The master's page in a real Chromium: it opens during a render, numbers and picture move, controls work with the token
+and are refused without, foreign names are text, the console is silent, a restart of the master is survived, and a list of
+500 jobs works. Skips, with a reason, where Chromium is not installed. CANDELA_PAGE_SHOTS=DIR keeps screenshots."""
+import hashlib
+import http.client
+import importlib
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+from pathlib import Path
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+import browser
+
+PROGRAMS = Path(os.environ["CANDELA_PROGRAMS"])
+SOURCE = Path(os.environ["CANDELA_SOURCE_DIR"])
+SCENE = SOURCE / "deploy/scenes/cornell/scene.xml"
+TOKEN = "correct-horse-battery-staple"
+NAME = "<script>document.title='stolen'</script><img src=x onerror=alert(1)>"
+SHOTS = os.environ.get("CANDELA_PAGE_SHOTS")
+
+if browser.program() is None:
+    print("test_page.py:1: Skipped\nChromium is not installed (Debian: chromium)")
+    print("[  SKIPPED ] page (0 ms)")
+    sys.exit(77)
+
+
+def eventually(condition, seconds=60):
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        if value := condition():
+            return value
+        time.sleep(0.1)
+    return None
+
+
+class Page(unittest.TestCase):
+    """One farm and one browser for all; every test has jobs of its own."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.scratch = tempfile.TemporaryDirectory(prefix="candela-page-")
+        cls.folder = Path(cls.scratch.name)
+        (cls.folder / "token").write_text(TOKEN + "\n")
+        cls.children = []
+        cls.listen, cls.http = "127.0.0.1:0", "127.0.0.1:0"
+        try:
+            cls.start_master()
+            cls.worker = cls.child("candela-worker", "--master", cls.listen, "--cache", cls.folder / "cache", "--threads", "1",
+                                   "--name", NAME)
+            if not eventually(lambda: "registered" in (cls.folder / "candela-master-0.log").read_text()):
+                raise RuntimeError((cls.folder / "candela-worker-1.log").read_text())
+            cls.browser = browser.Browser()
+        except BaseException:
+            cls.tearDownClass()
+            raise
+
+    @classmethod
+    def child(cls, program, *arguments):
+        with open(cls.folder / f"{program}-{len(cls.children)}.log", "wb") as log:
+            cls.children.append(subprocess.Popen([PROGRAMS / program, *arguments], stdout=log, stderr=log))
+        return cls.children[-1]
+
+    @classmethod
+    def start_master(cls):
+        said = cls.folder / f"candela-master-{len(cls.children)}.log"
+        cls.master = cls.child("candela-master", "--listen", cls.listen, "--http", cls.http, "--data", cls.folder / "data",
+                               "--page-token-file", cls.folder / "token", "--unit-time", "0.3", "--checkpoint-interval", "1")
+        found = eventually(lambda: re.search(r"listening on (\S+)\nhttp on (\S+)\n", said.read_text()))
+        if not found:
+            raise RuntimeError(said.read_text())
+        cls.listen, cls.http = found.groups()
+        cls.url = "http://" + cls.http
+
+    @classmethod
+    def tearDownClass(cls):
+        if hasattr(cls, "browser"):
+            cls.browser.close()
+        for child in reversed(cls.children):
+            child.terminate()
+        for child in cls.children:
+            child.wait(60)
+        cls.scratch.cleanup()
+
+    def submit(self, *arguments):
+        done = subprocess.run([PROGRAMS / "candela", "submit", SCENE, "--master", self.listen, "--size", "320x256", *arguments],
+                              capture_output=True, text=True, check=False)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        return done.stdout.strip()
+
+    def ask(self, method, path, body=None, **fields):
+        """Status, fields and text of one request."""
+        connection = http.client.HTTPConnection(self.http, timeout=60)
+        connection.request(method, path, body, {k.replace("_", "-"): v for k, v in fields.items()})
+        answer = connection.getresponse()
+        text = answer.read()
+        connection.close()
+        return answer.status, dict(answer.getheaders()), text
+
+    def status(self, job):
+        code, _, text = self.ask("GET", f"/api/jobs/{job}")
+        self.assertEqual(code, 200, text)
+        return json.loads(text)
+
+    def cancel(self, *jobs):
+        for job in jobs:
+            self.ask("POST", f"/api/jobs/{job}/cancel", Authorization="Bearer " + TOKEN)
+
+    def silent(self, tab):
+        self.assertEqual(tab.errors(), [])
+
+    def shot(self, tab, name):
+        if SHOTS:
+            tab.screenshot(Path(SHOTS) / f"{name}.png")
+
+    # What is on the canvas, as a number that changes with it; 0 while it is empty.
+    PICTURE = """(() => { const c = document.querySelector('.stage canvas'); if (!c || !c.width) return 0;
+      const k = document.createElement('canvas'); k.width = c.width; k.height = c.height;
+      const g = k.getContext('2d', {willReadFrequently: true}); g.drawImage(c, 0, 0);
+      const d = g.getImageData(0, 0, c.width, c.height).data; let h = 0, lit = 0;
+      for (let i = 0; i < d.length; i += 4) { h = (h * 31 + d[i] + 3 * d[i + 1] + 7 * d[i + 2]) >>> 0; lit += d[i] > 8; }
+      return lit > 100 ? h : 0; })()"""
+
+    def test_numbers_and_picture_move_during_a_render(self):
+        job = self.submit("--until", "relmse=1e-9", "--name", NAME)
+        tab = self.browser.open(f"{self.url}/jobs/{job}")
+        first = tab.wait(self.PICTURE)
+        figure = "[...document.querySelectorAll('.figures div')].find(d => d.firstChild.textContent === 'Iterations').lastChild.textContent"
+        iterations = tab.run(figure)
+        tab.wait(f"{self.PICTURE} !== {first}")
+        tab.wait(f"{figure} !== {json.dumps(iterations)}")
+        # The plot with its limit, slope and the time left; the share of the worker; events; the plan.
+        tab.wait("document.querySelector('.plot svg .limit') && document.querySelector('.plot svg .expected')")
+        tab.wait("/slope .*expected; the limit/.test(document.querySelector('.plot svg').getAttribute('aria-label'))")
+        tab.wait("document.querySelector('.shares') && document.querySelector('.events li')")
+        self.assertIn("integrator: path", tab.wait("document.querySelector('pre').textContent"))
+        # Foreign names are text.
+        self.assertEqual(tab.run("document.querySelector('h1').textContent"), NAME)
+        self.assertIn(NAME, tab.run("document.querySelector('.shares a').textContent"))
+        self.assertEqual(tab.run("document.querySelectorAll('img').length"), 0)
+        self.assertNotEqual(tab.run("document.title"), "stolen")
+        # Exposure, zoom and the value of a pixel, by keys.
+        shown = tab.run(self.PICTURE)
+        tab.run("document.querySelector('.stage canvas').focus()")
+        for key in ("]", "]", "+", "ArrowRight"):
+            tab.call("Input.dispatchKeyEvent", {"type": "keyDown", "key": key, "text": key if len(key) == 1 else ""})
+            tab.call("Input.dispatchKeyEvent", {"type": "keyUp", "key": key})
+        tab.wait(f"{self.PICTURE} !== {shown} && document.querySelector('.tools label + input + output').textContent === '+1.0 EV'")
+        readout = tab.wait("document.querySelector('.readout').textContent")
+        self.assertRegex(readout, r"\(161, 128\)  \S+  \S+  \S+")
+        self.shot(tab, "job")
+        # The error map.
+        tab.run("(() => { const s = document.querySelector('select'); s.value = 'error'; s.dispatchEvent(new Event('change')); })()")
+        tab.wait("document.querySelector('.legend') && " + self.PICTURE)
+        self.silent(tab)
+        self.assertEqual([u for u in tab.requests() if not u.startswith(self.url)], [], "requests to others")
+        tab.close()
+        self.cancel(job)
+
+    def test_every_page_fits_and_is_named(self):
+        job = self.submit("--until", "relmse=1e-9")
+        worker = json.loads(self.ask("GET", "/api/workers")[2])["workers"][0]["id"]
+        tab = self.browser.open(self.url + "/")
+        for path, there in (("/", "document.querySelector('tbody tr')"), ("/workers", "document.querySelector('tbody tr')"),
+                            (f"/jobs/{job}", self.PICTURE), (f"/workers/{worker}", "document.querySelector('.events li')")):
+            tab.go(self.url + path)
+            tab.wait(there)
+            for width, height, scheme in ((320, 640, "light"), (1280, 900, "dark"), (3840, 2160, "dark")):
+                tab.resize(width, height, scheme)
+                tab.wait(f"innerWidth === {width}")
+                self.assertLessEqual(tab.run("document.documentElement.scrollWidth"), width, f"{path} at {width}")
+            tab.resize(1280, 900)
+            # Every control has a name for screen readers.
+            self.assertEqual(tab.run("""[...document.querySelectorAll('button, input, select, a, canvas[role]')].filter(e =>
+              !(e.textContent.trim() || e.getAttribute('aria-label') || document.querySelector(`label[for="${e.id}"]`)))
+              .map(e => e.outerHTML).join()"""), "")
+        tab.go(self.url + "/jobs/none")
+        self.assertIn("no such job", tab.wait("document.querySelector('h1') && document.body.innerText"))
+        tab.close()
+        self.cancel(job)
+
+    def test_controls_need_the_token(self):
+        job = self.submit("--until", "relmse=1e-9")
+        path = f"/api/jobs/{job}/pause"
+        self.assertEqual(self.ask("POST", path)[0], 401)
+        self.assertEqual(self.ask("POST", path, Authorization="Basic eDp5")[0], 401)
+        self.assertEqual(self.ask("POST", path, Authorization="Bearer wrong")[0], 403)
+        self.assertEqual(self.ask("POST", path, Authorization="Bearer " + TOKEN, Sec_Fetch_Site="cross-site")[0], 403)
+        self.assertEqual(self.ask("GET", path)[0], 404)
+        self.assertEqual(self.status(job)["state"] in ("queued", "running"), True)
+        tab = self.browser.open(f"{self.url}/jobs/{job}")
+        button = "[...document.querySelectorAll('button')].find(b => b.textContent === '%s')"
+        tab.wait(button % "Pause")
+        self.assertEqual(tab.run((button % "Pause") + ".offsetParent"), None, "shown without a token")
+
+        def fill(field, value, go="document.querySelector('#dialog-go').click()"):
+            tab.run(f"document.querySelector('#field-{field}').value = {json.dumps(value)}")
+            tab.run(go)
+        tab.run("document.querySelector('#unlock').click()")
+        fill("token", "wrong-wrong-wrong")
+        tab.wait("/not the token/.test(document.querySelector('.trouble').textContent)")
+        self.assertTrue(all("403" in e for e in tab.errors()), tab.errors())
+        tab.forget_errors()
+        fill("token", TOKEN)
+        tab.wait("!document.querySelector('dialog').open")
+        tab.run((button % "Pause") + ".click()")
+        tab.wait("document.querySelector('.jobhead .badge').textContent === 'paused'")
+        tab.run((button % "Resume") + ".click()")
+        tab.wait("document.querySelector('.jobhead .badge').textContent === 'running'")
+        tab.run((button % "Priority…") + ".click()")
+        fill("priority", "7")
+        self.assertTrue(eventually(lambda: self.status(job)["priority"] == 7))
+        tab.run((button % "Extend…") + ".click()")
+        fill("iterations", "12345")
+        self.assertTrue(eventually(lambda: self.status(job)["stop_iterations"] > 12345))
+        tab.run((button % "Cancel…") + ".click()")
+        tab.run("document.querySelector('#dialog-go').click()")
+        tab.wait("document.querySelector('.jobhead .badge').textContent === 'cancelled'")
+        self.silent(tab)
+        tab.close()
+
+    def test_bad_requests_are_answered(self):
+        job = self.submit("--iterations", "1")
+        ok = {"Authorization": "Bearer " + TOKEN}
+        for method, path, code in (("GET", "/nothing", 404), ("GET", "/api/nothing", 404), ("GET", "/api/jobs/none", 404),
+                                   ("GET", "/%zz", 400), ("GET", "/../../etc/passwd", 404), ("GET", "/api/jobs?offset=x", 400),
+                                   ("GET", f"/api/jobs/{job}/tile?level=1", 400), ("PUT", "/api/jobs", 405),
+                                   ("POST", "/", 405), ("POST", f"/api/jobs/{job}/nothing", 404),
+                                   ("POST", f"/api/jobs/{job}/priority", 400), ("POST", f"/api/jobs/{job}/extend", 400),
+                                   ("POST", "/api/workers/none/drain", 404), ("GET", "/api/stream?job=none", 404)):
+            got, fields, text = self.ask(method, path, **ok)
+            self.assertEqual(got, code, f"{method} {path}: {text}")
+            self.assertEqual(text.count(b"\n"), 1, text)
+            self.assertEqual(fields["X-Content-Type-Options"], "nosniff")
+        self.assertEqual(self.ask("POST", f"/api/jobs/{job}/extend", "iterations=-1", **ok)[0], 400)
+        self.assertEqual(self.ask("POST", f"/api/jobs/{job}/extend", "x" * 5000, **ok)[0], 413)
+        self.assertEqual(self.ask("GET", "/", Host="evil.example")[0], 421)
+        policy = self.ask("GET", "/")[1]["Content-Security-Policy"]
+        self.assertIn("default-src 'none'", policy)
+        self.assertNotIn("unsafe", policy)
+        self.assertTrue(eventually(lambda: self.status(job)["state"] == "done"))
+
+    def test_render_serves_its_page_until_it_is_told_to_end(self):
+        said = self.folder / "render.log"
+        with open(said, "wb") as log:
+            render = subprocess.Popen([PROGRAMS / "candela", "render", SCENE, "-o", self.folder / "out.exr", "--size", "64x64",
+                                       "--iterations", "8", "--threads", "1", "--page", "127.0.0.1:0", "--page-stay"],
+                                      stdout=log, stderr=log)
+        self.children.append(render)
+        address = eventually(lambda: re.search(r"the page is at (http://\S+)\n", said.read_text()))
+        self.assertTrue(address, said.read_text())
+        self.assertTrue(eventually(lambda: "the page stays until Ctrl-C" in said.read_text()), said.read_text())
+        self.assertTrue((self.folder / "out.exr").exists())
+        tab = self.browser.open(address.group(1))
+        tab.wait("document.querySelector('.jobhead .badge').textContent === 'done'")
+        tab.wait(self.PICTURE)
+        self.assertEqual(tab.run("document.querySelector('#unlock').hidden"), True)
+        self.silent(tab)
+        tab.close()
+        render.send_signal(signal.SIGINT)
+        self.assertEqual(render.wait(60), 0, said.read_text())
+
+    def test_z_survives_500_jobs_and_a_restart_of_the_master(self):
+        subprocess.run([PROGRAMS / "candela", "drain", self.worker_id(), "--master", self.listen, "--wait"], check=True,
+                       capture_output=True)
+        self.submit_many(500)
+        tab = self.browser.open(self.url + "/")
+        tab.wait("document.querySelectorAll('tbody tr').length >= 500")
+        self.assertLess(tab.run("""(async () => { const t = performance.now(); document.querySelector('input[type=search]').value = 'many-499';
+          document.querySelector('input[type=search]').dispatchEvent(new Event('input'));
+          await new Promise(requestAnimationFrame); return performance.now() - t; })()"""), 2000)
+        self.assertEqual(tab.run("[...document.querySelectorAll('tbody tr')].filter(r => !r.hidden).length"), 1)
+        self.silent(tab)
+        self.master.send_signal(signal.SIGTERM)
+        self.master.wait(60)
+        tab.wait("/lost/.test(document.querySelector('#live').textContent)")
+        self.start_master()
+        tab.wait("document.querySelector('#live').textContent === 'Live'")
+        job = self.submit("--iterations", "1", "--name", "after-restart")
+        tab.wait("/after-restart/.test(document.querySelector('tbody').textContent)")
+        # While the master is away there is nobody to connect to, and nothing else went wrong.
+        self.assertTrue(all("ERR_CONNECTION" in e or "ERR_INCOMPLETE" in e or "ERR_EMPTY" in e for e in tab.errors()), tab.errors())
+        tab.close()
+        self.cancel(job)
+
+    def worker_id(self):
+        return next(w["id"] for w in json.loads(self.ask("GET", "/api/workers")[2])["workers"] if w["state"] != "lost")
+
+    def submit_many(self, count):
+        """By the wire itself: a process for each of 500 jobs takes minutes."""
+        protoc = shutil.which("protoc")
+        try:
+            grpc = importlib.import_module("grpc")
+        except ImportError:
+            grpc = None
+        if not protoc or grpc is None:
+            self.skipTest("submitting 500 jobs needs protoc and python3-grpcio")
+        made = self.folder / "proto"
+        made.mkdir()
+        subprocess.run([protoc, "-I", SOURCE / "proto", f"--python_out={made}", *map(str, (SOURCE / "proto").rglob("*.proto"))], check=True)
+        sys.path.insert(0, str(made))
+        client = importlib.import_module("candela.v1.client_pb2")
+        with grpc.insecure_channel(self.listen) as channel:
+            def call(name, request, answer):
+                return channel.unary_unary(f"/candela.v1.FarmService/{name}", request_serializer=type(request).SerializeToString,
+                                           response_deserializer=answer.FromString)(request, timeout=60)
+            first = self.submit("--iterations", "1")
+            settings = call("GetJob", client.GetJobRequest(job_id=first), importlib.import_module("candela.v1.job_pb2").JobStatus)
+            scene = SCENE.read_bytes()
+            for i in range(count):
+                request = client.SubmitRequest(name=f"many-{i}", settings=settings.settings, stop=settings.stop)
+                request.bundle.main_path = "scene.xml"
+                request.bundle.files.add(path="scene.xml", sha256=hashlib.sha256(scene).hexdigest(), size_bytes=len(scene))
+                call("Submit", request, client.SubmitResponse)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

@@ -1,0 +1,90 @@
+// What the page shows: the record of convergence, pictures in tiles, and the priority it can change.
+#include <cmath>
+#include <fstream>
+
+#include "master/http/pictures.h"
+#include "master/jobs/convergence.h"
+#include "tests/temporary_folder.h"
+#include "tests/unit/scheduler_fixture.h"
+
+namespace candela::master {
+namespace {
+
+// Claim: what was appended is read in order; a line that a crash cut is passed over, and iterations that were
+// lost and rendered again count once, by their newer estimates.
+TEST(ConvergenceFile, CutLinesAndLostIterationsArePassedOver) {
+  const test::TemporaryFolder folder;
+  const std::filesystem::path job = folder.path() / "j1";
+  EXPECT_TRUE(read_convergence(job).empty());
+  append_convergence(job, {2, 1, 0.5});
+  append_convergence(job, {4, 2, std::nan("")});
+  append_convergence(job, {8, 3, 0.125});
+  append_convergence(job, {16, 4, 0.06});
+  append_convergence(job, {8, 9, 0.25});
+  std::ofstream(job / "convergence.txt", std::ios::app) << "nonsense\n32 10 0.0";
+  const std::vector<ConvergencePoint> points = read_convergence(job);
+  ASSERT_EQ(points.size(), 2U);
+  EXPECT_EQ(points[0].iterations, 2U);
+  EXPECT_EQ(points[1].iterations, 8U);
+  EXPECT_EQ(points[1].elapsed_seconds, 9);
+  EXPECT_EQ(points[1].relmse, 0.25);
+}
+
+// Claim: a tile gives values back within 1/256 of the pixel's largest, over 60 orders of magnitude; what is
+// not positive is 0; tiles at the edge are cut; a tile that is not there has no bytes; equal ones are named
+// alike.
+TEST(PageTiles, AreNearTheFloats) {
+  constexpr std::uint32_t kWidth = 300, kHeight = 7;
+  std::vector<float> rgb;
+  for (std::uint32_t i = 0; i < kWidth * kHeight; ++i) {
+    const float v = std::pow(10.0F, static_cast<float>(i % 61) - 30);
+    rgb.insert(rgb.end(), {v, -v, 0.3F * v});
+  }
+  Picture picture(kWidth, kHeight, rgb, 1);
+  ASSERT_EQ(picture.levels().size(), 2U);
+  EXPECT_EQ(picture.levels()[1].width, 150U);
+  EXPECT_EQ(picture.levels()[1].height, 4U);
+  const Picture::Tile tile = picture.tile(0, 1, 0);
+  ASSERT_TRUE(tile.bytes);
+  ASSERT_EQ(tile.bytes->size(), 4U * (kWidth - kPageTile) * kHeight);
+  for (std::size_t i = 0; i < tile.bytes->size() / 4; ++i) {
+    const auto byte = [&](std::size_t c) { return static_cast<unsigned char>((*tile.bytes)[4 * i + c]); };
+    const std::size_t x = kPageTile + i % (kWidth - kPageTile), y = i / (kWidth - kPageTile);
+    const double largest = rgb[3 * (y * kWidth + x)];
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double wanted = std::max(0.0, double{rgb[3 * (y * kWidth + x) + c]});
+      EXPECT_NEAR(std::ldexp(byte(c), byte(3) - 136), wanted, largest / 128) << x << ' ' << y << ' ' << c;
+    }
+  }
+  EXPECT_FALSE(picture.tile(0, 2, 0).bytes);
+  EXPECT_FALSE(picture.tile(2, 0, 0).bytes);
+  EXPECT_EQ(Picture(kWidth, kHeight, rgb, 2).tile(0, 1, 0).etag, tile.etag);
+  rgb[3 * kPageTile] *= 2;
+  EXPECT_NE(Picture(kWidth, kHeight, rgb, 2).tile(0, 1, 0).etag, tile.etag);
+}
+
+// Claim: a job whose priority is raised gets the next lease, and the store and an event are told; a job that
+// has ended and a priority beyond the limits of a submission are refused, and nothing changes.
+TEST_F(SchedulerFixture, RaisedPriorityGetsTheNextLease) {
+  worker("w");
+  s->submit(row("a", 100), now());
+  s->submit(row("b", 100), now());
+  ASSERT_TRUE(s->set_priority("b", 3, now()).ok());
+  s->take_changes();
+  EXPECT_EQ(lease("w")->row.job_id, "b");
+  ASSERT_TRUE(s->set_priority("a", 4, now()).ok());
+  bool stored = false, told = false;
+  for (const Change& change : s->take_changes()) {
+    if (const auto* job = std::get_if<PutJob>(&change)) stored = stored || job->row.priority == 4;
+    if (const auto* event = std::get_if<AddEvent>(&change)) told = told || event->row.kind == "priority";
+  }
+  EXPECT_TRUE(stored && told);
+  EXPECT_EQ(lease("w")->row.job_id, "a");
+  EXPECT_FALSE(s->set_priority("a", 1000001, now()).ok());
+  EXPECT_EQ(s->job("a")->row.priority, 4);
+  ASSERT_TRUE(s->cancel("a", now()).ok());
+  EXPECT_FALSE(s->set_priority("a", 5, now()).ok());
+}
+
+}  // namespace
+}  // namespace candela::master
