@@ -7,12 +7,18 @@ fail() {
   exit 1
 }
 
+installed() { [[ $(dpkg-query -W -f='${db:Status-Status}' "$1" 2>/dev/null) == installed ]]; }
+
 # Installs those packages of the given lists that are missing. Asks nobody and, where all are there, needs no network.
+# "a|b": either will do, and a is installed where there is neither.
 install_packages() {
-  local missing=() package
+  local missing=() package alternative
   while read -r package; do
     [[ -z $package || $package == \#* ]] && continue
-    [[ $(dpkg-query -W -f='${db:Status-Status}' "$package" 2>/dev/null) == installed ]] || missing+=("$package")
+    for alternative in ${package//|/ }; do
+      installed "$alternative" && continue 2
+    done
+    missing+=("${package%%|*}")
   done < <(cat "$@")
   if ((${#missing[@]} == 0)); then
     say "all Debian packages are there"

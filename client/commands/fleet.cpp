@@ -10,6 +10,7 @@
 #include "client/json.h"
 #include "client/signals.h"
 #include "client/values.h"
+#include "client/worker_choice.h"
 
 namespace candela::client {
 namespace {
@@ -60,7 +61,9 @@ bool is_drained(const v1::WorkerStatus& w) {
 
 Result<int> run_drain(Context& context, const FleetOptions& options) {
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
-  CANDELA_ASSIGN(v1::WorkerStatus status, farm->drain_worker(options.id));
+  CANDELA_ASSIGN(const v1::ListWorkersResponse present, farm->list_workers());
+  CANDELA_ASSIGN(const std::string id, choose_worker(present, options.id));
+  CANDELA_ASSIGN(v1::WorkerStatus status, farm->drain_worker(id));
   if (options.wait) {
     const StopSignals signals;
     while (!is_drained(status)) {
@@ -103,7 +106,9 @@ void add_workers(CLI::App& app, Context& context) {
 void add_drain(CLI::App& app, Context& context) {
   auto options = std::make_shared<FleetOptions>();
   CLI::App* sub = app.add_subcommand("drain", "Give a worker no new work, so that it can leave");
-  sub->add_option("worker", options->id, "The worker's id")->required()->type_name("WORKER");
+  sub->add_option("worker", options->id, "The worker's id, or a name that no other worker has")
+      ->required()
+      ->type_name("WORKER");
   sub->add_flag("--wait", options->wait, "Return when its last unit is delivered");
   add_farm_options(*sub, options->farm);
   sub->add_flag("--json", options->json, "Print JSON");

@@ -139,7 +139,7 @@ TEST_F(Steering, Drain) {
   Process& leaving = farm_.start_worker("leaving");
   id_ = farm_.submit(iterations);
   farm_.wait_for_iterations(id_, 1);
-  tell({"drain", farm_.worker("leaving").id(), "--wait"});
+  tell({"drain", "leaving", "--wait"});  // by its name, as a pod does before it stops
   EXPECT_EQ(leaving.wait(20).value_or(-1), 0);
   farm_.start_worker("staying");
   farm_.wait_for(id_, v1::JOB_STATE_DONE);

@@ -1,0 +1,35 @@
+"""systemd accepts the units of deploy/systemd."""
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from manifests import PROGRAMS, SOURCE, skip
+
+if not shutil.which("systemd-analyze"):
+    skip("deploy_units", "there is no systemd-analyze (Debian: systemd)")
+
+# Claim: no unknown directive, no bad value, and the programs are found where the units look for them.
+with tempfile.TemporaryDirectory(prefix="candela-units-") as scratch:
+    units = []
+    for unit in sorted((SOURCE / "deploy/systemd").glob("*.service")):
+        # The programs of this build in the place of installed ones.
+        path = Path(scratch) / unit.name
+        path.write_text(unit.read_text().replace("/usr/local/bin", str(PROGRAMS)))
+        units.append(path)
+    assert len(units) == 2, units
+    done = subprocess.run(["systemd-analyze", "verify", "--man=no", *units], capture_output=True, text=True, check=False)
+    said = [line for line in (done.stdout + done.stderr).splitlines() if "candela" in line]
+    broken = Path(scratch) / "candela-broken.service"
+    broken.write_text(units[0].read_text().replace("ProtectHome=yes", "ProtectHome=perhaps\nStopAfter=3"))
+    told = subprocess.run(["systemd-analyze", "verify", "--man=no", broken], capture_output=True, text=True, check=False)
+
+if "ProtectHome" not in told.stderr and "StopAfter" not in told.stderr:
+    skip("deploy_units", f"systemd-analyze verifies nothing here: {told.stderr.strip()[:200]}")
+if done.returncode != 0 or said:
+    print("\n".join(said) or done.stderr)
+    sys.exit(1)
+print("systemd accepts", ", ".join(path.name for path in units))
