@@ -35,6 +35,10 @@ struct SectorSums {
 // 0 <= square_shift <= 20, critical < 2^60.
 bool f_exceeds(const SectorSums& sums, std::uint64_t critical);
 
+// (sum_s S_s)^2 <= number Q: the sums come from as few contributions, counted as equal ones. True if Q is not
+// above 0. Reduces sums as f_exceeds() does. Preconditions: of f_exceeds(); number < 2^32.
+bool few_contributions(const SectorSums& sums, std::uint64_t number);
+
 // F in double, 0 if Q is not above 0: for reports and as the reference of f_exceeds().
 double f_statistic(const SectorSums& sums);
 

@@ -71,13 +71,42 @@ Levels levels_above(double factor, double min_radius, double alpha) {
   return levels;
 }
 
+std::vector<std::uint64_t> levels_beside(double factor, double alpha, double to_alpha, int max_level) {
+  std::vector<std::uint64_t> iterations;
+  if (!(to_alpha < alpha)) return iterations;
+  const double power = 2 / (to_alpha - alpha);
+  for (int g = 1; g <= max_level; ++g) {
+    const double first = std::pow(factor, (g - 0.5) * power);
+    if (!(first <= static_cast<double>(Limits::max_iterations))) break;
+    iterations.push_back(static_cast<std::uint64_t>(std::ceil(first)));
+  }
+  return iterations;
+}
+
 void put_levels(const Levels& levels, SettingsMap& constants) {
   constants["factor"] = constant_text(levels.factor);
   constants["max_level"] = std::to_string(levels.max_level);
-  if (levels.floors.empty()) return;
-  std::vector<std::string> floors;
-  for (const std::uint64_t floor : levels.floors) floors.push_back(std::to_string(floor));
-  constants["floors"] = joined(floors, ",");
+  if (!levels.floors.empty()) constants["floors"] = iterations_text(levels.floors);
+}
+
+std::string iterations_text(const std::vector<std::uint64_t>& iterations) {
+  std::vector<std::string> words;
+  for (const std::uint64_t iteration : iterations) words.push_back(std::to_string(iteration));
+  return joined(words, ",");
+}
+
+Result<std::vector<std::uint64_t>> get_iterations(const SettingsMap& constants, std::string_view name) {
+  std::vector<std::uint64_t> iterations;
+  const auto found = constants.find(std::string(name));
+  if (found == constants.end()) return iterations;
+  for (std::string_view rest = found->second; !rest.empty();) {
+    const std::size_t end = std::min(rest.find(','), rest.size());
+    std::uint64_t iteration = 0;
+    if (!read_number(rest.substr(0, end), iteration)) return constant_error(name, "is no list of integers");
+    iterations.push_back(iteration);
+    rest.remove_prefix(std::min(end + 1, rest.size()));
+  }
+  return iterations;
 }
 
 Result<Levels> get_levels(const SettingsMap& constants) {
@@ -87,15 +116,8 @@ Result<Levels> get_levels(const SettingsMap& constants) {
   CANDELA_ASSIGN(const std::uint64_t max_level, get_integer(constants, "max_level"));
   if (max_level > kMaxLevel) return constant_error("max_level", fmt::format("is above {}", kMaxLevel));
   levels.max_level = static_cast<int>(max_level);
-  const auto found = constants.find("floors");
-  if (found == constants.end()) return levels;
-  for (std::string_view rest = found->second; !rest.empty();) {
-    const std::size_t end = std::min(rest.find(','), rest.size());
-    std::uint64_t floor = 0;
-    if (!read_number(rest.substr(0, end), floor)) return constant_error("floors", "is no list of integers");
-    levels.floors.push_back(floor);
-    rest.remove_prefix(std::min(end + 1, rest.size()));
-  }
+  if (!constants.contains("floors")) return levels;
+  CANDELA_ASSIGN(levels.floors, get_iterations(constants, "floors"));
   if (levels.floors.size() != max_level || !std::is_sorted(levels.floors.begin(), levels.floors.end()))
     return constant_error("floors", "is not one iteration for each level from 1 on, in increasing order");
   return levels;

@@ -33,6 +33,16 @@ struct Levels {
 // Preconditions: 0 < factor < 1, 0 < min_radius < 1, 0 < alpha < 1.
 Levels levels_above(double factor, double min_radius, double alpha);
 
+// The iteration from which on factor^g is nearest to i^((to_alpha - alpha) / 2), for g = 1 and on: the levels
+// by which radii that shrink with alpha stay beside radii that shrink with to_alpha. At most max_level, and
+// none unless to_alpha < alpha. Preconditions: 0 < factor < 1, 0 < to_alpha < 1.
+std::vector<std::uint64_t> levels_beside(double factor, double alpha, double to_alpha, int max_level);
+
+// Iterations that do not decrease, as text. Reading fails (input) with the constant's name as field; it gives
+// an empty list if the constant is absent.
+std::string iterations_text(const std::vector<std::uint64_t>& iterations);
+Result<std::vector<std::uint64_t>> get_iterations(const SettingsMap& constants, std::string_view name);
+
 // Writes `factor`, `max_level` and, unless empty, `floors`.
 void put_levels(const Levels& levels, SettingsMap& constants);
 // Fails (input) with the constant's name as field.

@@ -476,6 +476,36 @@ TEST(PlugIn, StencilHasItsEnergy) {
   EXPECT_NEAR(energy * 16 / (double{kGrid} * kGrid) / (kPi * kPi), 2.84615, 1e-3);
 }
 
+// Claim: a level begins where the schedules' ratio is half a level before it, up to the most iterations of a
+// job; there is none where the other schedule shrinks no faster.
+TEST(Levels, LieBesideAnotherAlpha) {
+  const auto beside = levels_beside(0.7, 0.9, 0.75, 10);
+  ASSERT_EQ(beside.size(), 6U);
+  for (std::size_t g = 0; g < beside.size(); ++g) {
+    const double share = std::pow(static_cast<double>(beside[g]), -0.075);
+    EXPECT_NEAR(std::log(share) / std::log(0.7), static_cast<double>(g) + 0.5, 0.03);
+  }
+  EXPECT_EQ(levels_beside(0.7, 0.9, 0.75, 2).size(), 2U);
+  EXPECT_TRUE(levels_beside(0.7, 0.75, 0.75, 10).empty());
+  EXPECT_EQ(iterations_text({11, 116}), "11,116");
+}
+
+// Claim: contributions are counted as equal ones, at every size of the sums; sums without squares are few.
+TEST(FTest, CountsContributions) {
+  for (const int bits : {0, 15, 30}) {
+    const Int128 unit = Int128{4096} << bits, square = (unit / 16) * (unit / 16);
+    std::array<Int128, kSectorChannels> sums{};
+    sums[3] = 40 * unit;
+    sums[8] = 20 * unit;
+    EXPECT_TRUE(few_contributions({sums, 60 * square}, 60)) << bits;
+    EXPECT_FALSE(few_contributions({sums, 60 * square}, 59)) << bits;
+    // One contribution that is much larger.
+    sums[0] = 10000 * unit;
+    EXPECT_TRUE(few_contributions({sums, 100000000 * square}, 2)) << bits;
+    EXPECT_TRUE(few_contributions({sums, 0}, 2)) << bits;
+  }
+}
+
 // Claim: floors are the first iterations at which the paper's least radius allows a level; levels survive
 // their text, and a wrong constant is named.
 TEST(Levels, HaveFloors) {

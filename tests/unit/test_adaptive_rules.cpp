@@ -107,6 +107,35 @@ TEST(FppmRule, ShrinksUnevenPixels) {
   EXPECT_EQ(job.carry().memo, std::string("\1\1\1\1\1", 5) + std::string(10, '\0'));
 }
 
+// Claim: with `follow`, pixels of few photons and of none take the levels of the schedule at its iterations
+// and no further, one level a decision; a pixel of enough even photons keeps its radius; what the schedule
+// takes is no rejection.
+TEST(FppmRule, FollowsAScheduleWithoutEvidence) {
+  test::ToyPlan plan = test::fppm_plan(short_epochs("fppm", 0), 0.01, 0.7, "sectors");
+  plan.epochs.constants["follow"] = "16,24,10000";
+  plan.epochs.constants["evidence"] = "60";
+  Job job{std::move(plan)};
+  const std::vector<int> even(12, 6);  // 72 photons
+  int epochs = 0;
+  const auto epoch = [&] {
+    job.photons(0, even);
+    if (++epochs <= 3) job.photons(1, {1, 0, 1, 0, 1});
+    job.photons(3, kUneven);
+    job.next();
+  };
+  epoch();  // before iteration 16 the test alone decides
+  EXPECT_EQ(job.state(), std::string("\0\0\0\1", 4) + std::string(11, '\0'));
+  epoch();
+  EXPECT_EQ(job.state(), std::string("\0\1\1\2", 4) + std::string(11, '\1'));
+  epoch();
+  EXPECT_EQ(job.state(), std::string("\0\2\2\3", 4) + std::string(11, '\2'));
+  for (int i = 0; i < 3; ++i) epoch();
+  EXPECT_EQ(job.level(0), 0);
+  EXPECT_EQ(job.level(1), 2);
+  EXPECT_EQ(job.level(2), 2);
+  EXPECT_EQ(job.carry().memo.substr(kPixels), std::string("\0\0\0\6", 4) + std::string(11, '\0'));
+}
+
 // Claim: sums are carried from epoch to epoch until a rejection, which zeroes them: of its pixel alone.
 TEST(FppmRule, CarriesSumsUntilARejection) {
   Job job = fppm(0);

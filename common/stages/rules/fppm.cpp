@@ -2,6 +2,8 @@
 //
 // Sums count for a pixel only if they were made with its present radius: sums of the epochs that were open
 // when it shrank are dropped. After a rejection the pixel begins anew.
+//
+// With `follow` a pixel without evidence takes the levels of a schedule, one a look.
 #include <array>
 
 #include "common/adaptive/f_test.h"
@@ -16,7 +18,25 @@ const std::vector<std::string>& accumulators() {
   return names;
 }
 
-constexpr std::uint64_t kMemoPlanes = 1;
+// Looks, and with `follow`, where a level may be no rejection, rejections.
+std::size_t memo_planes(const SettingsMap& constants) {
+  return constants.contains("follow") ? 2 : 1;
+}
+
+// Levels of pixels whose test has no evidence.
+struct Follow {
+  std::uint64_t evidence = 0;
+  int level = 0;  // that such a pixel has at least
+};
+Result<Follow> follow_at(const SettingsMap& constants, std::uint64_t iteration) {
+  Follow follow;
+  CANDELA_ASSIGN(const std::vector<std::uint64_t> iterations, adaptive::get_iterations(constants, "follow"));
+  if (iterations.empty()) return follow;
+  CANDELA_ASSIGN(follow.evidence, adaptive::get_integer(constants, "evidence"));
+  follow.level = static_cast<int>(std::upper_bound(iterations.begin(), iterations.end(), iteration) -
+                                  iterations.begin());
+  return follow;
+}
 
 }  // namespace
 
@@ -26,7 +46,7 @@ std::uint64_t fppm_memo_bytes(const EpochPlan& plan) {
     return found != plan.constants.end() && found->second == word;
   };
   const bool nested = is("test", "nested");
-  return nested || is("rings", "1") ? fppm_rings_memo_bytes(nested) : kMemoPlanes;
+  return nested || is("rings", "1") ? fppm_rings_memo_bytes(nested) : memo_planes(plan.constants);
 }
 
 Result<std::string> decide_fppm(const DecisionInput& input, Carry& carry) {
@@ -35,7 +55,7 @@ Result<std::string> decide_fppm(const DecisionInput& input, Carry& carry) {
                  adaptive::get_word(constants, "test", {"sectors", "antipodal", "nested"}, "sectors"));
   CANDELA_ASSIGN(const std::string rings, adaptive::get_word(constants, "rings", {"0", "1"}, "0"));
   if (rings == "1" || test == "nested") return decide_fppm_rings(input, carry, test, rings == "1");
-  CANDELA_TRY(check_input(input, carry, accumulators(), kMemoPlanes));
+  CANDELA_TRY(check_input(input, carry, accumulators(), memo_planes(constants)));
   CANDELA_ASSIGN(const adaptive::Levels levels, adaptive::get_levels(constants));
   CANDELA_ASSIGN(const std::uint64_t critical, adaptive::get_integer(constants, "critical"));
   if (input.epoch == 0) return std::string(pixels_of(input), '\0');
@@ -48,6 +68,8 @@ Result<std::string> decide_fppm(const DecisionInput& input, Carry& carry) {
   if (sectors.spec().channels != adaptive::kSectorChannels || square_shift < 0 || square_shift > 20)
     return failed_error("the accumulators of the F test have another form");
   const int deepest = levels.deepest(first_iteration(input.plan, input.epoch));
+  CANDELA_ASSIGN(const Follow follow, follow_at(constants, first_iteration(input.plan, input.epoch)));
+  const bool counts_rejections = memo_planes(constants) > 1;
   std::array<Int128, adaptive::kSectorChannels> sums{}, added{};
   Int128 square = 0, added_square = 0;
   std::size_t pixel = 0;
@@ -57,13 +79,15 @@ Result<std::string> decide_fppm(const DecisionInput& input, Carry& carry) {
       input.folded->sums[0]->get_pixel(x, y, added);
       input.folded->sums[1]->get_pixel(x, y, {&added_square, 1});
       const bool none = std::all_of(added.begin(), added.end(), [](Int128 sum) { return sum == 0; });
-      if (none && added_square == 0) continue;  // no photons: nothing new to test
+      const int level = level_at(state, pixel);
+      const bool behind = level < std::min(follow.level, deepest);
+      if (none && added_square == 0 && !behind) continue;  // no photons: nothing new to test
       sectors.get_pixel(x, y, sums);
       squares.get_pixel(x, y, {&square, 1});
       for (std::size_t s = 0; s < sums.size(); ++s) sums[s] += added[s];
       square += added_square;
       // A pixel at its floor collects sums for the time when the floor falls.
-      if (level_at(state, pixel) < deepest) {
+      if (level < deepest) {
         count_up(carry.memo[pixel]);
         bool rejects = false;
         if (test == "antipodal") {
@@ -72,7 +96,9 @@ Result<std::string> decide_fppm(const DecisionInput& input, Carry& carry) {
         } else {
           rejects = adaptive::f_exceeds({sums, square, square_shift}, critical);
         }
-        if (rejects) {
+        if (rejects && counts_rejections) count_up(carry.memo[state.size() + pixel]);
+        if (rejects ||
+            (behind && adaptive::few_contributions({sums, square, square_shift}, follow.evidence))) {
           ++state[pixel];
           sums.fill(0);
           square = 0;
@@ -89,7 +115,7 @@ Result<StateReport> describe_fppm(const EpochPlan& plan, std::uint64_t /*epoch*/
                                   bool with_layers) {
   const std::string_view memo = carry.memo;
   if (memo.size() < state.size()) return failed_error("the state is of another film than its memo");
-  // Without rings every rejection is one level, and the memo has no plane of them.
+  // Without rings and `follow` every rejection is one level, and the memo has no plane of them.
   const std::string_view rejections =
       memo.size() > state.size() ? memo.substr(state.size(), state.size()) : state;
   return describe_levels(plan, state,

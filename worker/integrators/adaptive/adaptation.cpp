@@ -64,6 +64,15 @@ Adaptation f_test(const EpochSettings& epochs, const FTestSettings& test) {
   return adaptation;
 }
 
+void follow(Adaptation& adaptation, double alpha, double to_alpha, std::uint64_t evidence) {
+  const std::vector<std::uint64_t> iterations =
+      rules::levels_beside(adaptation.levels.factor, alpha, to_alpha, adaptation.levels.max_level);
+  if (iterations.empty()) return;
+  SettingsMap& constants = adaptation.epochs.constants;
+  constants["follow"] = rules::iterations_text(iterations);
+  constants["evidence"] = std::to_string(evidence);
+}
+
 Adaptation ring_test(const EpochSettings& epochs, const FTestSettings& test, const RingSettings& rings) {
   constexpr double kFactor = 0.70710678118654752;  // half of the area
   rules::Levels levels = rules::levels_above(kFactor, test.r_min, test.floor_alpha);

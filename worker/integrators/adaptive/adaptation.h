@@ -24,6 +24,9 @@ struct Adaptation {
 
 // The F test's, by the rule "fppm".
 Adaptation f_test(const EpochSettings& epochs, const FTestSettings& test);
+// Lets pixels whose sums come from at most `evidence` contributions take the levels by which radii that
+// shrink with alpha stay beside radii that shrink with to_alpha, if these are smaller.
+void follow(Adaptation& adaptation, double alpha, double to_alpha, std::uint64_t evidence);
 // The F test's on rings, and that of nested discs, by the rule "fppm". k of `test` has no part in it.
 Adaptation ring_test(const EpochSettings& epochs, const FTestSettings& test, const RingSettings& rings);
 // The chi-squared test's, by the rule "cppm".

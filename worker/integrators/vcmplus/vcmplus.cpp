@@ -11,6 +11,9 @@ namespace {
 
 using transport::Between;
 
+// Five contributions to each sector: the number below which tests of frequencies are not trusted.
+constexpr std::uint64_t kEvidence = 60;
+
 class VcmplusIntegrator final : public IterationIntegrator {
  public:
   VcmplusIntegrator(const estimators::PathOptions& options, Planned planned, const merging::MergeRules& merge,
@@ -64,6 +67,9 @@ Result<std::unique_ptr<Integrator>> make_vcmplus_integrator(const SettingsMap& s
   wanted.merge_medium = parsed.merge_media;
   Planned planned = vcm::plan(options, wanted, features, parsed.common.full_plan());
   adaptive::Adaptation adaptation = adaptive::f_test(parsed.epochs, parsed.f_test);
+  // alpha=1 is the rule of the paper.
+  if (parsed.merge.alpha < 1)
+    adaptive::follow(adaptation, parsed.merge.alpha, integrator_words::kVcm.alpha.value, kEvidence);
   if (planned.techniques.merges()) adaptive::note_statistics(adaptation, planned.plan);
   return std::unique_ptr<Integrator>(
       std::make_unique<VcmplusIntegrator>(options, std::move(planned), parsed.merge.rules(),
