@@ -15,6 +15,7 @@ namespace {
 
 struct Nearest {
   std::string_view category, name, plugin;
+  bool is_close = false;  // Mitsuba's own, and the same picture but for what the warning says
 };
 
 // By name: plugins of Mitsuba that Candela lacks, and those of well-known forks and courses.
@@ -26,10 +27,10 @@ constexpr std::array<Nearest, 32> kNearest = {{
     {"bsdf", "disneyclearcoat", "principled"},
     {"bsdf", "simplemicrofacet", "roughplastic"},
     {"bsdf", "approxmicrofacet", "roughplastic"},
-    {"bsdf", "pplastic", "roughplastic"},
+    {"bsdf", "pplastic", "roughplastic", true},
     {"bsdf", "glass", "dielectric"},
     {"bsdf", "mirror", "conductor"},
-    {"bsdf", "polarizer", "thindielectric"},
+    {"bsdf", "polarizer", "thindielectric", true},
     {"bsdf", "circular", "thindielectric"},
     {"bsdf", "retarder", "null"},
     {"integrator", "photonmapper", "ppm"},
@@ -37,9 +38,9 @@ constexpr std::array<Nearest, 32> kNearest = {{
     {"integrator", "mlt", "mmlt"},
     {"integrator", "erpt", "mmlt"},
     {"emitter", "directionalarea", "area"},
-    {"emitter", "collimated", "spot"},
+    {"emitter", "collimated", "spot", true},
     {"sensor", "distant", "orthographic"},
-    {"sensor", "radiancemeter", "orthographic"},
+    {"sensor", "radiancemeter", "orthographic", true},
     {"sensor", "irradiancemeter", "orthographic"},
     {"sensor", "telecentric", "orthographic"},
     {"texture", "", "rawconstant"},
@@ -152,6 +153,11 @@ void become_narrow_camera(Object& meter) {
 }
 
 }  // namespace
+
+bool has_close_plugin(const Object& object) {
+  const Nearest* nearest = find_nearest(object.category, object.plugin);
+  return nearest != nullptr && nearest->is_close;
+}
 
 std::string nearest_plugin(const Object& object, std::size_t bsdf_parts) {
   const std::string name = text::lower(object.plugin);

@@ -10,6 +10,10 @@
 
 namespace candela::description::lenient {
 
+// Whether another plugin gives the picture of `object`'s but for polarization or for a width next to none, so
+// that it stands in without --lenient too.
+bool has_close_plugin(const Object& object);
+
 // The plugin that `object`, whose plugin is unknown, is read as. Empty: no plugin is near, and the object is
 // left out. `bsdf_parts`: the number of bsdfs inside a bsdf.
 std::string nearest_plugin(const Object& object, std::size_t bsdf_parts);

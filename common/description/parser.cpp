@@ -9,6 +9,7 @@
 #include "common/description/element.h"
 #include "common/description/element_names.h"
 #include "common/description/legacy.h"
+#include "common/description/lenient.h"
 #include "common/description/mixture.h"
 #include "common/description/other_integrator.h"
 #include "common/description/parameters.h"
@@ -171,7 +172,8 @@ class Parser {
     // Integrators that Mitsuba has are kept unread: the command line may choose another.
     const bool unread =
         object->category == "integrator" && support_of_plugin("integrator", object->plugin) == Support::later;
-    const bool may_replace = reading_.lenient && object->category != "spectrum";
+    const bool may_replace =
+        object->category != "spectrum" && (reading_.lenient || lenient::has_close_plugin(*object));
     if (rule == nullptr && !unread && !may_replace)
       return unknown_plugin(written.where, object->category, object->plugin);
 
@@ -261,8 +263,8 @@ class Parser {
   // Drops the parameters that the plugin does not have, where that is no error.
   void pass_over_unknown(Draft& draft, const PluginRule& rule, bool legacy) {
     Object& object = *draft.object;
-    if (!legacy && !reading_.lenient) return;
-    const bool may_rename = reading_.lenient && (!legacy || draft.stands_in);
+    if (!legacy && !reading_.lenient && !draft.stands_in) return;
+    const bool may_rename = draft.stands_in || (reading_.lenient && !legacy);
     for (Property& property : object.properties)
       if (may_rename && find_rule(rule, property.name) == nullptr)
         stand_in::rename_unknown(object, rule, property, passed_over_);

@@ -69,21 +69,22 @@ mends some, as the next section says.
 
 ## What stands in with `--lenient`
 
-Each replacement is a warning that names both plugins. Without `--lenient` it is an error.
+Each replacement is a warning that names both plugins. Without `--lenient` it is an error, but for those with a star: they give
+Mitsuba's picture but for polarization or for a width next to none, so they stand in always.
 
 | unknown | read as |
 |---|---|
 | a plugin's name in other capitals (`Rectangle`) | that plugin |
 | a name that begins with a known one (`roughconductor_heitz`) | the known one |
 | `disneybsdf`, `disneymetal`, `disneyglass`, `disneyclearcoat` | `principled` |
-| `simplemicrofacet`, `approxmicrofacet`, `pplastic` | `roughplastic` |
-| `polarizer`, `circular`; `retarder` | `thindielectric` of index 1 that passes half; `null` |
+| `simplemicrofacet`, `approxmicrofacet`, `pplastic` * | `roughplastic` |
+| `polarizer` *, `circular`; `retarder` | `thindielectric` of index 1 that passes half; `null` |
 | `principledthin` | `principled` |
 | a bsdf that holds one bsdf; two | the one inside (`mask` of opacity 1); `blendbsdf` |
 | any other bsdf | `diffuse` |
 | a film; sampler; filter | `hdrfilm`; `independent`; `gaussian` |
-| `collimated` | `spot`, half a degree wide, of the same power |
-| `radiancemeter`; `irradiancemeter` | `orthographic`: 2e-4 wide; along the normal of its rectangle, so that it is not irradiance |
+| `collimated` * | `spot`, half a degree wide, of the same power |
+| `radiancemeter` *; `irradiancemeter` | `orthographic`: 2e-4 wide; along the normal of its rectangle, so that it is not irradiance |
 | any other sensor | `perspective` (`distant`, `telecentric`: `orthographic`) |
 | a texture | `rawconstant` of 0.5 |
 | a phase function; medium | `isotropic`; `homogeneous` |
