@@ -25,8 +25,11 @@ FILES = {
         find_package(GTest REQUIRED)
         add_library(toy STATIC lib/half.cpp lib/unused.cpp)
         target_include_directories(toy PUBLIC ${CMAKE_SOURCE_DIR})
+        add_library(batch STATIC lib/third.cpp lib/fourth.cpp)
+        target_include_directories(batch PUBLIC ${CMAKE_SOURCE_DIR})
+        set_target_properties(batch PROPERTIES UNITY_BUILD ON)
         add_executable(toy_test tests/test.cpp)
-        target_link_libraries(toy_test PRIVATE toy GTest::gtest GTest::gtest_main)
+        target_link_libraries(toy_test PRIVATE toy batch GTest::gtest GTest::gtest_main)
         """,
     "lib/half.h": """
         #pragma once
@@ -39,11 +42,20 @@ FILES = {
         double untested(double x) { return x + 1; }
         """,
     "lib/unused.cpp": "int unused() { return 3; }\n",
+    "lib/third.cpp": """
+        #include "lib/half.h"
+        double third(double x) { return twice(x) / 6; }
+        """,
+    "lib/fourth.cpp": "double fourth(double x) { return x / 4; }\n",
     "tests/test.cpp": """
         #include <gtest/gtest.h>
+        double third(double x);
+        double fourth(double x);
         #include "lib/half.h"
         TEST(Toy, Half) { EXPECT_EQ(half(3), 1.5); }
         TEST(Toy, Twice) { EXPECT_EQ(twice(3), 6); }
+        TEST(Toy, Third) { EXPECT_EQ(third(3), 1); }
+        TEST(Toy, Fourth) { EXPECT_EQ(fourth(4), 1); }
         TEST(Toy, Skips) { GTEST_SKIP(); }
         TEST(Toy, Fails) { EXPECT_EQ(half(3), 7); }
         """,
@@ -124,6 +136,12 @@ class TheCommand(unittest.TestCase):
         self.assertEqual(self.judge(one + other)[0], 1)
         self.assertEqual(self.judge(one, "c")[0], 2)
         self.assertEqual(self.judge(one + one)[0], 2)
+
+    def test_a_source_of_a_batch_is_replaced_alone(self):
+        broken = mutant("third", "Toy.Third", "twice(x) / 6", "twice(x) / 7", "lib/third.cpp")
+        beside = mutant("fourth", "Toy.Fourth", "twice(x) / 6", "twice(x) / 7", "lib/third.cpp")
+        status, verdicts, said = self.judge(broken + beside)
+        self.assertEqual((status, verdicts), (1, {"third": "caught", "fourth": "SURVIVED"}), said)
 
     def test_the_short_form_looks_at_all_texts(self):
         short = mutant("a", "Toy.Half", "twice(x) / 4", "twice(x) / 5") + "short = true\n"
