@@ -286,8 +286,27 @@ Result<v1::SubmitResponse> FarmClient::submit(const v1::SubmitRequest& request) 
   return state_->unary<v1::SubmitResponse>(&v1::FarmService::Stub::Submit, request);
 }
 
-Result<v1::ListJobsResponse> FarmClient::list_jobs() {
-  return state_->unary<v1::ListJobsResponse>(&v1::FarmService::Stub::ListJobs, v1::ListJobsRequest{});
+Result<v1::ListJobsResponse> FarmClient::list_jobs(const JobQuery& query) {
+  constexpr std::uint64_t kPage = 500;
+  v1::ListJobsResponse all;
+  v1::ListJobsRequest request;
+  request.mutable_states()->Assign(query.states.begin(), query.states.end());
+  request.set_page_token(query.page_token);
+  for (;;) {
+    const std::uint64_t left = query.limit - static_cast<std::uint64_t>(all.jobs_size());
+    request.set_page_size(static_cast<std::uint32_t>(std::min(left, kPage)));
+    CANDELA_ASSIGN(v1::ListJobsResponse page,
+                   state_->unary<v1::ListJobsResponse>(&v1::FarmService::Stub::ListJobs, request));
+    for (v1::JobStatus& job : *page.mutable_jobs()) *all.add_jobs() = std::move(job);
+    all.set_total(page.total());
+    all.set_next_page_token(page.next_page_token());
+    // A page may be empty where its jobs have changed; a master that repeats a token is not followed for
+    // ever.
+    if (page.next_page_token().empty() || page.next_page_token() == request.page_token() ||
+        static_cast<std::uint64_t>(all.jobs_size()) >= query.limit)
+      return all;
+    request.set_page_token(page.next_page_token());
+  }
 }
 
 Result<v1::JobStatus> FarmClient::get_job(const std::string& id) {
@@ -304,6 +323,13 @@ Result<v1::JobStatus> FarmClient::resume_job(const std::string& id) {
 }
 Result<v1::JobStatus> FarmClient::cancel_job(const std::string& id) {
   return state_->job_call(&v1::FarmService::Stub::CancelJob, id);
+}
+
+Result<v1::JobStatus> FarmClient::set_priority(const std::string& id, std::int32_t priority) {
+  v1::SetPriorityRequest request;
+  request.set_job_id(id);
+  request.set_priority(priority);
+  return state_->unary<v1::JobStatus>(&v1::FarmService::Stub::SetPriority, request);
 }
 
 Result<v1::JobStatus> FarmClient::repair_job(const std::string& id) {

@@ -59,11 +59,19 @@ class FarmClient {
   // Precondition: request.idempotency_token is not empty, for it may be sent twice.
   Result<v1::SubmitResponse> submit(const v1::SubmitRequest& request);
 
-  Result<v1::ListJobsResponse> list_jobs();
+  // The newest `limit` jobs, the newest first: of these states (none: all), and after the place that
+  // `page_token` tells (empty: from the newest). The answer's next_page_token goes on.
+  struct JobQuery {
+    std::uint64_t limit = ~std::uint64_t{0};
+    std::string page_token = {};
+    std::vector<v1::JobState> states = {};
+  };
+  Result<v1::ListJobsResponse> list_jobs(const JobQuery& query);
   Result<v1::JobStatus> get_job(const std::string& id);
   Result<v1::JobStatus> pause_job(const std::string& id);
   Result<v1::JobStatus> resume_job(const std::string& id);
   Result<v1::JobStatus> cancel_job(const std::string& id);
+  Result<v1::JobStatus> set_priority(const std::string& id, std::int32_t priority);
   // Queues what an ended job has lost, or takes in the job of a folder that the master's store does not know.
   Result<v1::JobStatus> repair_job(const std::string& id);
   // Calls `on_report` for each job (of `id`, or of all if it is empty) as the master has read its files.

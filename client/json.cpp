@@ -166,7 +166,8 @@ std::string job_json(const v1::JobStatus& status) {
 std::string jobs_json(const v1::ListJobsResponse& response) {
   Json list = Json::array();
   for (const auto& status : response.jobs()) list.push_back(job(status));
-  return text({{"jobs", list}});
+  const std::string& next = response.next_page_token();
+  return text({{"jobs", list}, {"total", response.total()}, {"next", next.empty() ? Json() : Json(next)}});
 }
 
 std::string worker_json(const v1::WorkerStatus& status) {

@@ -12,7 +12,7 @@ namespace candela::client {
 // An object with at least id, state, units_merged, iterations, error (the estimated relMSE, or null) and
 // message.
 std::string job_json(const v1::JobStatus& status);
-std::string jobs_json(const v1::ListJobsResponse& response);  // {"jobs": [...]}
+std::string jobs_json(const v1::ListJobsResponse& response);  // {"jobs": [...], "total", "next"}
 std::string worker_json(const v1::WorkerStatus& status);
 std::string workers_json(const v1::ListWorkersResponse& response);  // {"workers": [...], "wanted": {...}}
 std::string events_json(const v1::ListEventsResponse& response);    // {"events": [...]}

@@ -53,6 +53,7 @@ Result<void> Farm::start() {
   CANDELA_TRY(lock_data_folder());
   CANDELA_ASSIGN(blobs_, BlobStore::open(o.data_dir / "blobs"));
   CANDELA_ASSIGN(store_, open_sqlite_store(o.data_dir / "master.sqlite"));
+  CANDELA_TRY(Retention::finish_removals(*store_, o.data_dir));
   CANDELA_ASSIGN(const std::uint64_t epoch, store_->next_epoch());
   CANDELA_ASSIGN(StoredState state, store_->load());
   SchedulerOptions so;
@@ -77,12 +78,15 @@ Result<void> Farm::start() {
   images_ = std::make_unique<ImageWriter>(*table_, *truth_, *store_, *reports_);
   decider_ = std::make_unique<EpochDecider>(*table_, *truth_, *blobs_, wake_);
   upkeep_ = std::make_unique<JobUpkeep>(*table_, *truth_, *images_, counters_, wake_, options_.master);
+  retention_ = std::make_unique<Retention>(*table_, *truth_, *upkeep_, *blobs_, *store_, *writer_, counters_,
+                                           wake_, options_.master);
   CANDELA_TRY(restore_jobs(std::move(state)));
   CANDELA_TRY(writer_->flush());
   threads_.emplace_back([this] { tick_loop(); });
   threads_.emplace_back([this] { upkeep_->upkeep_loop(); });
   threads_.emplace_back([this] { decider_->decide_loop(); });
   threads_.emplace_back([this] { truth_->verify_ended(); });
+  threads_.emplace_back([this] { retention_->loop(); });
   return {};
 }
 
@@ -264,12 +268,13 @@ Result<AcquireResult> Farm::acquire(const std::string& worker_id, const std::str
 Result<std::optional<std::string>> Farm::choose_id(const Scheduler& s, JobRow& row) const {
   if (const auto it = tokens_.find(row.idempotency_token);
       !row.idempotency_token.empty() && it != tokens_.end()) {
-    const Job* first = s.job(it->second);
-    if (first != nullptr && first->row.content_digest == row.content_digest)
+    const auto first = s.jobs().find(it->second);
+    if (first != s.jobs().end() && first->second.row.content_digest == row.content_digest)
       return std::optional<std::string>(it->second);
-    return refused_error("this token was used for another submission")
-        .with_field("idempotency_token")
-        .with_mend("use a new token for a new job");
+    if (first != s.jobs().end())
+      return refused_error("this token was used for another submission")
+          .with_field("idempotency_token")
+          .with_mend("use a new token for a new job");
   }
   if (s.jobs().size() >= SchedulerOptions{}.max_jobs)
     return resource_error(fmt::format("the farm has its limit of {} jobs", SchedulerOptions{}.max_jobs));
@@ -297,9 +302,9 @@ Result<Farm::Submitted> Farm::submit(JobRow row, const std::string& bundle_bytes
 
 std::optional<v1::JobStatus> Farm::status(const std::string& job_id) {
   return with_scheduler([&](Scheduler& s) -> std::optional<v1::JobStatus> {
-    const Job* job = s.job(job_id);
-    if (job == nullptr) return std::nullopt;
-    return status_of(s, *job, now());
+    const auto job = s.jobs().find(job_id);
+    if (job == s.jobs().end()) return std::nullopt;
+    return status_of(s, job->second, now());
   });
 }
 
@@ -310,10 +315,11 @@ std::optional<v1::JobStatus> Farm::full_status(const std::string& job_id) {
   return out;
 }
 
-std::vector<v1::JobStatus> Farm::all_status() {
+std::vector<v1::JobStatus> Farm::open_status() {
   return with_scheduler([&](Scheduler& s) {
     std::vector<v1::JobStatus> out;
-    for (const auto& [id, job] : s.jobs()) out.push_back(status_of(s, job, now()));
+    for (const auto& [id, job] : s.jobs())
+      if (!has_ended(job.row.state)) out.push_back(status_of(s, job, now()));
     return out;
   });
 }
@@ -336,9 +342,16 @@ std::optional<v1::WorkerStatus> Farm::worker(const std::string& id) {
 
 Result<v1::JobStatus> Farm::change_job(const std::string& job_id,
                                        const std::function<Result<void>(Scheduler&, Now)>& change) {
-  CANDELA_TRY(with_scheduler([&](Scheduler& s) { return change(s, now()); }));
+  const auto removed = [&] {
+    return refused_error(fmt::format("job {} has been removed", job_id)).with_field("job_id");
+  };
+  CANDELA_TRY(with_scheduler([&](Scheduler& s) -> Result<void> {
+    if (!s.jobs().contains(job_id)) return removed();
+    return change(s, now());
+  }));
   wake_.wake();
   std::optional<v1::JobStatus> out = status(job_id);
+  if (!out) return removed();
   if (out->state() == v1::JOB_STATE_CANCELLED)
     if (const auto film = film_of(job_id)) film->close();
   CANDELA_TRY(writer_->flush());

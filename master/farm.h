@@ -27,6 +27,7 @@
 #include "master/jobs/image_writer.h"
 #include "master/jobs/job_table.h"
 #include "master/jobs/job_upkeep.h"
+#include "master/jobs/retention.h"
 #include "master/jobs/wake_signal.h"
 #include "master/merge/push_gate.h"
 #include "master/options.h"
@@ -84,7 +85,7 @@ class Farm final : public TruthFarm {
   std::optional<v1::JobStatus> status(const std::string& job_id) override;
   // The same, with the report of its decided states.
   std::optional<v1::JobStatus> full_status(const std::string& job_id);
-  std::vector<v1::JobStatus> all_status();
+  std::vector<v1::JobStatus> open_status();  // of jobs that have not ended
   std::vector<v1::WorkerStatus> all_workers();
   std::optional<v1::WorkerStatus> worker(const std::string& id);
   // pause, resume, cancel, extend: applied, written, and the status after.
@@ -153,6 +154,7 @@ class Farm final : public TruthFarm {
   std::unique_ptr<ImageWriter> images_;
   std::unique_ptr<EpochDecider> decider_;
   std::unique_ptr<JobUpkeep> upkeep_;
+  std::unique_ptr<Retention> retention_;
 
   // Guarded by the table's lock: used inside with_scheduler() alone.
   std::map<std::string, std::string> tokens_;  // idempotency token -> job id

@@ -19,6 +19,7 @@ void add_pause(CLI::App& app, Context& context);
 void add_resume(CLI::App& app, Context& context);
 void add_extend(CLI::App& app, Context& context);
 void add_cancel(CLI::App& app, Context& context);
+void add_priority(CLI::App& app, Context& context);
 void add_verify(CLI::App& app, Context& context);
 void add_repair(CLI::App& app, Context& context);
 void add_workers(CLI::App& app, Context& context);

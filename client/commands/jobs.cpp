@@ -1,7 +1,9 @@
-// candela list, show, events, pause, resume, cancel, extend: looking at jobs and steering them.
+// candela list, show, events, pause, resume, cancel, priority, extend: looking at jobs and steering them.
 #include <fmt/chrono.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <ostream>
 
@@ -19,7 +21,9 @@ struct JobOptions {
   FarmOptions farm;
   std::string id;
   bool json = false;
-  std::optional<std::string> limit;                         // events
+  std::optional<std::string> limit;         // list, events
+  std::optional<std::string> state, after;  // list
+  std::string priority;
   std::optional<std::string> spp, iterations, time, until;  // extend
 };
 
@@ -33,9 +37,34 @@ std::string error_text(const v1::JobStatus& s) {
                                                                   : "-";
 }
 
+// "running,queued"
+Result<std::vector<v1::JobState>> parse_states(std::string_view text) {
+  static constexpr std::array<std::string_view, 6> kNames = {"queued", "running", "paused",
+                                                             "done",   "failed",  "cancelled"};
+  std::vector<v1::JobState> states;
+  for (std::size_t at = 0; at <= text.size();) {
+    const std::size_t comma = std::min(text.find(',', at), text.size());
+    CANDELA_ASSIGN(const std::string word, parse_choice(text.substr(at, comma - at), "--state", kNames));
+    const auto place = std::find(kNames.begin(), kNames.end(), word) - kNames.begin();
+    states.push_back(static_cast<v1::JobState>(v1::JOB_STATE_QUEUED + place));
+    at = comma + 1;
+  }
+  return states;
+}
+
 Result<int> run_list(Context& context, const JobOptions& options) {
+  FarmClient::JobQuery query;
+  if (!options.json) query.limit = 100;
+  if (options.limit) {
+    CANDELA_ASSIGN(query.limit, parse_count(*options.limit, "--limit", 1, 1000000));
+  }
+  if (options.state) {
+    CANDELA_ASSIGN(query.states, parse_states(*options.state));
+  }
+  query.page_token = options.after.value_or("");
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
-  CANDELA_ASSIGN(const v1::ListJobsResponse response, farm->list_jobs());
+  CANDELA_ASSIGN(v1::ListJobsResponse response, farm->list_jobs(query));
+  std::reverse(response.mutable_jobs()->begin(), response.mutable_jobs()->end());  // the newest last
   if (options.json) {
     context.out << jobs_json(response) << '\n';
     return 0;
@@ -51,6 +80,10 @@ Result<int> run_list(Context& context, const JobOptions& options) {
                                wire::name(s.state()),
                                std::floor(100 * (s.state() == v1::JOB_STATE_DONE ? 1 : fraction_done(s))),
                                s.iterations(), error_text(s), s.priority(), printable(s.name()));
+  if (!response.next_page_token().empty())
+    context.err << fmt::format("{} of {} jobs; older ones: --after {}, or all with --limit {}\n",
+                               response.jobs_size(), response.total(), printable(response.next_page_token()),
+                               response.total());
   return 0;
 }
 
@@ -196,6 +229,18 @@ Result<int> run_steer(Context& context, const JobOptions& options,
   return 0;
 }
 
+Result<int> run_priority(Context& context, const JobOptions& options) {
+  CANDELA_ASSIGN(const std::int64_t priority, parse_integer(options.priority, "priority", -1000000, 1000000));
+  CANDELA_ASSIGN(const auto farm, connect(options.farm));
+  CANDELA_ASSIGN(const v1::JobStatus status,
+                 farm->set_priority(options.id, static_cast<std::int32_t>(priority)));
+  if (options.json)
+    context.out << job_json(status) << '\n';
+  else
+    context.err << fmt::format("job {} has priority {}\n", printable(status.id()), status.priority());
+  return 0;
+}
+
 // "+16" and "16" are both sixteen more.
 std::string_view without_plus(std::string_view text) {
   return text.starts_with('+') ? text.substr(1) : text;
@@ -270,6 +315,11 @@ void add_steer(CLI::App& app, Context& context, const char* name, const char* do
 void add_list(CLI::App& app, Context& context) {
   auto options = std::make_shared<JobOptions>();
   CLI::App* sub = app.add_subcommand("list", "List the farm's jobs");
+  add_text(*sub, "--state", options->state,
+           "Jobs in one of these: queued, running, paused, done, failed, cancelled", "STATE[,STATE]");
+  add_text(*sub, "--limit", options->limit, "At most the newest N jobs (default 100; all with --json)", "N");
+  add_text(*sub, "--after", options->after, "Older jobs than those of a list before, which tells the value",
+           "PLACE");
   add_farm_options(*sub, options->farm);
   sub->add_flag("--json", options->json, "Print JSON");
   sub->callback(
@@ -303,6 +353,20 @@ void add_resume(CLI::App& app, Context& context) {
 }
 void add_cancel(CLI::App& app, Context& context) {
   add_steer(app, context, "cancel", "End a job; its partial image is kept", &FarmClient::cancel_job);
+}
+
+void add_priority(CLI::App& app, Context& context) {
+  auto options = std::make_shared<JobOptions>();
+  CLI::App* sub =
+      add_job_command(app, options, "priority",
+                      "Set a job's priority; jobs of higher ones go first, units under way go on", true);
+  sub->add_option("priority", options->priority,
+                  "The new one, -1000000 to 1000000; jobs have 0 unless told otherwise")
+      ->required()
+      ->type_name("PRIORITY");
+  sub->callback([&context, options] {
+    context.command = [&context, options] { return run_priority(context, *options); };
+  });
 }
 
 void add_extend(CLI::App& app, Context& context) {

@@ -40,6 +40,7 @@ void add_commands(CLI::App& app, Context& context) {
   add_resume(app, context);
   add_extend(app, context);
   add_cancel(app, context);
+  add_priority(app, context);
   add_verify(app, context);
   add_repair(app, context);
   add_workers(app, context);

@@ -114,7 +114,7 @@ bool adds(const v1::ExtendJobRequest& r) {
 // The one job of the state folder, after checking that it is the one the command describes; empty if a crash
 // came before it.
 Result<std::string> find_job(FarmClient& farm, const RendererFacts& facts, LoadedScene& scene) {
-  CANDELA_ASSIGN(const v1::ListJobsResponse jobs, farm.list_jobs());
+  CANDELA_ASSIGN(const v1::ListJobsResponse jobs, farm.list_jobs({.limit = 1}));
   if (jobs.jobs_size() == 0) return std::string();
   v1::JobStatus job = jobs.jobs(0);
   const auto mismatch = [](std::string message) {

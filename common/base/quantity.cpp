@@ -20,6 +20,8 @@ std::optional<double> parse_seconds(std::string_view text) {
     number *= 60;
   else if (suffix == "h")
     number *= 3600;
+  else if (suffix == "d")
+    number *= 86400;
   else if (!suffix.empty() && suffix != "s")
     return std::nullopt;
   if (!(number <= kMostSeconds)) return std::nullopt;

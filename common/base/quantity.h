@@ -7,7 +7,7 @@
 
 namespace candela {
 
-// "2", "2s", "0.5", "10m", "1h": seconds from 0 to 1e9; nothing else is one.
+// "2", "2s", "0.5", "10m", "1h", "30d": seconds from 0 to 1e9; nothing else is one.
 std::optional<double> parse_seconds(std::string_view text);
 
 // "1000000", "512M", "2GiB": bytes with binary multiples K, M, G, T, from 1 to 2^63 - 1; nothing else is one.

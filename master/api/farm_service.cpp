@@ -13,6 +13,7 @@
 #include "common/base/version.h"
 #include "common/wire/canonical.h"
 #include "common/wire/stall_guard.h"
+#include "master/api/list_jobs.h"
 #include "master/api/service_support.h"
 
 namespace candela::master {
@@ -117,7 +118,9 @@ grpc::Status FarmServiceImpl::FindMissingBlobs(grpc::ServerContext*,
     for (const std::string& hash : request->sha256()) {
       if (!is_sha256_hex(hash))
         return wire::to_status(input_error("must be 64 lower-case hex digits").with_field("sha256"));
-      if (seen.insert(hash).second && !farm_.blobs().size(hash)) response->add_sha256(hash);
+      if (!seen.insert(hash).second) continue;
+      farm_.blobs().use(hash);
+      if (!farm_.blobs().size(hash)) response->add_sha256(hash);
     }
     return grpc::Status::OK;
   });
@@ -186,6 +189,7 @@ grpc::Status FarmServiceImpl::Submit(grpc::ServerContext*, const v1::SubmitReque
     auto bundle = wire::from_proto(request->bundle());
     if (!bundle.ok()) return wire::to_status(bundle.error());
     for (const bundle::File& file : bundle->files) {
+      farm_.blobs().use(file.sha256);  // before it is looked for: from then on it stays
       auto size = farm_.blobs().size(file.sha256);
       if (size && *size != file.size_bytes) {  // the submission's mistake, or damage that nobody has met yet
         const auto whole = farm_.blobs().check(file.sha256);
@@ -214,18 +218,12 @@ grpc::Status FarmServiceImpl::Submit(grpc::ServerContext*, const v1::SubmitReque
   });
 }
 
-grpc::Status FarmServiceImpl::ListJobs(grpc::ServerContext*, const v1::ListJobsRequest*,
+grpc::Status FarmServiceImpl::ListJobs(grpc::ServerContext*, const v1::ListJobsRequest* request,
                                        v1::ListJobsResponse* response) {
   return guarded([&] {
-    for (v1::JobStatus& s : farm_.all_status()) *response->add_jobs() = std::move(s);
-    std::stable_sort(
-        response->mutable_jobs()->begin(), response->mutable_jobs()->end(),
-        [](const auto& a, const auto& b) { return a.submitted_unix_ms() < b.submitted_unix_ms(); });
-    // One message is at most 8 MiB. Plans are long and the same for like jobs; `show` has them.
-    for (v1::JobStatus& s : *response->mutable_jobs()) s.clear_plan();
-    constexpr std::size_t kLimit = 7U << 20;
-    while (response->ByteSizeLong() > kLimit && response->jobs_size() > 1)  // the oldest go
-      response->mutable_jobs()->DeleteSubrange(0, (response->jobs_size() + 9) / 10);
+    auto page = list_jobs(farm_, *request);
+    if (!page.ok()) return wire::to_status(page.error());
+    *response = std::move(*page);
     return grpc::Status::OK;
   });
 }
@@ -353,6 +351,13 @@ grpc::Status FarmServiceImpl::CancelJob(grpc::ServerContext*, const v1::JobReque
                                         v1::JobStatus* response) {
   return change(farm_, request->job_id(), response,
                 [&](Scheduler& s, Now now) { return s.cancel(request->job_id(), now); });
+}
+
+grpc::Status FarmServiceImpl::SetPriority(grpc::ServerContext*, const v1::SetPriorityRequest* request,
+                                          v1::JobStatus* response) {
+  return change(farm_, request->job_id(), response, [&](Scheduler& s, Now now) {
+    return s.set_priority(request->job_id(), request->priority(), now);
+  });
 }
 
 grpc::Status FarmServiceImpl::ExtendJob(grpc::ServerContext*, const v1::ExtendJobRequest* request,

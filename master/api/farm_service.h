@@ -30,6 +30,7 @@ class FarmServiceImpl final : public v1::FarmService::Service {
   grpc::Status ResumeJob(grpc::ServerContext*, const v1::JobRequest*, v1::JobStatus*) override;
   grpc::Status ExtendJob(grpc::ServerContext*, const v1::ExtendJobRequest*, v1::JobStatus*) override;
   grpc::Status CancelJob(grpc::ServerContext*, const v1::JobRequest*, v1::JobStatus*) override;
+  grpc::Status SetPriority(grpc::ServerContext*, const v1::SetPriorityRequest*, v1::JobStatus*) override;
   grpc::Status ListEvents(grpc::ServerContext*, const v1::ListEventsRequest*,
                           v1::ListEventsResponse*) override;
   grpc::Status ListWorkers(grpc::ServerContext*, const v1::ListWorkersRequest*,

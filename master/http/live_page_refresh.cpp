@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <set>
 #include <utility>
 
 #include "master/farm.h"
@@ -122,18 +123,34 @@ void LivePage::send(const std::string& topic, const std::string& kind, std::stri
   out_.publish(topic, fmt::format("event: {}\ndata: {}\n\n", kind, data));
 }
 
+// The jobs of the list's first page, those that have not ended, and those that were such before: of thousands
+// that ended long ago there is no news.
 LivePage::Rows LivePage::job_rows() {
-  std::vector<std::string> ids = farm_.with_scheduler([](Scheduler& s) {
-    std::vector<std::string> out;
-    for (const auto& [id, job] : s.jobs()) out.push_back(id);
+  std::set<std::string> chosen;
+  {
+    const std::lock_guard lock(mutex_);
+    for (const auto& [id, row] : jobs_) chosen.insert(id);
+  }
+  auto ended = farm_.with_scheduler([&](Scheduler& s) {
+    std::vector<std::pair<std::int64_t, std::string>> out;
+    for (const auto& [id, job] : s.jobs())
+      if (has_ended(job.row.state))
+        out.emplace_back(-job.row.submitted_unix_ms, id);
+      else
+        chosen.insert(id);
     return out;
   });
+  const auto newest = ended.begin() + static_cast<std::ptrdiff_t>(std::min(ended.size(), kMaxListed));
+  std::partial_sort(ended.begin(), newest, ended.end());
+  for (auto it = ended.begin(); it != newest; ++it) chosen.insert(it->second);
+  const std::vector<std::string> ids(chosen.begin(), chosen.end());
   Rows rows;
   for (std::size_t i = 0; i < ids.size(); i += kRowsUnderLock)
     farm_.with_scheduler([&](Scheduler& s) {
       const Now t = farm_.now();
       for (std::size_t k = i; k < std::min(i + kRowsUnderLock, ids.size()); ++k)
-        if (const Job* job = s.job(ids[k])) rows.emplace(ids[k], job_line_json(s, *job, t));
+        if (const auto job = s.jobs().find(ids[k]); job != s.jobs().end())
+          rows.emplace(ids[k], job_line_json(s, job->second, t));
     });
   return rows;
 }

@@ -97,6 +97,14 @@ std::string metrics_text(Farm& farm) {
                static_cast<double>(c.damaged_blobs));
   page.counter("candela_upload_bytes_total", "bytes of scene files uploaded",
                static_cast<double>(c.upload_bytes));
+  page.counter("candela_jobs_removed_total", "jobs removed as --keep-finished says",
+               static_cast<double>(c.jobs_removed));
+  page.counter("candela_blobs_collected_total", "scene files removed that no job needed",
+               static_cast<double>(c.blobs_collected));
+  page.counter("candela_blob_bytes_collected_total", "bytes of those",
+               static_cast<double>(c.blob_bytes_collected));
+  page.gauge("candela_blobs", "scene files that the latest collection kept", static_cast<double>(c.blobs));
+  page.gauge("candela_blob_bytes", "bytes of those", static_cast<double>(c.blob_bytes));
   page.gauge("candela_merge_queue_bytes", "bytes of deltas under way",
              static_cast<double>(farm.gate().bytes_under_way()));
   page.gauge("candela_merge_queue_limit_bytes", "bytes of deltas that may be under way",
@@ -128,11 +136,10 @@ std::string metrics_text(Farm& farm) {
                            JobState::failed, JobState::cancelled})
     jobs[std::string(name(s))] = 0;
   for (const char* s : {"idle", "busy", "draining", "drained", "set-aside", "lost"}) workers[s] = 0;
-  for (const v1::JobStatus& j : farm.all_status()) {
-    ++jobs[std::string(wire::name(j.state()))];
-    if (j.state() != v1::JOB_STATE_RUNNING && j.state() != v1::JOB_STATE_QUEUED &&
-        j.state() != v1::JOB_STATE_PAUSED)
-      continue;
+  farm.with_scheduler([&](Scheduler& s) {
+    for (const auto& [id, job] : s.jobs()) ++jobs[std::string(name(job.row.state))];
+  });
+  for (const v1::JobStatus& j : farm.open_status()) {
     const Labels labels{{"job", j.id()}};
     page.gauge("candela_job_waiting_units", "units that failed and wait for another attempt",
                static_cast<double>(j.waiting().units()), labels);

@@ -18,6 +18,9 @@ struct FarmCounters {
   std::atomic<std::uint64_t> merge_microseconds{0};
   std::atomic<std::uint64_t> upload_bytes{0};
   std::atomic<std::uint64_t> damaged_blobs{0};
+  std::atomic<std::uint64_t> jobs_removed{0};
+  std::atomic<std::uint64_t> blobs_collected{0}, blob_bytes_collected{0};
+  std::atomic<std::uint64_t> blobs{0}, blob_bytes{0};  // that were kept by the latest collection
 };
 
 }  // namespace candela::master

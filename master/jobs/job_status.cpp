@@ -42,7 +42,8 @@ v1::JobStatus status_of(const Scheduler& scheduler, const Job& job, Now t) {
   out.set_light_paths(r.tallies.light_paths);
   out.set_rays(r.tallies.rays);
   out.set_relmse_estimate(r.relmse);
-  out.set_units_leased(scheduler.leases_of(r.id));
+  const bool open = !has_ended(r.state);  // thousands of others have no leases to be looked for
+  if (open) out.set_units_leased(scheduler.leases_of(r.id));
   out.set_elapsed_seconds(r.elapsed_seconds);
   out.set_worker_seconds(r.worker_seconds);
   for (int i = 0; i < film::kRejectCauses; ++i) {
@@ -81,7 +82,7 @@ v1::JobStatus status_of(const Scheduler& scheduler, const Job& job, Now t) {
   out.set_repairing(r.repairs_to.has_value());
   out.set_samples_per_second(scheduler.samples_per_second(job, t));
   out.set_eta_seconds(scheduler.eta_seconds(job, t));
-  out.set_worker_memory_bytes(scheduler.worker_memory_of(r.id));
+  if (open) out.set_worker_memory_bytes(scheduler.worker_memory_of(r.id));
   return out;
 }
 

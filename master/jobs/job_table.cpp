@@ -45,9 +45,9 @@ std::shared_ptr<JobFilm> JobTable::film_of(const std::string& job_id) {
   const std::lock_guard lock(mutex_);
   const auto it = films_.find(job_id);
   if (it != films_.end()) return it->second;
-  const Job* job = scheduler_->job(job_id);
-  if (job == nullptr || !job->row.named_state) return nullptr;
-  return films_[job_id] = make_film(job->row);
+  const auto job = scheduler_->jobs().find(job_id);
+  if (job == scheduler_->jobs().end() || !job->second.row.named_state) return nullptr;
+  return films_[job_id] = make_film(job->second.row);
 }
 
 JobFilms JobTable::films() const {

@@ -28,8 +28,12 @@ void JobUpkeep::upkeep_loop() {
   while (!wake_.stopping()) {
     const bool force = flush_requested_.exchange(false);
     std::vector<std::string> ids;
-    table_.with_scheduler([&](Scheduler& s) {
-      for (const auto& [id, job] : s.jobs()) ids.push_back(id);
+    table_.with_films([&](Scheduler& s, const JobFilms& films) {
+      for (const auto& [id, job] : s.jobs()) {
+        // Thousands of jobs may have ended. One whose film is not in memory needs nothing.
+        const auto film = films.find(id);
+        if (!has_ended(job.row.state) || (film != films.end() && film->second->loaded())) ids.push_back(id);
+      }
     });
     for (const std::string& id : ids) {
       if (wake_.stopping()) break;
@@ -158,6 +162,7 @@ void JobUpkeep::upkeep(const std::string& job_id, bool force) {
     std::uint64_t states = 0;
   };
   const View view = table_.with_scheduler([&](Scheduler& s) {
+    if (!s.jobs().contains(job_id)) return View{};
     const Job* job = s.job(job_id);
     return View{job->finishing, has_ended(job->row.state), job->row.state == JobState::paused,
                 job->row.named_state.has_value(), job->states.size()};
@@ -202,6 +207,12 @@ void JobUpkeep::upkeep(const std::string& job_id, bool force) {
   if (due) save_checkpoint(job_id, *film);
   if (force || (due && options_.image_on_checkpoint && t - state.last_image >= kImageSeconds))
     write_image(job_id, *film);
+}
+
+void JobUpkeep::without(const std::string& job_id, const std::function<void()>& change) {
+  const std::lock_guard lock(mutex_);
+  change();
+  jobs_.erase(job_id);
 }
 
 void JobUpkeep::flush_images() {

@@ -8,6 +8,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <mutex>
 #include <string>
@@ -30,6 +31,8 @@ class JobUpkeep {
 
   // The body of one thread. Returns when the farm stops.
   void upkeep_loop();
+  // Runs `change` while no upkeep of the job goes on, and forgets what upkeep remembers of it.
+  void without(const std::string& job_id, const std::function<void()>& change);
   // The next round writes the images of all jobs.
   void flush_images();
   // Closes every film and writes the checkpoints that are due. Precondition: upkeep_loop() has returned.

@@ -22,16 +22,17 @@ namespace {
 // Options as written; empty if not given.
 struct Texts {
   std::string listen, data, http, page_token_file, tls_cert, tls_key, tls_ca, checkpoint_interval, lease_time,
-      unit_time, merge_queue, statistics_memory, log_level, log_format;
+      unit_time, merge_queue, statistics_memory, keep_finished, log_level, log_format;
   bool insecure = false;
 };
 
 constexpr const char* kProgram = "candela-master";
 
 Result<MasterOptions> resolve(const DaemonSettings& settings, const Texts& texts) {
-  CANDELA_TRY(settings.check_names({"listen", "data", "http", "page-token-file", "tls-cert", "tls-key",
-                                    "tls-ca", "insecure", "checkpoint-interval", "lease-time", "unit-time",
-                                    "merge-queue", "statistics-memory", "log-level", "log-format"}));
+  CANDELA_TRY(
+      settings.check_names({"listen", "data", "http", "page-token-file", "tls-cert", "tls-key", "tls-ca",
+                            "insecure", "checkpoint-interval", "lease-time", "unit-time", "merge-queue",
+                            "statistics-memory", "keep-finished", "log-level", "log-format"}));
   // $CANDELA_LISTEN is read, $CANDELA_MASTER is not: it names a master to call, not one to be.
   const auto choose_shared = [&](const std::string& option, const std::string& given) {
     return settings.choose(option, given, DaemonSettings::Scope::shared);
@@ -58,6 +59,8 @@ Result<MasterOptions> resolve(const DaemonSettings& settings, const Texts& texts
   CANDELA_TRY(read_positive_seconds(choose("unit-time", texts.unit_time), options.unit_seconds));
   CANDELA_TRY(read_bytes(choose("merge-queue", texts.merge_queue), options.merge_queue_bytes));
   CANDELA_TRY(read_bytes(choose("statistics-memory", texts.statistics_memory), options.statistics_bytes));
+  CANDELA_TRY(
+      read_positive_seconds(choose("keep-finished", texts.keep_finished), options.keep_finished_seconds));
   return options;
 }
 
@@ -139,6 +142,9 @@ int run_master(int argc, char** argv) {
   app.add_option("--statistics-memory", texts.statistics_memory,
                  "bytes that the statistics of one job's epochs may take (default: a quarter of the memory)")
       ->type_name("SIZE");
+  app.add_option("--keep-finished", texts.keep_finished,
+                 "remove jobs that ended longer ago than this, such as 30d (default: keep them)")
+      ->type_name("TIME");
   app.add_option("--log-level", texts.log_level, "trace, debug, info, warn, error, off (default info)")
       ->type_name("LEVEL");
   app.add_option("--log-format", texts.log_format, "text or json (default text)")->type_name("FORMAT");

@@ -248,6 +248,13 @@ class Scheduler {
   void checkpointed(const std::string& id, std::uint64_t generation, std::uint64_t iterations, Now now);
   void set_note(const std::string& id, const std::string& note);
 
+  // The removal of an ended job, in three steps. withdraw(): it leaves jobs(), and nothing changes it any
+  // more; false: it has not ended, or not at this moment. forget(): the store drops it, an event says `text`.
+  // put_back(): it stays after all. job() finds a withdrawn job for another hour, for calls under way.
+  bool withdraw(const std::string& id, std::int64_t finished_unix_ms, Now now);
+  void put_back(const std::string& id);
+  void forget(const std::string& id, const std::string& text, Now now);
+
   // --- workers ---
   Result<void> register_worker(WorkerRow row, Now now);
   // The worker of this id and session, seen now; null if there is none.
@@ -410,6 +417,11 @@ class Scheduler {
   std::uint64_t next_token_;
   std::uint64_t next_unit_id_;
   std::map<std::string, Job> jobs_;
+  struct Withdrawn {
+    std::map<std::string, Job>::node_type node;
+    double seconds = 0;
+  };
+  std::map<std::string, Withdrawn> withdrawn_;
   std::map<std::string, WorkerState> workers_;
   std::map<std::uint64_t, Lease> leases_;
   std::vector<Change> changes_;

@@ -28,8 +28,9 @@ JobView Job::view(std::uint64_t active_workers) const {
 }
 
 const Job* Scheduler::job(const std::string& id) const {
-  const auto it = jobs_.find(id);
-  return it == jobs_.end() ? nullptr : &it->second;
+  if (const auto it = jobs_.find(id); it != jobs_.end()) return &it->second;
+  const auto withdrawn = withdrawn_.find(id);
+  return withdrawn == withdrawn_.end() ? nullptr : &withdrawn->second.node.mapped();
 }
 
 void Scheduler::save(Job& job, Now now) {

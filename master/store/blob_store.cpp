@@ -7,6 +7,8 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <chrono>
+#include <cmath>
 #include <cstring>
 
 #include "common/base/files.h"
@@ -17,6 +19,10 @@ namespace candela::master {
 namespace {
 
 constexpr std::uint64_t kReserveBytes = 64ULL << 20;  // of free disk left for checkpoints and the store
+
+double steady_seconds() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
 
 Error disk_error(std::string_view what, const std::filesystem::path& path) {
   const int code = errno;
@@ -92,6 +98,7 @@ Result<void> BlobStore::Reader::next(std::size_t most_bytes, std::string& out) {
 }
 
 Result<bool> BlobStore::check(const std::string& sha256) {
+  use(sha256);
   CANDELA_ASSIGN(const std::unique_ptr<Reader> reader, read(sha256));
   if (!reader) return false;
   std::string bytes;
@@ -102,6 +109,48 @@ Result<bool> BlobStore::check(const std::string& sha256) {
     }
   } while (!bytes.empty());
   return true;
+}
+
+void BlobStore::use(const std::string& sha256) {
+  const std::lock_guard lock(names_mutex_);
+  used_[sha256] = steady_seconds();
+}
+
+Result<BlobStore::Collected> BlobStore::collect(const std::set<std::string>& needed, double grace_seconds) {
+  namespace fs = std::filesystem;
+  Collected out;
+  {
+    const std::lock_guard lock(names_mutex_);
+    const double now = steady_seconds();
+    std::erase_if(used_, [&](const auto& entry) { return now - entry.second >= grace_seconds; });
+  }
+  const auto oldest =
+      fs::file_time_type::clock::now() - std::chrono::milliseconds(std::llround(grace_seconds * 1000));
+  std::error_code code;
+  for (const fs::directory_entry& folder : fs::directory_iterator(folder_, code)) {
+    if (folder.path().filename().string().size() != 2) continue;  // tmp, damaged
+    for (const fs::directory_entry& file : fs::directory_iterator(folder.path(), code)) {
+      const std::string sha256 = file.path().filename().string();
+      if (!is_sha256_hex(sha256)) continue;
+      std::error_code gone;
+      const std::uint64_t bytes = file.file_size(gone);
+      if (gone) continue;
+      const std::lock_guard lock(names_mutex_);
+      const auto written = file.last_write_time(gone);
+      if (needed.contains(sha256) || used_.contains(sha256) || gone || written > oldest) {
+        ++out.kept;
+        out.kept_bytes += bytes;
+      } else if (::unlink(file.path().c_str()) == 0) {
+        ++out.removed;
+        out.removed_bytes += bytes;
+      } else {
+        return disk_error("cannot remove a blob", file.path());
+      }
+    }
+  }
+  if (code)
+    return resource_error(fmt::format("cannot list the blobs: {}", code.message())).at(folder_.string(), 0);
+  return out;
 }
 
 // Moves the file away that was read, if it still bears the blob's name: it may have been uploaded again
@@ -137,6 +186,7 @@ Result<std::unique_ptr<BlobStore::Upload>> BlobStore::begin(const std::string& s
                                       size_bytes, free_bytes))
         .at(folder_.string(), 0)
         .with_mend("free space on the master's disk");
+  use(sha256);
   auto upload = std::unique_ptr<Upload>(new Upload(*this));
   upload->sha256_ = sha256;
   upload->size_ = size_bytes;
@@ -179,6 +229,7 @@ Result<void> BlobStore::Upload::finish() {
   {
     const std::lock_guard lock(store_.names_mutex_);
     if (::rename(temporary_.c_str(), final_.c_str()) != 0) return disk_error("cannot store a blob", final_);
+    store_.used_[sha256_] = steady_seconds();
   }
   ::close(fd_);
   fd_ = -1;

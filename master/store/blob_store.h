@@ -6,9 +6,11 @@
 #include <atomic>
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 
@@ -30,6 +32,18 @@ class BlobStore {
   // Reads the whole file. True: the blob is what its name says. False: it is missing, or it was damaged and
   // has been set aside. Errors: it cannot be read now, which says nothing of it.
   Result<bool> check(const std::string& sha256);
+
+  // Somebody relies on the blob from now on, whether or not it is there: it is not collected within the grace
+  // of a collect(), which is time enough to name it in a job. check(), begin() and finish() say so too.
+  void use(const std::string& sha256);
+
+  struct Collected {
+    std::uint64_t kept = 0, kept_bytes = 0;  // blobs
+    std::uint64_t removed = 0, removed_bytes = 0;
+  };
+  // Removes each blob that `needed` lacks, that nobody used for `grace_seconds`, and whose file is older than
+  // that: before this store was opened the file's own time tells.
+  Result<Collected> collect(const std::set<std::string>& needed, double grace_seconds);
 
   // One blob being read, in order.
   class Reader {
@@ -84,7 +98,8 @@ class BlobStore {
 
   std::filesystem::path folder_;
   std::atomic<std::uint64_t> serial_{0};
-  std::mutex names_mutex_;  // of what a name stands for: a new upload, or a damaged file that goes
+  std::mutex names_mutex_;              // of what a name stands for: a new upload, or a file that goes
+  std::map<std::string, double> used_;  // when, by the steady clock; guarded by names_mutex_
 };
 
 }  // namespace candela::master

@@ -177,8 +177,12 @@ struct PutStarts {
 struct PutState {
   StateRow row;
 };
+// A removed job with all its rows, and its bundle if no other job has it. Its events stay.
+struct DropJob {
+  std::string id;
+};
 using Change = std::variant<PutJob, PutUnit, DropUnit, DropUnmergedUnits, PutLease, DropLease, PutWorker,
-                            DropWorker, AddEvent, PutBundle, PutBootstrap, PutStarts, PutState>;
+                            DropWorker, AddEvent, PutBundle, PutBootstrap, PutStarts, PutState, DropJob>;
 
 // "queued", "running", ...
 std::string_view name(JobState state);

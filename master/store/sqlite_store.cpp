@@ -143,6 +143,7 @@ class SqliteStore final : public Store {
       return failure("the store refused a command");
     return {};
   }
+  Result<void> write_all(std::span<const Change> changes);
   static UnitRow read_unit(Statement& s);
   Result<void> read_chains(Statement& s, JobRow& j) const;
   Result<void> read_work(Statement& s, JobRow& j) const;
@@ -189,6 +190,7 @@ class SqliteStore final : public Store {
   bool apply(const DropWorker& c) {
     return Statement(db_, "DELETE FROM workers WHERE id = ?").bind(c.id).run();
   }
+  bool apply(const DropJob& c);
   bool apply(const AddEvent& c);
   bool apply(const PutBundle& c) {
     return Statement(db_, "INSERT OR IGNORE INTO bundles VALUES (?,?)")
@@ -267,6 +269,17 @@ bool SqliteStore::apply(const PutState& c) {
       .run();
 }
 
+bool SqliteStore::apply(const DropJob& c) {
+  for (const char* sql :
+       {"DELETE FROM bundles WHERE sha256 = (SELECT bundle FROM jobs WHERE id = ?1) AND NOT EXISTS "
+        "(SELECT 1 FROM jobs WHERE bundle = bundles.sha256 AND id != ?1)",
+        "DELETE FROM units WHERE job = ?1", "DELETE FROM leases WHERE job = ?1",
+        "DELETE FROM states WHERE job = ?1", "DELETE FROM bootstraps WHERE job = ?1",
+        "DELETE FROM chain_starts WHERE job = ?1", "DELETE FROM jobs WHERE id = ?1"})
+    if (!Statement(db_, sql).bind(c.id).run()) return false;
+  return true;
+}
+
 bool SqliteStore::apply(const PutUnit& c) {
   const UnitRow& u = c.row;
   return Statement(db_, "INSERT OR REPLACE INTO units VALUES (?,?,?,?,?,?,?,?,?,?,?)")
@@ -301,6 +314,17 @@ bool SqliteStore::apply(const AddEvent& c) {
 
 Result<void> SqliteStore::write(std::span<const Change> changes) {
   const std::lock_guard lock(mutex_);
+  // The files of a dropped job go next: no power failure may bring its rows back.
+  const bool drops = std::any_of(changes.begin(), changes.end(),
+                                 [](const Change& c) { return std::holds_alternative<DropJob>(c); });
+  if (!drops) return write_all(changes);
+  CANDELA_TRY(execute("PRAGMA synchronous=FULL"));
+  Result<void> written = write_all(changes);
+  CANDELA_TRY(execute("PRAGMA synchronous=NORMAL"));
+  return written;
+}
+
+Result<void> SqliteStore::write_all(std::span<const Change> changes) {
   CANDELA_TRY(execute("BEGIN IMMEDIATE"));
   for (const Change& change : changes) {
     if (std::visit([&](const auto& c) { return apply(c); }, change)) continue;

@@ -147,8 +147,10 @@ Result<v1::JobReport> JobTruth::verify(const std::string& job_id) {
                             : "the generation before serves; what it lacks is counted as lost");
     }
     CANDELA_ASSIGN(const std::shared_ptr<JobFilm> film, open_film(job_id));
-    CANDELA_TRY(check_ledger(job_id, *film, report));
-    check_states(job_id, *film, report);
+    if (film) {  // the job was not removed meanwhile
+      CANDELA_TRY(check_ledger(job_id, *film, report));
+      check_states(job_id, *film, report);
+    }
   }
   struct View {
     JobRow row;
@@ -159,7 +161,7 @@ Result<v1::JobReport> JobTruth::verify(const std::string& job_id) {
     const Job& job = *s.job(job_id);
     return View{job.row, job.starts.size(), count(job.lost())};
   });
-  const v1::JobStatus status = *farm_.status(job_id);
+  const v1::JobStatus status = farm_.status(job_id).value_or(v1::JobStatus());
   report.set_job_id(job_id);
   report.set_name(status.name());
   report.set_state(status.state());

@@ -79,6 +79,8 @@ class MasterTest : public ::testing::Test {
     o.checkpoint_seconds = checkpoint_seconds;
     o.unit_seconds = 1;
     o.lease_seconds = lease_seconds;
+    o.keep_finished_seconds = keep_finished_seconds;
+    o.blob_grace_seconds = blob_grace_seconds;
     auto m = Master::start(o);
     ASSERT_TRUE(m.ok()) << m.error().to_string();
     master = std::move(*m);
@@ -150,6 +152,7 @@ class MasterTest : public ::testing::Test {
 
   test::TemporaryFolder folder;
   double checkpoint_seconds = 0.05, lease_seconds = 30;
+  double keep_finished_seconds = 0, blob_grace_seconds = 3600;
   std::unique_ptr<Master> master;
   std::shared_ptr<grpc::Channel> channel;
   std::unique_ptr<v1::FarmService::Stub> farm;

@@ -13,6 +13,7 @@ TEST(Quantity, Seconds) {
   EXPECT_EQ(parse_seconds("2.5s"), 2.5);
   EXPECT_EQ(parse_seconds("10m"), 600.0);
   EXPECT_EQ(parse_seconds("1e1h"), 36000.0);
+  EXPECT_EQ(parse_seconds("30d"), 2592000.0);
   for (const char* text : {"", "s", "-1", "-0", "nan", "inf", "1e10", "1e400", "1e308h", "2x", "2 s", " 2",
                            "+2", "1h30m", "2ms"})
     EXPECT_FALSE(parse_seconds(text).has_value()) << text;

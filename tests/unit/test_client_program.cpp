@@ -177,7 +177,8 @@ TEST(Json, JobShape) {
 
 // Claim: lists are objects with one named array, also when empty.
 TEST(Json, ListShapes) {
-  EXPECT_EQ(nlohmann::json::parse(jobs_json({})), nlohmann::json::parse(R"({"jobs": []})"));
+  EXPECT_EQ(nlohmann::json::parse(jobs_json({})),
+            nlohmann::json::parse(R"({"jobs": [], "total": 0, "next": null})"));
   EXPECT_EQ(nlohmann::json::parse(workers_json({})),
             nlohmann::json::parse(R"({"workers": [], "wanted": {"threads": 0, "workers": 0}})"));
   EXPECT_EQ(nlohmann::json::parse(events_json({})), nlohmann::json::parse(R"({"events": []})"));

@@ -126,9 +126,15 @@ class Farm:
         return Job(self, job_id)
 
     def jobs(self) -> list[Job]:
-        """All jobs that the master has."""
-        answer = self.call("ListJobs", client_pb2.ListJobsRequest())
-        return [Job(self, status.id) for status in answer.jobs]
+        """All jobs that the master has, the newest last."""
+        jobs: list[Job] = []
+        token = ""
+        while True:
+            answer = self.call("ListJobs", client_pb2.ListJobsRequest(page_token=token))
+            jobs += [Job(self, status.id) for status in answer.jobs]
+            token = answer.next_page_token
+            if not token:
+                return jobs[::-1]
 
     def workers(self) -> list[Any]:
         """The workers as messages WorkerStatus of proto/candela/v1/job.proto."""

@@ -179,6 +179,11 @@ class Job:
         """Ends the job; its image is kept."""
         return self._steer("CancelJob")
 
+    def set_priority(self, priority: int) -> Status:
+        """Jobs of higher priority go first; units under way go on."""
+        request = client_pb2.SetPriorityRequest(job_id=self.id, priority=priority)
+        return status_of(self._farm.call("SetPriority", request))
+
     def extend(self, *, iterations: int = 0, seconds: float = 0, relmse: float = 0) -> Status:
         """Adds to the job's limits; `relmse` is a new target. A finished job goes on.
 
