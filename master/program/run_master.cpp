@@ -15,6 +15,7 @@
 #include "common/wire/grpc_settings.h"
 #include "common/wire/wire.h"
 #include "master/master.h"
+#include "master/store/backup.h"
 
 namespace candela::master {
 namespace {
@@ -109,6 +110,22 @@ int run(const Texts& texts) {
   }
 }
 
+int run_backup(const Texts& texts, const std::string& target, const std::string& base) {
+  const auto settings = DaemonSettings::load(kProgram, "master");
+  if (!settings) return report(kProgram, settings.error());
+  const auto options = resolve(*settings, texts);
+  if (!options) return report(kProgram, options.error());
+  block_signals({});  // a limit of file sizes is an error, as a full disk is
+  const auto backup = back_up({options->data_dir, target, base});
+  if (!backup) return report(kProgram, backup.error());
+  std::printf("%s: %llu jobs, %llu files of %.1f MB, %llu of them with %.1f MB as links\n", target.c_str(),
+              static_cast<unsigned long long>(backup->jobs), static_cast<unsigned long long>(backup->files),
+              static_cast<double>(backup->bytes) * 1e-6,
+              static_cast<unsigned long long>(backup->linked_files),
+              static_cast<double>(backup->linked_bytes) * 1e-6);
+  return 0;
+}
+
 }  // namespace
 
 int run_master(int argc, char** argv) {
@@ -148,7 +165,19 @@ int run_master(int argc, char** argv) {
   app.add_option("--log-level", texts.log_level, "trace, debug, info, warn, error, off (default info)")
       ->type_name("LEVEL");
   app.add_option("--log-format", texts.log_format, "text or json (default text)")->type_name("FORMAT");
-  return parse_and_run(kProgram, app, argc, argv, [&] { return run(texts); });
+  std::string target, base;
+  CLI::App* backup =
+      app.add_subcommand("backup",
+                         "Copy the data folder, also while a master works in it; to restore, start "
+                         "a master with a copy of the backup as its --data");
+  backup->fallthrough();  // `--data` may come after it
+  backup->add_option("target", target, "the backup's folder, which must not exist")
+      ->required()
+      ->type_name("DIR");
+  backup->add_option("--base", base, "an earlier backup: files that are the same are linked, not copied")
+      ->type_name("DIR");
+  return parse_and_run(kProgram, app, argc, argv,
+                       [&] { return backup->parsed() ? run_backup(texts, target, base) : run(texts); });
 }
 
 }  // namespace candela::master
