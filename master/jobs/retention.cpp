@@ -56,11 +56,11 @@ Result<void> Retention::finish_removals(Store& store, const fs::path& data_folde
   const fs::path removed = removed_folder(data_folder);
   std::error_code code;
   if (!fs::exists(removed, code)) return {};
-  for (const fs::directory_entry& entry : fs::directory_iterator(removed, code)) {
-    const std::string id = entry.path().filename().string();
+  for (fs::directory_iterator entry(removed, code), end; !code && entry != end; entry.increment(code)) {
+    const std::string id = entry->path().filename().string();
     CANDELA_TRY(store.write(std::vector<Change>{DropJob{id}}));
     log::info("the removal that a crash broke off is finished", {.job = id});
-    delete_folder(entry.path(), id);
+    delete_folder(entry->path(), id);
   }
   return {};
 }

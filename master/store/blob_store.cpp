@@ -127,9 +127,10 @@ Result<BlobStore::Collected> BlobStore::collect(const std::set<std::string>& nee
   const auto oldest =
       fs::file_time_type::clock::now() - std::chrono::milliseconds(std::llround(grace_seconds * 1000));
   std::error_code code;
-  for (const fs::directory_entry& folder : fs::directory_iterator(folder_, code)) {
-    if (folder.path().filename().string().size() != 2) continue;  // tmp, damaged
-    for (const fs::directory_entry& file : fs::directory_iterator(folder.path(), code)) {
+  for (fs::directory_iterator folder(folder_, code), end; !code && folder != end; folder.increment(code)) {
+    if (folder->path().filename().string().size() != 2) continue;  // tmp, damaged
+    for (fs::directory_iterator it(folder->path(), code), last; !code && it != last; it.increment(code)) {
+      const fs::directory_entry& file = *it;
       const std::string sha256 = file.path().filename().string();
       if (!is_sha256_hex(sha256)) continue;
       std::error_code gone;

@@ -178,6 +178,7 @@ class OnAFarm(unittest.TestCase):
             if len(seen) == 3:
                 break
         self.assertEqual(job.pause().state, "paused")
+        self.assertEqual(job.set_priority(-3).message.priority, -3)
         self.assertEqual(job.resume().state, "queued")
         limit = job.status().message.stop.iterations
         self.assertEqual(job.extend(iterations=10).message.stop.iterations, limit + 10)
