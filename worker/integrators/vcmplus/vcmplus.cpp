@@ -13,6 +13,8 @@ using transport::Between;
 
 // Five contributions to each sector: the number below which tests of frequencies are not trusted.
 constexpr std::uint64_t kEvidence = 60;
+// The schedule of pixels without evidence: the best order of the mean square, which is ppm's.
+constexpr double kBlindAlpha = integrator_words::kPpm.alpha.value;
 
 class VcmplusIntegrator final : public IterationIntegrator {
  public:
@@ -69,7 +71,7 @@ Result<std::unique_ptr<Integrator>> make_vcmplus_integrator(const SettingsMap& s
   adaptive::Adaptation adaptation = adaptive::f_test(parsed.epochs, parsed.f_test);
   // alpha=1 is the rule of the paper.
   if (parsed.merge.alpha < 1)
-    adaptive::follow(adaptation, parsed.merge.alpha, integrator_words::kVcm.alpha.value, kEvidence);
+    adaptive::follow(adaptation, parsed.merge.alpha, kBlindAlpha, kEvidence);
   if (planned.techniques.merges()) adaptive::note_statistics(adaptation, planned.plan);
   return std::unique_ptr<Integrator>(
       std::make_unique<VcmplusIntegrator>(options, std::move(planned), parsed.merge.rules(),
