@@ -70,8 +70,7 @@ Result<std::unique_ptr<Integrator>> make_vcmplus_integrator(const SettingsMap& s
   Planned planned = vcm::plan(options, wanted, features, parsed.common.full_plan());
   adaptive::Adaptation adaptation = adaptive::f_test(parsed.epochs, parsed.f_test);
   // alpha=1 is the rule of the paper.
-  if (parsed.merge.alpha < 1)
-    adaptive::follow(adaptation, parsed.merge.alpha, kBlindAlpha, kEvidence);
+  if (parsed.merge.alpha < 1) adaptive::follow(adaptation, parsed.merge.alpha, kBlindAlpha, kEvidence);
   if (planned.techniques.merges()) adaptive::note_statistics(adaptation, planned.plan);
   return std::unique_ptr<Integrator>(
       std::make_unique<VcmplusIntegrator>(options, std::move(planned), parsed.merge.rules(),
