@@ -30,12 +30,15 @@ namespace fs = std::filesystem;
 
 constexpr std::uint32_t kSide = 16;  // pixels
 
-// A box with a glass ball and two lamps: pixels shrink, and the lights are worth a choice.
+// A box with a glass ball and two lamps: pixels shrink, and the lights are worth a choice. A ball hides one
+// of them from parts of a wall.
 const std::string kLitBox =
     "<scene version=\"3.0.0\"><integrator type=\"path\"/><sensor type=\"perspective\"/>"
     "<shape type=\"cube\"><bsdf type=\"twosided\"><bsdf type=\"diffuse\"/></bsdf></shape>"
     "<shape type=\"sphere\"><point name=\"center\" x=\"0.3\" y=\"-0.4\" z=\"0.4\"/><float name=\"radius\" "
     "value=\"0.3\"/><bsdf type=\"dielectric\"/></shape>"
+    "<shape type=\"sphere\"><point name=\"center\" x=\"-0.3\" y=\"-0.3\" z=\"0.85\"/><float name=\"radius\" "
+    "value=\"0.1\"/></shape>"
     "<shape type=\"rectangle\"><transform name=\"to_world\"><scale value=\"0.3\"/><rotate x=\"1\" "
     "angle=\"90\"/><translate y=\"0.99\"/></transform><emitter type=\"area\"/></shape>"
     "<shape type=\"sphere\"><point name=\"center\" x=\"-0.7\" y=\"-0.5\" z=\"0.7\"/><float name=\"radius\" "
@@ -70,9 +73,11 @@ std::vector<JobKind> job_kinds() {
       chosen.insert({{"test", "nested"}, {"rings", "true"}});
       add("fppm with rings", row.name, chosen);
     }
-    if (row.name == "optimis")
+    if (row.name == "optimis") {
       add("optimis, progressive", row.name,
           {{"estimator", "progressive"}, {"epoch_min", "2"}, {"growth", "16"}});
+      add("optimis, trained", row.name, {{"selection", "trained"}, {"epoch_min", "2"}, {"growth", "16"}});
+    }
   }
   // AOVs are accumulators beside the integrator's own.
   for (const std::string integrator : {"path", "appm"}) {

@@ -20,10 +20,12 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "common/mis/batch.h"
 #include "common/mis/best.h"
+#include "worker/estimators/light_weights.h"
 #include "worker/estimators/options.h"
 #include "worker/scene/emitters/lights.h"
 #include "worker/scene/scene.h"
@@ -35,6 +37,9 @@ struct FirstVertexSetup {
   // The techniques after it: all points by the first selection, then all by the second, ...
   std::vector<scene::LightTechnique> selections;
   std::vector<scene::PointSampler> points = {scene::PointSampler::own};
+  // Of the selections, the one that has weights (light_weights.h), if any.
+  static constexpr std::size_t kNone = ~std::size_t{0};
+  std::size_t trained = kNone;
   mis::Heuristic heuristic = mis::Heuristic::balance;
   bool controls = false;       // tallied; the heuristic is the balance heuristic's
   bool singles = false;        // likewise: what each technique alone would bring
@@ -55,8 +60,14 @@ class FirstVertex {
  public:
   static constexpr bool kActive = true;
 
-  FirstVertex(const FirstVertexSetup& setup, const PathOptions& options)
-      : setup_(setup), options_(options), all_options_(options), n_(setup.techniques()) {
+  // lights: of the trained selection; null: it is the choice adapted to the point.
+  FirstVertex(const FirstVertexSetup& setup, const PathOptions& options, const LightWeights* lights = nullptr)
+      : setup_(setup),
+        trained_(lights != nullptr ? setup.trained : FirstVertexSetup::kNone),
+        lights_(lights),
+        options_(options),
+        all_options_(options),
+        n_(setup.techniques()) {
     allocation_ = mis::Allocation::ones(n_);
   }
   // The limits of the path, which ends early where direct light is all that is asked for.
@@ -66,10 +77,12 @@ class FirstVertex {
     options_ = all_options_;
     if (setup_.singles) singles_ = {};
     reached_ = false;
+    tests_ = 0;
   }
   // The path is there, and draws every technique.
-  void reach() {
+  void reach(Vec3 p) {
     reached_ = true;
+    if (lights_ != nullptr) cell_ = lights_->cell(p);
     if (setup_.bsdf && setup_.controls) set(0, mis::controls_of_one(allocation_, 0), {});
   }
   // The path goes on from there; `depth` edges from the eye is what its ray meets.
@@ -78,12 +91,23 @@ class FirstVertex {
   }
 
   std::size_t light_techniques() const { return setup_.light_techniques(); }
-  scene::LightTechnique selection(std::size_t light_technique) const {
-    return setup_.selections[light_technique / setup_.points.size()];
+  scene::DirectOutcome sample(const scene::Lights& lights, const scene::SurfaceHit& here, Vec3 front,
+                              float u_select, Vec2 u, std::size_t light_technique,
+                              scene::DirectSample& out) const {
+    const std::size_t s = light_technique / setup_.points.size();
+    const scene::PointSampler point = setup_.points[light_technique % setup_.points.size()];
+    if (s == trained_) return lights.sample(here, front, u_select, u, out, lights_->of_cell(cell_), point);
+    return lights.sample(here, front, u_select, u, out, setup_.selections[s], point);
   }
-  scene::PointSampler point(std::size_t light_technique) const {
-    return setup_.points[light_technique % setup_.points.size()];
+  // A point on an emitter was looked for.
+  void tested(std::uint32_t emitter, bool seen) {
+    if (lights_ != nullptr) shadow_tests_[tests_++] = {lights_->entry(cell_, emitter), seen};
   }
+  struct ShadowTest {
+    std::uint32_t entry;  // of the light weights
+    bool seen;
+  };
+  std::span<const ShadowTest> shadow_tests() const { return std::span(shadow_tests_).first(tests_); }
 
   void failed(std::size_t light_technique) {
     const std::size_t own = technique(light_technique);
@@ -169,12 +193,19 @@ class FirstVertex {
     batch_.c[sample(technique)] = c;
     batch_.f_over_q[sample(technique)] = f_over_q;
   }
+  float prob(const scene::Lights& lights, const scene::SurfaceHit& here, Vec3 front, std::uint32_t emitter,
+             std::size_t s) const {
+    if (s == trained_) return lights.prob(here.p, front, emitter, lights_->of_cell(cell_));
+    return lights.prob(here.p, front, emitter, setup_.selections[s]);
+  }
   // The densities of the light techniques for a direction out of the scene; where an environment is chosen,
   // all sample it in its own way.
   void add_environment_densities(const scene::Lights& lights, const scene::SurfaceHit& here, Vec3 front,
                                  Vec3 d, Densities& p) const {
     for (std::size_t s = 0; s < setup_.selections.size(); ++s) {
-      const float pdf = lights.pdf_environment_solid_angle(here, front, d, setup_.selections[s]);
+      const float pdf = s == trained_
+                            ? lights.pdf_environment_solid_angle(here, front, d, lights_->of_cell(cell_))
+                            : lights.pdf_environment_solid_angle(here, front, d, setup_.selections[s]);
       for (std::size_t m = 0; m < setup_.points.size(); ++m)
         p[technique(s * setup_.points.size() + m)] = static_cast<double>(pdf);
     }
@@ -190,9 +221,9 @@ class FirstVertex {
     }
     if (!any) return;
     for (std::size_t s = 0; s < setup_.selections.size(); ++s) {
-      const float prob = lights.prob(here.p, front, hit.emitter, setup_.selections[s]);
+      const float chosen = prob(lights, here, front, hit.emitter, s);
       for (std::size_t m = 0; m < setup_.points.size(); ++m)
-        if (given[m] > 0) p[technique(s * setup_.points.size() + m)] = static_cast<double>(given[m] * prob);
+        if (given[m] > 0) p[technique(s * setup_.points.size() + m)] = static_cast<double>(given[m] * chosen);
     }
   }
   // The same for a point that a technique drew, but of this technique.
@@ -200,7 +231,7 @@ class FirstVertex {
                      std::size_t light_technique, const scene::DirectSample& light, Densities& p) const {
     if (setup_.light_techniques() == 1) return;
     const std::size_t points = setup_.points.size(), own_point = light_technique % points;
-    const float chosen = lights.prob(here.p, front, light.emitter, selection(light_technique));
+    const float chosen = prob(lights, here, front, light.emitter, light_technique / points);
     Densities given{};  // the emitter, by sampler of points
     given[own_point] = static_cast<double>(light.pdf_solid_angle) / static_cast<double>(chosen);
     if (points > 1) {
@@ -219,9 +250,9 @@ class FirstVertex {
     }
     for (std::size_t s = 0; s < setup_.selections.size(); ++s) {
       const bool own = s == light_technique / points;
-      const float prob = own ? chosen : lights.prob(here.p, front, light.emitter, setup_.selections[s]);
+      const float of_selection = own ? chosen : prob(lights, here, front, light.emitter, s);
       for (std::size_t m = 0; m < points; ++m)
-        p[technique(s * points + m)] = given[m] * static_cast<double>(prob);
+        p[technique(s * points + m)] = given[m] * static_cast<double>(of_selection);
     }
   }
   bool usable(const Densities& p, std::size_t own) const {
@@ -249,6 +280,11 @@ class FirstVertex {
   }
 
   const FirstVertexSetup& setup_;
+  const std::size_t trained_;  // selection
+  const LightWeights* const lights_;
+  std::uint32_t cell_ = 0;
+  std::size_t tests_ = 0;
+  std::array<ShadowTest, mis::kMaxTechniques> shadow_tests_{};
   PathOptions options_;
   const PathOptions all_options_;
   const std::size_t n_;

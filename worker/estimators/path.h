@@ -208,7 +208,7 @@ class PathTracer {
   template <class EvalPdf>
   void sample_first(const scene::SurfaceHit& here, Vec3 side, const EvalPdf& eval_pdf) {
     using namespace transport;
-    first_->reach();
+    first_->reach(here.p);
     for (std::size_t i = 0; i < first_->light_techniques(); ++i) {
       // The first has the path tracer's random numbers.
       const std::uint32_t at = i == 0 ? block_ : path_block::further_light(i);
@@ -217,7 +217,7 @@ class PathTracer {
       const Vec2 u = sampler_.draw_2d(at + path_block::kEmitterPoint, stratified_);
       scene::DirectSample light;
       const scene::DirectOutcome outcome =
-          scene_.lights().sample(here, side, u_emitter, u, light, first_->selection(i), first_->point(i));
+          first_->sample(scene_.lights(), here, side, u_emitter, u, i, light);
       if (outcome == scene::DirectOutcome::failed) {
         first_->failed(i);
         continue;
@@ -226,7 +226,10 @@ class PathTracer {
       Spectrum value;
       if (outcome == scene::DirectOutcome::sampled) {
         value = eval_pdf(light.wi, pdf_solid_angle);
-        if (!value.is_black()) pass_to_light(here, light, at, value);
+        if (!value.is_black()) {
+          pass_to_light(here, light, at, value);
+          first_->tested(light.emitter, !value.is_black());
+        }
       }
       if (value.is_black() || light.delta) pdf_solid_angle = 0;
       sum_ +=

@@ -3,12 +3,15 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <optional>
+#include <span>
 
 #include "common/stages/developments/best_technique.h"
 #include "common/stages/developments/optimal_mis.h"
 #include "common/stages/epoch_corrections.h"
 #include "common/stages/epochs.h"
+#include "common/stages/light_visibility.h"
 #include "worker/estimators/path.h"
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/iteration_integrator.h"
@@ -49,14 +52,17 @@ class OptimisIntegrator final : public IterationIntegrator {
         setup_(std::move(planned.setup)),
         read_out_(planned.read_out),
         eligible_(planned.eligible),
+        lights_(planned.lights),
         settings_(settings),
         allocation_(mis::Allocation::ones(setup_.techniques())),
         tally_(tally_of(setup_.techniques())),
         paths_(read_out_ == ReadOut::fan ? static_cast<std::uint64_t>(settings.batch) : 1) {
-    if (read_out_ == ReadOut::epochs) epochs_.emplace(epoch_plan().first, epoch_plan().growth);
+    if (read_out_ == ReadOut::epochs || lights_ > 0)
+      epochs_.emplace(static_cast<std::uint64_t>(settings.epoch_min),
+                      static_cast<std::uint32_t>(settings.growth));
   }
 
-  WorkPlan work(FilmSize /*size*/, int film_scale_log2) const override {
+  WorkPlan work(FilmSize size, int film_scale_log2) const override {
     using Per = film::AccumulatorSpec::Per;
     WorkPlan plan;
     const std::size_t n = setup_.techniques();
@@ -68,27 +74,42 @@ class OptimisIntegrator final : public IterationIntegrator {
       plan.accumulators = pixel_sums::specs(n, film_scale_log2, epochs ? Per::epoch : Per::job);
       plan.development = optimal_mis::plan(epochs ? optimal_mis::kEpochName : optimal_mis::kName, allocation_,
                                            settings_.estimator.value);
-      if (epochs) plan.epochs = epoch_plan();
+      if (epochs)
+        plan.epochs =
+            epoch_plan(epoch_corrections::kRule, {{"counts", pixel_sums::counts_text(allocation_)}});
+    }
+    const light_visibility::Layout layout = light_visibility::layout(size.width, size.height, lights_);
+    if (lights_ > 0 && layout.side > 0) {
+      plan.accumulators = {light_visibility::spec(layout)};
+      plan.epochs = epoch_plan(light_visibility::kRule,
+                               {{std::string(light_visibility::kEntries), std::to_string(layout.entries())}});
     }
     return plan;
   }
 
-  // The states of epochs say nothing: slopes are for whoever reads the image.
-  Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
-                   UnitOutput& output, const RunContext& run) const override {
+  // The states of progressive's epochs say nothing: slopes are for whoever reads the image.
+  Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
+                   const RunContext& run) const override {
+    std::optional<estimators::LightWeights> lights;
+    const light_visibility::Layout layout = light_visibility::layout(context.width, context.height, lights_);
+    if (lights_ > 0 && layout.side > 0) {
+      CANDELA_ASSIGN(const std::span<const std::uint8_t> weights, light_weights(input, layout));
+      lights.emplace(context.scene.lights().extent(), layout, weights);
+    }
+    const bool has_epochs = read_out_ == ReadOut::epochs || lights;
     return with_tracer(context, [&](const auto& trace) {
-      // Slopes of an epoch are from earlier ones: they have to be independent. One half's samples of all
-      // epochs are one sequence of the sampler, those of different words are not.
+      // Slopes and light weights of an epoch are from earlier ones: they have to be independent. One half's
+      // samples of all epochs are one sequence of the sampler, those of different words are not.
       const std::uint32_t word =
-          unit.half + (epochs_ ? 2 * static_cast<std::uint32_t>(epochs_->of_index(unit.begin)) : 0);
+          unit.half + (has_epochs ? 2 * static_cast<std::uint32_t>(epochs_->of_index(unit.begin)) : 0);
       return for_each_tile(context.width, context.height, *output.film, run,
                            [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1,
                                film::Tallies& tallies) {
                              samplers::Sampler sampler(context.sampler, context.seed);
-                             estimators::FirstVertex first(setup_, options_);
+                             estimators::FirstVertex first(setup_, options_, lights ? &*lights : nullptr);
                              mis::Sums batch;
-                             const Iteration iteration{context, unit,    word,  run,  output,
-                                                       tallies, sampler, first, batch};
+                             const Iteration iteration{context, unit,    word,  run,   output,
+                                                       tallies, sampler, first, batch, layout};
                              for (std::uint32_t y = y0; y < y1; ++y) {
                                for (std::uint32_t x = x0; x < x1; ++x) {
                                  for (std::uint64_t index = unit.begin; index < unit.end; ++index)
@@ -113,12 +134,27 @@ class OptimisIntegrator final : public IterationIntegrator {
   }
 
  private:
-  EpochPlan epoch_plan() const {
-    return {static_cast<std::uint64_t>(settings_.epoch_min),
-            static_cast<std::uint32_t>(settings_.growth),
-            static_cast<std::uint32_t>(settings_.lag),
-            std::string(epoch_corrections::kRule),
-            {{"counts", pixel_sums::counts_text(allocation_)}}};
+  EpochPlan epoch_plan(std::string_view rule, SettingsMap constants) const {
+    return {static_cast<std::uint64_t>(settings_.epoch_min), static_cast<std::uint32_t>(settings_.growth),
+            static_cast<std::uint32_t>(settings_.lag), std::string(rule), std::move(constants)};
+  }
+  // Of the unit's epoch.
+  static Result<std::span<const std::uint8_t>> light_weights(const UnitInput& input,
+                                                             const light_visibility::Layout& layout) {
+    const auto state = input.states.find(light_visibility::kRule);
+    const auto bad = [&](std::string_view what) {
+      return input_error(fmt::format("the state '{}' {}", light_visibility::kRule, what))
+          .with_field("states");
+    };
+    if (state == input.states.end()) return bad("of the unit's epoch is missing");
+    const std::string_view bytes = state->second;
+    if (bytes.size() != layout.entries())
+      return bad(fmt::format("has {} bytes, not {}", bytes.size(), layout.entries()));
+    const std::span weights(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size());
+    if (std::any_of(weights.begin(), weights.end(),
+                    [](std::uint8_t w) { return w < light_visibility::kMinWeight; }))
+      return bad("leaves a light out");
+    return weights;
   }
 
   struct Iteration {
@@ -130,7 +166,8 @@ class OptimisIntegrator final : public IterationIntegrator {
     film::Tallies& tallies;
     samplers::Sampler& sampler;
     estimators::FirstVertex& first;
-    mis::Sums& batch;  // of fan: of all paths of an iteration
+    mis::Sums& batch;                        // of fan: of all paths of an iteration
+    const light_visibility::Layout& layout;  // of the light weights
   };
 
   // One iteration of a pixel.
@@ -161,6 +198,7 @@ class OptimisIntegrator final : public IterationIntegrator {
     const bool signed_values = i.context.filter.has_negative_lobes() || read_out_ == ReadOut::fan;
     const bool kept = i.output.film->add(0, x, y, {light.r, light.g, light.b}, key, i.tallies, signed_values);
     if (!reached) return;
+    tally_visibility(i, key);
     // A sample that the film refused is a dark one.
     const double kept_weight = kept ? static_cast<double>(weight) : 0;
     const std::uint32_t part = read_out_ == ReadOut::epochs ? i.unit.half : 0;
@@ -180,6 +218,13 @@ class OptimisIntegrator final : public IterationIntegrator {
       return static_cast<float>(batches * f[k] - sums.balance_sum(allocation_, k));
     };
     return {more(0), more(1), more(2)};
+  }
+  static void tally_visibility(const Iteration& i, std::uint64_t key) {
+    for (const estimators::FirstVertex::ShadowTest& test : i.first.shadow_tests()) {
+      const auto at = light_visibility::place(test.entry, i.layout.per_pixel, i.context.width);
+      const std::array<double, 2> counts = {1, test.seen ? 1.0 : 0.0};
+      i.output.accumulators[0]->splat(at.x, at.y, at.channel, counts, key, i.tallies);
+    }
   }
   static void add_weighted(mis::Sums& to, mis::Sums more, float weight) {
     for (mis::Vector& color : more.b)
@@ -244,11 +289,12 @@ class OptimisIntegrator final : public IterationIntegrator {
   const estimators::FirstVertexSetup setup_;
   const ReadOut read_out_;
   const mis::Eligible eligible_;
+  const std::uint32_t lights_;  // whose visibility is learned
   const OptimisSettings settings_;
   const mis::Allocation allocation_;
   const Tally tally_;             // of optimal weights
   const std::uint64_t paths_;     // of a pixel in one iteration
-  std::optional<Epochs> epochs_;  // of progressive
+  std::optional<Epochs> epochs_;  // of progressive and trained
 };
 
 }  // namespace
@@ -257,6 +303,17 @@ Result<void> check(const OptimisSettings& settings) {
   const std::size_t selections = settings.selection.values.size(),
                     points = settings.techniques.values.size() - (settings.techniques.has("bsdf") ? 1 : 0),
                     n = selections * points + 1;  // a plan may add bsdf sampling
+  // Sums of epochs whose techniques have other densities make no common system.
+  if (settings.selection.has("trained")) {
+    const bool optimal = settings.weights.value == "optimal" || settings.weights.value == "best";
+    if (optimal || settings.estimator.value != "crossfit")
+      return usage_error(
+                 fmt::format("'{}' has no part in selection=trained, whose densities differ from epoch "
+                             "to epoch",
+                             optimal ? settings.weights.value : settings.estimator.value))
+          .with_field(optimal ? "weights" : "estimator")
+          .with_mend("leave it out, or 'trained'");
+  }
   if (n <= mis::kMaxTechniques) return {};
   return usage_error(
              fmt::format("{} ways of sampling points times {} selections, and bsdf, are {} techniques; "

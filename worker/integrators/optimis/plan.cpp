@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <optional>
 
+#include "common/stages/light_visibility.h"
 #include "worker/integrators/path/plan.h"
 
 namespace candela::integrators::optimis {
@@ -23,6 +24,7 @@ std::string_view selection_name(scene::LightTechnique selection) {
 }
 
 ReadOut read_out_of(const OptimisSettings& settings) {
+  if (settings.selection.has("trained")) return ReadOut::film;  // see check()
   if (settings.weights.value == "best") return ReadOut::best;
   if (settings.weights.value != "optimal" && settings.weights.value != "auto") return ReadOut::film;
   return settings.estimator.value == "progressive" ? ReadOut::epochs
@@ -139,6 +141,32 @@ const char* gain(const estimators::FirstVertexSetup& setup, const scene::SceneFe
                                : "densities that differ over the lamp are combined";
 }
 
+// The selection to be added next has weights.
+Result<void> plan_training(const OptimisSettings& settings, const scene::SceneFeatures& features,
+                           PlannedFirstVertex& out) {
+  if (features.emitters > light_visibility::kMaxLights)
+    return usage_error(
+               fmt::format("'trained' learns the visibility of at most {} lights, and the scene has {}",
+                           light_visibility::kMaxLights, features.emitters))
+        .with_field("selection")
+        .with_mend("leave it out");
+  out.setup.trained = out.setup.selections.size();
+  out.lights = features.emitters;
+  const std::uint64_t cells =
+      std::uint64_t{light_visibility::kMaxSide} * light_visibility::kMaxSide * light_visibility::kMaxSide;
+  out.planned.plan.use(
+      "light selection 'trained'",
+      fmt::format("the visibility of {} lights in up to {} cells, decided once an epoch, of {} iterations or "
+                  "1/{} of those before",
+                  features.emitters, cells, settings.epoch_min, settings.growth));
+  out.planned.plan.use("statistics",
+                       fmt::format("up to {} kB for each of {} epochs and in a state; a worker has 16 to {} "
+                                   "bytes a pixel",
+                                   16 * cells * features.emitters / 1000, settings.lag + 2,
+                                   16 * light_visibility::kMaxPerPixel));
+  return {};
+}
+
 // Says how the image is read, where more than one technique is to be weighted.
 void describe_read_out(const OptimisSettings& settings, const scene::SceneFeatures& features,
                        PlannedFirstVertex& out) {
@@ -148,7 +176,8 @@ void describe_read_out(const OptimisSettings& settings, const scene::SceneFeatur
   const std::string use = "optimal weights";
   switch (out.read_out) {
     case ReadOut::film:
-      plan.skip(use, "weights=" + settings.weights.value);
+      plan.skip(
+          use, settings.selection.has("trained") ? "selection=trained" : "weights=" + settings.weights.value);
       break;
     case ReadOut::sums:
       plan.use(use, fmt::format("{} techniques, {} bytes of sums a pixel, read by {}; {}", n, 2 * bytes,
@@ -208,8 +237,12 @@ Result<PlannedFirstVertex> plan(const OptimisSettings& settings, const estimator
       if (!full && features.emitters == 1 && !setup.selections.empty())
         plan.skip(fmt::format("light selection '{}'", name),
                   "there is one emitter: all selections are the same");
-      else
+      else {
+        if (name == "trained" && features.emitters > 1) {
+          CANDELA_TRY(plan_training(settings, features, out));
+        }
         setup.selections.push_back(selection_named(name));
+      }
     }
   }
   setup.bsdf = sampled && settings.techniques.has("bsdf");

@@ -8,7 +8,7 @@ namespace candela::integrators {
 struct OptimisSettings {
   CommonSettings common{integrator_words::kOptimis};
   NameList techniques{{"bsdf", "light"}, {"bsdf", "light", "spherical", "area", "parallel"}};
-  NameList selection{{"contribution", "power"}, {"contribution", "power", "uniform"}};
+  NameList selection{{"contribution", "power"}, {"contribution", "power", "uniform", "trained"}};
   Choice weights{"auto", {"auto", "optimal", "balance", "power", "cutoff", "maximum", "best"}};
   Choice estimator{"crossfit", {"crossfit", "direct", "balance", "progressive", "fan"}};
   int epoch_min = 16;
@@ -23,8 +23,12 @@ struct OptimisSettings {
     visit("techniques", techniques,
           "direct light at the first vertex that is not specular: by bsdf sampling, and by points on lights, "
           "as path samples them (light), uniform in solid angle, in area, in their parallel projection");
-    visit("selection", selection,
-          "how the light of a point is chosen; each with each way of sampling points is a technique");
+    visit(
+        "selection", selection,
+        "how the light of a point is chosen; each with each way of sampling points is a technique. trained: "
+        "as "
+        "contribution, less where shadow rays of earlier epochs found lights hidden; weights are balance or "
+        "another heuristic");
     visit("weights", weights,
           "how the techniques are weighted against each other; auto: optimal, or balance if the plan expects "
           "no "
@@ -32,12 +36,14 @@ struct OptimisSettings {
     visit("estimator", estimator,
           "of optimal weights: what the image is read by; fetch --estimator has the others");
     visit("epoch_min", epoch_min, 2, 1 << 20,
-          "estimator=progressive: iterations of the shortest epoch, an even number; the first epoch has the "
-          "weights of the balance heuristic");
+          "estimator=progressive or selection=trained: iterations of the shortest epoch, an even number; the "
+          "first epoch has the weights of the balance heuristic, and an untrained selection");
     visit("growth", growth, 1, 1 << 16,
-          "estimator=progressive: an epoch has at least 1/growth of the iterations before it");
+          "estimator=progressive or selection=trained: an epoch has at least 1/growth of the iterations "
+          "before it");
     visit("lag", lag, 0, 64,
-          "estimator=progressive: epochs that are rendered while the sums of those before arrive");
+          "estimator=progressive or selection=trained: epochs that are rendered while the sums of those "
+          "before arrive");
     visit("batch", batch, 2, 64, "estimator=fan: paths of a pixel in one iteration, solved for together");
     visit("depth", depth, "full: beyond the first vertex by path tracing; direct: direct light there alone");
     common.plan_field(visit);

@@ -82,6 +82,34 @@ float Lights::pdf_environment_solid_angle(const SurfaceHit& reference, Vec3 fron
   return sum;
 }
 
+// ---- the same with weights
+
+DirectOutcome Lights::sample(const SurfaceHit& reference, Vec3 front, float u_select, Vec2 u,
+                             DirectSample& out, Weights weights, PointSampler point) const {
+  EmitterChoice choice;
+  if (!by_importance_.choose(reference.p, front, extend_draw(u_select, u.x, u.y), weights, choice))
+    return DirectOutcome::failed;
+  out.emitter = choice.emitter;
+  const DirectOutcome outcome =
+      emitters_.sample_direct_by(point, choice.emitter, reference, front, choice.rest, u, out);
+  if (outcome == DirectOutcome::failed) return outcome;
+  out.pdf_solid_angle *= choice.prob;
+  if (emitters_.environments().size() > 1 && emitters_.is_environment(choice.emitter)) {
+    out.pdf_solid_angle = pdf_environment_solid_angle(reference, front, out.wi, weights);
+    out.radiance = faces(front, out.wi) ? environment(out.wi) : Spectrum();
+    return out.radiance.is_black() ? DirectOutcome::dark : DirectOutcome::sampled;
+  }
+  return outcome;
+}
+
+float Lights::pdf_environment_solid_angle(const SurfaceHit& reference, Vec3 front, Vec3 d,
+                                          Weights weights) const {
+  float sum = 0;
+  for (const std::uint32_t i : emitters_.environments())
+    sum += emitters_.environment(i).pdf_direct_solid_angle(front, d) * prob(reference.p, front, i, weights);
+  return sum;
+}
+
 // ---- light as it leaves
 
 float Lights::prob_emission_environments() const {

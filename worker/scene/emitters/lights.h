@@ -70,6 +70,18 @@ class Lights {
   float prob(Vec3 reference, Vec3 front, std::uint32_t emitter,
              LightTechnique technique = LightTechnique::adapted) const;
 
+  // The same by the technique `adapted`, each emitter's probability in proportion to it times the emitter's
+  // weight. Precondition: 2 to ImportanceChooser::kMaxEmitters emitters.
+  using Weights = ImportanceChooser::Weights;
+  DirectOutcome sample(const SurfaceHit& reference, Vec3 front, float u_select, Vec2 u, DirectSample& out,
+                       Weights weights, PointSampler point) const;
+  float pdf_environment_solid_angle(const SurfaceHit& reference, Vec3 front, Vec3 d, Weights weights) const;
+  float prob(Vec3 reference, Vec3 front, std::uint32_t emitter, Weights weights) const {
+    return by_importance_.prob(reference, front, emitter, weights);
+  }
+  // Around everything that has a place.
+  const SceneExtent& extent() const { return extent_; }
+
   bool sample_emission(float u_select, Vec2 u_position, Vec2 u_direction, EmissionSample& out) const;
   bool pdf_emission(const SurfaceHit& hit, Vec3 d, EmissionDensity& out) const;
   bool pdf_emission(const DirectSample& light, EmissionDensity& out) const;

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <span>
 
 #include "worker/scene/emitters/choice/choice.h"
 #include "worker/scene/emitters/emitter_set.h"
@@ -46,6 +47,33 @@ class ImportanceChooser {
     return sum.share(candidates[emitter], kEvenShare);
   }
 
+  // The same, the probability of each emitter times its weight, over the sum of these. weights: by emitter,
+  // > 0.
+  using Weights = std::span<const std::uint8_t>;
+  bool choose(Vec3 p, Vec3 front, double u, Weights weights, EmitterChoice& out) const {
+    Products products;
+    const double sum = find(p, front, weights, products);
+    if (!(sum > 0)) return false;
+    double left = u * sum;
+    bool found = false;
+    for (std::size_t i = 0; i < emitters_->size(); ++i) {
+      const double q = products[i];
+      if (!(q > 0)) continue;
+      out.emitter = static_cast<std::uint32_t>(i);
+      out.prob = static_cast<float>(q / sum);
+      found = true;
+      out.rest = std::clamp(left / q, 0.0, 1.0 - 0x1p-53);
+      left -= q;
+      if (left < 0) break;
+    }
+    return found;
+  }
+  float prob(Vec3 p, Vec3 front, std::uint32_t emitter, Weights weights) const {
+    Products products;
+    const double sum = find(p, front, weights, products);
+    return sum > 0 ? static_cast<float>(products[emitter] / sum) : 0.0f;
+  }
+
  private:
   static constexpr float kEvenShare = 0.1f;
   using Candidates = std::array<Candidate, kMaxEmitters>;
@@ -60,6 +88,19 @@ class ImportanceChooser {
     for (const std::uint32_t i : emitters_->environments()) {
       out[i] = environment_candidate(out[i].importance, emitters_->environment(i).variation(), others);
       sum.add(out[i]);
+    }
+    return sum;
+  }
+
+  using Products = std::array<double, kMaxEmitters>;
+  // Returns the sum of the products.
+  double find(Vec3 p, Vec3 front, Weights weights, Products& out) const {
+    Candidates candidates;
+    const CandidateSum all = find(p, front, candidates);
+    double sum = 0;
+    for (std::size_t i = 0; i < emitters_->size(); ++i) {
+      out[i] = static_cast<double>(all.share(candidates[i], kEvenShare)) * weights[i];
+      sum += out[i];
     }
     return sum;
   }

@@ -1,0 +1,37 @@
+#include "common/stages/light_visibility.h"
+
+#include <algorithm>
+#include <string>
+
+namespace candela::light_visibility {
+
+Layout layout(std::uint32_t width, std::uint32_t height, std::uint32_t lights) {
+  const std::uint64_t pixels = std::uint64_t{width} * height;
+  const auto entries = [&](std::uint64_t side) { return side * side * side * lights; };
+  Layout out{kMaxSide, lights, 1};
+  while (out.side > 0 && entries(out.side) > pixels * kMaxPerPixel) --out.side;
+  if (entries(out.side) > pixels)
+    out.per_pixel = static_cast<std::uint32_t>((entries(out.side) + pixels - 1) / pixels);
+  return out;
+}
+
+film::AccumulatorSpec spec(const Layout& layout) {
+  return {std::string(kCounts), 2 * layout.per_pixel, 0, film::AccumulatorSpec::Per::epoch};
+}
+
+std::uint8_t weight(std::uint64_t tested, std::uint64_t seen) {
+  // Integers alone: the largest w with w^2 (tested + 1) <= 255^2 (seen + 1). Counts are below 2^40.
+  constexpr std::uint64_t kSquare = std::uint64_t{kMaxWeight} * kMaxWeight;
+  const std::uint64_t all = tested + 1, some = std::min(seen, tested) + 1;
+  std::uint64_t low = 0, high = kMaxWeight;
+  while (low < high) {
+    const std::uint64_t middle = (low + high + 1) / 2;
+    if (middle * middle * all <= kSquare * some)
+      low = middle;
+    else
+      high = middle - 1;
+  }
+  return static_cast<std::uint8_t>(std::max<std::uint64_t>(low, kMinWeight));
+}
+
+}  // namespace candela::light_visibility

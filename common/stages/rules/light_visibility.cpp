@@ -1,0 +1,49 @@
+#include "common/stages/rules/light_visibility.h"
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <cstdint>
+
+#include "common/stages/light_visibility.h"
+
+namespace candela::rules {
+namespace {
+
+// 0: there is none that fits.
+std::uint64_t entries_of(const DecisionInput& input, const film::AccumulatorSpec& spec) {
+  const auto found = input.plan.constants.find(std::string(light_visibility::kEntries));
+  if (found == input.plan.constants.end() || spec.name != light_visibility::kCounts || spec.channels % 2 != 0)
+    return 0;
+  const std::string& text = found->second;
+  std::uint64_t entries = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), entries);
+  if (error != std::errc() || end != text.data() + text.size()) return 0;
+  const std::uint64_t room = std::uint64_t{input.width} * input.height * (spec.channels / 2);
+  return entries <= room ? entries : 0;
+}
+
+}  // namespace
+
+Result<std::string> decide_light_visibility(const DecisionInput& input, Carry& carry) {
+  const std::uint64_t entries = carry.sums.size() == 1 ? entries_of(input, carry.sums[0].spec()) : 0;
+  if (entries == 0)
+    return failed_error(
+        fmt::format("the rule '{}' needs accumulators that are not the job's", input.plan.rule));
+  if (input.folded) {
+    if (input.folded->sums.size() != 1) return failed_error("the epoch to fold is of another job");
+    CANDELA_TRY(carry.sums[0].merge(*input.folded->sums[0]));
+  }
+  const film::MergedAccumulator& counts = carry.sums[0];
+  std::string state(entries, '\0');
+  for (std::uint32_t entry = 0; entry < entries; ++entry) {
+    const auto at = light_visibility::place(entry, counts.spec().channels / 2, input.width);
+    const auto count = [&](std::uint32_t channel) {
+      return static_cast<std::uint64_t>(counts.sum(at.x, at.y, channel));
+    };
+    state[entry] = static_cast<char>(light_visibility::weight(count(at.channel), count(at.channel + 1)));
+  }
+  return state;
+}
+
+}  // namespace candela::rules
