@@ -15,7 +15,6 @@
 namespace candela::master {
 namespace {
 
-constexpr std::uint32_t kQueueRetryMs = 250;
 constexpr int kMaxHeartbeatUnits = 1024;
 constexpr std::size_t kMaxReasonBytes = 4096;
 
@@ -234,7 +233,8 @@ grpc::Status WorkerServiceImpl::PushDelta(grpc::ServerContext* context,
     auto ticket = farm_.gate().enter(header.worker_id(), header.size_bytes(), farm_.now().seconds, cancel);
     if (!ticket.ok()) {
       ++farm_.counters().queue_full;
-      return refuse(wire::to_status_with_retry(ticket.error(), kQueueRetryMs));
+      return refuse(wire::to_status_with_retry(
+          ticket.error(), static_cast<std::uint32_t>(farm_.gate().retry_seconds() * 1000)));
     }
     unknown.reset();
     const double started = farm_.now().seconds;

@@ -98,8 +98,7 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
 }  // namespace
 
 std::optional<DeltaRefusal> DeltaIntake::merge_film(const v1::DeltaHeader& header, const Unit& unit,
-                                                    const film::Delta& delta, double receive_seconds,
-                                                    std::chrono::steady_clock::time_point started) {
+                                                    const film::Delta& delta, const Course& course) {
   const bool segments = unit.kind == Unit::Kind::segments;
   auto records = chains::decode(delta.records(), segments ? unit.end - unit.begin : 0);
   if (!records.ok()) return corrupt(records.error().to_string());
@@ -121,8 +120,8 @@ std::optional<DeltaRefusal> DeltaIntake::merge_film(const v1::DeltaHeader& heade
   film->received_statistics(delta.accumulator_bytes());
   table_.with_scheduler([&](Scheduler& s) {
     s.merged(header.worker_id(), header.token(), header.unit_id(), header.job_id(), unit, delta.tallies(),
-             header.render_seconds(), receive_seconds + seconds_since(started), JobTable::now(),
-             largest_record);
+             header.render_seconds(), course.receive_seconds + seconds_since(course.here), JobTable::now(),
+             largest_record, course.hash_seconds + seconds_since(course.turn));
   });
   return std::nullopt;
 }
@@ -194,11 +193,16 @@ DeltaIntake::Verdict DeltaIntake::deliver(const v1::DeltaHeader& header, const s
   if (bytes.size() != header.size_bytes())
     return refuse(corrupt(fmt::format("{} bytes came, {} were announced", bytes.size(), header.size_bytes()),
                           FailureCause::network));
+  const auto came = std::chrono::steady_clock::now();
   if (sha256_hex(bytes) != header.sha256())
     return refuse(corrupt("the bytes do not have the announced hash", FailureCause::network));
 
-  const auto started = std::chrono::steady_clock::now();
+  Course course;
+  course.receive_seconds = receive_seconds;
+  course.hash_seconds = seconds_since(came);
+  course.here = std::chrono::steady_clock::now();
   const PushGate::MergeTurn turn(gate_);
+  course.turn = std::chrono::steady_clock::now();
   const auto unit = wire::from_proto(header.unit());
   if (!unit.ok()) return refuse(corrupt(unit.error().to_string()));
   const auto expected = table_.with_scheduler([&](Scheduler& s) -> std::optional<Expected> {
@@ -218,10 +222,10 @@ DeltaIntake::Verdict DeltaIntake::deliver(const v1::DeltaHeader& header, const s
                             JobTable::now());
   });
   if (auto late = refusal_of(again)) return refuse(std::move(*late));
-  auto refusal = makes_film(unit->kind) ? merge_film(header, *unit, *delta, receive_seconds, started)
-                                        : merge_table(header, *delta);
+  auto refusal =
+      makes_film(unit->kind) ? merge_film(header, *unit, *delta, course) : merge_table(header, *delta);
   if (refusal) return refuse(std::move(*refusal));
-  counters_.merge_microseconds += static_cast<std::uint64_t>(seconds_since(started) * 1e6);
+  counters_.merge_microseconds += static_cast<std::uint64_t>(seconds_since(course.here) * 1e6);
   ++counters_.verdicts[v1::DELTA_VERDICT_MERGED];
   log::debug("merged", ids);
   wake_.wake();

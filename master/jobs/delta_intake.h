@@ -37,10 +37,14 @@ class DeltaIntake {
   Verdict deliver(const v1::DeltaHeader& header, const std::string& bytes, double receive_seconds);
 
  private:
+  // When a delta had come, how long it was on its way and how long its hash took, and when its turn came.
+  struct Course {
+    std::chrono::steady_clock::time_point here, turn;
+    double receive_seconds = 0, hash_seconds = 0;
+  };
   // Adds a film, with accumulators and records, to the job's.
   std::optional<DeltaRefusal> merge_film(const v1::DeltaHeader& header, const Unit& unit,
-                                         const film::Delta& delta, double receive_seconds,
-                                         std::chrono::steady_clock::time_point started);
+                                         const film::Delta& delta, const Course& course);
   // Adds the contributions of bootstrap samples to the job's table.
   std::optional<DeltaRefusal> merge_table(const v1::DeltaHeader& header, const film::Delta& delta);
 

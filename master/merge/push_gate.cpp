@@ -22,10 +22,13 @@ Result<std::unique_ptr<PushGate::Ticket>> PushGate::enter(const std::string& wor
                                        [&](const Entry& e) { return e.worker_id == worker_id; });
   if (of_worker >= kPushesPerWorker)
     return resource_error(fmt::format("{} deltas of this worker are under way already", of_worker));
+  if (deltas_ >= kMaxDeltas)
+    return resource_error(fmt::format("the merge queue is full ({} deltas)", deltas_));
   if (bytes_ > 0 && (bytes > limit_bytes_ || bytes_ > limit_bytes_ - bytes))
     return resource_error(fmt::format("the merge queue is full ({} of {} bytes)", bytes_, limit_bytes_));
   entries_.push_front({worker_id, bytes, now_seconds, now_seconds, false, std::move(cancel)});
   bytes_ += bytes;
+  ++deltas_;
   return std::make_unique<Ticket>(*this, entries_.begin());
 }
 
@@ -62,6 +65,12 @@ void PushGate::cancel_hung(double now_seconds, double idle_seconds) {
   }
 }
 
+double PushGate::retry_seconds() const {
+  const double deltas = static_cast<double>(count());
+  const std::lock_guard lock(turn_mutex_);
+  return std::clamp(deltas * turn_seconds_, 0.25, 4.0);
+}
+
 std::uint64_t PushGate::bytes_under_way() const {
   const std::lock_guard lock(mutex_);
   return bytes_;
@@ -75,6 +84,7 @@ std::size_t PushGate::count() const {
 PushGate::Ticket::~Ticket() {
   const std::lock_guard lock(gate_.mutex_);
   gate_.bytes_ -= entry_->bytes;
+  if (!entry_->worker_id.empty()) --gate_.deltas_;
   gate_.entries_.erase(entry_);
 }
 
@@ -92,12 +102,15 @@ PushGate::MergeTurn::MergeTurn(PushGate& gate) : gate_(gate) {
   std::unique_lock lock(gate_.turn_mutex_);
   gate_.turn_free_.wait(lock, [&] { return gate_.free_turns_ > 0; });
   --gate_.free_turns_;
+  begun_ = std::chrono::steady_clock::now();
 }
 
 PushGate::MergeTurn::~MergeTurn() {
   {
     const std::lock_guard lock(gate_.turn_mutex_);
     ++gate_.free_turns_;
+    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun_).count();
+    gate_.turn_seconds_ += 0.1 * (seconds - gate_.turn_seconds_);
   }
   gate_.turn_free_.notify_one();
 }

@@ -4,6 +4,7 @@
 // yet are few and short.
 #pragma once
 
+#include <chrono>
 #include <condition_variable>
 #include <cstdint>
 #include <functional>
@@ -22,11 +23,17 @@ class PushGate {
 
   class Ticket;
   // A place for a delta of `bytes`. ErrorKind::resource where the queue is full (a delta larger than the
-  // whole queue is taken when nothing else is under way) or this worker has two deltas under way. `cancel`
+  // whole queue is taken when nothing else is under way), kMaxDeltas are under way, or this worker has two
+  // deltas under way. `cancel`
   // ends the sender's call; it is called at most once, from cancel_hung() or enter_unknown(), never after the
   // ticket's end.
   Result<std::unique_ptr<Ticket>> enter(const std::string& worker_id, std::uint64_t bytes, double now_seconds,
                                         std::function<void()> cancel);
+  // Far below the number of the server's threads: while deltas wait for their turn, other calls go on.
+  static constexpr std::size_t kMaxDeltas = 256;
+  // When the sender of a delta that had no place is to come again: the time in which those under way are
+  // merged, of 0.25 to 4 seconds.
+  double retry_seconds() const;
   // A place that only guards against silence, and is always there.
   std::unique_ptr<Ticket> enter_silent(double now_seconds, std::function<void()> cancel);
   // A place for a stream that has not shown a valid session or header: it has kUnknownSeconds for that. Where
@@ -52,6 +59,7 @@ class PushGate {
 
    private:
     PushGate& gate_;
+    std::chrono::steady_clock::time_point begun_;
   };
 
  private:
@@ -67,10 +75,12 @@ class PushGate {
   mutable std::mutex mutex_;
   std::list<Entry> entries_;
   std::uint64_t bytes_ = 0;
+  std::size_t deltas_ = 0;  // entries with a worker
 
-  std::mutex turn_mutex_;
+  mutable std::mutex turn_mutex_;
   std::condition_variable turn_free_;
   unsigned free_turns_;
+  double turn_seconds_ = 0;  // running mean
 };
 
 class PushGate::Ticket {

@@ -1,6 +1,8 @@
 // Options come from the command line, else the environment, else the configuration files' [master] section.
 #include "master/program/run_master.h"
 
+#include <sys/resource.h>
+
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>
@@ -28,6 +30,14 @@ struct Texts {
 };
 
 constexpr const char* kProgram = "candela-master";
+
+// A connection is a file, and the limit that processes start with is often 1024: a thousand workers reach it.
+void allow_many_files() {
+  rlimit limit{};
+  if (::getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur == limit.rlim_max) return;
+  limit.rlim_cur = limit.rlim_max;
+  if (::setrlimit(RLIMIT_NOFILE, &limit) != 0) log::warn("the limit of open files could not be raised");
+}
 
 Result<MasterOptions> resolve(const DaemonSettings& settings, const Texts& texts) {
   CANDELA_TRY(
@@ -73,6 +83,7 @@ int run(const Texts& texts) {
   const auto options = resolve(*settings, texts);
   if (!options) return report(kProgram, options.error());
 
+  allow_many_files();
   const sigset_t signals = block_signals({SIGINT, SIGTERM, SIGHUP});
   auto started = Master::start(*options);
   if (!started) return report(kProgram, started.error());

@@ -316,7 +316,8 @@ Delivery Scheduler::check_delivery(const std::string& worker_id, std::uint64_t t
 
 void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::uint64_t unit_id,
                        const std::string& job_id, const Unit& unit, const film::Tallies& tallies,
-                       double render_seconds, double overhead_seconds, Now now, std::size_t record_bytes) {
+                       double render_seconds, double overhead_seconds, Now now, std::size_t record_bytes,
+                       double merge_seconds) {
   Job* job = find(job_id);
   if (job == nullptr || !job->merged[unit.half].insert(unit.begin, unit.end)) return;
   UnitRow row;
@@ -357,6 +358,7 @@ void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::u
     }
   }
   blend(job->overhead_seconds, overhead_seconds);
+  blend(job->merge_seconds, merge_seconds);
   job->recent.push_back({now.seconds, j.tallies.eye_samples, j.iterations});
   while (job->recent.size() > 2 && now.seconds - job->recent.front().seconds > 15) job->recent.pop_front();
   last_activity_ = now.seconds;

@@ -112,6 +112,7 @@ struct Job {
   double thread_seconds = 0;                                   // EWMA of seconds times threads per iteration
   std::map<std::string, double> worker_seconds_per_iteration;  // EWMA
   double overhead_seconds = 0;                                 // EWMA per delta
+  double merge_seconds = 0;                                    // of that, in which no other is merged
   double last_tick = 0;
   double last_saved = 0;
   int relmse_hits = 0;
@@ -299,7 +300,8 @@ class Scheduler {
   // The film has it. Also when the lease went away in the meantime: the film decides.
   void merged(const std::string& worker_id, std::uint64_t token, std::uint64_t unit_id,
               const std::string& job_id, const Unit& unit, const film::Tallies& tallies,
-              double render_seconds, double overhead_seconds, Now now, std::size_t record_bytes = 0);
+              double render_seconds, double overhead_seconds, Now now, std::size_t record_bytes = 0,
+              double merge_seconds = 0);
   // The bootstrap found nothing, nor did anything else in a round of all chains.
   void found_black(const std::string& id, Now now);
   // What the film's records say now, and how long chains have stayed.

@@ -31,6 +31,7 @@ UnitState* Scheduler::pick(Job& job, const WorkerState& worker, bool prefetch, N
   in.unit_seconds = options_.unit_seconds;
   in.seconds_per_iteration = seconds_per_iteration(job, worker) / source.cost().indices_per_iteration;
   in.overhead_seconds = job.overhead_seconds;
+  in.merge_seconds = job.merge_seconds;
   in.active_workers = active;
   in.remaining = extent.bounded ? extent.remaining : 0;
   if (source.makes_film()) {

@@ -9,6 +9,7 @@ struct SizingInput {
   double unit_seconds = 4;           // what a unit should take
   double seconds_per_iteration = 0;  // on the worker that asks; 0: unknown
   double overhead_seconds = 0;       // of receiving and merging one delta of this job
+  double merge_seconds = 0;          // of that, the time in which the master can do nothing like it
   std::uint64_t remaining = 0;       // iterations of the job not cut into units yet; 0: no end in sight
   std::uint64_t active_workers = 1;  // that can take units of this job
   double seconds_left = 0;           // of a time limit; 0: none
@@ -20,12 +21,16 @@ struct SizingInput {
 //  - unit_seconds of work, or more where a delta is dear: receiving and merging it shall cost under 2 % of
 //  rendering it
 //    (up to 16 times unit_seconds);
+//  - so long that the deltas of all active workers keep the merge busy for at most half of the time (up to 32
+//  times unit_seconds);
 //  - guided self-scheduling near the end: at most remaining / (2 active_workers), so that all workers end
-//  together;
+//  together; but a unit is not shorter than the time that merging all units of its size takes: with r seconds
+//  of work left and m a merge, units of u seconds are rendered in r / (r / u) = u and merged in m r / u, so
+//  u = sqrt(m r);
 //  - not more than an eighth of what a time limit leaves;
 //  - where the end is open, at most an eighth of what has been cut so far, shared by the workers, so that the
 //  job neither runs far past its end nor ends with one half of its film empty; from a sixteenth of
-//  unit_seconds on.
+//  unit_seconds, and from what the merge of all workers' deltas takes, on.
 std::uint64_t unit_iterations(const SizingInput& in);
 
 inline constexpr std::uint64_t kMaxUnitIterations = 16384;

@@ -2,6 +2,8 @@
 // (swarm.h). Measures the master's CPU time and memory, the time a worker waits for a lease, deltas a second
 // and each job's share of the farm; checks ledgers and films at the end. docs/lab/scale.md has the results.
 #include <fmt/format.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -33,6 +35,7 @@ struct Options {
   double seconds = 60, warm_up_seconds = 20;
   double urgent_seconds = 10;  // of the whole farm's work, in a job of higher priority; 0: no such job
   std::size_t recordings = 2;
+  std::uint64_t master_files = 1024;
   unsigned record_threads = 2;
   // What --check allows; 0: anything.
   double max_cpu = 0, max_lease_p99_ms = 0, max_share_error = 0, max_resident_mb = 0, min_busy = 0;
@@ -108,10 +111,17 @@ class Run {
     std::vector<std::string> arguments = {std::string(CANDELA_BINARY_DIR) + "/candela-master", "--data",
                                           (folder_ / "data").string(), "--listen", "127.0.0.1:0"};
     arguments.insert(arguments.end(), options_.master_options.begin(), options_.master_options.end());
+    // The limit that the master finds, and none for ourselves.
+    rlimit limit{};
+    ::getrlimit(RLIMIT_NOFILE, &limit);
+    limit.rlim_cur = std::min<rlim_t>(options_.master_files, limit.rlim_max);
+    ::setrlimit(RLIMIT_NOFILE, &limit);
     master_ = std::make_unique<farm::Process>(
         arguments, folder_ / "master",
         std::map<std::string, std::string>{{"HOME", folder_.path().string()},
                                            {"CANDELA_CONFIG", (folder_ / "config.toml").string()}});
+    limit.rlim_cur = limit.rlim_max;
+    ::setrlimit(RLIMIT_NOFILE, &limit);
     address_ = master_->wait_for_line("listening on ", 60);
     if (address_.empty()) throw std::runtime_error("the master does not listen: " + master_->err());
     stub_ = v1::FarmService::NewStub(grpc::CreateChannel(address_, grpc::InsecureChannelCredentials()));
@@ -285,6 +295,10 @@ class Run {
     if (!checkpoint.ok()) return expect(false, checkpoint.error().to_string());
     const auto film = film::MergedFilm::parse(*checkpoint);
     if (!film.ok()) return expect(false, film.error().to_string());
+    for (std::uint32_t half = 0; half < 2; ++half)
+      expect(film->merged(half) == rows[half],
+             fmt::format("{}: checkpoint {} holds other units than the ledger", id,
+                         job.checkpoint_generation()));
     std::vector<film::MergedFilm> one;
     for (std::size_t i = 0; i < recording_->count(); ++i) {
       one.emplace_back(film->layout(), film->scale_log2());
@@ -297,7 +311,15 @@ class Run {
           for (int c = 0; c < film::kChannels; ++c) {
             film::Int128 sum = 0;
             for (std::size_t i = 0; i < one.size(); ++i) sum += times[half][i] * one[i].sum(0, 0, x, y, c);
-            wrong += sum == film->sum(half, 0, x, y, c) ? 0 : 1;
+            if (sum == film->sum(half, 0, x, y, c)) continue;
+            if (wrong++ < 3) {
+              std::printf("half %u, pixel %u, %u, channel %d: %.17g, should be %.17g; of recordings", half, x,
+                          y, c, static_cast<double>(film->sum(half, 0, x, y, c)), static_cast<double>(sum));
+              for (std::size_t i = 0; i < one.size(); ++i)
+                std::printf(" %.17g x %.17g", static_cast<double>(times[half][i]),
+                            static_cast<double>(one[i].sum(0, 0, x, y, c)));
+              std::printf("\n");
+            }
           }
     expect(wrong == 0, fmt::format("{}: {} sums are not those of its {} units", id, wrong, units));
     std::printf("job %s: %lu units, ledger and film agree to the last bit\n", id.c_str(),
@@ -339,6 +361,7 @@ int main(int argc, char** argv) {
   app.add_option("--csv", o.csv, "append a row of figures to this file");
   app.add_option("--master-option", o.master_options, "word of the master's command line; may be repeated")
       ->allow_extra_args(false);
+  app.add_option("--master-files", o.master_files, "open files that the master may have when it starts");
   app.add_option("--max-cpu", o.max_cpu, "fail if the master takes more of a core");
   app.add_option("--max-lease-p99", o.max_lease_p99_ms, "fail if a lease takes more milliseconds");
   app.add_option("--max-share-error", o.max_share_error,

@@ -7,6 +7,7 @@
 
 #include <chrono>
 #include <list>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -214,6 +215,30 @@ TEST(PushGate, UnknownSendersAreFewAndShort) {
     gate.cancel_hung(t, 20);
   }
   EXPECT_EQ(cancelled, std::vector<int>{-1}) << "only the delta that did not move";
+}
+
+// Claim: deltas that wait for their turn leave threads of the server to other calls, and who has no place is
+// told to come again later the longer the queue takes.
+TEST(PushGate, DeltasUnderWayAreBounded) {
+  PushGate gate(1 << 30, 1);
+  EXPECT_EQ(gate.retry_seconds(), 0.25);
+  std::list<std::unique_ptr<PushGate::Ticket>> tickets;
+  for (std::size_t i = 0; i < PushGate::kMaxDeltas; ++i) {
+    auto ticket = gate.enter("w" + std::to_string(i), 10, 0, [] {});
+    ASSERT_TRUE(ticket.ok()) << i;
+    tickets.push_back(std::move(*ticket));
+  }
+  const auto refused = gate.enter("another", 10, 0, [] {});
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().kind, ErrorKind::resource);
+  for (int i = 0; i < 20; ++i) {
+    const PushGate::MergeTurn turn(gate);
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  EXPECT_GT(gate.retry_seconds(), 0.5);
+  EXPECT_LE(gate.retry_seconds(), 4.0);
+  tickets.pop_back();
+  EXPECT_TRUE(gate.enter("another", 10, 0, [] {}).ok());
 }
 
 // Claim: a delta at 25 KB/s is slow, and no attack.

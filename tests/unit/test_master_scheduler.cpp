@@ -498,6 +498,31 @@ TEST(Sizing, FollowsItsRules) {
   EXPECT_EQ(unit_iterations(in), 1U);
 }
 
+// Claim: however many workers there are, merging their deltas takes half of the time, and in the end less
+// than rendering what is left.
+TEST(Sizing, SparesTheMerge) {
+  SizingInput in;
+  in.unit_seconds = 4;
+  in.seconds_per_iteration = 0.1;
+  in.merge_seconds = 0.04;
+  in.active_workers = 20;
+  EXPECT_EQ(unit_iterations(in), 40U) << "1.6 s of every unit's 4";
+  in.active_workers = 1000;
+  EXPECT_EQ(unit_iterations(in), 800U) << "a round of merges takes 40 s";
+  in.active_workers = 10000;
+  EXPECT_EQ(unit_iterations(in), 1280U) << "32 times unit_seconds";
+  in.active_workers = 1000;
+  in.remaining = 10000;  // 1000 s of work: 158 units of 6.3 s, merged in 6.3 s
+  EXPECT_EQ(unit_iterations(in), 63U);
+  in.remaining = 1;
+  EXPECT_EQ(unit_iterations(in), 1U);
+  in.remaining = 0;
+  in.open_end = true;
+  EXPECT_EQ(unit_iterations(in), 40U) << "nothing is cut yet";
+  in.cut_so_far = 800000;
+  EXPECT_EQ(unit_iterations(in), 100U);
+}
+
 // Claim: sessions are checked whole.
 TEST_F(SchedulerTest, SessionsAuthenticate) {
   worker("a");
