@@ -1,6 +1,7 @@
 // Options come from the command line, else the environment, else the configuration files' [master] section.
 #include "master/program/run_master.h"
 
+#include <malloc.h>
 #include <sys/resource.h>
 
 #include <CLI/CLI.hpp>
@@ -75,6 +76,13 @@ Result<MasterOptions> resolve(const DaemonSettings& settings, const Texts& texts
   return options;
 }
 
+// Deltas and checkpoints come and go by megabytes, on any of the server's threads. glibc would keep their
+// memory, in the arena of each thread: 5 GB where 1.5 are used.
+void give_memory_back() {
+  ::mallopt(M_MMAP_THRESHOLD, 256 << 10);
+  ::mallopt(M_ARENA_MAX, 4);
+}
+
 int run(const Texts& texts) {
   const auto settings = DaemonSettings::load(kProgram, "master");
   if (!settings) return report(kProgram, settings.error());
@@ -140,6 +148,7 @@ int run_backup(const Texts& texts, const std::string& target, const std::string&
 }  // namespace
 
 int run_master(int argc, char** argv) {
+  give_memory_back();
   wire::configure_grpc();
   Texts texts;
   CLI::App app{"The master of a Candela farm: keeps jobs, leases work to workers, merges what they render."};

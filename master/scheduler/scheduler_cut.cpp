@@ -5,6 +5,20 @@
 #include "master/scheduler/sizing.h"
 
 namespace candela::master {
+namespace {
+
+// Until the first delta is merged: a thousand workers would have all taken units too small for the merge by
+// then.
+double likely_merge_seconds(const Job& job) {
+  constexpr double kSecondsPerSum = 6e-9;
+  double sums = static_cast<double>(film::kChannels) * (1 + static_cast<double>(job.row.layers.size()));
+  for (const film::AccumulatorSpec& spec : job.row.accumulators) sums += spec.channels;
+  const JobSettings& s = job.row.settings;
+  return job.source->makes_film() ? kSecondsPerSum * sums * s.width * s.height : 0;
+}
+
+}  // namespace
+
 UnitState& Scheduler::add_unit(Job& job, const Unit& unit) {
   UnitState state;
   state.row.id = next_unit_id_++;
@@ -31,7 +45,7 @@ UnitState* Scheduler::pick(Job& job, const WorkerState& worker, bool prefetch, N
   in.unit_seconds = options_.unit_seconds;
   in.seconds_per_iteration = seconds_per_iteration(job, worker) / source.cost().indices_per_iteration;
   in.overhead_seconds = job.overhead_seconds;
-  in.merge_seconds = job.merge_seconds;
+  in.merge_seconds = job.merge_seconds > 0 ? job.merge_seconds : likely_merge_seconds(job);
   in.active_workers = active;
   in.remaining = extent.bounded ? extent.remaining : 0;
   if (source.makes_film()) {

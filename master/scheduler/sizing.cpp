@@ -16,7 +16,7 @@ std::uint64_t unit_iterations(const SizingInput& in) {
     n = std::floor(seconds / in.seconds_per_iteration);
     if (in.open_end) {
       const double grown = std::floor(static_cast<double>(in.cut_so_far) / (8 * workers));
-      const double first = std::max(in.unit_seconds / 16, std::min(round, in.unit_seconds));
+      const double first = std::max(in.unit_seconds / 16, round);
       n = std::min(n, std::max(grown, std::floor(first / in.seconds_per_iteration)));
     }
   }
