@@ -286,7 +286,12 @@ class Run {
     }
     for (const auto& range : ledger.film())
       expect(film_ranges[range.half()].insert(range.begin(), range.end()), "the film has an index twice");
-    const v1::JobStatus job = show(id);
+    // A cancelled job ends at once; its last checkpoint follows.
+    v1::JobStatus job;
+    farm::eventually(120, [&] {
+      job = show(id);
+      return job.checkpoint_iterations() == rows[0].count() + rows[1].count();
+    });
     expect(rows == film_ranges, id + ": ledger and film differ");
     expect(units == job.units_merged(), id + ": units of ledger and status differ");
     const auto checkpoint =
