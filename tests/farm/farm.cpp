@@ -112,6 +112,7 @@ std::map<std::string, std::string> Farm::environment() const {
   for (const char* name : {"TMPDIR", "ASAN_OPTIONS", "TSAN_OPTIONS", "UBSAN_OPTIONS"})
     if (const char* value = std::getenv(name)) all[name] = value;
   if (!address_.empty()) all["CANDELA_MASTER"] = address_;
+  all.insert(more_environment_.begin(), more_environment_.end());
   return all;
 }
 

@@ -55,6 +55,8 @@ class Farm {
   Process& start_worker(const std::string& name, unsigned threads = 1, std::vector<std::string> options = {});
   void forget_worker(const Process& worker);  // SIGKILL, if it lives
   std::map<std::string, std::string> environment() const;
+  // Of every process that is started from now on.
+  void add_environment(const std::string& name, const std::string& value) { more_environment_[name] = value; }
   // Arguments that every client command needs to reach the master (TLS, say).
   void set_client_options(std::vector<std::string> options) { client_options_ = std::move(options); }
   // Of the tests' own calls.
@@ -95,6 +97,7 @@ class Farm {
   TempDir folder_;
   std::string master_program_ = "candela-master", worker_program_ = "candela-worker";
   std::vector<std::string> master_options_, client_options_;
+  std::map<std::string, std::string> more_environment_;
   std::string address_;
   std::unique_ptr<Process> master_;
   std::vector<std::unique_ptr<Process>> workers_;

@@ -95,7 +95,8 @@ struct Way {
 SlowLink::SlowLink(const std::string& target, const LinkOptions& options)
     : options_(options),
       target_port_(std::stoi(target.substr(target.rfind(':') + 1))),
-      listener_(small_socket()) {
+      listener_(small_socket()),
+      delay_seconds_(options.delay_seconds) {
   sockaddr_in address = loopback(0);
   socklen_t size = sizeof address;
   if (::bind(listener_, reinterpret_cast<sockaddr*>(&address), size) != 0 || ::listen(listener_, 64) != 0 ||
@@ -127,6 +128,10 @@ void SlowLink::serve(int caller) {
   bool alive = ::connect(target, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
   Way down{target, caller, to_caller_}, up{caller, target, to_target_};
   while (alive && !over_ && !(down.closed && up.closed)) {
+    if (cut_) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+      continue;
+    }
     std::array<pollfd, 2> polled{};
     int count = 0;
     for (const Way* way : {&down, &up})
@@ -134,7 +139,7 @@ void SlowLink::serve(int caller) {
         polled[static_cast<std::size_t>(count++)] = {way->from, POLLIN, 0};
     ::poll(polled.data(), static_cast<nfds_t>(count), 2);
     for (Way* way : {&down, &up}) {
-      if (!way->ended && way->in_flight < kInFlight) way->read(options_.delay_seconds);
+      if (!way->ended && way->in_flight < kInFlight) way->read(delay_seconds_);
       alive = alive && way->write(options_.bytes_per_second);
     }
     if (options_.break_after_bytes > 0 && down.sent >= options_.break_after_bytes) {

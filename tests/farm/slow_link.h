@@ -24,6 +24,11 @@ class SlowLink {
   SlowLink(const SlowLink&) = delete;
   SlowLink& operator=(const SlowLink&) = delete;
 
+  // For pieces that come from now on.
+  void set_delay(double seconds) { delay_seconds_ = seconds; }
+  // Nothing passes while the link is cut; connections stay, and new ones wait.
+  void cut(bool is_cut) { cut_ = is_cut; }
+
   const std::string& address() const { return address_; }
   std::uint64_t bytes_to_caller() const { return to_caller_; }
   std::uint64_t bytes_to_target() const { return to_target_; }
@@ -36,7 +41,8 @@ class SlowLink {
   const LinkOptions options_;
   int target_port_ = 0, listener_ = -1;
   std::string address_;
-  std::atomic<bool> over_{false};
+  std::atomic<double> delay_seconds_;
+  std::atomic<bool> over_{false}, cut_{false};
   std::atomic<std::uint64_t> to_caller_{0}, to_target_{0};
   std::atomic<int> breaks_{0};
   std::list<std::thread> connections_;  // of the accepting thread

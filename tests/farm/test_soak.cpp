@@ -1,12 +1,30 @@
-// A farm of real processes that is harmed at random: deaths and sleeps of master and workers, flipped bits
-// and deleted files among checkpoints of jobs that run and that have ended, among the master's scene files,
-// and in the workers' caches.
+// A farm of real processes that is harmed at random: deaths and sleeps of master and workers, a link that is
+// cut or slow, a full disk, jumps of the wall clock, deliveries that come late, twice or broken, storms of
+// viewers, workers that join and drain, flipped bits and deleted files among checkpoints of jobs that run and
+// that have ended, among the master's scene files, and in the workers' caches.
+//
+// Invariants, looked at after each event:
+//   equal-or-said    an image that is given out is equal to the last bit to one rendered in peace, or its job
+//                    says what is lost
+//   no-failure       no job fails
+//   ledger-is-film   no unit is in a ledger twice, none overlaps, and ledger and film have the same indices
+//   no-gap           a job that has ended whole has every iteration
+//   fenced           who lost a lease, and who delivers again, is never merged
+//   alive            no process ends but those that are killed or drained
+//   answers          the master answers its page within seconds
+//   flat             the memory of each process does not grow with the number of events (in long runs)
+// and at the end: whole, every loss can be rendered again.
 //
 // The short form is part of every run of the tests. The long one: CANDELA_SOAK_EVENTS=200
 // build/bin/farm_tests
 // --gtest_filter='Soak.*'. CANDELA_SOAK_SEED repeats a run's choice of events, though not their timing.
+#include <arpa/inet.h>
 #include <fmt/format.h>
 #include <gtest/gtest.h>
+#include <poll.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <csignal>
@@ -15,11 +33,16 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <iterator>
 #include <map>
+#include <memory>
+#include <optional>
 #include <random>
 #include <thread>
 
 #include "tests/farm/farm.h"
+#include "tests/farm/hand_worker.h"
+#include "tests/farm/slow_link.h"
 #include "tests/integrators.h"
 
 namespace candela::farm {
@@ -60,6 +83,35 @@ const std::vector<Kind>& kinds() {
   return all;
 }
 
+// Somebody who looks at the page, and may not wait for the answer.
+class Viewer {
+ public:
+  explicit Viewer(const std::string& address) {
+    fd_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    sockaddr_in to{};
+    to.sin_family = AF_INET;
+    to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    to.sin_port = htons(static_cast<std::uint16_t>(std::stoi(address.substr(address.rfind(':') + 1))));
+    (void)::connect(fd_, reinterpret_cast<const sockaddr*>(&to), sizeof to);
+  }
+  ~Viewer() { ::close(fd_); }
+  Viewer(const Viewer&) = delete;
+  Viewer& operator=(const Viewer&) = delete;
+  void ask(const std::string& path, bool half) {
+    std::string text = "GET " + path + " HTTP/1.1\r\nHost: localhost\r\n\r\n";
+    if (half) text.resize(text.size() / 2);
+    (void)::send(fd_, text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+  }
+  bool answered(double seconds) const {
+    pollfd polled{fd_, POLLIN, 0};
+    char first = 0;
+    return ::poll(&polled, 1, static_cast<int>(seconds * 1e3)) == 1 && ::recv(fd_, &first, 1, 0) == 1;
+  }
+
+ private:
+  int fd_ = -1;
+};
+
 struct SoakJob {
   std::string id;
   const Kind* kind = nullptr;
@@ -71,8 +123,20 @@ class Soak : public testing::Test {
   void SetUp() override {
     seed_ = number_from("CANDELA_SOAK_SEED", 1);
     random_.seed(seed_);
-    farm_.start_master({"--unit-time", "0.05", "--checkpoint-interval", "0.1", "--lease-time", "2"});
-    for (const char* name : {"a", "b"}) workers_[name] = &farm_.start_worker(name);
+    const fs::path shift = farm_.folder() / "clock-shift";
+    std::ofstream(shift, std::ios::binary) << std::string(sizeof(std::int64_t), '\0');
+    farm_.add_environment("LD_PRELOAD", CANDELA_BINARY_DIR "/libclock_shift.so");
+    farm_.add_environment("CANDELA_CLOCK_SHIFT", shift.string());
+    farm_.start_master({"--unit-time", "0.05", "--checkpoint-interval", "0.1", "--lease-time", "2", "--http",
+                        "127.0.0.1:0"});
+    link_ = std::make_unique<SlowLink>(farm_.address(), LinkOptions{});
+    for (const char* name : {"a", "b"}) start_worker(name);
+  }
+  // Worker b is behind a link that can be cut.
+  void start_worker(const std::string& name) {
+    workers_[name] = &farm_.start_worker(
+        name, 1,
+        name == "b" ? std::vector<std::string>{"--master", link_->address()} : std::vector<std::string>{});
   }
 
   std::size_t pick(std::size_t n) { return static_cast<std::size_t>(random_() % n); }
@@ -115,6 +179,8 @@ class Soak : public testing::Test {
         const auto image = image::read_image(file);
         ASSERT_TRUE(image.ok()) << image.error().to_string();
         expect_identical(*image, reference(*job), fmt::format("{} of {}", job->id, job->kind->integrator));
+        if (ended(farm_.job(job->id)) && farm_.job(job->id).lost() == 0)
+          farm_.audit(job->id, job->iterations);
       } else {
         EXPECT_EQ(fetched.exit_code, 1) << fetched.err;
         EXPECT_NE(fetched.err.find("candela repair " + job->id), std::string::npos) << fetched.err;
@@ -185,7 +251,7 @@ class Soak : public testing::Test {
     const std::string name = coin() ? "a" : "b";
     told_ = name;
     farm_.forget_worker(*workers_[name]);
-    workers_[name] = &farm_.start_worker(name);
+    start_worker(name);
     return true;
   }
   bool sleep_past_a_lease() {
@@ -235,8 +301,108 @@ class Soak : public testing::Test {
     }
     return any;
   }
+  // Longer than a lease.
+  bool cut_the_link() {
+    link_->cut(true);
+    std::this_thread::sleep_for(std::chrono::milliseconds(2500 + pick(2000)));
+    link_->cut(false);
+    return true;
+  }
+  bool slow_the_link() {
+    link_->set_delay(0.02 + 0.01 * static_cast<double>(pick(30)));
+    std::this_thread::sleep_for(std::chrono::milliseconds(1500));
+    link_->set_delay(0);
+    return true;
+  }
+  bool fill_the_disk() {
+    rlimit limit{};
+    if (::prlimit(farm_.master().pid(), RLIMIT_FSIZE, nullptr, &limit) != 0) return false;
+    limit.rlim_cur = 512;
+    if (::prlimit(farm_.master().pid(), RLIMIT_FSIZE, &limit, nullptr) != 0) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(200 + pick(1000)));
+    limit.rlim_cur = limit.rlim_max;
+    return ::prlimit(farm_.master().pid(), RLIMIT_FSIZE, &limit, nullptr) == 0;
+  }
+  // Of all processes of the farm; not of this one, nor of clocks that never jump.
+  bool jump_the_clock() {
+    static constexpr std::int64_t kSeconds[] = {-86400 * 400, -3600, -5, 0, 5, 3600, 86400 * 400};
+    const std::int64_t seconds = kSeconds[pick(std::size(kSeconds))];
+    std::fstream file(farm_.folder() / "clock-shift", std::ios::in | std::ios::out | std::ios::binary);
+    file.write(reinterpret_cast<const char*>(&seconds), sizeof seconds);
+    told_ = fmt::format("{} s from the true time", seconds);
+    return true;
+  }
+  // Deliveries by a worker that misbehaves. One that meets the trouble of an earlier event gives up.
+  enum class Delivery { late, twice, broken };
+  bool deliver(Delivery how) {
+    try {
+      HandWorker worker(farm_.address(), fmt::format("hand-{}", ++hands_));
+      worker.scene_file_for_pilots = scene_path("cornell");
+      std::optional<v1::Lease> lease;
+      if (!eventually(3, [&] { return (lease = worker.try_acquire()).has_value(); })) return false;
+      told_ = lease->job_id();
+      const Push push = worker.delta_for(*lease, scene_path("cornell"));
+      if (how == Delivery::late) {  // a lease that no heartbeat named lives twice as long
+        std::this_thread::sleep_for(std::chrono::milliseconds(4500));
+        EXPECT_NE(worker.push(push).verdict(), v1::DELTA_VERDICT_MERGED) << "fenced: the lease had run out";
+      }
+      if (how == Delivery::broken) {
+        const HungPush hung(worker, push);
+        std::this_thread::sleep_for(std::chrono::milliseconds(200));
+      }
+      if (how != Delivery::late) worker.push(push);
+      EXPECT_NE(worker.push(push).verdict(), v1::DELTA_VERDICT_MERGED) << "fenced: it was delivered before";
+    } catch (const std::runtime_error& error) {
+      told_ += fmt::format(" gave up: {}", error.what());
+    }
+    return true;
+  }
+  bool join_and_drain() {
+    const std::string name = fmt::format("guest-{}", ++hands_);
+    Process& guest = farm_.start_worker(name);
+    EXPECT_TRUE(eventually(60, [&] { return !farm_.worker(name).id().empty(); })) << name << " does not join";
+    sleep_a_while();
+    const CommandResult drained = farm_.candela({"drain", name, "--wait"});
+    EXPECT_EQ(drained.exit_code, 0) << drained.err;
+    EXPECT_EQ(guest.wait(60).value_or(-1), 0) << name << " does not leave";
+    farm_.forget_worker(guest);
+    return true;
+  }
+  bool cancel_and_extend() {
+    SoakJob* job = some_job(false);
+    if (job == nullptr) return false;
+    told_ = job->id;
+    farm_.candela({"cancel", job->id});  // refused if it has ended meanwhile
+    EXPECT_TRUE(eventually(kPatienceSeconds, [&] { return ended(farm_.job(job->id)); })) << job->id;
+    const CommandResult done = farm_.candela({"extend", job->id, "--iterations", "+2"});
+    EXPECT_EQ(done.exit_code, 0) << done.err;
+    job->iterations += 2;
+    return true;
+  }
+  bool storm_of_viewers() {
+    const std::string http = farm_.master().wait_for_line("http on ", 10);
+    std::vector<std::unique_ptr<Viewer>> viewers;
+    for (int i = 0; i < 40; ++i) {
+      static const char* const kPaths[] = {"/",           "/workers", "/metrics", "/api/jobs",
+                                           "/api/stream", "/nowhere", "/api/%zz"};
+      viewers.push_back(std::make_unique<Viewer>(http));
+      if (pick(4) != 0) viewers.back()->ask(kPaths[pick(std::size(kPaths))], coin());
+      if (coin()) viewers.erase(viewers.begin() + static_cast<std::ptrdiff_t>(pick(viewers.size())));
+    }
+    return true;
+  }
   std::vector<Event> events() {
-    return {{"submit", [this] { return submit(); }},
+    return {{"cut a worker's link", [this] { return cut_the_link(); }},
+            {"slow a worker's link", [this] { return slow_the_link(); }},
+            {"fill the master's disk", [this] { return fill_the_disk(); }},
+            {"jump the wall clock", [this] { return jump_the_clock(); }},
+            {"deliver after the lease", [this] { return deliver(Delivery::late); }},
+            {"deliver twice", [this] { return deliver(Delivery::twice); }},
+            {"break off a delivery", [this] { return deliver(Delivery::broken); }},
+            {"join and drain", [this] { return join_and_drain(); }},
+            {"cancel and extend", [this] { return cancel_and_extend(); }},
+            {"storm of viewers", [this] { return storm_of_viewers(); }},
+            {"submit", [this] { return submit(); }},
             {"kill the master", [this] { return kill_master(); }},
             {"kill a worker", [this] { return kill_worker(); }},
             {"let a worker sleep past its lease", [this] { return sleep_past_a_lease(); }},
@@ -255,12 +421,42 @@ class Soak : public testing::Test {
     SCOPED_TRACE(fmt::format("seed {}, event {}: {}: {}", seed_, number, event.name, told_));
     sleep_a_while();
     check_images();
+    check_processes();
+  }
+  // alive, answers, flat
+  void check_processes() {
+    EXPECT_TRUE(farm_.master().running()) << "alive: the master has ended";
+    for (const auto& [name, worker] : workers_) EXPECT_TRUE(worker->running()) << "alive: worker " << name;
+    Viewer viewer(farm_.master().wait_for_line("http on ", 10));
+    viewer.ask("/healthz", false);
+    EXPECT_TRUE(viewer.answered(60)) << "answers: not even its health";
+    resident_mb_["master"].push_back(resident_mb(farm_.master()));
+    for (const auto& [name, worker] : workers_) resident_mb_[name].push_back(resident_mb(*worker));
+  }
+  static double resident_mb(const Process& process) {
+    std::ifstream file(fmt::format("/proc/{}/statm", process.pid()));
+    double pages = 0;
+    file >> pages >> pages;
+    return pages * static_cast<double>(::sysconf(_SC_PAGESIZE)) * 1e-6;
+  }
+  void expect_flat() {
+    for (const auto& [name, mb] : resident_mb_) {
+      const auto middle = mb.begin() + static_cast<std::ptrdiff_t>(mb.size() / 2);
+      const double before = *std::max_element(mb.begin(), middle),
+                   after = *std::max_element(middle, mb.end());
+      std::printf("%s: at most %.0f MB in the first half, %.0f MB in the second\n", name.c_str(), before,
+                  after);
+      EXPECT_LE(after, 1.5 * before + 64) << "flat: " << name;
+    }
   }
 
   std::uint64_t seed_ = 0;
   std::mt19937_64 random_;
   Farm farm_;
+  std::unique_ptr<SlowLink> link_;
   std::map<std::string, Process*> workers_;
+  std::map<std::string, std::vector<double>> resident_mb_;
+  int hands_ = 0;
   std::vector<SoakJob> jobs_;
   std::map<std::string, image::Image> references_;
   std::string told_;  // of the present event
@@ -305,6 +501,7 @@ TEST_F(Soak, EveryImageIsEqualOrEveryLossIsSaid) {
     expect_identical(farm_.fetch(job.id), reference(job), job.id);
     farm_.audit(job.id, job.iterations);
   }
+  if (count >= 40) expect_flat();
   std::string summary = fmt::format("{} events, {} images refused for a loss:", count, losses_);
   for (const auto& [name, times] : happened_) summary += fmt::format(" {} x {};", times, name);
   std::printf("%s\n", summary.c_str());
