@@ -40,7 +40,7 @@ class PushGate {
   // kMaxUnknown such streams wait already, the oldest of them is cancelled: who sends its header at once is
   // not kept out by any number of streams that do not.
   static constexpr double kUnknownSeconds = 2;
-  static constexpr std::size_t kMaxUnknown = 64;
+  static constexpr std::size_t kMaxUnknown = 256;
   std::unique_ptr<Ticket> enter_unknown(double now_seconds, std::function<void()> cancel);
   // Cancels those that sent nothing for `idle_seconds`, deltas that after `idle_seconds` are slower than 16
   // KiB/s, and unknown senders whose time is over.
