@@ -77,7 +77,7 @@ Result<MasterOptions> resolve(const DaemonSettings& settings, const Texts& texts
 }
 
 // Deltas and checkpoints come and go by megabytes, on any of the server's threads. glibc would keep their
-// memory, in the arena of each thread: 5 GB where 1.5 are used.
+// memory, in the arena of each thread (docs/lab/scale.md).
 void give_memory_back() {
   ::mallopt(M_MMAP_THRESHOLD, 256 << 10);
   ::mallopt(M_ARENA_MAX, 4);
