@@ -50,7 +50,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kShortEvents = 16;
+constexpr int kShortEvents = 8;
 constexpr std::size_t kMaxJobs = 8;
 
 std::uint64_t number_from(const char* variable, std::uint64_t otherwise) {
