@@ -9,6 +9,7 @@ struct UpbpSettings {
   CommonSettings common{integrator_words::kUpbp};
   merging::MergeSettings merge{integrator_words::kUpbp};
   NameList techniques{{"all"}, {"all", "vcm", "pp3d", "pb2d", "bp2d", "bb1d"}};
+  int beam_paths = 1024;
   double radius_pp3d = 0, radius_pb2d = 0, radius_bp2d = 0, radius_bb1d = 0;
   Choice layers{"none", {"none", "merging"}};
 
@@ -22,6 +23,8 @@ struct UpbpSettings {
     visit("techniques", techniques,
           "vcm: connections; merges in media of light's points (p) or beams (b) with the eye's: pp3d, pb2d, "
           "bp2d, bb1d; merging on surfaces is in all");
+    visit("beam_paths", beam_paths, 0, 1 << 30,
+          "most light paths of an iteration that leave beams: bb1d costs as many as it has; 0: all do");
     const NumberRange range{0, 1};
     visit("radius_pp3d", radius_pp3d, range,
           "above 0: radius of pp3d in the first iteration, as `radius` is that of all");

@@ -10,15 +10,29 @@ namespace candela::integrators::upbp {
 
 using Photons = estimators::LightStore<transport::MisBlock>;
 
+// Which light paths leave beams: one in `stride`, from a place that is drawn for the iteration, so that each
+// path does with probability 1 / stride however paths are stratified.
+struct BeamPaths {
+  std::uint64_t stride = 1, offset = 0;
+  bool has(std::uint64_t path) const { return path % stride == offset; }
+};
+
 // What one chunk of light paths leaves: vertices and photons as for vcm, and beams. A handle; while it is in
 // use it stays where it is.
 class BeamStore {
  public:
   using Observer = transport::CrossingObserver;
 
+  // path: the chunk's first.
   BeamStore(Photons& photons, transport::BeamBuffer& beams, const scene::Scene& scene, bool keeps_beams,
-            std::uint32_t max_edges)
-      : photons_(photons), beams_(beams), scene_(scene), keeps_beams_(keeps_beams), max_edges_(max_edges) {}
+            const BeamPaths& beam_paths, std::uint64_t path, std::uint32_t max_edges)
+      : photons_(photons),
+        beams_(beams),
+        scene_(scene),
+        keeps_beams_(keeps_beams),
+        beam_paths_(beam_paths),
+        path_(path),
+        max_edges_(max_edges) {}
 
   Observer observer() {
     crossing_.some = false;
@@ -28,7 +42,7 @@ class BeamStore {
   void crossed(const Walk& walk) {
     if (!crossing_.some) return;
     crossing_.some = false;
-    if (!keeps_beams_ || crossing_.segment.edges > max_edges_) return;
+    if (!keeps_beams_ || crossing_.segment.edges > max_edges_ || !beam_paths_.has(path_)) return;
     // A stretch that comes from outside without end lets nothing through that scatters.
     if (!beams_.keep(scene_, crossing_, transport::edge_start(walk, crossing_.segment), walk.origin()))
       ++rejected_;
@@ -39,13 +53,18 @@ class BeamStore {
     tallies.rejected[static_cast<std::size_t>(film::RejectCause::not_a_number)] += rejected_;
     rejected_ = 0;
   }
-  void end_path() { photons_.end_path(); }
+  void end_path() {
+    photons_.end_path();
+    ++path_;
+  }
 
  private:
   Photons& photons_;
   transport::BeamBuffer& beams_;
   const scene::Scene& scene_;
   const bool keeps_beams_;
+  const BeamPaths beam_paths_;
+  std::uint64_t path_;
   const std::uint32_t max_edges_;  // of light paths
   transport::Crossing crossing_;
   std::uint64_t rejected_ = 0;

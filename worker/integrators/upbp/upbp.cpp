@@ -3,6 +3,7 @@
 #include <array>
 #include <string>
 
+#include "common/rng/stream.h"
 #include "worker/integrators/iteration_integrator.h"
 #include "worker/integrators/merging/iterations.h"
 #include "worker/integrators/upbp/stores.h"
@@ -22,6 +23,7 @@ using transport::Between;
 struct MediumRules {
   bool pp3d = false, pb2d = false, bp2d = false, bb1d = false;
   double radius_pp3d = 0, radius_pb2d = 0, radius_bp2d = 0, radius_bb1d = 0;
+  std::uint64_t beam_paths = 0;  // at most so many leave beams; 0: all
 
   bool any() const { return pp3d || pb2d || bp2d || bb1d; }
   bool points() const { return pp3d || pb2d; }
@@ -51,7 +53,10 @@ class UpbpIntegrator final : public IterationIntegrator {
 
   transport::MediumRadii medium_radii(const UnitContext& context, double first,
                                       std::uint64_t iteration) const;
-  transport::MediumMerges medium_eta(const transport::MediumRadii& radii, double paths) const;
+  upbp::BeamPaths beam_paths(const UnitContext& context, std::uint64_t iteration, std::uint64_t paths) const;
+  // beam_paths: the expected number of those that leave beams.
+  transport::MediumMerges medium_eta(const transport::MediumRadii& radii, double paths,
+                                     double beam_paths) const;
   Field field(double first, std::uint64_t iteration, double paths) const;
 
   const MediumRules medium_;
@@ -69,13 +74,22 @@ transport::MediumRadii UpbpIntegrator::medium_radii(const UnitContext& context, 
           radius(medium_.radius_bb1d, 1)};
 }
 
-transport::MediumMerges UpbpIntegrator::medium_eta(const transport::MediumRadii& radii, double paths) const {
+upbp::BeamPaths UpbpIntegrator::beam_paths(const UnitContext& context, std::uint64_t iteration,
+                                           std::uint64_t paths) const {
+  if (medium_.beam_paths == 0 || paths <= medium_.beam_paths) return {};
+  const std::uint64_t stride = (paths + medium_.beam_paths - 1) / medium_.beam_paths;
+  rng::Stream place(rng::key(context.seed, 0x6265616d73ULL, iteration));  // "beams"
+  return {stride, place.next_u64() % stride};
+}
+
+transport::MediumMerges UpbpIntegrator::medium_eta(const transport::MediumRadii& radii, double paths,
+                                                   double beam_paths) const {
   const transport::Kernel kernel = iterations_.merge.kernel;
   transport::MediumMerges eta;
   if (medium_.pp3d) eta.point_point = paths * transport::effective_volume(kernel, radii.point_point);
   if (medium_.pb2d) eta.point_beam = paths * transport::effective_area(kernel, radii.point_beam);
-  if (medium_.bp2d) eta.beam_point = paths * transport::effective_area(kernel, radii.beam_point);
-  if (medium_.bb1d) eta.beam_beam = paths * transport::effective_length(kernel, radii.beam_beam);
+  if (medium_.bp2d) eta.beam_point = beam_paths * transport::effective_area(kernel, radii.beam_point);
+  if (medium_.bb1d) eta.beam_beam = beam_paths * transport::effective_length(kernel, radii.beam_beam);
   return eta;
 }
 
@@ -103,12 +117,15 @@ Result<void> UpbpIntegrator::run(const UnitContext& context, const Unit& unit, c
   for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
     const std::uint64_t iteration = global_iteration(unit.half, index), phase = 2 * (index - unit.begin);
     const transport::MediumRadii radii = medium_radii(context, first, iteration);
+    const upbp::BeamPaths beam_paths_now = beam_paths(context, iteration, path_count);
+    const auto stride = static_cast<double>(beam_paths_now.stride);
     const estimators::PathCounts counts{static_cast<double>(context.width) * context.height, paths,
                                         static_cast<float>(context.filter.radius()),
-                                        medium_eta(radii, paths)};
+                                        medium_eta(radii, paths, paths / stride)};
     transport::MediumMaps maps(iterations_.merge.kernel, radii, counts.medium);
     maps.factors = estimators::mis_factors<Mis>(techniques, counts);
     maps.per_path = static_cast<float>(1 / paths);
+    maps.paths_per_beam_path = static_cast<float>(stride);
     maps.max_edges = max_depth;
     upbp::BeamSide<transport::MisBlock, Field> side{{{}, chunks, path_count, field(first, iteration, paths)},
                                                     maps};
@@ -120,7 +137,7 @@ Result<void> UpbpIntegrator::run(const UnitContext& context, const Unit& unit, c
       chunks[chunk].clear();
       beam_chunks[chunk].clear();
       return upbp::BeamStore(chunks[chunk], beam_chunks[chunk], context.scene, medium_.beams(),
-                             max_depth - 1);
+                             beam_paths_now, chunk * kLightChunk, max_depth - 1);
     };
     if (techniques.light_paths)
       CANDELA_TRY((merging::trace_light_paths<kBetween, Mis>(
@@ -153,7 +170,8 @@ Result<void> UpbpIntegrator::run(const UnitContext& context, const Unit& unit, c
 
 // The settings that vcm has too.
 SettingsMap without_media(SettingsMap settings) {
-  for (const char* name : {"techniques", "radius_pp3d", "radius_pb2d", "radius_bp2d", "radius_bb1d"})
+  for (const char* name :
+       {"techniques", "radius_pp3d", "radius_pb2d", "radius_bp2d", "radius_bb1d", "beam_paths"})
     settings.erase(name);
   return settings;
 }
@@ -171,8 +189,10 @@ Result<std::unique_ptr<Integrator>> make_upbp_integrator(const SettingsMap& sett
                                                          const scene::SceneFeatures& features) {
   CANDELA_ASSIGN(const UpbpSettings parsed, parse_settings<UpbpSettings>(settings));
   const bool connects = parsed.wants("vcm");
-  MediumRules medium{parsed.wants("pp3d"), parsed.wants("pb2d"), parsed.wants("bp2d"), parsed.wants("bb1d"),
-                     parsed.radius_pp3d,   parsed.radius_pb2d,   parsed.radius_bp2d,   parsed.radius_bb1d};
+  MediumRules medium{
+      parsed.wants("pp3d"), parsed.wants("pb2d"), parsed.wants("bp2d"),
+      parsed.wants("bb1d"), parsed.radius_pp3d,   parsed.radius_pb2d,
+      parsed.radius_bp2d,   parsed.radius_bb1d,   static_cast<std::uint64_t>(parsed.beam_paths)};
   const PathOptions options = parsed.common.path_options();
   const bool merges_in_media =
       features.any_scattering_medium && medium.any() && options.max_depth >= 2 && features.emitters > 0;

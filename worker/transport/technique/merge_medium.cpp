@@ -89,7 +89,8 @@ Spectrum MediumGather::at_vertex(const Vertex<MisBlock>& v) const {
           const auto forward = static_cast<double>(phase.pdf_solid_angle(v.wo, w));
           const double light = light_sum(beam, at.along, hazard, medium, forward);
           sum += beam.throughput * short_beam(medium, beam.throughput, static_cast<float>(at.along)) *
-                 (factor * static_cast<float>(weight(eta.beam_point / hazard, w, light)));
+                 (factor * maps_.paths_per_beam_path *
+                  static_cast<float>(weight(eta.beam_point / hazard, w, light)));
         });
   return v.throughput * sum * maps_.per_path;
 }
@@ -147,7 +148,8 @@ Spectrum MediumGather::along(const Crossing& crossing, const EdgeStart& start) c
           const double light = light_sum(beam, at.along_b, hazard, medium, forward);
           const double own = eta.beam_beam * at.sine / (hazard * hazard);
           sum += beam.throughput * short_beam(medium, beam.throughput, static_cast<float>(at.along_b)) *
-                 scattered(at.along_a) * static_cast<float>(factor * weight(own, at.along_a, w, light));
+                 scattered(at.along_a) * maps_.paths_per_beam_path *
+                 static_cast<float>(factor * weight(own, at.along_a, w, light));
         });
   return segment.throughput * sum * maps_.per_path;
 }

@@ -1,5 +1,5 @@
 // Merging in media with points and beams [Krivanek 2014]: light's entity first, the eye's second. With w the
-// direction the light came from and N light paths,
+// direction the light came from and N light paths (those that leave beams, for beams),
 //   P-P3D  beta sigma_s p(wo, w) flux K_3 / N                a vertex with the photons around it
 //   P-B2D  beta(t) sigma_s p(wo, w) flux K_2 / N             a short query beam with the photons beside it
 //   B-P2D  beta sigma_s p(wo, w) flux(s) K_2 / N             a vertex with the photon beams that pass it
@@ -40,6 +40,7 @@ struct MediumMaps {
   LineKernel beam_beam;
   MisFactors factors;             // of the walks
   float per_path = 1;             // 1 / light_path_count
+  float paths_per_beam_path = 1;  // light paths for each that leaves beams
   std::uint32_t max_edges = ~0u;  // of the merged path
 };
 
