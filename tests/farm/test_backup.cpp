@@ -1,6 +1,7 @@
 // Backups of a master's data, made while it works, and farms that go on from them.
 #include <gtest/gtest.h>
 
+#include <csignal>
 #include <filesystem>
 #include <fstream>
 
@@ -11,7 +12,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uint64_t kIterations = 400;
+constexpr std::uint64_t kIterations = 3000;
 
 CommandResult run(Farm& farm, const std::vector<std::string>& arguments) {
   static int serial = 0;
@@ -40,7 +41,7 @@ CommandResult backup(Farm& farm, const fs::path& target, std::vector<std::string
 TEST(Backup, InTheMiddleOfARender) {
   Farm farm;
   farm.start_master({"--unit-time", "0.05", "--checkpoint-interval", "0.1", "--lease-time", "2"});
-  farm.start_worker("one");
+  Process& worker = farm.start_worker("one");
   const std::string ended = farm.submit(16);
   farm.wait_for(ended, v1::JOB_STATE_DONE);
   const std::string id = farm.submit(kIterations);
@@ -48,6 +49,7 @@ TEST(Backup, InTheMiddleOfARender) {
   const CommandResult first = backup(farm, farm.folder() / "first");
   ASSERT_EQ(first.exit_code, 0) << first.err;
   EXPECT_NE(first.out.find("2 jobs"), std::string::npos) << first.out;
+  worker.signal(SIGSTOP);  // the job must not end before the master is killed
   const CommandResult second =
       backup(farm, farm.folder() / "second", {"--base", (farm.folder() / "first").string()});
   ASSERT_EQ(second.exit_code, 0) << second.err;
@@ -57,6 +59,7 @@ TEST(Backup, InTheMiddleOfARender) {
   fs::remove_all(farm.folder() / "data");
   fs::copy(farm.folder() / "second", farm.folder() / "data", fs::copy_options::recursive);
   farm.restart_master();
+  worker.signal(SIGCONT);
   EXPECT_GT(farm.job(id).iterations(), 0U);
   farm.wait_for(id, v1::JOB_STATE_DONE);
   expect_identical(farm.fetch(id), farm.render(kIterations), "from a backup");
