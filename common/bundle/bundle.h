@@ -41,7 +41,7 @@ Result<void> validate(const Bundle& bundle);
 // "." or "a/"), at most Limits::max_path_bytes. It is never used as a path on the farm.
 bool is_valid_key(std::string_view key);
 
-// Reads files of the desk, relative to the scene file's folder.
+// Reads files of the client, relative to the scene file's folder.
 class DiskSource final : public description::FileSource {
  public:
   explicit DiskSource(std::filesystem::path root) : root_(std::move(root)) {}

@@ -70,8 +70,9 @@ struct Object {
   std::vector<ObjectPtr> children_of(std::string_view category) const;
 };
 
-// Where files come from: the submitting desk's disk, or a bundle in a worker's cache. Keys are paths relative
-// to the scene file's folder, lexically normalised ("../textures/a.png" stays possible: it is only a key).
+// Where files come from: the submitting client's disk, or a bundle in a worker's cache. Keys are paths
+// relative to the scene file's folder, lexically normalized ("../textures/a.png" stays possible: it is only a
+// key).
 class FileSource {
  public:
   virtual ~FileSource() = default;
@@ -80,7 +81,7 @@ class FileSource {
     std::string_view view;
   };
   virtual Result<Bytes> open(
-      const std::string& key) const = 0;  // error names the key and, at the desk, the file
+      const std::string& key) const = 0;  // error names the key and, at the client, the file
 };
 
 // What a reader of the scene may want to know and no error: values clamped, words of an old file read as

@@ -18,15 +18,15 @@ class BootstrapSource final : public UnitSource {
   std::string_view noun() const override { return "bootstrap samples"; }
 
   std::optional<Unit> cut(const JobView&, std::uint64_t want) override {
-    const auto [begin, end] = taken_[0].first_gap(0, plan_.bootstrap_samples);
+    const auto [begin, end] = reserved_[0].first_gap(0, plan_.bootstrap_samples);
     if (begin == end) return std::nullopt;
     const Unit unit{kind(), 0, begin, std::min(end, begin + want)};
-    taken_[0].insert(unit.begin, unit.end);
+    reserved_[0].insert(unit.begin, unit.end);
     return unit;
   }
-  bool has_unit(const JobView&) const override { return taken_[0].count() < plan_.bootstrap_samples; }
+  bool has_unit(const JobView&) const override { return reserved_[0].count() < plan_.bootstrap_samples; }
   Extent extent(const JobView&) const override {
-    const std::uint64_t cut = taken_[0].count();
+    const std::uint64_t cut = reserved_[0].count();
     return {plan_.bootstrap_samples - cut, cut, true};
   }
   std::uint64_t open_indices(const JobView&) const override {
@@ -35,7 +35,7 @@ class BootstrapSource final : public UnitSource {
   bool take(const JobView& job, const Unit& unit) override {
     return unit.end <= plan_.bootstrap_samples && UnitSource::take(job, unit);
   }
-  void restart(const HalfSets&) override { taken_ = {table_.known(), {}}; }
+  void restart(const HalfSets&) override { reserved_ = {table_.known(), {}}; }
 
   Claim claim(const HalfSets&, const Unit& unit) const override {
     if (unit.kind != kind() || unit.half != 0) return Claim::foreign;

@@ -18,7 +18,7 @@ class EpochSource final : public UnitSource {
   std::optional<Unit> cut(const JobView& job, std::uint64_t want) override {
     std::uint32_t half = half_behind();
     for (int i = 0; i < 2; ++i, half = 1 - half) {
-      const auto [begin, end] = taken_[half].first_gap(0, open_end(job, half));
+      const auto [begin, end] = reserved_[half].first_gap(0, open_end(job, half));
       if (begin == end) continue;
       const std::uint64_t epoch = epochs_.of_index(begin);
       const std::uint64_t border = epochs_.begin_index(epoch + 1);
@@ -27,17 +27,17 @@ class EpochSource final : public UnitSource {
       const std::uint64_t most =
           std::max<std::uint64_t>(length / std::max<std::uint64_t>(job.active_workers, 1), 1);
       const Unit unit{kind(), half, begin, std::min({end, border, begin + std::min(want, most)})};
-      taken_[half].insert(unit.begin, unit.end);
+      reserved_[half].insert(unit.begin, unit.end);
       return unit;
     }
     return std::nullopt;
   }
   bool has_unit(const JobView& job) const override {
     for (std::uint32_t h = 0; h < 2; ++h)
-      if (!contains(taken_[h], 0, open_end(job, h))) return true;
+      if (!contains(reserved_[h], 0, open_end(job, h))) return true;
     return false;
   }
-  Extent extent(const JobView& job) const override { return film_extent(job, taken_); }
+  Extent extent(const JobView& job) const override { return film_extent(job, reserved_); }
   std::uint64_t open_indices(const JobView& job) const override {
     std::uint64_t open = 0;
     for (std::uint32_t h = 0; h < 2; ++h) {

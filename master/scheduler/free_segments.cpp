@@ -4,11 +4,11 @@
 
 namespace candela::master {
 
-SegmentRun free_segments(const film::IndexSet& merged, const film::IndexSet& taken, std::uint64_t per_round,
-                         std::uint64_t target, std::uint64_t want) {
+SegmentRun free_segments(const film::IndexSet& merged, const film::IndexSet& reserved,
+                         std::uint64_t per_round, std::uint64_t target, std::uint64_t want) {
   SegmentRun longest;
   for (std::uint64_t at = 0; at < target;) {
-    const auto [begin, end] = taken.first_gap(at, target);
+    const auto [begin, end] = reserved.first_gap(at, target);
     if (begin == end) break;
     for (std::uint64_t from = begin; from < end;) {
       // The indices of the first round are free; from then on as far as the round before is merged.

@@ -333,7 +333,7 @@ void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::u
     for (const std::uint64_t t : tokens) drop_lease(t, now, t != token);
     job->units.erase(unit_id);
   } else {
-    retake(*job);
+    rebuild_reserved(*job);
   }
   job->record_bytes = std::max(job->record_bytes, record_bytes);
   row.state = UnitRow::State::merged;

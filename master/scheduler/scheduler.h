@@ -124,7 +124,7 @@ struct Job {
   // Of a job of chains.
   std::vector<std::uint64_t> starts;  // of each chain: a bootstrap sample
   std::size_t record_bytes = 0;       // of the largest chain record seen
-  std::uint64_t told_stay = 0;        // the longest stay of a chain an event told of
+  std::uint64_t reported_stay = 0;        // the longest stay of a chain that an event has reported
 
   // Decided states of epochs 0, 1, ... of a job of epochs. Their bytes are there.
   std::vector<StateRow> states;
@@ -363,7 +363,7 @@ class Scheduler {
   void bootstrapped(Job& job, Now now);
   void restore_chains(Job& job, const RestoredStages& restored, Now now);
   static void restore_states(Job& job, const std::vector<StateRow>& states);
-  static void retake(Job& job);
+  static void rebuild_reserved(Job& job);
   // What is worth knowing of a job's chains; empty where nothing is.
   static std::string chain_message(const JobRow& row);
   UnitState* straggler(Job& job, const WorkerState& worker, Now now);

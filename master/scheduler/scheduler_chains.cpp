@@ -55,7 +55,7 @@ void Scheduler::bootstrapped(Job& job, Now now) {
   job.row.named_state = NamedState{chains::film_scale_log2(b.b, job.row.pilot_scale_log2), b.b};
   job.row.chain_summary = chains::summarise(job.row.bootstrap, {});
   job.source = make_source(job.row);
-  retake(job);
+  rebuild_reserved(job);
   event(now, job.row.id, "", "bootstrap",
         fmt::format("b = {:.6g} +- {:.2g} from {} samples, film scale 2^{}", b.b, b.standard_error, b.samples,
                     job.row.named_state->film_scale_log2));
@@ -66,7 +66,7 @@ void Scheduler::bootstrapped(Job& job, Now now) {
 void Scheduler::restore_chains(Job& job, const RestoredStages& restored, Now now) {
   if (!job.row.chains) return;
   job.record_bytes = restored.record_bytes;
-  job.told_stay = chains::longest_stay(job.row.chain_summary).longest_stay;
+  job.reported_stay = chains::longest_stay(job.row.chain_summary).longest_stay;
   job.starts = restored.starts;
   if (!job.in_bootstrap()) return;
   job.row.bootstrap_rejected = {};
@@ -101,8 +101,8 @@ void Scheduler::chains_summarised(const std::string& id, const chains::Summary& 
   job->row.chain_summary = summary;
   // Once, and again at each doubling: a chain may be stuck for hours.
   const std::string text = chains::long_stay_text(summary);
-  if (text.empty() || after < 2 * job->told_stay) return;
-  job->told_stay = after;
+  if (text.empty() || after < 2 * job->reported_stay) return;
+  job->reported_stay = after;
   event(now, id, "", "long-stay", text);
 }
 

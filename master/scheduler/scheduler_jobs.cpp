@@ -131,7 +131,7 @@ void Scheduler::end(Job& job, JobState state, Now now) {
   changes_.emplace_back(DropUnmergedUnits{job.row.id});
   job.finishing = false;
   job.row.repairs_to.reset();
-  retake(job);
+  rebuild_reserved(job);
   job.row.state = state;
   job.row.finished_unix_ms = now.unix_ms;
   save(job, now);

@@ -11,7 +11,7 @@
 
 namespace candela::master {
 
-void Scheduler::retake(Job& job) {
+void Scheduler::rebuild_reserved(Job& job) {
   HalfSets closed = job.merged;
   for (std::uint32_t h = 0; job.row.repairs_to && h < 2; ++h)
     closed[h] = united(closed[h], complement(job.row.promised[h], end_of(job.row.promised[h])));
@@ -75,7 +75,7 @@ std::uint64_t Scheduler::agree(Job& job, const HalfSets& film, std::vector<UnitR
   // A job that goes on renders what it lacks in any case; one that has ended must remember what that is.
   if (ended && !covers(film, told)) job.row.promised = united(job.row.promised, united(told, film));
   if (covers(film, job.row.promised)) job.row.promised = {};
-  retake(job);
+  rebuild_reserved(job);
   if (!ended && missing_rows > 0)
     event(now, job.row.id, "", "reconciled",
           fmt::format("{} merged unit(s) were not in the checkpoint and run again", missing_rows));
@@ -161,7 +161,7 @@ void Scheduler::reopen(Job& job) {
   job.finishing = false;
   job.row.state = JobState::queued;
   job.row.finished_unix_ms = 0;
-  retake(job);
+  rebuild_reserved(job);
   start_fairly(job);
 }
 

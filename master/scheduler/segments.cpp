@@ -30,20 +30,20 @@ class SegmentSource final : public UnitSource {
     std::uint32_t half = half_behind();
     for (int i = 0; i < 2; ++i, half = 1 - half) {
       const SegmentRun run =
-          free_segments(job.merged[half], taken_[half], per_round_, job.target[half], want);
+          free_segments(job.merged[half], reserved_[half], per_round_, job.target[half], want);
       if (run.length == 0) continue;
       const Unit unit{kind(), half, run.begin, run.begin + std::min(run.length, want)};
-      taken_[half].insert(unit.begin, unit.end);
+      reserved_[half].insert(unit.begin, unit.end);
       return unit;
     }
     return std::nullopt;
   }
   bool has_unit(const JobView& job) const override {
     for (std::uint32_t h = 0; h < 2; ++h)
-      if (free_segments(job.merged[h], taken_[h], per_round_, job.target[h], 1).length > 0) return true;
+      if (free_segments(job.merged[h], reserved_[h], per_round_, job.target[h], 1).length > 0) return true;
     return false;
   }
-  Extent extent(const JobView& job) const override { return film_extent(job, taken_); }
+  Extent extent(const JobView& job) const override { return film_extent(job, reserved_); }
   std::uint64_t open_indices(const JobView& job) const override {
     return std::min<std::uint64_t>(chains_, UnitSource::open_indices(job));
   }

@@ -18,13 +18,13 @@ std::uint64_t UnitSource::open_indices(const JobView& job) const {
 
 bool UnitSource::take(const JobView& job, const Unit& unit) {
   return unit.begin < unit.end && claim(job.merged, unit) == Claim::open && ready(job, unit) &&
-         taken_[unit.half].insert(unit.begin, unit.end);
+         reserved_[unit.half].insert(unit.begin, unit.end);
 }
 
 void UnitSource::put_back(const Unit& unit) {
   film::IndexSet part;
   if (unit.half < 2 && part.insert(unit.begin, unit.end))
-    taken_[unit.half] = without(taken_[unit.half], part);
+    reserved_[unit.half] = without(reserved_[unit.half], part);
 }
 
 Claim UnitSource::claim(const HalfSets& merged, const Unit& unit) const {
@@ -40,11 +40,11 @@ Result<void> UnitSource::add(const Unit&, std::span<const float>) {
   return input_error("the job has no table now").with_field("contributions");
 }
 
-Extent film_extent(const JobView& job, const HalfSets& taken) {
+Extent film_extent(const JobView& job, const HalfSets& reserved) {
   Extent out;
   out.bounded = job.bounded;
   for (std::uint32_t h = 0; h < 2; ++h) {
-    const std::uint64_t n = taken[h].count();
+    const std::uint64_t n = reserved[h].count();
     out.cut += n;
     out.remaining += job.target[h] - std::min(job.target[h], n);
   }

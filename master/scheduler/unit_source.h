@@ -105,14 +105,14 @@ class UnitSource {
   // No unit that is cut now has more indices.
   virtual std::uint64_t max_unit(const JobView& job) const;
 
-  // Takes a unit that was cut before a restart. False: it is foreign, merged, taken, or cannot be rendered
+  // Takes a unit that was cut before a restart. False: it is foreign, merged, reserved, or cannot be rendered
   // now.
   virtual bool take(const JobView& job, const Unit& unit);
   // The scheduler keeps the unit no longer: its indices can be cut again.
   virtual void put_back(const Unit& unit);
   // No units are left: what is not in `closed` can be cut again.
-  virtual void restart(const HalfSets& closed) { taken_ = closed; }
-  const HalfSets& taken() const { return taken_; }
+  virtual void restart(const HalfSets& closed) { reserved_ = closed; }
+  const HalfSets& reserved() const { return reserved_; }
 
   virtual Claim claim(const HalfSets& merged, const Unit& unit) const;
   virtual bool needs_film() const { return false; }  // to give the inputs of a unit
@@ -131,13 +131,13 @@ class UnitSource {
   // Whether a unit of indices that nobody has could be rendered now.
   virtual bool ready(const JobView&, const Unit&) const { return true; }
   // The half to cut from first: halves advance together, so that an error estimate is there early.
-  std::uint32_t half_behind() const { return taken_[0].count() <= taken_[1].count() ? 0 : 1; }
+  std::uint32_t half_behind() const { return reserved_[0].count() <= reserved_[1].count() ? 0 : 1; }
 
-  HalfSets taken_;  // merged, or in units, or not wanted
+  HalfSets reserved_;  // merged, or in units, or not wanted
 };
 
 // The extent of a stage whose indices the target bounds.
-Extent film_extent(const JobView& job, const HalfSets& taken);
+Extent film_extent(const JobView& job, const HalfSets& reserved);
 
 // The source of the stage that a job with this row is in.
 std::unique_ptr<UnitSource> make_source(const JobRow& row);

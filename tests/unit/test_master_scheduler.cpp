@@ -452,7 +452,7 @@ TEST_F(SchedulerTest, RestartReconcilesRowsWithTheFilm) {
   film::IndexSet open;
   for (const auto& [id, u] : job.units) EXPECT_TRUE(open.insert(u.row.unit.begin, u.row.unit.end));
   EXPECT_EQ(open.ranges(), (std::map<std::uint64_t, std::uint64_t>{{4, 8}, {14, 16}}));
-  EXPECT_EQ(job.source->taken()[0].first_gap(0, 16), std::pair(std::uint64_t{10}, std::uint64_t{12}))
+  EXPECT_EQ(job.source->reserved()[0].first_gap(0, 16), std::pair(std::uint64_t{10}, std::uint64_t{12}))
       << "it can be cut";
   EXPECT_EQ(t.check_delivery("a", l.token, 5, "j", {Unit::Kind::iterations, 0, 14, 16}, now()), Delivery::ok);
   t.authenticate("a", "session-a", now());
