@@ -15,9 +15,9 @@
 //   flat             the memory of each process does not grow with the number of events (in long runs)
 // and at the end: whole, every loss can be rendered again.
 //
-// The short form is part of every run of the tests. The long one: CANDELA_SOAK_EVENTS=200
-// build/bin/farm_tests
-// --gtest_filter='Soak.*'. CANDELA_SOAK_SEED repeats a run's choice of events, though not their timing.
+// The short form is part of every run of the tests. A long one, of so many events or so many seconds:
+//   CANDELA_SOAK_EVENTS=1000 CANDELA_SOAK_SECONDS=7200 build/bin/farm_tests --gtest_filter='Soak.*'
+// CANDELA_SOAK_SEED repeats a run's choice of events, though not their timing.
 #include <arpa/inet.h>
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -27,6 +27,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -51,6 +52,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kShortEvents = 8;
+constexpr std::uint64_t kEndlessSeconds = 1'000'000'000;
 constexpr std::size_t kMaxJobs = 8;
 
 std::uint64_t number_from(const char* variable, std::uint64_t otherwise) {
@@ -483,14 +485,17 @@ TEST_F(Soak, EveryImageIsEqualOrEveryLossIsSaid) {
   const bool stored = ended(farm_.job(jobs_.front().id));
   happen({"remove all checkpoints", {}}, 0);
   EXPECT_TRUE(losses_ > 0 || !stored);
-  for (int i = 1; i < count && !HasFailure(); ++i) {
+  const auto end = std::chrono::steady_clock::now() +
+                   std::chrono::seconds(number_from("CANDELA_SOAK_SECONDS", kEndlessSeconds));
+  int done = 1;
+  for (; done < count && std::chrono::steady_clock::now() < end && !HasFailure(); ++done) {
     told_.clear();
     // A farm without work is harmed in vain.
     if (jobs_that(false).empty() && jobs_.size() < kMaxJobs && submit()) told_ += " to render meanwhile;";
     const Event* event = nullptr;
     do event = &all[pick(all.size())];
     while (!event->act());
-    happen(*event, i);
+    happen(*event, done);
   }
   if (HasFailure()) return;
   // Peace: what the master lacks comes with a submission, what is lost is rendered again.
@@ -504,8 +509,8 @@ TEST_F(Soak, EveryImageIsEqualOrEveryLossIsSaid) {
     expect_identical(farm_.fetch(job.id), reference(job), job.id);
     farm_.audit(job.id, job.iterations);
   }
-  if (count >= 40) expect_flat();
-  std::string summary = fmt::format("{} events, {} images refused for a loss:", count, losses_);
+  if (done >= 40) expect_flat();
+  std::string summary = fmt::format("{} events, {} images refused for a loss:", done, losses_);
   for (const auto& [name, times] : happened_) summary += fmt::format(" {} x {};", times, name);
   std::printf("%s\n", summary.c_str());
 }
