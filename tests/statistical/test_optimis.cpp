@@ -3,7 +3,7 @@
 //
 // Controls are compared by t tests of 16 batches at 6e-7 (t > 8.25 with 15 degrees of freedom), of which
 // there are at most 100; images at 1e-6, Bonferroni over their values, 24 times (36 in the long form); sums
-// of errors at 6e-7, nine times: a false alarm for other seeds with at most 1e-4.
+// of errors at 6e-7, eleven times: a false alarm for other seeds with at most 1e-4.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -17,7 +17,6 @@
 #include "common/film/development.h"
 #include "common/stages/development.h"
 #include "common/stages/developments/optimal_mis.h"
-#include "tests/epoch_run.h"
 #include "tests/statistical/harness.h"
 #include "tests/statistical/quantiles.h"
 #include "worker/integrators/unit_data.h"
@@ -487,6 +486,42 @@ TEST(Optimis, GainsAsMuchAsTheExactTableSays) {
   }
 }
 
+// Claim: the bias of the direct estimator in the image under R2 is that of the theory's table after 16
+// batches and after 64: a quarter of it. Paired with crossfit, which has none and most of the same noise.
+TEST(Optimis, DirectBiasFalls) {
+  const Rectangle r2{"R2", -0.5, 1.5, -1, 0.5, 1, {0.5, 0.3, 1}, 1.1933808008795};
+  TestScene scene = scene_from_xml(under(r2), kExtent, kExtent);
+  scene.settings.sampler = "independent";
+  Job job(with_integrator(std::move(scene), "optimis",
+                          {{"techniques", "spherical,parallel"}, {"depth", "direct"}, {"max_depth", "2"}}));
+  struct Case {
+    std::uint64_t batches, jobs;
+    double mean, standard_error;  // of direct with the ridge 0.1 / T
+  };
+  for (const Case& c : {Case{16, 8, 1.18988559937416, 4.64e-05}, Case{64, 2, 1.19255317568364, 1.05e-05}}) {
+    double sum = 0, squares = 0;
+    for (std::uint64_t k = 0; k < c.jobs; ++k) {
+      Merged m = job.empty();
+      const std::uint64_t n = c.batches / 2;
+      for (const std::uint32_t half : {0U, 1U}) job.merge(m, half, 2000 + n * k, 2000 + n * (k + 1));
+      const std::vector<float> direct = job.image(m, "direct"), crossfit = job.image(m, "crossfit");
+      for (std::size_t p = 0; p < direct.size(); p += 3) {
+        const double bias =
+            2 * std::numbers::pi * (static_cast<double>(direct[p]) - static_cast<double>(crossfit[p]));
+        sum += bias;
+        squares += bias * bias;
+      }
+    }
+    const double pixels = static_cast<double>(c.jobs) * kExtent * kExtent, mean = sum / pixels,
+                 error = std::sqrt((squares / pixels - mean * mean) / pixels),
+                 expected = c.mean - r2.irradiance;
+    std::printf("bias of direct, R2, T = %d: %.6f +- %.6f, expected %.6f\n", static_cast<int>(c.batches),
+                mean, error, expected);
+    EXPECT_NEAR(mean, expected, 5 * std::hypot(error, c.standard_error)) << c.batches;
+    EXPECT_LT(mean, -5 * error) << "the test must see this bias";
+  }
+}
+
 // Claim: where the plan leaves optimal weights out, the noise of the balance heuristic after 64 iterations is
 // below 1 % of the picture's mean, or optimal weights lower the squared error by less than 12 %, about what
 // their sums cost.
@@ -542,77 +577,6 @@ TEST(Optimis, PlanSaysWhy) {
   EXPECT_NE(progressive.plan().find("240 bytes a pixel for each of 3 epochs"), std::string::npos)
       << progressive.plan();
   EXPECT_NE(fan.plan().find("iteration of 4 paths"), std::string::npos) << fan.plan();
-}
-
-// ---- trained selection
-
-// Two equal lamps over a floor; a plate hides one of them from all of it.
-const std::string kHalfHidden =
-    R"(<scene version="3.0.0"><integrator type="path"/>
-    <sensor type="perspective"><float name="fov" value="40"/><transform name="to_world"><lookat origin="0,-2,3" target="0,0,0" up="0,0,1"/></transform></sensor>
-    <shape type="rectangle"><transform name="to_world"><scale value="2"/></transform></shape>
-    <shape type="sphere"><point name="center" x="-0.7" y="0" z="1.5"/><float name="radius" value="0.05"/><emitter type="area"/></shape>
-    <shape type="sphere"><point name="center" x="0.7" y="0" z="1.5"/><float name="radius" value="0.05"/><emitter type="area"/></shape>
-    <shape type="rectangle"><transform name="to_world"><scale value="0.4"/><translate x="0.7" y="0" z="1.3"/></transform><bsdf type="diffuse"><rgb name="reflectance" value="0"/></bsdf></shape></scene>)";
-
-// Claim: an image by trained selection has the mean of the one by contribution (t test of 24 + 24 jobs in 16
-// blocks, 46 degrees of freedom, |t| < 5.6: 2e-5 over all), also where the choice is untrained, of short jobs
-// of the same epochs; and where a lamp is hidden from most points it has less than 0.8 of the variance.
-TEST(OptimisTrained, IsUnbiasedAndLearnsWhatIsHidden) {
-  constexpr std::uint32_t kSide = 16, kBlocks = 4;
-  constexpr std::size_t kJobs = 24;
-  constexpr std::uint64_t kIterations = 96;
-  struct Blocks {
-    std::vector<double> mean = std::vector<double>(kBlocks * kBlocks),
-                        variance = std::vector<double>(kBlocks * kBlocks);
-  };
-  const auto blocks = [&](const std::string& selection, std::uint64_t seed) {
-    TestScene scene = scene_from_xml(kHalfHidden, kSide, kSide);
-    scene.settings.sampler = "independent";
-    scene = with_integrator(std::move(scene), "optimis",
-                            {{"selection", selection},
-                             {"techniques", "light"},
-                             {"weights", "balance"},
-                             {"depth", "direct"},
-                             {"hide_emitters", "true"}});
-    std::vector<std::vector<double>> images;
-    for (std::size_t job = 0; job < kJobs; ++job) {
-      scene.settings.seed = seed + job;
-      const auto renderer = make_renderer(scene);
-      const auto pilot = renderer->pilot({});
-      if (!pilot.ok()) throw std::runtime_error(pilot.error().to_string());
-      auto sums = test::render_job(*renderer, *pilot, kIterations, {});
-      if (!sums.ok()) throw std::runtime_error(sums.error().to_string());
-      EXPECT_EQ(sums->states.empty(), selection != "trained");
-      images.push_back(sums->mean(0));
-    }
-    Blocks out;
-    for (std::size_t block = 0; block < out.mean.size(); ++block) {
-      double sum = 0, squares = 0;
-      for (const auto& image : images) {
-        double value = 0;
-        for (std::uint32_t y = 0; y < kSide / kBlocks; ++y)
-          for (std::uint32_t x = 0; x < kSide / kBlocks; ++x)
-            value += image[3 * ((block / kBlocks * (kSide / kBlocks) + y) * kSide +
-                                block % kBlocks * (kSide / kBlocks) + x) +
-                           1];
-        sum += value;
-        squares += value * value;
-      }
-      out.mean[block] = sum / kJobs;
-      out.variance[block] = (squares - sum * sum / kJobs) / (kJobs - 1);
-    }
-    return out;
-  };
-  const Blocks trained = blocks("trained", 100), contribution = blocks("contribution", 900);
-  double variance = 0, of_contribution = 0;
-  for (std::size_t block = 0; block < kBlocks * kBlocks; ++block) {
-    variance += trained.variance[block];
-    of_contribution += contribution.variance[block];
-    const double error = std::sqrt((trained.variance[block] + contribution.variance[block]) / kJobs);
-    EXPECT_NEAR(trained.mean[block], contribution.mean[block], 5.6 * error + 1e-6) << block;
-  }
-  EXPECT_LT(variance, 0.8 * of_contribution);
 }
 
 }  // namespace
