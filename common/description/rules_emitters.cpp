@@ -115,7 +115,7 @@ void add_emitters(std::vector<PluginRule>& table) {
                       .minimum = 0}),
             to_world("moves and turns the light from the origin and +z"),
             sampling_weight()},
-       .child_categories = {},
+       .child_categories = {"medium"},
        .doc = "a point that shines into a cone"});
   std::vector<PropertyRule> projector = field_of_view("the picture's axis fov spans (default x)");
   projector.insert(projector.begin(),

@@ -483,6 +483,7 @@ TEST(SceneMedia, InterfacesNameTheMediumBeyond) {
       "<transform name=\"to_world\"><translate z=\"5\"/></transform></shape>"
       "<shape type=\"sphere\"><point name=\"center\" x=\"0\" y=\"0\" z=\"9\"/></shape>"
       "<emitter type=\"point\"><ref id=\"fog\"/></emitter><emitter type=\"constant\"/>"
+      "<emitter type=\"spot\"><ref id=\"milk\"/></emitter>"
       "<shape type=\"rectangle\"><emitter type=\"area\"/><ref name=\"exterior\" id=\"milk\"/>"
       "<transform name=\"to_world\"><translate z=\"-9\"/></transform></shape>",
       {}, "<sensor type=\"perspective\"><ref id=\"fog\"/></sensor>");
@@ -506,6 +507,7 @@ TEST(SceneMedia, InterfacesNameTheMediumBeyond) {
   ASSERT_TRUE(s.intersect(ray, hit));
   EXPECT_EQ(emitter_medium(0, false), s.medium_beyond(hit, ray.direction, fog));
   const std::uint32_t milk = s.medium_beyond(hit, ray.direction, fog);
+  EXPECT_EQ(emitter_medium(3, false), milk);
   EXPECT_NE(milk, kNone);
   EXPECT_NE(milk, fog);
   EXPECT_EQ(s.medium_beyond(hit, -ray.direction, kNone), fog);

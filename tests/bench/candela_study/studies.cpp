@@ -25,6 +25,8 @@ constexpr std::array kStudies = {
           "Kondapaneni 2019, section 8", 4, 2, run_mis_scenes},
     Study{"upbp-nsd", "spread of the 25 estimators with points and beams in a medium against kernel width",
           "Krivanek 2014, Fig. 1", 0, 0, run_upbp_nsd},
+    Study{"upbp-scenes", "error of the techniques of upbp, alone and together, in equal time",
+          "Krivanek 2014, Fig. 9 to 11", 4, 2, run_upbp_scenes, true},
     Study{"ups-alpha", "error, variance and bias of ppm and vcm against alpha, on a torus in glass",
           "Hachisuka 2012, supplement, Fig. 1 and Eq. 46", 3, 2, run_ups_alpha},
     Study{"vcmplus-table", "iterations and time of vcm and vcmplus to equal error",
