@@ -34,4 +34,14 @@ std::uint8_t weight(std::uint64_t tested, std::uint64_t seen) {
   return static_cast<std::uint8_t>(std::max<std::uint64_t>(low, kMinWeight));
 }
 
+void ExpectedGain::end_cell() {
+  all_tested_ += tested_;
+  untrained_ += seen_;
+  if (tested_ > 0) trained_ += weighted_ * weighted_ / tested_;
+  tested_ = seen_ = weighted_ = 0;
+}
+bool ExpectedGain::too_small() const {
+  return all_tested_ >= kMinTests && untrained_ - trained_ < kMinGain * untrained_;
+}
+
 }  // namespace candela::light_visibility

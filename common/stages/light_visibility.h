@@ -1,7 +1,8 @@
 // What trained light selection learns: for each cell of a grid over the scene and each light, how many points
 // of the light were tested from there, and how many of them were seen. The rule `light_visibility` makes the
 // state of an epoch from the counts of all epochs before that are whole: a byte for each entry, the weight of
-// the light's share of the choice in the cell.
+// the light's share of the choice in the cell. If the counts of epoch 0 expect little of it, the states of
+// all epochs after are empty: the choice stays untrained, and nothing is counted.
 //
 // An entry has two integers, tested and seen, which lie one after the other in an accumulator of the job. Its
 // pixels are room for entries: they have nothing to do with the film's.
@@ -16,7 +17,8 @@ namespace candela::light_visibility {
 
 inline constexpr std::string_view kRule = "light_visibility";  // and the name of the state
 inline constexpr std::string_view kCounts = "light.visibility";
-inline constexpr std::string_view kEntries = "entries";  // the rule's constant
+// Constants of the rule: entries in all, and in a cell.
+inline constexpr std::string_view kEntries = "entries", kLights = "lights";
 
 inline constexpr std::uint32_t kMaxSide = 16;  // cells along an axis
 inline constexpr std::uint32_t kMaxLights = 64;
@@ -48,5 +50,27 @@ film::AccumulatorSpec spec(const Layout& layout);
 // (seen + 1) / (tested + 1); nothing tested: 255. Never below kMinWeight, so that no light is left out.
 inline constexpr std::uint8_t kMaxWeight = 255, kMinWeight = 16;
 std::uint8_t weight(std::uint64_t tested, std::uint64_t seen);
+
+// What trained selection may gain, from the counts of an untrained epoch: there, tests of a cell are in
+// proportion to f. In a cell of n tests the second moment of an estimate is in proportion to sum(seen) if the
+// choice is by f, and to sum(tested weight)^2 / n, weights of at most 1, if it is by f sqrt(v).
+class ExpectedGain {
+ public:
+  void add(std::uint64_t tested, std::uint64_t seen) {
+    tested_ += static_cast<double>(tested);
+    seen_ += static_cast<double>(seen);
+    weighted_ += static_cast<double>(tested) * weight(tested, seen) / kMaxWeight;
+  }
+  void end_cell();
+  // Enough tests to tell that trained selection takes less than kMinGain of the second moment away.
+  bool too_small() const;
+
+ private:
+  double tested_ = 0, seen_ = 0, weighted_ = 0;          // of the cell
+  double all_tested_ = 0, untrained_ = 0, trained_ = 0;  // of all cells
+};
+// Below it a trained choice costs more time than it saves noise.
+inline constexpr double kMinGain = 0.04;
+inline constexpr double kMinTests = 4096;
 
 }  // namespace candela::light_visibility

@@ -48,13 +48,14 @@ struct JobKind {
   std::string name;
   JobSettings settings;
   bool epochs = false;
+  std::string scene = kLitBox;
 };
 
 // A row for each integrator with accumulators, and for other rules of the same.
 std::vector<JobKind> job_kinds() {
   std::vector<JobKind> all;
   const auto add = [&](const std::string& name, const std::string& integrator, const SettingsMap& chosen) {
-    JobKind kind{name, {}, false};
+    JobKind kind{.name = name, .settings = {}};
     kind.settings.integrator = integrator;
     kind.settings.width = kind.settings.height = kSide;
     kind.settings.seed = 5;
@@ -81,9 +82,12 @@ std::vector<JobKind> job_kinds() {
   }
   // AOVs are accumulators beside the integrator's own.
   for (const std::string integrator : {"path", "appm"}) {
-    JobKind kind{integrator + " with AOVs", {}, false};
+    JobKind kind{.name = integrator + " with AOVs", .settings = {}};
     for (const JobKind& own : all)
-      if (own.settings.integrator == integrator) kind = {integrator + " with AOVs", own.settings, own.epochs};
+      if (own.settings.integrator == integrator) {
+        kind.settings = own.settings;
+        kind.epochs = own.epochs;
+      }
     kind.settings.integrator = integrator;
     kind.settings.width = kind.settings.height = kSide;
     kind.settings.seed = 5;
@@ -111,7 +115,7 @@ class AccumulatorFarm : public testing::Test {
         {"--unit-time", "0.01", "--checkpoint-interval", checkpoint_seconds, "--lease-time", lease_seconds});
   }
   std::string submit(const JobKind& kind, std::uint64_t iterations) {
-    return test::submit(farm.stub(), kLitBox, test::submission(kLitBox, kind.settings, iterations));
+    return test::submit(farm.stub(), kind.scene, test::submission(kind.scene, kind.settings, iterations));
   }
   std::vector<Job> submit_all(std::uint64_t iterations) {
     std::vector<Job> jobs;
@@ -150,7 +154,7 @@ class AccumulatorFarm : public testing::Test {
     const auto key = std::make_pair(kind.name, iterations);
     const auto known = truths_.find(key);
     if (known != truths_.end()) return known->second;
-    const test::TextFiles files({{"scene.xml", kLitBox}});
+    const test::TextFiles files({{"scene.xml", kind.scene}});
     const auto renderer = render::Renderer::create(files, "scene.xml", {}, kind.settings, 1);
     if (!renderer.ok()) throw std::runtime_error(renderer.error().to_string());
     const auto pilot = (*renderer)->pilot({});
@@ -203,6 +207,32 @@ TEST_F(AccumulatorFarm, SameBytesOfOneTwoAndEightWorkers) {
     EXPECT_GE(merged_by.size(), std::min<std::size_t>(2, std::size_t(fleet)));
   }
   EXPECT_GT(merged_by.size(), 2U) << "eight workers, of which two did all the work";
+}
+
+// Claim: so do they if the training of light selection ends after epoch 0, with empty states, since all lamps
+// are seen.
+TEST_F(AccumulatorFarm, TrainingThatEndsHasEmptyStates) {
+  constexpr std::uint64_t kIterations = 150;
+  const auto trained = std::find_if(kinds_.begin(), kinds_.end(),
+                                    [](const JobKind& kind) { return kind.name == "optimis, trained"; });
+  ASSERT_NE(trained, kinds_.end());
+  JobKind kind = *trained;
+  kind.name = "optimis, trained in epoch 0";
+  kind.settings.integrator_settings["epoch_min"] = "32";
+  kind.settings.integrator_settings["growth"] = "1";
+  kind.scene =
+      "<scene version=\"3.0.0\"><sensor type=\"perspective\"><transform name=\"to_world\">"
+      "<lookat origin=\"0,0,3\" target=\"0,0,0\" up=\"0,1,0\"/></transform></sensor>"
+      "<shape type=\"rectangle\"><transform name=\"to_world\"><scale value=\"9\"/></transform></shape>"
+      "<emitter type=\"point\"><point name=\"position\" x=\"-1\" y=\"0\" z=\"2\"/></emitter>"
+      "<emitter type=\"point\"><point name=\"position\" x=\"1\" y=\"1\" z=\"2\"/></emitter></scene>";
+  start_master("0.05");
+  for (int i = 0; i < 2; ++i) farm.start_worker(fmt::format("w{}", i));
+  check({&kind, submit(kind, kIterations)}, kIterations);
+  const std::vector<std::string>& states = truth(kind, kIterations).states;
+  ASSERT_GE(states.size(), 3U);
+  EXPECT_FALSE(states[1].empty());
+  for (std::size_t e = 2; e < states.size(); ++e) EXPECT_TRUE(states[e].empty()) << e;
 }
 
 // Claim: SIGKILL of the master and of workers, at times all over the jobs, with the newest checkpoints lost,

@@ -16,7 +16,11 @@ using film::Int128;
 using film::MergedAccumulator;
 
 EpochPlan trained_epochs(const light_visibility::Layout& layout) {
-  return {4, 1, 1, std::string(light_visibility::kRule), {{"entries", std::to_string(layout.entries())}}};
+  return {4,
+          1,
+          1,
+          std::string(light_visibility::kRule),
+          {{"entries", std::to_string(layout.entries())}, {"lights", std::to_string(layout.lights)}}};
 }
 
 // Claim: all entries of the grid fit in the film, no two of them in one place, whatever the film's size, and
@@ -88,6 +92,45 @@ TEST(LightVisibility, TheRuleAddsEpochsUp) {
   EpochPlan large = trained_epochs(layout);
   large.constants["entries"] = std::to_string(kWidth * kHeight + 1);
   EXPECT_FALSE(replay(large, wrong, 1, kWidth, kHeight, of_epoch).ok());
+}
+
+// Claim: where an untrained epoch of enough tests saw nearly all lights, or each of a cell as rarely, all
+// later states are empty, whatever later epochs count; hidden lights, or too few tests, keep the choice
+// trained.
+TEST(LightVisibility, LittleToGainEndsTheTraining) {
+  constexpr std::uint32_t kWidth = 8, kHeight = 4;
+  const light_visibility::Layout layout = light_visibility::layout(kWidth, kHeight, 2);
+  ASSERT_GE(layout.entries(), 4U);
+  const std::vector specs = {light_visibility::spec(layout)};
+  struct Case {
+    int tested, seen_of_first, seen_of_second;  // of each light in each cell
+    bool trained;
+  };
+  const int cells = static_cast<int>(layout.entries() / 2);
+  for (const Case& c : {Case{4000, 4000, 4000, false}, Case{4000, 2000, 2000, false},
+                        Case{4000, 4000, 3700, false}, Case{4000, 4000, 0, true},
+                        Case{4000, 4000, 1000, true}, Case{2000 / cells, 2000 / cells, 2000 / cells, true}}) {
+    std::vector<MergedAccumulator> sums;
+    for (const bool first : {true, false}) {
+      MergedAccumulator& epoch = sums.emplace_back(kWidth, kHeight, specs[0]);
+      for (std::uint32_t pixel = 0; pixel < kWidth * kHeight; ++pixel) {
+        std::vector<Int128> counts(specs[0].channels);
+        for (std::uint32_t e = pixel * layout.per_pixel;
+             e < std::min((pixel + 1) * layout.per_pixel, layout.entries()); ++e) {
+          const std::uint32_t channel = 2 * (e % layout.per_pixel);
+          counts[channel] = c.tested;
+          counts[channel + 1] = !first ? 0 : e % 2 == 0 ? c.seen_of_first : c.seen_of_second;
+        }
+        epoch.set_pixel(pixel % kWidth, pixel / kWidth, counts);
+      }
+    }
+    const auto done = replay(trained_epochs(layout), specs, 4, kWidth, kHeight,
+                             [&](std::string_view, std::uint64_t epoch) { return &sums[epoch]; });
+    ASSERT_TRUE(done.ok()) << done.error().to_string();
+    for (std::size_t e = 0; e < 4; ++e)
+      EXPECT_EQ(done->states[e].size(), e < 2 || c.trained ? layout.entries() : 0)
+          << c.tested << " " << c.seen_of_second << " " << e;
+  }
 }
 
 }  // namespace

@@ -82,7 +82,8 @@ class OptimisIntegrator final : public IterationIntegrator {
     if (lights_ > 0 && layout.side > 0) {
       plan.accumulators = {light_visibility::spec(layout)};
       plan.epochs = epoch_plan(light_visibility::kRule,
-                               {{std::string(light_visibility::kEntries), std::to_string(layout.entries())}});
+                               {{std::string(light_visibility::kEntries), std::to_string(layout.entries())},
+                                {std::string(light_visibility::kLights), std::to_string(layout.lights)}});
     }
     return plan;
   }
@@ -94,9 +95,9 @@ class OptimisIntegrator final : public IterationIntegrator {
     const light_visibility::Layout layout = light_visibility::layout(context.width, context.height, lights_);
     if (lights_ > 0 && layout.side > 0) {
       CANDELA_ASSIGN(const std::span<const std::uint8_t> weights, light_weights(input, layout));
-      lights.emplace(context.scene.lights().extent(), layout, weights);
+      if (!weights.empty()) lights.emplace(context.scene.lights().extent(), layout, weights);
     }
-    const bool has_epochs = read_out_ == ReadOut::epochs || lights;
+    const bool has_epochs = epochs_.has_value() && (read_out_ == ReadOut::epochs || layout.side > 0);
     return with_tracer(context, [&](const auto& trace) {
       // Slopes and light weights of an epoch are from earlier ones: they have to be independent. One half's
       // samples of all epochs are one sequence of the sampler, those of different words are not.
@@ -138,7 +139,7 @@ class OptimisIntegrator final : public IterationIntegrator {
     return {static_cast<std::uint64_t>(settings_.epoch_min), static_cast<std::uint32_t>(settings_.growth),
             static_cast<std::uint32_t>(settings_.lag), std::string(rule), std::move(constants)};
   }
-  // Of the unit's epoch.
+  // Of the unit's epoch; empty: the choice stays untrained.
   static Result<std::span<const std::uint8_t>> light_weights(const UnitInput& input,
                                                              const light_visibility::Layout& layout) {
     const auto state = input.states.find(light_visibility::kRule);
@@ -148,6 +149,7 @@ class OptimisIntegrator final : public IterationIntegrator {
     };
     if (state == input.states.end()) return bad("of the unit's epoch is missing");
     const std::string_view bytes = state->second;
+    if (bytes.empty()) return std::span<const std::uint8_t>();
     if (bytes.size() != layout.entries())
       return bad(fmt::format("has {} bytes, not {}", bytes.size(), layout.entries()));
     const std::span weights(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size());

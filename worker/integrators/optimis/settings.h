@@ -23,12 +23,12 @@ struct OptimisSettings {
     visit("techniques", techniques,
           "direct light at the first vertex that is not specular: by bsdf sampling, and by points on lights, "
           "as path samples them (light), uniform in solid angle, in area, in their parallel projection");
-    visit(
-        "selection", selection,
-        "how the light of a point is chosen; each with each way of sampling points is a technique. trained: "
-        "as "
-        "contribution, less where shadow rays of earlier epochs found lights hidden; weights are balance or "
-        "another heuristic");
+    visit("selection", selection,
+          "how the light of a point is chosen; each with each way of sampling points is a technique. "
+          "trained: as "
+          "contribution, less where shadow rays of earlier epochs found lights hidden, and as contribution "
+          "if the "
+          "first epoch found few hidden; weights are balance or another heuristic");
     visit("weights", weights,
           "how the techniques are weighted against each other; auto: optimal, or balance if the plan expects "
           "no "
