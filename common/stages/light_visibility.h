@@ -4,6 +4,8 @@
 // the light's share of the choice in the cell. If the counts of epoch 0 expect little of it, the states of
 // all epochs after are empty: the choice stays untrained, and nothing is counted.
 //
+// Beyond kMaxLights lights, the light of an entry is a group of lights (scene::Lights).
+//
 // An entry has two integers, tested and seen, which lie one after the other in an accumulator of the job. Its
 // pixels are room for entries: they have nothing to do with the film's.
 #pragma once

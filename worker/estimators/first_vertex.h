@@ -80,9 +80,13 @@ class FirstVertex {
     tests_ = 0;
   }
   // The path is there, and draws every technique.
-  void reach(Vec3 p) {
+  void reach(const scene::Lights& lights, Vec3 p) {
     reached_ = true;
-    if (lights_ != nullptr) cell_ = lights_->cell(p);
+    if (lights_ != nullptr) {
+      const std::uint32_t cell = lights_->cell(p);
+      if (cell != cell_) weights_ = lights.weights(lights_->of_cell(cell), node_weights_);
+      cell_ = cell;
+    }
     if (setup_.bsdf && setup_.controls) set(0, mis::controls_of_one(allocation_, 0), {});
   }
   // The path goes on from there; `depth` edges from the eye is what its ray meets.
@@ -96,12 +100,12 @@ class FirstVertex {
                               scene::DirectSample& out) const {
     const std::size_t s = light_technique / setup_.points.size();
     const scene::PointSampler point = setup_.points[light_technique % setup_.points.size()];
-    if (s == trained_) return lights.sample(here, front, u_select, u, out, lights_->of_cell(cell_), point);
+    if (s == trained_) return lights.sample(here, front, u_select, u, out, weights_, point);
     return lights.sample(here, front, u_select, u, out, setup_.selections[s], point);
   }
   // A point on an emitter was looked for.
-  void tested(std::uint32_t emitter, bool seen) {
-    if (lights_ != nullptr) shadow_tests_[tests_++] = {lights_->entry(cell_, emitter), seen};
+  void tested(const scene::Lights& lights, std::uint32_t emitter, bool seen) {
+    if (lights_ != nullptr) shadow_tests_[tests_++] = {lights_->entry(cell_, lights.group(emitter)), seen};
   }
   struct ShadowTest {
     std::uint32_t entry;  // of the light weights
@@ -195,7 +199,7 @@ class FirstVertex {
   }
   float prob(const scene::Lights& lights, const scene::SurfaceHit& here, Vec3 front, std::uint32_t emitter,
              std::size_t s) const {
-    if (s == trained_) return lights.prob(here.p, front, emitter, lights_->of_cell(cell_));
+    if (s == trained_) return lights.prob(here.p, front, emitter, weights_);
     return lights.prob(here.p, front, emitter, setup_.selections[s]);
   }
   // The densities of the light techniques for a direction out of the scene; where an environment is chosen,
@@ -204,7 +208,7 @@ class FirstVertex {
                                  Vec3 d, Densities& p) const {
     for (std::size_t s = 0; s < setup_.selections.size(); ++s) {
       const float pdf = s == trained_
-                            ? lights.pdf_environment_solid_angle(here, front, d, lights_->of_cell(cell_))
+                            ? lights.pdf_environment_solid_angle(here, front, d, weights_)
                             : lights.pdf_environment_solid_angle(here, front, d, setup_.selections[s]);
       for (std::size_t m = 0; m < setup_.points.size(); ++m)
         p[technique(s * setup_.points.size() + m)] = static_cast<double>(pdf);
@@ -282,7 +286,9 @@ class FirstVertex {
   const FirstVertexSetup& setup_;
   const std::size_t trained_;  // selection
   const LightWeights* const lights_;
-  std::uint32_t cell_ = 0;
+  std::uint32_t cell_ = scene::kNone;
+  scene::Lights::NodeWeights node_weights_{};
+  scene::ChoiceWeights weights_;  // of the cell
   std::size_t tests_ = 0;
   std::array<ShadowTest, mis::kMaxTechniques> shadow_tests_{};
   PathOptions options_;

@@ -25,13 +25,11 @@ class LightWeights {
     const Vec3d at = (Vec3d(p) - low_) * cells_per_length_;
     return (along(at.z) * layout_.side + along(at.y)) * layout_.side + along(at.x);
   }
-  // By emitter.
+  // By group of emitters (scene::Lights).
   std::span<const std::uint8_t> of_cell(std::uint32_t cell) const {
     return weights_.subspan(std::size_t{cell} * layout_.lights, layout_.lights);
   }
-  std::uint32_t entry(std::uint32_t cell, std::uint32_t emitter) const {
-    return cell * layout_.lights + emitter;
-  }
+  std::uint32_t entry(std::uint32_t cell, std::uint32_t group) const { return cell * layout_.lights + group; }
 
  private:
   // Points in media may lie outside.

@@ -208,7 +208,7 @@ class PathTracer {
   template <class EvalPdf>
   void sample_first(const scene::SurfaceHit& here, Vec3 side, const EvalPdf& eval_pdf) {
     using namespace transport;
-    first_->reach(here.p);
+    first_->reach(scene_.lights(), here.p);
     for (std::size_t i = 0; i < first_->light_techniques(); ++i) {
       // The first has the path tracer's random numbers.
       const std::uint32_t at = i == 0 ? block_ : path_block::further_light(i);
@@ -228,7 +228,7 @@ class PathTracer {
         value = eval_pdf(light.wi, pdf_solid_angle);
         if (!value.is_black()) {
           pass_to_light(here, light, at, value);
-          first_->tested(light.emitter, !value.is_black());
+          first_->tested(scene_.lights(), light.emitter, !value.is_black());
         }
       }
       if (value.is_black() || light.delta) pdf_solid_angle = 0;

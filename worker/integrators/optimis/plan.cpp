@@ -142,29 +142,26 @@ const char* gain(const estimators::FirstVertexSetup& setup, const scene::SceneFe
 }
 
 // The selection to be added next has weights.
-Result<void> plan_training(const OptimisSettings& settings, const scene::SceneFeatures& features,
-                           PlannedFirstVertex& out) {
-  if (features.emitters > light_visibility::kMaxLights)
-    return usage_error(
-               fmt::format("'trained' learns the visibility of at most {} lights, and the scene has {}",
-                           light_visibility::kMaxLights, features.emitters))
-        .with_field("selection")
-        .with_mend("leave it out");
+void plan_training(const OptimisSettings& settings, const scene::SceneFeatures& features,
+                   PlannedFirstVertex& out) {
+  static_assert(light_visibility::kMaxLights == scene::Lights::kMaxGroups);
   out.setup.trained = out.setup.selections.size();
-  out.lights = features.emitters;
+  out.lights = std::min(features.emitters, light_visibility::kMaxLights);
   const std::uint64_t cells =
       std::uint64_t{light_visibility::kMaxSide} * light_visibility::kMaxSide * light_visibility::kMaxSide;
+  const std::string what = features.emitters > out.lights
+                               ? fmt::format("{} groups of {} lights", out.lights, features.emitters)
+                               : fmt::format("{} lights", features.emitters);
   out.planned.plan.use(
       "light selection 'trained'",
-      fmt::format("the visibility of {} lights in up to {} cells, decided once an epoch, of {} iterations or "
+      fmt::format("the visibility of {} in up to {} cells, decided once an epoch, of {} iterations or "
                   "1/{} of those before",
-                  features.emitters, cells, settings.epoch_min, settings.growth));
-  out.planned.plan.use("statistics",
-                       fmt::format("up to {} kB for each of {} epochs and in a state; a worker has 16 to {} "
-                                   "bytes a pixel",
-                                   16 * cells * features.emitters / 1000, settings.lag + 2,
-                                   16 * light_visibility::kMaxPerPixel));
-  return {};
+                  what, cells, settings.epoch_min, settings.growth));
+  out.planned.plan.use(
+      "statistics",
+      fmt::format("up to {} kB for each of {} epochs and in a state; a worker has 16 to {} "
+                  "bytes a pixel",
+                  16 * cells * out.lights / 1000, settings.lag + 2, 16 * light_visibility::kMaxPerPixel));
 }
 
 // Says how the image is read, where more than one technique is to be weighted.
@@ -238,9 +235,7 @@ Result<PlannedFirstVertex> plan(const OptimisSettings& settings, const estimator
         plan.skip(fmt::format("light selection '{}'", name),
                   "there is one emitter: all selections are the same");
       else {
-        if (name == "trained" && features.emitters > 1) {
-          CANDELA_TRY(plan_training(settings, features, out));
-        }
+        if (name == "trained" && features.emitters > 1) plan_training(settings, features, out);
         setup.selections.push_back(selection_named(name));
       }
     }

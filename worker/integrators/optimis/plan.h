@@ -22,7 +22,7 @@ struct PlannedFirstVertex {
   estimators::FirstVertexSetup setup;  // without techniques: the path tracer's own
   ReadOut read_out = ReadOut::film;
   mis::Eligible eligible = 0;  // of best
-  std::uint32_t lights = 0;    // whose visibility is learned; 0: none
+  std::uint32_t lights = 0;    // or groups of lights, whose visibility is learned; 0: none
 };
 
 // Fails (usage) if weights=best finds no technique that reaches all lights.

@@ -87,7 +87,9 @@ float Lights::pdf_environment_solid_angle(const SurfaceHit& reference, Vec3 fron
 DirectOutcome Lights::sample(const SurfaceHit& reference, Vec3 front, float u_select, Vec2 u,
                              DirectSample& out, Weights weights, PointSampler point) const {
   EmitterChoice choice;
-  if (!by_importance_.choose(reference.p, front, extend_draw(u_select, u.x, u.y), weights, choice))
+  const double u_choice = extend_draw(u_select, u.x, u.y);
+  if (!(adapted_ == Adapted::tree ? by_tree_.choose(reference.p, front, u_choice, weights, choice)
+                                  : by_importance_.choose(reference.p, front, u_choice, weights, choice)))
     return DirectOutcome::failed;
   out.emitter = choice.emitter;
   const DirectOutcome outcome =

@@ -8,7 +8,9 @@
 // [Veach 1997, Sec. 4.6 and 8.3].
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "worker/scene/emitters/choice/importance.h"
@@ -70,14 +72,26 @@ class Lights {
   float prob(Vec3 reference, Vec3 front, std::uint32_t emitter,
              LightTechnique technique = LightTechnique::adapted) const;
 
-  // The same by the technique `adapted`, each emitter's probability in proportion to it times the emitter's
-  // weight. Precondition: 2 to ImportanceChooser::kMaxEmitters emitters.
-  using Weights = ImportanceChooser::Weights;
+  // The same by the technique `adapted`, its shares times weights of groups of emitters. Precondition: at
+  // least 2 emitters.
+  using Weights = const ChoiceWeights&;
   DirectOutcome sample(const SurfaceHit& reference, Vec3 front, float u_select, Vec2 u, DirectSample& out,
                        Weights weights, PointSampler point) const;
   float pdf_environment_solid_angle(const SurfaceHit& reference, Vec3 front, Vec3 d, Weights weights) const;
   float prob(Vec3 reference, Vec3 front, std::uint32_t emitter, Weights weights) const {
-    return by_importance_.prob(reference, front, emitter, weights);
+    return adapted_ == Adapted::tree ? by_tree_.prob(reference, front, emitter, weights)
+                                     : by_importance_.prob(reference, front, emitter, weights);
+  }
+  static constexpr std::size_t kMaxGroups = TreeChooser::kMaxGroups;
+  static_assert(kMaxGroups == ImportanceChooser::kMaxEmitters);
+  std::uint32_t group(std::uint32_t emitter) const {
+    return adapted_ == Adapted::tree ? by_tree_.group(emitter) : emitter;
+  }
+  // Room for the weights of nodes, which follow from those of groups.
+  using NodeWeights = std::array<float, TreeChooser::kMaxNodes>;
+  ChoiceWeights weights(std::span<const std::uint8_t> of_groups, NodeWeights& room) const {
+    if (adapted_ != Adapted::tree) return {of_groups};
+    return {of_groups, by_tree_.node_weights(of_groups, room)};
   }
   // Around everything that has a place.
   const SceneExtent& extent() const { return extent_; }

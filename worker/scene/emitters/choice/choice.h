@@ -6,10 +6,18 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <span>
 
 #include "worker/scene/hit.h"
 
 namespace candela::scene {
+
+// Weights, > 0, by group of emitters. Each emitter is a group, or there is a light tree, and of_nodes follows
+// from of_groups (TreeChooser::node_weights).
+struct ChoiceWeights {
+  std::span<const std::uint8_t> of_groups;
+  std::span<const float> of_nodes = {};
+};
 
 struct EmitterChoice {
   std::uint32_t emitter = kNone;

@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <span>
 
 #include "worker/scene/emitters/choice/choice.h"
 #include "worker/scene/emitters/emitter_set.h"
@@ -47,9 +46,8 @@ class ImportanceChooser {
     return sum.share(candidates[emitter], kEvenShare);
   }
 
-  // The same, the probability of each emitter times its weight, over the sum of these. weights: by emitter,
-  // > 0.
-  using Weights = std::span<const std::uint8_t>;
+  // The same, the probability of each emitter times its weight, over the sum of these. Each is a group.
+  using Weights = const ChoiceWeights&;
   bool choose(Vec3 p, Vec3 front, double u, Weights weights, EmitterChoice& out) const {
     Products products;
     const double sum = find(p, front, weights, products);
@@ -99,7 +97,7 @@ class ImportanceChooser {
     const CandidateSum all = find(p, front, candidates);
     double sum = 0;
     for (std::size_t i = 0; i < emitters_->size(); ++i) {
-      out[i] = static_cast<double>(all.share(candidates[i], kEvenShare)) * weights[i];
+      out[i] = static_cast<double>(all.share(candidates[i], kEvenShare)) * weights.of_groups[i];
       sum += out[i];
     }
     return sum;

@@ -267,15 +267,25 @@ float LightTree::importance(const Node& node, Vec3 p, Vec3 front) {
   return std::min(result, kMaxImportance);
 }
 
-bool LightTree::sample(Vec3 p, Vec3 front, double u, std::uint32_t& emitter, float& prob,
-                       double& rest) const {
+template <bool kWeighted>
+bool LightTree::descend(Vec3 p, Vec3 front, double u, std::span<const float> weights, std::uint32_t& emitter,
+                        float& prob, double& rest) const {
   if (empty() || !(importance(nodes_[0], p, front) > 0)) return false;
   std::size_t at = 0;
+  [[maybe_unused]] std::size_t upper = 0;  // of upper_, while `at` is not below the cut
   double q = 1;
   while ((nodes_[at].link & kLeaf) == 0) {
     const std::size_t second = nodes_[at].link;
-    const auto one = static_cast<double>(importance(nodes_[at + 1], p, front));
-    const auto other = static_cast<double>(importance(nodes_[second], p, front));
+    auto one = static_cast<double>(importance(nodes_[at + 1], p, front));
+    auto other = static_cast<double>(importance(nodes_[second], p, front));
+    [[maybe_unused]] std::size_t second_upper = 0;
+    if constexpr (kWeighted) {
+      second_upper = upper_[upper].second;
+      if (second_upper != 0) {
+        one *= static_cast<double>(weights[upper + 1]);
+        other *= static_cast<double>(weights[second_upper]);
+      }
+    }
     const double sum = one + other;
     if (!(sum > 0)) return false;
     const double share = one / sum;
@@ -283,11 +293,13 @@ bool LightTree::sample(Vec3 p, Vec3 front, double u, std::uint32_t& emitter, flo
       u = u / share;
       q *= share;
       at = at + 1;
+      if constexpr (kWeighted) upper += second_upper != 0 ? 1 : 0;
     } else {
       const double left = other / sum;
       u = (u - share) / left;
       q *= left;
       at = second;
+      if constexpr (kWeighted) upper = second_upper != 0 ? second_upper : upper;
     }
     u = std::clamp(u, 0.0, 1.0 - 0x1p-53);
   }
@@ -297,23 +309,104 @@ bool LightTree::sample(Vec3 p, Vec3 front, double u, std::uint32_t& emitter, flo
   return prob > 0;
 }
 
-float LightTree::prob(Vec3 p, Vec3 front, std::uint32_t emitter) const {
+template <bool kWeighted>
+float LightTree::prob_of(Vec3 p, Vec3 front, std::uint32_t emitter, std::span<const float> weights) const {
   if (emitter >= depths_.size() || depths_[emitter] == kOutside) return 0;
   if (!(importance(nodes_[0], p, front) > 0)) return 0;
   std::size_t at = 0;
+  [[maybe_unused]] std::size_t upper = 0;
   double q = 1;
   std::uint64_t trail = trails_[emitter];
   for (int depth = depths_[emitter]; depth > 0; --depth, trail >>= 1) {
     const std::size_t second = nodes_[at].link;
-    const auto one = static_cast<double>(importance(nodes_[at + 1], p, front));
-    const auto other = static_cast<double>(importance(nodes_[second], p, front));
+    auto one = static_cast<double>(importance(nodes_[at + 1], p, front));
+    auto other = static_cast<double>(importance(nodes_[second], p, front));
+    const bool take_second = (trail & 1) != 0;
+    if constexpr (kWeighted) {
+      if (const std::size_t second_upper = upper_[upper].second; second_upper != 0) {
+        one *= static_cast<double>(weights[upper + 1]);
+        other *= static_cast<double>(weights[second_upper]);
+        upper = take_second ? second_upper : upper + 1;
+      }
+    }
     const double sum = one + other;
     if (!(sum > 0)) return 0;
-    const bool take_second = (trail & 1) != 0;
     q *= (take_second ? other : one) / sum;
     at = take_second ? second : at + 1;
   }
   return static_cast<float>(q);
+}
+
+bool LightTree::sample(Vec3 p, Vec3 front, double u, std::uint32_t& emitter, float& prob,
+                       double& rest) const {
+  return descend<false>(p, front, u, {}, emitter, prob, rest);
+}
+float LightTree::prob(Vec3 p, Vec3 front, std::uint32_t emitter) const {
+  return prob_of<false>(p, front, emitter, {});
+}
+bool LightTree::sample(Vec3 p, Vec3 front, double u, std::span<const float> weights, std::uint32_t& emitter,
+                       float& prob, double& rest) const {
+  return descend<true>(p, front, u, weights, emitter, prob, rest);
+}
+float LightTree::prob(Vec3 p, Vec3 front, std::uint32_t emitter, std::span<const float> weights) const {
+  return prob_of<true>(p, front, emitter, weights);
+}
+
+void LightTree::cut(std::size_t max_groups) {
+  if (empty()) return;
+  std::vector<std::uint32_t> groups = {0};
+  std::vector<bool> above(nodes_.size(), false);
+  const auto inner = [&](std::uint32_t node) { return (nodes_[node].link & kLeaf) == 0; };
+  const auto extent = [&](std::uint32_t node) {
+    return inner(node) ? nodes_[node].strength * nodes_[node].radius * nodes_[node].radius : -1.0f;
+  };
+  while (groups.size() < max_groups) {
+    const auto widest =
+        std::max_element(groups.begin(), groups.end(), [&](auto a, auto b) { return extent(a) < extent(b); });
+    const std::uint32_t node = *widest;
+    if (!inner(node)) break;
+    above[node] = true;
+    *widest = node + 1;
+    groups.push_back(nodes_[node].link);
+  }
+  // A node above the cut waits for its second child.
+  std::vector<std::uint32_t> waiting;
+  for (std::uint32_t node = 0;;) {
+    const auto index = static_cast<std::uint32_t>(upper_.size());
+    upper_.push_back({node});
+    if (above[node]) {
+      waiting.push_back(index);
+      ++node;
+      continue;
+    }
+    upper_[index].group = static_cast<std::uint32_t>(groups_++);
+    if (waiting.empty()) break;
+    upper_[waiting.back()].second = index + 1;
+    node = nodes_[upper_[waiting.back()].node].link;
+    waiting.pop_back();
+  }
+}
+
+std::uint32_t LightTree::group(std::uint32_t emitter) const {
+  std::size_t upper = 0;
+  for (std::uint64_t trail = trails_[emitter]; upper_[upper].second != 0; trail >>= 1)
+    upper = (trail & 1) != 0 ? upper_[upper].second : upper + 1;
+  return upper_[upper].group;
+}
+
+std::span<const float> LightTree::node_weights(std::span<const std::uint8_t> of_groups,
+                                               std::span<float> out) const {
+  for (std::size_t i = upper_.size(); i-- > 0;) {
+    const Upper& upper = upper_[i];
+    if (upper.second == 0) {
+      out[i] = static_cast<float>(of_groups[upper.group]);
+      continue;
+    }
+    const float one = nodes_[upper_[i + 1].node].strength, other = nodes_[upper_[upper.second].node].strength;
+    const float sum = one + other, share = sum > 0 && std::isfinite(sum) ? one / sum : 0.5f;
+    out[i] = share * out[i + 1] + (1 - share) * out[upper.second];
+  }
+  return out.first(upper_.size());
 }
 
 std::uint64_t LightTree::bytes() const {

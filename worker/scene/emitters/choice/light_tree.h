@@ -8,6 +8,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "worker/core/vec.h"
@@ -30,9 +31,28 @@ class LightTree {
   // The probability with which sample() chooses the emitter; 0 where it is not in the tree.
   float prob(Vec3 p, Vec3 front, std::uint32_t emitter) const;
 
+  // Weights of groups of emitters: the nodes of a cut through the tree, numbered depth first. The cut splits
+  // the node that is the widest and strongest until there are so many groups. To be called once.
+  void cut(std::size_t max_groups);
+  std::size_t groups() const { return groups_; }
+  std::uint32_t group(std::uint32_t emitter) const;  // of one in the tree
+  // The weights of the nodes down to the cut, the root's first: of a node above the cut the mean of its
+  // children's by strength. out: at least 2 groups() - 1 entries; those are returned.
+  std::span<const float> node_weights(std::span<const std::uint8_t> of_groups, std::span<float> out) const;
+  // sample() and prob() with importances times such weights.
+  bool sample(Vec3 p, Vec3 front, double u, std::span<const float> weights, std::uint32_t& emitter,
+              float& prob, double& rest) const;
+  float prob(Vec3 p, Vec3 front, std::uint32_t emitter, std::span<const float> weights) const;
+
   std::uint64_t bytes() const;
 
  private:
+  template <bool kWeighted>
+  bool descend(Vec3 p, Vec3 front, double u, std::span<const float> weights, std::uint32_t& emitter,
+               float& prob, double& rest) const;
+  template <bool kWeighted>
+  float prob_of(Vec3 p, Vec3 front, std::uint32_t emitter, std::span<const float> weights) const;
+
   // Three quarters of a cache line.
   struct Node {
     Vec3 center;
@@ -52,6 +72,14 @@ class LightTree {
   std::vector<std::uint64_t> trails_;  // by emitter: bit d says which child to take at depth d
   std::vector<std::uint8_t> depths_;   // by emitter; kOutside where it is not in the tree
   static constexpr std::uint8_t kOutside = 255;
+  // A node of the cut or above, depth first.
+  struct Upper {
+    std::uint32_t node;
+    std::uint32_t second = 0;  // the second child (the first is the next); 0: a node of the cut
+    std::uint32_t group = 0;   // of a node of the cut
+  };
+  std::vector<Upper> upper_;
+  std::size_t groups_ = 0;
 };
 
 }  // namespace candela::scene

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "worker/scene/emitters/choice/choice.h"
@@ -22,6 +23,17 @@ class TreeChooser {
   bool choose(Vec3 p, Vec3 front, double u, EmitterChoice& out) const;
   float prob(Vec3 p, Vec3 front, std::uint32_t emitter) const;
 
+  // Groups of emitters that share a weight: one for each emitter that is infinitely far away, all beyond
+  // the first kMaxInfiniteGroups in one, then nodes of the tree.
+  static constexpr std::size_t kMaxGroups = 64, kMaxInfiniteGroups = 32, kMaxNodes = 2 * kMaxGroups;
+  std::uint32_t group(std::uint32_t emitter) const { return groups_[emitter]; }
+  std::span<const float> node_weights(std::span<const std::uint8_t> of_groups, std::span<float> out) const {
+    return tree_.node_weights(of_groups.subspan(infinite_groups_), out);
+  }
+  // The same choice, each importance and share times its weight.
+  bool choose(Vec3 p, Vec3 front, double u, const ChoiceWeights& weights, EmitterChoice& out) const;
+  float prob(Vec3 p, Vec3 front, std::uint32_t emitter, const ChoiceWeights& weights) const;
+
  private:
   static constexpr float kEvenShare = 0.5f;
 
@@ -36,7 +48,15 @@ class TreeChooser {
 
   const EmitterSet* emitters_ = nullptr;
   LightTree tree_;
+  // With weights: the share of a candidate, and the sum of all.
+  double weighted_tree(const Candidates& candidates, const ChoiceWeights& weights) const;
+  double weighted_infinite(const Candidates& candidates, std::uint32_t emitter, Vec3 p, Vec3 front,
+                           const ChoiceWeights& weights) const;
+  double weighted_sum(const Candidates& candidates, Vec3 p, Vec3 front, const ChoiceWeights& weights) const;
+
   std::vector<std::uint32_t> infinite_;  // emitters that the tree does not hold
+  std::size_t infinite_groups_ = 0;
+  std::vector<std::uint8_t> groups_;  // by emitter
 };
 
 }  // namespace candela::scene
