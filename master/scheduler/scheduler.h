@@ -124,7 +124,7 @@ struct Job {
   // Of a job of chains.
   std::vector<std::uint64_t> starts;  // of each chain: a bootstrap sample
   std::size_t record_bytes = 0;       // of the largest chain record seen
-  std::uint64_t reported_stay = 0;        // the longest stay of a chain that an event has reported
+  std::uint64_t reported_stay = 0;    // the longest stay of a chain that an event has reported
 
   // Decided states of epochs 0, 1, ... of a job of epochs. Their bytes are there.
   std::vector<StateRow> states;

@@ -120,6 +120,38 @@ TEST(Upbp, AgreesWithBdpt) {
   }
 }
 
+double mean_of_all(const std::vector<std::vector<float>>& batches) {
+  double sum = 0;
+  for (const auto& batch : batches)
+    for (const float value : batch) sum += static_cast<double>(value) / static_cast<double>(batch.size());
+  return sum / static_cast<double>(batches.size());
+}
+
+// Claim: a dense block beside an endless fog, each with radii of its own: with a first radius of two mean
+// free paths of the block it would be more than 7 % too dark, with the limit it is right within 2 %. The
+// standard error of the ratios is below 0.3 %.
+TEST(Upbp, RadiiInDenseMediaHaveALimit) {
+  const TestScene scene = scene_with(
+      R"(<medium id="fog" type="homogeneous"><rgb name="sigma_t" value="0.02"/><rgb name="albedo" value="0.9"/></medium>
+        <sensor type="perspective"><float name="fov" value="26"/><ref id="fog"/>
+          <transform name="to_world"><lookat origin="0, 0, 5" target="0, 0, 0" up="0, 1, 0"/></transform></sensor>
+        <emitter type="constant"/>
+        <shape type="sphere"><float name="radius" value="6"/><bsdf type="null"/><ref name="interior" id="fog"/></shape>
+        <shape type="cube"><bsdf type="null"/><ref name="exterior" id="fog"/>
+          <medium type="homogeneous" name="interior"><rgb name="sigma_t" value="10"/><rgb name="albedo" value="0.5"/></medium></shape>)",
+      16);
+  const double truth = mean_of_all(render_batches(with_integrator(scene, "path"), 71, 4, 256));
+  const auto ratio = [&](const char* limit) {
+    const TestScene all = with_integrator(
+        scene, "upbp", {{"techniques", "pp3d"}, {"radius", "0.033"}, {"radius_free_paths", limit}});
+    const double found = mean_of_all(render_batches(all, 81, 4, 24)) / truth;
+    std::printf("radius_free_paths %s: ratio %.4f\n", limit, found);
+    return found;
+  };
+  EXPECT_LT(ratio("0"), 0.93);
+  EXPECT_NEAR(ratio("0.25"), 1, 0.02);
+}
+
 // Claim: without a medium upbp is vcm, bit for bit; a technique by itself in a list has the film of bpm's
 // kind.
 TEST(Upbp, IsVcmWithoutMedia) {

@@ -98,7 +98,7 @@ TEST(TransportUpbp, PiecesOfBeamsAreMetOnce) {
   const BeamBuffer* const chunks[] = {&buffer};
   PhotonBeams beams;
   const float radius = 0.02f;
-  ASSERT_TRUE(beams.build(chunks, radius, 2).ok());
+  ASSERT_TRUE(beams.build(chunks, {&radius, 1}, 2).ok());
   ASSERT_EQ(beams.size(), 400U);
   std::size_t met = 0;
   for (int query = 0; query < 300; ++query) {
@@ -173,7 +173,7 @@ TEST(TransportUpbp, TwoBeamsMeetAsTheClosedFormsSay) {
       }
       const BeamBuffer* const chunks[] = {&buffer};
       PhotonBeams beams;
-      ASSERT_TRUE(beams.build(chunks, h, 1).ok());
+      ASSERT_TRUE(beams.build(chunks, {&h, 1}, 1).ok());
       std::vector<ItemBox> boxes;
       boxes.reserve(ends.size());
       for (const Vec3 p : ends) boxes.push_back({p, p});
@@ -228,7 +228,8 @@ void expect_edges_make_vertices(const scene::Scene& scene) {
   constexpr bool kLight = kMode == TransportMode::importance;
   MisFactors factors;
   factors.light_image = 100;
-  factors.medium = {0.5, 0.1, 0.3, 0.2};
+  const std::vector<MediumMerges> merges(scene.features().media, MediumMerges{0.5, 0.1, 0.3, 0.2});
+  factors.medium = merges.data();
   WalkRules rules;
   rules.max_edges = 8;
   rules.eye_paths = 64 * 64;

@@ -99,6 +99,7 @@ PathNumbers invented_path(rng::Stream& stream, std::size_t k, double decades) {
     n.delta.push_back(!end && uniform(stream) < 0.3);
     n.in_medium.push_back(!end && !n.delta.back() && uniform(stream) < 0.3);
     // A medium's hazard is the same for both edges.
+    n.medium.push_back(n.in_medium.back() ? static_cast<std::uint32_t>(i % 2) : scene::kNone);
     if (n.in_medium.back()) n.factor_to_light.back() = n.factor_to_eye.back();
     n.beam_sine.push_back(n.in_medium.back() && uniform(stream) < 0.8 ? uniform(stream) + 1e-6 : 0);
     if (i == k) break;

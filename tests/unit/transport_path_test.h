@@ -48,6 +48,9 @@ class PathTest {
     counts_ = Heuristic::kMergesBeams ? beam_counts_of(index, rules_.meets_lens)
                                       : counts_of(index, rules_.meets_lens);
     factors_ = factors_of<Heuristic>(counts_);
+    merges_.clear();
+    for (std::uint32_t m = 0; m < scene_.features().media; ++m) merges_.push_back(merges_in(counts_, m));
+    factors_.medium = merges_.data();
     eta_field_.counts = counts_;
     const ConnectContext c{scene_, factors_, rules_, tallies_};
     samplers::Sampler eye_sampler(samplers::SamplerKind::independent, 7);
@@ -426,6 +429,7 @@ class PathTest {
   Findings& findings_;
   Counts counts_;
   MisFactors factors_;
+  std::vector<MediumMerges> merges_;
   VaryingEta<Heuristic> eta_field_;
   MergeFactors eta_;  // along the eye path
   std::uint32_t every_;

@@ -22,14 +22,15 @@ constexpr reference::Heuristic kNamed = reference::Heuristic::balance;
 template <>
 constexpr reference::Heuristic kNamed<Power> = reference::Heuristic::power;
 
+// Without the merges of beams.
 template <class Heuristic>
 MisFactors factors_of(const Counts& c) {
-  return {c.hit_light,
-          c.next_event,
-          c.connect,
-          Heuristic::raise(c.light_image),
-          Heuristic::raise(c.hit_lens),
-          {c.merge_medium, c.point_beam, c.beam_point, c.beam_beam}};
+  return {c.hit_light, c.next_event, c.connect, Heuristic::raise(c.light_image),
+          Heuristic::raise(c.hit_lens)};
+}
+inline MediumMerges merges_in(const Counts& c, std::uint32_t medium) {
+  const double r = c.radius_ratio(medium);
+  return {r * r * r * c.merge_medium, r * r * c.point_beam, r * r * c.beam_point, r * c.beam_beam};
 }
 template <class Heuristic>
 MergeFactors eta_of(const Counts& c) {
@@ -47,9 +48,10 @@ std::vector<double> recursive_weights(const PathNumbers& n, const Counts& counts
   const auto raise = Heuristic::raise;
   const auto merged = [&](std::size_t i) {
     if constexpr (Heuristic::kMergesBeams) {
-      if (n.in_medium[i])
-        return n.beam_sine[i] > 0 ? factors.medium.at(n.factor_to_eye[i], n.beam_sine[i])
-                                  : factors.medium.point_point;
+      if (n.in_medium[i]) {
+        const MediumMerges merges = merges_in(counts, n.medium[i]);
+        return n.beam_sine[i] > 0 ? merges.at(n.factor_to_eye[i], n.beam_sine[i]) : merges.point_point;
+      }
     }
     return n.in_medium[i] ? eta.medium : eta.surface;
   };
@@ -128,12 +130,13 @@ std::vector<double> recursive_weights(const PathNumbers& n, const Counts& counts
       case Technique::Kind::merge_beam_beam:
         if constexpr (Heuristic::kMergesBeams) {
           const double light_hazard = n.factor_to_light[s], eye_hazard = n.factor_to_eye[s];
+          const MediumMerges merges = merges_in(counts, n.medium[s]);
           const double own = !n.in_medium[s]                               ? eta.surface
-                             : t.kind == Technique::Kind::merge            ? counts.merge_medium
-                             : t.kind == Technique::Kind::merge_point_beam ? counts.point_beam / eye_hazard
+                             : t.kind == Technique::Kind::merge            ? merges.point_point
+                             : t.kind == Technique::Kind::merge_point_beam ? merges.point_beam / eye_hazard
                              : t.kind == Technique::Kind::merge_beam_point
-                                 ? counts.beam_point / light_hazard
-                                 : counts.beam_beam * n.beam_sine[s] / (light_hazard * eye_hazard);
+                                 ? merges.beam_point / light_hazard
+                                 : merges.beam_beam * n.beam_sine[s] / (light_hazard * eye_hazard);
           weights.push_back(own / (merged(s) + Heuristic::sum(light[s], n.pdf_to_light[s], eta) +
                                    Heuristic::sum(eye[s], n.pdf_to_eye[s], eta)));
           continue;
@@ -224,6 +227,7 @@ inline Counts beam_counts_of(std::uint64_t i, bool lens) {
   c.point_beam = kEta[i % 4];
   c.beam_point = kEta[(i / 2) % 4];
   c.beam_beam = kEta[(i / 3) % 4];
+  c.radius_ratios = {i % 2 == 0 ? 1.0 : 0.3, 0.5};
   return c;
 }
 template <class Heuristic>

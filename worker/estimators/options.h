@@ -37,7 +37,7 @@ struct PathCounts {
   double eye_paths = 1;
   double light_paths = 1;
   float film_border = 0;  // pixels around the film that eye paths come from, or that splats matter in
-  transport::MediumMerges medium = {};
+  const transport::MediumMerges* medium = nullptr;  // as MisFactors has it
 };
 
 template <class Mis>

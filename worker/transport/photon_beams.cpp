@@ -48,7 +48,8 @@ bool BeamBuffer::keep(const scene::Scene& scene, const Crossing& crossing, const
   return true;
 }
 
-Result<void> PhotonBeams::build(std::span<const BeamBuffer* const> chunks, float radius, unsigned threads) {
+Result<void> PhotonBeams::build(std::span<const BeamBuffer* const> chunks, std::span<const float> radii,
+                                unsigned threads) {
   beams_.clear();
   starts_.clear();
   emissions_.clear();
@@ -67,9 +68,9 @@ Result<void> PhotonBeams::build(std::span<const BeamBuffer* const> chunks, float
   std::vector<ItemBox> boxes;
   pieces.reserve(beams_.size());
   boxes.reserve(beams_.size());
-  const double piece_length = kPieceRadii * static_cast<double>(radius);
   for (std::uint32_t i = 0; i < beams_.size(); ++i) {
     const PhotonBeam& beam = beams_[i];
+    const double piece_length = kPieceRadii * static_cast<double>(radii[beam.medium]);
     const double wanted = std::ceil(static_cast<double>(beam.length) / piece_length);
     const auto count = static_cast<std::uint16_t>(std::clamp(wanted, 1.0, static_cast<double>(kMostPieces)));
     const Vec3d origin(beam.origin), direction(beam.direction);

@@ -58,8 +58,10 @@ class PhotonBeams {
   static constexpr double kPieceRadii = 8;
   static constexpr std::uint32_t kMostPieces = 64;  // of a beam
 
-  // From the buffers in their order. radius: that of the queries. The result does not depend on `threads`.
-  Result<void> build(std::span<const BeamBuffer* const> chunks, float radius, unsigned threads);
+  // From the buffers in their order. radii: of the queries, by the number of the medium. The result does not
+  // depend on `threads`.
+  Result<void> build(std::span<const BeamBuffer* const> chunks, std::span<const float> radii,
+                     unsigned threads);
 
   std::size_t size() const { return beams_.size(); }
   const EdgeStart& start(const PhotonBeam& beam) const { return starts_[index_of(beam)]; }

@@ -356,7 +356,7 @@ auto Walk<kMode, kBetween, Mis, SamplerT, Observer>::scatter(Vertex& v) -> Step 
       depart(v, pdf, false, static_cast<double>(pdf), static_cast<double>(v.arrival));
       if constexpr (Mis::kMergesBeams)
         Mis::add_merges(departure_,
-                        Mis::merges(factors_.medium, scene_.medium(v.medium), v.arrival, v.wo, wi));
+                        Mis::merges(factors_.medium[v.medium], scene_.medium(v.medium), v.arrival, v.wo, wi));
       if (!survives(kMaxSurvival)) return Step::ended;
       ray_ = {v.hit.p, wi};
       return Step::scattered;

@@ -10,6 +10,7 @@ struct UpbpSettings {
   merging::MergeSettings merge{integrator_words::kUpbp};
   NameList techniques{{"all"}, {"all", "vcm", "pp3d", "pb2d", "bp2d", "bb1d"}};
   int beam_paths = 1024;
+  double radius_free_paths = 0.25;
   double radius_pp3d = 0, radius_pb2d = 0, radius_bp2d = 0, radius_bb1d = 0;
   Choice layers{"none", {"none", "merging"}};
 
@@ -31,6 +32,8 @@ struct UpbpSettings {
     visit("radius_pb2d", radius_pb2d, range, "the same for pb2d");
     visit("radius_bp2d", radius_bp2d, range, "the same for bp2d");
     visit("radius_bb1d", radius_bb1d, range, "the same for bb1d");
+    visit("radius_free_paths", radius_free_paths, NumberRange{0, 1e6},
+          "most mean free paths of a medium that a radius in it has: more darkens its rim; 0: any");
     visit("layers", layers, "a further layer in the EXR: the part of the image that merging brings");
   }
 };

@@ -1,6 +1,8 @@
 #include "worker/integrators/upbp/upbp.h"
 
+#include <algorithm>
 #include <array>
+#include <limits>
 #include <string>
 
 #include "common/rng/stream.h"
@@ -24,6 +26,7 @@ struct MediumRules {
   bool pp3d = false, pb2d = false, bp2d = false, bb1d = false;
   double radius_pp3d = 0, radius_pb2d = 0, radius_bp2d = 0, radius_bb1d = 0;
   std::uint64_t beam_paths = 0;  // at most so many leave beams; 0: all
+  double free_paths = 0;         // radii have at most so many mean free paths; 0: any
 
   bool any() const { return pp3d || pb2d || bp2d || bb1d; }
   bool points() const { return pp3d || pb2d; }
@@ -51,7 +54,7 @@ class UpbpIntegrator final : public IterationIntegrator {
   using Field = transport::ConstantScale;
   using Eye = estimators::VcmEye<kBetween, Mis, Field, transport::NoStatistics, upbp::EyeBeams>;
 
-  transport::MediumRadii medium_radii(const UnitContext& context, double first,
+  transport::MediumRadii medium_radii(const UnitContext& context, const scene::Medium& medium, double first,
                                       std::uint64_t iteration) const;
   upbp::BeamPaths beam_paths(const UnitContext& context, std::uint64_t iteration, std::uint64_t paths) const;
   // beam_paths: the expected number of those that leave beams.
@@ -63,12 +66,15 @@ class UpbpIntegrator final : public IterationIntegrator {
   const merging::IterationOptions iterations_;
 };
 
-transport::MediumRadii UpbpIntegrator::medium_radii(const UnitContext& context, double first,
-                                                    std::uint64_t iteration) const {
+transport::MediumRadii UpbpIntegrator::medium_radii(const UnitContext& context, const scene::Medium& medium,
+                                                    double first, std::uint64_t iteration) const {
+  const auto densest = static_cast<double>(medium.max_sigma_t().max_component());
+  const double most = medium_.free_paths > 0 && densest > 0 ? medium_.free_paths / densest
+                                                            : std::numeric_limits<double>::max();
   const auto radius = [&](double fraction, int dimension) {
     const double chosen =
         fraction > 0 ? fraction * static_cast<double>(context.scene.features().radius) : first;
-    return merging::clamped_radius(transport::blur_radius(chosen, iteration, dimension));
+    return merging::clamped_radius(transport::blur_radius(std::min(chosen, most), iteration, dimension));
   };
   return {radius(medium_.radius_pp3d, 3), radius(medium_.radius_pb2d, 2), radius(medium_.radius_bp2d, 2),
           radius(medium_.radius_bb1d, 1)};
@@ -116,13 +122,22 @@ Result<void> UpbpIntegrator::run(const UnitContext& context, const Unit& unit, c
   transport::PhotonBeams beams;
   for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
     const std::uint64_t iteration = global_iteration(unit.half, index), phase = 2 * (index - unit.begin);
-    const transport::MediumRadii radii = medium_radii(context, first, iteration);
     const upbp::BeamPaths beam_paths_now = beam_paths(context, iteration, path_count);
     const auto stride = static_cast<double>(beam_paths_now.stride);
+    std::vector<transport::MediumKernels> kernels;
+    std::vector<transport::MediumMerges> eta;
+    std::vector<float> beam_radii;
+    for (std::uint32_t m = 0; m < context.scene.features().media; ++m) {
+      const transport::MediumRadii radii = medium_radii(context, context.scene.medium(m), first, iteration);
+      kernels.emplace_back(iterations_.merge.kernel, radii);
+      eta.push_back(medium_eta(radii, paths, paths / stride));
+      beam_radii.push_back(static_cast<float>(
+          std::max(medium_.bp2d ? radii.beam_point : 0, medium_.bb1d ? radii.beam_beam : 0)));
+    }
     const estimators::PathCounts counts{static_cast<double>(context.width) * context.height, paths,
-                                        static_cast<float>(context.filter.radius()),
-                                        medium_eta(radii, paths, paths / stride)};
-    transport::MediumMaps maps(iterations_.merge.kernel, radii, counts.medium);
+                                        static_cast<float>(context.filter.radius()), eta.data()};
+    transport::MediumMaps maps;
+    maps.kernels = kernels;
     maps.factors = estimators::mis_factors<Mis>(techniques, counts);
     maps.per_path = static_cast<float>(1 / paths);
     maps.paths_per_beam_path = static_cast<float>(stride);
@@ -157,8 +172,7 @@ Result<void> UpbpIntegrator::run(const UnitContext& context, const Unit& unit, c
     if (medium_.beams()) {
       std::vector<const transport::BeamBuffer*> buffers;
       for (const transport::BeamBuffer& chunk : beam_chunks) buffers.push_back(&chunk);
-      const double widest = std::max(medium_.bp2d ? radii.beam_point : 0, medium_.bb1d ? radii.beam_beam : 0);
-      CANDELA_TRY(beams.build(buffers, static_cast<float>(widest), run.threads));
+      CANDELA_TRY(beams.build(buffers, beam_radii, run.threads));
       maps.beams = &beams;
     }
     if (techniques.eye_paths)
@@ -170,8 +184,8 @@ Result<void> UpbpIntegrator::run(const UnitContext& context, const Unit& unit, c
 
 // The settings that vcm has too.
 SettingsMap without_media(SettingsMap settings) {
-  for (const char* name :
-       {"techniques", "radius_pp3d", "radius_pb2d", "radius_bp2d", "radius_bb1d", "beam_paths"})
+  for (const char* name : {"techniques", "radius_pp3d", "radius_pb2d", "radius_bp2d", "radius_bb1d",
+                           "beam_paths", "radius_free_paths"})
     settings.erase(name);
   return settings;
 }
@@ -190,9 +204,10 @@ Result<std::unique_ptr<Integrator>> make_upbp_integrator(const SettingsMap& sett
   CANDELA_ASSIGN(const UpbpSettings parsed, parse_settings<UpbpSettings>(settings));
   const bool connects = parsed.wants("vcm");
   MediumRules medium{
-      parsed.wants("pp3d"), parsed.wants("pb2d"), parsed.wants("bp2d"),
-      parsed.wants("bb1d"), parsed.radius_pp3d,   parsed.radius_pb2d,
-      parsed.radius_bp2d,   parsed.radius_bb1d,   static_cast<std::uint64_t>(parsed.beam_paths)};
+      parsed.wants("pp3d"),    parsed.wants("pb2d"), parsed.wants("bp2d"),
+      parsed.wants("bb1d"),    parsed.radius_pp3d,   parsed.radius_pb2d,
+      parsed.radius_bp2d,      parsed.radius_bb1d,   static_cast<std::uint64_t>(parsed.beam_paths),
+      parsed.radius_free_paths};
   const PathOptions options = parsed.common.path_options();
   const bool merges_in_media =
       features.any_scattering_medium && medium.any() && options.max_depth >= 2 && features.emitters > 0;

@@ -23,7 +23,8 @@ struct MediumMerges {
 struct MisFactors {
   double hit_light = 1, next_event = 1, connect = 1;
   double light_image = 1, hit_lens = 1;  // the number of light paths per iteration
-  MediumMerges medium = {};              // read by BeamBalance (mis/beam_balance.h) alone
+  // By the number of the medium; null: none. Read by BeamBalance (mis/beam_balance.h) alone.
+  const MediumMerges* medium = nullptr;
 };
 
 // eta, raised; 0: no merging.

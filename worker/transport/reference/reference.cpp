@@ -79,6 +79,7 @@ Evaluation::Evaluation(const scene::Scene& scene, const FullPath& path, const Ru
   n.distance_squared.assign(k, 1);
   n.delta.assign(k + 1, false);
   n.in_medium.assign(k + 1, false);
+  n.medium.assign(k + 1, scene::kNone);
   n.beam_sine.assign(k + 1, 0);
   edges_.resize(k);
   for (std::size_t i = 0; i < k; ++i) {
@@ -248,6 +249,7 @@ void Evaluation::evaluate_inner(std::size_t i) {
     const scene::Medium& medium = scene_.medium(v.medium);
     const Channels sigma_t = channels(medium.sigma_t(v.hit.p));
     n.in_medium[i] = true;
+    n.medium[i] = v.medium;
     if (medium.homogeneous()) n.beam_sine[i] = length(cross(Vec3d(to_light), Vec3d(to_eye)));
     n.factor_to_eye[i] = n.factor_to_light[i] = std::max(mean(sigma_t), 1e-30);
     n.pdf_to_eye[i] = static_cast<double>(medium.phase().pdf_solid_angle(to_light, to_eye));

@@ -82,6 +82,7 @@ struct PathNumbers {
   std::vector<double> factor_to_eye, factor_to_light;
   std::vector<double> survival, distance_squared;  // of edges; distance 1 to infinity
   std::vector<bool> delta, in_medium;              // of vertices
+  std::vector<std::uint32_t> medium;               // of vertices in one: its number; kNone on surfaces
   // Of vertices in homogeneous media, where there are beams: the sine of the angle between their two edges;
   // 0 elsewhere.
   std::vector<double> beam_sine;
@@ -104,6 +105,11 @@ struct Counts {
   // The same of beams: number of light paths times the effective area or length. First the light's entity,
   // then the eye's; both sides' beams are short.
   double point_beam = 0, beam_point = 0, beam_beam = 0;
+  // Radii of merges in a medium, over those of the eta above, by the number of the medium; beyond: 1.
+  std::vector<double> radius_ratios = {};
+  double radius_ratio(std::uint32_t medium) const {
+    return medium < radius_ratios.size() ? radius_ratios[medium] : 1;
+  }
 };
 
 struct Technique {

@@ -72,17 +72,21 @@ std::vector<Technique> list_techniques(const PathNumbers& n, const Counts& count
     if (!n.delta[s - 1] && !n.delta[s]) add(Kind::connect, s, counts.connect, product(s, s));
   if (!n.delta[k - 1]) add(Kind::light_image, k, counts.light_image, product(k, k + 1) * n.lens_connect);
   if (n.lens_can_be_hit) add(Kind::hit_lens, k + 1, counts.hit_lens, product(k + 1, k + 1));
-  for (std::size_t s = 1; s < k; ++s)
+  // The effective volume, area and length of a kernel are as its radius cubed, squared, and itself.
+  for (std::size_t s = 1; s < k; ++s) {
+    const double r = counts.radius_ratio(n.medium[s]);
     if (!n.delta[s])
-      add(Kind::merge, s, n.in_medium[s] ? counts.merge_medium : counts.merge_surface, product(s + 1, s));
+      add(Kind::merge, s, n.in_medium[s] ? r * r * r * counts.merge_medium : counts.merge_surface,
+          product(s + 1, s));
+  }
   // A short beam on a side does not choose the distance: without its density per length, given that the walk
   // gets there, the hazard. [Krivanek 2014]
   for (std::size_t s = 1; s < k && !n.beam_sine.empty(); ++s) {
     if (!(n.beam_sine[s] > 0)) continue;
-    const double light = n.factor_to_light[s], eye = n.factor_to_eye[s];
-    add(Kind::merge_point_beam, s, counts.point_beam, product(s + 1, s) / eye);
-    add(Kind::merge_beam_point, s, counts.beam_point, product(s + 1, s) / light);
-    add(Kind::merge_beam_beam, s, counts.beam_beam, product(s + 1, s) * n.beam_sine[s] / light / eye);
+    const double light = n.factor_to_light[s], eye = n.factor_to_eye[s], r = counts.radius_ratio(n.medium[s]);
+    add(Kind::merge_point_beam, s, r * r * counts.point_beam, product(s + 1, s) / eye);
+    add(Kind::merge_beam_point, s, r * r * counts.beam_point, product(s + 1, s) / light);
+    add(Kind::merge_beam_beam, s, r * counts.beam_beam, product(s + 1, s) * n.beam_sine[s] / light / eye);
   }
   return list;
 }

@@ -60,7 +60,8 @@ Spectrum MediumGather::at_vertex(const Vertex<MisBlock>& v) const {
   const scene::Medium& medium = scene_.medium(v.medium);
   const scene::Phase& phase = medium.phase();
   const auto hazard = static_cast<double>(v.arrival);
-  const MediumMerges& eta = maps_.factors.medium;
+  const MediumMerges& eta = maps_.factors.medium[v.medium];
+  const MediumKernels& kernels = maps_.kernels[v.medium];
   // The weight of a merge of this eta with light from w.
   const auto weight = [&](double own, Vec3 w, double sum_light) {
     const auto reverse = static_cast<double>(phase.pdf_solid_angle(w, v.wo));
@@ -70,9 +71,10 @@ Spectrum MediumGather::at_vertex(const Vertex<MisBlock>& v) const {
   Spectrum sum;
   if (eta.point_point > 0)
     maps_.points->near_point(
-        v.hit.p, static_cast<float>(maps_.radii.point_point), [&](const Photon<MisBlock>& photon, double d2) {
+        v.hit.p, static_cast<float>(kernels.radii.point_point),
+        [&](const Photon<MisBlock>& photon, double d2) {
           if (photon.medium() != v.medium || photon.edges > light_edges) return;
-          const float factor = phase.eval(v.wo, photon.wo) * maps_.ball.value(static_cast<float>(d2));
+          const float factor = phase.eval(v.wo, photon.wo) * kernels.ball.value(static_cast<float>(d2));
           if (factor == 0) return;
           const auto forward = static_cast<double>(phase.pdf_solid_angle(v.wo, photon.wo));
           const double light = BeamBalance::sum(photon.weights.block(), forward, kUnit);
@@ -80,11 +82,11 @@ Spectrum MediumGather::at_vertex(const Vertex<MisBlock>& v) const {
         });
   if (eta.beam_point > 0 && has_beams(medium))
     maps_.beams->near_point(
-        v.hit.p, static_cast<float>(maps_.radii.beam_point), [&](const PhotonBeam& beam, Projection at) {
+        v.hit.p, static_cast<float>(kernels.radii.beam_point), [&](const PhotonBeam& beam, Projection at) {
           if (beam.medium != v.medium || beam.edges > light_edges) return;
           const Vec3 w = -beam.direction;
           const float factor =
-              phase.eval(v.wo, w) * maps_.beam_point.value(static_cast<float>(at.distance_squared));
+              phase.eval(v.wo, w) * kernels.beam_point.value(static_cast<float>(at.distance_squared));
           if (factor == 0) return;
           const auto forward = static_cast<double>(phase.pdf_solid_angle(v.wo, w));
           const double light = light_sum(beam, at.along, hazard, medium, forward);
@@ -98,7 +100,8 @@ Spectrum MediumGather::at_vertex(const Vertex<MisBlock>& v) const {
 Spectrum MediumGather::along(const Crossing& crossing, const EdgeStart& start) const {
   const MediumSegment& segment = crossing.segment;
   const scene::Medium& medium = scene_.medium(segment.medium);
-  const MediumMerges& eta = maps_.factors.medium;
+  const MediumMerges& eta = maps_.factors.medium[segment.medium];
+  const MediumKernels& kernels = maps_.kernels[segment.medium];
   if (segment.edges >= maps_.max_edges || !has_beams(medium) || !(crossing.end > 0)) return {};
   const std::uint32_t light_edges = maps_.max_edges - segment.edges;
   const QuerySegment query{segment.ray.origin, segment.ray.direction, crossing.end};
@@ -123,11 +126,11 @@ Spectrum MediumGather::along(const Crossing& crossing, const EdgeStart& start) c
   Spectrum sum;
   if (eta.point_beam > 0)
     maps_.points->near_segment(
-        query, static_cast<float>(maps_.radii.point_beam),
+        query, static_cast<float>(kernels.radii.point_beam),
         [&](const Photon<MisBlock>& photon, Projection at) {
           if (photon.medium() != segment.medium || photon.edges > light_edges) return;
           const float factor =
-              phase.eval(wo, photon.wo) * maps_.point_beam.value(static_cast<float>(at.distance_squared));
+              phase.eval(wo, photon.wo) * kernels.point_beam.value(static_cast<float>(at.distance_squared));
           if (factor == 0) return;
           const auto forward = static_cast<double>(phase.pdf_solid_angle(wo, photon.wo));
           const double light = BeamBalance::sum(photon.weights.block(), forward, kUnit);
@@ -136,12 +139,12 @@ Spectrum MediumGather::along(const Crossing& crossing, const EdgeStart& start) c
         });
   if (eta.beam_beam > 0)
     maps_.beams->near_segment(
-        query, static_cast<float>(maps_.radii.beam_beam), [&](const PhotonBeam& beam, const Approach& at) {
+        query, static_cast<float>(kernels.radii.beam_beam), [&](const PhotonBeam& beam, const Approach& at) {
           if (beam.medium != segment.medium || beam.edges > light_edges) return;
           const Vec3 w = -beam.direction;
           const double factor =
               static_cast<double>(phase.eval(wo, w) *
-                                  maps_.beam_beam.value(static_cast<float>(at.distance * at.distance))) /
+                                  kernels.beam_beam.value(static_cast<float>(at.distance * at.distance))) /
               at.sine;
           if (factor == 0) return;
           const auto forward = static_cast<double>(phase.pdf_solid_angle(wo, w));

@@ -11,6 +11,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 
 #include "worker/transport/kernels.h"
 #include "worker/transport/photon_beams.h"
@@ -21,24 +22,27 @@ struct MediumRadii {
   double point_point = 0, point_beam = 0, beam_point = 0, beam_beam = 0;
 };
 
-// One iteration's merges in media. Immutable while eye paths run.
-struct MediumMaps {
-  MediumMaps(Kernel kernel, const MediumRadii& radii_, const MediumMerges& eta)
+// Radii and kernels of the merges in one medium.
+struct MediumKernels {
+  MediumKernels(Kernel kernel, const MediumRadii& radii_)
       : radii(radii_),
         ball(kernel, static_cast<float>(radii.point_point)),
         point_beam(kernel, static_cast<float>(radii.point_beam)),
         beam_point(kernel, static_cast<float>(radii.beam_point)),
-        beam_beam(kernel, static_cast<float>(radii.beam_beam)) {
-    factors.medium = eta;
-  }
+        beam_beam(kernel, static_cast<float>(radii.beam_beam)) {}
 
-  const PhotonPoints* points = nullptr;  // null: none
-  const PhotonBeams* beams = nullptr;
   MediumRadii radii;
   BallKernel ball;
   DiscKernel point_beam, beam_point;
   LineKernel beam_beam;
-  MisFactors factors;             // of the walks
+};
+
+// One iteration's merges in media. Immutable while eye paths run.
+struct MediumMaps {
+  const PhotonPoints* points = nullptr;  // null: none
+  const PhotonBeams* beams = nullptr;
+  std::span<const MediumKernels> kernels;  // by the number of the medium
+  MisFactors factors;                      // of the walks
   float per_path = 1;             // 1 / light_path_count
   float paths_per_beam_path = 1;  // light paths for each that leaves beams
   std::uint32_t max_edges = ~0u;  // of the merged path
