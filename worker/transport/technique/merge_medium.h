@@ -43,9 +43,9 @@ struct MediumMaps {
   const PhotonBeams* beams = nullptr;
   std::span<const MediumKernels> kernels;  // by the number of the medium
   MisFactors factors;                      // of the walks
-  float per_path = 1;             // 1 / light_path_count
-  float paths_per_beam_path = 1;  // light paths for each that leaves beams
-  std::uint32_t max_edges = ~0u;  // of the merged path
+  float per_path = 1;                      // 1 / light_path_count
+  float paths_per_beam_path = 1;           // light paths for each that leaves beams
+  std::uint32_t max_edges = ~0u;           // of the merged path
 };
 
 // The merges of one eye path after another.
