@@ -43,6 +43,7 @@ Sweep scale() {
   sweep.thin = {1e-6, 1e-3, 1e3, 1e6};
   sweep.shot = [](double value) { return still_life_shot(value, {0, 0, 0}); };
   sweep.claims = claims_of(kEveryone);
+  add_adaptive(sweep);
   return sweep;
 }
 
@@ -57,6 +58,7 @@ Sweep offset() {
   sweep.thin = {10, 1e3};
   sweep.shot = [](double value) { return still_life_shot(1, {0.8 * value, 0.36 * value, -0.48 * value}); };
   sweep.claims = claims_of(kEveryone);
+  add_adaptive(sweep);
   for (Claim& claim : sweep.claims)
     if (claim.integrator == "mmlt") claim.iterations = 2 * sweep.iterations;  // else some seeds say nothing
   return sweep;

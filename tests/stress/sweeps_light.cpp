@@ -74,6 +74,7 @@ Sweep radiance() {
     return shot;
   };
   sweep.claims = claims_of(kEveryone);
+  add_adaptive(sweep);
   return sweep;
 }
 
