@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "common/film/accumulator_add.h"
 #include "common/film/codec.h"
 #include "common/film/layers.h"
 #include "common/film/quantise.h"
@@ -14,72 +15,15 @@
 namespace candela::film {
 namespace {
 
+using namespace adding;
+
 Error spec_error(const AccumulatorSpec& spec, std::string_view text) {
   return input_error("accumulator '" + spec.name + "': " + std::string(text)).with_field("accumulators");
 }
 
-inline void touch(std::uint8_t& flag) {
-  if (__atomic_load_n(&flag, __ATOMIC_RELAXED) == 0)
-    __atomic_store_n(&flag, std::uint8_t{1}, __ATOMIC_RELAXED);
-}
-
-// Four channels at once. An entry of a comparison is -1 where it holds, else 0.
-using Values = double __attribute__((vector_size(32)));
-using Words = std::uint64_t __attribute__((vector_size(32)));
-
-// Up to so many units floor() follows from an addition that rounds to integers.
-constexpr double kMaxFastUnits = 0x1p50;
-constexpr double kRounds = 0x1.8p52;
-constexpr int kTurn = 21;  // of a dither word, from one channel to the next
-
-// quantise() with dither(), of four channels from the word's own on. Precondition: |values| are at most
-// kMaxFastUnits units. Rounding to nearest gives the floor or one more.
-inline Words quantise_four(const Values& values, double units_per_value, std::uint64_t word) {
-  const Words words = {word, std::rotl(word, kTurn), std::rotl(word, 2 * kTurn), std::rotl(word, 3 * kTurn)};
-  const Values uniform = std::bit_cast<Values>((words >> 12) | 0x3ff0000000000000ULL) - 1.0;
-  const Values exact = values * units_per_value + uniform;
-  const Values shifted = exact + kRounds;
-  const Words nearest = std::bit_cast<Words>(shifted) - std::bit_cast<std::uint64_t>(kRounds);
-  return nearest + std::bit_cast<Words>(shifted - kRounds > exact);
-}
-
-// A few channels whose number is known.
-template <std::size_t kCount>
-struct Chunk {
-  // Whether all |v| are at most the limit; NaN is not.
-  static bool within(const double* v, double limit) {
-    bool all = true;
-    for (std::size_t i = 0; i < kCount; ++i) all &= std::abs(v[i]) <= limit;
-    return all;
-  }
-  // Whether a sum wrapped around.
-  static bool add(std::int64_t* sums, const double* v, double units_per_value, std::uint64_t word) {
-    constexpr std::size_t n = kCount;
-    const Values four = {v[0], n > 1 ? v[1] : 0.0, n > 2 ? v[2] : 0.0, n > 3 ? v[3] : 0.0};
-    const Words units = quantise_four(four, units_per_value, word);
-    bool wrapped = false;
-    for (std::size_t i = 0; i < std::min<std::size_t>(n, 4); ++i)
-      wrapped |= __builtin_add_overflow(sums[i], static_cast<std::int64_t>(units[i]), &sums[i]);
-    if constexpr (n > 4)
-      wrapped |= Chunk<n - 4>::add(sums + 4, v + 4, units_per_value, std::rotl(word, 4 * kTurn));
-    return wrapped;
-  }
-};
-
-enum class Added : std::uint8_t { all, wrapped, none };
-
-// Adds values that are all within the limit, or none.
-template <std::size_t kCount>
-Added add_if_within(std::int64_t* sums, const double* v, double limit, double units_per_value,
-                    std::uint64_t word) {
-  if (!Chunk<kCount>::within(v, limit)) [[unlikely]]
-    return Added::none;
-  return Chunk<kCount>::add(sums, v, units_per_value, word) ? Added::wrapped : Added::all;
-}
 using AddIfWithin = Added (*)(std::int64_t*, const double*, double, double, std::uint64_t);
 
 // By the number of channels.
-constexpr std::size_t kMaxChunk = 12;
 template <std::size_t... kCounts>
 constexpr std::array<AddIfWithin, kMaxChunk> adders(std::index_sequence<kCounts...>) {
   return {&add_if_within<kCounts + 1>...};

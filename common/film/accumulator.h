@@ -3,7 +3,9 @@
 // and travel and are stored beside the film's sums.
 #pragma once
 
+#include <array>
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <string>
@@ -52,6 +54,12 @@ class UnitAccumulator {
   // `tallies.rejected`, and the result is false. Preconditions: pixel and channels are inside.
   bool add(std::uint32_t x, std::uint32_t y, std::uint32_t first, std::span<const double> values,
            std::uint64_t key, Tallies& tallies);
+  // The same of a number of values that the compiler knows. word: dither_word(key), which accumulators of one
+  // sample share. Defined in accumulator_add.h.
+  template <std::size_t kCount>
+  bool add_array(std::uint32_t x, std::uint32_t y, std::uint32_t first,
+                 const std::array<double, kCount>& values, std::uint64_t key, std::uint64_t word,
+                 Tallies& tallies);
   // The same from any thread. Not at the same time as add() on the same pixel.
   bool splat(std::uint32_t x, std::uint32_t y, std::uint32_t first, std::span<const double> values,
              std::uint64_t key, Tallies& tallies);

@@ -43,4 +43,13 @@ std::array<double, kColors * kTechniques> vector_of(const Batch& batch) {
   return b;
 }
 
+// Whether any sample has light.
+template <std::size_t kTechniques>
+bool lit(const Batch& batch) {
+  bool any = false;
+  for (std::size_t sample = 0; sample < kTechniques; ++sample)
+    for (const double f : batch.f_over_q[sample]) any |= f != 0;
+  return any;
+}
+
 }  // namespace candela::mis

@@ -82,11 +82,8 @@ class FirstVertex {
   // The path is there, and draws every technique.
   void reach(const scene::Lights& lights, Vec3 p) {
     reached_ = true;
-    if (lights_ != nullptr) {
-      const std::uint32_t cell = lights_->cell(p);
-      if (cell != cell_) weights_ = lights.weights(lights_->of_cell(cell), node_weights_);
-      cell_ = cell;
-    }
+    if (lights_ != nullptr) [[unlikely]]
+      enter_cell(lights, p);
     if (setup_.bsdf && setup_.controls) set(0, mis::controls_of_one(allocation_, 0), {});
   }
   // The path goes on from there; `depth` edges from the eye is what its ray meets.
@@ -105,7 +102,8 @@ class FirstVertex {
   }
   // A point on an emitter was looked for.
   void tested(const scene::Lights& lights, std::uint32_t emitter, bool seen) {
-    if (lights_ != nullptr) shadow_tests_[tests_++] = {lights_->entry(cell_, lights.group(emitter)), seen};
+    if (lights_ != nullptr) [[unlikely]]
+      count(lights.group(emitter), seen);
   }
   struct ShadowTest {
     std::uint32_t entry;  // of the light weights
@@ -180,6 +178,16 @@ class FirstVertex {
 
  private:
   using Densities = mis::Vector;
+
+  // Of trained selection alone; not inlined, to leave the path without it as it was.
+  [[gnu::noinline]] void enter_cell(const scene::Lights& lights, Vec3 p) {
+    const std::uint32_t cell = lights_->cell(p);
+    if (cell != cell_) weights_ = lights.weights(lights_->of_cell(cell), node_weights_);
+    cell_ = cell;
+  }
+  [[gnu::noinline]] void count(std::uint32_t group, bool seen) {
+    shadow_tests_[tests_++] = {lights_->entry(cell_, group), seen};
+  }
 
   // By the heuristic. Those of the balance heuristic are the controls, since each technique has one sample.
   mis::Vector weights_at(const Densities& p) const {

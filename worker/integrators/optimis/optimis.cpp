@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 
+#include "common/film/accumulator_add.h"
 #include "common/stages/developments/best_technique.h"
 #include "common/stages/developments/optimal_mis.h"
 #include "common/stages/epoch_corrections.h"
@@ -240,19 +241,14 @@ class OptimisIntegrator final : public IterationIntegrator {
                     std::uint32_t y, std::uint64_t key, UnitOutput& output, film::Tallies& tallies) {
     // The accumulators share it: errors of rounding that are correlated bias neither.
     const std::uint64_t sums_key = rng::combine(key, kFirstWord);
-    const auto matrix = mis::matrix_of<kTechniques>(batch);
-    output.accumulators[0]->add(x, y, part * pixel_sums::matrix_channels(kTechniques), matrix, sums_key,
-                                tallies);
-    if (weight == 0) return;
+    const std::uint64_t word = film::dither_word(sums_key);
+    output.accumulators[0]->add_array(x, y, part * pixel_sums::matrix_channels(kTechniques),
+                                      mis::matrix_of<kTechniques>(batch), sums_key, word, tallies);
+    if (weight == 0 || !mis::lit<kTechniques>(batch)) return;
     auto light = mis::vector_of<kTechniques>(batch);
-    bool any = false;
-    for (double& b : light) {
-      b *= weight;
-      any |= b != 0;
-    }
-    if (any)
-      output.accumulators[1]->add(x, y, part * pixel_sums::vector_channels(kTechniques), light, sums_key,
-                                  tallies);
+    for (double& b : light) b *= weight;
+    output.accumulators[1]->add_array(x, y, part * pixel_sums::vector_channels(kTechniques), light, sums_key,
+                                      word, tallies);
   }
   using Tally = decltype(&tally<2>);
   static Tally tally_of(std::size_t techniques) {
