@@ -31,8 +31,8 @@ struct MediaScene {
   bool grid;                      // beams are not merged there
 };
 constexpr MediaScene kScenes[] = {
-    {"caustic", "tests/bench/candela_study/scenes/media-caustic.xml", "bdpt", 4096, false},
-    {"mist", "tests/bench/candela_study/scenes/media-mist.xml", "bdpt", 4096, false},
+    {"caustic", "tests/bench/candela_study/scenes/media-caustic.xml", "bdpt", 2048, false},
+    {"mist", "tests/bench/candela_study/scenes/media-mist.xml", "bdpt", 2048, false},
     {"milk", "tests/bench/candela_study/scenes/media-milk.xml", "path", 8192, false},
     {"smoke", "tests/statistical/transport/smoke.xml", "path", 8192, true},
     {"still-life", "tests/bench/candela_study/scenes/media-still-life.xml", "bdpt", 4096, false},
