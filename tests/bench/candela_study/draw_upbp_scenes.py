@@ -8,6 +8,7 @@ from draw import curve, select, table, value
 PAPER = ("Each estimator is good at something: points in dense media, beams in thin ones. Weighted together, the five are "
          "about as good as the best of them everywhere, and better where a picture has both.")
 ALL = "all"
+ALONE = ("vcm", "pp3d", "pb2d", "bp2d", "bb1d")
 
 
 def unique(rows, column):
@@ -63,7 +64,7 @@ def tables(rows):
         for scene in unique(rows, "problem"):
             def at(method):
                 return value(rows, part="equal time", problem=scene, method=method, quantity=quantity)
-            alone = [at(m) for m in names if "," not in m and not math.isnan(at(m))]
+            alone = [at(m) for m in names if m in ALONE and not math.isnan(at(m))]
             best = at(ALL) / min(alone) if alone else math.nan
             lines.append([scene] + [cell(at(ALL) / at(m)) for m in names] + [cell(best), cell(at(ALL))])
         text += table(["scene"] + names + ["over the best alone", "of all"], lines)

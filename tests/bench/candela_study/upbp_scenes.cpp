@@ -38,7 +38,11 @@ constexpr MediaScene kScenes[] = {
     {"still-life", "tests/bench/candela_study/scenes/media-still-life.xml", "bdpt", 4096, false},
 };
 constexpr const char* kAlone[] = {"vcm", "pp3d", "pb2d", "bp2d", "bb1d"};
-constexpr const char* kTogether[] = {"vcm,pp3d,pb2d", "all"};
+constexpr const char* kTogether[] = {"vcm,pp3d,pb2d", "all", "all, 1024 beams"};
+SettingsMap settings_of(const std::string& method) {
+  if (method == "all, 1024 beams") return {{"techniques", "all"}, {"beam_paths", "1024"}};
+  return {{"techniques", method}};
+}
 
 struct MediaSizes {
   std::uint32_t side;
@@ -127,7 +131,7 @@ class MediaTable {
         curve.seconds.resize(levels);
         curve.error.resize(levels);
         Render one = render("upbp", seed);
-        one.settings = {{"techniques", curve.name}};
+        one.settings = settings_of(curve.name);
         CANDELA_ASSIGN(Rendered rendered, render_job(one, sizes_.counts));
         for (std::size_t k = 0; k < levels; ++k) {
           curve.seconds[k].add(rendered.cpu_seconds[k]);

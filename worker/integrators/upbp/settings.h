@@ -9,7 +9,7 @@ struct UpbpSettings {
   CommonSettings common{integrator_words::kUpbp};
   merging::MergeSettings merge{integrator_words::kUpbp};
   NameList techniques{{"all"}, {"all", "vcm", "pp3d", "pb2d", "bp2d", "bb1d"}};
-  int beam_paths = 1024;
+  int beam_paths = 128;
   double radius_free_paths = 0.25;
   double radius_pp3d = 0, radius_pb2d = 0, radius_bp2d = 0, radius_bb1d = 0;
   Choice layers{"none", {"none", "merging"}};
