@@ -72,6 +72,30 @@ TEST(Beams, SmallAnglesKeepTheirDigits) {
   EXPECT_EQ(closest_approach({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 0, 0}).sine, 0) << "parallel";
 }
 
+// Claim: the early rejection loses no pair that the distance keeps, least of all at the distance itself, and
+// spares nearly all that it rejects.
+TEST(Beams, EarlyRejectionLosesNoPair) {
+  rng::Stream stream(rng::key(3, 4));
+  int kept = 0, closer = 0;
+  for (int i = 0; i < 20000; ++i) {
+    const float far = i % 2 == 0 ? 0.0f : 1000.0f;
+    const Vec3 o_a = test::uniform_direction(stream) * 5 + Vec3{far, far, far},
+               o_b = test::uniform_direction(stream) * 5 + Vec3{far, far, far};
+    const Vec3 a = test::uniform_direction(stream);
+    const Vec3 b = i % 4 < 2 ? test::uniform_direction(stream)
+                             : normalize(a + test::uniform_direction(stream) * 1e-4f);  // nearly parallel
+    const LinePair lines(o_a, a, o_b, b);
+    const Approach found = lines.approach();
+    if (!(found.sine > 0)) continue;
+    EXPECT_TRUE(lines.may_be_within(std::nextafter(found.distance, 1e9))) << i;
+    EXPECT_FALSE(lines.may_be_within(found.distance * (1 - 1e-9))) << i;
+    kept += lines.may_be_within(1) ? 1 : 0;
+    closer += found.distance < 1 ? 1 : 0;
+  }
+  EXPECT_EQ(kept, closer);
+  EXPECT_GT(closer, 1000);
+}
+
 TEST(Beams, ProjectionIsTheNearestPoint) {
   rng::Stream stream(rng::key(3, 2));
   for (int i = 0; i < 1000; ++i) {

@@ -90,7 +90,9 @@ class PhotonBeams {
       for (; slot < end; ++slot) {
         const Piece& piece = pieces_[slot];
         const PhotonBeam& beam = beams_[piece.beam];
-        const Approach at = closest_approach(s.origin, s.direction, beam.origin, beam.direction);
+        const LinePair lines(s.origin, s.direction, beam.origin, beam.direction);
+        if (!lines.may_be_within(r)) continue;  // most: the root and two divisions are spared
+        const Approach at = lines.approach();
         if (at.sine > 0 && at.distance < r && at.along_a >= 0 && at.along_a < end_t &&
             inside(piece, beam, at.along_b))
           visit(beam, at);
