@@ -18,6 +18,12 @@ while [[ $# -gt 0 ]]; do
   esac
 done
 
+if [[ -n "$only" && ! -f "$here/targets/fuzz_$only.cpp" ]]; then
+  echo "tests/fuzz/run.sh: --only $only: no such target; there are" \
+       "$(basename -as .cpp "$here"/targets/fuzz_*.cpp | sed 's/^fuzz_//' | paste -sd ' ')" >&2
+  exit 2
+fi
+
 clang=""
 for candidate in "${CANDELA_CLANG:-}" clang++-14 clang++; do
   [[ -n "$candidate" ]] && command -v "$candidate" >/dev/null && { clang="$candidate"; break; }
