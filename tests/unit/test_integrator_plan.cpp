@@ -87,7 +87,8 @@ TEST(IntegratorPlan, NotesMediaInWhichRouletteHurts) {
     EXPECT_EQ(plan_of(fog(100, 1), integrator, {{"max_depth", "30"}}).find(kNote), std::string::npos);
     EXPECT_EQ(plan_of(fog(100, 0.9), integrator).find(kNote), std::string::npos);
     EXPECT_EQ(plan_of(fog(5, 1), integrator).find(kNote), std::string::npos);
-    EXPECT_NE(plan_of(fog(20, 1), integrator).find(kNote), std::string::npos);
+    EXPECT_EQ(plan_of(fog(38, 1), integrator).find(kNote), std::string::npos);
+    EXPECT_NE(plan_of(fog(46, 1), integrator).find(kNote), std::string::npos);
   }
   EXPECT_NE(plan_of(fog(100, 1), "mmlt", {{"rr_depth", "2"}}).find(kNote), std::string::npos);
   EXPECT_EQ(plan_of(fog(100, 1)).find(kNote), std::string::npos);

@@ -10,18 +10,33 @@
 
 namespace candela::integrators {
 
+namespace {
+
+// The largest second moment of a walk's weight after at most `most` scatterings, of each of which `fraction`
+// is left: roulette divides it by the survival (transport/roulette.h).
+double largest_moment(double fraction, double most) {
+  constexpr double kFirst = transport::kSlowEnds;
+  const double steep = fraction / static_cast<double>(transport::kMaxSurvival);
+  if (steep <= 1) return 1;
+  if (most <= kFirst) return math::pow(steep, most);
+  // Then it goes as n fraction^n.
+  const double peak = fraction < 1 ? -1 / math::log(fraction) : most;
+  const double n = std::clamp(peak, kFirst, most);
+  return math::pow(steep, kFirst) * math::pow(fraction, n - kFirst) * n / kFirst;
+}
+
+}  // namespace
+
 void note_lasting_media(const scene::SceneFeatures& features, std::uint32_t max_depth, std::uint32_t rr_depth,
                         Plan& plan) {
-  const double each =
-      static_cast<double>(features.lasting_fraction) / static_cast<double>(transport::kMaxSurvival);
-  if (features.emitters == 0 || max_depth <= rr_depth || each <= 1) return;
-  const double scatterings = std::min<double>(max_depth - rr_depth, 10'000);
-  if (!(math::pow(each, scatterings) > 10)) return;
+  if (features.emitters == 0 || max_depth <= rr_depth) return;
+  const double most = std::min(max_depth - rr_depth, transport::kLongestWalk);
+  if (!(largest_moment(static_cast<double>(features.lasting_fraction), most) > 10)) return;
   const auto thickness = static_cast<double>(features.lasting_thickness);
   plan.note(
       "media",
       fmt::format("{} that absorb next to nothing: Russian roulette makes this integrator noisy "
-                  "there, and mostly too dark; path does not suffer from it",
+                  "there; path does not suffer from it",
                   std::isfinite(thickness) ? fmt::format("up to {:.3g} mean free paths across", thickness)
                                            : "mean free paths without an end"));
 }

@@ -1,7 +1,7 @@
 // Russian roulette: the probability with which a path goes on. A path survives with 1 / floor times the
-// throughput's largest component (radiance's 1/eta^2 undone), at most kMaxSurvival so that it ends where
-// nothing is absorbed. That bound does not hold for a path whose throughput roulette has scaled up above its
-// start's, up to free_depth edges: at reflectances above the bound's root the variance would have no bound.
+// throughput's largest component (radiance's 1/eta^2 undone), at most a bound so that it ends where nothing
+// is absorbed. The bound does not hold for a path whose throughput roulette has scaled up above its start's,
+// up to free_depth edges: at reflectances above the bound's root the variance would have no bound.
 #pragma once
 
 #include <algorithm>
@@ -11,11 +11,21 @@ namespace candela::transport {
 
 inline constexpr float kMaxSurvival = 0.95f;
 
+// The bound at a vertex in a medium, of a walk of `edges` edges. From kSlowEnds on it ends with probability
+// 1 / edges: its weight grows as edges, where 1 / kMaxSurvival an edge would make walks of thousands of
+// edges, the rule in dense media that absorb nothing, fireflies that hardly ever come. Media without an end
+// would not end such walks: from kLongestWalk on the first bound keeps memory and the number of connections
+// finite.
+inline constexpr std::uint32_t kSlowEnds = 20, kLongestWalk = 1u << 12;
+constexpr float longest_survival_in_media(std::uint32_t edges) {
+  return edges < kSlowEnds || edges >= kLongestWalk ? kMaxSurvival : 1 - 1 / static_cast<float>(edges);
+}
+
 struct Roulette {
   float floor;               // of the throughput, below which a path may end
   std::uint32_t free_depth;  // edges
 
-  // longest: 1 or kMaxSurvival.
+  // longest: the bound.
   constexpr float survival(float throughput, float longest) const {
     return std::min(throughput * (1 / floor), longest);
   }

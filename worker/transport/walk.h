@@ -357,7 +357,7 @@ auto Walk<kMode, kBetween, Mis, SamplerT, Observer>::scatter(Vertex& v) -> Step 
       if constexpr (Mis::kMergesBeams)
         Mis::add_merges(departure_,
                         Mis::merges(factors_.medium[v.medium], scene_.medium(v.medium), v.arrival, v.wo, wi));
-      if (!survives(kMaxSurvival)) return Step::ended;
+      if (!survives(longest_survival_in_media(edges_))) return Step::ended;
       ray_ = {v.hit.p, wi};
       return Step::scattered;
     }
