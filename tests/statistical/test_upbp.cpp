@@ -152,6 +152,38 @@ TEST(Upbp, RadiiInDenseMediaHaveALimit) {
   EXPECT_NEAR(ratio("0.25"), 1, 0.02);
 }
 
+// Claim: photons and beams merge in their own medium alone. Within a black box no light is, whatever the fog
+// around it has, though photons are nearer than the radius. Were it one fog inside and outside, each
+// technique would leak through the walls: what the same scene shows with one medium.
+TEST(Upbp, MergesInOneMediumAlone) {
+  const auto scene = [](const char* inside) {
+    return scene_with(
+        fmt::format(
+            R"(<medium id="fog" type="homogeneous"><rgb name="sigma_t" value="1"/><rgb name="albedo" value="0.9"/></medium>
+            <medium id="smoke" type="homogeneous"><rgb name="sigma_t" value="1"/><rgb name="albedo" value="0.9"/></medium>
+            <sensor type="perspective"><float name="fov" value="60"/><ref id="{0}"/>
+              <transform name="to_world"><lookat origin="0, 0, 0.9" target="0, 0, -1" up="0, 1, 0"/></transform></sensor>
+            <emitter type="point"><point name="position" x="0" y="0" z="-2"/><rgb name="intensity" value="9"/><ref id="fog"/></emitter>
+            <shape type="sphere"><float name="radius" value="4"/><bsdf type="null"/><ref name="interior" id="fog"/></shape>
+            <shape type="cube"><bsdf type="diffuse"><rgb name="reflectance" value="0"/></bsdf>
+              <ref name="exterior" id="fog"/><ref name="interior" id="{0}"/></shape>)",
+            inside),
+        8);
+  };
+  const TestScene two = scene("smoke"), one = scene("fog");
+  for (const char* techniques : {"pp3d", "pb2d", "bp2d", "bb1d", "all"}) {
+    const auto sum = [&](const TestScene& media) {
+      return mean_of_all(render_batches(
+          with_integrator(
+              media, "upbp",
+              {{"techniques", techniques}, {"radius", "0.04"}, {"light_paths", "16"}, {"beam_paths", "0"}}),
+          91, 2, 8));
+    };
+    EXPECT_EQ(sum(two), 0) << techniques;
+    EXPECT_GT(sum(one), 1e-5) << techniques;
+  }
+}
+
 // Claim: without a medium upbp is vcm, bit for bit; a technique by itself in a list has the film of bpm's
 // kind.
 TEST(Upbp, IsVcmWithoutMedia) {
