@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdio>
 #include <numbers>
+#include <tuple>
 
 #include "common/bundle/bundle.h"
 #include "tests/statistical/harness.h"
@@ -150,6 +151,98 @@ TEST(Upbp, RadiiInDenseMediaHaveALimit) {
   };
   EXPECT_LT(ratio("0"), 0.93);
   EXPECT_NEAR(ratio("0.25"), 1, 0.02);
+}
+
+// Fog without an end, sigma_t = 1, albedo 0.8, and a lamp of one watt at (1, 0, 1); all pixels look from 0
+// along z.
+TestScene endless_fog() {
+  return scene_with(
+      fmt::format(
+          R"(<medium id="fog" type="homogeneous"><rgb name="sigma_t" value="1"/><rgb name="albedo" value="0.8"/></medium>
+        <sensor type="perspective"><float name="fov" value="0.001"/><float name="near_clip" value="0.00001"/><ref id="fog"/>
+          <transform name="to_world"><lookat origin="0, 0, 0" target="0, 0, 1" up="0, 1, 0"/></transform></sensor>
+        <emitter type="point"><point name="position" x="1" y="0" z="1"/><rgb name="intensity" value="{:.17g}"/><ref id="fog"/></emitter>
+        <shape type="sphere"><float name="radius" value="40"/><bsdf type="null"/><ref name="interior" id="fog"/></shape>)",
+          1 / (4 * std::numbers::pi)),
+      8);
+}
+
+// Claim: once, twice and any number of times scattered, light along one ray has the radiance that theory has
+// in closed form or by Fourier inversion (../shared/theory/upbp.md, 18), by path tracing, by all techniques
+// together, and by each alone, whose radius of 0.17 free paths makes it brighter by up to 2 %.
+TEST(Upbp, OrdersOfScatteringInEndlessFog) {
+  const TestScene fog = endless_fog();
+  constexpr double kOnce = 1.111451542e-3, kTwice = 1.131484e-3, kAll = 4.66321405e-3;
+  const auto check = [&](const char* integrator, SettingsMap settings, const char* depth, double truth,
+                         double bias, std::uint64_t iterations) {
+    settings["max_depth"] = depth;
+    constexpr std::size_t kBatches = 12;
+    const auto batches = render_batches(with_integrator(fog, integrator, settings), 41, kBatches, iterations);
+    double sum = 0, squares = 0;
+    for (const auto& batch : batches) {
+      const double mean = mean_of_all({batch});
+      sum += mean / kBatches;
+      squares += mean * mean / kBatches;
+    }
+    const double error = std::sqrt(std::max(squares - sum * sum, 0.0) / (kBatches - 1));
+    std::printf("%-6s %-5s edges %3s: ratio %.4f +- %.4f\n", integrator, settings["techniques"].c_str(),
+                depth, sum / truth, error / truth);
+    EXPECT_LT(error, 0.08 * truth);
+    EXPECT_NEAR(sum, truth, 6 * error + bias * truth);
+  };
+  check("bdpt", {}, "2", kOnce, 0, 40);
+  for (const auto& [depth, truth] : {std::pair{"3", kOnce + kTwice}, {"-1", kAll}}) {
+    const bool all = truth == kAll;
+    check("path", {}, depth, truth, 0, all ? 500 : 250);
+    check("bdpt", {}, depth, truth, 0, 40);
+    for (const char* techniques : {"all", "pp3d", "pb2d", "bp2d", "bb1d"})
+      check("upbp",
+            {{"techniques", techniques}, {"radius", "0.0025"}, {"light_paths", "16"}, {"beam_paths", "0"}},
+            depth, truth, 0.02, all ? 16 : 12);
+  }
+}
+
+// Claim: on a floor under absorbing fog (0.5), at a lateral distance of 0.5 from below a lamp at height 1,
+// photons merged over a disc of radius h are darker than the light at its middle by what theory says,
+// -5.339e-2, -1.318e-2 and -3.279e-3 at 0.4, 0.2 and 0.1 (../shared/theory/upbp.md, 18).
+TEST(Upbp, MergingOnAFloorUnderFogHasItsBias) {
+  constexpr double kSphere = 4;
+  // The spot lights more than the largest disc.
+  const TestScene scene = scene_with(
+      fmt::format(
+          R"(<medium id="fog" type="homogeneous"><rgb name="sigma_t" value="0.5"/><rgb name="albedo" value="0"/></medium>
+        <sensor type="perspective"><float name="fov" value="0.001"/><float name="near_clip" value="0.00001"/><ref id="fog"/>
+          <transform name="to_world"><lookat origin="0.5, 0, 0.01" target="0.5, 0, 0" up="0, 1, 0"/></transform></sensor>
+        <emitter type="spot"><transform name="to_world"><lookat origin="0, 0, 1" target="0.5, 0, 0" up="0, 1, 0"/></transform>
+          <float name="cutoff_angle" value="25"/><float name="beam_width" value="24.9"/><ref id="fog"/></emitter>
+        <shape type="rectangle"><transform name="to_world"><scale value="2"/></transform></shape>
+        <shape type="sphere"><float name="radius" value="{}"/><bsdf type="null"/><ref name="interior" id="fog"/></shape>)",
+          kSphere),
+      8);
+  const double truth =
+      mean_of_all(render_batches(with_integrator(scene, "path", {{"max_depth", "2"}}), 5, 1, 16));
+  for (const auto& [radius, bias, iterations] :
+       {std::tuple{0.4, -5.339e-2, 40}, {0.2, -1.318e-2, 100}, {0.1, -3.279e-3, 200}}) {
+    // The scene's sphere is that around its box. Every batch begins with the first radius, which alpha = 1
+    // keeps.
+    const SettingsMap settings = {{"radius", fmt::format("{:.9f}", radius / (kSphere * std::sqrt(3.0)))},
+                                  {"max_depth", "2"},
+                                  {"light_paths", "16"},
+                                  {"kernel", "constant"},
+                                  {"alpha", "1"}};
+    constexpr std::size_t kBatches = 16;
+    double sum = 0, squares = 0;
+    for (const auto& batch : render_batches(with_integrator(scene, "ppm", settings), 6, kBatches,
+                                            static_cast<std::uint64_t>(iterations))) {
+      const double ratio = mean_of_all({batch}) / truth;
+      sum += ratio / kBatches;
+      squares += ratio * ratio / kBatches;
+    }
+    const double error = std::sqrt(std::max(squares - sum * sum, 0.0) / (kBatches - 1));
+    std::printf("radius %.1f: bias %.5f +- %.5f for %.5f\n", radius, sum - 1, error, bias);
+    EXPECT_LT(error, 3e-3);
+    EXPECT_NEAR(sum - 1, bias, 6 * error);
+  }
 }
 
 // Claim: photons and beams merge in their own medium alone. Within a black box no light is, whatever the fog

@@ -139,7 +139,7 @@ struct Mean {
 };
 
 // Claim: two beams that cross at 30 degrees, 1.5 mean free paths from both starts, in a sheet of thickness 2:
-// the expectations of the four merges at radius 0.2 and 0.4, constant kernel, sigma_t = 1, in closed form:
+// the expectations of the four merges at radius 0.4 to 0.05, constant kernel, sigma_t = 1, in closed form:
 //   P-P3D truth 3 (k cosh k - sinh k) / k^3, k = h / sin 15 deg;  P-B2D, B-P2D truth 2 I_1(k) / k,
 //   k = h cot 15 deg;  B-B1D truth.
 TEST(TransportUpbp, TwoBeamsMeetAsTheClosedFormsSay) {
@@ -150,7 +150,8 @@ TEST(TransportUpbp, TwoBeamsMeetAsTheClosedFormsSay) {
     double h, pp, pb, bb;
   };
   for (const Row& row :
-       {Row{0.4, 0.062739292, 0.065005233, 0.049787068}, Row{0.2, 0.052824101, 0.053335718, 0.049787068}}) {
+       {Row{0.4, 0.062739292, 0.065005233, 0.049787068}, Row{0.2, 0.052824101, 0.053335718, 0.049787068},
+        Row{0.1, 0.050534273, 0.050658919, 0.049787068}, Row{0.05, 0.049973124, 0.050004084, 0.049787068}}) {
     const auto h = static_cast<float>(row.h);
     const BallKernel ball(Kernel::constant, h);
     const DiscKernel disc(Kernel::constant, h);
@@ -217,7 +218,7 @@ TEST(TransportUpbp, TwoBeamsMeetAsTheClosedFormsSay) {
     EXPECT_NEAR(pb.mean(), row.pb, 5 * pb.error()) << "P-B2D, h = " << row.h;
     EXPECT_NEAR(bp.mean(), row.pb, 5 * bp.error()) << "B-P2D, h = " << row.h;
     EXPECT_NEAR(bb.mean(), row.bb, 5 * bb.error()) << "B-B1D, h = " << row.h;
-    for (const Mean* m : {&pp, &pb, &bp, &bb}) EXPECT_LT(m->error(), 0.03 * row.bb);
+    for (const Mean* m : {&pp, &pb, &bp, &bb}) EXPECT_LT(m->error(), (row.h < 0.2 ? 0.1 : 0.03) * row.bb);
   }
 }
 
