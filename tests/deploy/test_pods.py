@@ -2,7 +2,6 @@
 container recipe, in root folders that cannot be written. The image is that of `candela render`."""
 import json
 import os
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -12,32 +11,12 @@ import urllib.request
 from pathlib import Path
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from manifests import KUBERNETES, PROGRAMS, SOURCE, load, pod_of, recipe, skip
+from apart import eventually, own_namespaces
+from manifests import KUBERNETES, PROGRAMS, SOURCE, load, pod_of, recipe
 from pod import NOBODY, Pod, run
 
 TEST = "deploy_pods"
 STOPPED = 128 + 15  # how the master ends after SIGTERM, once its checkpoints are written
-APART = "CANDELA_TEST_APART"  # set in the namespaces
-
-
-def own_namespaces():
-    """Runs this test again where its mounts and its network are nobody else's."""
-    tools = [tool for tool in ("unshare", "setpriv", "openssl", "ip", "strip") if not shutil.which(tool)]
-    if tools:
-        skip(TEST, f"not installed: {', '.join(tools)}")
-    apart = ["unshare", "--mount", "--net", "--propagation", "private"]
-    if subprocess.run([*apart, "mount", "-t", "tmpfs", "none", "/mnt"], capture_output=True, check=False).returncode != 0:
-        skip(TEST, "this user may not make mount and network namespaces (root may)")
-    os.execvpe("unshare", [*apart, sys.executable, *sys.argv], dict(os.environ, **{APART: "1"}))
-
-
-def eventually(condition, seconds=120):
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if condition():
-            return True
-        time.sleep(0.05)
-    return False
 
 
 def certificates(folder):
@@ -62,7 +41,6 @@ class Pods(unittest.TestCase):
 
     @classmethod
     def setUpClass(cls):
-        run("ip", "link", "set", "lo", "up")
         objects = load(TEST)
         cls.scratch = tempfile.TemporaryDirectory(prefix="candela-pods-")
         cls.folder = Path(cls.scratch.name)
@@ -174,6 +152,5 @@ class Pods(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    if APART not in os.environ:
-        own_namespaces()
+    own_namespaces(TEST, ("setpriv", "openssl", "strip"))
     unittest.main(verbosity=2)

@@ -1,0 +1,275 @@
+"""Every command of the pages on running a farm is run as it stands, in the order of the page, on a machine of its own.
+
+Placeholders (ID, WORKER, DIR, DATA, PLACE, HOST) are what a reader would put there. There is no systemd in the test: a stand-in
+for systemctl runs what the units say. Slurm's sbatch is one too; the test `slurm` has a real Slurm."""
+import os
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from apart import eventually, own_namespaces
+from manifests import PROGRAMS, SOURCE
+
+TEST = "deploy_commands"
+PAGES = ("farm", "keeping", "page", "failures")
+SCENE = SOURCE / "deploy/scenes/cornell/scene.xml"
+PAGE_OF_FARM = (SOURCE / "docs/farm.md").read_text()
+STAY = re.compile(r"candela-(master(?! backup)|worker) ")  # commands that do not end by themselves
+
+# Commands within sentences of farm.md: None: run here too; else the test that runs the like, and a word of it.
+WITHIN = {
+    "candela workers --wanted": None,
+    "candela render": ("tests/slurm/test_slurm.py", '"render"'),
+    "ctest -L deploy": ("tests/deploy/CMakeLists.txt", "LABELS deploy"),
+    "ctest -L slurm": ("tests/slurm/CMakeLists.txt", "LABELS"),
+    "scancel --batch --signal=TERM JOB_TASK": ("tests/slurm/test_slurm.py", '"scancel", "--batch", "--signal=TERM"'),
+    "sbatch": ("tests/slurm/test_slurm.py", '"sbatch"'),
+    "kubectl apply -k deploy/kubernetes": ("tests/deploy/test_manifests.py", "kustomize"),
+    "ssh -L 9090:127.0.0.1:9090 HOST": ("tests/page/test_page.py", "127.0.0.1"),  # ssh's own; what it forwards is the page
+}
+PROGRAM = re.compile(r"(candela|candela-master|candela-worker|ctest|scancel|sbatch|kubectl|ssh|systemctl|curl|openssl)( (?!-?-?$)|$)")
+
+SYSTEMCTL = """#!/bin/bash
+# What systemd does for one unit: the environment that it promises, ExecStart, and the signal that ExecReload sends.
+set -euo pipefail
+unit_file() { local name="${1%%@*}"; [[ $1 == *@* ]] && name="$name@"; echo "/etc/systemd/system/$name.service"; }
+case "$1" in
+  daemon-reload) systemd-analyze verify --man=no /etc/systemd/system/candela*.service ;;
+  enable)
+    shift; [[ $1 == --now ]] && shift
+    line="$(sed -n 's/^ExecStart=//p' "$(unit_file "$1")")"
+    line="${line//%i/${1#*@}}"
+    export STATE_DIRECTORY=/var/lib/candela CACHE_DIRECTORY=/var/cache/candela
+    mkdir -p "$STATE_DIRECTORY" "$CACHE_DIRECTORY"
+    eval "exec $line" </dev/null >"/var/log/${1%%@*}.log" 2>&1 &
+    echo $! >"/run/${1%%@*}.pid"
+    # A reader's next command comes some seconds later.
+    for _ in {1..600}; do grep -qE 'listening on|registered as' "/var/log/${1%%@*}.log" && break; sleep 0.1; done ;;
+  reload)
+    MAINPID="$(cat "/run/$2.pid")"
+    eval "$(sed -n 's/^ExecReload=//p' "$(unit_file "$2")")" ;;
+  *) echo "systemctl $*: unknown here" >&2; exit 1 ;;
+esac
+"""
+SBATCH = """#!/bin/bash
+cat >/var/log/sbatch
+echo "Submitted batch job 7"
+"""
+
+
+def blocks(page):
+    """The commands of each fenced block without a language, comments taken off."""
+    text = (SOURCE / f"docs/{page}.md").read_text()
+    for language, block in re.findall(r"^```(\w*)\n(.*?)^```$", text, re.M | re.S):
+        if language:
+            continue
+        lines = (re.sub(r"(^|\s+)# .*$", "", line) for line in block.splitlines())
+        yield [line for line in lines if line.strip()]
+
+
+def make_machine():
+    """Folders that commands write to are this test's own; names of the pages are this machine."""
+    scratch = Path(tempfile.mkdtemp(prefix="candela-commands-"))
+    for folder in ("/etc", "/usr/local/bin", "/var", "/run"):
+        held = scratch / folder.strip("/").replace("/", "-")
+        held.mkdir()
+        if folder == "/etc":
+            subprocess.run(["cp", "-a", "/etc/.", held], check=True)
+        subprocess.run(["mount", "--bind", held, folder], check=True)
+    for folder in ("/etc/candela", "/etc/systemd/system", "/var/lib", "/var/cache", "/var/log", "/var/tmp", "/var/backups/candela"):
+        Path(folder).mkdir(parents=True, exist_ok=True)
+    Path("/etc/hosts").write_text("127.0.0.1 localhost render.example.org\n")
+    for name, text in (("systemctl", SYSTEMCTL), ("sbatch", SBATCH), ("sudo", '#!/bin/bash\nexec "$@"\n')):
+        path = Path("/usr/local/bin") / name
+        path.write_text(text)
+        path.chmod(0o755)
+    return scratch
+
+
+class Commands(unittest.TestCase):
+    """One machine; each page begins with nothing running."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.scratch = make_machine()
+        cls.folder = cls.scratch / "home"
+        cls.folder.mkdir()
+        (cls.folder / "build").symlink_to(PROGRAMS.parent)
+        (cls.folder / "deploy").symlink_to(SOURCE / "deploy")
+        cls.path = f"/usr/local/bin:{PROGRAMS}:{os.environ['PATH']}"
+        cls.held = {"DIR": str(cls.scratch / "dir"), "DATA": "/var/lib/candela", "HOST": "render.example.org"}
+        cls.staying = []
+
+    @classmethod
+    def tearDownClass(cls):
+        shutil.rmtree(cls.scratch, ignore_errors=True)  # what is mounted ends with the namespace
+
+    def setUp(self):
+        self.stop()
+        self.environment = dict(os.environ, PATH=self.path)
+        self.environment.pop("CANDELA_MASTER", None)
+        subprocess.run("rm -rf /etc/candela/* /var/lib/candela /var/cache/candela", shell=True, check=True)
+
+    def tearDown(self):
+        self.stop()
+
+    def run_line(self, line):
+        done = subprocess.run(["bash", "-euo", "pipefail", "-c", line], cwd=self.folder, env=self.environment, timeout=300,
+                              capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
+        self.assertEqual(done.returncode, 0, f"{line}\n{done.stdout}{done.stderr}")
+        return done.stdout
+
+    def start(self, line):
+        """A program that stays; returns when it is ready."""
+        said = self.scratch / f"{len(self.staying)}.log"
+        with open(said, "wb") as log:
+            child = subprocess.Popen(shlex.split(line), cwd=self.folder, stdout=log, stderr=log,
+                                     env=self.environment)
+        self.staying.append(child)
+        ready = "listening on" if line.startswith("candela-master") else "registered as"
+        self.assertTrue(eventually(lambda: ready in said.read_text() or child.poll() is not None), line)
+        self.assertIsNone(child.poll(), f"{line}\n{said.read_text()}")
+
+    def stop(self):
+        for child in reversed(self.staying):
+            child.terminate()
+        for child in self.staying:
+            child.wait(120)
+        self.staying.clear()
+        for pid in Path("/run").glob("candela*.pid"):
+            number = int(pid.read_text())
+            try:
+                os.kill(number, signal.SIGTERM)
+                self.assertTrue(eventually(lambda: not Path(f"/proc/{number}").exists()))
+            except ProcessLookupError:
+                pass
+            pid.unlink()
+
+    def workers(self, how=""):
+        return re.findall(r"^(w[a-z0-9]{10})\b", self.run_line(f"candela workers {how}"), re.M)
+
+    def have_job(self, iterations=16):
+        self.held["ID"] = self.run_line(f"candela submit {SCENE} --size 32x32 --iterations {iterations}").strip()
+
+    def run_page_line(self, line):
+        line = re.sub(r"\b(ID|WORKER|DIR|DATA|PLACE|HOST)\b", lambda word: self.held.get(word[1], word[1]), line)
+        if line.startswith("export "):
+            self.environment.update(word.split("=", 1) for word in line.split()[1:])
+        elif STAY.match(line):
+            if line.startswith("candela-master"):
+                self.stop()
+            self.start(line)
+        else:
+            return self.run_line(line)
+        return ""
+
+    def say_master(self):
+        """As farm.md has told whoever reads its further pages."""
+        self.environment["CANDELA_MASTER"] = "127.0.0.1:7070"
+
+    def page(self, name):
+        found = list(blocks(name))
+        self.assertTrue(found)
+        return found
+
+    def test_farm(self):
+        """Claim: the blocks of docs/farm.md, in order: master, worker, TLS, systemd, Slurm, day by day."""
+        master, worker, tls, systemd, slurm, days = self.page("farm")
+        for line in (*master, *worker, *tls):
+            self.run_page_line(line)
+        self.stop()
+        # The page's configuration, and its certificates where that looks for them.
+        for made in (*self.folder.glob("*.pem"), *self.folder.glob("*.key")):
+            shutil.copy(made, "/etc/candela")
+        Path("/etc/candela/config.toml").write_text(re.search(r"^```toml\n(.*?)^```$", PAGE_OF_FARM, re.M | re.S)[1])
+        for line in systemd:
+            self.run_page_line(line)
+        tls_files = "--tls-cert worker.pem --tls-key worker.key --tls-ca ca.pem"
+        self.assertTrue(eventually(lambda: self.workers(f"--master render.example.org:7070 {tls_files}")), "no worker of the units")
+        for line in slurm:
+            self.run_page_line(line)
+        self.run_line("bash -n workers.sbatch")
+        self.assertTrue((self.folder / "workers.sbatch").read_text().startswith("#!/"))
+        self.assertIn("#SBATCH", Path("/var/log/sbatch").read_text())
+        settings = [line for line in days if line.startswith("export ")]
+        for line in settings:
+            self.run_page_line(line)
+        self.have_job(100_000_000)
+        self.held["WORKER"] = self.workers()[0]
+        for line in days[len(settings):]:
+            self.run_page_line(line)
+        self.run_line("candela workers --wanted")
+
+    def test_keeping(self):
+        """Claim: the blocks of docs/keeping.md: lists, a backup and a second one on its base, and the farm from a backup."""
+        lists, backups, restore = self.page("keeping")
+        self.say_master()
+        self.run_page_line("candela-master --data /var/lib/candela")
+        self.have_job()
+        self.have_job()
+        self.held["PLACE"] = re.search(r"--after (\S+)", self.run_line("candela list --limit 1 2>&1"))[1]
+        for line in (*lists, *backups):
+            self.run_page_line(line)
+        self.stop()  # as the page says before it
+        for line in restore:
+            self.run_page_line(line)
+        self.assertIn(self.held["ID"], self.run_line("candela list"))
+
+    def test_page(self):
+        """Claim: the blocks of docs/page.md: a token, and what scripts send with it."""
+        controls, scripts = self.page("page")
+        self.say_master()
+        for line in controls:
+            self.run_page_line(line)
+        self.have_job()
+        said = "".join(self.run_page_line(line) for line in scripts)
+        self.assertIn(self.held["ID"], said)
+        self.assertRegex(self.run_line("candela list --json"), r'"priority": ?5\b')
+
+    def test_failures(self):
+        """Claim: the commands of docs/failures.md mend a job whose film is gone."""
+        (mends,) = self.page("failures")
+        self.say_master()
+        def start():
+            self.run_page_line("candela-master --data /var/lib/candela")
+            self.start("candela-worker --master 127.0.0.1:7070 --cache /var/cache/candela")
+        start()
+        self.have_job()
+        self.run_line(f"candela watch {self.held['ID']}")
+        self.stop()
+        for film in Path("/var/lib/candela/jobs").glob("*/film*"):
+            film.unlink()
+        start()
+        for line in mends:
+            self.run_page_line(line)
+            self.run_line(f"candela watch {self.held['ID']}")
+        self.assertIn("80/80 spp", self.run_line(f"candela show {self.held['ID']}"))
+
+    def test_commands_within_sentences(self):
+        """Claim: each command in a sentence of docs/farm.md is run here or by the test named above."""
+        text = re.sub(r"^```.*?^```$", "", PAGE_OF_FARM, flags=re.M | re.S)
+        spans = {" ".join(span.split()) for span in re.findall(r"`([^`]+)`", text)}
+        found = {span for span in spans if PROGRAM.match(span) and not re.fullmatch(r"candela(-master|-worker)?", span)}
+        self.assertEqual(found - set(WITHIN), set(), "a command that nothing runs")
+        for command, run_by in WITHIN.items():
+            self.assertIn(command, found | spans, "a command that the page no longer has")
+            if run_by:
+                self.assertIn(run_by[1], (SOURCE / run_by[0]).read_text(), command)
+
+    def test_all_pages_are_run(self):
+        """Claim: a page on running a farm with commands in blocks has a test above, or is Kubernetes', which test_pods plays."""
+        linked = set(re.findall(r"\]\((\w+)\.md\)", PAGE_OF_FARM))
+        with_blocks = {name for name in linked | {"farm"} if any(blocks(name))}
+        self.assertEqual(with_blocks - {"kubernetes"}, set(PAGES))
+
+
+if __name__ == "__main__":
+    own_namespaces(TEST, ("openssl", "curl", "systemd-analyze"))
+    unittest.main(verbosity=2)
