@@ -172,19 +172,23 @@ LivePage::Rows LivePage::worker_rows() {
   return rows;
 }
 
-// Rows that are new or differ. Who comes later has the lists by GET.
+// Rows that are new or differ, and the ids of those that are gone. Who comes later has the lists by GET.
 void LivePage::refresh_farm() {
   const auto publish = [&](const char* kind, Rows now, Rows LivePage::*last) {
-    std::vector<std::string> changed;
+    std::vector<std::string> changed, gone;
     {
       const std::lock_guard lock(mutex_);
       for (const auto& [id, row] : now)
         if (const auto it = (this->*last).find(id); it == (this->*last).end() || it->second != row)
           changed.push_back(row);
+      for (const auto& [id, row] : this->*last)
+        if (!now.contains(id)) gone.push_back(json_string(id));
       this->*last = std::move(now);
     }
     if (!changed.empty())
       out_.publish("farm", fmt::format("event: {}\ndata: {}\n\n", kind, json_array(changed)));
+    if (!gone.empty())
+      out_.publish("farm", fmt::format("event: {}-gone\ndata: {}\n\n", kind, json_array(gone)));
   };
   publish("jobs", job_rows(), &LivePage::jobs_);
   publish("workers", worker_rows(), &LivePage::workers_);

@@ -1,9 +1,11 @@
 """The master's page in a real Chromium: it opens during a render, numbers and picture move, controls work with the token
 and are refused without, foreign names are text, the console is silent, a restart of the master is survived, and a list of
 500 jobs works. Skips, with a reason, where Chromium is not installed. CANDELA_PAGE_SHOTS=DIR keeps screenshots."""
+import contextlib
 import hashlib
 import http.client
 import importlib
+import importlib.util
 import json
 import os
 import re
@@ -72,7 +74,7 @@ class Page(unittest.TestCase):
     def start_master(cls):
         said = cls.folder / f"candela-master-{len(cls.children)}.log"
         cls.master = cls.child("candela-master", "--listen", cls.listen, "--http", cls.http, "--data", cls.folder / "data",
-                               "--page-token-file", cls.folder / "token", "--unit-time", "0.3", "--checkpoint-interval", "1")
+                               "--page-token-file", cls.folder / "token", "--unit-time", "0.3", "--checkpoint-interval", "1", "--lease-time", "120")
         found = eventually(lambda: re.search(r"listening on (\S+)\nhttp on (\S+)\n", said.read_text()))
         if not found:
             raise RuntimeError(said.read_text())
@@ -293,32 +295,84 @@ class Page(unittest.TestCase):
     def worker_id(self):
         return next(w["id"] for w in json.loads(self.ask("GET", "/api/workers")[2])["workers"] if w["state"] != "lost")
 
-    def submit_many(self, count):
-        """By the wire itself: a process for each of 500 jobs takes minutes."""
+    def wire(self):
+        """The protocol's modules, job, client and worker: a process for each of 500 jobs takes minutes."""
         protoc = shutil.which("protoc")
-        try:
-            grpc = importlib.import_module("grpc")
-        except ImportError:
-            grpc = None
-        if not protoc or grpc is None:
-            self.skipTest("submitting 500 jobs needs protoc and python3-grpcio")
+        if not protoc or importlib.util.find_spec("grpc") is None:
+            self.skipTest("500 jobs and 1,000 workers need protoc and python3-grpcio")
         made = self.folder / "proto"
-        made.mkdir()
-        subprocess.run([protoc, "-I", SOURCE / "proto", f"--python_out={made}", *map(str, (SOURCE / "proto").rglob("*.proto"))], check=True)
-        sys.path.insert(0, str(made))
-        client = importlib.import_module("candela.v1.client_pb2")
-        with grpc.insecure_channel(self.listen) as channel:
+        if not made.exists():
+            made.mkdir()
+            subprocess.run([protoc, "-I", SOURCE / "proto", f"--python_out={made}", *map(str, (SOURCE / "proto").rglob("*.proto"))],
+                           check=True)
+            sys.path.insert(0, str(made))
+        return [importlib.import_module(f"candela.v1.{name}_pb2") for name in ("job", "client", "worker")]
+
+    @contextlib.contextmanager
+    def calls(self, service):
+        """A function that asks `service` of the master: call(name, request, class of the answer)."""
+        with importlib.import_module("grpc").insecure_channel(self.listen) as channel:
             def call(name, request, answer):
-                return channel.unary_unary(f"/candela.v1.FarmService/{name}", request_serializer=type(request).SerializeToString,
+                return channel.unary_unary(f"/candela.v1.{service}/{name}", request_serializer=type(request).SerializeToString,
                                            response_deserializer=answer.FromString)(request, timeout=60)
+            yield call
+
+    def submit_many(self, count):
+        job, client, _ = self.wire()
+        with self.calls("FarmService") as call:
             first = self.submit("--iterations", "1")
-            settings = call("GetJob", client.GetJobRequest(job_id=first), importlib.import_module("candela.v1.job_pb2").JobStatus)
+            settings = call("GetJob", client.GetJobRequest(job_id=first), job.JobStatus)
             scene = SCENE.read_bytes()
             for i in range(count):
                 request = client.SubmitRequest(name=f"many-{i}", settings=settings.settings, stop=settings.stop)
                 request.bundle.main_path = "scene.xml"
                 request.bundle.files.add(path="scene.xml", sha256=hashlib.sha256(scene).hexdigest(), size_bytes=len(scene))
                 call("Submit", request, client.SubmitResponse)
+
+    def test_zz_1000_workers(self):
+        """Claims: the list has them all, follows those that leave, and finds one at once; the console is silent."""
+        _, _, worker = self.wire()
+        version = json.loads(subprocess.check_output([PROGRAMS / "candela", "version", "--json"]))
+        with self.calls("WorkerService") as call:
+            def join(i):
+                return call("Register", worker.RegisterRequest(protocol=version["protocol"], build_id=version["build_id"],
+                                                               name=f"node-{i:04}", host=f"rack-{i // 40}", threads=16, isas=["sse2"],
+                                                               memory_bytes=1 << 36), worker.RegisterResponse)
+            joined = [join(i) for i in range(1000)]
+            tab = self.browser.open(self.url + "/workers")
+            tab.wait("[...document.querySelectorAll('tbody tr')].filter(r => /node-/.test(r.textContent)).length === 1000")
+            summary = "document.querySelector('.summary').textContent"
+            tab.wait(f"/ 160\\d\\d threads/.test({summary})")
+            self.assertLess(tab.run("""(async () => { const t = performance.now(), search = document.querySelector('input[type=search]');
+              search.value = 'node-0777'; search.dispatchEvent(new Event('input'));
+              await new Promise(requestAnimationFrame); return performance.now() - t; })()"""), 2000)
+            self.assertEqual(tab.run("[...document.querySelectorAll('tbody tr')].filter(r => !r.hidden).length"), 1)
+            for each in joined[:500]:
+                call("Deregister", worker.DeregisterRequest(worker_id=each.worker_id, session=each.session), worker.DeregisterResponse)
+            tab.wait("[...document.querySelectorAll('tbody tr')].filter(r => /node-/.test(r.textContent)).length === 500")
+            tab.wait(f"/^50[01] workers/.test({summary})")
+            one = self.browser.open(f"{self.url}/workers/{joined[777].worker_id}")
+            one.wait("/node-0777/.test(document.body.textContent)")
+            for each in (tab, one):
+                self.silent(each)
+                each.close()
+            for each in joined[500:]:
+                call("Deregister", worker.DeregisterRequest(worker_id=each.worker_id, session=each.session), worker.DeregisterResponse)
+
+    def test_slow_network(self):
+        """Claim: over 40 kB/s and 0.4 s of latency numbers and picture come and move, and a control works."""
+        job = self.submit("--until", "relmse=1e-9", "--name", "far-away")
+        tab = self.browser.open("about:blank")
+        tab.call("Network.emulateNetworkConditions", {"offline": False, "latency": 400, "downloadThroughput": 40e3, "uploadThroughput": 40e3})
+        tab.go(f"{self.url}/jobs/{job}")
+        first = tab.wait(self.PICTURE)
+        tab.wait(f"{self.PICTURE} !== {first}")
+        began = time.monotonic()
+        self.cancel(job)
+        tab.wait("document.querySelector('.jobhead .badge').textContent === 'cancelled'")
+        self.assertLess(time.monotonic() - began, 60)
+        self.silent(tab)
+        tab.close()
 
 
 if __name__ == "__main__":

@@ -84,7 +84,16 @@ class Rows {
       row.data = d;
       row.update(d);
     }
-    if (!moved) return;
+    if (moved) this.sort();
+  }
+  // What is left of the rows when those of `ids` are gone.
+  remove(ids) {
+    for (const id of ids) {
+      this.rows.get(id)?.element.remove();
+      this.rows.delete(id);
+    }
+  }
+  sort() {
     const sorted = [...this.rows.values()].map((r) => [this.order(r.data), r.element]);
     sorted.sort(([a], [b]) => { for (let i = 0; i < a.length; ++i) if (a[i] !== b[i]) return a[i] < b[i] ? -1 : 1; return 0; });
     this.body.replaceChildren(...sorted.map(([, e]) => e));
@@ -161,6 +170,10 @@ async function jobsPage() {
   const load = async (offset) => {
     const list = await get('/api/jobs?offset=' + offset);
     total = list.total;
+    if (offset === 0) {  // of jobs as new as these there are no others
+      const listed = new Set(list.jobs.map((j) => j.id)), least = Math.min(...list.jobs.map((j) => j.submitted_unix_ms));
+      rows.remove([...rows.rows.values()].map((r) => r.data).filter((j) => j.submitted_unix_ms >= least && !listed.has(j.id)).map((j) => j.id));
+    }
     rows.add(list.jobs);
     refresh();
   };
@@ -174,7 +187,8 @@ async function jobsPage() {
       rows.add(fresh);
       refresh();
     },
-  }, {...connected, restarted: () => load(0)});
+    'jobs-gone': (ids) => { rows.remove(ids); load(0); },
+  }, {...connected, again: () => load(0)});
 }
 
 async function workersPage() {
@@ -216,11 +230,16 @@ async function workersPage() {
     filter.apply();
   };
   const load = async () => {
-    rows.add((await get('/api/workers')).workers);
+    const listed = (await get('/api/workers')).workers, ids = new Set(listed.map((w) => w.id));
+    rows.remove([...rows.rows.keys()].filter((id) => !ids.has(id)));
+    rows.add(listed);
     refresh();
   };
   await load();
-  return stream('', {workers: (data) => { rows.add(data); refresh(); }}, {...connected, restarted: load});
+  return stream('', {
+    workers: (data) => { rows.add(data); refresh(); },
+    'workers-gone': (ids) => { rows.remove(ids); refresh(); },
+  }, {...connected, again: load});
 }
 
 function drain(id, name) {
@@ -351,7 +370,7 @@ async function jobPage(id) {
     viewer.onkind = open;
     stage.replaceChildren(viewer.element);
     end = stream('job=' + encodeURIComponent(id) + '&kind=' + kind,
-        {job: show, details, picture: (p) => viewer.picture(p), nopicture: (p) => viewer.none(p.message)}, {...connected, restarted: () => {}});
+        {job: show, details, picture: (p) => viewer.picture(p), nopicture: (p) => viewer.none(p.message)}, {...connected, again: () => {}});
   };
   show(first);
   open('image');
@@ -380,7 +399,7 @@ async function workerPage(id) {
     jobs.replaceChildren(...(w.jobs.length ? w.jobs.flatMap((j, i) => [i ? ', ' : '', jobLink(j)]) : ['None now.']));
   };
   show(first);
-  return stream('worker=' + encodeURIComponent(id), {worker: show, events: (e) => events.replaceChildren(eventList(e))}, {...connected, restarted: () => {}});
+  return stream('worker=' + encodeURIComponent(id), {worker: show, events: (e) => events.replaceChildren(eventList(e))}, {...connected, again: () => {}});
 }
 
 // Routes. Links change the page without loading it anew.

@@ -35,19 +35,18 @@ export async function post(path, values = {}, given = token) {
   return answer.json();
 }
 
-// handlers: {kind: f(data)}; `lost` and `found` tell of the connection, `restarted` of another master. Hidden
-// pages hold no connection. Returns a function that ends it.
-export function stream(query, handlers, {lost, found, restarted}) {
-  let source = null, timer = 0, over = false, start = '';
+// handlers: {kind: f(data)}; `lost` and `found` tell of the connection, `again` of one after the first, when
+// what happened between has not come. Hidden pages hold no connection. Returns a function that ends it.
+export function stream(query, handlers, {lost, found, again}) {
+  let source = null, timer = 0, over = false, known = false;
   const open = () => {
     clearTimeout(timer);
     if (over || source || document.hidden) return;
     source = new EventSource('/api/stream?' + query);
-    source.addEventListener('hello', (e) => {
-      const now = JSON.parse(e.data).start;
+    source.addEventListener('hello', () => {
       found();
-      if (start && start !== now) restarted();
-      start = now;
+      if (known) again();
+      known = true;
     });
     for (const [kind, f] of Object.entries(handlers))
       source.addEventListener(kind, (e) => f(JSON.parse(e.data)));
