@@ -1,11 +1,13 @@
 // Backups of a master's data, made while it works, and farms that go on from them.
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <csignal>
 #include <filesystem>
 #include <fstream>
 
 #include "tests/farm/farm.h"
+#include "tests/temporary_folder.h"
 
 namespace candela::farm {
 namespace {
@@ -66,6 +68,38 @@ TEST(Backup, InTheMiddleOfARender) {
   expect_identical(farm.fetch(ended), farm.render(16), "ended before the backup");
   farm.audit(id, kIterations);
   farm.audit(ended, 16);
+  const CommandResult verified = farm.candela({"verify"});
+  EXPECT_EQ(verified.exit_code, 0) << verified.out << verified.err;
+}
+
+// Claim: on another file system a backup is copied whole, a second one takes what has not changed from the
+// first as links, and a farm goes on from it.
+TEST(Backup, OnAnotherFileSystem) {
+  Farm farm;
+  const fs::path other = "/dev/shm";
+  struct stat here {
+  }, there{};
+  if (::stat(farm.folder().path().c_str(), &here) != 0 || ::stat(other.c_str(), &there) != 0 ||
+      here.st_dev == there.st_dev)
+    GTEST_SKIP() << "/dev/shm is no other file system than that of " << farm.folder().path();
+  const test::TemporaryFolder scratch(other);
+  const fs::path& target = scratch.path();
+  farm.start_master();
+  farm.start_worker("one");
+  const std::string id = farm.submit(16);
+  farm.wait_for(id, v1::JOB_STATE_DONE);
+  const CommandResult first = backup(farm, target / "first");
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  EXPECT_NE(first.out.find(" 0 of them with 0.0 MB as links"), std::string::npos) << first.out;
+  const CommandResult second = backup(farm, target / "second", {"--base", (target / "first").string()});
+  ASSERT_EQ(second.exit_code, 0) << second.err;
+  EXPECT_EQ(second.out.find(" 0 of them"), std::string::npos) << second.out;
+  farm.kill_master();
+  fs::remove_all(farm.folder() / "data");
+  fs::remove_all(target / "first");  // the second stands without it
+  fs::copy(target / "second", farm.folder() / "data", fs::copy_options::recursive);
+  farm.restart_master();
+  expect_identical(farm.fetch(id), farm.render(16), "from a backup on another file system");
   const CommandResult verified = farm.candela({"verify"});
   EXPECT_EQ(verified.exit_code, 0) << verified.out << verified.err;
 }
