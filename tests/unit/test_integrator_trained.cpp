@@ -16,6 +16,31 @@ const std::string kThreeLampsAndSky =
        <emitter type="point"><point name="position" x="0" y="1" z="1"/></emitter>
        <emitter type="constant"><rgb name="radiance" value="0.2"/></emitter>)";
 
+// Draws choose as `prob` says, within 5 standard errors and `floor` for each emitter; densities of the
+// environment's points agree with the choice.
+void expect_drawn(const scene::Lights& lights, const scene::SurfaceHit& here, Vec3 front,
+                  const scene::ChoiceWeights& weights, const std::vector<double>& prob, double floor) {
+  constexpr int kDraws = 40000;
+  std::vector<double> chosen(prob.size());
+  samplers::Sampler sampler(samplers::SamplerKind::independent, 3);
+  for (int k = 0; k < kDraws; ++k) {
+    sampler.start(0, static_cast<std::uint64_t>(k), 0, 0);
+    const float u_select = sampler.draw_1d(0, false);
+    const Vec2 u = sampler.draw_2d(1, false);
+    scene::DirectSample light;
+    const auto outcome = lights.sample(here, front, u_select, u, light, weights, scene::PointSampler::own);
+    ASSERT_NE(outcome, scene::DirectOutcome::failed);
+    ASSERT_LT(light.emitter, prob.size());
+    ++chosen[light.emitter];
+    if (!light.infinite || light.delta) continue;
+    EXPECT_NEAR(static_cast<double>(light.pdf_solid_angle),
+                static_cast<double>(lights.pdf_environment_solid_angle(here, front, light.wi, weights)),
+                1e-5 * static_cast<double>(light.pdf_solid_angle));
+  }
+  for (std::size_t i = 0; i < prob.size(); ++i)
+    EXPECT_NEAR(chosen[i] / kDraws, prob[i], 5 * std::sqrt(prob[i] * (1 - prob[i]) / kDraws) + floor) << i;
+}
+
 // Claim: the choice has the probabilities that it tells, which are those of `contribution` times the weights,
 // and densities of points agree with them. 5 standard errors for each emitter.
 TEST(IntegratorTrained, ChoosesByTheProbabilitiesItTells) {
@@ -30,7 +55,7 @@ TEST(IntegratorTrained, ChoosesByTheProbabilitiesItTells) {
   here.ng = {0, 0, 1};
   const Vec3 front = {0, 0, 1};
   double sum = 0, share = 0;
-  std::vector<double> prob(by_emitter.size()), chosen(by_emitter.size());
+  std::vector<double> prob(by_emitter.size());
   for (std::uint32_t i = 0; i < by_emitter.size(); ++i) {
     prob[i] = static_cast<double>(lights.prob(here.p, front, i, weights));
     sum += prob[i];
@@ -39,24 +64,7 @@ TEST(IntegratorTrained, ChoosesByTheProbabilitiesItTells) {
   EXPECT_NEAR(sum, 1, 1e-6);
   for (std::uint32_t i = 0; i < by_emitter.size(); ++i)
     EXPECT_NEAR(prob[i], static_cast<double>(lights.prob(here.p, front, i)) * by_emitter[i] / share, 1e-6);
-  constexpr int kDraws = 40000;
-  samplers::Sampler sampler(samplers::SamplerKind::independent, 3);
-  for (int k = 0; k < kDraws; ++k) {
-    sampler.start(0, static_cast<std::uint64_t>(k), 0, 0);
-    const float u_select = sampler.draw_1d(0, false);
-    const Vec2 u = sampler.draw_2d(1, false);
-    scene::DirectSample light;
-    const auto outcome = lights.sample(here, front, u_select, u, light, weights, scene::PointSampler::own);
-    ASSERT_NE(outcome, scene::DirectOutcome::failed);
-    ASSERT_LT(light.emitter, by_emitter.size());
-    ++chosen[light.emitter];
-    if (!light.infinite) continue;
-    EXPECT_NEAR(static_cast<double>(light.pdf_solid_angle),
-                static_cast<double>(lights.pdf_environment_solid_angle(here, front, light.wi, weights)),
-                1e-5 * static_cast<double>(light.pdf_solid_angle));
-  }
-  for (std::size_t i = 0; i < by_emitter.size(); ++i)
-    EXPECT_NEAR(chosen[i] / kDraws, prob[i], 5 * std::sqrt(prob[i] * (1 - prob[i]) / kDraws) + 1e-9) << i;
+  expect_drawn(lights, here, front, weights, prob, 1e-9);
 }
 
 // Claim: among more lights than have weights of their own, all emitters of a group share one; the choice has
@@ -95,7 +103,7 @@ TEST(IntegratorTrained, ChoosesAmongManyByGroups) {
   for (std::size_t group = 0; group < by_group.size(); ++group)
     by_group[group] = static_cast<std::uint8_t>(group % 3 == 0 ? 16 : 255 - group);
   const scene::ChoiceWeights weights = lights.weights(by_group, room);
-  std::vector<double> prob(lights.size()), chosen(lights.size());
+  std::vector<double> prob(lights.size());
   double sum = 0;
   for (std::uint32_t i = 0; i < lights.size(); ++i) {
     prob[i] = static_cast<double>(lights.prob(here.p, front, i, weights));
@@ -109,19 +117,7 @@ TEST(IntegratorTrained, ChoosesAmongManyByGroups) {
     (by_group[lights.group(i)] == 16 ? light : heavy) +=
         prob[i] / static_cast<double>(lights.prob(here.p, front, i));
   EXPECT_LT(light / heavy, 0.25);
-  constexpr int kDraws = 40000;
-  samplers::Sampler sampler(samplers::SamplerKind::independent, 3);
-  for (int k = 0; k < kDraws; ++k) {
-    sampler.start(0, static_cast<std::uint64_t>(k), 0, 0);
-    const float u_select = sampler.draw_1d(0, false);
-    const Vec2 u = sampler.draw_2d(1, false);
-    scene::DirectSample sample;
-    const auto outcome = lights.sample(here, front, u_select, u, sample, weights, scene::PointSampler::own);
-    ASSERT_NE(outcome, scene::DirectOutcome::failed);
-    ++chosen.at(sample.emitter);
-  }
-  for (std::size_t i = 0; i < lights.size(); ++i)
-    EXPECT_NEAR(chosen[i] / kDraws, prob[i], 5 * std::sqrt(prob[i] * (1 - prob[i]) / kDraws) + 1e-4) << i;
+  expect_drawn(lights, here, front, weights, prob, 1e-4);
 }
 
 // Claim: what needs sums of one system is refused, with the setting's name.
