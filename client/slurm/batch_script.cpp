@@ -115,9 +115,9 @@ Result<std::string> batch_script(const SlurmJob& job) {
          "# indices mean nothing to Candela: tasks may start late, run twice, be requeued or end at any "
          "time.\n" +
          header(job) +
-         "# The warning before the limit goes to this shell, which the worker has replaced by then: it gives "
-         "back\n"
-         "# what it has not rendered, delivers what it has, and leaves.\n"
+         "# Slurm warns before the limit. The worker, which replaces this shell, then gives back what\n"
+         "# it has not rendered, delivers the rest, and leaves. This shell has nothing: it leaves at once.\n"
+         "trap 'exit 0' TERM\n"
          "set -euo pipefail\n" +
          fmt::format("cache={}\n", cache.empty() ? shell_quoted(job.cache) : cache) +
          "mkdir -p \"$cache\"\n" + command(job);

@@ -89,9 +89,12 @@ class Slurm(unittest.TestCase):
         self.assertNotIn(state, ("failed", "cancelled"))
         return state == "done"
 
-    def live_workers(self, slurm_job):
+    def states_of_workers(self, slurm_job):
         workers = json.loads(self.candela("workers", "--json"))["workers"]
-        return [w for w in workers if w["name"].startswith(f"slurm-{slurm_job}-") and w["state"] in ("idle", "busy")]
+        return [w["state"] for w in workers if w["name"].startswith(f"slurm-{slurm_job}-")]
+
+    def live_workers(self, slurm_job):
+        return [state for state in self.states_of_workers(slurm_job) if state in ("idle", "busy")]
 
     def log(self, slurm_job):
         return "".join(path.read_text(errors="replace") for path in sorted(self.folder.glob(f"*-{slurm_job}-*.log")))
@@ -127,8 +130,7 @@ class Slurm(unittest.TestCase):
         self.slurm.run("scancel", "--batch", "--signal=TERM", first)
         self.assertTrue(eventually(lambda: not self.slurm.tasks(first)), "the worker does not leave")
         self.assertEqual(self.live_workers(first), [])
-        self.assertNotIn("lost", [w["state"] for w in json.loads(self.candela("workers", "--json"))["workers"]
-                                  if w["name"].startswith(f"slurm-{first}-")], "it left without a word")
+        self.assertNotIn("lost", self.states_of_workers(first), "it left without a word")
         self.expect_picture(job, 3)
 
     def test_preemption(self):
@@ -148,11 +150,12 @@ class Slurm(unittest.TestCase):
     def test_time_limit(self):
         """Claim: before its time limit a worker delivers, leaves and ends well; another array goes on."""
         job = self.submit(5)
-        # Slurm counts limits in minutes; the warning comes at once, as it is due 60 s before the limit.
-        short = self.submit_workers(2, "--time", "1", "--notice", "60")
+        # Slurm counts limits in minutes, and warns up to half a minute before it was asked to: here 10 s after the start or later.
+        short = self.submit_workers(2, "--time", "1", "--notice", "20")
         self.assertTrue(eventually(lambda: not self.slurm.tasks(short)))
         states = re.findall(r"JobState=(\w+)", self.slurm.run("scontrol", "show", "job", short))
-        self.assertEqual(states, ["COMPLETED"] * 2)
+        self.assertEqual(states, ["COMPLETED"] * 2, self.log(short))
+        self.assertNotIn("lost", self.states_of_workers(short), "it left without a word")
         self.submit_workers(3)
         self.expect_picture(job, 5)
 

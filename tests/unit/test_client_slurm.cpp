@@ -90,6 +90,29 @@ TEST_F(Slurm, TheScriptStartsAWorker) {
   EXPECT_TRUE(std::filesystem::is_directory(cache));
 }
 
+// A warning before the worker runs: the script ends well, and starts none. The signal comes from a mkdir of
+// our own, which the script calls before the worker.
+TEST_F(Slurm, TheScriptLeavesWhenItIsWarned) {
+  const std::string said = (folder_.path() / "said").string();
+  const auto program = [&](const char* name, const std::string& text) {
+    const std::string path = (folder_.path() / name).string();
+    std::ofstream(path) << "#!/bin/sh\n" << text << "\n";
+    std::filesystem::permissions(path, std::filesystem::perms::owner_all);
+    return path;
+  };
+  program("mkdir", "kill -TERM $PPID");
+  const std::string worker = program("worker", "touch '" + said + "'"),
+                    path = folder_.path() / "workers.sbatch";
+  ASSERT_EQ(run({"-o", path, "--program", worker, "--cache", folder_.path() / "cache"}).code, 0);
+  for (const std::string& script :
+       {path, std::string(CANDELA_SOURCE_DIR "/deploy/slurm/candela-workers.sbatch")}) {
+    const std::string command =
+        "PATH='" + folder_.path().string() + "':\"$PATH\" CANDELA_MASTER=farm:7070 bash '";
+    EXPECT_EQ(std::system((command + script + "'").c_str()), 0) << script;
+    EXPECT_FALSE(std::filesystem::exists(said)) << script;
+  }
+}
+
 TEST_F(Slurm, BadWordsAreOneError) {
   const std::vector<std::pair<std::vector<std::string>, std::string>> bad = {
       {{"--workers", "0"}, "--workers"},

@@ -68,7 +68,7 @@ Result<WorkerOptions> resolve(const DaemonSettings& settings, const Texts& texts
   return options;
 }
 
-int run(const Texts& texts) {
+int run(const Texts& texts, const sigset_t& signals) {
   const auto settings = DaemonSettings::load(kProgram, "worker");
   if (!settings) return report(kProgram, settings.error());
   if (auto log = settings->start_log(texts.log_level, texts.log_format); !log)
@@ -76,7 +76,6 @@ int run(const Texts& texts) {
   const auto options = resolve(*settings, texts);
   if (!options) return report(kProgram, options.error());
 
-  const sigset_t signals = block_signals({SIGINT, SIGTERM});
   auto worker = Worker::start(*options, nullptr);
   if (!worker) return report(kProgram, worker.error());
   std::thread([&signals, &worker] {
@@ -98,6 +97,8 @@ int run(const Texts& texts) {
 }  // namespace
 
 int run_worker(int argc, char** argv) {
+  // First of all: a batch system may send SIGTERM as soon as the process exists.
+  const sigset_t signals = block_signals({SIGINT, SIGTERM});
   wire::configure_grpc();
   Texts texts;
   CLI::App app("A render worker: leases units of work from a master, renders them and delivers the results.");
@@ -122,7 +123,7 @@ int run_worker(int argc, char** argv) {
                  "End after this long without a master, such as 10m; default: never");
   app.add_option("--log-level", texts.log_level, "trace, debug, info, warn, error or off; default: info");
   app.add_option("--log-format", texts.log_format, "text or json; default: text");
-  return parse_and_run(kProgram, app, argc, argv, [&] { return run(texts); });
+  return parse_and_run(kProgram, app, argc, argv, [&] { return run(texts, signals); });
 }
 
 }  // namespace candela::worker
