@@ -3,6 +3,8 @@
 
 #include <zstd.h>
 
+#include <algorithm>
+#include <array>
 #include <bit>
 #include <cstring>
 #include <new>
@@ -299,16 +301,40 @@ Result<PlaneSet> PlaneReader::read(Reader& reader, std::size_t values, int max_p
 
 namespace {
 
+// Integers of twice the width. Compilers vectorize such a loop over one width with all lanes.
+template <class Wide, class Narrow>
+void join(const Narrow* low, const Narrow* high, std::size_t count, Wide* out) {
+  constexpr int kBits = 8 * sizeof(Narrow);
+  for (std::size_t i = 0; i < count; ++i) out[i] = static_cast<Wide>(low[i] | (Wide{high[i]} << kBits));
+}
+
+// Planes 8 * word to 8 * word + 7. Pairs of planes become integers of 16 bits, those of 32, and those of 64:
+// a third of the instructions of a shift and an OR for each plane.
 void expand(const PlaneSet& set, int word, std::size_t first, std::span<std::uint64_t> out) {
-  std::fill(out.begin(), out.end(), 0);
+  constexpr std::size_t kBlock = 256;  // integers at a time: what is between stays in the first cache
+  static constexpr std::array<std::uint8_t, kBlock> kZeros{};
+  std::array<const std::uint8_t*, 8> planes{};
+  std::size_t used = 0;
   const std::uint8_t* plane = set.bytes.get() + first;
-  for (int p = 0; p < PlaneSet::kMaxPlanes; ++p) {
+  for (int p = 0; p < 8 * word + 8; ++p) {
     if ((set.present >> p & 1) == 0) continue;
-    if (p / 8 == word) {
-      const int shift = 8 * (p % 8);
-      for (std::size_t i = 0; i < out.size(); ++i) out[i] |= std::uint64_t{plane[i]} << shift;
+    if (p >= 8 * word) {
+      planes[static_cast<std::size_t>(p % 8)] = plane;
+      used = static_cast<std::size_t>(p % 8) + 1;
     }
     plane += set.values;
+  }
+  std::array<std::array<std::uint16_t, kBlock>, 2> pairs;
+  std::array<std::array<std::uint32_t, kBlock>, 2> fours{};
+  for (std::size_t begin = 0; begin < out.size(); begin += kBlock) {
+    const std::size_t count = std::min(kBlock, out.size() - begin);
+    const auto bytes = [&](std::size_t p) { return planes[p] ? planes[p] + begin : kZeros.data(); };
+    for (std::size_t k = 0; 4 * k < used; ++k) {
+      join(bytes(4 * k), bytes(4 * k + 1), count, pairs[0].data());
+      join(bytes(4 * k + 2), bytes(4 * k + 3), count, pairs[1].data());
+      join(pairs[0].data(), pairs[1].data(), count, fours[k].data());
+    }
+    join(fours[0].data(), fours[1].data(), count, out.data() + begin);
   }
 }
 

@@ -18,19 +18,20 @@ void TileSums::Tile::add(std::span<const std::int64_t> values) {
       narrow.assign(values.begin(), values.end());
       return;
     }
-    // Signs of the operands equal and of the sum different: overflow. Looked for in a pass of its own, so
-    // that the tile is still whole if it must be widened.
+    // Signs of the operands equal and of the sum different: overflow. Then the sums are taken back, modulo
+    // 2^64 as they were made, and the tile is widened.
     std::int64_t* to = narrow.data();
     std::int64_t overflow = 0;
     for (std::size_t i = 0; i < values.size(); ++i) {
       const auto sum = static_cast<std::int64_t>(static_cast<std::uint64_t>(to[i]) +
                                                  static_cast<std::uint64_t>(values[i]));
       overflow |= (to[i] ^ sum) & (values[i] ^ sum);
+      to[i] = sum;
     }
-    if (overflow >= 0) {
-      for (std::size_t i = 0; i < values.size(); ++i) to[i] += values[i];
-      return;
-    }
+    if (overflow >= 0) return;
+    for (std::size_t i = 0; i < values.size(); ++i)
+      to[i] = static_cast<std::int64_t>(static_cast<std::uint64_t>(to[i]) -
+                                        static_cast<std::uint64_t>(values[i]));
     widen();
   }
   for (std::size_t i = 0; i < values.size(); ++i) wide[i] += values[i];

@@ -238,8 +238,8 @@ grpc::Status WorkerServiceImpl::PushDelta(grpc::ServerContext* context,
     }
     unknown.reset();
     const double started = farm_.now().seconds;
-    std::string bytes;
-    bytes.reserve(header.size_bytes());
+    BufferPool::Buffer buffer = buffers_.take(header.size_bytes());
+    std::string& bytes = *buffer;
     bool too_long = false;
     do {
       if (chunk.data().size() > Limits::max_chunk_bytes)

@@ -5,6 +5,7 @@
 
 #include "candela/v1/worker.grpc.pb.h"
 #include "master/farm.h"
+#include "master/merge/buffer_pool.h"
 
 namespace candela::master {
 
@@ -29,7 +30,10 @@ class WorkerServiceImpl final : public v1::WorkerService::Service {
                           v1::DeregisterResponse*) override;
 
  private:
+  static constexpr std::size_t kPooledBytes = 128 << 20;  // the deltas of some turns of merging
+
   Farm& farm_;
+  BufferPool buffers_{kPooledBytes};
 };
 
 }  // namespace candela::master

@@ -77,9 +77,11 @@ Result<MasterOptions> resolve(const DaemonSettings& settings, const Texts& texts
 }
 
 // Deltas and checkpoints come and go by megabytes, on any of the server's threads. glibc would keep their
-// memory, in the arena of each thread (docs/lab/scale.md).
-void give_memory_back() {
+// memory, in the arena of each thread. A fixed threshold of mmap lets it trim an arena to 128 KiB after each
+// delta, which then costs more than the merge: an arena keeps what a delta needs (docs/lab/scale.md).
+void bound_freed_memory() {
   ::mallopt(M_MMAP_THRESHOLD, 256 << 10);
+  ::mallopt(M_TRIM_THRESHOLD, 64 << 20);
   ::mallopt(M_ARENA_MAX, 4);
 }
 
@@ -148,7 +150,7 @@ int run_backup(const Texts& texts, const std::string& target, const std::string&
 }  // namespace
 
 int run_master(int argc, char** argv) {
-  give_memory_back();
+  bound_freed_memory();
   wire::configure_grpc();
   Texts texts;
   CLI::App app{"The master of a Candela farm: keeps jobs, leases work to workers, merges what they render."};
