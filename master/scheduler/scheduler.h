@@ -349,7 +349,10 @@ class Scheduler {
  private:
   double lost_after() const { return std::max(options_.lease_seconds, 10.0); }  // seconds of silence
   bool usable(const WorkerState& worker, Now now) const;
-  bool can_run(const WorkerState& worker, const Job& job) const;
+  bool can_run(const WorkerState& worker, const std::string& isa) const;
+  bool can_run(const WorkerState& worker, const Job& job) const {
+    return can_run(worker, job.row.settings.isa);
+  }
   std::uint64_t active_workers(const Job& job, Now now) const;
   std::vector<Job*> candidates(const WorkerState& worker, const std::vector<std::string>& warm, Now now);
   UnitState* pick(Job& job, const WorkerState& worker, bool prefetch, Now now);

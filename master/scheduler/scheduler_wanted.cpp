@@ -1,38 +1,60 @@
 // How many threads the queue could use: what an engine that starts workers scales by.
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <string>
 
 #include "master/scheduler/scheduler.h"
 
 namespace candela::master {
+namespace {
+
+struct Present {
+  double threads = 0, workers = 0;
+  double per_worker() const { return workers > 0 ? threads / workers : 1; }
+};
+
+}  // namespace
 
 Wanted Scheduler::wanted(Now now) const {
-  double present = 0, workers = 0;
+  // Workers that can run a job, by the job's instruction set.
+  std::map<std::string, Present> able;
+  Present all;
+  for (const auto& [id, job] : jobs_)
+    if (job.open_for_leases()) able[job.row.settings.isa];
   for (const auto& [id, worker] : workers_) {
     if (worker.row.draining || !lives(worker, now)) continue;
-    present += std::max(worker.row.threads, 1U);
-    workers += 1;
+    const double threads = std::max(worker.row.threads, 1U);
+    const auto add = [&](Present& sum) {
+      sum.threads += threads;
+      sum.workers += 1;
+    };
+    add(all);
+    for (auto& [isa, sum] : able)
+      if (can_run(worker, isa)) add(sum);
   }
-  const double per_worker = workers > 0 ? present / workers : 1;
-  double threads = 0;
+  double threads = 0, workers = 0;
   for (const auto& [id, job] : jobs_) {
     if (!job.open_for_leases()) continue;
+    const Present& present = able.at(job.row.settings.isa);
+    const double per_worker = present.per_worker();
     const double open = static_cast<double>(job.source->open_indices(job.view()));
     const StageCost cost = job.source->cost();
     double useful = per_worker;
-    if (job.thread_seconds > 0) {
+    // More workers like those that are here are of no use to a job that none of them can run.
+    const bool unable = all.workers > 0 && present.workers == 0;
+    if (job.thread_seconds > 0 && !unable) {
       const double thread_seconds = open * job.thread_seconds / cost.indices_per_iteration;
       useful =
           std::min(std::ceil(thread_seconds / options_.unit_seconds), open * (cost.serial ? 1 : per_worker));
     }
     threads += std::max(useful, 1.0);
+    workers += std::max(useful, 1.0) / per_worker;
   }
   const double most = static_cast<double>(options_.max_workers);
   Wanted out;
-  out.threads = static_cast<std::uint64_t>(std::ceil(std::min(threads, most * per_worker)));
-  out.workers = workers > 0
-                    ? static_cast<std::uint64_t>(std::ceil(static_cast<double>(out.threads) / per_worker))
-                    : std::min<std::uint64_t>(out.threads, 1);
+  out.threads = static_cast<std::uint64_t>(std::ceil(std::min(threads, most * all.per_worker())));
+  out.workers = static_cast<std::uint64_t>(std::ceil(std::min(workers, all.workers > 0 ? most : 1.0)));
   return out;
 }
 

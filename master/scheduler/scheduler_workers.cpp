@@ -16,9 +16,9 @@ bool Scheduler::usable(const WorkerState& worker, Now now) const {
   return !worker.row.draining && worker.set_aside_until <= now.seconds && lives(worker, now);
 }
 
-bool Scheduler::can_run(const WorkerState& worker, const Job& job) const {
+bool Scheduler::can_run(const WorkerState& worker, const std::string& isa) const {
   const auto& isas = worker.row.isas;
-  return std::find(isas.begin(), isas.end(), job.row.settings.isa) != isas.end();
+  return std::find(isas.begin(), isas.end(), isa) != isas.end();
 }
 
 // Forgets the worker that would be missed least: one that never called after it registered, else one that is

@@ -8,18 +8,19 @@ namespace {
 
 class WantedTest : public SchedulerFixture {
  protected:
-  void worker(const std::string& id, std::uint32_t threads) {
+  void worker(const std::string& id, std::uint32_t threads, std::vector<std::string> isas = {"avx2"}) {
     WorkerRow w;
     w.id = id;
     w.session = "session-" + id;
-    w.isas = {"avx2"};
+    w.isas = std::move(isas);
     w.threads = threads;
     ASSERT_TRUE(s->register_worker(w, now()).ok());
   }
   // A job behind its pilot.
   void job(const std::string& id, std::uint64_t iterations, double thread_seconds,
-           std::optional<ChainPlan> chains = std::nullopt) {
+           std::optional<ChainPlan> chains = std::nullopt, const std::string& isa = "avx2") {
     JobRow j = row(id, iterations);
+    j.settings.isa = isa;
     j.named_state = NamedState{20};
     if (chains) j.named_state->bootstrap_b = 1;
     j.chains = chains;
@@ -69,6 +70,21 @@ TEST_F(WantedTest, ThreadsHaveAUnitOfWorkEach) {
   job("k", 100, 1);
   job("l", 10, 1);
   expect(25 + 3, 6);
+}
+
+// Claim: workers that lack a job's instruction set do not count for it. More of them would not help, so that
+// a job that none of the present ones can run wants a single one.
+TEST_F(WantedTest, WorkersCountForTheInstructionSetsThatTheyHave) {
+  job("wide", 1000, 1, std::nullopt, "avx512");
+  expect(250, 1);
+  worker("a", 8);
+  expect(1, 1);
+  job("k", 100, 1);
+  expect(25 + 1, 5);  // 25 / 8 + 1
+  worker("b", 40, {"avx2", "avx512"});
+  expect(25 + 250, 8);  // 25 / 24 + 250 / 40
+  ASSERT_TRUE(s->drain("b", now()).ok());
+  expect(25 + 1, 5);
 }
 
 // Claim: an iteration is one worker's, a chain one thread's.
