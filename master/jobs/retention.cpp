@@ -65,7 +65,24 @@ Result<void> Retention::finish_removals(Store& store, const fs::path& data_folde
   return {};
 }
 
+void Retention::restore_waits() {
+  const auto rows = store_.overdue();
+  if (!rows.ok()) return log::warn("old jobs wait anew: " + rows.error().to_string());
+  waits_kept_ = !rows->empty();
+  if (options_.keep_finished_seconds <= 0) return keep_waits();  // none waits any more
+  for (const OverdueRow& row : *rows) old_[row.job_id] = {row.finished_unix_ms, row.waited_seconds};
+}
+
+void Retention::keep_waits() {
+  if (old_.empty() && !waits_kept_) return;
+  PutOverdue all;
+  for (const auto& [id, entry] : old_) all.rows.push_back({id, entry.finished_unix_ms, entry.waited_seconds});
+  waits_kept_ = !all.rows.empty();
+  writer_.enqueue({std::move(all)});
+}
+
 void Retention::loop() {
+  restore_waits();
   const double keep = options_.keep_finished_seconds;
   const double round = std::clamp(keep * kWaitShare / 4, kSleepSeconds, kMaxRoundSeconds);
   double next_removal = 0, next_collection = 0;
@@ -89,19 +106,21 @@ void Retention::remove_old_jobs() {
   const Now t = JobTable::now();
   const double keep = options_.keep_finished_seconds;
   const double wait = std::min(keep * kWaitShare, kMaxWaitSeconds);
+  const double passed = t.seconds - last_round_.value_or(t.seconds);
+  last_round_ = t.seconds;
   std::map<std::string, Old> old;
   table_.with_scheduler([&](Scheduler& s) {
     for (const auto& [id, job] : s.jobs()) {
       const std::int64_t end = job.row.finished_unix_ms;
       if (has_ended(job.row.state) && end > 0 && static_cast<double>(t.unix_ms - end) >= keep * 1000)
-        old[id] = {end, t.seconds};
+        old[id] = {end, 0};
     }
   });
   std::size_t fresh = 0;
   for (auto& [id, entry] : old) {
     const auto known = old_.find(id);
     if (known != old_.end() && known->second.finished_unix_ms == entry.finished_unix_ms)
-      entry.since = known->second.since;
+      entry.waited_seconds = known->second.waited_seconds + passed;
     else
       ++fresh;
   }
@@ -118,7 +137,7 @@ void Retention::remove_old_jobs() {
     log::warn(fmt::format(
         "{} job(s) that were to be removed stay: they were extended, or the clock was set back", young));
   for (auto it = old_.begin(); it != old_.end() && !wake_.stopping();) {
-    if (t.seconds - it->second.since < wait) {
+    if (it->second.waited_seconds < wait) {
       ++it;
       continue;
     }
@@ -128,6 +147,7 @@ void Retention::remove_old_jobs() {
     }
     it = old_.erase(it);
   }
+  keep_waits();
 }
 
 bool Retention::remove(const std::string& job_id, std::int64_t finished_unix_ms) {

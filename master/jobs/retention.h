@@ -4,7 +4,8 @@
 // drops its rows; the folder is deleted. The move decides: a start finishes what lies in DATA/removed.
 //
 // The ends of jobs are told by the wall clock, which may jump. A job that is old by it waits for a tenth of
-// the time that finished jobs are kept, at most six hours, and stays if the clock makes it young again.
+// the time that finished jobs are kept, at most six hours, and stays if the clock makes it young again. The
+// wait is the sum of what steady clocks of all the master's runs have seen of it.
 #pragma once
 
 #include <cstdint>
@@ -48,7 +49,9 @@ class Retention {
   void loop();
 
  private:
+  void restore_waits();
   void remove_old_jobs();
+  void keep_waits();
   bool remove(const std::string& job_id, std::int64_t finished_unix_ms);
   void collect_blobs();
   // Hashes of all blobs that a job may need. Nothing: that cannot be told now, and the log says why.
@@ -64,13 +67,15 @@ class Retention {
   WakeSignal& wake_;
   const MasterOptions& options_;
 
-  // Jobs that are too old, by id: their end, and since when they are, by the steady clock.
+  // Jobs that are too old, by id: their end, and how long they have been seen to be.
   struct Old {
     std::int64_t finished_unix_ms = 0;
-    double since = 0;
+    double waited_seconds = 0;
   };
   std::map<std::string, Old> old_;
-  std::string blobs_kept_because_;  // as the log said last
+  std::optional<double> last_round_;  // by the steady clock
+  bool waits_kept_ = false;           // the store has some
+  std::string blobs_kept_because_;    // as the log said last
 };
 
 }  // namespace candela::master

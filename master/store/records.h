@@ -130,6 +130,14 @@ struct WorkerRow {
   std::int64_t last_seen_unix_ms = 0;
 };
 
+// An ended job that is older than finished jobs are kept, and how long it has been seen to be, by steady
+// clocks.
+struct OverdueRow {
+  std::string job_id;
+  std::int64_t finished_unix_ms = 0;
+  double waited_seconds = 0;
+};
+
 struct EventRow {
   std::int64_t unix_ms = 0;
   std::string job_id, worker_id, kind, message;
@@ -177,12 +185,17 @@ struct PutStarts {
 struct PutState {
   StateRow row;
 };
+// All jobs that wait for their removal.
+struct PutOverdue {
+  std::vector<OverdueRow> rows;
+};
 // A removed job with all its rows, and its bundle if no other job has it. Its events stay.
 struct DropJob {
   std::string id;
 };
-using Change = std::variant<PutJob, PutUnit, DropUnit, DropUnmergedUnits, PutLease, DropLease, PutWorker,
-                            DropWorker, AddEvent, PutBundle, PutBootstrap, PutStarts, PutState, DropJob>;
+using Change =
+    std::variant<PutJob, PutUnit, DropUnit, DropUnmergedUnits, PutLease, DropLease, PutWorker, DropWorker,
+                 AddEvent, PutBundle, PutBootstrap, PutStarts, PutState, PutOverdue, DropJob>;
 
 // "queued", "running", ...
 std::string_view name(JobState state);

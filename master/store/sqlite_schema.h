@@ -5,8 +5,8 @@
 namespace candela::master {
 
 // 1: the first. 2: jobs.layers. 3: Markov chains. 4: what a job had and has lost. 5:
-// epochs and accumulators.
-inline constexpr int kSchemaVersion = 5;
+// epochs and accumulators. 6: jobs that wait for their removal.
+inline constexpr int kSchemaVersion = 6;
 
 inline constexpr const char* kSchema = R"sql(
 CREATE TABLE counters (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -90,6 +90,12 @@ inline constexpr const char* kStateTable = R"sql(
 CREATE TABLE states (
   job TEXT NOT NULL, epoch INTEGER NOT NULL, name TEXT NOT NULL, sha256 TEXT NOT NULL,
   size_bytes INTEGER NOT NULL, PRIMARY KEY (job, epoch)) WITHOUT ROWID;
+)sql";
+
+// From version 5: no job waits for its removal.
+inline constexpr const char* kOverdueTable = R"sql(
+CREATE TABLE overdue (
+  job TEXT PRIMARY KEY, finished_unix_ms INTEGER NOT NULL, waited_seconds REAL NOT NULL) WITHOUT ROWID;
 )sql";
 
 }  // namespace candela::master

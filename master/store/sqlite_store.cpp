@@ -102,8 +102,9 @@ class SqliteStore final : public Store {
     if (made.ok() && (found == 1 || found == 2)) made = execute(kFromVersion2);
     if (made.ok() && found < 3) made = execute(kChainTables);
     if (made.ok() && found != 0 && found < 4) made = execute(kFromVersion3);
-    if (made.ok() && found != 0) made = execute(kFromVersion4);
-    if (made.ok()) made = execute(kStateTable);
+    if (made.ok() && found != 0 && found < 5) made = execute(kFromVersion4);
+    if (made.ok() && found < 5) made = execute(kStateTable);
+    if (made.ok()) made = execute(kOverdueTable);
     if (made.ok()) made = execute(fmt::format("PRAGMA user_version={}", kSchemaVersion).c_str());
     if (made.ok()) made = execute("COMMIT");
     if (!made.ok()) sqlite3_exec(db_, "ROLLBACK", nullptr, nullptr, nullptr);
@@ -127,6 +128,7 @@ class SqliteStore final : public Store {
   Result<std::vector<UnitRow>> merged_units(const std::string& job_id) override;
   Result<std::vector<EventRow>> events(const std::string& job_id, std::uint32_t limit) override;
   Result<std::optional<std::string>> bundle(const std::string& sha256) override;
+  Result<std::vector<OverdueRow>> overdue() override;
 
  private:
   Error failure(std::string_view what) const {
@@ -190,6 +192,7 @@ class SqliteStore final : public Store {
   bool apply(const DropWorker& c) {
     return Statement(db_, "DELETE FROM workers WHERE id = ?").bind(c.id).run();
   }
+  bool apply(const PutOverdue& c);
   bool apply(const DropJob& c);
   bool apply(const AddEvent& c);
   bool apply(const PutBundle& c) {
@@ -267,6 +270,17 @@ bool SqliteStore::apply(const PutState& c) {
       .bind(c.row.sha256)
       .bind(c.row.size_bytes)
       .run();
+}
+
+bool SqliteStore::apply(const PutOverdue& c) {
+  if (!Statement(db_, "DELETE FROM overdue").run()) return false;
+  return std::all_of(c.rows.begin(), c.rows.end(), [&](const OverdueRow& row) {
+    return Statement(db_, "INSERT INTO overdue VALUES (?,?,?)")
+        .bind(row.job_id)
+        .bind(row.finished_unix_ms)
+        .bind(row.waited_seconds)
+        .run();
+  });
 }
 
 bool SqliteStore::apply(const DropJob& c) {
@@ -574,6 +588,21 @@ Result<std::optional<std::string>> SqliteStore::bundle(const std::string& sha256
   if (s.step()) return std::optional<std::string>(s.text());
   if (s.failed()) return failure("cannot read the bundle");
   return std::optional<std::string>();
+}
+
+Result<std::vector<OverdueRow>> SqliteStore::overdue() {
+  const std::lock_guard lock(mutex_);
+  std::vector<OverdueRow> out;
+  Statement s(db_, "SELECT * FROM overdue ORDER BY job");
+  while (s.step()) {
+    OverdueRow row;
+    row.job_id = s.text();
+    row.finished_unix_ms = s.integer();
+    row.waited_seconds = s.real();
+    out.push_back(std::move(row));
+  }
+  if (s.failed()) return failure("cannot read the jobs that wait for their removal");
+  return out;
 }
 
 }  // namespace

@@ -45,6 +45,7 @@ class Store {
   virtual Result<std::vector<EventRow>> events(const std::string& job_id,
                                                std::uint32_t limit) = 0;  // newest last
   virtual Result<std::optional<std::string>> bundle(const std::string& sha256) = 0;
+  virtual Result<std::vector<OverdueRow>> overdue() = 0;
 };
 
 // `path` is the database file; created, with its schema, where it does not exist. A schema of a newer program

@@ -150,6 +150,47 @@ TEST_F(MasterRemoval, AClockThatJumpsRemovesNothingAtOnce) {
   EXPECT_FALSE(told(old, "removed"));
 }
 
+// Claim: the wait of an old job goes on where a restart broke it off, so that a master which is restarted
+// more often than the wait removes jobs, too. A job that a right clock makes young waits from the beginning.
+TEST_F(MasterRemoval, RestartsDoNotBeginTheWaitAnew) {
+  const std::string old = submit(4), young = submit(5);
+  for (const std::string& id : {old, young}) ASSERT_TRUE(steer(&v1::FarmService::Stub::CancelJob, id).ok());
+  stop();
+  age(old, 1e6);
+  age(young, 1e6);
+  keep_finished_seconds = 20;  // a wait of 2 s, in rounds of 0.5 s
+  const auto waited = [&](const std::string& id) {
+    auto store = open_sqlite_store(folder.path() / "master.sqlite");
+    EXPECT_TRUE(store.ok());
+    const auto rows = (*store)->overdue();
+    EXPECT_TRUE(rows.ok());
+    for (const OverdueRow& row : *rows)
+      if (row.job_id == id) return row.waited_seconds;
+    return 0.0;
+  };
+  double before = 0, longest_run = 0;
+  int runs = 0;
+  for (bool gone = false; !gone && runs < 50; ++runs) {
+    const auto began = std::chrono::steady_clock::now();
+    start();
+    ASSERT_TRUE(eventually([&] { return (gone = !knows(old)) || waited(old) > before; }));
+    stop();
+    before = waited(old);
+    longest_run = std::max(longest_run,
+                           std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count());
+    if (runs > 0) continue;
+    EXPECT_GT(waited(young), 0);
+    age(young, -1e6);
+  }
+  EXPECT_LT(runs, 50);
+  // On a machine that stands still for two seconds one run may be enough.
+  EXPECT_TRUE(runs > 1 || longest_run > 2);
+  EXPECT_EQ(waited(old), 0);
+  EXPECT_EQ(waited(young), 0);
+  start();
+  EXPECT_TRUE(knows(young));
+}
+
 // Claim: a removal that a crash broke off after its decision is finished by the next start.
 TEST_F(MasterRemoval, ABrokenOffRemovalIsFinished) {
   const std::string id = submit(4), other = submit(3);
