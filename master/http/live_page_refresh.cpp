@@ -1,5 +1,7 @@
 // What the page shows, made once for all viewers and sent when it has changed.
 #include <fmt/format.h>
+#include <pthread.h>
+
 #include <ctime>
 
 #include <algorithm>
@@ -55,6 +57,7 @@ void LivePage::closed(const std::string& topic) {
 }
 
 void LivePage::run() {
+  ::pthread_setname_np(::pthread_self(), "page");
   for (;;) {
     std::deque<Task> tasks;
     {

@@ -20,6 +20,14 @@ const connected = {
 
 const link = (path, text) => h('a', {href: path}, text);
 const jobLink = (id, text = id) => link('/jobs/' + encodeURIComponent(id), text);
+// A job's link has its name as soon as the master has told it, once for each job.
+const names = new Map();
+function namedJobLink(id) {
+  const a = jobLink(id);
+  if (!names.has(id)) names.set(id, get('/api/jobs/' + encodeURIComponent(id)).then((j) => j.name, () => { names.delete(id); return ''; }));
+  names.get(id).then((name) => put(a, name || id));
+  return a;
+}
 const workerLink = (id, text = id) => link('/workers/' + encodeURIComponent(id), text);
 const badge = (state) => h('span', {class: 'badge ' + state}, state);
 
@@ -212,7 +220,7 @@ async function workersPage() {
       put(failed, count(w.units_failed));
       if (shown !== w.jobs.join()) {
         shown = w.jobs.join();
-        jobs.replaceChildren(...w.jobs.flatMap((j, i) => [i ? ', ' : '', jobLink(j)]));
+        jobs.replaceChildren(...w.jobs.flatMap((j, i) => [i ? ', ' : '', namedJobLink(j)]));
       }
     }};
   }, (w) => [w.state === 'lost' ? 1 : 0, w.name, w.id]);
@@ -257,9 +265,16 @@ function section(title, ...children) {
   return h('section', {'aria-label': title}, h('h2', {}, title), ...children);
 }
 
-function eventList(events) {
-  return events.length === 0 ? h('p', {class: 'note'}, 'None.') : h('ol', {class: 'events', reversed: true}, ...events.slice().reverse().map((e) => h('li', {}, h('time', {datetime: new Date(e.unix_ms).toISOString()}, when(e.unix_ms)), h('b', {}, e.kind), h('span', {}, e.message, e.worker ? ' ' : '', e.worker ? workerLink(e.worker) : ''))));
+// `other(event)`: a link to what the page is not about; null for none.
+function eventList(events, other) {
+  if (events.length === 0) return h('p', {class: 'note'}, 'None.');
+  return h('ol', {class: 'events', reversed: true}, ...events.slice().reverse().map((e) => {
+    const link = other(e);
+    return h('li', {}, h('time', {datetime: new Date(e.unix_ms).toISOString()}, when(e.unix_ms)), h('b', {}, e.kind), h('span', {}, e.message, link ? ' ' : '', link));
+  }));
 }
+const toWorker = (e) => (e.worker ? workerLink(e.worker) : null);
+const toJob = (e) => (e.job ? namedJobLink(e.job) : null);
 
 async function jobPage(id) {
   const path = '/api/jobs/' + encodeURIComponent(id);
@@ -361,7 +376,7 @@ async function jobPage(id) {
       const meter = h('progress', {max: 1, value: all ? s.seconds / all : 0, 'aria-hidden': 'true'});
       return h('li', {}, workerLink(s.worker, s.name || s.worker), meter, h('span', {}, (all ? Math.round((100 * s.seconds) / all) : 0) + '\u00a0%'), h('span', {class: 'note'}, count(s.units) + ' units'));
     })) : h('p', {class: 'note'}, 'Nothing is merged yet.'));
-    events.replaceChildren(eventList(d.events));
+    events.replaceChildren(eventList(d.events, toWorker));
   };
   const open = (kind) => {
     if (end) end();
@@ -383,6 +398,7 @@ async function workerPage(id) {
   const {list, nodes} = figures([['host', 'Host'], ['threads', 'Threads'], ['units', 'Units merged'], ['failed', 'Units failed'], ['memory', 'Memory'], ['seen', 'Last seen'], ['build', 'Build']]);
   main.replaceChildren(h('div', {class: 'jobhead'}, h('div', {}, title, state), h('div', {class: 'buttons'}, h('button', {type: 'button', class: 'control', onclick: () => drain(id, title.textContent)}, 'Drain…'))),
       message, list, section('Jobs', jobs), section('Events', events));
+  let shown = null;
   const show = (w) => {
     document.title = (w.name || w.id) + ' – Candela';
     put(title, w.name || w.id);
@@ -396,10 +412,13 @@ async function workerPage(id) {
     put(nodes.memory, bytes(w.resident_bytes));
     put(nodes.seen, when(w.last_seen_unix_ms));
     put(nodes.build, w.build_id);
-    jobs.replaceChildren(...(w.jobs.length ? w.jobs.flatMap((j, i) => [i ? ', ' : '', jobLink(j)]) : ['None now.']));
+    if (shown !== w.jobs.join()) {
+      shown = w.jobs.join();
+      jobs.replaceChildren(...(w.jobs.length ? w.jobs.flatMap((j, i) => [i ? ', ' : '', namedJobLink(j)]) : ['None now.']));
+    }
   };
   show(first);
-  return stream('worker=' + encodeURIComponent(id), {worker: show, events: (e) => events.replaceChildren(eventList(e))}, {...connected, again: () => {}});
+  return stream('worker=' + encodeURIComponent(id), {worker: show, events: (e) => events.replaceChildren(eventList(e, toJob))}, {...connected, again: () => {}});
 }
 
 // Routes. Links change the page without loading it anew.

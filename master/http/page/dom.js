@@ -48,7 +48,7 @@ export function small(v) {
 }
 
 export function when(ms) {
-  return ms ? new Date(ms).toLocaleString() : '–';
+  return ms ? new Date(ms).toLocaleString(undefined, {dateStyle: 'short', timeStyle: 'medium'}) : '–';
 }
 
 // Share of the work that is done, of the limit that will end it first; null without a limit.
