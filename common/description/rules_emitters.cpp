@@ -5,6 +5,10 @@ namespace candela::description::rules {
 
 namespace {
 
+PropertyRule luminous_power(std::string_view doc) {
+  return {.name = "power", .types = {number}, .doc = doc, .minimum = 0, .above_minimum = true};
+}
+
 // 0.6's emitters of daylight, by what they have beside the position of the sun.
 PluginRule daylight(std::string_view name, std::vector<PropertyRule> own, std::string_view doc,
                     std::string_view differs) {
@@ -78,6 +82,8 @@ void add_emitters(std::vector<PluginRule>& table) {
                    .name = "area",
                    .properties = {textured(non_negative_rgb(
                                       "radiance", "W/(m^2 sr), towards the normal's side (default 1)")),
+                                  luminous_power("Candela's addition: the light is scaled such that the "
+                                                 "luminance of all that leaves its shape is this, in W"),
                                   sampling_weight()},
                    .child_categories = {},
                    .doc = "makes its shape a diffuse emitter; only inside a shape"});
@@ -122,7 +128,14 @@ void add_emitters(std::vector<PluginRule>& table) {
                    {textured(non_negative_rgb("irradiance",
                                               "the picture: irradiance over pi, W/m^2, of the "
                                               "plane at distance 1 (default 1)")),
-                    {.name = "scale", .types = {number}, .doc = "factor (default 1)", .minimum = 0}});
+                    {.name = "scale", .types = {number}, .doc = "factor (default 1)", .minimum = 0},
+                    {.name = "quantity",
+                     .types = {string},
+                     .values = {"irradiance", "intensity"},
+                     .doc = "Candela's addition: intensity, as in pbrt: the picture is W/sr (default "
+                            "irradiance)"},
+                    luminous_power("Candela's addition: the light is scaled such that its luminance is this, "
+                                   "in W, whatever its scale")});
   projector.push_back(to_world("as of a camera that sees the picture: along +z, +y is up, +x to the left"));
   projector.push_back(sampling_weight());
   table.push_back({.category = "emitter",
@@ -130,6 +143,18 @@ void add_emitters(std::vector<PluginRule>& table) {
                    .properties = std::move(projector),
                    .child_categories = {"medium"},
                    .doc = "a point that projects a picture, as a pinhole camera would see it"});
+  table.push_back(
+      {.category = "emitter",
+       .name = "goniometric",
+       .properties =
+           {file("square picture of all directions that keeps areas, as pbrt's: the mean of its red, "
+                 "green and blue; +y is in its middle, +x to the right, +z below; at most 2048 pixels a "
+                 "side"),
+            non_negative_rgb("intensity", "W/sr where the picture is 1 (default 1)"),
+            luminous_power("the light is scaled such that its luminance is this, in W"),
+            to_world("moves and turns the light"), sampling_weight()},
+       .child_categories = {"medium"},
+       .doc = "Candela's addition, as in pbrt: a point whose light follows a picture of its directions"});
   table.push_back(
       {.category = "emitter",
        .name = "directional",
@@ -156,6 +181,13 @@ void add_emitters(std::vector<PluginRule>& table) {
                        .doc =
                            "Candela's addition: equalarea is pbrt's square picture, +z up (default latlong)"},
                       {.name = "scale", .types = {number}, .doc = "factor (default 1)", .minimum = 0},
+                      {.name = "illuminance",
+                       .types = {number},
+                       .doc = "Candela's addition, with equalarea: the light is scaled such that its "
+                              "luminance on a plane below, facing its +z, is this, in W/m^2, whatever its "
+                              "scale",
+                       .minimum = 0,
+                       .above_minimum = true},
                       to_world("turns the environment (default identity)"),
                       sampling_weight(),
                       ignored("mis_compensation", {boolean},

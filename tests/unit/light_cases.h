@@ -136,6 +136,11 @@ inline const std::vector<LightCase>& light_cases() {
            "value=\"1\"/></texture>"
            "</emitter>",
        0, 3 * 0.6 * pi * 4 / 3},
+      {"projected intensity",
+       "<emitter type=\"projector\">" + aim +
+           "<float name=\"fov\" value=\"60\"/><float name=\"scale\" value=\"3\"/><string "
+           "name=\"quantity\" value=\"intensity\"/></emitter>",
+       0, 3 * 4 * std::asin(0.25), 2e-4},
   };
   return cases;
 }

@@ -218,10 +218,25 @@ Result<void> SceneBuilder::add_shape(const description::Object& object, bool in_
   return {};
 }
 
+Result<ColorTexture> SceneBuilder::radiance_of(const AreaEmitter& area) {
+  const description::ObjectPtr& object = area.object;
+  CANDELA_ASSIGN(const ColorTexture radiance, textures_.color(*object, "radiance", Spectrum(1.0f)));
+  if (object->find("power") == nullptr) return radiance;
+  const Emitter light =
+      make_area_light(geometry_, area.shape, area.rectangle ? &*area.rectangle : nullptr, radiance);
+  const SceneExtent extent;
+  const double power = static_cast<double>(
+      luminance(std::visit([&](const auto& emitter) { return emitter.power(extent); }, light)));
+  const auto factor = static_cast<float>(object->get_number("power", 0) / power);
+  if (!std::isfinite(factor))
+    return error_at(*object, "a black light cannot be scaled to a power").with_field("power");
+  return textures_.scaled(radiance, factor);
+}
+
 Result<void> SceneBuilder::finish_geometry() {
   geometry_.finish();
   for (const AreaEmitter& area : area_emitters_) {
-    CANDELA_ASSIGN(const ColorTexture radiance, textures_.color(*area.object, "radiance", Spectrum(1.0f)));
+    CANDELA_ASSIGN(const ColorTexture radiance, radiance_of(area));
     if (radiance.is_constant() && !is_radiometric(radiance.constant)) {
       return error_at(*area.object, "radiance must be finite and not negative").with_field("radiance");
     }
@@ -281,7 +296,48 @@ Result<ProjectorLight> SceneBuilder::projector(const description::Object& object
   const double aspect = aspect_of(picture.texture), scale = object.get_number("scale", 1);
   CANDELA_ASSIGN(const double half_width, half_width_at_unit_depth(object, aspect));
   CANDELA_ASSIGN(const Frame frame, frame_of(object, to_world));
-  return ProjectorLight(Vec3(to_world.translation()), frame, picture, scale, half_width, half_width / aspect);
+  using Quantity = ProjectorLight::Quantity;
+  const Quantity quantity =
+      object.get_string("quantity", "irradiance") == "intensity" ? Quantity::intensity : Quantity::irradiance;
+  const auto light = [&](double factor) {
+    return ProjectorLight(Vec3(to_world.translation()), frame, picture, quantity, factor, half_width,
+                          half_width / aspect);
+  };
+  if (object.find("power") == nullptr) return light(scale);
+  constexpr int kSteps = 1024;  // many pictures have no more pixels
+  const double factor =
+      object.get_number("power", 0) / static_cast<double>(luminance(light(1).power_by(kSteps)));
+  if (!std::isfinite(static_cast<float>(factor)))
+    return error_at(object, "a black light cannot be scaled to a power").with_field("power");
+  return light(factor);
+}
+
+Result<std::optional<GoniometricLight>> SceneBuilder::goniometric(const description::Object& object,
+                                                                  const Transform& to_world) {
+  CANDELA_ASSIGN(Spectrum intensity, quantity(object, "intensity"));
+  const description::Property* named = object.find("filename");
+  const description::Location where = named != nullptr ? named->where : object.where;
+  CANDELA_ASSIGN(const auto image, textures_.image(object.get_string("filename", ""), {}, where));
+  if (image->width != image->height || image->width > DirectionPicture::kMaxSide)
+    return error_at(object, "the picture of a goniometric light is square, of at most " +
+                                std::to_string(DirectionPicture::kMaxSide) + " pixels a side")
+        .with_field("filename");
+  if (!is_radiometric(image->minimum) || !is_radiometric(image->maximum))
+    return error_at(object, "the picture of a goniometric light must be finite and not negative")
+        .with_field("filename");
+  auto picture = std::make_shared<const DirectionPicture>(*image);
+  if (object.find("power") != nullptr) {
+    const double power = static_cast<double>(luminance(intensity)) * 4 * std::numbers::pi * picture->mean();
+    const auto factor = static_cast<float>(object.get_number("power", 0) / power);
+    if (!std::isfinite(factor))
+      return error_at(object, "a black light cannot be scaled to a power").with_field("power");
+    intensity = intensity * factor;
+  }
+  CANDELA_ASSIGN(const Frame frame, frame_of(object, to_world));
+  if (intensity.is_black() || !(picture->mean() > 0)) return std::optional<GoniometricLight>();
+  // +y of the light is the picture's +z.
+  const Frame turned{frame.s, frame.n, frame.t};
+  return std::optional(GoniometricLight(Vec3(to_world.translation()), turned, intensity, std::move(picture)));
 }
 
 void SceneBuilder::add_place_light(Emitter light, float peak) {
@@ -313,6 +369,10 @@ Result<void> SceneBuilder::emitter(const description::Object& object) {
     const float peak = luminance(light.peak());
     if (!(peak > 0)) return {};
     add_place_light(light, peak);
+  } else if (object.plugin == "goniometric") {
+    CANDELA_ASSIGN(const std::optional<GoniometricLight> light, goniometric(object, to_world));
+    if (!light) return {};
+    add_place_light(*light, luminance(light->peak()));
   } else if (object.plugin == "directional") {
     if (object.find("direction") != nullptr && object.find("to_world") != nullptr) {
       return error_at(object, "give either direction or to_world, not both").with_field("direction");

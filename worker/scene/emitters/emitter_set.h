@@ -16,6 +16,7 @@
 #include "worker/scene/emitters/directional.h"
 #include "worker/scene/emitters/disk.h"
 #include "worker/scene/emitters/environment.h"
+#include "worker/scene/emitters/goniometric.h"
 #include "worker/scene/emitters/mesh.h"
 #include "worker/scene/emitters/point.h"
 #include "worker/scene/emitters/projector.h"
@@ -27,7 +28,7 @@ namespace candela::scene {
 
 // At most 11 kinds: up to that std::visit is a switch, beyond it a table of functions.
 using Emitter = std::variant<RectangleLight, SphereLight, DiskLight, CylinderLight, MeshLight, PointLight,
-                             SpotLight, ProjectorLight, DirectionalLight, Environment>;
+                             SpotLight, ProjectorLight, GoniometricLight, DirectionalLight, Environment>;
 
 // The emitter of a shape that is in the geometry already; rectangle: as build_shape gave it, null otherwise.
 Emitter make_area_light(const Geometry& geometry, std::uint32_t shape, const Rectangle* rectangle,

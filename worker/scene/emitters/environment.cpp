@@ -106,6 +106,14 @@ bool make_cdf(const std::vector<double>& weights, float* cdf) {
   return true;
 }
 
+// The z of the direction at (u, v) of the map, u and v in [0, 1].
+double height(double u, double v) {
+  double sin_theta = 0, cos_theta = 0, sin_phi = 0, cos_phi = 0;
+  math::sincos(std::numbers::pi * v, sin_theta, cos_theta);
+  math::sincos(2 * std::numbers::pi * u, sin_phi, cos_phi);
+  return -sin_theta * cos_phi;
+}
+
 // The image of an envmap's file or of daylight.
 Result<std::shared_ptr<const TexelImage>> image_of(const description::Object& object,
                                                    TextureStore& textures) {
@@ -149,14 +157,16 @@ Result<Environment> Environment::build(const description::Object& object, Textur
     return constant(color.constant);
   }
   CANDELA_ASSIGN(const std::shared_ptr<const TexelImage> image, image_of(object, textures));
-  const double scale = is_daylight(object) ? 1.0 : object.get_number("scale", 1);
+  double scale = is_daylight(object) ? 1.0 : object.get_number("scale", 1);
+  const bool to_illuminance = object.find("illuminance") != nullptr;
+  if (to_illuminance && object.get_string("mapping", "latlong") != "equalarea")
+    return located("illuminance needs the mapping 'equalarea'", object, "illuminance");
   if (!(scale >= 0) || !std::isfinite(static_cast<float>(scale))) {
     return located("the scale is finite and not negative", object, "scale");
   }
   auto map = std::make_shared<Map>();
   CANDELA_ASSIGN(map->to_world, directions(object));
   map->image = image;
-  map->scale = static_cast<float>(scale);
   map->columns = image->width;
   map->rows = image->height - 1;
   map->edge_cos.resize(map->rows + 1);
@@ -180,7 +190,7 @@ Result<Environment> Environment::build(const description::Object& object, Textur
   std::vector<double> row_weights(map->rows);
   std::vector<double> cell_weights(map->columns);
   double mean[3] = {0, 0, 0};
-  double squares = 0;
+  double squares = 0, onto_plane = 0;
   float brightest = 0;
   for (std::uint32_t r = 0; r < map->rows; ++r) {
     const double solid_angle = map->cell_solid_angle(r);
@@ -198,6 +208,9 @@ Result<Environment> Environment::build(const description::Object& object, Textur
         mean[2] += s.b * solid_angle;
       }
       cell_weights[c] = weight * solid_angle;
+      if (to_illuminance)
+        onto_plane +=
+            cell_weights[c] / 4 * std::max(0.0, height((c + 1.0) / map->columns, (r + 0.5) / map->rows));
       squares += weight * weight * solid_angle;
       row += cell_weights[c];
     }
@@ -207,6 +220,12 @@ Result<Environment> Environment::build(const description::Object& object, Textur
     CANDELA_TRY(table.append(std::as_bytes(std::span(cells))));
   }
   CANDELA_ASSIGN(map->cell_cdf, table.finish());
+  if (to_illuminance) {
+    scale = object.get_number("illuminance", 0) / onto_plane;
+    if (!std::isfinite(static_cast<float>(scale)))
+      return located("the upper half of the picture is black", object, "illuminance");
+  }
+  map->scale = static_cast<float>(scale);
   const double to_mean = scale / (4 * 4 * std::numbers::pi);
   const Spectrum m = {static_cast<float>(mean[0] * to_mean), static_cast<float>(mean[1] * to_mean),
                       static_cast<float>(mean[2] * to_mean)};

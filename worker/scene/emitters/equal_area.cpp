@@ -54,6 +54,18 @@ Vec2 equal_area_square(Vec3d d) {
           static_cast<float>((std::copysign(v, d.y) + 1) / 2)};
 }
 
+Vec3d equal_area_direction(double x, double y) {
+  const double u = 2 * x - 1, v = 2 * y - 1;
+  const double inside = 1 - (std::abs(u) + std::abs(v));  // above 0 in the half of +z
+  const double r = 1 - std::abs(inside);
+  const double phi = r > 0 ? ((std::abs(v) - std::abs(u)) / r + 1) * (std::numbers::pi / 4) : 0;
+  double sin_phi = 0, cos_phi = 0;
+  math::sincos(phi, sin_phi, cos_phi);
+  const double sin_theta = r * std::sqrt(2 - r * r);
+  return {std::copysign(cos_phi * sin_theta, u), std::copysign(sin_phi * sin_theta, v),
+          std::copysign(1 - r * r, inside)};
+}
+
 Result<TexelImage> latitude_longitude(const TexelImage& square, Scratch& scratch) {
   TexelImage image;
   image.file = square.file;

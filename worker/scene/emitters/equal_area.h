@@ -11,6 +11,8 @@ namespace candela::scene {
 // The place of a direction (unit) in the square [0, 1]^2, which keeps areas [Clarberg 2008]: +z is in the
 // middle, -z in the corners, x to the right and y downwards in the rows of a picture.
 Vec2 equal_area_square(Vec3d direction);
+// The direction (unit) of a place in the square.
+Vec3d equal_area_direction(double x, double y);
 
 // The picture as rows from pole to pole that Environment reads, of twice the columns and one row more. The
 // picture is square.

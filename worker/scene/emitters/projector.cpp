@@ -8,37 +8,47 @@
 
 namespace candela::scene {
 
-ProjectorLight::ProjectorLight(Vec3 position, const Frame& frame, const ColorTexture& picture, double scale,
-                               double tan_x, double tan_y)
+ProjectorLight::ProjectorLight(Vec3 position, const Frame& frame, const ColorTexture& picture,
+                               Quantity quantity, double scale, double tan_x, double tan_y)
     : position_(position),
       frame_(frame),
       picture_(picture),
-      factor_(math::kPi * static_cast<float>(scale)),
+      quantity_(quantity),
+      factor_(quantity == Quantity::intensity ? static_cast<float>(scale)
+                                              : math::kPi * static_cast<float>(scale)),
       tan_x_(static_cast<float>(tan_x)),
       tan_y_(static_cast<float>(tan_y)),
       cos_corner_(static_cast<float>(1 / std::sqrt(1 + tan_x * tan_x + tan_y * tan_y))),
       strength_(luminance(peak())) {
-  const float area = 4 * tan_x_ * tan_y_;
-  if (picture_.is_constant()) {
-    power_ = picture_.constant * (factor_ * area);
-    return;
-  }
   constexpr int kSteps = 64;
+  const bool is_even = picture_.is_constant() && quantity_ == Quantity::irradiance;
+  power_ = is_even ? picture_.constant * (factor_ * 4 * tan_x_ * tan_y_) : power_by(kSteps);
+}
+
+Spectrum ProjectorLight::power_by(int steps) const {
   double sum[3] = {};
-  for (int i = 0; i < kSteps * kSteps; ++i) {
-    const Spectrum s = picture_.eval(
-        {(static_cast<float>(i % kSteps) + 0.5f) / kSteps, (static_cast<float>(i / kSteps) + 0.5f) / kSteps});
+  for (int i = 0; i < steps * steps; ++i) {
+    const Vec2 uv{(static_cast<float>(i % steps) + 0.5f) / static_cast<float>(steps),
+                  (static_cast<float>(i / steps) + 0.5f) / static_cast<float>(steps)};
+    Spectrum s = picture_.eval(uv);
+    if (quantity_ == Quantity::intensity) {
+      const float x = (1 - 2 * uv.x) * tan_x_, y = (1 - 2 * uv.y) * tan_y_;
+      const float d2 = 1 + x * x + y * y;
+      s = s * (1 / (d2 * std::sqrt(d2)));
+    }
     sum[0] += static_cast<double>(s.r);
     sum[1] += static_cast<double>(s.g);
     sum[2] += static_cast<double>(s.b);
   }
-  const double each = static_cast<double>(factor_) * static_cast<double>(area) / (kSteps * kSteps);
-  power_ = {static_cast<float>(sum[0] * each), static_cast<float>(sum[1] * each),
-            static_cast<float>(sum[2] * each)};
+  const double area = 4 * static_cast<double>(tan_x_) * static_cast<double>(tan_y_);
+  const double each = static_cast<double>(factor_) * area / (static_cast<double>(steps) * steps);
+  return {static_cast<float>(sum[0] * each), static_cast<float>(sum[1] * each),
+          static_cast<float>(sum[2] * each)};
 }
 
 Spectrum ProjectorLight::peak() const {
-  return picture_.maximum() * (factor_ / (cos_corner_ * cos_corner_ * cos_corner_));
+  const float cosine = quantity_ == Quantity::intensity ? 1 : cos_corner_;
+  return picture_.maximum() * (factor_ / (cosine * cosine * cosine));
 }
 
 bool ProjectorLight::picture_place(Vec3 d, Vec2& uv, float& cosine) const {
@@ -55,6 +65,7 @@ Spectrum ProjectorLight::intensity(Vec3 d) const {
   Vec2 uv;
   float cosine = 0;
   if (!picture_place(d, uv, cosine)) return {};
+  if (quantity_ == Quantity::intensity) return picture_.eval(uv) * factor_;
   return picture_.eval(uv) * (factor_ / (cosine * cosine * cosine));
 }
 

@@ -1,6 +1,7 @@
 // Mitsuba 3's projector: a point that shines through a picture on the plane at distance 1 before it, such
 // that the picture is the plane's irradiance over pi. With c the cosine to the axis the intensity is
 //   I(d) = pi E(u, v) / c^3
+// pbrt's projection light, as the other reading of the picture, has the intensity I(d) = E(u, v).
 #pragma once
 
 #include "worker/core/vec.h"
@@ -20,8 +21,9 @@ class ProjectorLight {
 
   // frame.n is the axis, frame.s points to the left of the picture and frame.t to its top; tan_x, tan_y > 0:
   // half its width and height.
-  ProjectorLight(Vec3 position, const Frame& frame, const ColorTexture& picture, double scale, double tan_x,
-                 double tan_y);
+  enum class Quantity { irradiance, intensity };  // of the picture
+  ProjectorLight(Vec3 position, const Frame& frame, const ColorTexture& picture, Quantity quantity,
+                 double scale, double tan_x, double tan_y);
 
   DirectOutcome sample_direct(const SurfaceHit& reference, Vec3 front, double rest, Vec2 u,
                               DirectSample& out) const;
@@ -42,6 +44,8 @@ class ProjectorLight {
 
   // W / sr, in no direction more.
   Spectrum peak() const;
+  // The power by a quadrature of steps x steps places in the picture.
+  Spectrum power_by(int steps) const;
 
  private:
   // False: d (unit, world) leaves beside the picture.
@@ -52,7 +56,8 @@ class ProjectorLight {
   Vec3 position_;
   Frame frame_;
   ColorTexture picture_;
-  float factor_;  // pi times the scale
+  Quantity quantity_;
+  float factor_;  // the scale, of irradiance times pi
   float tan_x_, tan_y_;
   float cos_corner_;
   float strength_;  // importance at unit distance and cosines

@@ -328,6 +328,12 @@ Result<FloatTexture> TextureStore::number_at_depth(const description::Object& ow
   return result;
 }
 
+ColorTexture TextureStore::scaled(const ColorTexture& texture, float factor) {
+  if (texture.is_constant()) return {texture.constant * factor, nullptr};
+  scaled_.push_back(std::make_unique<Scale>(*texture.texture, Spectrum(factor)));
+  return {{}, scaled_.back().get()};
+}
+
 Result<FloatTexture> TextureStore::nested_number(const description::ObjectPtr& object) {
   FloatTexture result;
   CANDELA_ASSIGN(result.texture, build(object, 0));

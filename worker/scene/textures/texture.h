@@ -72,6 +72,9 @@ class TextureStore {
   Result<ColorTexture> color(const description::Object& owner, std::string_view name, Spectrum otherwise);
   Result<FloatTexture> number(const description::Object& owner, std::string_view name, float otherwise);
 
+  // A texture times a factor that is not negative.
+  ColorTexture scaled(const ColorTexture& texture, float factor);
+
   // The texture `object` itself, in the place of a number.
   Result<FloatTexture> nested_number(const description::ObjectPtr& object);
 
@@ -100,6 +103,7 @@ class TextureStore {
   std::map<std::pair<std::string, ImageReading>, std::shared_ptr<const TexelImage>> images_;
   std::map<description::ObjectPtr, std::unique_ptr<const Texture>>
       textures_;  // by the object they were built from
+  std::vector<std::unique_ptr<const Texture>> scaled_;
 };
 
 }  // namespace candela::scene
