@@ -8,6 +8,7 @@
 
 #include "common/rng/stream.h"
 #include "worker/loaders/loop_subdivision.h"
+#include "worker/loaders/pbrt_cloud.h"
 #include "worker/loaders/pbrt_curve.h"
 #include "worker/loaders/pbrt_grid.h"
 #include "worker/loaders/pbrt_mesh.h"
@@ -273,6 +274,71 @@ TEST(PbrtGrid, DensitiesAreAsWritten) {
     const auto bad = load_pbrt_grid(wrong, "a.pbrt", 0, 7);
     EXPECT_NE((bad.ok() ? "no error" : bad.error().to_string()).find("a.pbrt:7"), std::string::npos) << wrong;
   }
+}
+
+// Claim: colors of a medium 'rgbgrid' give extinction and albedo of each cell; a coefficient that is not
+// there is 1.
+TEST(PbrtGrid, ColorsAreExtinctionAndAlbedo) {
+  const std::string medium =
+      "MakeNamedMedium \"m\" \"string type\" \"rgbgrid\" \"integer nx\" 2 \"rgb sigma_a\" [ 1 0 3 0 0 0 ]";
+  const auto extinction =
+      load_pbrt_grid(medium + "\"rgb sigma_s\" [ 1 2 1 0 0 6 ]", "a.pbrt", 0, 1, "sigma_t");
+  ASSERT_TRUE(extinction.ok()) << extinction.error().to_string();
+  EXPECT_EQ(extinction->channels, 3U);
+  EXPECT_EQ(extinction->values, (std::vector<float>{2, 2, 4, 0, 0, 6}));
+  const auto albedo = load_pbrt_grid(medium + "\"rgb sigma_s\" [ 1 2 1 0 0 6 ]", "a.pbrt", 0, 1, "albedo");
+  ASSERT_TRUE(albedo.ok()) << albedo.error().to_string();
+  EXPECT_EQ(albedo->values, (std::vector<float>{0.5f, 1, 0.25f, 0, 0, 1}));
+  const auto alone = load_pbrt_grid(medium, "a.pbrt", 0, 1, "sigma_t");
+  ASSERT_TRUE(alone.ok()) << alone.error().to_string();
+  EXPECT_EQ(alone->values, (std::vector<float>{2, 1, 4, 1, 1, 1}));
+  for (const std::string& wrong :
+       {std::string("MakeNamedMedium \"m\" \"rgb sigma_a\" [ -1 0 0 ]"), std::string("MakeNamedMedium \"m\""),
+        medium + "\"rgb sigma_s\" [ 1 2 1 ]"})
+    EXPECT_FALSE(load_pbrt_grid(wrong, "a.pbrt", 0, 7, "albedo").ok()) << wrong;
+}
+
+// Claim: the noise is Perlin's: 0 on the lattice, its known value elsewhere, and smooth. A cloud is within 0
+// and 1, dense at the ground.
+TEST(PbrtCloud, IsNoiseThatThinsOutWithHeight) {
+  EXPECT_EQ(gradient_noise({3, -2, 17}), 0);
+  // Near a corner of the lattice the noise is its gradient times the way from there; gradients have two
+  // components of +1 or -1.
+  for (int i = 0; i < 50; ++i) {
+    const Vec3 corner{static_cast<float>(i * 7 - 100), static_cast<float>(3 * i), static_cast<float>(-i)};
+    const float h = 1e-3f;
+    const float x = gradient_noise(corner + Vec3{h, 0, 0}) / h,
+                y = gradient_noise(corner + Vec3{0, h, 0}) / h,
+                z = gradient_noise(corner + Vec3{0, 0, h}) / h;
+    EXPECT_NEAR(std::abs(x) + std::abs(y) + std::abs(z), 2, 0.2f);
+  }
+  rng::Stream stream(rng::key(92));
+  double sum = 0, low = 1, high = -1;
+  for (int i = 0; i < 20000; ++i) {
+    const auto next = [&] { return 40 * stream.next_float() - 20; };
+    const float x = next(), y = next();
+    const auto v = static_cast<double>(gradient_noise({x, y, next()}));
+    sum += v;
+    low = std::min(low, v);
+    high = std::max(high, v);
+  }
+  EXPECT_NEAR(sum / 20000, 0, 0.01);
+  EXPECT_GT(low, -1.01);
+  EXPECT_LT(high, 1.01);
+  const PbrtCloud cloud;
+  EXPECT_EQ(cloud.at({0.3f, 0, 0.4f}), 1);  // at the ground
+  EXPECT_EQ(cloud.at({0.3f, 1, 0.4f}), 0);  // at the top
+  const std::string directive =
+      "MakeNamedMedium \"c\" \"string type\" \"cloud\" \"float frequency\" 3 \"point3 p1\" [ 1 2 1 ]";
+  const auto grid = load_pbrt_grid(directive, "a.pbrt", 0, 1);
+  ASSERT_TRUE(grid.ok()) << grid.error().to_string();
+  EXPECT_EQ(grid->size, (std::array<std::uint32_t, 3>{128, 128, 128}));
+  PbrtCloud three;
+  three.frequency = 3;
+  const auto cell = [](int i, float extent) { return (static_cast<float>(i) + 0.5f) / 128 * extent; };
+  EXPECT_NEAR(grid->values[(100 * 128 + 40) * 128 + 7], three.at({cell(7, 1), cell(40, 2), cell(100, 1)}),
+              1e-4f);
+  EXPECT_FALSE(load_pbrt_grid(directive + " \"float density\" 1e9", "a.pbrt", 0, 1).ok());
 }
 
 // Claim: whatever the bytes of a directive, the answer is curves, a grid, or one error; grids are as large as

@@ -1,4 +1,4 @@
-// The densities of a MakeNamedMedium directive in a file of a pbrt scene.
+// The values of a MakeNamedMedium directive in a file of a pbrt scene, on a grid.
 #pragma once
 
 #include <cstdint>
@@ -10,9 +10,10 @@
 
 namespace candela::loaders {
 
-// One channel. `offset` is where the word MakeNamedMedium begins, in line `line`. Errors: the directive has
-// no densities, not as many as its grid has cells, or a negative one.
+// `offset` is where the word MakeNamedMedium begins, in line `line`. `quantity`: empty for the densities of
+// 'uniformgrid' and 'cloud' (one channel), "sigma_t" or "albedo" of 'rgbgrid' (three). Errors: the directive
+// has no values, not as many as its grid has cells, or a negative one.
 Result<VolumeData> load_pbrt_grid(std::string_view bytes, const std::string& name, std::int64_t offset,
-                                  int line);
+                                  int line, std::string_view quantity = {});
 
 }  // namespace candela::loaders

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/base/log.h"
+#include "worker/loaders/nano_vdb.h"
 #include "worker/loaders/pbrt_grid.h"
 #include "worker/loaders/vdb/volume_vdb.h"
 #include "worker/scene/transform.h"
@@ -37,7 +38,13 @@ Result<GridVolume> GridVolume::build(const description::Object& object,
   const bool in_box = object.get_bool("use_grid_bbox", false);
   CANDELA_ASSIGN(const description::FileSource::Bytes bytes, files.open(file));
   GridVolume grid;
-  if (loaders::is_vdb(bytes.view)) {
+  if (object.find("offset") != nullptr) {
+    CANDELA_ASSIGN(grid.data_,
+                   loaders::load_pbrt_grid(bytes.view, file, object.get_integer("offset", 0),
+                                           object.where.file == file ? object.where.line : 1, name));
+  } else if (loaders::is_nano_vdb(bytes.view)) {
+    CANDELA_ASSIGN(grid.data_, loaders::load_nano_vdb(bytes.view, file, name));
+  } else if (loaders::is_vdb(bytes.view)) {
 #ifdef CANDELA_OPENVDB
     CANDELA_ASSIGN(grid.data_, loaders::load_vdb(bytes.view, file, {.grid = name, .place = in_box}));
 #else
@@ -46,12 +53,10 @@ Result<GridVolume> GridVolume::build(const description::Object& object,
         .with_mend("install libopenvdb-dev and build again, or convert the file to Mitsuba's .vol format");
 #endif
   } else if (!name.empty()) {
-    return fail("only OpenVDB files have grids with names, and '" + file + "' is none").with_field("grid");
+    return fail("only OpenVDB and NanoVDB files have grids with names, and '" + file + "' is none")
+        .with_field("grid");
   } else if (file.ends_with(".vdb")) {
     return fail("'" + file + "' is not an OpenVDB file: it does not start as one").with_field("filename");
-  } else if (object.find("offset") != nullptr) {
-    CANDELA_ASSIGN(grid.data_, loaders::load_pbrt_grid(bytes.view, file, object.get_integer("offset", 0),
-                                                       object.where.file == file ? object.where.line : 1));
   } else {
     CANDELA_ASSIGN(grid.data_, loaders::load_volume(bytes.view, file));
     if (grid.data_.negative_count > 0) {

@@ -1,0 +1,23 @@
+// NanoVDB's sparse grids of floats, as pbrt scenes have them.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "common/base/result.h"
+#include "worker/loaders/volume.h"
+
+namespace candela::loaders {
+
+// Whether the bytes start as a file of NanoVDB does.
+inline bool is_nano_vdb(std::string_view bytes) {
+  return bytes.starts_with("NanoVDB");
+}
+
+// The grid of this name (empty: the file's first) as one dense channel. Files of the version 32, not
+// compressed or by ZIP; the box around the active voxels is the grid, 2^30 values at most. A voxel is a cell
+// whose center is at the voxel's index, so that low and high reach half a voxel further. The grid's transform
+// may scale and move, not turn or shear. `name` goes into errors.
+Result<VolumeData> load_nano_vdb(std::string_view bytes, const std::string& name, const std::string& grid);
+
+}  // namespace candela::loaders
