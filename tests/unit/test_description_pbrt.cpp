@@ -114,6 +114,28 @@ TEST(DescriptionPbrt, WorldsMeanTheSameAsTheirTwins) {
        "<emitter type='envmap'><string name='filename' value='image.png'/><string name='mapping' "
        "value='equalarea'/><float name='scale' value='4'/>" +
            matrix(kUnit) + "</emitter>"},
+      // 3 W/sr of luminance times the power 5; the picture's right is +x, which is the left of ours.
+      {"LightSource \"projection\" \"string filename\" \"image.png\" \"float fov\" 40 \"float scale\" 3 "
+       "\"float "
+       "power\" 5",
+       "<emitter type='projector'><texture name='irradiance' type='bitmap'><string name='filename' "
+       "value='image.png'/><string name='filter_type' value='nearest'/><string name='wrap_mode' "
+       "value='clamp'/></texture><float name='power' value='15'/><string name='quantity' "
+       "value='intensity'/><float name='fov' value='40'/><string name='fov_axis' value='smaller'/>" +
+           matrix("-1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1") + "</emitter>"},
+      {"LightSource \"goniometric\" \"string filename\" \"image.png\" \"rgb I\" [2 2 2]",
+       "<emitter type='goniometric'><string name='filename' value='image.png'/>" + gray("intensity", 2) +
+           matrix(kUnit) + "</emitter>"},
+      // Half of the power leaves the one side that glows here.
+      {"AreaLightSource \"diffuse\" \"float power\" 10 \"bool twosided\" true \"float scale\" 2\nShape "
+       "\"sphere\"",
+       xml_sphere(half + "<emitter type='area'><float name='power' value='10'/>" + gray("radiance", 2) +
+                  "</emitter>")},
+      {"LightSource \"infinite\" \"string filename\" \"image.png\" \"float illuminance\" 4 \"float scale\" "
+       "3",
+       "<emitter type='envmap'><string name='filename' value='image.png'/><string name='mapping' "
+       "value='equalarea'/><float name='illuminance' value='12'/>" +
+           matrix(kUnit) + "</emitter>"},
       {"MakeNamedMedium \"fog\" \"string type\" \"homogeneous\" \"rgb sigma_a\" [1 1 1] \"rgb sigma_s\" [3 3 "
        "3] "
        "\"float g\" 0.5\nMediumInterface \"fog\" \"\"\nMaterial \"interface\"\nShape \"sphere\"",
@@ -430,9 +452,6 @@ TEST(DescriptionPbrt, MistakesAreNamed) {
       {"Shape \"sphera\"", "unknown shape 'sphera' (did you mean 'sphere'?)",
        "unknown shape 'sphera': it is left out (did you mean 'sphere'?)"},
       {"Material \"difuse\"", "unknown material 'difuse' (did you mean 'diffuse'?)", "ok"},
-      {"Material \"hair\"\nShape \"sphere\"",
-       "material 'hair' is not supported yet (with --lenient it is read as 'diffuse')",
-       "material 'hair' is not supported yet: it is read as 'diffuse'"},
       {"Shape \"sphere\" \"float radus\" 1",
        "shape 'sphere' has no parameter 'radus' (did you mean 'radius'?)",
        "shape 'sphere' has no parameter 'radus': it is passed over (did you mean 'radius'?)"},
@@ -458,17 +477,19 @@ TEST(DescriptionPbrt, MistakesAreNamed) {
       {"Translate 1 2 \"3\"", "Translate needs a finite number, not '3'", ""},
       {"Scale 0 1 1\nShape \"sphere\"", "the transform of the shape is singular", ""},
       {"LookAt 0 0 0 0 0 1 0 0 1", "LookAt looks at its own place, or along its up vector", ""},
-      {"LightSource \"goniometric\"",
-       "light 'goniometric' is not supported yet (with --lenient it is read as 'point')",
-       "light 'goniometric' is not supported yet: it is read as 'point'"},
-      {"Texture \"t\" \"float\" \"fbm\"\nShape \"sphere\" \"texture alpha\" \"t\"",
-       "texture 'fbm' is not supported yet (with --lenient it is read as the constant 0.5)",
-       "texture 'fbm' is not supported yet: it is read as the constant 0.5"},
+      {"LightSource \"goniometrik\"", "unknown light 'goniometrik' (did you mean 'goniometric'?)",
+       "unknown light 'goniometrik': it is read as 'point' (did you mean 'goniometric'?)"},
+      {"LightSource \"projection\"",
+       "light 'projection' needs a picture (write \"string filename\" \"picture.png\")", ""},
+      {"LightSource \"projection\" \"string filename\" \"image.png\" \"float fov\" 180",
+       "fov 180 is not within 0 and 180", ""},
+      {"Texture \"t\" \"float\" \"fbn\"\nShape \"sphere\" \"texture alpha\" \"t\"",
+       "unknown texture 'fbn' (did you mean 'fbm'?)",
+       "unknown texture 'fbn': it is read as the constant 0.5 (did you mean 'fbm'?)"},
       {"Texture \"t\" \"float\" \"scale\" \"texture tex\" \"t\"\nShape \"sphere\" \"texture alpha\" \"t\"",
        "the texture 't' holds itself", ""},
-      {"MakeNamedMedium \"m\" \"string type\" \"cloud\"",
-       "medium 'cloud' is not supported yet (with --lenient it is read as 'homogeneous')",
-       "medium 'cloud' is not supported yet: it is read as 'homogeneous'"},
+      {"MakeNamedMedium \"m\" \"string type\" \"clout\"", "unknown medium 'clout' (did you mean 'cloud'?)",
+       "unknown medium 'clout': it is read as 'homogeneous' (did you mean 'cloud'?)"},
       {"Material \"diffuse\" \"rgb reflectance\" [2 0 0]\nShape \"sphere\"",
        "parameter 'reflectance' is 2, but must be at most 1", ""},
   };

@@ -5,9 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 
 #include "common/description/check.h"
 #include "common/description/pbrt/geometry.h"
+#include "common/description/pbrt/lens.h"
 #include "common/description/transform.h"
 #include "common/description/vocabulary.h"
 
@@ -22,6 +24,8 @@ constexpr std::array<std::string_view, 3> films = {"rgb", "gbuffer", "spectral"}
 constexpr std::array<std::string_view, 5> filters = {"box", "gaussian", "mitchell", "sinc", "triangle"};
 constexpr std::array<std::string_view, 7> samplers = {"halton",     "independent", "paddedsobol", "pmj02bn",
                                                       "stratified", "sobol",       "zsobol"};
+
+constexpr std::array<std::string_view, 2> other_integrators = {"ambientocclusion", "function"};
 
 template <std::size_t n>
 bool contains(const std::array<std::string_view, n>& names, std::string_view name) {
@@ -193,17 +197,41 @@ Result<Mat4> place_of(const RenderOptions& options, double& scale) {
   return place;
 }
 
+// The view of a camera: along the shorter side of the screen the field of view in degrees, or 0 if it is not
+// given, and the tangent of half of it; the radius of the lens and the distance of what is in focus.
+struct View {
+  double fov = 90, tan_half = 1, lens = 0, focus = 1e6;
+};
+
+Result<View> view_of(Context& context, RenderOptions& options, const Film& film) {
+  Entity& camera = options.camera;
+  View view;
+  if (camera.type == "realistic") {
+    CANDELA_ASSIGN(const ThinLens lens, realistic_lens(context, camera));
+    const double half_diagonal = options.film_diagonal / 2;
+    const double shorter = std::min(film.width, film.height) / std::hypot(film.width, film.height);
+    view.fov = 0;
+    view.tan_half = half_diagonal * shorter / lens.image_distance;
+    view.lens = lens.radius;
+    view.focus = lens.focus_distance;
+    return view;
+  }
+  CANDELA_ASSIGN(view.fov, camera.parameters.number("fov", 90));
+  if (!(view.fov > 0 && view.fov < 180))
+    return error_at(camera.where, fmt::format("fov {} is not within 0 and 180", view.fov));
+  view.tan_half = tangent_degrees(view.fov / 2);
+  CANDELA_ASSIGN(view.lens, camera.parameters.number("lensradius", 0));
+  CANDELA_ASSIGN(view.focus, camera.parameters.number("focaldistance", 1e6));
+  return view;
+}
+
 Result<std::shared_ptr<Object>> perspective(Context& context, RenderOptions& options, const Film& film) {
   Entity& camera = options.camera;
   CANDELA_ASSIGN(const auto screen, screen_window(context, camera, film));
-  CANDELA_ASSIGN(const double fov, camera.parameters.number("fov", 90));
-  if (!(fov > 0 && fov < 180))
-    return error_at(camera.where, fmt::format("fov {} is not within 0 and 180", fov));
-  CANDELA_ASSIGN(const double lens, camera.parameters.number("lensradius", 0));
-  CANDELA_ASSIGN(const double focus, camera.parameters.number("focaldistance", 1e6));
+  CANDELA_ASSIGN(const View view, view_of(context, options, film));
   double scale = 1;
   CANDELA_ASSIGN(const Mat4 place, place_of(options, scale));
-  std::shared_ptr<Object> sensor = make("sensor", lens > 0 ? "thinlens" : "perspective", camera.where);
+  std::shared_ptr<Object> sensor = make("sensor", view.lens > 0 ? "thinlens" : "perspective", camera.where);
   // pbrt's camera has +x to the right, Mitsuba's to the left.
   set(*sensor, "to_world", transform::multiply(place, transform::scale({-1, 1, 1})));
   set_clip(*sensor);
@@ -212,20 +240,20 @@ Result<std::shared_ptr<Object>> perspective(Context& context, RenderOptions& opt
                         static_cast<double>(film.object->get_integer("height", 1));
   const bool along_x = std::abs(width - 2) < 1e-9;
   const bool along_y = std::abs(height - 2) < 1e-9 && std::abs(width / height / aspect - 1) < 1e-3;
-  if (along_x || along_y) {
-    set(*sensor, "fov", fov);
+  if (view.fov > 0 && (along_x || along_y)) {
+    set(*sensor, "fov", view.fov);
     set(*sensor, "fov_axis", std::string(along_x ? "x" : "y"));
   } else {
     // The focal length of a 36 mm by 24 mm frame, which has its field of view along the diagonal.
-    const double half_diagonal = tangent_degrees(fov / 2) * width / 2 * std::sqrt(1 + 1 / (aspect * aspect));
+    const double half_diagonal = view.tan_half * width / 2 * std::sqrt(1 + 1 / (aspect * aspect));
     set(*sensor, "focal_length",
         fmt::format("{}mm", std::sqrt(36.0 * 36.0 + 24.0 * 24.0) / (2 * half_diagonal)));
   }
   set(*sensor, "principal_point_offset_x", (screen[0] + screen[1]) / (2 * width));
   set(*sensor, "principal_point_offset_y", -(screen[2] + screen[3]) / (2 * height));
-  if (lens > 0) {
-    set(*sensor, "aperture_radius", lens * scale);
-    set(*sensor, "focus_distance", focus * scale);
+  if (view.lens > 0) {
+    set(*sensor, "aperture_radius", view.lens * scale);
+    set(*sensor, "focus_distance", view.focus * scale);
   }
   return sensor;
 }
@@ -260,19 +288,30 @@ Result<double> exposure(Context& context, RenderOptions& options) {
     context.differs(options.film.where,
                     fmt::format("the film's sensor '{}' is cie1931 without white balance", sensor));
   if (!(iso > 0 && seconds > 0)) return error_at(options.film.where, "the film is not exposed");
-  return iso * seconds / 100;
+  CANDELA_ASSIGN(const double diagonal, parameters.number("diagonal", 35));
+  if (!(diagonal > 0)) return error_at(options.film.where, "the film's diagonal must be above 0");
+  options.film_diagonal = diagonal / 1000;
+  if (options.camera.type != "realistic") return iso * seconds / 100;
+  // A lens gathers light by the solid angle of its pupil as the film sees it.
+  CANDELA_ASSIGN(const ThinLens lens, realistic_lens(context, options.camera));
+  const double ratio = lens.radius / lens.image_distance;
+  return iso * seconds / 100 * std::numbers::pi * ratio * ratio;
 }
 
 Result<ObjectPtr> build_sensor(Context& context, RenderOptions& options, ObjectPtr medium) {
   Entity& camera = options.camera;
   CANDELA_ASSIGN(const Film film, build_film(context, options));
-  const bool usable = camera.type == "perspective" || camera.type == "orthographic";
-  if (!usable) {
-    CANDELA_TRY(context.refuse(
-        contains(cameras, camera.type)
-            ? error_at(camera.where, fmt::format("camera '{}' is not supported yet", camera.type))
-            : Context::unknown(camera.where, "camera", camera.type, cameras),
-        "it is read as 'perspective'"));
+  if (camera.type == "spherical") {
+    context.differs(camera.where,
+                    "camera 'spherical' is 'perspective': it sees 90 degrees, not all directions");
+    camera.parameters = {};
+  } else if (camera.type == "realistic") {
+    context.differs(camera.where,
+                    "camera 'realistic' is a thin lens of the same focal length and pupil: no distortion, "
+                    "no vignette");
+  } else if (!contains(cameras, camera.type)) {
+    CANDELA_TRY(context.refuse(Context::unknown(camera.where, "camera", camera.type, cameras),
+                               "it is read as 'perspective'"));
     camera.parameters = {};
   }
   CANDELA_ASSIGN(const std::shared_ptr<Object> sensor, camera.type == "orthographic"
@@ -293,14 +332,17 @@ Result<ObjectPtr> build_integrator(Context& context, RenderOptions& options) {
   struct Kind {
     std::string_view type, plugin;
   };
-  constexpr std::array<Kind, 8> kinds = {{{"path", "path"},
-                                          {"volpath", "path"},
-                                          {"simplepath", "path"},
-                                          {"simplevolpath", "path"},
-                                          {"bdpt", "bdpt"},
-                                          {"lightpath", "light"},
-                                          {"mlt", "mmlt"},
-                                          {"sppm", "ppm"}}};
+  constexpr std::array<Kind, 11> kinds = {{{"path", "path"},
+                                           {"ambientocclusion", "path"},
+                                           {"function", "path"},
+                                           {"randomwalk", "path"},
+                                           {"volpath", "path"},
+                                           {"simplepath", "path"},
+                                           {"simplevolpath", "path"},
+                                           {"bdpt", "bdpt"},
+                                           {"lightpath", "light"},
+                                           {"mlt", "mmlt"},
+                                           {"sppm", "ppm"}}};
   Entity& integrator = options.integrator;
   const auto kind =
       std::find_if(kinds.begin(), kinds.end(), [&](const Kind& k) { return k.type == integrator.type; });
@@ -313,6 +355,9 @@ Result<ObjectPtr> build_integrator(Context& context, RenderOptions& options) {
     CANDELA_TRY(context.refuse(Context::unknown(integrator.where, "integrator", integrator.type, known),
                                "it is read as 'path'"));
   }
+  if (contains(other_integrators, integrator.type) && context.reading().integrator.empty())
+    context.differs(integrator.where,
+                    fmt::format("integrator '{}' is 'path', which computes light", integrator.type));
   const std::shared_ptr<Object> object = make("integrator", plugin, integrator.where);
   CANDELA_ASSIGN(const bool regularize, integrator.parameters.flag("regularize", false));
   if (regularize) context.differs(integrator.where, "no bsdf is made rougher: 'regularize' is passed over");

@@ -23,6 +23,7 @@ struct RenderOptions {
   Entity integrator{"volpath", {}, {}};
   Mat4 camera_from_world{};
   std::string camera_medium;
+  double film_diagonal = 0.035;  // meters
 };
 
 // How many times brighter the film shows the scene: exposure time and ISO.

@@ -101,42 +101,82 @@ Result<ObjectPtr> infinite(Context& context, LightEntity& entity) {
   }
   if (parameters.has("L"))
     return error_at(entity.where, "the light has both 'filename' and 'L'").with_mend("leave one of them out");
-  if (parameters.has("illuminance")) {
-    CANDELA_TRY(context.refuse(
-        error_at(entity.where, "the illuminance of a light from a picture is not supported yet")));
-    parameters.ignore({"illuminance"});
-  }
   const std::shared_ptr<Object> light = make("emitter", "envmap", entity.where);
   CANDELA_ASSIGN(const std::string key, context.find_file(entity.where, file));
   CANDELA_ASSIGN(const double scale, parameters.number("scale", 1));
   set(*light, "filename", key);
   set(*light, "mapping", std::string("equalarea"));
-  set(*light, "scale", scale * entity.factor);
+  CANDELA_ASSIGN(const double illuminance, parameters.number("illuminance", -1));
+  if (illuminance > 0)
+    set(*light, "illuminance", illuminance * scale * entity.factor);
+  else
+    set(*light, "scale", scale * entity.factor);
   set(*light, "to_world", entity.to_world);
   return Context::finish(light);
 }
 
-// A light that there is not, as a point of its intensity.
-Result<ObjectPtr> as_point(Context& context, LightEntity& entity, const Error& error) {
-  CANDELA_TRY(context.refuse(error, "it is read as 'point'"));
-  CANDELA_ASSIGN(ObjectPtr light, point(context, entity));
-  entity.parameters = {};
-  return light;
+Result<ObjectPtr> projection(Textures& textures, LightEntity& entity) {
+  ParameterList& parameters = entity.parameters;
+  const std::shared_ptr<Object> light = make("emitter", "projector", entity.where);
+  CANDELA_ASSIGN(const std::string file, parameters.text("filename", ""));
+  if (file.empty())
+    return error_at(entity.where, "light 'projection' needs a picture")
+        .with_mend("write \"string filename\" \"picture.png\"");
+  CANDELA_ASSIGN(ObjectPtr picture, textures.projected_picture(entity.where, file));
+  CANDELA_ASSIGN(const double fov, parameters.number("fov", 90));
+  if (!(fov > 0 && fov < 180))
+    return error_at(entity.where, fmt::format("fov {} is not within 0 and 180", fov));
+  CANDELA_ASSIGN(const double scale, parameters.number("scale", 1));
+  CANDELA_ASSIGN(const double power, parameters.number("power", -1));
+  add(*light, "irradiance", std::move(picture));
+  if (power > 0)
+    set(*light, "power", power * scale * entity.factor);
+  else
+    set(*light, "scale", scale * entity.factor);
+  set(*light, "quantity", std::string("intensity"));
+  set(*light, "fov", fov);
+  set(*light, "fov_axis", std::string("smaller"));
+  // The picture's right is +x in pbrt, and -x in Mitsuba.
+  set(*light, "to_world", transform::multiply(entity.to_world, transform::scale({-1, 1, 1})));
+  if (entity.medium) add(*light, "", entity.medium);
+  return Context::finish(light);
+}
+
+Result<ObjectPtr> goniometric(Context& context, LightEntity& entity) {
+  ParameterList& parameters = entity.parameters;
+  CANDELA_ASSIGN(const std::string file, parameters.text("filename", ""));
+  if (file.empty()) {
+    context.differs(entity.where, "a goniometric light without a picture is a point light");
+    return point(context, entity);
+  }
+  const std::shared_ptr<Object> light = make("emitter", "goniometric", entity.where);
+  CANDELA_ASSIGN(const std::string key, context.find_file(entity.where, file));
+  CANDELA_ASSIGN(const Rgb intensity, emission(context, entity, "I", "", 1));
+  CANDELA_ASSIGN(const double power, parameters.number("power", -1));
+  set(*light, "filename", key);
+  set(*light, "intensity", intensity);
+  const double total = power * luminance(intensity.value);
+  if (total > 0) set(*light, "power", total);
+  set(*light, "to_world", entity.to_world);
+  if (entity.medium) add(*light, "", entity.medium);
+  return Context::finish(light);
 }
 
 }  // namespace
 
-Result<ObjectPtr> build_light(Context& context, LightEntity& entity) {
+Result<ObjectPtr> build_light(Context& context, Textures& textures, LightEntity& entity) {
   const auto make_light = [&]() -> Result<ObjectPtr> {
     if (entity.type == "point") return point(context, entity);
     if (entity.type == "spot") return spot(context, entity);
     if (entity.type == "distant") return distant(context, entity);
     if (entity.type == "infinite") return infinite(context, entity);
-    const bool known = std::find(light_types.begin(), light_types.end(), entity.type) != light_types.end();
-    return as_point(context, entity,
-                    known
-                        ? error_at(entity.where, fmt::format("light '{}' is not supported yet", entity.type))
-                        : Context::unknown(entity.where, "light", entity.type, light_types));
+    if (entity.type == "projection") return projection(textures, entity);
+    if (entity.type == "goniometric") return goniometric(context, entity);
+    CANDELA_TRY(context.refuse(Context::unknown(entity.where, "light", entity.type, light_types),
+                               "it is read as 'point'"));
+    CANDELA_ASSIGN(ObjectPtr light, point(context, entity));
+    entity.parameters = {};
+    return light;
   };
   CANDELA_ASSIGN(ObjectPtr light, make_light());
   CANDELA_TRY(context.refuse_unused(entity.parameters, fmt::format("light '{}'", entity.type)));
@@ -149,17 +189,16 @@ Result<ObjectPtr> build_area_light(Context& context, Textures& textures, LightEn
     CANDELA_TRY(context.refuse(
         Context::unknown(entity.where, "area light", entity.type, std::array<std::string_view, 1>{"diffuse"}),
         "it is read as 'diffuse'"));
-  if (parameters.has("power")) {
-    CANDELA_TRY(context.refuse(error_at(entity.where, "the power of an area light is not supported yet")
-                                   .with_mend("give L and scale")));
-    parameters.ignore({"power"});
-  }
   CANDELA_ASSIGN(const bool two_sided, parameters.flag("twosided", false));
   if (two_sided)
     context.differs(entity.where, "the area light glows on the side of its normal alone, not on both");
   const std::shared_ptr<Object> light = make("emitter", "area", entity.where);
   CANDELA_ASSIGN(const Rgb radiance, emission(context, entity, "L", "", 1));
   CANDELA_ASSIGN(const std::string file, parameters.text("filename", ""));
+  CANDELA_ASSIGN(const double power, parameters.number("power", -1));
+  // Half of the power of both sides leaves the one that glows here. pbrt's `scale` counts beside it.
+  const double total = power * luminance(radiance.value) / (two_sided ? 2 : 1);
+  if (total > 0) set(*light, "power", total);
   if (file.empty()) {
     set(*light, "radiance", radiance);
   } else {

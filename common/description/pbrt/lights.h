@@ -20,7 +20,7 @@ struct LightEntity {
 };
 
 // LightSource. Null: it is left out.
-Result<ObjectPtr> build_light(Context& context, LightEntity& entity);
+Result<ObjectPtr> build_light(Context& context, Textures& textures, LightEntity& entity);
 
 // AreaLightSource: the emitter of the shapes that follow it.
 Result<ObjectPtr> build_area_light(Context& context, Textures& textures, LightEntity& entity);

@@ -112,10 +112,9 @@ Result<Surface> Materials::read(Definition& definition) {
     CANDELA_ASSIGN(ObjectPtr null, Context::finish(make("bsdf", "null", definition.where)));
     return Surface{std::move(null), nullptr};
   }
-  const bool known = std::find(material_types.begin(), material_types.end(), type) != material_types.end();
-  return stand_in(definition,
-                  known ? error_at(definition.where, fmt::format("material '{}' is not supported yet", type))
-                        : Context::unknown(definition.where, "material", type, material_types));
+  if (type == "hair") return hair(definition);
+  if (type == "measured") return measured(definition);
+  return stand_in(definition, Context::unknown(definition.where, "material", type, material_types));
 }
 
 // Only --lenient comes here.
@@ -210,10 +209,11 @@ Result<Surface> Materials::diffuse(Definition& definition) {
 }
 
 // A diffuse base under a coat, whose inner reflections are counted.
-Result<ObjectPtr> Materials::coat(Definition& definition, const Value& reflectance, const Roughness& rough) {
+Result<ObjectPtr> Materials::coat(Definition& definition, const Value& reflectance, const Roughness& rough,
+                                  double otherwise) {
   std::shared_ptr<Object> bsdf = make("bsdf", rough.smooth ? "plastic" : "roughplastic", definition.where);
   set_color(*bsdf, "diffuse_reflectance", reflectance);
-  CANDELA_ASSIGN(const double eta, index_of(context_, definition.parameters, "eta", 1.5));
+  CANDELA_ASSIGN(const double eta, index_of(context_, definition.parameters, "eta", otherwise));
   set(*bsdf, "int_ior", eta);
   set(*bsdf, "ext_ior", 1.0);
   set_flag(*bsdf, "nonlinear", true);
@@ -402,6 +402,16 @@ Result<Surface> Materials::diffuse_transmission(Definition& definition) {
   return Surface{std::move(mapped), nullptr};
 }
 
+namespace {
+
+// The root of what hair absorbs times this is minus the logarithm of its color [Chiang et al. 2016].
+double hair_root_factor(double beta_n) {
+  const double b = std::clamp(beta_n, 0.0, 1.0), b2 = b * b;
+  return 5.969 - 0.215 * b + 2.532 * b2 - 10.73 * b2 * b + 5.574 * b2 * b2 + 0.245 * b2 * b2 * b;
+}
+
+}  // namespace
+
 Result<Surface> Materials::mix(Definition& definition) {
   const Parameter* names = definition.parameters.take("materials", {"string"});
   if (names == nullptr || names->strings.size() != 2)
@@ -444,6 +454,63 @@ Result<Surface> Materials::subsurface(Definition& definition) {
       "material 'subsurface' is glass filled with a medium, where pbrt has a profile of diffusion");
   CANDELA_ASSIGN(ObjectPtr mapped, with_maps(definition, std::move(bsdf)));
   return Surface{std::move(mapped), std::move(interior)};
+}
+
+// A fiber's color by its pigments or its absorption, as the coat of a rough plastic.
+Result<Surface> Materials::hair(Definition& definition) {
+  ParameterList& parameters = definition.parameters;
+  CANDELA_ASSIGN(const Value beta_m, textures_.number(parameters, "beta_m", 0.3));
+  CANDELA_ASSIGN(const Value beta_n, textures_.number(parameters, "beta_n", 0.3));
+  std::optional<Value> color;
+  for (const std::string_view name : {"reflectance", "color"}) {
+    if (color) continue;
+    CANDELA_ASSIGN(color, textures_.optional_color(parameters, name, definition.space));
+  }
+  if (!color) {
+    CANDELA_ASSIGN(const Vec3 absorption, hair_absorption(definition));
+    const double factor = hair_root_factor(beta_n.is_constant() ? beta_n.number() : 0.3);
+    color = Value{{}, nullptr, definition.where};
+    for (std::size_t i = 0; i < 3; ++i)
+      color->constant[i] = std::exp(-std::sqrt(std::max(absorption[i], 0.0)) * factor);
+  }
+  parameters.ignore({"alpha", "eumelanin", "pheomelanin", "sigma_a"});
+  CANDELA_ASSIGN(const Value reflectance, Textures::at_most_one(*color));
+  const double smoothness = beta_m.is_constant() ? std::clamp(beta_m.number(), 0.0, 1.0) : 0.3;
+  const Value alpha{{smoothness, smoothness, smoothness}, nullptr, definition.where};
+  CANDELA_ASSIGN(ObjectPtr bsdf,
+                 coat(definition, reflectance, {alpha, alpha, smoothness < smooth_alpha}, 1.55));
+  context_.differs(definition.where,
+                   fmt::format("material 'hair' is '{}' of the hair's color: no light goes through, and "
+                               "highlights have no color",
+                               bsdf->plugin));
+  return opaque(definition, std::move(bsdf));
+}
+
+Result<Vec3> Materials::hair_absorption(Definition& definition) {
+  ParameterList& parameters = definition.parameters;
+  if (const Parameter* given = parameters.take("sigma_a", {"rgb", "spectrum"})) {
+    CANDELA_ASSIGN(const Rgb rgb, color_of(context_, *given, SpectrumUse::unbounded, definition.space));
+    return rgb.value;
+  }
+  // Of the pigments per unit of concentration [Chiang et al. 2016].
+  constexpr Vec3 eumelanin = {0.419, 0.697, 1.37}, pheomelanin = {0.187, 0.4, 1.05};
+  const bool has_pigments = parameters.has("eumelanin") || parameters.has("pheomelanin");
+  CANDELA_ASSIGN(const Value dark, textures_.number(parameters, "eumelanin", has_pigments ? 0 : 1.3));
+  CANDELA_ASSIGN(const Value red, textures_.number(parameters, "pheomelanin", 0));
+  Vec3 absorption{};
+  for (std::size_t i = 0; i < 3; ++i)
+    absorption[i] = dark.number() * eumelanin[i] + red.number() * pheomelanin[i];
+  return absorption;
+}
+
+// Its file holds a table of reflectances in two directions at each wavelength.
+Result<Surface> Materials::measured(Definition& definition) {
+  CANDELA_ASSIGN(const std::string file, definition.parameters.text("filename", ""));
+  if (!file.empty()) {
+    CANDELA_ASSIGN([[maybe_unused]] const std::string key, context_.find_file(definition.where, file));
+  }
+  context_.differs(definition.where, "material 'measured' is 'diffuse' of a reflectance of 0.5");
+  return diffuse(definition);
 }
 
 }  // namespace candela::description::pbrt

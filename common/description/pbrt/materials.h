@@ -68,9 +68,14 @@ class Materials {
   Result<Surface> diffuse_transmission(Definition& definition);
   Result<Surface> mix(Definition& definition);
   Result<Surface> subsurface(Definition& definition);
+  Result<Surface> hair(Definition& definition);
+  Result<Vec3> hair_absorption(Definition& definition);
+  Result<Surface> measured(Definition& definition);
   Result<Surface> stand_in(Definition& definition, const Error& error);
 
-  Result<ObjectPtr> coat(Definition& definition, const Value& reflectance, const Roughness& roughness);
+  // `otherwise`: the index of refraction if none is given.
+  Result<ObjectPtr> coat(Definition& definition, const Value& reflectance, const Roughness& roughness,
+                         double otherwise = 1.5);
   Result<ObjectPtr> glass(Definition& definition);
   Result<Metal> metal(Definition& definition, const std::string& prefix);
   Result<ObjectPtr> metal_bsdf(const Definition& definition, const Metal& metal, const Roughness& roughness,

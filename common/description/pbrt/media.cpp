@@ -75,17 +75,30 @@ Result<ObjectPtr> scattering_medium(Context& context, ParameterList& parameters,
   return Context::finish(std::move(medium));
 }
 
-// The densities stay in the scene's file. Beyond the outermost centers of cells pbrt's grid falls to 0.
-Result<ObjectPtr> Media::uniform_grid(MediumEntity& entity) {
+// The extinction of a grid of densities, times the scale, and the albedo.
+Result<std::shared_ptr<Object>> Media::grid_medium(MediumEntity& entity,
+                                                   const std::shared_ptr<Object>& grid) {
+  ParameterList& parameters = entity.parameters;
+  CANDELA_ASSIGN(const Vec3 absorption,
+                 coefficient(context_, parameters, "sigma_a", {1, 1, 1}, entity.space));
+  CANDELA_ASSIGN(const Vec3 scattering,
+                 coefficient(context_, parameters, "sigma_s", {1, 1, 1}, entity.space));
+  const auto [extinction, albedo] = extinction_and_albedo(absorption, scattering);
+  set(*grid, "factor", extinction);
+  CANDELA_ASSIGN(ObjectPtr finished, Context::finish(grid));
+  std::shared_ptr<Object> medium = make("medium", "heterogeneous", entity.where);
+  add(*medium, "sigma_t", std::move(finished));
+  set(*medium, "albedo", albedo);
+  return medium;
+}
+
+// A grid whose values stay in the scene's file, or follow from its directive, over the box from p0 to p1.
+Result<std::shared_ptr<Object>> Media::grid_in_box(MediumEntity& entity, std::string_view wrap) {
   ParameterList& parameters = entity.parameters;
   if (entity.has_shared_values)
-    return error_at(entity.where, "a parameter of a medium 'uniformgrid' given by Attribute is not supported")
+    return error_at(entity.where,
+                    "a parameter of a medium that is a grid, given by Attribute, is not supported")
         .with_mend("write it into the MakeNamedMedium directive");
-  if (parameters.has("temperature")) {
-    CANDELA_TRY(
-        context_.refuse(error_at(entity.where, "a medium that glows is not supported yet"), "it is dark"));
-    parameters.ignore({"temperature", "temperaturescale", "temperatureoffset"});
-  }
   CANDELA_ASSIGN(const Vec3 p0, parameters.point("p0", {0, 0, 0}));
   CANDELA_ASSIGN(const Vec3 p1, parameters.point("p1", {1, 1, 1}));
   Vec3 low{}, extent{};
@@ -94,29 +107,79 @@ Result<ObjectPtr> Media::uniform_grid(MediumEntity& entity) {
     extent[i] = std::max(p0[i], p1[i]) - low[i];
     if (!(extent[i] > 0)) return error_at(entity.where, "the medium's box from p0 to p1 has no volume");
   }
-  parameters.ignore({"density", "nx", "ny", "nz"});
-  CANDELA_ASSIGN(const Vec3 absorption,
-                 coefficient(context_, parameters, "sigma_a", {1, 1, 1}, entity.space));
-  CANDELA_ASSIGN(const Vec3 scattering,
-                 coefficient(context_, parameters, "sigma_s", {1, 1, 1}, entity.space));
-  CANDELA_ASSIGN(const double scale, parameters.number("scale", 1));
-  CANDELA_ASSIGN(const double g, parameters.number("g", 0));
-  const auto [extinction, albedo] = extinction_and_albedo(absorption, scattering);
-  const std::shared_ptr<Object> grid = make("volume", "gridvolume", entity.where);
+  std::shared_ptr<Object> grid = make("volume", "gridvolume", entity.where);
   set(*grid, "filename", entity.where.file);
   set_integer(*grid, "offset", static_cast<std::int64_t>(entity.offset));
-  set(*grid, "factor", extinction);
-  set(*grid, "wrap_mode", std::string("zero"));
+  set(*grid, "wrap_mode", std::string(wrap));
   set(*grid, "to_world",
       transform::multiply(entity.to_world,
                           transform::multiply(transform::translate(low), transform::scale(extent))));
-  CANDELA_ASSIGN(ObjectPtr finished, Context::finish(grid));
-  std::shared_ptr<Object> medium = make("medium", "heterogeneous", entity.where);
-  add(*medium, "sigma_t", std::move(finished));
-  set(*medium, "albedo", albedo);
+  return grid;
+}
+
+Result<ObjectPtr> Media::finish_grid(MediumEntity& entity, std::shared_ptr<Object> medium) {
+  CANDELA_ASSIGN(const double scale, entity.parameters.number("scale", 1));
+  CANDELA_ASSIGN(const double g, entity.parameters.number("g", 0));
   set(*medium, "scale", scale);
   CANDELA_TRY(add_phase(*medium, g));
   return Context::finish(std::move(medium));
+}
+
+// Beyond the outermost centers of cells pbrt's grid falls to 0.
+Result<ObjectPtr> Media::uniform_grid(MediumEntity& entity) {
+  CANDELA_ASSIGN(const std::shared_ptr<Object> grid, grid_in_box(entity, "zero"));
+  entity.parameters.ignore({"density", "nx", "ny", "nz"});
+  CANDELA_ASSIGN(std::shared_ptr<Object> medium, grid_medium(entity, grid));
+  return finish_grid(entity, std::move(medium));
+}
+
+// Extinction and albedo are grids of their own.
+Result<ObjectPtr> Media::rgb_grid(MediumEntity& entity) {
+  if (entity.space != ColorSpace::srgb)
+    context_.differs(entity.where, "the colors of a medium 'rgbgrid' are taken for Rec.709");
+  std::shared_ptr<Object> medium = make("medium", "heterogeneous", entity.where);
+  for (const std::string_view part : {"sigma_t", "albedo"}) {
+    CANDELA_ASSIGN(const std::shared_ptr<Object> grid,
+                   grid_in_box(entity, part == "albedo" ? "clamp" : "zero"));
+    set(*grid, "grid", std::string(part));
+    CANDELA_ASSIGN(ObjectPtr finished, Context::finish(grid));
+    add(*medium, part, std::move(finished));
+  }
+  entity.parameters.ignore({"sigma_a", "sigma_s", "nx", "ny", "nz"});
+  return finish_grid(entity, std::move(medium));
+}
+
+Result<ObjectPtr> Media::cloud(MediumEntity& entity) {
+  CANDELA_ASSIGN(const std::shared_ptr<Object> grid, grid_in_box(entity, "clamp"));
+  entity.parameters.ignore({"density", "wispiness", "frequency"});
+  context_.differs(entity.where,
+                   "the noise of a medium 'cloud' is sampled on a grid of 128 x 128 x 128 cells");
+  CANDELA_ASSIGN(std::shared_ptr<Object> medium, grid_medium(entity, grid));
+  return finish_grid(entity, std::move(medium));
+}
+
+Result<ObjectPtr> Media::nano_vdb(MediumEntity& entity) {
+  ParameterList& parameters = entity.parameters;
+  CANDELA_ASSIGN(const std::string file, parameters.text("filename", ""));
+  CANDELA_ASSIGN(const std::string key, context_.find_file(entity.where, file));
+  const std::shared_ptr<Object> grid = make("volume", "gridvolume", entity.where);
+  set(*grid, "filename", key);
+  set(*grid, "grid", std::string("density"));
+  set_flag(*grid, "use_grid_bbox", true);
+  set(*grid, "wrap_mode", std::string("zero"));
+  set(*grid, "to_world", entity.to_world);
+  context_.differs(entity.where, "a medium 'nanovdb' does not glow, if it has temperatures");
+  parameters.ignore({"LeScale", "temperaturecutoff"});
+  CANDELA_ASSIGN(std::shared_ptr<Object> medium, grid_medium(entity, grid));
+  return finish_grid(entity, std::move(medium));
+}
+
+Result<ObjectPtr> Media::read(MediumEntity& entity, const std::string& type) {
+  if (type == "uniformgrid") return uniform_grid(entity);
+  if (type == "rgbgrid") return rgb_grid(entity);
+  if (type == "cloud") return cloud(entity);
+  if (type == "nanovdb") return nano_vdb(entity);
+  return scattering_medium(context_, entity.parameters, "preset", entity.space, entity.where);
 }
 
 Result<void> Media::define(MediumEntity entity) {
@@ -130,24 +193,15 @@ Result<void> Media::define(MediumEntity entity) {
   }
   CANDELA_ASSIGN(const std::string type, parameters.text("type", ""));
   const bool known = std::find(medium_types.begin(), medium_types.end(), type) != medium_types.end();
-  if (!known) {
+  if (!known)
     CANDELA_TRY(context_.refuse(Context::unknown(where, "medium", type, medium_types),
                                 "it is read as 'homogeneous'"));
-  } else if (type != "homogeneous" && type != "uniformgrid") {
-    CANDELA_TRY(context_.refuse(error_at(where, fmt::format("medium '{}' is not supported yet", type)),
-                                "it is read as 'homogeneous'"));
-  }
-  if (parameters.has("Le")) {
-    CANDELA_TRY(context_.refuse(error_at(where, "a medium that glows is not supported yet"), "it is dark"));
-    parameters.ignore({"Le", "Lescale"});
-  }
-  const auto read = [&]() {
-    return type == "uniformgrid" ? uniform_grid(entity)
-                                 : scattering_medium(context_, parameters, "preset", entity.space, where);
-  };
-  CANDELA_ASSIGN(ObjectPtr medium, read());
-  if (type == "homogeneous" || type == "uniformgrid")
-    CANDELA_TRY(context_.refuse_unused(parameters, fmt::format("medium '{}'", type)));
+  for (const std::string_view glow : {"Le", "temperature"})
+    if (parameters.has(glow))
+      context_.differs(where, fmt::format("the medium does not glow: '{}' is passed over", glow));
+  parameters.ignore({"Le", "Lescale", "temperature", "temperaturescale", "temperatureoffset"});
+  CANDELA_ASSIGN(ObjectPtr medium, read(entity, type));
+  if (known) CANDELA_TRY(context_.refuse_unused(parameters, fmt::format("medium '{}'", type)));
   media_.emplace(name, std::move(medium));
   return {};
 }

@@ -34,7 +34,15 @@ class Media {
   Result<ObjectPtr> medium(const std::string& name, const Location& where) const;
 
  private:
+  Result<ObjectPtr> read(MediumEntity& entity, const std::string& type);
   Result<ObjectPtr> uniform_grid(MediumEntity& entity);
+  Result<ObjectPtr> rgb_grid(MediumEntity& entity);
+  Result<ObjectPtr> cloud(MediumEntity& entity);
+  Result<ObjectPtr> nano_vdb(MediumEntity& entity);
+  // `wrap`: beyond the outermost centers of cells.
+  Result<std::shared_ptr<Object>> grid_in_box(MediumEntity& entity, std::string_view wrap);
+  Result<std::shared_ptr<Object>> grid_medium(MediumEntity& entity, const std::shared_ptr<Object>& grid);
+  Result<ObjectPtr> finish_grid(MediumEntity& entity, std::shared_ptr<Object> medium);
 
   Context& context_;
   std::map<std::string, ObjectPtr, std::less<>> media_;

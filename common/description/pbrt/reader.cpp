@@ -241,7 +241,7 @@ class Reader {
                       state_.values().space,
                       std::move(medium),
                       exposure_};
-    CANDELA_ASSIGN(ObjectPtr emitter, build_light(context_, light));
+    CANDELA_ASSIGN(ObjectPtr emitter, build_light(context_, textures_, light));
     if (emitter) emitters_.push_back(std::move(emitter));
     return {};
   }

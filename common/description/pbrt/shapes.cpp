@@ -132,7 +132,8 @@ Result<std::shared_ptr<Object>> Shapes::ply(ShapeEntity& entity) {
   CANDELA_ASSIGN(const std::string key, context_.find_file(entity.where, name));
   CANDELA_ASSIGN(const FileSource::Bytes bytes, context_.start(key, max_ply_header));
   if (entity.parameters.has("displacement")) {
-    CANDELA_TRY(context_.refuse(error_at(entity.where, "the displacement of a mesh is not supported yet")));
+    context_.differs(entity.where,
+                     "the displacement of a mesh is passed over: its triangles stay where they are");
     entity.parameters.ignore({"displacement", "displacement.edgelength", "uvscale"});
   }
   entity.parameters.ignore({"edgelength"});
@@ -201,6 +202,10 @@ Result<ObjectPtr> Shapes::build(ShapeEntity& entity) {
     context_.differs(entity.where, "a shape of the material 'interface' does not glow, as in pbrt");
   if (entity.emitter && shape->children.at(0).object->plugin == "mask")
     context_.differs(entity.where, "a lamp of an alpha below 1 glows and is seen as if its alpha were 1");
+  const bool is_mesh = shape->plugin == "pbrtmesh" || shape->plugin == "ply";
+  if (entity.emitter && is_mesh && entity.emitter->find("power") != nullptr)
+    context_.differs(entity.where,
+                     "the power of an area light is the whole shape's, where pbrt gives it to each triangle");
   if (entity.emitter && !interface) add(*shape, "", entity.emitter);
   CANDELA_TRY(context_.refuse_unused(entity.parameters, fmt::format("shape '{}'", entity.type)));
   return Context::finish(std::move(shape));

@@ -57,6 +57,25 @@ constexpr std::array<NamedIndex, 10> glasses = {{{"glass-BK7", 1.5168},
                                                  {"glass-F11", 1.78472},
                                                  {"glass-SF11", 1.78472}}};
 
+// Chromaticities of the CIE's fluorescent lamps, and of the white of ACES.
+struct NamedWhite {
+  std::string_view name;
+  double x, y;
+};
+constexpr std::array<NamedWhite, 13> whites = {{{"stdillum-F1", 0.3131, 0.3371},
+                                                {"stdillum-F2", 0.3721, 0.3751},
+                                                {"stdillum-F3", 0.4091, 0.3941},
+                                                {"stdillum-F4", 0.4402, 0.4031},
+                                                {"stdillum-F5", 0.3138, 0.3452},
+                                                {"stdillum-F6", 0.3779, 0.3882},
+                                                {"stdillum-F7", 0.3129, 0.3292},
+                                                {"stdillum-F8", 0.3458, 0.3586},
+                                                {"stdillum-F9", 0.3741, 0.3727},
+                                                {"stdillum-F10", 0.3458, 0.3588},
+                                                {"stdillum-F11", 0.3805, 0.3769},
+                                                {"stdillum-F12", 0.4370, 0.4042},
+                                                {"illum-acesD60", 0.32168, 0.33767}}};
+
 std::optional<double> named_glass(std::string_view name) {
   for (const NamedIndex& glass : glasses)
     if (glass.name == name) return glass.index;
@@ -68,11 +87,13 @@ std::optional<Vec3> named_illuminant(std::string_view name) {
   if (name == "stdillum-D65") return Vec3{1, 1, 1};
   if (name == "stdillum-D50") return Vec3{1.17599, 0.97570, 0.72212};
   if (name == "stdillum-A") return colorimetry::blackbody(2856);
+  for (const NamedWhite& white : whites)
+    if (white.name == name) {
+      const double x = white.x / white.y, z = (1 - white.x - white.y) / white.y;
+      return Vec3{3.2404542 * x - 1.5371385 - 0.4985314 * z, -0.9692660 * x + 1.8760108 + 0.0415560 * z,
+                  0.0556434 * x - 0.2040259 + 1.0572252 * z};
+    }
   return std::nullopt;
-}
-
-double luminance(const Vec3& rgb) {
-  return 0.212671 * rgb[0] + 0.715160 * rgb[1] + 0.072169 * rgb[2];
 }
 
 Rgb clamped(Vec3 rgb) {
@@ -139,6 +160,10 @@ Result<Rgb> of_unit_luminance(const Vec3& rgb, const Location& where) {
 }
 
 }  // namespace
+
+double luminance(const Vec3& rgb) {
+  return 0.212671 * rgb[0] + 0.715160 * rgb[1] + 0.072169 * rgb[2];
+}
 
 std::span<const std::string_view> color_space_names() {
   return space_names;

@@ -159,12 +159,49 @@ Result<Value> Textures::read(Definition& definition) {
   if (type == "checkerboard") return read_checkerboard(definition);
   if (type == "scale") return read_scale(definition);
   if (type == "mix") return read_mix(definition);
-  const Error error = is_one_of(type, texture_types)
-                          ? error_at(definition.where, fmt::format("texture '{}' is not supported yet", type))
-                          : Context::unknown(definition.where, "texture", type, texture_types);
-  CANDELA_TRY(context_.refuse(error, "it is read as the constant 0.5"));
+  if (is_one_of(type, texture_types)) return read_mean(definition);
+  CANDELA_TRY(context_.refuse(Context::unknown(definition.where, "texture", type, texture_types),
+                              "it is read as the constant 0.5"));
   definition.parameters = {};
   return Value{{0.5, 0.5, 0.5}, nullptr, definition.where};
+}
+
+// A constant near the mean of a texture that is not supported.
+Result<Value> Textures::read_mean(Definition& definition) {
+  ParameterList& parameters = definition.parameters;
+  const std::string& type = definition.type;
+  const auto mean_of = [&](std::initializer_list<std::string_view> names,
+                           std::initializer_list<double> defaults) -> Result<Value> {
+    Value mean{{0, 0, 0}, nullptr, definition.where};
+    auto otherwise = defaults.begin();
+    for (const std::string_view name : names) {
+      CANDELA_ASSIGN(const Value value, part(definition, name, *otherwise++));
+      // The first texture stands for all: the mean of a picture is not known here.
+      if (!value.is_constant()) return value;
+      for (std::size_t i = 0; i < 3; ++i)
+        mean.constant[i] += value.constant[i] / static_cast<double>(names.size());
+    }
+    return mean;
+  };
+  const auto gray = [&](double v) { return Value{{v, v, v}, nullptr, definition.where}; };
+  const auto known = [&]() -> Result<Value> {
+    if (type == "bilerp") return mean_of({"v00", "v01", "v10", "v11"}, {0, 1, 0, 1});
+    if (type == "directionmix") return mean_of({"tex1", "tex2"}, {0, 1});
+    if (type == "dots") return mean_of({"outside", "inside"}, {0, 1});
+    // The mean of the colors of pbrt's spline.
+    if (type == "marble") return Value{{0.8, 0.8, 0.83}, nullptr, definition.where};
+    // Noise of a mean magnitude of 0.2, and octaves of it.
+    if (type == "wrinkled") return gray(0.4);
+    if (type == "fbm" || type == "windy") return gray(0);
+    return gray(0.5);
+  };
+  CANDELA_ASSIGN(Value mean, known());
+  context_.differs(definition.where, fmt::format("texture '{}' is {}", type,
+                                                 mean.is_constant() ? "the constant of its mean"
+                                                                    : "the first of its textures"));
+  CANDELA_TRY(mapping(definition));
+  parameters.ignore({"octaves", "roughness", "scale", "variation", "dir", "filename", "encoding"});
+  return mean;
 }
 
 // A parameter of a texture that may be a texture of the same kind.
@@ -180,12 +217,12 @@ Result<Mat4> Textures::mapping(Definition& definition) {
   CANDELA_ASSIGN(const std::string kind, parameters.text("mapping", "uv"));
   if (kind != "uv") {
     constexpr std::array<std::string_view, 4> known = {"uv", "spherical", "cylindrical", "planar"};
-    const Error error =
-        is_one_of(kind, known)
-            ? error_at(definition.where,
-                       fmt::format("the mapping '{}' of a texture is not supported yet", kind))
-            : Context::unknown(definition.where, "mapping", kind, known);
-    CANDELA_TRY(context_.refuse(error, "the texture follows the surface's u and v"));
+    if (is_one_of(kind, known))
+      context_.differs(definition.where,
+                       fmt::format("the mapping '{}' of a texture follows the surface's u and v", kind));
+    else
+      CANDELA_TRY(context_.refuse(Context::unknown(definition.where, "mapping", kind, known),
+                                  "the texture follows the surface's u and v"));
     parameters.ignore({"v1", "v2"});
   }
   std::array<double, 4> scale_and_shift = {1, 1, 0, 0};
@@ -195,6 +232,15 @@ Result<Mat4> Textures::mapping(Definition& definition) {
   }
   const auto [su, sv, du, dv] = scale_and_shift;
   return Mat4{su, 0, 0, du, 0, sv, 0, dv, 0, 0, 1, 0, 0, 0, 0, 1};
+}
+
+Result<ObjectPtr> Textures::projected_picture(const Location& where, std::string_view file) {
+  const std::shared_ptr<Object> bitmap = make("texture", "bitmap", where);
+  CANDELA_ASSIGN(const std::string key, context_.find_file(where, file));
+  set(*bitmap, "filename", key);
+  set(*bitmap, "filter_type", std::string("nearest"));
+  set(*bitmap, "wrap_mode", std::string("clamp"));
+  return Context::finish(bitmap);
 }
 
 Result<ObjectPtr> Textures::picture(const Location& where, std::string_view file, bool raw) {
@@ -221,9 +267,7 @@ Result<Value> Textures::read_image(Definition& definition) {
   constexpr std::array<std::string_view, 4> wraps = {"repeat", "black", "clamp", "octahedralsphere"};
   if (!is_one_of(wrap, wraps)) return Context::unknown(definition.where, "wrap", wrap, wraps);
   if (wrap == "octahedralsphere")
-    CANDELA_TRY(
-        context_.refuse(error_at(definition.where, "the wrap 'octahedralsphere' is not supported yet"),
-                        "it is read as repeat"));
+    context_.differs(definition.where, "the wrap 'octahedralsphere' is 'repeat'");
   set(*bitmap, "wrap_mode", std::string(wrap == "black" ? "zero" : wrap == "clamp" ? "clamp" : "repeat"));
   CANDELA_ASSIGN(const std::string encoding, parameters.text("encoding", ""));
   if (encoding == "linear") {
@@ -242,11 +286,8 @@ Result<Value> Textures::read_image(Definition& definition) {
   CANDELA_ASSIGN(const Value picture, texture_value(bitmap));
   CANDELA_ASSIGN(const Value value, scaled(picture, {scale, scale, scale}));
   if (!invert) return value;
-  if (!definition.is_float) {
-    CANDELA_TRY(context_.refuse(
-        error_at(definition.where, "the parameter 'invert' of a spectrum texture is not supported yet")));
-    return value;
-  }
+  if (!definition.is_float)
+    context_.differs(definition.where, "an inverted picture is gray: its luminance is inverted");
   const std::shared_ptr<Object> inverse = make("texture", "mix", definition.where);
   set(*inverse, "color0", Rgb{{1, 1, 1}});
   set(*inverse, "color1", Rgb{{0, 0, 0}});
@@ -257,10 +298,10 @@ Result<Value> Textures::read_image(Definition& definition) {
 Result<Value> Textures::read_checkerboard(Definition& definition) {
   const std::shared_ptr<Object> board = make("texture", "checkerboard", definition.where);
   CANDELA_ASSIGN(const std::int64_t dimension, definition.parameters.integer("dimension", 2));
-  if (dimension != 2)
-    CANDELA_TRY(
-        context_.refuse(error_at(definition.where, "a checkerboard of 3 dimensions is not supported yet"),
-                        "it follows u and v"));
+  if (dimension != 2 && dimension != 3)
+    return error_at(definition.where, "a checkerboard has 2 or 3 dimensions");
+  if (dimension == 3)
+    context_.differs(definition.where, "a checkerboard of 3 dimensions follows the surface's u and v");
   CANDELA_ASSIGN(const Mat4 to_uv, mapping(definition));
   // pbrt's squares have the width 1, ours 1/2.
   set(*board, "to_uv", transform::multiply(transform::scale({0.5, 0.5, 1}), to_uv));

@@ -53,6 +53,8 @@ class Textures {
   // The square root of a value, for roughness.
   Result<Value> root(const Value& value);
 
+  // The picture of a light, as it lies in its file; its pixels are not blurred.
+  Result<ObjectPtr> projected_picture(const Location& where, std::string_view file);
   // A picture in a file, its v upwards as in pbrt.
   Result<ObjectPtr> picture(const Location& where, std::string_view file, bool raw);
 
@@ -73,6 +75,7 @@ class Textures {
   Result<Value> read_checkerboard(Definition& definition);
   Result<Value> read_scale(Definition& definition);
   Result<Value> read_mix(Definition& definition);
+  Result<Value> read_mean(Definition& definition);
   Result<Value> part(Definition& definition, std::string_view name, double otherwise);
   Result<ObjectPtr> with_alpha(const ObjectPtr& texture);
   Result<Mat4> mapping(Definition& definition);
