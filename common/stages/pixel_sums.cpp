@@ -30,20 +30,33 @@ double to_double(film::Int128 units) {
 
 }  // namespace
 
-std::vector<AccumulatorSpec> specs(std::size_t techniques, int film_scale_log2, AccumulatorSpec::Per per) {
-  return {{std::string(kMatrix), parts(per) * matrix_channels(techniques), kMatrixScale, per},
-          {std::string(kVector), parts(per) * vector_channels(techniques),
-           std::min(film_scale_log2 + kVectorBits, film::kMaxScaleLog2), per}};
+std::string name_of(std::string_view accumulator, std::size_t group) {
+  return group == 0 ? std::string(accumulator) : fmt::format("{}.{}", accumulator, group);
+}
+
+std::vector<AccumulatorSpec> specs(std::size_t techniques, int film_scale_log2, AccumulatorSpec::Per per,
+                                   std::size_t groups) {
+  std::vector<AccumulatorSpec> out;
+  for (std::size_t g = 0; g < groups; ++g) {
+    out.push_back({name_of(kMatrix, g), parts(per) * matrix_channels(techniques), kMatrixScale, per});
+    out.push_back({name_of(kVector, g), parts(per) * vector_channels(techniques),
+                   std::min(film_scale_log2 + kVectorBits, film::kMaxScaleLog2), per});
+  }
+  return out;
 }
 
 bool has_specs(const std::vector<AccumulatorSpec>& accumulators, std::size_t techniques,
-               AccumulatorSpec::Per per) {
-  const auto has = [&](std::string_view name, std::uint32_t channels) {
+               AccumulatorSpec::Per per, std::size_t groups) {
+  const auto has = [&](const std::string& name, std::uint32_t channels) {
     return std::any_of(accumulators.begin(), accumulators.end(), [&](const AccumulatorSpec& spec) {
       return spec.name == name && spec.channels == parts(per) * channels && spec.per == per;
     });
   };
-  return has(kMatrix, matrix_channels(techniques)) && has(kVector, vector_channels(techniques));
+  for (std::size_t g = 0; g < groups; ++g)
+    if (!has(name_of(kMatrix, g), matrix_channels(techniques)) ||
+        !has(name_of(kVector, g), vector_channels(techniques)))
+      return false;
+  return true;
 }
 
 std::string counts_text(const mis::Allocation& allocation) {

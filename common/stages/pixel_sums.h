@@ -1,10 +1,11 @@
 // The accumulators of optimal multiple importance sampling (common/mis/sums.h): names, channels and scales,
 // and the sums of a pixel read from them. An accumulator of an epoch has the channels of half 0, then those
-// of half 1.
+// of half 1. Each group of lights has a pair of accumulators.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -30,11 +31,17 @@ constexpr std::uint32_t vector_channels(std::size_t techniques) {
   return static_cast<std::uint32_t>(mis::kColors * techniques);
 }
 
-// Accumulators of the plan of work, matrix and vector in this order.
+// As many groups as the accumulators of a job have room for.
+inline constexpr std::size_t kMaxGroups = film::kMaxAccumulators / 2;
+
+// Of a group's accumulator: kMatrix, "mis.matrix.1", ...
+std::string name_of(std::string_view accumulator, std::size_t group);
+
+// Accumulators of the plan of work: for each group matrix and vector, in this order.
 std::vector<film::AccumulatorSpec> specs(std::size_t techniques, int film_scale_log2,
-                                         film::AccumulatorSpec::Per per);
+                                         film::AccumulatorSpec::Per per, std::size_t groups = 1);
 bool has_specs(const std::vector<film::AccumulatorSpec>& accumulators, std::size_t techniques,
-               film::AccumulatorSpec::Per per);
+               film::AccumulatorSpec::Per per, std::size_t groups = 1);
 
 // The numbers of samples as constants of a plan, and back. Precondition: counts are integers.
 std::string counts_text(const mis::Allocation& allocation);

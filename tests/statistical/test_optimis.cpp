@@ -8,133 +8,14 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <map>
 #include <numbers>
 #include <span>
 
-#include "common/bundle/bundle.h"
-#include "common/film/delta.h"
-#include "common/film/development.h"
-#include "common/stages/development.h"
-#include "common/stages/developments/optimal_mis.h"
-#include "tests/statistical/harness.h"
+#include "tests/statistical/optimis_job.h"
 #include "tests/statistical/quantiles.h"
-#include "worker/integrators/unit_data.h"
 
 namespace candela::statistical {
 namespace {
-
-constexpr std::uint32_t kExtent = 64;
-constexpr std::size_t kBatches = 16;
-
-TestScene load(const std::string& name, const std::string& integrator, const SettingsMap& settings) {
-  TestScene scene;
-  scene.files = std::make_shared<bundle::DiskSource>(CANDELA_SOURCE_DIR "/tests/statistical/transport");
-  scene.main_key = name + ".xml";
-  scene = read_scene(std::move(scene), kExtent, kExtent);
-  scene.settings.sampler = "independent";
-  return with_integrator(std::move(scene), integrator, settings);
-}
-
-// What is merged of one job.
-struct Merged {
-  film::MergedFilm film;
-  std::array<std::vector<film::MergedAccumulator>, 2> sums;                   // [half][accumulator]
-  std::map<std::uint64_t, std::vector<film::MergedAccumulator>> epochs = {};  // of a job of epochs
-
-  const film::MergedAccumulator* find(std::string_view name, std::uint32_t half) const {
-    for (const film::MergedAccumulator& a : sums[half])
-      if (a.spec().name == name) return &a;
-    return nullptr;
-  }
-};
-
-class Job {
- public:
-  Job(const std::string& scene, const std::string& integrator, const SettingsMap& settings)
-      : Job(load(scene, integrator, settings)) {}
-  explicit Job(TestScene scene) : scene_(std::move(scene)), renderer_(make_renderer(scene_)) {
-    auto pilot = renderer_->pilot({});
-    if (!pilot.ok()) throw std::runtime_error(pilot.error().to_string());
-    pilot_ = std::move(*pilot);
-  }
-  const WorkPlan& work() const { return pilot_.work; }
-  const std::string& plan() const { return pilot_.plan; }
-  film::Layout layout() const { return {kExtent, kExtent, 1}; }
-
-  Merged empty() const {
-    Merged m{film::MergedFilm(layout(), pilot_.state.film_scale_log2), {}};
-    for (auto& half : m.sums)
-      for (const film::AccumulatorSpec& spec : work().accumulators) half.emplace_back(kExtent, kExtent, spec);
-    return m;
-  }
-  // Renders indices [begin, end) of a half and merges them, through the bytes of a delta.
-  void merge(Merged& into, std::uint32_t half, std::uint64_t begin, std::uint64_t end, unsigned threads = 2,
-             std::uint64_t epoch = 0) {
-    auto output = renderer_->make_output(pilot_.state);
-    output.epoch = epoch;
-    render::RunContext run;
-    run.threads = threads;
-    const Unit unit{Unit::Kind::iterations, half, begin, end};
-    const auto done = renderer_->run(unit, {}, output, run);
-    ASSERT_TRUE(done.ok()) << done.error().to_string();
-    const std::string bytes = integrators::encode_delta({unit, {}, 0, "j", "b"}, output);
-    const auto delta = film::Delta::decode(bytes, {layout(), work().accumulators});
-    ASSERT_TRUE(delta.ok()) << delta.error().to_string();
-    ASSERT_TRUE(into.film.merge(*delta).ok());
-    auto& sums = work().epochs ? into.epochs[epoch] : into.sums[half];
-    for (std::size_t i = sums.size(); i < work().accumulators.size(); ++i)
-      sums.emplace_back(kExtent, kExtent, work().accumulators[i]);
-    for (std::size_t i = 0; i < delta->accumulators().size(); ++i)
-      sums[i].merge(delta->accumulators()[i].sums);
-    for (const std::uint64_t rejected : into.film.tallies(half).rejected) EXPECT_EQ(rejected, 0U);
-  }
-  std::vector<float> image(const Merged& m, std::string_view estimator) const {
-    film::Development development;
-    if (work().development) {
-      DevelopmentInput input{*work().development, estimator, kExtent, kExtent,
-                             [&](std::string_view name, std::uint32_t half) { return m.find(name, half); }};
-      for (const auto& [epoch, sums] : m.epochs) {
-        auto& open = input.open.emplace_back();
-        for (const film::MergedAccumulator& of_epoch : sums) open.push_back(&of_epoch);
-      }
-      auto corrections = correct(std::move(input));
-      if (!corrections.ok()) throw std::runtime_error(corrections.error().to_string());
-      for (std::size_t half = 0; half < 2; ++half)
-        if (!(*corrections)[half].empty())
-          development.corrections[half] =
-              std::make_shared<const std::vector<float>>(std::move((*corrections)[half]));
-    }
-    return film::develop_image(m.film, development);
-  }
-  // Indices of a half as three epochs: a quarter, a quarter, the rest.
-  void merge_epochs(Merged& into, std::uint32_t half, std::uint64_t begin, std::uint64_t end) {
-    const std::uint64_t step = std::max<std::uint64_t>((end - begin) / 4, 1);
-    const std::uint64_t borders[] = {begin, begin + step, begin + 2 * step, end};
-    for (std::uint64_t e = 0; e < 3; ++e) merge(into, half, borders[e], borders[e + 1], 2, e);
-  }
-  // Independent images of `iterations` in each half.
-  Rows rows(std::string_view estimator, std::uint64_t iterations, const Regions& regions) {
-    Rows out;
-    for (std::size_t b = 0; b < kBatches; ++b) {
-      Merged m = empty();
-      for (const std::uint32_t half : {0U, 1U}) {
-        if (work().epochs)
-          merge_epochs(m, half, b * iterations, (b + 1) * iterations);
-        else
-          merge(m, half, b * iterations, (b + 1) * iterations);
-      }
-      const std::vector<float> rgb = image(m, estimator);
-      out.push_back(regions.means(std::vector<double>(rgb.begin(), rgb.end())));
-    }
-    return out;
-  }
-
- private:
-  TestScene scene_;
-  std::unique_ptr<render::Renderer> renderer_;
-  PilotResult pilot_;
-};
 
 const SettingsMap kEverything = {
     {"selection", "contribution,power,uniform"}, {"plan", "full"}, {"max_depth", "4"}};
@@ -142,29 +23,6 @@ const SettingsMap kEverything = {
 // Lamps near the horizon of many pixels, hidden from others.
 const SettingsMap kPoints = {
     {"techniques", "bsdf,spherical,area,parallel"}, {"selection", "contribution,power"}, {"max_depth", "4"}};
-
-// Over the image: for each technique the mean of S_r,i - W / M, and the number of samples.
-struct Controls {
-  std::vector<double> excess;
-  double samples = 0;
-};
-Controls controls_of(const Job& job, const Merged& m) {
-  const film::AccumulatorSpec& matrix = job.work().accumulators.at(0);
-  std::size_t n = 1;
-  while (mis::packed_size(n) < matrix.channels) ++n;
-  mis::Sums sums;
-  for (std::uint32_t y = 0; y < kExtent; ++y)
-    for (std::uint32_t x = 0; x < kExtent; ++x)
-      for (std::uint32_t i = 0; i < matrix.channels; ++i)
-        sums.a[i] += static_cast<double>(m.sums[0][0].sum(x, y, i)) * std::ldexp(1.0, -matrix.scale_log2);
-  const mis::Allocation allocation = mis::Allocation::ones(n);
-  const mis::Vector r = sums.control_sums(allocation);
-  Controls out;
-  out.samples = sums.samples(allocation);
-  for (std::size_t i = 0; i < n; ++i)
-    out.excess.push_back((r[i] - out.samples / static_cast<double>(n)) / (kExtent * kExtent));
-  return out;
-}
 
 // Claim: each control has the expectation 1 for each batch, whatever is between vertices and whichever lights
 // there are, and the matrix counts whole samples.

@@ -46,7 +46,8 @@ TEST(IntegratorTable, BadSettingsOfOptimisAreNamed) {
       {"techniques", ""},           {"selection", "random"},
       {"selection", "power,sun"},   {"weights", "best-guess"},
       {"estimator", "guess"},       {"depth", "3"},
-      {"hide_emitters", "perhaps"}, {"plan", "none"}};
+      {"hide_emitters", "perhaps"}, {"plan", "none"},
+      {"light_groups", "two"}};
   for (const auto& [name, value] : bad) {
     const auto refused = render::complete_integrator_settings("optimis", {}, {{name, value}});
     ASSERT_FALSE(refused.ok()) << name << '=' << value;

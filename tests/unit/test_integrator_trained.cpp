@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "tests/unit/renderer_fixture.h"
+#include "worker/samplers/sampler.h"
 #include "worker/scene/emitters/lights.h"
 
 namespace candela {

@@ -14,6 +14,10 @@
 // density is not known. Then the bsdf technique is a control of its own that never varies, and the controls
 // of the light techniques are shares among these. The weights of contributions are what they are in the path
 // tracer.
+//
+// Groups of lights (scene/emitters/light_groups.h), if there are several, have a batch each: every light
+// technique draws a point on a light of each group, and the bsdf's ray is a failure for all groups but that
+// of the light which it meets.
 #pragma once
 
 #include <array>
@@ -27,10 +31,13 @@
 #include "common/mis/best.h"
 #include "worker/estimators/light_weights.h"
 #include "worker/estimators/options.h"
+#include "worker/scene/emitters/light_groups.h"
 #include "worker/scene/emitters/lights.h"
 #include "worker/scene/scene.h"
 
 namespace candela::estimators {
+
+inline constexpr std::size_t kMaxLightGroups = 8;
 
 struct FirstVertexSetup {
   bool bsdf = false;  // technique 0, if it is there
@@ -40,12 +47,15 @@ struct FirstVertexSetup {
   // Of the selections, the one that has weights (light_weights.h), if any.
   static constexpr std::size_t kNone = ~std::size_t{0};
   std::size_t trained = kNone;
+  scene::LightPartition partition = scene::LightPartition::one;
+  std::size_t groups = 1;  // of the partition, of this scene; at most kMaxLightGroups
   mis::Heuristic heuristic = mis::Heuristic::balance;
   bool controls = false;       // tallied; the heuristic is the balance heuristic's
   bool singles = false;        // likewise: what each technique alone would bring
   bool bsdf_is_alone = false;  // see above
   bool direct_only = false;    // the path ends there
 
+  // For each group of lights.
   std::size_t light_techniques() const { return selections.size() * points.size(); }
   std::size_t techniques() const { return light_techniques() + (bsdf ? 1 : 0); }
 };
@@ -61,14 +71,22 @@ class FirstVertex {
   static constexpr bool kActive = true;
 
   // lights: of the trained selection; null: it is the choice adapted to the point.
-  FirstVertex(const FirstVertexSetup& setup, const PathOptions& options, const LightWeights* lights = nullptr)
+  // groups: of lights, as many as the setup says; null: all lights are one.
+  FirstVertex(const FirstVertexSetup& setup, const PathOptions& options, const LightWeights* lights = nullptr,
+              const scene::LightGroups* groups = nullptr)
       : setup_(setup),
+        groups_(groups),
         trained_(lights != nullptr ? setup.trained : FirstVertexSetup::kNone),
         lights_(lights),
         options_(options),
         all_options_(options),
         n_(setup.techniques()) {
     allocation_ = mis::Allocation::ones(n_);
+    const std::size_t techniques = setup.light_techniques(), points = setup.points.size();
+    for (std::size_t i = 0; i < light_draws(); ++i) {
+      const std::size_t t = i % techniques;
+      draws_[i] = {i / techniques, technique(t), t / points, t % points};
+    }
   }
   // The limits of the path, which ends early where direct light is all that is asked for.
   const PathOptions& options() const { return options_; }
@@ -84,20 +102,26 @@ class FirstVertex {
     reached_ = true;
     if (lights_ != nullptr) [[unlikely]]
       enter_cell(lights, p);
-    if (setup_.bsdf && setup_.controls) set(0, mis::controls_of_one(allocation_, 0), {});
+    if (setup_.bsdf && setup_.controls)
+      for (std::size_t g = 0; g < setup_.groups; ++g) set(g, 0, mis::controls_of_one(allocation_, 0), {});
   }
   // The path goes on from there; `depth` edges from the eye is what its ray meets.
   void leave(std::uint32_t depth) {
     if (setup_.direct_only) options_.max_depth = depth;
   }
 
-  std::size_t light_techniques() const { return setup_.light_techniques(); }
+  // Every light technique for the first group of lights, then for the next.
+  std::size_t light_draws() const { return setup_.groups * setup_.light_techniques(); }
   scene::DirectOutcome sample(const scene::Lights& lights, const scene::SurfaceHit& here, Vec3 front,
-                              float u_select, Vec2 u, std::size_t light_technique,
+                              float u_select, Vec2 u, std::size_t light_draw,
                               scene::DirectSample& out) const {
-    const std::size_t s = light_technique / setup_.points.size();
-    const scene::PointSampler point = setup_.points[light_technique % setup_.points.size()];
+    const Draw& draw = draws_[light_draw];
+    const std::size_t s = draw.selection;
+    const scene::PointSampler point = setup_.points[draw.point];
     if (s == trained_) return lights.sample(here, front, u_select, u, out, weights_, point);
+    if (groups_ != nullptr) [[unlikely]]
+      return lights.sample(here, front, u_select, u, out, setup_.selections[s], (*groups_)[draw.group],
+                           point);
     return lights.sample(here, front, u_select, u, out, setup_.selections[s], point);
   }
   // A point on an emitter was looked for.
@@ -111,26 +135,27 @@ class FirstVertex {
   };
   std::span<const ShadowTest> shadow_tests() const { return std::span(shadow_tests_).first(tests_); }
 
-  void failed(std::size_t light_technique) {
-    const std::size_t own = technique(light_technique);
-    if (setup_.controls) set(own, mis::controls_of_one(allocation_, own), {});
+  void failed(std::size_t light_draw) {
+    const Draw& draw = draws_[light_draw];
+    if (setup_.controls)
+      set(draw.group, draw.technique, mis::controls_of_one(allocation_, draw.technique), {});
   }
 
-  // Light from a point that the technique drew, or none. `light`: of that technique. value: what arrives,
+  // Light from a point that a light technique drew, or none. `light`: of that draw. value: what arrives,
   // before it is divided by a density. Returns the contribution.
-  Spectrum drawn(const scene::Scene& scene, const scene::SurfaceHit& here, Vec3 front,
-                 std::size_t light_technique, const scene::DirectSample& light, float pdf_bsdf,
-                 const Spectrum& value) {
+  Spectrum drawn(const scene::Scene& scene, const scene::SurfaceHit& here, Vec3 front, std::size_t light_draw,
+                 const scene::DirectSample& light, float pdf_bsdf, const Spectrum& value) {
+    const Draw& draw = draws_[light_draw];
     Densities p{};
     if (light.infinite && !light.delta)
-      add_environment_densities(scene.lights(), here, front, light.wi, p);
+      add_environment_densities(scene.lights(), here, front, light.wi, draw.group, p);
     else
-      add_densities(scene.lights(), here, front, light_technique, light, p);
-    const std::size_t own = technique(light_technique);
+      add_densities(scene.lights(), here, front, draw, light, p);
+    const std::size_t own = draw.technique;
     p[own] = static_cast<double>(light.pdf_solid_angle);
     if (setup_.bsdf) p[0] = static_cast<double>(pdf_bsdf);
     if (!usable(p, own)) {
-      failed(light_technique);
+      failed(light_draw);
       return {};
     }
     const mis::Vector weights = weights_at(p);
@@ -138,7 +163,8 @@ class FirstVertex {
         value.is_black() ? Spectrum() : value * static_cast<float>(weights[own] / p[own]);
     if (setup_.controls) {
       if (setup_.bsdf && setup_.bsdf_is_alone) p[0] = 0;
-      set(own, setup_.bsdf_is_alone ? mis::control_vector(allocation_, p) : weights, color(contribution));
+      set(draw.group, own, setup_.bsdf_is_alone ? mis::control_vector(allocation_, p) : weights,
+          color(contribution));
     }
     if (setup_.singles && !value.is_black())
       add_single(own, value * static_cast<float>(1 / p[own]), contribution);
@@ -149,35 +175,42 @@ class FirstVertex {
   // `value` is divided by the density with which the ray was drawn. Returns the contribution.
   Spectrum found(const scene::Lights& lights, const scene::SurfaceHit& here, Vec3 front, Vec3 d,
                  const scene::SurfaceHit* hit, float pdf_bsdf, bool delta, const Spectrum& value) {
+    std::size_t group = 0;
+    if (groups_ != nullptr) [[unlikely]]
+      group = hit == nullptr ? groups_->of_environment() : groups_->of(hit->emitter);
     if (delta) {  // nobody else can find it
-      add_light(value);
+      add_light(group, value);
       return value;
     }
     if (!setup_.bsdf) return {};
     Densities p{};
     p[0] = static_cast<double>(pdf_bsdf);
     if (hit == nullptr)
-      add_environment_densities(lights, here, front, d, p);
+      add_environment_densities(lights, here, front, d, group, p);
     else
-      add_densities(lights, here, front, d, *hit, p);
+      add_densities(lights, here, front, d, *hit, group, p);
     if (!usable(p, 0)) return {};
     const mis::Vector weights = weights_at(p);
-    if (setup_.controls && !setup_.bsdf_is_alone) batch_.c[sample(0)] = weights;
+    if (setup_.controls && !setup_.bsdf_is_alone) batches_[group].c[sample(0)] = weights;
     const Spectrum contribution = value * static_cast<float>(weights[0]);
     if (setup_.singles) add_single(0, value, contribution);
-    add_light(contribution);
+    add_light(group, contribution);
     return contribution;
   }
 
-  // When the path has ended: whether there was such a vertex, and then its batch.
+  // When the path has ended: whether there was such a vertex, and then its batch, of a group of lights.
   bool reached() const { return reached_; }
-  const mis::Batch& batch() const { return batch_; }
+  const mis::Batch& batch(std::size_t group = 0) const { return batches_[group]; }
   // The sums of each technique over one batch, without squares. No part of the sums has light that only bsdf
   // sampling can find.
   const mis::Singles& singles() const { return singles_; }
 
  private:
   using Densities = mis::Vector;
+  // Of a point on a light: the group of lights, the technique, and what it is made of, by index in the setup.
+  struct Draw {
+    std::size_t group, technique, selection, point;
+  };
 
   // Of trained selection alone; not inlined, to leave the path without it as it was.
   [[gnu::noinline]] void enter_cell(const scene::Lights& lights, Vec3 p) {
@@ -201,30 +234,34 @@ class FirstVertex {
   std::size_t sample(std::size_t technique) const {
     return !setup_.bsdf ? technique : technique == 0 ? n_ - 1 : technique - 1;
   }
-  void set(std::size_t technique, const mis::Vector& c, const mis::Color& f_over_q) {
-    batch_.c[sample(technique)] = c;
-    batch_.f_over_q[sample(technique)] = f_over_q;
+  void set(std::size_t group, std::size_t technique, const mis::Vector& c, const mis::Color& f_over_q) {
+    batches_[group].c[sample(technique)] = c;
+    batches_[group].f_over_q[sample(technique)] = f_over_q;
   }
   float prob(const scene::Lights& lights, const scene::SurfaceHit& here, Vec3 front, std::uint32_t emitter,
-             std::size_t s) const {
+             std::size_t group, std::size_t s) const {
     if (s == trained_) return lights.prob(here.p, front, emitter, weights_);
+    if (groups_ != nullptr) [[unlikely]]
+      return lights.prob(here.p, front, emitter, setup_.selections[s], (*groups_)[group]);
     return lights.prob(here.p, front, emitter, setup_.selections[s]);
   }
   // The densities of the light techniques for a direction out of the scene; where an environment is chosen,
   // all sample it in its own way.
   void add_environment_densities(const scene::Lights& lights, const scene::SurfaceHit& here, Vec3 front,
-                                 Vec3 d, Densities& p) const {
+                                 Vec3 d, std::size_t group, Densities& p) const {
     for (std::size_t s = 0; s < setup_.selections.size(); ++s) {
-      const float pdf = s == trained_
-                            ? lights.pdf_environment_solid_angle(here, front, d, weights_)
-                            : lights.pdf_environment_solid_angle(here, front, d, setup_.selections[s]);
+      const scene::LightTechnique selection = setup_.selections[s];
+      const float pdf = s == trained_ ? lights.pdf_environment_solid_angle(here, front, d, weights_)
+                        : groups_ != nullptr
+                            ? lights.pdf_environment_solid_angle(here, front, d, selection, (*groups_)[group])
+                            : lights.pdf_environment_solid_angle(here, front, d, selection);
       for (std::size_t m = 0; m < setup_.points.size(); ++m)
         p[technique(s * setup_.points.size() + m)] = static_cast<double>(pdf);
     }
   }
   // The same for a point on a surface that a ray found.
   void add_densities(const scene::Lights& lights, const scene::SurfaceHit& here, Vec3 front, Vec3 d,
-                     const scene::SurfaceHit& hit, Densities& p) const {
+                     const scene::SurfaceHit& hit, std::size_t group, Densities& p) const {
     std::array<float, mis::kMaxTechniques> given{};  // the emitter, by sampler of points
     bool any = false;
     for (std::size_t m = 0; m < setup_.points.size(); ++m) {
@@ -233,17 +270,18 @@ class FirstVertex {
     }
     if (!any) return;
     for (std::size_t s = 0; s < setup_.selections.size(); ++s) {
-      const float chosen = prob(lights, here, front, hit.emitter, s);
+      const float chosen = prob(lights, here, front, hit.emitter, group, s);
       for (std::size_t m = 0; m < setup_.points.size(); ++m)
         if (given[m] > 0) p[technique(s * setup_.points.size() + m)] = static_cast<double>(given[m] * chosen);
     }
   }
   // The same for a point that a technique drew, but of this technique.
-  void add_densities(const scene::Lights& lights, const scene::SurfaceHit& here, Vec3 front,
-                     std::size_t light_technique, const scene::DirectSample& light, Densities& p) const {
+  void add_densities(const scene::Lights& lights, const scene::SurfaceHit& here, Vec3 front, const Draw& draw,
+                     const scene::DirectSample& light, Densities& p) const {
     if (setup_.light_techniques() == 1) return;
-    const std::size_t points = setup_.points.size(), own_point = light_technique % points;
-    const float chosen = prob(lights, here, front, light.emitter, light_technique / points);
+    const std::size_t points = setup_.points.size();
+    const std::size_t own_point = draw.point;
+    const float chosen = prob(lights, here, front, light.emitter, draw.group, draw.selection);
     Densities given{};  // the emitter, by sampler of points
     given[own_point] = static_cast<double>(light.pdf_solid_angle) / static_cast<double>(chosen);
     if (points > 1) {
@@ -261,8 +299,8 @@ class FirstVertex {
       }
     }
     for (std::size_t s = 0; s < setup_.selections.size(); ++s) {
-      const bool own = s == light_technique / points;
-      const float of_selection = own ? chosen : prob(lights, here, front, light.emitter, s);
+      const float of_selection =
+          s == draw.selection ? chosen : prob(lights, here, front, light.emitter, draw.group, s);
       for (std::size_t m = 0; m < points; ++m)
         p[technique(s * points + m)] = given[m] * static_cast<double>(of_selection);
     }
@@ -276,10 +314,10 @@ class FirstVertex {
     return {static_cast<double>(s.r), static_cast<double>(s.g), static_cast<double>(s.b)};
   }
   // To the bsdf's sample.
-  void add_light(const Spectrum& s) {
+  void add_light(std::size_t group, const Spectrum& s) {
     if (!setup_.bsdf || !setup_.controls) return;
     const mis::Color more = color(s);
-    mis::Color& light = batch_.f_over_q[n_ - 1];
+    mis::Color& light = batches_[group].f_over_q[n_ - 1];
     for (std::size_t k = 0; k < mis::kColors; ++k) light[k] += more[k];
   }
 
@@ -292,6 +330,7 @@ class FirstVertex {
   }
 
   const FirstVertexSetup& setup_;
+  const scene::LightGroups* const groups_;
   const std::size_t trained_;  // selection
   const LightWeights* const lights_;
   std::uint32_t cell_ = scene::kNone;
@@ -303,7 +342,9 @@ class FirstVertex {
   const PathOptions all_options_;
   const std::size_t n_;
   mis::Allocation allocation_;
-  mis::Batch batch_;  // the bsdf's sample is complete when the path has ended
+  std::array<Draw, kMaxLightGroups * mis::kMaxTechniques> draws_;  // the first light_draws() are set
+  // By group of lights; the bsdf's sample is complete when the path has ended.
+  std::array<mis::Batch, kMaxLightGroups> batches_;
   mis::Singles singles_;
   bool reached_ = false;
 };

@@ -209,7 +209,7 @@ class PathTracer {
   [[gnu::always_inline]] void sample_first(const scene::SurfaceHit& here, Vec3 side, const EvalPdf& eval_pdf) {
     using namespace transport;
     first_->reach(scene_.lights(), here.p);
-    for (std::size_t i = 0; i < first_->light_techniques(); ++i) {
+    for (std::size_t i = 0; i < first_->light_draws(); ++i) {
       // The first has the path tracer's random numbers.
       const std::uint32_t at = i == 0 ? block_ : path_block::further_light(i);
       const float u_emitter =

@@ -417,6 +417,10 @@ void SceneBuilder::finish_features() {
   features_.textures = textures_.texture_count();
   features_.all_bsdfs_delta = all_delta_ && !geometry_.shapes.empty();
   features_.emitters = static_cast<std::uint32_t>(lights_.size());
+  for (std::uint32_t i = 0; i < lights_.size(); ++i) {
+    features_.environments += lights_.is_environment(i) ? 1 : 0;
+    features_.infinite_emitters += lights_.infinite(i) ? 1 : 0;
+  }
   emitter_media_.resize(lights_.size(), kNone);
   features_.media = static_cast<std::uint32_t>(media_.size());
   for (std::uint32_t i = 0; i < media_.size(); ++i) {

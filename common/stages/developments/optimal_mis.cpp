@@ -17,11 +17,26 @@ Error bad(std::string message) {
   return input_error(std::move(message)).with_field("work.development");
 }
 
+constexpr const char* kGroups = "groups";  // of lights: "2"; left out: 1
+
+Result<std::size_t> parse_groups(const SettingsMap& constants) {
+  const auto found = constants.find(kGroups);
+  if (found == constants.end()) return std::size_t{1};
+  const std::string& text = found->second;
+  if (text.size() == 1 && text[0] >= '1' && text[0] <= static_cast<char>('0' + pixel_sums::kMaxGroups))
+    return static_cast<std::size_t>(text[0] - '0');
+  return bad(fmt::format("'{}' is no number of groups from 1 to {}", text, pixel_sums::kMaxGroups));
+}
+static_assert(pixel_sums::kMaxGroups < 10);
+
 Result<void> validate_sums(const WorkPlan& plan, Per per) {
   const Result<Allocation> allocation = pixel_sums::parse_counts(plan.development->constants);
   if (!allocation.ok()) return bad(allocation.error().message);
-  if (pixel_sums::has_specs(plan.accumulators, allocation->techniques, per)) return {};
-  return bad(fmt::format("{} techniques need accumulators that the plan has not", allocation->techniques));
+  CANDELA_ASSIGN(const std::size_t groups, parse_groups(plan.development->constants));
+  if (per == Per::epoch && groups != 1) return bad("sums of epochs are of one group of lights");
+  if (pixel_sums::has_specs(plan.accumulators, allocation->techniques, per, groups)) return {};
+  return bad(fmt::format("{} techniques and groups of lights: {} need accumulators that the plan has not",
+                         allocation->techniques, groups));
 }
 
 // Corrections of all pixels: of_pixel(x, y) has those of its halves.
@@ -60,9 +75,13 @@ struct EpochSums {
 
 }  // namespace
 
-DevelopmentPlan plan(std::string_view name, const Allocation& allocation, std::string_view estimator) {
-  return {std::string(name),
-          {{"counts", pixel_sums::counts_text(allocation)}, {"estimator", std::string(estimator)}}};
+DevelopmentPlan plan(std::string_view name, const Allocation& allocation, std::string_view estimator,
+                     std::size_t groups) {
+  DevelopmentPlan out{
+      std::string(name),
+      {{"counts", pixel_sums::counts_text(allocation)}, {"estimator", std::string(estimator)}}};
+  if (groups != 1) out.constants[kGroups] = std::to_string(groups);
+  return out;
 }
 
 Result<void> validate_plan(const WorkPlan& plan) {
@@ -72,17 +91,25 @@ Result<void> validate_plan(const WorkPlan& plan) {
 Corrections correct(const DevelopmentInput& input) {
   if (input.estimator == "balance") return {};
   const Result<Allocation> allocation = pixel_sums::parse_counts(input.plan.constants);
-  if (!allocation.ok()) return {};
-  const auto sums_of = [&](std::uint32_t half) {
-    return EpochSums{input.sums(pixel_sums::kMatrix, half), input.sums(pixel_sums::kVector, half)};
-  };
-  const std::array<EpochSums, 2> halves = {sums_of(0), sums_of(1)};
+  const Result<std::size_t> count = parse_groups(input.plan.constants);
+  if (!allocation.ok() || !count.ok()) return {};
+  std::vector<std::array<EpochSums, 2>> groups(*count);
+  for (std::size_t g = 0; g < groups.size(); ++g)
+    for (std::uint32_t half = 0; half < 2; ++half)
+      groups[g][half] = {input.sums(pixel_sums::name_of(pixel_sums::kMatrix, g), half),
+                         input.sums(pixel_sums::name_of(pixel_sums::kVector, g), half)};
   return for_pixels(input, [&](std::uint32_t x, std::uint32_t y) {
-    Halves sums;
-    for (std::size_t half = 0; half < 2; ++half)
-      sums[half] =
-          pixel_sums::read(halves[half].matrix, halves[half].vector, x, y, allocation->techniques, 0);
-    return from_all(input.estimator, *allocation, sums);
+    HalfColors out{};
+    for (const std::array<EpochSums, 2>& group : groups) {
+      Halves sums;
+      for (std::size_t half = 0; half < 2; ++half)
+        sums[half] =
+            pixel_sums::read(group[half].matrix, group[half].vector, x, y, allocation->techniques, 0);
+      const HalfColors corrections = from_all(input.estimator, *allocation, sums);
+      for (std::size_t half = 0; half < 2; ++half)
+        for (std::size_t k = 0; k < mis::kColors; ++k) out[half][k] += corrections[half][k];
+    }
+    return out;
   });
 }
 

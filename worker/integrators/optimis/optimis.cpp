@@ -72,9 +72,10 @@ class OptimisIntegrator final : public IterationIntegrator {
       plan.development = best_technique::plan(n, eligible_);
     } else if (read_out_ == ReadOut::sums || read_out_ == ReadOut::epochs) {
       const bool epochs = read_out_ == ReadOut::epochs;
-      plan.accumulators = pixel_sums::specs(n, film_scale_log2, epochs ? Per::epoch : Per::job);
+      plan.accumulators =
+          pixel_sums::specs(n, film_scale_log2, epochs ? Per::epoch : Per::job, setup_.groups);
       plan.development = optimal_mis::plan(epochs ? optimal_mis::kEpochName : optimal_mis::kName, allocation_,
-                                           settings_.estimator.value);
+                                           settings_.estimator.value, setup_.groups);
       if (epochs)
         plan.epochs =
             epoch_plan(epoch_corrections::kRule, {{"counts", pixel_sums::counts_text(allocation_)}});
@@ -98,6 +99,7 @@ class OptimisIntegrator final : public IterationIntegrator {
       CANDELA_ASSIGN(const std::span<const std::uint8_t> weights, light_weights(input, layout));
       if (!weights.empty()) lights.emplace(context.scene.lights().extent(), layout, weights);
     }
+    const std::optional<scene::LightGroups> groups = light_groups(context);
     const bool has_epochs = epochs_.has_value() && (read_out_ == ReadOut::epochs || layout.side > 0);
     return with_tracer(context, [&](const auto& trace) {
       // Slopes and light weights of an epoch are from earlier ones: they have to be independent. One half's
@@ -108,7 +110,8 @@ class OptimisIntegrator final : public IterationIntegrator {
                            [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1,
                                film::Tallies& tallies) {
                              samplers::Sampler sampler(context.sampler, context.seed);
-                             estimators::FirstVertex first(setup_, options_, lights ? &*lights : nullptr);
+                             estimators::FirstVertex first(setup_, options_, lights ? &*lights : nullptr,
+                                                           groups ? &*groups : nullptr);
                              mis::Sums batch;
                              const Iteration iteration{context, unit,    word,  run,   output,
                                                        tallies, sampler, first, batch, layout};
@@ -125,8 +128,9 @@ class OptimisIntegrator final : public IterationIntegrator {
   }
 
   std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {
+    const std::optional<scene::LightGroups> groups = light_groups(context);
     return with_tracer(context, [&](const auto& trace) {
-      estimators::FirstVertex first(setup_, options_);
+      estimators::FirstVertex first(setup_, options_, nullptr, groups ? &*groups : nullptr);
       return pilot_eye_samples(context, count,
                                [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies) {
                                  first.start();
@@ -136,6 +140,10 @@ class OptimisIntegrator final : public IterationIntegrator {
   }
 
  private:
+  std::optional<scene::LightGroups> light_groups(const UnitContext& context) const {
+    if (setup_.groups == 1) return std::nullopt;
+    return std::make_optional<scene::LightGroups>(context.scene.lights(), setup_.partition);
+  }
   EpochPlan epoch_plan(std::string_view rule, SettingsMap constants) const {
     return {static_cast<std::uint64_t>(settings_.epoch_min), static_cast<std::uint32_t>(settings_.growth),
             static_cast<std::uint32_t>(settings_.lag), std::string(rule), std::move(constants)};
@@ -206,7 +214,8 @@ class OptimisIntegrator final : public IterationIntegrator {
     const double kept_weight = kept ? static_cast<double>(weight) : 0;
     const std::uint32_t part = read_out_ == ReadOut::epochs ? i.unit.half : 0;
     if (read_out_ == ReadOut::sums || read_out_ == ReadOut::epochs)
-      tally_(i.first.batch(), kept_weight, part, x, y, key, i.output, i.tallies);
+      for (std::size_t g = 0; g < setup_.groups; ++g)
+        tally_(i.first.batch(g), kept_weight, g, part, x, y, key, i.output, i.tallies);
     if (read_out_ == ReadOut::best)
       tally_singles(i.first.singles(), kept_weight, x, y, key, i.output, i.tallies);
   }
@@ -235,20 +244,21 @@ class OptimisIntegrator final : public IterationIntegrator {
     to.add(more);
   }
 
-  // One batch. part: the half, in accumulators of epochs.
+  // One batch, of a group of lights. part: the half, in accumulators of epochs.
   template <std::size_t kTechniques>
-  static void tally(const mis::Batch& batch, double weight, std::uint32_t part, std::uint32_t x,
-                    std::uint32_t y, std::uint64_t key, UnitOutput& output, film::Tallies& tallies) {
-    // The accumulators share it: errors of rounding that are correlated bias neither.
+  static void tally(const mis::Batch& batch, double weight, std::size_t group, std::uint32_t part,
+                    std::uint32_t x, std::uint32_t y, std::uint64_t key, UnitOutput& output,
+                    film::Tallies& tallies) {
+    // All accumulators share it: errors of rounding that are correlated bias none.
     const std::uint64_t sums_key = rng::combine(key, kFirstWord);
     const std::uint64_t word = film::dither_word(sums_key);
-    output.accumulators[0]->add_array(x, y, part * pixel_sums::matrix_channels(kTechniques),
-                                      mis::matrix_of<kTechniques>(batch), sums_key, word, tallies);
+    output.accumulators[2 * group]->add_array(x, y, part * pixel_sums::matrix_channels(kTechniques),
+                                              mis::matrix_of<kTechniques>(batch), sums_key, word, tallies);
     if (weight == 0 || !mis::lit<kTechniques>(batch)) return;
     auto light = mis::vector_of<kTechniques>(batch);
     for (double& b : light) b *= weight;
-    output.accumulators[1]->add_array(x, y, part * pixel_sums::vector_channels(kTechniques), light, sums_key,
-                                      word, tallies);
+    output.accumulators[2 * group + 1]->add_array(x, y, part * pixel_sums::vector_channels(kTechniques),
+                                                  light, sums_key, word, tallies);
   }
   using Tally = decltype(&tally<2>);
   static Tally tally_of(std::size_t techniques) {
@@ -311,6 +321,20 @@ Result<void> check(const OptimisSettings& settings) {
                              optimal ? settings.weights.value : settings.estimator.value))
           .with_field(optimal ? "weights" : "estimator")
           .with_mend("leave it out, or 'trained'");
+  }
+  if (settings.light_groups.value != "one") {
+    const bool trained = settings.selection.has("trained"), best = settings.weights.value == "best",
+               estimator = settings.estimator.value == "progressive" || settings.estimator.value == "fan";
+    if (trained || best || estimator)
+      return usage_error(fmt::format("'{}' has all lights in one group, not light_groups={}",
+                                     trained ? "trained"
+                                     : best  ? "best"
+                                             : settings.estimator.value,
+                                     settings.light_groups.value))
+          .with_field(trained ? "selection"
+                      : best  ? "weights"
+                              : "estimator")
+          .with_mend("leave it or light_groups out");
   }
   if (n <= mis::kMaxTechniques) return {};
   return usage_error(

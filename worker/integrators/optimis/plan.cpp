@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "common/stages/light_visibility.h"
+#include "common/stages/pixel_sums.h"
 #include "worker/integrators/path/plan.h"
 
 namespace candela::integrators::optimis {
@@ -90,8 +91,39 @@ void plan_points(const OptimisSettings& settings, const scene::SceneFeatures& fe
   }
 }
 
+scene::LightPartition partition_named(std::string_view name) {
+  return name == "infinite" ? scene::LightPartition::infinite
+         : name == "each"   ? scene::LightPartition::each
+                            : scene::LightPartition::one;
+}
+
+// The groups of lights. Fails (usage) if there are too many.
+Result<void> plan_groups(const OptimisSettings& settings, const scene::SceneFeatures& features,
+                         estimators::FirstVertexSetup& setup, Plan& plan) {
+  static_assert(estimators::kMaxLightGroups == pixel_sums::kMaxGroups);
+  const std::string& name = settings.light_groups.value;
+  if (name == "one") return {};
+  setup.partition = partition_named(name);
+  setup.groups = std::max<std::size_t>(scene::light_group_count(setup.partition, features), 1);
+  const std::string what = fmt::format("light groups '{}'", name);
+  if (setup.groups > estimators::kMaxLightGroups)
+    return usage_error(fmt::format("'each': the scene has {} lights; at most {} can be groups of their own",
+                                   setup.groups, estimators::kMaxLightGroups))
+        .with_field("light_groups")
+        .with_mend("--set light_groups=infinite or one");
+  if (setup.groups == 1) {
+    setup.partition = scene::LightPartition::one;
+    plan.skip(what, "all lights of the scene are in one group");
+    return {};
+  }
+  plan.use(what,
+           fmt::format("{} groups: each technique draws a point on a light of each of them", setup.groups));
+  return {};
+}
+
 // Sums of a pixel.
 std::size_t sums_of(ReadOut read_out, std::size_t techniques) {
+  // One group of lights.
   if (read_out == ReadOut::fan || read_out == ReadOut::film) return 0;
   if (read_out == ReadOut::best) return mis::kColors * (techniques + 1) + techniques + 1;
   return mis::packed_size(techniques) + mis::kColors * techniques;
@@ -169,7 +201,7 @@ void describe_read_out(const OptimisSettings& settings, const scene::SceneFeatur
                        PlannedFirstVertex& out) {
   Plan& plan = out.planned.plan;
   const std::size_t n = out.setup.techniques();
-  const std::size_t bytes = 8 * sums_of(out.read_out, n);
+  const std::size_t bytes = 8 * sums_of(out.read_out, n) * out.setup.groups;
   const std::string use = "optimal weights";
   switch (out.read_out) {
     case ReadOut::film:
@@ -230,10 +262,12 @@ Result<PlannedFirstVertex> plan(const OptimisSettings& settings, const estimator
   const bool sampled = full || out.planned.techniques.next_event;
   if (sampled) plan_points(settings, features, full, setup, plan);
   if (sampled && !setup.points.empty()) {
+    CANDELA_TRY(plan_groups(settings, features, setup, plan));
     for (const std::string& name : settings.selection.values) {
-      if (!full && features.emitters == 1 && !setup.selections.empty())
+      if (!full && features.emitters == setup.groups && !setup.selections.empty())
         plan.skip(fmt::format("light selection '{}'", name),
-                  "there is one emitter: all selections are the same");
+                  features.emitters == 1 ? "there is one emitter: all selections are the same"
+                                         : "there is one emitter in each group: all selections are the same");
       else {
         if (name == "trained" && features.emitters > 1) plan_training(settings, features, out);
         setup.selections.push_back(selection_named(name));

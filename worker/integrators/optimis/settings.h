@@ -9,6 +9,7 @@ struct OptimisSettings {
   CommonSettings common{integrator_words::kOptimis};
   NameList techniques{{"bsdf", "light"}, {"bsdf", "light", "spherical", "area", "parallel"}};
   NameList selection{{"contribution", "power"}, {"contribution", "power", "uniform", "trained"}};
+  Choice light_groups{"one", {"one", "infinite", "each"}};
   Choice weights{"auto", {"auto", "optimal", "balance", "power", "cutoff", "maximum", "best"}};
   Choice estimator{"crossfit", {"crossfit", "direct", "balance", "progressive", "fan"}};
   int epoch_min = 16;
@@ -29,6 +30,11 @@ struct OptimisSettings {
           "contribution, less where shadow rays of earlier epochs found lights hidden, and as contribution "
           "if the "
           "first epoch found few hidden; weights are balance or another heuristic");
+    visit(
+        "light_groups", light_groups,
+        "groups of lights that share one alpha, and of each of which every technique draws a point: one, all "
+        "lights; infinite, lights that are infinitely far away apart from the others; each, every light, of "
+        "at most 8, all environments together");
     visit("weights", weights,
           "how the techniques are weighted against each other; auto: optimal, or balance if the plan expects "
           "no "
@@ -50,7 +56,7 @@ struct OptimisSettings {
   }
 };
 
-// At most mis::kMaxTechniques techniques.
+// At most mis::kMaxTechniques techniques; nothing that contradicts another setting.
 Result<void> check(const OptimisSettings& settings);
 
 }  // namespace candela::integrators

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "worker/scene/emitters/light_groups.h"
+
 namespace candela::scene {
 
 void Lights::finish(bool choose_by_power) {
@@ -84,24 +86,30 @@ float Lights::pdf_environment_solid_angle(const SurfaceHit& reference, Vec3 fron
 
 // ---- the same with weights
 
-DirectOutcome Lights::sample(const SurfaceHit& reference, Vec3 front, float u_select, Vec2 u,
-                             DirectSample& out, Weights weights, PointSampler point) const {
-  EmitterChoice choice;
-  const double u_choice = extend_draw(u_select, u.x, u.y);
-  if (!(adapted_ == Adapted::tree ? by_tree_.choose(reference.p, front, u_choice, weights, choice)
-                                  : by_importance_.choose(reference.p, front, u_choice, weights, choice)))
-    return DirectOutcome::failed;
+template <class Pdf>
+DirectOutcome Lights::sample_chosen(const EmitterChoice& choice, const SurfaceHit& reference, Vec3 front,
+                                    Vec2 u, DirectSample& out, PointSampler point,
+                                    const Pdf& pdf_environment) const {
   out.emitter = choice.emitter;
   const DirectOutcome outcome =
       emitters_.sample_direct_by(point, choice.emitter, reference, front, choice.rest, u, out);
   if (outcome == DirectOutcome::failed) return outcome;
   out.pdf_solid_angle *= choice.prob;
   if (emitters_.environments().size() > 1 && emitters_.is_environment(choice.emitter)) {
-    out.pdf_solid_angle = pdf_environment_solid_angle(reference, front, out.wi, weights);
+    out.pdf_solid_angle = pdf_environment(out.wi);
     out.radiance = faces(front, out.wi) ? environment(out.wi) : Spectrum();
     return out.radiance.is_black() ? DirectOutcome::dark : DirectOutcome::sampled;
   }
   return outcome;
+}
+
+DirectOutcome Lights::sample(const SurfaceHit& reference, Vec3 front, float u_select, Vec2 u,
+                             DirectSample& out, Weights weights, PointSampler point) const {
+  EmitterChoice choice;
+  if (!choose(reference.p, front, extend_draw(u_select, u.x, u.y), weights, choice))
+    return DirectOutcome::failed;
+  return sample_chosen(choice, reference, front, u, out, point,
+                       [&](Vec3 d) { return pdf_environment_solid_angle(reference, front, d, weights); });
 }
 
 float Lights::pdf_environment_solid_angle(const SurfaceHit& reference, Vec3 front, Vec3 d,
@@ -109,6 +117,53 @@ float Lights::pdf_environment_solid_angle(const SurfaceHit& reference, Vec3 fron
   float sum = 0;
   for (const std::uint32_t i : emitters_.environments())
     sum += emitters_.environment(i).pdf_direct_solid_angle(front, d) * prob(reference.p, front, i, weights);
+  return sum;
+}
+
+// ---- the same in a group
+
+template <class F>
+decltype(auto) Lights::with_chooser(LightTechnique technique, const LightGroup& among, const F& f) const {
+  struct Adaptive {
+    const Lights& lights;
+    ChoiceWeights weights;
+    bool choose(Vec3 p, Vec3 front, double u, EmitterChoice& out) const {
+      return lights.choose(p, front, u, weights, out);
+    }
+    float prob(Vec3 p, Vec3 front, std::uint32_t emitter) const {
+      return lights.prob(p, front, emitter, weights);
+    }
+  };
+  if (technique == LightTechnique::uniform) return f(among.uniform);
+  if (technique == LightTechnique::power || adapted_ == Adapted::power) return f(among.by_power);
+  return f(Adaptive{*this, {among.members, among.node_weights}});
+}
+
+DirectOutcome Lights::sample(const SurfaceHit& reference, Vec3 front, float u_select, Vec2 u,
+                             DirectSample& out, LightTechnique technique, const LightGroup& among,
+                             PointSampler point) const {
+  EmitterChoice choice;
+  const double u_choice = extend_draw(u_select, u.x, u.y);
+  if (!with_chooser(technique, among, [&](const auto& chooser) {
+        return chooser.choose(reference.p, front, u_choice, choice);
+      }))
+    return DirectOutcome::failed;
+  return sample_chosen(choice, reference, front, u, out, point, [&](Vec3 d) {
+    return pdf_environment_solid_angle(reference, front, d, technique, among);
+  });
+}
+
+float Lights::prob(Vec3 p, Vec3 front, std::uint32_t emitter, LightTechnique technique,
+                   const LightGroup& among) const {
+  return with_chooser(technique, among, [&](const auto& chooser) { return chooser.prob(p, front, emitter); });
+}
+
+float Lights::pdf_environment_solid_angle(const SurfaceHit& reference, Vec3 front, Vec3 d,
+                                          LightTechnique technique, const LightGroup& among) const {
+  float sum = 0;
+  for (const std::uint32_t i : emitters_.environments())
+    sum += emitters_.environment(i).pdf_direct_solid_angle(front, d) *
+           prob(reference.p, front, i, technique, among);
   return sum;
 }
 

@@ -22,6 +22,8 @@
 
 namespace candela::scene {
 
+struct LightGroup;  // light_groups.h
+
 // The choice of the emitter in direct light. With a sampler of points it makes a technique.
 enum class LightTechnique : std::uint8_t {
   adapted,  // to the reference: by importance or tree; the technique of Scene::sample_direct
@@ -48,6 +50,8 @@ class Lights {
   void finish(bool choose_by_power = false);
 
   std::size_t size() const { return emitters_.size(); }
+  bool infinite(std::uint32_t emitter) const { return emitters_.infinite(emitter); }
+  bool is_environment(std::uint32_t emitter) const { return emitters_.is_environment(emitter); }
 
   // Radiance of area emitter hit.emitter from its surface at `hit` towards wo.
   Spectrum emitted(const SurfaceHit& hit, Vec3 wo) const { return emitters_.emitted(hit, wo); }
@@ -93,6 +97,17 @@ class Lights {
     if (adapted_ != Adapted::tree) return {of_groups};
     return {of_groups, by_tree_.node_weights(of_groups, room)};
   }
+  // The same by any technique among the emitters of a group. Precondition: at least 2 emitters. The densities
+  // are those of emitters of the group; the environments are in the group if
+  // pdf_environment_solid_angle is called.
+  DirectOutcome sample(const SurfaceHit& reference, Vec3 front, float u_select, Vec2 u, DirectSample& out,
+                       LightTechnique technique, const LightGroup& among, PointSampler point) const;
+  float pdf_environment_solid_angle(const SurfaceHit& reference, Vec3 front, Vec3 d, LightTechnique technique,
+                                    const LightGroup& among) const;
+  float prob(Vec3 reference, Vec3 front, std::uint32_t emitter, LightTechnique technique,
+             const LightGroup& among) const;
+  // W, luminance, as the technique `power` weighs the emitter.
+  double weight_of_power(std::uint32_t emitter) const { return emitters_.weight_of_power(emitter, extent_); }
   // Around everything that has a place.
   const SceneExtent& extent() const { return extent_; }
 
@@ -111,6 +126,17 @@ class Lights {
   decltype(auto) with_chooser(LightTechnique technique, const F& f) const;
   // Chooses the emitter of sample(). False: none can light the point.
   bool choose(Vec3 p, Vec3 front, double u, LightTechnique technique, EmitterChoice& out) const;
+  bool choose(Vec3 p, Vec3 front, double u, Weights weights, EmitterChoice& out) const {
+    return adapted_ == Adapted::tree ? by_tree_.choose(p, front, u, weights, out)
+                                     : by_importance_.choose(p, front, u, weights, out);
+  }
+  // Calls f(chooser) with that of the technique among the emitters of a group.
+  template <class F>
+  decltype(auto) with_chooser(LightTechnique technique, const LightGroup& among, const F& f) const;
+  // A point on the emitter that was chosen. pdf_environment(d): of a direction out of the scene.
+  template <class Pdf>
+  DirectOutcome sample_chosen(const EmitterChoice& choice, const SurfaceHit& reference, Vec3 front, Vec2 u,
+                              DirectSample& out, PointSampler point, const Pdf& pdf_environment) const;
   // Probability of choosing any environment for a light path.
   float prob_emission_environments() const;
 
