@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 
 #include "common/description/check.h"
 #include "common/description/text.h"
@@ -11,10 +10,6 @@
 
 namespace candela::description {
 namespace {
-
-// Of Mitsuba 3: derivatives on the screen, which need ray differentials, and a test for differentiable
-// rendering.
-constexpr std::array<std::string_view, 3> kAbsent = {"duv_dx", "duv_dy", "boundary_test"};
 
 // Mitsuba separates entries by commas and spaces.
 std::vector<std::string_view> entries_of(std::string_view list) {
@@ -35,11 +30,6 @@ Result<std::string> aovs_of_scene(const Property& aovs, bool lenient, std::vecto
     return error_at(aovs.where, "the parameter 'aovs' of integrator 'aov' is no string");
   std::string kept;
   for (const std::string_view entry : entries_of(std::get<std::string>(aovs.value))) {
-    const std::string_view kind = entry.substr(entry.find(':') + 1);
-    if (std::find(kAbsent.begin(), kAbsent.end(), kind) != kAbsent.end()) {
-      passed_over.push_back({aovs.where, fmt::format("there is no AOV '{}' here: it is passed over", kind)});
-      continue;
-    }
     const std::string longer = fmt::format("{}{}{}", kept, kept.empty() ? "" : ",", entry);
     if (const auto parsed = parse_aovs(longer); parsed.ok()) {
       kept = text_of(*parsed);

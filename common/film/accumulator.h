@@ -19,7 +19,7 @@
 
 namespace candela::film {
 
-inline constexpr std::uint32_t kMaxAccumulators = 16;
+inline constexpr std::uint32_t kMaxAccumulators = 24;
 inline constexpr std::uint32_t kMaxAccumulatorChannels = 96;
 // Limit of pixels times channels over all accumulators: as many integers as the largest film has.
 inline constexpr std::uint64_t kMaxAccumulatorValues = kMaxLayerPixels * kChannels;

@@ -16,7 +16,7 @@ struct KindRow {
   std::string_view name, letters;
 };
 
-constexpr std::array<KindRow, 11> kKinds = {{{AovKind::albedo, "albedo", "RGB"},
+constexpr std::array<KindRow, 14> kKinds = {{{AovKind::albedo, "albedo", "RGB"},
                                              {AovKind::depth, "depth", "Z"},
                                              {AovKind::position, "position", "XYZ"},
                                              {AovKind::uv, "uv", "UV"},
@@ -26,7 +26,10 @@ constexpr std::array<KindRow, 11> kKinds = {{{AovKind::albedo, "albedo", "RGB"},
                                              {AovKind::dp_dv, "dp_dv", "XYZ"},
                                              {AovKind::prim_index, "prim_index", "I"},
                                              {AovKind::shape_index, "shape_index", "I"},
-                                             {AovKind::coverage, "coverage", "Y"}}};
+                                             {AovKind::coverage, "coverage", "Y"},
+                                             {AovKind::duv_dx, "duv_dx", "UV"},
+                                             {AovKind::duv_dy, "duv_dy", "UV"},
+                                             {AovKind::boundary_test, "boundary_test", "Y"}}};
 
 constexpr std::string_view kPrefix = "aov.";
 

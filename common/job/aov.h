@@ -25,6 +25,9 @@ enum class AovKind : std::uint8_t {
   prim_index,
   shape_index,
   coverage,
+  duv_dx,
+  duv_dy,
+  boundary_test,
 };
 
 struct Aov {
@@ -33,7 +36,7 @@ struct Aov {
   bool operator==(const Aov&) const = default;
 };
 
-inline constexpr std::size_t kMaxAovs = 12;
+inline constexpr std::size_t kMaxAovs = 16;
 
 // Reads "NAME:KIND,KIND,...". A kind alone names its layer too; `normal` is `normal:sh_normal`. "" and "none"
 // have no AOV. Fails (usage) on anything else, on two equal names, and on more than kMaxAovs.

@@ -27,7 +27,8 @@ std::string plane_scene(const std::string& bsdf, const std::string& more = {}) {
 }
 const std::string kGray = "<bsdf type='diffuse'><rgb name='reflectance' value='0.2 0.5 0.7'/></bsdf>";
 const std::string kAll =
-    "albedo,depth,position,uv,geo_normal,normal,dp_du,dp_dv,prim_index,shape_index,coverage";
+    "albedo,depth,position,uv,geo_normal,normal,dp_du,dp_dv,prim_index,shape_index,coverage,duv_dx,duv_dy,"
+    "boundary_test";
 
 JobSettings aov_job(const std::string& aovs, const std::string& integrator = "path") {
   JobSettings job;
@@ -88,10 +89,11 @@ TEST(AovNames, AreReadAndRefused) {
   EXPECT_EQ(text_of(*list), "dd.y:depth,nn:sh_normal,normal:sh_normal,albedo:albedo");
   EXPECT_TRUE(parse_aovs("none")->empty());
   EXPECT_TRUE(parse_aovs("")->empty());
-  EXPECT_EQ(parse_aovs(kAll)->size(), 11U);
+  EXPECT_EQ(parse_aovs(kAll)->size(), 14U);
   for (const char* bad :
        {"colour", "a:colour", "albedo,albedo", "error:albedo", "variance:depth", "1:depth", "a b:depth",
-        "albedo,", ":depth", "a:uv,b:uv,c:uv,d:uv,e:uv,f:uv,g:uv,h:uv,i:uv,j:uv,k:uv,l:uv,m:uv"}) {
+        "albedo,", ":depth",
+        "a:uv,b:uv,c:uv,d:uv,e:uv,f:uv,g:uv,h:uv,i:uv,j:uv,k:uv,l:uv,m:uv,n:uv,o:uv,p:uv,q:uv"}) {
     const auto refused = parse_aovs(bad);
     ASSERT_FALSE(refused.ok()) << bad;
     EXPECT_EQ(refused.error().kind, ErrorKind::usage) << bad;
@@ -136,11 +138,54 @@ TEST(Aovs, OfAPlane) {
       EXPECT_NEAR(at("uv", 1), 0.5 + at("position", 1) / 40, 1e-5);
       EXPECT_NEAR(at("dp_du", 0), 40, 1e-3);
       EXPECT_NEAR(at("dp_dv", 1), 40, 1e-3);
+      // A step of one pixel is a step on the plane, the same in all pixels; u and v point to the right and
+      // up.
+      const double step = 2 * half / kAovSide / 40;
+      EXPECT_NEAR(std::abs(at("duv_dx", 0)), step, 1e-6);
+      EXPECT_NEAR(at("duv_dx", 1), 0, 1e-6);
+      EXPECT_NEAR(at("duv_dy", 0), 0, 1e-6);
+      EXPECT_NEAR(at("duv_dy", 1), -step, 1e-6);
+      EXPECT_GT(at("boundary_test", 0), 0);
+      EXPECT_LE(at("boundary_test", 0), 1);
     }
   // Both signs are there, and both triangles.
   EXPECT_LT(sums.mean("position", 0, 0, 1) * sums.mean("position", kAovSide - 1, 0, 1), 0);
   for (std::size_t cause = 0; cause < sums.tallies.rejected.size(); ++cause)
     EXPECT_EQ(sums.tallies.rejected[cause], 0U);
+}
+
+// Claim: the boundary test is Mitsuba's: three times the least barycentric coordinate on flat triangles, in
+// instances and with coordinates of their own too, the squared cosine on smooth ones, the cosine on a sphere,
+// the distance from the rim on a disk.
+TEST(Aovs, BoundariesOfShapes) {
+  const auto middle = [](const std::string& shape, const std::string& aim = "0.1,0.2,0") {
+    const std::string scene =
+        "<scene version='3.0.0'><integrator type='path'/><sensor type='perspective'><float name='fov' "
+        "value='0.001'/><transform name='to_world'><lookat origin='0.1,0.2,4' target='" +
+        aim + "' up='0,1,0'/></transform></sensor>" + shape + "</scene>";
+    const test::TextFiles files({{"scene.xml", scene},
+                                 {"t.obj",
+                                  "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0.5 0.5\nvt 0.9 0.1\nvt 0.2 0.3\n"
+                                  "f 1/1 2/2 3/3\n"},
+                                 {"s.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0.6 0 0.8\nf 1//1 2//1 3//1\n"}});
+    const Sums sums =
+        run_units(*test::make_renderer(files, aov_job("boundary_test"), {}), {iterations(0, 4)});
+    return sums.mean("boundary_test", kAovSide * kAovSide / 2 + kAovSide / 2, 0, 4);
+  };
+  const auto obj = [](const std::string& file, const std::string& more = {}) {
+    return "<shape type='obj'><string name='filename' value='" + file + "'/>" + more + "</shape>";
+  };
+  // At (0.1, 0.2) the least of 0.7, 0.1, 0.2.
+  const std::string flat = obj("t.obj", "<boolean name='face_normals' value='true'/>");
+  EXPECT_NEAR(middle(flat), 0.3, 1e-3);
+  EXPECT_NEAR(middle("<shape type='shapegroup' id='g'>" + flat +
+                     "</shape><shape type='instance'><ref id='g'/><transform name='to_world'><scale x='2' "
+                     "y='1' z='3'/></transform></shape>"),
+              0.15, 1e-3);
+  EXPECT_NEAR(middle(obj("t.obj")), 1, 1e-3);  // its normals are averages: it is smooth
+  EXPECT_NEAR(middle(obj("s.obj")), 0.64, 1e-3);
+  EXPECT_NEAR(middle("<shape type='disk'/>"), 1 - std::sqrt(0.05), 1e-3);
+  EXPECT_NEAR(middle("<shape type='sphere'/>"), std::sqrt(0.95), 1e-3);
 }
 
 // Claim: the normal of a sphere is its position over its radius, in every pixel, far from the origin too;

@@ -255,6 +255,19 @@ std::uint32_t Scene::primitive_in_shape(const SurfaceHit& hit) const {
   return shape.triangle_count > 0 ? hit.primitive - shape.first_triangle : 0;
 }
 
+double Scene::boundary_test(const SurfaceHit& hit, Vec3 d) const {
+  const Geometry& geometry = impl_->geometry;
+  const ShapeRecord& shape = geometry.shapes[hit.shape];
+  const double cosine = std::abs(static_cast<double>(dot(hit.shading.n, d)));
+  if (shape.disk != kNone) return std::abs(1 - static_cast<double>(hit.uv.x));
+  if (shape.triangle_count == 0) return cosine;
+  const Triangle& triangle = geometry.triangles[hit.primitive];
+  if (triangle.smooth) return cosine * cosine;
+  double b1 = static_cast<double>(hit.uv.x), b2 = static_cast<double>(hit.uv.y);
+  if (triangle.mapped && !geometry.barycentric_of(hit.primitive, hit.uv, b1, b2)) return cosine * cosine;
+  return 3 * std::clamp(std::min({b1, b2, 1 - b1 - b2}), 0.0, 1.0 / 3);
+}
+
 bool Scene::sample_camera(const SurfaceHit& reference, Vec2 u_lens, CameraSample& out,
                           float film_border) const {
   return impl_->sensor.sample(reference, u_lens, film_border, out);

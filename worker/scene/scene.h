@@ -107,6 +107,11 @@ class Scene {
 
   // The number of a hit's primitive within its shape: of a triangle in its mesh; 0 of other shapes.
   std::uint32_t primitive_in_shape(const SurfaceHit& hit) const;
+  // Mitsuba 3's test for boundaries: 0 where the surface ends or turns away from `d` (unit, towards the
+  // surface), and up to 1 elsewhere. Of flat triangles the least barycentric coordinate times 3, of smooth
+  // ones the squared cosine, of spheres and cylinders the cosine, of disks the distance from the rim.
+  // Precondition: the scene is parameterized.
+  double boundary_test(const SurfaceHit& hit, Vec3 d) const;
 
   // For paths from the light: see camera.h for measures and normalisation. Film positions up to film_border
   // pixels outside the film count as on it, since a reconstruction filter reaches beyond it.

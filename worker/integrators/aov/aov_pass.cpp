@@ -28,6 +28,8 @@ struct Seen {
   scene::SurfaceHit hit;
   Spectrum albedo;
   double distance = 0;  // from the lens
+  EyeRay eye{};
+  Vec2 u_lens{0.5f, 0.5f};
 };
 
 // The scale of lengths that are at most about `extent`.
@@ -56,6 +58,11 @@ class Eye {
     sampler_.start(half, index, x, y);
     const EyeRay ray = eye_ray(context_, x, y, sampler_);
     Seen seen;
+    seen.eye = ray;
+    if (context_.scene.reads_lens()) {
+      sampler_.set_dimension(1);  // as eye_ray() drew it
+      seen.u_lens = sampler_.next_2d();
+    }
     if (!look(ray.ray, seen)) return;
     std::array<double, 3> values{};
     for (std::size_t i = 0; i < aovs_.size(); ++i) {
@@ -154,8 +161,30 @@ class Eye {
         return number(hit.shape + 1.0);
       case AovKind::coverage:
         return number(1);
+      case AovKind::duv_dx:
+        return uv_step(seen, 1, 0, out);
+      case AovKind::duv_dy:
+        return uv_step(seen, 0, 1, out);
+      case AovKind::boundary_test:
+        return number(context_.scene.boundary_test(hit, seen.eye.ray.direction));
     }
     return 0;
+  }
+
+  // How much u and v grow on the plane of the surface from here to the same place of the next pixel, as in
+  // Mitsuba: d(u, v) is the least-squares solution of dp = dp_du du + dp_dv dv.
+  std::size_t uv_step(const Seen& seen, float dx, float dy, std::array<double, 3>& out) const {
+    out = {0, 0, 0};
+    const scene::SurfaceHit& hit = seen.hit;
+    float unused = 0;
+    const Ray next = context_.scene.camera_ray(seen.eye.at.x + dx, seen.eye.at.y + dy, seen.u_lens, unused);
+    const Vec3d n(hit.ng), p(hit.p), o(next.origin), d(next.direction), du(hit.dp_du), dv(hit.dp_dv);
+    const Vec3d dp = o + d * (dot(n, p - o) / dot(n, d)) - p;
+    const double a = dot(du, du), b = dot(du, dv), c = dot(dv, dv), determinant = a * c - b * b;
+    const double x = dot(du, dp), y = dot(dv, dp);
+    const double u = (c * x - b * y) / determinant, v = (a * y - b * x) / determinant;
+    if (std::isfinite(u) && std::isfinite(v)) out = {u, v, 0};
+    return 2;
   }
 
   const std::vector<Aov>& aovs_;
@@ -183,6 +212,9 @@ int scale_of(AovKind kind, const scene::SceneFeatures& features) {
     case AovKind::geo_normal:
     case AovKind::sh_normal:
     case AovKind::coverage:
+    case AovKind::duv_dx:
+    case AovKind::duv_dy:
+    case AovKind::boundary_test:
       break;
   }
   return kUnitScale;
@@ -192,7 +224,17 @@ int scale_of(AovKind kind, const scene::SceneFeatures& features) {
 
 bool AovPass::reads_parameters() const {
   return std::any_of(aovs_.begin(), aovs_.end(), [](const Aov& aov) {
-    return aov.kind == AovKind::uv || aov.kind == AovKind::dp_du || aov.kind == AovKind::dp_dv;
+    switch (aov.kind) {
+      case AovKind::uv:
+      case AovKind::dp_du:
+      case AovKind::dp_dv:
+      case AovKind::duv_dx:
+      case AovKind::duv_dy:
+      case AovKind::boundary_test:
+        return true;
+      default:
+        return false;
+    }
   });
 }
 

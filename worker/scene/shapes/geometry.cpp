@@ -431,6 +431,22 @@ void Geometry::instance_hit(const Ray& ray, std::uint32_t index, PrimitiveKind k
   local.dp_dv = finite(to_world.vector(Vec3d(local.dp_dv)));
 }
 
+bool Geometry::barycentric_of(std::uint32_t triangle, Vec2 uv, double& b1, double& b2) const {
+  const auto& v = indices[triangle];
+  const Vec2 a = uvs[v[0]];
+  const auto from_a = [&](Vec2 p) {
+    return std::pair(static_cast<double>(p.x) - static_cast<double>(a.x),
+                     static_cast<double>(p.y) - static_cast<double>(a.y));
+  };
+  const auto [du1, dv1] = from_a(uvs[v[1]]);
+  const auto [du2, dv2] = from_a(uvs[v[2]]);
+  const auto [du, dv] = from_a(uv);
+  const double determinant = du1 * dv2 - dv1 * du2;
+  b1 = (du * dv2 - dv * du2) / determinant;
+  b2 = (dv * du1 - du * dv1) / determinant;
+  return std::isfinite(b1) && std::isfinite(b2);
+}
+
 Vec2 Geometry::uv_at(std::uint32_t triangle, float b1, float b2) const {
   if (!triangles[triangle].mapped) return {b1, b2};
   const auto& v = indices[triangle];

@@ -106,6 +106,10 @@ struct Geometry {
   void instance_hit(const Ray& ray, std::uint32_t instance, PrimitiveKind kind, std::uint32_t primitive,
                     SurfaceHit& hit) const;
 
+  // Of a mapped triangle, the barycentric coordinates of its second and third corner where it has this (u,
+  // v); false: its corners lie on a line in (u, v).
+  bool barycentric_of(std::uint32_t triangle, Vec2 uv, double& b1, double& b2) const;
+
   // Both in the coordinates of the shape's group.
   Bounds bounds_of_shape(std::uint32_t shape) const;
   // False: the shape's surface has no point in the box.
