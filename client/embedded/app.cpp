@@ -109,7 +109,11 @@ std::string explain(const CLI::App& app, const std::vector<std::string>& argumen
       }
     }
   }
+  // "--spp: At Most 1 required but received 2"
   std::string text = what;
+  if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::ArgumentMismatch) &&
+      what.find(": At Most 1 ") != std::string::npos)
+    text = fmt::format("{} is given twice", printable(what.substr(0, what.find(':'))));
   if (!chosen.empty()) text += fmt::format(" (see: candela {} --help)", command.get_name());
   return text;
 }

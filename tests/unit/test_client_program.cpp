@@ -207,6 +207,8 @@ TEST(Program, BadUsageIsOneLineAndCodeTwo) {
        "2 threads cannot be split among 5 workers"},
       {{"render", "scene.xml", "-o", out, "--size", "0x5"}, "--size: '0x5' is not a size"},
       {{"render", "scene.xml", "-o", out, "--time", "soon"}, "--time: 'soon' is not a duration"},
+      {{"render", "scene.xml", "-o", out, "--spp", "4", "--spp", "8"},
+       "--spp is given twice (see: candela render --help)"},
       {{"render", "scene.xml", "-o", out, "--resume", "--fresh"}, "exclude each other"},
       {{"render", "/nonexistent/scene.xml", "-o", out}, "/nonexistent/scene.xml"},
       {{"submit", "scene.xml", "--share", "nan"}, "--share"},
