@@ -71,12 +71,14 @@ void add_media(std::vector<PluginRule>& table) {
                  "around "
                  "its active voxels is the grid, 2^30 values at most, and what is not active in it has the "
                  "background value. Candela checks the lengths in a .vdb file, then OpenVDB parses it, which "
-                 "is not made for files of strangers: trust it less than a .vol"),
+                 "is not made for files of strangers: trust it less than a .vol. Or a .nvdb file of NanoVDB "
+                 "32 with "
+                 "grids of floats, plain or ZIP: read as a .vdb file"),
             {.name = "grid",
              .types = {string},
              .doc =
                  "Candela's addition: the name of the grid in a .vdb file (default: the only grid, or else "
-                 "the one named density)"},
+                 "the one named density) or a .nvdb file (default: the first)"},
             to_local("places the unit cube [0, 1]^3 that the grid fills (default identity)"),
             flag("use_grid_bbox",
                  "the grid fills the file's bounding box, before to_world (default false); a .vdb file's box "
