@@ -22,7 +22,8 @@ ProjectorLight::ProjectorLight(Vec3 position, const Frame& frame, const ColorTex
       strength_(luminance(peak())) {
   constexpr int kSteps = 64;
   const bool is_even = picture_.is_constant() && quantity_ == Quantity::irradiance;
-  power_ = is_even ? picture_.constant * (factor_ * 4 * tan_x_ * tan_y_) : power_by(kSteps);
+  const float area = 4 * tan_x_ * tan_y_;
+  power_ = is_even ? picture_.constant * (factor_ * area) : power_by(kSteps);
 }
 
 Spectrum ProjectorLight::power_by(int steps) const {
@@ -40,8 +41,8 @@ Spectrum ProjectorLight::power_by(int steps) const {
     sum[1] += static_cast<double>(s.g);
     sum[2] += static_cast<double>(s.b);
   }
-  const double area = 4 * static_cast<double>(tan_x_) * static_cast<double>(tan_y_);
-  const double each = static_cast<double>(factor_) * area / (static_cast<double>(steps) * steps);
+  const float area = 4 * tan_x_ * tan_y_;
+  const double each = static_cast<double>(factor_) * static_cast<double>(area) / (steps * steps);
   return {static_cast<float>(sum[0] * each), static_cast<float>(sum[1] * each),
           static_cast<float>(sum[2] * each)};
 }
