@@ -157,7 +157,7 @@ TEST(DescriptionPbrtDifferences, HairHasItsColor) {
   const ObjectPtr coat = bsdf->children_of("bsdf").at(0);
   EXPECT_EQ(coat->get_number("int_ior", 0), 1.55);
   const Vec3 color = coat->get_rgb("diffuse_reflectance")->value;
-  // sigma_a = (ln c / f(beta_n))^2 [Chiang et al. 2016, Eq. 9], the inverse of the color.
+  // sigma_a = (ln c / f(beta_n))^2 [Chiang et al. 2016], the inverse of the color.
   const double b = 0.3, f = 5.969 - 0.215 * b + 2.532 * b * b - 10.73 * std::pow(b, 3) +
                             5.574 * std::pow(b, 4) + 0.245 * std::pow(b, 5);
   const Vec3 eumelanin = {0.419, 0.697, 1.37};
