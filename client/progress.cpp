@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "client/values.h"
+#include "common/film/counts.h"
 #include "common/wire/wire.h"
 
 namespace candela::client {
@@ -55,6 +56,24 @@ std::string effort_text(const v1::JobStatus& status, std::uint64_t iterations) {
   const double each = samples_per_iteration(status);
   return each > 0 ? amount(each * static_cast<double>(iterations)) + " spp"
                   : fmt::format("{} iterations", iterations);
+}
+
+std::string rejected_text(const v1::RejectedSamples& rejected) {
+  if (rejected.cause() == film::name(film::RejectCause::statistics))
+    return fmt::format("the statistics of {} eye paths, beyond what a pixel's sums hold", rejected.count());
+  return fmt::format("{} samples: {}", rejected.count(), rejected.cause());
+}
+
+std::string repeats_warning(const v1::JobStatus& status) {
+  constexpr double kMaxShare = 0.02;
+  for (const v1::Figure& figure : status.epochs().figures())
+    if (figure.name() == film::kRepeatedMerges && figure.value() > kMaxShare)
+      return fmt::format(
+          "{:.2g} % of the merges repeat a light path, more than {:.0f} %: tests shrink radii that they "
+          "should "
+          "keep",
+          100 * figure.value(), 100 * kMaxShare);
+  return {};
 }
 
 double fraction_done(const v1::JobStatus& status) {

@@ -25,6 +25,13 @@ std::string format_progress(const v1::JobStatus& status);
 // How far a job is, in [0, 1]: the furthest of its limits.
 double fraction_done(const v1::JobStatus& status);
 
+// "3 samples: nan", or "the statistics of 3 eye paths: ...".
+std::string rejected_text(const v1::RejectedSamples& rejected);
+// Tests take merges for independent, which those are not that repeat a light path: where a tenth of them
+// repeat, twice as many even discs and more are rejected. A warning beyond 2 %, as in the theory's note; else
+// empty.
+std::string repeats_warning(const v1::JobStatus& status);
+
 class ProgressLine {
  public:
   enum class Mode { terminal, plain, quiet };

@@ -309,9 +309,23 @@ std::optional<v1::JobStatus> Farm::status(const std::string& job_id) {
 }
 
 std::optional<v1::JobStatus> Farm::full_status(const std::string& job_id) {
-  std::optional<v1::JobStatus> out = status(job_id);
-  if (out)
-    if (auto epochs = reports_->status(job_id)) *out->mutable_epochs() = std::move(*epochs);
+  film::Tallies tallies;
+  std::optional<v1::JobStatus> out = with_scheduler([&](Scheduler& s) -> std::optional<v1::JobStatus> {
+    const auto job = s.jobs().find(job_id);
+    if (job == s.jobs().end()) return std::nullopt;
+    tallies = job->second.row.tallies;
+    return status_of(s, job->second, now());
+  });
+  if (!out) return out;
+  auto epochs = reports_->status(job_id);
+  if (!epochs) return out;
+  *out->mutable_epochs() = std::move(*epochs);
+  if (tallies.sampled_merges > 0) {
+    v1::Figure& figure = *out->mutable_epochs()->add_figures();
+    figure.set_name(std::string(film::kRepeatedMerges));
+    figure.set_value(static_cast<double>(tallies.repeated_merges) /
+                     static_cast<double>(tallies.sampled_merges));
+  }
   return out;
 }
 

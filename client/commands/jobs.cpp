@@ -176,6 +176,7 @@ void print_job(std::ostream& out, const v1::JobStatus& s) {
   if (s.layers_size() > 0) line("layers", join(s.layers(), " "));
   if (s.has_chains()) print_chains(line, s);
   if (s.has_epochs()) print_epochs(line, s.epochs());
+  if (const std::string warning = repeats_warning(s); !warning.empty()) line("warning", warning);
   line("priority", fmt::format("{}, share {}", s.priority(), s.share()));
   line("bundle", s.bundle_sha256());
   line("checkpoint",
@@ -183,8 +184,7 @@ void print_job(std::ostream& out, const v1::JobStatus& s) {
   line("submitted", time_text(s.submitted_unix_ms()));
   line("finished", time_text(s.finished_unix_ms()));
   for (const auto& rejected : s.rejected())
-    if (rejected.count() > 0)
-      line("rejected", fmt::format("{} samples: {}", rejected.count(), rejected.cause()));
+    if (rejected.count() > 0) line("rejected", rejected_text(rejected));
 }
 
 Result<int> run_show(Context& context, const JobOptions& options) {

@@ -324,8 +324,9 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   }
   for (const auto& rejected : last.rejected())
     if (rejected.count() > 0)
-      context.err << fmt::format("candela: warning: {} samples were rejected: {}\n", rejected.count(),
-                                 rejected.cause());
+      context.err << fmt::format("candela: warning: rejected {}\n", rejected_text(rejected));
+  if (const std::string warning = repeats_warning(last); !warning.empty())
+    context.err << fmt::format("candela: warning: {}\n", warning);
   if (options.json) context.out << job_json(last) << '\n';
 
   if (!has_ended(last) && lost) return *lost;

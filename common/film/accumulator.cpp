@@ -83,9 +83,7 @@ template <class ToSum>
 bool UnitAccumulator::add_units(std::uint32_t x, std::uint32_t y, std::uint32_t first,
                                 std::span<const double> values, std::uint64_t key, Tallies& tallies,
                                 const ToSum& to_sum) {
-  bool usable = true;
-  for (const double value : values) usable &= std::abs(value) <= limit_;  // false for NaN
-  if (!usable) [[unlikely]] {
+  if (!holds(values)) [[unlikely]] {
     ++tallies.rejected[static_cast<std::size_t>(reject_cause(values))];
     return false;
   }

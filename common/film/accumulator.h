@@ -5,6 +5,7 @@
 
 #include <array>
 #include <atomic>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -64,6 +65,12 @@ class UnitAccumulator {
   bool splat(std::uint32_t x, std::uint32_t y, std::uint32_t first, std::span<const double> values,
              std::uint64_t key, Tallies& tallies);
 
+  // Whether add() and splat() take these values.
+  bool holds(std::span<const double> values) const {
+    bool all = true;
+    for (const double value : values) all &= std::abs(value) <= limit_;  // false for NaN
+    return all;
+  }
   // A sum wrapped around: the unit must fail.
   bool overflowed() const { return overflowed_.load(std::memory_order_relaxed); }
   void clear();

@@ -117,14 +117,22 @@ void put_tallies(std::string& out, const Tallies& tallies) {
   put_u64(out, tallies.light_paths);
   put_u64(out, tallies.rays);
   for (const std::uint64_t count : tallies.rejected) put_u64(out, count);
+  put_u64(out, tallies.sampled_merges);
+  put_u64(out, tallies.repeated_merges);
 }
 
-Tallies read_tallies(Reader& reader) {
+Tallies read_tallies(Reader& reader, TalliesForm form) {
   Tallies tallies;
   tallies.eye_samples = reader.u64();
   tallies.light_paths = reader.u64();
   tallies.rays = reader.u64();
-  for (std::uint64_t& count : tallies.rejected) count = reader.u64();
+  constexpr auto kFirstCauses = static_cast<std::size_t>(RejectCause::statistics);
+  const std::span<std::uint64_t> rejected(tallies.rejected);
+  for (std::uint64_t& count : form == TalliesForm::first ? rejected.first(kFirstCauses) : rejected)
+    count = reader.u64();
+  if (form == TalliesForm::first) return tallies;
+  tallies.sampled_merges = reader.u64();
+  tallies.repeated_merges = reader.u64();
   return tallies;
 }
 

@@ -12,6 +12,8 @@ std::string_view name(RejectCause cause) {
       return "negative";
     case RejectCause::saturated:
       return "saturated";
+    case RejectCause::statistics:
+      return "statistics";
   }
   return "unknown";
 }
@@ -21,6 +23,8 @@ void Tallies::add(const Tallies& other) {
   light_paths += other.light_paths;
   rays += other.rays;
   for (std::size_t i = 0; i < rejected.size(); ++i) rejected[i] += other.rejected[i];
+  sampled_merges += other.sampled_merges;
+  repeated_merges += other.repeated_merges;
 }
 
 }  // namespace candela::film

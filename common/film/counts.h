@@ -7,10 +7,14 @@
 
 namespace candela::film {
 
-// Why a sample was kept out of the film.
-enum class RejectCause : std::uint8_t { not_a_number, infinite, negative, saturated };
-inline constexpr int kRejectCauses = 4;
-std::string_view name(RejectCause cause);  // "nan", "infinite", "negative", "saturated"
+// Why a sample was kept out of the film; `statistics`: it is in the film, and its statistics are in no
+// accumulator, which could not hold them.
+enum class RejectCause : std::uint8_t { not_a_number, infinite, negative, saturated, statistics };
+inline constexpr int kRejectCauses = 5;
+std::string_view name(RejectCause cause);  // "nan", "infinite", "negative", "saturated", "statistics"
+
+// In reports of a job: Tallies::repeated_merges over sampled_merges.
+inline constexpr std::string_view kRepeatedMerges = "share of repeated merges";
 
 // Additive counts that travel with the sums.
 struct Tallies {
@@ -18,6 +22,9 @@ struct Tallies {
   std::uint64_t light_paths = 0;
   std::uint64_t rays = 0;
   std::array<std::uint64_t, kRejectCauses> rejected{};
+  // Of a sample of the eye paths whose merges decide radii: the photons within the radius of a vertex, and
+  // those that are not the first of their light path there.
+  std::uint64_t sampled_merges = 0, repeated_merges = 0;
   void add(const Tallies& other);
   bool operator==(const Tallies&) const = default;
 };

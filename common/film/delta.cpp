@@ -1,13 +1,13 @@
 // The wire form of what one unit brings.
 //
-// Bytes: "CNDLDLT2"; kind, half (u8 each); begin, end (u64); job id, build id (u16 length, bytes); the
+// Bytes: "CNDLDLT3"; kind, half (u8 each); begin, end (u64); job id, build id (u16 length, bytes); the
 // sections; XXH64 of all before (u64). Integers are little-endian. A section: kind (u8), name (u16 length,
 // bytes), epoch (u64), length (u64), and so many bytes:
 //   film         width, height, layers, scale_log2 (u32 each), sums (sparse_sums.h)
 //   accumulator  sums, of the channels that the job's plan gives this name
 //   records      chain records, each with its length before it (common/chains/chains.h)
 //   table        float32 values
-//   counts       7 u64
+//   counts       10 u64
 #include "common/film/delta.h"
 
 #include <bit>
@@ -21,7 +21,7 @@ namespace candela::film {
 
 namespace {
 
-constexpr std::string_view kMagic = "CNDLDLT2";
+constexpr std::string_view kMagic = "CNDLDLT3";
 
 void put_text(std::string& out, std::string_view text) {
   text = text.substr(0, std::numeric_limits<std::uint16_t>::max());

@@ -1,10 +1,10 @@
 // The job's film: exact merging, the checkpoint form, and the image.
 //
-// Checkpoint bytes: "CANFILM1"; width, height, layers, scale_log2 (u32 each); for each half the number of
-// ranges (u64) and the ranges (u64 begin, end), tallies (7 u64), runs of tiles that are not all zero, and for
-// each group of 32 tiles and each channel its byte planes; XXH64 of all before (u64). Integers are
+// Checkpoint bytes: "CANFILM2"; width, height, layers, scale_log2 (u32 each); for each half the number of
+// ranges (u64) and the ranges (u64 begin, end), tallies (10 u64), runs of tiles that are not all zero, and
+// for each group of 32 tiles and each channel its byte planes; XXH64 of all before (u64). Integers are
 // little-endian. Sums are coded as 128-bit zigzag integers, so the bytes do not tell how wide a tile is in
-// memory: equal content gives equal bytes.
+// memory: equal content gives equal bytes. "CANFILM1", with tallies of 7 u64, is read too.
 #include "common/film/merged_film.h"
 
 #include <algorithm>
@@ -20,7 +20,8 @@ namespace candela::film {
 
 namespace {
 
-constexpr std::string_view kMagic = "CANFILM1";
+constexpr std::string_view kMagic = "CANFILM2";
+constexpr std::string_view kFirstMagic = "CANFILM1";
 
 bool add_checked(std::uint64_t& sum, std::uint64_t value) {
   return !__builtin_add_overflow(sum, value, &sum);
@@ -33,6 +34,8 @@ std::optional<Tallies> sum_of(const Tallies& a, const Tallies& b) {
   fits &= add_checked(sum.light_paths, b.light_paths);
   fits &= add_checked(sum.rays, b.rays);
   for (std::size_t i = 0; i < sum.rejected.size(); ++i) fits &= add_checked(sum.rejected[i], b.rejected[i]);
+  fits &= add_checked(sum.sampled_merges, b.sampled_merges);
+  fits &= add_checked(sum.repeated_merges, b.repeated_merges);
   if (!fits) return std::nullopt;
   return sum;
 }
@@ -190,7 +193,7 @@ std::string MergedFilm::serialise() const {
   return out;
 }
 
-Result<void> MergedFilm::parse_half(Reader& reader, Half& half) {
+Result<void> MergedFilm::parse_half(Reader& reader, TalliesForm form, Half& half) {
   const std::uint64_t ranges = reader.u64();
   std::uint64_t next = 0;  // the lowest index the next range may begin with
   for (std::uint64_t i = 0; i < ranges; ++i) {
@@ -202,12 +205,14 @@ Result<void> MergedFilm::parse_half(Reader& reader, Half& half) {
     }
     next = end + 1;
   }
-  half.tallies = read_tallies(reader);
+  half.tallies = read_tallies(reader, form);
   return half.sums.read(reader, static_cast<Uint128>(half.merged.count()) << 63, "the film");
 }
 
 Result<MergedFilm> MergedFilm::parse(std::string_view bytes) {
-  CANDELA_ASSIGN(const std::string_view content, unseal(bytes, kMagic, "the film"));
+  const TalliesForm form = bytes.starts_with(kFirstMagic) ? TalliesForm::first : TalliesForm::present;
+  CANDELA_ASSIGN(const std::string_view content,
+                 unseal(bytes, form == TalliesForm::first ? kFirstMagic : kMagic, "the film"));
   Reader reader(content);
   Layout layout;
   layout.width = reader.u32();
@@ -217,7 +222,7 @@ Result<MergedFilm> MergedFilm::parse(std::string_view bytes) {
   if (!reader.ok()) return input_error("the film ends in its header").with_field("length");
   CANDELA_TRY(validate(layout, scale_log2));
   MergedFilm film(layout, scale_log2);
-  for (Half& half : film.halves_) CANDELA_TRY(parse_half(reader, half));
+  for (Half& half : film.halves_) CANDELA_TRY(parse_half(reader, form, half));
   if (!reader.rest().empty()) {
     return input_error("the film has " + std::to_string(reader.rest().size()) + " bytes too many")
         .with_field("length");

@@ -67,7 +67,7 @@ class MergedFilm {
     Tallies tallies;
   };
   static void serialise_half(std::string& out, const Half& half);
-  static Result<void> parse_half(Reader& reader, Half& half);
+  static Result<void> parse_half(Reader& reader, TalliesForm form, Half& half);
 
   Layout layout_;
   int scale_log2_;

@@ -126,6 +126,9 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
   for (int i = 0; i < film::kRejectCauses; ++i)
     m[fmt::format("candela:rejected_{}", film::name(static_cast<film::RejectCause>(i)))] = std::to_string(
         tallies.rejected[static_cast<std::size_t>(i)] + row.bootstrap_rejected[static_cast<std::size_t>(i)]);
+  if (tallies.sampled_merges > 0)
+    m["candela:repeated_merges"] = fmt::format(
+        "{:.4g}", static_cast<double>(tallies.repeated_merges) / static_cast<double>(tallies.sampled_merges));
   if (row.chains) describe_chains(row, snapshot, parts.which, m);
   if (row.development)
     m["candela:estimator"] =

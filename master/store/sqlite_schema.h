@@ -5,7 +5,8 @@
 namespace candela::master {
 
 // 1: the first. 2: jobs.layers. 3: Markov chains. 4: what a job had and has lost. 5:
-// epochs and accumulators. 6: jobs that wait for their removal.
+// epochs and accumulators. 6: jobs that wait for their removal, statistics that were rejected, repeated
+// merges.
 inline constexpr int kSchemaVersion = 6;
 
 inline constexpr const char* kSchema = R"sql(
@@ -31,7 +32,9 @@ CREATE TABLE jobs (
   bootstrap_negative INTEGER NOT NULL DEFAULT 0, bootstrap_saturated INTEGER NOT NULL DEFAULT 0,
   chain_status BLOB NOT NULL DEFAULT x'', pilot_scale_log2 INTEGER NOT NULL DEFAULT 0,
   promised BLOB NOT NULL DEFAULT x'', repairs_to TEXT NOT NULL DEFAULT '',
-  work BLOB NOT NULL DEFAULT x'') WITHOUT ROWID;
+  work BLOB NOT NULL DEFAULT x'', rejected_statistics INTEGER NOT NULL DEFAULT 0,
+  bootstrap_statistics INTEGER NOT NULL DEFAULT 0, sampled_merges INTEGER NOT NULL DEFAULT 0,
+  repeated_merges INTEGER NOT NULL DEFAULT 0) WITHOUT ROWID;
 CREATE TABLE units (
   id INTEGER PRIMARY KEY, job TEXT NOT NULL, kind INTEGER NOT NULL, half INTEGER NOT NULL,
   first INTEGER NOT NULL, last INTEGER NOT NULL, state INTEGER NOT NULL, failures INTEGER NOT NULL,
@@ -56,7 +59,7 @@ inline constexpr const char* kChainTables = R"sql(
 CREATE TABLE bootstraps (
   id INTEGER PRIMARY KEY, job TEXT NOT NULL, first INTEGER NOT NULL, contributions BLOB NOT NULL,
   rejected_nan INTEGER NOT NULL, rejected_infinite INTEGER NOT NULL, rejected_negative INTEGER NOT NULL,
-  rejected_saturated INTEGER NOT NULL, UNIQUE (job, first));
+  rejected_saturated INTEGER NOT NULL, rejected_statistics INTEGER NOT NULL DEFAULT 0, UNIQUE (job, first));
 CREATE TABLE chain_starts (job TEXT PRIMARY KEY, samples BLOB NOT NULL);
 )sql";
 
@@ -86,6 +89,16 @@ ALTER TABLE jobs ADD COLUMN repairs_to TEXT NOT NULL DEFAULT '';
 
 // From version 4: no job has accumulators or epochs. `work` holds a candela.v1.WorkPlan of them.
 inline constexpr const char* kFromVersion4 = "ALTER TABLE jobs ADD COLUMN work BLOB NOT NULL DEFAULT x''";
+// From version 5: neither rejected statistics nor repeated merges were counted.
+inline constexpr const char* kFromVersion5 = R"sql(
+ALTER TABLE jobs ADD COLUMN rejected_statistics INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN bootstrap_statistics INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN sampled_merges INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN repeated_merges INTEGER NOT NULL DEFAULT 0;
+)sql";
+// Those before version 3 had no such table.
+inline constexpr const char* kBootstrapsFromVersion5 =
+    "ALTER TABLE bootstraps ADD COLUMN rejected_statistics INTEGER NOT NULL DEFAULT 0";
 inline constexpr const char* kStateTable = R"sql(
 CREATE TABLE states (
   job TEXT NOT NULL, epoch INTEGER NOT NULL, name TEXT NOT NULL, sha256 TEXT NOT NULL,

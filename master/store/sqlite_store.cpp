@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <bit>
 #include <cstring>
+#include <span>
 
 #include "common/film/layers.h"
 #include "common/wire/wire.h"
@@ -21,6 +22,13 @@ namespace candela::master {
 namespace {
 
 constexpr std::int64_t kMaxEvents = 100000;
+
+// The causes whose columns stand together; that of statistics came later.
+constexpr auto kStatistics = static_cast<std::size_t>(film::RejectCause::statistics);
+template <class Counts>
+auto first_causes(Counts& counts) {
+  return std::span(counts).template first<kStatistics>();
+}
 
 std::string join(const std::vector<std::string>& parts) {
   std::string out;
@@ -104,6 +112,8 @@ class SqliteStore final : public Store {
     if (made.ok() && found != 0 && found < 4) made = execute(kFromVersion3);
     if (made.ok() && found != 0 && found < 5) made = execute(kFromVersion4);
     if (made.ok() && found < 5) made = execute(kStateTable);
+    if (made.ok() && found != 0) made = execute(kFromVersion5);
+    if (made.ok() && found > 2) made = execute(kBootstrapsFromVersion5);
     if (made.ok()) made = execute(kOverdueTable);
     if (made.ok()) made = execute(fmt::format("PRAGMA user_version={}", kSchemaVersion).c_str());
     if (made.ok()) made = execute("COMMIT");
@@ -211,10 +221,11 @@ bool SqliteStore::apply(const PutJob& c) {
   const JobRow& j = c.row;
   v1::JobSettings settings;
   wire::to_proto(j.settings, settings);
-  Statement s(
-      db_,
-      "INSERT OR REPLACE INTO jobs VALUES "
-      "(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
+  Statement s(db_,
+              "INSERT OR REPLACE INTO jobs VALUES "
+              "(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?"
+              ",?,?,?,?,"
+              "?,?)");
   s.bind(j.id).bind(j.name).bind(j.bundle_sha256).bind_blob(settings.SerializeAsString());
   s.bind(j.stop.iterations).bind(j.stop.time_seconds).bind(j.stop.relmse);
   s.bind(j.priority).bind(j.share).bind(j.idempotency_token).bind(j.content_digest);
@@ -226,13 +237,13 @@ bool SqliteStore::apply(const PutJob& c) {
   s.bind(j.plan).bind(j.thread_seconds_per_iteration).bind(j.submitted_unix_ms).bind(j.finished_unix_ms);
   s.bind(j.elapsed_seconds).bind(j.worker_seconds).bind(j.units_merged).bind(j.iterations);
   s.bind(j.tallies.eye_samples).bind(j.tallies.light_paths).bind(j.tallies.rays);
-  for (const std::uint64_t r : j.tallies.rejected) s.bind(r);
+  for (const std::uint64_t r : first_causes(j.tallies.rejected)) s.bind(r);
   s.bind(j.relmse).bind(j.checkpoint_generation).bind(j.checkpoint_iterations);
   s.bind(join(j.layers));
   const ChainPlan plan = j.chains.value_or(ChainPlan());
   s.bind(plan.chains).bind(plan.bootstrap_samples).bind(plan.segment_mutations);
   s.bind(j.named_state ? j.named_state->bootstrap_b : 0.0).bind(j.bootstrap.sum).bind(j.bootstrap.square_sum);
-  for (const std::uint64_t r : j.bootstrap_rejected) s.bind(r);
+  for (const std::uint64_t r : first_causes(j.bootstrap_rejected)) s.bind(r);
   v1::ChainStatus status;
   if (j.chains) wire::to_proto(j.chain_summary, status);
   s.bind_blob(status.SerializeAsString()).bind(j.pilot_scale_log2);
@@ -240,6 +251,8 @@ bool SqliteStore::apply(const PutJob& c) {
   v1::WorkPlan work;
   wire::to_proto(WorkPlan{{}, j.accumulators, {}, j.epochs, j.development}, work);
   s.bind_blob(work.SerializeAsString());
+  s.bind(j.tallies.rejected[kStatistics]).bind(j.bootstrap_rejected[kStatistics]);
+  s.bind(j.tallies.sampled_merges).bind(j.tallies.repeated_merges);
   return s.run();
 }
 
@@ -248,7 +261,7 @@ bool SqliteStore::apply(const PutBootstrap& c) {
   Statement s(
       db_,
       "INSERT OR REPLACE INTO bootstraps (job, first, contributions, rejected_nan, rejected_infinite, "
-      "rejected_negative, rejected_saturated) VALUES (?,?,?,?,?,?,?)");
+      "rejected_negative, rejected_saturated, rejected_statistics) VALUES (?,?,?,?,?,?,?,?)");
   s.bind(row.job_id).bind(row.begin).bind_blob(bytes_of(row.contributions));
   for (const std::uint64_t r : row.rejected) s.bind(r);
   return s.run();
@@ -375,7 +388,7 @@ Result<void> SqliteStore::read_chains(Statement& s, JobRow& j) const {
   const double bootstrap_b = s.real();
   j.bootstrap.sum = s.real();
   j.bootstrap.square_sum = s.real();
-  for (std::uint64_t& r : j.bootstrap_rejected) r = s.count();
+  for (std::uint64_t& r : first_causes(j.bootstrap_rejected)) r = s.count();
   const std::string status = s.text();
   j.pilot_scale_log2 = static_cast<int>(s.integer());
   if (plan.chains == 0) return {};
@@ -453,7 +466,7 @@ Result<StoredState> SqliteStore::load() {
       j.tallies.eye_samples = s.count();
       j.tallies.light_paths = s.count();
       j.tallies.rays = s.count();
-      for (std::uint64_t& r : j.tallies.rejected) r = s.count();
+      for (std::uint64_t& r : first_causes(j.tallies.rejected)) r = s.count();
       j.relmse = s.real();
       j.checkpoint_generation = s.count();
       j.checkpoint_iterations = s.count();
@@ -466,6 +479,9 @@ Result<StoredState> SqliteStore::load() {
       j.promised = sets_of(numbers_of<std::uint64_t>(s.text()));
       j.repairs_to = state_of(s.text());
       CANDELA_TRY(read_work(s, j));
+      for (std::uint64_t* count : {&j.tallies.rejected[kStatistics], &j.bootstrap_rejected[kStatistics],
+                                   &j.tallies.sampled_merges, &j.tallies.repeated_merges})
+        *count = s.count();
       out.jobs.push_back(std::move(j));
     }
     if (s.failed()) return failure("cannot read the jobs");

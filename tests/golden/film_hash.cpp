@@ -27,6 +27,9 @@ struct RenderPlan {
   unsigned threads = 1;
 };
 
+// Later causes count where they are met: digests of films without them stay.
+constexpr auto kFirstCauses = static_cast<std::size_t>(film::RejectCause::statistics);
+
 class FilmDigest {
  public:
   void number(std::uint64_t value) {
@@ -43,7 +46,8 @@ class FilmDigest {
   void tallies(const film::Tallies& tallies) {
     number(tallies.eye_samples);
     number(tallies.light_paths);
-    for (const std::uint64_t rejected : tallies.rejected) number(rejected);
+    for (std::size_t cause = 0; cause < tallies.rejected.size(); ++cause)
+      if (cause < kFirstCauses || tallies.rejected[cause] != 0) number(tallies.rejected[cause]);
   }
   void normalisation(const chains::Normalisation& normalisation) {
     number(normalisation.b);

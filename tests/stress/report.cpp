@@ -62,9 +62,9 @@ Point point_of(const std::vector<std::string>& cells) {
   p.tallies.rays = count(cells[11]);
   p.tallies.eye_samples = count(cells[12]);
   p.tallies.light_paths = count(cells[13]);
-  for (std::size_t c = 0; c < 4; ++c) p.tallies.rejected[c] = count(cells[14 + c]);
-  p.seconds = real(cells[18]);
-  p.refusal = cells[19];
+  for (std::size_t c = 0; c < 5; ++c) p.tallies.rejected[c] = count(cells[14 + c]);
+  p.seconds = real(cells[19]);
+  p.refusal = cells[20];
   return p;
 }
 
@@ -74,17 +74,17 @@ std::string csv(const std::vector<Point>& points) {
   std::string text =
       "sweep,integrator,value,verdict,quantity,measured,expected,deviation,stderr,tolerance,iterations,rays,"
       "eye_samples,light_paths,"
-      "rejected_nan,rejected_infinite,rejected_negative,rejected_saturated,cpu_seconds,refusal\n";
+      "rejected_nan,rejected_infinite,rejected_negative,rejected_saturated,rejected_statistics,cpu_seconds,"
+      "refusal\n";
   for (const Point& p : points) {
     std::string refusal = p.refusal;
     for (char& c : refusal)
       if (c == ',' || c == '\n' || c == '"') c = ';';
     text +=
-        fmt::format("{},{},{},{},{},{:.9g},{:.9g},{:.4g},{:.4g},{:.4g},{},{},{},{},{},{},{},{},{:.3f},{}\n",
-                    p.sweep, p.integrator, p.value, name(p.verdict), p.quantity, p.measured, p.expected,
-                    p.deviation, p.stderr_of_deviation, p.tolerance, p.iterations, p.tallies.rays,
-                    p.tallies.eye_samples, p.tallies.light_paths, p.tallies.rejected[0],
-                    p.tallies.rejected[1], p.tallies.rejected[2], p.tallies.rejected[3], p.seconds, refusal);
+        fmt::format("{},{},{},{},{},{:.9g},{:.9g},{:.4g},{:.4g},{:.4g},{},{},{},{},{},{:.3f},{}\n", p.sweep,
+                    p.integrator, p.value, name(p.verdict), p.quantity, p.measured, p.expected, p.deviation,
+                    p.stderr_of_deviation, p.tolerance, p.iterations, p.tallies.rays, p.tallies.eye_samples,
+                    p.tallies.light_paths, fmt::join(p.tallies.rejected, ","), p.seconds, refusal);
   }
   return text;
 }
@@ -190,17 +190,16 @@ std::string markdown(const std::vector<Sweep>& sweeps, const std::vector<Point>&
     if (any) text.append(row).append("\n");
   }
   text += "\nSamples rejected, of all points above (those without any are left out):\n\n";
-  text += "| sweep | integrator | value | nan | infinite | negative | saturated | rays |\n";
-  text += "|---|---|---|---|---|---|---|---|\n";
+  text += "| sweep | integrator | value | nan | infinite | negative | saturated | statistics | rays |\n";
+  text += "|---|---|---|---|---|---|---|---|---|\n";
   std::uint64_t rejected = 0, samples = 0;
   for (const Point& p : points) {
     const std::uint64_t of = p.tallies.rays;
     samples += of;
     rejected += p.rejected();
     if (p.rejected() == 0) continue;
-    text += fmt::format("| `{}` | `{}` | {} | {} | {} | {} | {} | {} |\n", p.sweep, p.integrator,
-                        value_text(p.value), p.tallies.rejected[0], p.tallies.rejected[1],
-                        p.tallies.rejected[2], p.tallies.rejected[3], of);
+    text += fmt::format("| `{}` | `{}` | {} | {} | {} |\n", p.sweep, p.integrator, value_text(p.value),
+                        fmt::join(p.tallies.rejected, " | "), of);
   }
   text += fmt::format("\n{} points, {} rays, {} samples rejected.\n", points.size(), samples, rejected);
   return text;

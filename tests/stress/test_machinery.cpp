@@ -150,7 +150,7 @@ TEST(StressMachinery, PointsAreReadAsTheyWereWritten) {
   p.verdict = Verdict::broken;
   p.quantity = "top left";
   p.measured = 1.5;
-  p.tallies.rejected = {1, 2, 3, 4};
+  p.tallies.rejected = {1, 2, 3, 4, 5};
   p.tallies.eye_samples = 7;
   p.refusal = "no, \"never\"";
   const auto read = read_csv(csv({p, p}));

@@ -150,7 +150,7 @@ JobRow chain_row() {
   job.layers = {"independent"};
   job.chains = ChainPlan{1000, 300, 5000};
   job.pilot_scale_log2 = -3;
-  job.bootstrap_rejected = {1, 2, 3, 4};
+  job.bootstrap_rejected = {1, 2, 3, 4, 5};
   return job;
 }
 

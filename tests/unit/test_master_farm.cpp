@@ -398,7 +398,9 @@ TEST(SqliteStore, KeepsWhatItIsTold) {
   job.settings.height = 4;
   job.settings.integrator_settings = {{"max_depth", "7"}};
   job.stop.relmse = 1e-3;
-  job.tallies.rejected = {1, 2, 3, 4};
+  job.tallies.rejected = {1, 2, 3, 4, 5};
+  job.tallies.sampled_merges = 6;
+  job.tallies.repeated_merges = 7;
   job.named_state = NamedState{-5};
   job.state = JobState::paused;
   {

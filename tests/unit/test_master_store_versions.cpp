@@ -145,7 +145,8 @@ TEST(StoreVersions, EarlierOnesBecomeThePresentOne) {
       EXPECT_EQ(j.settings.integrator_settings, settings.integrator_settings);
       EXPECT_EQ(j.named_state->film_scale_log2, 13);
       EXPECT_EQ(j.plan, "the plan");
-      EXPECT_EQ(j.tallies.rejected, (std::array<std::uint64_t, 4>{1, 2, 3, 4}));
+      EXPECT_EQ(j.tallies.rejected, (std::array<std::uint64_t, film::kRejectCauses>{1, 2, 3, 4}));
+      EXPECT_EQ(j.tallies.sampled_merges, 0U);
       EXPECT_EQ(j.checkpoint_generation, 5U);
       EXPECT_EQ(j.layers,
                 version == 1 ? std::vector<std::string>() : (std::vector<std::string>{"s2.t3", "s3.t2"}));
@@ -191,6 +192,55 @@ TEST(StoreVersions, EarlierOnesBecomeThePresentOne) {
       EXPECT_EQ(again->jobs.at(1).accumulators, epochs.accumulators);
       EXPECT_EQ(again->states.at("k"), states);
     }
+  }
+}
+
+// Claim: so does a store of version 5, which had jobs of chains and of epochs and counted neither statistics
+// that were rejected nor repeated merges; then it holds both.
+TEST(StoreVersions, TheFifthLearnsToCountStatistics) {
+  const test::TemporaryFolder folder;
+  const fs::path path = folder.path() / "version5.sqlite";
+  JobRow j;
+  j.id = "j";
+  j.bundle_sha256 = "hash";
+  j.layers = {"independent"};
+  j.chains = ChainPlan{2, 1, 1};
+  j.tallies.rejected = {1, 2, 3, 4};
+  j.bootstrap_rejected = {5, 6, 7, 8};
+  BootstrapRow bootstrap;
+  bootstrap.job_id = "j";
+  bootstrap.contributions = {1};
+  bootstrap.rejected = {9, 10, 11, 12};
+  {
+    auto store = open_sqlite_store(path);
+    ASSERT_TRUE(store.ok());
+    ASSERT_TRUE((*store)->write(std::vector<Change>{PutJob{j}, PutBootstrap{bootstrap}}).ok());
+  }
+  const std::set<std::string> present = Database(path).shape();
+  {
+    Database old(path);
+    for (const char* column :
+         {"rejected_statistics", "bootstrap_statistics", "sampled_merges", "repeated_merges"})
+      old.execute(std::string("ALTER TABLE jobs DROP COLUMN ") + column);
+    old.execute(
+        "ALTER TABLE bootstraps DROP COLUMN rejected_statistics; DROP TABLE overdue; PRAGMA user_version=5");
+    EXPECT_NE(old.shape(), present) << "nothing is tested";
+  }
+  for (int opening = 0; opening < 2; ++opening) {
+    auto store = open_sqlite_store(path);
+    ASSERT_TRUE(store.ok()) << store.error().to_string();
+    EXPECT_EQ(Database(path).shape(), present);
+    const auto state = (*store)->load();
+    ASSERT_TRUE(state.ok()) << state.error().to_string();
+    EXPECT_EQ(state->jobs.at(0).tallies, j.tallies);
+    EXPECT_EQ(state->jobs[0].bootstrap_rejected, j.bootstrap_rejected);
+    EXPECT_EQ(state->bootstraps.at(0).rejected, bootstrap.rejected);
+    j.tallies.rejected[4] = 13;
+    j.bootstrap_rejected[4] = 14;
+    j.tallies.sampled_merges = 15;
+    j.tallies.repeated_merges = 16;
+    bootstrap.rejected[4] = 17;
+    ASSERT_TRUE((*store)->write(std::vector<Change>{PutJob{j}, PutBootstrap{bootstrap}}).ok());
   }
 }
 

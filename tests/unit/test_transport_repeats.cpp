@@ -18,6 +18,7 @@
 #include "worker/transport/mis/unweighted.h"
 #include "worker/transport/statistics/weighted_sectors.h"
 #include "worker/transport/technique/merge.h"
+#include "worker/transport/technique/repeated_merges.h"
 
 namespace candela::transport {
 namespace {
@@ -152,6 +153,57 @@ void gather(float distance, int trials, std::uint64_t paths, Found& found) {
     if (unit == 0) continue;
     found.alarms += alarms(sums, squares, unit, critical) ? 1 : 0;
     found.cured += alarms(sums, blocks, unit, critical) ? 1 : 0;
+  }
+}
+
+// Claim: the renderer counts the photons around a vertex, and those that are not the first of their path, as
+// a loop over all does: of several buffers, with paths that left nothing, up to the longest path that may be
+// merged.
+TEST(RepeatedHits, AreCountedByPath) {
+  auto built = corner();
+  ASSERT_TRUE(built.ok()) << built.error().to_string();
+  Vertex<NoBlock> eye;
+  ASSERT_TRUE((*built)->intersect({{0.02f, 0, 1}, {0, 0, -1}}, eye.hit));
+  eye.edges = 1;
+  eye.connectible = true;
+  std::vector<Keeper> keepers(3, Keeper{**built, {}, {}});
+  film::Tallies tallies;
+  samplers::Sampler sampler(samplers::SamplerKind::independent, 17);
+  for (std::uint64_t path = 0; path < 6000; ++path) {
+    Keeper& keeper = keepers[path / 2000];
+    sampler.start_light(0, 0, path);
+    LightWalk walk(**built, {}, {}, sampler, tallies);
+    VertexPair<NoBlock> room;
+    if (path % 7 != 0) follow_light_path(walk, room, keeper);
+    keeper.photons.end_path();
+  }
+  std::vector<const PhotonBuffer<NoBlock>*> buffers;
+  for (const Keeper& keeper : keepers) buffers.push_back(&keeper.photons);
+  PhotonMap<NoBlock> map;
+  ASSERT_TRUE(map.build(buffers, kRadius, 1).ok());
+  for (const std::uint32_t max_edges : {~0u, 4u}) {
+    std::uint64_t hits = 0, repeats = 0;
+    for (const auto* buffer : buffers) {
+      std::size_t photon = 0;
+      for (const std::size_t end : buffer->ends()) {
+        std::uint64_t of_path = 0;
+        for (; photon < end; ++photon) {
+          const Vec3 y = buffer->positions()[photon] - eye.hit.p;
+          if (within(dot(y, y), kRadius) && buffer->photons()[photon].edges <= max_edges - eye.edges)
+            ++of_path;
+        }
+        hits += of_path;
+        repeats += of_path > 0 ? of_path - 1 : 0;
+      }
+    }
+    EXPECT_GT(repeats, 50U);
+    MergeMaps<NoBlock> maps;
+    maps.surface = &map;
+    maps.max_edges = max_edges;
+    film::Tallies counted;
+    count_repeats(maps, MergeScale(Kernel::constant, kRadius, kRadius), eye, counted);
+    EXPECT_EQ(counted.sampled_merges, hits);
+    EXPECT_EQ(counted.repeated_merges, repeats);
   }
 }
 

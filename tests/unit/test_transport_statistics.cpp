@@ -271,9 +271,14 @@ TEST(Statistics, PilotsFollowTheFilmPosition) {
   }
 }
 
+void expect_empty(const std::vector<std::unique_ptr<film::UnitAccumulator>>& accumulators) {
+  for (const auto& sums : accumulators)
+    for (std::size_t i = 0; i < 12 * sums->spec().channels; ++i) EXPECT_EQ(sums->sums()[i], 0);
+}
+
 // Claim: a path's statistics start at zero, go to one pixel, and are scaled by its weight on the film, by its
-// square for squares; where the squares are beyond the accumulator nothing is added, and no sample is counted
-// as rejected.
+// square for squares; where one of the sums is beyond its accumulator nothing is added to any of them, and
+// the path is told.
 TEST(Statistics, AreWrittenOnceAPath) {
   Cloud cloud;
   fill(cloud, false);
@@ -286,19 +291,49 @@ TEST(Statistics, AreWrittenOnceAPath) {
     return made;
   };
   const auto sums = accumulators(40);
-  sectors.write(sums, 2, 1, -0.5f, 9, false);
+  EXPECT_TRUE(sectors.write(sums, 2, 1, -0.5f, 9, false));
   for (std::size_t pixel = 0; pixel < 12; ++pixel)
     for (std::size_t c = 0; c < 12; ++c)
       EXPECT_NEAR(std::ldexp(static_cast<double>(sums[0]->sums()[pixel * 12 + c]), -36),
                   pixel == 6 ? 0.5 * sectors.sums()[c] : 0, 1e-9);
   EXPECT_NEAR(std::ldexp(static_cast<double>(sums[1]->sums()[6]), -64) / (0.25 * sectors.squares()), 1, 1e-9);
   const auto full = accumulators(120);
-  sectors.write(full, 2, 1, 1, 9, true);
-  for (const auto& sum : full)
-    for (std::size_t i = 0; i < 12 * sum->spec().channels; ++i) EXPECT_EQ(sum->sums()[i], 0);
+  EXPECT_FALSE(sectors.write(full, 2, 1, 1, 9, true));
+  expect_empty(full);
   sectors.begin();
   EXPECT_EQ(sectors.squares(), 0);
   EXPECT_EQ(sectors.sums(), (std::array<double, 12>{}));
+}
+
+// Claim: so it is for rings, and for moments whose Laplacian alone is beyond its accumulator: of a photon
+// that only the stencil reaches.
+TEST(Statistics, AreWrittenWholeOrNotAtAll) {
+  Cloud cloud;
+  fill(cloud, false);
+  const auto make = [](const std::vector<film::AccumulatorSpec>& specs) {
+    std::vector<std::unique_ptr<film::UnitAccumulator>> made;
+    for (const auto& spec : specs) made.push_back(std::make_unique<film::UnitAccumulator>(4, 3, spec));
+    return made;
+  };
+  WeightedRings<1> rings(kFirst);
+  gather(cloud, Kernel::constant, rings);
+  for (const int scale : {40, 120}) {
+    const auto sums = make({adaptive::discs_spec(scale), adaptive::ring_squares_spec(scale)});
+    EXPECT_EQ(rings.write(sums, 2, 1, 1, 9, true), scale == 40);
+    if (scale == 120) expect_empty(sums);
+  }
+  PlugInMoments moments(Kernel::constant, kFirst, kFirst / 50);
+  gather(cloud, Kernel::constant, moments);
+  ASSERT_GT(std::abs(moments.laplacian()), 100 * moments.moment());
+  film::AccumulatorSpec of_moments = adaptive::moments_spec(40), of_laplacian = adaptive::laplacian_spec(40);
+  of_moments.scale_log2 = 0;
+  for (const bool fits : {true, false}) {
+    of_laplacian.scale_log2 =
+        55 - static_cast<int>(std::ceil(std::log2(std::abs(moments.laplacian())))) + (fits ? 0 : 2);
+    const auto sums = make({of_moments, of_laplacian});
+    EXPECT_EQ(moments.write(sums, 2, 1, 1, 9, true), fits);
+    if (!fits) expect_empty(sums);
+  }
 }
 
 // Claim: a map gives the scale of the pixel that a place is in, or of the nearest one, and its eta to splats.

@@ -18,6 +18,7 @@ inline constexpr std::uint64_t kLightChunk = 1024;
 struct LightKeeping {
   bool vertices = false, surface_photons = false, medium_photons = false;
   bool caustics_only = false;  // only photons that arrive from a specular vertex
+  bool paths_of_photons = false;
 };
 
 // For light paths that leave nothing but splats. Stores may observe walks (segments.h); crossed() comes after
@@ -63,6 +64,10 @@ struct LightStore {
   // Once after each path.
   void end_path() {
     if (keeping.vertices) vertices.end_path();
+    if (keeping.paths_of_photons) {
+      surface.end_path();
+      medium.end_path();
+    }
   }
 };
 

@@ -12,6 +12,7 @@
 #include "worker/transport/technique/hit_light.h"
 #include "worker/transport/technique/merge.h"
 #include "worker/transport/technique/next_event.h"
+#include "worker/transport/technique/repeated_merges.h"
 
 namespace candela::estimators {
 
@@ -69,6 +70,8 @@ class VcmEye : public transport::EyeTechniques {
     const transport::MergeScale& scale = side_.field.at(at);
     eta_ = scale.eta;
     gather_.begin(scale, at);
+    scale_ = &scale;
+    counts_repeats_ = Statistics::kCollects && transport::counts_repeats(sampler.sample_key());
     sum_ = merged_ = {};
     light_path_ = light_path;
     loaded_ = false;
@@ -104,6 +107,8 @@ class VcmEye : public transport::EyeTechniques {
     merge();
     if constexpr (Beams::kMerges) add_merged(beams_.merge_at(v));
     if (v.connectible) gather_.start(v);
+    if constexpr (Statistics::kCollects)
+      if (v.connectible && counts_repeats_) transport::count_repeats(side_.maps, *scale_, v, tallies_);
     return true;
   }
   void passed() { merge(); }  // the next vertex takes this one's place
@@ -145,9 +150,10 @@ class VcmEye : public transport::EyeTechniques {
   [[no_unique_address]] Beams beams_;
   // The path under way.
   transport::MergeFactors eta_;
+  const transport::MergeScale* scale_ = nullptr;
   Spectrum sum_, merged_;
   std::uint64_t light_path_ = 0;
-  bool loaded_ = false;
+  bool loaded_ = false, counts_repeats_ = false;
 };
 
 // ppm: the walk goes on where it is reflected or refracted specularly. What its other lobes scatter is
@@ -175,7 +181,9 @@ class PpmEye : public transport::EyeTechniques {
 
   Spectrum trace(const Ray& ray, transport::FilmPosition at, std::uint64_t /*light_path*/,
                  samplers::Sampler& sampler) {
-    gather_.begin(side_.field.at(at), at);
+    scale_ = &side_.field.at(at);
+    gather_.begin(*scale_, at);
+    counts_repeats_ = Statistics::kCollects && transport::counts_repeats(sampler.sample_key());
     sum_ = merged_ = {};
     EyeWalk walk(scene_, rules_, factors_, sampler, tallies_);
     transport::follow_eye_path(walk, ray, room_, *this);
@@ -196,6 +204,8 @@ class PpmEye : public transport::EyeTechniques {
   bool vertex(const EyeWalk& /*walk*/, const Vertex& v) {
     if (!v.connectible) return true;
     gather_.start(v);
+    if constexpr (Statistics::kCollects)
+      if (counts_repeats_) transport::count_repeats(side_.maps, *scale_, v, tallies_);
     const Spectrum found = gather_.finish();
     sum_ += found;
     merged_ += found;
@@ -214,6 +224,9 @@ class PpmEye : public transport::EyeTechniques {
   const transport::ConnectContext context_{scene_, factors_, rules_, tallies_};
   transport::VertexPair<Block> room_;
   transport::Gather<Mis, Statistics> gather_;
+  // The path under way.
+  const transport::MergeScale* scale_ = nullptr;
+  bool counts_repeats_ = false;
   Spectrum sum_, merged_;
 };
 

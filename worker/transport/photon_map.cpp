@@ -75,7 +75,11 @@ Result<void> PhotonMap<Block>::build(std::span<const PhotonBuffer<Block>* const>
     const std::size_t end = std::min(count, (block + 1) * kBlock);
     for (std::size_t slot = block * kBlock; slot < end; ++slot) photons_[slot] = by_index_[order[slot]];
   });
-  search_.forget_order();
+  ends_.clear();
+  for (std::size_t c = 0; c < chunks.size(); ++c)
+    for (const std::uint32_t end : chunks[c]->ends())
+      ends_.push_back(static_cast<std::uint32_t>(first[c]) + end);
+  if (ends_.empty()) search_.forget_order();
   return {};
 }
 

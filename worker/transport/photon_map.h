@@ -70,17 +70,23 @@ class PhotonBuffer {
   void clear() {
     positions_.clear();
     photons_.clear();
+    ends_.clear();
   }
   // Precondition: v is connectible. False: its place or flux cannot be used, and nothing is kept.
   bool keep(const scene::Scene& scene, const Vertex<Block>& v);
+  // Once after each path, if its photons are to be known by it.
+  void end_path() { ends_.push_back(static_cast<std::uint32_t>(photons_.size())); }
 
   std::size_t size() const { return photons_.size(); }
   std::span<const Vec3> positions() const { return positions_; }
   std::span<const Photon<Block>> photons() const { return photons_; }
+  // The number of photons after each path; empty: paths are not known.
+  std::span<const std::uint32_t> ends() const { return ends_; }
 
  private:
   std::vector<Vec3> positions_;
   std::vector<Photon<Block>> photons_;
+  std::vector<std::uint32_t> ends_;
 };
 
 template <class Block>
@@ -97,6 +103,17 @@ class PhotonMap {
   }
   // Held between build and the next one.
   std::uint64_t bytes() const { return search_.bytes() + photons_.capacity() * sizeof(Photon<Block>); }
+
+  // Calls visit(photon, the number of its light path) for the photons within the radius. Precondition: the
+  // buffers knew paths.
+  template <class Visit>
+  void visit_paths(Vec3 p, float radius, Visit&& visit) const {
+    search_.visit_slots(p, radius, [&](std::uint32_t slot, float /*d2*/) {
+      const auto end = std::upper_bound(ends_.begin(), ends_.end(), search_.order()[slot]);
+      visit(photons_[slot], static_cast<std::uint64_t>(end - ends_.begin()));
+    });
+  }
+  bool knows_paths() const { return !ends_.empty(); }
 
   // The steps of a query: others can work while memory is fetched. announce() and find() are RangeSearch's;
   // collect() finds the photons and asks for them.
@@ -133,6 +150,7 @@ class PhotonMap {
   HugeVector<Photon<Block>> photons_;  // by slot
   HugeVector<Vec3> positions_;         // by index; room kept between builds
   HugeVector<Photon<Block>> by_index_;
+  std::vector<std::uint32_t> ends_;  // the number of photons after each path
 };
 
 }  // namespace candela::transport

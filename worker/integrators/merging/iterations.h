@@ -88,8 +88,9 @@ Result<void> run_eye_pass(const UnitContext& context, const IterationOptions& op
               // The film follows the filter; statistics follow the radius, that of the position.
               if (kept) {
                 const auto [at_x, at_y] = transport::pixel_of(ray.at, context.width, context.height);
-                eye.statistics().write(output.accumulators, at_x, at_y, ray.weight, sampler.sample_key(),
-                                       alone.contains(at_x, at_y));
+                if (!eye.statistics().write(output.accumulators, at_x, at_y, ray.weight, sampler.sample_key(),
+                                            alone.contains(at_x, at_y))) [[unlikely]]
+                  ++tallies.rejected[static_cast<std::size_t>(film::RejectCause::statistics)];
               }
             }
           }
@@ -115,7 +116,8 @@ Result<void> run_iterations(const UnitContext& context, const Unit& unit, const 
   const estimators::PathCounts counts{static_cast<double>(context.width) * context.height, paths,
                                       static_cast<float>(context.filter.radius())};
   const estimators::LightKeeping keeping{techniques.connect, techniques.merge_surface,
-                                         techniques.merge_medium, options.caustics_only};
+                                         techniques.merge_medium, options.caustics_only,
+                                         EyeEstimator::Statistics::kCollects};
   const std::uint64_t phases = 2 * (unit.end - unit.begin);
   LightChunks<Block> chunks;
   transport::PhotonMap<Block> surface, medium;

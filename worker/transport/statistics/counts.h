@@ -38,10 +38,10 @@ class SectorCounts {
     any_ |= photons_.count > 0;
     photons_.count = 0;
   }
-  void write(std::span<const std::unique_ptr<film::UnitAccumulator>> accumulators, std::uint32_t x,
+  bool write(std::span<const std::unique_ptr<film::UnitAccumulator>> accumulators, std::uint32_t x,
              std::uint32_t y, float weight, std::uint64_t key, bool alone) const {
-    if (!any_ || weight == 0) return;
-    put_statistics(*accumulators[0], alone, x, y, counts_, key);
+    if (!any_ || weight == 0) return true;
+    return put_statistics(*accumulators[0], alone, x, y, counts_, key);
   }
 
   const std::array<double, Sectors::kCount>& counts() const { return counts_; }

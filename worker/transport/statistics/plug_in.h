@@ -82,23 +82,26 @@ class PlugInMoments {
     if (surface_) mean_ += weight * phi;
   }
   void end() {}
-  void write(std::span<const std::unique_ptr<film::UnitAccumulator>> accumulators, std::uint32_t x,
+  bool write(std::span<const std::unique_ptr<film::UnitAccumulator>> accumulators, std::uint32_t x,
              std::uint32_t y, float weight, std::uint64_t key, bool alone) const {
     const auto zero = [](double value) { return value == 0; };
     if (std::all_of(moments_.begin(), moments_.end(), zero) &&
         std::all_of(laplacians_.begin(), laplacians_.end(), zero))
-      return;
+      return true;
     const double scale = std::abs(static_cast<double>(weight));
     const std::size_t channels = accumulators[0]->spec().channels;
     auto moments = moments_, laplacians = laplacians_;
     for (double& moment : moments) moment *= scale * scale;
     for (double& laplacian : laplacians) laplacian *= scale;
-    if (!put_statistics(*accumulators[0], alone, x, y, std::span(moments).first(channels), key) ||
-        !put_statistics(*accumulators[1], alone, x, y, std::span(laplacians).first(channels), key) ||
-        accumulators.size() < 3)
-      return;
     const double mean = mean_ * scale;
-    put_statistics(*accumulators[2], alone, x, y, {&mean, 1}, key);
+    const std::array<std::span<const double>, 3> values = {
+        std::span(moments).first(channels), std::span(laplacians).first(channels), {&mean, 1}};
+    // The stencil reaches further than the disc: a photon may be beyond the Laplacian alone.
+    for (std::size_t i = 0; i < accumulators.size(); ++i)
+      if (!accumulators[i]->holds(values[i])) return false;
+    for (std::size_t i = 0; i < accumulators.size(); ++i)
+      put_statistics(*accumulators[i], alone, x, y, values[i], key);
+    return true;
   }
 
   double moment(bool surface = true) const { return moments_[surface ? 0 : 1]; }

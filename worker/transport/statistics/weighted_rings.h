@@ -68,16 +68,16 @@ class WeightedRings {
   }
   void end() {}
   // As WeightedSectors: a path whose squares the accumulator cannot hold adds nothing.
-  void write(std::span<const std::unique_ptr<film::UnitAccumulator>> accumulators, std::uint32_t x,
+  bool write(std::span<const std::unique_ptr<film::UnitAccumulator>> accumulators, std::uint32_t x,
              std::uint32_t y, float weight, std::uint64_t key, bool alone) const {
-    if (!any_ || weight == 0) return;
+    if (!any_ || weight == 0) return true;
     const double scale = std::abs(static_cast<double>(weight));
     auto squares = squares_;
     for (double& square : squares) square *= scale * scale;
-    if (!put_statistics(*accumulators[1], alone, x, y, squares, key)) return;
+    if (!put_statistics(*accumulators[1], alone, x, y, squares, key)) return false;
     auto sums = sums_;
     for (double& sum : sums) sum *= scale;
-    put_statistics(*accumulators[0], alone, x, y, sums, key);
+    return put_statistics(*accumulators[0], alone, x, y, sums, key);
   }
 
   const std::array<double, kRings * kPerRing>& sums() const { return sums_; }

@@ -45,16 +45,16 @@ class WeightedSectors {
     photons_.count = 0;
   }
   // A path whose squares the accumulator cannot hold adds nothing. It would outweigh all others, and then no
-  // test rejects.
-  void write(std::span<const std::unique_ptr<film::UnitAccumulator>> accumulators, std::uint32_t x,
+  // test rejects. Sums fit where squares do: the largest is the root of that of squares times 2^24.
+  bool write(std::span<const std::unique_ptr<film::UnitAccumulator>> accumulators, std::uint32_t x,
              std::uint32_t y, float weight, std::uint64_t key, bool alone) const {
-    if (squares_ == 0) return;
+    if (squares_ == 0) return true;
     const double scale = std::abs(static_cast<double>(weight));
     const double squares = squares_ * scale * scale;
-    if (!put_statistics(*accumulators[1], alone, x, y, {&squares, 1}, key)) return;
+    if (!put_statistics(*accumulators[1], alone, x, y, {&squares, 1}, key)) return false;
     std::array<double, Sectors::kCount> sums = sums_;
     for (double& sum : sums) sum *= scale;
-    put_statistics(*accumulators[0], alone, x, y, sums, key);
+    return put_statistics(*accumulators[0], alone, x, y, sums, key);
   }
 
   const std::array<double, Sectors::kCount>& sums() const { return sums_; }
