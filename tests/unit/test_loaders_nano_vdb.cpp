@@ -20,6 +20,7 @@ class File {
   std::uint32_t version = 32, type = 1;
   bool zip = false;
   double voxel = 0.5;
+  bool twice = false;  // the root names its tile twice
   float background = 0.25f;
 
   std::string bytes() const {
@@ -54,7 +55,7 @@ class File {
   // Voxel (x, y, z) of the leaf has x + 10 y + 100 z; the box reaches from (0, 1, 0) to (8, 3, 2), whose
   // last x is the tile of value 7 beside the leaf.
   std::string grid_bytes() const {
-    constexpr std::size_t kRoot = 672 + 64, kUpper = kRoot + 64 + 32, kLower = kUpper + 8256 + 8 * 32768;
+    constexpr std::size_t kRoot = 672 + 64, kUpper = kRoot + 64 + 2 * 32, kLower = kUpper + 8256 + 8 * 32768;
     constexpr std::size_t kLeaf = kLower + 1088 + 8 * 4096, kEnd = kLeaf + 96 + 4 * 512;
     std::string g(kEnd, '\0');
     for (std::size_t i = 0; i < 3; ++i) {
@@ -65,7 +66,7 @@ class File {
     put<std::uint64_t>(g, 672 + 24, kRoot - 672);
     const std::int32_t box[6] = {0, 1, 0, 8, 3, 2};
     std::memcpy(g.data() + kRoot, box, sizeof box);
-    put<std::uint32_t>(g, kRoot + 24, 1);
+    put<std::uint32_t>(g, kRoot + 24, twice ? 2 : 1);
     put<float>(g, kRoot + 28, background);
     put<std::int64_t>(g, kRoot + 64 + 8, kUpper - kRoot);
     put<std::uint64_t>(g, kUpper + 32 + 4096, 1);
@@ -122,6 +123,10 @@ TEST(NanoVdb, ErrorsSayWhatToDo) {
   std::string blosc = file.bytes();
   blosc[14] = 2;
   EXPECT_NE(outcome(blosc).find("BLOSC"), std::string::npos);
+  file = {};
+  file.twice = true;
+  EXPECT_NE(outcome(file.bytes()).find("two tiles"), std::string::npos);
+  file = {};
   file.background = -1;
   const auto negative = load_nano_vdb(file.bytes(), "a.nvdb", "");
   ASSERT_TRUE(negative.ok());
@@ -133,7 +138,7 @@ TEST(NanoVdb, DamagedFilesAreErrors) {
   rng::Stream stream(rng::key(31));
   const std::string good = File().bytes();
   // Bytes that the reader looks at: not the empty tiles of the upper node.
-  const std::size_t start = 16 + 176 + 8, upper = start + 672 + 64 + 96;
+  const std::size_t start = 16 + 176 + 8, upper = start + 672 + 64 + 128;
   std::size_t read = 0, errors = 0;
   for (int i = 0; i < 400; ++i) {
     std::string bytes = good;

@@ -10,6 +10,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <set>
 #include <vector>
 
 namespace candela::loaders {
@@ -65,7 +66,14 @@ class Grid {
     data_.channels = 1;
     data_.values.assign(static_cast<std::size_t>(cells_), in_.get<float>(root_ + 28));
     const auto tiles = in_.get<std::uint32_t>(root_ + 24);
-    for (std::uint64_t i = 0; i < tiles && in_.ok(); ++i) root_tile(root_ + kRootBytes + i * kTileBytes);
+    // Tiles of one place would fill the grid once each: a small file would take hours.
+    std::set<Index> places;
+    for (std::uint64_t i = 0; i < tiles && in_.ok(); ++i) {
+      const std::uint64_t tile = root_ + kRootBytes + i * kTileBytes;
+      const Index origin = tile_origin(in_.get<std::uint64_t>(tile));
+      if (!places.insert(origin).second) return fail("the NanoVDB file is damaged: two tiles have one place");
+      root_tile(tile, origin);
+    }
     if (!in_.ok()) return damaged();
     for (float& value : data_.values) {
       if (!std::isfinite(value)) return fail("a value of the grid is not finite");
@@ -115,14 +123,17 @@ class Grid {
     return in_.ok() ? Result<void>() : damaged();
   }
 
-  void root_tile(std::uint64_t tile) {
-    const auto key = in_.get<std::uint64_t>(tile);
-    const auto child = in_.get<std::int64_t>(tile + 8);
-    // 21 bits of each coordinate, in units of 4096 voxels.
+  // The key has 21 bits of each coordinate, in units of 4096 voxels.
+  static Index tile_origin(std::uint64_t key) {
     Index origin;
     for (std::size_t i = 0; i < 3; ++i)
       origin[i] =
           static_cast<std::int32_t>(static_cast<std::uint32_t>(key >> (42 - 21 * i) & 0x1fffff) << 12);
+    return origin;
+  }
+
+  void root_tile(std::uint64_t tile, const Index& origin) {
+    const auto child = in_.get<std::int64_t>(tile + 8);
     if (child == 0)
       fill(origin, 4096, in_.get<float>(tile + 20));
     else
