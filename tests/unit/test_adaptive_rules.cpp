@@ -136,6 +136,34 @@ TEST(FppmRule, FollowsAScheduleWithoutEvidence) {
   EXPECT_EQ(job.carry().memo.substr(kPixels), std::string("\0\0\0\6", 4) + std::string(11, '\0'));
 }
 
+// Claim: with `follow_little` pixels of some photons take the levels of its schedule, those of few or none
+// the levels of `follow`, and those of enough even photons none; a job of `follow` alone decides as before.
+TEST(FppmRule, FollowsASlowerScheduleWithLittleEvidence) {
+  for (const bool graded : {true, false}) {
+    test::ToyPlan plan = test::fppm_plan(short_epochs("fppm", 0), 0.01, 0.7, "sectors");
+    SettingsMap& constants = plan.epochs.constants;
+    constants["follow"] = "8,16,10000";
+    constants["evidence"] = "12";
+    if (graded) {
+      constants["follow_little"] = "24,10000";
+      constants["evidence_little"] = "60";
+    }
+    Job job{std::move(plan)};
+    // By epoch: 24 photons, 36 and 60 since the first; 24 since the third, whose decision takes a level.
+    const std::vector<int> some = {2, 1, 2, 2};
+    for (std::size_t e = 0; e < some.size(); ++e) {
+      job.photons(0, std::vector<int>(12, 6));
+      job.photons(1, std::vector<int>(12, some[e]));
+      job.photons(2, {1, 0, 1, 0, 1});
+      job.next();
+      EXPECT_EQ(job.level(0), 0);
+      EXPECT_EQ(job.level(1), graded && e >= 2 ? 1 : 0);
+      EXPECT_EQ(job.level(2), e == 0 ? 1 : 2);
+      EXPECT_EQ(job.level(3), e == 0 ? 1 : 2);
+    }
+  }
+}
+
 // Claim: sums are carried from epoch to epoch until a rejection, which zeroes them: of its pixel alone.
 TEST(FppmRule, CarriesSumsUntilARejection) {
   Job job = fppm(0);

@@ -3,7 +3,8 @@
 // Sums count for a pixel only if they were made with its present radius: sums of the epochs that were open
 // when it shrank are dropped. After a rejection the pixel begins anew.
 //
-// With `follow` a pixel without evidence takes the levels of a schedule, one a look.
+// With `follow` a pixel without evidence takes the levels of a schedule, one a look; with `follow_little` one
+// of little evidence those of another.
 #include <array>
 
 #include "common/adaptive/f_test.h"
@@ -23,18 +24,24 @@ std::size_t memo_planes(const SettingsMap& constants) {
   return constants.contains("follow") ? 2 : 1;
 }
 
-// Levels of pixels whose test has no evidence.
+// Levels of pixels whose test has at most this evidence.
 struct Follow {
   std::uint64_t evidence = 0;
   int level = 0;  // that such a pixel has at least
+  bool moves(int from, const adaptive::SectorSums& sums) const {
+    return from < level && adaptive::few_contributions(sums, evidence);
+  }
 };
-Result<Follow> follow_at(const SettingsMap& constants, std::uint64_t iteration) {
+Result<Follow> follow_at(const SettingsMap& constants, const std::string& suffix, std::uint64_t iteration,
+                         int deepest) {
   Follow follow;
-  CANDELA_ASSIGN(const std::vector<std::uint64_t> iterations, adaptive::get_iterations(constants, "follow"));
+  CANDELA_ASSIGN(const std::vector<std::uint64_t> iterations,
+                 adaptive::get_iterations(constants, "follow" + suffix));
   if (iterations.empty()) return follow;
-  CANDELA_ASSIGN(follow.evidence, adaptive::get_integer(constants, "evidence"));
+  CANDELA_ASSIGN(follow.evidence, adaptive::get_integer(constants, "evidence" + suffix));
   follow.level = static_cast<int>(std::upper_bound(iterations.begin(), iterations.end(), iteration) -
                                   iterations.begin());
+  follow.level = std::min(follow.level, deepest);
   return follow;
 }
 
@@ -68,7 +75,9 @@ Result<std::string> decide_fppm(const DecisionInput& input, Carry& carry) {
   if (sectors.spec().channels != adaptive::kSectorChannels || square_shift < 0 || square_shift > 20)
     return failed_error("the accumulators of the F test have another form");
   const int deepest = levels.deepest(first_iteration(input.plan, input.epoch));
-  CANDELA_ASSIGN(const Follow follow, follow_at(constants, first_iteration(input.plan, input.epoch)));
+  const std::uint64_t first = first_iteration(input.plan, input.epoch);
+  CANDELA_ASSIGN(const Follow none_at, follow_at(constants, "", first, deepest));
+  CANDELA_ASSIGN(const Follow little_at, follow_at(constants, "_little", first, deepest));
   const bool counts_rejections = memo_planes(constants) > 1;
   std::array<Int128, adaptive::kSectorChannels> sums{}, added{};
   Int128 square = 0, added_square = 0;
@@ -80,7 +89,7 @@ Result<std::string> decide_fppm(const DecisionInput& input, Carry& carry) {
       input.folded->sums[1]->get_pixel(x, y, {&added_square, 1});
       const bool none = std::all_of(added.begin(), added.end(), [](Int128 sum) { return sum == 0; });
       const int level = level_at(state, pixel);
-      const bool behind = level < std::min(follow.level, deepest);
+      const bool behind = level < std::max(none_at.level, little_at.level);
       if (none && added_square == 0 && !behind) continue;  // no photons: nothing new to test
       sectors.get_pixel(x, y, sums);
       squares.get_pixel(x, y, {&square, 1});
@@ -97,8 +106,8 @@ Result<std::string> decide_fppm(const DecisionInput& input, Carry& carry) {
           rejects = adaptive::f_exceeds({sums, square, square_shift}, critical);
         }
         if (rejects && counts_rejections) count_up(carry.memo[state.size() + pixel]);
-        if (rejects ||
-            (behind && adaptive::few_contributions({sums, square, square_shift}, follow.evidence))) {
+        const adaptive::SectorSums all{sums, square, square_shift};
+        if (rejects || none_at.moves(level, all) || little_at.moves(level, all)) {
           ++state[pixel];
           sums.fill(0);
           square = 0;

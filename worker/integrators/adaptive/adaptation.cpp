@@ -64,13 +64,15 @@ Adaptation f_test(const EpochSettings& epochs, const FTestSettings& test) {
   return adaptation;
 }
 
-void follow(Adaptation& adaptation, double alpha, double to_alpha, std::uint64_t evidence) {
-  const std::vector<std::uint64_t> iterations =
-      rules::levels_beside(adaptation.levels.factor, alpha, to_alpha, adaptation.levels.max_level);
-  if (iterations.empty()) return;
+void follow(Adaptation& adaptation, double alpha, const Follow& none, const Follow& little) {
   SettingsMap& constants = adaptation.epochs.constants;
-  constants["follow"] = rules::iterations_text(iterations);
-  constants["evidence"] = std::to_string(evidence);
+  for (const auto& [of, suffix] : {std::pair{none, ""}, std::pair{little, "_little"}}) {
+    const std::vector<std::uint64_t> iterations =
+        rules::levels_beside(adaptation.levels.factor, alpha, of.to_alpha, adaptation.levels.max_level);
+    if (iterations.empty()) continue;
+    constants[std::string("follow") + suffix] = rules::iterations_text(iterations);
+    constants[std::string("evidence") + suffix] = std::to_string(of.evidence);
+  }
 }
 
 Adaptation ring_test(const EpochSettings& epochs, const FTestSettings& test, const RingSettings& rings) {

@@ -24,9 +24,15 @@ struct Adaptation {
 
 // The F test's, by the rule "fppm".
 Adaptation f_test(const EpochSettings& epochs, const FTestSettings& test);
-// Lets pixels whose sums come from at most `evidence` contributions take the levels by which radii that
-// shrink with alpha stay beside radii that shrink with to_alpha, if these are smaller.
-void follow(Adaptation& adaptation, double alpha, double to_alpha, std::uint64_t evidence);
+// The schedule of pixels whose sums come from at most `evidence` contributions: that of radii that shrink
+// with to_alpha.
+struct Follow {
+  double to_alpha = 1;
+  std::uint64_t evidence = 0;
+};
+// Lets pixels of `none`, the smaller bound, and of `little` take the levels by which radii that shrink with
+// alpha stay beside their schedule, if its radii are smaller.
+void follow(Adaptation& adaptation, double alpha, const Follow& none, const Follow& little);
 // The F test's on rings, and that of nested discs, by the rule "fppm". k of `test` has no part in it.
 Adaptation ring_test(const EpochSettings& epochs, const FTestSettings& test, const RingSettings& rings);
 // The chi-squared test's, by the rule "cppm".

@@ -11,10 +11,11 @@ namespace {
 
 using transport::Between;
 
-// Five contributions to each sector: the number below which tests of frequencies are not trusted.
-constexpr std::uint64_t kEvidence = 60;
-// The schedule of pixels without evidence: the best order of the mean square, which is ppm's.
-constexpr double kBlindAlpha = integrator_words::kPpm.alpha.value;
+// Pixels of at most four contributions keep to the best order of the mean square where nothing is known,
+// which is ppm's. Those of less than five to each sector, the number below which tests of frequencies are not
+// trusted, keep to the radii of vcm.
+constexpr adaptive::Follow kNoEvidence{integrator_words::kPpm.alpha.value, 4};
+constexpr adaptive::Follow kLittleEvidence{integrator_words::kVcm.alpha.value, 60};
 
 class VcmplusIntegrator final : public IterationIntegrator {
  public:
@@ -70,7 +71,7 @@ Result<std::unique_ptr<Integrator>> make_vcmplus_integrator(const SettingsMap& s
   Planned planned = vcm::plan(options, wanted, features, parsed.common.full_plan());
   adaptive::Adaptation adaptation = adaptive::f_test(parsed.epochs, parsed.f_test);
   // alpha=1 is the rule of the paper.
-  if (parsed.merge.alpha < 1) adaptive::follow(adaptation, parsed.merge.alpha, kBlindAlpha, kEvidence);
+  if (parsed.merge.alpha < 1) adaptive::follow(adaptation, parsed.merge.alpha, kNoEvidence, kLittleEvidence);
   if (planned.techniques.merges()) adaptive::note_statistics(adaptation, planned.plan);
   return std::unique_ptr<Integrator>(
       std::make_unique<VcmplusIntegrator>(options, std::move(planned), parsed.merge.rules(),
