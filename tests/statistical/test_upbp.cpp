@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <map>
 #include <numbers>
 #include <tuple>
 
@@ -116,7 +117,7 @@ TEST(Upbp, AgreesWithBdpt) {
       mean[i] = static_cast<float>(m);
       error[i] = static_cast<float>(std::sqrt(std::max(squares / 10 - m * m, 0.0) / 9));
     }
-    const auto all = with_integrator(scene, "upbp", {{"radius", "0.004"}});
+    const auto all = with_integrator(scene, "upbp", {{"techniques", "all"}, {"radius", "0.004"}});
     expect_agreement(render_batches(all, 501, 10, 10), mean, error, kSize, "all", 0.01);
   }
 }
@@ -284,6 +285,61 @@ TEST(Upbp, IsVcmWithoutMedia) {
   const auto vcm = render_batches(with_integrator(scene, "vcm"), 5, 2, 3);
   EXPECT_EQ(render_batches(with_integrator(scene, "upbp"), 5, 2, 3), vcm);
   EXPECT_EQ(render_batches(with_integrator(scene, "upbp", {{"techniques", "vcm"}}), 5, 2, 3), vcm);
+}
+
+// Claim: what auto chooses is rendered as if the list had named it, bit for bit, and the plan names it.
+TEST(Upbp, AutoRunsWhatThePlanNames) {
+  const std::map<std::string, SettingsMap> kSets = {
+      {"all (128 beam_paths)", {{"techniques", "all"}}},
+      {"all (1024 beam_paths)", {{"techniques", "all"}, {"beam_paths", "1024"}}},
+      {"vcm,pp3d,pb2d", {{"techniques", "vcm,pp3d,pb2d"}}},
+      {"vcm", {{"techniques", "vcm"}}},
+      {"pp3d,pb2d,bp2d,bb1d (1024 beam_paths)",
+       {{"techniques", "pp3d,pb2d,bp2d,bb1d"}, {"beam_paths", "1024"}}}};
+  for (const char* name : {"fog-thin", "fog-glass", "smoke"}) {
+    const TestScene scene = load(name, 16), automatic = with_integrator(scene, "upbp");
+    const std::string plan = make_renderer(automatic)->plan_text();
+    std::size_t named = 0;
+    for (const auto& [set, settings] : kSets) {
+      if (plan.find("chose " + set + ".") == std::string::npos) continue;
+      ++named;
+      EXPECT_EQ(render_batches(automatic, 5, 1, 2),
+                render_batches(with_integrator(scene, "upbp", settings), 5, 1, 2))
+          << name << ' ' << set;
+    }
+    EXPECT_EQ(named, 1U) << plan;
+  }
+}
+
+// Claim: layers=techniques has the share of each technique, and changes nothing of the image: together, with
+// light met by chance, they are the image, within the film's rounding. Radii and light paths are such that
+// all techniques bring some.
+TEST(Upbp, LayersOfTechniquesAddUp) {
+  SettingsMap settings = {{"techniques", "all"}, {"max_depth", "5"},  {"radius", "0.05"},
+                          {"light_paths", "8"},  {"beam_paths", "0"}, {"plan", "full"}};
+  const TestScene plain = with_integrator(load("fog-glass", 16), "upbp", settings);
+  settings["layers"] = "techniques";
+  const TestScene scene = with_integrator(load("fog-glass", 16), "upbp", settings);
+  const NamedState state = pilot_state(scene);
+  const auto layers = render_layers(scene, state, 5, 0, 0, 4, 2);
+  ASSERT_EQ(layers.size(), 7U);
+  EXPECT_EQ(layers[0], render_layers(plain, state, 5, 0, 0, 4, 2)[0]);
+  std::vector<double> share(layers.size());
+  double image = 0;
+  for (std::size_t i = 0; i < layers[0].size(); ++i) {
+    double sum = 0;
+    for (std::size_t layer = 1; layer < layers.size(); ++layer) {
+      EXPECT_GE(layers[layer][i], 0);
+      share[layer] += layers[layer][i];
+      sum += layers[layer][i];
+    }
+    image += layers[0][i];
+    EXPECT_GE(layers[0][i] - sum, -1e-4 * layers[0][i] - 1e-5);
+  }
+  for (std::size_t layer = 1; layer < layers.size(); ++layer) {
+    std::printf("layer %zu: %.4f\n", layer, share[layer] / image);
+    EXPECT_GT(share[layer], 0) << layer;
+  }
 }
 
 // Claim: beams alone are refused where a medium is a grid, and the mend names the setting.

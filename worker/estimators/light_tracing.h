@@ -20,10 +20,11 @@ class LightTracing {
                                     typename Store::Observer>;
   using Vertex = typename LightWalk::Vertex;
 
-  // All by reference but the options: they outlive the estimator.
+  // All by reference but the options: they outlive the estimator. image_layer: of the film, which has the
+  // connections to the lens by themselves; 0: none.
   LightTracing(const scene::Scene& scene, const PathOptions& options, const Techniques& techniques,
                const PathCounts& counts, const Eta& eta, const transport::Splatter& splatter, Store& store,
-               film::Tallies& tallies)
+               film::Tallies& tallies, std::uint32_t image_layer = 0)
       : scene_(scene),
         factors_(mis_factors<Mis>(techniques, counts)),
         rules_(light_rules(options, techniques, counts)),
@@ -32,7 +33,8 @@ class LightTracing {
         eta_(eta),
         splatter_(splatter),
         store_(store),
-        tallies_(tallies) {}
+        tallies_(tallies),
+        image_layer_(image_layer) {}
 
   // The light path of the sampler.
   void operator()(std::uint64_t /*path*/, samplers::Sampler& sampler) {
@@ -55,8 +57,12 @@ class LightTracing {
     store_.keep(scene_, v, v.edges >= rules_.max_edges, by_specular_, tallies_);
     transport::FilmPosition film;
     transport::Contribution found;
-    if (light_image_ && transport::connect_lens<kBetween, Mis>(context_, walk.draws(), v, eta_, film, found))
-      splatter_.splat(0, film, found.weighted() * each_, rng::combine(key, 3), tallies_);
+    if (light_image_ &&
+        transport::connect_lens<kBetween, Mis>(context_, walk.draws(), v, eta_, film, found)) {
+      const Spectrum value = found.weighted() * each_;
+      splatter_.splat(0, film, value, rng::combine(key, 3), tallies_);
+      if (image_layer_ != 0) splatter_.splat(image_layer_, film, value, rng::combine(key, 3), tallies_);
+    }
     return true;
   }
   bool scattered(const Vertex& v) {
@@ -77,6 +83,7 @@ class LightTracing {
   const transport::ConnectContext context_{scene_, factors_, rules_, tallies_};
   transport::VertexPair<typename Mis::Block> room_;
   bool by_specular_ = false;
+  const std::uint32_t image_layer_;
 };
 
 }  // namespace candela::estimators

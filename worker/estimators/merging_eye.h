@@ -2,6 +2,7 @@
 // serves many paths of a thread.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -11,6 +12,7 @@
 #include "worker/transport/technique/connect.h"
 #include "worker/transport/technique/hit_light.h"
 #include "worker/transport/technique/merge.h"
+#include "worker/transport/technique/merge_medium.h"
 #include "worker/transport/technique/next_event.h"
 #include "worker/transport/technique/repeated_merges.h"
 
@@ -36,6 +38,9 @@ struct NoBeams {
   template <class Side>
   NoBeams(const scene::Scene& /*scene*/, const PathOptions& /*options*/, const Side& /*side*/) {}
 };
+
+// Layers of the shares of a VcmEye that merges in media; the connections are those to the lens, too.
+inline constexpr std::array kTechniqueLayers = {"connections", "merging", "pp3d", "pb2d", "bp2d", "bb1d"};
 
 // vcm and bpm: every vertex meets light by itself (s = 0), by next event estimation (s = 1), by connection to
 // the vertices of one light path, and by merging with the photons of all; all weighted against each other.
@@ -72,7 +77,7 @@ class VcmEye : public transport::EyeTechniques {
     gather_.begin(scale, at);
     scale_ = &scale;
     counts_repeats_ = Statistics::kCollects && transport::counts_repeats(sampler.sample_key());
-    sum_ = merged_ = {};
+    sum_ = merged_ = connected_ = merged_on_surfaces_ = {};
     light_path_ = light_path;
     loaded_ = false;
     EyeWalk walk(scene_, rules_, factors_, sampler, tallies_, beams_.observer());
@@ -85,6 +90,11 @@ class VcmEye : public transport::EyeTechniques {
   // Of the path that was traced last.
   const Statistics& statistics() const { return gather_.statistics(); }
   Spectrum merged() const { return merged_; }
+  // The shares of techniques in it, in the order of kTechniqueLayers. The rest is light met by chance.
+  std::array<Spectrum, 6> shares() const requires(Beams::kMerges) {
+    const transport::MediumShares& m = beams_.shares();
+    return {connected_, merged_on_surfaces_, m.point_point, m.point_beam, m.beam_point, m.beam_beam};
+  }
 
   // The techniques: see eye_path.h.
   void arrived(const EyeWalk& walk, const Vertex& v, const Vertex* before, bool left) {
@@ -101,7 +111,7 @@ class VcmEye : public transport::EyeTechniques {
     if (v.connectible && v.edges < options_.max_depth) {
       if (techniques_.next_event &&
           transport::next_event<kBetween, Mis>(context_, walk.draws(), v, eta_, found))
-        sum_ += found.weighted();
+        add_connected(found.weighted());
       if (techniques_.connect && v.edges + 2 <= options_.max_depth) connect_all(walk, v);
     }
     merge();
@@ -114,10 +124,18 @@ class VcmEye : public transport::EyeTechniques {
   void passed() { merge(); }  // the next vertex takes this one's place
 
  private:
-  void merge() { add_merged(gather_.finish()); }
+  void merge() {
+    const Spectrum found = gather_.finish();
+    add_merged(found);
+    if constexpr (Beams::kMerges) merged_on_surfaces_ += found;
+  }
   void add_merged(const Spectrum& found) {
     sum_ += found;
     merged_ += found;
+  }
+  void add_connected(const Spectrum& found) {
+    sum_ += found;
+    if constexpr (Beams::kMerges) connected_ += found;
   }
   void crossed([[maybe_unused]] const EyeWalk& walk) {
     if constexpr (Beams::kMerges) add_merged(beams_.merge_along(walk));
@@ -132,7 +150,7 @@ class VcmEye : public transport::EyeTechniques {
       const Vertex& z = light_[i];
       if (z.edges + v.edges + 1 > options_.max_depth) break;
       if (transport::connect<kBetween, Mis>(context_, z, v, rng::combine(passage, i + 1), eta_, found))
-        sum_ += found.weighted();
+        add_connected(found.weighted());
     }
   }
 
@@ -151,7 +169,7 @@ class VcmEye : public transport::EyeTechniques {
   // The path under way.
   transport::MergeFactors eta_;
   const transport::MergeScale* scale_ = nullptr;
-  Spectrum sum_, merged_;
+  Spectrum sum_, merged_, connected_, merged_on_surfaces_;
   std::uint64_t light_path_ = 0;
   bool loaded_ = false, counts_repeats_ = false;
 };

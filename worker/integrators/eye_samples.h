@@ -45,8 +45,9 @@ inline EyeRay eye_ray(const UnitContext& context, std::uint32_t x, std::uint32_t
   float response = 1;
   const transport::FilmPosition at{static_cast<float>(x) + 0.5f + offset.x,
                                    static_cast<float>(y) + 0.5f + offset.y};
-  const Ray ray = context.scene.camera_ray(
-      at.x, at.y, context.scene.reads_lens() ? sampler.next_2d() : Vec2{0.5f, 0.5f}, response);
+  const Ray ray =
+      context.scene.camera_ray(at.x * context.camera_units.x, at.y * context.camera_units.y,
+                               context.scene.reads_lens() ? sampler.next_2d() : Vec2{0.5f, 0.5f}, response);
   return {ray, filter_weight * response, at};
 }
 

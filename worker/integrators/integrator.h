@@ -26,6 +26,8 @@ struct UnitContext {
   samplers::SamplerKind sampler;
   std::uint64_t seed;
   std::uint32_t width, height;
+  // A pixel of this film on that which the scene's camera was built for: a pilot's film has fewer.
+  Vec2 camera_units{1, 1};
 };
 
 // Pixels.
@@ -55,6 +57,8 @@ class Integrator {
   virtual std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const = 0;
 
   virtual const Plan& plan() const = 0;
+  // The plan with what a pilot decides.
+  virtual Plan plan_for(const UnitContext& /*context*/) const { return plan(); }
 };
 
 // One line of the registry.

@@ -148,7 +148,7 @@ class SceneRenderer final : public Renderer {
 
   std::string plan_text() const override {
     return features_text(scene_->features()) + fmt::format("integrator: {}\n", settings_.integrator) +
-           integrator_->plan().to_text() + aovs_.plan_text();
+           integrator_->plan_for(context()).to_text() + aovs_.plan_text();
   }
 
   const scene::SceneFeatures* features() const override { return &scene_->features(); }

@@ -64,15 +64,19 @@ class PhotonBeams {
                      unsigned threads);
 
   std::size_t size() const { return beams_.size(); }
+  std::size_t pieces() const { return pieces_.size(); }
   const EdgeStart& start(const PhotonBeam& beam) const { return starts_[index_of(beam)]; }
   const scene::EmissionSample& emission(const PhotonBeam& beam) const { return emissions_[beam.emission]; }
   std::uint64_t bytes() const;
 
-  // visit(beam, Projection): beams that pass p within the radius, beside their own length.
+  // visit(beam, Projection): beams that pass p within the radius, beside their own length. This and what
+  // follows return how many leaves of the tree were looked into.
   template <class Visit>
-  void near_point(Vec3 p, float radius, Visit&& visit) const {
+  std::uint64_t near_point(Vec3 p, float radius, Visit&& visit) const {
     const double r2 = static_cast<double>(radius) * static_cast<double>(radius);
+    std::uint64_t leaves = 0;
     tree_.near_point(p, radius, [&](std::uint32_t slot, std::uint32_t end) {
+      ++leaves;
       for (; slot < end; ++slot) {
         const Piece& piece = pieces_[slot];
         const PhotonBeam& beam = beams_[piece.beam];
@@ -80,13 +84,16 @@ class PhotonBeams {
         if (at.distance_squared < r2 && inside(piece, beam, at.along)) visit(beam, at);
       }
     });
+    return leaves;
   }
   // visit(beam, Approach): beams whose closest approach to the segment is within the radius, and within the
   // length of both. a of the Approach: the segment.
   template <class Visit>
-  void near_segment(const QuerySegment& s, float radius, Visit&& visit) const {
+  std::uint64_t near_segment(const QuerySegment& s, float radius, Visit&& visit) const {
     const auto r = static_cast<double>(radius), end_t = static_cast<double>(s.length);
+    std::uint64_t leaves = 0;
     tree_.near_segment(s, radius, [&](std::uint32_t slot, std::uint32_t end) {
+      ++leaves;
       for (; slot < end; ++slot) {
         const Piece& piece = pieces_[slot];
         const PhotonBeam& beam = beams_[piece.beam];
@@ -98,6 +105,7 @@ class PhotonBeams {
           visit(beam, at);
       }
     });
+    return leaves;
   }
 
  private:
@@ -134,26 +142,32 @@ class PhotonPoints {
 
   // visit(photon, squared distance), at most `radius` away.
   template <class Visit>
-  void near_point(Vec3 p, float radius, Visit&& visit) const {
+  std::uint64_t near_point(Vec3 p, float radius, Visit&& visit) const {
     const double r2 = static_cast<double>(radius) * static_cast<double>(radius);
+    std::uint64_t leaves = 0;
     tree_.near_point(p, radius, [&](std::uint32_t slot, std::uint32_t end) {
+      ++leaves;
       for (; slot < end; ++slot) {
         const double d2 = length_squared(Vec3d(positions_[slot]) - Vec3d(p));
         if (d2 < r2) visit(photons_[slot], d2);
       }
     });
+    return leaves;
   }
   // visit(photon, its position, Projection): photons whose projection lies on the segment.
   template <class Visit>
-  void near_segment(const QuerySegment& s, float radius, Visit&& visit) const {
+  std::uint64_t near_segment(const QuerySegment& s, float radius, Visit&& visit) const {
     const double r2 = static_cast<double>(radius) * static_cast<double>(radius);
+    std::uint64_t leaves = 0;
     tree_.near_segment(s, radius, [&](std::uint32_t slot, std::uint32_t end) {
+      ++leaves;
       for (; slot < end; ++slot) {
         const Projection at = project(s.origin, s.direction, positions_[slot]);
         if (at.distance_squared < r2 && at.along >= 0 && at.along < static_cast<double>(s.length))
           visit(photons_[slot], at);
       }
     });
+    return leaves;
   }
 
  private:

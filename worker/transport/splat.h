@@ -15,17 +15,22 @@ namespace candela::transport {
 
 class Splatter {
  public:
-  Splatter(const film::PixelFilter& filter, film::UnitFilm& film, std::uint32_t width, std::uint32_t height)
+  // camera_units: see UnitContext.
+  Splatter(const film::PixelFilter& filter, film::UnitFilm& film, std::uint32_t width, std::uint32_t height,
+           Vec2 camera_units = {1, 1})
       : filter_(filter),
         film_(film),
         width_(static_cast<float>(width)),
         height_(static_cast<float>(height)),
         radius_(static_cast<float>(filter.radius())),
-        signed_(filter.has_negative_lobes()) {}
+        signed_(filter.has_negative_lobes()),
+        to_pixels_{1 / camera_units.x, 1 / camera_units.y} {}
 
   // From any thread. `key` names the contribution among all of the unit, and seeds the rounding.
   void splat(std::uint32_t layer, FilmPosition at, Spectrum value, std::uint64_t key,
              film::Tallies& tallies) const {
+    at = {at.x * to_pixels_.x, at.y * to_pixels_.y};
+    value *= to_pixels_.x * to_pixels_.y;
     // Pixels i with |at - (i + 1/2)| <= radius, on the film.
     const float x0 = std::max(0.0f, std::ceil(at.x - radius_ - 0.5f));
     const float x1 = std::min(width_ - 1, std::floor(at.x + radius_ - 0.5f));
@@ -50,6 +55,7 @@ class Splatter {
   film::UnitFilm& film_;
   float width_, height_, radius_;
   bool signed_;
+  Vec2 to_pixels_;
 };
 
 }  // namespace candela::transport

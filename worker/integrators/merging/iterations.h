@@ -29,11 +29,13 @@ struct IterationOptions {
   estimators::PathOptions paths;
   estimators::Techniques techniques;
   MergeRules merge;
-  bool caustics_only = false;  // see LightKeeping
-  bool merging_layer = false;  // the part of the image that merging brings is a layer of the film
+  bool caustics_only = false;     // see LightKeeping
+  bool merging_layer = false;     // the part of the image that merging brings is a layer of the film
+  bool technique_layers = false;  // estimators::kTechniqueLayers are its layers
   mutable NeighborRadius neighbor_radius = {};
 
   std::vector<std::string> layers() const {
+    if (technique_layers) return {estimators::kTechniqueLayers.begin(), estimators::kTechniqueLayers.end()};
     return merging_layer ? std::vector<std::string>{"merging"} : std::vector<std::string>();
   }
 };
@@ -83,6 +85,16 @@ Result<void> run_eye_pass(const UnitContext& context, const IterationOptions& op
             if (options.merging_layer && kept) {
               const Spectrum merged = eye.merged() * ray.weight;
               film.add(1, x, y, {merged.r, merged.g, merged.b}, sampler.sample_key(), tallies, signed_values);
+            }
+            if constexpr (requires { eye.shares(); }) {
+              if (options.technique_layers && kept) {
+                std::uint32_t layer = 0;
+                for (const Spectrum& share : eye.shares()) {
+                  const Spectrum part = share * ray.weight;
+                  film.add(++layer, x, y, {part.r, part.g, part.b}, sampler.sample_key(), tallies,
+                           signed_values);
+                }
+              }
             }
             if constexpr (EyeEstimator::Statistics::kCollects) {
               // The film follows the filter; statistics follow the radius, that of the position.

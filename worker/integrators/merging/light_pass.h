@@ -15,21 +15,22 @@ template <class Block>
 using LightChunks = std::vector<estimators::LightStore<Block>>;
 
 // All of iteration `index` of the half. store_of(chunk) makes the chunk's store, empty, or refers to it: see
-// LightTracing.
+// LightTracing, which has image_layer too.
 template <transport::Between kBetween, class Mis, transport::EtaField Eta, class StoreOf>
 Result<void> trace_light_paths(const UnitContext& context, const estimators::PathOptions& options,
                                const estimators::Techniques& techniques, const estimators::PathCounts& counts,
                                const Eta& eta, std::uint32_t half, std::uint64_t index,
                                const StoreOf& store_of, film::UnitFilm& film, const RunContext& run,
-                               ProgressSpan span) {
-  const transport::Splatter splatter(context.filter, film, context.width, context.height);
+                               ProgressSpan span, std::uint32_t image_layer = 0) {
+  const transport::Splatter splatter(context.filter, film, context.width, context.height,
+                                     context.camera_units);
   return for_each_light_chunk(
       static_cast<std::uint64_t>(counts.light_paths), film, run,
       [&](std::uint64_t begin, std::uint64_t end, film::Tallies& tallies) {
         auto&& store = store_of(begin / kLightChunk);
         samplers::Sampler sampler(context.sampler, context.seed);
         estimators::LightTracing<kBetween, Mis, std::remove_reference_t<decltype(store)>, Eta> light(
-            context.scene, options, techniques, counts, eta, splatter, store, tallies);
+            context.scene, options, techniques, counts, eta, splatter, store, tallies, image_layer);
         for (std::uint64_t path = begin; path < end; ++path) {
           sampler.start_light(half, index, path);
           light(path, sampler);

@@ -8,13 +8,15 @@ namespace candela::integrators {
 struct UpbpSettings {
   CommonSettings common{integrator_words::kUpbp};
   merging::MergeSettings merge{integrator_words::kUpbp};
-  NameList techniques{{"all"}, {"all", "vcm", "pp3d", "pb2d", "bp2d", "bb1d"}};
+  NameList techniques{{"auto"}, {"auto", "all", "vcm", "pp3d", "pb2d", "bp2d", "bb1d"}};
   int beam_paths = 128;
   double radius_free_paths = 0.25;
   double radius_pp3d = 0, radius_pb2d = 0, radius_bp2d = 0, radius_bb1d = 0;
-  Choice layers{"none", {"none", "merging"}};
+  Choice layers{"none", {"none", "merging", "techniques"}};
 
-  bool wants(std::string_view name) const { return techniques.has("all") || techniques.has(name); }
+  bool wants(std::string_view name) const {
+    return techniques.has("auto") || techniques.has("all") || techniques.has(name);
+  }
 
   template <class Visitor>
   void fields(Visitor& visit) {
@@ -22,8 +24,9 @@ struct UpbpSettings {
     common.plan_field(visit);
     merge.fields(visit);
     visit("techniques", techniques,
-          "vcm: connections; merges in media of light's points (p) or beams (b) with the eye's: pp3d, pb2d, "
-          "bp2d, bb1d; merging on surfaces is in all");
+          "auto: what a short pilot finds best; all: all of vcm: connections; merges in media of light's "
+          "points (p) or beams (b) with the eye's: pp3d, pb2d, "
+          "bp2d, bb1d; merging on surfaces is in every list");
     visit("beam_paths", beam_paths, 0, 1 << 30,
           "most light paths of an iteration that leave beams: bb1d costs as many as it has; 0: all do");
     const NumberRange range{0, 1};
@@ -34,7 +37,8 @@ struct UpbpSettings {
     visit("radius_bb1d", radius_bb1d, range, "the same for bb1d");
     visit("radius_free_paths", radius_free_paths, NumberRange{0, 1e6},
           "most mean free paths of a medium that a radius in it has: more darkens its rim; 0: any");
-    visit("layers", layers, "a further layer in the EXR: the part of the image that merging brings");
+    visit("layers", layers,
+          "further layers in the EXR: the part of the image that merging brings, or those of all techniques");
   }
 };
 

@@ -1,6 +1,7 @@
 // Both sides of an iteration of upbp: what light paths leave, and how eye paths merge with it.
 #pragma once
 
+#include <mutex>
 #include <vector>
 
 #include "worker/estimators/merging_eye.h"
@@ -70,10 +71,26 @@ class BeamStore {
   std::uint64_t rejected_ = 0;
 };
 
+// The work of merging in media of all threads.
+class SharedWork {
+ public:
+  void add(const transport::MergeWork& work) {
+    const std::lock_guard lock(mutex_);
+    work_.add(work);
+  }
+  // No thread adds any more.
+  const transport::MergeWork& sum() const { return work_; }
+
+ private:
+  std::mutex mutex_;
+  transport::MergeWork work_;
+};
+
 // The light side of an iteration.
 template <class Block, class Field>
 struct BeamSide : estimators::LightSide<Block, Field> {
   const transport::MediumMaps& medium;
+  SharedWork& work;
 };
 
 // The merges in media of VcmEye.
@@ -86,25 +103,43 @@ class EyeBeams {
 
   template <class SideT>
   EyeBeams(const scene::Scene& scene, const estimators::PathOptions& /*options*/, const SideT& side)
-      : gather_(scene, side.medium) {}
+      : gather_(scene, side.medium), work_(side.work) {}
+  ~EyeBeams() { work_.add(gather_.work()); }
+  EyeBeams(const EyeBeams&) = delete;
+  EyeBeams& operator=(const EyeBeams&) = delete;
 
+  // A path begins.
   Observer observer() {
     crossing_.some = false;
+    shares_ = {};
     return Observer(crossing_);
   }
   template <class Walk>
   Spectrum merge_along(const Walk& walk) {
     if (!crossing_.some) return {};
     crossing_.some = false;
-    return gather_.along(crossing_, transport::edge_start(walk, crossing_.segment));
+    transport::MediumShares found;
+    gather_.along(crossing_, transport::edge_start(walk, crossing_.segment), found);
+    shares_.point_beam += found.point_beam;
+    shares_.beam_beam += found.beam_beam;
+    return found.point_beam + found.beam_beam;
   }
-  Spectrum merge_at(const transport::Vertex<transport::MisBlock>& v) const {
-    return v.connectible ? gather_.at_vertex(v) : Spectrum();
+  Spectrum merge_at(const transport::Vertex<transport::MisBlock>& v) {
+    if (!v.connectible) return {};
+    transport::MediumShares found;
+    gather_.at_vertex(v, found);
+    shares_.point_point += found.point_point;
+    shares_.beam_point += found.beam_point;
+    return found.point_point + found.beam_point;
   }
+  // Of the path so far.
+  const transport::MediumShares& shares() const { return shares_; }
 
  private:
   transport::MediumGather gather_;
+  SharedWork& work_;
   transport::Crossing crossing_;
+  transport::MediumShares shares_;
 };
 
 }  // namespace candela::integrators::upbp

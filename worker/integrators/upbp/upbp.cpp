@@ -1,13 +1,20 @@
 #include "worker/integrators/upbp/upbp.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
+#include <mutex>
 #include <string>
+#include <utility>
 
 #include "common/rng/stream.h"
 #include "worker/integrators/iteration_integrator.h"
 #include "worker/integrators/merging/iterations.h"
+#include "worker/integrators/upbp/choice.h"
+#include "worker/integrators/upbp/rules.h"
 #include "worker/integrators/upbp/stores.h"
 #include "worker/integrators/vcm/plan.h"
 #include "worker/integrators/vcm/vcm.h"
@@ -19,34 +26,37 @@ namespace {
 using estimators::PathOptions;
 using estimators::Techniques;
 using transport::Between;
+using upbp::MediumRules;
+using upbp::Rules;
 
-// Merges in media: whether they are run, and the first radius of each as a fraction of the scene's, 0: that
-// of surfaces.
-struct MediumRules {
-  bool pp3d = false, pb2d = false, bp2d = false, bb1d = false;
-  double radius_pp3d = 0, radius_pb2d = 0, radius_bp2d = 0, radius_bb1d = 0;
-  std::uint64_t beam_paths = 0;  // at most so many leave beams; 0: all
-  double free_paths = 0;         // radii have at most so many mean free paths; 0: any
+// One set of techniques.
+struct Variant {
+  Variant(Rules rules_, const PathOptions& paths, const merging::MergeRules& merge, const std::string& layers)
+      : rules(std::move(rules_)), iterations{paths, rules.planned.techniques, merge,
+                                             false, layers == "merging",      layers == "techniques"} {}
 
-  bool any() const { return pp3d || pb2d || bp2d || bb1d; }
-  bool points() const { return pp3d || pb2d; }
-  bool beams() const { return bp2d || bb1d; }
+  const Rules rules;
+  const merging::IterationOptions iterations;
 };
 
 class UpbpIntegrator final : public IterationIntegrator {
  public:
-  UpbpIntegrator(const PathOptions& options, Planned planned, const merging::MergeRules& merge,
-                 const MediumRules& medium, bool merging_layer)
-      : IterationIntegrator(options, std::move(planned)),
-        medium_(medium),
-        iterations_{options_, planned_.techniques, merge, false, merging_layer} {}
+  // variants: each has all techniques of those before; one alone is run without a pilot.
+  UpbpIntegrator(const PathOptions& options, std::vector<std::unique_ptr<Variant>> variants)
+      : IterationIntegrator(options, variants[0]->rules.planned), variants_(std::move(variants)) {}
 
   WorkPlan work(FilmSize /*size*/, int /*film_scale_log2*/) const override {
-    return {.layers = iterations_.layers()};
+    return {.layers = variants_[0]->iterations.layers()};
   }
-
+  Plan plan_for(const UnitContext& context) const override;
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
-                   UnitOutput& output, const RunContext& run) const override;
+                   UnitOutput& output, const RunContext& run) const override {
+    CANDELA_ASSIGN(const upbp::Choice* choice, choice_for(context, run.threads));
+    const Variant& variant = *variants_[choice->index];
+    upbp::WorkCounts unread;
+    return run_variant(variant, merging::first_radius(context, variant.iterations), context, unit, output,
+                       run, unread);
+  }
 
  private:
   static constexpr Between kBetween = Between::media;
@@ -54,65 +64,68 @@ class UpbpIntegrator final : public IterationIntegrator {
   using Field = transport::ConstantScale;
   using Eye = estimators::VcmEye<kBetween, Mis, Field, transport::NoStatistics, upbp::EyeBeams>;
 
-  transport::MediumRadii medium_radii(const UnitContext& context, const scene::Medium& medium, double first,
-                                      std::uint64_t iteration) const;
-  upbp::BeamPaths beam_paths(const UnitContext& context, std::uint64_t iteration, std::uint64_t paths) const;
-  // beam_paths: the expected number of those that leave beams.
-  transport::MediumMerges medium_eta(const transport::MediumRadii& radii, double paths,
-                                     double beam_paths) const;
-  Field field(double first, std::uint64_t iteration, double paths) const;
+  Result<const upbp::Choice*> choice_for(const UnitContext& context, unsigned threads) const;
+  Result<upbp::Choice> run_pilot(const UnitContext& context, unsigned threads) const;
+  // first: merging radius of the first iteration, of surfaces.
+  Result<void> run_variant(const Variant& variant, double first, const UnitContext& context, const Unit& unit,
+                           UnitOutput& output, const RunContext& run, upbp::WorkCounts& counts) const;
 
-  const MediumRules medium_;
-  const merging::IterationOptions iterations_;
+  const std::vector<std::unique_ptr<Variant>> variants_;
+  mutable std::once_flag once_;
+  mutable Result<upbp::Choice> choice_ = upbp::Choice{0, {1}, {1}};
 };
 
-transport::MediumRadii UpbpIntegrator::medium_radii(const UnitContext& context, const scene::Medium& medium,
-                                                    double first, std::uint64_t iteration) const {
+transport::MediumRadii medium_radii(const MediumRules& rules, const UnitContext& context,
+                                    const scene::Medium& medium, double first, std::uint64_t iteration) {
   const auto densest = static_cast<double>(medium.max_sigma_t().max_component());
-  const double most = medium_.free_paths > 0 && densest > 0 ? medium_.free_paths / densest
-                                                            : std::numeric_limits<double>::max();
+  const double most =
+      rules.free_paths > 0 && densest > 0 ? rules.free_paths / densest : std::numeric_limits<double>::max();
   const auto radius = [&](double fraction, int dimension) {
     const double chosen =
         fraction > 0 ? fraction * static_cast<double>(context.scene.features().radius) : first;
     return merging::clamped_radius(transport::blur_radius(std::min(chosen, most), iteration, dimension));
   };
-  return {radius(medium_.radius_pp3d, 3), radius(medium_.radius_pb2d, 2), radius(medium_.radius_bp2d, 2),
-          radius(medium_.radius_bb1d, 1)};
+  return {radius(rules.radius_pp3d, 3), radius(rules.radius_pb2d, 2), radius(rules.radius_bp2d, 2),
+          radius(rules.radius_bb1d, 1)};
 }
 
-upbp::BeamPaths UpbpIntegrator::beam_paths(const UnitContext& context, std::uint64_t iteration,
-                                           std::uint64_t paths) const {
-  if (medium_.beam_paths == 0 || paths <= medium_.beam_paths) return {};
-  const std::uint64_t stride = (paths + medium_.beam_paths - 1) / medium_.beam_paths;
+upbp::BeamPaths beam_paths(const MediumRules& rules, const UnitContext& context, std::uint64_t iteration,
+                           std::uint64_t paths) {
+  if (rules.beam_paths == 0 || paths <= rules.beam_paths) return {};
+  const std::uint64_t stride = (paths + rules.beam_paths - 1) / rules.beam_paths;
   rng::Stream place(rng::key(context.seed, 0x6265616d73ULL, iteration));  // "beams"
   return {stride, place.next_u64() % stride};
 }
 
-transport::MediumMerges UpbpIntegrator::medium_eta(const transport::MediumRadii& radii, double paths,
-                                                   double beam_paths) const {
-  const transport::Kernel kernel = iterations_.merge.kernel;
+// beam_paths: the expected number of those that leave beams.
+transport::MediumMerges medium_eta(const MediumRules& rules, transport::Kernel kernel,
+                                   const transport::MediumRadii& radii, double paths, double beam_paths) {
   transport::MediumMerges eta;
-  if (medium_.pp3d) eta.point_point = paths * transport::effective_volume(kernel, radii.point_point);
-  if (medium_.pb2d) eta.point_beam = paths * transport::effective_area(kernel, radii.point_beam);
-  if (medium_.bp2d) eta.beam_point = beam_paths * transport::effective_area(kernel, radii.beam_point);
-  if (medium_.bb1d) eta.beam_beam = beam_paths * transport::effective_length(kernel, radii.beam_beam);
+  if (rules.pp3d) eta.point_point = paths * transport::effective_volume(kernel, radii.point_point);
+  if (rules.pb2d) eta.point_beam = paths * transport::effective_area(kernel, radii.point_beam);
+  if (rules.bp2d) eta.beam_point = beam_paths * transport::effective_area(kernel, radii.beam_point);
+  if (rules.bb1d) eta.beam_beam = beam_paths * transport::effective_length(kernel, radii.beam_beam);
   return eta;
 }
 
 // Of merging on surfaces. In media vertices hold eta (mis/beam_balance.h), whose factor is 1.
-auto UpbpIntegrator::field(double first, std::uint64_t iteration, double paths) const -> Field {
-  const double disc = transport::disc_radius(first, iteration, iterations_.merge.alpha);
-  Field field{merging::make_scale<Mis>(iterations_.merge.kernel, disc, disc, paths, iterations_.techniques)};
+transport::ConstantScale scale_field(const merging::IterationOptions& options, double first,
+                                     std::uint64_t iteration, double paths) {
+  const double disc = transport::disc_radius(first, iteration, options.merge.alpha);
+  transport::ConstantScale field{merging::make_scale<transport::BeamBalance>(options.merge.kernel, disc, disc,
+                                                                             paths, options.techniques)};
   field.scale.eta.medium = 1;
   return field;
 }
 
-Result<void> UpbpIntegrator::run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
-                                 UnitOutput& output, const RunContext& run) const {
-  const Techniques& techniques = iterations_.techniques;
-  const std::uint64_t path_count = merging::light_path_count(iterations_.merge, context);
+Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, const UnitContext& context,
+                                         const Unit& unit, UnitOutput& output, const RunContext& run,
+                                         upbp::WorkCounts& counts_of_work) const {
+  const MediumRules& rules = variant.rules.medium;
+  const merging::IterationOptions& iterations = variant.iterations;
+  const Techniques& techniques = iterations.techniques;
+  const std::uint64_t path_count = merging::light_path_count(iterations.merge, context);
   const auto paths = static_cast<double>(path_count);
-  const double first = merging::first_radius(context, iterations_);
   const std::uint32_t max_depth = options_.max_depth;
   const std::uint64_t chunk_count = light_chunk_count(path_count), phases = 2 * (unit.end - unit.begin);
   merging::LightChunks<transport::MisBlock> chunks(chunk_count);
@@ -120,66 +133,147 @@ Result<void> UpbpIntegrator::run(const UnitContext& context, const Unit& unit, c
   transport::PhotonMap<transport::MisBlock> surface;
   transport::PhotonPoints points;
   transport::PhotonBeams beams;
+  upbp::SharedWork merge_work;
   for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
     const std::uint64_t iteration = global_iteration(unit.half, index), phase = 2 * (index - unit.begin);
-    const upbp::BeamPaths beam_paths_now = beam_paths(context, iteration, path_count);
+    const upbp::BeamPaths beam_paths_now = beam_paths(rules, context, iteration, path_count);
     const auto stride = static_cast<double>(beam_paths_now.stride);
     std::vector<transport::MediumKernels> kernels;
     std::vector<transport::MediumMerges> eta;
     std::vector<float> beam_radii;
     for (std::uint32_t m = 0; m < context.scene.features().media; ++m) {
-      const transport::MediumRadii radii = medium_radii(context, context.scene.medium(m), first, iteration);
-      kernels.emplace_back(iterations_.merge.kernel, radii);
-      eta.push_back(medium_eta(radii, paths, paths / stride));
-      beam_radii.push_back(static_cast<float>(
-          std::max(medium_.bp2d ? radii.beam_point : 0, medium_.bb1d ? radii.beam_beam : 0)));
+      const transport::MediumRadii radii =
+          medium_radii(rules, context, context.scene.medium(m), first, iteration);
+      kernels.emplace_back(iterations.merge.kernel, radii);
+      eta.push_back(medium_eta(rules, iterations.merge.kernel, radii, paths, paths / stride));
+      beam_radii.push_back(
+          static_cast<float>(std::max(rules.bp2d ? radii.beam_point : 0, rules.bb1d ? radii.beam_beam : 0)));
     }
     const estimators::PathCounts counts{static_cast<double>(context.width) * context.height, paths,
-                                        static_cast<float>(context.filter.radius()), eta.data()};
+                                        static_cast<float>(context.filter.radius()) *
+                                            std::max(context.camera_units.x, context.camera_units.y),
+                                        eta.data()};
     transport::MediumMaps maps;
     maps.kernels = kernels;
     maps.factors = estimators::mis_factors<Mis>(techniques, counts);
     maps.per_path = static_cast<float>(1 / paths);
     maps.paths_per_beam_path = static_cast<float>(stride);
     maps.max_edges = max_depth;
-    upbp::BeamSide<transport::MisBlock, Field> side{{{}, chunks, path_count, field(first, iteration, paths)},
-                                                    maps};
+    upbp::BeamSide<transport::MisBlock, Field> side{
+        {{}, chunks, path_count, scale_field(iterations, first, iteration, paths)}, maps, merge_work};
     side.maps.max_edges = max_depth;
     side.maps.per_path = maps.per_path;
 
     const auto store_of = [&](std::uint64_t chunk) {
-      chunks[chunk].keeping = {techniques.connect, techniques.merge_surface, medium_.points(), false};
+      chunks[chunk].keeping = {techniques.connect, techniques.merge_surface, rules.points(), false};
       chunks[chunk].clear();
       beam_chunks[chunk].clear();
-      return upbp::BeamStore(chunks[chunk], beam_chunks[chunk], context.scene, medium_.beams(),
-                             beam_paths_now, chunk * kLightChunk, max_depth - 1);
+      return upbp::BeamStore(chunks[chunk], beam_chunks[chunk], context.scene, rules.beams(), beam_paths_now,
+                             chunk * kLightChunk, max_depth - 1);
     };
     if (techniques.light_paths)
       CANDELA_TRY((merging::trace_light_paths<kBetween, Mis>(
           context, options_, techniques, counts, transport::EtaOf<Field>{side.field}, unit.half, index,
-          store_of, *output.film, run, progress_part(phase, phases))));
+          store_of, *output.film, run, progress_part(phase, phases), iterations.technique_layers ? 1 : 0)));
     if (techniques.merge_surface) {
       CANDELA_TRY(merging::build_photon_map(chunks, &upbp::Photons::surface, side.field.scale.disc_radius,
                                             run.threads, surface));
       side.maps.surface = &surface;
     }
-    if (medium_.points()) {
+    if (rules.points()) {
       std::vector<const transport::PhotonBuffer<transport::MisBlock>*> buffers;
       for (const upbp::Photons& chunk : chunks) buffers.push_back(&chunk.medium);
       CANDELA_TRY(points.build(buffers, run.threads));
       maps.points = &points;
+      counts_of_work.items += points.size();
     }
-    if (medium_.beams()) {
+    if (rules.beams()) {
       std::vector<const transport::BeamBuffer*> buffers;
       for (const transport::BeamBuffer& chunk : beam_chunks) buffers.push_back(&chunk);
       CANDELA_TRY(beams.build(buffers, beam_radii, run.threads));
       maps.beams = &beams;
+      counts_of_work.items += beams.pieces();
     }
     if (techniques.eye_paths)
-      CANDELA_TRY((merging::run_eye_pass<Eye>(context, iterations_, counts, side, {}, unit.half, index,
-                                              output, run, progress_part(phase + 1, phases))));
+      CANDELA_TRY((merging::run_eye_pass<Eye>(context, iterations, counts, side, {}, unit.half, index, output,
+                                              run, progress_part(phase + 1, phases))));
   }
+  const transport::ByMerge<std::uint64_t>& merges = merge_work.sum().merges;
+  counts_of_work.rays += output.film->tallies().rays;
+  counts_of_work.leaves += merge_work.sum().leaves;
+  counts_of_work.merges += merges.point_point + merges.point_beam + merges.beam_point + merges.beam_beam;
+  const transport::ByMerge<std::uint64_t>& queries = merge_work.sum().queries;
+  counts_of_work.queries += queries.point_point + queries.point_beam + queries.beam_point + queries.beam_beam;
   return {};
+}
+
+constexpr double kPilotPixels = 1024;         // at most
+constexpr std::uint32_t kScaleSamples = 512;  // of the pilot's film
+
+// A scale of the film, as that of a job is chosen.
+int pilot_scale(const std::vector<float>& luminances) {
+  double root_sum = 0;
+  for (const float value : luminances) root_sum += std::sqrt(static_cast<double>(value));
+  const double typical = luminances.empty() ? 0 : root_sum / static_cast<double>(luminances.size());
+  return film::scale_log2_for(typical > 0 ? typical * typical : 1);
+}
+
+// Every variant renders the same few iterations of a small film, of the same scene, radii and light paths per
+// pixel. A pure function of the scene, the settings and the film's size: jobs of all seeds choose alike.
+Result<upbp::Choice> UpbpIntegrator::run_pilot(const UnitContext& context, unsigned threads) const {
+  const double pixels = static_cast<double>(context.width) * context.height;
+  const double shrink = std::max(1.0, std::sqrt(pixels / kPilotPixels));
+  const auto side = [&](std::uint32_t whole) {
+    return std::max(1U, static_cast<std::uint32_t>(std::lround(whole / shrink)));
+  };
+  UnitContext small{context.scene,       context.filter,      samplers::SamplerKind::independent,
+                    0x63686f696365ULL,  // "choice"
+                    side(context.width), side(context.height)};
+  small.camera_units = {static_cast<float>(context.width) / static_cast<float>(small.width),
+                        static_cast<float>(context.height) / static_cast<float>(small.height)};
+  RunContext quiet;
+  quiet.threads = threads;
+  UnitOutput output;
+  const int scale = pilot_scale(pilot_luminances(small, kScaleSamples));
+  const film::Layout layout{small.width, small.height,
+                            static_cast<std::uint32_t>(1 + variants_[0]->iterations.layers().size())};
+  std::vector<upbp::Trial> trials;
+  for (const std::unique_ptr<Variant>& variant : variants_) {
+    if (variant->rules.only_if_cheap && trials.back().cost > upbp::kCheap * trials.front().cost) break;
+    const double first = merging::first_radius(context, variant->iterations);
+    upbp::WorkCounts counts;
+    upbp::Trial& trial = trials.emplace_back();
+    for (std::size_t r = 0; r < upbp::kReplicates; ++r) {
+      output.film = std::make_unique<film::UnitFilm>(layout, scale);
+      CANDELA_TRY(
+          run_variant(*variant, first, small, {Unit::Kind::iterations, 0, r, r + 1}, output, quiet, counts));
+      const std::int64_t* sums = output.film->sums();
+      for (std::size_t i = 0; i < 3 * layout.pixel_count(); ++i)
+        trial.images[r].push_back(static_cast<float>(std::ldexp(static_cast<double>(sums[i]), -scale)));
+    }
+    trial.cost = counts.cost();
+  }
+  return upbp::choose(trials);
+}
+
+Result<const upbp::Choice*> UpbpIntegrator::choice_for(const UnitContext& context, unsigned threads) const {
+  if (variants_.size() > 1) std::call_once(once_, [&] { choice_ = run_pilot(context, threads); });
+  if (!choice_.ok()) return choice_.error();
+  return &*choice_;
+}
+
+Plan UpbpIntegrator::plan_for(const UnitContext& context) const {
+  const auto choice = choice_for(context, 1);
+  if (!choice.ok() || variants_.size() == 1) return plan();
+  Plan plan = variants_[(*choice)->index]->rules.planned.plan;
+  std::string found;
+  for (std::size_t v = 0; v < (*choice)->inefficiency.size(); ++v)
+    found += fmt::format("{}{} {:.2g} and {:.2g}", v == 0 ? "" : "; ", variants_[v]->rules.name,
+                         (*choice)->inefficiency[v], (*choice)->cost[v]);
+  plan.note("techniques=auto",
+            fmt::format("chose {}. Error times cost over the least, and cost over vcm's, in a pilot: {}",
+                        variants_[(*choice)->index]->rules.name, found));
+  return plan;
 }
 
 // The settings that vcm has too.
@@ -187,14 +281,72 @@ SettingsMap without_media(SettingsMap settings) {
   for (const char* name : {"techniques", "radius_pp3d", "radius_pb2d", "radius_bp2d", "radius_bb1d",
                            "beam_paths", "radius_free_paths"})
     settings.erase(name);
+  const auto layers = settings.find("layers");
+  if (layers != settings.end() && layers->second == "techniques") layers->second = "merging";
   return settings;
 }
 
-void say(Plan& plan, bool runs, bool wanted, const char* name, const char* what) {
+void say(Plan& plan, bool runs, const char* name, const char* what) {
   if (runs)
     plan.use(name, what);
-  else if (!wanted)
+  else
     plan.skip(name, "techniques leaves it out");
+}
+
+// Of a scene with a medium that scatters.
+Rules rules_of(std::string name, const MediumRules& medium, bool connects, const PathOptions& options,
+               const scene::SceneFeatures& features, bool full) {
+  Techniques wanted;
+  wanted.merge_medium = medium.any();
+  if (!connects) wanted.next_event = wanted.connect = wanted.light_image = wanted.hit_lens = false;
+  Rules rules{std::move(name), vcm::plan(options, wanted, features, full), medium, false};
+  Plan& plan = rules.planned.plan;
+  const MediumRules& m = medium;
+  say(plan, m.pp3d, "pp3d", "points of light and eye paths in balls");
+  say(plan, m.pb2d, "pb2d", "points of light paths beside short beams of eye paths");
+  say(plan, m.bp2d, "bp2d", "short beams of light paths that pass points of eye paths");
+  say(plan, m.bb1d, "bb1d", "short beams that pass each other");
+  if (features.any_heterogeneous_medium && (m.pb2d || m.beams()))
+    plan.note("media that are grids", "beams are merged in homogeneous media alone");
+  rules.planned.between = Between::media;
+  return rules;
+}
+
+// Of a list without vcm, where nothing scatters but surfaces.
+Planned planned_without_media(const PathOptions& options, const scene::SceneFeatures& features, bool full) {
+  Techniques wanted;
+  wanted.merge_medium = true;
+  wanted.next_event = wanted.connect = wanted.light_image = wanted.hit_lens = false;
+  Planned planned = vcm::plan(options, wanted, features, full);
+  planned.between = Between::media;
+  return planned;
+}
+
+// What techniques=auto chooses from.
+std::vector<Rules> candidates(const MediumRules& radii, const PathOptions& options,
+                              const scene::SceneFeatures& features) {
+  struct Set {
+    const char* name;
+    bool points, beams, many;
+  };
+  constexpr Set kAll[] = {{"vcm", false, false, false},
+                          {"vcm,pp3d,pb2d", true, false, false},
+                          {"all", true, true, false},
+                          {"all", true, true, true}};
+  constexpr std::uint64_t kMany = 8;
+  std::vector<Rules> list;
+  for (const Set& set : kAll) {
+    if (set.many && radii.beam_paths == 0) continue;  // all do already
+    MediumRules medium = radii;
+    medium.pp3d = medium.pb2d = set.points;
+    medium.bp2d = medium.bb1d = set.beams;
+    if (set.many) medium.beam_paths *= kMany;
+    std::string name = set.name;
+    if (medium.beams()) name += fmt::format(" ({} beam_paths)", medium.beam_paths);
+    list.push_back(rules_of(std::move(name), medium, true, options, features, false));
+    list.back().only_if_cheap = set.many;
+  }
+  return list;
 }
 
 }  // namespace
@@ -202,6 +354,9 @@ void say(Plan& plan, bool runs, bool wanted, const char* name, const char* what)
 Result<std::unique_ptr<Integrator>> make_upbp_integrator(const SettingsMap& settings,
                                                          const scene::SceneFeatures& features) {
   CANDELA_ASSIGN(const UpbpSettings parsed, parse_settings<UpbpSettings>(settings));
+  if (parsed.techniques.has("auto") && parsed.techniques.values.size() > 1)
+    return usage_error("auto chooses the techniques").with_field("techniques").with_mend("name auto alone");
+  const bool automatic = parsed.techniques.has("auto");
   const bool connects = parsed.wants("vcm");
   MediumRules medium{
       parsed.wants("pp3d"),    parsed.wants("pb2d"), parsed.wants("bp2d"),
@@ -217,24 +372,18 @@ Result<std::unique_ptr<Integrator>> make_upbp_integrator(const SettingsMap& sett
         .with_field("techniques")
         .with_mend("add vcm or pp3d");
 
-  Techniques wanted;
-  wanted.merge_medium = medium.any();
-  if (!connects) wanted.next_event = wanted.connect = wanted.light_image = wanted.hit_lens = false;
-  Planned planned = vcm::plan(options, wanted, features, parsed.common.full_plan());
-  if (!merges_in_media) medium = {};
-  Plan& plan = planned.plan;
-  const MediumRules& m = medium;
-  if (merges_in_media) {
-    say(plan, m.pp3d, m.pp3d, "pp3d", "points of light and eye paths in balls");
-    say(plan, m.pb2d, m.pb2d, "pb2d", "points of light paths beside short beams of eye paths");
-    say(plan, m.bp2d, m.bp2d, "bp2d", "short beams of light paths that pass points of eye paths");
-    say(plan, m.bb1d, m.bb1d, "bb1d", "short beams that pass each other");
-    if (features.any_heterogeneous_medium && (m.pb2d || m.beams()))
-      plan.note("media that are grids", "beams are merged in homogeneous media alone");
-  }
-  planned.between = Between::media;
-  std::unique_ptr<Integrator> made = std::make_unique<UpbpIntegrator>(
-      options, std::move(planned), parsed.merge.rules(), medium, parsed.layers.value == "merging");
+  std::vector<Rules> sets;
+  if (!merges_in_media)
+    sets.push_back({"", planned_without_media(options, features, parsed.common.full_plan()), {}, false});
+  else if (automatic && !parsed.common.full_plan())
+    sets = candidates(medium, options, features);
+  else
+    sets.push_back(rules_of("", medium, connects, options, features, parsed.common.full_plan()));
+  std::vector<std::unique_ptr<Variant>> variants;
+  for (Rules& set : sets)
+    variants.push_back(
+        std::make_unique<Variant>(std::move(set), options, parsed.merge.rules(), parsed.layers.value));
+  std::unique_ptr<Integrator> made = std::make_unique<UpbpIntegrator>(options, std::move(variants));
   return made;
 }
 

@@ -54,8 +54,20 @@ double MediumGather::light_sum(const PhotonBeam& beam, double s, double hazard, 
   return BeamBalance::sum(light_block(start, maps_.factors, v, hazard, direct), pdf_to_light, kUnit);
 }
 
-Spectrum MediumGather::at_vertex(const Vertex<MisBlock>& v) const {
-  if (v.on_surface() || v.edges >= maps_.max_edges) return {};
+void MergeWork::add(const MergeWork& other) {
+  const auto add_all = [](ByMerge<std::uint64_t>& to, const ByMerge<std::uint64_t>& from) {
+    to.point_point += from.point_point;
+    to.point_beam += from.point_beam;
+    to.beam_point += from.beam_point;
+    to.beam_beam += from.beam_beam;
+  };
+  add_all(queries, other.queries);
+  add_all(merges, other.merges);
+  leaves += other.leaves;
+}
+
+void MediumGather::at_vertex(const Vertex<MisBlock>& v, MediumShares& shares) {
+  if (v.on_surface() || v.edges >= maps_.max_edges) return;
   const std::uint32_t light_edges = maps_.max_edges - v.edges;
   const scene::Medium& medium = scene_.medium(v.medium);
   const scene::Phase& phase = medium.phase();
@@ -68,41 +80,50 @@ Spectrum MediumGather::at_vertex(const Vertex<MisBlock>& v) const {
     return own / (BeamBalance::merges(eta, medium, v.arrival, v.wo, w) + sum_light +
                   BeamBalance::sum(v.mis, reverse, kUnit));
   };
-  Spectrum sum;
-  if (eta.point_point > 0)
-    maps_.points->near_point(
+  const Spectrum scale = v.throughput * maps_.per_path;
+  if (eta.point_point > 0) {
+    Spectrum sum;
+    ++work_.queries.point_point;
+    work_.leaves += maps_.points->near_point(
         v.hit.p, static_cast<float>(kernels.radii.point_point),
         [&](const Photon<MisBlock>& photon, double d2) {
           if (photon.medium() != v.medium || photon.edges > light_edges) return;
           const float factor = phase.eval(v.wo, photon.wo) * kernels.ball.value(static_cast<float>(d2));
           if (factor == 0) return;
+          ++work_.merges.point_point;
           const auto forward = static_cast<double>(phase.pdf_solid_angle(v.wo, photon.wo));
           const double light = BeamBalance::sum(photon.weights.block(), forward, kUnit);
           sum += photon.flux * (factor * static_cast<float>(weight(eta.point_point, photon.wo, light)));
         });
-  if (eta.beam_point > 0 && has_beams(medium))
-    maps_.beams->near_point(
+    shares.point_point += scale * sum;
+  }
+  if (eta.beam_point > 0 && has_beams(medium)) {
+    Spectrum sum;
+    ++work_.queries.beam_point;
+    work_.leaves += maps_.beams->near_point(
         v.hit.p, static_cast<float>(kernels.radii.beam_point), [&](const PhotonBeam& beam, Projection at) {
           if (beam.medium != v.medium || beam.edges > light_edges) return;
           const Vec3 w = -beam.direction;
           const float factor =
               phase.eval(v.wo, w) * kernels.beam_point.value(static_cast<float>(at.distance_squared));
           if (factor == 0) return;
+          ++work_.merges.beam_point;
           const auto forward = static_cast<double>(phase.pdf_solid_angle(v.wo, w));
           const double light = light_sum(beam, at.along, hazard, medium, forward);
           sum += beam.throughput * short_beam(medium, beam.throughput, static_cast<float>(at.along)) *
                  (factor * maps_.paths_per_beam_path *
                   static_cast<float>(weight(eta.beam_point / hazard, w, light)));
         });
-  return v.throughput * sum * maps_.per_path;
+    shares.beam_point += scale * sum;
+  }
 }
 
-Spectrum MediumGather::along(const Crossing& crossing, const EdgeStart& start) const {
+void MediumGather::along(const Crossing& crossing, const EdgeStart& start, MediumShares& shares) {
   const MediumSegment& segment = crossing.segment;
   const scene::Medium& medium = scene_.medium(segment.medium);
   const MediumMerges& eta = maps_.factors.medium[segment.medium];
   const MediumKernels& kernels = maps_.kernels[segment.medium];
-  if (segment.edges >= maps_.max_edges || !has_beams(medium) || !(crossing.end > 0)) return {};
+  if (segment.edges >= maps_.max_edges || !has_beams(medium) || !(crossing.end > 0)) return;
   const std::uint32_t light_edges = maps_.max_edges - segment.edges;
   const QuerySegment query{segment.ray.origin, segment.ray.direction, crossing.end};
   const Vec3 wo = -query.direction;
@@ -123,22 +144,29 @@ Spectrum MediumGather::along(const Crossing& crossing, const EdgeStart& start) c
     return medium.sigma_t(p) * medium.albedo(p) *
            short_beam(medium, segment.throughput, static_cast<float>(t));
   };
-  Spectrum sum;
-  if (eta.point_beam > 0)
-    maps_.points->near_segment(
+  const Spectrum scale = segment.throughput * maps_.per_path;
+  if (eta.point_beam > 0) {
+    Spectrum sum;
+    ++work_.queries.point_beam;
+    work_.leaves += maps_.points->near_segment(
         query, static_cast<float>(kernels.radii.point_beam),
         [&](const Photon<MisBlock>& photon, Projection at) {
           if (photon.medium() != segment.medium || photon.edges > light_edges) return;
           const float factor =
               phase.eval(wo, photon.wo) * kernels.point_beam.value(static_cast<float>(at.distance_squared));
           if (factor == 0) return;
+          ++work_.merges.point_beam;
           const auto forward = static_cast<double>(phase.pdf_solid_angle(wo, photon.wo));
           const double light = BeamBalance::sum(photon.weights.block(), forward, kUnit);
           sum += photon.flux * scattered(at.along) *
                  (factor * static_cast<float>(weight(eta.point_beam / hazard, at.along, photon.wo, light)));
         });
-  if (eta.beam_beam > 0)
-    maps_.beams->near_segment(
+    shares.point_beam += scale * sum;
+  }
+  if (eta.beam_beam > 0) {
+    Spectrum sum;
+    ++work_.queries.beam_beam;
+    work_.leaves += maps_.beams->near_segment(
         query, static_cast<float>(kernels.radii.beam_beam), [&](const PhotonBeam& beam, const Approach& at) {
           if (beam.medium != segment.medium || beam.edges > light_edges) return;
           const Vec3 w = -beam.direction;
@@ -147,6 +175,7 @@ Spectrum MediumGather::along(const Crossing& crossing, const EdgeStart& start) c
                                   kernels.beam_beam.value(static_cast<float>(at.distance * at.distance))) /
               at.sine;
           if (factor == 0) return;
+          ++work_.merges.beam_beam;
           const auto forward = static_cast<double>(phase.pdf_solid_angle(wo, w));
           const double light = light_sum(beam, at.along_b, hazard, medium, forward);
           const double own = eta.beam_beam * at.sine / (hazard * hazard);
@@ -154,7 +183,8 @@ Spectrum MediumGather::along(const Crossing& crossing, const EdgeStart& start) c
                  scattered(at.along_a) * maps_.paths_per_beam_path *
                  static_cast<float>(factor * weight(own, at.along_a, w, light));
         });
-  return segment.throughput * sum * maps_.per_path;
+    shares.beam_beam += scale * sum;
+  }
 }
 
 }  // namespace candela::transport

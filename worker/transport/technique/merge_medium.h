@@ -37,6 +37,21 @@ struct MediumKernels {
   LineKernel beam_beam;
 };
 
+// A sum for each merge in media.
+template <class T>
+struct ByMerge {
+  T point_point{}, point_beam{}, beam_point{}, beam_beam{};
+};
+using MediumShares = ByMerge<Spectrum>;
+
+// Counts of the work of merging, the same on every machine.
+struct MergeWork {
+  ByMerge<std::uint64_t> queries, merges;
+  std::uint64_t leaves = 0;  // of trees that were looked into
+
+  void add(const MergeWork& other);
+};
+
 // One iteration's merges in media. Immutable while eye paths run.
 struct MediumMaps {
   const PhotonPoints* points = nullptr;  // null: none
@@ -53,10 +68,12 @@ class MediumGather {
  public:
   MediumGather(const scene::Scene& scene, const MediumMaps& maps) : scene_(scene), maps_(maps) {}
 
-  // At a vertex in a medium: P-P3D and B-P2D. Weighted, v.throughput included.
-  Spectrum at_vertex(const Vertex<MisBlock>& v) const;
+  // At a vertex in a medium: P-P3D and B-P2D. Weighted, v.throughput included. Adds to shares.
+  void at_vertex(const Vertex<MisBlock>& v, MediumShares& shares);
   // Along a short query beam: P-B2D and B-B1D. start: of its edge.
-  Spectrum along(const Crossing& crossing, const EdgeStart& start) const;
+  void along(const Crossing& crossing, const EdgeStart& start, MediumShares& shares);
+  // Of all so far.
+  const MergeWork& work() const { return work_; }
 
  private:
   struct EyeBeam;
@@ -65,6 +82,7 @@ class MediumGather {
 
   const scene::Scene& scene_;
   const MediumMaps& maps_;
+  MergeWork work_;
 };
 
 }  // namespace candela::transport

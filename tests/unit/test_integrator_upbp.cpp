@@ -1,0 +1,79 @@
+// The choice of upbp among sets of techniques: pure arithmetic on planted trials.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "common/rng/stream.h"
+#include "worker/integrators/upbp/choice.h"
+
+namespace candela::integrators::upbp {
+namespace {
+
+constexpr std::size_t kValues = 3072;
+
+// Images of a known truth, each value with noise of this variance relative to its square; `lit`: the share of
+// the light that the trial finds.
+Trial planted(double variance, double lit, double cost, std::uint64_t seed) {
+  Trial trial;
+  trial.cost = cost;
+  for (std::size_t r = 0; r < kReplicates; ++r) {
+    rng::Stream stream(rng::key(seed, r));
+    for (std::size_t i = 0; i < kValues; ++i) {
+      const double truth = 1 + std::sin(0.1 * static_cast<double>(i));
+      const double noise = std::sqrt(12 * variance) * (stream.next_double() - 0.5);
+      trial.images[r].push_back(static_cast<float>(truth * lit * (1 + noise)));
+    }
+  }
+  return trial;
+}
+
+// Claim: the error is the variance, however noisy the trials are that the truth is made of.
+TEST(UpbpChoice, ErrorIsTheVariance) {
+  const std::vector<Trial> trials = {planted(0.04, 1, 1, 1), planted(0.01, 1, 1, 2), planted(0.2, 1, 1, 3)};
+  const std::vector<double> errors = trial_errors(trials);
+  EXPECT_NEAR(errors[0], 0.04, 0.006);
+  EXPECT_NEAR(errors[1], 0.01, 0.004);
+  EXPECT_NEAR(errors[2], 0.2, 0.03);
+}
+
+// Claim: what is chosen has the least product of error and cost, and the others' products are relative to it.
+TEST(UpbpChoice, LeastErrorTimesCostIsChosen) {
+  const std::vector<Trial> trials = {planted(0.12, 1, 1, 1), planted(0.04, 1, 2, 2), planted(0.02, 1, 9, 3)};
+  const Choice choice = choose(trials);
+  EXPECT_EQ(choice.index, 1U);
+  EXPECT_EQ(choice.inefficiency[1], 1);
+  EXPECT_NEAR(choice.inefficiency[0], 1.5, 0.3);
+  EXPECT_NEAR(choice.inefficiency[2], 2.25, 0.6);
+  EXPECT_EQ(choice.cost, (std::vector<double>{1, 2, 9}));
+}
+
+// Claim: of trials that are alike the last is chosen, which has the most techniques.
+TEST(UpbpChoice, OfTrialsThatAreAlikeTheLastIsChosen) {
+  EXPECT_EQ(choose(std::vector<Trial>{planted(0.04, 1, 1, 1), planted(0.02, 1, 2, 2), planted(0.02, 1, 9, 3)})
+                .index,
+            1U);
+}
+
+// Claim: all techniques are chosen where they are cheap, whatever the errors.
+TEST(UpbpChoice, AllIsChosenIfItIsCheap) {
+  const auto chosen = [](double cost) {
+    return choose(std::vector<Trial>{planted(0.02, 1, 1, 1), planted(0.04, 1, cost, 2)}).index;
+  };
+  EXPECT_EQ(chosen(1.49), 1U);
+  EXPECT_EQ(chosen(1.51), 0U);
+}
+
+// Claim: a trial that misses half of the light is not chosen for its lack of noise.
+TEST(UpbpChoice, MissingLightIsAnError) {
+  const std::vector<Trial> trials = {planted(1e-4, 0.5, 1, 1), planted(0.04, 1, 2, 2),
+                                     planted(0.05, 1, 6, 3)};
+  EXPECT_EQ(choose(trials).index, 1U);
+}
+
+// Claim: of black trials the cheapest is chosen.
+TEST(UpbpChoice, OfBlackTrialsTheCheapestIsChosen) {
+  EXPECT_EQ(choose(std::vector<Trial>{planted(0, 0, 2, 1), planted(0, 0, 4, 2)}).index, 0U);
+}
+
+}  // namespace
+}  // namespace candela::integrators::upbp

@@ -1,0 +1,71 @@
+#include "worker/integrators/upbp/choice.h"
+
+#include <algorithm>
+
+namespace candela::integrators::upbp {
+namespace {
+
+// Measured on the scenes of candela-study upbp-scenes.
+constexpr double kOfRay = 600, kOfQuery = 100, kOfLeaf = 100, kOfMerge = 500, kOfItem = 300;
+constexpr int kRounds = 3;             // of weighting trials by their errors
+constexpr double kOfMean = 0.01;       // of the mean's square, in denominators
+constexpr double kLeastError = 1e-12;  // what noise may make negative
+constexpr double kMostOfValue = 1;     // of one value's squared error: outliers say nothing in a small pilot
+
+}  // namespace
+
+double WorkCounts::cost() const {
+  return kOfRay * static_cast<double>(rays) + kOfQuery * static_cast<double>(queries) +
+         kOfLeaf * static_cast<double>(leaves) + kOfMerge * static_cast<double>(merges) +
+         kOfItem * static_cast<double>(items);
+}
+
+std::vector<double> trial_errors(std::span<const Trial> trials) {
+  const std::size_t values = trials.empty() ? 0 : trials[0].images[0].size();
+  std::vector<double> errors(trials.size(), 1.0), truth(values * kReplicates);
+  if (values == 0) return errors;
+  for (int round = 0; round < kRounds; ++round) {
+    double weights = 0;
+    for (const double error : errors) weights += 1 / error;
+    std::fill(truth.begin(), truth.end(), 0.0);
+    for (std::size_t t = 0; t < trials.size(); ++t)
+      for (std::size_t r = 0; r < kReplicates; ++r)
+        for (std::size_t i = 0; i < values; ++i)
+          truth[r * values + i] += static_cast<double>(trials[t].images[r][i]) / (errors[t] * weights);
+    double mean = 0;
+    for (const double value : truth) mean += value / static_cast<double>(truth.size());
+    if (!(mean > 0)) return errors;
+    for (std::size_t t = 0; t < trials.size(); ++t) {
+      double sum = 0;
+      for (std::size_t i = 0; i < values; ++i) {
+        double whole = 0;
+        for (std::size_t r = 0; r < kReplicates; ++r) whole += truth[r * values + i] / kReplicates;
+        for (std::size_t r = 0; r < kReplicates; ++r) {
+          const auto value = static_cast<double>(trials[t].images[r][i]);
+          const double square = (value - truth[(r + 1) % kReplicates * values + i]) *
+                                (value - truth[(r + 2) % kReplicates * values + i]);
+          sum += std::clamp(square / (whole * whole + kOfMean * mean * mean), -kMostOfValue, kMostOfValue);
+        }
+      }
+      errors[t] = std::max(sum / static_cast<double>(values * kReplicates), kLeastError);
+    }
+  }
+  return errors;
+}
+
+Choice choose(std::span<const Trial> trials) {
+  Choice choice;
+  choice.inefficiency = trial_errors(trials);
+  for (std::size_t t = 0; t < trials.size(); ++t) choice.inefficiency[t] *= trials[t].cost;
+  const double best = *std::min_element(choice.inefficiency.begin(), choice.inefficiency.end());
+  for (std::size_t t = 0; t < trials.size(); ++t) {
+    double& value = choice.inefficiency[t];
+    choice.cost.push_back(trials.front().cost > 0 ? trials[t].cost / trials.front().cost : 1);
+    value = best > 0 ? value / best : 1;
+    if (value <= kAlike) choice.index = t;
+  }
+  if (trials.back().cost <= kCheap * trials.front().cost) choice.index = trials.size() - 1;
+  return choice;
+}
+
+}  // namespace candela::integrators::upbp

@@ -1,0 +1,49 @@
+// The choice among sets of techniques by trials: the least product of error and work.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace candela::integrators::upbp {
+
+inline constexpr std::size_t kReplicates = 3;
+
+// Work of rendering, in counts that are the same on every machine.
+struct WorkCounts {
+  std::uint64_t rays = 0;
+  std::uint64_t queries = 0;
+  std::uint64_t leaves = 0;  // of trees of points and beams, that queries looked into
+  std::uint64_t merges = 0;  // pairs that were weighted
+  std::uint64_t items = 0;   // photons and pieces of beams that trees were built of
+
+  // In nanoseconds of one core, about.
+  double cost() const;
+};
+
+struct Trial {
+  // Replicate r of all trials has the same random numbers; replicates are independent.
+  std::vector<float> images[kReplicates];
+  double cost = 0;
+};
+
+// The squared error of one image of each trial, over the square of the truth and a hundredth of its mean's.
+// The truth is that of all trials together, each weighted by the inverse of its error, so that a trial which
+// misses light that others find has that as its error. For replicate r it is taken from the two others, one
+// in each factor of the square: their noise is not in the expectation.
+std::vector<double> trial_errors(std::span<const Trial> trials);
+
+struct Choice {
+  std::size_t index = 0;
+  std::vector<double> inefficiency;  // of each trial: error times cost, over the least
+  std::vector<double> cost;          // of each, over that of the first
+};
+// Inefficiencies up to so many times the least are alike.
+inline constexpr double kAlike = 1.25;
+// So many times the cost of the first trial is cheap.
+inline constexpr double kCheap = 1.5;
+// The last of those that are alike; but the last of all if it is cheap. Precondition: each trial has all
+// techniques of those before. A small pilot does not see what they gain where light is rare.
+Choice choose(std::span<const Trial> trials);
+
+}  // namespace candela::integrators::upbp

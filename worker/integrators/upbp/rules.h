@@ -1,0 +1,31 @@
+// What a job of upbp runs.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "worker/integrators/planned.h"
+
+namespace candela::integrators::upbp {
+
+// Merges in media: whether they are run, and the first radius of each as a fraction of the scene's, 0: that
+// of surfaces.
+struct MediumRules {
+  bool pp3d = false, pb2d = false, bp2d = false, bb1d = false;
+  double radius_pp3d = 0, radius_pb2d = 0, radius_bp2d = 0, radius_bb1d = 0;
+  std::uint64_t beam_paths = 0;  // at most so many leave beams; 0: all
+  double free_paths = 0;         // radii have at most so many mean free paths; 0: any
+
+  bool any() const { return pp3d || pb2d || bp2d || bb1d; }
+  bool points() const { return pp3d || pb2d; }
+  bool beams() const { return bp2d || bb1d; }
+};
+
+struct Rules {
+  std::string name;  // as the setting `techniques` has it, for people
+  Planned planned;
+  MediumRules medium;
+  bool only_if_cheap = false;  // tried only where the rules before it are (kCheap)
+};
+
+}  // namespace candela::integrators::upbp
