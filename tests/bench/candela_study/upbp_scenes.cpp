@@ -38,9 +38,11 @@ constexpr MediaScene kScenes[] = {
     {"still-life", "tests/bench/candela_study/scenes/media-still-life.xml", "bdpt", 4096, false},
 };
 constexpr const char* kAlone[] = {"vcm", "pp3d", "pb2d", "bp2d", "bb1d"};
-constexpr const char* kTogether[] = {"vcm,pp3d,pb2d", "all", "all, 1024 beams"};
+constexpr const char* kTogether[] = {"vcm,pp3d,pb2d", "all", "all, 1024 beams", "merges, 1024 beams", "auto"};
 SettingsMap settings_of(const std::string& method) {
   if (method == "all, 1024 beams") return {{"techniques", "all"}, {"beam_paths", "1024"}};
+  if (method == "merges, 1024 beams") return {{"techniques", "pp3d,pb2d,bp2d,bb1d"}, {"beam_paths", "1024"}};
+  if (method == "bb1d") return {{"techniques", method}, {"beam_paths", "1024"}};
   return {{"techniques", method}};
 }
 
@@ -120,7 +122,7 @@ class MediaTable {
       if (const std::string alone = name; !scene_.grid || alone == "vcm" || alone == "pp3d")
         curves.push_back({alone, {}, {}, {}, {}, {}});
     for (const char* name : kTogether)
-      if (const std::string some = name; !scene_.grid || some == "all")
+      if (const std::string some = name; !scene_.grid || some == "all" || some == "auto")
         curves.push_back({some, {}, {}, {}, {}, {}});
     const std::size_t levels = sizes_.counts.size();
     std::vector<std::vector<std::vector<Image>>> images(curves.size(),
