@@ -237,6 +237,25 @@ Result<void> check_roughness(const Object& object) {
   return {};
 }
 
+Result<void> check_blend_phase(const Object& object) {
+  const std::size_t parts = object.children_of("phase").size();
+  if (parts != 2)
+    return error_at(object.where,
+                    fmt::format("{} needs two phase functions, not {}", describe(object), parts));
+  return {};
+}
+
+Result<void> check_volume_texture(const Object& object, std::span<const Location> where) {
+  for (std::size_t i = 0; i < object.children.size(); ++i)
+    if (object.children[i].slot != "volume")
+      return error_at(where[i], fmt::format("{} has no volume {}", describe(object),
+                                            text::quote(object.children[i].slot)))
+          .with_mend("name it 'volume'");
+  if (object.children.size() + (object.find("volume") != nullptr ? 1 : 0) > 1)
+    return error_at(object.where, fmt::format("parameter 'volume' of {} is given twice", describe(object)));
+  return {};
+}
+
 // Volumes stand in for parameters of their medium, one each.
 Result<void> check_medium(const Object& object, std::span<const Location> where) {
   CANDELA_TRY(at_most_one(object, "phase", where));
@@ -308,6 +327,9 @@ Result<void> check_scene(const Object& object, std::span<const Location> where) 
   bool environment = false;
   for (std::size_t i = 0; i < object.children.size(); ++i) {
     const Object& child = *object.children[i].object;
+    if (child.category == "sensor" && child.plugin == "irradiancemeter" && child.children_of("shape").empty())
+      return error_at(where[i], "sensor 'irradiancemeter' is in no shape")
+          .with_mend("put it into the shape on which it measures");
     if (child.category != "emitter") continue;
     if (child.plugin != "constant" && child.plugin != "envmap") continue;
     if (environment) return error_at(where[i], "the scene has more than one environment emitter");
@@ -440,9 +462,17 @@ Result<void> check_children(const Object& object, const PluginRule& rule, std::s
   if (object.category == "texture" && object.plugin == "scale" && object.children.size() != 1)
     return error_at(object.where,
                     fmt::format("texture 'scale' holds one texture, not {}", object.children.size()));
+  if (object.category == "texture" && object.plugin == "volume") return check_volume_texture(object, where);
+  if (object.plugin == "blendphase") return check_blend_phase(object);
   if (object.category == "medium") return check_medium(object, where);
   if (object.category == "sensor" || object.category == "emitter")
     CANDELA_TRY(at_most_one(object, "medium", where));
+  if (object.plugin == "distant" && object.category == "sensor") {
+    CANDELA_TRY(at_most_one(object, "shape", where));
+    if (object.find("target") != nullptr && !object.children_of("shape").empty())
+      return error_at(object.where, "sensor 'distant' has two targets");
+    CANDELA_TRY(exclude(object, "to_world", "direction"));
+  }
   if (object.category == "shape") {
     if (object.plugin == "shapegroup" || object.plugin == "instance") return check_instancing(object, where);
     CANDELA_TRY(check_interface(object, where));

@@ -308,6 +308,8 @@ void keep_plain_bumps(Object& object) {
 std::string plugin_name(std::string_view category, std::string_view name) {
   if (category == "bsdf" && name == "bump") return "bumpmap";
   if (category == "bsdf" && name == "mixturebsdf") return "blendbsdf";
+  if (category == "phase" && name == "mixturephase") return "blendphase";
+  if (category == "texture" && name == "vertexcolors") return "mesh_attribute";
   return std::string(name);
 }
 
@@ -350,6 +352,11 @@ Result<void> upgrade(Object& object, std::vector<Note>& notes) {
   if (object.category == "bsdf" && object.plugin.starts_with("rough")) upgrade_distribution(object, notes);
   if (object.category == "bsdf" && (object.plugin == "normalmap" || object.plugin == "bumpmap"))
     keep_plain_bumps(object);
+  if (object.category == "texture" && object.plugin == "mesh_attribute" && find(object, "name") == nullptr)
+    object.properties.push_back({"name", PropertyType::string, std::string("vertex_color"), object.where});
+  // Colors of vertices are sRGB in 0.6, those in floats too.
+  if (object.category == "shape" && object.plugin == "ply" && find(object, "srgb") == nullptr)
+    object.properties.push_back({"srgb", PropertyType::boolean, true, object.where});
   if (object.category == "texture") CANDELA_TRY(merge_uv_parameters(object));
   if (object.category == "texture" && object.plugin == "bitmap") CANDELA_TRY(upgrade_bitmap(object, notes));
   if (object.category == "bsdf" && object.plugin == "mask") note_colored_opacity(object, notes);

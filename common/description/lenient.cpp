@@ -19,7 +19,7 @@ struct Nearest {
 };
 
 // By name: plugins of Mitsuba that Candela lacks, and those of well-known forks and courses.
-constexpr std::array<Nearest, 32> kNearest = {{
+constexpr std::array<Nearest, 30> kNearest = {{
     {"bsdf", "disneybsdf", "principled"},
     {"bsdf", "disney", "principled"},
     {"bsdf", "disneymetal", "principled"},
@@ -39,9 +39,7 @@ constexpr std::array<Nearest, 32> kNearest = {{
     {"integrator", "erpt", "mmlt"},
     {"emitter", "directionalarea", "area"},
     {"emitter", "collimated", "spot", true},
-    {"sensor", "distant", "orthographic"},
     {"sensor", "radiancemeter", "orthographic", true},
-    {"sensor", "irradiancemeter", "orthographic"},
     {"sensor", "telecentric", "orthographic"},
     {"texture", "", "rawconstant"},
     {"bsdf", "", "diffuse"},

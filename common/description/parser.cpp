@@ -201,7 +201,8 @@ class Parser {
     if (object->plugin == "normalmap" && (file.legacy || reading_.lenient))
       CANDELA_TRY(add_normal_map_file(file, index));
     if (notes_.size() > max_notes) notes_.resize(max_notes);
-    if (file.legacy && object->category == "bsdf" && plugin == "mixturebsdf")
+    if (file.legacy && (plugin == "mixturebsdf" || plugin == "mixturephase") &&
+        object->plugin == "blend" + object->category)
       CANDELA_TRY(legacy::split_mixture(drafts_, index, notes_));
     pass_over_unknown(drafts_[index], *rule, file.legacy);
     if (drafts_[index].stands_in) stand_in::drop_unfit(*object, *rule, passed_over_);

@@ -47,6 +47,11 @@ class Resolver {
       node.unfolded = std::min(max_unfolded + 1, node.unfolded + nodes_[target].unfolded);
       if (drafts_[target].left_out) continue;
       const Child child{link.slot, drafts_[target].object};
+      if (draft.object->category == "shape" && child.object->plugin == "irradiancemeter" &&
+          child.object->category == "sensor") {
+        CANDELA_TRY(lay_meter_on(draft.object, *drafts_[target].object, child, link.where));
+        continue;
+      }
       if (passed_over_ != nullptr && drafts_[target].stands_in && child.object->category == "sensor" &&
           draft.object->category == "shape") {
         move_sensor_out(*draft.object, *drafts_[target].object, child, link.where);
@@ -89,6 +94,7 @@ class Resolver {
       }
     if (rule != nullptr) CANDELA_TRY(check_children(*draft.object, *rule, where));
     if (draft.legacy && draft.object->category == "sensor") begin_media_at_camera(*draft.object);
+    if (draft.object->category == "sensor" && draft.object->plugin == "distant") filter_by_box(*draft.object);
     node.state = State::done;
     return {};
   }
@@ -100,6 +106,34 @@ class Resolver {
     int height = 1;
     std::uint64_t unfolded = 1;
   };
+
+  // Pixels of a sensor beyond whose film there is nothing do not overlap.
+  static void filter_by_box(Object& sensor) {
+    auto film = std::make_shared<Object>();
+    film->category = "film";
+    film->plugin = "hdrfilm";
+    film->where = sensor.where;
+    if (const auto films = sensor.children_of("film"); !films.empty()) *film = *films[0];
+    std::erase_if(film->children, [](const Child& c) { return c.object->category == "rfilter"; });
+    auto box = std::make_shared<Object>();
+    box->category = "rfilter";
+    box->plugin = "box";
+    box->where = film->where;
+    film->children.push_back({{}, box});
+    std::erase_if(sensor.children, [](const Child& c) { return c.object->category == "film"; });
+    sensor.children.push_back({{}, film});
+  }
+
+  // An irradiance meter goes out of its shape, and the shape into the meter.
+  Result<void> lay_meter_on(const ObjectPtr& shape, Object& meter, const Child& child,
+                            const Location& where) {
+    if (!meter.children_of("shape").empty())
+      return error_at(where, fmt::format("{} is in two shapes", describe(meter)));
+    filter_by_box(meter);
+    meter.children.push_back({{}, shape});
+    moved_.emplace_back(Child{{}, child.object}, where);
+    return {};
+  }
 
   // A sensor that lies on a shape, for one that Candela lacks: it goes beside the shape, with its place.
   void move_sensor_out(const Object& shape, Object& sensor, const Child& child, const Location& where) {

@@ -191,6 +191,35 @@ void add_bsdfs(std::vector<PluginRule>& table) {
        .doc = "Disney's material after Burley 2012 and 2015 as Mitsuba 3 computes it: its lobes are added, "
               "so that "
               "it may reflect more than it receives; one-sided, but for spec_trans"});
+  table.push_back(
+      {.category = "bsdf",
+       .name = "principledthin",
+       .properties = {reflectance("base_color", "color of the material (default 0.5)"),
+                      fraction("roughness", "its square is the GGX roughness (default 0.5)"),
+                      fraction("anisotropic", "elongates the highlight along the tangent (default 0)"),
+                      fraction("spec_trans", "from diffuse to clear (default 0)"),
+                      textured({.name = "eta",
+                                .types = {number},
+                                .doc = "index of refraction inside over outside (default 1.5)",
+                                .minimum = 1e-3,
+                                .maximum = 1e3}),
+                      fraction("spec_tint",
+                               "tints the clear part's reflection by the base color (default 0)"),
+                      fraction("sheen", "of cloth, at grazing angles (default 0)"),
+                      fraction("sheen_tint", "tints the sheen by the base color (default 0)"),
+                      fraction("flatness", "from diffuse to a flat subsurface look (default 0)"),
+                      textured({.name = "diff_trans",
+                                .types = {number},
+                                .doc = "twice the fraction of the diffuse part that passes (default 0)",
+                                .minimum = 0,
+                                .maximum = 2}),
+                      rate("diffuse_reflectance_sampling_rate"), rate("diffuse_transmittance_sampling_rate"),
+                      rate("specular_reflectance_sampling_rate"),
+                      rate("specular_transmittance_sampling_rate")},
+       .child_categories = {},
+       .doc =
+           "Disney's material of thin sheets after Burley 2015 as Mitsuba 3 computes it, both sides alike; "
+           "light that passes is not bent"});
   const PropertyRule flip = flag("flip_invalid_normals",
                                  "mirror a normal that the viewer would see from behind (default true; false "
                                  "in a file before version 2)");

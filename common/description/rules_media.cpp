@@ -55,6 +55,17 @@ void add_media(std::vector<PluginRule>& table) {
                    .properties = {},
                    .child_categories = {},
                    .doc = "of particles much smaller than the wavelength, without polarisation"});
+  table.push_back({.category = "phase",
+                   .name = "blendphase",
+                   .properties = {{.name = "weight",
+                                   .types = {number},
+                                   .required = true,
+                                   .doc = "of the second; the first has the rest; the same everywhere",
+                                   .minimum = 0,
+                                   .maximum = 1}},
+                   .child_categories = {"phase"},
+                   .doc = "a mixture of two phase functions, which may be mixtures, of up to four in all; "
+                          "0.6's `mixturephase` becomes such ones"});
   table.push_back({.category = "volume",
                    .name = "constvolume",
                    .properties = {{.name = "value", .types = {rgb}, .doc = "(default 1)", .minimum = 0},

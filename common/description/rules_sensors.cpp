@@ -286,6 +286,37 @@ void add_sensors(std::vector<PluginRule>& table) {
                    .properties = std::move(parallel),
                    .child_categories = {"film", "sampler", "medium"},
                    .doc = "camera of parallel rays"});
+  table.push_back(
+      {.category = "sensor",
+       .name = "irradiancemeter",
+       .properties = {ignored("srf", {rgb}, "colors are weighed as in all images"),
+                      ignored("shutter_open", {number}, "nothing moves"),
+                      ignored("shutter_close", {number}, "nothing moves")},
+       .child_categories = {"film", "sampler", "medium"},
+       .doc =
+           "irradiance, the power per area that arrives at the front of the shape that it is in: a sphere, "
+           "disk, cylinder, rectangle or mesh; a film of more than one pixel is laid over the shape's "
+           "parameters (over a mesh: triangles from top to bottom); its filter is a box. As in Mitsuba's "
+           "path tracer, a point, spot, directional light or projector is not seen straight from it"});
+  table.push_back(
+      {.category = "sensor",
+       .name = "distant",
+       .properties =
+           {to_world("the rays go along its +z (default identity)"),
+            {.name = "direction",
+             .types = {vector},
+             .doc = "of the rays in the scene, in the place of to_world"},
+            {.name = "target",
+             .types = {point},
+             .doc = "the rays pass this point, or a <shape> of this name, a rectangle or a disk, which "
+                    "is not in the scene (default: a disk across the rays that covers the scene)"},
+            ignored("srf", {rgb}, "colors are weighed as in all images"),
+            ignored("shutter_open", {number}, "nothing moves"),
+            ignored("shutter_close", {number}, "nothing moves")},
+       .child_categories = {"film", "sampler", "medium", "shape"},
+       .doc =
+           "the mean radiance that leaves the scene in one direction, over a target; its film is 1 x 1 and "
+           "its filter a box. Light paths do not find a target that is a point"});
   add_samplers(table);
   add_films(table);
   add_filters(table);

@@ -53,10 +53,11 @@ void add_shapes(std::vector<PluginRule>& table) {
   table.push_back(
       {.category = "shape",
        .name = "ply",
-       .properties = {file("Stanford PLY, text or binary, with triangles and polygons; colours are not read"),
-                      place, faceted, creases, flip,
-                      flag("flip_tex_coords", "v becomes 1 - v (default false)"), silhouette(),
-                      ignored("srgb", {boolean}, "0.6: about colours, which are not read")},
+       .properties =
+           {file("Stanford PLY, text or binary, with triangles and polygons"), place, faceted, creases, flip,
+            flag("flip_tex_coords", "v becomes 1 - v (default false)"), silhouette(),
+            flag("srgb",
+                 "attributes are sRGB (default: those stored as integers are; before version 2, all)")},
        .child_categories = children,
        .doc = "triangle mesh of a PLY file"});
   table.push_back({.category = "shape",

@@ -2,6 +2,13 @@
 #include "common/description/rules.h"
 
 namespace candela::description::rules {
+namespace {
+
+PropertyRule textured_color(std::string_view name, std::string_view doc) {
+  return {.name = name, .types = {rgb}, .textured = true, .doc = doc, .minimum = 0, .maximum = 1};
+}
+
+}  // namespace
 
 void add_textures(std::vector<PluginRule>& table) {
   const PropertyRule to_uv = {
@@ -50,19 +57,8 @@ void add_textures(std::vector<PluginRule>& table) {
        .doc = "an image"});
   table.push_back({.category = "texture",
                    .name = "checkerboard",
-                   .properties = {{.name = "color0",
-                                   .types = {rgb},
-                                   .textured = true,
-                                   .doc = "of the squares at the origin (default 0.4)",
-                                   .minimum = 0,
-                                   .maximum = 1},
-                                  {.name = "color1",
-                                   .types = {rgb},
-                                   .textured = true,
-                                   .doc = "of the other squares (default 0.2)",
-                                   .minimum = 0,
-                                   .maximum = 1},
-                                  to_uv},
+                   .properties = {textured_color("color0", "of the squares at the origin (default 0.4)"),
+                                  textured_color("color1", "of the other squares (default 0.2)"), to_uv},
                    .child_categories = {},
                    .doc = "two squares by two in [0, 1]^2"});
   table.push_back({.category = "texture",
@@ -80,6 +76,59 @@ void add_textures(std::vector<PluginRule>& table) {
                    .child_categories = {},
                    .doc = "Candela's addition: two textures mixed by an amount that may be one too; values "
                           "below 0 become 0"});
+  table.push_back(
+      {.category = "texture",
+       .name = "gridtexture",
+       .properties = {textured_color("color0", "between the lines (default 0.2)"),
+                      textured_color("color1", "of the lines (default 0.4)"),
+                      {.name = "line_width",
+                       .types = {number},
+                       .doc = "from the middle of a line to its edge, in (u, v) after to_uv (default 0.01)",
+                       .minimum = 0},
+                      to_uv},
+       .child_categories = {},
+       .doc = "0.6: lines where u or v is an integer"});
+  table.push_back(
+      {.category = "texture",
+       .name = "wireframe",
+       .properties = {textured_color("interior_color", "within triangles (default 0.5)"),
+                      textured_color("edge_color", "of their edges (default 0.1)"),
+                      {.name = "line_width",
+                       .types = {number},
+                       .doc =
+                           "from an edge to where the interior's color begins, in units of the mesh in the "
+                           "scene, within a shapegroup of the group (default 0: a tenth of the mean edge of "
+                           "each mesh)",
+                       .minimum = 0},
+                      {.name = "step_width",
+                       .types = {number},
+                       .doc = "the part of line_width over which the colors mix (default 0.5)",
+                       .minimum = 0,
+                       .maximum = 1}},
+       .child_categories = {},
+       .doc = "0.6: the edges of the triangles that a surface is made of; other surfaces are interior"});
+  table.push_back(
+      {.category = "texture",
+       .name = "mesh_attribute",
+       .properties =
+           {{.name = "name",
+             .types = {string},
+             .required = true,
+             .doc =
+                 "begins with vertex_ or face_, as in vertex_color; the mesh must have it (see *Meshes and "
+                 "images*)"},
+            {.name = "scale", .types = {number}, .doc = "a factor (default 1)"}},
+       .child_categories = {},
+       .doc = "an attribute of the vertices of a mesh, linear over each triangle, or of its faces; 0.6's "
+              "`vertexcolors` is vertex_color"});
+  table.push_back({.category = "texture",
+                   .name = "volume",
+                   .properties = {{.name = "volume",
+                                   .types = {rgb},
+                                   .doc = "a <volume> of this name, or a color (default 0.75)",
+                                   .minimum = 0}},
+                   .child_categories = {"volume"},
+                   .doc = "a volume at the surface's place in the world; as a bump map it is flat"});
   table.push_back({.category = "texture",
                    .name = "rawconstant",
                    .properties = {{.name = "value",

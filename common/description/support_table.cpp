@@ -79,13 +79,12 @@ Mitsuba's picture but for polarization or for a width next to none, so they stan
 | `disneybsdf`, `disneymetal`, `disneyglass`, `disneyclearcoat` | `principled` |
 | `simplemicrofacet`, `approxmicrofacet`, `pplastic` * | `roughplastic` |
 | `polarizer` *, `circular`; `retarder` | `thindielectric` of index 1 that passes half; `null` |
-| `principledthin` | `principled` |
 | a bsdf that holds one bsdf; two | the one inside (`mask` of opacity 1); `blendbsdf` |
 | any other bsdf | `diffuse` |
 | a film; sampler; filter | `hdrfilm`; `independent`; `gaussian` |
 | `collimated` * | `spot`, half a degree wide, of the same power |
-| `radiancemeter` *; `irradiancemeter` | `orthographic`: 2e-4 wide; along the normal of its rectangle, so that it is not irradiance |
-| any other sensor | `perspective` (`distant`, `telecentric`: `orthographic`) |
+| `radiancemeter` * | `orthographic`, 2e-4 wide |
+| any other sensor | `perspective` (`telecentric`: `orthographic`) |
 | a texture | `rawconstant` of 0.5 |
 | a phase function; medium | `isotropic`; `homogeneous` |
 | an integrator | `path` (`photonmapper`, `upm`: `ppm`; `mlt`, `erpt`: `mmlt`) |
@@ -112,8 +111,8 @@ the scene file too. Damaged and lying files are errors that name the file and th
 | file | read |
 |---|---|
 | `obj` | all faces as one mesh; polygons become fans of triangles, negative indices count back; groups, `usemtl`, `mtllib`, smoothing, lines, curves, `w` and vertex colors are passed over; v is flipped unless `flip_tex_coords` is false |
-| `ply` | text and binary of both byte orders, all types of numbers; `vertex_indices` or `vertex_index` of any length as fans; `nx ny nz`; `u v`, `s t`, `texture_u texture_v`, `texture_s texture_t`; other elements are passed over, and texture coordinates of faces (a warning) |
-| `serialized` | versions 3 and 4, single and double precision, `shape_index`; vertex colors are passed over, tangents refused |
+| `ply` | text and binary of both byte orders, all types of numbers; `vertex_indices` or `vertex_index` of any length as fans; `nx ny nz`; `u v`, `s t`, `texture_u texture_v`, `texture_s texture_t`; attributes of vertices and faces, one number or three: `r g b` or `red green blue` (*color*), or neighbors such as `flow_x flow_y flow_z` (*flow*; also `_r _g _b`, `_0 _1 _2`, `_1 _2 _3`), integers as fractions of their largest value, decoded from sRGB; other elements are passed over, and texture coordinates of faces (a warning) |
+| `serialized` | versions 3 and 4, single and double precision, `shape_index`; vertex colors are the attribute *color*, tangents are refused |
 | OpenEXR | half and float, by scanlines or tiles, the data window of the first part; `R G B` in capital or small letters, or one channel of any name, as gray; alpha apart; other channels beside `R G B` are passed over; luminance and chroma, layers alone and integers are refused |
 | PNG | 1 to 16 bits, gray, palette, colors, with alpha or without; sRGB, 16 bits too, as in Mitsuba 3; `gAMA`, `cHRM` and profiles play no part |
 | JPEG | gray and color, sRGB; four inks (CMYK) are refused |

@@ -22,7 +22,8 @@ def torus(rings, sides, major, minor):
     return vertices, triangles
 
 
-def write_ply(path, vertices, triangles, comment=""):
+def write_ply(path, vertices, triangles, comment="", colors=None):
+    """colors: of the vertices, three bytes each."""
     with open(path, "wb") as f:
         f.write(b"ply\nformat binary_little_endian 1.0\n")
         if comment:
@@ -30,9 +31,13 @@ def write_ply(path, vertices, triangles, comment=""):
         f.write(b"element vertex %d\n" % len(vertices))
         for name in "x y z nx ny nz u v".split():
             f.write(b"property float %s\n" % name.encode())
+        if colors:
+            f.write(b"property uchar red\nproperty uchar green\nproperty uchar blue\n")
         f.write(b"element face %d\nproperty list uchar int vertex_indices\nend_header\n" % len(triangles))
-        for p, n, uv in vertices:
+        for i, (p, n, uv) in enumerate(vertices):
             f.write(struct.pack("<8f", *p, *n, *uv))
+            if colors:
+                f.write(bytes(colors[i]))
         for t in triangles:
             f.write(struct.pack("<B3i", 3, *t))
 

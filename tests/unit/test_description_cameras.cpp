@@ -45,5 +45,44 @@ TEST(DescriptionCameras, RefuseByName) {
   names(filter("<rfilter type=\"catmullrom\"><float name=\"radius\" value=\"1\"/></rfilter>"), "radius");
 }
 
+// Claim: an irradiance meter leaves the shape that it is in and refers to it; its film, and that of a distant
+// sensor, is filtered by a box; a meter without a shape, or in two, and a sensor with two targets are errors.
+TEST(DescriptionCameras, MetersReferToTheirShapes) {
+  for (const std::string version : {"3.0.0", "0.6.0"}) {
+    const auto read = parse_text("<scene version='" + version +
+                                 "'><shape type='sphere' id='ball'><sensor type='irradiancemeter'><film "
+                                 "type='hdrfilm'><integer name='width' value='3'/><rfilter type='gaussian'/>"
+                                 "</film></sensor></shape></scene>");
+    ASSERT_TRUE(read.ok()) << outcome(read);
+    const auto shapes = read->scene->children_of("shape"), sensors = read->scene->children_of("sensor");
+    ASSERT_EQ(shapes.size(), 1u);
+    ASSERT_EQ(sensors.size(), 1u);
+    EXPECT_TRUE(shapes[0]->children_of("sensor").empty());
+    ASSERT_EQ(sensors[0]->children_of("shape").size(), 1u);
+    EXPECT_EQ(sensors[0]->children_of("shape")[0], shapes[0]);
+    ASSERT_EQ(sensors[0]->children_of("film").size(), 1u);
+    const ObjectPtr film = sensors[0]->children_of("film")[0];
+    EXPECT_EQ(film->get_integer("width", 0), 3);
+    ASSERT_EQ(film->children_of("rfilter").size(), 1u);
+    EXPECT_EQ(film->children_of("rfilter")[0]->plugin, "box");
+  }
+  const auto error = [](const std::string& inner) {
+    return outcome(parse_text("<scene version=\"3.0.0\">\n" + inner + "</scene>"));
+  };
+  EXPECT_NE(error("<sensor type='irradiancemeter'/>").find("is in no shape"), std::string::npos);
+  EXPECT_NE(error("<sensor type='irradiancemeter' id='m'/>").find("is in no shape"), std::string::npos);
+  EXPECT_NE(error("<shape type='cube'><sensor type='irradiancemeter' id='m'/></shape><shape type='cube'><ref "
+                  "id='m'/></shape>")
+                .find("is in two shapes"),
+            std::string::npos);
+  EXPECT_NE(error("<shape type='cube'><sensor type='irradiancemeter'><transform name='to_world'/></sensor>"
+                  "</shape>")
+                .find("to_world"),
+            std::string::npos);
+  EXPECT_NE(error("<sensor type='distant'><point name='target' value='1 2 3'/><shape type='disk'/></sensor>")
+                .find("two targets"),
+            std::string::npos);
+}
+
 }  // namespace
 }  // namespace candela::description

@@ -54,6 +54,23 @@ TEST(DescriptionLegacy, OldWordsAreTodaysObjects) {
        "<bsdf type='blendbsdf'><float name='weight' value='0.25'/><bsdf type='dielectric'/><bsdf "
        "type='null'/>"
        "</bsdf>"},
+      {"<medium type='homogeneous'><float name='sigmaT' value='1'/><phase type='mixturephase'><string "
+       "name='weights' value='1, 2, 1'/><phase type='hg'/><phase type='isotropic'/><phase type='rayleigh'/>"
+       "</phase></medium>",
+       "<medium type='homogeneous'><float name='sigma_t' value='1'/><phase type='blendphase'><float "
+       "name='weight' value='0.75'/><phase type='hg'/><phase type='blendphase'><float name='weight' "
+       "value='0.3333333333333333'/><phase type='isotropic'/><phase "
+       "type='rayleigh'/></phase></phase></medium>"},
+      {"<bsdf type='diffuse'><texture type='vertexcolors' name='reflectance'/></bsdf>",
+       "<bsdf type='diffuse'><texture type='mesh_attribute' name='reflectance'><string name='name' "
+       "value='vertex_color'/></texture></bsdf>"},
+      {"<bsdf type='diffuse'><texture type='gridtexture' name='reflectance'><float name='lineWidth' "
+       "value='0.1'/><float name='uscale' value='4'/></texture></bsdf>",
+       "<bsdf type='diffuse'><texture type='gridtexture' name='reflectance'><float name='line_width' "
+       "value='0.1'/><transform name='to_uv'><scale x='4'/></transform></texture></bsdf>"},
+      {"<shape type='ply'><string name='filename' value='mesh.obj'/></shape>",
+       "<shape type='ply'><string name='filename' value='mesh.obj'/><boolean name='srgb' value='true'/>"
+       "</shape>"},
       {"<shape type='cylinder'><point name='p0' value='1 0 0'/><point name='p1' value='0 0 2'/><boolean "
        "name='flipNormals' "
        "value='true'/></shape>",

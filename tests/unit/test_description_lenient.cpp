@@ -88,10 +88,10 @@ TEST(DescriptionLenient, UnknownPluginsAreReplaced) {
        "</integrator>",
        "<integrator type='path'><integer name='max_depth' value='5'/></integrator>"},
       {"<shape type='hair'/><emitter type='moon'/><shape type='cube'/>", "<shape type='cube'/>"},
-      {"<shape type='rectangle'><sensor type='irradiancemeter'><film type='hdrfilm'/></sensor><transform "
+      {"<shape type='rectangle'><sensor type='fluencemeter'><film type='hdrfilm'/></sensor><transform "
        "name='to_world'><scale value='2'/></transform></shape><shape type='cube'/>",
        "<shape type='rectangle'><transform name='to_world'><scale value='2'/></transform></shape><shape "
-       "type='cube'/><sensor type='orthographic'><transform name='to_world'><scale value='2'/></transform>"
+       "type='cube'/><sensor type='perspective'><transform name='to_world'><scale value='2'/></transform>"
        "<film type='hdrfilm'/></sensor>"},
       {"<shape type='sphere'><transform name='to_world'><translate x='5'/></transform><emitter type='spot'>"
        "<transform name='to_world'><scale value='2'/></transform></emitter></shape>",

@@ -77,6 +77,8 @@ std::string contents(const std::string& category, const std::string& plugin) {
   if (plugin == "normalmap") inside += "<texture name='normalmap' type='checkerboard'/>";
   if (plugin == "mixturephase" || plugin == "blendphase")
     inside += "<phase type='hg'/><phase type='isotropic'/>";
+  if (plugin == "mixturephase") inside += "<string name='weights' value='0.5, 0.5'/>";
+  if (plugin == "blendphase") inside += "<float name='weight' value='0.5'/>";
   if (plugin == "thinlens" || plugin == "telecentric") inside += "<float name='apertureRadius' value='0.1'/>";
   if (plugin == "constvolume") inside += "<float name='value' value='0.5'/>";
   if (category == "texture" && plugin == "volume") inside += "<volume name='volume' type='constvolume'/>";
@@ -101,6 +103,7 @@ std::string scene_with(const std::string& category, const std::string& plugin) {
     return in("<shape type='cube'><medium name='interior' type='heterogeneous'>", "</medium></shape>");
   if (category == "emitter" && (plugin == "area" || plugin == "directionalarea"))
     return in("<shape type='cube'>", "</shape>");
+  if (plugin == "irradiancemeter") return in("<shape type='cube'>", "</shape>");
   if (category == "sampler" || category == "film") return in("<sensor type='perspective'>", "</sensor>");
   if (category == "rfilter")
     return in("<sensor type='perspective'><film type='hdrfilm'>", "</film></sensor>");

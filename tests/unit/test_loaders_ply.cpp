@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <optional>
 #include <string>
 
 #include "common/rng/stream.h"
@@ -36,6 +37,57 @@ void put(std::string& out, T value, bool big) {
 
 std::string header(const std::string& format, const std::string& rest) {
   return "ply\nformat " + format + " 1.0\ncomment made by hand\n" + rest + "end_header\n";
+}
+
+// Attributes of one file in each format: colors of vertices as bytes, a vector, a number; of faces a color.
+std::string with_attributes(const std::string& format) {
+  std::string out =
+      header(format,
+             "element vertex 4\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\n"
+             "property uchar green\nproperty uchar blue\nproperty float flow_x\nproperty float flow_y\n"
+             "property float flow_z\nproperty ushort heat_0\nproperty float tint_r\nproperty float tint_g\n"
+             "property float tint_b\nelement face 2\nproperty list uchar int vertex_indices\n"
+             "property float r\nproperty float g\nproperty float b\n");
+  const bool big = format == "binary_big_endian", text = format == "ascii";
+  const auto number = [&]<class T>(T value) {
+    if (text) {
+      out += fmt::format("{} ", value);
+    } else {
+      put<T>(out, value, big);
+    }
+  };
+  for (int i = 0; i < 4; ++i) {
+    number(i == 1 || i == 2 ? 1.0f : 0.0f);
+    number(i >= 2 ? 1.0f : 0.0f);
+    number(0.0f);
+    for (const int c : {255, 0, 51 * i}) {
+      if (text) {
+        number(c);
+      } else {
+        number(static_cast<std::uint8_t>(c));
+      }
+    }
+    number(0.5f);
+    number(-2.0f);
+    number(static_cast<float>(i));
+    if (text) {
+      number(65535);
+    } else {
+      number(std::uint16_t{65535});
+    }
+    for (const float t : {0.1f, 0.2f, 0.3f}) number(t);
+  }
+  for (int face = 0; face < 2; ++face) {
+    const int corners = face == 0 ? 4 : 3;
+    if (text) {
+      number(corners);
+    } else {
+      number(static_cast<std::uint8_t>(corners));
+    }
+    for (int k = 0; k < corners; ++k) number(std::int32_t{k});
+    for (const float c : {0.25f, 0.5f, 1.0f}) number(face == 0 ? c : 0.0f);
+  }
+  return out;
 }
 
 constexpr const char* kBody =
@@ -249,6 +301,59 @@ TEST(PlyLoader, SurvivesMutations) {
         ASSERT_TRUE(std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z));
     }
   }
+}
+
+// Claim: attributes are the same from text and both byte orders. Integers are fractions of their type's
+// largest value, decoded from sRGB unless the scene says otherwise; floats are linear; all triangles of a
+// polygon have its value.
+TEST(LoadersPly, ReadsAttributes) {
+  for (const std::string format : {"ascii", "binary_little_endian", "binary_big_endian"}) {
+    const std::string bytes = with_attributes(format);
+    const auto mesh = load_ply(
+        bytes, "a.ply",
+        {{"vertex_color", "vertex_flow", "vertex_heat", "vertex_tint_color", "face_color"}, std::nullopt});
+    ASSERT_TRUE(mesh.ok()) << mesh.error().to_string();
+    ASSERT_EQ(mesh->attributes.size(), 5u) << format;
+    const auto& color = mesh->attributes[0].values;
+    ASSERT_EQ(color.size(), 4u);
+    EXPECT_EQ(color[0], (Spectrum{1, 0, 0}));
+    EXPECT_NEAR(color[2].b, 0.1329f, 1e-4f);  // 102 of 255, decoded
+    EXPECT_EQ(mesh->attributes[1].values[3], (Spectrum{0.5f, -2, 3}));
+    EXPECT_EQ(mesh->attributes[2].values[1], Spectrum(1));
+    EXPECT_EQ(mesh->attributes[3].values[1], (Spectrum{0.1f, 0.2f, 0.3f}));
+    const auto& face = mesh->attributes[4];
+    EXPECT_TRUE(face.of_faces());
+    ASSERT_EQ(face.values.size(), 3u);
+    EXPECT_EQ(face.values[0], (Spectrum{0.25f, 0.5f, 1}));
+    EXPECT_EQ(face.values[1], face.values[0]);
+    EXPECT_EQ(face.values[2], Spectrum(0));
+
+    const auto linear = load_ply(bytes, "a.ply", {{"vertex_color"}, false});
+    ASSERT_TRUE(linear.ok());
+    EXPECT_EQ(linear->attributes[0].values[2].b, 0.4f);
+    const auto decoded = load_ply(bytes, "a.ply", {{"vertex_tint"}, true});
+    ASSERT_TRUE(decoded.ok());
+    EXPECT_NEAR(decoded->attributes[0].values[0].b, 0.0732f, 1e-4f);
+    EXPECT_TRUE(load_ply(bytes, "a.ply")->attributes.empty());
+  }
+}
+
+// Claim: an attribute that the file lacks is an error that says what there is; one that is not finite has its
+// vertex or face named.
+TEST(LoadersPly, RefusesAttributes) {
+  const auto error = [](const std::string& bytes, const std::string& name) {
+    const auto mesh = load_ply(bytes, "a.ply", {{name}, std::nullopt});
+    return mesh.ok() ? "no error" : mesh.error().to_string();
+  };
+  const std::string bytes = with_attributes("ascii");
+  EXPECT_NE(error(bytes, "vertex_mood").find("no attribute 'vertex_mood'"), std::string::npos);
+  EXPECT_NE(error(bytes, "vertex_mood").find("'vertex_flow'"), std::string::npos);
+  EXPECT_NE(error(bytes, "face_flow").find("'face_color'"), std::string::npos);
+  EXPECT_NE(error(square("ascii"), "face_color").find("no colors"), std::string::npos);
+  std::string infinite = bytes;
+  infinite.replace(infinite.rfind("0.25"), 4, "1e99");
+  EXPECT_NE(error(infinite, "face_color").find("face 0 has a number that is not finite"), std::string::npos);
+  EXPECT_EQ(error(infinite, "vertex_color"), "no error");
 }
 
 }  // namespace

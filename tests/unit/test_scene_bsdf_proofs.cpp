@@ -398,13 +398,14 @@ std::vector<BsdfConfiguration> configurations() {
                  .why_more = "its albedo has no bound at grazing angles"});
   all.push_back({.name = "ward_narrow", .xml = ward("balanced", "<float name='alpha' value='0.02'/>")});
 
-  const auto principled = [](const std::string& parameters) {
-    std::string xml = "<bsdf type='principled'>";
+  const auto disney = [](const std::string& plugin, const std::string& parameters) {
+    std::string xml = "<bsdf type='" + plugin + "'>";
     std::istringstream in(parameters);
     for (std::string name, value; in >> name >> value;)
       xml += (name == "base_color" ? "<rgb name='" : "<float name='") + name + "' value='" + value + "'/>";
     return xml + "</bsdf>";
   };
+  const auto principled = [&](const std::string& parameters) { return disney("principled", parameters); };
   const std::string added = "its lobes are added";
   all.push_back({.name = "principled", .xml = principled("")});
   all.push_back({.name = "principled_metal",
@@ -441,6 +442,25 @@ std::vector<BsdfConfiguration> configurations() {
                  .xml = principled("base_color 0,0,0 spec_tint 1 sheen 1 sheen_tint 1"),
                  .most_albedo = 2,
                  .why_more = added});
+  const auto thin = [&](const std::string& name, const std::string& parameters, double most_albedo = 1) {
+    all.push_back({.name = "principledthin_" + name,
+                   .xml = disney("principledthin", parameters),
+                   .not_reciprocal = "light that grazes is cut by its own direction",
+                   .most_albedo = most_albedo,
+                   .why_more = most_albedo > 1 ? added : std::string()});
+  };
+  thin("default", "");
+  thin("passing", "diff_trans 1.2 base_color 0.9,0.5,0.2");
+  thin("opposite", "diff_trans 2 base_color 0.9,0.5,0.2");
+  thin("clear", "spec_trans 1 roughness 0.3 eta 1.5");
+  thin("clear_brushed",
+       "spec_trans 1 roughness 0.4 anisotropic 0.8 eta 1.3 spec_tint 0.7 base_color 0.8,0.3,0.2");
+  thin("thinner_inside", "spec_trans 0.8 roughness 0.5 eta 0.7");
+  thin("cloth", "sheen 1 sheen_tint 0.5 flatness 0.6 diff_trans 0.5 roughness 0.8", 2);
+  thin("mixed",
+       "spec_trans 0.5 diff_trans 1 roughness 0.4 base_color 0.3,0.8,0.6 sheen 0.2 spec_tint 0.3 "
+       "specular_reflectance_sampling_rate 2 diffuse_transmittance_sampling_rate 0",
+       2);
   return all;
 }
 

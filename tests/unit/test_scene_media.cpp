@@ -140,6 +140,52 @@ TEST(SceneMedia, RayleighSamplesItsValue) {
   EXPECT_GT(chi_squared_p(observed, std::vector<double>(kBins, 1.0 * kSamples / kBins)), kLeastP);
 }
 
+// Claim: a blend of phase functions, blends among them, has the weighted sum of their values, is sampled by
+// it, and its mean cosine is the weighted mean.
+TEST(SceneMedia, BlendsOfPhaseFunctionsSampleTheirValue) {
+  const auto scene = build_scene(
+      "<shape type='cube'><medium name='interior' type='homogeneous'><phase type='blendphase'>"
+      "<float name='weight' value='0.4'/><phase type='hg'><float name='g' value='0.6'/></phase>"
+      "<phase type='blendphase'><float name='weight' value='0.25'/><phase type='rayleigh'/>"
+      "<phase type='hg'><float name='g' value='-0.5'/></phase></phase></phase></medium></shape>");
+  ASSERT_TRUE(scene.ok()) << scene.error().to_string();
+  const Phase& phase = (*scene)->medium(0).phase();
+  const Phase parts[] = {phase_of(0.6), Phase::rayleigh(), phase_of(-0.5)};
+  const float weights[] = {0.6f, 0.3f, 0.1f};
+  rng::Stream stream(19);
+  constexpr int kBins = 32, kSamples = 60000;
+  std::vector<double> observed(kBins, 0.0), expected(kBins, 0.0);
+  const Vec3 wo = test::uniform_direction(stream);
+  const Frame frame = make_frame(-wo);
+  const auto value = [&](Vec3 wi) {
+    float sum = 0;
+    for (std::size_t i = 0; i < 3; ++i) sum += weights[i] * parts[i].eval(wo, wi);
+    return sum;
+  };
+  constexpr int kFine = 64;
+  for (int i = 0; i < kBins * kFine; ++i) {
+    const double c = (i + 0.5) * 2 / (kBins * kFine) - 1;
+    const Vec3 wi = frame.to_world({static_cast<float>(std::sqrt(1 - c * c)), 0, static_cast<float>(c)});
+    expected[static_cast<std::size_t>(i / kFine)] +=
+        static_cast<double>(value(wi)) * 2 * std::numbers::pi * 2 / (kBins * kFine) * kSamples;
+  }
+  Mean cosine;
+  for (int i = 0; i < kSamples; ++i) {
+    const float u = stream.next_float();
+    Vec3 wi;
+    const float pdf = phase.sample(wo, {u, stream.next_float()}, wi);
+    ASSERT_EQ(pdf, phase.eval(wo, wi));
+    ASSERT_NEAR(pdf / value(wi), 1, 1e-5);
+    ASSERT_EQ(phase.eval(wo, wi), phase.eval(wi, wo));
+    const double c = -static_cast<double>(dot(wo, wi));
+    cosine.add(c);
+    ++observed[static_cast<std::size_t>(std::clamp(0.5 * c + 0.5, 0.0, 1 - 1e-9) * kBins)];
+  }
+  EXPECT_GT(chi_squared_p(observed, expected), kLeastP);
+  EXPECT_NEAR(phase.mean_cosine(), 0.6f * 0.6f - 0.1f * 0.5f, 1e-6f);
+  expect_mean(cosine, 0.31, "mean cosine", 1e-4, 0);
+}
+
 // ---- media ----
 
 std::unique_ptr<Scene> medium_scene(const std::string& medium,

@@ -86,6 +86,10 @@ double pow(double x, double y) {
   return exp_pair(product, std::fma(y, l.high, -product) + y * l.low);
 }
 
+double srgb_to_linear(double v) {
+  return v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4);
+}
+
 float powf(float x, float y) {
   return static_cast<float>(pow(static_cast<double>(x), static_cast<double>(y)));
 }

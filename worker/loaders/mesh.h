@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -12,12 +13,28 @@
 
 namespace candela::loaders {
 
+// A number or a color that a file gives each vertex or each face.
+struct MeshAttribute {
+  std::string name;              // as Mitsuba's texture mesh_attribute has it: vertex_color, face_color, ...
+  std::vector<Spectrum> values;  // one for each position, or one for each triangle; finite; gray: of a number
+
+  bool of_faces() const { return name.starts_with("face_"); }
+};
+
+// The attributes that a loader is asked for. A file that lacks one is an error.
+struct WantedAttributes {
+  std::vector<std::string> names;
+  // Whether colors are sRGB. Not given: integers are, floats are linear, as in Mitsuba 3.
+  std::optional<bool> srgb;
+};
+
 struct Mesh {
   std::vector<Vec3> positions;
   std::vector<Vec3>
       normals;            // empty, or one for each position; (0, 0, 0) where the file has none for this one
   std::vector<Vec2> uvs;  // empty, or one for each position
   std::vector<std::array<std::uint32_t, 3>> triangles;
+  std::vector<MeshAttribute> attributes;
   bool face_normals = false;             // the file asks for flat shading
   std::uint64_t dropped_face_count = 0;  // faces of fewer than three corners, left out
 };
@@ -31,12 +48,14 @@ struct Mesh {
 Result<Mesh> load_obj(std::string_view bytes, const std::string& name, bool flip_v);
 
 // Stanford PLY, text and binary of both byte orders: vertices x y z, nx ny nz and u v (or s t, texture_u
-// texture_v); faces vertex_indices or vertex_index, polygons become fans; other properties and elements are
-// skipped. Errors have a line (text) or a byte offset (binary).
-Result<Mesh> load_ply(std::string_view bytes, const std::string& name);
+// texture_v); faces vertex_indices or vertex_index, polygons become fans; the attributes asked for; other
+// properties and elements are skipped. Errors have a line (text) or a byte offset (binary).
+Result<Mesh> load_ply(std::string_view bytes, const std::string& name, const WantedAttributes& wanted = {});
 
 // Mitsuba's serialized format, versions 3 and 4, single and double precision. shape_index: which of the
 // file's meshes. Memory is bounded by what the compressed bytes can really hold, whatever the file claims.
-Result<Mesh> load_serialized(std::string_view bytes, const std::string& name, std::int64_t shape_index);
+// Its only attribute is vertex_color.
+Result<Mesh> load_serialized(std::string_view bytes, const std::string& name, std::int64_t shape_index,
+                             const WantedAttributes& wanted = {});
 
 }  // namespace candela::loaders

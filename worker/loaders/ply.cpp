@@ -10,7 +10,9 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <optional>
 
+#include "worker/core/math.h"
 #include "worker/loaders/mesh.h"
 #include "worker/loaders/parallel.h"
 #include "worker/loaders/ply_header.h"
@@ -63,14 +65,35 @@ struct Row {
   std::array<double, kRoles> values{};
   double operator[](Role role) const { return values[static_cast<std::size_t>(role)]; }
   double& operator[](Role role) { return values[static_cast<std::size_t>(role)]; }
+  double* columns = nullptr;  // of attributes; where there are some
+};
+
+using Columns = std::array<double, 3 * kMostAttributes>;
+
+// What a column holds: integers are fractions of their type's largest value.
+class Decoder {
+ public:
+  explicit Decoder(std::optional<bool> srgb) : srgb_(srgb) {}
+  double operator()(Type type, double value) const {
+    constexpr std::array<double, 6> kLargest = {127, 255, 32767, 65535, 2147483647, 4294967295};
+    const bool fraction = is_integer(type);
+    if (fraction) value /= kLargest[static_cast<std::size_t>(type)];
+    if (!srgb_.value_or(fraction) || !is_float_range(value)) return value;
+    return math::srgb_to_linear(value);
+  }
+
+ private:
+  std::optional<bool> srgb_;
 };
 
 class Reader {
  public:
-  Reader(std::string_view bytes, const std::string& name) : bytes_(bytes), name_(name) {}
+  Reader(std::string_view bytes, const std::string& name, const WantedAttributes& wanted)
+      : bytes_(bytes), name_(name), wanted_(wanted), decode_(wanted.srgb) {}
 
   Result<Mesh> run() {
     CANDELA_ASSIGN(header_, read_header(bytes_, name_));
+    CANDELA_TRY(find_attributes(header_, wanted_.names, name_));
     vertices_ = &header_.elements[header_.vertices];
     faces_ = &header_.elements[header_.faces];
     at_ = header_.size;
@@ -89,6 +112,8 @@ class Reader {
       return fail("there is more data than the header declares");
     }
     if (mesh_.triangles.empty()) return input_error("the PLY file has no faces").at(name_, 0);
+    for (auto* attributes : {&vertex_attributes_, &face_attributes_})
+      for (MeshAttribute& attribute : *attributes) mesh_.attributes.push_back(std::move(attribute));
     return std::move(mesh_);
   }
 
@@ -106,6 +131,27 @@ class Reader {
     mesh_.positions.resize(count);
     if (header_.has_normals) mesh_.normals.resize(count);
     if (header_.has_uvs) mesh_.uvs.resize(count);
+    for (const auto& [name, channels] : header_.vertex_attributes)
+      vertex_attributes_.push_back({name, std::vector<Spectrum>(count)});
+  }
+
+  // False: a number is not finite as a float.
+  static bool set_attribute(const Header::Attribute& attribute, const double* columns, Spectrum& value) {
+    for (std::size_t k = 0; k < attribute.channels; ++k)
+      if (!is_float_range(columns[k])) return false;
+    const auto f = [&](std::size_t k) { return static_cast<float>(columns[k]); };
+    value = attribute.channels == 1 ? Spectrum(f(0)) : Spectrum(f(0), f(1), f(2));
+    return true;
+  }
+
+  // Gives all triangles since the last call the attributes of their face.
+  bool set_face(const Columns& columns) {
+    for (std::size_t a = 0; a < face_attributes_.size(); ++a) {
+      Spectrum value;
+      if (!set_attribute(header_.face_attributes[a], columns.data() + 3 * a, value)) return false;
+      face_attributes_[a].values.resize(mesh_.triangles.size(), value);
+    }
+    return true;
   }
 
   // False: a number is not finite as a float.
@@ -117,11 +163,17 @@ class Reader {
     mesh_.positions[i] = {f(Role::x), f(Role::y), f(Role::z)};
     if (header_.has_normals) mesh_.normals[i] = {f(Role::nx), f(Role::ny), f(Role::nz)};
     if (header_.has_uvs) mesh_.uvs[i] = {f(Role::u), f(Role::v)};
+    for (std::size_t a = 0; a < vertex_attributes_.size(); ++a)
+      if (!set_attribute(header_.vertex_attributes[a], row.columns + 3 * a, vertex_attributes_[a].values[i]))
+        return false;
     return true;
   }
 
   Error not_finite(std::size_t vertex) const {
     return fail(fmt::format("vertex {} has a number that is not finite", vertex));
+  }
+  Error face_not_finite(std::uint64_t face) const {
+    return fail(fmt::format("face {} has a number that is not finite", face));
   }
   Error wrong_index(std::uint64_t face, std::int64_t index) const {
     return fail(
@@ -153,9 +205,10 @@ class Reader {
   // Whether `count` rows of at least `size` bytes can follow.
   bool holds(std::uint64_t count, std::size_t size) const { return size == 0 || count <= left() / size; }
 
-  static void read_row(const char* at, const Element& element, bool swap, Row& row) {
+  void read_row(const char* at, const Element& element, bool swap, Row& row) const {
     for (const Property& p : element.properties) {
       if (p.role != Role::none) row[p.role] = read_value<double>(at, p.type, swap);
+      if (p.column >= 0) row.columns[p.column] = decode_(p.type, read_value<double>(at, p.type, swap));
       at += size_of(p.type);
     }
   }
@@ -168,6 +221,8 @@ class Reader {
     if (element.has_list()) {
       for (std::size_t i = 0; i < count; ++i) {
         Row row;
+        Columns columns;
+        row.columns = columns.data();
         CANDELA_TRY(binary_row(element, i, &row));
         if (!set_vertex(i, row)) return not_finite(i);
       }
@@ -176,6 +231,8 @@ class Reader {
     const char* rows = bytes_.data() + at_;
     const std::size_t bad = first_where(count, [&](std::size_t i) {
       Row row;
+      Columns columns;
+      row.columns = columns.data();
       read_row(rows + i * size, element, header_.big_endian, row);
       return !set_vertex(i, row);
     });
@@ -195,6 +252,9 @@ class Reader {
         if (left() < size) return truncated(element);
         if (row != nullptr && p.role != Role::none)
           (*row)[p.role] = read_value<double>(bytes_.data() + at_, p.type, header_.big_endian);
+        if (row != nullptr && p.column >= 0)
+          row->columns[p.column] =
+              decode_(p.type, read_value<double>(bytes_.data() + at_, p.type, header_.big_endian));
         at_ += size;
         continue;
       }
@@ -223,10 +283,17 @@ class Reader {
 
   Result<void> binary_faces(const Element& element) {
     if (!holds(element.count, element.least_size())) return truncated(element);
-    if (all_triangles(element)) return {};
+    for (const auto& [name, channels] : header_.face_attributes) face_attributes_.push_back({name, {}});
+    if (face_attributes_.empty() && all_triangles(element)) return {};
     mesh_.triangles.clear();
     mesh_.triangles.reserve(static_cast<std::size_t>(element.count));
-    for (std::uint64_t i = 0; i < element.count; ++i) CANDELA_TRY(binary_row(element, i, nullptr));
+    for (std::uint64_t i = 0; i < element.count; ++i) {
+      Row row;
+      Columns columns;
+      row.columns = columns.data();
+      CANDELA_TRY(binary_row(element, i, &row));
+      if (!set_face(columns)) return face_not_finite(i);
+    }
     return {};
   }
 
@@ -334,6 +401,10 @@ class Reader {
       if (!p.list) {
         if (row != nullptr && p.role != Role::none) {
           CANDELA_TRY(number(element, (*row)[p.role]));
+        } else if (row != nullptr && p.column >= 0) {
+          double& value = row->columns[p.column];
+          CANDELA_TRY(number(element, value));
+          value = decode_(p.type, value);
         } else if (token().empty()) {
           return truncated(element);
         }
@@ -366,6 +437,8 @@ class Reader {
     reserve_vertices();
     for (std::size_t i = 0; i < mesh_.positions.size(); ++i) {
       Row row;
+      Columns columns;
+      row.columns = columns.data();
       CANDELA_TRY(ascii_row(element, i, &row));
       if (!set_vertex(i, row)) return not_finite(i);
     }
@@ -375,7 +448,16 @@ class Reader {
   Result<void> ascii_faces(const Element& element) {
     if (!holds(element.count, 2 * element.properties.size() - 1)) return truncated(element);
     mesh_.triangles.reserve(static_cast<std::size_t>(std::min<std::uint64_t>(element.count, left() / 8)));
-    return ascii_skip(element);
+    for (const auto& [name, channels] : header_.face_attributes) face_attributes_.push_back({name, {}});
+    if (face_attributes_.empty()) return ascii_skip(element);
+    for (std::uint64_t i = 0; i < element.count; ++i) {
+      Row row;
+      Columns columns;
+      row.columns = columns.data();
+      CANDELA_TRY(ascii_row(element, i, &row));
+      if (!set_face(columns)) return face_not_finite(i);
+    }
+    return {};
   }
 
   Result<void> ascii_skip(const Element& element) {
@@ -391,13 +473,16 @@ class Reader {
   Header header_;
   const Element* vertices_ = nullptr;
   const Element* faces_ = nullptr;
+  const WantedAttributes& wanted_;
+  const Decoder decode_;
+  std::vector<MeshAttribute> vertex_attributes_, face_attributes_;
   Mesh mesh_;
 };
 
 }  // namespace
 
-Result<Mesh> load_ply(std::string_view bytes, const std::string& name) {
-  return Reader(bytes, name).run();
+Result<Mesh> load_ply(std::string_view bytes, const std::string& name, const WantedAttributes& wanted) {
+  return Reader(bytes, name, wanted).run();
 }
 
 }  // namespace candela::loaders

@@ -32,6 +32,7 @@ struct Property {
   bool list = false;
   Type count_type{};
   Role role = Role::none;
+  std::int32_t column = -1;  // of a row's attribute numbers; none
 };
 
 struct Element {
@@ -55,6 +56,13 @@ struct Header {
   std::vector<Element> elements;
   std::size_t vertices = 0, faces = 0;  // of elements
   bool has_normals = false, has_uvs = false;
+  // The attributes asked for: columns [3 i, 3 i + channels) are those of the i-th of the vertices, or of the
+  // faces.
+  struct Attribute {
+    std::string name;
+    std::size_t channels = 0;  // 1 or 3
+  };
+  std::vector<Attribute> vertex_attributes, face_attributes;
   std::size_t size = 0;  // bytes, to the first row
   int line = 1;          // of the first row
 };
@@ -62,6 +70,12 @@ struct Header {
 // Reads and checks it. Counts are only bounded to what indices can name: whether the file holds them is not
 // known yet. Errors name the file and the header's line.
 Result<Header> read_header(std::string_view bytes, const std::string& name);
+
+// Names the columns of the attributes asked for, as Mitsuba 3 groups them: `r g b` or `red green blue` are
+// `color`, neighbors such as `heat_0` (or `flow_x flow_y flow_z`; _r _g _b, _0 _1 _2, _1 _2 _3) are `heat`
+// (and `heat_color` of _r _g _b). Their names begin with `vertex_` or `face_`.
+inline constexpr std::size_t kMostAttributes = 16;
+Result<void> find_attributes(Header& header, const std::vector<std::string>& wanted, const std::string& name);
 
 // What a file says, for messages.
 std::string shown(std::string_view text);

@@ -139,7 +139,8 @@ std::vector<Vec3> to_vec3(const std::vector<float>& flat) {
 
 }  // namespace
 
-Result<Mesh> load_serialized(std::string_view bytes, const std::string& name, std::int64_t shape_index) {
+Result<Mesh> load_serialized(std::string_view bytes, const std::string& name, std::int64_t shape_index,
+                             const WantedAttributes& wanted) {
   const auto fail = [&](std::string message) { return input_error(std::move(message)).at(name, 0); };
   if (bytes.size() < 8 || read_at<std::uint16_t>(bytes, 0) != kMagic) {
     return fail("not a serialized mesh file (it does not start with 0x041C)");
@@ -222,7 +223,20 @@ Result<Mesh> load_serialized(std::string_view bytes, const std::string& name, st
     mesh.uvs.resize(flat.size() / 2);
     for (std::size_t i = 0; i < mesh.uvs.size(); ++i) mesh.uvs[i] = {flat[2 * i], flat[2 * i + 1]};
   }
-  if ((flags & kHasColors) != 0) CANDELA_TRY(reader.floats(vertex_count, 3, "the colour", flat));
+  for (const std::string& attribute : wanted.names) {
+    if (attribute != "vertex_color" || (flags & kHasColors) == 0)
+      return fail("mesh " + std::to_string(shape_index) + " has no attribute '" + attribute + "'" +
+                  ((flags & kHasColors) != 0 ? " (it has 'vertex_color')" : ""));
+  }
+  if ((flags & kHasColors) != 0) {
+    CANDELA_TRY(reader.floats(vertex_count, 3, "the color", flat));
+    if (!wanted.names.empty()) {
+      MeshAttribute colors{"vertex_color", std::vector<Spectrum>(flat.size() / 3)};
+      for (std::size_t i = 0; i < colors.values.size(); ++i)
+        colors.values[i] = {flat[3 * i], flat[3 * i + 1], flat[3 * i + 2]};
+      mesh.attributes.push_back(std::move(colors));
+    }
+  }
   CANDELA_TRY(reader.triangles<std::uint32_t>(triangle_count, vertex_count, mesh));
   return mesh;
 }

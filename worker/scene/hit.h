@@ -4,19 +4,16 @@
 #include <cstdint>
 
 #include "worker/core/vec.h"
+#include "worker/scene/surface_point.h"
 
 namespace candela::scene {
 
-inline constexpr std::uint32_t kNone = 0xffffffffu;
-
-struct SurfaceHit {
-  Vec3 p;         // recomputed from the primitive by our own arithmetic, not origin + t * direction
-  Vec3 ng;        // unit geometric normal as the shape defines its outside (not turned to the ray)
-  Frame shading;  // shading.n on the same side as ng
-  Vec2 uv;
+// p is recomputed from the primitive by our own arithmetic, not origin + t * direction.
+struct SurfaceHit : SurfacePoint {
+  Vec3 ng;             // unit geometric normal as the shape defines its outside (not turned to the ray)
+  Frame shading;       // shading.n on the same side as ng
   float distance = 0;  // along the ray
   std::uint32_t shape = kNone;
-  std::uint32_t primitive = kNone;
   std::uint32_t bsdf = kNone;
   std::uint32_t emitter = kNone;           // index of the area emitter here
   std::uint32_t medium_interface = kNone;  // where the medium changes: Media::beyond

@@ -44,12 +44,18 @@ Result<std::unique_ptr<Scene>> Scene::build(const description::SceneDescription&
   }
   std::unique_ptr<Scene> scene(new Scene);
   Impl& impl = *scene->impl_;
-  CANDELA_ASSIGN(impl.sensor, Sensor::build(*sensors[0], options.film_width, options.film_height));
-  impl.features.finite_lens = impl.sensor.reads_lens();
+  const auto metered = sensors[0]->children_of("shape");
+  const bool is_meter = sensors[0]->plugin == "irradiancemeter" && metered.size() == 1;
+  const bool is_distant = sensors[0]->plugin == "distant";
+  if (!is_meter && !is_distant) {
+    CANDELA_ASSIGN(impl.sensor, Sensor::build(*sensors[0], options.film_width, options.film_height));
+  }
+  impl.features.finite_lens = is_meter || impl.sensor.reads_lens();
   if (sensors.size() > 1) log::warn("the scene has several sensors; the first is used");
 
-  impl.textures = std::make_unique<TextureStore>(files, options.textures);
+  impl.textures = std::make_unique<TextureStore>(files, options.textures, &impl.geometry);
   SceneBuilder builder(files, impl, options.parameterized);
+  if (is_meter) builder.measure(*metered[0]);
   // Meshes are read by as many threads as the tree is built by.
   tbb::task_arena arena(static_cast<int>(std::max(1u, options.build_threads)));
   CANDELA_TRY(arena.execute([&] { return builder.shapes(root); }));
@@ -59,6 +65,19 @@ Result<std::unique_ptr<Scene>> Scene::build(const description::SceneDescription&
     }
   }
   CANDELA_TRY(builder.finish_geometry());
+  if (is_distant) {
+    CANDELA_ASSIGN(impl.sensor, Sensor::build_distant(*sensors[0], files, impl.geometry.bounds,
+                                                      options.film_width, options.film_height));
+  }
+  if (is_meter) {
+    if (builder.measured() == kNone) {
+      return input_error("the irradiancemeter's shape is none of the scene's own")
+          .at(sensors[0]->where.file, sensors[0]->where.line)
+          .with_mend("take the shape out of its shapegroup");
+    }
+    impl.meter.emplace(impl.geometry, builder.measured(), builder.measured_rectangle(), options.film_width,
+                       options.film_height);
+  }
   for (const auto& emitter : root.children_of("emitter")) CANDELA_TRY(builder.emitter(*emitter));
   impl.lights.finish(options.choose_emitters_by_power);
   if (const auto media = sensors[0]->children_of("medium"); !media.empty()) {
@@ -150,7 +169,7 @@ void Scene::find_media(float film_width, float film_height) {
         "not get in. Give the medium a boundary: a shape with a null bsdf that has it as its interior");
   if (impl.camera_medium != kNone) return;
   impl.camera_medium = medium_at(ray);
-  impl.camera_in_several_media = media_meet_at_camera(film_width, film_height);
+  impl.camera_in_several_media = impl.meter || media_meet_at_camera(film_width, film_height);
 }
 
 bool Scene::media_meet_at_camera(float film_width, float film_height) const {
@@ -242,12 +261,16 @@ bool Scene::reads_lens() const {
 }
 
 Ray Scene::camera_ray(float film_x, float film_y, Vec2 u_lens, float& weight) const {
+  if (impl_->meter) [[unlikely]] {
+    weight = IrradianceMeter::kResponse;
+    return impl_->meter->ray(film_x, film_y, u_lens);
+  }
   weight = 1;
   return impl_->sensor.ray(film_x, film_y, u_lens);
 }
 
 double Scene::near_distance(const Ray& camera_ray) const {
-  return impl_->sensor.near_distance(camera_ray.direction);
+  return impl_->meter ? 0.0 : impl_->sensor.near_distance(camera_ray.direction);
 }
 
 std::uint32_t Scene::primitive_in_shape(const SurfaceHit& hit) const {
@@ -270,15 +293,43 @@ double Scene::boundary_test(const SurfaceHit& hit, Vec3 d) const {
 
 bool Scene::sample_camera(const SurfaceHit& reference, Vec2 u_lens, CameraSample& out,
                           float film_border) const {
+  if (impl_->meter) [[unlikely]]
+    return impl_->meter->sample(reference, u_lens, out);
   return impl_->sensor.sample(reference, u_lens, film_border, out);
 }
 
 bool Scene::pdf_camera(Vec3 point, Vec3 direction, CameraDensity& out, float film_border) const {
+  if (impl_->meter) [[unlikely]] {
+    const Ray ray{point, direction};
+    SurfaceHit behind;
+    const bool found = impl_->meter->is_mesh() && intersect({point, -direction}, behind);
+    return impl_->meter->density(impl_->meter->start_of(ray, found ? &behind : nullptr), direction, out);
+  }
   return impl_->sensor.density(point, direction, film_border, out);
 }
 
+bool Scene::pdf_camera(const CameraSample& sampled, Vec3 seen_from, CameraDensity& out,
+                       float film_border) const {
+  if (impl_->meter) [[unlikely]] {
+    impl_->meter->density(sampled, out);
+    return true;
+  }
+  return impl_->sensor.density(seen_from, -sampled.wi, film_border, out);
+}
+
 bool Scene::intersect_camera(const Ray& ray, float& distance, CameraDensity& out, float film_border) const {
-  return impl_->sensor.intersect(ray, film_border, distance, out);
+  return !impl_->meter && impl_->sensor.intersect(ray, film_border, distance, out);
+}
+
+bool Scene::meets_camera(const Ray& ray, const SurfaceHit* next, float& distance, CameraDensity& out,
+                         float film_border) const {
+  if (impl_->meter) [[unlikely]] {
+    if (next == nullptr || !impl_->meter->is_on(*next)) return false;
+    distance = next->distance;
+    return impl_->meter->density(*next, -ray.direction, out);
+  }
+  return impl_->sensor.intersect(ray, film_border, distance, out) &&
+         (next == nullptr || distance < next->distance);
 }
 
 const SceneFeatures& Scene::features() const {

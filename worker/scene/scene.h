@@ -98,7 +98,7 @@ class Scene {
 
   // A ray through film position (x, y) in pixels, (0, 0) the top left corner, between the clip planes.
   // u_lens: where on a finite lens; not read unless reads_lens(), a fact of the scene.
-  // weight: the sensor's response (1, as Mitsuba means it).
+  // weight: the sensor's response (1, as Mitsuba means it; pi of an irradiance meter).
   bool reads_lens() const;
   Ray camera_ray(float film_x, float film_y, Vec2 u_lens, float& weight) const;
   // From the pinhole, or the point on the lens, to where such a ray begins: along its unit direction to the
@@ -119,11 +119,19 @@ class Scene {
   bool sample_camera(const SurfaceHit& reference, Vec2 u_lens, CameraSample& out,
                      float film_border = 0) const;
   // The densities with which camera_ray chooses the ray through `point` (any point on it) along `direction`
-  // (unit, away from the camera); false: it cannot.
+  // (unit, away from the camera); false: it cannot. If the sensor is an irradiance meter, `point` is where
+  // camera_ray begins.
   bool pdf_camera(Vec3 point, Vec3 direction, CameraDensity& out, float film_border = 0) const;
+  // The same of the ray from where sample_camera() put it to the point that it was seen from.
+  bool pdf_camera(const CameraSample& sampled, Vec3 seen_from, CameraDensity& out,
+                  float film_border = 0) const;
   // A ray of light that meets a finite lens by itself: `distance` to the near plane. Whether a surface is in
-  // between is the caller's question.
+  // between is the caller's question. None of an irradiance meter.
   bool intersect_camera(const Ray& ray, float& distance, CameraDensity& out, float film_border = 0) const;
+  // The same of a ray up to the surface that it meets next, if any. An irradiance meter is met at that
+  // surface.
+  bool meets_camera(const Ray& ray, const SurfaceHit* next, float& distance, CameraDensity& out,
+                    float film_border = 0) const;
 
   const SceneFeatures& features() const;
 

@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <initializer_list>
 #include <numbers>
+#include <string_view>
 #include <utility>
 
 #include "common/base/log.h"
@@ -31,9 +33,26 @@ bool reads_uv(const description::Object& object) {
                      [](const description::Child& c) { return reads_uv(*c.object); });
 }
 
-// Lamps must be round: they are sampled by area.
-bool is_stretched_surface(const description::Object& shape) {
-  return shape.children_of("emitter").empty() && is_stretched(shape);
+// The attributes that textures below `object` look at, each once.
+void attributes_of(const description::Object& object, std::vector<std::string>& names) {
+  for (const description::Child& child : object.children) {
+    if (child.object->category == "shape") continue;
+    if (child.object->category != "texture" || child.object->plugin != "mesh_attribute") {
+      attributes_of(*child.object, names);
+      continue;
+    }
+    const std::string name = child.object->get_string("name", "");
+    if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+  }
+}
+
+// Something below `object` is a texture of one of the plugins.
+bool has_texture(const description::Object& object, std::initializer_list<std::string_view> plugins) {
+  if (object.category == "texture" &&
+      std::find(plugins.begin(), plugins.end(), object.plugin) != plugins.end())
+    return true;
+  return std::any_of(object.children.begin(), object.children.end(),
+                     [&](const description::Child& c) { return has_texture(*c.object, plugins); });
 }
 
 Spectrum to_spectrum(const description::Rgb& rgb) {
@@ -61,6 +80,11 @@ bool is_radiometric(Spectrum s) {
 }
 
 }  // namespace
+
+// Lamps and meters must be round: they are sampled by area.
+bool SceneBuilder::is_stretched_surface(const description::Object& shape) const {
+  return shape.children_of("emitter").empty() && &shape != measured_object_ && is_stretched(shape);
+}
 
 Result<std::uint32_t> SceneBuilder::bsdf_of(const description::Object& shape, bool emits) {
   const auto objects = shape.children_of("bsdf");
@@ -123,6 +147,7 @@ void SceneBuilder::count_bsdf(const Bsdf& bsdf) {
 
 Result<void> SceneBuilder::shapes(const description::Object& scene) {
   const auto all = scene.children_of("shape");
+  for (const auto& shape : all) CANDELA_TRY(read_attributes(*shape));
   for (const auto& shape : all) {
     if (shape->plugin != "shapegroup" && shape->plugin != "instance" && !is_stretched_surface(*shape))
       CANDELA_TRY(add_shape(*shape, false));
@@ -132,6 +157,17 @@ Result<void> SceneBuilder::shapes(const description::Object& scene) {
     if (shape->plugin == "instance") CANDELA_TRY(instance(*shape));
     if (is_stretched_surface(*shape)) CANDELA_TRY(stretched(*shape));
   }
+  return {};
+}
+
+Result<void> SceneBuilder::read_attributes(const description::Object& object) {
+  for (const auto& shape : object.children_of("shape")) CANDELA_TRY(read_attributes(*shape));
+  std::vector<std::string> names;
+  attributes_of(object, names);
+  if (names.empty() || read_shapes_.contains(&object)) return {};
+  CANDELA_ASSIGN(Shape shape, build_shape(object, files_, names));
+  geometry_.expect(shape.attributes);
+  read_shapes_.emplace(&object, std::move(shape));
   return {};
 }
 
@@ -197,11 +233,20 @@ Result<void> SceneBuilder::add_shape(const description::Object& object, bool in_
   CANDELA_ASSIGN(record.medium_interface, media_.add_interface(object, files_));
   CANDELA_ASSIGN(record.bsdf, bsdf_of(object, !emitters.empty()));
   record.reads_uv = reads_uv(object);
+  record.reads_mean_edge = has_texture(object, {"wireframe"});
   record.reads_partials = bsdfs_[record.bsdf].facts().reads_partials;
   if (parameterized_) record.reads_uv = record.reads_partials = true;
   // A tangent frame in the world needs the derivative that it follows.
   record.reads_partials |= in_group && record.reads_uv;
-  CANDELA_ASSIGN(Shape shape, build_shape(object, files_));
+  std::vector<std::string> attributes;
+  attributes_of(object, attributes);
+  Shape shape;
+  if (const auto read = read_shapes_.find(&object); read != read_shapes_.end()) {
+    shape = std::move(read->second);
+    read_shapes_.erase(read);
+  } else {
+    CANDELA_ASSIGN(shape, build_shape(object, files_, attributes));
+  }
   features_.dropped_faces += shape.dropped_count;
   if (shape.dropped_count > 0) {
     log::warn(object.where.file + ":" + std::to_string(object.where.line) + ": left out " +
@@ -214,6 +259,10 @@ Result<void> SceneBuilder::add_shape(const description::Object& object, bool in_
   count_bsdf(bsdfs_[record.bsdf]);
   const auto index = static_cast<std::uint32_t>(geometry_.shapes.size());
   if (!emitters.empty()) area_emitters_.push_back({index, shape.rectangle, emitters[0]});
+  if (&object == measured_object_ && !in_group) {
+    measured_ = index;
+    measured_rectangle_ = shape.rectangle;
+  }
   geometry_.add(std::move(shape), record);
   return {};
 }
@@ -240,10 +289,15 @@ Result<void> SceneBuilder::finish_geometry() {
     if (radiance.is_constant() && !is_radiometric(radiance.constant)) {
       return error_at(*area.object, "radiance must be finite and not negative").with_field("radiance");
     }
+    const Spectrum least = radiance.minimum();
+    if (std::min({least.r, least.g, least.b}) < 0)
+      return error_at(*area.object, "the texture has negative values").with_field("radiance");
     // A black lamp is none: nobody need choose it.
     if (radiance.is_constant() && radiance.constant.is_black()) continue;
+    // Samples of a rectangle do not name the triangle that they are on.
+    const bool as_mesh = has_texture(*area.object, {"wireframe"});
     geometry_.shapes[area.shape].emitter =
-        lights_.add_area(area.shape, area.rectangle ? &*area.rectangle : nullptr, radiance);
+        lights_.add_area(area.shape, area.rectangle && !as_mesh ? &*area.rectangle : nullptr, radiance);
     emitter_media_.resize(lights_.size(), kNone);
     emitter_media_.back() = media_.exterior(geometry_.shapes[area.shape].medium_interface);
     ++features_.emitter_kinds["area"];
@@ -348,6 +402,8 @@ void SceneBuilder::add_place_light(Emitter light, float peak) {
 }
 
 Result<void> SceneBuilder::emitter(const description::Object& object) {
+  if (object.plugin != "area" && has_texture(object, {"mesh_attribute", "wireframe", "volume"}))
+    return error_at(object, "the light's texture looks at a surface, which the light has not");
   const Transform to_world(object.get_transform("to_world"));
   if (object.plugin == "area") return {};  // glows in the shapes that refer to it, as in Mitsuba 3
   if (object.plugin == "point") {

@@ -14,6 +14,7 @@
 #include "worker/scene/bsdfs/bsdf_build.h"
 #include "worker/scene/emitters/lights.h"
 #include "worker/scene/features.h"
+#include "worker/scene/irradiance_meter.h"
 #include "worker/scene/media/media.h"
 #include "worker/scene/sensors/sensor.h"
 #include "worker/scene/shapes/geometry.h"
@@ -33,6 +34,7 @@ struct SceneData {
   std::vector<bool> straight;                // of each bsdf: some light passes straight on
   std::unique_ptr<Accel> accel;
   Sensor sensor;
+  std::optional<IrradianceMeter> meter;  // in the place of the sensor
   SceneFeatures features;
 };
 
@@ -51,6 +53,12 @@ class SceneBuilder {
         emitter_media_(data.emitter_media),
         features_(data.features) {}
 
+  // The shape that an irradiance meter is on, to be told before shapes(); then its index, kNone: it is not
+  // among the scene's own shapes.
+  void measure(const description::Object& shape) { measured_object_ = &shape; }
+  std::uint32_t measured() const { return measured_; }
+  const std::optional<Rectangle>& measured_rectangle() const { return measured_rectangle_; }
+
   Result<void> shapes(const description::Object& scene);
   Result<void> finish_geometry();
   Result<void> emitter(const description::Object& object);
@@ -63,6 +71,8 @@ class SceneBuilder {
     description::ObjectPtr object;
   };
 
+  // Reads the meshes whose attributes textures look at, so that the textures' bounds are known.
+  Result<void> read_attributes(const description::Object& object);
   // With its group if it is the first of it.
   Result<void> instance(const description::Object& object);
   Result<void> add_instance(const description::Object& object, std::uint32_t group);
@@ -70,6 +80,7 @@ class SceneBuilder {
   Result<void> stretched(const description::Object& object);
   Result<void> add_shape(const description::Object& object, bool in_group);
   Result<std::uint32_t> group_of(const description::ObjectPtr& object);
+  bool is_stretched_surface(const description::Object& shape) const;
   Result<std::uint32_t> bsdf_of(const description::Object& shape, bool emits);
   Result<Spectrum> quantity(const description::Object& object, std::string_view name) const;
   Result<SpotLight> spot(const description::Object& object, const Transform& to_world);
@@ -97,6 +108,10 @@ class SceneBuilder {
   std::uint32_t default_bsdf_ = kNone, black_bsdf_ = kNone, null_bsdf_ = kNone;
   std::vector<AreaEmitter> area_emitters_;
   std::map<const description::Object*, std::uint32_t> group_of_object_;
+  std::map<const description::Object*, Shape> read_shapes_;
+  const description::Object* measured_object_ = nullptr;
+  std::uint32_t measured_ = kNone;
+  std::optional<Rectangle> measured_rectangle_;
   bool all_delta_ = true;
 };
 

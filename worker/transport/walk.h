@@ -431,8 +431,7 @@ bool Walk<kMode, kBetween, Mis, SamplerT, Observer>::pass_straight(const Surface
 template <TransportMode kMode, Between kBetween, class Mis, class SamplerT, class Observer>
 void Walk<kMode, kBetween, Mis, SamplerT, Observer>::look_for_lens(bool found, const SurfaceHit& hit) {
   float distance = 0;
-  if (!scene_.intersect_camera(ray_, distance, lens_.camera, rules_.film_border)) return;
-  if (found && !(distance < hit.distance)) return;
+  if (!scene_.meets_camera(ray_, found ? &hit : nullptr, distance, lens_.camera, rules_.film_border)) return;
   lens_.met = true;
   lens_.throughput = throughput_;
   lens_.edges = edges_ + 1;

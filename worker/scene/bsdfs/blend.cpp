@@ -60,7 +60,7 @@ void BlendSurface::prepare(const SurfaceHit& hit, Vec3 wo, ClosureArena& arena, 
   Closure& b = arena.make();
   first->prepare(hit, wo, arena, a);
   second->prepare(hit, wo, arena, b);
-  const float share = std::clamp(weight.eval(hit.uv), 0.0f, 1.0f);
+  const float share = std::clamp(weight.eval(hit), 0.0f, 1.0f);
   out.set(BlendClosure{&a, &b, share});
   out.black = (a.black || share == 1) && (b.black || share == 0);
 }

@@ -92,7 +92,7 @@ void Bsdf::prepare(const SurfaceHit& hit, Vec3 wo, ClosureArena& arena, Closure&
         if constexpr (Composite<std::decay_t<decltype(surface)>>)
           surface.prepare(hit, wo, arena, out);
         else
-          surface.prepare(hit.uv, wo.z < 0, out);
+          surface.prepare(hit, wo.z < 0, out);
       },
       surface_);
 }

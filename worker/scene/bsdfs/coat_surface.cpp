@@ -31,8 +31,8 @@ void CoatSurface::prepare_coat(const SurfaceHit& hit, Vec3 wo, ClosureArena& are
   Closure& below = arena.make();
   out.below = &below;
   out.eta = eta;
-  out.specular = specular.eval(hit.uv);
-  out.absorption = sigma_a.eval(hit.uv) * thickness;
+  out.specular = specular.eval(hit);
+  out.absorption = sigma_a.eval(hit) * thickness;
   out.share = layer_share(out.specular, out.absorption);
   const Refracted o = refract_in(eta, wo);
   if (enters(o)) base->prepare(hit, o.inside, arena, below);

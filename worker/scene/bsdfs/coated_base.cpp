@@ -12,9 +12,10 @@ Result<void> CoatedBase::build(const description::Object& object, const BuildCon
   return {};
 }
 
-bool CoatedBase::prepare(Vec2 uv, Spectrum& base, Spectrum& coat, float& specular_share) const {
-  const Spectrum d = diffuse.eval(uv);
-  coat = specular.eval(uv);
+bool CoatedBase::prepare(const SurfacePoint& at, Spectrum& base, Spectrum& coat,
+                         float& specular_share) const {
+  const Spectrum d = diffuse.eval(at);
+  coat = specular.eval(at);
   const float d_sum = d.r + d.g + d.b;
   const float s_sum = coat.r + coat.g + coat.b;
   if (!(d_sum + s_sum > 0)) return false;

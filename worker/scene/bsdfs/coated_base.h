@@ -13,7 +13,7 @@ struct CoatedBase {
   Result<void> build(const description::Object& object, const BuildContext& context);
   // `base` is what is left of `diffuse` after any number of reflections inside, over eta^2; `specular_share`
   // is the specular part's share of the two colors. False: both are black.
-  bool prepare(Vec2 uv, Spectrum& base, Spectrum& coat, float& specular_share) const;
+  bool prepare(const SurfacePoint& at, Spectrum& base, Spectrum& coat, float& specular_share) const;
   float max_albedo() const;
 };
 

@@ -30,9 +30,9 @@ Result<void> ConductorSurface::build(const description::Object& object, const Bu
   return {};
 }
 
-void ConductorSurface::prepare(Vec2 uv, bool below, Closure& out) const {
+void ConductorSurface::prepare(const SurfacePoint& at, bool below, Closure& out) const {
   ConductorClosure p = {};
-  if (!below) p = {reflectance.eval(uv), eta.eval(uv), k.eval(uv)};
+  if (!below) p = {reflectance.eval(at), eta.eval(at), k.eval(at)};
   out.set(p);
   out.black = p.reflectance.is_black();
 }

@@ -46,8 +46,8 @@ Result<void> DielectricSurface::build(const description::Object& object, const B
   return {};
 }
 
-void DielectricSurface::prepare(Vec2 uv, bool /*below*/, Closure& out) const {
-  const DielectricClosure p = {reflectance.eval(uv), transmittance.eval(uv), eta};
+void DielectricSurface::prepare(const SurfacePoint& at, bool /*below*/, Closure& out) const {
+  const DielectricClosure p = {reflectance.eval(at), transmittance.eval(at), eta};
   out.set(p);
   out.black = p.reflectance.is_black() && p.transmittance.is_black();
 }

@@ -25,7 +25,7 @@ struct DielectricSurface {
   float eta = 1;  // int_ior / ext_ior
 
   Result<void> build(const description::Object& object, const BuildContext& context);
-  void prepare(Vec2 uv, bool below, Closure& out) const;
+  void prepare(const SurfacePoint& at, bool below, Closure& out) const;
   BsdfFacts facts() const;
 };
 

@@ -31,8 +31,8 @@ Result<void> DiffuseTransmitterSurface::build(const description::Object& object,
   return {};
 }
 
-void DiffuseTransmitterSurface::prepare(Vec2 uv, bool /*below*/, Closure& out) const {
-  const DiffuseTransmitterClosure p = {transmittance.eval(uv)};
+void DiffuseTransmitterSurface::prepare(const SurfacePoint& at, bool /*below*/, Closure& out) const {
+  const DiffuseTransmitterClosure p = {transmittance.eval(at)};
   out.set(p);
   out.black = p.transmittance.is_black();
 }

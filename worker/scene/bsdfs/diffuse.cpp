@@ -9,8 +9,8 @@ Result<void> DiffuseSurface::build(const description::Object& object, const Buil
   return {};
 }
 
-void DiffuseSurface::prepare(Vec2 uv, bool below, Closure& out) const {
-  const DiffuseClosure p = {below ? Spectrum() : reflectance.eval(uv)};
+void DiffuseSurface::prepare(const SurfacePoint& at, bool below, Closure& out) const {
+  const DiffuseClosure p = {below ? Spectrum() : reflectance.eval(at)};
   out.set(p);
   out.black = p.reflectance.is_black();
 }

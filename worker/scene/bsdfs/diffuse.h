@@ -40,7 +40,7 @@ struct DiffuseSurface {
   ColorTexture reflectance;
 
   Result<void> build(const description::Object& object, const BuildContext& context);
-  void prepare(Vec2 uv, bool below, Closure& out) const;
+  void prepare(const SurfacePoint& at, bool below, Closure& out) const;
   BsdfFacts facts() const;
 };
 

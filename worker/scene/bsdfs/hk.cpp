@@ -96,13 +96,13 @@ Result<void> LayerSurface::build(const description::Object& object, const BuildC
   thickness = static_cast<float>(object.get_number("thickness", 1));
   if (!(thickness >= 0) || !std::isfinite(thickness))
     return located("the thickness is finite and not negative", object, "thickness");
-  phase = build_phase(object);
+  CANDELA_ASSIGN(phase, build_phase(object));
   return {};
 }
 
-void LayerSurface::prepare(Vec2 uv, bool /*below*/, Closure& out) const {
+void LayerSurface::prepare(const SurfacePoint& at, bool /*below*/, Closure& out) const {
   LayerClosure p = {};
-  const Spectrum a = first.eval(uv), b = second.eval(uv);
+  const Spectrum a = first.eval(at), b = second.eval(at);
   const auto albedo = [](float scattered, float absorbed) {
     return scattered > 0 ? scattered / (scattered + absorbed) : 0.0f;
   };

@@ -36,7 +36,7 @@ struct LayerSurface {
   Phase phase;
 
   Result<void> build(const description::Object& object, const BuildContext& context);
-  void prepare(Vec2 uv, bool below, Closure& out) const;
+  void prepare(const SurfacePoint& at, bool below, Closure& out) const;
   BsdfFacts facts() const;
 };
 

@@ -23,6 +23,7 @@
 #include "worker/scene/bsdfs/phong.h"
 #include "worker/scene/bsdfs/plastic.h"
 #include "worker/scene/bsdfs/principled.h"
+#include "worker/scene/bsdfs/principled_thin.h"
 #include "worker/scene/bsdfs/roughcoating.h"
 #include "worker/scene/bsdfs/roughconductor.h"
 #include "worker/scene/bsdfs/roughdielectric.h"
@@ -40,7 +41,7 @@ using BsdfSurface =
                  PhongSurface, WardSurface, PrincipledSurface, RoughDielectricSurface, ThinDielectricSurface,
                  PlasticSurface, RoughPlasticSurface, TwoSidedSurface, BlendSurface, MaskSurface,
                  PerturbedSurface, RoughDiffuseSurface, DiffuseTransmitterSurface, LayerSurface,
-                 CoatingSurface, RoughCoatingSurface, StrictNormalsSurface>;
+                 CoatingSurface, RoughCoatingSurface, StrictNormalsSurface, PrincipledThinSurface>;
 
 inline constexpr std::size_t kBsdfKinds = std::variant_size_v<BsdfSurface>;
 

@@ -18,7 +18,7 @@ void MaskSurface::prepare(const SurfaceHit& hit, Vec3 wo, ClosureArena& arena, C
   Closure& covered = arena.make();
   nothing.set(NullClosure{});
   nested->prepare(hit, wo, arena, covered);
-  const float share = std::clamp(opacity.eval(hit.uv), 0.0f, 1.0f);
+  const float share = std::clamp(opacity.eval(hit), 0.0f, 1.0f);
   out.set(BlendClosure{&nothing, &covered, share});
   out.black = covered.black && share == 1;
 }

@@ -22,7 +22,7 @@ Result<void> NullSurface::build(const description::Object& /*object*/, const Bui
   return {};
 }
 
-void NullSurface::prepare(Vec2 /*uv*/, bool /*below*/, Closure& out) const {
+void NullSurface::prepare(const SurfacePoint& /*at*/, bool /*below*/, Closure& out) const {
   out.set(NullClosure{});
 }
 

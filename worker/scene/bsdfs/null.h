@@ -19,7 +19,7 @@ struct NullSurface {
   static constexpr std::string_view kPlugins[] = {"null"};
 
   Result<void> build(const description::Object& object, const BuildContext& context);
-  void prepare(Vec2 uv, bool below, Closure& out) const;
+  void prepare(const SurfacePoint& at, bool below, Closure& out) const;
   BsdfFacts facts() const;
 };
 

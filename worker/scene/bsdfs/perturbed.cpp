@@ -180,11 +180,11 @@ void PerturbedSurface::prepare(const SurfaceHit& hit, Vec3 wo, ClosureArena& are
   nested->prepare(hit, wo, arena, inner);  // seen from the same side in both frames
   Vec3d n;
   if (bump) {
-    const Vec2 gradient = displacement.gradient(hit.uv);
+    const Vec2 gradient = displacement.gradient(hit);
     const auto k = static_cast<double>(scale);
     n = displaced_normal(hit, k * static_cast<double>(gradient.x), k * static_cast<double>(gradient.y));
   } else {
-    const Spectrum c = normals.eval(hit.uv);
+    const Spectrum c = normals.eval(hit);
     n = {2 * static_cast<double>(c.r) - 1, 2 * static_cast<double>(c.g) - 1,
          2 * static_cast<double>(c.b) - 1};
   }

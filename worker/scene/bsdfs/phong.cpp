@@ -63,11 +63,11 @@ Result<void> PhongSurface::build(const description::Object& object, const BuildC
   return {};
 }
 
-void PhongSurface::prepare(Vec2 uv, bool below, Closure& out) const {
+void PhongSurface::prepare(const SurfacePoint& at, bool below, Closure& out) const {
   PhongClosure p = {};
   if (!below) {
-    p.prob_specular = colors.prepare(uv, p.diffuse, p.specular);
-    p.exponent = clamped_exponent(exponent.eval(uv));
+    p.prob_specular = colors.prepare(at, p.diffuse, p.specular);
+    p.exponent = clamped_exponent(exponent.eval(at));
   }
   out.set(p);
   out.black = p.diffuse.is_black() && p.specular.is_black();

@@ -64,10 +64,10 @@ Result<void> PlasticSurface::build(const description::Object& object, const Buil
   return {};
 }
 
-void PlasticSurface::prepare(Vec2 uv, bool below, Closure& out) const {
+void PlasticSurface::prepare(const SurfacePoint& at, bool below, Closure& out) const {
   PlasticClosure p = {};
   p.eta = base.eta;
-  const bool black = below || !base.prepare(uv, p.diffuse, p.specular, p.specular_share);
+  const bool black = below || !base.prepare(at, p.diffuse, p.specular, p.specular_share);
   out.set(p);
   out.black = black;
 }

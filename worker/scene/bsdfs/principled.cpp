@@ -10,38 +10,15 @@
 #include "worker/scene/bsdfs/fresnel.h"
 #include "worker/scene/bsdfs/kinds.h"
 #include "worker/scene/bsdfs/microfacet.h"
+#include "worker/scene/bsdfs/principled_lobes.h"
 
 namespace candela::scene {
 namespace {
 
-constexpr float kMinGgxAlpha = 0.001f;  // Mitsuba's
-constexpr float kMinRate = 0.01f;       // no lobe is left to chance alone
-
-float unit(float v) {
-  return std::clamp(v, 0.0f, 1.0f);
-}
-float most_of(const FloatTexture& texture) {
-  return texture.texture == nullptr ? texture.constant : luminance(texture.texture->maximum());
-}
-
-// Two roughnesses of the same product, their ratio up to 10 [Burley 2012, section 5.4].
-std::pair<float, float> ggx_alphas(float roughness, float anisotropic) {
-  const float alpha = roughness * roughness;
-  const float aspect = std::sqrt(1 - 0.9f * anisotropic);
-  return {std::max(kMinGgxAlpha, alpha / aspect), std::max(kMinGgxAlpha, alpha * aspect)};
-}
+using namespace principled;
 
 float coat_alpha_of(float gloss) {
   return 0.1f + gloss * (0.001f - 0.1f);
-}
-
-float schlick_weight(float cosine) {
-  const float m = std::clamp(1 - cosine, 0.0f, 1.0f);
-  return m * m * m * m * m;
-}
-
-float sine2(Vec3 h, Vec3 w) {
-  return std::min(1.0f, length_squared(cross(h, w)));
 }
 
 // Fresnel's reflectance from both cosines: of a given half vector, and the same from either side.
@@ -76,20 +53,7 @@ float coat_masking(Vec3 w) {
 
 // The diffuse parts and sheen, without cos theta_i.
 Spectrum eval_diffuse(const PrincipledClosure& p, Vec3 o, Vec3 i, float cos_d) {
-  const float f_i = schlick_weight(i.z);
-  const float f_o = schlick_weight(o.z);
-  const float retro90 = 2 * p.roughness * cos_d * cos_d;
-  // [Burley 2015, section 5.1]
-  const float diffuse = (1 - 0.5f * f_o) * (1 - 0.5f * f_i);
-  const float retro = retro90 * (f_i + f_o + f_i * f_o * (retro90 - 1));
-  float base = diffuse + retro;
-  if (p.flatness > 0) {
-    // After Hanrahan and Krueger [Burley 2012].
-    const float ss90 = 0.5f * retro90;
-    const float ss = (1 + (ss90 - 1) * f_i) * (1 + (ss90 - 1) * f_o);
-    const float flat = 1.25f * (ss * (1 / (o.z + i.z) - 0.5f) + 0.5f);
-    base += p.flatness * (flat - base);
-  }
+  const float base = diffuse_factor(o.z, i.z, cos_d, p.roughness, p.flatness);
   const Spectrum sheen = (Spectrum(p.sheen_white) + p.base * p.sheen_base) * schlick_weight(cos_d);
   return p.base * (p.diffuse * math::kInvPi * base) + sheen;
 }
@@ -251,40 +215,40 @@ Result<void> PrincipledSurface::build(const description::Object& object, const B
   return {};
 }
 
-void PrincipledSurface::prepare(Vec2 uv, bool below, Closure& out) const {
+void PrincipledSurface::prepare(const SurfacePoint& at, bool below, Closure& out) const {
   PrincipledClosure p = {};
-  const float metal = unit(metallic.eval(uv));
-  const float glass = unit(spec_trans.eval(uv));
+  const float metal = unit(metallic.eval(at));
+  const float glass = unit(spec_trans.eval(at));
   p.transmission = (1 - metal) * glass;
   if (below && !(p.transmission > 0)) {
     out.set(p);
     out.black = true;
     return;
   }
-  p.base = base_color.eval(uv);
+  p.base = base_color.eval(at);
   p.eta = eta;
-  p.roughness = unit(roughness.eval(uv));
-  std::tie(p.alpha_u, p.alpha_v) = ggx_alphas(p.roughness, unit(anisotropic.eval(uv)));
+  p.roughness = unit(roughness.eval(at));
+  std::tie(p.alpha_u, p.alpha_v) = ggx_alphas(p.roughness, unit(anisotropic.eval(at)));
   p.diffuse = (1 - metal) * (1 - glass);
-  p.flatness = unit(flatness.eval(uv));
+  p.flatness = unit(flatness.eval(at));
 
   // The hue of a color is the color over its luminance; of black, white.
   const float light = luminance(p.base);
   const bool has_hue = light > 1e-20f;
-  const float tint = (1 - metal) * unit(spec_tint.eval(uv));
+  const float tint = (1 - metal) * unit(spec_tint.eval(at));
   const float r0 = (eta - 1) / (eta + 1) * ((eta - 1) / (eta + 1));
   p.f0_base = metal + (has_hue ? tint * r0 / light : 0);
   p.f0_white = has_hue ? 0 : tint * r0;
   p.f90 = metal + tint;
   p.f_dielectric = (1 - metal) - tint;
-  const float cloth = (1 - metal) * unit(sheen.eval(uv));
-  const float cloth_tint = unit(sheen_tint.eval(uv));
+  const float cloth = (1 - metal) * unit(sheen.eval(at));
+  const float cloth_tint = unit(sheen_tint.eval(at));
   p.sheen_base = has_hue ? cloth * cloth_tint / light : 0;
   p.sheen_white = cloth * (has_hue ? 1 - cloth_tint : 1);
 
-  const float coat = unit(clearcoat.eval(uv));
+  const float coat = unit(clearcoat.eval(at));
   p.coat = 0.25f * coat;
-  p.coat_alpha = coat_alpha_of(unit(clearcoat_gloss.eval(uv)));
+  p.coat_alpha = coat_alpha_of(unit(clearcoat_gloss.eval(at)));
   const float coat_alpha2 = p.coat_alpha * p.coat_alpha;
   p.coat_norm = (coat_alpha2 - 1) / (math::kPi * math::logf(coat_alpha2));
   p.rate_diffuse = rate_diffuse * p.diffuse;

@@ -47,7 +47,7 @@ struct PrincipledSurface {
   float rate_diffuse = 1, rate_coat = 1, rate_specular = 1;
 
   Result<void> build(const description::Object& object, const BuildContext& context);
-  void prepare(Vec2 uv, bool below, Closure& out) const;
+  void prepare(const SurfacePoint& at, bool below, Closure& out) const;
   BsdfFacts facts() const;
 };
 

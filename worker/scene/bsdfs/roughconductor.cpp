@@ -65,14 +65,14 @@ Result<void> RoughConductorSurface::build(const description::Object& object, con
   return {};
 }
 
-void RoughConductorSurface::prepare(Vec2 uv, bool below, Closure& out) const {
+void RoughConductorSurface::prepare(const SurfacePoint& at, bool below, Closure& out) const {
   RoughConductorClosure p = {};
   if (!below)
-    p = {metal.reflectance.eval(uv),
-         metal.eta.eval(uv),
-         metal.k.eval(uv),
-         std::max(kMinAlpha, alpha_u.eval(uv)),
-         std::max(kMinAlpha, alpha_v.eval(uv)),
+    p = {metal.reflectance.eval(at),
+         metal.eta.eval(at),
+         metal.k.eval(at),
+         std::max(kMinAlpha, alpha_u.eval(at)),
+         std::max(kMinAlpha, alpha_v.eval(at)),
          ggx,
          sample_visible};
   out.set(p);

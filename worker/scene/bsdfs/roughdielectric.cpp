@@ -131,16 +131,16 @@ Result<void> RoughDielectricSurface::build(const description::Object& object, co
   return {};
 }
 
-void RoughDielectricSurface::prepare(Vec2 uv, bool /*below*/, Closure& out) const {
-  const Spectrum reflectance = boundary.reflectance.eval(uv);
-  const Spectrum transmittance = boundary.transmittance.eval(uv);
+void RoughDielectricSurface::prepare(const SurfacePoint& at, bool /*below*/, Closure& out) const {
+  const Spectrum reflectance = boundary.reflectance.eval(at);
+  const Spectrum transmittance = boundary.transmittance.eval(at);
   if (matched()) {
     out.set(ThinDielectricClosure{reflectance, transmittance, 1});
     out.black = transmittance.is_black();
     return;
   }
   out.set(RoughDielectricClosure{reflectance, transmittance, boundary.eta,
-                                 std::max(kMinAlpha, alpha_u.eval(uv)), std::max(kMinAlpha, alpha_v.eval(uv)),
+                                 std::max(kMinAlpha, alpha_u.eval(at)), std::max(kMinAlpha, alpha_v.eval(at)),
                                  ggx, sample_visible});
   out.black = reflectance.is_black() && transmittance.is_black();
 }

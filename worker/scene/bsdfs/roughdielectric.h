@@ -45,7 +45,7 @@ struct RoughDielectricSurface {
   bool matched() const;
 
   Result<void> build(const description::Object& object, const BuildContext& context);
-  void prepare(Vec2 uv, bool below, Closure& out) const;
+  void prepare(const SurfacePoint& at, bool below, Closure& out) const;
   BsdfFacts facts() const;
 };
 

@@ -78,10 +78,10 @@ Result<void> RoughDiffuseSurface::build(const description::Object& object, const
   return {};
 }
 
-void RoughDiffuseSurface::prepare(Vec2 uv, bool below, Closure& out) const {
+void RoughDiffuseSurface::prepare(const SurfacePoint& at, bool below, Closure& out) const {
   // 0.6 takes alpha for the root mean square slope of both axes together.
-  const float roughness = below ? 0.0f : std::min(alpha.eval(uv), 1e6f);
-  const RoughDiffuseClosure p = {below ? Spectrum() : reflectance.eval(uv), 0.5f * roughness * roughness,
+  const float roughness = below ? 0.0f : std::min(alpha.eval(at), 1e6f);
+  const RoughDiffuseClosure p = {below ? Spectrum() : reflectance.eval(at), 0.5f * roughness * roughness,
                                  fast};
   out.set(p);
   out.black = p.reflectance.is_black();

@@ -91,9 +91,9 @@ Result<void> RoughPlasticSurface::build(const description::Object& object, const
   return {};
 }
 
-void RoughPlasticSurface::prepare(Vec2 uv, bool below, Closure& out) const {
+void RoughPlasticSurface::prepare(const SurfacePoint& at, bool below, Closure& out) const {
   RoughPlasticClosure p = {};
-  const bool black = below || !base.prepare(uv, p.diffuse, p.specular, p.specular_share);
+  const bool black = below || !base.prepare(at, p.diffuse, p.specular, p.specular_share);
   p.eta = base.eta;
   p.alpha = alpha;
   p.ggx = ggx;

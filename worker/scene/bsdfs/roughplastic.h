@@ -37,7 +37,7 @@ struct RoughPlasticSurface {
   std::shared_ptr<const RoughTransmittance> coat;
 
   Result<void> build(const description::Object& object, const BuildContext& context);
-  void prepare(Vec2 uv, bool below, Closure& out) const;
+  void prepare(const SurfacePoint& at, bool below, Closure& out) const;
   BsdfFacts facts() const;
 };
 

@@ -5,7 +5,7 @@
 //   ClosureType, kPlugins   the closure it prepares, if that is its own; the names in scene files
 //   build(object, context)  parameters mean what Mitsuba 3 documents; values that no surface can have are
 //                           errors naming file, line and property
-//   prepare                 of plain surfaces: (uv, below, out); `below`: wo lies under the surface
+//   prepare                 of plain surfaces: (at, below, out); `below`: wo lies under the surface
 //                           of composites: (hit, wo, arena, out)
 //   facts()                 see BsdfFacts
 //

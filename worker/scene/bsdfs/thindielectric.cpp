@@ -52,8 +52,8 @@ Result<void> ThinDielectricSurface::build(const description::Object& object, con
   return boundary.build(object, context);
 }
 
-void ThinDielectricSurface::prepare(Vec2 uv, bool /*below*/, Closure& out) const {
-  const ThinDielectricClosure p = {boundary.reflectance.eval(uv), boundary.transmittance.eval(uv),
+void ThinDielectricSurface::prepare(const SurfacePoint& at, bool /*below*/, Closure& out) const {
+  const ThinDielectricClosure p = {boundary.reflectance.eval(at), boundary.transmittance.eval(at),
                                    boundary.eta};
   out.set(p);
   out.black = p.reflectance.is_black() && p.transmittance.is_black();

@@ -10,9 +10,9 @@ Result<void> TwoColors::build(const description::Object& object, const BuildCont
   return {};
 }
 
-float TwoColors::prepare(Vec2 uv, Spectrum& diffuse_here, Spectrum& specular_here) const {
-  diffuse_here = diffuse.eval(uv) * scale;
-  specular_here = specular.eval(uv) * scale;
+float TwoColors::prepare(const SurfacePoint& at, Spectrum& diffuse_here, Spectrum& specular_here) const {
+  diffuse_here = diffuse.eval(at) * scale;
+  specular_here = specular.eval(at) * scale;
   const float d = luminance(diffuse_here);
   const float s = luminance(specular_here);
   return s > 0 ? s / (d + s) : 0.0f;

@@ -12,7 +12,7 @@ struct TwoColors {
   float scale = 1;
   Result<void> build(const description::Object& object, const BuildContext& context);
   // Returns the probability of sampling the specular one.
-  float prepare(Vec2 uv, Spectrum& diffuse_here, Spectrum& specular_here) const;
+  float prepare(const SurfacePoint& at, Spectrum& diffuse_here, Spectrum& specular_here) const;
   float max_albedo() const;
 };
 

@@ -84,13 +84,13 @@ Result<void> WardSurface::build(const description::Object& object, const BuildCo
   return {};
 }
 
-void WardSurface::prepare(Vec2 uv, bool below, Closure& out) const {
+void WardSurface::prepare(const SurfacePoint& at, bool below, Closure& out) const {
   WardClosure p = {};
   if (!below) {
-    p.prob_specular = colors.prepare(uv, p.diffuse, p.specular);
+    p.prob_specular = colors.prepare(at, p.diffuse, p.specular);
     // Above 10 nothing changes but that the density underflows.
-    p.alpha_u = std::clamp(alpha_u.eval(uv), kMinAlpha, 10.0f);
-    p.alpha_v = std::clamp(alpha_v.eval(uv), kMinAlpha, 10.0f);
+    p.alpha_u = std::clamp(alpha_u.eval(at), kMinAlpha, 10.0f);
+    p.alpha_v = std::clamp(alpha_v.eval(at), kMinAlpha, 10.0f);
     p.variant = variant;
   }
   out.set(p);

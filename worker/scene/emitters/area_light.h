@@ -74,7 +74,7 @@ class AreaLight {
 
   // Radiance from the surface at `hit` towards wo.
   Spectrum emitted(const SurfaceHit& hit, Vec3 wo) const {
-    return dot(wo, hit.ng) > 0 ? radiance_.eval(hit.uv) : Spectrum();
+    return dot(wo, hit.ng) > 0 ? radiance_.eval(hit) : Spectrum();
   }
 
   Spectrum power(const SceneExtent& scene) const;
@@ -145,7 +145,7 @@ DirectOutcome AreaLight<Surface>::direct(const SurfaceHit& reference, Vec3 front
     return DirectOutcome::dark;
   }
   if (!radiance_.is_constant()) surface_.find_uv(point);
-  out.radiance = radiance_.eval(point.uv);
+  out.radiance = radiance_.eval(point);
   if (out.radiance.is_black()) return DirectOutcome::dark;
   out.shadow_ray = spawn_shadow_ray(reference, point.p, point.ng, point.error);
   return DirectOutcome::sampled;
@@ -156,15 +156,14 @@ bool AreaLight<Surface>::sample_emission(const SceneExtent& /*scene*/, double re
                                          Vec2 u_direction, EmissionSample& out) const {
   LightPoint point;
   sample_area(rest, u_position, point);
-  out.vertex.p = point.p;
+  static_cast<SurfacePoint&>(out.vertex) = point;
   out.vertex.ng = point.ng;
   out.vertex.shading = make_frame(point.ng);
-  out.vertex.uv = point.uv;
   out.vertex.error = point.error;
   out.vertex.shape = shape_;
   out.vertex.bsdf = bsdf_;
   const Vec3 d = normalize(out.vertex.shading.to_world(warp::cosine_hemisphere(u_direction)));
-  out.radiance = radiance_.eval(point.uv);
+  out.radiance = radiance_.eval(point);
   out.cosine = dot(d, point.ng);
   if (!(out.cosine > 0)) return false;
   out.pdf_area = pdf_area();
@@ -196,7 +195,7 @@ Spectrum AreaLight<Surface>::mean_radiance() const {
     const double turn = 0.6180339887498949 * (i + 0.5);
     LightPoint point;
     sample_area(turn - std::floor(turn), u, point);
-    const Spectrum radiance = radiance_.eval(point.uv);
+    const Spectrum radiance = radiance_.eval(point);
     sum[0] += static_cast<double>(radiance.r);
     sum[1] += static_cast<double>(radiance.g);
     sum[2] += static_cast<double>(radiance.b);

@@ -32,6 +32,12 @@ class Distribution {
     return (cumulative_[i] - (i > 0 ? cumulative_[i - 1] : 0.0)) / total_;
   }
 
+  // The u that sample() takes to element i, where u falls at `rest` of it.
+  double place(std::uint32_t i, double rest) const {
+    const double low = i > 0 ? cumulative_[i - 1] : 0.0;
+    return (low + rest * (cumulative_[i] - low)) / total_;
+  }
+
   // u in [0, 1). Never an element of weight zero. `rest`: where in the element u fell, uniform in [0, 1)
   // again.
   std::uint32_t sample(double u, double* rest = nullptr) const {

@@ -56,7 +56,8 @@ struct EmissionDensity {
 // Light leaving an emitter.
 struct EmissionSample : EmissionDensity {
   // Where it starts: p, ng, shading, uv, error, shape, bsdf and emitter as a ray meeting the emitter there
-  // would find them (primitive and distance are not known). Without a surface: ng is the direction.
+  // would find them (distance is not known, primitive of meshes alone). Without a surface: ng is the
+  // direction.
   SurfaceHit vertex;
   Ray ray;            // offset off the surface; infinite: from outside the scene's bounding sphere
   Spectrum radiance;  // along the ray, W / (m^2 sr); delta_position: intensity, W / sr; delta_direction:

@@ -11,13 +11,11 @@
 
 namespace candela::scene {
 
-struct LightPoint {
-  Vec3 p;
-  Vec3 ng;                          // of the emitting front
-  Vec3 wi;                          // unit, from the reference towards p
-  Vec2 uv;                          // of the shape's parameterization; see find_uv() of the surfaces
-  float error = 0;                  // of p, as in SurfaceHit
-  std::uint32_t primitive = kNone;  // the triangle, of a mesh
+// uv is filled by find_uv() of the surfaces, primitive and barycentric by meshes alone.
+struct LightPoint : SurfacePoint {
+  Vec3 ng;          // of the emitting front
+  Vec3 wi;          // unit, from the reference towards p
+  float error = 0;  // of p, as in SurfaceHit
   float pdf_solid_angle = 0;
 };
 

@@ -43,6 +43,7 @@ void MeshSurface::place(std::uint32_t triangle, Vec3 p, Vec2 barycentric, LightP
   out.p = p;
   out.ng = geometry_->triangles[triangle].ng;
   out.uv = geometry_->uv_at(triangle, barycentric.x, barycentric.y);
+  out.barycentric = barycentric;
   out.error = geometry_->point_error(triangle, p);
   out.primitive = triangle;
 }

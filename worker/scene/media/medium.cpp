@@ -131,42 +131,39 @@ Error error_at(const description::Object& object, std::string_view field, std::s
       .with_field(std::string(field));
 }
 
-// A parameter that may be a volume.
-Result<Volume> build_volume(const description::Object& medium, std::string_view name, double otherwise,
-                            const description::FileSource& files) {
-  std::optional<description::Rgb> rgb = medium.get_rgb(name);
-  Volume volume;
-  if (const description::Child* child = medium.find_child(name)) {
-    if (child->object->plugin == "gridvolume") {
-      CANDELA_ASSIGN(GridVolume grid, GridVolume::build(*child->object, files));
-      volume.grid = std::make_shared<const GridVolume>(std::move(grid));
-      return volume;
-    }
-    rgb = child->object->get_rgb("value");
-    otherwise = 1;
-  }
-  const description::Vec3 value = rgb ? rgb->value : description::Vec3{otherwise, otherwise, otherwise};
-  volume.constant = {static_cast<float>(value[0]), static_cast<float>(value[1]),
-                     static_cast<float>(value[2])};
-  return volume;
+}  // namespace
+
+namespace {
+
+Result<Phase> phase_of(const description::Object& object) {
+  if (object.plugin == "hg") return Phase::henyey_greenstein(static_cast<float>(object.get_number("g", 0.8)));
+  if (object.plugin == "rayleigh") return Phase::rayleigh();
+  if (object.plugin != "blendphase") return Phase();
+  const auto parts = object.children_of("phase");
+  if (parts.size() != 2) return error_at(object, "phase", "a blendphase holds two phase functions");
+  CANDELA_ASSIGN(const Phase first, phase_of(*parts[0]));
+  CANDELA_ASSIGN(const Phase second, phase_of(*parts[1]));
+  Phase blend;
+  if (!Phase::blend(first, second, static_cast<float>(object.get_number("weight", 0.5)), blend))
+    return error_at(object, "phase", "a blendphase is made of more than 4 phase functions");
+  return blend;
 }
 
 }  // namespace
 
-Phase build_phase(const description::Object& owner) {
+Result<Phase> build_phase(const description::Object& owner) {
   const auto phases = owner.children_of("phase");
-  if (!phases.empty() && phases[0]->plugin == "hg")
-    return Phase::henyey_greenstein(static_cast<float>(phases[0]->get_number("g", 0.8)));
-  return !phases.empty() && phases[0]->plugin == "rayleigh" ? Phase::rayleigh() : Phase();
+  if (phases.empty()) return Phase();
+  return phase_of(*phases[0]);
 }
 
 Result<Medium> build_medium(const description::Object& object, const description::FileSource& files) {
-  CANDELA_ASSIGN(Volume sigma_t, build_volume(object, "sigma_t", 1, files));
-  CANDELA_ASSIGN(Volume albedo, build_volume(object, "albedo", 0.75, files));
+  CANDELA_ASSIGN(Volume sigma_t, Volume::build(object, "sigma_t", 1, files));
+  CANDELA_ASSIGN(Volume albedo, Volume::build(object, "albedo", 0.75, files));
   if (albedo.maximum().max_component() > 1)
     return error_at(object, "albedo", "the albedo is above 1 somewhere: the medium would make light");
   const auto scale = static_cast<float>(object.get_number("scale", 1));
-  const Phase phase = build_phase(object);
+  CANDELA_ASSIGN(const Phase phase, build_phase(object));
   const bool grid = sigma_t.grid != nullptr;
   const double longest = grid ? sigma_t.grid->longest_line() : 0;
   Medium medium(std::move(sigma_t), scale, std::move(albedo), phase);

@@ -68,7 +68,7 @@ class Medium {
 
 // From a description object "homogeneous" or "heterogeneous". Errors name file, line and parameter.
 // The phase function inside of a medium or a bsdf; isotropic if there is none.
-Phase build_phase(const description::Object& owner);
+Result<Phase> build_phase(const description::Object& owner);
 
 Result<Medium> build_medium(const description::Object& object, const description::FileSource& files);
 

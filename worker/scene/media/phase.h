@@ -6,7 +6,10 @@
 // direction is its value, and the weight of a sample is 1.
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 
 #include "worker/core/math.h"
@@ -15,7 +18,7 @@
 
 namespace candela::scene {
 
-enum class PhaseKind : std::uint8_t { isotropic, hg, rayleigh };
+enum class PhaseKind : std::uint8_t { isotropic, hg, rayleigh, blend };
 
 class Phase {
  public:
@@ -35,12 +38,26 @@ class Phase {
     return phase;
   }
 
+  // `share` of the second, in [0, 1], and the rest of the first. False: they are made of more than kMostParts
+  // together.
+  static constexpr std::size_t kMostParts = 4;
+  static bool blend(const Phase& first, const Phase& second, float share, Phase& out) {
+    out = {};
+    out.kind_ = PhaseKind::blend;
+    return out.add(first, 1 - share) && out.add(second, share);
+  }
+
   PhaseKind kind() const { return kind_; }
   float mean_cosine() const { return g_; }
 
   // Per steradian.
   float eval(Vec3 wo, Vec3 wi) const {
     switch (kind_) {
+      case PhaseKind::blend: {
+        float sum = 0;
+        for (std::size_t i = 0; i < part_count_; ++i) sum += parts_[i].weight * part(i).eval(wo, wi);
+        return sum;
+      }
       case PhaseKind::isotropic:
         return warp::kPdfUniformSphereSolidAngle;
       case PhaseKind::rayleigh:
@@ -59,6 +76,15 @@ class Phase {
     const double w = 2 * static_cast<double>(u.x) - 1;
     double cosine = 0;
     switch (kind_) {
+      case PhaseKind::blend: {
+        std::size_t i = 0;
+        double x = static_cast<double>(u.x);
+        for (; i + 1 < part_count_ && x >= static_cast<double>(parts_[i].weight); ++i)
+          x -= static_cast<double>(parts_[i].weight);
+        x /= static_cast<double>(parts_[i].weight);
+        part(i).sample(wo, {static_cast<float>(std::clamp(x, 0.0, 1.0 - 0x1p-24)), u.y}, wi);
+        return eval(wo, wi);
+      }
       case PhaseKind::isotropic:
         wi = warp::uniform_sphere(u);
         return warp::kPdfUniformSphereSolidAngle;
@@ -99,8 +125,35 @@ class Phase {
     return static_cast<double>(warp::kPdfUniformSphereSolidAngle) * (1 - g) * (1 + g) / (d * std::sqrt(d));
   }
 
+  struct Part {
+    PhaseKind kind = PhaseKind::isotropic;
+    float g = 0;
+    float weight = 0;
+  };
+  Phase part(std::size_t i) const {
+    Phase phase;
+    phase.kind_ = parts_[i].kind;
+    phase.g_ = parts_[i].g;
+    return phase;
+  }
+  bool add(const Phase& phase, float weight) {
+    if (phase.kind_ == PhaseKind::blend) {
+      bool all = true;
+      for (std::size_t i = 0; i < phase.part_count_; ++i)
+        all = all && add(phase.part(i), weight * phase.parts_[i].weight);
+      return all;
+    }
+    if (!(weight > 0)) return true;
+    if (part_count_ == kMostParts) return false;
+    parts_[part_count_++] = {phase.kind_, phase.g_, weight};
+    g_ += weight * phase.g_;
+    return true;
+  }
+
   PhaseKind kind_ = PhaseKind::isotropic;
-  float g_ = 0;
+  std::uint8_t part_count_ = 0;
+  float g_ = 0;  // of a blend: the mean cosine
+  std::array<Part, kMostParts> parts_{};
 };
 
 }  // namespace candela::scene

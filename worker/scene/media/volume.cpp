@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -196,6 +197,25 @@ Spectrum GridVolume::maximum() const {
     most = maximum_of(most, value);
   }
   return most;
+}
+
+Result<Volume> Volume::build(const description::Object& owner, std::string_view name, double otherwise,
+                             const description::FileSource& files) {
+  std::optional<description::Rgb> rgb = owner.get_rgb(name);
+  Volume volume;
+  if (const description::Child* child = owner.find_child(name)) {
+    if (child->object->plugin == "gridvolume") {
+      CANDELA_ASSIGN(GridVolume grid, GridVolume::build(*child->object, files));
+      volume.grid = std::make_shared<const GridVolume>(std::move(grid));
+      return volume;
+    }
+    rgb = child->object->get_rgb("value");
+    otherwise = 1;
+  }
+  const description::Vec3 value = rgb ? rgb->value : description::Vec3{otherwise, otherwise, otherwise};
+  volume.constant = {static_cast<float>(value[0]), static_cast<float>(value[1]),
+                     static_cast<float>(value[2])};
+  return volume;
 }
 
 }  // namespace candela::scene

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <string_view>
 
 #include "common/base/result.h"
 #include "common/description/object.h"
@@ -52,8 +53,11 @@ class GridVolume {
   std::array<double, 3> offset_{};
 };
 
-// Of a medium: constant, or a grid.
+// Constant, or a grid.
 struct Volume {
+  // A parameter that may be a volume.
+  static Result<Volume> build(const description::Object& owner, std::string_view name, double otherwise,
+                              const description::FileSource& files);
   Spectrum constant;
   std::shared_ptr<const GridVolume> grid;  // null: the constant
   Spectrum eval(Vec3d world) const { return grid == nullptr ? constant : grid->eval(grid->to_local(world)); }

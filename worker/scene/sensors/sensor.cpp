@@ -6,6 +6,7 @@
 #include "worker/core/math.h"
 #include "worker/core/measure.h"
 #include "worker/scene/sensors/field_of_view.h"
+#include "worker/scene/shapes/shape.h"
 #include "worker/scene/transform.h"
 
 namespace candela::scene {
@@ -103,6 +104,73 @@ Result<Sensor> Sensor::build(const description::Object& sensor, std::uint32_t fi
   return out;
 }
 
+Result<Sensor> Sensor::build_distant(const description::Object& sensor, const description::FileSource& files,
+                                     const Bounds& scene, std::uint32_t film_width,
+                                     std::uint32_t film_height) {
+  if (film_width != 1 || film_height != 1)
+    return error_at(sensor, "film", "the film of a distant sensor has one pixel")
+        .with_mend("set its size to 1 x 1");
+  Sensor out;
+  out.kind_ = Kind::distant;
+  const Transform to_world(sensor.get_transform("to_world"));
+  const description::Vec3 given = sensor.get_vec3("direction", {0, 0, 1});
+  const Vec3d along =
+      sensor.find("direction") != nullptr ? Vec3d{given[0], given[1], given[2]} : to_world.vector({0, 0, 1});
+  if (!(length(along) > 0)) return error_at(sensor, "direction", "direction has no length");
+  out.direction_ = normalize(along);
+  const Vec3d center = scene.empty() ? Vec3d{} : scene.center();
+  const double radius = scene.empty() ? 1.0 : std::max(scene.radius(), 1e-4) * (1 + 1e-4);
+  if (sensor.find("target") != nullptr) {
+    const description::Vec3 p = sensor.get_vec3("target", {0, 0, 0});
+    out.origin_ = {p[0], p[1], p[2]};
+  } else if (const auto targets = sensor.children_of("shape"); !targets.empty()) {
+    CANDELA_ASSIGN(const Shape target, build_shape(*targets[0], files));
+    if (target.rectangle) {
+      out.lens_x_ = Vec3d(target.rectangle->edge_u) * 0.5;
+      out.lens_y_ = Vec3d(target.rectangle->edge_v) * 0.5;
+      out.origin_ = Vec3d(target.rectangle->corner) + out.lens_x_ + out.lens_y_;
+    } else if (target.disk) {
+      out.round_ = true;
+      out.lens_x_ = target.disk->axes[0] * target.disk->radius;
+      out.lens_y_ = target.disk->axes[1] * target.disk->radius;
+      out.origin_ = target.disk->center;
+    } else {
+      return error_at(sensor, "target",
+                      "the target is a point, a rectangle or a disk, not a '" + targets[0]->plugin + "'");
+    }
+  } else {
+    const Frame across = make_frame(Vec3(out.direction_));
+    out.round_ = true;
+    out.lens_x_ = Vec3d(across.s) * radius;
+    out.lens_y_ = Vec3d(across.t) * radius;
+    out.origin_ = center;
+  }
+  const Vec3d normal = cross(out.lens_x_, out.lens_y_);
+  const double volume = dot(normal, out.direction_);
+  if (length(normal) > 0) {
+    if (!(std::abs(volume) > 1e-6 * length(normal)))
+      return error_at(sensor, "target", "the target is seen from its edge");
+    out.dual_x_ = cross(out.lens_y_, out.direction_) / volume;
+    out.dual_y_ = cross(out.direction_, out.lens_x_) / volume;
+    out.dual_depth_ = normal / volume;
+  }
+  out.pixel_ = std::abs(volume) * (out.round_ ? kPi : 4.0);
+  // From far enough for all that lies around the target; the rays go on without end.
+  const double back = length(out.origin_ - center) + radius + length(out.lens_x_) + length(out.lens_y_);
+  out.origin_ += out.direction_ * -back;
+  if (!(length(out.origin_) + length(out.lens_x_) + length(out.lens_y_) <= kFarthest))
+    return error_at(sensor, "to_world", kOutOfRange);
+  return out;
+}
+
+bool Sensor::on_target(Vec3d p, double& depth) const {
+  if (!(pixel_ > 0)) return false;
+  const Vec3d v = p - origin_;
+  const double x = dot(v, dual_x_), y = dot(v, dual_y_);
+  depth = dot(v, dual_depth_);
+  return round_ ? x * x + y * y <= 1 : std::abs(x) <= 1 && std::abs(y) <= 1;
+}
+
 bool Sensor::in_range() const {
   constexpr double kBorder = 64;  // pixels, of the widest filter
   const double film =
@@ -131,6 +199,17 @@ bool Sensor::sample(const SurfaceHit& reference, Vec2 u_lens, float border, Came
   out.cosine = 1;
   out.pdf_solid_angle = 1;
   const Vec3d p(reference.p);
+  if (kind_ == Kind::distant) [[unlikely]] {
+    double depth = 0;
+    if (!on_target(p, depth) || !(depth > 0)) return false;
+    out.delta_direction = true;
+    out.wi = Vec3(-direction_);
+    out.film_x = out.film_y = 0.5f;
+    out.importance = static_cast<float>(1 / pixel_);
+    out.p = Vec3(p - direction_ * depth);
+    out.shadow_ray = spawn_shadow_ray(reference, out.p, {0, 0, 0}, 0);
+    return true;
+  }
   if (kind_ == Kind::orthographic) {
     const Vec3d v = p - axis_;
     const double t = dot(v, dual_depth_), x = dot(v, dual_x_), y = dot(v, dual_y_);
@@ -175,6 +254,17 @@ bool Sensor::density(Vec3 point, Vec3 direction, float border, CameraDensity& ou
   out.delta_position = kind_ == Kind::perspective;
   out.delta_direction = kind_ == Kind::orthographic;
   const double film_area = width_ * height_;
+  if (kind_ == Kind::distant) [[unlikely]] {
+    double depth = 0;
+    if (!on_target(Vec3d(point), depth)) return false;
+    out.delta_direction = true;
+    out.p = Vec3(Vec3d(point) - direction_ * depth);
+    out.film_x = out.film_y = 0.5f;
+    out.pdf_area = out.importance = static_cast<float>(1 / pixel_);
+    out.pdf_solid_angle = 1;
+    out.cosine = 1;
+    return true;
+  }
   if (kind_ == Kind::orthographic) {
     const Vec3d v = Vec3d(point) - axis_;
     const double x = dot(v, dual_x_), y = dot(v, dual_y_);

@@ -1,5 +1,5 @@
-// Mitsuba's cameras `perspective`, `thinlens` and `orthographic`, as one closed set. In its own space a
-// camera looks along +z with y up and x to the LEFT of the image.
+// Mitsuba's cameras `perspective`, `thinlens`, `orthographic` and `distant`, as one closed set. In its own
+// space a camera looks along +z with y up and x to the LEFT of the image.
 #pragma once
 
 #include <algorithm>
@@ -9,6 +9,7 @@
 #include "common/description/object.h"
 #include "worker/core/vec.h"
 #include "worker/core/warp.h"
+#include "worker/scene/bounds.h"
 #include "worker/scene/camera.h"
 #include "worker/scene/hit.h"
 
@@ -20,6 +21,12 @@ class Sensor {
   static Result<Sensor> build(const description::Object& sensor, std::uint32_t film_width,
                               std::uint32_t film_height);
 
+  // Parallel rays from outside of the scene, which these bounds enclose: all that pass a target, a disk or a
+  // parallelogram. Its film is one pixel. A target that is a point has one ray, which no light path finds.
+  static Result<Sensor> build_distant(const description::Object& sensor, const description::FileSource& files,
+                                      const Bounds& scene, std::uint32_t film_width,
+                                      std::uint32_t film_height);
+
   // A lens of finite size: rays depend on u_lens. An aperture of radius 0 is a pinhole.
   bool reads_lens() const { return kind_ == Kind::thinlens; }
 
@@ -30,6 +37,8 @@ class Sensor {
     if (kind_ == Kind::orthographic) {
       return {Vec3(d), Vec3(direction_), reach(1)};
     }
+    if (kind_ == Kind::distant) [[unlikely]]
+      return {target_point(film_x, film_y), Vec3(direction_)};
     Vec3d origin = origin_;
     if (kind_ == Kind::thinlens) {
       const Vec3d lens = lens_point(u_lens);
@@ -43,7 +52,9 @@ class Sensor {
 
   // Along a unit direction of ray(), from the lens to the near plane; 0 for an orthographic camera.
   double near_distance(Vec3 direction) const {
-    return kind_ == Kind::orthographic ? 0.0 : near_clip_ / dot(Vec3d(direction), dual_depth_);
+    return kind_ == Kind::orthographic || kind_ == Kind::distant
+               ? 0.0
+               : near_clip_ / dot(Vec3d(direction), dual_depth_);
   }
 
   // A lens point as seen from the reference, uniform over the lens. False: the reference is not on the film,
@@ -60,7 +71,7 @@ class Sensor {
   bool intersect(const Ray& ray, float border, float& distance, CameraDensity& out) const;
 
  private:
-  enum class Kind : std::uint8_t { perspective, thinlens, orthographic };
+  enum class Kind : std::uint8_t { perspective, thinlens, orthographic, distant };
 
   // From the near plane to the far one along a ray of length l from the film's plane at unit depth; finite.
   float reach(double l) const { return static_cast<float>(std::min((far_clip_ - near_clip_) * l, 3.0e38)); }
@@ -68,6 +79,14 @@ class Sensor {
     const Vec2 disk = warp::concentric_disk(u);
     return lens_x_ * static_cast<double>(disk.x) + lens_y_ * static_cast<double>(disk.y);
   }
+  // distant: where a ray starts.
+  Vec3 target_point(float film_x, float film_y) const {
+    Vec2 s{std::clamp(film_x, 0.0f, 1.0f), std::clamp(film_y, 0.0f, 1.0f)};
+    s = round_ ? warp::concentric_disk(s) : Vec2{2 * s.x - 1, 2 * s.y - 1};
+    return Vec3(origin_ + lens_x_ * static_cast<double>(s.x) + lens_y_ * static_cast<double>(s.y));
+  }
+  // distant: the line through p along the rays passes the target. `depth`: of p behind the target.
+  bool on_target(Vec3d p, double& depth) const;
   void finish();          // what inverse mappings need, from the forward one
   bool in_range() const;  // rays begin where they can be traced
   bool on_film(double x, double y, float border) const {
@@ -80,8 +99,10 @@ class Sensor {
   Vec3d axis_;           // the point (0, 0) of the film at unit depth, from the origin; orthographic: in the
                          // world, on the near plane
   Vec3d across_, down_;  // one pixel to the right, one down
-  Vec3d direction_;      // unit; orthographic: of all rays, else the lens's normal
-  Vec3d lens_x_, lens_y_;  // half axes of the lens
+  Vec3d direction_;      // unit; orthographic, distant: of all rays, else the lens's normal
+  Vec3d lens_x_,
+      lens_y_;  // half axes of the lens, or of the distant target around origin_, outside of the scene
+  bool round_ = false;  // distant: the target is an ellipse
   double inverse_focus_ = 0;
   double near_clip_ = 0, far_clip_ = 0;
   double width_ = 1, height_ = 1;

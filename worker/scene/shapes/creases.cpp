@@ -6,6 +6,7 @@
 #include <numbers>
 #include <numeric>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include "worker/core/math.h"
@@ -38,7 +39,13 @@ loaders::Mesh split_at_creases(loaders::Mesh mesh, const Transform& to_world, do
     const std::uint32_t v = mesh.triangles[corner / 3][corner % 3];
     const Vec3 p = mesh.positions[v];
     const Vec2 uv = mesh.uvs.empty() ? Vec2{} : mesh.uvs[v];
-    return std::tuple(p.x, p.y, p.z, uv.x, uv.y);
+    std::vector<float> attributes;
+    for (const loaders::MeshAttribute& attribute : mesh.attributes) {
+      if (attribute.of_faces()) continue;
+      const Spectrum value = attribute.values[v];
+      attributes.insert(attributes.end(), {value.r, value.g, value.b});
+    }
+    return std::tuple(p.x, p.y, p.z, uv.x, uv.y, std::move(attributes));
   };
   std::stable_sort(corners.begin(), corners.end(),
                    [&](std::size_t a, std::size_t b) { return place(a) < place(b); });
@@ -46,6 +53,8 @@ loaders::Mesh split_at_creases(loaders::Mesh mesh, const Transform& to_world, do
   loaders::Mesh split;
   split.dropped_face_count = mesh.dropped_face_count;
   split.triangles.resize(mesh.triangles.size());
+  for (const loaders::MeshAttribute& attribute : mesh.attributes)
+    split.attributes.push_back(attribute.of_faces() ? attribute : loaders::MeshAttribute{attribute.name, {}});
   std::vector<bool> taken(corners.size());
   for (std::size_t begin = 0, end = 0; begin < corners.size(); begin = end) {
     while (end < corners.size() && place(corners[end]) == place(corners[begin])) ++end;
@@ -55,6 +64,9 @@ loaders::Mesh split_at_creases(loaders::Mesh mesh, const Transform& to_world, do
       const std::uint32_t old = mesh.triangles[corners[i] / 3][corners[i] % 3];
       split.positions.push_back(mesh.positions[old]);
       if (!mesh.uvs.empty()) split.uvs.push_back(mesh.uvs[old]);
+      for (std::size_t a = 0; a < mesh.attributes.size(); ++a)
+        if (!mesh.attributes[a].of_faces())
+          split.attributes[a].values.push_back(mesh.attributes[a].values[old]);
       for (std::size_t k = i; k < end; ++k) {
         const std::size_t corner = corners[k];
         if (taken[corner] || (k != i && dot(normals[corners[i] / 3], normals[corner / 3]) < threshold))

@@ -71,6 +71,22 @@ constexpr double kTwoPi = 2 * std::numbers::pi;
 
 }  // namespace
 
+void Geometry::expect(const std::vector<loaders::MeshAttribute>& shape_attributes) {
+  for (const loaders::MeshAttribute& from : shape_attributes) {
+    const auto [found, is_new] = attributes.try_emplace(from.name);
+    Attribute& attribute = found->second;
+    if (is_new) {
+      attribute.of_faces = from.of_faces();
+      attribute.minimum = attribute.maximum = from.values.front();
+    }
+    Spectrum &least = attribute.minimum, &most = attribute.maximum;
+    for (const Spectrum v : from.values) {
+      least = {std::min(least.r, v.r), std::min(least.g, v.g), std::min(least.b, v.b)};
+      most = {std::max(most.r, v.r), std::max(most.g, v.g), std::max(most.b, v.b)};
+    }
+  }
+}
+
 void Geometry::add(Shape shape, ShapeRecord record) {
   const auto shape_index = static_cast<std::uint32_t>(shapes.size());
   Group& group = groups.back();
@@ -107,6 +123,14 @@ void Geometry::add(Shape shape, ShapeRecord record) {
     append(uvs, std::move(shape.uvs));
   }
   append(indices, std::move(shape.triangles));
+  for (loaders::MeshAttribute& from : shape.attributes) {
+    Attribute& attribute = attributes.find(from.name)->second;
+    attribute.first.resize(shape_index + 1);
+    // Modulo 2^32, as the sum with the index will be.
+    attribute.first[shape_index] =
+        static_cast<std::uint32_t>(attribute.values.size() - (attribute.of_faces ? first : base));
+    append(attribute.values, std::move(from.values));
+  }
   triangles.resize(first + count);
   group.bounds.add(loaders::joined_over(count, Bounds{}, [&](std::size_t i, Bounds& box) {
     auto& index = indices[first + i];
@@ -119,6 +143,15 @@ void Geometry::add(Shape shape, ShapeRecord record) {
     triangle.partials = record.reads_partials;
     box.add(bounds_of_triangle(static_cast<std::uint32_t>(first + i)));
   }));
+  if (record.reads_mean_edge && count > 0) {
+    double sum = 0;
+    for (std::size_t i = first; i < first + count; ++i) {
+      const Vec3d a(triangles[i].v0), b(triangles[i].v1), c(triangles[i].v2);
+      sum += length(b - a) + length(c - b) + length(a - c);
+    }
+    mean_edges.resize(shape_index + 1);
+    mean_edges[shape_index] = sum / (3 * static_cast<double>(count));
+  }
   group.primitives[static_cast<std::size_t>(PrimitiveKind::triangle)].count += record.triangle_count;
   shapes.push_back(record);
   if (groups.size() == 1) bounds = group.bounds;
@@ -212,7 +245,8 @@ void Geometry::triangle_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit
   hit.ng = t.ng;
   hit.error = rounding_error(t.ng, hit.p) + t.plane_error;
   name_hit(t.shape, index, hit);
-  hit.uv = {static_cast<float>(b1), static_cast<float>(b2)};
+  hit.barycentric = {static_cast<float>(b1), static_cast<float>(b2)};
+  hit.uv = hit.barycentric;
   if (!t.smooth && !t.mapped) {
     hit.shading = make_frame(t.ng);
     if (t.partials) [[unlikely]]

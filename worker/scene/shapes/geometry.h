@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
+#include <string>
 #include <vector>
 
 #include "worker/core/vec.h"
@@ -30,8 +32,9 @@ struct ShapeRecord {
   std::uint32_t first_triangle = 0, triangle_count = 0;  // in Geometry::triangles
   // What is not made of triangles is one primitive, in Geometry's array of its kind.
   std::uint32_t sphere = kNone, disk = kNone, cylinder = kNone;
-  bool reads_uv = false;        // a texture or an anisotropic bsdf depends on the parameterisation
-  bool reads_partials = false;  // hits need dp_du and dp_dv
+  bool reads_uv = false;         // a texture or an anisotropic bsdf depends on the parameterisation
+  bool reads_partials = false;   // hits need dp_du and dp_dv
+  bool reads_mean_edge = false;  // a texture looks at Geometry::mean_edges
 };
 
 struct SphereRecord {
@@ -66,6 +69,15 @@ struct Instance {
   Bounds bounds;            // in the world
 };
 
+// A number or a color that some meshes have at their vertices or on their faces.
+struct Attribute {
+  bool of_faces = false;
+  std::vector<Spectrum> values;      // of one mesh after the other
+  std::vector<std::uint32_t> first;  // by shape: what a vertex's or a triangle's index is off its value's
+  // Bounds over all meshes of the scene, known before any mesh is added.
+  Spectrum minimum, maximum;
+};
+
 struct Geometry {
   std::vector<Vec3> positions;  // with one element more than used: Embree reads 16 bytes at each
   std::vector<Vec3> normals;    // as positions; empty where no shape is smooth
@@ -76,10 +88,14 @@ struct Geometry {
   std::vector<DiskRecord> disks;
   std::vector<CylinderRecord> cylinders;
   std::vector<ShapeRecord> shapes;
+  std::map<std::string, Attribute, std::less<>> attributes;
+  std::vector<double> mean_edges;  // of the triangles of a shape, where somebody reads it
   std::vector<Group> groups{1};  // the first is the scene itself, the others are met through instances alone
   std::vector<Instance> instances;
   Bounds bounds;  // of the scene and its instances
 
+  // What bounds the attributes of a shape that will be added.
+  void expect(const std::vector<loaders::MeshAttribute>& shape_attributes);
   // Appends; record's primitives are filled in.
   void add(Shape shape, ShapeRecord record);
   // Shapes added from here on are those of a new group; its index.

@@ -87,12 +87,20 @@ Result<Shape> shape_from_mesh(loaders::Mesh mesh, const Transform& to_world, boo
   const std::size_t flat =
       loaders::first_where(before, [&](std::size_t i) { return !has_area(shape, shape.triangles[i]); });
   if (flat != loaders::kNowhere) {
+    for (loaders::MeshAttribute& attribute : mesh.attributes) {
+      if (!attribute.of_faces()) continue;
+      std::size_t kept = 0;
+      for (std::size_t i = 0; i < before; ++i)
+        if (has_area(shape, shape.triangles[i])) attribute.values[kept++] = attribute.values[i];
+      attribute.values.resize(kept);
+    }
     shape.triangles.erase(
         std::remove_if(shape.triangles.begin() + static_cast<std::ptrdiff_t>(flat), shape.triangles.end(),
                        [&](const auto& t) { return !has_area(shape, t); }),
         shape.triangles.end());
   }
   shape.dropped_count += before - shape.triangles.size();
+  shape.attributes = std::move(mesh.attributes);
   if (shape.triangles.empty()) return input_error("no face of the mesh has an area").at(name, 0);
 
   if (!face_normals && !mesh.face_normals) {

@@ -104,7 +104,7 @@ Result<Shape> build_sphere(const description::Object& object, const Transform& t
   if (!to_world.is_similarity()) {
     return error_at(object, "to_world scales unevenly or shears, which would make it an ellipsoid")
         .with_field("to_world")
-        .with_mend("only a shape that does not glow may be stretched; use a mesh");
+        .with_mend("only a shape that neither glows nor measures may be stretched; use a mesh");
   }
   const double scale = length(to_world.column(0));
   Sphere sphere;
@@ -147,7 +147,7 @@ Result<Shape> build_disk(const description::Object& object, const Transform& to_
   if (!is_circle(u, v)) {
     return error_at(object, "to_world scales unevenly or shears, which would make it an ellipse")
         .with_field("to_world")
-        .with_mend("only a shape that does not glow may be stretched; use a mesh");
+        .with_mend("only a shape that neither glows nor measures may be stretched; use a mesh");
   }
   Disk disk;
   disk.center = to_world.translation();
@@ -182,7 +182,7 @@ Result<Shape> build_cylinder(const description::Object& object, const Transform&
                     "to_world scales unevenly across the axis or shears, which would make it no "
                     "circular cylinder")
         .with_field("to_world")
-        .with_mend("only a shape that does not glow may be stretched; use a mesh");
+        .with_mend("only a shape that neither glows nor measures may be stretched; use a mesh");
   }
   Cylinder cylinder;
   cylinder.base = to_world.point(base);
@@ -205,13 +205,22 @@ Result<loaders::Mesh> at_shape(const description::Object& object, Result<loaders
   return std::move(mesh).error().at(object.where.file, object.where.line);
 }
 
+Error lacks_attribute(const description::Object& object, const std::string& name) {
+  return error_at(object, "it has no attribute '" + name + "'")
+      .with_mend("meshes of ply and serialized files have attributes");
+}
+
 Result<Shape> build_from_file(const description::Object& object, const description::FileSource& files,
-                              const Transform& to_world) {
+                              const Transform& to_world, const std::vector<std::string>& attributes) {
   const std::string file = object.get_string("filename", "");
   if (file.empty()) return error_at(object, "filename is missing").with_field("filename");
   CANDELA_ASSIGN(const description::FileSource::Bytes bytes, files.open(file));
   loaders::Mesh mesh;
   const bool faceted = object.get_bool("face_normals", false);
+  loaders::WantedAttributes wanted{attributes, std::nullopt};
+  if (object.find("srgb") != nullptr) wanted.srgb = object.get_bool("srgb", true);
+  if (!attributes.empty() && object.plugin != "ply" && object.plugin != "serialized")
+    return lacks_attribute(object, attributes[0]);
   if (object.plugin == "bsplinecurve") {
     CANDELA_ASSIGN(const auto curves, loaders::load_curves(bytes.view, file, 4));
     CANDELA_ASSIGN(mesh, at_shape(object, bspline_tubes(curves)));
@@ -224,7 +233,7 @@ Result<Shape> build_from_file(const description::Object& object, const descripti
   } else if (object.plugin == "obj") {
     CANDELA_ASSIGN(mesh, loaders::load_obj(bytes.view, file, object.get_bool("flip_tex_coords", true)));
   } else if (object.plugin == "ply") {
-    CANDELA_ASSIGN(mesh, loaders::load_ply(bytes.view, file));
+    CANDELA_ASSIGN(mesh, loaders::load_ply(bytes.view, file, wanted));
     if (object.get_bool("flip_tex_coords", false)) {
       for (Vec2& uv : mesh.uvs) uv.y = 1 - uv.y;
     }
@@ -238,7 +247,8 @@ Result<Shape> build_from_file(const description::Object& object, const descripti
       CANDELA_ASSIGN(mesh, loaders::load_pbrt_shape(bytes.view, file, offset, line));
     }
   } else {
-    CANDELA_ASSIGN(mesh, loaders::load_serialized(bytes.view, file, object.get_integer("shape_index", 0)));
+    CANDELA_ASSIGN(mesh,
+                   loaders::load_serialized(bytes.view, file, object.get_integer("shape_index", 0), wanted));
     if (object.get_bool("flip_tex_coords", false)) {
       for (Vec2& uv : mesh.uvs) uv.y = 1 - uv.y;
     }
@@ -260,14 +270,16 @@ bool is_stretched(const description::Object& object) {
   return !is_round(u, v, along);
 }
 
-Result<Shape> build_shape(const description::Object& object, const description::FileSource& files) {
+Result<Shape> build_shape(const description::Object& object, const description::FileSource& files,
+                          const std::vector<std::string>& attributes) {
   const Transform to_world(object.get_transform("to_world"));
+  if (object.find("filename") != nullptr) return build_from_file(object, files, to_world, attributes);
+  if (!attributes.empty()) return lacks_attribute(object, attributes[0]);
   if (object.plugin == "rectangle") return build_rectangle(object, to_world);
   if (object.plugin == "cube") return flat_shape(object, unit_cube(), to_world);
   if (object.plugin == "sphere") return build_sphere(object, to_world);
   if (object.plugin == "disk") return build_disk(object, to_world);
   if (object.plugin == "cylinder") return build_cylinder(object, to_world);
-  if (object.find("filename") != nullptr) return build_from_file(object, files, to_world);
   return error_at(object, "this renderer cannot build it yet");
 }
 

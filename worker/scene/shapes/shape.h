@@ -29,6 +29,7 @@ struct Shape {
   std::vector<Vec3> normals;  // unit shading normals; empty: flat
   std::vector<Vec2> uvs;      // empty: none
   std::vector<std::array<std::uint32_t, 3>> triangles;
+  std::vector<loaders::MeshAttribute> attributes;
 
   std::optional<Sphere> sphere;
   std::optional<Disk> disk;
@@ -38,8 +39,10 @@ struct Shape {
   std::uint64_t dropped_count = 0;  // faces without area or with fewer than three corners, left out
 };
 
-// Builds a shape from its description. Errors name file and line of the scene or of the mesh.
-Result<Shape> build_shape(const description::Object& object, const description::FileSource& files);
+// Builds a shape from its description. Errors name file and line of the scene or of the mesh. `attributes`:
+// the names of those that the shape must have.
+Result<Shape> build_shape(const description::Object& object, const description::FileSource& files,
+                          const std::vector<std::string>& attributes = {});
 
 // Whether to_world makes an ellipse, an ellipsoid or a cylinder over an ellipse of a disk, a sphere or a
 // cylinder. build_shape() refuses these; an instance of the round shape is what they are.

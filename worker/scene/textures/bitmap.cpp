@@ -110,8 +110,8 @@ template <class F>
   return four.template operator()<TexelFormat::rgb32>();
 }
 
-Spectrum Bitmap::eval(Vec2 uv) const {
-  uv = settings_.to_uv(uv);
+Spectrum Bitmap::eval(const SurfacePoint& at) const {
+  const Vec2 uv = settings_.to_uv(at.uv);
   if (settings_.nearest) {
     return texel(to_integer(std::floor(static_cast<double>(uv.x) * image_->width)),
                  to_integer(std::floor(static_cast<double>(uv.y) * image_->height)));
@@ -123,10 +123,10 @@ Spectrum Bitmap::eval(Vec2 uv) const {
   });
 }
 
-TextureGradient Bitmap::gradient(Vec2 uv) const {
+TextureGradient Bitmap::gradient(const SurfacePoint& at) const {
   if (settings_.nearest) return {};
   return with_texels(
-      settings_.to_uv(uv), [&](Spectrum a, Spectrum b, Spectrum c, Spectrum d, double wx, double wy) {
+      settings_.to_uv(at.uv), [&](Spectrum a, Spectrum b, Spectrum c, Spectrum d, double wx, double wy) {
         const auto channel = [&](float Spectrum::*i) {
           const double t[4] = {a.*i, b.*i, c.*i, d.*i};
           return settings_.to_uv.gradient(image_->width * ((1 - wy) * (t[1] - t[0]) + wy * (t[3] - t[2])),

@@ -22,8 +22,8 @@ class Bitmap final : public Texture {
   };
   Bitmap(std::shared_ptr<const TexelImage> image, const Settings& settings);
 
-  Spectrum eval(Vec2 uv) const override;
-  TextureGradient gradient(Vec2 uv) const override;
+  Spectrum eval(const SurfacePoint& at) const override;
+  TextureGradient gradient(const SurfacePoint& at) const override;
   Spectrum maximum() const override { return maximum_; }
   Spectrum minimum() const override { return minimum_; }
   const TexelImage& image() const { return *image_; }

@@ -35,11 +35,6 @@ std::string one_line(std::string text) {
   return text;
 }
 
-// IEC 61966-2-1.
-float srgb_to_linear(double v) {
-  return static_cast<float>(v <= 0.04045 ? v / 12.92 : math::pow((v + 0.055) / 1.055, 2.4));
-}
-
 // OpenImageIO's name of the format, by the bytes the file begins with (names lie); TGA has no such bytes.
 // Null: none we read.
 const char* format_of(std::string_view bytes, std::string_view file) {
@@ -324,7 +319,7 @@ Result<void> Decoder::find_channels() {
 float Decoder::to_linear(double v) const {
   switch (encoding_) {
     case ImageReading::Encoding::srgb:
-      return srgb_to_linear(v);
+      return static_cast<float>(math::srgb_to_linear(v));
     case ImageReading::Encoding::power:
       return static_cast<float>(math::pow(v, reading_.gamma));
     case ImageReading::Encoding::file:

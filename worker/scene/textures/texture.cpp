@@ -1,4 +1,4 @@
-// Checkerboard and scaled textures, and the store that owns all textures. Meanings are Mitsuba 3's.
+// Textures without images, and the store that owns all textures. Meanings are Mitsuba 3's.
 #include "worker/scene/textures/texture.h"
 
 #include <algorithm>
@@ -7,46 +7,85 @@
 #include <optional>
 #include <utility>
 
+#include "worker/scene/media/volume.h"
 #include "worker/scene/textures/bitmap.h"
+#include "worker/scene/textures/mesh_textures.h"
 #include "worker/scene/textures/uv_transform.h"
 
 namespace candela::scene {
 namespace {
+
+Spectrum larger(Spectrum a, Spectrum b) {
+  return {std::max(a.r, b.r), std::max(a.g, b.g), std::max(a.b, b.b)};
+}
+Spectrum smaller(Spectrum a, Spectrum b) {
+  return {std::min(a.r, b.r), std::min(a.g, b.g), std::min(a.b, b.b)};
+}
 
 class Checkerboard final : public Texture {
  public:
   Checkerboard(ColorTexture color0, ColorTexture color1, const UvTransform& to_uv)
       : color0_(color0), color1_(color1), to_uv_(to_uv) {}
 
-  Spectrum eval(Vec2 uv) const override {
-    const Vec2 t = to_uv_(uv);
+  Spectrum eval(const SurfacePoint& at) const override {
+    const Vec2 t = to_uv_(at.uv);
     const bool x = t.x - std::floor(t.x) > 0.5f;
     const bool y = t.y - std::floor(t.y) > 0.5f;
-    return (x == y ? color0_ : color1_).eval(uv);
+    return (x == y ? color0_ : color1_).eval(at);
   }
-  TextureGradient gradient(Vec2 /*uv*/) const override { return {}; }
-  Spectrum maximum() const override {
-    const Spectrum a = color0_.maximum();
-    const Spectrum b = color1_.maximum();
-    return {std::max(a.r, b.r), std::max(a.g, b.g), std::max(a.b, b.b)};
-  }
-  Spectrum minimum() const override {
-    const Spectrum a = color0_.minimum();
-    const Spectrum b = color1_.minimum();
-    return {std::min(a.r, b.r), std::min(a.g, b.g), std::min(a.b, b.b)};
-  }
+  TextureGradient gradient(const SurfacePoint& /*at*/) const override { return {}; }
+  Spectrum maximum() const override { return larger(color0_.maximum(), color1_.maximum()); }
+  Spectrum minimum() const override { return smaller(color0_.minimum(), color1_.minimum()); }
 
  private:
   ColorTexture color0_, color1_;
   UvTransform to_uv_;
 };
 
+// Lines where u or v is an integer, with line_width to both sides.
+class GridLines final : public Texture {
+ public:
+  GridLines(ColorTexture between, ColorTexture lines, double width, const UvTransform& to_uv)
+      : between_(between), lines_(lines), width_(width), to_uv_(to_uv) {}
+
+  Spectrum eval(const SurfacePoint& at) const override {
+    const Vec2 t = to_uv_(at.uv);
+    const auto distance = [](float x) {
+      const double fraction = static_cast<double>(x) - std::floor(static_cast<double>(x));
+      return std::min(fraction, 1 - fraction);
+    };
+    return (distance(t.x) < width_ || distance(t.y) < width_ ? lines_ : between_).eval(at);
+  }
+  TextureGradient gradient(const SurfacePoint& /*at*/) const override { return {}; }
+  Spectrum maximum() const override { return larger(between_.maximum(), lines_.maximum()); }
+  Spectrum minimum() const override { return smaller(between_.minimum(), lines_.minimum()); }
+
+ private:
+  ColorTexture between_, lines_;
+  double width_;
+  UvTransform to_uv_;
+};
+
+// A volume where the surface is in the world.
+class VolumeTexture final : public Texture {
+ public:
+  explicit VolumeTexture(Volume volume) : volume_(std::move(volume)), maximum_(volume_.maximum()) {}
+  Spectrum eval(const SurfacePoint& at) const override { return volume_.eval(Vec3d(at.p)); }
+  TextureGradient gradient(const SurfacePoint& /*at*/) const override { return {}; }
+  Spectrum maximum() const override { return maximum_; }
+  Spectrum minimum() const override { return volume_.grid == nullptr ? volume_.constant : Spectrum(); }
+
+ private:
+  Volume volume_;
+  Spectrum maximum_;
+};
+
 // The same value everywhere.
 class RawConstant final : public Texture {
  public:
   explicit RawConstant(Spectrum value) : value_(value) {}
-  Spectrum eval(Vec2 /*uv*/) const override { return value_; }
-  TextureGradient gradient(Vec2 /*uv*/) const override { return {}; }
+  Spectrum eval(const SurfacePoint& /*at*/) const override { return value_; }
+  TextureGradient gradient(const SurfacePoint& /*at*/) const override { return {}; }
   Spectrum maximum() const override { return value_; }
   Spectrum minimum() const override { return value_; }
 
@@ -58,9 +97,9 @@ class RawConstant final : public Texture {
 class Scale final : public Texture {
  public:
   Scale(const Texture& nested, Spectrum factor) : nested_(nested), factor_(factor) {}
-  Spectrum eval(Vec2 uv) const override { return nested_.eval(uv) * factor_; }
-  TextureGradient gradient(Vec2 uv) const override {
-    const TextureGradient g = nested_.gradient(uv);
+  Spectrum eval(const SurfacePoint& at) const override { return nested_.eval(at) * factor_; }
+  TextureGradient gradient(const SurfacePoint& at) const override {
+    const TextureGradient g = nested_.gradient(at);
     return {finite(g.du * factor_), finite(g.dv * factor_)};
   }
   Spectrum maximum() const override { return nested_.maximum() * factor_; }
@@ -85,14 +124,14 @@ class Mix final : public Texture {
   Mix(ColorTexture color0, ColorTexture color1, FloatTexture amount, float most)
       : color0_(color0), color1_(color1), amount_(amount), most_(most) {}
 
-  Spectrum eval(Vec2 uv) const override {
-    return clamp(mixed(color0_.eval(uv), color1_.eval(uv), amount_.eval(uv)));
+  Spectrum eval(const SurfacePoint& at) const override {
+    return clamp(mixed(color0_.eval(at), color1_.eval(at), amount_.eval(at)));
   }
-  TextureGradient gradient(Vec2 uv) const override {
-    const Spectrum a = color0_.eval(uv), b = color1_.eval(uv);
-    const float t = amount_.eval(uv);
-    const TextureGradient ga = gradient_of(color0_, uv), gb = gradient_of(color1_, uv);
-    const Vec2 gt = amount_.gradient(uv);
+  TextureGradient gradient(const SurfacePoint& at) const override {
+    const Spectrum a = color0_.eval(at), b = color1_.eval(at);
+    const float t = amount_.eval(at);
+    const TextureGradient ga = gradient_of(color0_, at), gb = gradient_of(color1_, at);
+    const Vec2 gt = amount_.gradient(at);
     const Spectrum value = mixed(a, b, t);
     const Spectrum across = b + a * -1.0f;
     return {slope(value, mixed(ga.du, gb.du, t) + across * gt.x),
@@ -103,8 +142,8 @@ class Mix final : public Texture {
 
  private:
   static Spectrum mixed(Spectrum a, Spectrum b, float t) { return a * (1 - t) + b * t; }
-  static TextureGradient gradient_of(const ColorTexture& color, Vec2 uv) {
-    return color.texture == nullptr ? TextureGradient{} : color.texture->gradient(uv);
+  static TextureGradient gradient_of(const ColorTexture& color, const SurfacePoint& at) {
+    return color.texture == nullptr ? TextureGradient{} : color.texture->gradient(at);
   }
   float clamp(float value) const { return std::clamp(value, 0.0f, most_); }
   Spectrum clamp(Spectrum s) const { return {clamp(s.r), clamp(s.g), clamp(s.b)}; }
@@ -275,6 +314,22 @@ Result<const Texture*> TextureStore::build(const description::ObjectPtr& object,
         return located("the scaled texture is finite and not negative", *object, "scale");
     }
     texture = std::make_unique<Scale>(*inner, factor);
+  } else if (object->plugin == "gridtexture") {
+    CANDELA_ASSIGN(const ColorTexture color0, color_at_depth(*object, "color0", Spectrum(0.2f), depth + 1));
+    CANDELA_ASSIGN(const ColorTexture color1, color_at_depth(*object, "color1", Spectrum(0.4f), depth + 1));
+    texture = std::make_unique<GridLines>(color0, color1, object->get_number("line_width", 0.01),
+                                          UvTransform::from(*object));
+  } else if (object->plugin == "volume") {
+    CANDELA_ASSIGN(Volume volume, Volume::build(*object, "volume", 0.75, *files_));
+    texture = std::make_unique<VolumeTexture>(std::move(volume));
+  } else if (object->plugin == "wireframe" && geometry_ != nullptr) {
+    CANDELA_ASSIGN(const ColorTexture interior,
+                   color_at_depth(*object, "interior_color", Spectrum(0.5f), depth + 1));
+    CANDELA_ASSIGN(const ColorTexture edges,
+                   color_at_depth(*object, "edge_color", Spectrum(0.1f), depth + 1));
+    texture = wireframe(*object, interior, edges, *geometry_);
+  } else if (object->plugin == "mesh_attribute" && geometry_ != nullptr) {
+    CANDELA_ASSIGN(texture, mesh_attribute(*object, *geometry_));
   } else {
     return located("the texture plugin '" + object->plugin + "' is not supported", *object, "");
   }

@@ -15,6 +15,7 @@
 #include "common/base/result.h"
 #include "common/description/object.h"
 #include "worker/core/vec.h"
+#include "worker/scene/surface_point.h"
 #include "worker/scene/textures/image_decode.h"
 #include "worker/scene/textures/scratch.h"
 #include "worker/scene/textures/texel_image.h"
@@ -29,10 +30,10 @@ struct TextureGradient {
 class Texture {
  public:
   virtual ~Texture() = default;
-  virtual Spectrum eval(Vec2 uv) const = 0;
+  virtual Spectrum eval(const SurfacePoint& at) const = 0;
   // The exact derivative of eval where it has one: a bilinear bitmap's within its cells; zero for what is
   // constant by pieces (nearest texels, checkerboards), as in Mitsuba.
-  virtual TextureGradient gradient(Vec2 uv) const = 0;
+  virtual TextureGradient gradient(const SurfacePoint& at) const = 0;
   virtual Spectrum maximum() const = 0;  // an upper bound of eval, per channel
   virtual Spectrum minimum() const = 0;  // a lower bound
 };
@@ -40,7 +41,14 @@ class Texture {
 struct ColorTexture {
   Spectrum constant;
   const Texture* texture = nullptr;  // null: the constant
-  Spectrum eval(Vec2 uv) const { return texture == nullptr ? constant : texture->eval(uv); }
+  Spectrum eval(const SurfacePoint& at) const { return texture == nullptr ? constant : texture->eval(at); }
+  // Of a texture that needs no surface.
+  Spectrum eval(Vec2 uv) const {
+    if (texture == nullptr) return constant;
+    SurfacePoint at;
+    at.uv = uv;
+    return texture->eval(at);
+  }
   Spectrum maximum() const { return texture == nullptr ? constant : texture->maximum(); }
   Spectrum minimum() const { return texture == nullptr ? constant : texture->minimum(); }
   bool is_constant() const { return texture == nullptr; }
@@ -50,22 +58,28 @@ struct ColorTexture {
 struct FloatTexture {
   float constant = 0;
   const Texture* texture = nullptr;
-  float eval(Vec2 uv) const { return texture == nullptr ? constant : luminance(texture->eval(uv)); }
+  float eval(const SurfacePoint& at) const {
+    return texture == nullptr ? constant : luminance(texture->eval(at));
+  }
   float minimum() const { return texture == nullptr ? constant : luminance(texture->minimum()); }
   float maximum() const { return texture == nullptr ? constant : luminance(texture->maximum()); }
   // d value / d(u, v), of (u, v) before to_uv.
-  Vec2 gradient(Vec2 uv) const {
+  Vec2 gradient(const SurfacePoint& at) const {
     if (texture == nullptr) return {};
-    const TextureGradient g = texture->gradient(uv);
+    const TextureGradient g = texture->gradient(at);
     return {luminance(g.du), luminance(g.dv)};
   }
   bool is_constant() const { return texture == nullptr; }
 };
 
+struct Geometry;
+
 class TextureStore {
  public:
-  explicit TextureStore(const description::FileSource& files, const TextureLimits& limits = {})
-      : files_(&files), scratch_(limits) {}
+  // `geometry`, which must outlive the textures: of what meshes' textures look at.
+  explicit TextureStore(const description::FileSource& files, const TextureLimits& limits = {},
+                        const Geometry* geometry = nullptr)
+      : files_(&files), geometry_(geometry), scratch_(limits) {}
 
   // What the slot `name` of `owner` holds: an rgb or number property, a texture child, or `otherwise`. Errors
   // name file, line and the slot.
@@ -99,6 +113,7 @@ class TextureStore {
                                        float otherwise, int depth);
 
   const description::FileSource* files_;
+  const Geometry* geometry_;
   Scratch scratch_;
   std::map<std::pair<std::string, ImageReading>, std::shared_ptr<const TexelImage>> images_;
   std::map<description::ObjectPtr, std::unique_ptr<const Texture>>

@@ -29,7 +29,7 @@ bool connect_lens(const ConnectContext& c, const VertexDraws<SamplerT>& draws,
     const MergeFactors eta = eta_field.at(film);
     scene::CameraDensity density;
     double traced = 0, reverse = 0;
-    if (c.scene.pdf_camera(z.hit.p, -camera.wi, density, c.rules.film_border)) {
+    if (c.scene.pdf_camera(camera, z.hit.p, density, c.rules.film_border)) {
       // The eye's walk's density of z: of one ray through every pixel.
       const double place = camera.delta_direction ? static_cast<double>(density.pdf_area)
                                                   : solid_angle_to_perpendicular(
