@@ -19,7 +19,7 @@ Trial planted(double variance, double lit, double cost, std::uint64_t seed) {
   for (std::size_t r = 0; r < kReplicates; ++r) {
     rng::Stream stream(rng::key(seed, r));
     for (std::size_t i = 0; i < kValues; ++i) {
-      const double truth = 1 + std::sin(0.1 * static_cast<double>(i));
+      const double truth = 1 + 0.5 * std::sin(0.1 * static_cast<double>(i));
       const double noise = std::sqrt(12 * variance) * (stream.next_double() - 0.5);
       trial.images[r].push_back(static_cast<float>(truth * lit * (1 + noise)));
     }
