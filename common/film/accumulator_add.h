@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 
 #include "common/film/accumulator.h"
 #include "common/film/quantise.h"
@@ -29,10 +30,20 @@ inline constexpr double kMaxFastUnits = 0x1p50;
 inline constexpr double kRounds = 0x1.8p52;
 inline constexpr int kTurn = 21;  // of a dither word, from one channel to the next
 
-// quantise() with dither(), of four channels from the word's own on. Precondition: |values| are at most
-// kMaxFastUnits units. Rounding to nearest gives the floor or one more.
-inline Words quantise_four(const Values& values, double units_per_value, std::uint64_t word) {
-  const Words words = {word, std::rotl(word, kTurn), std::rotl(word, 2 * kTurn), std::rotl(word, 3 * kTurn)};
+// The dither words of four channels from channel kFirst on, where channel 0 has `word`.
+template <std::size_t kFirst>
+Words dither_words(std::uint64_t word) {
+  constexpr auto left = [](std::size_t lane) { return (kFirst + lane) * kTurn % 64; };
+  constexpr auto right = [](std::size_t lane) { return (64 - (kFirst + lane) * kTurn % 64) % 64; };
+  constexpr Words kLeft = {left(0), left(1), left(2), left(3)};
+  constexpr Words kRight = {right(0), right(1), right(2), right(3)};
+  const Words all = {word, word, word, word};
+  return (all << kLeft) | (all >> kRight);
+}
+
+// quantise() with dither(), of four channels. Precondition: |values| are at most kMaxFastUnits units.
+// Rounding to nearest gives the floor or one more.
+inline Words quantise_four(const Values& values, double units_per_value, const Words& words) {
   const Values uniform = std::bit_cast<Values>((words >> 12) | 0x3ff0000000000000ULL) - 1.0;
   const Values exact = values * units_per_value + uniform;
   const Values shifted = exact + kRounds;
@@ -40,38 +51,58 @@ inline Words quantise_four(const Values& values, double units_per_value, std::ui
   return nearest + std::bit_cast<Words>(shifted - kRounds > exact);
 }
 
-// A few channels whose number is known.
-template <std::size_t kCount>
-struct Chunk {
-  // Whether all |v| are at most the limit; NaN is not.
-  static bool within(const double* v, double limit) {
-    bool all = true;
-    for (std::size_t i = 0; i < kCount; ++i) all &= std::abs(v[i]) <= limit;
-    return all;
+inline bool any_sign(const Words& words) {
+  return static_cast<std::int64_t>((words[0] | words[1]) | (words[2] | words[3])) < 0;
+}
+
+// Up to four of kCount channels, from channel kFirst on; others are zero.
+template <std::size_t kCount, std::size_t kFirst>
+struct Lanes {
+  static constexpr std::size_t n = std::min<std::size_t>(kCount - kFirst, 4);
+
+  static Values load(const double* v) {
+    const double* const p = v + kFirst;
+    return Values{p[0], n > 1 ? p[1] : 0.0, n > 2 ? p[2] : 0.0, n > 3 ? p[3] : 0.0};
   }
-  // Whether a sum wrapped around.
-  static bool add(std::int64_t* sums, const double* v, double units_per_value, std::uint64_t word) {
-    constexpr std::size_t n = kCount;
-    const Values four = {v[0], n > 1 ? v[1] : 0.0, n > 2 ? v[2] : 0.0, n > 3 ? v[3] : 0.0};
-    const Words units = quantise_four(four, units_per_value, word);
-    bool wrapped = false;
-    for (std::size_t i = 0; i < std::min<std::size_t>(n, 4); ++i)
-      wrapped |= __builtin_add_overflow(sums[i], static_cast<std::int64_t>(units[i]), &sums[i]);
-    if constexpr (n > 4)
-      wrapped |= Chunk<n - 4>::add(sums + 4, v + 4, units_per_value, std::rotl(word, 4 * kTurn));
-    return wrapped;
+  static Words load(const std::int64_t* sums) {
+    const auto lane = [&](std::size_t i) { return static_cast<std::uint64_t>(sums[kFirst + i]); };
+    return Words{lane(0), n > 1 ? lane(1) : 0, n > 2 ? lane(2) : 0, n > 3 ? lane(3) : 0};
+  }
+  static void store(const Words& words, std::int64_t* sums) {
+    for (std::size_t i = 0; i < n; ++i) sums[kFirst + i] = static_cast<std::int64_t>(words[i]);
   }
 };
 
+// All bits of a lane are set if its value is above the limit or NaN.
+inline Words beyond(const Values& values, double limit) {
+  const Values magnitude = std::bit_cast<Values>(std::bit_cast<Words>(values) & ~(1ULL << 63));
+  return ~std::bit_cast<Words>(magnitude <= limit);
+}
+
 enum class Added : std::uint8_t { all, wrapped, none };
 
-// Adds values that are all within the limit, or none.
+// Adds values whose magnitudes are all at most the limit, or none. `word` is the first channel's.
 template <std::size_t kCount>
 Added add_if_within(std::int64_t* sums, const double* v, double limit, double units_per_value,
                     std::uint64_t word) {
-  if (!Chunk<kCount>::within(v, limit)) [[unlikely]]
-    return Added::none;
-  return Chunk<kCount>::add(sums, v, units_per_value, word) ? Added::wrapped : Added::all;
+  constexpr std::size_t kFours = (kCount + 3) / 4;
+  return [&]<std::size_t... kFour>(std::index_sequence<kFour...>) {
+    const Values values[kFours] = {Lanes<kCount, 4 * kFour>::load(v)...};
+    const Words before[kFours] = {Lanes<kCount, 4 * kFour>::load(sums)...};
+    const Words units[kFours] = {
+        quantise_four(values[kFour], units_per_value, dither_words<4 * kFour>(word))...};
+    const Words after[kFours] = {(before[kFour] + units[kFour])...};
+    const Words outside = (beyond(values[kFour], limit) | ...);
+    // The sign bit of a lane is set if its sum wrapped around.
+    const Words wrapped = (((before[kFour] ^ after[kFour]) & (units[kFour] ^ after[kFour])) | ...);
+    // One test for both, since both are rare.
+    const bool rare = any_sign(outside | wrapped);
+    if (rare && any_sign(outside)) [[unlikely]]
+      return Added::none;
+    (Lanes<kCount, 4 * kFour>::store(after[kFour], sums), ...);
+    return rare ? Added::wrapped : Added::all;
+  }
+  (std::make_index_sequence<kFours>());
 }
 
 // The most channels that are added in this way.
