@@ -12,8 +12,8 @@
 
 namespace candela::scene {
 
-// Weights by group of emitters; an emitter of weight 0 is not chosen. Each emitter is a group, or there is a light tree, and of_nodes follows
-// from of_groups (TreeChooser::node_weights).
+// Weights by group of emitters; an emitter of weight 0 is not chosen. Each emitter is a group, or there is a
+// light tree, and of_nodes follows from of_groups (TreeChooser::node_weights).
 struct ChoiceWeights {
   std::span<const std::uint8_t> of_groups;
   std::span<const float> of_nodes = {};
