@@ -206,7 +206,8 @@ class PathTracer {
 
   // All techniques of direct light but the bsdf's, from the vertex `here`.
   template <class EvalPdf>
-  [[gnu::always_inline]] void sample_first(const scene::SurfaceHit& here, Vec3 side, const EvalPdf& eval_pdf) {
+  [[gnu::always_inline]] void sample_first(const scene::SurfaceHit& here, Vec3 side,
+                                           const EvalPdf& eval_pdf) {
     using namespace transport;
     first_->reach(scene_.lights(), here.p);
     for (std::size_t i = 0; i < first_->light_draws(); ++i) {

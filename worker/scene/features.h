@@ -42,9 +42,9 @@ struct SceneFeatures {
   bool finite_lens = false;  // camera rays depend on a point on the lens
   std::uint32_t emitters = 0, environments = 0;
   std::uint32_t infinite_emitters = 0;  // environments and directional: infinitely far away
-  float radius = 0;                // of the bounding sphere
-  float largest_coordinate = 0;    // in magnitude, of the corners of the scene's bounding box
-  float max_emitted_radiance = 0;  // luminance, a scale for films of scenes whose pilot finds no light
+  float radius = 0;                     // of the bounding sphere
+  float largest_coordinate = 0;         // in magnitude, of the corners of the scene's bounding box
+  float max_emitted_radiance = 0;       // luminance, a scale for films of scenes whose pilot finds no light
 };
 
 }  // namespace candela::scene
