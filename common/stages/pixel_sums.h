@@ -31,8 +31,9 @@ constexpr std::uint32_t vector_channels(std::size_t techniques) {
   return static_cast<std::uint32_t>(mis::kColors * techniques);
 }
 
-// As many groups as the accumulators of a job have room for.
-inline constexpr std::size_t kMaxGroups = film::kMaxAccumulators / 2;
+// Each group has two accumulators; those that are left belong to the job's AOVs.
+inline constexpr std::size_t kMaxGroups = 8;
+static_assert(2 * kMaxGroups <= film::kMaxAccumulators);
 
 // Of a group's accumulator: kMatrix, "mis.matrix.1", ...
 std::string name_of(std::string_view accumulator, std::size_t group);

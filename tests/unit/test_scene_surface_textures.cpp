@@ -18,7 +18,7 @@ namespace {
 using test::build_scene;
 
 // A unit square of two triangles in the plane z = 0, seen by rays along -z. The middle face has no area.
-const std::string kSquare =
+const std::string kColoredSquare =
     "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
     "property float r\nproperty float g\nproperty float b\nelement face 3\nproperty list uchar int "
     "vertex_indices\nproperty float heat_0\nend_header\n"
@@ -31,12 +31,12 @@ std::string attribute(const std::string& name, const std::string& more = "") {
 }
 
 std::unique_ptr<Scene> scene_of(const std::string& body) {
-  auto built = build_scene(body, {{"a.ply", kSquare}});
+  auto built = build_scene(body, {{"a.ply", kColoredSquare}});
   EXPECT_TRUE(built.ok()) << built.error().to_string();
   return built.ok() ? std::move(*built) : nullptr;
 }
 std::string error_of(const std::string& body) {
-  const auto built = build_scene(body, {{"a.ply", kSquare}});
+  const auto built = build_scene(body, {{"a.ply", kColoredSquare}});
   return built.ok() ? "no error" : built.error().to_string();
 }
 

@@ -16,6 +16,12 @@
 namespace candela::scene {
 namespace {
 
+SurfacePoint at_uv(Vec2 uv) {
+  SurfacePoint at;
+  at.uv = uv;
+  return at;
+}
+
 using description::Object;
 using description::Property;
 using description::PropertyType;
@@ -176,7 +182,7 @@ TEST(Texture, RawConstantTakesAVector) {
   EXPECT_EQ(s.r, 0.25f);
   EXPECT_EQ(s.g, 3);
   EXPECT_EQ(s.b, 0);
-  EXPECT_EQ(color_of(store, object("texture", "rawconstant", {number("value", 2)})).eval({}).g, 2);
+  EXPECT_EQ(color_of(store, object("texture", "rawconstant", {number("value", 2)})).eval(Vec2{}).g, 2);
 }
 
 TEST(Texture, Checkerboard) {
@@ -223,22 +229,23 @@ TEST(Texture, GradientIsTheDerivativeOfEval) {
       const auto inside = [](double v) { return v - std::floor(v) > 0.02 && v - std::floor(v) < 0.98; };
       if (!inside(x) || !inside(y)) continue;
       ++compared;
-      const Vec2 g = t.gradient(uv);
-      EXPECT_NEAR(g.x, (t.eval({uv.x + h, uv.y}) - t.eval({uv.x - h, uv.y})) / (2 * h), 5e-4f);
-      EXPECT_NEAR(g.y, (t.eval({uv.x, uv.y + h}) - t.eval({uv.x, uv.y - h})) / (2 * h), 5e-4f);
+      const Vec2 g = t.gradient(at_uv(uv));
+      EXPECT_NEAR(g.x, (t.eval(at_uv({uv.x + h, uv.y})) - t.eval(at_uv({uv.x - h, uv.y}))) / (2 * h), 5e-4f);
+      EXPECT_NEAR(g.y, (t.eval(at_uv({uv.x, uv.y + h})) - t.eval(at_uv({uv.x, uv.y - h}))) / (2 * h), 5e-4f);
     }
     EXPECT_GT(compared, 1500);
-    for (const float u : {NAN, INFINITY, 1e30f}) EXPECT_TRUE(std::isfinite(t.gradient({u, 0.3f}).x)) << u;
+    for (const float u : {NAN, INFINITY, 1e30f})
+      EXPECT_TRUE(std::isfinite(t.gradient(at_uv({u, 0.3f})).x)) << u;
   }
   FloatTexture flat;
   flat.constant = 3;
-  EXPECT_EQ(flat.gradient({0.1f, 0.2f}).x, 0);
+  EXPECT_EQ(flat.gradient(at_uv({0.1f, 0.2f})).x, 0);
   for (const auto& description :
        {object("texture", "checkerboard", {}),
         object("texture", "bitmap", {text("filename", "a.pfm"), text("filter_type", "nearest")})}) {
     flat.texture = color_of(store, description).texture;
-    EXPECT_EQ(flat.gradient({0.1f, 0.2f}).x, 0);
-    EXPECT_EQ(flat.gradient({0.1f, 0.2f}).y, 0);
+    EXPECT_EQ(flat.gradient(at_uv({0.1f, 0.2f})).x, 0);
+    EXPECT_EQ(flat.gradient(at_uv({0.1f, 0.2f})).y, 0);
   }
 }
 
@@ -282,7 +289,7 @@ TEST(Texture, MixIsLinearAndCut) {
     EXPECT_NEAR(value.r, 0.375f + 0.25f * x, 1e-6f);
     EXPECT_NEAR(value.g, 0.5f, 1e-6f);
     EXPECT_NEAR(value.b, 0.375f + 0.25f * (1 + x), 1e-6f);
-    const TextureGradient slope = quarter.texture->gradient({u, 0.5f});
+    const TextureGradient slope = quarter.texture->gradient(at_uv({u, 0.5f}));
     EXPECT_NEAR(slope.du.r, 0.5f, 1e-5f);
     EXPECT_NEAR(slope.du.g, 0, 1e-6f);
   }
@@ -295,8 +302,8 @@ TEST(Texture, MixIsLinearAndCut) {
   const ColorTexture three = color_of(store, product);
   EXPECT_NEAR(three.eval({0.3f, 0.5f}).r, 0.3f, 1e-6f);
   EXPECT_EQ(three.eval({0.6f, 0.5f}).g, 1);  // 1.5
-  EXPECT_EQ(three.texture->gradient({0.6f, 0.5f}).du.b, 0);
-  EXPECT_NEAR(three.texture->gradient({0.3f, 0.5f}).du.r, 6, 1e-4f);
+  EXPECT_EQ(three.texture->gradient(at_uv({0.6f, 0.5f})).du.b, 0);
+  EXPECT_NEAR(three.texture->gradient(at_uv({0.3f, 0.5f})).du.r, 6, 1e-4f);
   EXPECT_EQ(three.maximum().b, 1);
   // The amount's slope counts too.
   const auto by_ramp = object("texture", "mix", {rgb("color0", 0, 0, 0), rgb("color1", 2, 2, 2)});
@@ -304,7 +311,7 @@ TEST(Texture, MixIsLinearAndCut) {
   const ColorTexture amounts = color_of(store, by_ramp);
   const float h = 1e-3f;
   const float difference = (amounts.eval({0.5f + h, 0.5f}).r - amounts.eval({0.5f - h, 0.5f}).r) / (2 * h);
-  EXPECT_NEAR(amounts.texture->gradient({0.5f, 0.5f}).du.r, difference, 1e-2f);
+  EXPECT_NEAR(amounts.texture->gradient(at_uv({0.5f, 0.5f})).du.r, difference, 1e-2f);
   EXPECT_GT(difference, 1);
 }
 

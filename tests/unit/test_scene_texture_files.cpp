@@ -296,7 +296,9 @@ TEST(TextureFiles, WrapModesOfEachDirection) {
   EXPECT_EQ(zero.minimum().r, 0);
   EXPECT_EQ(zero.eval({-0.3f, 0.5f}).r, 0);
   EXPECT_NEAR(zero.eval({0, 0.25f}).r, 0.05f, 1e-7f);  // halfway from the border to the first texel
-  EXPECT_NEAR(zero.texture->gradient({0, 0.25f}).du.r, 0.2f, 1e-6f);
+  SurfacePoint border;
+  border.uv = {0, 0.25f};
+  EXPECT_NEAR(zero.texture->gradient(border).du.r, 0.2f, 1e-6f);
 }
 
 // An image of many tiles of each texel format.
