@@ -599,7 +599,7 @@ TEST(SceneMedia, NamesWhatCannotBeBuilt) {
               "<string name=\"filename\" value=\"smoke.vdb\"/></volume></medium>"),
       "scene.xml:3: filename: 'smoke.vdb' is not an OpenVDB file: it does not start as one");
   EXPECT_EQ(message(grid("<string name=\"grid\" value=\"density\"/>"), dense),
-            "scene.xml:3: grid: only OpenVDB files have grids with names, and 'v.vol' is none");
+            "scene.xml:3: grid: only OpenVDB and NanoVDB files have grids with names, and 'v.vol' is none");
   // A file that starts as OpenVDB's do and has no more: its error depends on the build, its name does not.
   EXPECT_THAT(
       message(grid(""), std::string(" BDV\0\0\0\0", 8)),

@@ -17,6 +17,8 @@ namespace {
 
 using namespace principled;
 
+constexpr float kMinHalf2 = 1e-20f;  // of the sum of two directions, squared
+
 // Burley 2015, figure 15: the roughness that a sheet's two surfaces have together for light that passes.
 float through_roughness(float roughness, float eta) {
   return std::abs((0.65f * eta - 0.35f) * roughness);
@@ -25,8 +27,11 @@ float through_roughness(float roughness, float eta) {
 // o.z > 0; `up`: i mirrored to i.z > 0.
 Spectrum eval_pdf_mirrored(const PrincipledThinClosure& p, Vec3 o, Vec3 i, Vec3 up, TransportMode mode,
                            float& pdf) {
+  pdf = 0;
   const bool reflects = i.z > 0;
-  const Vec3 h = normalize(o + up);
+  const Vec3 sum = o + up;
+  if (!(length_squared(sum) > kMinHalf2)) return {};  // grazing and opposite: no facet lies between
+  const Vec3 h = normalize(sum);
   const float cos_d = std::min(1.0f, dot(o, h));
   Spectrum value;
   pdf = (reflects ? p.prob_diffuse : 1 - p.prob_reflect - p.prob_through - p.prob_diffuse) * up.z *
