@@ -52,7 +52,7 @@ TEST(WireWorkPlan, ListsAreBounded) {
   for (int i = 0; i < 64; ++i) message.add_layers(std::to_string(i));
   EXPECT_EQ(wire::from_proto(message).error().field, "work.layers");
   message.clear_layers();
-  for (int i = 0; i < 17; ++i) message.add_accumulators();
+  for (std::uint32_t i = 0; i <= film::kMaxAccumulators; ++i) message.add_accumulators();
   EXPECT_EQ(wire::from_proto(message).error().field, "work.accumulators");
   message.Clear();
   message.mutable_chains()->set_chains(7);
