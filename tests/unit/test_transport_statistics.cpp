@@ -322,7 +322,7 @@ TEST(Statistics, AreWrittenWholeOrNotAtAll) {
     EXPECT_EQ(rings.write(sums, 2, 1, 1, 9, true), scale == 40);
     if (scale == 120) expect_empty(sums);
   }
-  PlugInMoments moments(Kernel::constant, kFirst, kFirst / 50);
+  PlugInMoments moments(Kernel::constant, kFirst, kFirst / 8);
   gather(cloud, Kernel::constant, moments);
   ASSERT_GT(std::abs(moments.laplacian()), 100 * moments.moment());
   film::AccumulatorSpec of_moments = adaptive::moments_spec(40), of_laplacian = adaptive::laplacian_spec(40);
