@@ -203,6 +203,8 @@ TEST(StoreVersions, TheFifthLearnsToCountStatistics) {
   JobRow j;
   j.id = "j";
   j.bundle_sha256 = "hash";
+  j.settings.width = 30;
+  j.settings.height = 20;
   j.layers = {"independent"};
   j.chains = ChainPlan{2, 1, 1};
   j.tallies.rejected = {1, 2, 3, 4};
