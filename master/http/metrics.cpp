@@ -149,7 +149,8 @@ std::string metrics_text(Farm& farm) {
     page.gauge("candela_job_checkpoint_iterations", "iterations in the newest checkpoint",
                static_cast<double>(j.checkpoint_iterations()), labels);
     if (j.has_chains()) add_chains(page, j, labels);
-    if (const auto epochs = farm.reports().status(j.id())) add_epochs(page, *epochs, labels);
+    if (const auto whole = farm.full_status(j.id()); whole && whole->has_epochs())
+      add_epochs(page, whole->epochs(), labels);
     if (!std::isnan(j.relmse_estimate()))
       page.gauge("candela_job_relmse", "estimated relative mean squared error", j.relmse_estimate(), labels);
   }

@@ -67,10 +67,9 @@ class PathTest {
  private:
   void walk_eye(const ConnectContext& c, samplers::Sampler& sampler, std::uint64_t index, Slots& slots) {
     rng::Stream stream(rng::key(11, index));
-    float response = 1;
     const float x = stream.next_float() * test::kFilmSize, y = stream.next_float() * test::kFilmSize;
     const Vec2 u_lens{stream.next_float(), stream.next_float()};
-    const Ray ray = scene_.camera_ray(x, y, u_lens, response);
+    const Ray ray = scene_.camera_ray(x, y, u_lens, response_);
     if (!scene_.pdf_camera(ray.origin, ray.direction, camera_, rules_.film_border)) return;
     lens_near_ = ray.origin;
     eta_ = eta_field_.at({x, y});
@@ -206,12 +205,15 @@ class PathTest {
     path.lens = walk.lens().camera.p;
     float distance = 0;
     scene::CameraDensity density;
-    const Vec3 p = slots[last]->v.hit.p;
-    if (!scene_.intersect_camera({p, -wo}, distance, density, rules_.film_border)) {
+    const Ray ray = scene::spawn_ray(slots[last]->v.hit, -wo);
+    scene::SurfaceHit next;  // a meter is a surface of the scene
+    if (!scene_.intersect_camera(ray, distance, density, rules_.film_border) &&
+        !(scene_.intersect(ray, next) &&
+          scene_.meets_camera(ray, &next, distance, density, rules_.film_border))) {
       ++findings_.lost;
       return;
     }
-    path.lens_near = p - wo * distance;
+    path.lens_near = ray.origin - wo * distance;
     check(path, Technique::Kind::hit_lens, path.edge_count() + 1, found);
   }
 
@@ -295,8 +297,8 @@ class PathTest {
     const MergeScale scale(Kernel::constant, kRadius, kRadius, eta_);
     MergeMaps<MisBlock> maps;
     maps.surface = maps.medium = &map;
-    const Spectrum weighted = merge<Heuristic>(scene_, maps, scale, y);
-    const Spectrum whole = merge<Unweighted>(scene_, maps, scale, y);
+    const Spectrum weighted = merge<Heuristic>(scene_, maps, scale, y) * response_;
+    const Spectrum whole = merge<Unweighted>(scene_, maps, scale, y) * response_;
     const auto largest = static_cast<double>(whole.max_component());
     if (!(largest > 0)) return;
     const auto techniques = reference::list_techniques(n, counts_at(path));
@@ -397,8 +399,10 @@ class PathTest {
           what + " weight " + std::to_string(found.weight) + " oracle " + std::to_string(weights[i]));
       if (evaluation.closed_form()) {
         const auto value = evaluation.estimator_value(techniques[i]);
-        const double got[] = {static_cast<double>(found.value.r), static_cast<double>(found.value.g),
-                              static_cast<double>(found.value.b)};
+        const bool from_eye = kind != Technique::Kind::light_image && kind != Technique::Kind::hit_lens;
+        const Spectrum here = found.value * (from_eye ? response_ : 1.0f);
+        const double got[] = {static_cast<double>(here.r), static_cast<double>(here.g),
+                              static_cast<double>(here.b)};
         const double largest = std::max({got[0], got[1], got[2]});
         double error = 0;
         for (int k = 0; k < 3; ++k)
@@ -438,6 +442,7 @@ class PathTest {
   WeightTerms terms_;
   scene::CameraDensity camera_;
   Vec3 lens_near_;
+  float response_ = 1;  // of the sensor to the eye path's ray, which estimators multiply with
   scene::EmissionSample origin_;
 };
 
