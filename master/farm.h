@@ -63,7 +63,6 @@ class Farm final : public TruthFarm {
   JobTruth& truth() { return *truth_; }
   DeltaIntake& deltas() { return *deltas_; }
   ImageWriter& images() { return *images_; }
-  StateReports& reports() { return *reports_; }
   // Loaded or not (JobTruth::open_film loads it); null before the pilot and for unknown jobs.
   std::shared_ptr<JobFilm> film_of(const std::string& job_id) override { return table_->film_of(job_id); }
   void use_scheduler(const std::function<void(Scheduler&)>& use) override { table_->with_scheduler(use); }
