@@ -22,8 +22,8 @@ struct Tallies {
   std::uint64_t light_paths = 0;
   std::uint64_t rays = 0;
   std::array<std::uint64_t, kRejectCauses> rejected{};
-  // Of a sample of the eye paths whose merges decide radii: the photons within the radius of a vertex, and
-  // those that are not the first of their light path there.
+  // Photons within the radius of vertices of a sample of eye paths, whose merges decide radii; and those
+  // photons that are not the first of their light path there.
   std::uint64_t sampled_merges = 0, repeated_merges = 0;
   void add(const Tallies& other);
   bool operator==(const Tallies&) const = default;

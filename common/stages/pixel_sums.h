@@ -35,7 +35,7 @@ constexpr std::uint32_t vector_channels(std::size_t techniques) {
 inline constexpr std::size_t kMaxGroups = 8;
 static_assert(2 * kMaxGroups <= film::kMaxAccumulators);
 
-// Of a group's accumulator: kMatrix, "mis.matrix.1", ...
+// Name of a group's accumulator: kMatrix, "mis.matrix.1", ...
 std::string name_of(std::string_view accumulator, std::size_t group);
 
 // Accumulators of the plan of work: for each group matrix and vector, in this order.

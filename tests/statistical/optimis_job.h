@@ -31,7 +31,7 @@ inline TestScene load(const std::string& name, const std::string& integrator, co
   return with_integrator(std::move(scene), integrator, settings);
 }
 
-// What is merged of one job.
+// The merged sums of one job.
 struct Merged {
   film::MergedFilm film;
   std::array<std::vector<film::MergedAccumulator>, 2> sums;                   // [half][accumulator]

@@ -1,4 +1,4 @@
-// What pbrt's file format documents and Candela has no equal of: it is read as the nearest thing, and
+// Things that pbrt's file format documents and Candela lacks are read as the nearest thing, and
 // `candela check` tells the difference with its line.
 #include <fmt/format.h>
 #include <gtest/gtest.h>

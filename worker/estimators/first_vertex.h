@@ -207,7 +207,7 @@ class FirstVertex {
 
  private:
   using Densities = mis::Vector;
-  // Of a point on a light: the group of lights, the technique, and what it is made of, by index in the setup.
+  // A point on a light: the group of lights, the technique and its parts, by index in the setup.
   struct Draw {
     std::size_t group, technique, selection, point;
   };

@@ -70,7 +70,7 @@ struct Row {
 
 using Columns = std::array<double, 3 * kMostAttributes>;
 
-// What a column holds: integers are fractions of their type's largest value.
+// Decodes a column: integers are fractions of their type's largest value.
 class Decoder {
  public:
   explicit Decoder(std::optional<bool> srgb) : srgb_(srgb) {}

@@ -40,7 +40,7 @@ class IrradianceMeter {
 
   bool is_mesh() const { return triangles_.size() > 0 && !rectangle_; }
   bool is_on(const SurfaceHit& hit) const { return hit.shape == shape_; }
-  // Where on the surface a ray of ray() begins. `backwards`: what its reverse meets, if it meets anything.
+  // The surface point where a ray of ray() begins. `backwards`: the hit of its reverse, if there is one.
   SurfaceHit start_of(const Ray& ray, const SurfaceHit* backwards) const;
 
  private:

@@ -492,7 +492,7 @@ Result<Vec3> Materials::hair_absorption(Definition& definition) {
     CANDELA_ASSIGN(const Rgb rgb, color_of(context_, *given, SpectrumUse::unbounded, definition.space));
     return rgb.value;
   }
-  // Of the pigments per unit of concentration [Chiang et al. 2016].
+  // Absorption of the pigments per unit of concentration [Chiang et al. 2016].
   constexpr Vec3 eumelanin = {0.419, 0.697, 1.37}, pheomelanin = {0.187, 0.4, 1.05};
   const bool has_pigments = parameters.has("eumelanin") || parameters.has("pheomelanin");
   CANDELA_ASSIGN(const Value dark, textures_.number(parameters, "eumelanin", has_pigments ? 0 : 1.3));

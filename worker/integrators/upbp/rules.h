@@ -1,4 +1,4 @@
-// What a job of upbp runs.
+// The rules that a job of upbp runs by.
 #pragma once
 
 #include <cstdint>

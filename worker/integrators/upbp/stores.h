@@ -132,7 +132,7 @@ class EyeBeams {
     shares_.beam_point += found.beam_point;
     return found.point_point + found.beam_point;
   }
-  // Of the path so far.
+  // Shares of the path so far.
   const transport::MediumShares& shares() const { return shares_; }
 
  private:

@@ -293,7 +293,7 @@ void say(Plan& plan, bool runs, const char* name, const char* what) {
     plan.skip(name, "techniques leaves it out");
 }
 
-// Of a scene with a medium that scatters.
+// Rules for a scene with a medium that scatters.
 Rules rules_of(std::string name, const MediumRules& medium, bool connects, const PathOptions& options,
                const scene::SceneFeatures& features, bool full) {
   Techniques wanted;
@@ -312,7 +312,7 @@ Rules rules_of(std::string name, const MediumRules& medium, bool connects, const
   return rules;
 }
 
-// Of a list without vcm, where nothing scatters but surfaces.
+// The plan of a list without vcm if nothing scatters but surfaces.
 Planned planned_without_media(const PathOptions& options, const scene::SceneFeatures& features, bool full) {
   Techniques wanted;
   wanted.merge_medium = true;
@@ -322,7 +322,7 @@ Planned planned_without_media(const PathOptions& options, const scene::SceneFeat
   return planned;
 }
 
-// What techniques=auto chooses from.
+// The sets that techniques=auto chooses from.
 std::vector<Rules> candidates(const MediumRules& radii, const PathOptions& options,
                               const scene::SceneFeatures& features) {
   struct Set {

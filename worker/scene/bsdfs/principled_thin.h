@@ -20,7 +20,7 @@ struct PrincipledThinClosure {
   float specular;                 // weight of the lobes that do not bend light; the diffuse part has the rest
   float diffuse_through;          // the diffuse part's fraction that passes
   float tint, f0_base, f0_white;  // tinted reflection: base * f0_base + f0_white at normal incidence
-  // Of sampling them; their sum is 1.
+  // Probabilities of sampling the lobes, with the rest to 1 for the fourth.
   float prob_reflect, prob_through, prob_diffuse;
 
   ClosureTraits traits() const {

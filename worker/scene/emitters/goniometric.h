@@ -29,7 +29,7 @@ class DirectionPicture {
   DirectionPicture(const DirectionPicture&) = delete;
   DirectionPicture& operator=(const DirectionPicture&) = delete;
 
-  // Of a direction in the picture's space: +z is in its middle.
+  // The value of a direction in the picture's space: +z is in its middle.
   float value(Vec3 local) const;
   // A direction in the picture's space with a density of its value; the mean must be above zero.
   Vec3 sample(Vec2 u) const;

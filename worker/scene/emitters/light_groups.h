@@ -41,7 +41,7 @@ class LightGroups {
   std::size_t size() const { return groups_.size(); }
   const LightGroup& operator[](std::size_t group) const { return groups_[group]; }
   std::size_t of(std::uint32_t emitter) const { return of_emitter_[emitter]; }
-  // Of light from outside. Precondition: there is an environment.
+  // The group of the environment. Precondition: there is an environment.
   std::size_t of_environment() const { return of_environment_; }
 
  private:

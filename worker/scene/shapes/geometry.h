@@ -94,7 +94,7 @@ struct Geometry {
   std::vector<Instance> instances;
   Bounds bounds;  // of the scene and its instances
 
-  // What bounds the attributes of a shape that will be added.
+  // Takes the bounds of the attributes of a shape that will be added.
   void expect(const std::vector<loaders::MeshAttribute>& shape_attributes);
   // Appends; record's primitives are filled in.
   void add(Shape shape, ShapeRecord record);
@@ -122,7 +122,7 @@ struct Geometry {
   void instance_hit(const Ray& ray, std::uint32_t instance, PrimitiveKind kind, std::uint32_t primitive,
                     SurfaceHit& hit) const;
 
-  // Of a mapped triangle, the barycentric coordinates of its second and third corner where it has this (u,
+  // The barycentric coordinates of a mapped triangle's second and third corner where it has this (u,
   // v); false: its corners lie on a line in (u, v).
   bool barycentric_of(std::uint32_t triangle, Vec2 uv, double& b1, double& b2) const;
 

@@ -42,7 +42,7 @@ struct ColorTexture {
   Spectrum constant;
   const Texture* texture = nullptr;  // null: the constant
   Spectrum eval(const SurfacePoint& at) const { return texture == nullptr ? constant : texture->eval(at); }
-  // Of a texture that needs no surface.
+  // For a texture that reads (u, v) alone.
   Spectrum eval(Vec2 uv) const {
     if (texture == nullptr) return constant;
     SurfacePoint at;

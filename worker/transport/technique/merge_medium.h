@@ -72,7 +72,7 @@ class MediumGather {
   void at_vertex(const Vertex<MisBlock>& v, MediumShares& shares);
   // Along a short query beam: P-B2D and B-B1D. start: of its edge.
   void along(const Crossing& crossing, const EdgeStart& start, MediumShares& shares);
-  // Of all so far.
+  // The work of all paths so far.
   const MergeWork& work() const { return work_; }
 
  private:
