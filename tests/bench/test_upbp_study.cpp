@@ -134,12 +134,12 @@ TEST(UpbpStudy, ScenesInShort) {
     if (row.part == "curves" && row.quantity == "relative squared error") parts[key] += row.value;
     if (row.part == "curves" && (row.quantity == "noise" || row.quantity == "bias")) parts[key] -= row.value;
   }
-  EXPECT_EQ(at_equal_time.size(), 8U);
+  EXPECT_EQ(at_equal_time.size(), 10U);
   for (const char* alone : {"pp3d", "pb2d", "bp2d"})
     EXPECT_LT(at_equal_time["all"], 0.5 * at_equal_time[alone]) << alone;
-  EXPECT_EQ(parts.size(), 16U);
+  EXPECT_EQ(parts.size(), 20U);
   for (const auto& [key, rest] : parts) EXPECT_NEAR(rest, 0, 1e-9) << key;
-  EXPECT_EQ(results->maps.size(), 9U);
+  EXPECT_EQ(results->maps.size(), 11U);
   request.scenes = {"nowhere"};
   EXPECT_NE(run_upbp_scenes(request).error().to_string().find("some of caustic, mist"), std::string::npos);
 }

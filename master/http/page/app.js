@@ -77,11 +77,12 @@ onToken(showLock);
 // Rows by key in a table; `make(row)` gives {element, update(row)}.
 class Rows {
   constructor(body, make, order) {
-    Object.assign(this, {body, make, order, rows: new Map()});
+    Object.assign(this, {body, make, order, rows: new Map(), gone: new Set()});
   }
   add(data) {
     let moved = false;
     for (const d of data) {
+      if (this.gone.has(d.id)) continue;
       let row = this.rows.get(d.id);
       if (!row) {
         row = {...this.make(d), data: null};
@@ -100,6 +101,11 @@ class Rows {
       this.rows.get(id)?.element.remove();
       this.rows.delete(id);
     }
+  }
+  // Those of `ids` never come back, even in a list that was made before they went.
+  drop(ids) {
+    for (const id of ids) this.gone.add(id);
+    this.remove(ids);
   }
   sort() {
     const sorted = [...this.rows.values()].map((r) => [this.order(r.data), r.element]);
@@ -195,7 +201,7 @@ async function jobsPage() {
       rows.add(fresh);
       refresh();
     },
-    'jobs-gone': (ids) => { rows.remove(ids); load(0); },
+    'jobs-gone': (ids) => { rows.drop(ids); load(0); },
   }, {...connected, again: () => load(0)});
 }
 
@@ -246,7 +252,7 @@ async function workersPage() {
   await load();
   return stream('', {
     workers: (data) => { rows.add(data); refresh(); },
-    'workers-gone': (ids) => { rows.remove(ids); refresh(); },
+    'workers-gone': (ids) => { rows.drop(ids); refresh(); },
   }, {...connected, again: load});
 }
 
