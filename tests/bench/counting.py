@@ -6,9 +6,9 @@ import sys
 import tempfile
 
 
-def run_each(command):
+def run_each(command, environment=None):
     """What the command prints, each line read as JSON. A command that fails ends the program with its error."""
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
     if done.returncode != 0:
         sys.exit(f"{os.path.basename(sys.argv[0])}: error: {' '.join(command)}: {done.stderr.strip()}")
     return [json.loads(line) for line in done.stdout.splitlines()]
@@ -31,9 +31,11 @@ def instructions_in(path):
 
 def counted_each(command):
     """run_each with 'instructions' in each line: 0 where the program was built without valgrind/callgrind.h."""
+    clock = os.path.join(os.path.dirname(command[0]), "libclock_for_valgrind.so")
     with tempfile.TemporaryDirectory() as folder:
         out = os.path.join(folder, "out")
-        lines = run_each(["valgrind", "--tool=callgrind", "--instr-atstart=no", f"--callgrind-out-file={out}", *command])
+        lines = run_each(["valgrind", "--tool=callgrind", "--instr-atstart=no", f"--callgrind-out-file={out}", *command],
+                         {**os.environ, "LD_PRELOAD": clock})
         for number, figures in enumerate(lines, 1):
             figures["instructions"] = instructions_in(f"{out}.{number}")
     return lines

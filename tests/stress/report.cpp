@@ -13,6 +13,9 @@
 namespace candela::stress {
 namespace {
 
+// Cells of a line of the table of points: those before the counts of rejects, all.
+constexpr std::size_t kFirstRejected = 14, kCells = kFirstRejected + film::kRejectCauses + 2;
+
 std::string value_text(double value) {
   return fmt::format("{:.6g}", value);
 }
@@ -62,9 +65,10 @@ Point point_of(const std::vector<std::string>& cells) {
   p.tallies.rays = count(cells[11]);
   p.tallies.eye_samples = count(cells[12]);
   p.tallies.light_paths = count(cells[13]);
-  for (std::size_t c = 0; c < 5; ++c) p.tallies.rejected[c] = count(cells[14 + c]);
-  p.seconds = real(cells[19]);
-  p.refusal = cells[20];
+  for (std::size_t c = 0; c < film::kRejectCauses; ++c)
+    p.tallies.rejected[c] = count(cells[kFirstRejected + c]);
+  p.seconds = real(cells[kFirstRejected + film::kRejectCauses]);
+  p.refusal = cells[kFirstRejected + film::kRejectCauses + 1];
   return p;
 }
 
@@ -73,9 +77,10 @@ Point point_of(const std::vector<std::string>& cells) {
 std::string csv(const std::vector<Point>& points) {
   std::string text =
       "sweep,integrator,value,verdict,quantity,measured,expected,deviation,stderr,tolerance,iterations,rays,"
-      "eye_samples,light_paths,"
-      "rejected_nan,rejected_infinite,rejected_negative,rejected_saturated,rejected_statistics,cpu_seconds,"
-      "refusal\n";
+      "eye_samples,light_paths,";
+  for (int c = 0; c < film::kRejectCauses; ++c)
+    text += fmt::format("rejected_{},", name(static_cast<film::RejectCause>(c)));
+  text += "cpu_seconds,refusal\n";
   for (const Point& p : points) {
     std::string refusal = p.refusal;
     for (char& c : refusal)
@@ -97,7 +102,7 @@ std::vector<Point> read_csv(const std::string& text) {
     std::vector<std::string> cells;
     std::istringstream row(line + ",");
     for (std::string cell; std::getline(row, cell, ',');) cells.push_back(cell);
-    if (cells.size() != 20) throw std::runtime_error("not a line of a table of points: " + line);
+    if (cells.size() != kCells) throw std::runtime_error("not a line of a table of points: " + line);
     try {
       points.push_back(point_of(cells));
     } catch (const std::logic_error&) {  // of a number that is none, or too large
