@@ -50,7 +50,7 @@ understood. Anything else is an error that names the file, the line and the near
 - A `<spectrum>` whose type is a texture is that texture.
 - The integrator `direct` is `path` with a `max_depth` of 2. Of an integrator that Candela lacks and that holds another one
   (`aov`, `moment`) the one inside runs; the `aovs` of `aov` become layers beside its image, unless `--aov` says otherwise
-  (`observing.md`, *AOVs*). The films `ldrfilm` and `mfilm` are read as `hdrfilm`.
+  (`aovs.md`). The films `ldrfilm` and `mfilm` are read as `hdrfilm`.
 
 ## What is passed over
 
