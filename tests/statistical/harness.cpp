@@ -101,6 +101,13 @@ TestScene scene_from_shared(const std::string& name, std::uint32_t width, std::u
   return read_scene(std::move(scene), width, height);
 }
 
+TestScene scene_from_transport(std::string_view name, std::uint32_t width, std::uint32_t height) {
+  TestScene scene;
+  scene.files = std::make_shared<bundle::DiskSource>(CANDELA_SOURCE_DIR "/tests/statistical/transport");
+  scene.main_key = fmt::format("{}.xml", name);
+  return read_scene(std::move(scene), width, height);
+}
+
 std::unique_ptr<render::Renderer> make_renderer(const TestScene& scene) {
   auto renderer = render::Renderer::create(*scene.files, scene.main_key, {}, scene.settings, 2);
   if (!renderer.ok()) give_up(renderer.error());

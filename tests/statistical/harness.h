@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -46,6 +47,8 @@ TestScene read_scene(TestScene scene, std::uint32_t width, std::uint32_t height)
 void use_own_filter(TestScene& scene);
 // A scene of ../shared/scenes, its integrator's settings taken from the scene.
 TestScene scene_from_shared(const std::string& name, std::uint32_t width, std::uint32_t height);
+// tests/statistical/transport/NAME.xml.
+TestScene scene_from_transport(std::string_view name, std::uint32_t width, std::uint32_t height);
 
 std::unique_ptr<render::Renderer> make_renderer(const TestScene& scene);
 
