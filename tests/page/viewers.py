@@ -38,6 +38,8 @@ class Viewer(threading.Thread):
         answer = link.getresponse()
         text = answer.read()
         link.close()
+        if answer.status not in (200, 304):
+            raise ValueError(f"{path}: {answer.status}")
         self.bytes += len(text)
         return answer.status, answer.getheader("ETag"), text
 
@@ -51,9 +53,13 @@ class Viewer(threading.Thread):
     def watch(self):
         self.get("/api/jobs?offset=0" if self.kind == "list" else f"/api/jobs/{self.job}")
         link = http.client.HTTPConnection(self.address, timeout=60)
-        link.request("GET", "/api/stream" if self.kind == "list" else f"/api/stream?job={self.job}&kind={self.kind}")
+        path = "/api/stream" if self.kind == "list" else f"/api/stream?job={self.job}&kind={self.kind}"
+        link.request("GET", path)
+        answer = link.getresponse()
+        if answer.status != 200:
+            raise ValueError(f"{path}: {answer.status}")
         kind = ""
-        for line in link.getresponse():
+        for line in answer:
             if self.over:
                 return
             self.bytes += len(line)
@@ -156,8 +162,13 @@ def measure(given, folder, child):
         worst = max(worst, page)
         for viewer in viewers:
             viewer.over = True
+        for viewer in viewers:
+            viewer.join(10)
+        for viewer in viewers:
             if viewer.trouble:
                 raise viewer.trouble
+        if viewers and kind != "list" and mean[0] == 0:
+            raise RuntimeError("no picture came")
     if given.most and worst > given.most:
         print(f"FAILED: {worst:.4f} of a core, at most {given.most} is allowed")
         return 1

@@ -90,8 +90,8 @@ TEST_F(Slurm, TheScriptStartsAWorker) {
   EXPECT_TRUE(std::filesystem::is_directory(cache));
 }
 
-// A warning before the worker runs: the script ends well, and starts none. The signal comes from a mkdir of
-// our own, which the script calls before the worker.
+// Claim: if Slurm warns before the worker runs, the script ends well and starts no worker. The signal comes
+// from a mkdir of our own, which the script calls before the worker.
 TEST_F(Slurm, TheScriptLeavesWhenItIsWarned) {
   const std::string said = (folder_.path() / "said").string();
   const auto program = [&](const char* name, const std::string& text) {
@@ -101,7 +101,7 @@ TEST_F(Slurm, TheScriptLeavesWhenItIsWarned) {
     return path;
   };
   program("mkdir", "kill -TERM $PPID");
-  const std::string worker = program("worker", "touch '" + said + "'"),
+  const std::string worker = program("candela-worker", "touch '" + said + "'"),
                     path = folder_.path() / "workers.sbatch";
   ASSERT_EQ(run({"-o", path, "--program", worker, "--cache", folder_.path() / "cache"}).code, 0);
   for (const std::string& script :
