@@ -23,6 +23,12 @@ struct Draws {
   }
 };
 
+inline bool draw_emission(const scene::Scene& scene, Draws& draws, scene::EmissionSample& out) {
+  const float u = draws.next();
+  const Vec2 position = draws.next_2d();
+  return scene.sample_emission(u, position, draws.next_2d(), out);
+}
+
 // All lie around (0, 0, 2), within 0.9 of it, and light the origin; a floor at z = 0, if any, faces them.
 struct LightCase {
   std::string name, body;

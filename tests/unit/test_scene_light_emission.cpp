@@ -23,6 +23,7 @@ namespace candela::scene {
 namespace {
 
 using test::build_scene;
+using test::draw_emission;
 using test::Draws;
 using test::light_cases;
 using test::light_files;
@@ -39,12 +40,6 @@ std::unique_ptr<Scene> built(const std::string& body) {
   auto scene = build_scene(body, light_files());
   EXPECT_TRUE(scene.ok()) << scene.error().to_string();
   return scene.ok() ? std::move(*scene) : nullptr;
-}
-
-bool draw(const Scene& scene, Draws& draws, EmissionSample& out) {
-  const float u = draws.next();
-  const Vec2 position = draws.next_2d();
-  return scene.sample_emission(u, position, draws.next_2d(), out);
 }
 
 // p-value of two samples having one distribution.
@@ -82,7 +77,7 @@ TEST(Emission, WeightsAreRadianceOverDensityAndTheirMeanThePower) {
     const double r = static_cast<double>(scene->features().radius);
     for (int i = 0; i < 100000; ++i) {
       EmissionSample out;
-      if (!draw(*scene, draws, out)) {
+      if (!draw_emission(*scene, draws, out)) {
         mean.add(0);
         continue;
       }
@@ -124,7 +119,7 @@ TEST(Emission, PositionsAreUniformOnTheSurface) {
     std::vector<double> by_sample(1000), by_line(1000);
     for (int i = 0; i < 60000; ++i) {
       EmissionSample out;
-      if (!draw(*scene, draws, out)) continue;
+      if (!draw_emission(*scene, draws, out)) continue;
       ASSERT_NEAR(static_cast<double>(out.pdf_area) * light.area, 1, 1e-4) << light.name;
       // It lies on the surface: a ray from just above finds it, with the same normal.
       SurfaceHit hit;
@@ -178,7 +173,7 @@ TEST(Emission, DirectionsFollowTheirDensity) {
     int drawn = 0, disk_draws = 0;
     for (int i = 0; i < kSamples; ++i) {
       EmissionSample out;
-      if (!draw(*scene, draws, out)) continue;
+      if (!draw_emission(*scene, draws, out)) continue;
       ++drawn;
       const Vec3 d = out.ray.direction;
       double a = 0, b = 0;
@@ -278,7 +273,7 @@ TEST(Emission, DensitiesOfDirectSamplesAreThoseOfEmission) {
       EXPECT_EQ(density.infinite, direct.infinite);
       EXPECT_EQ(direct.delta, density.delta_position || density.delta_direction);
       EmissionSample other;
-      if (draw(*scene, draws, other)) {
+      if (draw_emission(*scene, draws, other)) {
         EXPECT_NEAR(density.pdf_area / other.pdf_area, 1, 1e-5f);
         EXPECT_EQ(density.delta_position, other.delta_position);
         EXPECT_EQ(density.delta_direction, other.delta_direction);
@@ -311,7 +306,7 @@ double floor_by_light(const Scene& scene, Draws& draws, int n, std::uint32_t flo
     EmissionSample out;
     SurfaceHit hit;
     double value = 0;
-    if (draw(scene, draws, out) && scene.intersect(out.ray, hit) && hit.shape == floor_shape &&
+    if (draw_emission(scene, draws, out) && scene.intersect(out.ray, hit) && hit.shape == floor_shape &&
         dot(out.ray.direction, hit.ng) < 0)
       value = static_cast<double>(out.weight.g);
     mean.add(value);
@@ -379,7 +374,7 @@ TEST(Emission, ManyEmittersAreChosenByPowerAndKeepTheirLight) {
   int drawn = 0;
   for (int i = 0; i < 100000; ++i) {
     EmissionSample out;
-    if (!draw(*scene, draws, out)) continue;
+    if (!draw_emission(*scene, draws, out)) continue;
     ++drawn;
     observed[out.vertex.emitter] += 1;
   }

@@ -1,12 +1,17 @@
 // Claims: pbrt's lights whose pictures and powers are known where they are built: goniometric and projection
 // lights, powers of area lights, the illuminance of a sky.
+// One chi-squared test at 1e-6, five means at 7 standard errors and more: a false alarm over seeds, which are
+// fixed, with less than 2e-6.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <numbers>
 
 #include "common/rng/stream.h"
+#include "tests/unit/chi_squared.h"
+#include "tests/unit/light_cases.h"
 #include "tests/unit/scene_fixture.h"
 #include "worker/scene/emitters/equal_area.h"
 
@@ -60,7 +65,8 @@ TEST(EqualAreaInverse, GivesTheDirection) {
 }
 
 // Claim: a goniometric light has the picture's value of each direction, +y in its middle and +z below, turned
-// with to_world; light leaves with a density of the intensity, whose integral is the power.
+// with to_world; light leaves with a density of the intensity, whose integral is the power, and in the
+// directions of that density.
 TEST(GoniometricLights, FollowTheirPicture) {
   constexpr int kSide = 8;
   std::vector<float> gray(kSide * kSide);
@@ -86,18 +92,24 @@ TEST(GoniometricLights, FollowTheirPicture) {
   double total = 0;
   constexpr int kDraws = 20000;
   int found = 0;
+  std::vector<double> observed(gray.size()), expected(gray.size());
+  test::Draws draws(13, 1);
   for (int i = 0; i < kDraws; ++i) {
     EmissionSample out;
-    const auto next = [&] { return stream.next_float(); };
-    const float u = next();
-    const Vec2 a{next(), next()}, b{next(), next()};
-    if (!scene->sample_emission(u, a, b, out)) continue;
+    if (!test::draw_emission(*scene, draws, out)) continue;
     ++found;
+    const Vec3d d(out.ray.direction);
+    const Vec2 uv = equal_area_square({d.x, d.z, d.y});
+    const auto cell = [](float v) { return std::min(static_cast<int>(v * kSide), kSide - 1); };
+    ++observed[static_cast<std::size_t>(cell(uv.y) * kSide + cell(uv.x))];
     total += static_cast<double>(out.weight.g);
     // The density is that of the intensity: the weight is the power, whatever the direction.
     EXPECT_NEAR(static_cast<double>(out.weight.g) / (4 * kPi * mean), 1, 1e-4);
   }
   EXPECT_GT(found, kDraws - 10);
+  for (std::size_t i = 0; i < gray.size(); ++i)
+    expected[i] = found * 3 * static_cast<double>(gray[i]) / (mean * kSide * kSide);
+  EXPECT_GT(test::chi_squared_p(observed, expected), 1e-6);
   EXPECT_NEAR(total / kDraws / (4 * kPi * mean), 1, 1e-3);
   // A quarter turn about x takes +y to +z.
   const auto turned =
@@ -142,37 +154,31 @@ TEST(ProjectionLights, HaveTheIntensityOfTheirPicture) {
   EXPECT_EQ(intensity(*scene, normalize(Vec3{0.1f, 0.6f, 1})), 0);
   const auto power = built(head + "<float name='power' value='5'/></emitter>" + kSpeck, files);
   ASSERT_NE(power, nullptr);
-  rng::Stream stream(rng::key(14));
-  double sum = 0;
+  test::Draws draws(14, 1);
+  test::Mean weight;
   constexpr int kDraws = 100000;
   for (int i = 0; i < kDraws; ++i) {
     EmissionSample out;
-    const auto next = [&] { return stream.next_float(); };
-    const float u = next();
-    const Vec2 a{next(), next()}, b{next(), next()};
-    if (power->sample_emission(u, a, b, out)) sum += static_cast<double>(out.weight.g);
+    weight.add(test::draw_emission(*power, draws, out) ? static_cast<double>(out.weight.g) : 0.0);
   }
-  EXPECT_NEAR(sum / kDraws, 5, 0.1);
+  EXPECT_NEAR(weight.mean(), 5, 0.1);  // 9 standard errors
 }
 
 // Claim: the luminance that leaves an area light is its power, of any shape, constant or textured.
 TEST(AreaLightPower, ScalesTheRadiance) {
   const auto total = [](const std::string& shape, const std::string& radiance) {
-    const auto scene =
-        built("<shape type='" + shape + "'>" + kSpeck.substr(kSpeck.size()) + "<emitter type='area'>" +
-              radiance + "<float name='power' value='6'/></emitter></shape>");
+    const auto scene = built("<shape type='" + shape + "'><emitter type='area'>" + radiance +
+                             "<float name='power' value='6'/></emitter></shape>");
     if (scene == nullptr) return 0.0;
-    rng::Stream stream(rng::key(15));
-    double sum = 0;
+    test::Draws draws(15, 1);
+    test::Mean weight;
     constexpr int kDraws = 20000;
     for (int i = 0; i < kDraws; ++i) {
       EmissionSample out;
-      const auto next = [&] { return stream.next_float(); };
-      const float u = next();
-      const Vec2 a{next(), next()}, b{next(), next()};
-      if (scene->sample_emission(u, a, b, out)) sum += static_cast<double>(luminance(out.weight));
+      const bool found = test::draw_emission(*scene, draws, out);
+      weight.add(found ? static_cast<double>(luminance(out.weight)) : 0.0);
     }
-    return sum / kDraws;
+    return weight.mean();
   };
   const std::string color = "<rgb name='radiance' value='1, 2, 0.5'/>";
   const std::string checker =
@@ -180,7 +186,7 @@ TEST(AreaLightPower, ScalesTheRadiance) {
       "name='color1' value='1'/></texture>";
   for (const char* shape : {"sphere", "rectangle", "cube", "disk"}) {
     EXPECT_NEAR(total(shape, color), 6, 1e-3) << shape;
-    EXPECT_NEAR(total(shape, checker), 6, 0.2) << shape;
+    EXPECT_NEAR(total(shape, checker), 6, 0.2) << shape;  // 7 standard errors
   }
   const auto black = test::build_scene(
       "<shape type='sphere'><emitter type='area'><rgb name='radiance' value='0'/><float name='power' "
