@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "tests/unit/scene_fixture.h"
+#include "tests/unit/volume_file.h"
 #include "worker/scene/bsdfs/kinds.h"
 #include "worker/scene/emitters/lights.h"
 
@@ -109,7 +110,7 @@ TEST(SurfaceTexture, LampsGlowByTheirTextures) {
       const auto scene = scene_of(shape);
       ASSERT_NE(scene, nullptr);
       rng::Stream stream(5);
-      int lit = 0;
+      int lit = 0, emitted = 0;
       for (int i = 0; i < 300; ++i) {
         SurfaceHit reference = test::point_reference({0.4f, 0.6f, 2}, {0, 0, -1});
         DirectSample light;
@@ -124,10 +125,12 @@ TEST(SurfaceTexture, LampsGlowByTheirTextures) {
           SurfaceHit start = emission.vertex;
           start.emitter = 0;
           expect_near(scene->emitted(start, start.ng), emission.radiance, 1e-6f);
+          ++emitted;
         }
         ++lit;
       }
       EXPECT_GT(lit, 100) << texture;
+      EXPECT_GT(emitted, 100) << texture;
     }
   }
 }
@@ -183,17 +186,13 @@ TEST(SurfaceTexture, GridLinesLieAtIntegers) {
 
 // A volume of two cells along x that its own to_world stretches to [0, 4].
 TEST(SurfaceTexture, VolumesAreLookedUpInTheWorld) {
-  std::string bytes = "VOL\x03";
-  const auto put = [&](auto value) { bytes.append(reinterpret_cast<const char*>(&value), sizeof value); };
-  for (const std::int32_t v : {1, 2, 1, 1, 1}) put(v);
-  for (const float v : {0.f, 0.f, 0.f, 1.f, 1.f, 1.f, 0.2f, 0.6f}) put(v);
   const auto built = build_scene(
       "<shape type='rectangle'><transform name='to_world'><scale value='8'/></transform><bsdf type='diffuse'>"
       "<texture type='volume' name='reflectance'><volume name='volume' type='gridvolume'><string "
       "name='filename' value='a.vol'/><transform name='to_world'><scale "
       "x='4'/></transform></volume></texture>"
       "</bsdf></shape>",
-      {{"a.vol", bytes}});
+      {{"a.vol", test::volume_file({2, 1, 1}, 1, {0.2f, 0.6f})}});
   ASSERT_TRUE(built.ok()) << built.error().to_string();
   expect_near(seen(**built, -3, 1), Spectrum(0.2f));
   expect_near(seen(**built, 2, -1), Spectrum(0.4f));
