@@ -298,8 +298,9 @@ TEST(PbrtGrid, ColorsAreExtinctionAndAlbedo) {
     EXPECT_FALSE(load_pbrt_grid(wrong, "a.pbrt", 0, 7, "albedo").ok()) << wrong;
 }
 
-// Claim: the noise is Perlin's: 0 on the lattice, its known value elsewhere, and smooth. A cloud is within 0
-// and 1, dense at the ground.
+// Claim: the noise is Perlin's: 0 on the lattice, with a slope of two components of +-1 there, of mean 0 and
+// within -1 and 1. A cloud is 1 at the ground and 0 at the top, and the grid holds its values at the centers
+// of cells.
 TEST(PbrtCloud, IsNoiseThatThinsOutWithHeight) {
   EXPECT_EQ(gradient_noise({3, -2, 17}), 0);
   // Near a corner of the lattice the noise is its gradient times the way from there; gradients have two
@@ -336,8 +337,10 @@ TEST(PbrtCloud, IsNoiseThatThinsOutWithHeight) {
   PbrtCloud three;
   three.frequency = 3;
   const auto cell = [](int i, float extent) { return (static_cast<float>(i) + 0.5f) / 128 * extent; };
-  EXPECT_NEAR(grid->values[(100 * 128 + 40) * 128 + 7], three.at({cell(7, 1), cell(40, 2), cell(100, 1)}),
-              1e-4f);
+  for (const auto& [x, y, z] : {std::array{7, 40, 100}, {0, 0, 0}, {127, 20, 3}, {64, 70, 64}})
+    EXPECT_NEAR(grid->values[static_cast<std::size_t>((z * 128 + y) * 128 + x)],
+                three.at({cell(x, 1), cell(y, 2), cell(z, 1)}), 1e-4f)
+        << x;
   EXPECT_FALSE(load_pbrt_grid(directive + " \"float density\" 1e9", "a.pbrt", 0, 1).ok());
 }
 
