@@ -27,7 +27,7 @@ struct RenderPlan {
   unsigned threads = 1;
 };
 
-// Later causes count where they are met: digests of films without them stay.
+// Causes added later enter the digest only if their count is not 0, so that digests of earlier films stay.
 constexpr auto kFirstCauses = static_cast<std::size_t>(film::RejectCause::statistics);
 
 class FilmDigest {

@@ -149,7 +149,8 @@ TEST(FppmRule, FollowsASlowerScheduleWithLittleEvidence) {
       constants["evidence_little"] = "60";
     }
     Job job{std::move(plan)};
-    // By epoch: 24 photons, 36 and 60 since the first; 24 since the third, whose decision takes a level.
+    // Photons of pixel 1 that count, by epoch: 24, 36, 60; the third decision takes a level, so that the
+    // count begins anew with 24.
     const std::vector<int> some = {2, 1, 2, 2};
     for (std::size_t e = 0; e < some.size(); ++e) {
       job.photons(0, std::vector<int>(12, 6));

@@ -102,7 +102,8 @@ TEST(Adaptive, OneLevelIsTheIntegratorWithoutTests) {
         EXPECT_EQ(sums(*one.film), sums(*other.film)) << integrator;
       }
       film::Tallies tallies = one.film->tallies();
-      tallies.sampled_merges = tallies.repeated_merges = 0;  // those that decide radii are counted alone
+      // Only integrators that decide radii count these.
+      tallies.sampled_merges = tallies.repeated_merges = 0;
       EXPECT_EQ(tallies, other.film->tallies()) << integrator;
     }
   }

@@ -195,8 +195,8 @@ TEST(StoreVersions, EarlierOnesBecomeThePresentOne) {
   }
 }
 
-// Claim: so does a store of version 5, which had jobs of chains and of epochs and counted neither statistics
-// that were rejected nor repeated merges; then it holds both.
+// Claim: a store of version 5, which counted neither rejected statistics nor repeated merges, becomes the
+// present one with its rows as they were, and then holds both counts.
 TEST(StoreVersions, TheFifthLearnsToCountStatistics) {
   const test::TemporaryFolder folder;
   const fs::path path = folder.path() / "version5.sqlite";
