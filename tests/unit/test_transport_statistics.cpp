@@ -271,6 +271,13 @@ TEST(Statistics, PilotsFollowTheFilmPosition) {
   }
 }
 
+std::vector<std::unique_ptr<film::UnitAccumulator>> make_accumulators(
+    const std::vector<film::AccumulatorSpec>& specs) {
+  std::vector<std::unique_ptr<film::UnitAccumulator>> made;
+  for (const auto& spec : specs) made.push_back(std::make_unique<film::UnitAccumulator>(4, 3, spec));
+  return made;
+}
+
 void expect_empty(const std::vector<std::unique_ptr<film::UnitAccumulator>>& accumulators) {
   for (const auto& sums : accumulators)
     for (std::size_t i = 0; i < 12 * sums->spec().channels; ++i) EXPECT_EQ(sums->sums()[i], 0);
@@ -284,20 +291,14 @@ TEST(Statistics, AreWrittenOnceAPath) {
   fill(cloud, false);
   WeightedSectors sectors(kFirst);
   gather(cloud, Kernel::constant, sectors);
-  const auto accumulators = [](int scale) {
-    std::vector<std::unique_ptr<film::UnitAccumulator>> made;
-    for (const auto& spec : {adaptive::sectors_spec(scale), adaptive::squares_spec(scale)})
-      made.push_back(std::make_unique<film::UnitAccumulator>(4, 3, spec));
-    return made;
-  };
-  const auto sums = accumulators(40);
+  const auto sums = make_accumulators({adaptive::sectors_spec(40), adaptive::squares_spec(40)});
   EXPECT_TRUE(sectors.write(sums, 2, 1, -0.5f, 9, false));
   for (std::size_t pixel = 0; pixel < 12; ++pixel)
     for (std::size_t c = 0; c < 12; ++c)
       EXPECT_NEAR(std::ldexp(static_cast<double>(sums[0]->sums()[pixel * 12 + c]), -36),
                   pixel == 6 ? 0.5 * sectors.sums()[c] : 0, 1e-9);
   EXPECT_NEAR(std::ldexp(static_cast<double>(sums[1]->sums()[6]), -64) / (0.25 * sectors.squares()), 1, 1e-9);
-  const auto full = accumulators(120);
+  const auto full = make_accumulators({adaptive::sectors_spec(120), adaptive::squares_spec(120)});
   EXPECT_FALSE(sectors.write(full, 2, 1, 1, 9, true));
   expect_empty(full);
   sectors.begin();
@@ -305,20 +306,15 @@ TEST(Statistics, AreWrittenOnceAPath) {
   EXPECT_EQ(sectors.sums(), (std::array<double, 12>{}));
 }
 
-// Claim: so it is for rings, and for moments whose Laplacian alone is beyond its accumulator: of a photon
-// that only the stencil reaches.
+// Claim: rings, and moments whose Laplacian alone exceeds its accumulator (a photon that only the stencil
+// reaches), are written whole or not at all.
 TEST(Statistics, AreWrittenWholeOrNotAtAll) {
   Cloud cloud;
   fill(cloud, false);
-  const auto make = [](const std::vector<film::AccumulatorSpec>& specs) {
-    std::vector<std::unique_ptr<film::UnitAccumulator>> made;
-    for (const auto& spec : specs) made.push_back(std::make_unique<film::UnitAccumulator>(4, 3, spec));
-    return made;
-  };
   WeightedRings<1> rings(kFirst);
   gather(cloud, Kernel::constant, rings);
   for (const int scale : {40, 120}) {
-    const auto sums = make({adaptive::discs_spec(scale), adaptive::ring_squares_spec(scale)});
+    const auto sums = make_accumulators({adaptive::discs_spec(scale), adaptive::ring_squares_spec(scale)});
     EXPECT_EQ(rings.write(sums, 2, 1, 1, 9, true), scale == 40);
     if (scale == 120) expect_empty(sums);
   }
@@ -330,7 +326,7 @@ TEST(Statistics, AreWrittenWholeOrNotAtAll) {
   for (const bool fits : {true, false}) {
     of_laplacian.scale_log2 =
         55 - static_cast<int>(std::ceil(std::log2(std::abs(moments.laplacian())))) + (fits ? 0 : 2);
-    const auto sums = make({of_moments, of_laplacian});
+    const auto sums = make_accumulators({of_moments, of_laplacian});
     EXPECT_EQ(moments.write(sums, 2, 1, 1, 9, true), fits);
     if (!fits) expect_empty(sums);
   }
