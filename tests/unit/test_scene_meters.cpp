@@ -4,9 +4,8 @@
 //   sample_camera finds is the same ray;
 // - a patch of radiance 1 measures the same from rays of the sensor, from points on the patch (sample_camera)
 //   and from light that meets the sensor by itself (meets_camera), quarter by quarter of the film;
-// - the weight of a ray of a meter is pi: the irradiance under a sky of radiance 1; that under a small lamp
-// is
-//   E = L A cos cos / r^2.
+// - the weight of a ray of a meter is pi, the irradiance under a sky of radiance 1; under a small lamp the
+//   irradiance is E = L A cos cos / r^2.
 // 47 comparisons of values that are not 0, at 5 standard errors: a false-alarm rate below 3e-5 over seeds,
 // which are fixed.
 #include <gtest/gtest.h>
