@@ -55,12 +55,22 @@ class UnitAccumulator {
   // `tallies.rejected`, and the result is false. Preconditions: pixel and channels are inside.
   bool add(std::uint32_t x, std::uint32_t y, std::uint32_t first, std::span<const double> values,
            std::uint64_t key, Tallies& tallies);
-  // The same of a number of values that the compiler knows. word: dither_word(key), which accumulators of one
-  // sample share. Defined in accumulator_add.h.
+  // A pixel. It is the same for all accumulators of one size.
+  struct Place {
+    std::uint32_t x = 0, y = 0;
+    std::size_t pixel = 0, tile = 0;  // indices
+  };
+  Place place(std::uint32_t x, std::uint32_t y) const {
+    return {x, y, std::size_t{y} * layout_.width + x,
+            std::size_t{y / kTileSize} * layout_.tiles_x() + x / kTileSize};
+  }
+  // add() of a number of values that the compiler knows, the first kCount of an array of whole fours; those
+  // beyond are no larger. word: dither_word(key), which accumulators of one sample share. Defined in
+  // accumulator_add.h.
   template <std::size_t kCount>
-  bool add_array(std::uint32_t x, std::uint32_t y, std::uint32_t first,
-                 const std::array<double, kCount>& values, std::uint64_t key, std::uint64_t word,
-                 Tallies& tallies);
+  bool add_array(const Place& place, std::uint32_t first,
+                 const std::array<double, (kCount + 3) / 4 * 4>& values, std::uint64_t key,
+                 std::uint64_t word, Tallies& tallies);
   // The same from any thread. Not at the same time as add() on the same pixel.
   bool splat(std::uint32_t x, std::uint32_t y, std::uint32_t first, std::span<const double> values,
              std::uint64_t key, Tallies& tallies);

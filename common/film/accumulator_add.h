@@ -8,10 +8,15 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <utility>
 
 #include "common/film/accumulator.h"
 #include "common/film/quantise.h"
+
+#if defined(__AVX__)
+#include <immintrin.h>
+#endif
 
 namespace candela::film {
 namespace adding {
@@ -52,7 +57,11 @@ inline Words quantise_four(const Values& values, double units_per_value, const W
 }
 
 inline bool any_sign(const Words& words) {
+#if defined(__AVX__)
+  return _mm256_movemask_pd(std::bit_cast<__m256d>(words)) != 0;
+#else
   return static_cast<std::int64_t>((words[0] | words[1]) | (words[2] | words[3])) < 0;
+#endif
 }
 
 // Up to four of kCount channels, from channel kFirst on; others are zero.
@@ -62,6 +71,11 @@ struct Lanes {
 
   static Values load(const double* v) {
     const double* const p = v + kFirst;
+    if constexpr (n == 4) {
+      Values values;
+      std::memcpy(&values, p, sizeof values);
+      return values;
+    }
     return Values{p[0], n > 1 ? p[1] : 0.0, n > 2 ? p[2] : 0.0, n > 3 ? p[3] : 0.0};
   }
   static Words load(const std::int64_t* sums) {
@@ -82,12 +96,13 @@ inline Words beyond(const Values& values, double limit) {
 enum class Added : std::uint8_t { all, wrapped, none };
 
 // Adds values whose magnitudes are all at most the limit, or none. `word` is the first channel's.
-template <std::size_t kCount>
+// kWholeFours: behind the values there are others, no larger, up to a multiple of four.
+template <std::size_t kCount, bool kWholeFours = false>
 Added add_if_within(std::int64_t* sums, const double* v, double limit, double units_per_value,
                     std::uint64_t word) {
-  constexpr std::size_t kFours = (kCount + 3) / 4;
+  constexpr std::size_t kFours = (kCount + 3) / 4, kGiven = kWholeFours ? 4 * kFours : kCount;
   return [&]<std::size_t... kFour>(std::index_sequence<kFour...>) {
-    const Values values[kFours] = {Lanes<kCount, 4 * kFour>::load(v)...};
+    const Values values[kFours] = {Lanes<kGiven, 4 * kFour>::load(v)...};
     const Words before[kFours] = {Lanes<kCount, 4 * kFour>::load(sums)...};
     const Words units[kFours] = {
         quantise_four(values[kFour], units_per_value, dither_words<4 * kFour>(word))...};
@@ -111,13 +126,13 @@ inline constexpr std::size_t kMaxChunk = 12;
 }  // namespace adding
 
 template <std::size_t kCount>
-bool UnitAccumulator::add_array(std::uint32_t x, std::uint32_t y, std::uint32_t first,
-                                const std::array<double, kCount>& values, std::uint64_t key,
-                                std::uint64_t word, Tallies& tallies) {
+[[gnu::always_inline]] inline bool UnitAccumulator::add_array(
+    const Place& place, std::uint32_t first, const std::array<double, (kCount + 3) / 4 * 4>& values,
+    std::uint64_t key, std::uint64_t word, Tallies& tallies) {
   if constexpr (kCount <= adding::kMaxChunk) {
-    adding::touch(touched_[std::size_t{y / kTileSize} * layout_.tiles_x() + x / kTileSize]);
-    const adding::Added added = adding::add_if_within<kCount>(
-        sums_.data() + (std::size_t{y} * layout_.width + x) * spec_.channels + first, values.data(),
+    adding::touch(touched_[place.tile]);
+    const adding::Added added = adding::add_if_within<kCount, true>(
+        sums_.data() + place.pixel * spec_.channels + first, values.data(),
         limit_ * (adding::kMaxFastUnits / kMaxContribution), units_per_value_,
         std::rotl(word, static_cast<int>(first * adding::kTurn % 64)));
     if (added == adding::Added::wrapped) [[unlikely]]
@@ -125,7 +140,7 @@ bool UnitAccumulator::add_array(std::uint32_t x, std::uint32_t y, std::uint32_t 
     if (added != adding::Added::none) [[likely]]
       return true;
   }
-  return add(x, y, first, values, key, tallies);
+  return add(place.x, place.y, first, std::span(values).template first<kCount>(), key, tallies);
 }
 
 }  // namespace candela::film

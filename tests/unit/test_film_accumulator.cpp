@@ -8,6 +8,7 @@
 #include <random>
 #include <thread>
 
+#include "common/film/accumulator_add.h"
 #include "common/film/film.h"
 #include "common/rng/stream.h"
 
@@ -98,6 +99,38 @@ TEST(Accumulator, FourAtATimeAreOneAfterAnother) {
     ASSERT_TRUE(four.add(0, 0, first, values, key, tallies));
     ASSERT_TRUE(std::equal(one.sums(), one.sums() + 64, four.sums())) << "sample " << i;
   }
+}
+
+// Values beyond kCount do not reach the sums, and a refused sample leaves no value.
+template <std::size_t kCount>
+void add_known_count() {
+  const AccumulatorSpec spec{"sums", kCount + 5, 30, Per::job};
+  UnitAccumulator array(kWidth, kHeight, spec), plain(kWidth, kHeight, spec);
+  Tallies of_array, of_plain;
+  for (std::uint64_t i = 0; i < 400; ++i) {
+    const std::uint64_t key = rng::key(11, i);
+    const auto x = static_cast<std::uint32_t>(key % kWidth),
+               y = static_cast<std::uint32_t>(key / 97 % kHeight),
+               first = static_cast<std::uint32_t>(key / 7 % 6);
+    std::array<double, (kCount + 3) / 4 * 4> values{};
+    for (std::size_t c = 0; c < values.size(); ++c)
+      values[c] = std::ldexp(static_cast<double>(rng::key(key, c) % 2000) - 1000, -14);
+    if (i % 50 == 7) values[i % kCount] = 1e30;
+    if (i % 50 == 9) values[i % kCount] = std::numeric_limits<double>::quiet_NaN();
+    EXPECT_EQ(array.add_array<kCount>(array.place(x, y), first, values, key, dither_word(key), of_array),
+              plain.add(x, y, first, std::span(values).template first<kCount>(), key, of_plain));
+  }
+  const std::size_t sums = std::size_t{kWidth} * kHeight * spec.channels;
+  EXPECT_TRUE(std::equal(array.sums(), array.sums() + sums, plain.sums())) << kCount;
+  EXPECT_EQ(of_array.rejected, of_plain.rejected);
+}
+
+// Claim: a number of values that the compiler knows has the sums of any number, at any first channel.
+TEST(Accumulator, KnownCountsAreThoseOfSpans) {
+  [&]<std::size_t... kLess>(std::index_sequence<kLess...>) {
+    (add_known_count<kLess + 1>(), ...);
+  }
+  (std::make_index_sequence<14>());
 }
 
 // Claim: NaN, infinite and absurdly large values add nothing to any channel and count once, by cause; a sum

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <vector>
 
+#include "common/mis/batch.h"
+#include "common/rng/stream.h"
 #include "tests/mis_problems.h"
 
 namespace candela {
@@ -41,6 +43,34 @@ double crossfit_image(const Allocation& n, const Sums& a, const Sums& b, double 
 }
 mis::Slopes exact_slopes(const MisProblem& p) {
   return mis::solve(p.allocation, test::mis_moments(p).sums, 0);
+}
+
+template <std::size_t kTechniques>
+void sums_of_known_count() {
+  for (std::uint64_t seed = 0; seed < 100; ++seed) {
+    rng::Stream random(rng::key(seed, kTechniques));
+    mis::Batch batch;
+    for (std::size_t s = 0; s < kTechniques; ++s) {
+      for (std::size_t i = 0; i < kTechniques; ++i)
+        batch.samples[s].c[i] = random.next_u32() % 4 == 0 ? 0 : random.next_double();
+      for (double& f : batch.samples[s].f_over_q) f = random.next_u32() % 4 == 0 ? 0 : random.next_double();
+    }
+    const Sums sums = mis::sums_of(kTechniques, batch);
+    const auto a = mis::matrix_of<kTechniques>(batch);
+    for (std::size_t i = 0; i < mis::packed_size(kTechniques); ++i) EXPECT_EQ(a[i], sums.a[i]) << i;
+    const auto b = mis::vector_of<kTechniques>(batch);
+    for (std::size_t k = 0; k < mis::kColors; ++k)
+      for (std::size_t i = 0; i < kTechniques; ++i) EXPECT_EQ(b[k * kTechniques + i], sums.b[k][i]);
+  }
+}
+
+// Claim: the sums of one batch by whole registers are those of sample after sample, to the last bit.
+TEST(MisEstimators, BatchesOfKnownCounts) {
+  sums_of_known_count<2>();
+  sums_of_known_count<3>();
+  sums_of_known_count<4>();
+  sums_of_known_count<5>();
+  sums_of_known_count<8>();
 }
 
 // Claim: the controls of every sample add up to one, and a pixel's matrix counts its samples.

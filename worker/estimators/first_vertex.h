@@ -82,10 +82,11 @@ class FirstVertex {
         all_options_(options),
         n_(setup.techniques()) {
     allocation_ = mis::Allocation::ones(n_);
+    bsdf_fails_ = mis::controls_of_one(allocation_, 0);
     const std::size_t techniques = setup.light_techniques(), points = setup.points.size();
     for (std::size_t i = 0; i < light_draws(); ++i) {
       const std::size_t t = i % techniques;
-      draws_[i] = {i / techniques, technique(t), t / points, t % points};
+      draws_[i] = {i / techniques, technique(t), sample(technique(t)), t / points, t % points};
     }
   }
   // The limits of the path, which ends early where direct light is all that is asked for.
@@ -102,8 +103,7 @@ class FirstVertex {
     reached_ = true;
     if (lights_ != nullptr) [[unlikely]]
       enter_cell(lights, p);
-    if (setup_.bsdf && setup_.controls)
-      for (std::size_t g = 0; g < setup_.groups; ++g) set(g, 0, mis::controls_of_one(allocation_, 0), {});
+    if (setup_.controls) clear_batches();
   }
   // The path goes on from there; `depth` edges from the eye is what its ray meets.
   void leave(std::uint32_t depth) {
@@ -137,8 +137,7 @@ class FirstVertex {
 
   void failed(std::size_t light_draw) {
     const Draw& draw = draws_[light_draw];
-    if (setup_.controls)
-      set(draw.group, draw.technique, mis::controls_of_one(allocation_, draw.technique), {});
+    if (setup_.controls) set(draw, mis::controls_of_one(allocation_, draw.technique), {});
   }
 
   // Light from a point that a light technique drew, or none. `light`: of that draw. value: what arrives,
@@ -163,8 +162,8 @@ class FirstVertex {
         value.is_black() ? Spectrum() : value * static_cast<float>(weights[own] / p[own]);
     if (setup_.controls) {
       if (setup_.bsdf && setup_.bsdf_is_alone) p[0] = 0;
-      set(draw.group, own, setup_.bsdf_is_alone ? mis::control_vector(allocation_, p) : weights,
-          color(contribution));
+      set(draw, setup_.bsdf_is_alone ? mis::control_vector(allocation_, p) : weights, color(contribution));
+      batches_[draw.group].lit |= !value.is_black();
     }
     if (setup_.singles && !value.is_black())
       add_single(own, value * static_cast<float>(1 / p[own]), contribution);
@@ -191,7 +190,7 @@ class FirstVertex {
       add_densities(lights, here, front, d, *hit, group, p);
     if (!usable(p, 0)) return {};
     const mis::Vector weights = weights_at(p);
-    if (setup_.controls && !setup_.bsdf_is_alone) batches_[group].c[sample(0)] = weights;
+    if (setup_.controls && !setup_.bsdf_is_alone) batches_[group].samples[n_ - 1].c = weights;
     const Spectrum contribution = value * static_cast<float>(weights[0]);
     if (setup_.singles) add_single(0, value, contribution);
     add_light(group, contribution);
@@ -207,9 +206,10 @@ class FirstVertex {
 
  private:
   using Densities = mis::Vector;
-  // A point on a light: the group of lights, the technique and its parts, by index in the setup.
+  // A point on a light: the group of lights, the technique, its sample in the batch, and its parts by index
+  // in the setup.
   struct Draw {
-    std::size_t group, technique, selection, point;
+    std::size_t group, technique, sample, selection, point;
   };
 
   // Of trained selection alone; not inlined, to leave the path without it as it was.
@@ -234,9 +234,17 @@ class FirstVertex {
   std::size_t sample(std::size_t technique) const {
     return !setup_.bsdf ? technique : technique == 0 ? n_ - 1 : technique - 1;
   }
-  void set(std::size_t group, std::size_t technique, const mis::Vector& c, const mis::Color& f_over_q) {
-    batches_[group].c[sample(technique)] = c;
-    batches_[group].f_over_q[sample(technique)] = f_over_q;
+  void set(const Draw& draw, const mis::Vector& c, const mis::Color& f_over_q) {
+    batches_[draw.group].samples[draw.sample] = {c, f_over_q};
+  }
+  // Batches without light, in which the bsdf technique has failed. The light techniques set all of theirs.
+  void clear_batches() {
+    for (std::size_t g = 0; g < setup_.groups; ++g) {
+      mis::Batch& batch = batches_[g];
+      batch.lit = false;
+      if (!setup_.bsdf) continue;
+      batch.samples[n_ - 1] = {bsdf_fails_, {}};
+    }
   }
   float prob(const scene::Lights& lights, const scene::SurfaceHit& here, Vec3 front, std::uint32_t emitter,
              std::size_t group, std::size_t s) const {
@@ -317,7 +325,8 @@ class FirstVertex {
   void add_light(std::size_t group, const Spectrum& s) {
     if (!setup_.bsdf || !setup_.controls) return;
     const mis::Color more = color(s);
-    mis::Color& light = batches_[group].f_over_q[n_ - 1];
+    batches_[group].lit = true;
+    mis::Color& light = batches_[group].samples[n_ - 1].f_over_q;
     for (std::size_t k = 0; k < mis::kColors; ++k) light[k] += more[k];
   }
 
@@ -342,6 +351,7 @@ class FirstVertex {
   const PathOptions all_options_;
   const std::size_t n_;
   mis::Allocation allocation_;
+  mis::Vector bsdf_fails_;                                         // its controls
   std::array<Draw, kMaxLightGroups * mis::kMaxTechniques> draws_;  // the first light_draws() are set
   // By group of lights; the bsdf's sample is complete when the path has ended.
   std::array<mis::Batch, kMaxLightGroups> batches_;

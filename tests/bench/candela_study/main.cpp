@@ -70,9 +70,10 @@ Result<void> run(const Options& options) {
   if (options.seeds != 0 && study->seeds == 0)
     return usage_error(fmt::format("study '{}' renders nothing that has a seed", study->name))
         .with_field("--seeds");
-  if (!study->in_pieces && (options.side != 0 || !options.scenes.empty()))
-    return usage_error(fmt::format("study '{}' has one size and all of its scenes", study->name))
-        .with_field(options.side != 0 ? "--side" : "--scenes");
+  if (!study->in_pieces && options.side != 0)
+    return usage_error(fmt::format("study '{}' has one size", study->name)).with_field("--side");
+  if (!study->in_pieces && !study->by_scene && !options.scenes.empty())
+    return usage_error(fmt::format("study '{}' has all of its scenes", study->name)).with_field("--scenes");
   // Before the work, not after it.
   const std::filesystem::path folder = std::filesystem::absolute(options.out);
   CANDELA_TRY(make_directories(folder));
@@ -93,8 +94,11 @@ Result<void> run(const Options& options) {
 
   const std::string seeds = study->seeds == 0 ? "" : fmt::format(" --seeds {}", request.seeds);
   const std::string side = options.side == 0 ? "" : fmt::format(" --side {}", options.side);
-  const std::string command = fmt::format("candela-study {}{}{}{} --out DIR", study->name,
-                                          options.short_form ? " --short" : "", seeds, side);
+  const std::string scenes = study->by_scene && !options.scenes.empty()
+                                 ? fmt::format(" --scenes {}", fmt::join(options.scenes, ","))
+                                 : "";
+  const std::string command = fmt::format("candela-study {}{}{}{}{} --out DIR", study->name,
+                                          options.short_form ? " --short" : "", seeds, side, scenes);
   const Head head = {{"study", std::string(study->name)},
                      {"summary", std::string(study->summary)},
                      {"source", std::string(study->source)},
@@ -145,7 +149,8 @@ int main(int argc, char** argv) {
   app.add_option("--threads", options.threads, "of each render; default: 1")->check(CLI::Range(1, 1024));
   app.add_option("--side", options.side, "of pictures, in pixels; default: the study's own (vcmplus-table)")
       ->check(CLI::Range(8, 4096));
-  app.add_option("--scenes", options.scenes, "these alone, with commas between; default: all (vcmplus-table)")
+  app.add_option("--scenes", options.scenes,
+                 "these alone, with commas between; default: all (mis-scenes, vcmplus-table)")
       ->delimiter(',');
   app.add_flag("--no-figure", options.no_figure, "write the CSV alone; needs no Python");
   refuse_empty_paths(app);

@@ -22,7 +22,7 @@ constexpr std::array kStudies = {
           "Kondapaneni 2019, supplement, Fig. 1 and section 3", 0, 0, run_mis_1d},
     Study{"mis-scenes",
           "error of direct light by every heuristic and by optimal weights, at equal samples and time",
-          "Kondapaneni 2019, section 8", 4, 2, run_mis_scenes},
+          "Kondapaneni 2019, section 8", 4, 2, run_mis_scenes, false, true},
     Study{"upbp-nsd", "spread of the 25 estimators with points and beams in a medium against kernel width",
           "Krivanek 2014, Fig. 1", 0, 0, run_upbp_nsd},
     Study{"upbp-scenes", "error of the techniques of upbp, alone and together, in equal time",

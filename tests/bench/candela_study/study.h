@@ -45,10 +45,11 @@ struct Request {
   bool short_form = false;  // seconds
   std::uint64_t seeds = 1;  // independent runs, with the seeds 1, 2, ...
   unsigned threads = 1;
-  // Options of studies in pieces (see Study):
-  std::uint32_t side = 0;           // of pictures, in pixels; 0: the study's own
-  std::vector<std::string> scenes;  // names; empty: all
-  std::filesystem::path folder;     // where pieces are kept; empty: nowhere
+  // Of studies in pieces or by scene (see Study): names; empty: all.
+  std::vector<std::string> scenes;
+  // Options of studies in pieces:
+  std::uint32_t side = 0;        // of pictures, in pixels; 0: the study's own
+  std::filesystem::path folder;  // where pieces are kept; empty: nowhere
   bool wants(const std::string& scene) const {
     return scenes.empty() || std::find(scenes.begin(), scenes.end(), scene) != scenes.end();
   }
@@ -64,6 +65,7 @@ struct Study {
   Result<Results> (*run)(const Request& request);
   // Takes the side and names of scenes, keeps the results of each scene, and goes on with what is left.
   bool in_pieces = false;
+  bool by_scene = false;  // takes names of scenes alone
 };
 
 // All studies, by name.

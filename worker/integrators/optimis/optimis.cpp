@@ -23,6 +23,7 @@ namespace candela::integrators {
 namespace {
 
 using optimis::ReadOut;
+using Place = film::UnitAccumulator::Place;
 
 // Words that seed the rounding of a sample's sums, beside that of its film.
 constexpr std::uint64_t kFirstWord = 1, kSecondWord = 2, kThirdWord = 3;
@@ -117,8 +118,9 @@ class OptimisIntegrator final : public IterationIntegrator {
                                                        tallies, sampler, first, batch, layout};
                              for (std::uint32_t y = y0; y < y1; ++y) {
                                for (std::uint32_t x = x0; x < x1; ++x) {
+                                 const Place at = place(output, x, y);
                                  for (std::uint64_t index = unit.begin; index < unit.end; ++index)
-                                   render(iteration, trace, index, x, y);
+                                   render(iteration, trace, index, at);
                                  tallies.eye_samples += (unit.end - unit.begin) * paths_;
                                  if (run.stop != nullptr && run.stop->load(std::memory_order_relaxed)) return;
                                }
@@ -181,10 +183,14 @@ class OptimisIntegrator final : public IterationIntegrator {
     const light_visibility::Layout& layout;  // of the light weights
   };
 
+  // A pixel of the film, and of the sums if there are any.
+  static Place place(const UnitOutput& output, std::uint32_t x, std::uint32_t y) {
+    return output.accumulators.empty() ? Place{x, y} : output.accumulators[0]->place(x, y);
+  }
   // One iteration of a pixel.
   template <class Trace>
-  void render(const Iteration& i, const Trace& trace, std::uint64_t index, std::uint32_t x,
-              std::uint32_t y) const {
+  void render(const Iteration& i, const Trace& trace, std::uint64_t index, const Place& at) const {
+    const std::uint32_t x = at.x, y = at.y;
     // Light of the paths, and of those that reached a first vertex the sums.
     Spectrum light;
     if (read_out_ == ReadOut::fan) i.batch.clear(setup_.techniques());
@@ -214,8 +220,7 @@ class OptimisIntegrator final : public IterationIntegrator {
     const double kept_weight = kept ? static_cast<double>(weight) : 0;
     const std::uint32_t part = read_out_ == ReadOut::epochs ? i.unit.half : 0;
     if (read_out_ == ReadOut::sums || read_out_ == ReadOut::epochs)
-      for (std::size_t g = 0; g < setup_.groups; ++g)
-        tally_(i.first.batch(g), kept_weight, g, part, x, y, key, i.output, i.tallies);
+      for (std::size_t g = 0; g < setup_.groups; ++g) tally_(i, g, kept_weight, part, at, key);
     if (read_out_ == ReadOut::best)
       tally_singles(i.first.singles(), kept_weight, x, y, key, i.output, i.tallies);
   }
@@ -246,19 +251,21 @@ class OptimisIntegrator final : public IterationIntegrator {
 
   // One batch, of a group of lights. part: the half, in accumulators of epochs.
   template <std::size_t kTechniques>
-  static void tally(const mis::Batch& batch, double weight, std::size_t group, std::uint32_t part,
-                    std::uint32_t x, std::uint32_t y, std::uint64_t key, UnitOutput& output,
-                    film::Tallies& tallies) {
+  static void tally(const Iteration& i, std::size_t group, double weight, std::uint32_t part, const Place& at,
+                    std::uint64_t key) {
+    const mis::Batch& batch = i.first.batch(group);
+    const auto* accumulators = &i.output.accumulators[2 * group];
     // All accumulators share it: errors of rounding that are correlated bias none.
     const std::uint64_t sums_key = rng::combine(key, kFirstWord);
     const std::uint64_t word = film::dither_word(sums_key);
-    output.accumulators[2 * group]->add_array(x, y, part * pixel_sums::matrix_channels(kTechniques),
-                                              mis::matrix_of<kTechniques>(batch), sums_key, word, tallies);
-    if (weight == 0 || !mis::lit<kTechniques>(batch)) return;
+    constexpr std::uint32_t kMatrix = pixel_sums::matrix_channels(kTechniques),
+                            kVector = pixel_sums::vector_channels(kTechniques);
+    accumulators[0]->template add_array<kMatrix>(at, part * kMatrix, mis::matrix_of<kTechniques>(batch),
+                                                 sums_key, word, i.tallies);
+    if (weight == 0 || !batch.lit) return;
     auto light = mis::vector_of<kTechniques>(batch);
     for (double& b : light) b *= weight;
-    output.accumulators[2 * group + 1]->add_array(x, y, part * pixel_sums::vector_channels(kTechniques),
-                                                  light, sums_key, word, tallies);
+    accumulators[1]->template add_array<kVector>(at, part * kVector, light, sums_key, word, i.tallies);
   }
   using Tally = decltype(&tally<2>);
   static Tally tally_of(std::size_t techniques) {
