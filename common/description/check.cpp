@@ -294,6 +294,31 @@ Result<void> check_interface(const Object& object, std::span<const Location> whe
   return {};
 }
 
+// The first texture at or below `object` that looks at more of a surface than (u, v).
+const Object* find_place_texture(const Object& object) {
+  if (object.plugin == "wireframe" || object.plugin == "mesh_attribute" || object.plugin == "volume")
+    return &object;
+  for (const ObjectPtr& child : object.children_of("texture"))
+    if (const Object* found = find_place_texture(*child)) return found;
+  return nullptr;
+}
+
+// Heights come from a file or from a texture, which is looked at before there is a surface.
+Result<void> check_heightfield(const Object& object) {
+  const std::vector<ObjectPtr> textures = object.children_of("texture");
+  const bool has_file = object.find("filename") != nullptr;
+  if (has_file && !textures.empty())
+    return error_at(object.where, fmt::format("{} has both 'filename' and a texture", describe(object)))
+        .with_mend("leave one of them out");
+  if (!has_file && textures.empty())
+    return error_at(object.where, fmt::format("{} has neither 'filename' nor a texture", describe(object)));
+  for (const ObjectPtr& texture : textures)
+    if (const Object* found = find_place_texture(*texture))
+      return error_at(found->where, fmt::format("{} cannot give heights: it looks at the surface itself",
+                                                describe(*found)));
+  return {};
+}
+
 // A shapegroup's shapes neither glow nor hold others; an instance shows one shapegroup.
 Result<void> check_instancing(const Object& object, std::span<const Location> where) {
   std::size_t groups = 0;
@@ -476,6 +501,7 @@ Result<void> check_children(const Object& object, const PluginRule& rule, std::s
   if (object.category == "shape") {
     if (object.plugin == "shapegroup" || object.plugin == "instance") return check_instancing(object, where);
     CANDELA_TRY(check_interface(object, where));
+    if (object.plugin == "heightfield") CANDELA_TRY(check_heightfield(object));
     CANDELA_TRY(at_most_one(object, "bsdf", where));
     CANDELA_TRY(at_most_one(object, "emitter", where));
     for (std::size_t i = 0; i < object.children.size(); ++i) {

@@ -26,6 +26,37 @@ void add_curves(std::vector<PluginRule>& table) {
             "segments meet, where Mitsuba has balls"));
 }
 
+void add_heightfield(std::vector<PluginRule>& table) {
+  const auto samples = [](std::string_view name, std::string_view doc) {
+    return PropertyRule{.name = name, .types = {integer}, .doc = doc, .minimum = 2, .maximum = 131072};
+  };
+  PropertyRule heights =
+      file("an image of heights, a vertex a pixel; the first row is at y = -1; negative ones too");
+  heights.required = false;
+  table.push_back(
+      {.category = "shape",
+       .name = "heightfield",
+       .properties = {heights,
+                      {.name = "texture",
+                       .types = {},
+                       .textured = true,
+                       .any_slot = true,
+                       .doc = "heights in the place of filename, under any name or none; a bitmap has a "
+                              "vertex a pixel"},
+                      samples("width", "vertices along x of a texture that is no bitmap (default 32)"),
+                      samples("height", "vertices along y of a texture that is no bitmap (default 32)"),
+                      {.name = "scale", .types = {number}, .doc = "of the heights (default 1)"},
+                      flag("shading_normals", "normals are smooth over the grid (default true)"),
+                      to_world("object to world (default identity)"),
+                      flag("flip_normals", "normals point the other way (default false)"),
+                      silhouette()},
+       .child_categories = {"bsdf", "emitter", "medium"},
+       .doc = "a grid of heights along z over [-1, 1]^2, facing +z; (u, v) = (x + 1, y + 1) / 2; at most "
+              "16785409 (4097 x 4097) vertices, of some 500 bytes each; 0.6's shape",
+       .differs = "a cell of the grid is two triangles, where Mitsuba 0.6 resamples the heights to 2^n + 1 a "
+                  "side and has bilinear patches"});
+}
+
 }  // namespace
 
 void add_shapes(std::vector<PluginRule>& table) {
@@ -156,6 +187,7 @@ void add_shapes(std::vector<PluginRule>& table) {
        .differs =
            "the surface is a mesh of triangles, finer than the grid, where Mitsuba meets the field itself; "
            "it has no texture coordinates"});
+  add_heightfield(table);
   table.push_back({.category = "shape",
                    .name = "shapegroup",
                    .properties = {},

@@ -48,7 +48,7 @@ const std::vector<MitsubaNames>& mitsuba_names() {
        {"telecentric", "spherical", "radiancemeter", "mradiancemeter", "fluencemeter", "batch",
         "perspective_rdist"}},
       {"film", {"specfilm", "tiledhdrfilm"}},
-      {"shape", {"merge", "hair", "heightfield", "ellipsoids", "ellipsoidsmesh", "deformable"}},
+      {"shape", {"merge", "hair", "ellipsoids", "ellipsoidsmesh", "deformable"}},
       {"bsdf",
        {"mixturebsdf", "measured", "measured_polarized", "hair", "irawan", "polarizer", "retarder",
         "circular", "pplastic"}},

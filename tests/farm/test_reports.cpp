@@ -232,6 +232,32 @@ TEST(Reports, OneJobHasSeveralReadOuts) {
   EXPECT_FALSE(std::filesystem::exists(file));
 }
 
+// Claim: `fetch --half` gives each half of a job's iterations, which says what it is; the two differ, and
+// their mean is the image.
+TEST(Reports, HalvesAreFetched) {
+  Farm farm;
+  farm.start_master();
+  farm.start_worker("a");
+  const std::string id = farm.submit(4, "cornell", {"--integrator", "path"});
+  farm.wait_for(id, v1::JOB_STATE_DONE);
+  const auto half = [&](const std::string& name) {
+    const std::string file = (farm.folder() / (name + ".exr")).string();
+    const CommandResult result = farm.candela({"fetch", id, "-o", file, "--half", name});
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return *image::read_image(file);
+  };
+  const image::Image a = half("A"), b = half("B"), whole = farm.fetch(id);
+  EXPECT_EQ(a.metadata.at("candela:half"), "A");
+  EXPECT_EQ(b.metadata.at("candela:half"), "B");
+  EXPECT_EQ(whole.metadata.count("candela:half"), 0U);
+  EXPECT_NE(a.rgb, b.rgb);
+  ASSERT_EQ(a.rgb.size(), whole.rgb.size());
+  ASSERT_EQ(b.rgb.size(), whole.rgb.size());
+  for (std::size_t i = 0; i < whole.rgb.size(); ++i)
+    ASSERT_NEAR((a.rgb[i] + b.rgb[i]) / 2, whole.rgb[i], 1e-6 + 1e-5 * static_cast<double>(whole.rgb[i]))
+        << i;
+}
+
 // Claim: a job whose statistics the master has no memory for is refused when it is submitted, before a byte
 // is uploaded, with the film, the bytes and the setting; a scene that needs fewer sums than its settings may
 // ask for is loaded to know, and accepted.

@@ -1,27 +1,14 @@
 // Scene files that are packed by gzip.
 #include <gtest/gtest.h>
-#include <zlib.h>
 
 #include "common/description/reading.h"
 #include "tests/unit/description_pbrt_reading.h"
+#include "tests/unit/gzip.h"
 
 namespace candela::description {
 namespace {
 
-std::string gzip(const std::string& content) {
-  std::string packed(content.size() + 256, '\0');
-  z_stream stream{};
-  EXPECT_EQ(deflateInit2(&stream, 6, Z_DEFLATED, 15 + 16, 8, Z_DEFAULT_STRATEGY), Z_OK);
-  std::string input = content;
-  stream.next_in = reinterpret_cast<Bytef*>(input.data());
-  stream.avail_in = static_cast<uInt>(input.size());
-  stream.next_out = reinterpret_cast<Bytef*>(packed.data());
-  stream.avail_out = static_cast<uInt>(packed.size());
-  EXPECT_EQ(deflate(&stream, Z_FINISH), Z_STREAM_END);
-  packed.resize(stream.total_out);
-  deflateEnd(&stream);
-  return packed;
-}
+using test::gzip;
 
 // Claim: packed files are read like others; damaged ones are an error.
 TEST(PackedScenes, FilesAreUnpacked) {

@@ -133,6 +133,35 @@ TEST(NanoVdb, ErrorsSayWhatToDo) {
   for (const float value : negative->values) EXPECT_GE(value, 0);
 }
 
+// Claim: a file of a kilobyte, whose root alone has a value for all, does not make a grid of gigabytes; of a
+// box that its bytes can hold it does make one; a larger one than asked for is refused.
+TEST(NanoVdb, SmallFilesMakeNoHugeGrids) {
+  constexpr std::size_t kGrid = 16 + 176 + 8, kRoot = 672 + 64, kEnd = kRoot + 64 + 2 * 32;
+  const auto bare = [&](std::int32_t side) {
+    std::string bytes = File().bytes().substr(0, kGrid + kEnd);
+    const auto put = [&](std::size_t at, auto value) {
+      std::memcpy(bytes.data() + at, &value, sizeof value);
+    };
+    put(16, std::uint64_t{kEnd});
+    put(16 + 8, std::uint64_t{kEnd});
+    for (std::size_t i = 0; i < 3; ++i) {
+      put(kGrid + kRoot + 4 * i, std::int32_t{0});
+      put(kGrid + kRoot + 12 + 4 * i, side - 1);
+    }
+    put(kGrid + kRoot + 64 + 8, std::int64_t{0});  // no child: a tile
+    return bytes;
+  };
+  EXPECT_EQ(outcome(bare(500)),
+            "a.nvdb: the NanoVDB grid has 864 bytes, too few for the 125000000 values of the box around its "
+            "active voxels");
+  const auto small = load_nano_vdb(bare(20), "a.nvdb", "");
+  ASSERT_TRUE(small.ok()) << small.error().to_string();
+  EXPECT_EQ(small->values, std::vector<float>(8000, 0.0f));
+  const auto refused = load_nano_vdb(bare(20), "a.nvdb", "", 7999);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_NE(refused.error().message.find("has more than 7999 values"), std::string::npos);
+}
+
 // Claim: whatever the bytes, the answer is a grid of the size that it tells, or one error.
 TEST(NanoVdb, DamagedFilesAreErrors) {
   rng::Stream stream(rng::key(31));

@@ -23,8 +23,10 @@ using Index = std::array<std::int64_t, 3>;
 constexpr std::uint32_t kMajorVersion = 32, kFloatGrid = 1;
 constexpr std::uint16_t kNoCodec = 0, kZip = 1;
 constexpr std::size_t kSegmentBytes = 16, kMetaBytes = 176;
+// A few bytes must not make a grid of gigabytes. A tile of the root is 4096^3 voxels and beyond our limits,
+// so that a grid which we read has an upper node: 270 kB, which may be 2^30 values.
+constexpr std::uint64_t kMostValuesPerByte = 4096;
 constexpr std::size_t kGridBytes = 672, kTreeBytes = 64, kRootBytes = 64, kTileBytes = 32;
-constexpr std::uint64_t kMostValues = std::uint64_t{1} << 30;
 
 // A kind of inner node: 2^(3 log2) children of 2^child_log2 voxels a side.
 struct NodeLayout {
@@ -59,7 +61,8 @@ class Reader {
 // One grid, decompressed.
 class Grid {
  public:
-  Grid(std::string_view bytes, const std::string& name) : bytes_(bytes), in_(bytes), name_(name) {}
+  Grid(std::string_view bytes, const std::string& name, std::uint64_t most_values)
+      : bytes_(bytes), in_(bytes), name_(name), most_values_(most_values) {}
 
   Result<VolumeData> read() {
     CANDELA_TRY(place());
@@ -100,11 +103,15 @@ class Grid {
       if (!in_.ok()) return damaged();
       if (high < low_[i]) return fail("the NanoVDB grid has no active voxels");
       const auto size = static_cast<std::uint64_t>(high - low_[i] + 1);
-      if (size > kMostValues || (cells_ *= size) > kMostValues)
-        return fail("the box around the grid's active voxels has more than 2^30 values");
+      if (size > most_values_ || (cells_ *= size) > most_values_)
+        return fail("the box around the grid's active voxels has more than " + std::to_string(most_values_) +
+                    " values");
       data_.size[i] = static_cast<std::uint32_t>(size);
       size_[i] = static_cast<std::int64_t>(size);
     }
+    if (cells_ / kMostValuesPerByte > bytes_.size())
+      return fail("the NanoVDB grid has " + std::to_string(bytes_.size()) + " bytes, too few for the " +
+                  std::to_string(cells_) + " values of the box around its active voxels");
     std::array<float, 3> low{}, high{};
     constexpr std::uint64_t kMatrix = 296 + 88, kTranslation = kMatrix + 144;
     for (std::size_t i = 0; i < 3; ++i) {
@@ -194,6 +201,7 @@ class Grid {
   std::string_view bytes_;
   Reader in_;
   const std::string& name_;
+  const std::uint64_t most_values_;
   std::uint64_t root_ = 0, cells_ = 0, visited_ = 0;
   Index low_{}, size_{};
   VolumeData data_;
@@ -215,7 +223,8 @@ Result<std::vector<char>> unzip(std::string_view bytes, std::uint64_t size, cons
 
 }  // namespace
 
-Result<VolumeData> load_nano_vdb(std::string_view bytes, const std::string& name, const std::string& grid) {
+Result<VolumeData> load_nano_vdb(std::string_view bytes, const std::string& name, const std::string& grid,
+                                 std::uint64_t most_values) {
   const auto fail = [&](std::string message) { return input_error(std::move(message)).at(name, 0); };
   Reader in(bytes);
   std::vector<std::string> known;
@@ -254,10 +263,10 @@ Result<VolumeData> load_nano_vdb(std::string_view bytes, const std::string& name
         continue;
       }
       std::string_view data = bytes.substr(at, meta.file_bytes);
-      if (codec == kNoCodec) return Grid(data, name).read();
+      if (codec == kNoCodec) return Grid(data, name, most_values).read();
       if (data.size() < 8) return fail("the NanoVDB file is damaged");
       CANDELA_ASSIGN(const std::vector<char> unpacked, unzip(data.substr(8), meta.grid_bytes, name));
-      return Grid({unpacked.data(), unpacked.size()}, name).read();
+      return Grid({unpacked.data(), unpacked.size()}, name, most_values).read();
     }
     if (count == 0) return fail("the NanoVDB file has a segment without grids");
     segment = at;

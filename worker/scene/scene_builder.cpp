@@ -12,6 +12,7 @@
 #include "worker/scene/emitters/daylight.h"
 #include "worker/scene/lasting_medium.h"
 #include "worker/scene/sensors/field_of_view.h"
+#include "worker/scene/shapes/heightfield.h"
 #include "worker/scene/textures/bitmap.h"
 #include "worker/scene/transform.h"
 
@@ -29,8 +30,10 @@ bool reads_uv(const description::Object& object) {
   if (object.category == "texture") return true;
   for (const char* name : {"alpha_u", "alpha_v", "anisotropic"})
     if (object.find(name) != nullptr) return true;
-  return std::any_of(object.children.begin(), object.children.end(),
-                     [](const description::Child& c) { return reads_uv(*c.object); });
+  // A texture that made a shape is not looked at by its hits.
+  return std::any_of(object.children.begin(), object.children.end(), [&](const description::Child& c) {
+    return !(object.category == "shape" && c.object->category == "texture") && reads_uv(*c.object);
+  });
 }
 
 // The attributes that textures below `object` look at, each once.
@@ -244,6 +247,8 @@ Result<void> SceneBuilder::add_shape(const description::Object& object, bool in_
   if (const auto read = read_shapes_.find(&object); read != read_shapes_.end()) {
     shape = std::move(read->second);
     read_shapes_.erase(read);
+  } else if (object.plugin == "heightfield") {
+    CANDELA_ASSIGN(shape, build_heightfield(object, files_, textures_));
   } else {
     CANDELA_ASSIGN(shape, build_shape(object, files_, attributes));
   }

@@ -1,8 +1,10 @@
-// decode_image on any bytes: a format told by content, else TGA. Texels beyond a megabyte go to the scratch
-// file.
+// decode_image and decode_heights on any bytes: a format told by content, else TGA. Texels beyond a megabyte
+// go to the scratch file.
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 
+#include "worker/scene/textures/height_image.h"
 #include "worker/scene/textures/image_decode.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -11,9 +13,20 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   limits.memory_bytes = 1 << 20;
   Scratch scratch(limits);
   ImageReading reading;
+  const std::string_view bytes(reinterpret_cast<const char*>(data), size);
+  if (size % 8 == 3) {
+    const auto heights = decode_heights(bytes, "x.tga", 1 << 20, scratch);
+    if (!heights.ok()) return 0;
+    if (heights->width < 2 || heights->height < 2) std::abort();
+    for (std::uint32_t i = 0; i < std::min(heights->width, heights->height); ++i) {
+      const candela::Spectrum s = heights->at(i, i);
+      if (!std::isfinite(s.r) || !std::isfinite(s.g) || !std::isfinite(s.b)) std::abort();
+    }
+    return 0;
+  }
   if (size % 8 == 1) reading.channel = "a";
   if (size % 8 == 2) reading.encoding = ImageReading::Encoding::power, reading.gamma = 2.2;
-  const auto image = decode_image({reinterpret_cast<const char*>(data), size}, "x.tga", reading, scratch);
+  const auto image = decode_image(bytes, "x.tga", reading, scratch);
   if (!image.ok()) {
     if (image.error().to_string().find('\n') != std::string::npos) std::abort();
     return 0;

@@ -54,6 +54,13 @@ def height(x, y):
     return (int(255 * h),) * 3
 
 
+def hills(x, y):
+    """Hills around a hollow that is below 0; 33 x 33."""
+    u, v = (x - 16) / 16, (y - 16) / 16
+    h = 0.25 * math.cos(5 * u) * math.cos(4 * v + 1) + 0.35 * (u * u + v * v) - 0.1
+    return (h * (1 - u * u) * (1 - v * v),) * 3
+
+
 def normals(x, y):
     """The normals of waves along u; 64 x 64, periodic."""
     slope = 0.6 * math.cos(2 * math.pi * 6 * x / 64)
@@ -131,6 +138,7 @@ write_png("assets/dots.png", 32, 32, dots)
 write_png("assets/height.png", 64, 64, height)
 write_png("assets/normals.png", 64, 64, normals)
 write_pfm("assets/sky.pfm", 32, 16, sky)
+write_pfm("assets/hills.pfm", 33, 33, hills)
 write_vol("assets/smoke.vol")
 write_curves("assets/spring.txt", [spring()])
 write_curves("assets/stems.txt", stems())

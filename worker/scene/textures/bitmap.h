@@ -2,7 +2,10 @@
 // chosen for u and v apart.
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <memory>
+#include <optional>
 
 #include "worker/scene/textures/texel_image.h"
 #include "worker/scene/textures/texture.h"
@@ -42,7 +45,10 @@ class Bitmap final : public Texture {
   Spectrum minimum_, maximum_;
 };
 
-// Width over height of the image that the texture shows; 1 where it shows none.
+// Width and height of the image that the texture shows; nothing where it shows none.
+std::optional<std::array<std::uint32_t, 2>> size_of(const Texture* texture);
+
+// Width over height of that image; 1 where there is none.
 double aspect_of(const Texture* texture);
 
 }  // namespace candela::scene

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "worker/core/math.h"
+#include "worker/scene/textures/height_image.h"
 #include "worker/scene/textures/pnm.h"
 
 namespace candela::scene {
@@ -133,8 +134,10 @@ class BytesReader final : public OIIO::Filesystem::IOMemReader {
 
 class Decoder {
  public:
-  Decoder(std::string_view encoded, const std::string& file, const ImageReading& reading)
-      : encoded_(encoded), file_(file), reading_(reading) {}
+  // most_heights: the values are heights, of at most so many pixels.
+  Decoder(std::string_view encoded, const std::string& file, const ImageReading& reading,
+          std::optional<std::uint64_t> most_heights = std::nullopt)
+      : encoded_(encoded), file_(file), reading_(reading), most_heights_(most_heights) {}
 
   Result<TexelImage> decode(Scratch& scratch);
 
@@ -160,6 +163,7 @@ class Decoder {
   std::string_view encoded_;
   const std::string& file_;
   const ImageReading& reading_;
+  std::optional<std::uint64_t> most_heights_;
   std::string_view format_;
   // In this order: the input reads through the proxy until it is closed.
   std::unique_ptr<BytesReader> reader_;
@@ -254,6 +258,13 @@ Result<void> Decoder::check_size() const {
                        file_)
         .with_mend(whole ? "OpenEXR, TIFF and PNG without interlacing may be larger" : "");
   }
+  if (most_heights_ && (spec_.width < 2 || spec_.height < 2 || pixels > *most_heights_)) {
+    return image_error("the image is " + std::to_string(spec_.width) + " x " + std::to_string(spec_.height) +
+                           " pixels; heights are 2 x 2 at least and " + std::to_string(*most_heights_) +
+                           " in all at most",
+                       file_)
+        .with_mend(pixels > *most_heights_ ? "make the image smaller" : "");
+  }
   if (spec_.nchannels < 1 || spec_.nchannels > 64) {
     return image_error(
         "the image has " + std::to_string(spec_.nchannels) + " channels; 1 to 64 are supported", file_);
@@ -334,12 +345,14 @@ Result<void> Decoder::check_row(const float* pixels, std::uint32_t y) const {
   for (std::size_t x = 0; x < width; ++x) {
     for (const int c : pick_) {
       const float v = pixels[x * static_cast<std::size_t>(channels_) + static_cast<std::size_t>(c)];
-      if (std::isfinite(v) && v >= 0) continue;
-      const char* const what = v != v ? "a NaN" : v < 0 ? "a negative value" : "an infinite value";
+      if (std::isfinite(v) && (v >= 0 || most_heights_)) continue;
+      const char* const what = v != v ? "a NaN" : std::isinf(v) ? "an infinite value" : "a negative value";
       return image_error("the image has " + std::string(what) + " at pixel (" + std::to_string(x) + ", " +
                              std::to_string(y) + ")",
                          file_)
-          .with_mend("repair the image; a texture or environment map holds finite values from 0 up");
+          .with_mend(most_heights_ ? "repair the image; heights are finite"
+                                   : "repair the image; a texture or environment map holds finite values "
+                                     "from 0 up");
     }
   }
   return {};
@@ -435,17 +448,28 @@ Result<TexelImage> Decoder::decode(Scratch& scratch) {
   return image;
 }
 
+Result<TexelImage> decode_with(Decoder decoder, std::string_view encoded, const std::string& file,
+                               Scratch& scratch) {
+  if (encoded.empty()) return image_error("the image file is empty", file);
+  // OpenImageIO's readers, and our own allocations, may throw on hostile files.
+  try {
+    return decoder.decode(scratch);
+  } catch (const std::exception& e) {
+    return image_error(std::string("cannot decode the image: ") + e.what(), file);
+  }
+}
+
 }  // namespace
 
 Result<TexelImage> decode_image(std::string_view encoded, const std::string& file,
                                 const ImageReading& reading, Scratch& scratch) {
-  if (encoded.empty()) return image_error("the image file is empty", file);
-  // OpenImageIO's readers, and our own allocations, may throw on hostile files.
-  try {
-    return Decoder(encoded, file, reading).decode(scratch);
-  } catch (const std::exception& e) {
-    return image_error(std::string("cannot decode the image: ") + e.what(), file);
-  }
+  return decode_with(Decoder(encoded, file, reading), encoded, file, scratch);
+}
+
+Result<TexelImage> decode_heights(std::string_view encoded, const std::string& file,
+                                  std::uint64_t most_pixels, Scratch& scratch) {
+  const ImageReading reading;
+  return decode_with(Decoder(encoded, file, reading, most_pixels), encoded, file, scratch);
 }
 
 }  // namespace candela::scene

@@ -190,11 +190,16 @@ constexpr std::pair<std::string_view, Wrap> kWrapModes[] = {{"repeat", Wrap::rep
 
 }  // namespace
 
-double aspect_of(const Texture* texture) {
+std::optional<std::array<std::uint32_t, 2>> size_of(const Texture* texture) {
   while (const auto* scale = dynamic_cast<const Scale*>(texture)) texture = &scale->nested();
   const auto* bitmap = dynamic_cast<const Bitmap*>(texture);
-  if (bitmap == nullptr) return 1;
-  return static_cast<double>(bitmap->image().width) / static_cast<double>(bitmap->image().height);
+  if (bitmap == nullptr) return std::nullopt;
+  return std::array{bitmap->image().width, bitmap->image().height};
+}
+
+double aspect_of(const Texture* texture) {
+  const auto size = size_of(texture);
+  return size ? static_cast<double>((*size)[0]) / static_cast<double>((*size)[1]) : 1;
 }
 
 Result<std::shared_ptr<const TexelImage>> TextureStore::image(const std::string& key,
