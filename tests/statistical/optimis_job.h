@@ -9,12 +9,12 @@
 #include <string>
 #include <vector>
 
-#include "common/bundle/bundle.h"
 #include "common/film/delta.h"
 #include "common/film/development.h"
 #include "common/stages/development.h"
 #include "common/stages/developments/optimal_mis.h"
 #include "tests/statistical/harness.h"
+#include "tests/statistical/quantiles.h"
 #include "worker/integrators/unit_data.h"
 
 namespace candela::statistical {
@@ -23,10 +23,7 @@ constexpr std::uint32_t kExtent = 64;
 constexpr std::size_t kBatches = 16;
 
 inline TestScene load(const std::string& name, const std::string& integrator, const SettingsMap& settings) {
-  TestScene scene;
-  scene.files = std::make_shared<bundle::DiskSource>(CANDELA_SOURCE_DIR "/tests/statistical/transport");
-  scene.main_key = name + ".xml";
-  scene = read_scene(std::move(scene), kExtent, kExtent);
+  TestScene scene = scene_from_transport(name, kExtent, kExtent);
   scene.settings.sampler = "independent";
   return with_integrator(std::move(scene), integrator, settings);
 }
@@ -154,6 +151,40 @@ inline Controls controls_of(const Job& job, const Merged& m, std::size_t group =
   for (std::size_t i = 0; i < n; ++i)
     out.excess.push_back((r[i] - out.samples / static_cast<double>(n)) / (kExtent * kExtent));
   return out;
+}
+
+// t test of each technique's mean against 0 at 6e-7: t > 8.25 with 15 degrees of freedom. Returns the number
+// of tests. batches: [batch][technique], kBatches of them.
+inline std::size_t expect_zero_means(const std::vector<std::vector<double>>& batches,
+                                     const std::string& what) {
+  const std::size_t techniques = batches.at(0).size();
+  for (std::size_t i = 0; i < techniques; ++i) {
+    double sum = 0, squares = 0;
+    for (const auto& v : batches) {
+      sum += v[i];
+      squares += v[i] * v[i];
+    }
+    const double mean = sum / kBatches,
+                 error = std::sqrt(std::max(0.0, squares / kBatches - mean * mean) / (kBatches - 1));
+    EXPECT_LE(std::abs(mean), 8.25 * error + 1e-6) << what << ", technique " << i;
+  }
+  return techniques;
+}
+
+// Welch tests of all values at 1e-6 together (Bonferroni). Values that are too skewed or do not vary are left
+// out. Returns the number of tests.
+inline std::size_t expect_same_means(const Rows& a, const Rows& b, const Regions& regions,
+                                     const std::string& what) {
+  std::size_t tested = 0;
+  for (std::size_t v = 0; v < regions.values(); ++v) {
+    const Welch w = welch(a, b, v);
+    if (!(w.deviation > 0) || std::max(w.skewness_a, w.skewness_b) > 2) continue;
+    const double limit =
+        student_quantile(1e-6 / 2 / static_cast<double>(regions.values()), w.freedom) * w.deviation;
+    EXPECT_LE(std::abs(w.mean_a - w.mean_b), limit) << what << " " << regions.name(v);
+    ++tested;
+  }
+  return tested;
 }
 
 }  // namespace candela::statistical

@@ -9,12 +9,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "common/bundle/bundle.h"
 #include "tests/epoch_run.h"
 #include "tests/statistical/harness.h"
 
@@ -26,10 +24,7 @@ constexpr double kAlarm = 1e-6;
 constexpr double kAllowedBias = 0.01;
 
 TestScene load(const std::string& name, const std::string& integrator, const SettingsMap& settings = {}) {
-  TestScene scene;
-  scene.files = std::make_shared<bundle::DiskSource>(CANDELA_SOURCE_DIR "/tests/statistical/transport");
-  scene.main_key = name + ".xml";
-  scene = read_scene(std::move(scene), kExtent, kExtent);
+  TestScene scene = scene_from_transport(name, kExtent, kExtent);
   scene.settings.sampler = "independent";
   return with_integrator(std::move(scene), integrator, settings);
 }

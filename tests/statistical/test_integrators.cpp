@@ -27,7 +27,6 @@
 #include <thread>
 #include <vector>
 
-#include "common/bundle/bundle.h"
 #include "tests/integrators.h"
 #include "tests/statistical/extrapolation.h"
 #include "tests/statistical/harness.h"
@@ -66,10 +65,7 @@ Merging merging(std::string_view integrator) {
 constexpr double kNightlyDifference = 0.005;
 
 TestScene load(std::string_view name) {
-  TestScene scene;
-  scene.files = std::make_shared<bundle::DiskSource>(CANDELA_SOURCE_DIR "/tests/statistical/transport");
-  scene.main_key = fmt::format("{}.xml", name);
-  scene = read_scene(std::move(scene), kExtent, kExtent);
+  TestScene scene = scene_from_transport(name, kExtent, kExtent);
   use_own_filter(scene);
   return scene;
 }

@@ -11,7 +11,6 @@
 #include <cmath>
 #include <cstdio>
 
-#include "common/bundle/bundle.h"
 #include "tests/statistical/chain_driver.h"
 #include "tests/statistical/transport_scenes.h"
 
@@ -23,10 +22,7 @@ const Regions kRegions(kExtent, kExtent, 16);
 constexpr std::size_t kBatches = 16;
 
 TestScene load(std::string_view name, std::uint32_t extent = kExtent) {
-  TestScene scene;
-  scene.files = std::make_shared<bundle::DiskSource>(CANDELA_SOURCE_DIR "/tests/statistical/transport");
-  scene.main_key = fmt::format("{}.xml", name);
-  scene = read_scene(std::move(scene), extent, extent);
+  TestScene scene = scene_from_transport(name, extent, extent);
   use_own_filter(scene);
   return scene;
 }

@@ -2,7 +2,6 @@
 // what there is.
 //
 // Where a claim is statistical its test says with which probability it alarms falsely for new seeds.
-#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -13,19 +12,11 @@
 #include <numeric>
 #include <thread>
 
-#include "common/bundle/bundle.h"
 #include "tests/integrators.h"
 #include "tests/statistical/chain_driver.h"
 
 namespace candela::statistical {
 namespace {
-
-TestScene load(std::string_view name, std::uint32_t width, std::uint32_t height) {
-  TestScene scene;
-  scene.files = std::make_shared<bundle::DiskSource>(CANDELA_SOURCE_DIR "/tests/statistical/transport");
-  scene.main_key = fmt::format("{}.xml", name);
-  return read_scene(std::move(scene), width, height);
-}
 
 struct Method {
   std::string name;
@@ -54,7 +45,7 @@ double luminance_of(const std::vector<double>& image) {
 // Claim: the film, the chains' records and the tallies are the same to the last bit whatever the threads,
 // with direct light by either way.
 TEST(MarkovJobs, ThreadsChangeNothing) {
-  const TestScene scene = load("mixed", 40, 24);
+  const TestScene scene = scene_from_transport("mixed", 40, 24);
   for (const Method& method : methods()) {
     for (const char* direct : {"chain", "path"}) {
       SCOPED_TRACE(method.name + " " + direct);
@@ -85,7 +76,7 @@ render::UnitOutput bootstrap(const render::Renderer& renderer, std::uint64_t beg
 
 // Claim: a unit cut into smaller ones, rendered in another order, gives the same film and the same records.
 TEST(MarkovJobs, CutsOfUnitsChangeNothing) {
-  const TestScene scene = load("box-diffuse", 32, 32);
+  const TestScene scene = scene_from_transport("box-diffuse", 32, 32);
   TestScene chained = with_integrator(
       scene, "pssmlt", {{"chains", "16"}, {"bootstrap", "1000"}, {"mutations", "2"}, {"direct", "path"}});
   chained.settings.seed = 3;
@@ -127,7 +118,7 @@ TEST(MarkovJobs, CutsOfUnitsChangeNothing) {
 // times a factor below 1 (docs/normalisation.md). Alarms falsely with probability below 1e-3: 36 values at
 // four standard errors beyond 1.5 %.
 TEST(MarkovJobs, StartsLeaveNoTrace) {
-  const TestScene scene = load("box-diffuse", 16, 16);
+  const TestScene scene = scene_from_transport("box-diffuse", 16, 16);
   const Regions regions(16, 16, 8);
   BatchPlan plan;
   plan.seed = 1ULL << 32;
@@ -171,7 +162,7 @@ TEST(MarkovJobs, StartsLeaveNoTrace) {
 // long-run value in about 95 % of jobs. Fewer than 174 or all 200 would be 5 sigma off: probability below
 // 1e-5. (Rare bright samples make the interval somewhat too narrow: some per cent.)
 TEST(MarkovJobs, TheErrorOfBIsRight) {
-  const TestScene scene = load("box-diffuse", 16, 16);
+  const TestScene scene = scene_from_transport("box-diffuse", 16, 16);
   ChainJob job = job_of(scene, methods()[1], {{"chains", "8"}, {"bootstrap", "20000"}, {"mutations", "4"}});
   std::vector<chains::Normalisation> estimates;
   double mean = 0;
@@ -242,7 +233,7 @@ TEST(MarkovJobs, RareLightIsFoundOrTheJobIsBlack) {
 
 // Claim: a film of one pixel is a film.
 TEST(MarkovJobs, ASinglePixelIsAFilm) {
-  const TestScene scene = load("box-diffuse", 1, 1);
+  const TestScene scene = scene_from_transport("box-diffuse", 1, 1);
   BatchPlan plan;
   plan.iterations = 100000;
   plan.batches = 4;
@@ -283,7 +274,7 @@ TEST(MarkovJobs, PathsOfAThousandEdges) {
 // Claim: NaN and infinite contributions, wherever they appear, are counted by their cause and change neither
 // b nor the chains: the image stays finite.
 TEST(MarkovJobs, SpoiltSamplesAreQuarantined) {
-  TestScene scene = with_integrator(load("box-diffuse", 16, 16), "pssmlt",
+  TestScene scene = with_integrator(scene_from_transport("box-diffuse", 16, 16), "pssmlt",
                                     {{"chains", "4"}, {"bootstrap", "2000"}, {"mutations", "16"}});
   const auto renderer = make_renderer(scene);
   render::RunContext run;
@@ -318,7 +309,7 @@ TEST(MarkovJobs, SpoiltSamplesAreQuarantined) {
 // Claim: a stop is obeyed within a tenth of a second or little more though a segment takes much longer, and
 // progress grows meanwhile.
 TEST(MarkovJobs, StopsWithinASegment) {
-  TestScene scene = with_integrator(load("box-diffuse", 512, 512), "pssmlt",
+  TestScene scene = with_integrator(scene_from_transport("box-diffuse", 512, 512), "pssmlt",
                                     {{"chains", "2"}, {"bootstrap", "100"}, {"mutations", "1000"}});
   const auto renderer = make_renderer(scene);
   const std::vector<float> contributions = bootstrap(*renderer, 0, 100, {}).table;
@@ -351,7 +342,7 @@ TEST(MarkovJobs, PlansSayWhatChainsAreFor) {
   const auto plan_of = [](const TestScene& scene, const std::string& integrator) {
     return make_renderer(with_integrator(scene, integrator))->plan_text();
   };
-  const TestScene sky = load("constant", 8, 8), glass = load("caustic", 8, 8);
+  const TestScene sky = scene_from_transport("constant", 8, 8), glass = scene_from_transport("caustic", 8, 8);
   for (const std::string& integrator : test::chain_integrators()) {
     EXPECT_NE(plan_of(sky, integrator).find("skip a gain by Metropolis"), std::string::npos)
         << plan_of(sky, integrator);
@@ -374,7 +365,7 @@ TEST(MarkovJobs, PlansSayWhatChainsAreFor) {
 // Claim: settings that cannot be, and came by without being completed, are refused by the renderer too, with
 // the field.
 TEST(MarkovJobs, OddNumbersOfChainsAreRefused) {
-  TestScene scene = load("box-diffuse", 8, 8);
+  TestScene scene = scene_from_transport("box-diffuse", 8, 8);
   for (const std::string& integrator : test::chain_integrators()) {
     for (const auto& [name, value] : SettingsMap{{"chains", "7"}, {"step_least", "0.1"}}) {
       TestScene wrong = with_integrator(scene, integrator);

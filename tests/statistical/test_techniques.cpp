@@ -8,10 +8,8 @@
 #include <cmath>
 #include <cstdio>
 #include <map>
-#include <memory>
 #include <stdexcept>
 
-#include "common/bundle/bundle.h"
 #include "tests/statistical/harness.h"
 
 namespace candela::statistical {
@@ -21,10 +19,7 @@ constexpr std::uint32_t kExtent = 64;
 const Regions kRegions(kExtent, kExtent, 16);
 
 TestScene load(const std::string& name) {
-  TestScene scene;
-  scene.files = std::make_shared<bundle::DiskSource>(CANDELA_SOURCE_DIR "/tests/statistical/transport");
-  scene.main_key = fmt::format("{}.xml", name);
-  scene = read_scene(std::move(scene), kExtent, kExtent);
+  TestScene scene = scene_from_transport(name, kExtent, kExtent);
   use_own_filter(scene);
   return scene;
 }
