@@ -69,9 +69,8 @@ std::string repeats_warning(const v1::JobStatus& status) {
   for (const v1::Figure& figure : status.epochs().figures())
     if (figure.name() == film::kRepeatedMerges && figure.value() > kMaxShare)
       return fmt::format(
-          "{:.2g} % of the merges repeat a light path, more than {:.0f} %: tests shrink radii that they "
-          "should "
-          "keep",
+          "{:.3g} % of the merges repeat a light path, more than {:.0f} %: tests shrink radii that they "
+          "should keep",
           100 * figure.value(), 100 * kMaxShare);
   return {};
 }

@@ -27,9 +27,8 @@ double fraction_done(const v1::JobStatus& status);
 
 // "3 samples: nan", or "the statistics of 3 eye paths: ...".
 std::string rejected_text(const v1::RejectedSamples& rejected);
-// Tests take merges for independent, which those are not that repeat a light path: where a tenth of them
-// repeat, twice as many even discs and more are rejected. A warning beyond 2 %, as in the theory's note; else
-// empty.
+// The tests assume independent merges. Merges of one light path are not independent: if 10 % repeat a path,
+// at least twice as many even discs are rejected. Empty up to 2 %.
 std::string repeats_warning(const v1::JobStatus& status);
 
 class ProgressLine {

@@ -309,19 +309,21 @@ std::optional<v1::JobStatus> Farm::status(const std::string& job_id) {
 }
 
 std::optional<v1::JobStatus> Farm::full_status(const std::string& job_id) {
-  film::Tallies tallies;
-  std::optional<v1::JobStatus> out = with_scheduler([&](Scheduler& s) -> std::optional<v1::JobStatus> {
-    const auto job = s.jobs().find(job_id);
-    if (job == s.jobs().end()) return std::nullopt;
-    tallies = job->second.row.tallies;
-    return status_of(s, job->second, now());
-  });
+  std::optional<v1::JobStatus> out = status(job_id);
   if (!out) return out;
-  auto epochs = reports_->status(job_id);
-  if (!epochs) return out;
-  *out->mutable_epochs() = std::move(*epochs);
+  if (auto epochs = epoch_status(job_id)) *out->mutable_epochs() = std::move(*epochs);
+  return out;
+}
+
+std::optional<v1::EpochStatus> Farm::epoch_status(const std::string& job_id) {
+  std::optional<v1::EpochStatus> out = reports_->status(job_id);
+  if (!out) return out;
+  const film::Tallies tallies = with_scheduler([&](Scheduler& s) {
+    const Job* job = s.job(job_id);
+    return job == nullptr ? film::Tallies() : job->row.tallies;
+  });
   if (tallies.sampled_merges > 0) {
-    v1::Figure& figure = *out->mutable_epochs()->add_figures();
+    v1::Figure& figure = *out->add_figures();
     figure.set_name(std::string(film::kRepeatedMerges));
     figure.set_value(static_cast<double>(tallies.repeated_merges) /
                      static_cast<double>(tallies.sampled_merges));

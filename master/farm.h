@@ -84,6 +84,8 @@ class Farm final : public TruthFarm {
   std::optional<v1::JobStatus> status(const std::string& job_id) override;
   // The same, with the report of its decided states.
   std::optional<v1::JobStatus> full_status(const std::string& job_id);
+  // That report, with what the job's merges tell; nothing: no state has been decided.
+  std::optional<v1::EpochStatus> epoch_status(const std::string& job_id);
   std::vector<v1::JobStatus> open_status();  // of jobs that have not ended
   std::vector<v1::WorkerStatus> all_workers();
   std::optional<v1::WorkerStatus> worker(const std::string& id);

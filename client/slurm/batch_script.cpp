@@ -116,7 +116,7 @@ Result<std::string> batch_script(const SlurmJob& job) {
          "time.\n" +
          header(job) +
          "# Slurm warns before the limit. The worker, which replaces this shell, then gives back what\n"
-         "# it has not rendered, delivers the rest, and leaves. This shell has nothing: it leaves at once.\n"
+         "# it has not rendered, delivers the rest, and leaves. This shell has no work and exits at once.\n"
          "trap 'exit 0' TERM\n"
          "set -euo pipefail\n" +
          fmt::format("cache={}\n", cache.empty() ? shell_quoted(job.cache) : cache) +

@@ -107,7 +107,7 @@ class Resolver {
     std::uint64_t unfolded = 1;
   };
 
-  // Pixels of a sensor beyond whose film there is nothing do not overlap.
+  // These films have no border, so their filter is a box.
   static void filter_by_box(Object& sensor) {
     auto film = std::make_shared<Object>();
     film->category = "film";

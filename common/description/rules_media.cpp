@@ -79,12 +79,11 @@ void add_media(std::vector<PluginRule>& table) {
            {file("Mitsuba's .vol file, version 3: float32, float16 or uint8 (0 to 255 is 0 to 1), 1 or 3 "
                  "channels; or, where Candela was built with OpenVDB (on every machine that renders), a .vdb "
                  "file: a grid of floats or doubles (1 channel) or float vectors (3), as halves too; the box "
-                 "around "
-                 "its active voxels is the grid, 2^30 values at most, and what is not active in it has the "
+                 "around its active voxels is the grid, 2^30 values at most, and what is not active in it "
+                 "has the "
                  "background value. Candela checks the lengths in a .vdb file, then OpenVDB parses it, which "
                  "is not made for files of strangers: trust it less than a .vol. Or a .nvdb file of NanoVDB "
-                 "32 with "
-                 "grids of floats, plain or ZIP: read as a .vdb file"),
+                 "32 with grids of floats, plain or ZIP: read as a .vdb file"),
             {.name = "grid",
              .types = {string},
              .doc =

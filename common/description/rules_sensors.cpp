@@ -295,8 +295,9 @@ void add_sensors(std::vector<PluginRule>& table) {
        .child_categories = {"film", "sampler", "medium"},
        .doc =
            "irradiance, the power per area that arrives at the front of the shape that it is in: a sphere, "
-           "disk, cylinder, rectangle or mesh; a film of more than one pixel is laid over the shape's "
-           "parameters (over a mesh: triangles from top to bottom); its filter is a box. As in Mitsuba's "
+           "disk, cylinder, rectangle or mesh; a film of more than one pixel is mapped onto "
+           "the shape such that pixels have equal areas (over a mesh: triangles from top to bottom); its "
+           "filter is a box. As in Mitsuba's "
            "path tracer, a point, spot, directional light or projector is not seen straight from it"});
   table.push_back(
       {.category = "sensor",

@@ -316,10 +316,10 @@ void join(const Narrow* low, const Narrow* high, std::size_t count, Wide* out) {
   for (std::size_t i = 0; i < count; ++i) out[i] = static_cast<Wide>(low[i] | (Wide{high[i]} << kBits));
 }
 
-// Planes 8 * word to 8 * word + 7. Pairs of planes become integers of 16 bits, those of 32, and those of 64:
-// a third of the instructions of a shift and an OR for each plane.
+// Planes 8 * word to 8 * word + 7. Pairs of planes are joined to 16-bit integers, pairs of these to 32
+// bits, and pairs of these to 64: a third of the instructions of a shift and an OR for each plane.
 void expand(const PlaneSet& set, int word, std::size_t first, std::span<std::uint64_t> out) {
-  constexpr std::size_t kBlock = 256;  // integers at a time: what is between stays in the first cache
+  constexpr std::size_t kBlock = 256;  // at a time, so that the arrays between stay in the L1 cache
   static constexpr std::array<std::uint8_t, kBlock> kZeros{};
   std::array<const std::uint8_t*, 8> planes{};
   std::size_t used = 0;

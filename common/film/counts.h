@@ -7,8 +7,8 @@
 
 namespace candela::film {
 
-// Why a sample was kept out of the film; `statistics`: it is in the film, and its statistics are in no
-// accumulator, which could not hold them.
+// Why a sample was kept out of the film; `statistics`: the sample is in the film, but an accumulator could
+// not hold its statistics, so that none were added.
 enum class RejectCause : std::uint8_t { not_a_number, infinite, negative, saturated, statistics };
 inline constexpr int kRejectCauses = 5;
 std::string_view name(RejectCause cause);  // "nan", "infinite", "negative", "saturated", "statistics"

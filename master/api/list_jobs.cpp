@@ -21,7 +21,7 @@ namespace candela::master {
 namespace {
 
 constexpr std::size_t kMaxPage = 1000;
-constexpr std::size_t kRowsUnderLock = 50;       // so that no lease waits for a list
+constexpr std::size_t kJobsUnderLock = 50;       // so that no lease waits for a list
 constexpr std::size_t kMaxPageBytes = 7U << 20;  // one message is at most 8 MiB
 
 // Ascending order is the newest first.
@@ -70,7 +70,7 @@ Result<v1::ListJobsResponse> list_jobs(Farm& farm, const v1::ListJobsRequest& re
   while (next != end && bytes < kMaxPageBytes) {
     farm.with_scheduler([&](Scheduler& s) {
       const Now t = farm.now();
-      for (std::size_t i = 0; i < kRowsUnderLock && next != end; ++i) {
+      for (std::size_t i = 0; i < kJobsUnderLock && next != end; ++i) {
         const Job* job = s.job(next->second);
         if (job != nullptr && (states.empty() || states.contains(job->row.state))) {
           v1::JobStatus status = status_of(s, *job, t);

@@ -178,7 +178,15 @@ std::optional<HttpAnswer> LivePage::answer_api(const HttpRequest& request, std::
   }
   if (part == "tile") return tile(request, id);
   if (part == "pixel") return pixel(request, id);
-  if (part != "" && part != "details") return error_answer(404, "a job has details, tile and pixel");
+  if (part != "" && part != "details" && part != "name")
+    return error_answer(404, "a job has name, details, tile and pixel");
+  if (part == "name") {
+    const auto name = farm_.with_scheduler([&](Scheduler& s) -> std::optional<std::string> {
+      const Job* job = s.job(id);
+      return job == nullptr ? std::nullopt : std::optional(job->row.name);
+    });
+    return name ? json_answer(JsonObject().add("name", *name).text()) : error_answer(404, "no such job");
+  }
   if (!farm_.with_scheduler([&](Scheduler& s) { return s.job(id) != nullptr; }))
     return error_answer(404, "no such job");
   return later(connection, [this, id, part] {

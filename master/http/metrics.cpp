@@ -69,7 +69,8 @@ void add_epochs(Page& page, const v1::EpochStatus& e, const Labels& labels) {
   for (const v1::Figure& figure : e.figures()) {
     Labels one = labels;
     one["figure"] = figure.name();
-    page.gauge("candela_job_state", "figures of the newest decided state", figure.value(), one);
+    page.gauge("candela_job_state", "figures of the newest decided state and of the job's merges",
+               figure.value(), one);
   }
 }
 
@@ -149,8 +150,7 @@ std::string metrics_text(Farm& farm) {
     page.gauge("candela_job_checkpoint_iterations", "iterations in the newest checkpoint",
                static_cast<double>(j.checkpoint_iterations()), labels);
     if (j.has_chains()) add_chains(page, j, labels);
-    if (const auto whole = farm.full_status(j.id()); whole && whole->has_epochs())
-      add_epochs(page, whole->epochs(), labels);
+    if (const auto epochs = farm.epoch_status(j.id())) add_epochs(page, *epochs, labels);
     if (!std::isnan(j.relmse_estimate()))
       page.gauge("candela_job_relmse", "estimated relative mean squared error", j.relmse_estimate(), labels);
   }

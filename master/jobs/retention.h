@@ -5,7 +5,7 @@
 //
 // The ends of jobs are told by the wall clock, which may jump. A job that is old by it waits for a tenth of
 // the time that finished jobs are kept, at most six hours, and stays if the clock makes it young again. The
-// wait is the sum of what steady clocks of all the master's runs have seen of it.
+// wait is summed over all runs of the master, by steady clocks.
 #pragma once
 
 #include <cstdint>

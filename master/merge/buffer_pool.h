@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <deque>
 #include <mutex>
+#include <new>
 #include <string>
 #include <utility>
 
@@ -53,17 +54,22 @@ class BufferPool {
 
  private:
   void give(std::string bytes) {
-    if (bytes.capacity() < kLeastBytes || bytes.capacity() > limit_bytes_) return;
+    if (bytes.capacity() < kMinBytes || bytes.capacity() > limit_bytes_) return;
     const std::lock_guard lock(mutex_);
-    kept_bytes_ += bytes.capacity();
-    kept_.push_front(std::move(bytes));
+    const std::size_t capacity = bytes.capacity();
+    try {
+      kept_.push_front(std::move(bytes));
+    } catch (const std::bad_alloc&) {  // a destructor calls this
+      return;
+    }
+    kept_bytes_ += capacity;
     while (kept_bytes_ > limit_bytes_) {
       kept_bytes_ -= kept_.back().capacity();
       kept_.pop_back();
     }
   }
 
-  static constexpr std::size_t kLeastBytes = 64 << 10;  // smaller memory costs nothing
+  static constexpr std::size_t kMinBytes = 64 << 10;  // smaller memory costs nothing
   const std::size_t limit_bytes_;
   mutable std::mutex mutex_;
   std::deque<std::string> kept_;

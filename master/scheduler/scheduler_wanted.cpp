@@ -11,6 +11,7 @@ namespace {
 
 struct Present {
   double threads = 0, workers = 0;
+  double useful = 0;  // threads, to the jobs
   double per_worker() const { return workers > 0 ? threads / workers : 1; }
 };
 
@@ -36,7 +37,7 @@ Wanted Scheduler::wanted(Now now) const {
   double threads = 0, workers = 0;
   for (const auto& [id, job] : jobs_) {
     if (!job.open_for_leases()) continue;
-    const Present& present = able.at(job.row.settings.isa);
+    Present& present = able.at(job.row.settings.isa);
     const double per_worker = present.per_worker();
     const double open = static_cast<double>(job.source->open_indices(job.view()));
     const StageCost cost = job.source->cost();
@@ -49,12 +50,14 @@ Wanted Scheduler::wanted(Now now) const {
           std::min(std::ceil(thread_seconds / options_.unit_seconds), open * (cost.serial ? 1 : per_worker));
     }
     threads += std::max(useful, 1.0);
-    workers += std::max(useful, 1.0) / per_worker;
+    present.useful += std::max(useful, 1.0);
   }
+  // Sums of whole numbers, so that rounding makes no worker of its own.
+  for (const auto& [isa, present] : able) workers += present.useful / present.per_worker();
   const double most = static_cast<double>(options_.max_workers);
   Wanted out;
   out.threads = static_cast<std::uint64_t>(std::ceil(std::min(threads, most * all.per_worker())));
-  out.workers = static_cast<std::uint64_t>(std::ceil(std::min(workers, all.workers > 0 ? most : 1.0)));
+  out.workers = static_cast<std::uint64_t>(std::ceil(std::min(workers, all.workers > 0 ? most : 1.0) - 1e-9));
   return out;
 }
 

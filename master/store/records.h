@@ -130,8 +130,7 @@ struct WorkerRow {
   std::int64_t last_seen_unix_ms = 0;
 };
 
-// An ended job that is older than finished jobs are kept, and how long it has been seen to be, by steady
-// clocks.
+// An ended job that is to be removed, and for how many seconds, by steady clocks, it has been overdue.
 struct OverdueRow {
   std::string job_id;
   std::int64_t finished_unix_ms = 0;

@@ -231,7 +231,9 @@ class Page(unittest.TestCase):
     def test_bad_requests_are_answered(self):
         job = self.submit("--iterations", "1")
         ok = {"Authorization": "Bearer " + TOKEN}
+        self.assertEqual(json.loads(self.ask("GET", f"/api/jobs/{job}/name")[2]), {"name": self.status(job)["name"]})
         for method, path, code in (("GET", "/nothing", 404), ("GET", "/api/nothing", 404), ("GET", "/api/jobs/none", 404),
+                                   ("GET", "/api/jobs/none/name", 404),
                                    ("GET", "/%zz", 400), ("GET", "/../../etc/passwd", 404), ("GET", "/api/jobs?offset=x", 400),
                                    ("GET", f"/api/jobs/{job}/tile?level=1", 400), ("PUT", "/api/jobs", 405),
                                    ("POST", "/", 405), ("POST", f"/api/jobs/{job}/nothing", 404),

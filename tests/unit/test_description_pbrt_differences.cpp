@@ -38,6 +38,9 @@ TEST(DescriptionPbrtDifferences, DocumentedPluginsAreReadAndTold) {
       {texture("bilerp\" \"rgb v00\" [1 0 0]"), "scene.pbrt:2: texture 'bilerp' is the constant of its mean"},
       {texture("directionmix\""), "texture 'directionmix' is the constant of its mean"},
       {texture("dots\""), "texture 'dots' is the constant of its mean"},
+      {"WorldBegin\nTexture \"a\" \"spectrum\" \"imagemap\" \"string filename\" \"image.png\"\n" +
+           texture("directionmix\" \"texture tex1\" \"a\" \"texture tex2\" \"a\"").substr(11),
+       "texture 'directionmix' is"},
       {texture("fbm\" \"integer octaves\" 4"), "texture 'fbm' is the constant of its mean"},
       {texture("marble\" \"float variation\" 0.4"), "texture 'marble' is the constant of its mean"},
       {texture("ptex\" \"string filename\" \"a.ptx\""), "texture 'ptex' is the constant of its mean"},
@@ -149,6 +152,16 @@ TEST(DescriptionPbrtDifferences, RealisticCamerasAreThinLenses) {
             std::string::npos);
 }
 
+// Claim: nothing of a cloud is outside of its box.
+TEST(DescriptionPbrtDifferences, CloudsEndAtTheirBox) {
+  const auto read = read_pbrt(
+      "WorldBegin\nMakeNamedMedium \"m\" \"string type\" \"cloud\"\nMediumInterface \"m\" \"\"\n"
+      "Material \"interface\"\nShape \"sphere\" \"float radius\" 5");
+  ASSERT_TRUE(read.ok()) << outcome_of(read);
+  const ObjectPtr medium = read->description.scene->children_of("shape").at(0)->children_of("medium").at(0);
+  EXPECT_EQ(medium->children_of("volume").at(0)->get_string("wrap_mode", ""), "zero");
+}
+
 // Claim: hair has the color that pbrt's pigments give it at the default roughness.
 TEST(DescriptionPbrtDifferences, HairHasItsColor) {
   const auto read = read_pbrt("WorldBegin\nMaterial \"hair\" \"float eumelanin\" 0.3\nShape \"sphere\"");
@@ -163,6 +176,24 @@ TEST(DescriptionPbrtDifferences, HairHasItsColor) {
   const Vec3 eumelanin = {0.419, 0.697, 1.37};
   for (std::size_t i = 0; i < 3; ++i)
     EXPECT_NEAR(std::pow(std::log(color[i]) / f, 2), 0.3 * eumelanin[i], 1e-9);
+  // A textured pigment is pbrt's default of it, which is told.
+  const auto textured = read_pbrt(
+      "WorldBegin\nTexture \"a\" \"float\" \"imagemap\" \"string filename\" \"image.png\"\n"
+      "Material \"hair\" \"texture eumelanin\" \"a\"\nShape \"sphere\"");
+  ASSERT_TRUE(textured.ok()) << outcome_of(textured);
+  EXPECT_NE(told(*textured).find("a texture as 'eumelanin' of material 'hair' is the constant 1.3"),
+            std::string::npos)
+      << told(*textured);
+  const Vec3 dark = textured->description.scene->children_of("shape")
+                        .at(0)
+                        ->children_of("bsdf")
+                        .at(0)
+                        ->children_of("bsdf")
+                        .at(0)
+                        ->get_rgb("diffuse_reflectance")
+                        ->value;
+  for (std::size_t i = 0; i < 3; ++i)
+    EXPECT_NEAR(std::pow(std::log(dark[i]) / f, 2), 1.3 * eumelanin[i], 1e-9);
 }
 
 }  // namespace

@@ -47,6 +47,24 @@ TEST(UpbpChoice, LeastErrorTimesCostIsChosen) {
   EXPECT_EQ(choice.cost, (std::vector<double>{1, 2, 9}));
 }
 
+// Claim: a film with ten times as many light paths pays ten times as much for merges with points, a tenth a
+// pixel for building trees of beams, and the same for all else.
+TEST(UpbpChoice, CostIsThatOfTheJobsFilm) {
+  const auto cost_of = [](std::uint64_t WorkCounts::*count, double density) {
+    WorkCounts counts;
+    counts.*count = 100;
+    return counts.cost(density);
+  };
+  using Case = std::pair<std::uint64_t WorkCounts::*, double>;
+  for (const auto& [count, ratio] : {Case{&WorkCounts::rays, 1}, Case{&WorkCounts::queries, 1},
+                                     Case{&WorkCounts::points, 1}, Case{&WorkCounts::beam_leaves, 1},
+                                     Case{&WorkCounts::beam_merges, 1}, Case{&WorkCounts::point_leaves, 10},
+                                     Case{&WorkCounts::point_merges, 10}, Case{&WorkCounts::pieces, 0.1}}) {
+    EXPECT_GT(cost_of(count, 1), 0);
+    EXPECT_NEAR(cost_of(count, 10), ratio * cost_of(count, 1), 1e-9 * cost_of(count, 10));
+  }
+}
+
 // Claim: of trials that are alike the last is chosen, which has the most techniques.
 TEST(UpbpChoice, OfTrialsThatAreAlikeTheLastIsChosen) {
   EXPECT_EQ(choose(std::vector<Trial>{planted(0.04, 1, 1, 1), planted(0.02, 1, 2, 2), planted(0.02, 1, 9, 3)})

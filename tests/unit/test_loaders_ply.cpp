@@ -328,6 +328,12 @@ TEST(LoadersPly, ReadsAttributes) {
     EXPECT_EQ(face.values[1], face.values[0]);
     EXPECT_EQ(face.values[2], Spectrum(0));
 
+    // One group by its two names.
+    const auto twice = load_ply(bytes, "a.ply", {{"vertex_heat", "vertex_tint", "vertex_tint_color"}, false});
+    ASSERT_TRUE(twice.ok());
+    EXPECT_EQ(twice->attributes[1].values[1], (Spectrum{0.1f, 0.2f, 0.3f}));
+    EXPECT_EQ(twice->attributes[2].values, twice->attributes[1].values);
+
     const auto linear = load_ply(bytes, "a.ply", {{"vertex_color"}, false});
     ASSERT_TRUE(linear.ok());
     EXPECT_EQ(linear->attributes[0].values[2].b, 0.4f);

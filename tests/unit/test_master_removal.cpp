@@ -208,6 +208,26 @@ TEST_F(MasterRemoval, RestartsDoNotBeginTheWaitAnew) {
   EXPECT_TRUE(knows(young));
 }
 
+// Claim: a job that is dropped leaves no row of its wait, which a start after a crash would take for a job
+// that was extended.
+TEST(MasterRemovalStore, DroppedJobsDoNotWait) {
+  const test::TemporaryFolder folder;
+  auto store = open_sqlite_store(folder.path() / "s.sqlite");
+  ASSERT_TRUE(store.ok());
+  JobRow gone, kept;
+  gone.id = "gone";
+  kept.id = "kept";
+  ASSERT_TRUE(
+      (*store)
+          ->write(std::vector<Change>{PutJob{gone}, PutJob{kept},
+                                      PutOverdue{{{"gone", 1, 2.0}, {"kept", 1, 3.0}}}, DropJob{"gone"}})
+          .ok());
+  const auto rows = (*store)->overdue();
+  ASSERT_TRUE(rows.ok());
+  ASSERT_EQ(rows->size(), 1U);
+  EXPECT_EQ(rows->front().job_id, "kept");
+}
+
 // Claim: a removal that a crash broke off after its decision is finished by the next start.
 TEST_F(MasterRemoval, ABrokenOffRemovalIsFinished) {
   const std::string id = submit(4), other = submit(3);

@@ -46,6 +46,14 @@ TEST_F(WantedTest, AQueueOfOnePilotWantsOneWorker) {
   expect(1, 1);
 }
 
+// Claim: jobs that share workers add up to whole workers: 3 + 5 + 5 + 5 threads are three workers of six.
+TEST_F(WantedTest, SharesOfWorkersAddUp) {
+  worker("a", 6);
+  for (const std::uint64_t iterations : {12U, 20U, 20U, 20U})
+    job("j" + std::to_string(s->jobs().size()), iterations, 1);
+  expect(18, 3);
+}
+
 // Claim: each thread wanted has a unit's time of work, merged work counts no more, and of several jobs each
 // adds its own; without a worker one is wanted, whatever the work.
 TEST_F(WantedTest, ThreadsHaveAUnitOfWorkEach) {

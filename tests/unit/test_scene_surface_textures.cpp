@@ -135,6 +135,27 @@ TEST(SurfaceTexture, LampsGlowByTheirTextures) {
   }
 }
 
+// Claim: a rectangle that glows by a wireframe is a mesh for all who choose among lights, and its power is
+// that of the lines too.
+TEST(SurfaceTexture, RectanglesThatGlowByAWireframeAreMeshes) {
+  const std::string texture =
+      "<texture type='wireframe' name='radiance'><rgb name='interior_color' value='0'/>"
+      "<rgb name='edge_color' value='1'/><float name='line_width' value='1'/>"
+      "<float name='step_width' value='0'/></texture>";
+  const auto scene =
+      scene_of("<shape type='rectangle'><emitter type='area'>" + texture + "</emitter></shape>");
+  ASSERT_NE(scene, nullptr);
+  EXPECT_TRUE(scene->features().any_mesh_emitter);
+  EXPECT_FALSE(scene->features().any_rectangle_emitter);
+  // Every point is within 1 of an edge: the whole rectangle glows.
+  const auto lit = scene_of("<shape type='rectangle'><emitter type='area'>" + texture +
+                            "<float name='power' value='8'/></emitter></shape>");
+  ASSERT_NE(lit, nullptr);
+  SurfaceHit hit;
+  ASSERT_TRUE(lit->intersect({{0.3f, 0.1f, 5}, {0, 0, -1}}, hit));
+  EXPECT_NEAR(lit->emitted(hit, {0, 0, 1}).g, 8 / (4 * std::numbers::pi), 1e-4);
+}
+
 TEST(SurfaceTexture, WireframesFollowTheDistanceToEdges) {
   const std::string colors = "<rgb name='interior_color' value='1'/><rgb name='edge_color' value='0'/>";
   const auto wire = [&](const std::string& widths) {
@@ -166,6 +187,18 @@ TEST(SurfaceTexture, WireframesFollowTheDistanceToEdges) {
                colors + "</texture></bsdf></shape>");
   ASSERT_NE(round, nullptr);
   expect_near(seen(*round, 0.2f, 0.3f), Spectrum(1));
+  // So it does beside a mesh that has no wireframe, and for a hit that was on it before.
+  const auto beside = scene_of(
+      "<shape type='cube'><transform name='to_world'><translate x='9'/></transform></shape>"
+      "<shape type='sphere'><bsdf type='diffuse'><texture type='wireframe' name='reflectance'>" +
+      colors + "<float name='line_width' value='0.1'/></texture></bsdf></shape>");
+  ASSERT_NE(beside, nullptr);
+  SurfaceHit hit;
+  ASSERT_TRUE(beside->intersect({{9.2f, 0.3f, 5}, {0, 0, -1}}, hit));
+  ASSERT_TRUE(beside->intersect({{0.2f, 0.3f, 5}, {0, 0, -1}}, hit));
+  ClosureArena arena;
+  const Closure closure = beside->closure(hit, {0, 0, 1}, arena);
+  expect_near(closure.get<DiffuseClosure>().reflectance, Spectrum(1));
 }
 
 TEST(SurfaceTexture, GridLinesLieAtIntegers) {
@@ -214,8 +247,12 @@ TEST(SurfaceTexture, ErrorsNameWhatIsMissing) {
                          "</emitter>"))
                 .find("negative"),
             std::string::npos);
+  EXPECT_NE(error_of(ply("<bsdf type='diffuse'>" +
+                         attribute("vertex_color", "<float name='scale' value='-1'/>") + "</bsdf>"))
+                .find("negative"),
+            std::string::npos);
   EXPECT_NE(error_of("<emitter type='spot'><texture type='wireframe' name='texture'/></emitter>")
-                .find("looks at a surface"),
+                .find("needs a surface"),
             std::string::npos);
 }
 

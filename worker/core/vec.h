@@ -78,8 +78,16 @@ struct Spectrum {
   constexpr Spectrum& operator*=(float s) { return *this = *this * s; }
   friend constexpr bool operator==(const Spectrum&, const Spectrum&) = default;
   constexpr float max_component() const { return std::max(r, std::max(g, b)); }
+  constexpr float min_component() const { return std::min(r, std::min(g, b)); }
   constexpr bool is_black() const { return r == 0 && g == 0 && b == 0; }
 };
+// By component.
+constexpr Spectrum min(Spectrum a, Spectrum b) {
+  return {std::min(a.r, b.r), std::min(a.g, b.g), std::min(a.b, b.b)};
+}
+constexpr Spectrum max(Spectrum a, Spectrum b) {
+  return {std::max(a.r, b.r), std::max(a.g, b.g), std::max(a.b, b.b)};
+}
 // Rec.709 luminance weights.
 constexpr float luminance(Spectrum s) {
   return 0.212671f * s.r + 0.715160f * s.g + 0.072169f * s.b;

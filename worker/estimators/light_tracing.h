@@ -60,8 +60,9 @@ class LightTracing {
     if (light_image_ &&
         transport::connect_lens<kBetween, Mis>(context_, walk.draws(), v, eta_, film, found)) {
       const Spectrum value = found.weighted() * each_;
-      splatter_.splat(0, film, value, rng::combine(key, 3), tallies_);
-      if (image_layer_ != 0) splatter_.splat(image_layer_, film, value, rng::combine(key, 3), tallies_);
+      const bool kept = splatter_.splat(0, film, value, rng::combine(key, 3), tallies_);
+      if (kept && image_layer_ != 0)
+        splatter_.splat(image_layer_, film, value, rng::combine(key, 3), tallies_);
     }
     return true;
   }

@@ -26,7 +26,8 @@ struct UnitContext {
   samplers::SamplerKind sampler;
   std::uint64_t seed;
   std::uint32_t width, height;
-  // A pixel of this film on that which the scene's camera was built for: a pilot's film has fewer.
+  // Camera pixels per pixel of this film, by axis: above 1 in a pilot, whose film is smaller than the
+  // camera's.
   Vec2 camera_units{1, 1};
 };
 
@@ -57,8 +58,8 @@ class Integrator {
   virtual std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const = 0;
 
   virtual const Plan& plan() const = 0;
-  // The plan with what a pilot decides.
-  virtual Plan plan_for(const UnitContext& /*context*/) const { return plan(); }
+  // The plan with what a pilot decides; stopped, without.
+  virtual Plan plan_for(const UnitContext& /*context*/, const RunContext& /*run*/) const { return plan(); }
 };
 
 // One line of the registry.

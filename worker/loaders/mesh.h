@@ -15,8 +15,9 @@ namespace candela::loaders {
 
 // A number or a color that a file gives each vertex or each face.
 struct MeshAttribute {
-  std::string name;              // as Mitsuba's texture mesh_attribute has it: vertex_color, face_color, ...
-  std::vector<Spectrum> values;  // one for each position, or one for each triangle; finite; gray: of a number
+  std::string name;  // as Mitsuba's texture mesh_attribute has it: vertex_color, face_color, ...
+  std::vector<Spectrum>
+      values;  // one for each position, or one for each triangle; finite; a single number is stored as gray
 
   bool of_faces() const { return name.starts_with("face_"); }
 };
@@ -24,7 +25,7 @@ struct MeshAttribute {
 // The attributes that a loader is asked for. A file that lacks one is an error.
 struct WantedAttributes {
   std::vector<std::string> names;
-  // Whether colors are sRGB. Not given: integers are, floats are linear, as in Mitsuba 3.
+  // Whether colors are sRGB. If empty, integer values are sRGB and float values are linear, as in Mitsuba 3.
   std::optional<bool> srgb;
 };
 

@@ -94,7 +94,9 @@ class Grid {
 
   // The size of the grid, and its box in the world.
   Result<void> place() {
-    if (in_.get<std::uint32_t>(636) != kFloatGrid) return fail("the NanoVDB grid does not hold floats");
+    const auto type = in_.get<std::uint32_t>(636);
+    if (!in_.ok()) return damaged();
+    if (type != kFloatGrid) return fail("the NanoVDB grid does not hold floats");
     root_ = kGridBytes + in_.get<std::uint64_t>(kGridBytes + 24);
     cells_ = 1;
     for (std::size_t i = 0; i < 3; ++i) {

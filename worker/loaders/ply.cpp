@@ -131,15 +131,15 @@ class Reader {
     mesh_.positions.resize(count);
     if (header_.has_normals) mesh_.normals.resize(count);
     if (header_.has_uvs) mesh_.uvs.resize(count);
-    for (const auto& [name, channels] : header_.vertex_attributes)
-      vertex_attributes_.push_back({name, std::vector<Spectrum>(count)});
+    for (const Header::Attribute& attribute : header_.vertex_attributes)
+      vertex_attributes_.push_back({attribute.name, std::vector<Spectrum>(count)});
   }
 
   // False: a number is not finite as a float.
   static bool set_attribute(const Header::Attribute& attribute, const double* columns, Spectrum& value) {
     for (std::size_t k = 0; k < attribute.channels; ++k)
-      if (!is_float_range(columns[k])) return false;
-    const auto f = [&](std::size_t k) { return static_cast<float>(columns[k]); };
+      if (!is_float_range(columns[attribute.first_column + k])) return false;
+    const auto f = [&](std::size_t k) { return static_cast<float>(columns[attribute.first_column + k]); };
     value = attribute.channels == 1 ? Spectrum(f(0)) : Spectrum(f(0), f(1), f(2));
     return true;
   }
@@ -148,7 +148,7 @@ class Reader {
   bool set_face(const Columns& columns) {
     for (std::size_t a = 0; a < face_attributes_.size(); ++a) {
       Spectrum value;
-      if (!set_attribute(header_.face_attributes[a], columns.data() + 3 * a, value)) return false;
+      if (!set_attribute(header_.face_attributes[a], columns.data(), value)) return false;
       face_attributes_[a].values.resize(mesh_.triangles.size(), value);
     }
     return true;
@@ -164,7 +164,7 @@ class Reader {
     if (header_.has_normals) mesh_.normals[i] = {f(Role::nx), f(Role::ny), f(Role::nz)};
     if (header_.has_uvs) mesh_.uvs[i] = {f(Role::u), f(Role::v)};
     for (std::size_t a = 0; a < vertex_attributes_.size(); ++a)
-      if (!set_attribute(header_.vertex_attributes[a], row.columns + 3 * a, vertex_attributes_[a].values[i]))
+      if (!set_attribute(header_.vertex_attributes[a], row.columns, vertex_attributes_[a].values[i]))
         return false;
     return true;
   }
@@ -283,7 +283,8 @@ class Reader {
 
   Result<void> binary_faces(const Element& element) {
     if (!holds(element.count, element.least_size())) return truncated(element);
-    for (const auto& [name, channels] : header_.face_attributes) face_attributes_.push_back({name, {}});
+    for (const Header::Attribute& attribute : header_.face_attributes)
+      face_attributes_.push_back({attribute.name, {}});
     if (face_attributes_.empty() && all_triangles(element)) return {};
     mesh_.triangles.clear();
     mesh_.triangles.reserve(static_cast<std::size_t>(element.count));
@@ -448,7 +449,8 @@ class Reader {
   Result<void> ascii_faces(const Element& element) {
     if (!holds(element.count, 2 * element.properties.size() - 1)) return truncated(element);
     mesh_.triangles.reserve(static_cast<std::size_t>(std::min<std::uint64_t>(element.count, left() / 8)));
-    for (const auto& [name, channels] : header_.face_attributes) face_attributes_.push_back({name, {}});
+    for (const Header::Attribute& attribute : header_.face_attributes)
+      face_attributes_.push_back({attribute.name, {}});
     if (face_attributes_.empty()) return ascii_skip(element);
     for (std::uint64_t i = 0; i < element.count; ++i) {
       Row row;

@@ -20,7 +20,7 @@ std::optional<std::size_t> number_named(const Element& element, std::string_view
   return std::nullopt;
 }
 
-// Columns by one of four ways of counting; -1: not so named.
+// kEndings[k] has the endings of component k in four naming schemes; a scheme is a column.
 constexpr std::array<std::string_view, 3> kEndings = {"xr01", "yg12", "zb23"};
 
 std::vector<Group> groups_of(const Element& element) {
@@ -33,8 +33,8 @@ std::vector<Group> groups_of(const Element& element) {
     groups.push_back({"color", "color", {*r, *g, *b}});
     break;
   }
-  std::string open;          // the prefix of the group that goes on
-  std::size_t counting = 0;  // its way
+  std::string open;          // the prefix of the current group
+  std::size_t counting = 0;  // its naming scheme
   for (std::size_t i = 0; i < element.properties.size(); ++i) {
     const Property& p = element.properties[i];
     const auto bar = p.name.size() < 3 ? p.name.npos : p.name.size() - 2;
@@ -85,9 +85,12 @@ Result<void> find_attributes(Header& header, const std::vector<std::string>& wan
                     full != fmt::format("{}{}", prefix, group.other_name)))
         continue;
       known = true;
+      // A group may have been asked for by its other name.
+      const std::int32_t known_column = element.properties[group.properties[0]].column;
+      const std::size_t first = known_column >= 0 ? static_cast<std::size_t>(known_column) : 3 * found.size();
       for (std::size_t k = 0; k < group.properties.size(); ++k)
-        element.properties[group.properties[k]].column = static_cast<std::int32_t>(3 * found.size() + k);
-      found.push_back({full, group.properties.size()});
+        element.properties[group.properties[k]].column = static_cast<std::int32_t>(first + k);
+      found.push_back({full, group.properties.size(), first});
     }
     if (known) continue;
     Error error = input_error(fmt::format("the PLY file has no attribute '{}'", full)).at(name, 0);

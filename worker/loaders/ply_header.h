@@ -32,7 +32,7 @@ struct Property {
   bool list = false;
   Type count_type{};
   Role role = Role::none;
-  std::int32_t column = -1;  // of a row's attribute numbers; none
+  std::int32_t column = -1;  // index in Row::columns; -1: not wanted
 };
 
 struct Element {
@@ -56,11 +56,11 @@ struct Header {
   std::vector<Element> elements;
   std::size_t vertices = 0, faces = 0;  // of elements
   bool has_normals = false, has_uvs = false;
-  // The attributes asked for: columns [3 i, 3 i + channels) are those of the i-th of the vertices, or of the
-  // faces.
+  // The attributes asked for, of the vertices or of the faces.
   struct Attribute {
     std::string name;
-    std::size_t channels = 0;  // 1 or 3
+    std::size_t channels = 0;      // 1 or 3
+    std::size_t first_column = 0;  // of Row::columns
   };
   std::vector<Attribute> vertex_attributes, face_attributes;
   std::size_t size = 0;  // bytes, to the first row

@@ -11,8 +11,10 @@
 #include "common/film/layers.h"
 #include "common/stages/decision.h"
 #include "common/stages/epochs.h"
+#include "common/stages/pixel_sums.h"
 #include "worker/core/math.h"
 #include "worker/integrators/aov/aov_pass.h"
+#include "worker/integrators/film_scale.h"
 #include "worker/integrators/integrator.h"
 
 namespace candela::render {
@@ -102,19 +104,10 @@ class SceneRenderer final : public Renderer {
     const std::vector<float> luminances = integrator_->pilot_luminances(context(), kPilotSamples);
     const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
 
-    // (mean of square roots)^2: of the mean's order, but one bright path among the pilot's cannot set the
-    // scale alone.
-    double root_sum = 0;
-    for (float value : luminances) root_sum += std::sqrt(static_cast<double>(value));
-    double typical = luminances.empty() ? 0 : root_sum / kPilotSamples;
-    typical *= typical;
-    // No light found: perhaps it is rare. A scale from the emitters themselves, with room below them.
-    if (!(typical > 0)) typical = static_cast<double>(scene_->features().max_emitted_radiance) * 0x1p-20;
-    if (!(typical > 0)) typical = 1;
-
     PilotResult result;
-    result.state.film_scale_log2 = film::scale_log2_for(typical);
-    result.plan = plan_text();
+    result.state.film_scale_log2 =
+        integrators::film_scale_log2(luminances, scene_->features().max_emitted_radiance);
+    result.plan = plan_text(run_context);
     result.work = work(result.state.film_scale_log2);
     const double pixels = static_cast<double>(settings_.width) * settings_.height;
     result.seconds_per_iteration =
@@ -146,9 +139,11 @@ class SceneRenderer final : public Renderer {
     return {};
   }
 
-  std::string plan_text() const override {
+  std::string plan_text() const override { return plan_text(RunContext()); }
+
+  std::string plan_text(const RunContext& run_context) const {
     return features_text(scene_->features()) + fmt::format("integrator: {}\n", settings_.integrator) +
-           integrator_->plan_for(context()).to_text() + aovs_.plan_text();
+           integrator_->plan_for(context(), run_context).to_text() + aovs_.plan_text();
   }
 
   const scene::SceneFeatures* features() const override { return &scene_->features(); }
@@ -238,7 +233,10 @@ Result<std::unique_ptr<Renderer>> Renderer::create(const description::FileSource
   CANDELA_TRY(check_names(aov_list, work.layers));
   integrators::AovPass aovs(std::move(aov_list), work.chains);
   work = with_aovs(std::move(work), aovs, scene->features());
-  CANDELA_TRY(validate(work, settings.width, settings.height));
+  if (auto valid = validate(work, settings.width, settings.height); !valid.ok()) {
+    if (work.accumulators.size() <= film::kMaxAccumulators) return valid.error();
+    return Error(valid.error()).with_mend("fewer AOVs, or light_groups=infinite or one");
+  }
   std::unique_ptr<scene::Scene> parameterized_scene;
   if (aovs.reads_parameters()) {
     options.parameterized = true;
@@ -295,6 +293,12 @@ Result<WorkPlan> largest_work(const JobSettings& settings) {
   lamps.radius = 1;
   scene::SceneFeatures everything = lamps;
   everything.any_delta_emitter = everything.any_environment = true;
+  // More groups of lights than the scene has: too large an estimate is settled by the scene itself.
+  if (const auto groups = settings.integrator_settings.find("light_groups");
+      groups != settings.integrator_settings.end() && groups->second != "one") {
+    lamps.emitters = everything.emitters = pixel_sums::kMaxGroups;
+    everything.environments = everything.infinite_emitters = 1;
+  }
   std::optional<WorkPlan> largest;
   std::optional<Error> error;
   for (const bool full : {false, true})

@@ -20,11 +20,6 @@ float within(double x) {
   return static_cast<float>(std::clamp(x, 0.0, 1.0 - 0x1p-24));
 }
 
-double twice_area(const Triangle& t) {
-  const Vec3d v0(t.v0);
-  return length(cross(Vec3d(t.v1) - v0, Vec3d(t.v2) - v0));
-}
-
 }  // namespace
 
 IrradianceMeter::IrradianceMeter(const Geometry& geometry, std::uint32_t shape,
@@ -46,10 +41,7 @@ IrradianceMeter::IrradianceMeter(const Geometry& geometry, std::uint32_t shape,
     const Cylinder& cylinder = geometry.cylinders[record_.cylinder].cylinder;
     area_ = 2 * kPi * cylinder.radius * cylinder.length;
   } else {
-    std::vector<double> areas(record_.triangle_count);
-    for (std::uint32_t i = 0; i < record_.triangle_count; ++i)
-      areas[i] = 0.5 * twice_area(geometry.triangles[record_.first_triangle + i]);
-    triangles_ = Distribution(areas);
+    triangles_ = triangles_by_area(geometry, shape);
     area_ = triangles_.total();
     corner_error_ = corner_error(geometry, shape);
   }
@@ -108,7 +100,7 @@ Vec2 IrradianceMeter::square_place(const SurfaceHit& on) const {
   }
   if (record_.disk != kNone) {
     const Vec2 uv = disk_uv(geometry_->disks[record_.disk].disk, p);
-    return {uv.x * uv.x, uv.y};
+    return {within(static_cast<double>(uv.x) * static_cast<double>(uv.x)), uv.y};
   }
   if (record_.cylinder != kNone) return cylinder_uv(geometry_->cylinders[record_.cylinder].cylinder, p);
   if (rectangle_) {
@@ -120,8 +112,9 @@ Vec2 IrradianceMeter::square_place(const SurfaceHit& on) const {
   // The inverse of warp::uniform_triangle.
   const Vec2 b = on.barycentric;
   const Vec2 in_triangle = b.x < b.y ? Vec2{2 * b.x, b.x + b.y} : Vec2{b.x + b.y, 2 * b.y};
-  return {in_triangle.x, within(triangles_.place(on.primitive - record_.first_triangle,
-                                                 static_cast<double>(in_triangle.y)))};
+  return {
+      within(static_cast<double>(in_triangle.x)),
+      within(triangles_.place(on.primitive - record_.first_triangle, static_cast<double>(in_triangle.y)))};
 }
 
 Ray IrradianceMeter::ray(float film_x, float film_y, Vec2 u_lens) const {

@@ -71,7 +71,7 @@ Result<std::unique_ptr<Scene>> Scene::build(const description::SceneDescription&
   }
   if (is_meter) {
     if (builder.measured() == kNone) {
-      return input_error("the irradiancemeter's shape is none of the scene's own")
+      return input_error("the shape of the irradiancemeter is inside a shapegroup")
           .at(sensors[0]->where.file, sensors[0]->where.line)
           .with_mend("take the shape out of its shapegroup");
     }
@@ -286,8 +286,7 @@ double Scene::boundary_test(const SurfaceHit& hit, Vec3 d) const {
   if (shape.triangle_count == 0) return cosine;
   const Triangle& triangle = geometry.triangles[hit.primitive];
   if (triangle.smooth) return cosine * cosine;
-  double b1 = static_cast<double>(hit.uv.x), b2 = static_cast<double>(hit.uv.y);
-  if (triangle.mapped && !geometry.barycentric_of(hit.primitive, hit.uv, b1, b2)) return cosine * cosine;
+  const auto b1 = static_cast<double>(hit.barycentric.x), b2 = static_cast<double>(hit.barycentric.y);
   return 3 * std::clamp(std::min({b1, b2, 1 - b1 - b2}), 0.0, 1.0 / 3);
 }
 

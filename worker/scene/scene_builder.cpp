@@ -1,6 +1,8 @@
 // From a description to the parts of a compiled scene.
 #include "worker/scene/scene_builder.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <initializer_list>
@@ -263,7 +265,12 @@ Result<void> SceneBuilder::add_shape(const description::Object& object, bool in_
   }
   count_bsdf(bsdfs_[record.bsdf]);
   const auto index = static_cast<std::uint32_t>(geometry_.shapes.size());
-  if (!emitters.empty()) area_emitters_.push_back({index, shape.rectangle, emitters[0]});
+  if (!emitters.empty()) {
+    // Samples of a rectangle do not name the triangle that they are on, which a wireframe reads: the lamp is
+    // a mesh.
+    const bool as_mesh = has_texture(*emitters[0], {"wireframe"});
+    area_emitters_.push_back({index, as_mesh ? std::nullopt : shape.rectangle, emitters[0]});
+  }
   if (&object == measured_object_ && !in_group) {
     measured_ = index;
     measured_rectangle_ = shape.rectangle;
@@ -294,15 +301,10 @@ Result<void> SceneBuilder::finish_geometry() {
     if (radiance.is_constant() && !is_radiometric(radiance.constant)) {
       return error_at(*area.object, "radiance must be finite and not negative").with_field("radiance");
     }
-    const Spectrum least = radiance.minimum();
-    if (std::min({least.r, least.g, least.b}) < 0)
-      return error_at(*area.object, "the texture has negative values").with_field("radiance");
     // A black lamp is none: nobody need choose it.
     if (radiance.is_constant() && radiance.constant.is_black()) continue;
-    // Samples of a rectangle do not name the triangle that they are on.
-    const bool as_mesh = has_texture(*area.object, {"wireframe"});
     geometry_.shapes[area.shape].emitter =
-        lights_.add_area(area.shape, area.rectangle && !as_mesh ? &*area.rectangle : nullptr, radiance);
+        lights_.add_area(area.shape, area.rectangle ? &*area.rectangle : nullptr, radiance);
     emitter_media_.resize(lights_.size(), kNone);
     emitter_media_.back() = media_.exterior(geometry_.shapes[area.shape].medium_interface);
     ++features_.emitter_kinds["area"];
@@ -408,7 +410,10 @@ void SceneBuilder::add_place_light(Emitter light, float peak) {
 
 Result<void> SceneBuilder::emitter(const description::Object& object) {
   if (object.plugin != "area" && has_texture(object, {"mesh_attribute", "wireframe", "volume"}))
-    return error_at(object, "the light's texture looks at a surface, which the light has not");
+    return error_at(
+        object,
+        fmt::format("a mesh_attribute, wireframe or volume texture needs a surface; a '{}' light has none",
+                    object.plugin));
   const Transform to_world(object.get_transform("to_world"));
   if (object.plugin == "area") return {};  // glows in the shapes that refer to it, as in Mitsuba 3
   if (object.plugin == "point") {

@@ -53,8 +53,8 @@ class SceneBuilder {
         emitter_media_(data.emitter_media),
         features_(data.features) {}
 
-  // The shape that an irradiance meter is on, to be told before shapes(); then its index, kNone: it is not
-  // among the scene's own shapes.
+  // Names the meter's shape; call it before shapes(). measured() is then its index, or kNone if it is in a
+  // shapegroup.
   void measure(const description::Object& shape) { measured_object_ = &shape; }
   std::uint32_t measured() const { return measured_; }
   const std::optional<Rectangle>& measured_rectangle() const { return measured_rectangle_; }

@@ -102,7 +102,10 @@ class PhotonMap {
     return search_.position(static_cast<std::uint32_t>(&photon - photons_.data()));
   }
   // Held between build and the next one.
-  std::uint64_t bytes() const { return search_.bytes() + photons_.capacity() * sizeof(Photon<Block>); }
+  std::uint64_t bytes() const {
+    return search_.bytes() + photons_.capacity() * sizeof(Photon<Block>) +
+           ends_.capacity() * sizeof(std::uint32_t);
+  }
 
   // Calls visit(photon, the number of its light path) for the photons within the radius. Precondition: the
   // buffers knew paths.

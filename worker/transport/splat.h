@@ -26,8 +26,9 @@ class Splatter {
         signed_(filter.has_negative_lobes()),
         to_pixels_{1 / camera_units.x, 1 / camera_units.y} {}
 
-  // From any thread. `key` names the contribution among all of the unit, and seeds the rounding.
-  void splat(std::uint32_t layer, FilmPosition at, Spectrum value, std::uint64_t key,
+  // From any thread. `key` names the contribution among all of the unit, and seeds the rounding. False: the
+  // value was refused.
+  bool splat(std::uint32_t layer, FilmPosition at, Spectrum value, std::uint64_t key,
              film::Tallies& tallies) const {
     at = {at.x * to_pixels_.x, at.y * to_pixels_.y};
     value *= to_pixels_.x * to_pixels_.y;
@@ -45,9 +46,10 @@ class Splatter {
         // A value that is refused is refused, and counted, once.
         if (!film_.splat(layer, px, py, {share.r, share.g, share.b},
                          rng::combine(key, (std::uint64_t{py} << 32) | px), tallies, signed_))
-          return;
+          return false;
       }
     }
+    return true;
   }
 
  private:

@@ -492,14 +492,23 @@ Result<Vec3> Materials::hair_absorption(Definition& definition) {
     CANDELA_ASSIGN(const Rgb rgb, color_of(context_, *given, SpectrumUse::unbounded, definition.space));
     return rgb.value;
   }
+  if (parameters.take("sigma_a", {"texture"}) != nullptr)
+    context_.differs(definition.where, "a texture as 'sigma_a' of material 'hair' is passed over");
+  const auto concentration = [&](const Value& value, std::string_view name, double otherwise) {
+    if (value.is_constant()) return value.number();
+    context_.differs(definition.where,
+                     fmt::format("a texture as '{}' of material 'hair' is the constant {}", name, otherwise));
+    return otherwise;
+  };
   // Absorption of the pigments per unit of concentration [Chiang et al. 2016].
   constexpr Vec3 eumelanin = {0.419, 0.697, 1.37}, pheomelanin = {0.187, 0.4, 1.05};
   const bool has_pigments = parameters.has("eumelanin") || parameters.has("pheomelanin");
   CANDELA_ASSIGN(const Value dark, textures_.number(parameters, "eumelanin", has_pigments ? 0 : 1.3));
   CANDELA_ASSIGN(const Value red, textures_.number(parameters, "pheomelanin", 0));
+  const double darkness = concentration(dark, "eumelanin", 1.3),
+               redness = concentration(red, "pheomelanin", 0);
   Vec3 absorption{};
-  for (std::size_t i = 0; i < 3; ++i)
-    absorption[i] = dark.number() * eumelanin[i] + red.number() * pheomelanin[i];
+  for (std::size_t i = 0; i < 3; ++i) absorption[i] = darkness * eumelanin[i] + redness * pheomelanin[i];
   return absorption;
 }
 

@@ -150,7 +150,7 @@ Result<ObjectPtr> Media::rgb_grid(MediumEntity& entity) {
 }
 
 Result<ObjectPtr> Media::cloud(MediumEntity& entity) {
-  CANDELA_ASSIGN(const std::shared_ptr<Object> grid, grid_in_box(entity, "clamp"));
+  CANDELA_ASSIGN(const std::shared_ptr<Object> grid, grid_in_box(entity, "zero"));
   entity.parameters.ignore({"density", "wispiness", "frequency"});
   context_.differs(entity.where,
                    "the noise of a medium 'cloud' is sampled on a grid of 128 x 128 x 128 cells");

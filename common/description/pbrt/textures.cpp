@@ -173,14 +173,19 @@ Result<Value> Textures::read_mean(Definition& definition) {
   const auto mean_of = [&](std::initializer_list<std::string_view> names,
                            std::initializer_list<double> defaults) -> Result<Value> {
     Value mean{{0, 0, 0}, nullptr, definition.where};
+    std::optional<Value> texture;
     auto otherwise = defaults.begin();
     for (const std::string_view name : names) {
-      CANDELA_ASSIGN(const Value value, part(definition, name, *otherwise++));
-      // The first texture stands for all: the mean of a picture is not known here.
-      if (!value.is_constant()) return value;
+      CANDELA_ASSIGN(Value value, part(definition, name, *otherwise++));
+      if (!value.is_constant()) {
+        if (!texture) texture = std::move(value);
+        continue;
+      }
       for (std::size_t i = 0; i < 3; ++i)
         mean.constant[i] += value.constant[i] / static_cast<double>(names.size());
     }
+    // The first texture stands for all: the mean of a picture is not known here.
+    if (texture) return *std::move(texture);
     return mean;
   };
   const auto gray = [&](double v) { return Value{{v, v, v}, nullptr, definition.where}; };

@@ -3,8 +3,8 @@
 // Sums count for a pixel only if they were made with its present radius: sums of the epochs that were open
 // when it shrank are dropped. After a rejection the pixel begins anew.
 //
-// With `follow` a pixel without evidence takes the levels of a schedule, one a look; with `follow_little` one
-// of little evidence those of another.
+// With `follow` a pixel without evidence takes the levels of a schedule, one a look; with `follow_little` a
+// pixel of little evidence takes the levels of a second schedule.
 #include <array>
 
 #include "common/adaptive/f_test.h"
@@ -74,8 +74,8 @@ Result<std::string> decide_fppm(const DecisionInput& input, Carry& carry) {
   const int square_shift = 2 * sectors.spec().scale_log2 - squares.spec().scale_log2;
   if (sectors.spec().channels != adaptive::kSectorChannels || square_shift < 0 || square_shift > 20)
     return failed_error("the accumulators of the F test have another form");
-  const int deepest = levels.deepest(first_iteration(input.plan, input.epoch));
   const std::uint64_t first = first_iteration(input.plan, input.epoch);
+  const int deepest = levels.deepest(first);
   CANDELA_ASSIGN(const Follow none_at, follow_at(constants, "", first, deepest));
   CANDELA_ASSIGN(const Follow little_at, follow_at(constants, "_little", first, deepest));
   const bool counts_rejections = memo_planes(constants) > 1;

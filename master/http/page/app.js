@@ -18,13 +18,14 @@ const connected = {
   found: () => connection('Live', false),
 };
 
+const plural = (n, thing) => n + ' ' + thing + (n === 1 ? '' : 's');
 const link = (path, text) => h('a', {href: path}, text);
 const jobLink = (id, text = id) => link('/jobs/' + encodeURIComponent(id), text);
 // A job's link has its name as soon as the master has told it, once for each job.
 const names = new Map();
 function namedJobLink(id) {
   const a = jobLink(id);
-  if (!names.has(id)) names.set(id, get('/api/jobs/' + encodeURIComponent(id)).then((j) => j.name, () => { names.delete(id); return ''; }));
+  if (!names.has(id)) names.set(id, get('/api/jobs/' + encodeURIComponent(id) + '/name').then((j) => j.name, () => ''));
   names.get(id).then((name) => put(a, name || id));
   return a;
 }
@@ -175,7 +176,7 @@ async function jobsPage() {
   const refresh = () => {
     const by = {};
     for (const r of rows.rows.values()) by[r.data.state] = (by[r.data.state] || 0) + 1;
-    put(summary, total + (total === 1 ? ' job' : ' jobs') + Object.entries(by).map(([s, n]) => `, ${n} ${s}`).join(''));
+    put(summary, plural(total, 'job') + Object.entries(by).map(([s, n]) => `, ${n} ${s}`).join(''));
     none.hidden = total > 0;
     element.hidden = total === 0;
     more.hidden = rows.rows.size >= total;
@@ -240,7 +241,7 @@ async function workersPage() {
       by[r.data.state] = (by[r.data.state] || 0) + 1;
       if (r.data.state !== 'lost') threads += r.data.threads;
     }
-    put(summary, rows.rows.size + ' workers, ' + threads + ' threads' + Object.entries(by).map(([s, n]) => `, ${n} ${s}`).join(''));
+    put(summary, plural(rows.rows.size, 'worker') + ', ' + plural(threads, 'thread') + Object.entries(by).map(([s, n]) => `, ${n} ${s}`).join(''));
     filter.apply();
   };
   const load = async () => {
@@ -347,7 +348,7 @@ async function jobPage(id) {
     put(nodes.leased, count(j.units_leased));
     put(nodes.memory, bytes(j.worker_memory_bytes));
     put(nodes.priority, j.priority + (j.share !== 1 ? ', share ' + small(j.share) : ''));
-    put(nodes.rejected, count(Object.values(j.rejected).reduce((a, b) => a + b, 0)));
+    put(nodes.rejected, count(Object.entries(j.rejected).reduce((a, [cause, n]) => a + (cause === 'statistics' ? 0 : n), 0)));
     const ended = ['done', 'failed', 'cancelled'].includes(j.state);
     buttons.pause.hidden = ended || j.state === 'paused';
     buttons.resume.hidden = j.state !== 'paused' && j.state !== 'failed';

@@ -35,22 +35,23 @@ export async function post(path, values = {}, given = token) {
   return answer.json();
 }
 
-// handlers: {kind: f(data)}; `lost` and `found` tell of the connection, `again` of each new one: what happened
-// before it, since the lists were asked for, has not come. Hidden pages hold no connection. Returns a function that ends it.
+// handlers: {kind: f(data)}; `lost` and `found` tell of the connection. `again` is called at each new one, since events
+// before it were not sent. Hidden pages hold no connection. Returns a function that ends it.
 export function stream(query, handlers, {lost, found, again}) {
   let source = null, timer = 0, over = false;
   const open = () => {
     clearTimeout(timer);
     if (over || source || document.hidden) return;
-    source = new EventSource('/api/stream?' + query);
+    const mine = source = new EventSource('/api/stream?' + query);
     source.addEventListener('hello', async () => {
       found();
       try {
         await again();
       } catch {  // the master is gone already: the next connection asks again
+        if (over || source !== mine) return;
         close();
         lost();
-        if (!over) timer = setTimeout(open, 2000);
+        timer = setTimeout(open, 2000);
       }
     });
     for (const [kind, f] of Object.entries(handlers))

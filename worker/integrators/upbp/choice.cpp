@@ -7,17 +7,19 @@ namespace {
 
 // Measured on the scenes of candela-study upbp-scenes.
 constexpr double kOfRay = 600, kOfQuery = 100, kOfLeaf = 100, kOfMerge = 500, kOfItem = 300;
-constexpr int kRounds = 3;             // of weighting trials by their errors
-constexpr double kOfMean = 0.01;       // of the mean's square, in denominators
-constexpr double kLeastError = 1e-12;  // what noise may make negative
-constexpr double kMostOfValue = 1;     // of one value's squared error: outliers say nothing in a small pilot
+constexpr int kRounds = 3;            // of weighting trials by their errors
+constexpr double kMeanShare = 0.01;   // of the mean's square, in denominators
+constexpr double kMinError = 1e-12;   // what noise may make negative
+constexpr double kMaxValueError = 1;  // of one value's squared error: outliers say nothing in a small pilot
 
 }  // namespace
 
-double WorkCounts::cost() const {
+double WorkCounts::cost(double density) const {
+  const auto of_points = [&](std::uint64_t n) { return density * static_cast<double>(n); };
   return kOfRay * static_cast<double>(rays) + kOfQuery * static_cast<double>(queries) +
-         kOfLeaf * static_cast<double>(leaves) + kOfMerge * static_cast<double>(merges) +
-         kOfItem * static_cast<double>(items);
+         kOfLeaf * (of_points(point_leaves) + static_cast<double>(beam_leaves)) +
+         kOfMerge * (of_points(point_merges) + static_cast<double>(beam_merges)) +
+         kOfItem * (static_cast<double>(points) + static_cast<double>(pieces) / density);
 }
 
 std::vector<double> trial_errors(std::span<const Trial> trials) {
@@ -44,10 +46,11 @@ std::vector<double> trial_errors(std::span<const Trial> trials) {
           const auto value = static_cast<double>(trials[t].images[r][i]);
           const double square = (value - truth[(r + 1) % kReplicates * values + i]) *
                                 (value - truth[(r + 2) % kReplicates * values + i]);
-          sum += std::clamp(square / (whole * whole + kOfMean * mean * mean), -kMostOfValue, kMostOfValue);
+          sum += std::clamp(square / (whole * whole + kMeanShare * mean * mean), -kMaxValueError,
+                            kMaxValueError);
         }
       }
-      errors[t] = std::max(sum / static_cast<double>(values * kReplicates), kLeastError);
+      errors[t] = std::max(sum / static_cast<double>(values * kReplicates), kMinError);
     }
   }
   return errors;

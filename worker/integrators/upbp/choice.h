@@ -13,12 +13,14 @@ inline constexpr std::size_t kReplicates = 3;
 struct WorkCounts {
   std::uint64_t rays = 0;
   std::uint64_t queries = 0;
-  std::uint64_t leaves = 0;  // of trees of points and beams, that queries looked into
-  std::uint64_t merges = 0;  // pairs that were weighted
-  std::uint64_t items = 0;   // photons and pieces of beams that trees were built of
+  std::uint64_t point_leaves = 0, beam_leaves = 0;  // of trees that queries looked into
+  std::uint64_t point_merges = 0, beam_merges = 0;  // pairs that were weighted
+  std::uint64_t points = 0, pieces = 0;             // that trees were built of
 
-  // In nanoseconds of one core, about.
-  double cost() const;
+  // In nanoseconds of one core, about, of a film of as many pixels whose iteration has `density` times as
+  // many light paths: a query meets so many times as many points, and each pixel pays for that share of the
+  // beams, of which an iteration has the same number.
+  double cost(double density) const;
 };
 
 struct Trial {

@@ -25,7 +25,7 @@ struct Rules {
   std::string name;  // as the setting `techniques` has it, for people
   Planned planned;
   MediumRules medium;
-  bool only_if_cheap = false;  // tried only where the rules before it are (kCheap)
+  bool only_if_cheap = false;  // tried only if the set before it costs at most kCheap times the first
 };
 
 }  // namespace candela::integrators::upbp

@@ -23,10 +23,11 @@ struct UpbpSettings {
     common.path_fields(visit);
     common.plan_field(visit);
     merge.fields(visit);
-    visit("techniques", techniques,
-          "auto: what a short pilot finds best; all: all of vcm: connections; merges in media of light's "
-          "points (p) or beams (b) with the eye's: pp3d, pb2d, "
-          "bp2d, bb1d; merging on surfaces is in every list");
+    visit(
+        "techniques", techniques,
+        "auto: the set that a short pilot finds best; all: every technique. Or a list of: vcm (connections), "
+        "pp3d, pb2d, bp2d, bb1d (merges in media of light's points p or beams b with the eye's). Merging on "
+        "surfaces is always in it");
     visit("beam_paths", beam_paths, 0, 1 << 30,
           "most light paths of an iteration that leave beams: bb1d costs as many as it has; 0: all do");
     const NumberRange range{0, 1};

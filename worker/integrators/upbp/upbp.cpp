@@ -7,10 +7,12 @@
 #include <cmath>
 #include <limits>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <utility>
 
 #include "common/rng/stream.h"
+#include "worker/integrators/film_scale.h"
 #include "worker/integrators/iteration_integrator.h"
 #include "worker/integrators/merging/iterations.h"
 #include "worker/integrators/upbp/choice.h"
@@ -48,11 +50,11 @@ class UpbpIntegrator final : public IterationIntegrator {
   WorkPlan work(FilmSize /*size*/, int /*film_scale_log2*/) const override {
     return {.layers = variants_[0]->iterations.layers()};
   }
-  Plan plan_for(const UnitContext& context) const override;
+  Plan plan_for(const UnitContext& context, const RunContext& run) const override;
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run) const override {
-    CANDELA_ASSIGN(const upbp::Choice* choice, choice_for(context, run.threads));
-    const Variant& variant = *variants_[choice->index];
+    CANDELA_ASSIGN(const upbp::Choice choice, choice_for(context, run));
+    const Variant& variant = *variants_[choice.index];
     upbp::WorkCounts unread;
     return run_variant(variant, merging::first_radius(context, variant.iterations), context, unit, output,
                        run, unread);
@@ -64,15 +66,16 @@ class UpbpIntegrator final : public IterationIntegrator {
   using Field = transport::ConstantScale;
   using Eye = estimators::VcmEye<kBetween, Mis, Field, transport::NoStatistics, upbp::EyeBeams>;
 
-  Result<const upbp::Choice*> choice_for(const UnitContext& context, unsigned threads) const;
-  Result<upbp::Choice> run_pilot(const UnitContext& context, unsigned threads) const;
+  // The pilot's, which runs once. Stopped, it runs anew when asked again.
+  Result<upbp::Choice> choice_for(const UnitContext& context, const RunContext& run) const;
+  Result<upbp::Choice> run_pilot(const UnitContext& context, const RunContext& run) const;
   // first: merging radius of the first iteration, of surfaces.
   Result<void> run_variant(const Variant& variant, double first, const UnitContext& context, const Unit& unit,
                            UnitOutput& output, const RunContext& run, upbp::WorkCounts& counts) const;
 
   const std::vector<std::unique_ptr<Variant>> variants_;
-  mutable std::once_flag once_;
-  mutable Result<upbp::Choice> choice_ = upbp::Choice{0, {1}, {1}};
+  mutable std::mutex mutex_;
+  mutable std::optional<upbp::Choice> choice_;
 };
 
 transport::MediumRadii medium_radii(const MediumRules& rules, const UnitContext& context,
@@ -185,42 +188,36 @@ Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, c
       for (const upbp::Photons& chunk : chunks) buffers.push_back(&chunk.medium);
       CANDELA_TRY(points.build(buffers, run.threads));
       maps.points = &points;
-      counts_of_work.items += points.size();
+      counts_of_work.points += points.size();
     }
     if (rules.beams()) {
       std::vector<const transport::BeamBuffer*> buffers;
       for (const transport::BeamBuffer& chunk : beam_chunks) buffers.push_back(&chunk);
       CANDELA_TRY(beams.build(buffers, beam_radii, run.threads));
       maps.beams = &beams;
-      counts_of_work.items += beams.pieces();
+      counts_of_work.pieces += beams.pieces();
     }
     if (techniques.eye_paths)
       CANDELA_TRY((merging::run_eye_pass<Eye>(context, iterations, counts, side, {}, unit.half, index, output,
                                               run, progress_part(phase + 1, phases))));
   }
-  const transport::ByMerge<std::uint64_t>& merges = merge_work.sum().merges;
+  const auto& [queries, leaves, merges] = merge_work.sum();
   counts_of_work.rays += output.film->tallies().rays;
-  counts_of_work.leaves += merge_work.sum().leaves;
-  counts_of_work.merges += merges.point_point + merges.point_beam + merges.beam_point + merges.beam_beam;
-  const transport::ByMerge<std::uint64_t>& queries = merge_work.sum().queries;
   counts_of_work.queries += queries.point_point + queries.point_beam + queries.beam_point + queries.beam_beam;
+  counts_of_work.point_leaves += leaves.point_point + leaves.point_beam;
+  counts_of_work.beam_leaves += leaves.beam_point + leaves.beam_beam;
+  counts_of_work.point_merges += merges.point_point + merges.point_beam;
+  counts_of_work.beam_merges += merges.beam_point + merges.beam_beam;
   return {};
 }
 
 constexpr double kPilotPixels = 1024;         // at most
 constexpr std::uint32_t kScaleSamples = 512;  // of the pilot's film
 
-// A scale of the film, as that of a job is chosen.
-int pilot_scale(const std::vector<float>& luminances) {
-  double root_sum = 0;
-  for (const float value : luminances) root_sum += std::sqrt(static_cast<double>(value));
-  const double typical = luminances.empty() ? 0 : root_sum / static_cast<double>(luminances.size());
-  return film::scale_log2_for(typical > 0 ? typical * typical : 1);
-}
-
 // Every variant renders the same few iterations of a small film, of the same scene, radii and light paths per
-// pixel. A pure function of the scene, the settings and the film's size: jobs of all seeds choose alike.
-Result<upbp::Choice> UpbpIntegrator::run_pilot(const UnitContext& context, unsigned threads) const {
+// pixel. A pure function of the scene, the settings and the film's size, with radius_neighbors of the job's
+// seed, too.
+Result<upbp::Choice> UpbpIntegrator::run_pilot(const UnitContext& context, const RunContext& run) const {
   const double pixels = static_cast<double>(context.width) * context.height;
   const double shrink = std::max(1.0, std::sqrt(pixels / kPilotPixels));
   const auto side = [&](std::uint32_t whole) {
@@ -231,16 +228,21 @@ Result<upbp::Choice> UpbpIntegrator::run_pilot(const UnitContext& context, unsig
                     side(context.width), side(context.height)};
   small.camera_units = {static_cast<float>(context.width) / static_cast<float>(small.width),
                         static_cast<float>(context.height) / static_cast<float>(small.height)};
-  RunContext quiet;
-  quiet.threads = threads;
+  RunContext quiet = run;
+  quiet.progress = nullptr;
+  quiet.fault = nullptr;
   UnitOutput output;
-  const int scale = pilot_scale(pilot_luminances(small, kScaleSamples));
+  const int scale =
+      film_scale_log2(pilot_luminances(small, kScaleSamples), context.scene.features().max_emitted_radiance);
   const film::Layout layout{small.width, small.height,
                             static_cast<std::uint32_t>(1 + variants_[0]->iterations.layers().size())};
   std::vector<upbp::Trial> trials;
   for (const std::unique_ptr<Variant>& variant : variants_) {
     if (variant->rules.only_if_cheap && trials.back().cost > upbp::kCheap * trials.front().cost) break;
     const double first = merging::first_radius(context, variant->iterations);
+    const merging::MergeRules& merge = variant->iterations.merge;
+    const double density = static_cast<double>(merging::light_path_count(merge, context)) /
+                           static_cast<double>(merging::light_path_count(merge, small));
     upbp::WorkCounts counts;
     upbp::Trial& trial = trials.emplace_back();
     for (std::size_t r = 0; r < upbp::kReplicates; ++r) {
@@ -251,32 +253,35 @@ Result<upbp::Choice> UpbpIntegrator::run_pilot(const UnitContext& context, unsig
       for (std::size_t i = 0; i < 3 * layout.pixel_count(); ++i)
         trial.images[r].push_back(static_cast<float>(std::ldexp(static_cast<double>(sums[i]), -scale)));
     }
-    trial.cost = counts.cost();
+    trial.cost = counts.cost(density);
   }
   return upbp::choose(trials);
 }
 
-Result<const upbp::Choice*> UpbpIntegrator::choice_for(const UnitContext& context, unsigned threads) const {
-  if (variants_.size() > 1) std::call_once(once_, [&] { choice_ = run_pilot(context, threads); });
-  if (!choice_.ok()) return choice_.error();
-  return &*choice_;
+Result<upbp::Choice> UpbpIntegrator::choice_for(const UnitContext& context, const RunContext& run) const {
+  if (variants_.size() == 1) return upbp::Choice{0, {1}, {1}};
+  const std::lock_guard lock(mutex_);
+  if (!choice_) {
+    CANDELA_ASSIGN(choice_, run_pilot(context, run));
+  }
+  return *choice_;
 }
 
-Plan UpbpIntegrator::plan_for(const UnitContext& context) const {
-  const auto choice = choice_for(context, 1);
+Plan UpbpIntegrator::plan_for(const UnitContext& context, const RunContext& run) const {
+  const auto choice = choice_for(context, run);
   if (!choice.ok() || variants_.size() == 1) return plan();
-  Plan plan = variants_[(*choice)->index]->rules.planned.plan;
+  Plan plan = variants_[choice->index]->rules.planned.plan;
   std::string found;
-  for (std::size_t v = 0; v < (*choice)->inefficiency.size(); ++v)
+  for (std::size_t v = 0; v < choice->inefficiency.size(); ++v)
     found += fmt::format("{}{} {:.2g} and {:.2g}", v == 0 ? "" : "; ", variants_[v]->rules.name,
-                         (*choice)->inefficiency[v], (*choice)->cost[v]);
+                         choice->inefficiency[v], choice->cost[v]);
   plan.note("techniques=auto",
             fmt::format("chose {}. Error times cost over the least, and cost over vcm's, in a pilot: {}",
-                        variants_[(*choice)->index]->rules.name, found));
+                        variants_[choice->index]->rules.name, found));
   return plan;
 }
 
-// The settings that vcm has too.
+// The settings that vcm has too; of layers=techniques its layer `merging` is left.
 SettingsMap without_media(SettingsMap settings) {
   for (const char* name : {"techniques", "radius_pp3d", "radius_pb2d", "radius_bp2d", "radius_bb1d",
                            "beam_paths", "radius_free_paths"})

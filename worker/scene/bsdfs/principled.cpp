@@ -189,7 +189,7 @@ Result<void> PrincipledSurface::build(const description::Object& object, const B
   CANDELA_ASSIGN(flatness, read_fraction(object, context.textures, "flatness", 0));
   CANDELA_ASSIGN(clearcoat, read_fraction(object, context.textures, "clearcoat", 0));
   CANDELA_ASSIGN(clearcoat_gloss, read_fraction(object, context.textures, "clearcoat_gloss", 0));
-  const bool passes = most_of(spec_trans) > 0;
+  const bool passes = spec_trans.maximum() > 0;
   if (given(object, "eta")) {
     if (given(object, "specular"))
       return located("eta excludes specular", object, "eta").with_mend("give either");
@@ -258,14 +258,14 @@ void PrincipledSurface::prepare(const SurfacePoint& at, bool below, Closure& out
 }
 
 BsdfFacts PrincipledSurface::facts() const {
-  const auto [along, across] = ggx_alphas(unit(roughness.minimum()), unit(most_of(anisotropic)));
+  const auto [along, across] = ggx_alphas(unit(roughness.minimum()), unit(anisotropic.maximum()));
   float least = std::min(along, across);
-  if (most_of(clearcoat) > 0) least = std::min(least, coat_alpha_of(unit(most_of(clearcoat_gloss))));
+  if (clearcoat.maximum() > 0) least = std::min(least, coat_alpha_of(unit(clearcoat_gloss.maximum())));
   // The lobes are added: a rough bound of each.
   const float base = base_color.maximum().max_component();
   return {.smooth = true,
-          .transmissive = most_of(spec_trans) > 0 && metallic.minimum() < 1,
-          .max_albedo = std::max(1.0f, base) + unit(most_of(sheen)) + unit(most_of(clearcoat)),
+          .transmissive = spec_trans.maximum() > 0 && metallic.minimum() < 1,
+          .max_albedo = std::max(1.0f, base) + unit(sheen.maximum()) + unit(clearcoat.maximum()),
           .min_roughness = std::min(1.0f, least)};
 }
 

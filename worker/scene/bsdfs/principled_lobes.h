@@ -17,9 +17,6 @@ inline constexpr float kMinRate = 0.01f;       // no lobe is left to chance alon
 inline float unit(float v) {
   return std::clamp(v, 0.0f, 1.0f);
 }
-inline float most_of(const FloatTexture& texture) {
-  return texture.texture == nullptr ? texture.constant : luminance(texture.texture->maximum());
-}
 
 // Two roughnesses of the same product, their ratio up to 10 [Burley 2012, section 5.4].
 inline std::pair<float, float> ggx_alphas(float roughness, float anisotropic) {

@@ -61,8 +61,8 @@ Spectrum eval_pdf_mirrored(const PrincipledThinClosure& p, Vec3 o, Vec3 i, Vec3 
     const Spectrum tinted = (p.base * p.f0_base + Spectrum(p.f0_white)) * (1 - w) + Spectrum(w);
     return value + (Spectrum((1 - p.tint) * fresnel) + tinted * p.tint) * lobe;
   }
-  // The light does not see the back of a facet. (The one direction that decides makes the value differ from
-  // its adjoint.)
+  // The light does not see the back of a facet. Only its direction is tested, as in Mitsuba, so the bsdf is
+  // not reciprocal.
   const Vec3 light = mode == TransportMode::radiance ? up : o;
   if (!(light.x * h.x + light.y * h.y - light.z * h.z < 0)) return value;
   return value + p.base * ((1 - fresnel) * lobe);
@@ -169,16 +169,16 @@ void PrincipledThinSurface::prepare(const SurfacePoint& at, bool /*below*/, Clos
 }
 
 BsdfFacts PrincipledThinSurface::facts() const {
-  const float rough = unit(roughness.minimum()), along = unit(most_of(anisotropic));
+  const float rough = unit(roughness.minimum()), along = unit(anisotropic.maximum());
   const auto [u, v] = ggx_alphas(rough, along);
   const auto [through_u, through_v] = ggx_alphas(through_roughness(rough, eta.minimum()), along);
-  const bool specular = most_of(spec_trans) > 0;
+  const bool specular = spec_trans.maximum() > 0;
   // The lobes are added: a rough bound of each.
   const float base = base_color.maximum().max_component();
   return {.smooth = true,
-          .transmissive = specular || most_of(diff_trans) > 0,
+          .transmissive = specular || diff_trans.maximum() > 0,
           .two_sided = true,
-          .max_albedo = std::max(1.0f, base) + unit(most_of(sheen)),
+          .max_albedo = std::max(1.0f, base) + unit(sheen.maximum()),
           .min_roughness = specular ? std::min({1.0f, u, v, through_u, through_v}) : 1.0f};
 }
 

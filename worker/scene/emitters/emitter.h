@@ -56,7 +56,7 @@ struct EmissionDensity {
 // Light leaving an emitter.
 struct EmissionSample : EmissionDensity {
   // Where it starts: p, ng, shading, uv, error, shape, bsdf and emitter as a ray meeting the emitter there
-  // would find them (distance is not known, primitive of meshes alone). Without a surface: ng is the
+  // would find them (distance is not set; primitive is set by meshes only). Without a surface: ng is the
   // direction.
   SurfaceHit vertex;
   Ray ray;            // offset off the surface; infinite: from outside the scene's bounding sphere

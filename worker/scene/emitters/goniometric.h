@@ -67,7 +67,7 @@ class GoniometricLight {
   LightBounds bounds(const Geometry& geometry) const;
   float importance(Vec3 p, Vec3 front) const;
 
-  // W / sr, in no direction more.
+  // Upper bound of the intensity, W / sr.
   Spectrum peak() const { return intensity_ * picture_->maximum(); }
 
  private:

@@ -19,15 +19,19 @@ SphericalTriangle triangle_from(const Triangle& t, Vec3 reference) {
 
 }  // namespace
 
-MeshSurface::MeshSurface(const Geometry& geometry, std::uint32_t shape)
-    : geometry_(&geometry), first_(geometry.shapes[shape].first_triangle) {
+Distribution triangles_by_area(const Geometry& geometry, std::uint32_t shape) {
   std::vector<double> areas(geometry.shapes[shape].triangle_count);
   for (std::size_t i = 0; i < areas.size(); ++i) {
-    const Triangle& t = geometry.triangles[first_ + i];
+    const Triangle& t = geometry.triangles[geometry.shapes[shape].first_triangle + i];
     areas[i] = 0.5 * length(cross(Vec3d(t.v1) - Vec3d(t.v0), Vec3d(t.v2) - Vec3d(t.v0)));
   }
-  triangles_ = Distribution(areas);
+  return Distribution(areas);
 }
+
+MeshSurface::MeshSurface(const Geometry& geometry, std::uint32_t shape)
+    : geometry_(&geometry),
+      first_(geometry.shapes[shape].first_triangle),
+      triangles_(triangles_by_area(geometry, shape)) {}
 
 void MeshSurface::sample_area(double u_triangle, Vec2 u, LightPoint& out) const {
   const std::uint32_t index = first_ + triangles_.sample(u_triangle);

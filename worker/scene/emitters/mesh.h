@@ -9,6 +9,9 @@
 
 namespace candela::scene {
 
+// The triangles of a mesh, each by its area.
+Distribution triangles_by_area(const Geometry& geometry, std::uint32_t shape);
+
 class MeshSurface {
  public:
   static constexpr bool kNormalsVary = false;

@@ -131,10 +131,6 @@ Error error_at(const description::Object& object, std::string_view field, std::s
       .with_field(std::string(field));
 }
 
-}  // namespace
-
-namespace {
-
 Result<Phase> phase_of(const description::Object& object) {
   if (object.plugin == "hg") return Phase::henyey_greenstein(static_cast<float>(object.get_number("g", 0.8)));
   if (object.plugin == "rayleigh") return Phase::rayleigh();

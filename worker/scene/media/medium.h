@@ -66,10 +66,10 @@ class Medium {
   bool gray_ = false;                         // homogeneous, the same sigma_t in all channels
 };
 
-// From a description object "homogeneous" or "heterogeneous". Errors name file, line and parameter.
 // The phase function inside of a medium or a bsdf; isotropic if there is none.
 Result<Phase> build_phase(const description::Object& owner);
 
+// From a description object "homogeneous" or "heterogeneous". Errors name file, line and parameter.
 Result<Medium> build_medium(const description::Object& object, const description::FileSource& files);
 
 }  // namespace candela::scene

@@ -52,22 +52,12 @@ class Phase {
 
   // Per steradian.
   float eval(Vec3 wo, Vec3 wi) const {
-    switch (kind_) {
-      case PhaseKind::blend: {
-        float sum = 0;
-        for (std::size_t i = 0; i < part_count_; ++i) sum += parts_[i].weight * part(i).eval(wo, wi);
-        return sum;
-      }
-      case PhaseKind::isotropic:
-        return warp::kPdfUniformSphereSolidAngle;
-      case PhaseKind::rayleigh:
-        return rayleigh_value(static_cast<double>(dot(wo, wi)));
-      case PhaseKind::hg:
-        break;
-    }
-    // |wi -+ (-wo)|^2 is 2 (1 -+ cos) without its cancellation.
-    const Vec3 s = g_ >= 0 ? wi + wo : wi - wo;
-    return static_cast<float>(value(0.5 * static_cast<double>(length_squared(s))));
+    if (kind_ != PhaseKind::blend) [[likely]]
+      return value_of(kind_, g_, wo, wi);
+    float sum = 0;
+    for (std::size_t i = 0; i < part_count_; ++i)
+      sum += parts_[i].weight * value_of(parts_[i].kind, parts_[i].g, wo, wi);
+    return sum;
   }
   float pdf_solid_angle(Vec3 wo, Vec3 wi) const { return eval(wo, wi); }
 
@@ -109,7 +99,7 @@ class Phase {
     wi = make_frame(-wo).to_world({sine * cos_phi, sine * sin_phi, static_cast<float>(c)});
     wi = wi * (1 / length(wi));
     if (kind_ == PhaseKind::rayleigh) return rayleigh_value(c);
-    return static_cast<float>(value(g_ >= 0 ? 1 - c : 1 + c));
+    return static_cast<float>(hg_value(g_, g_ >= 0 ? 1 - c : 1 + c));
   }
 
  private:
@@ -119,10 +109,27 @@ class Phase {
   }
   // versed: 1 - cos of the deflection, or 1 + cos where g is negative. The denominator 1 + g^2 - 2 g cos is
   // (1 - |g|)^2 + 2 |g| versed, a sum that does not cancel.
-  double value(double versed) const {
-    const double g = std::abs(static_cast<double>(g_));
+  static double hg_value(float mean_cosine, double versed) {
+    const double g = std::abs(static_cast<double>(mean_cosine));
     const double d = (1 - g) * (1 - g) + 2 * g * versed;
     return static_cast<double>(warp::kPdfUniformSphereSolidAngle) * (1 - g) * (1 + g) / (d * std::sqrt(d));
+  }
+
+  // Of a kind that is no blend.
+  static float value_of(PhaseKind kind, float g, Vec3 wo, Vec3 wi) {
+    switch (kind) {
+      case PhaseKind::rayleigh:
+        return rayleigh_value(static_cast<double>(dot(wo, wi)));
+      case PhaseKind::hg: {
+        // |wi -+ (-wo)|^2 is 2 (1 -+ cos) without its cancellation.
+        const Vec3 s = g >= 0 ? wi + wo : wi - wo;
+        return static_cast<float>(hg_value(g, 0.5 * static_cast<double>(length_squared(s))));
+      }
+      case PhaseKind::isotropic:
+      case PhaseKind::blend:
+        break;
+    }
+    return warp::kPdfUniformSphereSolidAngle;
   }
 
   struct Part {

@@ -18,12 +18,6 @@ namespace {
 // How far rounding may move a point over a cell's wall, in cells.
 constexpr double kSlack = 1e-6;
 
-Spectrum minimum(Spectrum a, Spectrum b) {
-  return {std::min(a.r, b.r), std::min(a.g, b.g), std::min(a.b, b.b)};
-}
-Spectrum maximum_of(Spectrum a, Spectrum b) {
-  return {std::max(a.r, b.r), std::max(a.g, b.g), std::max(a.b, b.b)};
-}
 Spectrum mix(Spectrum a, Spectrum b, float t) {
   return a * (1 - t) + b * t;
 }
@@ -58,6 +52,8 @@ Result<GridVolume> GridVolume::build(const description::Object& object,
         .with_field("grid");
   } else if (file.ends_with(".vdb")) {
     return fail("'" + file + "' is not an OpenVDB file: it does not start as one").with_field("filename");
+  } else if (file.ends_with(".nvdb")) {
+    return fail("'" + file + "' is not a NanoVDB file: it does not start as one").with_field("filename");
   } else {
     CANDELA_ASSIGN(grid.data_, loaders::load_volume(bytes.view, file));
     if (grid.data_.negative_count > 0) {
@@ -176,8 +172,8 @@ void GridVolume::bounds(Vec3d low, Vec3d high, Spectrum& least, Spectrum& most) 
     for (std::int64_t y = first[1]; y <= last[1]; ++y)
       for (std::int64_t x = first[0]; x <= last[0]; ++x) {
         const Spectrum value = cell(wrapped(x, 0), wrapped(y, 1), wrapped(z, 2));
-        least = minimum(least, value);
-        most = maximum_of(most, value);
+        least = min(least, value);
+        most = max(most, value);
       }
 }
 
@@ -194,7 +190,7 @@ Spectrum GridVolume::maximum() const {
     const Spectrum value = data_.channels == 1
                                ? Spectrum(data_.values[i])
                                : Spectrum(data_.values[i], data_.values[i + 1], data_.values[i + 2]);
-    most = maximum_of(most, value);
+    most = max(most, value);
   }
   return most;
 }

@@ -50,7 +50,7 @@ class Sensor {
     return {Vec3(origin + unit * (near_clip_ * l)), Vec3(unit), reach(l)};
   }
 
-  // Along a unit direction of ray(), from the lens to the near plane; 0 for an orthographic camera.
+  // Along a unit direction of ray(), from the lens to the near plane; 0 for orthographic and distant cameras.
   double near_distance(Vec3 direction) const {
     return kind_ == Kind::orthographic || kind_ == Kind::distant
                ? 0.0
@@ -100,8 +100,8 @@ class Sensor {
                          // world, on the near plane
   Vec3d across_, down_;  // one pixel to the right, one down
   Vec3d direction_;      // unit; orthographic, distant: of all rays, else the lens's normal
-  Vec3d lens_x_,
-      lens_y_;  // half axes of the lens, or of the distant target around origin_, outside of the scene
+  // Half axes of the lens, or of the distant target around origin_, outside of the scene.
+  Vec3d lens_x_, lens_y_;
   bool round_ = false;  // distant: the target is an ellipse
   double inverse_focus_ = 0;
   double near_clip_ = 0, far_clip_ = 0;

@@ -39,16 +39,23 @@ loaders::Mesh split_at_creases(loaders::Mesh mesh, const Transform& to_world, do
     const std::uint32_t v = mesh.triangles[corner / 3][corner % 3];
     const Vec3 p = mesh.positions[v];
     const Vec2 uv = mesh.uvs.empty() ? Vec2{} : mesh.uvs[v];
-    std::vector<float> attributes;
+    return std::tuple(p.x, p.y, p.z, uv.x, uv.y);
+  };
+  // Below 0: a comes before b; 0: they have one place and one value of each attribute.
+  const auto compare = [&](std::size_t a, std::size_t b) {
+    const auto first = place(a), second = place(b);
+    if (first != second) return first < second ? -1 : 1;
     for (const loaders::MeshAttribute& attribute : mesh.attributes) {
       if (attribute.of_faces()) continue;
-      const Spectrum value = attribute.values[v];
-      attributes.insert(attributes.end(), {value.r, value.g, value.b});
+      const Spectrum p = attribute.values[mesh.triangles[a / 3][a % 3]],
+                     q = attribute.values[mesh.triangles[b / 3][b % 3]];
+      const auto of_a = std::tie(p.r, p.g, p.b), of_b = std::tie(q.r, q.g, q.b);
+      if (of_a != of_b) return of_a < of_b ? -1 : 1;
     }
-    return std::tuple(p.x, p.y, p.z, uv.x, uv.y, std::move(attributes));
+    return 0;
   };
   std::stable_sort(corners.begin(), corners.end(),
-                   [&](std::size_t a, std::size_t b) { return place(a) < place(b); });
+                   [&](std::size_t a, std::size_t b) { return compare(a, b) < 0; });
 
   loaders::Mesh split;
   split.dropped_face_count = mesh.dropped_face_count;
@@ -57,7 +64,7 @@ loaders::Mesh split_at_creases(loaders::Mesh mesh, const Transform& to_world, do
     split.attributes.push_back(attribute.of_faces() ? attribute : loaders::MeshAttribute{attribute.name, {}});
   std::vector<bool> taken(corners.size());
   for (std::size_t begin = 0, end = 0; begin < corners.size(); begin = end) {
-    while (end < corners.size() && place(corners[end]) == place(corners[begin])) ++end;
+    while (end < corners.size() && compare(corners[end], corners[begin]) == 0) ++end;
     for (std::size_t i = begin; i < end; ++i) {
       if (taken[corners[i]]) continue;
       const auto vertex = static_cast<std::uint32_t>(split.positions.size());

@@ -81,8 +81,8 @@ void Geometry::expect(const std::vector<loaders::MeshAttribute>& shape_attribute
     }
     Spectrum &least = attribute.minimum, &most = attribute.maximum;
     for (const Spectrum v : from.values) {
-      least = {std::min(least.r, v.r), std::min(least.g, v.g), std::min(least.b, v.b)};
-      most = {std::max(most.r, v.r), std::max(most.g, v.g), std::max(most.b, v.b)};
+      least = min(least, v);
+      most = max(most, v);
     }
   }
 }
@@ -337,7 +337,7 @@ void Geometry::sphere_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit) 
   hit.distance = static_cast<float>(distance);
   hit.ng = Vec3(sphere.inside_out ? -n : n);
   hit.error = sphere_error(sphere, hit.p, hit.ng);
-  const ShapeRecord& record = name_hit(spheres[index].shape, index, hit);
+  const ShapeRecord& record = name_hit(spheres[index].shape, kNone, hit);
   if (!record.reads_uv && !record.reads_partials) {
     hit.uv = {0, 0};
     hit.shading = make_frame(hit.ng);
@@ -374,7 +374,7 @@ void Geometry::disk_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit) co
   hit.distance = static_cast<float>(t);
   hit.ng = Vec3(disk.axes[2]);
   hit.error = disk_error(disk, hit.p);
-  const ShapeRecord& record = name_hit(disks[index].shape, index, hit);
+  const ShapeRecord& record = name_hit(disks[index].shape, kNone, hit);
   if (!record.reads_uv && !record.reads_partials) {
     hit.uv = {0, 0};
     hit.shading = make_frame(hit.ng);
@@ -407,7 +407,7 @@ void Geometry::cylinder_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit
   hit.distance = static_cast<float>(t);
   hit.ng = Vec3(cylinder.inside_out ? -n : n);
   hit.error = cylinder_error(cylinder, hit.p, hit.ng);
-  const ShapeRecord& record = name_hit(cylinders[index].shape, index, hit);
+  const ShapeRecord& record = name_hit(cylinders[index].shape, kNone, hit);
   if (!record.reads_uv && !record.reads_partials) {
     hit.uv = {0, 0};
     hit.shading = make_frame(hit.ng);
@@ -463,22 +463,6 @@ void Geometry::instance_hit(const Ray& ray, std::uint32_t index, PrimitiveKind k
   local.shading = frame_along(shading, dp_du);
   local.dp_du = finite(dp_du);
   local.dp_dv = finite(to_world.vector(Vec3d(local.dp_dv)));
-}
-
-bool Geometry::barycentric_of(std::uint32_t triangle, Vec2 uv, double& b1, double& b2) const {
-  const auto& v = indices[triangle];
-  const Vec2 a = uvs[v[0]];
-  const auto from_a = [&](Vec2 p) {
-    return std::pair(static_cast<double>(p.x) - static_cast<double>(a.x),
-                     static_cast<double>(p.y) - static_cast<double>(a.y));
-  };
-  const auto [du1, dv1] = from_a(uvs[v[1]]);
-  const auto [du2, dv2] = from_a(uvs[v[2]]);
-  const auto [du, dv] = from_a(uv);
-  const double determinant = du1 * dv2 - dv1 * du2;
-  b1 = (du * dv2 - dv * du2) / determinant;
-  b2 = (dv * du1 - du * dv1) / determinant;
-  return std::isfinite(b1) && std::isfinite(b2);
 }
 
 Vec2 Geometry::uv_at(std::uint32_t triangle, float b1, float b2) const {

@@ -73,7 +73,7 @@ struct Instance {
 struct Attribute {
   bool of_faces = false;
   std::vector<Spectrum> values;      // of one mesh after the other
-  std::vector<std::uint32_t> first;  // by shape: what a vertex's or a triangle's index is off its value's
+  std::vector<std::uint32_t> first;  // by shape: add a vertex or triangle index (mod 2^32)
   // Bounds over all meshes of the scene, known before any mesh is added.
   Spectrum minimum, maximum;
 };
@@ -121,10 +121,6 @@ struct Geometry {
   static Ray to_group(const Instance& instance, const Ray& ray);
   void instance_hit(const Ray& ray, std::uint32_t instance, PrimitiveKind kind, std::uint32_t primitive,
                     SurfaceHit& hit) const;
-
-  // The barycentric coordinates of a mapped triangle's second and third corner where it has this (u,
-  // v); false: its corners lie on a line in (u, v).
-  bool barycentric_of(std::uint32_t triangle, Vec2 uv, double& b1, double& b2) const;
 
   // Both in the coordinates of the shape's group.
   Bounds bounds_of_shape(std::uint32_t shape) const;

@@ -78,19 +78,13 @@ class Wireframe final : public Texture {
       : geometry_(geometry), interior_(interior), edges_(edges), width_(width), step_(step) {}
 
   Spectrum eval(const SurfacePoint& at) const override {
-    if (at.primitive >= geometry_.triangles.size()) return interior_.eval(at);
+    if (at.primitive == kNone) return interior_.eval(at);  // no triangle
     const auto a = static_cast<float>(share_of_interior(at));
     return edges_.eval(at) * (1 - a) + interior_.eval(at) * a;
   }
   TextureGradient gradient(const SurfacePoint& /*at*/) const override { return {}; }
-  Spectrum maximum() const override {
-    const Spectrum a = interior_.maximum(), b = edges_.maximum();
-    return {std::max(a.r, b.r), std::max(a.g, b.g), std::max(a.b, b.b)};
-  }
-  Spectrum minimum() const override {
-    const Spectrum a = interior_.minimum(), b = edges_.minimum();
-    return {std::min(a.r, b.r), std::min(a.g, b.g), std::min(a.b, b.b)};
-  }
+  Spectrum maximum() const override { return max(interior_.maximum(), edges_.maximum()); }
+  Spectrum minimum() const override { return min(interior_.minimum(), edges_.minimum()); }
 
  private:
   double share_of_interior(const SurfacePoint& at) const {

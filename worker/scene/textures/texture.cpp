@@ -15,13 +15,6 @@
 namespace candela::scene {
 namespace {
 
-Spectrum larger(Spectrum a, Spectrum b) {
-  return {std::max(a.r, b.r), std::max(a.g, b.g), std::max(a.b, b.b)};
-}
-Spectrum smaller(Spectrum a, Spectrum b) {
-  return {std::min(a.r, b.r), std::min(a.g, b.g), std::min(a.b, b.b)};
-}
-
 class Checkerboard final : public Texture {
  public:
   Checkerboard(ColorTexture color0, ColorTexture color1, const UvTransform& to_uv)
@@ -34,8 +27,8 @@ class Checkerboard final : public Texture {
     return (x == y ? color0_ : color1_).eval(at);
   }
   TextureGradient gradient(const SurfacePoint& /*at*/) const override { return {}; }
-  Spectrum maximum() const override { return larger(color0_.maximum(), color1_.maximum()); }
-  Spectrum minimum() const override { return smaller(color0_.minimum(), color1_.minimum()); }
+  Spectrum maximum() const override { return max(color0_.maximum(), color1_.maximum()); }
+  Spectrum minimum() const override { return min(color0_.minimum(), color1_.minimum()); }
 
  private:
   ColorTexture color0_, color1_;
@@ -57,8 +50,8 @@ class GridLines final : public Texture {
     return (distance(t.x) < width_ || distance(t.y) < width_ ? lines_ : between_).eval(at);
   }
   TextureGradient gradient(const SurfacePoint& /*at*/) const override { return {}; }
-  Spectrum maximum() const override { return larger(between_.maximum(), lines_.maximum()); }
-  Spectrum minimum() const override { return smaller(between_.minimum(), lines_.minimum()); }
+  Spectrum maximum() const override { return max(between_.maximum(), lines_.maximum()); }
+  Spectrum minimum() const override { return min(between_.minimum(), lines_.minimum()); }
 
  private:
   ColorTexture between_, lines_;
@@ -178,6 +171,12 @@ Error located(std::string message, const description::Object& object, std::strin
   description::Location where = object.where;
   if (const description::Property* p = object.find(property)) where = p->where;
   return input_error(std::move(message)).at(where.file, where.line).with_field(std::string(property));
+}
+
+// Colors and numbers of a scene are not negative; attributes of meshes may be.
+Result<void> check_sign(const Texture& texture, const description::Object& owner, std::string_view name) {
+  if (texture.minimum().min_component() < 0) return located("the texture has negative values", owner, name);
+  return {};
 }
 
 constexpr int kMaxNesting = 16;
@@ -349,6 +348,7 @@ Result<ColorTexture> TextureStore::color_at_depth(const description::Object& own
   result.constant = otherwise;
   if (const description::Child* child = owner.find_child(name); child != nullptr) {
     CANDELA_ASSIGN(result.texture, build(child->object, depth));
+    CANDELA_TRY(check_sign(*result.texture, owner, name));
     return result;
   }
   if (const auto rgb = owner.get_rgb(name)) {
@@ -379,6 +379,7 @@ Result<FloatTexture> TextureStore::number_at_depth(const description::Object& ow
   result.constant = otherwise;
   if (const description::Child* child = owner.find_child(name); child != nullptr) {
     CANDELA_ASSIGN(result.texture, build(child->object, depth));
+    CANDELA_TRY(check_sign(*result.texture, owner, name));
     return result;
   }
   if (owner.find(name) != nullptr) {

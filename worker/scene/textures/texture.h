@@ -31,8 +31,9 @@ class Texture {
  public:
   virtual ~Texture() = default;
   virtual Spectrum eval(const SurfacePoint& at) const = 0;
-  // The exact derivative of eval where it has one: a bilinear bitmap's within its cells; zero for what is
-  // constant by pieces (nearest texels, checkerboards), as in Mitsuba.
+  // The exact derivative of eval where it has one: a bilinear bitmap's within its cells. Zero for textures
+  // that are constant by pieces (nearest texels, checkerboards), as in Mitsuba, and for `volume` and
+  // `wireframe`.
   virtual TextureGradient gradient(const SurfacePoint& at) const = 0;
   virtual Spectrum maximum() const = 0;  // an upper bound of eval, per channel
   virtual Spectrum minimum() const = 0;  // a lower bound
@@ -76,7 +77,7 @@ struct Geometry;
 
 class TextureStore {
  public:
-  // `geometry`, which must outlive the textures: of what meshes' textures look at.
+  // `geometry`, which must outlive the textures: read by mesh_attribute and wireframe.
   explicit TextureStore(const description::FileSource& files, const TextureLimits& limits = {},
                         const Geometry* geometry = nullptr)
       : files_(&files), geometry_(geometry), scratch_(limits) {}

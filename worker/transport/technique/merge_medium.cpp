@@ -63,7 +63,7 @@ void MergeWork::add(const MergeWork& other) {
   };
   add_all(queries, other.queries);
   add_all(merges, other.merges);
-  leaves += other.leaves;
+  add_all(leaves, other.leaves);
 }
 
 void MediumGather::at_vertex(const Vertex<MisBlock>& v, MediumShares& shares) {
@@ -84,7 +84,7 @@ void MediumGather::at_vertex(const Vertex<MisBlock>& v, MediumShares& shares) {
   if (eta.point_point > 0) {
     Spectrum sum;
     ++work_.queries.point_point;
-    work_.leaves += maps_.points->near_point(
+    work_.leaves.point_point += maps_.points->near_point(
         v.hit.p, static_cast<float>(kernels.radii.point_point),
         [&](const Photon<MisBlock>& photon, double d2) {
           if (photon.medium() != v.medium || photon.edges > light_edges) return;
@@ -100,7 +100,7 @@ void MediumGather::at_vertex(const Vertex<MisBlock>& v, MediumShares& shares) {
   if (eta.beam_point > 0 && has_beams(medium)) {
     Spectrum sum;
     ++work_.queries.beam_point;
-    work_.leaves += maps_.beams->near_point(
+    work_.leaves.beam_point += maps_.beams->near_point(
         v.hit.p, static_cast<float>(kernels.radii.beam_point), [&](const PhotonBeam& beam, Projection at) {
           if (beam.medium != v.medium || beam.edges > light_edges) return;
           const Vec3 w = -beam.direction;
@@ -148,7 +148,7 @@ void MediumGather::along(const Crossing& crossing, const EdgeStart& start, Mediu
   if (eta.point_beam > 0) {
     Spectrum sum;
     ++work_.queries.point_beam;
-    work_.leaves += maps_.points->near_segment(
+    work_.leaves.point_beam += maps_.points->near_segment(
         query, static_cast<float>(kernels.radii.point_beam),
         [&](const Photon<MisBlock>& photon, Projection at) {
           if (photon.medium() != segment.medium || photon.edges > light_edges) return;
@@ -166,7 +166,7 @@ void MediumGather::along(const Crossing& crossing, const EdgeStart& start, Mediu
   if (eta.beam_beam > 0) {
     Spectrum sum;
     ++work_.queries.beam_beam;
-    work_.leaves += maps_.beams->near_segment(
+    work_.leaves.beam_beam += maps_.beams->near_segment(
         query, static_cast<float>(kernels.radii.beam_beam), [&](const PhotonBeam& beam, const Approach& at) {
           if (beam.medium != segment.medium || beam.edges > light_edges) return;
           const Vec3 w = -beam.direction;

@@ -46,8 +46,7 @@ using MediumShares = ByMerge<Spectrum>;
 
 // Counts of the work of merging, the same on every machine.
 struct MergeWork {
-  ByMerge<std::uint64_t> queries, merges;
-  std::uint64_t leaves = 0;  // of trees that were looked into
+  ByMerge<std::uint64_t> queries, leaves, merges;  // leaves: of trees that queries looked into
 
   void add(const MergeWork& other);
 };
