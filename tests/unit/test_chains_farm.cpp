@@ -47,7 +47,7 @@ TEST_F(ChainFarm, UnevenWorkers) {
   }
   EXPECT_EQ(segments.size(), 4U) << "some worker did nothing";
   EXPECT_EQ(all, 20 * toy_.plan.chains);
-  EXPECT_GT(2 * most, all) << "the work was even after all";  // a fourth each would be even
+  EXPECT_GE(10 * most, 9 * all) << "the work was even after all";
 }
 
 // Claim: a master that goes away twenty times, from the bootstrap on, and every other time with less on disk
