@@ -1,8 +1,5 @@
-// Images in and out, through OpenImageIO.
+// Images in and out.
 #include "common/image/image.h"
-
-#include <OpenImageIO/filesystem.h>
-#include <OpenImageIO/imageio.h>
 
 #include <algorithm>
 #include <cmath>
@@ -10,6 +7,7 @@
 #include <set>
 #include <system_error>
 
+#include "common/image/codec.h"
 #include "common/job/job.h"
 
 namespace candela::image {
@@ -78,51 +76,21 @@ std::string one_line(std::string text) {
   return text;
 }
 
-// Gives row y of all channels, interleaved.
-using RowSource = std::function<void(std::uint32_t y, float* row)>;
-
-// The rows of a band at a time, so that an image of many layers need not be interleaved as a whole. A
-// multiple of the 16 rows that EXR's zip compresses together.
-constexpr int kBandRows = 64;
-
-bool write_rows(OIIO::ImageOutput& output, const OIIO::ImageSpec& spec, const RowSource& source) {
-  const std::size_t row_values =
-      static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(spec.nchannels);
-  std::vector<float> band(row_values * static_cast<std::size_t>(std::min(kBandRows, spec.height)));
-  for (int begin = 0; begin < spec.height; begin += kBandRows) {
-    const int end = std::min(begin + kBandRows, spec.height);
-    for (int y = begin; y < end; ++y)
-      source(static_cast<std::uint32_t>(y), &band[static_cast<std::size_t>(y - begin) * row_values]);
-    if (!output.write_scanlines(begin, end, 0, OIIO::TypeDesc::FLOAT, band.data())) return false;
-  }
-  return true;
-}
-
-// `pixels` of `type`, or, where there are none, what `rows` gives.
-Result<std::string> write(const char* format, const OIIO::ImageSpec& spec, OIIO::TypeDesc type,
-                          const void* pixels, const RowSource& rows = {}) {
-  const auto output = OIIO::ImageOutput::create(format);
-  if (!output)
-    return internal_error("OpenImageIO cannot write " + std::string(format) + ": " +
-                          one_line(OIIO::geterror()));
-  OIIO::Filesystem::IOVecOutput memory;
-  // The name only tells the format; nothing is written to the disk.
-  if (!output->set_ioproxy(&memory) || !output->open(std::string("memory.") + format, spec) ||
-      !(rows ? write_rows(*output, spec, rows) : output->write_image(type, pixels)) || !output->close()) {
-    return failed_error("cannot encode the image as " + std::string(format) + ": " +
-                        one_line(output->geterror()));
-  }
-  const auto& bytes = memory.buffer();
-  return std::string(bytes.begin(), bytes.end());
+Result<std::string> write(const char* format, const ImageSpec& spec, SampleType type, const RowSource& rows) {
+  CANDELA_ASSIGN(const ImageCodec* codec, image_codec());
+  std::string bytes, error;
+  if (!codec->write(format, spec, type, rows, bytes, error))
+    return failed_error("cannot encode the image as " + std::string(format) + ": " + one_line(error));
+  return bytes;
 }
 
 // Indices of the channels that are red, green and blue; all the same for luminance. Empty if there is no
 // colour.
-std::vector<int> colour_channels(const OIIO::ImageSpec& spec) {
+std::vector<int> colour_channels(const ImageSpec& spec) {
   const auto find = [&](std::initializer_list<const char*> names) {
     for (const char* wanted : names) {
-      const auto at = std::find(spec.channelnames.begin(), spec.channelnames.end(), wanted);
-      if (at != spec.channelnames.end()) return static_cast<int>(at - spec.channelnames.begin());
+      const auto at = std::find(spec.channels.begin(), spec.channels.end(), wanted);
+      if (at != spec.channels.end()) return static_cast<int>(at - spec.channels.begin());
     }
     return -1;
   };
@@ -131,22 +99,22 @@ std::vector<int> colour_channels(const OIIO::ImageSpec& spec) {
   const int b = find({"B", "b", "blue", "Blue"});
   if (r >= 0 && g >= 0 && b >= 0) return {r, g, b};
   int y = find({"Y", "y", "L", "luminance"});
-  if (y < 0 && spec.nchannels == 1 && spec.alpha_channel < 0 && spec.z_channel < 0) y = 0;
+  if (y < 0 && spec.channels.size() == 1 && spec.alpha_channel < 0 && spec.z_channel < 0) y = 0;
   if (y >= 0) return {y, y, y};
   return {};
 }
 
 // The same for the layer of that name; kZeros for a channel that it lacks.
 constexpr int kZeros = -1;
-std::vector<int> layer_channels(const OIIO::ImageSpec& spec, const std::string& layer) {
+std::vector<int> layer_channels(const ImageSpec& spec, const std::string& layer) {
   for (const std::string_view letters : {"RGB", "XYZ", "UV0", "ZZZ", "YYY", "III"}) {
     std::vector<int> channels;
     for (const char letter : letters) {
-      const auto at = std::find(spec.channelnames.begin(), spec.channelnames.end(), layer + '.' + letter);
+      const auto at = std::find(spec.channels.begin(), spec.channels.end(), layer + '.' + letter);
       if (letter == '0')
         channels.push_back(kZeros);
-      else if (at != spec.channelnames.end())
-        channels.push_back(static_cast<int>(at - spec.channelnames.begin()));
+      else if (at != spec.channels.end())
+        channels.push_back(static_cast<int>(at - spec.channels.begin()));
     }
     if (channels.size() == letters.size()) return channels;
   }
@@ -154,9 +122,9 @@ std::vector<int> layer_channels(const OIIO::ImageSpec& spec, const std::string& 
 }
 
 // The names for which layer_channels() finds something, in the file's order.
-std::vector<std::string> layer_names(const OIIO::ImageSpec& spec) {
+std::vector<std::string> layer_names(const ImageSpec& spec) {
   std::vector<std::string> names;
-  for (const std::string& channel : spec.channelnames) {
+  for (const std::string& channel : spec.channels) {
     if (channel.size() < 3 || channel[channel.size() - 2] != '.') continue;
     std::string layer = channel.substr(0, channel.size() - 2);
     if (std::find(names.begin(), names.end(), layer) == names.end() && !layer_channels(spec, layer).empty())
@@ -173,22 +141,22 @@ Error no_such_layer(const std::string& layer, const std::vector<std::string>& na
 }
 
 // `layer`: empty for the image itself.
-Result<Image> read_open(OIIO::ImageInput& input, std::uint64_t file_bytes, const std::string& layer) {
+Result<Image> read_open(ImageReader& input, std::uint64_t file_bytes, const std::string& layer) {
   std::vector<int> channels;
   std::vector<std::string> others;
   int part = 0;
-  for (; input.seek_subimage(part, 0); ++part) {
+  for (; input.seek_part(part); ++part) {
     channels = layer.empty() ? colour_channels(input.spec()) : layer_channels(input.spec(), layer);
     if (!channels.empty()) break;
     for (std::string& name : layer_names(input.spec())) others.push_back(std::move(name));
   }
   if (channels.empty()) {
-    (void)input.geterror();
+    (void)input.error();
     if (!layer.empty()) return no_such_layer(layer, others);
     return input_error("the image has no R, G and B channels and no luminance")
         .with_mend("name the channels of the colour R, G and B");
   }
-  const OIIO::ImageSpec spec = input.spec();
+  const ImageSpec spec = input.spec();
   if (spec.width < 0 || spec.height < 0 || spec.depth > 1 || spec.deep) {
     return input_error("the image is not a flat picture");
   }
@@ -205,29 +173,26 @@ Result<Image> read_open(OIIO::ImageInput& input, std::uint64_t file_bytes, const
         .with_mend("the file is damaged or truncated");
   }
   image.rgb.resize(pixels * 3);
-  const auto failed = [&] { return input_error("cannot read the pixels: " + one_line(input.geterror())); };
+  const auto failed = [&] { return input_error("cannot read the pixels: " + one_line(input.error())); };
   if (channels[1] == channels[0] + 1 && channels[2] == channels[0] + 2) {
-    if (!input.read_image(part, 0, channels[0], channels[0] + 3, OIIO::TypeDesc::FLOAT, image.rgb.data())) {
+    if (!input.read_part(part, channels[0], channels[0] + 3, SampleType::float32, image.rgb.data())) {
       return failed();
     }
   } else {
     std::vector<float> plane(pixels);
     for (std::size_t c = 0; c < 3; ++c) {
       if (channels[c] == kZeros) continue;
-      if (!input.read_image(part, 0, channels[c], channels[c] + 1, OIIO::TypeDesc::FLOAT, plane.data())) {
+      if (!input.read_part(part, channels[c], channels[c] + 1, SampleType::float32, plane.data())) {
         return failed();
       }
       for (std::size_t p = 0; p < pixels; ++p) image.rgb[3 * p + c] = plane[p];
     }
   }
-  if (!spec.format.is_floating_point()) {
+  if (!spec.floating) {
     for (float& value : image.rgb) value = srgb_to_linear(value);
   }
-  for (const OIIO::ParamValue& attribute : spec.extra_attribs) {
-    if (attribute.type() == OIIO::TypeDesc::STRING && !is_reserved(attribute.name().string())) {
-      image.metadata[attribute.name().string()] = attribute.get_string();
-    }
-  }
+  for (const auto& [key, value] : spec.texts)
+    if (!is_reserved(key)) image.metadata[key] = value;
   return image;
 }
 
@@ -256,11 +221,11 @@ Result<Image> read_image(const std::filesystem::path& path) {
 }
 
 Result<Image> decode_exr(std::string_view bytes) {
+  CANDELA_ASSIGN(const ImageCodec* codec, image_codec());
   try {
-    OIIO::Filesystem::IOMemReader memory(bytes.data(), bytes.size());
-    const auto input = OIIO::ImageInput::open("memory.exr", nullptr, &memory);
-    if (!input)
-      return input_error("this is not an EXR image that can be read: " + one_line(OIIO::geterror()));
+    std::string error;
+    const auto input = codec->open_bytes(bytes, "openexr", "memory.exr", false, error);
+    if (!input) return input_error("this is not an EXR image that can be read: " + one_line(error));
     return read_open(*input, bytes.size(), "");
   } catch (const std::bad_alloc&) {
     return resource_error("the image does not fit into memory");
@@ -284,11 +249,11 @@ Result<Image> read_part(const std::filesystem::path& path, const std::string& la
     return input_error("there is no such image file").at(name, 0).with_mend("check the name");
   }
   if (!std::filesystem::is_regular_file(status)) return input_error("this is not a file").at(name, 0);
+  CANDELA_ASSIGN(const ImageCodec* codec, image_codec());
   try {
-    const auto input = OIIO::ImageInput::open(name);
-    if (!input) {
-      return input_error("this is not an image that can be read: " + one_line(OIIO::geterror())).at(name, 0);
-    }
+    std::string error;
+    const auto input = codec->open_file(name, error);
+    if (!input) return input_error("this is not an image that can be read: " + one_line(error)).at(name, 0);
     auto image = read_open(*input, std::filesystem::file_size(path), layer);
     if (!image.ok()) return Error(image.error()).at(name, 0);
     return image;
@@ -303,14 +268,14 @@ Result<Image> read_part(const std::filesystem::path& path, const std::string& la
 
 Result<ImageSize> read_image_size(const std::filesystem::path& path) {
   const std::string name = path.string();
+  CANDELA_ASSIGN(const ImageCodec* codec, image_codec());
   try {
-    const auto input = OIIO::ImageInput::open(name);
-    if (!input)
-      return input_error("this is not an image that can be read: " + one_line(OIIO::geterror())).at(name, 0);
-    const OIIO::ImageSpec& spec = input->spec();
+    std::string error;
+    const auto input = codec->open_file(name, error);
+    if (!input) return input_error("this is not an image that can be read: " + one_line(error)).at(name, 0);
+    const ImageSpec& spec = input->spec();
     return ImageSize{static_cast<std::uint32_t>(spec.width), static_cast<std::uint32_t>(spec.height),
-                     static_cast<std::uint32_t>(spec.nchannels),
-                     static_cast<std::uint32_t>(8 * spec.format.basesize())};
+                     static_cast<std::uint32_t>(spec.channels.size()), 8 * spec.sample_bytes};
   } catch (const std::exception& problem) {  // of the format libraries
     return input_error("cannot read the image: " + one_line(problem.what())).at(name, 0);
   }
@@ -322,11 +287,10 @@ Result<std::string> encode_exr(std::uint32_t width, std::uint32_t height, std::s
   CANDELA_TRY(check_extent(width, height));
   const std::size_t pixels = std::size_t{width} * height;
   if (rgb.size() != pixels * 3) return internal_error("the image to encode has another size than it says");
-  std::size_t channel_count = 3;
-  for (const Layer& layer : layers) channel_count += layer.letters.size();
-  OIIO::ImageSpec spec(static_cast<int>(width), static_cast<int>(height), static_cast<int>(channel_count),
-                       OIIO::TypeDesc::FLOAT);
-  spec.channelnames = {"R", "G", "B"};
+  ImageSpec spec{.width = static_cast<int>(width),
+                 .height = static_cast<int>(height),
+                 .channels = {"R", "G", "B"},
+                 .texts = {}};
   std::set<std::string> names;
   for (const Layer& layer : layers) {
     if (layer.name.empty() || layer.name.size() + 2 > kMaxAttributeName || !names.insert(layer.name).second ||
@@ -337,10 +301,9 @@ Result<std::string> encode_exr(std::uint32_t width, std::uint32_t height, std::s
       return internal_error("the layer '" + layer.name + "' has another size than the image")
           .with_field("layer");
     }
-    for (const char letter : layer.letters) spec.channelnames.push_back(layer.name + '.' + letter);
+    for (const char letter : layer.letters) spec.channels.push_back(layer.name + '.' + letter);
   }
-  if (std::set<std::string_view>(spec.channelnames.begin(), spec.channelnames.end()).size() !=
-      spec.channelnames.size())
+  if (std::set<std::string_view>(spec.channels.begin(), spec.channels.end()).size() != spec.channels.size())
     return usage_error("two channels of the image have one name").with_field("layer");
   for (const auto& [key, value] : metadata) {
     if (key.empty() || key.size() > kMaxAttributeName || key.find('\0') != std::string::npos ||
@@ -349,31 +312,34 @@ Result<std::string> encode_exr(std::uint32_t width, std::uint32_t height, std::s
           .with_field(key)
           .with_mend("begin its name with 'candela:'");
     }
-    spec.attribute(key, value);
+    spec.texts.emplace_back(key, value);
   }
-  spec.attribute("compression", "zip");
+  spec.texts.emplace_back("compression", "zip");
   // Without a DateTime the writer makes one of now; with this one, capDate is empty text.
-  spec.attribute("DateTime", "");
+  spec.texts.emplace_back("DateTime", "");
   try {
-    if (layers.empty()) return write("exr", spec, OIIO::TypeDesc::FLOAT, rgb.data());
-    const std::size_t channels = static_cast<std::size_t>(spec.nchannels);
+    const std::size_t channels = spec.channels.size();
     std::vector<float> layer_row;
-    return write("exr", spec, OIIO::TypeDesc::FLOAT, nullptr, [&](std::uint32_t y, float* row) {
-      const auto put = [&](const float* from, std::size_t count, std::size_t first) {
-        for (std::size_t x = 0; x < width; ++x)
-          std::copy_n(from + count * x, count, row + x * channels + first);
-      };
-      const std::size_t row_pixels = std::size_t{y} * width;
-      put(&rgb[row_pixels * 3], 3, 0);
-      std::size_t first = 3;
-      for (const Layer& layer : layers) {
-        const std::size_t count = layer.letters.size();
-        if (layer.row) {
-          layer_row.resize(width * count);
-          layer.row(y, layer_row);
+    return write("exr", spec, SampleType::float32, [&](int begin, int end, void* out) {
+      auto* row = static_cast<float*>(out);
+      for (auto y = static_cast<std::uint32_t>(begin); y < static_cast<std::uint32_t>(end); ++y) {
+        const auto put = [&](const float* from, std::size_t count, std::size_t first) {
+          for (std::size_t x = 0; x < width; ++x)
+            std::copy_n(from + count * x, count, row + x * channels + first);
+        };
+        const std::size_t row_pixels = std::size_t{y} * width;
+        put(&rgb[row_pixels * 3], 3, 0);
+        std::size_t first = 3;
+        for (const Layer& layer : layers) {
+          const std::size_t count = layer.letters.size();
+          if (layer.row) {
+            layer_row.resize(width * count);
+            layer.row(y, layer_row);
+          }
+          put(layer.row ? layer_row.data() : &layer.rgb[row_pixels * count], count, first);
+          first += count;
         }
-        put(layer.row ? layer_row.data() : &layer.rgb[row_pixels * count], count, first);
-        first += count;
+        row += width * channels;
       }
     });
   } catch (const std::bad_alloc&) {
@@ -393,24 +359,26 @@ Result<std::string> encode_png(const Image& image, double exposure_stops) {
   }
   const double factor = std::exp2(exposure_stops);
   try {
-    std::vector<std::uint8_t> bytes(pixels * 3);
-    for (std::size_t p = 0; p < pixels; ++p) {
-      const float* rgb = &image.rgb[3 * p];
-      std::uint8_t* to = &bytes[3 * p];
-      if (std::isnan(rgb[0]) || std::isnan(rgb[1]) || std::isnan(rgb[2])) {
-        to[0] = to[2] = 255;  // magenta
-        to[1] = 0;
-        continue;
+    const ImageSpec spec{.width = static_cast<int>(image.width),
+                         .height = static_cast<int>(image.height),
+                         .channels = {"R", "G", "B"},
+                         .texts = {{"oiio:ColorSpace", "sRGB"}}};
+    return write("png", spec, SampleType::uint8, [&](int begin, int end, void* out) {
+      const std::size_t row = std::size_t{image.width} * 3;
+      const float* rgb = &image.rgb[static_cast<std::size_t>(begin) * row];
+      const float* const last = &image.rgb[0] + static_cast<std::size_t>(end) * row;
+      for (auto* to = static_cast<std::uint8_t*>(out); rgb != last; rgb += 3, to += 3) {
+        if (std::isnan(rgb[0]) || std::isnan(rgb[1]) || std::isnan(rgb[2])) {
+          to[0] = to[2] = 255;  // magenta
+          to[1] = 0;
+          continue;
+        }
+        for (std::size_t c = 0; c < 3; ++c) {
+          const double shown = std::clamp(double{rgb[c]} * factor, 0.0, 1.0);
+          to[c] = static_cast<std::uint8_t>(255.0 * double{linear_to_srgb(static_cast<float>(shown))} + 0.5);
+        }
       }
-      for (std::size_t c = 0; c < 3; ++c) {
-        const double shown = std::clamp(double{rgb[c]} * factor, 0.0, 1.0);
-        to[c] = static_cast<std::uint8_t>(255.0 * double{linear_to_srgb(static_cast<float>(shown))} + 0.5);
-      }
-    }
-    OIIO::ImageSpec spec(static_cast<int>(image.width), static_cast<int>(image.height), 3,
-                         OIIO::TypeDesc::UINT8);
-    spec.attribute("oiio:ColorSpace", "sRGB");
-    return write("png", spec, OIIO::TypeDesc::UINT8, bytes.data());
+    });
   } catch (const std::bad_alloc&) {
     return resource_error("the image to encode does not fit into memory");
   } catch (const std::exception& problem) {

@@ -15,6 +15,7 @@
 #include "common/base/log.h"
 #include "common/base/parse_and_run.h"
 #include "common/base/version.h"
+#include "common/image/codec.h"
 #include "common/wire/grpc_settings.h"
 #include "common/wire/wire.h"
 #include "master/master.h"
@@ -92,6 +93,7 @@ int run(const Texts& texts) {
     return report(kProgram, log.error());
   const auto options = resolve(*settings, texts);
   if (!options) return report(kProgram, options.error());
+  if (const auto images = image::check_image_module(); !images) return report(kProgram, images.error());
 
   allow_many_files();
   const sigset_t signals = block_signals({SIGINT, SIGTERM, SIGHUP});

@@ -82,8 +82,9 @@ class Manifests(unittest.TestCase):
         folder = {line.split()[0]: line.split()[-1] for line in
                   subprocess.run(["/sbin/ldconfig", "-p"], capture_output=True, text=True, check=True).stdout.splitlines()
                   if "=>" in line and "x86-64" in line}
-        libraries = set().union(*(needed_libraries(PROGRAMS / program)
-                                  for program in ("candela", "candela-master", "candela-worker")))
+        libraries = set().union(*(needed_libraries(program) for program in
+                                  (PROGRAMS / "candela", PROGRAMS / "candela-master", PROGRAMS / "candela-worker",
+                                   *PROGRAMS.glob("candela-*.so"))))
         # A file may be known by its path, by that of what it links to, and with or without /usr.
         names = {library: {each for path in (folder[library], os.path.realpath(folder[library]))
                            for each in (path.removeprefix("/usr"), "/usr" + path.removeprefix("/usr"))}

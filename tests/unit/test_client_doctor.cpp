@@ -85,7 +85,7 @@ TEST_F(Doctor, Folders) {
 TEST_F(Doctor, WithoutAFarm) {
   const auto alone = report({"--cache", (folder_.path() / "cache").string()}, 0);
   for (const char* name :
-       {"program", "system", "processor", "memory", "open files", "cache folder", "master"})
+       {"program", "system", "processor", "memory", "open files", "images", "cache folder", "master"})
     ASSERT_TRUE(alone.contains(name)) << name;
   EXPECT_EQ(alone.at("master").at("state"), "skipped");
   EXPECT_FALSE(alone.contains("data folder"));

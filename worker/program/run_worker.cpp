@@ -13,6 +13,7 @@
 #include "common/base/log.h"
 #include "common/base/parse_and_run.h"
 #include "common/base/version.h"
+#include "common/image/codec.h"
 #include "common/wire/grpc_settings.h"
 #include "worker/service/worker_service.h"
 
@@ -75,6 +76,7 @@ int run(const Texts& texts, const sigset_t& signals) {
     return report(kProgram, log.error());
   const auto options = resolve(*settings, texts);
   if (!options) return report(kProgram, options.error());
+  if (const auto images = image::check_image_module(); !images) return report(kProgram, images.error());
 
   auto worker = Worker::start(*options, nullptr);
   if (!worker) return report(kProgram, worker.error());

@@ -313,9 +313,7 @@ Result<VolumeData> load(std::string_view bytes, const VdbChoice& choice) {
   return densify(*openvdb::gridPtrCast<openvdb::Vec3SGrid>(grid), choice);
 }
 
-}  // namespace
-
-Result<VolumeData> load_vdb(std::string_view bytes, const std::string& name, const VdbChoice& choice) {
+Result<VolumeData> load_named(std::string_view bytes, const std::string& name, const VdbChoice& choice) {
   const auto fail = [&](Error error) { return std::move(error).at(name, 0); };
   try {
     Result<VolumeData> volume = load(bytes, choice);
@@ -332,4 +330,11 @@ Result<VolumeData> load_vdb(std::string_view bytes, const std::string& name, con
   }
 }
 
+}  // namespace
 }  // namespace candela::loaders
+
+extern "C" __attribute__((visibility("default"))) void candela_load_vdb_1(
+    std::string_view bytes, const std::string& name, const candela::loaders::VdbChoice& choice,
+    candela::Result<candela::loaders::VolumeData>& volume) {
+  volume = candela::loaders::load_named(bytes, name, choice);
+}

@@ -32,3 +32,8 @@ struct VdbChoice {
 Result<VolumeData> load_vdb(std::string_view bytes, const std::string& name, const VdbChoice& choice);
 
 }  // namespace candela::loaders
+
+// The same in the module of OpenVDB's files (base/module.h).
+extern "C" void candela_load_vdb_1(std::string_view bytes, const std::string& name,
+                                   const candela::loaders::VdbChoice& choice,
+                                   candela::Result<candela::loaders::VolumeData>& volume);

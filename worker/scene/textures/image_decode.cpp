@@ -1,8 +1,5 @@
-// Image bytes to linear texels, through OpenImageIO. Its types stay inside this file.
+// Image bytes to linear texels.
 #include "worker/scene/textures/image_decode.h"
-
-#include <OpenImageIO/filesystem.h>
-#include <OpenImageIO/imageio.h>
 
 #include <algorithm>
 #include <cmath>
@@ -12,6 +9,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "common/image/codec.h"
 #include "worker/core/math.h"
 #include "worker/scene/textures/height_image.h"
 #include "worker/scene/textures/pnm.h"
@@ -112,26 +110,6 @@ bool exr_header_fits(std::string_view bytes) {
   return false;
 }
 
-// The encoded bytes as the library reads them. Its own reader copies from before them where a damaged file
-// (an OpenEXR table of offsets, say) asks for a negative place.
-class BytesReader final : public OIIO::Filesystem::IOMemReader {
- public:
-  explicit BytesReader(std::string_view bytes) : IOMemReader(bytes.data(), bytes.size()) {}
-  std::size_t pread(void* out, std::size_t size, std::int64_t offset) override {
-    const auto end = static_cast<std::size_t>(m_buf.size());
-    if (offset < 0 || static_cast<std::size_t>(offset) >= end) return 0;
-    const auto at = static_cast<std::size_t>(offset);
-    size = std::min(size, end - at);
-    std::memcpy(out, m_buf.data() + at, size);
-    return size;
-  }
-  std::size_t read(void* out, std::size_t size) override {
-    size = pread(out, size, m_pos);
-    m_pos += static_cast<std::int64_t>(size);
-    return size;
-  }
-};
-
 class Decoder {
  public:
   // most_heights: the values are heights, of at most so many pixels.
@@ -165,10 +143,8 @@ class Decoder {
   const ImageReading& reading_;
   std::optional<std::uint64_t> most_heights_;
   std::string_view format_;
-  // In this order: the input reads through the proxy until it is closed.
-  std::unique_ptr<BytesReader> reader_;
-  std::unique_ptr<OIIO::ImageInput> input_;
-  OIIO::ImageSpec spec_;
+  std::unique_ptr<image::ImageReader> input_;
+  image::ImageSpec spec_;
   std::optional<PnmFile> pnm_;  // in place of the library
   bool gray_ = false;
   int pick_[3] = {0, 0, 0};       // channels, counted from first_
@@ -177,7 +153,7 @@ class Decoder {
 };
 
 Error Decoder::library_error(const std::string& what) const {
-  return image_error(what + one_line(input_->geterror()), file_);
+  return image_error(what + one_line(input_->error()), file_);
 }
 
 Result<void> Decoder::open() {
@@ -192,18 +168,11 @@ Result<void> Decoder::open() {
   if (format_ == "jpeg" && is_jpeg_of_inks(encoded_))
     return image_error("the JPEG holds four inks (CMYK), not colors", file_).with_mend("save it as RGB");
   if (format_ == "pnm" && bytes_hold_binary_pnm()) return open_pnm();
-  input_ = OIIO::ImageInput::create(format);
-  // The bytes are all there is: a reader that would open a file by name instead must not be asked.
-  if (!input_ || !input_->supports("ioproxy")) {
-    return image_error(std::string("this OpenImageIO cannot decode the format ") + format + " from memory",
-                       file_);
-  }
-  reader_ = std::make_unique<BytesReader>(encoded_);
-  OIIO::ImageSpec config;
-  config.attribute("oiio:UnassociatedAlpha", 1);  // colours as stored: alpha plays no part here
-  OIIO::ImageSpec opened;
-  if (!input_->set_ioproxy(reader_.get()) || !input_->open(file_, opened, config))
-    return library_error("cannot decode the image: ");
+  CANDELA_ASSIGN(const image::ImageCodec* codec, image::image_codec());
+  std::string error;
+  // Colors as stored: alpha plays no part here.
+  input_ = codec->open_bytes(encoded_, format, file_, true, error);
+  if (!input_) return image_error("cannot decode the image: " + one_line(error), file_);
   spec_ = input_->spec();
   return {};
 }
@@ -212,18 +181,25 @@ Result<void> Decoder::open_pnm() {
   pnm_ = PnmFile::parse(encoded_);
   if (!pnm_)
     return image_error("the file's header is damaged, or it has too few bytes for its pixels", file_);
-  const OIIO::TypeDesc type = pnm_->most == 0     ? OIIO::TypeDesc::FLOAT
-                              : pnm_->most == 255 ? OIIO::TypeDesc::UINT8
-                                                  : OIIO::TypeDesc::UINT16;
-  spec_ = OIIO::ImageSpec(pnm_->width, pnm_->height, pnm_->channels, type);
+  const std::uint32_t bytes = pnm_->most == 0 ? 4 : pnm_->most == 255 ? 1 : 2;
+  spec_ = {.width = pnm_->width,
+           .height = pnm_->height,
+           .channels =
+               pnm_->channels == 1 ? std::vector<std::string>{"Y"} : std::vector<std::string>{"R", "G", "B"},
+           .floating = pnm_->most == 0,
+           .is_uint8 = bytes == 1,
+           .sample_bytes = bytes,
+           .texts = {}};
+  spec_.image_bytes = static_cast<std::uint64_t>(spec_.width) * static_cast<std::uint64_t>(spec_.height) *
+                      spec_.channels.size() * bytes;
   return {};
 }
 
 template <class T>
 Result<void> Decoder::read(int begin, int end, bool tiled, T* out) {
-  constexpr OIIO::TypeDesc type = std::is_same_v<T, std::uint8_t>    ? OIIO::TypeDesc::UINT8
-                                  : std::is_same_v<T, std::uint16_t> ? OIIO::TypeDesc::UINT16
-                                                                     : OIIO::TypeDesc::FLOAT;
+  constexpr image::SampleType type = std::is_same_v<T, std::uint8_t>    ? image::SampleType::uint8
+                                     : std::is_same_v<T, std::uint16_t> ? image::SampleType::uint16
+                                                                        : image::SampleType::float32;
   if (pnm_) {
     // One channel, or three of three: all that a pixel has, but for a channel read alone.
     std::vector<T> row(static_cast<std::size_t>(pnm_->width) * static_cast<std::size_t>(pnm_->channels));
@@ -238,10 +214,8 @@ Result<void> Decoder::read(int begin, int end, bool tiled, T* out) {
     return {};
   }
   const int last = first_ + channels_;
-  const bool read =
-      tiled ? input_->read_tiles(0, 0, spec_.x, spec_.x + spec_.width, spec_.y + begin, spec_.y + end,
-                                 spec_.z, spec_.z + 1, first_, last, type, out)
-            : input_->read_scanlines(0, 0, spec_.y + begin, spec_.y + end, spec_.z, first_, last, type, out);
+  const bool read = tiled ? input_->read_tiles(begin, end, first_, last, type, out)
+                          : input_->read_rows(begin, end, first_, last, type, out);
   if (!read) return library_error("cannot read the image's pixels: ");
   return {};
 }
@@ -265,12 +239,12 @@ Result<void> Decoder::check_size() const {
                        file_)
         .with_mend(pixels > *most_heights_ ? "make the image smaller" : "");
   }
-  if (spec_.nchannels < 1 || spec_.nchannels > 64) {
+  if (spec_.channels.empty() || spec_.channels.size() > 64) {
     return image_error(
-        "the image has " + std::to_string(spec_.nchannels) + " channels; 1 to 64 are supported", file_);
+        "the image has " + std::to_string(spec_.channels.size()) + " channels; 1 to 64 are supported", file_);
   }
   // A few bytes must not make us fill gigabytes: no format here packs better than about 1000 to 1.
-  if (spec_.image_bytes(true) / 4096 > encoded_.size()) {
+  if (spec_.image_bytes / 4096 > encoded_.size()) {
     return image_error("the file has " + std::to_string(encoded_.size()) + " bytes, too few for its " +
                            std::to_string(spec_.width) + " x " + std::to_string(spec_.height) + " pixels",
                        file_);
@@ -280,8 +254,8 @@ Result<void> Decoder::check_size() const {
 
 // The channel of this name in capital or small letters; -1 if there is none.
 int Decoder::channel_named(char upper) const {
-  for (std::size_t i = 0; i < spec_.channelnames.size(); ++i) {
-    const std::string& name = spec_.channelnames[i];
+  for (std::size_t i = 0; i < spec_.channels.size(); ++i) {
+    const std::string& name = spec_.channels[i];
     if (name.size() == 1 && (name[0] == upper || name[0] == upper - 'A' + 'a')) return static_cast<int>(i);
   }
   return -1;
@@ -289,9 +263,9 @@ int Decoder::channel_named(char upper) const {
 
 // The only channel beside an alpha; -1 if there are several.
 int Decoder::single_channel() const {
-  if (spec_.nchannels == 1) return 0;
+  if (spec_.channels.size() == 1) return 0;
   const int alpha = channel_named('A');
-  return spec_.nchannels == 2 && alpha >= 0 ? 1 - alpha : -1;
+  return spec_.channels.size() == 2 && alpha >= 0 ? 1 - alpha : -1;
 }
 
 // Where red, green and blue are among the channels; one-channel images give all three the same.
@@ -312,7 +286,7 @@ Result<void> Decoder::find_channels() {
       const int single = single_channel();
       if (single < 0) {
         std::string all;
-        for (const std::string& name : spec_.channelnames) all += (all.empty() ? "" : ", ") + name;
+        for (const std::string& name : spec_.channels) all += (all.empty() ? "" : ", ") + name;
         return image_error("the image has the channels " + one_line(all) + ", but a colour is R, G and B",
                            file_)
             .with_mend("store the layer of interest as R, G, B");
@@ -366,14 +340,13 @@ Result<void> Decoder::read_rows(TexelWriter& out) {
   const auto channels = static_cast<std::uint64_t>(channels_);
   const bool tiled = spec_.tile_width > 0 && spec_.tile_height > 0;
   // The library's own rows have all channels of the file.
-  const std::uint64_t row_bytes = width * static_cast<std::uint64_t>(spec_.nchannels) * sizeof(float);
+  const std::uint64_t row_bytes = width * spec_.channels.size() * sizeof(float);
   int step = static_cast<int>(std::clamp<std::uint64_t>(kChunkBytes / row_bytes, 1, TexelImage::kTile));
   if (tiled) {
     step = spec_.tile_height;
     const std::uint64_t across = (width / static_cast<std::uint64_t>(spec_.tile_width) + 1) *
                                  static_cast<std::uint64_t>(spec_.tile_width);
-    if (across * static_cast<std::uint64_t>(step) >
-        kMaxTileRow / static_cast<std::uint64_t>(spec_.nchannels) / sizeof(float)) {
+    if (across * static_cast<std::uint64_t>(step) > kMaxTileRow / spec_.channels.size() / sizeof(float)) {
       return image_error("the image's tiles of " + std::to_string(spec_.tile_width) + " x " +
                              std::to_string(spec_.tile_height) + " pixels are too large",
                          file_)
@@ -418,7 +391,7 @@ Result<TexelImage> Decoder::decode(Scratch& scratch) {
   CANDELA_TRY(open());
   CANDELA_TRY(check_size());
   CANDELA_TRY(find_channels());
-  const bool is_integer = !spec_.format.is_floating_point();
+  const bool is_integer = !spec_.floating;
   if (format_ == "openexr" && is_integer)
     return image_error("the image's channels are integers, but a colour is half or float", file_);
   encoding_ = reading_.encoding;
@@ -429,7 +402,7 @@ Result<TexelImage> Decoder::decode(Scratch& scratch) {
   image.file = file_;
   image.width = static_cast<std::uint32_t>(spec_.width);
   image.height = static_cast<std::uint32_t>(spec_.height);
-  const bool bytes = spec_.format == OIIO::TypeDesc::UINT8;
+  const bool bytes = spec_.is_uint8;
   if (bytes) {
     for (std::size_t v = 0; v < image.table.size(); ++v)
       image.table[v] = to_linear(static_cast<double>(v) / 255);

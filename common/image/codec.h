@@ -1,0 +1,75 @@
+// Reading and writing of image files, by a module (base/module.h): OpenImageIO brings 260 libraries, and
+// loading them takes half a second of processor time.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "common/base/result.h"
+
+namespace candela::image {
+
+enum class SampleType : std::uint8_t { uint8, uint16, float32 };
+
+// The head of an image, or of a part of one.
+struct ImageSpec {
+  int x = 0, y = 0, z = 0, width = 0, height = 0, depth = 1;
+  int tile_width = 0, tile_height = 0;  // 0: scanlines
+  std::vector<std::string> channels;
+  int alpha_channel = -1, z_channel = -1;
+  bool floating = false;  // samples are of half, float or double
+  bool is_uint8 = false;
+  std::uint32_t sample_bytes = 0;                          // of one, in the file
+  std::uint64_t image_bytes = 0;                           // of all, in the file's types
+  bool deep = false;                                       // a list of samples a pixel
+  std::vector<std::pair<std::string, std::string>> texts;  // attributes that are text
+};
+
+// An open image file. After a call that returned false, error() says why, and is empty afterwards.
+class ImageReader {
+ public:
+  virtual ~ImageReader() = default;
+  virtual const ImageSpec& spec() const = 0;  // of the part that was sought last
+  virtual bool seek_part(int part) = 0;       // from 0; false: there are no more
+  // Channels [first, last), interleaved, of a whole part, of rows, or of a row of tiles of the first part.
+  virtual bool read_part(int part, int first, int last, SampleType type, void* out) = 0;
+  virtual bool read_rows(int begin, int end, int first, int last, SampleType type, void* out) = 0;
+  virtual bool read_tiles(int begin, int end, int first, int last, SampleType type, void* out) = 0;
+  virtual std::string error() = 0;
+};
+
+// Gives rows [begin, end) of all channels, interleaved, in the type that was said.
+using RowSource = std::function<void(int begin, int end, void* out)>;
+
+// The readers and writers of formats, by OpenImageIO's names ("openexr", "png"). Functions that fail return
+// null or false and say why; those of the library may also throw std::exception on hostile files.
+class ImageCodec {
+ public:
+  virtual ~ImageCodec() = default;
+  virtual std::string library() const = 0;  // name and version, for people
+  virtual std::unique_ptr<ImageReader> open_file(const std::string& path, std::string& error) const = 0;
+  // Bytes that outlive the reader. `name`: that of the file, for messages. straight_colors: as stored, where
+  // the format says that they are not multiplied by alpha.
+  virtual std::unique_ptr<ImageReader> open_bytes(std::string_view bytes, const char* format,
+                                                  const std::string& name, bool straight_colors,
+                                                  std::string& error) const = 0;
+  // Width, height, channels and texts of `spec` count. Some texts are orders to the writer ("compression").
+  virtual bool write(const char* format, const ImageSpec& spec, SampleType type, const RowSource& rows,
+                     std::string& bytes, std::string& error) const = 0;
+};
+
+// Loaded once.
+Result<const ImageCodec*> image_codec();
+
+// Whether the module is there, without loading it: a program should know before it renders for a night.
+Result<void> check_image_module();
+
+}  // namespace candela::image
+
+// The module's only symbol. Its number changes with the interface above.
+extern "C" const candela::image::ImageCodec* candela_image_codec_1();
