@@ -175,7 +175,7 @@ class Codec final : public ImageCodec {
 }  // namespace
 }  // namespace candela::image
 
-extern "C" __attribute__((visibility("default"))) const candela::image::ImageCodec* candela_image_codec_1() {
+extern "C" const candela::image::ImageCodec* candela_image_codec_1() {
   static const candela::image::Codec codec;
   return &codec;
 }

@@ -333,8 +333,8 @@ Result<VolumeData> load_named(std::string_view bytes, const std::string& name, c
 }  // namespace
 }  // namespace candela::loaders
 
-extern "C" __attribute__((visibility("default"))) void candela_load_vdb_1(
-    std::string_view bytes, const std::string& name, const candela::loaders::VdbChoice& choice,
-    candela::Result<candela::loaders::VolumeData>& volume) {
+extern "C" void candela_load_vdb_1(std::string_view bytes, const std::string& name,
+                                   const candela::loaders::VdbChoice& choice,
+                                   candela::Result<candela::loaders::VolumeData>& volume) {
   volume = candela::loaders::load_named(bytes, name, choice);
 }
