@@ -47,8 +47,9 @@ TEST(UpbpChoice, LeastErrorTimesCostIsChosen) {
   EXPECT_EQ(choice.cost, (std::vector<double>{1, 2, 9}));
 }
 
-// Claim: a film with ten times as many light paths pays ten times as much for merges with points, a tenth a
-// pixel for building trees of beams, and the same for all else.
+// Claim: a film with eight times as many light paths pays eight times as much for merges with points and the
+// leaves that those points fill, twice as much for other leaves of points, which are half as wide, an eighth
+// a pixel for building trees of beams, and the same for all else.
 TEST(UpbpChoice, CostIsThatOfTheJobsFilm) {
   const auto cost_of = [](std::uint64_t WorkCounts::*count, double density) {
     WorkCounts counts;
@@ -56,13 +57,15 @@ TEST(UpbpChoice, CostIsThatOfTheJobsFilm) {
     return counts.cost(density);
   };
   using Case = std::pair<std::uint64_t WorkCounts::*, double>;
-  for (const auto& [count, ratio] : {Case{&WorkCounts::rays, 1}, Case{&WorkCounts::queries, 1},
-                                     Case{&WorkCounts::points, 1}, Case{&WorkCounts::beam_leaves, 1},
-                                     Case{&WorkCounts::beam_merges, 1}, Case{&WorkCounts::point_leaves, 10},
-                                     Case{&WorkCounts::point_merges, 10}, Case{&WorkCounts::pieces, 0.1}}) {
+  for (const auto& [count, ratio] :
+       {Case{&WorkCounts::rays, 1}, Case{&WorkCounts::queries, 1}, Case{&WorkCounts::points, 1},
+        Case{&WorkCounts::beam_leaves, 1}, Case{&WorkCounts::beam_merges, 1},
+        Case{&WorkCounts::point_leaves, 2}, Case{&WorkCounts::pieces, 0.125}}) {
     EXPECT_GT(cost_of(count, 1), 0);
-    EXPECT_NEAR(cost_of(count, 10), ratio * cost_of(count, 1), 1e-9 * cost_of(count, 10));
+    EXPECT_NEAR(cost_of(count, 8), ratio * cost_of(count, 1), 1e-9 * cost_of(count, 8));
   }
+  const double merge = cost_of(&WorkCounts::point_merges, 1), leaf = cost_of(&WorkCounts::point_leaves, 1);
+  EXPECT_NEAR(cost_of(&WorkCounts::point_merges, 8), 8 * merge + (8 - 2) * leaf / 4, 1e-9 * merge);
 }
 
 // Claim: of trials that are alike the last is chosen, which has the most techniques.

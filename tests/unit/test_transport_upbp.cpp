@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <numbers>
 #include <vector>
 
@@ -71,6 +72,35 @@ TEST(TransportUpbp, TreesFindWhatLiesNear) {
         ASSERT_EQ(near[i], 1) << i;
       }
     }
+  }
+}
+
+// Claim: a tree of any size visits each item that is near once, in rising order, and nothing where no item
+// is; near a segment without an end, too.
+TEST(TransportUpbp, TreesOfAnySizeHaveTheirItemsAlone) {
+  rng::Stream stream(4);
+  for (const int count : {1, 3, 4, 5, 31, 32, 33, 255, 256, 257, 2047, 2049}) {
+    std::vector<ItemBox> boxes;
+    for (int i = 0; i < count; ++i) {
+      const Vec3 p = somewhere(stream, 1);
+      boxes.push_back({p, p});
+    }
+    BoxTree tree;
+    ASSERT_EQ(tree.build(boxes, 2).size(), boxes.size());
+    std::uint32_t next = 0;
+    const auto visit = [&](std::uint32_t slot, std::uint32_t end) {
+      ASSERT_EQ(slot, next);
+      ASSERT_LT(slot, end);
+      next = end;
+    };
+    for (const float length : {1.0f, std::numeric_limits<float>::infinity()}) {
+      next = 0;
+      tree.near_segment({somewhere(stream, 1), direction(stream), length}, 10, visit);
+      EXPECT_EQ(next, boxes.size()) << count;
+    }
+    next = 0;
+    tree.near_point(somewhere(stream, 1), 10, visit);
+    EXPECT_EQ(next, boxes.size()) << count;
   }
 }
 

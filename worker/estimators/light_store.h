@@ -7,6 +7,7 @@
 #include "common/film/counts.h"
 #include "worker/transport/light_vertices.h"
 #include "worker/transport/photon_map.h"
+#include "worker/transport/segments.h"
 
 namespace candela::estimators {
 

@@ -4,7 +4,9 @@
 #include <tbb/parallel_sort.h>
 #include <tbb/task_arena.h>
 
+#include <algorithm>
 #include <limits>
+#include <utility>
 
 namespace candela::transport {
 namespace {
@@ -39,7 +41,7 @@ struct Coded {
 std::vector<std::uint32_t> BoxTree::build(std::span<const ItemBox> boxes, unsigned threads) {
   count_ = static_cast<std::uint32_t>(boxes.size());
   nodes_.clear();
-  leaves_ = 0;
+  levels_ = 0;
   if (count_ == 0) return {};
   ItemBox all = kEmpty;
   for (const ItemBox& box : boxes) all = both(all, box);
@@ -60,22 +62,44 @@ std::vector<std::uint32_t> BoxTree::build(std::span<const ItemBox> boxes, unsign
     });
     tbb::parallel_sort(order.begin(), order.end());  // no two are equal: one order
 
-    const std::uint32_t used = (count_ + kLeaf - 1) / kLeaf;
-    leaves_ = 1;
-    while (leaves_ < used) leaves_ *= 2;
-    nodes_.assign(std::size_t{2} * leaves_, kEmpty);
-    tbb::parallel_for(std::uint32_t{0}, used, [&](std::uint32_t leaf) {
+    std::uint32_t children = (count_ + kLeaf - 1) / kLeaf, nodes = 0;
+    const std::uint32_t leaves = children;
+    do {
+      first_[levels_++] = nodes;
+      children = (children + kWide - 1) / kWide;
+      nodes += children;
+    } while (children > 1);
+    Node none;
+    for (auto* sides : {&none.low, &none.high})
+      for (auto& side : *sides) std::fill(std::begin(side), std::end(side), kInfinity);
+    nodes_.assign(nodes, none);
+    std::vector<ItemBox> below(leaves);
+    tbb::parallel_for(std::uint32_t{0}, leaves, [&](std::uint32_t leaf) {
       ItemBox box = kEmpty;
       for (std::uint32_t slot = leaf * kLeaf; slot < std::min((leaf + 1) * kLeaf, count_); ++slot) {
         slots[slot] = order[slot].index;
         box = both(box, boxes[slots[slot]]);
       }
-      nodes_[leaves_ + leaf] = box;
+      below[leaf] = box;
     });
-    for (std::uint32_t level = leaves_ / 2; level > 0; level /= 2)
-      tbb::parallel_for(level, 2 * level, [&](std::uint32_t node) {
-        nodes_[node] = both(nodes_[2 * node], nodes_[2 * node + 1]);
+    for (std::uint32_t level = 0; level < levels_; ++level) {
+      const auto count = static_cast<std::uint32_t>(below.size());
+      std::vector<ItemBox> here((count + kWide - 1) / kWide);
+      tbb::parallel_for(std::uint32_t{0}, static_cast<std::uint32_t>(here.size()), [&](std::uint32_t i) {
+        Node& node = nodes_[first_[level] + i];
+        ItemBox whole = kEmpty;
+        for (std::uint32_t k = 0; k < std::min(kWide, count - kWide * i); ++k) {
+          const ItemBox& box = below[kWide * i + k];
+          whole = both(whole, box);
+          for (int axis = 0; axis < 3; ++axis) {
+            node.low[axis][k] = box.low[axis];
+            node.high[axis][k] = box.high[axis];
+          }
+        }
+        here[i] = whole;
       });
+      below = std::move(here);
+    }
   });
   return slots;
 }

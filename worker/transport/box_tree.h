@@ -1,12 +1,17 @@
-// A binary tree of boxes over points or pieces of beams: which of them lie within a radius of a point, or of
-// a segment. The items are in the order of Morton codes of their boxes' centers, in leaves of kLeaf; the tree
-// over the leaves is complete, so that it needs no indices. The order of visits depends on the items alone.
+// A tree of boxes over points or pieces of beams: which of them lie within a radius of a point, or of
+// a segment. The items are in the order of Morton codes of their boxes' centers, in leaves of kLeaf. A node
+// has the boxes of kWide children, which a query tests at once; the tree is complete, so that it needs no
+// indices. The order of visits depends on the items alone.
 #pragma once
+
+#include <immintrin.h>
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -26,7 +31,7 @@ struct QuerySegment {
 
 class BoxTree {
  public:
-  static constexpr std::uint32_t kLeaf = 4;
+  static constexpr std::uint32_t kLeaf = 4, kWide = 8;
 
   // Returns the items' order: slot -> index. Fewer than 2^31 items, all boxes finite.
   std::vector<std::uint32_t> build(std::span<const ItemBox> boxes, unsigned threads);
@@ -35,38 +40,59 @@ class BoxTree {
   template <class Visit>
   void near_point(Vec3 p, float radius, Visit&& visit) const {
     const float r = widened(radius, p);
+    const __m256 low[3] = {_mm256_set1_ps(p.x - r), _mm256_set1_ps(p.y - r), _mm256_set1_ps(p.z - r)},
+                 high[3] = {_mm256_set1_ps(p.x + r), _mm256_set1_ps(p.y + r), _mm256_set1_ps(p.z + r)};
     traverse(
-        [&](const ItemBox& box) {
-          return p.x >= box.low.x - r && p.x <= box.high.x + r && p.y >= box.low.y - r &&
-                 p.y <= box.high.y + r && p.z >= box.low.z - r && p.z <= box.high.z + r;
+        [&](const Node& node) {
+          const auto overlap = [&](int axis) {
+            return _mm256_and_ps(_mm256_cmp_ps(high[axis], _mm256_load_ps(node.low[axis]), _CMP_GE_OQ),
+                                 _mm256_cmp_ps(low[axis], _mm256_load_ps(node.high[axis]), _CMP_LE_OQ));
+          };
+          return mask_of(_mm256_and_ps(_mm256_and_ps(overlap(0), overlap(1)), overlap(2)));
         },
         visit);
   }
   template <class Visit>
   void near_segment(const QuerySegment& s, float radius, Visit&& visit) const {
     const float r = widened(radius, s.origin);
-    const Vec3 inverse{inverse_of(s.direction.x), inverse_of(s.direction.y), inverse_of(s.direction.z)};
+    const __m256 below[3] = {_mm256_set1_ps(s.origin.x + r), _mm256_set1_ps(s.origin.y + r),
+                             _mm256_set1_ps(s.origin.z + r)},
+                 above[3] = {_mm256_set1_ps(s.origin.x - r), _mm256_set1_ps(s.origin.y - r),
+                             _mm256_set1_ps(s.origin.z - r)},
+                 inverse[3] = {_mm256_set1_ps(inverse_of(s.direction.x)),
+                               _mm256_set1_ps(inverse_of(s.direction.y)),
+                               _mm256_set1_ps(inverse_of(s.direction.z))};
+    const __m256 length = _mm256_set1_ps(std::min(s.length, std::numeric_limits<float>::max())),
+                 slack = _mm256_set1_ps(kSlack);
     traverse(
-        [&](const ItemBox& box) {
-          if (!(box.low.x <= box.high.x)) return false;  // empty
-          const float ax = (box.low.x - r - s.origin.x) * inverse.x,
-                      bx = (box.high.x + r - s.origin.x) * inverse.x;
-          const float ay = (box.low.y - r - s.origin.y) * inverse.y,
-                      by = (box.high.y + r - s.origin.y) * inverse.y;
-          const float az = (box.low.z - r - s.origin.z) * inverse.z,
-                      bz = (box.high.z + r - s.origin.z) * inverse.z;
-          const float enter = std::max(std::max(std::min(ax, bx), std::min(ay, by)), std::min(az, bz));
-          const float leave = std::min(std::min(std::max(ax, bx), std::max(ay, by)), std::max(az, bz));
-          return enter <= leave * kSlack && leave >= 0 && enter <= s.length;
+        [&](const Node& node) {
+          __m256 enter = _mm256_setzero_ps(), leave = length;
+          for (int axis = 0; axis < 3; ++axis) {
+            const __m256 a = _mm256_mul_ps(_mm256_sub_ps(_mm256_load_ps(node.low[axis]), below[axis]),
+                                           inverse[axis]),
+                         b = _mm256_mul_ps(_mm256_sub_ps(_mm256_load_ps(node.high[axis]), above[axis]),
+                                           inverse[axis]);
+            enter = _mm256_max_ps(enter, _mm256_min_ps(a, b));
+            leave = _mm256_min_ps(leave, _mm256_max_ps(a, b));
+          }
+          return mask_of(_mm256_cmp_ps(_mm256_mul_ps(enter, slack), leave, _CMP_LE_OQ));
         },
         visit);
   }
 
   std::uint32_t size() const { return count_; }
-  std::uint64_t bytes() const { return nodes_.capacity() * sizeof(ItemBox); }
+  std::uint64_t bytes() const { return nodes_.capacity() * sizeof(Node); }
 
  private:
-  static constexpr float kSlack = 1 + 0x1p-20f;  // of slabs' rounding
+  static constexpr float kSlack = 1 - 0x1p-20f;  // of slabs' rounding
+
+  // The boxes of kWide children, or leaves, by axis. One that is not there is at infinity, where no query is.
+  struct alignas(32) Node {
+    float low[3][kWide], high[3][kWide];
+  };
+  static std::uint32_t mask_of(__m256 comparison) {
+    return static_cast<std::uint32_t>(_mm256_movemask_ps(comparison));
+  }
 
   // Rounding in the tests must not lose an item that is within the radius.
   static float widened(float radius, Vec3 p) {
@@ -77,35 +103,36 @@ class BoxTree {
     return 1 / (std::abs(d) > 1e-20f ? d : std::copysign(1e-20f, d));  // no product of 0 and infinity
   }
 
+  // overlaps(node): a bit for each child.
   template <class Overlaps, class Visit>
   void traverse(const Overlaps& overlaps, Visit& visit) const {
-    if (count_ == 0 || !overlaps(nodes_[1])) return;
-    std::array<std::uint32_t, 64> stack;
-    std::uint32_t top = 0;
-    for (std::uint32_t node = 1;;) {
-      if (node >= leaves_) {
-        const std::uint32_t first = (node - leaves_) * kLeaf;
-        visit(first, std::min(first + kLeaf, count_));
+    if (count_ == 0) return;
+    // Of each level: the node under way, and its children that are left to visit.
+    std::array<std::uint32_t, kMostLevels> index, left;
+    const std::uint32_t top = levels_ - 1;
+    std::uint32_t level = top;
+    index[top] = 0;
+    left[top] = overlaps(nodes_[first_[top]]);
+    for (;;) {
+      while (left[level] == 0)
+        if (level++ == top) return;
+      const std::uint32_t child =
+          kWide * index[level] + static_cast<std::uint32_t>(std::countr_zero(left[level]));
+      left[level] &= left[level] - 1;
+      if (level == 0) {
+        visit(child * kLeaf, std::min((child + 1) * kLeaf, count_));
       } else {
-        const std::uint32_t left = 2 * node;
-        const bool goes_left = overlaps(nodes_[left]), goes_right = overlaps(nodes_[left + 1]);
-        if (goes_left) {
-          if (goes_right) stack[top++] = left + 1;
-          node = left;
-          continue;
-        }
-        if (goes_right) {
-          node = left + 1;
-          continue;
-        }
+        --level;
+        index[level] = child;
+        left[level] = overlaps(nodes_[first_[level] + child]);
       }
-      if (top == 0) return;
-      node = stack[--top];
     }
   }
 
-  std::vector<ItemBox> nodes_;  // of a heap: 1 is the root, the children of i are 2 i and 2 i + 1
-  std::uint32_t count_ = 0, leaves_ = 0;
+  static constexpr std::uint32_t kMostLevels = 11;  // of 2^31 items
+  std::vector<Node> nodes_;
+  std::array<std::uint32_t, kMostLevels> first_{};  // node of each level; the children of level 0 are leaves
+  std::uint32_t count_ = 0, levels_ = 0;
 };
 
 }  // namespace candela::transport

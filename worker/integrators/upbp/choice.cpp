@@ -1,12 +1,16 @@
 #include "worker/integrators/upbp/choice.h"
 
 #include <algorithm>
+#include <cmath>
+
+#include "worker/transport/box_tree.h"
 
 namespace candela::integrators::upbp {
 namespace {
 
 // Measured on the scenes of candela-study upbp-scenes.
-constexpr double kOfRay = 600, kOfQuery = 100, kOfLeaf = 100, kOfMerge = 500, kOfItem = 300;
+constexpr double kOfRay = 600, kOfQuery = 100, kOfLeaf = 50, kOfMerge = 500, kOfItem = 300;
+constexpr double kPointsOfLeaf = transport::BoxTree::kLeaf;
 constexpr int kRounds = 3;            // of weighting trials by their errors
 constexpr double kMeanShare = 0.01;   // of the mean's square, in denominators
 constexpr double kMinError = 1e-12;   // what noise may make negative
@@ -16,8 +20,11 @@ constexpr double kMaxValueError = 1;  // of one value's squared error: outliers 
 
 double WorkCounts::cost(double density) const {
   const auto of_points = [&](std::uint64_t n) { return density * static_cast<double>(n); };
+  const double closer = std::cbrt(density);
+  const double leaves = closer * static_cast<double>(point_leaves) +
+                        (density - closer) * static_cast<double>(point_merges) / kPointsOfLeaf;
   return kOfRay * static_cast<double>(rays) + kOfQuery * static_cast<double>(queries) +
-         kOfLeaf * (of_points(point_leaves) + static_cast<double>(beam_leaves)) +
+         kOfLeaf * (leaves + static_cast<double>(beam_leaves)) +
          kOfMerge * (of_points(point_merges) + static_cast<double>(beam_merges)) +
          kOfItem * (static_cast<double>(points) + static_cast<double>(pieces) / density);
 }

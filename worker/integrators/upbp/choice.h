@@ -19,7 +19,8 @@ struct WorkCounts {
 
   // In nanoseconds of one core, about, of a film of as many pixels whose iteration has `density` times as
   // many light paths: a query meets so many times as many points, and each pixel pays for that share of the
-  // beams, of which an iteration has the same number.
+  // beams, of which an iteration has the same number. Leaves of points become smaller: a query beam crosses
+  // more of them as the cube root of the density, and those whose points it meets grow as the merges.
   double cost(double density) const;
 };
 

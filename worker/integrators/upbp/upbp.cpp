@@ -16,6 +16,7 @@
 #include "worker/integrators/iteration_integrator.h"
 #include "worker/integrators/merging/iterations.h"
 #include "worker/integrators/upbp/choice.h"
+#include "worker/integrators/upbp/memory.h"
 #include "worker/integrators/upbp/rules.h"
 #include "worker/integrators/upbp/stores.h"
 #include "worker/integrators/vcm/plan.h"
@@ -53,9 +54,13 @@ class UpbpIntegrator final : public IterationIntegrator {
   Plan plan_for(const UnitContext& context, const RunContext& run) const override;
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run) const override {
-    CANDELA_ASSIGN(const upbp::Choice choice, choice_for(context, run));
-    const Variant& variant = *variants_[choice.index];
-    upbp::WorkCounts unread;
+    std::size_t chosen = 0;
+    if (variants_.size() > 1) {
+      CANDELA_ASSIGN(const Pilot pilot, pilot_for(context, run));
+      chosen = pilot.choice.index;
+    }
+    const Variant& variant = *variants_[chosen];
+    Measured unread;
     return run_variant(variant, merging::first_radius(context, variant.iterations), context, unit, output,
                        run, unread);
   }
@@ -66,16 +71,26 @@ class UpbpIntegrator final : public IterationIntegrator {
   using Field = transport::ConstantScale;
   using Eye = estimators::VcmEye<kBetween, Mis, Field, transport::NoStatistics, upbp::EyeBeams>;
 
-  // The pilot's, which runs once. Stopped, it runs anew when asked again.
-  Result<upbp::Choice> choice_for(const UnitContext& context, const RunContext& run) const;
-  Result<upbp::Choice> run_pilot(const UnitContext& context, const RunContext& run) const;
+  // Of all iterations of a unit.
+  struct Measured {
+    upbp::WorkCounts work;
+    upbp::Memory memory;
+  };
+  struct Pilot {
+    upbp::Choice choice;
+    upbp::Memory memory;  // of an iteration of the job with what was chosen
+  };
+
+  // Runs once. Stopped, it runs anew when asked again.
+  Result<Pilot> pilot_for(const UnitContext& context, const RunContext& run) const;
+  Result<Pilot> run_pilot(const UnitContext& context, const RunContext& run) const;
   // first: merging radius of the first iteration, of surfaces.
   Result<void> run_variant(const Variant& variant, double first, const UnitContext& context, const Unit& unit,
-                           UnitOutput& output, const RunContext& run, upbp::WorkCounts& counts) const;
+                           UnitOutput& output, const RunContext& run, Measured& measured) const;
 
   const std::vector<std::unique_ptr<Variant>> variants_;
   mutable std::mutex mutex_;
-  mutable std::optional<upbp::Choice> choice_;
+  mutable std::optional<Pilot> pilot_;
 };
 
 transport::MediumRadii medium_radii(const MediumRules& rules, const UnitContext& context,
@@ -98,6 +113,11 @@ upbp::BeamPaths beam_paths(const MediumRules& rules, const UnitContext& context,
   const std::uint64_t stride = (paths + rules.beam_paths - 1) / rules.beam_paths;
   rng::Stream place(rng::key(context.seed, 0x6265616d73ULL, iteration));  // "beams"
   return {stride, place.next_u64() % stride};
+}
+
+// The expected number of those of an iteration.
+double beam_path_count(const MediumRules& rules, const UnitContext& context, std::uint64_t paths) {
+  return static_cast<double>(paths) / static_cast<double>(beam_paths(rules, context, 0, paths).stride);
 }
 
 // beam_paths: the expected number of those that leave beams.
@@ -123,7 +143,7 @@ transport::ConstantScale scale_field(const merging::IterationOptions& options, d
 
 Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, const UnitContext& context,
                                          const Unit& unit, UnitOutput& output, const RunContext& run,
-                                         upbp::WorkCounts& counts_of_work) const {
+                                         Measured& measured) const {
   const MediumRules& rules = variant.rules.medium;
   const merging::IterationOptions& iterations = variant.iterations;
   const Techniques& techniques = iterations.techniques;
@@ -188,26 +208,28 @@ Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, c
       for (const upbp::Photons& chunk : chunks) buffers.push_back(&chunk.medium);
       CANDELA_TRY(points.build(buffers, run.threads));
       maps.points = &points;
-      counts_of_work.points += points.size();
+      measured.work.points += points.size();
     }
     if (rules.beams()) {
       std::vector<const transport::BeamBuffer*> buffers;
       for (const transport::BeamBuffer& chunk : beam_chunks) buffers.push_back(&chunk);
       CANDELA_TRY(beams.build(buffers, beam_radii, run.threads));
       maps.beams = &beams;
-      counts_of_work.pieces += beams.pieces();
+      measured.work.pieces += beams.pieces();
     }
+    measured.memory.add(upbp::memory_of(chunks, beam_chunks, side.maps.surface, maps.points, maps.beams));
     if (techniques.eye_paths)
       CANDELA_TRY((merging::run_eye_pass<Eye>(context, iterations, counts, side, {}, unit.half, index, output,
                                               run, progress_part(phase + 1, phases))));
   }
   const auto& [queries, leaves, merges] = merge_work.sum();
-  counts_of_work.rays += output.film->tallies().rays;
-  counts_of_work.queries += queries.point_point + queries.point_beam + queries.beam_point + queries.beam_beam;
-  counts_of_work.point_leaves += leaves.point_point + leaves.point_beam;
-  counts_of_work.beam_leaves += leaves.beam_point + leaves.beam_beam;
-  counts_of_work.point_merges += merges.point_point + merges.point_beam;
-  counts_of_work.beam_merges += merges.beam_point + merges.beam_beam;
+  upbp::WorkCounts& work = measured.work;
+  work.rays += output.film->tallies().rays;
+  work.queries += queries.point_point + queries.point_beam + queries.beam_point + queries.beam_beam;
+  work.point_leaves += leaves.point_point + leaves.point_beam;
+  work.beam_leaves += leaves.beam_point + leaves.beam_beam;
+  work.point_merges += merges.point_point + merges.point_beam;
+  work.beam_merges += merges.beam_point + merges.beam_beam;
   return {};
 }
 
@@ -217,7 +239,8 @@ constexpr std::uint32_t kScaleSamples = 512;  // of the pilot's film
 // Every variant renders the same few iterations of a small film, of the same scene, radii and light paths per
 // pixel. A pure function of the scene, the settings and the film's size, with radius_neighbors of the job's
 // seed, too.
-Result<upbp::Choice> UpbpIntegrator::run_pilot(const UnitContext& context, const RunContext& run) const {
+Result<UpbpIntegrator::Pilot> UpbpIntegrator::run_pilot(const UnitContext& context,
+                                                        const RunContext& run) const {
   const double pixels = static_cast<double>(context.width) * context.height;
   const double shrink = std::max(1.0, std::sqrt(pixels / kPilotPixels));
   const auto side = [&](std::uint32_t whole) {
@@ -237,47 +260,59 @@ Result<upbp::Choice> UpbpIntegrator::run_pilot(const UnitContext& context, const
   const film::Layout layout{small.width, small.height,
                             static_cast<std::uint32_t>(1 + variants_[0]->iterations.layers().size())};
   std::vector<upbp::Trial> trials;
+  std::vector<upbp::Memory> memory;
   for (const std::unique_ptr<Variant>& variant : variants_) {
     if (variant->rules.only_if_cheap && trials.back().cost > upbp::kCheap * trials.front().cost) break;
     const double first = merging::first_radius(context, variant->iterations);
     const merging::MergeRules& merge = variant->iterations.merge;
-    const double density = static_cast<double>(merging::light_path_count(merge, context)) /
-                           static_cast<double>(merging::light_path_count(merge, small));
-    upbp::WorkCounts counts;
+    const std::uint64_t paths = merging::light_path_count(merge, context),
+                        few_paths = merging::light_path_count(merge, small);
+    const double density = static_cast<double>(paths) / static_cast<double>(few_paths);
+    Measured measured;
     upbp::Trial& trial = trials.emplace_back();
     for (std::size_t r = 0; r < upbp::kReplicates; ++r) {
       output.film = std::make_unique<film::UnitFilm>(layout, scale);
-      CANDELA_TRY(
-          run_variant(*variant, first, small, {Unit::Kind::iterations, 0, r, r + 1}, output, quiet, counts));
+      CANDELA_TRY(run_variant(*variant, first, small, {Unit::Kind::iterations, 0, r, r + 1}, output, quiet,
+                              measured));
       const std::int64_t* sums = output.film->sums();
       for (std::size_t i = 0; i < 3 * layout.pixel_count(); ++i)
         trial.images[r].push_back(static_cast<float>(std::ldexp(static_cast<double>(sums[i]), -scale)));
     }
-    trial.cost = counts.cost(density);
+    trial.cost = measured.work.cost(density);
+    const MediumRules& medium = variant->rules.medium;
+    const double more_beams =
+        beam_path_count(medium, context, paths) / beam_path_count(medium, small, few_paths);
+    memory.push_back(measured.memory.scaled(density / upbp::kReplicates, more_beams / upbp::kReplicates));
   }
-  return upbp::choose(trials);
+  Pilot pilot{upbp::choose(trials), {}};
+  pilot.memory = memory[pilot.choice.index];
+  return pilot;
 }
 
-Result<upbp::Choice> UpbpIntegrator::choice_for(const UnitContext& context, const RunContext& run) const {
-  if (variants_.size() == 1) return upbp::Choice{0, {1}, {1}};
+Result<UpbpIntegrator::Pilot> UpbpIntegrator::pilot_for(const UnitContext& context,
+                                                        const RunContext& run) const {
   const std::lock_guard lock(mutex_);
-  if (!choice_) {
-    CANDELA_ASSIGN(choice_, run_pilot(context, run));
+  if (!pilot_) {
+    CANDELA_ASSIGN(pilot_, run_pilot(context, run));
   }
-  return *choice_;
+  return *pilot_;
 }
 
 Plan UpbpIntegrator::plan_for(const UnitContext& context, const RunContext& run) const {
-  const auto choice = choice_for(context, run);
-  if (!choice.ok() || variants_.size() == 1) return plan();
-  Plan plan = variants_[choice->index]->rules.planned.plan;
+  const auto pilot = pilot_for(context, run);
+  if (!pilot.ok()) return plan();
+  const upbp::Choice& choice = pilot->choice;
+  Plan plan = variants_[choice.index]->rules.planned.plan;
   std::string found;
-  for (std::size_t v = 0; v < choice->inefficiency.size(); ++v)
+  for (std::size_t v = 0; v < choice.inefficiency.size(); ++v)
     found += fmt::format("{}{} {:.2g} and {:.2g}", v == 0 ? "" : "; ", variants_[v]->rules.name,
-                         choice->inefficiency[v], choice->cost[v]);
-  plan.note("techniques=auto",
-            fmt::format("chose {}. Error times cost over the least, and cost over vcm's, in a pilot: {}",
-                        variants_[choice->index]->rules.name, found));
+                         choice.inefficiency[v], choice.cost[v]);
+  if (variants_.size() > 1)
+    plan.note("techniques=auto",
+              fmt::format("chose {}. Error times cost over the least, and cost over vcm's, in a pilot: {}",
+                          variants_[choice.index]->rules.name, found));
+  plan.note("memory", fmt::format("an iteration of {} x {} pixels holds about {}", context.width,
+                                  context.height, upbp::to_text(pilot->memory)));
   return plan;
 }
 

@@ -18,6 +18,7 @@ bool connect(const ConnectContext& c, const Vertex<typename Mis::Block>& z,
   const double distance_squared = length_squared(between);
   if (!(distance_squared > 0)) return false;
   const Vec3 to_light = Vec3(between / std::sqrt(distance_squared));
+  if (!may_meet<kBetween>(c, y, z, to_light)) return false;
   float pdf_eye = 0, pdf_light = 0;
   const Spectrum at_eye = scatter_value(c.scene, y, y.wo, to_light, TransportMode::radiance, pdf_eye);
   if (at_eye.is_black()) return false;

@@ -45,6 +45,7 @@ struct ConnectContext {
   const WalkRules& rules;
   film::Tallies& tallies;
   const bool chooses_emitter = reads_emitter_choice(scene);
+  const bool passes_straight = scene.features().any_straight;
 };
 
 // What merges at v count, where a path turns between v.wo and wi: in the unit of Mis::sum.
@@ -56,6 +57,31 @@ double merges_at(const ConnectContext& c, const ScatterPoint& v, [[maybe_unused]
     return Mis::merges(c.factors.medium[v.medium], c.scene.medium(v.medium), v.arrival, v.wo, wi);
   else
     return eta.medium;
+}
+
+// The medium that an edge begins in which leaves v in direction w.
+inline std::uint32_t medium_towards(const ConnectContext& c, const ScatterPoint& v, Vec3 w) {
+  return v.on_surface() ? c.scene.medium_beyond(v.hit, w, v.medium) : v.medium;
+}
+
+// False if the media at the ends of an edge say that a surface blocks it: where no surface lets light pass
+// straight on, an edge that nothing blocks lies in one medium. w: from y to z.
+template <Between kBetween>
+bool may_meet(const ConnectContext& c, const ScatterPoint& y, const ScatterPoint& z, Vec3 w) {
+  if constexpr (kBetween != Between::media) return true;
+  return c.passes_straight || medium_towards(c, y, w) == medium_towards(c, z, -w);
+}
+
+// As passing(), in a scene where no surface lets light pass straight on: all of an edge that nothing blocks
+// lies in one medium, and what blocks it need not be known.
+inline Spectrum through_one_medium(const ConnectContext& c, const Ray& shadow_ray, std::uint32_t medium,
+                                   std::uint64_t stream_key, double& survival) {
+  ++c.tallies.rays;
+  if (c.scene.occluded(shadow_ray)) return {};
+  if (medium == scene::kNone) return Spectrum(1.0f);
+  rng::Stream stream(stream_key);
+  survival *= static_cast<double>(stretch_survival(c.scene.medium(medium), shadow_ray));
+  return c.scene.medium(medium).transmittance(shadow_ray, stream);
 }
 
 // The fraction of light that passes between vertex v and along `shadow_ray` from it, and the survival of
@@ -70,8 +96,8 @@ Spectrum visibility(const ConnectContext& c, const ScatterPoint& v, const Ray& s
   } else {
     std::uint32_t medium = v.medium;
     if constexpr (kBetween == Between::media) {
-      if (v.kind == VertexKind::surface)
-        medium = c.scene.medium_beyond(v.hit, shadow_ray.direction, v.medium);
+      medium = medium_towards(c, v, shadow_ray.direction);
+      if (!c.passes_straight) return through_one_medium(c, shadow_ray, medium, stream_key, survival);
     }
     return passing<kBetween>(c.scene, shadow_ray, medium, rng::Stream(stream_key), c.tallies.rays, &survival);
   }
