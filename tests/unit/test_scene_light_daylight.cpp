@@ -92,6 +92,13 @@ TEST(Daylight, SunKeepsItsPower) {
                                    std::string("<integer name='resolution' value='2048'/>"),
                                    number_of("sun_radius_scale", 12), number_of("sun_radius_scale", 0)})
     EXPECT_NEAR(power(other).g, sun.g, 0.015f * sun.g) << other;
+  // Mitsuba 3's width of the sun, in degrees, is that of 12 suns.
+  const auto both = [](const std::string& parameters) {
+    const auto scene = daylight("sunsky", sun_at(35) + parameters);
+    return scene == nullptr ? Spectrum() : power_of(*scene);
+  };
+  EXPECT_EQ(both(number_of("sun_aperture", 12 * 0.5334)).g, both(number_of("sun_radius_scale", 12)).g);
+  EXPECT_NE(both(number_of("sun_aperture", 12 * 0.5334)).g, both("").g);
   EXPECT_NEAR(power(number_of("scale", 3)).g, 3 * sun.g, 0.03f * sun.g);
   // About 1000 W / m^2 in 400 to 700 nm and beyond reach the ground on a clear day: some 1.3 per nm.
   EXPECT_GT(sun.g, 0.7f);

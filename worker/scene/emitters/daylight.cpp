@@ -226,7 +226,9 @@ Result<TexelImage> daylight_image(const description::Object& emitter, Scratch& s
                      emitter.get_number("stretch", 1));
   if (emitter.plugin != "sky") {
     constexpr double kRadius = 0.5334 / 2 * kDegree;  // of the sun's disk
-    const double wider = emitter.get_number("sun_radius_scale", 1);
+    const double wider = emitter.find("sun_aperture") != nullptr
+                             ? emitter.get_number("sun_aperture", 0) / 2 * kDegree / kRadius
+                             : emitter.get_number("sun_radius_scale", 1);
     // A wider sun has the same power. No sun is narrower than a hundredth of the true one.
     const double radius = kRadius * std::max(wider, 0.01);
     const Vec3d radiance = sun_radiance(turbidity, theta) *
