@@ -24,7 +24,7 @@ PluginRule daylight(std::string_view name, std::vector<PropertyRule> own, std::s
       real("turbidity", "haze: 2 very clear, 3 clear, 6 warm and moist, 10 hazy (default 3)", 1, 10),
       {.name = "sun_direction",
        .types = {vector},
-       .doc = "towards the sun, +y is up; else by date, time and place"},
+       .doc = "towards the sun in the scene, whatever to_world is; else by date, time and place"},
       whole("year", "(default 2010)", 1900, 2100),
       whole("month", "(default 7)", 1, 12),
       whole("day", "(default 10)", 1, 31),
