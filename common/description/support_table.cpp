@@ -81,7 +81,7 @@ Mitsuba's picture but for polarization or for a width next to none, so they stan
 | `simplemicrofacet`, `approxmicrofacet`, `pplastic` * | `roughplastic` |
 | `polarizer` *, `circular`; `retarder` | `thindielectric` of index 1 that passes half; `null` |
 | a bsdf that holds one bsdf; two | the one inside (`mask` of opacity 1); `blendbsdf` |
-| any other bsdf | `diffuse` |
+| `measured`, `hair`, `irawan`, any other bsdf | `diffuse` of 0.5 unless it names a color |
 | a film; sampler; filter | `hdrfilm`; `independent`; `gaussian` |
 | `collimated` * | `spot`, half a degree wide, of the same power |
 | `radiancemeter` * | `orthographic`, 2e-4 wide |
