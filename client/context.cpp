@@ -24,7 +24,7 @@ CLI::Option* add_texts(CLI::App& app, const std::string& names, std::vector<std:
 }
 
 void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
-  app.add_option("scene", options.scene, "Scene file (Mitsuba XML)")->required()->type_name("SCENE");
+  app.add_option("scene", options.scene, "Scene file (Mitsuba XML, or pbrt)")->required()->type_name("SCENE");
   add_texts(app, "-D,--define", options.defines, "Set a $parameter of the scene; may be repeated",
             "NAME=VALUE");
   add_text(app, "--integrator", options.integrator,

@@ -13,6 +13,7 @@
 #include "client/values.h"
 #include "common/base/files.h"
 #include "common/base/version.h"
+#include "common/job/aov.h"
 #include "common/job/setting_names.h"
 
 namespace candela::client {
@@ -36,12 +37,21 @@ std::vector<std::string> setting_words(const RendererFacts& facts) {
   return out;
 }
 
+// Layers that --aov may name first.
+std::vector<std::string> aov_words() {
+  std::vector<std::string> out = {"normal", "none"};
+  for (int kind = 0; kind <= static_cast<int>(AovKind::boundary_test); ++kind)
+    out.emplace_back(name(static_cast<AovKind>(kind)));
+  return out;
+}
+
 Choices choices(const RendererFacts& facts) {
   return {{"--integrator", facts.integrator_names()},
           {"--set", setting_words(facts)},
           {"--filter", words(kFilterNames)},
           {"--sampler", words(kSamplerNames)},
           {"--isa", words(kIsaNames)},
+          {"--aov", aov_words()},
           {"--until", {"relmse="}},
           {"--half", {"A", "B"}}};
 }

@@ -148,7 +148,21 @@ std::unique_ptr<CLI::App> make_parser(Context& context) {
   return app;
 }
 
-int run_program(const std::vector<std::string>& arguments, std::ostream& out, std::ostream& err) {
+namespace {
+
+// "candela help" and "candela help COMMAND", as they are written with --help.
+std::vector<std::string> spell_help(std::vector<std::string> arguments) {
+  if (arguments.size() < 2 || arguments[1] != "help") return arguments;
+  arguments.erase(arguments.begin() + 1);
+  if (arguments.size() > 2) arguments.resize(2);
+  arguments.emplace_back("--help");
+  return arguments;
+}
+
+}  // namespace
+
+int run_program(const std::vector<std::string>& given, std::ostream& out, std::ostream& err) {
+  const std::vector<std::string> arguments = spell_help(given);
   const char* level = std::getenv("CANDELA_LOG_LEVEL");
   if (const auto logging =
           log::initialise("candela", level != nullptr && *level != '\0' ? level : "warn", "text");

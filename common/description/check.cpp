@@ -138,6 +138,7 @@ Result<void> check_combinations(const Object& object) {
     }
   }
   if (object.plugin == "principled") CANDELA_TRY(exclude(object, "eta", "specular"));
+  if (object.plugin == "sunsky") CANDELA_TRY(exclude(object, "sun_radius_scale", "sun_aperture"));
   if (object.category == "emitter") {
     CANDELA_TRY(exclude(object, "to_world", "position"));
     CANDELA_TRY(exclude(object, "to_world", "direction"));

@@ -35,6 +35,15 @@ Error error_at(const Property& property, std::string message) {
   return input_error(std::move(message)).at(property.where.file, property.where.line);
 }
 
+bool has(const Slots& slots, std::string_view name) {
+  return std::find(slots.begin(), slots.end(), name) != slots.end();
+}
+
+// Both have 'diffuseReflectance' as another name of 'reflectance'.
+bool is_diffuse(const Object& object) {
+  return object.category == "bsdf" && (object.plugin == "diffuse" || object.plugin == "roughdiffuse");
+}
+
 std::optional<double> number_of(const Property& property) {
   if (const auto* number = std::get_if<double>(&property.value)) return *number;
   if (const auto* integer = std::get_if<std::int64_t>(&property.value)) return static_cast<double>(*integer);
@@ -228,21 +237,22 @@ Result<void> set_preset(Object& object, const std::optional<Property>& material)
   return {};
 }
 
-// The layer `hk` takes its coefficients as a medium does.
-Result<void> upgrade_layer(Object& object) {
+// The layer `hk` takes its coefficients as a medium does; they may be textures.
+Result<void> upgrade_layer(Object& object, const Slots& slots) {
   const std::optional<Property> material = take(object, "material");
   for (const std::string_view name : {"sigma_s", "sigma_a", "sigma_t", "albedo"})
-    if (find(object, name) != nullptr) return {};
+    if (find(object, name) != nullptr || has(slots, name)) return {};
   return set_preset(object, material);
 }
 
 // Scattering and absorption to extinction and albedo.
-Result<void> upgrade_homogeneous(Object& object) {
+Result<void> upgrade_homogeneous(Object& object, const Slots& slots) {
   const std::optional<Property> absorption = take(object, "sigma_a");
   const std::optional<Property> scattering = take(object, "sigma_s");
   const std::optional<Property> material = take(object, "material");
   if (!absorption && !scattering) {
-    if (find(object, "sigma_t") != nullptr || find(object, "albedo") != nullptr) return {};
+    for (const std::string_view name : {"sigma_t", "albedo"})
+      if (find(object, name) != nullptr || has(slots, name)) return {};
     return set_preset(object, material);
   }
   // 0.6 prefers the coefficients to a material.
@@ -268,8 +278,8 @@ Result<void> upgrade_homogeneous(Object& object) {
   return {};
 }
 
-Result<void> upgrade_medium(Object& object) {
-  if (object.plugin == "homogeneous") CANDELA_TRY(upgrade_homogeneous(object));
+Result<void> upgrade_medium(Object& object, const Slots& slots) {
+  if (object.plugin == "homogeneous") CANDELA_TRY(upgrade_homogeneous(object, slots));
   CANDELA_TRY(rename(object, "density_multiplier", "scale"));
   // How free flights are sampled and densities integrated: noise and cost, not the mean.
   for (const std::string_view numerics : {"strategy", "method", "step_size", "sampling_weight"})
@@ -277,14 +287,49 @@ Result<void> upgrade_medium(Object& object) {
   return {};
 }
 
-// The grid fills the file's bounding box in 0.6.
-void upgrade_grid(Object& object, std::vector<Note>& notes) {
+// The grid fills the file's bounding box in 0.6, or that from `min` to `max` if it has both.
+Result<void> upgrade_grid(Object& object, std::vector<Note>& notes) {
+  const std::optional<Property> low = take(object, "min");
+  const std::optional<Property> high = take(object, "max");
+  if (low && high) {
+    for (const Property& corner : {*low, *high})
+      if (!std::holds_alternative<Vec3>(corner.value))
+        return error_at(corner, fmt::format("parameter '{}' must be a point", corner.name));
+    const Vec3 from = std::get<Vec3>(low->value), to = std::get<Vec3>(high->value);
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      if (!(to[axis] > from[axis]))
+        return error_at(*high, "the box of volume 'gridvolume' is empty: 'max' is not above 'min'");
+    const Mat4 box = transform::multiply(
+        transform::translate(from), transform::scale({to[0] - from[0], to[1] - from[1], to[2] - from[2]}));
+    const std::optional<Property> place = take(object, "to_world");
+    if (place && !std::holds_alternative<Mat4>(place->value))
+      return error_at(*place, "parameter 'to_world' must be a transform");
+    const Mat4 to_world = place ? std::get<Mat4>(place->value) : transform::identity;
+    object.properties.push_back(
+        {"to_world", PropertyType::transform, transform::multiply(to_world, box), low->where});
+    take(object, "use_grid_bbox");
+    object.properties.push_back({"use_grid_bbox", PropertyType::boolean, false, low->where});
+  }
   if (find(object, "use_grid_bbox") == nullptr)
     object.properties.push_back({"use_grid_bbox", PropertyType::boolean, true, object.where});
   take(object, "send_data");
   notes.push_back({object.where,
                    "volume 'gridvolume': 0.6 has a grid's values at the corners of its cells, here "
                    "they are at the centres, as in Mitsuba 3"});
+  return {};
+}
+
+// 0.6's `scale` is the default of both scales.
+Result<void> upgrade_daylight(Object& object) {
+  const std::optional<Property> both = take(object, "scale");
+  if (!both) return {};
+  if (!number_of(*both)) return error_at(*both, "parameter 'scale' must be a float");
+  for (const std::string_view part : {"sun_scale", "sky_scale"}) {
+    if (find(object, part) != nullptr) continue;
+    object.properties.push_back(*both);
+    object.properties.back().name = std::string(part);
+  }
+  return {};
 }
 
 // The check takes a color in the place of a number by its luminance.
@@ -314,15 +359,13 @@ std::string plugin_name(std::string_view category, std::string_view name) {
 }
 
 std::string slot_name(const Object& parent, std::string_view slot) {
-  if (parent.plugin == "diffuse" && slot == "diffuse_reflectance") return "reflectance";
+  if (is_diffuse(parent) && slot == "diffuse_reflectance") return "reflectance";
   if (parent.category == "medium" && slot == "density") return "sigma_t";
   return std::string(slot);
 }
 
 bool is_heeded(const Object& object, std::string_view parameter) {
-  if (object.category == "medium") return parameter == "orientation";
-  if (object.category == "volume") return parameter == "min" || parameter == "max";
-  return false;
+  return object.category == "medium" && parameter == "orientation";
 }
 
 void upgrade_film(Object& object, std::string_view plugin, std::vector<Note>& notes) {
@@ -341,14 +384,14 @@ void upgrade_film(Object& object, std::string_view plugin, std::vector<Note>& no
       object.properties.push_back({size, PropertyType::integer, std::int64_t{1}, object.where});
 }
 
-Result<void> upgrade(Object& object, std::vector<Note>& notes) {
-  if (object.category == "bsdf" && object.plugin == "diffuse") {
+Result<void> upgrade(Object& object, const Slots& slots, std::vector<Note>& notes) {
+  if (is_diffuse(object)) {
     Property* old = find(object, "diffuse_reflectance");
     if (old != nullptr && find(object, "reflectance") == nullptr) old->name = "reflectance";
   }
   if (object.category == "bsdf" && (object.plugin == "conductor" || object.plugin == "roughconductor"))
     CANDELA_TRY(upgrade_conductor(object));
-  if (object.category == "bsdf" && object.plugin == "hk") CANDELA_TRY(upgrade_layer(object));
+  if (object.category == "bsdf" && object.plugin == "hk") CANDELA_TRY(upgrade_layer(object, slots));
   if (object.category == "bsdf" && object.plugin.starts_with("rough")) upgrade_distribution(object, notes);
   if (object.category == "bsdf" && (object.plugin == "normalmap" || object.plugin == "bumpmap"))
     keep_plain_bumps(object);
@@ -360,8 +403,9 @@ Result<void> upgrade(Object& object, std::vector<Note>& notes) {
   if (object.category == "texture") CANDELA_TRY(merge_uv_parameters(object));
   if (object.category == "texture" && object.plugin == "bitmap") CANDELA_TRY(upgrade_bitmap(object, notes));
   if (object.category == "bsdf" && object.plugin == "mask") note_colored_opacity(object, notes);
-  if (object.category == "medium") CANDELA_TRY(upgrade_medium(object));
-  if (object.category == "volume" && object.plugin == "gridvolume") upgrade_grid(object, notes);
+  if (object.category == "medium") CANDELA_TRY(upgrade_medium(object, slots));
+  if (object.category == "volume" && object.plugin == "gridvolume") CANDELA_TRY(upgrade_grid(object, notes));
+  if (object.category == "emitter" && object.plugin == "sunsky") CANDELA_TRY(upgrade_daylight(object));
   // Parameters whose capitals are their names.
   if (object.category == "rfilter" && object.plugin == "mitchell")
     for (Property& property : object.properties)

@@ -24,7 +24,9 @@ bool is_heeded(const Object& object, std::string_view parameter);
 // Turns the properties of one object of an old file into today's: names, merged or split parameters, values.
 // A word that means something else today, or nothing, is an error that names the mend. `notes` get every word
 // that Candela reads otherwise than Mitsuba 0.6.
-Result<void> upgrade(Object& object, std::vector<Note>& notes);
+// `slots`: the names that the object's children are given for.
+using Slots = std::vector<std::string_view>;
+Result<void> upgrade(Object& object, const Slots& slots, std::vector<Note>& notes);
 
 // 0.6's films `ldrfilm` and `mfilm` (`plugin`: the name as written) as hdrfilm, in files of any version.
 void upgrade_film(Object& object, std::string_view plugin, std::vector<Note>& notes);

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <initializer_list>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -19,7 +21,7 @@ struct Nearest {
 };
 
 // By name: plugins of Mitsuba that Candela lacks, and those of well-known forks and courses.
-constexpr std::array<Nearest, 30> kNearest = {{
+constexpr std::array<Nearest, 32> kNearest = {{
     {"bsdf", "disneybsdf", "principled"},
     {"bsdf", "disney", "principled"},
     {"bsdf", "disneymetal", "principled"},
@@ -41,6 +43,8 @@ constexpr std::array<Nearest, 30> kNearest = {{
     {"emitter", "collimated", "spot", true},
     {"sensor", "radiancemeter", "orthographic", true},
     {"sensor", "telecentric", "orthographic"},
+    {"phase", "tabphase", "hg"},
+    {"phase", "microflake", "isotropic", true},  // as 0.6 has it without a field of orientations
     {"texture", "", "rawconstant"},
     {"bsdf", "", "diffuse"},
     {"film", "", "hdrfilm"},
@@ -150,6 +154,27 @@ void become_narrow_camera(Object& meter) {
       transform::multiply(place, transform::scale({half_width, half_width, 1})));
 }
 
+// A table of values at even distances of the cosine, linear between them: its mean cosine, for which Henyey
+// and Greenstein's function stands in.
+double mean_cosine(std::string_view table) {
+  std::vector<double> values;
+  for (const std::string_view word : text::tokens(table)) {
+    const std::optional<double> value = text::to_number(word);
+    if (!value || !(*value >= 0)) return 0;
+    values.push_back(*value);
+  }
+  if (values.size() < 2) return 0;
+  double sum = 0, moment = 0;
+  const double width = 2 / static_cast<double>(values.size() - 1);
+  for (std::size_t i = 0; i + 1 < values.size(); ++i) {
+    const double a = values[i], b = values[i + 1], left = -1 + static_cast<double>(i) * width;
+    sum += (a + b) / 2 * width;
+    moment += ((a + b) / 2 * left + (a + 2 * b) / 6 * width) * width;
+  }
+  const double mean = moment / sum;
+  return std::isfinite(mean) ? std::clamp(mean, -0.99999, 0.99999) : 0;
+}
+
 }  // namespace
 
 bool has_close_plugin(const Object& object) {
@@ -201,6 +226,12 @@ void adopt(Object& object, std::string_view original) {
   if (object.category == "bsdf" && name.find("ggx") != std::string::npos &&
       (object.plugin == "roughconductor" || object.plugin == "roughdielectric"))
     add(object, "distribution", PropertyType::string, std::string("ggx"));
+  if (name == "tabphase" && object.category == "phase") {
+    const Property* table = object.find("values");
+    const auto* words = table == nullptr ? nullptr : std::get_if<std::string>(&table->value);
+    number("g", words == nullptr ? 0 : mean_cosine(*words));
+    remove(object, "values");
+  }
   if (name == "collimated") become_narrow_spot(object);
   if (name == "radiancemeter") become_narrow_camera(object);
   // A reflectance at normal incidence in place of an index: a mirror of that color.

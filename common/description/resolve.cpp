@@ -62,6 +62,9 @@ class Resolver {
         move_emitter_out(*draft.object, *child.object, link.where);
         continue;
       }
+      if (draft.object->plugin == "blendphase" && child.object->category == "volume" &&
+          take_weight(*draft.object, child, link.where))
+        continue;
       if (passed_over_ != nullptr && rule != nullptr && draft.stands_in &&
           !fits(*draft.object, *rule, child)) {
         tell(error_at(link.where, fmt::format("{} cannot be inside {}", describe(*child.object),
@@ -190,6 +193,24 @@ class Resolver {
         return;
       }
     sensor.properties.push_back({"near_clip", PropertyType::number, at_camera, sensor.where});
+  }
+
+  // A weight that is a constant volume is a number. Under the lenient reading half takes the place of another
+  // volume. False: it stays a child, which is an error.
+  bool take_weight(Object& blend, const Child& child, const Location& where) {
+    if (child.slot != "weight" || blend.find("weight") != nullptr) return false;
+    double weight = 0.5;
+    if (child.object->plugin == "constvolume") {
+      const Vec3 value = child.object->get_rgb("value").value_or(Rgb{{1, 1, 1}}).value;
+      if (value[0] != value[1] || value[1] != value[2] || value[0] > 1) return false;
+      weight = value[0];
+    } else if (passed_over_ == nullptr) {
+      return false;
+    } else {
+      tell(error_at(where, "the 'weight' of phase 'blendphase' cannot vary").with_mend("it is 0.5"));
+    }
+    blend.properties.push_back({"weight", PropertyType::number, weight, where});
+    return true;
   }
 
   void tell(const Error& error) {

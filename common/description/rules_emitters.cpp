@@ -24,7 +24,7 @@ PluginRule daylight(std::string_view name, std::vector<PropertyRule> own, std::s
       real("turbidity", "haze: 2 very clear, 3 clear, 6 warm and moist, 10 hazy (default 3)", 1, 10),
       {.name = "sun_direction",
        .types = {vector},
-       .doc = "towards the sun, +y is up; else by date, time and place"},
+       .doc = "towards the sun in the scene, whatever to_world is; else by date, time and place"},
       whole("year", "(default 2010)", 1900, 2100),
       whole("month", "(default 7)", 1, 12),
       whole("day", "(default 10)", 1, 31),
@@ -61,6 +61,13 @@ void add_daylight(std::vector<PluginRule>& table) {
       .types = {number},
       .doc = "widens the sun and keeps its power (default 1; at least 0.01 is taken)",
       .minimum = 0};
+  const PropertyRule aperture = {
+      .name = "sun_aperture",
+      .types = {number},
+      .doc = "3: degrees from edge to edge of the sun, whose power stays; excludes sun_radius_scale",
+      .minimum = 0,
+      .maximum = 90,
+      .above_minimum = true};
   const std::string_view sky =
       "the sky is Preetham's of 1999, where 0.6 has Hosek and Wilkie's of 2012 and Mitsuba 3 a fit of that, "
       "with +z up";
@@ -71,7 +78,8 @@ void add_daylight(std::vector<PluginRule>& table) {
   table.push_back(daylight("sky", {factor("scale"), stretch, albedo},
                            "a clear sky without the sun after Preetham 1999", sky));
   table.push_back(daylight("sun", {factor("scale"), radius}, "the sun through the atmosphere", sun));
-  table.push_back(daylight("sunsky", {factor("sky_scale"), factor("sun_scale"), radius, stretch, albedo},
+  table.push_back(daylight("sunsky",
+                           {factor("sky_scale"), factor("sun_scale"), radius, aperture, stretch, albedo},
                            "sky and sun together", sky));
 }
 

@@ -60,7 +60,8 @@ void add_media(std::vector<PluginRule>& table) {
                    .properties = {{.name = "weight",
                                    .types = {number},
                                    .required = true,
-                                   .doc = "of the second; the first has the rest; the same everywhere",
+                                   .doc = "of the second; the first has the rest; the same everywhere: a "
+                                          "number, or a constvolume of this name",
                                    .minimum = 0,
                                    .maximum = 1}},
                    .child_categories = {"phase"},

@@ -27,7 +27,8 @@ void add_samplers(std::vector<PluginRule>& table) {
               ignored("seed", {integer}, "the seed belongs to the job: --seed"),
               ignored("jitter", {boolean}, "the kind of sampler belongs to the job: --sampler"),
               ignored("dimension", {integer}, "0.6: the kind of sampler belongs to the job: --sampler"),
-              ignored("scramble", {integer}, "0.6: the kind of sampler belongs to the job: --sampler")},
+              ignored("scramble", {integer}, "0.6: the kind of sampler belongs to the job: --sampler"),
+              ignored("strength", {integer}, "the kind of sampler belongs to the job: --sampler")},
          .child_categories = {},
          .doc = "accepted for its sample_count; the kind of sampler belongs to the job (--sampler): noise "
                 "only, the "
@@ -193,7 +194,8 @@ void add_integrators(std::vector<PluginRule>& table) {
       "path tracing with next event estimation and multiple importance sampling, through media too; "
       "the names `volpath`, `volpathmis` and `volpath_simple` mean this one"));
   table.push_back(integrator_rule(words::kLight,
-                                  {ignored("brute_force", {boolean}, "0.6: connections are always made")},
+                                  {ignored("brute_force", {boolean}, "0.6: connections are always made"),
+                                   ignored("granularity", {integer}, "the farm cuts work into units itself")},
                                   "light tracing; the name `ptracer` means this one"));
   table.push_back(
       integrator_rule(words::kBdpt,

@@ -25,8 +25,9 @@ understood. Anything else is an error that names the file, the line and the near
   `blendbsdf`s; `sigmaA` and `sigmaS` become `sigma_t` and `albedo`, a medium's volume `density` its `sigma_t`, and
   `densityMultiplier` its `scale`; a homogeneous medium's `material` (default `skin1`) becomes measured coefficients per
   millimeter; media begin at the camera, not at the near plane; the microfacet distributions `phong` and `as` become
-  `beckmann`; a parameter that is given twice has its later value; grids fill the bounding box of their file; conductors without parameters are copper, and
-  `extEta` divides their `eta` and `k`.
+  `beckmann`; a parameter that is given twice has its later value; grids fill the bounding box of their file, or the box from
+  `min` to `max`; the `scale` of a `sunsky` is that of both parts; conductors without parameters are copper, and `extEta`
+  divides their `eta` and `k`.
 - Values: `<boolean>`, `<integer>`, `<float>`, `<string>`, `<point>` and `<vector>` (`x`, `y`, `z`, or `value`), `<rgb>`
   (linear Rec.709: one or three numbers; `#rrggbb` is decoded from sRGB, before version 2 it is linear), `<srgb>` (decoded
   from sRGB).
@@ -63,7 +64,7 @@ mends some, as the next section says.
   version 2); the outermost and first value counts. A bad value of a parameter that this page lists for the scene's own
   integrator is an error. `check` warns of the other integrator, the other commands print a note.
 - In a file before version 2 an unknown parameter of a known plugin is passed over, as in Mitsuba 0.6. Parameters that change
-  what 0.6 renders and that Candela lacks (a grid's `min` and `max`) stay errors.
+  what 0.6 renders and that Candela lacks (a medium's `orientation`) stay errors.
 - With `--lenient` unknown parameters, textures for unknown parameters, and unknown elements with all that is in them are passed
   over in every file; unknown plugins are replaced as the next section says. Known elements at a wrong place stay errors.
 
@@ -80,13 +81,15 @@ Mitsuba's picture but for polarization or for a width next to none, so they stan
 | `simplemicrofacet`, `approxmicrofacet`, `pplastic` * | `roughplastic` |
 | `polarizer` *, `circular`; `retarder` | `thindielectric` of index 1 that passes half; `null` |
 | a bsdf that holds one bsdf; two | the one inside (`mask` of opacity 1); `blendbsdf` |
-| any other bsdf | `diffuse` |
+| `measured`, `hair`, `irawan`, any other bsdf | `diffuse` of 0.5 unless it names a color |
 | a film; sampler; filter | `hdrfilm`; `independent`; `gaussian` |
 | `collimated` * | `spot`, half a degree wide, of the same power |
 | `radiancemeter` * | `orthographic`, 2e-4 wide |
 | any other sensor | `perspective` (`telecentric`: `orthographic`) |
 | a texture | `rawconstant` of 0.5 |
-| a phase function; medium | `isotropic`; `homogeneous` |
+| `microflake` * | `isotropic`, as in 0.6 without a field of orientations |
+| `tabphase` | `hg` of the same mean cosine |
+| another phase function; a medium | `isotropic`; `homogeneous` |
 | an integrator | `path` (`photonmapper`, `upm`: `ppm`; `mlt`, `erpt`: `mmlt`) |
 | a `point`, `spot`, ... inside a shape | the same beside the shape, in its frame |
 | a shape, emitter or volume | nothing: it is left out |

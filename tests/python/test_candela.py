@@ -1,4 +1,5 @@
 """The Python package against a farm of real processes. Skips, with a reason, where Debian's modules are absent."""
+import dataclasses
 import importlib
 import json
 import os
@@ -71,6 +72,24 @@ class Package(unittest.TestCase):
                 self.assertIn(argument.split("=")[0], help_text)
         with self.assertRaisesRegex(candela.UsageError, "did you mean 'iterations'"):
             program.scene_arguments({"iteratons": 4})
+
+    def test_sizes(self):
+        """Claim: a size is a pair or text; a text is never taken for a pair of letters, nor text for settings."""
+        program = candela.program
+        for size in ((64, 48), [64, 48], "64x48"):
+            self.assertEqual(program.scene_arguments({"size": size}), ["--size", "64x48"])
+        for size in (64, (64,), (1, 2, 3)):
+            with self.assertRaisesRegex(candela.UsageError, "size: .* is not a pair"):
+                program.scene_arguments({"size": size})
+        with self.assertRaisesRegex(candela.UsageError, "settings: 'max_depth=5' is not a dictionary"):
+            program.scene_arguments({"settings": "max_depth=5"})
+
+    def test_short_texts(self):
+        """Claim: an image and a status are printed in a line, without their files and messages."""
+        image = candela.Image(np.zeros((2, 3, 3), np.float32), {"depth": np.zeros((2, 3, 1), np.float32)}, {}, b"x" * 99)
+        self.assertEqual(repr(image), "<Image 3x2: rgb, depth>")
+        self.assertEqual(image.shape, (2, 3, 3))
+        self.assertNotIn("message", [f.name for f in dataclasses.fields(candela.Status) if f.repr])
 
     def test_addresses(self):
         """Claim: a master beyond this machine needs TLS or consent; three files go together."""

@@ -100,6 +100,7 @@ TEST_F(Completion, Bash) {
   EXPECT_EQ(complete({"candela", "render", "--integrator", "pss"}), "pssmlt\nexit 0\n");
   EXPECT_EQ(complete({"candela", "submit", "--integrator", "=", "pss"}), "pssmlt\nexit 0\n");
   EXPECT_EQ(complete({"candela", "render", "--set", "rr_"}), "rr_depth=\nexit 0\n");
+  EXPECT_EQ(complete({"candela", "render", "--aov", "alb"}), "albedo\nexit 0\n");
   EXPECT_EQ(complete({"candela", "fetch", "j1", "--half", ""}), "A\nB\nexit 0\n");
   EXPECT_EQ(complete({"candela", "completion", ""}), "bash\nzsh\nexit 0\n");
   EXPECT_EQ(complete({"candela", "render", "--seed", ""}), "\nexit 0\n");

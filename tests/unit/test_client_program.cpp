@@ -251,6 +251,16 @@ TEST(Program, UnreachableMasterIsCodeThree) {
   EXPECT_NE(r.err.find("cannot reach the master at 127.0.0.1:1"), std::string::npos) << r.err;
 }
 
+// Claim: "help" as a command is --help, of the program or of the command that follows.
+TEST(Program, HelpMayBeACommand) {
+  EXPECT_EQ(run({"help"}).out, run({"--help"}).out);
+  EXPECT_EQ(run({"help", "render"}).out, run({"render", "--help"}).out);
+  EXPECT_EQ(run({"help", "render", "scene.xml"}).out, run({"render", "--help"}).out);
+  EXPECT_EQ(run({"help"}).code, 0);
+  EXPECT_NE(run({"help", "rendr"}).err.find("there is no command 'rendr' (did you mean 'render'?)"),
+            std::string::npos);
+}
+
 // Claim: help and version are exit code 0 on standard output.
 TEST(Program, HelpAndVersion) {
   for (const auto& arguments :

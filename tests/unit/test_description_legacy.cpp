@@ -114,6 +114,28 @@ TEST(DescriptionLegacy, OldWordsAreTodaysObjects) {
        "<medium type='heterogeneous'><float name='scale' value='7'/><volume type='gridvolume' name='sigma_t'>"
        "<string name='filename' value='mesh.obj'/><boolean name='use_grid_bbox' value='true'/></volume>"
        "<volume type='constvolume' name='albedo'><rgb name='value' value='0.9'/></volume></medium>"},
+      {"<medium type='heterogeneous'><volume type='gridvolume' name='density'><string name='filename' "
+       "value='mesh.obj'/><point name='min' x='1' y='2' z='3'/><point name='max' x='3' y='5' z='7'/>"
+       "<transform name='toWorld'><translate x='10'/></transform></volume></medium>",
+       "<medium type='heterogeneous'><volume type='gridvolume' name='sigma_t'><string name='filename' "
+       "value='mesh.obj'/><transform name='to_world'><scale x='2' y='3' z='4'/><translate x='11' y='2' "
+       "z='3'/>"
+       "</transform><boolean name='use_grid_bbox' value='false'/></volume></medium>"},
+      {"<medium type='heterogeneous'><volume type='gridvolume' name='density'><string name='filename' "
+       "value='mesh.obj'/><point name='min' x='1' y='2' z='3'/></volume></medium>",
+       "<medium type='heterogeneous'><volume type='gridvolume' name='sigma_t'><string name='filename' "
+       "value='mesh.obj'/><boolean name='use_grid_bbox' value='true'/></volume></medium>"},
+      {"<emitter type='sunsky'><float name='scale' value='3'/><float name='skyScale' value='2'/></emitter>",
+       "<emitter type='sunsky'><float name='sky_scale' value='2'/><float name='sun_scale' "
+       "value='3'/></emitter>"},
+      {"<bsdf type='roughdiffuse'><rgb name='diffuseReflectance' value='0.3'/></bsdf>",
+       "<bsdf type='roughdiffuse'><rgb name='reflectance' value='0.3'/></bsdf>"},
+      {"<bsdf type='roughdiffuse'><texture name='diffuseReflectance' type='checkerboard'/></bsdf>",
+       "<bsdf type='roughdiffuse'><texture name='reflectance' type='checkerboard'/></bsdf>"},
+      {"<bsdf type='hk'><texture name='sigmaT' type='checkerboard'/><texture name='albedo' "
+       "type='checkerboard'/></bsdf>",
+       "<bsdf type='hk'><texture name='sigma_t' type='checkerboard'/><texture name='albedo' "
+       "type='checkerboard'/></bsdf>"},
       {"<bsdf type='diffuse'><rgb name='reflectance' value='#ff0033' intent='reflectance'/></bsdf>",
        "<bsdf type='diffuse'><rgb name='reflectance' value='1, 0, 0.2'/></bsdf>"},
       {"<bsdf type='diffuse'><srgb name='reflectance' value='#ff8000' intent='illuminant'/></bsdf>",

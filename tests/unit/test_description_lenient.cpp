@@ -74,10 +74,18 @@ TEST(DescriptionLenient, UnknownPluginsAreReplaced) {
       {"<bsdf type='diffuse'><texture name='reflectance' type='marble'/></bsdf>",
        "<bsdf type='diffuse'><texture name='reflectance' type='rawconstant'><float name='value' "
        "value='0.5'/></texture></bsdf>"},
-      {"<shape type='cube'><medium name='interior' type='heterogeneous'><phase type='microflake'><float "
-       "name='stddev' value='0.1'/></phase></medium></shape>",
-       "<shape type='cube'><medium name='interior' type='heterogeneous'><phase type='isotropic'/></medium>"
-       "</shape>"},
+      {"<medium type='homogeneous'><phase type='sggx'><volume name='S' type='constvolume'/></phase></medium>",
+       "<medium type='homogeneous'><phase type='isotropic'/></medium>"},
+      // Densities of 0, 1 and 2 at cosines of -1, 0 and 1 have the mean cosine 1/3.
+      {"<medium type='homogeneous'><phase type='tabphase'><string name='values' value='0, 1, 2'/></phase>"
+       "</medium>",
+       "<medium type='homogeneous'><phase type='hg'><float name='g' value='0.33333333333333337'/></phase>"
+       "</medium>"},
+      {"<medium type='homogeneous'><phase type='blendphase'><phase type='hg'/><phase type='isotropic'/>"
+       "<volume name='weight' type='gridvolume'><string name='filename' value='image.png'/></volume></phase>"
+       "</medium>",
+       "<medium type='homogeneous'><phase type='blendphase'><float name='weight' value='0.5'/><phase "
+       "type='hg'/><phase type='isotropic'/></phase></medium>"},
       {"<sensor type='fisheye'><float name='fov' value='50'/><film type='streakhdrfilm'><integer "
        "name='width' "
        "value='9'/><float name='exposure_time' value='1'/><rfilter type='box'/><rfilter name='tfilter' "
@@ -108,7 +116,7 @@ TEST(DescriptionLenient, UnknownPluginsAreReplaced) {
   }
 }
 
-// Claim: four plugins of Mitsuba's are read as one that gives the same picture but for what the warning says,
+// Claim: five plugins of Mitsuba's are read as one that gives the same picture but for what the warning says,
 // by every reading and in files of every version; what the new plugin lacks is passed over.
 TEST(DescriptionLenient, ClosePluginsStandInForEveryReading) {
   const struct {
@@ -134,6 +142,10 @@ TEST(DescriptionLenient, ClosePluginsStandInForEveryReading) {
        "<bsdf type='roughplastic'><float name='alpha' value='0.2'/><rgb name='diffuse_reflectance' "
        "value='0.1'/></bsdf>",
        "bsdf 'pplastic' is not supported yet: it is read as 'roughplastic'"},
+      {"<medium type='heterogeneous'><phase type='microflake'><float name='stddev' value='0.1'/></phase>"
+       "</medium>",
+       "<medium type='heterogeneous'><phase type='isotropic'/></medium>",
+       "phase 'microflake' is not supported yet: it is read as 'isotropic'"},
   };
   for (const auto& test : cases) {
     for (const std::string version : {"3.0.0", "0.6.0"}) {
@@ -147,6 +159,25 @@ TEST(DescriptionLenient, ClosePluginsStandInForEveryReading) {
     EXPECT_NE(strict->passed_over[0].text.find(test.warning), std::string::npos)
         << strict->passed_over[0].text;
   }
+}
+
+// Claim: a weight of phase functions that is a constant volume is that number, for every reading.
+TEST(DescriptionLenient, ConstantWeightOfPhases) {
+  const std::string parts = "<phase type='hg'/><phase type='isotropic'/></phase></medium>";
+  const std::string number =
+      "<medium type='homogeneous'><phase type='blendphase'><float name='weight' value='0.25'/>" + parts;
+  const std::string volume =
+      "<medium type='homogeneous'><phase type='blendphase'><volume name='weight' type='constvolume'><float "
+      "name='value' value='0.25'/></volume>" +
+      parts;
+  EXPECT_EQ(strict_scene(volume), strict_scene(number));
+  EXPECT_EQ(lenient_scene(volume), strict_scene(number));
+  EXPECT_FALSE(read_body("3.0.0",
+                         "<medium type='homogeneous'><phase type='blendphase'><volume name='weight' "
+                         "type='constvolume'><float name='value' value='2'/></volume>" +
+                             parts,
+                         lenient_reading)
+                   .ok());
 }
 
 // Claim: an integrator of Mitsuba that Candela lacks is kept strictly, for the command line may choose

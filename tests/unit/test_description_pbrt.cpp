@@ -507,8 +507,22 @@ TEST(DescriptionPbrt, MistakesAreNamed) {
     ASSERT_EQ(lenient->passed_over.size(), 1U) << mistake.world;
     EXPECT_TRUE(lenient->passed_over[0].text.starts_with(mistake.lenient)) << lenient->passed_over[0].text;
   }
-  EXPECT_EQ(read_scene(MemorySource(Files{{"a.pbrt", ""}}), "a.pbrt", {{"spp", "4"}}, {}).error().to_string(),
+  EXPECT_EQ(read_scene(MemorySource(Files{{"a.pbrt", "WorldBegin"}}), "a.pbrt", {{"spp", "4"}}, {})
+                .error()
+                .to_string(),
             "a.pbrt: the scene does not use the parameter 'spp' (a pbrt scene has none)");
+}
+
+// Claim: a scene without WorldBegin, such as a file that was cut off, is an error, as for pbrt.
+TEST(DescriptionPbrt, AWorldMustBegin) {
+  for (const char* text : {"", "Camera \"perspective\"\n"}) {
+    EXPECT_EQ(outcome_of(read_pbrt(text)),
+              "scene.pbrt: the scene has no WorldBegin (with --lenient its world is empty)");
+    const auto lenient = read_pbrt(text, {}, {.integrator = {}, .lenient = true});
+    ASSERT_TRUE(lenient.ok()) << outcome_of(lenient);
+    ASSERT_EQ(lenient->passed_over.size(), 1U);
+    EXPECT_EQ(lenient->passed_over[0].text, "the scene has no WorldBegin: its world is empty");
+  }
 }
 
 // Claim: chains of textures and materials of any length end in an error, not on the stack.

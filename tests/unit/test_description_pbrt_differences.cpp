@@ -60,6 +60,11 @@ TEST(DescriptionPbrtDifferences, DocumentedPluginsAreReadAndTold) {
        "material 'hair' is 'roughplastic'"},
       {"WorldBegin\nMaterial \"measured\" \"string filename\" \"image.png\"\nShape \"sphere\"",
        "material 'measured' is 'diffuse'"},
+      {"ColorSpace \"rec2020\"\nWorldBegin\nMaterial \"diffuse\" \"rgb reflectance\" [1 0 0]\nShape "
+       "\"sphere\"",
+       "scene.pbrt:3: the color 1, 0, 0 of rec2020 is outside of Rec.709: 1, 0, 0 is taken"},
+      {"ColorSpace \"dci-p3\"\nWorldBegin\nLightSource \"infinite\" \"rgb L\" [0 2 0]",
+       "scene.pbrt:3: the color 0, 2, 0 of dci-p3 is outside of Rec.709: 0, 2.084, 0 is taken"},
       {"WorldBegin\nLightSource \"goniometric\" \"rgb I\" [1 1 1]", "without a picture is a point light"},
       {"WorldBegin\nAreaLightSource \"diffuse\" \"float power\" 3\nShape \"trianglemesh\" \"point3 P\" [0 0 "
        "0 1 0 "

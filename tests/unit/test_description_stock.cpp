@@ -5,8 +5,8 @@
 
 #include <set>
 
-#include "common/description/reading.h"
 #include "common/description/vocabulary.h"
+#include "smallest_scene.h"
 #include "test_description_common.h"
 
 namespace candela::description {
@@ -58,76 +58,19 @@ const std::vector<Documented>& documented() {
   return all;
 }
 
-// The parameters and children that a plugin requires.
-std::string contents(const std::string& category, const std::string& plugin) {
-  static const std::set<std::string> with_file = {"obj",         "ply",          "serialized",  "hair",
-                                                  "heightfield", "bsplinecurve", "linearcurve", "sdfgrid",
-                                                  "bitmap",      "gridvolume",   "envmap"};
-  std::string inside;
-  if (with_file.contains(plugin) && category != "bsdf")
-    inside += "<string name='filename' value='mesh.obj'/>";
-  if (plugin == "shapegroup" || plugin == "merge") inside += "<shape type='cube'/>";
-  if (plugin == "instance") inside += "<ref id='group'/>";
-  if (plugin == "mixturebsdf") inside += "<string name='weights' value='0.5, 0.5'/>";
-  static const std::set<std::string> with_part = {"coating", "roughcoating", "bumpmap",     "normalmap",
-                                                  "mask",    "twosided",     "mixturebsdf", "blendbsdf"};
-  if (with_part.contains(plugin)) inside += "<bsdf type='diffuse'/>";
-  if (plugin == "mixturebsdf" || plugin == "blendbsdf") inside += "<bsdf type='diffuse'/>";
-  if (plugin == "bumpmap" || plugin == "scale") inside += "<texture type='checkerboard'/>";
-  if (plugin == "normalmap") inside += "<texture name='normalmap' type='checkerboard'/>";
-  if (plugin == "mixturephase" || plugin == "blendphase")
-    inside += "<phase type='hg'/><phase type='isotropic'/>";
-  if (plugin == "mixturephase") inside += "<string name='weights' value='0.5, 0.5'/>";
-  if (plugin == "blendphase") inside += "<float name='weight' value='0.5'/>";
-  if (plugin == "thinlens" || plugin == "telecentric") inside += "<float name='apertureRadius' value='0.1'/>";
-  if (plugin == "constvolume") inside += "<float name='value' value='0.5'/>";
-  if (category == "texture" && plugin == "volume") inside += "<volume name='volume' type='constvolume'/>";
-  if (plugin == "mesh_attribute") inside += "<string name='name' value='vertex_color'/>";
-  return inside;
-}
-
-std::string scene_with(const std::string& category, const std::string& plugin) {
-  const std::string object =
-      "\n<" + category + " type='" + plugin + "'" + (category == "texture" ? " name='reflectance'" : "") +
-      (category == "volume" ? " name='sigma_t'" : "") + (category == "medium" ? " name='interior'" : "") +
-      ">" + contents(category, plugin) + "</" + category + ">\n";
-  const auto in = [&](const std::string& before, const std::string& after) {
-    return before + object + after;
-  };
-  if (category == "bsdf") return in("<shape type='cube'>", "</shape>");
-  if (category == "texture") return in("<shape type='cube'><bsdf type='diffuse'>", "</bsdf></shape>");
-  if (category == "medium") return in("<shape type='cube'>", "</shape>");
-  if (category == "phase")
-    return in("<shape type='cube'><medium name='interior' type='homogeneous'>", "</medium></shape>");
-  if (category == "volume")
-    return in("<shape type='cube'><medium name='interior' type='heterogeneous'>", "</medium></shape>");
-  if (category == "emitter" && (plugin == "area" || plugin == "directionalarea"))
-    return in("<shape type='cube'>", "</shape>");
-  if (plugin == "irradiancemeter") return in("<shape type='cube'>", "</shape>");
-  if (category == "sampler" || category == "film") return in("<sensor type='perspective'>", "</sensor>");
-  if (category == "rfilter")
-    return in("<sensor type='perspective'><film type='hdrfilm'>", "</film></sensor>");
-  return object +
-         (plugin == "instance" ? "<shape type='shapegroup' id='group'><shape type='cube'/></shape>" : "");
-}
-
-Result<ReadScene> read_as(const std::string& version, const std::string& body, bool lenient) {
-  return read_scene(MemorySource({{"scene.xml", "<scene version='" + version + "'>" + body + "</scene>"},
-                                  {"mesh.obj", "v"}}),
-                    "scene.xml", {}, Reading{.lenient = lenient});
-}
-
 // Claim: no plugin that the manuals document keeps a scene from being read with --lenient, in either
 // spelling; what strict reading does not understand is told by its name.
 TEST(DescriptionStock, EveryDocumentedPluginIsUnderstoodOrMapped) {
   int understood = 0, mapped = 0;
   for (const Documented& list : documented()) {
     for (const std::string& plugin : list.plugins) {
-      const std::string body = scene_with(list.category, plugin);
-      const bool strict = read_as("0.6.0", body, false).ok() && find_plugin(list.category, plugin) != nullptr;
+      const std::string body =
+          smallest_scene(list.category, plugin, required_contents(list.category, plugin));
+      const bool strict =
+          read_smallest("0.6.0", body, false).ok() && find_plugin(list.category, plugin) != nullptr;
       for (const char* version : {"0.6.0", "3.0.0"}) {
         if (std::string(version) == "3.0.0" && plugin == "mixturebsdf") continue;  // 0.6's alone
-        const auto read = read_as(version, body, true);
+        const auto read = read_smallest(version, body, true);
         ASSERT_TRUE(read.ok()) << list.category << " " << plugin << ": " << read.error().to_string();
         if (strict) continue;
         bool told = false;
@@ -146,7 +89,7 @@ TEST(DescriptionStock, EveryDocumentedPluginIsUnderstoodOrMapped) {
 }
 
 std::string notes_of(const std::string& version, const std::string& body) {
-  const auto read = read_as(version, body, true);
+  const auto read = read_smallest(version, body, true);
   if (!read.ok()) return read.error().to_string();
   std::string text;
   for (const Note& note : read->passed_over) text += note.text + "\n";
@@ -154,7 +97,7 @@ std::string notes_of(const std::string& version, const std::string& body) {
 }
 
 std::string scene_text(const std::string& version, const std::string& body, bool lenient) {
-  const auto read = read_as(version, body, lenient);
+  const auto read = read_smallest(version, body, lenient);
   return read.ok() ? dump(*read->description.scene) : read.error().to_string();
 }
 
@@ -207,8 +150,8 @@ TEST(DescriptionStock, ValuesAreMended) {
        "motion is not supported yet: it is passed over (the first transform of <animation> is taken)\n"},
   };
   for (const auto& test : cases) {
-    EXPECT_FALSE(read_as(test.version, test.body, false).ok()) << test.body;
-    EXPECT_TRUE(read_as(test.version, test.read_as, false).ok()) << test.read_as;
+    EXPECT_FALSE(read_smallest(test.version, test.body, false).ok()) << test.body;
+    EXPECT_TRUE(read_smallest(test.version, test.read_as, false).ok()) << test.read_as;
     EXPECT_EQ(scene_text(test.version, test.body, true), scene_text(test.version, test.read_as, false))
         << test.body;
     EXPECT_NE(notes_of(test.version, test.body), "") << test.body;
@@ -221,22 +164,24 @@ TEST(DescriptionStock, ValuesAreMended) {
             scene_text("3.0.0", "<shape type='cube'><bsdf type='diffuse'/></shape>", false));
   EXPECT_NE(notes_of("3.0.0", "<shape type='cube'><bsdf/></shape>").find("it is read as 'diffuse'"),
             std::string::npos);
-  EXPECT_FALSE(read_as("3.0.0", "<shape type='cube'><bsdf/></shape>", false).ok());
+  EXPECT_FALSE(read_smallest("3.0.0", "<shape type='cube'><bsdf/></shape>", false).ok());
   EXPECT_FALSE(
-      read_as("3.0.0", "<emitter type='spot'><float name='beam_width' value='30'/></emitter>", false).ok());
+      read_smallest("3.0.0", "<emitter type='spot'><float name='beam_width' value='30'/></emitter>", false)
+          .ok());
   EXPECT_EQ(
       scene_text("3.0.0", "<emitter type='spot'><float name='beam_width' value='30'/></emitter>", true),
       scene_text("3.0.0", "<emitter type='spot'><float name='beam_width' value='20'/></emitter>", false));
   EXPECT_EQ(notes_of("3.0.0", "<emitter type='spot'><float name='beam_width' value='30'/></emitter>"),
             "parameter 'beam_width' is beyond cutoff_angle, 20: 20 is taken\n");
   // A required parameter that nothing can mend stays an error; so does a crop window of the whole film none.
-  EXPECT_FALSE(read_as("3.0.0", "<shape type='obj'><float name='filename' value='2'/></shape>", true).ok());
+  EXPECT_FALSE(
+      read_smallest("3.0.0", "<shape type='obj'><float name='filename' value='2'/></shape>", true).ok());
   EXPECT_EQ(notes_of("3.0.0", "<film type='hdrfilm'><integer name='crop_width' value='768'/></film>"), "");
 }
 
 // Claim: a color of an old mask is told to count by its luminance.
 TEST(DescriptionStock, ColoredOpacityCountsByLuminance) {
-  const auto read = read_as(
+  const auto read = read_smallest(
       "0.6.0", "<bsdf type='mask'><rgb name='opacity' value='1, 0, 0'/><bsdf type='diffuse'/></bsdf>", false);
   ASSERT_TRUE(read.ok()) << read.error().to_string();
   ASSERT_EQ(read->description.notes.size(), 1u);

@@ -92,6 +92,14 @@ TEST(Daylight, SunKeepsItsPower) {
                                    std::string("<integer name='resolution' value='2048'/>"),
                                    number_of("sun_radius_scale", 12), number_of("sun_radius_scale", 0)})
     EXPECT_NEAR(power(other).g, sun.g, 0.015f * sun.g) << other;
+  // Mitsuba 3's width of the sun, in degrees, is that of 12 suns.
+  const auto power_of_both = [](const std::string& parameters) {
+    const auto scene = daylight("sunsky", sun_at(35) + parameters);
+    return scene == nullptr ? Spectrum() : power_of(*scene);
+  };
+  EXPECT_EQ(power_of_both(number_of("sun_aperture", 12 * 0.5334)).g,
+            power_of_both(number_of("sun_radius_scale", 12)).g);
+  EXPECT_NE(power_of_both(number_of("sun_aperture", 12 * 0.5334)).g, power_of_both("").g);
   EXPECT_NEAR(power(number_of("scale", 3)).g, 3 * sun.g, 0.03f * sun.g);
   // About 1000 W / m^2 in 400 to 700 nm and beyond reach the ground on a clear day: some 1.3 per nm.
   EXPECT_GT(sun.g, 0.7f);
@@ -101,6 +109,17 @@ TEST(Daylight, SunKeepsItsPower) {
   EXPECT_GT(hazy.r / hazy.b, 1.2f * sun.r / sun.b);
   const auto sky = daylight("sky", sun_at(35)), both = daylight("sunsky", sun_at(35));
   EXPECT_NEAR(power_of(*both).g, power_of(*sky).g + sun.g, 0.03f * sun.g);
+}
+
+// Claim: the sun's direction is one of the scene: to_world turns the sky about it, and not the sun.
+TEST(Daylight, DirectionOfTheSunIsOfTheScene) {
+  const std::string turned =
+      "<transform name='to_world'><rotate z='1' angle='30'/><rotate x='1' angle='20'/></transform>";
+  const auto scene = daylight("sun", sun_at(60) + number_of("sun_radius_scale", 20) + turned);
+  ASSERT_NE(scene, nullptr);
+  EXPECT_GT(luminance(scene->environment(towards(60, 0))), 0.0f);
+  for (const double azimuth : {90.0, 180.0, 270.0})
+    EXPECT_EQ(luminance(scene->environment(towards(60, azimuth))), 0.0f) << azimuth;
 }
 
 // Claim: without a direction the sun stands where date, time and place put it: in Tokyo on July 10th 2010, at

@@ -26,7 +26,16 @@ class Image:
     rgb: Array
     layers: dict[str, Array] = field(default_factory=dict)
     metadata: dict[str, str] = field(default_factory=dict)  # "candela:iterations" and so on
-    exr: bytes = b""  # the file as the farm made it
+    exr: bytes = field(default=b"", repr=False)  # the file as the farm made it
+
+    def __repr__(self) -> str:
+        layers = "".join(f", {name}" for name in self.layers)
+        return f"<Image {self.width}x{self.height}: rgb{layers}>"
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """That of `rgb`: height, width, 3."""
+        return self.rgb.shape
 
     @property
     def width(self) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 import hashlib
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Iterator, Optional
 
 import grpc
@@ -34,7 +34,7 @@ class Status:
     elapsed_seconds: float
     eta_seconds: Optional[float]
     samples_per_second: float
-    message: Any
+    message: Any = field(repr=False)
 
     @property
     def ended(self) -> bool:

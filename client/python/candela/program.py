@@ -27,7 +27,7 @@ class SceneSettings(TypedDict, total=False):
     time: Duration  # seconds, or text such as "10m"
     until: float  # the estimated relMSE to stop at
     seed: int
-    size: tuple[int, int]  # pixels
+    size: Union[tuple[int, int], str]  # pixels: (width, height), or text such as "640x480"
     filter: str
     sampler: str
     isa: str
@@ -55,6 +55,21 @@ def text_of(value: object) -> str:
     return str(value)
 
 
+def size_text(value: object) -> str:
+    """A size as --size takes it. The program checks the numbers."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, Sequence) and len(value) == 2:
+        return f"{value[0]}x{value[1]}"
+    raise UsageError(f"size: {value!r} is not a pair of numbers such as (640, 480)")
+
+
+def pairs_of(key: str, value: object) -> Any:
+    if isinstance(value, Mapping):
+        return value.items()
+    raise UsageError(f"{key}: {value!r} is not a dictionary of names and values")
+
+
 def scene_arguments(settings: Mapping[str, Any]) -> list[str]:
     """The options of `candela submit` and `candela render` for these settings."""
     known = SceneSettings.__annotations__
@@ -66,15 +81,15 @@ def scene_arguments(settings: Mapping[str, Any]) -> list[str]:
         if value is None:
             continue
         if key == "settings":
-            for name, inner in value.items():
+            for name, inner in pairs_of(key, value):
                 arguments += ["--set", f"{name}={text_of(inner)}"]
         elif key == "parameters":
-            for name, inner in value.items():
+            for name, inner in pairs_of(key, value):
                 arguments += ["--define", f"{name}={text_of(inner)}"]
         elif key == "until":
             arguments += ["--until", f"relmse={value!r}"]
         elif key == "size":
-            arguments += ["--size", f"{value[0]}x{value[1]}"]
+            arguments += ["--size", size_text(value)]
         elif key == "aov":
             arguments += ["--aov", value if isinstance(value, str) else ",".join(value) or "none"]
         elif key == "lenient":

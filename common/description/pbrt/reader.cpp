@@ -54,7 +54,11 @@ class Reader {
   Result<ReadScene> run() {
     CANDELA_TRY(read_file(main_file_));
     if (state_.depth() > 0) return state_.unfinished("has no end");
-    if (!state_.in_world()) CANDELA_TRY(begin_world());
+    if (!state_.in_world()) {
+      const Error error = input_error("the scene has no WorldBegin").at(main_file_, 0);
+      CANDELA_TRY(context_.refuse(error, "its world is empty"));
+      CANDELA_TRY(begin_world());
+    }
     return finish();
   }
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "common/description/check.h"
 #include "common/description/colorimetry.h"
@@ -175,13 +176,34 @@ std::optional<ColorSpace> color_space(std::string_view name) {
   return std::nullopt;
 }
 
-Vec3 to_rec709(const Vec3& rgb, ColorSpace space) {
-  if (space == ColorSpace::srgb) return rgb;
+namespace {
+
+// A wider space has colors that linear Rec.709 lacks; the nearest ones take their place. Reflectances end at
+// 1.
+Rgb to_rec709(Context& context, const Parameter& parameter, ColorSpace space, bool is_reflectance) {
+  constexpr double rounding = 1e-5;  // of the matrices
+  const std::vector<double>& n = parameter.numbers;
+  if (space == ColorSpace::srgb) return Rgb{{n[0], n[1], n[2]}};
   const auto& m = spaces[static_cast<std::size_t>(space)].matrix;
   Vec3 result{};
-  for (std::size_t i = 0; i < 3; ++i) result[i] = m[i][0] * rgb[0] + m[i][1] * rgb[1] + m[i][2] * rgb[2];
-  return clamped(result).value;
+  bool is_outside = false;
+  for (std::size_t i = 0; i < 3; ++i) {
+    result[i] = m[i][0] * n[0] + m[i][1] * n[1] + m[i][2] * n[2];
+    const double highest = is_reflectance ? std::max({1.0, n[0], n[1], n[2]}) : result[i];
+    const double nearest = std::clamp(result[i], 0.0, std::max(highest, 0.0));
+    is_outside = is_outside || std::abs(nearest - result[i]) > rounding;
+    result[i] = nearest;
+  }
+  if (is_outside)
+    context.differs(parameter.where,
+                    fmt::format("the color {}, {}, {} of {} is outside of Rec.709: {:.4g}, {:.4g}, {:.4g} is "
+                                "taken",
+                                n[0], n[1], n[2], space_names[static_cast<std::size_t>(space)], result[0],
+                                result[1], result[2]));
+  return Rgb{result};
 }
+
+}  // namespace
 
 std::optional<MetalPart> metal_part(std::string_view name) {
   if (!name.starts_with("metal-")) return std::nullopt;
@@ -196,7 +218,7 @@ Result<Rgb> color_of(Context& context, const Parameter& parameter, SpectrumUse u
   CANDELA_TRY(needs_one(parameter));
   const std::vector<double>& n = parameter.numbers;
   if (parameter.type == "float") return Rgb{{n[0], n[0], n[0]}};
-  if (parameter.type == "rgb") return Rgb{to_rec709({n[0], n[1], n[2]}, space)};
+  if (parameter.type == "rgb") return to_rec709(context, parameter, space, use == SpectrumUse::reflectance);
   if (parameter.type == "blackbody") {
     CANDELA_ASSIGN(const Vec3 rgb, blackbody_of(parameter));
     return of_unit_luminance(rgb, parameter.where);
@@ -220,8 +242,7 @@ Result<Rgb> color_of(Context& context, const Parameter& parameter, SpectrumUse u
 
 Result<Rgb> light_of(Context& context, const Parameter& parameter, ColorSpace space) {
   CANDELA_TRY(needs_one(parameter));
-  if (parameter.type == "rgb")
-    return Rgb{to_rec709({parameter.numbers[0], parameter.numbers[1], parameter.numbers[2]}, space)};
+  if (parameter.type == "rgb") return to_rec709(context, parameter, space, false);
   if (parameter.type == "blackbody") {
     CANDELA_ASSIGN(const Vec3 rgb, blackbody_of(parameter));
     return of_unit_luminance(rgb, parameter.where);

@@ -13,7 +13,6 @@ namespace candela::description::pbrt {
 enum class ColorSpace { srgb, dci_p3, rec2020, aces };
 std::optional<ColorSpace> color_space(std::string_view name);
 std::span<const std::string_view> color_space_names();
-Vec3 to_rec709(const Vec3& rgb, ColorSpace space);
 double luminance(const Vec3& rec709);
 
 // A color of a surface or of a medium.

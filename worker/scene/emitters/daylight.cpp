@@ -10,6 +10,7 @@
 #include "worker/core/math.h"
 #include "worker/core/vec.h"
 #include "worker/scene/emitters/double_math.h"
+#include "worker/scene/transform.h"
 
 namespace candela::scene {
 namespace {
@@ -76,10 +77,13 @@ Result<Vec3d> sun_direction(const description::Object& object) {
   const description::Property* given = object.find("sun_direction");
   if (given == nullptr) return sun_by_time(object);
   const description::Vec3 d = object.get_vec3("sun_direction", {0, 1, 0});
-  const Vec3d world = {d[0], d[1], d[2]};
-  const double l = length(world);
+  Vec3d towards = {d[0], d[1], d[2]};
+  // The direction is one of the world, and the image has its own frame.
+  if (object.find("to_world") != nullptr)
+    towards = Transform(object.get_transform("to_world")).inverse_vector(towards);
+  const double l = length(towards);
   if (!(l > 0) || !std::isfinite(l)) return error_at(object, "sun_direction", "sun_direction has no length");
-  return world / l;
+  return towards / l;
 }
 
 // Perez' distribution of luminance, and of the chromaticities x and y.
@@ -226,7 +230,9 @@ Result<TexelImage> daylight_image(const description::Object& emitter, Scratch& s
                      emitter.get_number("stretch", 1));
   if (emitter.plugin != "sky") {
     constexpr double kRadius = 0.5334 / 2 * kDegree;  // of the sun's disk
-    const double wider = emitter.get_number("sun_radius_scale", 1);
+    const double wider = emitter.find("sun_aperture") != nullptr
+                             ? emitter.get_number("sun_aperture", 0) / 2 * kDegree / kRadius
+                             : emitter.get_number("sun_radius_scale", 1);
     // A wider sun has the same power. No sun is narrower than a hundredth of the true one.
     const double radius = kRadius * std::max(wider, 0.01);
     const Vec3d radiance = sun_radiance(turbidity, theta) *
