@@ -64,8 +64,9 @@ void add_farm_checks(std::vector<Diagnosis>& checks, const DoctorOptions& option
 }
 
 std::vector<Diagnosis> examine(const DoctorOptions& options, const RendererFacts& facts) {
-  std::vector<Diagnosis> checks = {check_program(), check_system(), check_processor(facts.supported_isas()),
-                                   check_memory(), check_open_files(), check_images()};
+  std::vector<Diagnosis> checks = {
+      check_program(), check_system(),     check_processor(facts.supported_isas()),
+      check_memory(),  check_open_files(), check_images()};
   const auto config = Config::load();
   if (!config) {
     checks.push_back(broken_configuration(config.error()));
