@@ -8,9 +8,9 @@
 
 namespace candela::integrators {
 
-// The scale of a film from luminances of samples: by (mean of square roots)^2, of the mean's order, which no one
-// bright path among them can set alone. If no sample met light, which may be rare: by the emitters themselves,
-// with room below them.
+// The scale of a film from luminances of samples: by (mean of square roots)^2, of the mean's order, which no
+// one bright path among them can set alone. If no sample met light, which may be rare: by the emitters
+// themselves, with room below them.
 inline int film_scale_log2(std::span<const float> luminances, float max_emitted_radiance) {
   double root_sum = 0;
   for (const float value : luminances) root_sum += std::sqrt(static_cast<double>(value));
