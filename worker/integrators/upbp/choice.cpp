@@ -1,8 +1,8 @@
 #include "worker/integrators/upbp/choice.h"
 
 #include <algorithm>
-#include <cmath>
 
+#include "worker/core/math.h"
 #include "worker/transport/box_tree.h"
 
 namespace candela::integrators::upbp {
@@ -20,7 +20,7 @@ constexpr double kMaxValueError = 1;  // of one value's squared error: outliers 
 
 double WorkCounts::cost(double density) const {
   const auto of_points = [&](std::uint64_t n) { return density * static_cast<double>(n); };
-  const double closer = std::cbrt(density);
+  const double closer = math::pow(density, 1.0 / 3);
   const double leaves = closer * static_cast<double>(point_leaves) +
                         (density - closer) * static_cast<double>(point_merges) / kPointsOfLeaf;
   return kOfRay * static_cast<double>(rays) + kOfQuery * static_cast<double>(queries) +
