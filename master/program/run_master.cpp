@@ -110,6 +110,10 @@ int run(const Texts& texts) {
   std::printf("listening on %s\n", place(options->listen, m.port()).c_str());
   if (m.http_port() != 0) std::printf("http on %s\n", place(options->http_listen, m.http_port()).c_str());
   std::fflush(stdout);
+  // Beside the rest, so that neither the start nor the first preview waits for it.
+  std::thread images([] {
+    if (const auto codec = image::image_codec(); !codec.ok()) log::error(codec.error().to_string());
+  });
 
   for (;;) {
     int number = 0;
@@ -127,6 +131,7 @@ int run(const Texts& texts) {
       while (second == SIGHUP);
       std::_Exit(128 + second);
     }).detach();
+    images.join();
     m.stop();
     started->reset();           // closes the store, which then needs no log of its own
     end_process(128 + number);  // the thread above waits for ever; everything is on disk
