@@ -195,11 +195,7 @@ class Parser {
     if (rule == nullptr && may_replace) rule = stand_in::replace_unknown(drafts_, ids_, index, passed_over_);
     if (rule == nullptr) return index;
     if (reading_.lenient) repair::material(*object, passed_over_);
-    if (file.legacy) {
-      legacy::Slots slots;
-      for (const Link& link : drafts_[index].links) slots.emplace_back(link.slot);
-      CANDELA_TRY(legacy::upgrade(*object, slots, notes_));
-    }
+    if (file.legacy) CANDELA_TRY(legacy::upgrade(*object, drafts_[index].slots(), notes_));
     legacy::upgrade_film(*object, plugin, notes_);
     clamp_indices(*object, notes_);
     if (object->plugin == "normalmap" && (file.legacy || reading_.lenient))

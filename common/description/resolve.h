@@ -4,6 +4,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/base/result.h"
@@ -26,6 +27,13 @@ struct Draft {
   bool stands_in = false;  // for a plugin that nobody knows: children that do not fit are left out
   bool left_out = false;   // so are links to this
   bool legacy = false;     // written in a file before version 2
+
+  // The names of the parameters that are links.
+  std::vector<std::string_view> slots() const {
+    std::vector<std::string_view> names;
+    for (const Link& link : links) names.emplace_back(link.slot);
+    return names;
+  }
 };
 
 // Fills in the children of all drafts and checks them. If `passed_over` is given, textures and volumes for

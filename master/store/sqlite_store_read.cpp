@@ -1,4 +1,4 @@
-// What a store reads: all that a master starts from, and what it asks for later.
+// Reads of a store: all rows at a master's start, single records later.
 #include <fmt/format.h>
 
 #include <algorithm>

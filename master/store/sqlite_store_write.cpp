@@ -1,4 +1,4 @@
-// What a store writes: a statement for each kind of change, and all changes of one call in one transaction.
+// Writes of a store: each kind of change has a statement, and one call is one transaction.
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -38,9 +38,9 @@ std::string integrator_of(const Result<ReadScene>& result) {
   return text;
 }
 
-const Reading strict;
-const Reading with_path{.integrator = "path"};
-const Reading lenient{.lenient = true};
+const Reading kStrict;
+const Reading kWithPath{.integrator = "path"};
+const Reading kLenient{.lenient = true};
 
 // Claim: where another integrator runs, the scene's may be of any type, hold anything, and be given twice;
 // what the one that runs knows is taken over, also from integrators inside, the outermost value first.
@@ -77,13 +77,13 @@ TEST(DescriptionReading, AnyIntegratorPasses) {
   };
   for (const auto& test : cases) {
     const auto result = read(
-        test.version, test.body, with_path, {},
+        test.version, test.body, kWithPath, {},
         {{"other.xml", "<integrator type='irrcache'><integer name='max_depth' value='3'/></integrator>"}});
     EXPECT_EQ(integrator_of(result), test.expected) << test.body;
     EXPECT_EQ(told(result), "") << test.body;
   }
   EXPECT_EQ(
-      told(read(new_file, cases[0].body, strict)),
+      told(read(new_file, cases[0].body, kStrict)),
       "scene.xml:2: unknown integrator 'guided_path' (there is 'path', 'light', 'bdpt', 'ppm', 'bpm', "
       "'vcm', 'upbp', 'optimis', 'fppm', 'cppm', 'appm', 'vcmplus', 'pssmlt', 'mmlt'; --integrator NAME "
       "chooses one)");
@@ -95,7 +95,7 @@ TEST(DescriptionReading, OwnIntegratorTellsWhatIsPassedOver) {
                            "<integrator type='volpath'><integer name='max_depth' value='7'/>\n"
                            "<integer name='maxdepth' value='8'/><boolean name='strict_normals' value='true'/>"
                            "<integer name='block_size' value='32'/></integrator>",
-                           with_path);
+                           kWithPath);
   EXPECT_EQ(integrator_of(result), "path max_depth=7 strict_normals=true block_size=32");
   EXPECT_EQ(told(result),
             "scene.xml:3: integrator 'path' has no parameter 'maxdepth': it is passed over (did you mean "
@@ -107,11 +107,11 @@ TEST(DescriptionReading, UsedParametersOfIntegratorsStayChecked) {
   for (const std::string type : {"path", "bdpt"}) {
     EXPECT_EQ(told(read(new_file,
                         "<integrator type='" + type + "'><integer name='max_depth' value='-2'/></integrator>",
-                        with_path)),
+                        kWithPath)),
               "scene.xml:2: parameter 'max_depth' is -2, but must be at least -1");
     EXPECT_EQ(told(read(new_file,
                         "<integrator type='" + type + "'><integer name='max_depth' value='x'/></integrator>",
-                        with_path)),
+                        kWithPath)),
               "scene.xml:2: 'x' is not an integer");
   }
 }
@@ -121,7 +121,7 @@ TEST(DescriptionReading, ParametersInOtherIntegratorsAreUsed) {
   const std::string body =
       "<integrator type='aov'><string name='aovs' value='$aovs'/><odd value='$odd'/><x "
       "y='$none'/></integrator>";
-  EXPECT_EQ(told(read(new_file, body, with_path, {{"aovs", "dd.y:depth"}, {"odd", "1"}})), "");
+  EXPECT_EQ(told(read(new_file, body, kWithPath, {{"aovs", "dd.y:depth"}, {"odd", "1"}})), "");
 }
 
 // Claim: a <default> inside of the element counts for the rest of the scene, as it does elsewhere.
@@ -129,7 +129,7 @@ TEST(DescriptionReading, DefaultsInOtherIntegratorsCount) {
   const std::string body =
       "<integrator type='aov'><default name='r' value='2'/></integrator>"
       "<shape type='sphere'><float name='radius' value='$r'/></shape>";
-  EXPECT_EQ(told(read(new_file, body, with_path)), "");
+  EXPECT_EQ(told(read(new_file, body, kWithPath)), "");
 }
 
 // Claim: integrators nested without end stop at the bound.
@@ -137,7 +137,7 @@ TEST(DescriptionReading, DeepIntegratorsEnd) {
   std::string body;
   for (int i = 0; i < 100'000; ++i) body += "<integrator type='x'>";
   for (int i = 0; i < 100'000; ++i) body += "</integrator>";
-  EXPECT_EQ(told(read(new_file, body, with_path)), "scene.xml:2: elements are nested deeper than 64 levels");
+  EXPECT_EQ(told(read(new_file, body, kWithPath)), "scene.xml:2: elements are nested deeper than 64 levels");
 }
 
 // Claim: an unknown parameter is an error in a file of version 2 or later, and passed over with the nearest
@@ -149,14 +149,14 @@ TEST(DescriptionReading, UnknownParameters) {
   const std::string radius =
       "scene.xml:2: shape 'sphere' has no parameter 'radios': it is passed over (did you mean 'radius'?)\n";
   const std::string rest = "'int_ior', 'ext_ior', 'specular_reflectance', 'specular_transmittance'";
-  EXPECT_EQ(told(read(old_file, body, strict)),
+  EXPECT_EQ(told(read(old_file, body, kStrict)),
             "scene.xml:3: bsdf 'dielectric' has no parameter 'use_path_guiding': it is passed over (it has " +
                 rest +
                 ")\nscene.xml:3: bsdf 'dielectric' has no parameter 'color': it is passed over (it has " +
                 rest + ")\n" + radius);
-  EXPECT_EQ(told(read(new_file, body, strict)),
+  EXPECT_EQ(told(read(new_file, body, kStrict)),
             "scene.xml:3: bsdf 'dielectric' has no parameter 'usePathGuiding' (it has " + rest + ")");
-  const auto passed = read(new_file, body, lenient);
+  const auto passed = read(new_file, body, kLenient);
   EXPECT_NE(told(passed).find("'usePathGuiding': it is passed over (it has"), std::string::npos);
   EXPECT_NE(told(passed).find(radius), std::string::npos);
   ASSERT_TRUE(passed.ok());
@@ -168,9 +168,9 @@ TEST(DescriptionReading, UnknownParameters) {
 // Claim: values of known parameters that nothing can mend stay errors, however lenient the reading is.
 TEST(DescriptionReading, KnownParametersStayChecked) {
   for (const std::string& version : {new_file, old_file}) {
-    EXPECT_EQ(told(read(version, "<shape type='sphere'><float name='radius' value='-1'/></shape>", lenient)),
+    EXPECT_EQ(told(read(version, "<shape type='sphere'><float name='radius' value='-1'/></shape>", kLenient)),
               "scene.xml:2: parameter 'radius' is -1, but must be above 0");
-    EXPECT_EQ(told(read(version, "<shape type='obj'><string name='file' value='a.obj'/></shape>", lenient)),
+    EXPECT_EQ(told(read(version, "<shape type='obj'><string name='file' value='a.obj'/></shape>", kLenient)),
               "scene.xml:2: shape 'obj' lacks the parameter 'filename'");
   }
 }
@@ -180,7 +180,7 @@ TEST(DescriptionReading, KnownParametersStayChecked) {
 TEST(DescriptionReading, HeededParametersStayErrors) {
   const auto medium =
       read(old_file, "<medium type='heterogeneous'><vector name='orientation' x='0' y='0' z='1'/></medium>",
-           strict);
+           kStrict);
   const std::string error = "scene.xml:2: medium 'heterogeneous' has no parameter 'orientation'";
   EXPECT_EQ(told(medium).substr(0, error.size()), error);
 }
@@ -189,25 +189,25 @@ TEST(DescriptionReading, HeededParametersStayErrors) {
 // parameters that the plugin does not have; without it they are errors.
 TEST(DescriptionReading, UnknownElements) {
   const std::string mode = "<shape type='cube'><mode value='1'><deep>text</deep></mode></shape>";
-  EXPECT_EQ(told(read(new_file, mode, strict)), "scene.xml:2: <deep> cannot be inside <mode>");
-  EXPECT_EQ(told(read(new_file, mode, lenient)), "scene.xml:2: unknown element <mode>: it is passed over\n");
-  EXPECT_EQ(told(read(new_file, "<shape type='cube'><vector4f name='a' value='1'/></shape>", lenient)),
+  EXPECT_EQ(told(read(new_file, mode, kStrict)), "scene.xml:2: <deep> cannot be inside <mode>");
+  EXPECT_EQ(told(read(new_file, mode, kLenient)), "scene.xml:2: unknown element <mode>: it is passed over\n");
+  EXPECT_EQ(told(read(new_file, "<shape type='cube'><vector4f name='a' value='1'/></shape>", kLenient)),
             "scene.xml:2: unknown element <vector4f>: it is passed over (did you mean 'vector'?)\n");
   const std::string texture =
       "<shape type='cube'><bsdf type='diffuse'><texture type='checkerboard' "
       "name='reflectence'/></bsdf></shape>";
-  EXPECT_EQ(told(read(old_file, texture, strict)),
+  EXPECT_EQ(told(read(old_file, texture, kStrict)),
             "scene.xml:2: bsdf 'diffuse' has no parameter 'reflectence' (did you mean 'reflectance'?)");
-  const auto passed = read(new_file, texture, lenient);
+  const auto passed = read(new_file, texture, kLenient);
   EXPECT_EQ(told(passed),
             "scene.xml:2: bsdf 'diffuse' has no parameter 'reflectence': it is passed over (did you mean "
             "'reflectance'?)\n");
   ASSERT_TRUE(passed.ok());
   EXPECT_TRUE(passed->description.scene->children.at(0).object->children.at(0).object->children.empty());
   // Known ones at a wrong place stay errors: to leave them out would be another scene.
-  EXPECT_EQ(told(read(new_file, "<shape type='cube'><sampler type='independent'/></shape>", lenient)),
+  EXPECT_EQ(told(read(new_file, "<shape type='cube'><sampler type='independent'/></shape>", kLenient)),
             "scene.xml:2: sampler 'independent' cannot be inside shape 'cube'");
-  EXPECT_EQ(told(read(new_file, "<shape type='cube'><animation name='to_world'/></shape>", strict)),
+  EXPECT_EQ(told(read(new_file, "<shape type='cube'><animation name='to_world'/></shape>", kStrict)),
             "scene.xml:2: <animation> is not supported yet");
 }
 

@@ -13,6 +13,7 @@
 #include "common/base/files.h"
 #include "common/rng/stream.h"
 #include "tests/unit/image_bytes.h"
+#include "tests/unit/scene_objects.h"
 #include "worker/core/math.h"
 #include "worker/scene/emitters/environment.h"
 #include "worker/scene/textures/texture.h"
@@ -20,21 +21,11 @@
 namespace candela::scene {
 namespace {
 
-using description::Object;
-using description::Property;
-using description::PropertyType;
-
-class MemoryFiles final : public description::FileSource {
- public:
-  std::map<std::string, std::string> files;
-  Result<Bytes> open(const std::string& key) const override {
-    const auto found = files.find(key);
-    if (found == files.end()) return input_error("no file '" + key + "'");
-    return Bytes{nullptr, found->second};
-  }
-};
-
 using test::encode_image;
+using test::MemoryFiles;
+using test::Object;
+using test::Property;
+using test::PropertyType;
 
 TexelImage decode(const std::string& bytes, const std::string& name, const ImageReading& reading = {}) {
   Scratch scratch({});

@@ -107,7 +107,7 @@ class BoxTree {
   template <class Overlaps, class Visit>
   void traverse(const Overlaps& overlaps, Visit& visit) const {
     if (count_ == 0) return;
-    // Of each level: the node under way, and its children that are left to visit.
+    // Each level has a node under way, and a bit for each of its children that is left to visit.
     std::array<std::uint32_t, kMostLevels> index, left;
     const std::uint32_t top = levels_ - 1;
     std::uint32_t level = top;

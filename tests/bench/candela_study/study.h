@@ -45,7 +45,7 @@ struct Request {
   bool short_form = false;  // seconds
   std::uint64_t seeds = 1;  // independent runs, with the seeds 1, 2, ...
   unsigned threads = 1;
-  // Of studies in pieces or by scene (see Study): names; empty: all.
+  // Names of scenes or pieces that are run, in studies that have them (see Study); empty: all.
   std::vector<std::string> scenes;
   // Options of studies in pieces:
   std::uint32_t side = 0;        // of pictures, in pixels; 0: the study's own

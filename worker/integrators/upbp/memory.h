@@ -17,7 +17,8 @@ struct Memory {
   double surfaces = 0;  // vertices that are connected to, and photons on surfaces
   double total() const { return photons + beams + surfaces; }
   void add(const Memory& other);
-  // Of so many times as many light paths, and paths that leave beams.
+  // The memory of an iteration with `paths` times as many light paths, `beam_paths` times as many of which
+  // leave beams.
   Memory scaled(double paths, double beam_paths) const;
 };
 

@@ -71,7 +71,7 @@ class UpbpIntegrator final : public IterationIntegrator {
   using Field = transport::ConstantScale;
   using Eye = estimators::VcmEye<kBetween, Mis, Field, transport::NoStatistics, upbp::EyeBeams>;
 
-  // Of all iterations of a unit.
+  // Sums over all iterations of a unit.
   struct Measured {
     upbp::WorkCounts work;
     upbp::Memory memory;

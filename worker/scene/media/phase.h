@@ -115,7 +115,7 @@ class Phase {
     return static_cast<double>(warp::kPdfUniformSphereSolidAngle) * (1 - g) * (1 + g) / (d * std::sqrt(d));
   }
 
-  // Of a kind that is no blend.
+  // The value of a single phase function, per steradian. Precondition: the kind is not blend.
   static float value_of(PhaseKind kind, float g, Vec3 wo, Vec3 wi) {
     switch (kind) {
       case PhaseKind::rayleigh:
