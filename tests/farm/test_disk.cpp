@@ -9,6 +9,7 @@
 #include <fstream>
 
 #include "tests/farm/farm.h"
+#include "tests/farm/metrics_page.h"
 
 namespace candela::farm {
 namespace {
@@ -57,7 +58,9 @@ void full_disk(bool by_limit) {
   const auto spoil = [&] { by_limit ? limit_files(farm.master(), true) : disk.fill(); };
   const auto mend = [&] { by_limit ? limit_files(farm.master(), false) : disk.make_room(); };
 
-  farm.start_master({"--unit-time", "0.1", "--checkpoint-interval", "0.1", "--lease-time", "2"});
+  farm.start_master(
+      {"--unit-time", "0.1", "--checkpoint-interval", "0.1", "--lease-time", "2", "--http", "127.0.0.1:0"});
+  const std::string http = farm.master().wait_for_line("http on ", 10);
   farm.start_worker("one");
   const std::string id = farm.submit(iterations);
   ASSERT_TRUE(eventually(kPatienceSeconds, [&] { return farm.job(id).checkpoint_generation() > 0; }));
@@ -65,7 +68,7 @@ void full_disk(bool by_limit) {
   // Some checkpoint after this moment fails; those under way may still come through. On a busy machine more
   // than a second may pass before one is tried.
   ASSERT_TRUE(eventually(30, [&] {
-    return farm.master().err().find("checkpoint-failed") != std::string::npos;
+    return metric(http_get(http, "/metrics"), "candela_checkpoint_failures_total") > 0;
   })) << "no checkpoint fails on a full disk: the test is none";
   std::uint64_t generation = 0;
   Stopwatch unchanged;

@@ -1,11 +1,7 @@
 // Tests the reports of a farm on jobs with statistics: show, metrics and layers of adaptive radii, read-outs
 // of optimal weights, and the refusal of films that are too large for the master.
-#include <arpa/inet.h>
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <csignal>
@@ -16,40 +12,11 @@
 
 #include "common/stages/epochs.h"
 #include "tests/farm/farm.h"
+#include "tests/farm/metrics_page.h"
 #include "tests/integrators.h"
 
 namespace candela::farm {
 namespace {
-
-// The answer to "GET path" from HOST:PORT of loopback.
-std::string http_get(const std::string& address, const std::string& path) {
-  const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  sockaddr_in to{};
-  to.sin_family = AF_INET;
-  to.sin_port = htons(static_cast<std::uint16_t>(std::stoi(address.substr(address.rfind(':') + 1))));
-  to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  std::string text;
-  if (::connect(fd, reinterpret_cast<sockaddr*>(&to), sizeof to) == 0) {
-    const std::string request = "GET " + path + " HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n";
-    EXPECT_EQ(::send(fd, request.data(), request.size(), MSG_NOSIGNAL), static_cast<ssize_t>(request.size()));
-    char buffer[4096];
-    for (ssize_t n = 0; (n = ::recv(fd, buffer, sizeof buffer, 0)) > 0;)
-      text.append(buffer, static_cast<std::size_t>(n));
-  }
-  ::close(fd);
-  return text;
-}
-
-// The value of the line of a metric whose labels contain `label`.
-double metric(const std::string& page, const std::string& name, const std::string& label) {
-  for (std::size_t at = page.find("\n" + name + "{"); at != std::string::npos;
-       at = page.find("\n" + name + "{", at + 1)) {
-    const std::string line = page.substr(at + 1, page.find('\n', at + 1) - at - 1);
-    if (line.find(label) != std::string::npos) return std::stod(line.substr(line.rfind(' ')));
-  }
-  ADD_FAILURE() << "no line " << name << " with " << label << " in\n" << page;
-  return -1;
-}
 
 // The rest of the line of `candela show` that begins with these words.
 std::string shown(const std::string& text, const std::string& words) {
