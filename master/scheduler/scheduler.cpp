@@ -366,11 +366,18 @@ void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::u
 }
 
 void Scheduler::expire(Now now) {
+  // Each call of a worker comes here, and a large farm has thousands of leases.
+  if (now.seconds <= none_expires_before_) return;
   std::vector<std::uint64_t> late;
+  // A lease that is granted or renewed from now on lasts for a period at least.
+  none_expires_before_ = now.seconds + options_.lease_seconds;
   for (const auto& [token, lease] : leases_) {
     // A lease no heartbeat has named yet may not have reached its worker; it gets one more period.
-    const double grace = lease.listed ? 0 : options_.lease_seconds;
-    if (now.seconds > lease.expires + grace) late.push_back(token);
+    const double end = lease.expires + (lease.listed ? 0 : options_.lease_seconds);
+    if (now.seconds > end)
+      late.push_back(token);
+    else
+      none_expires_before_ = std::min(none_expires_before_, end);
   }
   for (const std::uint64_t token : late) {
     const auto it = leases_.find(token);

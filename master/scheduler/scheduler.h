@@ -429,6 +429,7 @@ class Scheduler {
   std::map<std::string, Withdrawn> withdrawn_;
   std::map<std::string, WorkerState> workers_;
   std::map<std::uint64_t, Lease> leases_;
+  double none_expires_before_ = 0;  // no lease runs out up to this time, by the steady clock
   std::vector<Change> changes_;
   double last_activity_ = 0;
   std::uint64_t expired_count_ = 0;
