@@ -14,6 +14,7 @@
 #include <sstream>
 #include <thread>
 
+#include "common/base/memory.h"
 #include "common/base/path_options.h"
 #include "tests/stress/report.h"
 #include "tests/stress/scenes.h"
@@ -78,6 +79,7 @@ void list() {
 }  // namespace
 
 int main(int argc, char** argv) try {
+  candela::keep_freed_memory();
   CLI::App app("hostile scenes for every integrator");
   app.require_subcommand(1);
   app.add_subcommand("list", "the sweeps: what they vary and what must hold")->callback(list);

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "common/base/files.h"
+#include "common/base/memory.h"
 #include "common/base/path_options.h"
 #include "common/base/version.h"
 #include "common/job/aov.h"
@@ -179,6 +180,7 @@ int serve_on_standard_streams() {
 }  // namespace
 
 int main(int argc, char** argv) {
+  candela::keep_freed_memory();
   if (const char* feature = missing_cpu_feature()) {
     std::fprintf(stderr, "candela-bench: error: this CPU lacks %s, for which this program was built\n",
                  feature);

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "common/base/files.h"
+#include "common/base/memory.h"
 #include "common/base/path_options.h"
 #include "common/base/version.h"
 #include "tests/bench/candela_bench/machine.h"
@@ -129,6 +130,7 @@ Examples:
 }  // namespace
 
 int main(int argc, char** argv) {
+  candela::keep_freed_memory();
   if (const char* feature = missing_cpu_feature()) {
     std::fprintf(stderr, "candela-study: error: this CPU lacks %s, for which this program was built\n",
                  feature);
