@@ -242,7 +242,7 @@ TEST_P(Plans, FullAgreesWithAuto) {
 // The short form has a scene of each kind of features that plans look at.
 std::vector<std::string> scenes_for_plans() {
   if (long_form()) return all_scenes();
-  return {"box-diffuse", "mirror-glossy", "constant", "point", "fog-thin", "thin-null"};
+  return {"box-diffuse", "mirror-glossy", "constant", "point", "sun-and-lamps", "fog-thin", "thin-null"};
 }
 // Short paths: where a limit of the depth cuts is seen best. max_depth 1 shows what the camera sees directly.
 class Depths : public testing::TestWithParam<std::string> {};

@@ -81,6 +81,7 @@ inline constexpr std::array kTransportScenes = {
     TransportScene{"directional", "parallel light", kAll, kNone, ""},
     TransportScene{"constant", "a constant sky, seen directly", kAll, kNone, ""},
     TransportScene{"envmap", "an image of a sky with a sun, seen directly", kAll, kNone, ""},
+    TransportScene{"sun-and-lamps", "a sky with a sun beside lamps: a shadow ray to each", kAll, kNone, ""},
     TransportScene{"textured-lamp", "lamps with textured radiance", kAll, kNone, ""},
     TransportScene{"many-lamps", "eighty-three lamps: the light tree", kAll, kNone, ""},
     TransportScene{"mesh-lamp", "a mesh with smooth normals as a lamp", kAll, kNone, ""},

@@ -25,11 +25,14 @@
 
 #include <bit>
 #include <cstdint>
+#include <type_traits>
 
 #include "common/film/counts.h"
 #include "worker/estimators/first_vertex.h"
 #include "worker/estimators/options.h"
 #include "worker/samplers/sampler.h"
+#include "worker/scene/emitters/light_groups.h"
+#include "worker/scene/emitters/lights.h"
 #include "worker/scene/scene.h"
 #include "worker/transport/between.h"
 #include "worker/transport/draws.h"
@@ -47,12 +50,14 @@ inline float mis_weight(float p, float q, bool power) {
 
 // One path. Of the techniques it knows next_event and hit_light; where both run they are weighted.
 // SceneT is scene::Scene, or what stands in for it to watch the rays. SamplerT likewise: samplers::Sampler,
-// or a chain's. FirstT: FirstVertex, if it has techniques of its own there.
+// or a chain's. FirstT: FirstVertex, if it has techniques of its own there. With groups of lights next event
+// estimation draws a point, and traces a shadow ray, for each of them
+// (docs/decisions/061-a-shadow-ray-a-group.md).
 template <transport::Between kBetween, class SceneT, class SamplerT, class FirstT = NoFirstVertex>
 class PathTracer {
  public:
   PathTracer(const SceneT& scene, const PathOptions& options, const Techniques& techniques, SamplerT& sampler,
-             film::Tallies& tallies, FirstT* first = nullptr)
+             film::Tallies& tallies, FirstT* first = nullptr, const scene::LightGroups* groups = nullptr)
       : scene_(scene),
         options_(options),
         hit_light_(techniques.hit_light),
@@ -62,7 +67,8 @@ class PathTracer {
         chooses_emitter_(transport::reads_emitter_choice(scene)),
         sampler_(sampler),
         tallies_(tallies),
-        first_(first) {}
+        first_(first),
+        groups_(groups) {}
 
   // The radiance arriving along `ray`.
   Spectrum radiance(const Ray& ray) {
@@ -80,6 +86,8 @@ class PathTracer {
   static constexpr bool kPasses = kBetween != transport::Between::nothing,
                         kMedia = kBetween == transport::Between::media;
   static constexpr bool kFirst = FirstT::kActive;
+  static constexpr bool kGroups = std::is_same_v<SceneT, scene::Scene>;
+  static constexpr scene::LightTechnique kChoice = scene::LightTechnique::adapted;
   enum class Flight : std::uint8_t { absorbed, scattered, arrived };
 
   float draw_1d(std::uint32_t which) { return sampler_.draw_1d(block_ + which, stratified_); }
@@ -246,15 +254,37 @@ class PathTracer {
   template <class EvalPdf>
   void sample_light(const scene::SurfaceHit& here, Vec3 side, const EvalPdf& eval_pdf) {
     using namespace transport;
+    if constexpr (kGroups) {
+      if (groups_ != nullptr) [[unlikely]]
+        return sample_groups(here, side, eval_pdf);
+    }
     scene::DirectSample light;
     const float u_emitter = chooses_emitter_ ? draw_1d(path_block::kEmitterChoice) : 0.0f;
-    if (scene_.sample_direct(here, side, u_emitter, draw_2d(path_block::kEmitterPoint), light) !=
+    if (scene_.sample_direct(here, side, u_emitter, draw_2d(path_block::kEmitterPoint), light) ==
         scene::DirectOutcome::sampled)
-      return;
+      add_drawn(here, light, block_, eval_pdf);
+  }
+  template <class EvalPdf>
+  [[gnu::noinline]] void sample_groups(const scene::SurfaceHit& here, Vec3 side, const EvalPdf& eval_pdf) {
+    using namespace transport;
+    std::uint32_t block = block_;
+    for (std::size_t g = 0; g < groups_->size(); ++g, block += path_block::kNextGroup) {
+      const float u_emitter = sampler_.draw_1d(block + path_block::kEmitterChoice, stratified_);
+      const Vec2 u = sampler_.draw_2d(block + path_block::kEmitterPoint, stratified_);
+      scene::DirectSample light;
+      if (scene_.lights().sample(here, side, u_emitter, u, light, kChoice, (*groups_)[g],
+                                 scene::PointSampler::own) == scene::DirectOutcome::sampled)
+        add_drawn(here, light, block, eval_pdf);
+    }
+  }
+  // What arrives at `here` from a point on a light that was drawn with numbers of the block.
+  template <class EvalPdf>
+  [[gnu::always_inline]] void add_drawn(const scene::SurfaceHit& here, const scene::DirectSample& light,
+                                        std::uint32_t block, const EvalPdf& eval_pdf) {
     float pdf_solid_angle = 0;
     Spectrum value = eval_pdf(light.wi, pdf_solid_angle);
     if (value.is_black()) return;
-    pass_to_light(here, light, block_, value);
+    pass_to_light(here, light, block, value);
     if (value.is_black()) return;
     float weight = 1 / light.pdf_solid_angle;
     if (weighs_ && !light.delta) weight *= mis_weight(light.pdf_solid_angle, pdf_solid_angle, power_);
@@ -293,9 +323,7 @@ class PathTracer {
     }
     float weight = 1;
     if (weighs_ && !previous_delta_)
-      weight =
-          mis_weight(previous_pdf_solid_angle_,
-                     scene_.pdf_direct_environment_solid_angle(previous(), front_, ray_.direction), power_);
+      weight = mis_weight(previous_pdf_solid_angle_, pdf_environment_solid_angle(), power_);
     sum_ += throughput_ * arriving * weight;
   }
   void add_emitted(const scene::SurfaceHit& hit) {
@@ -310,9 +338,29 @@ class PathTracer {
     }
     float weight = 1;
     if (weighs_ && !previous_delta_)
-      weight = mis_weight(previous_pdf_solid_angle_,
-                          scene_.pdf_direct_solid_angle(previous(), front_, ray_.direction, hit), power_);
+      weight = mis_weight(previous_pdf_solid_angle_, pdf_light_solid_angle(hit), power_);
     sum_ += throughput_ * emitted * weight;
+  }
+  // The densities with which next event estimation at the vertex before would have drawn the ray's direction:
+  // to outside of the scene, to the light that the ray met.
+  float pdf_environment_solid_angle() const {
+    if constexpr (kGroups) {
+      if (groups_ != nullptr) [[unlikely]]
+        return scene_.lights().pdf_environment_solid_angle(previous(), front_, ray_.direction, kChoice,
+                                                           (*groups_)[groups_->of_environment()]);
+    }
+    return scene_.pdf_direct_environment_solid_angle(previous(), front_, ray_.direction);
+  }
+  float pdf_light_solid_angle(const scene::SurfaceHit& hit) const {
+    if constexpr (kGroups) {
+      if (groups_ != nullptr) [[unlikely]] {
+        const scene::Lights& lights = scene_.lights();
+        return lights.pdf_point_solid_angle(previous(), front_, ray_.direction, hit,
+                                            scene::PointSampler::own) *
+               lights.prob(previous().p, front_, hit.emitter, kChoice, (*groups_)[groups_->of(hit.emitter)]);
+      }
+    }
+    return scene_.pdf_direct_solid_angle(previous(), front_, ray_.direction, hit);
   }
 
   // Survivors are scaled up. free: no bound on the probability.
@@ -340,6 +388,7 @@ class PathTracer {
   SamplerT& sampler_;
   film::Tallies& tallies_;
   [[maybe_unused]] FirstT* const first_;
+  [[maybe_unused]] const scene::LightGroups* const groups_;
 
   Ray ray_;
   Spectrum sum_;

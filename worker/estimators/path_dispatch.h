@@ -7,12 +7,14 @@ namespace candela::estimators {
 
 template <class SamplerT>
 using RadianceFunction = Spectrum (*)(const scene::Scene&, const PathOptions&, const Techniques&, const Ray&,
-                                      SamplerT&, film::Tallies&);
+                                      SamplerT&, film::Tallies&, const scene::LightGroups*);
 
 template <transport::Between kBetween, class SamplerT>
 Spectrum path_radiance(const scene::Scene& scene, const PathOptions& options, const Techniques& techniques,
-                       const Ray& ray, SamplerT& sampler, film::Tallies& tallies) {
-  return PathTracer<kBetween, scene::Scene, SamplerT>(scene, options, techniques, sampler, tallies)
+                       const Ray& ray, SamplerT& sampler, film::Tallies& tallies,
+                       const scene::LightGroups* groups = nullptr) {
+  return PathTracer<kBetween, scene::Scene, SamplerT>(scene, options, techniques, sampler, tallies, nullptr,
+                                                      groups)
       .radiance(ray);
 }
 

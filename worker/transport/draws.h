@@ -25,6 +25,8 @@ inline constexpr std::uint32_t kEmitterChoice = 0, kEmitterPoint = 1, kLobe = 2,
 constexpr std::uint32_t further_light(std::size_t i) {
   return (1u << 30) + static_cast<std::uint32_t>(i) * kMediaBlock;
 }
+// From the block of a vertex to that of its next group of lights, far beyond those of any path.
+inline constexpr std::uint32_t kNextGroup = 1u << 29;
 }  // namespace path_block
 
 // Only the first vertices that are not specular use stratified samples: later ones gain less than they cost.

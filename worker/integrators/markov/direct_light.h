@@ -44,7 +44,7 @@ class DirectLight {
       Spectrum value =
           eye_sample(context_, x, y, sampler, tallies,
                      [&](const Ray& ray, samplers::Sampler& draws, film::Tallies& counts) {
-                       return radiance_(context_.scene, options_, techniques_, ray, draws, counts);
+                       return radiance_(context_.scene, options_, techniques_, ray, draws, counts, nullptr);
                      });
       value *= weight;
       if (run.fault != nullptr) run.fault(sampler.sample_key(), &value.r);

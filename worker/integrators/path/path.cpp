@@ -5,33 +5,44 @@
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/iteration_integrator.h"
 #include "worker/integrators/path/plan.h"
+#include "worker/scene/emitters/light_groups.h"
 
 namespace candela::integrators {
 namespace {
 
 class PathIntegrator final : public IterationIntegrator {
  public:
-  PathIntegrator(const estimators::PathOptions& options, Planned planned)
+  PathIntegrator(const estimators::PathOptions& options, Planned planned, bool ray_a_group)
       : IterationIntegrator(options, std::move(planned)),
+        ray_a_group_(ray_a_group),
         radiance_(estimators::path_radiance_for<samplers::Sampler>(planned_.between)) {}
 
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run_context) const override {
+    const auto groups = groups_of(context.scene);
     return run_eye_samples(context, unit, *output.film, run_context,
                            [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies) {
                              return radiance_(context.scene, options_, planned_.techniques, ray, sampler,
-                                              tallies);
+                                              tallies, groups.get());
                            });
   }
 
   std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {
+    const auto groups = groups_of(context.scene);
     return pilot_eye_samples(
         context, count, [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies) {
-          return radiance_(context.scene, options_, planned_.techniques, ray, sampler, tallies);
+          return radiance_(context.scene, options_, planned_.techniques, ray, sampler, tallies, groups.get());
         });
   }
 
  private:
+  // Null: one shadow ray a vertex.
+  std::unique_ptr<scene::LightGroups> groups_of(const scene::Scene& scene) const {
+    if (!ray_a_group_) return nullptr;
+    return std::make_unique<scene::LightGroups>(scene.lights(), scene::LightPartition::infinite);
+  }
+
+  const bool ray_a_group_;
   const estimators::RadianceFunction<samplers::Sampler> radiance_;
 };
 
@@ -42,8 +53,11 @@ Result<std::unique_ptr<Integrator>> make_path_integrator(const SettingsMap& sett
   CANDELA_ASSIGN(const PathSettings parsed, parse_settings<PathSettings>(settings));
   estimators::PathOptions options = parsed.common.path_options();
   options.heuristic = heuristic_named(parsed.heuristic.value);
+  const bool full = parsed.common.full_plan();
+  Planned planned = path::plan(options, features, full);
+  const bool ray_a_group = !full && planned.techniques.next_event && path::ray_a_group(features);
   return std::unique_ptr<Integrator>(
-      std::make_unique<PathIntegrator>(options, path::plan(options, features, parsed.common.full_plan())));
+      std::make_unique<PathIntegrator>(options, std::move(planned), ray_a_group));
 }
 
 }  // namespace candela::integrators

@@ -1,9 +1,17 @@
 #include "worker/integrators/path/plan.h"
 
+#include <fmt/format.h>
+
 #include "worker/integrators/plan_between.h"
 #include "worker/integrators/plan_walks.h"
 
 namespace candela::integrators::path {
+
+bool ray_a_group(const scene::SceneFeatures& features) {
+  constexpr float kUneven = 1;  // below that, scattered rays find the environment well enough
+  return features.any_environment && !features.endless_medium && features.environment_variation >= kUneven &&
+         features.emitters > features.infinite_emitters;
+}
 
 Planned plan(const estimators::PathOptions& options, const scene::SceneFeatures& features, bool full) {
   Planned planned;
@@ -25,7 +33,13 @@ Planned plan(const estimators::PathOptions& options, const scene::SceneFeatures&
       : features.emitters == 0 ? "the scene has no emitter"
                                : "every surface scatters specularly: no sampled light direction can matter");
 
-  if (techniques.next_event) plan_shadow_rays(features, plan);
+  if (techniques.next_event && ray_a_group(features))
+    plan.use(
+        "a shadow ray to lamps and one to the environment",
+        fmt::format("the environment is uneven (relative variance {:.2g}): neither finds the other's light",
+                    static_cast<double>(features.environment_variation)));
+  else if (techniques.next_event)
+    plan_shadow_rays(features, plan);
 
   techniques.hit_light = features.any_area_emitter || features.any_environment;
   if (features.any_area_emitter)

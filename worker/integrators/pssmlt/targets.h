@@ -28,7 +28,7 @@ class PathTarget final : public mcmc::PrimaryTarget {
     mcmc::PrimarySampler& eye = numbers.walk(mcmc::PrimaryState::eye);
     const FilmRay ray = film_ray(scene_, film_, eye);
     ++tallies_.eye_samples;
-    const Spectrum value = radiance_(scene_, options_, techniques_, ray.ray, eye, tallies_);
+    const Spectrum value = radiance_(scene_, options_, techniques_, ray.ray, eye, tallies_, nullptr);
     out.add(ray.at, value * (ray.weight * static_cast<float>(film_.area_over_film())));
   }
 
