@@ -50,7 +50,8 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
              "Stop when the estimated error is reached; with several limits the first counts", "relmse=X");
   }
   add_text(app, "--seed", options.seed, "Seed; default: the scene's sampler's, else 0", "N");
-  add_text(app, "--size", options.size, "Size of the image in pixels; default: the scene's film", "WxH");
+  add_text(app, "--size", options.size,
+           "Size of the image in pixels; default: the scene's film, or its crop window", "WxH");
   add_text(app, "--filter", options.filter,
            "Pixel filter: box, tent, gaussian, mitchell, catmullrom or lanczos; default: the scene's rfilter",
            "NAME");

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "client/values.h"
+#include "common/description/film_window.h"
 #include "common/description/setting_text.h"
 #include "common/description/vocabulary.h"
 #include "common/job/aov.h"
@@ -19,8 +20,6 @@ using description::Object;
 using description::ObjectPtr;
 
 // Mitsuba's defaults for what a scene does not say.
-constexpr std::int64_t kDefaultWidth = 768;   // pixels
-constexpr std::int64_t kDefaultHeight = 576;  // pixels
 constexpr std::int64_t kDefaultSampleCount = 4;
 
 Error scene_error(const Object& object, std::string message) {
@@ -180,10 +179,9 @@ Result<void> resolve_size(const Object* film, const SceneOptions& options, JobSe
   if (options.size) {
     CANDELA_ASSIGN(size, parse_size(*options.size, "--size"));
   } else {
-    const std::int64_t width = film != nullptr ? film->get_integer("width", kDefaultWidth) : kDefaultWidth;
-    const std::int64_t height =
-        film != nullptr ? film->get_integer("height", kDefaultHeight) : kDefaultHeight;
-    auto parsed = parse_size(fmt::format("{}x{}", width, height), "film size");
+    const description::FilmWindow window =
+        film != nullptr ? description::film_window(*film) : description::FilmWindow();
+    auto parsed = parse_size(fmt::format("{}x{}", window.width, window.height), "film size");
     if (!parsed) {
       Error error = std::move(parsed).error();
       error.kind = ErrorKind::input;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "common/description/film_window.h"
 #include "common/description/text.h"
 
 namespace candela::description {
@@ -127,15 +128,15 @@ Result<void> check_combinations(const Object& object) {
       return error_at(object.where,
                       fmt::format("far_clip {} is not beyond near_clip {}", far_clip, near_clip));
   }
-  if (object.plugin == "hdrfilm") {
-    for (const auto& [crop, full, otherwise] :
-         {std::tuple("crop_width", "width", 768), std::tuple("crop_height", "height", 576)}) {
-      const Property* property = object.find(crop);
-      if (property != nullptr && object.get_integer(crop, 0) != object.get_integer(full, otherwise))
-        return error_at(property->where,
-                        fmt::format("a crop window is not supported yet: '{}' differs from '{}'", crop, full))
-            .with_mend("leave the crop parameters out");
-    }
+  if (object.category == "film") {
+    const FilmWindow window = film_window(object);
+    if (!window.fits())
+      return error_at(
+                 object.where,
+                 fmt::format("the crop window, {} x {} pixels at {}, {}, is not within the film's {} x {}",
+                             window.width, window.height, window.x, window.y, window.film_width,
+                             window.film_height))
+          .with_mend("make the window smaller, or leave the crop parameters out");
   }
   if (object.plugin == "principled") CANDELA_TRY(exclude(object, "eta", "specular"));
   if (object.plugin == "sunsky") CANDELA_TRY(exclude(object, "sun_radius_scale", "sun_aperture"));

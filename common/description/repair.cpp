@@ -9,6 +9,7 @@
 
 #include "common/description/check.h"
 #include "common/description/conductors.h"
+#include "common/description/film_window.h"
 #include "common/description/resolve.h"
 #include "common/description/text.h"
 
@@ -85,7 +86,7 @@ std::string shown(const Property& property) {
   return fmt::format("{:.4g}, {:.4g}, {:.4g}", color[0], color[1], color[2]);
 }
 
-// Removes the crop window: a film that cannot be cropped is rendered whole.
+// Removes a crop window that is not within the film, which is rendered whole then.
 void drop_crop(Object& film, std::vector<Note>& passed_over) {
   constexpr std::array<std::string_view, 4> crop = {"crop_offset_x", "crop_offset_y", "crop_width",
                                                     "crop_height"};
@@ -94,17 +95,12 @@ void drop_crop(Object& film, std::vector<Note>& passed_over) {
   };
   const auto first = std::find_if(film.properties.begin(), film.properties.end(), is_crop);
   if (first == film.properties.end()) return;
-  const auto size = [&](std::string_view name, std::int64_t otherwise) {
-    const Property* property = film.find(name);
-    const auto* value = property == nullptr ? nullptr : std::get_if<std::int64_t>(&property->value);
-    return value == nullptr ? otherwise : *value;
-  };
-  const std::int64_t width = size("width", 768), height = size("height", 576);
-  if (size("crop_offset_x", 0) == 0 && size("crop_offset_y", 0) == 0 && size("crop_width", width) == width &&
-      size("crop_height", height) == height)
-    return;
-  passed_over.push_back({first->where, fmt::format("{}: a crop window is not supported yet: the whole film "
-                                                   "is rendered",
+  Object sizes;  // without properties of other types, which are dropped one by one later
+  for (const Property& property : film.properties)
+    if (std::holds_alternative<std::int64_t>(property.value)) sizes.properties.push_back(property);
+  if (film_window(sizes).fits()) return;
+  passed_over.push_back({first->where, fmt::format("{}: the crop window is not within the film: the whole "
+                                                   "film is rendered",
                                                    describe(film))});
   std::erase_if(film.properties, is_crop);
 }

@@ -100,7 +100,7 @@ Mitsuba's picture but for polarization or for a width next to none, so they stan
 | an object without a type | one of an unknown type |
 | a string for a number, a fraction for an integer | the number, the nearest integer |
 | another value that no rule accepts, a texture for a parameter that takes none | the default |
-| a crop window | the whole film |
+| a crop window that is not within the film | the whole film |
 | `<animation>` | its first transform |
 | a bump or normal map directly in another | the outer one |
 

@@ -87,6 +87,7 @@ inline constexpr std::array kTransportScenes = {
     TransportScene{"mesh-lamp", "a mesh with smooth normals as a lamp", kAll, kNone, ""},
     TransportScene{"lens", "a lens that light paths hit, out of focus, a lamp behind its plane", kAll, kNone,
                    ""},
+    TransportScene{"cropped", "a crop window, seen through a lens", kAll, kNone, ""},
     TransportScene{"orthographic", "parallel projection", kAll, kNone, ""},
     TransportScene{"fog-thin", "thin fog everywhere", kAll, kPpm, kThinPhotons},
     TransportScene{"fog-null", "dense fog without a surface, and one that only absorbs", kAll, kNone, ""},

@@ -385,21 +385,16 @@ std::vector<Case> all_cases() {
 // Parameters of plugins that Candela has, and that it does not follow: a warning tells of each. A parameter
 // that is understood leaves the list; no other joins it.
 const std::set<std::string> kTold = {
-    // 0.6's own decoding of an environment's file; how an image is shown; parts of a film
+    // 0.6's own decoding of an environment's file; how an image is shown; a corner alone, whose window
+    // leaves the film (of an mfilm, which is one pixel, a size too)
     "envmap gamma <float>",
-    "hdrfilm cropHeight <integer>",
     "hdrfilm cropOffsetX <integer>",
     "hdrfilm cropOffsetY <integer>",
-    "hdrfilm cropWidth <integer>",
-    "hdrfilm crop_height <integer>",
     "hdrfilm crop_offset_x <integer>",
     "hdrfilm crop_offset_y <integer>",
-    "hdrfilm crop_width <integer>",
     "ldrfilm burn <float>",
-    "ldrfilm cropHeight <integer>",
     "ldrfilm cropOffsetX <integer>",
     "ldrfilm cropOffsetY <integer>",
-    "ldrfilm cropWidth <integer>",
     "ldrfilm exposure <float>",
     "ldrfilm gamma <float>",
     "ldrfilm key <float>",

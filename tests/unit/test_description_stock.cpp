@@ -132,9 +132,9 @@ TEST(DescriptionStock, ValuesAreMended) {
       {"0.6.0", "<bsdf type='phong'><boolean name='ensureEnergyConservation' value='false'/></bsdf>",
        "<bsdf type='phong'/>", nullptr},
       {"3.0.0",
-       "<film type='hdrfilm'><integer name='width' value='9'/><integer name='crop_width' value='3'/></film>",
+       "<film type='hdrfilm'><integer name='width' value='9'/><integer name='crop_width' value='10'/></film>",
        "<film type='hdrfilm'><integer name='width' value='9'/></film>",
-       "film 'hdrfilm': a crop window is not supported yet: the whole film is rendered\n"},
+       "film 'hdrfilm': the crop window is not within the film: the whole film is rendered\n"},
       {"3.0.0", "<bsdf type='roughplastic'><texture name='alpha' type='checkerboard'/></bsdf>",
        "<bsdf type='roughplastic'/>", nullptr},
       {"3.0.0",
@@ -173,10 +173,23 @@ TEST(DescriptionStock, ValuesAreMended) {
       scene_text("3.0.0", "<emitter type='spot'><float name='beam_width' value='20'/></emitter>", false));
   EXPECT_EQ(notes_of("3.0.0", "<emitter type='spot'><float name='beam_width' value='30'/></emitter>"),
             "parameter 'beam_width' is beyond cutoff_angle, 20: 20 is taken\n");
-  // A required parameter that nothing can mend stays an error; so does a crop window of the whole film none.
+  // A required parameter that nothing can mend stays an error; a crop window within the film is none.
   EXPECT_FALSE(
       read_smallest("3.0.0", "<shape type='obj'><float name='filename' value='2'/></shape>", true).ok());
   EXPECT_EQ(notes_of("3.0.0", "<film type='hdrfilm'><integer name='crop_width' value='768'/></film>"), "");
+  EXPECT_EQ(notes_of("3.0.0",
+                     "<film type='hdrfilm'><integer name='crop_width' value='3'/>"
+                     "<integer name='crop_offset_x' value='765'/></film>"),
+            "");
+  const auto beyond = read_smallest("3.0.0",
+                                    "<film type='hdrfilm'><integer name='crop_width' value='3'/>"
+                                    "<integer name='crop_offset_x' value='766'/></film>",
+                                    false);
+  ASSERT_FALSE(beyond.ok());
+  EXPECT_NE(beyond.error().to_string().find(
+                "the crop window, 3 x 576 pixels at 766, 0, is not within the film's 768 x 576"),
+            std::string::npos)
+      << beyond.error().to_string();
 }
 
 // Claim: a color of an old mask is told to count by its luminance.

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <string>
+#include <utility>
 
 #include "tests/unit/scene_fixture.h"
 
@@ -74,6 +75,48 @@ TEST(PerspectiveSensor, ClipsAndShifts) {
   const auto shifted =
       ray_of(std::string(kFov90) + "<float name=\"principal_point_offset_x\" value=\"0.25\"/>", 50, 50);
   EXPECT_NEAR(shifted->direction.x, 0, 1e-6f);
+}
+
+// Claim: the image of a film with a crop window has the rays of that part of the whole film, whatever size it
+// is rendered at.
+TEST(Sensors, ACropWindowIsAPartOfTheFilm) {
+  const std::string
+      size = "<integer name=\"width\" value=\"200\"/><integer name=\"height\" value=\"100\"/>",
+      crop =
+          "<integer name=\"crop_offset_x\" value=\"120\"/><integer name=\"crop_offset_y\" value=\"30\"/>"
+          "<integer name=\"crop_width\" value=\"50\"/><integer name=\"crop_height\" value=\"40\"/>",
+      place =
+          "<transform name=\"to_world\"><lookat origin=\"1, 2, 3\" target=\"0, 0, 0\" up=\"0, 1, "
+          "0\"/></transform>";
+  const auto sensor = [&](const std::string& type, const std::string& properties, const std::string& window) {
+    return "<sensor type=\"" + type + "\">" + properties + place + "<film type=\"hdrfilm\">" + size + window +
+           "</film></sensor>";
+  };
+  const std::string fov = "<float name=\"fov\" value=\"70\"/><string name=\"fov_axis\" value=\"";
+  const std::pair<std::string, std::string> cases[] = {
+      {"perspective", fov + "y\"/><float name=\"principal_point_offset_x\" value=\"0.1\"/>"},
+      {"perspective", fov + "diagonal\"/>"},
+      {"perspective", ""},
+      {"thinlens", fov + "larger\"/><float name=\"aperture_radius\" value=\"0.2\"/>"
+                         "<float name=\"focus_distance\" value=\"3\"/>"},
+      {"orthographic", ""},
+  };
+  for (const auto& [type, properties] : cases) {
+    const auto whole = with_sensor(sensor(type, properties, ""), 200, 100);
+    ASSERT_TRUE(whole.ok()) << whole.error().to_string();
+    for (const std::uint32_t finer : {1U, 2U}) {
+      const auto part = with_sensor(sensor(type, properties, crop), finer * 50, finer * 40);
+      ASSERT_TRUE(part.ok()) << part.error().to_string();
+      for (const Vec2 at : {Vec2{0, 0}, Vec2{17.5f, 3.25f}, Vec2{50, 40}}) {
+        float weight = 0;
+        const auto scale = static_cast<float>(finer);
+        const Ray a = (*part)->camera_ray(scale * at.x, scale * at.y, {0.8f, 0.3f}, weight),
+                  b = (*whole)->camera_ray(120 + at.x, 30 + at.y, {0.8f, 0.3f}, weight);
+        EXPECT_LT(length(a.direction - b.direction), 2e-6f) << type << " " << at.x;
+        EXPECT_LT(length(a.origin - b.origin), 2e-6f) << type << " " << at.x;
+      }
+    }
+  }
 }
 
 // Claim: a far plane beyond the largest float leaves rays that end somewhere: media multiply by their length.

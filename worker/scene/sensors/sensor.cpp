@@ -3,6 +3,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "common/description/film_window.h"
 #include "worker/core/math.h"
 #include "worker/core/measure.h"
 #include "worker/scene/sensors/field_of_view.h"
@@ -35,11 +36,21 @@ Result<Sensor> Sensor::build(const description::Object& sensor, std::uint32_t fi
         .at(sensor.where.file, sensor.where.line);
   }
   if (film_width == 0 || film_height == 0) return usage_error("the film has no pixels").with_field("size");
-  const double width = film_width, height = film_height, aspect = width / height;
+  // The whole film in pixels of the image, which is a window of it, and the window's corner on it.
+  const auto films = sensor.children_of("film");
+  const description::FilmWindow window =
+      films.empty() ? description::FilmWindow() : description::film_window(*films[0]);
+  const double width =
+                   film_width * (static_cast<double>(window.film_width) / static_cast<double>(window.width)),
+               height = film_height *
+                        (static_cast<double>(window.film_height) / static_cast<double>(window.height));
+  const double left = width * (static_cast<double>(window.x) / static_cast<double>(window.film_width)),
+               top = height * (static_cast<double>(window.y) / static_cast<double>(window.film_height));
+  const double aspect = width / height;
 
   Sensor out;
-  out.width_ = width;
-  out.height_ = height;
+  out.width_ = film_width;
+  out.height_ = film_height;
   out.near_clip_ = sensor.get_number("near_clip", 1e-2);
   out.far_clip_ = sensor.get_number("far_clip", 1e4);
   if (!(out.near_clip_ > 0)) return error_at(sensor, "near_clip", "near_clip must be above 0");
@@ -56,6 +67,7 @@ Result<Sensor> Sensor::build(const description::Object& sensor, std::uint32_t fi
     out.axis_ = to_world.point({1, 1 / aspect, out.near_clip_});
     out.across_ = x * (-2 / width);
     out.down_ = y * (-2 / aspect / height);
+    if (left != 0 || top != 0) out.axis_ += out.across_ * left + out.down_ * top;
     const double volume = std::abs(dot(cross(x, y), out.direction_));
     if (!(volume > 1e-6 * length(x) * length(y)) || !std::isfinite(volume) ||
         !std::isfinite(1 / (volume / (width * width)))) {
@@ -86,6 +98,7 @@ Result<Sensor> Sensor::build(const description::Object& sensor, std::uint32_t fi
   out.axis_ = z + x * (half * (1 - 2 * offset_x)) + y * (half / aspect * (1 - 2 * offset_y));
   out.across_ = x * (-2 * half / width);
   out.down_ = y * (-2 * half / aspect / height);
+  if (left != 0 || top != 0) out.axis_ += out.across_ * left + out.down_ * top;
   if (thinlens) {
     const double radius = sensor.get_number("aperture_radius", 0);
     const double focus = sensor.get_number("focus_distance", out.far_clip_);

@@ -17,7 +17,8 @@ namespace candela::scene {
 
 class Sensor {
  public:
-  // The film's size in pixels; the field of view refers to it.
+  // The image's size in pixels. The field of view refers to the whole film, of which the image is the crop
+  // window.
   static Result<Sensor> build(const description::Object& sensor, std::uint32_t film_width,
                               std::uint32_t film_height);
 
