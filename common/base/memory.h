@@ -1,4 +1,4 @@
-// What the allocator does with memory that is freed.
+// Keeps freed memory in the process.
 #pragma once
 
 namespace candela {

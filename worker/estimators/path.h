@@ -277,7 +277,7 @@ class PathTracer {
         add_drawn(here, light, block, eval_pdf);
     }
   }
-  // What arrives at `here` from a point on a light that was drawn with numbers of the block.
+  // Adds the light that a point on an emitter, drawn with numbers of the block, sends to `here`.
   template <class EvalPdf>
   [[gnu::always_inline]] void add_drawn(const scene::SurfaceHit& here, const scene::DirectSample& light,
                                         std::uint32_t block, const EvalPdf& eval_pdf) {
