@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <tuple>
+#include <utility>
 
 #include "tests/unit/renderer_fixture.h"
 #include "tests/unit/volume_file.h"
@@ -75,6 +76,29 @@ std::string fog(double size, double albedo, double mean_cosine = 0) {
 }
 
 constexpr std::string_view kNote = "note media: up to ";
+
+// Claim: only `path` says that it traces a shadow ray for each group of lights, as it alone does, and only
+// where a lamp stands beside an uneven environment.
+TEST(IntegratorPlan, SaysWhoTracesARayForEachGroup) {
+  const std::string cube = "<shape type=\"cube\"/>", sun = "<emitter type=\"sunsky\"/>",
+                    lamp = "<emitter type=\"point\"/>",
+                    line = "a shadow ray to lamps and one to the environment";
+  const auto has = [&](const std::string& body, const std::string& integrator, const SettingsMap& chosen) {
+    return plan_of(body, integrator, chosen).find(line) != std::string::npos;
+  };
+  EXPECT_TRUE(has(cube + sun + lamp, "path", {}));
+  EXPECT_FALSE(has(cube + sun + lamp, "path", {{"plan", "full"}}));
+  EXPECT_FALSE(has(cube + sun, "path", {}));
+  EXPECT_FALSE(has(cube + "<emitter type=\"constant\"/>" + lamp, "path", {}));
+  for (const auto& [integrator, chosen] : {std::pair<std::string, SettingsMap>{"pssmlt", {{"over", "path"}}},
+                                           {"pssmlt", {}},
+                                           {"mmlt", {}},
+                                           {"optimis", {}},
+                                           {"optimis", {{"depth", "full"}}},
+                                           {"bdpt", {}},
+                                           {"vcm", {}}})
+    EXPECT_FALSE(has(cube + sun + lamp, integrator, chosen)) << integrator;
+}
 
 // Claim: whoever's walks roulette ends in a thick white medium says so, and nobody else does, nor where it
 // does not matter.

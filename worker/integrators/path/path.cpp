@@ -54,8 +54,8 @@ Result<std::unique_ptr<Integrator>> make_path_integrator(const SettingsMap& sett
   estimators::PathOptions options = parsed.common.path_options();
   options.heuristic = heuristic_named(parsed.heuristic.value);
   const bool full = parsed.common.full_plan();
-  Planned planned = path::plan(options, features, full);
-  const bool ray_a_group = !full && planned.techniques.next_event && path::ray_a_group(features);
+  const bool ray_a_group = !full && path::ray_a_group(features);
+  Planned planned = path::plan(options, features, full, ray_a_group);
   return std::unique_ptr<Integrator>(
       std::make_unique<PathIntegrator>(options, std::move(planned), ray_a_group));
 }

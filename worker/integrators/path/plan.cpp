@@ -13,7 +13,8 @@ bool ray_a_group(const scene::SceneFeatures& features) {
          features.emitters > features.infinite_emitters;
 }
 
-Planned plan(const estimators::PathOptions& options, const scene::SceneFeatures& features, bool full) {
+Planned plan(const estimators::PathOptions& options, const scene::SceneFeatures& features, bool full,
+             bool rays_a_group) {
   Planned planned;
   Plan& plan = planned.plan;
   estimators::Techniques& techniques = planned.techniques;
@@ -33,7 +34,7 @@ Planned plan(const estimators::PathOptions& options, const scene::SceneFeatures&
       : features.emitters == 0 ? "the scene has no emitter"
                                : "every surface scatters specularly: no sampled light direction can matter");
 
-  if (techniques.next_event && ray_a_group(features))
+  if (techniques.next_event && rays_a_group)
     plan.use(
         "a shadow ray to lamps and one to the environment",
         fmt::format("the environment is uneven (relative variance {:.2g}): neither finds the other's light",

@@ -9,6 +9,8 @@ namespace candela::integrators::path {
 // Whether next event estimation has a shadow ray for the environment and one for lamps (docs/decisions/061).
 bool ray_a_group(const scene::SceneFeatures& features);
 
-Planned plan(const estimators::PathOptions& options, const scene::SceneFeatures& features, bool full);
+// rays_a_group: its caller traces a shadow ray for each group of lights, where next event estimation runs.
+Planned plan(const estimators::PathOptions& options, const scene::SceneFeatures& features, bool full,
+             bool rays_a_group = false);
 
 }  // namespace candela::integrators::path
