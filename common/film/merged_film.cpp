@@ -186,11 +186,21 @@ void MergedFilm::serialise_half(std::string& out, const Half& half) {
 }
 
 std::string MergedFilm::serialise() const {
-  std::string out(kMagic);
+  std::string out;
+  serialise(out);
+  return out;
+}
+
+void MergedFilm::serialise(std::string& out) const {
+  // Room for all: a string of a hundred megabytes that grows is copied as much again. What is not written to
+  // takes no memory.
+  constexpr std::size_t kHeaders = 1 << 16;
+  out.clear();
+  out.reserve(kHeaders + halves_[0].sums.memory_bytes() + halves_[1].sums.memory_bytes());
+  out += kMagic;
   put_layout(out, layout_, scale_log2_);
   for (const Half& half : halves_) serialise_half(out, half);
   seal(out);
-  return out;
 }
 
 Result<void> MergedFilm::parse_half(Reader& reader, TalliesForm form, Half& half) {

@@ -39,8 +39,9 @@ class MergedFilm {
   std::uint64_t iterations() const { return halves_[0].merged.count() + halves_[1].merged.count(); }
 
   // Checkpoint form: everything above, compressed, with a checksum. parse() accepts exactly what serialise()
-  // makes.
+  // makes. The second form replaces `out`, and uses its memory.
   std::string serialise() const;
+  void serialise(std::string& out) const;
   static Result<MergedFilm> parse(std::string_view bytes);
 
   // A copy of the first layers alone, with the tallies and the merged indices.

@@ -19,8 +19,8 @@ constexpr double kRetrySeconds = 1;      // after a checkpoint that failed
 constexpr double kImageSeconds = 60;     // between images of a running job
 constexpr double kIdleFilmSeconds = 60;  // before the film of a job that has ended gives its memory back
 constexpr double kEstimateGrowth = 1.1;  // of iterations between estimates
-constexpr double kMinEstimateSeconds = 0.25, kMaxEstimateSeconds = 2;
-constexpr double kEstimateShare = 0.05;  // of one thread, at most
+constexpr double kMinEstimateSeconds = 0.25;
+constexpr double kEstimateShare = 0.1;  // of one thread, at most, by the estimates of all jobs
 
 }  // namespace
 
@@ -38,7 +38,12 @@ void JobUpkeep::upkeep_loop() {
     for (const std::string& id : ids) {
       if (wake_.stopping()) break;
       const std::lock_guard lock(mutex_);
+      running_films_ = static_cast<double>(ids.size());
       upkeep(id, force);
+    }
+    {
+      const std::lock_guard lock(mutex_);
+      if (room_.film && JobTable::now().seconds - room_used_ > kIdleFilmSeconds) room_ = {};
     }
     wake_.sleep(kRoundSeconds);
   }
@@ -48,7 +53,8 @@ bool JobUpkeep::save_checkpoint(const std::string& job_id, JobFilm& film) {
   State& state = jobs_[job_id];
   state.last_checkpoint = JobTable::now().seconds;
   table_.remember_states(job_id, film);
-  Result<JobFilm::Checkpoint> written = film.checkpoint();
+  Result<JobFilm::Checkpoint> written = film.checkpoint(room_);
+  room_used_ = JobTable::now().seconds;
   keep_manifest(job_id);
   if (!written.ok()) {
     ++counters_.checkpoint_failures;
@@ -101,14 +107,14 @@ void JobUpkeep::estimate_error(const std::string& job_id, JobFilm& film, bool at
   });
   if (!f.both || f.iterations == state.estimated_iterations) return;
   if (!at_once) {
-    const double wait = std::clamp(state.estimate_cost / kEstimateShare, kMinEstimateSeconds,
-                                   std::max(kMaxEstimateSeconds, state.estimate_cost / kEstimateShare));
+    const double wait = std::max(state.estimate_cost * running_films_ / kEstimateShare, kMinEstimateSeconds);
     if (JobTable::now().seconds - state.last_estimate < wait) return;
     if (static_cast<double>(f.iterations) < kEstimateGrowth * static_cast<double>(state.estimated_iterations))
       return;
   }
   const double started = JobTable::now().seconds;
-  const JobFilm::Snapshot copy = film.snapshot(JobFilm::Part::image);
+  const JobFilm::Snapshot copy = film.snapshot_in(room_);
+  room_used_ = started;
   if (!copy.film) return;
   const JobRow row = table_.with_scheduler([&](Scheduler& s) { return s.job(job_id)->row; });
   const auto development = develop(row, copy, {});

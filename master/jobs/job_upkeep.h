@@ -67,6 +67,9 @@ class JobUpkeep {
   std::atomic<bool> flush_requested_{false};
   std::mutex mutex_;
   std::map<std::string, State> jobs_;
+  JobFilm::Room room_;        // of copies of films, of one job after another
+  double room_used_ = 0;      // when
+  double running_films_ = 1;  // in the present round
 };
 
 }  // namespace candela::master

@@ -168,9 +168,22 @@ void put_decisions(std::string& out, const Decisions& decisions) {
 
 std::string encode_checkpoint(const film::MergedFilm& film, const ChainRecords& records,
                               const Accumulators& accumulators, const Decisions& decisions) {
+  std::string out;
+  encode_checkpoint(film, records, accumulators, decisions, out);
+  return out;
+}
+
+void encode_checkpoint(const film::MergedFilm& film, const ChainRecords& records,
+                       const Accumulators& accumulators, const Decisions& decisions, std::string& out) {
   const std::vector<DecidedState>& states = decisions.states;
-  if (accumulators.empty() && states.empty()) return encode_film_and_chains(film, records);
-  std::string out(decisions.carry ? kDecisionsMagic : kSumsMagic);
+  if (accumulators.empty() && states.empty()) {
+    if (records.empty())
+      film.serialise(out);
+    else
+      out = encode_film_and_chains(film, records);
+    return;
+  }
+  out = decisions.carry ? kDecisionsMagic : kSumsMagic;
   {
     const std::string inner = encode_film_and_chains(film, records);
     film::put_u64(out, inner.size());
@@ -194,7 +207,6 @@ std::string encode_checkpoint(const film::MergedFilm& film, const ChainRecords& 
   }
   if (decisions.carry) put_decisions(out, decisions);
   film::seal(out);
-  return out;
 }
 
 Result<ParsedCheckpoint> parse_checkpoint(std::string_view bytes, const CheckpointShape& shape) {

@@ -59,6 +59,9 @@ struct Decisions {
 
 std::string encode_checkpoint(const film::MergedFilm& film, const ChainRecords& records,
                               const Accumulators& accumulators = {}, const Decisions& decisions = {});
+// The same into `out`, which is replaced; its memory is used.
+void encode_checkpoint(const film::MergedFilm& film, const ChainRecords& records,
+                       const Accumulators& accumulators, const Decisions& decisions, std::string& out);
 
 struct ParsedCheckpoint {
   film::MergedFilm film;

@@ -235,9 +235,27 @@ JobFilm::Snapshot JobFilm::snapshot(Part part) {
   const std::lock_guard lock(mutex_);
   Snapshot out;
   if (!film_) return out;
-  out.film = part == Part::image ? std::make_shared<const film::MergedFilm>(
-                                       film_->first_layers(chains_ > 0 ? chains::kImageLayers : 1))
-                                 : std::make_shared<const film::MergedFilm>(*film_);
+  out.film = part == Part::image
+                 ? std::make_shared<const film::MergedFilm>(film_->first_layers(image_layers()))
+                 : std::make_shared<const film::MergedFilm>(*film_);
+  add_all_but_film(out);
+  return out;
+}
+
+JobFilm::Snapshot JobFilm::snapshot_in(Room& room) {
+  const std::lock_guard lock(mutex_);
+  Snapshot out;
+  if (!film_) return out;
+  if (image_layers() == layout_.layers)
+    room.film = *film_;
+  else
+    room.film = film_->first_layers(image_layers());
+  out.film = std::shared_ptr<const film::MergedFilm>(std::shared_ptr<void>(), &*room.film);
+  add_all_but_film(out);
+  return out;
+}
+
+void JobFilm::add_all_but_film(Snapshot& out) const {
   out.counts.reserve(records_.size());
   for (const auto& record : records_) {
     out.counts.push_back(record->counts);
@@ -249,7 +267,6 @@ JobFilm::Snapshot JobFilm::snapshot(Part part) {
       if (const auto found = accumulators_.find({i, half}); found != accumulators_.end())
         out.accumulators[i][half] = found->second;
   add_epochs(out);
-  return out;
 }
 
 JobFilm::Account JobFilm::account() const {
@@ -301,9 +318,8 @@ JobFilm::Starts JobFilm::starts_of(const Unit& unit) const {
   return out;
 }
 
-Result<JobFilm::Checkpoint> JobFilm::checkpoint() {
+Result<JobFilm::Checkpoint> JobFilm::checkpoint(Room& room) {
   const std::lock_guard file_lock(file_mutex_);
-  std::shared_ptr<const film::MergedFilm> copy;
   ChainRecords records;
   Accumulators accumulators;
   Decisions decisions;
@@ -312,17 +328,17 @@ Result<JobFilm::Checkpoint> JobFilm::checkpoint() {
     if (!film_) return Checkpoint{generation_, saved_iterations_};  // unloaded means saved
     accumulators = accumulators_;
     decisions = decisions_;
-    copy = std::make_shared<const film::MergedFilm>(*film_);
+    room.film = *film_;
     records = records_;
   }
   CANDELA_TRY(make_directories(folder_));
   const std::uint64_t next = generation() + 1;
-  CANDELA_TRY(writer_(folder_ / fmt::format("film.{}.ckpt", next),
-                      encode_checkpoint(*copy, records, accumulators, decisions)));
+  encode_checkpoint(*room.film, records, accumulators, decisions, room.bytes);
+  CANDELA_TRY(writer_(folder_ / fmt::format("film.{}.ckpt", next), room.bytes));
   {
     const std::lock_guard lock(mutex_);
     generation_ = next;
-    saved_iterations_ = copy->iterations();
+    saved_iterations_ = room.film->iterations();
     saved_states_ = decisions.states.size();
     saved_decisions_ = decisions.made;
   }
@@ -330,7 +346,7 @@ Result<JobFilm::Checkpoint> JobFilm::checkpoint() {
   const std::vector<Found> all = generations();
   std::error_code code;
   for (std::size_t i = 2; i < all.size(); ++i) std::filesystem::remove(all[i].path, code);
-  return Checkpoint{next, copy->iterations()};
+  return Checkpoint{next, room.film->iterations()};
 }
 
 bool JobFilm::dirty() const {

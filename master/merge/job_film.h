@@ -85,6 +85,14 @@ class JobFilm {
     std::vector<std::vector<std::shared_ptr<const film::MergedAccumulator>>> open_epochs = {};
   };
   Snapshot snapshot(Part part = Part::all);
+  // Memory that one copy of a film after another takes, of any films: memory that comes fresh from the system
+  // costs a page fault for every 4 KiB, as much as the copy itself.
+  struct Room {
+    std::optional<film::MergedFilm> film;
+    std::string bytes;
+  };
+  // The same of Part::image, in `room`, which must outlive it and is not used beside it.
+  Snapshot snapshot_in(Room& room);
   // Which indices are merged, and the counts that came with them; empty where the film is not loaded.
   struct Account {
     std::array<film::IndexSet, 2> merged;
@@ -145,7 +153,11 @@ class JobFilm {
     std::uint64_t iterations = 0;
   };
   // Writes what is merged now as the next generation. On an error the one before stays.
-  Result<Checkpoint> checkpoint();
+  Result<Checkpoint> checkpoint(Room& room);
+  Result<Checkpoint> checkpoint() {
+    Room room;
+    return checkpoint(room);
+  }
   bool dirty() const;  // something is merged that is not on disk
   std::uint64_t generation() const;
 
@@ -163,8 +175,11 @@ class JobFilm {
   static std::string set_aside(const Found& found, const Error& error);
   ChainRecords fresh_records() const;
   film::MergedAccumulator& editable(const AccumulatorKey& key);
+  // Of everything but the film, which is in memory. Precondition: mutex_ is held.
+  void add_all_but_film(Snapshot& snapshot) const;
   // Adds the carry and the sums of epochs that are not folded. Precondition: mutex_ is held.
   void add_epochs(Snapshot& snapshot) const;
+  std::uint32_t image_layers() const { return chains_ > 0 ? chains::kImageLayers : 1; }
   bool saved() const;  // nothing has changed since the last checkpoint; precondition: mutex_ is held
 
   const std::filesystem::path folder_;

@@ -5,11 +5,15 @@
 
 namespace candela::master {
 
+namespace {
+constexpr double kMergeShare = 0.375;  // of the time, at most
+}
+
 std::uint64_t unit_iterations(const SizingInput& in) {
   const double workers = static_cast<double>(std::max<std::uint64_t>(in.active_workers, 1));
   const double round = in.merge_seconds * workers;  // of merging one delta of each worker
   double seconds = std::max(std::clamp(in.overhead_seconds / 0.02, in.unit_seconds, 16 * in.unit_seconds),
-                            std::min(round / 0.5, 32 * in.unit_seconds));
+                            std::min(round / kMergeShare, 64 * in.unit_seconds));
   if (in.seconds_left > 0) seconds = std::min(seconds, in.seconds_left / 8);
   double n = 1;  // unknown cost: the smallest unit measures it
   if (in.seconds_per_iteration > 0) {

@@ -21,8 +21,8 @@ struct SizingInput {
 //  - unit_seconds of work, or more where a delta is dear: receiving and merging it shall cost under 2 % of
 //  rendering it
 //    (up to 16 times unit_seconds);
-//  - so long that the deltas of all active workers keep the merge busy for at most half of the time (up to 32
-//  times unit_seconds);
+//  - so long that the deltas of all active workers keep the merge busy for at most three eighths of the time,
+//  since receiving them takes about as much (up to 64 times unit_seconds);
 //  - guided self-scheduling near the end: at most remaining / (2 active_workers), so that all workers end
 //  together; but a unit is not shorter than the time that merging all units of its size takes: with r seconds
 //  of work left and m a merge, units of u seconds are rendered in r / (r / u) = u and merged in m r / u, so
