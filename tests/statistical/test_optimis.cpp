@@ -11,6 +11,7 @@
 #include <numbers>
 #include <span>
 
+#include "common/bundle/bundle.h"
 #include "tests/statistical/optimis_job.h"
 
 namespace candela::statistical {
@@ -401,6 +402,43 @@ TEST(Optimis, LittleIsLostWhereThePlanSkips) {
     std::printf("squared error of balance over squared mean, %s: %.2e; of crossfit over balance: %.4f\n",
                 name, relative, ratio);
     EXPECT_TRUE(relative < 1e-4 || ratio > 0.88) << name;
+  }
+}
+
+// Claim: a trial keeps optimal weights where the study mis-scenes found them worth their time, at any size of
+// the film and with any seed, and leaves them out at a lamp on the horizon, which no fact of the scene tells.
+TEST(Optimis, ATrialKeepsWhatPays) {
+  const auto job = [](const std::string& name, std::uint32_t side, std::uint64_t seed,
+                      const SettingsMap& settings) {
+    TestScene scene;
+    scene.files =
+        std::make_shared<bundle::DiskSource>(CANDELA_SOURCE_DIR "/tests/bench/candela_study/scenes");
+    scene.main_key = "mis-" + name + ".xml";
+    scene = read_scene(std::move(scene), side, side);
+    scene.settings.seed = seed;
+    return Job(with_integrator(std::move(scene), "optimis", settings));
+  };
+  struct Case {
+    const char* scene;
+    bool pays;
+  };
+  for (const Case& c : {Case{"parallel", true}, Case{"tilted", true}, Case{"near", true},
+                        Case{"hidden", true}, Case{"horizon", false}}) {
+    for (const std::uint32_t side : {24U, 200U})
+      for (const std::uint64_t seed : {1U, 2U}) {
+        const Job chosen = job(c.scene, side, seed, {});
+        const std::size_t at = chosen.plan().find("a trial found");
+        ASSERT_NE(at, std::string::npos) << c.scene << "\n" << chosen.plan();
+        if (seed == 1) std::printf("%s, %u: %s\n", c.scene, side, chosen.plan().substr(at, 70).c_str());
+        EXPECT_EQ(chosen.work().development.has_value(), c.pays) << c.scene << "\n" << chosen.plan();
+      }
+    // What is asked for is not tried.
+    for (const SettingsMap& asked : {SettingsMap{{"weights", "optimal"}},
+                                     SettingsMap{{"estimator", "direct"}}, SettingsMap{{"plan", "full"}}}) {
+      const Job forced = job(c.scene, 24, 1, asked);
+      EXPECT_TRUE(forced.work().development) << c.scene;
+      EXPECT_EQ(forced.plan().find("a trial found"), std::string::npos) << forced.plan();
+    }
   }
 }
 

@@ -40,6 +40,10 @@ class Integrator {
  public:
   virtual ~Integrator() = default;
 
+  // Lets a short pilot decide what work() asks for: a pure function of the context, so that every worker
+  // decides alike. Called once for a job, before all else but work(), which until then asks for the most.
+  virtual void decide(const UnitContext& /*context*/) {}
+
   // The work that a job of this integrator asks of the farm: a function of its scene, its settings, the
   // film's size, and the scale that the pilot chose for the film, which scales of accumulators may follow and
   // nothing else (before the pilot: 0); valid (validate() of work_plan.h), which create() sees to where

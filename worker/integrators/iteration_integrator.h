@@ -20,7 +20,7 @@ class IterationIntegrator : public Integrator {
 
  protected:
   const estimators::PathOptions options_;
-  const Planned planned_;
+  Planned planned_;  // decide() may change it
 };
 
 }  // namespace candela::integrators

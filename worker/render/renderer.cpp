@@ -229,6 +229,7 @@ Result<std::unique_ptr<Renderer>> Renderer::create(const description::FileSource
   CANDELA_ASSIGN(std::unique_ptr<scene::Scene> scene, scene::Scene::build(description, unpacked, options));
   CANDELA_ASSIGN(std::unique_ptr<integrators::Integrator> integrator,
                  entry->create(settings.integrator_settings, scene->features()));
+  integrator->decide({*scene, filter, sampler, settings.seed, settings.width, settings.height});
   WorkPlan work = integrator->work({settings.width, settings.height}, 0);
   CANDELA_TRY(check_names(aov_list, work.layers));
   integrators::AovPass aovs(std::move(aov_list), work.chains);

@@ -4,10 +4,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <span>
 
 #include "common/film/accumulator_add.h"
+#include "common/mis/gain.h"
+#include "common/rng/stream.h"
 #include "common/stages/developments/best_technique.h"
 #include "common/stages/developments/optimal_mis.h"
 #include "common/stages/epoch_corrections.h"
@@ -27,6 +30,10 @@ using Place = film::UnitAccumulator::Place;
 
 // Words that seed the rounding of a sample's sums, beside that of its film.
 constexpr std::uint64_t kFirstWord = 1, kSecondWord = 2, kThirdWord = 3;
+
+// Of the trial of optimal weights.
+constexpr std::uint64_t kTrialPixels = 512;
+constexpr std::uint64_t kTrialSeed = 0x747269616cULL;  // "trial"
 
 class OptimisIntegrator final : public IterationIntegrator {
   // Calls f(trace), trace(ray, sampler, tallies, first) being the radiance along a ray.
@@ -55,6 +62,7 @@ class OptimisIntegrator final : public IterationIntegrator {
         read_out_(planned.read_out),
         eligible_(planned.eligible),
         lights_(planned.lights),
+        on_trial_(planned.on_trial),
         settings_(settings),
         allocation_(mis::Allocation::ones(setup_.techniques())),
         tally_(tally_of(setup_.techniques())),
@@ -62,6 +70,15 @@ class OptimisIntegrator final : public IterationIntegrator {
     if (read_out_ == ReadOut::epochs || lights_ > 0)
       epochs_.emplace(static_cast<std::uint64_t>(settings.epoch_min),
                       static_cast<std::uint32_t>(settings.growth));
+  }
+
+  void decide(const UnitContext& context) override {
+    if (!on_trial_) return;
+    const double ratio = trial(context).ratio();
+    optimis::tell_trial(ratio, planned_.plan);
+    if (ratio <= optimis::kMostVariance) return;
+    read_out_ = ReadOut::film;
+    setup_.controls = false;
   }
 
   WorkPlan work(FilmSize size, int film_scale_log2) const override {
@@ -168,6 +185,44 @@ class OptimisIntegrator final : public IterationIntegrator {
                     [](std::uint8_t w) { return w < light_visibility::kMinWeight; }))
       return bad("leaves a light out");
     return weights;
+  }
+
+  // Direct light of pixels all over the film, the same for every seed of the job. Groups of lights are taken
+  // for pixels of their own.
+  mis::Variances trial(const UnitContext& context) const {
+    const std::optional<scene::LightGroups> groups = light_groups(context);
+    estimators::FirstVertexSetup setup = setup_;
+    setup.direct_only = true;
+    mis::Variances sum;
+    with_tracer(context, [&](const auto& trace) {
+      estimators::FirstVertex first(setup, options_, nullptr, groups ? &*groups : nullptr);
+      samplers::Sampler sampler(samplers::SamplerKind::independent, kTrialSeed);
+      film::Tallies unread;
+      std::vector<mis::PixelBatches> pixel(setup.groups, mis::PixelBatches(allocation_));
+      for (std::uint64_t p = 0; p < kTrialPixels; ++p) {
+        rng::Stream place(rng::key(kTrialSeed, p));
+        const auto x = static_cast<std::uint32_t>(place.next_double() * context.width),
+                   y = static_cast<std::uint32_t>(place.next_double() * context.height);
+        for (mis::PixelBatches& batches : pixel) batches.clear();
+        for (std::uint64_t i = 0; i < 2 * optimis::kTrialIterations; ++i) {
+          sampler.start(0, p * 2 * optimis::kTrialIterations + i, x, y);
+          const EyeRay eye = eye_ray(context, x, y, sampler);
+          first.start();
+          trace(eye.ray, sampler, unread, first);
+          if (!first.reached()) continue;
+          for (std::size_t g = 0; g < setup.groups; ++g) {
+            mis::Sums batch;
+            add_weighted(batch, mis::sums_of(setup.techniques(), first.batch(g)), eye.weight);
+            pixel[g].add(i % 2, batch);
+          }
+        }
+        for (const mis::PixelBatches& batches : pixel) {
+          const mis::Variances more = batches.variances(pixel_sums::kMatrixScale);
+          if (std::isfinite(more.balance) && std::isfinite(more.crossfit)) sum.add(more);
+        }
+      }
+    });
+    return sum;
   }
 
   struct Iteration {
@@ -301,10 +356,11 @@ class OptimisIntegrator final : public IterationIntegrator {
                                 tallies);
   }
 
-  const estimators::FirstVertexSetup setup_;
-  const ReadOut read_out_;
+  estimators::FirstVertexSetup setup_;
+  ReadOut read_out_;
   const mis::Eligible eligible_;
   const std::uint32_t lights_;  // whose visibility is learned
+  const bool on_trial_;         // decide() decides
   const OptimisSettings settings_;
   const mis::Allocation allocation_;
   const Tally tally_;             // of optimal weights

@@ -196,13 +196,16 @@ void plan_training(const OptimisSettings& settings, const scene::SceneFeatures& 
                   16 * cells * out.lights / 1000, settings.lag + 2, 16 * light_visibility::kMaxPerPixel));
 }
 
+constexpr const char* kOptimal = "optimal weights";
+constexpr const char* kOptimalOfBsdf = "optimal weights of bsdf sampling";
+
 // Says how the image is read, where more than one technique is to be weighted.
 void describe_read_out(const OptimisSettings& settings, const scene::SceneFeatures& features,
                        PlannedFirstVertex& out) {
   Plan& plan = out.planned.plan;
   const std::size_t n = out.setup.techniques();
   const std::size_t bytes = 8 * sums_of(out.read_out, n) * out.setup.groups;
-  const std::string use = "optimal weights";
+  const std::string use = kOptimal;
   switch (out.read_out) {
     case ReadOut::film:
       plan.skip(
@@ -248,6 +251,23 @@ void describe_read_out(const OptimisSettings& settings, const scene::SceneFeatur
 }
 
 }  // namespace
+
+void tell_trial(double ratio, Plan& plan) {
+  const std::string found = fmt::format("{:.3g} of the balance heuristic's variance after {} iterations",
+                                        ratio, 2 * kTrialIterations);
+  if (ratio <= kMostVariance) {
+    for (PlanItem& item : plan.items)
+      if (item.technique == kOptimal) item.reason += "; a trial found " + found;
+    return;
+  }
+  std::erase_if(plan.items, [](const PlanItem& item) {
+    return item.technique == kOptimal || item.technique == kOptimalOfBsdf;
+  });
+  plan.skip(kOptimal,
+            fmt::format("a trial found {}, and their sums take 6 to 8 % of the time of direct light; "
+                        "weights=optimal has them",
+                        found));
+}
 
 Result<PlannedFirstVertex> plan(const OptimisSettings& settings, const estimators::PathOptions& options,
                                 const scene::SceneFeatures& features) {
@@ -297,7 +317,7 @@ Result<PlannedFirstVertex> plan(const OptimisSettings& settings, const estimator
   const std::size_t n = setup.techniques();
   const ReadOut wanted = read_out_of(settings);
   if (wanted != ReadOut::film && n < 2) {
-    plan.skip(wanted == ReadOut::best ? "the best technique" : "optimal weights",
+    plan.skip(wanted == ReadOut::best ? "the best technique" : kOptimal,
               n == 0 ? "no light is sampled" : "one technique needs no weights");
     return out;
   }
@@ -308,7 +328,7 @@ Result<PlannedFirstVertex> plan(const OptimisSettings& settings, const estimator
           .with_field("weights")
           .with_mend("--set selection=power adds one that does");
   } else if (wanted != ReadOut::film && setup.bsdf_is_alone && setup.light_techniques() < 2) {
-    plan.skip("optimal weights",
+    plan.skip(kOptimal,
               "bsdf rays cross media or pass surfaces straight, which no weight foresees, and one technique "
               "is left");
     return out;
@@ -317,17 +337,17 @@ Result<PlannedFirstVertex> plan(const OptimisSettings& settings, const estimator
   if (!full && wanted == ReadOut::sums && settings.weights.value == "auto" &&
       settings.estimator.value == "crossfit") {
     if (const std::optional<std::string> reason = no_gain(setup, features)) {
-      plan.skip("optimal weights", *reason + "; weights=optimal has them");
+      plan.skip(kOptimal, *reason + "; weights=optimal has them");
       return out;
     }
+    out.on_trial = true;
   }
   out.read_out = wanted;
   setup.singles = wanted == ReadOut::best;
   setup.controls = wanted != ReadOut::best && wanted != ReadOut::film;
   describe_read_out(settings, features, out);
   if (setup.controls && setup.bsdf_is_alone)
-    plan.skip("optimal weights of bsdf sampling",
-              "its rays cross media or pass surfaces straight, which no weight foresees");
+    plan.skip(kOptimalOfBsdf, "its rays cross media or pass surfaces straight, which no weight foresees");
   return out;
 }
 

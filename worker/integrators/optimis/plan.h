@@ -23,7 +23,16 @@ struct PlannedFirstVertex {
   ReadOut read_out = ReadOut::film;
   mis::Eligible eligible = 0;  // of best
   std::uint32_t lights = 0;    // or groups of lights, whose visibility is learned; 0: none
+  bool on_trial = false;       // a trial decides whether optimal weights stay
 };
+
+// Optimal weights stay if they leave no more than this of the balance heuristic's variance: sums and reading
+// the image cost 6 to 8 % of the time of direct light (docs/studies/mis-scenes.md).
+inline constexpr double kMostVariance = 0.94;
+// Iterations of a pixel in the trial, of either half.
+inline constexpr std::uint64_t kTrialIterations = 32;
+// Says in the plan what the trial found: the variance by optimal weights over that by the balance heuristic.
+void tell_trial(double ratio, Plan& plan);
 
 // Fails (usage) if weights=best finds no technique that reaches all lights.
 Result<PlannedFirstVertex> plan(const OptimisSettings& settings, const estimators::PathOptions& options,
