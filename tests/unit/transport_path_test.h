@@ -281,13 +281,14 @@ class PathTest {
     arrived.edges = z.edges + 1;
     arrived.arrival = y.density_factor(to_light);
     arrived.throughput = z.throughput * scattered * (1 / pdf);
-    const MisDeparture d =
+    const typename Heuristic::Departure d =
         Heuristic::leave_vertex(z.mis, z.kind == VertexKind::surface, false, static_cast<double>(pdf),
                                 reverse, static_cast<double>(z.density_factor(-to_light)));
     arrived.mis =
         Heuristic::arrive_later(d, factors_, static_cast<double>(arrived.arrival),
                                 static_cast<double>(pdf) * n.survival[z.edges] / n.distance_squared[z.edges] *
-                                    static_cast<double>(arrived.arrival));
+                                    static_cast<double>(arrived.arrival),
+                                surface);
     PhotonBuffer<MisBlock> buffer;
     if (!buffer.keep(scene_, arrived)) return;
     PhotonMap<MisBlock> map;
@@ -398,7 +399,11 @@ class PathTest {
           relative_difference(weights[i], found.weight) - evaluation.rounding(), kTight,
           what + " weight " + std::to_string(found.weight) + " oracle " + std::to_string(weights[i]));
       if (evaluation.closed_form()) {
-        const auto value = evaluation.estimator_value(techniques[i]);
+        auto value = evaluation.estimator_value(techniques[i]);
+        // Of two vertices in media a share of the pairs is connected, and stands for all.
+        const std::vector<bool>& in_medium = evaluation.numbers().in_medium;
+        if (kind == Technique::Kind::connect && in_medium[s - 1] && in_medium[s])
+          for (double& v : value) v /= counts.connect_media;
         const bool from_eye = kind != Technique::Kind::light_image && kind != Technique::Kind::hit_lens;
         const Spectrum here = found.value * (from_eye ? response_ : 1.0f);
         const double got[] = {static_cast<double>(here.r), static_cast<double>(here.g),

@@ -25,8 +25,9 @@ constexpr reference::Heuristic kNamed<Power> = reference::Heuristic::power;
 // Without the merges of beams.
 template <class Heuristic>
 MisFactors factors_of(const Counts& c) {
-  return {c.hit_light, c.next_event, c.connect, Heuristic::raise(c.light_image),
-          Heuristic::raise(c.hit_lens)};
+  return {
+      c.hit_light, c.next_event,   c.connect, Heuristic::raise(c.light_image), Heuristic::raise(c.hit_lens),
+      nullptr,     c.connect_media};
 }
 inline MediumMerges merges_in(const Counts& c, std::uint32_t medium) {
   const double r = c.radius_ratio(medium);
@@ -46,6 +47,7 @@ std::vector<double> recursive_weights(const PathNumbers& n, const Counts& counts
   const MisFactors factors = factors_of<Heuristic>(counts);
   const MergeFactors eta = eta_of<Heuristic>(counts);
   const auto raise = Heuristic::raise;
+  using Departure = typename Heuristic::Departure;
   const auto merged = [&](std::size_t i) {
     if constexpr (Heuristic::kMergesBeams) {
       if (n.in_medium[i]) {
@@ -57,7 +59,7 @@ std::vector<double> recursive_weights(const PathNumbers& n, const Counts& counts
   };
   const auto leave = [&](const MisBlock& block, std::size_t i, double pdf, double pdf_reverse,
                          double factor) {
-    MisDeparture left = Heuristic::leave_vertex(block, !n.in_medium[i], n.delta[i], pdf, pdf_reverse, factor);
+    Departure left = Heuristic::leave_vertex(block, !n.in_medium[i], n.delta[i], pdf, pdf_reverse, factor);
     if constexpr (Heuristic::kMergesBeams) {
       if (n.in_medium[i]) Heuristic::add_merges(left, merged(i));
     }
@@ -65,23 +67,25 @@ std::vector<double> recursive_weights(const PathNumbers& n, const Counts& counts
   };
 
   std::vector<MisBlock> light(k + 1), eye(k + 1);
-  MisDeparture d = Heuristic::leave_end(factors.hit_light, n.light_prob, n.light_can_be_hit, n.pdf_to_eye[0],
-                                        n.factor_to_eye[0]);
+  Departure d = Heuristic::leave_end(factors.hit_light, n.light_prob, n.light_can_be_hit, n.pdf_to_eye[0],
+                                     n.factor_to_eye[0]);
   light[1] = Heuristic::arrive_from_light(d, factors, n.factor_to_light[1], n.light_density(1),
                                           n.delta[1] ? 0 : n.light_direct, n.light_prob);
   for (std::size_t i = 1; i < k; ++i) {
     d = leave(light[i], i, n.pdf_to_eye[i], n.pdf_to_light[i], n.factor_to_eye[i]);
     if (i + 1 < k)
-      light[i + 1] = Heuristic::arrive_later(d, factors, n.factor_to_light[i + 1], n.light_density(i + 1));
+      light[i + 1] = Heuristic::arrive_later(d, factors, n.factor_to_light[i + 1], n.light_density(i + 1),
+                                             !n.in_medium[i + 1]);
   }
-  const MisDeparture to_lens = d;
+  const Departure to_lens = d;
   d = Heuristic::leave_end(factors.hit_lens, n.lens_prob, n.lens_can_be_hit, n.pdf_to_light[k],
                            n.factor_to_light[k]);
   eye[k - 1] =
       Heuristic::arrive_from_eye(d, factors, n.factor_to_eye[k - 1], n.eye_density(k - 1), n.survival[k - 1]);
   for (std::size_t i = k - 1; i > 0; --i) {
     d = leave(eye[i], i, n.pdf_to_light[i], n.pdf_to_eye[i], n.factor_to_light[i]);
-    eye[i - 1] = Heuristic::arrive_later(d, factors, n.factor_to_eye[i - 1], n.eye_density(i - 1));
+    eye[i - 1] = Heuristic::arrive_later(d, factors, n.factor_to_eye[i - 1], n.eye_density(i - 1),
+                                         i < 2 || !n.in_medium[i - 1]);
   }
 
   std::vector<double> weights;
@@ -106,6 +110,7 @@ std::vector<double> recursive_weights(const PathNumbers& n, const Counts& counts
         rest = raise(n.eye_density(s - 1)) *
                    (merged(s - 1) + Heuristic::sum(light[s - 1], n.pdf_to_light[s - 1], eta)) +
                raise(n.light_density(s)) * (merged(s) + Heuristic::sum(eye[s], n.pdf_to_eye[s], eta));
+        if (n.in_medium[s - 1] && n.in_medium[s]) rest /= counts.connect_media;
         break;
       case Technique::Kind::light_image: {
         const double met = n.lens_can_be_hit ? n.light_density(k) / n.lens_connect : 0;
@@ -228,6 +233,7 @@ inline Counts beam_counts_of(std::uint64_t i, bool lens) {
   c.beam_point = kEta[(i / 2) % 4];
   c.beam_beam = kEta[(i / 3) % 4];
   c.radius_ratios = {i % 2 == 0 ? 1.0 : 0.3, 0.5};
+  c.connect_media = i % 7 < 3 ? 1 : 0.4;
   return c;
 }
 template <class Heuristic>

@@ -38,14 +38,15 @@ struct PathCounts {
   double light_paths = 1;
   float film_border = 0;  // pixels around the film that eye paths come from, or that splats matter in
   const transport::MediumMerges* medium = nullptr;  // as MisFactors has it
+  double connect_media = 1;                         // likewise
 };
 
 template <class Mis>
 transport::MisFactors mis_factors(const Techniques& t, const PathCounts& counts) {
   const auto one = [](bool runs) { return runs ? 1.0 : 0.0; };
   const double n = Mis::raise(counts.light_paths);
-  return {one(t.hit_light),       one(t.next_event),   one(t.connect),
-          n * one(t.light_image), n * one(t.hit_lens), counts.medium};
+  return {one(t.hit_light),    one(t.next_event), one(t.connect),      n * one(t.light_image),
+          n * one(t.hit_lens), counts.medium,     counts.connect_media};
 }
 
 inline transport::WalkRules eye_rules(const PathOptions& options, const Techniques& t,

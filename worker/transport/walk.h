@@ -317,7 +317,7 @@ void Walk<kMode, kBetween, Mis, SamplerT, Observer>::arrive(Vertex& v) {
     v.mis = {};
     if (!(d.pdf > 0)) return;
     if (edges_ > 0) {
-      v.mis = Mis::arrive_later(d, factors_, at_v, v.pdf_area);
+      v.mis = Mis::arrive_later(d, factors_, at_v, v.pdf_area, v.on_surface());
     } else if constexpr (kFromLight) {
       const double direct =
           v.connectible ? direct_density(scene_, origin_, v.hit, v.front, v.wo, distance_squared) : 0;

@@ -15,6 +15,7 @@ struct MediumRules {
   double radius_pp3d = 0, radius_pb2d = 0, radius_bp2d = 0, radius_bb1d = 0;
   std::uint64_t beam_paths = 0;  // at most so many leave beams; 0: all
   double free_paths = 0;         // radii have at most so many mean free paths; 0: any
+  double connect_media = 1;      // share of pairs of vertices in media that are connected
 
   bool any() const { return pp3d || pb2d || bp2d || bb1d; }
   bool points() const { return pp3d || pb2d; }

@@ -10,6 +10,7 @@ struct UpbpSettings {
   merging::MergeSettings merge{integrator_words::kUpbp};
   NameList techniques{{"auto"}, {"auto", "all", "vcm", "pp3d", "pb2d", "bp2d", "bb1d"}};
   int beam_paths = 128;
+  double connect_media = 1;
   double radius_free_paths = 0.25;
   double radius_pp3d = 0, radius_pb2d = 0, radius_bp2d = 0, radius_bb1d = 0;
   Choice layers{"none", {"none", "merging", "techniques"}};
@@ -30,6 +31,10 @@ struct UpbpSettings {
         "surfaces is always in it");
     visit("beam_paths", beam_paths, 0, 1 << 30,
           "most light paths of an iteration that leave beams: bb1d costs as many as it has; 0: all do");
+    visit("connect_media", connect_media, NumberRange{1e-3, 1},
+          "share of the pairs of two vertices in media that are connected, chosen by chance: where light "
+          "scatters "
+          "many times, most of the time goes to such pairs, and merges find the same light");
     const NumberRange range{0, 1};
     visit("radius_pp3d", radius_pp3d, range,
           "above 0: radius of pp3d in the first iteration, as `radius` is that of all");

@@ -175,7 +175,7 @@ Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, c
     const estimators::PathCounts counts{static_cast<double>(context.width) * context.height, paths,
                                         static_cast<float>(context.filter.radius()) *
                                             std::max(context.camera_units.x, context.camera_units.y),
-                                        eta.data()};
+                                        eta.data(), rules.connect_media};
     transport::MediumMaps maps;
     maps.kernels = kernels;
     maps.factors = estimators::mis_factors<Mis>(techniques, counts);
@@ -319,7 +319,7 @@ Plan UpbpIntegrator::plan_for(const UnitContext& context, const RunContext& run)
 // The settings that vcm has too; of layers=techniques its layer `merging` is left.
 SettingsMap without_media(SettingsMap settings) {
   for (const char* name : {"techniques", "radius_pp3d", "radius_pb2d", "radius_bp2d", "radius_bb1d",
-                           "beam_paths", "radius_free_paths"})
+                           "beam_paths", "radius_free_paths", "connect_media"})
     settings.erase(name);
   const auto layers = settings.find("layers");
   if (layers != settings.end() && layers->second == "techniques") layers->second = "merging";
@@ -399,10 +399,10 @@ Result<std::unique_ptr<Integrator>> make_upbp_integrator(const SettingsMap& sett
   const bool automatic = parsed.techniques.has("auto");
   const bool connects = parsed.wants("vcm");
   MediumRules medium{
-      parsed.wants("pp3d"),    parsed.wants("pb2d"), parsed.wants("bp2d"),
-      parsed.wants("bb1d"),    parsed.radius_pp3d,   parsed.radius_pb2d,
-      parsed.radius_bp2d,      parsed.radius_bb1d,   static_cast<std::uint64_t>(parsed.beam_paths),
-      parsed.radius_free_paths};
+      parsed.wants("pp3d"),     parsed.wants("pb2d"), parsed.wants("bp2d"),
+      parsed.wants("bb1d"),     parsed.radius_pp3d,   parsed.radius_pb2d,
+      parsed.radius_bp2d,       parsed.radius_bb1d,   static_cast<std::uint64_t>(parsed.beam_paths),
+      parsed.radius_free_paths, parsed.connect_media};
   const PathOptions options = parsed.common.path_options();
   const bool merges_in_media =
       features.any_scattering_medium && medium.any() && options.max_depth >= 2 && features.emitters > 0;

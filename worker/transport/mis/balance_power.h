@@ -125,8 +125,9 @@ struct BalancePower {
     return block;
   }
 
-  // At a later vertex.
-  static Block arrive_later(const Departure& d, const MisFactors& factors, double at, double pdf_area) {
+  // At a later vertex, on a surface or in a medium.
+  static Block arrive_later(const Departure& d, const MisFactors& factors, double at, double pdf_area,
+                            bool /*surface*/ = true) {
     Block block;
     const double turned = raise(d.leave / at);
     if (d.connects > 0) block.known = factors.connect * raise(1 / pdf_area);

@@ -20,6 +20,9 @@ inline double sine_between(Vec3 a, Vec3 b) {
 
 struct BeamBalance : BalancePower<1> {
   static constexpr bool kMergesBeams = true;
+  struct Departure : MisDeparture {
+    bool medium = false;  // the vertex left is in one
+  };
 
   // Of all merges in media at a vertex; wo, wi: away from it.
   static double merges(const MediumMerges& m, const scene::Medium& medium, float hazard, Vec3 wo, Vec3 wi) {
@@ -27,10 +30,21 @@ struct BeamBalance : BalancePower<1> {
     return m.at(static_cast<double>(hazard), sine_between(wo, wi));
   }
 
+  static Departure leave_end(double hits, double end_density, bool can_be_hit, double pdf, double cosine) {
+    return {BalancePower::leave_end(hits, end_density, can_be_hit, pdf, cosine)};
+  }
+  // As BalancePower, but two vertices in media are connected by chance (MisFactors::connect_media).
+  static Block arrive_later(const Departure& d, const MisFactors& factors, double at, double pdf_area,
+                            bool surface) {
+    Block block = BalancePower::arrive_later(d, factors, at, pdf_area);
+    if (d.medium && !surface) block.known *= factors.connect_media;
+    return block;
+  }
   // As BalancePower, without the merges at a vertex in a medium: those are add_merges'.
   static Departure leave_vertex(const Block& block, bool surface, bool delta, double pdf, double pdf_reverse,
                                 double factor_out) {
-    Departure d = BalancePower::leave_vertex(block, true, delta || !surface, pdf, pdf_reverse, factor_out);
+    Departure d{BalancePower::leave_vertex(block, true, delta || !surface, pdf, pdf_reverse, factor_out),
+                !surface};
     if (!surface) {
       d.connects = 1;
       d.carried.pending += block.known;

@@ -25,6 +25,8 @@ struct MisFactors {
   double light_image = 1, hit_lens = 1;  // the number of light paths per iteration
   // By the number of the medium; null: none. Read by BeamBalance (mis/beam_balance.h) alone.
   const MediumMerges* medium = nullptr;
+  // The share of pairs of two vertices in media that are connected; above 0. Read by BeamBalance alone.
+  double connect_media = 1;
 };
 
 // eta, raised; 0: no merging.

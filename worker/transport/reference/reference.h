@@ -101,6 +101,7 @@ struct Rules {
 // How often per eye path each technique is run, not raised to any power; 0: not.
 struct Counts {
   double hit_light = 1, next_event = 1, connect = 1, light_image = 1, hit_lens = 1;
+  double connect_media = 1;                    // share of the connections of two vertices in media
   double merge_surface = 0, merge_medium = 0;  // eta
   // The same of beams: number of light paths times the effective area or length. First the light's entity,
   // then the eye's; both sides' beams are short.

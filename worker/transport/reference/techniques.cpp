@@ -69,7 +69,9 @@ std::vector<Technique> list_techniques(const PathNumbers& n, const Counts& count
   if (n.light_can_be_hit) add(Kind::hit_light, 0, counts.hit_light, product(0, 0));
   if (!n.delta[1]) add(Kind::next_event, 1, counts.next_event, product(0, 1) * n.light_direct);
   for (std::size_t s = 2; s < k; ++s)
-    if (!n.delta[s - 1] && !n.delta[s]) add(Kind::connect, s, counts.connect, product(s, s));
+    if (!n.delta[s - 1] && !n.delta[s])
+      add(Kind::connect, s,
+          counts.connect * (n.in_medium[s - 1] && n.in_medium[s] ? counts.connect_media : 1), product(s, s));
   if (!n.delta[k - 1]) add(Kind::light_image, k, counts.light_image, product(k, k + 1) * n.lens_connect);
   if (n.lens_can_be_hit) add(Kind::hit_lens, k + 1, counts.hit_lens, product(k + 1, k + 1));
   // The effective volume, area and length of a kernel are as its radius cubed, squared, and itself.

@@ -9,11 +9,24 @@
 
 namespace candela::transport {
 
+// A word beside the key of a connection's transmittance.
+inline constexpr std::uint64_t kWhetherToConnect = 0x636f6e6eULL;  // "conn"
+
+// The samples of connecting z and y per pair: 1, or of two vertices in media a share of the pairs.
+template <class Mis>
+double connections(const ConnectContext& c, const ScatterPoint& z, const ScatterPoint& y) {
+  if constexpr (Mis::kMergesBeams)
+    if (!z.on_surface() && !y.on_surface()) return c.factors.connect_media;
+  return 1;
+}
+
 // The light's vertex z connected to the eye's vertex y.
 template <Between kBetween, class Mis>
 bool connect(const ConnectContext& c, const Vertex<typename Mis::Block>& z,
              const Vertex<typename Mis::Block>& y, std::uint64_t stream_key, const MergeFactors& eta,
              Contribution& out, WeightTerms* terms = nullptr) {
+  const double share = connections<Mis>(c, z, y);
+  if (share < 1 && rng::to_double(rng::combine(stream_key, kWhetherToConnect)) >= share) return false;
   const Vec3d between = Vec3d(z.hit.p) - Vec3d(y.hit.p);
   const double distance_squared = length_squared(between);
   if (!(distance_squared > 0)) return false;
@@ -30,6 +43,7 @@ bool connect(const ConnectContext& c, const Vertex<typename Mis::Block>& z,
   if (passed.is_black()) return false;
   out.value =
       y.throughput * at_eye * passed * at_light * z.throughput * static_cast<float>(1 / distance_squared);
+  if (share < 1) out.value *= static_cast<float>(1 / share);
   out.weight = 1;
   if constexpr (Mis::kWeighs) {
     const double spread = survival / distance_squared;
@@ -45,7 +59,7 @@ bool connect(const ConnectContext& c, const Vertex<typename Mis::Block>& z,
     const double merged_y = merges_at<Mis>(c, y, to_light, eta);
     const double light_sum = merged_z + Mis::sum(z.mis, light_reverse, eta);
     const double eye_sum = merged_y + Mis::sum(y.mis, eye_reverse, eta);
-    out.weight = 1 / (1 + Mis::raise(light_step) * light_sum + Mis::raise(eye_step) * eye_sum);
+    out.weight = share / (share + Mis::raise(light_step) * light_sum + Mis::raise(eye_step) * eye_sum);
     if (terms != nullptr) *terms = {0, light_step, light_reverse, eye_step, eye_reverse};
   }
   return true;
