@@ -78,4 +78,9 @@ Choice choose(std::span<const Trial> trials) {
   return choice;
 }
 
+bool last_is_better(std::span<const Trial> trials, std::size_t chosen) {
+  const std::vector<double> errors = trial_errors(trials);
+  return errors.back() * trials.back().cost < errors[chosen] * trials[chosen].cost;
+}
+
 }  // namespace candela::integrators::upbp

@@ -48,5 +48,7 @@ inline constexpr double kCheap = 1.5;
 // The last of those that are alike; but the last of all if it is cheap. Precondition: each trial has all
 // techniques of those before. A small pilot does not see what they gain where light is rare.
 Choice choose(std::span<const Trial> trials);
+// Whether the last trial, which has the techniques of trial `chosen`, has less error times cost.
+bool last_is_better(std::span<const Trial> trials, std::size_t chosen);
 
 }  // namespace candela::integrators::upbp

@@ -1,7 +1,9 @@
 // The rules that a job of upbp runs by.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "worker/integrators/planned.h"
@@ -27,6 +29,8 @@ struct Rules {
   Planned planned;
   MediumRules medium;
   bool only_if_cheap = false;  // tried only if the set before it costs at most kCheap times the first
+  // The set, by index, that these rules are but for fewer connections in media: tried only if it is chosen.
+  std::optional<std::size_t> thinned = {};
 };
 
 }  // namespace candela::integrators::upbp

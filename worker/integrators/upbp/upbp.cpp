@@ -57,7 +57,7 @@ class UpbpIntegrator final : public IterationIntegrator {
     std::size_t chosen = 0;
     if (variants_.size() > 1) {
       CANDELA_ASSIGN(const Pilot pilot, pilot_for(context, run));
-      chosen = pilot.choice.index;
+      chosen = pilot.variant;
     }
     const Variant& variant = *variants_[chosen];
     Measured unread;
@@ -78,7 +78,8 @@ class UpbpIntegrator final : public IterationIntegrator {
   };
   struct Pilot {
     upbp::Choice choice;
-    upbp::Memory memory;  // of an iteration of the job with what was chosen
+    std::size_t variant = 0;  // the one chosen, or that with fewer connections
+    upbp::Memory memory;      // of an iteration of the job with what was chosen
   };
 
   // Runs once. Stopped, it runs anew when asked again.
@@ -261,10 +262,9 @@ Result<UpbpIntegrator::Pilot> UpbpIntegrator::run_pilot(const UnitContext& conte
                             static_cast<std::uint32_t>(1 + variants_[0]->iterations.layers().size())};
   std::vector<upbp::Trial> trials;
   std::vector<upbp::Memory> memory;
-  for (const std::unique_ptr<Variant>& variant : variants_) {
-    if (variant->rules.only_if_cheap && trials.back().cost > upbp::kCheap * trials.front().cost) break;
-    const double first = merging::first_radius(context, variant->iterations);
-    const merging::MergeRules& merge = variant->iterations.merge;
+  const auto try_out = [&](const Variant& variant) -> Result<void> {
+    const double first = merging::first_radius(context, variant.iterations);
+    const merging::MergeRules& merge = variant.iterations.merge;
     const std::uint64_t paths = merging::light_path_count(merge, context),
                         few_paths = merging::light_path_count(merge, small);
     const double density = static_cast<double>(paths) / static_cast<double>(few_paths);
@@ -272,20 +272,34 @@ Result<UpbpIntegrator::Pilot> UpbpIntegrator::run_pilot(const UnitContext& conte
     upbp::Trial& trial = trials.emplace_back();
     for (std::size_t r = 0; r < upbp::kReplicates; ++r) {
       output.film = std::make_unique<film::UnitFilm>(layout, scale);
-      CANDELA_TRY(run_variant(*variant, first, small, {Unit::Kind::iterations, 0, r, r + 1}, output, quiet,
-                              measured));
+      CANDELA_TRY(
+          run_variant(variant, first, small, {Unit::Kind::iterations, 0, r, r + 1}, output, quiet, measured));
       const std::int64_t* sums = output.film->sums();
       for (std::size_t i = 0; i < 3 * layout.pixel_count(); ++i)
         trial.images[r].push_back(static_cast<float>(std::ldexp(static_cast<double>(sums[i]), -scale)));
     }
     trial.cost = measured.work.cost(density);
-    const MediumRules& medium = variant->rules.medium;
+    const MediumRules& medium = variant.rules.medium;
     const double more_beams =
         beam_path_count(medium, context, paths) / beam_path_count(medium, small, few_paths);
     memory.push_back(measured.memory.scaled(density / upbp::kReplicates, more_beams / upbp::kReplicates));
+    return {};
+  };
+  for (const std::unique_ptr<Variant>& variant : variants_) {
+    const Rules& rules = variant->rules;
+    if (rules.thinned || (rules.only_if_cheap && trials.back().cost > upbp::kCheap * trials.front().cost))
+      break;
+    CANDELA_TRY(try_out(*variant));
   }
-  Pilot pilot{upbp::choose(trials), {}};
-  pilot.memory = memory[pilot.choice.index];
+  Pilot pilot{upbp::choose(trials), 0, {}};
+  pilot.variant = pilot.choice.index;
+  for (std::size_t v = 0; v < variants_.size(); ++v) {
+    if (variants_[v]->rules.thinned != pilot.choice.index) continue;
+    CANDELA_TRY(try_out(*variants_[v]));
+    if (upbp::last_is_better(trials, pilot.choice.index)) pilot.variant = v;
+    break;
+  }
+  pilot.memory = pilot.variant == pilot.choice.index ? memory[pilot.variant] : memory.back();
   return pilot;
 }
 
@@ -302,7 +316,7 @@ Plan UpbpIntegrator::plan_for(const UnitContext& context, const RunContext& run)
   const auto pilot = pilot_for(context, run);
   if (!pilot.ok()) return plan();
   const upbp::Choice& choice = pilot->choice;
-  Plan plan = variants_[choice.index]->rules.planned.plan;
+  Plan plan = variants_[pilot->variant]->rules.planned.plan;
   std::string found;
   for (std::size_t v = 0; v < choice.inefficiency.size(); ++v)
     found += fmt::format("{}{} {:.2g} and {:.2g}", v == 0 ? "" : "; ", variants_[v]->rules.name,
@@ -310,7 +324,7 @@ Plan UpbpIntegrator::plan_for(const UnitContext& context, const RunContext& run)
   if (variants_.size() > 1)
     plan.note("techniques=auto",
               fmt::format("chose {}. Error times cost over the least, and cost over vcm's, in a pilot: {}",
-                          variants_[choice.index]->rules.name, found));
+                          variants_[pilot->variant]->rules.name, found));
   plan.note("memory", fmt::format("an iteration of {} x {} pixels holds about {}", context.width,
                                   context.height, upbp::to_text(pilot->memory)));
   return plan;
@@ -346,6 +360,12 @@ Rules rules_of(std::string name, const MediumRules& medium, bool connects, const
   say(plan, m.pb2d, "pb2d", "points of light paths beside short beams of eye paths");
   say(plan, m.bp2d, "bp2d", "short beams of light paths that pass points of eye paths");
   say(plan, m.bb1d, "bb1d", "short beams that pass each other");
+  if (connects && m.connect_media < 1)
+    plan.note(
+        "connections in media",
+        fmt::format("{} of the pairs of two vertices in media are connected, the rest of their light is "
+                    "merged",
+                    m.connect_media));
   if (features.any_heterogeneous_medium && (m.pb2d || m.beams()))
     plan.note("media that are grids", "beams are merged in homogeneous media alone");
   rules.planned.between = Between::media;
@@ -374,6 +394,7 @@ std::vector<Rules> candidates(const MediumRules& radii, const PathOptions& optio
                           {"all", true, true, false},
                           {"all", true, true, true}};
   constexpr std::uint64_t kMany = 8;
+  constexpr double kFewConnections = 0.125;
   std::vector<Rules> list;
   for (const Set& set : kAll) {
     if (set.many && radii.beam_paths == 0) continue;  // all do already
@@ -385,6 +406,16 @@ std::vector<Rules> candidates(const MediumRules& radii, const PathOptions& optio
     if (medium.beams()) name += fmt::format(" ({} beam_paths)", medium.beam_paths);
     list.push_back(rules_of(std::move(name), medium, true, options, features, false));
     list.back().only_if_cheap = set.many;
+  }
+  // Behind all sets, in their order.
+  const std::size_t sets = list.size();
+  for (std::size_t i = 0; i < sets && radii.connect_media > kFewConnections; ++i) {
+    MediumRules medium = list[i].medium;
+    if (!medium.any()) continue;
+    medium.connect_media = kFewConnections;
+    list.push_back(rules_of(fmt::format("{} (connect_media {})", list[i].name, kFewConnections), medium, true,
+                            options, features, false));
+    list.back().thinned = i;
   }
   return list;
 }
