@@ -7,7 +7,7 @@ from draw import select, table, value
 
 PAPER = ("Optimal weights are worth most where light sampling techniques are good in different places of one lamp, and where "
          "a light that many samples go to is hidden; elsewhere they cost their overhead.")
-METHODS = ["power", "cutoff", "maximum", "best", "direct", "progressive", "crossfit"]
+METHODS = ["power", "cutoff", "maximum", "best", "direct", "progressive", "crossfit", "auto"]
 EQUAL_SAMPLES, EQUAL_TIME = "squared error over balance, equal samples", "squared error over balance, equal time"
 
 

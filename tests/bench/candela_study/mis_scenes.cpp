@@ -78,6 +78,7 @@ std::vector<Contestant> contestants(const TechniqueSet& set) {
   };
   out.push_back({"balance", "optimis", optimis("balance")});
   out.push_back({"optimal", "optimis", optimis("optimal"), "independent", {"crossfit", "direct", "balance"}});
+  out.push_back({"auto", "optimis", optimis("auto"), "independent", {"crossfit", "balance"}});
   out.push_back({"best", "optimis", optimis("best"), "independent", {"best", "balance"}});
   for (const char* weights : {"power", "cutoff", "maximum"})
     out.push_back({weights, "optimis", optimis(weights)});
@@ -281,7 +282,7 @@ void report(const std::vector<Runner>& runners, std::uint32_t side, Report& out)
     for (std::size_t e = 0; e < estimators.size(); ++e) {
       if (paired && e + 1 == estimators.size()) continue;  // it is the other's, again
       const bool only = estimators.size() == 1;
-      const std::string method = only ? r.contestant().name : estimators[e];
+      const std::string method = only || r.contestant().name == "auto" ? r.contestant().name : estimators[e];
       for (std::size_t l = 0; l < r.levels().size(); ++l) {
         const Level& level = r.levels()[l];
         const auto n = static_cast<double>(level.count);
@@ -302,7 +303,7 @@ void report(const std::vector<Runner>& runners, std::uint32_t side, Report& out)
     const double pixels = static_cast<double>(side) * side * static_cast<double>(kBlock);
     out.add(r.contestant().name, kNone, "microseconds of an iteration",
             {1e6 * median(r.seconds()) / pixels, kNone});
-    if (!paired || estimators[0] != "crossfit") continue;
+    if (r.contestant().name != "optimal") continue;
     const std::vector<std::vector<float>> slopes = r.slopes();
     for (std::size_t i = 0; i < slopes.size(); ++i) out.map(fmt::format("alpha {}", i + 1), side, slopes[i]);
     const std::vector<double> crossfit = r.moments(0).variances(side),
