@@ -73,11 +73,16 @@ Result<void> Farm::start() {
       std::make_unique<Scheduler>(so, epoch, state.next_unit_id), *writer_, o.data_dir / "jobs",
       options_.film_writer ? options_.film_writer : FileWriter(&write_file_atomically));
   truth_ = std::make_unique<JobTruth>(*this);
-  deltas_ = std::make_unique<DeltaIntake>(*table_, *truth_, *gate_, counters_, wake_);
+  // One more than merges, so that a delta's hash is taken while another is merged.
+  merging_ = std::make_unique<BulkThreads>(o.merge_threads + 1, o.bulk_niceness);
+  // Images that people ask for, beside upkeep.
+  keeping_ = std::make_unique<BulkThreads>(2, o.bulk_niceness);
+  deltas_ = std::make_unique<DeltaIntake>(*table_, *truth_, *gate_, *merging_, counters_, wake_);
   reports_ = std::make_unique<StateReports>(*table_, *truth_);
-  images_ = std::make_unique<ImageWriter>(*table_, *truth_, *store_, *reports_);
+  images_ = std::make_unique<ImageWriter>(*table_, *truth_, *store_, *reports_, *keeping_);
   decider_ = std::make_unique<EpochDecider>(*table_, *truth_, *blobs_, wake_);
-  upkeep_ = std::make_unique<JobUpkeep>(*table_, *truth_, *images_, counters_, wake_, options_.master);
+  upkeep_ =
+      std::make_unique<JobUpkeep>(*table_, *truth_, *images_, *keeping_, counters_, wake_, options_.master);
   retention_ = std::make_unique<Retention>(*table_, *truth_, *upkeep_, *blobs_, *store_, *writer_, counters_,
                                            wake_, options_.master);
   CANDELA_TRY(restore_jobs(std::move(state)));

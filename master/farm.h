@@ -150,6 +150,7 @@ class Farm final : public TruthFarm {
   std::unique_ptr<StoreWriter> writer_;
   std::unique_ptr<JobTable> table_;
   std::unique_ptr<JobTruth> truth_;
+  std::unique_ptr<BulkThreads> merging_, keeping_;
   std::unique_ptr<DeltaIntake> deltas_;
   std::unique_ptr<StateReports> reports_;
   std::unique_ptr<ImageWriter> images_;

@@ -109,7 +109,7 @@ std::optional<DeltaRefusal> DeltaIntake::merge_film(const v1::DeltaHeader& heade
     return Refusal{v1::DELTA_VERDICT_STALE, opened.error().to_string(), FailureCause::master};
   const std::shared_ptr<JobFilm> film = table_.film_of(header.job_id());
   if (!film) return Refusal{v1::DELTA_VERDICT_STALE, "the job has no film"};
-  const auto outcome = film->merge(delta, std::move(*records));
+  const auto outcome = bulk_.run([&] { return film->merge(delta, std::move(*records)); });
   // The film lacks the segment before this one, through no fault of the sender: the unit is rendered again
   // later.
   if (!outcome.ok() && outcome.error().kind == ErrorKind::refused && segments)
@@ -194,7 +194,7 @@ DeltaIntake::Verdict DeltaIntake::deliver(const v1::DeltaHeader& header, const s
     return refuse(corrupt(fmt::format("{} bytes came, {} were announced", bytes.size(), header.size_bytes()),
                           FailureCause::network));
   const auto came = std::chrono::steady_clock::now();
-  if (sha256_hex(bytes) != header.sha256())
+  if (bulk_.run([&] { return sha256_hex(bytes); }) != header.sha256())
     return refuse(corrupt("the bytes do not have the announced hash", FailureCause::network));
 
   Course course;
@@ -212,7 +212,7 @@ DeltaIntake::Verdict DeltaIntake::deliver(const v1::DeltaHeader& header, const s
   });
   if (!expected || (makes_film(unit->kind) && !expected->state))
     return refuse({v1::DELTA_VERDICT_STALE, "the job has no film"});
-  auto delta = film::Delta::decode(bytes, expected->shape);
+  auto delta = bulk_.run([&] { return film::Delta::decode(bytes, expected->shape); });
   if (!delta.ok()) return refuse(corrupt(delta.error().to_string()));
   if (auto wrong = check(*delta, header, *unit, *expected)) return refuse(std::move(*wrong));
 

@@ -14,6 +14,7 @@
 #include "master/jobs/farm_counters.h"
 #include "master/jobs/job_table.h"
 #include "master/jobs/wake_signal.h"
+#include "master/merge/bulk_threads.h"
 #include "master/merge/push_gate.h"
 #include "master/truth/job_truth.h"
 
@@ -28,8 +29,9 @@ class DeltaIntake {
     std::string message;
   };
 
-  DeltaIntake(JobTable& table, JobTruth& truth, PushGate& gate, FarmCounters& counters, WakeSignal& wake)
-      : table_(table), truth_(truth), gate_(gate), counters_(counters), wake_(wake) {}
+  DeltaIntake(JobTable& table, JobTruth& truth, PushGate& gate, BulkThreads& bulk, FarmCounters& counters,
+              WakeSignal& wake)
+      : table_(table), truth_(truth), gate_(gate), bulk_(bulk), counters_(counters), wake_(wake) {}
 
   // Before reading: a verdict if the delta need not be read at all. Errors: header fields, size.
   Result<std::optional<Verdict>> admit(const v1::DeltaHeader& header);
@@ -51,6 +53,7 @@ class DeltaIntake {
   JobTable& table_;
   JobTruth& truth_;
   PushGate& gate_;
+  BulkThreads& bulk_;
   FarmCounters& counters_;
   WakeSignal& wake_;
 };

@@ -225,14 +225,14 @@ Result<std::string> ImageWriter::encode(const std::string& job_id, const ImagePa
   if (parts.state_layers) {
     CANDELA_ASSIGN(state_layers, StateReports::layers(*film));
   }
-  return encode(row, copy, parts, state_layers);
+  return bulk_.run([&] { return encode(row, copy, parts, state_layers); });
 }
 
 void ImageWriter::write_file(const std::string& job_id, JobFilm& film) {
   const JobFilm::Snapshot copy = film.snapshot();
   const JobRow row = table_.with_scheduler([&](Scheduler& s) { return s.job(job_id)->row; });
   if (!copy.film || copy.film->iterations() == 0) return;
-  auto bytes = encode(row, copy, {}, {});
+  auto bytes = bulk_.run([&] { return encode(row, copy, {}, {}); });
   Result<void> written = bytes.ok() ? write_file_atomically(table_.folder_of(job_id) / "image.exr", *bytes)
                                     : Result<void>(bytes.error());
   if (!written.ok()) log::warn(fmt::format("no image: {}", written.error().to_string()), {.job = job_id});

@@ -31,8 +31,8 @@ struct ImageParts {
 
 class ImageWriter {
  public:
-  ImageWriter(JobTable& table, JobTruth& truth, Store& store, StateReports& reports)
-      : table_(table), truth_(truth), store_(store), reports_(reports) {}
+  ImageWriter(JobTable& table, JobTruth& truth, Store& store, StateReports& reports, BulkThreads& bulk)
+      : table_(table), truth_(truth), store_(store), reports_(reports), bulk_(bulk) {}
 
   // The image of what is merged now, as the bytes of an EXR file. ErrorKind::refused before the first merge
   // (of the half that is asked for), usage for the error layer of a half.
@@ -51,6 +51,7 @@ class ImageWriter {
   JobTruth& truth_;
   Store& store_;
   StateReports& reports_;
+  BulkThreads& bulk_;
   RecentImages recent_;
 };
 

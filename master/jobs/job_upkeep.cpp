@@ -53,7 +53,7 @@ bool JobUpkeep::save_checkpoint(const std::string& job_id, JobFilm& film) {
   State& state = jobs_[job_id];
   state.last_checkpoint = JobTable::now().seconds;
   table_.remember_states(job_id, film);
-  Result<JobFilm::Checkpoint> written = film.checkpoint(room_);
+  Result<JobFilm::Checkpoint> written = bulk_.run([&] { return film.checkpoint(room_); });
   room_used_ = JobTable::now().seconds;
   keep_manifest(job_id);
   if (!written.ok()) {
@@ -113,16 +113,16 @@ void JobUpkeep::estimate_error(const std::string& job_id, JobFilm& film, bool at
       return;
   }
   const double started = JobTable::now().seconds;
-  const JobFilm::Snapshot copy = film.snapshot_in(room_);
+  const JobFilm::Snapshot copy = bulk_.run([&] { return film.snapshot_in(room_); });
   room_used_ = started;
   if (!copy.film) return;
   const JobRow row = table_.with_scheduler([&](Scheduler& s) { return s.job(job_id)->row; });
-  const auto development = develop(row, copy, {});
+  const auto development = bulk_.run([&] { return develop(row, copy, {}); });
   if (!development.ok()) {
     log::warn(fmt::format("no error estimate: {}", development.error().to_string()), {.job = job_id});
     return;
   }
-  const stats::ErrorEstimate e = stats::estimate_error(*copy.film, *development);
+  const stats::ErrorEstimate e = bulk_.run([&] { return stats::estimate_error(*copy.film, *development); });
   state.last_estimate = JobTable::now().seconds;
   state.estimate_cost = state.last_estimate - started;
   state.estimated_iterations = copy.film->iterations();

@@ -17,6 +17,7 @@
 #include "master/jobs/image_writer.h"
 #include "master/jobs/job_table.h"
 #include "master/jobs/wake_signal.h"
+#include "master/merge/bulk_threads.h"
 #include "master/options.h"
 #include "master/truth/job_truth.h"
 
@@ -25,9 +26,15 @@ namespace candela::master {
 class JobUpkeep {
  public:
   // `options` must outlive this object.
-  JobUpkeep(JobTable& table, JobTruth& truth, ImageWriter& images, FarmCounters& counters, WakeSignal& wake,
-            const MasterOptions& options)
-      : table_(table), truth_(truth), images_(images), counters_(counters), wake_(wake), options_(options) {}
+  JobUpkeep(JobTable& table, JobTruth& truth, ImageWriter& images, BulkThreads& bulk, FarmCounters& counters,
+            WakeSignal& wake, const MasterOptions& options)
+      : table_(table),
+        truth_(truth),
+        images_(images),
+        bulk_(bulk),
+        counters_(counters),
+        wake_(wake),
+        options_(options) {}
 
   // The body of one thread. Returns when the farm stops.
   void upkeep_loop();
@@ -60,6 +67,7 @@ class JobUpkeep {
   JobTable& table_;
   JobTruth& truth_;
   ImageWriter& images_;
+  BulkThreads& bulk_;
   FarmCounters& counters_;
   WakeSignal& wake_;
   const MasterOptions& options_;

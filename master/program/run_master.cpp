@@ -31,6 +31,10 @@ struct Texts {
   bool insecure = false;
 };
 
+// A third of the weight of the threads that answer calls: a merge on a busy machine takes longer, a lease
+// does not.
+constexpr int kBulkNiceness = 5;
+
 constexpr const char* kProgram = "candela-master";
 
 // A connection is a file, and the limit that processes start with is often 1024: a thousand workers reach it.
@@ -70,6 +74,7 @@ Result<MasterOptions> resolve(const DaemonSettings& settings, const Texts& texts
                                     options.checkpoint_seconds));
   CANDELA_TRY(read_positive_seconds(choose("lease-time", texts.lease_time), options.lease_seconds));
   CANDELA_TRY(read_positive_seconds(choose("unit-time", texts.unit_time), options.unit_seconds));
+  options.bulk_niceness = kBulkNiceness;
   CANDELA_TRY(read_bytes(choose("merge-queue", texts.merge_queue), options.merge_queue_bytes));
   CANDELA_TRY(read_bytes(choose("statistics-memory", texts.statistics_memory), options.statistics_bytes));
   CANDELA_TRY(

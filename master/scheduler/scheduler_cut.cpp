@@ -10,7 +10,7 @@ namespace {
 // Until the first delta is merged: a thousand workers would have all taken units too small for the merge by
 // then.
 double likely_merge_seconds(const Job& job) {
-  constexpr double kSecondsPerSum = 6e-9;
+  constexpr double kSecondsPerSum = 9e-9;
   double sums = static_cast<double>(film::kChannels) * (1 + static_cast<double>(job.row.layers.size()));
   for (const film::AccumulatorSpec& spec : job.row.accumulators) sums += spec.channels;
   const JobSettings& s = job.row.settings;

@@ -131,5 +131,38 @@ TEST(JobAccumulators, AreInTheCheckpoint) {
   EXPECT_TRUE(parse_checkpoint(plain.serialise(), shape).ok());
 }
 
+// Claim: checkpoints and snapshots in memory that another, larger or smaller, film left there are those in
+// fresh memory, to the byte.
+TEST(JobAccumulators, CheckpointsInUsedMemoryAreTheSame) {
+  test::TemporaryFolder folder;
+  const film::Layout layouts[] = {{200, 90, 1}, {40, 33, 3}, {200, 90, 1}, {70, 70, 1}};
+  JobFilm::Room room;
+  for (std::size_t k = 0; k < std::size(layouts); ++k) {
+    const film::Layout& layout = layouts[k];
+    std::string bytes[2];
+    for (const bool fresh : {false, true}) {
+      const auto at = folder.path() / (std::to_string(k) + (fresh ? "fresh" : "used"));
+      JobFilm film(at, layout, 10, &write_file_atomically);
+      ASSERT_TRUE(film.ensure_loaded().ok());
+      film::UnitFilm unit(layout, 10);
+      film::Tallies tallies;
+      for (std::uint32_t x = 0; x < layout.width; x += 1 + static_cast<std::uint32_t>(k))
+        unit.add(0, x, x % layout.height, {1.5f, 2, static_cast<float>(k)}, x, tallies);
+      const auto delta = film::Delta::decode(
+          film::encode_delta(unit, {{Unit::Kind::iterations, 0, 3, 4}, {}, 0, "j", "b"}), layout);
+      ASSERT_TRUE(delta.ok());
+      ASSERT_TRUE(film.merge(*delta).ok());
+      const auto written = fresh ? film.checkpoint() : film.checkpoint(room);
+      ASSERT_TRUE(written.ok());
+      bytes[fresh ? 1 : 0] = *read_file(at / "film.1.ckpt", 1 << 22);
+      const JobFilm::Snapshot plain = film.snapshot(JobFilm::Part::image);
+      const JobFilm::Snapshot inside = film.snapshot_in(room);
+      EXPECT_TRUE(inside.film->serialise() == plain.film->serialise()) << k;
+      EXPECT_EQ(inside.film->layout().layers, 1U);
+    }
+    EXPECT_TRUE(bytes[0] == bytes[1]) << k;
+  }
+}
+
 }  // namespace
 }  // namespace candela::master

@@ -1,0 +1,45 @@
+#include "master/merge/bulk_threads.h"
+
+#include <sys/resource.h>
+#include <unistd.h>
+
+namespace candela::master {
+
+BulkThreads::BulkThreads(unsigned count, int niceness) {
+  for (unsigned i = 0; i < count; ++i) threads_.emplace_back([this, niceness] { loop(niceness); });
+}
+
+BulkThreads::~BulkThreads() {
+  {
+    const std::lock_guard lock(mutex_);
+    ended_ = true;
+  }
+  changed_.notify_all();
+  for (std::thread& thread : threads_) thread.join();
+}
+
+void BulkThreads::put(std::function<void()> work) {
+  {
+    const std::lock_guard lock(mutex_);
+    waiting_.push_back(std::move(work));
+  }
+  changed_.notify_one();
+}
+
+void BulkThreads::loop(int niceness) {
+  // Of Linux: a thread's own. Where the system refuses, work goes on at the usual priority.
+  if (niceness != 0) static_cast<void>(::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), niceness));
+  for (;;) {
+    std::function<void()> work;
+    {
+      std::unique_lock lock(mutex_);
+      changed_.wait(lock, [&] { return ended_ || !waiting_.empty(); });
+      if (waiting_.empty()) return;
+      work = std::move(waiting_.front());
+      waiting_.pop_front();
+    }
+    work();
+  }
+}
+
+}  // namespace candela::master
