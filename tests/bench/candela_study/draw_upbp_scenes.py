@@ -52,6 +52,35 @@ def figure(rows, maps):
     return result
 
 
+def more_figures(rows, maps):
+    """The share of each technique in the picture of all."""
+    scenes = unique(rows, "problem")
+    layers = unique(select(rows, part="layers"), "method")
+    if not layers:
+        return {}
+    result, axes = pyplot.subplots(len(scenes), 1 + len(layers), squeeze=False, constrained_layout=True,
+                                   figsize=(1.9 * (1 + len(layers)), 1.9 * len(scenes)))
+    for row, scene in enumerate(scenes):
+        reference = maps[f"{scene} reference"]
+        levels = sorted(v for line in reference for v in line)
+        top = levels[int(0.98 * (len(levels) - 1))] or 1
+        for column, name in enumerate(["reference"] + [f"layer {layer}" for layer in layers]):
+            panel = axes[row][column]
+            panel.set_xticks([])
+            panel.set_yticks([])
+            if row == 0:
+                panel.set_title(name.removeprefix("layer "), fontsize=9)
+            if column == 0:
+                panel.set_ylabel(scene)
+            picture = maps.get(f"{scene} {name}")
+            if picture is None:
+                panel.set_axis_off()
+                continue
+            panel.imshow([[max(0, min(1, v / top)) ** 0.45 for v in line] for line in picture], vmin=0, vmax=1,
+                         cmap="gray")
+    return {"layers": result}
+
+
 def cell(number):
     return "-" if math.isnan(number) else f"{number:.3g}"
 
@@ -60,7 +89,7 @@ def tables(rows):
     text = ""
     for quantity, words in (("relative squared error", "Squared error"), ("noise", "Noise")):
         text += f"{words} in equal CPU time, of all techniques together over each method (below 1: together is better):\n\n"
-        lines, names = [], [m for m in unique(rows, "method") if m != ALL]
+        lines, names = [], [m for m in unique(select(rows, part="equal time"), "method") if m != ALL]
         for scene in unique(rows, "problem"):
             def at(method):
                 return value(rows, part="equal time", problem=scene, method=method, quantity=quantity)
@@ -74,6 +103,12 @@ def tables(rows):
         lines.append([scene] + [cell(value(rows, part="equal time", problem=scene, method=m,
                                            quantity="seconds of an iteration over vcm's")) for m in names])
     text += table(["scene"] + names, lines)
+    layers = unique(select(rows, part="layers"), "method")
+    if layers:
+        text += "Share of each technique in the light of the picture of all with 1024 beams; the rest is light met by chance:\n\n"
+        lines = [[scene] + [cell(value(rows, part="layers", problem=scene, method=m, quantity="share of the light"))
+                            for m in layers] for scene in unique(rows, "problem")]
+        text += table(["scene"] + layers, lines)
     text += "Squared bias over the squared error, at the last count:\n\n"
     last = max(row["n"] for row in select(rows, part="curves"))
     lines = []

@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "common/base/version.h"
 #include "tests/bench/candela_study/image_errors.h"
@@ -38,9 +39,15 @@ constexpr MediaScene kScenes[] = {
     {"still-life", "tests/bench/candela_study/scenes/media-still-life.xml", "bdpt", 4096, false},
 };
 constexpr const char* kAlone[] = {"vcm", "pp3d", "pb2d", "bp2d", "bb1d"};
-constexpr const char* kTogether[] = {"vcm,pp3d,pb2d", "all", "all, 1024 beams", "merges, 1024 beams", "auto"};
+constexpr const char* kTogether[] = {
+    "vcm,pp3d,pb2d", "all", "all, 1024 beams", "an eighth of connections", "merges, 1024 beams", "auto"};
+// Of upbp, by layers=techniques.
+constexpr const char* kLayers[] = {"connections", "merging", "pp3d", "pb2d", "bp2d", "bb1d"};
+constexpr const char* kLayered = "all, 1024 beams";  // whose shares are shown
 SettingsMap settings_of(const std::string& method) {
   if (method == "all, 1024 beams") return {{"techniques", "all"}, {"beam_paths", "1024"}};
+  if (method == "an eighth of connections")
+    return {{"techniques", "all"}, {"beam_paths", "1024"}, {"connect_media", "0.125"}};
   if (method == "merges, 1024 beams") return {{"techniques", "pp3d,pb2d,bp2d,bb1d"}, {"beam_paths", "1024"}};
   if (method == "bb1d") return {{"techniques", method}, {"beam_paths", "1024"}};
   return {{"techniques", method}};
@@ -85,6 +92,7 @@ class MediaTable {
     add_map("reference", mean_image({truth.first, truth.second}, 0, 2));
     for (const MediaCurve& curve : curves) add_curve(curve);
     add_equal_time(curves);
+    CANDELA_TRY(add_layers());
     return std::move(results_);
   }
 
@@ -154,6 +162,27 @@ class MediaTable {
         curves[m].bias.push_back(whole - noise);
       }
     return curves;
+  }
+
+  // The share of each technique in the picture of all, and their part of its light.
+  Result<void> add_layers() {
+    Render one = render("upbp", 1);
+    one.settings = settings_of(kLayered);
+    one.settings["layers"] = "techniques";
+    CANDELA_ASSIGN(const Rendered rendered, render_job(one, {sizes_.counts.back()}));
+    const auto sum = [](const Image& image) {
+      return std::accumulate(image.begin(), image.end(), 0.0,
+                             [](double total, float v) { return total + static_cast<double>(v); });
+    };
+    const double whole = sum(rendered.images.back());
+    if (rendered.layers.size() != std::size(kLayers)) return internal_error("upbp has other layers");
+    for (std::size_t i = 0; i < rendered.layers.size(); ++i) {
+      const std::string name = kLayers[i];
+      add("layers", name, static_cast<double>(sizes_.counts.back()), "share of the light",
+          sum(rendered.layers[i]) / whole);
+      add_map("layer " + name, rendered.layers[i]);
+    }
+    return {};
   }
 
   void add(const std::string& part, const std::string& method, double n, const std::string& quantity,
