@@ -253,6 +253,74 @@ TEST(SceneMedia, GridFlightsAgainstQuadrature) {
   }
 }
 
+// Claim: the weights of a flight at its steps estimate T at every distance over the flights that pass it, in
+// every channel, whatever the channels' shares; the last one is the flight's own. In a gray grid a flight has
+// no steps.
+TEST(SceneMedia, StepsOfGridFlightsAgainstQuadrature) {
+  int index = 0;
+  for (const Field& field : fields()) {
+    const auto scene = medium_scene(grid(field.more, "0.9, 0.6, 0.3", field.scale), {{"v.vol", field.file}});
+    const Medium& medium = scene->medium(0);
+    const GridVolume where = grid_of(field);
+    const Ray ray = {{-1.4f, 0.3f, -0.9f}, normalize(Vec3{1, -0.25f, 0.7f}), 2.6f};
+    const auto depth = thickness(medium, where, ray);
+    for (const Spectrum channels : {Spectrum(1.0f), Spectrum(4, 1, 0.05f)}) {
+      constexpr int kPlaces = 5, kSamples = 20000;
+      std::vector<std::array<Mean, 3>> means(kPlaces);
+      rng::Stream stream(rng::key(23, index++));
+      std::vector<FlightStep> steps;
+      for (int i = 0; i < kSamples; ++i) {
+        const Vec2 u{stream.next_float(), stream.next_float()};
+        steps.clear();
+        const DistanceSample s = medium.sample_distance(ray, channels, u, &steps);
+        const DistanceSample plain = medium.sample_distance(ray, channels, u);
+        ASSERT_EQ(s.weight, plain.weight);
+        ASSERT_TRUE(!where.gray() || steps.empty());
+        if (!s.scattered) {
+          ASSERT_EQ(weight_at(steps, ray.t_max), steps.empty() ? Spectrum(1) : s.weight);
+        }
+        for (int p = 0; p < kPlaces; ++p) {
+          const float at = ray.t_max * static_cast<float>(p + 1) / kPlaces;
+          const bool passes = !s.scattered || s.distance > at;
+          for (int c = 0; c < 3; ++c)
+            means[static_cast<std::size_t>(p)][static_cast<std::size_t>(c)].add(
+                passes ? channel(weight_at(steps, at), c) : 0);
+        }
+      }
+      const float all = channels.r + channels.g + channels.b;
+      for (int p = 0; p < kPlaces; ++p)
+        for (int c = 0; c < 3; ++c) {
+          const auto k = static_cast<std::size_t>(c);
+          expect_mean(means[static_cast<std::size_t>(p)][k],
+                      std::exp(-depth[static_cast<std::size_t>((p + 1) * kSteps / kPlaces)][k]),
+                      fmt::format("field {} place {} channel {}", index, p, c), 2e-3,
+                      channel(Spectrum(all) / channels, c));
+        }
+    }
+  }
+}
+
+// Claim: beyond a grid's box sigma_t_inside is 0, within it sigma_t; rays end where they leave the box, or
+// one wider by a share of its size on each side.
+TEST(SceneMedia, GridsEndAtTheirBox) {
+  const std::string placed = test::matrix({2, 0, 0, -1, 0, 2, 0, -1, 0, 0, 2, -1, 0, 0, 0, 1});
+  const auto scene =
+      medium_scene(grid(placed), {{"v.vol", volume_file({2, 2, 2}, 1, std::vector<float>(8, 3.0f))}});
+  const Medium& medium = scene->medium(0);
+  EXPECT_EQ(medium.sigma_t_inside({0.9f, -0.9f, 0}), Spectrum(3));
+  EXPECT_EQ(medium.sigma_t_inside({1.1f, 0, 0}), Spectrum(0.0f));
+  EXPECT_EQ(medium.sigma_t({1.1f, 0, 0}), Spectrum(3));
+  const Ray ray{{-3, 0.5f, 0}, {1, 0, 0}};
+  EXPECT_FLOAT_EQ(medium.distance_to_end(ray, 0), 4);
+  EXPECT_FLOAT_EQ(medium.distance_to_end(ray, 0.5), 5);
+  EXPECT_EQ(medium.distance_to_end({ray.origin, ray.direction, 2.5f}, 0), 2.5f);
+  EXPECT_EQ(medium.distance_to_end({ray.origin, {0, 1, 0}}, 0), 0);
+  EXPECT_EQ(medium.distance_to_end({ray.origin, {-1, 0, 0}}, 0), 0);
+  const auto fog = medium_scene(homogeneous("2"));
+  EXPECT_EQ(fog->medium(0).sigma_t_inside({9, 9, 9}), Spectrum(2));
+  EXPECT_EQ(fog->medium(0).distance_to_end({ray.origin, ray.direction, 7}, 0), 7);
+}
+
 // Claim: transmittances are unbiased, in [0, 1], and without noise where the grid is uniform.
 TEST(SceneMedia, GridTransmittanceAgainstQuadrature) {
   int index = 0;

@@ -11,11 +11,14 @@
 #include <vector>
 
 #include "common/rng/stream.h"
+#include "tests/unit/scene_fixture.h"
 #include "tests/unit/transport_paths.h"
+#include "tests/unit/volume_file.h"
 #include "worker/transport/kernels.h"
 #include "worker/transport/photon_beams.h"
 #include "worker/transport/radius.h"
 #include "worker/transport/subpath.h"
+#include "worker/transport/technique/merge_medium.h"
 
 namespace candela::transport {
 namespace {
@@ -294,7 +297,7 @@ void expect_edges_make_vertices(const scene::Scene& scene) {
         const auto hazard = static_cast<double>(v.arrival);
         const EdgeVertex made =
             vertex_on(edge, place, hazard,
-                      static_cast<double>(scene.medium(v.medium).prob_pass(last.end, Spectrum(1.0f))));
+                      static_cast<double>(stretch_survival(scene.medium(v.medium), {{}, {}, last.end})));
         // Places are rounded to float, so that short edges lose digits.
         const double tolerance = 1e-5 + 4e-6 / static_cast<double>(last.end);
         EXPECT_NEAR(made.pdf_volume / v.pdf_area, 1, tolerance);
@@ -322,7 +325,7 @@ void expect_edges_make_vertices(const scene::Scene& scene) {
   EXPECT_GT(vertices, 300U);
 }
 TEST(TransportUpbp, EdgesMakeTheVerticesOfWalks) {
-  for (const char* name : {"fog-thin", "fog-glass", "fog-camera"}) {
+  for (const char* name : {"fog-thin", "fog-glass", "fog-camera", "smoke"}) {
     SCOPED_TRACE(name);
     const auto scene = test::load_scene(std::filesystem::path(CANDELA_SOURCE_DIR) /
                                         "tests/statistical/transport" / (std::string(name) + ".xml"));
@@ -330,6 +333,138 @@ TEST(TransportUpbp, EdgesMakeTheVerticesOfWalks) {
     expect_edges_make_vertices<TransportMode::importance>(**scene);
     expect_edges_make_vertices<TransportMode::radiance>(**scene);
   }
+}
+
+// A grid of colors, in [-1, 1]^3, whose extinction grows with z.
+std::unique_ptr<scene::Scene> rising_smoke() {
+  std::vector<float> values;
+  for (int z = 0; z < 8; ++z)
+    for (int xy = 0; xy < 4; ++xy)
+      for (const float color : {1.0f, 0.5f, 0.2f}) values.push_back(color * static_cast<float>(z));
+  auto scene = test::build_scene(
+      R"(<shape type="cube"><bsdf type="null"/><medium type="heterogeneous" name="interior">
+           <volume type="gridvolume" name="sigma_t"><string name="filename" value="v.vol"/>)" +
+          test::matrix({2, 0, 0, -1, 0, 2, 0, -1, 0, 0, 2, -1, 0, 0, 0, 1}) +
+          R"(</volume><rgb name="albedo" value="0.9, 0.6, 0.3"/>
+           <phase type="hg"><float name="g" value="0.4"/></phase></medium></shape>)",
+      {{"v.vol", test::volume_file({2, 2, 8}, 3, values)}});
+  EXPECT_TRUE(scene.ok()) << scene.error().to_string();
+  return std::move(*scene);
+}
+
+// Claim: in a grid, where light's and the eye's copy of a vertex have hazards l and e of their own, each of
+// the four merges has the weight eta_v / (eta_PP + eta_PB / e + eta_BP / l + eta_BB sin / (e l) + both sides'
+// sums), whichever structure finds it, so that the weights of all techniques of the path add up to 1; and its
+// value is that of its estimator, with sigma_s at the eye's place and the steps of both flights. The two
+// beams pass each other across the gradient: the nearest places of all four are the same two.
+TEST(TransportUpbp, WeightsInAGridCountBothHazards) {
+  const auto scene = rising_smoke();
+  const scene::Medium& medium = scene->medium(0);
+  const Vec3 light_place{0.1f, 0.05f, -0.4f}, eye_place{0.1f, 0.05f, -0.6f};
+  const Vec3 a{1, 0, 0}, b = normalize(Vec3{0.5f, 0.8f, 0});
+  const double sine = sine_between(a, b), distance = 0.2;
+  const auto hazard = [&](Vec3 p) { return static_cast<double>(hazard_of(medium.sigma_t(p))); };
+  const double l = hazard(light_place), e = hazard(eye_place);
+  ASSERT_GT(l, 1.3 * e);
+  const Spectrum light_step(0.5f, 0.7f, 1.2f), eye_step(0.9f, 1.1f, 0.3f);  // of flights that passed so much
+
+  const MediumMerges eta{0.5, 0.1, 0.3, 0.2};
+  MisFactors factors;
+  factors.medium = &eta;
+  EdgeStart light_start, eye_start;
+  light_start.edges = eye_start.edges = 2;
+  light_start.departure = {0.7, 1.2, 1, {0, 0.3, 0, 0.2}};
+  eye_start.departure = {0.4, 0.8, 1, {0, 0.1, 0, 0.6}};
+  light_start.from = light_place - a * 0.3f;
+  eye_start.from = eye_place - b * 0.4f;
+  const MisBlock light_block_there =
+      light_block(light_start, factors, vertex_on(light_start, Vec3d(light_place), l, 1), l, 0);
+  const MisBlock eye_block_there =
+      eye_block(eye_start, factors, vertex_on(eye_start, Vec3d(eye_place), e, 1), e);
+  // Each walk's edge is 0.3 and 0.4 long.
+  EXPECT_NEAR(light_block_there.known, 0.3 * 0.3 / (0.7 * l), 1e-6);
+  EXPECT_NEAR(eye_block_there.known, 0.4 * 0.4 / (0.4 * e), 1e-6);
+  const auto phase = [&](Vec3 from, Vec3 to) {
+    return static_cast<double>(medium.phase().pdf_solid_angle(from, to));
+  };
+  const MergeFactors unit{0, 1};
+  const double sums = BeamBalance::sum(light_block_there, phase(-b, -a), unit) +
+                      BeamBalance::sum(eye_block_there, phase(-a, -b), unit);
+  const double all =
+      eta.point_point + eta.point_beam / e + eta.beam_point / l + eta.beam_beam * sine / (e * l) + sums;
+
+  const auto sigma_s = [&](Vec3 p) { return medium.sigma_t(p) * medium.albedo(p); };
+  Vertex<MisBlock> light_end, eye_end;
+  for (auto* v : {&light_end, &eye_end}) {
+    v->kind = VertexKind::medium;
+    v->connectible = true;
+    v->medium = 0;
+    v->edges = 2;
+  }
+  light_end.hit.p = light_place;
+  light_end.wo = -a;
+  light_end.throughput = sigma_s(light_place);  // a flux of 1
+  light_end.arrival = static_cast<float>(l);
+  light_end.mis = light_block_there;
+  eye_end.hit.p = eye_place;
+  eye_end.wo = -b;
+  eye_end.throughput = sigma_s(eye_place);
+  eye_end.arrival = static_cast<float>(e);
+  eye_end.mis = eye_block_there;
+  const auto flight = [&](const EdgeStart& start, Vec3 along, Spectrum weight) {
+    Crossing crossed{{{start.from, along, 0.6f}, 0, Spectrum(1.0f), 1, 2}, 0.6f, true};
+    crossed.steps = {{0.1f, Spectrum(7)}, {0.2f, weight}, {0.5f, Spectrum(9)}};
+    return crossed;
+  };
+  BeamBuffer beam_buffer;
+  ASSERT_TRUE(beam_buffer.keep(*scene, flight(light_start, Vec3{0, 0, 1}, Spectrum(3)), light_start, {}));
+  ASSERT_TRUE(beam_buffer.keep(*scene, flight(light_start, a, light_step), light_start, {}));
+  PhotonBuffer<MisBlock> photon_buffer;
+  ASSERT_TRUE(photon_buffer.keep(*scene, light_end));
+  const MediumKernels kernels(Kernel::constant, {0.25, 0.26, 0.27, 0.28});
+  const float beam_radius = 0.28f;
+  const BeamBuffer* const beam_chunks[] = {&beam_buffer};
+  const PhotonBuffer<MisBlock>* const photon_chunks[] = {&photon_buffer};
+  PhotonBeams beams;
+  PhotonPoints points;
+  ASSERT_TRUE(beams.build(beam_chunks, {&beam_radius, 1}, 1).ok());
+  ASSERT_TRUE(points.build(photon_chunks, scene.get(), 1).ok());
+  MediumMaps maps;
+  maps.points = &points;
+  maps.beams = &beams;
+  maps.kernels = {&kernels, 1};
+  maps.factors = factors;
+
+  MediumGather gather(*scene, maps);
+  MediumShares found;
+  gather.at_vertex(eye_end, found);
+  gather.along(flight(eye_start, b, eye_step), eye_start, found);
+  const auto expect = [&](Spectrum got, double own, double kernel, Spectrum carried, const char* what) {
+    const Spectrum expected =
+        sigma_s(eye_place) * carried * static_cast<float>(own / all * kernel * phase(-b, -a));
+    const auto relative = [](float x, float y) { return std::abs(x / y - 1); };
+    EXPECT_LT(relative(got.r, expected.r), 1e-5f) << what;
+    EXPECT_LT(relative(got.g, expected.g), 1e-5f) << what;
+    EXPECT_LT(relative(got.b, expected.b), 1e-5f) << what;
+  };
+  const auto d2 = static_cast<float>(distance * distance);
+  const auto kernel = [&](const auto& k) { return static_cast<double>(k.value(d2)); };
+  expect(found.point_point, eta.point_point, kernel(kernels.ball), Spectrum(1), "pp3d");
+  expect(found.point_beam, eta.point_beam / e, kernel(kernels.point_beam), eye_step, "pb2d");
+  expect(found.beam_point, eta.beam_point / l, kernel(kernels.beam_point), light_step, "bp2d");
+  expect(found.beam_beam, eta.beam_beam * sine / (e * l), kernel(kernels.beam_beam) / sine,
+         light_step * eye_step, "bb1d");
+}
+
+// Claim: beams in a grid that ends nowhere else end beside it, and none is kept that does not come near it.
+TEST(TransportUpbp, BeamsEndBesideTheirGrid) {
+  const auto scene = rising_smoke();
+  BeamBuffer buffer;
+  const auto endless = [](Vec3 origin, Vec3 along) { return crossing(origin, along, 3e38); };
+  EXPECT_TRUE(buffer.keep(*scene, endless({-5, 0, 0}, {1, 0, 0}), {}, {}));
+  EXPECT_TRUE(buffer.keep(*scene, endless({-5, 0, 0}, {-1, 0, 0}), {}, {}));
+  ASSERT_EQ(buffer.beams().size(), 1U);
+  EXPECT_FLOAT_EQ(buffer.beams()[0].length, 8);
 }
 
 // Claim: radii follow the power law of their dimension, whatever ran before.

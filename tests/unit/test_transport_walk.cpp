@@ -92,6 +92,7 @@ struct CountingObserver {
     ++seen->stretches;
     seen->last = segment;
   }
+  static std::vector<scene::FlightStep>* steps() { return nullptr; }
   void scattered(float distance) {
     EXPECT_TRUE(seen->open);
     EXPECT_LT(distance, seen->last.ray.t_max);

@@ -52,7 +52,8 @@ std::vector<double> recursive_weights(const PathNumbers& n, const Counts& counts
     if constexpr (Heuristic::kMergesBeams) {
       if (n.in_medium[i]) {
         const MediumMerges merges = merges_in(counts, n.medium[i]);
-        return n.beam_sine[i] > 0 ? merges.at(n.factor_to_eye[i], n.beam_sine[i]) : merges.point_point;
+        return n.beam_sine[i] > 0 ? merges.at(n.factor_to_light[i], n.factor_to_eye[i], n.beam_sine[i])
+                                  : merges.point_point;
       }
     }
     return n.in_medium[i] ? eta.medium : eta.surface;

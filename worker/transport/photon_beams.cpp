@@ -1,5 +1,8 @@
 #include "worker/transport/photon_beams.h"
 
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -8,6 +11,9 @@ namespace candela::transport {
 namespace {
 
 constexpr std::size_t kMostItems = 0x7fffffffu;  // BoxTree's limit
+// Beams in a grid end where they are so many times the grid's size away from it on any side: within a radius
+// of them nothing scatters. In a medium that no surface ends they would have no end.
+constexpr double kBesideGrid = 1;
 
 Error too_many(const char* what) {
   return usage_error(std::string("an iteration has more than 2^31 ") + what + " in media")
@@ -32,18 +38,23 @@ ItemBox box_between(Vec3d a, Vec3d b) {
 bool BeamBuffer::keep(const scene::Scene& scene, const Crossing& crossing, const EdgeStart& start,
                       const scene::EmissionSample& emission) {
   const MediumSegment& segment = crossing.segment;
-  if (!has_beams(scene.medium(segment.medium)) || !(crossing.end > 0)) return true;
+  const scene::Medium& medium = scene.medium(segment.medium);
+  if (!has_beams(medium) || !(crossing.end > 0)) return true;
   const Ray& ray = segment.ray;
-  if (!finite(ray.origin) || !finite(ray.direction) || !finite(ray.origin + ray.direction * crossing.end) ||
+  const float end = medium.distance_to_end({ray.origin, ray.direction, crossing.end}, kBesideGrid);
+  if (!finite(ray.origin) || !finite(ray.direction) || !finite(ray.origin + ray.direction * end) ||
       !finite(segment.throughput))
     return false;
+  if (!(end > 0)) return true;
   std::uint32_t index = 0;
   if (segment.edges == 1) {
     index = static_cast<std::uint32_t>(emissions_.size());
     emissions_.push_back(emission);
   }
-  beams_.push_back(
-      {ray.origin, ray.direction, crossing.end, segment.throughput, segment.medium, segment.edges, index});
+  beams_.push_back({ray.origin, ray.direction, end, segment.throughput, segment.medium, segment.edges, index,
+                    static_cast<std::uint32_t>(steps_.size()),
+                    static_cast<std::uint32_t>(crossing.steps.size())});
+  steps_.insert(steps_.end(), crossing.steps.begin(), crossing.steps.end());
   starts_.push_back(start);
   return true;
 }
@@ -53,12 +64,19 @@ Result<void> PhotonBeams::build(std::span<const BeamBuffer* const> chunks, std::
   beams_.clear();
   starts_.clear();
   emissions_.clear();
+  steps_.clear();
+  std::size_t steps = 0;
+  for (const BeamBuffer* chunk : chunks) steps += chunk->steps().size();
+  if (steps > kMostItems) return too_many("steps of flights");
   for (const BeamBuffer* chunk : chunks) {
-    const auto first = static_cast<std::uint32_t>(emissions_.size());
+    const auto first = static_cast<std::uint32_t>(emissions_.size()),
+               first_step = static_cast<std::uint32_t>(steps_.size());
     for (PhotonBeam beam : chunk->beams()) {
       beam.emission += first;
+      beam.first_step += first_step;
       beams_.push_back(beam);
     }
+    steps_.insert(steps_.end(), chunk->steps().begin(), chunk->steps().end());
     starts_.insert(starts_.end(), chunk->starts().begin(), chunk->starts().end());
     emissions_.insert(emissions_.end(), chunk->emissions().begin(), chunk->emissions().end());
   }
@@ -88,10 +106,12 @@ Result<void> PhotonBeams::build(std::span<const BeamBuffer* const> chunks, std::
 
 std::uint64_t PhotonBeams::bytes() const {
   return tree_.bytes() + pieces_.capacity() * sizeof(Piece) + beams_.capacity() * sizeof(PhotonBeam) +
-         starts_.capacity() * sizeof(EdgeStart) + emissions_.capacity() * sizeof(scene::EmissionSample);
+         starts_.capacity() * sizeof(EdgeStart) + emissions_.capacity() * sizeof(scene::EmissionSample) +
+         steps_.capacity() * sizeof(scene::FlightStep);
 }
 
-Result<void> PhotonPoints::build(std::span<const PhotonBuffer<MisBlock>* const> chunks, unsigned threads) {
+Result<void> PhotonPoints::build(std::span<const PhotonBuffer<MisBlock>* const> chunks,
+                                 const scene::Scene* scene, unsigned threads) {
   std::vector<ItemBox> boxes;
   std::vector<Photon<MisBlock>> photons;
   for (const PhotonBuffer<MisBlock>* chunk : chunks) {
@@ -106,12 +126,21 @@ Result<void> PhotonPoints::build(std::span<const PhotonBuffer<MisBlock>* const> 
     positions_[slot] = boxes[order[slot]].low;
     photons_[slot] = photons[order[slot]];
   }
+  hazards_.clear();
+  if (scene == nullptr) return {};
+  hazards_.resize(photons_.size());
+  tbb::task_arena arena(static_cast<int>(std::max(1u, threads)));
+  arena.execute([&] {
+    tbb::parallel_for(std::size_t{0}, photons_.size(), [&](std::size_t slot) {
+      hazards_[slot] = hazard_of(scene->medium(photons_[slot].medium()).sigma_t(positions_[slot]));
+    });
+  });
   return {};
 }
 
 std::uint64_t PhotonPoints::bytes() const {
   return tree_.bytes() + positions_.capacity() * sizeof(Vec3) +
-         photons_.capacity() * sizeof(Photon<MisBlock>);
+         photons_.capacity() * sizeof(Photon<MisBlock>) + hazards_.capacity() * sizeof(float);
 }
 
 }  // namespace candela::transport

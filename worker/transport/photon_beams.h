@@ -2,7 +2,9 @@
 //
 // A photon beam is short: it ends where its flight ended. At s along it, it carries
 //   throughput T(s) / P(s),     P: the probability that the flight passes s,
-// which is the throughput itself where all channels have one sigma_t. [Krivanek 2014]
+// which is the throughput itself where all channels have one sigma_t. [Krivanek 2014] In a grid that has
+// colors neither T nor P is known; the weight that the flight had at s is an unbiased estimate of T over the
+// same flights, so that the beam keeps the flight's steps.
 #pragma once
 
 #include <cstdint>
@@ -23,11 +25,12 @@ struct PhotonBeam {
   Spectrum throughput;  // at the origin
   std::uint32_t medium, edges;
   std::uint32_t emission;  // of first edges: index of the sample they came from
+  std::uint32_t first_step, step_count;
 };
 
-// Whether beams are made in a medium: homogeneous ones that scatter.
+// Whether beams are made in a medium: those that scatter.
 inline bool has_beams(const scene::Medium& medium) {
-  return medium.homogeneous() && (medium.max_sigma_t() * medium.max_albedo()).max_component() > 0;
+  return (medium.max_sigma_t() * medium.max_albedo()).max_component() > 0;
 }
 
 // What one chunk of light paths leaves, in the order of its paths.
@@ -37,19 +40,22 @@ class BeamBuffer {
     beams_.clear();
     starts_.clear();
     emissions_.clear();
+    steps_.clear();
   }
-  // Nothing of a medium without beams. False: the numbers cannot be used.
+  // Nothing of a medium without beams, or that passes beside the grid. False: the numbers cannot be used.
   bool keep(const scene::Scene& scene, const Crossing& crossing, const EdgeStart& start,
             const scene::EmissionSample& emission);
 
   std::span<const PhotonBeam> beams() const { return beams_; }
   std::span<const EdgeStart> starts() const { return starts_; }
   std::span<const scene::EmissionSample> emissions() const { return emissions_; }
+  std::span<const scene::FlightStep> steps() const { return steps_; }
 
  private:
   std::vector<PhotonBeam> beams_;
   std::vector<EdgeStart> starts_;  // of each beam
   std::vector<scene::EmissionSample> emissions_;
+  std::vector<scene::FlightStep> steps_;
 };
 
 // An iteration's beams, cut into pieces of kPieceRadii radii.
@@ -67,6 +73,9 @@ class PhotonBeams {
   std::size_t pieces() const { return pieces_.size(); }
   const EdgeStart& start(const PhotonBeam& beam) const { return starts_[index_of(beam)]; }
   const scene::EmissionSample& emission(const PhotonBeam& beam) const { return emissions_[beam.emission]; }
+  std::span<const scene::FlightStep> steps(const PhotonBeam& beam) const {
+    return {steps_.data() + beam.first_step, beam.step_count};
+  }
   std::uint64_t bytes() const;
 
   // visit(beam, Projection): beams that pass p within the radius, beside their own length. This and what
@@ -130,15 +139,22 @@ class PhotonBeams {
   std::vector<PhotonBeam> beams_;
   std::vector<EdgeStart> starts_;
   std::vector<scene::EmissionSample> emissions_;
+  std::vector<scene::FlightStep> steps_;
 };
 
 // An iteration's photons in media.
 class PhotonPoints {
  public:
-  Result<void> build(std::span<const PhotonBuffer<MisBlock>* const> chunks, unsigned threads);
+  // scene, where it is not null: the one that hazard() is asked for.
+  Result<void> build(std::span<const PhotonBuffer<MisBlock>* const> chunks, const scene::Scene* scene,
+                     unsigned threads);
 
   std::size_t size() const { return photons_.size(); }
   std::uint64_t bytes() const;
+  // Of a photon that a visit saw: that of its place (hazard_of).
+  float hazard(const Photon<MisBlock>& photon) const {
+    return hazards_[static_cast<std::size_t>(&photon - photons_.data())];
+  }
 
   // visit(photon, squared distance), at most `radius` away.
   template <class Visit>
@@ -174,6 +190,7 @@ class PhotonPoints {
   BoxTree tree_;
   std::vector<Vec3> positions_;  // by slot
   std::vector<Photon<MisBlock>> photons_;
+  std::vector<float> hazards_;  // empty if nobody asks for them
 };
 
 }  // namespace candela::transport

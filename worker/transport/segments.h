@@ -2,8 +2,10 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "worker/core/vec.h"
+#include "worker/scene/media/tracking.h"
 
 namespace candela::transport {
 
@@ -16,10 +18,11 @@ struct MediumSegment {
   std::uint32_t edges;  // the number of the present edge
 };
 
-// An observer of a walk: stretch() comes before each flight, then scattered(distance) or survived(), unless
-// the flight took all of the light.
+// An observer of a walk: stretch() comes before each flight, then scattered(distance) or survived(). steps():
+// where the flight's steps are added (Tracking::collide); null: nowhere.
 struct NoObserver {
   void stretch(const MediumSegment& /*segment*/) {}
+  static std::vector<scene::FlightStep>* steps() { return nullptr; }
   void scattered(float /*distance*/) {}
   void survived() {}
 };
@@ -27,15 +30,21 @@ struct NoObserver {
 // The last stretch that a walk crossed, up to where the flight ended: a short beam.
 struct Crossing {
   MediumSegment segment;
-  float end = 0;      // along the ray
-  bool some = false;  // there is one, and the flight through it came to an end
+  float end = 0;                              // along the ray
+  bool some = false;                          // there is one, and the flight through it came to an end
+  std::vector<scene::FlightStep> steps = {};  // of the flight, in grids that have colors
 };
 
 // Keeps the last crossing for an estimator that looks at it after each step of the walk.
 class CrossingObserver {
  public:
   explicit CrossingObserver(Crossing& last) : last_(&last) {}
-  void stretch(const MediumSegment& segment) { *last_ = {segment, 0, false}; }
+  void stretch(const MediumSegment& segment) {
+    last_->segment = segment;
+    last_->some = false;
+    last_->steps.clear();
+  }
+  std::vector<scene::FlightStep>* steps() { return &last_->steps; }
   void scattered(float distance) { end(distance); }
   void survived() { end(last_->segment.ray.t_max); }
 

@@ -2,6 +2,7 @@
 // and merge it (ScatterPoint), and what a policy of weights keeps there (Vertex).
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 
@@ -27,6 +28,12 @@ inline constexpr float kMinCosine = 1e-9f;
   const float above = std::abs(dot(wo, hit.shading.n) * dot(wi, hit.ng));
   const float below = std::abs(dot(wo, hit.ng) * dot(wi, hit.shading.n));
   return below > 0 ? above / below : 0.0f;
+}
+
+// The hazard of a place in a medium, as weights count it: the mean of sigma_t over channels. Where a grid's
+// value vanishes by interpolation nothing scatters; rounding may say otherwise, and beams get there.
+inline float hazard_of(const Spectrum& sigma_t) {
+  return std::max((sigma_t.r + sigma_t.g + sigma_t.b) * (1.0f / 3), 1e-30f);
 }
 
 enum class VertexKind : std::uint8_t { surface, medium };

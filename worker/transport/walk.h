@@ -234,14 +234,15 @@ auto Walk<kMode, kBetween, Mis, SamplerT, Observer>::advance(Vertex& v, scene::C
       const scene::Medium& around = scene_.medium(medium_);
       Ray stretch = inside_medium(ray_, found ? &v.hit : nullptr);
       observer_.stretch({stretch, medium_, throughput_, survival_, v.edges});
-      const scene::DistanceSample flight =
-          around.sample_distance(stretch, throughput_, sampler_.draw_2d(block_ + kFlight, stratified()));
+      const scene::DistanceSample flight = around.sample_distance(
+          stretch, throughput_, sampler_.draw_2d(block_ + kFlight, stratified()), observer_.steps());
       throughput_ *= flight.weight;
-      if (throughput_.is_black()) return Event::ended;
+      // Light got as far as the flight, even if nothing scatters at its end.
       if (flight.scattered)
         observer_.scattered(flight.distance);
       else
         observer_.survived();
+      if (throughput_.is_black()) return Event::ended;
       if (flight.scattered) stretch.t_max = flight.distance;
       if (from_outside) stretch.t_max = Ray().t_max;  // as the eye's walk sees that edge
       if constexpr (Mis::kWeighs) survival_ *= static_cast<double>(stretch_survival(around, stretch));
@@ -253,9 +254,7 @@ auto Walk<kMode, kBetween, Mis, SamplerT, Observer>::advance(Vertex& v, scene::C
         v.medium = medium_;
         v.connectible = true;
         v.front = {};
-        const Spectrum sigma_t = around.sigma_t(v.hit.p);
-        // Where the grid's value vanishes by interpolation nothing scatters; rounding may say otherwise.
-        v.arrival = std::max((sigma_t.r + sigma_t.g + sigma_t.b) * (1.0f / 3), 1e-30f);
+        v.arrival = hazard_of(around.sigma_t(v.hit.p));
         v.throughput = throughput_;
         arrive(v);
         return Event::vertex;
@@ -355,8 +354,7 @@ auto Walk<kMode, kBetween, Mis, SamplerT, Observer>::scatter(Vertex& v) -> Step 
       ++scatterings_;
       depart(v, pdf, false, static_cast<double>(pdf), static_cast<double>(v.arrival));
       if constexpr (Mis::kMergesBeams)
-        Mis::add_merges(departure_,
-                        Mis::merges(factors_.medium[v.medium], scene_.medium(v.medium), v.arrival, v.wo, wi));
+        Mis::add_merges(departure_, Mis::merges(factors_.medium[v.medium], v.arrival, v.wo, wi));
       if (!survives(longest_survival_in_media(edges_))) return Step::ended;
       ray_ = {v.hit.p, wi};
       return Step::scattered;

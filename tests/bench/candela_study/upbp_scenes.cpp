@@ -29,14 +29,13 @@ struct MediaScene {
   const char* file;
   const char* reference;          // integrator
   std::uint64_t reference_count;  // iterations
-  bool grid;                      // beams are not merged there
 };
 constexpr MediaScene kScenes[] = {
-    {"caustic", "tests/bench/candela_study/scenes/media-caustic.xml", "bdpt", 2048, false},
-    {"mist", "tests/bench/candela_study/scenes/media-mist.xml", "bdpt", 2048, false},
-    {"milk", "tests/bench/candela_study/scenes/media-milk.xml", "path", 8192, false},
-    {"smoke", "tests/statistical/transport/smoke.xml", "path", 8192, true},
-    {"still-life", "tests/bench/candela_study/scenes/media-still-life.xml", "bdpt", 4096, false},
+    {"caustic", "tests/bench/candela_study/scenes/media-caustic.xml", "bdpt", 2048},
+    {"mist", "tests/bench/candela_study/scenes/media-mist.xml", "bdpt", 2048},
+    {"milk", "tests/bench/candela_study/scenes/media-milk.xml", "path", 8192},
+    {"smoke", "tests/statistical/transport/smoke.xml", "path", 8192},
+    {"still-life", "tests/bench/candela_study/scenes/media-still-life.xml", "bdpt", 4096},
 };
 constexpr const char* kAlone[] = {"vcm", "pp3d", "pb2d", "bp2d", "bb1d"};
 constexpr const char* kTogether[] = {
@@ -126,12 +125,8 @@ class MediaTable {
 
   Result<std::vector<MediaCurve>> measure(const Truth& truth) const {
     std::vector<MediaCurve> curves;
-    for (const char* name : kAlone)
-      if (const std::string alone = name; !scene_.grid || alone == "vcm" || alone == "pp3d")
-        curves.push_back({alone, {}, {}, {}, {}, {}});
-    for (const char* name : kTogether)
-      if (const std::string some = name; !scene_.grid || some == "all" || some == "auto")
-        curves.push_back({some, {}, {}, {}, {}, {}});
+    for (const char* name : kAlone) curves.push_back({name, {}, {}, {}, {}, {}});
+    for (const char* name : kTogether) curves.push_back({name, {}, {}, {}, {}, {}});
     const std::size_t levels = sizes_.counts.size();
     std::vector<std::vector<std::vector<Image>>> images(curves.size(),
                                                         std::vector<std::vector<Image>>(levels));

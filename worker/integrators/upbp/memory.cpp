@@ -36,7 +36,8 @@ Memory memory_of(std::span<const Photons> chunks, std::span<const transport::Bea
                        static_cast<double>(chunk.vertices.bytes());
   }
   for (const transport::BeamBuffer& chunk : beam_chunks)
-    memory.beams += size_of(chunk.beams()) + size_of(chunk.starts()) + size_of(chunk.emissions());
+    memory.beams += size_of(chunk.beams()) + size_of(chunk.starts()) + size_of(chunk.emissions()) +
+                    size_of(chunk.steps());
   if (surface != nullptr) memory.surfaces += static_cast<double>(surface->bytes());
   if (points != nullptr) memory.photons += static_cast<double>(points->bytes());
   if (beams != nullptr) memory.beams += static_cast<double>(beams->bytes());

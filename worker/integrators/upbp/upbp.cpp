@@ -207,7 +207,9 @@ Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, c
     if (rules.points()) {
       std::vector<const transport::PhotonBuffer<transport::MisBlock>*> buffers;
       for (const upbp::Photons& chunk : chunks) buffers.push_back(&chunk.medium);
-      CANDELA_TRY(points.build(buffers, run.threads));
+      // In a grid the weights of merges with photons ask for the hazards of photons, if beams are merged too.
+      const bool hazards = rules.beams() && context.scene.features().any_heterogeneous_medium;
+      CANDELA_TRY(points.build(buffers, hazards ? &context.scene : nullptr, run.threads));
       maps.points = &points;
       measured.work.points += points.size();
     }
@@ -366,8 +368,6 @@ Rules rules_of(std::string name, const MediumRules& medium, bool connects, const
         fmt::format("{} of the pairs of two vertices in media are connected, the rest of their light is "
                     "merged",
                     m.connect_media));
-  if (features.any_heterogeneous_medium && (m.pb2d || m.beams()))
-    plan.note("media that are grids", "beams are merged in homogeneous media alone");
   rules.planned.between = Between::media;
   return rules;
 }
@@ -438,10 +438,6 @@ Result<std::unique_ptr<Integrator>> make_upbp_integrator(const SettingsMap& sett
   const bool merges_in_media =
       features.any_scattering_medium && medium.any() && options.max_depth >= 2 && features.emitters > 0;
   if (!merges_in_media && connects) return make_vcm_integrator(without_media(settings), features);
-  if (!connects && features.any_scattering_medium && !medium.pp3d && features.any_heterogeneous_medium)
-    return usage_error("beams are merged in homogeneous media alone, and a medium of the scene is a grid")
-        .with_field("techniques")
-        .with_mend("add vcm or pp3d");
 
   std::vector<Rules> sets;
   if (!merges_in_media)

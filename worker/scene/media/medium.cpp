@@ -61,6 +61,10 @@ Spectrum Medium::sigma_t(Vec3 p) const {
   return tracking_ == nullptr ? sigma_t_ : tracking_->sigma_t(Vec3d(p));
 }
 
+Spectrum Medium::sigma_t_inside(Vec3 p) const {
+  return tracking_ == nullptr ? sigma_t_ : tracking_->sigma_t_inside(Vec3d(p));
+}
+
 DistanceSample Medium::sample_homogeneous(float t_max, Spectrum channels, Vec2 u, const Ray& ray) const {
   DistanceSample out;
   const Channels sigma = to_array(sigma_t_), share = shares(channels);
@@ -104,13 +108,14 @@ float Medium::prob_pass(float distance, Spectrum channels) const {
   return static_cast<float>(mixture(shares(channels), transmitted(sigma_t_, distance)));
 }
 
-DistanceSample Medium::sample_distance(const Ray& ray, Spectrum channels, Vec2 u) const {
+DistanceSample Medium::sample_distance(const Ray& ray, Spectrum channels, Vec2 u,
+                                       std::vector<FlightStep>* steps) const {
   if (tracking_ == nullptr) return sample_homogeneous(ray.t_max, channels, u, ray);
   DistanceSample out;
   rng::Stream stream(rng::key(std::bit_cast<std::uint32_t>(u.x), std::bit_cast<std::uint32_t>(u.y)));
   const Channels share = shares(channels);
   double t = 0;
-  out.scattered = tracking_->collide(ray, over(share, 1), stream, t, out.weight);
+  out.scattered = tracking_->collide(ray, over(share, 1), stream, t, out.weight, steps);
   if (out.scattered) {
     out.distance = static_cast<float>(t);
     out.weight *= albedo_.eval(Vec3d(ray.origin) + Vec3d(ray.direction) * t);

@@ -10,6 +10,7 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "common/base/result.h"
 #include "common/description/object.h"
@@ -41,7 +42,9 @@ class Medium {
   // counts in the choice of the distance, not negative. With the walk's throughput so far, the sum over
   // channels of throughput times weight never exceeds the sum of the throughput, however strongly coloured
   // the medium is; a walk whose densities must not depend on its past passes (1, 1, 1).
-  DistanceSample sample_distance(const Ray& ray, Spectrum channels, Vec2 u) const;
+  // steps: see Tracking::collide; homogeneous media have none.
+  DistanceSample sample_distance(const Ray& ray, Spectrum channels, Vec2 u,
+                                 std::vector<FlightStep>* steps = nullptr) const;
   // Homogeneous media only: the density per length with which sample_distance stops at `distance`, and the
   // probability with which it passes `distance`, in their closed forms.
   float pdf_distance(float distance, Spectrum channels) const;
@@ -51,6 +54,12 @@ class Medium {
   Spectrum transmittance(const Ray& ray, rng::Stream& stream) const;
 
   Spectrum sigma_t(Vec3 p) const;
+  // The same, and 0 outside of a grid, where no flight ends. For places of a ray that no flight chose.
+  Spectrum sigma_t_inside(Vec3 p) const;
+  // See Tracking; t_max in homogeneous media.
+  float distance_to_end(const Ray& ray, double margin) const {
+    return tracking_ == nullptr ? ray.t_max : tracking_->distance_to_end(ray, margin);
+  }
   Spectrum albedo(Vec3 p) const { return albedo_.eval(Vec3d(p)); }
   Spectrum max_sigma_t() const { return max_sigma_t_; }
   Spectrum max_albedo() const { return max_albedo_; }

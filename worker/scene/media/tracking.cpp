@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
 #include "worker/core/math.h"
@@ -27,7 +28,29 @@ float sum(Spectrum s) {
   return s.r + s.g + s.b;
 }
 
+// The part of a line through local space that lies in the unit cube, widened by `margin` on all sides. False:
+// none of [begin, end].
+bool clip(Vec3d origin, Vec3d direction, double margin, double& begin, double& end) {
+  for (int axis = 0; axis < 3; ++axis) {
+    const double o = origin[axis], d = direction[axis];
+    if (d == 0) {
+      if (!(o >= -margin && o <= 1 + margin)) return false;
+      continue;
+    }
+    const double a = (-margin - o) / d, b = (1 + margin - o) / d;
+    begin = std::max(begin, std::min(a, b));
+    end = std::min(end, std::max(a, b));
+  }
+  return begin < end;
+}
+
 }  // namespace
+
+Spectrum weight_at(std::span<const FlightStep> steps, float distance) {
+  const auto after = std::upper_bound(steps.begin(), steps.end(), distance,
+                                      [](float at, const FlightStep& step) { return at < step.distance; });
+  return after == steps.begin() ? Spectrum(1) : std::prev(after)->weight;
+}
 
 // In local space, where the grid is [0, 1]^3. Distances have the world's scale and are counted from where the
 // ray enters the grid: from far away the steps between collisions in a dense and tiny grid would be lost to
@@ -39,17 +62,7 @@ class Tracking::Walk {
         origin_(tracking.grid_->to_local(Vec3d(ray.origin))),
         direction_(tracking.grid_->to_local_vector(Vec3d(ray.direction))) {
     double begin = 0, end = static_cast<double>(ray.t_max);
-    for (int axis = 0; axis < 3; ++axis) {
-      const double o = origin_[axis], d = direction_[axis];
-      if (d == 0) {
-        if (!(o >= 0 && o <= 1)) end = -1;
-        continue;
-      }
-      const double a = -o / d, b = (1 - o) / d;
-      begin = std::max(begin, std::min(a, b));
-      end = std::min(end, std::max(a, b));
-    }
-    if (!(begin < end)) return;
+    if (!clip(origin_, direction_, 0, begin, end)) return;
     entry_ = begin;
     end_ = end - begin;
     origin_ += direction_ * begin;
@@ -124,13 +137,28 @@ Tracking::Tracking(std::shared_ptr<const GridVolume> grid, float scale)
       }
 }
 
+Spectrum Tracking::sigma_t_inside(Vec3d world) const {
+  const Vec3d p = grid_->to_local(world);
+  for (int axis = 0; axis < 3; ++axis)
+    if (!(p[axis] >= 0 && p[axis] <= 1)) return {};
+  return grid_->eval(p) * scale_;
+}
+
+float Tracking::distance_to_end(const Ray& ray, double margin) const {
+  double begin = 0, end = static_cast<double>(ray.t_max);
+  const Vec3d origin = grid_->to_local(Vec3d(ray.origin)),
+              direction = grid_->to_local_vector(Vec3d(ray.direction));
+  return clip(origin, direction, margin, begin, end) ? static_cast<float>(end) : 0.0f;
+}
+
 double Tracking::max_thickness() const {
   return grid_->longest_line() * static_cast<double>(maximum().max_component());
 }
 
-bool Tracking::collide(const Ray& ray, Spectrum channels, rng::Stream& stream, double& t,
-                       Spectrum& weight) const {
+bool Tracking::collide(const Ray& ray, Spectrum channels, rng::Stream& stream, double& t, Spectrum& weight,
+                       std::vector<FlightStep>* steps) const {
   weight = Spectrum(1);
+  if (grid_->gray()) steps = nullptr;
   double thickness = exponential(stream);  // until the next tentative collision
   for (Walk walk(*this, ray); walk.inside(); walk.leave_cell()) {
     const Cell& cell = walk.cell();
@@ -156,6 +184,7 @@ bool Tracking::collide(const Ray& ray, Spectrum channels, rng::Stream& stream, d
         t += walk.entry();
         return true;
       }
+      if (steps != nullptr) steps->push_back({static_cast<float>(t + walk.entry()), weight});
     }
   }
   return false;

@@ -1,15 +1,15 @@
 // The balance heuristic with merges of points and beams in media: the extended balance heuristic
-// [Krivanek 2014] with short beams in homogeneous media, where
-//   PP : PB : BP : BB = N V_3 : N V_2 / hazard : N V_2 / hazard : N V_1 sin / hazard^2
-// at a vertex, whatever its distances: eta there is a function of the medium and the angle alone
-// (MediumMerges::at). In a grid, points are merged with points alone.
+// [Krivanek 2014] with short beams, where
+//   PP : PB : BP : BB = N V_3 : N V_2 / e : N V_2 / l : N V_1 sin / (e l)
+// at a vertex, whatever its distances: eta there is a function of the medium, the hazard and the angle alone
+// (MediumMerges::at). e and l: the hazards where the eye's and the light's subpath have the vertex. In a
+// merge these are two places, whose hazards differ in a grid; a vertex of one walk has one.
 //
 // Walks know eta: pending_medium holds the sum of the vertices' eta themselves, and MergeFactors::medium
 // is 1.
 #pragma once
 
 #include "worker/core/vec.h"
-#include "worker/scene/media/medium.h"
 #include "worker/transport/mis/balance_power.h"
 
 namespace candela::transport {
@@ -24,10 +24,10 @@ struct BeamBalance : BalancePower<1> {
     bool medium = false;  // the vertex left is in one
   };
 
-  // Of all merges in media at a vertex; wo, wi: away from it.
-  static double merges(const MediumMerges& m, const scene::Medium& medium, float hazard, Vec3 wo, Vec3 wi) {
-    if (!medium.homogeneous()) return m.point_point;
-    return m.at(static_cast<double>(hazard), sine_between(wo, wi));
+  // Of all merges in media at a vertex of a walk; wo, wi: away from it.
+  static double merges(const MediumMerges& m, float hazard, Vec3 wo, Vec3 wi) {
+    const auto h = static_cast<double>(hazard);
+    return m.at(h, h, sine_between(wo, wi));
   }
 
   static Departure leave_end(double hits, double end_density, bool can_be_hit, double pdf, double cosine) {

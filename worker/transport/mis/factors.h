@@ -12,10 +12,12 @@ namespace candela::transport {
 struct MediumMerges {
   double point_point = 0, point_beam = 0, beam_point = 0, beam_beam = 0;
 
-  // The sum at a vertex of this hazard, where light turns by an angle of this sine. [Krivanek 2014]
-  double at(double hazard, double sine) const {
-    const double beam = 1 / hazard;
-    return point_point + beam * (point_beam + beam_point + beam * sine * beam_beam);
+  // The sum at a vertex where light turns by an angle of this sine. Hazards: where the light's subpath has
+  // the vertex, and where the eye's has it; one and the same but in a merge. [Krivanek 2014]
+  double at(double light_hazard, double eye_hazard, double sine) const {
+    const double light = 1 / light_hazard, eye = 1 / eye_hazard;
+    return point_point +
+           eye * (point_beam + eye_hazard / light_hazard * beam_point + light * sine * beam_beam);
   }
 };
 

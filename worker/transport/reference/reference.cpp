@@ -250,7 +250,7 @@ void Evaluation::evaluate_inner(std::size_t i) {
     const Channels sigma_t = channels(medium.sigma_t(v.hit.p));
     n.in_medium[i] = true;
     n.medium[i] = v.medium;
-    if (medium.homogeneous()) n.beam_sine[i] = length(cross(Vec3d(to_light), Vec3d(to_eye)));
+    n.beam_sine[i] = length(cross(Vec3d(to_light), Vec3d(to_eye)));
     n.factor_to_eye[i] = n.factor_to_light[i] = std::max(mean(sigma_t), 1e-30);
     n.pdf_to_eye[i] = static_cast<double>(medium.phase().pdf_solid_angle(to_light, to_eye));
     n.pdf_to_light[i] = static_cast<double>(medium.phase().pdf_solid_angle(to_eye, to_light));

@@ -83,8 +83,7 @@ struct PathNumbers {
   std::vector<double> survival, distance_squared;  // of edges; distance 1 to infinity
   std::vector<bool> delta, in_medium;              // of vertices
   std::vector<std::uint32_t> medium;               // of vertices in one: its number; kNone on surfaces
-  // Of vertices in homogeneous media, where there are beams: the sine of the angle between their two edges;
-  // 0 elsewhere.
+  // Of vertices in media, where there are beams: the sine of the angle between their two edges; 0 elsewhere.
   std::vector<double> beam_sine;
 
   double light_density(std::size_t i) const;  // P_i

@@ -54,7 +54,7 @@ double merges_at(const ConnectContext& c, const ScatterPoint& v, [[maybe_unused]
                  const MergeFactors& eta) {
   if (v.on_surface()) return eta.surface;
   if constexpr (Mis::kMergesBeams)
-    return Mis::merges(c.factors.medium[v.medium], c.scene.medium(v.medium), v.arrival, v.wo, wi);
+    return Mis::merges(c.factors.medium[v.medium], v.arrival, v.wo, wi);
   else
     return eta.medium;
 }

@@ -10,14 +10,11 @@ namespace {
 
 constexpr MergeFactors kUnit{0, 1};  // mis/beam_balance.h
 
-// As Walk::advance has it.
-float hazard_of(const scene::Medium& medium, Vec3 p) {
-  const Spectrum sigma_t = medium.sigma_t(p);
-  return std::max((sigma_t.r + sigma_t.g + sigma_t.b) * (1.0f / 3), 1e-30f);
-}
-
-// T / P of a short beam that began with this throughput.
-Spectrum short_beam(const scene::Medium& medium, Spectrum throughput, float s) {
+// T / P of a short beam that began with this throughput; in a grid the flight's own weight, whose mean over
+// flights that pass s is T / P.
+Spectrum short_beam(const scene::Medium& medium, Spectrum throughput,
+                    std::span<const scene::FlightStep> steps, float s) {
+  if (!medium.homogeneous()) return scene::weight_at(steps, s);
   const Spectrum sigma_t = medium.sigma_t({});
   if (sigma_t.r == sigma_t.g && sigma_t.g == sigma_t.b) return Spectrum(1.0f);
   rng::Stream unread(0);
@@ -28,11 +25,21 @@ Spectrum short_beam(const scene::Medium& medium, Spectrum throughput, float s) {
 
 // What the walks' weights count for the stretch from a beam's beginning.
 double survival(const scene::Medium& medium, double s) {
-  return static_cast<double>(medium.prob_pass(static_cast<float>(s), Spectrum(1.0f)));
+  return static_cast<double>(stretch_survival(medium, {{}, {0, 0, 1}, static_cast<float>(s)}));
 }
 
 Vec3d place(Vec3 origin, Vec3 direction, double s) {
   return Vec3d(origin) + Vec3d(direction) * s;
+}
+
+// Of light's copy of a vertex at s along the beam. A grid does not reach all places of its beams.
+double hazard_at(const scene::Medium& medium, const PhotonBeam& beam, double s) {
+  return static_cast<double>(hazard_of(medium.sigma_t_inside(Vec3(place(beam.origin, beam.direction, s)))));
+}
+
+// Whether weights need the hazard of a photon beside that of the eye's vertex.
+bool hazards_differ(const MediumMerges& eta, const scene::Medium& medium) {
+  return !medium.homogeneous() && (eta.beam_point > 0 || eta.beam_beam > 0);
 }
 
 }  // namespace
@@ -74,10 +81,11 @@ void MediumGather::at_vertex(const Vertex<MisBlock>& v, MediumShares& shares) {
   const auto hazard = static_cast<double>(v.arrival);
   const MediumMerges& eta = maps_.factors.medium[v.medium];
   const MediumKernels& kernels = maps_.kernels[v.medium];
+  const bool photon_hazards = hazards_differ(eta, medium);
   // The weight of a merge of this eta with light from w.
-  const auto weight = [&](double own, Vec3 w, double sum_light) {
+  const auto weight = [&](double own, double light_hazard, Vec3 w, double sum_light) {
     const auto reverse = static_cast<double>(phase.pdf_solid_angle(w, v.wo));
-    return own / (BeamBalance::merges(eta, medium, v.arrival, v.wo, w) + sum_light +
+    return own / (eta.at(light_hazard, hazard, sine_between(v.wo, w)) + sum_light +
                   BeamBalance::sum(v.mis, reverse, kUnit));
   };
   const Spectrum scale = v.throughput * maps_.per_path;
@@ -93,7 +101,10 @@ void MediumGather::at_vertex(const Vertex<MisBlock>& v, MediumShares& shares) {
           ++work_.merges.point_point;
           const auto forward = static_cast<double>(phase.pdf_solid_angle(v.wo, photon.wo));
           const double light = BeamBalance::sum(photon.weights.block(), forward, kUnit);
-          sum += photon.flux * (factor * static_cast<float>(weight(eta.point_point, photon.wo, light)));
+          const double light_hazard =
+              photon_hazards ? static_cast<double>(maps_.points->hazard(photon)) : hazard;
+          sum += photon.flux *
+                 (factor * static_cast<float>(weight(eta.point_point, light_hazard, photon.wo, light)));
         });
     shares.point_point += scale * sum;
   }
@@ -109,10 +120,12 @@ void MediumGather::at_vertex(const Vertex<MisBlock>& v, MediumShares& shares) {
           if (factor == 0) return;
           ++work_.merges.beam_point;
           const auto forward = static_cast<double>(phase.pdf_solid_angle(v.wo, w));
-          const double light = light_sum(beam, at.along, hazard, medium, forward);
-          sum += beam.throughput * short_beam(medium, beam.throughput, static_cast<float>(at.along)) *
+          const double light_hazard = hazard_at(medium, beam, at.along);
+          const double light = light_sum(beam, at.along, light_hazard, medium, forward);
+          sum += beam.throughput *
+                 short_beam(medium, beam.throughput, maps_.beams->steps(beam), static_cast<float>(at.along)) *
                  (factor * maps_.paths_per_beam_path *
-                  static_cast<float>(weight(eta.beam_point / hazard, w, light)));
+                  static_cast<float>(weight(eta.beam_point / light_hazard, light_hazard, w, light)));
         });
     shares.beam_point += scale * sum;
   }
@@ -125,24 +138,32 @@ void MediumGather::along(const Crossing& crossing, const EdgeStart& start, Mediu
   const MediumKernels& kernels = maps_.kernels[segment.medium];
   if (segment.edges >= maps_.max_edges || !has_beams(medium) || !(crossing.end > 0)) return;
   const std::uint32_t light_edges = maps_.max_edges - segment.edges;
-  const QuerySegment query{segment.ray.origin, segment.ray.direction, crossing.end};
+  const QuerySegment query{
+      segment.ray.origin, segment.ray.direction,
+      medium.distance_to_end({segment.ray.origin, segment.ray.direction, crossing.end}, 0)};
+  if (!(query.length > 0)) return;
   const Vec3 wo = -query.direction;
   const scene::Phase& phase = medium.phase();
-  const float hazard_at = hazard_of(medium, query.origin);
-  const auto hazard = static_cast<double>(hazard_at);
-  // The weight of a merge at t.
-  const auto weight = [&](double own, double t, Vec3 w, double sum_light) {
-    const EdgeVertex v =
-        vertex_on(start, place(query.origin, query.direction, t), hazard, survival(medium, t));
-    const auto reverse = static_cast<double>(phase.pdf_solid_angle(w, wo));
-    const double sum_eye = BeamBalance::sum(eye_block(start, maps_.factors, v, hazard), reverse, kUnit);
-    return own / (BeamBalance::merges(eta, medium, hazard_at, wo, w) + sum_light + sum_eye);
+  const bool photon_hazards = hazards_differ(eta, medium);
+  // The eye's copy of a vertex at t.
+  struct EyePlace {
+    double t, hazard;
+    Spectrum scattered;  // sigma_s, with T / P up to there
   };
-  // sigma_s at t, with T / P up to there.
-  const auto scattered = [&](double t) {
+  const auto eye_place = [&](double t) {
     const Vec3 p(place(query.origin, query.direction, t));
-    return medium.sigma_t(p) * medium.albedo(p) *
-           short_beam(medium, segment.throughput, static_cast<float>(t));
+    const Spectrum sigma_t = medium.sigma_t_inside(p);
+    return EyePlace{t, static_cast<double>(hazard_of(sigma_t)),
+                    sigma_t * medium.albedo(p) *
+                        short_beam(medium, segment.throughput, crossing.steps, static_cast<float>(t))};
+  };
+  // The weight of a merge there.
+  const auto weight = [&](double own, const EyePlace& eye, double light_hazard, Vec3 w, double sum_light) {
+    const EdgeVertex v =
+        vertex_on(start, place(query.origin, query.direction, eye.t), eye.hazard, survival(medium, eye.t));
+    const auto reverse = static_cast<double>(phase.pdf_solid_angle(w, wo));
+    const double sum_eye = BeamBalance::sum(eye_block(start, maps_.factors, v, eye.hazard), reverse, kUnit);
+    return own / (eta.at(light_hazard, eye.hazard, sine_between(wo, w)) + sum_light + sum_eye);
   };
   const Spectrum scale = segment.throughput * maps_.per_path;
   if (eta.point_beam > 0) {
@@ -155,11 +176,16 @@ void MediumGather::along(const Crossing& crossing, const EdgeStart& start, Mediu
           const float factor =
               phase.eval(wo, photon.wo) * kernels.point_beam.value(static_cast<float>(at.distance_squared));
           if (factor == 0) return;
+          const EyePlace eye = eye_place(at.along);
+          if (eye.scattered.is_black()) return;
           ++work_.merges.point_beam;
           const auto forward = static_cast<double>(phase.pdf_solid_angle(wo, photon.wo));
           const double light = BeamBalance::sum(photon.weights.block(), forward, kUnit);
-          sum += photon.flux * scattered(at.along) *
-                 (factor * static_cast<float>(weight(eta.point_beam / hazard, at.along, photon.wo, light)));
+          const double light_hazard =
+              photon_hazards ? static_cast<double>(maps_.points->hazard(photon)) : eye.hazard;
+          sum += photon.flux * eye.scattered *
+                 (factor * static_cast<float>(
+                               weight(eta.point_beam / eye.hazard, eye, light_hazard, photon.wo, light)));
         });
     shares.point_beam += scale * sum;
   }
@@ -175,13 +201,18 @@ void MediumGather::along(const Crossing& crossing, const EdgeStart& start, Mediu
                                   kernels.beam_beam.value(static_cast<float>(at.distance * at.distance))) /
               at.sine;
           if (factor == 0) return;
+          const EyePlace eye = eye_place(at.along_a);
+          if (eye.scattered.is_black()) return;
           ++work_.merges.beam_beam;
           const auto forward = static_cast<double>(phase.pdf_solid_angle(wo, w));
-          const double light = light_sum(beam, at.along_b, hazard, medium, forward);
-          const double own = eta.beam_beam * at.sine / (hazard * hazard);
-          sum += beam.throughput * short_beam(medium, beam.throughput, static_cast<float>(at.along_b)) *
-                 scattered(at.along_a) * maps_.paths_per_beam_path *
-                 static_cast<float>(factor * weight(own, at.along_a, w, light));
+          const double light_hazard = hazard_at(medium, beam, at.along_b);
+          const double light = light_sum(beam, at.along_b, light_hazard, medium, forward);
+          const double own = eta.beam_beam * at.sine / (light_hazard * eye.hazard);
+          sum +=
+              beam.throughput *
+              short_beam(medium, beam.throughput, maps_.beams->steps(beam), static_cast<float>(at.along_b)) *
+              eye.scattered * maps_.paths_per_beam_path *
+              static_cast<float>(factor * weight(own, eye, light_hazard, w, light));
         });
     shares.beam_beam += scale * sum;
   }
