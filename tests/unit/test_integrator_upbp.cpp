@@ -91,6 +91,18 @@ TEST(UpbpChoice, MissingLightIsAnError) {
   EXPECT_EQ(choose(trials).index, 1U);
 }
 
+// Claim: a set with fewer connections is taken if its error grows by less than its cost falls.
+TEST(UpbpChoice, FewerConnectionsAreTakenWhereTheyPay) {
+  const auto better = [](double noise, double cost) {
+    const std::vector<Trial> trials = {planted(0.04, 1, 1, 1), planted(0.02, 1, 2, 2),
+                                       planted(noise, 1, cost, 3)};
+    return last_is_better(trials, 1);
+  };
+  EXPECT_TRUE(better(0.02, 1.4));
+  EXPECT_FALSE(better(0.02, 2.8));
+  EXPECT_FALSE(better(0.04, 1.4));
+}
+
 // Claim: of black trials the cheapest is chosen.
 TEST(UpbpChoice, OfBlackTrialsTheCheapestIsChosen) {
   EXPECT_EQ(choose(std::vector<Trial>{planted(0, 0, 2, 1), planted(0, 0, 4, 2)}).index, 0U);
