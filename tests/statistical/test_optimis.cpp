@@ -21,11 +21,10 @@ const SettingsMap kEverything = {
     {"selection", "contribution,power,uniform"}, {"plan", "full"}, {"max_depth", "4"}};
 
 // Lamps near the horizon of many pixels, hidden from others.
-const SettingsMap kPoints = {
-    {"techniques", "bsdf,spherical,area,parallel"},
-    {"selection", "contribution,power"},
-    {"weights", "optimal"},
-    {"max_depth", "4"}};
+const SettingsMap kPoints = {{"techniques", "bsdf,spherical,area,parallel"},
+                             {"selection", "contribution,power"},
+                             {"weights", "optimal"},
+                             {"max_depth", "4"}};
 
 // Claim: each control has the expectation 1 for each batch, whatever is between vertices and whichever lights
 // there are, and the matrix counts whole samples.
