@@ -147,10 +147,11 @@ TEST(Reports, LayersOfRadii) {
 TEST(Reports, OneJobHasSeveralReadOuts) {
   constexpr std::uint64_t kIterations = 401;
   const std::vector<std::string> estimators = {"crossfit", "direct", "balance"};
+  const std::vector<std::string> optimal = {"--integrator", "optimis", "--set", "weights=optimal"};
   Farm farm;
   farm.start_master({"--unit-time", "0.05", "--lease-time", "600"});
   Process& worker = farm.start_worker("a");
-  const std::string first = farm.submit(kIterations, "cornell", {"--integrator", "optimis"});
+  const std::string first = farm.submit(kIterations, "cornell", optimal);
   const auto fetched = [&](const std::string& id, const std::string& estimator) {
     const std::string file = (farm.folder() / (estimator + ".exr")).string();
     const CommandResult result = farm.candela({"fetch", id, "-o", file, "--estimator", estimator});
@@ -171,17 +172,17 @@ TEST(Reports, OneJobHasSeveralReadOuts) {
   farm.wait_for(first, v1::JOB_STATE_DONE);
 
   for (const char* name : {"b", "c"}) farm.start_worker(name);
-  const std::string second = farm.submit(kIterations, "cornell", {"--integrator", "optimis"});
+  const std::string second = farm.submit(kIterations, "cornell", optimal);
   farm.wait_for(second, v1::JOB_STATE_DONE);
   std::vector<image::Image> images;
   for (const std::string& estimator : estimators) {
     SCOPED_TRACE(estimator);
     images.push_back(fetched(first, estimator));
     expect_identical(fetched(second, estimator), images.back(), "three workers and one");
-    expect_identical(
-        images.back(),
-        farm.render(kIterations, "cornell", {"--integrator", "optimis", "--set", "estimator=" + estimator}),
-        "`fetch --estimator` and a job of that estimator");
+    std::vector<std::string> one = optimal;
+    one.insert(one.end(), {"--set", "estimator=" + estimator});
+    expect_identical(images.back(), farm.render(kIterations, "cornell", one),
+                     "`fetch --estimator` and a job of that estimator");
   }
   for (std::size_t i = 0; i < images.size(); ++i)
     for (std::size_t j = 0; j < i; ++j) EXPECT_NE(images[i].rgb, images[j].rgb) << i << ' ' << j;
