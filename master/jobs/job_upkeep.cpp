@@ -188,7 +188,9 @@ void JobUpkeep::upkeep(const std::string& job_id, bool force) {
     film->close();
     if (t < state.retry_at) return;
     if (view.finishing) estimate_error(job_id, *film, true);
-    if (film->dirty()) summarize_chains(job_id, *film, true);
+    // A checkpoint may have taken the last merge before the chains were summed up, which they are now and
+    // then.
+    if (view.finishing || film->dirty()) summarize_chains(job_id, *film, true);
     if ((film->dirty() || film->generation() == 0) && !save_checkpoint(job_id, *film)) return;
     if (view.finishing) {
       const bool extended = table_.with_scheduler([&](Scheduler& s) {

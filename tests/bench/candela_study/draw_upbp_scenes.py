@@ -28,7 +28,7 @@ def figure(rows, maps):
             _, seconds, _ = curve(rows, quantity="CPU seconds", **wanted)
             shown = [(s, math.sqrt(e)) for s, e in zip(seconds, error) if e > 0]
             if shown:
-                panel.loglog(*zip(*shown), f"C{k}o-", ms=3, label=method)
+                panel.loglog(*zip(*shown), "o-", color=f"C{k % 10}", ls="-" if k < 10 else "--", ms=3, label=method)
         panel.set_title(scene)
         panel.grid(alpha=0.3, which="both")
         reference = maps[f"{scene} reference"]
