@@ -192,8 +192,8 @@ std::string MergedFilm::serialise() const {
 }
 
 void MergedFilm::serialise(std::string& out) const {
-  // Room for all: a string of a hundred megabytes that grows is copied as much again. What is not written to
-  // takes no memory.
+  // Reserves an upper bound: a growing string of a hundred megabytes is copied again and again. Reserved
+  // pages that nobody writes to take no memory.
   constexpr std::size_t kHeaders = 1 << 16;
   out.clear();
   out.reserve(kHeaders + halves_[0].sums.memory_bytes() + halves_[1].sums.memory_bytes());

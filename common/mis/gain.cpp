@@ -5,7 +5,7 @@
 namespace candela::mis {
 namespace {
 
-// Of values that come one by one, by their differences from the mean so far.
+// The running variance of a series of values (Welford's update).
 struct RunningVariance {
   double count = 0, mean = 0, squares = 0;
   void add(double value) {

@@ -1,5 +1,5 @@
-// What optimal weights are worth for a pixel: the variance of crossfit (estimators.h) over that of the
-// balance heuristic, from batches that are kept one by one.
+// Measures the gain of optimal weights for a pixel: the variance of the crossfit estimator (estimators.h)
+// over the variance of the balance heuristic, from the sums of single batches.
 #pragma once
 
 #include <array>
@@ -17,7 +17,7 @@ struct Variances {
     balance += other.balance;
     crossfit += other.crossfit;
   }
-  // 1 where nothing varies.
+  // 1 if nothing varies.
   double ratio() const { return balance > 0 ? crossfit / balance : 1; }
 };
 
@@ -30,8 +30,8 @@ class PixelBatches {
   }
   // The sums of one batch.
   void add(std::size_t half, const Sums& batch) { halves_[half].push_back(batch); }
-  // The slopes of a half are those of the other, as crossfit's are, so that what their noise costs is
-  // counted: as many batches later it costs less. Zero if a half has fewer than two batches.
+  // Each half takes its slopes from the other half, as crossfit does, so that the variance includes the noise
+  // of slopes from this number of batches. Both variances are zero if a half has fewer than two batches.
   Variances variances(int scale_log2) const;
 
  private:

@@ -28,17 +28,19 @@ void JobUpkeep::upkeep_loop() {
   while (!wake_.stopping()) {
     const bool force = flush_requested_.exchange(false);
     std::vector<std::string> ids;
+    std::size_t running = 0;  // queued and paused jobs make no estimates
     table_.with_films([&](Scheduler& s, const JobFilms& films) {
       for (const auto& [id, job] : s.jobs()) {
         // Thousands of jobs may have ended. One whose film is not in memory needs nothing.
         const auto film = films.find(id);
         if (!has_ended(job.row.state) || (film != films.end() && film->second->loaded())) ids.push_back(id);
+        if (job.row.state == JobState::running) ++running;
       }
     });
     for (const std::string& id : ids) {
       if (wake_.stopping()) break;
       const std::lock_guard lock(mutex_);
-      running_films_ = static_cast<double>(ids.size());
+      running_jobs_ = static_cast<double>(std::max<std::size_t>(running, 1));
       upkeep(id, force);
     }
     {
@@ -107,7 +109,7 @@ void JobUpkeep::estimate_error(const std::string& job_id, JobFilm& film, bool at
   });
   if (!f.both || f.iterations == state.estimated_iterations) return;
   if (!at_once) {
-    const double wait = std::max(state.estimate_cost * running_films_ / kEstimateShare, kMinEstimateSeconds);
+    const double wait = std::max(state.estimate_cost * running_jobs_ / kEstimateShare, kMinEstimateSeconds);
     if (JobTable::now().seconds - state.last_estimate < wait) return;
     if (static_cast<double>(f.iterations) < kEstimateGrowth * static_cast<double>(state.estimated_iterations))
       return;
@@ -188,8 +190,8 @@ void JobUpkeep::upkeep(const std::string& job_id, bool force) {
     film->close();
     if (t < state.retry_at) return;
     if (view.finishing) estimate_error(job_id, *film, true);
-    // A checkpoint may have taken the last merge before the chains were summed up, which they are now and
-    // then.
+    // The last checkpoint may have saved the last merge before the rate-limited summary saw it: the film is
+    // clean, and the summary is old.
     if (view.finishing || film->dirty()) summarize_chains(job_id, *film, true);
     if ((film->dirty() || film->generation() == 0) && !save_checkpoint(job_id, *film)) return;
     if (view.finishing) {

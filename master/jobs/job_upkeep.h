@@ -75,9 +75,9 @@ class JobUpkeep {
   std::atomic<bool> flush_requested_{false};
   std::mutex mutex_;
   std::map<std::string, State> jobs_;
-  JobFilm::Room room_;        // of copies of films, of one job after another
-  double room_used_ = 0;      // when
-  double running_films_ = 1;  // in the present round
+  JobFilm::Room room_;       // reused by the jobs one after another
+  double room_used_ = 0;     // time of the last use
+  double running_jobs_ = 1;  // in the present round, at least 1
 };
 
 }  // namespace candela::master

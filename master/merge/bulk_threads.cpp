@@ -27,7 +27,7 @@ void BulkThreads::put(std::function<void()> work) {
 }
 
 void BulkThreads::loop(int niceness) {
-  // Of Linux: a thread's own. Where the system refuses, work goes on at the usual priority.
+  // On Linux setpriority() changes one thread. If it fails, the thread keeps its priority.
   if (niceness != 0) static_cast<void>(::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), niceness));
   for (;;) {
     std::function<void()> work;

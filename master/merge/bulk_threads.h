@@ -1,6 +1,6 @@
-// Threads of low priority for work that takes tens of milliseconds and more of a processor: hashes, merges,
-// checkpoints, images. Where the processors are busy, a thread that holds the scheduler's lock is stopped for
-// one of these, and every lease waits for it; threads of low priority step back.
+// Low-priority threads for work of tens of milliseconds and more: hashes, merges, checkpoints, images. On
+// busy processors the kernel preempts a thread that holds the scheduler's lock for such work, and every lease
+// waits; low priority makes this rare.
 #pragma once
 
 #include <condition_variable>

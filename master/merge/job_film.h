@@ -85,13 +85,13 @@ class JobFilm {
     std::vector<std::vector<std::shared_ptr<const film::MergedAccumulator>>> open_epochs = {};
   };
   Snapshot snapshot(Part part = Part::all);
-  // Memory that one copy of a film after another takes, of any films: memory that comes fresh from the system
-  // costs a page fault for every 4 KiB, as much as the copy itself.
+  // Buffers that copies of films reuse one after another. Fresh memory costs a page fault for every 4 KiB, as
+  // much time as the copy itself.
   struct Room {
     std::optional<film::MergedFilm> film;
     std::string bytes;
   };
-  // The same of Part::image, in `room`, which must outlive it and is not used beside it.
+  // Returns snapshot(Part::image), with its film in `room`. `room` must outlive the snapshot unchanged.
   Snapshot snapshot_in(Room& room);
   // Which indices are merged, and the counts that came with them; empty where the film is not loaded.
   struct Account {
@@ -175,7 +175,7 @@ class JobFilm {
   static std::string set_aside(const Found& found, const Error& error);
   ChainRecords fresh_records() const;
   film::MergedAccumulator& editable(const AccumulatorKey& key);
-  // Of everything but the film, which is in memory. Precondition: mutex_ is held.
+  // Adds counts, accumulators and epochs to a snapshot. Preconditions: the film is loaded, mutex_ is held.
   void add_all_but_film(Snapshot& snapshot) const;
   // Adds the carry and the sums of epochs that are not folded. Precondition: mutex_ is held.
   void add_epochs(Snapshot& snapshot) const;

@@ -434,7 +434,7 @@ TEST(Optimis, ATrialKeepsWhatPays) {
         if (seed == 1) std::printf("%s, %u: %s\n", c.scene, side, chosen.plan().substr(at, 70).c_str());
         EXPECT_EQ(chosen.work().development.has_value(), c.pays) << c.scene << "\n" << chosen.plan();
       }
-    // What is asked for is not tried.
+    // The plan runs no trial if the user asks for optimal weights, an estimator or the full plan.
     for (const SettingsMap& asked : {SettingsMap{{"weights", "optimal"}},
                                      SettingsMap{{"estimator", "direct"}}, SettingsMap{{"plan", "full"}}}) {
       const Job forced = job(c.scene, 24, 1, asked);

@@ -1,4 +1,4 @@
-// What optimal weights gain for a pixel, measured from its batches.
+// Tests of the measured gain of optimal weights (common/mis/gain.h).
 #include <gtest/gtest.h>
 
 #include <string_view>

@@ -400,7 +400,7 @@ class PathTest {
           what + " weight " + std::to_string(found.weight) + " oracle " + std::to_string(weights[i]));
       if (evaluation.closed_form()) {
         auto value = evaluation.estimator_value(techniques[i]);
-        // Of two vertices in media a share of the pairs is connected, and stands for all.
+        // connect() divides by the share of pairs in media that are connected.
         const std::vector<bool>& in_medium = evaluation.numbers().in_medium;
         if (kind == Technique::Kind::connect && in_medium[s - 1] && in_medium[s])
           for (double& v : value) v /= counts.connect_media;

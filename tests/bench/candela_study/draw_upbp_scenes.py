@@ -15,6 +15,21 @@ def unique(rows, column):
     return list(dict.fromkeys(row[column] for row in rows))
 
 
+def picture_top(reference):
+    """The 98th percentile of a reference, which is shown as white."""
+    levels = sorted(v for line in reference for v in line)
+    return levels[int(0.98 * (len(levels) - 1))] or 1
+
+
+def show(panel, picture, top):
+    panel.set_xticks([])
+    panel.set_yticks([])
+    if picture is None:
+        panel.set_axis_off()
+    else:
+        panel.imshow([[max(0, min(1, v / top)) ** 0.45 for v in line] for line in picture], vmin=0, vmax=1, cmap="gray")
+
+
 def figure(rows, maps):
     scenes = unique(rows, "problem")
     methods = unique(select(rows, part="curves"), "method")
@@ -31,21 +46,12 @@ def figure(rows, maps):
                 panel.loglog(*zip(*shown), "o-", color=f"C{k % 10}", ls="-" if k < 10 else "--", ms=3, label=method)
         panel.set_title(scene)
         panel.grid(alpha=0.3, which="both")
-        reference = maps[f"{scene} reference"]
-        levels = sorted(v for line in reference for v in line)
-        top = levels[int(0.98 * (len(levels) - 1))] or 1
+        top = picture_top(maps[f"{scene} reference"])
         for row, name in enumerate(["reference"] + methods, 1):
             panel = axes[row][column]
-            panel.set_xticks([])
-            panel.set_yticks([])
             if column == 0:
                 panel.set_ylabel(name)
-            picture = maps.get(f"{scene} {name}")
-            if picture is None:
-                panel.set_axis_off()
-                continue
-            panel.imshow([[max(0, min(1, v / top)) ** 0.45 for v in line] for line in picture], vmin=0, vmax=1,
-                         cmap="gray")
+            show(panel, maps.get(f"{scene} {name}"), top)
     axes[0][0].set_ylabel("relative RMS error")
     axes[0][0].set_xlabel("CPU seconds")
     axes[0][-1].legend(fontsize=6)
@@ -61,23 +67,14 @@ def more_figures(rows, maps):
     result, axes = pyplot.subplots(len(scenes), 1 + len(layers), squeeze=False, constrained_layout=True,
                                    figsize=(1.9 * (1 + len(layers)), 1.9 * len(scenes)))
     for row, scene in enumerate(scenes):
-        reference = maps[f"{scene} reference"]
-        levels = sorted(v for line in reference for v in line)
-        top = levels[int(0.98 * (len(levels) - 1))] or 1
+        top = picture_top(maps[f"{scene} reference"])
         for column, name in enumerate(["reference"] + [f"layer {layer}" for layer in layers]):
             panel = axes[row][column]
-            panel.set_xticks([])
-            panel.set_yticks([])
             if row == 0:
                 panel.set_title(name.removeprefix("layer "), fontsize=9)
             if column == 0:
                 panel.set_ylabel(scene)
-            picture = maps.get(f"{scene} {name}")
-            if picture is None:
-                panel.set_axis_off()
-                continue
-            panel.imshow([[max(0, min(1, v / top)) ** 0.45 for v in line] for line in picture], vmin=0, vmax=1,
-                         cmap="gray")
+            show(panel, maps.get(f"{scene} {name}"), top)
     return {"layers": result}
 
 

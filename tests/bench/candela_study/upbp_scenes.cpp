@@ -40,7 +40,7 @@ constexpr MediaScene kScenes[] = {
 constexpr const char* kAlone[] = {"vcm", "pp3d", "pb2d", "bp2d", "bb1d"};
 constexpr const char* kTogether[] = {
     "vcm,pp3d,pb2d", "all", "all, 1024 beams", "an eighth of connections", "merges, 1024 beams", "auto"};
-// Of upbp, by layers=techniques.
+// The layers that upbp writes for layers=techniques, in order.
 constexpr const char* kLayers[] = {"connections", "merging", "pp3d", "pb2d", "bp2d", "bb1d"};
 constexpr const char* kLayered = "all, 1024 beams";  // whose shares are shown
 SettingsMap settings_of(const std::string& method) {

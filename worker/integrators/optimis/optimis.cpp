@@ -31,7 +31,7 @@ using Place = film::UnitAccumulator::Place;
 // Words that seed the rounding of a sample's sums, beside that of its film.
 constexpr std::uint64_t kFirstWord = 1, kSecondWord = 2, kThirdWord = 3;
 
-// Of the trial of optimal weights.
+// The size and the seed of the trial of optimal weights.
 constexpr std::uint64_t kTrialPixels = 512;
 constexpr std::uint64_t kTrialSeed = 0x747269616cULL;  // "trial"
 
@@ -187,8 +187,8 @@ class OptimisIntegrator final : public IterationIntegrator {
     return weights;
   }
 
-  // Direct light of pixels all over the film, the same for every seed of the job. Groups of lights are taken
-  // for pixels of their own.
+  // Samples direct light in random pixels of the film. The result does not depend on the job's seed. Each
+  // group of lights counts as a pixel of its own.
   mis::Variances trial(const UnitContext& context) const {
     const std::optional<scene::LightGroups> groups = light_groups(context);
     estimators::FirstVertexSetup setup = setup_;
