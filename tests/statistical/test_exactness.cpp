@@ -125,6 +125,20 @@ TEST_P(ExactnessOf, FilmOfMediaDependsOnTheJobAlone) {
 INSTANTIATE_TEST_SUITE_P(, ExactnessOf, testing::ValuesIn(test::iteration_integrators()),
                          [](const auto& one) { return one.param; });
 
+// Claim: the same holds for photon beams in a grid of colors, whose flights record their weights.
+TEST(Exactness, BeamsInAGridOfColorsDependOnTheJobAlone) {
+  rng::Stream stream(5);
+  std::vector<float> values;
+  for (int i = 0; i < 3 * 9 * 8 * 7; ++i) values.push_back(stream.next_float());
+  TestScene scene = scene_from_xml(kScene, 70, 45);
+  scene.files = std::make_shared<MemorySource>(std::map<std::string, std::string>{
+      {"scene.xml", kMediaScene}, {"v.vol", test::volume_file({9, 8, 7}, 3, values)}});
+  SettingsMap settings = small_job("upbp");
+  settings["techniques"] = "all";
+  settings["connect_media"] = "0.5";
+  film_depends_on_the_job_alone(with_integrator(std::move(scene), "upbp", settings));
+}
+
 // Claim: another seed is another image, and the halves are different estimates (the test above is not
 // comparing zeros).
 TEST(Exactness, SeedsAndHalvesDiffer) {
