@@ -6,6 +6,7 @@
 
 #include "common/base/hash.h"
 #include "common/base/text.h"
+#include "common/base/thread_cpu.h"
 #include "common/base/version.h"
 #include "common/stages/decision.h"
 #include "common/stages/development.h"
@@ -237,7 +238,7 @@ grpc::Status WorkerServiceImpl::PushDelta(grpc::ServerContext* context,
           ticket.error(), static_cast<std::uint32_t>(farm_.gate().retry_seconds() * 1000)));
     }
     unknown.reset();
-    const double started = farm_.now().seconds;
+    const double started = farm_.now().seconds, cpu_started = thread_cpu_seconds();
     BufferPool::Buffer buffer = buffers_.take(header.size_bytes());
     std::string& bytes = *buffer;
     bool too_long = false;
@@ -260,7 +261,8 @@ grpc::Status WorkerServiceImpl::PushDelta(grpc::ServerContext* context,
     if (!too_long && bytes.size() < header.size_bytes() && context->IsCancelled())
       return grpc::Status(grpc::StatusCode::CANCELLED, "the delta did not arrive whole in time");
     (*ticket)->all_here();
-    const DeltaIntake::Verdict verdict = farm_.deltas().deliver(header, bytes, farm_.now().seconds - started);
+    const DeltaIntake::Verdict verdict = farm_.deltas().deliver(
+        header, bytes, {farm_.now().seconds - started, thread_cpu_seconds() - cpu_started});
     response->set_verdict(verdict.verdict);
     response->set_message(verdict.message);
     return grpc::Status::OK;

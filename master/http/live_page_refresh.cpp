@@ -2,13 +2,12 @@
 #include <fmt/format.h>
 #include <pthread.h>
 
-#include <ctime>
-
 #include <algorithm>
 #include <chrono>
 #include <set>
 #include <utility>
 
+#include "common/base/thread_cpu.h"
 #include "master/farm.h"
 #include "master/http/live_page.h"
 #include "master/http/page_json.h"
@@ -24,12 +23,6 @@ constexpr std::uint32_t kMaxEvents = 200;
 constexpr std::size_t kMaxListed = 500;
 constexpr std::uint64_t kMaxShareUnits = 200000;  // of a job; beyond it the shares are not told
 constexpr auto kRound = std::chrono::milliseconds(250);
-
-double processor_seconds() {
-  timespec t{};
-  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_nsec) * 1e-9;
-}
 
 }  // namespace
 
@@ -90,11 +83,11 @@ void LivePage::refresh() {
         const auto it = topics_.find(name);
         if (it == topics_.end() || !(it->second.*budget).due(farm_.now().seconds)) return;
       }
-      const double before = processor_seconds();
+      const double before = thread_cpu_seconds();
       what();
       const std::lock_guard lock(mutex_);
       if (const auto it = topics_.find(name); it != topics_.end())
-        (it->second.*budget).spent(farm_.now().seconds, processor_seconds() - before, pause, share / topics);
+        (it->second.*budget).spent(farm_.now().seconds, thread_cpu_seconds() - before, pause, share / topics);
     };
     const std::size_t slash = name.find('/');
     const std::string id = slash == std::string::npos ? "" : name.substr(slash + 1);

@@ -7,6 +7,7 @@
 
 #include "common/base/hash.h"
 #include "common/base/log.h"
+#include "common/base/thread_cpu.h"
 #include "common/base/version.h"
 #include "common/stages/epochs.h"
 #include "common/wire/wire.h"
@@ -98,7 +99,7 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
 }  // namespace
 
 std::optional<DeltaRefusal> DeltaIntake::merge_film(const v1::DeltaHeader& header, const Unit& unit,
-                                                    const film::Delta& delta, const Course& course) {
+                                                    const film::Delta& delta, Course& course) {
   const bool segments = unit.kind == Unit::Kind::segments;
   auto records = chains::decode(delta.records(), segments ? unit.end - unit.begin : 0);
   if (!records.ok()) return corrupt(records.error().to_string());
@@ -109,7 +110,9 @@ std::optional<DeltaRefusal> DeltaIntake::merge_film(const v1::DeltaHeader& heade
     return Refusal{v1::DELTA_VERDICT_STALE, opened.error().to_string(), FailureCause::master};
   const std::shared_ptr<JobFilm> film = table_.film_of(header.job_id());
   if (!film) return Refusal{v1::DELTA_VERDICT_STALE, "the job has no film"};
-  const auto outcome = bulk_.run([&] { return film->merge(delta, std::move(*records)); });
+  const auto outcome = bulk_.run([&] {
+    return with_cpu_time(course.cpu_seconds, [&] { return film->merge(delta, std::move(*records)); });
+  });
   // The film lacks the segment before this one, through no fault of the sender: the unit is rendered again
   // later.
   if (!outcome.ok() && outcome.error().kind == ErrorKind::refused && segments)
@@ -118,10 +121,12 @@ std::optional<DeltaRefusal> DeltaIntake::merge_film(const v1::DeltaHeader& heade
   if (*outcome == JobFilm::Outcome::duplicate) return refusal_of(Delivery::duplicate);
   if (*outcome == JobFilm::Outcome::closed) return refusal_of(Delivery::job_ended);
   film->received_statistics(delta.accumulator_bytes());
+  // On idle processors receiving takes as much as merging, and beside it; on busy ones a merge takes longer.
+  const double merge_seconds = std::max(course.hash_seconds + seconds_since(course.turn), course.cpu_seconds);
   table_.with_scheduler([&](Scheduler& s) {
     s.merged(header.worker_id(), header.token(), header.unit_id(), header.job_id(), unit, delta.tallies(),
              header.render_seconds(), course.receive_seconds + seconds_since(course.here), JobTable::now(),
-             largest_record, course.hash_seconds + seconds_since(course.turn));
+             largest_record, merge_seconds);
   });
   return std::nullopt;
 }
@@ -173,7 +178,7 @@ Result<std::optional<DeltaIntake::Verdict>> DeltaIntake::admit(const v1::DeltaHe
 }
 
 DeltaIntake::Verdict DeltaIntake::deliver(const v1::DeltaHeader& header, const std::string& bytes,
-                                          double receive_seconds) {
+                                          const Receipt& receipt) {
   const log::Ids ids{.job = header.job_id(),
                      .unit = static_cast<std::int64_t>(header.unit_id()),
                      .worker = header.worker_id()};
@@ -194,11 +199,14 @@ DeltaIntake::Verdict DeltaIntake::deliver(const v1::DeltaHeader& header, const s
     return refuse(corrupt(fmt::format("{} bytes came, {} were announced", bytes.size(), header.size_bytes()),
                           FailureCause::network));
   const auto came = std::chrono::steady_clock::now();
-  if (bulk_.run([&] { return sha256_hex(bytes); }) != header.sha256())
+  Course course;
+  course.cpu_seconds = receipt.cpu_seconds;
+  const std::string sha256 =
+      bulk_.run([&] { return with_cpu_time(course.cpu_seconds, [&] { return sha256_hex(bytes); }); });
+  if (sha256 != header.sha256())
     return refuse(corrupt("the bytes do not have the announced hash", FailureCause::network));
 
-  Course course;
-  course.receive_seconds = receive_seconds;
+  course.receive_seconds = receipt.seconds;
   course.hash_seconds = seconds_since(came);
   course.here = std::chrono::steady_clock::now();
   const PushGate::MergeTurn turn(gate_);
@@ -212,7 +220,9 @@ DeltaIntake::Verdict DeltaIntake::deliver(const v1::DeltaHeader& header, const s
   });
   if (!expected || (makes_film(unit->kind) && !expected->state))
     return refuse({v1::DELTA_VERDICT_STALE, "the job has no film"});
-  auto delta = bulk_.run([&] { return film::Delta::decode(bytes, expected->shape); });
+  auto delta = bulk_.run([&] {
+    return with_cpu_time(course.cpu_seconds, [&] { return film::Delta::decode(bytes, expected->shape); });
+  });
   if (!delta.ok()) return refuse(corrupt(delta.error().to_string()));
   if (auto wrong = check(*delta, header, *unit, *expected)) return refuse(std::move(*wrong));
 

@@ -35,18 +35,23 @@ class DeltaIntake {
 
   // Before reading: a verdict if the delta need not be read at all. Errors: header fields, size.
   Result<std::optional<Verdict>> admit(const v1::DeltaHeader& header);
+  // How a delta was received.
+  struct Receipt {
+    double seconds = 0, cpu_seconds = 0;
+  };
   // The whole delta is here: verify, decode, merge, remember.
-  Verdict deliver(const v1::DeltaHeader& header, const std::string& bytes, double receive_seconds);
+  Verdict deliver(const v1::DeltaHeader& header, const std::string& bytes, const Receipt& receipt);
 
  private:
-  // When a delta had come, how long it was on its way and how long its hash took, and when its turn came.
+  // When a delta had come, how long it was on its way and how long its hash took, and when its turn came. CPU
+  // time: of receiving, hash, decoding and merging.
   struct Course {
     std::chrono::steady_clock::time_point here, turn;
-    double receive_seconds = 0, hash_seconds = 0;
+    double receive_seconds = 0, hash_seconds = 0, cpu_seconds = 0;
   };
   // Adds a film, with accumulators and records, to the job's.
   std::optional<DeltaRefusal> merge_film(const v1::DeltaHeader& header, const Unit& unit,
-                                         const film::Delta& delta, const Course& course);
+                                         const film::Delta& delta, Course& course);
   // Adds the contributions of bootstrap samples to the job's table.
   std::optional<DeltaRefusal> merge_table(const v1::DeltaHeader& header, const film::Delta& delta);
 

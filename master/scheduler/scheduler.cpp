@@ -20,10 +20,16 @@ double Scheduler::seconds_per_iteration(const Job& job, const WorkerState& worke
   return job.thread_seconds / std::max(worker.row.threads, 1U);
 }
 
-std::uint64_t Scheduler::active_workers(const Job& job, Now now) const {
-  std::uint64_t n = 0;
-  for (const auto& [id, w] : workers_) n += usable(w, now) && can_run(w, job) ? 1 : 0;
-  return n;
+std::uint64_t Scheduler::active_workers(const Job& job, Now now) {
+  // Each lease asks for it, and looking at a thousand workers takes as long as the rest of a lease.
+  constexpr double kCountSeconds = 0.25;
+  ActiveCount& count = active_[job.row.settings.isa];
+  if (workers_.size() >= kManyWorkers && count.workers > 0 && now.seconds >= count.counted &&
+      now.seconds - count.counted < kCountSeconds)
+    return count.workers;
+  count = {0, now.seconds};
+  for (const auto& [id, w] : workers_) count.workers += usable(w, now) && can_run(w, job) ? 1 : 0;
+  return count.workers;
 }
 
 // Higher priority first, then the least served; within half a unit of the least served, those whose scene is
@@ -227,6 +233,7 @@ void Scheduler::drop_lease(std::uint64_t token, Now now, bool refund) {
   u->second.speculated = u->second.leases.size() > 1;
   if (u->second.leases.empty()) {
     u->second.row.state = UnitRow::State::open;
+    job->maybe_open.insert(u->first);
     save(u->second);
   }
 }

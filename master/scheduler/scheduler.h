@@ -55,6 +55,9 @@ struct SchedulerOptions {
 // estimate does not end a job.
 inline constexpr std::uint64_t kRelmseMinIterationsPerHalf = 8;
 
+// From so many workers on the scheduler does not look at all of them at each occasion.
+inline constexpr std::size_t kManyWorkers = 64;
+
 // A running mean in which the newest measurement weighs this much.
 inline constexpr double kEwma = 0.3;
 inline void blend(double& average, double value) {
@@ -108,6 +111,7 @@ struct Job {
   std::string note;  // what is worth knowing now, e.g. that checkpoints fail
   std::array<film::IndexSet, 2> merged;
   std::map<std::uint64_t, UnitState> units;                    // not merged
+  std::set<std::uint64_t> maybe_open;                          // all units without a lease, and others
   double virtual_time = 0;                                     // worker seconds / share, for fairness
   double thread_seconds = 0;                                   // EWMA of seconds times threads per iteration
   std::map<std::string, double> worker_seconds_per_iteration;  // EWMA
@@ -353,7 +357,8 @@ class Scheduler {
   bool can_run(const WorkerState& worker, const Job& job) const {
     return can_run(worker, job.row.settings.isa);
   }
-  std::uint64_t active_workers(const Job& job, Now now) const;
+  // Of many workers as it was up to a quarter of a second ago, unless one came, left or changed.
+  std::uint64_t active_workers(const Job& job, Now now);
   std::vector<Job*> candidates(const WorkerState& worker, const std::vector<std::string>& warm, Now now);
   UnitState* pick(Job& job, const WorkerState& worker, bool prefetch, Now now);
   bool has_work(const Job& job, const WorkerState& worker, Now now) const;
@@ -428,7 +433,13 @@ class Scheduler {
   };
   std::map<std::string, Withdrawn> withdrawn_;
   std::map<std::string, WorkerState> workers_;
+  struct ActiveCount {
+    std::uint64_t workers = 0;
+    double counted = 0;
+  };
+  std::map<std::string, ActiveCount> active_;  // by instruction set; empty after a worker changed
   std::map<std::uint64_t, Lease> leases_;
+  double workers_ticked_ = 0;       // when tick() last looked at the workers
   double none_expires_before_ = 0;  // no lease runs out up to this time, by the steady clock
   std::vector<Change> changes_;
   double last_activity_ = 0;

@@ -24,14 +24,17 @@ UnitState& Scheduler::add_unit(Job& job, const Unit& unit) {
   state.row.id = next_unit_id_++;
   state.row.job_id = job.row.id;
   state.row.unit = unit;
+  job.maybe_open.insert(state.row.id);
   return job.units.emplace(state.row.id, std::move(state)).first->second;
 }
 
 // Whether `worker`, were it free, could have a unit of the job.
 bool Scheduler::has_work(const Job& job, const WorkerState& worker, Now now) const {
   return job.source->has_unit(job.view()) ||
-         std::any_of(job.units.begin(), job.units.end(),
-                     [&](const auto& entry) { return offered(job, entry.second, worker, now); });
+         std::any_of(job.maybe_open.begin(), job.maybe_open.end(), [&](std::uint64_t id) {
+           const auto unit = job.units.find(id);
+           return unit != job.units.end() && offered(job, unit->second, worker, now);
+         });
 }
 
 // An open unit that came back, else a new one.
@@ -57,8 +60,15 @@ UnitState* Scheduler::pick(Job& job, const WorkerState& worker, bool prefetch, N
 
   UnitState* open = nullptr;
   std::uint64_t open_count = 0;
-  for (auto& [id, u] : job.units) {
-    if (!u.leases.empty() || u.waits(now.seconds)) continue;
+  for (auto id = job.maybe_open.begin(); id != job.maybe_open.end();) {
+    const auto unit = job.units.find(*id);
+    if (unit == job.units.end() || !unit->second.leases.empty()) {
+      id = job.maybe_open.erase(id);
+      continue;
+    }
+    ++id;
+    UnitState& u = unit->second;
+    if (u.waits(now.seconds)) continue;
     ++open_count;
     if (open == nullptr && offered(job, u, worker, now)) open = &u;
   }

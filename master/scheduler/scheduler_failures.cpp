@@ -95,6 +95,7 @@ void Scheduler::note_failure(Job& job, WorkerState& worker, FailureCause cause, 
   job.standings[worker.row.id].retry_at = now.seconds + then.worker_wait;
   if (!(then.set_aside > 0)) return;
   worker.set_aside_until = now.seconds + then.set_aside;
+  active_.clear();
   ++worker.times_set_aside;
   worker.message =
       fmt::format("{} failures in a row on {} job(s), tried again after {:.0f} s; the last, {}",
@@ -273,6 +274,7 @@ bool Scheduler::forget_failures(Job& job, Now now) {
     if (w.set_aside_until <= now.seconds || !w.failed_jobs.contains(job.row.id)) continue;
     any = true;
     w.set_aside_until = 0;
+    active_.clear();
     w.consecutive_failures = 0;
     w.failed_jobs.clear();
     event(now, "", id, "set-aside", fmt::format("over: job {} was resumed", job.row.id));

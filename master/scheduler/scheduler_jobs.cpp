@@ -300,11 +300,18 @@ void Scheduler::tick(Now now) {
     end_if_refused(job, now);
     job.last_tick = now.seconds;
   }
+  // Looking at a thousand workers takes longer than all else here.
+  constexpr double kPeriodOfMany = 1;
+  if (workers_.size() >= kManyWorkers && now.seconds >= workers_ticked_ &&
+      now.seconds - workers_ticked_ < kPeriodOfMany)
+    return;
+  workers_ticked_ = now.seconds;
   for (auto it = workers_.begin(); it != workers_.end();) {
     WorkerState& w = it->second;
     if (w.set_aside_until > 0 && w.set_aside_until <= now.seconds) {
       // On probation: one more failure sets it aside again, for longer.
       w.set_aside_until = 0;
+      active_.clear();
       w.consecutive_failures = std::min(w.consecutive_failures, options_.failures.max_worker_failures - 1);
       w.failed_jobs.clear();
       event(now, "", w.row.id, "set-aside", "over; it gets leases again");
@@ -314,6 +321,7 @@ void Scheduler::tick(Now now) {
                                            : std::max(options_.forget_idle_worker_seconds, lost_after());
     if (w.leases.empty() && now.seconds - w.last_seen > forgotten_after) {
       changes_.emplace_back(DropWorker{w.row.id});
+      active_.clear();
       it = workers_.erase(it);
     } else {
       ++it;

@@ -35,6 +35,7 @@ std::uint64_t Scheduler::agree(Job& job, const HalfSets& film, std::vector<UnitR
     UnitState state;
     state.row = u;
     job.units.emplace(u.id, std::move(state));
+    job.maybe_open.insert(u.id);
   };
   for (UnitRow& u : rows) {
     const Unit& unit = u.unit;

@@ -42,6 +42,7 @@ bool Scheduler::make_room_for_worker(Now now) {
   }
   if (chosen == workers_.end()) return false;
   changes_.emplace_back(DropWorker{chosen->first});
+  active_.clear();
   workers_.erase(chosen);
   return true;
 }
@@ -53,6 +54,7 @@ Result<void> Scheduler::register_worker(WorkerRow row, Now now) {
   event(now, "", row.id, "registered",
         fmt::format("{} on {} with {} threads", row.name, row.host, row.threads));
   changes_.emplace_back(PutWorker{row});
+  active_.clear();
   WorkerState& w = workers_[row.id];
   w.row = std::move(row);
   w.last_seen = now.seconds;
@@ -61,6 +63,7 @@ Result<void> Scheduler::register_worker(WorkerRow row, Now now) {
 }
 
 void Scheduler::restore_worker(const WorkerRow& row, Now now) {
+  active_.clear();
   WorkerState& w = workers_[row.id];
   w.row = row;
   w.last_seen = now.seconds;  // it has as long to come back as if we had just heard of it
@@ -114,6 +117,7 @@ Result<void> Scheduler::drain(const std::string& worker_id, Now now) {
     return input_error(fmt::format("there is no worker {}", worker_id)).with_field("worker_id");
   if (it->second.row.draining) return {};
   it->second.row.draining = true;
+  active_.clear();
   event(now, "", worker_id, "draining", "");
   changes_.emplace_back(PutWorker{it->second.row});
   return {};
@@ -127,6 +131,7 @@ void Scheduler::deregister(const std::string& worker_id, Now now) {
   event(now, "", worker_id, "left", it->second.row.name);
   changes_.emplace_back(DropWorker{worker_id});
   for (auto& [id, job] : jobs_) job.standings.erase(worker_id);
+  active_.clear();
   workers_.erase(worker_id);
   last_activity_ = now.seconds;
 }

@@ -6,7 +6,7 @@
 namespace candela::master {
 
 namespace {
-constexpr double kMergeShare = 0.375;  // of the time, at most
+constexpr double kMergeShare = 0.4;  // of the time, at most
 }
 
 std::uint64_t unit_iterations(const SizingInput& in) {

@@ -9,7 +9,8 @@ struct SizingInput {
   double unit_seconds = 4;           // what a unit should take
   double seconds_per_iteration = 0;  // on the worker that asks; 0: unknown
   double overhead_seconds = 0;       // of receiving and merging one delta of this job
-  double merge_seconds = 0;          // of that, the time in which the master can do nothing like it
+  double merge_seconds = 0;          // of that, the time in which the master can do nothing like it, or, if
+                                     // that is more, CPU time
   std::uint64_t remaining = 0;       // iterations of the job not cut into units yet; 0: no end in sight
   std::uint64_t active_workers = 1;  // that can take units of this job
   double seconds_left = 0;           // of a time limit; 0: none
@@ -21,8 +22,8 @@ struct SizingInput {
 //  - unit_seconds of work, or more where a delta is dear: receiving and merging it shall cost under 2 % of
 //  rendering it
 //    (up to 16 times unit_seconds);
-//  - so long that the deltas of all active workers keep the merge busy for at most three eighths of the time,
-//  since receiving them takes about as much (up to 64 times unit_seconds);
+//  - so long that the deltas of all active workers take at most two fifths of the time: what is not
+//  measured, of the network, checkpoints and estimates, takes nearly as much (up to 64 times unit_seconds);
 //  - guided self-scheduling near the end: at most remaining / (2 active_workers), so that all workers end
 //  together; but a unit is not shorter than the time that merging all units of its size takes: with r seconds
 //  of work left and m a merge, units of u seconds are rendered in r / (r / u) = u and merged in m r / u, so

@@ -355,7 +355,7 @@ TEST(FarmDisk, AFullDiskDelaysTheEndOnly) {
     h.set_size_bytes(bytes.size());
     h.set_sha256(sha256_hex(bytes));
     EXPECT_FALSE(*farm.deltas().admit(h));
-    return farm.deltas().deliver(h, bytes, 0).verdict == v1::DELTA_VERDICT_MERGED;
+    return farm.deltas().deliver(h, bytes, {}).verdict == v1::DELTA_VERDICT_MERGED;
   };
   const auto until = [&](auto condition) {
     for (int i = 0; i < 500 && !condition(*farm.status(id)); ++i)
