@@ -42,8 +42,8 @@ void expect_agreement(const std::vector<std::vector<float>>& batches, const std:
 }
 
 // Claim: light of a point lamp scattered once, in a colored medium with a forward phase function around the
-// camera, is the integral of sigma_s f T T I / r^2 along the ray, by each technique alone and by lists, and
-// with beams of all 4096 light paths or of few. The radius is 0.02 of the lamp's distance: its bias is below
+// camera, is the integral of sigma_s f T T I / r^2 along the ray, by each technique alone and by lists, with
+// short and with long beams, and with beams of all 4096 light paths or of few. The radius is 0.02 of the lamp's distance: its bias is below
 // 1e-3.
 TEST(Upbp, SingleScatteringByQuadrature) {
   constexpr double kForward = 0.6;
@@ -81,9 +81,13 @@ TEST(Upbp, SingleScatteringByQuadrature) {
     const char* techniques;
     int iterations;
     const char* beam_paths = "0";
+    const char *query_beams = "short", *photon_beams = "short";
   };
   for (const Row& row : {Row{"all", 16}, Row{"pb2d", 64}, Row{"bp2d", 64}, Row{"bb1d", 24}, Row{"pp3d", 160},
-                         Row{"vcm,bb1d", 16}, Row{"all", 24, "300"}, Row{"bb1d", 64, "300"}}) {
+                         Row{"vcm,bb1d", 16}, Row{"all", 24, "300"}, Row{"bb1d", 64, "300"},
+                         Row{"pb2d", 64, "0", "long"}, Row{"bp2d", 64, "0", "short", "long"},
+                         Row{"bb1d", 24, "300", "long"}, Row{"bb1d", 24, "300", "short", "long"},
+                         Row{"bb1d", 24, "300", "long", "long"}, Row{"all", 16, "300", "long", "long"}}) {
     // The disc behind is 9 wide: the scene's sphere has a radius of about 13.
     const TestScene scene =
         with_integrator(scene_with(body, kSize), "upbp",
@@ -91,15 +95,66 @@ TEST(Upbp, SingleScatteringByQuadrature) {
                          {"techniques", row.techniques},
                          {"light_paths", "16"},
                          {"beam_paths", row.beam_paths},
+                         {"query_beams", row.query_beams},
+                         {"photon_beams", row.photon_beams},
                          {"radius", std::string(row.techniques) == "pp3d" ? "0.012" : "0.003"}});
     expect_agreement(render_batches(scene, 61, 10, static_cast<std::uint64_t>(row.iterations)), expected, {},
-                     kSize, fmt::format("{} of {}", row.techniques, row.beam_paths), 0.005);
+                     kSize, fmt::format("{} of {}, {} and {} beams", row.techniques, row.beam_paths, row.photon_beams,
+                                 row.query_beams),
+                     0.005);
   }
+}
+
+// Claim: a beam of light behind four mean free paths of fog is as bright with long query beams as with short
+// ones, with less than a hundredth of the variance: e^-4 of the short ones reach it.
+TEST(Upbp, LongQueryBeamsSeeThroughThickFog) {
+  constexpr std::uint32_t kSize = 12;
+  const TestScene scene = scene_with(
+      R"(<medium id="fog" type="homogeneous"><rgb name="sigma_t" value="1"/><rgb name="albedo" value="0.5"/></medium>
+        <sensor type="orthographic"><float name="near_clip" value="0.0001"/><ref id="fog"/><transform name="to_world"><scale x="0.5" y="0.5"/></transform></sensor>
+        <emitter type="spot"><float name="cutoff_angle" value="20"/><float name="beam_width" value="19"/><rgb name="intensity" value="2"/><ref id="fog"/>
+          <transform name="to_world"><lookat origin="0, 2, 4" target="0, 0, 4" up="1, 0, 0"/></transform></emitter>
+        <shape type="sphere"><float name="radius" value="12"/><bsdf type="null"/><ref name="interior" id="fog"/></shape>)",
+      kSize);
+  struct Moments {
+    double mean = 0, variance = 0;
+  };
+  const auto moments = [&](const char* beams) {
+    const TestScene rendered = with_integrator(scene, "upbp",
+                                               {{"techniques", "bb1d"},
+                                                {"max_depth", "2"},
+                                                {"radius", "0.01"},
+                                                {"radius_free_paths", "0"},
+                                                {"query_beams", beams},
+                                                {"light_paths", "16"},
+                                                {"beam_paths", "0"}});
+    constexpr std::size_t kBatches = 24;
+    const auto batches = render_batches(rendered, 77, kBatches, 16);
+    Moments out;
+    for (std::size_t i = 0; i < batches[0].size(); ++i) {
+      double sum = 0, squares = 0;
+      for (const auto& batch : batches) {
+        const auto value = static_cast<double>(batch[i]);
+        sum += value / kBatches;
+        squares += value * value / kBatches;
+      }
+      out.mean += sum;
+      out.variance += (squares - sum * sum) * kBatches / (kBatches - 1);
+    }
+    return out;
+  };
+  const Moments shorter = moments("short"), longer = moments("long");
+  const double error = std::sqrt((shorter.variance + longer.variance) / 24);
+  std::printf("long over short: mean %.4f +- %.4f, variance %.4f\n", longer.mean / shorter.mean,
+              error / shorter.mean, longer.variance / shorter.variance);
+  EXPECT_LT(error, 0.02 * shorter.mean);
+  EXPECT_NEAR(longer.mean, shorter.mean, 5 * error);
+  EXPECT_LT(longer.variance, 0.01 * shorter.variance);
 }
 
 // Claim: on scenes with fog in a box, within glass and around the camera, and with a grid of smoke, the
 // combination has the expectation of bdpt, up to the blur of its radius, also with a fifth of the connections
-// in media.
+// in media, and with long beams.
 TEST(Upbp, AgreesWithBdpt) {
   constexpr std::uint32_t kSize = 24;
   for (const std::string name : {"fog-thin", "fog-glass", "fog-camera", "smoke"}) {
@@ -118,13 +173,19 @@ TEST(Upbp, AgreesWithBdpt) {
       error[i] = static_cast<float>(std::sqrt(std::max(squares / 10 - m * m, 0.0) / 9));
     }
     const bool again = name == "fog-camera" || name == "smoke";
-    for (const char* share : {"1", "0.2"}) {
-      if (!again && std::string(share) != "1") continue;
-      const auto all = with_integrator(
-          scene, "upbp", {{"techniques", "all"}, {"radius", "0.004"}, {"connect_media", share}});
+    const auto check = [&](const std::string& share, const std::string& beams) {
+      const auto all = with_integrator(scene, "upbp",
+                                       {{"techniques", "all"},
+                                        {"radius", "0.004"},
+                                        {"connect_media", share},
+                                        {"query_beams", beams},
+                                        {"photon_beams", beams}});
       expect_agreement(render_batches(all, 501, 10, 10), mean, error, kSize,
-                       fmt::format("all, {} of connections", share), 0.01);
-    }
+                       fmt::format("all, {} of connections, {} beams", share, beams), 0.01);
+    };
+    check("1", "short");
+    if (again) check("0.2", "short");
+    if (name != "smoke") check("1", "long");
   }
 }
 

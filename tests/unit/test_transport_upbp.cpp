@@ -127,7 +127,7 @@ TEST(TransportUpbp, PiecesOfBeamsAreMetOnce) {
   BeamBuffer buffer;
   for (int i = 0; i < 400; ++i)
     ASSERT_TRUE(buffer.keep(
-        *scene, crossing(somewhere(stream, 1), direction(stream), 0.01 + 2 * uniform(stream)), {}, {}));
+        *scene, crossing(somewhere(stream, 1), direction(stream), 0.01 + 2 * uniform(stream)), false, {}, {}));
   const BeamBuffer* const chunks[] = {&buffer};
   PhotonBeams beams;
   const float radius = 0.02f;
@@ -202,7 +202,7 @@ TEST(TransportUpbp, TwoBeamsMeetAsTheClosedFormsSay) {
                             Vec3{0, static_cast<float>((uniform(stream) - 0.5) * sheet), 0};
         const double length = -std::log(1 - uniform(stream));
         if (!(length > 0)) continue;
-        ASSERT_TRUE(buffer.keep(*scene, crossing(origin, light, length), {}, {}));
+        ASSERT_TRUE(buffer.keep(*scene, crossing(origin, light, length), false, {}, {}));
         ends.push_back(origin + light * static_cast<float>(length));
       }
       const BeamBuffer* const chunks[] = {&buffer};
@@ -262,7 +262,9 @@ void expect_edges_make_vertices(const scene::Scene& scene) {
   constexpr bool kLight = kMode == TransportMode::importance;
   MisFactors factors;
   factors.light_image = 100;
-  const std::vector<MediumMerges> merges(scene.features().media, MediumMerges{0.5, 0.1, 0.3, 0.2});
+  std::vector<MediumMerges> merges(scene.features().media, MediumMerges{0.5, 0.1, 0.3, 0.2});
+  for (std::uint32_t m = 0; m < scene.features().media; ++m)
+    merges[m].long_photon_beams = merges[m].long_query_beams = scene.medium(m).homogeneous();
   factors.medium = merges.data();
   WalkRules rules;
   rules.max_edges = 8;
@@ -352,38 +354,61 @@ std::unique_ptr<scene::Scene> rising_smoke() {
   return std::move(*scene);
 }
 
-// Claim: in a grid, where light's and the eye's copy of a vertex have hazards l and e of their own, each of
-// the four merges has the weight eta_v / (eta_PP + eta_PB / e + eta_BP / l + eta_BB sin / (e l) + both sides'
-// sums), whichever structure finds it, so that the weights of all techniques of the path add up to 1; and its
-// value is that of its estimator, with sigma_s at the eye's place and the steps of both flights. The two
-// beams pass each other across the gradient: the nearest places of all four are the same two.
-TEST(TransportUpbp, WeightsInAGridCountBothHazards) {
-  const auto scene = rising_smoke();
-  const scene::Medium& medium = scene->medium(0);
+// A homogeneous medium of colors around everything.
+std::unique_ptr<scene::Scene> colored_fog() {
+  auto scene = test::build_scene(
+      R"(<shape type="cube"><bsdf type="null"/><medium type="homogeneous" name="interior">
+           <rgb name="sigma_t" value="0.5, 1.5, 4"/><rgb name="albedo" value="0.9, 0.6, 0.3"/>
+           <phase type="hg"><float name="g" value="0.4"/></phase></medium></shape>)");
+  EXPECT_TRUE(scene.ok()) << scene.error().to_string();
+  return std::move(*scene);
+}
+
+// Two beams of 0.6 that pass each other at a distance of 0.2, light's after 0.3 and the eye's after 0.4, and
+// the points at these two places: the values of the four merges of eta against
+//   eta_v / (eta_PP + eta_PB / e + eta_BP / l + eta_BB sin / (e l) + both sides' sums),
+// e and l: the hazard at the place, times the survival of the edge where beams are long. light_step and
+// eye_step: the flights' weights there, in a grid.
+void expect_values_of_merges(const scene::Scene& scene, const MediumMerges& eta, Spectrum light_step,
+                             Spectrum eye_step) {
+  const scene::Medium& medium = scene.medium(0);
   const Vec3 light_place{0.1f, 0.05f, -0.4f}, eye_place{0.1f, 0.05f, -0.6f};
   const Vec3 a{1, 0, 0}, b = normalize(Vec3{0.5f, 0.8f, 0});
   const double sine = sine_between(a, b), distance = 0.2;
   const auto hazard = [&](Vec3 p) { return static_cast<double>(hazard_of(medium.sigma_t(p))); };
-  const double l = hazard(light_place), e = hazard(eye_place);
-  ASSERT_GT(l, 1.3 * e);
-  const Spectrum light_step(0.5f, 0.7f, 1.2f), eye_step(0.9f, 1.1f, 0.3f);  // of flights that passed so much
+  const auto passed = [&](float length) {
+    rng::Stream unread(0);
+    return medium.homogeneous() ? medium.transmittance({{}, a, length}, unread) : Spectrum(1.0f);
+  };
+  const auto survives = [&](float length) {
+    const Spectrum t = passed(length);
+    return static_cast<double>((t.r + t.g + t.b) / 3);
+  };
+  const double light_hazard = hazard(light_place), eye_hazard = hazard(eye_place);
+  const double light_edge = survives(0.3f), eye_edge = survives(0.4f);
+  const double l = light_hazard * (eta.long_photon_beams ? light_edge : 1),
+               e = eye_hazard * (eta.long_query_beams ? eye_edge : 1);
 
-  const MediumMerges eta{0.5, 0.1, 0.3, 0.2};
   MisFactors factors;
   factors.medium = &eta;
   EdgeStart light_start, eye_start;
   light_start.edges = eye_start.edges = 2;
-  light_start.departure = {0.7, 1.2, 1, {0, 0.3, 0, 0.2}};
-  eye_start.departure = {0.4, 0.8, 1, {0, 0.1, 0, 0.6}};
+  light_start.departure = {{0.7, 1.2, 1, {0, 0.3, 0, 0.2}}, true, eta.long_query_beams ? 0.15 : 0};
+  eye_start.departure = {{0.4, 0.8, 1, {0, 0.1, 0, 0.6}}, true, eta.long_photon_beams ? 0.25 : 0};
   light_start.from = light_place - a * 0.3f;
   eye_start.from = eye_place - b * 0.4f;
   const MisBlock light_block_there =
-      light_block(light_start, factors, vertex_on(light_start, Vec3d(light_place), l, 1), l, 0);
+      light_block(light_start, factors, vertex_on(light_start, Vec3d(light_place), light_hazard, light_edge),
+                  light_hazard, 0);
   const MisBlock eye_block_there =
-      eye_block(eye_start, factors, vertex_on(eye_start, Vec3d(eye_place), e, 1), e);
-  // Each walk's edge is 0.3 and 0.4 long.
-  EXPECT_NEAR(light_block_there.known, 0.3 * 0.3 / (0.7 * l), 1e-6);
-  EXPECT_NEAR(eye_block_there.known, 0.4 * 0.4 / (0.4 * e), 1e-6);
+      eye_block(eye_start, factors, vertex_on(eye_start, Vec3d(eye_place), eye_hazard, eye_edge), eye_hazard);
+  // Each walk's edge is 0.3 and 0.4 long. What its start's merges leave open is divided by its survival.
+  EXPECT_NEAR(light_block_there.known * 0.7 * light_hazard * light_edge / (0.3 * 0.3), 1, 1e-5);
+  EXPECT_NEAR(eye_block_there.known * 0.4 * eye_hazard * eye_edge / (0.4 * 0.4), 1, 1e-5);
+  EXPECT_NEAR(light_block_there.pending_medium * light_hazard / 1.2,
+              0.2 + light_start.departure.long_beams / light_edge, 1e-5);
+  EXPECT_NEAR(eye_block_there.pending_medium * eye_hazard / 0.8,
+              0.6 + eye_start.departure.long_beams / eye_edge, 1e-5);
   const auto phase = [&](Vec3 from, Vec3 to) {
     return static_cast<double>(medium.phase().pdf_solid_angle(from, to));
   };
@@ -404,23 +429,37 @@ TEST(TransportUpbp, WeightsInAGridCountBothHazards) {
   light_end.hit.p = light_place;
   light_end.wo = -a;
   light_end.throughput = sigma_s(light_place);  // a flux of 1
-  light_end.arrival = static_cast<float>(l);
+  light_end.arrival = static_cast<float>(light_hazard);
+  light_end.survival = static_cast<float>(light_edge);
   light_end.mis = light_block_there;
   eye_end.hit.p = eye_place;
   eye_end.wo = -b;
   eye_end.throughput = sigma_s(eye_place);
-  eye_end.arrival = static_cast<float>(e);
+  eye_end.arrival = static_cast<float>(eye_hazard);
+  eye_end.survival = static_cast<float>(eye_edge);
   eye_end.mis = eye_block_there;
-  const auto flight = [&](const EdgeStart& start, Vec3 along, Spectrum weight) {
-    Crossing crossed{{{start.from, along, 0.6f}, 0, Spectrum(1.0f), 1, 2}, 0.6f, true};
-    crossed.steps = {{0.1f, Spectrum(7)}, {0.2f, weight}, {0.5f, Spectrum(9)}};
+  // A long beam goes on behind the end of its flight.
+  const auto flight = [&](const EdgeStart& start, Vec3 along, Spectrum weight, bool is_long) {
+    const float end = is_long ? 0.05f : 0.6f;
+    Crossing crossed{{{start.from, along, 0.6f}, 0, Spectrum(1.0f), 1, 2}, end, true};
+    if (!medium.homogeneous())
+      crossed.steps = {{0.1f, Spectrum(7)}, {0.2f, weight}, {0.5f, Spectrum(9)}};
     return crossed;
   };
+  const auto carried = [&](bool is_long, float length, Spectrum step) {
+    if (!medium.homogeneous()) return step;
+    return is_long ? passed(length) : passed(length) * static_cast<float>(1 / survives(length));
+  };
+  const Spectrum light_carrier = carried(eta.long_photon_beams, 0.3f, light_step),
+                 eye_carrier = carried(eta.long_query_beams, 0.4f, eye_step);
+  const bool is_long = eta.long_photon_beams;
   BeamBuffer beam_buffer;
-  ASSERT_TRUE(beam_buffer.keep(*scene, flight(light_start, Vec3{0, 0, 1}, Spectrum(3)), light_start, {}));
-  ASSERT_TRUE(beam_buffer.keep(*scene, flight(light_start, a, light_step), light_start, {}));
+  ASSERT_TRUE(beam_buffer.keep(scene, flight(light_start, Vec3{0, 0, 1}, Spectrum(3), is_long), is_long,
+                               light_start, {}));
+  ASSERT_TRUE(
+      beam_buffer.keep(scene, flight(light_start, a, light_step, is_long), is_long, light_start, {}));
   PhotonBuffer<MisBlock> photon_buffer;
-  ASSERT_TRUE(photon_buffer.keep(*scene, light_end));
+  ASSERT_TRUE(photon_buffer.keep(scene, light_end, is_long));
   const MediumKernels kernels(Kernel::constant, {0.25, 0.26, 0.27, 0.28});
   const float beam_radius = 0.28f;
   const BeamBuffer* const beam_chunks[] = {&beam_buffer};
@@ -428,20 +467,20 @@ TEST(TransportUpbp, WeightsInAGridCountBothHazards) {
   PhotonBeams beams;
   PhotonPoints points;
   ASSERT_TRUE(beams.build(beam_chunks, {&beam_radius, 1}, 1).ok());
-  ASSERT_TRUE(points.build(photon_chunks, scene.get(), 1).ok());
+  ASSERT_TRUE(points.build(photon_chunks, &scene, 1).ok());
   MediumMaps maps;
   maps.points = &points;
   maps.beams = &beams;
   maps.kernels = {&kernels, 1};
   maps.factors = factors;
 
-  MediumGather gather(*scene, maps);
+  MediumGather gather(scene, maps);
   MediumShares found;
   gather.at_vertex(eye_end, found);
-  gather.along(flight(eye_start, b, eye_step), eye_start, found);
-  const auto expect = [&](Spectrum got, double own, double kernel, Spectrum carried, const char* what) {
+  gather.along(flight(eye_start, b, eye_step, eta.long_query_beams), eye_start, found);
+  const auto expect = [&](Spectrum got, double own, double kernel, Spectrum carried_here, const char* what) {
     const Spectrum expected =
-        sigma_s(eye_place) * carried * static_cast<float>(own / all * kernel * phase(-b, -a));
+        sigma_s(eye_place) * carried_here * static_cast<float>(own / all * kernel * phase(-b, -a));
     const auto relative = [](float x, float y) { return std::abs(x / y - 1); };
     EXPECT_LT(relative(got.r, expected.r), 1e-5f) << what;
     EXPECT_LT(relative(got.g, expected.g), 1e-5f) << what;
@@ -450,10 +489,49 @@ TEST(TransportUpbp, WeightsInAGridCountBothHazards) {
   const auto d2 = static_cast<float>(distance * distance);
   const auto kernel = [&](const auto& k) { return static_cast<double>(k.value(d2)); };
   expect(found.point_point, eta.point_point, kernel(kernels.ball), Spectrum(1), "pp3d");
-  expect(found.point_beam, eta.point_beam / e, kernel(kernels.point_beam), eye_step, "pb2d");
-  expect(found.beam_point, eta.beam_point / l, kernel(kernels.beam_point), light_step, "bp2d");
+  expect(found.point_beam, eta.point_beam / e, kernel(kernels.point_beam), eye_carrier, "pb2d");
+  expect(found.beam_point, eta.beam_point / l, kernel(kernels.beam_point), light_carrier, "bp2d");
   expect(found.beam_beam, eta.beam_beam * sine / (e * l), kernel(kernels.beam_beam) / sine,
-         light_step * eye_step, "bb1d");
+         light_carrier * eye_carrier, "bb1d");
+}
+
+// Claim: in a grid, where light's and the eye's copy of a vertex have hazards l and e of their own, each of
+// the four merges has the weight of its eta over all eta and both sides' sums, whichever structure finds it,
+// so that the weights of all techniques of the path add up to 1; and its value is that of its estimator, with
+// sigma_s at the eye's place and the steps of both flights. The two beams pass each other across the
+// gradient: the nearest places of all four are the same two.
+TEST(TransportUpbp, WeightsInAGridCountBothHazards) {
+  const auto scene = rising_smoke();
+  const scene::Medium& medium = scene->medium(0);
+  ASSERT_GT(hazard_of(medium.sigma_t({0.1f, 0.05f, -0.4f})),
+            1.3f * hazard_of(medium.sigma_t({0.1f, 0.05f, -0.6f})));
+  expect_values_of_merges(*scene, {0.5, 0.1, 0.3, 0.2}, Spectrum(0.5f, 0.7f, 1.2f),
+                          Spectrum(0.9f, 1.1f, 0.3f));
+}
+
+// Claim: the same of beams of either kind, short or long, in a homogeneous medium of colors, where a long one
+// carries the transmittance and its merges count the survival of its edge.
+TEST(TransportUpbp, WeightsOfLongBeamsCountSurvivals) {
+  const auto scene = colored_fog();
+  for (const bool photon_beams : {false, true})
+    for (const bool query_beams : {false, true}) {
+      SCOPED_TRACE(::testing::Message() << "long: photon beams " << photon_beams << ", query beams "
+                                        << query_beams);
+      expect_values_of_merges(*scene, {0.5, 0.1, 0.3, 0.2, photon_beams, query_beams}, {}, {});
+    }
+}
+
+// Claim: a long beam ends with its medium, in one without an end where no channel that scatters has anything
+// left, and short ones where their flight ends.
+TEST(TransportUpbp, LongBeamsEndWithTheirMedium) {
+  const auto scene = colored_fog();
+  const scene::Medium& medium = scene->medium(0);
+  const auto to = [](float t_max) {
+    return Crossing{{{{}, {0, 0, 1}, t_max}, 0, Spectrum(1.0f), 1, 2}, 0.5f, true};
+  };
+  EXPECT_EQ(beam_end(to(2), medium, false), 0.5f);
+  EXPECT_EQ(beam_end(to(2), medium, true), 2);
+  EXPECT_FLOAT_EQ(beam_end(to(std::numeric_limits<float>::infinity()), medium, true), 60 / 0.5f);
 }
 
 // Claim: beams in a grid that ends nowhere else end beside it, and none is kept that does not come near it.
@@ -461,8 +539,8 @@ TEST(TransportUpbp, BeamsEndBesideTheirGrid) {
   const auto scene = rising_smoke();
   BeamBuffer buffer;
   const auto endless = [](Vec3 origin, Vec3 along) { return crossing(origin, along, 3e38); };
-  EXPECT_TRUE(buffer.keep(*scene, endless({-5, 0, 0}, {1, 0, 0}), {}, {}));
-  EXPECT_TRUE(buffer.keep(*scene, endless({-5, 0, 0}, {-1, 0, 0}), {}, {}));
+  EXPECT_TRUE(buffer.keep(*scene, endless({-5, 0, 0}, {1, 0, 0}), false, {}, {}));
+  EXPECT_TRUE(buffer.keep(*scene, endless({-5, 0, 0}, {-1, 0, 0}), false, {}, {}));
   ASSERT_EQ(buffer.beams().size(), 1U);
   EXPECT_FLOAT_EQ(buffer.beams()[0].length, 8);
 }

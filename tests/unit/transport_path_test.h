@@ -47,6 +47,11 @@ class PathTest {
   void run(std::uint64_t index) {
     counts_ = Heuristic::kMergesBeams ? beam_counts_of(index, rules_.meets_lens)
                                       : counts_of(index, rules_.meets_lens);
+    for (std::uint32_t m = 0; m < scene_.features().media; ++m) {
+      if (scene_.medium(m).homogeneous()) continue;
+      for (std::vector<bool>* are_long : {&counts_.long_photon_beams, &counts_.long_query_beams})
+        if (m < are_long->size()) (*are_long)[m] = false;
+    }
     factors_ = factors_of<Heuristic>(counts_);
     merges_.clear();
     for (std::uint32_t m = 0; m < scene_.features().media; ++m) merges_.push_back(merges_in(counts_, m));

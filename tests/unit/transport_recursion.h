@@ -31,7 +31,12 @@ MisFactors factors_of(const Counts& c) {
 }
 inline MediumMerges merges_in(const Counts& c, std::uint32_t medium) {
   const double r = c.radius_ratio(medium);
-  return {r * r * r * c.merge_medium, r * r * c.point_beam, r * r * c.beam_point, r * c.beam_beam};
+  return {r * r * r * c.merge_medium,
+          r * r * c.point_beam,
+          r * r * c.beam_point,
+          r * c.beam_beam,
+          Counts::in(c.long_photon_beams, medium),
+          Counts::in(c.long_query_beams, medium)};
 }
 template <class Heuristic>
 MergeFactors eta_of(const Counts& c) {
@@ -52,17 +57,23 @@ std::vector<double> recursive_weights(const PathNumbers& n, const Counts& counts
     if constexpr (Heuristic::kMergesBeams) {
       if (n.in_medium[i]) {
         const MediumMerges merges = merges_in(counts, n.medium[i]);
-        return n.beam_sine[i] > 0 ? merges.at(n.factor_to_light[i], n.factor_to_eye[i], n.beam_sine[i])
+        return n.beam_sine[i] > 0 ? merges.at(n.factor_to_light[i], n.factor_to_eye[i], n.beam_sine[i],
+                                              n.survival[i - 1], n.survival[i])
                                   : merges.point_point;
       }
     }
     return n.in_medium[i] ? eta.medium : eta.surface;
   };
-  const auto leave = [&](const MisBlock& block, std::size_t i, double pdf, double pdf_reverse,
-                         double factor) {
+  const auto leave = [&](bool from_light, const MisBlock& block, std::size_t i, double pdf,
+                         double pdf_reverse, double factor) {
     Departure left = Heuristic::leave_vertex(block, !n.in_medium[i], n.delta[i], pdf, pdf_reverse, factor);
     if constexpr (Heuristic::kMergesBeams) {
-      if (n.in_medium[i]) Heuristic::add_merges(left, merged(i));
+      if (!n.in_medium[i]) return left;
+      const MediumMerges merges = merges_in(counts, n.medium[i]);
+      Heuristic::add_merges(left, n.beam_sine[i] > 0
+                                      ? merges.leaving(from_light, n.factor_to_light[i], n.beam_sine[i],
+                                                       from_light ? n.survival[i - 1] : n.survival[i])
+                                      : MediumMerges::Leaving{merges.point_point, 0});
     }
     return left;
   };
@@ -73,10 +84,10 @@ std::vector<double> recursive_weights(const PathNumbers& n, const Counts& counts
   light[1] = Heuristic::arrive_from_light(d, factors, n.factor_to_light[1], n.light_density(1),
                                           n.delta[1] ? 0 : n.light_direct, n.light_prob);
   for (std::size_t i = 1; i < k; ++i) {
-    d = leave(light[i], i, n.pdf_to_eye[i], n.pdf_to_light[i], n.factor_to_eye[i]);
+    d = leave(true, light[i], i, n.pdf_to_eye[i], n.pdf_to_light[i], n.factor_to_eye[i]);
     if (i + 1 < k)
       light[i + 1] = Heuristic::arrive_later(d, factors, n.factor_to_light[i + 1], n.light_density(i + 1),
-                                             !n.in_medium[i + 1]);
+                                             !n.in_medium[i + 1], n.survival[i]);
   }
   const Departure to_lens = d;
   d = Heuristic::leave_end(factors.hit_lens, n.lens_prob, n.lens_can_be_hit, n.pdf_to_light[k],
@@ -84,9 +95,9 @@ std::vector<double> recursive_weights(const PathNumbers& n, const Counts& counts
   eye[k - 1] =
       Heuristic::arrive_from_eye(d, factors, n.factor_to_eye[k - 1], n.eye_density(k - 1), n.survival[k - 1]);
   for (std::size_t i = k - 1; i > 0; --i) {
-    d = leave(eye[i], i, n.pdf_to_light[i], n.pdf_to_eye[i], n.factor_to_light[i]);
+    d = leave(false, eye[i], i, n.pdf_to_light[i], n.pdf_to_eye[i], n.factor_to_light[i]);
     eye[i - 1] = Heuristic::arrive_later(d, factors, n.factor_to_eye[i - 1], n.eye_density(i - 1),
-                                         i < 2 || !n.in_medium[i - 1]);
+                                         i < 2 || !n.in_medium[i - 1], n.survival[i - 1]);
   }
 
   std::vector<double> weights;
@@ -124,8 +135,7 @@ std::vector<double> recursive_weights(const PathNumbers& n, const Counts& counts
       case Technique::Kind::hit_lens: {
         const double traced =
             n.lens_prob * n.pdf_to_light[k] * n.survival[k - 1] * to_lens.leave / n.factor_to_light[k];
-        rest = raise(traced) * (to_lens.carried.pending + to_lens.carried.pending_surface * eta.surface +
-                                to_lens.carried.pending_medium * eta.medium);
+        rest = raise(traced) * Heuristic::sum_departure(to_lens, eta, n.survival[k - 1]);
         if (to_lens.connects > 0) rest += factors.light_image * raise(n.lens_connect / n.light_density(k));
         rest /= factors.hit_lens;
         break;
@@ -135,8 +145,9 @@ std::vector<double> recursive_weights(const PathNumbers& n, const Counts& counts
       case Technique::Kind::merge_beam_point:
       case Technique::Kind::merge_beam_beam:
         if constexpr (Heuristic::kMergesBeams) {
-          const double light_hazard = n.factor_to_light[s], eye_hazard = n.factor_to_eye[s];
           const MediumMerges merges = merges_in(counts, n.medium[s]);
+          const double light_hazard = n.factor_to_light[s] * merges.light_survival(n.survival[s - 1]),
+                       eye_hazard = n.factor_to_eye[s] * merges.eye_survival(n.survival[s]);
           const double own = !n.in_medium[s]                               ? eta.surface
                              : t.kind == Technique::Kind::merge            ? merges.point_point
                              : t.kind == Technique::Kind::merge_point_beam ? merges.point_beam / eye_hazard
@@ -234,6 +245,9 @@ inline Counts beam_counts_of(std::uint64_t i, bool lens) {
   c.beam_point = kEta[(i / 2) % 4];
   c.beam_beam = kEta[(i / 3) % 4];
   c.radius_ratios = {i % 2 == 0 ? 1.0 : 0.3, 0.5};
+  const bool long_photon_beams = i % 5 < 2, long_query_beams = i % 3 < 2;
+  c.long_photon_beams = {long_photon_beams, !long_photon_beams};
+  c.long_query_beams = {long_query_beams, long_query_beams};
   c.connect_media = i % 7 < 3 ? 1 : 0.4;
   return c;
 }

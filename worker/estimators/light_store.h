@@ -20,6 +20,7 @@ struct LightKeeping {
   bool vertices = false, surface_photons = false, medium_photons = false;
   bool caustics_only = false;  // only photons that arrive from a specular vertex
   bool paths_of_photons = false;
+  bool survivals = false;  // of photons in media
 };
 
 // For light paths that leave nothing but splats. Stores may observe walks (segments.h); crossed() comes after
@@ -57,7 +58,9 @@ struct LightStore {
             film::Tallies& tallies) {
     const bool photons = v.on_surface() ? keeping.surface_photons : keeping.medium_photons;
     if (photons && (by_specular || !keeping.caustics_only)) {
-      if (!(v.on_surface() ? surface : medium).keep(scene, v))
+      const bool kept =
+          v.on_surface() ? surface.keep(scene, v) : medium.keep(scene, v, keeping.survivals);
+      if (!kept)
         ++tallies.rejected[static_cast<std::size_t>(film::RejectCause::not_a_number)];
     }
     if (keeping.vertices && !last) vertices.keep(v);

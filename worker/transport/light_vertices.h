@@ -17,6 +17,7 @@ struct LightVertex {
         wo(v.wo),
         throughput(v.throughput),
         arrival(v.arrival),
+        survival(v.survival),
         mis(v.mis),
         edges(v.edges),
         medium(v.medium),
@@ -25,7 +26,7 @@ struct LightVertex {
   SurfaceHit hit;
   Vec3 wo;
   Spectrum throughput;
-  float arrival;
+  float arrival, survival;
   [[no_unique_address]] Block mis;
   std::uint32_t edges;
   std::uint32_t medium;
@@ -58,6 +59,7 @@ class LightVertexBuffer {
       v.wo = kept.wo;
       v.throughput = kept.throughput;
       v.arrival = kept.arrival;
+      v.survival = kept.survival;
       v.mis = kept.mis;
       v.edges = kept.edges;
       v.medium = kept.medium;

@@ -35,13 +35,28 @@ ItemBox box_between(Vec3d a, Vec3d b) {
 
 }  // namespace
 
-bool BeamBuffer::keep(const scene::Scene& scene, const Crossing& crossing, const EdgeStart& start,
-                      const scene::EmissionSample& emission) {
+float beam_end(const Crossing& crossing, const scene::Medium& medium, bool is_long) {
+  if (!is_long) return crossing.end;
+  constexpr float kFreePaths = 60;  // a transmittance of 1e-26
+  const Spectrum sigma_t = medium.max_sigma_t(), albedo = medium.max_albedo();
+  float least = std::numeric_limits<float>::max();
+  const auto look = [&](float sigma, float scatters) {
+    if (sigma * scatters > 0) least = std::min(least, sigma);
+  };
+  look(sigma_t.r, albedo.r);
+  look(sigma_t.g, albedo.g);
+  look(sigma_t.b, albedo.b);
+  return std::min(crossing.segment.ray.t_max, kFreePaths / least);
+}
+
+bool BeamBuffer::keep(const scene::Scene& scene, const Crossing& crossing, bool is_long,
+                      const EdgeStart& start, const scene::EmissionSample& emission) {
   const MediumSegment& segment = crossing.segment;
   const scene::Medium& medium = scene.medium(segment.medium);
-  if (!has_beams(medium) || !(crossing.end > 0)) return true;
+  if (!has_beams(medium)) return true;
   const Ray& ray = segment.ray;
-  const float end = medium.distance_to_end({ray.origin, ray.direction, crossing.end}, kBesideGrid);
+  const float end = medium.distance_to_end(
+      {ray.origin, ray.direction, beam_end(crossing, medium, is_long)}, kBesideGrid);
   if (!finite(ray.origin) || !finite(ray.direction) || !finite(ray.origin + ray.direction * end) ||
       !finite(segment.throughput))
     return false;
@@ -119,12 +134,17 @@ Result<void> PhotonPoints::build(std::span<const PhotonBuffer<MisBlock>* const> 
     photons.insert(photons.end(), chunk->photons().begin(), chunk->photons().end());
   }
   if (photons.size() > kMostItems) return too_many("photons");
+  std::vector<float> survivals;
+  for (const PhotonBuffer<MisBlock>* chunk : chunks)
+    survivals.insert(survivals.end(), chunk->survivals().begin(), chunk->survivals().end());
   const std::vector<std::uint32_t> order = tree_.build(boxes, threads);
   positions_.resize(photons.size());
   photons_.resize(photons.size());
+  survivals_.resize(survivals.size());
   for (std::size_t slot = 0; slot < order.size(); ++slot) {
     positions_[slot] = boxes[order[slot]].low;
     photons_[slot] = photons[order[slot]];
+    if (!survivals.empty()) survivals_[slot] = survivals[order[slot]];
   }
   hazards_.clear();
   if (scene == nullptr) return {};
@@ -140,7 +160,8 @@ Result<void> PhotonPoints::build(std::span<const PhotonBuffer<MisBlock>* const> 
 
 std::uint64_t PhotonPoints::bytes() const {
   return tree_.bytes() + positions_.capacity() * sizeof(Vec3) +
-         photons_.capacity() * sizeof(Photon<MisBlock>) + hazards_.capacity() * sizeof(float);
+         photons_.capacity() * sizeof(Photon<MisBlock>) +
+         (hazards_.capacity() + survivals_.capacity()) * sizeof(float);
 }
 
 }  // namespace candela::transport

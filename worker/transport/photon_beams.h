@@ -1,10 +1,13 @@
 // Beams and points that light paths leave in media, in trees (box_tree.h).
 //
-// A photon beam is short: it ends where its flight ended. At s along it, it carries
+// A short beam ends where its flight ended. At s along it, it carries
 //   throughput T(s) / P(s),     P: the probability that the flight passes s,
 // which is the throughput itself where all channels have one sigma_t. [Krivanek 2014] In a grid that has
 // colors neither T nor P is known; the weight that the flight had at s is an unbiased estimate of T over the
 // same flights, so that the beam keeps the flight's steps.
+//
+// A long beam goes on to the end of its medium, whatever the flight did there, and carries throughput T(s).
+// Beams are long in homogeneous media alone.
 #pragma once
 
 #include <cstdint>
@@ -33,6 +36,10 @@ inline bool has_beams(const scene::Medium& medium) {
   return (medium.max_sigma_t() * medium.max_albedo()).max_component() > 0;
 }
 
+// Where the beam of a crossing ends, along its ray. A long one ends at the latest where nothing is left of
+// any channel that scatters. Precondition of is_long: the medium is homogeneous and has_beams().
+float beam_end(const Crossing& crossing, const scene::Medium& medium, bool is_long);
+
 // What one chunk of light paths leaves, in the order of its paths.
 class BeamBuffer {
  public:
@@ -43,7 +50,7 @@ class BeamBuffer {
     steps_.clear();
   }
   // Nothing of a medium without beams, or that passes beside the grid. False: the numbers cannot be used.
-  bool keep(const scene::Scene& scene, const Crossing& crossing, const EdgeStart& start,
+  bool keep(const scene::Scene& scene, const Crossing& crossing, bool is_long, const EdgeStart& start,
             const scene::EmissionSample& emission);
 
   std::span<const PhotonBeam> beams() const { return beams_; }
@@ -145,7 +152,8 @@ class PhotonBeams {
 // An iteration's photons in media.
 class PhotonPoints {
  public:
-  // scene, where it is not null: the one that hazard() is asked for.
+  // scene, where it is not null: the one that hazard() is asked for. survival() is asked for where the buffers
+  // kept it.
   Result<void> build(std::span<const PhotonBuffer<MisBlock>* const> chunks, const scene::Scene* scene,
                      unsigned threads);
 
@@ -154,6 +162,10 @@ class PhotonPoints {
   // Of a photon that a visit saw: that of its place (hazard_of).
   float hazard(const Photon<MisBlock>& photon) const {
     return hazards_[static_cast<std::size_t>(&photon - photons_.data())];
+  }
+  // Of the edge by which light arrived; 1 where nobody asks for it.
+  float survival(const Photon<MisBlock>& photon) const {
+    return survivals_.empty() ? 1.0f : survivals_[static_cast<std::size_t>(&photon - photons_.data())];
   }
 
   // visit(photon, squared distance), at most `radius` away.
@@ -190,7 +202,7 @@ class PhotonPoints {
   BoxTree tree_;
   std::vector<Vec3> positions_;  // by slot
   std::vector<Photon<MisBlock>> photons_;
-  std::vector<float> hazards_;  // empty if nobody asks for them
+  std::vector<float> hazards_, survivals_;  // empty if nobody asks for them
 };
 
 }  // namespace candela::transport

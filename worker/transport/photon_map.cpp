@@ -18,7 +18,7 @@ bool finite(Spectrum s) {
 }  // namespace
 
 template <class Block>
-bool PhotonBuffer<Block>::keep(const scene::Scene& scene, const Vertex<Block>& v) {
+bool PhotonBuffer<Block>::keep(const scene::Scene& scene, const Vertex<Block>& v, bool with_survival) {
   Photon<Block> photon;
   photon.wo = v.wo;
   photon.flux = v.throughput;
@@ -38,6 +38,7 @@ bool PhotonBuffer<Block>::keep(const scene::Scene& scene, const Vertex<Block>& v
   photon.weights.store(v.mis);
   positions_.push_back(v.hit.p);
   photons_.push_back(photon);
+  if (with_survival) survivals_.push_back(v.survival);
   return true;
 }
 

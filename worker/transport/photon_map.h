@@ -70,22 +70,27 @@ class PhotonBuffer {
   void clear() {
     positions_.clear();
     photons_.clear();
+    survivals_.clear();
     ends_.clear();
   }
   // Precondition: v is connectible. False: its place or flux cannot be used, and nothing is kept.
-  bool keep(const scene::Scene& scene, const Vertex<Block>& v);
+  // with_survival: the same for all photons.
+  bool keep(const scene::Scene& scene, const Vertex<Block>& v, bool with_survival = false);
   // Once after each path, if its photons are to be known by it.
   void end_path() { ends_.push_back(static_cast<std::uint32_t>(photons_.size())); }
 
   std::size_t size() const { return photons_.size(); }
   std::span<const Vec3> positions() const { return positions_; }
   std::span<const Photon<Block>> photons() const { return photons_; }
+  // ScatterPoint::survival of each photon; empty: not kept.
+  std::span<const float> survivals() const { return survivals_; }
   // The number of photons after each path; empty: paths are not known.
   std::span<const std::uint32_t> ends() const { return ends_; }
 
  private:
   std::vector<Vec3> positions_;
   std::vector<Photon<Block>> photons_;
+  std::vector<float> survivals_;
   std::vector<std::uint32_t> ends_;
 };
 

@@ -313,10 +313,11 @@ void Walk<kMode, kBetween, Mis, SamplerT, Observer>::arrive(Vertex& v) {
     v.pdf_arrival = d.pdf * survival_;
     v.pdf_area = solid_angle_to_area_by_spread(d.pdf, spread, at_v);
     v.back_area = spread * d.leave * d.pdf;
+    v.survival = static_cast<float>(survival_);
     v.mis = {};
     if (!(d.pdf > 0)) return;
     if (edges_ > 0) {
-      v.mis = Mis::arrive_later(d, factors_, at_v, v.pdf_area, v.on_surface());
+      v.mis = Mis::arrive_later(d, factors_, at_v, v.pdf_area, v.on_surface(), survival_);
     } else if constexpr (kFromLight) {
       const double direct =
           v.connectible ? direct_density(scene_, origin_, v.hit, v.front, v.wo, distance_squared) : 0;
@@ -354,7 +355,8 @@ auto Walk<kMode, kBetween, Mis, SamplerT, Observer>::scatter(Vertex& v) -> Step 
       ++scatterings_;
       depart(v, pdf, false, static_cast<double>(pdf), static_cast<double>(v.arrival));
       if constexpr (Mis::kMergesBeams)
-        Mis::add_merges(departure_, Mis::merges(factors_.medium[v.medium], v.arrival, v.wo, wi));
+        Mis::add_merges(departure_, Mis::leaving(factors_.medium[v.medium], kFromLight, v.arrival, v.wo, wi,
+                                                 v.survival));
       if (!survives(longest_survival_in_media(edges_))) return Step::ended;
       ray_ = {v.hit.p, wi};
       return Step::scattered;

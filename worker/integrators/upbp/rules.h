@@ -18,10 +18,13 @@ struct MediumRules {
   std::uint64_t beam_paths = 0;  // at most so many leave beams; 0: all
   double free_paths = 0;         // radii have at most so many mean free paths; 0: any
   double connect_media = 1;      // share of pairs of vertices in media that are connected
+  // In homogeneous media: whether beams go on behind the end of their flight.
+  bool long_photon_beams = false, long_query_beams = false;
 
   bool any() const { return pp3d || pb2d || bp2d || bb1d; }
   bool points() const { return pp3d || pb2d; }
   bool beams() const { return bp2d || bb1d; }
+  bool operator==(const MediumRules&) const = default;
 };
 
 struct Rules {
@@ -29,8 +32,9 @@ struct Rules {
   Planned planned;
   MediumRules medium;
   bool only_if_cheap = false;  // tried only if the set before it costs at most kCheap times the first
-  // The set, by index, that these rules are but for fewer connections in media: tried only if it is chosen.
-  std::optional<std::size_t> thinned = {};
+  // The set, by index, that these rules are but for fewer connections in media, long query beams, or both:
+  // tried only if it is chosen.
+  std::optional<std::size_t> refined = {};
 };
 
 }  // namespace candela::integrators::upbp

@@ -11,6 +11,7 @@ struct UpbpSettings {
   NameList techniques{{"auto"}, {"auto", "all", "vcm", "pp3d", "pb2d", "bp2d", "bb1d"}};
   int beam_paths = 128;
   double connect_media = 1;
+  Choice query_beams{"short", {"short", "long"}}, photon_beams{"short", {"short", "long"}};
   double radius_free_paths = 0.25;
   double radius_pp3d = 0, radius_pb2d = 0, radius_bp2d = 0, radius_bb1d = 0;
   Choice layers{"none", {"none", "merging", "techniques"}};
@@ -35,6 +36,10 @@ struct UpbpSettings {
           "share of the pairs of two vertices in media that are connected, chosen by chance: where light "
           "scatters "
           "many times, most of the time goes to such pairs, and merges find the same light");
+    visit("query_beams", query_beams,
+          "beams of eye paths end where their flight ends, or go on to the end of a homogeneous medium; "
+          "techniques=auto may take long ones");
+    visit("photon_beams", photon_beams, "the same of light paths");
     const NumberRange range{0, 1};
     visit("radius_pp3d", radius_pp3d, range,
           "above 0: radius of pp3d in the first iteration, as `radius` is that of all");

@@ -24,12 +24,14 @@ class BeamStore {
  public:
   using Observer = transport::CrossingObserver;
 
-  // path: the chunk's first.
-  BeamStore(Photons& photons, transport::BeamBuffer& beams, const scene::Scene& scene, bool keeps_beams,
-            const BeamPaths& beam_paths, std::uint64_t path, std::uint32_t max_edges)
+  // merges: by the number of the medium. path: the chunk's first.
+  BeamStore(Photons& photons, transport::BeamBuffer& beams, const scene::Scene& scene,
+            const transport::MediumMerges* merges, bool keeps_beams, const BeamPaths& beam_paths,
+            std::uint64_t path, std::uint32_t max_edges)
       : photons_(photons),
         beams_(beams),
         scene_(scene),
+        merges_(merges),
         keeps_beams_(keeps_beams),
         beam_paths_(beam_paths),
         path_(path),
@@ -45,7 +47,8 @@ class BeamStore {
     crossing_.some = false;
     if (!keeps_beams_ || crossing_.segment.edges > max_edges_ || !beam_paths_.has(path_)) return;
     // A stretch that comes from outside without end lets nothing through that scatters.
-    if (!beams_.keep(scene_, crossing_, transport::edge_start(walk, crossing_.segment), walk.origin()))
+    if (!beams_.keep(scene_, crossing_, merges_[crossing_.segment.medium].long_photon_beams,
+                     transport::edge_start(walk, crossing_.segment), walk.origin()))
       ++rejected_;
   }
   void keep(const scene::Scene& scene, const transport::Vertex<transport::MisBlock>& v, bool last,
@@ -63,6 +66,7 @@ class BeamStore {
   Photons& photons_;
   transport::BeamBuffer& beams_;
   const scene::Scene& scene_;
+  const transport::MediumMerges* const merges_;
   const bool keeps_beams_;
   const BeamPaths beam_paths_;
   std::uint64_t path_;

@@ -78,7 +78,7 @@ class UpbpIntegrator final : public IterationIntegrator {
   };
   struct Pilot {
     upbp::Choice choice;
-    std::size_t variant = 0;  // the one chosen, or that with fewer connections
+    std::size_t variant = 0;  // the one chosen, or a refined one
     upbp::Memory memory;      // of an iteration of the job with what was chosen
   };
 
@@ -122,9 +122,12 @@ double beam_path_count(const MediumRules& rules, const UnitContext& context, std
 }
 
 // beam_paths: the expected number of those that leave beams.
-transport::MediumMerges medium_eta(const MediumRules& rules, transport::Kernel kernel,
-                                   const transport::MediumRadii& radii, double paths, double beam_paths) {
+transport::MediumMerges medium_eta(const MediumRules& rules, const scene::Medium& medium,
+                                   transport::Kernel kernel, const transport::MediumRadii& radii,
+                                   double paths, double beam_paths) {
   transport::MediumMerges eta;
+  eta.long_photon_beams = rules.long_photon_beams && medium.homogeneous();
+  eta.long_query_beams = rules.long_query_beams && medium.homogeneous();
   if (rules.pp3d) eta.point_point = paths * transport::effective_volume(kernel, radii.point_point);
   if (rules.pb2d) eta.point_beam = paths * transport::effective_area(kernel, radii.point_beam);
   if (rules.bp2d) eta.beam_point = beam_paths * transport::effective_area(kernel, radii.beam_point);
@@ -166,10 +169,10 @@ Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, c
     std::vector<transport::MediumMerges> eta;
     std::vector<float> beam_radii;
     for (std::uint32_t m = 0; m < context.scene.features().media; ++m) {
-      const transport::MediumRadii radii =
-          medium_radii(rules, context, context.scene.medium(m), first, iteration);
+      const scene::Medium& medium = context.scene.medium(m);
+      const transport::MediumRadii radii = medium_radii(rules, context, medium, first, iteration);
       kernels.emplace_back(iterations.merge.kernel, radii);
-      eta.push_back(medium_eta(rules, iterations.merge.kernel, radii, paths, paths / stride));
+      eta.push_back(medium_eta(rules, medium, iterations.merge.kernel, radii, paths, paths / stride));
       beam_radii.push_back(
           static_cast<float>(std::max(rules.bp2d ? radii.beam_point : 0, rules.bb1d ? radii.beam_beam : 0)));
     }
@@ -189,11 +192,14 @@ Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, c
     side.maps.per_path = maps.per_path;
 
     const auto store_of = [&](std::uint64_t chunk) {
-      chunks[chunk].keeping = {techniques.connect, techniques.merge_surface, rules.points(), false};
+      chunks[chunk].keeping = {.vertices = techniques.connect,
+                               .surface_photons = techniques.merge_surface,
+                               .medium_photons = rules.points(),
+                               .survivals = rules.long_photon_beams};
       chunks[chunk].clear();
       beam_chunks[chunk].clear();
-      return upbp::BeamStore(chunks[chunk], beam_chunks[chunk], context.scene, rules.beams(), beam_paths_now,
-                             chunk * kLightChunk, max_depth - 1);
+      return upbp::BeamStore(chunks[chunk], beam_chunks[chunk], context.scene, eta.data(), rules.beams(),
+                             beam_paths_now, chunk * kLightChunk, max_depth - 1);
     };
     if (techniques.light_paths)
       CANDELA_TRY((merging::trace_light_paths<kBetween, Mis>(
@@ -236,7 +242,8 @@ Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, c
   return {};
 }
 
-constexpr double kPilotPixels = 1024;         // at most
+constexpr double kPilotPixels = 1024;  // at most
+constexpr double kFewConnections = 0.125;
 constexpr std::uint32_t kScaleSamples = 512;  // of the pilot's film
 
 // Every variant renders the same few iterations of a small film, of the same scene, radii and light paths per
@@ -289,19 +296,32 @@ Result<UpbpIntegrator::Pilot> UpbpIntegrator::run_pilot(const UnitContext& conte
   };
   for (const std::unique_ptr<Variant>& variant : variants_) {
     const Rules& rules = variant->rules;
-    if (rules.thinned || (rules.only_if_cheap && trials.back().cost > upbp::kCheap * trials.front().cost))
+    if (rules.refined || (rules.only_if_cheap && trials.back().cost > upbp::kCheap * trials.front().cost))
       break;
     CANDELA_TRY(try_out(*variant));
   }
   Pilot pilot{upbp::choose(trials), 0, {}};
   pilot.variant = pilot.choice.index;
-  for (std::size_t v = 0; v < variants_.size(); ++v) {
-    if (variants_[v]->rules.thinned != pilot.choice.index) continue;
-    CANDELA_TRY(try_out(*variants_[v]));
-    if (upbp::last_is_better(trials, pilot.choice.index)) pilot.variant = v;
-    break;
+  std::size_t best = pilot.choice.index;  // of the trials
+  // One refinement, then the other, each kept if it is better.
+  for (const bool fewer : {true, false}) {
+    MediumRules wanted = variants_[pilot.variant]->rules.medium;
+    if (fewer)
+      wanted.connect_media = kFewConnections;
+    else
+      wanted.long_query_beams = true;
+    for (std::size_t v = 0; v < variants_.size(); ++v) {
+      const Rules& rules = variants_[v]->rules;
+      if (rules.refined != pilot.choice.index || rules.medium != wanted) continue;
+      CANDELA_TRY(try_out(*variants_[v]));
+      if (upbp::last_is_better(trials, best)) {
+        pilot.variant = v;
+        best = trials.size() - 1;
+      }
+      break;
+    }
   }
-  pilot.memory = pilot.variant == pilot.choice.index ? memory[pilot.variant] : memory.back();
+  pilot.memory = memory[best];
   return pilot;
 }
 
@@ -335,7 +355,7 @@ Plan UpbpIntegrator::plan_for(const UnitContext& context, const RunContext& run)
 // The settings that vcm has too; of layers=techniques its layer `merging` is left.
 SettingsMap without_media(SettingsMap settings) {
   for (const char* name : {"techniques", "radius_pp3d", "radius_pb2d", "radius_bp2d", "radius_bb1d",
-                           "beam_paths", "radius_free_paths", "connect_media"})
+                           "beam_paths", "radius_free_paths", "connect_media", "query_beams", "photon_beams"})
     settings.erase(name);
   const auto layers = settings.find("layers");
   if (layers != settings.end() && layers->second == "techniques") layers->second = "merging";
@@ -359,9 +379,9 @@ Rules rules_of(std::string name, const MediumRules& medium, bool connects, const
   Plan& plan = rules.planned.plan;
   const MediumRules& m = medium;
   say(plan, m.pp3d, "pp3d", "points of light and eye paths in balls");
-  say(plan, m.pb2d, "pb2d", "points of light paths beside short beams of eye paths");
-  say(plan, m.bp2d, "bp2d", "short beams of light paths that pass points of eye paths");
-  say(plan, m.bb1d, "bb1d", "short beams that pass each other");
+  say(plan, m.pb2d, "pb2d", "points of light paths beside beams of eye paths");
+  say(plan, m.bp2d, "bp2d", "beams of light paths that pass points of eye paths");
+  say(plan, m.bb1d, "bb1d", "beams that pass each other");
   if (connects && m.connect_media < 1)
     plan.note(
         "connections in media",
@@ -394,7 +414,6 @@ std::vector<Rules> candidates(const MediumRules& radii, const PathOptions& optio
                           {"all", true, true, false},
                           {"all", true, true, true}};
   constexpr std::uint64_t kMany = 8;
-  constexpr double kFewConnections = 0.125;
   std::vector<Rules> list;
   for (const Set& set : kAll) {
     if (set.many && radii.beam_paths == 0) continue;  // all do already
@@ -409,13 +428,23 @@ std::vector<Rules> candidates(const MediumRules& radii, const PathOptions& optio
   }
   // Behind all sets, in their order.
   const std::size_t sets = list.size();
-  for (std::size_t i = 0; i < sets && radii.connect_media > kFewConnections; ++i) {
-    MediumRules medium = list[i].medium;
-    if (!medium.any()) continue;
-    medium.connect_media = kFewConnections;
-    list.push_back(rules_of(fmt::format("{} (connect_media {})", list[i].name, kFewConnections), medium, true,
-                            options, features, false));
-    list.back().thinned = i;
+  for (std::size_t i = 0; i < sets; ++i) {
+    if (!list[i].medium.any()) continue;
+    for (const auto& [fewer, longer] : {std::pair{true, false}, {false, true}, {true, true}}) {
+      if ((fewer && !(radii.connect_media > kFewConnections)) || (longer && radii.long_query_beams)) continue;
+      MediumRules medium = list[i].medium;
+      std::string name = list[i].name;
+      if (fewer) {
+        medium.connect_media = kFewConnections;
+        name += fmt::format(" (connect_media {})", kFewConnections);
+      }
+      if (longer) {
+        medium.long_query_beams = true;
+        name += " (long query_beams)";
+      }
+      list.push_back(rules_of(std::move(name), medium, true, options, features, false));
+      list.back().refined = i;
+    }
   }
   return list;
 }
@@ -429,11 +458,19 @@ Result<std::unique_ptr<Integrator>> make_upbp_integrator(const SettingsMap& sett
     return usage_error("auto chooses the techniques").with_field("techniques").with_mend("name auto alone");
   const bool automatic = parsed.techniques.has("auto");
   const bool connects = parsed.wants("vcm");
-  MediumRules medium{
-      parsed.wants("pp3d"),     parsed.wants("pb2d"), parsed.wants("bp2d"),
-      parsed.wants("bb1d"),     parsed.radius_pp3d,   parsed.radius_pb2d,
-      parsed.radius_bp2d,       parsed.radius_bb1d,   static_cast<std::uint64_t>(parsed.beam_paths),
-      parsed.radius_free_paths, parsed.connect_media};
+  MediumRules medium{parsed.wants("pp3d"),
+                     parsed.wants("pb2d"),
+                     parsed.wants("bp2d"),
+                     parsed.wants("bb1d"),
+                     parsed.radius_pp3d,
+                     parsed.radius_pb2d,
+                     parsed.radius_bp2d,
+                     parsed.radius_bb1d,
+                     static_cast<std::uint64_t>(parsed.beam_paths),
+                     parsed.radius_free_paths,
+                     parsed.connect_media,
+                     parsed.photon_beams.value == "long",
+                     parsed.query_beams.value == "long"};
   const PathOptions options = parsed.common.path_options();
   const bool merges_in_media =
       features.any_scattering_medium && medium.any() && options.max_depth >= 2 && features.emitters > 0;

@@ -88,6 +88,10 @@ struct BalancePower {
   static double sum_pending(const Block& block, const MergeFactors& eta) {
     return block.pending + block.pending_surface * eta.surface + block.pending_medium * eta.medium;
   }
+  // The same of a walk under way. survival: of its edge.
+  static double sum_departure(const Departure& d, const MergeFactors& eta, double /*survival*/) {
+    return sum_pending(d.carried, eta);
+  }
 
   // A walk leaves its end point, and then arrives at and leaves vertex after vertex. `pdf`, `cosine` or
   // `factor_out` (cosine or hazard at the vertex left): see Departure; `at`: cosine or hazard where the walk
@@ -125,9 +129,9 @@ struct BalancePower {
     return block;
   }
 
-  // At a later vertex, on a surface or in a medium.
+  // At a later vertex, on a surface or in a medium. survival: of the edge that ends there.
   static Block arrive_later(const Departure& d, const MisFactors& factors, double at, double pdf_area,
-                            bool /*surface*/ = true) {
+                            bool /*surface*/ = true, double /*survival*/ = 1) {
     Block block;
     const double turned = raise(d.leave / at);
     if (d.connects > 0) block.known = factors.connect * raise(1 / pdf_area);

@@ -1,9 +1,11 @@
 // The balance heuristic with merges of points and beams in media: the extended balance heuristic
-// [Krivanek 2014] with short beams, where
+// [Krivanek 2014], where
 //   PP : PB : BP : BB = N V_3 : N V_2 / e : N V_2 / l : N V_1 sin / (e l)
-// at a vertex, whatever its distances: eta there is a function of the medium, the hazard and the angle alone
-// (MediumMerges::at). e and l: the hazards where the eye's and the light's subpath have the vertex. In a
-// merge these are two places, whose hazards differ in a grid; a vertex of one walk has one.
+// at a vertex. e and l: the hazards where the eye's and the light's subpath have the vertex. In a merge these
+// are two places, whose hazards differ in a grid; a vertex of one walk has one. With short beams eta is a
+// function of the medium, the hazard and the angle alone, whatever the distances. Where beams are long, e and
+// l are the hazards times the survival of the edge by which that subpath arrives (MediumMerges::at): a walk
+// knows the survival of the edge by which it leaves a vertex when it arrives at the next one.
 //
 // Walks know eta: pending_medium holds the sum of the vertices' eta themselves, and MergeFactors::medium
 // is 1.
@@ -21,13 +23,22 @@ inline double sine_between(Vec3 a, Vec3 b) {
 struct BeamBalance : BalancePower<1> {
   static constexpr bool kMergesBeams = true;
   struct Departure : MisDeparture {
-    bool medium = false;  // the vertex left is in one
+    bool medium = false;   // the vertex left is in one
+    double long_beams = 0;  // its merges that are to be divided by the survival of the edge under way
   };
 
-  // Of all merges in media at a vertex of a walk; wo, wi: away from it.
-  static double merges(const MediumMerges& m, float hazard, Vec3 wo, Vec3 wi) {
+  // Of all merges in media at a vertex; wo, wi: away from it.
+  static double merges(const MediumMerges& m, float hazard, Vec3 wo, Vec3 wi, double light_edge,
+                       double eye_edge) {
     const auto h = static_cast<double>(hazard);
-    return m.at(h, h, sine_between(wo, wi));
+    return m.at(h, h, sine_between(wo, wi), light_edge, eye_edge);
+  }
+
+  // The same of a walk that leaves a vertex. survival: of the edge that it arrived by.
+  static MediumMerges::Leaving leaving(const MediumMerges& m, bool from_light, float hazard, Vec3 wo, Vec3 wi,
+                                       float survival) {
+    return m.leaving(from_light, static_cast<double>(hazard), sine_between(wo, wi),
+                     static_cast<double>(survival));
   }
 
   static Departure leave_end(double hits, double end_density, bool can_be_hit, double pdf, double cosine) {
@@ -35,8 +46,15 @@ struct BeamBalance : BalancePower<1> {
   }
   // As BalancePower, but two vertices in media are connected by chance (MisFactors::connect_media).
   static Block arrive_later(const Departure& d, const MisFactors& factors, double at, double pdf_area,
-                            bool surface) {
-    Block block = BalancePower::arrive_later(d, factors, at, pdf_area);
+                            bool surface, double survival) {
+    Block block;
+    if (d.long_beams > 0) {
+      Departure whole = d;
+      whole.carried.pending_medium = pending_medium(d, survival);
+      block = BalancePower::arrive_later(whole, factors, at, pdf_area);
+    } else {
+      block = BalancePower::arrive_later(d, factors, at, pdf_area);
+    }
     if (d.medium && !surface) block.known *= factors.connect_media;
     return block;
   }
@@ -51,7 +69,19 @@ struct BeamBalance : BalancePower<1> {
     }
     return d;
   }
-  static void add_merges(Departure& d, double merges) { d.carried.pending_medium += merges; }
+  static void add_merges(Departure& d, const MediumMerges::Leaving& merges) {
+    d.carried.pending_medium += merges.known;
+    d.long_beams = merges.beams;
+  }
+  // With the merges at the vertex left that count the survival of the edge under way.
+  static double pending_medium(const Departure& d, double survival) {
+    return d.carried.pending_medium + d.long_beams / std::max(survival, MediumMerges::kLeastSurvival);
+  }
+  static double sum_departure(const Departure& d, const MergeFactors& eta, double survival) {
+    Block carried = d.carried;
+    carried.pending_medium = pending_medium(d, survival);
+    return sum_pending(carried, eta);
+  }
 };
 
 }  // namespace candela::transport

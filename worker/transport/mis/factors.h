@@ -1,6 +1,7 @@
 // Numbers of samples of each technique: all that weights (mis/balance_power.h) know of an integrator.
 #pragma once
 
+#include <algorithm>
 #include <concepts>
 
 #include "worker/transport/film_position.h"
@@ -8,16 +9,43 @@
 namespace candela::transport {
 
 // Merges in media, each the number of light paths times its effective volume, area or length, 0: not run.
-// The first word is the light's entity, the second the eye's; beams are short.
+// The first word is the light's entity, the second the eye's.
 struct MediumMerges {
   double point_point = 0, point_beam = 0, beam_point = 0, beam_beam = 0;
+  // Of light's and of the eye's: whether they go on behind the end of their flight. A long beam does not
+  // choose whether it gets to a place either, so that its merges divide by the survival of its edge, too.
+  bool long_photon_beams = false, long_query_beams = false;
+
+  // Survivals below it count as it: a walk gets so far once in 1e30 times.
+  static constexpr double kLeastSurvival = 1e-30;
+  double light_survival(double edge) const { return long_photon_beams ? std::max(edge, kLeastSurvival) : 1; }
+  double eye_survival(double edge) const { return long_query_beams ? std::max(edge, kLeastSurvival) : 1; }
 
   // The sum at a vertex where light turns by an angle of this sine. Hazards: where the light's subpath has
-  // the vertex, and where the eye's has it; one and the same but in a merge. [Krivanek 2014]
-  double at(double light_hazard, double eye_hazard, double sine) const {
+  // the vertex, and where the eye's has it; one and the same but in a merge. Survivals: of the edge by which
+  // the light's subpath arrives at the vertex, and the eye's. [Krivanek 2014]
+  double at(double light_hazard, double eye_hazard, double sine, double light_edge, double eye_edge) const {
     const double light = 1 / light_hazard, eye = 1 / eye_hazard;
-    return point_point +
-           eye * (point_beam + eye_hazard / light_hazard * beam_point + light * sine * beam_beam);
+    if (!long_photon_beams && !long_query_beams)
+      return point_point +
+             eye * (point_beam + eye_hazard / light_hazard * beam_point + light * sine * beam_beam);
+    const double of_light = light / light_survival(light_edge), of_eye = eye / eye_survival(eye_edge);
+    return point_point + of_eye * point_beam + of_light * beam_point + of_light * of_eye * sine * beam_beam;
+  }
+
+  // The same at a vertex of a walk which has chosen its direction: `known`, and what is to be divided by the
+  // survival of the edge that it leaves by. survival: of the edge that it arrived by.
+  struct Leaving {
+    double known = 0, beams = 0;
+  };
+  Leaving leaving(bool from_light, double hazard, double sine, double survival) const {
+    const bool next_is_long = from_light ? long_query_beams : long_photon_beams;
+    if (!next_is_long) return {at(hazard, hazard, sine, survival, survival), 0};
+    const double own = from_light ? light_survival(survival) : eye_survival(survival);
+    const double of_own = (from_light ? beam_point : point_beam) / (hazard * own);
+    const double of_next =
+        ((from_light ? point_beam : beam_point) + sine * beam_beam / (hazard * own)) / hazard;
+    return {point_point + of_own, of_next};
   }
 };
 

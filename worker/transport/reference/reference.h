@@ -103,8 +103,13 @@ struct Counts {
   double connect_media = 1;                    // share of the connections of two vertices in media
   double merge_surface = 0, merge_medium = 0;  // eta
   // The same of beams: number of light paths times the effective area or length. First the light's entity,
-  // then the eye's; both sides' beams are short.
+  // then the eye's.
   double point_beam = 0, beam_point = 0, beam_beam = 0;
+  // Whether light's and the eye's beams in a medium are long, by its number; beyond: they are short.
+  std::vector<bool> long_photon_beams = {}, long_query_beams = {};
+  static bool in(const std::vector<bool>& media, std::uint32_t medium) {
+    return medium < media.size() && media[medium];
+  }
   // Radii of merges in a medium, over those of the eta above, by the number of the medium; beyond: 1.
   std::vector<double> radius_ratios = {};
   double radius_ratio(std::uint32_t medium) const {

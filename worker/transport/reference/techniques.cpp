@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "worker/transport/mis/factors.h"
 #include "worker/transport/reference/reference.h"
 
 namespace candela::transport::reference {
@@ -81,11 +82,18 @@ std::vector<Technique> list_techniques(const PathNumbers& n, const Counts& count
       add(Kind::merge, s, n.in_medium[s] ? r * r * r * counts.merge_medium : counts.merge_surface,
           product(s + 1, s));
   }
-  // A short beam on a side does not choose the distance: without its density per length, given that the walk
-  // gets there, the hazard. [Krivanek 2014]
+  // A beam on a side does not choose the distance: a short one is without its density per length, given that
+  // the walk gets there, the hazard; a long one without the probability of getting there, too.
+  // [Krivanek 2014]
   for (std::size_t s = 1; s < k && !n.beam_sine.empty(); ++s) {
     if (!(n.beam_sine[s] > 0)) continue;
-    const double light = n.factor_to_light[s], eye = n.factor_to_eye[s], r = counts.radius_ratio(n.medium[s]);
+    const std::uint32_t m = n.medium[s];
+    const double r = counts.radius_ratio(m);
+    const auto reach = [&](const std::vector<bool>& are_long, std::size_t edge) {
+      return Counts::in(are_long, m) ? std::max(n.survival[edge], MediumMerges::kLeastSurvival) : 1;
+    };
+    const double light = n.factor_to_light[s] * reach(counts.long_photon_beams, s - 1),
+                 eye = n.factor_to_eye[s] * reach(counts.long_query_beams, s);
     add(Kind::merge_point_beam, s, r * r * counts.point_beam, product(s + 1, s) / eye);
     add(Kind::merge_beam_point, s, r * r * counts.beam_point, product(s + 1, s) / light);
     add(Kind::merge_beam_beam, s, r * counts.beam_beam, product(s + 1, s) * n.beam_sine[s] / light / eye);

@@ -55,8 +55,8 @@ bool connect(const ConnectContext& c, const Vertex<typename Mis::Block>& z,
         static_cast<double>(pdf_scatter_solid_angle(c.scene, z, -to_light, z.wo, TransportMode::radiance));
     const auto eye_reverse =
         static_cast<double>(pdf_scatter_solid_angle(c.scene, y, to_light, y.wo, TransportMode::importance));
-    const double merged_z = merges_at<Mis>(c, z, -to_light, eta);
-    const double merged_y = merges_at<Mis>(c, y, to_light, eta);
+    const double merged_z = merges_at<Mis>(c, SubpathOf::light, z, -to_light, survival, eta);
+    const double merged_y = merges_at<Mis>(c, SubpathOf::eye, y, to_light, survival, eta);
     const double light_sum = merged_z + Mis::sum(z.mis, light_reverse, eta);
     const double eye_sum = merged_y + Mis::sum(y.mis, eye_reverse, eta);
     out.weight = share / (share + Mis::raise(light_step) * light_sum + Mis::raise(eye_step) * eye_sum);

@@ -42,7 +42,7 @@ bool connect_lens(const ConnectContext& c, const VertexDraws<SamplerT>& draws,
     double met = 0;
     if (c.rules.meets_lens && !camera.delta_position && !camera.delta_direction)
       met = static_cast<double>(pdf) / static_cast<double>(camera.pdf_solid_angle);
-    const double merged = merges_at<Mis>(c, z, camera.wi, eta);
+    const double merged = merges_at<Mis>(c, SubpathOf::light, z, camera.wi, survival, eta);
     // Both divided by the number of samples this technique takes.
     const double rest =
         Mis::raise(traced) * (merged + Mis::sum(z.mis, reverse, eta)) + c.factors.hit_lens * Mis::raise(met);

@@ -48,15 +48,22 @@ struct ConnectContext {
   const bool passes_straight = scene.features().any_straight;
 };
 
-// What merges at v count, where a path turns between v.wo and wi: in the unit of Mis::sum.
+enum class SubpathOf : std::uint8_t { light, eye };
+
+// What merges at the vertex v of a subpath count, where a path turns between v.wo and wi: in the unit of
+// Mis::sum. survival: of the edge along wi.
 template <class Mis>
-double merges_at(const ConnectContext& c, const ScatterPoint& v, [[maybe_unused]] Vec3 wi,
-                 const MergeFactors& eta) {
+double merges_at(const ConnectContext& c, [[maybe_unused]] SubpathOf side, const ScatterPoint& v,
+                 [[maybe_unused]] Vec3 wi, [[maybe_unused]] double survival, const MergeFactors& eta) {
   if (v.on_surface()) return eta.surface;
-  if constexpr (Mis::kMergesBeams)
-    return Mis::merges(c.factors.medium[v.medium], v.arrival, v.wo, wi);
-  else
+  if constexpr (Mis::kMergesBeams) {
+    const auto own = static_cast<double>(v.survival);
+    const bool light = side == SubpathOf::light;
+    return Mis::merges(c.factors.medium[v.medium], v.arrival, v.wo, wi, light ? own : survival,
+                       light ? survival : own);
+  } else {
     return eta.medium;
+  }
 }
 
 // The medium that an edge begins in which leaves v in direction w.

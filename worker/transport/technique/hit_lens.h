@@ -36,7 +36,7 @@ Contribution hit_lens(const ConnectContext& c, const WalkT& walk, const Eta& eta
                           static_cast<double>(met.camera.pdf_solid_angle) * met.survival * d.leave / cosine;
     if (terms != nullptr)  // from the walk's last vertex on, where it left
       *terms = {.next = rest / c.factors.hit_lens, .light_step = traced / c.factors.hit_lens};
-    rest += Mis::raise(traced) * Mis::sum_pending(d.carried, eta_field.at(film));
+    rest += Mis::raise(traced) * Mis::sum_departure(d, eta_field.at(film), met.survival);
     out.weight = 1 / (1 + rest / c.factors.hit_lens);
   }
   return out;

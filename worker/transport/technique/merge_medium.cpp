@@ -23,6 +23,14 @@ Spectrum short_beam(const scene::Medium& medium, Spectrum throughput,
   return medium.transmittance({{}, {0, 0, 1}, s}, unread) * (1 / passes);
 }
 
+// The carrier of a beam that began with this throughput, over that.
+Spectrum carrier(bool is_long, const scene::Medium& medium, Spectrum throughput,
+                 std::span<const scene::FlightStep> steps, float s) {
+  if (!is_long) return short_beam(medium, throughput, steps, s);
+  rng::Stream unread(0);
+  return medium.transmittance({{}, {0, 0, 1}, s}, unread);
+}
+
 // What the walks' weights count for the stretch from a beam's beginning.
 double survival(const scene::Medium& medium, double s) {
   return static_cast<double>(stretch_survival(medium, {{}, {0, 0, 1}, static_cast<float>(s)}));
@@ -44,10 +52,11 @@ bool hazards_differ(const MediumMerges& eta, const scene::Medium& medium) {
 
 }  // namespace
 
-// The densities of all techniques with fewer vertices from the light than a merge at s along the beam,
-// relative to it. pdf_to_light: with which the eye's walk would take the beam's way.
-double MediumGather::light_sum(const PhotonBeam& beam, double s, double hazard, const scene::Medium& medium,
-                               double pdf_to_light) const {
+// Of light's copy of a merged vertex at s along the beam. pdf_to_light: with which the eye's walk would take
+// the beam's way.
+MediumGather::LightCopy MediumGather::light_copy(const PhotonBeam& beam, double s,
+                                                 const scene::Medium& medium, double pdf_to_light) const {
+  const double hazard = hazard_at(medium, beam, s);
   const EdgeStart& start = maps_.beams->start(beam);
   const Vec3d p = place(beam.origin, beam.direction, s);
   const EdgeVertex v = vertex_on(start, p, hazard, survival(medium, s));
@@ -58,7 +67,16 @@ double MediumGather::light_sum(const PhotonBeam& beam, double s, double hazard, 
     direct =
         direct_density(scene_, maps_.beams->emission(beam), hit, {}, -beam.direction, v.distance_squared);
   }
-  return BeamBalance::sum(light_block(start, maps_.factors, v, hazard, direct), pdf_to_light, kUnit);
+  return {hazard, v.survival,
+          BeamBalance::sum(light_block(start, maps_.factors, v, hazard, direct), pdf_to_light, kUnit)};
+}
+
+// The same of a photon. eye_hazard: of the eye's copy, which is light's as well unless hazards differ.
+MediumGather::LightCopy MediumGather::light_copy(const Photon<MisBlock>& photon, double eye_hazard,
+                                                 bool hazards_differ, double pdf_to_light) const {
+  return {hazards_differ ? static_cast<double>(maps_.points->hazard(photon)) : eye_hazard,
+          static_cast<double>(maps_.points->survival(photon)),
+          BeamBalance::sum(photon.weights.block(), pdf_to_light, kUnit)};
 }
 
 void MergeWork::add(const MergeWork& other) {
@@ -83,10 +101,11 @@ void MediumGather::at_vertex(const Vertex<MisBlock>& v, MediumShares& shares) {
   const MediumKernels& kernels = maps_.kernels[v.medium];
   const bool photon_hazards = hazards_differ(eta, medium);
   // The weight of a merge of this eta with light from w.
-  const auto weight = [&](double own, double light_hazard, Vec3 w, double sum_light) {
+  const auto weight = [&](double own, const LightCopy& light, Vec3 w) {
     const auto reverse = static_cast<double>(phase.pdf_solid_angle(w, v.wo));
-    return own / (eta.at(light_hazard, hazard, sine_between(v.wo, w)) + sum_light +
-                  BeamBalance::sum(v.mis, reverse, kUnit));
+    const double merges = eta.at(light.hazard, hazard, sine_between(v.wo, w), light.survival,
+                                 static_cast<double>(v.survival));
+    return own / (merges + light.sum + BeamBalance::sum(v.mis, reverse, kUnit));
   };
   const Spectrum scale = v.throughput * maps_.per_path;
   if (eta.point_point > 0) {
@@ -100,11 +119,8 @@ void MediumGather::at_vertex(const Vertex<MisBlock>& v, MediumShares& shares) {
           if (factor == 0) return;
           ++work_.merges.point_point;
           const auto forward = static_cast<double>(phase.pdf_solid_angle(v.wo, photon.wo));
-          const double light = BeamBalance::sum(photon.weights.block(), forward, kUnit);
-          const double light_hazard =
-              photon_hazards ? static_cast<double>(maps_.points->hazard(photon)) : hazard;
-          sum += photon.flux *
-                 (factor * static_cast<float>(weight(eta.point_point, light_hazard, photon.wo, light)));
+          const LightCopy light = light_copy(photon, hazard, photon_hazards, forward);
+          sum += photon.flux * (factor * static_cast<float>(weight(eta.point_point, light, photon.wo)));
         });
     shares.point_point += scale * sum;
   }
@@ -120,12 +136,12 @@ void MediumGather::at_vertex(const Vertex<MisBlock>& v, MediumShares& shares) {
           if (factor == 0) return;
           ++work_.merges.beam_point;
           const auto forward = static_cast<double>(phase.pdf_solid_angle(v.wo, w));
-          const double light_hazard = hazard_at(medium, beam, at.along);
-          const double light = light_sum(beam, at.along, light_hazard, medium, forward);
+          const LightCopy light = light_copy(beam, at.along, medium, forward);
+          const double own = eta.beam_point / (light.hazard * eta.light_survival(light.survival));
           sum += beam.throughput *
-                 short_beam(medium, beam.throughput, maps_.beams->steps(beam), static_cast<float>(at.along)) *
-                 (factor * maps_.paths_per_beam_path *
-                  static_cast<float>(weight(eta.beam_point / light_hazard, light_hazard, w, light)));
+                 carrier(eta.long_photon_beams, medium, beam.throughput, maps_.beams->steps(beam),
+                         static_cast<float>(at.along)) *
+                 (factor * maps_.paths_per_beam_path * static_cast<float>(weight(own, light, w)));
         });
     shares.beam_point += scale * sum;
   }
@@ -136,11 +152,12 @@ void MediumGather::along(const Crossing& crossing, const EdgeStart& start, Mediu
   const scene::Medium& medium = scene_.medium(segment.medium);
   const MediumMerges& eta = maps_.factors.medium[segment.medium];
   const MediumKernels& kernels = maps_.kernels[segment.medium];
-  if (segment.edges >= maps_.max_edges || !has_beams(medium) || !(crossing.end > 0)) return;
+  if (segment.edges >= maps_.max_edges || !has_beams(medium)) return;
   const std::uint32_t light_edges = maps_.max_edges - segment.edges;
   const QuerySegment query{
       segment.ray.origin, segment.ray.direction,
-      medium.distance_to_end({segment.ray.origin, segment.ray.direction, crossing.end}, 0)};
+      medium.distance_to_end(
+          {segment.ray.origin, segment.ray.direction, beam_end(crossing, medium, eta.long_query_beams)}, 0)};
   if (!(query.length > 0)) return;
   const Vec3 wo = -query.direction;
   const scene::Phase& phase = medium.phase();
@@ -148,22 +165,26 @@ void MediumGather::along(const Crossing& crossing, const EdgeStart& start, Mediu
   // The eye's copy of a vertex at t.
   struct EyePlace {
     double t, hazard;
-    Spectrum scattered;  // sigma_s, with T / P up to there
+    Spectrum scattered;  // sigma_s, with the beam's carrier up to there
   };
   const auto eye_place = [&](double t) {
     const Vec3 p(place(query.origin, query.direction, t));
     const Spectrum sigma_t = medium.sigma_t_inside(p);
     return EyePlace{t, static_cast<double>(hazard_of(sigma_t)),
                     sigma_t * medium.albedo(p) *
-                        short_beam(medium, segment.throughput, crossing.steps, static_cast<float>(t))};
+                        carrier(eta.long_query_beams, medium, segment.throughput, crossing.steps,
+                                static_cast<float>(t))};
   };
-  // The weight of a merge there.
-  const auto weight = [&](double own, const EyePlace& eye, double light_hazard, Vec3 w, double sum_light) {
+  // The weight of a merge there. own: its eta, without the eye's hazard and survival.
+  const auto weight = [&](double own, const EyePlace& eye, const LightCopy& light, Vec3 w) {
     const EdgeVertex v =
         vertex_on(start, place(query.origin, query.direction, eye.t), eye.hazard, survival(medium, eye.t));
+    own /= eye.hazard * eta.eye_survival(v.survival);
     const auto reverse = static_cast<double>(phase.pdf_solid_angle(w, wo));
     const double sum_eye = BeamBalance::sum(eye_block(start, maps_.factors, v, eye.hazard), reverse, kUnit);
-    return own / (eta.at(light_hazard, eye.hazard, sine_between(wo, w)) + sum_light + sum_eye);
+    const double merges =
+        eta.at(light.hazard, eye.hazard, sine_between(wo, w), light.survival, v.survival);
+    return own / (merges + light.sum + sum_eye);
   };
   const Spectrum scale = segment.throughput * maps_.per_path;
   if (eta.point_beam > 0) {
@@ -180,12 +201,9 @@ void MediumGather::along(const Crossing& crossing, const EdgeStart& start, Mediu
           if (eye.scattered.is_black()) return;
           ++work_.merges.point_beam;
           const auto forward = static_cast<double>(phase.pdf_solid_angle(wo, photon.wo));
-          const double light = BeamBalance::sum(photon.weights.block(), forward, kUnit);
-          const double light_hazard =
-              photon_hazards ? static_cast<double>(maps_.points->hazard(photon)) : eye.hazard;
+          const LightCopy light = light_copy(photon, eye.hazard, photon_hazards, forward);
           sum += photon.flux * eye.scattered *
-                 (factor * static_cast<float>(
-                               weight(eta.point_beam / eye.hazard, eye, light_hazard, photon.wo, light)));
+                 (factor * static_cast<float>(weight(eta.point_beam, eye, light, photon.wo)));
         });
     shares.point_beam += scale * sum;
   }
@@ -205,14 +223,13 @@ void MediumGather::along(const Crossing& crossing, const EdgeStart& start, Mediu
           if (eye.scattered.is_black()) return;
           ++work_.merges.beam_beam;
           const auto forward = static_cast<double>(phase.pdf_solid_angle(wo, w));
-          const double light_hazard = hazard_at(medium, beam, at.along_b);
-          const double light = light_sum(beam, at.along_b, light_hazard, medium, forward);
-          const double own = eta.beam_beam * at.sine / (light_hazard * eye.hazard);
-          sum +=
-              beam.throughput *
-              short_beam(medium, beam.throughput, maps_.beams->steps(beam), static_cast<float>(at.along_b)) *
-              eye.scattered * maps_.paths_per_beam_path *
-              static_cast<float>(factor * weight(own, eye, light_hazard, w, light));
+          const LightCopy light = light_copy(beam, at.along_b, medium, forward);
+          const double own = eta.beam_beam * at.sine / (light.hazard * eta.light_survival(light.survival));
+          sum += beam.throughput *
+                 carrier(eta.long_photon_beams, medium, beam.throughput, maps_.beams->steps(beam),
+                         static_cast<float>(at.along_b)) *
+                 eye.scattered * maps_.paths_per_beam_path *
+                 static_cast<float>(factor * weight(own, eye, light, w));
         });
     shares.beam_beam += scale * sum;
   }

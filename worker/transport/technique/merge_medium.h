@@ -1,10 +1,10 @@
 // Merging in media with points and beams [Krivanek 2014]: light's entity first, the eye's second. With w the
 // direction the light came from and N light paths (those that leave beams, for beams),
 //   P-P3D  beta sigma_s p(wo, w) flux K_3 / N                a vertex with the photons around it
-//   P-B2D  beta(t) sigma_s p(wo, w) flux K_2 / N             a short query beam with the photons beside it
+//   P-B2D  beta(t) sigma_s p(wo, w) flux K_2 / N             a query beam with the photons beside it
 //   B-P2D  beta sigma_s p(wo, w) flux(s) K_2 / N             a vertex with the photon beams that pass it
 //   B-B1D  beta(t) sigma_s p(wo, w) flux(s) K_1 / (N sin)    two beams that pass each other
-// beta(t), flux(s): times T / P, see photon_beams.h. sigma_s and p: where the eye's subpath has the vertex.
+// beta(t), flux(s): times T / P, of long beams times T, see photon_beams.h. sigma_s and p: where the eye's subpath has the vertex.
 // The merged vertex has light's and the eye's subpath meet in one medium. Weights: eta of the technique over
 // all eta at the vertex and the sums of both sides, each from its own subpath's lengths and its own place's
 // hazard (mis/beam_balance.h).
@@ -70,15 +70,23 @@ class MediumGather {
 
   // At a vertex in a medium: P-P3D and B-P2D. Weighted, v.throughput included. Adds to shares.
   void at_vertex(const Vertex<MisBlock>& v, MediumShares& shares);
-  // Along a short query beam: P-B2D and B-B1D. start: of its edge.
+  // Along a query beam: P-B2D and B-B1D. start: of its edge.
   void along(const Crossing& crossing, const EdgeStart& start, MediumShares& shares);
   // The work of all paths so far.
   const MergeWork& work() const { return work_; }
 
  private:
   struct EyeBeam;
-  double light_sum(const PhotonBeam& beam, double s, double hazard, const scene::Medium& medium,
-                   double pdf_to_light) const;
+  // Light's copy of a merged vertex.
+  struct LightCopy {
+    double hazard;
+    double survival;  // of the edge by which light's subpath arrives
+    double sum;       // of all techniques with fewer vertices from the light than the merge, relative to it
+  };
+  LightCopy light_copy(const PhotonBeam& beam, double s, const scene::Medium& medium,
+                       double pdf_to_light) const;
+  LightCopy light_copy(const Photon<MisBlock>& photon, double eye_hazard, bool hazards_differ,
+                       double pdf_to_light) const;
 
   const scene::Scene& scene_;
   const MediumMaps& maps_;

@@ -43,7 +43,7 @@ bool next_event(const ConnectContext& c, const VertexDraws<SamplerT>& draws,
       reverse =
           static_cast<double>(pdf_scatter_solid_angle(c.scene, v, light.wi, v.wo, TransportMode::importance));
     }
-    const double merged = merges_at<Mis>(c, v, light.wi, eta);
+    const double merged = merges_at<Mis>(c, SubpathOf::eye, v, light.wi, survival, eta);
     out.weight = 1 / (1 + c.factors.hit_light * Mis::raise(hit) +
                       Mis::raise(traced) * (merged + Mis::sum(v.mis, reverse, eta)));
     if (terms != nullptr)
