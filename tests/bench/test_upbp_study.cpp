@@ -134,12 +134,12 @@ TEST(UpbpStudy, ScenesInShort) {
     if (row.part == "curves" && row.quantity == "relative squared error") parts[key] += row.value;
     if (row.part == "curves" && (row.quantity == "noise" || row.quantity == "bias")) parts[key] -= row.value;
   }
-  EXPECT_EQ(at_equal_time.size(), 11U);
+  EXPECT_EQ(at_equal_time.size(), 13U);
   for (const char* alone : {"pp3d", "pb2d", "bp2d"})
     EXPECT_LT(at_equal_time["all"], 0.5 * at_equal_time[alone]) << alone;
-  EXPECT_EQ(parts.size(), 22U);
+  EXPECT_EQ(parts.size(), 26U);
   for (const auto& [key, rest] : parts) EXPECT_NEAR(rest, 0, 1e-9) << key;
-  EXPECT_EQ(results->maps.size(), 18U) << "the reference, methods, and six layers";
+  EXPECT_EQ(results->maps.size(), 20U) << "the reference, methods, and six layers";
   double shares = 0;
   for (const Row& row : results->rows)
     if (row.part == "layers") shares += row.value;

@@ -39,7 +39,8 @@ constexpr MediaScene kScenes[] = {
 };
 constexpr const char* kAlone[] = {"vcm", "pp3d", "pb2d", "bp2d", "bb1d"};
 constexpr const char* kTogether[] = {
-    "vcm,pp3d,pb2d", "all", "all, 1024 beams", "an eighth of connections", "merges, 1024 beams", "auto"};
+    "vcm,pp3d,pb2d",    "all",        "all, 1024 beams",    "an eighth of connections",
+    "long query beams", "long beams", "merges, 1024 beams", "auto"};
 // The layers that upbp writes for layers=techniques, in order.
 constexpr const char* kLayers[] = {"connections", "merging", "pp3d", "pb2d", "bp2d", "bb1d"};
 constexpr const char* kLayered = "all, 1024 beams";  // whose shares are shown
@@ -47,6 +48,10 @@ SettingsMap settings_of(const std::string& method) {
   if (method == "all, 1024 beams") return {{"techniques", "all"}, {"beam_paths", "1024"}};
   if (method == "an eighth of connections")
     return {{"techniques", "all"}, {"beam_paths", "1024"}, {"connect_media", "0.125"}};
+  if (method == "long query beams")
+    return {{"techniques", "all"}, {"beam_paths", "1024"}, {"query_beams", "long"}};
+  if (method == "long beams")
+    return {{"techniques", "all"}, {"beam_paths", "1024"}, {"query_beams", "long"}, {"photon_beams", "long"}};
   if (method == "merges, 1024 beams") return {{"techniques", "pp3d,pb2d,bp2d,bb1d"}, {"beam_paths", "1024"}};
   if (method == "bb1d") return {{"techniques", method}, {"beam_paths", "1024"}};
   return {{"techniques", method}};
