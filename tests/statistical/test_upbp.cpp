@@ -528,8 +528,10 @@ TEST(Upbp, AutoRunsWhatThePlanNames) {
       {"vcm", {{"techniques", "vcm"}}}};
   for (const auto& [set, settings] : std::map(sets)) {
     if (set == "vcm") continue;
-    SettingsMap& fewer = sets[set + " (connect_media 0.125)"] = settings;
-    fewer["connect_media"] = "0.125";
+    const std::string few = set + " (connect_media 0.125)", far = " (long query_beams)";
+    sets[few] = sets[few + far] = sets[set + far] = settings;
+    sets[few]["connect_media"] = sets[few + far]["connect_media"] = "0.125";
+    sets[set + far]["query_beams"] = sets[few + far]["query_beams"] = "long";
   }
   std::set<std::string> chosen;
   for (const char* name : {"fog-thin", "fog-glass", "smoke"}) {
