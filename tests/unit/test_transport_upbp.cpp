@@ -126,8 +126,9 @@ TEST(TransportUpbp, PiecesOfBeamsAreMetOnce) {
   rng::Stream stream(5);
   BeamBuffer buffer;
   for (int i = 0; i < 400; ++i)
-    ASSERT_TRUE(buffer.keep(
-        *scene, crossing(somewhere(stream, 1), direction(stream), 0.01 + 2 * uniform(stream)), false, {}, {}));
+    ASSERT_TRUE(buffer.keep(*scene,
+                            crossing(somewhere(stream, 1), direction(stream), 0.01 + 2 * uniform(stream)),
+                            false, {}, {}));
   const BeamBuffer* const chunks[] = {&buffer};
   PhotonBeams beams;
   const float radius = 0.02f;
@@ -442,8 +443,7 @@ void expect_values_of_merges(const scene::Scene& scene, const MediumMerges& eta,
   const auto flight = [&](const EdgeStart& start, Vec3 along, Spectrum weight, bool is_long) {
     const float end = is_long ? 0.05f : 0.6f;
     Crossing crossed{{{start.from, along, 0.6f}, 0, Spectrum(1.0f), 1, 2}, end, true};
-    if (!medium.homogeneous())
-      crossed.steps = {{0.1f, Spectrum(7)}, {0.2f, weight}, {0.5f, Spectrum(9)}};
+    if (!medium.homogeneous()) crossed.steps = {{0.1f, Spectrum(7)}, {0.2f, weight}, {0.5f, Spectrum(9)}};
     return crossed;
   };
   const auto carried = [&](bool is_long, float length, Spectrum step) {
@@ -456,8 +456,7 @@ void expect_values_of_merges(const scene::Scene& scene, const MediumMerges& eta,
   BeamBuffer beam_buffer;
   ASSERT_TRUE(beam_buffer.keep(scene, flight(light_start, Vec3{0, 0, 1}, Spectrum(3), is_long), is_long,
                                light_start, {}));
-  ASSERT_TRUE(
-      beam_buffer.keep(scene, flight(light_start, a, light_step, is_long), is_long, light_start, {}));
+  ASSERT_TRUE(beam_buffer.keep(scene, flight(light_start, a, light_step, is_long), is_long, light_start, {}));
   PhotonBuffer<MisBlock> photon_buffer;
   ASSERT_TRUE(photon_buffer.keep(scene, light_end, is_long));
   const MediumKernels kernels(Kernel::constant, {0.25, 0.26, 0.27, 0.28});
@@ -515,8 +514,8 @@ TEST(TransportUpbp, WeightsOfLongBeamsCountSurvivals) {
   const auto scene = colored_fog();
   for (const bool photon_beams : {false, true})
     for (const bool query_beams : {false, true}) {
-      SCOPED_TRACE(::testing::Message() << "long: photon beams " << photon_beams << ", query beams "
-                                        << query_beams);
+      SCOPED_TRACE(::testing::Message()
+                   << "long: photon beams " << photon_beams << ", query beams " << query_beams);
       expect_values_of_merges(*scene, {0.5, 0.1, 0.3, 0.2, photon_beams, query_beams}, {}, {});
     }
 }

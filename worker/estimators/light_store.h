@@ -58,10 +58,8 @@ struct LightStore {
             film::Tallies& tallies) {
     const bool photons = v.on_surface() ? keeping.surface_photons : keeping.medium_photons;
     if (photons && (by_specular || !keeping.caustics_only)) {
-      const bool kept =
-          v.on_surface() ? surface.keep(scene, v) : medium.keep(scene, v, keeping.survivals);
-      if (!kept)
-        ++tallies.rejected[static_cast<std::size_t>(film::RejectCause::not_a_number)];
+      const bool kept = v.on_surface() ? surface.keep(scene, v) : medium.keep(scene, v, keeping.survivals);
+      if (!kept) ++tallies.rejected[static_cast<std::size_t>(film::RejectCause::not_a_number)];
     }
     if (keeping.vertices && !last) vertices.keep(v);
   }

@@ -43,15 +43,17 @@ inline EdgeVertex vertex_on(const EdgeStart& e, Vec3d place, double hazard, doub
 // Its blocks. direct_density: see BalancePower::arrive_from_light; not read where edges > 1.
 inline MisBlock eye_block(const EdgeStart& e, const MisFactors& factors, const EdgeVertex& v, double hazard) {
   if (!(e.departure.pdf > 0)) return {};
-  return e.edges > 1 ? BeamBalance::arrive_later(e.departure, factors, hazard, v.pdf_volume, false, v.survival)
-                     : BeamBalance::arrive_from_eye(e.departure, factors, hazard, v.pdf_volume, v.survival);
+  return e.edges > 1
+             ? BeamBalance::arrive_later(e.departure, factors, hazard, v.pdf_volume, false, v.survival)
+             : BeamBalance::arrive_from_eye(e.departure, factors, hazard, v.pdf_volume, v.survival);
 }
 inline MisBlock light_block(const EdgeStart& e, const MisFactors& factors, const EdgeVertex& v, double hazard,
                             double direct_density) {
   if (!(e.departure.pdf > 0)) return {};
-  return e.edges > 1 ? BeamBalance::arrive_later(e.departure, factors, hazard, v.pdf_volume, false, v.survival)
-                     : BeamBalance::arrive_from_light(e.departure, factors, hazard, v.pdf_volume,
-                                                      direct_density, e.origin_density);
+  return e.edges > 1
+             ? BeamBalance::arrive_later(e.departure, factors, hazard, v.pdf_volume, false, v.survival)
+             : BeamBalance::arrive_from_light(e.departure, factors, hazard, v.pdf_volume, direct_density,
+                                              e.origin_density);
 }
 
 }  // namespace candela::transport

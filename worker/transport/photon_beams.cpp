@@ -55,8 +55,8 @@ bool BeamBuffer::keep(const scene::Scene& scene, const Crossing& crossing, bool 
   const scene::Medium& medium = scene.medium(segment.medium);
   if (!has_beams(medium)) return true;
   const Ray& ray = segment.ray;
-  const float end = medium.distance_to_end(
-      {ray.origin, ray.direction, beam_end(crossing, medium, is_long)}, kBesideGrid);
+  const float end =
+      medium.distance_to_end({ray.origin, ray.direction, beam_end(crossing, medium, is_long)}, kBesideGrid);
   if (!finite(ray.origin) || !finite(ray.direction) || !finite(ray.origin + ray.direction * end) ||
       !finite(segment.throughput))
     return false;

@@ -152,8 +152,8 @@ class PhotonBeams {
 // An iteration's photons in media.
 class PhotonPoints {
  public:
-  // scene, where it is not null: the one that hazard() is asked for. survival() is asked for where the buffers
-  // kept it.
+  // scene, where it is not null: the one that hazard() is asked for. survival() is asked for where the
+  // buffers kept it.
   Result<void> build(std::span<const PhotonBuffer<MisBlock>* const> chunks, const scene::Scene* scene,
                      unsigned threads);
 

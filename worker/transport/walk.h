@@ -355,8 +355,8 @@ auto Walk<kMode, kBetween, Mis, SamplerT, Observer>::scatter(Vertex& v) -> Step 
       ++scatterings_;
       depart(v, pdf, false, static_cast<double>(pdf), static_cast<double>(v.arrival));
       if constexpr (Mis::kMergesBeams)
-        Mis::add_merges(departure_, Mis::leaving(factors_.medium[v.medium], kFromLight, v.arrival, v.wo, wi,
-                                                 v.survival));
+        Mis::add_merges(departure_,
+                        Mis::leaving(factors_.medium[v.medium], kFromLight, v.arrival, v.wo, wi, v.survival));
       if (!survives(longest_survival_in_media(edges_))) return Step::ended;
       ray_ = {v.hit.p, wi};
       return Step::scattered;

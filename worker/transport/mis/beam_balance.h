@@ -23,7 +23,7 @@ inline double sine_between(Vec3 a, Vec3 b) {
 struct BeamBalance : BalancePower<1> {
   static constexpr bool kMergesBeams = true;
   struct Departure : MisDeparture {
-    bool medium = false;   // the vertex left is in one
+    bool medium = false;    // the vertex left is in one
     double long_beams = 0;  // its merges that are to be divided by the survival of the edge under way
   };
 

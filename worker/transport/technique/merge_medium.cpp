@@ -103,8 +103,8 @@ void MediumGather::at_vertex(const Vertex<MisBlock>& v, MediumShares& shares) {
   // The weight of a merge of this eta with light from w.
   const auto weight = [&](double own, const LightCopy& light, Vec3 w) {
     const auto reverse = static_cast<double>(phase.pdf_solid_angle(w, v.wo));
-    const double merges = eta.at(light.hazard, hazard, sine_between(v.wo, w), light.survival,
-                                 static_cast<double>(v.survival));
+    const double merges =
+        eta.at(light.hazard, hazard, sine_between(v.wo, w), light.survival, static_cast<double>(v.survival));
     return own / (merges + light.sum + BeamBalance::sum(v.mis, reverse, kUnit));
   };
   const Spectrum scale = v.throughput * maps_.per_path;
@@ -170,10 +170,10 @@ void MediumGather::along(const Crossing& crossing, const EdgeStart& start, Mediu
   const auto eye_place = [&](double t) {
     const Vec3 p(place(query.origin, query.direction, t));
     const Spectrum sigma_t = medium.sigma_t_inside(p);
-    return EyePlace{t, static_cast<double>(hazard_of(sigma_t)),
-                    sigma_t * medium.albedo(p) *
-                        carrier(eta.long_query_beams, medium, segment.throughput, crossing.steps,
-                                static_cast<float>(t))};
+    return EyePlace{
+        t, static_cast<double>(hazard_of(sigma_t)),
+        sigma_t * medium.albedo(p) *
+            carrier(eta.long_query_beams, medium, segment.throughput, crossing.steps, static_cast<float>(t))};
   };
   // The weight of a merge there. own: its eta, without the eye's hazard and survival.
   const auto weight = [&](double own, const EyePlace& eye, const LightCopy& light, Vec3 w) {
@@ -182,8 +182,7 @@ void MediumGather::along(const Crossing& crossing, const EdgeStart& start, Mediu
     own /= eye.hazard * eta.eye_survival(v.survival);
     const auto reverse = static_cast<double>(phase.pdf_solid_angle(w, wo));
     const double sum_eye = BeamBalance::sum(eye_block(start, maps_.factors, v, eye.hazard), reverse, kUnit);
-    const double merges =
-        eta.at(light.hazard, eye.hazard, sine_between(wo, w), light.survival, v.survival);
+    const double merges = eta.at(light.hazard, eye.hazard, sine_between(wo, w), light.survival, v.survival);
     return own / (merges + light.sum + sum_eye);
   };
   const Spectrum scale = segment.throughput * maps_.per_path;

@@ -4,10 +4,10 @@
 //   P-B2D  beta(t) sigma_s p(wo, w) flux K_2 / N             a query beam with the photons beside it
 //   B-P2D  beta sigma_s p(wo, w) flux(s) K_2 / N             a vertex with the photon beams that pass it
 //   B-B1D  beta(t) sigma_s p(wo, w) flux(s) K_1 / (N sin)    two beams that pass each other
-// beta(t), flux(s): times T / P, of long beams times T, see photon_beams.h. sigma_s and p: where the eye's subpath has the vertex.
-// The merged vertex has light's and the eye's subpath meet in one medium. Weights: eta of the technique over
-// all eta at the vertex and the sums of both sides, each from its own subpath's lengths and its own place's
-// hazard (mis/beam_balance.h).
+// beta(t), flux(s): times T / P, of long beams times T, see photon_beams.h. sigma_s and p: where the eye's
+// subpath has the vertex. The merged vertex has light's and the eye's subpath meet in one medium. Weights:
+// eta of the technique over all eta at the vertex and the sums of both sides, each from its own subpath's
+// lengths and its own place's hazard (mis/beam_balance.h).
 #pragma once
 
 #include <array>
