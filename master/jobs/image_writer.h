@@ -13,6 +13,7 @@
 #include "common/base/result.h"
 #include "master/jobs/job_table.h"
 #include "master/jobs/state_reports.h"
+#include "master/merge/bulk_threads.h"
 #include "master/merge/recent_images.h"
 #include "master/truth/job_truth.h"
 

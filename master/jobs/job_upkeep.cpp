@@ -24,23 +24,29 @@ constexpr double kEstimateShare = 0.1;  // of one thread, at most, by the estima
 
 }  // namespace
 
+std::size_t estimating_jobs(const std::map<std::string, Job>& jobs) {
+  return static_cast<std::size_t>(std::count_if(jobs.begin(), jobs.end(), [](const auto& entry) {
+    return entry.second.row.state == JobState::running;
+  }));
+}
+
 void JobUpkeep::upkeep_loop() {
   while (!wake_.stopping()) {
     const bool force = flush_requested_.exchange(false);
     std::vector<std::string> ids;
-    std::size_t running = 0;  // queued and paused jobs make no estimates
+    std::size_t estimating = 0;
     table_.with_films([&](Scheduler& s, const JobFilms& films) {
       for (const auto& [id, job] : s.jobs()) {
         // Thousands of jobs may have ended. One whose film is not in memory needs nothing.
         const auto film = films.find(id);
         if (!has_ended(job.row.state) || (film != films.end() && film->second->loaded())) ids.push_back(id);
-        if (job.row.state == JobState::running) ++running;
       }
+      estimating = estimating_jobs(s.jobs());
     });
     for (const std::string& id : ids) {
       if (wake_.stopping()) break;
       const std::lock_guard lock(mutex_);
-      running_jobs_ = static_cast<double>(std::max<std::size_t>(running, 1));
+      estimating_jobs_ = static_cast<double>(std::max<std::size_t>(estimating, 1));
       upkeep(id, force);
     }
     {
@@ -109,7 +115,8 @@ void JobUpkeep::estimate_error(const std::string& job_id, JobFilm& film, bool at
   });
   if (!f.both || f.iterations == state.estimated_iterations) return;
   if (!at_once) {
-    const double wait = std::max(state.estimate_cost * running_jobs_ / kEstimateShare, kMinEstimateSeconds);
+    const double wait =
+        std::max(state.estimate_cost * estimating_jobs_ / kEstimateShare, kMinEstimateSeconds);
     if (JobTable::now().seconds - state.last_estimate < wait) return;
     if (static_cast<double>(f.iterations) < kEstimateGrowth * static_cast<double>(state.estimated_iterations))
       return;

@@ -23,6 +23,9 @@
 
 namespace candela::master {
 
+// The jobs whose error is estimated, which share the time for it: those that run. Thousands may be queued.
+std::size_t estimating_jobs(const std::map<std::string, Job>& jobs);
+
 class JobUpkeep {
  public:
   // `options` must outlive this object.
@@ -75,9 +78,9 @@ class JobUpkeep {
   std::atomic<bool> flush_requested_{false};
   std::mutex mutex_;
   std::map<std::string, State> jobs_;
-  JobFilm::Room room_;       // reused by the jobs one after another
-  double room_used_ = 0;     // time of the last use
-  double running_jobs_ = 1;  // in the present round, at least 1
+  JobFilm::Room room_;          // reused by the jobs one after another
+  double room_used_ = 0;        // time of the last use
+  double estimating_jobs_ = 1;  // in the present round, at least 1
 };
 
 }  // namespace candela::master

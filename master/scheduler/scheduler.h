@@ -110,10 +110,10 @@ struct Job {
   bool finishing = false;
   std::string note;  // what is worth knowing now, e.g. that checkpoints fail
   std::array<film::IndexSet, 2> merged;
-  std::map<std::uint64_t, UnitState> units;                    // not merged
-  std::set<std::uint64_t> maybe_open;                          // all units without a lease, and others
-  double virtual_time = 0;                                     // worker seconds / share, for fairness
-  double thread_seconds = 0;                                   // EWMA of seconds times threads per iteration
+  std::map<std::uint64_t, UnitState> units;  // not merged
+  std::set<std::uint64_t> maybe_open;        // has each unit without a lease; pick() drops others
+  double virtual_time = 0;                   // worker seconds / share, for fairness
+  double thread_seconds = 0;                 // EWMA of seconds times threads per iteration
   std::map<std::string, double> worker_seconds_per_iteration;  // EWMA
   double overhead_seconds = 0;                                 // EWMA per delta
   double merge_seconds = 0;                                    // of that, in which no other is merged

@@ -4,7 +4,8 @@
     upbp_techniques.py CANDELA_BENCH [--rounds N] [--iterations N] [--size WxH]
 
 Techniques render in turn, round after round; the figures are medians over rounds of CPU seconds (user and system)
-over vcm's of the same round. Radii, path length and the number of paths that leave beams are SmallUPBP's."""
+over vcm's of the same round. Radii, path length, the number of paths that leave beams, long query beams and single
+techniques without merging on surfaces are SmallUPBP's."""
 import argparse
 import os
 import statistics
@@ -13,7 +14,8 @@ import counting
 
 SCENES = ["smallupbp/fog-mirror.xml", "smallupbp/thick-mirror.xml"]
 RADII = ["radius=0.0015", "radius_pp3d=0.001", "radius_pb2d=0.001", "radius_bp2d=0.001", "radius_bb1d=0.001"]
-TECHNIQUES = ["vcm", "pp3d", "pb2d", "bb1d", "vcm,pp3d,pb2d,bb1d", "all"]
+ALONE = ["pp3d", "pb2d", "bb1d"]
+TECHNIQUES = ["vcm", *ALONE, "vcm,pp3d,pb2d,bb1d", "all"]
 # CPU seconds of an iteration, 256 x 256, in thin fog: SmallUPBP, on a machine of this kind.
 PEER = {"vcm": 0.708, "pp3d": 0.308, "pb2d": 0.726, "bb1d": 3.14, "vcm,pp3d,pb2d,bb1d": 4.94}
 
@@ -21,8 +23,11 @@ PEER = {"vcm": 0.708, "pp3d": 0.308, "pb2d": 0.726, "bb1d": 3.14, "vcm,pp3d,pb2d
 def seconds(program, scene, technique, options):
     command = [program, "count", "--scene", scene, "--size", options.size, "--integrator", "upbp",
                "--iterations", str(options.iterations)]
-    for setting in [f"techniques={technique}", f"beam_paths={options.beam_paths}", *RADII]:
-        if not (technique == "vcm" and setting.startswith(("radius_", "beam_"))):
+    settings = [f"techniques={technique}", f"beam_paths={options.beam_paths}", *RADII, "query_beams=long"]
+    if technique in ALONE:
+        settings.append("merge_surfaces=false")
+    for setting in settings:
+        if not (technique == "vcm" and setting.startswith(("radius_", "beam_", "query_"))):
             command += ["--set", f"upbp.{setting}"]
     found = counting.run(command)
     return found["cpu_seconds"] / found["units"]

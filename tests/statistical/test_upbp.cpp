@@ -108,7 +108,7 @@ TEST(Upbp, SingleScatteringByQuadrature) {
 
 // Claim: on scenes with fog in a box, within glass and around the camera, and with a grid of smoke, the
 // combination has the expectation of bdpt, up to the blur of its radius, also with a fifth of the connections
-// in media, and with long beams.
+// in media, with long beams, and without merging on surfaces.
 TEST(Upbp, AgreesWithBdpt) {
   constexpr std::uint32_t kSize = 24;
   for (const std::string name : {"fog-thin", "fog-glass", "fog-camera", "smoke"}) {
@@ -127,19 +127,23 @@ TEST(Upbp, AgreesWithBdpt) {
       error[i] = static_cast<float>(std::sqrt(std::max(squares / 10 - m * m, 0.0) / 9));
     }
     const bool again = name == "fog-camera" || name == "smoke";
-    const auto check = [&](const std::string& share, const std::string& beams) {
+    const auto check = [&](const std::string& share, const std::string& beams,
+                           const std::string& surfaces = "true") {
       const auto all = with_integrator(scene, "upbp",
                                        {{"techniques", "all"},
                                         {"radius", "0.004"},
                                         {"connect_media", share},
                                         {"query_beams", beams},
-                                        {"photon_beams", beams}});
+                                        {"photon_beams", beams},
+                                        {"merge_surfaces", surfaces}});
       expect_agreement(render_batches(all, 501, 10, 10), mean, error, kSize,
-                       fmt::format("all, {} of connections, {} beams", share, beams), 0.01);
+                       fmt::format("all, {} of connections, {} beams, surfaces {}", share, beams, surfaces),
+                       0.01);
     };
     check("1", "short");
     if (again) check("0.2", "short");
     if (name != "smoke") check("1", "long");
+    if (name == "fog-thin") check("1", "short", "false");
   }
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <set>
 
+#include "master/jobs/job_upkeep.h"
 #include "master/scheduler/sizing.h"
 #include "tests/unit/scheduler_fixture.h"
 
@@ -550,6 +551,18 @@ TEST_F(SchedulerTest, ManyWorkersAreCountedAnewWhenTheyChange) {
   at(clock + 11);
   for (int i = 3; i < 6; ++i) s->authenticate(name(i), "session-" + name(i), now());
   expect_shared_by(4);
+}
+
+// Claim: the time for estimates of the error is shared by jobs that run, however many are queued or paused.
+TEST_F(SchedulerTest, QueuedJobsTakeNoShareOfTheEstimates) {
+  worker("a");
+  job("j", 1000);
+  for (int i = 0; i < 500; ++i) job("queued" + std::to_string(i), 1000, false, -1);
+  EXPECT_EQ(estimating_jobs(s->jobs()), 0U);
+  ASSERT_EQ(lease("a")->row.job_id, "j");
+  EXPECT_EQ(estimating_jobs(s->jobs()), 1U);
+  ASSERT_TRUE(s->pause("j", now()).ok());
+  EXPECT_EQ(estimating_jobs(s->jobs()), 0U);
 }
 
 // Claim: sessions are checked whole.

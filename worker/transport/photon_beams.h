@@ -152,8 +152,7 @@ class PhotonBeams {
 // An iteration's photons in media.
 class PhotonPoints {
  public:
-  // scene, where it is not null: the one that hazard() is asked for. survival() is asked for where the
-  // buffers kept it.
+  // scene, where it is not null: the one that hazard() is asked for.
   Result<void> build(std::span<const PhotonBuffer<MisBlock>* const> chunks, const scene::Scene* scene,
                      unsigned threads);
 
@@ -163,7 +162,7 @@ class PhotonPoints {
   float hazard(const Photon<MisBlock>& photon) const {
     return hazards_[static_cast<std::size_t>(&photon - photons_.data())];
   }
-  // Of the edge by which light arrived; 1 where nobody asks for it.
+  // The survival of the edge by which light arrived; 1 if the buffers did not keep it.
   float survival(const Photon<MisBlock>& photon) const {
     return survivals_.empty() ? 1.0f : survivals_[static_cast<std::size_t>(&photon - photons_.data())];
   }

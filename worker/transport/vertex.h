@@ -57,7 +57,7 @@ struct ScatterPoint {
   Spectrum throughput;
   // The cosine between wo and ng; in a medium the hazard, the mean of sigma_t over channels.
   float arrival = 1;
-  // Of the edge that the walk arrived by, as weights count it.
+  // The survival of the edge that the walk arrived by, as weights count it.
   float survival = 1;
   scene::Closure closure;  // of a surface
 

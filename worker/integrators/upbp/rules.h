@@ -18,6 +18,7 @@ struct MediumRules {
   std::uint64_t beam_paths = 0;  // at most so many leave beams; 0: all
   double free_paths = 0;         // radii have at most so many mean free paths; 0: any
   double connect_media = 1;      // share of pairs of vertices in media that are connected
+  bool merge_surfaces = true;
   // In homogeneous media: whether beams go on behind the end of their flight.
   bool long_photon_beams = false, long_query_beams = false;
 

@@ -9,6 +9,7 @@ struct UpbpSettings {
   CommonSettings common{integrator_words::kUpbp};
   merging::MergeSettings merge{integrator_words::kUpbp};
   NameList techniques{{"auto"}, {"auto", "all", "vcm", "pp3d", "pb2d", "bp2d", "bb1d"}};
+  bool merge_surfaces = true;
   int beam_paths = 128;
   double connect_media = 1;
   Choice query_beams{"short", {"short", "long"}}, photon_beams{"short", {"short", "long"}};
@@ -28,8 +29,10 @@ struct UpbpSettings {
     visit(
         "techniques", techniques,
         "auto: the set that a short pilot finds best; all: every technique. Or a list of: vcm (connections), "
-        "pp3d, pb2d, bp2d, bb1d (merges in media of light's points p or beams b with the eye's). Merging on "
-        "surfaces is always in it");
+        "pp3d, pb2d, bp2d, bb1d (merges in media of light's points p or beams b with the eye's)");
+    visit("merge_surfaces", merge_surfaces,
+          "merging on surfaces, beside whatever techniques says; false leaves it out, and with it the light "
+          "that nothing else in the list finds");
     visit("beam_paths", beam_paths, 0, 1 << 30,
           "most light paths of an iteration that leave beams: bb1d costs as many as it has; 0: all do");
     visit("connect_media", connect_media, NumberRange{1e-3, 1},

@@ -354,8 +354,9 @@ Plan UpbpIntegrator::plan_for(const UnitContext& context, const RunContext& run)
 
 // The settings that vcm has too; of layers=techniques its layer `merging` is left.
 SettingsMap without_media(SettingsMap settings) {
-  for (const char* name : {"techniques", "radius_pp3d", "radius_pb2d", "radius_bp2d", "radius_bb1d",
-                           "beam_paths", "radius_free_paths", "connect_media", "query_beams", "photon_beams"})
+  for (const char* name :
+       {"techniques", "radius_pp3d", "radius_pb2d", "radius_bp2d", "radius_bb1d", "beam_paths",
+        "radius_free_paths", "connect_media", "merge_surfaces", "query_beams", "photon_beams"})
     settings.erase(name);
   const auto layers = settings.find("layers");
   if (layers != settings.end() && layers->second == "techniques") layers->second = "merging";
@@ -374,6 +375,7 @@ Rules rules_of(std::string name, const MediumRules& medium, bool connects, const
                const scene::SceneFeatures& features, bool full) {
   Techniques wanted;
   wanted.merge_medium = medium.any();
+  wanted.merge_surface = medium.merge_surfaces;
   if (!connects) wanted.next_event = wanted.connect = wanted.light_image = wanted.hit_lens = false;
   Rules rules{std::move(name), vcm::plan(options, wanted, features, full), medium, false};
   Plan& plan = rules.planned.plan;
@@ -392,11 +394,13 @@ Rules rules_of(std::string name, const MediumRules& medium, bool connects, const
   return rules;
 }
 
-// The plan of a list without vcm if nothing scatters but surfaces.
-Planned planned_without_media(const PathOptions& options, const scene::SceneFeatures& features, bool full) {
+// The plan if nothing is merged in media, of a list that is not the whole of vcm.
+Planned planned_without_media(bool connects, bool merge_surfaces, const PathOptions& options,
+                              const scene::SceneFeatures& features, bool full) {
   Techniques wanted;
-  wanted.merge_medium = true;
-  wanted.next_event = wanted.connect = wanted.light_image = wanted.hit_lens = false;
+  wanted.merge_medium = false;
+  wanted.merge_surface = merge_surfaces;
+  if (!connects) wanted.next_event = wanted.connect = wanted.light_image = wanted.hit_lens = false;
   Planned planned = vcm::plan(options, wanted, features, full);
   planned.between = Between::media;
   return planned;
@@ -458,27 +462,33 @@ Result<std::unique_ptr<Integrator>> make_upbp_integrator(const SettingsMap& sett
     return usage_error("auto chooses the techniques").with_field("techniques").with_mend("name auto alone");
   const bool automatic = parsed.techniques.has("auto");
   const bool connects = parsed.wants("vcm");
-  MediumRules medium{parsed.wants("pp3d"),
-                     parsed.wants("pb2d"),
-                     parsed.wants("bp2d"),
-                     parsed.wants("bb1d"),
-                     parsed.radius_pp3d,
-                     parsed.radius_pb2d,
-                     parsed.radius_bp2d,
-                     parsed.radius_bb1d,
-                     static_cast<std::uint64_t>(parsed.beam_paths),
-                     parsed.radius_free_paths,
-                     parsed.connect_media,
-                     parsed.photon_beams.value == "long",
-                     parsed.query_beams.value == "long"};
+  const MediumRules medium{.pp3d = parsed.wants("pp3d"),
+                           .pb2d = parsed.wants("pb2d"),
+                           .bp2d = parsed.wants("bp2d"),
+                           .bb1d = parsed.wants("bb1d"),
+                           .radius_pp3d = parsed.radius_pp3d,
+                           .radius_pb2d = parsed.radius_pb2d,
+                           .radius_bp2d = parsed.radius_bp2d,
+                           .radius_bb1d = parsed.radius_bb1d,
+                           .beam_paths = static_cast<std::uint64_t>(parsed.beam_paths),
+                           .free_paths = parsed.radius_free_paths,
+                           .connect_media = parsed.connect_media,
+                           .merge_surfaces = parsed.merge_surfaces,
+                           .long_photon_beams = parsed.photon_beams.value == "long",
+                           .long_query_beams = parsed.query_beams.value == "long"};
   const PathOptions options = parsed.common.path_options();
   const bool merges_in_media =
       features.any_scattering_medium && medium.any() && options.max_depth >= 2 && features.emitters > 0;
-  if (!merges_in_media && connects) return make_vcm_integrator(without_media(settings), features);
+  if (!merges_in_media && connects && parsed.merge_surfaces)
+    return make_vcm_integrator(without_media(settings), features);
 
   std::vector<Rules> sets;
   if (!merges_in_media)
-    sets.push_back({"", planned_without_media(options, features, parsed.common.full_plan()), {}, false});
+    sets.push_back(
+        {"",
+         planned_without_media(connects, parsed.merge_surfaces, options, features, parsed.common.full_plan()),
+         {},
+         false});
   else if (automatic && !parsed.common.full_plan())
     sets = candidates(medium, options, features);
   else

@@ -88,7 +88,7 @@ struct BalancePower {
   static double sum_pending(const Block& block, const MergeFactors& eta) {
     return block.pending + block.pending_surface * eta.surface + block.pending_medium * eta.medium;
   }
-  // The same of a walk under way. survival: of its edge.
+  // The same sum for a walk under way. survival: of its edge.
   static double sum_departure(const Departure& d, const MergeFactors& eta, double /*survival*/) {
     return sum_pending(d.carried, eta);
   }

@@ -27,14 +27,14 @@ struct BeamBalance : BalancePower<1> {
     double long_beams = 0;  // its merges that are to be divided by the survival of the edge under way
   };
 
-  // Of all merges in media at a vertex; wo, wi: away from it.
+  // The sum of all merges in media at a vertex; wo, wi: away from it.
   static double merges(const MediumMerges& m, float hazard, Vec3 wo, Vec3 wi, double light_edge,
                        double eye_edge) {
     const auto h = static_cast<double>(hazard);
     return m.at(h, h, sine_between(wo, wi), light_edge, eye_edge);
   }
 
-  // The same of a walk that leaves a vertex. survival: of the edge that it arrived by.
+  // The same for a walk that leaves a vertex. survival: of the edge that it arrived by.
   static MediumMerges::Leaving leaving(const MediumMerges& m, bool from_light, float hazard, Vec3 wo, Vec3 wi,
                                        float survival) {
     return m.leaving(from_light, static_cast<double>(hazard), sine_between(wo, wi),
@@ -73,7 +73,8 @@ struct BeamBalance : BalancePower<1> {
     d.carried.pending_medium += merges.known;
     d.long_beams = merges.beams;
   }
-  // With the merges at the vertex left that count the survival of the edge under way.
+  // The pending merges in media. Those of long beams at the vertex left are divided by `survival`, of the
+  // edge under way.
   static double pending_medium(const Departure& d, double survival) {
     return d.carried.pending_medium + d.long_beams / std::max(survival, MediumMerges::kLeastSurvival);
   }

@@ -12,11 +12,11 @@ namespace candela::transport {
 // The first word is the light's entity, the second the eye's.
 struct MediumMerges {
   double point_point = 0, point_beam = 0, beam_point = 0, beam_beam = 0;
-  // Of light's and of the eye's: whether they go on behind the end of their flight. A long beam does not
-  // choose whether it gets to a place either, so that its merges divide by the survival of its edge, too.
+  // Whether light's and the eye's beams go on behind the end of their flight. A long beam does not choose
+  // whether it gets to a place either, so that its merges divide by the survival of its edge, too.
   bool long_photon_beams = false, long_query_beams = false;
 
-  // Survivals below it count as it: a walk gets so far once in 1e30 times.
+  // The least survival that counts. Smaller ones would let the quotients overflow.
   static constexpr double kLeastSurvival = 1e-30;
   double light_survival(double edge) const { return long_photon_beams ? std::max(edge, kLeastSurvival) : 1; }
   double eye_survival(double edge) const { return long_query_beams ? std::max(edge, kLeastSurvival) : 1; }
@@ -33,8 +33,9 @@ struct MediumMerges {
     return point_point + of_eye * point_beam + of_light * beam_point + of_light * of_eye * sine * beam_beam;
   }
 
-  // The same at a vertex of a walk which has chosen its direction: `known`, and what is to be divided by the
-  // survival of the edge that it leaves by. survival: of the edge that it arrived by.
+  // The same sum at a vertex that a walk leaves, in two parts: `beams` is to be divided by the survival of
+  // the edge that the walk leaves by, which it knows when it arrives at the next vertex. survival: of the
+  // edge that it arrived by.
   struct Leaving {
     double known = 0, beams = 0;
   };

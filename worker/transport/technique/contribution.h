@@ -50,8 +50,8 @@ struct ConnectContext {
 
 enum class SubpathOf : std::uint8_t { light, eye };
 
-// What merges at the vertex v of a subpath count, where a path turns between v.wo and wi: in the unit of
-// Mis::sum. survival: of the edge along wi.
+// The sum of the eta of merges at the vertex v of a subpath, if the path turns between v.wo and wi: in the
+// unit of Mis::sum. survival: of the edge along wi.
 template <class Mis>
 double merges_at(const ConnectContext& c, [[maybe_unused]] SubpathOf side, const ScatterPoint& v,
                  [[maybe_unused]] Vec3 wi, [[maybe_unused]] double survival, const MergeFactors& eta) {

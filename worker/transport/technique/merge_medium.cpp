@@ -23,7 +23,7 @@ Spectrum short_beam(const scene::Medium& medium, Spectrum throughput,
   return medium.transmittance({{}, {0, 0, 1}, s}, unread) * (1 / passes);
 }
 
-// The carrier of a beam that began with this throughput, over that.
+// The carrier of a beam over the throughput that it began with.
 Spectrum carrier(bool is_long, const scene::Medium& medium, Spectrum throughput,
                  std::span<const scene::FlightStep> steps, float s) {
   if (!is_long) return short_beam(medium, throughput, steps, s);
@@ -52,8 +52,8 @@ bool hazards_differ(const MediumMerges& eta, const scene::Medium& medium) {
 
 }  // namespace
 
-// Of light's copy of a merged vertex at s along the beam. pdf_to_light: with which the eye's walk would take
-// the beam's way.
+// Light's copy of a merged vertex at s along the beam. pdf_to_light: with which the eye's walk would take the
+// beam's way.
 MediumGather::LightCopy MediumGather::light_copy(const PhotonBeam& beam, double s,
                                                  const scene::Medium& medium, double pdf_to_light) const {
   const double hazard = hazard_at(medium, beam, s);
@@ -71,7 +71,7 @@ MediumGather::LightCopy MediumGather::light_copy(const PhotonBeam& beam, double 
           BeamBalance::sum(light_block(start, maps_.factors, v, hazard, direct), pdf_to_light, kUnit)};
 }
 
-// The same of a photon. eye_hazard: of the eye's copy, which is light's as well unless hazards differ.
+// The copy that a photon is. eye_hazard: of the eye's copy, which is light's as well unless hazards differ.
 MediumGather::LightCopy MediumGather::light_copy(const Photon<MisBlock>& photon, double eye_hazard,
                                                  bool hazards_differ, double pdf_to_light) const {
   return {hazards_differ ? static_cast<double>(maps_.points->hazard(photon)) : eye_hazard,
