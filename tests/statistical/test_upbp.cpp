@@ -143,7 +143,7 @@ TEST(Upbp, AgreesWithBdpt) {
     check("1", "short");
     if (again) check("0.2", "short");
     if (name != "smoke") check("1", "long");
-    if (name == "fog-thin") check("1", "short", "false");
+    if (name == "fog-glass") check("1", "short", "false");
   }
 }
 
