@@ -1,6 +1,7 @@
 // Media at the ends of what floats hold: mean free paths of 1e-6 and of 1e9, and a million boundaries. All
-// integrators with iterations, upbp with each technique; a rejected sample (NaN, infinity) fails.
-// Comparisons allow 5 standard errors and a bias that is named: below 6e-7 each by chance, fewer than 40.
+// integrators with iterations, upbp with each technique and with long beams; a rejected sample (NaN,
+// infinity) fails. Comparisons allow 5 standard errors and a bias that is named: below 6e-7 each by chance,
+// fewer than 40.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -29,6 +30,7 @@ std::vector<Method> methods() {
                              {"fppm", {}, false}, {"vcmplus", {}, true}, {"optimis", {}, false}};
   for (const char* techniques : {"all", "pp3d", "pb2d", "bp2d", "bb1d"})
     all.push_back({"upbp", {{"techniques", techniques}}, std::string_view(techniques) == "all"});
+  all.push_back({"upbp", {{"techniques", "all"}, {"query_beams", "long"}, {"photon_beams", "long"}}, true});
   return all;
 }
 
@@ -90,7 +92,8 @@ void expect_agree(const Mean& a, const Mean& b, double bias, const std::string& 
 
 std::string called(const Method& method) {
   const auto techniques = method.settings.find("techniques");
-  return techniques == method.settings.end() ? method.integrator : "upbp " + techniques->second;
+  if (techniques == method.settings.end()) return method.integrator;
+  return "upbp " + techniques->second + (method.settings.contains("query_beams") ? ", long beams" : "");
 }
 
 // A camera that sees a floor through `body`, below a lamp.
