@@ -357,7 +357,7 @@ class Scheduler {
   bool can_run(const WorkerState& worker, const Job& job) const {
     return can_run(worker, job.row.settings.isa);
   }
-  // Of many workers as it was up to a quarter of a second ago, unless one came, left or changed.
+  // The count of many workers may be a quarter of a second old, unless one came, left or changed since.
   std::uint64_t active_workers(const Job& job, Now now);
   std::vector<Job*> candidates(const WorkerState& worker, const std::vector<std::string>& warm, Now now);
   UnitState* pick(Job& job, const WorkerState& worker, bool prefetch, Now now);

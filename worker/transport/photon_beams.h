@@ -36,8 +36,8 @@ inline bool has_beams(const scene::Medium& medium) {
   return (medium.max_sigma_t() * medium.max_albedo()).max_component() > 0;
 }
 
-// Where the beam of a crossing ends, along its ray. A long one ends at the latest where nothing is left of
-// any channel that scatters. Precondition of is_long: the medium is homogeneous and has_beams().
+// The place along the ray of a crossing at which its beam ends. A long one ends at the latest when nothing is
+// left of any channel that scatters. Precondition of is_long: the medium is homogeneous and has_beams().
 float beam_end(const Crossing& crossing, const scene::Medium& medium, bool is_long);
 
 // What one chunk of light paths leaves, in the order of its paths.
