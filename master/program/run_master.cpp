@@ -88,8 +88,8 @@ Result<MasterOptions> resolve(const DaemonSettings& settings, const Texts& texts
 void bound_freed_memory() {
   ::mallopt(M_MMAP_THRESHOLD, 256 << 10);
   ::mallopt(M_TRIM_THRESHOLD, 64 << 20);
-  // Fewer arenas than threads: a thread that the system stops inside malloc stops those of its arena, which
-  // may hold the scheduler's lock.
+  // Few arenas bound the memory. Fewer still let threads wait for one that the system stopped inside malloc,
+  // even the one that holds the scheduler's lock.
   ::mallopt(M_ARENA_MAX, 8);
 }
 
