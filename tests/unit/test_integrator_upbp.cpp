@@ -48,7 +48,7 @@ TEST(UpbpChoice, LeastErrorTimesCostIsChosen) {
 }
 
 // Claim: a film with eight times as many light paths pays eight times as much for merges with points and the
-// leaves that those points fill, twice as much for other leaves of points, which are half as wide, an eighth
+// nodes that those points fill, twice as much for other nodes of points, which are half as wide, an eighth
 // a pixel for building trees of beams, and the same for all else.
 TEST(UpbpChoice, CostIsThatOfTheJobsFilm) {
   const auto cost_of = [](std::uint64_t WorkCounts::*count, double density) {
@@ -59,13 +59,13 @@ TEST(UpbpChoice, CostIsThatOfTheJobsFilm) {
   using Case = std::pair<std::uint64_t WorkCounts::*, double>;
   for (const auto& [count, ratio] :
        {Case{&WorkCounts::rays, 1}, Case{&WorkCounts::queries, 1}, Case{&WorkCounts::points, 1},
-        Case{&WorkCounts::beam_leaves, 1}, Case{&WorkCounts::beam_merges, 1},
-        Case{&WorkCounts::point_leaves, 2}, Case{&WorkCounts::pieces, 0.125}}) {
+        Case{&WorkCounts::searched, 1}, Case{&WorkCounts::beam_nodes, 1}, Case{&WorkCounts::beam_merges, 1},
+        Case{&WorkCounts::point_nodes, 2}, Case{&WorkCounts::pieces, 0.125}}) {
     EXPECT_GT(cost_of(count, 1), 0);
     EXPECT_NEAR(cost_of(count, 8), ratio * cost_of(count, 1), 1e-9 * cost_of(count, 8));
   }
-  const double merge = cost_of(&WorkCounts::point_merges, 1), leaf = cost_of(&WorkCounts::point_leaves, 1);
-  EXPECT_NEAR(cost_of(&WorkCounts::point_merges, 8), 8 * merge + (8 - 2) * leaf / 4, 1e-9 * merge);
+  const double merge = cost_of(&WorkCounts::point_merges, 1), node = cost_of(&WorkCounts::point_nodes, 1);
+  EXPECT_NEAR(cost_of(&WorkCounts::point_merges, 8), 8 * merge + (8 - 2) * node / 8, 1e-9 * merge);
 }
 
 // Claim: of trials that are alike the last is chosen, which has the most techniques.

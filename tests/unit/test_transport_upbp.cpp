@@ -8,6 +8,9 @@
 #include <filesystem>
 #include <limits>
 #include <numbers>
+#include <set>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "common/rng/stream.h"
@@ -58,12 +61,8 @@ TEST(TransportUpbp, TreesFindWhatLiesNear) {
     const QuerySegment s{somewhere(stream, 1), direction(stream), static_cast<float>(uniform(stream) * 3)};
     const float radius = 0.03f;
     std::vector<int> seen(points.size(), 0), near(points.size(), 0);
-    one.near_segment(s, radius, [&](std::uint32_t slot, std::uint32_t end) {
-      for (; slot < end; ++slot) ++seen[order[slot]];
-    });
-    one.near_point(s.origin, radius, [&](std::uint32_t slot, std::uint32_t end) {
-      for (; slot < end; ++slot) ++near[order[slot]];
-    });
+    one.near_segment(s, radius, [&](std::uint32_t slot) { ++seen[order[slot]]; });
+    one.near_point(s.origin, radius, [&](std::uint32_t slot) { ++near[order[slot]]; });
     for (std::size_t i = 0; i < points.size(); ++i) {
       ASSERT_LE(seen[i], 1);
       const Projection at = project(s.origin, s.direction, points[i]);
@@ -83,34 +82,35 @@ TEST(TransportUpbp, TreesFindWhatLiesNear) {
 TEST(TransportUpbp, TreesOfAnySizeHaveTheirItemsAlone) {
   rng::Stream stream(4);
   for (const int count : {1, 3, 4, 5, 31, 32, 33, 255, 256, 257, 2047, 2049}) {
+    std::vector<Vec3> points;
     std::vector<ItemBox> boxes;
     for (int i = 0; i < count; ++i) {
-      const Vec3 p = somewhere(stream, 1);
-      boxes.push_back({p, p});
+      points.push_back(somewhere(stream, 1));
+      boxes.push_back({points.back(), points.back()});
     }
-    BoxTree tree;
-    ASSERT_EQ(tree.build(boxes, 2).size(), boxes.size());
-    std::uint32_t next = 0;
-    const auto visit = [&](std::uint32_t slot, std::uint32_t end) {
-      ASSERT_EQ(slot, next);
-      ASSERT_LT(slot, end);
-      next = end;
-    };
-    for (const float length : {1.0f, std::numeric_limits<float>::infinity()}) {
+    BoxTree of_boxes, of_points;
+    const auto order = of_boxes.build(boxes, 2);
+    EXPECT_EQ(order, of_points.build(points, 1));
+    EXPECT_EQ(std::set<std::uint32_t>(order.begin(), order.end()).size(), boxes.size());
+    for (const BoxTree* tree : {&of_boxes, &of_points}) {
+      std::uint32_t next = 0;
+      const auto visit = [&](std::uint32_t slot) { ASSERT_EQ(slot, next++); };
+      for (const float length : {1.0f, std::numeric_limits<float>::infinity()}) {
+        next = 0;
+        tree->near_segment({somewhere(stream, 1), direction(stream), length}, 10, visit);
+        EXPECT_EQ(next, boxes.size()) << count;
+      }
       next = 0;
-      tree.near_segment({somewhere(stream, 1), direction(stream), length}, 10, visit);
+      tree->near_point(somewhere(stream, 1), 10, visit);
       EXPECT_EQ(next, boxes.size()) << count;
     }
-    next = 0;
-    tree.near_point(somewhere(stream, 1), 10, visit);
-    EXPECT_EQ(next, boxes.size()) << count;
   }
 }
 
-// A scene with one medium, so that buffers accept beams.
-std::unique_ptr<scene::Scene> fog() {
-  auto scene = test::load_scene(std::filesystem::path(CANDELA_SOURCE_DIR) /
-                                "tests/statistical/transport/fog-thin.xml");
+// A scene with media, so that buffers accept beams and photons.
+std::unique_ptr<scene::Scene> fog(const char* name = "fog-thin") {  // with one medium
+  auto scene = test::load_scene(std::filesystem::path(CANDELA_SOURCE_DIR) / "tests/statistical/transport" /
+                                (std::string(name) + ".xml"));
   EXPECT_TRUE(scene.ok());
   return std::move(*scene);
 }
@@ -153,6 +153,76 @@ TEST(TransportUpbp, PiecesOfBeamsAreMetOnce) {
     ASSERT_EQ(found, expected);
     ASSERT_EQ(found_by_point, expected_by_point);
     met += found;
+  }
+  EXPECT_GT(met, 500U);
+}
+
+// Claim: photons of a medium within the radius of a place, which is another in each medium, are found once,
+// those of other media never, with and without the tree beside the searches, which finds those beside a
+// segment in any medium; each has the survival it was kept with.
+TEST(TransportUpbp, PhotonsAreFoundInTheirMedium) {
+  const auto scene = fog("fog-null");
+  rng::Stream stream(6);
+  constexpr std::uint32_t kMedia = 3;
+  const float radii[kMedia] = {0.05f, 0.2f, 0.1f};
+  PhotonBuffer<MisBlock> buffers[2];
+  for (int i = 0; i < 3000; ++i) {
+    Vertex<MisBlock> v;
+    v.kind = VertexKind::medium;
+    v.hit.p = somewhere(stream, 1);
+    v.wo = direction(stream);
+    v.medium = i % 7 == 0 ? 1U : 0U;  // the third has none
+    v.throughput = Spectrum(1);
+    v.edges = static_cast<std::uint32_t>(i);  // names it
+    v.survival = static_cast<float>(uniform(stream));
+    ASSERT_TRUE(buffers[i % 2].keep(*scene, v, true));
+  }
+  const PhotonBuffer<MisBlock>* const chunks[] = {&buffers[0], &buffers[1]};
+  PhotonPoints both, searches, tree;
+  ASSERT_TRUE(both.build(chunks, {radii, true, nullptr}, 2).ok());
+  ASSERT_TRUE(searches.build(chunks, {radii, false, nullptr}, 1).ok());
+  ASSERT_TRUE(tree.build(chunks, {{}, true, nullptr}, 1).ok());
+  using Found = std::multiset<std::pair<std::uint32_t, float>>;
+  std::size_t met = 0;
+  for (int query = 0; query < 300; ++query) {
+    const QuerySegment s{somewhere(stream, 1), direction(stream), static_cast<float>(uniform(stream) * 2)};
+    const auto expected = [&](const auto& near) {
+      Found found;
+      for (const PhotonBuffer<MisBlock>& buffer : buffers)
+        for (std::size_t i = 0; i < buffer.size(); ++i)
+          if (near(buffer.photons()[i].medium(), buffer.positions()[i]))
+            found.emplace(buffer.photons()[i].edges, buffer.survivals()[i]);
+      return found;
+    };
+    for (std::uint32_t medium = 0; medium < kMedia; ++medium) {
+      const float radius = radii[medium];
+      const Found wanted = expected([&](std::uint32_t m, Vec3 p) {
+        const Vec3 d = p - s.origin;
+        return m == medium && dot(d, d) <= radius * radius;
+      });
+      for (const PhotonPoints* points : {&both, &searches}) {
+        RangeSearch::Query steps;
+        points->announce(medium, s.origin, radius);
+        points->find(medium, s.origin, radius, steps);
+        Found found;
+        points->near_point(medium, steps, [&](const Photon<MisBlock>& photon, float) {
+          found.emplace(photon.edges, points->survival(photon));
+        });
+        ASSERT_EQ(found, wanted) << medium;
+      }
+      met += wanted.size();
+    }
+    const Found wanted = expected([&](std::uint32_t, Vec3 p) {
+      const Projection at = project(s.origin, s.direction, p);
+      return at.distance_squared < 0.01 && at.along >= 0 && at.along < static_cast<double>(s.length);
+    });
+    for (const PhotonPoints* points : {&both, &tree}) {
+      Found found;
+      points->near_segment(s, 0.1f, [&](const Photon<MisBlock>& photon, const Projection&) {
+        found.emplace(photon.edges, points->survival(photon));
+      });
+      ASSERT_EQ(found, wanted);
+    }
   }
   EXPECT_GT(met, 500U);
 }
@@ -209,28 +279,22 @@ TEST(TransportUpbp, TwoBeamsMeetAsTheClosedFormsSay) {
       const BeamBuffer* const chunks[] = {&buffer};
       PhotonBeams beams;
       ASSERT_TRUE(beams.build(chunks, {&h, 1}, 1).ok());
-      std::vector<ItemBox> boxes;
-      boxes.reserve(ends.size());
-      for (const Vec3 p : ends) boxes.push_back({p, p});
       BoxTree points;
-      const auto order = points.build(boxes, 1);
+      const auto order = points.build(ends, 1);
       double sum_pp = 0, sum_pb = 0, sum_bp = 0, sum_bb = 0;
       for (int j = 0; j < kEye; ++j) {
         const auto length = static_cast<float>(-std::log(1 - uniform(stream)));
         const Vec3 end = eye_origin + eye * length;
         const QuerySegment s{eye_origin, eye, length};
         const double r2 = row.h * row.h;
-        points.near_point(end, h, [&](std::uint32_t slot, std::uint32_t last) {
-          for (; slot < last; ++slot)
-            if (const double d2 = length_squared(Vec3d(ends[order[slot]]) - Vec3d(end)); d2 < r2)
-              sum_pp += static_cast<double>(ball.value(static_cast<float>(d2)));
+        points.near_point(end, h, [&](std::uint32_t slot) {
+          if (const double d2 = length_squared(Vec3d(ends[order[slot]]) - Vec3d(end)); d2 < r2)
+            sum_pp += static_cast<double>(ball.value(static_cast<float>(d2)));
         });
-        points.near_segment(s, h, [&](std::uint32_t slot, std::uint32_t last) {
-          for (; slot < last; ++slot) {
-            const Projection at = project(s.origin, s.direction, ends[order[slot]]);
-            if (at.distance_squared < r2 && at.along >= 0 && at.along < static_cast<double>(length))
-              sum_pb += static_cast<double>(disc.value(static_cast<float>(at.distance_squared)));
-          }
+        points.near_segment(s, h, [&](std::uint32_t slot) {
+          const Projection at = project(s.origin, s.direction, ends[order[slot]]);
+          if (at.distance_squared < r2 && at.along >= 0 && at.along < static_cast<double>(length))
+            sum_pb += static_cast<double>(disc.value(static_cast<float>(at.distance_squared)));
         });
         beams.near_point(end, h, [&](const PhotonBeam&, const Projection& at) {
           sum_bp += static_cast<double>(disc.value(static_cast<float>(at.distance_squared)));
@@ -466,7 +530,8 @@ void expect_values_of_merges(const scene::Scene& scene, const MediumMerges& eta,
   PhotonBeams beams;
   PhotonPoints points;
   ASSERT_TRUE(beams.build(beam_chunks, {&beam_radius, 1}, 1).ok());
-  ASSERT_TRUE(points.build(photon_chunks, &scene, 1).ok());
+  const float ball_radius = 0.25f;
+  ASSERT_TRUE(points.build(photon_chunks, {{&ball_radius, 1}, true, &scene}, 1).ok());
   MediumMaps maps;
   maps.points = &points;
   maps.beams = &beams;
@@ -475,7 +540,10 @@ void expect_values_of_merges(const scene::Scene& scene, const MediumMerges& eta,
 
   MediumGather gather(scene, maps);
   MediumShares found;
-  gather.at_vertex(eye_end, found);
+  gather.announce(eye_end);
+  gather.start(eye_end);
+  found.point_point = gather.finish();
+  found.beam_point = gather.beams_at(eye_end);
   gather.along(flight(eye_start, b, eye_step, eta.long_query_beams), eye_start, found);
   const auto expect = [&](Spectrum got, double own, double kernel, Spectrum carried_here, const char* what) {
     const Spectrum expected =

@@ -106,7 +106,7 @@ class VcmEye : public transport::EyeTechniques {
       sum_ += found.weighted();
   }
   bool vertex(const EyeWalk& walk, const Vertex& v) {
-    if (v.connectible) gather_.announce(v);
+    if (v.connectible) announce(v);
     transport::Contribution found;
     if (v.connectible && v.edges < options_.max_depth) {
       if (techniques_.next_event &&
@@ -115,8 +115,7 @@ class VcmEye : public transport::EyeTechniques {
       if (techniques_.connect && v.edges + 2 <= options_.max_depth) connect_all(walk, v);
     }
     merge();
-    if constexpr (Beams::kMerges) add_merged(beams_.merge_at(v));
-    if (v.connectible) gather_.start(v);
+    if (v.connectible) start(v);
     if constexpr (Statistics::kCollects)
       if (v.connectible && counts_repeats_) transport::count_repeats(side_.maps, *scale_, v, tallies_);
     return true;
@@ -124,10 +123,22 @@ class VcmEye : public transport::EyeTechniques {
   void passed() { merge(); }  // the next vertex takes this one's place
 
  private:
+  // The steps of merging.
+  void announce(const Vertex& v) const {
+    gather_.announce(v);
+    if constexpr (Beams::kMerges) beams_.announce(v);
+  }
+  void start(const Vertex& v) {
+    gather_.start(v);
+    if constexpr (Beams::kMerges) add_merged(beams_.start(v));
+  }
   void merge() {
     const Spectrum found = gather_.finish();
     add_merged(found);
-    if constexpr (Beams::kMerges) merged_on_surfaces_ += found;
+    if constexpr (Beams::kMerges) {
+      merged_on_surfaces_ += found;
+      add_merged(beams_.finish());
+    }
   }
   void add_merged(const Spectrum& found) {
     sum_ += found;

@@ -1,7 +1,7 @@
 #include "worker/transport/box_tree.h"
 
 #include <tbb/parallel_for.h>
-#include <tbb/parallel_sort.h>
+#include <tbb/parallel_invoke.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
@@ -19,81 +19,105 @@ ItemBox both(const ItemBox& a, const ItemBox& b) {
           {std::max(a.high.x, b.high.x), std::max(a.high.y, b.high.y), std::max(a.high.z, b.high.z)}};
 }
 
-// The lowest 21 bits, each followed by two zeros.
-std::uint64_t spread(std::uint64_t x) {
-  x = (x | x << 32) & 0x1f00000000ffffULL;
-  x = (x | x << 16) & 0x1f0000ff0000ffULL;
-  x = (x | x << 8) & 0x100f00f00f00f00fULL;
-  x = (x | x << 4) & 0x10c30c30c30c30c3ULL;
-  return (x | x << 2) & 0x1249249249249249ULL;
-}
-
-struct Coded {
-  std::uint64_t code;
+struct Center {
+  float at[3];
   std::uint32_t index;
-  friend bool operator<(const Coded& a, const Coded& b) {
-    return a.code != b.code ? a.code < b.code : a.index < b.index;
-  }
 };
+
+constexpr std::size_t kAlone = 4096;  // items that are not worth another thread
+
+// Orders the items so that those of each subtree are near each other. A range is cut in two across the
+// longest side of its centers' box. The first part fills its subtree: the greatest power of two that leaves
+// something to the second. No two items are equal, so that the parts do not depend on how they are found.
+void arrange(std::span<Center> items) {
+  constexpr std::size_t kGroup = BoxTree::kWide;
+  if (items.size() <= kGroup) {
+    std::sort(items.begin(), items.end(), [](const Center& a, const Center& b) { return a.index < b.index; });
+    return;
+  }
+  float low[3], high[3];
+  for (int axis = 0; axis < 3; ++axis) low[axis] = high[axis] = items[0].at[axis];
+  for (const Center& item : items)
+    for (int axis = 0; axis < 3; ++axis) {
+      low[axis] = std::min(low[axis], item.at[axis]);
+      high[axis] = std::max(high[axis], item.at[axis]);
+    }
+  int longest = 0;
+  for (int axis = 1; axis < 3; ++axis)
+    if (high[axis] - low[axis] > high[longest] - low[longest]) longest = axis;
+  const std::size_t first = std::bit_ceil(items.size()) / 2;
+  std::nth_element(items.begin(), items.begin() + static_cast<std::ptrdiff_t>(first), items.end(),
+                   [&](const Center& a, const Center& b) {
+                     return a.at[longest] != b.at[longest] ? a.at[longest] < b.at[longest]
+                                                           : a.index < b.index;
+                   });
+  const auto arrange_first = [&] { arrange(items.first(first)); };
+  const auto arrange_rest = [&] { arrange(items.subspan(first)); };
+  if (items.size() > kAlone) {
+    tbb::parallel_invoke(arrange_first, arrange_rest);
+  } else {
+    arrange_first();
+    arrange_rest();
+  }
+}
 
 }  // namespace
 
 std::vector<std::uint32_t> BoxTree::build(std::span<const ItemBox> boxes, unsigned threads) {
+  return build_levels(boxes, false, threads);
+}
+
+std::vector<std::uint32_t> BoxTree::build(std::span<const Vec3> points, unsigned threads) {
+  std::vector<ItemBox> boxes(points.size());
+  std::transform(points.begin(), points.end(), boxes.begin(), [](Vec3 p) { return ItemBox{p, p}; });
+  return build_levels(boxes, true, threads);
+}
+
+std::vector<std::uint32_t> BoxTree::build_levels(std::span<const ItemBox> boxes, bool points,
+                                                 unsigned threads) {
   count_ = static_cast<std::uint32_t>(boxes.size());
-  nodes_.clear();
   levels_ = 0;
   if (count_ == 0) return {};
-  ItemBox all = kEmpty;
-  for (const ItemBox& box : boxes) all = both(all, box);
-  const Vec3d low(all.low), size = Vec3d(all.high) - low;
-  const double longest = std::max({size.x, size.y, size.z});
-  const double scale = longest > 0 ? 2097151.0 / longest : 0;
-
   tbb::task_arena arena(static_cast<int>(std::max(1u, threads)));
-  std::vector<Coded> order(count_);
+  std::vector<Center> order(count_);
   std::vector<std::uint32_t> slots(count_);
   arena.execute([&] {
     tbb::parallel_for(std::uint32_t{0}, count_, [&](std::uint32_t i) {
-      const Vec3d center = (Vec3d(boxes[i].low) + Vec3d(boxes[i].high)) * 0.5 - low;
-      order[i] = {spread(static_cast<std::uint64_t>(center.x * scale)) << 2 |
-                      spread(static_cast<std::uint64_t>(center.y * scale)) << 1 |
-                      spread(static_cast<std::uint64_t>(center.z * scale)),
-                  i};
+      const auto center = [](float a, float b) { return 0.5f * a + 0.5f * b; };
+      const auto& [low, high] = boxes[i];
+      order[i] = {{center(low.x, high.x), center(low.y, high.y), center(low.z, high.z)}, i};
     });
-    tbb::parallel_sort(order.begin(), order.end());  // no two are equal: one order
+    arrange(order);
 
-    std::uint32_t children = (count_ + kLeaf - 1) / kLeaf, nodes = 0;
-    const std::uint32_t leaves = children;
+    const auto nodes_above = [](std::uint32_t children) { return (children + kWide - 1) / kWide; };
+    std::size_t floats = 0;
+    std::uint32_t children = count_;
     do {
-      first_[levels_++] = nodes;
-      children = (children + kWide - 1) / kWide;
-      nodes += children;
+      const bool alike = points && levels_ == 0;
+      level_[levels_] = {floats, alike ? kSide : 2 * kSide, alike ? 0 : kSide};
+      children = nodes_above(children);
+      floats += std::size_t{level_[levels_++].floats} * children;
     } while (children > 1);
-    Node none;
-    for (auto* sides : {&none.low, &none.high})
-      for (auto& side : *sides) std::fill(std::begin(side), std::end(side), kInfinity);
-    nodes_.assign(nodes, none);
-    std::vector<ItemBox> below(leaves);
-    tbb::parallel_for(std::uint32_t{0}, leaves, [&](std::uint32_t leaf) {
-      ItemBox box = kEmpty;
-      for (std::uint32_t slot = leaf * kLeaf; slot < std::min((leaf + 1) * kLeaf, count_); ++slot) {
-        slots[slot] = order[slot].index;
-        box = both(box, boxes[slots[slot]]);
-      }
-      below[leaf] = box;
+    sides_.resize(floats);
+    std::vector<ItemBox> below(count_);
+    tbb::parallel_for(std::uint32_t{0}, count_, [&](std::uint32_t slot) {
+      slots[slot] = order[slot].index;
+      below[slot] = boxes[slots[slot]];
     });
     for (std::uint32_t level = 0; level < levels_; ++level) {
       const auto count = static_cast<std::uint32_t>(below.size());
-      std::vector<ItemBox> here((count + kWide - 1) / kWide);
+      std::vector<ItemBox> here(nodes_above(count));
       tbb::parallel_for(std::uint32_t{0}, static_cast<std::uint32_t>(here.size()), [&](std::uint32_t i) {
-        Node& node = nodes_[first_[level] + i];
+        float* low = sides_.data() + level_[level].first + std::size_t{level_[level].floats} * i;
+        float* high = low + level_[level].high;
+        std::fill(low, low + level_[level].floats, kInfinity);
         ItemBox whole = kEmpty;
         for (std::uint32_t k = 0; k < std::min(kWide, count - kWide * i); ++k) {
           const ItemBox& box = below[kWide * i + k];
           whole = both(whole, box);
-          for (int axis = 0; axis < 3; ++axis) {
-            node.low[axis][k] = box.low[axis];
-            node.high[axis][k] = box.high[axis];
+          for (std::uint32_t axis = 0; axis < 3; ++axis) {
+            low[axis * kWide + k] = box.low[axis];
+            high[axis * kWide + k] = box.high[axis];
           }
         }
         here[i] = whole;

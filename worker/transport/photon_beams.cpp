@@ -1,8 +1,5 @@
 #include "worker/transport/photon_beams.h"
 
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -10,16 +7,9 @@
 namespace candela::transport {
 namespace {
 
-constexpr std::size_t kMostItems = 0x7fffffffu;  // BoxTree's limit
 // Beams in a grid end where they are so many times the grid's size away from it on any side: within a radius
 // of them nothing scatters. In a medium that no surface ends they would have no end.
 constexpr double kBesideGrid = 1;
-
-Error too_many(const char* what) {
-  return usage_error(std::string("an iteration has more than 2^31 ") + what + " in media")
-      .with_field("light_paths")
-      .with_mend("trace fewer light paths per iteration, or set max_depth");
-}
 
 bool finite(Vec3 v) {
   return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
@@ -34,6 +24,12 @@ ItemBox box_between(Vec3d a, Vec3d b) {
 }
 
 }  // namespace
+
+Error too_many_in_media(const char* what) {
+  return usage_error(std::string("an iteration has more than 2^31 ") + what + " in media")
+      .with_field("light_paths")
+      .with_mend("trace fewer light paths per iteration, or set max_depth");
+}
 
 float beam_end(const Crossing& crossing, const scene::Medium& medium, bool is_long) {
   if (!is_long) return crossing.end;
@@ -82,7 +78,7 @@ Result<void> PhotonBeams::build(std::span<const BeamBuffer* const> chunks, std::
   steps_.clear();
   std::size_t steps = 0;
   for (const BeamBuffer* chunk : chunks) steps += chunk->steps().size();
-  if (steps > kMostItems) return too_many("steps of flights");
+  if (steps > BoxTree::kMostItems) return too_many_in_media("steps of flights");
   for (const BeamBuffer* chunk : chunks) {
     const auto first = static_cast<std::uint32_t>(emissions_.size()),
                first_step = static_cast<std::uint32_t>(steps_.size());
@@ -95,7 +91,7 @@ Result<void> PhotonBeams::build(std::span<const BeamBuffer* const> chunks, std::
     starts_.insert(starts_.end(), chunk->starts().begin(), chunk->starts().end());
     emissions_.insert(emissions_.end(), chunk->emissions().begin(), chunk->emissions().end());
   }
-  if (beams_.size() > kMostItems / kMostPieces) return too_many("pieces of photon beams");
+  if (beams_.size() > BoxTree::kMostItems / kMostPieces) return too_many_in_media("pieces of photon beams");
 
   std::vector<Piece> pieces;
   std::vector<ItemBox> boxes;
@@ -123,45 +119,6 @@ std::uint64_t PhotonBeams::bytes() const {
   return tree_.bytes() + pieces_.capacity() * sizeof(Piece) + beams_.capacity() * sizeof(PhotonBeam) +
          starts_.capacity() * sizeof(EdgeStart) + emissions_.capacity() * sizeof(scene::EmissionSample) +
          steps_.capacity() * sizeof(scene::FlightStep);
-}
-
-Result<void> PhotonPoints::build(std::span<const PhotonBuffer<MisBlock>* const> chunks,
-                                 const scene::Scene* scene, unsigned threads) {
-  std::vector<ItemBox> boxes;
-  std::vector<Photon<MisBlock>> photons;
-  for (const PhotonBuffer<MisBlock>* chunk : chunks) {
-    for (const Vec3 p : chunk->positions()) boxes.push_back({p, p});
-    photons.insert(photons.end(), chunk->photons().begin(), chunk->photons().end());
-  }
-  if (photons.size() > kMostItems) return too_many("photons");
-  std::vector<float> survivals;
-  for (const PhotonBuffer<MisBlock>* chunk : chunks)
-    survivals.insert(survivals.end(), chunk->survivals().begin(), chunk->survivals().end());
-  const std::vector<std::uint32_t> order = tree_.build(boxes, threads);
-  positions_.resize(photons.size());
-  photons_.resize(photons.size());
-  survivals_.resize(survivals.size());
-  for (std::size_t slot = 0; slot < order.size(); ++slot) {
-    positions_[slot] = boxes[order[slot]].low;
-    photons_[slot] = photons[order[slot]];
-    if (!survivals.empty()) survivals_[slot] = survivals[order[slot]];
-  }
-  hazards_.clear();
-  if (scene == nullptr) return {};
-  hazards_.resize(photons_.size());
-  tbb::task_arena arena(static_cast<int>(std::max(1u, threads)));
-  arena.execute([&] {
-    tbb::parallel_for(std::size_t{0}, photons_.size(), [&](std::size_t slot) {
-      hazards_[slot] = hazard_of(scene->medium(photons_[slot].medium()).sigma_t(positions_[slot]));
-    });
-  });
-  return {};
-}
-
-std::uint64_t PhotonPoints::bytes() const {
-  return tree_.bytes() + positions_.capacity() * sizeof(Vec3) +
-         photons_.capacity() * sizeof(Photon<MisBlock>) +
-         (hazards_.capacity() + survivals_.capacity()) * sizeof(float);
 }
 
 }  // namespace candela::transport

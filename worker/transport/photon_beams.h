@@ -1,4 +1,4 @@
-// Beams and points that light paths leave in media, in trees (box_tree.h).
+// Beams that light paths leave in media, in a tree (box_tree.h).
 //
 // A short beam ends where its flight ended. At s along it, it carries
 //   throughput T(s) / P(s),     P: the probability that the flight passes s,
@@ -14,13 +14,18 @@
 #include <span>
 #include <vector>
 
+#include "common/base/result.h"
+#include "worker/core/huge_pages.h"
 #include "worker/scene/emitters/emitter.h"
 #include "worker/transport/beams.h"
 #include "worker/transport/box_tree.h"
 #include "worker/transport/edge_start.h"
-#include "worker/transport/photon_map.h"
+#include "worker/transport/vertex.h"
 
 namespace candela::transport {
+
+// An iteration has more than the trees can hold. what: in the plural, that light paths leave.
+Error too_many_in_media(const char* what);
 
 struct PhotonBeam {
   Vec3 origin, direction;  // unit
@@ -86,42 +91,32 @@ class PhotonBeams {
   std::uint64_t bytes() const;
 
   // visit(beam, Projection): beams that pass p within the radius, beside their own length. This and what
-  // follows return how many leaves of the tree were looked into.
+  // follows return how many nodes of the tree were looked into.
   template <class Visit>
   std::uint64_t near_point(Vec3 p, float radius, Visit&& visit) const {
     const double r2 = static_cast<double>(radius) * static_cast<double>(radius);
-    std::uint64_t leaves = 0;
-    tree_.near_point(p, radius, [&](std::uint32_t slot, std::uint32_t end) {
-      ++leaves;
-      for (; slot < end; ++slot) {
-        const Piece& piece = pieces_[slot];
-        const PhotonBeam& beam = beams_[piece.beam];
-        const Projection at = project(beam.origin, beam.direction, p);
-        if (at.distance_squared < r2 && inside(piece, beam, at.along)) visit(beam, at);
-      }
+    return tree_.near_point(p, radius, [&](std::uint32_t slot) {
+      const Piece& piece = pieces_[slot];
+      const PhotonBeam& beam = beams_[piece.beam];
+      const Projection at = project(beam.origin, beam.direction, p);
+      if (at.distance_squared < r2 && inside(piece, beam, at.along)) visit(beam, at);
     });
-    return leaves;
   }
   // visit(beam, Approach): beams whose closest approach to the segment is within the radius, and within the
   // length of both. a of the Approach: the segment.
   template <class Visit>
   std::uint64_t near_segment(const QuerySegment& s, float radius, Visit&& visit) const {
     const auto r = static_cast<double>(radius), end_t = static_cast<double>(s.length);
-    std::uint64_t leaves = 0;
-    tree_.near_segment(s, radius, [&](std::uint32_t slot, std::uint32_t end) {
-      ++leaves;
-      for (; slot < end; ++slot) {
-        const Piece& piece = pieces_[slot];
-        const PhotonBeam& beam = beams_[piece.beam];
-        const LinePair lines(s.origin, s.direction, beam.origin, beam.direction);
-        if (!lines.may_be_within(r)) continue;  // most: the root and two divisions are spared
-        const Approach at = lines.approach();
-        if (at.sine > 0 && at.distance < r && at.along_a >= 0 && at.along_a < end_t &&
-            inside(piece, beam, at.along_b))
-          visit(beam, at);
-      }
+    return tree_.near_segment(s, radius, [&](std::uint32_t slot) {
+      const Piece& piece = pieces_[slot];
+      const PhotonBeam& beam = beams_[piece.beam];
+      const LinePair lines(s.origin, s.direction, beam.origin, beam.direction);
+      if (!lines.may_be_within(r)) return;  // most: the root and two divisions are spared
+      const Approach at = lines.approach();
+      if (at.sine > 0 && at.distance < r && at.along_a >= 0 && at.along_a < end_t &&
+          inside(piece, beam, at.along_b))
+        visit(beam, at);
     });
-    return leaves;
   }
 
  private:
@@ -142,66 +137,11 @@ class PhotonBeams {
   }
 
   BoxTree tree_;
-  std::vector<Piece> pieces_;  // by slot
-  std::vector<PhotonBeam> beams_;
+  HugeVector<Piece> pieces_;  // by slot
+  HugeVector<PhotonBeam> beams_;
   std::vector<EdgeStart> starts_;
   std::vector<scene::EmissionSample> emissions_;
   std::vector<scene::FlightStep> steps_;
-};
-
-// An iteration's photons in media.
-class PhotonPoints {
- public:
-  // scene, where it is not null: the one that hazard() is asked for.
-  Result<void> build(std::span<const PhotonBuffer<MisBlock>* const> chunks, const scene::Scene* scene,
-                     unsigned threads);
-
-  std::size_t size() const { return photons_.size(); }
-  std::uint64_t bytes() const;
-  // Of a photon that a visit saw: that of its place (hazard_of).
-  float hazard(const Photon<MisBlock>& photon) const {
-    return hazards_[static_cast<std::size_t>(&photon - photons_.data())];
-  }
-  // The survival of the edge by which light arrived; 1 if the buffers did not keep it.
-  float survival(const Photon<MisBlock>& photon) const {
-    return survivals_.empty() ? 1.0f : survivals_[static_cast<std::size_t>(&photon - photons_.data())];
-  }
-
-  // visit(photon, squared distance), at most `radius` away.
-  template <class Visit>
-  std::uint64_t near_point(Vec3 p, float radius, Visit&& visit) const {
-    const double r2 = static_cast<double>(radius) * static_cast<double>(radius);
-    std::uint64_t leaves = 0;
-    tree_.near_point(p, radius, [&](std::uint32_t slot, std::uint32_t end) {
-      ++leaves;
-      for (; slot < end; ++slot) {
-        const double d2 = length_squared(Vec3d(positions_[slot]) - Vec3d(p));
-        if (d2 < r2) visit(photons_[slot], d2);
-      }
-    });
-    return leaves;
-  }
-  // visit(photon, its position, Projection): photons whose projection lies on the segment.
-  template <class Visit>
-  std::uint64_t near_segment(const QuerySegment& s, float radius, Visit&& visit) const {
-    const double r2 = static_cast<double>(radius) * static_cast<double>(radius);
-    std::uint64_t leaves = 0;
-    tree_.near_segment(s, radius, [&](std::uint32_t slot, std::uint32_t end) {
-      ++leaves;
-      for (; slot < end; ++slot) {
-        const Projection at = project(s.origin, s.direction, positions_[slot]);
-        if (at.distance_squared < r2 && at.along >= 0 && at.along < static_cast<double>(s.length))
-          visit(photons_[slot], at);
-      }
-    });
-    return leaves;
-  }
-
- private:
-  BoxTree tree_;
-  std::vector<Vec3> positions_;  // by slot
-  std::vector<Photon<MisBlock>> photons_;
-  std::vector<float> hazards_, survivals_;  // empty if nobody asks for them
 };
 
 }  // namespace candela::transport

@@ -9,8 +9,8 @@ namespace candela::integrators::upbp {
 namespace {
 
 // Measured on the scenes of candela-study upbp-scenes.
-constexpr double kOfRay = 600, kOfQuery = 100, kOfLeaf = 50, kOfMerge = 500, kOfItem = 300;
-constexpr double kPointsOfLeaf = transport::BoxTree::kLeaf;
+constexpr double kOfRay = 445, kOfQuery = 30, kOfNode = 9, kOfMerge = 515, kOfItem = 420, kOfSearched = 305;
+constexpr double kPointsOfNode = transport::BoxTree::kWide;
 constexpr int kRounds = 3;            // of weighting trials by their errors
 constexpr double kMeanShare = 0.01;   // of the mean's square, in denominators
 constexpr double kMinError = 1e-12;   // what noise may make negative
@@ -21,11 +21,12 @@ constexpr double kMaxValueError = 1;  // of one value's squared error: outliers 
 double WorkCounts::cost(double density) const {
   const auto of_points = [&](std::uint64_t n) { return density * static_cast<double>(n); };
   const double closer = math::pow(density, 1.0 / 3);
-  const double leaves = closer * static_cast<double>(point_leaves) +
-                        (density - closer) * static_cast<double>(point_merges) / kPointsOfLeaf;
+  const double nodes = closer * static_cast<double>(point_nodes) +
+                       (density - closer) * static_cast<double>(point_merges) / kPointsOfNode;
   return kOfRay * static_cast<double>(rays) + kOfQuery * static_cast<double>(queries) +
-         kOfLeaf * (leaves + static_cast<double>(beam_leaves)) +
+         kOfNode * (nodes + static_cast<double>(beam_nodes)) +
          kOfMerge * (of_points(point_merges) + static_cast<double>(beam_merges)) +
+         kOfSearched * static_cast<double>(searched) +
          kOfItem * (static_cast<double>(points) + static_cast<double>(pieces) / density);
 }
 
@@ -72,7 +73,7 @@ Choice choose(std::span<const Trial> trials) {
     double& value = choice.inefficiency[t];
     choice.cost.push_back(trials.front().cost > 0 ? trials[t].cost / trials.front().cost : 1);
     value = best > 0 ? value / best : 1;
-    if (value <= kAlike) choice.index = t;
+    if (value <= (choice.cost[t] <= kCheap ? kAlike : kAlikeIfDear)) choice.index = t;
   }
   if (trials.back().cost <= kCheap * trials.front().cost) choice.index = trials.size() - 1;
   return choice;

@@ -13,13 +13,13 @@ inline constexpr std::size_t kReplicates = 3;
 struct WorkCounts {
   std::uint64_t rays = 0;
   std::uint64_t queries = 0;
-  std::uint64_t point_leaves = 0, beam_leaves = 0;  // of trees that queries looked into
-  std::uint64_t point_merges = 0, beam_merges = 0;  // pairs that were weighted
-  std::uint64_t points = 0, pieces = 0;             // that trees were built of
+  std::uint64_t point_nodes = 0, beam_nodes = 0;       // of trees that queries looked into
+  std::uint64_t point_merges = 0, beam_merges = 0;     // pairs that were weighted
+  std::uint64_t searched = 0, points = 0, pieces = 0;  // that searches, and trees, were built of
 
   // In nanoseconds of one core, about, of a film of as many pixels whose iteration has `density` times as
   // many light paths: a query meets so many times as many points, and each pixel pays for that share of the
-  // beams, of which an iteration has the same number. Leaves of points become smaller: a query beam crosses
+  // beams, of which an iteration has the same number. Nodes of points become smaller: a query beam crosses
   // more of them as the cube root of the density, and those whose points it meets grow as the merges.
   double cost(double density) const;
 };
@@ -41,10 +41,10 @@ struct Choice {
   std::vector<double> inefficiency;  // of each trial: error times cost, over the least
   std::vector<double> cost;          // of each, over that of the first
 };
-// Inefficiencies up to so many times the least are alike.
-inline constexpr double kAlike = 1.25;
 // So many times the cost of the first trial is cheap.
 inline constexpr double kCheap = 1.5;
+// Inefficiencies up to so many times the least are alike: those of cheap trials, and of others.
+inline constexpr double kAlike = 1.22, kAlikeIfDear = 1.1;
 // The last of those that are alike; but the last of all if it is cheap. Precondition: each trial has all
 // techniques of those before. A small pilot does not see what they gain where light is rare.
 Choice choose(std::span<const Trial> trials);

@@ -128,13 +128,18 @@ class EyeBeams {
     shares_.beam_beam += found.beam_beam;
     return found.point_beam + found.beam_beam;
   }
-  Spectrum merge_at(const transport::Vertex<transport::MisBlock>& v) {
-    if (!v.connectible) return {};
-    transport::MediumShares found;
-    gather_.at_vertex(v, found);
-    shares_.point_point += found.point_point;
-    shares_.beam_point += found.beam_point;
-    return found.point_point + found.beam_point;
+  // At a vertex that is connectible: the steps of MediumGather.
+  void announce(const transport::Vertex<transport::MisBlock>& v) const { gather_.announce(v); }
+  Spectrum start(const transport::Vertex<transport::MisBlock>& v) {
+    gather_.start(v);
+    const Spectrum found = gather_.beams_at(v);
+    shares_.beam_point += found;
+    return found;
+  }
+  Spectrum finish() {
+    const Spectrum found = gather_.finish();
+    shares_.point_point += found;
+    return found;
   }
   // Shares of the path so far.
   const transport::MediumShares& shares() const { return shares_; }

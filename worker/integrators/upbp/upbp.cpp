@@ -167,12 +167,13 @@ Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, c
     const auto stride = static_cast<double>(beam_paths_now.stride);
     std::vector<transport::MediumKernels> kernels;
     std::vector<transport::MediumMerges> eta;
-    std::vector<float> beam_radii;
+    std::vector<float> ball_radii, beam_radii;
     for (std::uint32_t m = 0; m < context.scene.features().media; ++m) {
       const scene::Medium& medium = context.scene.medium(m);
       const transport::MediumRadii radii = medium_radii(rules, context, medium, first, iteration);
       kernels.emplace_back(iterations.merge.kernel, radii);
       eta.push_back(medium_eta(rules, medium, iterations.merge.kernel, radii, paths, paths / stride));
+      ball_radii.push_back(static_cast<float>(radii.point_point));
       beam_radii.push_back(
           static_cast<float>(std::max(rules.bp2d ? radii.beam_point : 0, rules.bb1d ? radii.beam_beam : 0)));
     }
@@ -215,9 +216,12 @@ Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, c
       for (const upbp::Photons& chunk : chunks) buffers.push_back(&chunk.medium);
       // In a grid the weights of merges with photons ask for the hazards of photons, if beams are merged too.
       const bool hazards = rules.beams() && context.scene.features().any_heterogeneous_medium;
-      CANDELA_TRY(points.build(buffers, hazards ? &context.scene : nullptr, run.threads));
+      const std::span<const float> balls(ball_radii.data(), rules.pp3d ? ball_radii.size() : 0);
+      CANDELA_TRY(
+          points.build(buffers, {balls, rules.pb2d, hazards ? &context.scene : nullptr}, run.threads));
       maps.points = &points;
-      measured.work.points += points.size();
+      if (rules.pp3d) measured.work.searched += points.size();
+      if (rules.pb2d) measured.work.points += points.size();
     }
     if (rules.beams()) {
       std::vector<const transport::BeamBuffer*> buffers;
@@ -231,12 +235,12 @@ Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, c
       CANDELA_TRY((merging::run_eye_pass<Eye>(context, iterations, counts, side, {}, unit.half, index, output,
                                               run, progress_part(phase + 1, phases))));
   }
-  const auto& [queries, leaves, merges] = merge_work.sum();
+  const auto& [queries, nodes, merges] = merge_work.sum();
   upbp::WorkCounts& work = measured.work;
   work.rays += output.film->tallies().rays;
   work.queries += queries.point_point + queries.point_beam + queries.beam_point + queries.beam_beam;
-  work.point_leaves += leaves.point_point + leaves.point_beam;
-  work.beam_leaves += leaves.beam_point + leaves.beam_beam;
+  work.point_nodes += nodes.point_point + nodes.point_beam;
+  work.beam_nodes += nodes.beam_point + nodes.beam_beam;
   work.point_merges += merges.point_point + merges.point_beam;
   work.beam_merges += merges.beam_point + merges.beam_beam;
   return {};

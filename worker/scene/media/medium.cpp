@@ -30,7 +30,9 @@ Channels shares(Spectrum channels) {
 Channels transmitted(Spectrum sigma_t, float distance) {
   const Channels sigma = to_array(sigma_t);
   Channels t{};
-  for (std::size_t i = 0; i < 3; ++i) t[i] = math::exp(-sigma[i] * static_cast<double>(distance));
+  for (std::size_t i = 0; i < 3; ++i)
+    t[i] =
+        i > 0 && sigma[i] == sigma[i - 1] ? t[i - 1] : math::exp(-sigma[i] * static_cast<double>(distance));
   return t;
 }
 
@@ -67,7 +69,7 @@ Spectrum Medium::sigma_t_inside(Vec3 p) const {
 
 DistanceSample Medium::sample_homogeneous(float t_max, Spectrum channels, Vec2 u, const Ray& ray) const {
   DistanceSample out;
-  const Channels sigma = to_array(sigma_t_), share = shares(channels);
+  const Channels sigma = to_array(sigma_t_), share = gray_ ? Channels{} : shares(channels);
   std::size_t chosen = 0;
   double rest = static_cast<double>(u.x);  // what the choice of the channel leaves of u.x, uniform again
   if (!gray_) {
@@ -105,7 +107,18 @@ float Medium::pdf_distance(float distance, Spectrum channels) const {
 }
 
 float Medium::prob_pass(float distance, Spectrum channels) const {
-  return static_cast<float>(mixture(shares(channels), transmitted(sigma_t_, distance)));
+  return Stretch(*this, distance).prob_pass(channels);
+}
+
+Medium::Stretch::Stretch(const Medium& medium, float length)
+    : passes_(transmitted(medium.sigma_t_, length)), gray_(medium.gray_) {}
+
+Spectrum Medium::Stretch::transmittance() const {
+  return over(passes_, 1);
+}
+
+float Medium::Stretch::prob_pass(Spectrum channels) const {
+  return static_cast<float>(gray_ ? passes_[0] : mixture(shares(channels), passes_));
 }
 
 DistanceSample Medium::sample_distance(const Ray& ray, Spectrum channels, Vec2 u,
@@ -125,7 +138,7 @@ DistanceSample Medium::sample_distance(const Ray& ray, Spectrum channels, Vec2 u
 
 Spectrum Medium::transmittance(const Ray& ray, rng::Stream& stream) const {
   if (tracking_ != nullptr) return tracking_->transmittance(ray, stream);
-  return over(transmitted(sigma_t_, ray.t_max), 1);
+  return Stretch(*this, ray.t_max).transmittance();
 }
 
 namespace {

@@ -9,6 +9,7 @@
 // which needs a number of draws nobody knows in advance, keys a stream with them.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <vector>
 
@@ -37,6 +38,8 @@ class Medium {
 
   const Phase& phase() const { return phase_; }
   bool homogeneous() const { return tracking_ == nullptr; }
+  // Homogeneous, with the same sigma_t in all channels.
+  bool gray() const { return gray_; }
 
   // Along the ray up to its t_max, where the medium ends or a surface is. channels: how much each colour
   // counts in the choice of the distance, not negative. With the walk's throughput so far, the sum over
@@ -49,6 +52,18 @@ class Medium {
   // probability with which it passes `distance`, in their closed forms.
   float pdf_distance(float distance, Spectrum channels) const;
   float prob_pass(float distance, Spectrum channels) const;
+
+  // A stretch of a homogeneous medium, for callers that ask for more than one of these.
+  class Stretch {
+   public:
+    Stretch(const Medium& medium, float length);
+    Spectrum transmittance() const;
+    float prob_pass(Spectrum channels) const;
+
+   private:
+    std::array<double, 3> passes_;  // by channel
+    bool gray_;
+  };
 
   // Of the ray up to its t_max: exact where homogeneous, else an unbiased estimate in [0, 1].
   Spectrum transmittance(const Ray& ray, rng::Stream& stream) const;
@@ -72,7 +87,7 @@ class Medium {
   Volume albedo_;
   Phase phase_;
   std::shared_ptr<const Tracking> tracking_;  // null: homogeneous
-  bool gray_ = false;                         // homogeneous, the same sigma_t in all channels
+  bool gray_ = false;
 };
 
 // The phase function inside of a medium or a bsdf; isotropic if there is none.

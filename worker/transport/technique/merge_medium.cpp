@@ -1,6 +1,7 @@
 #include "worker/transport/technique/merge_medium.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "worker/transport/between.h"
 #include "worker/transport/walk.h"
@@ -10,30 +11,23 @@ namespace {
 
 constexpr MergeFactors kUnit{0, 1};  // mis/beam_balance.h
 
-// T / P of a short beam that began with this throughput; in a grid the flight's own weight, whose mean over
-// flights that pass s is T / P.
-Spectrum short_beam(const scene::Medium& medium, Spectrum throughput,
-                    std::span<const scene::FlightStep> steps, float s) {
-  if (!medium.homogeneous()) return scene::weight_at(steps, s);
-  const Spectrum sigma_t = medium.sigma_t({});
-  if (sigma_t.r == sigma_t.g && sigma_t.g == sigma_t.b) return Spectrum(1.0f);
-  rng::Stream unread(0);
-  const float passes = medium.prob_pass(s, throughput);
-  if (!(passes > 0)) return {};
-  return medium.transmittance({{}, {0, 0, 1}, s}, unread) * (1 / passes);
-}
-
-// The carrier of a beam over the throughput that it began with.
-Spectrum carrier(bool is_long, const scene::Medium& medium, Spectrum throughput,
-                 std::span<const scene::FlightStep> steps, float s) {
-  if (!is_long) return short_beam(medium, throughput, steps, s);
-  rng::Stream unread(0);
-  return medium.transmittance({{}, {0, 0, 1}, s}, unread);
-}
-
-// What the walks' weights count for the stretch from a beam's beginning.
-double survival(const scene::Medium& medium, double s) {
-  return static_cast<double>(stretch_survival(medium, {{}, {0, 0, 1}, static_cast<float>(s)}));
+// What a merge asks of the stretch of a beam from its beginning to s.
+struct BeamStretch {
+  // The beam's throughput over that which it began with: T of a long beam, T / P of a short one; in a grid
+  // the flight's own weight, whose mean over flights that pass s is T / P.
+  Spectrum carrier;
+  double survival;  // stretch_survival
+};
+BeamStretch stretch_of(bool is_long, const scene::Medium& medium, Spectrum throughput,
+                       std::span<const scene::FlightStep> steps, double s) {
+  const auto length = static_cast<float>(s);
+  if (!medium.homogeneous()) return {scene::weight_at(steps, length), 1};
+  const scene::Medium::Stretch passed(medium, length);
+  const auto survival = static_cast<double>(passed.prob_pass(Spectrum(1.0f)));
+  if (is_long) return {passed.transmittance(), survival};
+  if (medium.gray()) return {Spectrum(1.0f), survival};
+  const float passes = passed.prob_pass(throughput);
+  return {passes > 0 ? passed.transmittance() * (1 / passes) : Spectrum(), survival};
 }
 
 Vec3d place(Vec3 origin, Vec3 direction, double s) {
@@ -55,11 +49,12 @@ bool hazards_differ(const MediumMerges& eta, const scene::Medium& medium) {
 // Light's copy of a merged vertex at s along the beam. pdf_to_light: with which the eye's walk would take the
 // beam's way.
 MediumGather::LightCopy MediumGather::light_copy(const PhotonBeam& beam, double s,
-                                                 const scene::Medium& medium, double pdf_to_light) const {
+                                                 const scene::Medium& medium, double survival,
+                                                 double pdf_to_light) const {
   const double hazard = hazard_at(medium, beam, s);
   const EdgeStart& start = maps_.beams->start(beam);
   const Vec3d p = place(beam.origin, beam.direction, s);
-  const EdgeVertex v = vertex_on(start, p, hazard, survival(medium, s));
+  const EdgeVertex v = vertex_on(start, p, hazard, survival);
   double direct = 0;
   if (start.edges == 1) {
     SurfaceHit hit;
@@ -88,63 +83,80 @@ void MergeWork::add(const MergeWork& other) {
   };
   add_all(queries, other.queries);
   add_all(merges, other.merges);
-  add_all(leaves, other.leaves);
+  add_all(nodes, other.nodes);
 }
 
-void MediumGather::at_vertex(const Vertex<MisBlock>& v, MediumShares& shares) {
-  if (v.on_surface() || v.edges >= maps_.max_edges) return;
+// The weight of a merge of eta `own` at v with light from w.
+double MediumGather::weight_at(const Vertex<MisBlock>& v, double own, const LightCopy& light, Vec3 w) const {
+  const auto reverse = static_cast<double>(scene_.medium(v.medium).phase().pdf_solid_angle(w, v.wo));
+  const double merges =
+      maps_.factors.medium[v.medium].at(light.hazard, static_cast<double>(v.arrival), sine_between(v.wo, w),
+                                        light.survival, static_cast<double>(v.survival));
+  return own / (merges + light.sum + BeamBalance::sum(v.mis, reverse, kUnit));
+}
+
+void MediumGather::announce(const Vertex<MisBlock>& v) const {
+  if (wants_points(v))
+    maps_.points->announce(v.medium, v.hit.p, static_cast<float>(maps_.kernels[v.medium].radii.point_point));
+}
+
+void MediumGather::start(const Vertex<MisBlock>& v) {
+  if (!wants_points(v)) return;
+  v_ = &v;
+  ++work_.queries.point_point;
+  maps_.points->find(v.medium, v.hit.p, static_cast<float>(maps_.kernels[v.medium].radii.point_point),
+                     query_);
+}
+
+Spectrum MediumGather::finish() {
+  if (v_ == nullptr) return {};
+  const Vertex<MisBlock>& v = *std::exchange(v_, nullptr);
   const std::uint32_t light_edges = maps_.max_edges - v.edges;
   const scene::Medium& medium = scene_.medium(v.medium);
   const scene::Phase& phase = medium.phase();
-  const auto hazard = static_cast<double>(v.arrival);
   const MediumMerges& eta = maps_.factors.medium[v.medium];
-  const MediumKernels& kernels = maps_.kernels[v.medium];
+  const BallKernel& ball = maps_.kernels[v.medium].ball;
   const bool photon_hazards = hazards_differ(eta, medium);
-  // The weight of a merge of this eta with light from w.
-  const auto weight = [&](double own, const LightCopy& light, Vec3 w) {
-    const auto reverse = static_cast<double>(phase.pdf_solid_angle(w, v.wo));
-    const double merges =
-        eta.at(light.hazard, hazard, sine_between(v.wo, w), light.survival, static_cast<double>(v.survival));
-    return own / (merges + light.sum + BeamBalance::sum(v.mis, reverse, kUnit));
-  };
-  const Spectrum scale = v.throughput * maps_.per_path;
-  if (eta.point_point > 0) {
-    Spectrum sum;
-    ++work_.queries.point_point;
-    work_.leaves.point_point += maps_.points->near_point(
-        v.hit.p, static_cast<float>(kernels.radii.point_point),
-        [&](const Photon<MisBlock>& photon, double d2) {
-          if (photon.medium() != v.medium || photon.edges > light_edges) return;
-          const float factor = phase.eval(v.wo, photon.wo) * kernels.ball.value(static_cast<float>(d2));
-          if (factor == 0) return;
-          ++work_.merges.point_point;
-          const auto forward = static_cast<double>(phase.pdf_solid_angle(v.wo, photon.wo));
-          const LightCopy light = light_copy(photon, hazard, photon_hazards, forward);
-          sum += photon.flux * (factor * static_cast<float>(weight(eta.point_point, light, photon.wo)));
-        });
-    shares.point_point += scale * sum;
-  }
-  if (eta.beam_point > 0 && has_beams(medium)) {
-    Spectrum sum;
-    ++work_.queries.beam_point;
-    work_.leaves.beam_point += maps_.beams->near_point(
-        v.hit.p, static_cast<float>(kernels.radii.beam_point), [&](const PhotonBeam& beam, Projection at) {
-          if (beam.medium != v.medium || beam.edges > light_edges) return;
-          const Vec3 w = -beam.direction;
-          const float factor =
-              phase.eval(v.wo, w) * kernels.beam_point.value(static_cast<float>(at.distance_squared));
-          if (factor == 0) return;
-          ++work_.merges.beam_point;
-          const auto forward = static_cast<double>(phase.pdf_solid_angle(v.wo, w));
-          const LightCopy light = light_copy(beam, at.along, medium, forward);
-          const double own = eta.beam_point / (light.hazard * eta.light_survival(light.survival));
-          sum += beam.throughput *
-                 carrier(eta.long_photon_beams, medium, beam.throughput, maps_.beams->steps(beam),
-                         static_cast<float>(at.along)) *
-                 (factor * maps_.paths_per_beam_path * static_cast<float>(weight(own, light, w)));
-        });
-    shares.beam_point += scale * sum;
-  }
+  Spectrum sum;
+  maps_.points->near_point(v.medium, query_, [&](const Photon<MisBlock>& photon, float d2) {
+    if (photon.edges > light_edges) return;
+    const float factor = phase.eval(v.wo, photon.wo) * ball.value(d2);
+    if (factor == 0) return;
+    ++work_.merges.point_point;
+    const auto forward = static_cast<double>(phase.pdf_solid_angle(v.wo, photon.wo));
+    const LightCopy light = light_copy(photon, static_cast<double>(v.arrival), photon_hazards, forward);
+    sum += photon.flux * (factor * static_cast<float>(weight_at(v, eta.point_point, light, photon.wo)));
+  });
+  return v.throughput * maps_.per_path * sum;
+}
+
+Spectrum MediumGather::beams_at(const Vertex<MisBlock>& v) {
+  if (v.on_surface() || v.edges >= maps_.max_edges) return {};
+  const MediumMerges& eta = maps_.factors.medium[v.medium];
+  const scene::Medium& medium = scene_.medium(v.medium);
+  if (!(eta.beam_point > 0) || !has_beams(medium)) return {};
+  const std::uint32_t light_edges = maps_.max_edges - v.edges;
+  const scene::Phase& phase = medium.phase();
+  const MediumKernels& kernels = maps_.kernels[v.medium];
+  Spectrum sum;
+  ++work_.queries.beam_point;
+  work_.nodes.beam_point += maps_.beams->near_point(
+      v.hit.p, static_cast<float>(kernels.radii.beam_point), [&](const PhotonBeam& beam, Projection at) {
+        if (beam.medium != v.medium || beam.edges > light_edges) return;
+        const Vec3 w = -beam.direction;
+        const float factor =
+            phase.eval(v.wo, w) * kernels.beam_point.value(static_cast<float>(at.distance_squared));
+        if (factor == 0) return;
+        ++work_.merges.beam_point;
+        const auto forward = static_cast<double>(phase.pdf_solid_angle(v.wo, w));
+        const BeamStretch stretch =
+            stretch_of(eta.long_photon_beams, medium, beam.throughput, maps_.beams->steps(beam), at.along);
+        const LightCopy light = light_copy(beam, at.along, medium, stretch.survival, forward);
+        const double own = eta.beam_point / (light.hazard * eta.light_survival(light.survival));
+        sum += beam.throughput * stretch.carrier *
+               (factor * maps_.paths_per_beam_path * static_cast<float>(weight_at(v, own, light, w)));
+      });
+  return v.throughput * maps_.per_path * sum;
 }
 
 void MediumGather::along(const Crossing& crossing, const EdgeStart& start, MediumShares& shares) {
@@ -164,21 +176,21 @@ void MediumGather::along(const Crossing& crossing, const EdgeStart& start, Mediu
   const bool photon_hazards = hazards_differ(eta, medium);
   // The eye's copy of a vertex at t.
   struct EyePlace {
-    double t, hazard;
+    double t, hazard, survival;
     Spectrum scattered;  // sigma_s, with the beam's carrier up to there
   };
   const auto eye_place = [&](double t) {
     const Vec3 p(place(query.origin, query.direction, t));
     const Spectrum sigma_t = medium.sigma_t_inside(p);
-    return EyePlace{
-        t, static_cast<double>(hazard_of(sigma_t)),
-        sigma_t * medium.albedo(p) *
-            carrier(eta.long_query_beams, medium, segment.throughput, crossing.steps, static_cast<float>(t))};
+    const BeamStretch stretch =
+        stretch_of(eta.long_query_beams, medium, segment.throughput, crossing.steps, t);
+    return EyePlace{t, static_cast<double>(hazard_of(sigma_t)), stretch.survival,
+                    sigma_t * medium.albedo(p) * stretch.carrier};
   };
   // The weight of a merge there. own: its eta, without the eye's hazard and survival.
   const auto weight = [&](double own, const EyePlace& eye, const LightCopy& light, Vec3 w) {
     const EdgeVertex v =
-        vertex_on(start, place(query.origin, query.direction, eye.t), eye.hazard, survival(medium, eye.t));
+        vertex_on(start, place(query.origin, query.direction, eye.t), eye.hazard, eye.survival);
     own /= eye.hazard * eta.eye_survival(v.survival);
     const auto reverse = static_cast<double>(phase.pdf_solid_angle(w, wo));
     const double sum_eye = BeamBalance::sum(eye_block(start, maps_.factors, v, eye.hazard), reverse, kUnit);
@@ -189,7 +201,7 @@ void MediumGather::along(const Crossing& crossing, const EdgeStart& start, Mediu
   if (eta.point_beam > 0) {
     Spectrum sum;
     ++work_.queries.point_beam;
-    work_.leaves.point_beam += maps_.points->near_segment(
+    work_.nodes.point_beam += maps_.points->near_segment(
         query, static_cast<float>(kernels.radii.point_beam),
         [&](const Photon<MisBlock>& photon, Projection at) {
           if (photon.medium() != segment.medium || photon.edges > light_edges) return;
@@ -209,7 +221,7 @@ void MediumGather::along(const Crossing& crossing, const EdgeStart& start, Mediu
   if (eta.beam_beam > 0) {
     Spectrum sum;
     ++work_.queries.beam_beam;
-    work_.leaves.beam_beam += maps_.beams->near_segment(
+    work_.nodes.beam_beam += maps_.beams->near_segment(
         query, static_cast<float>(kernels.radii.beam_beam), [&](const PhotonBeam& beam, const Approach& at) {
           if (beam.medium != segment.medium || beam.edges > light_edges) return;
           const Vec3 w = -beam.direction;
@@ -222,12 +234,11 @@ void MediumGather::along(const Crossing& crossing, const EdgeStart& start, Mediu
           if (eye.scattered.is_black()) return;
           ++work_.merges.beam_beam;
           const auto forward = static_cast<double>(phase.pdf_solid_angle(wo, w));
-          const LightCopy light = light_copy(beam, at.along_b, medium, forward);
+          const BeamStretch stretch = stretch_of(eta.long_photon_beams, medium, beam.throughput,
+                                                 maps_.beams->steps(beam), at.along_b);
+          const LightCopy light = light_copy(beam, at.along_b, medium, stretch.survival, forward);
           const double own = eta.beam_beam * at.sine / (light.hazard * eta.light_survival(light.survival));
-          sum += beam.throughput *
-                 carrier(eta.long_photon_beams, medium, beam.throughput, maps_.beams->steps(beam),
-                         static_cast<float>(at.along_b)) *
-                 eye.scattered * maps_.paths_per_beam_path *
+          sum += beam.throughput * stretch.carrier * eye.scattered * maps_.paths_per_beam_path *
                  static_cast<float>(factor * weight(own, eye, light, w));
         });
     shares.beam_beam += scale * sum;

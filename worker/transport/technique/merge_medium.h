@@ -16,6 +16,7 @@
 
 #include "worker/transport/kernels.h"
 #include "worker/transport/photon_beams.h"
+#include "worker/transport/photon_points.h"
 
 namespace candela::transport {
 
@@ -47,7 +48,7 @@ using MediumShares = ByMerge<Spectrum>;
 
 // Counts of the work of merging, the same on every machine.
 struct MergeWork {
-  ByMerge<std::uint64_t> queries, leaves, merges;  // leaves: of trees that queries looked into
+  ByMerge<std::uint64_t> queries, nodes, merges;  // nodes: of trees that queries looked into; P-P3D has none
 
   void add(const MergeWork& other);
 };
@@ -68,29 +69,40 @@ class MediumGather {
  public:
   MediumGather(const scene::Scene& scene, const MediumMaps& maps) : scene_(scene), maps_(maps) {}
 
-  // At a vertex in a medium: P-P3D and B-P2D. Weighted, v.throughput included. Adds to shares.
-  void at_vertex(const Vertex<MisBlock>& v, MediumShares& shares);
-  // Along a query beam: P-B2D and B-B1D. start: of its edge.
+  // P-P3D at an eye's vertex that is connectible, in steps: announce() when the vertex is made, start() after
+  // other work, finish() before the vertex goes. Results are weighted, v.throughput included.
+  void announce(const Vertex<MisBlock>& v) const;
+  void start(const Vertex<MisBlock>& v);
+  Spectrum finish();
+  // B-P2D at such a vertex.
+  Spectrum beams_at(const Vertex<MisBlock>& v);
+  // Along a query beam: P-B2D and B-B1D. start: of its edge. Adds to shares.
   void along(const Crossing& crossing, const EdgeStart& start, MediumShares& shares);
   // The work of all paths so far.
   const MergeWork& work() const { return work_; }
 
  private:
-  struct EyeBeam;
   // Light's copy of a merged vertex.
   struct LightCopy {
     double hazard;
     double survival;  // of the edge by which light's subpath arrives
     double sum;       // of all techniques with fewer vertices from the light than the merge, relative to it
   };
-  LightCopy light_copy(const PhotonBeam& beam, double s, const scene::Medium& medium,
+  LightCopy light_copy(const PhotonBeam& beam, double s, const scene::Medium& medium, double survival,
                        double pdf_to_light) const;
   LightCopy light_copy(const Photon<MisBlock>& photon, double eye_hazard, bool hazards_differ,
                        double pdf_to_light) const;
 
+  bool wants_points(const Vertex<MisBlock>& v) const {
+    return !v.on_surface() && v.edges < maps_.max_edges && maps_.factors.medium[v.medium].point_point > 0;
+  }
+  double weight_at(const Vertex<MisBlock>& v, double own, const LightCopy& light, Vec3 w) const;
+
   const scene::Scene& scene_;
   const MediumMaps& maps_;
   MergeWork work_;
+  const Vertex<MisBlock>* v_ = nullptr;  // started
+  RangeSearch::Query query_;
 };
 
 }  // namespace candela::transport
