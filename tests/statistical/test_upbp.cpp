@@ -483,8 +483,8 @@ TEST(Upbp, PlanTellsTheMemoryOfPhotonsAndBeams) {
     return Told{number("photons in media "), number(", beams ")};
   };
   // Each is held twice, by its chunk and in the order of a tree or a search. Eight photons share a node of 96
-  // bytes, eight nodes one of 192; a search holds a photon's place and at most four bytes of buckets. Beside a
-  // tree it holds the photon's number, too. kRim: nodes that are not full.
+  // bytes, eight nodes one of 192; a search holds a photon's place and at most four bytes of buckets. Beside
+  // a tree it holds the photon's number, too. kRim: nodes that are not full.
   constexpr double kPhoton = 2 * (sizeof(Vec3) + sizeof(transport::Photon<transport::MisBlock>));
   constexpr double kTree = 12.0 + 3.0 * 8 / 7, kSearch = sizeof(Vec3) + 4, kRim = 400;
   constexpr double kBeam =

@@ -123,8 +123,8 @@ class BoxTree {
     return 1 / (std::abs(d) > 1e-20f ? d : std::copysign(1e-20f, d));  // no product of 0 and infinity
   }
 
-  // overlaps(node): a bit for each child. Many nodes of a level are known before the first of them is looked into,
-  // so that they come from memory together; those below it are finished before those behind it.
+  // overlaps(node): a bit for each child. Many nodes of a level are known before the first of them is looked
+  // into, so that they come from memory together; those below it are finished before those behind it.
   template <class Overlaps, class Visit>
   std::uint64_t traverse(const Overlaps& overlaps, Visit& visit) const {
     if (count_ == 0) return 0;
