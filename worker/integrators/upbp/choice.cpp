@@ -30,6 +30,23 @@ double WorkCounts::cost(double density) const {
          kOfItem * (static_cast<double>(points) + static_cast<double>(pieces) / density);
 }
 
+std::vector<float> means_of_squares(std::span<const float> image, std::uint32_t width, std::uint32_t height) {
+  const std::uint32_t side = std::clamp(std::min(width, height) / kLeastSquares, 1U, kSquare);
+  std::vector<float> means;
+  for (std::uint32_t top = 0; top < height; top += side)
+    for (std::uint32_t left = 0; left < width; left += side) {
+      const std::uint32_t bottom = std::min(top + side, height), right = std::min(left + side, width);
+      double sum[3] = {};
+      for (std::uint32_t y = top; y < bottom; ++y)
+        for (std::uint32_t x = left; x < right; ++x)
+          for (std::size_t c = 0; c < 3; ++c)
+            sum[c] += static_cast<double>(image[3 * (std::size_t{y} * width + x) + c]);
+      const auto pixels = static_cast<double>((bottom - top) * (right - left));
+      for (const double of_channel : sum) means.push_back(static_cast<float>(of_channel / pixels));
+    }
+  return means;
+}
+
 std::vector<double> trial_errors(std::span<const Trial> trials) {
   const std::size_t values = trials.empty() ? 0 : trials[0].images[0].size();
   std::vector<double> errors(trials.size(), 1.0), truth(values * kReplicates);
@@ -73,9 +90,8 @@ Choice choose(std::span<const Trial> trials) {
     double& value = choice.inefficiency[t];
     choice.cost.push_back(trials.front().cost > 0 ? trials[t].cost / trials.front().cost : 1);
     value = best > 0 ? value / best : 1;
-    if (value <= (choice.cost[t] <= kCheap ? kAlike : kAlikeIfDear)) choice.index = t;
+    if (value <= (choice.cost[t] <= kCheap ? kAlike : 1)) choice.index = t;
   }
-  if (trials.back().cost <= kCheap * trials.front().cost) choice.index = trials.size() - 1;
   return choice;
 }
 

@@ -25,10 +25,17 @@ struct WorkCounts {
 };
 
 struct Trial {
-  // Replicate r of all trials has the same random numbers; replicates are independent.
+  // Values are means over squares of pixels: see means_of_squares(). Replicate r of all trials has the same
+  // random numbers; replicates are independent.
   std::vector<float> images[kReplicates];
   double cost = 0;
 };
+
+// The means of an image of three channels over squares of kSquare pixels a side, or less, so that the shorter
+// side of the image has kLeastSquares of them if it has as many pixels. At the right and below they may be
+// smaller.
+inline constexpr std::uint32_t kSquare = 8, kLeastSquares = 4;
+std::vector<float> means_of_squares(std::span<const float> image, std::uint32_t width, std::uint32_t height);
 
 // The squared error of one image of each trial, over the square of the truth and a hundredth of its mean's.
 // The truth is that of all trials together, each weighted by the inverse of its error, so that a trial which
@@ -43,10 +50,10 @@ struct Choice {
 };
 // So many times the cost of the first trial is cheap.
 inline constexpr double kCheap = 1.5;
-// Inefficiencies up to so many times the least are alike: those of cheap trials, and of others.
-inline constexpr double kAlike = 1.22, kAlikeIfDear = 1.1;
-// The last of those that are alike; but the last of all if it is cheap. Precondition: each trial has all
-// techniques of those before. A small pilot does not see what they gain where light is rare.
+// Inefficiencies of cheap trials up to so many times the least are alike.
+inline constexpr double kAlike = 1.05;
+// The least, or the last of those that are alike. Precondition: each trial has all techniques of those
+// before. A small pilot does not see all that they gain where light is rare.
 Choice choose(std::span<const Trial> trials);
 // Whether the last trial, which has the techniques of trial `chosen`, has less error times cost.
 bool last_is_better(std::span<const Trial> trials, std::size_t chosen);

@@ -246,7 +246,7 @@ Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, c
   return {};
 }
 
-constexpr double kPilotPixels = 1024;  // at most
+constexpr double kPilotPixels = 1024, kMostPilotPixels = 4096;  // a quarter of the film in between
 constexpr double kFewConnections = 0.125;
 constexpr std::uint32_t kScaleSamples = 512;  // of the pilot's film
 
@@ -256,7 +256,8 @@ constexpr std::uint32_t kScaleSamples = 512;  // of the pilot's film
 Result<UpbpIntegrator::Pilot> UpbpIntegrator::run_pilot(const UnitContext& context,
                                                         const RunContext& run) const {
   const double pixels = static_cast<double>(context.width) * context.height;
-  const double shrink = std::max(1.0, std::sqrt(pixels / kPilotPixels));
+  const double shrink =
+      std::max(1.0, std::sqrt(pixels / std::clamp(pixels / 4, kPilotPixels, kMostPilotPixels)));
   const auto side = [&](std::uint32_t whole) {
     return std::max(1U, static_cast<std::uint32_t>(std::lround(whole / shrink)));
   };
@@ -288,8 +289,10 @@ Result<UpbpIntegrator::Pilot> UpbpIntegrator::run_pilot(const UnitContext& conte
       CANDELA_TRY(
           run_variant(variant, first, small, {Unit::Kind::iterations, 0, r, r + 1}, output, quiet, measured));
       const std::int64_t* sums = output.film->sums();
-      for (std::size_t i = 0; i < 3 * layout.pixel_count(); ++i)
-        trial.images[r].push_back(static_cast<float>(std::ldexp(static_cast<double>(sums[i]), -scale)));
+      std::vector<float> image(3 * layout.pixel_count());
+      for (std::size_t i = 0; i < image.size(); ++i)
+        image[i] = static_cast<float>(std::ldexp(static_cast<double>(sums[i]), -scale));
+      trial.images[r] = upbp::means_of_squares(image, small.width, small.height);
     }
     trial.cost = measured.work.cost(density);
     const MediumRules& medium = variant.rules.medium;
