@@ -29,7 +29,7 @@ class PhotonPoints {
 
   std::size_t size() const { return photons_.size(); }
   std::uint64_t bytes() const;
-  // Of a photon that a visit saw: that of its place (hazard_of).
+  // The hazard of the place of a photon that a visit saw (hazard_of).
   float hazard(const Photon<MisBlock>& photon) const { return hazards_[index_of(photon)]; }
   // The survival of the edge by which light arrived; 1 if the buffers did not keep it.
   float survival(const Photon<MisBlock>& photon) const {

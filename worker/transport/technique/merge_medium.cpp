@@ -11,7 +11,7 @@ namespace {
 
 constexpr MergeFactors kUnit{0, 1};  // mis/beam_balance.h
 
-// What a merge asks of the stretch of a beam from its beginning to s.
+// A merge asks this of the stretch of a beam from its beginning to s.
 struct BeamStretch {
   // The beam's throughput over that which it began with: T of a long beam, T / P of a short one; in a grid
   // the flight's own weight, whose mean over flights that pass s is T / P.
