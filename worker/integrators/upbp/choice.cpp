@@ -8,7 +8,7 @@
 namespace candela::integrators::upbp {
 namespace {
 
-// Measured on the scenes of candela-study upbp-scenes.
+// Fitted to CPU times: docs/lab/upbp-tests.md.
 constexpr double kOfRay = 445, kOfQuery = 30, kOfNode = 9, kOfMerge = 515, kOfItem = 420, kOfSearched = 305;
 constexpr double kPointsOfNode = transport::BoxTree::kWide;
 constexpr int kRounds = 3;            // of weighting trials by their errors
