@@ -19,38 +19,85 @@ ItemBox both(const ItemBox& a, const ItemBox& b) {
           {std::max(a.high.x, b.high.x), std::max(a.high.y, b.high.y), std::max(a.high.z, b.high.z)}};
 }
 
-struct Center {
+struct alignas(16) Center {
   float at[3];
   std::uint32_t index;
 };
 
 constexpr std::size_t kAlone = 4096;  // items that are not worth another thread
 
+// The longest side of the centers' box.
+struct Side {
+  int axis;
+  float low, length;
+};
+Side longest_side(std::span<const Center> items) {
+  const auto load = [](const Center& item) { return _mm_load_ps(item.at); };  // and the index, for nothing
+  __m128 least = load(items[0]), most = least;
+  for (const Center& item : items) {
+    least = _mm_min_ps(least, load(item));
+    most = _mm_max_ps(most, load(item));
+  }
+  alignas(16) float low[4], length[4];
+  _mm_store_ps(low, least);
+  _mm_store_ps(length, _mm_sub_ps(most, least));
+  const auto axis = static_cast<int>(std::max_element(length, length + 3) - length);
+  return {axis, low[axis], length[axis]};
+}
+
+// Moves those items to the front that `is_first` holds of, without a branch on it, which no processor would
+// foretell. Returns how many they are.
+template <class IsFirst>
+std::size_t partition(std::span<Center> items, const IsFirst& is_first) {
+  std::size_t count = 0;
+  for (Center& item : items) {
+    const Center moved = item;
+    item = items[count];
+    items[count] = moved;
+    count += is_first(moved) ? 1 : 0;
+  }
+  return count;
+}
+
+// Puts the `first` least items along a side before the others; of those that are alike, those of the least
+// indices. No two items are equal, so that the parts do not depend on how they are found.
+void select(std::span<Center> items, std::size_t first, const Side& side) {
+  constexpr std::size_t kFew = 512;
+  constexpr int kBins = 256;
+  const int axis = side.axis;
+  if (const float scale = kBins / side.length;
+      items.size() > kFew && scale > 0 && scale < std::numeric_limits<float>::infinity()) {
+    const auto bin_of = [&](const Center& item) {
+      return std::min(static_cast<int>((item.at[axis] - side.low) * scale), kBins - 1);
+    };
+    std::uint32_t counts[kBins] = {};
+    for (const Center& item : items) ++counts[bin_of(item)];
+    int bin = 0;  // that has the first of the others
+    std::size_t below = 0;
+    while (below + counts[bin] <= first) below += counts[bin++];
+    partition(items, [&](const Center& item) { return bin_of(item) < bin; });
+    items = items.subspan(below);
+    first -= below;
+    partition(items, [&](const Center& item) { return bin_of(item) == bin; });
+    items = items.first(counts[bin]);
+  }
+  std::nth_element(items.begin(), items.begin() + static_cast<std::ptrdiff_t>(first), items.end(),
+                   [axis](const Center& a, const Center& b) {
+                     return a.at[axis] != b.at[axis] ? a.at[axis] < b.at[axis] : a.index < b.index;
+                   });
+}
+
 // Orders the items so that those of each subtree are near each other. A range is cut in two across the
 // longest side of its centers' box. The first part fills its subtree: the greatest power of two that leaves
-// something to the second. No two items are equal, so that the parts do not depend on how they are found.
+// something to the second.
 void arrange(std::span<Center> items) {
   constexpr std::size_t kGroup = BoxTree::kWide;
   if (items.size() <= kGroup) {
     std::sort(items.begin(), items.end(), [](const Center& a, const Center& b) { return a.index < b.index; });
     return;
   }
-  float low[3], high[3];
-  for (int axis = 0; axis < 3; ++axis) low[axis] = high[axis] = items[0].at[axis];
-  for (const Center& item : items)
-    for (int axis = 0; axis < 3; ++axis) {
-      low[axis] = std::min(low[axis], item.at[axis]);
-      high[axis] = std::max(high[axis], item.at[axis]);
-    }
-  int longest = 0;
-  for (int axis = 1; axis < 3; ++axis)
-    if (high[axis] - low[axis] > high[longest] - low[longest]) longest = axis;
   const std::size_t first = std::bit_ceil(items.size()) / 2;
-  std::nth_element(items.begin(), items.begin() + static_cast<std::ptrdiff_t>(first), items.end(),
-                   [&](const Center& a, const Center& b) {
-                     return a.at[longest] != b.at[longest] ? a.at[longest] < b.at[longest]
-                                                           : a.index < b.index;
-                   });
+  select(items, first, longest_side(items));
   const auto arrange_first = [&] { arrange(items.first(first)); };
   const auto arrange_rest = [&] { arrange(items.subspan(first)); };
   if (items.size() > kAlone) {

@@ -48,15 +48,14 @@ class BoxTree {
     const float r = widened(radius, p);
     const __m256 low[3] = {_mm256_set1_ps(p.x - r), _mm256_set1_ps(p.y - r), _mm256_set1_ps(p.z - r)},
                  high[3] = {_mm256_set1_ps(p.x + r), _mm256_set1_ps(p.y + r), _mm256_set1_ps(p.z + r)};
-    return traverse(
-        [&](const Node& node) {
-          const auto overlap = [&](int axis) {
-            return _mm256_and_ps(_mm256_cmp_ps(high[axis], node.low(axis), _CMP_GE_OQ),
-                                 _mm256_cmp_ps(low[axis], node.high(axis), _CMP_LE_OQ));
-          };
-          return mask_of(_mm256_and_ps(_mm256_and_ps(overlap(0), overlap(1)), overlap(2)));
-        },
-        visit);
+    const auto overlaps = [&](const Node& node) {
+      const auto overlap = [&](int axis) {
+        return _mm256_and_ps(_mm256_cmp_ps(high[axis], node.low(axis), _CMP_GE_OQ),
+                             _mm256_cmp_ps(low[axis], node.high(axis), _CMP_LE_OQ));
+      };
+      return mask_of(_mm256_and_ps(_mm256_and_ps(overlap(0), overlap(1)), overlap(2)));
+    };
+    return traverse(overlaps, overlaps, visit);
   }
   template <class Visit>
   std::uint64_t near_segment(const QuerySegment& s, float radius, Visit&& visit) const {
@@ -70,18 +69,38 @@ class BoxTree {
                                _mm256_set1_ps(inverse_of(s.direction.z))};
     const __m256 length = _mm256_set1_ps(std::min(s.length, std::numeric_limits<float>::max())),
                  slack = _mm256_set1_ps(kSlack);
-    return traverse(
-        [&](const Node& node) {
-          __m256 enter = _mm256_setzero_ps(), leave = length;
-          for (int axis = 0; axis < 3; ++axis) {
-            const __m256 a = _mm256_mul_ps(_mm256_sub_ps(node.low(axis), below[axis]), inverse[axis]),
-                         b = _mm256_mul_ps(_mm256_sub_ps(node.high(axis), above[axis]), inverse[axis]);
-            enter = _mm256_max_ps(enter, _mm256_min_ps(a, b));
-            leave = _mm256_min_ps(leave, _mm256_max_ps(a, b));
-          }
-          return mask_of(_mm256_cmp_ps(_mm256_mul_ps(enter, slack), leave, _CMP_LE_OQ));
-        },
-        visit);
+    const auto crosses = [&](const Node& node) {
+      __m256 enter = _mm256_setzero_ps(), leave = length;
+      for (int axis = 0; axis < 3; ++axis) {
+        const __m256 a = _mm256_mul_ps(_mm256_sub_ps(node.low(axis), below[axis]), inverse[axis]),
+                     b = _mm256_mul_ps(_mm256_sub_ps(node.high(axis), above[axis]), inverse[axis]);
+        enter = _mm256_max_ps(enter, _mm256_min_ps(a, b));
+        leave = _mm256_min_ps(leave, _mm256_max_ps(a, b));
+      }
+      return mask_of(_mm256_cmp_ps(_mm256_mul_ps(enter, slack), leave, _CMP_LE_OQ));
+    };
+    // A point p has the distance |(p - o) x d| from the line, and rounding changes it by e = kRounding |p -
+    // o| at most: (r + e)^2 <= (1 + kSpread) r^2 + (1 + 1 / kSpread) e^2. A child that is not there has no
+    // number for a distance: two components of d have one sign, or one is 0.
+    const __m256 origin[3] = {_mm256_set1_ps(s.origin.x), _mm256_set1_ps(s.origin.y),
+                              _mm256_set1_ps(s.origin.z)},
+                 direction[3] = {_mm256_set1_ps(s.direction.x), _mm256_set1_ps(s.direction.y),
+                                 _mm256_set1_ps(s.direction.z)},
+                 within = _mm256_set1_ps((1 + kSpread) * r * r),
+                 rounding = _mm256_set1_ps((1 + 1 / kSpread) * kRounding * kRounding);
+    const auto passes = [&](const Node& node) {
+      const __m256 x = _mm256_sub_ps(node.low(0), origin[0]), y = _mm256_sub_ps(node.low(1), origin[1]),
+                   z = _mm256_sub_ps(node.low(2), origin[2]);
+      const auto square = [](__m256 a, __m256 b, __m256 c) {
+        return _mm256_fmadd_ps(a, a, _mm256_fmadd_ps(b, b, _mm256_mul_ps(c, c)));
+      };
+      const auto minor = [&](__m256 a, __m256 b, int first, int second) {
+        return _mm256_fmsub_ps(a, direction[second], _mm256_mul_ps(b, direction[first]));
+      };
+      const __m256 distance = square(minor(y, z, 1, 2), minor(z, x, 2, 0), minor(x, y, 0, 1));
+      return mask_of(_mm256_cmp_ps(distance, _mm256_fmadd_ps(rounding, square(x, y, z), within), _CMP_LE_OQ));
+    };
+    return traverse(crosses, passes, visit);
   }
 
   std::uint32_t size() const { return count_; }
@@ -89,6 +108,8 @@ class BoxTree {
 
  private:
   static constexpr float kSlack = 1 - 0x1p-20f;  // of slabs' rounding
+  // More than four times half a unit in the last place: of differences, products and sums of a cross product.
+  static constexpr float kRounding = 0x1p-22f, kSpread = 0x1p-4f;
   static constexpr std::uint32_t kSide = 3 * kWide;
 
   // The boxes of kWide children: their lower sides by axis, then the upper ones; of points these are the
@@ -123,48 +144,75 @@ class BoxTree {
     return 1 / (std::abs(d) > 1e-20f ? d : std::copysign(1e-20f, d));  // no product of 0 and infinity
   }
 
-  // overlaps(node): a bit for each child. Many nodes of a level are known before the first of them is looked
-  // into, so that they come from memory together; those below it are finished before those behind it.
-  template <class Overlaps, class Visit>
-  std::uint64_t traverse(const Overlaps& overlaps, Visit& visit) const {
+  // What a query has found on a level and not looked into yet.
+  struct Found {
+    static constexpr std::uint32_t kMost = 64;
+    std::uint32_t next = 0, count = 0;
+    std::uint32_t at[kMost];
+  };
+  // Writes the children of a node to `to` by the bits of a mask and returns how many they are. There is no
+  // branch on the mask, which no processor would foretell: all eight are written.
+  static std::uint32_t add_children(std::uint32_t node, std::uint32_t mask, std::uint32_t* to) {
+    const __m256i bits = _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(static_cast<long long>(kPlaces[mask])));
+    const __m256i first = _mm256_set1_epi32(static_cast<int>(kWide * node));
+    _mm256_storeu_si256(reinterpret_cast<__m256i*>(to), _mm256_add_epi32(first, bits));
+    return static_cast<std::uint32_t>(std::popcount(mask));
+  }
+  // The places of the bits of each mask, a byte each, from the lowest.
+  static constexpr std::array<std::uint64_t, 1u << kWide> kPlaces = [] {
+    std::array<std::uint64_t, 1u << kWide> places{};
+    for (std::uint32_t mask = 0; mask < places.size(); ++mask)
+      for (std::uint32_t bit = kWide; bit-- > 0;)
+        if ((mask >> bit & 1) != 0) places[mask] = places[mask] << 8 | bit;
+    return places;
+  }();
+
+  // boxes(node): a bit for each child; points(node): the same if these are points. Many nodes of a level are
+  // known before the first of them is looked into, so that they come from memory together; those below it are
+  // finished before those behind it.
+  template <class Boxes, class Points, class Visit>
+  std::uint64_t traverse(const Boxes& boxes, const Points& points, Visit& visit) const {
     if (count_ == 0) return 0;
-    constexpr std::uint32_t kMost = 64;
-    struct Known {
-      std::uint32_t next = 0, count = 0;
-      std::uint32_t node[kMost];
-    };
-    std::array<Known, kMostLevels> known;
-    const std::uint32_t top = levels_ - 1;
-    known[top].node[known[top].count++] = 0;
+    std::array<Found, kMostLevels + 1> found;  // the items, then the nodes by level
+    const std::uint32_t top = levels_;
+    found[top].at[found[top].count++] = 0;
     std::uint64_t nodes = 0;
     for (std::uint32_t level = top;;) {
-      Known& here = known[level];
-      const auto for_children = [&](const auto& use) {
-        const std::uint32_t node = here.node[here.next++];
-        ++nodes;
-        for (std::uint32_t left = overlaps(node_at(level, node)); left != 0; left &= left - 1)
-          use(kWide * node + static_cast<std::uint32_t>(std::countr_zero(left)));
-      };
-      if (here.next == here.count) {
+      Found& here = found[level];
+      if (level == 0) {
+        for (std::uint32_t i = 0; i < here.count; ++i) visit(here.at[i]);
+        here.count = 0;
+        level = 1;
+      } else if (here.next == here.count) {
         here.next = here.count = 0;
         if (level++ == top) return nodes;
-      } else if (level == 0) {
-        while (here.next < here.count) for_children(visit);
       } else {
-        Known& below = known[level - 1];
-        while (here.next < here.count && below.count + kWide <= kMost)
-          for_children([&](std::uint32_t child) {
-            prefetch(level - 1, child);
-            below.node[below.count++] = child;
-          });
+        Found& below = found[level - 1];
+        const auto look_into = [&](const auto& overlaps) {
+          std::uint32_t next = here.next, count = 0;
+          do {
+            const std::uint32_t node = here.at[next++];
+            count += add_children(node, overlaps(node_at(level - 1, node)), below.at + count);
+          } while (next < here.count && count + kWide <= Found::kMost);
+          nodes += next - here.next;
+          here.next = next;
+          below.count = count;
+        };
+        if (level == 1 && level_[0].high == 0)
+          look_into(points);
+        else
+          look_into(boxes);
+        if (level > 1) prefetch(level - 2, below);
         --level;
       }
     }
   }
-  void prefetch(std::uint32_t level, std::uint32_t node) const {
+  void prefetch(std::uint32_t level, const Found& found) const {
     constexpr std::uint32_t kLine = 16;
-    const float* begin = sides(level, node);
-    for (std::uint32_t i = 0; i < level_[level].floats; i += kLine) __builtin_prefetch(begin + i);
+    for (std::uint32_t i = 0; i < found.count; ++i) {
+      const float* begin = sides(level, found.at[i]);
+      for (std::uint32_t k = 0; k < level_[level].floats; k += kLine) __builtin_prefetch(begin + k);
+    }
   }
 
   static constexpr std::uint32_t kMostLevels = 11;  // of 2^31 items
