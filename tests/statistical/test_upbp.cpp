@@ -8,7 +8,6 @@
 #include <cstdio>
 #include <map>
 #include <numbers>
-#include <set>
 #include <string>
 #include <tuple>
 #include <utility>
@@ -16,9 +15,6 @@
 
 #include "tests/statistical/harness.h"
 #include "tests/unit/volume_file.h"
-#include "worker/scene/emitters/emitter.h"
-#include "worker/transport/photon_beams.h"
-#include "worker/transport/photon_map.h"
 
 namespace candela::statistical {
 namespace {
@@ -414,129 +410,6 @@ TEST(Upbp, MergesInOneMediumAlone) {
     EXPECT_EQ(sum(two), 0) << techniques;
     EXPECT_GT(sum(one), 1e-5) << techniques;
   }
-}
-
-// Claim: without a medium upbp is vcm, bit for bit; a technique by itself in a list has the film of bpm's
-// kind.
-TEST(Upbp, IsVcmWithoutMedia) {
-  const TestScene scene = scene_from_transport("caustic", 16, 16);
-  const auto vcm = render_batches(with_integrator(scene, "vcm"), 5, 2, 3);
-  EXPECT_EQ(render_batches(with_integrator(scene, "upbp"), 5, 2, 3), vcm);
-  EXPECT_EQ(render_batches(with_integrator(scene, "upbp", {{"techniques", "vcm"}}), 5, 2, 3), vcm);
-}
-
-// Claim: without a medium that scatters upbp does the work of vcm: the same rays and paths in every unit, by
-// the same plan, which no pilot was run for.
-TEST(Upbp, WorkIsThatOfVcmWithoutMedia) {
-  const TestScene dark_water = scene_with(
-      R"(<sensor type="perspective"><float name="fov" value="50"/>
-          <transform name="to_world"><lookat origin="0, -4, 2" target="0, 0, 0" up="0, 0, 1"/></transform></sensor>
-        <emitter type="point"><point name="position" x="1" y="-1" z="3"/><rgb name="intensity" value="3"/></emitter>
-        <shape type="rectangle"><transform name="to_world"><scale value="3"/></transform><bsdf type="diffuse"/></shape>
-        <shape type="sphere"><bsdf type="dielectric"/>
-          <medium type="homogeneous" name="interior"><rgb name="sigma_t" value="0.5, 1, 2"/><rgb name="albedo" value="0"/></medium></shape>)",
-      16);
-  const auto work_of = [](const TestScene& scene) {
-    const auto renderer = make_renderer(scene);
-    std::vector<film::Tallies> tallies;
-    for (const Unit& unit : {Unit{Unit::Kind::iterations, 0, 0, 2}, Unit{Unit::Kind::iterations, 1, 5, 6}}) {
-      auto output = renderer->make_output(pilot_state(scene));
-      EXPECT_TRUE(renderer->run(unit, {}, output, {}).ok());
-      tallies.push_back(output.film->tallies());
-    }
-    const std::string plan = renderer->plan_text();
-    return std::pair(tallies, plan.substr(plan.find('\n', plan.find("integrator:"))));
-  };
-  for (const TestScene& scene : {scene_from_transport("caustic", 16, 16), dark_water}) {
-    const auto vcm = work_of(with_integrator(scene, "vcm"));
-    EXPECT_GT(vcm.first[0].rays, 16U * 16U);
-    EXPECT_EQ(work_of(with_integrator(scene, "upbp")), vcm);
-    EXPECT_EQ(work_of(with_integrator(scene, "upbp", {{"techniques", "all"}})), vcm);
-    EXPECT_EQ(work_of(with_integrator(scene, "upbp", {{"techniques", "vcm"}})), vcm);
-  }
-}
-
-// Claim: the plan tells the bytes of photons and beams of an iteration, of a film of any size. In endless fog
-// with max_depth=2 each light path leaves one photon, and each path that leaves beams one beam.
-TEST(Upbp, PlanTellsTheMemoryOfPhotonsAndBeams) {
-  const TestScene scene = scene_with(
-      R"(<medium id="fog" type="homogeneous"><rgb name="sigma_t" value="1"/><rgb name="albedo" value="0.9"/></medium>
-        <sensor type="perspective"><ref id="fog"/><transform name="to_world"><translate z="-3"/></transform></sensor>
-        <emitter type="point"><rgb name="intensity" value="2"/><ref id="fog"/></emitter>)",
-      64);
-  struct Told {
-    double photons, beams;
-  };
-  const auto told = [&](std::uint32_t side, const std::string& techniques, std::uint64_t beam_paths) {
-    TestScene sized = with_integrator(scene, "upbp",
-                                      {{"techniques", techniques},
-                                       {"beam_paths", std::to_string(beam_paths)},
-                                       {"max_depth", "2"},
-                                       {"radius", "0.01"}});
-    sized.settings.width = sized.settings.height = side;
-    const std::string plan = make_renderer(sized)->plan_text();
-    const auto number = [&](const std::string& what) {
-      const std::size_t at = plan.find(what);
-      EXPECT_NE(at, std::string::npos) << what << " in " << plan;
-      return at == std::string::npos ? 0 : 1e6 * std::stod(plan.substr(at + what.size()));
-    };
-    return Told{number("photons in media "), number(", beams ")};
-  };
-  // Each is held twice, by its chunk and in the order of a tree or a search. Eight photons share a node of 96
-  // bytes, eight nodes one of 192; a search holds a photon's place and at most four bytes of buckets. Beside
-  // a tree it holds the photon's number, too. kRim: nodes that are not full.
-  constexpr double kPhoton = 2 * (sizeof(Vec3) + sizeof(transport::Photon<transport::MisBlock>));
-  constexpr double kTree = 12.0 + 3.0 * 8 / 7, kSearch = sizeof(Vec3) + 4, kRim = 400;
-  constexpr double kBeam =
-      2 * (sizeof(transport::PhotonBeam) + sizeof(transport::EdgeStart) + sizeof(scene::EmissionSample));
-  constexpr double kMostOfPieces = 64 * 60;
-  for (const std::uint32_t side : {16U, 64U, 256U}) {
-    const double paths = side * side;
-    const Told all = told(side, "all", 100);
-    EXPECT_GE(all.photons, 0.995 * kPhoton * paths);
-    EXPECT_LE(all.photons, 1.005 * (kPhoton + kTree + kSearch + 4) * paths + kRim);
-    const double beams = std::floor(paths / std::ceil(paths / 100));
-    EXPECT_GE(all.beams, 0.98 * kBeam * beams);
-    EXPECT_LE(all.beams, 1.02 * (kBeam + kMostOfPieces) * (beams + 1));
-  }
-  const Told points = told(64, "pp3d", 0), few = told(64, "bb1d", 64), many = told(64, "bb1d", 0);
-  EXPECT_LE(points.photons, 1.005 * (kPhoton + kSearch) * 64 * 64);
-  EXPECT_EQ(points.beams, 0);
-  EXPECT_EQ(few.photons, 0);
-  EXPECT_NEAR(many.beams / few.beams, 64, 16);
-}
-
-// Claim: what auto chooses is rendered as if the list had named it, bit for bit, and the plan names it. The
-// scenes are such that it does not choose the same for all.
-TEST(Upbp, AutoRunsWhatThePlanNames) {
-  std::map<std::string, SettingsMap> sets = {
-      {"all (128 beam_paths)", {{"techniques", "all"}}},
-      {"all (1024 beam_paths)", {{"techniques", "all"}, {"beam_paths", "1024"}}},
-      {"vcm,pp3d,pb2d", {{"techniques", "vcm,pp3d,pb2d"}}},
-      {"vcm", {{"techniques", "vcm"}}}};
-  for (const auto& [set, settings] : std::map(sets)) {
-    if (set == "vcm") continue;
-    const std::string few = set + " (connect_media 0.125)", far = " (long query_beams)";
-    sets[few] = sets[few + far] = sets[set + far] = settings;
-    sets[few]["connect_media"] = sets[few + far]["connect_media"] = "0.125";
-    sets[set + far]["query_beams"] = sets[few + far]["query_beams"] = "long";
-  }
-  std::set<std::string> chosen;
-  for (const char* name : {"fog-thin", "fog-glass", "smoke"}) {
-    const TestScene scene = scene_from_transport(name, 16, 16), automatic = with_integrator(scene, "upbp");
-    const std::string plan = make_renderer(automatic)->plan_text();
-    std::size_t named = 0;
-    for (const auto& [set, settings] : sets) {
-      if (plan.find("chose " + set + ".") == std::string::npos) continue;
-      ++named;
-      chosen.insert(set);
-      EXPECT_EQ(render_batches(automatic, 5, 1, 2),
-                render_batches(with_integrator(scene, "upbp", settings), 5, 1, 2))
-          << name << ' ' << set;
-    }
-    EXPECT_EQ(named, 1U) << plan;
-  }
-  EXPECT_GT(chosen.size(), 1U);
 }
 
 // Claim: layers=techniques has the share of each technique, and changes nothing of the image. Light met by

@@ -9,7 +9,7 @@ namespace candela::integrators::upbp {
 namespace {
 
 // Fitted to CPU times: docs/lab/upbp-tests.md.
-constexpr double kOfRay = 445, kOfQuery = 30, kOfNode = 9, kOfMerge = 515, kOfItem = 420, kOfSearched = 305;
+constexpr double kOfRay = 335, kOfQuery = 30, kOfNode = 20, kOfMerge = 175, kOfItem = 150, kOfSearched = 100;
 constexpr double kPointsOfNode = transport::BoxTree::kWide;
 constexpr int kRounds = 3;            // of weighting trials by their errors
 constexpr double kMeanShare = 0.01;   // of the mean's square, in denominators

@@ -10,7 +10,8 @@ struct UpbpSettings {
   merging::MergeSettings merge{integrator_words::kUpbp};
   NameList techniques{{"auto"}, {"auto", "all", "vcm", "pp3d", "pb2d", "bp2d", "bb1d"}};
   bool merge_surfaces = true;
-  int beam_paths = 128;
+  static constexpr int kFewBeamPaths = 128, kManyBeamPaths = 1024;
+  int beam_paths = -1;
   double connect_media = 1;
   Choice query_beams{"short", {"short", "long"}}, photon_beams{"short", {"short", "long"}};
   double radius_free_paths = 0.25;
@@ -33,8 +34,10 @@ struct UpbpSettings {
     visit("merge_surfaces", merge_surfaces,
           "merging on surfaces, beside whatever techniques says; false leaves it out, and with it the light "
           "that nothing else in the list finds");
-    visit("beam_paths", beam_paths, 0, 1 << 30,
-          "most light paths of an iteration that leave beams: bb1d costs as many as it has; 0: all do");
+    visit(
+        "beam_paths", beam_paths, -1, 1 << 30,
+        "most light paths of an iteration that leave beams: bb1d costs as many as it has; 0: all do; -1: 128 "
+        "or 1024, whichever a short pilot finds better (plan=full: 128)");
     visit("connect_media", connect_media, NumberRange{1e-3, 1},
           "share of the pairs of two vertices in media that are connected, chosen by chance: where light "
           "scatters "

@@ -44,9 +44,13 @@ struct Variant {
 
 class UpbpIntegrator final : public IterationIntegrator {
  public:
-  // variants: each has all techniques of those before; one alone is run without a pilot.
-  UpbpIntegrator(const PathOptions& options, std::vector<std::unique_ptr<Variant>> variants)
-      : IterationIntegrator(options, variants[0]->rules.planned), variants_(std::move(variants)) {}
+  // variants: each has all techniques of those before; one alone is run without a pilot. setting: that has
+  // them chosen from.
+  UpbpIntegrator(const PathOptions& options, std::vector<std::unique_ptr<Variant>> variants,
+                 std::string setting)
+      : IterationIntegrator(options, variants[0]->rules.planned),
+        variants_(std::move(variants)),
+        setting_(std::move(setting)) {}
 
   WorkPlan work(FilmSize /*size*/, int /*film_scale_log2*/) const override {
     return {.layers = variants_[0]->iterations.layers()};
@@ -90,6 +94,7 @@ class UpbpIntegrator final : public IterationIntegrator {
                            UnitOutput& output, const RunContext& run, Measured& measured) const;
 
   const std::vector<std::unique_ptr<Variant>> variants_;
+  const std::string setting_;
   mutable std::mutex mutex_;
   mutable std::optional<Pilot> pilot_;
 };
@@ -351,9 +356,10 @@ Plan UpbpIntegrator::plan_for(const UnitContext& context, const RunContext& run)
     found += fmt::format("{}{} {:.2g} and {:.2g}", v == 0 ? "" : "; ", variants_[v]->rules.name,
                          choice.inefficiency[v], choice.cost[v]);
   if (variants_.size() > 1)
-    plan.note("techniques=auto",
-              fmt::format("chose {}. Error times cost over the least, and cost over vcm's, in a pilot: {}",
-                          variants_[pilot->variant]->rules.name, found));
+    plan.note(setting_,
+              fmt::format("chose {}. Error times cost over the least, and cost over that of {}, in a "
+                          "pilot: {}",
+                          variants_[pilot->variant]->rules.name, variants_[0]->rules.name, found));
   plan.note("memory", fmt::format("an iteration of {} x {} pixels holds about {}", context.width,
                                   context.height, upbp::to_text(pilot->memory)));
   return plan;
@@ -413,8 +419,23 @@ Planned planned_without_media(bool connects, bool merge_surfaces, const PathOpti
   return planned;
 }
 
-// The sets that techniques=auto chooses from.
-std::vector<Rules> candidates(const MediumRules& radii, const PathOptions& options,
+std::string beams_of(const MediumRules& rules) {
+  return fmt::format("{} beam_paths", rules.beam_paths);
+}
+
+// The set that techniques names, with few beams and, to choose from, with many.
+std::vector<Rules> one_set(MediumRules medium, bool chooses_beams, bool connects, const PathOptions& options,
+                           const scene::SceneFeatures& features, bool full) {
+  std::vector<Rules> list = {rules_of(beams_of(medium), medium, connects, options, features, full)};
+  if (chooses_beams && medium.beams()) {
+    medium.beam_paths = UpbpSettings::kManyBeamPaths;
+    list.push_back(rules_of(beams_of(medium), medium, connects, options, features, full));
+  }
+  return list;
+}
+
+// The sets that techniques=auto chooses from. chooses_beams: those with many beams are among them.
+std::vector<Rules> candidates(const MediumRules& radii, bool chooses_beams, const PathOptions& options,
                               const scene::SceneFeatures& features) {
   struct Set {
     const char* name;
@@ -424,16 +445,15 @@ std::vector<Rules> candidates(const MediumRules& radii, const PathOptions& optio
                           {"vcm,pp3d,pb2d", true, false, false},
                           {"all", true, true, false},
                           {"all", true, true, true}};
-  constexpr std::uint64_t kMany = 8;
   std::vector<Rules> list;
   for (const Set& set : kAll) {
-    if (set.many && radii.beam_paths == 0) continue;  // all do already
+    if (set.many && !chooses_beams) continue;
     MediumRules medium = radii;
     medium.pp3d = medium.pb2d = set.points;
     medium.bp2d = medium.bb1d = set.beams;
-    if (set.many) medium.beam_paths *= kMany;
+    if (set.many) medium.beam_paths = UpbpSettings::kManyBeamPaths;
     std::string name = set.name;
-    if (medium.beams()) name += fmt::format(" ({} beam_paths)", medium.beam_paths);
+    if (medium.beams()) name += fmt::format(" ({})", beams_of(medium));
     list.push_back(rules_of(std::move(name), medium, true, options, features, false));
     list.back().only_if_cheap = set.many;
   }
@@ -467,7 +487,8 @@ Result<std::unique_ptr<Integrator>> make_upbp_integrator(const SettingsMap& sett
   CANDELA_ASSIGN(const UpbpSettings parsed, parse_settings<UpbpSettings>(settings));
   if (parsed.techniques.has("auto") && parsed.techniques.values.size() > 1)
     return usage_error("auto chooses the techniques").with_field("techniques").with_mend("name auto alone");
-  const bool automatic = parsed.techniques.has("auto");
+  const bool full = parsed.common.full_plan(), automatic = parsed.techniques.has("auto") && !full,
+             chooses_beams = parsed.beam_paths < 0 && !full;
   const bool connects = parsed.wants("vcm");
   const MediumRules medium{.pp3d = parsed.wants("pp3d"),
                            .pb2d = parsed.wants("pb2d"),
@@ -477,7 +498,8 @@ Result<std::unique_ptr<Integrator>> make_upbp_integrator(const SettingsMap& sett
                            .radius_pb2d = parsed.radius_pb2d,
                            .radius_bp2d = parsed.radius_bp2d,
                            .radius_bb1d = parsed.radius_bb1d,
-                           .beam_paths = static_cast<std::uint64_t>(parsed.beam_paths),
+                           .beam_paths = static_cast<std::uint64_t>(
+                               parsed.beam_paths < 0 ? UpbpSettings::kFewBeamPaths : parsed.beam_paths),
                            .free_paths = parsed.radius_free_paths,
                            .connect_media = parsed.connect_media,
                            .merge_surfaces = parsed.merge_surfaces,
@@ -492,19 +514,17 @@ Result<std::unique_ptr<Integrator>> make_upbp_integrator(const SettingsMap& sett
   std::vector<Rules> sets;
   if (!merges_in_media)
     sets.push_back(
-        {"",
-         planned_without_media(connects, parsed.merge_surfaces, options, features, parsed.common.full_plan()),
-         {},
-         false});
-  else if (automatic && !parsed.common.full_plan())
-    sets = candidates(medium, options, features);
+        {"", planned_without_media(connects, parsed.merge_surfaces, options, features, full), {}, false});
+  else if (automatic)
+    sets = candidates(medium, chooses_beams, options, features);
   else
-    sets.push_back(rules_of("", medium, connects, options, features, parsed.common.full_plan()));
+    sets = one_set(medium, chooses_beams, connects, options, features, full);
   std::vector<std::unique_ptr<Variant>> variants;
   for (Rules& set : sets)
     variants.push_back(
         std::make_unique<Variant>(std::move(set), options, parsed.merge.rules(), parsed.layers.value));
-  std::unique_ptr<Integrator> made = std::make_unique<UpbpIntegrator>(options, std::move(variants));
+  std::unique_ptr<Integrator> made = std::make_unique<UpbpIntegrator>(
+      options, std::move(variants), automatic ? "techniques=auto" : "beam_paths");
   return made;
 }
 
