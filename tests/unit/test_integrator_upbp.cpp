@@ -1,10 +1,13 @@
-// The choice of upbp among sets of techniques: pure arithmetic on planted trials.
+// The choice of upbp among sets of techniques, and the hits that its weights count: pure arithmetic on
+// planted trials and counts.
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "common/rng/stream.h"
 #include "worker/integrators/upbp/choice.h"
+#include "worker/integrators/upbp/hits.h"
+#include "worker/transport/radius.h"
 
 namespace candela::integrators::upbp {
 namespace {
@@ -125,6 +128,38 @@ TEST(UpbpChoice, FewerConnectionsAreTakenWhereTheyPay) {
   EXPECT_TRUE(better(0.02, 1.4));
   EXPECT_FALSE(better(0.02, 2.8));
   EXPECT_FALSE(better(0.04, 1.4));
+}
+
+// Claim: hits that fall with the volume of the kernel from iteration to iteration are expected as in the
+// first, by each kind's own dimension; more light paths mean more of those with points, more beams of those
+// with beams; and each number of samples is divided by one more than its hits in that iteration.
+TEST(UpbpHits, AreThoseOfTheFirstIteration) {
+  const auto volume = [](std::uint64_t iteration, int dimension) {
+    return std::pow(transport::blur_radius(1, iteration, dimension), dimension);
+  };
+  constexpr double kQueries = 1e9;
+  const auto of = [](double queries, double hits) { return static_cast<std::uint64_t>(queries * hits); };
+  HitCounts counts;
+  for (const std::uint64_t iteration : {0U, 2U, 9U}) {
+    const double queries = kQueries * static_cast<double>(iteration + 1);
+    transport::MergeWork work;
+    work.queries = {of(queries, 1), of(queries, 2), of(queries, 3), of(queries, 4)};
+    work.merges = {of(queries, 0.5 * volume(iteration, 3)), of(queries, 2 * 0.25 * volume(iteration, 2)),
+                   of(queries, 3 * 2 * volume(iteration, 2)), of(queries, 4 * 3 * volume(iteration, 1))};
+    counts.add(work, iteration);
+  }
+  const ExpectedHits first = counts.expected(), job = first.scaled(10, 2);
+  EXPECT_NEAR(first.point_point, 0.5, 1e-8);
+  EXPECT_NEAR(first.point_beam, 0.25, 1e-8);
+  EXPECT_NEAR(first.beam_point, 2, 1e-8);
+  EXPECT_NEAR(first.beam_beam, 3, 1e-8);
+  transport::MediumMerges eta{1, 2, 3, 4};
+  job.divide(eta, 7);
+  EXPECT_NEAR(eta.point_point, 1 / (1 + 5 * volume(7, 3)), 1e-7);
+  EXPECT_NEAR(eta.point_beam, 2 / (1 + 2.5 * volume(7, 2)), 1e-7);
+  EXPECT_NEAR(eta.beam_point, 3 / (1 + 4 * volume(7, 2)), 1e-7);
+  EXPECT_NEAR(eta.beam_beam, 4 / (1 + 6 * volume(7, 1)), 1e-7);
+  EXPECT_EQ(HitCounts().expected().beam_beam, 0);
 }
 
 // Claim: of black trials the cheapest is chosen.

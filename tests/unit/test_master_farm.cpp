@@ -163,7 +163,8 @@ TEST_F(MasterTest, BadDeltasNeverMerge) {
 TEST_F(MasterTest, RestartContinues) {
   TestWorker w(channel);
   ASSERT_TRUE(w.enrol().ok());
-  const std::string id = submit(21);
+  constexpr std::uint64_t kIterations = 40;  // more than are delivered before the checkpoint is broken
+  const std::string id = submit(kIterations);
   for (int i = 0; i < 5; ++i) ASSERT_TRUE(w.step());
   const v1::Lease held = w.acquire().value();
   const std::uint64_t before = show(id).iterations();
@@ -172,6 +173,7 @@ TEST_F(MasterTest, RestartContinues) {
   TestWorker survivor(channel);
   survivor.session = w.session;
   EXPECT_EQ(survivor.deliver(held), v1::DELTA_VERDICT_MERGED);
+  ASSERT_LT(show(id).iterations(), kIterations);
   // One more generation, then break the newest.
   farm.reset();
   channel.reset();
@@ -194,10 +196,10 @@ TEST_F(MasterTest, RestartContinues) {
   EXPECT_GT(show(id).iterations(), 0U);
   TestWorker again(channel);
   again.session = w.session;
-  for (int i = 0; i < 100 && show(id).iterations() < 21; ++i) again.step();
+  for (int i = 0; i < 100 && show(id).iterations() < kIterations; ++i) again.step();
   EXPECT_EQ(wait_end(id).state(), v1::JOB_STATE_DONE);
-  audit(id, 21);
-  expect_same(checkpoint_of(id), expected_film(21));
+  audit(id, kIterations);
+  expect_same(checkpoint_of(id), expected_film(kIterations));
 }
 
 // Claim: films left behind by a store that was lost or damaged are told of at the start; a sound store's are

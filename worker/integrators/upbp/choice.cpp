@@ -18,6 +18,15 @@ constexpr double kMaxValueError = 1;  // of one value's squared error: outliers 
 
 }  // namespace
 
+void WorkCounts::add(const transport::MergeWork& work) {
+  const auto& [asked, looked_into, weighted] = work;
+  queries += asked.point_point + asked.point_beam + asked.beam_point + asked.beam_beam;
+  point_nodes += looked_into.point_point + looked_into.point_beam;
+  beam_nodes += looked_into.beam_point + looked_into.beam_beam;
+  point_merges += weighted.point_point + weighted.point_beam;
+  beam_merges += weighted.beam_point + weighted.beam_beam;
+}
+
 double WorkCounts::cost(double density) const {
   const auto of_points = [&](std::uint64_t n) { return density * static_cast<double>(n); };
   const double closer = math::pow(density, 1.0 / 3);

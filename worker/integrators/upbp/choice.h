@@ -5,6 +5,8 @@
 #include <span>
 #include <vector>
 
+#include "worker/transport/technique/merge_medium.h"
+
 namespace candela::integrators::upbp {
 
 inline constexpr std::size_t kReplicates = 3;
@@ -22,6 +24,8 @@ struct WorkCounts {
   // beams, of which an iteration has the same number. Nodes of points become smaller: a query beam crosses
   // more of them as the cube root of the density, and those whose points it meets grow as the merges.
   double cost(double density) const;
+
+  void add(const transport::MergeWork& merges);
 };
 
 struct Trial {

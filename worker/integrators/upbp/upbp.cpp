@@ -16,6 +16,7 @@
 #include "worker/integrators/iteration_integrator.h"
 #include "worker/integrators/merging/iterations.h"
 #include "worker/integrators/upbp/choice.h"
+#include "worker/integrators/upbp/hits.h"
 #include "worker/integrators/upbp/memory.h"
 #include "worker/integrators/upbp/rules.h"
 #include "worker/integrators/upbp/stores.h"
@@ -44,13 +45,14 @@ struct Variant {
 
 class UpbpIntegrator final : public IterationIntegrator {
  public:
-  // variants: each has all techniques of those before; one alone is run without a pilot. setting: that has
-  // them chosen from.
+  // variants: each has all techniques of those before. setting: that has them chosen from. has_pilot: it
+  // chooses, and expects the hits that weights count; else the only variant takes none for expected.
   UpbpIntegrator(const PathOptions& options, std::vector<std::unique_ptr<Variant>> variants,
-                 std::string setting)
+                 std::string setting, bool has_pilot)
       : IterationIntegrator(options, variants[0]->rules.planned),
         variants_(std::move(variants)),
-        setting_(std::move(setting)) {}
+        setting_(std::move(setting)),
+        has_pilot_(has_pilot) {}
 
   WorkPlan work(FilmSize /*size*/, int /*film_scale_log2*/) const override {
     return {.layers = variants_[0]->iterations.layers()};
@@ -58,15 +60,14 @@ class UpbpIntegrator final : public IterationIntegrator {
   Plan plan_for(const UnitContext& context, const RunContext& run) const override;
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run) const override {
-    std::size_t chosen = 0;
-    if (variants_.size() > 1) {
-      CANDELA_ASSIGN(const Pilot pilot, pilot_for(context, run));
-      chosen = pilot.variant;
+    Pilot pilot;
+    if (has_pilot_) {
+      CANDELA_ASSIGN(pilot, pilot_for(context, run));
     }
-    const Variant& variant = *variants_[chosen];
+    const Variant& variant = *variants_[pilot.variant];
     Measured unread;
-    return run_variant(variant, merging::first_radius(context, variant.iterations), context, unit, output,
-                       run, unread);
+    return run_variant(variant, merging::first_radius(context, variant.iterations), pilot.hits, context, unit,
+                       output, run, unread);
   }
 
  private:
@@ -78,23 +79,27 @@ class UpbpIntegrator final : public IterationIntegrator {
   // Sums over all iterations of a unit.
   struct Measured {
     upbp::WorkCounts work;
+    upbp::HitCounts hits;
     upbp::Memory memory;
   };
   struct Pilot {
     upbp::Choice choice;
     std::size_t variant = 0;  // the one chosen, or a refined one
-    upbp::Memory memory;      // of an iteration of the job with what was chosen
+    upbp::ExpectedHits hits;  // of the job with what was chosen
+    upbp::Memory memory;      // of an iteration of it
   };
 
   // Runs once. Stopped, it runs anew when asked again.
   Result<Pilot> pilot_for(const UnitContext& context, const RunContext& run) const;
   Result<Pilot> run_pilot(const UnitContext& context, const RunContext& run) const;
   // first: merging radius of the first iteration, of surfaces.
-  Result<void> run_variant(const Variant& variant, double first, const UnitContext& context, const Unit& unit,
-                           UnitOutput& output, const RunContext& run, Measured& measured) const;
+  Result<void> run_variant(const Variant& variant, double first, const upbp::ExpectedHits& hits,
+                           const UnitContext& context, const Unit& unit, UnitOutput& output,
+                           const RunContext& run, Measured& measured) const;
 
   const std::vector<std::unique_ptr<Variant>> variants_;
   const std::string setting_;
+  const bool has_pilot_;
   mutable std::mutex mutex_;
   mutable std::optional<Pilot> pilot_;
 };
@@ -150,9 +155,9 @@ transport::ConstantScale scale_field(const merging::IterationOptions& options, d
   return field;
 }
 
-Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, const UnitContext& context,
-                                         const Unit& unit, UnitOutput& output, const RunContext& run,
-                                         Measured& measured) const {
+Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, const upbp::ExpectedHits& hits,
+                                         const UnitContext& context, const Unit& unit, UnitOutput& output,
+                                         const RunContext& run, Measured& measured) const {
   const MediumRules& rules = variant.rules.medium;
   const merging::IterationOptions& iterations = variant.iterations;
   const Techniques& techniques = iterations.techniques;
@@ -165,7 +170,6 @@ Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, c
   transport::PhotonMap<transport::MisBlock> surface;
   transport::PhotonPoints points;
   transport::PhotonBeams beams;
-  upbp::SharedWork merge_work;
   for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
     const std::uint64_t iteration = global_iteration(unit.half, index), phase = 2 * (index - unit.begin);
     const upbp::BeamPaths beam_paths_now = beam_paths(rules, context, iteration, path_count);
@@ -173,11 +177,13 @@ Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, c
     std::vector<transport::MediumKernels> kernels;
     std::vector<transport::MediumMerges> eta;
     std::vector<float> ball_radii, beam_radii;
+    upbp::SharedWork merge_work;
     for (std::uint32_t m = 0; m < context.scene.features().media; ++m) {
       const scene::Medium& medium = context.scene.medium(m);
       const transport::MediumRadii radii = medium_radii(rules, context, medium, first, iteration);
       kernels.emplace_back(iterations.merge.kernel, radii);
       eta.push_back(medium_eta(rules, medium, iterations.merge.kernel, radii, paths, paths / stride));
+      hits.divide(eta.back(), iteration);
       ball_radii.push_back(static_cast<float>(radii.point_point));
       beam_radii.push_back(
           static_cast<float>(std::max(rules.bp2d ? radii.beam_point : 0, rules.bb1d ? radii.beam_beam : 0)));
@@ -239,15 +245,10 @@ Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, c
     if (techniques.eye_paths)
       CANDELA_TRY((merging::run_eye_pass<Eye>(context, iterations, counts, side, {}, unit.half, index, output,
                                               run, progress_part(phase + 1, phases))));
+    measured.work.add(merge_work.sum());
+    measured.hits.add(merge_work.sum(), iteration);
   }
-  const auto& [queries, nodes, merges] = merge_work.sum();
-  upbp::WorkCounts& work = measured.work;
-  work.rays += output.film->tallies().rays;
-  work.queries += queries.point_point + queries.point_beam + queries.beam_point + queries.beam_beam;
-  work.point_nodes += nodes.point_point + nodes.point_beam;
-  work.beam_nodes += nodes.beam_point + nodes.beam_beam;
-  work.point_merges += merges.point_point + merges.point_beam;
-  work.beam_merges += merges.beam_point + merges.beam_beam;
+  measured.work.rays += output.film->tallies().rays;
   return {};
 }
 
@@ -281,6 +282,7 @@ Result<UpbpIntegrator::Pilot> UpbpIntegrator::run_pilot(const UnitContext& conte
                             static_cast<std::uint32_t>(1 + variants_[0]->iterations.layers().size())};
   std::vector<upbp::Trial> trials;
   std::vector<upbp::Memory> memory;
+  std::vector<upbp::ExpectedHits> hits;
   const auto try_out = [&](const Variant& variant) -> Result<void> {
     const double first = merging::first_radius(context, variant.iterations);
     const merging::MergeRules& merge = variant.iterations.merge;
@@ -291,8 +293,9 @@ Result<UpbpIntegrator::Pilot> UpbpIntegrator::run_pilot(const UnitContext& conte
     upbp::Trial& trial = trials.emplace_back();
     for (std::size_t r = 0; r < upbp::kReplicates; ++r) {
       output.film = std::make_unique<film::UnitFilm>(layout, scale);
-      CANDELA_TRY(
-          run_variant(variant, first, small, {Unit::Kind::iterations, 0, r, r + 1}, output, quiet, measured));
+      // The first replicate expects none.
+      CANDELA_TRY(run_variant(variant, first, measured.hits.expected(), small,
+                              {Unit::Kind::iterations, 0, r, r + 1}, output, quiet, measured));
       const std::int64_t* sums = output.film->sums();
       std::vector<float> image(3 * layout.pixel_count());
       for (std::size_t i = 0; i < image.size(); ++i)
@@ -304,6 +307,7 @@ Result<UpbpIntegrator::Pilot> UpbpIntegrator::run_pilot(const UnitContext& conte
     const double more_beams =
         beam_path_count(medium, context, paths) / beam_path_count(medium, small, few_paths);
     memory.push_back(measured.memory.scaled(density / upbp::kReplicates, more_beams / upbp::kReplicates));
+    hits.push_back(measured.hits.expected().scaled(density, more_beams));
     return {};
   };
   for (const std::unique_ptr<Variant>& variant : variants_) {
@@ -312,7 +316,7 @@ Result<UpbpIntegrator::Pilot> UpbpIntegrator::run_pilot(const UnitContext& conte
       break;
     CANDELA_TRY(try_out(*variant));
   }
-  Pilot pilot{upbp::choose(trials), 0, {}};
+  Pilot pilot{upbp::choose(trials), 0, {}, {}};
   pilot.variant = pilot.choice.index;
   std::size_t best = pilot.choice.index;  // of the trials
   // One refinement, then the other, each kept if it is better.
@@ -333,6 +337,7 @@ Result<UpbpIntegrator::Pilot> UpbpIntegrator::run_pilot(const UnitContext& conte
       break;
     }
   }
+  pilot.hits = hits[best];
   pilot.memory = memory[best];
   return pilot;
 }
@@ -524,7 +529,7 @@ Result<std::unique_ptr<Integrator>> make_upbp_integrator(const SettingsMap& sett
     variants.push_back(
         std::make_unique<Variant>(std::move(set), options, parsed.merge.rules(), parsed.layers.value));
   std::unique_ptr<Integrator> made = std::make_unique<UpbpIntegrator>(
-      options, std::move(variants), automatic ? "techniques=auto" : "beam_paths");
+      options, std::move(variants), automatic ? "techniques=auto" : "beam_paths", merges_in_media && !full);
   return made;
 }
 
