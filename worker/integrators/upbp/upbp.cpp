@@ -45,8 +45,9 @@ struct Variant {
 
 class UpbpIntegrator final : public IterationIntegrator {
  public:
-  // variants: each has all techniques of those before. setting: that has them chosen from. has_pilot: it
-  // chooses, and expects the hits that weights count; else the only variant takes none for expected.
+  // variants: each has all techniques of those before. setting: the user's, by which the pilot chooses among
+  // them. has_pilot: a pilot runs, chooses, and counts the hits that weights expect; else variants is one,
+  // whose weights expect none.
   UpbpIntegrator(const PathOptions& options, std::vector<std::unique_ptr<Variant>> variants,
                  std::string setting, bool has_pilot)
       : IterationIntegrator(options, variants[0]->rules.planned),
