@@ -82,7 +82,8 @@ Response ask(v1::FarmService::Stub& stub,
 }  // namespace
 
 std::string scene_path(const std::string& name) {
-  return std::string(CANDELA_SOURCE_DIR) + "/deploy/scenes/" + name + "/scene.xml";
+  const std::string root = std::string(CANDELA_SOURCE_DIR) + "/";
+  return name.ends_with(".xml") ? root + name : root + "deploy/scenes/" + name + "/scene.xml";
 }
 
 std::vector<std::string> job_options(std::uint64_t iterations, std::uint64_t seed) {

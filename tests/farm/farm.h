@@ -24,7 +24,7 @@ struct CommandResult {
   double seconds = 0;
 };
 
-// Scenes that ship with Candela.
+// The path of a scene that ships with Candela, or of a file of the source tree (NAME.xml).
 std::string scene_path(const std::string& name);
 
 // Options of the jobs of these tests: small, of a fixed seed.

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "tests/statistical/harness.h"
+#include "tests/statistical/moments.h"
 #include "worker/scene/emitters/emitter.h"
 #include "worker/transport/photon_beams.h"
 #include "worker/transport/photon_map.h"
@@ -17,8 +18,7 @@
 namespace candela::statistical {
 namespace {
 
-// Claim: without a medium upbp is vcm, bit for bit; a technique by itself in a list has the film of bpm's
-// kind.
+// Claim: without a medium upbp is vcm, bit for bit.
 TEST(Upbp, IsVcmWithoutMedia) {
   const TestScene scene = scene_from_transport("caustic", 16, 16);
   const auto vcm = render_batches(with_integrator(scene, "vcm"), 5, 2, 3);
@@ -174,24 +174,14 @@ TEST(Upbp, BeamPathsAreThoseThatThePlanNames) {
 // Claim: weights that count the hits which a query shares (plan=auto) leave less noise than those that take
 // all merges for independent (plan=full), with beams of all light paths in fog around the camera: 0.78 of it.
 TEST(Upbp, SharedHitsCountForLess) {
-  constexpr std::uint64_t kBatches = 16;
   const TestScene scene = scene_from_transport("fog-camera", 32, 32);
   const auto noise = [&](const char* plan) {
-    const auto batches = render_batches(
-        with_integrator(scene, "upbp", {{"techniques", "all"}, {"beam_paths", "0"}, {"plan", plan}}), 5,
-        kBatches, 1);
-    const std::size_t values = batches[0].size();
-    std::vector<double> mean(values), variance(values);
-    double level = 0;
-    for (std::size_t i = 0; i < values; ++i) {
-      for (const auto& batch : batches) mean[i] += static_cast<double>(batch[i]) / kBatches;
-      for (const auto& batch : batches)
-        variance[i] += std::pow(static_cast<double>(batch[i]) - mean[i], 2) / (kBatches - 1);
-      level += mean[i] / static_cast<double>(values);
-    }
-    double sum = 0;
-    for (std::size_t i = 0; i < values; ++i) sum += variance[i] / (mean[i] * mean[i] + 0.01 * level * level);
-    return sum / static_cast<double>(values);
+    ImageMoments moments;
+    for (const auto& image : render_batches(
+             with_integrator(scene, "upbp", {{"techniques", "all"}, {"beam_paths", "0"}, {"plan", plan}}), 5,
+             16, 1))
+      add_image(moments, image);
+    return relative_variance(moments);
   };
   const double ratio = noise("auto") / noise("full");
   std::printf("noise over that of independent merges: %.3f\n", ratio);

@@ -154,7 +154,7 @@ TEST(UpbpHits, AreThoseOfTheFirstIteration) {
   EXPECT_NEAR(first.beam_point, 2, 1e-8);
   EXPECT_NEAR(first.beam_beam, 3, 1e-8);
   transport::MediumMerges eta{1, 2, 3, 4};
-  job.divide(eta, 7);
+  job.in(7).divide(eta);
   EXPECT_NEAR(eta.point_point, 1 / (1 + 5 * volume(7, 3)), 1e-7);
   EXPECT_NEAR(eta.point_beam, 2 / (1 + 2.5 * volume(7, 2)), 1e-7);
   EXPECT_NEAR(eta.beam_point, 3 / (1 + 4 * volume(7, 2)), 1e-7);

@@ -45,8 +45,8 @@ Side longest_side(std::span<const Center> items) {
   return {axis, low[axis], length[axis]};
 }
 
-// Moves those items to the front that `is_first` holds of, without a branch on it, which no processor would
-// foretell. Returns how many they are.
+// Moves the items for which is_first() is true before the others, and returns their number. It has no branch
+// on is_first(), which would be mispredicted for half of the items.
 template <class IsFirst>
 std::size_t partition(std::span<Center> items, const IsFirst& is_first) {
   std::size_t count = 0;
@@ -59,8 +59,8 @@ std::size_t partition(std::span<Center> items, const IsFirst& is_first) {
   return count;
 }
 
-// Puts the `first` least items along a side before the others; of those that are alike, those of the least
-// indices. No two items are equal, so that the parts do not depend on how they are found.
+// Moves the `first` items with the least centers along a side before the others. The index decides among
+// equal centers, so that the two parts do not depend on how they are found.
 void select(std::span<Center> items, std::size_t first, const Side& side) {
   constexpr std::size_t kFew = 512;
   constexpr int kBins = 256;

@@ -108,7 +108,7 @@ class BoxTree {
 
  private:
   static constexpr float kSlack = 1 - 0x1p-20f;  // of slabs' rounding
-  // More than four times half a unit in the last place: of differences, products and sums of a cross product.
+  // Rounding changes the cross product of a vector and a unit vector by less than kRounding of the length.
   static constexpr float kRounding = 0x1p-22f, kSpread = 0x1p-4f;
   static constexpr std::uint32_t kSide = 3 * kWide;
 
@@ -144,14 +144,14 @@ class BoxTree {
     return 1 / (std::abs(d) > 1e-20f ? d : std::copysign(1e-20f, d));  // no product of 0 and infinity
   }
 
-  // What a query has found on a level and not looked into yet.
+  // The nodes or items of one level that a query comes near. It has looked into those before `next`.
   struct Found {
     static constexpr std::uint32_t kMost = 64;
     std::uint32_t next = 0, count = 0;
     std::uint32_t at[kMost];
   };
-  // Writes the children of a node to `to` by the bits of a mask and returns how many they are. There is no
-  // branch on the mask, which no processor would foretell: all eight are written.
+  // Writes to `to` the children of a node that a mask has bits of, and returns their number. It writes eight
+  // in any case: a branch on the mask would be mispredicted at most nodes.
   static std::uint32_t add_children(std::uint32_t node, std::uint32_t mask, std::uint32_t* to) {
     const __m256i bits = _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(static_cast<long long>(kPlaces[mask])));
     const __m256i first = _mm256_set1_epi32(static_cast<int>(kWide * node));

@@ -4,11 +4,12 @@
 
 #include "worker/core/math.h"
 #include "worker/transport/box_tree.h"
+#include "worker/transport/technique/merge_medium.h"
 
 namespace candela::integrators::upbp {
 namespace {
 
-// Fitted to CPU times: docs/lab/upbp-tests.md.
+// Nanoseconds: docs/lab/upbp-tests.md says which are fitted to CPU times and which are set.
 constexpr double kOfRay = 335, kOfQuery = 30, kOfNode = 20, kOfMerge = 175, kOfItem = 150, kOfSearched = 100;
 constexpr double kPointsOfNode = transport::BoxTree::kWide;
 constexpr int kRounds = 3;            // of weighting trials by their errors

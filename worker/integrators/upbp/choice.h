@@ -5,7 +5,9 @@
 #include <span>
 #include <vector>
 
-#include "worker/transport/technique/merge_medium.h"
+namespace candela::transport {
+struct MergeWork;
+}
 
 namespace candela::integrators::upbp {
 
@@ -25,7 +27,8 @@ struct WorkCounts {
   // more of them as the cube root of the density, and those whose points it meets grow as the merges.
   double cost(double density) const;
 
-  void add(const transport::MergeWork& merges);
+  // The queries, nodes and merges of an iteration.
+  void add(const transport::MergeWork& work);
 };
 
 struct Trial {

@@ -33,8 +33,14 @@ ExpectedHits ExpectedHits::scaled(double paths, double beam_paths) const {
   return {{point_point * paths, point_beam * paths, beam_point * beam_paths, beam_beam * beam_paths}};
 }
 
-void ExpectedHits::divide(transport::MediumMerges& eta, std::uint64_t iteration) const {
-  for (const Kind& kind : kKinds) eta.*kind.eta /= 1 + this->*kind.hits * shrunken(iteration, kind.dimension);
+ExpectedHits ExpectedHits::in(std::uint64_t iteration) const {
+  ExpectedHits hits = *this;
+  for (const Kind& kind : kKinds) hits.*kind.hits *= shrunken(iteration, kind.dimension);
+  return hits;
+}
+
+void ExpectedHits::divide(transport::MediumMerges& eta) const {
+  for (const Kind& kind : kKinds) eta.*kind.eta /= 1 + this->*kind.hits;
 }
 
 void HitCounts::add(const transport::MergeWork& work, std::uint64_t iteration) {

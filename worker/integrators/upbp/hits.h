@@ -1,7 +1,6 @@
-// How many photons or beams a query of an eye path meets. The merges of one eye path share its vertices: the
-// more a query meets, the less each of them is worth as a sample. [Krivanek 2014] takes them for independent;
-// the weights here divide a merge's number of samples by 1 + expected hits, a bound of what the part that
-// they share adds to the variance (docs/decisions/069).
+// The photons or beams that a query of an eye path is expected to hit. Merges of one query share the eye
+// path, while [Krivanek 2014] takes them for independent samples. The weights divide a merge's number of
+// samples by 1 + expected hits, which bounds the variance that the shared part adds (docs/decisions/069).
 #pragma once
 
 #include <cstdint>
@@ -16,19 +15,21 @@ struct ExpectedHits : transport::ByMerge<double> {
   // Those of an iteration with `paths` times as many light paths, `beam_paths` times as many of which leave
   // beams.
   ExpectedHits scaled(double paths, double beam_paths) const;
-  // The numbers of samples of an iteration, each over 1 + its hits.
-  void divide(transport::MediumMerges& eta, std::uint64_t iteration) const;
+  // Those of a later iteration.
+  ExpectedHits in(std::uint64_t iteration) const;
+  // Divides the number of samples of each kind of merge by 1 + its hits.
+  void divide(transport::MediumMerges& eta) const;
 };
 
-// Counts of iterations.
+// Counts queries and hits of iterations.
 class HitCounts {
  public:
   void add(const transport::MergeWork& work, std::uint64_t iteration);
   ExpectedHits expected() const;  // 0 of kinds without queries
 
  private:
-  transport::ByMerge<double> merges_,
-      queries_;  // queries: each by the share that its kernel has of the first one's
+  // Each query counts as the kernel's share of the first iteration's volume.
+  transport::ByMerge<double> merges_, queries_;
 };
 
 }  // namespace candela::integrators::upbp

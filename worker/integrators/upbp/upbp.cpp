@@ -93,7 +93,7 @@ class UpbpIntegrator final : public IterationIntegrator {
   // Runs once. Stopped, it runs anew when asked again.
   Result<Pilot> pilot_for(const UnitContext& context, const RunContext& run) const;
   Result<Pilot> run_pilot(const UnitContext& context, const RunContext& run) const;
-  // first: merging radius of the first iteration, of surfaces.
+  // first: merging radius of the first iteration, of surfaces. hits: that weights expect.
   Result<void> run_variant(const Variant& variant, double first, const upbp::ExpectedHits& hits,
                            const UnitContext& context, const Unit& unit, UnitOutput& output,
                            const RunContext& run, Measured& measured) const;
@@ -179,12 +179,13 @@ Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, c
     std::vector<transport::MediumMerges> eta;
     std::vector<float> ball_radii, beam_radii;
     upbp::SharedWork merge_work;
+    const upbp::ExpectedHits expected = hits.in(iteration);
     for (std::uint32_t m = 0; m < context.scene.features().media; ++m) {
       const scene::Medium& medium = context.scene.medium(m);
       const transport::MediumRadii radii = medium_radii(rules, context, medium, first, iteration);
       kernels.emplace_back(iterations.merge.kernel, radii);
       eta.push_back(medium_eta(rules, medium, iterations.merge.kernel, radii, paths, paths / stride));
-      hits.divide(eta.back(), iteration);
+      expected.divide(eta.back());
       ball_radii.push_back(static_cast<float>(radii.point_point));
       beam_radii.push_back(
           static_cast<float>(std::max(rules.bp2d ? radii.beam_point : 0, rules.bb1d ? radii.beam_beam : 0)));
@@ -294,7 +295,7 @@ Result<UpbpIntegrator::Pilot> UpbpIntegrator::run_pilot(const UnitContext& conte
     upbp::Trial& trial = trials.emplace_back();
     for (std::size_t r = 0; r < upbp::kReplicates; ++r) {
       output.film = std::make_unique<film::UnitFilm>(layout, scale);
-      // The first replicate expects none.
+      // A replicate expects the hits of those before it, the first one none.
       CANDELA_TRY(run_variant(variant, first, measured.hits.expected(), small,
                               {Unit::Kind::iterations, 0, r, r + 1}, output, quiet, measured));
       const std::int64_t* sums = output.film->sums();

@@ -1,0 +1,45 @@
+// upbp in fog on a farm: every worker runs the pilot by itself, which chooses techniques and numbers of beams
+// and counts the hits that weights expect. The image is one all the same.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <string>
+
+#include "tests/farm/farm.h"
+
+namespace candela::farm {
+namespace {
+
+class Media : public testing::TestWithParam<std::string> {};
+
+// Claim: the pixels do not depend on how many workers there are, nor on their threads, nor on the death of
+// one of them and of the master.
+TEST_P(Media, WorkersAndKillsChangeNothing) {
+  constexpr std::uint64_t kIterations = 401;
+  const std::string scene = "tests/statistical/transport/fog-camera.xml";
+  const std::vector<std::string> options = {"--integrator", "upbp", "--set", "techniques=" + GetParam()};
+  Farm farm;
+  farm.start_master({"--unit-time", "0.1", "--checkpoint-interval", "0.1", "--lease-time", "1"});
+  Process& victim = farm.start_worker("victim");
+  farm.start_worker("other", 2);
+  const std::string id = farm.submit(kIterations, scene, options);
+  farm.wait_for_iterations(id, 1);
+  victim.kill();
+  farm.start_worker("heir");
+  farm.kill_master();
+  farm.restart_master();
+  ASSERT_EQ(farm.job(id).state(), v1::JOB_STATE_RUNNING) << "the job ended too soon: make it longer";
+  farm.wait_for(id, v1::JOB_STATE_DONE);
+  expect_identical(farm.fetch(id), farm.render(kIterations, scene, options), "farm and `candela render`");
+  farm.audit(id, kIterations);
+}
+
+// One that chooses all, one that chooses beams, one that has nothing to choose.
+INSTANTIATE_TEST_SUITE_P(, Media, testing::Values("auto", "all", "pp3d,pb2d"), [](const auto& one) {
+  std::string name = one.param;
+  std::replace(name.begin(), name.end(), ',', '_');
+  return name;
+});
+
+}  // namespace
+}  // namespace candela::farm
