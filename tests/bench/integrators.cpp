@@ -43,6 +43,7 @@
 #include "common/stats/image_error.h"
 #include "tests/bench/count_argument.h"
 #include "tests/epoch_run.h"
+#include "tests/paths.h"
 #include "tests/statistical/moments.h"
 #include "worker/integrators/unit_data.h"
 #include "worker/render/renderer.h"
@@ -311,7 +312,7 @@ int smallvcm(const Options& options) {
   const std::uint64_t per_round = options.iterations == 0 ? 2 : options.iterations;
   for (const std::string name : {"sun", "area", "point", "environment"}) {
     if (!options.scenes.empty() && !contains(options.scenes, name)) continue;
-    const fs::path scene = fs::path(CANDELA_SOURCE_DIR) / "tests/bench/smallvcm" / (name + ".xml");
+    const fs::path scene = test::source_path("tests/bench/smallvcm") / (name + ".xml");
     const Reference whole = reference(options, scene, reference_integrator(name), chosen);
     struct Row {
       std::string integrator;

@@ -13,6 +13,7 @@
 
 #include "common/rng/stream.h"
 #include "tests/bench/candela_bench/schedule.h"
+#include "tests/paths.h"
 
 namespace candela::bench {
 
@@ -21,7 +22,7 @@ namespace fs = std::filesystem;
 inline constexpr std::uint32_t kSize = 64;
 inline constexpr std::size_t kValues = std::size_t{kSize} * kSize * 3;
 inline constexpr double kTruth = 0.8;
-inline const std::string kScene = CANDELA_SOURCE_DIR "/deploy/scenes/cornell/scene.xml";
+inline const std::string kScene = test::source_path("deploy/scenes/cornell/scene.xml");
 
 // An image of `kTruth + bias` with normal noise of known variance a unit, whatever the slices; a unit takes
 // 1 ms. A scene_file that is "broken" fails at its third unit.

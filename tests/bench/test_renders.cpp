@@ -15,6 +15,7 @@
 #include "tests/bench/candela_bench/process.h"
 #include "tests/bench/candela_bench/truth.h"
 #include "tests/bench/known_estimator.h"
+#include "tests/paths.h"
 #include "tests/temporary_folder.h"
 
 namespace candela::bench {
@@ -197,7 +198,7 @@ TEST(Rendering, SlicesAndProcessesChangeNoBit) {
     SCOPED_TRACE(integrator);
     const RunSpec run = small_render(integrator);
     auto here = make_render_estimator(run);
-    auto there = make_process_estimator(CANDELA_BINARY_DIR "/candela-bench", run);
+    auto there = make_process_estimator(test::program_path("candela-bench"), run);
     ASSERT_TRUE(here.ok() && there.ok());
     // Segments, of which 8 are one of each chain, and 21 more than there are chains.
     const std::uint64_t all = integrator == "pssmlt" ? 21 : 7;
@@ -206,7 +207,7 @@ TEST(Rendering, SlicesAndProcessesChangeNoBit) {
     // Kept, and gone on with by another process.
     const auto saved = (*there)->save();
     ASSERT_TRUE(saved.ok());
-    auto third = make_process_estimator(CANDELA_BINARY_DIR "/candela-bench", run);
+    auto third = make_process_estimator(test::program_path("candela-bench"), run);
     ASSERT_TRUE(third.ok());
     const auto restored = (*third)->restore(*saved);
     ASSERT_TRUE(restored.ok()) << restored.error().to_string();
@@ -229,7 +230,7 @@ TEST(Rendering, SlicesAndProcessesChangeNoBit) {
     // Of another run: refused.
     RunSpec other = run;
     other.job.width = 16;
-    auto fourth = make_process_estimator(CANDELA_BINARY_DIR "/candela-bench", other);
+    auto fourth = make_process_estimator(test::program_path("candela-bench"), other);
     EXPECT_FALSE((*fourth)->restore(*saved).ok());
   }
 }
@@ -237,7 +238,7 @@ TEST(Rendering, SlicesAndProcessesChangeNoBit) {
 TEST(Rendering, AProcessSaysWhatIsWrong) {
   RunSpec run = small_render("path");
   run.job.integrator = "pth";
-  const auto wrong = make_process_estimator(CANDELA_BINARY_DIR "/candela-bench", run);
+  const auto wrong = make_process_estimator(test::program_path("candela-bench"), run);
   ASSERT_FALSE(wrong.ok());
   EXPECT_THAT(wrong.error().to_string(), HasSubstr("unknown integrator 'pth'"));
   EXPECT_FALSE(make_process_estimator("/nowhere/candela-bench", run).ok());

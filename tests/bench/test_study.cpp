@@ -19,6 +19,7 @@
 #include "tests/bench/candela_study/study.h"
 #include "tests/bench/candela_study/toy.h"
 #include "tests/bench/candela_study/vcmplus_table.h"
+#include "tests/paths.h"
 #include "tests/temporary_folder.h"
 
 namespace candela::study {
@@ -365,8 +366,8 @@ struct Outcome {
 };
 Outcome run_program(const std::string& arguments, const test::TemporaryFolder& folder) {
   const std::string log = folder.path() / "log";
-  const int status =
-      std::system((CANDELA_BINARY_DIR "/candela-study " + arguments + " >" + log + " 2>&1").c_str());
+  const int status = std::system(
+      (test::program_path("candela-study").string() + " " + arguments + " >" + log + " 2>&1").c_str());
   const auto text = read_file(log, 1 << 20);
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, text.ok() ? *text : ""};
 }

@@ -17,6 +17,7 @@
 #include "common/job/job.h"
 #include "common/wire/grpc_settings.h"
 #include "common/wire/wire.h"
+#include "tests/paths.h"
 
 namespace candela::farm {
 namespace {
@@ -28,7 +29,7 @@ namespace fs = std::filesystem;
 }
 
 std::string program(const std::string& name) {
-  return std::string(CANDELA_BINARY_DIR) + "/" + name;
+  return test::program_path(name);
 }
 
 std::string joined(const std::vector<std::string>& words) {
@@ -47,7 +48,7 @@ fs::path shared_reference(const fs::path& scene, const std::vector<std::string>&
   for (const auto& entry : fs::recursive_directory_iterator(scene.parent_path()))
     if (entry.is_regular_file()) parts.push_back(state_of(entry.path()));
   std::sort(parts.begin(), parts.end());
-  return fs::path(CANDELA_BINARY_DIR).parent_path() / "farm-references" /
+  return test::program_path("").parent_path().parent_path() / "farm-references" /
          (sha256_hex(joined(parts)) + ".exr");
 }
 
@@ -82,8 +83,7 @@ Response ask(v1::FarmService::Stub& stub,
 }  // namespace
 
 std::string scene_path(const std::string& name) {
-  const std::string root = std::string(CANDELA_SOURCE_DIR) + "/";
-  return name.ends_with(".xml") ? root + name : root + "deploy/scenes/" + name + "/scene.xml";
+  return test::source_path(name.ends_with(".xml") ? name : "deploy/scenes/" + name + "/scene.xml");
 }
 
 std::vector<std::string> job_options(std::uint64_t iterations, std::uint64_t seed) {

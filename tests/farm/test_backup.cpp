@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "tests/farm/farm.h"
+#include "tests/paths.h"
 #include "tests/temporary_folder.h"
 
 namespace candela::farm {
@@ -27,7 +28,7 @@ CommandResult run(Farm& farm, const std::vector<std::string>& arguments) {
 }
 
 std::string master_program() {
-  return std::string(CANDELA_BINARY_DIR) + "/candela-master";
+  return test::program_path("candela-master");
 }
 
 CommandResult backup(Farm& farm, const fs::path& target, std::vector<std::string> more = {}) {

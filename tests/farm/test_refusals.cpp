@@ -11,6 +11,7 @@
 
 #include "tests/farm/certificates.h"
 #include "tests/farm/farm.h"
+#include "tests/paths.h"
 
 namespace candela::farm {
 namespace {
@@ -235,7 +236,7 @@ TEST(UnknownJob, IsNamed) {
 TEST(MasterOptions, AreChecked) {
   Farm farm;
   farm.start_master();
-  const std::string program = std::string(CANDELA_BINARY_DIR) + "/candela-master";
+  const std::string program = test::program_path("candela-master");
   const std::string other = (farm.folder() / "other").string(), same = (farm.folder() / "data").string();
   struct Case {
     std::vector<std::string> arguments;
@@ -322,7 +323,7 @@ TEST(Tls, BeyondLoopback) {
   farm.start_master(options);
   EXPECT_TRUE(farm.address().starts_with("0.0.0.0:")) << farm.address();
 
-  std::vector<std::string> arguments = {std::string(CANDELA_BINARY_DIR) + "/candela-master",
+  std::vector<std::string> arguments = {test::program_path("candela-master"),
                                         "--data",
                                         (farm.folder() / "other").string(),
                                         "--listen",

@@ -45,6 +45,7 @@
 #include "tests/farm/hand_worker.h"
 #include "tests/farm/slow_link.h"
 #include "tests/integrators.h"
+#include "tests/paths.h"
 
 namespace candela::farm {
 namespace {
@@ -127,7 +128,7 @@ class Soak : public testing::Test {
     random_.seed(seed_);
     const fs::path shift = farm_.folder() / "clock-shift";
     std::ofstream(shift, std::ios::binary) << std::string(sizeof(std::int64_t), '\0');
-    farm_.add_environment("LD_PRELOAD", CANDELA_BINARY_DIR "/libclock_shift.so");
+    farm_.add_environment("LD_PRELOAD", test::program_path("libclock_shift.so"));
     farm_.add_environment("CANDELA_CLOCK_SHIFT", shift.string());
     farm_.start_master({"--unit-time", "0.05", "--checkpoint-interval", "0.1", "--lease-time", "2", "--http",
                         "127.0.0.1:0"});

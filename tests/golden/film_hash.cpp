@@ -10,6 +10,7 @@
 #include "common/bundle/bundle.h"
 #include "tests/epoch_run.h"
 #include "tests/integrators.h"
+#include "tests/paths.h"
 #include "tests/statistical/chain_driver.h"
 #include "tests/statistical/harness.h"
 
@@ -73,7 +74,7 @@ class FilmDigest {
 
 // The folder of the scene's file.
 fs::path folder_of(const std::string& scene) {
-  const fs::path tests = fs::path(CANDELA_SOURCE_DIR) / "tests";
+  const fs::path tests = test::source_path("tests");
   for (const char* folder : {"golden/scenes", "statistical/transport", "statistical/gallery"})
     if (fs::exists(tests / folder / (scene + ".xml"))) return tests / folder;
   throw std::runtime_error("no scene '" + scene +

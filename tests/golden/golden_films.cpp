@@ -19,13 +19,14 @@
 #include "common/base/files.h"
 #include "tests/golden/film_hash.h"
 #include "tests/golden/film_table.h"
+#include "tests/paths.h"
 #include "worker/render/renderer.h"
 
 namespace candela::golden {
 namespace {
 
-constexpr const char* kTablePath = CANDELA_SOURCE_DIR "/tests/golden/films.txt";
-constexpr const char* kLogPath = CANDELA_SOURCE_DIR "/tests/golden/log.md";
+const std::string kTablePath = test::source_path("tests/golden/films.txt");
+const std::string kLogPath = test::source_path("tests/golden/log.md");
 
 template <class T>
 T value_of(Result<T> result) {
@@ -33,7 +34,7 @@ T value_of(Result<T> result) {
   return std::move(result).value();
 }
 
-std::string read_text(const char* path) {
+std::string read_text(const std::string& path) {
   return value_of(read_file(path, 1 << 24));
 }
 

@@ -19,6 +19,7 @@
 #include "common/wire/grpc_settings.h"
 #include "common/wire/wire.h"
 #include "tests/farm/process.h"
+#include "tests/paths.h"
 #include "tests/scale/process_figures.h"
 #include "tests/scale/swarm.h"
 
@@ -29,7 +30,7 @@ namespace fs = std::filesystem;
 
 struct Options {
   SwarmOptions swarm;
-  std::string scene = std::string(CANDELA_SOURCE_DIR) + "/deploy/scenes/cornell/scene.xml";
+  std::string scene = test::source_path("deploy/scenes/cornell/scene.xml");
   std::string integrator = "path", size = "1920x1080", csv;
   std::vector<std::string> master_options;
   double seconds = 60, warm_up_seconds = 20;
@@ -108,7 +109,7 @@ class Run {
   }
   void start_master() {
     std::ofstream(folder_ / "config.toml") << "# nothing of the machine's own settings\n";
-    std::vector<std::string> arguments = {std::string(CANDELA_BINARY_DIR) + "/candela-master", "--data",
+    std::vector<std::string> arguments = {test::program_path("candela-master"), "--data",
                                           (folder_ / "data").string(), "--listen", "127.0.0.1:0"};
     arguments.insert(arguments.end(), options_.master_options.begin(), options_.master_options.end());
     // The limit that the master finds, and none for ourselves.
@@ -127,7 +128,7 @@ class Run {
     stub_ = v1::FarmService::NewStub(grpc::CreateChannel(address_, grpc::InsecureChannelCredentials()));
   }
   std::string candela(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), std::string(CANDELA_BINARY_DIR) + "/candela");
+    arguments.insert(arguments.begin(), test::program_path("candela"));
     farm::Process process(arguments, folder_ / fmt::format("candela-{}", ++serial_), environment());
     const int code = process.wait(300).value_or(-1);
     if (code != 0)

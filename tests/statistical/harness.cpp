@@ -17,6 +17,7 @@
 #include "common/bundle/bundle.h"
 #include "tests/epoch_run.h"
 #include "tests/integrators.h"
+#include "tests/paths.h"
 #include "tests/statistical/moments.h"
 #include "tests/statistical/quantiles.h"
 
@@ -62,9 +63,7 @@ Result<description::FileSource::Bytes> MemorySource::open(const std::string& key
 }
 
 std::string shared_folder() {
-  const char* from_environment = std::getenv("CANDELA_SHARED");
-  const std::filesystem::path folder =
-      from_environment != nullptr ? from_environment : CANDELA_SOURCE_DIR "/../shared";
+  const std::filesystem::path folder = test::shared_path();
   return std::filesystem::is_directory(folder / "scenes") ? folder.string() : std::string();
 }
 
@@ -103,7 +102,7 @@ TestScene scene_from_shared(const std::string& name, std::uint32_t width, std::u
 
 TestScene scene_from_transport(std::string_view name, std::uint32_t width, std::uint32_t height) {
   TestScene scene;
-  scene.files = std::make_shared<bundle::DiskSource>(CANDELA_SOURCE_DIR "/tests/statistical/transport");
+  scene.files = std::make_shared<bundle::DiskSource>(test::source_path("tests/statistical/transport"));
   scene.main_key = fmt::format("{}.xml", name);
   return read_scene(std::move(scene), width, height);
 }

@@ -16,6 +16,7 @@
 #include "common/adaptive/levels.h"
 #include "common/bundle/bundle.h"
 #include "tests/epoch_run.h"
+#include "tests/paths.h"
 #include "tests/statistical/harness.h"
 
 namespace candela::statistical {
@@ -26,7 +27,7 @@ constexpr std::uint64_t kIterations = 512;
 
 TestScene from_study(const std::string& name) {
   TestScene scene;
-  scene.files = std::make_shared<bundle::DiskSource>(CANDELA_SOURCE_DIR "/tests/bench/candela_study/scenes");
+  scene.files = std::make_shared<bundle::DiskSource>(test::source_path("tests/bench/candela_study/scenes"));
   scene.main_key = name + ".xml";
   return read_scene(std::move(scene), kSide, kSide);
 }

@@ -20,6 +20,7 @@
 #include "common/bundle/bundle.h"
 #include "common/description/vocabulary.h"
 #include "common/image/image.h"
+#include "tests/paths.h"
 #include "tests/statistical/harness.h"
 #include "tests/statistical/moments.h"
 #include "tests/statistical/quantiles.h"
@@ -36,7 +37,7 @@ constexpr std::uint64_t kThumbnailIterations = 16;
 constexpr std::uint32_t kBlock = 12;
 
 fs::path gallery() {
-  return CANDELA_SOURCE_DIR "/tests/statistical/gallery";
+  return test::source_path("tests/statistical/gallery");
 }
 
 std::vector<std::string> scene_names() {

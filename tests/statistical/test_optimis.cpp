@@ -12,6 +12,7 @@
 #include <span>
 
 #include "common/bundle/bundle.h"
+#include "tests/paths.h"
 #include "tests/statistical/optimis_job.h"
 
 namespace candela::statistical {
@@ -413,8 +414,7 @@ TEST(Optimis, ATrialKeepsWhatPays) {
   const auto job = [](const std::string& name, std::uint32_t side, std::uint64_t seed,
                       const SettingsMap& settings) {
     TestScene scene;
-    scene.files =
-        std::make_shared<bundle::DiskSource>(CANDELA_SOURCE_DIR "/tests/bench/candela_study/scenes");
+    scene.files = std::make_shared<bundle::DiskSource>(test::source_path("tests/bench/candela_study/scenes"));
     scene.main_key = "mis-" + name + ".xml";
     scene = read_scene(std::move(scene), side, side);
     scene.settings.seed = seed;

@@ -9,6 +9,7 @@
 #include <ostream>
 #include <sstream>
 
+#include "tests/paths.h"
 #include "tests/stress/report.h"
 #include "tests/stress/scenes.h"
 
@@ -22,7 +23,7 @@ void PrintTo(const Sweep& sweep, std::ostream* out) {
 namespace {
 
 std::vector<Limit> committed_limits() {
-  std::ifstream in(CANDELA_SOURCE_DIR "/tests/stress/limits.txt");
+  std::ifstream in(test::source_path("tests/stress/limits.txt"));
   std::ostringstream text;
   text << in.rdbuf();
   return read_limits(text.str());

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "common/rng/stream.h"
+#include "tests/paths.h"
 #include "tests/unit/transport_paths.h"
 #include "worker/core/vec.h"
 
@@ -29,8 +30,7 @@ inline Vec3 direction(rng::Stream& stream) {
 
 // A scene with media, so that buffers accept beams and photons.
 inline std::unique_ptr<scene::Scene> fog(const char* name = "fog-thin") {  // with one medium
-  auto scene = load_scene(std::filesystem::path(CANDELA_SOURCE_DIR) / "tests/statistical/transport" /
-                          (std::string(name) + ".xml"));
+  auto scene = load_scene(source_path("tests/statistical/transport") / (std::string(name) + ".xml"));
   EXPECT_TRUE(scene.ok());
   return std::move(*scene);
 }

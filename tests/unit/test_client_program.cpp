@@ -16,6 +16,7 @@
 #include "client/json.h"
 #include "client/output.h"
 #include "client/progress.h"
+#include "tests/paths.h"
 #include "tests/unit/client_outcome.h"
 
 namespace candela::client {
@@ -274,7 +275,7 @@ TEST(Program, HelpAndVersion) {
 
 // Claim: docs/cli.md is what the program says of itself. (To mend: candela help-markdown > docs/cli.md)
 TEST(Program, CliReferenceIsCurrent) {
-  std::ifstream file(std::string(CANDELA_SOURCE_DIR) + "/docs/cli.md");
+  std::ifstream file(test::source_path("docs/cli.md"));
   std::stringstream committed;
   committed << file.rdbuf();
   EXPECT_EQ(run({"help-markdown"}).out, committed.str());

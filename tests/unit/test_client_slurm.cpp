@@ -9,6 +9,7 @@
 
 #include "client/embedded/app.h"
 #include "client/slurm/batch_script.h"
+#include "tests/paths.h"
 #include "tests/unit/client_outcome.h"
 
 namespace candela::client {
@@ -105,7 +106,7 @@ TEST_F(Slurm, TheScriptLeavesWhenItIsWarned) {
                     path = folder_.path() / "workers.sbatch";
   ASSERT_EQ(run({"-o", path, "--program", worker, "--cache", folder_.path() / "cache"}).code, 0);
   for (const std::string& script :
-       {path, std::string(CANDELA_SOURCE_DIR "/deploy/slurm/candela-workers.sbatch")}) {
+       {path, test::source_path("deploy/slurm/candela-workers.sbatch").string()}) {
     const std::string command =
         "PATH='" + folder_.path().string() + "':\"$PATH\" CANDELA_MASTER=farm:7070 bash '";
     EXPECT_EQ(std::system((command + script + "'").c_str()), 0) << script;

@@ -6,13 +6,14 @@
 
 #include "common/base/files.h"
 #include "common/description/vocabulary.h"
+#include "tests/paths.h"
 
 namespace candela::description {
 namespace {
 
 // Claim: docs/scenes.md is what the loader does. With CANDELA_REWRITE_DOCS=1 the test writes the page.
 TEST(DescriptionPage, CommittedPageIsTheTable) {
-  const std::filesystem::path path = CANDELA_SOURCE_DIR "/docs/scenes.md";
+  const std::filesystem::path path = test::source_path("docs/scenes.md");
   if (std::getenv("CANDELA_REWRITE_DOCS") != nullptr) {
     ASSERT_TRUE(write_file_atomically(path, support_table_markdown()).ok());
   }

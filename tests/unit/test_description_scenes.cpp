@@ -11,6 +11,7 @@
 #include "common/description/transform.h"
 #include "common/description/vocabulary.h"
 #include "test_description_common.h"
+#include "tests/paths.h"
 
 namespace candela::description {
 namespace {
@@ -21,8 +22,7 @@ std::string scene(const std::string& body) {
 
 // Claim: the four scenes that the project is measured on are understood, with all their files.
 TEST(DescriptionScenes, SharedScenesParse) {
-  const char* given = std::getenv("CANDELA_SHARED");
-  const std::filesystem::path shared = given != nullptr ? given : CANDELA_SOURCE_DIR "/../shared";
+  const std::filesystem::path shared = test::shared_path();
   if (!std::filesystem::exists(shared / "scenes"))
     GTEST_SKIP() << "no scenes at " << shared << " (set CANDELA_SHARED)";
   struct Expected {

@@ -11,6 +11,7 @@
 #include <string>
 
 #include "common/rng/stream.h"
+#include "tests/paths.h"
 #include "worker/transport/kernels.h"
 #include "worker/transport/radius.h"
 #include "worker/transport/range_search.h"
@@ -24,10 +25,7 @@ constexpr const char* kKernelNames[] = {"constant", "epanechnikov", "perlin"};  
 
 // The truth table of the kernel theory: "case,method,N,quantity" -> value. Empty where it is not installed.
 std::map<std::string, double> truth_table() {
-  const char* from_environment = std::getenv("CANDELA_SHARED");
-  const std::filesystem::path folder =
-      from_environment != nullptr ? from_environment : CANDELA_SOURCE_DIR "/../shared";
-  std::ifstream file(folder / "theory" / "adaptive-kernels.csv");
+  std::ifstream file(test::shared_path() / "theory" / "adaptive-kernels.csv");
   std::map<std::string, double> table;
   std::string line;
   while (std::getline(file, line)) {

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "common/rng/stream.h"
+#include "tests/paths.h"
 #include "tests/unit/media_fixture.h"
 #include "tests/unit/scene_fixture.h"
 #include "tests/unit/transport_paths.h"
@@ -238,8 +239,8 @@ void expect_edges_make_vertices(const scene::Scene& scene) {
 TEST(TransportUpbp, EdgesMakeTheVerticesOfWalks) {
   for (const char* name : {"fog-thin", "fog-glass", "fog-camera", "smoke"}) {
     SCOPED_TRACE(name);
-    const auto scene = test::load_scene(std::filesystem::path(CANDELA_SOURCE_DIR) /
-                                        "tests/statistical/transport" / (std::string(name) + ".xml"));
+    const auto scene =
+        test::load_scene(test::source_path("tests/statistical/transport") / (std::string(name) + ".xml"));
     ASSERT_TRUE(scene.ok()) << scene.error().to_string();
     expect_edges_make_vertices<TransportMode::importance>(**scene);
     expect_edges_make_vertices<TransportMode::radiance>(**scene);

@@ -28,6 +28,7 @@
 #include <cstdio>
 #include <cstdlib>
 
+#include "tests/paths.h"
 #include "tests/unit/scene_fixture.h"
 #include "tests/unit/transport_path_test.h"
 
@@ -55,13 +56,11 @@ void run_all(const scene::Scene& scene, const WalkRules& rules, std::uint64_t pa
 std::vector<fs::path> scene_files() {
   std::vector<fs::path> files;
   for (const char* folder : {"transport", "gallery"})
-    for (const auto& entry :
-         fs::directory_iterator(fs::path(CANDELA_SOURCE_DIR "/tests/statistical") / folder))
+    for (const auto& entry : fs::directory_iterator(test::source_path("tests/statistical") / folder))
       // Its film has one pixel; the films of this test have more.
       if (entry.path().extension() == ".xml" && entry.path().stem() != "sensor-distant")
         files.push_back(entry.path());
-  const char* given = std::getenv("CANDELA_SHARED");
-  const fs::path shared = fs::path(given != nullptr ? given : CANDELA_SOURCE_DIR "/../shared") / "scenes";
+  const fs::path shared = test::shared_path() / "scenes";
   if (fs::is_directory(shared))
     for (const auto& entry : fs::directory_iterator(shared))
       if (fs::exists(entry.path() / "scene.xml")) files.push_back(entry.path() / "scene.xml");

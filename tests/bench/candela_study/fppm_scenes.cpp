@@ -9,6 +9,7 @@
 #include "tests/bench/candela_study/image_errors.h"
 #include "tests/bench/candela_study/renders.h"
 #include "tests/bench/candela_study/study.h"
+#include "tests/paths.h"
 
 namespace candela::study {
 namespace {
@@ -52,7 +53,7 @@ const std::vector<Method>& methods() {
 constexpr const char* kNeighbors = "20";
 
 std::string path_of(const std::string& file) {
-  return std::string(CANDELA_SOURCE_DIR "/") + file;
+  return test::source_path(file);
 }
 
 // The mean over squares of pixels.

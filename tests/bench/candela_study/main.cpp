@@ -15,6 +15,7 @@
 #include "tests/bench/candela_bench/machine.h"
 #include "tests/bench/candela_study/csv.h"
 #include "tests/bench/candela_study/study.h"
+#include "tests/paths.h"
 
 namespace {
 
@@ -55,7 +56,7 @@ std::string quoted(const std::string& word) {
 
 // The figure and the page, by Python.
 Result<void> draw(const std::string& csv) {
-  const std::string script = CANDELA_SOURCE_DIR "/tests/bench/candela_study/draw.py";
+  const std::string script = test::source_path("tests/bench/candela_study/draw.py");
   if (std::system((CANDELA_PYTHON " " + quoted(script) + ' ' + quoted(csv)).c_str()) != 0)
     return failed_error("no figure was drawn")
         .at(script, 0)
@@ -90,7 +91,7 @@ Result<void> run(const Options& options) {
   if (study->in_pieces && !options.short_form) request.folder = folder / (options.name + "-pieces");
   request.say = [](const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); };
   const bench::Machine machine = bench::this_machine();
-  const std::string commit = commit_of(CANDELA_SOURCE_DIR);
+  const std::string commit = commit_of(test::source_path(""));
   CANDELA_ASSIGN(const Results results, study->run(request));
 
   const std::string seeds = study->seeds == 0 ? "" : fmt::format(" --seeds {}", request.seeds);

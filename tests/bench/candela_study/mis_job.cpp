@@ -13,6 +13,7 @@
 #include "common/stages/development.h"
 #include "common/stages/developments/optimal_mis.h"
 #include "tests/bench/candela_bench/spec.h"
+#include "tests/paths.h"
 #include "worker/integrators/unit_data.h"
 
 namespace candela::study {
@@ -34,7 +35,7 @@ double thread_seconds() {
 Result<MisJob> MisJob::create(const Render& render) {
   MisJob job;
   job.render_ = render;
-  const std::filesystem::path file = CANDELA_SOURCE_DIR "/" + render.scene;
+  const std::filesystem::path file = test::source_path(render.scene);
   CANDELA_ASSIGN(bench::RunSpec run, bench::make_run(file, bench::scene_name_of(file), render.integrator,
                                                      render.settings, render.width, render.height));
   run.job.seed = render.seed;

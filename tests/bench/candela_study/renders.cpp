@@ -12,6 +12,7 @@
 #include "common/film/film.h"
 #include "tests/bench/candela_bench/spec.h"
 #include "tests/epoch_run.h"
+#include "tests/paths.h"
 #include "worker/render/renderer.h"
 
 namespace candela::study {
@@ -27,7 +28,7 @@ double cpu_now() {
 }  // namespace
 
 Result<Rendered> render_job(const Render& render, const std::vector<std::uint64_t>& counts) {
-  const std::filesystem::path file = CANDELA_SOURCE_DIR "/" + render.scene;
+  const std::filesystem::path file = test::source_path(render.scene);
   CANDELA_ASSIGN(bench::RunSpec run, bench::make_run(file, bench::scene_name_of(file), render.integrator,
                                                      render.settings, render.width, render.height));
   run.job.seed = render.seed;

@@ -10,6 +10,7 @@
 
 #include "common/base/version.h"
 #include "tests/bench/candela_study/kept.h"
+#include "tests/paths.h"
 
 namespace candela::study {
 namespace {
@@ -294,7 +295,7 @@ Result<Results> run_vcmplus_table(const Request& request) {
   for (const TableScene& scene : table_scenes()) {
     const bool by_name = !request.scenes.empty();
     if (!request.wants(scene.name) || (request.short_form && !by_name && !scene.in_short_form)) continue;
-    if (!std::filesystem::exists(CANDELA_SOURCE_DIR "/" + scene.file)) {
+    if (!std::filesystem::exists(test::source_path(scene.file))) {
       request.say(fmt::format("vcmplus-table: {} is skipped: there is no {}", scene.name, scene.file));
       continue;
     }
