@@ -9,6 +9,7 @@
 #include <memory>
 #include <utility>
 
+#include "tests/proofs/proofs.h"
 #include "tests/statistical/moments.h"
 #include "tests/statistical/quantiles.h"
 
@@ -144,6 +145,15 @@ Verdict compare(const Estimator& tested, const Estimator& reference, const Regio
                 const BlockTest& test) {
   const Rows a = tested.rows(1, test.effort), b = reference.rows(1, test.effort_reference);
   Verdict verdict;
+  if (proofs::probing()) {
+    proofs::fact("comparison",
+                 fmt::format("{} {} {} {} {} {} {} {} {}", test.alpha_suspect, test.alpha_confirm,
+                             test.confirm_effort, test.effort, test.effort_reference, test.margin,
+                             test.decide, test.only_brighter, test.largest_skewness));
+    verdict.values = verdict.tested = verdict.decided = 1;
+    verdict.ratio = 1;
+    return verdict;
+  }
   std::vector<std::size_t> values;
   std::vector<Welch> results(regions.values());
   for (std::size_t value = 0; value < regions.values(); ++value) {

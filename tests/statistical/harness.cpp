@@ -18,8 +18,7 @@
 #include "tests/epoch_run.h"
 #include "tests/integrators.h"
 #include "tests/paths.h"
-#include "tests/statistical/moments.h"
-#include "tests/statistical/quantiles.h"
+#include "tests/proofs/proofs.h"
 
 namespace candela::statistical {
 namespace {
@@ -43,10 +42,12 @@ SettingsMap settings_in_scene(const description::FileSource& files, const std::s
 }
 
 // The layers of a job with epochs: both halves, for they decide together.
-std::vector<std::vector<double>> job_means(const render::Renderer& renderer, const PilotResult& pilot,
-                                           std::uint64_t iterations, const render::RunContext& run) {
+std::vector<std::vector<double>> job_means(const TestScene& scene, const render::Renderer& renderer,
+                                           const PilotResult& pilot, std::uint64_t iterations,
+                                           const render::RunContext& run) {
   const auto job = test::render_job(renderer, pilot, iterations, run);
   if (!job.ok()) give_up(job.error());
+  for (const auto& half : job->halves) proofs::film(identity(scene), half.sums);
   for (const std::uint64_t rejected : job->tallies().rejected)
     if (rejected != 0) throw std::runtime_error(fmt::format("{} samples were rejected", rejected));
   std::vector<std::vector<double>> layers;
@@ -54,7 +55,48 @@ std::vector<std::vector<double>> job_means(const render::Renderer& renderer, con
   return layers;
 }
 
+// In the probe the same scene is rendered once, whatever its seeds.
+class Once {
+ public:
+  template <class Value, class Make>
+  static Value get(const std::string& key, const Make& make) {
+    static std::mutex mutex;
+    static std::map<std::string, Value> values;
+    const std::lock_guard lock(mutex);
+    const auto found = values.find(key);
+    return found != values.end() ? found->second : values.emplace(key, make()).first->second;
+  }
+};
+
+// In the probe: a batch's image, and as many copies as were asked for, of different brightness.
+std::vector<std::vector<float>> copies(const std::vector<float>& image, std::size_t batches) {
+  std::vector<std::vector<float>> images(batches, image);
+  for (std::size_t batch = 0; batch < batches; ++batch)
+    for (float& value : images[batch]) value *= 1 + 1e-3f * static_cast<float>(batch % 5);
+  return images;
+}
+
+// Iterations [0, n) of half 0 in one film; in the probe of n of each of `batches`, those at both ends.
+std::vector<Unit> units_of_batch(std::uint64_t iterations, std::size_t batches) {
+  if (!proofs::probing()) return {{Unit::Kind::iterations, 0, 0, iterations}};
+  const proofs::Ends ends = proofs::probe_ends(iterations, batches);
+  std::vector<Unit> units = {{Unit::Kind::iterations, 0, 0, ends.first}};
+  if (ends.last > 0) units.push_back({Unit::Kind::iterations, 0, iterations - ends.last, iterations});
+  return units;
+}
+
 }  // namespace
+
+std::string identity(const TestScene& scene) {
+  const JobSettings& s = scene.settings;
+  std::string text = fmt::format("{} {}x{} {}\n{} {} {}\n", s.integrator, s.width, s.height, scene.main_key,
+                                 s.filter, s.sampler, s.aovs);
+  for (const SettingsMap* settings : {&s.integrator_settings, &s.filter_settings})
+    for (const auto& [name, value] : *settings) text += fmt::format("{}={}\n", name, value);
+  const auto bytes = scene.files->open(scene.main_key);
+  if (!bytes.ok()) give_up(bytes.error());
+  return text + std::string(bytes->view);
+}
 
 Result<description::FileSource::Bytes> MemorySource::open(const std::string& key) const {
   const auto found = files_.find(key);
@@ -113,32 +155,54 @@ std::unique_ptr<render::Renderer> make_renderer(const TestScene& scene) {
   return std::move(renderer).value();
 }
 
-std::vector<std::vector<float>> render_batches(TestScene scene, std::uint64_t seed, std::size_t batches,
-                                               std::uint64_t iterations, unsigned threads) {
-  std::vector<std::vector<float>> images;
+namespace {
+
+std::vector<float> render_batch(const TestScene& scene, const std::vector<Unit>& units,
+                                std::uint64_t iterations, unsigned threads) {
   render::RunContext run;
   run.threads = threads;
+  const auto renderer = make_renderer(scene);
+  const auto pilot = renderer->pilot(run);
+  if (!pilot.ok()) give_up(pilot.error());
+  if (test::has_epochs(scene.settings.integrator)) {
+    const auto mean = job_means(scene, *renderer, *pilot, iterations, run).at(0);
+    return {mean.begin(), mean.end()};
+  }
+  auto output = renderer->make_output(pilot->state);
+  const auto& film = output.film;
+  std::uint64_t rendered = 0;
+  for (const Unit& unit : units) {
+    const auto done = renderer->run(unit, {}, output, run);
+    if (!done.ok()) give_up(done.error());
+    rendered += unit.end - unit.begin;
+  }
+  for (std::uint64_t rejected : film->tallies().rejected)
+    if (rejected != 0) throw std::runtime_error(fmt::format("{} samples were rejected", rejected));
+  const double to_value = std::ldexp(1.0, -film->scale_log2()) / static_cast<double>(rendered);
+  proofs::film(identity(scene), {film->sums(), film->layout().pixel_count() * 3 * film->layout().layers});
+  std::vector<float> image(film->layout().pixel_count() * 3);
+  for (std::size_t i = 0; i < image.size(); ++i)
+    image[i] = static_cast<float>(static_cast<double>(film->sums()[i]) * to_value);
+  return image;
+}
+
+}  // namespace
+
+std::vector<std::vector<float>> render_batches(TestScene scene, std::uint64_t seed, std::size_t batches,
+                                               std::uint64_t iterations, unsigned threads) {
+  if (proofs::probing() && batches > 1) {
+    const auto image =
+        Once::get<std::vector<float>>(fmt::format("{} {} {}", iterations, batches, identity(scene)), [&] {
+          TestScene first = scene;
+          first.settings.seed = seed;
+          return render_batch(first, units_of_batch(iterations, batches), iterations, threads);
+        });
+    return copies(image, batches);
+  }
+  std::vector<std::vector<float>> images;
   for (std::size_t batch = 0; batch < batches; ++batch) {
     scene.settings.seed = seed + batch;
-    const auto renderer = make_renderer(scene);
-    const auto pilot = renderer->pilot(run);
-    if (!pilot.ok()) give_up(pilot.error());
-    if (test::has_epochs(scene.settings.integrator)) {
-      const auto mean = job_means(*renderer, *pilot, iterations, run).at(0);
-      images.emplace_back(mean.begin(), mean.end());
-      continue;
-    }
-    auto output = renderer->make_output(pilot->state);
-    const auto& film = output.film;
-    const auto done = renderer->run({Unit::Kind::iterations, 0, 0, iterations}, {}, output, run);
-    if (!done.ok()) give_up(done.error());
-    for (std::uint64_t rejected : film->tallies().rejected)
-      if (rejected != 0) throw std::runtime_error(fmt::format("{} samples were rejected", rejected));
-    const double to_value = std::ldexp(1.0, -film->scale_log2()) / static_cast<double>(iterations);
-    std::vector<float> image(film->layout().pixel_count() * 3);
-    for (std::size_t i = 0; i < image.size(); ++i)
-      image[i] = static_cast<float>(static_cast<double>(film->sums()[i]) * to_value);
-    images.push_back(std::move(image));
+    images.push_back(render_batch(scene, units_of_batch(iterations, batches), iterations, threads));
   }
   return images;
 }
@@ -173,9 +237,12 @@ NamedState pilot_state(const TestScene& scene) {
   return pilot->state;
 }
 
-std::vector<std::vector<double>> render_layers(const TestScene& scene, const NamedState& state,
-                                               std::uint64_t seed, std::uint32_t half, std::uint64_t first,
-                                               std::uint64_t iterations, unsigned threads) {
+namespace {
+
+std::vector<std::vector<double>> render_layers_now(const TestScene& scene, const NamedState& state,
+                                                   std::uint64_t seed, std::uint32_t half,
+                                                   std::uint64_t first, std::uint64_t iterations,
+                                                   unsigned threads) {
   TestScene seeded = scene;
   seeded.settings.seed = seed;
   const auto renderer = make_renderer(seeded);
@@ -186,7 +253,7 @@ std::vector<std::vector<double>> render_layers(const TestScene& scene, const Nam
     auto pilot = renderer->pilot(run);
     if (!pilot.ok()) give_up(pilot.error());
     pilot->state = state;
-    return job_means(*renderer, *pilot, iterations, run);
+    return job_means(scene, *renderer, *pilot, iterations, run);
   }
   auto output = renderer->make_output(state);
   const auto& film = output.film;
@@ -198,11 +265,25 @@ std::vector<std::vector<double>> render_layers(const TestScene& scene, const Nam
                                            rejected, scene.settings.integrator, seed, half, first));
   const double to_value = std::ldexp(1.0, -film->scale_log2()) / static_cast<double>(iterations);
   const std::size_t values = film->layout().pixel_count() * 3;
+  proofs::film(identity(scene), {film->sums(), values * film->layout().layers});
   std::vector<std::vector<double>> layers(film->layout().layers, std::vector<double>(values));
   for (std::size_t layer = 0; layer < layers.size(); ++layer)
     for (std::size_t i = 0; i < values; ++i)
       layers[layer][i] = static_cast<double>(film->sums()[layer * values + i]) * to_value;
   return layers;
+}
+
+}  // namespace
+
+std::vector<std::vector<double>> render_layers(const TestScene& scene, const NamedState& state,
+                                               std::uint64_t seed, std::uint32_t half, std::uint64_t first,
+                                               std::uint64_t iterations, unsigned threads) {
+  // Only iterations that a term of a plan asks for may be fewer in the probe: here the caller divides by
+  // them.
+  if (!proofs::probing()) return render_layers_now(scene, state, seed, half, first, iterations, threads);
+  return Once::get<std::vector<std::vector<double>>>(
+      fmt::format("{} {} {} {}", first, iterations, state.film_scale_log2, identity(scene)),
+      [&] { return render_layers_now(scene, state, seed, half, first, iterations, threads); });
 }
 
 namespace {
@@ -215,6 +296,8 @@ void render_terms(const std::vector<Term>& terms, const BatchPlan& plan, std::ui
       static_cast<std::uint64_t>(std::ceil(static_cast<double>(plan.iterations) * effort));
   std::vector<NamedState> states;
   for (const Term& term : terms) states.push_back(pilot_state(term.scene));
+  // The probe renders one batch, and gives it to all in different brightness.
+  const bool probing = proofs::probing();
   std::atomic<std::size_t> next{0};
   std::mutex mutex;
   std::exception_ptr trouble;
@@ -223,7 +306,8 @@ void render_terms(const std::vector<Term>& terms, const BatchPlan& plan, std::ui
         for (std::size_t t = 0; t < terms.size(); ++t) {
           const auto layers = render_layers(terms[t].scene, states[t], plan.seed + (stage << 20) + batch,
                                             static_cast<std::uint32_t>(batch % 2), plan.first, iterations);
-          take(batch, terms[t].weight, layers.at(plan.layer));
+          const double brightness = probing ? 1 + 1e-3 * static_cast<double>(batch % 5) : 1;
+          take(batch, terms[t].weight * brightness, layers.at(plan.layer));
         }
       } catch (...) {
         const std::lock_guard lock(mutex);
@@ -232,7 +316,7 @@ void render_terms(const std::vector<Term>& terms, const BatchPlan& plan, std::ui
   };
   {
     std::vector<std::jthread> threads;
-    for (unsigned i = 0; i < plan.threads; ++i) threads.emplace_back(work);
+    for (unsigned i = 0; i < (probing ? 1 : plan.threads); ++i) threads.emplace_back(work);
   }
   if (trouble) std::rethrow_exception(trouble);
 }
@@ -265,96 +349,6 @@ Estimator make_estimator(const std::string& name, std::vector<Term> terms, const
   return {name, [terms = std::move(terms), plan, regions](std::uint64_t stage, double effort) {
             return render_rows(terms, plan, regions, stage, effort);
           }};
-}
-
-BlockTestResult block_test(const std::vector<std::vector<float>>& batches,
-                           const std::vector<float>& reference, const std::vector<float>& reference_stderr,
-                           std::uint32_t width, std::uint32_t height, const BlockTestOptions& options) {
-  constexpr double kKnown = std::numeric_limits<double>::infinity();  // freedom of a variance that is
-  const std::uint32_t block = options.block;
-  BlockTestResult result;
-  double chi_squared = 0, weights = 0, weighted = 0, reference_squares = 0;
-  std::vector<double> ratios(batches.size(), 0.0);  // of each batch, not yet divided by the weights
-  std::vector<double> relative_errors;
-  for (std::uint32_t by = 0; by < height; by += block) {
-    for (std::uint32_t bx = 0; bx < width; bx += block) {
-      const auto listed = [&](const auto& blocks) {
-        return std::find(blocks.begin(), blocks.end(), std::pair(bx, by)) != blocks.end();
-      };
-      if (listed(options.excluded)) continue;
-      const bool only_brighter = listed(options.only_brighter);
-      for (std::uint32_t channel = 0; channel < 3; ++channel) {
-        std::vector<double> means(batches.size(), 0.0);
-        double expected = 0, expected_variance = 0, pixels = 0;
-        for (std::uint32_t y = by; y < std::min(by + block, height); ++y) {
-          for (std::uint32_t x = bx; x < std::min(bx + block, width); ++x) {
-            const std::size_t i = (std::size_t{y} * width + x) * 3 + channel;
-            for (std::size_t k = 0; k < batches.size(); ++k) means[k] += static_cast<double>(batches[k][i]);
-            expected += static_cast<double>(reference[i]);
-            if (!reference_stderr.empty())
-              expected_variance +=
-                  static_cast<double>(reference_stderr[i]) * static_cast<double>(reference_stderr[i]);
-            pixels += 1;
-          }
-        }
-        expected /= pixels;
-        expected_variance /= pixels * pixels;
-        Moments own;
-        for (double& value : means) own.add(value /= pixels);
-        const double mean = own.mean();
-        double largest = 0;
-        for (const double value : means) largest = std::max(largest, (value - mean) * (value - mean));
-        // Rounding of floats and of the analytic answer itself, so that exact agreement is not tested for
-        // exact zero variance.
-        const double rounding = 1e-6 * std::max(std::fabs(expected), std::fabs(mean));
-        const double own_variance = own.variance_of_mean();
-        // The reference's own degrees of freedom are taken as at least 7 (its README: 8 to 30 runs).
-        const EstimatedVariance sum = EstimatedVariance{own_variance, own.freedom()} +
-                                      EstimatedVariance{expected_variance, 7} +
-                                      EstimatedVariance{rounding * rounding, kKnown};
-        const double variance = sum.variance, deviation = std::sqrt(variance);
-        if (expected == 0 && mean == 0) continue;
-        if (deviation > options.max_relative_error * std::fabs(expected) ||
-            (largest > 0.8 * own.variance() * own.freedom() && own_variance > expected_variance &&
-             own_variance > rounding * rounding)) {
-          ++result.skipped;
-          continue;
-        }
-        ++result.tested;
-        const double difference = only_brighter ? std::max(0.0, mean - expected) : mean - expected;
-        const double beyond =
-            std::max(0.0, std::fabs(difference) - options.allowed_bias * std::fabs(expected));
-        const double t = t_statistic(std::copysign(beyond, difference), deviation);
-        const double p = std::max(student_two_sided(t, sum.freedom), 1e-300);
-        const double score = normal_quantile(p / 2);
-        chi_squared += score * score;
-        relative_errors.push_back(deviation / std::fabs(expected));
-        const double weight = only_brighter ? 0 : expected * expected / variance;
-        weights += weight;
-        weighted += weight * mean / expected;
-        for (std::size_t k = 0; k < batches.size(); ++k) ratios[k] += weight * means[k] / expected;
-        reference_squares += weight * weight * expected_variance / (expected * expected);
-        if (p < result.smallest_p) {
-          result.smallest_p = p;
-          result.worst =
-              fmt::format("block at ({}, {}), channel {}: {} against {}, standard error {}, t = {:.2f}", bx,
-                          by, channel, mean, expected, deviation, t);
-        }
-      }
-    }
-  }
-  if (result.tested > 0) {
-    result.adjusted_p = std::min(1.0, result.smallest_p * static_cast<double>(result.tested));
-    result.chi_squared_p = chi_squared_tail(chi_squared, static_cast<double>(result.tested));
-    std::nth_element(relative_errors.begin(), relative_errors.begin() + relative_errors.size() / 2,
-                     relative_errors.end());
-    result.median_relative_standard_error = relative_errors[relative_errors.size() / 2];
-    result.ratio = weighted / weights;
-    Moments spread;
-    for (const double ratio : ratios) spread.add(ratio / weights);
-    result.ratio_stderr = std::sqrt(spread.variance_of_mean() + 3 * reference_squares / (weights * weights));
-  }
-  return result;
 }
 
 }  // namespace candela::statistical

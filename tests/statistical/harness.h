@@ -14,6 +14,7 @@
 #include "common/film/film.h"
 #include "common/job/job.h"
 #include "tests/statistical/block_tests.h"
+#include "tests/statistical/image_tests.h"
 #include "worker/render/renderer.h"
 
 namespace candela::statistical {
@@ -49,6 +50,9 @@ void use_own_filter(TestScene& scene);
 TestScene scene_from_shared(const std::string& name, std::uint32_t width, std::uint32_t height);
 // tests/statistical/transport/NAME.xml.
 TestScene scene_from_transport(std::string_view name, std::uint32_t width, std::uint32_t height);
+
+// The scene and its settings but for the seed, as text; the first line names it.
+std::string identity(const TestScene& scene);
 
 std::unique_ptr<render::Renderer> make_renderer(const TestScene& scene);
 
@@ -97,36 +101,5 @@ Estimator make_estimator(const std::string& name, std::vector<Term> terms, const
 // each. Rejected samples fail the test unless allowed.
 std::vector<std::vector<float>> render_batches(TestScene scene, std::uint64_t seed, std::size_t batches,
                                                std::uint64_t iterations, unsigned threads = 2);
-
-// Block by block and channel by channel: the mean over batches against a reference with known standard errors
-// of its pixels (empty: exact). Welch's t test on block means with the batches' own variance; a block's value
-// is skipped if its relative standard error exceeds max_relative_error or its batches are so skewed that the
-// normal limit is not reached (one batch holds more than four fifths of the sum of squares about the mean).
-struct BlockTestResult {
-  std::size_t tested = 0, skipped = 0;
-  double smallest_p = 1;     // over all tested values
-  double adjusted_p = 1;     // Bonferroni: min(1, smallest_p * tested): at most this chance of a false alarm
-  double chi_squared_p = 1;  // of the sum of squared normal scores of all tested values, one-sided
-  double median_relative_standard_error = 0;
-  double ratio = 0;  // mean over reference, weighted by what is known of each value
-  // Its standard error: from the spread over batches, whose blocks may share what they like, and of the
-  // reference, whose blocks are independent, the three channels of one taken as one.
-  double ratio_stderr = 0;
-  std::string worst;  // where, for the failure message
-};
-struct BlockTestOptions {
-  std::uint32_t block = 16;
-  double max_relative_error = 0.02;
-  // A known systematic difference of the reference, relative: only what goes beyond it counts.
-  double allowed_bias = 0;
-  // Blocks whose corner is listed are left out: known faults of the reference.
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> excluded;
-  // Blocks where the batches find light too rarely for their spread to say how much they miss: only what is
-  // too bright counts, and the ratio leaves them out.
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> only_brighter = {};
-};
-BlockTestResult block_test(const std::vector<std::vector<float>>& batches,
-                           const std::vector<float>& reference, const std::vector<float>& reference_stderr,
-                           std::uint32_t width, std::uint32_t height, const BlockTestOptions& options);
 
 }  // namespace candela::statistical

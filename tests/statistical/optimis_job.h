@@ -13,6 +13,7 @@
 #include "common/film/development.h"
 #include "common/stages/development.h"
 #include "common/stages/developments/optimal_mis.h"
+#include "tests/proofs/proofs.h"
 #include "tests/statistical/harness.h"
 #include "tests/statistical/quantiles.h"
 #include "worker/integrators/unit_data.h"
@@ -49,6 +50,7 @@ class Job {
     auto pilot = renderer_->pilot({});
     if (!pilot.ok()) throw std::runtime_error(pilot.error().to_string());
     pilot_ = std::move(*pilot);
+    proofs::fact("plan of " + identity(scene_), pilot_.plan);
   }
   const WorkPlan& work() const { return pilot_.work; }
   const std::string& plan() const { return pilot_.plan; }
@@ -63,6 +65,8 @@ class Job {
   // Renders indices [begin, end) of a half and merges them, through the bytes of a delta.
   void merge(Merged& into, std::uint32_t half, std::uint64_t begin, std::uint64_t end, unsigned threads = 2,
              std::uint64_t epoch = 0) {
+    if (proofs::probing()) return merge_probe(into, half, begin, end, epoch);
+    proofs::film(identity(scene_), {});
     auto output = renderer_->make_output(pilot_.state);
     output.epoch = epoch;
     render::RunContext run;
@@ -123,9 +127,35 @@ class Job {
   }
 
  private:
+  // One unit of few iterations for each half and epoch, which takes the place of all others.
+  void merge_probe(Merged& into, std::uint32_t half, std::uint64_t begin, std::uint64_t end,
+                   std::uint64_t epoch) {
+    std::string& bytes = probes_[{half, epoch}];
+    if (bytes.empty()) {
+      auto output = renderer_->make_output(pilot_.state);
+      output.epoch = epoch;
+      const Unit unit{Unit::Kind::iterations, half, begin, begin + std::min<std::uint64_t>(end - begin, 2)};
+      const auto done = renderer_->run(unit, {}, output, {});
+      if (!done.ok()) throw std::runtime_error(done.error().to_string());
+      proofs::film(identity(scene_), {output.film->sums(), output.film->layout().pixel_count() * 3});
+      bytes = integrators::encode_delta({unit, {}, 0, "j", "b"}, output);
+    }
+    const auto delta = film::Delta::decode(bytes, {layout(), work().accumulators});
+    if (!delta.ok()) throw std::runtime_error(delta.error().to_string());
+    static_cast<void>(into.film.merge(*delta));  // refused if it is there already
+    auto& sums = work().epochs ? into.epochs[epoch] : into.sums[half];
+    for (std::size_t i = sums.size(); i < work().accumulators.size(); ++i)
+      sums.emplace_back(kExtent, kExtent, work().accumulators[i]);
+    for (std::size_t i = 0; i < delta->accumulators().size(); ++i) {
+      sums[i].merge(delta->accumulators()[i].sums);
+      proofs::fact("sums of " + identity(scene_), sums[i].serialise());
+    }
+  }
+
   TestScene scene_;
   std::unique_ptr<render::Renderer> renderer_;
   PilotResult pilot_;
+  std::map<std::pair<std::uint32_t, std::uint64_t>, std::string> probes_;  // deltas by half and epoch
 };
 
 // Over the image, of a group of lights: for each technique the mean of S_r,i - W / M, and the number of

@@ -5,10 +5,14 @@
 #include <cmath>
 #include <numbers>
 
+#include "tests/proofs/proofs.h"
 #include "tests/statistical/harness.h"
 
 namespace candela::statistical {
 namespace {
+
+// Films decide these tests: proofs.h.
+const proofs::FilmsDecide kFilms({"Analytic"});
 
 constexpr double kAlpha = 1e-4;
 

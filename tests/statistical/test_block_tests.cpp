@@ -10,10 +10,15 @@
 #include <cstdio>
 
 #include "common/rng/stream.h"
+#include "tests/proofs/proofs.h"
 #include "tests/statistical/harness.h"
 
 namespace candela::statistical {
 namespace {
+
+// Films decide these tests: proofs.h.
+const proofs::FilmsDecide kFilms({"BlockTests.PathAgainstPath",
+                                  "BlockTests.SeesThreePercentMoreReflectance"});
 
 constexpr double kAlpha = 1e-4;
 

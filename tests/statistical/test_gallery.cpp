@@ -21,12 +21,16 @@
 #include "common/description/vocabulary.h"
 #include "common/image/image.h"
 #include "tests/paths.h"
+#include "tests/proofs/proofs.h"
 #include "tests/statistical/harness.h"
 #include "tests/statistical/moments.h"
 #include "tests/statistical/quantiles.h"
 
 namespace candela::statistical {
 namespace {
+
+// Films decide these tests: proofs.h.
+const proofs::FilmsDecide kFilms({"Gallery"});
 
 namespace fs = std::filesystem;
 

@@ -10,10 +10,14 @@
 #include <cstring>
 #include <stdexcept>
 
+#include "tests/proofs/proofs.h"
 #include "tests/statistical/harness.h"
 
 namespace candela::statistical {
 namespace {
+
+// Films decide these tests: proofs.h.
+const proofs::FilmsDecide kFilms({"HostileMedia.MillionMeanFreePathsAUnit", "HostileMedia.AlmostNothing"});
 
 constexpr std::uint32_t kSize = 8;
 constexpr std::size_t kBatches = 8;

@@ -11,11 +11,15 @@
 #include <cmath>
 #include <cstdio>
 
+#include "tests/proofs/proofs.h"
 #include "tests/statistical/chain_driver.h"
 #include "tests/statistical/transport_scenes.h"
 
 namespace candela::statistical {
 namespace {
+
+// Films decide these tests: proofs.h.
+const proofs::FilmsDecide kFilms({"Markov", "MarkovDirect", "MarkovDepths", "MarkovNormalisation"});
 
 constexpr std::uint32_t kExtent = 64;
 const Regions kRegions(kExtent, kExtent, 16);

@@ -13,10 +13,16 @@
 #include <thread>
 
 #include "tests/integrators.h"
+#include "tests/proofs/proofs.h"
 #include "tests/statistical/chain_driver.h"
 
 namespace candela::statistical {
 namespace {
+
+// Films decide these tests: proofs.h.
+const proofs::FilmsDecide kFilms({"MarkovJobs.StartsLeaveNoTrace", "MarkovJobs.TheErrorOfBIsRight",
+                                  "MarkovJobs.RareLightIsFoundOrTheJobIsBlack",
+                                  "MarkovJobs.ASinglePixelIsAFilm", "MarkovJobs.PathsOfAThousandEdges"});
 
 struct Method {
   std::string name;

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <numbers>
 
+#include "tests/proofs/proofs.h"
 #include "tests/statistical/harness.h"
 #include "tests/statistical/moments.h"
 #include "tests/unit/volume_file.h"
@@ -15,6 +16,9 @@
 
 namespace candela::statistical {
 namespace {
+
+// Films decide these tests: proofs.h.
+const proofs::FilmsDecide kFilms({"Media"});
 
 constexpr double kAlpha = 1e-5;
 

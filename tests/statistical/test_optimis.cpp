@@ -13,10 +13,17 @@
 
 #include "common/bundle/bundle.h"
 #include "tests/paths.h"
+#include "tests/proofs/proofs.h"
 #include "tests/statistical/optimis_job.h"
 
 namespace candela::statistical {
 namespace {
+
+// Films decide these tests: proofs.h.
+const proofs::FilmsDecide kFilms({"Optimis.ControlsHaveExpectationOne", "Optimis.AgreesWithPath",
+                                  "Optimis.GainsWhereALampIsHidden", "Optimis.GainsWithOneSmallLamp",
+                                  "Optimis.GainsAsMuchAsTheExactTableSays", "Optimis.DirectBiasFalls",
+                                  "Optimis.LittleIsLostWhereThePlanSkips"});
 
 const SettingsMap kEverything = {
     {"selection", "contribution,power,uniform"}, {"plan", "full"}, {"max_depth", "4"}};

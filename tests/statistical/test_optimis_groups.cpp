@@ -5,10 +5,14 @@
 #include <cmath>
 #include <cstdio>
 
+#include "tests/proofs/proofs.h"
 #include "tests/statistical/optimis_job.h"
 
 namespace candela::statistical {
 namespace {
+
+// Films decide these tests: proofs.h.
+const proofs::FilmsDecide kFilms({"OptimisGroups.ControlsHaveExpectationOne", "OptimisGroups.AgreeWithPath"});
 
 // Matt and rough things under two lamps, one of them hidden from most points, a sun and an uneven sky. A
 // mirror and glass stand before some first vertices.

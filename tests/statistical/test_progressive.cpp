@@ -22,12 +22,16 @@
 #include <numbers>
 #include <thread>
 
+#include "tests/proofs/proofs.h"
 #include "tests/statistical/extrapolation.h"
 #include "tests/statistical/harness.h"
 #include "tests/statistical/quantiles.h"
 
 namespace candela::statistical {
 namespace {
+
+// Films decide these tests: proofs.h.
+const proofs::FilmsDecide kFilms({"Progressive"});
 
 constexpr double kAlarm = 1e-5;
 

@@ -14,11 +14,15 @@
 
 #include "common/image/image.h"
 #include "tests/integrators.h"
+#include "tests/proofs/proofs.h"
 #include "tests/statistical/chain_driver.h"
 #include "tests/statistical/harness.h"
 
 namespace candela::statistical {
 namespace {
+
+// Films decide these tests: proofs.h.
+const proofs::FilmsDecide kFilms({"References", "OtherReferences", "ChainReferences"});
 
 // Beyond six standard errors from 16 batches lies a ratio with probability 2.4e-5 (t with 15 degrees of
 // freedom).

@@ -10,10 +10,14 @@
 #include <map>
 #include <stdexcept>
 
+#include "tests/proofs/proofs.h"
 #include "tests/statistical/harness.h"
 
 namespace candela::statistical {
 namespace {
+
+// Films decide these tests: proofs.h.
+const proofs::FilmsDecide kFilms({"Heuristics", "Layers"});
 
 constexpr std::uint32_t kExtent = 64;
 const Regions kRegions(kExtent, kExtent, 16);

@@ -13,11 +13,19 @@
 #include <utility>
 #include <vector>
 
+#include "tests/proofs/proofs.h"
 #include "tests/statistical/harness.h"
 #include "tests/unit/volume_file.h"
 
 namespace candela::statistical {
 namespace {
+
+// Films decide these tests: proofs.h.
+const proofs::FilmsDecide kFilms({"Upbp.SingleScatteringByQuadrature", "Upbp.AgreesWithBdpt",
+                                  "Upbp.TechniquesInGridsAgreeWithBdpt",
+                                  "Upbp.LongQueryBeamsSeeThroughThickFog", "Upbp.RadiiInDenseMediaHaveALimit",
+                                  "Upbp.OrdersOfScatteringInEndlessFog",
+                                  "Upbp.MergingOnAFloorUnderFogHasItsBias", "Upbp.MergesInOneMediumAlone"});
 
 constexpr double kAlpha = 1e-5;
 

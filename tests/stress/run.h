@@ -50,6 +50,8 @@ class Runner {
     film::Tallies tallies;
   };
   Stage render(double value, int stage, std::uint64_t iterations) const;
+  // Tells the probe what the verdict depends on beside films.
+  void note(const Shot& shot) const;
 
   const Sweep& sweep_;
   const Claim& claim_;

@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "tests/paths.h"
+#include "tests/proofs/proofs.h"
 #include "tests/stress/report.h"
 #include "tests/stress/scenes.h"
 
@@ -21,6 +22,9 @@ void PrintTo(const Sweep& sweep, std::ostream* out) {
 }
 
 namespace {
+
+// Films decide these tests: proofs.h.
+const proofs::FilmsDecide kFilms({"Sweeps"});
 
 std::vector<Limit> committed_limits() {
   std::ifstream in(test::source_path("tests/stress/limits.txt"));
