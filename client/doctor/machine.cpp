@@ -15,7 +15,7 @@
 #include "client/doctor/checks.h"
 #include "client/values.h"
 #include "common/base/version.h"
-#include "common/image/codec.h"
+#include "common/image/formats.h"
 
 namespace candela::client {
 namespace {
@@ -143,7 +143,10 @@ Diagnosis check_open_files() {
 Diagnosis check_images() {
   const auto codec = image::image_codec();
   if (!codec.ok()) return {"images", Diagnosis::State::broken, codec.error().message, codec.error().mend};
-  return {"images", Diagnosis::State::ok, fmt::format("by {}", (*codec)->library()), {}};
+  return {"images",
+          Diagnosis::State::ok,
+          fmt::format("by {}, {}", image::image_libraries(), (*codec)->library()),
+          {}};
 }
 
 Memory read_memory(std::string_view meminfo, std::optional<std::uint64_t> limit, std::uint64_t used) {

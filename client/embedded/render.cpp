@@ -23,7 +23,6 @@
 #include "client/values.h"
 #include "common/base/config.h"
 #include "common/base/quantity.h"
-#include "common/image/codec.h"
 #include "common/wire/wire.h"
 #include "worker/render/renderer.h"
 
@@ -222,7 +221,6 @@ std::string summary(const v1::JobStatus& status, const std::string& output) {
 Result<int> run_render(Context& context, const RenderOptions& options) {
   const ImageOutput output{options.output, options.png.value_or("")};
   CANDELA_TRY(check_output(output));
-  CANDELA_TRY(image::check_image_module());
   const std::string scene_file = std::filesystem::path(options.scene.scene).filename().string();
   CANDELA_ASSIGN(PreviewPlan preview_plan,
                  plan_preview(options.preview, "candela " + scene_file, output.png));

@@ -1,10 +1,13 @@
-// Reading and writing of image files, by a module (base/module.h): OpenImageIO brings 260 libraries, and
-// loading them takes half a second of processor time.
+// What a reader of image files is, and the module (base/module.h) that has those of other formats than
+// OpenEXR and PNG: OpenImageIO brings 260 libraries, and loading them takes a third of a second of processor
+// time.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -18,16 +21,21 @@ enum class SampleType : std::uint8_t { uint8, uint16, float32 };
 
 // The head of an image, or of a part of one.
 struct ImageSpec {
-  int x = 0, y = 0, z = 0, width = 0, height = 0, depth = 1;
-  int tile_width = 0, tile_height = 0;  // 0: scanlines
+  int x = 0, y = 0, z = 0, width = 0, height = 0, depth = 1;  // of the pixels that are stored
+  int tile_width = 0, tile_height = 0;                        // 0: scanlines
   std::vector<std::string> channels;
   int alpha_channel = -1, z_channel = -1;
   bool floating = false;  // samples are of half, float or double
   bool is_uint8 = false;
-  std::uint32_t sample_bytes = 0;                          // of one, in the file
-  std::uint64_t image_bytes = 0;                           // of all, in the file's types
-  bool deep = false;                                       // a list of samples a pixel
-  std::vector<std::pair<std::string, std::string>> texts;  // attributes that are text
+  std::uint32_t sample_bytes = 0;  // of one, in the file
+  std::uint64_t image_bytes = 0;   // of all, in the file's types
+  bool deep = false;               // a list of samples a pixel
+  // The picture that they are a part of, or reach beyond.
+  int display_x = 0, display_y = 0, display_width = 0, display_height = 0;
+  std::string part = {};  // its name, where it has one
+  int orientation = 1;    // as TIFF counts; 1: rows from the top, from the left
+  std::optional<std::array<float, 8>> chromaticities = {};  // x and y of red, green, blue, white
+  std::vector<std::pair<std::string, std::string>> texts;   // attributes that are text
 };
 
 // An open image file. After a call that returned false, error() says why, and is empty afterwards.
@@ -46,8 +54,8 @@ class ImageReader {
 // Gives rows [begin, end) of all channels, interleaved, in the type that was said.
 using RowSource = std::function<void(int begin, int end, void* out)>;
 
-// The readers and writers of formats, by OpenImageIO's names ("openexr", "png"). Functions that fail return
-// null or false and say why; those of the library may also throw std::exception on hostile files.
+// The readers of formats, by OpenImageIO's names ("jpeg", "tiff"). Functions that fail return null or false
+// and say why; those of the library may also throw std::exception on hostile files.
 class ImageCodec {
  public:
   virtual ~ImageCodec() = default;
@@ -58,18 +66,15 @@ class ImageCodec {
   virtual std::unique_ptr<ImageReader> open_bytes(std::string_view bytes, const char* format,
                                                   const std::string& name, bool straight_colors,
                                                   std::string& error) const = 0;
-  // Width, height, channels and texts of `spec` count. Some texts are orders to the writer ("compression").
-  virtual bool write(const char* format, const ImageSpec& spec, SampleType type, const RowSource& rows,
-                     std::string& bytes, std::string& error) const = 0;
 };
 
 // Loaded once.
 Result<const ImageCodec*> image_codec();
 
-// Whether the module is there, without loading it: a program should know before it renders for a night.
+// Whether the module is there, without loading it: a worker should know before it serves for a night.
 Result<void> check_image_module();
 
 }  // namespace candela::image
 
 // The module's only symbol. Its number changes with the interface above.
-extern "C" const candela::image::ImageCodec* candela_image_codec_1();
+extern "C" const candela::image::ImageCodec* candela_image_codec_2();

@@ -5,9 +5,8 @@
 #include <cmath>
 #include <new>
 #include <set>
-#include <system_error>
 
-#include "common/image/codec.h"
+#include "common/image/formats.h"
 #include "common/job/job.h"
 
 namespace candela::image {
@@ -47,15 +46,30 @@ double root(double x, int n, Root&& of_mantissa) {
   return std::ldexp(of_mantissa(std::ldexp(mantissa, exponent - n * k)), k);
 }
 
-// What OpenImageIO would take as orders to the writer rather than as text to keep.
+// Names that EXR's own attributes have, and dates, which would tell files of equal renders apart.
 bool is_reserved(const std::string& key) {
   static constexpr std::string_view kPrefixes[] = {"openexr:", "oiio:", "png:", "exr:"};
   for (const std::string_view prefix : kPrefixes) {
     if (key.compare(0, prefix.size(), prefix) == 0) return true;
   }
-  return key == "compression" || key == "channels" || key == "dataWindow" || key == "displayWindow" ||
-         key == "lineOrder" || key == "type" || key == "version" || key == "chunkCount" || key == "tiles" ||
-         key == "name" || key == "view" || key == "DateTime" || key == "Software";
+  static constexpr std::string_view kNames[] = {"capDate",
+                                                "channels",
+                                                "chunkCount",
+                                                "compression",
+                                                "DateTime",
+                                                "dataWindow",
+                                                "displayWindow",
+                                                "lineOrder",
+                                                "name",
+                                                "pixelAspectRatio",
+                                                "screenWindowCenter",
+                                                "screenWindowWidth",
+                                                "Software",
+                                                "tiles",
+                                                "type",
+                                                "version",
+                                                "view"};
+  return std::find(std::begin(kNames), std::end(kNames), key) != std::end(kNames);
 }
 
 Result<void> check_extent(std::uint64_t width, std::uint64_t height) {
@@ -67,21 +81,6 @@ Result<void> check_extent(std::uint64_t width, std::uint64_t height) {
                    std::to_string(Limits::max_pixels) + " together");
   }
   return {};
-}
-
-// OpenImageIO's messages may have several lines; ours have one.
-std::string one_line(std::string text) {
-  std::replace(text.begin(), text.end(), '\n', ' ');
-  while (!text.empty() && text.back() == ' ') text.pop_back();
-  return text;
-}
-
-Result<std::string> write(const char* format, const ImageSpec& spec, SampleType type, const RowSource& rows) {
-  CANDELA_ASSIGN(const ImageCodec* codec, image_codec());
-  std::string bytes, error;
-  if (!codec->write(format, spec, type, rows, bytes, error))
-    return failed_error("cannot encode the image as " + std::string(format) + ": " + one_line(error));
-  return bytes;
 }
 
 // Indices of the channels that are red, green and blue; all the same for luminance. Empty if there is no
@@ -151,7 +150,9 @@ Result<Image> read_open(ImageReader& input, std::uint64_t file_bytes, const std:
     for (std::string& name : layer_names(input.spec())) others.push_back(std::move(name));
   }
   if (channels.empty()) {
-    (void)input.error();
+    if (const std::string problem = input.error(); !problem.empty())
+      return input_error("cannot read part " + std::to_string(part + 1) +
+                         " of the image: " + one_line(problem));
     if (!layer.empty()) return no_such_layer(layer, others);
     return input_error("the image has no R, G and B channels and no luminance")
         .with_mend("name the channels of the colour R, G and B");
@@ -221,11 +222,8 @@ Result<Image> read_image(const std::filesystem::path& path) {
 }
 
 Result<Image> decode_exr(std::string_view bytes) {
-  CANDELA_ASSIGN(const ImageCodec* codec, image_codec());
+  CANDELA_ASSIGN(const auto input, open_bytes(bytes, "openexr", "memory.exr", false));
   try {
-    std::string error;
-    const auto input = codec->open_bytes(bytes, "openexr", "memory.exr", false, error);
-    if (!input) return input_error("this is not an EXR image that can be read: " + one_line(error));
     return read_open(*input, bytes.size(), "");
   } catch (const std::bad_alloc&) {
     return resource_error("the image does not fit into memory");
@@ -243,17 +241,8 @@ namespace {
 
 Result<Image> read_part(const std::filesystem::path& path, const std::string& layer) {
   const std::string name = path.string();
-  std::error_code code;
-  const auto status = std::filesystem::status(path, code);
-  if (!std::filesystem::exists(status)) {
-    return input_error("there is no such image file").at(name, 0).with_mend("check the name");
-  }
-  if (!std::filesystem::is_regular_file(status)) return input_error("this is not a file").at(name, 0);
-  CANDELA_ASSIGN(const ImageCodec* codec, image_codec());
+  CANDELA_ASSIGN(const auto input, open_file(path));
   try {
-    std::string error;
-    const auto input = codec->open_file(name, error);
-    if (!input) return input_error("this is not an image that can be read: " + one_line(error)).at(name, 0);
     auto image = read_open(*input, std::filesystem::file_size(path), layer);
     if (!image.ok()) return Error(image.error()).at(name, 0);
     return image;
@@ -267,18 +256,10 @@ Result<Image> read_part(const std::filesystem::path& path, const std::string& la
 }  // namespace
 
 Result<ImageSize> read_image_size(const std::filesystem::path& path) {
-  const std::string name = path.string();
-  CANDELA_ASSIGN(const ImageCodec* codec, image_codec());
-  try {
-    std::string error;
-    const auto input = codec->open_file(name, error);
-    if (!input) return input_error("this is not an image that can be read: " + one_line(error)).at(name, 0);
-    const ImageSpec& spec = input->spec();
-    return ImageSize{static_cast<std::uint32_t>(spec.width), static_cast<std::uint32_t>(spec.height),
-                     static_cast<std::uint32_t>(spec.channels.size()), 8 * spec.sample_bytes};
-  } catch (const std::exception& problem) {  // of the format libraries
-    return input_error("cannot read the image: " + one_line(problem.what())).at(name, 0);
-  }
+  CANDELA_ASSIGN(const auto input, open_file(path));
+  const ImageSpec& spec = input->spec();
+  return ImageSize{static_cast<std::uint32_t>(spec.width), static_cast<std::uint32_t>(spec.height),
+                   static_cast<std::uint32_t>(spec.channels.size()), 8 * spec.sample_bytes};
 }
 
 Result<std::string> encode_exr(std::uint32_t width, std::uint32_t height, std::span<const float> rgb,
@@ -314,13 +295,10 @@ Result<std::string> encode_exr(std::uint32_t width, std::uint32_t height, std::s
     }
     spec.texts.emplace_back(key, value);
   }
-  spec.texts.emplace_back("compression", "zip");
-  // Without a DateTime the writer makes one of now; with this one, capDate is empty text.
-  spec.texts.emplace_back("DateTime", "");
   try {
     const std::size_t channels = spec.channels.size();
     std::vector<float> layer_row;
-    return write("exr", spec, SampleType::float32, [&](int begin, int end, void* out) {
+    return write_exr(spec, [&](int begin, int end, void* out) {
       auto* row = static_cast<float*>(out);
       for (auto y = static_cast<std::uint32_t>(begin); y < static_cast<std::uint32_t>(end); ++y) {
         const auto put = [&](const float* from, std::size_t count, std::size_t first) {
@@ -345,7 +323,7 @@ Result<std::string> encode_exr(std::uint32_t width, std::uint32_t height, std::s
   } catch (const std::bad_alloc&) {
     return resource_error("the image to encode does not fit into memory");
   } catch (const std::exception& problem) {
-    return failed_error("cannot encode the image as exr: " + one_line(problem.what()));
+    return failed_error("cannot encode the image as OpenEXR: " + one_line(problem.what()));
   }
 }
 
@@ -362,8 +340,8 @@ Result<std::string> encode_png(const Image& image, double exposure_stops) {
     const ImageSpec spec{.width = static_cast<int>(image.width),
                          .height = static_cast<int>(image.height),
                          .channels = {"R", "G", "B"},
-                         .texts = {{"oiio:ColorSpace", "sRGB"}}};
-    return write("png", spec, SampleType::uint8, [&](int begin, int end, void* out) {
+                         .texts = {}};
+    return write_png(spec, [&](int begin, int end, void* out) {
       const std::size_t row = std::size_t{image.width} * 3;
       const float* rgb = &image.rgb[static_cast<std::size_t>(begin) * row];
       const float* const last = &image.rgb[0] + static_cast<std::size_t>(end) * row;
@@ -382,7 +360,7 @@ Result<std::string> encode_png(const Image& image, double exposure_stops) {
   } catch (const std::bad_alloc&) {
     return resource_error("the image to encode does not fit into memory");
   } catch (const std::exception& problem) {
-    return failed_error("cannot encode the image as png: " + one_line(problem.what()));
+    return failed_error("cannot encode the image as PNG: " + one_line(problem.what()));
   }
 }
 

@@ -1,4 +1,4 @@
-// Images in and out, through OpenImageIO. Linear Rec.709, row by row from the top, interleaved.
+// Images in and out. Linear Rec.709, row by row from the top, interleaved.
 #pragma once
 
 #include <array>
@@ -50,8 +50,7 @@ struct ImageSize {
 };
 Result<ImageSize> read_image_size(const std::filesystem::path& path);
 
-// A 32-bit float EXR (zip), as bytes. Metadata keys become string attributes; keys that would be orders to
-// the writer
+// A 32-bit float EXR (zip), as bytes. Metadata keys become string attributes; names of EXR's own attributes
 // ("compression", "openexr:...") are refused (input). Deterministic: no dates.
 Result<std::string> encode_exr(std::uint32_t width, std::uint32_t height, std::span<const float> rgb,
                                const std::map<std::string, std::string>& metadata,

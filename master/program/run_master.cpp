@@ -15,7 +15,6 @@
 #include "common/base/log.h"
 #include "common/base/parse_and_run.h"
 #include "common/base/version.h"
-#include "common/image/codec.h"
 #include "common/wire/grpc_settings.h"
 #include "common/wire/wire.h"
 #include "master/master.h"
@@ -100,7 +99,6 @@ int run(const Texts& texts) {
     return report(kProgram, log.error());
   const auto options = resolve(*settings, texts);
   if (!options) return report(kProgram, options.error());
-  if (const auto images = image::check_image_module(); !images) return report(kProgram, images.error());
 
   allow_many_files();
   const sigset_t signals = block_signals({SIGINT, SIGTERM, SIGHUP});
@@ -117,10 +115,6 @@ int run(const Texts& texts) {
   std::printf("listening on %s\n", place(options->listen, m.port()).c_str());
   if (m.http_port() != 0) std::printf("http on %s\n", place(options->http_listen, m.http_port()).c_str());
   std::fflush(stdout);
-  // Beside the rest, so that neither the start nor the first preview waits for it.
-  std::thread images([] {
-    if (const auto codec = image::image_codec(); !codec.ok()) log::error(codec.error().to_string());
-  });
 
   for (;;) {
     int number = 0;
@@ -138,7 +132,6 @@ int run(const Texts& texts) {
       while (second == SIGHUP);
       std::_Exit(128 + second);
     }).detach();
-    images.join();
     m.stop();
     started->reset();           // closes the store, which then needs no log of its own
     end_process(128 + number);  // the thread above waits for ever; everything is on disk

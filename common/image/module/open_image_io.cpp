@@ -1,4 +1,5 @@
-// The module of image files, by OpenImageIO. Its types stay inside this file.
+// The module of image files of other formats than OpenEXR and PNG, by OpenImageIO. Its types stay inside this
+// file.
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 
@@ -42,7 +43,15 @@ ImageSpec spec_of(const OIIO::ImageSpec& from) {
                  .sample_bytes = static_cast<std::uint32_t>(from.format.basesize()),
                  .image_bytes = from.image_bytes(true),
                  .deep = from.deep,
+                 .display_x = from.full_x,
+                 .display_y = from.full_y,
+                 .display_width = from.full_width,
+                 .display_height = from.full_height,
+                 .part = std::string(from.get_string_attribute("oiio:subimagename")),
+                 .orientation = from.get_int_attribute("Orientation", 1),
                  .texts = {}};
+  if (const auto* primaries = from.find_attribute("chromaticities", OIIO::TypeDesc(OIIO::TypeDesc::FLOAT, 8)))
+    std::memcpy(spec.chromaticities.emplace().data(), primaries->data(), sizeof(float) * 8);
   // A format may count channels without naming them.
   spec.channels.resize(static_cast<std::size_t>(std::max(0, from.nchannels)));
   for (const OIIO::ParamValue& attribute : from.extra_attribs)
@@ -52,7 +61,7 @@ ImageSpec spec_of(const OIIO::ImageSpec& from) {
 }
 
 // The encoded bytes as the library reads them. Its own reader copies from before them where a damaged file
-// (an OpenEXR table of offsets, say) asks for a negative place.
+// asks for a negative place.
 class BytesReader final : public OIIO::Filesystem::IOMemReader {
  public:
   explicit BytesReader(std::string_view bytes) : IOMemReader(bytes.data(), bytes.size()) {}
@@ -77,7 +86,10 @@ class Reader final : public ImageReader {
       : bytes_(std::move(bytes)), input_(std::move(input)), spec_(spec_of(input_->spec())) {}
   const ImageSpec& spec() const override { return spec_; }
   bool seek_part(int part) override {
-    if (!input_->seek_subimage(part, 0)) return false;
+    if (!input_->seek_subimage(part, 0)) {
+      (void)input_->geterror();  // that there are no more is none
+      return false;
+    }
     spec_ = spec_of(input_->spec());
     return true;
   }
@@ -100,10 +112,6 @@ class Reader final : public ImageReader {
   std::unique_ptr<OIIO::ImageInput> input_;
   ImageSpec spec_;
 };
-
-// The rows of a band at a time, so that an image of many layers need not be interleaved as a whole. A
-// multiple of the 16 rows that EXR's zip compresses together.
-constexpr int kBandRows = 64;
 
 class Codec final : public ImageCodec {
  public:
@@ -134,48 +142,12 @@ class Codec final : public ImageCodec {
     }
     return std::make_unique<Reader>(std::move(reader), std::move(input));
   }
-
-  bool write(const char* format, const ImageSpec& from, SampleType type, const RowSource& rows,
-             std::string& bytes, std::string& error) const override {
-    const auto output = OIIO::ImageOutput::create(format);
-    if (!output) {
-      error = OIIO::geterror();
-      return false;
-    }
-    const OIIO::TypeDesc samples = type_of(type);
-    OIIO::ImageSpec spec(from.width, from.height, static_cast<int>(from.channels.size()), samples);
-    spec.channelnames = from.channels;
-    for (const auto& [key, value] : from.texts) spec.attribute(key, value);
-    OIIO::Filesystem::IOVecOutput memory;
-    // The name only tells the format; nothing is written to the disk.
-    if (!output->set_ioproxy(&memory) || !output->open(std::string("memory.") + format, spec) ||
-        !write_bands(*output, spec, samples, rows) || !output->close()) {
-      error = output->geterror();
-      return false;
-    }
-    bytes.assign(memory.buffer().begin(), memory.buffer().end());
-    return true;
-  }
-
- private:
-  static bool write_bands(OIIO::ImageOutput& output, const OIIO::ImageSpec& spec, OIIO::TypeDesc type,
-                          const RowSource& rows) {
-    std::vector<unsigned char> band(static_cast<std::size_t>(spec.width) *
-                                    static_cast<std::size_t>(spec.nchannels) * type.size() *
-                                    static_cast<std::size_t>(std::min(kBandRows, spec.height)));
-    for (int begin = 0; begin < spec.height; begin += kBandRows) {
-      const int end = std::min(begin + kBandRows, spec.height);
-      rows(begin, end, band.data());
-      if (!output.write_scanlines(begin, end, 0, type, band.data())) return false;
-    }
-    return true;
-  }
 };
 
 }  // namespace
 }  // namespace candela::image
 
-extern "C" const candela::image::ImageCodec* candela_image_codec_1() {
+extern "C" const candela::image::ImageCodec* candela_image_codec_2() {
   static const candela::image::Codec codec;
   return &codec;
 }

@@ -9,7 +9,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "common/image/codec.h"
+#include "common/image/formats.h"
 #include "worker/core/math.h"
 #include "worker/scene/textures/height_image.h"
 #include "worker/scene/textures/pnm.h"
@@ -27,28 +27,7 @@ Error image_error(std::string message, const std::string& file) {
   return input_error(std::move(message)).at(file, 0);
 }
 
-// What a file or the library says, without control characters: an error is one line.
-std::string one_line(std::string text) {
-  for (char& c : text)
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
-  return text;
-}
-
-// OpenImageIO's name of the format, by the bytes the file begins with (names lie); TGA has no such bytes.
-// Null: none we read.
-const char* format_of(std::string_view bytes, std::string_view file) {
-  using namespace std::string_view_literals;
-  if (bytes.starts_with("\x76\x2f\x31\x01"sv)) return "openexr";
-  if (bytes.starts_with("\x89PNG\r\n\x1a\n"sv)) return "png";
-  if (bytes.starts_with("\xff\xd8\xff"sv)) return "jpeg";
-  if (bytes.starts_with("#?RADIANCE"sv) || bytes.starts_with("#?RGBE"sv)) return "hdr";
-  if (bytes.starts_with("II*\0"sv) || bytes.starts_with("MM\0*"sv)) return "tiff";
-  if (bytes.starts_with("BM"sv)) return "bmp";
-  if (bytes.size() > 2 && bytes[0] == 'P' && "123456Ff"sv.find(bytes[1]) != std::string_view::npos)
-    return "pnm";
-  if (file.ends_with(".tga") || file.ends_with(".TGA")) return "targa";
-  return nullptr;
-}
+using image::one_line;
 
 // Whether the library needs the whole image at once, whatever rows it is asked for.
 bool held_whole(std::string_view format, std::string_view bytes) {
@@ -71,41 +50,6 @@ bool is_jpeg_of_inks(std::string_view bytes) {
         marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
     if (is_frame) return byte(at + 9) == 4;
     at += 2 + (static_cast<std::size_t>(byte(at + 2)) << 8 | byte(at + 3));
-  }
-  return false;
-}
-
-// The library believes an OpenEXR header: it makes room for an attribute of any stated size before it reads
-// it. Whether every attribute can be in the file.
-bool exr_header_fits(std::string_view bytes) {
-  const auto integer = [&](std::size_t at) {
-    std::uint32_t v = 0;
-    for (std::size_t i = 0; i < 4; ++i)
-      v |= static_cast<std::uint32_t>(static_cast<unsigned char>(bytes[at + i])) << (8 * i);
-    return v;
-  };
-  if (bytes.size() < 8) return false;
-  const bool several_parts = (integer(4) & 0x1000) != 0;
-  std::size_t at = 8;
-  bool first_of_part = true;
-  while (at < bytes.size()) {
-    if (bytes[at] == 0) {  // no name: the part's end; in a file of several, an empty part ends the last
-      if (!several_parts || first_of_part) return true;
-      first_of_part = true;
-      ++at;
-      continue;
-    }
-    first_of_part = false;
-    for (int text = 0; text < 2; ++text) {  // name and type
-      const std::size_t end = bytes.find('\0', at);
-      if (end == std::string_view::npos) return false;
-      at = end + 1;
-    }
-    if (bytes.size() - at < 4) return false;
-    const std::uint32_t size = integer(at);
-    at += 4;
-    if (size > bytes.size() - at) return false;
-    at += size;
   }
   return false;
 }
@@ -157,22 +101,19 @@ Error Decoder::library_error(const std::string& what) const {
 }
 
 Result<void> Decoder::open() {
-  const char* const format = format_of(encoded_, file_);
+  const char* const format = image::format_of(encoded_, file_);
   if (format == nullptr) {
     return image_error("this is no image of a known format", file_)
         .with_mend("use OpenEXR, PNG, JPEG, Radiance HDR, TIFF, BMP, TGA or PNM/PFM");
   }
   format_ = format;
-  if (format_ == "openexr" && !exr_header_fits(encoded_))
-    return image_error("the file's header is damaged or cut off", file_);
   if (format_ == "jpeg" && is_jpeg_of_inks(encoded_))
     return image_error("the JPEG holds four inks (CMYK), not colors", file_).with_mend("save it as RGB");
   if (format_ == "pnm" && bytes_hold_binary_pnm()) return open_pnm();
-  CANDELA_ASSIGN(const image::ImageCodec* codec, image::image_codec());
-  std::string error;
   // Colors as stored: alpha plays no part here.
-  input_ = codec->open_bytes(encoded_, format, file_, true, error);
-  if (!input_) return image_error("cannot decode the image: " + one_line(error), file_);
+  auto input = image::open_bytes(encoded_, format, file_, true);
+  if (!input.ok()) return std::move(input).error().at(file_, 0);
+  input_ = std::move(*input);
   spec_ = input_->spec();
   return {};
 }

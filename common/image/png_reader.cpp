@@ -1,0 +1,266 @@
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "common/image/png.h"
+#include "common/image/png_calls.h"
+
+namespace candela::image {
+namespace {
+
+static_assert(std::endian::native == std::endian::little);  // PNG's words are the other way round
+
+constexpr std::uint64_t kMaxExpansion = 4096;  // more than deflate's, and than that of single bits to bytes
+
+// The orientation in the first directory of an Exif chunk; 1 where there is none.
+int exif_orientation(const unsigned char* bytes, std::size_t size) {
+  constexpr unsigned kTag = 0x112;
+  if (size < 8) return 1;
+  const bool big = bytes[0] == 'M';
+  const auto number = [&](std::size_t at, std::size_t count) {
+    std::uint32_t value = 0;
+    for (std::size_t i = 0; i < count; ++i) value = value << 8 | bytes[at + (big ? i : count - 1 - i)];
+    return value;
+  };
+  const std::size_t directory = number(4, 4);
+  if (directory > size - 2) return 1;
+  const std::size_t entries = number(directory, 2);
+  for (std::size_t i = 0; i < entries; ++i) {
+    const std::size_t entry = directory + 2 + 12 * i;
+    if (entry + 12 > size) return 1;
+    if (number(entry, 2) == kTag) return static_cast<int>(number(entry + 8, 2));
+  }
+  return 1;
+}
+
+class PngReader final : public ImageReader, private PngCalls {
+ public:
+  PngReader(std::unique_ptr<ByteSource> source, bool straight_colors)
+      : source_(std::move(source)), straight_(straight_colors) {}
+  ~PngReader() override { close(); }
+
+  // Reads the file up to its pixels, anew.
+  bool open();
+  const ImageSpec& spec() const override { return spec_; }
+  bool seek_part(int part) override { return part == 0; }
+  bool read_part(int part, int first, int last, SampleType type, void* out) override {
+    return part == 0 && read_rows(0, spec_.height, first, last, type, out);
+  }
+  bool read_rows(int begin, int end, int first, int last, SampleType type, void* out) override;
+  bool read_tiles(int, int, int, int, SampleType, void*) override { return fail("PNG has no tiles"); }
+  std::string error() override { return std::exchange(error_, {}); }
+
+ private:
+  bool fail(const char* why) {
+    error_ = why;
+    return false;
+  }
+  template <class Body>
+  bool call(const Body& body) {
+    return guarded(body) || fail(message());
+  }
+  static void on_read(png_structp png, png_bytep out, std::size_t count) {
+    auto* const self = static_cast<PngReader*>(png_get_io_ptr(png));
+    if (!self->source_->read(self->at_, count, out)) png_error(png, "the file ends too early");
+    self->at_ += count;
+  }
+  unsigned char* row() { return reinterpret_cast<unsigned char*>(row_.data()); }
+  void close() {
+    if (png_ != nullptr) png_destroy_read_struct(&png_, &info_, nullptr);
+    png_ = nullptr;
+    info_ = nullptr;
+  }
+  void read_info();
+  void describe();
+  bool read_whole();
+  // The next row, of all channels, in row_.
+  bool read_row(int y);
+  template <class T>
+  void associate(T* row) const;
+  template <class T>
+  static void convert(const T* row, std::size_t channels, std::size_t width, std::size_t first,
+                      std::size_t last, SampleType type, void* out);
+
+  std::unique_ptr<ByteSource> source_;
+  bool straight_;
+  std::uint64_t at_ = 0;
+  bool interlaced_ = false;
+  float gamma_ = 1;  // the power that makes values linear, where the file says one
+  int next_row_ = 0;
+  ImageSpec spec_;
+  std::size_t row_bytes_ = 0;
+  std::vector<std::uint16_t> row_;  // or bytes
+  std::vector<unsigned char> whole_;
+  std::string error_;
+};
+
+void PngReader::read_info() {
+  png_set_read_fn(png_, this, on_read);
+  png_read_info(png_, info_);
+  // One, two and four bits become eight, palettes RGB, and a transparent color alpha.
+  png_set_expand(png_);
+  png_set_swap(png_);
+  interlaced_ = png_get_interlace_type(png_, info_) != PNG_INTERLACE_NONE;
+  if (interlaced_) png_set_interlace_handling(png_);
+  png_read_update_info(png_, info_);
+  row_bytes_ = png_get_rowbytes(png_, info_);
+}
+
+void PngReader::describe() {
+  spec_ = {};
+  spec_.width = static_cast<int>(png_get_image_width(png_, info_));
+  spec_.height = static_cast<int>(png_get_image_height(png_, info_));
+  spec_.x = png_get_x_offset_pixels(png_, info_);
+  spec_.y = png_get_y_offset_pixels(png_, info_);
+  spec_.display_width = spec_.width;
+  spec_.display_height = spec_.height;
+  const bool words = png_get_bit_depth(png_, info_) == 16;
+  spec_.is_uint8 = !words;
+  spec_.sample_bytes = words ? 2 : 1;
+  spec_.image_bytes = std::uint64_t{row_bytes_} * static_cast<std::uint64_t>(spec_.height);
+  const int channels = png_get_channels(png_, info_);
+  if (channels < 3)
+    spec_.channels = {"Y"};
+  else
+    spec_.channels = {"R", "G", "B"};
+  if (channels == 2 || channels == 4) {
+    spec_.alpha_channel = channels - 1;
+    spec_.channels.push_back("A");
+  }
+  if (double power = 0;
+      png_get_valid(png_, info_, PNG_INFO_sRGB) == 0 && png_get_gAMA(png_, info_, &power) != 0 && power > 0)
+    gamma_ = std::round(100 * static_cast<float>(1 / power)) / 100;  // 45455 of 100000 stands for 1 / 2.2
+  double c[8];
+  if (png_get_cHRM(png_, info_, &c[6], &c[7], &c[0], &c[1], &c[2], &c[3], &c[4], &c[5]) != 0) {
+    spec_.chromaticities.emplace();
+    for (std::size_t i = 0; i < 8; ++i) (*spec_.chromaticities)[i] = static_cast<float>(c[i]);
+  }
+  png_bytep exif = nullptr;
+  png_uint_32 exif_bytes = 0;
+  if (png_get_eXIf_1(png_, info_, &exif_bytes, &exif) != 0)
+    spec_.orientation = exif_orientation(exif, exif_bytes);
+  png_textp texts = nullptr;
+  const int count = png_get_text(png_, info_, &texts, nullptr);
+  for (int i = 0; i < count; ++i) {
+    if (texts[i].key != nullptr && texts[i].text != nullptr)
+      spec_.texts.emplace_back(texts[i].key, texts[i].text);
+  }
+}
+
+bool PngReader::open() {
+  close();
+  at_ = 0;
+  next_row_ = 0;
+  png_ = png_create_read_struct(PNG_LIBPNG_VER_STRING, static_cast<PngCalls*>(this), on_error, on_warning);
+  if (png_ == nullptr) return fail("libpng does not start");
+  info_ = png_create_info_struct(png_);
+  if (info_ == nullptr) return fail("libpng does not start");
+  if (!call([this] { read_info(); })) return false;
+  describe();
+  row_.resize((row_bytes_ + 1) / 2);
+  return true;
+}
+
+bool PngReader::read_whole() {
+  if (spec_.image_bytes / kMaxExpansion > source_->size()) return fail("the file is too short for its size");
+  whole_.resize(spec_.image_bytes);
+  std::vector<png_bytep> rows;
+  for (std::size_t y = 0; y < static_cast<std::size_t>(spec_.height); ++y)
+    rows.push_back(whole_.data() + y * row_bytes_);
+  png_bytepp const first = rows.data();
+  if (call([this, first] { png_read_image(png_, first); })) return true;
+  whole_.clear();
+  return false;
+}
+
+bool PngReader::read_row(int y) {
+  if (interlaced_) {
+    if (whole_.empty() && !read_whole()) return false;
+    std::memcpy(row(), whole_.data() + static_cast<std::size_t>(y) * row_bytes_, row_bytes_);
+    return true;
+  }
+  if (y < next_row_ && !open()) return false;
+  for (; next_row_ <= y; ++next_row_)
+    if (!call([this] { png_read_row(png_, row(), nullptr); })) return false;
+  return true;
+}
+
+// Multiplies colors by alpha. Where colors are to be made linear by a power, so is the factor: it then
+// multiplies linear colors by alpha.
+template <class T>
+void PngReader::associate(T* row) const {
+  const auto channels = spec_.channels.size();
+  constexpr std::uint32_t kMost = std::numeric_limits<T>::max();
+  for (std::size_t x = 0; x < static_cast<std::size_t>(spec_.width); ++x, row += channels) {
+    const T alpha = row[channels - 1];
+    for (std::size_t c = 0; c + 1 < channels; ++c) {
+      if (gamma_ == 1) {
+        row[c] = static_cast<T>(std::uint32_t{row[c]} * alpha / kMost);
+      } else {
+        const float part = static_cast<float>(alpha) * (1.0F / static_cast<float>(kMost));
+        row[c] = static_cast<T>(static_cast<float>(row[c]) * std::pow(part, gamma_));
+      }
+    }
+  }
+}
+
+template <class T>
+void PngReader::convert(const T* row, std::size_t channels, std::size_t width, std::size_t first,
+                        std::size_t last, SampleType type, void* out) {
+  constexpr float kScale = 1.0F / static_cast<float>(std::numeric_limits<T>::max());
+  for (std::size_t x = 0; x < width; ++x) {
+    for (std::size_t c = first; c < last; ++c) {
+      const T value = row[x * channels + c];
+      const std::size_t at = x * (last - first) + (c - first);
+      if (type == SampleType::float32)
+        static_cast<float*>(out)[at] = static_cast<float>(value) * kScale;
+      else
+        static_cast<T*>(out)[at] = value;
+    }
+  }
+}
+
+bool PngReader::read_rows(int begin, int end, int first, int last, SampleType type, void* out) {
+  const SampleType own = spec_.is_uint8 ? SampleType::uint8 : SampleType::uint16;
+  if (type != own && type != SampleType::float32)
+    return fail("PNG images are read as what they hold, or floats");
+  if (begin < 0 || begin >= end || end > spec_.height || first < 0 || first >= last ||
+      last > static_cast<int>(spec_.channels.size()))
+    return fail("there are no such rows and channels");
+  const auto width = static_cast<std::size_t>(spec_.width);
+  const std::size_t channels = spec_.channels.size();
+  const auto from = static_cast<std::size_t>(first), to = static_cast<std::size_t>(last);
+  const std::size_t bytes = type == SampleType::float32 ? sizeof(float) : spec_.sample_bytes;
+  auto* at = static_cast<unsigned char*>(out);
+  for (int y = begin; y < end; ++y, at += width * (to - from) * bytes) {
+    if (!read_row(y)) return false;
+    const bool multiply = spec_.alpha_channel >= 0 && !straight_;
+    if (spec_.is_uint8) {
+      if (multiply) associate(row());
+      convert(row(), channels, width, from, to, type, at);
+    } else {
+      if (multiply) associate(row_.data());
+      convert(row_.data(), channels, width, from, to, type, at);
+    }
+  }
+  return true;
+}
+
+}  // namespace
+
+std::unique_ptr<ImageReader> open_png(std::unique_ptr<ByteSource> source, bool straight_colors,
+                                      std::string& error) {
+  auto reader = std::make_unique<PngReader>(std::move(source), straight_colors);
+  if (reader->open()) return reader;
+  error = reader->error();
+  return nullptr;
+}
+
+std::string png_library() {
+  return "libpng " PNG_LIBPNG_VER_STRING;
+}
+
+}  // namespace candela::image
