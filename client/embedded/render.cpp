@@ -23,6 +23,7 @@
 #include "client/values.h"
 #include "common/base/config.h"
 #include "common/base/quantity.h"
+#include "common/image/formats.h"
 #include "common/wire/wire.h"
 #include "worker/render/renderer.h"
 
@@ -229,6 +230,8 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   CANDELA_ASSIGN(const std::uint64_t texture_memory, texture_memory_bytes(options));
   CANDELA_ASSIGN(LoadedScene scene, load_scene(options.scene, context.facts));
   warn_of_passed_over(context.err, scene);
+  // A worker without the readers would try again and again.
+  for (const auto& [key, path] : scene.gathered.real_paths) CANDELA_TRY(image::check_readable(path));
   CANDELA_TRY(check_isa(scene.job.settings.isa));
   const auto mode = options.resume  ? StateFolder::Mode::resume
                     : options.fresh ? StateFolder::Mode::fresh

@@ -31,6 +31,14 @@ bool is_own(std::string_view format) {
   return format == "openexr" || format == "png";
 }
 
+// The format of a file by its first bytes and its name; null: none of those that format_of() knows.
+Result<const char*> format_in(ByteSource& source, const std::string& name) {
+  std::array<char, kMagicBytes> magic{};
+  const auto count = static_cast<std::size_t>(std::min<std::uint64_t>(kMagicBytes, source.size()));
+  if (!source.read(0, count, magic.data())) return input_error("cannot read the file").at(name, 0);
+  return format_of({magic.data(), count}, name);
+}
+
 // Libraries throw on hostile files.
 template <class Open>
 Result<std::unique_ptr<ImageReader>> open_by(Open&& open) {
@@ -61,19 +69,28 @@ const char* format_of(std::string_view bytes, std::string_view file) {
   return nullptr;
 }
 
+Result<void> check_readable(const std::filesystem::path& path) {
+  const std::string name = path.string();
+  const auto source = file_source(path);
+  if (!source.ok()) return {};
+  const auto format = format_in(**source, name);
+  if (!format.ok() || *format == nullptr || is_own(*format)) return {};
+  auto there = check_image_module();
+  if (!there.ok()) return std::move(there).error().at(name, 0);
+  return {};
+}
+
 Result<std::unique_ptr<ImageReader>> open_file(const std::filesystem::path& path) {
   const std::string name = path.string();
   CANDELA_ASSIGN(std::unique_ptr<ByteSource> source, file_source(path));
-  std::array<char, kMagicBytes> magic{};
-  const auto count = static_cast<std::size_t>(std::min<std::uint64_t>(kMagicBytes, source->size()));
-  if (!source->read(0, count, magic.data())) return input_error("cannot read the file").at(name, 0);
-  const char* const format = format_of({magic.data(), count}, name);
+  CANDELA_ASSIGN(const char* const format, format_in(*source, name));
   Result<std::unique_ptr<ImageReader>> reader = std::unique_ptr<ImageReader>();
   if (format != nullptr && is_own(format)) {
     reader = open_by([&](std::string& error) { return open_own(format, source, name, false, error); });
   } else {
-    CANDELA_ASSIGN(const ImageCodec* const codec, image_codec());
-    reader = open_by([&](std::string& error) { return codec->open_file(name, error); });
+    const auto codec = image_codec();
+    if (!codec.ok()) return Error(codec.error()).at(name, 0);
+    reader = open_by([&](std::string& error) { return (*codec)->open_file(name, error); });
   }
   if (!reader.ok()) return std::move(reader).error().at(name, 0);
   return reader;

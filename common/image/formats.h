@@ -16,6 +16,10 @@ namespace candela::image {
 // these.
 const char* format_of(std::string_view bytes, std::string_view file);
 
+// Fails if the file is an image that only the module's readers know, and the module is not there. Any other
+// file is fine, and so is none.
+Result<void> check_readable(const std::filesystem::path& path);
+
 // The reader for a file of any format that OpenImageIO knows. Errors name the file.
 Result<std::unique_ptr<ImageReader>> open_file(const std::filesystem::path& path);
 

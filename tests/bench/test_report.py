@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Tests of report.py, fits.py and guard.py. Statistical ones state their false-alarm rate; seeds are fixed."""
+"""Tests of report.py, fits.py, guard.py and start_guard.py. Statistical ones state their false-alarm rate; seeds are fixed."""
 import csv
 import json
 import math
@@ -23,6 +23,7 @@ sys.path.insert(0, HERE)
 import fits  # noqa: E402
 import guard  # noqa: E402
 import report  # noqa: E402
+import start_guard  # noqa: E402
 
 
 def estimator_curves(generator, seeds, bias, exponent=1.0, values=400, doublings=9):
@@ -298,6 +299,16 @@ class Guard(unittest.TestCase):
         for figures in cases.values():
             self.assertGreater(figures["instructions"], 1e7)
             self.assertGreater(figures["error"], 0)
+
+    def test_a_dearer_start_is_named(self):
+        was = {"instructions": 1000, "libraries": ["a.so", "b.so"]}
+        same = {"instructions": 1090, "libraries": ["a.so", "c.so"], "kB": 50000}
+        self.assertEqual(start_guard.worse_than("x", same, was), [])
+        self.assertEqual(start_guard.worse_than("x", {**same, "libraries": ["a.so", "b.so", "c.so"]}, was),
+                         ["x: 3 libraries, not 2: c.so"])
+        self.assertEqual(start_guard.worse_than("x", {**same, "instructions": 1110}, was), ["x: 11.0 % more instructions"])
+        self.assertEqual(start_guard.worse_than("x", {**same, "kB": 60000}, was), ["x: 61.4 MB of memory"])
+        self.assertEqual(start_guard.worse_than("x", {"libraries": [], "kB": 1}, was), [])  # without Valgrind
 
 
 if __name__ == "__main__":

@@ -1,11 +1,36 @@
 // decode_image and decode_heights on any bytes: a format told by content, else TGA. Texels beyond a megabyte
-// go to the scratch file.
+// go to the scratch file. And the readers of OpenEXR and PNG as read_image() calls them: every part, colors
+// multiplied by alpha.
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <vector>
 
+#include "common/image/formats.h"
 #include "worker/scene/textures/height_image.h"
 #include "worker/scene/textures/image_decode.h"
+
+namespace {
+
+void read_parts(std::string_view bytes, const char* format) {
+  namespace image = candela::image;
+  const auto reader = image::open_bytes(bytes, format, "x", false);
+  if (!reader.ok()) {
+    if (reader.error().to_string().find('\n') != std::string::npos) std::abort();
+    return;
+  }
+  for (int part = 0; (*reader)->seek_part(part); ++part) {
+    const image::ImageSpec spec = (*reader)->spec();
+    const auto samples = static_cast<std::uint64_t>(spec.width) * static_cast<std::uint64_t>(spec.height) *
+                         spec.channels.size();
+    if (spec.channels.empty() || samples > (1 << 20)) continue;
+    std::vector<float> out(samples);
+    (void)(*reader)->read_part(part, 0, static_cast<int>(spec.channels.size()), image::SampleType::float32,
+                               out.data());
+  }
+}
+
+}  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace candela::scene;
@@ -14,6 +39,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   Scratch scratch(limits);
   ImageReading reading;
   const std::string_view bytes(reinterpret_cast<const char*>(data), size);
+  if (size % 8 == 5) {
+    const char* const format = candela::image::format_of(bytes, "x");
+    for (const std::string_view own : {"openexr", "png"})
+      if (format != nullptr && format == own) read_parts(bytes, format);
+  }
   if (size % 8 == 3) {
     const auto heights = decode_heights(bytes, "x.tga", 1 << 20, scratch);
     if (!heights.ok()) return 0;
