@@ -30,7 +30,8 @@
 namespace candela::image {
 namespace {
 
-constexpr std::uint64_t kManyBytes = 4 << 20;  // of an image that threads decode or encode
+constexpr std::uint64_t kManyBytes = 4 << 20;       // of an image that threads decode or encode
+constexpr std::uint64_t kFreeTileBytes = 64 << 20;  // of a row of tiles, however small the image is
 
 class SourceStream final : public Imf::IStream {
  public:
@@ -199,6 +200,7 @@ class ExrReader final : public ImageReader {
     if (begin < 0 || begin >= end || end > spec_.height || first < 0 || first >= last ||
         last > static_cast<int>(channels_.size()))
       return fail("there are no such rows and channels");
+    if (!tiles_fit()) return fail("the tiles are much larger than the image");
     if (spec_.deep) return fail("a pixel of a deep image has a list of samples");
     try {
       read(begin, end, static_cast<std::size_t>(first), static_cast<std::size_t>(last),
@@ -217,6 +219,16 @@ class ExrReader final : public ImageReader {
   bool fail(const char* why) {
     error_ = why;
     return false;
+  }
+
+  // OpenEXR makes room for a row of whole tiles, whatever they cover of the image.
+  bool tiles_fit() const {
+    if (spec_.tile_height <= 0) return true;
+    const auto width = static_cast<std::uint64_t>(spec_.width);
+    const std::uint64_t pixel = spec_.image_bytes / (width * static_cast<std::uint64_t>(spec_.height));
+    const std::uint64_t across = std::max(width, static_cast<std::uint64_t>(spec_.tile_width));
+    return across <= std::max(spec_.image_bytes, kFreeTileBytes) / pixel /
+                         static_cast<std::uint64_t>(spec_.tile_height);
   }
 
   void read(int begin, int end, std::size_t first, std::size_t last, float* out) {

@@ -309,6 +309,24 @@ TEST_F(ImageFormats, TablesBeyondTheFileAreRefused) {
   }
 }
 
+// Claim: tiles of a size that only the header has are refused before room is made for a row of them.
+TEST_F(ImageFormats, TilesBeyondTheImageAreRefused) {
+  Imf::Header header =
+      header_of({{"R", Imf::HALF}, {"G", Imf::HALF}, {"B", Imf::HALF}}, {{0, 0}, {3, 3}}, {{0, 0}, {3, 3}});
+  header.setTileDescription(Imf::TileDescription(64, 64));
+  write_exr_file(path("good.exr"), header);
+  EXPECT_TRUE(read_image(path("good.exr")).ok());  // one tile, larger than the image
+  std::string bytes = bytes_of(path("good.exr"));
+  const std::size_t size = bytes.find("tiledesc") + 8 + 1 + 4;
+  for (const std::string& huge :
+       {std::string("\x40\0\0\0\0\0\x40\0", 8), std::string("\0\0\x40\0\x40\0\0\0", 8)}) {
+    bytes.replace(size, 8, huge);
+    const auto image = read_image(put("bad.exr", bytes));
+    ASSERT_FALSE(image.ok());
+    EXPECT_THAT(image.error().message, testing::HasSubstr("tiles are much larger"));
+  }
+}
+
 // Claim: a file cut anywhere gives an error of one line that names it, or an image.
 TEST_F(ImageFormats, CutFilesAreErrors) {
   Imf::Header header =
