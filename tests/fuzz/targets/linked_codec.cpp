@@ -7,4 +7,8 @@ Result<const ImageCodec*> image_codec() {
   return candela_image_codec_2();
 }
 
+Result<void> check_image_module() {
+  return {};
+}
+
 }  // namespace candela::image
