@@ -39,9 +39,6 @@ struct NoBeams {
   NoBeams(const scene::Scene& /*scene*/, const PathOptions& /*options*/, const Side& /*side*/) {}
 };
 
-// Layers of the shares of a VcmEye that merges in media; the connections are those to the lens, too.
-inline constexpr std::array kTechniqueLayers = {"connections", "merging", "pp3d", "pb2d", "bp2d", "bb1d"};
-
 // vcm and bpm: every vertex meets light by itself (s = 0), by next event estimation (s = 1), by connection to
 // the vertices of one light path, and by merging with the photons of all; all weighted against each other.
 // Beams: NoBeams, or what merges with beams and in media (integrators/upbp).

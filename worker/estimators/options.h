@@ -1,10 +1,11 @@
 // Options of estimators: limits that the user sets, techniques that a plan chose.
 #pragma once
 
+#include <array>
 #include <cstdint>
 
-#include "worker/transport/technique_list.h"
-#include "worker/transport/walk.h"
+#include "worker/transport/mis/factors.h"
+#include "worker/transport/rules.h"
 
 namespace candela::estimators {
 
@@ -30,6 +31,10 @@ struct Techniques {
   constexpr bool merges() const { return merge_surface || merge_medium; }
   constexpr bool needs_light_paths() const { return connect || light_image || hit_lens || merges(); }
 };
+
+// Layers of the film with the shares of VcmEye (merging_eye.h) that merges in media; the connections are
+// those to the lens, too.
+inline constexpr std::array kTechniqueLayers = {"connections", "merging", "pp3d", "pb2d", "bp2d", "bb1d"};
 
 // Numbers of paths that are weighted against each other; places on the film are uniform.
 struct PathCounts {

@@ -9,6 +9,7 @@
 
 #include "worker/integrators/integrator.h"
 #include "worker/integrators/parallel_tasks.h"
+#include "worker/scene/scene.h"
 #include "worker/transport/film_position.h"
 
 namespace candela::integrators {

@@ -9,13 +9,18 @@
 #include "common/base/result.h"
 #include "common/job/job.h"
 #include "common/stages/work_plan.h"
+#include "worker/core/vec.h"
 #include "worker/film/filter.h"
 #include "worker/integrators/plan.h"
 #include "worker/integrators/run_context.h"
 #include "worker/integrators/settings.h"
 #include "worker/integrators/unit_data.h"
 #include "worker/samplers/sampler.h"
-#include "worker/scene/scene.h"
+#include "worker/scene/features.h"
+
+namespace candela::scene {
+class Scene;
+}
 
 namespace candela::integrators {
 

@@ -4,16 +4,13 @@
 #include <cstdint>
 #include <vector>
 
-#include "worker/estimators/eye_radiance.h"
-#include "worker/integrators/eye_samples.h"
+#include "worker/estimators/options.h"
+#include "worker/integrators/integrator.h"
 
 namespace candela::integrators {
 
 // Integrator::pilot_luminances of the family.
-inline std::vector<float> pilot_by_eye_walk(const UnitContext& context, std::uint32_t count,
-                                            const estimators::PathOptions& options) {
-  return pilot_eye_samples(
-      context, count, estimators::EyeRadianceFunction<transport::Between::media>(context.scene, options));
-}
+std::vector<float> pilot_by_eye_walk(const UnitContext& context, std::uint32_t count,
+                                     const estimators::PathOptions& options);
 
 }  // namespace candela::integrators

@@ -8,7 +8,6 @@
 #include "worker/integrators/cppm/cppm.h"
 #include "worker/integrators/fppm/fppm.h"
 #include "worker/integrators/light/light.h"
-#include "worker/integrators/markov/markov.h"
 #include "worker/integrators/mmlt/mmlt.h"
 #include "worker/integrators/optimis/optimis.h"
 #include "worker/integrators/path/path.h"

@@ -7,7 +7,6 @@
 
 #include "worker/integrators/integrator.h"
 #include "worker/integrators/markov/effort.h"
-#include "worker/integrators/markov/markov.h"
 #include "worker/integrators/settings.h"
 
 namespace candela::integrators {

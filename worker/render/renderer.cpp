@@ -16,6 +16,7 @@
 #include "worker/integrators/aov/aov_pass.h"
 #include "worker/integrators/film_scale.h"
 #include "worker/integrators/integrator.h"
+#include "worker/scene/scene.h"
 
 namespace candela::render {
 namespace {

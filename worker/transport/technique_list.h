@@ -9,11 +9,10 @@
 #include <vector>
 
 #include "worker/transport/mis/balance_power.h"
+#include "worker/transport/rules.h"
 #include "worker/transport/subpath.h"
 
 namespace candela::transport {
-
-enum class MisHeuristic : std::uint8_t { balance, power, maximum, cutoff };
 
 // Densities, times samples, relative to that of the technique at hand, which is not in the list. The blocks
 // of both subpaths must have been made with Balance and without merging.

@@ -31,18 +31,11 @@
 #include "worker/transport/between.h"
 #include "worker/transport/draws.h"
 #include "worker/transport/roulette.h"
+#include "worker/transport/rules.h"
 #include "worker/transport/segments.h"
 #include "worker/transport/vertex.h"
 
 namespace candela::transport {
-
-struct WalkRules {
-  std::uint32_t max_edges = 1u << 30;  // to its last vertex
-  std::uint32_t rr_depth = 2;          // edges from which Russian roulette may end it
-  bool meets_lens = false;             // walks from the light look for the lens
-  float film_border = 0;               // pixels around the film that still matter
-  double eye_paths = 1;                // per iteration: pixels
-};
 
 // The density with which next event estimation at `hit`, the first vertex of a light path from o, would have
 // chosen the light's point, in the measure of the light walk's own. front, wo: as ScatterPoint's;

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "worker/integrators/integrator.h"
 #include "worker/integrators/merging/scales.h"
 
 namespace candela::integrators::adaptive {

@@ -1,5 +1,6 @@
 #include "worker/integrators/light/light.h"
 
+#include "worker/estimators/eye_radiance.h"
 #include "worker/estimators/light_tracing.h"
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/iteration_integrator.h"

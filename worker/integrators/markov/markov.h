@@ -48,7 +48,4 @@ class MarkovIntegrator : public Integrator {
   Planned direct_;
 };
 
-// An even number of chains, steps in order.
-Result<void> check(const MarkovSettings& settings);
-
 }  // namespace candela::integrators

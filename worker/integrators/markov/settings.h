@@ -36,4 +36,7 @@ struct MarkovSettings {
   }
 };
 
+// An even number of chains, steps in order.
+Result<void> check(const MarkovSettings& settings);
+
 }  // namespace candela::integrators

@@ -1,5 +1,7 @@
 #include "worker/integrators/merging/first_radius.h"
 
+#include "worker/scene/scene.h"
+
 #include <algorithm>
 #include <cmath>
 #include <vector>
