@@ -77,8 +77,7 @@ std::vector<std::int64_t> sums(const film::UnitAccumulator& sums) {
 }
 
 // Claim: with one level for all pixels, vcmplus renders the film of vcm with the same alpha, and fppm, cppm
-// and appm that of ppm at a constant radius, bit for bit: with any filter, in media, with any kernel and
-// heuristic.
+// and appm that of ppm at a constant radius, bit for bit: with any filter, in media, with any kernel.
 TEST(Adaptive, OneLevelIsTheIntegratorWithoutTests) {
   const std::string fog =
       "<shape type=\"sphere\"><float name=\"radius\" value=\"0.9\"/><bsdf type=\"null\"/><medium "
@@ -88,7 +87,7 @@ TEST(Adaptive, OneLevelIsTheIntegratorWithoutTests) {
     const bool plus = integrator == "vcmplus";
     std::vector<std::pair<std::string, SettingsMap>> cases = {
         {kBox, {{"radius", "0.03"}}}, {kBox + fog, {{"radius", "0.03"}, {"kernel", "epanechnikov"}}}};
-    if (plus) cases.push_back({kBox + fog, {{"merge_media", "true"}, {"heuristic", "power"}}});
+    if (plus) cases.push_back({kBox + fog, {{"merge_media", "true"}}});
     for (const auto& [body, settings] : cases) {
       SettingsMap of_adaptive = settings, of_plain = settings;
       if (plus) of_adaptive["alpha"] = "0.8";

@@ -179,5 +179,23 @@ TEST(Merging, NumbersInSettings) {
   EXPECT_TRUE(complete_integrator_settings("ppm", {}, {{"radius_pixels", "0"}}).ok());
 }
 
+// Claim: integrators that weigh merges say which heuristic they have, and who has another; path and bdpt take
+// it.
+TEST(Merging, HasTheBalanceHeuristicAlone) {
+  for (const std::string integrator : {"vcm", "bpm", "vcmplus"})
+    for (const std::string heuristic : {"power", "balance"}) {
+      const auto refused = complete_integrator_settings(integrator, {}, {{"heuristic", heuristic}});
+      ASSERT_FALSE(refused.ok()) << integrator;
+      EXPECT_EQ(refused.error().field, "heuristic");
+      EXPECT_NE(refused.error().message.find("balance heuristic alone"), std::string::npos);
+      EXPECT_NE(refused.error().mend.find("bdpt"), std::string::npos);
+    }
+  for (const std::string integrator : {"path", "bdpt"}) {
+    const auto taken = complete_integrator_settings(integrator, {}, {{"heuristic", "power"}});
+    ASSERT_TRUE(taken.ok()) << taken.error().to_string();
+    EXPECT_EQ(taken->at("heuristic"), "power");
+  }
+}
+
 }  // namespace
 }  // namespace candela::render

@@ -30,7 +30,7 @@ std::string range_text(NumberRange range) {
   return "from " + lowest + " to " + highest;
 }
 
-std::string quoted(const std::string& text) {
+std::string in_quotes(const std::string& text) {
   return "'" + text + "'";
 }
 
@@ -54,7 +54,7 @@ void SettingsReader::operator()(std::string_view name, int& field, int lowest, i
   int value = 0;
   const auto [end, code] = std::from_chars(text->data(), text->data() + text->size(), value);
   if (code != std::errc() || end != text->data() + text->size() || value < lowest || value > highest) {
-    fail(name, quoted(*text) + " is not an integer from " + std::to_string(lowest) + " to " +
+    fail(name, in_quotes(*text) + " is not an integer from " + std::to_string(lowest) + " to " +
                    std::to_string(highest));
     return;
   }
@@ -70,7 +70,7 @@ void SettingsReader::operator()(std::string_view name, double& field, NumberRang
   const bool high_enough = range.above ? value > range.lowest : value >= range.lowest;
   if (code != std::errc() || end != text->data() + text->size() || !high_enough ||
       !(range.below ? value < range.highest : value <= range.highest)) {
-    fail(name, quoted(*text) + " is not a number " + range_text(range));
+    fail(name, in_quotes(*text) + " is not a number " + range_text(range));
     return;
   }
   field = value;
@@ -80,7 +80,7 @@ void SettingsReader::operator()(std::string_view name, bool& field, std::string_
   const std::string* text = take(name);
   if (text == nullptr) return;
   if (*text != "true" && *text != "false") {
-    fail(name, quoted(*text) + " is neither true nor false");
+    fail(name, in_quotes(*text) + " is neither true nor false");
     return;
   }
   field = *text == "true";
@@ -90,7 +90,7 @@ void SettingsReader::operator()(std::string_view name, Choice& field, std::strin
   const std::string* text = take(name);
   if (text == nullptr) return;
   if (std::find(field.names.begin(), field.names.end(), *text) == field.names.end()) {
-    fail(name, quoted(*text) + " is not one of " + joined(field.names, ", "));
+    fail(name, in_quotes(*text) + " is not one of " + joined(field.names, ", "));
     return;
   }
   field.value = *text;
@@ -104,17 +104,24 @@ void SettingsReader::operator()(std::string_view name, NameList& field, std::str
     const std::size_t end = std::min(text->find(',', begin), text->size());
     std::string value = text->substr(begin, end - begin);
     if (std::find(field.names.begin(), field.names.end(), value) == field.names.end()) {
-      fail(name, quoted(value) + " is not one of " + joined(field.names, ", "));
+      fail(name, in_quotes(value) + " is not one of " + joined(field.names, ", "));
       return;
     }
     if (std::find(values.begin(), values.end(), value) != values.end()) {
-      fail(name, quoted(value) + " is there twice");
+      fail(name, in_quotes(value) + " is there twice");
       return;
     }
     values.push_back(std::move(value));
     begin = end + 1;
   }
   field.values = std::move(values);
+}
+
+void SettingsReader::absent(std::string_view name, std::string_view why, std::string_view mend) {
+  if (ok_ && map_.contains(std::string(name))) {
+    error_ = usage_error(std::string(why)).with_field(std::string(name)).with_mend(std::string(mend));
+    ok_ = false;
+  }
 }
 
 Result<void> SettingsReader::finish() const {

@@ -48,6 +48,8 @@ class SettingsReader {
   void operator()(std::string_view name, bool& field, std::string_view doc);
   void operator()(std::string_view name, Choice& field, std::string_view doc);
   void operator()(std::string_view name, NameList& field, std::string_view doc);
+  // A setting that others have and this integrator does not: an error if it is given.
+  void absent(std::string_view name, std::string_view why, std::string_view mend);
   // After all fields: an error for a bad value, or for a key that no field took.
   Result<void> finish() const;
 
@@ -70,6 +72,7 @@ class SettingsWriter {
   void operator()(std::string_view name, bool& field, std::string_view doc);
   void operator()(std::string_view name, Choice& field, std::string_view doc);
   void operator()(std::string_view name, NameList& field, std::string_view doc);
+  void absent(std::string_view /*name*/, std::string_view /*why*/, std::string_view /*mend*/) {}
   SettingsMap map;
   std::vector<SettingDoc> docs;
 

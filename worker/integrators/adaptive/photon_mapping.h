@@ -3,8 +3,10 @@
 
 #include <utility>
 
+#include "worker/integrators/adaptive/light_pass.h"
 #include "worker/integrators/adaptive/run.h"
 #include "worker/integrators/iteration_integrator.h"
+#include "worker/integrators/merging/one_radius.h"
 #include "worker/integrators/plan_between.h"
 
 namespace candela::integrators::adaptive {
@@ -27,10 +29,9 @@ class PhotonMapping final : public IterationIntegrator {
   }
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
                    const RunContext& run_context) const override {
+    if (!planned_.techniques.merges())
+      return merging::run_ppm(planned_.between, context, unit, iterations_, output, run_context);
     return with_between(planned_.between, [&](auto between) {
-      if (!planned_.techniques.merges())
-        return merging::run_progressive<estimators::PpmEye<between(), transport::ConstantScale>>(
-            context, unit, iterations_, output, run_context);
       return run_adaptive<estimators::PpmEye<between(), transport::ScaleMap, Statistics>>(
           context, unit, input, iterations_, adaptation_,
           [&](double first_radius) { return make_statistics_(first_radius, context, unit, input); }, output,

@@ -3,42 +3,18 @@
 #pragma once
 
 #include <cstdint>
-#include <mutex>
-#include <string>
 #include <vector>
 
 #include "worker/estimators/merging_eye.h"
 #include "worker/integrators/eye_samples.h"
 #include "worker/integrators/merging/first_radius.h"
+#include "worker/integrators/merging/iteration_options.h"
 #include "worker/integrators/merging/light_pass.h"
 #include "worker/integrators/merging/neighbor_radius.h"
 #include "worker/integrators/merging/pixels_alone.h"
-#include "worker/integrators/merging/rules.h"
 #include "worker/integrators/merging/scales.h"
 
 namespace candela::integrators::merging {
-
-// neighbor_radius() of a renderer, which is the same for all units.
-struct NeighborRadius {
-  std::once_flag once;
-  double value = 0;
-};
-
-// Options of an integrator of the family, the same for all iterations.
-struct IterationOptions {
-  estimators::PathOptions paths;
-  estimators::Techniques techniques;
-  MergeRules merge;
-  bool caustics_only = false;     // see LightKeeping
-  bool merging_layer = false;     // the part of the image that merging brings is a layer of the film
-  bool technique_layers = false;  // estimators::kTechniqueLayers are its layers
-  mutable NeighborRadius neighbor_radius = {};
-
-  std::vector<std::string> layers() const {
-    if (technique_layers) return {estimators::kTechniqueLayers.begin(), estimators::kTechniqueLayers.end()};
-    return merging_layer ? std::vector<std::string>{"merging"} : std::vector<std::string>();
-  }
-};
 
 inline std::uint64_t light_path_count(const MergeRules& rules, const UnitContext& context) {
   const double pixels = static_cast<double>(context.width) * context.height;

@@ -45,4 +45,11 @@ struct MergeSettings {
   }
 };
 
+// Merges of one eye path share it: they are no independent samples, which the power heuristic assumes.
+template <class Visitor>
+void no_heuristic(Visitor& visit) {
+  visit.absent("heuristic", "merging is weighted by the balance heuristic alone",
+               "leave it out; bdpt has heuristic=power");
+}
+
 }  // namespace candela::integrators::merging

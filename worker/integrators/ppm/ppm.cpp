@@ -1,8 +1,7 @@
 #include "worker/integrators/ppm/ppm.h"
 
 #include "worker/integrators/iteration_integrator.h"
-#include "worker/integrators/merging/iterations.h"
-#include "worker/integrators/plan_between.h"
+#include "worker/integrators/merging/one_radius.h"
 #include "worker/integrators/ppm/plan.h"
 
 namespace candela::integrators {
@@ -19,10 +18,7 @@ class PpmIntegrator final : public IterationIntegrator {
 
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run_context) const override {
-    return with_between(planned_.between, [&](auto between) {
-      return merging::run_progressive<estimators::PpmEye<between(), transport::ConstantScale>>(
-          context, unit, iterations_, output, run_context);
-    });
+    return merging::run_ppm(planned_.between, context, unit, iterations_, output, run_context);
   }
 
  private:

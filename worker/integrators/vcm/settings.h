@@ -8,7 +8,6 @@ namespace candela::integrators {
 struct VcmSettings {
   CommonSettings common{integrator_words::kVcm};
   merging::MergeSettings merge{integrator_words::kVcm};
-  Choice heuristic{"balance", {"balance", "power"}};
   bool merge_media = false;
   Choice layers{"none", {"none", "merging"}};
 
@@ -17,7 +16,7 @@ struct VcmSettings {
     common.path_fields(visit);
     common.plan_field(visit);
     merge.fields(visit);
-    visit("heuristic", heuristic, "how the techniques are weighted against each other");
+    merging::no_heuristic(visit);
     visit("merge_media", merge_media, "merge in media too, with balls; connections cover media without");
     visit("layers", layers, "a further layer in the EXR: the part of the image that merging brings");
   }
@@ -26,14 +25,13 @@ struct VcmSettings {
 struct BpmSettings {
   CommonSettings common{integrator_words::kBpm};
   merging::MergeSettings merge{integrator_words::kBpm};
-  Choice heuristic{"balance", {"balance", "power"}};
 
   template <class Visitor>
   void fields(Visitor& visit) {
     common.path_fields(visit);
     common.plan_field(visit);
     merge.fields(visit);
-    visit("heuristic", heuristic, "how merges at different vertices are weighted against each other");
+    merging::no_heuristic(visit);
   }
 };
 

@@ -1,8 +1,7 @@
 #include "worker/integrators/vcm/vcm.h"
 
 #include "worker/integrators/iteration_integrator.h"
-#include "worker/integrators/merging/iterations.h"
-#include "worker/integrators/plan_between.h"
+#include "worker/integrators/merging/one_radius.h"
 #include "worker/integrators/vcm/plan.h"
 
 namespace candela::integrators {
@@ -10,8 +9,6 @@ namespace {
 
 using estimators::PathOptions;
 using estimators::Techniques;
-using transport::Between;
-using transport::MisHeuristic;
 
 class VcmIntegrator final : public IterationIntegrator {
  public:
@@ -26,34 +23,17 @@ class VcmIntegrator final : public IterationIntegrator {
 
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run_context) const override {
-    return with_between(planned_.between, [&](auto between) {
-      return run_between<between()>(context, unit, output, run_context);
-    });
+    return merging::run_vcm(planned_.between, context, unit, iterations_, output, run_context);
   }
 
  private:
-  template <Between kBetween>
-  Result<void> run_between(const UnitContext& context, const Unit& unit, UnitOutput& output,
-                           const RunContext& run_context) const {
-    if (options_.heuristic == MisHeuristic::power)
-      return run_weighted<kBetween, transport::Power>(context, unit, output, run_context);
-    return run_weighted<kBetween, transport::Balance>(context, unit, output, run_context);
-  }
-  template <Between kBetween, class Mis>
-  Result<void> run_weighted(const UnitContext& context, const Unit& unit, UnitOutput& output,
-                            const RunContext& run_context) const {
-    return merging::run_progressive<estimators::VcmEye<kBetween, Mis, transport::ConstantScale>>(
-        context, unit, iterations_, output, run_context);
-  }
-
   const merging::IterationOptions iterations_;
 };
 
 template <class Settings>
 std::unique_ptr<Integrator> make(const Settings& settings, const Techniques& wanted, bool merging_layer,
                                  const scene::SceneFeatures& features) {
-  PathOptions options = settings.common.path_options();
-  options.heuristic = heuristic_named(settings.heuristic.value);
+  const PathOptions options = settings.common.path_options();
   return std::make_unique<VcmIntegrator>(options,
                                          vcm::plan(options, wanted, features, settings.common.full_plan()),
                                          settings.merge.rules(), merging_layer);

@@ -9,7 +9,6 @@ namespace candela::integrators {
 struct VcmplusSettings {
   CommonSettings common{integrator_words::kVcmplus};
   merging::MergeSettings merge{integrator_words::kVcmplus};
-  Choice heuristic{"balance", {"balance", "power"}};
   bool merge_media = false;
   Choice layers{"none", {"none", "merging"}};
   // A radius that is rejected wrongly costs less than in fppm: connections find what merging loses.
@@ -21,7 +20,7 @@ struct VcmplusSettings {
     common.path_fields(visit);
     common.plan_field(visit);
     merge.fields(visit);
-    visit("heuristic", heuristic, "how the techniques are weighted against each other");
+    merging::no_heuristic(visit);
     visit("merge_media", merge_media, "merge in media too, with balls; connections cover media without");
     visit("layers", layers, "a further layer in the EXR: the part of the image that merging brings");
     f_test.fields(visit);

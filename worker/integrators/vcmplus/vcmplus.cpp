@@ -2,14 +2,13 @@
 
 #include "worker/integrators/adaptive/run.h"
 #include "worker/integrators/iteration_integrator.h"
+#include "worker/integrators/merging/one_radius.h"
 #include "worker/integrators/plan_between.h"
 #include "worker/integrators/vcm/plan.h"
 #include "worker/transport/statistics/weighted_sectors.h"
 
 namespace candela::integrators {
 namespace {
-
-using transport::Between;
 
 // Pixels of at most four contributions keep to the best order of the mean square where nothing is known,
 // which is ppm's. Those of less than five to each sector, the number below which tests of frequencies are not
@@ -34,26 +33,18 @@ class VcmplusIntegrator final : public IterationIntegrator {
   }
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
                    const RunContext& run_context) const override {
+    if (!planned_.techniques.merges())
+      return merging::run_vcm(planned_.between, context, unit, iterations_, output, run_context);
+    using Statistics = transport::WeightedSectors;
     return with_between(planned_.between, [&](auto between) {
-      if (options_.heuristic == transport::MisHeuristic::power)
-        return run_weighted<between(), transport::Power>(context, unit, input, output, run_context);
-      return run_weighted<between(), transport::Balance>(context, unit, input, output, run_context);
+      using Eye = estimators::VcmEye<between(), transport::Balance, transport::ScaleMap, Statistics>;
+      return adaptive::run_adaptive<Eye>(
+          context, unit, input, iterations_, adaptation_,
+          [](double first_radius) { return Statistics(first_radius); }, output, run_context);
     });
   }
 
  private:
-  template <Between kBetween, class Mis>
-  Result<void> run_weighted(const UnitContext& context, const Unit& unit, const UnitInput& input,
-                            UnitOutput& output, const RunContext& run_context) const {
-    if (!planned_.techniques.merges())
-      return merging::run_progressive<estimators::VcmEye<kBetween, Mis, transport::ConstantScale>>(
-          context, unit, iterations_, output, run_context);
-    using Statistics = transport::WeightedSectors;
-    return adaptive::run_adaptive<estimators::VcmEye<kBetween, Mis, transport::ScaleMap, Statistics>>(
-        context, unit, input, iterations_, adaptation_,
-        [](double first_radius) { return Statistics(first_radius); }, output, run_context);
-  }
-
   const merging::IterationOptions iterations_;
   const adaptive::Adaptation adaptation_;
 };
@@ -64,8 +55,7 @@ Result<std::unique_ptr<Integrator>> make_vcmplus_integrator(const SettingsMap& s
                                                             const scene::SceneFeatures& features) {
   CANDELA_ASSIGN(const VcmplusSettings parsed, parse_settings<VcmplusSettings>(settings));
   CANDELA_TRY(adaptive::check(parsed.epochs));
-  estimators::PathOptions options = parsed.common.path_options();
-  options.heuristic = heuristic_named(parsed.heuristic.value);
+  const estimators::PathOptions options = parsed.common.path_options();
   estimators::Techniques wanted;
   wanted.merge_medium = parsed.merge_media;
   Planned planned = vcm::plan(options, wanted, features, parsed.common.full_plan());

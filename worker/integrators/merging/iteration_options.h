@@ -1,0 +1,35 @@
+// Options of the iterations of the merging family.
+#pragma once
+
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "worker/estimators/options.h"
+#include "worker/integrators/merging/rules.h"
+
+namespace candela::integrators::merging {
+
+// neighbor_radius() of a renderer, which is the same for all units.
+struct NeighborRadius {
+  std::once_flag once;
+  double value = 0;
+};
+
+// Options of an integrator of the family, the same for all iterations.
+struct IterationOptions {
+  estimators::PathOptions paths;
+  estimators::Techniques techniques;
+  MergeRules merge;
+  bool caustics_only = false;     // see LightKeeping
+  bool merging_layer = false;     // the part of the image that merging brings is a layer of the film
+  bool technique_layers = false;  // estimators::kTechniqueLayers are its layers
+  mutable NeighborRadius neighbor_radius = {};
+
+  std::vector<std::string> layers() const {
+    if (technique_layers) return {estimators::kTechniqueLayers.begin(), estimators::kTechniqueLayers.end()};
+    return merging_layer ? std::vector<std::string>{"merging"} : std::vector<std::string>();
+  }
+};
+
+}  // namespace candela::integrators::merging

@@ -1,0 +1,15 @@
+#include "worker/integrators/merging/iterations.h"
+#include "worker/integrators/merging/one_radius.h"
+#include "worker/integrators/plan_between.h"
+
+namespace candela::integrators::merging {
+
+Result<void> run_ppm(transport::Between chosen, const UnitContext& context, const Unit& unit,
+                     const IterationOptions& options, UnitOutput& output, const RunContext& run) {
+  return with_between(chosen, [&](auto between) {
+    using Eye = estimators::PpmEye<between(), transport::ConstantScale>;
+    return run_progressive<Eye>(context, unit, options, output, run);
+  });
+}
+
+}  // namespace candela::integrators::merging
