@@ -319,7 +319,7 @@ std::vector<T> joined(std::vector<Part>& parts, std::vector<T> Part::*member) {
   std::vector<std::size_t> begin(parts.size() + 1, 0);
   for (std::size_t i = 0; i < parts.size(); ++i) begin[i + 1] = begin[i] + (parts[i].*member).size();
   std::vector<T> out(begin.back());
-  tbb::parallel_for(std::size_t{0}, parts.size(), [&](std::size_t i) {
+  for_all(parts.size(), [&](std::size_t i) {
     std::vector<T>& from = parts[i].*member;
     std::copy(from.begin(), from.end(), out.begin() + static_cast<std::ptrdiff_t>(begin[i]));
     std::vector<T>().swap(from);
@@ -426,7 +426,7 @@ Result<Mesh> load_obj(std::string_view bytes, const std::string& name, bool flip
   const std::vector<std::string_view> pieces = cut(bytes);
   std::vector<Counts> before(pieces.size());
   if (pieces.size() > 1) {
-    tbb::parallel_for(std::size_t{0}, pieces.size(), [&](std::size_t i) { before[i] = count(pieces[i]); });
+    for_all(pieces.size(), [&](std::size_t i) { before[i] = count(pieces[i]); });
     Counts sum;
     for (Counts& b : before) {
       const Counts own = b;
@@ -443,7 +443,7 @@ Result<Mesh> load_obj(std::string_view bytes, const std::string& name, bool flip
   std::vector<Part> parts;
   parts.reserve(pieces.size());
   for (std::size_t i = 0; i < pieces.size(); ++i) parts.emplace_back(pieces[i], name, flip_v, before[i]);
-  tbb::parallel_for(std::size_t{0}, parts.size(), [&](std::size_t i) { parts[i].run(); });
+  for_all(parts.size(), [&](std::size_t i) { parts[i].run(); });
 
   Mesh mesh;
   std::size_t triangle_count = 0;

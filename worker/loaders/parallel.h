@@ -2,17 +2,27 @@
 // are the same for any number of threads; that number is the calling task arena's.
 #pragma once
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-#include <tbb/parallel_reduce.h>
-
 #include <algorithm>
+#include <atomic>
 #include <cstddef>
+#include <functional>
+#include <vector>
 
 namespace candela::loaders {
 
 inline constexpr std::size_t kGrain = 16384;
 inline constexpr std::size_t kNowhere = ~std::size_t{0};
+
+// The calling task arena's threads.
+std::size_t thread_count();
+
+// body(i) for all i in [0, count), in any order and at the same time. The one loop that needs TBB's headers,
+// which take two seconds to compile.
+void for_all(std::size_t count, const std::function<void(std::size_t)>& body);
+
+// body(part, begin, end) for the parts of [0, count), kGrain indices each but the last.
+void for_parts(std::size_t count,
+               const std::function<void(std::size_t part, std::size_t begin, std::size_t end)>& body);
 
 // body(begin, end) over [0, count).
 template <class Body>
@@ -21,45 +31,39 @@ void for_ranges(std::size_t count, const Body& body) {
     if (count > 0) body(std::size_t{0}, count);
     return;
   }
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, kGrain),
-                    [&](const tbb::blocked_range<std::size_t>& r) { body(r.begin(), r.end()); });
+  for_parts(count, [&](std::size_t /*part*/, std::size_t begin, std::size_t end) { body(begin, end); });
 }
 
 // The least index in [0, count) of which bad(index) is true; kNowhere: none. Calls `bad` for others too, at
 // most once for each.
 template <class Predicate>
 std::size_t first_where(std::size_t count, const Predicate& bad) {
-  const auto scan = [&](std::size_t begin, std::size_t end, std::size_t best) {
-    for (std::size_t i = begin; i < end && i < best; ++i) {
-      if (bad(i)) return i;
+  std::atomic<std::size_t> least{kNowhere};
+  for_ranges(count, [&](std::size_t begin, std::size_t end) {
+    const std::size_t known = least.load(std::memory_order_relaxed);
+    std::size_t i = begin;
+    while (i < end && i < known && !bad(i)) ++i;
+    if (i >= end || i >= known) return;
+    std::size_t best = known;
+    while (i < best && !least.compare_exchange_weak(best, i, std::memory_order_relaxed)) {
     }
-    return best;
-  };
-  if (count <= kGrain) return scan(0, count, kNowhere);
-  return tbb::parallel_reduce(
-      tbb::blocked_range<std::size_t>(0, count, kGrain), kNowhere,
-      [&](const tbb::blocked_range<std::size_t>& r, std::size_t best) {
-        return scan(r.begin(), r.end(), best);
-      },
-      [](std::size_t a, std::size_t b) { return std::min(a, b); });
+  });
+  return least.load(std::memory_order_relaxed);
 }
 
 // body(index, sum) for all of [0, count), each part with a sum of its own; the parts' sums are then added
-// with T::add, which must not care for the order (as least and greatest do not).
+// with T::add.
 template <class T, class Body>
 T joined_over(std::size_t count, T zero, const Body& body) {
-  const auto part = [&](std::size_t begin, std::size_t end, T sum) {
+  std::vector<T> sums((count + kGrain - 1) / kGrain, zero);
+  for_parts(count, [&](std::size_t part, std::size_t begin, std::size_t end) {
+    T sum = zero;
     for (std::size_t i = begin; i < end; ++i) body(i, sum);
-    return sum;
-  };
-  if (count <= kGrain) return part(0, count, zero);
-  return tbb::parallel_reduce(
-      tbb::blocked_range<std::size_t>(0, count, kGrain), zero,
-      [&](const tbb::blocked_range<std::size_t>& r, T sum) { return part(r.begin(), r.end(), sum); },
-      [](T a, const T& b) {
-        a.add(b);
-        return a;
-      });
+    sums[part] = sum;
+  });
+  T all = zero;
+  for (const T& sum : sums) all.add(sum);
+  return all;
 }
 
 }  // namespace candela::loaders

@@ -1,6 +1,4 @@
 // Meshes: from object space as the file has it to triangles in world space.
-#include <tbb/task_arena.h>
-
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -33,9 +31,8 @@ void complete_normals(Shape& shape, const std::vector<bool>& known) {
   const std::size_t count = shape.positions.size();
   // Each task owns a range of vertices, looks at all faces, and adds what concerns its own: a vertex's sum is
   // in the order of the faces, whatever the number of tasks.
-  const std::size_t tasks = std::clamp<std::size_t>(
-      static_cast<std::size_t>(tbb::this_task_arena::max_concurrency()), 1, count / loaders::kGrain + 1);
-  tbb::parallel_for(std::size_t{0}, tasks, [&](std::size_t task) {
+  const std::size_t tasks = std::clamp<std::size_t>(loaders::thread_count(), 1, count / loaders::kGrain + 1);
+  loaders::for_all(tasks, [&](std::size_t task) {
     const std::size_t begin = count * task / tasks, end = count * (task + 1) / tasks;
     std::vector<Vec3d> sums(end - begin);
     for (const auto& t : shape.triangles) {
