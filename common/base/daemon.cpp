@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <pthread.h>
-#include <spdlog/spdlog.h>
 
 #include <cstdio>
 #include <cstdlib>
@@ -93,7 +92,7 @@ sigset_t block_signals(std::initializer_list<int> signals) {
 }
 
 void end_process(int code) {
-  spdlog::default_logger()->flush();
+  log::flush();
   std::fflush(nullptr);
   std::_Exit(code);
 }

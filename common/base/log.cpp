@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
 
 #include <atomic>
 
@@ -23,6 +24,20 @@ std::string field(std::string_view text) {
     quoted += c;
   }
   return quoted;
+}
+
+constexpr spdlog::level::level_enum spdlog_level(Level level) {
+  switch (level) {
+    case Level::debug:
+      return spdlog::level::debug;
+    case Level::info:
+      return spdlog::level::info;
+    case Level::warn:
+      return spdlog::level::warn;
+    case Level::error:
+      break;
+  }
+  return spdlog::level::err;
 }
 
 }  // namespace
@@ -50,8 +65,8 @@ Result<void> initialise(std::string_view program, std::string_view level, std::s
   return {};
 }
 
-void write(spdlog::level::level_enum level, std::string_view message, const Ids& ids) {
-  if (!spdlog::should_log(level)) return;
+void write(Level level, std::string_view message, const Ids& ids) {
+  if (!spdlog::should_log(spdlog_level(level))) return;
   std::string text;
   if (json_format) {
     text = fmt::format(R"("message":"{}")", field(message));
@@ -64,7 +79,11 @@ void write(spdlog::level::level_enum level, std::string_view message, const Ids&
     if (ids.unit >= 0) text += fmt::format(" unit={}", ids.unit);
     if (!ids.worker.empty()) text += fmt::format(" worker={}", field(ids.worker));
   }
-  spdlog::log(level, "{}", text);
+  spdlog::log(spdlog_level(level), "{}", text);
+}
+
+void flush() {
+  spdlog::default_logger()->flush();
 }
 
 }  // namespace candela::log

@@ -2,8 +2,7 @@
 // fields, so that they can be searched for on every line.
 #pragma once
 
-#include <spdlog/spdlog.h>
-
+#include <cstdint>
 #include <string>
 #include <string_view>
 
@@ -14,6 +13,8 @@ namespace candela::log {
 // level: trace, debug, info, warn, error, off. format: text, json. `program` is a field of every JSON line.
 Result<void> initialise(std::string_view program, std::string_view level, std::string_view format);
 
+enum class Level : std::uint8_t { debug, info, warn, error };
+
 // What a line is about; use as: log::info("merged", {.job = id, .unit = 7}).
 struct Ids {
   std::string_view job = {};
@@ -22,18 +23,20 @@ struct Ids {
 };
 
 // In JSON format the ids become fields of the object; in text they follow the message.
-void write(spdlog::level::level_enum level, std::string_view message, const Ids& ids = {});
+void write(Level level, std::string_view message, const Ids& ids = {});
 inline void debug(std::string_view m, const Ids& ids = {}) {
-  write(spdlog::level::debug, m, ids);
+  write(Level::debug, m, ids);
 }
 inline void info(std::string_view m, const Ids& ids = {}) {
-  write(spdlog::level::info, m, ids);
+  write(Level::info, m, ids);
 }
 inline void warn(std::string_view m, const Ids& ids = {}) {
-  write(spdlog::level::warn, m, ids);
+  write(Level::warn, m, ids);
 }
 inline void error(std::string_view m, const Ids& ids = {}) {
-  write(spdlog::level::err, m, ids);
+  write(Level::error, m, ids);
 }
+// All lines written so far are out.
+void flush();
 
 }  // namespace candela::log

@@ -15,7 +15,7 @@ void log_event(const EventRow& e) {
                    e.kind == "refused" || e.kind == "checkpoint-damaged" || e.kind == "lost" ||
                    e.kind == "orphans" || e.kind == "waiting" || e.kind == "blob-damaged" ||
                    e.kind == "blob-missing" || e.kind == "scene-disputed";
-  log::write(bad ? spdlog::level::warn : spdlog::level::info, text, {.job = e.job_id, .worker = e.worker_id});
+  log::write(bad ? log::Level::warn : log::Level::info, text, {.job = e.job_id, .worker = e.worker_id});
 }
 
 }  // namespace

@@ -2,7 +2,6 @@
 #include "common/base/text.h"
 
 #include <gtest/gtest.h>
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 
@@ -56,7 +55,7 @@ TEST_P(LogLine, NamesCannotForgeOne) {
   ASSERT_TRUE(log::initialise("test", "info", GetParam()).ok());
   log::info("registered 'a\n2026-01-01 00:00:00.000 error forged\x1b[2J\u202e\xff\"'",
             {.job = "j\n1", .unit = 7, .worker = "w\x1b"});
-  spdlog::default_logger()->flush();
+  log::flush();
   const std::string line = testing::internal::GetCapturedStderr();
   EXPECT_EQ(std::count(line.begin(), line.end(), '\n'), 1) << line;
   EXPECT_EQ(escape_unprintable(line.substr(0, line.size() - 1)), line.substr(0, line.size() - 1));

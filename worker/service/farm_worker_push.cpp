@@ -101,10 +101,7 @@ void FarmWorker::deliver_bytes(Finished& finished, const std::string& bytes) {
                             response.verdict() == v1::DELTA_VERDICT_JOB_ENDED;
       std::string line = fmt::format("delta of {} bytes {}", bytes.size(), text_of(response.verdict()));
       if (!response.message().empty()) line += fmt::format(": {}", response.message());
-      log::write(welcome    ? spdlog::level::debug
-                 : harmless ? spdlog::level::info
-                            : spdlog::level::err,
-                 line, ids);
+      log::write(welcome ? log::Level::debug : harmless ? log::Level::info : log::Level::error, line, ids);
       task->dropped = true;  // a verdict is final
       return;
     }

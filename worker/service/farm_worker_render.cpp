@@ -293,7 +293,7 @@ void FarmWorker::fail(const TaskPtr& task, FailureCause cause, const std::string
   task->dropped = true;
   task->stop = true;
   // A scene that cannot be rendered is its job's trouble, and told there. The rest is an operator's.
-  log::write(cause == FailureCause::scene ? spdlog::level::info : spdlog::level::err,
+  log::write(cause == FailureCause::scene ? log::Level::info : log::Level::error,
              fmt::format("unit failed ({}): {}", name(cause), message),
              {.job = task->lease.job_id(),
               .unit = static_cast<std::int64_t>(task->lease.unit_id()),

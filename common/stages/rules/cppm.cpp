@@ -13,7 +13,7 @@ namespace {
 // 0.8.
 constexpr std::uint64_t kHalvingLevels = 3;
 
-const std::vector<std::string>& accumulators() {
+const std::vector<std::string>& cppm_accumulators() {
   static const std::vector<std::string> names = {adaptive::kCounts};
   return names;
 }
@@ -27,7 +27,7 @@ std::uint64_t cppm_memo_bytes(const EpochPlan& /*plan*/) {
 }
 
 Result<std::string> decide_cppm(const DecisionInput& input, Carry& carry) {
-  CANDELA_TRY(check_input(input, carry, accumulators(), kMemoPlanes));
+  CANDELA_TRY(check_input(input, carry, cppm_accumulators(), kMemoPlanes));
   const SettingsMap& constants = input.plan.constants;
   CANDELA_ASSIGN(const adaptive::Levels levels, adaptive::get_levels(constants));
   adaptive::CountsTest test;

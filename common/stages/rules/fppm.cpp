@@ -14,7 +14,7 @@
 namespace candela::rules {
 namespace {
 
-const std::vector<std::string>& accumulators() {
+const std::vector<std::string>& fppm_accumulators() {
   static const std::vector<std::string> names = {adaptive::kSectors, adaptive::kSquares};
   return names;
 }
@@ -62,7 +62,7 @@ Result<std::string> decide_fppm(const DecisionInput& input, Carry& carry) {
                  adaptive::get_word(constants, "test", {"sectors", "antipodal", "nested"}, "sectors"));
   CANDELA_ASSIGN(const std::string rings, adaptive::get_word(constants, "rings", {"0", "1"}, "0"));
   if (rings == "1" || test == "nested") return decide_fppm_rings(input, carry, test, rings == "1");
-  CANDELA_TRY(check_input(input, carry, accumulators(), memo_planes(constants)));
+  CANDELA_TRY(check_input(input, carry, fppm_accumulators(), memo_planes(constants)));
   CANDELA_ASSIGN(const adaptive::Levels levels, adaptive::get_levels(constants));
   CANDELA_ASSIGN(const std::uint64_t critical, adaptive::get_integer(constants, "critical"));
   if (input.epoch == 0) return std::string(pixels_of(input), '\0');
