@@ -13,7 +13,7 @@
 
 #include "common/base/files.h"
 #include "common/base/log.h"
-#include "common/wire/wire.h"
+#include "common/wire/stored_bundle.h"
 #include "master/jobs/job_status.h"
 
 namespace candela::master {
@@ -305,64 +305,61 @@ Result<Farm::Submitted> Farm::submit(JobRow row, const std::string& bundle_bytes
   return Submitted{id, false};
 }
 
-std::optional<v1::JobStatus> Farm::status(const std::string& job_id) {
-  return with_scheduler([&](Scheduler& s) -> std::optional<v1::JobStatus> {
+std::optional<JobStatus> Farm::status(const std::string& job_id) {
+  return with_scheduler([&](Scheduler& s) -> std::optional<JobStatus> {
     const auto job = s.jobs().find(job_id);
     if (job == s.jobs().end()) return std::nullopt;
     return status_of(s, job->second, now());
   });
 }
 
-std::optional<v1::JobStatus> Farm::full_status(const std::string& job_id) {
-  std::optional<v1::JobStatus> out = status(job_id);
+std::optional<JobStatus> Farm::full_status(const std::string& job_id) {
+  std::optional<JobStatus> out = status(job_id);
   if (!out) return out;
-  if (auto epochs = epoch_status(job_id)) *out->mutable_epochs() = std::move(*epochs);
+  out->epochs = epoch_status(job_id);
   return out;
 }
 
-std::optional<v1::EpochStatus> Farm::epoch_status(const std::string& job_id) {
-  std::optional<v1::EpochStatus> out = reports_->status(job_id);
+std::optional<EpochStatus> Farm::epoch_status(const std::string& job_id) {
+  std::optional<EpochStatus> out = reports_->status(job_id);
   if (!out) return out;
   const film::Tallies tallies = with_scheduler([&](Scheduler& s) {
     const Job* job = s.job(job_id);
     return job == nullptr ? film::Tallies() : job->row.tallies;
   });
-  if (tallies.sampled_merges > 0) {
-    v1::Figure& figure = *out->add_figures();
-    figure.set_name(std::string(film::kRepeatedMerges));
-    figure.set_value(static_cast<double>(tallies.repeated_merges) /
-                     static_cast<double>(tallies.sampled_merges));
-  }
+  if (tallies.sampled_merges > 0)
+    out->figures.emplace_back(film::kRepeatedMerges, static_cast<double>(tallies.repeated_merges) /
+                                                         static_cast<double>(tallies.sampled_merges));
   return out;
 }
 
-std::vector<v1::JobStatus> Farm::open_status() {
+std::vector<JobStatus> Farm::open_status() {
   return with_scheduler([&](Scheduler& s) {
-    std::vector<v1::JobStatus> out;
+    std::vector<JobStatus> out;
     for (const auto& [id, job] : s.jobs())
       if (!has_ended(job.row.state)) out.push_back(status_of(s, job, now()));
     return out;
   });
 }
 
-std::vector<v1::WorkerStatus> Farm::all_workers() {
+std::vector<WorkerStatus> Farm::all_workers() {
   return with_scheduler([&](Scheduler& s) {
-    std::vector<v1::WorkerStatus> out;
+    std::vector<WorkerStatus> out;
     for (const auto& [id, w] : s.workers()) out.push_back(status_of(s, w, now()));
     return out;
   });
 }
 
-std::optional<v1::WorkerStatus> Farm::worker(const std::string& id) {
-  return with_scheduler([&](Scheduler& s) -> std::optional<v1::WorkerStatus> {
+std::optional<WorkerStatus> Farm::worker(const std::string& id) {
+  return with_scheduler([&](Scheduler& s) -> std::optional<WorkerStatus> {
     const auto it = s.workers().find(id);
     if (it == s.workers().end()) return std::nullopt;
     return status_of(s, it->second, now());
   });
 }
 
-Result<v1::JobStatus> Farm::change_job(const std::string& job_id,
-                                       const std::function<Result<void>(Scheduler&, Now)>& change) {
+Result<JobStatus> Farm::change_job(const std::string& job_id,
+                                   const std::function<Result<void>(Scheduler&, Now)>& change) {
   const auto removed = [&] {
     return refused_error(fmt::format("job {} has been removed", job_id)).with_field("job_id");
   };
@@ -371,27 +368,32 @@ Result<v1::JobStatus> Farm::change_job(const std::string& job_id,
     return change(s, now());
   }));
   wake_.wake();
-  std::optional<v1::JobStatus> out = status(job_id);
+  std::optional<JobStatus> out = status(job_id);
   if (!out) return removed();
-  if (out->state() == v1::JOB_STATE_CANCELLED)
+  if (out->row.state == JobState::cancelled)
     if (const auto film = film_of(job_id)) film->close();
   CANDELA_TRY(writer_->flush());
   return std::move(*out);
 }
 
-Result<v1::JobStatus> Farm::extend(const v1::ExtendJobRequest& request) {
-  CANDELA_ASSIGN(const std::shared_ptr<JobFilm> film, truth_->open_film(request.job_id()));
+Result<void> Farm::change(const std::string& job_id,
+                          const std::function<Result<void>(Scheduler&, Now)>& change) {
+  CANDELA_TRY(change_job(job_id, change));
+  return {};
+}
+
+Result<JobStatus> Farm::extend(const std::string& job_id, const Extension& extension) {
+  CANDELA_ASSIGN(const std::shared_ptr<JobFilm> film, truth_->open_film(job_id));
   if (film) film->reopen();
-  Result<v1::JobStatus> out = change_job(request.job_id(), [&](Scheduler& s, Now t) {
-    return s.extend(request.job_id(), request.add_iterations(), request.add_time_seconds(), request.relmse(),
-                    t);
+  Result<JobStatus> out = change_job(job_id, [&](Scheduler& s, Now t) {
+    return s.extend(job_id, extension.iterations, extension.time_seconds, extension.relmse, t);
   });
-  if (film && with_scheduler([&](Scheduler& s) { return has_ended(s.job(request.job_id())->row.state); }))
+  if (film && with_scheduler([&](Scheduler& s) { return has_ended(s.job(job_id)->row.state); }))
     film->close();
   return out;
 }
 
-Result<v1::JobStatus> Farm::resume(const std::string& job_id) {
+Result<JobStatus> Farm::resume(const std::string& job_id) {
   const auto failed = [&] {
     return with_scheduler([&](Scheduler& s) { return s.job(job_id)->row.state == JobState::failed; });
   };
@@ -400,7 +402,7 @@ Result<v1::JobStatus> Farm::resume(const std::string& job_id) {
     CANDELA_ASSIGN(film, truth_->open_film(job_id));
     if (film) film->reopen();
   }
-  Result<v1::JobStatus> out = change_job(job_id, [&](Scheduler& s, Now t) { return s.resume(job_id, t); });
+  Result<JobStatus> out = change_job(job_id, [&](Scheduler& s, Now t) { return s.resume(job_id, t); });
   if (film && failed()) film->close();
   return out;
 }
@@ -443,10 +445,10 @@ std::string Farm::blob_lost(const std::string& sha256, bool found_damaged) {
     auto [key, fresh] = keys.try_emplace(needy.bundle_sha256);
     if (fresh) {
       const auto bytes = store_->bundle(needy.bundle_sha256);
-      v1::Bundle bundle;
-      if (bytes.ok() && *bytes && bundle.ParseFromString(**bytes))
-        for (const v1::BundleFile& file : bundle.files())
-          if (file.sha256() == sha256) key->second = file.path();
+      if (bytes.ok() && *bytes)
+        if (const auto bundle = wire::parse_bundle(**bytes); bundle.ok())
+          for (const bundle::File& file : bundle->files)
+            if (file.sha256 == sha256) key->second = file.path;
     }
     if (!key->second) continue;
     named = *key->second;
@@ -469,17 +471,16 @@ void Farm::blob_found(const std::string& sha256) {
   });
 }
 
-Result<v1::GetLedgerResponse> Farm::ledger(const std::string& job_id) {
+Result<Ledger> Farm::ledger(const std::string& job_id) {
   // Reading all units of a job twice around the film's copy would still race with merges; waiting for the
   // queue makes the rows complete for everything merged before, and rows newer than the copy are left out.
-  v1::GetLedgerResponse out;
+  Ledger out;
   std::shared_ptr<const film::MergedFilm> copy;
-  std::uint64_t chain_segments = 0;
   CANDELA_ASSIGN(const std::shared_ptr<JobFilm> film, truth_->open_film(job_id));
   if (film) {
     JobFilm::Snapshot snapshot = film->snapshot();
     copy = std::move(snapshot.film);
-    chain_segments = snapshot.chain_segments;
+    out.chain_segments = snapshot.chain_segments;
   }
   // A delta in the film whose row is being queued this instant: its thread needs the scheduler's lock only.
   const auto rows_ready = [&] {
@@ -495,8 +496,8 @@ Result<v1::GetLedgerResponse> Farm::ledger(const std::string& job_id) {
   };
   for (int i = 0; i < 100 && !rows_ready(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(2));
   CANDELA_TRY(writer_->flush());
-  CANDELA_ASSIGN(const std::vector<UnitRow> rows, store_->merged_units(job_id));
-  for (const UnitRow& u : rows) {
+  CANDELA_ASSIGN(std::vector<UnitRow> rows, store_->merged_units(job_id));
+  for (UnitRow& u : rows) {
     if (copy && u.unit.half < 2 && !copy->merged(u.unit.half).intersects(u.unit.begin, u.unit.end)) {
       const bool newer = with_scheduler([&](Scheduler& s) {
         return s.job(job_id)->merged[u.unit.half].intersects(u.unit.begin, u.unit.end) &&
@@ -504,24 +505,12 @@ Result<v1::GetLedgerResponse> Farm::ledger(const std::string& job_id) {
       });
       if (newer) continue;  // merged after the copy was made
     }
-    v1::LedgerRow& row = *out.add_merged();
-    row.set_unit_id(u.id);
-    wire::to_proto(u.unit, *row.mutable_unit());
-    row.set_worker_id(u.worker_id);
-    row.set_token(u.token);
+    out.merged.push_back(std::move(u));
   }
-  std::uint64_t samples = 0;
   for (std::uint32_t h = 0; copy && h < 2; ++h) {
-    for (const auto& [begin, end] : copy->merged(h).ranges()) {
-      v1::IterationRange& range = *out.add_film();
-      range.set_half(h);
-      range.set_begin(begin);
-      range.set_end(end);
-    }
-    samples += copy->tallies(h).eye_samples;
+    for (const auto& [begin, end] : copy->merged(h).ranges()) out.film.push_back({h, begin, end});
+    out.film_eye_samples += copy->tallies(h).eye_samples;
   }
-  out.set_film_eye_samples(samples);
-  out.set_chain_segments(chain_segments);
   return out;
 }
 

@@ -17,14 +17,12 @@
 #include <thread>
 #include <vector>
 
-#include "candela/v1/client.pb.h"
-#include "candela/v1/job.pb.h"
-#include "candela/v1/worker.pb.h"
 #include "common/base/result.h"
 #include "master/jobs/delta_intake.h"
 #include "master/jobs/epoch_decider.h"
 #include "master/jobs/farm_counters.h"
 #include "master/jobs/image_writer.h"
+#include "master/jobs/job_status.h"
 #include "master/jobs/job_table.h"
 #include "master/jobs/job_upkeep.h"
 #include "master/jobs/retention.h"
@@ -43,6 +41,26 @@ struct FarmOptions {
   MasterOptions master;
   FileWriter film_writer;         // empty: write_file_atomically
   double push_idle_seconds = 20;  // a sender of a delta silent for this long is cut off
+};
+
+// Added to the stop rule of a job.
+struct Extension {
+  std::uint64_t iterations = 0;
+  double time_seconds = 0;
+  double relmse = 0;
+};
+
+// The merged units of a job and the film's own account of them, for audits.
+struct Ledger {
+  // Sequence indices of one half.
+  struct Range {
+    std::uint32_t half = 0;
+    std::uint64_t begin = 0, end = 0;
+  };
+  std::vector<UnitRow> merged;         // from the store
+  std::vector<Range> film;             // from the merged film itself
+  std::uint64_t film_eye_samples = 0;  // the film's own count
+  std::uint64_t chain_segments = 0;    // of a job of chains: by the records of its chains
 };
 
 class Farm final : public TruthFarm {
@@ -81,22 +99,24 @@ class Farm final : public TruthFarm {
   // The settings, stop rule and bundle are validated already. ErrorKind::refused: the token names another
   // content.
   Result<Submitted> submit(JobRow row, const std::string& bundle_bytes);
-  std::optional<v1::JobStatus> status(const std::string& job_id) override;
+  std::optional<JobStatus> status(const std::string& job_id);
   // The same, with the report of its decided states.
-  std::optional<v1::JobStatus> full_status(const std::string& job_id);
+  std::optional<JobStatus> full_status(const std::string& job_id);
   // That report, with what the job's merges tell; nothing: no state has been decided.
-  std::optional<v1::EpochStatus> epoch_status(const std::string& job_id);
-  std::vector<v1::JobStatus> open_status();  // of jobs that have not ended
-  std::vector<v1::WorkerStatus> all_workers();
-  std::optional<v1::WorkerStatus> worker(const std::string& id);
+  std::optional<EpochStatus> epoch_status(const std::string& job_id);
+  std::vector<JobStatus> open_status();  // of jobs that have not ended
+  std::vector<WorkerStatus> all_workers();
+  std::optional<WorkerStatus> worker(const std::string& id);
   // pause, resume, cancel, extend: applied, written, and the status after.
-  Result<v1::JobStatus> change_job(const std::string& job_id,
-                                   const std::function<Result<void>(Scheduler&, Now)>& change) override;
-  Result<v1::JobStatus> extend(const v1::ExtendJobRequest& request);
-  Result<v1::JobStatus> resume(const std::string& job_id);
+  Result<JobStatus> change_job(const std::string& job_id,
+                               const std::function<Result<void>(Scheduler&, Now)>& change);
+  Result<void> change(const std::string& job_id,
+                      const std::function<Result<void>(Scheduler&, Now)>& change) override;
+  Result<JobStatus> extend(const std::string& job_id, const Extension& extension);
+  Result<JobStatus> resume(const std::string& job_id);
   // A job that only its folder knew. Precondition: its row and bundle are in the store already.
   Result<void> take_in(Manifest manifest) override;
-  Result<v1::GetLedgerResponse> ledger(const std::string& job_id);
+  Result<Ledger> ledger(const std::string& job_id);
 
   // --- leases ---
   // A lease for this worker with the inputs of its unit, if there is one. `describe` sees the lease and its

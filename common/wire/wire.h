@@ -12,6 +12,7 @@
 #include "common/job/failure.h"
 #include "common/job/job.h"
 #include "common/stages/work_plan.h"
+#include "common/wire/address.h"
 
 namespace candela::wire {
 
@@ -56,15 +57,6 @@ std::uint32_t retry_ms(const grpc::Status& status, std::uint32_t otherwise);
 
 // Names of job states as scripts see them: "queued", "running", ...
 std::string_view name(v1::JobState state);
-
-// HOST:PORT ("127.0.0.1:7070", "[::1]:7070", "localhost:7070"); port 0 is for listening only.
-struct Address {
-  std::string host;
-  int port = 0;
-  bool loopback = false;  // 127.0.0.0/8, ::1, localhost
-  std::string text() const;
-};
-Result<Address> parse_address(std::string_view text, std::string_view option_name);
 
 // Credentials from PEM files; all three empty: insecure. Errors name the option and the file.
 struct TlsFiles {

@@ -14,6 +14,7 @@
 #include "common/wire/canonical.h"
 #include "common/wire/stall_guard.h"
 #include "master/api/list_jobs.h"
+#include "master/api/messages.h"
 #include "master/api/service_support.h"
 
 namespace candela::master {
@@ -46,11 +47,6 @@ class Place {
 
 grpc::Status too_many(const char* what) {
   return wire::to_status_with_retry(resource_error(std::string("too many ") + what + " at a time"), 1000);
-}
-
-bool ended(const v1::JobStatus& s) {
-  return s.state() == v1::JOB_STATE_DONE || s.state() == v1::JOB_STATE_FAILED ||
-         s.state() == v1::JOB_STATE_CANCELLED;
 }
 
 Result<film::MergedFilm::Which> half_of(v1::FetchImageRequest::Half half) {
@@ -231,9 +227,9 @@ grpc::Status FarmServiceImpl::ListJobs(grpc::ServerContext*, const v1::ListJobsR
 grpc::Status FarmServiceImpl::GetJob(grpc::ServerContext*, const v1::GetJobRequest* request,
                                      v1::JobStatus* response) {
   return guarded([&] {
-    auto status = farm_.full_status(request->job_id());
+    const auto status = farm_.full_status(request->job_id());
     if (!status) return not_found("job", request->job_id());
-    *response = std::move(*status);
+    *response = to_message(*status);
     return grpc::Status::OK;
   });
 }
@@ -248,14 +244,15 @@ grpc::Status FarmServiceImpl::WatchJob(grpc::ServerContext* context, const v1::W
     std::string last;
     double last_sent = -1e9;
     while (!context->IsCancelled() && !farm_.stopping()) {
-      auto status = farm_.status(request->job_id());
+      const auto status = farm_.status(request->job_id());
       if (!status) return not_found("job", request->job_id());
-      const bool final = ended(*status);
+      const bool final = has_ended(status->row.state);
       const double now = farm_.now().seconds;
       if (final || now - last_sent >= interval) {
-        const std::string bytes = wire::canonical(*status);
+        const v1::JobStatus message = to_message(*status);
+        const std::string bytes = wire::canonical(message);
         if (bytes != last || final) {
-          if (!writer->Write(*status))
+          if (!writer->Write(message))
             return grpc::Status(grpc::StatusCode::CANCELLED, "the watcher went away");
           last = bytes;
         }
@@ -320,9 +317,9 @@ grpc::Status change(Farm& farm, const std::string& job_id, v1::JobStatus* respon
   return guarded([&] {
     if (farm.stopping()) return stopping_status();
     if (!farm.status(job_id)) return not_found("job", job_id);
-    auto status = farm.change_job(job_id, f);
+    const auto status = farm.change_job(job_id, f);
     if (!status.ok()) return wire::to_status(status.error());
-    *response = std::move(*status);
+    *response = to_message(*status);
     return grpc::Status::OK;
   });
 }
@@ -340,9 +337,9 @@ grpc::Status FarmServiceImpl::ResumeJob(grpc::ServerContext*, const v1::JobReque
   return guarded([&] {
     if (farm_.stopping()) return stopping_status();
     if (!farm_.status(request->job_id())) return not_found("job", request->job_id());
-    auto status = farm_.resume(request->job_id());
+    const auto status = farm_.resume(request->job_id());
     if (!status.ok()) return wire::to_status(status.error());
-    *response = std::move(*status);
+    *response = to_message(*status);
     return grpc::Status::OK;
   });
 }
@@ -365,9 +362,10 @@ grpc::Status FarmServiceImpl::ExtendJob(grpc::ServerContext*, const v1::ExtendJo
   return guarded([&] {
     if (farm_.stopping()) return stopping_status();
     if (!farm_.status(request->job_id())) return not_found("job", request->job_id());
-    auto status = farm_.extend(*request);
+    const auto status = farm_.extend(
+        request->job_id(), {request->add_iterations(), request->add_time_seconds(), request->relmse()});
     if (!status.ok()) return wire::to_status(status.error());
-    *response = std::move(*status);
+    *response = to_message(*status);
     return grpc::Status::OK;
   });
 }
@@ -396,7 +394,7 @@ grpc::Status FarmServiceImpl::ListEvents(grpc::ServerContext*, const v1::ListEve
 grpc::Status FarmServiceImpl::ListWorkers(grpc::ServerContext*, const v1::ListWorkersRequest*,
                                           v1::ListWorkersResponse* response) {
   return guarded([&] {
-    for (v1::WorkerStatus& w : farm_.all_workers()) *response->add_workers() = std::move(w);
+    for (const WorkerStatus& w : farm_.all_workers()) *response->add_workers() = to_message(w);
     const Wanted wanted = farm_.with_scheduler([&](Scheduler& s) { return s.wanted(farm_.now()); });
     response->mutable_wanted()->set_threads(wanted.threads);
     response->mutable_wanted()->set_workers(wanted.workers);
@@ -419,13 +417,13 @@ grpc::Status FarmServiceImpl::DrainWorker(grpc::ServerContext* context, const v1
       if (now)
         status = std::move(now);
       else
-        status->set_state("drained");  // it has left
-      if (!request->wait() || status->state() == "drained") break;
+        status->state = "drained";  // it has left
+      if (!request->wait() || status->state == "drained") break;
       if (context->IsCancelled()) return grpc::Status(grpc::StatusCode::CANCELLED, "cancelled");
       if (farm_.stopping()) return stopping_status();
       std::this_thread::sleep_for(kStep);
     }
-    *response = std::move(*status);
+    *response = to_message(*status);
     return grpc::Status::OK;
   });
 }
@@ -434,9 +432,9 @@ grpc::Status FarmServiceImpl::GetLedger(grpc::ServerContext*, const v1::GetLedge
                                         v1::GetLedgerResponse* response) {
   return guarded([&] {
     if (!farm_.status(request->job_id())) return not_found("job", request->job_id());
-    auto ledger = farm_.ledger(request->job_id());
+    const auto ledger = farm_.ledger(request->job_id());
     if (!ledger.ok()) return wire::to_status(ledger.error());
-    *response = std::move(*ledger);
+    *response = to_message(*ledger);
     return grpc::Status::OK;
   });
 }
@@ -452,11 +450,11 @@ grpc::Status FarmServiceImpl::VerifyJobs(grpc::ServerContext* context, const v1:
       if (context->IsCancelled()) return grpc::Status(grpc::StatusCode::CANCELLED, "cancelled");
       if (farm_.stopping()) return stopping_status();
       if (!farm_.status(id)) return not_found("job", id);
-      auto report = farm_.truth().verify(id);
+      const auto report = farm_.truth().verify(id);
       if (!report.ok()) return wire::to_status(report.error());
-      writer->Write(*report);
+      writer->Write(to_message(*report));
     }
-    if (request->job_id().empty()) writer->Write(farm_.truth().verify_store());
+    if (request->job_id().empty()) writer->Write(to_message(farm_.truth().verify_store()));
     return grpc::Status::OK;
   });
 }
@@ -465,10 +463,11 @@ grpc::Status FarmServiceImpl::RepairJob(grpc::ServerContext*, const v1::JobReque
                                         v1::JobStatus* response) {
   return guarded([&] {
     if (farm_.stopping()) return stopping_status();
-    auto status = farm_.truth().repair(request->job_id());
-    if (!status.ok()) return wire::to_status(status.error());
-    if (!*status) return not_found("job", request->job_id());
-    *response = std::move(**status);
+    const auto known = farm_.truth().repair(request->job_id());
+    if (!known.ok()) return wire::to_status(known.error());
+    const auto status = farm_.status(request->job_id());
+    if (!*known || !status) return not_found("job", request->job_id());
+    *response = to_message(*status);
     return grpc::Status::OK;
   });
 }

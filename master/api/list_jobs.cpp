@@ -14,8 +14,8 @@
 #include <utility>
 #include <vector>
 
+#include "master/api/messages.h"
 #include "master/farm.h"
-#include "master/jobs/job_status.h"
 
 namespace candela::master {
 namespace {
@@ -73,7 +73,7 @@ Result<v1::ListJobsResponse> list_jobs(Farm& farm, const v1::ListJobsRequest& re
       for (std::size_t i = 0; i < kJobsUnderLock && next != end; ++i) {
         const Job* job = s.job(next->second);
         if (job != nullptr && (states.empty() || states.contains(job->row.state))) {
-          v1::JobStatus status = status_of(s, *job, t);
+          v1::JobStatus status = to_message(status_of(s, *job, t));
           status.clear_plan();  // long, and the same for like jobs; GetJob has it
           bytes += status.ByteSizeLong() + 8;
           if (bytes >= kMaxPageBytes && out.jobs_size() > 0) return;

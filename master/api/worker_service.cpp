@@ -11,6 +11,7 @@
 #include "common/stages/decision.h"
 #include "common/stages/development.h"
 #include "common/wire/stall_guard.h"
+#include "master/api/messages.h"
 #include "master/api/service_support.h"
 
 namespace candela::master {
@@ -221,17 +222,18 @@ grpc::Status WorkerServiceImpl::PushDelta(grpc::ServerContext* context,
     if (!chunk.has_header())
       return answer_early(*context, *reader,
                           wire::to_status(input_error("the first chunk must have it").with_field("header")));
-    const v1::DeltaHeader header = chunk.header();
     const auto refuse = [&](const grpc::Status& status) { return answer_early(*context, *reader, status); };
-    if (!is_worker(farm_, header.worker_id(), header.session())) return refuse(unauthenticated());
-    auto admitted = farm_.deltas().admit(header);
-    if (!admitted.ok()) return refuse(wire::to_status(admitted.error()));
-    if (*admitted) {
-      response->set_verdict((*admitted)->verdict);
-      response->set_message((*admitted)->message);
+    if (!is_worker(farm_, chunk.header().worker_id(), chunk.header().session()))
+      return refuse(unauthenticated());
+    const auto parsed = from_message(chunk.header());
+    if (!parsed.ok()) return refuse(wire::to_status(parsed.error()));
+    const DeltaHeader& header = *parsed;
+    if (const auto refusal = farm_.deltas().admit(header)) {
+      response->set_verdict(to_message(refusal->verdict));
+      response->set_message(refusal->message);
       return refuse(grpc::Status::OK);
     }
-    auto ticket = farm_.gate().enter(header.worker_id(), header.size_bytes(), farm_.now().seconds, cancel);
+    auto ticket = farm_.gate().enter(header.worker_id, header.size_bytes, farm_.now().seconds, cancel);
     if (!ticket.ok()) {
       ++farm_.counters().queue_full;
       return refuse(wire::to_status_with_retry(
@@ -239,14 +241,14 @@ grpc::Status WorkerServiceImpl::PushDelta(grpc::ServerContext* context,
     }
     unknown.reset();
     const double started = farm_.now().seconds, cpu_started = thread_cpu_seconds();
-    BufferPool::Buffer buffer = buffers_.take(header.size_bytes());
+    BufferPool::Buffer buffer = buffers_.take(header.size_bytes);
     std::string& bytes = *buffer;
     bool too_long = false;
     do {
       if (chunk.data().size() > Limits::max_chunk_bytes)
         return refuse(wire::to_status(
             input_error(fmt::format("larger than {} bytes", Limits::max_chunk_bytes)).with_field("data")));
-      if (bytes.size() + chunk.data().size() > header.size_bytes()) {
+      if (bytes.size() + chunk.data().size() > header.size_bytes) {
         too_long = true;  // one byte too many makes the size differ, which is what the verdict says
         bytes += '\0';
         refuse(grpc::Status::OK);
@@ -258,12 +260,12 @@ grpc::Status WorkerServiceImpl::PushDelta(grpc::ServerContext* context,
     } while (reader->Read(&chunk));
     // A sender that went away, or was cut off, mid-stream: no verdict, its lease runs on and it may send
     // again.
-    if (!too_long && bytes.size() < header.size_bytes() && context->IsCancelled())
+    if (!too_long && bytes.size() < header.size_bytes && context->IsCancelled())
       return grpc::Status(grpc::StatusCode::CANCELLED, "the delta did not arrive whole in time");
     (*ticket)->all_here();
     const DeltaIntake::Verdict verdict = farm_.deltas().deliver(
         header, bytes, {farm_.now().seconds - started, thread_cpu_seconds() - cpu_started});
-    response->set_verdict(verdict.verdict);
+    response->set_verdict(to_message(verdict.verdict));
     response->set_message(verdict.message);
     return grpc::Status::OK;
   });

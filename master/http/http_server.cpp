@@ -24,7 +24,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/wire/wire.h"
+#include "common/wire/address.h"
 #include "master/farm.h"
 #include "master/http/http_message.h"
 #include "master/http/live_page.h"

@@ -299,7 +299,7 @@ HttpAnswer LivePage::change(const std::string& id, const std::string& verb,
     if (error != std::errc() || at != end || !std::isfinite(value)) return std::nullopt;
     return value;
   };
-  Result<v1::JobStatus> status = usage_error("there is no such control");
+  Result<JobStatus> status = usage_error("there is no such control");
   if (verb == "pause")
     status = farm_.change_job(id, [&](Scheduler& s, Now t) { return s.pause(id, t); });
   else if (verb == "resume")
@@ -318,12 +318,7 @@ HttpAnswer LivePage::change(const std::string& id, const std::string& verb,
     if (!iterations || !seconds || !relmse || *iterations < 0 || *iterations > 1e15 ||
         *iterations != std::floor(*iterations))
       return error_answer(400, "iterations must be an integer, seconds and relmse numbers, 0 or more");
-    v1::ExtendJobRequest request;
-    request.set_job_id(id);
-    request.set_add_iterations(static_cast<std::uint64_t>(*iterations));
-    request.set_add_time_seconds(*seconds);
-    request.set_relmse(*relmse);
-    status = farm_.extend(request);
+    status = farm_.extend(id, {static_cast<std::uint64_t>(*iterations), *seconds, *relmse});
   } else {
     return error_answer(404, "there is no such control");
   }

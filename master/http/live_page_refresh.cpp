@@ -281,7 +281,7 @@ std::string LivePage::details_of(const std::string& id) {
     const auto status = farm_.worker(worker);
     shares.push_back(JsonObject()
                          .add("worker", worker)
-                         .add("name", status ? status->name() : worker)
+                         .add("name", status ? status->row.name : worker)
                          .count("units", units[worker])
                          .add("seconds", time)
                          .text());

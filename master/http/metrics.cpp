@@ -9,7 +9,6 @@
 #include <sstream>
 
 #include "common/base/version.h"
-#include "common/wire/wire.h"
 #include "master/farm.h"
 #include "master/http/http_server.h"
 
@@ -37,40 +36,38 @@ class Page {
   prometheus::Registry registry_{prometheus::Registry::InsertBehavior::Merge};
 };
 
-void add_chains(Page& page, const v1::JobStatus& j, const Labels& labels) {
-  const v1::ChainStatus& c = j.chains();
-  page.gauge("candela_job_bootstrap_samples", "bootstrap samples done",
-             static_cast<double>(c.bootstrap_done()), labels);
-  if (!j.has_named_state()) return;
-  page.gauge("candela_job_b", "normalisation constant of Markov chains", c.b(), labels);
-  page.gauge("candela_job_b_standard_error", "of the normalisation constant", c.b_standard_error(), labels);
+void add_chains(Page& page, const JobStatus& j, const Labels& labels) {
+  page.gauge("candela_job_bootstrap_samples", "bootstrap samples done", static_cast<double>(j.bootstrap_done),
+             labels);
+  if (!j.row.named_state) return;
+  const chains::Normalisation b = j.normalisation();
+  page.gauge("candela_job_b", "normalisation constant of Markov chains", b.b, labels);
+  page.gauge("candela_job_b_standard_error", "of the normalisation constant", b.standard_error, labels);
   page.gauge("candela_job_b_samples", "samples behind the normalisation constant",
-             static_cast<double>(c.b_samples()), labels);
-  for (int i = 0; i < c.groups_size(); ++i) {
-    const v1::ChainGroupStatus& g = c.groups(i);
+             static_cast<double>(b.samples), labels);
+  for (std::size_t i = 0; i < j.row.chain_summary.groups.size(); ++i) {
+    const chains::ChainCounts& g = j.row.chain_summary.groups[i];
     Labels group = labels;
     group["group"] = std::to_string(i);
     page.gauge("candela_job_mutations", "mutations merged, by group of chains",
-               static_cast<double>(g.mutations()), group);
-    page.gauge("candela_job_mutations_accepted", "of those, accepted", static_cast<double>(g.accepted()),
+               static_cast<double>(g.mutations), group);
+    page.gauge("candela_job_mutations_accepted", "of those, accepted", static_cast<double>(g.accepted),
                group);
-    page.gauge("candela_job_large_steps", "of those, large steps", static_cast<double>(g.large_steps()),
-               group);
+    page.gauge("candela_job_large_steps", "of those, large steps", static_cast<double>(g.large_steps), group);
     page.gauge("candela_job_longest_stay", "mutations in a row that left a chain where it was",
-               static_cast<double>(g.longest_stay()), group);
+               static_cast<double>(g.longest_stay), group);
   }
 }
 
-void add_epochs(Page& page, const v1::EpochStatus& e, const Labels& labels) {
-  page.gauge("candela_job_epoch", "epoch of the newest decided state", static_cast<double>(e.epoch()),
+void add_epochs(Page& page, const EpochStatus& e, const Labels& labels) {
+  page.gauge("candela_job_epoch", "epoch of the newest decided state", static_cast<double>(e.epoch), labels);
+  page.gauge("candela_job_statistics_bytes", "statistics in memory", static_cast<double>(e.statistics_bytes),
              labels);
-  page.gauge("candela_job_statistics_bytes", "statistics in memory",
-             static_cast<double>(e.statistics_bytes()), labels);
-  for (const v1::Figure& figure : e.figures()) {
+  for (const auto& [name, value] : e.figures) {
     Labels one = labels;
-    one["figure"] = figure.name();
-    page.gauge("candela_job_state", "figures of the newest decided state and of the job's merges",
-               figure.value(), one);
+    one["figure"] = name;
+    page.gauge("candela_job_state", "figures of the newest decided state and of the job's merges", value,
+               one);
   }
 }
 
@@ -81,10 +78,9 @@ std::string metrics_text(Farm& farm) {
   page.gauge("candela_build_info", "1, labelled with version and build", 1,
              {{"version", std::string(version())}, {"build", std::string(build_id())}});
   FarmCounters& c = farm.counters();
-  for (int v = v1::DELTA_VERDICT_MERGED; v < FarmCounters::kVerdicts; ++v)
-    page.counter("candela_deltas_total", "deltas by verdict",
-                 static_cast<double>(c.verdicts[static_cast<std::size_t>(v)]),
-                 {{"verdict", v1::DeltaVerdict_Name(static_cast<v1::DeltaVerdict>(v)).substr(14)}});
+  for (std::size_t v = 0; v < kDeltaVerdicts; ++v)
+    page.counter("candela_deltas_total", "deltas by verdict", static_cast<double>(c.verdicts[v]),
+                 {{"verdict", std::string(name(static_cast<DeltaVerdict>(v)))}});
   page.counter("candela_delta_bytes_total", "bytes of deltas received whole",
                static_cast<double>(c.delta_bytes));
   page.counter("candela_merge_seconds_total", "time spent decoding and merging",
@@ -140,21 +136,22 @@ std::string metrics_text(Farm& farm) {
   farm.with_scheduler([&](Scheduler& s) {
     for (const auto& [id, job] : s.jobs()) ++jobs[std::string(name(job.row.state))];
   });
-  for (const v1::JobStatus& j : farm.open_status()) {
-    const Labels labels{{"job", j.id()}};
+  for (const JobStatus& j : farm.open_status()) {
+    const Labels labels{{"job", j.row.id}};
     page.gauge("candela_job_waiting_units", "units that failed and wait for another attempt",
-               static_cast<double>(j.waiting().units()), labels);
+               static_cast<double>(j.waiting ? j.waiting->units : 0), labels);
     page.gauge("candela_job_iterations", "iterations merged", static_cast<double>(j.iterations()), labels);
-    page.gauge("candela_job_samples", "eye samples merged", static_cast<double>(j.samples()), labels);
-    page.gauge("candela_job_samples_per_second", "over the last seconds", j.samples_per_second(), labels);
+    page.gauge("candela_job_samples", "eye samples merged", static_cast<double>(j.row.tallies.eye_samples),
+               labels);
+    page.gauge("candela_job_samples_per_second", "over the last seconds", j.samples_per_second, labels);
     page.gauge("candela_job_checkpoint_iterations", "iterations in the newest checkpoint",
                static_cast<double>(j.checkpoint_iterations()), labels);
-    if (j.has_chains()) add_chains(page, j, labels);
-    if (const auto epochs = farm.epoch_status(j.id())) add_epochs(page, *epochs, labels);
-    if (!std::isnan(j.relmse_estimate()))
-      page.gauge("candela_job_relmse", "estimated relative mean squared error", j.relmse_estimate(), labels);
+    if (j.row.chains) add_chains(page, j, labels);
+    if (const auto epochs = farm.epoch_status(j.row.id)) add_epochs(page, *epochs, labels);
+    if (!std::isnan(j.row.relmse))
+      page.gauge("candela_job_relmse", "estimated relative mean squared error", j.row.relmse, labels);
   }
-  for (const v1::WorkerStatus& w : farm.all_workers()) ++workers[w.state()];
+  for (const WorkerStatus& w : farm.all_workers()) ++workers[w.state];
   for (const auto& [state, n] : jobs) page.gauge("candela_jobs", "jobs by state", n, {{"state", state}});
   for (const auto& [state, n] : workers)
     page.gauge("candela_workers", "workers by state", n, {{"state", state}});

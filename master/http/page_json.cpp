@@ -7,7 +7,6 @@
 #include <cstdio>
 
 #include "common/base/text.h"
-#include "common/wire/wire.h"
 
 namespace candela::master {
 
@@ -63,10 +62,9 @@ JsonObject& JsonObject::json(std::string_view name, std::string_view value) {
 
 namespace {
 
-std::string text_map(const google::protobuf::Map<std::string, std::string>& map) {
-  const std::map<std::string, std::string> sorted(map.begin(), map.end());
+std::string text_map(const SettingsMap& map) {
   std::string out = "{";
-  for (const auto& [name, value] : sorted)
+  for (const auto& [name, value] : map)
     out += fmt::format("{}{}:{}", out.size() > 1 ? "," : "", json_string(name), json_string(value));
   return out + "}";
 }
@@ -81,46 +79,43 @@ std::string lines_of(std::string_view text) {
   return json_array(lines);
 }
 
-std::string failures_of(const google::protobuf::RepeatedPtrField<v1::FailureCount>& failures) {
+std::string failures_of(const FailureCounts& counts) {
   JsonObject out;
-  for (const v1::FailureCount& f : failures) {
-    std::string cause = v1::FailureCause_Name(f.cause()).substr(14);
-    std::transform(cause.begin(), cause.end(), cause.begin(),
-                   [](char c) { return c == '_' ? c : static_cast<char>(c - 'A' + 'a'); });
-    out.count(cause, f.count());
-  }
+  for (const FailureCause cause : kAllFailureCauses)
+    if (const std::uint64_t n = counts[index_of(cause)]; n > 0) out.count(name(cause), n);
   return out.text();
 }
 
-std::string chains_of(const v1::ChainStatus& chains) {
+std::string chains_of(const JobStatus& status) {
   std::vector<std::string> groups;
-  for (const v1::ChainGroupStatus& g : chains.groups())
+  for (const chains::ChainCounts& g : status.row.chain_summary.groups)
     groups.push_back(JsonObject()
-                         .count("mutations", g.mutations())
-                         .count("accepted", g.accepted())
-                         .count("large_steps", g.large_steps())
-                         .count("longest_stay", g.longest_stay())
+                         .count("mutations", g.mutations)
+                         .count("accepted", g.accepted)
+                         .count("large_steps", g.large_steps)
+                         .count("longest_stay", g.longest_stay)
                          .text());
+  const chains::Normalisation b = status.normalisation();
   return JsonObject()
-      .count("chains", chains.plan().chains())
-      .count("bootstrap_samples", chains.plan().bootstrap_samples())
-      .count("bootstrap_done", chains.bootstrap_done())
-      .add("b", chains.b())
-      .add("b_standard_error", chains.b_standard_error())
-      .count("b_samples", chains.b_samples())
+      .count("chains", status.row.chains->chains)
+      .count("bootstrap_samples", status.row.chains->bootstrap_samples)
+      .count("bootstrap_done", status.bootstrap_done)
+      .add("b", b.b)
+      .add("b_standard_error", b.standard_error)
+      .count("b_samples", b.samples)
       .json("groups", json_array(groups))
       .text();
 }
 
-std::string epochs_of(const v1::EpochStatus& epochs) {
+std::string epochs_of(const EpochStatus& epochs) {
   std::vector<std::string> figures;
-  for (const v1::Figure& f : epochs.figures())
-    figures.push_back(JsonObject().add("name", f.name()).add("value", f.value()).text());
+  for (const auto& [name, value] : epochs.figures)
+    figures.push_back(JsonObject().add("name", name).add("value", value).text());
   return JsonObject()
-      .count("epoch", epochs.epoch())
-      .count("first_iteration", epochs.first_iteration())
-      .count("iterations", epochs.iterations())
-      .count("statistics_bytes", epochs.statistics_bytes())
+      .count("epoch", epochs.epoch)
+      .count("first_iteration", epochs.first_iteration)
+      .count("iterations", epochs.iterations)
+      .count("statistics_bytes", epochs.statistics_bytes)
       .json("figures", json_array(figures))
       .text();
 }
@@ -164,77 +159,81 @@ std::string worker_line_json(const Scheduler& scheduler, const WorkerState& w, N
       .text();
 }
 
-std::string job_page_json(const v1::JobStatus& s) {
-  const v1::JobSettings& settings = s.settings();
+std::string job_page_json(const JobStatus& status) {
+  const JobRow& r = status.row;
+  const JobSettings& settings = r.settings;
   JsonObject rejected;
-  for (const v1::RejectedSamples& r : s.rejected()) rejected.count(r.cause(), r.count());
+  const auto counts = status.rejected();
+  for (std::size_t i = 0; i < counts.size(); ++i)
+    if (counts[i] > 0) rejected.count(film::name(static_cast<film::RejectCause>(i)), counts[i]);
   std::vector<std::string> layers;
-  for (const std::string& layer : s.layers()) layers.push_back(json_string(layer));
+  for (const std::string& layer : status.layers()) layers.push_back(json_string(layer));
   JsonObject out;
-  out.add("id", s.id())
-      .add("name", s.name())
-      .add("state", wire::name(s.state()))
-      .add("message", s.message())
-      .number("priority", s.priority())
-      .add("share", s.share())
+  out.add("id", r.id)
+      .add("name", r.name)
+      .add("state", name(r.state))
+      .add("message", status.message)
+      .number("priority", r.priority)
+      .add("share", r.share)
       .json("settings", JsonObject()
-                            .add("integrator", settings.integrator())
-                            .json("integrator_settings", text_map(settings.integrator_settings()))
-                            .count("width", settings.width())
-                            .count("height", settings.height())
-                            .add("filter", settings.filter())
-                            .json("filter_settings", text_map(settings.filter_settings()))
-                            .add("sampler", settings.sampler())
-                            .add("seed", std::to_string(settings.seed()))
-                            .add("isa", settings.isa())
-                            .add("aovs", settings.aovs())
+                            .add("integrator", settings.integrator)
+                            .json("integrator_settings", text_map(settings.integrator_settings))
+                            .count("width", settings.width)
+                            .count("height", settings.height)
+                            .add("filter", settings.filter)
+                            .json("filter_settings", text_map(settings.filter_settings))
+                            .add("sampler", settings.sampler)
+                            .add("seed", std::to_string(settings.seed))
+                            .add("isa", settings.isa)
+                            .add("aovs", settings.aovs)
                             .text())
-      .count("stop_iterations", s.stop().iterations())
-      .add("stop_seconds", s.stop().time_seconds())
-      .add("stop_relmse", s.stop().relmse())
-      .add("bundle", s.bundle_sha256())
-      .count("iterations", s.iterations())
-      .count("samples", s.samples())
-      .count("rays", s.rays())
-      .count("light_paths", s.light_paths())
-      .add("relmse", s.relmse_estimate())
-      .count("units_merged", s.units_merged())
-      .count("units_leased", s.units_leased())
-      .add("elapsed_seconds", s.elapsed_seconds())
-      .add("worker_seconds", s.worker_seconds())
-      .add("samples_per_second", s.samples_per_second())
-      .add("eta_seconds", s.eta_seconds())
-      .number("submitted_unix_ms", s.submitted_unix_ms())
-      .number("finished_unix_ms", s.finished_unix_ms())
-      .count("checkpoint_iterations", s.checkpoint_iterations())
-      .count("lost", s.lost())
-      .count("worker_memory_bytes", s.worker_memory_bytes())
+      .count("stop_iterations", r.stop.iterations)
+      .add("stop_seconds", r.stop.time_seconds)
+      .add("stop_relmse", r.stop.relmse)
+      .add("bundle", r.bundle_sha256)
+      .count("iterations", status.iterations())
+      .count("samples", r.tallies.eye_samples)
+      .count("rays", r.tallies.rays)
+      .count("light_paths", r.tallies.light_paths)
+      .add("relmse", r.relmse)
+      .count("units_merged", r.units_merged)
+      .count("units_leased", status.units_leased)
+      .add("elapsed_seconds", r.elapsed_seconds)
+      .add("worker_seconds", r.worker_seconds)
+      .add("samples_per_second", status.samples_per_second)
+      .add("eta_seconds", status.eta_seconds)
+      .number("submitted_unix_ms", r.submitted_unix_ms)
+      .number("finished_unix_ms", r.finished_unix_ms)
+      .count("checkpoint_iterations", status.checkpoint_iterations())
+      .count("lost", status.lost)
+      .count("worker_memory_bytes", status.worker_memory_bytes)
       .json("rejected", rejected.text())
-      .json("failures", failures_of(s.failures()))
+      .json("failures", failures_of(status.failures))
       .json("layers", json_array(layers))
-      .json("plan", lines_of(s.plan()));
-  if (s.has_chains()) out.json("chains", chains_of(s.chains()));
-  if (s.has_epochs()) out.json("epochs", epochs_of(s.epochs()));
+      .json("plan", lines_of(r.plan));
+  if (r.chains) out.json("chains", chains_of(status));
+  if (status.epochs) out.json("epochs", epochs_of(*status.epochs));
   return out.text();
 }
 
-std::string worker_page_json(const v1::WorkerStatus& w) {
+std::string worker_page_json(const WorkerStatus& status) {
+  const WorkerRow& w = status.row;
   std::vector<std::string> jobs;
-  for (const std::string& job : w.jobs()) jobs.push_back(json_string(job));
+  for (const std::string& job : status.jobs) jobs.push_back(json_string(job));
   return JsonObject()
-      .add("id", w.id())
-      .add("name", w.name())
-      .add("host", w.host())
-      .add("state", w.state())
-      .add("build_id", w.build_id())
-      .count("threads", w.threads())
-      .count("units_merged", w.units_merged())
-      .count("units_failed", w.units_failed())
-      .count("resident_bytes", w.resident_bytes())
-      .number("last_seen_unix_ms", w.last_seen_unix_ms())
-      .json("failures", failures_of(w.failures()))
+      .add("id", w.id)
+      .add("name", w.name)
+      .add("host", w.host)
+      .add("state", status.state)
+      .add("build_id", w.build_id)
+      .count("threads", w.threads)
+      .count("units_merged", w.units_merged)
+      .count("units_failed", w.units_failed)
+      .count("resident_bytes", status.resident_bytes)
+      .number("last_seen_unix_ms", w.last_seen_unix_ms)
+      .json("failures", failures_of(status.failures))
       .json("jobs", json_array(jobs))
-      .add("message", w.message())
+      .add("message", status.message)
       .text();
 }
 

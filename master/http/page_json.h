@@ -8,9 +8,8 @@
 #include <string_view>
 #include <vector>
 
-#include "candela/v1/job.pb.h"
-#include "candela/v1/worker.pb.h"
 #include "master/jobs/convergence.h"
+#include "master/jobs/job_status.h"
 #include "master/scheduler/scheduler.h"
 #include "master/store/records.h"
 
@@ -39,8 +38,8 @@ std::string json_array(const std::vector<std::string>& values);  // each is JSON
 std::string job_line_json(const Scheduler& scheduler, const Job& job, Now now);
 std::string worker_line_json(const Scheduler& scheduler, const WorkerState& worker, Now now);
 
-std::string job_page_json(const v1::JobStatus& status);
-std::string worker_page_json(const v1::WorkerStatus& status);
+std::string job_page_json(const JobStatus& status);
+std::string worker_page_json(const WorkerStatus& status);
 std::string events_page_json(const std::vector<EventRow>& events);
 std::string convergence_json(const std::vector<ConvergencePoint>& points);
 

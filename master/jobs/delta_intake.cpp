@@ -10,13 +10,12 @@
 #include "common/base/thread_cpu.h"
 #include "common/base/version.h"
 #include "common/stages/epochs.h"
-#include "common/wire/wire.h"
 
 namespace candela::master {
 
 // Without a cause nobody has failed.
 struct DeltaRefusal {
-  v1::DeltaVerdict verdict = v1::DELTA_VERDICT_UNSPECIFIED;
+  DeltaVerdict verdict = DeltaVerdict::merged;
   std::string message;
   std::optional<FailureCause> cause = {};
 };
@@ -43,11 +42,11 @@ film::DeltaShape shape_of(const JobRow& row) {
 using Refusal = DeltaRefusal;
 
 Refusal corrupt(std::string message, FailureCause cause = FailureCause::worker) {
-  return {v1::DELTA_VERDICT_CORRUPT, std::move(message), cause};
+  return {DeltaVerdict::corrupt, std::move(message), cause};
 }
 std::optional<Refusal> check_build(const std::string& build) {
   if (build == build_id()) return std::nullopt;
-  return Refusal{v1::DELTA_VERDICT_WRONG_BUILD,
+  return Refusal{DeltaVerdict::wrong_build,
                  fmt::format("made by build {}, the farm runs {}", build, build_id()), FailureCause::worker};
 }
 std::optional<Refusal> refusal_of(Delivery delivery) {
@@ -55,11 +54,11 @@ std::optional<Refusal> refusal_of(Delivery delivery) {
     case Delivery::ok:
       break;
     case Delivery::duplicate:
-      return Refusal{v1::DELTA_VERDICT_DUPLICATE, "the unit is merged already"};
+      return Refusal{DeltaVerdict::duplicate, "the unit is merged already"};
     case Delivery::stale:
-      return Refusal{v1::DELTA_VERDICT_STALE, "the lease is not the sender's any more"};
+      return Refusal{DeltaVerdict::stale, "the lease is not the sender's any more"};
     case Delivery::job_ended:
-      return Refusal{v1::DELTA_VERDICT_JOB_ENDED, "the job has ended"};
+      return Refusal{DeltaVerdict::job_ended, "the job has ended"};
   }
   return std::nullopt;
 }
@@ -72,11 +71,11 @@ struct Expected {
 };
 
 // Whether a decoded delta is what its header says and the job expects.
-std::optional<Refusal> check(const film::Delta& delta, const v1::DeltaHeader& header, const Unit& unit,
+std::optional<Refusal> check(const film::Delta& delta, const DeltaHeader& header, const Unit& unit,
                              const Expected& expected) {
   const film::DeltaInfo& info = delta.info();
   if (auto wrong = check_build(info.build_id)) return wrong;
-  if (info.job_id != header.job_id() || info.unit.kind != unit.kind || info.unit.half != unit.half ||
+  if (info.job_id != header.job_id || info.unit.kind != unit.kind || info.unit.half != unit.half ||
       info.unit.begin != unit.begin || info.unit.end != unit.end ||
       (makes_film(unit.kind) && info.scale_log2 != expected.state->film_scale_log2))
     return corrupt("the delta is of another unit, job or scale than its header says");
@@ -98,7 +97,7 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
 
 }  // namespace
 
-std::optional<DeltaRefusal> DeltaIntake::merge_film(const v1::DeltaHeader& header, const Unit& unit,
+std::optional<DeltaRefusal> DeltaIntake::merge_film(const DeltaHeader& header, const Unit& unit,
                                                     const film::Delta& delta, Course& course) {
   const bool segments = unit.kind == Unit::Kind::segments;
   auto records = chains::decode(delta.records(), segments ? unit.end - unit.begin : 0);
@@ -106,17 +105,17 @@ std::optional<DeltaRefusal> DeltaIntake::merge_film(const v1::DeltaHeader& heade
   std::size_t largest_record = 0;
   for (const chains::ChainRecord& r : *records)
     largest_record = std::max(largest_record, chains::encoded_bytes(r));
-  if (auto opened = truth_.open_film(header.job_id()); !opened.ok())
-    return Refusal{v1::DELTA_VERDICT_STALE, opened.error().to_string(), FailureCause::master};
-  const std::shared_ptr<JobFilm> film = table_.film_of(header.job_id());
-  if (!film) return Refusal{v1::DELTA_VERDICT_STALE, "the job has no film"};
+  if (auto opened = truth_.open_film(header.job_id); !opened.ok())
+    return Refusal{DeltaVerdict::stale, opened.error().to_string(), FailureCause::master};
+  const std::shared_ptr<JobFilm> film = table_.film_of(header.job_id);
+  if (!film) return Refusal{DeltaVerdict::stale, "the job has no film"};
   const auto outcome = bulk_.run([&] {
     return with_cpu_time(course.cpu_seconds, [&] { return film->merge(delta, std::move(*records)); });
   });
   // The film lacks the segment before this one, through no fault of the sender: the unit is rendered again
   // later.
   if (!outcome.ok() && outcome.error().kind == ErrorKind::refused && segments)
-    return Refusal{v1::DELTA_VERDICT_STALE, outcome.error().to_string()};
+    return Refusal{DeltaVerdict::stale, outcome.error().to_string()};
   if (!outcome.ok()) return corrupt(outcome.error().to_string());
   if (*outcome == JobFilm::Outcome::duplicate) return refusal_of(Delivery::duplicate);
   if (*outcome == JobFilm::Outcome::closed) return refusal_of(Delivery::job_ended);
@@ -124,86 +123,79 @@ std::optional<DeltaRefusal> DeltaIntake::merge_film(const v1::DeltaHeader& heade
   // On idle processors receiving takes as much as merging, and beside it; on busy ones a merge takes longer.
   const double merge_seconds = std::max(course.hash_seconds + seconds_since(course.turn), course.cpu_seconds);
   table_.with_scheduler([&](Scheduler& s) {
-    s.merged(header.worker_id(), header.token(), header.unit_id(), header.job_id(), unit, delta.tallies(),
-             header.render_seconds(), course.receive_seconds + seconds_since(course.here), JobTable::now(),
+    s.merged(header.worker_id, header.token, header.unit_id, header.job_id, unit, delta.tallies(),
+             header.render_seconds, course.receive_seconds + seconds_since(course.here), JobTable::now(),
              largest_record, merge_seconds);
   });
   return std::nullopt;
 }
 
-std::optional<DeltaRefusal> DeltaIntake::merge_table(const v1::DeltaHeader& header,
-                                                     const film::Delta& delta) {
+std::optional<DeltaRefusal> DeltaIntake::merge_table(const DeltaHeader& header, const film::Delta& delta) {
   const auto taken = table_.with_scheduler([&](Scheduler& s) {
-    return s.complete_bootstrap(header.worker_id(), header.token(), delta.table(), delta.tallies().rejected,
-                                header.render_seconds(), JobTable::now());
+    return s.complete_bootstrap(header.worker_id, header.token, delta.table(), delta.tallies().rejected,
+                                header.render_seconds, JobTable::now());
   });
   if (!taken.ok()) return corrupt(taken.error().to_string());
   return *taken ? std::nullopt : refusal_of(Delivery::stale);
 }
 
-Result<std::optional<DeltaIntake::Verdict>> DeltaIntake::admit(const v1::DeltaHeader& header) {
-  CANDELA_ASSIGN(const Unit unit, wire::from_proto(header.unit()));
-  if (!is_sha256_hex(header.sha256()))
-    return input_error("must be 64 lower-case hex digits").with_field("header.sha256");
-  if (!(header.render_seconds() >= 0) || header.render_seconds() > 1e9)
-    return input_error("must be seconds, 0 or more").with_field("header.render_seconds");
+std::optional<DeltaIntake::Verdict> DeltaIntake::admit(const DeltaHeader& header) {
+  const Unit& unit = header.unit;
   struct Answer {
     Delivery delivery;
     std::uint64_t largest = 0;
   };
   const Answer answer = table_.with_scheduler([&](Scheduler& s) {
-    Answer a{s.check_delivery(header.worker_id(), header.token(), header.unit_id(), header.job_id(), unit,
+    Answer a{s.check_delivery(header.worker_id, header.token, header.unit_id, header.job_id, unit,
                               JobTable::now()),
              0};
-    if (const Job* job = s.job(header.job_id())) a.largest = largest_delta(shape_of(job->row), unit);
-    if (a.delivery == Delivery::ok) s.touch_lease(header.token(), JobTable::now());
+    if (const Job* job = s.job(header.job_id)) a.largest = largest_delta(shape_of(job->row), unit);
+    if (a.delivery == Delivery::ok) s.touch_lease(header.token, JobTable::now());
     return a;
   });
   std::optional<Refusal> refusal = refusal_of(answer.delivery);
-  if (!refusal) refusal = check_build(header.build_id());
-  if (!refusal && (header.size_bytes() == 0 || header.size_bytes() > answer.largest))
-    refusal = corrupt(fmt::format("{} bytes cannot be a delta of this job (at most {})", header.size_bytes(),
+  if (!refusal) refusal = check_build(header.build_id);
+  if (!refusal && (header.size_bytes == 0 || header.size_bytes > answer.largest))
+    refusal = corrupt(fmt::format("{} bytes cannot be a delta of this job (at most {})", header.size_bytes,
                                   answer.largest));
-  if (!refusal) return std::optional<Verdict>();
+  if (!refusal) return std::nullopt;
   if (refusal->cause)
     table_.with_scheduler([&](Scheduler& s) {
-      s.fail_unit(header.worker_id(), header.token(), *refusal->cause, refusal->message, JobTable::now());
+      s.fail_unit(header.worker_id, header.token, *refusal->cause, refusal->message, JobTable::now());
     });
-  ++counters_.verdicts[refusal->verdict];
-  log::info(fmt::format("delta refused: {}", refusal->message),
-            {.job = header.job_id(),
-             .unit = static_cast<std::int64_t>(header.unit_id()),
-             .worker = header.worker_id()});
-  return std::optional<Verdict>({refusal->verdict, refusal->message});
+  ++counters_.verdicts[index_of(refusal->verdict)];
+  log::info(
+      fmt::format("delta refused: {}", refusal->message),
+      {.job = header.job_id, .unit = static_cast<std::int64_t>(header.unit_id), .worker = header.worker_id});
+  return Verdict{refusal->verdict, refusal->message};
 }
 
-DeltaIntake::Verdict DeltaIntake::deliver(const v1::DeltaHeader& header, const std::string& bytes,
+DeltaIntake::Verdict DeltaIntake::deliver(const DeltaHeader& header, const std::string& bytes,
                                           const Receipt& receipt) {
-  const log::Ids ids{.job = header.job_id(),
-                     .unit = static_cast<std::int64_t>(header.unit_id()),
-                     .worker = header.worker_id()};
+  const log::Ids ids{
+      .job = header.job_id, .unit = static_cast<std::int64_t>(header.unit_id), .worker = header.worker_id};
   counters_.delta_bytes += bytes.size();
   const auto refuse = [&](Refusal refusal) {
-    ++counters_.verdicts[refusal.verdict];
+    ++counters_.verdicts[index_of(refusal.verdict)];
     log::warn(fmt::format("delta refused: {}", refusal.message), ids);
     table_.with_scheduler([&](Scheduler& s) {
-      s.event(JobTable::now(), header.job_id(), header.worker_id(), "refused", refusal.message);
+      s.event(JobTable::now(), header.job_id, header.worker_id, "refused", refusal.message);
       if (refusal.cause == FailureCause::master)
-        s.lack_inputs(header.worker_id(), header.token(), refusal.message, JobTable::now());
+        s.lack_inputs(header.worker_id, header.token, refusal.message, JobTable::now());
       else if (refusal.cause)
-        s.fail_unit(header.worker_id(), header.token(), *refusal.cause, refusal.message, JobTable::now());
+        s.fail_unit(header.worker_id, header.token, *refusal.cause, refusal.message, JobTable::now());
     });
     return Verdict{refusal.verdict, std::move(refusal.message)};
   };
-  if (bytes.size() != header.size_bytes())
-    return refuse(corrupt(fmt::format("{} bytes came, {} were announced", bytes.size(), header.size_bytes()),
+  if (bytes.size() != header.size_bytes)
+    return refuse(corrupt(fmt::format("{} bytes came, {} were announced", bytes.size(), header.size_bytes),
                           FailureCause::network));
   const auto came = std::chrono::steady_clock::now();
   Course course;
   course.cpu_seconds = receipt.cpu_seconds;
   const std::string sha256 =
       bulk_.run([&] { return with_cpu_time(course.cpu_seconds, [&] { return sha256_hex(bytes); }); });
-  if (sha256 != header.sha256())
+  if (sha256 != header.sha256)
     return refuse(corrupt("the bytes do not have the announced hash", FailureCause::network));
 
   course.receive_seconds = receipt.seconds;
@@ -211,35 +203,34 @@ DeltaIntake::Verdict DeltaIntake::deliver(const v1::DeltaHeader& header, const s
   course.here = std::chrono::steady_clock::now();
   const PushGate::MergeTurn turn(gate_);
   course.turn = std::chrono::steady_clock::now();
-  const auto unit = wire::from_proto(header.unit());
-  if (!unit.ok()) return refuse(corrupt(unit.error().to_string()));
+  const Unit& unit = header.unit;
   const auto expected = table_.with_scheduler([&](Scheduler& s) -> std::optional<Expected> {
-    const Job* job = s.job(header.job_id());
+    const Job* job = s.job(header.job_id);
     if (job == nullptr) return std::nullopt;
     return Expected{shape_of(job->row), job->row.named_state, job->row.epochs};
   });
-  if (!expected || (makes_film(unit->kind) && !expected->state))
-    return refuse({v1::DELTA_VERDICT_STALE, "the job has no film"});
+  if (!expected || (makes_film(unit.kind) && !expected->state))
+    return refuse({DeltaVerdict::stale, "the job has no film"});
   auto delta = bulk_.run([&] {
     return with_cpu_time(course.cpu_seconds, [&] { return film::Delta::decode(bytes, expected->shape); });
   });
   if (!delta.ok()) return refuse(corrupt(delta.error().to_string()));
-  if (auto wrong = check(*delta, header, *unit, *expected)) return refuse(std::move(*wrong));
+  if (auto wrong = check(*delta, header, unit, *expected)) return refuse(std::move(*wrong));
 
   // The lease may have run out while the bytes came.
   const Delivery again = table_.with_scheduler([&](Scheduler& s) {
-    return s.check_delivery(header.worker_id(), header.token(), header.unit_id(), header.job_id(), *unit,
+    return s.check_delivery(header.worker_id, header.token, header.unit_id, header.job_id, unit,
                             JobTable::now());
   });
   if (auto late = refusal_of(again)) return refuse(std::move(*late));
   auto refusal =
-      makes_film(unit->kind) ? merge_film(header, *unit, *delta, course) : merge_table(header, *delta);
+      makes_film(unit.kind) ? merge_film(header, unit, *delta, course) : merge_table(header, *delta);
   if (refusal) return refuse(std::move(*refusal));
   counters_.merge_microseconds += static_cast<std::uint64_t>(seconds_since(course.here) * 1e6);
-  ++counters_.verdicts[v1::DELTA_VERDICT_MERGED];
+  ++counters_.verdicts[index_of(DeltaVerdict::merged)];
   log::debug("merged", ids);
   wake_.wake();
-  return {v1::DELTA_VERDICT_MERGED, ""};
+  return {DeltaVerdict::merged, ""};
 }
 
 }  // namespace candela::master

@@ -8,9 +8,10 @@
 #include <optional>
 #include <string>
 
-#include "candela/v1/worker.pb.h"
 #include "common/base/result.h"
 #include "common/film/delta.h"
+#include "common/job/job.h"
+#include "master/jobs/delta_verdict.h"
 #include "master/jobs/farm_counters.h"
 #include "master/jobs/job_table.h"
 #include "master/jobs/wake_signal.h"
@@ -20,12 +21,23 @@
 
 namespace candela::master {
 
+// What a worker says of a delta before it sends it.
+struct DeltaHeader {
+  std::string worker_id, job_id;
+  std::uint64_t token = 0, unit_id = 0;
+  Unit unit;
+  std::string build_id;
+  std::string sha256;  // of the whole encoded delta, 64 lower-case hex digits
+  std::uint64_t size_bytes = 0;
+  double render_seconds = 0;  // wall, 0 or more
+};
+
 struct DeltaRefusal;  // defined in delta_intake.cpp
 
 class DeltaIntake {
  public:
   struct Verdict {
-    v1::DeltaVerdict verdict = v1::DELTA_VERDICT_UNSPECIFIED;
+    DeltaVerdict verdict = DeltaVerdict::merged;
     std::string message;
   };
 
@@ -33,14 +45,14 @@ class DeltaIntake {
               WakeSignal& wake)
       : table_(table), truth_(truth), gate_(gate), bulk_(bulk), counters_(counters), wake_(wake) {}
 
-  // Before reading: a verdict if the delta need not be read at all. Errors: header fields, size.
-  Result<std::optional<Verdict>> admit(const v1::DeltaHeader& header);
+  // Before reading: a verdict if the delta need not be read at all.
+  std::optional<Verdict> admit(const DeltaHeader& header);
   // How a delta was received.
   struct Receipt {
     double seconds = 0, cpu_seconds = 0;
   };
   // The whole delta is here: verify, decode, merge, remember.
-  Verdict deliver(const v1::DeltaHeader& header, const std::string& bytes, const Receipt& receipt);
+  Verdict deliver(const DeltaHeader& header, const std::string& bytes, const Receipt& receipt);
 
  private:
   // When a delta had come, how long it was on its way and how long its hash took, and when its turn came. CPU
@@ -50,10 +62,10 @@ class DeltaIntake {
     double receive_seconds = 0, hash_seconds = 0, cpu_seconds = 0;
   };
   // Adds a film, with accumulators and records, to the job's.
-  std::optional<DeltaRefusal> merge_film(const v1::DeltaHeader& header, const Unit& unit,
+  std::optional<DeltaRefusal> merge_film(const DeltaHeader& header, const Unit& unit,
                                          const film::Delta& delta, Course& course);
   // Adds the contributions of bootstrap samples to the job's table.
-  std::optional<DeltaRefusal> merge_table(const v1::DeltaHeader& header, const film::Delta& delta);
+  std::optional<DeltaRefusal> merge_table(const DeltaHeader& header, const film::Delta& delta);
 
   JobTable& table_;
   JobTruth& truth_;

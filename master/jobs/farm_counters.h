@@ -5,11 +5,12 @@
 #include <atomic>
 #include <cstdint>
 
+#include "master/jobs/delta_verdict.h"
+
 namespace candela::master {
 
 struct FarmCounters {
-  static constexpr int kVerdicts = 7;  // index: v1::DeltaVerdict
-  std::array<std::atomic<std::uint64_t>, kVerdicts> verdicts{};
+  std::array<std::atomic<std::uint64_t>, kDeltaVerdicts> verdicts{};  // index: index_of(DeltaVerdict)
   std::atomic<std::uint64_t> delta_bytes{0};
   std::atomic<std::uint64_t> queue_full{0};
   std::atomic<std::uint64_t> leases{0};

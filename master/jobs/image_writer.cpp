@@ -14,7 +14,7 @@
 #include "common/image/image.h"
 #include "common/stages/development.h"
 #include "common/stats/image_error.h"
-#include "common/wire/wire.h"
+#include "common/wire/stored_bundle.h"
 #include "master/jobs/aov_layers.h"
 #include "master/jobs/develop.h"
 
@@ -79,13 +79,13 @@ void describe_chains(const JobRow& row, const JobFilm::Snapshot& snapshot, Which
 }
 
 // How far the decisions had come depends on the run where the job ends amid an epoch.
-void describe_epochs(const v1::EpochStatus& status, std::map<std::string, std::string>& m) {
-  m["candela:run:epoch"] = std::to_string(status.epoch());
-  m["candela:run:epoch_iterations"] = std::to_string(status.iterations());
-  for (const v1::Figure& figure : status.figures()) {
-    std::string name = figure.name();
+void describe_epochs(const EpochStatus& status, std::map<std::string, std::string>& m) {
+  m["candela:run:epoch"] = std::to_string(status.epoch);
+  m["candela:run:epoch_iterations"] = std::to_string(status.iterations);
+  for (const auto& [figure, value] : status.figures) {
+    std::string name = figure;
     std::replace(name.begin(), name.end(), ' ', '_');
-    m["candela:run:" + name] = fmt::format("{:.6g}", figure.value());
+    m["candela:run:" + name] = fmt::format("{:.6g}", value);
   }
 }
 
@@ -137,11 +137,9 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
   m["candela:version"] = std::string(version());
   m["candela:build_id"] = std::string(build_id());
   auto bundle_bytes = store_.bundle(row.bundle_sha256);
-  v1::Bundle message;
-  if (bundle_bytes.ok() && *bundle_bytes && message.ParseFromString(**bundle_bytes)) {
-    SettingsMap parameters(message.parameters().begin(), message.parameters().end());
-    m["candela:parameters"] = text_of(parameters);
-  }
+  if (bundle_bytes.ok() && *bundle_bytes)
+    if (const auto bundle = wire::parse_bundle(**bundle_bytes); bundle.ok())
+      m["candela:parameters"] = text_of(bundle->parameters);
   m["candela:run:units_merged"] = std::to_string(row.units_merged);
   m["candela:run:stop_reason"] = row.stop_reason;
   if (row.epochs)

@@ -1,14 +1,65 @@
-// The status of jobs and workers, as clients are told.
+// How jobs and workers stand, as clients and the page are told. The services turn it into messages
+// (master/api/messages.h).
 #pragma once
 
-#include "candela/v1/job.pb.h"
-#include "candela/v1/worker.pb.h"
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <set>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
 #include "master/scheduler/scheduler.h"
 
 namespace candela::master {
 
+// How a job of epochs stands: the newest state that is decided, and the statistics behind the decisions.
+struct EpochStatus {
+  std::uint64_t epoch = 0;                            // of the newest decided state
+  std::uint64_t first_iteration = 0, iterations = 0;  // of this epoch
+  std::vector<std::pair<std::string, double>>
+      figures;                         // of the state, in the rule's order; then of the job's merges
+  std::uint64_t statistics_bytes = 0;  // in memory; 0 if the film is not in memory
+  std::uint64_t received_bytes = 0;    // of statistics alone, in deltas merged since the film was read
+};
+
+struct JobStatus {
+  JobRow row;
+  std::string message;             // why it failed, or what is worth knowing now
+  std::uint64_t units_leased = 0;  // of a job that has not ended
+  FailureCounts failures{};
+  std::optional<Waiting> waiting;    // nothing: no unit waits
+  std::uint64_t bootstrap_done = 0;  // samples, of a job of chains
+  std::uint64_t lost = 0;            // sequence indices that the job had and that no checkpoint has any more
+  double samples_per_second = 0;     // over the last seconds
+  double eta_seconds = 0;            // NaN: unknown
+  std::uint64_t worker_memory_bytes =
+      0;                              // of the largest worker process that has units of the job; 0: unknown
+  std::optional<EpochStatus> epochs;  // of Farm::full_status() alone
+
+  std::uint64_t iterations() const { return row.iterations_of(row.iterations); }
+  std::uint64_t checkpoint_iterations() const { return row.iterations_of(row.checkpoint_iterations); }
+  // Of the film beside the image; of chains without the one that is part of the image.
+  std::span<const std::string> layers() const;
+  // Samples, by film::RejectCause.
+  std::array<std::uint64_t, film::kRejectCauses> rejected() const;
+  // Of a job of chains. b is NaN before the bootstrap is complete.
+  chains::Normalisation normalisation() const;
+};
+
+struct WorkerStatus {
+  WorkerRow row;
+  std::string state;    // "idle", "busy", "draining", "drained", "set-aside", "lost"
+  std::string message;  // its latest failure since its last merged unit, or why it was set aside
+  FailureCounts failures{};
+  std::uint64_t resident_bytes = 0;  // memory of its process as it last told; 0: unknown
+  std::set<std::string> jobs;        // ids of jobs of its leases
+};
+
 // Precondition of these: the lock of `scheduler` is held.
-v1::JobStatus status_of(const Scheduler& scheduler, const Job& job, Now t);
-v1::WorkerStatus status_of(const Scheduler& scheduler, const WorkerState& worker, Now t);
+JobStatus status_of(const Scheduler& scheduler, const Job& job, Now t);
+WorkerStatus status_of(const Scheduler& scheduler, const WorkerState& worker, Now t);
 
 }  // namespace candela::master

@@ -12,9 +12,9 @@
 #include <system_error>
 #include <vector>
 
-#include "candela/v1/job.pb.h"
 #include "common/base/files.h"
 #include "common/base/log.h"
+#include "common/wire/stored_bundle.h"
 
 namespace candela::master {
 namespace {
@@ -208,16 +208,16 @@ std::optional<std::set<std::string>> Retention::needed_blobs() {
   });
   for (const std::string& sha256 : bundles) {
     const auto bytes = store_.bundle(sha256);
-    v1::Bundle bundle;
     // A job may have been removed since: its bundle is gone, and needed by nobody.
     if (bytes.ok() && !*bytes && !table_.with_scheduler([&](Scheduler& s) {
           return std::any_of(s.jobs().begin(), s.jobs().end(),
                              [&](const auto& job) { return job.second.row.bundle_sha256 == sha256; });
         }))
       continue;
-    if (!bytes.ok() || !*bytes || !bundle.ParseFromString(**bytes))
+    const auto bundle = bytes.ok() && *bytes ? wire::parse_bundle(**bytes) : input_error("missing");
+    if (!bundle.ok())
       return keep_all(fmt::format("the list of files of bundle {} cannot be read", sha256.substr(0, 16)));
-    for (const v1::BundleFile& file : bundle.files()) needed.insert(file.sha256());
+    for (const bundle::File& file : bundle->files) needed.insert(file.sha256);
   }
   blobs_kept_because_.clear();
   return needed;

@@ -26,15 +26,15 @@ Result<StateReport> report_of(const JobFilm& film, const JobFilm::Latest& latest
 
 }  // namespace
 
-std::optional<v1::EpochStatus> StateReports::status(const std::string& job_id) {
+std::optional<EpochStatus> StateReports::status(const std::string& job_id) {
   const std::shared_ptr<JobFilm> film = table_.film_of(job_id);
   if (!film || !film->epoch_plan()) return std::nullopt;
   {
     const std::lock_guard lock(mutex_);
     const auto told = told_.find(job_id);
     if (told != told_.end() && !film->loaded()) {
-      v1::EpochStatus status = told->second.status;
-      status.set_statistics_bytes(0);
+      EpochStatus status = told->second.status;
+      status.statistics_bytes = 0;
       return status;
     }
   }
@@ -42,9 +42,9 @@ std::optional<v1::EpochStatus> StateReports::status(const std::string& job_id) {
     if (auto opened = truth_.open_film(job_id, false); !opened.ok()) return std::nullopt;
   const JobFilm::Latest latest = film->latest();
   if (latest.decisions == 0) return std::nullopt;
-  const auto completed = [&](v1::EpochStatus status) {
-    status.set_statistics_bytes(latest.statistics_bytes);
-    status.set_received_bytes(film->received_statistics_bytes());
+  const auto completed = [&](EpochStatus status) {
+    status.statistics_bytes = latest.statistics_bytes;
+    status.received_bytes = film->received_statistics_bytes();
     return status;
   };
   {
@@ -53,20 +53,15 @@ std::optional<v1::EpochStatus> StateReports::status(const std::string& job_id) {
     if (told != told_.end() && told->second.decisions == latest.decisions)
       return completed(told->second.status);
   }
-  v1::EpochStatus status;
+  EpochStatus status;
   const std::uint64_t epoch = latest.decisions - 1;
   const Epochs epochs(film->epoch_plan()->first, film->epoch_plan()->growth);
-  status.set_epoch(epoch);
-  status.set_first_iteration(epochs.begin(epoch));
-  status.set_iterations(epochs.begin(epoch + 1) - epochs.begin(epoch));
+  status.epoch = epoch;
+  status.first_iteration = epochs.begin(epoch);
+  status.iterations = epochs.begin(epoch + 1) - epochs.begin(epoch);
   const auto report = report_of(*film, latest, false);
   if (!report.ok()) log::warn(report.error().to_string(), {.job = job_id});
-  if (report.ok())
-    for (const auto& [name, value] : report->figures) {
-      v1::Figure& figure = *status.add_figures();
-      figure.set_name(name);
-      figure.set_value(value);
-    }
+  if (report.ok()) status.figures.assign(report->figures.begin(), report->figures.end());
   {
     const std::lock_guard lock(mutex_);
     told_[job_id] = {latest.decisions, status};

@@ -11,9 +11,9 @@
 #include <string>
 #include <vector>
 
-#include "candela/v1/job.pb.h"
 #include "common/base/result.h"
 #include "common/stages/decision.h"
+#include "master/jobs/job_status.h"
 #include "master/jobs/job_table.h"
 #include "master/truth/job_truth.h"
 
@@ -25,7 +25,7 @@ class StateReports {
 
   // Nothing: the job has no epochs, or no state is decided. Reads the film of a job that has ended if nothing
   // is remembered of it.
-  std::optional<v1::EpochStatus> status(const std::string& job_id);
+  std::optional<EpochStatus> status(const std::string& job_id);
   // The layers of the newest state; none if the rule offers none.
   static Result<std::vector<StateReport::Layer>> layers(const JobFilm& film);
 
@@ -35,7 +35,7 @@ class StateReports {
   std::mutex mutex_;
   struct Told {
     std::uint64_t decisions = 0;
-    v1::EpochStatus status;
+    EpochStatus status;
   };
   std::map<std::string, Told> told_;  // by job
 };

@@ -15,8 +15,8 @@
 #include "common/base/log.h"
 #include "common/base/parse_and_run.h"
 #include "common/base/version.h"
+#include "common/wire/address.h"
 #include "common/wire/grpc_settings.h"
-#include "common/wire/wire.h"
 #include "master/master.h"
 #include "master/store/backup.h"
 

@@ -8,7 +8,7 @@
 
 #include "common/base/files.h"
 #include "common/base/hash.h"
-#include "common/wire/wire.h"
+#include "common/wire/stored_bundle.h"
 #include "master/truth/manifest.h"
 
 namespace candela::master {
@@ -18,11 +18,8 @@ constexpr double kReadingShare = 0.2;  // of the time, at most, that the verific
 constexpr double kForgetSeconds = 2;   // before a film that was read to verify it gives its memory back
 constexpr std::uint64_t kMaxManifestBytes = 64U << 20;
 
-void add_finding(v1::JobReport& report, std::string part, std::string text, std::string mend) {
-  v1::Finding& finding = *report.add_findings();
-  finding.set_part(std::move(part));
-  finding.set_text(std::move(text));
-  finding.set_mend(std::move(mend));
+void add_finding(JobReport& report, std::string part, std::string text, std::string mend) {
+  report.findings.push_back({std::move(part), std::move(text), std::move(mend)});
 }
 
 }  // namespace
@@ -79,14 +76,13 @@ bool JobTruth::agree_if_short(const std::string& job_id, JobFilm& film) {
   return true;
 }
 
-void JobTruth::check_scene(const JobRow& row, v1::JobReport& report) {
+void JobTruth::check_scene(const JobRow& row, JobReport& report) {
   const std::string mend = "submit the scene again";
   const auto bytes = farm_.store().bundle(row.bundle_sha256);
-  v1::Bundle message;
-  if (!bytes.ok() || !*bytes || !message.ParseFromString(**bytes))
+  const auto bundle = bytes.ok() && *bytes ? wire::parse_bundle(**bytes) : input_error("missing");
+  if (!bundle.ok())
     return add_finding(report, "scene", "the list of the scene's files cannot be read from the store", mend);
-  const auto bundle = wire::from_proto(message);
-  if (!bundle.ok() || bundle->hash() != row.bundle_sha256)
+  if (bundle->hash() != row.bundle_sha256)
     return add_finding(report, "scene", "the list of the scene's files is not the one that was submitted",
                        mend);
   for (const bundle::File& file : bundle->files) {
@@ -105,7 +101,7 @@ void JobTruth::check_scene(const JobRow& row, v1::JobReport& report) {
   }
 }
 
-Result<void> JobTruth::check_ledger(const std::string& job_id, JobFilm& film, v1::JobReport& report) {
+Result<void> JobTruth::check_ledger(const std::string& job_id, JobFilm& film, JobReport& report) {
   // Rows first: what is merged in the meantime is in the film then, and in no row yet.
   CANDELA_ASSIGN(const std::vector<UnitRow> rows, merged_rows(job_id));
   const JobFilm::Account held = film.account();
@@ -121,7 +117,7 @@ Result<void> JobTruth::check_ledger(const std::string& job_id, JobFilm& film, v1
   return {};
 }
 
-void JobTruth::check_states(const std::string& job_id, const JobFilm& film, v1::JobReport& report) {
+void JobTruth::check_states(const std::string& job_id, const JobFilm& film, JobReport& report) {
   const std::vector<DecidedState> held = film.states();
   const auto told = farm_.with_scheduler([&](Scheduler& s) { return s.job(job_id)->states; });
   for (std::size_t e = 0; e < std::min(held.size(), told.size()); ++e)
@@ -131,8 +127,8 @@ void JobTruth::check_states(const std::string& job_id, const JobFilm& film, v1::
                          "submit the job again");
 }
 
-Result<v1::JobReport> JobTruth::verify(const std::string& job_id) {
-  v1::JobReport report;
+Result<JobReport> JobTruth::verify(const std::string& job_id) {
+  JobReport report;
   const std::shared_ptr<JobFilm> known = farm_.film_of(job_id);
   if (known) {
     const bool in_memory = known->loaded();
@@ -161,12 +157,11 @@ Result<v1::JobReport> JobTruth::verify(const std::string& job_id) {
     const Job& job = *s.job(job_id);
     return View{job.row, job.starts.size(), count(job.lost())};
   });
-  const v1::JobStatus status = farm_.status(job_id).value_or(v1::JobStatus());
-  report.set_job_id(job_id);
-  report.set_name(status.name());
-  report.set_state(status.state());
-  report.set_iterations(status.iterations());
-  report.set_lost(view.lost);
+  report.job_id = job_id;
+  report.name = view.row.name;
+  report.state = view.row.state;
+  report.iterations = view.row.iterations_of(view.row.iterations);
+  report.lost = view.lost;
   if (view.lost > 0 && !view.row.repairs_to)
     add_finding(report, "film", fmt::format("{} sequence indices are lost", view.lost),
                 fmt::format("`candela repair {}` renders them again", job_id));
@@ -191,8 +186,8 @@ std::vector<std::string> JobTruth::orphans() const {
   return out;
 }
 
-v1::JobReport JobTruth::verify_store() const {
-  v1::JobReport report;
+JobReport JobTruth::verify_store() const {
+  JobReport report;
   for (const std::string& id : orphans()) {
     const auto bytes = read_file(folder(id) / kManifestFile, kMaxManifestBytes);
     const bool whole = bytes.ok() && parse_manifest(*bytes).ok();
@@ -239,29 +234,28 @@ Result<void> JobTruth::adopt(const std::string& job_id) {
   return {};
 }
 
-Result<std::optional<v1::JobStatus>> JobTruth::repair(const std::string& job_id) {
-  if (!farm_.status(job_id)) {
+Result<bool> JobTruth::repair(const std::string& job_id) {
+  if (!farm_.with_scheduler([&](Scheduler& s) { return s.job(job_id) != nullptr; })) {
     const std::vector<std::string> unknown = orphans();
-    if (std::find(unknown.begin(), unknown.end(), job_id) == unknown.end())
-      return std::optional<v1::JobStatus>();
+    if (std::find(unknown.begin(), unknown.end(), job_id) == unknown.end()) return false;
     if (auto adopted = adopt(job_id); !adopted.ok())
       return refused_error(
                  fmt::format(
                      "the store knows no job {}, and its folder does not tell enough to take it in: {}",
                      job_id, adopted.error().to_string()))
           .with_field("job_id");
-    return farm_.status(job_id);
+    return true;
   }
   CANDELA_ASSIGN(const std::shared_ptr<JobFilm> film, open_film(job_id));
   if (film) film->reopen();
-  Result<v1::JobStatus> out = farm_.change_job(job_id, [&](Scheduler& s, Now now) -> Result<void> {
+  const Result<void> changed = farm_.change(job_id, [&](Scheduler& s, Now now) -> Result<void> {
     CANDELA_TRY(s.repair(job_id, now));
     return {};
   });
   if (film && farm_.with_scheduler([&](Scheduler& s) { return has_ended(s.job(job_id)->row.state); }))
     film->close();
-  if (!out.ok()) return std::move(out).error();
-  return std::optional<v1::JobStatus>(std::move(*out));
+  CANDELA_TRY(changed);
+  return true;
 }
 
 void JobTruth::verify_ended() {

@@ -19,13 +19,26 @@
 #include <string>
 #include <vector>
 
-#include "candela/v1/client.pb.h"
 #include "common/base/result.h"
 #include "master/merge/job_film.h"
 #include "master/store/records.h"
 #include "master/truth/truth_farm.h"
 
 namespace candela::master {
+
+// What the comparison of a job with its files found, or of the store with its folders.
+struct JobReport {
+  struct Finding {
+    std::string part;  // "film", "ledger", "scene", "state", "store"
+    std::string text;
+    std::string mend;  // what to do about it
+  };
+  std::string job_id, name;       // empty for the store
+  std::optional<JobState> state;  // none for the store
+  std::uint64_t iterations = 0;   // merged
+  std::uint64_t lost = 0;         // sequence indices
+  std::vector<Finding> findings;  // none: the job's files bear out what is told of it
+};
 
 class JobTruth {
  public:
@@ -39,12 +52,12 @@ class JobTruth {
   bool agree_if_short(const std::string& job_id, JobFilm& film);
 
   // Precondition of these: the job exists.
-  Result<v1::JobReport> verify(const std::string& job_id);
+  Result<JobReport> verify(const std::string& job_id);
   // Reports folders that belong to no job of the store.
-  v1::JobReport verify_store() const;
-  // Queues what an ended job has lost, or takes the job of an unknown folder into the store. Nothing: there
-  // is neither a job nor a folder of this id.
-  Result<std::optional<v1::JobStatus>> repair(const std::string& job_id);
+  JobReport verify_store() const;
+  // Queues what an ended job has lost, or takes the job of an unknown folder into the store. False: there is
+  // neither a job nor a folder of this id.
+  Result<bool> repair(const std::string& job_id);
   // Reads the films of all ended jobs, at a pace that leaves the disk to others. Returns when the farm stops.
   void verify_ended();
 
@@ -56,9 +69,9 @@ class JobTruth {
  private:
   Result<std::vector<UnitRow>> merged_rows(const std::string& job_id);
   Result<void> adopt(const std::string& job_id);
-  void check_scene(const JobRow& row, v1::JobReport& report);
-  Result<void> check_ledger(const std::string& job_id, JobFilm& film, v1::JobReport& report);
-  void check_states(const std::string& job_id, const JobFilm& film, v1::JobReport& report);
+  void check_scene(const JobRow& row, JobReport& report);
+  Result<void> check_ledger(const std::string& job_id, JobFilm& film, JobReport& report);
+  void check_states(const std::string& job_id, const JobFilm& film, JobReport& report);
   std::filesystem::path folder(const std::string& job_id) const;
 
   TruthFarm& farm_;

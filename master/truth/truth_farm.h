@@ -10,7 +10,6 @@
 #include <type_traits>
 #include <utility>
 
-#include "candela/v1/client.pb.h"
 #include "common/base/result.h"
 #include "master/merge/job_film.h"
 #include "master/scheduler/scheduler.h"
@@ -35,10 +34,9 @@ class TruthFarm {
   // Calls `use` under the scheduler's lock, then hands its changes to the store's queue.
   virtual void use_scheduler(const std::function<void(Scheduler&)>& use) = 0;
 
-  virtual std::optional<v1::JobStatus> status(const std::string& job_id) = 0;
-  // Applied, written, and the status after.
-  virtual Result<v1::JobStatus> change_job(const std::string& job_id,
-                                           const std::function<Result<void>(Scheduler&, Now)>& change) = 0;
+  // Calls `change` under the scheduler's lock; what it changed is written when this returns.
+  virtual Result<void> change(const std::string& job_id,
+                              const std::function<Result<void>(Scheduler&, Now)>& change) = 0;
   // A job that only its folder knew. Precondition: its row and bundle are in the store already.
   virtual Result<void> take_in(Manifest manifest) = 0;
   virtual std::string blob_lost(const std::string& sha256, bool damaged) = 0;

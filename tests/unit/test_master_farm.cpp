@@ -346,18 +346,17 @@ TEST(FarmDisk, AFullDiskDelaysTheEndOnly) {
         return s.complete_pilot("a", w.lease->row.token, {NamedState{20}, "", 1}, farm.now());
       });
     const std::string bytes = make_delta(w.unit, id, 20, std::string(build_id()));
-    v1::DeltaHeader h;
-    h.set_worker_id("a");
-    h.set_session("s");
-    h.set_token(w.lease->row.token);
-    h.set_unit_id(w.lease->row.unit_id);
-    h.set_job_id(id);
-    wire::to_proto(w.unit, *h.mutable_unit());
-    h.set_build_id(std::string(build_id()));
-    h.set_size_bytes(bytes.size());
-    h.set_sha256(sha256_hex(bytes));
-    EXPECT_FALSE(*farm.deltas().admit(h));
-    return farm.deltas().deliver(h, bytes, {}).verdict == v1::DELTA_VERDICT_MERGED;
+    DeltaHeader h;
+    h.worker_id = "a";
+    h.token = w.lease->row.token;
+    h.unit_id = w.lease->row.unit_id;
+    h.job_id = id;
+    h.unit = w.unit;
+    h.build_id = build_id();
+    h.size_bytes = bytes.size();
+    h.sha256 = sha256_hex(bytes);
+    EXPECT_FALSE(farm.deltas().admit(h));
+    return farm.deltas().deliver(h, bytes, {}).verdict == DeltaVerdict::merged;
   };
   const auto until = [&](auto condition) {
     for (int i = 0; i < 500 && !condition(*farm.status(id)); ++i)
@@ -366,20 +365,19 @@ TEST(FarmDisk, AFullDiskDelaysTheEndOnly) {
   };
   ASSERT_TRUE(step());
   ASSERT_TRUE(step());
-  ASSERT_TRUE(until([](const v1::JobStatus& s) { return s.checkpoint_iterations() > 0; }));
-  const std::uint64_t saved = farm.status(id)->checkpoint_generation();
+  ASSERT_TRUE(until([](const JobStatus& s) { return s.checkpoint_iterations() > 0; }));
+  const std::uint64_t saved = farm.status(id)->row.checkpoint_generation;
   full = true;
   while (step()) {
   }
-  ASSERT_TRUE(
-      until([](const v1::JobStatus& s) { return s.message().find("No space left") != std::string::npos; }));
-  EXPECT_EQ(farm.status(id)->state(), v1::JOB_STATE_RUNNING);
+  ASSERT_TRUE(until([](const JobStatus& s) { return s.message.find("No space left") != std::string::npos; }));
+  EXPECT_EQ(farm.status(id)->row.state, JobState::running);
   EXPECT_EQ(farm.status(id)->iterations(), 6U);
-  EXPECT_EQ(farm.status(id)->checkpoint_generation(), saved);
+  EXPECT_EQ(farm.status(id)->row.checkpoint_generation, saved);
   EXPECT_TRUE(fs::exists(folder.path() / "jobs" / id / ("film." + std::to_string(saved) + ".ckpt")));
   EXPECT_FALSE(farm.trouble().empty());
   full = false;
-  EXPECT_TRUE(until([](const v1::JobStatus& s) { return s.state() == v1::JOB_STATE_DONE; }));
+  EXPECT_TRUE(until([](const JobStatus& s) { return s.row.state == JobState::done; }));
   EXPECT_EQ(farm.status(id)->checkpoint_iterations(), 6U);
 }
 

@@ -1,0 +1,197 @@
+#include "master/api/messages.h"
+
+#include <string>
+
+#include "common/base/hash.h"
+#include "common/wire/wire.h"
+
+namespace candela::master {
+namespace {
+
+void set_failures(const FailureCounts& counts, google::protobuf::RepeatedPtrField<v1::FailureCount>& out) {
+  for (const FailureCause cause : kAllFailureCauses) {
+    if (counts[index_of(cause)] == 0) continue;
+    v1::FailureCount& failure = *out.Add();
+    failure.set_cause(wire::to_proto(cause));
+    failure.set_count(counts[index_of(cause)]);
+  }
+}
+
+void set_chains(const JobStatus& status, v1::ChainStatus& out) {
+  const JobRow& r = status.row;
+  wire::to_proto(r.chain_summary, out);
+  wire::to_proto(*r.chains, *out.mutable_plan());
+  out.set_bootstrap_done(status.bootstrap_done);
+  const chains::Normalisation b = status.normalisation();
+  out.set_b(b.b);
+  out.set_b_standard_error(b.standard_error);
+}
+
+void set_epochs(const EpochStatus& status, v1::EpochStatus& out) {
+  out.set_epoch(status.epoch);
+  out.set_first_iteration(status.first_iteration);
+  out.set_iterations(status.iterations);
+  for (const auto& [name, value] : status.figures) {
+    v1::Figure& figure = *out.add_figures();
+    figure.set_name(name);
+    figure.set_value(value);
+  }
+  out.set_statistics_bytes(status.statistics_bytes);
+  out.set_received_bytes(status.received_bytes);
+}
+
+}  // namespace
+
+v1::JobState to_message(JobState state) {
+  switch (state) {
+    case JobState::queued:
+      return v1::JOB_STATE_QUEUED;
+    case JobState::running:
+      return v1::JOB_STATE_RUNNING;
+    case JobState::paused:
+      return v1::JOB_STATE_PAUSED;
+    case JobState::done:
+      return v1::JOB_STATE_DONE;
+    case JobState::failed:
+      return v1::JOB_STATE_FAILED;
+    case JobState::cancelled:
+      return v1::JOB_STATE_CANCELLED;
+  }
+  return v1::JOB_STATE_UNSPECIFIED;
+}
+
+v1::JobStatus to_message(const JobStatus& status) {
+  const JobRow& r = status.row;
+  v1::JobStatus out;
+  out.set_id(r.id);
+  out.set_name(r.name);
+  out.set_state(to_message(r.state));
+  out.set_message(status.message);
+  out.set_priority(r.priority);
+  out.set_share(r.share);
+  wire::to_proto(r.settings, *out.mutable_settings());
+  wire::to_proto(r.stop, *out.mutable_stop());
+  out.set_bundle_sha256(r.bundle_sha256);
+  if (r.named_state) wire::to_proto(*r.named_state, *out.mutable_named_state());
+  out.set_units_merged(r.units_merged);
+  out.set_iterations(status.iterations());
+  out.set_samples(r.tallies.eye_samples);
+  out.set_light_paths(r.tallies.light_paths);
+  out.set_rays(r.tallies.rays);
+  out.set_relmse_estimate(r.relmse);
+  out.set_units_leased(status.units_leased);
+  out.set_elapsed_seconds(r.elapsed_seconds);
+  out.set_worker_seconds(r.worker_seconds);
+  const auto counts = status.rejected();
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    if (counts[i] == 0) continue;
+    v1::RejectedSamples& rejected = *out.add_rejected();
+    rejected.set_cause(std::string(film::name(static_cast<film::RejectCause>(i))));
+    rejected.set_count(counts[i]);
+  }
+  set_failures(status.failures, *out.mutable_failures());
+  if (status.waiting) {
+    out.mutable_waiting()->set_cause(wire::to_proto(status.waiting->cause));
+    out.mutable_waiting()->set_units(status.waiting->units);
+    out.mutable_waiting()->set_retry_unix_ms(status.waiting->retry_unix_ms);
+  }
+  out.set_submitted_unix_ms(r.submitted_unix_ms);
+  out.set_finished_unix_ms(r.finished_unix_ms);
+  out.set_plan(r.plan);
+  for (const std::string& layer : status.layers()) out.add_layers(layer);
+  if (r.chains) set_chains(status, *out.mutable_chains());
+  out.set_checkpoint_generation(r.checkpoint_generation);
+  out.set_checkpoint_iterations(status.checkpoint_iterations());
+  out.set_lost(status.lost);
+  out.set_repairing(r.repairs_to.has_value());
+  out.set_samples_per_second(status.samples_per_second);
+  out.set_eta_seconds(status.eta_seconds);
+  out.set_worker_memory_bytes(status.worker_memory_bytes);
+  if (status.epochs) set_epochs(*status.epochs, *out.mutable_epochs());
+  return out;
+}
+
+v1::WorkerStatus to_message(const WorkerStatus& status) {
+  const WorkerRow& r = status.row;
+  v1::WorkerStatus out;
+  out.set_id(r.id);
+  out.set_name(r.name);
+  out.set_state(status.state);
+  out.set_threads(r.threads);
+  out.set_build_id(r.build_id);
+  out.set_host(r.host);
+  out.set_units_merged(r.units_merged);
+  out.set_units_failed(r.units_failed);
+  out.set_last_seen_unix_ms(r.last_seen_unix_ms);
+  out.set_message(status.message);
+  out.set_resident_bytes(status.resident_bytes);
+  set_failures(status.failures, *out.mutable_failures());
+  for (const std::string& job : status.jobs) out.add_jobs(job);
+  return out;
+}
+
+v1::JobReport to_message(const JobReport& report) {
+  v1::JobReport out;
+  out.set_job_id(report.job_id);
+  out.set_name(report.name);
+  if (report.state) out.set_state(to_message(*report.state));
+  out.set_iterations(report.iterations);
+  out.set_lost(report.lost);
+  for (const JobReport::Finding& f : report.findings) {
+    v1::Finding& finding = *out.add_findings();
+    finding.set_part(f.part);
+    finding.set_text(f.text);
+    finding.set_mend(f.mend);
+  }
+  return out;
+}
+
+v1::GetLedgerResponse to_message(const Ledger& ledger) {
+  v1::GetLedgerResponse out;
+  for (const UnitRow& u : ledger.merged) {
+    v1::LedgerRow& row = *out.add_merged();
+    row.set_unit_id(u.id);
+    wire::to_proto(u.unit, *row.mutable_unit());
+    row.set_worker_id(u.worker_id);
+    row.set_token(u.token);
+  }
+  for (const Ledger::Range& r : ledger.film) {
+    v1::IterationRange& range = *out.add_film();
+    range.set_half(r.half);
+    range.set_begin(r.begin);
+    range.set_end(r.end);
+  }
+  out.set_film_eye_samples(ledger.film_eye_samples);
+  out.set_chain_segments(ledger.chain_segments);
+  return out;
+}
+
+v1::DeltaVerdict to_message(DeltaVerdict verdict) {
+  switch (verdict) {
+    case DeltaVerdict::merged:
+      return v1::DELTA_VERDICT_MERGED;
+    case DeltaVerdict::duplicate:
+      return v1::DELTA_VERDICT_DUPLICATE;
+    case DeltaVerdict::stale:
+      return v1::DELTA_VERDICT_STALE;
+    case DeltaVerdict::corrupt:
+      return v1::DELTA_VERDICT_CORRUPT;
+    case DeltaVerdict::wrong_build:
+      return v1::DELTA_VERDICT_WRONG_BUILD;
+    case DeltaVerdict::job_ended:
+      return v1::DELTA_VERDICT_JOB_ENDED;
+  }
+  return v1::DELTA_VERDICT_UNSPECIFIED;
+}
+
+Result<DeltaHeader> from_message(const v1::DeltaHeader& header) {
+  CANDELA_ASSIGN(const Unit unit, wire::from_proto(header.unit()));
+  if (!is_sha256_hex(header.sha256()))
+    return input_error("must be 64 lower-case hex digits").with_field("header.sha256");
+  if (!(header.render_seconds() >= 0) || header.render_seconds() > 1e9)
+    return input_error("must be seconds, 0 or more").with_field("header.render_seconds");
+  return DeltaHeader{header.worker_id(), header.job_id(), header.token(),      header.unit_id(),       unit,
+                     header.build_id(),  header.sha256(), header.size_bytes(), header.render_seconds()};
+}
+
+}  // namespace candela::master
