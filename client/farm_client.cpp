@@ -345,16 +345,25 @@ Result<v1::JobStatus> FarmClient::repair_job(const std::string& id) {
 
 Result<void> FarmClient::verify_jobs(const std::string& id,
                                      const std::function<void(const v1::JobReport&)>& on_report) {
-  CANDELA_TRY(check_server());  // with patience; the reports are asked for once
+  CANDELA_TRY(check_server());
   v1::VerifyJobsRequest request;
   request.set_job_id(id);
-  grpc::ClientContext context;
-  context.set_deadline(deadline_in(kVerifyingSeconds));
-  const auto reader = state_->stub->VerifyJobs(&context, request);
-  v1::JobReport report;
-  while (reader->Read(&report)) on_report(report);
-  const grpc::Status status = reader->Finish();
-  return status.ok() ? Result<void>() : Result<void>(state_->error_of(status));
+  bool any = false;
+  const auto begin = Clock::now();
+  Backoff backoff;
+  for (;;) {
+    grpc::ClientContext context;
+    context.set_deadline(deadline_in(kVerifyingSeconds));
+    const auto reader = state_->stub->VerifyJobs(&context, request);
+    for (v1::JobReport report; reader->Read(&report); any = true) on_report(report);
+    const grpc::Status status = reader->Finish();
+    if (status.ok()) return {};
+    // Reports that came are not asked for again.
+    const double pause = backoff.next_seconds();
+    if (any || !may_repeat(status) || seconds_since(begin) + pause >= state_->timeout_seconds)
+      return state_->error_of(status);
+    sleep_seconds(pause);
+  }
 }
 
 Result<v1::JobStatus> FarmClient::extend_job(const v1::ExtendJobRequest& request) {

@@ -71,7 +71,7 @@ Result<void> Farm::start() {
   });
   table_ = std::make_unique<JobTable>(
       std::make_unique<Scheduler>(so, epoch, state.next_unit_id), *writer_, o.data_dir / "jobs",
-      options_.film_writer ? options_.film_writer : FileWriter(&write_file_atomically));
+      options_.film_writer ? options_.film_writer : FileWriter(&write_file_atomically), o.observer);
   truth_ = std::make_unique<JobTruth>(*this);
   // One more than merges, so that a delta's hash is taken while another is merged.
   merging_ = std::make_unique<BulkThreads>(o.merge_threads + 1, o.bulk_niceness);
@@ -483,18 +483,12 @@ Result<Ledger> Farm::ledger(const std::string& job_id) {
     out.chain_segments = snapshot.chain_segments;
   }
   // A delta in the film whose row is being queued this instant: its thread needs the scheduler's lock only.
-  const auto rows_ready = [&] {
-    return with_scheduler([&](Scheduler& s) {
-      const Job* job = s.job(job_id);
-      for (std::uint32_t h = 0; copy && h < 2; ++h)
-        for (const auto& [begin, end] : copy->merged(h).ranges()) {
-          const auto [gap, gap_end] = job->merged[h].first_gap(begin, end);
-          if (gap != gap_end) return false;
-        }
-      return true;
-    });
-  };
-  for (int i = 0; i < 100 && !rows_ready(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  table_->wait_for(0.2, [&](const Scheduler& s) {
+    const Job* job = s.job(job_id);
+    for (std::uint32_t h = 0; copy && h < 2; ++h)
+      if (!covers(job->merged[h], copy->merged(h))) return false;
+    return true;
+  });
   CANDELA_TRY(writer_->flush());
   CANDELA_ASSIGN(std::vector<UnitRow> rows, store_->merged_units(job_id));
   for (UnitRow& u : rows) {

@@ -3,9 +3,15 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <string>
 
 namespace candela::master {
+
+class Scheduler;
+
+// Sees the scheduler after each call of it, under its lock.
+using SchedulerObserver = std::function<void(const Scheduler&)>;
 
 struct MasterOptions {
   std::filesystem::path data_dir;
@@ -24,6 +30,7 @@ struct MasterOptions {
   double keep_finished_seconds = 0;    // a job that ended longer ago is removed; 0: none is
   double blob_grace_seconds = 3600;    // before a blob that no job refers to is collected
   bool image_on_checkpoint = true;     // also write jobs/ID/image.exr now and then (SIGHUP: at once)
+  SchedulerObserver observer = {};     // for tests; empty: nobody looks
 };
 
 }  // namespace candela::master

@@ -31,6 +31,9 @@ struct IntegratorRow {
 
   // The short form.
   Pictures pictures = Pictures::nightly;
+  // Stands on a farm for the integrators with units of its kind: a farm knows iterations, epochs and chains,
+  // and that a film depends on nothing else is ExactnessOf's for each integrator.
+  bool stands_for_kind = false;
   std::vector<std::string> unit_times = {};  // seconds of the units of which a farm makes the picture
   // How often a job's master dies, 20: its workers die, sleep and leave too. 0: all of that is left to the
   // long form.
@@ -50,18 +53,18 @@ inline const std::vector<IntegratorRow>& integrators() {
   static const std::vector<IntegratorRow> rows = {
       {.name = "path",
        .pictures = Pictures::everywhere,
-       .unit_times = {"0.01", "0.3", "5"},
+       .stands_for_kind = true,
+       .unit_times = {"0.01", "5"},
        .deaths = 20,
        .soak_iterations = 2500},
       {.name = "light", .farm_share = 0.2, .pictures = Pictures::everywhere},
-      {.name = "bdpt", .farm_share = 0.2, .pictures = Pictures::everywhere, .unit_times = {"0.01"}},
+      {.name = "bdpt", .farm_share = 0.2, .pictures = Pictures::everywhere},
       {.name = "ppm", .merges = true, .farm_share = 0.2, .pictures = Pictures::everywhere},
       {.name = "bpm", .merges = true, .farm_share = 0.2, .pictures = Pictures::everywhere},
       {.name = "vcm",
        .merges = true,
        .farm_share = 0.2,
        .pictures = Pictures::everywhere,
-       .unit_times = {"0.01", "0.3"},
        .soak_iterations = 400},
       {.name = "upbp", .merges = true, .farm_share = 0.1, .like = "vcm", .pictures = Pictures::own_tests},
       {.name = "optimis", .like = "path", .pictures = Pictures::own_tests, .soak_iterations = 1000},
@@ -94,16 +97,19 @@ inline const std::vector<IntegratorRow>& integrators() {
        .small = early_f_tests,
        .like = "vcm",
        .pictures = Pictures::own_tests,
+       .stands_for_kind = true,
+       .unit_times = {"0.01"},
        .deaths = 5,
        .soak_iterations = 250},
       {.name = "pssmlt",
        .chains = true,
        .farm_share = 0.02,
        .small = few_chains,
+       .stands_for_kind = true,
        .unit_times = {"0.01"},
        .deaths = 20,
        .soak_iterations = 30},
-      {.name = "mmlt", .chains = true, .farm_share = 0.04, .small = few_chains, .unit_times = {"0.3"}},
+      {.name = "mmlt", .chains = true, .farm_share = 0.04, .small = few_chains},
   };
   return rows;
 }
@@ -130,6 +136,10 @@ std::vector<std::string> integrators_where(const Predicate& fits) {
   for (const IntegratorRow& row : integrators())
     if (fits(row)) names.push_back(row.name);
   return names;
+}
+// One for each kind of unit.
+inline std::vector<std::string> kinds_of_units() {
+  return integrators_where([](const IntegratorRow& row) { return row.stands_for_kind; });
 }
 inline std::vector<std::string> all_integrators() {
   return integrators_where([](const IntegratorRow&) { return true; });

@@ -21,10 +21,11 @@ void log_event(const EventRow& e) {
 }  // namespace
 
 JobTable::JobTable(std::unique_ptr<Scheduler> scheduler, StoreWriter& writer, std::filesystem::path folder,
-                   FileWriter film_writer)
+                   FileWriter film_writer, SchedulerObserver observer)
     : writer_(writer),
       folder_(std::move(folder)),
       film_writer_(std::move(film_writer)),
+      observer_(std::move(observer)),
       scheduler_(std::move(scheduler)) {}
 
 Now JobTable::now() {
@@ -33,6 +34,11 @@ Now JobTable::now() {
           std::chrono::duration_cast<std::chrono::milliseconds>(
               std::chrono::system_clock::now().time_since_epoch())
               .count()};
+}
+
+void JobTable::wait_for(double seconds, const std::function<bool(const Scheduler&)>& holds) {
+  std::unique_lock lock(mutex_);
+  changed_.wait_for(lock, std::chrono::duration<double>(seconds), [&] { return holds(*scheduler_); });
 }
 
 std::shared_ptr<JobFilm> JobTable::make_film(const JobRow& row) const {
@@ -61,10 +67,12 @@ void JobTable::remember_states(const std::string& job_id, JobFilm& film) {
 }
 
 void JobTable::publish() {
+  if (observer_) observer_(*scheduler_);
   std::vector<Change> changes = scheduler_->take_changes();
   for (const Change& c : changes)
     if (const auto* e = std::get_if<AddEvent>(&c)) log_event(e->row);
   writer_.enqueue(std::move(changes));
+  changed_.notify_all();
 }
 
 }  // namespace candela::master

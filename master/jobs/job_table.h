@@ -5,8 +5,10 @@
 // the order of the decisions.
 #pragma once
 
+#include <condition_variable>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -14,6 +16,7 @@
 #include <utility>
 
 #include "master/merge/job_film.h"
+#include "master/options.h"
 #include "master/scheduler/scheduler.h"
 #include "master/store/store.h"
 
@@ -25,7 +28,7 @@ class JobTable {
  public:
   // `folder` holds one folder for each job. `film_writer` writes checkpoints.
   JobTable(std::unique_ptr<Scheduler> scheduler, StoreWriter& writer, std::filesystem::path folder,
-           FileWriter film_writer);
+           FileWriter film_writer, SchedulerObserver observer);
 
   static Now now();
 
@@ -46,6 +49,9 @@ class JobTable {
     return f(*scheduler_, films_);
   }
 
+  // Returns when `holds(scheduler)`, which is asked now and after each change, or after so many seconds.
+  void wait_for(double seconds, const std::function<bool(const Scheduler&)>& holds);
+
   // Loaded or not (JobTruth::open_film loads it); null before the pilot and for unknown jobs.
   std::shared_ptr<JobFilm> film_of(const std::string& job_id);
   JobFilms films() const;
@@ -62,7 +68,9 @@ class JobTable {
   StoreWriter& writer_;
   const std::filesystem::path folder_;
   const FileWriter film_writer_;
+  const SchedulerObserver observer_;
 
+  std::condition_variable changed_;
   mutable std::mutex mutex_;  // guards the two below
   std::unique_ptr<Scheduler> scheduler_;
   JobFilms films_;

@@ -92,13 +92,14 @@ void bound_freed_memory() {
   ::mallopt(M_ARENA_MAX, 8);
 }
 
-int run(const Texts& texts) {
+int run(const Texts& texts, const SchedulerObserver& observer) {
   const auto settings = DaemonSettings::load(kProgram, "master");
   if (!settings) return report(kProgram, settings.error());
   if (auto log = settings->start_log(texts.log_level, texts.log_format); !log)
     return report(kProgram, log.error());
-  const auto options = resolve(*settings, texts);
+  auto options = resolve(*settings, texts);
   if (!options) return report(kProgram, options.error());
+  options->observer = observer;
 
   allow_many_files();
   const sigset_t signals = block_signals({SIGINT, SIGTERM, SIGHUP});
@@ -156,7 +157,7 @@ int run_backup(const Texts& texts, const std::string& target, const std::string&
 
 }  // namespace
 
-int run_master(int argc, char** argv) {
+int run_master(int argc, char** argv, const SchedulerObserver& observer) {
   bound_freed_memory();
   wire::configure_grpc();
   Texts texts;
@@ -205,8 +206,9 @@ int run_master(int argc, char** argv) {
       ->type_name("DIR");
   backup->add_option("--base", base, "an earlier backup: files that are the same are linked, not copied")
       ->type_name("DIR");
-  return parse_and_run(kProgram, app, argc, argv,
-                       [&] { return backup->parsed() ? run_backup(texts, target, base) : run(texts); });
+  return parse_and_run(kProgram, app, argc, argv, [&] {
+    return backup->parsed() ? run_backup(texts, target, base) : run(texts, observer);
+  });
 }
 
 }  // namespace candela::master

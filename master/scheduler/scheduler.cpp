@@ -340,6 +340,17 @@ void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::u
     for (const std::uint64_t t : tokens) drop_lease(t, now, t != token);
     job->units.erase(unit_id);
   } else {
+    // Its indices may have been cut again while it was on its way. Units that have some of them go, and their
+    // others are cut anew; the workers hear with their heartbeats.
+    for (auto next = job->units.begin(); next != job->units.end();) {
+      const auto again = next++;
+      const Unit& other = again->second.row.unit;
+      if (other.half != unit.half || other.begin >= unit.end || unit.begin >= other.end) continue;
+      const std::vector<std::uint64_t> tokens = again->second.leases;
+      for (const std::uint64_t t : tokens) drop_lease(t, now, true);
+      changes_.emplace_back(DropUnit{again->first});
+      job->units.erase(again);
+    }
     rebuild_reserved(*job);
   }
   job->record_bytes = std::max(job->record_bytes, record_bytes);

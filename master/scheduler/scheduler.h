@@ -351,6 +351,9 @@ class Scheduler {
   const FailureCounts& failures() const { return failures_; }
 
  private:
+  friend class SchedulerInvariants;  // invariants.cpp
+  friend class SchedulerPlants;      // tests: violations planted behind the scheduler's back
+
   double lost_after() const { return std::max(options_.lease_seconds, 10.0); }  // seconds of silence
   bool usable(const WorkerState& worker, Now now) const;
   bool can_run(const WorkerState& worker, const std::string& isa) const;

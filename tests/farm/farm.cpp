@@ -11,13 +11,20 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <sstream>
 #include <stdexcept>
 
+#include "client/embedded/app.h"
 #include "common/base/hash.h"
+#include "common/base/log.h"
+#include "common/base/quantity.h"
 #include "common/job/job.h"
 #include "common/wire/grpc_settings.h"
 #include "common/wire/wire.h"
+#include "master/master.h"
+#include "tests/expect_invariants.h"
 #include "tests/paths.h"
+#include "worker/service/worker_service.h"
 
 namespace candela::farm {
 namespace {
@@ -82,6 +89,10 @@ Response ask(v1::FarmService::Stub& stub,
 
 }  // namespace
 
+bool long_form() {
+  return std::getenv("CANDELA_LONG") != nullptr;
+}
+
 std::string scene_path(const std::string& name) {
   return test::source_path(name.ends_with(".xml") ? name : "deploy/scenes/" + name + "/scene.xml");
 }
@@ -93,6 +104,9 @@ std::vector<std::string> job_options(std::uint64_t iterations, std::uint64_t see
 }
 
 Farm::Farm() {
+  // Nobody looks at a connection of this process that no call waits for. So a call over the connection to a
+  // master that died fails always, not when the test is quicker than a poller.
+  ::setenv("GRPC_CLIENT_CHANNEL_BACKUP_POLL_INTERVAL_MS", "3600000", 0);
   wire::configure_grpc();
   std::ofstream(folder_ / "config.toml") << "# nothing of the machine's own settings\n";
 }
@@ -101,8 +115,61 @@ Farm::~Farm() {
   if (testing::Test::HasFailure() && master_)
     std::fprintf(stderr, "---- the master's log, its end\n%s\n",
                  master_->err().substr(std::max<std::size_t>(master_->err().size(), 6000) - 6000).c_str());
+  workers_here_.clear();
+  stub_.reset();
+  master_here_.reset();
   workers_.clear();
-  master_.reset();
+  if (master_) master_->kill();
+  report_violations();
+}
+
+void Farm::start_master_here(const std::vector<std::string>& options) {
+  master::MasterOptions o;
+  o.data_dir = folder_ / "data";
+  o.listen = "127.0.0.1:0";
+  o.observer = test::expect_invariants();
+  const std::map<std::string, double*> seconds = {{"--unit-time", &o.unit_seconds},
+                                                  {"--lease-time", &o.lease_seconds},
+                                                  {"--checkpoint-interval", &o.checkpoint_seconds}};
+  for (std::size_t i = 0; i + 1 < options.size(); i += 2) {
+    const auto known = seconds.find(options[i]);
+    if (known != seconds.end())
+      *known->second = std::stod(options[i + 1]);
+    else if (options[i] == "--statistics-memory")
+      o.statistics_bytes = parse_bytes(options[i + 1]).value();
+    else
+      give_up("a master of this process has no option " + options[i]);
+  }
+  if (!log::initialise("test", "off", "text").ok()) give_up("no log");
+  auto started = master::Master::start(o);
+  if (!started.ok()) give_up(started.error().to_string());
+  master_here_ = std::move(*started);
+  address_ = fmt::format("127.0.0.1:{}", master_here_->port());
+}
+
+void Farm::start_worker_here(const std::string& name, unsigned threads) {
+  worker::WorkerOptions options;
+  options.cache_dir = folder_ / ("cache-" + name);
+  options.threads = threads;
+  options.name = name;
+  auto started = worker::Worker::start(options, master_here_->in_process_channel());
+  if (!started.ok()) give_up(started.error().to_string());
+  workers_here_.push_back(std::move(*started));
+}
+
+std::vector<std::string> Farm::violations() {
+  std::vector<std::string> all;
+  std::istringstream log(master_ ? master_->err() : std::string());
+  for (std::string line; std::getline(log, line);)
+    if (line.starts_with(kViolation)) all.push_back(line);
+  violations_.insert(all.begin(), all.end());
+  return all;
+}
+
+void Farm::report_violations() {
+  const std::set<std::string> known = violations_;
+  for (const std::string& violation : violations())
+    if (!known.contains(violation)) ADD_FAILURE() << violation;
 }
 
 std::map<std::string, std::string> Farm::environment() const {
@@ -136,9 +203,11 @@ void Farm::start_master(std::vector<std::string> options) {
 
 void Farm::kill_master() {
   master_->kill();
+  report_violations();
 }
 
 void Farm::restart_master() {
+  stub_.reset();
   start_master(master_options_);
 }
 
@@ -165,11 +234,29 @@ std::unique_ptr<Process> Farm::start_candela(std::vector<std::string> arguments,
   return std::make_unique<Process>(arguments, folder_ / fmt::format("{}-{}", name, ++serial_), environment());
 }
 
-CommandResult Farm::candela(std::vector<std::string> arguments, double seconds) {
+CommandResult Farm::candela(std::vector<std::string> arguments) {
+  const Stopwatch clock;
+  const auto settings = environment();
+  for (const char* name : {"CANDELA_CONFIG", "CANDELA_MASTER"})
+    if (const auto value = settings.find(name); value != settings.end())
+      ::setenv(name, value->second.c_str(), 1);
+    else
+      ::unsetenv(name);
+  arguments.insert(arguments.begin(), "candela");
+  std::ostringstream out, err;
+  CommandResult result;
+  result.exit_code = client::run_program(arguments, out, err);
+  result.seconds = clock.seconds();
+  result.out = out.str();
+  result.err = err.str();
+  return result;
+}
+
+CommandResult Farm::candela_process(std::vector<std::string> arguments) {
   const Stopwatch clock;
   const auto process = start_candela(std::move(arguments), "candela");
   CommandResult result;
-  result.exit_code = process->wait(seconds).value_or(-1);
+  result.exit_code = process->wait(kPatienceSeconds).value_or(-1);
   result.seconds = clock.seconds();
   result.out = process->out();
   result.err = process->err();
@@ -212,7 +299,7 @@ image::Image Farm::render(std::uint64_t iterations, const std::string& scene, st
     file = folder_ / fmt::format("rendered-{}.exr", ++serial_);
     std::vector<std::string> arguments = {"render", scene_path(scene), "-o", file.string(), "--quiet"};
     arguments.insert(arguments.end(), settings.begin(), settings.end());
-    const CommandResult result = candela(arguments);
+    const CommandResult result = candela_process(arguments);
     if (result.exit_code != 0) give_up(fmt::format("render: exit {}\n{}", result.exit_code, result.err));
     if (!about_threads) share(file, shared);
   }
@@ -224,6 +311,7 @@ image::Image Farm::render(std::uint64_t iterations, const std::string& scene, st
 v1::FarmService::Stub& Farm::stub() {
   if (!stub_) {
     grpc::ChannelArguments arguments;
+    arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);  // a new stub has a new connection
     arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 50);
     arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 100);
     arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 10000);
@@ -286,6 +374,24 @@ v1::GetLedgerResponse Farm::ledger(const std::string& id) {
   v1::GetLedgerRequest request;
   request.set_job_id(id);
   return ask(stub(), &v1::FarmService::Stub::GetLedger, request);
+}
+
+v1::JobStatus Farm::extend(const std::string& id, std::uint64_t iterations) {
+  v1::ExtendJobRequest request;
+  request.set_job_id(id);
+  request.set_add_iterations(iterations);
+  job(id);  // finds the master, with patience; the call adds, so it is made once
+  v1::JobStatus status;
+  grpc::ClientContext context;
+  const grpc::Status answer = stub().ExtendJob(&context, request, &status);
+  if (!answer.ok()) give_up("ExtendJob: " + answer.error_message());
+  return status;
+}
+
+v1::JobStatus Farm::repair(const std::string& id) {
+  v1::JobRequest request;
+  request.set_job_id(id);
+  return ask(stub(), &v1::FarmService::Stub::RepairJob, request);
 }
 
 void Farm::audit(const std::string& id, std::uint64_t iterations, bool complete) {

@@ -1,4 +1,5 @@
-// A farm of real processes on loopback, steered with the real command, and the questions the tests ask of it.
+// A farm on loopback, steered with the real command, and the questions the tests ask of it. Masters and
+// workers are real processes, or parts of this one where a test is about neither.
 #pragma once
 
 #include <candela/v1/client.grpc.pb.h>
@@ -6,11 +7,19 @@
 
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "common/image/image.h"
 #include "tests/farm/process.h"
+
+namespace candela::master {
+class Master;
+}
+namespace candela::worker {
+class Worker;
+}
 
 namespace candela::farm {
 
@@ -31,6 +40,9 @@ std::string scene_path(const std::string& name);
 inline constexpr std::uint32_t kWidth = 48, kHeight = 32;
 std::vector<std::string> job_options(std::uint64_t iterations, std::uint64_t seed = 7);
 
+// CANDELA_LONG=1: the long forms of all tests, of which continuous integration runs the short ones.
+bool long_form();
+
 // All fatal troubles throw std::runtime_error with the output of the process concerned: GoogleTest reports
 // them.
 class Farm {
@@ -46,10 +58,17 @@ class Farm {
     worker_program_ = std::move(worker);
   }
 
+  // --- in this process ---
+  // A master that answers at address() as any other. Some of the program's options.
+  void start_master_here(const std::vector<std::string>& options = {});
+  void start_worker_here(const std::string& name, unsigned threads = 1);
+
   // --- processes ---
   void start_master(std::vector<std::string> options = {});
-  void kill_master();     // SIGKILL
-  void restart_master();  // on the same port and data, with the same options
+  void kill_master();  // SIGKILL
+  // On the same port and data, with the same options. Calls of the tests' own then go over a new connection:
+  // the old one's end is known only when somebody looks at it, and a call that is sent before fails.
+  void restart_master();
   Process& master() { return *master_; }
   const std::string& address() const { return address_; }
   Process& start_worker(const std::string& name, unsigned threads = 1, std::vector<std::string> options = {});
@@ -65,8 +84,11 @@ class Farm {
   }
 
   // --- the command ---
-  // `candela ARGUMENTS`, with $CANDELA_MASTER set.
-  CommandResult candela(std::vector<std::string> arguments, double seconds = kPatienceSeconds);
+  // `candela ARGUMENTS` with $CANDELA_MASTER set, as a function of this process: to start one takes longer
+  // than most commands.
+  CommandResult candela(std::vector<std::string> arguments);
+  // The same in a process of its own.
+  CommandResult candela_process(std::vector<std::string> arguments);
   std::unique_ptr<Process> start_candela(std::vector<std::string> arguments, const std::string& name);
   // Submits and expects success; the job's id.
   std::string submit(std::uint64_t iterations, const std::string& scene = "cornell",
@@ -88,19 +110,32 @@ class Farm {
   v1::WorkerStatus worker(const std::string& name);  // by name; an empty status if there is none
   std::vector<v1::Event> events(const std::string& id);
   v1::GetLedgerResponse ledger(const std::string& id);
+  // Commands that must succeed.
+  v1::JobStatus extend(const std::string& id, std::uint64_t iterations);
+  v1::JobStatus repair(const std::string& id);
+
+  // Violations of the scheduler's invariants that the present master's log tells of. Each master's are
+  // looked for at its end, and reported as failures unless they were asked for here before.
+  std::vector<std::string> violations();
 
   // The ledger of units, the film's own ranges and its count of samples must tell one story: no unit twice,
   // no overlap, and with `complete` no gap in `iterations`. Reports through GoogleTest.
   void audit(const std::string& id, std::uint64_t iterations, bool complete = true);
 
  private:
+  void report_violations();
+
   TempDir folder_;
-  std::string master_program_ = "candela-master", worker_program_ = "candela-worker";
+  std::set<std::string> violations_;  // that are known
+  // Both programs are the product's, but this master tells of violated invariants (checked_master.h).
+  std::string master_program_ = "checked-master", worker_program_ = "candela-worker";
   std::vector<std::string> master_options_, client_options_;
   std::map<std::string, std::string> more_environment_;
   std::string address_;
   std::unique_ptr<Process> master_;
   std::vector<std::unique_ptr<Process>> workers_;
+  std::unique_ptr<master::Master> master_here_;
+  std::vector<std::unique_ptr<worker::Worker>> workers_here_;
   std::shared_ptr<grpc::ChannelCredentials> credentials_;  // null: none
   std::unique_ptr<v1::FarmService::Stub> stub_;
   int serial_ = 0;

@@ -15,6 +15,9 @@
 
 namespace candela::farm {
 
+// Begins the line of a master's log that tells of a violated invariant (checked_master.h).
+inline constexpr const char* kViolation = "invariant violated: ";
+
 // A folder that is removed with the object.
 class TempDir {
  public:

@@ -1,6 +1,6 @@
 // What the master does with deltas that come twice, late, broken, or from strangers, and with pushes that
-// hang. All are sent by a worker in the test's hands; honest workers then finish the job, and the image must
-// be what it always is.
+// hang. All are sent by a worker in the test's hands to a master of this process; honest workers then finish
+// the job, and the image must be what it always is.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -19,8 +19,8 @@ constexpr std::uint64_t kDeltaIterations = 400;
 
 class Deltas : public testing::Test {
  protected:
-  void start(std::vector<std::string> options = {"--unit-time", "0.05"}) {
-    farm_.start_master(std::move(options));
+  void start(const std::vector<std::string>& options = {"--unit-time", "0.05"}) {
+    farm_.start_master_here(options);
     id_ = farm_.submit(kDeltaIterations);
   }
   HandWorker hand(const std::string& name) {
@@ -29,7 +29,7 @@ class Deltas : public testing::Test {
     return worker;
   }
   void finish() {
-    farm_.start_worker("honest", 2);
+    farm_.start_worker_here("honest", 2);
     farm_.wait_for(id_, v1::JOB_STATE_DONE);
     expect_identical(farm_.fetch(id_), farm_.render(kDeltaIterations), "after everything");
     farm_.audit(id_, kDeltaIterations);
@@ -148,7 +148,7 @@ TEST_F(Deltas, AfterTheLeaseExpired) {
   const Push push = late.delta_for(lease, scene_);
   ASSERT_TRUE(eventually(20, [&] { return farm_.job(id_).units_leased() == 0; }));
   EXPECT_TRUE(late.revoked(lease)) << "a heartbeat after the expiry does not say so";
-  farm_.start_worker("other");
+  farm_.start_worker_here("other");
   farm_.wait_for(id_, v1::JOB_STATE_DONE);
   v1::PushDeltaResponse response;
   const grpc::Status status = late.push_status(push, response);

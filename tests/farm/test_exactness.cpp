@@ -32,10 +32,15 @@ std::uint64_t iterations_of(const std::string& integrator) {
   return static_cast<std::uint64_t>(share * static_cast<double>(kIterations)) | 1;
 }
 
+// One integrator for each kind of unit; with CANDELA_LONG=1 all.
+std::vector<std::string> integrators_of_the_form() {
+  return long_form() ? test::all_integrators() : test::kinds_of_units();
+}
+
 // Path on fleets of several sizes; the others on one worker of two threads, and on three workers.
 std::vector<Fleet> fleets() {
   std::vector<Fleet> result = {{1, 1}, {1, 2}, {2, 1}, {5, 1}};
-  for (const std::string& integrator : test::all_integrators()) {
+  for (const std::string& integrator : integrators_of_the_form()) {
     if (integrator == "path") continue;
     result.push_back({1, 2, integrator});
     result.push_back({3, 1, integrator});
@@ -84,7 +89,9 @@ using UnitTime = std::pair<std::string, std::string>;  // seconds, integrator
 std::vector<UnitTime> unit_times() {
   std::vector<UnitTime> result;
   for (const test::IntegratorRow& row : test::integrators())
-    for (const std::string& seconds : row.unit_times) result.emplace_back(seconds, row.name);
+    for (const std::string& seconds :
+         long_form() ? std::vector<std::string>{"0.01", "0.3", "5"} : row.unit_times)
+      result.emplace_back(seconds, row.name);
   return result;
 }
 
@@ -128,7 +135,7 @@ TEST_P(Order, BackwardsInBatchesOfFive) {
     for (const auto& [name, value] : test::integrator_row(integrator).small)
       options.insert(options.end(), {"--set", name + "=" + value});
   Farm farm;
-  farm.start_master({"--unit-time", "0.01"});
+  farm.start_master_here({"--unit-time", "0.01"});
   const std::string id = farm.submit(iterations, "cornell", options);
   HandWorker worker(farm.address(), "backwards");
   worker.scene_file_for_pilots = scene_path("cornell");
@@ -149,7 +156,7 @@ TEST_P(Order, BackwardsInBatchesOfFive) {
   farm.audit(id, iterations);
 }
 
-INSTANTIATE_TEST_SUITE_P(, Order, testing::ValuesIn(test::all_integrators()),
+INSTANTIATE_TEST_SUITE_P(, Order, testing::ValuesIn(integrators_of_the_form()),
                          [](const auto& one) { return one.param; });
 
 // Claim: several jobs at once do not touch each other.
@@ -167,17 +174,13 @@ TEST(Jobs, ThreeAtOnce) {
   }
 }
 
-bool long_form() {
-  return std::getenv("CANDELA_LONG") != nullptr;
-}
-
 // A job that lasts for the events of a death, given the iterations that `path` needs for that. The farm knows
-// iterations and chains: one integrator of each kind goes through all deaths, and loses its master twenty
-// times. The others lose it as often as their rows say; with CANDELA_LONG=1 all do as the two.
+// iterations and chains: one integrator of each kind goes through all deaths, and loses its master ten times.
+// The others lose it as often as their rows say; with CANDELA_LONG=1 all do as the two, and twenty times.
 struct Work {
   std::string integrator;
   int short_deaths;
-  int deaths() const { return long_form() ? 20 : short_deaths; }
+  int deaths() const { return long_form() ? 20 : std::min(short_deaths, 10); }
   std::uint64_t of(std::uint64_t iterations) const {
     return static_cast<std::uint64_t>(test::integrator_row(integrator).farm_share *
                                       static_cast<double>(iterations));
@@ -244,7 +247,7 @@ TEST_P(Deaths, WorkerTerminated) {
 // Claim: a master killed many times in one job and restarted loses nothing that its checkpoints have and
 // counts nothing twice.
 TEST_P(Deaths, MasterKilledManyTimes) {
-  const std::uint64_t iterations = GetParam().of(9000);
+  const std::uint64_t iterations = GetParam().of(long_form() ? 9000 : 4500);
   Farm farm;
   farm.start_master({"--unit-time", "0.1", "--checkpoint-interval", "0.05", "--lease-time", "2"});
   for (const char* name : {"a", "b"}) farm.start_worker(name);

@@ -1,4 +1,4 @@
-// Trouble of a place, a line or a program on a farm of real processes: the job waits and says so, and once
+// Trouble of a place, a line or a program: the job waits and says so, and once
 // the trouble is gone it ends as if there had been none.
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -67,7 +67,7 @@ TEST(Failures, AFullCacheDisk) {
 // the scene again; both jobs end.
 TEST(Failures, ARottenSceneFile) {
   Farm farm;
-  farm.start_master(kMasterOptions);
+  farm.start_master_here(kMasterOptions);
   const std::string id = farm.submit(kFewIterations);
   std::size_t spoilt = 0;
   for (const auto& e : fs::recursive_directory_iterator(farm.folder() / "data" / "blobs"))
@@ -76,7 +76,7 @@ TEST(Failures, ARottenSceneFile) {
       ++spoilt;
     }
   ASSERT_GT(spoilt, 0U);
-  farm.start_worker("one");
+  farm.start_worker_here("one");
   ASSERT_TRUE(eventually(30, [&] { return told(farm, id, "blob-damaged"); }));
   ASSERT_TRUE(eventually(30, [&] {
     return farm.job(id).message().find("submit the scene again") != std::string::npos;
@@ -94,8 +94,8 @@ TEST(Failures, ARottenSceneFile) {
 // Claim: a worker whose cache somebody removes renders the next job as if nothing had been.
 TEST(Failures, ARemovedCache) {
   Farm farm;
-  farm.start_master(kMasterOptions);
-  farm.start_worker("one");
+  farm.start_master_here(kMasterOptions);
+  farm.start_worker_here("one");
   farm.wait_for(farm.submit(4), v1::JOB_STATE_DONE);
   fs::remove_all(farm.folder() / "cache-one");
   const std::string id = farm.submit(kFewIterations, "furnace");
@@ -106,7 +106,7 @@ TEST(Failures, ARemovedCache) {
 // Claim: bits that flip on the way of half of all deltas cost time and nothing else.
 TEST(Failures, BitsFlippedOnTheWay) {
   Farm farm;
-  farm.start_master(kMasterOptions);
+  farm.start_master_here(kMasterOptions);
   const std::string id = farm.submit(12);
   HandWorker worker(farm.address(), "noisy");
   worker.scene_file_for_pilots = scene_path("cornell");

@@ -13,7 +13,7 @@ namespace {
 // worker are killed on the way, with the names of the layers in the job, and the weighted layers add up to
 // the image. (Each sum is rounded on its own, by less than 2^-20 of the mean a sample: 1e-4 is far above it.)
 TEST(Layers, SurviveDeathsToTheLastBit) {
-  constexpr std::uint64_t iterations = 700;
+  constexpr std::uint64_t iterations = 450;
   const std::vector<std::string> options = {"--integrator", "bdpt",          "--set", "layers=both",
                                             "--set",        "layer_depth=3", "--set", "max_depth=5"};
   Farm farm;
@@ -44,7 +44,7 @@ TEST(Layers, SurviveDeathsToTheLastBit) {
   std::vector<std::string> command = {"render", scene_path("cornell"), "-o", rendered, "--quiet"};
   for (const std::string& option : job_options(iterations)) command.push_back(option);
   command.insert(command.end(), options.begin(), options.end());
-  const CommandResult render = farm.candela(command);
+  const CommandResult render = farm.candela_process(command);
   ASSERT_EQ(render.exit_code, 0) << render.err;
 
   const image::Image image = *image::read_image(fetched);
@@ -92,7 +92,7 @@ TEST(Layers, AovsOfChainsAreTheSameEverywhere) {
     std::vector<std::string> command = {"render", scene_path("cornell"), "-o", path, "--quiet"};
     for (const std::string& option : job_options(iterations)) command.push_back(option);
     command.insert(command.end(), with.begin(), with.end());
-    const CommandResult done = farm.candela(command);
+    const CommandResult done = farm.candela_process(command);
     EXPECT_EQ(done.exit_code, 0) << done.err;
     return path;
   };

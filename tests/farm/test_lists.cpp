@@ -1,4 +1,4 @@
-// Lists in pages and priorities, by the real command.
+// Lists in pages and priorities, by the command.
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
@@ -19,7 +19,7 @@ std::vector<std::string> ids_of(const CommandResult& list) {
 // by name. `priority` sets what `list` shows, and negative values need no trick. Mistakes are one line.
 TEST(Lists, PagesStatesAndPriority) {
   Farm farm;
-  farm.start_master();
+  farm.start_master_here();
   std::vector<std::string> ids;
   for (int i = 0; i < 3; ++i) ids.push_back(farm.submit(4));
   const CommandResult newest = farm.candela({"list", "--limit", "2"});

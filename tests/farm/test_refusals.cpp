@@ -211,6 +211,23 @@ INSTANTIATE_TEST_SUITE_P(
         BadOption{"ConvertMissing", {"convert", "/nonexistent/a.exr", "/tmp/o.png"}, {"/nonexistent/a.exr"}}),
     [](const testing::TestParamInfo<BadOption>& one) { return std::string(one.param.name); });
 
+// Claim: the program's exit codes and streams are those of the function behind it, in which the tests above
+// run commands: 0, 1 for a job that did not get done, 2 and 3; one line of each error on standard error.
+TEST(Processes, EndAsTheirCommandsDo) {
+  Farm farm;
+  farm.start_master();
+  const std::string id = farm.submit(4);
+  const CommandResult listed = farm.candela_process({"list"});
+  EXPECT_EQ(listed.exit_code, 0) << listed.err;
+  EXPECT_NE(listed.out.find(id), std::string::npos);
+  EXPECT_EQ(farm.candela_process({"cancel", id}).exit_code, 0);
+  EXPECT_EQ(farm.candela_process({"watch", id, "--quiet"}).exit_code, 1);
+  expect_refused(farm.candela_process({"show", "nojob"}), 2, {"nojob"});
+  expect_refused(farm.candela_process({"lsit"}), 2, {"lsit", "list"});
+  expect_refused(farm.candela_process({"list", "--master", "127.0.0.1:1", "--timeout", "1s"}), 3,
+                 {"127.0.0.1:1"});
+}
+
 // Claim: a master that is not there is exit 3 (try again), within the time given.
 TEST(Unreachable, IsExitThree) {
   Farm farm;
@@ -221,7 +238,7 @@ TEST(Unreachable, IsExitThree) {
 // Claim: an unknown job is exit 2, and says which.
 TEST(UnknownJob, IsNamed) {
   Farm farm;
-  farm.start_master();
+  farm.start_master_here();
   for (const std::vector<std::string>& command :
        std::vector<std::vector<std::string>>{{"show", "nojob"},
                                              {"pause", "nojob"},

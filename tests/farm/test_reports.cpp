@@ -113,8 +113,8 @@ TEST(Reports, LayersOfRadii) {
   std::vector<std::string> options = with_small_epochs("vcmplus");
   options.insert(options.end(), {"--set", "layers=merging"});
   Farm farm;
-  farm.start_master({"--unit-time", "0.05"});
-  for (const char* name : {"a", "b"}) farm.start_worker(name);
+  farm.start_master_here({"--unit-time", "0.05"});
+  for (const char* name : {"a", "b"}) farm.start_worker_here(name);
   const std::string id = farm.submit(31, "cornell", options);
   farm.wait_for(id, v1::JOB_STATE_DONE);
   const std::string fetched = (farm.folder() / "fetched.exr").string(),
@@ -125,7 +125,7 @@ TEST(Reports, LayersOfRadii) {
   std::vector<std::string> command = {"render", scene_path("cornell"), "-o", rendered, "--quiet", "--layers"};
   for (const std::string& option : job_options(31)) command.push_back(option);
   command.insert(command.end(), options.begin(), options.end());
-  const CommandResult render = farm.candela(command);
+  const CommandResult render = farm.candela_process(command);
   ASSERT_EQ(render.exit_code, 0) << render.err;
   expect_identical(*image::read_image(fetched), *image::read_image(rendered), "the image");
   for (const char* name : {"radius", "tests.looks", "tests.rejections", "merging"}) {
@@ -204,8 +204,8 @@ TEST(Reports, OneJobHasSeveralReadOuts) {
 // their mean is the image.
 TEST(Reports, HalvesAreFetched) {
   Farm farm;
-  farm.start_master();
-  farm.start_worker("a");
+  farm.start_master_here();
+  farm.start_worker_here("a");
   const std::string id = farm.submit(4, "cornell", {"--integrator", "path"});
   farm.wait_for(id, v1::JOB_STATE_DONE);
   const auto half = [&](const std::string& name) {
@@ -231,7 +231,7 @@ TEST(Reports, HalvesAreFetched) {
 // ask for is loaded to know, and accepted.
 TEST(Reports, FilmsTooLargeForStatisticsAreRefused) {
   Farm farm;
-  farm.start_master({"--statistics-memory", "50M"});
+  farm.start_master_here({"--statistics-memory", "50M"});
   const auto submit = [&](const std::string& integrator, const std::string& size) {
     return farm.candela(
         {"submit", scene_path("cornell"), "--integrator", integrator, "--size", size, "--iterations", "4"});

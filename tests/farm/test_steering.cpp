@@ -22,8 +22,8 @@ class Steering : public testing::Test {
     id_ = farm_.submit(iterations);
   }
   // Runs a command that must succeed.
-  std::string tell(std::vector<std::string> arguments) {
-    const CommandResult result = farm_.candela(arguments);
+  std::string tell(std::vector<std::string> arguments, bool process = false) {
+    const CommandResult result = process ? farm_.candela_process(arguments) : farm_.candela(arguments);
     EXPECT_EQ(result.exit_code, 0) << arguments[0] << ": " << result.err;
     return result.out;
   }
@@ -35,10 +35,10 @@ class Steering : public testing::Test {
 
 // Claim: a paused job stands still and goes on where it was; `show --json` has what scripts were promised.
 TEST_F(Steering, PauseAndResume) {
-  constexpr std::uint64_t iterations = 3000;
+  constexpr std::uint64_t iterations = 2000;
   start(iterations);
   farm_.wait_for_iterations(id_, 1);
-  tell({"pause", id_});
+  tell({"pause", id_}, true);
   ASSERT_EQ(shown_state(), "paused");
   // What was out when it was paused may still come in.
   ASSERT_TRUE(eventually(20, [&] { return farm_.job(id_).units_leased() == 0; }));
@@ -47,9 +47,9 @@ TEST_F(Steering, PauseAndResume) {
   std::this_thread::sleep_for(std::chrono::seconds(1));
   EXPECT_EQ(farm_.job(id_).iterations(), paused_at) << "a paused job went on";
   farm_.audit(id_, iterations, false);
-  tell({"resume", id_});
+  tell({"resume", id_}, true);
   farm_.wait_for(id_, v1::JOB_STATE_DONE);
-  const auto shown = nlohmann::json::parse(tell({"show", id_, "--json"}));
+  const auto shown = nlohmann::json::parse(tell({"show", id_, "--json"}, true));
   EXPECT_EQ(shown.at("id"), id_);
   EXPECT_EQ(shown.at("state"), "done");
   EXPECT_EQ(shown.at("iterations"), iterations);
@@ -96,7 +96,7 @@ TEST_F(Steering, Extend) {
 
 // Claim: cancelling keeps the partial image; a cancelled job can be extended to the image it would have been.
 TEST_F(Steering, CancelKeepsWhatIsThere) {
-  constexpr std::uint64_t iterations = 3000;
+  constexpr std::uint64_t iterations = 1500;
   start(iterations);
   farm_.wait_for_iterations(id_, 1);
   tell({"cancel", id_});
@@ -121,7 +121,7 @@ TEST_F(Steering, CancelKeepsWhatIsThere) {
 
 // Claim: submitting again with the same token makes no second job; with other content it is refused.
 TEST_F(Steering, TokenMakesSubmitSafeToRepeat) {
-  farm_.start_master(kShortLeases);
+  farm_.start_master_here(kShortLeases);
   const std::string first = farm_.submit(16, "cornell", {"--token", "t-1"});
   EXPECT_EQ(farm_.submit(16, "cornell", {"--token", "t-1"}), first);
   EXPECT_EQ(nlohmann::json::parse(tell({"list", "--json"})).dump().find("\"t-1\""), std::string::npos);
@@ -134,7 +134,7 @@ TEST_F(Steering, TokenMakesSubmitSafeToRepeat) {
 
 // Claim: a drained worker leaves by itself, with its unit delivered; the job goes on elsewhere.
 TEST_F(Steering, Drain) {
-  constexpr std::uint64_t iterations = 2000;
+  constexpr std::uint64_t iterations = 1500;
   farm_.start_master(kShortLeases);
   Process& leaving = farm_.start_worker("leaving");
   id_ = farm_.submit(iterations);
@@ -150,7 +150,7 @@ TEST_F(Steering, Drain) {
 // Claim: `candela render` interrupted by Ctrl-C saves the image of what is there and goes on with --resume to
 // the image an uninterrupted render makes; so it does after SIGKILL.
 TEST_F(Steering, RenderInterruptedAndResumed) {
-  constexpr std::uint64_t iterations = 8000;
+  constexpr std::uint64_t iterations = 5000;
   const std::string out = (farm_.folder() / "r.exr").string();
   std::vector<std::string> command = {"render", scene_path("cornell"), "-o", out, "--threads", "1"};
   for (const std::string& word : job_options(iterations)) command.push_back(word);
@@ -172,7 +172,7 @@ TEST_F(Steering, RenderInterruptedAndResumed) {
     }
     if (command.back() != "--resume") command.push_back("--resume");
   }
-  const CommandResult resumed = farm_.candela(command);
+  const CommandResult resumed = farm_.candela_process(command);
   ASSERT_EQ(resumed.exit_code, 0) << resumed.err;
   const auto image = image::read_image(out);
   ASSERT_TRUE(image.ok()) << image.error().to_string();

@@ -146,6 +146,7 @@ class Slurm(unittest.TestCase):
         self.assertTrue(eventually(lambda: len(self.live_workers(workers)) == 3))
         self.expect_picture(job, 4)
 
+    @unittest.skipUnless(os.environ.get("CANDELA_LONG"), "a minute of Slurm's clock: only with CANDELA_LONG=1")
     def test_time_limit(self):
         """Claim: before its time limit a worker delivers, leaves and ends well; another array goes on."""
         job = self.submit(5)

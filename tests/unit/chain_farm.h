@@ -14,6 +14,7 @@
 #include "common/image/image.h"
 #include "master/master.h"
 #include "master/merge/checkpoint.h"
+#include "tests/expect_invariants.h"
 #include "tests/temporary_folder.h"
 #include "tests/unit/farm_calls.h"
 #include "tests/unit/hand_worker.h"
@@ -89,6 +90,7 @@ class ChainFarm : public ::testing::Test {
     options_.unit_seconds = 0.02;
     options_.lease_seconds = 2;
     options_.image_on_checkpoint = false;
+    options_.observer = test::expect_invariants();
     settings_.width = kWidth;
     settings_.height = kHeight;
     settings_.seed = 11;

@@ -13,6 +13,7 @@
 #include "common/film/film.h"
 #include "common/rng/stream.h"
 #include "master/master.h"
+#include "tests/expect_invariants.h"
 #include "tests/temporary_folder.h"
 #include "tests/unit/farm_calls.h"
 #include "tests/unit/hand_worker.h"
@@ -81,6 +82,7 @@ class MasterTest : public ::testing::Test {
     o.lease_seconds = lease_seconds;
     o.keep_finished_seconds = keep_finished_seconds;
     o.blob_grace_seconds = blob_grace_seconds;
+    o.observer = test::expect_invariants();
     auto m = Master::start(o);
     ASSERT_TRUE(m.ok()) << m.error().to_string();
     master = std::move(*m);

@@ -1,4 +1,5 @@
-// The scheduler against a clock of the test's own.
+// The scheduler against a clock of the test's own. Its invariants are looked at after each lease and
+// delivery, and at the end.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -9,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "master/scheduler/invariants.h"
 #include "master/scheduler/scheduler.h"
 
 namespace candela::master {
@@ -20,6 +22,10 @@ class SchedulerFixture : public ::testing::Test {
     o.lease_seconds = 10;
     o.unit_seconds = 4;
     return o;
+  }
+  void TearDown() override { expect_invariants(); }
+  void expect_invariants() {
+    for (const std::string& violation : check_invariants(*s)) ADD_FAILURE() << violation;
   }
   Now at(double t) {
     clock = t;
@@ -45,7 +51,9 @@ class SchedulerFixture : public ::testing::Test {
   }
   std::optional<Lease> lease(const std::string& w, bool prefetch = false) {
     s->authenticate(w, "session-" + w, now());
-    return s->acquire(w, {}, prefetch, now()).lease;
+    auto leased = s->acquire(w, {}, prefetch, now()).lease;
+    expect_invariants();
+    return leased;
   }
   Unit unit_of(const Lease& l) { return s->job(l.row.job_id)->units.at(l.row.unit_id).row.unit; }
   Delivery deliver(const Lease& l, const Unit& u, const film::Tallies& tallies, double seconds,
@@ -54,6 +62,7 @@ class SchedulerFixture : public ::testing::Test {
     if (d == Delivery::ok)
       s->merged(l.row.worker_id, l.row.token, l.row.unit_id, l.row.job_id, u, tallies, seconds, 0.001, now(),
                 record_bytes);
+    expect_invariants();
     return d;
   }
 

@@ -290,6 +290,7 @@ TEST_F(ChainSchedulerTest, BlackJobsEnd) {
 // Claim: a restart in the bootstrap goes on with the samples the store has, and a restart later with the
 // segments the film has: units whose chains lost a segment are cut anew when it is there again.
 TEST_F(ChainSchedulerTest, RestartsLoseNothingElse) {
+  s = std::make_unique<Scheduler>(options(), 1, 7);  // the rows below are older
   worker("a");
   JobRow j;
   j.id = "j";

@@ -1,12 +1,15 @@
-// Epochs through real processes: whatever dies, and when, the film, the accumulators and every decided state
-// of the toy come out as the same bytes, which a loop in this process makes without a farm.
+// Epochs on farms, most of real processes: whatever dies, and when, the film, the accumulators and every
+// decided state of the toy come out as the same bytes, which a loop in this process makes without a farm.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <csignal>
 #include <cstdlib>
+#include <memory>
+#include <optional>
 #include <ostream>
+#include <thread>
 
 #include "common/base/files.h"
 #include "common/base/hash.h"
@@ -67,19 +70,57 @@ class ToyFarm : public testing::Test {
     settings.seed = kSeed;
     return test::submit(farm.stub(), kToyScene, test::submission(kToyScene, settings, iterations));
   }
-  void extend(const std::string& id, std::uint64_t iterations) {
-    v1::ExtendJobRequest request;
-    request.set_job_id(id);
-    request.set_add_iterations(iterations);
-    v1::JobStatus status;
-    const auto extended = [&] {
-      grpc::ClientContext context;
-      context.set_wait_for_ready(true);
-      return farm.stub().ExtendJob(&context, request, &status);
-    };
-    farm.job(id);  // the master may just have been restarted
-    const grpc::Status answer = extended();
-    ASSERT_TRUE(answer.ok()) << answer.error_message();
+  void start_master_here(std::vector<std::string> more = {}) {
+    std::vector<std::string> options = {"--unit-time", "0.02",         "--checkpoint-interval",
+                                        "0.05",        "--lease-time", "1.5"};
+    options.insert(options.end(), more.begin(), more.end());
+    farm.start_master_here(options);
+  }
+  // A worker in the test's hands, which answers the pilot of the job.
+  std::unique_ptr<test::HandWorker> hand_worker() {
+    auto hand = std::make_unique<test::HandWorker>(
+        grpc::CreateChannel(farm.address(), grpc::InsecureChannelCredentials()));
+    EXPECT_TRUE(hand->enrol().ok());
+    const auto lease = hand->acquire_soon();
+    EXPECT_TRUE(lease);
+    if (!lease) return hand;
+    v1::CompletePilotRequest pilot;
+    hand->sign(pilot, *lease);
+    pilot.mutable_named_state()->set_film_scale_log2(toy::kFilmScale);
+    pilot.set_seconds_per_iteration(0.002);
+    wire::to_proto(toy::work_plan(), *pilot.mutable_work());
+    hand->complete(pilot);
+    return hand;
+  }
+  // The delta of a lease, `epoch_offset` epochs from the true one.
+  static std::string delta_of(test::HandWorker& hand, const v1::Lease& lease,
+                              std::uint64_t epoch_offset = 0) {
+    const Unit unit = *wire::from_proto(lease.unit());
+    EXPECT_EQ(lease.states_size(), 1);
+    integrators::UnitOutput output = toy::make_output(kToyWidth, kToyHeight, toy::kFilmScale);
+    const WorkPlan work = toy::work_plan();
+    output.epoch = Epochs(work.epochs->first, work.epochs->growth).of_index(unit.begin) + epoch_offset;
+    const std::string state = hand.fetch_blob(lease.states(0).sha256(), lease.states(0).size_bytes());
+    EXPECT_EQ(sha256_hex(state), lease.states(0).sha256());
+    EXPECT_TRUE(toy::render(unit, state, kToyWidth, kToyHeight, kSeed, output).ok());
+    film::DeltaInfo info;
+    info.unit = unit;
+    info.job_id = lease.job_id();
+    info.build_id = std::string(build_id());
+    return integrators::encode_delta(info, output);
+  }
+  // Renders what is left of the job.
+  void work(test::HandWorker& hand, const std::string& id) {
+    while (farm.job(id).state() < v1::JOB_STATE_DONE) {
+      const auto lease = hand.acquire();
+      ASSERT_TRUE(hand.status.ok()) << hand.status.error_message();
+      if (!lease) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(5));
+        continue;
+      }
+      const std::string bytes = delta_of(hand, *lease);
+      hand.push(hand.header(*lease, bytes), bytes);
+    }
   }
   // The whole of a finished job against the loop without a farm.
   void check(const std::string& id, std::uint64_t iterations) {
@@ -192,7 +233,7 @@ TEST_F(ToyFarm, AnOldCheckpointGoesOn) {
                                     master::encode_checkpoint(truth.film, {}, truth.accumulators, decisions))
                   .ok());
   farm.restart_master();
-  extend(id, whole - first);
+  farm.extend(id, whole - first);
   check(id, whole);
 }
 
@@ -226,9 +267,9 @@ TEST_F(ToyFarm, ALostStateIsDecidedAgain) {
 // Claim: the status of a job tells the newest decided state by the rule's figures and the memory of its
 // statistics; an image has them as attributes, and layers when asked.
 TEST_F(ToyFarm, ReportsTellOfTheState) {
-  start_master();
-  farm.start_worker("a");
+  start_master_here();
   const std::string id = submit(whole);
+  work(*hand_worker(), id);
   const v1::EpochStatus epochs = farm.wait_for(id, v1::JOB_STATE_DONE).epochs();
   const LocalJob truth = truth_of(whole, 20);
   EXPECT_EQ(epochs.epoch(), truth.states.size() - 1);
@@ -260,9 +301,10 @@ TEST_F(ToyFarm, ReportsTellOfTheState) {
 // Claim: a job whose statistics do not fit into the master's memory fails when its plan of work is known, and
 // says how much is needed.
 TEST_F(ToyFarm, StatisticsThatDoNotFitAreRefused) {
-  start_master("0.05", {"--statistics-memory", "30K"});
-  farm.start_worker("a");
-  const v1::JobStatus status = farm.wait_for(submit(whole), v1::JOB_STATE_FAILED);
+  start_master_here({"--statistics-memory", "30K"});
+  const std::string id = submit(whole);
+  hand_worker();
+  const v1::JobStatus status = farm.wait_for(id, v1::JOB_STATE_FAILED);
   EXPECT_NE(status.message().find("--statistics-memory"), std::string::npos) << status.message();
   EXPECT_EQ(status.iterations(), 0U);
 }
@@ -290,15 +332,9 @@ TEST_F(ToyFarm, AFolderAloneGoesOn) {
   EXPECT_FALSE(blobs.empty());
   for (const auto& blob : blobs) std::filesystem::remove(blob);
   farm.restart_master();
-  v1::JobRequest request;
-  request.set_job_id(id);
-  v1::JobStatus status;
-  grpc::ClientContext context;
-  context.set_wait_for_ready(true);
-  const grpc::Status taken_in = farm.stub().RepairJob(&context, request, &status);
-  ASSERT_TRUE(taken_in.ok()) << taken_in.error_message();
+  farm.repair(id);
   farm.start_worker("b");  // its cache is empty
-  extend(id, whole - first);
+  farm.extend(id, whole - first);
   check(id, whole);
 }
 
@@ -323,58 +359,36 @@ TEST_F(ToyFarm, ExtensionsContinue) {
   farm.start_worker("b");
   const std::string id = submit(whole / 3);
   check(id, whole / 3);
-  extend(id, 7);
+  farm.extend(id, 7);
   check(id, whole / 3 + 7);
   farm.kill_master();
   farm.restart_master();
-  extend(id, whole - whole / 3 - 7);
+  farm.extend(id, whole - whole / 3 - 7);
   check(id, whole);
 }
 
 // Claim: a replayed delta is a duplicate, one of a lease that is over is stale, and one whose accumulator is
 // of another epoch is refused; none of them changes a byte.
 TEST_F(ToyFarm, ReplaysChangeNothing) {
-  start_master();
+  start_master_here();
   const std::string id = submit(whole);
-  test::HandWorker hand(grpc::CreateChannel(farm.address(), grpc::InsecureChannelCredentials()));
-  ASSERT_TRUE(hand.enrol().ok());
-  auto lease = hand.acquire_soon();
-  ASSERT_TRUE(lease);
-  v1::CompletePilotRequest pilot;
-  hand.sign(pilot, *lease);
-  pilot.mutable_named_state()->set_film_scale_log2(toy::kFilmScale);
-  pilot.set_seconds_per_iteration(0.002);
-  wire::to_proto(toy::work_plan(), *pilot.mutable_work());
-  ASSERT_TRUE(hand.complete(pilot));
-  const auto made = [&](const v1::Lease& of, std::uint64_t epoch_offset) {
-    const Unit unit = *wire::from_proto(of.unit());
-    EXPECT_EQ(of.states_size(), 1);
-    integrators::UnitOutput output = toy::make_output(kToyWidth, kToyHeight, toy::kFilmScale);
-    const WorkPlan work = toy::work_plan();
-    output.epoch = Epochs(work.epochs->first, work.epochs->growth).of_index(unit.begin) + epoch_offset;
-    const std::string state = hand.fetch_blob(of.states(0).sha256(), of.states(0).size_bytes());
-    EXPECT_EQ(sha256_hex(state), of.states(0).sha256());
-    EXPECT_TRUE(toy::render(unit, state, kToyWidth, kToyHeight, kSeed, output).ok());
-    film::DeltaInfo info;
-    info.unit = unit;
-    info.job_id = id;
-    info.build_id = std::string(build_id());
-    return integrators::encode_delta(info, output);
-  };
+  const auto worker = hand_worker();
+  test::HandWorker& hand = *worker;
+  std::optional<v1::Lease> lease;
   for (int i = 0; i < 3; ++i) {
     lease = hand.acquire_soon();
     ASSERT_TRUE(lease);
-    const std::string bytes = made(*lease, 0);
+    const std::string bytes = delta_of(hand, *lease);
     EXPECT_EQ(hand.push(hand.header(*lease, bytes), bytes).verdict(), v1::DELTA_VERDICT_MERGED);
     EXPECT_EQ(hand.push(hand.header(*lease, bytes), bytes).verdict(), v1::DELTA_VERDICT_DUPLICATE);
   }
   lease = hand.acquire_soon();
   ASSERT_TRUE(lease);
-  const std::string wrong = made(*lease, 1);
+  const std::string wrong = delta_of(hand, *lease, 1);
   EXPECT_EQ(hand.push(hand.header(*lease, wrong), wrong).verdict(), v1::DELTA_VERDICT_CORRUPT);
-  farm.start_worker("a");
+  const std::string late = delta_of(hand, *lease);
+  work(hand, id);
   check(id, whole);
-  const std::string late = made(*lease, 0);
   const auto verdict = hand.push(hand.header(*lease, late), late).verdict();
   EXPECT_TRUE(verdict == v1::DELTA_VERDICT_DUPLICATE || verdict == v1::DELTA_VERDICT_STALE ||
               verdict == v1::DELTA_VERDICT_JOB_ENDED)

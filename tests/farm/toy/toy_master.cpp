@@ -1,5 +1,5 @@
-#include "master/program/run_master.h"
+#include "tests/farm/checked_master.h"
 
 int main(int argc, char** argv) {
-  return candela::master::run_master(argc, argv);
+  return candela::farm::run_checked_master(argc, argv);
 }
