@@ -210,7 +210,7 @@ TEST(TextureFiles, HugeExrAttributeIsRefused) {
 // library's reader copied from there. What it read no test without a sanitizer can see; the fuzz target has
 // this file among its seeds.)
 TEST(TextureFiles, ExrOffsetBeforeTheFileIsRefused) {
-  const auto bytes = read_file(source_path("tests/fuzz/seeds/image/offset-before-file.exr"), 1 << 20);
+  const auto bytes = read_file(test::source_path("tests/fuzz/seeds/image/offset-before-file.exr"), 1 << 20);
   ASSERT_TRUE(bytes.ok()) << bytes.error().to_string();
   EXPECT_NE(error_of(*bytes, "x.exr").find("cannot read"), std::string::npos) << error_of(*bytes, "x.exr");
 }
