@@ -82,12 +82,12 @@ void add_bsdfs(std::vector<PluginRule>& table) {
                    .properties = {base, nonlinear, plastic_inside, outside, specular},
                    .child_categories = {},
                    .doc = "a diffuse base under a smooth coat, one-sided"});
-  table.push_back(
-      {.category = "bsdf",
-       .name = "roughplastic",
-       .properties = {base, nonlinear, plastic_inside, outside, specular, distribution, alpha, visible},
-       .child_categories = {},
-       .doc = "a diffuse base under a rough coat, one-sided"});
+  table.push_back({.category = "bsdf",
+                   .name = "roughplastic",
+                   .properties = {base, nonlinear, plastic_inside, outside, specular, distribution,
+                                  textured(alpha), visible},
+                   .child_categories = {},
+                   .doc = "a diffuse base under a rough coat, one-sided"});
   table.push_back({.category = "bsdf",
                    .name = "null",
                    .properties = {},

@@ -25,7 +25,10 @@ void add_old_bsdfs(std::vector<PluginRule>& table) {
                    .doc = "0.6's model of Oren and Nayar 1994, one-sided"});
   table.push_back({.category = "bsdf",
                    .name = "difftrans",
-                   .properties = {reflectance("transmittance", "fraction that passes (default 0.5)")},
+                   .properties = {reflectance("transmittance", "fraction that passes (default 0.5)"),
+                                  reflectance("reflectance",
+                                              "Candela's addition: fraction that is reflected (default 0); "
+                                              "if textures add up to more than 1, less passes")},
                    .child_categories = {},
                    .doc = "0.6's diffuse transmitter: light leaves the other side in all directions alike"});
   table.push_back(

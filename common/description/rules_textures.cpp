@@ -42,8 +42,11 @@ void add_textures(std::vector<PluginRule>& table) {
                       flag("raw", "the values are numbers, not sRGB (default false)"),
                       {.name = "channel",
                        .types = {string},
-                       .values = {"r", "g", "b", "a"},
-                       .doc = "0.6: this channel alone, as a number decoded as the colours are"},
+                       .values = {"r", "g", "b", "a", "number"},
+                       .doc =
+                           "0.6: this channel alone, as a number decoded as the colours are; `number` is "
+                           "Candela's addition, a float texture of pbrt: the alpha of an image that is not "
+                           "opaque, else the mean of the colors"},
                       {.name = "gamma",
                        .types = {number},
                        .doc = "0.6: values are taken to this power; 1 linear, -1 sRGB, 0 as the file means "
@@ -72,7 +75,8 @@ void add_textures(std::vector<PluginRule>& table) {
                                   {.name = "maximum",
                                    .types = {number},
                                    .doc = "larger values become this one (default none)",
-                                   .minimum = 0}},
+                                   .minimum = 0},
+                                  flag("root", "the square root is taken at last (default false)")},
                    .child_categories = {},
                    .doc = "Candela's addition: two textures mixed by an amount that may be one too; values "
                           "below 0 become 0"});

@@ -124,6 +124,8 @@ void add_old_bsdfs(std::vector<BsdfConfiguration>& all) {
   one("difftrans", "default", "");
   one("difftrans", "white", "<rgb name='transmittance' value='1'/>", 1);
   one("difftrans", "colored", "<rgb name='transmittance' value='0.9 0.3 0'/>");
+  one("difftrans", "both",
+      "<rgb name='transmittance' value='0.9 0.3 0'/><rgb name='reflectance' value='0.1 0.6 1'/>");
   const auto layer = [&](const std::string& name, const std::string& s, const std::string& a,
                          const std::string& more, double least = 0) {
     one("hk", name, "<rgb name='sigma_s' value='" + s + "'/><rgb name='sigma_a' value='" + a + "'/>" + more,

@@ -12,8 +12,8 @@ Result<void> CoatedBase::build(const description::Object& object, const BuildCon
   return {};
 }
 
-bool CoatedBase::prepare(const SurfacePoint& at, Spectrum& base, Spectrum& coat,
-                         float& specular_share) const {
+bool CoatedBase::prepare(const SurfacePoint& at, double internal_reflectance_here, Spectrum& base,
+                         Spectrum& coat, float& specular_share) const {
   const Spectrum d = diffuse.eval(at);
   coat = specular.eval(at);
   const float d_sum = d.r + d.g + d.b;
@@ -22,7 +22,7 @@ bool CoatedBase::prepare(const SurfacePoint& at, Spectrum& base, Spectrum& coat,
   specular_share = s_sum / (d_sum + s_sum);
   // In double: with a high index nearly all is reflected inside, and eta^2 makes up for it.
   const auto left = [&](float rho) {
-    const double lost = 1 - (nonlinear ? static_cast<double>(rho) : 1.0) * internal_reflectance;
+    const double lost = 1 - (nonlinear ? static_cast<double>(rho) : 1.0) * internal_reflectance_here;
     return static_cast<float>(static_cast<double>(rho) / (lost * static_cast<double>(eta) * eta));
   };
   base = {left(d.r), left(d.g), left(d.b)};

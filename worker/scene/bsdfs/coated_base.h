@@ -13,7 +13,12 @@ struct CoatedBase {
   Result<void> build(const description::Object& object, const BuildContext& context);
   // `base` is what is left of `diffuse` after any number of reflections inside, over eta^2; `specular_share`
   // is the specular part's share of the two colors. False: both are black.
-  bool prepare(const SurfacePoint& at, Spectrum& base, Spectrum& coat, float& specular_share) const;
+  bool prepare(const SurfacePoint& at, Spectrum& base, Spectrum& coat, float& specular_share) const {
+    return prepare(at, internal_reflectance, base, coat, specular_share);
+  }
+  // Where the coat's internal reflectance varies.
+  bool prepare(const SurfacePoint& at, double internal_reflectance_here, Spectrum& base, Spectrum& coat,
+               float& specular_share) const;
   float max_albedo() const;
 };
 

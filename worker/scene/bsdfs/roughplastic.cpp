@@ -16,7 +16,7 @@ struct Parts {
   float prob;  // of sampling the coat
 };
 bool parts(const RoughPlasticClosure& p, Vec3 wo, Parts& out) {
-  out.transmittance_o = p.coat->transmittance(wo.z);
+  out.transmittance_o = p.coat.transmittance(wo.z);
   const float r = (1 - out.transmittance_o) * p.specular_share;
   const float t = out.transmittance_o * (1 - p.specular_share);
   if (!(r + t > 0)) return false;
@@ -27,7 +27,7 @@ bool parts(const RoughPlasticClosure& p, Vec3 wo, Parts& out) {
 Spectrum eval_pdf_of(const RoughPlasticClosure& p, const Parts& parts, Vec3 wo, Vec3 wi, float& pdf) {
   const float cosine = wi.z * math::kInvPi;
   pdf = (1 - parts.prob) * cosine;
-  const Spectrum base = p.diffuse * (parts.transmittance_o * p.coat->transmittance(wi.z) * cosine);
+  const Spectrum base = p.diffuse * (parts.transmittance_o * p.coat.transmittance(wi.z) * cosine);
   const Vec3 sum = wo + wi;
   const float len2 = length_squared(sum);
   if (!(len2 > 0)) return base;
@@ -81,24 +81,26 @@ bool sample(const RoughPlasticClosure& p, Vec3 wo, float u_lobe, Vec2 u, Transpo
 Result<void> RoughPlasticSurface::build(const description::Object& object, const BuildContext& context) {
   CANDELA_TRY(base.build(object, context));
   CANDELA_ASSIGN(const RoughnessParameters roughness, read_roughness(object, context.textures));
-  if (!roughness.alpha_u.is_constant())
-    return located("the roughness of roughplastic is one number for the whole surface", object, "alpha");
-  alpha = std::max(kMinAlpha, roughness.alpha_u.constant);
+  alpha = roughness.alpha_u;
   ggx = roughness.ggx;
   sample_visible = roughness.sample_visible;
-  coat = context.coats.get(ggx, alpha, base.eta);
-  base.internal_reflectance = coat->internal_reflectance();
+  const float most = std::max(kMinAlpha, alpha.maximum());
+  if (!std::isfinite(most)) return located("the roughness is too large", object, "alpha");
+  coats = CoatTables::between(std::max(kMinAlpha, alpha.minimum()), most, [&](float a) {
+    return context.coats.get(ggx, std::max(kMinAlpha, a), base.eta);
+  });
   return {};
 }
 
 void RoughPlasticSurface::prepare(const SurfacePoint& at, bool below, Closure& out) const {
   RoughPlasticClosure p = {};
-  const bool black = below || !base.prepare(at, p.diffuse, p.specular, p.specular_share);
+  p.alpha = std::max(kMinAlpha, alpha.eval(at));
+  p.coat = coats.at(p.alpha);
+  const bool black =
+      below || !base.prepare(at, p.coat.internal_reflectance(), p.diffuse, p.specular, p.specular_share);
   p.eta = base.eta;
-  p.alpha = alpha;
   p.ggx = ggx;
   p.sample_visible = sample_visible;
-  p.coat = coat.get();
   out.set(p);
   out.black = black;
 }
@@ -106,7 +108,7 @@ void RoughPlasticSurface::prepare(const SurfacePoint& at, bool below, Closure& o
 BsdfFacts RoughPlasticSurface::facts() const {
   return {.smooth = true,
           .max_albedo = base.max_albedo(),
-          .min_roughness = base.specular.maximum().is_black() ? 1.0f : alpha};
+          .min_roughness = base.specular.maximum().is_black() ? 1.0f : std::max(kMinAlpha, alpha.minimum())};
 }
 
 }  // namespace candela::scene

@@ -3,12 +3,11 @@
 //   f |cos theta_i| = F D G / (4 cos theta_o) + T(wo) T(wi) / eta^2  rho / (1 - rho R_in)  |cos theta_i| / pi
 #pragma once
 
-#include <memory>
 #include <string_view>
 
 #include "worker/scene/bsdf.h"
+#include "worker/scene/bsdfs/coat_tables.h"
 #include "worker/scene/bsdfs/coated_base.h"
-#include "worker/scene/bsdfs/rough_transmittance.h"
 #include "worker/scene/bsdfs/surface.h"
 
 namespace candela::scene {
@@ -19,7 +18,7 @@ struct RoughPlasticClosure {
   float specular_share;
   bool ggx;
   bool sample_visible;
-  const RoughTransmittance* coat;
+  CoatAt coat;
 
   ClosureTraits traits() const { return {.reads_lobe = true}; }
 };
@@ -31,10 +30,10 @@ struct RoughPlasticSurface {
   static constexpr std::string_view kPlugins[] = {"roughplastic"};
 
   CoatedBase base;
-  float alpha = 0.1f;
+  FloatTexture alpha;
   bool ggx = false;
   bool sample_visible = true;
-  std::shared_ptr<const RoughTransmittance> coat;
+  CoatTables coats;
 
   Result<void> build(const description::Object& object, const BuildContext& context);
   void prepare(const SurfacePoint& at, bool below, Closure& out) const;

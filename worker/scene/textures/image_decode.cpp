@@ -53,6 +53,23 @@ bool is_jpeg_of_inks(std::string_view bytes) {
   return false;
 }
 
+// The channel of pbrt's float textures: alpha as gray, if there are R, G, B and A and some pixel is not
+// opaque; else the color, of which the texture takes the mean.
+constexpr std::string_view kNumber = "number";
+constexpr float kOpaque = 1 - 1e-6f;  // alphas from here on, but for rounding
+
+// Bytes of the pixels before they are packed. The library reads pixels of a PNG that has less than 8 bits as
+// bytes, of its palette as colors.
+std::uint64_t stored_bytes(std::string_view format, std::string_view bytes, const image::ImageSpec& spec) {
+  constexpr std::size_t kBitDepth = 24, kColorType = 25;  // places in the header
+  constexpr char kGray = 0, kPalette = 3;
+  if (format != "png" || bytes.size() <= kColorType) return spec.image_bytes;
+  const char type = bytes[kColorType];
+  const auto bits = static_cast<std::uint64_t>(static_cast<unsigned char>(bytes[kBitDepth]));
+  if ((type != kGray && type != kPalette) || bits > 8) return spec.image_bytes;
+  return static_cast<std::uint64_t>(spec.width) * static_cast<std::uint64_t>(spec.height) * bits / 8;
+}
+
 class Decoder {
  public:
   // most_heights: the values are heights, of at most so many pixels.
@@ -184,7 +201,7 @@ Result<void> Decoder::check_size() const {
         "the image has " + std::to_string(spec_.channels.size()) + " channels; 1 to 64 are supported", file_);
   }
   // A few bytes must not make us fill gigabytes: no format here packs better than about 1000 to 1.
-  if (spec_.image_bytes / 4096 > encoded_.size()) {
+  if (stored_bytes(format_, encoded_, spec_) / 4096 > encoded_.size()) {
     return image_error("the file has " + std::to_string(encoded_.size()) + " bytes, too few for its " +
                            std::to_string(spec_.width) + " x " + std::to_string(spec_.height) + " pixels",
                        file_);
@@ -211,7 +228,7 @@ int Decoder::single_channel() const {
 // Where red, green and blue are among the channels; one-channel images give all three the same.
 Result<void> Decoder::find_channels() {
   int found[3];
-  if (!reading_.channel.empty()) {
+  if (!reading_.channel.empty() && reading_.channel != kNumber) {
     found[0] = found[1] = found[2] = channel_named(static_cast<char>(reading_.channel[0] - 'a' + 'A'));
     if (found[0] < 0) return image_error("the image has no channel '" + reading_.channel + "'", file_);
     gray_ = true;
@@ -330,6 +347,15 @@ Result<void> Decoder::read_rows(TexelWriter& out) {
 Result<TexelImage> Decoder::decode(Scratch& scratch) {
   CANDELA_TRY(open());
   CANDELA_TRY(check_size());
+  const auto has = [&](std::string_view names) {
+    return std::all_of(names.begin(), names.end(), [&](char name) { return channel_named(name) >= 0; });
+  };
+  if (reading_.channel == kNumber && has("RGBA")) {
+    ImageReading of_alpha = reading_;
+    of_alpha.channel = "a";
+    CANDELA_ASSIGN(TexelImage alpha, Decoder(encoded_, file_, of_alpha).decode(scratch));
+    if (alpha.minimum.r < kOpaque) return alpha;
+  }
   CANDELA_TRY(find_channels());
   const bool is_integer = !spec_.floating;
   if (format_ == "openexr" && is_integer)

@@ -2,6 +2,7 @@
 #include "worker/scene/textures/texture.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -111,14 +112,18 @@ class Scale final : public Texture {
 };
 
 // Two textures mixed by a third, at most `most`. Amounts above 1 go on beyond the second, so that a mix of
-// black and a texture is their product with the amount.
+// black and a texture is their product with the amount. `root`: the square root of that.
 class Mix final : public Texture {
  public:
-  Mix(ColorTexture color0, ColorTexture color1, FloatTexture amount, float most)
-      : color0_(color0), color1_(color1), amount_(amount), most_(most) {}
+  Mix(ColorTexture color0, ColorTexture color1, FloatTexture amount, float most, bool root)
+      : color0_(color0), color1_(color1), amount_(amount), most_(most), root_(root) {
+    // Kept, for bounds of mixes in mixes ask for each other's many times.
+    minimum_ = result(corner(false));
+    maximum_ = result(corner(true));
+  }
 
   Spectrum eval(const SurfacePoint& at) const override {
-    return clamp(mixed(color0_.eval(at), color1_.eval(at), amount_.eval(at)));
+    return result(mixed(color0_.eval(at), color1_.eval(at), amount_.eval(at)));
   }
   TextureGradient gradient(const SurfacePoint& at) const override {
     const Spectrum a = color0_.eval(at), b = color1_.eval(at);
@@ -130,8 +135,8 @@ class Mix final : public Texture {
     return {slope(value, mixed(ga.du, gb.du, t) + across * gt.x),
             slope(value, mixed(ga.dv, gb.dv, t) + across * gt.y)};
   }
-  Spectrum maximum() const override { return clamp(corner(true)); }
-  Spectrum minimum() const override { return clamp(corner(false)); }
+  Spectrum maximum() const override { return maximum_; }
+  Spectrum minimum() const override { return minimum_; }
 
  private:
   static Spectrum mixed(Spectrum a, Spectrum b, float t) { return a * (1 - t) + b * t; }
@@ -139,11 +144,14 @@ class Mix final : public Texture {
     return color.texture == nullptr ? TextureGradient{} : color.texture->gradient(at);
   }
   float clamp(float value) const { return std::clamp(value, 0.0f, most_); }
-  Spectrum clamp(Spectrum s) const { return {clamp(s.r), clamp(s.g), clamp(s.b)}; }
+  float result(float value) const { return root_ ? std::sqrt(clamp(value)) : clamp(value); }
+  Spectrum result(Spectrum s) const { return {result(s.r), result(s.g), result(s.b)}; }
   // Flat where the value is clamped.
   float slope(float value, float gradient) const {
     constexpr float largest = std::numeric_limits<float>::max();
-    return value >= 0 && value <= most_ ? std::clamp(gradient, -largest, largest) : 0.0f;
+    if (!(value >= 0 && value <= most_)) return 0;
+    if (root_) gradient = value > 0 ? gradient / (2 * std::sqrt(value)) : 0;
+    return std::clamp(gradient, -largest, largest);
   }
   Spectrum slope(Spectrum value, Spectrum gradient) const {
     return {slope(value.r, gradient.r), slope(value.g, gradient.g), slope(value.b, gradient.b)};
@@ -151,9 +159,12 @@ class Mix final : public Texture {
   // The mix is linear in each of its parts, so that its bounds are among those of the parts.
   Spectrum corner(bool largest) const {
     std::optional<Spectrum> bound;
-    for (const Spectrum& a : {color0_.minimum(), color0_.maximum()})
-      for (const Spectrum& b : {color1_.minimum(), color1_.maximum()})
-        for (const float t : {amount_.minimum(), amount_.maximum()}) {
+    const std::array<Spectrum, 2> as = {color0_.minimum(), color0_.maximum()};
+    const std::array<Spectrum, 2> bs = {color1_.minimum(), color1_.maximum()};
+    const std::array<float, 2> ts = {amount_.minimum(), amount_.maximum()};
+    for (const Spectrum& a : as)
+      for (const Spectrum& b : bs)
+        for (const float t : ts) {
           const Spectrum value = mixed(a, b, t);
           if (!bound) bound = value;
           const auto pick = [&](float x, float y) { return largest ? std::max(x, y) : std::min(x, y); };
@@ -165,6 +176,27 @@ class Mix final : public Texture {
   ColorTexture color0_, color1_;
   FloatTexture amount_;
   float most_;
+  bool root_;
+  Spectrum minimum_, maximum_;
+};
+
+// The mean of the three channels, as gray.
+class MeanOfChannels final : public Texture {
+ public:
+  explicit MeanOfChannels(std::unique_ptr<const Texture> nested) : nested_(std::move(nested)) {}
+  Spectrum eval(const SurfacePoint& at) const override { return mean(nested_->eval(at)); }
+  TextureGradient gradient(const SurfacePoint& at) const override {
+    const TextureGradient g = nested_->gradient(at);
+    return {mean(g.du), mean(g.dv)};
+  }
+  Spectrum maximum() const override { return mean(nested_->maximum()); }
+  Spectrum minimum() const override { return mean(nested_->minimum()); }
+
+ private:
+  static Spectrum mean(Spectrum s) {
+    return s.r == s.g && s.g == s.b ? s : Spectrum(s.r / 3 + s.g / 3 + s.b / 3);
+  }
+  std::unique_ptr<const Texture> nested_;
 };
 
 Error located(std::string message, const description::Object& object, std::string_view property) {
@@ -260,12 +292,17 @@ Result<std::unique_ptr<const Texture>> TextureStore::build_bitmap(const descript
     if (reading.encoding == ImageReading::Encoding::power) reading.gamma = gamma;
   }
   reading.channel = object.get_string("channel", "");
-  if (!reading.channel.empty() && (reading.channel.size() != 1 ||
-                                   std::string_view("rgba").find(reading.channel) == std::string_view::npos))
-    return located("unknown channel '" + reading.channel + "'; known: r, g, b, a", object, "channel");
+  const bool as_number = reading.channel == "number";
+  if (!reading.channel.empty() && !as_number &&
+      (reading.channel.size() != 1 ||
+       std::string_view("rgba").find(reading.channel) == std::string_view::npos))
+    return located("unknown channel '" + reading.channel + "'; known: r, g, b, a, number", object, "channel");
   const description::Property* named = object.find("filename");
   CANDELA_ASSIGN(auto texels, image(file, reading, named != nullptr ? named->where : object.where));
-  return std::unique_ptr<const Texture>(std::make_unique<Bitmap>(std::move(texels), settings));
+  const bool is_gray = texels->format == TexelFormat::gray8 || texels->format == TexelFormat::gray32;
+  std::unique_ptr<const Texture> bitmap = std::make_unique<Bitmap>(std::move(texels), settings);
+  if (as_number && !is_gray) bitmap = std::make_unique<MeanOfChannels>(std::move(bitmap));
+  return bitmap;
 }
 
 Result<const Texture*> TextureStore::build(const description::ObjectPtr& object, int depth) {
@@ -285,9 +322,9 @@ Result<const Texture*> TextureStore::build(const description::ObjectPtr& object,
     CANDELA_ASSIGN(const ColorTexture color1, color_at_depth(*object, "color1", Spectrum(1.0f), depth + 1));
     CANDELA_ASSIGN(const FloatTexture amount, number_at_depth(*object, "amount", 0.5f, depth + 1));
     const double most = object->get_number("maximum", std::numeric_limits<float>::max());
-    texture =
-        std::make_unique<Mix>(color0, color1, amount,
-                              static_cast<float>(std::min<double>(most, std::numeric_limits<float>::max())));
+    texture = std::make_unique<Mix>(
+        color0, color1, amount, static_cast<float>(std::min<double>(most, std::numeric_limits<float>::max())),
+        object->get_bool("root", false));
     const Spectrum bound = texture->maximum();
     for (const float component : {bound.r, bound.g, bound.b})
       if (!std::isfinite(component)) return located("the mixed texture is finite", *object, "color1");
