@@ -95,6 +95,9 @@ class Resolver {
         draft.object->children.push_back(moved);
         where.push_back(place);
       }
+    if (draft.object->category == "texture" && node.unfolded > max_texture_unfolded)
+      return error_at(draft.object->where, fmt::format("{} unfolds into more than {} textures",
+                                                       describe(*draft.object), max_texture_unfolded));
     if (rule != nullptr) CANDELA_TRY(check_children(*draft.object, *rule, where));
     if (draft.legacy && draft.object->category == "sensor") begin_media_at_camera(*draft.object);
     if (draft.object->category == "sensor" && draft.object->plugin == "distant") filter_by_box(*draft.object);

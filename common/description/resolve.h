@@ -1,6 +1,7 @@
 // From objects with named references to the finished graph.
 #pragma once
 
+#include <cstdint>
 #include <map>
 #include <memory>
 #include <string>
@@ -36,11 +37,14 @@ struct Draft {
   }
 };
 
+// A lookup in a texture looks up those that it is made of; one that is referred to twice, twice.
+inline constexpr std::uint64_t max_texture_unfolded = 10'000;
+
 // Fills in the children of all drafts and checks them. If `passed_over` is given, textures and volumes for
 // unknown parameters, and what does not fit into an object that stands in for another, are left out and told
 // there; else they are errors. Errors: unknown ids (naming the
-// nearest), references that lead back to themselves, nesting deeper than 128 with references followed, and
-// graphs that would unfold into more than 20 million objects.
+// nearest), references that lead back to themselves, nesting deeper than 128 with references followed, graphs
+// that would unfold into more than 20 million objects, and textures beyond max_texture_unfolded.
 Result<ObjectPtr> resolve(std::vector<Draft>& drafts, std::size_t root,
                           const std::map<std::string, std::size_t, std::less<>>& ids,
                           std::vector<Note>* passed_over = nullptr);

@@ -5,6 +5,7 @@
 // bounded by what the file can really hold, whatever its header claims.
 #include <fmt/format.h>
 
+#include <atomic>
 #include <bit>
 #include <charconv>
 #include <cmath>
@@ -12,6 +13,7 @@
 #include <limits>
 #include <optional>
 
+#include "common/base/log.h"
 #include "worker/core/math.h"
 #include "worker/loaders/mesh.h"
 #include "worker/loaders/parallel.h"
@@ -112,6 +114,10 @@ class Reader {
       return fail("there is more data than the header declares");
     }
     if (mesh_.triangles.empty()) return input_error("the PLY file has no faces").at(name_, 0);
+    if (const std::uint64_t count = dropped_normals_.load(); count > 0)
+      log::warn(fmt::format(
+          "{}: left out {} vertex normals that are not finite: those of the faces around take their place",
+          name_, count));
     for (auto* attributes : {&vertex_attributes_, &face_attributes_})
       for (MeshAttribute& attribute : *attributes) mesh_.attributes.push_back(std::move(attribute));
     return std::move(mesh_);
@@ -154,14 +160,21 @@ class Reader {
     return true;
   }
 
-  // False: a number is not finite as a float.
+  // False: a number is not finite as a float. A normal that is not finite is none.
   bool set_vertex(std::size_t i, const Row& row) {
-    for (const double v : row.values) {
-      if (!is_float_range(v)) return false;
+    for (const Role role : {Role::x, Role::y, Role::z, Role::u, Role::v}) {
+      if (!is_float_range(row[role])) return false;
     }
     const auto f = [&](Role role) { return static_cast<float>(row[role]); };
     mesh_.positions[i] = {f(Role::x), f(Role::y), f(Role::z)};
-    if (header_.has_normals) mesh_.normals[i] = {f(Role::nx), f(Role::ny), f(Role::nz)};
+    if (header_.has_normals) {
+      const bool is_normal =
+          is_float_range(row[Role::nx]) && is_float_range(row[Role::ny]) && is_float_range(row[Role::nz]);
+      if (is_normal)
+        mesh_.normals[i] = {f(Role::nx), f(Role::ny), f(Role::nz)};
+      else
+        dropped_normals_.fetch_add(1, std::memory_order_relaxed);
+    }
     if (header_.has_uvs) mesh_.uvs[i] = {f(Role::u), f(Role::v)};
     for (std::size_t a = 0; a < vertex_attributes_.size(); ++a)
       if (!set_attribute(header_.vertex_attributes[a], row.columns, vertex_attributes_[a].values[i]))
@@ -479,6 +492,7 @@ class Reader {
   const Decoder decode_;
   std::vector<MeshAttribute> vertex_attributes_, face_attributes_;
   Mesh mesh_;
+  std::atomic<std::uint64_t> dropped_normals_ = 0;
 };
 
 }  // namespace

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <initializer_list>
 #include <numbers>
 #include <string_view>
 #include <utility>
@@ -27,39 +26,6 @@ Error error_at(const description::Object& object, std::string message) {
   return input_error(std::move(message)).at(object.where.file, object.where.line);
 }
 
-// Something below `object` looks at (u, v): a texture, or an anisotropic lobe, whose axes follow them.
-bool reads_uv(const description::Object& object) {
-  if (object.category == "texture") return true;
-  for (const char* name : {"alpha_u", "alpha_v", "anisotropic"})
-    if (object.find(name) != nullptr) return true;
-  // A texture that made a shape is not looked at by its hits.
-  return std::any_of(object.children.begin(), object.children.end(), [&](const description::Child& c) {
-    return !(object.category == "shape" && c.object->category == "texture") && reads_uv(*c.object);
-  });
-}
-
-// The attributes that textures below `object` look at, each once.
-void attributes_of(const description::Object& object, std::vector<std::string>& names) {
-  for (const description::Child& child : object.children) {
-    if (child.object->category == "shape") continue;
-    if (child.object->category != "texture" || child.object->plugin != "mesh_attribute") {
-      attributes_of(*child.object, names);
-      continue;
-    }
-    const std::string name = child.object->get_string("name", "");
-    if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
-  }
-}
-
-// Something below `object` is a texture of one of the plugins.
-bool has_texture(const description::Object& object, std::initializer_list<std::string_view> plugins) {
-  if (object.category == "texture" &&
-      std::find(plugins.begin(), plugins.end(), object.plugin) != plugins.end())
-    return true;
-  return std::any_of(object.children.begin(), object.children.end(),
-                     [&](const description::Child& c) { return has_texture(*c.object, plugins); });
-}
-
 Spectrum to_spectrum(const description::Rgb& rgb) {
   return {static_cast<float>(rgb.value[0]), static_cast<float>(rgb.value[1]),
           static_cast<float>(rgb.value[2])};
@@ -79,12 +45,47 @@ Result<Frame> frame_of(const description::Object& object, const Transform& to_wo
   return Frame{Vec3(s), Vec3(t), Vec3(n)};
 }
 
+// A mesh whose faces are all left out.
+bool is_empty(const Shape& shape) {
+  return shape.triangles.empty() && !shape.sphere && !shape.disk && !shape.cylinder;
+}
+
 bool is_radiometric(Spectrum s) {
   return std::min(s.r, std::min(s.g, s.b)) >= 0 && std::isfinite(s.r) && std::isfinite(s.g) &&
          std::isfinite(s.b);
 }
 
 }  // namespace
+
+SceneBuilder::TextureUse SceneBuilder::texture_use(const description::Object& object) {
+  const bool is_texture = object.category == "texture", is_shape = object.category == "shape";
+  TextureUse use;
+  use.uv = is_texture;
+  for (const char* name : {"alpha_u", "alpha_v", "anisotropic"}) use.uv |= object.find(name) != nullptr;
+  use.wireframe = is_texture && object.plugin == "wireframe";
+  use.place =
+      use.wireframe || (is_texture && (object.plugin == "mesh_attribute" || object.plugin == "volume"));
+  if (is_texture && object.plugin == "mesh_attribute")
+    use.attributes.push_back(object.get_string("name", ""));
+  for (const description::Child& child : object.children) {
+    if (child.object->category == "shape") continue;
+    const TextureUse& below = texture_use_of_part(*child.object);
+    // A texture that made a shape is not looked at by its hits.
+    use.uv |= below.uv && !(is_shape && child.object->category == "texture");
+    use.wireframe |= below.wireframe;
+    use.place |= below.place;
+    for (const std::string& name : below.attributes)
+      if (std::find(use.attributes.begin(), use.attributes.end(), name) == use.attributes.end())
+        use.attributes.push_back(name);
+  }
+  return use;
+}
+
+const SceneBuilder::TextureUse& SceneBuilder::texture_use_of_part(const description::Object& object) {
+  if (const auto known = texture_uses_.find(&object); known != texture_uses_.end()) return known->second;
+  TextureUse use = texture_use(object);
+  return texture_uses_.emplace(&object, std::move(use)).first->second;
+}
 
 // Lamps and meters must be round: they are sampled by area.
 bool SceneBuilder::is_stretched_surface(const description::Object& shape) const {
@@ -166,9 +167,10 @@ Result<void> SceneBuilder::shapes(const description::Object& scene) {
 }
 
 Result<void> SceneBuilder::read_attributes(const description::Object& object) {
+  // The instances of a group share it.
+  if (object.plugin == "shapegroup" && !read_groups_.insert(&object).second) return {};
   for (const auto& shape : object.children_of("shape")) CANDELA_TRY(read_attributes(*shape));
-  std::vector<std::string> names;
-  attributes_of(object, names);
+  const std::vector<std::string> names = texture_use(object).attributes;
   if (names.empty() || read_shapes_.contains(&object)) return {};
   CANDELA_ASSIGN(Shape shape, build_shape(object, files_, names));
   geometry_.expect(shape.attributes);
@@ -181,8 +183,10 @@ Result<std::uint32_t> SceneBuilder::group_of(const description::ObjectPtr& objec
   if (known != group_of_object_.end()) return known->second;
   const auto shapes = object->children_of("shape");
   if (shapes.empty()) return error_at(*object, "the shapegroup has no shapes");
-  const std::uint32_t group = geometry_.begin_group();
+  std::uint32_t group = geometry_.begin_group();
+  const std::size_t before = geometry_.shapes.size();
   for (const auto& shape : shapes) CANDELA_TRY(add_shape(*shape, true));
+  if (geometry_.shapes.size() == before) group = kNone;
   group_of_object_[object.get()] = group;
   return group;
 }
@@ -193,6 +197,7 @@ Result<void> SceneBuilder::instance(const description::Object& object) {
     return error_at(object, "an instance needs one shapegroup, given by a reference to its id");
   }
   CANDELA_ASSIGN(const std::uint32_t group, group_of(groups[0]));
+  if (group == kNone) return {};
   return add_instance(object, group);
 }
 
@@ -237,14 +242,13 @@ Result<void> SceneBuilder::add_shape(const description::Object& object, bool in_
   ShapeRecord record;
   CANDELA_ASSIGN(record.medium_interface, media_.add_interface(object, files_));
   CANDELA_ASSIGN(record.bsdf, bsdf_of(object, !emitters.empty()));
-  record.reads_uv = reads_uv(object);
-  record.reads_mean_edge = has_texture(object, {"wireframe"});
+  const TextureUse use = texture_use(object);
+  record.reads_uv = use.uv;
+  record.reads_mean_edge = use.wireframe;
   record.reads_partials = bsdfs_[record.bsdf].facts().reads_partials;
   if (parameterized_) record.reads_uv = record.reads_partials = true;
   // A tangent frame in the world needs the derivative that it follows.
   record.reads_partials |= in_group && record.reads_uv;
-  std::vector<std::string> attributes;
-  attributes_of(object, attributes);
   Shape shape;
   if (const auto read = read_shapes_.find(&object); read != read_shapes_.end()) {
     shape = std::move(read->second);
@@ -252,13 +256,17 @@ Result<void> SceneBuilder::add_shape(const description::Object& object, bool in_
   } else if (object.plugin == "heightfield") {
     CANDELA_ASSIGN(shape, build_heightfield(object, files_, textures_));
   } else {
-    CANDELA_ASSIGN(shape, build_shape(object, files_, attributes));
+    CANDELA_ASSIGN(shape, build_shape(object, files_, use.attributes));
   }
   features_.dropped_faces += shape.dropped_count;
-  if (shape.dropped_count > 0) {
-    log::warn(object.where.file + ":" + std::to_string(object.where.line) + ": left out " +
-              std::to_string(shape.dropped_count) + " faces without area");
+  const std::string place = object.where.file + ":" + std::to_string(object.where.line) + ": ";
+  if (is_empty(shape)) {
+    if (&object == measured_object_) return error_at(object, "no face of the mesh has an area");
+    log::warn(place + "left out shape '" + object.plugin + "': none of its faces has an area");
+    return {};
   }
+  if (shape.dropped_count > 0)
+    log::warn(place + "left out " + std::to_string(shape.dropped_count) + " faces without area");
   if (geometry_.positions.size() + shape.positions.size() > kMostPrimitives ||
       geometry_.triangles.size() + shape.triangles.size() > kMostPrimitives) {
     return error_at(object, "the scene has more than 2^32 triangles or vertices");
@@ -268,7 +276,7 @@ Result<void> SceneBuilder::add_shape(const description::Object& object, bool in_
   if (!emitters.empty()) {
     // Samples of a rectangle do not name the triangle that they are on, which a wireframe reads: the lamp is
     // a mesh.
-    const bool as_mesh = has_texture(*emitters[0], {"wireframe"});
+    const bool as_mesh = texture_use_of_part(*emitters[0]).wireframe;
     area_emitters_.push_back({index, as_mesh ? std::nullopt : shape.rectangle, emitters[0]});
   }
   if (&object == measured_object_ && !in_group) {
@@ -409,7 +417,7 @@ void SceneBuilder::add_place_light(Emitter light, float peak) {
 }
 
 Result<void> SceneBuilder::emitter(const description::Object& object) {
-  if (object.plugin != "area" && has_texture(object, {"mesh_attribute", "wireframe", "volume"}))
+  if (object.plugin != "area" && texture_use_of_part(object).place)
     return error_at(
         object,
         fmt::format("a mesh_attribute, wireframe or volume texture needs a surface; a '{}' light has none",

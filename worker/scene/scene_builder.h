@@ -5,6 +5,8 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -71,6 +73,18 @@ class SceneBuilder {
     description::ObjectPtr object;
   };
 
+  // What the textures at and below an object look at.
+  struct TextureUse {
+    bool uv = false;                      // or an anisotropic lobe, whose axes follow (u, v)
+    bool wireframe = false;               // edges of triangles
+    bool place = false;                   // more of a surface than (u, v)
+    std::vector<std::string> attributes;  // of meshes, each once
+  };
+  // Of a shape: without the shapes that it holds.
+  TextureUse texture_use(const description::Object& object);
+  // Of an object that the scene keeps: each is walked once, however often it is referred to.
+  const TextureUse& texture_use_of_part(const description::Object& object);
+
   // Reads the meshes whose attributes textures look at, so that the textures' bounds are known.
   Result<void> read_attributes(const description::Object& object);
   // With its group if it is the first of it.
@@ -79,6 +93,7 @@ class SceneBuilder {
   // A round shape whose to_world stretches it: an instance of its own.
   Result<void> stretched(const description::Object& object);
   Result<void> add_shape(const description::Object& object, bool in_group);
+  // kNone: all shapes of the group were left out.
   Result<std::uint32_t> group_of(const description::ObjectPtr& object);
   bool is_stretched_surface(const description::Object& shape) const;
   Result<std::uint32_t> bsdf_of(const description::Object& shape, bool emits);
@@ -109,6 +124,8 @@ class SceneBuilder {
   std::vector<AreaEmitter> area_emitters_;
   std::map<const description::Object*, std::uint32_t> group_of_object_;
   std::map<const description::Object*, Shape> read_shapes_;
+  std::set<const description::Object*> read_groups_;
+  std::map<const description::Object*, TextureUse> texture_uses_;
   const description::Object* measured_object_ = nullptr;
   std::uint32_t measured_ = kNone;
   std::optional<Rectangle> measured_rectangle_;

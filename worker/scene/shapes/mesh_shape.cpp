@@ -98,7 +98,7 @@ Result<Shape> shape_from_mesh(loaders::Mesh mesh, const Transform& to_world, boo
   }
   shape.dropped_count += before - shape.triangles.size();
   shape.attributes = std::move(mesh.attributes);
-  if (shape.triangles.empty()) return input_error("no face of the mesh has an area").at(name, 0);
+  if (shape.triangles.empty()) return shape;
 
   if (!face_normals && !mesh.face_normals) {
     const bool given = !mesh.normals.empty();
