@@ -82,13 +82,10 @@ TEST(DescriptionPbrt, WorldsMeanTheSameAsTheirTwins) {
            "<bsdf type='blendbsdf'><float name='weight' value='0.25'/><bsdf type='thindielectric'><float "
            "name='int_ior' value='1.5'/><float name='ext_ior' value='1'/></bsdf>" +
            half + "</bsdf>")},
-      // 0.2 reflected and 0.6 transmitted: three quarters of the weight transmit.
-      {"Material \"diffusetransmission\" \"rgb reflectance\" [.125 .125 .125] \"rgb transmittance\" [.375 "
-       ".375 "
-       ".375]\nShape \"sphere\"",
-       xml_sphere("<bsdf type='blendbsdf'><float name='weight' value='0.75'/>" +
-                  xml_twosided("<bsdf type='diffuse'>" + gray("reflectance", 0.5) + "</bsdf>") +
-                  "<bsdf type='difftrans'>" + gray("transmittance", 0.5) + "</bsdf></bsdf>")},
+      {"Material \"diffusetransmission\" \"rgb reflectance\" [.6 .1 .1] \"rgb transmittance\" [.1 .6 .1] "
+       "\"float scale\" .5\nShape \"sphere\"",
+       xml_sphere("<bsdf type='difftrans'><rgb name='reflectance' value='.3,.05,.05'/><rgb "
+                  "name='transmittance' value='.05,.3,.05'/></bsdf>")},
       {"Shape \"sphere\" \"float alpha\" 0.25",
        xml_sphere("<bsdf type='mask'><float name='opacity' value='0.25'/>" + half + "</bsdf>")},
       {"Translate 1 2 3\nShape \"cylinder\" \"float radius\" 2 \"float zmax\" 4",
@@ -161,6 +158,16 @@ TEST(DescriptionPbrt, TexturesMeanTheSameAsTheirTwins) {
            to_uv("1 0 0 0 0 -1 0 1 0 0 1 0 0 0 0 1") + "<string name='wrap_mode' value='repeat'/></texture>";
   };
   const std::string picture = named_picture("");
+  // A float texture: the mean of the channels.
+  const auto named_number = [&](const std::string& slot) {
+    return "<texture name='" + slot +
+           "' type='bitmap'><string name='channel' value='number'/><string name='filename' "
+           "value='image.png'/>" +
+           to_uv("1 0 0 0 0 -1 0 1 0 0 1 0 0 0 0 1") + "<string name='wrap_mode' value='repeat'/></texture>";
+  };
+  const std::string plain_turn =
+      "<boolean name='flip_invalid_normals' value='false'/><boolean name='use_shadowing_function' "
+      "value='false'/>";
   const std::vector<Twin> twins = {
       {"Texture \"t\" \"spectrum\" \"constant\" \"rgb value\" [.1 .2 .3]" + use,
        on_sphere("<rgb name='reflectance' value='.1,.2,.3'/>")},
@@ -201,7 +208,7 @@ TEST(DescriptionPbrt, TexturesMeanTheSameAsTheirTwins) {
        "\"t\"\nShape "
        "\"sphere\"",
        on_sphere("<texture name='reflectance' type='mix'><texture name='color0' type='mix'>" +
-                 named_picture("color0") + gray("color1", 0.5) + named_picture("amount") +
+                 named_picture("color0") + gray("color1", 0.5) + named_number("amount") +
                  "</texture><float name='amount' value='0'/><float name='maximum' value='1'/></texture>")},
       // Displacements may go down; a picture's alpha is the opacity.
       {"Texture \"i\" \"float\" \"imagemap\" \"string filename\" \"image.png\"\nTexture \"t\" \"float\" "
@@ -209,40 +216,59 @@ TEST(DescriptionPbrt, TexturesMeanTheSameAsTheirTwins) {
        "\"texture tex\" \"i\" \"float scale\" -.5\nMaterial \"diffuse\" \"texture displacement\" "
        "\"t\"\nShape "
        "\"sphere\"",
-       xml_sphere(xml_twosided("<bsdf type='bumpmap'><texture name='texture' type='scale'>" +
-                               gray("scale", 0.5) + picture +
-                               "</texture><float name='scale' value='-1'/><bsdf type='diffuse'>" +
-                               gray("reflectance", 0.5) + "</bsdf></bsdf>"))},
+       xml_sphere("<bsdf type='bumpmap'><texture name='texture' type='scale'>" + gray("scale", 0.5) +
+                  named_number("") + "</texture><float name='scale' value='-1'/>" + plain_turn +
+                  xml_twosided("<bsdf type='diffuse'>" + gray("reflectance", 0.5) + "</bsdf>") + "</bsdf>")},
+      {"Material \"diffuse\" \"string normalmap\" \"image.png\"\nShape \"sphere\"",
+       xml_sphere("<bsdf type='normalmap'><texture name='normalmap' type='bitmap'><string name='filename' "
+                  "value='image.png'/>" +
+                  to_uv("1 0 0 0 0 -1 0 1 0 0 1 0 0 0 0 1") + "<boolean name='raw' value='true'/></texture>" +
+                  plain_turn + xml_twosided("<bsdf type='diffuse'>" + gray("reflectance", 0.5) + "</bsdf>") +
+                  "</bsdf>")},
       {"Texture \"t\" \"float\" \"imagemap\" \"string filename\" \"rgba.png\"\nShape \"sphere\" \"texture "
        "alpha\" "
        "\"t\"",
-       xml_sphere("<bsdf type='mask'><texture name='opacity' type='bitmap'><string name='filename' "
-                  "value='rgba.png'/>" +
+       xml_sphere("<bsdf type='mask'><texture name='opacity' type='bitmap'><string name='channel' "
+                  "value='number'/><string name='filename' value='rgba.png'/>" +
                   to_uv("1 0 0 0 0 -1 0 1 0 0 1 0 0 0 0 1") +
-                  "<string name='wrap_mode' value='repeat'/><string name='channel' value='a'/></texture>" +
+                  "<string name='wrap_mode' value='repeat'/></texture>" +
                   xml_twosided("<bsdf type='diffuse'>" + gray("reflectance", 0.5) + "</bsdf>") + "</bsdf>")},
-      // The root of a linear picture is its power 1/2.
+      // Alpha is the root of the roughness.
       {"Texture \"t\" \"float\" \"imagemap\" \"string filename\" \"image.png\" \"string encoding\" "
        "\"linear\"\n"
        "Material \"dielectric\" \"texture roughness\" \"t\"\nShape \"sphere\"",
        xml_sphere(
            "<bsdf type='roughdielectric'><float name='int_ior' value='1.5'/><float name='ext_ior' "
-           "value='1'/><string name='distribution' value='ggx'/><texture name='alpha' type='bitmap'><string "
-           "name='filename' value='image.png'/>" +
+           "value='1'/><string name='distribution' value='ggx'/><texture name='alpha' type='mix'><texture "
+           "name='color0' type='bitmap'><string name='channel' value='number'/><string name='filename' "
+           "value='image.png'/>" +
            to_uv("1 0 0 0 0 -1 0 1 0 0 1 0 0 0 0 1") +
-           "<string name='wrap_mode' value='repeat'/><float name='gamma' value='0.5'/></texture></bsdf>")},
+           "<string name='wrap_mode' value='repeat'/><boolean name='raw' value='true'/></texture><float "
+           "name='amount' value='0'/><boolean name='root' value='true'/></texture></bsdf>")},
+      {"Texture \"a\" \"float\" \"checkerboard\"\nTexture \"t\" \"float\" \"mix\" \"texture amount\" "
+       "\"a\" \"float tex1\" .25 \"float tex2\" .5\nMaterial \"coateddiffuse\" \"texture roughness\" "
+       "\"t\" \"bool remaproughness\" false\nShape \"sphere\"",
+       xml_sphere(xml_twosided(
+           "<bsdf type='roughplastic'>" + gray("diffuse_reflectance", 0.5) +
+           "<float name='int_ior' value='1.5'/><float name='ext_ior' value='1'/><boolean name='nonlinear' "
+           "value='true'/><string name='distribution' value='ggx'/><texture name='alpha' type='mix'>" +
+           gray("color0", 0.25) + gray("color1", 0.5) + "<texture name='amount' type='checkerboard'>" +
+           to_uv("0.5 0 0 0 0 0.5 0 0 0 0 1 0 0 0 0 1") + gray("color0", 1) + gray("color1", 0) +
+           "</texture></texture></bsdf>"))},
   };
   for (const Twin& twin : twins) EXPECT_EQ(pbrt_world(twin.pbrt), xml_world(twin.xml)) << twin.pbrt;
 }
 
-// Claim: scopes keep and give back the whole state, or the transform alone; Attribute, coordinate systems,
+// Claim: scopes keep and give back the whole state, TransformBegin's too; Attribute, coordinate systems,
 // Include and Import work on it as pbrt's do.
 TEST(DescriptionPbrt, TheStateOfTheFileCounts) {
   const std::string at_1 = "Translate 1 0 0\nShape \"cylinder\"";
   const std::vector<Twin> same = {
       {"AttributeBegin\nTranslate 5 5 5\nMaterial \"interface\"\nReverseOrientation\nAttributeEnd\n" + at_1,
        at_1},
-      {"TransformBegin\nTranslate 5 5 5\nTransformEnd\n" + at_1, at_1},
+      {"TransformBegin\nTranslate 5 5 5\nMaterial \"interface\"\nReverseOrientation\nTransformEnd\n" + at_1,
+       at_1},
+      {"TransformBegin\nTranslate 5 5 5\nAttributeEnd\n" + at_1, at_1},
       {"Transform [1 0 0 0  0 1 0 0  0 0 1 0  1 0 0 1]\nShape \"cylinder\"", at_1},
       {"Rotate 30 1 2 3\nIdentity\n" + at_1, at_1},
       {"Translate 1 0 0\nCoordinateSystem \"here\"\nTranslate 1 0 0\nCoordSysTransform \"here\"\nShape "
@@ -392,13 +418,12 @@ TEST(DescriptionPbrt, OptionsAreTakenOver) {
   EXPECT_EQ(sensor->children_of("film").at(0)->children_of("rfilter").at(0)->plugin, "gaussian");
 
   const auto full = read_pbrt(
-      "Film \"rgb\" \"integer xresolution\" 100 \"integer yresolution\" 200 \"float iso\" 50 \"float "
-      "exposuretime\" 4\n"
+      "Film \"rgb\" \"integer xresolution\" 100 \"integer yresolution\" 200 \"float iso\" 50\n"
       "PixelFilter \"triangle\" \"float xradius\" 1.5 \"float yradius\" 1.5\nIntegrator \"bdpt\" \"integer "
       "maxdepth\" 3\n"
       "Sampler \"stratified\" \"integer xsamples\" 3 \"integer ysamples\" 5\n"
       "Scale 2 2 2\nCamera \"perspective\" \"float fov\" 30 \"float lensradius\" .5 \"float focaldistance\" "
-      "6\n"
+      "6 \"float shutteropen\" 1 \"float shutterclose\" 5\n"
       "WorldBegin\nLightSource \"infinite\"");
   ASSERT_TRUE(full.ok()) << outcome_of(full);
   const Object& other = *full->description.scene;
@@ -462,13 +487,18 @@ TEST(DescriptionPbrt, MistakesAreNamed) {
        ""},
       {"Shape \"sphere\" \"float radius\" [1 2]", "parameter 'radius' needs 1 value", ""},
       {"Shape \"sphere\" \"float radius\" nan", "'nan' is no finite number (parameter 'radius')", ""},
-      {"Shape \"sphere\" \"float radius\" 1 \"float radius\" 2", "parameter 'radius' is given twice", ""},
       {"Shape \"sphere\" \"color c\" [1 1 1]",
        "the type 'color' is of pbrt's version 3 (write 'rgb', or convert the file with pbrt --upgrade)", ""},
       {"NamedMaterial \"x\"\nShape \"sphere\"", "unknown named material 'x' (there is none)", ""},
       {"AttributeEnd", "AttributeEnd ends nothing", ""},
       {"AttributeBegin", "AttributeBegin has no end", ""},
-      {"AttributeBegin\nTransformEnd", "TransformEnd ends AttributeBegin of scene.pbrt:2", ""},
+      {"ObjectBegin \"o\"\nTransformEnd", "TransformEnd ends ObjectBegin of scene.pbrt:2", ""},
+      {"Material \"diffusetransmission\" \"rgb reflectance\" [.5 .25 .7] \"rgb transmittance\" [.5 .25 "
+       ".5]\nShape \"sphere\"",
+       "reflectance and transmittance of material 'diffusetransmission' add up to 1.2 in a channel, more "
+       "than 1 "
+       "(with --lenient both are scaled down)",
+       "reflectance and transmittance of material 'diffusetransmission' add up to 1.2"},
       {"Camera \"perspective\"", "Camera stands behind WorldBegin", ""},
       {"ObjectInstance \"o\"", "unknown object 'o' (there is none)", ""},
       {"Include \"none.pbrt\"", "file 'none.pbrt': no such file", ""},
@@ -510,6 +540,165 @@ TEST(DescriptionPbrt, MistakesAreNamed) {
                 .error()
                 .to_string(),
             "a.pbrt: the scene does not use the parameter 'spp' (a pbrt scene has none)");
+}
+
+// The outcome, and the warnings that every command tells.
+std::string warnings_of(const std::string& text, const Files& files = {}) {
+  const auto read = read_pbrt(text, files);
+  if (!read.ok()) return outcome_of(read);
+  std::string all;
+  for (const Note& note : read->passed_over)
+    all += fmt::format("{}:{}: {}\n", note.where.file, note.where.line, note.text);
+  return all;
+}
+
+// Claim: of two values of a parameter the last one counts, whatever their types, with a warning.
+TEST(DescriptionPbrt, TheLastOfTwoValuesCounts) {
+  const auto read = read_pbrt(
+      "Integrator \"path\" \"integer maxdepth\" 1\n\"integer maxdepth\" 5\nWorldBegin\nMaterial \"diffuse\" "
+      "\"spectrum reflectance\" [300 1 900 1] \"rgb reflectance\" [.1 .2 .3]\nShape \"sphere\"");
+  ASSERT_TRUE(read.ok()) << outcome_of(read);
+  const Object& scene = *read->description.scene;
+  EXPECT_EQ(scene.children_of("integrator").at(0)->get_integer("max_depth", 0), 6);
+  const ObjectPtr bsdf =
+      scene.children_of("shape").at(0)->children_of("bsdf").at(0)->children_of("bsdf").at(0);
+  EXPECT_EQ(bsdf->get_rgb("reflectance")->value, (Vec3{0.1, 0.2, 0.3}));
+  EXPECT_EQ(warnings_of("WorldBegin\nShape \"sphere\" \"float radius\" 1\n\"float radius\" 2"),
+            "scene.pbrt:3: parameter 'radius' is given twice: the last value counts\n");
+}
+
+// Claim: a directive may begin in an included file and go on in the file that includes it; where a loader
+// reads it again in its own file, that is an error that names the parameter.
+TEST(DescriptionPbrt, DirectivesGoOnBehindTheEndOfAFile) {
+  const std::string use =
+      "\n\"rgb sigma_a\" [1 1 1] \"rgb sigma_s\" [3 3 3]\nMediumInterface \"fog\" \"\"\nMaterial "
+      "\"interface\"\n"
+      "Shape \"sphere\"";
+  const std::string begin = "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\"";
+  const auto split = read_pbrt("WorldBegin\nInclude \"fog.pbrt\"" + use, {{"fog.pbrt", begin}});
+  ASSERT_TRUE(split.ok()) << outcome_of(split);
+  EXPECT_EQ(world_of(*split->description.scene), pbrt_world(begin + use));
+  // Within a list of values and between the numbers of a directive; the file is included once more behind it.
+  const auto deep = read_pbrt(
+      "WorldBegin\nInclude \"a.pbrt\" 2 3\nInclude \"a.pbrt\" 0 0\nInclude \"b.pbrt\" 2 ]\nShape "
+      "\"cylinder\"",
+      {{"a.pbrt", "Translate 1"}, {"b.pbrt", "Attribute \"shape\" \"float radius\" ["}});
+  ASSERT_TRUE(deep.ok()) << outcome_of(deep);
+  EXPECT_EQ(world_of(*deep->description.scene),
+            pbrt_world("Translate 2 2 3\nShape \"cylinder\" \"float radius\" 2"));
+  // An error behind the end is named in the file where it stands.
+  EXPECT_EQ(outcome_of(read_pbrt("WorldBegin\nInclude \"a.pbrt\"\n2 x", {{"a.pbrt", "Translate 1"}})),
+            "scene.pbrt:3: Translate needs a finite number, not 'x'");
+  EXPECT_EQ(outcome_of(read_pbrt("WorldBegin\nImport \"a.pbrt\"\n2 3", {{"a.pbrt", "Translate 1"}})),
+            "a.pbrt:1: Translate needs a finite number");
+  const std::string grid = "MakeNamedMedium \"g\" \"string type\" \"uniformgrid\" \"integer nx\" 2";
+  const std::string rest = "\n\"rgb sigma_a\" [1 1 1]\nMediumInterface \"g\" \"\"\nShape \"sphere\"";
+  EXPECT_EQ(outcome_of(read_pbrt("WorldBegin\nInclude \"g.pbrt\"" + rest,
+                                 {{"g.pbrt", grid + " \"float density\" [1 2]"}})),
+            "ok");
+  EXPECT_EQ(
+      outcome_of(
+          read_pbrt("WorldBegin\nInclude \"g.pbrt\"\n\"float density\" [1 2]" + rest, {{"g.pbrt", grid}})),
+      "scene.pbrt:3: parameter 'density' of the medium at g.pbrt:1 stands behind the end of its file (write "
+      "the grid into one file)");
+  EXPECT_EQ(
+      outcome_of(read_pbrt("WorldBegin\nInclude \"m.pbrt\"\n\"integer indices\" [0 1 2]",
+                           {{"m.pbrt", "Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0]"}})),
+      "scene.pbrt:3: parameter 'indices' of the shape at m.pbrt:1 stands behind the end of its file (write "
+      "the parameters of a mesh into one file)");
+}
+
+// Claim: an option has a name and a value without a type.
+TEST(DescriptionPbrt, OptionsHaveNoType) {
+  EXPECT_EQ(
+      warnings_of(
+          "Option \"disablepixeljitter\" false\nOption \"seed\" 3\nOption \"rendercoordsys\" \"world\"\n"
+          "Option \"disable-wavelength-jitter\" true\nWorldBegin"),
+      "");
+  EXPECT_EQ(warnings_of("Option \"sead\" 3\nWorldBegin"),
+            "scene.pbrt:1: unknown option 'sead' (did you mean 'seed'?)");
+  const auto read = read_pbrt("Option \"forcediffuse\" true\nWorldBegin");
+  ASSERT_TRUE(read.ok());
+  ASSERT_EQ(read->description.notes.size(), 1U);
+  EXPECT_TRUE(read->description.notes[0].text.starts_with("the option 'forcediffuse' is passed over"));
+}
+
+// Claim: the time between the opening and the closing of the camera's shutter exposes the film; a film has no
+// time of its own.
+TEST(DescriptionPbrt, TheShutterExposes) {
+  const auto radiance = [](const std::string& camera) {
+    const auto read =
+        read_pbrt("Camera \"perspective\" " + camera + "\nWorldBegin\nLightSource \"infinite\"");
+    return read.ok()
+               ? fmt::format(
+                     "{}",
+                     read->description.scene->children_of("emitter").at(0)->get_rgb("radiance")->value[0])
+               : outcome_of(read);
+  };
+  EXPECT_EQ(radiance(""), "1");
+  EXPECT_EQ(radiance("\"float shutteropen\" 0.5 \"float shutterclose\" 0.75"), "0.25");
+  EXPECT_EQ(radiance("\"float shutterclose\" 4"), "4");
+  EXPECT_EQ(radiance("\"float shutteropen\" 2"),
+            "scene.pbrt:1: the camera's shutter does not open: it closes at 1 and opens at 2");
+  EXPECT_EQ(outcome_of(read_pbrt("Film \"rgb\" \"float exposuretime\" 2\nWorldBegin")).substr(0, 62),
+            "scene.pbrt:1: film 'rgb' has no parameter 'exposuretime' (it h");
+}
+
+// Claim: a parameter that pbrt's integrator does not have is an error; those that it has are read.
+TEST(DescriptionPbrt, ParametersOfIntegratorsAreKnown) {
+  EXPECT_EQ(outcome_of(read_pbrt("Integrator \"path\" \"integer maxdept\" 3\nWorldBegin")),
+            "scene.pbrt:1: integrator 'path' has no parameter 'maxdept' (did you mean 'maxdepth'?)");
+  EXPECT_EQ(outcome_of(read_pbrt("Integrator \"sppm\" \"integer chains\" 3\nWorldBegin")).substr(0, 60),
+            "scene.pbrt:1: integrator 'sppm' has no parameter 'chains' (i");
+  for (const char* known :
+       {"\"volpath\" \"string lightsampler\" \"power\" \"bool regularize\" false",
+        "\"bdpt\" \"bool visualizestrategies\" false \"bool visualizeweights\" false",
+        "\"mlt\" \"integer bootstrapsamples\" 10 \"integer chains\" 2 \"integer mutationsperpixel\" 3 "
+        "\"float sigma\" "
+        ".01 \"float largestepprobability\" .3",
+        "\"sppm\" \"integer photonsperiteration\" 10 \"float radius\" 1 \"integer seed\" 3",
+        "\"simplepath\" \"bool samplelights\" true \"bool samplebsdf\" true",
+        "\"ambientocclusion\" \"bool cossample\" true \"float maxdistance\" 3"})
+    EXPECT_EQ(outcome_of(read_pbrt(fmt::format("Integrator {}\nWorldBegin", known))), "ok") << known;
+  // Another integrator than the scene's asks for nothing of it, as in XML.
+  EXPECT_EQ(outcome_of(read_pbrt("Integrator \"path\" \"integer maxdept\" 3\nWorldBegin", {},
+                                 {.integrator = "path", .lenient = false})),
+            "ok");
+}
+
+// Claim: values that pbrt passes over are passed over with a warning.
+TEST(DescriptionPbrt, ValuesThatPbrtPassesOver) {
+  EXPECT_EQ(warnings_of("Camera \"perspective\" \"float screenwindow\" [-1 1]\nWorldBegin"),
+            "scene.pbrt:1: 'screenwindow' has 2 numbers, not four: it is passed over, as in pbrt\n");
+  const auto light = [](const std::string& values) {
+    const auto read = read_pbrt("WorldBegin\nLightSource \"infinite\" \"blackbody L\" " + values);
+    return read.ok() ? read->description.scene->children_of("emitter").at(0)->get_rgb("radiance")->value
+                     : Vec3{};
+  };
+  EXPECT_EQ(light("[3000 7]"), light("3000"));
+  EXPECT_GT(light("3000")[0], 0);
+  EXPECT_EQ(
+      warnings_of("WorldBegin\nLightSource \"infinite\" \"blackbody L\" [3000 7]"),
+      "scene.pbrt:2: parameter 'L' has 2 values: the first is the temperature, and the others are passed "
+      "over, as in pbrt\n");
+}
+
+// Claim: a scene may have more than 10,000 includes.
+TEST(DescriptionPbrt, ManyIncludes) {
+  std::string many = "WorldBegin\n";
+  for (int i = 0; i < 10'100; ++i) many += "Include \"a.pbrt\"\n";
+  EXPECT_EQ(outcome_of(read_pbrt(many, {{"a.pbrt", "# nothing\n"}})), "ok");
+}
+
+// Claim: without a PixelFilter nothing is told of one.
+TEST(DescriptionPbrt, ScenesWithoutAFilterAreNotWarned) {
+  const auto told = [](const std::string& filter) {
+    const auto read = read_pbrt(filter + "WorldBegin");
+    return read.ok() ? read->description.notes.size() : 99U;
+  };
+  EXPECT_EQ(told(""), 0U);
+  EXPECT_EQ(told("PixelFilter \"gaussian\" \"float xradius\" 2 \"float yradius\" 2\n"), 0U);
+  EXPECT_EQ(told("PixelFilter \"gaussian\"\n"), 1U);
 }
 
 // Claim: a scene without WorldBegin, such as a file that was cut off, is an error, as for pbrt.

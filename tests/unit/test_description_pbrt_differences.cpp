@@ -84,6 +84,19 @@ TEST(DescriptionPbrtDifferences, DocumentedPluginsAreReadAndTold) {
       {"Camera \"realistic\" \"string lensfile\" \"lens.dat\"\nWorldBegin", "is a thin lens of the same"},
       {"Integrator \"ambientocclusion\" \"float maxdistance\" 3\nWorldBegin",
        "is 'path', which computes light"},
+      {"WorldBegin\nMaterial \"coateddiffuse\" \"float roughness\" .1\nShape \"sphere\"",
+       "3 to 37 % brighter"},
+      {"WorldBegin\nMaterial \"coateddiffuse\" \"float uroughness\" .1 \"float vroughness\" .2\nShape "
+       "\"sphere\"",
+       "has the mean of its two roughnesses"},
+      {"WorldBegin\nLightSource \"infinite\" \"string filename\" \"image.png\" \"float illuminance\" 4",
+       "scene.pbrt:2: the picture of an infinite light has the given 'illuminance'; pbrt counts half of its "
+       "light"},
+      {medium("\"homogeneous\"") + " \"float alpha\" .5",
+       "light that passes the holes of a shape of an alpha below 1 enters the medium behind"},
+      {"WorldBegin\nMakeNamedMedium \"m\" \"string type\" \"homogeneous\"\nMediumInterface \"m\" \"\"\nShape "
+       "\"sphere\" \"float alpha\" .5",
+       "light that the inner side of a shape of an alpha below 1 reflects stays in the medium"},
       {"Integrator \"randomwalk\" \"integer maxdepth\" 3\nWorldBegin", ""}};
   for (const Documented& one : all) {
     const auto read = read_pbrt(one.text, {{"lens.dat", "20 2 1.5 10\n0 1 0 8\n-20 50 1 10\n"}});

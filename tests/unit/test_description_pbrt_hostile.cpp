@@ -33,6 +33,39 @@ TEST(DescriptionPbrtHostile, DeepChainsAreErrors) {
             std::string::npos);
 }
 
+// Claim: textures and materials in which each level names the next twice are errors that name the line, in
+// both formats, before a lookup or a walk doubles with each level.
+TEST(DescriptionPbrtHostile, GraphsThatUnfoldAreErrors) {
+  std::string textures = "WorldBegin\nTexture \"t0\" \"spectrum\" \"checkerboard\"\n";
+  std::string materials = "WorldBegin\nMakeNamedMaterial \"m0\" \"string type\" \"diffuse\"\n";
+  std::string xml = "<texture type='checkerboard' id='t0'/>";
+  for (int i = 1; i <= 60; ++i) {
+    textures += fmt::format(
+        "Texture \"t{}\" \"spectrum\" \"mix\" \"texture tex1\" \"t{}\" \"texture tex2\" \"t{}\"\n", i, i - 1,
+        i - 1);
+    materials += fmt::format(
+        "MakeNamedMaterial \"m{}\" \"string type\" \"mix\" \"string materials\" [\"m{}\" \"m{}\"]\n", i,
+        i - 1, i - 1);
+    xml += fmt::format(
+        "\n<texture type='mix' id='t{}'><ref name='color0' id='t{}'/><ref name='color1' id='t{}'/></texture>",
+        i, i - 1, i - 1);
+  }
+  // 2^12 boards and as many mixes are fewer than 10,000.
+  EXPECT_EQ(outcome_of(read_pbrt(textures +
+                                 "Material \"diffuse\" \"texture reflectance\" \"t60\"\nShape \"sphere\"")),
+            "scene.pbrt:15: the texture 't13' unfolds into more than 10000 textures (name textures that are "
+            "made of "
+            "others only once)");
+  EXPECT_EQ(outcome_of(read_pbrt(textures +
+                                 "Material \"diffuse\" \"texture reflectance\" \"t12\"\nShape \"sphere\"")),
+            "ok");
+  EXPECT_EQ(
+      outcome_of(read_pbrt(materials + "NamedMaterial \"m60\"\nShape \"sphere\"")),
+      "scene.pbrt:15: the mix is made of more than 10000 materials (name mixes in other mixes only once)");
+  const auto read = parse_text("<scene version='3.0.0'>" + xml + "</scene>");
+  EXPECT_EQ(outcome(read), "scene.xml:14: texture 'mix' unfolds into more than 10000 textures");
+}
+
 // Claim: whatever the bytes, the answer is a scene or one error with a place.
 TEST(DescriptionPbrtHostile, MutatedScenesAreScenesOrErrors) {
   const std::string seed = R"(LookAt 0 1 -4 0 1 0 0 1 0

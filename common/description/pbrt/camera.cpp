@@ -6,10 +6,13 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <span>
+#include <vector>
 
 #include "common/description/check.h"
 #include "common/description/pbrt/geometry.h"
 #include "common/description/pbrt/lens.h"
+#include "common/description/text.h"
 #include "common/description/transform.h"
 #include "common/description/vocabulary.h"
 
@@ -26,6 +29,18 @@ constexpr std::array<std::string_view, 7> samplers = {"halton",     "independent
                                                       "stratified", "sobol",       "zsobol"};
 
 constexpr std::array<std::string_view, 2> other_integrators = {"ambientocclusion", "function"};
+
+constexpr std::array<std::string_view, 11> option_names = {"disablepixeljitter",
+                                                           "disabletexturefiltering",
+                                                           "disablewavelengthjitter",
+                                                           "displacementedgescale",
+                                                           "forcediffuse",
+                                                           "msereferenceimage",
+                                                           "msereferenceout",
+                                                           "pixelstats",
+                                                           "rendercoordsys",
+                                                           "seed",
+                                                           "wavefront"};
 
 template <std::size_t n>
 bool contains(const std::array<std::string_view, n>& names, std::string_view name) {
@@ -49,7 +64,8 @@ Result<std::optional<std::array<double, 4>>> four(ParameterList& parameters, std
   return std::optional(values);
 }
 
-Result<ObjectPtr> build_filter(Context& context, Entity& filter) {
+// `given`: the scene names the filter, which is pbrt's default else.
+Result<ObjectPtr> build_filter(Context& context, Entity& filter, bool given) {
   ParameterList& parameters = filter.parameters;
   if (!contains(filters, filter.type)) {
     CANDELA_TRY(context.refuse(Context::unknown(filter.where, "filter", filter.type, filters),
@@ -76,7 +92,7 @@ Result<ObjectPtr> build_filter(Context& context, Entity& filter) {
   } else if (filter.type == "gaussian") {
     CANDELA_ASSIGN(const double sigma, parameters.number("sigma", 0.5));
     set(*object, "stddev", sigma);
-    if (x != 4 * sigma)
+    if (given && x != 4 * sigma)
       context.differs(filter.where,
                       "the gaussian filter ends at four standard deviations, not at its radius");
   } else if (filter.type == "mitchell") {
@@ -139,7 +155,7 @@ Result<Film> build_film(Context& context, RenderOptions& options) {
     context.differs(film.where, "no sample is clamped: 'maxcomponentvalue' is passed over");
   parameters.ignore({"maxcomponentvalue"});
   CANDELA_TRY(context.refuse_unused(parameters, fmt::format("film '{}'", film.type)));
-  CANDELA_ASSIGN(ObjectPtr filter, build_filter(context, options.filter));
+  CANDELA_ASSIGN(ObjectPtr filter, build_filter(context, options.filter, options.has_filter));
   add(*out.object, "", std::move(filter));
   return out;
 }
@@ -170,8 +186,13 @@ Result<std::array<double, 4>> screen_window(Context& context, Entity& camera, co
   if (!(frame > 0)) return error_at(camera.where, "'frameaspectratio' must be above 0");
   std::array<double, 4> screen = frame > 1 ? std::array<double, 4>{-frame, frame, -1, 1}
                                            : std::array<double, 4>{-1, 1, -1 / frame, 1 / frame};
-  CANDELA_ASSIGN(const auto given, four(camera.parameters, "screenwindow"));
-  if (given) screen = *given;
+  const Parameter* window = camera.parameters.take("screenwindow", {"float"});
+  if (window != nullptr && window->numbers.size() == 4)
+    std::copy_n(window->numbers.begin(), 4, screen.begin());
+  else if (window != nullptr)
+    context.warn(window->where,
+                 fmt::format("'screenwindow' has {} numbers, not four: it is passed over, as in pbrt",
+                             window->numbers.size()));
   const double w = screen[1] - screen[0], h = screen[3] - screen[2];
   if (!(w > 0 && h > 0)) return error_at(camera.where, "the camera's screen window is empty");
   if (std::abs(w / h * film.height / film.width - 1) > 1e-3)
@@ -278,16 +299,37 @@ Result<std::shared_ptr<Object>> orthographic(Context& context, RenderOptions& op
 
 }  // namespace
 
+Result<void> read_option(Context& context, const std::string& name, std::string_view value,
+                         const Location& where) {
+  std::string folded = text::lower(name);
+  std::erase_if(folded, [](char c) { return c == '-' || c == '_'; });
+  if (!contains(option_names, folded))
+    return context.refuse(Context::unknown(where, "option", name, option_names));
+  if (text::to_boolean(value) != true) return {};
+  if (folded == "forcediffuse")
+    context.differs(where, "the option 'forcediffuse' is passed over: all materials are their own");
+  if (folded == "disablepixeljitter")
+    context.differs(where,
+                    "the option 'disablepixeljitter' is passed over: samples lie all over their pixel");
+  return {};
+}
+
 Result<double> exposure(Context& context, RenderOptions& options) {
   ParameterList& parameters = options.film.parameters;
   CANDELA_ASSIGN(const double iso, parameters.number("iso", 100));
-  CANDELA_ASSIGN(const double seconds, parameters.number("exposuretime", 1));
+  CANDELA_ASSIGN(const double open, options.camera.parameters.number("shutteropen", 0));
+  CANDELA_ASSIGN(const double close, options.camera.parameters.number("shutterclose", 1));
+  const double seconds = close - open;
+  if (!(seconds > 0))
+    return error_at(
+        options.camera.where,
+        fmt::format("the camera's shutter does not open: it closes at {} and opens at {}", close, open));
   CANDELA_ASSIGN(const std::string sensor, parameters.text("sensor", "cie1931"));
   CANDELA_ASSIGN(const double white, parameters.number("whitebalance", 0));
   if (sensor != "cie1931" || white != 0)
     context.differs(options.film.where,
                     fmt::format("the film's sensor '{}' is cie1931 without white balance", sensor));
-  if (!(iso > 0 && seconds > 0)) return error_at(options.film.where, "the film is not exposed");
+  if (!(iso > 0)) return error_at(options.film.where, "the film's 'iso' must be above 0");
   CANDELA_ASSIGN(const double diagonal, parameters.number("diagonal", 35));
   if (!(diagonal > 0)) return error_at(options.film.where, "the film's diagonal must be above 0");
   options.film_diagonal = diagonal / 1000;
@@ -317,8 +359,6 @@ Result<ObjectPtr> build_sensor(Context& context, RenderOptions& options, ObjectP
   CANDELA_ASSIGN(const std::shared_ptr<Object> sensor, camera.type == "orthographic"
                                                            ? orthographic(context, options, film)
                                                            : perspective(context, options, film));
-  if (camera.parameters.has("shutteropen") || camera.parameters.has("shutterclose"))
-    camera.parameters.ignore({"shutteropen", "shutterclose"});
   CANDELA_TRY(context.refuse_unused(camera.parameters, fmt::format("camera '{}'", camera.type)));
   CANDELA_ASSIGN(ObjectPtr finished, Context::finish(film.object));
   add(*sensor, "", std::move(finished));
@@ -328,30 +368,45 @@ Result<ObjectPtr> build_sensor(Context& context, RenderOptions& options, ObjectP
   return Context::finish(sensor);
 }
 
+namespace {
+
+struct IntegratorKind {
+  std::string_view type, plugin;
+  // What pbrt's has beside maxdepth. None of it changes the expectation, but for `regularize`.
+  std::vector<std::string_view> parameters;
+};
+
+std::span<const IntegratorKind> integrator_kinds() {
+  static const std::array<IntegratorKind, 11> kinds = {
+      {{"path", "path", {"lightsampler", "regularize"}},
+       {"ambientocclusion", "path", {"cossample", "maxdistance"}},
+       {"function", "path", {"function", "filename", "skipbad"}},
+       {"randomwalk", "path", {}},
+       {"volpath", "path", {"lightsampler", "regularize"}},
+       {"simplepath", "path", {"samplebsdf", "samplelights"}},
+       {"simplevolpath", "path", {}},
+       {"bdpt", "bdpt", {"regularize", "visualizestrategies", "visualizeweights"}},
+       {"lightpath", "light", {}},
+       {"mlt",
+        "mmlt",
+        {"bootstrapsamples", "chains", "largestepprobability", "mutationsperpixel", "regularize", "sigma"}},
+       {"sppm", "ppm", {"photonsperiteration", "radius", "regularize", "seed"}}}};
+  return kinds;
+}
+
+}  // namespace
+
 Result<ObjectPtr> build_integrator(Context& context, RenderOptions& options) {
-  struct Kind {
-    std::string_view type, plugin;
-  };
-  constexpr std::array<Kind, 11> kinds = {{{"path", "path"},
-                                           {"ambientocclusion", "path"},
-                                           {"function", "path"},
-                                           {"randomwalk", "path"},
-                                           {"volpath", "path"},
-                                           {"simplepath", "path"},
-                                           {"simplevolpath", "path"},
-                                           {"bdpt", "bdpt"},
-                                           {"lightpath", "light"},
-                                           {"mlt", "mmlt"},
-                                           {"sppm", "ppm"}}};
+  const std::span<const IntegratorKind> kinds = integrator_kinds();
   Entity& integrator = options.integrator;
-  const auto kind =
-      std::find_if(kinds.begin(), kinds.end(), [&](const Kind& k) { return k.type == integrator.type; });
+  const auto kind = std::find_if(kinds.begin(), kinds.end(),
+                                 [&](const IntegratorKind& k) { return k.type == integrator.type; });
   std::string plugin(kind == kinds.end() ? "path" : kind->plugin);
   if (!context.reading().integrator.empty()) {
     plugin = context.reading().integrator;
   } else if (kind == kinds.end()) {
     std::vector<std::string_view> known;
-    for (const Kind& k : kinds) known.push_back(k.type);
+    for (const IntegratorKind& k : kinds) known.push_back(k.type);
     CANDELA_TRY(context.refuse(Context::unknown(integrator.where, "integrator", integrator.type, known),
                                "it is read as 'path'"));
   }
@@ -365,6 +420,12 @@ Result<ObjectPtr> build_integrator(Context& context, RenderOptions& options) {
   CANDELA_ASSIGN(const std::int64_t bounces, integrator.parameters.integer("maxdepth", 5));
   if (bounces < 0) return error_at(integrator.where, "'maxdepth' is below 0");
   set_integer(*object, "max_depth", bounces + 1);
+  // As in XML, another integrator than the scene's does not ask what the scene's is called.
+  if (kind != kinds.end() && context.reading().integrator.empty()) {
+    for (const std::string_view name : kind->parameters) integrator.parameters.ignore({name});
+    CANDELA_TRY(
+        context.refuse_unused(integrator.parameters, fmt::format("integrator '{}'", integrator.type)));
+  }
   if (find_plugin("integrator", plugin) == nullptr) return ObjectPtr(object);  // the caller knows its name
   return Context::finish(object);
 }

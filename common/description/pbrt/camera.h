@@ -24,9 +24,14 @@ struct RenderOptions {
   Mat4 camera_from_world{};
   std::string camera_medium;
   double film_diagonal = 0.035;  // meters
+  bool has_filter = false;       // the scene has a PixelFilter
 };
 
-// How many times brighter the film shows the scene: exposure time and ISO.
+// An Option directive. Errors: a name that pbrt does not have.
+Result<void> read_option(Context& context, const std::string& name, std::string_view value,
+                         const Location& where);
+
+// How many times brighter the film shows the scene: the time that the shutter is open, and ISO.
 Result<double> exposure(Context& context, RenderOptions& options);
 
 // The sensor with film, filter and sampler. `medium`: around the camera; may be null.

@@ -44,6 +44,10 @@ Result<std::string> Context::find_file(const Location& where, std::string_view n
   return error;
 }
 
+void Context::warn(const Location& where, std::string text) {
+  if (passed_over_.size() < max_told) passed_over_.push_back({where, std::move(text)});
+}
+
 void Context::differs(const Location& where, std::string text) {
   if (notes_.size() < max_told) notes_.push_back({where, std::move(text)});
 }

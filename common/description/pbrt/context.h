@@ -34,6 +34,8 @@ class Context {
   }
   void set_main_file(const std::string& key);
 
+  // The file says something that does not count; told by each command that reads the scene.
+  void warn(const Location& where, std::string text);
   // The picture differs from pbrt's; told by `candela check`.
   void differs(const Location& where, std::string text);
   // Without --lenient the error; with it a warning, and the caller goes on with what stands in.

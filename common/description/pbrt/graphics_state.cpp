@@ -17,11 +17,12 @@ constexpr std::size_t max_scopes = 100'000;
 
 }  // namespace
 
-Result<Entity> read_entity(Tokens& tokens, const Token& word) {
+Result<Entity> read_entity(Context& context, Tokens& tokens, const Token& word) {
   Entity result;
   result.where = tokens.where(word);
   CANDELA_ASSIGN(result.type, read_string(tokens, word));
   CANDELA_ASSIGN(result.parameters, ParameterList::read(tokens));
+  for (Note& note : result.parameters.take_replaced()) context.warn(note.where, std::move(note.text));
   return result;
 }
 
@@ -157,12 +158,8 @@ Result<void> GraphicsState::pop(Tokens& tokens, const Token& word, std::string_v
                     scopes_.empty() ? fmt::format("{} ends nothing", word.text)
                                     : fmt::format("{} ends {} of {}:{}", word.text, scopes_.back().begin,
                                                   scopes_.back().where.file, scopes_.back().where.line));
-  Values outer = std::move(scopes_.back().values);
+  values_ = std::move(scopes_.back().values);
   scopes_.pop_back();
-  if (begin == "TransformBegin")
-    values_.world_from_object = outer.world_from_object;
-  else
-    values_ = std::move(outer);
   return {};
 }
 
@@ -175,15 +172,8 @@ Result<void> GraphicsState::attribute_end(Tokens& tokens, const Token& word) {
   return pop(tokens, word, "AttributeBegin");
 }
 
-Result<void> GraphicsState::transform_begin(Tokens& tokens, const Token& word) {
-  return push(tokens, word, "TransformBegin");
-}
-Result<void> GraphicsState::transform_end(Tokens& tokens, const Token& word) {
-  return pop(tokens, word, "TransformBegin");
-}
-
 Result<void> GraphicsState::attribute(Tokens& tokens, const Token& word) {
-  CANDELA_ASSIGN(const Entity given, read_entity(tokens, word));
+  CANDELA_ASSIGN(const Entity given, read_entity(context_, tokens, word));
   constexpr std::array<std::string_view, 5> known = {"shape", "light", "material", "medium", "texture"};
   if (std::find(known.begin(), known.end(), given.type) == known.end())
     return Context::unknown(given.where, "target of Attribute", given.type, known);
@@ -229,8 +219,8 @@ std::span<const GraphicsState::Directive> GraphicsState::directives() {
       {"Rotate", &GraphicsState::rotate},
       {"Scale", &GraphicsState::scale},
       {"Transform", &GraphicsState::set_transform},
-      {"TransformBegin", &GraphicsState::transform_begin},
-      {"TransformEnd", &GraphicsState::transform_end},
+      {"TransformBegin", &GraphicsState::attribute_begin},
+      {"TransformEnd", &GraphicsState::attribute_end},
       {"TransformTimes", &GraphicsState::transform_times},
       {"Translate", &GraphicsState::translate},
   }};

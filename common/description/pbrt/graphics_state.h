@@ -17,11 +17,11 @@
 namespace candela::description::pbrt {
 
 // The type and the parameters behind a directive.
-Result<Entity> read_entity(Tokens& tokens, const Token& word);
+Result<Entity> read_entity(Context& context, Tokens& tokens, const Token& word);
 
 class GraphicsState {
  public:
-  // What AttributeBegin keeps and AttributeEnd gives back.
+  // What AttributeBegin and TransformBegin keep, and AttributeEnd and TransformEnd give back.
   struct Values {
     Mat4 world_from_object = transform::identity;
     bool reverse_orientation = false;
@@ -54,7 +54,7 @@ class GraphicsState {
   void name_camera();
   void begin_world();
 
-  // Opens a scope. `name`: the directive's, which must last.
+  // Opens a scope. `name`: the directive's, which must last; AttributeBegin for TransformBegin too.
   Result<void> push(Tokens& tokens, const Token& word, std::string_view name);
   // Closes the scope that the directive `begin` opened.
   Result<void> pop(Tokens& tokens, const Token& word, std::string_view begin);
@@ -84,8 +84,6 @@ class GraphicsState {
   Result<void> reverse_orientation(Tokens& tokens, const Token& word);
   Result<void> attribute_begin(Tokens& tokens, const Token& word);
   Result<void> attribute_end(Tokens& tokens, const Token& word);
-  Result<void> transform_begin(Tokens& tokens, const Token& word);
-  Result<void> transform_end(Tokens& tokens, const Token& word);
   Result<void> attribute(Tokens& tokens, const Token& word);
   Result<void> color_space_directive(Tokens& tokens, const Token& word);
   Result<void> medium_interface(Tokens& tokens, const Token& word);

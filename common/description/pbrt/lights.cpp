@@ -107,10 +107,15 @@ Result<ObjectPtr> infinite(Context& context, LightEntity& entity) {
   set(*light, "filename", key);
   set(*light, "mapping", std::string("equalarea"));
   CANDELA_ASSIGN(const double illuminance, parameters.number("illuminance", -1));
-  if (illuminance > 0)
+  if (illuminance > 0) {
     set(*light, "illuminance", illuminance * scale * entity.factor);
-  else
+    context.differs(
+        entity.where,
+        "the picture of an infinite light has the given 'illuminance'; pbrt counts half of its light, "
+        "and makes it twice as bright");
+  } else {
     set(*light, "scale", scale * entity.factor);
+  }
   set(*light, "to_world", entity.to_world);
   return Context::finish(light);
 }

@@ -1,6 +1,7 @@
 // pbrt's materials as bsdfs.
 #pragma once
 
+#include <cstdint>
 #include <map>
 #include <optional>
 #include <string>
@@ -14,7 +15,8 @@ namespace candela::description::pbrt {
 
 struct Surface {
   ObjectPtr bsdf;
-  ObjectPtr interior;  // a medium that belongs to the material (subsurface); may be null
+  ObjectPtr interior = nullptr;  // a medium that belongs to the material (subsurface); may be null
+  std::uint64_t materials = 1;   // that it is made of; one that is named twice counts twice
 };
 
 // A material by name, or by the index of a Material directive.
@@ -85,7 +87,7 @@ class Materials {
   Result<Roughness> roughness(Definition& definition, const std::string& prefix);
   // Shading normals from a picture or a displacement.
   Result<ObjectPtr> with_maps(Definition& definition, ObjectPtr bsdf);
-  // The bsdf seen from both sides, with its maps.
+  // The bsdf seen from both sides, with its maps: they turn the surface, whichever side is seen.
   Result<Surface> opaque(Definition& definition, ObjectPtr bsdf);
 
   Context& context_;

@@ -93,12 +93,19 @@ Result<std::shared_ptr<Object>> Media::grid_medium(MediumEntity& entity,
 }
 
 // A grid whose values stay in the scene's file, or follow from its directive, over the box from p0 to p1.
-Result<std::shared_ptr<Object>> Media::grid_in_box(MediumEntity& entity, std::string_view wrap) {
+// `read_by_loader`: parameters that the loader reads in the directive's own file.
+Result<std::shared_ptr<Object>> Media::grid_in_box(MediumEntity& entity, std::string_view wrap,
+                                                   std::initializer_list<std::string_view> read_by_loader) {
   ParameterList& parameters = entity.parameters;
   if (entity.has_shared_values)
     return error_at(entity.where,
                     "a parameter of a medium that is a grid, given by Attribute, is not supported")
         .with_mend("write it into the MakeNamedMedium directive");
+  if (const Parameter* outside = parameters.given_outside(entity.where.file, read_by_loader))
+    return error_at(outside->where,
+                    fmt::format("parameter {} of the medium at {}:{} stands behind the end of its file",
+                                text::quote(outside->name), entity.where.file, entity.where.line))
+        .with_mend("write the grid into one file");
   CANDELA_ASSIGN(const Vec3 p0, parameters.point("p0", {0, 0, 0}));
   CANDELA_ASSIGN(const Vec3 p1, parameters.point("p1", {1, 1, 1}));
   Vec3 low{}, extent{};
@@ -127,7 +134,8 @@ Result<ObjectPtr> Media::finish_grid(MediumEntity& entity, std::shared_ptr<Objec
 
 // Beyond the outermost centers of cells pbrt's grid falls to 0.
 Result<ObjectPtr> Media::uniform_grid(MediumEntity& entity) {
-  CANDELA_ASSIGN(const std::shared_ptr<Object> grid, grid_in_box(entity, "zero"));
+  CANDELA_ASSIGN(const std::shared_ptr<Object> grid,
+                 grid_in_box(entity, "zero", {"nx", "ny", "nz", "density"}));
   entity.parameters.ignore({"density", "nx", "ny", "nz"});
   CANDELA_ASSIGN(std::shared_ptr<Object> medium, grid_medium(entity, grid));
   return finish_grid(entity, std::move(medium));
@@ -139,8 +147,9 @@ Result<ObjectPtr> Media::rgb_grid(MediumEntity& entity) {
     context_.differs(entity.where, "the colors of a medium 'rgbgrid' are taken for Rec.709");
   std::shared_ptr<Object> medium = make("medium", "heterogeneous", entity.where);
   for (const std::string_view part : {"sigma_t", "albedo"}) {
-    CANDELA_ASSIGN(const std::shared_ptr<Object> grid,
-                   grid_in_box(entity, part == "albedo" ? "clamp" : "zero"));
+    CANDELA_ASSIGN(
+        const std::shared_ptr<Object> grid,
+        grid_in_box(entity, part == "albedo" ? "clamp" : "zero", {"nx", "ny", "nz", "sigma_a", "sigma_s"}));
     set(*grid, "grid", std::string(part));
     CANDELA_ASSIGN(ObjectPtr finished, Context::finish(grid));
     add(*medium, part, std::move(finished));
@@ -150,7 +159,8 @@ Result<ObjectPtr> Media::rgb_grid(MediumEntity& entity) {
 }
 
 Result<ObjectPtr> Media::cloud(MediumEntity& entity) {
-  CANDELA_ASSIGN(const std::shared_ptr<Object> grid, grid_in_box(entity, "zero"));
+  CANDELA_ASSIGN(const std::shared_ptr<Object> grid,
+                 grid_in_box(entity, "zero", {"type", "density", "wispiness", "frequency", "p0", "p1"}));
   entity.parameters.ignore({"density", "wispiness", "frequency"});
   context_.differs(entity.where,
                    "the noise of a medium 'cloud' is sampled on a grid of 128 x 128 x 128 cells");

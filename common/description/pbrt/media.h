@@ -40,7 +40,8 @@ class Media {
   Result<ObjectPtr> cloud(MediumEntity& entity);
   Result<ObjectPtr> nano_vdb(MediumEntity& entity);
   // `wrap`: beyond the outermost centers of cells.
-  Result<std::shared_ptr<Object>> grid_in_box(MediumEntity& entity, std::string_view wrap);
+  Result<std::shared_ptr<Object>> grid_in_box(MediumEntity& entity, std::string_view wrap,
+                                              std::initializer_list<std::string_view> read_by_loader);
   Result<std::shared_ptr<Object>> grid_medium(MediumEntity& entity, const std::shared_ptr<Object>& grid);
   Result<ObjectPtr> finish_grid(MediumEntity& entity, std::shared_ptr<Object> medium);
 

@@ -133,13 +133,16 @@ Result<ParameterList> ParameterList::read(Tokens& tokens) {
     const Type* type = find_type(parameter.type);
     if (type == nullptr) return unknown_type(parameter.where, parameter.type);
     CANDELA_TRY(read_values(tokens, parameter, *type));
-    const auto same = [&](const Parameter& other) {
-      return other.name == parameter.name && other.type == parameter.type;
-    };
-    if (std::any_of(list.all_.begin(), list.all_.end(), same))
-      return error_at(parameter.where,
-                      fmt::format("parameter {} is given twice", text::quote(parameter.name)));
-    list.all_.push_back(std::move(parameter));
+    const auto same = std::find_if(list.all_.begin(), list.all_.end(),
+                                   [&](const Parameter& other) { return other.name == parameter.name; });
+    if (same == list.all_.end()) {
+      list.all_.push_back(std::move(parameter));
+      continue;
+    }
+    list.replaced_.push_back(
+        {parameter.where,
+         fmt::format("parameter {} is given twice: the last value counts", text::quote(parameter.name))});
+    *same = std::move(parameter);
   }
 }
 
@@ -243,6 +246,14 @@ bool ParameterList::is_only(std::initializer_list<std::string_view> names) const
   return std::all_of(all_.begin(), all_.end(), [&](const Parameter& parameter) {
     return std::find(names.begin(), names.end(), parameter.name) != names.end();
   });
+}
+
+const Parameter* ParameterList::given_outside(const std::string& file,
+                                              std::initializer_list<std::string_view> names) const {
+  for (const Parameter& parameter : all_)
+    if (parameter.where.file != file && std::find(names.begin(), names.end(), parameter.name) != names.end())
+      return &parameter;
+  return nullptr;
 }
 
 void ParameterList::forget_long_lists() {

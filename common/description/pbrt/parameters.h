@@ -24,7 +24,7 @@ struct Parameter {
 // Remembers which parameters were asked for: what nobody asks for is unknown.
 class ParameterList {
  public:
-  // Reads parameters up to the next directive.
+  // Reads parameters up to the next directive. Of several values of one name the last one counts, as in pbrt.
   static Result<ParameterList> read(Tokens& tokens);
 
   // The parameter of this name, if it has one of these types; it counts as used. nullptr if absent.
@@ -52,13 +52,19 @@ class ParameterList {
 
   bool has(std::string_view name) const;
   bool is_only(std::initializer_list<std::string_view> names) const;
+  // The first of these parameters that another file than `file` gives; nullptr: none.
+  const Parameter* given_outside(const std::string& file,
+                                 std::initializer_list<std::string_view> names) const;
   // Drops the values of lists that fill much memory: a loader reads them again.
   void forget_long_lists();
+  // Values that a later one of the same name replaced.
+  std::vector<Note> take_replaced() { return std::move(replaced_); }
   bool empty() const { return all_.empty(); }
 
  private:
   std::vector<Parameter> all_;
   std::vector<std::string> asked_;
+  std::vector<Note> replaced_;
 };
 
 }  // namespace candela::description::pbrt

@@ -28,13 +28,40 @@ bool ply_has_normals(std::string_view bytes) {
   return false;
 }
 
+// Whether the normal points into a whole quadric: pbrt's ReverseOrientation, and a mirror without it.
+bool is_inside_out(const ShapeEntity& entity) {
+  return entity.reverse_orientation != swaps_handedness(entity.to_world);
+}
+
+// A mask without anything.
+bool is_hole(const Object& bsdf) {
+  return bsdf.plugin == "mask" && bsdf.find("opacity") != nullptr && bsdf.get_number("opacity", 1) <= 0;
+}
+
+// Whether light goes through the bsdf, or through a part of it.
+bool transmits(const ObjectPtr& bsdf) {
+  constexpr std::array<std::string_view, 5> kinds = {"null", "dielectric", "roughdielectric",
+                                                     "thindielectric", "difftrans"};
+  if (std::find(kinds.begin(), kinds.end(), bsdf->plugin) != kinds.end()) return true;
+  const std::vector<ObjectPtr> parts = bsdf->children_of("bsdf");
+  return std::any_of(parts.begin(), parts.end(), transmits);
+}
+
+// The first parameter that the loader would not find: it reads the directive in its own file alone.
+const Parameter* given_outside(const ShapeEntity& entity) {
+  return entity.parameters.given_outside(
+      entity.where.file, {"P",      "N",      "uv",     "st",     "S",     "indices", "faceIndices",
+                          "levels", "scheme", "radius", "zmin",   "zmax",  "phimax",  "innerradius",
+                          "height", "type",   "basis",  "degree", "width", "width0",  "width1"});
+}
+
 }  // namespace
 
 // Makes a grid of triangles from a part of a quadric, or from a stretched quadric.
 Result<std::shared_ptr<Object>> Shapes::part_of_quadric(ShapeEntity& entity) {
   context_.differs(entity.where,
                    fmt::format("a part of a {}, or a stretched one, is made of triangles", entity.type));
-  return triangles(entity, false, true);
+  return triangles(entity, false, Front::of_quadric);
 }
 
 Result<std::shared_ptr<Object>> Shapes::sphere(ShapeEntity& entity) {
@@ -49,7 +76,7 @@ Result<std::shared_ptr<Object>> Shapes::sphere(ShapeEntity& entity) {
   set(*shape, "radius", radius);
   // pbrt counts v from the bottom, Mitsuba from the top.
   set(*shape, "to_world", transform::multiply(entity.to_world, transform::scale({1, 1, -1})));
-  if (entity.reverse_orientation) set_flag(*shape, "flip_normals", true);
+  if (is_inside_out(entity)) set_flag(*shape, "flip_normals", true);
   return shape;
 }
 
@@ -64,7 +91,7 @@ Result<std::shared_ptr<Object>> Shapes::disk(ShapeEntity& entity) {
   const Mat4 place =
       transform::multiply(transform::translate({0, 0, height}), transform::scale({radius, radius, radius}));
   set(*shape, "to_world", transform::multiply(entity.to_world, place));
-  if (entity.reverse_orientation) set_flag(*shape, "flip_normals", true);
+  if (is_inside_out(entity)) set_flag(*shape, "flip_normals", true);
   return shape;
 }
 
@@ -80,11 +107,16 @@ Result<std::shared_ptr<Object>> Shapes::cylinder(ShapeEntity& entity) {
   set_point(*shape, "p0", {0, 0, std::min(z_min, z_max)});
   set_point(*shape, "p1", {0, 0, std::max(z_min, z_max)});
   set(*shape, "to_world", entity.to_world);
-  if (entity.reverse_orientation) set_flag(*shape, "flip_normals", true);
+  if (is_inside_out(entity)) set_flag(*shape, "flip_normals", true);
   return shape;
 }
 
-Result<std::shared_ptr<Object>> Shapes::triangles(ShapeEntity& entity, bool flat, bool has_normals) {
+Result<std::shared_ptr<Object>> Shapes::triangles(ShapeEntity& entity, bool flat, Front front) {
+  if (const Parameter* outside = given_outside(entity))
+    return error_at(outside->where,
+                    fmt::format("parameter {} of the shape at {}:{} stands behind the end of its file",
+                                text::quote(outside->name), entity.where.file, entity.where.line))
+        .with_mend("write the parameters of a mesh into one file");
   if (entity.has_shared_values)
     return error_at(entity.where,
                     fmt::format("a parameter of shape '{}' given by Attribute is not supported", entity.type))
@@ -94,8 +126,7 @@ Result<std::shared_ptr<Object>> Shapes::triangles(ShapeEntity& entity, bool flat
   set_integer(*shape, "offset", static_cast<std::int64_t>(entity.offset));
   set(*shape, "to_world", entity.to_world);
   if (flat) set_flag(*shape, "face_normals", true);
-  // Without normals the order of corners decides the front, which a mirror turns around.
-  if (entity.reverse_orientation != (!has_normals && swaps_handedness(entity.to_world)))
+  if (entity.reverse_orientation != (front != Front::by_normals && swaps_handedness(entity.to_world)))
     set_flag(*shape, "flip_normals", true);
   entity.parameters.ignore({"P", "N", "uv", "st", "S", "indices", "faceIndices", "emissionfilename", "levels",
                             "scheme", "edgelength", "radius", "zmin", "zmax", "phimax", "innerradius",
@@ -105,7 +136,7 @@ Result<std::shared_ptr<Object>> Shapes::triangles(ShapeEntity& entity, bool flat
 
 bool ShapeEntity::joins(const ShapeEntity& other) const {
   const auto is_plain_curve = [](const ShapeEntity& entity) {
-    return entity.type == "curve" && !entity.has_shared_values &&
+    return entity.type == "curve" && !entity.has_shared_values && given_outside(entity) == nullptr &&
            entity.parameters.is_only(
                {"P", "N", "type", "basis", "degree", "width", "width0", "width1", "splitdepth"});
   };
@@ -122,7 +153,7 @@ Result<std::shared_ptr<Object>> Shapes::curve(ShapeEntity& entity) {
                        ? "curves are tubes: meshes of up to 16 sides with smooth normals"
                        : fmt::format("curves of the type '{}' are tubes, as wide and as thick", type));
   entity.parameters.ignore({"N", "basis", "degree", "width", "width0", "width1", "splitdepth"});
-  CANDELA_ASSIGN(std::shared_ptr<Object> shape, triangles(entity, false, true));
+  CANDELA_ASSIGN(std::shared_ptr<Object> shape, triangles(entity, false, Front::of_quadric));
   set_integer(*shape, "curves", entity.curve_count);
   return shape;
 }
@@ -154,18 +185,18 @@ Result<std::shared_ptr<Object>> Shapes::geometry(ShapeEntity& entity) {
   if (entity.type == "plymesh") return ply(entity);
   if (entity.type == "trianglemesh") {
     const bool has_normals = entity.parameters.has("N");
-    return triangles(entity, !has_normals, has_normals);
+    return triangles(entity, !has_normals, has_normals ? Front::by_normals : Front::by_corners);
   }
   if (entity.type == "curve") return curve(entity);
-  if (entity.type == "bilinearmesh") return triangles(entity, false, true);
-  if (entity.type == "loopsubdiv") return triangles(entity, false, false);
+  if (entity.type == "bilinearmesh") return triangles(entity, false, Front::by_normals);
+  if (entity.type == "loopsubdiv") return triangles(entity, false, Front::by_corners);
   CANDELA_TRY(
       context_.refuse(Context::unknown(entity.where, "shape", entity.type, shape_types), "it is left out"));
   return std::shared_ptr<Object>();
 }
 
 Result<ObjectPtr> Shapes::masked(ShapeEntity& entity, ObjectPtr bsdf) {
-  CANDELA_ASSIGN(const std::optional<Value> alpha, textures_.opacity(entity.parameters, "alpha"));
+  CANDELA_ASSIGN(const std::optional<Value> alpha, textures_.optional_number(entity.parameters, "alpha"));
   if (!alpha || (alpha->is_constant() && alpha->number() >= 1)) return bsdf;
   const double constant = alpha->is_constant() ? alpha->number() : 1;
   ObjectPtr& mask = masks_[{bsdf.get(), {alpha->texture.get(), constant}}];
@@ -180,6 +211,20 @@ Result<ObjectPtr> Shapes::masked(ShapeEntity& entity, ObjectPtr bsdf) {
 Result<void> Shapes::add_media(const ShapeEntity& entity, Object& shape, const ObjectPtr& interior) {
   const bool bounds_media = entity.inside != entity.outside || interior;
   if (!bounds_media) return {};
+  if (const Object& bsdf = *shape.children.at(0).object; bsdf.plugin == "mask") {
+    // What passes a hole stays in its medium in pbrt. Nothing else crosses an opaque surface.
+    if (!transmits(bsdf.children_of("bsdf").at(0))) {
+      context_.differs(
+          entity.where,
+          "light that the inner side of a shape of an alpha below 1 reflects stays in the medium "
+          "that it came through, where pbrt has it go on in the medium inside");
+      return {};
+    }
+    context_.differs(
+        entity.where,
+        "light that passes the holes of a shape of an alpha below 1 enters the medium behind, where "
+        "in pbrt it stays in its own");
+  }
   CANDELA_ASSIGN(ObjectPtr inside, media_.medium(entity.inside, entity.where));
   CANDELA_ASSIGN(ObjectPtr outside, media_.medium(entity.outside, entity.where));
   if (interior) inside = interior;
@@ -196,6 +241,10 @@ Result<ObjectPtr> Shapes::build(ShapeEntity& entity) {
   CANDELA_ASSIGN(Surface surface, materials_.surface(entity.material));
   const bool interface = surface.bsdf->plugin == "null";
   CANDELA_ASSIGN(ObjectPtr bsdf, masked(entity, std::move(surface.bsdf)));
+  if (is_hole(*bsdf) && !entity.emitter) {
+    CANDELA_TRY(context_.refuse_unused(entity.parameters, fmt::format("shape '{}'", entity.type)));
+    return ObjectPtr();
+  }
   add(*shape, "", std::move(bsdf));
   CANDELA_TRY(add_media(entity, *shape, surface.interior));
   if (entity.emitter && interface)

@@ -50,9 +50,11 @@ class Shapes {
   Result<std::shared_ptr<Object>> curve(ShapeEntity& entity);
   Result<std::shared_ptr<Object>> ply(ShapeEntity& entity);
   Result<std::shared_ptr<Object>> part_of_quadric(ShapeEntity& entity);
-  // The triangles that the loader makes of the directive. `flat`: without shading normals; `has_normals`: the
-  // loader gives them, else they follow from the triangles.
-  Result<std::shared_ptr<Object>> triangles(ShapeEntity& entity, bool flat, bool has_normals);
+  // What decides the front of triangles: normals that the loader gives; the order of corners, which a mirror
+  // turns around in our meshes and not in pbrt's; normals, turned around by a mirror in pbrt and not in ours.
+  enum class Front { by_normals, by_corners, of_quadric };
+  // The triangles that the loader makes of the directive. `flat`: without shading normals.
+  Result<std::shared_ptr<Object>> triangles(ShapeEntity& entity, bool flat, Front front);
   Result<ObjectPtr> masked(ShapeEntity& entity, ObjectPtr bsdf);
   Result<void> add_media(const ShapeEntity& entity, Object& shape, const ObjectPtr& interior);
 

@@ -137,9 +137,17 @@ double value_at(const colorimetry::Spectrum& spectrum, double wavelength) {
   return spectrum.values.back();
 }
 
-Result<void> needs_one(const Parameter& parameter) {
+Result<void> needs_one(Context& context, const Parameter& parameter) {
   const bool is_rgb = parameter.type == "rgb";
   const std::size_t numbers = is_rgb ? 3 : 1;
+  // Files of version 3 have a scale behind the temperature.
+  if (parameter.type == "blackbody" && parameter.numbers.size() > 1) {
+    context.warn(parameter.where,
+                 fmt::format("parameter {} has {} values: the first is the temperature, and the "
+                             "others are passed over, as in pbrt",
+                             text::quote(parameter.name), parameter.numbers.size()));
+    return {};
+  }
   const bool fits =
       parameter.type == "spectrum" ? parameter.strings.size() <= 1 : parameter.numbers.size() == numbers;
   if (fits) return {};
@@ -215,7 +223,7 @@ std::optional<MetalPart> metal_part(std::string_view name) {
 }
 
 Result<Rgb> color_of(Context& context, const Parameter& parameter, SpectrumUse use, ColorSpace space) {
-  CANDELA_TRY(needs_one(parameter));
+  CANDELA_TRY(needs_one(context, parameter));
   const std::vector<double>& n = parameter.numbers;
   if (parameter.type == "float") return Rgb{{n[0], n[0], n[0]}};
   if (parameter.type == "rgb") return to_rec709(context, parameter, space, use == SpectrumUse::reflectance);
@@ -241,7 +249,7 @@ Result<Rgb> color_of(Context& context, const Parameter& parameter, SpectrumUse u
 }
 
 Result<Rgb> light_of(Context& context, const Parameter& parameter, ColorSpace space) {
-  CANDELA_TRY(needs_one(parameter));
+  CANDELA_TRY(needs_one(context, parameter));
   if (parameter.type == "rgb") return to_rec709(context, parameter, space, false);
   if (parameter.type == "blackbody") {
     CANDELA_ASSIGN(const Vec3 rgb, blackbody_of(parameter));
@@ -258,7 +266,7 @@ Result<double> index_of(Context& context, ParameterList& parameters, std::string
                         double otherwise) {
   const Parameter* parameter = parameters.take(name, {"spectrum"});
   if (parameter == nullptr) return parameters.number(name, otherwise);
-  CANDELA_TRY(needs_one(*parameter));
+  CANDELA_TRY(needs_one(context, *parameter));
   double index = 0;
   const std::optional<double> glass =
       parameter->strings.empty() ? std::nullopt : named_glass(parameter->strings[0]);

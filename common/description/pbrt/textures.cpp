@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "common/description/check.h"
+#include "common/description/resolve.h"
 #include "common/description/text.h"
 #include "common/description/transform.h"
 
@@ -95,9 +96,23 @@ Result<Value> Textures::named(const Parameter& parameter, bool is_float) {
   CANDELA_ASSIGN(Value value, read(definition));
   --depth_;
   definition.open = false;
+  // A lookup looks a texture up as often as it is named: levels that name the next twice double it.
+  if (!value.is_constant() && unfolded(value.texture) > max_texture_unfolded)
+    return error_at(definition.where, fmt::format("the texture {} unfolds into more than {} textures",
+                                                  text::quote(found->first), max_texture_unfolded))
+        .with_mend("name textures that are made of others only once");
   CANDELA_TRY(context_.refuse_unused(definition.parameters, fmt::format("texture '{}'", definition.type)));
   definition.value = value;
   return value;
+}
+
+std::uint64_t Textures::unfolded(const ObjectPtr& texture) {
+  if (const auto known = unfolded_.find(texture); known != unfolded_.end()) return known->second;
+  std::uint64_t count = 1;
+  for (const ObjectPtr& part : texture->children_of("texture"))
+    count = std::min(max_texture_unfolded + 1, count + unfolded(part));
+  unfolded_.emplace(texture, count);
+  return count;
 }
 
 namespace {
@@ -260,6 +275,7 @@ Result<ObjectPtr> Textures::picture(const Location& where, std::string_view file
 Result<Value> Textures::read_image(Definition& definition) {
   ParameterList& parameters = definition.parameters;
   const std::shared_ptr<Object> bitmap = make("texture", "bitmap", definition.where);
+  if (definition.is_float) set(*bitmap, "channel", std::string("number"));
   CANDELA_ASSIGN(const std::string file, parameters.text("filename", ""));
   CANDELA_ASSIGN(const std::string key, context_.find_file(definition.where, file));
   set(*bitmap, "filename", key);
@@ -370,32 +386,6 @@ Result<Value> Textures::reflectance(ParameterList& parameters, std::string_view 
   return at_most_one(value);
 }
 
-// pbrt takes the alpha of a picture of four channels for its number.
-Result<ObjectPtr> Textures::with_alpha(const ObjectPtr& texture) {
-  if (texture->plugin == "scale") {
-    const auto copy = std::make_shared<Object>(*texture);
-    CANDELA_ASSIGN(copy->children.at(0).object, with_alpha(texture->children.at(0).object));
-    return Context::finish(copy);
-  }
-  if (texture->plugin != "bitmap") return texture;
-  // The color type of a PNG: gray or RGB with alpha.
-  constexpr std::size_t color_type = 25;
-  CANDELA_ASSIGN(const FileSource::Bytes bytes,
-                 context_.start(texture->get_string("filename", ""), color_type + 1));
-  const bool png = bytes.view.starts_with("\x89PNG\r\n") && bytes.view.size() > color_type;
-  if (!png || (bytes.view[color_type] != 4 && bytes.view[color_type] != 6)) return texture;
-  const auto copy = std::make_shared<Object>(*texture);
-  set(*copy, "channel", std::string("a"));
-  return Context::finish(copy);
-}
-
-Result<std::optional<Value>> Textures::opacity(ParameterList& parameters, std::string_view name) {
-  CANDELA_ASSIGN(std::optional<Value> value, optional_number(parameters, name));
-  if (!value || value->is_constant()) return value;
-  CANDELA_ASSIGN(value->texture, with_alpha(value->texture));
-  return value;
-}
-
 // Black and a texture mixed by a factor are their product.
 Result<Value> Textures::read_scale(Definition& definition) {
   CANDELA_ASSIGN(const std::optional<Value> given,
@@ -434,38 +424,31 @@ Result<Value> Textures::read_mix(Definition& definition) {
   return texture_value(mix);
 }
 
+Result<Value> Textures::mean(const Value& a, const Value& b) {
+  Value result = a;
+  if (a.is_constant() && b.is_constant()) {
+    for (std::size_t i = 0; i < 3; ++i) result.constant[i] = 0.5 * (a.constant[i] + b.constant[i]);
+    return result;
+  }
+  const std::shared_ptr<Object> mix = make("texture", "mix", a.is_constant() ? b.where : a.where);
+  set_color(*mix, "color0", a);
+  set_color(*mix, "color1", b);
+  set(*mix, "amount", 0.5);
+  CANDELA_ASSIGN(result.texture, Context::finish(mix));
+  return result;
+}
+
 Result<Value> Textures::root(const Value& value) {
   Value result = value;
   if (value.is_constant()) {
     for (double& component : result.constant) component = std::sqrt(std::max(component, 0.0));
     return result;
   }
-  if (value.texture->plugin == "mix") {
-    CANDELA_TRY(context_.refuse(
-        error_at(value.where,
-                 "the roughness of a mixed texture is supported with remaproughness false alone"),
-        "alpha is the roughness"));
-    return result;
-  }
-  const auto copy = std::make_shared<Object>(*value.texture);
-  for (Property& property : copy->properties)
-    if (auto* rgb = std::get_if<Rgb>(&property.value))
-      for (double& component : rgb->value) component = std::sqrt(std::max(component, 0.0));
-  for (Child& child : copy->children) {
-    CANDELA_ASSIGN(const Value inner, root({{}, child.object, value.where}));
-    child.object = inner.texture;
-  }
-  if (copy->plugin == "bitmap") {
-    const bool encoded = is_encoded(copy->get_string("filename", "")) && !copy->get_bool("raw", false);
-    const double gamma = copy->get_number("gamma", encoded ? 2.2 : 1);
-    if (encoded && copy->find("gamma") == nullptr)
-      context_.differs(copy->where, "the square root of an sRGB picture is taken as if its gamma were 2.2");
-    std::erase_if(copy->properties, [](const Property& property) {
-      return property.name == "gamma" || property.name == "raw";
-    });
-    set(*copy, "gamma", gamma / 2);
-  }
-  CANDELA_ASSIGN(result.texture, Context::finish(copy));
+  const std::shared_ptr<Object> root = make("texture", "mix", value.texture->where);
+  add(*root, "color0", value.texture);
+  set(*root, "amount", 0.0);
+  set_flag(*root, "root", true);
+  CANDELA_ASSIGN(result.texture, Context::finish(root));
   return result;
 }
 

@@ -1,6 +1,7 @@
 // pbrt's named textures, and parameters that may be one.
 #pragma once
 
+#include <cstdint>
 #include <map>
 #include <optional>
 #include <string>
@@ -43,15 +44,14 @@ class Textures {
   Result<Value> reflectance(ParameterList& parameters, std::string_view name, const Vec3& otherwise,
                             ColorSpace space);
   static Result<Value> at_most_one(const Value& value);
-  // The opacity of a shape: the alpha of a picture that has one.
-  Result<std::optional<Value>> opacity(ParameterList& parameters, std::string_view name);
   // May be negated.
   Result<std::optional<Value>> displacement(ParameterList& parameters, std::string_view name);
 
   // The value times a factor.
   static Result<Value> scaled(const Value& value, const Vec3& factor);
+  static Result<Value> mean(const Value& a, const Value& b);
   // The square root of a value, for roughness.
-  Result<Value> root(const Value& value);
+  static Result<Value> root(const Value& value);
 
   // The picture of a light, as it lies in its file; its pixels are not blurred.
   Result<ObjectPtr> projected_picture(const Location& where, std::string_view file);
@@ -77,11 +77,13 @@ class Textures {
   Result<Value> read_mix(Definition& definition);
   Result<Value> read_mean(Definition& definition);
   Result<Value> part(Definition& definition, std::string_view name, double otherwise);
-  Result<ObjectPtr> with_alpha(const ObjectPtr& texture);
+  // How many textures a lookup in this one looks up.
+  std::uint64_t unfolded(const ObjectPtr& texture);
   Result<Mat4> mapping(Definition& definition);
 
   Context& context_;
   std::map<std::string, Definition, std::less<>> floats_, spectra_;
+  std::map<ObjectPtr, std::uint64_t> unfolded_;
   int depth_ = 0;  // of textures being read
 };
 

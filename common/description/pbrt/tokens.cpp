@@ -41,8 +41,25 @@ std::optional<char> unescape(char c) {
 
 }  // namespace
 
-Tokens::Tokens(std::string key, std::string_view bytes, std::size_t offset, int line)
-    : key_(std::move(key)), bytes_(bytes), at_(offset), line_(line) {}
+Tokens::Tokens(std::string key, std::string_view bytes, std::size_t offset, int line, Tokens* includer)
+    : key_(std::move(key)), bytes_(bytes), at_(offset), line_(line), includer_(includer) {}
+
+void Tokens::unget(const Token& token) {
+  if (token.key != &key_ && includer_ != nullptr)
+    includer_->unget(token);
+  else
+    returned_ = token;
+}
+
+bool Tokens::at_end() {
+  if (returned_) return false;
+  skip_space();
+  return at_ >= bytes_.size();
+}
+
+Location Tokens::here() const {
+  return at_ >= bytes_.size() && includer_ != nullptr ? includer_->here() : Location{key_, line_};
+}
 
 void Tokens::skip_space() {
   while (at_ < bytes_.size()) {
@@ -59,7 +76,7 @@ void Tokens::skip_space() {
 }
 
 Result<Token> Tokens::quoted_string() {
-  Token token{{}, true, line_, at_};
+  Token token{{}, true, line_, at_, &key_};
   const std::size_t begin = ++at_;
   std::string* changed = nullptr;
   for (; at_ < bytes_.size() && bytes_[at_] != '\n'; ++at_) {
@@ -72,18 +89,17 @@ Result<Token> Tokens::quoted_string() {
     if (c == '\\') {
       if (changed == nullptr) changed = &unescaped_.emplace_back(bytes_.substr(begin, at_ - begin));
       const std::optional<char> meant = ++at_ < bytes_.size() ? unescape(bytes_[at_]) : std::nullopt;
-      if (!meant) return error_at(here(), "a string has an unknown escape after its backslash");
+      if (!meant) return error_at({key_, line_}, "a string has an unknown escape after its backslash");
       c = *meant;
     }
     if (changed != nullptr) *changed += c;
   }
-  return error_at(here(), "a string has no closing quote in its line");
+  return error_at({key_, line_}, "a string has no closing quote in its line");
 }
 
 Result<std::optional<Token>> Tokens::next() {
   if (returned_) return std::exchange(returned_, std::nullopt);
-  skip_space();
-  if (at_ >= bytes_.size()) return std::optional<Token>();
+  if (at_end()) return includer_ != nullptr ? includer_->next() : std::optional<Token>();
   if (bytes_[at_] == '"') {
     CANDELA_ASSIGN(const Token token, quoted_string());
     return std::optional<Token>(token);
@@ -91,7 +107,7 @@ Result<std::optional<Token>> Tokens::next() {
   const std::size_t begin = at_++;
   if (bytes_[begin] != '[' && bytes_[begin] != ']')
     while (at_ < bytes_.size() && !ends_word(bytes_[at_])) ++at_;
-  return std::optional<Token>({bytes_.substr(begin, at_ - begin), false, line_, begin});
+  return std::optional<Token>({bytes_.substr(begin, at_ - begin), false, line_, begin, &key_});
 }
 
 }  // namespace candela::description::pbrt

@@ -15,22 +15,29 @@ struct Token {
   std::string_view text;  // of a string without its quotes, its escapes replaced
   bool quoted = false;
   int line = 0;
-  std::size_t offset = 0;  // of the first byte in the file
+  std::size_t offset = 0;            // of the first byte in the file
+  const std::string* key = nullptr;  // of its file
 };
 
 class Tokens {
  public:
-  // `bytes` must outlive the reader. It starts at `offset`, which lies in `line`.
-  Tokens(std::string key, std::string_view bytes, std::size_t offset = 0, int line = 1);
+  // `bytes` must outlive the reader. It starts at `offset`, which lies in `line`. `includer`: the file that
+  // includes this one; a directive that this file ends within goes on there. It may be null.
+  Tokens(std::string key, std::string_view bytes, std::size_t offset = 0, int line = 1,
+         Tokens* includer = nullptr);
+  Tokens(const Tokens&) = delete;
+  Tokens& operator=(const Tokens&) = delete;
 
-  // The next token; nothing at the end of the file.
+  // The next token, of the including file behind the end of this one; nothing at the end of both.
   Result<std::optional<Token>> next();
   // Gives the token back: next() returns it again.
-  void unget(const Token& token) { returned_ = token; }
+  void unget(const Token& token);
+  // Whether this file has no token left.
+  bool at_end();
 
   const std::string& key() const { return key_; }
-  Location where(const Token& token) const { return {key_, token.line}; }
-  Location here() const { return {key_, line_}; }
+  Location where(const Token& token) const { return {token.key != nullptr ? *token.key : key_, token.line}; }
+  Location here() const;
 
  private:
   void skip_space();
@@ -40,6 +47,7 @@ class Tokens {
   std::string_view bytes_;
   std::size_t at_ = 0;
   int line_ = 1;
+  Tokens* includer_ = nullptr;
   std::optional<Token> returned_;
   std::deque<std::string> unescaped_;  // what tokens with escapes refer to
 };
