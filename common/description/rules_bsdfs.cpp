@@ -82,12 +82,26 @@ void add_bsdfs(std::vector<PluginRule>& table) {
                    .properties = {base, nonlinear, plastic_inside, outside, specular},
                    .child_categories = {},
                    .doc = "a diffuse base under a smooth coat, one-sided"});
-  table.push_back({.category = "bsdf",
-                   .name = "roughplastic",
-                   .properties = {base, nonlinear, plastic_inside, outside, specular, distribution,
-                                  textured(alpha), visible},
-                   .child_categories = {},
-                   .doc = "a diffuse base under a rough coat, one-sided"});
+  table.push_back(
+      {.category = "bsdf",
+       .name = "roughplastic",
+       .properties =
+           {base,
+            nonlinear,
+            plastic_inside,
+            outside,
+            specular,
+            distribution,
+            alpha,
+            visible,
+            {.name = "masked_light",
+             .types = {string},
+             .values = {"lost", "stays"},
+             .doc = "Candela's addition: what becomes of light inside the coat that masking takes from "
+                    "its way out: it is lost, as in Mitsuba 2 and 3 (default), or stays inside and comes "
+                    "out later, as in 0.6 (default before version 2)"}},
+       .child_categories = {},
+       .doc = "a diffuse base under a rough coat, one-sided"});
   table.push_back({.category = "bsdf",
                    .name = "null",
                    .properties = {},

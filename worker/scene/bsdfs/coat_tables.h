@@ -24,6 +24,10 @@ struct CoatAt {
     const double r = low->internal_reflectance();
     return high == nullptr ? r : r + static_cast<double>(share) * (high->internal_reflectance() - r);
   }
+  double internal_return() const {
+    const double r = low->internal_return();
+    return high == nullptr ? r : r + static_cast<double>(share) * (high->internal_return() - r);
+  }
 };
 
 class CoatTables {

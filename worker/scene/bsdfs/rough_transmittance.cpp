@@ -64,7 +64,8 @@ RoughTransmittance::RoughTransmittance(bool ggx, float alpha, float eta) {
   const double inside = integrate(12, [&](double mu) { return 2 * mu * reflectance(m, mu, 1 / eta, 8); });
   const double entering =
       integrate(32, [&](double mu) { return 2 * mu * transmittance(static_cast<float>(mu)); });
-  internal_reflectance_ = std::min(inside, 1 - entering / (static_cast<double>(eta) * eta));
+  internal_return_ = 1 - entering / (static_cast<double>(eta) * eta);
+  internal_reflectance_ = std::min(inside, internal_return_);
 }
 
 std::shared_ptr<const RoughTransmittance> RoughTransmittances::get(bool ggx, float alpha, float eta) {

@@ -1,5 +1,5 @@
 // What a rough dielectric boundary does not reflect, as a whole: the light that gets through to a diffuse
-// base beneath it. As in Mitsuba, what Smith's masking loses counts as passing.
+// base beneath it. As in Mitsuba, what Smith's masking loses outside counts as passing.
 #pragma once
 
 #include <algorithm>
@@ -30,15 +30,18 @@ class RoughTransmittance {
     const float t = x - static_cast<float>(i);
     return nodes_[n] + t * (nodes_[n + 1] - nodes_[n]);
   }
-  // The mean reflectance for diffuse light from inside; at most 1 - (mean transmittance) / eta^2, for else
-  // more light would come out than went in. That bound counts where the inside is the thinner medium, and
-  // where nearly all is reflected inside.
+  // The mean reflectance for diffuse light from inside; at most internal_return(), for else more light would
+  // come out than went in. That bound counts where the inside is the thinner medium, and where nearly all is
+  // reflected inside. What masking loses inside is lost: Mitsuba 2 and 3.
   double internal_reflectance() const { return internal_reflectance_; }
+  // 1 - (mean transmittance) / eta^2: what does not come out stays inside, so that no light is lost.
+  // Mitsuba 0.6.
+  double internal_return() const { return internal_return_; }
 
  private:
   static constexpr int kNodes = 256;
   std::array<float, kNodes> nodes_;
-  double internal_reflectance_;
+  double internal_reflectance_, internal_return_;
 };
 
 // One table for each distribution, roughness and index.

@@ -89,6 +89,8 @@ Result<void> RoughPlasticSurface::build(const description::Object& object, const
   coats = CoatTables::between(std::max(kMinAlpha, alpha.minimum()), most, [&](float a) {
     return context.coats.get(ggx, std::max(kMinAlpha, a), base.eta);
   });
+  // A file of 0.6 means what 0.6 does; the description says so.
+  masked_light_stays = object.get_string("masked_light", "lost") == "stays";
   return {};
 }
 
@@ -96,8 +98,8 @@ void RoughPlasticSurface::prepare(const SurfacePoint& at, bool below, Closure& o
   RoughPlasticClosure p = {};
   p.alpha = std::max(kMinAlpha, alpha.eval(at));
   p.coat = coats.at(p.alpha);
-  const bool black =
-      below || !base.prepare(at, p.coat.internal_reflectance(), p.diffuse, p.specular, p.specular_share);
+  const auto inside = masked_light_stays ? p.coat.internal_return() : p.coat.internal_reflectance();
+  const bool black = below || !base.prepare(at, inside, p.diffuse, p.specular, p.specular_share);
   p.eta = base.eta;
   p.ggx = ggx;
   p.sample_visible = sample_visible;

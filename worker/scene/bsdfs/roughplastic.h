@@ -33,6 +33,7 @@ struct RoughPlasticSurface {
   FloatTexture alpha;
   bool ggx = false;
   bool sample_visible = true;
+  bool masked_light_stays = false;  // inside the coat: Mitsuba 0.6
   CoatTables coats;
 
   Result<void> build(const description::Object& object, const BuildContext& context);
