@@ -15,11 +15,6 @@ namespace {
 using description::Finding;
 using Json = nlohmann::ordered_json;
 
-std::uint64_t count(const std::vector<Finding>& findings, Finding::Kind kind) {
-  return static_cast<std::uint64_t>(std::count_if(
-      findings.begin(), findings.end(), [&](const Finding& finding) { return finding.kind == kind; }));
-}
-
 std::string plural(std::uint64_t number, std::string_view one, std::string_view many) {
   return fmt::format("{} {}", number, number == 1 ? one : many);
 }
@@ -62,7 +57,9 @@ std::vector<std::string> ordered_categories(const description::Review& review) {
 }  // namespace
 
 std::uint64_t CheckReport::warning_count() const {
-  return count(review.findings, Finding::Kind::differs);
+  return static_cast<std::uint64_t>(
+      std::count_if(review.findings.begin(), review.findings.end(),
+                    [](const Finding& finding) { return is_warning(finding.kind); }));
 }
 
 std::string CheckReport::to_text() const {
@@ -87,7 +84,7 @@ std::string CheckReport::to_text() const {
   for (const File& file : files)
     text += fmt::format("file: {}: {}\n", printable(file.path), bytes_text(file.bytes));
   for (const Finding& finding : review.findings) {
-    text += fmt::format("{}: {}:{}: {}", finding.kind == Finding::Kind::differs ? "warning" : "note",
+    text += fmt::format("{}: {}:{}: {}", is_warning(finding.kind) ? "warning" : "note",
                         printable(finding.where.file), finding.where.line, printable(finding.text));
     if (finding.count > 1) text += fmt::format(" (and {} more like it)", finding.count - 1);
     text += '\n';

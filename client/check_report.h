@@ -31,7 +31,7 @@ struct CheckReport {
   std::vector<File> files;
   std::vector<Image> images;
 
-  // Findings that say that the picture differs: what --strict fails on.
+  // Findings that are warnings: what --strict fails on.
   std::uint64_t warning_count() const;
   std::string to_text() const;
   std::string to_json() const;

@@ -7,6 +7,7 @@
 #include <ostream>
 
 #include "client/values.h"
+#include "common/description/review.h"
 
 namespace candela::client {
 
@@ -79,7 +80,7 @@ void add_farm_options(CLI::App& app, FarmOptions& options) {
            "How long to try to reach the master (default 10s); $CANDELA_TIMEOUT", "DURATION");
 }
 
-void warn_of_passed_over(std::ostream& err, const LoadedScene& scene) {
+void warn_of_scene(std::ostream& err, const LoadedScene& scene) {
   constexpr std::size_t most_lines = 20;
   const auto place = [&](const description::Location& where) {
     const auto file = scene.gathered.real_paths.find(where.file);
@@ -89,22 +90,20 @@ void warn_of_passed_over(std::ostream& err, const LoadedScene& scene) {
   };
   if (const auto& other = scene.job.other_integrator)
     err << fmt::format("candela: note: {}: {}\n", place(other->where), other->text);
-  // The same of many objects is told once.
-  std::map<std::string_view, std::size_t> index;
-  std::vector<std::pair<const description::Note*, std::size_t>> told;
-  for (const description::Note& note : scene.gathered.passed_over) {
-    const auto [entry, is_new] = index.try_emplace(note.text, told.size());
-    if (is_new) told.push_back({&note, 0});
-    ++told[entry->second].second;
+  if (const auto& chosen = scene.job.default_integrator)
+    err << fmt::format("candela: warning: {}: {}\n", place(chosen->where), chosen->text);
+  // What was passed over is among the differences; the same of many objects is told once.
+  std::vector<description::Finding> findings = description::review(scene.gathered.description).findings;
+  std::erase_if(findings, [](const description::Finding& finding) { return !is_warning(finding.kind); });
+  for (std::size_t i = 0; i < findings.size() && i < most_lines; ++i) {
+    const description::Finding& finding = findings[i];
+    err << fmt::format(
+        "candela: warning: {}: {}{}\n", place(finding.where), printable(finding.text),
+        finding.count > 1 ? fmt::format(" (and {} more like it)", finding.count - 1) : std::string());
   }
-  for (std::size_t i = 0; i < told.size() && i < most_lines; ++i) {
-    const auto& [note, count] = told[i];
-    err << fmt::format("candela: warning: {}: {}{}\n", place(note->where), note->text,
-                       count > 1 ? fmt::format(" (and {} more like it)", count - 1) : std::string());
-  }
-  if (told.size() > most_lines)
-    err << fmt::format("candela: warning: {} more things are passed over; see them all by: candela check\n",
-                       told.size() - most_lines);
+  if (findings.size() > most_lines)
+    err << fmt::format("candela: warning: {} more warnings; see them all by: candela check\n",
+                       findings.size() - most_lines);
 }
 
 Result<ConnectionOptions> resolve_connection(const FarmOptions& options, const Config& config) {

@@ -39,9 +39,9 @@ CLI::Option* add_texts(CLI::App& app, const std::string& names, std::vector<std:
 // --sampler, --isa.
 void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits);
 
-// Tells on `err` what was passed over in the scene: each thing once, with file, line and count, at most
-// twenty lines.
-void warn_of_passed_over(std::ostream& err, const LoadedScene& scene);
+// Tells on `err` what was passed over in the scene, and what `check` warns of: each thing once, with file,
+// line and count, at most twenty lines.
+void warn_of_scene(std::ostream& err, const LoadedScene& scene);
 
 // --master, --tls-*, --insecure, --timeout.
 struct FarmOptions {

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "client/values.h"
+#include "common/description/all_errors.h"
 #include "common/description/film_window.h"
 #include "common/description/setting_text.h"
 #include "common/description/vocabulary.h"
@@ -61,11 +62,18 @@ Result<void> resolve_integrator(const Object& scene, const SceneOptions& options
   const std::vector<std::string> names = facts.integrator_names();
   const std::vector<std::string_view> known(names.begin(), names.end());
   const ObjectPtr written = first_child(&scene, "integrator");
+  const std::filesystem::path file(options.scene);
+  const bool is_old = written == nullptr && description::is_old_scene(bundle::DiskSource(file.parent_path()),
+                                                                      file.filename().string());
   if (options.integrator) {
     CANDELA_ASSIGN(settings.integrator, parse_choice(*options.integrator, "--integrator", known));
   } else if (written == nullptr) {
-    return scene_error(scene, "the scene has no integrator")
-        .with_mend(fmt::format("give --integrator, one of {}", join(names, ", ")));
+    settings.integrator = "path";
+    job.default_integrator = description::Note{
+        scene.where,
+        is_old ? "the scene has no integrator: 'direct' runs, path tracing with max_depth = 2, as in "
+                 "Mitsuba 0.6"
+               : "the scene has no integrator: 'path' runs, as in Mitsuba"};
   } else if (std::find(names.begin(), names.end(), written->plugin) == names.end()) {
     return scene_error(*written, fmt::format("there is no integrator '{}' here", printable(written->plugin)))
         .with_mend(fmt::format("give --integrator, one of {}", join(names, ", ")));
@@ -74,6 +82,7 @@ Result<void> resolve_integrator(const Object& scene, const SceneOptions& options
   }
 
   SettingsMap from_scene, of_scene;
+  if (job.default_integrator && is_old) from_scene["max_depth"] = "2";
   const bool own = written != nullptr && written->plugin == settings.integrator;
   if (written != nullptr) {
     // Under another integrator than the scene's own, what both know by one name carries over (max_depth,

@@ -59,6 +59,8 @@ struct PreparedJob {
   SettingsMap of_effort = {};
   // If --integrator passes over an integrator of the scene: which one, and what of it counts.
   std::optional<description::Note> other_integrator = {};
+  // If neither the scene nor the command line names an integrator: which one runs.
+  std::optional<description::Note> default_integrator = {};
 };
 
 // The limits given as options alone, without --spp; all zero if none is. --spp and --iterations exclude each

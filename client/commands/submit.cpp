@@ -61,7 +61,7 @@ Result<int> run_submit(Context& context, const SubmitOptions& options) {
     CANDELA_ASSIGN(submission.share, parse_number(*options.share, "--share", 1e-3, 1e6));
   }
   CANDELA_ASSIGN(const LoadedScene scene, load_scene(options.scene, context.facts));
-  warn_of_passed_over(context.err, scene);
+  warn_of_scene(context.err, scene);
   CANDELA_ASSIGN(const std::unique_ptr<FarmClient> farm, connect(options.farm));
   Submitted submitted;
   {

@@ -12,6 +12,7 @@
 #include "client/context.h"
 #include "client/embedded/commands.h"
 #include "client/values.h"
+#include "common/description/all_errors.h"
 #include "common/description/review.h"
 #include "common/image/image.h"
 #include "worker/render/renderer.h"
@@ -61,6 +62,8 @@ Result<CheckReport> check_scene(SceneOptions options, const RendererFacts& facts
   CANDELA_ASSIGN(const PreparedJob job, prepare_job(scene, options, facts));
   if (!integrator && job.other_integrator)
     integrator = Finding{Finding::Kind::differs, job.other_integrator->where, job.other_integrator->text};
+  if (!integrator && job.default_integrator)
+    integrator = Finding{Finding::Kind::differs, job.default_integrator->where, job.default_integrator->text};
   const bundle::DiskSource files(std::filesystem::absolute(options.scene).parent_path());
   CANDELA_ASSIGN(const auto renderer,
                  render::Renderer::create(files, gathered.bundle.main_path, gathered.bundle.parameters,
@@ -97,8 +100,32 @@ Result<CheckReport> check_scene(SceneOptions options, const RendererFacts& facts
   return report;
 }
 
+// The errors of the scene's text. Places are named by file.
+std::vector<Error> errors_of(const SceneOptions& options) {
+  const std::filesystem::path path(options.scene);
+  const bundle::DiskSource files(path.parent_path());
+  const std::string main_key = path.filename().string();
+  const auto parameters = parse_assignments(options.defines, "-D");
+  if (!parameters.ok() || main_key.empty()) return {};
+  std::vector<Error> errors = description::all_errors(files, main_key, *parameters, options.reading());
+  for (Error& error : errors)
+    if (error.line > 0 || error.file == main_key) error.file = files.real_path(error.file).string();
+  return errors;
+}
+
 Result<int> run_check(Context& context, const CheckOptions& options) {
-  CANDELA_ASSIGN(const CheckReport report, check_scene(options.scene, context.facts));
+  const Result<CheckReport> checked = check_scene(options.scene, context.facts);
+  if (!checked.ok()) {
+    const std::vector<Error> errors = errors_of(options.scene);
+    if (errors.empty()) return checked.error();  // of the building, or of an option
+    // The last error is told by the program.
+    for (std::size_t i = 0; i + 1 < errors.size(); ++i)
+      context.err << fmt::format("candela: error: {}\n", printable(errors[i].to_string()));
+    if (errors.size() == description::kMostErrors)
+      context.err << fmt::format("candela: note: there may be more than these {} errors\n", errors.size());
+    return errors.back();
+  }
+  const CheckReport& report = *checked;
   if (options.json) {
     context.out << report.to_json() << '\n';
   } else {
@@ -112,7 +139,7 @@ Result<int> run_check(Context& context, const CheckOptions& options) {
 void add_check(CLI::App& app, Context& context) {
   auto options = std::make_shared<CheckOptions>();
   CLI::App* sub = app.add_subcommand(
-      "check", "Build the scene, list what it uses, and warn of what differs from Mitsuba");
+      "check", "Build the scene, list what it uses or all its errors, and warn of what differs from Mitsuba");
   add_scene_options(*sub, options->scene, false);
   sub->add_flag("--strict", options->strict, "Exit with 1 if there is a warning");
   sub->add_flag("--json", options->json, "Print JSON");

@@ -20,7 +20,7 @@ struct PlanOptions {
 
 Result<int> run_plan(Context& context, const PlanOptions& options) {
   CANDELA_ASSIGN(const LoadedScene scene, load_scene(options.scene, context.facts));
-  warn_of_passed_over(context.err, scene);
+  warn_of_scene(context.err, scene);
   const bundle::DiskSource files(std::filesystem::absolute(options.scene.scene).parent_path());
   CANDELA_ASSIGN(
       const auto renderer,

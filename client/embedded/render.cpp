@@ -229,7 +229,7 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   CANDELA_ASSIGN(const std::vector<unsigned> threads, worker_threads(options));
   CANDELA_ASSIGN(const std::uint64_t texture_memory, texture_memory_bytes(options));
   CANDELA_ASSIGN(LoadedScene scene, load_scene(options.scene, context.facts));
-  warn_of_passed_over(context.err, scene);
+  warn_of_scene(context.err, scene);
   // A worker without the readers would try again and again.
   for (const auto& [key, path] : scene.gathered.real_paths) CANDELA_TRY(image::check_readable(path));
   CANDELA_TRY(check_isa(scene.job.settings.isa));

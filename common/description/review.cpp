@@ -56,6 +56,8 @@ class Reviewer {
       if (!acts(object) && !seen_.contains(&object)) unused(object, "is used by nothing");
     }
     look_at_straight_passes();
+    if (sensor != nullptr && result_.uses.contains("shape") && !result_.uses.contains("emitter"))
+      add(Finding::Kind::dark, scene_.scene->where, "the scene has no light: its picture is black");
     std::stable_sort(result_.findings.begin(), result_.findings.end(),
                      [](const Finding& a, const Finding& b) {
                        return std::tie(a.where.file, a.where.line) < std::tie(b.where.file, b.where.line);
@@ -151,12 +153,18 @@ std::string_view name(Finding::Kind kind) {
   switch (kind) {
     case Finding::Kind::differs:
       return "differs";
+    case Finding::Kind::dark:
+      return "dark";
     case Finding::Kind::ignored:
       return "ignored";
     case Finding::Kind::unused:
       return "unused";
   }
   return "?";
+}
+
+bool is_warning(Finding::Kind kind) {
+  return kind == Finding::Kind::differs || kind == Finding::Kind::dark;
 }
 
 Review review(const SceneDescription& scene) {

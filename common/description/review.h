@@ -14,6 +14,7 @@ namespace candela::description {
 struct Finding {
   enum class Kind {
     differs,  // the picture is another than Mitsuba's
+    dark,     // the picture is black, as Mitsuba's is
     ignored,  // a parameter that changes nothing in the picture
     unused    // an object that nothing uses
   };
@@ -23,6 +24,8 @@ struct Finding {
   std::uint64_t count = 1;  // of the places that the same is true of; `where` is the first
 };
 std::string_view name(Finding::Kind kind);
+// Whether it is one of the first two kinds. The others are notes.
+bool is_warning(Finding::Kind kind);
 
 struct Review {
   // category -> plugin -> number of objects that the picture depends on, each counted once

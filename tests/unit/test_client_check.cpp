@@ -128,6 +128,37 @@ TEST_F(Check, BadScenesAreCodeTwo) {
   EXPECT_NE(broken.err.find("broken.obj"), std::string::npos) << broken.err;
 }
 
+// Claim: all errors of a scene's text are listed, the file and line of each, with the exit code of one.
+TEST_F(Check, ListsAllErrors) {
+  const Outcome outcome = check("<shape type='cubus'/>\n<bsdf type='difuse'/>\n<shape type='obj'/>");
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_EQ(outcome.out, "");
+  const std::string place = "candela: error: " + (folder_ / "scene.xml").string();
+  EXPECT_EQ(outcome.err, place + ":4: unknown shape 'cubus' (did you mean 'cube'?)\n" + place +
+                             ":5: unknown bsdf 'difuse' (did you mean 'diffuse'?)\n" + place +
+                             ":6: shape 'obj' lacks the parameter 'filename'\n");
+  std::string many;
+  for (int i = 0; i < 30; ++i) many += "<shape type='cubus'/>\n";
+  const Outcome bounded = check(many);
+  EXPECT_EQ(std::count(bounded.err.begin(), bounded.err.end(), '\n'), 21) << bounded.err;
+  EXPECT_NE(bounded.err.find("there may be more than these 20 errors"), std::string::npos) << bounded.err;
+}
+
+// Claim: a scene without any light is told to be black; an old one gets a sky, which is told.
+TEST_F(Check, DarkScenes) {
+  const Outcome dark = check("<shape type='cube'/>");
+  EXPECT_EQ(dark.code, 0) << dark.err;
+  EXPECT_NE(dark.out.find("warning: scene.xml:1: the scene has no light: its picture is black\n"),
+            std::string::npos)
+      << dark.out;
+  EXPECT_EQ(check("<shape type='cube'/>", {"--strict"}).code, 1);
+  const Outcome old = check("<shape type='cube'/>", {}, "path", "0.6.0");
+  EXPECT_EQ(old.code, 0) << old.err;
+  EXPECT_NE(old.out.find("the scene has no light: a sun and a sky are added, as in 0.6"), std::string::npos)
+      << old.out;
+  EXPECT_EQ(old.out.find("black"), std::string::npos) << old.out;
+}
+
 // Claim: an old file's words are taken for today's, and what became of them is told.
 TEST_F(Check, OldFiles) {
   const Outcome outcome = check(

@@ -57,6 +57,18 @@ TEST(DescriptionReview, MediaThatDiffer) {
       "it at the unit cube\n");
 }
 
+// Claim: a scene that is seen and has no light is told to be black.
+TEST(DescriptionReview, DarkScenes) {
+  const std::string seen = "<sensor type='perspective'/><shape type='cube'/>";
+  EXPECT_EQ(findings(review_of(seen)), "dark 1: the scene has no light: its picture is black\n");
+  EXPECT_EQ(findings(review_of(seen + "<emitter type='point'/>")), "");
+  EXPECT_EQ(
+      findings(review_of("<sensor type='perspective'/><shape type='cube'><emitter type='area'/></shape>")),
+      "");
+  EXPECT_TRUE(is_warning(Finding::Kind::dark) && is_warning(Finding::Kind::differs));
+  EXPECT_FALSE(is_warning(Finding::Kind::ignored) || is_warning(Finding::Kind::unused));
+}
+
 // Claim: a bounce that Mitsuba's path counts and ours does not is told, where it can matter.
 TEST(DescriptionReview, StraightPassesThatDiffer) {
   const std::string shape = "<shape type='sphere'><bsdf type='mask'><bsdf type='diffuse'/></bsdf></shape>";
@@ -100,7 +112,8 @@ TEST(DescriptionReview, OldFilesAreReinterpreted) {
   EXPECT_EQ(findings(review_of(R"(<sensor type="perspective"><film type="ldrfilm">
       <float name="gamma" value="2.2"/></film></sensor>
     <shape type="cube"><bsdf type="diffuse"><texture type="bitmap" name="reflectance">
-      <string name="filename" value="image.png"/><string name="filterType" value="EWA"/></texture></bsdf></shape>)",
+      <string name="filename" value="image.png"/><string name="filterType" value="EWA"/></texture></bsdf></shape>
+    <emitter type="point"/>)",
                                "0.6.0")),
             "differs 2: parameter 'gamma' of film 'ldrfilm' is dropped: images stay linear, and PNGs are "
             "encoded as "
