@@ -6,6 +6,7 @@
 
 #include "common/description/film_window.h"
 #include "common/description/text.h"
+#include "common/description/transform.h"
 
 namespace candela::description {
 namespace {
@@ -95,20 +96,26 @@ Result<void> exclude(const Object& object, std::string_view a, std::string_view 
       .with_mend("leave one of them out");
 }
 
-Result<void> check_focal_length(const Object& object) {
-  const Property* focal = object.find("focal_length");
-  if (focal == nullptr) return {};
-  std::string_view value = std::get<std::string>(focal->value);
-  if (value.ends_with("mm")) value.remove_suffix(2);
-  const std::optional<double> length = text::to_number(value);
-  if (!length || !(*length > 0))
-    return error_at(focal->where,
-                    fmt::format("{} is not a focal length", text::quote(std::get<std::string>(focal->value))))
-        .with_mend("write millimetres, such as '50mm'");
-  return {};
+// The frame of a light that turns and places it must not change its cone or picture.
+Result<void> check_light_frame(const Object& object) {
+  const Property* to_world = object.find("to_world");
+  const auto* matrix = to_world == nullptr ? nullptr : std::get_if<Mat4>(&to_world->value);
+  if (matrix == nullptr || transform::is_similarity(*matrix)) return {};
+  return error_at(object.where,
+                  fmt::format("the to_world of a {} light must not shear, stretch or flatten", object.plugin))
+      .with_field("to_world");
+}
+
+Result<void> check_gamma(const Object& object) {
+  const Property* gamma = object.find("gamma");
+  const double value = object.get_number("gamma", 0);
+  if (gamma == nullptr || value == -1 || value >= 0) return {};
+  return error_at(gamma->where, "gamma is above 0, or -1 for sRGB, or 0 for what the file means");
 }
 
 Result<void> check_combinations(const Object& object) {
+  if (object.category == "emitter" && is_rigid_light(object)) CANDELA_TRY(check_light_frame(object));
+  if (object.category == "texture" && object.plugin == "bitmap") CANDELA_TRY(check_gamma(object));
   if (object.plugin == "spot" && object.category == "emitter") {
     const double cutoff = object.get_number("cutoff_angle", 20);
     const Property* beam = object.find("beam_width");
@@ -366,6 +373,23 @@ Result<void> check_scene(const Object& object, std::span<const Location> where) 
 }
 
 }  // namespace
+
+bool is_rigid_light(const Object& object) {
+  return object.plugin == "spot" || object.plugin == "projector" || object.plugin == "goniometric";
+}
+
+Result<void> check_focal_length(const Object& object) {
+  const Property* focal = object.find("focal_length");
+  if (focal == nullptr || !std::holds_alternative<std::string>(focal->value)) return {};
+  std::string_view value = std::get<std::string>(focal->value);
+  if (value.ends_with("mm")) value.remove_suffix(2);
+  const std::optional<double> length = text::to_number(value);
+  if (!length || !(*length > 0))
+    return error_at(focal->where,
+                    fmt::format("{} is not a focal length", text::quote(std::get<std::string>(focal->value))))
+        .with_mend("write millimetres, such as '50mm'");
+  return {};
+}
 
 const PropertyRule* find_rule(const PluginRule& plugin, std::string_view name) {
   for (const PropertyRule& rule : plugin.properties)

@@ -34,6 +34,12 @@ Result<void> check_property(Property& property, const PropertyRule& rule);
 Result<void> check_children(const Object& object, const PluginRule& rule,
                             std::span<const Location> child_where);
 
+// Whether the light's to_world turns, places and scales it alone: lights with a cone or a picture.
+bool is_rigid_light(const Object& object);
+
+// A focal length is a number of millimeters.
+Result<void> check_focal_length(const Object& object);
+
 // The rule of a property; nullptr if the plugin has no such property.
 const PropertyRule* find_rule(const PluginRule& plugin, std::string_view name);
 

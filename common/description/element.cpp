@@ -31,4 +31,16 @@ Result<Element> read_element(const XmlDocument& document, const pugi::xml_node& 
   return result;
 }
 
+Error unexpected_text(const XmlDocument& document, const pugi::xml_node& node) {
+  std::string_view words = node.value();
+  Location where = document.where(node);
+  while (!words.empty() && (words.front() == ' ' || words.front() == '\t' || words.front() == '\n')) {
+    where.line += words.front() == '\n' ? 1 : 0;
+    words.remove_prefix(1);
+  }
+  words = words.substr(0, words.find('\n'));
+  return input_error(fmt::format("unexpected text {} in <{}>", text::quote(words), node.parent().name()))
+      .at(where.file, where.line);
+}
+
 }  // namespace candela::description

@@ -13,4 +13,7 @@ namespace candela::description {
 Result<Element> read_element(const XmlDocument& document, const pugi::xml_node& node, bool legacy,
                              Parameters& parameters);
 
+// The error of text where elements belong, which names it where it begins, behind white space.
+Error unexpected_text(const XmlDocument& document, const pugi::xml_node& node);
+
 }  // namespace candela::description

@@ -212,12 +212,19 @@ Result<void> rename(Object& object, std::string_view from, std::string_view to) 
   return {};
 }
 
-// The coefficients of a measured medium. 0.6 takes skin1 if nothing is given.
-Result<void> set_preset(Object& object, const std::optional<Property>& material) {
+struct Coefficients {
+  Vec3 sigma_s{}, sigma_a{};
+  Location where;
+};
+
+// The coefficients of a measured medium in 0.6: 100 times those per millimeter, whatever its manual says, and
+// with two values of its own. It takes skin1 if nothing is given.
+Result<Coefficients> preset_of(const Object& object, const std::optional<Property>& material) {
+  constexpr double per_millimeter = 100;
   const Location where = material ? material->where : object.where;
   const std::string* name = material ? std::get_if<std::string>(&material->value) : nullptr;
   if (material && name == nullptr) return error_at(*material, "parameter 'material' must be a string");
-  const std::optional<MediumPreset> preset = named_medium(name == nullptr ? "skin1" : *name);
+  std::optional<MediumPreset> preset = named_medium(name == nullptr ? "skin1" : *name);
   if (!preset) {
     const std::vector<std::string_view> known = medium_names();
     const std::string_view nearest = nearest_name(*name, known);
@@ -226,15 +233,26 @@ Result<void> set_preset(Object& object, const std::optional<Property>& material)
         .with_mend(nearest.empty() ? fmt::format("there is {}", text::quoted_list(known))
                                    : text::did_you_mean(nearest));
   }
+  const std::string folded = text::lower(name == nullptr ? "skin1" : *name);
+  if (folded == "chicken1") preset->sigma_a[0] = 0.0015;
+  if (folded == "chicken2") preset->sigma_a[0] = 0.0018;
+  Coefficients coefficients{preset->sigma_s, preset->sigma_a, where};
+  for (std::size_t c = 0; c < 3; ++c) {
+    coefficients.sigma_s[c] *= per_millimeter;
+    coefficients.sigma_a[c] *= per_millimeter;
+  }
+  return coefficients;
+}
+
+void set_coefficients(Object& object, const Coefficients& given) {
   Rgb extinction;
   Rgb albedo;
   for (std::size_t c = 0; c < 3; ++c) {
-    extinction.value[c] = preset->sigma_s[c] + preset->sigma_a[c];
-    albedo.value[c] = preset->sigma_s[c] / extinction.value[c];
+    extinction.value[c] = given.sigma_a[c] + given.sigma_s[c];
+    albedo.value[c] = extinction.value[c] > 0 ? given.sigma_s[c] / extinction.value[c] : 0;
   }
-  object.properties.push_back({"sigma_t", PropertyType::rgb, extinction, where});
-  object.properties.push_back({"albedo", PropertyType::rgb, albedo, where});
-  return {};
+  object.properties.push_back({"sigma_t", PropertyType::rgb, extinction, given.where});
+  object.properties.push_back({"albedo", PropertyType::rgb, albedo, given.where});
 }
 
 // The layer `hk` takes its coefficients as a medium does; they may be textures.
@@ -242,7 +260,34 @@ Result<void> upgrade_layer(Object& object, const Slots& slots) {
   const std::optional<Property> material = take(object, "material");
   for (const std::string_view name : {"sigma_s", "sigma_a", "sigma_t", "albedo"})
     if (find(object, name) != nullptr || has(slots, name)) return {};
-  return set_preset(object, material);
+  CANDELA_ASSIGN(Coefficients preset, preset_of(object, material));
+  if (const std::optional<Property> scale = take(object, "scale")) {
+    const std::optional<double> factor = number_of(*scale);
+    if (!factor || !(*factor >= 0)) return error_at(*scale, "parameter 'scale' must be a float, at least 0");
+    for (Vec3* coefficient : {&preset.sigma_s, &preset.sigma_a})
+      for (double& component : *coefficient) component *= *factor;
+  }
+  set_coefficients(object, preset);
+  return {};
+}
+
+// A medium's `g` is no phase function in 0.6: it reduces the scattering.
+Result<void> reduce_scattering(Object& object, const std::optional<Property>& g) {
+  if (!g) return {};
+  CANDELA_ASSIGN(const Vec3 mean_cosine, color_of(*g));
+  const std::optional<Property> extinction = take(object, "sigma_t");
+  const std::optional<Property> albedo = take(object, "albedo");
+  if (!extinction || !albedo) return error_at(*g, "'g' needs the coefficients of the medium");
+  CANDELA_ASSIGN(const Vec3 sigma_t, color_of(*extinction));
+  CANDELA_ASSIGN(const Vec3 part, color_of(*albedo));
+  Coefficients reduced{{}, {}, g->where};
+  for (std::size_t c = 0; c < 3; ++c) {
+    if (!(std::abs(mean_cosine[c]) < 1)) return error_at(*g, "parameter 'g' must be within -1 and 1");
+    reduced.sigma_s[c] = part[c] * sigma_t[c] * (1 - mean_cosine[c]);
+    reduced.sigma_a[c] = (1 - part[c]) * sigma_t[c];
+  }
+  set_coefficients(object, reduced);
+  return {};
 }
 
 // Scattering and absorption to extinction and albedo.
@@ -250,10 +295,19 @@ Result<void> upgrade_homogeneous(Object& object, const Slots& slots) {
   const std::optional<Property> absorption = take(object, "sigma_a");
   const std::optional<Property> scattering = take(object, "sigma_s");
   const std::optional<Property> material = take(object, "material");
+  const std::optional<Property> g = take(object, "g");
   if (!absorption && !scattering) {
-    for (const std::string_view name : {"sigma_t", "albedo"})
-      if (find(object, name) != nullptr || has(slots, name)) return {};
-    return set_preset(object, material);
+    const auto given = [&](std::string_view name) {
+      return find(object, name) != nullptr || has(slots, name);
+    };
+    if (given("sigma_t") && given("albedo")) return reduce_scattering(object, g);
+    // The material's, skin1's that is, stands in for one that is absent.
+    CANDELA_ASSIGN(const Coefficients preset, preset_of(object, material));
+    Object complete;
+    set_coefficients(complete, preset);
+    for (Property& property : complete.properties)
+      if (!given(property.name)) object.properties.push_back(std::move(property));
+    return reduce_scattering(object, g);
   }
   // 0.6 prefers the coefficients to a material.
   if (!absorption || !scattering)
@@ -263,19 +317,14 @@ Result<void> upgrade_homogeneous(Object& object, const Slots& slots) {
       return error_at(*property, fmt::format("'{}' and 'sigmaA', 'sigmaS' exclude each other", other));
   CANDELA_ASSIGN(const Vec3 a, color_of(*absorption));
   CANDELA_ASSIGN(const Vec3 s, color_of(*scattering));
-  Rgb extinction;
-  Rgb albedo;
   for (std::size_t c = 0; c < 3; ++c) {
     if (a[c] < 0)
       return error_at(*absorption, fmt::format("parameter 'sigmaA' is {}, but must be at least 0", a[c]));
     if (s[c] < 0)
       return error_at(*scattering, fmt::format("parameter 'sigmaS' is {}, but must be at least 0", s[c]));
-    extinction.value[c] = a[c] + s[c];
-    albedo.value[c] = extinction.value[c] > 0 ? s[c] / extinction.value[c] : 0;
   }
-  object.properties.push_back({"sigma_t", PropertyType::rgb, extinction, absorption->where});
-  object.properties.push_back({"albedo", PropertyType::rgb, albedo, scattering->where});
-  return {};
+  set_coefficients(object, {s, a, absorption->where});
+  return reduce_scattering(object, g);
 }
 
 Result<void> upgrade_medium(Object& object, const Slots& slots) {
@@ -395,6 +444,8 @@ Result<void> upgrade(Object& object, const Slots& slots, std::vector<Note>& note
   if (object.category == "bsdf" && object.plugin.starts_with("rough")) upgrade_distribution(object, notes);
   if (object.category == "bsdf" && (object.plugin == "normalmap" || object.plugin == "bumpmap"))
     keep_plain_bumps(object);
+  if (object.category == "bsdf" && object.plugin == "roughplastic" && find(object, "masked_light") == nullptr)
+    object.properties.push_back({"masked_light", PropertyType::string, std::string("stays"), object.where});
   if (object.category == "texture" && object.plugin == "mesh_attribute" && find(object, "name") == nullptr)
     object.properties.push_back({"name", PropertyType::string, std::string("vertex_color"), object.where});
   // Colors of vertices are sRGB in 0.6, those in floats too.

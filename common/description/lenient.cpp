@@ -72,6 +72,28 @@ std::string_view known_beginning(std::string_view category, std::string_view nam
   return longest;
 }
 
+// Whether the known plugin holds as many bsdfs as the object does. The number matters to bsdfs alone.
+bool holds_as_many(const Object& object, std::string_view plugin, std::size_t bsdf_parts) {
+  if (object.category != "bsdf") return true;
+  const std::vector<std::string_view>& children = find_plugin("bsdf", plugin)->child_categories;
+  if (std::find(children.begin(), children.end(), "bsdf") == children.end()) return bsdf_parts == 0;
+  if (plugin == "twosided") return bsdf_parts == 1 || bsdf_parts == 2;
+  return bsdf_parts == (plugin == "blendbsdf" ? 2U : 1U);
+}
+
+// The known plugin that an unknown name misspells. A shape, emitter or volume, which would otherwise be left
+// out, must be nearer than the others: "curve" is no misspelled "cube".
+std::string_view meant_plugin(const Object& object, std::string_view name, std::size_t bsdf_parts) {
+  std::vector<std::string_view> known = plugin_names(object.category);
+  std::erase_if(known, [&](std::string_view plugin) { return !holds_as_many(object, plugin, bsdf_parts); });
+  const std::string_view nearest = nearest_name(name, known);
+  if (nearest.empty()) return {};
+  const std::size_t edits = edit_distance(name, nearest);
+  const bool has_default = find_nearest(object.category, "") != nullptr;
+  const bool is_near = has_default ? 3 * edits <= name.size() + 1 : 4 * edits <= name.size() + 2;
+  return is_near ? nearest : std::string_view();
+}
+
 bool has_any(const Object& object, std::initializer_list<std::string_view> names) {
   return std::any_of(names.begin(), names.end(),
                      [&](std::string_view name) { return object.find(name) != nullptr; });
@@ -189,10 +211,14 @@ std::string nearest_plugin(const Object& object, std::size_t bsdf_parts) {
     if (nearest->plugin == "dielectric" && has_any(object, {"alpha", "roughness"})) return "roughdielectric";
     return std::string(nearest->plugin);
   }
+  const std::string_view beginning = known_beginning(object.category, name);
+  if (!beginning.empty() && holds_as_many(object, beginning, bsdf_parts)) return std::string(beginning);
+  if (support_of_plugin(object.category, name) == Support::none)
+    if (const std::string_view meant = meant_plugin(object, name, bsdf_parts); !meant.empty())
+      return std::string(meant);
   if (object.category == "bsdf" && bsdf_parts == 1) return "mask";
   if (object.category == "bsdf" && bsdf_parts == 2) return "blendbsdf";
-  if (const std::string_view beginning = known_beginning(object.category, name); !beginning.empty())
-    return std::string(beginning);
+  if (!beginning.empty()) return std::string(beginning);
   const Nearest* fallback = find_nearest(object.category, "");
   return fallback == nullptr ? std::string() : std::string(fallback->plugin);
 }

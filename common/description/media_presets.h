@@ -1,4 +1,5 @@
-// Media by name: coefficients that Jensen and others measured, as Mitsuba 0.6's `material` names them.
+// Media by name: coefficients that Jensen et al. and Narasimhan et al. measured, as Mitsuba 0.6's `material`
+// names them.
 #pragma once
 
 #include <optional>
@@ -14,7 +15,7 @@ struct MediumPreset {
   Vec3 sigma_s, sigma_a;
 };
 
-// In any case of letters; nullopt for an unknown name.
+// In any case of letters, with spaces or without; nullopt for an unknown name.
 std::optional<MediumPreset> named_medium(std::string_view name);
 std::vector<std::string_view> medium_names();
 

@@ -87,7 +87,12 @@ Result<void> OtherIntegrator::take(const pugi::xml_node& node, std::string_view 
   };
   Result<Property> property = parse();
   if (plugin == "aov" && name == "aovs" && property.ok() && aovs.empty()) {
-    CANDELA_ASSIGN(aovs, aovs_of_scene(*property, lenient, notes));
+    // Another integrator runs: what of its layers cannot be had does not keep it from running.
+    Result<std::string> layers = aovs_of_scene(*property, true, notes);
+    if (layers.ok())
+      aovs = std::move(layers).value();
+    else
+      notes.push_back(passed_over_note(layers.error()));
   }
   if (!property.ok() && is_used(own_rule)) return std::move(property).error();
   if (own != nullptr && own == running) {

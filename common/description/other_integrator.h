@@ -20,8 +20,7 @@ struct OtherIntegrator {
   Parameters& parameters;    // those used in the element count as used
   std::vector<Note>& notes;  // if the scene's integrator is the one that runs: what of it is passed over
   std::function<Result<void>(const pugi::xml_node&)>
-      count;  // of the scene's elements; its error ends the reading
-  bool lenient;
+      count;          // of the scene's elements; its error ends the reading
   std::string& aovs;  // gets what an element `aov` asks for, unless something is there already
 
   // An object of the element's plugin, whatever it is called. Its properties are the parameters that the

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <map>
 
+#include "common/description/all_errors.h"
 #include "common/description/check.h"
 #include "common/description/conductors.h"
 #include "common/description/element.h"
@@ -41,11 +42,13 @@ constexpr std::size_t max_notes = 100'000;
 class Parser {
  public:
   Parser(const UnpackedFiles& files, const std::string& main_key,
-         const std::map<std::string, std::string>& given, const Reading& reading)
+         const std::map<std::string, std::string>& given, const Reading& reading,
+         std::vector<Error>* errors = nullptr)
       : files_(files, main_key),
         main_key_(main_key),
         parameters_(given, reading.lenient),
-        reading_(reading) {}
+        reading_(reading),
+        errors_(errors) {}
 
   Result<ReadScene> run() {
     CANDELA_ASSIGN(const std::unique_ptr<XmlDocument> document, files_.document(main_key_));
@@ -61,7 +64,7 @@ class Parser {
     include_stack_.push_back(main_key_);
     CANDELA_ASSIGN(const std::size_t scene, parse_object(file, root, 1));
     CANDELA_ASSIGN(ObjectPtr resolved,
-                   resolve(drafts_, scene, ids_, reading_.lenient ? &passed_over_ : nullptr));
+                   resolve(drafts_, scene, ids_, {reading_.lenient, passed_over_, errors_}));
     Result<void> used = parameters_.check_all_used();
     if (!used.ok()) return std::move(used).error().at(main_key_, 0);
     notes_.insert(notes_.end(), passed_over_.begin(), passed_over_.end());
@@ -95,16 +98,7 @@ class Parser {
   Result<void> count(const File& file, const pugi::xml_node& node) {
     CANDELA_TRY(count_node(file, node));
     if (node.type() == pugi::node_element) return {};
-    // Text: named where it begins, behind the white space.
-    std::string_view words = node.value();
-    Location where = file.document.where(node);
-    while (!words.empty() && (words.front() == ' ' || words.front() == '\t' || words.front() == '\n')) {
-      where.line += words.front() == '\n' ? 1 : 0;
-      words.remove_prefix(1);
-    }
-    words = words.substr(0, words.find('\n'));
-    return error_at(where,
-                    fmt::format("unexpected text {} in <{}>", text::quote(words), node.parent().name()));
+    return unexpected_text(file.document, node);
   }
 
   // The node's attributes with parameters resolved.
@@ -174,14 +168,37 @@ class Parser {
         object->category == "integrator" && support_of_plugin("integrator", object->plugin) == Support::later;
     const bool may_replace =
         object->category != "spectrum" && (reading_.lenient || lenient::has_close_plugin(*object));
-    if (rule == nullptr && !unread && !may_replace)
-      return unknown_plugin(written.where, object->category, object->plugin);
+    const bool is_unknown = rule == nullptr && !unread && !may_replace;
+    Error unknown = is_unknown ? unknown_plugin(written.where, object->category, object->plugin) : Error();
+    if (is_unknown && errors_ == nullptr) return unknown;
 
     const std::size_t index = drafts_.size();
     drafts_.push_back({object, {}});
     drafts_.back().legacy = file.legacy;
-    CANDELA_TRY(register_id(object->id, index, written.where, written.name));
+    const auto read = [&]() -> Result<void> {
+      CANDELA_TRY(register_id(object->id, index, written.where, written.name));
+      if (is_unknown) return std::move(unknown);
+      return finish_object(file, node, index, depth, plugin, may_replace);
+    };
+    CANDELA_TRY(go_on(read(), index));
+    return drafts_[index].given_way.value_or(index);
+  }
+
+  // With all errors wanted, that of a draft is told, and the reading goes on behind it.
+  Result<void> go_on(Result<void> result, std::size_t index) {
+    if (result.ok()) return {};
+    if (!collect(errors_, result.error())) return result;
+    drafts_[index].broken = true;
+    return {};
+  }
+
+  // The content of an object and its checks.
+  Result<void> finish_object(const File& file, const pugi::xml_node& node, std::size_t index, int depth,
+                             const std::string& plugin, bool may_replace) {
+    const std::shared_ptr<Object> object = drafts_[index].object;
+    const PluginRule* rule = find_plugin(object->category, object->plugin);
     CANDELA_TRY(parse_children(file, node, index, depth));
+    if (drafts_[index].broken) return {};
 
     if (object->category == "integrator" && object->plugin == "aov" && aovs_.empty()) {
       if (const Property* aovs = object->find("aovs")) {
@@ -189,12 +206,16 @@ class Parser {
       }
     }
     if (object->category == "integrator" && rule == nullptr) {
-      if (const auto nested = stand_in::integrator_inside(drafts_, index, notes_)) return *nested;
+      if (const auto nested = stand_in::integrator_inside(drafts_, index, notes_)) {
+        drafts_[index].given_way = *nested;
+        return {};
+      }
       rule = stand_in::direct_as_path(*object);
     }
     if (rule == nullptr && may_replace) rule = stand_in::replace_unknown(drafts_, ids_, index, passed_over_);
-    if (rule == nullptr) return index;
+    if (rule == nullptr) return {};
     if (reading_.lenient) repair::material(*object, passed_over_);
+    if (reading_.lenient && file.legacy) repair::old_numbers(*object, passed_over_);
     if (file.legacy) CANDELA_TRY(legacy::upgrade(*object, drafts_[index].slots(), notes_));
     legacy::upgrade_film(*object, plugin, notes_);
     clamp_indices(*object, notes_);
@@ -204,10 +225,20 @@ class Parser {
     if (file.legacy && (plugin == "mixturebsdf" || plugin == "mixturephase") &&
         object->plugin == "blend" + object->category)
       CANDELA_TRY(legacy::split_mixture(drafts_, index, notes_));
-    pass_over_unknown(drafts_[index], *rule, file.legacy);
+    stand_in::pass_over_unknown(drafts_[index], *rule, reading_.lenient, passed_over_);
     if (drafts_[index].stands_in) stand_in::drop_unfit(*object, *rule, passed_over_);
     if (reading_.lenient) repair::properties(*object, *rule, passed_over_);
     if (passed_over_.size() > max_notes) passed_over_.resize(max_notes);
+    if (errors_ != nullptr) {
+      for (Property& property : object->properties) {
+        const PropertyRule* property_rule = find_rule(*rule, property.name);
+        CANDELA_TRY(go_on(property_rule != nullptr ? check_property(property, *property_rule)
+                                                   : Result<void>(unknown_parameter(
+                                                         *object, *rule, property.where, property.name)),
+                          index));
+      }
+    }
+    if (drafts_[index].broken) return {};
     CANDELA_TRY(check_properties(*object, *rule));
     if (object->category == "bsdf") CANDELA_TRY(resolve_material(*object));
     for (const PropertyRule& property_rule : rule->properties) {
@@ -218,7 +249,7 @@ class Parser {
                          find_file(file, property.where, std::get<std::string>(property.value)));
         }
     }
-    return index;
+    return {};
   }
 
   // A normal map that is named in place of a texture, as forks of Mitsuba have it.
@@ -251,30 +282,13 @@ class Parser {
   }
   void pass_over(const Error& error) { note_passed_over(passed_over_note(error)); }
 
-  // Files before version 2 and lenient ones may give a parameter twice: the later value counts, as in 0.6.
-  Result<void> give_again(Property& first, Property property, const Object& object, bool allowed) {
-    const std::string message = fmt::format("parameter {} of {} is given twice, first in line {}",
-                                            text::quote(property.name), describe(object), first.where.line);
-    if (!allowed) return error_at(property.where, message);
-    note_passed_over({property.where, message + ": this value counts"});
+  // Of a parameter that is given twice the later value counts, as in Mitsuba.
+  void give_again(Property& first, Property property, const Object& object) {
+    note_passed_over(
+        {property.where, fmt::format("parameter {} of {} is given twice, first in line {}: this value "
+                                     "counts",
+                                     text::quote(property.name), describe(object), first.where.line)});
     first = std::move(property);
-    return {};
-  }
-
-  // Drops the parameters that the plugin does not have, where that is no error.
-  void pass_over_unknown(Draft& draft, const PluginRule& rule, bool legacy) {
-    Object& object = *draft.object;
-    if (!legacy && !reading_.lenient && !draft.stands_in) return;
-    const bool may_rename = draft.stands_in || (reading_.lenient && !legacy);
-    for (Property& property : object.properties)
-      if (may_rename && find_rule(rule, property.name) == nullptr)
-        stand_in::rename_unknown(object, rule, property, passed_over_);
-    std::erase_if(object.properties, [&](const Property& property) {
-      if (find_rule(rule, property.name) != nullptr) return false;
-      if (!reading_.lenient && legacy::is_heeded(object, property.name)) return false;
-      pass_over(unknown_parameter(object, rule, property.where, property.name));
-      return true;
-    });
   }
 
   bool is_other_integrator(std::string_view category) const {
@@ -285,11 +299,13 @@ class Parser {
   Result<void> pass_over_integrator(const File& file, const pugi::xml_node& node, std::size_t parent,
                                     int depth) {
     const auto count = [&](const pugi::xml_node& counted) { return count_node(file, counted); };
-    const OtherIntegrator reader{file.document, file.legacy, reading_.integrator, parameters_,
-                                 passed_over_,  count,       reading_.lenient,    aovs_};
+    const OtherIntegrator reader{file.document, file.legacy, reading_.integrator, parameters_, passed_over_,
+                                 count,         aovs_};
     parameters_.assume_usual(false);
-    CANDELA_ASSIGN(std::shared_ptr<Object> object, reader.read(node, depth));
+    Result<std::shared_ptr<Object>> read = reader.read(node, depth);
     parameters_.assume_usual(reading_.lenient);
+    if (!read.ok()) return std::move(read).error();
+    std::shared_ptr<Object> object = std::move(read).value();
     if (passed_over_.size() > max_notes) passed_over_.resize(max_notes);
     const std::size_t index = drafts_.size();
     if (!object->id.empty()) ids_.try_emplace(object->id, index);
@@ -316,7 +332,8 @@ class Parser {
   }
 
   Result<void> parse_children(const File& file, const pugi::xml_node& node, std::size_t parent, int depth) {
-    for (const pugi::xml_node& child : node.children()) CANDELA_TRY(parse_child(file, child, parent, depth));
+    for (const pugi::xml_node& child : node.children())
+      CANDELA_TRY(go_on(parse_child(file, child, parent, depth), parent));
     return {};
   }
 
@@ -344,7 +361,8 @@ class Parser {
     if (name == "animation" && reading_.lenient) return parse_animation(file, node, written, parent);
     if (is_value_element(name)) {
       CANDELA_TRY(check_name(written, "name"));
-      CANDELA_ASSIGN(Property property, parse_value(written));
+      CANDELA_ASSIGN(Property property,
+                     parse_value(reading_.lenient ? repair::srgb(written, passed_over_) : written));
       CANDELA_TRY(no_children(file, node));
       return add_property(file, std::move(property), parent);
     }
@@ -374,6 +392,10 @@ class Parser {
         return written.error("a <spectrum> with an id is not supported")
             .with_mend("write it where it is used");
       CANDELA_ASSIGN(const std::size_t index, parse_object(file, node, depth + 1));
+      if (drafts_[index].broken) {
+        drafts_[parent].broken = true;
+        return {};
+      }
       const std::shared_ptr<Object> object = drafts_[index].object;
       const PluginRule& rule = *find_plugin(object->category, object->plugin);
       CANDELA_TRY(check_children(*object, rule, {}));
@@ -404,17 +426,6 @@ class Parser {
     return add_property(file, std::move(property), parent);
   }
 
-  // Old names that upgrade() has yet to translate are told apart by their last word.
-  static SpectrumUse spectrum_use(const Object& object, std::string_view name) {
-    if (object.category == "emitter") return SpectrumUse::emission;
-    if (const PluginRule* plugin = find_plugin(object.category, object.plugin))
-      for (const PropertyRule& rule : plugin->properties)
-        if (rule.name == name) return rule.maximum <= 1 ? SpectrumUse::reflectance : SpectrumUse::unbounded;
-    const bool bounded =
-        name.ends_with("reflectance") || name.ends_with("transmittance") || name.ends_with("albedo");
-    return bounded ? SpectrumUse::reflectance : SpectrumUse::unbounded;
-  }
-
   Result<void> no_children(const File& file, const pugi::xml_node& node) {
     const pugi::xml_node child = node.first_child();
     if (!child) return {};
@@ -426,9 +437,13 @@ class Parser {
   Result<void> link_object(const File& file, const pugi::xml_node& node, std::size_t parent,
                            std::size_t index) {
     CANDELA_ASSIGN(const Element written, element(file, node));
-    drafts_[parent].links.push_back(
-        {modern_slot(file, parent, written.get("name")), written.where, index, false, {}});
+    add_link(parent, {modern_slot(file, parent, written.get("name")), written.where, index, false, {}});
     return {};
+  }
+
+  void add_link(std::size_t parent, Link link) {
+    link.after_property = !link.slot.empty() && drafts_[parent].object->find(link.slot) != nullptr;
+    drafts_[parent].links.push_back(std::move(link));
   }
 
   // Slots follow the spelling of parameters.
@@ -442,9 +457,13 @@ class Parser {
     property.name = modern_name(file, property.name);
     if (property.name.empty())
       return error_at(property.where, fmt::format("a parameter of {} has an empty name", describe(object)));
+    for (Link& link : drafts_[parent].links)
+      if (link.slot == property.name) link.before_property = true;
     for (Property& first : object.properties)
-      if (first.name == property.name)
-        return give_again(first, std::move(property), object, file.legacy || reading_.lenient);
+      if (first.name == property.name) {
+        give_again(first, std::move(property), object);
+        return {};
+      }
     if (object.properties.size() >= max_properties)
       return error_at(property.where,
                       fmt::format("{} has more than {} parameters", describe(object), max_properties));
@@ -502,8 +521,8 @@ class Parser {
   Result<void> parse_reference(const File& file, const Element& written, std::size_t parent) {
     CANDELA_TRY(written.expect({"id"}, {"name"}));
     CANDELA_TRY(check_name(written, "name"));
-    drafts_[parent].links.push_back({modern_slot(file, parent, written.get("name")), written.where, 0, true,
-                                     std::string(written.get("id"))});
+    add_link(parent, {modern_slot(file, parent, written.get("name")), written.where, 0, true,
+                      std::string(written.get("id"))});
     return {};
   }
 
@@ -549,6 +568,13 @@ class Parser {
     const pugi::xml_node root = document->root();
     CANDELA_ASSIGN(included.legacy, is_legacy(included, root));
     include_stack_.push_back(key);
+    Result<void> read = parse_included(file, included, root, written, parent, depth);
+    include_stack_.pop_back();
+    return read;
+  }
+
+  Result<void> parse_included(const File& file, const File& included, const pugi::xml_node& root,
+                              const Element& written, std::size_t parent, int depth) {
     const std::string_view name = root.name();
     if (name == "scene") {
       CANDELA_TRY(count(included, root));
@@ -557,12 +583,10 @@ class Parser {
       CANDELA_TRY(pass_over_integrator(included, root, parent, depth + 1));
     } else if (is_category(name)) {
       CANDELA_ASSIGN(const std::size_t index, parse_object(included, root, depth + 1));
-      drafts_[parent].links.push_back(
-          {modern_slot(file, parent, written.get("name")), written.where, index, false, {}});
+      add_link(parent, {modern_slot(file, parent, written.get("name")), written.where, index, false, {}});
     } else {
-      return unknown_element(document->where(root), name);
+      return unknown_element(included.document.where(root), name);
     }
-    include_stack_.pop_back();
     return {};
   }
 
@@ -570,6 +594,7 @@ class Parser {
   std::string main_key_;
   Parameters parameters_;
   const Reading& reading_;
+  std::vector<Error>* errors_;  // if all are wanted: those so far
   std::vector<std::string> include_stack_;
   std::vector<Draft> drafts_;
   std::map<std::string, std::size_t, std::less<>> ids_;
@@ -587,6 +612,29 @@ Result<ReadScene> read_scene(const FileSource& files, const std::string& main_ke
   if (pbrt::is_pbrt_file(main_key)) return pbrt::read_pbrt_scene(files, main_key, parameters, reading);
   const UnpackedFiles unpacked(files);
   return Parser(unpacked, main_key, parameters, reading).run();
+}
+
+std::vector<Error> all_errors(const FileSource& files, const std::string& main_key,
+                              const std::map<std::string, std::string>& parameters, const Reading& reading) {
+  std::vector<Error> errors;
+  if (pbrt::is_pbrt_file(main_key)) {
+    const auto read = pbrt::read_pbrt_scene(files, main_key, parameters, reading);
+    if (!read.ok()) errors.push_back(read.error());
+    return errors;
+  }
+  const UnpackedFiles unpacked(files);
+  const auto read = Parser(unpacked, main_key, parameters, reading, &errors).run();
+  if (!read.ok() && errors.empty()) errors.push_back(read.error());
+  return errors;
+}
+
+bool is_old_scene(const FileSource& files, const std::string& main_key) {
+  if (pbrt::is_pbrt_file(main_key)) return false;
+  const UnpackedFiles unpacked(files);
+  const auto document = SceneFiles(unpacked, main_key).document(main_key);
+  if (!document.ok()) return false;
+  const std::optional<int> major = major_version((*document)->root().attribute("version").value());
+  return major && *major < 2;
 }
 
 Result<SceneDescription> parse_scene(const FileSource& files, const std::string& main_key,

@@ -5,13 +5,16 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <optional>
+#include <span>
 
 #include "common/description/check.h"
 #include "common/description/conductors.h"
 #include "common/description/film_window.h"
 #include "common/description/resolve.h"
 #include "common/description/text.h"
+#include "common/description/transform.h"
 
 namespace candela::description::repair {
 namespace {
@@ -23,11 +26,6 @@ bool takes(const PropertyRule& rule, PropertyType type) {
 // Numbers above a bound that is excluded begin here.
 double lowest(const PropertyRule& rule) {
   return rule.above_minimum ? rule.minimum + 1e-6 * std::max(1.0, std::abs(rule.minimum)) : rule.minimum;
-}
-
-// On the far side of an excluded bound something else is meant: a radius of -1 is no small radius.
-bool is_senseless(double value, const PropertyRule& rule) {
-  return rule.above_minimum && value < rule.minimum;
 }
 
 double clamped(double value, const PropertyRule& rule) {
@@ -124,7 +122,145 @@ void narrow_beam(Object& spot, std::vector<Note>& passed_over) {
   }
 }
 
+// Gives the property the nearest value that the rule accepts. False: it accepts the value as it is, or none
+// is near.
+bool clamp_to(const PropertyRule& rule, Property& property, std::vector<Note>& passed_over) {
+  const Result<void> fits = check_property(property, rule);
+  if (fits.ok()) return false;
+  std::optional<Property> mended = nearest(property, rule);
+  if (!mended || !check_property(*mended, rule).ok()) return false;
+  passed_over.push_back(
+      {property.where, fmt::format("{}: {} is taken", fits.error().message, shown(*mended))});
+  property = std::move(*mended);
+  return true;
+}
+
+// Negative weights of a mixture become 0.
+void raise_weights(Property& property, std::vector<Note>& passed_over) {
+  auto* words = property.name == "weights" ? std::get_if<std::string>(&property.value) : nullptr;
+  if (words == nullptr) return;
+  std::string raised;
+  bool any = false;
+  for (const std::string_view word : text::tokens(*words)) {
+    const std::optional<double> weight = text::to_number(word);
+    const bool negative = weight && *weight < 0;
+    raised += fmt::format("{}{}", raised.empty() ? "" : ", ", negative ? "0" : word);
+    any = any || negative;
+  }
+  if (!any) return;
+  passed_over.push_back(
+      {property.where, fmt::format("a weight in {} is negative: 0 is taken", text::quote(*words))});
+  *words = std::move(raised);
+}
+
+// Between -1, sRGB, and 0, as the file means, a gamma means nothing.
+void round_gamma(Object& bitmap, std::vector<Note>& passed_over) {
+  for (Property& property : bitmap.properties) {
+    const std::optional<double> gamma = property.name == "gamma" ? as_number(property) : std::nullopt;
+    if (!gamma || !(*gamma > -1 && *gamma < 0)) continue;
+    const double nearest = *gamma < -0.5 ? -1 : 0;
+    passed_over.push_back(
+        {property.where, fmt::format("a gamma of {} means nothing: {} is taken", *gamma, nearest)});
+    property.type = PropertyType::number;
+    property.value = nearest;
+  }
+}
+
+// Clipping planes of which the far one is not beyond the near one are dropped; so is a bad focal length.
+void open_camera(Object& camera, std::vector<Note>& passed_over) {
+  const auto drop = [&](std::string_view name, std::string_view why) {
+    std::erase_if(camera.properties, [&](const Property& property) {
+      if (property.name != name) return false;
+      passed_over.push_back(
+          {property.where, fmt::format("parameter '{}' {}: the default is taken", name, why)});
+      return true;
+    });
+  };
+  const auto value = [&](std::string_view name, double otherwise) {
+    const Property* property = camera.find(name);
+    return property == nullptr ? otherwise : as_number(*property).value_or(otherwise);
+  };
+  if (!(value("far_clip", 10000) > value("near_clip", 0.01))) drop("far_clip", "is not beyond near_clip");
+  if (!(value("far_clip", 10000) > value("near_clip", 0.01))) drop("near_clip", "is beyond far_clip");
+  if (!check_focal_length(camera).ok()) drop("focal_length", "is no focal length");
+}
+
+// A light that to_world shears or stretches keeps its place, its axis and, as far as it can, its turn about
+// that.
+void straighten(Object& light, std::vector<Note>& passed_over) {
+  for (Property& property : light.properties) {
+    auto* matrix = property.name == "to_world" ? std::get_if<Mat4>(&property.value) : nullptr;
+    if (matrix == nullptr || transform::is_similarity(*matrix)) continue;
+    const std::optional<Mat4> rigid = transform::without_shear(*matrix);
+    if (!rigid) continue;
+    passed_over.push_back(
+        {property.where,
+         fmt::format("the to_world of {} shears or stretches it: its axis counts", describe(light))});
+    *matrix = *rigid;
+  }
+}
+
 }  // namespace
+
+Element srgb(Element element, std::vector<Note>& passed_over) {
+  if (element.name != "srgb") return element;
+  for (auto& [attribute, value] : element.attributes) {
+    if (attribute != "value") continue;
+    std::string clamped;
+    bool any = false;
+    for (const std::string_view word : text::tokens(value)) {
+      const std::optional<double> number = text::to_number(word);
+      const bool outside = number && !(*number >= 0 && *number <= 1);
+      clamped += fmt::format("{}{}", clamped.empty() ? "" : " ", outside ? (*number > 1 ? "1" : "0") : word);
+      any = any || outside;
+    }
+    if (!any) continue;
+    passed_over.push_back({element.where, fmt::format("<srgb> values are between 0 and 1: {} is taken for {}",
+                                                      clamped, text::quote(value))});
+    value = std::move(clamped);
+  }
+  return element;
+}
+
+void old_numbers(Object& object, std::vector<Note>& passed_over) {
+  struct Bounds {
+    std::string_view name;
+    double minimum, maximum;
+  };
+  constexpr double far = std::numeric_limits<double>::infinity();
+  constexpr std::array<Bounds, 5> of_media = {{{"sigma_a", 0, far},
+                                               {"sigma_s", 0, far},
+                                               {"sigma_t", 0, far},
+                                               {"scale", 0, far},
+                                               {"g", -0.99999, 0.99999}}};
+  constexpr std::array<Bounds, 1> of_metals = {{{"ext_eta", 1e-6, far}}};
+  std::span<const Bounds> bounds;
+  if (object.category == "medium" || object.plugin == "hk") bounds = of_media;
+  if (object.plugin == "conductor" || object.plugin == "roughconductor") bounds = of_metals;
+  for (const Bounds& bound : bounds)
+    for (Property& property : object.properties) {
+      if (property.name != bound.name) continue;
+      const PropertyRule rule = {.name = bound.name,
+                                 .types = {PropertyType::number, PropertyType::rgb},
+                                 .minimum = bound.minimum,
+                                 .maximum = bound.maximum};
+      clamp_to(rule, property, passed_over);
+    }
+  if (object.category == "texture") {
+    constexpr double least = 1e-6;
+    for (Property& property : object.properties) {
+      const bool scales =
+          property.name == "uscale" || property.name == "vscale" || property.name == "uvscale";
+      if (!scales || as_number(property).value_or(1) != 0) continue;
+      passed_over.push_back(
+          {property.where, fmt::format("'{}' must not be 0: {} is taken", property.name, least)});
+      property.type = PropertyType::number;
+      property.value = least;
+    }
+  }
+  if (object.plugin == "blendbsdf" || object.plugin == "blendphase")
+    for (Property& property : object.properties) raise_weights(property, passed_over);
+}
 
 void properties(Object& object, const PluginRule& rule, std::vector<Note>& passed_over) {
   if (object.category == "film") drop_crop(object, passed_over);
@@ -133,22 +269,15 @@ void properties(Object& object, const PluginRule& rule, std::vector<Note>& passe
     if (property_rule == nullptr) return false;
     const Result<void> fits = check_property(property, *property_rule);
     if (fits.ok()) return false;
-    const std::optional<double> number = as_number(property);
-    if (number && is_senseless(*number, *property_rule)) return false;
-    if (property_rule->only.empty()) {
-      std::optional<Property> mended = nearest(property, *property_rule);
-      if (mended && check_property(*mended, *property_rule).ok()) {
-        passed_over.push_back(
-            {property.where, fmt::format("{}: {} is taken", fits.error().message, shown(*mended))});
-        property = std::move(*mended);
-        return false;
-      }
-    }
+    if (property_rule->only.empty() && clamp_to(*property_rule, property, passed_over)) return false;
     if (property_rule->required) return false;
     passed_over.push_back(passed_over_note(fits.error()));
     return true;
   });
   if (object.category == "emitter" && object.plugin == "spot") narrow_beam(object, passed_over);
+  if (object.category == "emitter" && is_rigid_light(object)) straighten(object, passed_over);
+  if (object.category == "texture" && object.plugin == "bitmap") round_gamma(object, passed_over);
+  if (object.category == "sensor" || object.plugin == "projector") open_camera(object, passed_over);
 }
 
 void material(Object& object, std::vector<Note>& passed_over) {

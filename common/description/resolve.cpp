@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/description/all_errors.h"
 #include "common/description/check.h"
 #include "common/description/text.h"
 #include "common/description/transform.h"
@@ -19,8 +20,13 @@ constexpr std::size_t max_resolved_notes = 100'000;
 class Resolver {
  public:
   Resolver(std::vector<Draft>& drafts, const std::map<std::string, std::size_t, std::less<>>& ids,
-           std::vector<Note>* passed_over)
-      : drafts_(drafts), ids_(ids), passed_over_(passed_over), nodes_(drafts.size()) {}
+           const Joining& joining)
+      : drafts_(drafts),
+        ids_(ids),
+        lenient_(joining.lenient),
+        passed_over_(joining.passed_over),
+        errors_(joining.errors),
+        nodes_(drafts.size()) {}
 
   // `depth` bounds this recursion; `from` is where the draft is used.
   Result<void> visit(std::size_t index, int depth, const Location& from) {
@@ -39,44 +45,57 @@ class Resolver {
       std::size_t target = link.target;
       if (link.is_reference) {
         const auto found = ids_.find(link.id);
-        if (found == ids_.end()) return unknown_id(link);
+        if (found == ids_.end()) {
+          CANDELA_TRY(fail(draft, unknown_id(link)));
+          continue;
+        }
         target = found->second;
       }
-      CANDELA_TRY(visit(target, depth + 1, link.where));
+      if (Result<void> visited = visit(target, depth + 1, link.where); !visited.ok()) {
+        CANDELA_TRY(fail(draft, std::move(visited).error()));
+        continue;
+      }
       node.height = std::max(node.height, nodes_[target].height + 1);
       node.unfolded = std::min(max_unfolded + 1, node.unfolded + nodes_[target].unfolded);
       if (drafts_[target].left_out) continue;
       const Child child{link.slot, drafts_[target].object};
       if (draft.object->category == "shape" && child.object->plugin == "irradiancemeter" &&
           child.object->category == "sensor") {
-        CANDELA_TRY(lay_meter_on(draft.object, *drafts_[target].object, child, link.where));
+        if (Result<void> laid = lay_meter_on(draft.object, *drafts_[target].object, child, link.where);
+            !laid.ok())
+          CANDELA_TRY(fail(draft, std::move(laid).error()));
         continue;
       }
-      if (passed_over_ != nullptr && drafts_[target].stands_in && child.object->category == "sensor" &&
+      if (lenient_ && drafts_[target].stands_in && child.object->category == "sensor" &&
           draft.object->category == "shape") {
         move_sensor_out(*draft.object, *drafts_[target].object, child, link.where);
         continue;
       }
-      if (passed_over_ != nullptr && draft.object->category == "shape" &&
-          child.object->category == "emitter" && child.object->plugin != "area") {
+      if (lenient_ && draft.object->category == "shape" && child.object->category == "emitter" &&
+          child.object->plugin != "area") {
         move_emitter_out(*draft.object, *child.object, link.where);
         continue;
       }
       if (draft.object->plugin == "blendphase" && child.object->category == "volume" &&
           take_weight(*draft.object, child, link.where))
         continue;
-      if (passed_over_ != nullptr && rule != nullptr && draft.stands_in &&
-          !fits(*draft.object, *rule, child)) {
+      if (lenient_ && rule != nullptr && draft.stands_in && !fits(*draft.object, *rule, child)) {
         tell(error_at(link.where, fmt::format("{} cannot be inside {}", describe(*child.object),
                                               describe(*draft.object))));
         continue;
       }
-      if (passed_over_ != nullptr && rule != nullptr &&
-          is_for_unknown_parameter(*draft.object, *rule, child)) {
+      if (lenient_ && rule != nullptr && is_for_unknown_parameter(*draft.object, *rule, child)) {
         tell(unknown_parameter(*draft.object, *rule, link.where, link.slot));
         continue;
       }
-      if (passed_over_ != nullptr && rule != nullptr && is_unfit_texture(*draft.object, *rule, child)) {
+      if (rule != nullptr && is_value(*rule, child)) {
+        if (link.before_property && draft.object->find(link.slot) != nullptr) {
+          tell_twice(*draft.object, link.slot, draft.object->find(link.slot)->where, link.where);
+          continue;
+        }
+        replace_value(*draft.object, link, where);
+      }
+      if (lenient_ && rule != nullptr && is_unfit_texture(*draft.object, *rule, child)) {
         tell(error_at(link.where, fmt::format("a texture as parameter {} of {} is not supported",
                                               text::quote(link.slot), describe(*draft.object))));
         continue;
@@ -84,7 +103,7 @@ class Resolver {
       draft.object->children.push_back(child);
       where.push_back(link.where);
     }
-    if (passed_over_ != nullptr) unnest_maps(*draft.object, where);
+    if (lenient_) unnest_maps(*draft.object, where);
     if (node.height > max_height)
       return error_at(from, fmt::format("objects are nested deeper than {} levels", max_height));
     if (node.unfolded > max_unfolded)
@@ -98,7 +117,10 @@ class Resolver {
     if (draft.object->category == "texture" && node.unfolded > max_texture_unfolded)
       return error_at(draft.object->where, fmt::format("{} unfolds into more than {} textures",
                                                        describe(*draft.object), max_texture_unfolded));
-    if (rule != nullptr) CANDELA_TRY(check_children(*draft.object, *rule, where));
+    if (rule != nullptr && !draft.broken)
+      if (Result<void> fits = check_children(*draft.object, *rule, where); !fits.ok())
+        CANDELA_TRY(fail(draft, std::move(fits).error()));
+    if (draft.legacy && draft.object->category == "scene") finish_old_scene(*draft.object);
     if (draft.legacy && draft.object->category == "sensor") begin_media_at_camera(*draft.object);
     if (draft.object->category == "sensor" && draft.object->plugin == "distant") filter_by_box(*draft.object);
     node.state = State::done;
@@ -106,6 +128,74 @@ class Resolver {
   }
 
  private:
+  // The reading goes on, if all errors are wanted.
+  Result<void> fail(Draft& draft, Error error) {
+    draft.broken = true;
+    if (!collect(errors_, error)) return error;
+    return {};
+  }
+
+  // A texture, or a medium's volume, in the place of a parameter's value.
+  static bool is_value(const PluginRule& rule, const Child& child) {
+    const std::string& category = child.object->category;
+    if (child.slot.empty() || (category != "texture" && category != "volume")) return false;
+    const PropertyRule* slot = find_rule(rule, child.slot);
+    return slot != nullptr && (category == "volume" ? rule.category == "medium" : slot->textured);
+  }
+
+  void tell_twice(const Object& object, std::string_view slot, const Location& counts,
+                  const Location& other) {
+    tell(error_at(other, fmt::format("parameter '{}' of {} is given twice", slot, describe(object))),
+         fmt::format("that of line {} counts", counts.line));
+  }
+
+  // Takes away what is given for the link's slot before the link.
+  void replace_value(Object& object, const Link& link, std::vector<Location>& where) {
+    if (link.after_property) {
+      std::erase_if(object.properties, [&](const Property& property) {
+        if (property.name != link.slot) return false;
+        tell_twice(object, link.slot, link.where, property.where);
+        return true;
+      });
+    }
+    for (std::size_t i = object.children.size(); i-- > 0;) {
+      const Child& child = object.children[i];
+      if (child.slot != link.slot ||
+          (child.object->category != "texture" && child.object->category != "volume"))
+        continue;
+      tell_twice(object, link.slot, link.where, where[i]);
+      object.children.erase(object.children.begin() + static_cast<std::ptrdiff_t>(i));
+      where.erase(where.begin() + static_cast<std::ptrdiff_t>(i));
+    }
+  }
+
+  // 0.6 takes the last of several sensors, and lights a scene that has no light.
+  void finish_old_scene(Object& scene) {
+    const auto is_sensor = [](const Child& child) { return child.object->category == "sensor"; };
+    const auto first = std::find_if(scene.children.begin(), scene.children.end(), is_sensor);
+    const auto last = std::find_if(scene.children.rbegin(), scene.children.rend(), is_sensor);
+    if (first == scene.children.end()) return;
+    std::rotate(first, last.base() - 1, last.base());
+    const auto is = [](std::string_view category) {
+      return [category](const Draft& draft) { return draft.object->category == category; };
+    };
+    if (std::any_of(drafts_.begin(), drafts_.end(), is("emitter")) ||
+        std::none_of(drafts_.begin(), drafts_.end(), is("shape")))
+      return;
+    auto sky = std::make_shared<Object>();
+    sky->category = "emitter";
+    sky->plugin = "sunsky";
+    sky->where = scene.where;
+    const Mat4 turned = *transform::rotate({0, 1, 0}, -120);
+    sky->properties = {{"to_world", PropertyType::transform, turned, scene.where},
+                       {"sky_scale", PropertyType::number, 2.0, scene.where},
+                       {"sun_scale", PropertyType::number, 2.0, scene.where},
+                       {"sun_radius_scale", PropertyType::number, 15.0, scene.where}};
+    scene.children.push_back({{}, std::move(sky)});
+    tell(error_at(scene.where, "the scene has no light"),
+         "a sun and a sky are added, as in 0.6, but dark below the horizon");
+  }
+
   enum class State { untouched, open, done };
   struct Node {
     State state = State::untouched;
@@ -159,10 +249,11 @@ class Resolver {
     std::erase_if(moved->properties, [](const Property& property) {
       return property.name == "to_world" || property.name == "position";
     });
+    Mat4 to_world = transform::multiply(shape.get_transform("to_world"), place);
+    if (is_rigid_light(emitter) && !transform::is_similarity(to_world))
+      to_world = transform::without_shear(to_world).value_or(place);
     if (emitter.find("direction") == nullptr)
-      moved->properties.push_back({"to_world", PropertyType::transform,
-                                   transform::multiply(shape.get_transform("to_world"), place),
-                                   emitter.where});
+      moved->properties.push_back({"to_world", PropertyType::transform, to_world, emitter.where});
     moved_.emplace_back(Child{{}, std::move(moved)}, where);
   }
 
@@ -207,7 +298,7 @@ class Resolver {
       const Vec3 value = child.object->get_rgb("value").value_or(Rgb{{1, 1, 1}}).value;
       if (value[0] != value[1] || value[1] != value[2] || value[0] > 1) return false;
       weight = value[0];
-    } else if (passed_over_ == nullptr) {
+    } else if (!lenient_) {
       return false;
     } else {
       tell(error_at(where, "the 'weight' of phase 'blendphase' cannot vary").with_mend("it is 0.5"));
@@ -217,7 +308,11 @@ class Resolver {
   }
 
   void tell(const Error& error) {
-    if (passed_over_->size() < max_resolved_notes) passed_over_->push_back(passed_over_note(error));
+    if (passed_over_.size() < max_resolved_notes) passed_over_.push_back(passed_over_note(error));
+  }
+  void tell(const Error& error, std::string_view instead) {
+    if (passed_over_.size() < max_resolved_notes)
+      passed_over_.push_back({{error.file, error.line}, fmt::format("{}: {}", error.message, instead)});
   }
 
   // Whether an object that stands in for another can take the child beside those it has.
@@ -225,6 +320,9 @@ class Resolver {
     const auto& categories = rule.child_categories;
     if (child.object->category == "texture" &&
         std::find(categories.begin(), categories.end(), "texture") == categories.end()) {
+      const auto any = [](const PropertyRule& property) { return property.any_slot; };
+      if (std::any_of(rule.properties.begin(), rule.properties.end(), any))
+        return object.children_of("texture").empty();
       const PropertyRule* slot = find_rule(rule, child.slot);
       return slot != nullptr && slot->textured && object.find(child.slot) == nullptr &&
              object.find_child(child.slot) == nullptr;
@@ -245,7 +343,9 @@ class Resolver {
 
   std::vector<Draft>& drafts_;
   const std::map<std::string, std::size_t, std::less<>>& ids_;
-  std::vector<Note>* passed_over_;
+  const bool lenient_;
+  std::vector<Note>& passed_over_;
+  std::vector<Error>* errors_;
   std::vector<std::pair<Child, Location>> moved_;  // out of shapes, beside them
   std::vector<Node> nodes_;
 };
@@ -254,15 +354,21 @@ class Resolver {
 
 Result<ObjectPtr> resolve(std::vector<Draft>& drafts, std::size_t root,
                           const std::map<std::string, std::size_t, std::less<>>& ids,
-                          std::vector<Note>* passed_over) {
-  Resolver resolver(drafts, ids, passed_over);
+                          const Joining& joining) {
+  Resolver resolver(drafts, ids, joining);
   Result<void> result = resolver.visit(root, 1, drafts[root].object->where);
-  if (!result.ok()) {
-    // A graph with a cycle would keep itself alive.
-    for (Draft& draft : drafts) draft.object->children.clear();
-    return std::move(result).error();
-  }
-  return ObjectPtr(drafts[root].object);
+  if (result.ok() && (joining.errors == nullptr || joining.errors->empty()))
+    return ObjectPtr(drafts[root].object);
+  // A graph with a cycle would keep itself alive.
+  for (Draft& draft : drafts) draft.object->children.clear();
+  if (!result.ok()) return std::move(result).error();
+  return joining.errors->front();
+}
+
+bool collect(std::vector<Error>* errors, const Error& error) {
+  if (errors == nullptr || errors->size() >= kMostErrors) return false;
+  errors->push_back(error);
+  return true;
 }
 
 Note passed_over_note(const Error& error) {

@@ -92,7 +92,7 @@ void add_bsdfs(std::vector<PluginRule>& table) {
             outside,
             specular,
             distribution,
-            alpha,
+            textured(alpha),
             visible,
             {.name = "masked_light",
              .types = {string},

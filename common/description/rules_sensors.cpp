@@ -23,8 +23,13 @@ void add_samplers(std::vector<PluginRule>& table) {
              {{.name = "sample_count",
                .types = {integer},
                .doc = "samples, or mutations, a pixel: the job's --spp where no limit is given (default 4)",
-               .minimum = 1},
-              ignored("seed", {integer}, "the seed belongs to the job: --seed"),
+               .minimum = 1,
+               .maximum = 1099511627776.0},
+              [] {
+                PropertyRule rule = ignored("seed", {integer}, "the seed belongs to the job: --seed");
+                rule.minimum = 0;
+                return rule;
+              }(),
               ignored("jitter", {boolean}, "the kind of sampler belongs to the job: --sampler"),
               ignored("dimension", {integer}, "0.6: the kind of sampler belongs to the job: --sampler"),
               ignored("scramble", {integer}, "0.6: the kind of sampler belongs to the job: --sampler"),
@@ -96,19 +101,22 @@ void add_films(std::vector<PluginRule>& table) {
 }
 
 void add_filters(std::vector<PluginRule>& table) {
+  const auto width = [](std::string_view name, std::string_view doc) {
+    return PropertyRule{.name = name, .types = {number}, .doc = doc, .minimum = 1e-6, .maximum = 64};
+  };
   table.push_back({.category = "rfilter",
                    .name = "box",
-                   .properties = {positive("radius", "half width in pixels (default 0.5)")},
+                   .properties = {width("radius", "half width in pixels (default 0.5)")},
                    .child_categories = {},
                    .doc = "the mean over the pixel"});
   table.push_back({.category = "rfilter",
                    .name = "tent",
-                   .properties = {positive("radius", "half width in pixels (default 1)")},
+                   .properties = {width("radius", "half width in pixels (default 1)")},
                    .child_categories = {},
                    .doc = "linear falloff"});
   table.push_back({.category = "rfilter",
                    .name = "gaussian",
-                   .properties = {positive("stddev", "standard deviation in pixels (default 0.5)")},
+                   .properties = {width("stddev", "standard deviation in pixels (default 0.5)")},
                    .child_categories = {},
                    .doc = "Gaussian, cut at four standard deviations"});
   const auto spline = [](std::string_view name, std::string_view doc) {

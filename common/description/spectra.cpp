@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "common/description/text.h"
+#include "common/description/vocabulary.h"
 
 namespace candela::description {
 namespace {
@@ -134,6 +135,16 @@ Result<ConvertedSpectrum> convert_plugin(const Object& object, SpectrumUse use) 
 }
 
 }  // namespace
+
+SpectrumUse spectrum_use(const Object& object, std::string_view name) {
+  if (object.category == "emitter") return SpectrumUse::emission;
+  if (const PluginRule* plugin = find_plugin(object.category, object.plugin))
+    for (const PropertyRule& rule : plugin->properties)
+      if (rule.name == name) return rule.maximum <= 1 ? SpectrumUse::reflectance : SpectrumUse::unbounded;
+  const bool bounded =
+      name.ends_with("reflectance") || name.ends_with("transmittance") || name.ends_with("albedo");
+  return bounded ? SpectrumUse::reflectance : SpectrumUse::unbounded;
+}
 
 Result<colorimetry::Spectrum> parse_wavelength_pairs(std::string_view text) {
   colorimetry::Spectrum spectrum;

@@ -21,6 +21,10 @@ enum class SpectrumUse {
   unbounded     // of one that does not (indices of refraction, extinction)
 };
 
+// Of a parameter as it is written: old names that the upgrade has yet to translate are told apart by their
+// last word.
+SpectrumUse spectrum_use(const Object& object, std::string_view name);
+
 struct ConvertedSpectrum {
   Rgb rgb;
   std::string note;  // what was approximated or clamped; empty where nothing was

@@ -6,6 +6,7 @@
 
 #include "common/description/check.h"
 #include "common/description/element_names.h"
+#include "common/description/legacy.h"
 #include "common/description/lenient.h"
 #include "common/description/text.h"
 
@@ -85,6 +86,21 @@ void rename_unknown(const Object& object, const PluginRule& rule, Property& prop
   passed_over.push_back({property.where, fmt::format("{} has no parameter {}: it is read as '{}'",
                                                      describe(object), text::quote(property.name), meant)});
   property = std::move(renamed);
+}
+
+void pass_over_unknown(Draft& draft, const PluginRule& rule, bool lenient, std::vector<Note>& passed_over) {
+  Object& object = *draft.object;
+  if (!draft.legacy && !lenient && !draft.stands_in) return;
+  const bool may_rename = draft.stands_in || (lenient && !draft.legacy);
+  for (Property& property : object.properties)
+    if (may_rename && find_rule(rule, property.name) == nullptr)
+      rename_unknown(object, rule, property, passed_over);
+  std::erase_if(object.properties, [&](const Property& property) {
+    if (find_rule(rule, property.name) != nullptr) return false;
+    if (!lenient && legacy::is_heeded(object, property.name)) return false;
+    passed_over.push_back(passed_over_note(unknown_parameter(object, rule, property.where, property.name)));
+    return true;
+  });
 }
 
 void drop_unfit(Object& object, const PluginRule& rule, std::vector<Note>& passed_over) {

@@ -37,6 +37,10 @@ const PluginRule* replace_unknown(std::vector<Draft>& drafts,
 void rename_unknown(const Object& object, const PluginRule& rule, Property& property,
                     std::vector<Note>& passed_over);
 
+// Drops the parameters that the plugin does not have, where that is no error: in files before version 2, of a
+// plugin that stands in, and under the lenient reading.
+void pass_over_unknown(Draft& draft, const PluginRule& rule, bool lenient, std::vector<Note>& passed_over);
+
 // Drops the properties that the rule does not accept.
 void drop_unfit(Object& object, const PluginRule& rule, std::vector<Note>& passed_over);
 

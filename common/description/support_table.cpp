@@ -23,11 +23,11 @@ understood. Anything else is an error that names the file, the line and the near
   their like become a `to_uv` transform that looks up at `uv * scale + offset`; `wrapModeU` and `wrapModeV` become
   `wrap_mode`; the filters `ewa` and `trilinear` become `bilinear`; a `mixturebsdf` becomes
   `blendbsdf`s; `sigmaA` and `sigmaS` become `sigma_t` and `albedo`, a medium's volume `density` its `sigma_t`, and
-  `densityMultiplier` its `scale`; a homogeneous medium's `material` (default `skin1`) becomes measured coefficients per
-  millimeter; media begin at the camera, not at the near plane; the microfacet distributions `phong` and `as` become
-  `beckmann`; a parameter that is given twice has its later value; grids fill the bounding box of their file, or the box from
-  `min` to `max`; the `scale` of a `sunsky` is that of both parts; conductors without parameters are copper, and `extEta`
-  divides their `eta` and `k`.
+  `densityMultiplier` its `scale`; a homogeneous medium's `material` becomes measured coefficients; the microfacet
+  distributions `phong` and `as` become `beckmann`; grids fill the bounding box of their file, or the box from
+  `min` to `max`; the `scale` of a `sunsky` is that of both parts; `extEta` divides the `eta` and `k` of conductors.
+- A file means what the Mitsuba of its version does; the section *Where Mitsuba's versions differ* has the list. Of a parameter
+  that is given twice the later value counts, with a warning, a texture's too.
 - Values: `<boolean>`, `<integer>`, `<float>`, `<string>`, `<point>` and `<vector>` (`x`, `y`, `z`, or `value`), `<rgb>`
   (linear Rec.709: one or three numbers; `#rrggbb` is decoded from sRGB, before version 2 it is linear), `<srgb>` (decoded
   from sRGB).
@@ -49,20 +49,47 @@ understood. Anything else is an error that names the file, the line and the near
   folder, then in the folder of the included file that names them. All of them must be there when a job is submitted.
 - A surface without a `<bsdf>` is `diffuse`. An emitter `area` at the top of the scene glows in the shapes that refer to it.
 - A `<spectrum>` whose type is a texture is that texture.
+- A scene without an integrator has `direct` before version 2, later `path`, with a warning.
 - The integrator `direct` is `path` with a `max_depth` of 2. Of an integrator that Candela lacks and that holds another one
   (`aov`, `moment`) the one inside runs; the `aovs` of `aov` become layers beside its image, unless `--aov` says otherwise
   (`aovs.md`). The films `ldrfilm` and `mfilm` are read as `hdrfilm`.
 
+## Where Mitsuba's versions differ
+
+| what | before version 2, as 0.6 | from version 2, as 2 and 3 |
+|---|---|---|
+| `roughplastic` | light that masking keeps from leaving the coat comes out later: white stays white | it is lost: white is 0.98, 0.93, 0.88 and 0.74 at ggx, `alpha` 0.05, 0.1, 0.15 and 0.3 |
+| `conductor`, `roughconductor` without parameters | copper | a perfect mirror |
+| `bumpmap`, `normalmap` | the normal is tilted, no more | as Mitsuba 3.7: invalid normals are flipped, facets shadow |
+| `homogeneous` | lacking coefficients are those of `material` (default `skin1`), 100 times the values per millimeter, as 0.6's program has it, against its manual; the medium's `g` reduces the scattering | albedo 0.75, sigma_t 1 |
+| media around the camera | begin at the camera | begin at the near plane |
+| colors of `ply` vertices | sRGB | sRGB if integers |
+| `#rrggbb` in `<rgb>` | linear | sRGB |
+| one number in an emitter's `<spectrum>` | white | equal power, which is not white |
+| several sensors | the last | the first |
+| no integrator | `direct` | `path` |
+| no emitter | a `sunsky` at scale 2 with a sun 15 times as wide (0.6 goes on below the horizon, here it is dark) | black |
+| unknown parameters of known plugins | passed over | errors |
+
+Read alike in all files, though the programs differ: `ewa` and `trilinear` textures (0.6 blurs with distance); values of a
+`gridvolume` (0.6 has them at the corners of cells, here and in 3 they are in the centers); a colored `opacity` (0.6 masks by
+channel, here its luminance); the mean reflectance inside `plastic` (2 and 3 have a fit, within 0.2 %); a `spot` whose `to_world`
+scales (0.6's cone changes, here and in 3 it does not). Alike in all three programs, and here: `dielectric`,
+`thindielectric`, `roughdielectric`, roughness and `sample_visible`, `phong`, `ward` and `roughdiffuse` (0.6 alone), the
+orientation of `envmap`, `directional`, `flip_normals`, crop windows, `fov_axis`, near and far planes, filters and their
+widths, the sign of `g`, a medium's `scale`.
+
 ## What is passed over
 
 What is passed over is told: by `render`, `plan` and `submit` as warnings with file, line and the nearest known name, each once
-with its number, and by `check` in its list. Values of parameters that are understood stay checked; `--lenient`
+with its number, and by `check` in its list. So is what else `check` warns of: a picture that differs from Mitsuba's, and a scene
+without any light. `check` lists all errors of a scene's text, up to 20. Values of parameters that are understood stay checked; `--lenient`
 mends some, as the next section says.
 
 - With `--integrator NAME` the scene's `<integrator>` may be of any type and hold anything. Of its parameters, and of those of
   integrators nested in it, NAME takes over what it has by the same name and can use, such as `max_depth` (`maxDepth` before
   version 2); the outermost and first value counts. A bad value of a parameter that this page lists for the scene's own
-  integrator is an error. `check` warns of the other integrator, the other commands print a note.
+  integrator is an error; AOVs that Candela lacks are passed over. `check` warns of the other integrator, the other commands print a note.
 - In a file before version 2 an unknown parameter of a known plugin is passed over, as in Mitsuba 0.6. Parameters that change
   what 0.6 renders and that Candela lacks (a medium's `orientation`) stay errors.
 - With `--lenient` unknown parameters, textures for unknown parameters, and unknown elements with all that is in them are passed
@@ -77,6 +104,7 @@ Mitsuba's picture but for polarization or for a width next to none, so they stan
 |---|---|
 | a plugin's name in other capitals (`Rectangle`) | that plugin |
 | a name that begins with a known one (`roughconductor_heitz`) | the known one |
+| a misspelled name (`roughplastc`; of shapes, emitters and volumes by one letter in four at most) | the known one, if it holds as many bsdfs |
 | `disneybsdf`, `disneymetal`, `disneyglass`, `disneyclearcoat` | `principled` |
 | `simplemicrofacet`, `approxmicrofacet`, `pplastic` * | `roughplastic` |
 | `polarizer` *, `circular`; `retarder` | `thindielectric` of index 1 that passes half; `null` |
@@ -97,6 +125,8 @@ Mitsuba's picture but for polarization or for a width next to none, so they stan
 | `$spp`, `$resx`, `$max_depth` and their like without a value | 16, 768, -1: the usual value |
 | a `<rotate>` without an axis | no rotation |
 | a number out of bounds, or at a bound that is excluded; a `beam_width` beyond its `cutoff_angle` | the nearest one within; colors are scaled |
+| a `far_clip` that is not beyond `near_clip` | the default |
+| a `spot`, `projector` or `goniometric` whose `to_world` shears or stretches | the light with its place and axis |
 | an object without a type | one of an unknown type |
 | a string for a number, a fraction for an integer | the number, the nearest integer |
 | another value that no rule accepts, a texture for a parameter that takes none | the default |
@@ -109,11 +139,12 @@ A replaced plugin keeps the parameters, textures and children that the new one h
 ## Meshes and images
 
 What a file is, its content says, not its name (of images; TGA alone by name). A file whose name ends in `.gz` is unpacked,
-the scene file too. Damaged and lying files are errors that name the file and the line or byte.
+the scene file too. Damaged and lying files are errors that name the file and the line or byte. A mesh of which no face has an
+area is left out with a warning, with its lamp, and so are the instances of a group that is left without a shape.
 
 | file | read |
 |---|---|
-| `obj` | all faces as one mesh; polygons become fans of triangles, negative indices count back; groups, `usemtl`, `mtllib`, smoothing, lines, curves, `w` and vertex colors are passed over; v is flipped unless `flip_tex_coords` is false |
+| `obj` | all faces as one mesh; polygons become fans of triangles, negative indices count back; groups, `usemtl`, `mtllib`, smoothing, lines, curves, `w` and vertex colors are passed over; a normal that is no finite number is as none; v is flipped unless `flip_tex_coords` is false |
 | `ply` | text and binary of both byte orders, all types of numbers; `vertex_indices` or `vertex_index` of any length as fans; `nx ny nz`; `u v`, `s t`, `texture_u texture_v`, `texture_s texture_t`; attributes of vertices and faces, one number or three: `r g b` or `red green blue` (*color*), or neighbors such as `flow_x flow_y flow_z` (*flow*; also `_r _g _b`, `_0 _1 _2`, `_1 _2 _3`), integers as fractions of their largest value, decoded from sRGB; other elements are passed over, and texture coordinates of faces (a warning) |
 | `serialized` | versions 3 and 4, single and double precision, `shape_index`; vertex colors are the attribute *color*, tangents are refused |
 | OpenEXR | half and float, by scanlines or tiles, the data window of the first part; `R G B` in capital or small letters, or one channel of any name, as gray; alpha apart; other channels beside `R G B` are passed over; luminance and chroma, layers alone and integers are refused |
@@ -205,7 +236,10 @@ std::string support_table_markdown() {
   names.clear();
   for (const std::string& conductor : conductor_names())
     names += fmt::format("{}{}", names.empty() ? "" : ", ", conductor);
-  page += names + ".\n\n## Media by name\n\nBefore version 2, per millimeter, of Jensen et al. 2001: ";
+  page += names +
+          ".\n\n## Media by name\n\nBefore version 2, of Jensen et al. 2001 and, from "
+          "lowfat milk on, of Narasimhan et al. 2006, whose scattering is reduced by the mean cosine, as in "
+          "0.6: ";
   names.clear();
   for (const std::string_view medium : medium_names())
     names += fmt::format("{}{}", names.empty() ? "" : ", ", medium);

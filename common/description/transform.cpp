@@ -144,6 +144,34 @@ bool is_finite(const Mat4& m) {
   return true;
 }
 
+bool is_similarity(const Mat4& m) {
+  const auto column = [&](std::size_t j) { return Vec3{m[j], m[4 + j], m[8 + j]}; };
+  const Vec3 a = column(0), b = column(1), c = column(2);
+  const double length_a = std::sqrt(dot(a, a));
+  const double slack = 1e-4 * length_a;
+  return length_a > 0 && std::fabs(length_a - std::sqrt(dot(b, b))) <= slack &&
+         std::fabs(length_a - std::sqrt(dot(c, c))) <= slack && std::fabs(dot(a, b)) <= slack * length_a &&
+         std::fabs(dot(a, c)) <= slack * length_a && std::fabs(dot(b, c)) <= slack * length_a;
+}
+
+std::optional<Mat4> without_shear(const Mat4& m) {
+  const auto column = [&](std::size_t j) { return normalise({m[j], m[4 + j], m[8 + j]}); };
+  const std::optional<Vec3> x = column(0), y = column(1), z = column(2);
+  if (!x || !y || !z) return std::nullopt;
+  const double along = dot(*x, *z);
+  const std::optional<Vec3> s =
+      normalise({(*x)[0] - along * (*z)[0], (*x)[1] - along * (*z)[1], (*x)[2] - along * (*z)[2]});
+  if (!s) return std::nullopt;
+  Vec3 t = cross(*z, *s);
+  if (dot(t, *y) < 0) t = {-t[0], -t[1], -t[2]};
+  Mat4 rigid = {(*s)[0], t[0], (*z)[0], m[3],   //
+                (*s)[1], t[1], (*z)[1], m[7],   //
+                (*s)[2], t[2], (*z)[2], m[11],  //
+                0,       0,    0,       1};
+  for (double& value : rigid) value += 0.0;  // no negative zeros
+  return rigid;
+}
+
 double srgb_to_linear(double encoded) {
   if (encoded <= 0.04045) return encoded / 12.92;
   const double x = (encoded + 0.055) / 1.055;

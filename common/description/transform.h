@@ -26,6 +26,11 @@ std::optional<Mat4> look_at(const Vec3& origin, const Vec3& target, const Vec3& 
 bool is_invertible(const Mat4& matrix);
 bool is_affine(const Mat4& matrix);  // the last row is 0 0 0 1
 bool is_finite(const Mat4& matrix);
+// Turns, places, mirrors and scales all axes alike, to a relative tolerance of 1e-4.
+bool is_similarity(const Mat4& matrix);
+// The rotation, or mirrored rotation, and place that keep the image of +z and the side of +x and +y; nullopt
+// if the matrix flattens them.
+std::optional<Mat4> without_shear(const Mat4& matrix);
 
 // The sRGB transfer function's inverse, for an encoded value in [0, 1].
 double srgb_to_linear(double encoded);

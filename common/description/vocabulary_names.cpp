@@ -81,7 +81,8 @@ constexpr std::array<NamedIndex, 23> indices = {
      {"bk7", 1.5046},      {"sodium chloride", 1.544},  {"amber", 1.55},
      {"pet", 1.5750},      {"diamond", 2.419}}};
 
-// Edits (insert, delete, replace, swap of neighbours) from a to b: optimal string alignment distance.
+}  // namespace
+
 std::size_t edit_distance(std::string_view a, std::string_view b) {
   std::vector<std::size_t> before(b.size() + 1);
   std::vector<std::size_t> last(b.size() + 1);
@@ -100,8 +101,6 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   }
   return last[b.size()];
 }
-
-}  // namespace
 
 std::string_view nearest_name(std::string_view name, std::span<const std::string_view> known) {
   // Nobody mistypes a name this long; the bound keeps hostile input cheap.

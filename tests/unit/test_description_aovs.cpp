@@ -25,7 +25,7 @@ std::string aov_element(const std::string& list) {
 }
 
 // Claim: the list is read whichever integrator runs; unknown kinds are an error with their
-// line, or told under --lenient.
+// line, or told under --lenient and if another integrator runs than the scene's.
 TEST(DescriptionAovs, AreRead) {
   const Reading strict, with_bdpt{.integrator = "bdpt"}, lenient{.lenient = true};
   for (const Reading& reading : {strict, with_bdpt, lenient}) {
@@ -36,12 +36,16 @@ TEST(DescriptionAovs, AreRead) {
     EXPECT_EQ(aovs_of(aov_element(""), reading), "");
     EXPECT_EQ(aovs_of("<integrator type='path'/>", reading), "");
   }
-  for (const Reading& reading : {strict, with_bdpt})
-    EXPECT_TRUE(aovs_of(aov_element("a:albedo,b:colour"), reading)
-                    .starts_with("scene.xml:2: there is no AOV 'colour'"))
-        << aovs_of(aov_element("a:albedo,b:colour"), reading);
-  EXPECT_EQ(aovs_of(aov_element("a:albedo,b:colour"), lenient),
-            "a:albedo\nscene.xml:2: there is no AOV 'colour': it is passed over");
+  EXPECT_TRUE(
+      aovs_of(aov_element("a:albedo,b:colour"), strict).starts_with("scene.xml:2: there is no AOV 'colour'"))
+      << aovs_of(aov_element("a:albedo,b:colour"), strict);
+  for (const Reading& reading : {with_bdpt, lenient})
+    EXPECT_EQ(aovs_of(aov_element("a:albedo,b:colour"), reading),
+              "a:albedo\nscene.xml:2: there is no AOV 'colour': it is passed over");
+  EXPECT_EQ(aovs_of(aov_element("a:albedo,a:depth"), with_bdpt),
+            "a:albedo\nscene.xml:2: two AOVs are called 'a': it is passed over");
+  EXPECT_EQ(aovs_of("<integrator type='aov'><integer name='aovs' value='3'/></integrator>", with_bdpt),
+            "\nscene.xml:2: the parameter 'aovs' of integrator 'aov' is no string: it is passed over");
 }
 
 }  // namespace

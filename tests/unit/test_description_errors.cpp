@@ -1,6 +1,7 @@
 // Malformed scenes: each gives exactly this message.
 #include <gtest/gtest.h>
 
+#include "common/description/all_errors.h"
 #include "test_description_common.h"
 
 namespace candela::description {
@@ -51,6 +52,77 @@ TEST(DescriptionErrors, RefusedByName) {
     const std::string text = outcome(parse_text(file_of(body), {}, {}));
     EXPECT_TRUE(text.starts_with(start)) << text;
   }
+}
+
+std::vector<std::string> errors_of(const std::string& xml, std::map<std::string, std::string> more = {}) {
+  more["scene.xml"] = xml;
+  std::vector<std::string> texts;
+  for (const Error& error : all_errors(MemorySource(std::move(more)), "scene.xml", {}, {}))
+    texts.push_back(error.to_string());
+  return texts;
+}
+
+// Claim: all errors of elements that do not depend on each other are found, in the order of the file, then
+// those of references; none follows from another one.
+TEST(DescriptionErrors, AllAreFound) {
+  EXPECT_EQ(errors_of(R"(<scene version="3.0.0">
+<bsdf type="difuse" id="a"/>
+<shape type="sphere"><ref id="a"/></shape>
+<bsdf type="twosided" id="b"><bsdf type="plastik"/></bsdf>
+<shape type="sphere"><float name="radius" value="x"/>
+<float name="radiu" value="1"/></shape>
+<shape type="sphere"><float name="radius" value="-1"/>
+<float name="radiu" value="1"/></shape>
+<include filename="more.xml"/>
+<include filename="more.xml"/>
+<shape type="obj"><string name="filename" value="none.obj"/></shape>
+<shape type="obj"/>
+<shape type="cube"><ref id="b"/><ref id="c"/></shape>
+<colour/>
+</scene>)",
+                      {{"more.xml", "<scene version='3.0.0'>\n<shape type='qube'/></scene>"}}),
+            (std::vector<std::string>{
+                "scene.xml:2: unknown bsdf 'difuse' (did you mean 'diffuse'?)",
+                "scene.xml:4: unknown bsdf 'plastik' (did you mean 'plastic'?)",
+                "scene.xml:5: 'x' in <float> is not a finite number",
+                "scene.xml:7: parameter 'radius' is -1, but must be above 0",
+                "scene.xml:8: shape 'sphere' has no parameter 'radiu' (did you mean 'radius'?)",
+                "more.xml:2: unknown shape 'qube' (did you mean 'cube'?)",
+                "more.xml:2: unknown shape 'qube' (did you mean 'cube'?)",
+                "scene.xml:11: file 'none.obj': no such file",
+                "scene.xml:14: unknown element <colour>",
+                "scene.xml:12: shape 'obj' lacks the parameter 'filename'",
+                "scene.xml:13: no object has the id 'c'",
+            }));
+  EXPECT_EQ(errors_of("<scene version='3.0.0'/>"), std::vector<std::string>());
+  EXPECT_EQ(errors_of("<scene").size(), 1U);
+}
+
+// Claim: the errors end at their bound, and the first is the one that a reading gives.
+TEST(DescriptionErrors, AllAreBounded) {
+  const std::string xml = file_of(repeat("<shape type='qube'/>\n", 100));
+  const std::vector<std::string> all = errors_of(xml);
+  ASSERT_EQ(all.size(), kMostErrors);
+  EXPECT_EQ(all.front(), outcome(parse_text(xml)));
+  EXPECT_TRUE(all.back().starts_with("scene.xml:21: ")) << all.back();
+  // A circle does not hang, nor does a scene that is too deep.
+  EXPECT_EQ(errors_of(file_of("<bsdf type='mask' id='a'><ref id='b'/></bsdf><bsdf type='mask' id='b'>"
+                              "<ref id='a'/></bsdf>"))
+                .size(),
+            1U);
+  EXPECT_GE(errors_of(file_of(repeat("<bsdf type='twosided'>", 70) + repeat("</bsdf>", 70))).size(), 1U);
+}
+
+// Claim: which files are of 0.6 is known without reading them whole.
+TEST(DescriptionErrors, OldScenesAreKnown) {
+  const auto old = [](const std::string& text) {
+    return is_old_scene(MemorySource({{"scene.xml", text}}), "scene.xml");
+  };
+  EXPECT_TRUE(old("<scene version='0.6.0'><nonsense/></scene>"));
+  EXPECT_TRUE(old("<scene version='1.2'/>"));
+  for (const char* text :
+       {"<scene version='2.0.0'/>", "<scene version='3.0.0'/>", "<scene/>", "<scene version='x'/>", "<sc"})
+    EXPECT_FALSE(old(text)) << text;
 }
 
 // Claim: includes that double at every level end at the bounds, quickly.

@@ -257,7 +257,8 @@ TEST(DescriptionScenes, OldDielectricsAndPlasticsEqualNew) {
     <bsdf type="plastic"><float name="int_ior" value="1.6"/><rgb name="diffuse_reflectance" value="0.1,0.2,0.3"/>
       <boolean name="nonlinear" value="true"/></bsdf>
     <bsdf type="roughplastic"><float name="alpha" value="0.3"/><string name="ext_ior" value="water"/>
-      <string name="distribution" value="beckmann"/><spectrum name="specular_reflectance" value="0.5"/></bsdf>)");
+      <string name="distribution" value="beckmann"/><spectrum name="specular_reflectance" value="0.5"/>
+      <string name="masked_light" value="stays"/></bsdf>)");
   ASSERT_TRUE(old_scene.ok()) << outcome(old_scene);
   ASSERT_TRUE(new_scene.ok()) << outcome(new_scene);
   EXPECT_EQ(dump(*old_scene->scene), dump(*new_scene->scene));

@@ -125,6 +125,17 @@ TEST(ObjLoader, ReadingInPartsIsTheSame) {
   }
 }
 
+// Claim: a vertex normal that is no finite number is as none, whether faces use it or not.
+TEST(ObjLoader, OddNormalsAreNone) {
+  const std::string corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn nan nan nan\nvn 0 0 1\nvn 0 -inf 1e39\n";
+  const auto unused = load_obj(corners + "f 1//2 2//2 3//2\n", "a.obj", true);
+  ASSERT_TRUE(unused.ok()) << unused.error().to_string();
+  EXPECT_EQ(unused->normals, (std::vector<Vec3>{{0, 0, 1}, {0, 0, 1}, {0, 0, 1}}));
+  const auto used = load_obj(corners + "f 1//1 2//2 3//3\n", "a.obj", true);
+  ASSERT_TRUE(used.ok()) << used.error().to_string();
+  EXPECT_EQ(used->normals, (std::vector<Vec3>{{0, 0, 0}, {0, 0, 1}, {0, 0, 0}}));
+}
+
 TEST(ObjLoader, NamesFileAndLineOfEveryMistake) {
   const std::string square = kSquare;
   EXPECT_EQ(error_of(""), "a.obj:1: the OBJ file has no faces");
@@ -134,7 +145,7 @@ TEST(ObjLoader, NamesFileAndLineOfEveryMistake) {
   EXPECT_EQ(error_of("v 0 nan 0\n"), "a.obj:1: vertex position 'nan' is not a finite number");
   EXPECT_EQ(error_of("v 0 1e999 0\n"), "a.obj:1: vertex position '1e999' is not a finite number");
   EXPECT_EQ(error_of("v 0 1e39 0\n"), "a.obj:1: vertex position '1e39' is not a finite number");
-  EXPECT_EQ(error_of("vn 0 inf 0\n"), "a.obj:1: vertex normal 'inf' is not a finite number");
+  EXPECT_EQ(error_of("vn 0 up 0\n"), "a.obj:1: vertex normal 'up' is not a number");
   EXPECT_EQ(error_of("v 0 0 0 \\\n\\\n\nvt x\n"), "a.obj:4: texture coordinate 'x' is not a number");
   EXPECT_EQ(error_of(square + "f 1 2 5\n"), "a.obj:5: face refers to vertex 5, but there are 4 so far");
   EXPECT_EQ(error_of(square + "f 1 2 0\n"), "a.obj:5: face refers to vertex 0, but there are 4 so far");

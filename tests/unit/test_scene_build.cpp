@@ -276,6 +276,59 @@ TEST(SceneBuild, NamesWhatCannotBeBuilt) {
             "m.obj: vertex 1 lies beyond 1e18 in the scene after to_world");
 }
 
+// Claim: a mesh of which no face has an area is left out, with its lamp and its textures, also from a group;
+// an instance of a group of which nothing is left is left out, too. The rest of the scene stays.
+TEST(SceneBuild, LeavesOutMeshesWithoutArea) {
+  const std::string flat =
+      "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+      "element face 2\nproperty list uchar int vertex_indices\nproperty uchar red\nproperty uchar green\n"
+      "property uchar blue\nend_header\n0 0 3\n1 0 3\n2 0 3\n3 0 1 2 9 9 9\n3 0 0 1 9 9 9\n";
+  const std::map<std::string, std::string> files = {{"m.obj", "v 0 0 3\nv 1 0 3\nv 2 0 3\nf 1 2 3\n"},
+                                                    {"two.obj", "v 0 0 3\nv 1 0 3\nf 1 2\n"},
+                                                    {"m.ply", flat}};
+  const auto mesh = [](const std::string& name, const std::string& inside) {
+    return "<shape type='" + name.substr(name.size() - 3) + "'><string name='filename' value='" + name +
+           "'/>" + inside + "</shape>";
+  };
+  const std::string colors =
+      "<bsdf type='diffuse'><texture type='mesh_attribute' name='reflectance'><string name='name' "
+      "value='face_color'/></texture></bsdf>";
+  const std::string group = "<shape type='shapegroup' id='g'>" + mesh("m.obj", "") + "</shape>";
+  const std::string half =
+      "<shape type='shapegroup' id='h'>" + mesh("m.obj", "") + "<shape type='cube'/></shape>";
+  const struct {
+    std::string body;
+    std::uint32_t shapes, emitters, instances;
+  } cases[] = {
+      {mesh("m.obj", ""), 0, 0, 0},
+      {mesh("two.obj", ""), 0, 0, 0},
+      {mesh("m.obj", "<emitter type='area'/>") + "<shape type='cube'/>", 1, 0, 0},
+      {"<shape type='cube'/>" + mesh("m.ply", colors) + "<shape type='sphere'/>", 2, 0, 0},
+      {group + "<shape type='instance'><ref id='g'/></shape><shape type='instance'><ref id='g'/></shape>", 0,
+       0, 0},
+      {group + half +
+           "<shape type='instance'><ref id='g'/></shape><shape type='instance'><ref id='h'/></shape>",
+       1, 0, 1},
+      {mesh("m.obj", "<medium type='homogeneous' name='interior'/>") + "<emitter type='constant'/>", 0, 1, 0},
+  };
+  for (const auto& test : cases) {
+    const auto scene = build_scene(test.body, files);
+    ASSERT_TRUE(scene.ok()) << test.body << ": " << scene.error().to_string();
+    const SceneFeatures& f = (*scene)->features();
+    EXPECT_EQ(f.shapes, test.shapes) << test.body;
+    EXPECT_EQ(f.emitters, test.emitters) << test.body;
+    EXPECT_EQ(f.instances, test.instances) << test.body;
+    EXPECT_GT(f.dropped_faces, 0u) << test.body;
+    SurfaceHit hit;
+    (*scene)->intersect({{0, 0, 0}, {0, 0, 1}}, hit);  // there may be nothing to meet
+  }
+  const auto measured = build_scene(
+      mesh("m.obj", "<sensor type='irradiancemeter'><film type='hdrfilm'/></sensor>"), files, " ");
+  ASSERT_FALSE(measured.ok());
+  EXPECT_NE(measured.error().to_string().find("no face of the measured mesh has an area"), std::string::npos)
+      << measured.error().to_string();
+}
+
 TEST(SceneBuild, CountsFeatures) {
   const auto scene = build_scene(
       "<shape type=\"cube\"><bsdf type=\"dielectric\"/></shape><shape type=\"sphere\"><emitter "

@@ -10,6 +10,7 @@
 #include <optional>
 #include <unordered_map>
 
+#include "common/base/log.h"
 #include "worker/loaders/mesh.h"
 #include "worker/loaders/parallel.h"
 
@@ -140,6 +141,7 @@ class Part {
   Corners vertices;                    // positions' indices in the whole file
   Corners corner_uvs, corner_normals;  // parallel to them, or empty: all are absent
   std::uint64_t dropped_face_count = 0;
+  std::uint64_t odd_normals = 0;  // that are no finite numbers
   std::optional<Error> error;
   std::size_t last_line() const { return before_.lines + cursor_.line_ends() + 1; }
 
@@ -166,8 +168,13 @@ class Part {
       positions.push_back({static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])});
     } else if (keyword == "vn") {
       double n[3];
-      CANDELA_TRY(numbers("vertex normal", n, 3));
-      normals.push_back({static_cast<float>(n[0]), static_cast<float>(n[1]), static_cast<float>(n[2])});
+      CANDELA_TRY(numbers("vertex normal", n, 3, true));
+      // A normal that is no direction is as good as none: faces that use it have their own.
+      const bool finite = is_finite(n[0]) && is_finite(n[1]) && is_finite(n[2]);
+      if (!finite) ++odd_normals;
+      normals.push_back(
+          finite ? Vec3{static_cast<float>(n[0]), static_cast<float>(n[1]), static_cast<float>(n[2])}
+                 : Vec3{});
     } else if (keyword == "vt") {
       double uv[2] = {0, 0};
       CANDELA_TRY(numbers("texture coordinate", uv, 1));
@@ -180,7 +187,11 @@ class Part {
     return {};
   }
 
-  Result<void> numbers(const char* what, double* out, int count) {
+  static bool is_finite(double number) {
+    return std::abs(number) <= static_cast<double>(std::numeric_limits<float>::max());
+  }
+
+  Result<void> numbers(const char* what, double* out, int count, bool any = false) {
     for (int i = 0; i < count; ++i) {
       cursor_.skip_blanks();
       if (cursor_.at_line_end()) {
@@ -200,7 +211,7 @@ class Part {
       } else if (code != std::errc() || rest != stop) {
         return fail(std::string(what) + " '" + shown(text) + "' is not a number");
       }
-      if (!(std::abs(out[i]) <= static_cast<double>(std::numeric_limits<float>::max()))) {
+      if (!any && !is_finite(out[i])) {
         return fail(std::string(what) + " '" + shown(text) + "' is not a finite number");
       }
     }
@@ -447,11 +458,16 @@ Result<Mesh> load_obj(std::string_view bytes, const std::string& name, bool flip
 
   Mesh mesh;
   std::size_t triangle_count = 0;
+  std::uint64_t odd_normals = 0;
   for (const Part& part : parts) {
     if (part.error) return *part.error;
     mesh.dropped_face_count += part.dropped_face_count;
+    odd_normals += part.corner_normals.empty() ? 0 : part.odd_normals;
     triangle_count += part.vertices.size();
   }
+  if (odd_normals > 0)
+    log::warn(fmt::format("{}: dropped {} vertex normals that are no finite numbers", name, odd_normals));
+  if (triangle_count == 0 && mesh.dropped_face_count > 0) return mesh;
   if (triangle_count == 0) {
     return input_error("the OBJ file has no faces")
         .at(name, static_cast<int>(

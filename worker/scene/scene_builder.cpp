@@ -45,7 +45,7 @@ Result<Frame> frame_of(const description::Object& object, const Transform& to_wo
   return Frame{Vec3(s), Vec3(t), Vec3(n)};
 }
 
-// A mesh whose faces are all left out.
+// A mesh of which no face has an area.
 bool is_empty(const Shape& shape) {
   return shape.triangles.empty() && !shape.sphere && !shape.disk && !shape.cylinder;
 }
@@ -173,7 +173,7 @@ Result<void> SceneBuilder::read_attributes(const description::Object& object) {
   const std::vector<std::string> names = texture_use(object).attributes;
   if (names.empty() || read_shapes_.contains(&object)) return {};
   CANDELA_ASSIGN(Shape shape, build_shape(object, files_, names));
-  geometry_.expect(shape.attributes);
+  if (!is_empty(shape)) geometry_.expect(shape.attributes);
   read_shapes_.emplace(&object, std::move(shape));
   return {};
 }
@@ -184,11 +184,21 @@ Result<std::uint32_t> SceneBuilder::group_of(const description::ObjectPtr& objec
   const auto shapes = object->children_of("shape");
   if (shapes.empty()) return error_at(*object, "the shapegroup has no shapes");
   std::uint32_t group = geometry_.begin_group();
-  const std::size_t before = geometry_.shapes.size();
   for (const auto& shape : shapes) CANDELA_TRY(add_shape(*shape, true));
-  if (geometry_.shapes.size() == before) group = kNone;
+  if (geometry_.groups.back().bounds.empty()) {
+    geometry_.groups.pop_back();
+    group = kNone;
+  }
   group_of_object_[object.get()] = group;
   return group;
+}
+
+Result<void> SceneBuilder::leave_out(const description::Object& object, const Shape& shape) {
+  if (&object == measured_object_) return error_at(object, "no face of the measured mesh has an area");
+  features_.dropped_faces += shape.dropped_count;
+  log::warn(fmt::format("{}:{}: left out shape '{}': none of its {} faces has an area", object.where.file,
+                        object.where.line, object.plugin, shape.dropped_count));
+  return {};
 }
 
 Result<void> SceneBuilder::instance(const description::Object& object) {
@@ -239,6 +249,9 @@ Result<void> SceneBuilder::add_shape(const description::Object& object, bool in_
     return error_at(*emitters[0],
                     "a shape cannot be an emitter of type '" + emitters[0]->plugin + "' (area can)");
   }
+  // Its textures may look at attributes that nobody has then.
+  if (const auto read = read_shapes_.find(&object); read != read_shapes_.end() && is_empty(read->second))
+    return leave_out(object, read->second);
   ShapeRecord record;
   CANDELA_ASSIGN(record.medium_interface, media_.add_interface(object, files_));
   CANDELA_ASSIGN(record.bsdf, bsdf_of(object, !emitters.empty()));
@@ -258,13 +271,9 @@ Result<void> SceneBuilder::add_shape(const description::Object& object, bool in_
   } else {
     CANDELA_ASSIGN(shape, build_shape(object, files_, use.attributes));
   }
+  if (is_empty(shape)) return leave_out(object, shape);
   features_.dropped_faces += shape.dropped_count;
   const std::string place = object.where.file + ":" + std::to_string(object.where.line) + ": ";
-  if (is_empty(shape)) {
-    if (&object == measured_object_) return error_at(object, "no face of the mesh has an area");
-    log::warn(place + "left out shape '" + object.plugin + "': none of its faces has an area");
-    return {};
-  }
   if (shape.dropped_count > 0)
     log::warn(place + "left out " + std::to_string(shape.dropped_count) + " faces without area");
   if (geometry_.positions.size() + shape.positions.size() > kMostPrimitives ||

@@ -93,7 +93,9 @@ class SceneBuilder {
   // A round shape whose to_world stretches it: an instance of its own.
   Result<void> stretched(const description::Object& object);
   Result<void> add_shape(const description::Object& object, bool in_group);
-  // kNone: all shapes of the group were left out.
+  // Tells that a mesh without area is not in the scene. An error if somebody measures on it.
+  Result<void> leave_out(const description::Object& object, const Shape& shape);
+  // kNone if nothing of the group has an area.
   Result<std::uint32_t> group_of(const description::ObjectPtr& object);
   bool is_stretched_surface(const description::Object& shape) const;
   Result<std::uint32_t> bsdf_of(const description::Object& shape, bool emits);

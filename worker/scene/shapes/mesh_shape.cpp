@@ -83,6 +83,12 @@ Result<Shape> shape_from_mesh(loaders::Mesh mesh, const Transform& to_world, boo
   const std::size_t before = shape.triangles.size();
   const std::size_t flat =
       loaders::first_where(before, [&](std::size_t i) { return !has_area(shape, shape.triangles[i]); });
+  if (std::none_of(shape.triangles.begin(), shape.triangles.end(),
+                   [&](const auto& t) { return has_area(shape, t); })) {
+    Shape empty;
+    empty.dropped_count = shape.dropped_count + before;
+    return empty;
+  }
   if (flat != loaders::kNowhere) {
     for (loaders::MeshAttribute& attribute : mesh.attributes) {
       if (!attribute.of_faces()) continue;

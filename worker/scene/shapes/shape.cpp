@@ -65,6 +65,8 @@ Result<Shape> flat_shape(const description::Object& object, loaders::Mesh mesh, 
                                        object.get_bool("flip_normals", false), object.where.file);
   if (!made.ok()) return error_at(object, made.error().message).with_field("to_world");
   Shape shape = std::move(*made);
+  if (shape.triangles.empty())
+    return error_at(object, "no face of the mesh has an area").with_field("to_world");
   if (shape.dropped_count > 0)
     return error_at(object, "to_world leaves it without area").with_field("to_world");
   shape.normals.clear();
