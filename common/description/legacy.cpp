@@ -368,8 +368,11 @@ Result<void> upgrade_grid(Object& object, std::vector<Note>& notes) {
   return {};
 }
 
-// 0.6's `scale` is the default of both scales.
+// 0.6's `scale` is the default of both scales of a sunsky, and the ground is darker than Mitsuba 3's.
 Result<void> upgrade_daylight(Object& object) {
+  if (find(object, "albedo") == nullptr)
+    object.properties.push_back({"albedo", PropertyType::rgb, Rgb{{0.2, 0.2, 0.2}}, object.where});
+  if (object.plugin != "sunsky") return {};
   const std::optional<Property> both = take(object, "scale");
   if (!both) return {};
   if (!number_of(*both)) return error_at(*both, "parameter 'scale' must be a float");
@@ -456,7 +459,8 @@ Result<void> upgrade(Object& object, const Slots& slots, std::vector<Note>& note
   if (object.category == "bsdf" && object.plugin == "mask") note_colored_opacity(object, notes);
   if (object.category == "medium") CANDELA_TRY(upgrade_medium(object, slots));
   if (object.category == "volume" && object.plugin == "gridvolume") CANDELA_TRY(upgrade_grid(object, notes));
-  if (object.category == "emitter" && object.plugin == "sunsky") CANDELA_TRY(upgrade_daylight(object));
+  if (object.category == "emitter" && (object.plugin == "sky" || object.plugin == "sunsky"))
+    CANDELA_TRY(upgrade_daylight(object));
   // Parameters whose capitals are their names.
   if (object.category == "rfilter" && object.plugin == "mitchell")
     for (Property& property : object.properties)

@@ -132,8 +132,12 @@ TEST(DescriptionLegacy, OldWordsAreTodaysObjects) {
        "<medium type='heterogeneous'><volume type='gridvolume' name='sigma_t'><string name='filename' "
        "value='mesh.obj'/><boolean name='use_grid_bbox' value='true'/></volume></medium>"},
       {"<emitter type='sunsky'><float name='scale' value='3'/><float name='skyScale' value='2'/></emitter>",
-       "<emitter type='sunsky'><float name='sky_scale' value='2'/><float name='sun_scale' "
-       "value='3'/></emitter>"},
+       "<emitter type='sunsky'><float name='sky_scale' value='2'/><rgb name='albedo' value='0.2'/>"
+       "<float name='sun_scale' value='3'/></emitter>"},
+      {"<emitter type='sky'><spectrum name='albedo' value='0.5'/></emitter>",
+       "<emitter type='sky'><rgb name='albedo' value='0.5'/></emitter>"},
+      {"<emitter type='sky'/>", "<emitter type='sky'><rgb name='albedo' value='0.2'/></emitter>"},
+      {"<emitter type='sun'/>", "<emitter type='sun'/>"},
       {"<bsdf type='roughplastic'><float name='alpha' value='0.3'/></bsdf>",
        "<bsdf type='roughplastic'><float name='alpha' value='0.3'/><string name='masked_light' "
        "value='stays'/></bsdf>"},

@@ -10,6 +10,7 @@
 #include "worker/core/math.h"
 #include "worker/core/vec.h"
 #include "worker/scene/emitters/double_math.h"
+#include "worker/scene/emitters/sky_model.h"
 #include "worker/scene/transform.h"
 
 namespace candela::scene {
@@ -86,56 +87,6 @@ Result<Vec3d> sun_direction(const description::Object& object) {
   return towards / l;
 }
 
-// Perez' distribution of luminance, and of the chromaticities x and y.
-struct Perez {
-  double a, b, c, d, e;
-  double operator()(double cos_theta, double gamma) const {
-    const double cosine = cosine_of(gamma);
-    return (1 + a * math::exp(b / std::max(cos_theta, 1e-3))) *
-           (1 + c * math::exp(d * gamma) + e * cosine * cosine);
-  }
-};
-
-// [Preetham et al. 1999, App. A.2]
-struct Sky {
-  Perez luminance, x, y;
-  std::array<double, 3> zenith;  // cd / m^2, x, y; over the distribution's value there
-
-  Sky(double t, double theta) {
-    luminance = {0.1787 * t - 1.4630, -0.3554 * t + 0.4275, -0.0227 * t + 5.3251, 0.1206 * t - 2.5771,
-                 -0.0670 * t + 0.3703};
-    x = {-0.0193 * t - 0.2592, -0.0665 * t + 0.0008, -0.0004 * t + 0.2125, -0.0641 * t - 0.8989,
-         -0.0033 * t + 0.0452};
-    y = {-0.0167 * t - 0.2608, -0.0950 * t + 0.0092, -0.0079 * t + 0.2102, -0.0441 * t - 1.6537,
-         -0.0109 * t + 0.0529};
-    const double chi = (4.0 / 9 - t / 120) * (std::numbers::pi - 2 * theta);
-    const double p1 = theta, p2 = theta * theta, p3 = p2 * theta;
-    zenith[0] = 1000 * ((4.0453 * t - 4.9710) * sine_of(chi) / cosine_of(chi) - 0.2155 * t + 2.4192);
-    zenith[1] = t * t * (0.00166 * p3 - 0.00375 * p2 + 0.00209 * p1) +
-                t * (-0.02903 * p3 + 0.06377 * p2 - 0.03202 * p1 + 0.00394) + 0.11693 * p3 - 0.21196 * p2 +
-                0.06052 * p1 + 0.25886;
-    zenith[2] = t * t * (0.00275 * p3 - 0.00610 * p2 + 0.00317 * p1) +
-                t * (-0.04214 * p3 + 0.08970 * p2 - 0.04153 * p1 + 0.00516) + 0.15346 * p3 - 0.26756 * p2 +
-                0.06670 * p1 + 0.26688;
-    zenith[0] = std::max(0.0, zenith[0]) / luminance(1, theta);
-    zenith[1] /= x(1, theta);
-    zenith[2] /= y(1, theta);
-  }
-
-  // Linear Rec.709.
-  Vec3d radiance(double cos_theta, double gamma) const {
-    // cd / m^2 of a spectral radiance of 1: 683 times the integral of the observer's curve in nm.
-    constexpr double kLuminanceOfOne = 683 * 106.857;
-    const double big_y = zenith[0] * luminance(cos_theta, gamma) / kLuminanceOfOne;
-    const double cx = zenith[1] * x(cos_theta, gamma), cy = zenith[2] * y(cos_theta, gamma);
-    if (!(big_y > 0) || !(cy > 0)) return {};
-    const double big_x = cx / cy * big_y, big_z = (1 - cx - cy) / cy * big_y;
-    return {std::max(0.0, 3.2404542 * big_x - 1.5371385 * big_y - 0.4985314 * big_z),
-            std::max(0.0, -0.9692660 * big_x + 1.8760108 * big_y + 0.0415560 * big_z),
-            std::max(0.0, 0.0556434 * big_x - 0.2040259 * big_y + 1.0572252 * big_z)};
-  }
-};
-
 // The sun's radiance through the atmosphere: a black body of 5778 K behind Rayleigh's and aerosol scattering
 // [Preetham et al. 1999, App. A.1]; absorption by ozone, gases and vapor is left out.
 Vec3d sun_radiance(double turbidity, double theta) {
@@ -156,6 +107,12 @@ Vec3d sun_radiance(double turbidity, double theta) {
   return {std::max(0.0, rgb[0]), std::max(0.0, rgb[1]), std::max(0.0, rgb[2])};
 }
 
+// Of the ground, by channel: Mitsuba 3's default (legacy.cpp has 0.6's).
+Vec3d albedo_of(const description::Object& emitter) {
+  const auto rgb = emitter.get_rgb("albedo");
+  return rgb ? Vec3d{rgb->value[0], rgb->value[1], rgb->value[2]} : Vec3d{0.3, 0.3, 0.3};
+}
+
 // The image: texel (c, r) lies at the azimuth (c + 1/2) 2 pi / width and the polar angle r pi / (height - 1).
 struct Panorama {
   std::uint32_t width, height;
@@ -171,7 +128,7 @@ struct Panorama {
     return around * sine_of(polar(row)) * shape;
   }
 
-  void add_sky(const Sky& sky, const Vec3d& sun, double scale, double stretch) {
+  void add_sky(const SkyModel& sky, const Vec3d& sun, double scale, double stretch) {
     for (std::uint32_t r = 0; r < height; ++r) {
       const double theta = polar(r) / stretch;  // `stretch` lets the sky reach below the horizon
       if (!(theta < std::numbers::pi / 2)) continue;
@@ -226,10 +183,10 @@ Result<TexelImage> daylight_image(const description::Object& emitter, Scratch& s
     return error_at(emitter, "sun_direction", "the sun is below the horizon, where the sky's model ends");
   Panorama panorama(static_cast<std::uint32_t>(emitter.get_integer("resolution", 512)));
   if (emitter.plugin != "sun")
-    panorama.add_sky(Sky(turbidity, theta), sun, emitter.get_number(both ? "sky_scale" : "scale", 1),
-                     emitter.get_number("stretch", 1));
+    panorama.add_sky(SkyModel(turbidity, albedo_of(emitter), std::numbers::pi / 2 - theta), sun,
+                     emitter.get_number(both ? "sky_scale" : "scale", 1), emitter.get_number("stretch", 1));
   if (emitter.plugin != "sky") {
-    constexpr double kRadius = 0.5334 / 2 * kDegree;  // of the sun's disk
+    constexpr double kRadius = 0.5358 / 2 * kDegree;  // of the sun's disk, as in Mitsuba
     const double wider = emitter.find("sun_aperture") != nullptr
                              ? emitter.get_number("sun_aperture", 0) / 2 * kDegree / kRadius
                              : emitter.get_number("sun_radius_scale", 1);
