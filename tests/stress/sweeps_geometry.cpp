@@ -53,9 +53,9 @@ Sweep offset() {
   sweep.hazard = "scenes far from the origin";
   sweep.parameter = "distance from the origin, of a scene 4 units wide";
   sweep.holds = "the image does not change";
-  sweep.values = {0, 1, 10, 100, 1e3, 3e3, 1e4, 3e4, 1e5, 1e6};
+  sweep.values = {0, 1, 10, 100, 1e3, 3e3, 1e4, 3e4, 1e5, 1e6, 1e7, 1e9};
   sweep.benign = 0;
-  sweep.thin = {10, 1e3};
+  sweep.thin = {10, 1e5, 1e9};
   sweep.shot = [](double value) { return still_life_shot(1, {0.8 * value, 0.36 * value, -0.48 * value}); };
   sweep.claims = claims_of(kEveryone);
   add_adaptive(sweep);

@@ -41,22 +41,23 @@ struct Mesh {
 };
 
 // The loaders read in parallel, by the calling task arena's threads; the mesh does not depend on their
-// number.
+// number. `origin` is subtracted from positions in double, before they become floats.
 
 // Wavefront OBJ: v, vt, vn and f in all index forms, negative indices too; polygons become fans. Everything
 // else (groups, materials, smoothing, lines, curves; colours and w of vertices) is skipped. flip_v: v becomes
 // 1 - v. `name` goes into errors, which have a line.
-Result<Mesh> load_obj(std::string_view bytes, const std::string& name, bool flip_v);
+Result<Mesh> load_obj(std::string_view bytes, const std::string& name, bool flip_v, const Vec3d& origin = {});
 
 // Stanford PLY, text and binary of both byte orders: vertices x y z, nx ny nz and u v (or s t, texture_u
 // texture_v); faces vertex_indices or vertex_index, polygons become fans; the attributes asked for; other
 // properties and elements are skipped. Errors have a line (text) or a byte offset (binary).
-Result<Mesh> load_ply(std::string_view bytes, const std::string& name, const WantedAttributes& wanted = {});
+Result<Mesh> load_ply(std::string_view bytes, const std::string& name, const WantedAttributes& wanted = {},
+                      const Vec3d& origin = {});
 
 // Mitsuba's serialized format, versions 3 and 4, single and double precision. shape_index: which of the
 // file's meshes. Memory is bounded by what the compressed bytes can really hold, whatever the file claims.
 // Its only attribute is vertex_color.
 Result<Mesh> load_serialized(std::string_view bytes, const std::string& name, std::int64_t shape_index,
-                             const WantedAttributes& wanted = {});
+                             const WantedAttributes& wanted = {}, const Vec3d& origin = {});
 
 }  // namespace candela::loaders

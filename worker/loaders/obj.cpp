@@ -121,8 +121,14 @@ Counts count(std::string_view bytes) {
 class Part {
  public:
   // before: what stands before this part.
-  Part(std::string_view bytes, const std::string& name, bool flip_v, const Counts& before)
-      : cursor_(bytes), name_(name), flip_v_(flip_v), before_(before), reserve_(bytes.size()) {}
+  Part(std::string_view bytes, const std::string& name, bool flip_v, const Counts& before,
+       const Vec3d& origin)
+      : cursor_(bytes),
+        name_(name),
+        flip_v_(flip_v),
+        before_(before),
+        origin_(origin),
+        reserve_(bytes.size()) {}
 
   // The first error, if any, is in `error`.
   void run() {
@@ -165,7 +171,7 @@ class Part {
     if (keyword == "v") {
       double p[3];
       CANDELA_TRY(numbers("vertex position", p, 3));
-      positions.push_back({static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])});
+      positions.push_back(Vec3(Vec3d{p[0], p[1], p[2]} - origin_));
     } else if (keyword == "vn") {
       double n[3];
       CANDELA_TRY(numbers("vertex normal", n, 3, true));
@@ -307,6 +313,7 @@ class Part {
   const std::string& name_;
   bool flip_v_;
   Counts before_;
+  Vec3d origin_;
   std::size_t reserve_;
 };
 
@@ -432,7 +439,7 @@ Result<void> join_corners(const std::string& name, std::vector<Part>& parts,
 
 }  // namespace
 
-Result<Mesh> load_obj(std::string_view bytes, const std::string& name, bool flip_v) {
+Result<Mesh> load_obj(std::string_view bytes, const std::string& name, bool flip_v, const Vec3d& origin) {
   if (bytes.starts_with("\xef\xbb\xbf")) bytes.remove_prefix(3);  // a byte order mark
   const std::vector<std::string_view> pieces = cut(bytes);
   std::vector<Counts> before(pieces.size());
@@ -453,7 +460,8 @@ Result<Mesh> load_obj(std::string_view bytes, const std::string& name, bool flip
   }
   std::vector<Part> parts;
   parts.reserve(pieces.size());
-  for (std::size_t i = 0; i < pieces.size(); ++i) parts.emplace_back(pieces[i], name, flip_v, before[i]);
+  for (std::size_t i = 0; i < pieces.size(); ++i)
+    parts.emplace_back(pieces[i], name, flip_v, before[i], origin);
   for_all(parts.size(), [&](std::size_t i) { parts[i].run(); });
 
   Mesh mesh;

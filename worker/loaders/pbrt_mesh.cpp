@@ -26,7 +26,7 @@ constexpr std::uint32_t kFromPoleToPole = 128;
 // The numbers of a parameter as points or pairs; empty if it is absent.
 template <class Vector, std::size_t n>
 Result<std::vector<Vector>> vectors(ParameterList& parameters, std::string_view name,
-                                    std::initializer_list<std::string_view> types) {
+                                    std::initializer_list<std::string_view> types, const Vec3d& origin = {}) {
   std::vector<Vector> result;
   const Parameter* parameter = parameters.take(name, types);
   if (parameter == nullptr) return result;
@@ -35,7 +35,7 @@ Result<std::vector<Vector>> vectors(ParameterList& parameters, std::string_view 
   for (std::size_t i = 0; i < result.size(); ++i) {
     std::array<float, n> v{};
     for (std::size_t k = 0; k < n; ++k) {
-      v[k] = static_cast<float>(numbers[n * i + k]);
+      v[k] = static_cast<float>(numbers[n * i + k] - origin[static_cast<int>(k)]);
       if (!std::isfinite(v[k]))
         return error_at(parameter->where, "a number of parameter '" + std::string(name) + "' is too large");
     }
@@ -74,9 +74,9 @@ struct Vertices {
   std::vector<Vec2> uvs;
 };
 
-Result<Vertices> vertices(ParameterList& parameters, const Location& where) {
+Result<Vertices> vertices(ParameterList& parameters, const Location& where, const Vec3d& origin) {
   Vertices v;
-  CANDELA_ASSIGN(v.positions, (vectors<Vec3, 3>(parameters, "P", {"point3"})));
+  CANDELA_ASSIGN(v.positions, (vectors<Vec3, 3>(parameters, "P", {"point3"}, origin)));
   if (v.positions.empty()) return error_at(where, "the mesh has no vertices: the parameter 'P' is missing");
   CANDELA_ASSIGN(v.normals, (vectors<Vec3, 3>(parameters, "N", {"normal", "normal3"})));
   CANDELA_ASSIGN(v.uvs, (vectors<Vec2, 2>(parameters, "uv", {"point2"})));
@@ -90,8 +90,8 @@ Result<Vertices> vertices(ParameterList& parameters, const Location& where) {
   return v;
 }
 
-Result<Mesh> triangle_mesh(ParameterList& parameters, const Location& where) {
-  CANDELA_ASSIGN(Vertices v, vertices(parameters, where));
+Result<Mesh> triangle_mesh(ParameterList& parameters, const Location& where, const Vec3d& origin) {
+  CANDELA_ASSIGN(Vertices v, vertices(parameters, where, origin));
   CANDELA_ASSIGN(const std::vector<std::uint32_t> corners, indices(parameters, where, v.positions.size(), 3));
   Mesh mesh;
   mesh.positions = std::move(v.positions);
@@ -102,8 +102,8 @@ Result<Mesh> triangle_mesh(ParameterList& parameters, const Location& where) {
   return mesh;
 }
 
-Result<Mesh> subdivision_mesh(ParameterList& parameters, const Location& where) {
-  CANDELA_ASSIGN(Mesh mesh, triangle_mesh(parameters, where));
+Result<Mesh> subdivision_mesh(ParameterList& parameters, const Location& where, const Vec3d& origin) {
+  CANDELA_ASSIGN(Mesh mesh, triangle_mesh(parameters, where, origin));
   CANDELA_ASSIGN(const std::int64_t levels, parameters.integer("levels", 3));
   if (levels < 0 || levels > 10 || mesh.triangles.size() > (kMostTriangles >> (2 * levels)))
     return error_at(where, "a subdivision of " + std::to_string(levels) + " levels has too many triangles");
@@ -165,8 +165,8 @@ void add_patch(Mesh& mesh, const Vertices& v, const std::uint32_t* corner) {
   });
 }
 
-Result<Mesh> bilinear_mesh(ParameterList& parameters, const Location& where) {
-  CANDELA_ASSIGN(const Vertices v, vertices(parameters, where));
+Result<Mesh> bilinear_mesh(ParameterList& parameters, const Location& where, const Vec3d& origin) {
+  CANDELA_ASSIGN(const Vertices v, vertices(parameters, where, origin));
   CANDELA_ASSIGN(const std::vector<std::uint32_t> corners, indices(parameters, where, v.positions.size(), 4));
   if (corners.size() > kMostTriangles / (2 * kPatchGrid * kPatchGrid))
     return error_at(where, "the mesh has too many patches");
@@ -259,7 +259,8 @@ Mesh cylinder(const Quadric& q) {
 
 }  // namespace
 
-Result<Mesh> load_pbrt_shape(std::string_view bytes, const std::string& name, std::int64_t offset, int line) {
+Result<Mesh> load_pbrt_shape(std::string_view bytes, const std::string& name, std::int64_t offset, int line,
+                             const Vec3d& origin) {
   const Location where{name, line};
   if (offset < 0 || static_cast<std::uint64_t>(offset) >= bytes.size())
     return error_at(where, "the offset of a shape lies outside of the file");
@@ -271,13 +272,15 @@ Result<Mesh> load_pbrt_shape(std::string_view bytes, const std::string& name, st
   if (!type || !type->quoted) return error_at(where, "the Shape directive names no type");
   const std::string kind(type->text);
   CANDELA_ASSIGN(ParameterList parameters, ParameterList::read(tokens));
-  if (kind == "trianglemesh") return triangle_mesh(parameters, where);
-  if (kind == "bilinearmesh") return bilinear_mesh(parameters, where);
-  if (kind == "loopsubdiv") return subdivision_mesh(parameters, where);
+  if (kind == "trianglemesh") return triangle_mesh(parameters, where, origin);
+  if (kind == "bilinearmesh") return bilinear_mesh(parameters, where, origin);
+  if (kind == "loopsubdiv") return subdivision_mesh(parameters, where, origin);
   if (kind != "sphere" && kind != "disk" && kind != "cylinder")
     return error_at(where, "a shape '" + kind + "' is not made of triangles");
   CANDELA_ASSIGN(const Quadric q, quadric(parameters, where, kind == "sphere"));
-  return kind == "sphere" ? sphere(q) : kind == "disk" ? disk(q) : cylinder(q);
+  Mesh mesh = kind == "sphere" ? sphere(q) : kind == "disk" ? disk(q) : cylinder(q);
+  for (Vec3& p : mesh.positions) p = Vec3(Vec3d(p) - origin);
+  return mesh;
 }
 
 }  // namespace candela::loaders

@@ -12,7 +12,8 @@ namespace candela::loaders {
 
 // trianglemesh as it is; bilinearmesh as two triangles for each flat patch and a grid for each other;
 // loopsubdiv after its levels of subdivision; sphere, disk and cylinder, or what their parameters leave of
-// them, as a grid. `offset` is where the word Shape begins, in line `line`.
-Result<Mesh> load_pbrt_shape(std::string_view bytes, const std::string& name, std::int64_t offset, int line);
+// them, as a grid. `offset` is where the word Shape begins, in line `line`. `origin`: as mesh.h has it.
+Result<Mesh> load_pbrt_shape(std::string_view bytes, const std::string& name, std::int64_t offset, int line,
+                             const Vec3d& origin = {});
 
 }  // namespace candela::loaders

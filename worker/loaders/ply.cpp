@@ -90,8 +90,8 @@ class Decoder {
 
 class Reader {
  public:
-  Reader(std::string_view bytes, const std::string& name, const WantedAttributes& wanted)
-      : bytes_(bytes), name_(name), wanted_(wanted), decode_(wanted.srgb) {}
+  Reader(std::string_view bytes, const std::string& name, const WantedAttributes& wanted, const Vec3d& origin)
+      : bytes_(bytes), name_(name), wanted_(wanted), decode_(wanted.srgb), origin_(origin) {}
 
   Result<Mesh> run() {
     CANDELA_ASSIGN(header_, read_header(bytes_, name_));
@@ -167,7 +167,7 @@ class Reader {
       if (!is_float_range(row[role])) return false;
     }
     const auto f = [&](Role role) { return static_cast<float>(row[role]); };
-    mesh_.positions[i] = {f(Role::x), f(Role::y), f(Role::z)};
+    mesh_.positions[i] = Vec3(Vec3d{row[Role::x], row[Role::y], row[Role::z]} - origin_);
     if (header_.has_normals) {
       const bool is_normal =
           is_float_range(row[Role::nx]) && is_float_range(row[Role::ny]) && is_float_range(row[Role::nz]);
@@ -491,6 +491,7 @@ class Reader {
   const Element* faces_ = nullptr;
   const WantedAttributes& wanted_;
   const Decoder decode_;
+  const Vec3d origin_;
   std::vector<MeshAttribute> vertex_attributes_, face_attributes_;
   Mesh mesh_;
   std::atomic<std::uint64_t> dropped_normals_ = 0;
@@ -498,8 +499,9 @@ class Reader {
 
 }  // namespace
 
-Result<Mesh> load_ply(std::string_view bytes, const std::string& name, const WantedAttributes& wanted) {
-  return Reader(bytes, name, wanted).run();
+Result<Mesh> load_ply(std::string_view bytes, const std::string& name, const WantedAttributes& wanted,
+                      const Vec3d& origin) {
+  return Reader(bytes, name, wanted, origin).run();
 }
 
 }  // namespace candela::loaders

@@ -97,15 +97,20 @@ struct Reader {
   Error fail(std::string message) const { return input_error(std::move(message)).at(name, 0); }
   Error truncated() const { return fail("the compressed mesh data end early or are damaged"); }
 
-  // `count` tuples of `width` numbers, as floats.
-  Result<void> floats(std::uint64_t count, std::uint64_t width, const char* what, std::vector<float>& out) {
+  // `count` tuples of `width` numbers less those of `origin`, as floats.
+  Result<void> floats(std::uint64_t count, std::uint64_t width, const char* what, std::vector<float>& out,
+                      const Vec3d& origin = {}) {
     if (doubles) {
       std::vector<double> raw;
       if (!inflater.read_array(raw, count * width)) return truncated();
       out.resize(raw.size());
-      for (std::size_t i = 0; i < raw.size(); ++i) out[i] = static_cast<float>(raw[i]);
+      for (std::size_t i = 0; i < raw.size(); ++i)
+        out[i] = static_cast<float>(raw[i] - origin[static_cast<int>(i % 3)]);
     } else if (!inflater.read_array(out, count * width)) {
       return truncated();
+    } else if (!(origin == Vec3d{})) {
+      for (std::size_t i = 0; i < out.size(); ++i)
+        out[i] = static_cast<float>(static_cast<double>(out[i]) - origin[static_cast<int>(i % 3)]);
     }
     for (std::size_t i = 0; i < out.size(); ++i) {
       if (!std::isfinite(out[i])) {
@@ -140,7 +145,7 @@ std::vector<Vec3> to_vec3(const std::vector<float>& flat) {
 }  // namespace
 
 Result<Mesh> load_serialized(std::string_view bytes, const std::string& name, std::int64_t shape_index,
-                             const WantedAttributes& wanted) {
+                             const WantedAttributes& wanted, const Vec3d& origin) {
   const auto fail = [&](std::string message) { return input_error(std::move(message)).at(name, 0); };
   if (bytes.size() < 8 || read_at<std::uint16_t>(bytes, 0) != kMagic) {
     return fail("not a serialized mesh file (it does not start with 0x041C)");
@@ -212,7 +217,7 @@ Result<Mesh> load_serialized(std::string_view bytes, const std::string& name, st
   Mesh mesh;
   mesh.face_normals = (flags & kFaceNormals) != 0;
   std::vector<float> flat;
-  CANDELA_TRY(reader.floats(vertex_count, 3, "the position", flat));
+  CANDELA_TRY(reader.floats(vertex_count, 3, "the position", flat, origin));
   mesh.positions = to_vec3(flat);
   if ((flags & kHasNormals) != 0) {
     CANDELA_TRY(reader.floats(vertex_count, 3, "the normal", flat));

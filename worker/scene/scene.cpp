@@ -4,6 +4,7 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "common/base/log.h"
@@ -14,6 +15,7 @@ namespace candela::scene {
 struct Scene::Impl : SceneData {
   std::uint32_t outer_medium = kNone;    // of the space around all surfaces
   bool camera_in_several_media = false;  // or it may be: each ray finds out
+  Vec3d offset;
 };
 
 namespace {
@@ -35,7 +37,25 @@ Scene::~Scene() = default;
 Result<std::unique_ptr<Scene>> Scene::build(const description::SceneDescription& description,
                                             const description::FileSource& files, const Options& options) {
   if (description.scene == nullptr) return internal_error("the scene description is empty");
-  const description::Object& root = *description.scene;
+  std::optional<Placement> far;
+  auto near = build_in_place(*description.scene, files, options, options.in_place ? nullptr : &far);
+  if (!far) return near;
+  const description::ObjectPtr root = moved(description.scene, *far);
+  auto scene = build_in_place(*root, files, options, nullptr);
+  // Where the shapes could not be built in place the middle was a guess, and so is this error.
+  if (!scene.ok()) return near.ok() ? std::move(scene) : std::move(near);
+  Impl& impl = *(*scene)->impl_;
+  impl.offset = far->middle;
+  for (Bounds box = impl.geometry.bounds; const Vec3d p : {box.low + impl.offset, box.high + impl.offset})
+    impl.features.largest_coordinate =
+        std::max(impl.features.largest_coordinate,
+                 static_cast<float>(std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)})));
+  return scene;
+}
+
+Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& root,
+                                                     const description::FileSource& files,
+                                                     const Options& options, std::optional<Placement>* far) {
   const auto sensors = root.children_of("sensor");
   if (sensors.empty()) {
     return input_error("the scene has no sensor")
@@ -58,7 +78,18 @@ Result<std::unique_ptr<Scene>> Scene::build(const description::SceneDescription&
   if (is_meter) builder.measure(*metered[0]);
   // Meshes are read by as many threads as the tree is built by.
   tbb::task_arena arena(static_cast<int>(std::max(1u, options.build_threads)));
-  CANDELA_TRY(arena.execute([&] { return builder.shapes(root); }));
+  const Result<void> shaped = arena.execute([&] { return builder.shapes(root); });
+  if (far != nullptr) {
+    const std::optional<Vec3d> camera = camera_place(*sensors[0]);
+    if (shaped.ok()) {
+      *far = builder.far_placement(camera);
+    } else if (camera && !(*camera == Vec3d{})) {
+      // Things too small for floats out there may be large enough near the origin.
+      *far = placement_at(root, *camera);
+    }
+    if (*far && shaped.ok()) return scene;
+  }
+  CANDELA_TRY(shaped);
   if (strict_normals(root)) {
     for (Bsdf& bsdf : impl.bsdfs) {
       CANDELA_ASSIGN(bsdf, Bsdf::with_strict_normals(std::move(bsdf)));
@@ -329,6 +360,10 @@ bool Scene::meets_camera(const Ray& ray, const SurfaceHit* next, float& distance
   }
   return impl_->sensor.intersect(ray, film_border, distance, out) &&
          (next == nullptr || distance < next->distance);
+}
+
+Vec3d Scene::offset() const {
+  return impl_->offset;
 }
 
 const SceneFeatures& Scene::features() const {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "common/base/result.h"
@@ -18,6 +19,7 @@
 namespace candela::scene {
 
 class Lights;
+struct Placement;
 
 class Scene {
  public:
@@ -30,6 +32,7 @@ class Scene {
     // All hits have uv, dp_du and dp_dv, not those alone whose bsdfs read them. Tangent frames follow dp_du
     // then, so that samples of bsdfs differ.
     bool parameterized = false;
+    bool in_place = false;  // for measurements: a scene far from the origin stays there (placement.h)
   };
   static Result<std::unique_ptr<Scene>> build(const description::SceneDescription& description,
                                               const description::FileSource& files, const Options& options);
@@ -134,12 +137,19 @@ class Scene {
                     float film_border = 0) const;
 
   const SceneFeatures& features() const;
+  // A point of this scene and this vector make the point in the coordinates of the scene's file: a scene far
+  // from the origin is moved to its own middle.
+  Vec3d offset() const;
 
   // Embree's own scene (an RTCScene), for measurements beside it.
   void* embree_scene() const;
 
  private:
   Scene();
+  // Stops and fills `far` if that is given and the scene has to be moved; the result is then of no use.
+  static Result<std::unique_ptr<Scene>> build_in_place(const description::Object& root,
+                                                       const description::FileSource& files,
+                                                       const Options& options, std::optional<Placement>* far);
   // Media of the space outside and of the camera, where they are not named.
   void find_media(float film_width, float film_height);
   // Whether places that camera rays start at may be in several media.

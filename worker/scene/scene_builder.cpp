@@ -196,8 +196,8 @@ Result<std::uint32_t> SceneBuilder::group_of(const description::ObjectPtr& objec
 Result<void> SceneBuilder::leave_out(const description::Object& object, const Shape& shape) {
   if (&object == measured_object_) return error_at(object, "no face of the measured mesh has an area");
   features_.dropped_faces += shape.dropped_count;
-  log::warn(fmt::format("{}:{}: left out shape '{}': none of its {} faces has an area", object.where.file,
-                        object.where.line, object.plugin, shape.dropped_count));
+  warnings_.push_back(fmt::format("{}:{}: left out shape '{}': none of its {} faces has an area",
+                                  object.where.file, object.where.line, object.plugin, shape.dropped_count));
   return {};
 }
 
@@ -273,9 +273,10 @@ Result<void> SceneBuilder::add_shape(const description::Object& object, bool in_
   }
   if (is_empty(shape)) return leave_out(object, shape);
   features_.dropped_faces += shape.dropped_count;
-  const std::string place = object.where.file + ":" + std::to_string(object.where.line) + ": ";
-  if (shape.dropped_count > 0)
-    log::warn(place + "left out " + std::to_string(shape.dropped_count) + " faces without area");
+  if (shape.dropped_count > 0) {
+    warnings_.push_back(object.where.file + ":" + std::to_string(object.where.line) + ": left out " +
+                        std::to_string(shape.dropped_count) + " faces without area");
+  }
   if (geometry_.positions.size() + shape.positions.size() > kMostPrimitives ||
       geometry_.triangles.size() + shape.triangles.size() > kMostPrimitives) {
     return error_at(object, "the scene has more than 2^32 triangles or vertices");
@@ -311,7 +312,21 @@ Result<ColorTexture> SceneBuilder::radiance_of(const AreaEmitter& area) {
   return textures_.scaled(radiance, factor);
 }
 
+std::optional<Placement> SceneBuilder::far_placement(const std::optional<Vec3d>& camera) const {
+  Placement placement;
+  Bounds bounds = geometry_.bounds;
+  if (!bounds.empty() && camera) bounds.add(*camera);
+  const std::optional<Vec3d> middle = middle_if_far(bounds);
+  placement.middle = middle.value_or(Vec3d{});
+  for (const auto& [object, group] : group_of_object_)
+    if (const auto of_group = middle_if_far(geometry_.groups[group].bounds))
+      placement.groups.emplace(object, *of_group);
+  if (!middle && placement.groups.empty()) return std::nullopt;
+  return placement;
+}
+
 Result<void> SceneBuilder::finish_geometry() {
+  for (const std::string& warning : warnings_) log::warn(warning);
   geometry_.finish();
   for (const AreaEmitter& area : area_emitters_) {
     CANDELA_ASSIGN(const ColorTexture radiance, radiance_of(area));

@@ -18,6 +18,7 @@
 #include "worker/scene/features.h"
 #include "worker/scene/irradiance_meter.h"
 #include "worker/scene/media/media.h"
+#include "worker/scene/placement.h"
 #include "worker/scene/sensors/sensor.h"
 #include "worker/scene/shapes/geometry.h"
 #include "worker/scene/textures/texture.h"
@@ -62,6 +63,9 @@ class SceneBuilder {
   const std::optional<Rectangle>& measured_rectangle() const { return measured_rectangle_; }
 
   Result<void> shapes(const description::Object& scene);
+  // Where the scene has to be moved from, if it lies far from the origin with the camera, or one of its
+  // shapegroups does in its own space. Call it after shapes().
+  std::optional<Placement> far_placement(const std::optional<Vec3d>& camera) const;
   Result<void> finish_geometry();
   Result<void> emitter(const description::Object& object);
   void finish_features();
@@ -128,6 +132,7 @@ class SceneBuilder {
   std::map<const description::Object*, Shape> read_shapes_;
   std::set<const description::Object*> read_groups_;
   std::map<const description::Object*, TextureUse> texture_uses_;
+  std::vector<std::string> warnings_;  // of shapes; said when the scene stays where it is
   const description::Object* measured_object_ = nullptr;
   std::uint32_t measured_ = kNone;
   std::optional<Rectangle> measured_rectangle_;

@@ -142,8 +142,11 @@ class Eye {
         return vector({seen.albedo.r, seen.albedo.g, seen.albedo.b});
       case AovKind::depth:
         return number(seen.distance);
-      case AovKind::position:
-        return vector(hit.p);
+      case AovKind::position: {
+        const Vec3d p = Vec3d(hit.p) + context_.scene.offset();
+        out = {p.x, p.y, p.z};
+        return 3;
+      }
       case AovKind::uv:
         out = {static_cast<double>(hit.uv.x), static_cast<double>(hit.uv.y), 0};
         return 2;

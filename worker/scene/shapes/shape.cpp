@@ -219,6 +219,9 @@ Result<Shape> build_from_file(const description::Object& object, const descripti
   if (file.empty()) return error_at(object, "filename is missing").with_field("filename");
   CANDELA_ASSIGN(const description::FileSource::Bytes bytes, files.open(file));
   loaders::Mesh mesh;
+  // Of a scene that was moved (placement.h).
+  const description::Vec3 at = object.get_vec3("origin", {0, 0, 0});
+  const Vec3d origin{at[0], at[1], at[2]};
   const bool faceted = object.get_bool("face_normals", false);
   loaders::WantedAttributes wanted{attributes, std::nullopt};
   if (object.find("srgb") != nullptr) wanted.srgb = object.get_bool("srgb", true);
@@ -234,9 +237,10 @@ Result<Shape> build_from_file(const description::Object& object, const descripti
     CANDELA_ASSIGN(const auto field, loaders::load_volume(bytes.view, file, true));
     CANDELA_ASSIGN(mesh, level_set(field, file));
   } else if (object.plugin == "obj") {
-    CANDELA_ASSIGN(mesh, loaders::load_obj(bytes.view, file, object.get_bool("flip_tex_coords", true)));
+    CANDELA_ASSIGN(mesh,
+                   loaders::load_obj(bytes.view, file, object.get_bool("flip_tex_coords", true), origin));
   } else if (object.plugin == "ply") {
-    CANDELA_ASSIGN(mesh, loaders::load_ply(bytes.view, file, wanted));
+    CANDELA_ASSIGN(mesh, loaders::load_ply(bytes.view, file, wanted, origin));
     if (object.get_bool("flip_tex_coords", false)) {
       for (Vec2& uv : mesh.uvs) uv.y = 1 - uv.y;
     }
@@ -247,11 +251,11 @@ Result<Shape> build_from_file(const description::Object& object, const descripti
       CANDELA_ASSIGN(const auto pieces, loaders::load_pbrt_curves(bytes.view, file, offset, line, curves));
       CANDELA_ASSIGN(mesh, at_shape(object, piecewise_tubes(pieces)));
     } else {
-      CANDELA_ASSIGN(mesh, loaders::load_pbrt_shape(bytes.view, file, offset, line));
+      CANDELA_ASSIGN(mesh, loaders::load_pbrt_shape(bytes.view, file, offset, line, origin));
     }
   } else {
-    CANDELA_ASSIGN(mesh,
-                   loaders::load_serialized(bytes.view, file, object.get_integer("shape_index", 0), wanted));
+    CANDELA_ASSIGN(mesh, loaders::load_serialized(bytes.view, file, object.get_integer("shape_index", 0),
+                                                  wanted, origin));
     if (object.get_bool("flip_tex_coords", false)) {
       for (Vec2& uv : mesh.uvs) uv.y = 1 - uv.y;
     }
