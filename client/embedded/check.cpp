@@ -53,6 +53,16 @@ void collect_images(const description::Object& object, std::set<const descriptio
   for (const description::Child& child : object.children) collect_images(*child.object, seen, keys);
 }
 
+std::string shared_face_text(const scene::ShapePlace& first) {
+  const std::string name = first.id.empty() ? "" : fmt::format(" ('{}')", printable(first.id));
+  return fmt::format(
+      "a face of this shape lies in one place with one of the shape at {}:{}{}: rays meet that one alone, "
+      "and "
+      "light is bent or dimmed as if the other body began elsewhere; leave a gap, or let one body reach into "
+      "the other",
+      first.file, first.line, name);
+}
+
 Result<CheckReport> check_scene(SceneOptions options, const RendererFacts& facts) {
   CANDELA_ASSIGN(const auto parameters, parse_assignments(options.defines, "-D"));
   CANDELA_ASSIGN(const bundle::GatheredScene gathered,
@@ -81,6 +91,10 @@ Result<CheckReport> check_scene(SceneOptions options, const RendererFacts& facts
     report.review.findings.push_back(
         {Finding::Kind::ignored, scene.scene->where,
          fmt::format("{} faces of meshes have no area and are left out", report.dropped_faces)});
+  if (const scene::SceneFeatures* features = renderer->features())
+    for (const auto& [first, second] : features->shared_faces)
+      report.review.findings.push_back(
+          {Finding::Kind::differs, {second.file, second.line}, shared_face_text(first)});
   report.width = job.settings.width;
   report.height = job.settings.height;
   report.filter = job.settings.filter;

@@ -54,6 +54,40 @@ TEST_F(Check, ListsWhatTheSceneUses) {
   EXPECT_EQ(outcome.err, "");
 }
 
+// Claim: two bodies of glass that share a face are a warning that names both; with a gap, beside each other in
+// one plane, or where one of them is matt, there is none. A medium counts like glass.
+TEST_F(Check, SharedFaces) {
+  const auto cube = [](const char* id, double x, const char* inside, double y = 0) {
+    return "<shape type='cube' id='" + std::string(id) + "'><transform name='to_world'><translate x='" +
+           std::to_string(x) + "' y='" + std::to_string(y) + "'/></transform>" + inside + "</shape>\n";
+  };
+  const char *glass = "<bsdf type='dielectric'/>", *matt = "<bsdf type='diffuse'/>",
+             *fog = "<bsdf type='null'/><medium type='homogeneous' name='interior'/>";
+  const std::string light = "<emitter type='constant'/>";
+  const std::string text = "a face of this shape lies in one place with one of the shape at scene.xml:";
+  const auto warns = [&](const std::string& first, const std::string& second) {
+    const Outcome outcome = check(first + second + light);
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    return outcome.out.find(text) != std::string::npos;
+  };
+  const Outcome shared = check(cube("left", 0, glass) + cube("right", 2, glass) + light);
+  EXPECT_NE(shared.out.find(text + "4 ('left')"), std::string::npos) << shared.out;
+  EXPECT_EQ(check(cube("left", 0, glass) + cube("right", 2, glass) + light, {"--strict"}).code, 1);
+  EXPECT_TRUE(warns(cube("a", 0, glass), cube("b", 2, fog)));
+  EXPECT_TRUE(warns(cube("a", 0, glass), cube("b", 2, glass, 1.5)));  // a quarter of the face
+  EXPECT_FALSE(warns(cube("a", 0, glass), cube("b", 2.001, glass)));
+  EXPECT_FALSE(warns(cube("a", 0, glass), cube("b", 2, matt)));
+  EXPECT_FALSE(warns(cube("a", 0, glass), cube("b", 2, glass, 2)));  // an edge
+  EXPECT_FALSE(warns(cube("a", 0, glass), cube("b", 3, glass)));     // floors in one plane, side by side
+  // Of very many pairs a few are told.
+  std::string many;
+  for (int i = 0; i < 40; ++i) many += cube(("c" + std::to_string(i)).c_str(), 2 * i, glass);
+  const std::string out = check(many + light).out;
+  std::size_t told = 0;
+  for (std::size_t at = out.find(text); at != out.npos; at = out.find(text, at + 1)) ++told;
+  EXPECT_EQ(told, 8U);
+}
+
 // Claim: the JSON has the promised names, sizes of images, and bytes of files.
 TEST_F(Check, JsonShape) {
   const std::vector<float> pixels(8 * 4 * 3, 0.5F);

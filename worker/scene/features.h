@@ -4,8 +4,17 @@
 #include <cstdint>
 #include <map>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace candela::scene {
+
+// Where a shape stands in the scene's files.
+struct ShapePlace {
+  std::string file;
+  int line = 0;
+  std::string id;  // may be empty
+};
 
 struct SceneFeatures {
   std::uint64_t triangles = 0;
@@ -45,6 +54,8 @@ struct SceneFeatures {
   float radius = 0;                     // of the bounding sphere
   float largest_coordinate = 0;         // in magnitude, of the corners of the scene's bounding box
   float max_emitted_radiance = 0;       // luminance, a scale for films of scenes whose pilot finds no light
+  // Pairs of shapes that let light through or bound media, and lie over each other in one plane; a few.
+  std::vector<std::pair<ShapePlace, ShapePlace>> shared_faces;
 };
 
 }  // namespace candela::scene

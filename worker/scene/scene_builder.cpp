@@ -14,6 +14,7 @@
 #include "worker/scene/lasting_medium.h"
 #include "worker/scene/sensors/field_of_view.h"
 #include "worker/scene/shapes/heightfield.h"
+#include "worker/scene/shared_faces.h"
 #include "worker/scene/textures/bitmap.h"
 #include "worker/scene/transform.h"
 
@@ -294,6 +295,7 @@ Result<void> SceneBuilder::add_shape(const description::Object& object, bool in_
     measured_rectangle_ = shape.rectangle;
   }
   geometry_.add(std::move(shape), record);
+  shape_places_.push_back({object.where.file, object.where.line, object.id});
   return {};
 }
 
@@ -526,6 +528,12 @@ void SceneBuilder::finish_features() {
         media_[i].max_albedo().max_component() > 0 && media_[i].max_sigma_t().max_component() > 0;
     features_.any_heterogeneous_medium |= !media_[i].homogeneous();
   }
+  std::vector<bool> lets_through;
+  for (const ShapeRecord& shape : geometry_.shapes)
+    lets_through.push_back(shape.medium_interface != kNone || bsdfs_[shape.bsdf].facts().transmissive);
+  constexpr std::size_t kMostSharedFaces = 8;
+  for (const auto& [first, second] : find_shared_faces(geometry_, lets_through, kMostSharedFaces))
+    features_.shared_faces.emplace_back(shape_places_[first], shape_places_[second]);
   const LastingMedium lasting = most_lasting_medium(media_, geometry_);
   features_.lasting_fraction = static_cast<float>(lasting.fraction);
   features_.lasting_thickness = static_cast<float>(lasting.thickness);

@@ -132,7 +132,8 @@ class SceneBuilder {
   std::map<const description::Object*, Shape> read_shapes_;
   std::set<const description::Object*> read_groups_;
   std::map<const description::Object*, TextureUse> texture_uses_;
-  std::vector<std::string> warnings_;  // of shapes; said when the scene stays where it is
+  std::vector<ShapePlace> shape_places_;  // by shape
+  std::vector<std::string> warnings_;     // of shapes; said when the scene stays where it is
   const description::Object* measured_object_ = nullptr;
   std::uint32_t measured_ = kNone;
   std::optional<Rectangle> measured_rectangle_;

@@ -35,10 +35,11 @@ double largest_coordinate(const Bounds& b) {
                    std::abs(b.high.y), std::abs(b.high.z)});
 }
 
-std::vector<Flat> flats_of(const Geometry& geometry) {
+std::vector<Flat> flats_of(const Geometry& geometry, const std::vector<bool>* looked_at) {
   std::vector<Flat> flats;
   const auto add = [&](PrimitiveKind kind, std::uint32_t shape, std::uint32_t primitive, Vec3d normal,
                        Vec3d point, const Bounds& box) {
+    if (looked_at != nullptr && !(*looked_at)[shape]) return;
     const double l = length(normal);
     if (!(l > 0) || !std::isfinite(l)) return;
     const Vec3d n = without_sign(normal / l);
@@ -48,7 +49,7 @@ std::vector<Flat> flats_of(const Geometry& geometry) {
     return geometry.groups[0].primitives[static_cast<std::size_t>(kind)];
   };
   const Group::Range triangles = range(PrimitiveKind::triangle), disks = range(PrimitiveKind::disk);
-  flats.reserve(triangles.count + disks.count);
+  if (looked_at == nullptr) flats.reserve(triangles.count + disks.count);
   for (std::uint32_t i = triangles.first; i < triangles.first + triangles.count; ++i) {
     const Triangle& t = geometry.triangles[i];
     const Vec3d a(t.v0), b(t.v1), c(t.v2);
@@ -175,8 +176,8 @@ void find_in_plane(const Geometry& geometry, std::vector<Flat>::iterator begin,
 
 }  // namespace
 
-std::vector<Contested> find_contested(const Geometry& geometry) {
-  std::vector<Flat> flats = flats_of(geometry);
+std::vector<Contested> find_contested(const Geometry& geometry, const std::vector<bool>* looked_at) {
+  std::vector<Flat> flats = flats_of(geometry, looked_at);
   std::vector<Contested> out;
   const auto several = [&] {
     return std::any_of(flats.begin(), flats.end(),

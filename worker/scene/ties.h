@@ -52,7 +52,8 @@ struct Contested {
 // more than float arithmetic makes of them. (As a rule: where these are rounded to two values, they are
 // missed.) Primitives whose boxes overlap another shape's part of the plane count, whether or not they do
 // themselves.
-std::vector<Contested> find_contested(const Geometry& geometry);
+// `looked_at`: by shape, those that count; null: all.
+std::vector<Contested> find_contested(const Geometry& geometry, const std::vector<bool>* looked_at = nullptr);
 
 class Ties {
  public:
