@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -11,12 +12,15 @@
 #include <stdexcept>
 
 #include "common/base/files.h"
+#include "common/bundle/bundle.h"
 #include "common/image/image.h"
+#include "common/stages/development.h"
 #include "tests/bench/candela_bench/process.h"
 #include "tests/bench/candela_bench/truth.h"
 #include "tests/bench/known_estimator.h"
 #include "tests/paths.h"
 #include "tests/temporary_folder.h"
+#include "worker/render/renderer.h"
 
 namespace candela::bench {
 namespace {
@@ -184,8 +188,7 @@ TEST(Lists, ReferencesAreReadAtOnce) {
 
 // --- rendering in other processes ---
 
-RunSpec small_render(const std::string& integrator) {
-  SettingsMap given;
+RunSpec small_render(const std::string& integrator, SettingsMap given = {}) {
   if (integrator == "pssmlt") given = {{"chains", "8"}, {"bootstrap", "500"}, {"mutations", "2"}};
   auto run = make_run(kScene, "cornell", integrator, given, 24, 24);
   if (!run.ok()) throw std::runtime_error(run.error().to_string());
@@ -194,9 +197,15 @@ RunSpec small_render(const std::string& integrator) {
 }
 
 TEST(Rendering, SlicesAndProcessesChangeNoBit) {
-  for (const std::string integrator : {"path", "ppm", "pssmlt"}) {
+  const std::vector<std::pair<std::string, SettingsMap>> cases = {
+      {"path", {}},
+      {"ppm", {}},
+      {"pssmlt", {}},
+      {"optimis", {{"weights", "optimal"}}},
+      {"optimis", {{"estimator", "progressive"}}}};
+  for (const auto& [integrator, given] : cases) {
     SCOPED_TRACE(integrator);
-    const RunSpec run = small_render(integrator);
+    const RunSpec run = small_render(integrator, given);
     auto here = make_render_estimator(run);
     auto there = make_process_estimator(test::program_path("candela-bench"), run);
     ASSERT_TRUE(here.ok() && there.ok());
@@ -233,6 +242,69 @@ TEST(Rendering, SlicesAndProcessesChangeNoBit) {
     auto fourth = make_process_estimator(test::program_path("candela-bench"), other);
     EXPECT_FALSE((*fourth)->restore(*saved).ok());
   }
+}
+
+// Claim: the image of a job that is read out by its sums (optimis) is the film's with the corrections that
+// follow from the sums of its own units, not the film's alone, which is the balance heuristic.
+TEST(Rendering, ImagesAreReadOutAsTheJobSays) {
+  constexpr std::uint64_t kIterations = 8;
+  const auto image_of = [](const RunSpec& run) {
+    auto estimator = make_render_estimator(run);
+    if (!estimator.ok() || !(*estimator)->advance(kIterations).ok()) throw std::runtime_error("no image");
+    auto snapshot = (*estimator)->snapshot();
+    if (!snapshot.ok()) throw std::runtime_error(snapshot.error().to_string());
+    return *snapshot;
+  };
+  const RunSpec run = small_render("optimis", {{"weights", "optimal"}, {"estimator", "crossfit"}});
+  const Snapshot optimal = image_of(run);
+
+  const fs::path scene = run.scene_file;
+  const bundle::DiskSource files(scene.parent_path());
+  const auto renderer = render::Renderer::create(files, scene.filename(), {}, run.job, 1);
+  ASSERT_TRUE(renderer.ok()) << renderer.error().to_string();
+  const auto pilot = (*renderer)->pilot({});
+  ASSERT_TRUE(pilot.ok() && pilot->work.development);
+  std::vector<double> expected(std::size_t{run.job.width} * run.job.height * 3);
+  std::array<std::vector<film::MergedAccumulator>, 2> sums;
+  for (const std::uint32_t half : {0U, 1U}) {
+    render::UnitOutput output = (*renderer)->make_output(pilot->state);
+    const Unit unit{Unit::Kind::iterations, half, 0, kIterations / 2};
+    ASSERT_TRUE((*renderer)->run(unit, {}, output, {}).ok());
+    for (std::size_t i = 0; i < expected.size(); ++i)
+      expected[i] +=
+          std::ldexp(static_cast<double>(output.film->sums()[i]), -output.film->scale_log2()) / kIterations;
+    for (const auto& accumulator : output.accumulators) {
+      film::MergedAccumulator& merged =
+          sums[half].emplace_back(run.job.width, run.job.height, accumulator->spec());
+      std::vector<film::Int128> pixel(accumulator->spec().channels);
+      for (std::uint32_t y = 0; y < run.job.height; ++y)
+        for (std::uint32_t x = 0; x < run.job.width; ++x) {
+          const std::size_t at = (std::size_t{y} * run.job.width + x) * pixel.size();
+          for (std::size_t c = 0; c < pixel.size(); ++c) pixel[c] = accumulator->sums()[at + c];
+          merged.set_pixel(x, y, pixel);
+        }
+    }
+  }
+  const auto find = [&](std::string_view name, std::uint32_t half) -> const film::MergedAccumulator* {
+    for (const film::MergedAccumulator& a : sums[half])
+      if (a.spec().name == name) return &a;
+    return nullptr;
+  };
+  const auto corrections =
+      correct({*pilot->work.development, "crossfit", run.job.width, run.job.height, find});
+  ASSERT_TRUE(corrections.ok()) << corrections.error().to_string();
+  double corrected = 0;
+  for (std::size_t i = 0; i < expected.size(); ++i) {
+    const double more = static_cast<double>((*corrections)[0][i] + (*corrections)[1][i]) / kIterations;
+    ASSERT_NEAR(optimal.image[i], expected[i] + more, 1e-5 * (1 + std::abs(expected[i]))) << i;
+    corrected += std::abs(more);
+  }
+  EXPECT_GT(corrected, 1);
+  // The job's own choice counts: the same sums, read by the balance heuristic, are another image.
+  const Snapshot balance =
+      image_of(small_render("optimis", {{"weights", "optimal"}, {"estimator", "balance"}}));
+  EXPECT_NE(balance.image, optimal.image);
+  EXPECT_NE(balance.own_relmse, optimal.own_relmse);
 }
 
 TEST(Rendering, AProcessSaysWhatIsWrong) {

@@ -4,6 +4,7 @@
 #include <time.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cstring>
 #include <fstream>
@@ -14,8 +15,10 @@
 #include "common/base/version.h"
 #include "common/bundle/bundle.h"
 #include "common/chains/chains.h"
+#include "common/film/codec.h"
 #include "common/film/development.h"
 #include "common/film/film.h"
+#include "common/stages/development.h"
 #include "common/stats/image_error.h"
 #include "tests/epoch_run.h"
 #include "worker/render/renderer.h"
@@ -49,6 +52,14 @@ std::uint64_t peak_memory_bytes() {
   for (std::string word; status >> word;)
     if (word == "VmHWM:" && status >> kibibytes) break;
   return kibibytes * 1024;
+}
+
+void put_text(std::string& out, std::string_view text) {
+  film::put_u64(out, text.size());
+  out += text;
+}
+std::string_view read_text(film::Reader& reader) {
+  return reader.bytes(reader.u64());
 }
 
 // Runs what renders, and adds what it took.
@@ -90,7 +101,7 @@ class RenderEstimator : public Estimator {
   }
 
   Result<Snapshot> snapshot() override {
-    const film::Development development = this->development();
+    CANDELA_ASSIGN(const film::Development development, this->development());
     Snapshot snapshot;
     snapshot.image = film::develop_image(*merged_, development);
     snapshot.own_relmse = cost_.units < 2 ? std::numeric_limits<double>::quiet_NaN()
@@ -132,7 +143,9 @@ class RenderEstimator : public Estimator {
   // The units [from, to) in ranges, in order. Unit i is index i / 2 of half i % 2.
   virtual std::vector<Unit> units_between(std::uint64_t from, std::uint64_t to) const = 0;
   virtual Result<void> render(const Unit& unit) = 0;
-  virtual film::Development development() const = 0;
+  // Keeps what the image is read from beside the film. `delta`: of the unit that was rendered last.
+  virtual void keep(const Unit& /*unit*/, const film::Delta& /*delta*/) {}
+  virtual Result<film::Development> development() const = 0;
   virtual std::string save_others() const { return {}; }
   virtual Result<void> restore_others(std::string_view saved) {
     return saved.empty() ? Result<void>() : input_error("a kept state that belongs to another run");
@@ -162,6 +175,7 @@ class RenderEstimator : public Estimator {
     for (const auto& sums : output_.aovs) shape.accumulators.push_back(sums->spec());
     CANDELA_ASSIGN(const film::Delta delta, film::Delta::decode(bytes, shape));
     CANDELA_TRY(merged_->merge(delta));
+    keep(unit, delta);
     ++cost_.deltas;
     cost_.delta_bytes += bytes.size();
     add(cost_, delta.tallies());
@@ -172,8 +186,12 @@ class RenderEstimator : public Estimator {
 class IterationEstimator final : public RenderEstimator {
  public:
   IterationEstimator(std::unique_ptr<render::Renderer> renderer, const RunSpec& run, const PilotResult& pilot)
-      : RenderEstimator(std::move(renderer), run), epochs_(*renderer_, pilot) {
+      : RenderEstimator(std::move(renderer), run), epochs_(*renderer_, pilot), plan_(pilot.work.development) {
     make_films(pilot.state);
+    if (!plan_) return;
+    for (auto& half : sums_)
+      for (const film::AccumulatorSpec& spec : epochs_.accumulators())
+        half.emplace_back(run.job.width, run.job.height, spec);
   }
   std::string unit_name() const override { return "iterations"; }
 
@@ -186,14 +204,61 @@ class IterationEstimator final : public RenderEstimator {
     CANDELA_TRY(timed(cost_, [&] { return renderer_->run(unit, input, output_, context_); }));
     return epochs_.add(unit, output_);
   }
-  film::Development development() const override { return {}; }
-  std::string save_others() const override { return epochs_.plan() ? epochs_.save() : std::string(); }
+  void keep(const Unit& unit, const film::Delta& delta) override {
+    auto& sums = sums_[unit.half];
+    for (std::size_t i = 0; i < sums.size(); ++i)
+      if (of_job(sums[i])) sums[i].merge(delta.accumulators()[i].sums);
+  }
+  // As the master reads a job's image (master/jobs/develop.h).
+  Result<film::Development> development() const override {
+    film::Development out;
+    if (!plan_) return out;
+    const auto sums = [&](std::string_view name, std::uint32_t half) -> const film::MergedAccumulator* {
+      for (const film::MergedAccumulator& a : sums_[half])
+        if (a.spec().name == name && of_job(a)) return &a;
+      return nullptr;
+    };
+    DevelopmentInput input{*plan_, {}, merged_->layout().width, merged_->layout().height, sums};
+    if (!epochs_.states().empty()) input.carry = &epochs_.carry();
+    input.open = epochs_.open_sums();
+    CANDELA_ASSIGN(Corrections corrections, correct(std::move(input)));
+    for (std::size_t half = 0; half < 2; ++half)
+      if (!corrections[half].empty())
+        out.corrections[half] = std::make_shared<const std::vector<float>>(std::move(corrections[half]));
+    return out;
+  }
+  std::string save_others() const override {
+    if (!epochs_.plan() && !plan_) return {};
+    std::string out;
+    put_text(out, epochs_.save());
+    for (const auto& half : sums_)
+      for (const film::MergedAccumulator& sums : half) put_text(out, sums.serialise());
+    return out;
+  }
   Result<void> restore_others(std::string_view saved) override {
-    return epochs_.plan() ? epochs_.restore(saved) : RenderEstimator::restore_others(saved);
+    if (!epochs_.plan() && !plan_) return RenderEstimator::restore_others(saved);
+    film::Reader reader(saved);
+    CANDELA_TRY(epochs_.restore(read_text(reader)));
+    for (auto& half : sums_)
+      for (film::MergedAccumulator& sums : half) {
+        CANDELA_ASSIGN(sums, film::MergedAccumulator::parse(read_text(reader), merged_->layout().width,
+                                                            merged_->layout().height, sums.spec()));
+      }
+    if (!reader.ok() || !reader.rest().empty())
+      return input_error("a kept state that belongs to another run");
+    return {};
   }
 
  private:
+  static bool of_job(const film::MergedAccumulator& sums) {
+    return sums.spec().per == film::AccumulatorSpec::Per::job;
+  }
+
   test::EpochRun epochs_;
+  std::optional<DevelopmentPlan> plan_;
+  // By half, those of the plan in its order; of a job without a development: none. Those that are kept for
+  // each epoch stay empty.
+  std::array<std::vector<film::MergedAccumulator>, 2> sums_;
 };
 
 // A job of Markov chains (common/chains/chains.h). The bootstrap counts as rendering: the first row has it.
@@ -244,7 +309,7 @@ class ChainEstimator final : public RenderEstimator {
     return {};
   }
 
-  film::Development development() const override {
+  Result<film::Development> development() const override {
     std::vector<chains::ChainCounts> counts;
     for (const chains::ChainRecord& record : records_) counts.push_back(record.counts);
     return chains::development(state_.bootstrap_b, chains::pool(sums_, counts));
