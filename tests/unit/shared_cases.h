@@ -10,7 +10,7 @@
 
 namespace candela::test {
 
-// The folder of a case; empty where it is absent: the test skips and says so.
+// The folder of a case; empty if it is absent: the test skips and says so.
 inline std::filesystem::path shared_case(const std::string& name) {
   const std::filesystem::path folder = shared_path() / "cases" / name;
   return std::filesystem::is_directory(folder) ? folder : std::filesystem::path();

@@ -126,7 +126,9 @@ Result<std::shared_ptr<Object>> Shapes::triangles(ShapeEntity& entity, bool flat
   set_integer(*shape, "offset", static_cast<std::int64_t>(entity.offset));
   set(*shape, "to_world", entity.to_world);
   if (flat) set_flag(*shape, "face_normals", true);
-  if (entity.reverse_orientation != (front != Front::by_normals && swaps_handedness(entity.to_world)))
+  // A mirror keeps the front of a mesh, as in pbrt, whether normals or the order of corners decide it; it
+  // turns a quadric's around in pbrt.
+  if (entity.reverse_orientation != (front == Front::of_quadric && swaps_handedness(entity.to_world)))
     set_flag(*shape, "flip_normals", true);
   entity.parameters.ignore({"P", "N", "uv", "st", "S", "indices", "faceIndices", "emissionfilename", "levels",
                             "scheme", "edgelength", "radius", "zmin", "zmax", "phimax", "innerradius",
@@ -171,10 +173,8 @@ Result<std::shared_ptr<Object>> Shapes::ply(ShapeEntity& entity) {
   std::shared_ptr<Object> shape = make("shape", "ply", entity.where);
   set(*shape, "filename", key);
   set(*shape, "to_world", entity.to_world);
-  const bool flat = !ply_has_normals(bytes.view);
-  if (flat) set_flag(*shape, "face_normals", true);
-  if (entity.reverse_orientation != (flat && swaps_handedness(entity.to_world)))
-    set_flag(*shape, "flip_normals", true);
+  if (!ply_has_normals(bytes.view)) set_flag(*shape, "face_normals", true);
+  if (entity.reverse_orientation) set_flag(*shape, "flip_normals", true);
   return shape;
 }
 
@@ -184,12 +184,11 @@ Result<std::shared_ptr<Object>> Shapes::geometry(ShapeEntity& entity) {
   if (entity.type == "cylinder") return cylinder(entity);
   if (entity.type == "plymesh") return ply(entity);
   if (entity.type == "trianglemesh") {
-    const bool has_normals = entity.parameters.has("N");
-    return triangles(entity, !has_normals, has_normals ? Front::by_normals : Front::by_corners);
+    return triangles(entity, !entity.parameters.has("N"), Front::of_mesh);
   }
   if (entity.type == "curve") return curve(entity);
-  if (entity.type == "bilinearmesh") return triangles(entity, false, Front::by_normals);
-  if (entity.type == "loopsubdiv") return triangles(entity, false, Front::by_corners);
+  if (entity.type == "bilinearmesh") return triangles(entity, false, Front::of_mesh);
+  if (entity.type == "loopsubdiv") return triangles(entity, false, Front::of_mesh);
   CANDELA_TRY(
       context_.refuse(Context::unknown(entity.where, "shape", entity.type, shape_types), "it is left out"));
   return std::shared_ptr<Object>();

@@ -50,9 +50,8 @@ class Shapes {
   Result<std::shared_ptr<Object>> curve(ShapeEntity& entity);
   Result<std::shared_ptr<Object>> ply(ShapeEntity& entity);
   Result<std::shared_ptr<Object>> part_of_quadric(ShapeEntity& entity);
-  // What decides the front of triangles: normals that the loader gives; the order of corners, which a mirror
-  // turns around in our meshes and not in pbrt's; normals, turned around by a mirror in pbrt and not in ours.
-  enum class Front { by_normals, by_corners, of_quadric };
+  // What decides the front of triangles: those of a mesh, which a mirror does not turn around, or a quadric.
+  enum class Front { of_mesh, of_quadric };
   // The triangles that the loader makes of the directive. `flat`: without shading normals.
   Result<std::shared_ptr<Object>> triangles(ShapeEntity& entity, bool flat, Front front);
   Result<ObjectPtr> masked(ShapeEntity& entity, ObjectPtr bsdf);

@@ -152,9 +152,6 @@ Result<Shape> build_heightfield(const description::Object& object, const descrip
       shape.normals[i] = l > 0 && std::isfinite(l) ? Vec3(n * (sign / l)) : Vec3{};
     }
   });
-  // A mirror turns the triangles over, but not these normals.
-  if (to_world.determinant() < 0)
-    for (auto& t : shape.triangles) std::swap(t[1], t[2]);
   return shape;
 }
 

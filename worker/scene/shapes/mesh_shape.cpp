@@ -25,6 +25,12 @@ bool has_area(const Shape& shape, const std::array<std::uint32_t, 3>& t) {
   return length_squared(face_vector(shape, t)) > 1e-60;
 }
 
+void swap_corners(std::vector<std::array<std::uint32_t, 3>>& triangles) {
+  loaders::for_ranges(triangles.size(), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) std::swap(triangles[i][1], triangles[i][2]);
+  });
+}
+
 // Thuermer and Wuethrich 1998: normals of faces around a vertex weighted by their angle there. Only for
 // vertices that have none; false marks them.
 void complete_normals(Shape& shape, const std::vector<bool>& known) {
@@ -80,6 +86,8 @@ Result<Shape> shape_from_mesh(loaders::Mesh mesh, const Transform& to_world, boo
   }
   shape.uvs = std::move(mesh.uvs);
   shape.triangles = std::move(mesh.triangles);
+  // A mirror turns the order of the corners around, but no surface inside out.
+  if (to_world.determinant() < 0) swap_corners(shape.triangles);
   const std::size_t before = shape.triangles.size();
   const std::size_t flat =
       loaders::first_where(before, [&](std::size_t i) { return !has_area(shape, shape.triangles[i]); });
@@ -138,7 +146,7 @@ Result<Shape> shape_from_mesh(loaders::Mesh mesh, const Transform& to_world, boo
     }
   }
   if (flip_normals) {
-    for (auto& t : shape.triangles) std::swap(t[1], t[2]);
+    swap_corners(shape.triangles);
     for (Vec3& n : shape.normals) n = -n;
   }
   return shape;

@@ -51,7 +51,7 @@ bool is_stretched(const description::Object& object);
 // A mesh in world space: applies to_world, completes vertex normals (angle-weighted averages of the faces
 // around a vertex where the file has none, as Mitsuba does; none at all for face_normals), turns triangles so
 // that their geometric front is where the file's vertex normals point (as Mitsuba lets shading normals decide
-// sides), drops faces without area. `name` is for errors.
+// sides; a mirror turns nothing inside out), drops faces without area. `name` is for errors.
 Result<Shape> shape_from_mesh(loaders::Mesh mesh, const Transform& to_world, bool face_normals,
                               bool flip_normals, const std::string& name);
 
