@@ -76,9 +76,10 @@ TEST(ObjLoader, ReadsWhatExportersWrite) {
   const auto corner = [&](std::size_t t, std::size_t k) { return mesh.positions[mesh.triangles[t][k]]; };
   EXPECT_EQ(corner(0, 1), Vec3(1e-5f, 0.5f, 1000));
   EXPECT_EQ(mesh.uvs[mesh.triangles[0][0]].y, 0.25f);
-  EXPECT_EQ(corner(2, 0), Vec3(0, 0, 1));
-  EXPECT_EQ(corner(2, 1), Vec3(4, 4, 1));
-  EXPECT_EQ(corner(2, 2), Vec3(2, 1, 1));
+  for (const std::size_t t : {1, 2}) {  // both at the corner that turns inwards
+    EXPECT_TRUE(corner(t, 0) == Vec3(2, 1, 1) || corner(t, 1) == Vec3(2, 1, 1) ||
+                corner(t, 2) == Vec3(2, 1, 1));
+  }
   EXPECT_EQ(corner(3, 0), Vec3(0, 0, 0));
   EXPECT_EQ(mesh.normals[mesh.triangles[3][0]], Vec3(0, 0, 0));  // this face names none
   EXPECT_EQ(error_of("f 1 2 3\nv 0 0 0\nv 1 0 0\nv 0 1 0\n"),

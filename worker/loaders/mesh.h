@@ -43,13 +43,13 @@ struct Mesh {
 // The loaders read in parallel, by the calling task arena's threads; the mesh does not depend on their
 // number. `origin` is subtracted from positions in double, before they become floats.
 
-// Wavefront OBJ: v, vt, vn and f in all index forms, negative indices too; polygons become fans. Everything
+// Wavefront OBJ: v, vt, vn and f in all index forms, negative indices too; polygons: polygon.h. Everything
 // else (groups, materials, smoothing, lines, curves; colours and w of vertices) is skipped. flip_v: v becomes
 // 1 - v. `name` goes into errors, which have a line.
 Result<Mesh> load_obj(std::string_view bytes, const std::string& name, bool flip_v, const Vec3d& origin = {});
 
 // Stanford PLY, text and binary of both byte orders: vertices x y z, nx ny nz and u v (or s t, texture_u
-// texture_v); faces vertex_indices or vertex_index, polygons become fans; the attributes asked for; other
+// texture_v); faces vertex_indices or vertex_index, polygons: polygon.h; the attributes asked for; other
 // properties and elements are skipped. Errors have a line (text) or a byte offset (binary).
 Result<Mesh> load_ply(std::string_view bytes, const std::string& name, const WantedAttributes& wanted = {},
                       const Vec3d& origin = {});

@@ -11,8 +11,9 @@
 #include <unordered_map>
 
 #include "common/base/log.h"
-#include "worker/loaders/mesh.h"
+#include "worker/loaders/obj.h"
 #include "worker/loaders/parallel.h"
+#include "worker/loaders/polygon.h"
 
 namespace candela::loaders {
 namespace {
@@ -25,8 +26,8 @@ struct Counts {
   std::size_t positions = 0, uvs = 0, normals = 0, lines = 0;
 };
 
-// Corners of triangles: indices of one kind. Polygons are fans already.
-using Corners = std::vector<std::array<std::uint32_t, 3>>;
+// Corners of triangles: indices of one kind. Polygons are fans first.
+using Corners = Triangles;
 
 // Words of a piece of the file.
 class Cursor {
@@ -87,6 +88,16 @@ class Cursor {
     ++line_ends_;
   }
 
+  // Without blanks at its ends; the cursor stays.
+  std::string_view rest_of_line() const {
+    constexpr std::string_view blanks = " \t\r\v\f";
+    std::string_view rest(at_, static_cast<std::size_t>(end_ - at_));
+    rest = rest.substr(0, rest.find('\n'));
+    const std::size_t begin = rest.find_first_not_of(blanks);
+    return begin == rest.npos ? std::string_view()
+                              : rest.substr(begin, rest.find_last_not_of(blanks) + 1 - begin);
+  }
+
   std::string_view token() {
     const char* begin = at_;
     while (at_<end_&& static_cast<unsigned char>(*at_)> ' ' && *at_ != '#' && *at_ != '\\') ++at_;
@@ -117,18 +128,19 @@ Counts count(std::string_view bytes) {
   return out;
 }
 
+// A line that may begin a part of the mesh.
+struct Mark {
+  enum class Kind { object, group, material } kind{};
+  std::size_t triangle = 0;  // the next one in this piece of the file
+  std::string_view name;
+};
+
 // One part of the file.
 class Part {
  public:
   // before: what stands before this part.
-  Part(std::string_view bytes, const std::string& name, bool flip_v, const Counts& before,
-       const Vec3d& origin)
-      : cursor_(bytes),
-        name_(name),
-        flip_v_(flip_v),
-        before_(before),
-        origin_(origin),
-        reserve_(bytes.size()) {}
+  Part(std::string_view bytes, const std::string& name, const ObjOptions& options, const Counts& before)
+      : cursor_(bytes), name_(name), options_(options), before_(before), reserve_(bytes.size()) {}
 
   // The first error, if any, is in `error`.
   void run() {
@@ -146,6 +158,8 @@ class Part {
   std::vector<Vec2> uvs;
   Corners vertices;                    // positions' indices in the whole file
   Corners corner_uvs, corner_normals;  // parallel to them, or empty: all are absent
+  std::vector<Mark> marks;             // where the options have parts
+  std::vector<Polygon> polygons;       // those of more than three corners
   std::uint64_t dropped_face_count = 0;
   std::uint64_t odd_normals = 0;  // that are no finite numbers
   std::optional<Error> error;
@@ -166,12 +180,15 @@ class Part {
   Result<void> statement() {
     cursor_.skip_blanks();
     if (cursor_.at_line_end()) return {};
-    if (cursor_.peek() != 'v' && cursor_.peek() != 'f') return {};
+    if (cursor_.peek() != 'v' && cursor_.peek() != 'f') {
+      if (!options_.collapse || options_.shape_index) mark();
+      return {};
+    }
     const std::string_view keyword = cursor_.token();
     if (keyword == "v") {
       double p[3];
       CANDELA_TRY(numbers("vertex position", p, 3));
-      positions.push_back(Vec3(Vec3d{p[0], p[1], p[2]} - origin_));
+      positions.push_back(Vec3(Vec3d{p[0], p[1], p[2]} - options_.origin));
     } else if (keyword == "vn") {
       double n[3];
       CANDELA_TRY(numbers("vertex normal", n, 3, true));
@@ -186,7 +203,7 @@ class Part {
       CANDELA_TRY(numbers("texture coordinate", uv, 1));
       cursor_.skip_blanks();
       if (!cursor_.at_line_end()) CANDELA_TRY(numbers("texture coordinate", uv + 1, 1));
-      uvs.push_back({static_cast<float>(uv[0]), static_cast<float>(flip_v_ ? 1.0 - uv[1] : uv[1])});
+      uvs.push_back({static_cast<float>(uv[0]), static_cast<float>(options_.flip_v ? 1.0 - uv[1] : uv[1])});
     } else if (keyword == "f") {
       CANDELA_TRY(face());
     }
@@ -195,6 +212,16 @@ class Part {
 
   static bool is_finite(double number) {
     return std::abs(number) <= static_cast<double>(std::numeric_limits<float>::max());
+  }
+
+  void mark() {
+    const std::string_view keyword = cursor_.token();
+    const bool is_material = keyword == "usemtl";
+    if (!is_material && keyword != "g" && keyword != "o") return;
+    marks.push_back({is_material      ? Mark::Kind::material
+                     : keyword == "g" ? Mark::Kind::group
+                                      : Mark::Kind::object,
+                     vertices.size(), is_material ? cursor_.rest_of_line() : std::string_view()});
   }
 
   Result<void> numbers(const char* what, double* out, int count, bool any = false) {
@@ -288,6 +315,7 @@ class Part {
   Result<void> face() {
     Corner a, b, c;
     std::size_t count = 0;
+    const std::size_t first = vertices.size();
     for (cursor_.skip_blanks(); !cursor_.at_line_end(); cursor_.skip_blanks()) {
       const char* before = cursor_.place();
       const std::string_view text = cursor_.token();
@@ -306,14 +334,15 @@ class Part {
       append(corner_normals, a.normal, b.normal, c.normal);
     }
     if (count < 3) ++dropped_face_count;
+    if (count > std::numeric_limits<std::uint32_t>::max()) return fail("face has more than 2^32 - 1 corners");
+    if (count > 3) polygons.push_back({first, static_cast<std::uint32_t>(count)});
     return {};
   }
 
   Cursor cursor_;
   const std::string& name_;
-  bool flip_v_;
+  const ObjOptions& options_;
   Counts before_;
-  Vec3d origin_;
   std::size_t reserve_;
 };
 
@@ -358,8 +387,51 @@ bool same_as_positions(const std::vector<Part>& parts, Corners Part::*member) {
          kNowhere;
 }
 
+// The parts of the mesh, by their first triangles in the whole file.
+std::vector<MeshPart> parts_of(const std::vector<Part>& pieces, bool objects_too) {
+  std::vector<MeshPart> out(1);
+  std::size_t before = 0;
+  for (const Part& piece : pieces) {
+    for (const Mark& mark : piece.marks) {
+      if (mark.kind == Mark::Kind::object && !objects_too) continue;
+      const std::size_t triangle = before + mark.triangle;
+      if (triangle > out.back().first_triangle) out.push_back({out.back().material, triangle});
+      if (mark.kind == Mark::Kind::material) out.back().material = mark.name;
+    }
+    before += piece.vertices.size();
+  }
+  if (out.back().first_triangle == before) out.pop_back();
+  return out;
+}
+
+// Leaves the triangles from `begin` to `end` of the whole file.
+void keep_triangles(std::vector<Part>& pieces, std::size_t begin, std::size_t end) {
+  std::size_t before = 0;
+  for (Part& piece : pieces) {
+    const std::size_t count = piece.vertices.size();
+    const std::size_t first = std::clamp(begin, before, before + count) - before;
+    const std::size_t last = std::clamp(end, before, before + count) - before;
+    for (Corners* list : {&piece.vertices, &piece.corner_uvs, &piece.corner_normals}) {
+      if (list->empty()) continue;
+      list->erase(list->begin() + static_cast<std::ptrdiff_t>(last), list->end());
+      list->erase(list->begin(), list->begin() + static_cast<std::ptrdiff_t>(first));
+    }
+    before += count;
+  }
+}
+
+bool all_have_normals(const std::vector<Part>& pieces) {
+  return first_where(pieces.size(), [&](std::size_t i) {
+           const Corners& normals = pieces[i].corner_normals;
+           return normals.size() < pieces[i].vertices.size() ||
+                  std::any_of(normals.begin(), normals.end(), [](const auto& t) {
+                    return t[0] == kAbsent || t[1] == kAbsent || t[2] == kAbsent;
+                  });
+         }) == kNowhere;
+}
+
 struct CornerHash {
-  std::size_t operator()(const std::array<std::uint32_t, 3>& corner) const {
+  std::size_t operator()(const std::array<std::uint32_t, 4>& corner) const {
     std::uint64_t h = 0;
     for (const std::uint32_t v : corner) {
       h = (h ^ v) * 0x9e3779b97f4a7c15ULL;
@@ -369,37 +441,43 @@ struct CornerHash {
   }
 };
 
-// A vertex for every distinct corner, in the order of their first use. Corners are chained by position, so
-// that finding one again costs a look or two.
+// A vertex for every distinct corner of a part of the mesh, in the order of their first use. Corners are
+// chained by position, so that finding one again costs a look or two.
 Result<void> join_corners(const std::string& name, std::vector<Part>& parts,
                           const std::vector<Vec3>& positions, const std::vector<Vec2>& uvs,
-                          const std::vector<Vec3>& normals, Mesh& mesh) {
+                          const std::vector<Vec3>& normals, const std::vector<MeshPart>& mesh_parts,
+                          Mesh& mesh) {
   struct Vertex {
-    std::uint32_t position, uv, normal, next;
+    std::uint32_t position, uv, normal, part, next;
   };
   // Vertices at one position are chained; those beyond kLongestChain are found by their hash, so that a hub
   // of very many corners stays cheap.
   constexpr std::size_t kLongestChain = 32;
   std::vector<std::uint32_t> heads(positions.size(), kAbsent);
-  std::unordered_map<std::array<std::uint32_t, 3>, std::uint32_t, CornerHash> crowd;
+  std::unordered_map<std::array<std::uint32_t, 4>, std::uint32_t, CornerHash> crowd;
   std::vector<Vertex> vertices;
   vertices.reserve(positions.size());
   bool any_uv = false, any_normal = false;
+  std::uint32_t mesh_part = 0;
+  std::size_t triangle = 0;  // in the whole file
   for (Part& part : parts) {
-    for (std::size_t i = 0; i < part.vertices.size(); ++i) {
+    for (std::size_t i = 0; i < part.vertices.size(); ++i, ++triangle) {
+      while (mesh_part + 1 < mesh_parts.size() && mesh_parts[mesh_part + 1].first_triangle == triangle)
+        ++mesh_part;
       for (std::size_t k = 0; k < 3; ++k) {
         const std::uint32_t position = part.vertices[i][k];
         const std::uint32_t uv = part.corner_uvs.empty() ? kAbsent : part.corner_uvs[i][k];
         const std::uint32_t normal = part.corner_normals.empty() ? kAbsent : part.corner_normals[i][k];
         std::uint32_t found = heads[position];
         std::size_t links = 0;
-        while (found != kAbsent && (vertices[found].uv != uv || vertices[found].normal != normal)) {
+        while (found != kAbsent && (vertices[found].uv != uv || vertices[found].normal != normal ||
+                                    vertices[found].part != mesh_part)) {
           found = vertices[found].next;
           ++links;
         }
         const bool crowded = found == kAbsent && links >= kLongestChain;
         if (crowded) {
-          const auto known = crowd.find({position, uv, normal});
+          const auto known = crowd.find({position, uv, normal, mesh_part});
           if (known != crowd.end()) found = known->second;
         }
         if (found == kAbsent) {
@@ -408,10 +486,10 @@ Result<void> join_corners(const std::string& name, std::vector<Part>& parts,
           }
           found = static_cast<std::uint32_t>(vertices.size());
           if (crowded) {
-            crowd[{position, uv, normal}] = found;
-            vertices.push_back({position, uv, normal, kAbsent});
+            crowd[{position, uv, normal, mesh_part}] = found;
+            vertices.push_back({position, uv, normal, mesh_part, kAbsent});
           } else {
-            vertices.push_back({position, uv, normal, heads[position]});
+            vertices.push_back({position, uv, normal, mesh_part, heads[position]});
             heads[position] = found;
           }
           any_uv |= uv != kAbsent;
@@ -439,7 +517,7 @@ Result<void> join_corners(const std::string& name, std::vector<Part>& parts,
 
 }  // namespace
 
-Result<Mesh> load_obj(std::string_view bytes, const std::string& name, bool flip_v, const Vec3d& origin) {
+Result<ObjMesh> load_obj_parts(std::string_view bytes, const std::string& name, const ObjOptions& options) {
   if (bytes.starts_with("\xef\xbb\xbf")) bytes.remove_prefix(3);  // a byte order mark
   const std::vector<std::string_view> pieces = cut(bytes);
   std::vector<Counts> before(pieces.size());
@@ -460,11 +538,12 @@ Result<Mesh> load_obj(std::string_view bytes, const std::string& name, bool flip
   }
   std::vector<Part> parts;
   parts.reserve(pieces.size());
-  for (std::size_t i = 0; i < pieces.size(); ++i)
-    parts.emplace_back(pieces[i], name, flip_v, before[i], origin);
+  for (std::size_t i = 0; i < pieces.size(); ++i) parts.emplace_back(pieces[i], name, options, before[i]);
   for_all(parts.size(), [&](std::size_t i) { parts[i].run(); });
 
-  Mesh mesh;
+  ObjMesh out;
+  Mesh& mesh = out.mesh;
+  std::vector<MeshPart>& mesh_parts = out.parts;
   std::size_t triangle_count = 0;
   std::uint64_t odd_normals = 0;
   for (const Part& part : parts) {
@@ -486,10 +565,29 @@ Result<Mesh> load_obj(std::string_view bytes, const std::string& name, bool flip
   if (std::max({positions.size(), uvs.size(), normals.size()}) >= kAbsent) {
     return input_error("the OBJ file has more than 2^32 - 1 vertices").at(name, 0);
   }
+  for (Part& part : parts) {
+    Corners* const parallel[] = {&part.corner_uvs, &part.corner_normals};
+    CANDELA_TRY(cut_polygons(positions, part.polygons, part.vertices, parallel, name));
+  }
+  if (!options.collapse || options.shape_index) mesh_parts = parts_of(parts, options.shape_index.has_value());
+  if (options.shape_index) {
+    const std::uint64_t index = *options.shape_index, count = mesh_parts.size();
+    if (index >= count) {
+      return input_error(fmt::format("shape_index {} is out of range: the file has {} part{}", index, count,
+                                     count == 1 ? "" : "s"))
+          .at(name, 0);
+    }
+    const std::size_t i = static_cast<std::size_t>(index);
+    keep_triangles(parts, mesh_parts[i].first_triangle,
+                   i + 1 < count ? mesh_parts[i + 1].first_triangle : triangle_count);
+    mesh_parts = {{mesh_parts[i].material, 0}};
+  }
+  const bool one_part = mesh_parts.size() < 2 || all_have_normals(parts);
   const auto any = [&](Corners Part::*member) {
     return std::any_of(parts.begin(), parts.end(), [&](const Part& part) { return !(part.*member).empty(); });
   };
-  if (same_as_positions(parts, &Part::corner_uvs) && same_as_positions(parts, &Part::corner_normals)) {
+  if (one_part && same_as_positions(parts, &Part::corner_uvs) &&
+      same_as_positions(parts, &Part::corner_normals)) {
     // Nothing is shared differently: the file's vertices are the mesh's.
     if (any(&Part::corner_uvs)) {
       uvs.resize(positions.size());
@@ -501,10 +599,16 @@ Result<Mesh> load_obj(std::string_view bytes, const std::string& name, bool flip
     }
     mesh.positions = std::move(positions);
   } else {
-    CANDELA_TRY(join_corners(name, parts, positions, uvs, normals, mesh));
+    const std::vector<MeshPart> none;
+    CANDELA_TRY(join_corners(name, parts, positions, uvs, normals, one_part ? none : mesh_parts, mesh));
   }
   mesh.triangles = joined(parts, &Part::vertices);
-  return mesh;
+  return out;
+}
+
+Result<Mesh> load_obj(std::string_view bytes, const std::string& name, bool flip_v, const Vec3d& origin) {
+  CANDELA_ASSIGN(ObjMesh read, load_obj_parts(bytes, name, {.flip_v = flip_v, .origin = origin}));
+  return std::move(read.mesh);
 }
 
 }  // namespace candela::loaders

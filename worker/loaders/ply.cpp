@@ -18,6 +18,7 @@
 #include "worker/loaders/mesh.h"
 #include "worker/loaders/parallel.h"
 #include "worker/loaders/ply_header.h"
+#include "worker/loaders/polygon.h"
 
 namespace candela::loaders {
 namespace {
@@ -119,6 +120,7 @@ class Reader {
       log::warn(fmt::format(
           "{}: left out {} vertex normals that are not finite: those of the faces around take their place",
           name_, count));
+    CANDELA_TRY(cut_polygons(mesh_.positions, polygons_, mesh_.triangles, {}, name_));
     for (auto* attributes : {&vertex_attributes_, &face_attributes_})
       for (MeshAttribute& attribute : *attributes) mesh_.attributes.push_back(std::move(attribute));
     return std::move(mesh_);
@@ -197,7 +199,7 @@ class Reader {
     return fail(fmt::format("the file ends before its {} {} rows", element.count, shown(element.name)));
   }
 
-  // A polygon becomes a fan, corner by corner.
+  // A polygon is a fan first, corner by corner.
   struct Fan {
     std::array<std::uint32_t, 3> triangle{};
     std::uint64_t count = 0;
@@ -211,6 +213,13 @@ class Reader {
       if (++count >= 3) mesh.triangles.push_back(triangle);
     }
   };
+
+  void end_face(const Fan& fan) {
+    if (fan.count < 3) ++mesh_.dropped_face_count;
+    if (fan.count > 3 && fan.count <= std::numeric_limits<std::uint32_t>::max())
+      polygons_.push_back({mesh_.triangles.size() - static_cast<std::size_t>(fan.count - 2),
+                           static_cast<std::uint32_t>(fan.count)});
+  }
 
   // ---- binary ----
 
@@ -287,7 +296,7 @@ class Reader {
           if (v < 0 || static_cast<std::uint64_t>(v) >= vertices_->count) return wrong_index(index, v);
           fan.add(static_cast<std::uint32_t>(v), mesh_);
         }
-        if (length < 3) ++mesh_.dropped_face_count;
+        end_face(fan);
       } else {
         at_ += static_cast<std::size_t>(length) * size;
       }
@@ -441,7 +450,7 @@ class Reader {
         if (v < 0 || static_cast<std::uint64_t>(v) >= vertices_->count) return wrong_index(index, v);
         fan.add(static_cast<std::uint32_t>(v), mesh_);
       }
-      if (p.role == Role::corners && length < 3) ++mesh_.dropped_face_count;
+      if (p.role == Role::corners) end_face(fan);
     }
     return {};
   }
@@ -493,6 +502,7 @@ class Reader {
   const Decoder decode_;
   const Vec3d origin_;
   std::vector<MeshAttribute> vertex_attributes_, face_attributes_;
+  std::vector<Polygon> polygons_;
   Mesh mesh_;
   std::atomic<std::uint64_t> dropped_normals_ = 0;
 };
