@@ -2,16 +2,20 @@
 #include "worker/scene/textures/image_decode.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <exception>
 #include <optional>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "common/image/formats.h"
 #include "worker/core/math.h"
 #include "worker/scene/textures/height_image.h"
+#include "worker/scene/textures/orientation.h"
 #include "worker/scene/textures/pnm.h"
+#include "worker/scene/textures/primaries.h"
 
 namespace candela::scene {
 namespace {
@@ -85,6 +89,9 @@ class Decoder {
     return std::string_view("56Ff").find(encoded_[1]) != std::string_view::npos;
   }
   Result<void> open_pnm();
+  // Of the parts of an OpenEXR file, the first that has what is wanted: colors, or the channel.
+  Result<void> choose_part();
+  Orientation orientation() const;
   // Rows [begin, end) of the channels that are read, into `out`.
   template <class T>
   Result<void> read(int begin, int end, bool tiled, T* out);
@@ -96,6 +103,7 @@ class Decoder {
   template <class T>
   Result<void> read_rows(TexelWriter& out);
   Result<void> check_row(const float* pixels, std::uint32_t y) const;
+  void change_primaries(std::vector<float>& row) const;
   Error library_error(const std::string& what) const;
 
   std::string_view encoded_;
@@ -110,6 +118,7 @@ class Decoder {
   int pick_[3] = {0, 0, 0};       // channels, counted from first_
   int first_ = 0, channels_ = 0;  // of the file, that are read
   ImageReading::Encoding encoding_ = ImageReading::Encoding::linear;
+  std::optional<std::array<Vec3d, 3>> to_rec709_;
 };
 
 Error Decoder::library_error(const std::string& what) const {
@@ -131,7 +140,37 @@ Result<void> Decoder::open() {
   if (!input.ok()) return std::move(input).error().at(file_, 0);
   input_ = std::move(*input);
   spec_ = input_->spec();
+  return format_ == "openexr" ? choose_part() : Result<void>();
+}
+
+Result<void> Decoder::choose_part() {
+  const auto has_colors = [&] {
+    return channel_named('R') >= 0 && channel_named('G') >= 0 && channel_named('B') >= 0;
+  };
+  const auto is_wanted = [&] {
+    if (spec_.deep) return false;
+    if (reading_.channel.empty()) return has_colors();
+    return channel_named(static_cast<char>(reading_.channel[0] - 'a' + 'A')) >= 0;
+  };
+  // Heights may be those of one channel.
+  if (is_wanted() || (most_heights_ && single_channel() >= 0)) return {};
+  for (int part = 1; input_->seek_part(part); ++part) {
+    spec_ = input_->spec();
+    if (is_wanted()) return {};
+  }
+  static_cast<void>(input_->error());  // of a part that cannot be read
+  if (!input_->seek_part(0)) return library_error("cannot read the image: ");
+  spec_ = input_->spec();
   return {};
+}
+
+Orientation Decoder::orientation() const {
+  Orientation orientation{spec_.orientation};
+  if (orientation.keeps_rows()) return {};
+  // OpenImageIO takes Radiance's "+X +Y" for "-X -Y", and the other way round.
+  if (format_ == "hdr" && (orientation.code == 6 || orientation.code == 8))
+    orientation.code = 14 - orientation.code;
+  return orientation;
 }
 
 Result<void> Decoder::open_pnm() {
@@ -180,14 +219,14 @@ Result<void> Decoder::read(int begin, int end, bool tiled, T* out) {
 Result<void> Decoder::check_size() const {
   const std::uint64_t pixels = static_cast<std::uint64_t>(std::max(0, spec_.width)) *
                                static_cast<std::uint64_t>(std::max(0, spec_.height));
-  const bool whole = held_whole(format_, encoded_);
+  const bool whole = held_whole(format_, encoded_) || !orientation().keeps_rows();
   if (spec_.width < 1 || spec_.height < 1 || spec_.width > kMaxSide || spec_.height > kMaxSide ||
       spec_.depth > 1 || pixels > (whole ? kMaxPixelsHeldWhole : kMaxPixels)) {
     return image_error("the image is " + std::to_string(spec_.width) + " x " + std::to_string(spec_.height) +
                            " pixels; up to 131072 a side and " + (whole ? "2^28" : "2^34") +
                            " in all are supported for this kind of file",
                        file_)
-        .with_mend(whole ? "OpenEXR, TIFF and PNG without interlacing may be larger" : "");
+        .with_mend(whole ? "OpenEXR, TIFF and PNG without interlacing, stored upright, may be larger" : "");
   }
   if (most_heights_ && (spec_.width < 2 || spec_.height < 2 || pixels > *most_heights_)) {
     return image_error("the image is " + std::to_string(spec_.width) + " x " + std::to_string(spec_.height) +
@@ -289,6 +328,21 @@ Result<void> Decoder::check_row(const float* pixels, std::uint32_t y) const {
   return {};
 }
 
+// Colors that Rec.709 cannot show lose their negative parts.
+void Decoder::change_primaries(std::vector<float>& row) const {
+  for (std::size_t i = 0; i < row.size(); i += static_cast<std::size_t>(channels_)) {
+    float* const parts[3] = {&row[i + static_cast<std::size_t>(pick_[0])],
+                             &row[i + static_cast<std::size_t>(pick_[1])],
+                             &row[i + static_cast<std::size_t>(pick_[2])]};
+    const Vec3d color{static_cast<double>(*parts[0]), static_cast<double>(*parts[1]),
+                      static_cast<double>(*parts[2])};
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double v = dot((*to_rec709_)[c], color);
+      *parts[c] = most_heights_ ? static_cast<float>(v) : static_cast<float>(std::max(0.0, v));
+    }
+  }
+}
+
 // T: what the library is asked for. 16-bit integers go through a table of their own on the way to floats.
 template <class T>
 Result<void> Decoder::read_rows(TexelWriter& out) {
@@ -317,13 +371,16 @@ Result<void> Decoder::read_rows(TexelWriter& out) {
   }
   std::vector<T> rows(width * channels * static_cast<std::uint64_t>(std::min(step, spec_.height)));
   std::vector<float> row(std::is_same_v<T, std::uint8_t> ? 0 : width * channels);
+  using Texel = std::conditional_t<std::is_same_v<T, std::uint8_t>, std::uint8_t, float>;
+  UprightRows<Texel> upright(out, orientation(), static_cast<std::uint32_t>(spec_.width),
+                             static_cast<std::uint32_t>(spec_.height), channels, pick_);
   for (int y = 0; y < spec_.height; y += step) {
     const int end = std::min(y + step, spec_.height);
     CANDELA_TRY(read(y, end, tiled, rows.data()));
     for (int i = 0; i < end - y; ++i) {
       const T* const pixels = rows.data() + static_cast<std::size_t>(i) * width * channels;
       if constexpr (std::is_same_v<T, std::uint8_t>) {
-        CANDELA_TRY(out.add_row(pixels, channels, pick_));
+        CANDELA_TRY(upright.add(pixels));
       } else {
         if constexpr (words) {
           for (std::size_t k = 0; k < row.size(); ++k) row[k] = linear[pixels[k]];
@@ -337,11 +394,12 @@ Result<void> Decoder::read_rows(TexelWriter& out) {
           if (encoding_ != ImageReading::Encoding::linear)
             CANDELA_TRY(check_row(row.data(), static_cast<std::uint32_t>(y + i)));
         }
-        CANDELA_TRY(out.add_row(row.data(), channels, pick_));
+        if (to_rec709_) change_primaries(row);
+        CANDELA_TRY(upright.add(row.data()));
       }
     }
   }
-  return {};
+  return upright.finish();
 }
 
 Result<TexelImage> Decoder::decode(Scratch& scratch) {
@@ -368,6 +426,8 @@ Result<TexelImage> Decoder::decode(Scratch& scratch) {
   image.file = file_;
   image.width = static_cast<std::uint32_t>(spec_.width);
   image.height = static_cast<std::uint32_t>(spec_.height);
+  if (orientation().swaps_axes()) std::swap(image.width, image.height);
+  if (format_ == "openexr" && spec_.chromaticities && !gray_) to_rec709_ = to_rec709(*spec_.chromaticities);
   const bool bytes = spec_.is_uint8;
   if (bytes) {
     for (std::size_t v = 0; v < image.table.size(); ++v)
