@@ -528,7 +528,9 @@ Result<void> check_children(const Object& object, const PluginRule& rule, std::s
     if (object.plugin == "shapegroup" || object.plugin == "instance") return check_instancing(object, where);
     CANDELA_TRY(check_interface(object, where));
     if (object.plugin == "heightfield") CANDELA_TRY(check_heightfield(object));
-    CANDELA_TRY(at_most_one(object, "bsdf", where));
+    // Parts of an OBJ file have bsdfs by the names of their materials.
+    if (object.plugin != "obj" || object.get_bool("collapse", true))
+      CANDELA_TRY(at_most_one(object, "bsdf", where));
     CANDELA_TRY(at_most_one(object, "emitter", where));
     for (std::size_t i = 0; i < object.children.size(); ++i) {
       const Object& child = *object.children[i].object;

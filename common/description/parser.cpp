@@ -12,6 +12,7 @@
 #include "common/description/legacy.h"
 #include "common/description/lenient.h"
 #include "common/description/mixture.h"
+#include "common/description/obj_materials.h"
 #include "common/description/other_integrator.h"
 #include "common/description/parameters.h"
 #include "common/description/pbrt/reader.h"
@@ -63,6 +64,7 @@ class Parser {
     CANDELA_ASSIGN(file.legacy, is_legacy(file, root));
     include_stack_.push_back(main_key_);
     CANDELA_ASSIGN(const std::size_t scene, parse_object(file, root, 1));
+    CANDELA_TRY(add_obj_materials(drafts_, ids_, files_, notes_));
     CANDELA_ASSIGN(ObjectPtr resolved,
                    resolve(drafts_, scene, ids_, {reading_.lenient, passed_over_, errors_}));
     Result<void> used = parameters_.check_all_used();
@@ -412,7 +414,7 @@ class Parser {
       } else if (written.find("filename") != nullptr) {
         CANDELA_TRY(written.expect({"name", "filename"}));
         CANDELA_ASSIGN(const std::string key, find_file(file, written.where, written.get("filename")));
-        CANDELA_ASSIGN(const FileSource::Bytes bytes, files_.spectrum(key, written.where));
+        CANDELA_ASSIGN(const FileSource::Bytes bytes, files_.small_file(key, written.where, "a spectrum"));
         CANDELA_ASSIGN(const colorimetry::Spectrum spectrum, parse_spectrum_file(key, bytes.view));
         CANDELA_ASSIGN(converted, convert_spectrum(spectrum, use, file.legacy));
       } else {
@@ -446,8 +448,9 @@ class Parser {
     drafts_[parent].links.push_back(std::move(link));
   }
 
-  // Slots follow the spelling of parameters.
+  // Slots follow the spelling of parameters, but for names of an OBJ file's materials.
   std::string modern_slot(const File& file, std::size_t parent, std::string_view name) const {
+    if (drafts_[parent].object->plugin == "obj") return std::string(name);
     const std::string slot = modern_name(file, name);
     return file.legacy ? legacy::slot_name(*drafts_[parent].object, slot) : slot;
   }

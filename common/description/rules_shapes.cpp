@@ -76,9 +76,26 @@ void add_shapes(std::vector<PluginRule>& table) {
   table.push_back(
       {.category = "shape",
        .name = "obj",
-       .properties = {file("Wavefront OBJ with triangles and polygons; materials are not read"), place,
-                      faceted, creases, flip, flag("flip_tex_coords", "v becomes 1 - v (default true)"),
-                      silhouette(), ignored("collapse", {boolean}, "0.6: a file is one shape always")},
+       .properties =
+           {file("Wavefront OBJ with triangles and polygons"),
+            place,
+            faceted,
+            creases,
+            flip,
+            flag("flip_tex_coords", "v becomes 1 - v (default true)"),
+            flag("collapse",
+                 "the file is one mesh with one bsdf; if not, a part begins at each `g` and `usemtl`: "
+                 "normals are smooth within a part, and bsdfs are those of the names of the materials "
+                 "(default true; false in a file before version 2 or with load_materials)"),
+            flag("load_materials",
+                 "materials without a bsdf of their name are those of the file's `mtllib`, as Mitsuba "
+                 "0.6 reads it (default false; true in a file before version 2)"),
+            {.name = "shape_index",
+             .types = {integer},
+             .doc = "0.6: one part alone, from 0; a part begins at each `o`, too (default -1: all)",
+             .minimum = -1,
+             .maximum = 4294967295.0},
+            silhouette()},
        .child_categories = children,
        .doc = "triangle mesh of a Wavefront OBJ file"});
   table.push_back(

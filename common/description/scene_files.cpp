@@ -13,7 +13,7 @@ namespace candela::description {
 namespace {
 
 constexpr std::size_t max_total_bytes = std::size_t{1} << 30;
-constexpr std::size_t max_spectrum_bytes = std::size_t{16} << 20;  // of a file
+constexpr std::size_t max_text_bytes = std::size_t{16} << 20;  // of a file
 constexpr std::size_t max_search_folders = 64;
 
 }  // namespace
@@ -52,11 +52,22 @@ Result<std::string> SceneFiles::find(const std::string& from, const Location& wh
   return error;
 }
 
-Result<FileSource::Bytes> SceneFiles::spectrum(const std::string& key, const Location& where) {
-  CANDELA_ASSIGN(FileSource::Bytes bytes, files_.open(key, max_spectrum_bytes));
-  if (bytes.view.size() > max_spectrum_bytes)
-    return error_at(where, fmt::format("{} has {} bytes, more than the limit of {} for a spectrum",
-                                       text::quote(key), bytes.view.size(), max_spectrum_bytes));
+Result<std::string> SceneFiles::find_beside(const std::string& from, const Location& where,
+                                            std::string_view name) {
+  const std::string key = file_key(folder_of_key(from), name);
+  if (!name.empty() && is_file_key(key) && files_.find(key).ok()) {
+    used_.insert(key);
+    return key;
+  }
+  return find(from, where, name);
+}
+
+Result<FileSource::Bytes> SceneFiles::small_file(const std::string& key, const Location& where,
+                                                 std::string_view what) {
+  CANDELA_ASSIGN(FileSource::Bytes bytes, files_.open(key, max_text_bytes));
+  if (bytes.view.size() > max_text_bytes)
+    return error_at(where, fmt::format("{} has {} bytes, more than the limit of {} for {}", text::quote(key),
+                                       bytes.view.size(), max_text_bytes, what));
   CANDELA_TRY(count_bytes(key, bytes.view.size()));
   return bytes;
 }

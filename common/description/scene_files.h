@@ -26,8 +26,14 @@ class SceneFiles {
   // in the main scene file's folder, then in the folder of the XML file `from` that names it.
   Result<std::string> find(const std::string& from, const Location& where, std::string_view name);
 
-  // The content of a spectrum's file, which find() has found.
-  Result<FileSource::Bytes> spectrum(const std::string& key, const Location& where);
+  // The same, looked for in the folder of the file `from` first.
+  Result<std::string> find_beside(const std::string& from, const Location& where, std::string_view name);
+
+  // The content of a small file, which find() has found. `what` it is, for errors: "a spectrum".
+  Result<FileSource::Bytes> small_file(const std::string& key, const Location& where, std::string_view what);
+
+  // The content of a mesh, of any size.
+  Result<FileSource::Bytes> mesh(const std::string& key) const { return files_.open(key); }
 
   // A <path> element of the XML file `from`.
   Result<void> add_folder(const std::string& from, const Location& where, std::string_view name);

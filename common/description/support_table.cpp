@@ -144,17 +144,33 @@ area is left out with a warning, with its lamp, and so are the instances of a gr
 
 | file | read |
 |---|---|
-| `obj` | all faces as one mesh; polygons become fans of triangles, negative indices count back; groups, `usemtl`, `mtllib`, smoothing, lines, curves, `w` and vertex colors are passed over; a normal that is no finite number is as none; v is flipped unless `flip_tex_coords` is false |
-| `ply` | text and binary of both byte orders, all types of numbers; `vertex_indices` or `vertex_index` of any length as fans; `nx ny nz`; `u v`, `s t`, `texture_u texture_v`, `texture_s texture_t`; attributes of vertices and faces, one number or three: `r g b` or `red green blue` (*color*), or neighbors such as `flow_x flow_y flow_z` (*flow*; also `_r _g _b`, `_0 _1 _2`, `_1 _2 _3`), integers as fractions of their largest value, decoded from sRGB; other elements are passed over, and texture coordinates of faces (a warning) |
+| `obj` | polygons, concave ones too, are cut into triangles, negative indices count back; smoothing, lines, curves, `w` and vertex colors are passed over; a normal that is no finite number is as none; v is flipped unless `flip_tex_coords` is false; materials: see below |
+| `ply` | text and binary of both byte orders, all types of numbers; `vertex_indices` or `vertex_index` of any length, polygons as of `obj`; `nx ny nz`; `u v`, `s t`, `texture_u texture_v`, `texture_s texture_t`; attributes of vertices and faces, one number or three: `r g b` or `red green blue` (*color*), or neighbors such as `flow_x flow_y flow_z` (*flow*; also `_r _g _b`, `_0 _1 _2`, `_1 _2 _3`), integers as fractions of their largest value, decoded from sRGB; other elements are passed over, and texture coordinates of faces (a warning) |
 | `serialized` | versions 3 and 4, single and double precision, `shape_index`; vertex colors are the attribute *color*, tangents are refused |
-| OpenEXR | half and float, by scanlines or tiles, the data window of the first part; `R G B` in capital or small letters, or one channel of any name, as gray; alpha apart; other channels beside `R G B` are passed over; luminance and chroma, layers alone and integers are refused |
+| OpenEXR | half and float, by scanlines or tiles, the data window of the first part that has `R G B`, or else of the first; other primaries than Rec.709's (`chromaticities`) are converted, as in Mitsuba; `R G B` in capital or small letters, or one channel of any name, as gray; alpha apart; other channels beside `R G B` are passed over; luminance and chroma, layers alone and integers are refused |
 | PNG | 1 to 16 bits, gray, palette, colors, with alpha or without; sRGB, 16 bits too, as in Mitsuba 3; `gAMA`, `cHRM` and profiles play no part |
 | JPEG | gray and color, sRGB; four inks (CMYK) are refused |
 | Radiance HDR, PFM | linear; PFM of both byte orders, times its scale |
 | TIFF, TGA, BMP, PNM | 8 bits and, of TIFF and PNM, 16: sRGB; floats of TIFF: linear |
 
+An image is turned upright as its header says: the orientation of TIFF, OpenEXR and of the Exif data in JPEG and PNG, and the
+resolution of Radiance HDR in its eight ways. *Differs*: Mitsuba shows JPEG and PNG as they are stored.
+
 `raw` and `gamma` of a `bitmap` replace that decoding. Alpha multiplies nothing: colors are as stored. NaN, infinite and
 negative values are errors.
+
+A polygon of an `obj` or `ply` that turns one way stays a fan around its first corner; others are cut by their ears in the plane
+of their normal, holes at the ends of bridges too (Mitsuba makes fans of all).
+
+In a file before version 2 the parts of an `obj`, which begin at each `g` and `usemtl`, have the bsdfs that the shape holds under
+the names of their materials (`<bsdf name="Glass" ...>`; one without a name is for all; the last that fits counts), or those of
+the file's `mtllib`: `Kd`, `Ks`, `Ns`, `d`, `map_Kd`, `map_Ks`, `map_d`, `bump` and `illum` as 0.6 reads them (colors are sRGB).
+A library or an image that is not there is told; 0.6's gray and black take its place. From version 2 on materials are passed
+over with a warning, as in Mitsuba, unless `collapse` or `load_materials` asks for them. `shape_index` counts parts from 0; a
+part begins at each `o`, too. *Differs*: 0.6 takes its last part for the one before.
+
+A `to_world` that mirrors turns no shape inside out: the front stays where it is in the file. *Differs*: mirrored meshes without
+vertex normals turn in Mitsuba up to 3.9.1 (0.6's `serialized` does not), spheres and cylinders do in Mitsuba 3.
 
 ## Limits
 

@@ -14,6 +14,7 @@
 #include "worker/scene/lasting_medium.h"
 #include "worker/scene/sensors/field_of_view.h"
 #include "worker/scene/shapes/heightfield.h"
+#include "worker/scene/shapes/mesh_parts.h"
 #include "worker/scene/shared_faces.h"
 #include "worker/scene/textures/bitmap.h"
 #include "worker/scene/transform.h"
@@ -96,7 +97,12 @@ bool SceneBuilder::is_stretched_surface(const description::Object& shape) const 
 Result<std::uint32_t> SceneBuilder::bsdf_of(const description::Object& shape, bool emits) {
   const auto objects = shape.children_of("bsdf");
   if (objects.size() > 1) return error_at(shape, "shape '" + shape.plugin + "' has more than one bsdf");
-  if (objects.empty()) {
+  return bsdf_of(shape, emits, objects.empty() ? nullptr : objects[0]);
+}
+
+Result<std::uint32_t> SceneBuilder::bsdf_of(const description::Object& shape, bool emits,
+                                            const description::ObjectPtr& given) {
+  if (given == nullptr) {
     // Between two media there is no surface: the shape bounds them and is not seen, as Mitsuba documents it.
     if (!emits && !shape.children_of("medium").empty()) {
       if (null_bsdf_ == kNone) {
@@ -129,12 +135,12 @@ Result<std::uint32_t> SceneBuilder::bsdf_of(const description::Object& shape, bo
     }
     return slot;
   }
-  const auto known = bsdf_of_object_.find(objects[0].get());
+  const auto known = bsdf_of_object_.find(given.get());
   if (known != bsdf_of_object_.end()) return known->second;
-  CANDELA_ASSIGN(Bsdf bsdf, Bsdf::build(*objects[0], textures_, coats_));
+  CANDELA_ASSIGN(Bsdf bsdf, Bsdf::build(*given, textures_, coats_));
   bsdfs_.push_back(std::move(bsdf));
   const auto index = static_cast<std::uint32_t>(bsdfs_.size() - 1);
-  bsdf_of_object_[objects[0].get()] = index;
+  bsdf_of_object_[given.get()] = index;
   return index;
 }
 
@@ -253,16 +259,11 @@ Result<void> SceneBuilder::add_shape(const description::Object& object, bool in_
   // Its textures may look at attributes that nobody has then.
   if (const auto read = read_shapes_.find(&object); read != read_shapes_.end() && is_empty(read->second))
     return leave_out(object, read->second);
+  if (has_bsdfs_by_name(object)) return add_parts(object, in_group);
   ShapeRecord record;
   CANDELA_ASSIGN(record.medium_interface, media_.add_interface(object, files_));
   CANDELA_ASSIGN(record.bsdf, bsdf_of(object, !emitters.empty()));
   const TextureUse use = texture_use(object);
-  record.reads_uv = use.uv;
-  record.reads_mean_edge = use.wireframe;
-  record.reads_partials = bsdfs_[record.bsdf].facts().reads_partials;
-  if (parameterized_) record.reads_uv = record.reads_partials = true;
-  // A tangent frame in the world needs the derivative that it follows.
-  record.reads_partials |= in_group && record.reads_uv;
   Shape shape;
   if (const auto read = read_shapes_.find(&object); read != read_shapes_.end()) {
     shape = std::move(read->second);
@@ -272,7 +273,36 @@ Result<void> SceneBuilder::add_shape(const description::Object& object, bool in_
   } else {
     CANDELA_ASSIGN(shape, build_shape(object, files_, use.attributes));
   }
+  return add_built(object, std::move(shape), record, in_group);
+}
+
+Result<void> SceneBuilder::add_parts(const description::Object& object, bool in_group) {
+  CANDELA_ASSIGN(std::vector<BsdfShape> parts, build_parts(object, files_));
+  const bool emits = !object.children_of("emitter").empty();
+  if (parts.size() > 1 && (emits || &object == measured_object_)) {
+    return error_at(object, "an OBJ file whose parts have bsdfs of their own can neither glow nor measure")
+        .with_mend("give all of it one bsdf without a name, or choose a part by shape_index");
+  }
+  ShapeRecord record;
+  CANDELA_ASSIGN(record.medium_interface, media_.add_interface(object, files_));
+  for (BsdfShape& part : parts) {
+    CANDELA_ASSIGN(record.bsdf, bsdf_of(object, emits, part.bsdf));
+    CANDELA_TRY(add_built(object, std::move(part.shape), record, in_group));
+  }
+  return {};
+}
+
+Result<void> SceneBuilder::add_built(const description::Object& object, Shape shape, ShapeRecord record,
+                                     bool in_group) {
   if (is_empty(shape)) return leave_out(object, shape);
+  const auto emitters = object.children_of("emitter");
+  const TextureUse use = texture_use(object);
+  record.reads_uv = use.uv;
+  record.reads_mean_edge = use.wireframe;
+  record.reads_partials = bsdfs_[record.bsdf].facts().reads_partials;
+  if (parameterized_) record.reads_uv = record.reads_partials = true;
+  // A tangent frame in the world needs the derivative that it follows.
+  record.reads_partials |= in_group && record.reads_uv;
   features_.dropped_faces += shape.dropped_count;
   if (shape.dropped_count > 0) {
     warnings_.push_back(object.where.file + ":" + std::to_string(object.where.line) + ": left out " +

@@ -97,12 +97,18 @@ class SceneBuilder {
   // A round shape whose to_world stretches it: an instance of its own.
   Result<void> stretched(const description::Object& object);
   Result<void> add_shape(const description::Object& object, bool in_group);
+  // The parts of an OBJ file that have bsdfs of their own.
+  Result<void> add_parts(const description::Object& object, bool in_group);
+  Result<void> add_built(const description::Object& object, Shape shape, ShapeRecord record, bool in_group);
   // Tells that a mesh without area is not in the scene. An error if somebody measures on it.
   Result<void> leave_out(const description::Object& object, const Shape& shape);
   // kNone if nothing of the group has an area.
   Result<std::uint32_t> group_of(const description::ObjectPtr& object);
   bool is_stretched_surface(const description::Object& shape) const;
   Result<std::uint32_t> bsdf_of(const description::Object& shape, bool emits);
+  // `given`: null where the shape has none.
+  Result<std::uint32_t> bsdf_of(const description::Object& shape, bool emits,
+                                const description::ObjectPtr& given);
   Result<Spectrum> quantity(const description::Object& object, std::string_view name) const;
   Result<SpotLight> spot(const description::Object& object, const Transform& to_world);
   Result<ProjectorLight> projector(const description::Object& object, const Transform& to_world);

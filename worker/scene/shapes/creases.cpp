@@ -25,7 +25,8 @@ Vec3d face_normal(const loaders::Mesh& mesh, const Transform& to_world, std::siz
 
 }  // namespace
 
-loaders::Mesh split_at_creases(loaders::Mesh mesh, const Transform& to_world, double max_degrees) {
+loaders::Mesh split_at_creases(loaders::Mesh mesh, const Transform& to_world, double max_degrees,
+                               const std::vector<loaders::MeshPart>& parts) {
   float sine = 0, cosine = 0;
   math::sincosf(static_cast<float>(max_degrees * (std::numbers::pi / 180)), sine, cosine);
   const double threshold = static_cast<double>(cosine) - 1e-6;
@@ -35,6 +36,12 @@ loaders::Mesh split_at_creases(loaders::Mesh mesh, const Transform& to_world, do
   // Corners of faces, those of one place next to each other, and there in the order of the faces.
   std::vector<std::size_t> corners(3 * mesh.triangles.size());
   std::iota(corners.begin(), corners.end(), std::size_t{0});
+  const auto part = [&](std::size_t corner) {
+    const auto after = std::upper_bound(
+        parts.begin(), parts.end(), corner / 3,
+        [](std::size_t triangle, const loaders::MeshPart& other) { return triangle < other.first_triangle; });
+    return after - parts.begin();
+  };
   const auto place = [&](std::size_t corner) {
     const std::uint32_t v = mesh.triangles[corner / 3][corner % 3];
     const Vec3 p = mesh.positions[v];
@@ -45,6 +52,7 @@ loaders::Mesh split_at_creases(loaders::Mesh mesh, const Transform& to_world, do
   const auto compare = [&](std::size_t a, std::size_t b) {
     const auto first = place(a), second = place(b);
     if (first != second) return first < second ? -1 : 1;
+    if (parts.size() > 1 && part(a) != part(b)) return part(a) < part(b) ? -1 : 1;
     for (const loaders::MeshAttribute& attribute : mesh.attributes) {
       if (attribute.of_faces()) continue;
       const Spectrum p = attribute.values[mesh.triangles[a / 3][a % 3]],

@@ -9,6 +9,7 @@
 #include "worker/loaders/volume.h"
 #include "worker/scene/shapes/creases.h"
 #include "worker/scene/shapes/level_set.h"
+#include "worker/scene/shapes/mesh_parts.h"
 #include "worker/scene/shapes/tube.h"
 
 namespace candela::scene {
@@ -213,16 +214,30 @@ Error lacks_attribute(const description::Object& object, const std::string& name
       .with_mend("meshes of ply and serialized files have attributes");
 }
 
-Result<Shape> build_from_file(const description::Object& object, const description::FileSource& files,
-                              const Transform& to_world, const std::vector<std::string>& attributes) {
+loaders::ObjOptions obj_options(const description::Object& object) {
+  loaders::ObjOptions options;
+  options.flip_v = object.get_bool("flip_tex_coords", true);
+  options.collapse = object.get_bool("collapse", true);
+  const std::int64_t index = object.get_integer("shape_index", -1);
+  if (index >= 0) options.shape_index = static_cast<std::uint64_t>(index);
+  return options;
+}
+
+bool is_faceted(const description::Object& object) {
+  return object.get_bool("face_normals", false);
+}
+
+// Only OBJ files have parts.
+Result<loaders::ObjMesh> mesh_of_file(const description::Object& object, const description::FileSource& files,
+                                      const Transform& to_world, const std::vector<std::string>& attributes) {
   const std::string file = object.get_string("filename", "");
   if (file.empty()) return error_at(object, "filename is missing").with_field("filename");
   CANDELA_ASSIGN(const description::FileSource::Bytes bytes, files.open(file));
-  loaders::Mesh mesh;
+  loaders::ObjMesh read;
+  loaders::Mesh& mesh = read.mesh;
   // Of a scene that was moved (placement.h).
   const description::Vec3 at = object.get_vec3("origin", {0, 0, 0});
   const Vec3d origin{at[0], at[1], at[2]};
-  const bool faceted = object.get_bool("face_normals", false);
   loaders::WantedAttributes wanted{attributes, std::nullopt};
   if (object.find("srgb") != nullptr) wanted.srgb = object.get_bool("srgb", true);
   if (!attributes.empty() && object.plugin != "ply" && object.plugin != "serialized")
@@ -237,8 +252,9 @@ Result<Shape> build_from_file(const description::Object& object, const descripti
     CANDELA_ASSIGN(const auto field, loaders::load_volume(bytes.view, file, true));
     CANDELA_ASSIGN(mesh, level_set(field, file));
   } else if (object.plugin == "obj") {
-    CANDELA_ASSIGN(mesh,
-                   loaders::load_obj(bytes.view, file, object.get_bool("flip_tex_coords", true), origin));
+    loaders::ObjOptions options = obj_options(object);
+    options.origin = origin;
+    CANDELA_ASSIGN(read, loaders::load_obj_parts(bytes.view, file, options));
   } else if (object.plugin == "ply") {
     CANDELA_ASSIGN(mesh, loaders::load_ply(bytes.view, file, wanted, origin));
     if (object.get_bool("flip_tex_coords", false)) {
@@ -260,10 +276,16 @@ Result<Shape> build_from_file(const description::Object& object, const descripti
       for (Vec2& uv : mesh.uvs) uv.y = 1 - uv.y;
     }
   }
-  if (object.find("max_smooth_angle") != nullptr && !faceted) {
-    mesh = split_at_creases(std::move(mesh), to_world, object.get_number("max_smooth_angle", 0));
+  if (object.find("max_smooth_angle") != nullptr && !is_faceted(object)) {
+    mesh = split_at_creases(std::move(mesh), to_world, object.get_number("max_smooth_angle", 0), read.parts);
   }
-  return shape_from_mesh(std::move(mesh), to_world, faceted, object.get_bool("flip_normals", false), file);
+  return read;
+}
+
+Result<Shape> shape_of_file(const description::Object& object, loaders::Mesh mesh,
+                            const Transform& to_world) {
+  return shape_from_mesh(std::move(mesh), to_world, is_faceted(object),
+                         object.get_bool("flip_normals", false), object.get_string("filename", ""));
 }
 
 }  // namespace
@@ -280,7 +302,10 @@ bool is_stretched(const description::Object& object) {
 Result<Shape> build_shape(const description::Object& object, const description::FileSource& files,
                           const std::vector<std::string>& attributes) {
   const Transform to_world(object.get_transform("to_world"));
-  if (object.find("filename") != nullptr) return build_from_file(object, files, to_world, attributes);
+  if (object.find("filename") != nullptr) {
+    CANDELA_ASSIGN(loaders::ObjMesh read, mesh_of_file(object, files, to_world, attributes));
+    return shape_of_file(object, std::move(read.mesh), to_world);
+  }
   if (!attributes.empty()) return lacks_attribute(object, attributes[0]);
   if (object.plugin == "rectangle") return build_rectangle(object, to_world);
   if (object.plugin == "cube") return flat_shape(object, unit_cube(), to_world);
@@ -288,6 +313,18 @@ Result<Shape> build_shape(const description::Object& object, const description::
   if (object.plugin == "disk") return build_disk(object, to_world);
   if (object.plugin == "cylinder") return build_cylinder(object, to_world);
   return error_at(object, "this renderer cannot build it yet");
+}
+
+Result<std::vector<BsdfShape>> build_parts(const description::Object& object,
+                                           const description::FileSource& files) {
+  const Transform to_world(object.get_transform("to_world"));
+  CANDELA_ASSIGN(loaders::ObjMesh read, mesh_of_file(object, files, to_world, {}));
+  std::vector<BsdfShape> out;
+  for (BsdfMesh& part : split_by_bsdf(std::move(read), object)) {
+    CANDELA_ASSIGN(Shape shape, shape_of_file(object, std::move(part.mesh), to_world));
+    out.push_back({std::move(part.bsdf), std::move(shape)});
+  }
+  return out;
 }
 
 }  // namespace candela::scene
