@@ -74,13 +74,15 @@ inline constexpr int kToyFilmScale = 19;  // of a mean of 1
 inline EpochPlan toy_epochs(std::string rule, std::uint64_t first, std::uint32_t growth, std::uint32_t lag) {
   return {first, growth, lag, std::move(rule), {}};
 }
-inline ToyPlan fppm_plan(EpochPlan epochs, double alpha, double k, const std::string& test) {
+inline ToyPlan fppm_plan(EpochPlan epochs, double alpha, double k, const std::string& test,
+                         std::uint32_t colors = 1) {
   const int n = test == "antipodal" ? 6 : 12;
   adaptive::put_levels(adaptive::levels_above(k, 0.001, 0.75), epochs.constants);
   epochs.constants["critical"] =
       std::to_string(adaptive::critical_integer(adaptive::chi_squared_quantile(alpha, n - 1) / (n - 1)));
   epochs.constants["test"] = test;
-  return {epochs, {adaptive::sectors_spec(kToyFilmScale), adaptive::squares_spec(kToyFilmScale)}};
+  return {epochs,
+          {adaptive::sectors_spec(kToyFilmScale, colors), adaptive::squares_spec(kToyFilmScale, colors)}};
 }
 // Rings and nested discs: `test` is as in the plan.
 inline ToyPlan rings_plan(EpochPlan epochs, const std::string& test, bool rings) {

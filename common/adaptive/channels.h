@@ -1,11 +1,11 @@
 // Accumulators of the integrators whose radius follows from tests: their names, channels and scales, and the
 // channel of a photon.
 //
-// phi is the luminance that a merge adds to the film before the kernel (throughputs, BSDF, MIS weight, flux,
+// phi is what a merge adds to the film before the kernel (throughputs, BSDF, MIS weight, flux,
 // one over the number of light paths), divided by pi r_1^2, for balls by 4/3 pi r_1^3, with the first radius
-// r_1. phi has the unit of film values. y is the place of the photon relative to the gather point, in its
-// tangent frame; r is the present radius of the pixel.
-// Theory: Lin et al. 2023, section 5.
+// r_1: its luminance, or for the F test of colors each of its three channels. phi has the unit of film
+// values. y is the place of the photon relative to the gather point, in its tangent frame; r is the present
+// radius of the pixel. Theory: Lin et al. 2023, section 5.
 #pragma once
 
 #include <algorithm>
@@ -20,8 +20,11 @@ namespace candela::adaptive {
 inline constexpr int kSectorsPerRing = 6;
 inline constexpr int kSectorChannels = 12;
 
-inline constexpr const char* kSectors = "fppm.sectors";  // sum of phi; kSectorChannels
-inline constexpr const char* kSquares = "fppm.squares";  // sum of phi^2 over all sectors
+// Sum of phi; kSectorChannels for each color, those of the first color first. One color is luminance, three
+// are red, green and blue.
+inline constexpr const char* kSectors = "fppm.sectors";
+inline constexpr const char* kSquares = "fppm.squares";  // sum of phi^2 over all sectors, one for each color
+inline constexpr int kColors = 3;
 // Statistics that outlive a radius. Ring g has the photons at distances from r_1 2^(-(g+1)/2) to r_1
 // 2^(-g/2), the last ring all that are nearer. kRings sums and kRings sums of squares, or 6 sectors a ring:
 // ring * 6 + sector.
@@ -51,11 +54,12 @@ inline int square_scale(int film_scale_log2) {
   return 2 * sector_scale(film_scale_log2) - kSquareShift;
 }
 
-inline film::AccumulatorSpec sectors_spec(int film_scale_log2) {
-  return {kSectors, kSectorChannels, sector_scale(film_scale_log2), film::AccumulatorSpec::Per::epoch};
+inline film::AccumulatorSpec sectors_spec(int film_scale_log2, std::uint32_t colors = 1) {
+  return {kSectors, colors * kSectorChannels, sector_scale(film_scale_log2),
+          film::AccumulatorSpec::Per::epoch};
 }
-inline film::AccumulatorSpec squares_spec(int film_scale_log2) {
-  return {kSquares, 1, square_scale(film_scale_log2), film::AccumulatorSpec::Per::epoch};
+inline film::AccumulatorSpec squares_spec(int film_scale_log2, std::uint32_t colors = 1) {
+  return {kSquares, colors, square_scale(film_scale_log2), film::AccumulatorSpec::Per::epoch};
 }
 inline film::AccumulatorSpec discs_spec(int film_scale_log2) {
   return {kDiscs, kRings, sector_scale(film_scale_log2), film::AccumulatorSpec::Per::epoch};

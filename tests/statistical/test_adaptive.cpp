@@ -7,12 +7,17 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
+#include <map>
+#include <memory>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "common/image/image.h"
 #include "tests/epoch_run.h"
 #include "tests/statistical/harness.h"
 
@@ -80,6 +85,62 @@ INSTANTIATE_TEST_SUITE_P(Scenes, AdaptiveRadii,
                            std::replace(name.begin(), name.end(), '-', '_');
                            return name;
                          });
+
+// A projector throws a checker of two colors onto a floor.
+TestScene projected_checker(const std::array<float, 3>& a, const std::array<float, 3>& b) {
+  constexpr std::uint32_t kSide = 16;
+  image::Image checker{kSide, kSide, {}, {}};
+  for (std::uint32_t i = 0; i < kSide * kSide; ++i) {
+    const auto& color = (i % kSide / 4 + i / kSide / 4) % 2 == 0 ? a : b;
+    checker.rgb.insert(checker.rgb.end(), color.begin(), color.end());
+  }
+  const auto png = image::encode_png(checker);
+  if (!png.ok()) throw std::runtime_error(png.error().to_string());
+  TestScene scene;
+  scene.files = std::make_shared<MemorySource>(
+      std::map<std::string, std::string>{{"checker.png", *png}, {"scene.xml", R"(<scene version="3.0.0">
+  <integrator type="path"><integer name="max_depth" value="2"/></integrator>
+  <sensor type="perspective"><float name="fov" value="32"/><transform name="to_world">
+    <lookat origin="0, -4, 4" target="0, 0, 0" up="0, 0, 1"/></transform></sensor>
+  <shape type="rectangle"><transform name="to_world"><scale value="3"/></transform>
+    <bsdf type="diffuse"><rgb name="reflectance" value="0.6"/></bsdf></shape>
+  <emitter type="projector"><texture name="irradiance" type="bitmap">
+      <string name="filename" value="checker.png"/><string name="filter_type" value="nearest"/></texture>
+    <float name="scale" value="5"/><float name="fov" value="45"/>
+    <transform name="to_world"><lookat origin="0, 0, 3" target="0, 0, 0" up="0, 1, 0"/></transform></emitter></scene>)"}});
+  scene.main_key = "scene.xml";
+  scene = read_scene(std::move(scene), kExtent, kExtent);
+  scene.settings.sampler = "independent";
+  return scene;
+}
+
+// Claim: borders between colors of one luminance are found as those between black and white are: fppm's
+// squared error is below ppm's on both. A test of luminance alone finds none of the first (it is planted
+// here), and leaves more than twice as much error as a test of colors.
+TEST(AdaptiveColors, BordersOfOneLuminanceAreFound) {
+  constexpr float kGreen = 0.212671f / 0.715160f;  // as bright as red 1
+  const auto error_of = [](const TestScene& scene, const std::string& integrator, const SettingsMap& more) {
+    const auto truth = render_batches(with_integrator(scene, "path"), 1, 1, 512);
+    SettingsMap settings = {{"radius", "0.04"}, {"max_depth", "2"}};
+    for (const auto& [name, value] : more) settings[name] = value;
+    const auto images = render_batches(with_integrator(scene, integrator, settings), 2, 2, 128);
+    double sum = 0;
+    for (const auto& image : images)
+      for (std::size_t i = 0; i < image.size(); ++i)
+        sum += std::pow(static_cast<double>(image[i]) - static_cast<double>(truth[0][i]), 2);
+    return sum;
+  };
+  const TestScene colors = projected_checker({1, 0, 0}, {0, kGreen, 0}),
+                  gray = projected_checker({1, 1, 1}, {0, 0, 0});
+  const double ppm = error_of(colors, "ppm", {}), fppm = error_of(colors, "fppm", {}),
+               of_luminance = error_of(colors, "fppm", {{"channels", "luminance"}}),
+               in_gray = error_of(gray, "fppm", {}) / error_of(gray, "ppm", {});
+  std::printf("squared error over ppm's: colors %.3f, by luminance %.3f; black and white %.3f\n", fppm / ppm,
+              of_luminance / ppm, in_gray);
+  EXPECT_LT(fppm / ppm, 0.85);
+  EXPECT_LT(in_gray, 0.85);
+  EXPECT_GT(of_luminance / fppm, 2);
+}
 
 }  // namespace
 }  // namespace candela::statistical

@@ -55,6 +55,19 @@ class Job {
     add(pixel, 0, sums);
     if (plan_.epochs.rule == "fppm") add(pixel, 1, {&squares, 1});
   }
+  // The same with photons of colors: sectors of red, green and blue.
+  void colors(std::uint32_t pixel, const std::array<std::vector<int>, 3>& per_sector) {
+    constexpr std::int64_t kUnit = 4096;
+    std::array<Int128, 3 * kSectorChannels> sums{};
+    std::array<Int128, 3> squares{};
+    for (std::size_t c = 0; c < 3; ++c)
+      for (std::size_t s = 0; s < per_sector[c].size(); ++s) {
+        sums[c * kSectorChannels + s] = per_sector[c][s] * kUnit;
+        squares[c] += Int128{per_sector[c][s]} * kUnit * kUnit / 256;
+      }
+    add(pixel, 0, sums);
+    add(pixel, 1, squares);
+  }
   // Closes the epoch and decides the next state.
   void next() { begin(); }
   StateReport report(bool layers) const {
@@ -105,6 +118,41 @@ TEST(FppmRule, ShrinksUnevenPixels) {
   EXPECT_EQ(job.state(), std::string("\1\0\0\0\1", 5) + std::string(10, '\0'));
   // Looks are counted of pixels that had photons.
   EXPECT_EQ(job.carry().memo, std::string("\1\1\1\1\1", 5) + std::string(10, '\0'));
+}
+
+// Claim: with statistics of colors a pixel shrinks where any color is uneven, as red and green are whose sum
+// is even; a color without light objects to nothing, and neither does a color of few photons beside even
+// ones.
+TEST(FppmRule, AnyColorShrinks) {
+  Job job{test::fppm_plan(short_epochs("fppm", 0), 0.01, 0.7, "sectors", 3)};
+  std::vector<int> other(kUneven.rbegin(), kUneven.rend());
+  const std::vector<int> even(12, 20), none(12, 0);
+  job.colors(0, {even, even, even});
+  job.colors(1, {even, kUneven, even});
+  job.colors(2, {even, even, kUneven});
+  job.colors(3, {kUneven, other, none});
+  job.colors(4, {even, none, none});
+  job.colors(5, {even, {0, 1}, none});
+  job.next();
+  EXPECT_EQ(job.state(), std::string("\0\1\1\1\0\0", 6) + std::string(9, '\0'));
+  // After a rejection the sums of all colors begin anew.
+  job.colors(1, {even, even, even});
+  job.next();
+  EXPECT_EQ(job.level(1), 1);
+}
+
+// Claim: with colors a pixel follows a schedule only if no color has evidence.
+TEST(FppmRule, OneColorOfEvidenceIsEnough) {
+  test::ToyPlan plan = test::fppm_plan(short_epochs("fppm", 0), 0.01, 0.7, "sectors", 3);
+  plan.epochs.constants["follow"] = "1,2,3,10000";
+  plan.epochs.constants["evidence"] = "60";
+  Job job{std::move(plan)};
+  const std::vector<int> even(12, 20), none(12, 0);
+  job.colors(0, {none, even, none});
+  job.colors(1, {none, {1, 1, 1}, {0, 1}});
+  job.next();
+  EXPECT_EQ(job.level(0), 0);
+  EXPECT_EQ(job.level(1), 1);
 }
 
 // Claim: with `follow`, pixels of few photons and of none take the levels of the schedule at its iterations

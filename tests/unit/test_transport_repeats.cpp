@@ -134,7 +134,7 @@ void gather(float distance, int trials, std::uint64_t paths, Found& found) {
         sectors.end();
         ++hits;
         for (std::size_t s = 0; s < kSectors; ++s) of_path[s] += sectors.sums()[s];
-        own_squares += sectors.squares();
+        own_squares += sectors.squares()[0];
       }
       if (hits == 0) continue;
       found.hits += hits;

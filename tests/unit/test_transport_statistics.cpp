@@ -1,4 +1,5 @@
 // Statistics of merges (worker/transport/statistics) against literal loops over photons, and scales by a map.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -70,9 +71,9 @@ void fill(Cloud& cloud, bool medium) {
   (medium ? cloud.maps.medium : cloud.maps.surface) = &cloud.map;
 }
 
-// visit(offset, phi, squared distance) for every photon.
+// visit(offset, phi of each channel, squared distance) for every photon.
 template <class Visit>
-void each_photon(const Cloud& cloud, bool medium, const Visit& visit) {
+void each_colored_photon(const Cloud& cloud, bool medium, const Visit& visit) {
   const Vertex<NoBlock>& v = cloud.eye;
   const double extent =
       medium ? 4.0 / 3 * std::numbers::pi * kFirst * kFirst * kFirst : std::numbers::pi * kFirst * kFirst;
@@ -82,10 +83,17 @@ void each_photon(const Cloud& cloud, bool medium, const Visit& visit) {
     const Spectrum scatters = medium
                                   ? Spectrum(static_cast<float>(0.25 / std::numbers::pi))
                                   : Spectrum(0.5f, 0.25f, 0.125f) * static_cast<float>(1 / std::numbers::pi);
-    const double phi =
-        static_cast<double>(luminance(v.throughput * scatters * photon.flux) * kPerPath) / extent;
-    visit(y, phi, static_cast<double>(dot(y, y)));
+    const Spectrum phi = v.throughput * scatters * photon.flux;
+    const auto of = [&](float channel) { return static_cast<double>(channel * kPerPath) / extent; };
+    visit(y, std::array{of(phi.r), of(phi.g), of(phi.b)}, static_cast<double>(dot(y, y)));
   }
+}
+// visit(offset, phi, squared distance) for every photon.
+template <class Visit>
+void each_photon(const Cloud& cloud, bool medium, const Visit& visit) {
+  each_colored_photon(cloud, medium, [&](Vec3 y, const std::array<double, 3>& phi, double d2) {
+    visit(y, 0.212671 * phi[0] + 0.715160 * phi[1] + 0.072169 * phi[2], d2);
+  });
 }
 
 // The sector of six by its angle in the frame of the normal.
@@ -104,6 +112,45 @@ Spectrum gather(const Cloud& cloud, Kernel kernel, Statistics& statistics) {
   const Spectrum sum = all.finish();
   statistics = all.statistics();
   return sum;
+}
+
+std::vector<std::unique_ptr<film::UnitAccumulator>> make_accumulators(
+    const std::vector<film::AccumulatorSpec>& specs) {
+  std::vector<std::unique_ptr<film::UnitAccumulator>> made;
+  for (const auto& spec : specs) made.push_back(std::make_unique<film::UnitAccumulator>(4, 3, spec));
+  return made;
+}
+
+// Claim: statistics of colors are, channel by channel, those of a literal loop, and go to their channels of
+// the accumulators.
+TEST(Statistics, ColorsAreSummedApart) {
+  Cloud cloud;
+  fill(cloud, false);
+  const Frame frame = make_frame(cloud.eye.hit.ng);
+  std::array<double, 36> expected{};
+  std::array<double, 3> squares{};
+  const double r = static_cast<double>(kRadius);
+  each_colored_photon(cloud, false, [&](Vec3 y, const std::array<double, 3>& phi, double d2) {
+    if (d2 > r * r) return;
+    const std::size_t channel = literal_sector(y, frame) + (2 * d2 < r * r ? 0 : 6);
+    for (std::size_t c = 0; c < 3; ++c) {
+      expected[12 * c + channel] += phi[c];
+      squares[c] += phi[c] * phi[c];
+    }
+  });
+  EXPECT_GT(std::abs(expected[0] / expected[12] - expected[1] / expected[13]), 1e-3) << "one color is tested";
+  WeightedSectors sectors(kFirst, true);
+  gather(cloud, Kernel::constant, sectors);
+  const auto sums = make_accumulators({adaptive::sectors_spec(40, 3), adaptive::squares_spec(40, 3)});
+  EXPECT_TRUE(sectors.write(sums, 2, 1, 1, 9, false));
+  for (std::size_t i = 0; i < 36; ++i) {
+    EXPECT_NEAR(sectors.sums()[i], expected[i], 1e-5 * expected[i]) << i;
+    EXPECT_NEAR(std::ldexp(static_cast<double>(sums[0]->sums()[6 * 36 + i]), -36), sectors.sums()[i], 1e-9);
+  }
+  for (std::size_t c = 0; c < 3; ++c) {
+    EXPECT_NEAR(sectors.squares()[c], squares[c], 1e-5 * squares[c]);
+    EXPECT_NEAR(std::ldexp(static_cast<double>(sums[1]->sums()[6 * 3 + c]), -64) / squares[c], 1, 1e-5);
+  }
 }
 
 // Claim: sums and squares of phi by sectors are those of a literal loop over photons, on surfaces and in
@@ -137,7 +184,7 @@ TEST(Statistics, SectorsAreALiteralLoop) {
       const Spectrum sum = gather(cloud, kernel, sectors);
       for (std::size_t i = 0; i < 12; ++i)
         EXPECT_NEAR(sectors.sums()[i], expected[i], 1e-5 * expected[i]) << i;
-      EXPECT_NEAR(sectors.squares(), squares, 1e-5 * squares);
+      EXPECT_NEAR(sectors.squares()[0], squares, 1e-5 * squares);
       SectorCounts counted;
       EXPECT_EQ(gather(cloud, kernel, counted), sum);
       EXPECT_EQ(counted.counts(), counts);
@@ -271,13 +318,6 @@ TEST(Statistics, PilotsFollowTheFilmPosition) {
   }
 }
 
-std::vector<std::unique_ptr<film::UnitAccumulator>> make_accumulators(
-    const std::vector<film::AccumulatorSpec>& specs) {
-  std::vector<std::unique_ptr<film::UnitAccumulator>> made;
-  for (const auto& spec : specs) made.push_back(std::make_unique<film::UnitAccumulator>(4, 3, spec));
-  return made;
-}
-
 void expect_empty(const std::vector<std::unique_ptr<film::UnitAccumulator>>& accumulators) {
   for (const auto& sums : accumulators)
     for (std::size_t i = 0; i < 12 * sums->spec().channels; ++i) EXPECT_EQ(sums->sums()[i], 0);
@@ -297,13 +337,14 @@ TEST(Statistics, AreWrittenOnceAPath) {
     for (std::size_t c = 0; c < 12; ++c)
       EXPECT_NEAR(std::ldexp(static_cast<double>(sums[0]->sums()[pixel * 12 + c]), -36),
                   pixel == 6 ? 0.5 * sectors.sums()[c] : 0, 1e-9);
-  EXPECT_NEAR(std::ldexp(static_cast<double>(sums[1]->sums()[6]), -64) / (0.25 * sectors.squares()), 1, 1e-9);
+  EXPECT_NEAR(std::ldexp(static_cast<double>(sums[1]->sums()[6]), -64) / (0.25 * sectors.squares()[0]), 1,
+              1e-9);
   const auto full = make_accumulators({adaptive::sectors_spec(120), adaptive::squares_spec(120)});
   EXPECT_FALSE(sectors.write(full, 2, 1, 1, 9, true));
   expect_empty(full);
   sectors.begin();
-  EXPECT_EQ(sectors.squares(), 0);
-  EXPECT_EQ(sectors.sums(), (std::array<double, 12>{}));
+  EXPECT_EQ(sectors.squares()[0], 0);
+  EXPECT_THAT(sectors.sums(), testing::Each(0));
 }
 
 // Claim: rings, and moments whose Laplacian alone exceeds its accumulator (a photon that only the stencil

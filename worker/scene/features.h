@@ -26,6 +26,7 @@ struct SceneFeatures {
       bsdf_kinds;  // kind -> number of shapes wearing it (inside of composites)
   std::map<std::string, std::uint32_t> emitter_kinds;  // kind -> number
   std::uint32_t textures = 0;
+  bool any_color = false;  // a spectrum that is not gray, or a picture, which may not be
   bool any_delta_bsdf = false;
   bool all_bsdfs_delta = false;
   bool any_rough_glossy = false;  // roughness below 0.2

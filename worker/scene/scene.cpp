@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "common/base/log.h"
+#include "common/description/color.h"
 #include "worker/scene/scene_builder.h"
 
 namespace candela::scene {
@@ -70,6 +71,7 @@ Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& 
   if (!is_meter && !is_distant) {
     CANDELA_ASSIGN(impl.sensor, Sensor::build(*sensors[0], options.film_width, options.film_height));
   }
+  impl.features.any_color = description::has_color(root);
   impl.features.finite_lens = is_meter || impl.sensor.reads_lens();
   if (sensors.size() > 1) log::warn("the scene has several sensors; the first is used");
 

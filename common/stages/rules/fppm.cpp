@@ -1,11 +1,14 @@
-// The rule of FPPM and VCM+: r <- k r where the F test rejects equal sectors [Lin et al. 2023, Eq. 21].
+// The rule of FPPM and VCM+: r <- k r where the F test rejects equal sectors [Lin et al. 2023, Eq. 21], of
+// luminance or of one of three colors.
 //
 // Sums count for a pixel only if they were made with its present radius: sums of the epochs that were open
 // when it shrank are dropped. After a rejection the pixel begins anew.
 //
 // With `follow` a pixel without evidence takes the levels of a schedule, one a look; with `follow_little` a
 // pixel of little evidence takes the levels of a second schedule.
-#include <array>
+#include <algorithm>
+#include <span>
+#include <vector>
 
 #include "common/adaptive/f_test.h"
 #include "common/stages/rules/level_state.h"
@@ -28,8 +31,11 @@ std::size_t memo_planes(const SettingsMap& constants) {
 struct Follow {
   std::uint64_t evidence = 0;
   int level = 0;  // that such a pixel has at least
-  bool moves(int from, const adaptive::SectorSums& sums) const {
-    return from < level && adaptive::few_contributions(sums, evidence);
+  // Sums of each color.
+  bool moves(int from, std::span<const adaptive::SectorSums> colors) const {
+    return from < level && std::all_of(colors.begin(), colors.end(), [&](const adaptive::SectorSums& sums) {
+             return adaptive::few_contributions(sums, evidence);
+           });
   }
 };
 Result<Follow> follow_at(const SettingsMap& constants, const std::string& suffix, std::uint64_t iteration,
@@ -72,49 +78,57 @@ Result<std::string> decide_fppm(const DecisionInput& input, Carry& carry) {
   film::MergedAccumulator& sectors = carry.sums[0];
   film::MergedAccumulator& squares = carry.sums[1];
   const int square_shift = 2 * sectors.spec().scale_log2 - squares.spec().scale_log2;
-  if (sectors.spec().channels != adaptive::kSectorChannels || square_shift < 0 || square_shift > 20)
+  const std::size_t colors = squares.spec().channels;
+  if ((colors != 1 && colors != adaptive::kColors) ||
+      sectors.spec().channels != colors * adaptive::kSectorChannels || square_shift < 0 || square_shift > 20)
     return failed_error("the accumulators of the F test have another form");
   const std::uint64_t first = first_iteration(input.plan, input.epoch);
   const int deepest = levels.deepest(first);
   CANDELA_ASSIGN(const Follow none_at, follow_at(constants, "", first, deepest));
   CANDELA_ASSIGN(const Follow little_at, follow_at(constants, "_little", first, deepest));
   const bool counts_rejections = memo_planes(constants) > 1;
-  std::array<Int128, adaptive::kSectorChannels> sums{}, added{};
-  Int128 square = 0, added_square = 0;
+  std::vector<Int128> sums(colors * adaptive::kSectorChannels), added(sums.size());
+  std::vector<Int128> square(colors), added_square(colors);
+  std::vector<adaptive::SectorSums> of_colors(colors);
+  const auto is_zero = [](const std::vector<Int128>& values) {
+    return std::all_of(values.begin(), values.end(), [](Int128 value) { return value == 0; });
+  };
+  const auto rejects = [&](const adaptive::SectorSums& one) {
+    if (test != "antipodal") return adaptive::f_exceeds(one, critical);
+    const auto pairs = adaptive::antipodal(one.sums.first<adaptive::kSectorChannels>());
+    return adaptive::f_exceeds({pairs, one.squares, square_shift}, critical);
+  };
   std::size_t pixel = 0;
   for (std::uint32_t y = 0; y < input.height; ++y)
     for (std::uint32_t x = 0; x < input.width; ++x, ++pixel) {
       if (input.folded->state[pixel] != state[pixel]) continue;
       input.folded->sums[0]->get_pixel(x, y, added);
-      input.folded->sums[1]->get_pixel(x, y, {&added_square, 1});
-      const bool none = std::all_of(added.begin(), added.end(), [](Int128 sum) { return sum == 0; });
+      input.folded->sums[1]->get_pixel(x, y, added_square);
       const int level = level_at(state, pixel);
       const bool behind = level < std::max(none_at.level, little_at.level);
-      if (none && added_square == 0 && !behind) continue;  // no photons: nothing new to test
+      if (is_zero(added) && is_zero(added_square) && !behind) continue;  // no photons: nothing new to test
       sectors.get_pixel(x, y, sums);
-      squares.get_pixel(x, y, {&square, 1});
+      squares.get_pixel(x, y, square);
       for (std::size_t s = 0; s < sums.size(); ++s) sums[s] += added[s];
-      square += added_square;
+      for (std::size_t c = 0; c < colors; ++c) {
+        square[c] += added_square[c];
+        of_colors[c] = {
+            std::span<const Int128>(sums).subspan(c * adaptive::kSectorChannels, adaptive::kSectorChannels),
+            square[c], square_shift};
+      }
       // A pixel at its floor collects sums for the time when the floor falls.
       if (level < deepest) {
         count_up(carry.memo[pixel]);
-        bool rejects = false;
-        if (test == "antipodal") {
-          const auto pairs = adaptive::antipodal(sums);
-          rejects = adaptive::f_exceeds({pairs, square, square_shift}, critical);
-        } else {
-          rejects = adaptive::f_exceeds({sums, square, square_shift}, critical);
-        }
-        if (rejects && counts_rejections) count_up(carry.memo[state.size() + pixel]);
-        const adaptive::SectorSums all{sums, square, square_shift};
-        if (rejects || none_at.moves(level, all) || little_at.moves(level, all)) {
+        const bool rejected = std::any_of(of_colors.begin(), of_colors.end(), rejects);
+        if (rejected && counts_rejections) count_up(carry.memo[state.size() + pixel]);
+        if (rejected || none_at.moves(level, of_colors) || little_at.moves(level, of_colors)) {
           ++state[pixel];
-          sums.fill(0);
-          square = 0;
+          std::fill(sums.begin(), sums.end(), 0);
+          std::fill(square.begin(), square.end(), 0);
         }
       }
       sectors.set_pixel(x, y, sums);
-      squares.set_pixel(x, y, {&square, 1});
+      squares.set_pixel(x, y, square);
     }
   return state;
 }

@@ -27,6 +27,10 @@ Result<void> check(const PlugInSettings& settings) {
 }
 
 Result<void> check(const FTestSettings& test, const RingSettings& rings) {
+  if ((rings.rings || test.test.value == "nested") && test.channels.value == "colors")
+    return usage_error("'colors' has no part in rings and nested discs, which look at luminance")
+        .with_field("channels")
+        .with_mend("leave it out");
   if ((!rings.rings && test.test.value != "nested") || test.k == FTestSettings().k) return {};
   return usage_error(fmt::format("'{}' has no part in it: rings and nested discs halve the area", test.k))
       .with_field("k")
@@ -49,18 +53,31 @@ Adaptation make_adaptation(const EpochSettings& epochs, std::string_view rule, r
 
 }  // namespace
 
-Adaptation f_test(const EpochSettings& epochs, const FTestSettings& test) {
+bool tests_colors(const FTestSettings& test, bool scene_has_color) {
+  return test.channels.value == "colors" || (test.channels.value == "auto" && scene_has_color);
+}
+
+Adaptation f_test(const EpochSettings& epochs, const FTestSettings& test, bool colors) {
   Adaptation adaptation =
       make_adaptation(epochs, "fppm", rules::levels_above(test.k, test.r_min, test.floor_alpha));
   EpochPlan& plan = adaptation.epochs;
   const int degrees =
       (test.test.value == "antipodal" ? rules::kSectorChannels / 2 : rules::kSectorChannels) - 1;
   plan.constants["test"] = test.test.value;
+  // Bonferroni: the channels of a photon may be one or have nothing in common.
+  const double level = colors ? test.alpha_f / rules::kColors : test.alpha_f;
   plan.constants["critical"] =
-      std::to_string(rules::critical_integer(rules::chi_squared_quantile(test.alpha_f, degrees) / degrees));
-  adaptation.accumulators = +[](int film_scale_log2) -> std::vector<film::AccumulatorSpec> {
-    return {rules::sectors_spec(film_scale_log2), rules::squares_spec(film_scale_log2)};
-  };
+      std::to_string(rules::critical_integer(rules::chi_squared_quantile(level, degrees) / degrees));
+  using Specs = std::vector<film::AccumulatorSpec>;
+  if (colors)
+    adaptation.accumulators = +[](int film_scale_log2) -> Specs {
+      return {rules::sectors_spec(film_scale_log2, rules::kColors),
+              rules::squares_spec(film_scale_log2, rules::kColors)};
+    };
+  else
+    adaptation.accumulators = +[](int film_scale_log2) -> Specs {
+      return {rules::sectors_spec(film_scale_log2), rules::squares_spec(film_scale_log2)};
+    };
   return adaptation;
 }
 

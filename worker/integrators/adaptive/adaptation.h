@@ -22,8 +22,11 @@ struct Adaptation {
   std::vector<film::AccumulatorSpec> (*accumulators)(int film_scale_log2) = nullptr;
 };
 
-// The F test's, by the rule "fppm".
-Adaptation f_test(const EpochSettings& epochs, const FTestSettings& test);
+// True if the F test looks at colors: in a scene of grays luminance tells all.
+bool tests_colors(const FTestSettings& test, bool scene_has_color);
+// The F test's, by the rule "fppm". colors: each channel is tested, at a level such that the three together
+// reject with probability alpha_f at most.
+Adaptation f_test(const EpochSettings& epochs, const FTestSettings& test, bool colors);
 // The schedule of pixels whose sums come from at most `evidence` contributions: that of radii that shrink
 // with to_alpha.
 struct Follow {

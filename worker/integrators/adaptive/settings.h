@@ -34,6 +34,7 @@ void floor_fields(Visitor& visit, double& r_min, double& floor_alpha) {
 // The F test and what it does to a radius.
 struct FTestSettings {
   Choice test{"sectors", {"sectors", "antipodal"}};
+  Choice channels{"auto", {"auto", "luminance", "colors"}};
   double alpha_f = 0.01;
   double k = 0.7;
   double r_min = 0.001;
@@ -44,8 +45,10 @@ struct FTestSettings {
     visit(
         "test", test,
         "what is compared: all sectors of the disc, or sums of opposite ones, which a gradient leaves equal");
+    visit("channels", channels,
+          "what is tested: luminance, or red, green and blue; auto: colors if the scene has any");
     visit("alpha_f", alpha_f, NumberRange{0, 1, true, true},
-          "probability that a test rejects a radius in which the light is even");
+          "probability that a look rejects a radius in which the light is even");
     visit("k", k, NumberRange{0, 1, true, true}, "factor of a radius that is rejected");
     floor_fields(visit, r_min, floor_alpha);
   }

@@ -16,6 +16,14 @@ std::unique_ptr<Integrator> make(const FppmSettings& settings, Planned planned,
       [](double first_radius, const auto&...) { return Statistics(first_radius); });
 }
 
+std::unique_ptr<Integrator> make_by_sectors(const FppmSettings& settings, Planned planned, bool colors) {
+  return adaptive::make_photon_mapping<transport::WeightedSectors>(
+      settings, std::move(planned), adaptive::f_test(settings.epochs, settings.f_test, colors),
+      [colors](double first_radius, const auto&...) {
+        return transport::WeightedSectors(first_radius, colors);
+      });
+}
+
 }  // namespace
 
 Result<std::unique_ptr<Integrator>> make_fppm_integrator(const SettingsMap& settings,
@@ -28,10 +36,8 @@ Result<std::unique_ptr<Integrator>> make_fppm_integrator(const SettingsMap& sett
     return make<transport::WeightedRings<6>>(parsed, std::move(planned), adaptive::ring_test);
   if (parsed.f_test.test.value == "nested")
     return make<transport::WeightedRings<1>>(parsed, std::move(planned), adaptive::ring_test);
-  return make<transport::WeightedSectors>(parsed, std::move(planned),
-                                          [](const auto& epochs, const auto& test, const auto& /*rings*/) {
-                                            return adaptive::f_test(epochs, test);
-                                          });
+  return make_by_sectors(parsed, std::move(planned),
+                         adaptive::tests_colors(parsed.f_test, features.any_color));
 }
 
 }  // namespace candela::integrators

@@ -19,10 +19,11 @@ constexpr adaptive::Follow kLittleEvidence{integrator_words::kVcm.alpha.value, 6
 class VcmplusIntegrator final : public IterationIntegrator {
  public:
   VcmplusIntegrator(const estimators::PathOptions& options, Planned planned, const merging::MergeRules& merge,
-                    bool merging_layer, adaptive::Adaptation adaptation)
+                    bool merging_layer, adaptive::Adaptation adaptation, bool colors)
       : IterationIntegrator(options, std::move(planned)),
         iterations_{options_, planned_.techniques, merge, false, merging_layer},
-        adaptation_(std::move(adaptation)) {}
+        adaptation_(std::move(adaptation)),
+        colors_(colors) {}
 
   // Where nothing is merged there is nothing to decide.
   WorkPlan work(FilmSize /*size*/, int film_scale_log2) const override {
@@ -40,13 +41,14 @@ class VcmplusIntegrator final : public IterationIntegrator {
       using Eye = estimators::VcmEye<between(), transport::Balance, transport::ScaleMap, Statistics>;
       return adaptive::run_adaptive<Eye>(
           context, unit, input, iterations_, adaptation_,
-          [](double first_radius) { return Statistics(first_radius); }, output, run_context);
+          [this](double first_radius) { return Statistics(first_radius, colors_); }, output, run_context);
     });
   }
 
  private:
   const merging::IterationOptions iterations_;
   const adaptive::Adaptation adaptation_;
+  const bool colors_;  // that the F test looks at
 };
 
 }  // namespace
@@ -59,13 +61,14 @@ Result<std::unique_ptr<Integrator>> make_vcmplus_integrator(const SettingsMap& s
   estimators::Techniques wanted;
   wanted.merge_medium = parsed.merge_media;
   Planned planned = vcm::plan(options, wanted, features, parsed.common.full_plan());
-  adaptive::Adaptation adaptation = adaptive::f_test(parsed.epochs, parsed.f_test);
+  const bool colors = adaptive::tests_colors(parsed.f_test, features.any_color);
+  adaptive::Adaptation adaptation = adaptive::f_test(parsed.epochs, parsed.f_test, colors);
   // alpha=1 is the rule of the paper.
   if (parsed.merge.alpha < 1) adaptive::follow(adaptation, parsed.merge.alpha, kNoEvidence, kLittleEvidence);
   if (planned.techniques.merges()) adaptive::note_statistics(adaptation, planned.plan);
   return std::unique_ptr<Integrator>(
       std::make_unique<VcmplusIntegrator>(options, std::move(planned), parsed.merge.rules(),
-                                          parsed.layers.value == "merging", std::move(adaptation)));
+                                          parsed.layers.value == "merging", std::move(adaptation), colors));
 }
 
 }  // namespace candela::integrators

@@ -13,9 +13,9 @@
 //               adds the path's statistics to a pixel, those of an eye path of this weight on the film: all
 //               of them, or none and false, if an accumulator cannot hold its own. Any number of threads may
 //               write at once; alone: no other thread writes to this pixel
-// Statistics are of luminance, relative to phi: what a merge adds before the kernel, over the area (surfaces)
-// or volume (media) of the first radius r_1, so that phi has the unit of the film. Accumulators are in the
-// order of the integrator's plan of work.
+// Statistics are of luminance, or of the three channels, relative to phi: what a merge adds before the
+// kernel, over the area (surfaces) or volume (media) of the first radius r_1, so that phi has the unit of the
+// film. Accumulators are in the order of the integrator's plan of work.
 #pragma once
 
 namespace candela::transport {

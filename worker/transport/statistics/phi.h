@@ -18,17 +18,19 @@ struct FirstExtents {
 class Phi {
  public:
   void start(const ScatterPoint& v, const FirstExtents& first, float per_path) {
+    throughput_ = v.throughput;
     weights_ = v.throughput * Spectrum(0.212671f, 0.715160f, 0.072169f);  // luminance()
     scale_ = static_cast<double>(per_path) * (v.on_surface() ? first.per_disc : first.per_ball);
   }
-  // phi is weight() times scale().
+  // phi is weight() times scale(), phi of each channel color() times scale().
   float weight(Spectrum value, float factor) const {
     return (weights_.r * value.r + weights_.g * value.g + weights_.b * value.b) * factor;
   }
+  Spectrum color(Spectrum value, float factor) const { return throughput_ * value * factor; }
   double scale() const { return scale_; }
 
  private:
-  Spectrum weights_;
+  Spectrum throughput_, weights_;
   double scale_ = 0;
 };
 
