@@ -18,7 +18,7 @@
 namespace candela::description {
 namespace {
 
-constexpr std::size_t max_notes = 100'000;
+constexpr std::size_t max_material_notes = 100'000;
 
 std::vector<std::string_view> views(const std::vector<std::string>& names) {
   constexpr std::size_t most = 8;  // for messages
@@ -201,7 +201,7 @@ class Materials {
 
  private:
   void tell(const Location& where, std::string text) {
-    if (notes_.size() < max_notes) notes_.push_back({where, std::move(text)});
+    if (notes_.size() < max_material_notes) notes_.push_back({where, std::move(text)});
   }
 
   bool is_bsdf(const Link& link) const {

@@ -554,7 +554,7 @@ Result<ObjMesh> load_obj_parts(std::string_view bytes, const std::string& name, 
   }
   if (odd_normals > 0)
     log::warn(fmt::format("{}: dropped {} vertex normals that are no finite numbers", name, odd_normals));
-  if (triangle_count == 0 && mesh.dropped_face_count > 0) return mesh;
+  if (triangle_count == 0 && mesh.dropped_face_count > 0) return out;
   if (triangle_count == 0) {
     return input_error("the OBJ file has no faces")
         .at(name, static_cast<int>(

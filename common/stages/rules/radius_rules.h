@@ -6,12 +6,11 @@
 
 namespace candela::rules {
 
-// FPPM and VCM+: the F test on weighted sums in sectors [Lin et al. 2023], of luminance or of three colors: any
-// that rejects shrinks. Constants: factor, max_level,
-// floors, `critical` (times 2^32), `test` = sectors | antipodal | nested, `rings` = 0 | 1; with `nested` a
-// factor `kappa` of standard errors, with `nested` or rings the factor 2^(-1/2). Accumulators: fppm.sectors,
-// fppm.squares; nested: fppm.discs, fppm.ring_squares; rings: fppm.rings, fppm.ring_squares. With rings
-// `nested` tests antipodal pairs too.
+// FPPM and VCM+: the F test on weighted sums in sectors [Lin et al. 2023], of luminance or of three colors:
+// any that rejects shrinks. Constants: factor, max_level, floors, `critical` (times 2^32), `test` = sectors |
+// antipodal | nested, `rings` = 0 | 1; with `nested` a factor `kappa` of standard errors, with `nested` or
+// rings the factor 2^(-1/2). Accumulators: fppm.sectors, fppm.squares; nested: fppm.discs, fppm.ring_squares;
+// rings: fppm.rings, fppm.ring_squares. With rings `nested` tests antipodal pairs too.
 Result<std::string> decide_fppm(const DecisionInput& input, Carry& carry);
 Result<StateReport> describe_fppm(const EpochPlan& plan, std::uint64_t epoch, std::uint32_t width,
                                   std::uint32_t height, std::string_view state, const Carry& carry,
