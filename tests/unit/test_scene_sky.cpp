@@ -15,6 +15,7 @@
 #include <tuple>
 #include <vector>
 
+#include "tests/paths.h"
 #include "tests/unit/scene_fixture.h"
 #include "worker/scene/emitters/sky_model.h"
 
@@ -48,7 +49,7 @@ std::vector<SkyRow> parse_rows(const std::string& text) {
 }
 
 std::vector<SkyRow> sample_rows() {
-  std::ifstream file(CANDELA_SOURCE_DIR "/tests/unit/sky_rows.csv");
+  std::ifstream file(test::source_path("tests/unit/sky_rows.csv"));
   std::stringstream text;
   text << file.rdbuf();
   return parse_rows(text.str());
@@ -120,10 +121,7 @@ TEST(Sky, HeldOutRowsAreMet) {
 // Claim: the same of all measured rows where ../shared is: one in a thousand is off by more than 2 %, none by
 // 3.5 %; and for each sun the light on the ground, by a quadrature over the rows, is within 0.5 %.
 TEST(Sky, AllMeasuredRowsAreMet) {
-  const char* shared = std::getenv("CANDELA_SHARED");
-  const std::filesystem::path file =
-      std::filesystem::path(shared != nullptr ? shared : CANDELA_SOURCE_DIR "/../shared") /
-      "data/sky-of-mitsuba.csv.gz";
+  const std::filesystem::path file = test::shared_path() / "data/sky-of-mitsuba.csv.gz";
   if (!std::filesystem::exists(file))
     GTEST_SKIP() << "the folder ../shared with measured radiances is not here";
   const gzFile bytes = gzopen(file.c_str(), "rb");
@@ -186,8 +184,8 @@ TEST(Sky, PictureHasMeasuredRadiances) {
   }
 }
 
-// Claim: below one degree of elevation, where nothing was measured, the sky is between those of the ends, and it
-// is never negative nor without bound down to the horizon.
+// Claim: below one degree of elevation, where nothing was measured, the sky is between those of the ends, and
+// it is never negative nor without bound down to the horizon.
 TEST(Sky, LowSunsAreTame) {
   for (int turbidity = 1; turbidity <= 10; ++turbidity)
     for (const double gamma : {0.5, 1.5, 2.5}) {
