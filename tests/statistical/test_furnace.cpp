@@ -14,10 +14,14 @@
 #include <string>
 #include <vector>
 
+#include "tests/proofs/proofs.h"
 #include "tests/statistical/harness.h"
 
 namespace candela::statistical {
 namespace {
+
+// Films decide these tests: proofs.h.
+const proofs::FilmsDecide kFilms({"Furnace"});
 
 constexpr const char* kMatt = R"(<bsdf type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf>)";
 
