@@ -542,7 +542,7 @@ TEST(DescriptionPbrt, MistakesAreNamed) {
 }
 
 // The outcome, and the warnings that every command tells.
-std::string warnings_of(const std::string& text, const Files& files = {}) {
+std::string pbrt_warnings_of(const std::string& text, const Files& files = {}) {
   const auto read = read_pbrt(text, files);
   if (!read.ok()) return outcome_of(read);
   std::string all;
@@ -562,7 +562,7 @@ TEST(DescriptionPbrt, TheLastOfTwoValuesCounts) {
   const ObjectPtr bsdf =
       scene.children_of("shape").at(0)->children_of("bsdf").at(0)->children_of("bsdf").at(0);
   EXPECT_EQ(bsdf->get_rgb("reflectance")->value, (Vec3{0.1, 0.2, 0.3}));
-  EXPECT_EQ(warnings_of("WorldBegin\nShape \"sphere\" \"float radius\" 1\n\"float radius\" 2"),
+  EXPECT_EQ(pbrt_warnings_of("WorldBegin\nShape \"sphere\" \"float radius\" 1\n\"float radius\" 2"),
             "scene.pbrt:3: parameter 'radius' is given twice: the last value counts\n");
 }
 
@@ -610,11 +610,11 @@ TEST(DescriptionPbrt, DirectivesGoOnBehindTheEndOfAFile) {
 // Claim: an option has a name and a value without a type.
 TEST(DescriptionPbrt, OptionsHaveNoType) {
   EXPECT_EQ(
-      warnings_of(
+      pbrt_warnings_of(
           "Option \"disablepixeljitter\" false\nOption \"seed\" 3\nOption \"rendercoordsys\" \"world\"\n"
           "Option \"disable-wavelength-jitter\" true\nWorldBegin"),
       "");
-  EXPECT_EQ(warnings_of("Option \"sead\" 3\nWorldBegin"),
+  EXPECT_EQ(pbrt_warnings_of("Option \"sead\" 3\nWorldBegin"),
             "scene.pbrt:1: unknown option 'sead' (did you mean 'seed'?)");
   const auto read = read_pbrt("Option \"forcediffuse\" true\nWorldBegin");
   ASSERT_TRUE(read.ok());
@@ -667,7 +667,7 @@ TEST(DescriptionPbrt, ParametersOfIntegratorsAreKnown) {
 
 // Claim: values that pbrt passes over are passed over with a warning.
 TEST(DescriptionPbrt, ValuesThatPbrtPassesOver) {
-  EXPECT_EQ(warnings_of("Camera \"perspective\" \"float screenwindow\" [-1 1]\nWorldBegin"),
+  EXPECT_EQ(pbrt_warnings_of("Camera \"perspective\" \"float screenwindow\" [-1 1]\nWorldBegin"),
             "scene.pbrt:1: 'screenwindow' has 2 numbers, not four: it is passed over, as in pbrt\n");
   const auto light = [](const std::string& values) {
     const auto read = read_pbrt("WorldBegin\nLightSource \"infinite\" \"blackbody L\" " + values);
@@ -677,7 +677,7 @@ TEST(DescriptionPbrt, ValuesThatPbrtPassesOver) {
   EXPECT_EQ(light("[3000 7]"), light("3000"));
   EXPECT_GT(light("3000")[0], 0);
   EXPECT_EQ(
-      warnings_of("WorldBegin\nLightSource \"infinite\" \"blackbody L\" [3000 7]"),
+      pbrt_warnings_of("WorldBegin\nLightSource \"infinite\" \"blackbody L\" [3000 7]"),
       "scene.pbrt:2: parameter 'L' has 2 values: the first is the temperature, and the others are passed "
       "over, as in pbrt\n");
 }
