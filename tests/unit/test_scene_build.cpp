@@ -264,7 +264,7 @@ TEST(SceneBuild, NamesWhatCannotBeBuilt) {
   EXPECT_EQ(
       message(
           "<shape type=\"cube\"><transform name=\"to_world\"><scale value=\"1e-20\"/></transform></shape>"),
-      "scene.xml:3: to_world: shape 'cube': to_world leaves it without area");
+      "scene.xml:3: to_world: shape 'cube': no face of the mesh has an area");
   EXPECT_EQ(message(mesh, "v 0 0 0\nv 1 x 0\n"), "m.obj:2: vertex position 'x' is not a number");
   // Faces without area are left out, others of the mesh stay; a normal without length is none.
   EXPECT_EQ(

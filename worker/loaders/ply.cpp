@@ -114,7 +114,7 @@ class Reader {
       if (header_.ascii) skip_space();
       return fail("there is more data than the header declares");
     }
-    if (mesh_.triangles.empty() && mesh_.dropped_face_count == 0)
+    if (mesh_.triangles.empty() && (mesh_.dropped_face_count == 0 || mesh_.positions.empty()))
       return input_error("the PLY file has no faces").at(name_, 0);
     if (const std::uint64_t count = dropped_normals_.load(); count > 0)
       log::warn(fmt::format(

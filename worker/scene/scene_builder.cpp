@@ -203,6 +203,7 @@ Result<std::uint32_t> SceneBuilder::group_of(const description::ObjectPtr& objec
 Result<void> SceneBuilder::leave_out(const description::Object& object, const Shape& shape) {
   if (&object == measured_object_) return error_at(object, "no face of the measured mesh has an area");
   features_.dropped_faces += shape.dropped_count;
+  for (const Vec3& p : shape.positions) left_out_.add(Vec3d(p));
   warnings_.push_back(fmt::format("{}:{}: left out shape '{}': none of its {} faces has an area",
                                   object.where.file, object.where.line, object.plugin, shape.dropped_count));
   return {};
@@ -347,6 +348,8 @@ Result<ColorTexture> SceneBuilder::radiance_of(const AreaEmitter& area) {
 std::optional<Placement> SceneBuilder::far_placement(const std::optional<Vec3d>& camera) const {
   Placement placement;
   Bounds bounds = geometry_.bounds;
+  // Faces without area out there may have one near the origin.
+  bounds.add(left_out_);
   if (!bounds.empty() && camera) bounds.add(*camera);
   const std::optional<Vec3d> middle = middle_if_far(bounds);
   placement.middle = middle.value_or(Vec3d{});

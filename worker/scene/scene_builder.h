@@ -139,6 +139,7 @@ class SceneBuilder {
   std::set<const description::Object*> read_groups_;
   std::map<const description::Object*, TextureUse> texture_uses_;
   std::vector<ShapePlace> shape_places_;  // by shape
+  Bounds left_out_;                       // of meshes without area
   std::vector<std::string> warnings_;     // of shapes; said when the scene stays where it is
   const description::Object* measured_object_ = nullptr;
   std::uint32_t measured_ = kNone;

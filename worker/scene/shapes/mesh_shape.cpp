@@ -95,6 +95,7 @@ Result<Shape> shape_from_mesh(loaders::Mesh mesh, const Transform& to_world, boo
                    [&](const auto& t) { return has_area(shape, t); })) {
     Shape empty;
     empty.dropped_count = shape.dropped_count + before;
+    empty.positions = std::move(shape.positions);  // where it would be
     return empty;
   }
   if (flat != loaders::kNowhere) {
