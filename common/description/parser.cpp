@@ -64,7 +64,8 @@ class Parser {
     CANDELA_ASSIGN(file.legacy, is_legacy(file, root));
     include_stack_.push_back(main_key_);
     CANDELA_ASSIGN(const std::size_t scene, parse_object(file, root, 1));
-    CANDELA_TRY(add_obj_materials(drafts_, ids_, files_, notes_));
+    // A shape that is wrong already has no materials to look for.
+    if (errors_ == nullptr || errors_->empty()) CANDELA_TRY(add_obj_materials(drafts_, ids_, files_, notes_));
     CANDELA_ASSIGN(ObjectPtr resolved,
                    resolve(drafts_, scene, ids_, {reading_.lenient, passed_over_, errors_}));
     Result<void> used = parameters_.check_all_used();

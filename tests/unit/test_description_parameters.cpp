@@ -410,7 +410,6 @@ const std::set<std::string> kTold = {
     "heterogeneous orientation <volume>",
     "mitchell A <float>",
     "roughcoating alpha <texture>",
-    "roughplastic alpha <texture>",
     // what needs wavelengths
     "orthographic srf <rgb>",
     "orthographic srf <spectrum>",

@@ -172,8 +172,6 @@ TEST(DescriptionStock, ValuesAreMended) {
        "<film type='hdrfilm'><integer name='width' value='9'/><integer name='crop_width' value='10'/></film>",
        "<film type='hdrfilm'><integer name='width' value='9'/></film>",
        "film 'hdrfilm': the crop window is not within the film: the whole film is rendered\n"},
-      {"3.0.0", "<bsdf type='roughplastic'><texture name='alpha' type='checkerboard'/></bsdf>",
-       "<bsdf type='roughplastic'/>", nullptr},
       {"3.0.0",
        "<bsdf type='normalmap'><texture name='normalmap' type='checkerboard'/><bsdf type='bumpmap'>"
        "<texture type='checkerboard'/><bsdf type='conductor'/></bsdf></bsdf>",
