@@ -152,9 +152,11 @@ void expect_one_in_all(const TestScene& scene, double radius, std::uint64_t iter
                        double largest_error, const std::string& what) {
   for (const auto& [name, settings] : integrators(fmt::format("{}", radius))) {
     const bool merges = settings.contains("radius");
+    // The family of ppm finds lamps by luck: its noise is that of few photons.
+    const bool of_ppm = name == "ppm" || name == "appm" || name == "cppm" || name == "fppm";
     const auto techniques = settings.find("techniques");
     expect_one(with_integrator(scene, name, settings), iterations, loss + (merges ? border(radius) : 0),
-               largest_error,
+               of_ppm ? 0.05 : largest_error,
                fmt::format("{}: {} {}", what, name,
                            techniques == settings.end() ? std::string() : techniques->second));
   }
