@@ -35,7 +35,8 @@ struct Read {
 
 Read read(const std::string& inside, Files files, const std::string& version = "0.6.0") {
   files["scene.xml"] = fmt::format(
-      "<scene version='{}'><sensor type='perspective'/>\n<shape type='obj'><string name='filename' "
+      "<scene version='{}'><sensor type='perspective'/><emitter type='constant'/>\n<shape type='obj'><string "
+      "name='filename' "
       "value='m/a.obj'/>{}</shape></scene>",
       version, inside);
   const test::TextFiles source(std::move(files));

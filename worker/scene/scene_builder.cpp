@@ -353,9 +353,11 @@ std::optional<Placement> SceneBuilder::far_placement(const std::optional<Vec3d>&
   if (!bounds.empty() && camera) bounds.add(*camera);
   const std::optional<Vec3d> middle = middle_if_far(bounds);
   placement.middle = middle.value_or(Vec3d{});
-  for (const auto& [object, group] : group_of_object_)
+  for (const auto& [object, group] : group_of_object_) {
+    if (group == kNone) continue;  // left out
     if (const auto of_group = middle_if_far(geometry_.groups[group].bounds))
       placement.groups.emplace(object, *of_group);
+  }
   if (!middle && placement.groups.empty()) return std::nullopt;
   return placement;
 }
