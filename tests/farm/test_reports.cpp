@@ -236,7 +236,8 @@ TEST(Reports, FilmsTooLargeForStatisticsAreRefused) {
     return farm.candela(
         {"submit", scene_path("cornell"), "--integrator", integrator, "--size", size, "--iterations", "4"});
   };
-  // 39 sums of 8 bytes, for the scene has color, for three epochs, and a byte of memo; the option counts in MiB.
+  // 39 sums of 8 bytes, for the scene has color, for three epochs, and a byte of memo; the option counts in
+  // MiB.
   const CommandResult refused = submit("fppm", "640x360");
   EXPECT_EQ(refused.exit_code, 2);
   EXPECT_TRUE(refused.out.empty());

@@ -54,8 +54,8 @@ TEST_F(Check, ListsWhatTheSceneUses) {
   EXPECT_EQ(outcome.err, "");
 }
 
-// Claim: two bodies of glass that share a face are a warning that names both; with a gap, beside each other in
-// one plane, or where one of them is matt, there is none. A medium counts like glass.
+// Claim: two bodies of glass that share a face are a warning that names both; with a gap, beside each other
+// in one plane, or where one of them is matt, there is none. A medium counts like glass.
 TEST_F(Check, SharedFaces) {
   const auto cube = [](const char* id, double x, const char* inside, double y = 0) {
     return "<shape type='cube' id='" + std::string(id) + "'><transform name='to_world'><translate x='" +
