@@ -211,7 +211,8 @@ TEST(Aovs, OfASphere) {
       for (std::uint32_t c = 0; c < 3; ++c) {
         const double center = c == 0 ? away : 0;
         EXPECT_NEAR(sums.mean("normal", p, c, kSamples),
-                    sums.mean("position", p, c, kSamples) - center * coverage, 1e-5 + 2e-7 * std::min(away, 1e4) + 2e-9 * away);
+                    sums.mean("position", p, c, kSamples) - center * coverage,
+                    1e-5 + 2e-7 * std::min(away, 1e4) + 2e-9 * away);
       }
       if (coverage == 0) {
         ++empty;

@@ -1,6 +1,6 @@
 // The sky and the sun as a latitude-longitude image: Mitsuba 0.6's `sky`, `sun` and `sunsky`. The sky is that
-// of sky_model.h, the sun that of Preetham et al. [1999]. +y is up. Radiance is in W / (m^2 sr nm), the mean over wavelengths
-// as the eye weighs them, as 0.6's is.
+// of sky_model.h, the sun that of Preetham et al. [1999]. +y is up. Radiance is in W / (m^2 sr nm), the mean
+// over wavelengths as the eye weighs them, as 0.6's is.
 #pragma once
 
 #include "common/base/result.h"
