@@ -277,6 +277,7 @@ std::unique_ptr<scene::Scene> colored_fog() {
 // Two beams of 0.6 that pass each other at a distance of 0.2, light's after 0.3 and the eye's after 0.4, and
 // the points at these two places: the values of the four merges of eta against
 //   eta_v / (eta_PP + eta_PB / e + eta_BP / l + eta_BB sin / (e l) + both sides' sums),
+// in which merges on surfaces count,
 // e and l: the hazard at the place, times the survival of the edge where beams are long. light_step and
 // eye_step: the flights' weights there, in a grid.
 void expect_values_of_merges(const scene::Scene& scene, const MediumMerges& eta, Spectrum light_step,
@@ -303,8 +304,8 @@ void expect_values_of_merges(const scene::Scene& scene, const MediumMerges& eta,
   factors.medium = &eta;
   EdgeStart light_start, eye_start;
   light_start.edges = eye_start.edges = 2;
-  light_start.departure = {{0.7, 1.2, 1, {0, 0.3, 0, 0.2}}, true, eta.long_query_beams ? 0.15 : 0};
-  eye_start.departure = {{0.4, 0.8, 1, {0, 0.1, 0, 0.6}}, true, eta.long_photon_beams ? 0.25 : 0};
+  light_start.departure = {{0.7, 1.2, 1, {0, 0.3, 0.4, 0.2}}, true, eta.long_query_beams ? 0.15 : 0};
+  eye_start.departure = {{0.4, 0.8, 1, {0, 0.1, 0.5, 0.6}}, true, eta.long_photon_beams ? 0.25 : 0};
   light_start.from = light_place - a * 0.3f;
   eye_start.from = eye_place - b * 0.4f;
   const MisBlock light_block_there =
@@ -322,9 +323,9 @@ void expect_values_of_merges(const scene::Scene& scene, const MediumMerges& eta,
   const auto phase = [&](Vec3 from, Vec3 to) {
     return static_cast<double>(medium.phase().pdf_solid_angle(from, to));
   };
-  const MergeFactors unit{0, 1};
-  const double sums = BeamBalance::sum(light_block_there, phase(-b, -a), unit) +
-                      BeamBalance::sum(eye_block_there, phase(-a, -b), unit);
+  const MergeFactors with_surfaces{0.7, 1};
+  const double sums = BeamBalance::sum(light_block_there, phase(-b, -a), with_surfaces) +
+                      BeamBalance::sum(eye_block_there, phase(-a, -b), with_surfaces);
   const double all =
       eta.point_point + eta.point_beam / e + eta.beam_point / l + eta.beam_beam * sine / (e * l) + sums;
 
@@ -384,6 +385,7 @@ void expect_values_of_merges(const scene::Scene& scene, const MediumMerges& eta,
   maps.factors = factors;
 
   MediumGather gather(scene, maps);
+  gather.begin(with_surfaces);
   MediumShares found;
   gather.announce(eye_end);
   gather.start(eye_end);

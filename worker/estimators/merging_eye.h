@@ -75,6 +75,7 @@ class VcmEye : public transport::EyeTechniques {
     const transport::MergeScale& scale = side_.field.at(at);
     eta_ = scale.eta;
     gather_.begin(scale, at);
+    if constexpr (Beams::kMerges) beams_.begin(eta_);
     scale_ = &scale;
     counts_repeats_ = Statistics::kCollects && transport::counts_repeats(sampler.sample_key());
     sum_ = merged_ = connected_ = merged_on_surfaces_ = {};

@@ -112,12 +112,13 @@ class EyeBeams {
   EyeBeams(const EyeBeams&) = delete;
   EyeBeams& operator=(const EyeBeams&) = delete;
 
-  // A path begins.
-  Observer observer() {
+  // A path begins. eta: of all its weights.
+  void begin(const transport::MergeFactors& eta) {
+    gather_.begin(eta);
     crossing_.some = false;
     shares_ = {};
-    return Observer(crossing_);
   }
+  Observer observer() { return Observer(crossing_); }
   template <class Walk>
   Spectrum merge_along(const Walk& walk) {
     if (!crossing_.some) return {};

@@ -19,6 +19,7 @@
 #include "worker/integrators/upbp/hits.h"
 #include "worker/integrators/upbp/memory.h"
 #include "worker/integrators/upbp/rules.h"
+#include "worker/integrators/upbp/scales.h"
 #include "worker/integrators/upbp/stores.h"
 #include "worker/integrators/vcm/plan.h"
 #include "worker/integrators/vcm/vcm.h"
@@ -105,20 +106,6 @@ class UpbpIntegrator final : public IterationIntegrator {
   mutable std::optional<Pilot> pilot_;
 };
 
-transport::MediumRadii medium_radii(const MediumRules& rules, const UnitContext& context,
-                                    const scene::Medium& medium, double first, std::uint64_t iteration) {
-  const auto densest = static_cast<double>(medium.max_sigma_t().max_component());
-  const double most =
-      rules.free_paths > 0 && densest > 0 ? rules.free_paths / densest : std::numeric_limits<double>::max();
-  const auto radius = [&](double fraction, int dimension) {
-    const double chosen =
-        fraction > 0 ? fraction * static_cast<double>(context.scene.features().radius) : first;
-    return merging::clamped_radius(transport::blur_radius(std::min(chosen, most), iteration, dimension));
-  };
-  return {radius(rules.radius_pp3d, 3), radius(rules.radius_pb2d, 2), radius(rules.radius_bp2d, 2),
-          radius(rules.radius_bb1d, 1)};
-}
-
 upbp::BeamPaths beam_paths(const MediumRules& rules, const UnitContext& context, std::uint64_t iteration,
                            std::uint64_t paths) {
   if (rules.beam_paths == 0 || paths <= rules.beam_paths) return {};
@@ -130,30 +117,6 @@ upbp::BeamPaths beam_paths(const MediumRules& rules, const UnitContext& context,
 // The expected number of those of an iteration.
 double beam_path_count(const MediumRules& rules, const UnitContext& context, std::uint64_t paths) {
   return static_cast<double>(paths) / static_cast<double>(beam_paths(rules, context, 0, paths).stride);
-}
-
-// beam_paths: the expected number of those that leave beams.
-transport::MediumMerges medium_eta(const MediumRules& rules, const scene::Medium& medium,
-                                   transport::Kernel kernel, const transport::MediumRadii& radii,
-                                   double paths, double beam_paths) {
-  transport::MediumMerges eta;
-  eta.long_photon_beams = rules.long_photon_beams && medium.homogeneous();
-  eta.long_query_beams = rules.long_query_beams && medium.homogeneous();
-  if (rules.pp3d) eta.point_point = paths * transport::effective_volume(kernel, radii.point_point);
-  if (rules.pb2d) eta.point_beam = paths * transport::effective_area(kernel, radii.point_beam);
-  if (rules.bp2d) eta.beam_point = beam_paths * transport::effective_area(kernel, radii.beam_point);
-  if (rules.bb1d) eta.beam_beam = beam_paths * transport::effective_length(kernel, radii.beam_beam);
-  return eta;
-}
-
-// Of merging on surfaces. In media vertices hold eta (mis/beam_balance.h), whose factor is 1.
-transport::ConstantScale scale_field(const merging::IterationOptions& options, double first,
-                                     std::uint64_t iteration, double paths) {
-  const double disc = transport::disc_radius(first, iteration, options.merge.alpha);
-  transport::ConstantScale field{merging::make_scale<transport::BeamBalance>(options.merge.kernel, disc, disc,
-                                                                             paths, options.techniques)};
-  field.scale.eta.medium = 1;
-  return field;
 }
 
 Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, const upbp::ExpectedHits& hits,
@@ -175,33 +138,22 @@ Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, c
     const std::uint64_t iteration = global_iteration(unit.half, index), phase = 2 * (index - unit.begin);
     const upbp::BeamPaths beam_paths_now = beam_paths(rules, context, iteration, path_count);
     const auto stride = static_cast<double>(beam_paths_now.stride);
-    std::vector<transport::MediumKernels> kernels;
-    std::vector<transport::MediumMerges> eta;
-    std::vector<float> ball_radii, beam_radii;
+    const upbp::IterationScales scales = upbp::iteration_scales(
+        rules, iterations.merge, techniques, context.scene, first, iteration, paths, paths / stride, hits);
+    const std::vector<transport::MediumMerges>& eta = scales.eta;
     upbp::SharedWork merge_work;
-    const upbp::ExpectedHits expected = hits.in(iteration);
-    for (std::uint32_t m = 0; m < context.scene.features().media; ++m) {
-      const scene::Medium& medium = context.scene.medium(m);
-      const transport::MediumRadii radii = medium_radii(rules, context, medium, first, iteration);
-      kernels.emplace_back(iterations.merge.kernel, radii);
-      eta.push_back(medium_eta(rules, medium, iterations.merge.kernel, radii, paths, paths / stride));
-      expected.divide(eta.back());
-      ball_radii.push_back(static_cast<float>(radii.point_point));
-      beam_radii.push_back(
-          static_cast<float>(std::max(rules.bp2d ? radii.beam_point : 0, rules.bb1d ? radii.beam_beam : 0)));
-    }
     const estimators::PathCounts counts{static_cast<double>(context.width) * context.height, paths,
                                         static_cast<float>(context.filter.radius()) *
                                             std::max(context.camera_units.x, context.camera_units.y),
                                         eta.data(), rules.connect_media};
     transport::MediumMaps maps;
-    maps.kernels = kernels;
+    maps.kernels = scales.kernels;
     maps.factors = estimators::mis_factors<Mis>(techniques, counts);
     maps.per_path = static_cast<float>(1 / paths);
     maps.paths_per_beam_path = static_cast<float>(stride);
     maps.max_edges = max_depth;
     upbp::BeamSide<transport::MisBlock, Field> side{
-        {{}, chunks, path_count, scale_field(iterations, first, iteration, paths)}, maps, merge_work};
+        {{}, chunks, path_count, scales.surfaces}, maps, merge_work};
     side.maps.max_edges = max_depth;
     side.maps.per_path = maps.per_path;
 
@@ -229,7 +181,7 @@ Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, c
       for (const upbp::Photons& chunk : chunks) buffers.push_back(&chunk.medium);
       // In a grid the weights of merges with photons ask for the hazards of photons, if beams are merged too.
       const bool hazards = rules.beams() && context.scene.features().any_heterogeneous_medium;
-      const std::span<const float> balls(ball_radii.data(), rules.pp3d ? ball_radii.size() : 0);
+      const std::span<const float> balls(scales.ball_radii.data(), rules.pp3d ? scales.ball_radii.size() : 0);
       CANDELA_TRY(
           points.build(buffers, {balls, rules.pb2d, hazards ? &context.scene : nullptr}, run.threads));
       maps.points = &points;
@@ -239,7 +191,7 @@ Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, c
     if (rules.beams()) {
       std::vector<const transport::BeamBuffer*> buffers;
       for (const transport::BeamBuffer& chunk : beam_chunks) buffers.push_back(&chunk);
-      CANDELA_TRY(beams.build(buffers, beam_radii, run.threads));
+      CANDELA_TRY(beams.build(buffers, scales.beam_radii, run.threads));
       maps.beams = &beams;
       measured.work.pieces += beams.pieces();
     }

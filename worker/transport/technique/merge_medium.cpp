@@ -9,8 +9,6 @@
 namespace candela::transport {
 namespace {
 
-constexpr MergeFactors kUnit{0, 1};  // mis/beam_balance.h
-
 // A merge asks this of the stretch of a beam from its beginning to s.
 struct BeamStretch {
   // The beam's throughput over that which it began with: T of a long beam, T / P of a short one; in a grid
@@ -63,7 +61,7 @@ MediumGather::LightCopy MediumGather::light_copy(const PhotonBeam& beam, double 
         direct_density(scene_, maps_.beams->emission(beam), hit, {}, -beam.direction, v.distance_squared);
   }
   return {hazard, v.survival,
-          BeamBalance::sum(light_block(start, maps_.factors, v, hazard, direct), pdf_to_light, kUnit)};
+          BeamBalance::sum(light_block(start, maps_.factors, v, hazard, direct), pdf_to_light, eta_)};
 }
 
 // The copy that a photon is. eye_hazard: of the eye's copy, which is light's as well unless hazards differ.
@@ -71,7 +69,7 @@ MediumGather::LightCopy MediumGather::light_copy(const Photon<MisBlock>& photon,
                                                  bool hazards_differ, double pdf_to_light) const {
   return {hazards_differ ? static_cast<double>(maps_.points->hazard(photon)) : eye_hazard,
           static_cast<double>(maps_.points->survival(photon)),
-          BeamBalance::sum(photon.weights.block(), pdf_to_light, kUnit)};
+          BeamBalance::sum(photon.weights.block(), pdf_to_light, eta_)};
 }
 
 void MergeWork::add(const MergeWork& other) {
@@ -92,7 +90,7 @@ double MediumGather::weight_at(const Vertex<MisBlock>& v, double own, const Ligh
   const double merges =
       maps_.factors.medium[v.medium].at(light.hazard, static_cast<double>(v.arrival), sine_between(v.wo, w),
                                         light.survival, static_cast<double>(v.survival));
-  return own / (merges + light.sum + BeamBalance::sum(v.mis, reverse, kUnit));
+  return own / (merges + light.sum + BeamBalance::sum(v.mis, reverse, eta_));
 }
 
 void MediumGather::announce(const Vertex<MisBlock>& v) const {
@@ -193,7 +191,7 @@ void MediumGather::along(const Crossing& crossing, const EdgeStart& start, Mediu
         vertex_on(start, place(query.origin, query.direction, eye.t), eye.hazard, eye.survival);
     own /= eye.hazard * eta.eye_survival(v.survival);
     const auto reverse = static_cast<double>(phase.pdf_solid_angle(w, wo));
-    const double sum_eye = BeamBalance::sum(eye_block(start, maps_.factors, v, eye.hazard), reverse, kUnit);
+    const double sum_eye = BeamBalance::sum(eye_block(start, maps_.factors, v, eye.hazard), reverse, eta_);
     const double merges = eta.at(light.hazard, eye.hazard, sine_between(wo, w), light.survival, v.survival);
     return own / (merges + light.sum + sum_eye);
   };

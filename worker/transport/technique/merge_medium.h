@@ -69,6 +69,8 @@ class MediumGather {
  public:
   MediumGather(const scene::Scene& scene, const MediumMaps& maps) : scene_(scene), maps_(maps) {}
 
+  // A path is next. eta: the one that all other weights of the path take.
+  void begin(const MergeFactors& eta) { eta_ = eta; }
   // P-P3D at an eye's vertex that is connectible, in steps: announce() when the vertex is made, start() after
   // other work, finish() before the vertex goes. Results are weighted, v.throughput included.
   void announce(const Vertex<MisBlock>& v) const;
@@ -101,6 +103,7 @@ class MediumGather {
   const scene::Scene& scene_;
   const MediumMaps& maps_;
   MergeWork work_;
+  MergeFactors eta_;                     // of the path
   const Vertex<MisBlock>* v_ = nullptr;  // started
   RangeSearch::Query query_;
 };

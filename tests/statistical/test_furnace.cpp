@@ -1,0 +1,183 @@
+// Furnaces: closed rooms whose walls reflect half of the light and emit the other half, with fog, glass and
+// glossy walls that absorb nothing. Radiance is 1 everywhere, whatever is in them, so that every weight,
+// count and kernel that is not right shows as brightness. Merging alone is darker: the kernel of a photon
+// near a wall, or near the end of its medium, reaches beyond it.
+//
+// Means of whole images; a test alarms falsely with probability below 1e-6 a mean (5 standard errors and the
+// bias allowed), were the seeds drawn anew.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "tests/statistical/harness.h"
+
+namespace candela::statistical {
+namespace {
+
+constexpr const char* kMatt = R"(<bsdf type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf>)";
+
+std::string wall(const char* matrix, const std::string& bsdf, double emission) {
+  return fmt::format(
+      R"(<shape type="rectangle"><transform name="to_world"><matrix value="{}"/></transform>{}{}</shape>)",
+      matrix, bsdf,
+      emission > 0
+          ? fmt::format(R"(<emitter type="area"><rgb name="radiance" value="{}"/></emitter>)", emission)
+          : std::string());
+}
+
+// A room from -1 to 1 in x and y and 0 to 1.2 in z, with white fog of colors around the camera if `fog`. The
+// floor has a bsdf of its own. contents: what else is in it.
+TestScene furnace(bool fog, const std::string& floor, const std::string& contents, std::uint32_t size = 12,
+                  const std::string& walls = kMatt, double emission = 0.5) {
+  std::string body =
+      R"(<medium id="fog" type="homogeneous"><rgb name="sigma_t" value="1.5, 0.7, 0.2"/><rgb name="albedo" value="1"/>
+           <phase type="hg"><float name="g" value="0.6"/></phase></medium>)";
+  body += fmt::format(
+      R"(<sensor type="perspective"><float name="fov" value="60"/>{}<transform name="to_world">
+           <lookat origin="0.3, -0.9, 0.6" target="0, 0.4, 0.5" up="0, 0, 1"/></transform></sensor>)",
+      fog ? R"(<ref name="medium" id="fog"/>)" : "");
+  body += wall("1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1", floor, emission) +
+          wall("1 0 0 0 0 -1 0 0 0 0 -1 1.2 0 0 0 1", walls, emission) +
+          wall("0 0 1 -1 1 0 0 0 0 0.6 0 0.6 0 0 0 1", walls, emission) +
+          wall("0 0 -1 1 -1 0 0 0 0 0.6 0 0.6 0 0 0 1", walls, emission) +
+          wall("1 0 0 0 0 0 -1 1 0 0.6 0 0.6 0 0 0 1", walls, emission) +
+          wall("-1 0 0 0 0 0 1 -1 0 0.6 0 0.6 0 0 0 1", walls, emission);
+  if (fog)
+    body +=
+        R"(<shape type="cube"><transform name="to_world"><scale x="0.98" y="0.98" z="0.58"/><translate z="0.6"/></transform>
+             <bsdf type="null"/><ref name="interior" id="fog"/></shape>)";
+  return scene_from_xml(
+      "<scene version=\"3.0.0\"><integrator type=\"volpath\"/>" + body + contents + "</scene>", size, size);
+}
+
+struct Mean {
+  double mean = 0, error = 0;
+};
+Mean mean_of(const TestScene& scene, std::uint64_t iterations, std::uint64_t seed = 3) {
+  constexpr std::size_t kBatches = 8;
+  double sum = 0, squares = 0;
+  for (const auto& batch : render_batches(scene, seed, kBatches, iterations)) {
+    double of_batch = 0;
+    for (const float value : batch)
+      of_batch += static_cast<double>(value) / static_cast<double>(batch.size());
+    sum += of_batch / kBatches;
+    squares += of_batch * of_batch / kBatches;
+  }
+  return {sum, std::sqrt(std::max(squares - sum * sum, 0.0) / (kBatches - 1))};
+}
+
+// bias: by how much kernels at borders may darken the image.
+void expect_one(const TestScene& scene, std::uint64_t iterations, double bias, double largest_error,
+                const std::string& what) {
+  const Mean found = mean_of(scene, iterations);
+  std::printf("%-72s %.4f +- %.4f\n", what.c_str(), found.mean, found.error);
+  EXPECT_LE(found.error, largest_error) << what;
+  EXPECT_LE(found.mean, 1 + 5 * found.error) << what;
+  EXPECT_GE(found.mean, 1 - bias - 5 * found.error) << what;
+}
+
+// How much darker merging alone may be, at a radius over that of the room's sphere: borders lose a share of
+// the order of the radius over the room's width, in fog and at its end.
+double border(double radius) {
+  return 0.05 * radius / 0.1;
+}
+
+// Claim: in white fog every list of upbp has radiance 1, at two radii, with short and long beams, few
+// connections, and without merging on surfaces.
+TEST(Furnace, FogInEveryListOfUpbp) {
+  struct Row {
+    const char* techniques;
+    SettingsMap more = {};
+  };
+  const std::vector<Row> rows = {{"pp3d"},
+                                 {"pb2d"},
+                                 {"bp2d"},
+                                 {"bb1d"},
+                                 {"pp3d,pb2d"},
+                                 {"bp2d,bb1d"},
+                                 {"pp3d,pb2d,bp2d,bb1d"},
+                                 {"vcm,pp3d"},
+                                 {"vcm,pb2d"},
+                                 {"vcm,bp2d"},
+                                 {"vcm,bb1d"},
+                                 {"vcm,pp3d,pb2d"},
+                                 {"all"},
+                                 {"all", {{"plan", "full"}}},
+                                 {"all", {{"connect_media", "0.125"}}},
+                                 {"all", {{"merge_surfaces", "false"}}},
+                                 {"pb2d", {{"query_beams", "long"}}},
+                                 {"bp2d", {{"photon_beams", "long"}}},
+                                 {"bb1d", {{"query_beams", "long"}, {"photon_beams", "long"}}},
+                                 {"all", {{"query_beams", "long"}, {"photon_beams", "long"}}},
+                                 {"auto"}};
+  const TestScene scene = furnace(true, kMatt, "");
+  for (const double radius : {0.1, 0.03})
+    for (const Row& row : rows) {
+      SettingsMap settings = {
+          {"techniques", row.techniques}, {"radius", fmt::format("{}", radius)}, {"alpha", "1"}};
+      settings.insert(row.more.begin(), row.more.end());
+      std::string what = fmt::format("upbp {} radius {}", row.techniques, radius);
+      for (const auto& [name, value] : row.more) what += fmt::format(" {}={}", name, value);
+      expect_one(with_integrator(scene, "upbp", settings), 12, border(radius), 0.01, what);
+    }
+}
+
+// The integrators that weigh or merge, and what each runs with. Chains bring shares of bdpt and path.
+std::vector<std::pair<std::string, SettingsMap>> integrators(const std::string& radius) {
+  const SettingsMap none, merges = {{"radius", radius}, {"alpha", "1"}};
+  const SettingsMap adapts = {{"radius", radius}};
+  return {{"path", none},
+          {"bdpt", none},
+          {"optimis", none},
+          {"bpm", merges},
+          {"vcm", merges},
+          {"ppm", merges},
+          {"vcmplus", merges},
+          {"appm", adapts},
+          {"cppm", adapts},
+          {"fppm", adapts},
+          {"upbp", merges},
+          {"upbp", {{"radius", radius}, {"alpha", "1"}, {"techniques", "all"}}},
+          {"upbp", {{"radius", radius}, {"alpha", "1"}, {"techniques", "pp3d,pb2d,bp2d,bb1d"}}}};
+}
+
+void expect_one_in_all(const TestScene& scene, double radius, std::uint64_t iterations, double loss,
+                       double largest_error, const std::string& what) {
+  for (const auto& [name, settings] : integrators(fmt::format("{}", radius))) {
+    const bool merges = settings.contains("radius");
+    const auto techniques = settings.find("techniques");
+    expect_one(with_integrator(scene, name, settings), iterations, loss + (merges ? border(radius) : 0),
+               largest_error,
+               fmt::format("{}: {} {}", what, name,
+                           techniques == settings.end() ? std::string() : techniques->second));
+  }
+}
+
+constexpr const char* kGlassBall =
+    R"(<shape type="sphere"><point name="center" x="-0.3" y="0.2" z="0.5"/><float name="radius" value="0.3"/>
+         <bsdf type="dielectric"/>{}</shape>)";
+
+// Claim: a ball of glass in the room, in fog and filled with it, disappears, for all integrators.
+TEST(Furnace, GlassInFog) {
+  const std::string ball =
+      fmt::format(kGlassBall, R"(<ref name="exterior" id="fog"/><ref name="interior" id="fog"/>)");
+  expect_one_in_all(furnace(true, kMatt, ball), 0.05, 12, 0, 0.015, "glass in fog");
+}
+
+// Claim: a glossy floor and a ball of glass disappear, for all integrators. What facets shadow is lost: below
+// 1 % for a roughness of 0.1, as path finds.
+TEST(Furnace, GlassAndAGlossyFloor) {
+  const std::string glossy =
+      R"(<bsdf type="roughconductor"><string name="material" value="none"/><float name="alpha" value="0.1"/>
+           <rgb name="specular_reflectance" value="0.5"/></bsdf>)";
+  expect_one_in_all(furnace(false, glossy, fmt::format(kGlassBall, "")), 0.05, 24, 0.01, 0.02,
+                    "glass and a glossy floor");
+}
+
+}  // namespace
+}  // namespace candela::statistical
