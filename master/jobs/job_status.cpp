@@ -41,6 +41,7 @@ v1::JobStatus status_of(const Scheduler& scheduler, const Job& job, Now t) {
   out.set_samples(r.tallies.eye_samples);
   out.set_light_paths(r.tallies.light_paths);
   out.set_rays(r.tallies.rays);
+  out.set_bounded_walks(r.tallies.bounded_walks);
   out.set_relmse_estimate(r.relmse);
   const bool open = !has_ended(r.state);  // thousands of others have no leases to be looked for
   if (open) out.set_units_leased(scheduler.leases_of(r.id));
