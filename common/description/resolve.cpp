@@ -121,6 +121,7 @@ class Resolver {
       if (Result<void> fits = check_children(*draft.object, *rule, where); !fits.ok())
         CANDELA_TRY(fail(draft, std::move(fits).error()));
     if (draft.legacy && draft.object->category == "scene") finish_old_scene(*draft.object);
+    if (draft.legacy && draft.object->category == "shape") bound_media_unseen(*draft.object);
     if (draft.legacy && draft.object->category == "sensor") begin_media_at_camera(*draft.object);
     if (draft.object->category == "sensor" && draft.object->plugin == "distant") filter_by_box(*draft.object);
     node.state = State::done;
@@ -273,6 +274,17 @@ class Resolver {
         child.object = child.object->children_of("bsdf").front();
       }
     }
+  }
+
+  // In 0.6 a shape with a medium and nothing else is not seen. Later versions differ: see review.h.
+  static void bound_media_unseen(Object& shape) {
+    const auto has = [&](std::string_view category) { return !shape.children_of(category).empty(); };
+    if (!has("medium") || has("bsdf") || has("emitter")) return;
+    auto null = std::make_shared<Object>();
+    null->category = "bsdf";
+    null->plugin = "null";
+    null->where = shape.where;
+    shape.children.push_back({{}, std::move(null)});
   }
 
   // 0.6 counts the way through a medium from the camera, not from the near plane. A near plane so close is at

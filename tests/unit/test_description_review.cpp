@@ -57,6 +57,16 @@ TEST(DescriptionReview, MediaThatDiffer) {
       "it at the unit cube\n");
 }
 
+// Claim: an old file's medium without a bsdf is as 0.6 has it, and no difference.
+TEST(DescriptionReview, OldMediaDoNotDiffer) {
+  EXPECT_EQ(
+      findings(review_of("<shape type='cube'><medium name='interior' type='homogeneous'/></shape>", "0.6.0")),
+      "");
+  EXPECT_NE(
+      findings(review_of("<shape type='cube'><medium name='interior' type='homogeneous'/></shape>", "2.0.0")),
+      "");
+}
+
 // Claim: a scene that is seen and has no light is told to be black.
 TEST(DescriptionReview, DarkScenes) {
   const std::string seen = "<sensor type='perspective'/><shape type='cube'/>";
