@@ -149,9 +149,10 @@ std::vector<std::pair<std::string, SettingsMap>> integrators(const std::string& 
 }
 
 void expect_one_in_all(const TestScene& scene, double radius, std::uint64_t iterations, double loss,
-                       double largest_error, const std::string& what) {
+                       double largest_error, const std::string& what, bool merging_alone = false) {
   for (const auto& [name, settings] : integrators(fmt::format("{}", radius))) {
     const bool merges = settings.contains("radius");
+    if (merging_alone && !merges) continue;
     // The family of ppm finds lamps by luck: its noise is that of few photons.
     const bool of_ppm = name == "ppm" || name == "appm" || name == "cppm" || name == "fppm";
     const auto techniques = settings.find("techniques");
@@ -181,6 +182,62 @@ TEST(Furnace, GlassAndAGlossyFloor) {
            <rgb name="specular_reflectance" value="0.5"/></bsdf>)";
   expect_one_in_all(furnace(false, glossy, fmt::format(kGlassBall, "")), 0.05, 24, 0.01, 0.02,
                     "glass and a glossy floor");
+}
+
+// Lobes narrower than what photons in a disc can find: a floor of this roughness, and a ball of glass that
+// bends light by next to nothing, of which photons in a straight line are part of the lobe alone.
+std::string near_delta_floor(const char* distribution, double alpha, double reflectance) {
+  return fmt::format(
+      R"(<bsdf type="roughconductor"><string name="material" value="none"/><string name="distribution" value="{}"/>
+           <float name="alpha" value="{}"/><rgb name="specular_reflectance" value="{}"/></bsdf>)",
+      distribution, alpha, reflectance);
+}
+constexpr const char* kMatchedBall =
+    R"(<shape type="sphere"><point name="center" x="-0.1" y="0.2" z="0.7"/><float name="radius" value="0.3"/>
+         <bsdf type="roughdielectric"><float name="int_ior" value="1.0001"/><float name="ext_ior" value="1"/>
+           <float name="alpha" value="0.1"/></bsdf></shape>)";
+
+// Claim: a floor of roughness 1e-4 and rough glass of index 1.0001 disappear in the furnace for all that
+// merge.
+TEST(Furnace, NearDeltaLobes) {
+  for (const char* distribution : {"beckmann", "ggx"})
+    expect_one_in_all(furnace(false, near_delta_floor(distribution, 1e-4, 0.5), kMatchedBall), 0.05, 12, 0,
+                      0.02, fmt::format("near-delta, {}", distribution), true);
+}
+
+// A room without emission but for its lamps, with such a floor and ball.
+TestScene room(double alpha, const std::string& lamps) {
+  return furnace(false, near_delta_floor("ggx", alpha, 0.9), kMatchedBall + lamps, 12,
+                 R"(<bsdf type="diffuse"><rgb name="reflectance" value="0.6"/></bsdf>)", 0);
+}
+constexpr const char* kLamp =
+    R"(<shape type="rectangle"><transform name="to_world"><matrix value="0.4 0 0 0 0 -0.4 0 0 0 0 -1 1.19 0 0 0 1"/></transform>
+         <emitter type="area"><rgb name="radiance" value="4"/></emitter></shape>)";
+constexpr const char* kPoint =
+    R"(<emitter type="point"><point name="position" x="0.2" y="0.5" z="0.9"/><rgb name="intensity" value="1"/></emitter>)";
+
+// Claim: in a room with a lamp that walks meet, with a point lamp, whose highlight on the floor photons alone
+// can find, and with both, all that merge agree with path, at roughness 1e-4 and 0.01.
+TEST(Furnace, NearDeltaLobesInARoom) {
+  struct Row {
+    double alpha;
+    const char *lamp, *point, *what;
+  };
+  for (const Row& row : {Row{1e-4, kLamp, "", "lamp, 1e-4"}, Row{0.01, kLamp, "", "lamp, 0.01"},
+                         Row{0.01, "", kPoint, "point, 0.01"}, Row{0.01, kLamp, kPoint, "both, 0.01"}}) {
+    const TestScene scene = room(row.alpha, std::string(row.lamp) + row.point);
+    const Mean truth = mean_of(with_integrator(scene, "path"), 512);
+    EXPECT_LE(truth.error, 0.01 * truth.mean);
+    for (const auto& [name, settings] : integrators("0.03")) {
+      if (!settings.contains("radius") || settings.contains("techniques")) continue;
+      const Mean found = mean_of(with_integrator(scene, name, settings), 48);
+      const double error = std::hypot(found.error, truth.error) / truth.mean;
+      std::printf("%-20s %-8s over path %.4f +- %.4f\n", row.what, name.c_str(), found.mean / truth.mean,
+                  error);
+      EXPECT_LE(error, 0.02) << name << ' ' << row.what;
+      EXPECT_NEAR(found.mean / truth.mean, 1, 5 * error + 0.02) << name << ' ' << row.what;
+    }
+  }
 }
 
 }  // namespace

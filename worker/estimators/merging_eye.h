@@ -2,8 +2,12 @@
 // serves many paths of a thread.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
+#include <limits>
+#include <string_view>
 #include <vector>
 
 #include "worker/estimators/light_store.h"
@@ -183,8 +187,10 @@ class VcmEye : public transport::EyeTechniques {
   bool loaded_ = false, counts_repeats_ = false;
 };
 
-// ppm: the walk goes on where it is reflected or refracted specularly. What its other lobes scatter is
-// estimated by merging, all of it, where they are met: so it ends there. Each path is found in one way.
+// ppm: the walk goes on where it is reflected or refracted specularly, by a delta lobe or in a direction of
+// density above kSharpDensity. All else that a vertex scatters is estimated by merging where it is met: so
+// the walk ends there. Each path is found in one way, since the density is a function of the vertex and both
+// directions.
 template <transport::Between kBetween, transport::ScaleField Field,
           class StatisticsT = transport::NoStatistics>
 class PpmEye : public transport::EyeTechniques {
@@ -204,7 +210,26 @@ class PpmEye : public transport::EyeTechniques {
         rules_(eye_rules(options, techniques, counts)),
         side_(side),
         tallies_(tallies),
+        sharp_(std::isfinite(side.maps.max_density)),
         gather_(scene, side.maps, statistics) {}
+
+  // MergeMaps::max_density in the scene: kSharpDensity, or infinity if no density is higher.
+  static float max_density(const scene::Scene& scene) {
+    // Kinds without lobes between delta and diffuse.
+    constexpr std::string_view kOthers[] = {
+        "diffuse",   "roughdiffuse", "difftrans",  "null",           "mask",    "blendbsdf", "bumpmap",
+        "normalmap", "conductor",    "dielectric", "thindielectric", "plastic", "coating"};
+    bool sharp = std::ranges::any_of(scene.features().bsdf_kinds, [&](const auto& kind) {
+      return std::ranges::find(kOthers, kind.first) == std::end(kOthers);
+    });
+    for (std::uint32_t m = 0; m < scene.features().media; ++m) {
+      const scene::Phase& phase = scene.medium(m).phase();
+      constexpr Vec3 kAhead{0, 0, 1};
+      sharp = sharp || std::max(phase.pdf_solid_angle(kAhead, kAhead),
+                                phase.pdf_solid_angle(kAhead, -kAhead)) > transport::kSharpDensity;
+    }
+    return sharp ? transport::kSharpDensity : std::numeric_limits<float>::infinity();
+  }
 
   Spectrum trace(const Ray& ray, transport::FilmPosition at, std::uint64_t /*light_path*/,
                  samplers::Sampler& sampler) {
@@ -236,9 +261,9 @@ class PpmEye : public transport::EyeTechniques {
     const Spectrum found = gather_.finish();
     sum_ += found;
     merged_ += found;
-    return v.on_surface() && v.closure.has_delta_lobes();
+    return sharp_ || (v.on_surface() && v.closure.has_delta_lobes());
   }
-  static bool scattered(const Vertex& v) { return v.left_by_delta; }
+  bool scattered(const Vertex& v) const { return sharp_ ? v.left_sharply : v.left_by_delta; }
 
  private:
   const scene::Scene& scene_;
@@ -248,6 +273,7 @@ class PpmEye : public transport::EyeTechniques {
   const transport::WalkRules rules_;
   const LightSide<Block, Field>& side_;
   film::Tallies& tallies_;
+  const bool sharp_;  // directions of high density are the walk's
   const transport::ConnectContext context_{scene_, factors_, rules_, tallies_};
   transport::VertexPair<Block> room_;
   transport::Gather<Mis, Statistics> gather_;

@@ -22,7 +22,8 @@ bool PhotonBuffer<Block>::keep(const scene::Scene& scene, const Vertex<Block>& v
   Photon<Block> photon;
   photon.wo = v.wo;
   photon.flux = v.throughput;
-  photon.edges = v.edges;
+  photon.edges = v.edges & 0x7fffffffU;
+  photon.lit_by_delta = v.lit_by_delta ? 1 : 0;
   if (!v.on_surface()) {
     photon.medium_or_cosine = v.medium;
     const scene::Medium& medium = scene.medium(v.medium);

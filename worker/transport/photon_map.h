@@ -53,7 +53,8 @@ struct Photon {
   Vec3 wo;        // unit, world, towards where the light came from
   Spectrum flux;  // of one light path; W, in a medium W m
   [[no_unique_address]] StoredBlock<Block> weights;
-  std::uint32_t edges = 0;  // from the light
+  std::uint32_t edges : 31 = 0;        // from the light
+  std::uint32_t lit_by_delta : 1 = 0;  // as ScatterPoint has it
   // In a medium its index, on a surface the bits of ScatterPoint::arrival: the cosine of wo with the true
   // normal.
   std::uint32_t medium_or_cosine = scene::kNone;

@@ -38,12 +38,19 @@ inline float hazard_of(const Spectrum& sigma_t) {
 
 enum class VertexKind : std::uint8_t { surface, medium };
 
+// Directions of a higher density, per steradian, count as specular where photons alone are merged (PpmEye):
+// photons in them are too few. It is that of the middle of a lobe of roughness 0.02 seen from above,
+// 1 / (4 pi roughness^2).
+inline constexpr float kSharpDensity = 200;
+
 struct ScatterPoint {
   VertexKind kind = VertexKind::surface;
   // Has lobes that are not delta: may be connected to and merged with.
   bool connectible = false;
-  // Set by Walk::scatter.
-  bool left_by_delta = false;
+  // Set by Walk::scatter: by a delta lobe; by one, or in a direction of density above kSharpDensity.
+  bool left_by_delta : 1 = false, left_sharply : 1 = false;
+  // Of a vertex of a light path: the vertex before is a light that no walk can meet (a point, a direction).
+  bool lit_by_delta : 1 = false;
   // From the subpath's end point; passing a surface straight counts no edge.
   std::uint32_t edges = 0;
   // In a kept subpath the index of the vertex before; kNone: the end point.

@@ -217,6 +217,8 @@ auto Walk<kMode, kBetween, Mis, SamplerT, Observer>::advance(Vertex& v, scene::C
   }
   v.wo = -ray_.direction;
   v.edges = edges_ + 1;
+  if constexpr (kFromLight)
+    v.lit_by_delta = edges_ == 0 && (origin_.delta_position || origin_.delta_direction);
   if constexpr (Mis::kWeighs) v.pdf_reverse = 0;
   // One more edge than max_edges is for the lens alone, which may stand behind what light passes straight.
   const bool for_lens = kFromLight && v.edges > rules_.max_edges;
@@ -346,6 +348,7 @@ auto Walk<kMode, kBetween, Mis, SamplerT, Observer>::scatter(Vertex& v) -> Step 
       const float pdf =
           scene_.medium(v.medium).phase().sample(v.wo, sampler_.draw_2d(block_ + kDirection, stratify), wi);
       ++scatterings_;
+      v.left_sharply = pdf > kSharpDensity;
       depart(v, pdf, false, static_cast<double>(pdf), static_cast<double>(v.arrival));
       if constexpr (Mis::kMergesBeams)
         Mis::add_merges(departure_,
@@ -380,6 +383,7 @@ auto Walk<kMode, kBetween, Mis, SamplerT, Observer>::scatter(Vertex& v) -> Step 
   if (throughput_.is_black()) return Step::ended;
   scatterings_ += v.closure.purely_delta() ? 0 : 1;
 
+  v.left_sharply = next.delta || next.pdf_solid_angle > kSharpDensity;
   double reverse = 0, out = 0;
   float pdf = 1;
   if constexpr (Mis::kWeighs) {

@@ -116,6 +116,8 @@ Result<void> run_iterations(const UnitContext& context, const Unit& unit, const 
     transport::MergeMaps<Block>& maps = side.maps;
     maps.max_edges = options.paths.max_depth;
     maps.per_path = static_cast<float>(1 / paths);
+    if constexpr (requires { EyeEstimator::max_density(context.scene); })
+      maps.max_density = EyeEstimator::max_density(context.scene);
     if (techniques.light_paths)
       CANDELA_TRY((run_light_pass<kBetween, Mis>(context, options.paths, techniques, counts, keeping,
                                                  transport::EtaOf<Field>{side.field}, unit.half, index,

@@ -37,6 +37,12 @@ struct MergeMaps {
   const PhotonMap<Block>* medium = nullptr;
   float per_path = 1;             // 1 / light_path_count
   std::uint32_t max_edges = ~0u;  // of the merged path
+  // Photons in directions of a higher density are left to the eye's walk, which finds their paths alone.
+  // Those of a light that it cannot meet are merged.
+  float max_density = std::numeric_limits<float>::infinity();
+  bool leaves(const Photon<Block>& photon, float pdf_solid_angle) const {
+    return pdf_solid_angle > max_density && photon.lit_by_delta == 0;
+  }
 };
 
 // The cosine that is divided by is at least this share of the photon's own. On one face the two are equal,
@@ -73,7 +79,7 @@ class SurfaceMerge {
     const Vec3 wi = v_.hit.shading.to_local(photon.wo);
     float pdf = 0;
     Spectrum value = v_.closure.eval_pdf(wo_, wi, TransportMode::radiance, pdf);
-    if (value.is_black()) return;
+    if (value.is_black() || maps_.leaves(photon, pdf)) return;
     value *= photon.flux;
     const float cosine = std::max(v_.density_factor(photon.wo), kLeastOfOwnCosine * photon.cosine());
     float kernel = scale_.disc.value(d2);
@@ -119,6 +125,7 @@ class MediumMerge {
   void operator()(const Photon<Block>& photon, float d2) {
     if (photon.medium() != v_.medium || photon.edges > max_edges_) return;
     const float phase = phase_.eval(v_.wo, photon.wo);
+    if (maps_.leaves(photon, phase)) return;  // the phase function is its density
     float kernel = scale_.ball.value(d2);
     if constexpr (Statistics::kReaches) kernel = within(d2, scale_.ball_radius) ? kernel : 0;
     float factor = phase * kernel;
