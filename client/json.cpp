@@ -124,6 +124,7 @@ Json job(const v1::JobStatus& s) {
   Json rejected = Json::object();
   for (const auto& entry : s.rejected()) rejected[entry.cause()] = entry.count();
   json["rejected_samples"] = rejected;
+  json["bounded_walks"] = s.bounded_walks();
   json["checkpoint"] = {{"generation", s.checkpoint_generation()}, {"iterations", s.checkpoint_iterations()}};
   json["submitted_unix_ms"] = time_ms(s.submitted_unix_ms());
   json["finished_unix_ms"] = time_ms(s.finished_unix_ms());

@@ -64,6 +64,19 @@ std::string rejected_text(const v1::RejectedSamples& rejected) {
   return fmt::format("{} samples: {}", rejected.count(), rejected.cause());
 }
 
+std::string bounded_walks_warning(const v1::JobStatus& status) {
+  constexpr double kMaxShare = 1e-3;
+  const std::uint64_t walks = status.light_paths() > 0 ? status.light_paths() : status.samples();
+  const double share =
+      static_cast<double>(status.bounded_walks()) / static_cast<double>(std::max<std::uint64_t>(walks, 1));
+  if (!(share > kMaxShare)) return {};
+  return fmt::format(
+      "light is missing: Russian roulette ended {} walks ({:.2g} for each {}) at its bound on edges, though "
+      "they had "
+      "lost next to nothing; a larger rr_depth finds that light, and max_depth leaves it out on purpose",
+      status.bounded_walks(), share, status.light_paths() > 0 ? "light path" : "eye path");
+}
+
 std::string repeats_warning(const v1::JobStatus& status) {
   constexpr double kMaxShare = 0.02;
   for (const v1::Figure& figure : status.epochs().figures())
@@ -73,6 +86,15 @@ std::string repeats_warning(const v1::JobStatus& status) {
           "should keep",
           100 * figure.value(), 100 * kMaxShare);
   return {};
+}
+
+std::vector<std::string> warnings_of(const v1::JobStatus& status) {
+  std::vector<std::string> warnings;
+  for (const auto& rejected : status.rejected())
+    if (rejected.count() > 0) warnings.push_back("rejected " + rejected_text(rejected));
+  for (std::string warning : {repeats_warning(status), bounded_walks_warning(status)})
+    if (!warning.empty()) warnings.push_back(std::move(warning));
+  return warnings;
 }
 
 double fraction_done(const v1::JobStatus& status) {

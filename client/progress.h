@@ -7,6 +7,7 @@
 #include <iosfwd>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "candela/v1/job.pb.h"
 
@@ -27,9 +28,14 @@ double fraction_done(const v1::JobStatus& status);
 
 // "3 samples: nan", or "the statistics of 3 eye paths: ...".
 std::string rejected_text(const v1::RejectedSamples& rejected);
+// What is missing where Russian roulette ended walks at its bound on edges. Empty up to one walk in a
+// thousand.
+std::string bounded_walks_warning(const v1::JobStatus& status);
 // The tests assume independent merges. Merges of one light path are not independent: if 10 % repeat a path,
 // at least twice as many even discs are rejected. Empty up to 2 %.
 std::string repeats_warning(const v1::JobStatus& status);
+// All that a job's end warns of: samples that were rejected, and the two above.
+std::vector<std::string> warnings_of(const v1::JobStatus& status);
 
 class ProgressLine {
  public:

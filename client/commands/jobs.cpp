@@ -176,7 +176,8 @@ void print_job(std::ostream& out, const v1::JobStatus& s) {
   if (s.layers_size() > 0) line("layers", join(s.layers(), " "));
   if (s.has_chains()) print_chains(line, s);
   if (s.has_epochs()) print_epochs(line, s.epochs());
-  if (const std::string warning = repeats_warning(s); !warning.empty()) line("warning", warning);
+  for (const std::string& warning : {repeats_warning(s), bounded_walks_warning(s)})
+    if (!warning.empty()) line("warning", warning);
   line("priority", fmt::format("{}, share {}", s.priority(), s.share()));
   line("bundle", s.bundle_sha256());
   line("checkpoint",

@@ -39,6 +39,8 @@ Result<int> wait_for_job(Context& context, FarmClient& farm, const std::string& 
       return 128 + signals.pending();
     }
   }
+  for (const std::string& warning : warnings_of(last))
+    context.err << fmt::format("candela: warning: {}\n", warning);
   if (options.json) context.out << job_json(last) << '\n';
   const bool wants_image = !options.output.exr.empty() || !options.output.png.empty();
   if (wants_image && last.units_merged() > 0) {

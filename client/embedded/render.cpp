@@ -325,10 +325,7 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
     trouble = "the state lacks the last iterations: " + printable(last.message());
     last.set_state(v1::JOB_STATE_DONE);
   }
-  for (const auto& rejected : last.rejected())
-    if (rejected.count() > 0)
-      context.err << fmt::format("candela: warning: rejected {}\n", rejected_text(rejected));
-  if (const std::string warning = repeats_warning(last); !warning.empty())
+  for (const std::string& warning : warnings_of(last))
     context.err << fmt::format("candela: warning: {}\n", warning);
   if (options.json) context.out << job_json(last) << '\n';
 

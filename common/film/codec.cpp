@@ -119,6 +119,7 @@ void put_tallies(std::string& out, const Tallies& tallies) {
   for (const std::uint64_t count : tallies.rejected) put_u64(out, count);
   put_u64(out, tallies.sampled_merges);
   put_u64(out, tallies.repeated_merges);
+  put_u64(out, tallies.bounded_walks);
 }
 
 Tallies read_tallies(Reader& reader, TalliesForm form) {
@@ -133,6 +134,8 @@ Tallies read_tallies(Reader& reader, TalliesForm form) {
   if (form == TalliesForm::first) return tallies;
   tallies.sampled_merges = reader.u64();
   tallies.repeated_merges = reader.u64();
+  if (form == TalliesForm::second) return tallies;
+  tallies.bounded_walks = reader.u64();
   return tallies;
 }
 

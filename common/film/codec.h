@@ -55,8 +55,9 @@ class Reader {
 };
 
 void put_layout(std::string& out, const Layout& layout, int scale_log2);
-// 10 u64. The first form had 7: neither statistics that were rejected, nor merges.
-enum class TalliesForm : std::uint8_t { first, present };
+// 11 u64. The first form had 7: neither statistics that were rejected, nor merges. The second had 10: no
+// walks that were ended by a bound.
+enum class TalliesForm : std::uint8_t { first, second, present };
 void put_tallies(std::string& out, const Tallies& tallies);
 Tallies read_tallies(Reader& reader, TalliesForm form = TalliesForm::present);
 

@@ -25,6 +25,7 @@ void Tallies::add(const Tallies& other) {
   for (std::size_t i = 0; i < rejected.size(); ++i) rejected[i] += other.rejected[i];
   sampled_merges += other.sampled_merges;
   repeated_merges += other.repeated_merges;
+  bounded_walks += other.bounded_walks;
 }
 
 }  // namespace candela::film

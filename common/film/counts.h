@@ -25,6 +25,9 @@ struct Tallies {
   // Photons within the radius of vertices of a sample of eye paths, whose merges decide radii; and those
   // photons that are not the first of their light path there.
   std::uint64_t sampled_merges = 0, repeated_merges = 0;
+  // Paths and subpaths that hardly lost anything when they came to the number of edges from which Russian
+  // roulette ends them all the same, so that the light of longer ones is missing, but for rare survivors.
+  std::uint64_t bounded_walks = 0;
   void add(const Tallies& other);
   bool operator==(const Tallies&) const = default;
 };

@@ -21,7 +21,7 @@ namespace candela::film {
 
 namespace {
 
-constexpr std::string_view kMagic = "CNDLDLT3";
+constexpr std::string_view kMagic = "CNDLDLT4";
 
 void put_text(std::string& out, std::string_view text) {
   text = text.substr(0, std::numeric_limits<std::uint16_t>::max());

@@ -1,10 +1,10 @@
 // The job's film: exact merging, the checkpoint form, and the image.
 //
-// Checkpoint bytes: "CANFILM2"; width, height, layers, scale_log2 (u32 each); for each half the number of
-// ranges (u64) and the ranges (u64 begin, end), tallies (10 u64), runs of tiles that are not all zero, and
+// Checkpoint bytes: "CANFILM3"; width, height, layers, scale_log2 (u32 each); for each half the number of
+// ranges (u64) and the ranges (u64 begin, end), tallies (11 u64), runs of tiles that are not all zero, and
 // for each group of 32 tiles and each channel its byte planes; XXH64 of all before (u64). Integers are
 // little-endian. Sums are coded as 128-bit zigzag integers, so the bytes do not tell how wide a tile is in
-// memory: equal content gives equal bytes. "CANFILM1", with tallies of 7 u64, is read too.
+// memory: equal content gives equal bytes. "CANFILM1" and "CANFILM2", with tallies of 7 and 10 u64, are read too.
 #include "common/film/merged_film.h"
 
 #include <algorithm>
@@ -20,8 +20,8 @@ namespace candela::film {
 
 namespace {
 
-constexpr std::string_view kMagic = "CANFILM2";
-constexpr std::string_view kFirstMagic = "CANFILM1";
+constexpr std::string_view kMagic = "CANFILM3";
+constexpr std::string_view kFirstMagic = "CANFILM1", kSecondMagic = "CANFILM2";
 
 bool add_checked(std::uint64_t& sum, std::uint64_t value) {
   return !__builtin_add_overflow(sum, value, &sum);
@@ -36,6 +36,7 @@ std::optional<Tallies> sum_of(const Tallies& a, const Tallies& b) {
   for (std::size_t i = 0; i < sum.rejected.size(); ++i) fits &= add_checked(sum.rejected[i], b.rejected[i]);
   fits &= add_checked(sum.sampled_merges, b.sampled_merges);
   fits &= add_checked(sum.repeated_merges, b.repeated_merges);
+  fits &= add_checked(sum.bounded_walks, b.bounded_walks);
   if (!fits) return std::nullopt;
   return sum;
 }
@@ -220,9 +221,13 @@ Result<void> MergedFilm::parse_half(Reader& reader, TalliesForm form, Half& half
 }
 
 Result<MergedFilm> MergedFilm::parse(std::string_view bytes) {
-  const TalliesForm form = bytes.starts_with(kFirstMagic) ? TalliesForm::first : TalliesForm::present;
-  CANDELA_ASSIGN(const std::string_view content,
-                 unseal(bytes, form == TalliesForm::first ? kFirstMagic : kMagic, "the film"));
+  const bool first = bytes.starts_with(kFirstMagic), second = bytes.starts_with(kSecondMagic);
+  const TalliesForm form = first ? TalliesForm::first : second ? TalliesForm::second : TalliesForm::present;
+  CANDELA_ASSIGN(const std::string_view content, unseal(bytes,
+                                                        first    ? kFirstMagic
+                                                        : second ? kSecondMagic
+                                                                 : kMagic,
+                                                        "the film"));
   Reader reader(content);
   Layout layout;
   layout.width = reader.u32();

@@ -77,6 +77,7 @@ v1::JobStatus to_message(const JobStatus& status) {
   out.set_iterations(status.iterations());
   out.set_samples(r.tallies.eye_samples);
   out.set_light_paths(r.tallies.light_paths);
+  out.set_bounded_walks(r.tallies.bounded_walks);
   out.set_rays(r.tallies.rays);
   out.set_relmse_estimate(r.relmse);
   out.set_units_leased(status.units_leased);

@@ -129,6 +129,7 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
   if (tallies.sampled_merges > 0)
     m["candela:repeated_merges"] = fmt::format(
         "{:.4g}", static_cast<double>(tallies.repeated_merges) / static_cast<double>(tallies.sampled_merges));
+  m["candela:bounded_walks"] = std::to_string(tallies.bounded_walks);
   if (row.chains) describe_chains(row, snapshot, parts.which, m);
   if (row.development)
     m["candela:estimator"] =

@@ -6,8 +6,8 @@ namespace candela::master {
 
 // 1: the first. 2: jobs.layers. 3: Markov chains. 4: what a job had and has lost. 5:
 // epochs and accumulators. 6: jobs that wait for their removal, statistics that were rejected, repeated
-// merges.
-inline constexpr int kSchemaVersion = 6;
+// merges. 7: walks that were ended by a bound.
+inline constexpr int kSchemaVersion = 7;
 
 inline constexpr const char* kSchema = R"sql(
 CREATE TABLE counters (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -34,7 +34,7 @@ CREATE TABLE jobs (
   promised BLOB NOT NULL DEFAULT x'', repairs_to TEXT NOT NULL DEFAULT '',
   work BLOB NOT NULL DEFAULT x'', rejected_statistics INTEGER NOT NULL DEFAULT 0,
   bootstrap_statistics INTEGER NOT NULL DEFAULT 0, sampled_merges INTEGER NOT NULL DEFAULT 0,
-  repeated_merges INTEGER NOT NULL DEFAULT 0) WITHOUT ROWID;
+  repeated_merges INTEGER NOT NULL DEFAULT 0, bounded_walks INTEGER NOT NULL DEFAULT 0) WITHOUT ROWID;
 CREATE TABLE units (
   id INTEGER PRIMARY KEY, job TEXT NOT NULL, kind INTEGER NOT NULL, half INTEGER NOT NULL,
   first INTEGER NOT NULL, last INTEGER NOT NULL, state INTEGER NOT NULL, failures INTEGER NOT NULL,
@@ -96,6 +96,9 @@ ALTER TABLE jobs ADD COLUMN bootstrap_statistics INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE jobs ADD COLUMN sampled_merges INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE jobs ADD COLUMN repeated_merges INTEGER NOT NULL DEFAULT 0;
 )sql";
+// From version 6: walks that were ended by a bound were not counted.
+inline constexpr const char* kFromVersion6 =
+    "ALTER TABLE jobs ADD COLUMN bounded_walks INTEGER NOT NULL DEFAULT 0";
 // Those before version 3 had no such table.
 inline constexpr const char* kBootstrapsFromVersion5 =
     "ALTER TABLE bootstraps ADD COLUMN rejected_statistics INTEGER NOT NULL DEFAULT 0";

@@ -162,8 +162,9 @@ Result<StoredState> SqliteStore::load() {
       j.promised = sets_of(numbers_of<std::uint64_t>(s.text()));
       j.repairs_to = state_of(s.text());
       CANDELA_TRY(read_work(s, j));
-      for (std::uint64_t* count : {&j.tallies.rejected[kStatistics], &j.bootstrap_rejected[kStatistics],
-                                   &j.tallies.sampled_merges, &j.tallies.repeated_merges})
+      for (std::uint64_t* count :
+           {&j.tallies.rejected[kStatistics], &j.bootstrap_rejected[kStatistics], &j.tallies.sampled_merges,
+            &j.tallies.repeated_merges, &j.tallies.bounded_walks})
         *count = s.count();
       out.jobs.push_back(std::move(j));
     }

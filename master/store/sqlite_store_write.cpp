@@ -40,7 +40,7 @@ bool SqliteStore::apply(const PutJob& c) {
               "INSERT OR REPLACE INTO jobs VALUES "
               "(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?"
               ",?,?,?,?,"
-              "?,?)");
+              "?,?,?)");
   s.bind(j.id).bind(j.name).bind(j.bundle_sha256).bind_blob(settings.SerializeAsString());
   s.bind(j.stop.iterations).bind(j.stop.time_seconds).bind(j.stop.relmse);
   s.bind(j.priority).bind(j.share).bind(j.idempotency_token).bind(j.content_digest);
@@ -67,7 +67,7 @@ bool SqliteStore::apply(const PutJob& c) {
   wire::to_proto(WorkPlan{{}, j.accumulators, {}, j.epochs, j.development}, work);
   s.bind_blob(work.SerializeAsString());
   s.bind(j.tallies.rejected[kStatistics]).bind(j.bootstrap_rejected[kStatistics]);
-  s.bind(j.tallies.sampled_merges).bind(j.tallies.repeated_merges);
+  s.bind(j.tallies.sampled_merges).bind(j.tallies.repeated_merges).bind(j.tallies.bounded_walks);
   return s.run();
 }
 

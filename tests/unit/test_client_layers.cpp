@@ -53,6 +53,7 @@ void render(std::uint32_t half, std::uint64_t begin, std::uint64_t end, film::Un
         tallies.rays += 3;
       }
     }
+    ++tallies.bounded_walks;
   }
   film.count(tallies);
 }
@@ -273,6 +274,7 @@ TEST_F(LayersOverTheFarm, SurviveRestartsAndReachTheExr) {
   const v1::JobStatus end = show(id);
   EXPECT_EQ(end.light_paths(), 2 * kIterations * kWidth * kHeight);
   EXPECT_EQ(end.rays(), 3 * kIterations * kWidth * kHeight);
+  EXPECT_EQ(end.bounded_walks(), kIterations);
   EXPECT_EQ(end.relmse_estimate(), stats::estimate_error(expected.first_layers(1)).relmse);
   const auto bytes = read_file(
       data_ / "jobs" / id / ("film." + std::to_string(end.checkpoint_generation()) + ".ckpt"), 1 << 28);
@@ -291,6 +293,7 @@ TEST_F(LayersOverTheFarm, SurviveRestartsAndReachTheExr) {
     EXPECT_EQ(picture->metadata.at("candela:light_paths"),
               std::to_string(2 * kIterations * kWidth * kHeight));
     EXPECT_EQ(picture->metadata.at("candela:rays"), std::to_string(3 * kIterations * kWidth * kHeight));
+    EXPECT_EQ(picture->metadata.at("candela:bounded_walks"), std::to_string(kIterations));
     for (std::uint32_t i = 0; i < 2; ++i) {
       const auto layer = image::read_layer(path, kLayers[i]);
       ASSERT_TRUE(layer.ok()) << layer.error().to_string();

@@ -155,5 +155,37 @@ TEST_F(Outputs, WhatCannotBeWrittenIsRefusedFirst) {
   EXPECT_EQ(entries(), before);
 }
 
+// Claim: walks that Russian roulette ended at its bound on edges, between walls that absorb next to nothing,
+// are told at the end of a render, with the count and the setting that finds their light, and counted in the
+// JSON; where none are, nothing is said.
+TEST_F(Outputs, TellOfLightThatRouletteLeavesOut) {
+  const auto render_box = [&](const char* albedo) {
+    std::ofstream(folder_ / "box.xml")
+        << "<scene version='3.0.0'><integrator type='light'/><sensor type='perspective'><film type='hdrfilm'>"
+           "<integer name='width' value='4'/><integer name='height' value='4'/></film></sensor>"
+           "<shape type='sphere'><boolean name='flip_normals' value='true'/><bsdf type='diffuse'>"
+           "<rgb name='reflectance' value='"
+        << albedo << "'/></bsdf><emitter type='area'/></shape></scene>";
+    return run({"render", in_folder("box.xml"), "--iterations", "8", "--json", "-o", in_folder("box.exr")});
+  };
+  const Outcome bright = render_box("0.999"), dark = render_box("0.5");
+  ASSERT_EQ(bright.code, 0) << bright.err;
+  const auto counted = [](const Outcome& r) {
+    const std::string name = "\"bounded_walks\":";
+    const std::size_t at = r.out.find(name);
+    return at == std::string::npos ? -1 : std::stoi(r.out.substr(at + name.size()));
+  };
+  const int count = counted(bright);
+  EXPECT_GT(count, 8 * 16 / 8);
+  EXPECT_NE(bright.err.find("candela: warning: light is missing: Russian roulette ended " +
+                            std::to_string(count) + " walks"),
+            std::string::npos)
+      << bright.err;
+  EXPECT_NE(bright.err.find("rr_depth"), std::string::npos) << bright.err;
+  ASSERT_EQ(dark.code, 0) << dark.err;
+  EXPECT_EQ(counted(dark), 0);
+  EXPECT_EQ(dark.err.find("warning"), std::string::npos) << dark.err;
+}
+
 }  // namespace
 }  // namespace candela::client

@@ -103,30 +103,33 @@ UnitFilm& add_units(UnitFilm& film, std::int64_t sign, int times) {
   return film;
 }
 
-// Claim: a film of the first form, whose tallies had seven counts, is read as it was; the counts that it
-// lacks are 0.
-TEST(MergedFilm, ReadsTheFirstForm) {
+// Claim: films of the first and the second form, whose tallies had seven and ten counts, are read as they
+// were; the counts that they lack are 0.
+TEST(MergedFilm, ReadsEarlierForms) {
   MergedFilm film(kLayout, kScale);
   for (std::uint32_t half = 0; half < 2; ++half)
     ASSERT_TRUE(film.merge(decode(unit_bytes(half, 0, 3, 1))).ok());
-  std::string old = film.serialise();
-  ASSERT_TRUE(old.starts_with("CANFILM2"));
-  old.resize(old.size() - sizeof(std::uint64_t));
-  old.replace(0, 8, "CANFILM1");
-  for (std::uint32_t half = 0; half < 2; ++half) {
-    std::string tallies;
-    put_tallies(tallies, film.tallies(half));
-    ASSERT_EQ(tallies.size(), 80U);
-    const std::size_t at = old.find(tallies);
-    ASSERT_NE(at, std::string::npos);
-    old.erase(at + 56, 24);
+  for (const auto& [magic, bytes] : {std::pair{"CANFILM1", 56U}, {"CANFILM2", 80U}}) {
+    SCOPED_TRACE(magic);
+    std::string old = film.serialise();
+    ASSERT_TRUE(old.starts_with("CANFILM3"));
+    old.resize(old.size() - sizeof(std::uint64_t));
+    old.replace(0, 8, magic);
+    for (std::uint32_t half = 0; half < 2; ++half) {
+      std::string tallies;
+      put_tallies(tallies, film.tallies(half));
+      ASSERT_EQ(tallies.size(), 88U);
+      const std::size_t at = old.find(tallies);
+      ASSERT_NE(at, std::string::npos);
+      old.erase(at + bytes, 88 - bytes);
+    }
+    seal(old);
+    const auto read = MergedFilm::parse(old);
+    ASSERT_TRUE(read.ok()) << read.error().to_string();
+    EXPECT_EQ(read->serialise(), film.serialise());
+    old.replace(0, 8, "CANFILM4");
+    EXPECT_FALSE(MergedFilm::parse(old).ok());
   }
-  seal(old);
-  const auto read = MergedFilm::parse(old);
-  ASSERT_TRUE(read.ok()) << read.error().to_string();
-  EXPECT_EQ(read->serialise(), film.serialise());
-  old.replace(0, 8, "CANFILM3");
-  EXPECT_FALSE(MergedFilm::parse(old).ok());
 }
 
 // Claim: sums leave 64 bits without wrapping, exactly, and come back to the same bytes as a film that never

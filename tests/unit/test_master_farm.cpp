@@ -401,6 +401,7 @@ TEST(SqliteStore, KeepsWhatItIsTold) {
   job.tallies.rejected = {1, 2, 3, 4, 5};
   job.tallies.sampled_merges = 6;
   job.tallies.repeated_merges = 7;
+  job.tallies.bounded_walks = 8;
   job.named_state = NamedState{-5};
   job.state = JobState::paused;
   {

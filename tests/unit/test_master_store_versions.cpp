@@ -221,8 +221,8 @@ TEST(StoreVersions, TheFifthLearnsToCountStatistics) {
   const std::set<std::string> present = Database(path).shape();
   {
     Database old(path);
-    for (const char* column :
-         {"rejected_statistics", "bootstrap_statistics", "sampled_merges", "repeated_merges"})
+    for (const char* column : {"rejected_statistics", "bootstrap_statistics", "sampled_merges",
+                               "repeated_merges", "bounded_walks"})
       old.execute(std::string("ALTER TABLE jobs DROP COLUMN ") + column);
     old.execute(
         "ALTER TABLE bootstraps DROP COLUMN rejected_statistics; DROP TABLE overdue; PRAGMA user_version=5");
@@ -241,8 +241,44 @@ TEST(StoreVersions, TheFifthLearnsToCountStatistics) {
     j.bootstrap_rejected[4] = 14;
     j.tallies.sampled_merges = 15;
     j.tallies.repeated_merges = 16;
+    j.tallies.bounded_walks = 18;
     bootstrap.rejected[4] = 17;
     ASSERT_TRUE((*store)->write(std::vector<Change>{PutJob{j}, PutBootstrap{bootstrap}}).ok());
+  }
+}
+
+// Claim: a store of version 6, which did not count walks that roulette's bound ended, becomes the present one
+// with its rows as they were, and then holds the count.
+TEST(StoreVersions, TheSixthLearnsToCountBoundedWalks) {
+  const test::TemporaryFolder folder;
+  const fs::path path = folder.path() / "version6.sqlite";
+  JobRow j;
+  j.id = "j";
+  j.bundle_sha256 = "hash";
+  j.settings.width = 30;
+  j.settings.height = 20;
+  j.tallies.rejected = {1, 2, 3, 4, 5};
+  j.tallies.repeated_merges = 6;
+  {
+    auto store = open_sqlite_store(path);
+    ASSERT_TRUE(store.ok());
+    ASSERT_TRUE((*store)->write(std::vector<Change>{PutJob{j}}).ok());
+  }
+  const std::set<std::string> present = Database(path).shape();
+  {
+    Database old(path);
+    old.execute("ALTER TABLE jobs DROP COLUMN bounded_walks; PRAGMA user_version=6");
+    EXPECT_NE(old.shape(), present) << "nothing is tested";
+  }
+  for (int opening = 0; opening < 2; ++opening) {
+    auto store = open_sqlite_store(path);
+    ASSERT_TRUE(store.ok()) << store.error().to_string();
+    EXPECT_EQ(Database(path).shape(), present);
+    const auto state = (*store)->load();
+    ASSERT_TRUE(state.ok()) << state.error().to_string();
+    EXPECT_EQ(state->jobs.at(0).tallies, j.tallies);
+    j.tallies.bounded_walks = 7;
+    ASSERT_TRUE((*store)->write(std::vector<Change>{PutJob{j}}).ok());
   }
 }
 

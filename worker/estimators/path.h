@@ -157,7 +157,7 @@ class PathTracer {
     if (!first && next_event_ && depth_ + 1 >= options_.min_edges) sample_light(here, front_, eval_pdf);
     previous_pdf_solid_angle_ = phase.sample(wo, draw_2d(transport::path_block::kDirection), ray_.direction);
     previous_delta_ = false;
-    if (!first && !survives(depth_ < transport::kPathRoulette.free_depth)) return false;
+    if (!first && !survives(true)) return false;
     ray_ = {here.p, ray_.direction};
     ++depth_;
     if constexpr (kFirst) {
@@ -197,9 +197,7 @@ class PathTracer {
     eta_scale_ *= next.eta * next.eta;
     // At the first vertex of FirstT nobody plays: a bsdf ray that ended would be a failure of another
     // density.
-    if (!first && !survives(!next.delta && depth_ < transport::kPathRoulette.free_depth &&
-                            throughput_.max_component() * eta_scale_ > 1))
-      return false;
+    if (!first && !survives(!next.delta && throughput_.max_component() * eta_scale_ > 1)) return false;
     front_ = side;
     previous_delta_ = next.delta;
     previous_pdf_solid_angle_ = next.pdf_solid_angle;
@@ -363,14 +361,23 @@ class PathTracer {
     return scene_.pdf_direct_solid_angle(previous(), front_, ray_.direction, hit);
   }
 
-  // Survivors are scaled up. free: no bound on the probability.
-  bool survives(bool free) {
+  // Survivors are scaled up. bright: no bound on the probability, up to so many edges.
+  bool survives(bool bright) {
     if (depth_ < options_.rr_depth) return true;
+    const bool free = bright && depth_ < transport::kPathRoulette.free_depth;
+    if (bright && !free) [[unlikely]]
+      note_bound();
     const float survive = transport::kPathRoulette.survival(throughput_.max_component() * eta_scale_,
                                                             free ? 1.0f : transport::kMaxSurvival);
     if (!(draw_1d(transport::path_block::kRoulette) < survive)) return false;
     throughput_ *= 1 / survive;
     return true;
+  }
+
+  void note_bound() {
+    if (bounded_ || !transport::kPathRoulette.binds(throughput_.max_component() * eta_scale_)) return;
+    bounded_ = true;
+    ++tallies_.bounded_walks;
   }
 
   // On through a surface that changes nothing but the throughput. False: the ray does not get on.
@@ -400,6 +407,7 @@ class PathTracer {
   bool stratified_ = true;               // draws of the present vertex
   std::uint32_t medium_ = scene::kNone;  // that the ray is in
   std::uint64_t rays_ = 0;
+  bool bounded_ = false;       // roulette ends it for its edges, and it is counted
   scene::SurfaceHit hits_[2];  // the edge's end and its start, in turn
   scene::ClosureArena arena_;
   // The vertex before: a light cannot sample the camera; its shading normal lies on the viewer's side, and is

@@ -118,6 +118,12 @@ class Walk {
   void depart(Vertex& v, float pdf, bool delta, double pdf_reverse, double factor_out);
   // `longest`: of the probability.
   bool survives(float longest);
+  // The walk is as bright as one that roulette lets live, but has too many edges.
+  void note_bound() {
+    if (bounded_ || edges_ < rules_.rr_depth) return;
+    bounded_ = true;
+    ++tallies_.bounded_walks;
+  }
   bool leave_surfaces(bool found, SurfaceHit& hit);
   bool pass_straight(const SurfaceHit& hit);
   void look_for_lens(bool found, const SurfaceHit& hit);
@@ -138,9 +144,10 @@ class Walk {
   std::uint32_t block_ = 0;
   std::uint32_t passes_ = 0;
   bool first_stretch_ = true;
-  Vec3 from_;            // that vertex's place, the start's
-  bool finite_ = true;   // it has one
-  double survival_ = 1;  // of the edge so far
+  bool bounded_ = false;  // and counted as that
+  Vec3 from_;             // that vertex's place, the start's
+  bool finite_ = true;    // it has one
+  double survival_ = 1;   // of the edge so far
   [[no_unique_address]] Departure departure_;
   double origin_density_ = 1;  // of the end point alone
   scene::EmissionSample origin_;
@@ -353,6 +360,8 @@ auto Walk<kMode, kBetween, Mis, SamplerT, Observer>::scatter(Vertex& v) -> Step 
       if constexpr (Mis::kMergesBeams)
         Mis::add_merges(departure_,
                         Mis::leaving(factors_.medium[v.medium], kFromLight, v.arrival, v.wo, wi, v.survival));
+      if (edges_ >= kLongestWalk && kSubpathRoulette.binds(throughput_.max_component() * scale_))
+        note_bound();
       if (!survives(longest_survival_in_media(edges_))) return Step::ended;
       ray_ = {v.hit.p, wi};
       return Step::scattered;
@@ -399,9 +408,11 @@ auto Walk<kMode, kBetween, Mis, SamplerT, Observer>::scatter(Vertex& v) -> Step 
     }
   }
   depart(v, pdf, next.delta, reverse, out);
-  const bool bright =
-      !next.delta && edges_ < kSubpathRoulette.free_depth && throughput_.max_component() * scale_ > 1;
-  if (!survives(bright ? 1.0f : kMaxSurvival)) return Step::ended;
+  const bool bright = !next.delta && throughput_.max_component() * scale_ > 1,
+             free = bright && edges_ < kSubpathRoulette.free_depth;
+  if (bright && !free) [[unlikely]]
+    note_bound();
+  if (!survives(free ? 1.0f : kMaxSurvival)) return Step::ended;
   ray_ = spawn_ray(v.hit, wi);
   if constexpr (kMedia) medium_ = scene_.medium_beyond(v.hit, ray_.direction, medium_);
   return Step::scattered;
