@@ -164,7 +164,7 @@ TEST_F(Deltas, AfterTheLeaseExpired) {
 // Claim: workers that hang in the midst of a push delay neither the preview nor the merges of others.
 TEST_F(Deltas, HungPushesDelayNobody) {
   constexpr int hung_count = 12;
-  constexpr std::uint64_t iterations = 3000;
+  constexpr std::uint64_t iterations = 1500;
   // A few seconds are a hundred times what a healthy merge or preview takes; a lock held by a hung push would
   // last for ever here.
   constexpr double bound_seconds = 5;

@@ -175,12 +175,12 @@ TEST(Jobs, ThreeAtOnce) {
 }
 
 // A job that lasts for the events of a death, given the iterations that `path` needs for that. The farm knows
-// iterations and chains: one integrator of each kind goes through all deaths, and loses its master ten times.
+// iterations and chains: one integrator of each kind goes through all deaths, and loses its master six times.
 // The others lose it as often as their rows say; with CANDELA_LONG=1 all do as the two, and twenty times.
 struct Work {
   std::string integrator;
   int short_deaths;
-  int deaths() const { return long_form() ? 20 : std::min(short_deaths, 10); }
+  int deaths() const { return long_form() ? 20 : std::min(short_deaths, 6); }
   std::uint64_t of(std::uint64_t iterations) const {
     return static_cast<std::uint64_t>(test::integrator_row(integrator).farm_share *
                                       static_cast<double>(iterations));
@@ -199,7 +199,7 @@ class Deaths : public testing::TestWithParam<Work> {
 // Claim: a worker killed in the midst of a unit costs that unit's time and nothing else.
 TEST_P(Deaths, WorkerKilledMidUnit) {
   if (left_to_the_long_form()) GTEST_SKIP() << "only with CANDELA_LONG=1";
-  const std::uint64_t iterations = GetParam().of(3000);
+  const std::uint64_t iterations = GetParam().of(1200);
   Farm farm;
   farm.start_master({"--unit-time", "0.5", "--lease-time", "1"});
   Process& victim = farm.start_worker("victim");
@@ -222,7 +222,7 @@ TEST_P(Deaths, WorkerKilledMidUnit) {
 // expire.
 TEST_P(Deaths, WorkerTerminated) {
   if (left_to_the_long_form()) GTEST_SKIP() << "only with CANDELA_LONG=1";
-  const std::uint64_t iterations = GetParam().of(3000);
+  const std::uint64_t iterations = GetParam().of(1200);
   Farm farm;
   farm.start_master({"--unit-time", "2", "--lease-time", "600"});
   Process& leaving = farm.start_worker("leaving");
@@ -247,7 +247,7 @@ TEST_P(Deaths, WorkerTerminated) {
 // Claim: a master killed many times in one job and restarted loses nothing that its checkpoints have and
 // counts nothing twice.
 TEST_P(Deaths, MasterKilledManyTimes) {
-  const std::uint64_t iterations = GetParam().of(long_form() ? 9000 : 4500);
+  const std::uint64_t iterations = GetParam().of(long_form() ? 9000 : 2700);
   Farm farm;
   farm.start_master({"--unit-time", "0.1", "--checkpoint-interval", "0.05", "--lease-time", "2"});
   for (const char* name : {"a", "b"}) farm.start_worker(name);
@@ -280,7 +280,7 @@ TEST_P(Deaths, MasterKilledManyTimes) {
 // delta is refused and the unit counted once.
 TEST_P(Deaths, WorkerStoppedPastItsLease) {
   if (left_to_the_long_form()) GTEST_SKIP() << "only with CANDELA_LONG=1";
-  const std::uint64_t iterations = GetParam().of(2500);
+  const std::uint64_t iterations = GetParam().of(1000);
   Farm farm;
   farm.start_master({"--unit-time", "0.5", "--lease-time", "1"});
   Process& sleeper = farm.start_worker("sleeper");

@@ -35,7 +35,7 @@ class Steering : public testing::Test {
 
 // Claim: a paused job stands still and goes on where it was; `show --json` has what scripts were promised.
 TEST_F(Steering, PauseAndResume) {
-  constexpr std::uint64_t iterations = 2000;
+  constexpr std::uint64_t iterations = 800;
   start(iterations);
   farm_.wait_for_iterations(id_, 1);
   tell({"pause", id_}, true);
@@ -61,7 +61,7 @@ TEST_F(Steering, PauseAndResume) {
 
 // Claim: a pause outlives a restart of the master.
 TEST_F(Steering, PauseAndRestart) {
-  constexpr std::uint64_t iterations = 1500;
+  constexpr std::uint64_t iterations = 700;
   start(iterations);
   farm_.wait_for_iterations(id_, 1);
   tell({"pause", id_});
@@ -96,7 +96,7 @@ TEST_F(Steering, Extend) {
 
 // Claim: cancelling keeps the partial image; a cancelled job can be extended to the image it would have been.
 TEST_F(Steering, CancelKeepsWhatIsThere) {
-  constexpr std::uint64_t iterations = 1500;
+  constexpr std::uint64_t iterations = 700;
   start(iterations);
   farm_.wait_for_iterations(id_, 1);
   tell({"cancel", id_});
@@ -134,7 +134,7 @@ TEST_F(Steering, TokenMakesSubmitSafeToRepeat) {
 
 // Claim: a drained worker leaves by itself, with its unit delivered; the job goes on elsewhere.
 TEST_F(Steering, Drain) {
-  constexpr std::uint64_t iterations = 1500;
+  constexpr std::uint64_t iterations = 700;
   farm_.start_master(kShortLeases);
   Process& leaving = farm_.start_worker("leaving");
   id_ = farm_.submit(iterations);
@@ -150,7 +150,7 @@ TEST_F(Steering, Drain) {
 // Claim: `candela render` interrupted by Ctrl-C saves the image of what is there and goes on with --resume to
 // the image an uninterrupted render makes; so it does after SIGKILL.
 TEST_F(Steering, RenderInterruptedAndResumed) {
-  constexpr std::uint64_t iterations = 5000;
+  constexpr std::uint64_t iterations = 2500;
   const std::string out = (farm_.folder() / "r.exr").string();
   std::vector<std::string> command = {"render", scene_path("cornell"), "-o", out, "--threads", "1"};
   for (const std::string& word : job_options(iterations)) command.push_back(word);

@@ -19,10 +19,13 @@
 
 #include "common/image/image.h"
 #include "tests/epoch_run.h"
+#include "tests/proofs/proofs.h"
 #include "tests/statistical/harness.h"
 
 namespace candela::statistical {
 namespace {
+
+const proofs::FilmsDecide kFilms({"AdaptiveRadii", "AdaptiveColors"});
 
 constexpr std::uint32_t kExtent = 48;
 constexpr double kAlarm = 1e-6;
@@ -74,6 +77,7 @@ TEST_P(AdaptiveRadii, AgreeWithBdpt) {
     const auto job = test::render_job(*renderer, *pilot, 32, {});
     ASSERT_TRUE(job.ok()) << job.error().to_string();
     const std::string& map = job->states.back();
+    proofs::fact("radii of " + integrator, map);
     EXPECT_TRUE(std::any_of(map.begin(), map.end(), [](char level) { return level != 0; })) << integrator;
   }
 }

@@ -21,7 +21,9 @@ namespace candela::statistical {
 namespace {
 
 // Films decide these tests: proofs.h.
-const proofs::FilmsDecide kFilms({"Furnace"});
+const proofs::FilmsDecide kFilms({"Furnace.FogInEveryListOfUpbp", "Furnace.GlassInFog",
+                                  "Furnace.GlassAndAGlossyFloor", "Furnace.NearDeltaLobes",
+                                  "Furnace.NearDeltaLobesInARoom"});
 
 constexpr const char* kMatt = R"(<bsdf type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf>)";
 
@@ -148,16 +150,19 @@ std::vector<std::pair<std::string, SettingsMap>> integrators(const std::string& 
           {"upbp", {{"radius", radius}, {"alpha", "1"}, {"techniques", "pp3d,pb2d,bp2d,bb1d"}}}};
 }
 
+// The family of ppm finds lamps by luck: its noise is that of few photons.
+bool merges_alone(const std::string& name) {
+  return name == "ppm" || name == "appm" || name == "cppm" || name == "fppm";
+}
+
 void expect_one_in_all(const TestScene& scene, double radius, std::uint64_t iterations, double loss,
                        double largest_error, const std::string& what, bool merging_alone = false) {
   for (const auto& [name, settings] : integrators(fmt::format("{}", radius))) {
     const bool merges = settings.contains("radius");
     if (merging_alone && !merges) continue;
-    // The family of ppm finds lamps by luck: its noise is that of few photons.
-    const bool of_ppm = name == "ppm" || name == "appm" || name == "cppm" || name == "fppm";
     const auto techniques = settings.find("techniques");
     expect_one(with_integrator(scene, name, settings), iterations, loss + (merges ? border(radius) : 0),
-               of_ppm ? 0.05 : largest_error,
+               merges_alone(name) ? 0.05 : largest_error,
                fmt::format("{}: {} {}", what, name,
                            techniques == settings.end() ? std::string() : techniques->second));
   }
@@ -217,68 +222,87 @@ constexpr const char* kPoint =
     R"(<emitter type="point"><point name="position" x="0.2" y="0.5" z="0.9"/><rgb name="intensity" value="1"/></emitter>)";
 
 // Claim: in a room with a lamp that walks meet, with a point lamp, whose highlight on the floor photons alone
-// can find, and with both, all that merge agree with path, at roughness 1e-4 and 0.01.
+// can find, and with both, all that merge agree with bdpt (path misses a point lamp's light through the
+// ball), at roughness 1e-4 and 0.02, where only the middle of the lobe is narrow.
 TEST(Furnace, NearDeltaLobesInARoom) {
   struct Row {
     double alpha;
     const char *lamp, *point, *what;
   };
-  for (const Row& row : {Row{1e-4, kLamp, "", "lamp, 1e-4"}, Row{0.01, kLamp, "", "lamp, 0.01"},
-                         Row{0.01, "", kPoint, "point, 0.01"}, Row{0.01, kLamp, kPoint, "both, 0.01"}}) {
+  for (const Row& row : {Row{1e-4, kLamp, "", "lamp, 1e-4"}, Row{0.02, kLamp, "", "lamp, 0.02"},
+                         Row{0.02, "", kPoint, "point, 0.02"}, Row{0.02, kLamp, kPoint, "both, 0.02"}}) {
     const TestScene scene = room(row.alpha, std::string(row.lamp) + row.point);
-    const Mean truth = mean_of(with_integrator(scene, "path"), 512);
+    const Mean truth = mean_of(with_integrator(scene, "bdpt"), 256);
     EXPECT_LE(truth.error, 0.01 * truth.mean);
     for (const auto& [name, settings] : integrators("0.03")) {
       if (!settings.contains("radius") || settings.contains("techniques")) continue;
-      const Mean found = mean_of(with_integrator(scene, name, settings), 48);
+      SettingsMap more = settings;
+      // Few photons lie in the rest of such a lobe, and each is bright.
+      if (merges_alone(name)) more["light_paths"] = "64";
+      const Mean found = mean_of(with_integrator(scene, name, more), 48);
       const double error = std::hypot(found.error, truth.error) / truth.mean;
-      std::printf("%-20s %-8s over path %.4f +- %.4f\n", row.what, name.c_str(), found.mean / truth.mean,
+      std::printf("%-20s %-8s over bdpt %.4f +- %.4f\n", row.what, name.c_str(), found.mean / truth.mean,
                   error);
-      EXPECT_LE(error, 0.02) << name << ' ' << row.what;
+      EXPECT_LE(error, 0.04) << name << ' ' << row.what;
       EXPECT_NEAR(found.mean / truth.mean, 1, 5 * error + 0.02) << name << ' ' << row.what;
     }
   }
 }
 
-std::uint64_t bounded_walks(const TestScene& scene, std::uint64_t iterations) {
+// The mean of the image, and the count of walks that the bound ended. A scale of the film that is known
+// spares the pilot, whose walks are as long.
+struct Bounded {
+  double mean = 0;
+  std::uint64_t walks = 0;
+};
+Bounded bounded(const TestScene& scene, std::uint64_t iterations) {
+  constexpr int kScale = 24;
   const auto renderer = make_renderer(scene);
-  auto output = renderer->make_output(pilot_state(scene));
+  auto output = renderer->make_output(NamedState{kScale, 0});
   EXPECT_TRUE(renderer->run({Unit::Kind::iterations, 0, 0, iterations}, {}, output, {}).ok());
-  return output.film->tallies().bounded_walks;
+  const std::size_t values = output.film->layout().pixel_count() * 3;
+  double sum = 0;
+  for (std::size_t i = 0; i < values; ++i) sum += static_cast<double>(output.film->sums()[i]);
+  return {std::ldexp(sum, -kScale) / static_cast<double>(iterations * values),
+          output.film->tallies().bounded_walks};
 }
 
 // Claim: between walls of albedo .999 a third of the light has more edges than Russian roulette lets bright
-// walks have (1,024). It is missing, and the walks that lost it are counted; with roulette from 8,192 edges
+// walks have (1,024). It is missing, and the walks that lost it are counted; with roulette from 4,096 edges
 // on the light is there. Walls of albedo .5 end no walk so. The count is that of the share of light that is
 // missing, .999^1023 = 0.36 of the light paths.
 TEST(Furnace, WalksThatTheBoundEndsAreCounted) {
   const auto bright = [](const char* bsdf) { return furnace(false, bsdf, "", 8, bsdf, 0.001); };
   const TestScene scene = bright(R"(<bsdf type="diffuse"><rgb name="reflectance" value="0.999"/></bsdf>)");
-  for (const char* name : {"light", "ppm", "bpm"}) {
+  constexpr std::uint64_t kIterations = 4;
+  const double paths = 8 * 8 * kIterations;
+  for (const std::string name : {"light", "ppm", "bpm"}) {
     SCOPED_TRACE(name);
-    const SettingsMap merges = std::string(name) == "light" ? SettingsMap{} : SettingsMap{{"radius", "0.1"}};
-    SettingsMap late = merges;
-    late["rr_depth"] = "8192";
-    const Mean bounded = mean_of(with_integrator(scene, name, merges), 1),
-               whole = mean_of(with_integrator(scene, name, late), 1);
-    std::printf("%-6s %.3f +- %.3f, with rr_depth=8192 %.3f +- %.3f\n", name, bounded.mean, bounded.error,
-                whole.mean, whole.error);
-    EXPECT_LT(bounded.mean, 0.8);
-    EXPECT_NEAR(whole.mean, 1, 0.03 + 5 * whole.error);
-    const double paths = 8 * 8 * 4;
-    const auto counted = static_cast<double>(bounded_walks(with_integrator(scene, name, merges), 4));
+    // Each of bpm's eye walks merges at a thousand vertices.
+    const SettingsMap merges =
+        name == "light" ? SettingsMap{} : SettingsMap{{"radius", name == "ppm" ? "0.1" : "0.02"}};
+    const Bounded found = bounded(with_integrator(scene, name, merges), kIterations);
+    std::printf("%-6s %.3f, %.3f of the light paths are ended\n", name.c_str(), found.mean,
+                static_cast<double>(found.walks) / paths);
+    EXPECT_LT(found.mean, 0.9);  // bpm's paths have two walks of so many edges
     // The eye's walks of bpm are counted, too.
-    const double most = std::string(name) == "bpm" ? 2 : 1;
-    EXPECT_GT(counted, 0.25 * paths);
-    EXPECT_LT(counted, 0.5 * most * paths);
-    EXPECT_EQ(bounded_walks(with_integrator(scene, name, late), 1), 0U);
-    EXPECT_EQ(bounded_walks(with_integrator(furnace(false, kMatt, "", 8), name, merges), 4), 0U);
+    const double most = name == "bpm" ? 2 : 1;
+    EXPECT_GT(static_cast<double>(found.walks), 0.25 * paths);
+    EXPECT_LT(static_cast<double>(found.walks), 0.5 * most * paths);
+    EXPECT_EQ(bounded(with_integrator(furnace(false, kMatt, "", 8), name, merges), kIterations).walks, 0U);
   }
+  const Bounded whole = bounded(with_integrator(scene, "light", {{"rr_depth", "4096"}}), kIterations);
+  std::printf("light  %.3f with rr_depth=4096\n", whole.mean);
+  EXPECT_NEAR(whole.mean, 1, 0.1);
+  EXPECT_LT(static_cast<double>(whole.walks), 0.1 * paths);  // .999^4095 = 0.017
   // path's bound is 16,384 edges.
-  const TestScene brighter =
-      bright(R"(<bsdf type="diffuse"><rgb name="reflectance" value="0.9999"/></bsdf>)");
-  EXPECT_EQ(bounded_walks(with_integrator(scene, "path"), 1), 0U);
-  EXPECT_GT(bounded_walks(with_integrator(brighter, "path"), 1), 0U);
+  EXPECT_EQ(bounded(with_integrator(scene, "path"), 1).walks, 0U);
+  EXPECT_GT(
+      bounded(with_integrator(
+                  bright(R"(<bsdf type="diffuse"><rgb name="reflectance" value="0.9999"/></bsdf>)"), "path"),
+              1)
+          .walks,
+      0U);
 }
 
 }  // namespace

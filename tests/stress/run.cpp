@@ -173,6 +173,7 @@ Point Runner::run(double value) {
       point.verdict = Verdict::within;
       if (proofs::probing()) {
         note(shot);
+        proofs::fact("rejected", fmt::format("{}", fmt::join(here.tallies.rejected, " ")));
         break;
       }
       double worst = -1;

@@ -11,11 +11,14 @@
 
 #include "common/rng/stream.h"
 #include "tests/integrators.h"
+#include "tests/proofs/proofs.h"
 #include "tests/stress/report.h"
 #include "tests/stress/scenes.h"
 
 namespace candela::stress {
 namespace {
+
+const proofs::FilmsDecide kFilms({"StressMachinery.FlagsAWrongImage", "StressMachinery.FlagsPlantedFaults"});
 
 // Cheap, and known to every integrator.
 Sweep closed_spheres(double expected_factor) {
