@@ -19,25 +19,24 @@ constexpr double kFewestPaths = 1 << 11, kMostPaths = 1 << 14;
 constexpr int kGrid = 16;  // by as many eye paths
 
 ChosenRadius automatic_radius(const UnitContext& context, const MergeRules& rules,
-                              const estimators::PathOptions& options, bool merges_media) {
+                              const estimators::PathOptions& options,
+                              const estimators::Techniques& techniques) {
   const auto paths = static_cast<double>(light_path_count(rules, context));
   const double pilot_paths = std::clamp(std::floor(paths), kFewestPaths, kMostPaths);
   // If the pilot has more light paths than an iteration, more of its photons are within the radius.
   const double neighbors = std::min(kAutomaticPhotons * std::max(1.0, pilot_paths / paths), pilot_paths / 4);
-  const NeighborPilot pilot{static_cast<std::uint64_t>(pilot_paths), kGrid, merges_media};
+  const NeighborPilot pilot{static_cast<std::uint64_t>(pilot_paths), kGrid,
+                            techniques.merge_medium && !rules.separate_media};
   const double found = options.max_depth < 2 ? 0
                                              : neighbor_radius(context, options, static_cast<int>(neighbors),
                                                                std::max(paths, pilot_paths), pilot);
-  if (found <= 0)
-    return {first_radius(context, kFallbackFraction, 0), "a pilot found too few photons to choose by"};
-  const double footprint = pixel_footprint(context),
-               most = footprint > 0 ? kMostPixels * footprint
-                                    : kMostFraction * static_cast<double>(context.scene.features().radius);
+  const double fraction = first_radius(context, kFallbackFraction, 0);
+  if (found <= 0) return {fraction, "a pilot found too few photons to choose by"};
+  const double pixels = most_pixels(techniques), most = std::max(pixels * pixel_footprint(context), fraction);
   if (found > most)
-    return {clamped_radius(most),
-            footprint > 0
-                ? fmt::format("{} pixels, the most that is chosen: few photons are in view", kMostPixels)
-                : "the most that is chosen: few photons are in view"};
+    return {clamped_radius(most), fmt::format("at most {} pixels or {} of the bounding sphere: fewer than {} "
+                                              "photons of an iteration lie within it, in the median",
+                                              pixels, kFallbackFraction, kAutomaticPhotons)};
   return {clamped_radius(found),
           fmt::format("{} photons of an iteration lie within it, in the median", kAutomaticPhotons)};
 }
@@ -63,8 +62,7 @@ ChosenRadius given_radius(const UnitContext& context, const MergeRules& rules,
 const ChosenRadius& chosen_radius(const UnitContext& context, const IterationOptions& options) {
   ChosenOnce& chosen = *options.chosen;
   std::call_once(chosen.once, [&] {
-    const bool media = options.techniques.merge_medium && !options.merge.separate_media;
-    chosen.radius = choose_radius(context, options.merge, options.paths, media);
+    chosen.radius = choose_radius(context, options.merge, options.paths, options.techniques);
   });
   return chosen.radius;
 }
@@ -77,9 +75,14 @@ std::uint64_t light_path_count(const MergeRules& rules, const UnitContext& conte
 }
 
 ChosenRadius choose_radius(const UnitContext& context, const MergeRules& rules,
-                           const estimators::PathOptions& paths, bool merges_media) {
-  return rules.is_automatic() ? automatic_radius(context, rules, paths, merges_media)
+                           const estimators::PathOptions& paths, const estimators::Techniques& techniques) {
+  return rules.is_automatic() ? automatic_radius(context, rules, paths, techniques)
                               : given_radius(context, rules, paths);
+}
+
+double most_pixels(const estimators::Techniques& techniques) {
+  if (techniques.next_event || techniques.connect) return 1;
+  return techniques.merge_medium ? 10 : 2;
 }
 
 double first_radius(const UnitContext& context, const IterationOptions& options) {

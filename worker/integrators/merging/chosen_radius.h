@@ -12,13 +12,16 @@ std::uint64_t light_path_count(const MergeRules& rules, const UnitContext& conte
 
 // By the settings of `rules` (settings.h). An automatic radius is that of the disc in which kAutomaticPhotons
 // photons of an iteration lie: the median over what a grid of eye paths merges at first, in media of the
-// ball, from a pilot of few light paths. It is at most kMostPixels pixels wide. Where the pilot finds nothing
-// it is kFallbackFraction of the scene's bounding sphere. A pure function of the scene, the film's size, the
-// seed, and the arguments.
+// ball, from a pilot of few light paths. It is at most most_pixels() pixels wide, or kFallbackFraction of the
+// scene's bounding sphere if that is more; where the pilot finds nothing it is that fraction. A pure function
+// of the scene, the film's size, the seed, and the arguments.
 inline constexpr int kAutomaticPhotons = 10;
-inline constexpr double kMostPixels = 10;
 ChosenRadius choose_radius(const UnitContext& context, const MergeRules& rules,
-                           const estimators::PathOptions& paths, bool merges_media);
+                           const estimators::PathOptions& paths, const estimators::Techniques& techniques);
+
+// Where connections find what is near lamps, a radius of more than a pixel blurs it; where nothing but
+// merging does, more of a blur is less than the noise; and photons in media are rarer.
+double most_pixels(const estimators::Techniques& techniques);
 
 // The value for these options, in scene units, chosen once for all options that share `chosen`; 1 where
 // nothing merges.

@@ -5,9 +5,9 @@
 
 namespace candela::integrators::merging {
 
-// The first radius where a pilot finds nothing to choose it by, and the most that is chosen where the camera
-// sees nothing but media, as fractions of the radius of the scene's bounding sphere.
-inline constexpr double kFallbackFraction = 0.003, kMostFraction = 0.05;
+// The first radius where a pilot finds nothing to choose it by, as a fraction of the radius of the scene's
+// bounding sphere.
+inline constexpr double kFallbackFraction = 0.003;
 
 struct MergeRules {
   transport::Kernel kernel = transport::Kernel::constant;
