@@ -10,7 +10,7 @@ namespace candela {
 struct Effort {
   std::uint64_t pixels = 1;
   std::uint64_t spp = 0;      // samples, or mutations, a pixel, if they are a limit; else 0
-  std::uint64_t samples = 0;  // or mutations, in all: no fewer than half of them are expected
+  std::uint64_t samples = 0;  // or mutations, in all: the least that the limits tell of
 };
 
 // spp: 0 if it is no limit; then an iteration of `stop` brings samples_per_iteration to a pixel. The number
