@@ -55,9 +55,9 @@ bool is_without_effect(const Object& integrator, const std::string& name) {
   return rule != plugin->properties.end() && (rule->ignored || !rule->only.empty());
 }
 
-// spp: the effort in samples a pixel; 0: not known. The film's size is resolved.
-Result<void> resolve_integrator(const Object& scene, const SceneOptions& options, std::uint64_t spp,
-                                const RendererFacts& facts, PreparedJob& job) {
+// The film's size and the job's limits are resolved.
+Result<void> resolve_integrator(const Object& scene, const SceneOptions& options, const RendererFacts& facts,
+                                PreparedJob& job) {
   JobSettings& settings = job.settings;
   const std::vector<std::string> names = facts.integrator_names();
   const std::vector<std::string_view> known(names.begin(), names.end());
@@ -100,18 +100,23 @@ Result<void> resolve_integrator(const Object& scene, const SceneOptions& options
     }
   }
   CANDELA_ASSIGN(const SettingsMap from_user, parse_assignments(options.sets, "--set"));
-  if (spp > 0) {
-    CANDELA_ASSIGN(job.of_effort, facts.settings_of_effort(settings.integrator, spp,
-                                                           std::uint64_t{settings.width} * settings.height));
-    std::erase_if(job.of_effort, [&](const auto& setting) {
-      return from_scene.contains(setting.first) || from_user.contains(setting.first);
-    });
-  }
   const auto try_complete = [&] {
     SettingsMap given = job.of_effort;
     given.insert(from_scene.begin(), from_scene.end());
     return facts.complete_settings(settings.integrator, given, from_user);
   };
+  std::uint64_t samples_per_iteration = 1;
+  if (const auto given = try_complete(); given.ok()) {
+    CANDELA_ASSIGN(samples_per_iteration, facts.samples_per_iteration(settings.integrator, *given));
+  }
+  CANDELA_ASSIGN(
+      job.of_effort,
+      facts.settings_of_effort(settings.integrator,
+                               effort_of(job.spp, job.stop, std::uint64_t{settings.width} * settings.height,
+                                         samples_per_iteration)));
+  std::erase_if(job.of_effort, [&](const auto& setting) {
+    return from_scene.contains(setting.first) || from_user.contains(setting.first);
+  });
   auto complete = try_complete();
   // A value of another integrator that this one cannot have does not count.
   while (!complete && !own && !from_user.contains(complete.error().field) &&
@@ -275,7 +280,7 @@ Result<void> keep_effort_of(const JobSettings& was, const RendererFacts& facts, 
   }
   CANDELA_ASSIGN(const std::uint64_t each,
                  facts.samples_per_iteration(settings.integrator, settings.integrator_settings));
-  job.stop.iterations = iterations_of(job.spp, each);
+  if (job.spp > 0) job.stop.iterations = iterations_of(job.spp, each);
   return {};
 }
 
@@ -302,7 +307,7 @@ Result<PreparedJob> prepare_job(const description::SceneDescription& scene, cons
   CANDELA_TRY(resolve_size(film.get(), options, job.settings));
   CANDELA_ASSIGN(job.settings.aovs, resolve_aovs(scene.aovs, options));
   CANDELA_ASSIGN(job.spp, resolve_sampling(sampler.get(), options, job));
-  CANDELA_TRY(resolve_integrator(*scene.scene, options, job.spp, facts, job));
+  CANDELA_TRY(resolve_integrator(*scene.scene, options, facts, job));
   if (job.spp > 0) {
     CANDELA_ASSIGN(const std::uint64_t each,
                    facts.samples_per_iteration(job.settings.integrator, job.settings.integrator_settings));

@@ -12,6 +12,7 @@
 
 #include "common/base/result.h"
 #include "common/bundle/bundle.h"
+#include "common/job/effort.h"
 #include "common/job/job.h"
 #include "common/stages/work_plan.h"
 
@@ -31,9 +32,8 @@ struct RendererFacts {
   // is loaded for that. Empty: nothing is known.
   std::function<Result<WorkPlan>(const JobSettings&)> largest_work;
   std::function<Result<WorkPlan>(const LoadedScene&)> work_of;
-  // Settings that follow from an effort in samples, or mutations, a pixel where nobody gives them.
-  std::function<Result<SettingsMap>(const std::string& integrator, std::uint64_t spp, std::uint64_t pixels)>
-      settings_of_effort;
+  // Settings that follow from an effort where nobody gives them: the same names for every effort.
+  std::function<Result<SettingsMap>(const std::string& integrator, const Effort& effort)> settings_of_effort;
   // Samples, or mutations, that one iteration brings to a pixel.
   std::function<Result<std::uint64_t>(const std::string& integrator, const SettingsMap& settings)>
       samples_per_iteration;

@@ -29,8 +29,8 @@ RendererFacts renderer_facts() {
     CANDELA_ASSIGN(PilotResult pilot, renderer->pilot({threads}));
     return std::move(pilot.work);
   };
-  facts.settings_of_effort = [](const std::string& integrator, std::uint64_t spp, std::uint64_t pixels) {
-    return render::integrator_settings_of_effort(integrator, spp, pixels);
+  facts.settings_of_effort = [](const std::string& integrator, const Effort& effort) {
+    return render::integrator_settings_of_effort(integrator, effort);
   };
   facts.samples_per_iteration = [](const std::string& integrator, const SettingsMap& settings) {
     return render::samples_per_iteration(integrator, settings);

@@ -27,9 +27,9 @@ MOST_INSTRUCTIONS = 1.03
 MOST_ERROR = 1.30
 # Enough that the loops, not what is done once a unit, are counted. Of Markov chains --iterations counts the segments of
 # all chains: two of each.
-COUNT = ("--size", "24x24", "--iterations", "4", "--set", "chains=2", "--set", "bootstrap=500",
+COUNT = ("--size", "24x24", "--iterations", "4", "--set", "chains=2", "--set", "bootstrap=500", "--set", "radius=0.003",
          "--set", "pssmlt.mutations=1", "--set", "mmlt.mutations=4")
-ERROR = ("--size", "48x48", "--iterations", "32", "--set", "chains=16", "--set", "bootstrap=4000",
+ERROR = ("--size", "48x48", "--iterations", "32", "--set", "chains=16", "--set", "bootstrap=4000", "--set", "radius=0.003",
          "--set", "pssmlt.mutations=16", "--set", "mmlt.mutations=64")
 
 

@@ -1,7 +1,8 @@
 // Renders a golden film and hashes its integers.
 //
 // Unless a setting of its line says otherwise, a film has 48 x 32 pixels, the seed 1, one thread, and the
-// reconstruction filter that the scene asks for; an integrator of iterations renders 4 of them, 2 of each
+// reconstruction filter that the scene asks for; merging begins with the radius 0.003 (radius=0: with the
+// product's default); an integrator of iterations renders 4 of them, 2 of each
 // half, and one with epochs 12; a job of Markov chains has 8 chains, 400 bootstrap samples, and 2 rounds of
 // one mutation per pixel.
 //

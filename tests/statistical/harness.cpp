@@ -219,6 +219,10 @@ TestScene with_integrator(TestScene scene, const std::string& name, const Settin
   for (const auto& setting : *known)
     if (const auto found = scene.from_scene.find(setting.name); found != scene.from_scene.end())
       from_scene.insert(*found);
+  const bool has_radius = std::any_of(known->begin(), known->end(), [](const render::SettingDoc& setting) {
+    return setting.name == "radius";
+  });
+  if (has_radius) from_scene.insert({"radius", kRadiusOfTests});
   auto complete = render::complete_integrator_settings(name, from_scene, settings);
   if (!complete.ok()) give_up(complete.error());
   scene.settings.integrator = name;

@@ -59,7 +59,10 @@ std::unique_ptr<render::Renderer> make_renderer(const TestScene& scene);
 // True if the program has an integrator of this name.
 bool has_integrator(const std::string& name);
 // The scene for another integrator, with the defaults of its settings, what the scene's integrator element
-// says of the settings it has, and `settings` over both. An unknown setting throws.
+// says of the settings it has, and `settings` over both. An unknown setting throws. The default of the first
+// merging radius is kRadiusOfTests: a test of something else has the same films whatever the product's
+// default is, which radius=0 asks for.
+inline constexpr const char* kRadiusOfTests = "0.003";
 TestScene with_integrator(TestScene scene, const std::string& name, const SettingsMap& settings = {});
 
 // True if $CANDELA_LONG is set to other than 0: the nightly form of the tests.

@@ -146,5 +146,30 @@ TEST(AdaptiveColors, BordersOfOneLuminanceAreFound) {
   EXPECT_GT(of_luminance / fppm, 2);
 }
 
+// Claim: on a small film of light that only merging finds, ppm's squared error with the default radius is
+// below a twentieth of that with 0.003 of the scene, vcm's of a lamp behind glass below nine tenths; a
+// default that is 0.003 has the ratio 1. Two seeds each; over seeds ratios vary by a tenth of themselves.
+TEST(FirstRadius, TheDefaultSuitsSmallFilms) {
+  const auto error_of = [](const std::string& integrator, const std::string& radius,
+                           const std::vector<float>& truth) {
+    double sum = 0, mean = 0;
+    for (const float value : truth) mean += static_cast<double>(value) / static_cast<double>(truth.size());
+    const auto images =
+        render_batches(load("lamp-in-glass", integrator, {{"radius", radius}, {"max_depth", "8"}}), 5, 2, 16);
+    for (const auto& image : images)
+      for (std::size_t i = 0; i < image.size(); ++i) {
+        const auto right = static_cast<double>(truth[i]);
+        sum += std::pow(static_cast<double>(image[i]) - right, 2) / (right * right + 0.01 * mean * mean);
+      }
+    return sum;
+  };
+  const auto truth = render_batches(load("lamp-in-glass", "path", {{"max_depth", "8"}}), 1, 1, 512)[0];
+  for (const auto& [integrator, most] : {std::pair{"ppm", 0.05}, {"vcm", 0.9}}) {
+    const double ratio = error_of(integrator, "0", truth) / error_of(integrator, "0.003", truth);
+    std::printf("%s: error of the default over that of 0.003: %.4f\n", integrator, ratio);
+    EXPECT_LT(ratio, most) << integrator;
+  }
+}
+
 }  // namespace
 }  // namespace candela::statistical

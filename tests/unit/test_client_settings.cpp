@@ -35,7 +35,7 @@ RendererFacts fake_facts() {
       }
     return all;
   };
-  facts.settings_of_effort = [](const std::string&, std::uint64_t, std::uint64_t) -> Result<SettingsMap> {
+  facts.settings_of_effort = [](const std::string&, const Effort&) -> Result<SettingsMap> {
     return SettingsMap{};
   };
   facts.samples_per_iteration = [](const std::string&, const SettingsMap&) -> Result<std::uint64_t> {
@@ -57,10 +57,10 @@ RendererFacts facts_of_chains() {
     all.insert({{"mutations", "16"}, {"bootstrap", "100000"}});
     return all;
   };
-  facts.settings_of_effort = [](const std::string&, std::uint64_t spp,
-                                std::uint64_t pixels) -> Result<SettingsMap> {
-    return SettingsMap{{"mutations", std::to_string(std::min<std::uint64_t>(spp, 16))},
-                       {"bootstrap", std::to_string(spp * pixels)}};
+  facts.settings_of_effort = [](const std::string&, const Effort& effort) -> Result<SettingsMap> {
+    return SettingsMap{
+        {"mutations", std::to_string(effort.spp == 0 ? 16 : std::min<std::uint64_t>(effort.spp, 16))},
+        {"bootstrap", std::to_string(effort.samples)}};
   };
   facts.samples_per_iteration = [](const std::string&, const SettingsMap& s) -> Result<std::uint64_t> {
     return std::stoull(s.at("mutations"));
@@ -256,6 +256,9 @@ TEST(Settings, EffortInSamplesPerPixel) {
   EXPECT_NE(both.error().to_string().find("--spp"), std::string::npos);
   options.spp.reset();
   EXPECT_EQ(prepared(options, true).stop.iterations, 4U) << "rounds";
+  const PreparedJob rounds = prepared(options, true);
+  EXPECT_EQ(rounds.settings.integrator_settings, (SettingsMap{{"mutations", "2"}, {"bootstrap", "512000"}}))
+      << "four rounds of two mutations a pixel";
   options.iterations.reset();
   options.spp = "0";
   EXPECT_FALSE(prepare_job({TestScene().scene, {"scene.xml"}}, options, fake_facts()).ok());
@@ -278,6 +281,18 @@ TEST(Settings, AnExtendedJobKeepsItsEffort) {
   ASSERT_TRUE(keep_effort_of(first->settings, facts, more.value()).ok());
   EXPECT_EQ(difference(more->settings, first->settings), "");
   EXPECT_EQ(more->stop.iterations, 22U);
+  // By other limits than the first.
+  options.spp.reset();
+  for (auto* limit : {&options.time, &options.iterations}) {
+    *limit = "5";
+    auto longer = prepare_job({scene.scene, {"scene.xml"}}, options, facts);
+    ASSERT_TRUE(longer.ok());
+    ASSERT_TRUE(keep_effort_of(first->settings, facts, longer.value()).ok());
+    EXPECT_EQ(difference(longer->settings, first->settings), "");
+    EXPECT_EQ(longer->stop.iterations, limit == &options.time ? 0U : 5U);
+    limit->reset();
+  }
+  options.spp = "64";
   options.sets = {"mutations=16"};
   auto other = prepare_job({scene.scene, {"scene.xml"}}, options, facts);
   ASSERT_TRUE(other.ok());

@@ -164,7 +164,7 @@ TEST(Merging, NumbersInSettings) {
   const auto defaults = complete_integrator_settings("ppm", {}, {});
   ASSERT_TRUE(defaults.ok());
   EXPECT_EQ(std::stod(defaults->at("alpha")), 2.0 / 3);
-  EXPECT_EQ(defaults->at("radius"), "0.003");
+  EXPECT_EQ(defaults->at("radius"), "0");
   const auto given = complete_integrator_settings("vcm", {}, {{"radius", "1e-05"}, {"alpha", "1"}});
   ASSERT_TRUE(given.ok());
   EXPECT_EQ(given->at("radius"), "1e-05");

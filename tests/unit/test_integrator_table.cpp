@@ -116,6 +116,18 @@ TEST(IntegratorTable, SettingsHaveTheDefaultsOfTheirWords) {
   }
 }
 
+// The settings that follow from an effort.
+SettingsMap settings_of(const std::string& integrator, const Effort& effort) {
+  const auto some = render::integrator_settings_of_effort(integrator, effort);
+  if (!some.ok()) throw std::runtime_error(some.error().to_string());
+  const auto all = render::complete_integrator_settings(integrator, some.value(), {});
+  if (!all.ok()) throw std::runtime_error(all.error().to_string());
+  return all.value();
+}
+double number_of(const SettingsMap& settings, const std::string& name) {
+  return std::stod(settings.at(name));
+}
+
 // Claim: what an effort in samples per pixel decides completes the settings of every integrator, and is spent
 // to less than one round more; chains' bootstraps stay within a sixteenth of the work and the defaults.
 TEST(IntegratorTable, EffortsAreSpentInWholeIterations) {
@@ -124,24 +136,57 @@ TEST(IntegratorTable, EffortsAreSpentInWholeIterations) {
          {std::uint64_t{1}, std::uint64_t{5}, std::uint64_t{16}, std::uint64_t{100}, std::uint64_t{1} << 62})
       for (const std::uint64_t pixels : {std::uint64_t{1}, std::uint64_t{64 * 48}, std::uint64_t{1} << 32}) {
         SCOPED_TRACE(fmt::format("{}, {} spp, {} pixels", row.name, spp, pixels));
-        const auto effort = render::integrator_settings_of_effort(row.name, spp, pixels);
-        ASSERT_TRUE(effort.ok());
-        EXPECT_EQ(effort->contains("mutations"), row.chains);
-        const auto settings = render::complete_integrator_settings(row.name, effort.value(), {});
-        ASSERT_TRUE(settings.ok()) << settings.error().to_string();
-        const auto each = render::samples_per_iteration(row.name, settings.value());
+        const SettingsMap settings = settings_of(row.name, effort_of(spp, {}, pixels, 1));
+        EXPECT_EQ(settings.contains("mutations"), row.chains);
+        const auto each = render::samples_per_iteration(row.name, settings);
         ASSERT_TRUE(each.ok());
         EXPECT_EQ(each.value() > 1, row.chains && spp > 1);
         const std::uint64_t rounds = (spp + each.value() - 1) / each.value();
         EXPECT_LT(rounds * each.value() - spp, rounds);
         if (!row.chains) continue;
-        const double bootstrap = std::stod(settings->at("bootstrap"));
-        EXPECT_GE(bootstrap, 4000);
+        const double bootstrap = number_of(settings, "bootstrap"), chains = number_of(settings, "chains");
+        EXPECT_GE(bootstrap, 4 * chains);
         EXPECT_LE(bootstrap, 100000);
         const double work = static_cast<double>(spp) * static_cast<double>(pixels);
-        EXPECT_LE(bootstrap, std::max(4000.0, work / 16));
+        EXPECT_LE(bootstrap, std::max(400.0, work / 16));
       }
   }
+}
+
+// Claim: chains' bootstrap and number follow the work whatever the limit that tells of it, and the least
+// limit counts. The length of a segment follows samples a pixel alone.
+TEST(IntegratorTable, EveryLimitTellsTheWork) {
+  constexpr std::uint64_t kPixels = std::uint64_t{64} * 48;
+  const SettingsMap defaults = settings_of("mmlt", effort_of(0, {.time_seconds = 1e6}, kPixels, 16));
+  EXPECT_EQ(number_of(defaults, "chains"), 1000);
+  EXPECT_EQ(number_of(defaults, "bootstrap"), 100000);
+  EXPECT_EQ(number_of(defaults, "mutations"), 16);
+  const StopRule limits[] = {{.iterations = 2}, {.time_seconds = 3}, {.relmse = 0.03}};
+  for (const char* integrator : {"pssmlt", "mmlt"})
+    for (const StopRule& limit : limits) {
+      const Effort effort = effort_of(0, limit, kPixels, 16);
+      const SettingsMap some = settings_of(integrator, effort);
+      EXPECT_NEAR(number_of(some, "bootstrap"), static_cast<double>(effort.samples) / 16, 1);
+      EXPECT_LT(number_of(some, "bootstrap"), 10000);
+      EXPECT_EQ(number_of(some, "chains"), 100);
+      EXPECT_EQ(number_of(some, "mutations"), 16);
+      for (const StopRule& other : limits) {
+        StopRule both = limit;
+        both.iterations = std::max(both.iterations, other.iterations);
+        both.time_seconds = std::max(both.time_seconds, other.time_seconds);
+        both.relmse = std::max(both.relmse, other.relmse);
+        EXPECT_EQ(effort_of(0, both, kPixels, 16).samples,
+                  std::min(effort.samples, effort_of(0, other, kPixels, 16).samples));
+      }
+    }
+  // Ten times the work: ten times the bootstrap, and as many chains for each of its samples as ever.
+  const SettingsMap more = settings_of("mmlt", effort_of(0, {.iterations = 20}, kPixels, 16));
+  EXPECT_EQ(number_of(more, "bootstrap"), 20 * kPixels);
+  EXPECT_EQ(number_of(more, "chains"), 614);
+  // The film's size has no part in what a time brings.
+  EXPECT_EQ(effort_of(0, {.time_seconds = 3}, kPixels, 16).samples,
+            effort_of(0, {.time_seconds = 3}, 1 << 24, 16).samples);
+  EXPECT_EQ(effort_of(1ULL << 62, {}, 1ULL << 32, 1).samples, UINT64_MAX) << "more than fits";
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/base/result.h"
+#include "common/job/effort.h"
 #include "common/job/job.h"
 #include "common/stages/work_plan.h"
 #include "worker/core/vec.h"
@@ -79,9 +80,8 @@ struct IntegratorEntry {
   // All settings as text with defaults filled in, or the error of what was given.
   Result<SettingsMap> (*complete)(const SettingsMap& given);
   std::vector<SettingDoc> (*document)();
-  // Settings that follow from an effort of `spp` samples, or mutations, a pixel on a film of `pixels`, where
-  // nobody gives them.
-  SettingsMap (*of_effort)(std::uint64_t spp, std::uint64_t pixels);
+  // Settings that follow from an effort where nobody gives them: the same names for every effort.
+  SettingsMap (*of_effort)(const Effort& effort);
   // Samples, or mutations, that one iteration brings to a pixel, of complete settings.
   Result<std::uint64_t> (*samples_per_iteration)(const SettingsMap& settings);
 };

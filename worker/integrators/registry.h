@@ -28,9 +28,9 @@ IntegratorEntry integrator_entry(std::string_view name,
             return write_settings(settings).map;
           },
           +[] { return write_settings(Settings{}).docs; },
-          +[](std::uint64_t spp, std::uint64_t pixels) -> SettingsMap {
+          +[](const Effort& effort) -> SettingsMap {
             if constexpr (requires(Settings s) { s.markov; })
-              return markov::settings_of_effort(spp, pixels);
+              return markov::settings_of_effort(effort);
             else
               return {};
           },

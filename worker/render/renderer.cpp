@@ -323,10 +323,9 @@ Result<WorkPlan> largest_work(const JobSettings& settings) {
   return *std::move(largest);
 }
 
-Result<SettingsMap> integrator_settings_of_effort(const std::string& integrator, std::uint64_t spp,
-                                                  std::uint64_t pixels) {
+Result<SettingsMap> integrator_settings_of_effort(const std::string& integrator, const Effort& effort) {
   CANDELA_ASSIGN(const integrators::IntegratorEntry* entry, integrators::find_integrator(integrator));
-  return entry->of_effort(spp, pixels);
+  return entry->of_effort(effort);
 }
 
 Result<std::uint64_t> samples_per_iteration(const std::string& integrator, const SettingsMap& settings) {

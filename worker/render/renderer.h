@@ -9,6 +9,7 @@
 
 #include "common/base/result.h"
 #include "common/description/object.h"
+#include "common/job/effort.h"
 #include "common/job/job.h"
 #include "common/stages/work_plan.h"
 #include "worker/integrators/run_context.h"
@@ -68,10 +69,8 @@ Result<std::vector<SettingDoc>> integrator_settings(const std::string& integrato
 // overridden by `from_user`.
 Result<SettingsMap> complete_integrator_settings(const std::string& integrator, const SettingsMap& from_scene,
                                                  const SettingsMap& from_user);
-// Settings that follow from an effort of `spp` samples, or mutations, a pixel on a film of `pixels`, where
-// nobody gives them.
-Result<SettingsMap> integrator_settings_of_effort(const std::string& integrator, std::uint64_t spp,
-                                                  std::uint64_t pixels);
+// Settings that follow from an effort where nobody gives them: the same names for every effort.
+Result<SettingsMap> integrator_settings_of_effort(const std::string& integrator, const Effort& effort);
 // Samples, or mutations, that one iteration of an integrator with these complete settings brings to a pixel.
 Result<std::uint64_t> samples_per_iteration(const std::string& integrator, const SettingsMap& settings);
 

@@ -27,6 +27,9 @@ class PhotonMapping final : public IterationIntegrator {
   WorkPlan work(FilmSize /*size*/, int film_scale_log2) const override {
     return planned_.techniques.merges() ? work_plan(adaptation_, film_scale_log2) : WorkPlan{};
   }
+  Plan plan_for(const UnitContext& context, const RunContext& /*run*/) const override {
+    return merging::with_first_radius(plan(), context, iterations_);
+  }
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
                    const RunContext& run_context) const override {
     if (!planned_.techniques.merges())

@@ -7,20 +7,24 @@
 
 namespace candela::integrators::markov {
 
-SettingsMap settings_of_effort(std::uint64_t spp, std::uint64_t pixels) {
+SettingsMap settings_of_effort(const Effort& effort) {
   const MarkovSettings most;  // of a large job
-  const auto longest = static_cast<std::uint64_t>(most.mutations);
-  const std::uint64_t total = std::max<std::uint64_t>(spp, 1);
-  const std::uint64_t rounds = (total + longest - 1) / longest;
-  const std::string mutations = std::to_string((total + rounds - 1) / rounds);
-  constexpr std::uint64_t kShare = 16, kOfEachChain = 4;
-  const std::uint64_t least = kOfEachChain * static_cast<std::uint64_t>(most.chains);
-  const auto largest = static_cast<std::uint64_t>(most.bootstrap);
-  // total * pixels may not fit 64 bits.
-  const std::uint64_t share = total > kShare * largest / pixels ? largest : total * pixels / kShare;
-  return {{"mutations", mutations},
-          {"direct_samples", mutations},
-          {"bootstrap", std::to_string(std::clamp(share, least, largest))}};
+  const auto longest = static_cast<std::uint64_t>(most.mutations),
+             most_chains = static_cast<std::uint64_t>(most.chains),
+             largest = static_cast<std::uint64_t>(most.bootstrap);
+  std::uint64_t mutations = longest;
+  if (effort.spp > 0) {
+    const std::uint64_t rounds = effort.spp / longest + (effort.spp % longest == 0 ? 0 : 1);
+    mutations = effort.spp / rounds + (effort.spp % rounds == 0 ? 0 : 1);
+  }
+  constexpr std::uint64_t kShare = 16, kFewer = 10;
+  const std::uint64_t share = effort.samples / kShare;
+  const std::uint64_t of_share = std::min(share, largest) * most_chains / largest;
+  const std::uint64_t chains = std::clamp(of_share - of_share % 2, most_chains / kFewer, most_chains);
+  return {{"mutations", std::to_string(mutations)},
+          {"direct_samples", std::to_string(mutations)},
+          {"chains", std::to_string(chains)},
+          {"bootstrap", std::to_string(std::clamp(share, kOfEachChain * chains, largest))}};
 }
 
 }  // namespace candela::integrators::markov

@@ -1,16 +1,16 @@
-// Derives two settings of a job of Markov chains from an effort in samples a pixel: the length of segments,
+// Derives settings of a job of Markov chains from its effort: the length of segments, the number of chains,
 // and the share of the bootstrap in the work.
 #pragma once
 
-#include <cstdint>
-
-#include "common/job/job.h"
+#include "common/job/effort.h"
 
 namespace candela::integrators::markov {
 
-// `mutations`, `direct_samples` and `bootstrap` for `spp` mutations a pixel in all, on a film of `pixels`.
-// A job of few samples has short segments, so that it is whole rounds; a small one a bootstrap of a sixteenth
-// of its mutations, which is never fewer than four samples for each chain of the default number.
-SettingsMap settings_of_effort(std::uint64_t spp, std::uint64_t pixels);
+// `mutations`, `direct_samples`, `chains` and `bootstrap`. A job of few samples a pixel has short segments,
+// so that it is whole rounds. A small one has a bootstrap of a sixteenth of its mutations and a chain for
+// each hundred samples of it, a tenth of the default numbers of chains at least; the bootstrap is never fewer
+// than kOfEachChain samples for each chain.
+inline constexpr std::uint64_t kOfEachChain = 4;
+SettingsMap settings_of_effort(const Effort& effort);
 
 }  // namespace candela::integrators::markov

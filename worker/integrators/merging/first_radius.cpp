@@ -12,7 +12,8 @@ namespace {
 constexpr int kGrid = 32;                       // by as many rays
 constexpr double kLeast = 1e-12, kMost = 1e12;  // DiscKernel, BallKernel
 
-// The median width of a pixel, 0 where nothing is seen.
+}  // namespace
+
 double pixel_footprint(const UnitContext& context) {
   std::vector<double> areas;
   const Vec2 middle{0.5f, 0.5f};
@@ -38,8 +39,6 @@ double pixel_footprint(const UnitContext& context) {
   std::nth_element(areas.begin(), middle_one, areas.end());
   return std::sqrt(*middle_one);
 }
-
-}  // namespace
 
 double first_radius(const UnitContext& context, double fraction, double pixels) {
   const double footprint = pixels > 0 ? pixel_footprint(context) : 0;

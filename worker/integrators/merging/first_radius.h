@@ -11,6 +11,9 @@ namespace candela::integrators::merging {
 // of the scene and the film's size.
 double first_radius(const UnitContext& context, double fraction, double pixels);
 
+// The median width of a pixel, as above; 0 where nothing is met.
+double pixel_footprint(const UnitContext& context);
+
 // Within what kernels can take.
 double clamped_radius(double radius);
 

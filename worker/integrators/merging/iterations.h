@@ -7,33 +7,13 @@
 
 #include "worker/estimators/merging_eye.h"
 #include "worker/integrators/eye_samples.h"
-#include "worker/integrators/merging/first_radius.h"
+#include "worker/integrators/merging/chosen_radius.h"
 #include "worker/integrators/merging/iteration_options.h"
 #include "worker/integrators/merging/light_pass.h"
-#include "worker/integrators/merging/neighbor_radius.h"
 #include "worker/integrators/merging/pixels_alone.h"
 #include "worker/integrators/merging/scales.h"
 
 namespace candela::integrators::merging {
-
-inline std::uint64_t light_path_count(const MergeRules& rules, const UnitContext& context) {
-  const double pixels = static_cast<double>(context.width) * context.height;
-  return static_cast<std::uint64_t>(std::max(1.0, std::floor(rules.light_paths * pixels + 0.5)));
-}
-
-inline double first_radius(const UnitContext& context, const IterationOptions& options) {
-  if (!options.techniques.merges()) return 1;
-  const MergeRules& rules = options.merge;
-  if (rules.radius_neighbors > 0) {
-    NeighborRadius& known = options.neighbor_radius;
-    std::call_once(known.once, [&] {
-      known.value = neighbor_radius(context, options.paths, rules.radius_neighbors,
-                                    static_cast<double>(light_path_count(rules, context)));
-    });
-    if (known.value > 0) return clamped_radius(known.value);
-  }
-  return first_radius(context, rules.radius, rules.radius_pixels);
-}
 
 // The eye paths of one iteration. EyeEstimator: VcmEye or PpmEye of estimators/merging_eye.h.
 template <class EyeEstimator, class LightSide>

@@ -8,7 +8,7 @@
 namespace candela::integrators::merging {
 
 struct MergeSettings {
-  double radius = 0.003;
+  double radius = 0;
   double radius_pixels = 0;
   int radius_neighbors = 0;
   double alpha;
@@ -30,8 +30,11 @@ struct MergeSettings {
   template <class Visitor>
   void fields(Visitor& visit, bool progressive = true) {
     using integrator_words::kAlpha;
-    visit("radius", radius, NumberRange{0, 1, true},
-          "merging radius of the first iteration, as a fraction of the scene's bounding sphere's");
+    visit(
+        "radius", radius, NumberRange{0, 1},
+        "merging radius of the first iteration, as a fraction of the scene's bounding sphere's; 0: such that "
+        "ten photons of an iteration lie within it (the median), but at most a pixel wide (two without "
+        "connections, ten in media without them), or 0.003 if that is more");
     visit("radius_pixels", radius_pixels, NumberRange{0, 1e6},
           "above 0: that radius in widths of a pixel at what the camera sees (the median) instead");
     visit("radius_neighbors", radius_neighbors, 0, 1 << 14,

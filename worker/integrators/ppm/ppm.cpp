@@ -1,6 +1,7 @@
 #include "worker/integrators/ppm/ppm.h"
 
 #include "worker/integrators/iteration_integrator.h"
+#include "worker/integrators/merging/chosen_radius.h"
 #include "worker/integrators/merging/one_radius.h"
 #include "worker/integrators/ppm/plan.h"
 
@@ -16,6 +17,9 @@ class PpmIntegrator final : public IterationIntegrator {
       : IterationIntegrator(options, std::move(planned)),
         iterations_{options_, planned_.techniques, merge, caustics_only} {}
 
+  Plan plan_for(const UnitContext& context, const RunContext& /*run*/) const override {
+    return merging::with_first_radius(plan(), context, iterations_);
+  }
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run_context) const override {
     return merging::run_ppm(planned_.between, context, unit, iterations_, output, run_context);

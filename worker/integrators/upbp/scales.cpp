@@ -51,10 +51,13 @@ IterationScales iteration_scales(const MediumRules& rules, const merging::MergeR
       {},
       {}};
   scales.surfaces.scale.eta.medium = 1;
+  const double first_in_media =
+      merge.is_automatic() ? merging::kFallbackFraction * static_cast<double>(scene.features().radius)
+                           : first;
   const ExpectedHits expected = hits.in(iteration);
   for (std::uint32_t m = 0; m < scene.features().media; ++m) {
     const scene::Medium& medium = scene.medium(m);
-    const transport::MediumRadii radii = medium_radii(rules, scene, medium, first, iteration);
+    const transport::MediumRadii radii = medium_radii(rules, scene, medium, first_in_media, iteration);
     scales.kernels.emplace_back(merge.kernel, radii);
     scales.eta.push_back(medium_eta(rules, medium, merge.kernel, radii, paths, beam_paths));
     expected.divide(scales.eta.back());

@@ -24,8 +24,9 @@ struct IterationScales {
   std::vector<float> ball_radii, beam_radii;
 };
 
-// first: merging radius on surfaces in the first iteration. paths: light paths of an iteration; beam_paths:
-// the expected number of those that leave beams. hits: expected in the first iteration.
+// first: merging radius in the first iteration; one that was chosen for surfaces (merge.is_automatic()) has
+// no part in media, which then begin with the fall-back. paths: light paths of an iteration; beam_paths: the
+// expected number of those that leave beams. hits: expected in the first iteration.
 IterationScales iteration_scales(const MediumRules& rules, const merging::MergeRules& merge,
                                  const estimators::Techniques& techniques, const scene::Scene& scene,
                                  double first, std::uint64_t iteration, double paths, double beam_paths,

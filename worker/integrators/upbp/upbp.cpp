@@ -41,7 +41,7 @@ struct Variant {
                                              false, layers == "merging",      layers == "techniques"} {}
 
   const Rules rules;
-  const merging::IterationOptions iterations;
+  merging::IterationOptions iterations;
 };
 
 class UpbpIntegrator final : public IterationIntegrator {
@@ -54,7 +54,9 @@ class UpbpIntegrator final : public IterationIntegrator {
       : IterationIntegrator(options, variants[0]->rules.planned),
         variants_(std::move(variants)),
         setting_(std::move(setting)),
-        has_pilot_(has_pilot) {}
+        has_pilot_(has_pilot) {
+    for (const auto& variant : variants_) variant->iterations.chosen = variants_[0]->iterations.chosen;
+  }
 
   WorkPlan work(FilmSize /*size*/, int /*film_scale_log2*/) const override {
     return {.layers = variants_[0]->iterations.layers()};
@@ -309,7 +311,8 @@ Plan UpbpIntegrator::plan_for(const UnitContext& context, const RunContext& run)
   const auto pilot = pilot_for(context, run);
   if (!pilot.ok()) return plan();
   const upbp::Choice& choice = pilot->choice;
-  Plan plan = variants_[pilot->variant]->rules.planned.plan;
+  Plan plan = merging::with_first_radius(variants_[pilot->variant]->rules.planned.plan, context,
+                                         variants_[pilot->variant]->iterations);
   std::string found;
   for (std::size_t v = 0; v < choice.inefficiency.size(); ++v)
     found += fmt::format("{}{} {:.2g} and {:.2g}", v == 0 ? "" : "; ", variants_[v]->rules.name,
@@ -478,10 +481,11 @@ Result<std::unique_ptr<Integrator>> make_upbp_integrator(const SettingsMap& sett
     sets = candidates(medium, chooses_beams, options, features);
   else
     sets = one_set(medium, chooses_beams, connects, options, features, full);
+  merging::MergeRules merge = parsed.merge.rules();
+  merge.separate_media = true;
   std::vector<std::unique_ptr<Variant>> variants;
   for (Rules& set : sets)
-    variants.push_back(
-        std::make_unique<Variant>(std::move(set), options, parsed.merge.rules(), parsed.layers.value));
+    variants.push_back(std::make_unique<Variant>(std::move(set), options, merge, parsed.layers.value));
   std::unique_ptr<Integrator> made = std::make_unique<UpbpIntegrator>(
       options, std::move(variants), automatic ? "techniques=auto" : "beam_paths", merges_in_media && !full);
   return made;

@@ -1,6 +1,7 @@
 #include "worker/integrators/vcm/vcm.h"
 
 #include "worker/integrators/iteration_integrator.h"
+#include "worker/integrators/merging/chosen_radius.h"
 #include "worker/integrators/merging/one_radius.h"
 #include "worker/integrators/vcm/plan.h"
 
@@ -21,6 +22,9 @@ class VcmIntegrator final : public IterationIntegrator {
     return {.layers = iterations_.layers()};
   }
 
+  Plan plan_for(const UnitContext& context, const RunContext& /*run*/) const override {
+    return merging::with_first_radius(plan(), context, iterations_);
+  }
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run_context) const override {
     return merging::run_vcm(planned_.between, context, unit, iterations_, output, run_context);

@@ -32,6 +32,9 @@ class VcmplusIntegrator final : public IterationIntegrator {
     plan.layers = iterations_.layers();
     return plan;
   }
+  Plan plan_for(const UnitContext& context, const RunContext& /*run*/) const override {
+    return merging::with_first_radius(plan(), context, iterations_);
+  }
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
                    const RunContext& run_context) const override {
     if (!planned_.techniques.merges())

@@ -1,0 +1,32 @@
+// The merging radius of the first iteration, as settings, scene and film decide it.
+#pragma once
+
+#include <cstdint>
+
+#include "worker/integrators/integrator.h"
+#include "worker/integrators/merging/iteration_options.h"
+
+namespace candela::integrators::merging {
+
+std::uint64_t light_path_count(const MergeRules& rules, const UnitContext& context);
+
+// By the settings of `rules` (settings.h). An automatic radius is that of the disc in which kAutomaticPhotons
+// photons of an iteration lie: the median over what a grid of eye paths merges at first, in media of the
+// ball, from a pilot of few light paths. It is at most most_pixels() pixels wide, or kFallbackFraction of the
+// scene's bounding sphere if that is more; where the pilot finds nothing it is that fraction. A pure function
+// of the scene, the film's size, the seed, and the arguments.
+inline constexpr int kAutomaticPhotons = 10;
+ChosenRadius choose_radius(const UnitContext& context, const MergeRules& rules,
+                           const estimators::PathOptions& paths, const estimators::Techniques& techniques);
+
+// Where connections find what is near lamps, a radius of more than a pixel blurs it; where nothing but
+// merging does, more of a blur is less than the noise; and photons in media are rarer.
+double most_pixels(const estimators::Techniques& techniques);
+
+// The value for these options, in scene units, chosen once for all options that share `chosen`; 1 where
+// nothing merges.
+double first_radius(const UnitContext& context, const IterationOptions& options);
+// Tells of it in the plan, if anything merges.
+Plan with_first_radius(Plan plan, const UnitContext& context, const IterationOptions& options);
+
+}  // namespace candela::integrators::merging
