@@ -96,9 +96,9 @@ TEST(AutomaticRadius, GivesWayToAnyThatIsGiven) {
   EXPECT_NEAR(chosen(small, rules).value, expected, 0.15 * expected);
 }
 
-// Claim: where photons are rare in view the radius ends at two pixels, at one if there are connections; at
-// 0.003 of the scene's bounding sphere if that is more; so it is where a pilot finds no photons, or nothing
-// that merges.
+// Claim: where photons are rare in view the radius ends at two pixels, at half of one if there are
+// connections, at one if radii adapt; at 0.003 of the scene's bounding sphere if that is more; so it is where
+// a pilot finds no photons, or nothing that merges.
 TEST(AutomaticRadius, HasBounds) {
   const Job away = job(lit_floor("12"), 48, 48), large = job(lit_floor("12"), 2048, 2048);
   const double pixel = pixel_footprint(away.context());
@@ -107,8 +107,11 @@ TEST(AutomaticRadius, HasBounds) {
   connecting.connect = true;
   EXPECT_DOUBLE_EQ(chosen(away).value, 2 * pixel);
   EXPECT_NE(chosen(away).why.find("at most 2 pixels"), std::string::npos) << chosen(away).why;
-  EXPECT_DOUBLE_EQ(chosen(away, {}, connecting).value,
-                   std::max(pixel, 0.003 * static_cast<double>(away.scene->features().radius)));
+  const double fraction = 0.003 * static_cast<double>(away.scene->features().radius);
+  EXPECT_DOUBLE_EQ(chosen(away, {}, connecting).value, std::max(0.5 * pixel, fraction));
+  MergeRules adapting;
+  adapting.adapts = true;
+  EXPECT_DOUBLE_EQ(chosen(away, adapting, connecting).value, std::max(pixel, fraction));
   EXPECT_DOUBLE_EQ(chosen(large).value, 0.003 * static_cast<double>(large.scene->features().radius));
   const std::string floor =
       "<shape type=\"rectangle\"><transform name=\"to_world\"><translate z=\"-5\"/>"

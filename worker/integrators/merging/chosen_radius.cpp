@@ -32,7 +32,8 @@ ChosenRadius automatic_radius(const UnitContext& context, const MergeRules& rule
                                                                std::max(paths, pilot_paths), pilot);
   const double fraction = first_radius(context, kFallbackFraction, 0);
   if (found <= 0) return {fraction, "a pilot found too few photons to choose by"};
-  const double pixels = most_pixels(techniques), most = std::max(pixels * pixel_footprint(context), fraction);
+  const double pixels = most_pixels(rules, techniques),
+               most = std::max(pixels * pixel_footprint(context), fraction);
   if (found > most)
     return {clamped_radius(most), fmt::format("at most {} pixels or {} of the bounding sphere: fewer than {} "
                                               "photons of an iteration lie within it, in the median",
@@ -80,8 +81,8 @@ ChosenRadius choose_radius(const UnitContext& context, const MergeRules& rules,
                               : given_radius(context, rules, paths);
 }
 
-double most_pixels(const estimators::Techniques& techniques) {
-  if (techniques.next_event || techniques.connect) return 1;
+double most_pixels(const MergeRules& rules, const estimators::Techniques& techniques) {
+  if (techniques.next_event || techniques.connect) return rules.adapts ? 1 : 0.5;
   return techniques.merge_medium ? 10 : 2;
 }
 

@@ -19,9 +19,9 @@ inline constexpr int kAutomaticPhotons = 10;
 ChosenRadius choose_radius(const UnitContext& context, const MergeRules& rules,
                            const estimators::PathOptions& paths, const estimators::Techniques& techniques);
 
-// Where connections find what is near lamps, a radius of more than a pixel blurs it; where nothing but
-// merging does, more of a blur is less than the noise; and photons in media are rarer.
-double most_pixels(const estimators::Techniques& techniques);
+// Where connections find what is near lamps, a radius of a pixel blurs small ones, unless it adapts; where
+// nothing but merging does, more of a blur is less than the noise; and photons in media are rarer.
+double most_pixels(const MergeRules& rules, const estimators::Techniques& techniques);
 
 // The value for these options, in scene units, chosen once for all options that share `chosen`; 1 where
 // nothing merges.

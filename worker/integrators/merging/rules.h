@@ -16,6 +16,7 @@ struct MergeRules {
   double alpha = 1;
   double light_paths = 1;       // per pixel
   bool separate_media = false;  // an automatic radius is that of surfaces alone
+  bool adapts = false;          // radii shrink where tests find that they blur
 
   // The first radius follows from a pilot: choose_radius().
   bool is_automatic() const { return radius <= 0 && radius_pixels <= 0 && radius_neighbors <= 0; }

@@ -33,8 +33,8 @@ struct MergeSettings {
     visit(
         "radius", radius, NumberRange{0, 1},
         "merging radius of the first iteration, as a fraction of the scene's bounding sphere's; 0: such that "
-        "ten photons of an iteration lie within it (the median), but at most a pixel wide (two without "
-        "connections, ten in media without them), or 0.003 if that is more");
+        "ten photons of an iteration lie within it (the median), but at most half a pixel wide (one if "
+        "radii adapt, two without connections, ten in media without them), or 0.003 if that is more");
     visit("radius_pixels", radius_pixels, NumberRange{0, 1e6},
           "above 0: that radius in widths of a pixel at what the camera sees (the median) instead");
     visit("radius_neighbors", radius_neighbors, 0, 1 << 14,

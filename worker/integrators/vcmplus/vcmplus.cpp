@@ -69,9 +69,10 @@ Result<std::unique_ptr<Integrator>> make_vcmplus_integrator(const SettingsMap& s
   // alpha=1 is the rule of the paper.
   if (parsed.merge.alpha < 1) adaptive::follow(adaptation, parsed.merge.alpha, kNoEvidence, kLittleEvidence);
   if (planned.techniques.merges()) adaptive::note_statistics(adaptation, planned.plan);
-  return std::unique_ptr<Integrator>(
-      std::make_unique<VcmplusIntegrator>(options, std::move(planned), parsed.merge.rules(),
-                                          parsed.layers.value == "merging", std::move(adaptation), colors));
+  merging::MergeRules rules = parsed.merge.rules();
+  rules.adapts = true;
+  return std::unique_ptr<Integrator>(std::make_unique<VcmplusIntegrator>(
+      options, std::move(planned), rules, parsed.layers.value == "merging", std::move(adaptation), colors));
 }
 
 }  // namespace candela::integrators
