@@ -158,6 +158,13 @@ struct FarmClient::State {
   }
 };
 
+std::string random_token() {
+  std::random_device random;
+  std::string token;
+  for (int i = 0; i < 4; ++i) token += fmt::format("{:08x}", random());
+  return token;
+}
+
 FarmClient::FarmClient(std::unique_ptr<State> state) : state_(std::move(state)) {}
 FarmClient::~FarmClient() = default;
 
@@ -367,17 +374,25 @@ Result<void> FarmClient::verify_jobs(const std::string& id,
 }
 
 Result<v1::JobStatus> FarmClient::extend_job(const v1::ExtendJobRequest& request) {
-  // Find the master first, with patience; then ask once.
+  // Only a master that cannot be found leaves the job surely as it was. The call itself has a token, by which
+  // a master knows one that it has done, so it can be repeated.
   CANDELA_TRY(check_server());
-  grpc::ClientContext context;
-  context.set_deadline(deadline_in(state_->timeout_seconds));
+  v1::ExtendJobRequest call = request;
+  if (call.idempotency_token().empty()) call.set_idempotency_token(random_token());
   v1::JobStatus response;
-  const grpc::Status status = state_->stub->ExtendJob(&context, request, &response);
-  if (status.ok()) return response;
-  Error error = state_->error_of(status);
-  if (error.kind == ErrorKind::unreachable)
-    error.mend = fmt::format("the job may or may not be extended: look with `candela show {}` first",
-                             request.job_id());
+  bool unknown = false;  // whether some attempt was made
+  const Result<void> done = state_->repeat([&](grpc::ClientContext& context) {
+    response.Clear();
+    const grpc::Status status = state_->stub->ExtendJob(&context, call, &response);
+    unknown = unknown || (!status.ok() && status.error_code() != grpc::StatusCode::RESOURCE_EXHAUSTED);
+    return status;
+  });
+  if (done.ok()) return response;
+  Error error = done.error();
+  if (error.kind != ErrorKind::unreachable || !unknown) return error;
+  error.kind = ErrorKind::failed;  // whoever repeats the command may extend the job twice
+  error.mend =
+      fmt::format("the job may or may not be extended: look with `candela show {}` first", request.job_id());
   return error;
 }
 

@@ -39,6 +39,9 @@ struct ConnectionOptions {
   double timeout_seconds = 10;            // until an answer, retries included
 };
 
+// An idempotency token.
+std::string random_token();
+
 class FarmClient {
  public:
   // Dials nothing yet: bad addresses and credentials are told here, an absent master by the first call.

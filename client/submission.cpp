@@ -3,22 +3,15 @@
 #include <fmt/format.h>
 
 #include <map>
-#include <random>
 #include <set>
 
 #include "client/values.h"
 #include "common/stages/decision.h"
+#include "common/stages/memory_need.h"
 #include "common/wire/wire.h"
 
 namespace candela::client {
 namespace {
-
-std::string random_token() {
-  std::random_device random;
-  std::string token;
-  for (int i = 0; i < 4; ++i) token += fmt::format("{:08x}", random());
-  return token;
-}
 
 // Uploads what the farm lacks, and submits. The bytes uploaded go to `total`.
 Result<v1::SubmitResponse> upload_and_submit(FarmClient& farm, const LoadedScene& scene,
@@ -53,16 +46,22 @@ Result<v1::SubmitResponse> upload_and_submit(FarmClient& farm, const LoadedScene
   return farm.submit(request);
 }
 
-// The scene is loaded only if its settings leave the answer open.
-Result<void> check_statistics(FarmClient& farm, const LoadedScene& scene, const RendererFacts& facts) {
-  if (!facts.largest_work) return {};
+// Before anything is uploaded. The scene is loaded only if its settings leave the answer open.
+Result<void> check_limits(FarmClient& farm, const LoadedScene& scene, const RendererFacts& facts) {
   const JobSettings& settings = scene.job.settings;
-  CANDELA_ASSIGN(const WorkPlan largest, facts.largest_work(settings));
-  if (largest.accumulators.empty()) return {};
+  WorkPlan largest;
+  if (facts.largest_work) {
+    CANDELA_ASSIGN(largest, facts.largest_work(settings));
+  }
   CANDELA_ASSIGN(const v1::GetServerInfoResponse master, farm.check_server());
   const auto fits = [&](const WorkPlan& work) -> Result<void> {
-    CANDELA_TRY(validate(work, settings.width, settings.height));
-    return candela::check_statistics(work, settings, master.statistics_limit_bytes());
+    if (!work.accumulators.empty()) {
+      CANDELA_TRY(validate(work, settings.width, settings.height));
+      CANDELA_TRY(check_statistics(work, settings, master.statistics_limit_bytes()));
+    }
+    if (master.memory_limit_bytes() == 0) return {};
+    return check_memory(memory_need(work, settings.width, settings.height), settings,
+                        master.memory_limit_bytes());
   };
   auto any_scene = fits(largest);
   if (any_scene.ok() || !facts.work_of) return any_scene;
@@ -74,7 +73,7 @@ Result<void> check_statistics(FarmClient& farm, const LoadedScene& scene, const 
 
 Result<Submitted> submit_scene(FarmClient& farm, const LoadedScene& scene, const RendererFacts& facts,
                                const Submission& submission, ProgressLine& progress) {
-  CANDELA_TRY(check_statistics(farm, scene, facts));
+  CANDELA_TRY(check_limits(farm, scene, facts));
   v1::SubmitRequest request;
   request.set_name(submission.name);
   wire::to_proto(scene.gathered.bundle, *request.mutable_bundle());

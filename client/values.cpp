@@ -10,11 +10,10 @@
 #include "common/base/text.h"
 #include "common/description/vocabulary.h"
 #include "common/job/job.h"
+#include "common/job/stop_limits.h"
 
 namespace candela::client {
 namespace {
-
-constexpr double kMostSeconds = 10 * 365.25 * 86400;
 
 Error bad_value(std::string_view text, std::string_view option, std::string_view wanted) {
   return usage_error(fmt::format("'{}' is not {}", printable(text), wanted)).with_field(std::string(option));
@@ -87,7 +86,7 @@ Result<double> parse_duration(std::string_view text, std::string_view option) {
     total += value * unit;
   }
   if (!(total > 0)) return bad_value(text, option, "a duration above 0");
-  if (total > kMostSeconds) return bad_value(text, option, "a duration of at most ten years");
+  if (total > kMaxStopSeconds) return bad_value(text, option, "a duration of at most ten years");
   return total;
 }
 
@@ -110,8 +109,9 @@ Result<double> parse_until(std::string_view text, std::string_view option) {
   if (equals == std::string_view::npos || text.substr(0, equals) != "relmse")
     return bad_value(text, option, "a target such as relmse=1e-3");
   double value = 0;
-  if (!parse_whole(text.substr(equals + 1), value) || !std::isfinite(value) || !(value > 0))
-    return bad_value(text, option, "a target such as relmse=1e-3, above 0");
+  if (!parse_whole(text.substr(equals + 1), value) || !(value > 0 && value <= kMaxStopRelmse))
+    return bad_value(text, option,
+                     fmt::format("a target such as relmse=1e-3, above 0 and at most {}", kMaxStopRelmse));
   return value;
 }
 

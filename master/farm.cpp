@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <sys/file.h>
 #include <sys/random.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -13,6 +14,7 @@
 
 #include "common/base/files.h"
 #include "common/base/log.h"
+#include "common/base/memory_limit.h"
 #include "common/wire/stored_bundle.h"
 #include "master/jobs/job_status.h"
 
@@ -30,7 +32,26 @@ std::string random_id(std::string_view prefix, int characters) {
   return std::string(prefix) + bytes;
 }
 
-Farm::Farm(const FarmOptions& options) : options_(options) {}
+namespace {
+
+// Images that somebody asked for, and films of jobs that have ended, may each take this part of the memory.
+constexpr std::uint64_t kImageShare = 4;
+
+bool address_space_is_limited() {
+  rlimit limit{};
+  return ::getrlimit(RLIMIT_AS, &limit) == 0 && limit.rlim_cur != RLIM_INFINITY;
+}
+
+std::uint64_t or_default(std::uint64_t given, std::uint64_t otherwise) {
+  return given > 0 ? given : otherwise;
+}
+
+}  // namespace
+
+Farm::Farm(const FarmOptions& options)
+    : options_(options),
+      memory_limit_(or_default(options.master.memory_bytes, memory_limit_bytes() / 4 * 3)),
+      statistics_limit_(or_default(options.master.statistics_bytes, memory_limit_ / 3)) {}
 
 Farm::~Farm() {
   stop();
@@ -42,7 +63,11 @@ Farm::~Farm() {
 
 Result<std::unique_ptr<Farm>> Farm::open(const FarmOptions& options) {
   auto farm = std::unique_ptr<Farm>(new Farm(options));
-  CANDELA_TRY(farm->start());
+  try {
+    CANDELA_TRY(farm->start());
+  } catch (const std::bad_alloc&) {
+    return out_of_memory("the jobs cannot be read");
+  }
   return farm;
 }
 
@@ -59,6 +84,8 @@ Result<void> Farm::start() {
   SchedulerOptions so;
   so.lease_seconds = o.lease_seconds;
   so.unit_seconds = o.unit_seconds;
+  so.memory_bytes = memory_limit_;
+  so.statistics_bytes = statistics_limit_;
   gate_ = std::make_unique<PushGate>(o.merge_queue_bytes, o.merge_threads);
   writer_ = std::make_unique<StoreWriter>(*store_, [this](const std::string& text) {
     const std::lock_guard lock(health_mutex_);
@@ -79,20 +106,37 @@ Result<void> Farm::start() {
   keeping_ = std::make_unique<BulkThreads>(2, o.bulk_niceness);
   deltas_ = std::make_unique<DeltaIntake>(*table_, *truth_, *gate_, *merging_, counters_, wake_);
   reports_ = std::make_unique<StateReports>(*table_, *truth_);
-  images_ = std::make_unique<ImageWriter>(*table_, *truth_, *store_, *reports_, *keeping_);
+  images_ = std::make_unique<ImageWriter>(*table_, *truth_, *store_, *reports_, *keeping_,
+                                          memory_limit_ / kImageShare);
   decider_ = std::make_unique<EpochDecider>(*table_, *truth_, *blobs_, wake_);
-  upkeep_ =
-      std::make_unique<JobUpkeep>(*table_, *truth_, *images_, *keeping_, counters_, wake_, options_.master);
+  upkeep_ = std::make_unique<JobUpkeep>(*table_, *truth_, *images_, *keeping_, counters_, wake_,
+                                        options_.master, memory_limit_ / kImageShare);
   retention_ = std::make_unique<Retention>(*table_, *truth_, *upkeep_, *blobs_, *store_, *writer_, counters_,
                                            wake_, options_.master);
   CANDELA_TRY(restore_jobs(std::move(state)));
   CANDELA_TRY(writer_->flush());
-  threads_.emplace_back([this] { tick_loop(); });
-  threads_.emplace_back([this] { upkeep_->upkeep_loop(); });
-  threads_.emplace_back([this] { decider_->decide_loop(); });
-  threads_.emplace_back([this] { truth_->verify_ended(); });
-  threads_.emplace_back([this] { retention_->loop(); });
+  start_thread("tick", [this] { tick_loop(); });
+  start_thread("upkeep", [this] { upkeep_->upkeep_loop(); });
+  start_thread("decisions", [this] { decider_->decide_loop(); });
+  start_thread("verification", [this] { truth_->verify_ended(); });
+  start_thread("retention", [this] { retention_->loop(); });
   return {};
+}
+
+// A loop that runs out of memory begins again.
+void Farm::start_thread(const char* what, std::function<void()> loop) {
+  threads_.emplace_back([this, what, loop = std::move(loop)] {
+    constexpr auto kPause = std::chrono::milliseconds(500);
+    for (;;) {
+      try {
+        return loop();
+      } catch (const std::bad_alloc&) {
+        if (stopping()) return;
+        log::error(fmt::format("out of memory ({}): trying again", what));
+        std::this_thread::sleep_for(kPause);
+      }
+    }
+  });
 }
 
 // The folder itself is locked as well as a file in it: a file may be removed, and its successor locked by
@@ -127,6 +171,7 @@ Result<void> Farm::restore_jobs(StoredState state) {
     RestoredFilm film;  // null before the pilot
   };
   std::vector<Restored> jobs;  // their films are read before the lock is taken
+  std::uint64_t read_bytes = 0;
   for (JobRow& row : state.jobs) {
     const std::string id = row.id;
     CANDELA_ASSIGN(std::vector<UnitRow> merged, store_->merged_units(id));
@@ -135,14 +180,27 @@ Result<void> Farm::restore_jobs(StoredState state) {
     RestoredFilm film;
     if (row.named_state) {
       const bool trusted = has_ended(row.state) && row.checkpoint_iterations == row.iterations;
-      if (trusted) {  // its film is read when somebody asks for it, and verified meanwhile
-                      // (JobTruth::verify_ended)
+      // A film that is not read here is read when somebody asks for it. Those of ended jobs are verified
+      // meanwhile (JobTruth::verify_ended), others wait for memory.
+      const MemoryNeed need = need_of(row);
+      // Where the address space has a limit, the threads that are still to come take their part of it first.
+      const bool fits = !address_space_is_limited() && read_bytes + need.all() <= memory_limit_;
+      if (!trusted && fits) {
+        auto restored = restore_film(row, chains);
+        if (restored.ok()) {
+          film = std::move(*restored);
+          read_bytes += need.held();
+        } else if (restored.error().kind != ErrorKind::resource) {
+          return std::move(restored).error();
+        } else {
+          log::warn(restored.error().to_string(), {.job = id});
+        }
+      }
+      if (!film.film) {
         film.film = table_->make_film(row);
         for (const UnitRow& u : merged)
           if (u.unit.half < 2) film.held.merged[u.unit.half].insert(u.unit.begin, u.unit.end);
         film.held.tallies = row.tallies;
-      } else {
-        CANDELA_ASSIGN(film, restore_film(row, chains));
       }
       if (has_ended(row.state)) film.film->close();
     }
@@ -167,6 +225,7 @@ Result<void> Farm::restore_jobs(StoredState state) {
   return {};
 }
 
+// If memory runs out (resource), nothing has changed.
 Result<Farm::RestoredFilm> Farm::restore_film(JobRow& row, RestoredStages& restored) const {
   RestoredFilm out;
   out.film = table_->make_film(row);
@@ -359,7 +418,9 @@ std::optional<WorkerStatus> Farm::worker(const std::string& id) {
 }
 
 Result<JobStatus> Farm::change_job(const std::string& job_id,
-                                   const std::function<Result<void>(Scheduler&, Now)>& change) {
+                                   const std::function<Result<void>(Scheduler&, Now)>& change,
+                                   bool refuse_unwritable) {
+  if (refuse_unwritable) CANDELA_TRY(writer_->flush());
   const auto removed = [&] {
     return refused_error(fmt::format("job {} has been removed", job_id)).with_field("job_id");
   };
@@ -372,7 +433,10 @@ Result<JobStatus> Farm::change_job(const std::string& job_id,
   if (!out) return removed();
   if (out->row.state == JobState::cancelled)
     if (const auto film = film_of(job_id)) film->close();
-  CANDELA_TRY(writer_->flush());
+  // Whoever hears of an error would try again, or believe that the job goes on as it was.
+  if (const auto flushed = writer_->flush(); !flushed.ok())
+    out->message += fmt::format("{}this is not on disk yet, and is lost if the master stops before it is: {}",
+                                out->message.empty() ? "" : "; ", flushed.error().to_string());
   return std::move(*out);
 }
 
@@ -383,11 +447,26 @@ Result<void> Farm::change(const std::string& job_id,
 }
 
 Result<JobStatus> Farm::extend(const std::string& job_id, const Extension& extension) {
+  constexpr std::size_t kExtensions = 10000;
+  const auto known = [&](Scheduler&) {
+    return !extension.token.empty() &&
+           std::find(extensions_.begin(), extensions_.end(), extension.token) != extensions_.end();
+  };
+  if (with_scheduler(known))  // and its answer was lost
+    return change_job(job_id, [](Scheduler&, Now) { return Result<void>(); });
   CANDELA_ASSIGN(const std::shared_ptr<JobFilm> film, truth_->open_film(job_id));
   if (film) film->reopen();
-  Result<JobStatus> out = change_job(job_id, [&](Scheduler& s, Now t) {
-    return s.extend(job_id, extension.iterations, extension.time_seconds, extension.relmse, t);
-  });
+  Result<JobStatus> out = change_job(
+      job_id,
+      [&](Scheduler& s, Now t) -> Result<void> {
+        if (known(s)) return {};
+        CANDELA_TRY(s.extend(job_id, extension.iterations, extension.time_seconds, extension.relmse, t));
+        if (extension.token.empty()) return {};
+        extensions_.push_back(extension.token);
+        if (extensions_.size() > kExtensions) extensions_.pop_front();
+        return {};
+      },
+      true);
   if (film && with_scheduler([&](Scheduler& s) { return has_ended(s.job(job_id)->row.state); }))
     film->close();
   return out;
@@ -405,13 +484,6 @@ Result<JobStatus> Farm::resume(const std::string& job_id) {
   Result<JobStatus> out = change_job(job_id, [&](Scheduler& s, Now t) { return s.resume(job_id, t); });
   if (film && failed()) film->close();
   return out;
-}
-
-std::uint64_t Farm::statistics_limit() const {
-  if (options_.master.statistics_bytes > 0) return options_.master.statistics_bytes;
-  const auto pages = static_cast<std::uint64_t>(std::max(::sysconf(_SC_PHYS_PAGES), 0L));
-  const auto page_bytes = static_cast<std::uint64_t>(std::max(::sysconf(_SC_PAGESIZE), 0L));
-  return pages * page_bytes / 4;
 }
 
 std::string Farm::blob_lost(const std::string& sha256, bool found_damaged) {
@@ -516,6 +588,13 @@ std::string Farm::trouble() {
   return with_scheduler([&](Scheduler& s) {
     for (const auto& [id, job] : s.jobs())
       if (!job.note.empty() && !has_ended(job.row.state)) return "job " + id + ": " + job.note;
+    for (const auto& [id, job] : s.jobs()) {
+      if (!job.lacks.empty() && !has_ended(job.row.state))
+        return "job " + id + ": " + job.lacks.begin()->second;
+      if (const std::uint64_t lost = count(job.lost()); lost > 0 && has_ended(job.row.state))
+        return fmt::format("job {}: {} samples' indices are lost; `candela repair {}` renders them again", id,
+                           lost, id);
+    }
     return std::string();
   });
 }

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <atomic>
+#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
@@ -48,6 +49,7 @@ struct Extension {
   std::uint64_t iterations = 0;
   double time_seconds = 0;
   double relmse = 0;
+  std::string token = {};  // two calls with one token extend once; empty: none
 };
 
 // The merged units of a job and the film's own account of them, for audits.
@@ -107,9 +109,12 @@ class Farm final : public TruthFarm {
   std::vector<JobStatus> open_status();  // of jobs that have not ended
   std::vector<WorkerStatus> all_workers();
   std::optional<WorkerStatus> worker(const std::string& id);
-  // pause, resume, cancel, extend: applied, written, and the status after.
+  // pause, resume, cancel, extend: applied, written, and the status after. If it cannot be written the change
+  // holds all the same while this master runs, and is written later: the status says so. `refuse_unwritable`:
+  // such a change is not made. Errors (resource) come before any change.
   Result<JobStatus> change_job(const std::string& job_id,
-                               const std::function<Result<void>(Scheduler&, Now)>& change);
+                               const std::function<Result<void>(Scheduler&, Now)>& change,
+                               bool refuse_unwritable = false);
   Result<void> change(const std::string& job_id,
                       const std::function<Result<void>(Scheduler&, Now)>& change) override;
   Result<JobStatus> extend(const std::string& job_id, const Extension& extension);
@@ -125,8 +130,9 @@ class Farm final : public TruthFarm {
                                 const std::vector<std::string>& warm, bool prefetch,
                                 const std::function<void(const Job&, const Lease&)>& describe);
 
-  // Bytes that the statistics of a job may take.
-  std::uint64_t statistics_limit() const;
+  // Bytes that all jobs may take of this process's memory, and of those their statistics.
+  std::uint64_t memory_limit() const { return memory_limit_; }
+  std::uint64_t statistics_limit() const { return statistics_limit_; }
 
   // --- blobs ---
   // The blob is missing, or was found damaged and set aside: an event and the message of each job that needs
@@ -158,9 +164,11 @@ class Farm final : public TruthFarm {
   // The id of the job that was submitted with the same token; otherwise nothing, and `row` has a new id.
   // Precondition: called inside with_scheduler().
   Result<std::optional<std::string>> choose_id(const Scheduler& s, JobRow& row) const;
+  void start_thread(const char* what, std::function<void()> loop);
   void tick_loop();
 
   const FarmOptions options_;
+  const std::uint64_t memory_limit_, statistics_limit_;
   int lock_fd_ = -1, folder_fd_ = -1;  // keep a second master out
   std::unique_ptr<Store> store_;
   std::unique_ptr<BlobStore> blobs_;
@@ -180,6 +188,7 @@ class Farm final : public TruthFarm {
 
   // Guarded by the table's lock: used inside with_scheduler() alone.
   std::map<std::string, std::string> tokens_;  // idempotency token -> job id
+  std::deque<std::string> extensions_;         // idempotency tokens of the latest calls of extend()
   // Blobs that jobs have been told are lost: SHA-256, and whether by damage.
   std::map<std::string, bool> lost_blobs_;
 

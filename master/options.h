@@ -26,7 +26,9 @@ struct MasterOptions {
   std::uint64_t merge_queue_bytes = 512ULL << 20;
   unsigned merge_threads = 1;
   int bulk_niceness = 0;  // of the threads that merge, write checkpoints and make images (bulk_threads.h)
-  std::uint64_t statistics_bytes = 0;  // of one job's epochs in memory, at most; 0: a quarter of the memory
+  // Of the films, statistics, chains, checkpoints and images of all jobs; 0: three quarters of the memory.
+  std::uint64_t memory_bytes = 0;
+  std::uint64_t statistics_bytes = 0;  // of those the statistics of all jobs; 0: a third of memory_bytes
   double keep_finished_seconds = 0;    // a job that ended longer ago is removed; 0: none is
   double blob_grace_seconds = 3600;    // before a blob that no job refers to is collected
   bool image_on_checkpoint = true;     // also write jobs/ID/image.exr now and then (SIGHUP: at once)

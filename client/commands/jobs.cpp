@@ -226,7 +226,8 @@ Result<int> run_steer(Context& context, const JobOptions& options,
   if (options.json)
     context.out << job_json(status) << '\n';
   else
-    context.err << fmt::format("job {} is {}\n", printable(status.id()), wire::name(status.state()));
+    context.err << fmt::format("job {} is {}{}\n", printable(status.id()), wire::name(status.state()),
+                               status.message().empty() ? "" : ": " + printable(status.message()));
   return 0;
 }
 
@@ -242,21 +243,25 @@ Result<int> run_priority(Context& context, const JobOptions& options) {
   return 0;
 }
 
-// "+16" and "16" are both sixteen more.
-std::string_view without_plus(std::string_view text) {
-  return text.starts_with('+') ? text.substr(1) : text;
+// What is added is written with a plus: "16" could mean sixteen in all.
+Result<std::string_view> after_plus(std::string_view text, std::string_view option) {
+  if (text.size() > 1 && text.starts_with('+')) return text.substr(1);
+  return usage_error(fmt::format("'{}' does not say whether it is added or is a new limit", printable(text)))
+      .with_field(std::string(option))
+      .with_mend(fmt::format("write {} +{} for so much more", option, printable(text)));
 }
 
 Result<int> run_extend(Context& context, const JobOptions& options) {
   v1::ExtendJobRequest request;
   request.set_job_id(options.id);
   if (options.iterations) {
-    CANDELA_ASSIGN(const std::uint64_t more,
-                   parse_count(without_plus(*options.iterations), "--iterations", 1, Limits::max_iterations));
+    CANDELA_ASSIGN(const std::string_view text, after_plus(*options.iterations, "--iterations"));
+    CANDELA_ASSIGN(const std::uint64_t more, parse_count(text, "--iterations", 1, Limits::max_iterations));
     request.set_add_iterations(more);
   }
   if (options.time) {
-    CANDELA_ASSIGN(const double more, parse_duration(without_plus(*options.time), "--time"));
+    CANDELA_ASSIGN(const std::string_view text, after_plus(*options.time, "--time"));
+    CANDELA_ASSIGN(const double more, parse_duration(text, "--time"));
     request.set_add_time_seconds(more);
   }
   if (options.until) {
@@ -270,7 +275,8 @@ Result<int> run_extend(Context& context, const JobOptions& options) {
     return usage_error("--spp and --iterations exclude each other").with_mend("give one of them");
   std::uint64_t spp = 0;
   if (options.spp) {
-    CANDELA_ASSIGN(spp, parse_count(without_plus(*options.spp), "--spp", 1, Limits::max_iterations));
+    CANDELA_ASSIGN(const std::string_view text, after_plus(*options.spp, "--spp"));
+    CANDELA_ASSIGN(spp, parse_count(text, "--spp", 1, Limits::max_iterations));
   }
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
   if (spp > 0) {

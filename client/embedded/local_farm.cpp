@@ -7,6 +7,7 @@
 #include <mutex>
 #include <thread>
 
+#include "common/base/memory_limit.h"
 #include "master/master.h"
 #include "worker/scene/textures/scratch.h"
 #include "worker/service/worker_service.h"
@@ -34,6 +35,9 @@ Result<std::unique_ptr<LocalFarm>> LocalFarm::start(const std::filesystem::path&
   options.data_dir = data_dir;
   options.listen.clear();
   options.http_listen = page;
+  // One job, which may well be larger than what a farm should take: the system can swap.
+  options.memory_bytes = 2 * memory_limit_bytes();
+  options.statistics_bytes = options.memory_bytes / 8;
   options.image_on_checkpoint = false;  // we write the image ourselves, where it was asked for
   auto state = std::make_unique<State>();
   auto master = master::Master::start(options);

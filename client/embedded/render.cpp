@@ -241,8 +241,12 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
 
   const StopSignals signals;
   ProgressLine progress(context.err, ProgressLine::mode_for(options.quiet));
-  CANDELA_ASSIGN(const std::unique_ptr<LocalFarm> farm,
-                 LocalFarm::start(folder->farm(), options.page.value_or("")));
+  auto started = LocalFarm::start(folder->farm(), options.page.value_or(""));
+  if (!started) {  // a folder without a job would only keep the next render from starting
+    if (!options.resume) CANDELA_TRY(folder->remove());
+    return std::move(started).error();
+  }
+  const std::unique_ptr<LocalFarm> farm = std::move(*started);
   const std::unique_ptr<FarmClient> client = FarmClient::over(farm->channel(), kCallSeconds);
   std::string id;
   if (options.resume) {

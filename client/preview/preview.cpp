@@ -8,13 +8,14 @@
 #include "client/context.h"
 #include "client/values.h"
 #include "common/base/files.h"
+#include "common/base/thread_cpu.h"
 #include "common/image/image.h"
 
 namespace candela::client {
 namespace {
 
-constexpr double kTevSeconds = 2;  // between pictures, unless --preview says otherwise
-constexpr double kIdlePerBusy = 9;
+constexpr double kTevSeconds = 2;    // between pictures, unless --preview says otherwise
+constexpr double kPausePerCpu = 36;  // of this thread: with the master's part a tenth of a processor
 
 double now_seconds() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -48,6 +49,10 @@ Result<PreviewPlan> plan_preview(const PreviewOptions& options, std::string name
   return plan;
 }
 
+double preview_pause(double interval, double cpu, double wall) {
+  return std::max({interval, kPausePerCpu * cpu, wall});
+}
+
 Preview::Preview(FarmClient& farm, std::string job_id, PreviewPlan plan)
     : farm_(farm), job_id_(std::move(job_id)), plan_(std::move(plan)) {
   if (plan_.any()) thread_ = std::thread([this] { run(); });
@@ -64,9 +69,9 @@ void Preview::run() {
     wake_.wait_for(lock, std::chrono::duration<double>(pause), [this] { return stopping_; });
     if (stopping_) return;
     lock.unlock();
-    const double begin = now_seconds();
+    const double begin = now_seconds(), cpu_begin = thread_cpu_seconds();
     note(show_now(true));
-    pause = std::max(plan_.interval_seconds, kIdlePerBusy * (now_seconds() - begin));
+    pause = preview_pause(plan_.interval_seconds, thread_cpu_seconds() - cpu_begin, now_seconds() - begin);
     lock.lock();
   }
 }

@@ -35,9 +35,13 @@ struct PreviewPlan {
 // `name`: of the picture in the viewer. `png`: is rewritten if --preview is given; empty: there is none.
 Result<PreviewPlan> plan_preview(const PreviewOptions& options, std::string name, const std::string& png);
 
-// Fetches the job's image time and again, in a thread of its own, until it is stopped or ends. At most a
-// tenth of the time goes into it. Its troubles (nothing is merged yet, a viewer that went away) never stop
-// the job.
+// Seconds from one picture to the next: the interval, or more where a picture costs much. `cpu`: of this
+// thread, for the picture before; a master spends up to three times as much, and all of it is a tenth of a
+// processor at most. `wall`: while other programs have the processors a picture takes long and costs no more.
+double preview_pause(double interval, double cpu, double wall);
+
+// Fetches the job's image time and again, in a thread of its own, until it is stopped or ends. Its troubles
+// (nothing is merged yet, a viewer that went away) never stop the job.
 class Preview {
  public:
   // Precondition: `farm` lives longer. Starts nothing if the plan has nothing.

@@ -130,16 +130,15 @@ Result<std::vector<ChainRecord>> decode(std::string_view bytes, std::uint64_t co
   return records;
 }
 
-BootstrapTable::BootstrapTable(std::uint64_t samples) : values_(samples) {}
-
 Result<void> BootstrapTable::insert(std::uint64_t begin, std::span<const float> values) {
-  if (begin > values_.size() || values.size() > values_.size() - begin)
+  if (begin > samples_ || values.size() > samples_ - begin)
     return input_error(fmt::format("bootstrap samples from {} on, {} of them, lie beyond the {} there are",
-                                   begin, values.size(), values_.size()))
+                                   begin, values.size(), samples_))
         .with_field("contributions");
   for (const float value : values)
     if (!std::isfinite(value) || value < 0)
       return input_error("a bootstrap sample is negative or not finite").with_field("contributions");
+  values_.resize(samples_);
   if (!known_.insert(begin, begin + values.size()))
     return refused_error(fmt::format("bootstrap samples from {} on are known already", begin))
         .with_field("contributions");
@@ -149,7 +148,7 @@ Result<void> BootstrapTable::insert(std::uint64_t begin, std::span<const float> 
 
 BootstrapSums BootstrapTable::sums() const {
   BootstrapSums sums;
-  sums.samples = values_.size();
+  sums.samples = samples_;
   for (const float value : values_) {
     sums.sum += static_cast<double>(value);
     sums.square_sum += static_cast<double>(value) * static_cast<double>(value);

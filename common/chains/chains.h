@@ -98,15 +98,15 @@ struct BootstrapSums {
   bool operator==(const BootstrapSums&) const = default;
 };
 
-// The scalar contributions of all bootstrap samples, by number.
+// The scalar contributions of all bootstrap samples, by number. It takes its memory with the first of them.
 class BootstrapTable {
  public:
-  explicit BootstrapTable(std::uint64_t samples);
+  explicit BootstrapTable(std::uint64_t samples) : samples_(samples) {}
   // Samples [begin, begin + values.size()). Refused, and nothing changed, where some are there already, lie
   // beyond the table, or are negative or not finite.
   Result<void> insert(std::uint64_t begin, std::span<const float> values);
   const film::IndexSet& known() const { return known_; }
-  bool complete() const { return known_.count() == values_.size(); }
+  bool complete() const { return known_.count() == samples_; }
   std::span<const float> values() const { return values_; }
 
   // Precondition of what follows: complete(). Sums in double, in the order of samples.
@@ -118,6 +118,7 @@ class BootstrapTable {
   std::vector<std::uint64_t> choose_starts(std::uint32_t chains, std::uint64_t seed) const;
 
  private:
+  std::uint64_t samples_;
   std::vector<float> values_;
   film::IndexSet known_;
 };

@@ -113,8 +113,10 @@ class MergedAccumulator {
   MergedAccumulator(std::uint32_t width, std::uint32_t height, const AccumulatorSpec& spec);
 
   const AccumulatorSpec& spec() const { return spec_; }
-  // Precondition: `sums` were read for this size and number of channels.
+  // Preconditions and memory of these are those of TileSums.
   void merge(const SparseSums& sums) { sums_.add(sums); }
+  void reserve(const SparseSums& sums) { sums_.reserve(sums); }
+  void take_back(const SparseSums& sums, SparseSums::TileBuffers& buffers) { sums_.subtract(sums, buffers); }
   // Fails (refused), and nothing changes, if size or spec differ.
   Result<void> merge(const MergedAccumulator& other);
 

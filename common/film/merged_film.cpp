@@ -4,7 +4,8 @@
 // ranges (u64) and the ranges (u64 begin, end), tallies (11 u64), runs of tiles that are not all zero, and
 // for each group of 32 tiles and each channel its byte planes; XXH64 of all before (u64). Integers are
 // little-endian. Sums are coded as 128-bit zigzag integers, so the bytes do not tell how wide a tile is in
-// memory: equal content gives equal bytes. "CANFILM1" and "CANFILM2", with tallies of 7 and 10 u64, are read too.
+// memory: equal content gives equal bytes. "CANFILM1" and "CANFILM2", with tallies of 7 and 10 u64, are read
+// too.
 #include "common/film/merged_film.h"
 
 #include <algorithm>
@@ -68,9 +69,11 @@ Result<void> MergedFilm::merge(const Delta& delta) {
   const auto tallies = sum_of(half.tallies, delta.tallies());
   if (!tallies) return refused_error("the delta's counts are impossibly large").with_field("tallies");
 
+  IndexSet merged = half.merged;  // all that can run out of memory comes before the first change
+  merged.insert(unit.begin, unit.end);
   half.sums.add(delta.film());
   half.tallies = *tallies;
-  half.merged.insert(unit.begin, unit.end);
+  half.merged = std::move(merged);
   return {};
 }
 

@@ -29,7 +29,7 @@ class MergedFilm {
   int scale_log2() const { return scale_log2_; }
 
   // Adds a delta of iterations or segments. Refused, and nothing changed, if its layout or scale differ or
-  // any of its indices is merged already.
+  // any of its indices is merged already. Nothing changes if memory runs out either: std::bad_alloc.
   Result<void> merge(const Delta& delta);
   // Adds another film of the same job (a relay's, or a shard's) under the same rules.
   Result<void> merge(const MergedFilm& other);

@@ -27,11 +27,24 @@ class SparseSums {
   // else. Memory is bounded by the layout and the channels.
   static Result<SparseSums> read(Reader& reader, const Layout& layout, std::uint32_t channels);
 
+  // Memory of for_each_tile(), for sums of so many channels.
+  struct TileBuffers {
+    explicit TileBuffers(std::uint32_t channels)
+        : codes(kTileSize * kTileSize), values(codes.size() * channels) {}
+    std::vector<std::uint64_t> codes;
+    std::vector<std::int64_t> values;
+  };
   // Calls visit(tile, values) for each tile in ascending order; `values` are [channel][y][x] within the tile.
   template <class Visit>
   void for_each_tile(Visit&& visit) const {
-    std::vector<std::uint64_t> codes(kTileSize * kTileSize);
-    std::vector<std::int64_t> values(codes.size() * channels_);
+    TileBuffers buffers(channels_);
+    for_each_tile(buffers, visit);
+  }
+  // The same, and allocates nothing. Precondition: `buffers` are for as many channels at least.
+  template <class Visit>
+  void for_each_tile(TileBuffers& buffers, Visit&& visit) const {
+    std::vector<std::uint64_t>& codes = buffers.codes;
+    std::vector<std::int64_t>& values = buffers.values;
     for (const Group& group : groups_) {
       std::size_t offset = 0;
       for (std::size_t t = group.first; t < group.first + group.count; ++t) {
@@ -46,6 +59,13 @@ class SparseSums {
       }
     }
   }
+  // Calls visit(tile, number of values) for each tile in ascending order.
+  template <class Visit>
+  void for_each_size(Visit&& visit) const {
+    for (const std::uint32_t tile : tiles_)
+      visit(std::size_t{tile}, std::size_t{tile_rect(layout_, tile).pixels()} * channels_);
+  }
+  std::uint32_t channels() const { return channels_; }
 
  private:
   // Consecutive entries of tiles_.

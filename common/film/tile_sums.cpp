@@ -1,9 +1,8 @@
 #include "common/film/tile_sums.h"
 
 #include <algorithm>
+#include <new>
 #include <utility>
-
-#include "common/film/sparse_sums.h"
 
 namespace candela::film {
 
@@ -48,14 +47,46 @@ void TileSums::Tile::add(std::span<const Int128> values) {
   for (std::size_t i = 0; i < values.size(); ++i) wide[i] += values[i];
 }
 
+// Modulo 2^64, as the values were added: the sum before fits, for the tile had it.
+void TileSums::Tile::subtract(std::span<const std::int64_t> values) {
+  for (std::size_t i = 0; i < narrow.size(); ++i)
+    narrow[i] = static_cast<std::int64_t>(static_cast<std::uint64_t>(narrow[i]) -
+                                          static_cast<std::uint64_t>(values[i]));
+  for (std::size_t i = 0; i < wide.size(); ++i) wide[i] -= values[i];
+}
+
 bool TileSums::Tile::zero() const {
   const auto is_zero = [](auto value) { return value == 0; };
   return std::all_of(narrow.begin(), narrow.end(), is_zero) && std::all_of(wide.begin(), wide.end(), is_zero);
 }
 
+void TileSums::reserve(const SparseSums& sums) {
+  sums.for_each_size([&](std::size_t tile, std::size_t values) {
+    if (tiles_[tile].wide.empty()) tiles_[tile].narrow.reserve(values);
+  });
+}
+
 void TileSums::add(const SparseSums& sums) {
-  sums.for_each_tile(
-      [&](std::size_t tile, std::span<const std::int64_t> values) { tiles_[tile].add(values); });
+  reserve(sums);
+  SparseSums::TileBuffers buffers(channels_);
+  std::size_t next = 0;  // the first tile that is not added
+  try {
+    sums.for_each_tile(buffers, [&](std::size_t tile, std::span<const std::int64_t> values) {
+      tiles_[tile].add(values);
+      next = tile + 1;
+    });
+  } catch (const std::bad_alloc&) {
+    sums.for_each_tile(buffers, [&](std::size_t tile, std::span<const std::int64_t> values) {
+      if (tile < next) tiles_[tile].subtract(values);
+    });
+    throw;
+  }
+}
+
+void TileSums::subtract(const SparseSums& sums, SparseSums::TileBuffers& buffers) {
+  sums.for_each_tile(buffers, [&](std::size_t tile, std::span<const std::int64_t> values) {
+    tiles_[tile].subtract(values);
+  });
 }
 
 void TileSums::add(const TileSums& other) {

@@ -11,10 +11,9 @@
 #include "common/base/result.h"
 #include "common/film/codec.h"
 #include "common/film/layout.h"
+#include "common/film/sparse_sums.h"
 
 namespace candela::film {
-
-class SparseSums;
 
 __extension__ using Int128 = __int128;            // a GCC extension that -Wpedantic wants declared
 __extension__ using Uint128 = unsigned __int128;  // the same
@@ -28,6 +27,7 @@ class TileSums {
     std::vector<Int128> wide;
     void add(std::span<const std::int64_t> values);
     void add(std::span<const Int128> values);
+    void subtract(std::span<const std::int64_t> values);
     bool zero() const;
     void widen();
   };
@@ -36,8 +36,13 @@ class TileSums {
   TileSums(const Layout& layout, std::uint32_t channels)
       : layout_(layout), channels_(channels), tiles_(layout.tile_count()) {}
 
-  // Preconditions: `sums` and `other` have this layout and number of channels.
+  // Preconditions of these: `sums` and `other` have this layout and number of channels.
+  // If memory runs out, nothing is added: std::bad_alloc.
   void add(const SparseSums& sums);
+  // Takes memory for what add() of these sums fills. After it, add() allocates only to widen a tile.
+  void reserve(const SparseSums& sums);
+  // Takes back what add() added. Allocates nothing. Precondition: `buffers` are for these channels at least.
+  void subtract(const SparseSums& sums, SparseSums::TileBuffers& buffers);
   void add(const TileSums& other);
 
   const Tile& tile(std::size_t index) const { return tiles_[index]; }

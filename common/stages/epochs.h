@@ -5,14 +5,15 @@
 #pragma once
 
 #include <cstdint>
-#include <vector>
 
 namespace candela {
 
+// Has no table: a border is found by a walk over runs of epochs of one length. T / growth rises by 2 from run
+// to run, so the first million iterations have 8 runs at the largest growth, and few at any other.
 class Epochs {
  public:
   // Preconditions: first > 0, growth > 0.
-  Epochs(std::uint64_t first, std::uint32_t growth);
+  Epochs(std::uint64_t first, std::uint32_t growth) : first_(first), growth_(growth) {}
 
   // T_e, an iteration. Epochs that begin beyond Limits::max_iterations begin at the first such border.
   std::uint64_t begin(std::uint64_t epoch) const;
@@ -24,7 +25,15 @@ class Epochs {
   std::uint64_t of_index(std::uint64_t index) const { return of_iteration(2 * index); }
 
  private:
-  std::vector<std::uint64_t> borders_;  // T_0, T_1, ... up to the first beyond the limit
+  // Epochs [epoch, epoch + count) are of this length; the first begins at `begin`.
+  struct Run {
+    std::uint64_t epoch = 0, begin = 0, length = 0, count = 0;
+    std::uint64_t end() const { return begin + count * length; }
+  };
+  Run run_from(std::uint64_t epoch, std::uint64_t begin) const;
+
+  std::uint64_t first_;
+  std::uint32_t growth_;
 };
 
 // Number of epochs that the state of epoch e depends on: those below e - lag. All their units are merged when

@@ -8,15 +8,17 @@
 #include <array>
 #include <cmath>
 
+#include "common/film/layout.h"
 #include "common/job/aov.h"
 #include "common/job/setting_names.h"
+#include "common/job/stop_limits.h"
 #include "common/wire/field_error.h"
 
 namespace candela::wire {
 namespace {
 
 constexpr std::size_t kMaxIdentifierBytes = 64;
-constexpr int kMaxScaleLog2 = 1000;  // a double holds 2^1000 and 2^-1000 as normal numbers
+using film::kMaxScaleLog2;
 
 // What of a peer's text may be shown in a message: printable, and not long.
 std::string shown(std::string_view text) {
@@ -75,9 +77,9 @@ Result<void> check_extent(std::uint32_t pixels, std::string_view field) {
 }
 
 // A limit of a stop rule; 0 means none.
-Result<void> check_limit(double value, std::string_view field) {
-  if (std::isfinite(value) && value >= 0) return {};
-  return field_error(field, fmt::format("{} is not a finite number of at least 0", value));
+Result<void> check_limit(double value, double most, std::string_view field) {
+  if (value >= 0 && value <= most) return {};
+  return field_error(field, fmt::format("{} is not a number from 0 to {}", value, most));
 }
 
 }  // namespace
@@ -167,8 +169,8 @@ Result<StopRule> from_proto(const v1::StopRule& message) {
   if (message.iterations() > Limits::max_iterations)
     return field_error("stop.iterations", fmt::format("{} iterations are more than the limit of {}",
                                                       message.iterations(), Limits::max_iterations));
-  CANDELA_TRY(check_limit(message.time_seconds(), "stop.time_seconds"));
-  CANDELA_TRY(check_limit(message.relmse(), "stop.relmse"));
+  CANDELA_TRY(check_limit(message.time_seconds(), kMaxStopSeconds, "stop.time_seconds"));
+  CANDELA_TRY(check_limit(message.relmse(), kMaxStopRelmse, "stop.relmse"));
   if (message.iterations() == 0 && message.time_seconds() == 0 && message.relmse() == 0)
     return field_error("stop", "no limit is set").with_mend("give iterations, a time or a target error");
   return StopRule{message.iterations(), message.time_seconds(), message.relmse()};

@@ -12,6 +12,7 @@
 #include "common/base/hash.h"
 #include "common/base/version.h"
 #include "common/wire/canonical.h"
+#include "common/wire/peer.h"
 #include "common/wire/stall_guard.h"
 #include "master/api/list_jobs.h"
 #include "master/api/messages.h"
@@ -20,33 +21,24 @@
 namespace candela::master {
 namespace {
 
-// What one master serves at a time; beyond it, RESOURCE_EXHAUSTED. Each holds a thread.
-constexpr int kMaxWatchers = 256;
-constexpr int kMaxUploads = 32;
-constexpr int kMaxImages = 4;    // made at a time, or sent if they are large
-constexpr int kMaxSenders = 32;  // of images
 constexpr std::size_t kLargeImageBytes = 64 << 20;
-constexpr int kMaxVerifications = 2;
 constexpr int kMaxHashes = 100000;
 constexpr std::uint32_t kMaxEventsAsked = 10000;
 constexpr auto kStep = std::chrono::milliseconds(20);  // between looks at a job that is watched
 
-// One of a bounded number of places.
-class Place {
- public:
-  Place(std::atomic<int>& count, int limit) : count_(count), held_(++count <= limit) {}
-  ~Place() { --count_; }
-  Place(const Place&) = delete;
-  Place& operator=(const Place&) = delete;
-  bool held() const { return held_; }
+// The caller's place, or why it has none.
+Result<PeerPlaces::Place> place_of(const grpc::ServerContext& context, PeerPlaces& places,
+                                   bool yields = false) {
+  return places.enter(wire::peer_name(context.peer()), yields);
+}
 
- private:
-  std::atomic<int>& count_;
-  bool held_;
-};
+grpc::Status too_many(const Error& error) {
+  return wire::to_status_with_retry(error, 1000);
+}
 
-grpc::Status too_many(const char* what) {
-  return wire::to_status_with_retry(resource_error(std::string("too many ") + what + " at a time"), 1000);
+grpc::Status given_away() {
+  return too_many(resource_error("another client needed this place, and this one has the most")
+                      .with_mend("wait for fewer jobs or workers at a time"));
 }
 
 Result<film::MergedFilm::Which> half_of(v1::FetchImageRequest::Half half) {
@@ -100,6 +92,7 @@ grpc::Status FarmServiceImpl::GetServerInfo(grpc::ServerContext*, const v1::GetS
   response->set_protocol(kProtocol);
   response->set_unix_ms(JobTable::now().unix_ms);
   response->set_statistics_limit_bytes(farm_.statistics_limit());
+  response->set_memory_limit_bytes(farm_.memory_limit());
   return grpc::Status::OK;
 }
 
@@ -132,8 +125,8 @@ grpc::Status FarmServiceImpl::UploadBlob(grpc::ServerContext* context,
     auto guard = farm_.gate().enter_unknown(farm_.now().seconds, cancel);
     v1::UploadBlobRequest chunk;
     if (!reader->Read(&chunk)) return grpc::Status(grpc::StatusCode::INVALID_ARGUMENT, "no chunk came");
-    const Place place(uploads_, kMaxUploads);
-    if (!place.held()) return answer_early(*context, *reader, too_many("uploads"));
+    const auto place = place_of(*context, uploads_);
+    if (!place.ok()) return answer_early(*context, *reader, too_many(place.error()));
     guard = farm_.gate().enter_silent(farm_.now().seconds, cancel);
     const std::string sha256 = chunk.sha256();  // later chunks do not say it
     auto upload = farm_.blobs().begin(sha256, chunk.size_bytes());
@@ -182,6 +175,10 @@ grpc::Status FarmServiceImpl::Submit(grpc::ServerContext*, const v1::SubmitReque
     if (farm_.stopping()) return stopping_status();
     auto row = job_of(*request);
     if (!row.ok()) return wire::to_status(row.error());
+    // Its plan may need more; the pilot tells.
+    const MemoryNeed need = memory_need({}, row->settings.width, row->settings.height);
+    if (auto fits = check_memory(need, row->settings, farm_.memory_limit()); !fits.ok())
+      return wire::to_status(fits.error());
     auto bundle = wire::from_proto(request->bundle());
     if (!bundle.ok()) return wire::to_status(bundle.error());
     for (const bundle::File& file : bundle->files) {
@@ -237,8 +234,8 @@ grpc::Status FarmServiceImpl::GetJob(grpc::ServerContext*, const v1::GetJobReque
 grpc::Status FarmServiceImpl::WatchJob(grpc::ServerContext* context, const v1::WatchJobRequest* request,
                                        grpc::ServerWriter<v1::JobStatus>* writer) {
   return guarded([&] {
-    const Place place(watchers_, kMaxWatchers);
-    if (!place.held()) return too_many("watchers");
+    const auto place = place_of(*context, watchers_, true);
+    if (!place.ok()) return too_many(place.error());
     const double interval =
         request->interval_ms() == 0 ? 0.5 : std::clamp(request->interval_ms() / 1000.0, 0.02, 60.0);
     std::string last;
@@ -259,6 +256,7 @@ grpc::Status FarmServiceImpl::WatchJob(grpc::ServerContext* context, const v1::W
         last_sent = now;
       }
       if (final) return grpc::Status::OK;
+      if (place->revoked()) return given_away();
       std::this_thread::sleep_for(kStep);
     }
     return farm_.stopping() ? stopping_status() : grpc::Status(grpc::StatusCode::CANCELLED, "cancelled");
@@ -272,10 +270,11 @@ grpc::Status FarmServiceImpl::FetchImage(grpc::ServerContext* context, const v1:
     EncodedImagePtr image;
     if (!request->sha256().empty())
       image = farm_.images().recent().find(request->sha256(), farm_.now().seconds);
-    std::optional<Place> making;
+    std::optional<PeerPlaces::Place> making;
     if (!image) {
-      making.emplace(images_, kMaxImages);
-      if (!making->held()) return too_many("images");
+      auto place = place_of(*context, images_);
+      if (!place.ok()) return too_many(place.error());
+      making.emplace(std::move(*place));
       auto which = half_of(request->half());
       if (!which.ok()) return wire::to_status(which.error());
       auto bytes = farm_.images().encode(
@@ -287,8 +286,8 @@ grpc::Status FarmServiceImpl::FetchImage(grpc::ServerContext* context, const v1:
       // Clients on slow links keep nobody from an image, as long as it is not memory they take.
       if (image->bytes.size() <= kLargeImageBytes) making.reset();
     }
-    const Place sending(senders_, kMaxSenders);
-    if (!sending.held()) return too_many("images");
+    const auto sending = place_of(*context, senders_);
+    if (!sending.ok()) return too_many(sending.error());
     // A client that takes nothing is cut off.
     const auto guard = farm_.gate().enter_silent(farm_.now().seconds, [context] { context->TryCancel(); });
     const std::string_view bytes = image->bytes;
@@ -362,8 +361,12 @@ grpc::Status FarmServiceImpl::ExtendJob(grpc::ServerContext*, const v1::ExtendJo
   return guarded([&] {
     if (farm_.stopping()) return stopping_status();
     if (!farm_.status(request->job_id())) return not_found("job", request->job_id());
-    const auto status = farm_.extend(
-        request->job_id(), {request->add_iterations(), request->add_time_seconds(), request->relmse()});
+    if (request->idempotency_token().size() > Limits::max_name_bytes)
+      return wire::to_status(input_error(fmt::format("longer than {} bytes", Limits::max_name_bytes))
+                                 .with_field("idempotency_token"));
+    const auto status =
+        farm_.extend(request->job_id(), {request->add_iterations(), request->add_time_seconds(),
+                                         request->relmse(), request->idempotency_token()});
     if (!status.ok()) return wire::to_status(status.error());
     *response = to_message(*status);
     return grpc::Status::OK;
@@ -407,8 +410,12 @@ grpc::Status FarmServiceImpl::DrainWorker(grpc::ServerContext* context, const v1
   return guarded([&] {
     auto status = farm_.worker(request->worker_id());
     if (!status) return not_found("worker", request->worker_id());
-    const Place place(watchers_, kMaxWatchers);
-    if (request->wait() && !place.held()) return too_many("watchers");
+    std::optional<PeerPlaces::Place> place;
+    if (request->wait()) {
+      auto entered = place_of(*context, watchers_, true);
+      if (!entered.ok()) return too_many(entered.error());
+      place.emplace(std::move(*entered));
+    }
     auto drained =
         farm_.with_scheduler([&](Scheduler& s) { return s.drain(request->worker_id(), farm_.now()); });
     if (!drained.ok()) return wire::to_status(drained.error());
@@ -421,6 +428,7 @@ grpc::Status FarmServiceImpl::DrainWorker(grpc::ServerContext* context, const v1
       if (!request->wait() || status->state == "drained") break;
       if (context->IsCancelled()) return grpc::Status(grpc::StatusCode::CANCELLED, "cancelled");
       if (farm_.stopping()) return stopping_status();
+      if (place->revoked()) return given_away();
       std::this_thread::sleep_for(kStep);
     }
     *response = to_message(*status);
@@ -442,8 +450,8 @@ grpc::Status FarmServiceImpl::GetLedger(grpc::ServerContext*, const v1::GetLedge
 grpc::Status FarmServiceImpl::VerifyJobs(grpc::ServerContext* context, const v1::VerifyJobsRequest* request,
                                          grpc::ServerWriter<v1::JobReport>* writer) {
   return guarded([&] {
-    const Place place(verifications_, kMaxVerifications);
-    if (!place.held()) return too_many("verifications");
+    const auto place = place_of(*context, verifications_);
+    if (!place.ok()) return too_many(place.error());
     std::vector<std::string> ids{request->job_id()};
     if (request->job_id().empty()) ids = farm_.with_scheduler([](Scheduler& s) { return job_ids(s); });
     for (const std::string& id : ids) {

@@ -3,9 +3,8 @@
 
 #include <grpcpp/grpcpp.h>
 
-#include <atomic>
-
 #include "candela/v1/client.grpc.pb.h"
+#include "master/api/peer_places.h"
 #include "master/farm.h"
 
 namespace candela::master {
@@ -43,7 +42,13 @@ class FarmServiceImpl final : public v1::FarmService::Service {
 
  private:
   Farm& farm_;
-  std::atomic<int> watchers_{0}, uploads_{0}, images_{0}, senders_{0}, verifications_{0};
+  // What one master serves at a time; each holds a thread.
+  PeerPlaces watchers_{"calls that wait for a job or a worker", 256, 64,
+                       "end some of them, or use `candela list`"};
+  PeerPlaces uploads_{"uploads", 32, 16, "wait until some are done"};
+  PeerPlaces images_{"images being made", 4, 2, "wait until one is done"};  // or sent if they are large
+  PeerPlaces senders_{"images being sent", 32, 16, "wait until some are done"};
+  PeerPlaces verifications_{"verifications", 2, 1, "wait until it is done"};
 };
 
 }  // namespace candela::master

@@ -3,6 +3,7 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include <new>
 #include <string>
 
 #include "common/wire/wire.h"
@@ -39,7 +40,7 @@ grpc::Status guarded(F&& handler) {
   try {
     return handler();
   } catch (const std::bad_alloc&) {
-    return {grpc::StatusCode::RESOURCE_EXHAUSTED, "the master is out of memory"};
+    return wire::to_status_with_retry(resource_error("the master is out of memory"), 1000);
   } catch (const std::exception& e) {
     return {grpc::StatusCode::INTERNAL, e.what()};
   }

@@ -5,6 +5,8 @@
 #include <cmath>
 
 #include "common/base/hash.h"
+#include "common/base/log.h"
+#include "common/base/memory_limit.h"
 #include "common/base/text.h"
 #include "common/base/thread_cpu.h"
 #include "common/base/version.h"
@@ -67,6 +69,15 @@ Result<void> check(const v1::RegisterRequest& r) {
     if (isa.empty() || isa.size() > 32 || isa.find(',') != std::string::npos)
       return input_error("not the name of an instruction set").with_field("isas");
   return {};
+}
+
+// Fails (input) on a scale that no film of the job may have.
+Result<void> check_scale(const PilotResult& result, const JobSettings& settings) {
+  const film::Layout layout{settings.width, settings.height,
+                            1 + static_cast<std::uint32_t>(result.work.layers.size())};
+  auto valid = film::validate(layout, result.state.film_scale_log2);
+  if (valid.ok()) return {};
+  return std::move(valid).error().with_field("named_state.film_scale_log2");
 }
 
 }  // namespace
@@ -197,8 +208,13 @@ grpc::Status WorkerServiceImpl::CompletePilot(grpc::ServerContext*, const v1::Co
           if (fits.ok() && result.work.epochs)
             if (auto rule = find_rule(result.work.epochs->rule); !rule.ok()) fits = rule.error();
           if (fits.ok()) fits = check_development(result.work);
+          if (fits.ok()) fits = check_scale(result, settings);
           if (!fits.ok()) return;
-          if (auto small = check_statistics(result.work, settings, farm_.statistics_limit()); !small.ok()) {
+          auto small = check_statistics(result.work, settings, farm_.statistics_limit());
+          if (small.ok())
+            small = check_memory(memory_need(result.work, settings.width, settings.height), settings,
+                                 farm_.memory_limit());
+          if (!small.ok()) {
             const std::string id = job->row.id;
             s.fail_job(id, small.error().to_string(), now);  // no worker can help
             return;
@@ -241,7 +257,10 @@ grpc::Status WorkerServiceImpl::PushDelta(grpc::ServerContext* context,
     }
     unknown.reset();
     const double started = farm_.now().seconds, cpu_started = thread_cpu_seconds();
-    BufferPool::Buffer buffer = buffers_.take(header.size_bytes);
+    BufferPool::Buffer buffer = [&] {
+      const LargeWork large;
+      return buffers_.take(header.size_bytes);
+    }();
     std::string& bytes = *buffer;
     bool too_long = false;
     do {
@@ -263,8 +282,17 @@ grpc::Status WorkerServiceImpl::PushDelta(grpc::ServerContext* context,
     if (!too_long && bytes.size() < header.size_bytes && context->IsCancelled())
       return grpc::Status(grpc::StatusCode::CANCELLED, "the delta did not arrive whole in time");
     (*ticket)->all_here();
-    const DeltaIntake::Verdict verdict = farm_.deltas().deliver(
-        header, bytes, {farm_.now().seconds - started, thread_cpu_seconds() - cpu_started});
+    DeltaIntake::Verdict verdict;
+    try {
+      verdict = farm_.deltas().deliver(header, bytes,
+                                       {farm_.now().seconds - started, thread_cpu_seconds() - cpu_started});
+    } catch (const std::bad_alloc&) {  // nothing of it is merged: the worker sends it again
+      const Error error = out_of_memory("a delta cannot be merged");
+      log::warn(error.to_string(), {.job = header.job_id, .worker = header.worker_id});
+      farm_.with_scheduler(
+          [&](Scheduler& s) { s.lack_memory(header.job_id, error.to_string(), farm_.now()); });
+      return wire::to_status_with_retry(error, 1000);
+    }
     response->set_verdict(to_message(verdict.verdict));
     response->set_message(verdict.message);
     return grpc::Status::OK;

@@ -18,13 +18,16 @@
 #include <chrono>
 #include <cstring>
 #include <list>
+#include <map>
 #include <mutex>
+#include <new>
 #include <optional>
 #include <thread>
 #include <utility>
 #include <vector>
 
 #include "common/wire/address.h"
+#include "common/wire/peer.h"
 #include "master/farm.h"
 #include "master/http/http_message.h"
 #include "master/http/live_page.h"
@@ -36,6 +39,7 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t kMaxConnections = 64;
 constexpr std::size_t kMaxStreams = 48;                 // of them, of events
+constexpr std::size_t kMaxPeerStreams = 16;             // of one client
 constexpr std::size_t kMaxStreamBytes = 4 << 20;        // that a stream's client has not taken
 constexpr auto kRequestTime = std::chrono::seconds(2);  // from connection to the whole request
 constexpr auto kAnswerTime = std::chrono::seconds(10);  // from there until the client has taken the answer
@@ -114,6 +118,7 @@ class Server final : public HttpServer {
     bool head = false;
     std::string topic = {};  // of a stream
     bool over = false;
+    std::string peer = {};  // of a stream
   };
   // An answer to a connection, or a text for all streams of a topic.
   struct Message {
@@ -155,7 +160,7 @@ class Server final : public HttpServer {
       auto entry = polled.begin() + 2;
       const auto now = Clock::now();
       for (Connection& c : connections_) {
-        if ((entry++)->revents != 0) step(c);
+        if ((entry++)->revents != 0) step_or_end(c);
         if (now < c.deadline) continue;
         // A stream that has nothing to send is kept alive; one whose client takes nothing ends.
         if (!c.topic.empty() && c.sent == c.out.size())
@@ -163,9 +168,21 @@ class Server final : public HttpServer {
         else
           c.over = true;
       }
-      if (polled[0].revents != 0) take_messages();
-      drop_finished();
-      if (polled[1].revents != 0) take_one();
+      try {
+        if (polled[0].revents != 0) take_messages();
+        drop_finished();
+        if (polled[1].revents != 0) take_one();
+      } catch (const std::bad_alloc&) {  // whoever misses a message connects again
+        for (Connection& c : connections_) c.over = c.over || !c.topic.empty() || c.waits;
+      }
+    }
+  }
+  // A connection that there is no memory for ends alone.
+  void step_or_end(Connection& c) {
+    try {
+      step(c);
+    } catch (const std::bad_alloc&) {
+      c.over = true;
     }
   }
 
@@ -221,8 +238,8 @@ class Server final : public HttpServer {
     c.waits = false;
     c.deadline = Clock::now() + kAnswerTime;
     if (!answer.topic.empty() && !c.head) {
-      if (streams_ >= kMaxStreams) {
-        c.out = to_text(error_answer(503, "too many streams"));
+      if (const std::string refusal = no_stream(c); !refusal.empty()) {
+        c.out = to_text(error_answer(503, refusal));
         return;
       }
       ++streams_;
@@ -230,6 +247,35 @@ class Server final : public HttpServer {
       page_->opened(c.topic);
     }
     c.out = to_text(answer, !c.head);
+  }
+
+  // Why the connection cannot be a stream; empty: it can. Where all places are taken, the newest stream of
+  // the client with the most ends for a client with fewer.
+  std::string no_stream(Connection& c) {
+    sockaddr_storage address{};
+    socklen_t size = sizeof address;
+    std::string peer = "unknown";
+    if (::getpeername(c.socket.get(), reinterpret_cast<sockaddr*>(&address), &size) == 0)
+      peer = wire::peer_name(address);
+    std::map<std::string, std::size_t> streams;
+    for (const Connection& other : connections_)
+      if (!other.peer.empty() && !other.over) ++streams[other.peer];
+    const std::size_t mine = streams[peer];
+    if (mine >= kMaxPeerStreams)
+      return fmt::format("this client ({}) has {} pages open, as many as one may: close some of them", peer,
+                         mine);
+    if (streams_ >= kMaxStreams) {
+      const auto most = std::max_element(streams.begin(), streams.end(),
+                                         [](const auto& a, const auto& b) { return a.second < b.second; });
+      if (most->second < mine + 2)
+        return fmt::format("{} pages are open, as many as this master serves: try again later", streams_);
+      const auto newest =
+          std::find_if(connections_.rbegin(), connections_.rend(),
+                       [&](const Connection& other) { return other.peer == most->first && !other.over; });
+      newest->over = true;
+    }
+    c.peer = peer;
+    return {};
   }
 
   void take_one() {

@@ -21,6 +21,7 @@ constexpr std::size_t kMinTokenBytes = 16;
 constexpr std::uint64_t kMaxTokenFileBytes = 4096;
 constexpr std::size_t kMaxTasks = 64;
 constexpr std::size_t kMaxTopics = 64;
+constexpr std::uint64_t kPictureMemoryShare = 16;  // of the memory for jobs: pictures
 
 HttpAnswer json_answer(std::string text) {
   return {.type = "application/json", .body = std::move(text) + "\n"};
@@ -97,7 +98,11 @@ Result<std::string> read_page_token(const std::string& file) {
 }
 
 LivePage::LivePage(Farm& farm, PageOptions options, Out out)
-    : farm_(farm), options_(std::move(options)), out_(std::move(out)), start_(random_id("m", 10)) {
+    : farm_(farm),
+      options_(std::move(options)),
+      out_(std::move(out)),
+      start_(random_id("m", 10)),
+      picture_memory_(farm.memory_limit() / kPictureMemoryShare) {
   thread_ = std::thread([this] { run(); });
 }
 
@@ -141,7 +146,15 @@ std::optional<HttpAnswer> LivePage::later(std::uint64_t connection, std::functio
   {
     const std::lock_guard lock(mutex_);
     if (tasks_.size() >= kMaxTasks) return error_answer(503, "too many requests at a time");
-    tasks_.push_back([this, connection, make = std::move(make)] { out_.answer(connection, make()); });
+    tasks_.push_back([this, connection, make = std::move(make)] {
+      HttpAnswer made;
+      try {
+        made = make();
+      } catch (const std::bad_alloc&) {
+        made = error_answer(503, "the master is out of memory: ask again in a moment");
+      }
+      out_.answer(connection, std::move(made));
+    });
   }
   wake_.notify_all();
   return std::nullopt;

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <list>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -19,6 +20,7 @@
 #include "common/base/result.h"
 #include "master/http/http_message.h"
 #include "master/http/pictures.h"
+#include "master/jobs/image_memory.h"
 
 namespace candela::master {
 
@@ -76,8 +78,18 @@ class LivePage {
   std::optional<HttpAnswer> refusal(const HttpRequest& request) const;
   std::optional<HttpAnswer> later(std::uint64_t connection, std::function<HttpAnswer()> make);
 
+  // A picture that was made a short time ago, whoever looks at it.
+  struct Kept {
+    std::string topic;
+    std::uint64_t indices = 0;  // merged, when it was made
+    std::shared_ptr<Picture> picture;
+  };
+
   // On the thread of the page.
   void run();
+  // The picture of a topic: a kept one if as many indices are merged as then.
+  Result<std::shared_ptr<Picture>> picture_of(const std::string& topic, const std::string& id, bool error,
+                                              std::uint64_t indices);
   void refresh();
   void refresh_farm();
   void refresh_worker(const std::string& topic, const std::string& id);
@@ -101,6 +113,9 @@ class LivePage {
   std::deque<Task> tasks_;
   std::map<std::string, Topic> topics_;
   Rows jobs_, workers_;  // as last sent
+
+  ImageMemory picture_memory_;  // of pictures that are kept or shown
+  std::list<Kept> kept_;        // the last made first; of the thread of the page alone
   std::thread thread_;
 };
 

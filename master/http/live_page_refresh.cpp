@@ -7,6 +7,7 @@
 #include <set>
 #include <utility>
 
+#include "common/base/log.h"
 #include "common/base/thread_cpu.h"
 #include "master/farm.h"
 #include "master/http/live_page.h"
@@ -63,8 +64,14 @@ void LivePage::run() {
       if (stopping_) return;
       tasks.swap(tasks_);
     }
-    for (const Task& task : tasks) task();
-    if (!farm_.stopping()) refresh();
+    try {
+      for (const Task& task : tasks) task();
+      if (!farm_.stopping()) refresh();
+    } catch (const std::bad_alloc&) {
+      kept_.clear();
+      log::warn("the page is behind: out of memory");
+      std::this_thread::sleep_for(kRound);
+    }
   }
 }
 
@@ -229,6 +236,36 @@ void LivePage::refresh_worker(const std::string& topic, const std::string& id) {
   send(topic, "events", events_page_json(*events));
 }
 
+Result<std::shared_ptr<Picture>> LivePage::picture_of(const std::string& topic, const std::string& id,
+                                                      bool error, std::uint64_t indices) {
+  for (const Kept& kept : kept_)
+    if (kept.topic == topic && kept.indices == indices) return kept.picture;
+  std::erase_if(kept_, [&](const Kept& kept) { return kept.topic == topic; });
+  const auto [width, height] = farm_.with_scheduler([&](Scheduler& s) {
+    const JobSettings& settings = s.job(id)->row.settings;
+    return std::pair(settings.width, settings.height);
+  });
+  const std::uint64_t bytes = Picture::memory_bytes(width, height);
+  Result<ImageMemory::Place> place = picture_memory_.take(bytes);
+  for (auto kept = kept_.end(); !place.ok() && kept != kept_.begin();) {  // the oldest that nobody looks at
+    --kept;
+    if (kept->picture.use_count() > 1) continue;
+    kept = kept_.erase(kept);
+    place = picture_memory_.take(bytes);
+  }
+  if (!place.ok())
+    return resource_error("the page shows as many pictures as the master has memory for")
+        .with_mend("close the pages of other jobs");
+  struct Made {
+    ImageMemory::Place place;
+    std::shared_ptr<Picture> picture;
+  };
+  CANDELA_ASSIGN(std::shared_ptr<Picture> picture, make_picture(farm_, id, error));
+  const auto made = std::make_shared<Made>(Made{std::move(*place), std::move(picture)});
+  kept_.push_front({topic, indices, std::shared_ptr<Picture>(made, made->picture.get())});
+  return kept_.front().picture;
+}
+
 void LivePage::refresh_picture(const std::string& topic, const std::string& id, bool error) {
   const std::uint64_t indices = farm_.with_scheduler([&](Scheduler& s) {
     const Job* job = s.job(id);
@@ -240,7 +277,7 @@ void LivePage::refresh_picture(const std::string& topic, const std::string& id, 
     if (it == topics_.end() || (it->second.picture_made && it->second.iterations == indices)) return;
   }
   auto made = indices == 0 ? Result<std::shared_ptr<Picture>>(refused_error("nothing is merged yet"))
-                           : make_picture(farm_, id, error);
+                           : picture_of(topic, id, error, indices);
   if (!made.ok()) {
     send(topic, "nopicture", JsonObject().add("message", made.error().to_string()).text());
     return;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "common/base/memory_limit.h"
 #include "common/film/development.h"
 #include "common/film/merged_film.h"
 #include "common/stats/image_error.h"
@@ -125,13 +126,16 @@ Picture::Tile Picture::tile(std::size_t level, std::uint32_t x, std::uint32_t y)
   return tile;
 }
 
-Result<std::shared_ptr<Picture>> make_picture(Farm& farm, const std::string& job_id, bool error) {
-  CANDELA_ASSIGN(const std::shared_ptr<JobFilm> film, farm.truth().open_film(job_id));
+std::uint64_t Picture::memory_bytes(std::uint32_t width, std::uint32_t height) {
+  // 3 floats and a tile's 4 bytes a pixel, and a third more for smaller levels.
+  return std::uint64_t{width} * height * (3 * sizeof(float) + 4) * 4 / 3;
+}
+
+namespace {
+
+Result<std::shared_ptr<Picture>> picture_of(const JobRow& row, JobFilm& film, bool error) {
   const auto nothing = [] { return refused_error("nothing is merged yet"); };
-  if (!film) return nothing();
-  film->touch(farm.now().seconds);
-  const JobRow row = farm.with_scheduler([&](Scheduler& s) { return s.job(job_id)->row; });
-  const JobFilm::Snapshot copy = film->snapshot(JobFilm::Part::image);
+  const JobFilm::Snapshot copy = film.snapshot(JobFilm::Part::image);
   if (!copy.film || copy.film->iterations() == 0) return nothing();
   if (error && (copy.film->merged(0).count() == 0 || copy.film->merged(1).count() == 0))
     return refused_error("an error estimate needs iterations of both halves");
@@ -140,6 +144,29 @@ Result<std::shared_ptr<Picture>> make_picture(Farm& farm, const std::string& job
   std::vector<float> rgb = film::develop_image(*copy.film, development, film::MergedFilm::Which::both);
   if (error) rgb = relative_error(rgb, stats::variance_map(*copy.film, development), width, height);
   return std::make_shared<Picture>(width, height, std::move(rgb), row.iterations_of(copy.film->iterations()));
+}
+
+}  // namespace
+
+Result<std::shared_ptr<Picture>> make_picture(Farm& farm, const std::string& job_id, bool error) {
+  struct View {
+    JobRow row;
+    MemoryNeed need;
+  };
+  const View view = farm.with_scheduler([&](Scheduler& s) {
+    const Job& job = *s.job(job_id);
+    return View{job.row, job.need};
+  });
+  CANDELA_ASSIGN(const ImageMemory::Place place, farm.images().memory().take(view.need.working));
+  const std::shared_ptr<JobFilm> known = farm.film_of(job_id);
+  const bool only_here = known && !known->loaded() && has_ended(view.row.state);
+  auto made = within_memory("the picture cannot be made", [&]() -> Result<std::shared_ptr<Picture>> {
+    CANDELA_ASSIGN(const std::shared_ptr<JobFilm> film, farm.truth().open_film(job_id, !only_here));
+    if (!film) return refused_error("nothing is merged yet");
+    return picture_of(view.row, *film, error);
+  });
+  if (only_here) known->unload_if_idle(farm.now().seconds, 0);
+  return made;
 }
 
 }  // namespace candela::master

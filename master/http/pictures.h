@@ -34,6 +34,8 @@ class Picture {
 
   // Levels down to one tile. Precondition: rgb has width * height * 3 values.
   Picture(std::uint32_t width, std::uint32_t height, std::vector<float> rgb, std::uint64_t iterations);
+  // Of all its levels and tiles.
+  static std::uint64_t memory_bytes(std::uint32_t width, std::uint32_t height);
   std::uint64_t iterations() const { return iterations_; }
   const std::vector<Level>& levels() const { return levels_; }
   // Thread-safe. No bytes: there is no such tile.
@@ -48,7 +50,8 @@ class Picture {
 
 // The image of what is merged now, or the relative standard error of each pixel: the square root of the terms
 // of the estimated relMSE, averaged over 5 x 5 pixels. Errors (refused): nothing is merged, or for the error
-// only one half.
+// only one half; (resource) there is no memory for it now. The film of an ended job leaves memory after it,
+// unless it was there before.
 Result<std::shared_ptr<Picture>> make_picture(Farm& farm, const std::string& job_id, bool error);
 
 }  // namespace candela::master

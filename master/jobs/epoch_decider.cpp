@@ -6,6 +6,7 @@
 
 #include "common/base/hash.h"
 #include "common/base/log.h"
+#include "common/base/memory_limit.h"
 
 namespace candela::master {
 namespace {
@@ -79,7 +80,7 @@ void EpochDecider::decide_loop() {
     bool any = false;
     for (const EpochJob& job : table_.with_scheduler([](Scheduler& s) { return s.epoch_jobs(); })) {
       if (wake_.stopping() || retry_at_[job.job_id] > JobTable::now().seconds) continue;
-      const auto done = step(job);
+      const auto done = within_memory("no state can be decided", [&] { return step(job); });
       if (done.ok() && *done) {
         any = true;
         continue;

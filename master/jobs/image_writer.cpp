@@ -8,6 +8,7 @@
 
 #include "common/base/files.h"
 #include "common/base/log.h"
+#include "common/base/memory_limit.h"
 #include "common/base/version.h"
 #include "common/bundle/bundle.h"
 #include "common/film/layers.h"
@@ -197,6 +198,12 @@ Result<std::string> ImageWriter::encode(const std::string& job_id, const ImagePa
     return usage_error(
                "the variance is estimated from both halves: the image of one half has no variance layer")
         .with_field("variance_layer");
+  return within_memory("the image cannot be made", [&] { return encode_within(job_id, parts); });
+}
+
+Result<std::string> ImageWriter::encode_within(const std::string& job_id, const ImageParts& parts) {
+  const MemoryNeed need = table_.with_scheduler([&](Scheduler& s) { return s.job(job_id)->need; });
+  CANDELA_ASSIGN(const ImageMemory::Place place, memory_.take(need.working));
   CANDELA_ASSIGN(const std::shared_ptr<JobFilm> film, truth_.open_film(job_id));
   struct View {
     JobRow row;
@@ -214,7 +221,12 @@ Result<std::string> ImageWriter::encode(const std::string& job_id, const ImagePa
   if (!film) return nothing();
   if (lost > 0 && has_ended(row.state) && !parts.partial)
     return refused_error(fmt::format("job {}: {}", job_id, message)).with_mend("--partial gets what is left");
-  const auto copy = film->snapshot(parts.image_only ? JobFilm::Part::image : JobFilm::Part::all);
+  const auto part = parts.image_only ? JobFilm::Part::image : JobFilm::Part::all;
+  JobFilm::Snapshot copy = film->snapshot(part);
+  if (!copy.film) {  // the film of an ended job left memory in this moment
+    CANDELA_TRY(truth_.open_film(job_id));
+    copy = film->snapshot(part);
+  }
   if (!copy.film || copy.film->iterations() == 0) return nothing();
   if (merged_in(*copy.film, parts.which) == 0)
     return refused_error(fmt::format("job {} has no image of half {} yet: nothing of this half is merged",
@@ -228,12 +240,13 @@ Result<std::string> ImageWriter::encode(const std::string& job_id, const ImagePa
 }
 
 void ImageWriter::write_file(const std::string& job_id, JobFilm& film) {
-  const JobFilm::Snapshot copy = film.snapshot();
-  const JobRow row = table_.with_scheduler([&](Scheduler& s) { return s.job(job_id)->row; });
-  if (!copy.film || copy.film->iterations() == 0) return;
-  auto bytes = bulk_.run([&] { return encode(row, copy, {}, {}); });
-  Result<void> written = bytes.ok() ? write_file_atomically(table_.folder_of(job_id) / "image.exr", *bytes)
-                                    : Result<void>(bytes.error());
+  const Result<void> written = within_memory("the image cannot be made", [&]() -> Result<void> {
+    const JobFilm::Snapshot copy = film.snapshot();
+    const JobRow row = table_.with_scheduler([&](Scheduler& s) { return s.job(job_id)->row; });
+    if (!copy.film || copy.film->iterations() == 0) return {};
+    CANDELA_ASSIGN(const std::string bytes, bulk_.run([&] { return encode(row, copy, {}, {}); }));
+    return write_file_atomically(table_.folder_of(job_id) / "image.exr", bytes);
+  });
   if (!written.ok()) log::warn(fmt::format("no image: {}", written.error().to_string()), {.job = job_id});
 }
 

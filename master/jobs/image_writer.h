@@ -11,6 +11,7 @@
 #include <string>
 
 #include "common/base/result.h"
+#include "master/jobs/image_memory.h"
 #include "master/jobs/job_table.h"
 #include "master/jobs/state_reports.h"
 #include "master/merge/bulk_threads.h"
@@ -32,19 +33,23 @@ struct ImageParts {
 
 class ImageWriter {
  public:
-  ImageWriter(JobTable& table, JobTruth& truth, Store& store, StateReports& reports, BulkThreads& bulk)
-      : table_(table), truth_(truth), store_(store), reports_(reports), bulk_(bulk) {}
+  // `memory_bytes`: of the images under way.
+  ImageWriter(JobTable& table, JobTruth& truth, Store& store, StateReports& reports, BulkThreads& bulk,
+              std::uint64_t memory_bytes)
+      : table_(table), truth_(truth), store_(store), reports_(reports), bulk_(bulk), memory_(memory_bytes) {}
 
   // The image of what is merged now, as the bytes of an EXR file. ErrorKind::refused before the first merge
-  // (of the half that is asked for), usage for the error layer of a half.
+  // (of the half that is asked for), usage for the error layer of a half, resource for want of memory.
   // Precondition: the job exists.
   Result<std::string> encode(const std::string& job_id, const ImageParts& parts);
   // Writes the image into the job's folder. An image that cannot be written is worth a line in the log, no
   // more: the film is safe in its checkpoints.
   void write_file(const std::string& job_id, JobFilm& film);
   RecentImages& recent() { return recent_; }
+  ImageMemory& memory() { return memory_; }
 
  private:
+  Result<std::string> encode_within(const std::string& job_id, const ImageParts& parts);
   Result<std::string> encode(const JobRow& row, const JobFilm::Snapshot& snapshot, const ImageParts& parts,
                              const std::vector<StateReport::Layer>& state_layers);
 
@@ -54,6 +59,7 @@ class ImageWriter {
   StateReports& reports_;
   BulkThreads& bulk_;
   RecentImages recent_;
+  ImageMemory memory_;
 };
 
 }  // namespace candela::master

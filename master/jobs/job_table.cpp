@@ -1,6 +1,7 @@
 #include "master/jobs/job_table.h"
 
 #include <chrono>
+#include <new>
 
 #include "common/base/log.h"
 
@@ -66,12 +67,16 @@ void JobTable::remember_states(const std::string& job_id, JobFilm& film) {
     film.remember({row.name, row.epoch, row.sha256, row.size_bytes});
 }
 
-void JobTable::publish() {
-  if (observer_) observer_(*scheduler_);
-  std::vector<Change> changes = scheduler_->take_changes();
-  for (const Change& c : changes)
-    if (const auto* e = std::get_if<AddEvent>(&c)) log_event(e->row);
-  writer_.enqueue(std::move(changes));
+void JobTable::publish() noexcept {
+  try {
+    if (observer_) observer_(*scheduler_);
+    writer_.enqueue(unpublished_);  // of a call that ran out of memory
+    unpublished_ = scheduler_->take_changes();
+    for (const Change& c : unpublished_)
+      if (const auto* e = std::get_if<AddEvent>(&c)) log_event(e->row);
+    writer_.enqueue(unpublished_);
+  } catch (const std::bad_alloc&) {
+  }
   changed_.notify_all();
 }
 

@@ -14,7 +14,9 @@
 #include <mutex>
 #include <string>
 #include <utility>
+#include <vector>
 
+#include "common/base/memory_limit.h"
 #include "master/merge/job_film.h"
 #include "master/options.h"
 #include "master/scheduler/scheduler.h"
@@ -45,6 +47,7 @@ class JobTable {
       ~Finally() { table.publish(); }
     };
     const std::lock_guard lock(mutex_);
+    const SmallWork small;
     const Finally finally{*this};
     return f(*scheduler_, films_);
   }
@@ -63,7 +66,8 @@ class JobTable {
   std::filesystem::path folder_of(const std::string& job_id) const { return folder_ / job_id; }
 
  private:
-  void publish();  // precondition: mutex_ is held
+  // Precondition: mutex_ is held. If memory runs out the next call hands the changes over.
+  void publish() noexcept;
 
   StoreWriter& writer_;
   const std::filesystem::path folder_;
@@ -71,9 +75,10 @@ class JobTable {
   const SchedulerObserver observer_;
 
   std::condition_variable changed_;
-  mutable std::mutex mutex_;  // guards the two below
+  mutable std::mutex mutex_;  // guards those below
   std::unique_ptr<Scheduler> scheduler_;
   JobFilms films_;
+  std::vector<Change> unpublished_;
 };
 
 }  // namespace candela::master

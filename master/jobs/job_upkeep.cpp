@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "common/base/log.h"
+#include "common/base/memory_limit.h"
 #include "common/stats/image_error.h"
 #include "master/jobs/convergence.h"
 #include "master/jobs/develop.h"
@@ -18,6 +19,7 @@ constexpr double kSummarySeconds = 0.5;  // between summaries of a job's chains
 constexpr double kRetrySeconds = 1;      // after a checkpoint that failed
 constexpr double kImageSeconds = 60;     // between images of a running job
 constexpr double kIdleFilmSeconds = 60;  // before the film of a job that has ended gives its memory back
+constexpr double kShortFilmSeconds = 2;  // the same where memory is short
 constexpr double kEstimateGrowth = 1.1;  // of iterations between estimates
 constexpr double kMinEstimateSeconds = 0.25;
 constexpr double kEstimateShare = 0.1;  // of one thread, at most, by the estimates of all jobs
@@ -35,11 +37,15 @@ void JobUpkeep::upkeep_loop() {
     const bool force = flush_requested_.exchange(false);
     std::vector<std::string> ids;
     std::size_t estimating = 0;
+    std::uint64_t idle_bytes = 0;  // of ended jobs
+    bool short_of_memory = false;
     table_.with_films([&](Scheduler& s, const JobFilms& films) {
+      short_of_memory = s.short_of_memory();
       for (const auto& [id, job] : s.jobs()) {
         // Thousands of jobs may have ended. One whose film is not in memory needs nothing.
         const auto film = films.find(id);
         if (!has_ended(job.row.state) || (film != films.end() && film->second->loaded())) ids.push_back(id);
+        if (has_ended(job.row.state) && !ids.empty() && ids.back() == id) idle_bytes += job.need.held();
       }
       estimating = estimating_jobs(s.jobs());
     });
@@ -47,7 +53,15 @@ void JobUpkeep::upkeep_loop() {
       if (wake_.stopping()) break;
       const std::lock_guard lock(mutex_);
       estimating_jobs_ = static_cast<double>(std::max<std::size_t>(estimating, 1));
-      upkeep(id, force);
+      idle_seconds_ =
+          short_of_memory || idle_bytes > idle_limit_bytes_ ? kShortFilmSeconds : kIdleFilmSeconds;
+      try {
+        upkeep(id, force);
+      } catch (const std::bad_alloc&) {  // an estimate or an image: the next round tries again
+        room_ = {};
+        log::warn("the upkeep of a job is tried again: out of memory", {.job = id});
+        jobs_[id].last_estimate = JobTable::now().seconds + kRetrySeconds;
+      }
     }
     {
       const std::lock_guard lock(mutex_);
@@ -123,7 +137,7 @@ void JobUpkeep::estimate_error(const std::string& job_id, JobFilm& film, bool at
   }
   const double started = JobTable::now().seconds;
   const JobFilm::Snapshot copy = bulk_.run([&] { return film.snapshot_in(room_); });
-  room_used_ = started;
+  room_used_ = state.last_estimate = started;
   if (!copy.film) return;
   const JobRow row = table_.with_scheduler([&](Scheduler& s) { return s.job(job_id)->row; });
   const auto development = bulk_.run([&] { return develop(row, copy, {}); });
@@ -173,20 +187,29 @@ void JobUpkeep::write_image(const std::string& job_id, JobFilm& film) {
 
 void JobUpkeep::upkeep(const std::string& job_id, bool force) {
   struct View {
-    bool finishing = false, ended = false, paused = false, has_film = false;
+    bool finishing = false, ended = false, paused = false, has_film = false, has_memory = false;
     std::uint64_t states = 0;
   };
   const View view = table_.with_scheduler([&](Scheduler& s) {
     if (!s.jobs().contains(job_id)) return View{};
     const Job* job = s.job(job_id);
-    return View{job->finishing, has_ended(job->row.state), job->row.state == JobState::paused,
-                job->row.named_state.has_value(), job->states.size()};
+    return View{job->finishing,
+                has_ended(job->row.state),
+                job->row.state == JobState::paused,
+                job->row.named_state.has_value(),
+                job->has_memory(),
+                job->states.size()};
   });
   if (!view.has_film) return;
   const std::shared_ptr<JobFilm> film = table_.film_of(job_id);
   if (!film->loaded()) {
-    if (view.ended) return;
-    if (auto opened = truth_.open_film(job_id, false); !opened.ok()) return;
+    if (view.ended || !view.has_memory) return;
+    if (auto opened = truth_.open_film(job_id, false); !opened.ok()) {
+      if (opened.error().kind == ErrorKind::resource)
+        table_.with_scheduler(
+            [&](Scheduler& s) { s.lack_memory(job_id, opened.error().to_string(), JobTable::now()); });
+      return;
+    }
   }
   const double t = JobTable::now().seconds;
   State& state = jobs_[job_id];
@@ -213,7 +236,7 @@ void JobUpkeep::upkeep(const std::string& job_id, bool force) {
     } else if (force) {
       write_image(job_id, *film);
     }
-    film->unload_if_idle(t, kIdleFilmSeconds);
+    film->unload_if_idle(t, idle_seconds_);
     return;
   }
   film->reopen();
@@ -241,7 +264,12 @@ void JobUpkeep::last_checkpoints() {
   const std::lock_guard lock(mutex_);
   for (const auto& [id, film] : table_.films()) {
     film->close();
-    if (film->dirty() && !save_checkpoint(id, *film))
+    bool saved = !film->dirty();
+    try {
+      saved = saved || save_checkpoint(id, *film);
+    } catch (const std::bad_alloc&) {
+    }
+    if (!saved)
       log::error("the last checkpoint could not be written; the generation before serves at the next start",
                  {.job = id});
   }

@@ -28,16 +28,18 @@ std::size_t estimating_jobs(const std::map<std::string, Job>& jobs);
 
 class JobUpkeep {
  public:
-  // `options` must outlive this object.
+  // `options` must outlive this object. `idle_limit_bytes`: of films of ended jobs; beyond it they leave
+  // memory sooner.
   JobUpkeep(JobTable& table, JobTruth& truth, ImageWriter& images, BulkThreads& bulk, FarmCounters& counters,
-            WakeSignal& wake, const MasterOptions& options)
+            WakeSignal& wake, const MasterOptions& options, std::uint64_t idle_limit_bytes)
       : table_(table),
         truth_(truth),
         images_(images),
         bulk_(bulk),
         counters_(counters),
         wake_(wake),
-        options_(options) {}
+        options_(options),
+        idle_limit_bytes_(idle_limit_bytes) {}
 
   // The body of one thread. Returns when the farm stops.
   void upkeep_loop();
@@ -74,6 +76,7 @@ class JobUpkeep {
   FarmCounters& counters_;
   WakeSignal& wake_;
   const MasterOptions& options_;
+  const std::uint64_t idle_limit_bytes_;
 
   std::atomic<bool> flush_requested_{false};
   std::mutex mutex_;
@@ -81,6 +84,7 @@ class JobUpkeep {
   JobFilm::Room room_;          // reused by the jobs one after another
   double room_used_ = 0;        // time of the last use
   double estimating_jobs_ = 1;  // in the present round, at least 1
+  double idle_seconds_ = 0;     // in the present round: before the film of an ended job leaves memory
 };
 
 }  // namespace candela::master

@@ -3,6 +3,8 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include "common/base/memory_limit.h"
+
 namespace candela::master {
 
 BulkThreads::BulkThreads(unsigned count, int niceness) {
@@ -29,6 +31,7 @@ void BulkThreads::put(std::function<void()> work) {
 void BulkThreads::loop(int niceness) {
   // On Linux setpriority() changes one thread. If it fails, the thread keeps its priority.
   if (niceness != 0) static_cast<void>(::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), niceness));
+  const LargeWork large;
   for (;;) {
     std::function<void()> work;
     {

@@ -1,17 +1,30 @@
 #include "master/merge/job_film.h"
 
 #include <fmt/format.h>
+#include <sys/mman.h>
 
 #include <algorithm>
 #include <charconv>
+#include <new>
 #include <vector>
 
 #include "common/base/files.h"
+#include "common/base/memory_limit.h"
 
 namespace candela::master {
 namespace {
 
 constexpr std::uint64_t kMaxCheckpointBytes = 1ULL << 38;
+constexpr std::size_t kSpareBytes = 32 << 20;  // address space for calls: their threads have stacks of 8 MB
+
+// Whether the address space has room for other things beside what was just taken.
+bool leaves_room() {
+  void* const probe =
+      ::mmap(nullptr, kSpareBytes, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (probe == MAP_FAILED) return false;
+  ::munmap(probe, kSpareBytes);
+  return true;
+}
 
 // Whether `after` can be what segment number `segment` of this chain left of `before`.
 Result<void> follows(const chains::ChainRecord& before, const chains::ChainRecord& after, std::uint64_t chain,
@@ -90,6 +103,11 @@ std::string JobFilm::set_aside(const Found& found, const Error& error) {
 Result<JobFilm::Loading> JobFilm::ensure_loaded() {
   const std::lock_guard file_lock(file_mutex_);
   if (loaded()) return Loading{};
+  return within_memory("the film cannot be read", [&] { return load(); });
+}
+
+// Precondition: file_mutex_ is held. If memory runs out nothing changes but names of damaged files.
+Result<JobFilm::Loading> JobFilm::load() {
   Loading out{true, {}};
   std::optional<ParsedCheckpoint> found;
   std::uint64_t generation = 0, newest = 0;
@@ -104,12 +122,15 @@ Result<JobFilm::Loading> JobFilm::ensure_loaded() {
     if (parsed.error().kind == ErrorKind::resource) return std::move(parsed).error();
     out.trouble += (out.trouble.empty() ? "" : "; ") + set_aside(candidate, parsed.error());
   }
+  auto film = found ? std::make_unique<film::MergedFilm>(std::move(found->film))
+                    : std::make_unique<film::MergedFilm>(layout_, scale_log2_);
+  ChainRecords records = found ? std::move(found->records) : fresh_records();
+  if (found && !leaves_room()) throw std::bad_alloc();
   const std::lock_guard lock(mutex_);
-  film_ = found ? std::make_unique<film::MergedFilm>(std::move(found->film))
-                : std::make_unique<film::MergedFilm>(layout_, scale_log2_);
+  film_ = std::move(film);
   {
     const std::lock_guard records_lock(records_mutex_);
-    records_ = found ? std::move(found->records) : fresh_records();
+    records_ = std::move(records);
   }
   accumulators_ = found ? std::move(found->accumulators) : Accumulators();
   decisions_ = found ? std::move(found->decisions) : Decisions();
@@ -122,6 +143,10 @@ Result<JobFilm::Loading> JobFilm::ensure_loaded() {
 
 Result<JobFilm::Verified> JobFilm::verify_files() {
   const std::lock_guard file_lock(file_mutex_);
+  return within_memory("the checkpoints cannot be read", [&] { return verify(); });
+}
+
+Result<JobFilm::Verified> JobFilm::verify() {
   Verified out;
   std::optional<ParsedCheckpoint> newest;
   for (const Found& candidate : generations()) {
@@ -188,16 +213,38 @@ Result<JobFilm::Outcome> JobFilm::merge(const film::Delta& delta, std::vector<ch
     return input_error(
                fmt::format("{} accumulators, the job has {}", delta.accumulators().size(), specs_.size()))
         .with_field("accumulators");
-  CANDELA_TRY(film_->merge(delta));  // the last that can be refused
-  for (std::uint32_t i = 0; i < specs_.size(); ++i) {
-    const film::Delta::AccumulatorSums& sums = delta.accumulators()[i];
-    const bool per_job = specs_[i].per == film::AccumulatorSpec::Per::job;
-    editable({i, per_job ? unit.half : sums.epoch}).merge(sums.sums);
-  }
+  CANDELA_TRY(add_sums(delta));
   const std::lock_guard records_lock(records_mutex_);
   for (std::uint64_t i = unit.begin; chains_ > 0 && i < unit.end; ++i)
     records_[chains::chain_of(unit.half, i, chains_)].swap(shared[i - unit.begin]);
   return Outcome::merged;
+}
+
+// Film and accumulators change together or not at all, also if memory runs out. Precondition: mutex_ is held.
+Result<void> JobFilm::add_sums(const film::Delta& delta) {
+  const auto& sums = delta.accumulators();
+  std::uint32_t channels = 0;
+  std::vector<film::MergedAccumulator*> to;
+  for (std::uint32_t i = 0; i < specs_.size(); ++i) {
+    const bool per_job = specs_[i].per == film::AccumulatorSpec::Per::job;
+    to.push_back(&editable({i, per_job ? delta.info().unit.half : sums[i].epoch}));
+    to.back()->reserve(sums[i].sums);
+    channels = std::max(channels, sums[i].sums.channels());
+  }
+  film::SparseSums::TileBuffers buffers(channels);  // to take sums back nothing is allocated
+  std::size_t added = 0;
+  const auto take_back = [&] {
+    while (added-- > 0) to[added]->take_back(sums[added].sums, buffers);
+  };
+  try {
+    for (; added < to.size(); ++added) to[added]->merge(sums[added].sums);
+    Result<void> merged = film_->merge(delta);  // the last that can be refused
+    if (!merged.ok()) take_back();
+    return merged;
+  } catch (const std::bad_alloc&) {
+    take_back();
+    throw;
+  }
 }
 
 // Precondition: mutex_ is held.
@@ -232,6 +279,7 @@ void JobFilm::reopen() {
 }
 
 JobFilm::Snapshot JobFilm::snapshot(Part part) {
+  const LargeWork large;
   const std::lock_guard lock(mutex_);
   Snapshot out;
   if (!film_) return out;
@@ -243,6 +291,7 @@ JobFilm::Snapshot JobFilm::snapshot(Part part) {
 }
 
 JobFilm::Snapshot JobFilm::snapshot_in(Room& room) {
+  const LargeWork large;
   const std::lock_guard lock(mutex_);
   Snapshot out;
   if (!film_) return out;
@@ -320,33 +369,65 @@ JobFilm::Starts JobFilm::starts_of(const Unit& unit) const {
 
 Result<JobFilm::Checkpoint> JobFilm::checkpoint(Room& room) {
   const std::lock_guard file_lock(file_mutex_);
-  ChainRecords records;
-  Accumulators accumulators;
-  Decisions decisions;
-  {
-    const std::lock_guard lock(mutex_);
-    if (!film_) return Checkpoint{generation_, saved_iterations_};  // unloaded means saved
-    accumulators = accumulators_;
-    decisions = decisions_;
-    room.film = *film_;
-    records = records_;
+  Saved saved;
+  Result<void> encoded = within_memory("the film cannot be copied", [&] { return encode_copy(room, saved); });
+  if (!encoded.ok()) {
+    // What other jobs left here may be all that is missing.
+    room = {};
+    encoded = within_memory("the checkpoint cannot be made", [&] { return encode_in_place(room, saved); });
   }
+  if (!encoded.ok()) {
+    room = {};
+    return std::move(encoded).error();
+  }
+  if (!saved.loaded) return Checkpoint{saved.generation, saved.iterations};  // unloaded means saved
   CANDELA_TRY(make_directories(folder_));
-  const std::uint64_t next = generation() + 1;
-  encode_checkpoint(*room.film, records, accumulators, decisions, room.bytes);
+  const std::uint64_t next = saved.generation + 1;
   CANDELA_TRY(writer_(folder_ / fmt::format("film.{}.ckpt", next), room.bytes));
   {
     const std::lock_guard lock(mutex_);
     generation_ = next;
-    saved_iterations_ = room.film->iterations();
-    saved_states_ = decisions.states.size();
-    saved_decisions_ = decisions.made;
+    saved_iterations_ = saved.iterations;
+    saved_states_ = saved.states;
+    saved_decisions_ = saved.decisions;
   }
   // This one and the newest before it stay.
   const std::vector<Found> all = generations();
   std::error_code code;
   for (std::size_t i = 2; i < all.size(); ++i) std::filesystem::remove(all[i].path, code);
-  return Checkpoint{next, room.film->iterations()};
+  return Checkpoint{next, saved.iterations};
+}
+
+// Precondition: mutex_ is held.
+JobFilm::Saved JobFilm::present() const {
+  return {film_ != nullptr, generation_, film_ ? film_->iterations() : saved_iterations_,
+          decisions_.states.size(), decisions_.made};
+}
+
+// Merges go on while the copy is encoded.
+Result<void> JobFilm::encode_copy(Room& room, Saved& saved) const {
+  ChainRecords records;
+  Accumulators accumulators;
+  Decisions decisions;
+  {
+    const std::lock_guard lock(mutex_);
+    saved = present();
+    if (!film_) return {};
+    accumulators = accumulators_;
+    decisions = decisions_;
+    room.film = *film_;
+    records = records_;
+  }
+  encode_checkpoint(*room.film, records, accumulators, decisions, room.bytes);
+  return {};
+}
+
+// Without a copy, if there is no memory for one. Merges wait.
+Result<void> JobFilm::encode_in_place(Room& room, Saved& saved) const {
+  const std::lock_guard lock(mutex_);
+  saved = present();
+  if (film_) encode_checkpoint(*film_, records_, accumulators_, decisions_, room.bytes);
+  return {};
 }
 
 bool JobFilm::dirty() const {

@@ -64,7 +64,8 @@ class JobFilm {
   enum class Outcome { merged, duplicate, closed };
   // duplicate: the film has some of its indices. closed: the job has ended. Errors: layout or scale differ;
   // of chains a record that does not follow its chain's present one by one segment. Film, accumulators and
-  // records change together or not at all. `records`: of a delta of segments one for each index, in order.
+  // records change together or not at all, also if memory runs out (std::bad_alloc). `records`: of a delta of
+  // segments one for each index, in order.
   Result<Outcome> merge(const film::Delta& delta, std::vector<chains::ChainRecord> records = {});
   void close();  // no more merges: what is there is final
   void reopen();
@@ -152,7 +153,8 @@ class JobFilm {
     std::uint64_t generation = 0;
     std::uint64_t iterations = 0;
   };
-  // Writes what is merged now as the next generation. On an error the one before stays.
+  // Writes what is merged now as the next generation. On an error, a lack of memory among them (resource),
+  // the one before stays. Merges wait for the encoding only where memory does not suffice for a copy.
   Result<Checkpoint> checkpoint(Room& room);
   Result<Checkpoint> checkpoint() {
     Room room;
@@ -173,7 +175,19 @@ class JobFilm {
   Result<ParsedCheckpoint> read(const Found& found) const;
   // Renames it; returns the text that tells of it.
   static std::string set_aside(const Found& found, const Error& error);
+  Result<Loading> load();
+  Result<Verified> verify();
+  // What a checkpoint has.
+  struct Saved {
+    bool loaded = false;
+    std::uint64_t generation = 0;  // before it
+    std::uint64_t iterations = 0, states = 0, decisions = 0;
+  };
+  Saved present() const;
+  Result<void> encode_copy(Room& room, Saved& saved) const;
+  Result<void> encode_in_place(Room& room, Saved& saved) const;
   ChainRecords fresh_records() const;
+  Result<void> add_sums(const film::Delta& delta);
   film::MergedAccumulator& editable(const AccumulatorKey& key);
   // Adds counts, accumulators and epochs to a snapshot. Preconditions: the film is loaded, mutex_ is held.
   void add_all_but_film(Snapshot& snapshot) const;

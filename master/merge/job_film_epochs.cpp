@@ -87,12 +87,16 @@ Result<bool> JobFilm::fold(MadeDecision made) {
   if (epoch < states.size() && states[epoch].sha256 != state.sha256)
     return failed_error(fmt::format("the checkpoint has state {} of epoch {}, the sums give {}",
                                     states[epoch].sha256, epoch, state.sha256));
-  if (epoch < states.size())
-    states[epoch] = state;
-  else
-    states.push_back(state);
-  old_carry = std::exchange(decisions_.carry, std::move(new_carry));
+  // All that can run out of memory comes before the first change that somebody sees.
+  folded_sums.reserve(specs_.size());
+  if (epoch == states.size()) states.reserve(epoch + 1);
+  DecidedState decided = state;
   decisions_.bytes.emplace(epoch, std::move(new_bytes));
+  if (epoch < states.size())
+    states[epoch] = std::move(decided);
+  else
+    states.push_back(std::move(decided));
+  old_carry = std::exchange(decisions_.carry, std::move(new_carry));
   ++decisions_.made;
   for (std::uint32_t i = 0; folded && i < specs_.size(); ++i) {
     if (specs_[i].per != Per::epoch) continue;

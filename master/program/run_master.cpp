@@ -13,6 +13,7 @@
 
 #include "common/base/daemon.h"
 #include "common/base/log.h"
+#include "common/base/memory_limit.h"
 #include "common/base/parse_and_run.h"
 #include "common/base/version.h"
 #include "common/wire/address.h"
@@ -26,7 +27,7 @@ namespace {
 // Options as written; empty if not given.
 struct Texts {
   std::string listen, data, http, page_token_file, tls_cert, tls_key, tls_ca, checkpoint_interval, lease_time,
-      unit_time, merge_queue, statistics_memory, keep_finished, log_level, log_format;
+      unit_time, merge_queue, memory, statistics_memory, keep_finished, log_level, log_format;
   bool insecure = false;
 };
 
@@ -35,6 +36,9 @@ struct Texts {
 constexpr int kBulkNiceness = 5;
 
 constexpr const char* kProgram = "candela-master";
+
+// What leases, rows and messages may still take where the system gives no more: some seconds of a large farm.
+constexpr std::size_t kReserveBytes = 32 << 20;
 
 // A connection is a file, and the limit that processes start with is often 1024: a thousand workers reach it.
 void allow_many_files() {
@@ -48,7 +52,7 @@ Result<MasterOptions> resolve(const DaemonSettings& settings, const Texts& texts
   CANDELA_TRY(
       settings.check_names({"listen", "data", "http", "page-token-file", "tls-cert", "tls-key", "tls-ca",
                             "insecure", "checkpoint-interval", "lease-time", "unit-time", "merge-queue",
-                            "statistics-memory", "keep-finished", "log-level", "log-format"}));
+                            "memory", "statistics-memory", "keep-finished", "log-level", "log-format"}));
   // $CANDELA_LISTEN is read, $CANDELA_MASTER is not: it names a master to call, not one to be.
   const auto choose_shared = [&](const std::string& option, const std::string& given) {
     return settings.choose(option, given, DaemonSettings::Scope::shared);
@@ -75,6 +79,7 @@ Result<MasterOptions> resolve(const DaemonSettings& settings, const Texts& texts
   CANDELA_TRY(read_positive_seconds(choose("unit-time", texts.unit_time), options.unit_seconds));
   options.bulk_niceness = kBulkNiceness;
   CANDELA_TRY(read_bytes(choose("merge-queue", texts.merge_queue), options.merge_queue_bytes));
+  CANDELA_TRY(read_bytes(choose("memory", texts.memory), options.memory_bytes));
   CANDELA_TRY(read_bytes(choose("statistics-memory", texts.statistics_memory), options.statistics_bytes));
   CANDELA_TRY(
       read_positive_seconds(choose("keep-finished", texts.keep_finished), options.keep_finished_seconds));
@@ -102,6 +107,7 @@ int run(const Texts& texts, const SchedulerObserver& observer) {
   options->observer = observer;
 
   allow_many_files();
+  MemoryReserve reserve(kReserveBytes);
   const sigset_t signals = block_signals({SIGINT, SIGTERM, SIGHUP});
   auto started = Master::start(*options);
   if (!started) return report(kProgram, started.error());
@@ -118,8 +124,15 @@ int run(const Texts& texts, const SchedulerObserver& observer) {
   std::fflush(stdout);
 
   for (;;) {
-    int number = 0;
-    if (sigwait(&signals, &number) != 0) continue;
+    constexpr timespec kPause{1, 0};
+    const int number = sigtimedwait(&signals, nullptr, &kPause);
+    if (number < 0) {
+      if (reserve.refill())
+        log::warn(
+            "the system gave no more memory, and small work took the reserve: run fewer jobs at a time, or "
+            "give a smaller --memory");
+      continue;
+    }
     if (number == SIGHUP) {
       log::info("SIGHUP: writing checkpoints and images");
       m.flush_images();
@@ -186,8 +199,14 @@ int run_master(int argc, char** argv, const SchedulerObserver& observer) {
   app.add_option("--unit-time", texts.unit_time, "what units are sized to (default 4s)")->type_name("TIME");
   app.add_option("--merge-queue", texts.merge_queue, "bytes of deltas that may be under way (default 512M)")
       ->type_name("SIZE");
+  app.add_option(
+         "--memory", texts.memory,
+         "bytes that films, statistics, chains, checkpoints and images of all jobs may take; jobs beyond "
+         "it wait (default: three quarters of what this machine, its control group and the limit of the "
+         "address space allow)")
+      ->type_name("SIZE");
   app.add_option("--statistics-memory", texts.statistics_memory,
-                 "bytes that the statistics of one job's epochs may take (default: a quarter of the memory)")
+                 "bytes of them that the statistics of all jobs may take (default: a third)")
       ->type_name("SIZE");
   app.add_option("--keep-finished", texts.keep_finished,
                  "remove jobs that ended longer ago than this, such as 30d (default: keep them)")

@@ -133,8 +133,10 @@ bool Scheduler::lease_unit(Job& job, WorkerState& worker, bool prefetch, const F
 AcquireResult Scheduler::acquire(const std::string& worker_id, const std::vector<std::string>& warm,
                                  bool prefetch, Now now, const FilmInputs* films) {
   expire(now);
+  admit_if_due(now);
   AcquireResult out;
   WorkerState& worker = workers_.at(worker_id);
+  worker.last_asked = now.seconds;
   out.drain = worker.row.draining;
   // Idle farms are asked more rarely the longer they are idle, but a small farm can always afford four calls
   // a second.
@@ -280,6 +282,7 @@ bool Scheduler::complete_pilot(const std::string& worker_id, std::uint64_t token
   job->row.epochs = result.work.epochs;
   job->row.development = result.work.development;
   job->source = make_source(job->row);
+  ask_for_memory(*job, 0);
   job->row.thread_seconds_per_iteration = result.seconds_per_iteration * worker.row.threads;
   job->thread_seconds = job->row.thread_seconds_per_iteration;
   const std::uint64_t unit_id = u->first;
@@ -296,6 +299,7 @@ bool Scheduler::complete_pilot(const std::string& worker_id, std::uint64_t token
     text = fmt::format("film scale 2^{}, {}", result.state.film_scale_log2, text);
   if (!result.work.layers.empty()) text += fmt::format(", {} layers", result.work.layers.size());
   event(now, job->row.id, worker_id, "pilot", text);
+  admit_if_due(now);
   save(*job, now);
   last_activity_ = now.seconds;
   return true;

@@ -24,6 +24,7 @@
 
 #include "common/base/result.h"
 #include "common/film/index_set.h"
+#include "common/stages/memory_need.h"
 #include "master/scheduler/failure.h"
 #include "master/scheduler/index_sets.h"
 #include "master/scheduler/unit_source.h"
@@ -48,6 +49,10 @@ struct SchedulerOptions {
   std::size_t max_leases_per_worker = 6;
   std::size_t max_workers = 10000;
   std::size_t max_jobs = 100000;
+  // Bytes of the master's memory that all admitted jobs may take, and of them those for statistics. 0: no
+  // limit.
+  std::uint64_t memory_bytes = 0;
+  std::uint64_t statistics_bytes = 0;
 };
 
 // The stop rule relmse = R holds only where both halves have at least this many iterations, and where two
@@ -140,8 +145,16 @@ struct Job {
   bool told_waiting = false;                  // an event has, since the last delivery
   std::map<std::string, std::string> lacks;   // SHA-256 of a blob that the master has lost: what to say of it
 
+  MemoryNeed need;             // of the master's memory; meaningful after the pilot
+  bool admitted = false;       // that memory is the job's until it ends
+  double retry_memory_at = 0;  // it is not admitted before: the system had less than was counted on
+  std::string memory_wait;     // what it waits for; empty: nothing
+
+  bool planned() const { return row.named_state || row.chains; }  // the pilot is done
+  // Its film may be in memory.
+  bool has_memory() const { return admitted || !planned() || finishing; }
   bool open_for_leases() const {
-    return !finishing && (row.state == JobState::queued || row.state == JobState::running);
+    return !finishing && (row.state == JobState::queued || row.state == JobState::running) && has_memory();
   }
   // Number of indices of a half that the stop rule asks for; no limit: the largest there may be. Of a job of
   // chains an iteration of the stop rule is a round: a segment of each chain.
@@ -152,10 +165,14 @@ struct Job {
   HalfSets lost() const { return without(row.promised, merged); }
 };
 
+// The memory that a job needs once its pilot is done.
+MemoryNeed need_of(const JobRow& row, std::size_t record_bytes = 0);
+
 struct WorkerState {
   WorkerRow row;
   double last_seen = 0;
-  bool called = false;  // after it registered
+  double last_asked = 0;  // for a unit
+  bool called = false;    // after it registered
   std::set<std::uint64_t> leases;
   std::uint32_t consecutive_failures = 0;  // of causes of its own
   std::set<std::string> failed_jobs;       // since its last merged unit
@@ -252,6 +269,14 @@ class Scheduler {
   void relmse_estimated(const std::string& id, double relmse, std::uint64_t iterations, Now now);
   void checkpointed(const std::string& id, std::uint64_t generation, std::uint64_t iterations, Now now);
   void set_note(const std::string& id, const std::string& note);
+
+  // --- memory ---
+  // The system has too little for the job's film, whatever was counted: the job waits for some seconds.
+  void lack_memory(const std::string& id, const std::string& text, Now now);
+  // Some job waits for memory.
+  bool short_of_memory() const { return short_of_memory_; }
+  // Bytes of admitted jobs, with the largest working memory of one.
+  MemoryNeed memory_taken() const;
 
   // The removal of an ended job, in three steps. withdraw(): it leaves jobs(), and nothing changes it any
   // more; false: it has not ended, or not at this moment. forget(): the store drops it, an event says `text`.
@@ -355,6 +380,8 @@ class Scheduler {
   friend class SchedulerPlants;      // tests: violations planted behind the scheduler's back
 
   double lost_after() const { return std::max(options_.lease_seconds, 10.0); }  // seconds of silence
+  // It lives, and has units or asks for some. One that only says that it lives is nobody to wait for.
+  bool takes_part(const WorkerState& worker, Now now) const;
   bool usable(const WorkerState& worker, Now now) const;
   bool can_run(const WorkerState& worker, const std::string& isa) const;
   bool can_run(const WorkerState& worker, const Job& job) const {
@@ -425,8 +452,17 @@ class Scheduler {
   // Seconds on the steady clock before which nobody is offered the unit.
   double next_try(const Job& job, const UnitState& unit, Now now) const;
   Job* find(const std::string& id);
+  // The job needs memory from now on, and has it at once where there is no limit.
+  void ask_for_memory(Job& job, std::size_t record_bytes);
+  // Gives memory to jobs that wait for it.
+  void admit_jobs(Now now);
+  void admit_if_due(Now now);
+  void wait_for_memory(Job& job, const std::string& text, Now now);
 
   SchedulerOptions options_;
+  bool admission_due_ = false;    // a job came, left or changed since admit_jobs()
+  bool short_of_memory_ = false;  // some job waits for memory
+  double admission_tried_ = 0;
   std::uint64_t next_token_;
   std::uint64_t next_unit_id_;
   std::map<std::string, Job> jobs_;

@@ -43,7 +43,7 @@ std::string place_of(const UnitTrouble& trouble) {
 std::set<std::string> Scheduler::able_workers(const Job& job, bool all, Now now) const {
   std::set<std::string> out;
   for (const auto& [id, w] : workers_)
-    if (can_run(w, job) && (all ? lives(w, now) && !w.row.draining : usable(w, now))) out.insert(identity(w));
+    if (can_run(w, job) && (all ? takes_part(w, now) : usable(w, now))) out.insert(identity(w));
   return out;
 }
 

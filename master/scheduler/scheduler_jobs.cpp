@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/job/stop_limits.h"
 #include "master/scheduler/scheduler.h"
 #include "master/scheduler/sizing.h"
 
@@ -129,7 +130,9 @@ void Scheduler::end(Job& job, JobState state, Now now) {
   drop_all_leases(job, now);
   job.units.clear();
   changes_.emplace_back(DropUnmergedUnits{job.row.id});
-  job.finishing = false;
+  job.finishing = job.admitted = false;
+  job.memory_wait.clear();
+  admission_due_ = true;
   job.row.repairs_to.reset();
   rebuild_reserved(job);
   job.row.state = state;
@@ -232,10 +235,14 @@ Result<void> Scheduler::extend(const std::string& id, std::uint64_t iterations, 
     return refused_error(fmt::format("job {} found no light to go on with", id))
         .with_field("job_id")
         .with_mend("submit it again with more bootstrap samples");
-  const auto bad = [](double v) { return !std::isfinite(v) || v < 0; };
-  if (bad(seconds))
-    return input_error("must be a number of seconds, 0 or more").with_field("add_time_seconds");
-  if (bad(relmse)) return input_error("must be 0 or more").with_field("relmse");
+  const auto bad = [](double v, double most) { return !(v >= 0 && v <= most); };
+  const double time_before = std::max(job.row.stop.time_seconds, job.row.elapsed_seconds);
+  if (bad(seconds, std::max(kMaxStopSeconds - time_before, 0.0)))
+    return input_error(fmt::format("must be seconds, 0 or more, with which the job has at most {} in all",
+                                   kMaxStopSeconds))
+        .with_field("add_time_seconds");
+  if (bad(relmse, kMaxStopRelmse))
+    return input_error(fmt::format("must be 0 to {}", kMaxStopRelmse)).with_field("relmse");
   if (iterations == 0 && seconds == 0 && relmse == 0)
     return input_error("nothing to add")
         .with_field("add_iterations")
@@ -290,6 +297,7 @@ void Scheduler::set_note(const std::string& id, const std::string& note) {
 
 void Scheduler::tick(Now now) {
   expire(now);
+  admit_if_due(now);
   for (auto& [id, job] : jobs_) {
     if (job.row.state == JobState::running && !job.finishing) {
       // A repair's time was spent before, by the samples that were lost.
@@ -399,6 +407,7 @@ std::string Scheduler::message_of(const Job& job, Now now) const {
   if (!job.note.empty()) return job.note;
   if (job.finishing) return "writing the final checkpoint";
   if (job.row.state == JobState::paused) return job.row.message;
+  if (!job.memory_wait.empty()) return job.memory_wait;
   if (!job.lacks.empty()) return job.lacks.begin()->second;
   if (const auto waiting = waiting_of(job, now)) return waiting->text;
   std::uint64_t able = 0, live = 0, aside = 0;

@@ -94,6 +94,7 @@ void Scheduler::restore(JobRow row, const HalfSets& film, const film::Tallies& t
   job.last_tick = now.seconds;
   job.last_saved = now.seconds;
   job.thread_seconds = job.row.thread_seconds_per_iteration;
+  ask_for_memory(job, restored.record_bytes);
   restore_chains(job, restored, now);
   restore_states(job, restored.states);
   merged.insert(merged.end(), std::make_move_iterator(unmerged.begin()),
@@ -130,6 +131,8 @@ void Scheduler::reconcile(const std::string& id, const HalfSets& film, const fil
   job->units.clear();
   changes_.emplace_back(DropUnmergedUnits{id});
   const std::uint64_t missing = agree(*job, film, std::move(merged), now);
+  if (!has_ended(job->row.state) && missing > 0)
+    job->finishing = false;  // what its rows told is not all there
   job->row.tallies = tallies;
   job->row.checkpoint_generation = generation;
   job->row.checkpoint_iterations = count(film);
@@ -162,6 +165,7 @@ void Scheduler::reopen(Job& job) {
   job.finishing = false;
   job.row.state = JobState::queued;
   job.row.finished_unix_ms = 0;
+  ask_for_memory(job, job.record_bytes);
   rebuild_reserved(job);
   start_fairly(job);
 }

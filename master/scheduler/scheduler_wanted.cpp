@@ -24,7 +24,7 @@ Wanted Scheduler::wanted(Now now) const {
   for (const auto& [id, job] : jobs_)
     if (job.open_for_leases()) able[job.row.settings.isa];
   for (const auto& [id, worker] : workers_) {
-    if (worker.row.draining || !lives(worker, now)) continue;
+    if (!takes_part(worker, now)) continue;
     const double threads = std::max(worker.row.threads, 1U);
     const auto add = [&](Present& sum) {
       sum.threads += threads;

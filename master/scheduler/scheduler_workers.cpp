@@ -12,8 +12,13 @@ bool Scheduler::lives(const WorkerState& worker, Now now) const {
   return now.seconds - worker.last_seen <= lost_after();
 }
 
+bool Scheduler::takes_part(const WorkerState& worker, Now now) const {
+  return lives(worker, now) && !worker.row.draining &&
+         (!worker.leases.empty() || now.seconds - worker.last_asked <= lost_after());
+}
+
 bool Scheduler::usable(const WorkerState& worker, Now now) const {
-  return !worker.row.draining && worker.set_aside_until <= now.seconds && lives(worker, now);
+  return worker.set_aside_until <= now.seconds && takes_part(worker, now);
 }
 
 bool Scheduler::can_run(const WorkerState& worker, const std::string& isa) const {
@@ -57,7 +62,7 @@ Result<void> Scheduler::register_worker(WorkerRow row, Now now) {
   active_.clear();
   WorkerState& w = workers_[row.id];
   w.row = std::move(row);
-  w.last_seen = now.seconds;
+  w.last_seen = w.last_asked = now.seconds;
   last_activity_ = now.seconds;
   return {};
 }
@@ -66,7 +71,7 @@ void Scheduler::restore_worker(const WorkerRow& row, Now now) {
   active_.clear();
   WorkerState& w = workers_[row.id];
   w.row = row;
-  w.last_seen = now.seconds;  // it has as long to come back as if we had just heard of it
+  w.last_seen = w.last_asked = now.seconds;  // it has as long to come back as if we had just heard of it
 }
 
 void Scheduler::restore_lease(const LeaseRow& row, Now now) {

@@ -41,7 +41,7 @@ class Descriptor {
   int fd_;
 };
 
-Error disk_error(std::string_view what, const fs::path& path) {
+Error copy_error(std::string_view what, const fs::path& path) {
   const int code = errno;
   const bool full = code == ENOSPC || code == EDQUOT || code == EFBIG;
   std::string text = fmt::format("{}: {}", what, std::strerror(code));
@@ -59,9 +59,36 @@ bool is_checkpoint(std::string_view name) {
   return name.starts_with("film.") && name.ends_with(".ckpt");
 }
 
-bool same_file_content(const struct stat& a, const struct stat& b) {
-  return a.st_size == b.st_size && a.st_mtim.tv_sec == b.st_mtim.tv_sec &&
-         a.st_mtim.tv_nsec == b.st_mtim.tv_nsec;
+// Reads on until the buffer is full or the file ends. -1: it cannot be read.
+ssize_t read_full(int fd, std::vector<char>& buffer) {
+  std::size_t have = 0;
+  while (have < buffer.size()) {
+    const ssize_t n = ::read(fd, buffer.data() + have, buffer.size() - have);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return -1;
+    if (n == 0) break;
+    have += static_cast<std::size_t>(n);
+  }
+  return static_cast<ssize_t>(have);
+}
+
+// Byte by byte: size and time would take a copy for good that the disk of the backups has lost since. Where
+// either cannot be read they are not the same.
+bool same_content(const fs::path& a, const fs::path& b) {
+  const Descriptor first(::open(a.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW));
+  const Descriptor second(::open(b.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW));
+  struct stat x {
+  }, y{};
+  if (first.get() < 0 || second.get() < 0 || ::fstat(first.get(), &x) != 0 ||
+      ::fstat(second.get(), &y) != 0 || !S_ISREG(x.st_mode) || !S_ISREG(y.st_mode) || x.st_size != y.st_size)
+    return false;
+  std::vector<char> left(1 << 20), right(1 << 20);
+  for (;;) {
+    const ssize_t n = read_full(first.get(), left), m = read_full(second.get(), right);
+    if (n < 0 || n != m || std::memcmp(left.data(), right.data(), static_cast<std::size_t>(n)) != 0)
+      return false;
+    if (n == 0) return true;
+  }
 }
 
 class Backup {
@@ -81,7 +108,7 @@ class Backup {
     }
     CANDELA_TRY(add_blobs());
     const Descriptor folder(::open(to_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-    if (folder.get() < 0 || ::syncfs(folder.get()) != 0) return disk_error("cannot write the backup", to_);
+    if (folder.get() < 0 || ::syncfs(folder.get()) != 0) return copy_error("cannot write the backup", to_);
     return report_;
   }
 
@@ -98,7 +125,7 @@ class Backup {
     };
     struct stat info {};
     if (::lstat(from.c_str(), &info) != 0)
-      return errno == ENOENT ? Result<bool>(false) : disk_error("cannot read", from);
+      return errno == ENOENT ? Result<bool>(false) : copy_error("cannot read", from);
     if (!S_ISREG(info.st_mode)) return true;
     const auto bytes = static_cast<std::uint64_t>(info.st_size);
     if (linkable && ::link(from.c_str(), to.c_str()) == 0) {
@@ -106,32 +133,30 @@ class Backup {
       return true;
     }
     if (linkable && errno == ENOENT) return false;
-    struct stat old {};
     const fs::path earlier = base_ / path;
-    if (linkable && !base_.empty() && ::lstat(earlier.c_str(), &old) == 0 && S_ISREG(old.st_mode) &&
-        same_file_content(info, old) && ::link(earlier.c_str(), to.c_str()) == 0) {
+    if (linkable && !base_.empty() && same_content(from, earlier) &&
+        ::link(earlier.c_str(), to.c_str()) == 0) {
       count(bytes, true);
       return true;
     }
     const Descriptor in(::open(from.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW));
-    if (in.get() < 0) return errno == ENOENT ? Result<bool>(false) : disk_error("cannot read", from);
-    if (::fstat(in.get(), &info) != 0) return disk_error("cannot read", from);
+    if (in.get() < 0) return errno == ENOENT ? Result<bool>(false) : copy_error("cannot read", from);
+    if (::fstat(in.get(), &info) != 0) return copy_error("cannot read", from);
     const Descriptor out(::open(to.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644));
-    if (out.get() < 0) return disk_error("cannot write the backup", to);
+    if (out.get() < 0) return copy_error("cannot write the backup", to);
     std::vector<char> buffer(1 << 20);
     for (;;) {
       const ssize_t n = ::read(in.get(), buffer.data(), buffer.size());
       if (n < 0 && errno == EINTR) continue;
-      if (n < 0) return disk_error("cannot read", from);
+      if (n < 0) return copy_error("cannot read", from);
       if (n == 0) break;
       for (ssize_t done = 0; done < n;) {
         const ssize_t written = ::write(out.get(), buffer.data() + done, static_cast<std::size_t>(n - done));
         if (written < 0 && errno == EINTR) continue;
-        if (written < 0) return disk_error("cannot write the backup", to);
+        if (written < 0) return copy_error("cannot write the backup", to);
         done += written;
       }
     }
-    // The time tells the next backup that this is the same file.
     const std::array<timespec, 2> times{info.st_mtim, info.st_mtim};
     ::futimens(out.get(), times.data());
     count(static_cast<std::uint64_t>(info.st_size), false);
@@ -227,7 +252,7 @@ Result<BackupReport> back_up(const BackupOptions& options) {
   const fs::path partial = target.string() + ".partial";
   CANDELA_TRY(make_directories(partial));
   const Descriptor lock(::open(partial.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (lock.get() < 0) return disk_error("cannot write the backup", partial);
+  if (lock.get() < 0) return copy_error("cannot write the backup", partial);
   if (::flock(lock.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
     return usage_error("another backup is being written there").at(partial.string(), 0);
   // What a backup left that was broken off.
@@ -238,7 +263,7 @@ Result<BackupReport> back_up(const BackupOptions& options) {
           ? Result<BackupReport>(failed_error("cannot be emptied: " + code.message()).at(partial.string(), 0))
           : Backup(data, options.base, partial).run();
   if (report.ok() && ::renameat2(AT_FDCWD, partial.c_str(), AT_FDCWD, target.c_str(), RENAME_NOREPLACE) != 0)
-    report = disk_error("cannot give the backup its name", target);
+    report = copy_error("cannot give the backup its name", target);
   if (!report.ok()) {
     fs::remove_all(partial, code);
     return report;

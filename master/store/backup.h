@@ -16,7 +16,7 @@ namespace candela::master {
 struct BackupOptions {
   std::filesystem::path data_dir;
   std::filesystem::path target;  // must not exist; it appears whole or not at all
-  std::filesystem::path base;    // an earlier backup, whose equal files are linked; empty: none
+  std::filesystem::path base;    // an earlier backup, whose files of equal bytes are linked; empty: none
 };
 
 struct BackupReport {

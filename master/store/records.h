@@ -79,6 +79,10 @@ inline film::Layout layout_of(const JobRow& row) {
   return {row.settings.width, row.settings.height, 1 + static_cast<std::uint32_t>(row.layers.size())};
 }
 
+inline WorkPlan work_of(const JobRow& row) {
+  return {row.layers, row.accumulators, row.chains, row.epochs, row.development};
+}
+
 // How the job's film is read, by the counts of its chains at that moment.
 inline film::Development development_of(const JobRow& row, std::span<const chains::ChainCounts> counts) {
   if (!row.chains || !row.named_state) return {};

@@ -5,6 +5,7 @@
 #include <sqlite3.h>
 
 #include <bit>
+#include <chrono>
 #include <mutex>
 #include <span>
 #include <string>
@@ -46,6 +47,9 @@ class SqliteStore final : public Store {
   Error failure(std::string_view what) const;
   Result<void> execute(const char* sql);
   Result<void> write_all(std::span<const Change> changes);
+  // Keeps some room on the disk for the store itself, so that what people decide on a full disk is kept.
+  void keep_room();
+  bool give_room();
   static UnitRow read_unit(Statement& s);
   Result<void> read_chains(Statement& s, JobRow& j) const;
   Result<void> read_work(Statement& s, JobRow& j) const;
@@ -67,6 +71,8 @@ class SqliteStore final : public Store {
   bool apply(const PutBundle& c);
 
   std::mutex mutex_;
+  bool has_room_ = false;
+  std::chrono::steady_clock::time_point room_tried_{};
   sqlite3* db_;
   std::string path_;
 };

@@ -1,7 +1,11 @@
 // Writes of a store: each kind of change has a statement, and one call is one transaction.
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
+#include <utility>
 
 #include "common/wire/wire.h"
 #include "master/store/sqlite_store.h"
@@ -9,6 +13,8 @@
 namespace candela::master {
 namespace {
 
+constexpr const char* kRoomEnding = ".room";
+constexpr off_t kRoomBytes = 2 << 20;  // some thousand changes
 constexpr std::int64_t kMaxEvents = 100000;
 
 std::string join(const std::vector<std::string>& parts) {
@@ -160,11 +166,34 @@ Result<void> SqliteStore::write(std::span<const Change> changes) {
   // The files of a dropped job go next: no power failure may bring its rows back.
   const bool drops = std::any_of(changes.begin(), changes.end(),
                                  [](const Change& c) { return std::holds_alternative<DropJob>(c); });
-  if (!drops) return write_all(changes);
+  if (!drops) {
+    Result<void> written = write_all(changes);
+    if (!written.ok() && written.error().kind == ErrorKind::resource && give_room())
+      written = write_all(changes);
+    if (written.ok()) keep_room();
+    return written;
+  }
   CANDELA_TRY(execute("PRAGMA synchronous=FULL"));
   Result<void> written = write_all(changes);
   CANDELA_TRY(execute("PRAGMA synchronous=NORMAL"));
   return written;
+}
+
+void SqliteStore::keep_room() {
+  constexpr auto kPause = std::chrono::seconds(10);  // between attempts on a full disk
+  const auto now = std::chrono::steady_clock::now();
+  if (has_room_ || now - room_tried_ < kPause) return;
+  room_tried_ = now;
+  const int fd = ::open((path_ + kRoomEnding).c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
+  if (fd < 0) return;
+  has_room_ = ::posix_fallocate(fd, 0, kRoomBytes) == 0;
+  if (!has_room_) static_cast<void>(::ftruncate(fd, 0));
+  ::close(fd);
+}
+
+bool SqliteStore::give_room() {
+  room_tried_ = std::chrono::steady_clock::now();
+  return std::exchange(has_room_, false) && ::truncate((path_ + kRoomEnding).c_str(), 0) == 0;
 }
 
 Result<void> SqliteStore::write_all(std::span<const Change> changes) {

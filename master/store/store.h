@@ -63,7 +63,9 @@ class StoreWriter {
   StoreWriter(const StoreWriter&) = delete;
   StoreWriter& operator=(const StoreWriter&) = delete;
 
-  void enqueue(std::vector<Change> changes);
+  // Takes them all, or none of them if memory runs out (std::bad_alloc).
+  void enqueue(std::vector<Change>& changes);
+  void enqueue(std::vector<Change>&& changes) { enqueue(changes); }
   // Returns when everything enqueued before is written, or with the error that keeps it from being so.
   Result<void> flush();
   std::size_t backlog() const;

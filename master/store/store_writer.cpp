@@ -1,6 +1,9 @@
 // The write-behind queue in front of the store.
+#include <algorithm>
 #include <chrono>
+#include <iterator>
 
+#include "common/base/memory_limit.h"
 #include "master/store/store.h"
 
 namespace candela::master {
@@ -35,13 +38,16 @@ StoreWriter::~StoreWriter() {
   thread_.join();
 }
 
-void StoreWriter::enqueue(std::vector<Change> changes) {
+void StoreWriter::enqueue(std::vector<Change>& changes) {
   if (changes.empty()) return;
   {
     const std::lock_guard lock(mutex_);
+    // A deque takes all its room before it moves the first of them.
+    queue_.insert(queue_.end(), std::make_move_iterator(changes.begin()),
+                  std::make_move_iterator(changes.end()));
     enqueued_ += changes.size();
-    for (Change& c : changes) queue_.push_back(std::move(c));
   }
+  changes.clear();
   work_.notify_one();
 }
 
@@ -71,11 +77,13 @@ void StoreWriter::run() {
     if (queue_.empty()) return;
     const std::size_t n = std::min(queue_.size(), kBatch);
     // Only this thread removes from the queue, so the copy and the head agree after the lock was given up.
-    const std::vector<Change> batch(queue_.begin(), queue_.begin() + static_cast<std::ptrdiff_t>(n));
     urgent_ = false;
-    lock.unlock();
-    Result<void> result = store_.write(batch);
-    lock.lock();
+    Result<void> result = within_memory("the store cannot be written", [&] {
+      const std::vector<Change> batch(queue_.begin(), queue_.begin() + static_cast<std::ptrdiff_t>(n));
+      lock.unlock();
+      return store_.write(batch);
+    });
+    if (!lock.owns_lock()) lock.lock();
     if (result.ok()) {
       const bool recovered = error_.has_value();
       queue_.erase(queue_.begin(), queue_.begin() + static_cast<std::ptrdiff_t>(n));

@@ -74,7 +74,7 @@ TEST(Backup, InTheMiddleOfARender) {
 }
 
 // Claim: on another file system a backup is copied whole, a second one takes what has not changed from the
-// first as links, and a farm goes on from it.
+// first as links, but nothing that the first's disk has damaged, and a farm goes on from it.
 TEST(Backup, OnAnotherFileSystem) {
   Farm farm;
   const fs::path other = "/dev/shm";
@@ -92,6 +92,18 @@ TEST(Backup, OnAnotherFileSystem) {
   const CommandResult first = backup(farm, target / "first");
   ASSERT_EQ(first.exit_code, 0) << first.err;
   EXPECT_NE(first.out.find(" 0 of them with 0.0 MB as links"), std::string::npos) << first.out;
+  // The base's disk has lost a bit of the newest checkpoint, which neither its size nor its time tells.
+  const fs::path checkpoint =
+      fs::path("jobs") / id / ("film." + std::to_string(farm.job(id).checkpoint_generation()) + ".ckpt");
+  const auto time = fs::last_write_time(target / "first" / checkpoint);
+  {
+    std::fstream file(target / "first" / checkpoint, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekg(100);
+    const char flipped = static_cast<char>(file.get() ^ 1);
+    file.seekp(100);
+    file.put(flipped);
+  }
+  fs::last_write_time(target / "first" / checkpoint, time);
   const CommandResult second = backup(farm, target / "second", {"--base", (target / "first").string()});
   ASSERT_EQ(second.exit_code, 0) << second.err;
   EXPECT_EQ(second.out.find(" 0 of them"), std::string::npos) << second.out;

@@ -107,5 +107,26 @@ TEST(FullDisk, FileSizeLimit) {
   full_disk(true);
 }
 
+// Claim: what people decide while the disk is full is kept: a job that is cancelled then is cancelled after a
+// crash too, though the disk stays full until then.
+TEST(FullDisk, CancelHolds) {
+  Farm farm;
+  SmallDisk disk(farm.folder() / "data");
+  if (!disk.mounted()) GTEST_SKIP() << "this user may not mount a file system";
+  farm.start_master({"--checkpoint-interval", "0.1"});
+  const std::string id = farm.submit(1000), other = farm.submit(1000);
+  farm.events(id);  // the store has all of it
+  disk.fill();
+  for (int i = 0; i < 30; ++i) farm.candela({"priority", other, std::to_string(i)});  // uses up what is left
+  const CommandResult cancelled = farm.candela({"cancel", id});
+  EXPECT_EQ(cancelled.exit_code, 0) << cancelled.err;
+  EXPECT_NE(cancelled.err.find("is cancelled"), std::string::npos) << cancelled.err;
+  farm.kill_master();
+  disk.make_room();
+  farm.restart_master();
+  EXPECT_EQ(farm.job(id).state(), v1::JOB_STATE_CANCELLED);
+  EXPECT_EQ(farm.job(other).state(), v1::JOB_STATE_QUEUED);
+}
+
 }  // namespace
 }  // namespace candela::farm

@@ -73,7 +73,19 @@ class FakeFarm final : public v1::FarmService::Service {
     return {grpc::StatusCode::FAILED_PRECONDITION, kEvil};
   }
 
+  // An extension is made, and its answer lost, so often; then it is answered.
+  grpc::Status ExtendJob(grpc::ServerContext*, const v1::ExtendJobRequest* request,
+                         v1::JobStatus* response) override {
+    tokens.push_back(request->idempotency_token());
+    if (tokens.size() <= lost_answers) return lost_answer;
+    response->set_id(request->job_id());
+    return grpc::Status::OK;
+  }
+
   grpc::Status answer;
+  std::size_t lost_answers = 0;
+  grpc::Status lost_answer{grpc::StatusCode::UNAVAILABLE, "gone"};
+  std::vector<std::string> tokens;
 
  private:
   static v1::JobStatus evil_job() {
@@ -112,6 +124,26 @@ INSTANTIATE_TEST_SUITE_P(
                     Overload{"Stopping", {grpc::StatusCode::UNAVAILABLE, "the master is stopping"}},
                     Overload{"Late", {grpc::StatusCode::DEADLINE_EXCEEDED, ""}}),
     [](const auto& one) { return std::string(one.param.name); });
+
+// Claim: an extension whose answer was lost is asked for again with the token of the first call; where no
+// answer comes it is no exit code 3, which says that a repeated command does no harm; one that the master
+// refused for want of room is.
+TEST(ExtendTest, IsNeverCodeThreeOnceItMayBeMade) {
+  FakeFarm farm;
+  farm.lost_answers = 1;
+  const auto once = farm.run({"extend", "j", "--iterations", "+5"});
+  EXPECT_EQ(once.code, 0) << once.err;
+  ASSERT_EQ(farm.tokens.size(), 2U);
+  EXPECT_FALSE(farm.tokens[0].empty());
+  EXPECT_EQ(farm.tokens[0], farm.tokens[1]);
+  farm.lost_answers = 1'000'000;
+  const auto never = farm.run({"extend", "j", "--iterations", "+5"});
+  EXPECT_EQ(never.code, 1) << never.err;
+  EXPECT_NE(never.err.find("may or may not be extended"), std::string::npos) << never.err;
+  EXPECT_NE(farm.tokens.back(), farm.tokens.front()) << "another command is another extension";
+  farm.lost_answer = {grpc::StatusCode::RESOURCE_EXHAUSTED, "the disk is full"};
+  EXPECT_EQ(farm.run({"extend", "j", "--iterations", "+5"}).code, 3);
+}
 
 class EvilNamesTest : public testing::TestWithParam<std::vector<std::string>> {};
 

@@ -225,6 +225,36 @@ TEST_F(PreviewTest, AViewerThatGoesAwayHarmsNothing) {
   EXPECT_EQ(render({"--iterations", "8", "--preview", "1s"}).code, 2) << "nothing to preview";
 }
 
+// Claim: a picture that took long because others had the processors is followed by the next after as long,
+// not after minutes; one that costs much work comes more rarely; cheap ones come at the interval.
+TEST(PreviewPause, IsOfWorkAndNotOfWaiting) {
+  EXPECT_EQ(preview_pause(2, 0.01, 0.02), 2);
+  EXPECT_EQ(preview_pause(2, 0.03, 7), 7);
+  EXPECT_GE(preview_pause(2, 1, 1), 9 * 1);
+  EXPECT_EQ(preview_pause(60, 0.01, 7), 60);
+}
+
+// Claim: a page on a port that is taken ends the render before it begins, and the next one begins as if there
+// had been none.
+TEST_F(PreviewTest, APageOnABusyPortLeavesNothing) {
+  const int listener = ::socket(AF_INET, SOCK_STREAM, 0);
+  struct sockaddr_in address {};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t size = sizeof address;
+  ASSERT_EQ(::bind(listener, reinterpret_cast<struct sockaddr*>(&address), size), 0);
+  ASSERT_EQ(::listen(listener, 1), 0);
+  ::getsockname(listener, reinterpret_cast<struct sockaddr*>(&address), &size);
+  const std::string busy = "127.0.0.1:" + std::to_string(ntohs(address.sin_port));
+  const Outcome first = render({"--iterations", "2", "--page", busy});
+  EXPECT_EQ(first.code, 2) << first.err;
+  EXPECT_NE(first.err.find("--page"), std::string::npos) << first.err;
+  EXPECT_FALSE(fs::exists(in_folder("x.exr.candela")));
+  const Outcome second = render({"--iterations", "2"});
+  EXPECT_EQ(second.code, 0) << second.err;
+  ::close(listener);
+}
+
 // Claim: a viewer that takes nothing is given up soon, however large the picture.
 TEST(TevViewerTest, OneThatTakesNothingIsGivenUp) {
   const int listener = ::socket(AF_INET, SOCK_STREAM, 0);

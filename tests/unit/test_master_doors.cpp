@@ -69,6 +69,12 @@ class Socket {
   void send(const std::string& text) const {
     EXPECT_EQ(::send(fd_, text.data(), text.size(), MSG_NOSIGNAL), static_cast<ssize_t>(text.size()));
   }
+  // What comes next.
+  std::string some() const {
+    char buffer[4096];
+    const ssize_t n = ::recv(fd_, buffer, sizeof buffer, 0);
+    return n > 0 ? std::string(buffer, static_cast<std::size_t>(n)) : "";
+  }
   // All until the other side closes.
   std::string rest() const {
     std::string text;
@@ -86,6 +92,72 @@ std::string get(int port, const std::string& path) {
   const Socket socket(port);
   socket.send("GET " + path + " HTTP/1.1\r\nHost: x\r\n\r\n");
   return socket.rest();
+}
+
+// Claim: one client has some pages and no more, and is told the limit and what to do; a page that it closes
+// makes room for the next.
+TEST_F(DoorsTest, OneClientHasSomePages) {
+  const auto open = [&](std::list<Socket>& pages) {
+    pages.emplace_back(master->http_port());
+    pages.back().send("GET /api/stream HTTP/1.1\r\nHost: localhost\r\n\r\n");
+    return pages.back().some();
+  };
+  std::list<Socket> pages;
+  std::string answer = open(pages);
+  while (answer.starts_with("HTTP/1.1 200") && pages.size() < 60) answer = open(pages);
+  EXPECT_TRUE(answer.starts_with("HTTP/1.1 503")) << answer;
+  EXPECT_NE((answer + pages.back().rest()).find("close some of them"), std::string::npos) << answer;
+  EXPECT_GE(pages.size(), 10U);
+  EXPECT_LT(pages.size(), 40U) << "nothing is left for others";
+  EXPECT_TRUE(get(master->http_port(), "/healthz").ends_with("ok\n"));
+  pages.pop_back();
+  pages.pop_back();
+  std::list<Socket> again;
+  for (int i = 0; i < 500 && !(answer = open(again)).starts_with("HTTP/1.1 200"); ++i) {
+    again.clear();
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  EXPECT_TRUE(answer.starts_with("HTTP/1.1 200")) << answer;
+}
+
+// Claim: one client may watch so many jobs at a time and no more; its other calls are answered, and the error
+// names the client, the number and the mend.
+TEST_F(DoorsTest, OneClientWatchesSomeJobs) {
+  const auto channel = dial();
+  const auto farm = v1::FarmService::NewStub(channel);
+  JobSettings settings;
+  settings.width = settings.height = 8;
+  v1::WatchJobRequest request;
+  request.set_job_id(test::submit(*farm, kScene, test::submission(kScene, settings, 2)));
+  request.set_interval_ms(60000);
+  struct Watch {
+    grpc::ClientContext context;
+    std::unique_ptr<grpc::ClientReader<v1::JobStatus>> stream;
+  };
+  std::list<Watch> watches;
+  grpc::Status refused;
+  v1::JobStatus status;
+  for (int i = 0; i < 300; ++i) {
+    Watch& watch = watches.emplace_back();
+    watch.stream = farm->WatchJob(&watch.context, request);
+    if (watch.stream->Read(&status)) continue;
+    refused = watch.stream->Finish();
+    watches.pop_back();
+    break;
+  }
+  EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_GE(watches.size(), 16U);
+  EXPECT_LT(watches.size(), 200U) << "nothing is left for others";
+  for (const std::string& word :
+       {fmt::format("user {}", ::getuid()), std::to_string(watches.size()), std::string("candela list")})
+    EXPECT_NE(refused.error_message().find(word), std::string::npos) << refused.error_message();
+  grpc::ClientContext context;
+  v1::ListJobsResponse jobs;
+  EXPECT_TRUE(farm->ListJobs(&context, {}, &jobs).ok());
+  for (Watch& watch : watches) {
+    watch.context.TryCancel();
+    watch.stream->Finish();
+  }
 }
 
 // Claim: any number of connections that say nothing, or half a request, delays neither health nor metrics;

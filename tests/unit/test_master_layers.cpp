@@ -35,6 +35,7 @@ class MasterLayers : public testing::Test {
     MasterOptions options;
     options.data_dir = folder_;
     options.listen.clear();
+    options.memory_bytes = 1ULL << 50;  // so that no film is too large for this machine alone
     auto master = Master::start(options);
     ASSERT_TRUE(master.ok()) << master.error().to_string();
     master_ = std::move(*master);

@@ -549,7 +549,13 @@ TEST_F(SchedulerTest, ManyWorkersAreCountedAnewWhenTheyChange) {
   at(clock + 0.1);
   expect_shared_by(99);
   at(clock + 11);
-  for (int i = 3; i < 6; ++i) s->authenticate(name(i), "session-" + name(i), now());
+  for (int i = 3; i < 6; ++i) {
+    const Unit u = unit_of(*lease(name(i)));
+    rest -= u.end - u.begin;
+  }
+  // One that only says that it lives takes nothing.
+  s->authenticate(name(7), "session-" + name(7), now());
+  at(clock + 0.3);
   expect_shared_by(4);
 }
 

@@ -7,6 +7,7 @@
 #include <fstream>
 #include <ostream>
 
+#include "master/farm.h"
 #include "master/scheduler/index_sets.h"
 #include "tests/unit/master_fixture.h"
 
@@ -397,6 +398,37 @@ TEST_F(TruthTest, JobsOfALostStoreAreTakenIn) {
   restart();
   for (const v1::JobReport& report : verify())
     EXPECT_EQ(report.findings_size(), 0) << report.ShortDebugString();
+}
+
+// Claim: health tells of an ended job that has lost samples, and of a scene file that a job waits for, until
+// they are there again.
+TEST_F(TruthTest, HealthTellsOfLostFiles) {
+  const std::string ended = done_job(9);
+  stop_master();
+  harm(ended, Harm::remove_all);
+  FarmOptions options;
+  options.master.data_dir = folder.path();
+  auto opened = Farm::open(options);
+  ASSERT_TRUE(opened.ok()) << opened.error().to_string();
+  Farm& one = **opened;
+  for (int i = 0; i < 1000 && one.trouble().empty(); ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  EXPECT_NE(one.trouble().find(ended), std::string::npos) << one.trouble();
+  EXPECT_NE(one.trouble().find("candela repair " + ended), std::string::npos) << one.trouble();
+  opened = refused_error("closed");
+  fs::remove_all(folder.path());
+
+  start();
+  const std::string waiting = submit(9);
+  stop_master();
+  opened = Farm::open(options);
+  ASSERT_TRUE(opened.ok()) << opened.error().to_string();
+  Farm& two = **opened;
+  EXPECT_EQ(two.trouble(), "");
+  two.blob_lost(sha256_hex(kScene), false);
+  EXPECT_NE(two.trouble().find("scene.xml"), std::string::npos) << two.trouble();
+  two.blob_found(sha256_hex(kScene));
+  EXPECT_EQ(two.trouble(), "");
 }
 
 // Claim: a folder that does not tell enough is refused with a reason, and stays as it is.
