@@ -16,7 +16,7 @@ namespace {
 constexpr const char* kBox =
     R"(<scene version="3.0.0"><integrator type="path"/>
     <sensor type="perspective"><float name="fov" value="60"/></sensor>
-    <shape type="sphere"><point name="center" z="4"/></shape>
+    <shape type="sphere"><point name="center" x="0" y="0" z="4"/></shape>
     <shape type="rectangle"><transform name="to_world"><translate z="8"/></transform>
       <emitter type="area"><rgb name="radiance" value="9, 8, 7"/></emitter></shape>
     <emitter type="constant"/></scene>)";
@@ -132,7 +132,7 @@ TEST(Stops, EndTheReadingOfPbrtFiles) {
 class StopsOf : public testing::TestWithParam<std::string> {};
 
 TEST_P(StopsOf, EndPilotsAndRenders) {
-  const test::TextFiles files({{"scene.xml", kBox}});
+  const test::TextFiles files(std::map<std::string, std::string>{{"scene.xml", kBox}});
   const auto& small = test::integrator_row(GetParam()).small;
   const auto renderer = test::make_renderer(files, job_of(GetParam()), {small.begin(), small.end()});
   {
@@ -152,7 +152,7 @@ TEST_P(StopsOf, EndPilotsAndRenders) {
 // bytes of its delta.
 TEST_P(StopsOf, BlocksAreTheUnit) {
   if (test::has_chains(GetParam())) GTEST_SKIP() << "units of chains are whole";
-  const test::TextFiles files({{"scene.xml", kBox}});
+  const test::TextFiles files(std::map<std::string, std::string>{{"scene.xml", kBox}});
   JobSettings job = job_of(GetParam());
   job.aovs = "depth:depth,albedo:albedo";
   const auto renderer = test::make_renderer(files, job, {});

@@ -17,6 +17,7 @@
 #include "worker/integrators/aov/aov_pass.h"
 #include "worker/integrators/film_scale.h"
 #include "worker/integrators/integrator.h"
+#include "worker/integrators/parallel_tasks.h"
 #include "worker/scene/scene.h"
 
 namespace candela::render {
