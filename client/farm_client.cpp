@@ -414,6 +414,18 @@ Result<v1::WorkerStatus> FarmClient::drain_worker(const std::string& id) {
   return state_->unary<v1::WorkerStatus>(&v1::FarmService::Stub::DrainWorker, request);
 }
 
+Result<v1::WorkerStatus> FarmClient::pause_worker(const std::string& id) {
+  v1::WorkerRequest request;
+  request.set_worker_id(id);
+  return state_->unary<v1::WorkerStatus>(&v1::FarmService::Stub::PauseWorker, request);
+}
+
+Result<v1::WorkerStatus> FarmClient::resume_worker(const std::string& id) {
+  v1::WorkerRequest request;
+  request.set_worker_id(id);
+  return state_->unary<v1::WorkerStatus>(&v1::FarmService::Stub::ResumeWorker, request);
+}
+
 Result<std::string> FarmClient::fetch_image(const std::string& id, const ImageRequest& image) {
   v1::FetchImageRequest request;
   request.set_job_id(id);

@@ -85,6 +85,8 @@ class FarmClient {
   Result<v1::ListWorkersResponse> list_workers();
   // Marks it and returns at once; when its last lease is gone the worker's state is "drained".
   Result<v1::WorkerStatus> drain_worker(const std::string& id);
+  Result<v1::WorkerStatus> pause_worker(const std::string& id);
+  Result<v1::WorkerStatus> resume_worker(const std::string& id);
 
   // The image of what is merged now, the bytes of an EXR file. Goes on as long as bytes come, however slowly;
   // after a lost connection from the byte it has.

@@ -86,6 +86,7 @@ Result<void> Farm::start() {
   so.unit_seconds = o.unit_seconds;
   so.memory_bytes = memory_limit_;
   so.statistics_bytes = statistics_limit_;
+  so.stuck_seconds = o.stuck_seconds;
   gate_ = std::make_unique<PushGate>(o.merge_queue_bytes, o.merge_threads);
   writer_ = std::make_unique<StoreWriter>(*store_, [this](const std::string& text) {
     const std::lock_guard lock(health_mutex_);
@@ -595,6 +596,9 @@ std::string Farm::trouble() {
         return fmt::format("job {}: {} samples' indices are lost; `candela repair {}` renders them again", id,
                            lost, id);
     }
+    for (const auto& [id, worker] : s.workers())
+      if (s.worker_state_name(worker, now()) == "stuck")
+        return fmt::format("worker {} ({}) is stuck: {}", worker.row.name, id, s.stuck_text(worker, now()));
     return std::string();
   });
 }

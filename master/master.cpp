@@ -32,6 +32,7 @@ Result<void> check(const MasterOptions& o) {
   CANDELA_TRY(positive(o.checkpoint_seconds, 86400, "--checkpoint-interval"));
   CANDELA_TRY(positive(o.lease_seconds, 86400, "--lease-time"));
   CANDELA_TRY(positive(o.unit_seconds, 86400, "--unit-time"));
+  CANDELA_TRY(positive(o.stuck_seconds, 1e6, "--stuck-after"));
   if (o.merge_queue_bytes < (1 << 20))
     return usage_error("must be at least 1 MiB").with_field("--merge-queue");
   if (o.merge_threads == 0 || o.merge_threads > 256)

@@ -17,7 +17,7 @@ namespace {
 
 struct FleetOptions {
   FarmOptions farm;
-  std::string id;
+  std::string action, id;
   bool wait = false, json = false, wanted = false;
 };
 
@@ -27,7 +27,34 @@ std::string age_text(std::int64_t unix_ms) {
   return format_duration(std::max<double>(0, static_cast<double>(now.count() - unix_ms) / 1000)) + " ago";
 }
 
+// One worker's new state, as the command was asked to print it.
+void print_state(Context& context, const FleetOptions& options, const v1::WorkerStatus& status) {
+  if (options.json)
+    context.out << worker_json(status) << '\n';
+  else
+    context.err << fmt::format("worker {} is {}\n", printable(status.id()), printable(status.state()));
+}
+
+Result<int> run_action(Context& context, const FleetOptions& options) {
+  if (options.action != "pause" && options.action != "resume")
+    return usage_error(fmt::format("'{}' is nothing that workers can be told", options.action))
+        .with_field("ACTION")
+        .with_mend("there is pause, resume; to let a worker leave: candela drain WORKER");
+  if (options.id.empty())
+    return usage_error("no worker is given")
+        .with_field("WORKER")
+        .with_mend(fmt::format("candela workers {} WORKER", options.action));
+  CANDELA_ASSIGN(const auto farm, connect(options.farm));
+  CANDELA_ASSIGN(const v1::ListWorkersResponse present, farm->list_workers());
+  CANDELA_ASSIGN(const std::string id, choose_worker(present, options.id));
+  CANDELA_ASSIGN(const v1::WorkerStatus status,
+                 options.action == "pause" ? farm->pause_worker(id) : farm->resume_worker(id));
+  print_state(context, options, status);
+  return 0;
+}
+
 Result<int> run_workers(Context& context, const FleetOptions& options) {
+  if (!options.action.empty()) return run_action(context, options);
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
   CANDELA_ASSIGN(const v1::ListWorkersResponse response, farm->list_workers());
   if (options.json) {
@@ -82,10 +109,7 @@ Result<int> run_drain(Context& context, const FleetOptions& options) {
       if (!found) status.set_state("drained");  // it has left, and the master has forgotten it
     }
   }
-  if (options.json)
-    context.out << worker_json(status) << '\n';
-  else
-    context.err << fmt::format("worker {} is {}\n", printable(status.id()), printable(status.state()));
+  print_state(context, options, status);
   return 0;
 }
 
@@ -93,7 +117,11 @@ Result<int> run_drain(Context& context, const FleetOptions& options) {
 
 void add_workers(CLI::App& app, Context& context) {
   auto options = std::make_shared<FleetOptions>();
-  CLI::App* sub = app.add_subcommand("workers", "List the farm's workers");
+  CLI::App* sub = app.add_subcommand(
+      "workers", "List the farm's workers; or pause one, which then gets no work, and resume it");
+  sub->add_option("action", options->action, "`pause` or `resume`; default: list them")->type_name("ACTION");
+  sub->add_option("worker", options->id, "The worker's id, or a name that no other worker has")
+      ->type_name("WORKER");
   add_farm_options(*sub, options->farm);
   sub->add_flag("--wanted", options->wanted,
                 "Print how many threads, and workers of the present size, the open jobs could use now");

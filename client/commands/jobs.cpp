@@ -364,9 +364,9 @@ void add_cancel(CLI::App& app, Context& context) {
 
 void add_priority(CLI::App& app, Context& context) {
   auto options = std::make_shared<JobOptions>();
-  CLI::App* sub =
-      add_job_command(app, options, "priority",
-                      "Set a job's priority; jobs of higher ones go first, units under way go on", true);
+  CLI::App* sub = add_job_command(
+      app, options, "priority",
+      "Set a job's priority; jobs of higher ones go first, units of lower ones are cut short", true);
   sub->add_option("priority", options->priority,
                   "The new one, -1000000 to 1000000; jobs have 0 unless told otherwise")
       ->required()

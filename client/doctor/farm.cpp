@@ -37,7 +37,7 @@ Diagnosis check_workers(FarmClient& farm) {
     if (w.state() == "idle" || w.state() == "busy") {
       ++fit;
       threads += w.threads();
-    } else if (w.state() == "set-aside" || w.state() == "lost") {
+    } else if (w.state() == "set-aside" || w.state() == "lost" || w.state() == "stuck") {
       trouble += fmt::format("; {} is {}{}{}", printable(w.name()), printable(w.state()),
                              w.message().empty() ? "" : ": ", printable(w.message()));
     }

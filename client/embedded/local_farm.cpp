@@ -80,6 +80,8 @@ Result<void> LocalFarm::start_workers(const std::vector<unsigned>& threads,
       --state.alive;
       if (state.draining) return;
       if (!ended.ok()) state.lost = std::move(ended).error();
+      if (raw->must_begin_again() && !state.lost)
+        state.lost = failed_error("the renderer does not stop, and only the end of this program ends it");
       if (state.alive == 0 && !state.lost)
         state.lost = internal_error("the workers of this process ended by themselves");
     });

@@ -150,9 +150,9 @@ Result<std::string> find_job(FarmClient& farm, const RendererFacts& facts, Loade
 class Stall {
  public:
   void observe(const v1::JobStatus& status) {
-    const bool unwritten = status.state() == v1::JOB_STATE_RUNNING && status.units_leased() == 0 &&
-                           status.iterations() > 0 && status.checkpoint_iterations() < status.iterations() &&
-                           !status.message().empty();
+    const bool open = status.state() == v1::JOB_STATE_RUNNING || status.state() == v1::JOB_STATE_QUEUED;
+    const bool unwritten = open && status.units_leased() == 0 && status.iterations() > 0 &&
+                           status.checkpoint_iterations() < status.iterations() && !status.message().empty();
     const std::uint64_t done =
         status.units_merged() + status.chains().bootstrap_done() + (status.plan().empty() ? 0 : 1);
     // Two workers decide about a scene, however long the second one needs for it.

@@ -1,7 +1,9 @@
 #include "common/base/daemon.h"
 
 #include <fmt/format.h>
+#include <linux/close_range.h>
 #include <pthread.h>
+#include <unistd.h>
 
 #include <cstdio>
 #include <cstdlib>
@@ -89,6 +91,13 @@ sigset_t block_signals(std::initializer_list<int> signals) {
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGXFSZ, SIG_IGN);
   return set;
+}
+
+void begin_again(char** argv) {
+  log::flush();
+  std::fflush(nullptr);
+  ::close_range(STDERR_FILENO + 1, ~0U, CLOSE_RANGE_CLOEXEC);
+  ::execv("/proc/self/exe", argv);
 }
 
 void end_process(int code) {

@@ -62,6 +62,10 @@ int report(const char* program, const Error& error);
 // handler. A closed log pipe and a file size limit do not end the process: their writes fail.
 sigset_t block_signals(std::initializer_list<int> signals);
 
+// Replaces the process by a new one of the same program and arguments, whatever its threads do. Open files
+// are closed; the process id and blocked signals stay. Returns only if that failed.
+void begin_again(char** argv);
+
 // Ends the process without destructors, with logs and streams flushed.
 [[noreturn]] void end_process(int code);
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "common/base/work_monitor.h"
 #include "common/description/text.h"
 
 namespace candela::description {
@@ -26,6 +27,7 @@ void for_lines_of(std::string_view bytes, std::string_view keyword, const Body& 
     const auto* const found = static_cast<const char*>(
         ::memmem(at, static_cast<std::size_t>(end - at), keyword.data(), keyword.size()));
     if (found == nullptr) return;
+    work_step(static_cast<std::size_t>(found - bytes.data()));
     at = found + keyword.size();
     const char* before = found;
     while (before > bytes.data() && kBlanks.find(before[-1]) != kBlanks.npos) --before;

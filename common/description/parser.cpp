@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <map>
 
+#include "common/base/work_monitor.h"
 #include "common/description/all_errors.h"
 #include "common/description/check.h"
 #include "common/description/conductors.h"
@@ -335,8 +336,10 @@ class Parser {
   }
 
   Result<void> parse_children(const File& file, const pugi::xml_node& node, std::size_t parent, int depth) {
-    for (const pugi::xml_node& child : node.children())
+    for (const pugi::xml_node& child : node.children()) {
+      work_step();
       CANDELA_TRY(go_on(parse_child(file, child, parent, depth), parent));
+    }
     return {};
   }
 
@@ -487,6 +490,7 @@ class Parser {
     // Each operation acts after those before it.
     Mat4 matrix = transform::identity;
     for (const pugi::xml_node& child : node.children()) {
+      work_step();
       CANDELA_TRY(count(file, child));
       CANDELA_ASSIGN(const Element operation, element(file, child));
       if (!is_transform_operation(operation.name))

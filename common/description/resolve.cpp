@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/base/work_monitor.h"
 #include "common/description/all_errors.h"
 #include "common/description/check.h"
 #include "common/description/text.h"
@@ -42,6 +43,7 @@ class Resolver {
     // What Mitsuba has and Candela lacks (another integrator) is kept, but nobody knows its rules.
     const PluginRule* rule = find_plugin(draft.object->category, draft.object->plugin);
     for (const Link& link : draft.links) {
+      work_step();
       std::size_t target = link.target;
       if (link.is_reference) {
         const auto found = ids_.find(link.id);

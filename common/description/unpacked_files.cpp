@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <memory>
 
+#include "common/base/work_monitor.h"
+
 namespace candela::description {
 namespace {
 
@@ -37,6 +39,7 @@ Result<std::string> unpack(std::string_view bytes, const std::string& key, std::
   std::string result;
   int status = Z_OK;
   while (true) {
+    work_step();
     if (stream.avail_in == 0) {
       const std::size_t take = std::min<std::size_t>(bytes.size(), step_bytes);
       // zlib does not write through next_in; its type is older than const.

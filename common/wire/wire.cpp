@@ -253,6 +253,31 @@ v1::FailureCause to_proto(FailureCause cause) {
   return kCauses[index_of(cause)];
 }
 
+namespace {
+
+constexpr std::array<std::pair<WorkPhase, v1::WorkPhase>, 7> kPhases = {
+    {{WorkPhase::waiting, v1::WORK_PHASE_WAITING},
+     {WorkPhase::fetching, v1::WORK_PHASE_FETCHING},
+     {WorkPhase::reading, v1::WORK_PHASE_READING},
+     {WorkPhase::building, v1::WORK_PHASE_BUILDING},
+     {WorkPhase::piloting, v1::WORK_PHASE_PILOTING},
+     {WorkPhase::rendering, v1::WORK_PHASE_RENDERING},
+     {WorkPhase::pushing, v1::WORK_PHASE_PUSHING}}};
+
+}  // namespace
+
+std::optional<WorkPhase> from_proto(v1::WorkPhase phase) {
+  for (const auto& [ours, theirs] : kPhases)
+    if (theirs == phase) return ours;
+  return std::nullopt;
+}
+
+v1::WorkPhase to_proto(WorkPhase phase) {
+  for (const auto& [ours, theirs] : kPhases)
+    if (ours == phase) return theirs;
+  return v1::WORK_PHASE_UNSPECIFIED;
+}
+
 std::string_view name(v1::JobState state) {
   switch (state) {
     case v1::JOB_STATE_QUEUED:

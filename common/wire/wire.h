@@ -7,6 +7,7 @@
 #include "candela/v1/job.pb.h"
 #include "candela/v1/worker.pb.h"
 #include "common/base/result.h"
+#include "common/base/work_monitor.h"
 #include "common/bundle/bundle.h"
 #include "common/chains/chains.h"
 #include "common/job/failure.h"
@@ -38,6 +39,9 @@ Result<bundle::Bundle> from_proto(const v1::Bundle& message);
 // A value that we do not know is the worker's fault, which sent it.
 FailureCause from_proto(v1::FailureCause cause);
 v1::FailureCause to_proto(FailureCause cause);
+// None: the worker does not tell.
+std::optional<WorkPhase> from_proto(v1::WorkPhase phase);
+v1::WorkPhase to_proto(WorkPhase phase);
 Result<ChainPlan> from_proto(const v1::ChainPlan& message);
 // Checked for form; validate() of work_plan.h checks its meaning for the job's size.
 Result<WorkPlan> from_proto(const v1::WorkPlan& message);

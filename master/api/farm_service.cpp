@@ -436,6 +436,35 @@ grpc::Status FarmServiceImpl::DrainWorker(grpc::ServerContext* context, const v1
   });
 }
 
+namespace {
+
+// Changes a worker by `change(scheduler, now)` and answers how it stands then.
+template <class Change>
+grpc::Status change_worker(Farm& farm, const std::string& id, v1::WorkerStatus* response, Change&& change) {
+  return guarded([&] {
+    if (farm.stopping()) return stopping_status();
+    if (!farm.worker(id)) return not_found("worker", id);
+    auto done = farm.with_scheduler([&](Scheduler& s) { return change(s, farm.now()); });
+    if (!done.ok()) return wire::to_status(done.error());
+    if (const auto status = farm.worker(id)) *response = to_message(*status);
+    return grpc::Status::OK;
+  });
+}
+
+}  // namespace
+
+grpc::Status FarmServiceImpl::PauseWorker(grpc::ServerContext*, const v1::WorkerRequest* request,
+                                          v1::WorkerStatus* response) {
+  return change_worker(farm_, request->worker_id(), response,
+                       [&](Scheduler& s, Now now) { return s.pause_worker(request->worker_id(), now); });
+}
+
+grpc::Status FarmServiceImpl::ResumeWorker(grpc::ServerContext*, const v1::WorkerRequest* request,
+                                           v1::WorkerStatus* response) {
+  return change_worker(farm_, request->worker_id(), response,
+                       [&](Scheduler& s, Now now) { return s.resume_worker(request->worker_id(), now); });
+}
+
 grpc::Status FarmServiceImpl::GetLedger(grpc::ServerContext*, const v1::GetLedgerRequest* request,
                                         v1::GetLedgerResponse* response) {
   return guarded([&] {

@@ -40,6 +40,13 @@ grpc::Status as_worker(Farm& farm, const std::string& id, const std::string& ses
   });
 }
 
+// A worker hears by its heartbeats that a unit is taken away or is to be cut short. All together are at most
+// two hundred a second, but for leases that are very short.
+std::uint32_t heartbeat_ms(double lease_seconds, std::size_t workers) {
+  const double longest = std::clamp(lease_seconds * 1000 / 6, 50.0, 5000.0);
+  return static_cast<std::uint32_t>(std::min(longest, std::max(1000.0, static_cast<double>(workers) * 5)));
+}
+
 bool is_worker(Farm& farm, const std::string& id, const std::string& session) {
   return farm.with_scheduler(
       [&](Scheduler& s) { return s.authenticate(id, session, farm.now()) != nullptr; });
@@ -103,7 +110,7 @@ grpc::Status WorkerServiceImpl::Register(grpc::ServerContext*, const v1::Registe
     response->set_session(copy.session);
     const double lease = farm_.options().master.lease_seconds;
     response->set_lease_ms(static_cast<std::uint32_t>(lease * 1000));
-    response->set_heartbeat_ms(static_cast<std::uint32_t>(std::clamp(lease * 1000 / 6, 50.0, 5000.0)));
+    response->set_heartbeat_ms(heartbeat_ms(lease, 1));
     response->set_max_chunk_bytes(Limits::max_chunk_bytes);
     return grpc::Status::OK;
   });
@@ -164,19 +171,22 @@ grpc::Status WorkerServiceImpl::Heartbeat(grpc::ServerContext*, const v1::Heartb
     return wire::to_status(
         input_error(fmt::format("more than {} units", kMaxHeartbeatUnits)).with_field("units"));
   return as_worker(farm_, request->worker_id(), request->session(), [&](Scheduler& s, Now now) {
-    std::vector<std::uint64_t> tokens;
-    for (const v1::UnitProgress& u : request->units()) tokens.push_back(u.token());
+    std::vector<UnitReport> units;
+    for (const v1::UnitProgress& u : request->units())
+      units.push_back({u.token(), wire::from_proto(u.phase()), u.steps()});
     s.note_memory(request->worker_id(), request->resident_bytes());
-    const HeartbeatResult result = s.heartbeat(request->worker_id(), tokens, now);
+    const HeartbeatResult result = s.heartbeat(request->worker_id(), units, now);
     for (const std::uint64_t token : result.revoked) response->add_revoked_tokens(token);
+    for (const std::uint64_t token : result.cut) response->add_cut_tokens(token);
     response->set_drain(result.drain);
+    response->set_heartbeat_ms(heartbeat_ms(farm_.options().master.lease_seconds, s.workers().size()));
   });
 }
 
 grpc::Status WorkerServiceImpl::ReturnLease(grpc::ServerContext*, const v1::ReturnLeaseRequest* request,
                                             v1::ReturnLeaseResponse*) {
   return as_worker(farm_, request->worker_id(), request->session(), [&](Scheduler& s, Now now) {
-    s.return_lease(request->worker_id(), request->token(), now);
+    s.return_lease(request->worker_id(), request->token(), now, request->computing());
   });
 }
 

@@ -132,7 +132,9 @@ std::string metrics_text(Farm& farm) {
   for (const JobState s : {JobState::queued, JobState::running, JobState::paused, JobState::done,
                            JobState::failed, JobState::cancelled})
     jobs[std::string(name(s))] = 0;
-  for (const char* s : {"idle", "busy", "draining", "drained", "set-aside", "lost"}) workers[s] = 0;
+  for (const char* s :
+       {"idle", "busy", "draining", "drained", "pausing", "paused", "set-aside", "stuck", "awaited", "lost"})
+    workers[s] = 0;
   farm.with_scheduler([&](Scheduler& s) {
     for (const auto& [id, job] : s.jobs()) ++jobs[std::string(name(job.row.state))];
   });

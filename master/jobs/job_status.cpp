@@ -43,9 +43,10 @@ JobStatus status_of(const Scheduler& scheduler, const Job& job, Now t) {
 }
 
 WorkerStatus status_of(const Scheduler& scheduler, const WorkerState& w, Now t) {
+  const std::string stuck = scheduler.stuck_text(w, t);
   return {w.row,
           scheduler.worker_state_name(w, t),
-          w.message,
+          stuck.empty() ? w.message : stuck,
           w.failures,
           w.resident_bytes,
           scheduler.jobs_of(w)};

@@ -51,8 +51,8 @@ struct JobStatus {
 
 struct WorkerStatus {
   WorkerRow row;
-  std::string state;    // "idle", "busy", "draining", "drained", "set-aside", "lost"
-  std::string message;  // its latest failure since its last merged unit, or why it was set aside
+  std::string state;    // as candela.v1.WorkerStatus has it
+  std::string message;  // its latest failure since its last merged unit, why it was set aside or is stuck
   FailureCounts failures{};
   std::uint64_t resident_bytes = 0;  // memory of its process as it last told; 0: unknown
   std::set<std::string> jobs;        // ids of jobs of its leases

@@ -27,7 +27,7 @@ namespace {
 // Options as written; empty if not given.
 struct Texts {
   std::string listen, data, http, page_token_file, tls_cert, tls_key, tls_ca, checkpoint_interval, lease_time,
-      unit_time, merge_queue, memory, statistics_memory, keep_finished, log_level, log_format;
+      unit_time, stuck_after, merge_queue, memory, statistics_memory, keep_finished, log_level, log_format;
   bool insecure = false;
 };
 
@@ -49,10 +49,10 @@ void allow_many_files() {
 }
 
 Result<MasterOptions> resolve(const DaemonSettings& settings, const Texts& texts) {
-  CANDELA_TRY(
-      settings.check_names({"listen", "data", "http", "page-token-file", "tls-cert", "tls-key", "tls-ca",
-                            "insecure", "checkpoint-interval", "lease-time", "unit-time", "merge-queue",
-                            "memory", "statistics-memory", "keep-finished", "log-level", "log-format"}));
+  CANDELA_TRY(settings.check_names({"listen", "data", "http", "page-token-file", "tls-cert", "tls-key",
+                                    "tls-ca", "insecure", "checkpoint-interval", "lease-time", "unit-time",
+                                    "stuck-after", "merge-queue", "memory", "statistics-memory",
+                                    "keep-finished", "log-level", "log-format"}));
   // $CANDELA_LISTEN is read, $CANDELA_MASTER is not: it names a master to call, not one to be.
   const auto choose_shared = [&](const std::string& option, const std::string& given) {
     return settings.choose(option, given, DaemonSettings::Scope::shared);
@@ -77,6 +77,7 @@ Result<MasterOptions> resolve(const DaemonSettings& settings, const Texts& texts
                                     options.checkpoint_seconds));
   CANDELA_TRY(read_positive_seconds(choose("lease-time", texts.lease_time), options.lease_seconds));
   CANDELA_TRY(read_positive_seconds(choose("unit-time", texts.unit_time), options.unit_seconds));
+  CANDELA_TRY(read_positive_seconds(choose("stuck-after", texts.stuck_after), options.stuck_seconds));
   options.bulk_niceness = kBulkNiceness;
   CANDELA_TRY(read_bytes(choose("merge-queue", texts.merge_queue), options.merge_queue_bytes));
   CANDELA_TRY(read_bytes(choose("memory", texts.memory), options.memory_bytes));
@@ -197,6 +198,10 @@ int run_master(int argc, char** argv, const SchedulerObserver& observer) {
                  "a worker silent for this long loses its units (default 30s)")
       ->type_name("TIME");
   app.add_option("--unit-time", texts.unit_time, "what units are sized to (default 4s)")->type_name("TIME");
+  app.add_option("--stuck-after", texts.stuck_after,
+                 "a worker without progress for this long loses its unit; with a second one the job fails "
+                 "(default 10m)")
+      ->type_name("TIME");
   app.add_option("--merge-queue", texts.merge_queue, "bytes of deltas that may be under way (default 512M)")
       ->type_name("SIZE");
   app.add_option(

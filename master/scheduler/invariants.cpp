@@ -75,6 +75,16 @@ class SchedulerInvariants {
     for (const auto& [unit_id, unit] : job.units) check_unit(job, unit_id, unit, in_units);
     if (!ended && !job.finishing) check_indices(job, in_units);
     check_states(job);
+    std::uint64_t leases = 0, under_way = 0;
+    for (const auto& [token, lease] : s_.leases_) leases += lease.row.job_id == id ? 1 : 0;
+    for (const auto& [worker_id, worker] : s_.workers_) {
+      if (worker.leases.empty()) continue;
+      const auto oldest = s_.leases_.find(*worker.leases.begin());
+      under_way += oldest != s_.leases_.end() && oldest->second.row.job_id == id ? 1 : 0;
+    }
+    expect(job.leases == leases && job.under_way == under_way, "job-leases",
+           "job {} counts {} of {} leases, {} of {} under way", id, job.leases, leases, job.under_way,
+           under_way);
   }
 
   static Unit::Kind kind_of_stage(const JobRow& row) {

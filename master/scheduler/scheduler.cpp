@@ -76,25 +76,30 @@ Lease& Scheduler::grant(Job& job, UnitState& unit, WorkerState& worker, bool spe
   lease.expires = now.seconds + options_.lease_seconds;
   lease.due_seconds = lease.row.expected_seconds;
   for (const std::uint64_t other : worker.leases) lease.due_seconds += leases_.at(other).row.expected_seconds;
+  lease.stepped = now.seconds;
   job.virtual_time +=
       std::max(lease.row.expected_seconds, job.source->cost().min_charged_seconds) / job.row.share;
   unit.leases.push_back(lease.row.token);
   unit.row.state = UnitRow::State::leased;
   if (speculative) unit.speculated = true;
-  worker.leases.insert(lease.row.token);
   if (job.row.state == JobState::queued) {
+    charge(job, now);
     job.row.state = JobState::running;
-    job.last_tick = now.seconds;
-    event(now, job.row.id, worker.row.id, "running", "the first unit is leased");
+    event(now, job.row.id, worker.row.id, "running",
+          job.row.named_state || job.row.chains ? "units are leased again" : "the first unit is leased");
     save(job, now);
   }
+  ++job.leases;
+  worker.leases.insert(lease.row.token);
   save(unit);
   changes_.emplace_back(PutLease{lease.row});
   if (speculative)
     event(now, job.row.id, worker.row.id, "speculation",
           fmt::format("unit {} runs a second time", unit.row.id));
   last_activity_ = now.seconds;
-  return leases_.emplace(lease.row.token, lease).first->second;
+  Lease& granted = leases_.emplace(lease.row.token, lease).first->second;
+  if (worker.leases.size() == 1) set_under_way(worker, true, now);
+  return granted;
 }
 
 bool Scheduler::gather_input(Job& job, UnitState& unit, const FilmInputs* films, AcquireResult& out,
@@ -144,6 +149,13 @@ AcquireResult Scheduler::acquire(const std::string& worker_id, const std::vector
   const double cap = workers_.size() <= 16 ? 250 : 2000;
   out.retry_ms = static_cast<std::uint32_t>(std::clamp(idle_ms, 50.0, cap));
   if (out.drain) return out;
+  // An idle worker has ended whatever was taken from it; a busy one may not have heard of it.
+  if (!prefetch) worker.leftovers.clear();
+  if (!worker.leftovers.empty()) return out;
+  if (worker.row.paused) {
+    out.retry_ms = 1000;
+    return out;
+  }
   if (worker.set_aside_until > now.seconds) {
     out.retry_ms = 2000;
     return out;
@@ -177,20 +189,28 @@ AcquireResult Scheduler::acquire(const std::string& worker_id, const std::vector
   return out;
 }
 
-HeartbeatResult Scheduler::heartbeat(const std::string& worker_id, const std::vector<std::uint64_t>& tokens,
+HeartbeatResult Scheduler::heartbeat(const std::string& worker_id, const std::vector<UnitReport>& units,
                                      Now now) {
   expire(now);
   HeartbeatResult out;
-  const WorkerState& worker = workers_.at(worker_id);
+  WorkerState& worker = workers_.at(worker_id);
   out.drain = worker.row.draining;
-  for (const std::uint64_t token : tokens) {
-    const auto it = leases_.find(token);
+  std::set<std::uint64_t> named;
+  for (const UnitReport& unit : units) {
+    named.insert(unit.token);
+    const auto it = leases_.find(unit.token);
     if (it == leases_.end() || it->second.row.worker_id != worker_id) {
-      out.revoked.push_back(token);
+      out.revoked.push_back(unit.token);
+      if (const auto left = worker.leftovers.find(unit.token); left != worker.leftovers.end()) {
+        left->second.named = true;
+        left->second.phase = unit.phase;
+      }
       continue;
     }
     it->second.listed = true;
     it->second.expires = now.seconds + options_.lease_seconds;
+    note_steps(it->second, unit, now);
+    if (it->second.cut) out.cut.push_back(unit.token);
   }
   // A worker names all that it holds. What it has not named, and has had time to hear of, it does not have:
   // its answer was lost, or the lease outlived a restart that its unit did not. The token keeps a late
@@ -199,10 +219,13 @@ HeartbeatResult Scheduler::heartbeat(const std::string& worker_id, const std::ve
   std::vector<std::uint64_t> forgotten;
   for (const std::uint64_t token : worker.leases) {
     const auto it = leases_.find(token);
-    if (it != leases_.end() && now.seconds - it->second.granted > settled &&
-        std::find(tokens.begin(), tokens.end(), token) == tokens.end())
+    if (it != leases_.end() && now.seconds - it->second.granted > settled && !named.contains(token))
       forgotten.push_back(token);
   }
+  std::erase_if(worker.leftovers, [&](const auto& entry) {
+    const auto& [token, left] = entry;
+    return !named.contains(token) && (left.named || now.seconds - left.since > settled);
+  });
   for (const std::uint64_t token : forgotten) {
     ++expired_count_;
     drop_lease(token, now, true);
@@ -220,11 +243,16 @@ void Scheduler::drop_lease(std::uint64_t token, Now now, bool refund) {
   const auto it = leases_.find(token);
   if (it == leases_.end()) return;
   const Lease lease = it->second;
+  const auto w = workers_.find(lease.row.worker_id);
+  const bool oldest = w != workers_.end() && *w->second.leases.begin() == token;
+  if (oldest) set_under_way(w->second, false, now);
   leases_.erase(it);
   changes_.emplace_back(DropLease{token});
-  if (const auto w = workers_.find(lease.row.worker_id); w != workers_.end()) w->second.leases.erase(token);
+  if (w != workers_.end()) w->second.leases.erase(token);
+  if (oldest) set_under_way(w->second, true, now);
   Job* job = find(lease.row.job_id);
   if (job == nullptr) return;
+  if (--job->leases == 0) job->unleased_since = now.seconds;
   if (refund) {  // what was charged beyond the time it was held
     const double unused = std::max(lease.row.expected_seconds - (now.seconds - lease.granted), 0.0);
     job->virtual_time -= unused / job->row.share;
@@ -240,20 +268,50 @@ void Scheduler::drop_lease(std::uint64_t token, Now now, bool refund) {
   }
 }
 
+void Scheduler::take_away(std::uint64_t token, Now now, bool refund) {
+  const auto it = leases_.find(token);
+  if (it == leases_.end()) return;
+  const LeaseRow& row = it->second.row;
+  if (const auto w = workers_.find(row.worker_id); w != workers_.end())
+    w->second.leftovers[token] = {row.job_id, now.seconds, it->second.listed, it->second.phase};
+  drop_lease(token, now, refund);
+}
+
+void Scheduler::charge(Job& job, Now now) {
+  // A repair's time was spent before, by the samples that were lost.
+  if (job.under_way > 0 && job.row.state == JobState::running && !job.finishing && !job.row.repairs_to)
+    job.row.elapsed_seconds += std::max(now.seconds - job.last_tick, 0.0);
+  job.last_tick = now.seconds;
+}
+
+void Scheduler::set_under_way(const WorkerState& worker, bool begins, Now now) {
+  if (worker.leases.empty()) return;
+  Job* job = find(leases_.at(*worker.leases.begin()).row.job_id);
+  if (job == nullptr) return;
+  charge(*job, now);
+  if (begins)
+    ++job->under_way;
+  else
+    --job->under_way;
+}
+
 void Scheduler::drop_all_leases(Job& job, Now now) {
   std::vector<std::uint64_t> tokens;
   for (const auto& [token, lease] : leases_)
     if (lease.row.job_id == job.row.id) tokens.push_back(token);
-  for (const std::uint64_t token : tokens) drop_lease(token, now, true);
+  for (const std::uint64_t token : tokens) take_away(token, now, true);
 }
 
-void Scheduler::return_lease(const std::string& worker_id, std::uint64_t token, Now now) {
+void Scheduler::return_lease(const std::string& worker_id, std::uint64_t token, Now now, bool computing) {
   expire(now);
   const auto it = leases_.find(token);
   if (it == leases_.end() || it->second.row.worker_id != worker_id) return;
   event(now, it->second.row.job_id, worker_id, "returned",
         fmt::format("unit {} was handed back", it->second.row.unit_id));
-  drop_lease(token, now, true);
+  if (computing)
+    take_away(token, now, true);
+  else
+    drop_lease(token, now, true);
   last_activity_ = now.seconds;
 }
 
@@ -287,7 +345,11 @@ bool Scheduler::complete_pilot(const std::string& worker_id, std::uint64_t token
   job->thread_seconds = job->row.thread_seconds_per_iteration;
   const std::uint64_t unit_id = u->first;
   const std::vector<std::uint64_t> tokens = u->second.leases;  // the winner's and a speculative one
-  for (const std::uint64_t t : tokens) drop_lease(t, now, true);
+  for (const std::uint64_t t : tokens)
+    if (t == token)
+      drop_lease(t, now, true);
+    else
+      take_away(t, now, true);
   job->units.erase(unit_id);
   changes_.emplace_back(DropUnit{unit_id});
   std::string text = fmt::format("{:.4g} s per iteration", result.seconds_per_iteration);
@@ -319,8 +381,10 @@ Delivery Scheduler::check_delivery(const std::string& worker_id, std::uint64_t t
       it->second.row.job_id != job_id)
     return Delivery::stale;
   const Unit& leased = job->units.at(unit_id).row.unit;
+  const bool cut_short =
+      unit.kind == Unit::Kind::iterations && unit.begin < unit.end && unit.end < leased.end;
   if (leased.kind != unit.kind || leased.half != unit.half || leased.begin != unit.begin ||
-      leased.end != unit.end)
+      (leased.end != unit.end && !cut_short))
     return Delivery::stale;
   return Delivery::ok;
 }
@@ -341,8 +405,15 @@ void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::u
       job->virtual_time += (render_seconds - lease->second.row.expected_seconds) / job->row.share;
     const std::vector<std::uint64_t> tokens =
         u->second.leases;  // another worker's too: it hears with its heartbeat
-    for (const std::uint64_t t : tokens) drop_lease(t, now, t != token);
+    for (const std::uint64_t t : tokens)
+      if (t == token)
+        drop_lease(t, now, false);
+      else
+        take_away(t, now, true);
+    // A unit that was cut short: its last iterations are cut anew.
+    const std::uint64_t leased_end = u->second.row.unit.end;
     job->units.erase(unit_id);
+    if (unit.end < leased_end) job->source->put_back({unit.kind, unit.half, unit.end, leased_end});
   } else {
     // Its indices may have been cut again while it was on its way. Units that have some of them go, and their
     // others are cut anew; the workers hear with their heartbeats.
@@ -351,7 +422,7 @@ void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::u
       const Unit& other = again->second.row.unit;
       if (other.half != unit.half || other.begin >= unit.end || unit.begin >= other.end) continue;
       const std::vector<std::uint64_t> tokens = again->second.leases;
-      for (const std::uint64_t t : tokens) drop_lease(t, now, true);
+      for (const std::uint64_t t : tokens) take_away(t, now, true);
       changes_.emplace_back(DropUnit{again->first});
       job->units.erase(again);
     }

@@ -23,6 +23,7 @@
 #include <vector>
 
 #include "common/base/result.h"
+#include "common/base/work_monitor.h"
 #include "common/film/index_set.h"
 #include "common/stages/memory_need.h"
 #include "master/scheduler/failure.h"
@@ -41,6 +42,9 @@ struct SchedulerOptions {
   double lease_seconds = 30;
   double unit_seconds = 4;
   FailurePolicy failures;
+  // A worker loses a unit that it has computed on so long without a step. Long enough for anything that does
+  // go on, such as reading a texture of gigabytes from a slow disk.
+  double stuck_seconds = 600;
   double forget_worker_seconds = 3600;  // a lost worker's session ends
   // So does, sooner, that of one that never merged or failed a unit: a program that crashes as soon as it has
   // registered.
@@ -74,6 +78,20 @@ struct Lease {
   double granted = 0, expires = 0;
   double due_seconds = 0;  // expected from grant to delivery, other leases of the worker included
   bool listed = false;     // some heartbeat named it
+  bool cut = false;        // its worker is asked to end it after the iteration under way
+  // As the worker's heartbeats tell; no phase: they do not.
+  std::optional<WorkPhase> phase;
+  std::uint64_t steps = 0;
+  double stepped = 0;  // when the steps last grew
+};
+
+// What a heartbeat says of one unit.
+struct UnitReport {
+  UnitReport(std::uint64_t of_token, std::optional<WorkPhase> in_phase = {}, std::uint64_t so_many_steps = 0)
+      : token(of_token), phase(in_phase), steps(so_many_steps) {}
+  std::uint64_t token;
+  std::optional<WorkPhase> phase;  // none: the worker does not tell
+  std::uint64_t steps;
 };
 
 // The failures of a unit that is not done. Its row counts the failures of cause worker over restarts.
@@ -122,7 +140,10 @@ struct Job {
   std::map<std::string, double> worker_seconds_per_iteration;  // EWMA
   double overhead_seconds = 0;                                 // EWMA per delta
   double merge_seconds = 0;                                    // of that, in which no other is merged
-  double last_tick = 0;
+  double last_tick = 0;                                        // up to when elapsed_seconds counts
+  std::uint64_t leases = 0;                                    // of its units
+  std::uint64_t under_way = 0;  // workers whose oldest lease is one of these: they compute it
+  double unleased_since = 0;    // of a job without leases
   double last_saved = 0;
   int relmse_hits = 0;
   std::uint64_t relmse_hit_iterations = 0;
@@ -143,7 +164,9 @@ struct Job {
   std::map<std::string, Standing> standings;  // by worker id; only those that failed
   std::set<std::string> refused_by;           // distinct workers that named the scene since the last delivery
   bool told_waiting = false;                  // an event has, since the last delivery
-  std::map<std::string, std::string> lacks;   // SHA-256 of a blob that the master has lost: what to say of it
+  // Distinct workers that made no step in a phase, and how often, since they last brought something.
+  std::map<WorkPhase, std::map<std::string, std::uint32_t>> stuck;
+  std::map<std::string, std::string> lacks;  // SHA-256 of a blob that the master has lost: what to say of it
 
   MemoryNeed need;             // of the master's memory; meaningful after the pilot
   bool admitted = false;       // that memory is the job's until it ends
@@ -168,15 +191,29 @@ struct Job {
 // The memory that a job needs once its pilot is done.
 MemoryNeed need_of(const JobRow& row, std::size_t record_bytes = 0);
 
+// Workers of one name on one host are one: a worker that was started again has another id.
+std::string identity(const WorkerRow& worker);
+
+// A unit that a worker does not own any more, and may compute all the same.
+struct Leftover {
+  std::string job_id;
+  double since = 0;
+  bool named = false;  // by a heartbeat
+  std::optional<WorkPhase> phase;
+};
+
 struct WorkerState {
   WorkerRow row;
   double last_seen = 0;
-  double last_asked = 0;  // for a unit
-  bool called = false;    // after it registered
+  double last_asked = 0;      // for a unit
+  bool called = false;        // after it registered
+  bool awaited = false;       // since a restart of the master it has not called
+  bool told_of_loss = false;  // an event has
   std::set<std::uint64_t> leases;
-  std::uint32_t consecutive_failures = 0;  // of causes of its own
-  std::set<std::string> failed_jobs;       // since its last merged unit
-  std::uint32_t times_set_aside = 0;       // since its last merged unit
+  std::map<std::uint64_t, Leftover> leftovers;  // by token
+  std::uint32_t consecutive_failures = 0;       // of causes of its own
+  std::set<std::string> failed_jobs;            // since its last merged unit
+  std::uint32_t times_set_aside = 0;            // since its last merged unit
   double set_aside_until = 0;
   double silence_told = -1;  // the `last_seen` of a silence for which a unit has been counted as lost
   FailureCounts failures{};  // since the master started
@@ -202,6 +239,7 @@ struct AcquireResult {
 };
 struct HeartbeatResult {
   std::vector<std::uint64_t> revoked;
+  std::vector<std::uint64_t> cut;
   bool drain = false;
 };
 enum class Delivery { ok, duplicate, stale, job_ended };
@@ -291,8 +329,14 @@ class Scheduler {
   WorkerState* authenticate(const std::string& id, const std::string& session, Now now);
   const std::map<std::string, WorkerState>& workers() const { return workers_; }
   Result<void> drain(const std::string& worker_id, Now now);
+  // A paused worker keeps its session and is offered nothing. Its units are cut short. The pause is that of
+  // its name on its host: it outlives the worker's process.
+  Result<void> pause_worker(const std::string& worker_id, Now now);
+  Result<void> resume_worker(const std::string& worker_id, Now now);
   void deregister(const std::string& worker_id, Now now);
   std::string worker_state_name(const WorkerState& worker, Now now) const;
+  // What keeps the worker from going on; empty: nothing.
+  std::string stuck_text(const WorkerState& worker, Now now) const;
 
   // --- the cycle of a unit ---
   // A lease comes with the inputs of its unit, in one decision. A unit whose inputs are missing is not
@@ -300,8 +344,9 @@ class Scheduler {
   // where no job needs any.
   AcquireResult acquire(const std::string& worker_id, const std::vector<std::string>& warm, bool prefetch,
                         Now now, const FilmInputs* films = nullptr);
-  HeartbeatResult heartbeat(const std::string& worker_id, const std::vector<std::uint64_t>& tokens, Now now);
-  void return_lease(const std::string& worker_id, std::uint64_t token, Now now);
+  HeartbeatResult heartbeat(const std::string& worker_id, const std::vector<UnitReport>& units, Now now);
+  // computing: it takes the worker a moment to stop.
+  void return_lease(const std::string& worker_id, std::uint64_t token, Now now, bool computing = false);
   // Idempotent per token. failure.h has what follows.
   void fail_unit(const std::string& worker_id, std::uint64_t token, FailureCause cause,
                  const std::string& message, Now now);
@@ -321,7 +366,8 @@ class Scheduler {
                                   std::vector<float> contributions,
                                   const std::array<std::uint64_t, film::kRejectCauses>& rejected,
                                   double render_seconds, Now now);
-  // May this delta be merged? Asked before reading and again before merging.
+  // May this delta be merged? Asked before reading and again before merging. It may have fewer iterations
+  // than its lease, from the first one on; merged() has the others leased anew.
   Delivery check_delivery(const std::string& worker_id, std::uint64_t token, std::uint64_t unit_id,
                           const std::string& job_id, const Unit& unit, Now now);
   // Extends a lease (a delivery in progress counts as a sign of life).
@@ -409,6 +455,24 @@ class Scheduler {
   Lease& grant(Job& job, UnitState& unit, WorkerState& worker, bool speculative, Now now);
   double seconds_per_iteration(const Job& job, const WorkerState& worker) const;
   void drop_lease(std::uint64_t token, Now now, bool refund);
+  // The same for a unit that its worker may go on computing until it hears of it.
+  void take_away(std::uint64_t token, Now now, bool refund);
+  // Adds to elapsed_seconds what has passed, if units of the job were under way.
+  static void charge(Job& job, Now now);
+  // The worker's oldest lease begins or ends to be under way.
+  void set_under_way(const WorkerState& worker, bool begins, Now now);
+
+  // scheduler_progress.cpp
+  void note_steps(Lease& lease, const UnitReport& report, Now now);
+  void give_up_stuck(Now now);
+  void give_up_stuck(std::uint64_t token, Now now);
+  bool end_if_stuck(Job& job, WorkPhase phase, Now now);
+  // Cuts units of lower priority where a job waits that no idle worker serves.
+  void ask_cuts(Now now);
+  // Of jobs below this priority. False: all are cut already.
+  bool cut_leases(const WorkerState& worker, std::int64_t below_priority);
+  void tell_losses(Now now);
+  double useful_threads(const Job& job, double threads_per_worker) const;
   void drop_all_leases(Job& job, Now now);
   // Agrees the job with its film: `rows` that the film lacks are open again (lost, where the job has ended),
   // what the film has and no row tells of becomes rows. Returns how many merged rows the film lacked.
@@ -472,6 +536,7 @@ class Scheduler {
   };
   std::map<std::string, Withdrawn> withdrawn_;
   std::map<std::string, WorkerState> workers_;
+  std::set<std::string> paused_;  // identities of workers, those that are away included
   struct ActiveCount {
     std::uint64_t workers = 0;
     double counted = 0;

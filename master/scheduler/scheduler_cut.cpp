@@ -1,5 +1,6 @@
 // Which unit comes next, and how large it is.
 #include <algorithm>
+#include <limits>
 
 #include "master/scheduler/scheduler.h"
 #include "master/scheduler/sizing.h"
@@ -76,6 +77,7 @@ UnitState* Scheduler::pick(Job& job, const WorkerState& worker, bool prefetch, N
     // The size of a full unit, not of the guided one: else there are always two a worker left.
     SizingInput full = in;
     full.remaining = 0;
+    if (!full.open_end) full.cut_so_far = std::numeric_limits<std::uint64_t>::max();
     const std::uint64_t size = std::min(unit_iterations(full), source.max_unit(view));
     if (open_count + extent.remaining / size <= 2 * active) return nullptr;
   }

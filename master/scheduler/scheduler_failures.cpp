@@ -11,11 +11,6 @@
 namespace candela::master {
 namespace {
 
-// A worker that was started again has another id, and is the same witness.
-std::string identity(const WorkerState& worker) {
-  return worker.row.host + "/" + worker.row.name;
-}
-
 // One lease lost with its worker is everyday life; a second one of the same unit is worth a word.
 bool is_worth_telling(const UnitTrouble& trouble) {
   return trouble.lost >= 2 ||
@@ -43,7 +38,7 @@ std::string place_of(const UnitTrouble& trouble) {
 std::set<std::string> Scheduler::able_workers(const Job& job, bool all, Now now) const {
   std::set<std::string> out;
   for (const auto& [id, w] : workers_)
-    if (can_run(w, job) && (all ? takes_part(w, now) : usable(w, now))) out.insert(identity(w));
+    if (can_run(w, job) && (all ? takes_part(w, now) : usable(w, now))) out.insert(identity(w.row));
   return out;
 }
 
@@ -61,6 +56,7 @@ void Scheduler::note_success(Job& job, WorkerState& worker, Now now) {
   worker.failed_jobs.clear();
   if (worker.set_aside_until <= now.seconds) worker.message.clear();
   job.standings.erase(worker.row.id);
+  for (auto& [phase, workers] : job.stuck) workers.erase(identity(worker.row));
   job.told_waiting = false;
   if (job.refused_by.empty()) return;
   event(now, job.row.id, worker.row.id, "scene-disputed",
@@ -79,10 +75,10 @@ UnitTrouble& Scheduler::blame(UnitState& unit, FailureCause cause, const WorkerS
   if (worker == nullptr) return trouble;
   if (cause == FailureCause::scene || cause == FailureCause::worker) ++trouble.by_worker[worker->row.id];
   if (cause == FailureCause::scene) {
-    trouble.refused_by.insert(identity(*worker));
+    trouble.refused_by.insert(identity(worker->row));
     trouble.refusal = message;
   }
-  if (cause == FailureCause::worker) trouble.witnesses.insert(identity(*worker));
+  if (cause == FailureCause::worker) trouble.witnesses.insert(identity(worker->row));
   return trouble;
 }
 
@@ -142,7 +138,7 @@ void Scheduler::fail_unit(const std::string& worker_id, std::uint64_t token, Fai
   event(now, job_id, worker_id, "unit-failed", fmt::format("{}: unit {}: {}", name(cause), unit_id, message));
   note_failure(*job, worker, cause, message, then, now);
 
-  if (cause == FailureCause::scene) job->refused_by.insert(identity(worker));
+  if (cause == FailureCause::scene) job->refused_by.insert(identity(worker.row));
   if (end_if_refused(*job, now)) return;
   if (unit != nullptr && end_if_poison(*job, *unit, now)) return;
   tell_waiting(*job, now);
@@ -259,7 +255,8 @@ void Scheduler::blob_arrived(const std::string& sha256, Now now) {
 }
 
 bool Scheduler::forget_failures(Job& job, Now now) {
-  bool any = !job.standings.empty() || !job.refused_by.empty();
+  bool any = !job.standings.empty() || !job.refused_by.empty() || !job.stuck.empty();
+  job.stuck.clear();
   job.standings.clear();
   job.refused_by.clear();
   job.told_waiting = false;
@@ -299,7 +296,7 @@ Result<void> Scheduler::resume_failed(Job& job, Now now) {
 double Scheduler::next_try(const Job& job, const UnitState& unit, Now now) const {
   double soonest = std::numeric_limits<double>::infinity();
   for (const auto& [id, w] : workers_) {
-    if (!lives(w, now) || w.row.draining || !can_run(w, job)) continue;
+    if (!lives(w, now) || w.row.draining || w.row.paused || !can_run(w, job)) continue;
     const auto standing = job.standings.find(id);
     const double waits = standing == job.standings.end() ? 0 : standing->second.retry_at;
     soonest = std::min(soonest, std::max(waits, w.set_aside_until));

@@ -11,8 +11,9 @@
 namespace candela::master {
 namespace {
 
-constexpr double kSavePeriod = 5;   // seconds between saves of a running job's elapsed time
-constexpr double kRateWindow = 15;  // seconds over which samples per second are measured
+constexpr double kSavePeriod = 5;       // seconds between saves of a running job's elapsed time
+constexpr double kUnleasedSeconds = 1;  // without a lease, before a job that ran is queued again
+constexpr double kRateWindow = 15;      // seconds over which samples per second are measured
 constexpr std::int32_t kMaxPriority = 1000000;
 constexpr double kRelmseGrowth = 1.1;  // of iterations between the two estimates that end a job
 
@@ -67,7 +68,7 @@ void Scheduler::submit(JobRow row, Now now) {
   Job& job = jobs_[id];
   job.row = std::move(row);
   job.source = make_source(job.row);
-  job.last_tick = now.seconds;
+  job.last_tick = job.unleased_since = now.seconds;
   start_fairly(job);
   event(now, id, "", "submitted", job.row.name);
   save(job, now);
@@ -85,6 +86,7 @@ Result<void> Scheduler::pause(const std::string& id, Now now) {
                            job.note.empty() ? "" : ": " + job.note))
         .with_field("job_id")
         .with_mend("extend it if it is to render more");
+  charge(job, now);
   job.row.state = JobState::paused;
   event(now, id, "", "paused", "");
   save(job, now);
@@ -117,7 +119,8 @@ Result<void> Scheduler::resume(const std::string& id, Now now) {
     if (again) event(now, id, "", "resumed", "what failed is tried again now");
     return {};
   }
-  job.row.state = JobState::queued;
+  charge(job, now);
+  job.row.state = job.leases > 0 ? JobState::running : JobState::queued;
   start_fairly(job);
   event(now, id, "", "resumed", "");
   save(job, now);
@@ -299,14 +302,18 @@ void Scheduler::tick(Now now) {
   expire(now);
   admit_if_due(now);
   for (auto& [id, job] : jobs_) {
+    charge(job, now);
     if (job.row.state == JobState::running && !job.finishing) {
-      // A repair's time was spent before, by the samples that were lost.
-      if (!job.row.repairs_to) job.row.elapsed_seconds += std::max(now.seconds - job.last_tick, 0.0);
       check_stop(job, now);
       if (now.seconds - job.last_saved > kSavePeriod) save(job, now);
     }
     end_if_refused(job, now);
-    job.last_tick = now.seconds;
+    if (job.row.state == JobState::running && !job.finishing && job.leases == 0 &&
+        now.seconds - job.unleased_since > kUnleasedSeconds) {
+      job.row.state = JobState::queued;
+      event(now, id, "", "queued", "no worker has a unit of it");
+      save(job, now);
+    }
   }
   // Looking at a thousand workers takes longer than all else here.
   constexpr double kPeriodOfMany = 1;
@@ -314,6 +321,9 @@ void Scheduler::tick(Now now) {
       now.seconds - workers_ticked_ < kPeriodOfMany)
     return;
   workers_ticked_ = now.seconds;
+  give_up_stuck(now);
+  tell_losses(now);
+  ask_cuts(now);
   for (auto it = workers_.begin(); it != workers_.end();) {
     WorkerState& w = it->second;
     if (w.set_aside_until > 0 && w.set_aside_until <= now.seconds) {
@@ -324,7 +334,7 @@ void Scheduler::tick(Now now) {
       w.failed_jobs.clear();
       event(now, "", w.row.id, "set-aside", "over; it gets leases again");
     }
-    const bool told_of = w.row.units_merged > 0 || w.row.units_failed > 0 || w.row.draining;
+    const bool told_of = w.row.units_merged > 0 || w.row.paused || w.row.units_failed > 0 || w.row.draining;
     const double forgotten_after = told_of ? options_.forget_worker_seconds
                                            : std::max(options_.forget_idle_worker_seconds, lost_after());
     if (w.leases.empty() && now.seconds - w.last_seen > forgotten_after) {
@@ -338,8 +348,8 @@ void Scheduler::tick(Now now) {
 }
 
 std::size_t Scheduler::leases_of(const std::string& job_id) const {
-  return static_cast<std::size_t>(std::count_if(
-      leases_.begin(), leases_.end(), [&](const auto& entry) { return entry.second.row.job_id == job_id; }));
+  const auto job = jobs_.find(job_id);
+  return job == jobs_.end() ? 0 : static_cast<std::size_t>(job->second.leases);
 }
 
 void Scheduler::note_memory(const std::string& worker_id, std::uint64_t resident_bytes) {
@@ -421,8 +431,9 @@ std::string Scheduler::message_of(const Job& job, Now now) const {
   if (able == 0 && aside == live)
     return fmt::format("all {} worker(s) are set aside after failures: see `candela workers`", live);
   if (able == 0)
-    return fmt::format("none of the {} worker(s) connected can run instruction set {}, or they are draining",
-                       live, job.row.settings.isa);
+    return fmt::format(
+        "none of the {} worker(s) connected can run instruction set {}, or they are draining or paused", live,
+        job.row.settings.isa);
   if (job.row.stop.time_seconds > 0 && job.row.elapsed_seconds >= job.row.stop.time_seconds)
     return "the time is up; waiting for a first iteration";
   return job.row.message.empty() ? chain_message(job.row) : job.row.message;

@@ -91,7 +91,7 @@ void Scheduler::restore(JobRow row, const HalfSets& film, const film::Tallies& t
   job.row = std::move(row);
   job.source = make_source(job.row);
   job.merged = film;
-  job.last_tick = now.seconds;
+  job.last_tick = job.unleased_since = now.seconds;
   job.last_saved = now.seconds;
   job.thread_seconds = job.row.thread_seconds_per_iteration;
   ask_for_memory(job, restored.record_bytes);

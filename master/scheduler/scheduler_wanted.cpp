@@ -17,6 +17,16 @@ struct Present {
 
 }  // namespace
 
+double Scheduler::useful_threads(const Job& job, double threads_per_worker) const {
+  if (!(job.thread_seconds > 0)) return std::max(threads_per_worker, 1.0);
+  const auto open = static_cast<double>(job.source->open_indices(job.view()));
+  const StageCost cost = job.source->cost();
+  const double thread_seconds = open * job.thread_seconds / cost.indices_per_iteration;
+  return std::max(std::min(std::ceil(thread_seconds / options_.unit_seconds),
+                           open * (cost.serial ? 1 : threads_per_worker)),
+                  1.0);
+}
+
 Wanted Scheduler::wanted(Now now) const {
   // Workers that can run a job, by the job's instruction set.
   std::map<std::string, Present> able;
@@ -39,18 +49,11 @@ Wanted Scheduler::wanted(Now now) const {
     if (!job.open_for_leases()) continue;
     Present& present = able.at(job.row.settings.isa);
     const double per_worker = present.per_worker();
-    const double open = static_cast<double>(job.source->open_indices(job.view()));
-    const StageCost cost = job.source->cost();
-    double useful = per_worker;
     // More workers like those that are here are of no use to a job that none of them can run.
     const bool unable = all.workers > 0 && present.workers == 0;
-    if (job.thread_seconds > 0 && !unable) {
-      const double thread_seconds = open * job.thread_seconds / cost.indices_per_iteration;
-      useful =
-          std::min(std::ceil(thread_seconds / options_.unit_seconds), open * (cost.serial ? 1 : per_worker));
-    }
-    threads += std::max(useful, 1.0);
-    present.useful += std::max(useful, 1.0);
+    const double useful = unable ? std::max(per_worker, 1.0) : useful_threads(job, per_worker);
+    threads += useful;
+    present.useful += useful;
   }
   // Sums of whole numbers, so that rounding makes no worker of its own.
   for (const auto& [isa, present] : able) workers += present.useful / present.per_worker();

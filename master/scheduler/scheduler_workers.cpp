@@ -2,18 +2,23 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 #include "master/scheduler/scheduler.h"
 
 namespace candela::master {
 
+std::string identity(const WorkerRow& worker) {
+  return worker.host + "/" + worker.name;
+}
+
 bool Scheduler::lives(const WorkerState& worker, Now now) const {
   return now.seconds - worker.last_seen <= lost_after();
 }
 
 bool Scheduler::takes_part(const WorkerState& worker, Now now) const {
-  return lives(worker, now) && !worker.row.draining &&
+  return lives(worker, now) && !worker.row.draining && !worker.row.paused &&
          (!worker.leases.empty() || now.seconds - worker.last_asked <= lost_after());
 }
 
@@ -58,6 +63,7 @@ Result<void> Scheduler::register_worker(WorkerRow row, Now now) {
   row.last_seen_unix_ms = now.unix_ms;
   event(now, "", row.id, "registered",
         fmt::format("{} on {} with {} threads", row.name, row.host, row.threads));
+  row.paused = paused_.contains(identity(row));
   changes_.emplace_back(PutWorker{row});
   active_.clear();
   WorkerState& w = workers_[row.id];
@@ -72,6 +78,8 @@ void Scheduler::restore_worker(const WorkerRow& row, Now now) {
   WorkerState& w = workers_[row.id];
   w.row = row;
   w.last_seen = w.last_asked = now.seconds;  // it has as long to come back as if we had just heard of it
+  w.awaited = true;
+  if (row.paused) paused_.insert(identity(row));
 }
 
 void Scheduler::restore_lease(const LeaseRow& row, Now now) {
@@ -92,11 +100,16 @@ void Scheduler::restore_lease(const LeaseRow& row, Now now) {
   lease.granted = now.seconds;
   lease.expires = now.seconds + options_.lease_seconds;
   lease.due_seconds = row.expected_seconds;
+  lease.stepped = now.seconds;
+  // Rows come in the order of their tokens, so that the first is its worker's oldest.
+  ++job->leases;
   leases_.emplace(row.token, lease);
   unit->second.leases.push_back(row.token);
   unit->second.speculated = unit->second.leases.size() > 1;
   unit->second.row.state = UnitRow::State::leased;
+  if (!worker->second.leases.empty()) set_under_way(worker->second, false, now);
   worker->second.leases.insert(row.token);
+  set_under_way(worker->second, true, now);
 }
 
 WorkerState* Scheduler::authenticate(const std::string& id, const std::string& session, Now now) {
@@ -110,8 +123,13 @@ WorkerState* Scheduler::authenticate(const std::string& id, const std::string& s
     difference |= static_cast<unsigned>(static_cast<unsigned char>(session[i]) ^
                                         static_cast<unsigned char>(expected[i]));
   if (difference != 0) return nullptr;
+  if (it->second.told_of_loss)
+    event(now, "", id, "back",
+          fmt::format("{} on {} is heard of again", it->second.row.name, it->second.row.host));
+  it->second.told_of_loss = false;
   it->second.last_seen = now.seconds;
   it->second.called = true;
+  it->second.awaited = false;
   it->second.row.last_seen_unix_ms = now.unix_ms;
   return &it->second;
 }
@@ -125,6 +143,43 @@ Result<void> Scheduler::drain(const std::string& worker_id, Now now) {
   active_.clear();
   event(now, "", worker_id, "draining", "");
   changes_.emplace_back(PutWorker{it->second.row});
+  return {};
+}
+
+Result<void> Scheduler::pause_worker(const std::string& worker_id, Now now) {
+  const auto it = workers_.find(worker_id);
+  if (it == workers_.end())
+    return input_error(fmt::format("there is no worker {}", worker_id)).with_field("worker_id");
+  WorkerState& worker = it->second;
+  if (worker.row.draining)
+    return refused_error(fmt::format("worker {} is draining and will leave", worker_id))
+        .with_field("worker_id");
+  paused_.insert(identity(worker.row));
+  for (auto& [id, w] : workers_) {
+    if (w.row.paused || identity(w.row) != identity(worker.row)) continue;
+    w.row.paused = true;
+    cut_leases(w, std::numeric_limits<std::int64_t>::max());
+    event(now, "", id, "paused", w.row.name);
+    changes_.emplace_back(PutWorker{w.row});
+  }
+  active_.clear();
+  return {};
+}
+
+Result<void> Scheduler::resume_worker(const std::string& worker_id, Now now) {
+  const auto it = workers_.find(worker_id);
+  if (it == workers_.end())
+    return input_error(fmt::format("there is no worker {}", worker_id)).with_field("worker_id");
+  const std::string same = identity(it->second.row);
+  paused_.erase(same);
+  for (auto& [id, w] : workers_) {
+    if (!w.row.paused || identity(w.row) != same) continue;
+    w.row.paused = false;
+    event(now, "", id, "resumed", w.row.name);
+    changes_.emplace_back(PutWorker{w.row});
+  }
+  active_.clear();
+  last_activity_ = now.seconds;
   return {};
 }
 
@@ -149,9 +204,13 @@ std::set<std::string> Scheduler::jobs_of(const WorkerState& worker) const {
 
 std::string Scheduler::worker_state_name(const WorkerState& w, Now now) const {
   if (!lives(w, now)) return "lost";
-  if (w.row.draining) return w.leases.empty() ? "drained" : "draining";
+  if (w.awaited) return "awaited";
+  if (!stuck_text(w, now).empty()) return "stuck";
+  const bool idle = w.leases.empty() && w.leftovers.empty();
+  if (w.row.draining) return idle ? "drained" : "draining";
+  if (w.row.paused) return idle ? "paused" : "pausing";
   if (w.set_aside_until > now.seconds) return "set-aside";
-  return w.leases.empty() ? "idle" : "busy";
+  return idle ? "idle" : "busy";
 }
 
 }  // namespace candela::master

@@ -18,11 +18,11 @@ std::uint64_t unit_iterations(const SizingInput& in) {
   double n = 1;  // unknown cost: the smallest unit measures it
   if (in.seconds_per_iteration > 0) {
     n = std::floor(seconds / in.seconds_per_iteration);
-    if (in.open_end) {
-      const double grown = std::floor(static_cast<double>(in.cut_so_far) / (8 * workers));
-      const double first = std::max(in.unit_seconds / 16, round);
-      n = std::min(n, std::max(grown, std::floor(first / in.seconds_per_iteration)));
-    }
+    const auto cut = static_cast<double>(in.cut_so_far);
+    const double early = std::max(1.0, std::floor(in.unit_seconds / 16 / in.seconds_per_iteration));
+    const double first = std::max(early, std::floor(round / in.seconds_per_iteration));
+    n = std::min(n, std::max(std::floor(cut / ((in.open_end ? 8 : 1) * workers)), first));
+    if (cut < 2 * early) n = std::min(n, early);
   }
   n = std::clamp(n, 1.0, static_cast<double>(kMaxUnitIterations));
   if (in.remaining > 0) {

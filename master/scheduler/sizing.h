@@ -29,9 +29,10 @@ struct SizingInput {
 //  of work left and m a merge, units of u seconds are rendered in r / (r / u) = u and merged in m r / u, so
 //  u = sqrt(m r);
 //  - not more than an eighth of what a time limit leaves;
-//  - where the end is open, at most an eighth of what has been cut so far, shared by the workers, so that the
-//  job neither runs far past its end nor ends with one half of its film empty; from a sixteenth of
-//  unit_seconds, and from what the merge of all workers' deltas takes, on.
+//  - at most what has been cut so far, shared by the workers, so that there is a picture soon; where the end
+//  is open an eighth of that, so that the job neither runs far past its end nor ends with one half of its
+//  film empty; from a sixteenth of unit_seconds, and from what the merge of all workers' deltas takes, on;
+//  - the first unit of each half takes a sixteenth of unit_seconds, whatever the number of workers.
 std::uint64_t unit_iterations(const SizingInput& in);
 
 inline constexpr std::uint64_t kMaxUnitIterations = 16384;

@@ -24,7 +24,7 @@ double steady_seconds() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-Error disk_error(std::string_view what, const std::filesystem::path& path) {
+Error blob_disk_error(std::string_view what, const std::filesystem::path& path) {
   const int code = errno;
   Error e = resource_error(fmt::format("{}: {}", what, std::strerror(code)));
   e.file = path.string();
@@ -61,7 +61,7 @@ Result<std::unique_ptr<BlobStore::Reader>> BlobStore::read(const std::string& sh
   if (reader->fd_ < 0 && errno == ENOENT) return std::unique_ptr<Reader>();
   struct stat info {};
   if (reader->fd_ < 0 || ::fstat(reader->fd_, &info) != 0)
-    return disk_error("cannot read a blob", path(sha256));
+    return blob_disk_error("cannot read a blob", path(sha256));
   reader->size_ = static_cast<std::uint64_t>(info.st_size);
   return reader;
 }
@@ -83,7 +83,7 @@ Result<void> BlobStore::Reader::next(std::size_t most_bytes, std::string& out) {
     const ssize_t n = ::read(fd_, out.data() + have, out.size() - have);
     if (n < 0 && errno == EINTR) continue;
     if (n < 0 && errno == EIO) return damaged("the disk cannot read it");
-    if (n < 0) return disk_error("cannot read a blob", store_.path(sha256_));
+    if (n < 0) return blob_disk_error("cannot read a blob", store_.path(sha256_));
     if (n == 0) return damaged("it became shorter while it was read");
     have += static_cast<std::size_t>(n);
   }
@@ -145,7 +145,7 @@ Result<BlobStore::Collected> BlobStore::collect(const std::set<std::string>& nee
         ++out.removed;
         out.removed_bytes += bytes;
       } else {
-        return disk_error("cannot remove a blob", file.path());
+        return blob_disk_error("cannot remove a blob", file.path());
       }
     }
   }
@@ -180,7 +180,7 @@ Result<std::unique_ptr<BlobStore::Upload>> BlobStore::begin(const std::string& s
                fmt::format("{} bytes are more than the limit of {}", size_bytes, Limits::max_blob_bytes))
         .with_field("size_bytes");
   struct statvfs info {};
-  if (::statvfs(folder_.c_str(), &info) != 0) return disk_error("cannot ask for free space", folder_);
+  if (::statvfs(folder_.c_str(), &info) != 0) return blob_disk_error("cannot ask for free space", folder_);
   const std::uint64_t free_bytes = static_cast<std::uint64_t>(info.f_bavail) * info.f_frsize;
   if (free_bytes < size_bytes + std::min(kReserveBytes, size_bytes))
     return resource_error(fmt::format("a blob of {} bytes does not fit: the master's disk has {} free",
@@ -195,7 +195,7 @@ Result<std::unique_ptr<BlobStore::Upload>> BlobStore::begin(const std::string& s
   upload->temporary_ = folder_ / "tmp" / fmt::format("{}.{}", sha256.substr(0, 16), serial_++);
   CANDELA_TRY(make_directories(upload->final_.parent_path()));
   upload->fd_ = ::open(upload->temporary_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
-  if (upload->fd_ < 0) return disk_error("cannot store a blob", upload->temporary_);
+  if (upload->fd_ < 0) return blob_disk_error("cannot store a blob", upload->temporary_);
   return upload;
 }
 
@@ -214,7 +214,7 @@ Result<void> BlobStore::Upload::append(std::string_view data) {
   while (!data.empty()) {
     const ssize_t n = ::write(fd_, data.data(), data.size());
     if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return disk_error("cannot store a blob", temporary_);
+    if (n < 0) return blob_disk_error("cannot store a blob", temporary_);
     data.remove_prefix(static_cast<std::size_t>(n));
   }
   return {};
@@ -226,10 +226,11 @@ Result<void> BlobStore::Upload::finish() {
         .with_field("data");
   if (hash_.finish_hex() != sha256_)
     return failed_error(fmt::format("the bytes do not have the hash {}", sha256_)).with_field("sha256");
-  if (::fsync(fd_) != 0) return disk_error("cannot store a blob", temporary_);
+  if (::fsync(fd_) != 0) return blob_disk_error("cannot store a blob", temporary_);
   {
     const std::lock_guard lock(store_.names_mutex_);
-    if (::rename(temporary_.c_str(), final_.c_str()) != 0) return disk_error("cannot store a blob", final_);
+    if (::rename(temporary_.c_str(), final_.c_str()) != 0)
+      return blob_disk_error("cannot store a blob", final_);
     store_.used_[sha256_] = steady_seconds();
   }
   ::close(fd_);

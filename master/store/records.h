@@ -49,7 +49,7 @@ struct JobRow {
   chains::Summary chain_summary;            // as of the last look at the film's records
   double thread_seconds_per_iteration = 0;  // of one index: seconds times threads; 0: not measured yet
   std::int64_t submitted_unix_ms = 0, finished_unix_ms = 0;
-  double elapsed_seconds = 0;  // in state running
+  double elapsed_seconds = 0;  // in which units of it were under way
   double worker_seconds = 0;   // of merged units
   std::uint64_t units_merged = 0;
   film::Tallies tallies;  // of merged units
@@ -129,7 +129,7 @@ struct WorkerRow {
   std::string id, session, name, host, build_id;
   std::uint32_t threads = 1;
   std::vector<std::string> isas;
-  bool draining = false;
+  bool draining = false, paused = false;
   std::uint64_t units_merged = 0, units_failed = 0;
   std::int64_t last_seen_unix_ms = 0;
 };

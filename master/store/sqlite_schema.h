@@ -6,8 +6,8 @@ namespace candela::master {
 
 // 1: the first. 2: jobs.layers. 3: Markov chains. 4: what a job had and has lost. 5:
 // epochs and accumulators. 6: jobs that wait for their removal, statistics that were rejected, repeated
-// merges. 7: walks that were ended by a bound.
-inline constexpr int kSchemaVersion = 7;
+// merges. 7: walks that were ended by a bound. 8: workers that are paused.
+inline constexpr int kSchemaVersion = 8;
 
 inline constexpr const char* kSchema = R"sql(
 CREATE TABLE counters (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -46,7 +46,8 @@ CREATE TABLE leases (
 CREATE TABLE workers (
   id TEXT PRIMARY KEY, session TEXT NOT NULL, name TEXT NOT NULL, host TEXT NOT NULL, build_id TEXT NOT NULL,
   threads INTEGER NOT NULL, isas TEXT NOT NULL, draining INTEGER NOT NULL, units_merged INTEGER NOT NULL,
-  units_failed INTEGER NOT NULL, last_seen_unix_ms INTEGER NOT NULL) WITHOUT ROWID;
+  units_failed INTEGER NOT NULL, last_seen_unix_ms INTEGER NOT NULL,
+  paused INTEGER NOT NULL DEFAULT 0) WITHOUT ROWID;
 CREATE TABLE events (
   id INTEGER PRIMARY KEY AUTOINCREMENT, unix_ms INTEGER NOT NULL, job TEXT NOT NULL, worker TEXT NOT NULL,
   kind TEXT NOT NULL, message TEXT NOT NULL);
@@ -99,6 +100,9 @@ ALTER TABLE jobs ADD COLUMN repeated_merges INTEGER NOT NULL DEFAULT 0;
 // From version 6: walks that were ended by a bound were not counted.
 inline constexpr const char* kFromVersion6 =
     "ALTER TABLE jobs ADD COLUMN bounded_walks INTEGER NOT NULL DEFAULT 0";
+// From version 7: no worker is paused.
+inline constexpr const char* kFromVersion7 =
+    "ALTER TABLE workers ADD COLUMN paused INTEGER NOT NULL DEFAULT 0";
 // Those before version 3 had no such table.
 inline constexpr const char* kBootstrapsFromVersion5 =
     "ALTER TABLE bootstraps ADD COLUMN rejected_statistics INTEGER NOT NULL DEFAULT 0";

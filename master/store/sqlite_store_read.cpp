@@ -217,6 +217,7 @@ Result<StoredState> SqliteStore::load() {
       w.units_merged = s.count();
       w.units_failed = s.count();
       w.last_seen_unix_ms = s.integer();
+      w.paused = s.integer() != 0;
       out.workers.push_back(std::move(w));
     }
     if (s.failed()) return failure("cannot read the workers");

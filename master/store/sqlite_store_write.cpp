@@ -235,7 +235,7 @@ bool SqliteStore::apply(const DropLease& c) {
 
 bool SqliteStore::apply(const PutWorker& c) {
   const WorkerRow& w = c.row;
-  return Statement(db_, "INSERT OR REPLACE INTO workers VALUES (?,?,?,?,?,?,?,?,?,?,?)")
+  return Statement(db_, "INSERT OR REPLACE INTO workers VALUES (?,?,?,?,?,?,?,?,?,?,?,?)")
       .bind(w.id)
       .bind(w.session)
       .bind(w.name)
@@ -247,6 +247,7 @@ bool SqliteStore::apply(const PutWorker& c) {
       .bind(w.units_merged)
       .bind(w.units_failed)
       .bind(w.last_seen_unix_ms)
+      .bind(w.paused ? 1 : 0)
       .run();
 }
 

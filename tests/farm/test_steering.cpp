@@ -2,6 +2,7 @@
 // iterations make the same image.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <csignal>
 #include <nlohmann/json.hpp>
 #include <thread>
@@ -144,6 +145,27 @@ TEST_F(Steering, Drain) {
   farm_.start_worker("staying");
   farm_.wait_for(id_, v1::JOB_STATE_DONE);
   expect_identical(farm_.fetch(id_), farm_.render(iterations), "after a drain");
+  farm_.audit(id_, iterations);
+}
+
+// Claim: an urgent job starts while the only worker is in the middle of a long unit: that one is cut short
+// and brings what it has. The picture of the job that stepped aside is the same to the bit.
+TEST_F(Steering, UrgentJobsCutUnitsShort) {
+  constexpr std::uint64_t iterations = 12000;
+  // Half of the job is one unit.
+  start(iterations, {"--unit-time", "1000", "--checkpoint-interval", "1", "--lease-time", "3"});
+  ASSERT_TRUE(eventually(30, [&] {
+    const v1::JobStatus low = farm_.job(id_);
+    return !low.plan().empty() && low.units_leased() > 0;
+  }));
+  const std::string urgent = farm_.submit(4, "cornell", {"--priority", "5"});
+  farm_.wait_for(urgent, v1::JOB_STATE_DONE);
+  EXPECT_LT(farm_.job(id_).iterations(), iterations / 2) << "the unit was not cut: make the job longer";
+  const std::vector<v1::Event> events = farm_.events(urgent);
+  EXPECT_TRUE(
+      std::any_of(events.begin(), events.end(), [](const v1::Event& e) { return e.kind() == "cut"; }));
+  farm_.wait_for(id_, v1::JOB_STATE_DONE);
+  expect_identical(farm_.fetch(id_), farm_.render(iterations), "after a cut");
   farm_.audit(id_, iterations);
 }
 

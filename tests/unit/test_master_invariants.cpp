@@ -102,6 +102,8 @@ TEST_F(Invariants, EachNoticesItsOwnViolation) {
          p.job("j").row.chains = ChainPlan{};
          p.job("j").starts.resize(1);
        }},
+      {"job-leases", [](auto& p) { ++p.job("j").leases; }},
+      {"job-leases", [](auto& p) { p.job("j").under_way = 0; }},
       {"withdrawn", [](auto& p) { p.withdraw(); }},
   };
   for (std::size_t i = 0; i < plants.size(); ++i) {

@@ -479,6 +479,7 @@ TEST(Sizing, FollowsItsRules) {
   SizingInput in;
   in.unit_seconds = 4;
   EXPECT_EQ(unit_iterations(in), 1U) << "unknown cost";
+  in.cut_so_far = 1'000'000;
   in.seconds_per_iteration = 0.1;
   EXPECT_EQ(unit_iterations(in), 40U);
   in.remaining = 100;
@@ -492,6 +493,7 @@ TEST(Sizing, FollowsItsRules) {
   in.seconds_left = 8;
   EXPECT_EQ(unit_iterations(in), 10U);
   in.open_end = true;
+  in.cut_so_far = 0;
   EXPECT_EQ(unit_iterations(in), 2U) << "a sixteenth of unit_seconds before anything is known";
   in.cut_so_far = 240;
   EXPECT_EQ(unit_iterations(in), 6U) << "an eighth of what was cut, for five workers";
@@ -507,6 +509,7 @@ TEST(Sizing, SparesTheMerge) {
   in.seconds_per_iteration = 0.1;
   in.merge_seconds = 0.04;
   in.active_workers = 20;
+  in.cut_so_far = 1'000'000'000;
   EXPECT_EQ(unit_iterations(in), 40U) << "0.8 s for every 4";
   in.active_workers = 1000;
   EXPECT_EQ(unit_iterations(in), 1000U) << "a round of merges takes 40 s";
@@ -519,13 +522,35 @@ TEST(Sizing, SparesTheMerge) {
   EXPECT_EQ(unit_iterations(in), 1U);
   in.remaining = 0;
   in.open_end = true;
-  EXPECT_EQ(unit_iterations(in), 400U) << "nothing is cut yet: as the merge can take";
+  in.cut_so_far = 4;
+  EXPECT_EQ(unit_iterations(in), 400U) << "hardly anything is cut yet: as the merge can take";
   in.cut_so_far = 4'000'000;
   EXPECT_EQ(unit_iterations(in), 500U);
 }
 
+// Claim: the first units of a job are short, of as many workers as there may be, so that both halves of a
+// picture are there soon; then units grow as what is cut does.
+TEST(Sizing, BeginsWithShortUnits) {
+  SizingInput in;
+  in.unit_seconds = 4;
+  in.seconds_per_iteration = 0.05;
+  in.merge_seconds = 0.1;
+  in.remaining = 1'000'000;
+  in.active_workers = 1000;
+  EXPECT_EQ(unit_iterations(in), 5U) << "a sixteenth of 4 s";
+  in.cut_so_far = 5;
+  EXPECT_EQ(unit_iterations(in), 5U) << "of the other half";
+  in.cut_so_far = 10;
+  EXPECT_GT(unit_iterations(in), 400U) << "the merge of a thousand deltas takes 100 s";
+  in.active_workers = 4;
+  in.cut_so_far = 80;
+  EXPECT_EQ(unit_iterations(in), 20U) << "as much for each as is cut already";
+  in.cut_so_far = 100'000;
+  EXPECT_EQ(unit_iterations(in), 80U);
+}
+
 // Claim: of a farm of many workers sizes follow how many there are, once some are drained, leave, or have not
-// been heard of for long: a guided unit is the rest over twice their number.
+// been heard of for long: a guided unit is the rest over twice their number, if that is short.
 TEST_F(SchedulerTest, ManyWorkersAreCountedAnewWhenTheyChange) {
   const auto name = [](int i) { return "w" + std::to_string(i); };
   for (int i = 0; i < 100; ++i) worker(name(i));
@@ -536,7 +561,7 @@ TEST_F(SchedulerTest, ManyWorkersAreCountedAnewWhenTheyChange) {
   std::uint64_t rest = 20'000;
   const auto expect_shared_by = [&](std::uint64_t workers) {
     const Unit u = unit_of(*lease("w0"));
-    EXPECT_EQ(u.end - u.begin, rest / (2 * workers));
+    EXPECT_EQ(u.end - u.begin, std::min<std::uint64_t>(rest / (2 * workers), 250)) << "250: a quarter second";
     rest -= u.end - u.begin;
   };
   expect_shared_by(100);

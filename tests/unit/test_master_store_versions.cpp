@@ -225,7 +225,8 @@ TEST(StoreVersions, TheFifthLearnsToCountStatistics) {
                                "repeated_merges", "bounded_walks"})
       old.execute(std::string("ALTER TABLE jobs DROP COLUMN ") + column);
     old.execute(
-        "ALTER TABLE bootstraps DROP COLUMN rejected_statistics; DROP TABLE overdue; PRAGMA user_version=5");
+        "ALTER TABLE bootstraps DROP COLUMN rejected_statistics; DROP TABLE overdue; "
+        "ALTER TABLE workers DROP COLUMN paused; PRAGMA user_version=5");
     EXPECT_NE(old.shape(), present) << "nothing is tested";
   }
   for (int opening = 0; opening < 2; ++opening) {
@@ -267,7 +268,9 @@ TEST(StoreVersions, TheSixthLearnsToCountBoundedWalks) {
   const std::set<std::string> present = Database(path).shape();
   {
     Database old(path);
-    old.execute("ALTER TABLE jobs DROP COLUMN bounded_walks; PRAGMA user_version=6");
+    old.execute(
+        "ALTER TABLE jobs DROP COLUMN bounded_walks; ALTER TABLE workers DROP COLUMN paused; "
+        "PRAGMA user_version=6");
     EXPECT_NE(old.shape(), present) << "nothing is tested";
   }
   for (int opening = 0; opening < 2; ++opening) {
@@ -279,6 +282,41 @@ TEST(StoreVersions, TheSixthLearnsToCountBoundedWalks) {
     EXPECT_EQ(state->jobs.at(0).tallies, j.tallies);
     j.tallies.bounded_walks = 7;
     ASSERT_TRUE((*store)->write(std::vector<Change>{PutJob{j}}).ok());
+  }
+}
+
+// Claim: a store of version 7, in which no worker was paused, becomes the present one with its workers as
+// they were, and then keeps a pause.
+TEST(StoreVersions, TheSeventhLearnsToPauseWorkers) {
+  const test::TemporaryFolder folder;
+  const fs::path path = folder.path() / "version7.sqlite";
+  WorkerRow w;
+  w.id = "w";
+  w.name = "node";
+  w.draining = true;
+  w.last_seen_unix_ms = 12;
+  {
+    auto store = open_sqlite_store(path);
+    ASSERT_TRUE(store.ok());
+    ASSERT_TRUE((*store)->write(std::vector<Change>{PutWorker{w}}).ok());
+  }
+  const std::set<std::string> present = Database(path).shape();
+  {
+    Database old(path);
+    old.execute("ALTER TABLE workers DROP COLUMN paused; PRAGMA user_version=7");
+    EXPECT_NE(old.shape(), present) << "nothing is tested";
+  }
+  for (int opening = 0; opening < 2; ++opening) {
+    auto store = open_sqlite_store(path);
+    ASSERT_TRUE(store.ok()) << store.error().to_string();
+    EXPECT_EQ(Database(path).shape(), present);
+    const auto state = (*store)->load();
+    ASSERT_TRUE(state.ok()) << state.error().to_string();
+    EXPECT_EQ(state->workers.at(0).paused, w.paused);
+    EXPECT_TRUE(state->workers[0].draining);
+    EXPECT_EQ(state->workers[0].last_seen_unix_ms, 12);
+    w.paused = true;
+    ASSERT_TRUE((*store)->write(std::vector<Change>{PutWorker{w}}).ok());
   }
 }
 

@@ -7,6 +7,7 @@
 #include <limits>
 #include <string>
 
+#include "common/base/work_monitor.h"
 #include "tests/unit/scene_fixture.h"
 #include "worker/scene/accel.h"
 
@@ -54,6 +55,31 @@ double brute_force(const Geometry& g, const Ray& ray, double& margin) {
     }
   }
   return best;
+}
+
+// Claim: Embree tells of its steps while it builds a tree, so that who watches sees it go on, and it can be
+// stopped there.
+TEST(Accel, IsWatchedWhileItIsBuilt) {
+  rng::Stream stream(rng::key(1, 82));
+  const auto steps_of = [&](int triangles, bool stop) {
+    Geometry geometry;
+    geometry.add(random_triangles(triangles, stream, 0.01f), {});
+    geometry.finish();
+    WorkMonitor monitor;
+    const WatchedWork watch(&monitor);
+    monitor.stop = stop;
+    bool stopped = false;
+    try {
+      EXPECT_TRUE(Accel::build(geometry, "avx2", 1).ok());
+    } catch (const WorkStopped&) {
+      stopped = true;
+    }
+    EXPECT_EQ(stopped, stop);
+    return monitor.steps.load();
+  };
+  const auto few = steps_of(3, false), many = steps_of(100'000, false);
+  EXPECT_GT(many, few + 10);
+  EXPECT_LT(steps_of(100'000, true), many / 2) << "it goes no further";
 }
 
 TEST(Accel, AgreesWithBruteForce) {

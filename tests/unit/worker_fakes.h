@@ -36,9 +36,12 @@ struct FakeRendererControl {
   int created = 0;
   int running = 0;
   bool gate_closed = false;    // runs wait within, until it opens or they are stopped
+  int permits = 0;             // runs that a closed gate lets through
   float progress_at_gate = 0;  // what they report meanwhile
   std::optional<Error> create_error, run_error;
   bool throw_bad_alloc = false;
+  bool deaf = false;                                // a stop does not end a run
+  std::vector<Unit> runs;                           // in order
   std::vector<std::string> layers;                  // what the pilot says; layer i holds i times the image
   std::vector<film::AccumulatorSpec> accumulators;  // of two channels: the number of samples, and of x
   std::map<std::string, std::string> states;        // what a unit was given, by name
@@ -85,10 +88,12 @@ class FakeRenderer final : public render::Renderer {
       if (control_.run_error) return *control_.run_error;
       if (control_.throw_bad_alloc) throw std::bad_alloc();
       ++control_.running;
+      control_.runs.push_back(unit);
       context.progress->store(control_.progress_at_gate);
       control_.changed.notify_all();
-      while (control_.gate_closed && !context.stop->load())
+      while (control_.gate_closed && control_.permits == 0 && (control_.deaf || !context.stop->load()))
         control_.changed.wait_for(lock, std::chrono::milliseconds(5));
+      if (control_.permits > 0) --control_.permits;
       --control_.running;
     }
     if (context.stop->load()) return refused_error("stopped");
@@ -177,7 +182,7 @@ class FakeMaster final : public v1::WorkerService::Service {
   std::deque<grpc::Status> register_script, acquire_script, push_script, heartbeat_script, pilot_script,
       blob_script;
   std::deque<v1::DeltaVerdict> verdicts;  // then MERGED
-  std::set<std::uint64_t> revoked;
+  std::set<std::uint64_t> revoked, to_cut;
   bool drain = false;
   bool wrong_blob_bytes = false;
   std::uint32_t heartbeat_ms = 20;
@@ -190,17 +195,26 @@ class FakeMaster final : public v1::WorkerService::Service {
   v1::RegisterRequest registered;
   std::vector<std::string> warm;
   std::vector<std::uint64_t> merged, returned;  // tokens
+  std::set<std::uint64_t> returned_computing;   // those of them that the worker was still computing
   std::vector<v1::FailUnitRequest> failures;
   std::vector<v1::CompletePilotRequest> pilots;
   std::map<std::uint64_t, std::string> deltas;  // by token, as received last
   std::map<std::uint64_t, v1::DeltaHeader> headers;
   std::map<std::uint64_t, double> fractions;  // the last heartbeat's
+  std::map<std::uint64_t, v1::UnitProgress> reports;
 
   // Adds a lease of iterations [begin, end) of half 0; its token is 100 + the unit's number.
-  std::uint64_t add_lease(std::uint64_t begin, std::uint64_t end, bool pilot = false) {
+  std::uint64_t add_lease(std::uint64_t begin, std::uint64_t end, bool pilot = false,
+                          double expected_seconds = 0) {
     const std::lock_guard lock(mutex);
+    return add_lease_unlocked(begin, end, pilot, expected_seconds);
+  }
+  // Precondition: `mutex` is held.
+  std::uint64_t add_lease_unlocked(std::uint64_t begin, std::uint64_t end, bool pilot = false,
+                                   double expected_seconds = 0) {
     v1::Lease lease;
     lease.set_unit_id(++units_);
+    lease.set_expected_seconds(expected_seconds);
     lease.set_token(100 + units_);
     lease.set_job_id("job1");
     lease.set_bundle_sha256(bundle_.hash());
@@ -273,8 +287,11 @@ class FakeMaster final : public v1::WorkerService::Service {
     if (const auto status = check(request->session()); !status.ok()) return status;
     if (const auto status = next(heartbeat_script); !status.ok()) return status;
     fractions.clear();
+    reports.clear();
     for (const auto& unit : request->units()) {
       fractions[unit.token()] = unit.fraction();
+      reports[unit.token()] = unit;
+      if (to_cut.contains(unit.token())) response->add_cut_tokens(unit.token());
       if (revoked.contains(unit.token())) response->add_revoked_tokens(unit.token());
     }
     response->set_drain(drain);
@@ -286,6 +303,7 @@ class FakeMaster final : public v1::WorkerService::Service {
     const Notify notify(*this);
     if (const auto status = check(request->session()); !status.ok()) return status;
     returned.push_back(request->token());
+    if (request->computing()) returned_computing.insert(request->token());
     return grpc::Status::OK;
   }
   grpc::Status FailUnit(grpc::ServerContext*, const v1::FailUnitRequest* request,

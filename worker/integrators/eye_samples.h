@@ -7,6 +7,7 @@
 #include <cmath>
 #include <vector>
 
+#include "common/base/work_monitor.h"
 #include "worker/integrators/integrator.h"
 #include "worker/integrators/parallel_tasks.h"
 #include "worker/scene/scene.h"
@@ -71,14 +72,13 @@ Result<void> run_eye_samples(const UnitContext& context, const Unit& unit, film:
         for (std::uint32_t y = y0; y < y1; ++y) {
           for (std::uint32_t x = x0; x < x1; ++x) {
             for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
+              if (run.stopped()) return;
               sampler.start(unit.half, index, x, y);
               Spectrum value = eye_sample(context, x, y, sampler, tallies, radiance);
               if (run.fault != nullptr) run.fault(sampler.sample_key(), &value.r);
               film.add(0, x, y, {value.r, value.g, value.b}, sampler.sample_key(), tallies, signed_values);
             }
             tallies.eye_samples += unit.end - unit.begin;
-            // A unit may be many iterations of a slow scene: a stop must not wait for the tile's end.
-            if (run.stop != nullptr && run.stop->load(std::memory_order_relaxed)) return;
           }
         }
       });
@@ -93,6 +93,7 @@ std::vector<float> pilot_eye_samples(const UnitContext& context, std::uint32_t c
   samplers::Sampler sampler(samplers::SamplerKind::independent,
                             rng::key(context.seed, 0x70696c6f74ULL));  // "pilot"
   for (std::uint32_t i = 0; i < count; ++i) {
+    work_step();
     // Pixels by a fixed random choice over the film.
     rng::Stream place(rng::key(context.seed, 0x706c616365ULL, i));  // "place"
     const auto x = static_cast<std::uint32_t>(place.next_double() * context.width);

@@ -50,11 +50,11 @@ Result<void> run_light_paths(const UnitContext& context, const Unit& unit, std::
         auto&& tracer = make_tracer(tallies);
         for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
           for (std::uint64_t path = begin; path < end; ++path) {
+            if (path % 64 == 0 && run.stopped()) return;
             sampler.start_light(unit.half, index, path);
             tracer(path, sampler);
           }
           tallies.light_paths += end - begin;
-          if (run.stop != nullptr && run.stop->load(std::memory_order_relaxed)) return;
         }
       },
       span);

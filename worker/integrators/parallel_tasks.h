@@ -34,16 +34,16 @@ constexpr ProgressSpan progress_part(std::uint64_t part, std::uint64_t parts) {
 template <class Body>
 Result<void> for_each_task(std::uint64_t task_count, film::UnitFilm& film, const RunContext& run,
                            const Body& body, ProgressSpan span = {}) {
-  const auto stopped = [&] { return run.stop != nullptr && run.stop->load(std::memory_order_relaxed); };
   std::atomic<std::uint64_t> next{0};
   std::atomic<std::uint64_t> done{0};
   const auto work = [&] {
     film::Tallies tallies;
-    while (!stopped()) {
+    while (!run.stopped()) {
       const std::uint64_t task = next.fetch_add(1, std::memory_order_relaxed);
       if (task >= task_count) break;
       body(task, tallies);
-      if (stopped()) break;  // perhaps left half done
+      if (run.stopped()) break;  // perhaps left half done
+      if (run.steps != nullptr) run.steps->fetch_add(1, std::memory_order_relaxed);
       const std::uint64_t finished = done.fetch_add(1, std::memory_order_relaxed) + 1;
       if (run.progress != nullptr) {
         const float fraction = static_cast<float>(finished) / static_cast<float>(task_count);

@@ -5,6 +5,8 @@
 #include <charconv>
 #include <cmath>
 
+#include "common/base/work_monitor.h"
+
 namespace candela::loaders {
 namespace {
 
@@ -45,6 +47,7 @@ Result<std::vector<Curve>> load_curves(std::string_view bytes, const std::string
     return {};
   };
   while (!bytes.empty()) {
+    work_step(static_cast<std::size_t>(line_number));
     const std::size_t stop = std::min(bytes.find('\n'), bytes.size());
     const std::string_view line = bytes.substr(0, stop);
     bytes.remove_prefix(std::min(stop + 1, bytes.size()));

@@ -5,6 +5,8 @@
 #include <tuple>
 #include <utility>
 
+#include "common/base/work_monitor.h"
+
 namespace candela::loaders {
 namespace {
 
@@ -39,12 +41,15 @@ std::size_t run_end(const std::vector<Edge>& edges, std::size_t i) {
 Topology topology_of(const Mesh& mesh) {
   Topology t;
   t.edges.reserve(3 * mesh.triangles.size());
-  for (std::size_t i = 0; i < mesh.triangles.size(); ++i)
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    work_step(i);
     for (std::size_t k = 0; k < 3; ++k) {
       const std::uint32_t from = mesh.triangles[i][k], to = mesh.triangles[i][(k + 1) % 3];
       t.edges.push_back({std::min(from, to), std::max(from, to), mesh.triangles[i][(k + 2) % 3],
                          static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(k)});
     }
+  }
+  work_step();
   std::sort(t.edges.begin(), t.edges.end(), [](const Edge& x, const Edge& y) {
     return std::tie(x.a, x.b, x.triangle, x.side) < std::tie(y.a, y.b, y.triangle, y.side);
   });
@@ -83,6 +88,7 @@ Mesh subdivide(const Mesh& mesh) {
   }
   std::vector<std::array<std::uint32_t, 3>> middles(mesh.triangles.size());
   for (std::size_t i = 0; i < t.edges.size();) {
+    work_step(i);
     const std::size_t end = run_end(t.edges, i);
     const Vec3d ends = Vec3d(mesh.positions[t.edges[i].a]) + Vec3d(mesh.positions[t.edges[i].b]);
     Vec3d middle = ends * 0.5;
@@ -96,6 +102,7 @@ Mesh subdivide(const Mesh& mesh) {
   }
   out.triangles.reserve(4 * mesh.triangles.size());
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    work_step(i);
     const auto& [a, b, c] = mesh.triangles[i];
     const auto& [ab, bc, ca] = middles[i];
     out.triangles.push_back({a, ab, ca});

@@ -13,6 +13,8 @@
 #include <set>
 #include <vector>
 
+#include "common/base/work_monitor.h"
+
 namespace candela::loaders {
 namespace {
 
@@ -72,6 +74,7 @@ class Grid {
     // Tiles of one place would fill the grid once each: a small file would take hours.
     std::set<Index> places;
     for (std::uint64_t i = 0; i < tiles && in_.ok(); ++i) {
+      work_step();
       const std::uint64_t tile = root_ + kRootBytes + i * kTileBytes;
       const Index origin = tile_origin(in_.get<std::uint64_t>(tile));
       if (!places.insert(origin).second) return fail("the NanoVDB file is damaged: two tiles have one place");
@@ -180,6 +183,7 @@ class Grid {
 
   void leaf(std::uint64_t offset, const Index& origin) {
     if (!enter(offset, kLeafBytes)) return;
+    work_step();
     for (std::uint32_t i = 0; i < 512; ++i)
       fill({origin[0] + (i >> 6), origin[1] + (i >> 3 & 7), origin[2] + (i & 7)}, 1,
            in_.get<float>(offset + kLeafValues + std::uint64_t{4} * i));
@@ -193,11 +197,13 @@ class Grid {
       last[k] = std::min(corner[k] - low_[k] + side, size_[k]);
       if (first[k] >= last[k]) return;
     }
-    for (std::int64_t z = first[2]; z < last[2]; ++z)
+    for (std::int64_t z = first[2]; z < last[2]; ++z) {
+      work_step(static_cast<std::size_t>(z));
       for (std::int64_t y = first[1]; y < last[1]; ++y) {
         const auto row = data_.values.begin() + (z * size_[1] + y) * size_[0];
         std::fill(row + first[0], row + last[0], value);
       }
+    }
   }
 
   std::string_view bytes_;

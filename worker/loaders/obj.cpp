@@ -11,6 +11,7 @@
 #include <unordered_map>
 
 #include "common/base/log.h"
+#include "common/base/work_monitor.h"
 #include "worker/loaders/obj.h"
 #include "worker/loaders/parallel.h"
 #include "worker/loaders/polygon.h"
@@ -145,7 +146,8 @@ class Part {
   // The first error, if any, is in `error`.
   void run() {
     vertices.reserve(reserve_ / 64);
-    while (!cursor_.at_end()) {
+    for (std::size_t line = 0; !cursor_.at_end(); ++line) {
+      work_step(line);
       if (Result<void> done = statement(); !done.ok()) {
         error = done.error();
         return;
@@ -462,6 +464,7 @@ Result<void> join_corners(const std::string& name, std::vector<Part>& parts,
   std::size_t triangle = 0;  // in the whole file
   for (Part& part : parts) {
     for (std::size_t i = 0; i < part.vertices.size(); ++i, ++triangle) {
+      work_step(i);
       while (mesh_part + 1 < mesh_parts.size() && mesh_parts[mesh_part + 1].first_triangle == triangle)
         ++mesh_part;
       for (std::size_t k = 0; k < 3; ++k) {

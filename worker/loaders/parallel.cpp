@@ -3,6 +3,8 @@
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
+#include "common/base/work_monitor.h"
+
 namespace candela::loaders {
 
 std::size_t thread_count() {
@@ -10,8 +12,13 @@ std::size_t thread_count() {
 }
 
 void for_all(std::size_t count, const std::function<void(std::size_t)>& body) {
+  work_step();
   if (count == 1) return body(0);
-  tbb::parallel_for(std::size_t{0}, count, body);
+  tbb::parallel_for(std::size_t{0}, count, [&body, monitor = watched_work()](std::size_t i) {
+    const WatchedWork watch(monitor);
+    work_step();
+    body(i);
+  });
 }
 
 void for_parts(std::size_t count,

@@ -14,6 +14,7 @@
 #include <optional>
 
 #include "common/base/log.h"
+#include "common/base/work_monitor.h"
 #include "worker/core/math.h"
 #include "worker/loaders/mesh.h"
 #include "worker/loaders/parallel.h"
@@ -312,6 +313,7 @@ class Reader {
     mesh_.triangles.clear();
     mesh_.triangles.reserve(static_cast<std::size_t>(element.count));
     for (std::uint64_t i = 0; i < element.count; ++i) {
+      work_step(i);
       Row row;
       Columns columns;
       row.columns = columns.data();
@@ -370,7 +372,10 @@ class Reader {
       at_ += static_cast<std::size_t>(element.count) * size;
       return {};
     }
-    for (std::uint64_t i = 0; i < element.count; ++i) CANDELA_TRY(binary_row(element, i, nullptr));
+    for (std::uint64_t i = 0; i < element.count; ++i) {
+      work_step(i);
+      CANDELA_TRY(binary_row(element, i, nullptr));
+    }
     return {};
   }
 
@@ -460,6 +465,7 @@ class Reader {
     if (!holds(element.count, 2 * element.properties.size() - 1)) return truncated(element);
     reserve_vertices();
     for (std::size_t i = 0; i < mesh_.positions.size(); ++i) {
+      work_step(i);
       Row row;
       Columns columns;
       row.columns = columns.data();
@@ -476,6 +482,7 @@ class Reader {
       face_attributes_.push_back({attribute.name, {}});
     if (face_attributes_.empty()) return ascii_skip(element);
     for (std::uint64_t i = 0; i < element.count; ++i) {
+      work_step(i);
       Row row;
       Columns columns;
       row.columns = columns.data();
@@ -487,7 +494,10 @@ class Reader {
 
   Result<void> ascii_skip(const Element& element) {
     if (element.properties.empty()) return {};
-    for (std::uint64_t i = 0; i < element.count; ++i) CANDELA_TRY(ascii_row(element, i, nullptr));
+    for (std::uint64_t i = 0; i < element.count; ++i) {
+      work_step(i);
+      CANDELA_TRY(ascii_row(element, i, nullptr));
+    }
     return {};
   }
 

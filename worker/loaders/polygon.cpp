@@ -17,6 +17,7 @@
 #include <limits>
 #include <numeric>
 
+#include "common/base/work_monitor.h"
 #include "worker/loaders/parallel.h"
 
 namespace candela::loaders {
@@ -115,7 +116,8 @@ class Outline {
     visits_ += alive_;
     for (std::uint32_t v = first_alive(), i = 0; i < alive_; ++i, v = next_[v]) push(v);
     std::uint32_t clipped = 0;
-    while (!queue_.empty() && alive_ > 3) {
+    for (std::size_t step = 0; !queue_.empty() && alive_ > 3; ++step) {
+      work_step(step);
       const auto [v, turn] = queue_.front();
       queue_.pop_front();
       if (dead_[v] || turn_[v] != turn) continue;  // a neighbor was clipped since: it stands elsewhere again

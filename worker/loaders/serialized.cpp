@@ -7,6 +7,7 @@
 #include <cstring>
 #include <memory>
 
+#include "common/base/work_monitor.h"
 #include "worker/loaders/mesh.h"
 
 namespace candela::loaders {
@@ -75,6 +76,7 @@ class Inflater {
     const std::size_t step = kChunkBytes / sizeof(T);
     out.clear();
     for (std::uint64_t done = 0; done < count;) {
+      work_step();
       const auto take = static_cast<std::size_t>(std::min<std::uint64_t>(step, count - done));
       out.resize(static_cast<std::size_t>(done) + take);
       if (!read(out.data() + done, take * sizeof(T))) return false;
@@ -126,6 +128,7 @@ struct Reader {
     if (!inflater.read_array(raw, count * 3)) return truncated();
     mesh.triangles.resize(static_cast<std::size_t>(count));
     for (std::size_t i = 0; i < raw.size(); ++i) {
+      work_step(i);
       if (raw[i] >= vertex_count) {
         return fail("triangle " + std::to_string(i / 3) + " refers to vertex " + std::to_string(raw[i]) +
                     ", but there are " + std::to_string(vertex_count));

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "common/base/work_monitor.h"
+
 namespace candela::loaders {
 namespace {
 
@@ -80,6 +82,7 @@ Result<VolumeData> load_volume(std::string_view bytes, const std::string& name, 
   }
   volume.values.resize(static_cast<std::size_t>(count));
   for (std::size_t i = 0; i < volume.values.size(); ++i) {
+    work_step(i);
     const float value = value_at(data, encoding, i);
     if (!std::isfinite(value)) return fail("value " + std::to_string(i) + " of the volume is not finite");
     if (value < 0) ++volume.negative_count;

@@ -69,7 +69,7 @@ Result<WorkerOptions> resolve(const DaemonSettings& settings, const Texts& texts
   return options;
 }
 
-int run(const Texts& texts, const sigset_t& signals) {
+int run(const Texts& texts, const sigset_t& signals, char** argv) {
   const auto settings = DaemonSettings::load(kProgram, "worker");
   if (!settings) return report(kProgram, settings.error());
   if (auto log = settings->start_log(texts.log_level, texts.log_format); !log)
@@ -91,8 +91,13 @@ int run(const Texts& texts, const sigset_t& signals) {
   }).detach();
 
   const Result<void> end = (*worker)->wait();
-  const int code = end ? 0 : report(kProgram, end.error());
-  // Without destructors: the master knows already, and a scene that is being compiled cannot be stopped.
+  int code = end ? 0 : report(kProgram, end.error());
+  if ((*worker)->must_begin_again()) {
+    begin_again(argv);
+    code =
+        report(kProgram, failed_error("the renderer does not stop, and the program cannot be started anew"));
+  }
+  // Without destructors: the master knows already.
   end_process(code);
 }
 
@@ -125,7 +130,7 @@ int run_worker(int argc, char** argv) {
                  "End after this long without a master, such as 10m; default: never");
   app.add_option("--log-level", texts.log_level, "trace, debug, info, warn, error or off; default: info");
   app.add_option("--log-format", texts.log_format, "text or json; default: text");
-  return parse_and_run(kProgram, app, argc, argv, [&] { return run(texts, signals); });
+  return parse_and_run(kProgram, app, argc, argv, [&] { return run(texts, signals, argv); });
 }
 
 }  // namespace candela::worker

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <optional>
 
+#include "common/base/work_monitor.h"
 #include "common/description/reading.h"
 #include "common/description/unpacked_files.h"
 #include "common/film/layers.h"
@@ -16,6 +17,7 @@
 #include "worker/integrators/aov/aov_pass.h"
 #include "worker/integrators/film_scale.h"
 #include "worker/integrators/integrator.h"
+#include "worker/integrators/parallel_tasks.h"
 #include "worker/scene/scene.h"
 
 namespace candela::render {
@@ -69,6 +71,16 @@ Result<void> check_names(const std::vector<Aov>& aovs, const std::vector<std::st
   return {};
 }
 
+// What `work` returns; "stopped" if it was stopped on the way.
+template <class Work>
+auto unless_stopped(const Work& work) -> decltype(work()) {
+  try {
+    return work();
+  } catch (const WorkStopped&) {
+    return integrators::stopped_error();
+  }
+}
+
 class SceneRenderer final : public Renderer {
  public:
   SceneRenderer(JobSettings settings, std::unique_ptr<scene::Scene> scene,
@@ -101,6 +113,32 @@ class SceneRenderer final : public Renderer {
   }
 
   Result<PilotResult> pilot(const RunContext& run_context) const override {
+    return unless_stopped([&] { return run_pilot(run_context); });
+  }
+
+  Result<void> run(const Unit& unit, const UnitInput& input, UnitOutput& output,
+                   const RunContext& run_context) const override {
+    return unless_stopped([&]() -> Result<void> {
+      CANDELA_TRY(check(unit, input, output));
+      output.epoch = epochs_ ? epochs_->of_index(unit.begin) : 0;
+      CANDELA_TRY(integrator_->run(context(), unit, input, output, run_context));
+      CANDELA_TRY(aovs_.run(aov_context(), unit, output, run_context));
+      if (output.overflowed()) return failed_error("a sum of this unit overflowed 64 bits");
+      return {};
+    });
+  }
+
+  std::string plan_text() const override { return plan_text(RunContext()); }
+
+  std::string plan_text(const RunContext& run_context) const {
+    return features_text(scene_->features()) + fmt::format("integrator: {}\n", settings_.integrator) +
+           integrator_->plan_for(context(), run_context).to_text() + aovs_.plan_text();
+  }
+
+  const scene::SceneFeatures* features() const override { return &scene_->features(); }
+
+ private:
+  Result<PilotResult> run_pilot(const RunContext& run_context) const {
     const auto begin = std::chrono::steady_clock::now();
     const std::vector<float> luminances = integrator_->pilot_luminances(context(), kPilotSamples);
     const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
@@ -130,26 +168,6 @@ class SceneRenderer final : public Renderer {
     return result;
   }
 
-  Result<void> run(const Unit& unit, const UnitInput& input, UnitOutput& output,
-                   const RunContext& run_context) const override {
-    CANDELA_TRY(check(unit, input, output));
-    output.epoch = epochs_ ? epochs_->of_index(unit.begin) : 0;
-    CANDELA_TRY(integrator_->run(context(), unit, input, output, run_context));
-    CANDELA_TRY(aovs_.run(aov_context(), unit, output, run_context));
-    if (output.overflowed()) return failed_error("a sum of this unit overflowed 64 bits");
-    return {};
-  }
-
-  std::string plan_text() const override { return plan_text(RunContext()); }
-
-  std::string plan_text(const RunContext& run_context) const {
-    return features_text(scene_->features()) + fmt::format("integrator: {}\n", settings_.integrator) +
-           integrator_->plan_for(context(), run_context).to_text() + aovs_.plan_text();
-  }
-
-  const scene::SceneFeatures* features() const override { return &scene_->features(); }
-
- private:
   // A unit of the kinds that the plan has, with the input and output of its kind.
   Result<void> check(const Unit& unit, const UnitInput& input, const UnitOutput& output) const {
     const std::uint64_t count = unit.end - unit.begin;
@@ -202,18 +220,16 @@ class SceneRenderer final : public Renderer {
   film::Layout layout_;
 };
 
-}  // namespace
-
-Result<std::unique_ptr<Renderer>> Renderer::create(const description::FileSource& files,
-                                                   const std::string& main_key,
-                                                   const std::map<std::string, std::string>& parameters,
-                                                   const JobSettings& settings, unsigned threads,
-                                                   const scene::TextureLimits& textures) {
+Result<std::unique_ptr<Renderer>> compile(const description::FileSource& files, const std::string& main_key,
+                                          const std::map<std::string, std::string>& parameters,
+                                          const JobSettings& settings, unsigned threads,
+                                          const scene::TextureLimits& textures) {
   CANDELA_ASSIGN(const integrators::IntegratorEntry* entry,
                  integrators::find_integrator(settings.integrator));
   CANDELA_ASSIGN(const samplers::SamplerKind sampler, sampler_kind(settings.sampler));
   CANDELA_ASSIGN(film::PixelFilter filter,
                  film::PixelFilter::create(settings.filter, settings.filter_settings));
+  work_phase(WorkPhase::reading);
   // The client has refused what it should or told of it; what has come here is rendered.
   CANDELA_ASSIGN(const description::ReadScene scene_file,
                  description::read_scene(files, main_key, parameters,
@@ -227,6 +243,7 @@ Result<std::unique_ptr<Renderer>> Renderer::create(const description::FileSource
   options.film_height = settings.height;
   options.textures = textures;
   CANDELA_ASSIGN(std::vector<Aov> aov_list, parse_aovs(settings.aovs));
+  work_phase(WorkPhase::building);
   CANDELA_ASSIGN(std::unique_ptr<scene::Scene> scene, scene::Scene::build(description, unpacked, options));
   CANDELA_ASSIGN(std::unique_ptr<integrators::Integrator> integrator,
                  entry->create(settings.integrator_settings, scene->features()));
@@ -248,6 +265,16 @@ Result<std::unique_ptr<Renderer>> Renderer::create(const description::FileSource
   return std::unique_ptr<Renderer>(std::make_unique<SceneRenderer>(
       settings, std::move(scene), std::move(parameterized_scene), std::move(integrator), std::move(aovs),
       std::move(filter), sampler, std::move(work), layout));
+}
+
+}  // namespace
+
+Result<std::unique_ptr<Renderer>> Renderer::create(const description::FileSource& files,
+                                                   const std::string& main_key,
+                                                   const std::map<std::string, std::string>& parameters,
+                                                   const JobSettings& settings, unsigned threads,
+                                                   const scene::TextureLimits& textures) {
+  return unless_stopped([&] { return compile(files, main_key, parameters, settings, threads, textures); });
 }
 
 std::vector<std::string> supported_isas() {

@@ -35,7 +35,8 @@ class Renderer {
   virtual ~Renderer() = default;
 
   // Loads, validates and compiles. The scene is independent of the film size and the seed. What `textures`
-  // allows does not change a bit of the image.
+  // allows does not change a bit of the image. Ends as "stopped" where the thread's WorkMonitor says so; so
+  // do pilot() and run().
   static Result<std::unique_ptr<Renderer>> create(const description::FileSource& files,
                                                   const std::string& main_key,
                                                   const std::map<std::string, std::string>& parameters,
@@ -47,8 +48,10 @@ class Renderer {
 
   // An output for a unit that brings a film: film and accumulators of the job's size, clear.
   virtual UnitOutput make_output(const NamedState& state) const = 0;
-  // `output` is of make_output() and clear, or an empty one for a unit that brings no film. An error of kind
-  // input where the unit's input cannot be one of this job; nothing of the output may be used after any.
+  // Adds to `output`, which is of make_output(), or an empty one for a unit that brings no film. It is clear,
+  // or has the sums of other iterations of this half and epoch: then it is the output of all of them. An
+  // error of kind input where the unit's input cannot be one of this job; nothing of the output may be used
+  // after any.
   virtual Result<void> run(const Unit& unit, const UnitInput& input, UnitOutput& output,
                            const RunContext& context) const = 0;
 

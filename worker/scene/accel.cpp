@@ -16,6 +16,7 @@
 #include <limits>
 #include <utility>
 
+#include "common/base/work_monitor.h"
 #include "worker/scene/ties.h"
 
 namespace candela::scene {
@@ -294,6 +295,19 @@ void instance_occluded(const RTCOccludedFunctionNArguments* args) {
   if (query.tfar < 0) ray->tfar = query.tfar;
 }
 
+// Builds the tree. Embree asks the monitor of the calling thread, from any of its own, whether to go on.
+void commit(RTCScene scene) {
+  const auto goes_on = [](void* user, double /*fraction*/) {
+    auto* monitor = static_cast<WorkMonitor*>(user);
+    monitor->steps.fetch_add(1, std::memory_order_relaxed);
+    return !monitor->stop.load(std::memory_order_relaxed);
+  };
+  if (WorkMonitor* monitor = watched_work()) rtcSetSceneProgressMonitorFunction(scene, goes_on, monitor);
+  rtcCommitScene(scene);
+  rtcSetSceneProgressMonitorFunction(scene, nullptr, nullptr);
+  work_step();
+}
+
 void attach_instances(RTCDevice device, RTCScene scene, const Geometry& geometry, Instances& instances) {
   if (geometry.instances.empty()) return;
   instances.geometry = &geometry;
@@ -302,7 +316,7 @@ void attach_instances(RTCDevice device, RTCScene scene, const Geometry& geometry
     instances.scenes[i].reset(rtcNewScene(device));
     if (!instances.scenes[i]) return;  // the device has heard of it
     attach_group(device, instances.scenes[i].get(), geometry, geometry.groups[i]);
-    rtcCommitScene(instances.scenes[i].get());
+    commit(instances.scenes[i].get());
   }
   RTCGeometry all = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
   rtcSetGeometryUserPrimitiveCount(all, static_cast<unsigned>(geometry.instances.size()));
@@ -354,7 +368,7 @@ Result<Accel> Accel::build(const Geometry& geometry, const std::string& isa, uns
   if (scene != nullptr) {
     attach_group(device, scene, geometry, geometry.groups[0]);
     attach_instances(device, scene, geometry, impl->instances);
-    rtcCommitScene(scene);
+    commit(scene);
     impl->ties = Ties::build(device, geometry);
   }
   rtcSetDeviceErrorFunction(device, nullptr, nullptr);

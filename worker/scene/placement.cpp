@@ -7,6 +7,7 @@
 #include <string_view>
 #include <utility>
 
+#include "common/base/work_monitor.h"
 #include "common/description/transform.h"
 #include "worker/scene/transform.h"
 
@@ -60,6 +61,7 @@ class Mover {
   ObjectPtr move(const ObjectPtr& object, const Object* group = nullptr) {
     const auto key = std::pair(object.get(), group);
     if (const auto known = moved_.find(key); known != moved_.end()) return known->second;
+    work_step();
     auto out = std::make_shared<Object>(*object);
     const bool is_group = object->category == "shape" && object->plugin == "shapegroup";
     bool changed = place(*out, *object, group);

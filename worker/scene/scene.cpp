@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "common/base/log.h"
+#include "common/base/work_monitor.h"
 #include "common/description/color.h"
 #include "worker/scene/scene_builder.h"
 
@@ -80,7 +81,10 @@ Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& 
   if (is_meter) builder.measure(*metered[0]);
   // Meshes are read by as many threads as the tree is built by.
   tbb::task_arena arena(static_cast<int>(std::max(1u, options.build_threads)));
-  const Result<void> shaped = arena.execute([&] { return builder.shapes(root); });
+  const Result<void> shaped = arena.execute([&, monitor = watched_work()] {
+    const WatchedWork watch(monitor);  // TBB may choose another thread
+    return builder.shapes(root);
+  });
   if (far != nullptr) {
     const std::optional<Vec3d> camera = camera_place(*sensors[0]);
     if (shaped.ok()) {
@@ -111,7 +115,10 @@ Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& 
     impl.meter.emplace(impl.geometry, builder.measured(), builder.measured_rectangle(), options.film_width,
                        options.film_height);
   }
-  for (const auto& emitter : root.children_of("emitter")) CANDELA_TRY(builder.emitter(*emitter));
+  for (const auto& emitter : root.children_of("emitter")) {
+    work_step();
+    CANDELA_TRY(builder.emitter(*emitter));
+  }
   impl.lights.finish(options.choose_emitters_by_power);
   if (const auto media = sensors[0]->children_of("medium"); !media.empty()) {
     CANDELA_ASSIGN(impl.camera_medium, impl.media.add(media[0], files));

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "common/base/log.h"
+#include "common/base/work_monitor.h"
 #include "worker/scene/emitters/daylight.h"
 #include "worker/scene/lasting_medium.h"
 #include "worker/scene/sensors/field_of_view.h"
@@ -162,11 +163,13 @@ Result<void> SceneBuilder::shapes(const description::Object& scene) {
   const auto all = scene.children_of("shape");
   for (const auto& shape : all) CANDELA_TRY(read_attributes(*shape));
   for (const auto& shape : all) {
+    work_step();
     if (shape->plugin != "shapegroup" && shape->plugin != "instance" && !is_stretched_surface(*shape))
       CANDELA_TRY(add_shape(*shape, false));
   }
   // The scene's own shapes come first, then those of each group.
   for (const auto& shape : all) {
+    work_step();
     if (shape->plugin == "instance") CANDELA_TRY(instance(*shape));
     if (is_stretched_surface(*shape)) CANDELA_TRY(stretched(*shape));
   }
@@ -174,6 +177,7 @@ Result<void> SceneBuilder::shapes(const description::Object& scene) {
 }
 
 Result<void> SceneBuilder::read_attributes(const description::Object& object) {
+  work_step();
   // The instances of a group share it.
   if (object.plugin == "shapegroup" && !read_groups_.insert(&object).second) return {};
   for (const auto& shape : object.children_of("shape")) CANDELA_TRY(read_attributes(*shape));
@@ -191,7 +195,10 @@ Result<std::uint32_t> SceneBuilder::group_of(const description::ObjectPtr& objec
   const auto shapes = object->children_of("shape");
   if (shapes.empty()) return error_at(*object, "the shapegroup has no shapes");
   std::uint32_t group = geometry_.begin_group();
-  for (const auto& shape : shapes) CANDELA_TRY(add_shape(*shape, true));
+  for (const auto& shape : shapes) {
+    work_step();
+    CANDELA_TRY(add_shape(*shape, true));
+  }
   if (geometry_.groups.back().bounds.empty()) {
     geometry_.groups.pop_back();
     group = kNone;

@@ -6,6 +6,7 @@
 #include <set>
 #include <tuple>
 
+#include "common/base/work_monitor.h"
 #include "worker/scene/bounds.h"
 #include "worker/scene/ties.h"
 
@@ -83,6 +84,7 @@ std::vector<std::pair<std::uint32_t, std::uint32_t>> find_shared_faces(const Geo
   std::set<std::pair<std::uint32_t, std::uint32_t>> pairs;
   std::size_t comparisons = 0;
   for (std::size_t i = 0; i < polygons.size() && pairs.size() < most; ++i) {
+    work_step();
     const Polygon& a = polygons[i];
     for (std::size_t j = i + 1; j < polygons.size() && polygons[j].plane == a.plane &&
                                 polygons[j].box.low.x <= a.box.high.x && pairs.size() < most;

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <tuple>
 
+#include "common/base/work_monitor.h"
+
 namespace candela::scene {
 namespace {
 
@@ -151,12 +153,14 @@ void find_in_plane(const Geometry& geometry, std::vector<Flat>::iterator begin,
   if (parts.size() < 2) return;
   std::sort(parts.begin(), parts.end(),
             [](const Part& a, const Part& b) { return a.box.low.x < b.box.low.x; });
-  for (std::size_t i = 0; i < parts.size(); ++i)
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    work_step();
     for (std::size_t j = i + 1; j < parts.size() && parts[j].box.low.x <= parts[i].box.high.x + edge; ++j)
       if (overlap_in_plane(parts[i].box, parts[j].box, edge)) {
         parts[i].others.push_back(&parts[j]);
         parts[j].others.push_back(&parts[i]);
       }
+  }
   const auto flat = [&](std::size_t i) { return begin + static_cast<std::ptrdiff_t>(i); };
   for (Part& part : parts) {
     const double pad = 64 * edge;
@@ -166,6 +170,7 @@ void find_in_plane(const Geometry& geometry, std::vector<Flat>::iterator begin,
   }
   for (const Part& part : parts)
     for (std::size_t k = part.first; k < part.last && !part.others.empty(); ++k) {
+      work_step();
       Contested& what = flat(k)->what;
       what.plane = plane;
       for (const Part* other : part.others)
@@ -192,6 +197,7 @@ std::vector<Contested> find_contested(const Geometry& geometry, const std::vecto
   const double tolerance = 0x1p-20 * largest_coordinate(geometry.groups[0].bounds);
   std::uint32_t plane = 0;
   for (auto begin = flats.begin(); begin != flats.end();) {
+    work_step(static_cast<std::size_t>(begin - flats.begin()));
     auto end = begin + 1;
     while (end != flats.end() && end->normal == begin->normal &&
            end->distance - (end - 1)->distance <= tolerance)

@@ -14,6 +14,7 @@
 
 #include "common/base/hash.h"
 #include "common/base/log.h"
+#include "common/base/work_monitor.h"
 
 namespace candela::worker {
 namespace {
@@ -94,6 +95,17 @@ struct CachedFile {
   std::uint64_t size_bytes = 0;
   std::int64_t used_ns = 0;
 };
+
+// Of a file that may be large and on a slow disk.
+std::string hash_of(std::string_view bytes) {
+  constexpr std::size_t kStep = std::size_t{4} << 20;
+  Sha256 hash;
+  for (std::size_t at = 0; at < bytes.size(); at += kStep) {
+    work_step();
+    hash.update(bytes.substr(at, kStep));
+  }
+  return hash.finish_hex();
+}
 
 // What is in the cache; files that vanish during the scan are left out.
 std::vector<CachedFile> scan(const fs::path& blobs) {
@@ -183,7 +195,7 @@ Result<std::shared_ptr<const MappedFile>> BlobCache::open_verified(const std::st
             before == after;
   }
   const std::int64_t checked_ns = now_ns();
-  if ((*file)->bytes().size() != size_bytes || (!known && sha256_hex((*file)->bytes()) != sha256)) {
+  if ((*file)->bytes().size() != size_bytes || (!known && hash_of((*file)->bytes()) != sha256)) {
     log::warn(fmt::format("the cached file {} is damaged; it is fetched again", path.string()));
     ::unlink(path.c_str());
     const std::lock_guard lock(mutex_);

@@ -128,17 +128,18 @@ void FarmWorker::control_loop() {
   std::unique_lock lock(mutex_);
   while (!end_error_) {
     give_up_if_due();
+    settle_cut();
+    if (is_stuck()) break;
     if (end_error_ || (drain_ != Drain::no && step_drain(lock))) break;
     if (session_.generation == 0) {
       register_once(lock);
     } else if (!notices_.empty()) {
       send_notice(lock);
-    } else if (drain_ == Drain::no && pending_.empty() && outbox_.size() < 2 &&
-               Clock::now() >= next_acquire_) {
+    } else if (wants_lease() && Clock::now() >= next_acquire_) {
       acquire_once(lock);
     } else {
       const auto tick = Clock::now() + kControlTick;
-      const bool idle = drain_ == Drain::no && pending_.empty() && outbox_.size() < 2;
+      const bool idle = wants_lease();
       changed_.wait_until(lock, idle ? std::min(tick, next_acquire_) : tick);
     }
   }
@@ -262,6 +263,12 @@ void FarmWorker::acquire_once(std::unique_lock<std::mutex>& lock) {
   changed_.notify_all();
 }
 
+// Under the lock. None while a unit is computed that the worker does not own any more.
+bool FarmWorker::wants_lease() const {
+  return drain_ == Drain::no && pending_.empty() && outbox_.size() < 2 &&
+         (running_ == nullptr || !running_->dropped);
+}
+
 // Under the lock.
 bool FarmWorker::owns(std::uint64_t token) const {
   const auto is = [token](const TaskPtr& task) { return task != nullptr && task->lease.token() == token; };
@@ -294,6 +301,7 @@ void FarmWorker::send_notice(std::unique_lock<std::mutex>& lock) {
     request.set_worker_id(session.worker_id);
     request.set_session(session.token);
     request.set_token(notice.token);
+    request.set_computing(notice.computing);
     v1::ReturnLeaseResponse response;
     status = link_.unary(MasterLink::Lane::control, &v1::WorkerService::Stub::ReturnLease, request, response,
                          tuning_.call_deadline);
@@ -332,7 +340,11 @@ void FarmWorker::lose_session(std::uint64_t generation) {
 // Under the lock.
 void FarmWorker::drop(Task& task, std::string_view why) {
   if (task.dropped.exchange(true)) return;
-  task.stop = true;
+  task.stopped_at = Clock::now();
+  task.monitor.stop = true;
+  // What waits for the master need not, any more.
+  if (running_.get() == &task) link_.interrupt(MasterLink::Lane::fetch);
+  if (!outbox_.empty() && outbox_.front()->task.get() == &task) link_.interrupt(MasterLink::Lane::push);
   log::info(fmt::format("unit dropped: {}", why), {.job = task.lease.job_id(),
                                                    .unit = static_cast<std::int64_t>(task.lease.unit_id()),
                                                    .worker = session_.worker_id});
@@ -342,8 +354,60 @@ void FarmWorker::drop(Task& task, std::string_view why) {
 void FarmWorker::hand_back(const TaskPtr& task) {
   if (task->dropped) return;
   drop(*task, "handed back");
-  notices_.push_back({task->lease.token(), task->generation, false, FailureCause::worker, {}});
+  notices_.push_back(
+      {task->lease.token(), task->generation, false, task == running_, FailureCause::worker, {}});
   changed_.notify_all();
+}
+
+// ---- units cut short
+// ---------------------------------------------------------------------------------------------------------
+
+// Under the lock. Of the iterations under way, by their progress; none: nobody knows.
+std::optional<double> FarmWorker::seconds_left(const Task& task) const {
+  const double done = task.progress;
+  if (task.phase() != WorkPhase::rendering || !(done > 0)) return std::nullopt;
+  const std::chrono::duration<double> spent = Clock::now() - task.block_started;
+  return spent.count() * std::max(1 - done, 0.0) / done;
+}
+
+// Under the lock. What has not begun to render goes back at once.
+void FarmWorker::cut_short(const TaskPtr& task) {
+  if (task->dropped || task->cut_at) return;
+  if (task != running_ || task->phase() != WorkPhase::rendering) return hand_back(task);
+  task->cut_at = Clock::now();
+  task->cut = true;
+}
+
+// Under the lock. The unit under way ends after this iteration. One that takes long to end is given back
+// whole, if less work is lost than would be waited for.
+void FarmWorker::settle_cut() {
+  if (!running_ || running_->dropped || !running_->cut_at) return;
+  const std::chrono::duration<double> within = tuning_.cut_within;
+  const std::chrono::duration<double> spent = Clock::now() - running_->started;
+  const std::optional<double> left = seconds_left(*running_);
+  if (left ? *left > within.count() && spent.count() < *left : Clock::now() - *running_->cut_at > within)
+    hand_back(running_);
+}
+
+// Under the lock. True if the renderer was told to stop and does not; finished units have been delivered, if
+// the master takes them in time.
+bool FarmWorker::is_stuck() {
+  if (!running_ || !running_->stopped_at) return false;
+  const auto since = Clock::now() - *running_->stopped_at;
+  if (since < tuning_.stop_limit) return false;
+  if (!stuck_)
+    log::error(
+        fmt::format("the renderer does not stop {}; the worker begins again", doing(running_->phase())),
+        {.job = running_->lease.job_id(), .worker = session_.worker_id});
+  stuck_ = true;
+  for (const TaskPtr& task : pending_) hand_back(task);
+  pending_.clear();
+  return (outbox_.empty() && notices_.empty()) || since > 2 * tuning_.stop_limit;
+}
+
+bool FarmWorker::must_begin_again() const {
+  const std::lock_guard lock(mutex_);
+  return stuck_ && drain_ == Drain::no;
 }
 
 // ---- leaving
@@ -354,14 +418,13 @@ bool FarmWorker::step_drain(std::unique_lock<std::mutex>&) {
   for (const TaskPtr& task : pending_) hand_back(task);
   pending_.clear();
   const auto now = Clock::now();
+  if (running_ && !running_->dropped && !running_->cut_at) cut_short(running_);
   if (drain_ == Drain::by_us && running_ && !running_->dropped) {
     bool finish = running_settled_ && now - drain_started_ < 2 * tuning_.finish_within;
     if (!running_settled_) {
       running_settled_ = true;
-      const double done = running_->progress;
-      const std::chrono::duration<double> spent = now - running_->started;
-      const std::chrono::duration<double> allowed = tuning_.finish_within;
-      finish = done > 0 && spent.count() * (1 - done) / done < allowed.count();
+      const std::optional<double> left = seconds_left(*running_);
+      finish = left && *left < std::chrono::duration<double>(tuning_.finish_within).count();
     }
     if (!finish) hand_back(running_);
   }
@@ -421,14 +484,18 @@ void FarmWorker::heartbeat_loop() {
     request.set_session(session.token);
     request.set_resident_bytes(resident_bytes());
     const auto add = [&](const Task& task, double fraction) {
-      if (task.dropped) return;
       v1::UnitProgress& unit = *request.add_units();
       unit.set_token(task.lease.token());
       unit.set_fraction(fraction);
+      unit.set_phase(wire::to_proto(task.phase()));
+      unit.set_steps(task.monitor.steps);
     };
-    if (running_) add(*running_, std::clamp(static_cast<double>(running_->progress), 0.0, 1.0));
-    for (const TaskPtr& task : pending_) add(*task, 0);
-    for (const auto& finished : outbox_) add(*finished->task, 1);
+    beat_soon_ = false;
+    if (running_) add(*running_, running_->fraction());
+    for (const TaskPtr& task : pending_)
+      if (!task->dropped) add(*task, 0);
+    for (const auto& finished : outbox_)
+      if (!finished->task->dropped) add(*finished->task, 1);
     lock.unlock();
     v1::HeartbeatResponse response;
     const grpc::Status status = link_.unary(MasterLink::Lane::heartbeat, &v1::WorkerService::Stub::Heartbeat,
@@ -451,6 +518,17 @@ void FarmWorker::heartbeat_loop() {
       std::erase_if(pending_, [](const TaskPtr& task) { return task->dropped.load(); });
       for (const auto& finished : outbox_)
         if (revoked(*finished->task)) drop(*finished->task, "revoked by the master");
+      const auto to_cut = [&](const TaskPtr& task) {
+        const auto& tokens = response.cut_tokens();
+        return std::find(tokens.begin(), tokens.end(), task->lease.token()) != tokens.end();
+      };
+      if (running_ && to_cut(running_)) cut_short(running_);
+      for (const TaskPtr& task : pending_)
+        if (to_cut(task)) cut_short(task);
+      std::erase_if(pending_, [](const TaskPtr& task) { return task->dropped.load(); });
+      if (response.heartbeat_ms() > 0)
+        session_.heartbeat =
+            Milliseconds(std::clamp<std::uint32_t>(response.heartbeat_ms(), 10, kLongestHeartbeatMs));
       if (response.drain() && drain_ == Drain::no) {
         log::info("the master drains this worker", {.worker = session.worker_id});
         drain_ = Drain::by_master;
@@ -458,7 +536,8 @@ void FarmWorker::heartbeat_loop() {
       }
       changed_.notify_all();
     }
-    changed_.wait_until(lock, next, [&] { return closing_ || session_.generation != session.generation; });
+    changed_.wait_until(lock, next,
+                        [&] { return closing_ || beat_soon_ || session_.generation != session.generation; });
   }
 }
 

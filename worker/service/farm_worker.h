@@ -8,6 +8,7 @@
 // until the master gives its verdict or the lease is lost.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
@@ -20,6 +21,7 @@
 #include <thread>
 #include <vector>
 
+#include "common/base/work_monitor.h"
 #include "common/film/delta.h"
 #include "worker/service/master_link.h"
 #include "worker/service/scene_store.h"
@@ -34,7 +36,11 @@ struct Tuning {
   Milliseconds longest_backoff{2000};
   Milliseconds call_deadline{5000};  // of a unary call
   Milliseconds register_deadline{10000};
-  Milliseconds finish_within{2000};      // a draining worker finishes a unit this near to its end
+  Milliseconds finish_within{2000};  // a draining worker finishes an iteration this near to its end
+  Milliseconds cut_within{10000};    // so does one that is asked to cut a unit short, as a rule
+  Milliseconds block{500};           // of iterations, after each of which a unit can be cut
+  // A renderer that does not end so long after it was told to never will: the process begins again.
+  Milliseconds stop_limit{10000};
   Milliseconds drain_limit{20000};       // and delivers for at most this long
   Milliseconds farewell_deadline{2000};  // of each last call
   // Limit for one delta; a rejection is neither a verdict nor a reason to wait.
@@ -52,6 +58,7 @@ class FarmWorker final : public Worker {
   ~FarmWorker() override;
   void drain() override;
   Result<void> wait() override;
+  bool must_begin_again() const override;
 
  private:
   struct Session {
@@ -65,10 +72,18 @@ class FarmWorker final : public Worker {
   struct Task {
     v1::Lease lease;
     std::uint64_t generation = 0;  // of the session it was leased under
-    Clock::time_point started{};
-    std::atomic<float> progress{0};
-    std::atomic<bool> stop{false};
+    WorkMonitor monitor;           // stopped if dropped
     std::atomic<bool> dropped{false};
+    std::atomic<bool> cut{false};  // ends after the block of iterations under way
+    // Under the lock.
+    Clock::time_point started{};
+    Clock::time_point block_started{};
+    std::optional<Clock::time_point> cut_at, stopped_at;
+    // Parts of the unit that were rendered before the block under way, and that are in it.
+    double before_block = 0, of_block = 1;
+    std::atomic<float> progress{0};  // of the block
+    double fraction() const { return before_block + of_block * std::clamp<double>(progress, 0, 1); }
+    WorkPhase phase() const { return monitor.phase.load(std::memory_order_relaxed); }
   };
   using TaskPtr = std::shared_ptr<Task>;
   // Sums to add into, kept from unit to unit.
@@ -87,6 +102,7 @@ class FarmWorker final : public Worker {
   struct Notice {
     std::uint64_t token = 0, generation = 0;
     bool failed = false;  // else handed back
+    bool computing = false;
     FailureCause cause = FailureCause::worker;
     std::string message;
   };
@@ -100,6 +116,10 @@ class FarmWorker final : public Worker {
   void acquire_once(std::unique_lock<std::mutex>& lock);
   void send_notice(std::unique_lock<std::mutex>& lock);
   bool step_drain(std::unique_lock<std::mutex>& lock);
+  void cut_short(const TaskPtr& task);
+  void settle_cut();
+  std::optional<double> seconds_left(const Task& task) const;
+  bool is_stuck();
   void leave(std::unique_lock<std::mutex>& lock);
   void heartbeat_loop();
   void note_contact(const grpc::Status& status);
@@ -109,6 +129,7 @@ class FarmWorker final : public Worker {
   void hand_back(const TaskPtr& task);
   void end_with(Error error);
   bool owns(std::uint64_t token) const;
+  bool wants_lease() const;
 
   // farm_worker_render.cpp
   void render_loop();
@@ -117,6 +138,9 @@ class FarmWorker final : public Worker {
   void run_pilot(const TaskPtr& task, const SceneStore::Scene& scene);
   void run_unit(const TaskPtr& task, const SceneStore::Scene& scene, const Unit& unit,
                 const NamedState& state);
+  // Renders the unit, or less of it if it is cut short: `unit` is then what was rendered.
+  Result<void> run_blocks(const TaskPtr& task, const SceneStore::Scene& scene, const render::UnitInput& input,
+                          Unit& unit, render::UnitOutput& output);
   void fail(const TaskPtr& task, const Error& error);  // of the renderer
   void fail(const TaskPtr& task, FailureCause cause, const std::string& message);
   // Fetches blobs for the task, again and again while the master is away.
@@ -136,8 +160,8 @@ class FarmWorker final : public Worker {
   // Repeats `call` while the master is unreachable and the task is ours. The last status; CANCELLED if it was
   // given up.
   grpc::Status persist(const TaskPtr& task, const std::function<grpc::Status()>& call);
-  // False at once if the task is dropped or stopped, else true after the delay.
-  bool pause_for(const TaskPtr& task, Milliseconds delay, bool until_stopped);
+  // False at once if the task is dropped, else true after the delay.
+  bool pause_for(const TaskPtr& task, Milliseconds delay);
   Session session_now() const;
 
   const WorkerOptions options_;
@@ -163,6 +187,8 @@ class FarmWorker final : public Worker {
   enum class Drain { no, by_master, by_us } drain_ = Drain::no;
   Clock::time_point drain_started_{};
   bool running_settled_ = false;  // the draining decision on the running unit is made
+  bool beat_soon_ = false;        // the master waits to hear that a stopped unit has ended
+  bool stuck_ = false;            // the renderer does not stop
   std::optional<Clock::time_point> unreachable_since_;
   bool closing_ = false;  // threads end
   bool ended_ = false;    // wait() returns

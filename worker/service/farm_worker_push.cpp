@@ -86,11 +86,13 @@ void FarmWorker::deliver_bytes(Finished& finished, const std::string& bytes) {
   unsigned rejections = 0;
   while (!task->dropped) {
     v1::PushDeltaResponse response;
-    const grpc::Status status = link_.push_delta(header, bytes, session.chunk_bytes, response);
+    task->monitor.steps.fetch_add(1, std::memory_order_relaxed);
+    const grpc::Status status =
+        link_.push_delta(header, bytes, session.chunk_bytes, response, task->monitor.steps);
     Milliseconds delay = backoff.next();
     {
       const std::lock_guard lock(mutex_);
-      if (closing_) return;
+      if (closing_ || task->dropped) return;
       note_contact(status);
       if (status.error_code() == grpc::StatusCode::UNAUTHENTICATED) return lose_session(task->generation);
     }
@@ -118,7 +120,7 @@ void FarmWorker::deliver_bytes(Finished& finished, const std::string& bytes) {
         return fail(task, cause_of_delivery(status, FailureCause::worker),
                     fmt::format("the master does not take the delta: {}", wire::from_status(status).message));
     }
-    pause_for(task, delay, false);
+    pause_for(task, delay);
   }
 }
 

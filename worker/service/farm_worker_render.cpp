@@ -34,6 +34,7 @@ void FarmWorker::render_loop() {
     render_task(task);
     lock.lock();
     running_ = nullptr;
+    if (task->dropped) beat_soon_ = true;
     if (pending_.empty() && asked_while_busy_) next_acquire_ = Clock::now();
     changed_.notify_all();
   }
@@ -41,8 +42,10 @@ void FarmWorker::render_loop() {
 
 // No exception leaves the render thread: whatever happens to a unit is reported as its failure.
 void FarmWorker::render_task(const TaskPtr& task) {
+  const WatchedWork watch(&task->monitor);
   try {
     run_task(task);
+  } catch (const WorkStopped&) {  // it is dropped
   } catch (const std::bad_alloc&) {
     fail(task, FailureCause::worker,
          "out of memory (give the worker a machine with more, or other programs there less)");
@@ -65,10 +68,10 @@ void FarmWorker::run_task(const TaskPtr& task) {
     return fail(task, FailureCause::worker, "the lease cannot be used: named_state: it is missing");
 
   const auto scene = scene_for(task, *settings);
-  if (!scene || task->stop) return;
+  if (!scene || task->dropped) return;
   {
     const std::lock_guard lock(mutex_);
-    task->started = Clock::now();  // the unit's own time, by which its end is foretold
+    task->started = task->block_started = Clock::now();  // the unit's own time, by which its end is foretold
   }
   if (unit->kind == Unit::Kind::pilot) return run_pilot(task, *scene);
   run_unit(task, *scene, *unit, *state);
@@ -90,7 +93,8 @@ BlobCache::Fetch FarmWorker::fetch_for(const TaskPtr& task) {
       return link_.fetch_blob(
           blob,
           [&](std::string_view data) -> Result<void> {
-            if (task->stop) return refused_error("stopped");
+            if (task->dropped) return refused_error("stopped");
+            task->monitor.steps.fetch_add(1, std::memory_order_relaxed);
             delivered += data.size();
             return sink(data);
           },
@@ -105,6 +109,7 @@ BlobCache::Fetch FarmWorker::fetch_for(const TaskPtr& task) {
 bool FarmWorker::fetch_states(const TaskPtr& task, render::UnitInput& input,
                               std::vector<BlobCache::Mapped>& owners) {
   const BlobCache::Fetch fetch = fetch_for(task);
+  if (!task->lease.states().empty()) work_phase(WorkPhase::fetching);
   for (const v1::DecidedState& state : task->lease.states()) {
     if (!is_sha256_hex(state.sha256()) || state.size_bytes() > Limits::max_blob_bytes) {
       fail(task, FailureCause::worker,
@@ -112,7 +117,7 @@ bool FarmWorker::fetch_states(const TaskPtr& task, render::UnitInput& input,
       return false;
     }
     auto mapped = cache_->map(state.sha256(), state.size_bytes(), fetch);
-    if (task->stop) return false;
+    if (task->dropped) return false;
     if (!mapped) {
       fail(task, cause_of_fetching(mapped.error()),
            fmt::format("state '{}': {}", state.name(), mapped.error().to_string()));
@@ -130,6 +135,7 @@ std::shared_ptr<const SceneStore::Scene> FarmWorker::scene_for(const TaskPtr& ta
   const std::string& hash = task->lease.bundle_sha256();
   if (auto scene = scenes_.find(SceneStore::key(hash, settings))) return scene;
 
+  work_phase(WorkPhase::fetching);
   const Session session = session_now();
   v1::GetBundleRequest request;
   request.set_worker_id(session.worker_id);
@@ -169,8 +175,10 @@ std::shared_ptr<const SceneStore::Scene> FarmWorker::scene_for(const TaskPtr& ta
 }
 
 void FarmWorker::run_pilot(const TaskPtr& task, const SceneStore::Scene& scene) {
-  const auto result = scene.renderer->pilot({threads_, &task->stop, &task->progress});
-  if (task->stop) return;
+  work_phase(WorkPhase::piloting);
+  const auto result =
+      scene.renderer->pilot({threads_, &task->monitor.stop, &task->progress, &task->monitor.steps});
+  if (task->dropped) return;
   if (!result) return fail(task, result.error());
   const Session session = session_now();
   v1::CompletePilotRequest request;
@@ -199,8 +207,42 @@ void FarmWorker::run_pilot(const TaskPtr& task, const SceneStore::Scene& scene) 
   task->dropped = true;  // nothing is left to hand back
 }
 
-void FarmWorker::run_unit(const TaskPtr& task, const SceneStore::Scene& scene, const Unit& unit,
+Result<void> FarmWorker::run_blocks(const TaskPtr& task, const SceneStore::Scene& scene,
+                                    const render::UnitInput& input, Unit& unit, render::UnitOutput& output) {
+  const render::RunContext context{threads_, &task->monitor.stop, &task->progress, &task->monitor.steps};
+  // Segments go on from each other's chains and samples of a bootstrap make one table: those units are whole.
+  if (unit.kind != Unit::Kind::iterations) return scene.renderer->run(unit, input, output, context);
+  const auto whole = static_cast<double>(unit.end - unit.begin);
+  const double block_seconds = std::chrono::duration<double>(tuning_.block).count();
+  double per_iteration = task->lease.expected_seconds() / whole;  // 0: unknown
+  std::uint64_t at = unit.begin;
+  const auto begin = Clock::now();
+  while (at < unit.end && (at == unit.begin || !task->cut)) {
+    const double fits = per_iteration > 0 ? block_seconds / per_iteration : 1;
+    const auto size = static_cast<std::uint64_t>(std::clamp(fits, 1.0, static_cast<double>(unit.end - at)));
+    {
+      const std::lock_guard lock(mutex_);
+      task->block_started = Clock::now();
+      task->before_block = static_cast<double>(at - unit.begin) / whole;
+      task->of_block = static_cast<double>(size) / whole;
+      task->progress = 0;
+    }
+    work_step();
+    CANDELA_TRY(scene.renderer->run({unit.kind, unit.half, at, at + size}, input, output, context));
+    at += size;
+    const std::chrono::duration<double> spent = Clock::now() - begin;
+    per_iteration = spent.count() / static_cast<double>(at - unit.begin);
+  }
+  if (at < unit.end)
+    log::info(fmt::format("unit cut short after {} of {} iterations", at - unit.begin, unit.end - unit.begin),
+              {.job = task->lease.job_id(), .unit = static_cast<std::int64_t>(task->lease.unit_id())});
+  unit.end = at;
+  return {};
+}
+
+void FarmWorker::run_unit(const TaskPtr& task, const SceneStore::Scene& scene, const Unit& leased,
                           const NamedState& state) {
+  Unit unit = leased;
   std::vector<chains::ChainStart> starts;
   for (const v1::ChainStart& message : task->lease.chain_starts()) {
     auto start = wire::from_proto(message);
@@ -221,7 +263,8 @@ void FarmWorker::run_unit(const TaskPtr& task, const SceneStore::Scene& scene, c
   Sums sums = take_sums(scene, unit, state);
   render::UnitOutput& output = sums.output;
   const auto begin = Clock::now();
-  auto run = scene.renderer->run(unit, input, output, {threads_, &task->stop, &task->progress});
+  work_phase(WorkPhase::rendering);
+  auto run = run_blocks(task, scene, input, unit, output);
   const std::chrono::duration<double> seconds = Clock::now() - begin;
   const bool overflowed = output.overflowed();
   const std::uint64_t samples = unit.kind == Unit::Kind::bootstrap ? unit.end - unit.begin : 0;
@@ -231,7 +274,7 @@ void FarmWorker::run_unit(const TaskPtr& task, const SceneStore::Scene& scene, c
   if (!run || overflowed) {
     output.clear();
     keep_sums(std::move(sums));
-    if (task->stop) return;
+    if (task->dropped) return;
     // The sums follow from the scene and the unit: they would overflow anywhere.
     if (overflowed)
       return fail(task, FailureCause::scene,
@@ -249,6 +292,7 @@ void FarmWorker::run_unit(const TaskPtr& task, const SceneStore::Scene& scene, c
   {
     const std::lock_guard lock(mutex_);
     if (!task->dropped && !closing_) {
+      task->monitor.phase = WorkPhase::pushing;
       outbox_.push_back(finished);
       running_ = nullptr;  // it is the outbox's now; a draining worker must not hand it back
       changed_.notify_all();
@@ -291,7 +335,8 @@ void FarmWorker::fail(const TaskPtr& task, FailureCause cause, const std::string
   const std::lock_guard lock(mutex_);
   if (task->dropped) return;
   task->dropped = true;
-  task->stop = true;
+  task->stopped_at = Clock::now();
+  task->monitor.stop = true;
   // A scene that cannot be rendered is its job's trouble, and told there. The rest is an operator's.
   log::write(cause == FailureCause::scene ? log::Level::info : log::Level::error,
              fmt::format("unit failed ({}): {}", name(cause), message),
@@ -299,20 +344,19 @@ void FarmWorker::fail(const TaskPtr& task, FailureCause cause, const std::string
               .unit = static_cast<std::int64_t>(task->lease.unit_id()),
               .worker = session_.worker_id});
   notices_.push_back(
-      {task->lease.token(), task->generation, true, cause, message.substr(0, kMaxFailureBytes)});
+      {task->lease.token(), task->generation, true, false, cause, message.substr(0, kMaxFailureBytes)});
   changed_.notify_all();
 }
 
-bool FarmWorker::pause_for(const TaskPtr& task, Milliseconds delay, bool until_stopped) {
+bool FarmWorker::pause_for(const TaskPtr& task, Milliseconds delay) {
   std::unique_lock lock(mutex_);
-  return !changed_.wait_for(lock, delay,
-                            [&] { return closing_ || task->dropped || (until_stopped && task->stop); });
+  return !changed_.wait_for(lock, delay, [&] { return closing_ || task->dropped; });
 }
 
 grpc::Status FarmWorker::persist(const TaskPtr& task, const std::function<grpc::Status()>& call) {
   Backoff backoff(tuning_.first_backoff, tuning_.longest_backoff, rng::key(task->lease.token(), 1));
   while (true) {
-    if (task->stop) return {grpc::StatusCode::CANCELLED, "stopped"};
+    if (task->dropped) return {grpc::StatusCode::CANCELLED, "stopped"};
     const grpc::Status status = call();
     Milliseconds delay = backoff.next();
     {
@@ -324,7 +368,8 @@ grpc::Status FarmWorker::persist(const TaskPtr& task, const std::function<grpc::
       delay = std::max(delay, Milliseconds(wire::retry_ms(status, 0)));
     else if (!is_unreachable(status))
       return status;
-    if (!pause_for(task, delay, true)) return {grpc::StatusCode::CANCELLED, "stopped"};
+    task->monitor.steps.fetch_add(1, std::memory_order_relaxed);
+    if (!pause_for(task, delay)) return {grpc::StatusCode::CANCELLED, "stopped"};
   }
 }
 

@@ -45,6 +45,11 @@ void MasterLink::close(Lane lane) {
   for (grpc::ClientContext* context : state.calls) context->TryCancel();
 }
 
+void MasterLink::interrupt(Lane lane) {
+  const std::lock_guard lock(mutex_);
+  for (grpc::ClientContext* context : lanes_[static_cast<std::size_t>(lane)].calls) context->TryCancel();
+}
+
 grpc::Status MasterLink::fetch_blob(const v1::FetchBlobRequest& request, const Sink& sink,
                                     Result<void>& sink_error) {
   Call call(*this, Lane::fetch, std::nullopt);
@@ -65,7 +70,8 @@ grpc::Status MasterLink::fetch_blob(const v1::FetchBlobRequest& request, const S
 }
 
 grpc::Status MasterLink::push_delta(const v1::DeltaHeader& header, std::string_view bytes,
-                                    std::size_t chunk_bytes, v1::PushDeltaResponse& response) {
+                                    std::size_t chunk_bytes, v1::PushDeltaResponse& response,
+                                    std::atomic<std::uint64_t>& steps) {
   Call call(*this, Lane::push, std::nullopt);
   if (!call.open()) return cancelled();
   wire::StallGuard guard(call.context(), wire::kStall);
@@ -81,6 +87,7 @@ grpc::Status MasterLink::push_delta(const v1::DeltaHeader& header, std::string_v
     const std::string_view part = bytes.substr(at, chunk_bytes);
     chunk.set_data(part.data(), part.size());
     going = writer->Write(chunk);  // false: the master has answered already, Finish() says what
+    steps.fetch_add(1, std::memory_order_relaxed);
     guard.allow(wire::kStall);
   }
   if (going) writer->WritesDone();

@@ -5,6 +5,7 @@
 #include <grpcpp/grpcpp.h>
 
 #include <array>
+#include <atomic>
 #include <chrono>
 #include <functional>
 #include <memory>
@@ -61,12 +62,14 @@ class MasterLink {
   using Sink = std::function<Result<void>(std::string_view)>;
   grpc::Status fetch_blob(const v1::FetchBlobRequest& request, const Sink& sink, Result<void>& sink_error);
 
-  // One delta in chunks of at most `chunk_bytes`.
+  // One delta in chunks of at most `chunk_bytes`; `steps` grows with each that is sent.
   grpc::Status push_delta(const v1::DeltaHeader& header, std::string_view bytes, std::size_t chunk_bytes,
-                          v1::PushDeltaResponse& response);
+                          v1::PushDeltaResponse& response, std::atomic<std::uint64_t>& steps);
 
   // Cancels all calls of the lane, those in flight and those to come.
   void close(Lane lane);
+  // Cancels the calls in flight.
+  void interrupt(Lane lane);
 
  private:
   // Registers a call's context for as long as the call lasts.

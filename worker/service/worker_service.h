@@ -31,7 +31,7 @@ struct WorkerOptions {
 
 class Worker {
  public:
-  // Drains, and waits for all threads; a scene being compiled at that moment is compiled to its end first.
+  // Drains, and waits for all threads.
   virtual ~Worker() = default;
   // Starts threads and returns at once. With `channel` null it dials options.master, with backoff and jitter,
   // for ever (or give_up_seconds). A refusal at registration (other protocol or build) ends it with an error
@@ -39,12 +39,16 @@ class Worker {
   static Result<std::unique_ptr<Worker>> start(const WorkerOptions& options,
                                                std::shared_ptr<grpc::Channel> channel);
 
-  // Asks for the end and returns at once: a unit within two seconds of its end is finished, others are
-  // stopped and handed back, finished deltas are delivered (for at most twenty seconds), then the worker
-  // deregisters and wait() returns. Idempotent; from any thread, not from a signal handler.
+  // Asks for the end and returns at once: the unit under way is cut short if its iteration is within two
+  // seconds of its end, else stopped and handed back; finished deltas are delivered (for at most twenty
+  // seconds), then the worker deregisters and wait() returns. Idempotent; from any thread, not from a signal
+  // handler.
   virtual void drain() = 0;
   // Returns when the worker has ended: drained (by us or by the master), given up, or refused.
   virtual Result<void> wait() = 0;
+  // After wait(): the renderer was told to stop and did not. Only the end of the process ends it; a new one
+  // is wanted in its place.
+  virtual bool must_begin_again() const = 0;
 };
 
 }  // namespace candela::worker

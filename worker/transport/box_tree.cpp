@@ -8,6 +8,8 @@
 #include <limits>
 #include <utility>
 
+#include "common/base/work_monitor.h"
+
 namespace candela::transport {
 namespace {
 
@@ -96,10 +98,17 @@ void arrange(std::span<Center> items) {
     std::sort(items.begin(), items.end(), [](const Center& a, const Center& b) { return a.index < b.index; });
     return;
   }
+  if (items.size() > kAlone) work_step();
   const std::size_t first = std::bit_ceil(items.size()) / 2;
   select(items, first, longest_side(items));
-  const auto arrange_first = [&] { arrange(items.first(first)); };
-  const auto arrange_rest = [&] { arrange(items.subspan(first)); };
+  const auto arrange_first = [&, monitor = watched_work()] {
+    const WatchedWork watch(monitor);
+    arrange(items.first(first));
+  };
+  const auto arrange_rest = [&, monitor = watched_work()] {
+    const WatchedWork watch(monitor);
+    arrange(items.subspan(first));
+  };
   if (items.size() > kAlone) {
     tbb::parallel_invoke(arrange_first, arrange_rest);
   } else {
@@ -128,7 +137,8 @@ std::vector<std::uint32_t> BoxTree::build_levels(std::span<const ItemBox> boxes,
   tbb::task_arena arena(static_cast<int>(std::max(1u, threads)));
   std::vector<Center> order(count_);
   std::vector<std::uint32_t> slots(count_);
-  arena.execute([&] {
+  arena.execute([&, monitor = watched_work()] {
+    const WatchedWork watch(monitor);
     tbb::parallel_for(std::uint32_t{0}, count_, [&](std::uint32_t i) {
       const auto center = [](float a, float b) { return 0.5f * a + 0.5f * b; };
       const auto& [low, high] = boxes[i];

@@ -7,6 +7,8 @@
 #include <bit>
 #include <cmath>
 
+#include "common/base/work_monitor.h"
+
 namespace candela::transport {
 namespace {
 
@@ -44,8 +46,12 @@ void RangeSearch::build(PositionView points, float radius, unsigned threads) {
   tbb::task_arena arena(static_cast<int>(std::max(1u, threads)));
   const auto in_parallel = [&](std::size_t count, const auto& body) {
     if (threads <= 1 || count <= 1) {
-      for (std::size_t i = 0; i < count; ++i) body(i);
+      for (std::size_t i = 0; i < count; ++i) {
+        work_step();
+        body(i);
+      }
     } else {
+      work_step();
       arena.execute([&] { tbb::parallel_for(std::size_t{0}, count, body); });
     }
   };

@@ -180,7 +180,7 @@ class Job:
         return self._steer("CancelJob")
 
     def set_priority(self, priority: int) -> Status:
-        """Jobs of higher priority go first; units under way go on."""
+        """Jobs of higher priority go first; units of lower ones are cut short."""
         request = client_pb2.SetPriorityRequest(job_id=self.id, priority=priority)
         return status_of(self._farm.call("SetPriority", request))
 

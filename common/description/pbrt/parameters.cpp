@@ -7,6 +7,7 @@
 #include <cmath>
 #include <tuple>
 
+#include "common/base/work_monitor.h"
 #include "common/description/check.h"
 #include "common/description/text.h"
 #include "common/description/vocabulary.h"
@@ -82,7 +83,8 @@ Result<void> add_value(Parameter& parameter, const Type& type, const Token& toke
 Result<void> read_values(Tokens& tokens, Parameter& parameter, const Type& type) {
   CANDELA_ASSIGN(std::optional<Token> token, tokens.next());
   const bool list = token && !token->quoted && token->text == "[";
-  while (true) {
+  for (std::size_t i = 0;; ++i) {
+    work_step(i);
     if (list) {
       CANDELA_ASSIGN(token, tokens.next());
     }

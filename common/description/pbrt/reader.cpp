@@ -6,6 +6,7 @@
 #include <array>
 #include <vector>
 
+#include "common/base/work_monitor.h"
 #include "common/description/check.h"
 #include "common/description/pbrt/camera.h"
 #include "common/description/pbrt/geometry.h"
@@ -82,6 +83,7 @@ class Reader {
     follows_shape_ = false;
     Tokens tokens(key, bytes.view, 0, 1, includer);
     while (!tokens.at_end()) {
+      work_step();
       CANDELA_ASSIGN(const std::optional<Token> word, tokens.next());
       if (word) CANDELA_TRY(directive(tokens, *word));
     }
@@ -348,6 +350,7 @@ class Reader {
     ObjectPtr& group = groups_[instance.name];
     const std::shared_ptr<Object> shapes = make("shape", "shapegroup", instance.where);
     for (ShapeEntity& entity : found->second) {
+      work_step();
       CANDELA_ASSIGN(ObjectPtr shape, shapes_.build(entity));
       if (shape) add(*shapes, "", std::move(shape));
     }

@@ -109,8 +109,9 @@ class ToyFarm : public testing::Test {
     info.build_id = std::string(build_id());
     return integrators::encode_delta(info, output);
   }
-  // Renders what is left of the job.
-  void work(test::HandWorker& hand, const std::string& id) {
+  // Renders what is left of the job; of every third unit, if `cuts`, only a part.
+  void work(test::HandWorker& hand, const std::string& id, bool cuts = false) {
+    unsigned units = 0;
     while (farm.job(id).state() < v1::JOB_STATE_DONE) {
       const auto lease = hand.acquire();
       ASSERT_TRUE(hand.status.ok()) << hand.status.error_message();
@@ -118,8 +119,11 @@ class ToyFarm : public testing::Test {
         std::this_thread::sleep_for(std::chrono::milliseconds(5));
         continue;
       }
-      const std::string bytes = delta_of(hand, *lease);
-      hand.push(hand.header(*lease, bytes), bytes);
+      v1::Lease part = *lease;
+      v1::Unit& unit = *part.mutable_unit();
+      if (cuts && ++units % 3 == 0) unit.set_end(unit.begin() + 1 + units % (unit.end() - unit.begin()));
+      const std::string bytes = delta_of(hand, part);
+      hand.push(hand.header(part, bytes), bytes);
     }
   }
   // The whole of a finished job against the loop without a farm.
@@ -262,6 +266,34 @@ TEST_F(ToyFarm, ALostStateIsDecidedAgain) {
   EXPECT_GT(spoiled, 1U);
   farm.start_worker("fresh");  // its cache is empty
   check(id, whole);
+}
+
+// Claim: units that are cut short, at any iteration, change no byte of film, accumulators and states.
+TEST_F(ToyFarm, CutUnitsChangeNothing) {
+  start_master_here({"--unit-time", "1"});
+  const std::string id = submit(whole);
+  work(*hand_worker(), id, true);
+  check(id, whole);
+}
+
+// Claim: a worker whose renderer does not stop when its job is cancelled begins again in the same process, is
+// leased nothing before, and renders the next job.
+TEST_F(ToyFarm, AWorkerThatDoesNotStopBeginsAgain) {
+  if (std::getenv("CANDELA_TOY_LONG") == nullptr) GTEST_SKIP() << "ten seconds of waiting: the long form";
+  start_master();
+  Process& worker = farm.start_worker("deaf");
+  const std::string deaf = submit(whole, 600'000'000);
+  ASSERT_TRUE(
+      eventually(20, [&] { return farm.job(deaf).units_leased() > 0 && !farm.job(deaf).plan().empty(); }));
+  const std::string before = farm.worker("deaf").id();
+  std::this_thread::sleep_for(std::chrono::seconds(1));
+  ASSERT_EQ(farm.candela({"cancel", deaf}).exit_code, 0);
+  const std::string next = submit(whole);
+  EXPECT_EQ(farm.worker("deaf").state(), "busy");
+  ASSERT_TRUE(eventually(60, [&] { return farm.worker("deaf").id() != before; }));
+  EXPECT_EQ(farm.job(next).iterations(), 0U);
+  check(next, whole);
+  EXPECT_FALSE(worker.wait(0)) << "the process is the same";
 }
 
 // Claim: the status of a job tells the newest decided state by the rule's figures and the memory of its

@@ -274,9 +274,10 @@ Result<void> AovPass::run_iterations(const UnitContext& context, const Unit& uni
         Eye eye(aovs_, context, output, tallies);
         for (std::uint32_t y = y0; y < y1; ++y)
           for (std::uint32_t x = x0; x < x1; ++x) {
-            for (std::uint64_t index = unit.begin; index < unit.end; ++index)
+            for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
+              if (run.stopped()) return;
               eye.add(unit.half, index, x, y, false);
-            if (run.stop != nullptr && run.stop->load(std::memory_order_relaxed)) return;
+            }
           }
       });
 }
@@ -286,20 +287,20 @@ Result<void> AovPass::run_segments(const UnitContext& context, const Unit& unit,
   const std::uint64_t samples = chains_->segment_mutations;
   const PixelOrder order(std::uint64_t{context.width} * context.height,
                          rng::key(context.seed, kOrderWord, unit.half));
-  return for_each_task(
-      unit.end - unit.begin, *output.film, run, [&](std::uint64_t task, film::Tallies& tallies) {
-        Eye eye(aovs_, context, output, tallies);
-        const std::uint64_t first = (unit.begin + task) * samples;
-        std::uint64_t at = order.place(first);
-        for (std::uint64_t i = 0; i < samples; ++i) {
-          if (i % 64 == 0 && run.stop != nullptr && run.stop->load(std::memory_order_relaxed)) return;
-          const auto x = static_cast<std::uint32_t>(at % context.width);
-          const auto y = static_cast<std::uint32_t>(at / context.width);
-          eye.add(unit.half, order.round(first + i), x, y, true);
-          eye.count(aovs_.size(), x, y);
-          at = order.next(at);
-        }
-      });
+  return for_each_task(unit.end - unit.begin, *output.film, run,
+                       [&](std::uint64_t task, film::Tallies& tallies) {
+                         Eye eye(aovs_, context, output, tallies);
+                         const std::uint64_t first = (unit.begin + task) * samples;
+                         std::uint64_t at = order.place(first);
+                         for (std::uint64_t i = 0; i < samples; ++i) {
+                           if (i % 64 == 0 && run.stopped()) return;
+                           const auto x = static_cast<std::uint32_t>(at % context.width);
+                           const auto y = static_cast<std::uint32_t>(at / context.width);
+                           eye.add(unit.half, order.round(first + i), x, y, true);
+                           eye.count(aovs_.size(), x, y);
+                           at = order.next(at);
+                         }
+                       });
 }
 
 }  // namespace candela::integrators

@@ -60,7 +60,7 @@ Result<void> run_kernel(const UnitContext& context, const PathOptions& options, 
               film.splat(0, x, y, {value.r, value.g, value.b}, eye.sample_key(), tallies, signed_values);
             }
             tallies.eye_samples += unit.end - unit.begin;
-            if (run.stop != nullptr && run.stop->load(std::memory_order_relaxed)) return;
+            if (run.stopped()) return;
           }
         }
       });

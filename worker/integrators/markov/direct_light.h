@@ -37,7 +37,7 @@ class DirectLight {
     samplers::Sampler sampler(context_.sampler, context_.seed);
     std::uint64_t at = order_.place(segment * samples_);
     for (std::uint64_t i = 0; i < samples_; ++i) {
-      if (i % 64 == 0 && run.stop != nullptr && run.stop->load(std::memory_order_relaxed)) return false;
+      if (i % 64 == 0 && run.stopped()) return false;
       const auto x = static_cast<std::uint32_t>(at % context_.width);
       const auto y = static_cast<std::uint32_t>(at / context_.width);
       sampler.start(half_, order_.round(segment * samples_ + i), x, y);

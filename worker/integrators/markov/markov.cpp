@@ -106,7 +106,7 @@ Result<void> MarkovIntegrator::run_bootstrap(const UnitContext& context, const U
         mcmc::SplatList list;
         const std::uint64_t from = unit.begin + chunk * kBootstrapChunk;
         for (std::uint64_t i = from; i < std::min(from + kBootstrapChunk, unit.end); ++i) {
-          if (run.stop != nullptr && run.stop->load(std::memory_order_relaxed)) return;
+          if (run.stopped()) return;
           const std::uint64_t key = mcmc::bootstrap_key(context.seed, i);
           space.start(key, list);
           if (run.fault != nullptr && !list.splats().empty()) {

@@ -63,7 +63,7 @@ Result<void> run_eye_pass(const UnitContext& context, const IterationOptions& op
             }
           }
           tallies.eye_samples += x1 - x0;
-          if (run.stop != nullptr && run.stop->load(std::memory_order_relaxed)) return;
+          if (run.stopped()) return;
         }
       },
       span);

@@ -32,6 +32,7 @@ Result<void> trace_light_paths(const UnitContext& context, const estimators::Pat
         estimators::LightTracing<kBetween, Mis, std::remove_reference_t<decltype(store)>, Eta> light(
             context.scene, options, techniques, counts, eta, splatter, store, tallies, image_layer);
         for (std::uint64_t path = begin; path < end; ++path) {
+          if (path % 64 == 0 && run.stopped()) return;
           sampler.start_light(half, index, path);
           light(path, sampler);
           store.end_path();

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <vector>
 
+#include "common/base/work_monitor.h"
 #include "worker/core/math.h"
 #include "worker/samplers/sampler.h"
 #include "worker/transport/eye_path.h"
@@ -70,6 +71,7 @@ double neighbor_radius(const UnitContext& context, const estimators::PathOptions
   Photons photons;
   const transport::WalkRules light_rules{options.max_depth - 1, options.rr_depth};
   for (std::uint64_t path = 0; path < pilot.light_paths; ++path) {
+    work_step(path);
     sampler.start_light(0, 0, path);
     transport::Walk<transport::TransportMode::importance, kBetween, Unweighted> walk(
         context.scene, light_rules, factors, sampler, tallies);
@@ -83,6 +85,7 @@ double neighbor_radius(const UnitContext& context, const estimators::PathOptions
   const transport::WalkRules eye_rules{options.max_depth, options.rr_depth};
   for (int j = 0; j < pilot.grid; ++j)
     for (int i = 0; i < pilot.grid; ++i) {
+      work_step();
       sampler.start(0, 0, static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(j));
       float weight = 1;
       const Ray ray = context.scene.camera_ray(

@@ -8,6 +8,7 @@
 #include <optional>
 #include <span>
 
+#include "common/base/work_monitor.h"
 #include "common/film/accumulator_add.h"
 #include "common/mis/gain.h"
 #include "common/rng/stream.h"
@@ -136,10 +137,11 @@ class OptimisIntegrator final : public IterationIntegrator {
                              for (std::uint32_t y = y0; y < y1; ++y) {
                                for (std::uint32_t x = x0; x < x1; ++x) {
                                  const Place at = place(output, x, y);
-                                 for (std::uint64_t index = unit.begin; index < unit.end; ++index)
+                                 for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
+                                   if (run.stopped()) return;
                                    render(iteration, trace, index, at);
+                                 }
                                  tallies.eye_samples += (unit.end - unit.begin) * paths_;
-                                 if (run.stop != nullptr && run.stop->load(std::memory_order_relaxed)) return;
                                }
                              }
                            });
@@ -200,6 +202,7 @@ class OptimisIntegrator final : public IterationIntegrator {
       film::Tallies unread;
       std::vector<mis::PixelBatches> pixel(setup.groups, mis::PixelBatches(allocation_));
       for (std::uint64_t p = 0; p < kTrialPixels; ++p) {
+        work_step();
         rng::Stream place(rng::key(kTrialSeed, p));
         const auto x = static_cast<std::uint32_t>(place.next_double() * context.width),
                    y = static_cast<std::uint32_t>(place.next_double() * context.height);

@@ -2,6 +2,7 @@
 // length written there, and the way from a sparse grid to a dense one. What is OpenVDB's: reading that grid,
 // from a stream that throws where it ends.
 #include "worker/loaders/vdb/volume_vdb.h"
+#include "common/base/work_monitor.h"
 
 #include <openvdb/io/Stream.h>
 #include <openvdb/openvdb.h>
@@ -266,7 +267,9 @@ Result<VolumeData> densify(const Grid& grid, const VdbChoice& choice) {
   volume.values.resize(static_cast<std::size_t>(count));
   for (std::size_t i = 0; i < volume.values.size(); i += volume.channels)
     put(&volume.values[i], grid.background());
+  std::size_t step = 0;
   for (auto it = grid.tree().cbeginValueOn(); it; ++it) {
+    if (choice.step != nullptr && (step++ & 1023) == 0) choice.step();
     openvdb::CoordBBox run = it.getBoundingBox();  // of a voxel, or of a tile of them
     run.intersect(box);
     for (std::int64_t z = run.min().z(); z <= run.max().z(); ++z)
@@ -325,6 +328,8 @@ Result<VolumeData> load_named(std::string_view bytes, const std::string& name, c
     return fail(input_error("the OpenVDB file is cut short or damaged"));
   } catch (const std::exception& error) {
     return fail(input_error("OpenVDB cannot read the file: " + printable(error.what())));
+  } catch (const WorkStopped&) {
+    throw;
   } catch (...) {
     return fail(input_error("OpenVDB cannot read the file"));
   }

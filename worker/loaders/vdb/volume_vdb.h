@@ -20,6 +20,7 @@ struct VdbChoice {
   bool place;        // whether low and high are wanted, which not every file's transform can give
   // Two active voxels far apart claim a huge box in a small file; 4 GiB of values is the limit.
   std::uint64_t most_values = std::uint64_t{1} << 30;
+  void (*step)() = nullptr;  // work_step() of the program that loads the module
 };
 
 // One grid of floats or doubles (1 channel) or float vectors (3), also where stored as halves. The smallest

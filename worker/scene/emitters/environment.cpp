@@ -8,6 +8,7 @@
 #include <cmath>
 #include <span>
 
+#include "common/base/work_monitor.h"
 #include "worker/core/math.h"
 #include "worker/core/warp.h"
 #include "worker/scene/emitters/cone.h"
@@ -193,6 +194,7 @@ Result<Environment> Environment::build(const description::Object& object, Textur
   double squares = 0, onto_plane = 0;
   float brightest = 0;
   for (std::uint32_t r = 0; r < map->rows; ++r) {
+    work_step();
     const double solid_angle = map->cell_solid_angle(r);
     double row = 0;
     for (std::uint32_t c = 0; c < map->columns; ++c) {

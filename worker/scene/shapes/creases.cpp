@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/work_monitor.h"
 #include "worker/core/math.h"
 
 namespace candela::scene {
@@ -72,6 +73,7 @@ loaders::Mesh split_at_creases(loaders::Mesh mesh, const Transform& to_world, do
     split.attributes.push_back(attribute.of_faces() ? attribute : loaders::MeshAttribute{attribute.name, {}});
   std::vector<bool> taken(corners.size());
   for (std::size_t begin = 0, end = 0; begin < corners.size(); begin = end) {
+    work_step(begin);
     while (end < corners.size() && compare(corners[end], corners[begin]) == 0) ++end;
     for (std::size_t i = begin; i < end; ++i) {
       if (taken[corners[i]]) continue;

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/work_monitor.h"
 #include "worker/loaders/mesh.h"
 #include "worker/loaders/parallel.h"
 #include "worker/scene/textures/bitmap.h"
@@ -67,6 +68,7 @@ Result<Grid> grid_of_texture(const description::Object& object, const descriptio
   grid.z.reserve(grid.size());
   SurfacePoint at;
   for (std::uint32_t y = 0; y < grid.height; ++y) {
+    work_step();
     at.uv.y = static_cast<float>((y + 0.5) / grid.height);
     for (std::uint32_t x = 0; x < grid.width; ++x) {
       at.uv.x = static_cast<float>((x + 0.5) / grid.width);

@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <unordered_map>
 
+#include "common/base/work_monitor.h"
+
 namespace candela::scene {
 namespace {
 
@@ -63,13 +65,15 @@ class Polygonizer {
   template <class F>
   void for_crossed_cells(const F& f) const {
     for (std::uint32_t z = 0; z + 1 < field_.size[2]; ++z)
-      for (std::uint32_t y = 0; y + 1 < field_.size[1]; ++y)
+      for (std::uint32_t y = 0; y + 1 < field_.size[1]; ++y) {
+        work_step();
         for (std::uint32_t x = 0; x + 1 < field_.size[0]; ++x) {
           int inside = 0;
           for (std::uint32_t c = 0; c < 8; ++c)
             inside += value(x + (c & 1), y + (c >> 1 & 1), z + (c >> 2)) < 0;
           if (inside != 0 && inside != 8) f(x, y, z);
         }
+      }
   }
 
   Vec3d place(const Node& node) const {

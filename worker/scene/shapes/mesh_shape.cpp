@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cmath>
 
+#include "common/base/work_monitor.h"
 #include "worker/core/math.h"
 #include "worker/loaders/parallel.h"
 #include "worker/scene/shapes/shape.h"
@@ -41,7 +42,9 @@ void complete_normals(Shape& shape, const std::vector<bool>& known) {
   loaders::for_all(tasks, [&](std::size_t task) {
     const std::size_t begin = count * task / tasks, end = count * (task + 1) / tasks;
     std::vector<Vec3d> sums(end - begin);
+    std::size_t step = 0;
     for (const auto& t : shape.triangles) {
+      work_step(step++);
       const auto mine = [&](std::uint32_t v) { return v >= begin && v < end && !known[v]; };
       if (!mine(t[0]) && !mine(t[1]) && !mine(t[2])) continue;
       const std::array<Vec3d, 3> p = {Vec3d(shape.positions[t[0]]), Vec3d(shape.positions[t[1]]),

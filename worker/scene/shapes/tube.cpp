@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "common/base/work_monitor.h"
 #include "worker/core/math.h"
 
 namespace candela::scene {
@@ -169,6 +170,7 @@ Result<loaders::Mesh> tubes(const std::vector<Curve>& curves, const Sections& se
   std::vector<std::vector<Section>> all;
   std::size_t count = 1;  // of sections
   for (const Curve& curve : curves) {
+    work_step();
     all.push_back(sections_of(curve, max_sections - std::min(count, max_sections)));
     count += all.back().size();
     if (count > max_sections)
@@ -177,7 +179,10 @@ Result<loaders::Mesh> tubes(const std::vector<Curve>& curves, const Sections& se
   }
   const std::size_t sides = std::clamp(kVertexBudget / count, kFewestSides, kMostSides);
   loaders::Mesh mesh;
-  for (const auto& sections : all) add_tube(sections, sides, mesh);
+  for (const auto& sections : all) {
+    work_step();
+    add_tube(sections, sides, mesh);
+  }
   return mesh;
 }
 

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/work_monitor.h"
 #include "common/image/formats.h"
 #include "worker/core/math.h"
 #include "worker/scene/textures/height_image.h"
@@ -375,6 +376,7 @@ Result<void> Decoder::read_rows(TexelWriter& out) {
   UprightRows<Texel> upright(out, orientation(), static_cast<std::uint32_t>(spec_.width),
                              static_cast<std::uint32_t>(spec_.height), channels, pick_);
   for (int y = 0; y < spec_.height; y += step) {
+    work_step();
     const int end = std::min(y + step, spec_.height);
     CANDELA_TRY(read(y, end, tiled, rows.data()));
     for (int i = 0; i < end - y; ++i) {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "common/base/work_monitor.h"
 #include "worker/core/math.h"
 #include "worker/scene/emitters/cone.h"
 
@@ -163,6 +164,7 @@ struct LightTree::Build {
   }
 
   std::size_t split(std::size_t begin, std::size_t end, int depth) {
+    work_step();
     std::array<double, 3> low, high;
     low.fill(std::numeric_limits<double>::infinity());
     high.fill(-std::numeric_limits<double>::infinity());
