@@ -417,6 +417,8 @@ TEST(StudyProgram, BadWordsAreErrors) {
       {"ups-alpha --scenes torus" + out, "--scenes: study 'ups-alpha' has all of its scenes"},
       {"mis-scenes --scenes near,far" + out, "--scenes: there is no scene 'far'"},
       {"vcmplus-table --short --scenes nowhere" + out, "--scenes: there is no scene 'nowhere' (some of "},
+      {"fppm-comparison --short --scenes nowhere" + out, "--scenes: there is no scene 'nowhere' (some of "},
+      {"fppm-scenes --short --scenes nowhere" + out, "--scenes: there is no scene 'nowhere' (some of "},
       {"ups-alpha --frob" + out, "--frob"},
       {"bias-aware --short --out /dev/null/x", "/dev/null/x"},
       {"", "no study is given (one of "}};

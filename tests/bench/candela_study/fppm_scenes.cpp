@@ -98,8 +98,12 @@ Result<Results> run_fppm_scenes(const Request& request) {
   const std::uint32_t down = request.short_form ? 8 : 1;
   const std::vector<std::uint64_t> counts =
       request.short_form ? std::vector<std::uint64_t>{4, 16} : std::vector<std::uint64_t>{32, 128, 512};
+  std::vector<std::string> scene_names;
+  for (const Scene& scene : kScenes) scene_names.emplace_back(scene.name);
+  CANDELA_TRY(check_scenes(request, scene_names));
   Results results;
   for (const Scene& scene : kScenes) {
+    if (!request.wants(scene.name)) continue;
     if (request.short_form && scene.reference != nullptr) continue;  // seconds to load
     if (!std::filesystem::exists(path_of(scene.file))) {
       request.say(fmt::format("fppm-scenes: {} is left out: {} is not here", scene.name, scene.file));

@@ -153,7 +153,8 @@ int main(int argc, char** argv) {
   app.add_option("--side", options.side, "of pictures, in pixels; default: the study's own (vcmplus-table)")
       ->check(CLI::Range(8, 4096));
   app.add_option("--scenes", options.scenes,
-                 "these alone, with commas between; default: all (mis-scenes, upbp-scenes, vcmplus-table)")
+                 "these alone, with commas between; default: all (fppm-comparison, fppm-scenes, mis-scenes, "
+                 "upbp-scenes, vcmplus-table)")
       ->delimiter(',');
   app.add_flag("--no-figure", options.no_figure, "write the CSV alone; needs no Python");
   refuse_empty_paths(app);

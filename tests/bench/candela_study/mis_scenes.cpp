@@ -324,9 +324,9 @@ Result<Results> run_mis_scenes(const Request& request) {
   if (!request.short_form) counts.push_back(256);
   // Independent images with the largest count: sequences of iterations of one job are independent.
   const std::uint64_t samples = request.seeds * counts.back();
-  for (const std::string& name : request.scenes)
-    if (std::none_of(std::begin(kScenes), std::end(kScenes), [&](const Scene& s) { return s.name == name; }))
-      return usage_error(fmt::format("there is no scene '{}'", name)).with_field("--scenes");
+  std::vector<std::string> scene_names;
+  for (const Scene& scene : kScenes) scene_names.emplace_back(scene.name);
+  CANDELA_TRY(check_scenes(request, scene_names));
   Results results;
   for (const Scene& scene : kScenes) {
     if (!request.wants(scene.name)) continue;

@@ -128,8 +128,12 @@ Result<Results> compare_radii(const Request& request, const RadiusComparison& co
   const std::uint32_t side = request.short_form ? 8 : 24;
   const std::uint64_t iterations = request.short_form ? 64 : comparison.iterations;
   const std::vector<std::uint64_t> counts = {iterations / 64, iterations / 8, iterations};
+  std::vector<std::string> scene_names;
+  for (const AnalyticScene& scene : analytic_scenes()) scene_names.push_back(scene.name);
+  CANDELA_TRY(check_scenes(request, scene_names));
   Results results;
   for (const AnalyticScene& scene : analytic_scenes()) {
+    if (!request.wants(scene.name)) continue;
     const auto& names = comparison.scenes;
     if (!names.empty() && std::find(names.begin(), names.end(), scene.name) == names.end()) continue;
     const Image truth_image = truth_of(scene, side);

@@ -1,3 +1,6 @@
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <array>
 
@@ -12,9 +15,9 @@ constexpr std::array kStudies = {
           "Hachisuka 2012, supplement, sections B to D", 0, 0, run_bias_aware},
     Study{"fppm-comparison",
           "radii by schedule, counts, F test and plug-in bandwidth on scenes with known pictures",
-          "Lin 2023, Fig. 6 to 8", 3, 2, run_fppm_comparison},
+          "Lin 2023, Fig. 6 to 8", 3, 2, run_fppm_comparison, false, true},
     Study{"fppm-scenes", "ppm, cppm and fppm from equal first radii on seven scenes", "Lin 2023, Fig. 6 to 8",
-          2, 1, run_fppm_scenes},
+          2, 1, run_fppm_scenes, false, true},
     Study{"lag", "the F test with states that lie 0, 1 and 4 epochs back", "Lin 2023, on a farm", 3, 2,
           run_lag},
     Study{"mis-1d",
@@ -37,6 +40,15 @@ constexpr std::array kStudies = {
 
 std::span<const Study> studies() {
   return kStudies;
+}
+
+Result<void> check_scenes(const Request& request, const std::vector<std::string>& known) {
+  for (const std::string& name : request.scenes)
+    if (std::find(known.begin(), known.end(), name) == known.end())
+      return usage_error(fmt::format("there is no scene '{}'", name))
+          .with_field("--scenes")
+          .with_mend(fmt::format("some of {}", fmt::join(known, ", ")));
+  return {};
 }
 
 const Study* find_study(std::string_view name) {

@@ -70,6 +70,8 @@ struct Study {
 
 // All studies, by name.
 std::span<const Study> studies();
+// An error if `request` asks for a scene that is none of these.
+Result<void> check_scenes(const Request& request, const std::vector<std::string>& known);
 // Null if there is no study of that name.
 const Study* find_study(std::string_view name);
 

@@ -44,17 +44,22 @@ constexpr const char* kTogether[] = {
 // The layers that upbp writes for layers=techniques, in order.
 constexpr const char* kLayers[] = {"connections", "merging", "pp3d", "pb2d", "bp2d", "bb1d"};
 constexpr const char* kLayered = "all, 1024 beams";  // whose shares are shown
+// The first radius, over that of the scene's bounding sphere: set, so that tables of all versions compare.
+constexpr const char* kRadius = "0.003";
 SettingsMap settings_of(const std::string& method) {
-  if (method == "all, 1024 beams") return {{"techniques", "all"}, {"beam_paths", "1024"}};
-  if (method == "an eighth of connections")
-    return {{"techniques", "all"}, {"beam_paths", "1024"}, {"connect_media", "0.125"}};
-  if (method == "long query beams")
-    return {{"techniques", "all"}, {"beam_paths", "1024"}, {"query_beams", "long"}};
-  if (method == "long beams")
-    return {{"techniques", "all"}, {"beam_paths", "1024"}, {"query_beams", "long"}, {"photon_beams", "long"}};
-  if (method == "merges, 1024 beams") return {{"techniques", "pp3d,pb2d,bp2d,bb1d"}, {"beam_paths", "1024"}};
-  if (method == "bb1d") return {{"techniques", method}, {"beam_paths", "1024"}};
-  return {{"techniques", method}};
+  SettingsMap settings = {{"radius", kRadius}, {"techniques", method}};
+  const auto all_of_1024 = [&](const SettingsMap& more) {
+    settings["techniques"] = "all";
+    settings["beam_paths"] = "1024";
+    for (const auto& [name, value] : more) settings[name] = value;
+  };
+  if (method == "all, 1024 beams") all_of_1024({});
+  if (method == "an eighth of connections") all_of_1024({{"connect_media", "0.125"}});
+  if (method == "long query beams") all_of_1024({{"query_beams", "long"}});
+  if (method == "long beams") all_of_1024({{"query_beams", "long"}, {"photon_beams", "long"}});
+  if (method == "merges, 1024 beams") all_of_1024({{"techniques", "pp3d,pb2d,bp2d,bb1d"}});
+  if (method == "bb1d") settings["beam_paths"] = "1024";
+  return settings;
 }
 
 struct MediaSizes {
@@ -234,14 +239,9 @@ class MediaTable {
 
 Result<Results> run_upbp_scenes(const Request& request) {
   const MediaSizes sizes = media_sizes(request);
-  std::string known;
-  for (const MediaScene& scene : kScenes) known += (known.empty() ? "" : ", ") + std::string(scene.name);
-  for (const std::string& name : request.scenes)
-    if (std::none_of(std::begin(kScenes), std::end(kScenes),
-                     [&](const MediaScene& scene) { return scene.name == name; }))
-      return usage_error(fmt::format("there is no scene '{}'", name))
-          .with_field("--scenes")
-          .with_mend("some of " + known);
+  std::vector<std::string> scene_names;
+  for (const MediaScene& scene : kScenes) scene_names.emplace_back(scene.name);
+  CANDELA_TRY(check_scenes(request, scene_names));
   Results results;
   for (const MediaScene& scene : kScenes) {
     if (!request.wants(scene.name)) continue;

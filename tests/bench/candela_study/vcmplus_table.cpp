@@ -283,14 +283,9 @@ Result<Results> results_of(const Request& request, const Sizes& sizes, const Tab
 
 Result<Results> run_vcmplus_table(const Request& request) {
   const Sizes sizes = sizes_of(request);
-  std::string known;
-  for (const TableScene& scene : table_scenes()) known += (known.empty() ? "" : ", ") + scene.name;
-  for (const std::string& name : request.scenes)
-    if (std::none_of(table_scenes().begin(), table_scenes().end(),
-                     [&](const TableScene& scene) { return scene.name == name; }))
-      return usage_error(fmt::format("there is no scene '{}'", name))
-          .with_field("--scenes")
-          .with_mend("some of " + known);
+  std::vector<std::string> scene_names;
+  for (const TableScene& scene : table_scenes()) scene_names.push_back(scene.name);
+  CANDELA_TRY(check_scenes(request, scene_names));
   Results results;
   for (const TableScene& scene : table_scenes()) {
     const bool by_name = !request.scenes.empty();
