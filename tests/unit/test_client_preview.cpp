@@ -16,6 +16,7 @@
 #include <thread>
 
 #include "client/embedded/app.h"
+#include "client/preview/preview.h"
 #include "client/preview/tev.h"
 #include "common/image/image.h"
 #include "tests/temporary_folder.h"

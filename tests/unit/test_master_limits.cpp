@@ -83,7 +83,7 @@ TEST_F(IdleWorkerTest, WorkersThatOnlyHeartbeatCountForNothing) {
   ASSERT_TRUE(s->complete_pilot("honest", pilot->row.token, result, now()));
   const auto unit = lease("honest");
   ASSERT_TRUE(unit);
-  EXPECT_GE(unit_of(*unit).end - unit_of(*unit).begin, 50U) << "cut for workers that take nothing";
+  EXPECT_GE(unit_of(*unit).end - unit_of(*unit).begin, 20U) << "cut for workers that take nothing";
   // The one worker that renders fails: nobody else is to try first.
   s->fail_unit("honest", unit->row.token, FailureCause::scene, "no such texture", now());
   for (double t = clock + 1; t < 200 && s->job("j")->row.state != JobState::failed; t += 1) {
