@@ -12,7 +12,7 @@
 namespace candela::master {
 namespace {
 
-constexpr double kAdmitSeconds = 1;   // between looks at jobs that wait, where nothing else changed
+constexpr double kAdmitSeconds = 1;  // between looks at jobs that wait, where nothing else changed
 constexpr double kRetrySeconds = 3;  // after the system had too little
 
 void add(MemoryNeed& sum, const MemoryNeed& need) {
