@@ -68,11 +68,13 @@ void full_disk(bool by_limit) {
   // Some checkpoint after this moment fails; those under way may still come through. On a busy machine more
   // than a second may pass before one is tried.
   ASSERT_TRUE(eventually(30, [&] {
+    spoil();  // the store has given up its own spare room meanwhile
     return metric(http_get(http, "/metrics"), "candela_checkpoint_failures_total") > 0;
   })) << "no checkpoint fails on a full disk: the test is none";
   std::uint64_t generation = 0;
   Stopwatch unchanged;
   ASSERT_TRUE(eventually(30, [&] {
+    spoil();
     const v1::JobStatus status = farm.job(id);
     if (status.checkpoint_generation() != generation) unchanged = Stopwatch();
     generation = status.checkpoint_generation();
@@ -93,7 +95,10 @@ void full_disk(bool by_limit) {
   EXPECT_GE(after.checkpoint_generation(), 1U);
   farm.audit(id, iterations, false);
   spoil();
-  ASSERT_TRUE(eventually(20, [&] { return !farm.job(id).message().empty(); })) << "no word of the full disk";
+  ASSERT_TRUE(eventually(20, [&] {
+    spoil();
+    return !farm.job(id).message().empty();
+  })) << "no word of the full disk";
   mend();
   farm.wait_for(id, v1::JOB_STATE_DONE);
   expect_identical(farm.fetch(id), farm.render(iterations), "after a full disk");

@@ -48,8 +48,7 @@ const std::vector<IntegratorEntry>& registry() {
                           std::chrono::microseconds(pause == settings.end() ? 0 : std::stol(pause->second))));
                     },
                     +[](const SettingsMap& given) -> Result<SettingsMap> { return given; },
-                    +[] { return std::vector<SettingDoc>(); },
-                    +[](std::uint64_t /*spp*/, std::uint64_t /*pixels*/) { return SettingsMap(); },
+                    +[] { return std::vector<SettingDoc>(); }, +[](const Effort&) { return SettingsMap(); },
                     +[](const SettingsMap&) -> Result<std::uint64_t> { return 1; }});
     return rows;
   }();
