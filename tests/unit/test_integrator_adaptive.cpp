@@ -87,7 +87,7 @@ TEST(Adaptive, OneLevelIsTheIntegratorWithoutTests) {
     const bool plus = integrator == "vcmplus";
     std::vector<std::pair<std::string, SettingsMap>> cases = {
         {kBox, {{"radius", "0.03"}}}, {kBox + fog, {{"radius", "0.03"}, {"kernel", "epanechnikov"}}}};
-    if (plus) cases.push_back({kBox + fog, {{"merge_media", "true"}}});
+    if (plus) cases.push_back({kBox + fog, {{"radius", "0.003"}, {"merge_media", "true"}}});
     for (const auto& [body, settings] : cases) {
       SettingsMap of_adaptive = settings, of_plain = settings;
       if (plus) of_adaptive["alpha"] = "0.8";
