@@ -17,6 +17,7 @@
 #include "common/base/memory_limit.h"
 #include "common/wire/stored_bundle.h"
 #include "master/jobs/job_status.h"
+#include "master/store/private_folder.h"
 
 namespace candela::master {
 
@@ -76,6 +77,7 @@ Result<void> Farm::start() {
   if (o.data_dir.empty()) return usage_error("no data folder").with_field("--data");
   CANDELA_TRY(make_directories(o.data_dir / "jobs"));
   CANDELA_TRY(lock_data_folder());
+  tighten_data_folder();
   CANDELA_ASSIGN(blobs_, BlobStore::open(o.data_dir / "blobs"));
   CANDELA_ASSIGN(store_, open_sqlite_store(o.data_dir / "master.sqlite"));
   CANDELA_TRY(Retention::finish_removals(*store_, o.data_dir));
@@ -157,6 +159,17 @@ Result<void> Farm::lock_data_folder() {
         .with_field("--data")
         .with_mend("stop it, or give another folder");
   return {};
+}
+
+void Farm::tighten_data_folder() const {
+  const std::filesystem::path& folder = options_.master.data_dir;
+  const Tightened tightened = make_private(folder);
+  if (tightened.changed > 0)
+    log::info(fmt::format("took from other users the access to '{}': {} files and folders", folder.string(),
+                          tightened.changed));
+  if (!tightened.left.empty())
+    log::warn(fmt::format("other users have access to '{}', which is not this user's: chmod go= {}",
+                          tightened.left.string(), tightened.left.string()));
 }
 
 Result<void> Farm::restore_jobs(StoredState state) {
