@@ -180,8 +180,8 @@ class Commands(unittest.TestCase):
         return found
 
     def test_farm(self):
-        """Claim: the blocks of docs/farm.md, in order: master, worker, TLS, systemd, Slurm, day by day."""
-        master, worker, tls, systemd, slurm, days = self.page("farm")
+        """Claim: the blocks of docs/farm.md, in order: master, worker, TLS, systemd and its credentials, Slurm, day by day."""
+        master, worker, tls, systemd, credentials, slurm, days = self.page("farm")
         for line in (*master, *worker, *tls):
             self.run_page_line(line)
         self.stop()
@@ -193,6 +193,10 @@ class Commands(unittest.TestCase):
             self.run_page_line(line)
         tls_files = "--tls-cert worker.pem --tls-key worker.key --tls-ca ca.pem"
         self.assertTrue(eventually(lambda: self.workers(f"--master render.example.org:7070 {tls_files}")), "no worker of the units")
+        for line in credentials:
+            self.run_page_line(line)
+        for unit in ("candela-master", "candela-worker@"):
+            self.assertIn("LoadCredential", Path(f"/etc/systemd/system/{unit}.service.d/tls.conf").read_text())
         for line in slurm:
             self.run_page_line(line)
         self.run_line("bash -n workers.sbatch")

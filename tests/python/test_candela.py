@@ -198,7 +198,7 @@ class OnAFarm(unittest.TestCase):
                 break
         self.assertEqual(job.pause().state, "paused")
         self.assertEqual(job.set_priority(-3).message.priority, -3)
-        self.assertEqual(job.resume().state, "queued")
+        self.assertIn(job.resume().state, ("queued", "running"))  # a unit may still be under way
         limit = job.status().message.stop.iterations
         self.assertEqual(job.extend(iterations=10).message.stop.iterations, limit + 10)
         with self.assertRaises(ValueError):
