@@ -106,7 +106,7 @@ TEST_F(MasterRemoval, FinishedJobsGoOthersStay) {
   ASSERT_TRUE(fs::exists(folder.path() / "jobs" / done));
   restart_with(1.0, 0.3);
   ASSERT_TRUE(eventually([&] { return !knows(done) && !knows(cancelled); }));
-  EXPECT_TRUE(told(done, "removed"));
+  EXPECT_TRUE(eventually([&] { return told(done, "removed"); }));
   EXPECT_TRUE(told("", "keep-finished"));
   EXPECT_TRUE(eventually([&] { return !fs::exists(folder.path() / "removed" / done); }));
   EXPECT_FALSE(fs::exists(folder.path() / "jobs" / done));
