@@ -72,8 +72,8 @@ std::string bounded_walks_warning(const v1::JobStatus& status) {
   if (!(share > kMaxShare)) return {};
   return fmt::format(
       "light is missing: Russian roulette ended {} walks ({:.2g} for each {}) at its bound on edges, though "
-      "they had "
-      "lost next to nothing; a larger rr_depth finds that light, and max_depth leaves it out on purpose",
+      "they had lost next to nothing; a larger rr_depth finds that light, and max_depth leaves it out on "
+      "purpose",
       status.bounded_walks(), share, status.light_paths() > 0 ? "light path" : "eye path");
 }
 

@@ -28,8 +28,8 @@ double fraction_done(const v1::JobStatus& status);
 
 // "3 samples: nan", or "the statistics of 3 eye paths: ...".
 std::string rejected_text(const v1::RejectedSamples& rejected);
-// What is missing where Russian roulette ended walks at its bound on edges. Empty up to one walk in a
-// thousand.
+// Tells of light that is missing since Russian roulette ended walks at its bound on edges. Empty if it ended
+// at most one walk in a thousand.
 std::string bounded_walks_warning(const v1::JobStatus& status);
 // The tests assume independent merges. Merges of one light path are not independent: if 10 % repeat a path,
 // at least twice as many even discs are rejected. Empty up to 2 %.

@@ -243,7 +243,7 @@ Result<int> run_priority(Context& context, const JobOptions& options) {
   return 0;
 }
 
-// What is added is written with a plus: "16" could mean sixteen in all.
+// The text after the plus of an addition. Without a plus "16" could mean sixteen in all.
 Result<std::string_view> after_plus(std::string_view text, std::string_view option) {
   if (text.size() > 1 && text.starts_with('+')) return text.substr(1);
   return usage_error(fmt::format("'{}' does not say whether it is added or is a new limit", printable(text)))

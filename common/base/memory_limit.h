@@ -1,4 +1,4 @@
-// How much memory a process may take, and what it does when there is none left.
+// Finds the limit of a process's memory, and keeps a reserve for when the system has no more.
 //
 // Allocations of a service are of two kinds. Small ones (a row, a message) must not fail, for many change
 // more than one thing; large ones (films, checkpoints, images) may, and are made within a LargeWork. A

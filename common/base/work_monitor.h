@@ -13,7 +13,8 @@
 
 namespace candela {
 
-// What a worker does with a unit of a job, in this order. Waiting and pushed units are not computed.
+// The phases of a unit at its worker, in order. The worker computes nothing for a unit that waits or is
+// pushed.
 enum class WorkPhase : std::uint8_t { waiting, fetching, reading, building, piloting, rendering, pushing };
 // "building the scene"
 std::string_view doing(WorkPhase phase);

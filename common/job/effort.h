@@ -1,4 +1,4 @@
-// How much a job is to do, as far as its limits tell before it begins.
+// Estimates the work of a job from its limits, before the job begins.
 #pragma once
 
 #include <cstdint>

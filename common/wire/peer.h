@@ -9,8 +9,8 @@
 
 namespace candela::wire {
 
-// Of gRPC's text for a peer: "ipv4:10.0.0.7:1234", "ipv6:%5B::1%5D:1234", "ipv6:[::1]:1234". Others, such as
-// "inproc", are themselves.
+// Reads gRPC's text for a peer: "ipv4:10.0.0.7:1234", "ipv6:%5B::1%5D:1234", "ipv6:[::1]:1234". Another text,
+// such as "inproc", is the name itself.
 std::string peer_name(std::string_view grpc_peer);
 std::string peer_name(const sockaddr_storage& address);
 

@@ -44,7 +44,7 @@ class FarmServiceImpl final : public v1::FarmService::Service {
 
  private:
   Farm& farm_;
-  // What one master serves at a time; each holds a thread.
+  // Limits on the calls that one master serves at a time, since each call holds a thread.
   PeerPlaces watchers_{"calls that wait for a job or a worker", 256, 64,
                        "end some of them, or use `candela list`"};
   PeerPlaces uploads_{"uploads", 32, 16, "wait until some are done"};

@@ -180,7 +180,7 @@ TEST(Memory, AMasterOutlivesItsLack) {
   master.kill();
   master.start(had + 24 * kMega);
   EXPECT_EQ(master.job(id).state(), v1::JOB_STATE_DONE);
-  http_get(master.http, "/api/jobs/" + id);
+  EXPECT_FALSE(http_get(master.http, "/api/jobs/" + id).empty()) << "the page gives no answer";
   EXPECT_FALSE(master.image(id).ok()) << "there was memory for an image: the test is none";
   ASSERT_TRUE(master.process->running()) << master.process->err();
   master.limit(RLIM_INFINITY);

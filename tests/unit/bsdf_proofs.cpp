@@ -510,6 +510,7 @@ class Proof {
                           : std::isfinite(s.pdf_solid_angle) && s.pdf_solid_angle > 0)
           << c_.name << " wo " << shown(wo);
       ASSERT_FALSE(closure.purely_delta() && !s.delta) << c_.name;
+      ASSERT_FALSE(closure.even() && !s.delta && s.pdf_solid_angle > 1) << c_.name << " is not even";
       ASSERT_TRUE(sound(closure.eval_pdf(wo, s.wi, mode, pdf)) && std::isfinite(pdf) && pdf >= 0) << c_.name;
       ASSERT_TRUE(sound(closure.eval_pdf(s.wi, wo, mode, pdf)) && std::isfinite(pdf) && pdf >= 0) << c_.name;
     }

@@ -53,31 +53,42 @@ class PacketReader {
   std::size_t at_ = 0;
 };
 
-// Listens on a port of loopback, and keeps the image that it is told of.
-class FakeTev {
+// A socket that listens on a free port of loopback.
+class Listener {
  public:
-  // `packets`: after so many of a connection the viewer goes away.
-  explicit FakeTev(int packets = 1 << 30) : packets_(packets) {
-    listener_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  Listener() : socket_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
     struct sockaddr_in address {};
     address.sin_family = AF_INET;
     address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     socklen_t size = sizeof address;
-    EXPECT_EQ(::bind(listener_, reinterpret_cast<struct sockaddr*>(&address), size), 0);
-    EXPECT_EQ(::listen(listener_, 8), 0);
-    EXPECT_EQ(::getsockname(listener_, reinterpret_cast<struct sockaddr*>(&address), &size), 0);
+    EXPECT_EQ(::bind(socket_, reinterpret_cast<struct sockaddr*>(&address), size), 0);
+    EXPECT_EQ(::listen(socket_, 8), 0);
+    EXPECT_EQ(::getsockname(socket_, reinterpret_cast<struct sockaddr*>(&address), &size), 0);
     port_ = ntohs(address.sin_port);
-    thread_ = std::thread([this] { serve(); });
   }
+  ~Listener() { ::close(socket_); }
+  Listener(const Listener&) = delete;
+  Listener& operator=(const Listener&) = delete;
+  int socket() const { return socket_; }
+  std::string address() const { return "127.0.0.1:" + std::to_string(port_); }
+
+ private:
+  int socket_, port_ = 0;
+};
+
+// Listens, and keeps the image that it is told of.
+class FakeTev {
+ public:
+  // `packets`: after so many of a connection the viewer goes away.
+  explicit FakeTev(int packets = 1 << 30) : packets_(packets), thread_([this] { serve(); }) {}
   ~FakeTev() { stop(); }
   // Reads what is under way, and ends.
   void stop() {
     if (!thread_.joinable()) return;
-    ::shutdown(listener_, SHUT_RDWR);
+    ::shutdown(listener_.socket(), SHUT_RDWR);  // refuses all that come later
     thread_.join();
-    ::close(listener_);
   }
-  std::string address() const { return "127.0.0.1:" + std::to_string(port_); }
+  std::string address() const { return listener_.address(); }
 
   // After stop().
   std::string name, error;
@@ -97,7 +108,7 @@ class FakeTev {
   }
   void serve() {
     for (;;) {
-      const int peer = ::accept(listener_, nullptr, nullptr);
+      const int peer = ::accept(listener_.socket(), nullptr, nullptr);
       if (peer < 0) return;
       ++connections;
       for (int i = 0; i < packets_; ++i) {
@@ -152,7 +163,7 @@ class FakeTev {
   }
 
   const int packets_;
-  int listener_ = -1, port_ = 0;
+  const Listener listener_;
   std::thread thread_;
 };
 
@@ -238,35 +249,19 @@ TEST(PreviewPause, IsOfWorkAndNotOfWaiting) {
 // Claim: a page on a port that is taken ends the render before it begins, and the next one begins as if there
 // had been none.
 TEST_F(PreviewTest, APageOnABusyPortLeavesNothing) {
-  const int listener = ::socket(AF_INET, SOCK_STREAM, 0);
-  struct sockaddr_in address {};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  socklen_t size = sizeof address;
-  ASSERT_EQ(::bind(listener, reinterpret_cast<struct sockaddr*>(&address), size), 0);
-  ASSERT_EQ(::listen(listener, 1), 0);
-  ::getsockname(listener, reinterpret_cast<struct sockaddr*>(&address), &size);
-  const std::string busy = "127.0.0.1:" + std::to_string(ntohs(address.sin_port));
-  const Outcome first = render({"--iterations", "2", "--page", busy});
+  const Listener listener;
+  const Outcome first = render({"--iterations", "2", "--page", listener.address()});
   EXPECT_EQ(first.code, 2) << first.err;
   EXPECT_NE(first.err.find("--page"), std::string::npos) << first.err;
   EXPECT_FALSE(fs::exists(in_folder("x.exr.candela")));
   const Outcome second = render({"--iterations", "2"});
   EXPECT_EQ(second.code, 0) << second.err;
-  ::close(listener);
 }
 
 // Claim: a viewer that takes nothing is given up soon, however large the picture.
 TEST(TevViewerTest, OneThatTakesNothingIsGivenUp) {
-  const int listener = ::socket(AF_INET, SOCK_STREAM, 0);
-  struct sockaddr_in address {};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  socklen_t size = sizeof address;
-  ASSERT_EQ(::bind(listener, reinterpret_cast<struct sockaddr*>(&address), size), 0);
-  ASSERT_EQ(::listen(listener, 1), 0);
-  ::getsockname(listener, reinterpret_cast<struct sockaddr*>(&address), &size);
-  auto tev = TevViewer::create("127.0.0.1:" + std::to_string(ntohs(address.sin_port)), "x", 100);
+  const Listener listener;
+  auto tev = TevViewer::create(listener.address(), "x", 100);
   ASSERT_TRUE(tev.ok());
   const std::vector<float> large(std::size_t{3000} * 2000 * 3, 1.0F);
   const auto begin = std::chrono::steady_clock::now();
@@ -274,7 +269,6 @@ TEST(TevViewerTest, OneThatTakesNothingIsGivenUp) {
   ASSERT_FALSE(shown.ok());
   EXPECT_EQ(shown.error().kind, ErrorKind::unreachable);
   EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(30));
-  ::close(listener);
 }
 
 // Claim: the PNG is there before the render ends, and another one at the end; every time that somebody reads

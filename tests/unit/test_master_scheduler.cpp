@@ -1,4 +1,4 @@
-// The scheduler against a clock of our own: leases, fencing, failures, fairness, sizes, stop rules, restart.
+// The scheduler against a clock of our own: leases, fencing, failures, fairness, stop rules, restart.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -6,7 +6,6 @@
 #include <set>
 
 #include "master/jobs/job_upkeep.h"
-#include "master/scheduler/sizing.h"
 #include "tests/unit/scheduler_fixture.h"
 
 namespace candela::master {
@@ -474,81 +473,6 @@ TEST_F(SchedulerTest, AFinishingJobCannotBePaused) {
   EXPECT_NE(paused.error().message.find("the disk is full"), std::string::npos) << paused.error().message;
 }
 
-// Claim: sizes follow cost, the end of the job, the overhead of a delta, and a time limit.
-TEST(Sizing, FollowsItsRules) {
-  SizingInput in;
-  in.unit_seconds = 4;
-  EXPECT_EQ(unit_iterations(in), 1U) << "unknown cost";
-  in.cut_so_far = 1'000'000;
-  in.seconds_per_iteration = 0.1;
-  EXPECT_EQ(unit_iterations(in), 40U);
-  in.remaining = 100;
-  in.active_workers = 5;
-  EXPECT_EQ(unit_iterations(in), 10U) << "guided";
-  in.remaining = 3;
-  EXPECT_EQ(unit_iterations(in), 1U);
-  in.remaining = 0;
-  in.overhead_seconds = 0.2;  // 2 % of 10 s
-  EXPECT_EQ(unit_iterations(in), 100U);
-  in.seconds_left = 8;
-  EXPECT_EQ(unit_iterations(in), 10U);
-  in.open_end = true;
-  in.cut_so_far = 0;
-  EXPECT_EQ(unit_iterations(in), 2U) << "a sixteenth of unit_seconds before anything is known";
-  in.cut_so_far = 240;
-  EXPECT_EQ(unit_iterations(in), 6U) << "an eighth of what was cut, for five workers";
-  in.seconds_per_iteration = 100;
-  EXPECT_EQ(unit_iterations(in), 1U);
-}
-
-// Claim: however many workers there are, merging their deltas takes two fifths of the time, and in the end
-// less than rendering what is left.
-TEST(Sizing, SparesTheMerge) {
-  SizingInput in;
-  in.unit_seconds = 4;
-  in.seconds_per_iteration = 0.1;
-  in.merge_seconds = 0.04;
-  in.active_workers = 20;
-  in.cut_so_far = 1'000'000'000;
-  EXPECT_EQ(unit_iterations(in), 40U) << "0.8 s for every 4";
-  in.active_workers = 1000;
-  EXPECT_EQ(unit_iterations(in), 1000U) << "a round of merges takes 40 s";
-  in.active_workers = 10000;
-  EXPECT_EQ(unit_iterations(in), 2560U) << "64 times unit_seconds";
-  in.active_workers = 1000;
-  in.remaining = 10000;  // 1000 s of work: 158 units of 6.3 s, merged in 6.3 s
-  EXPECT_EQ(unit_iterations(in), 63U);
-  in.remaining = 1;
-  EXPECT_EQ(unit_iterations(in), 1U);
-  in.remaining = 0;
-  in.open_end = true;
-  in.cut_so_far = 4;
-  EXPECT_EQ(unit_iterations(in), 400U) << "hardly anything is cut yet: as the merge can take";
-  in.cut_so_far = 4'000'000;
-  EXPECT_EQ(unit_iterations(in), 500U);
-}
-
-// Claim: the first units of a job are short, of as many workers as there may be, so that both halves of a
-// picture are there soon; then units grow as what is cut does.
-TEST(Sizing, BeginsWithShortUnits) {
-  SizingInput in;
-  in.unit_seconds = 4;
-  in.seconds_per_iteration = 0.05;
-  in.merge_seconds = 0.1;
-  in.remaining = 1'000'000;
-  in.active_workers = 1000;
-  EXPECT_EQ(unit_iterations(in), 5U) << "a sixteenth of 4 s";
-  in.cut_so_far = 5;
-  EXPECT_EQ(unit_iterations(in), 5U) << "of the other half";
-  in.cut_so_far = 10;
-  EXPECT_GT(unit_iterations(in), 400U) << "the merge of a thousand deltas takes 100 s";
-  in.active_workers = 4;
-  in.cut_so_far = 80;
-  EXPECT_EQ(unit_iterations(in), 20U) << "as much for each as is cut already";
-  in.cut_so_far = 100'000;
-  EXPECT_EQ(unit_iterations(in), 80U);
-}
-
 // Claim: of a farm of many workers sizes follow how many there are, once some are drained, leave, or have not
 // been heard of for long: a guided unit is the rest over twice their number, if that is short.
 TEST_F(SchedulerTest, ManyWorkersAreCountedAnewWhenTheyChange) {
@@ -558,10 +482,13 @@ TEST_F(SchedulerTest, ManyWorkersAreCountedAnewWhenTheyChange) {
   j.named_state = NamedState{20};
   j.thread_seconds_per_iteration = 1e-3;
   s->restore(j, {}, {}, {}, {}, now());
-  std::uint64_t rest = 20'000;
+  constexpr std::uint64_t kAll = 20'000;
+  std::uint64_t rest = kAll;
   const auto expect_shared_by = [&](std::uint64_t workers) {
     const Unit u = unit_of(*lease("w0"));
-    EXPECT_EQ(u.end - u.begin, std::min<std::uint64_t>(rest / (2 * workers), 250)) << "250: a quarter second";
+    // 250: a quarter second. Later units are as long as each worker's share of what is cut.
+    EXPECT_EQ(u.end - u.begin,
+              std::min(rest / (2 * workers), std::max<std::uint64_t>(250, (kAll - rest) / workers)));
     rest -= u.end - u.begin;
   };
   expect_shared_by(100);
@@ -581,8 +508,7 @@ TEST_F(SchedulerTest, ManyWorkersAreCountedAnewWhenTheyChange) {
   // One that only says that it lives takes nothing.
   s->authenticate(name(7), "session-" + name(7), now());
   at(clock + 0.3);
-  const Unit u = unit_of(*lease("w0"));
-  EXPECT_GT(u.end - u.begin, 2 * (rest / (2 * 99))) << "shared by those that take nothing, too";
+  expect_shared_by(4);
 }
 
 // Claim: the time for estimates of the error is shared by jobs that run, however many are queued or paused.

@@ -195,6 +195,19 @@ TEST(StoreVersions, EarlierOnesBecomeThePresentOne) {
   }
 }
 
+// Opens the store twice: it has the present shape, and `check(store, state)` looks at its rows.
+template <class Check>
+void expect_present(const fs::path& path, const std::set<std::string>& shape, Check&& check) {
+  for (int opening = 0; opening < 2; ++opening) {
+    auto store = open_sqlite_store(path);
+    ASSERT_TRUE(store.ok()) << store.error().to_string();
+    EXPECT_EQ(Database(path).shape(), shape);
+    const auto state = (*store)->load();
+    ASSERT_TRUE(state.ok()) << state.error().to_string();
+    check(**store, *state);
+  }
+}
+
 // Claim: a store of version 5, which counted neither rejected statistics nor repeated merges, becomes the
 // present one with its rows as they were, and then holds both counts.
 TEST(StoreVersions, TheFifthLearnsToCountStatistics) {
@@ -229,23 +242,18 @@ TEST(StoreVersions, TheFifthLearnsToCountStatistics) {
         "ALTER TABLE workers DROP COLUMN paused; PRAGMA user_version=5");
     EXPECT_NE(old.shape(), present) << "nothing is tested";
   }
-  for (int opening = 0; opening < 2; ++opening) {
-    auto store = open_sqlite_store(path);
-    ASSERT_TRUE(store.ok()) << store.error().to_string();
-    EXPECT_EQ(Database(path).shape(), present);
-    const auto state = (*store)->load();
-    ASSERT_TRUE(state.ok()) << state.error().to_string();
-    EXPECT_EQ(state->jobs.at(0).tallies, j.tallies);
-    EXPECT_EQ(state->jobs[0].bootstrap_rejected, j.bootstrap_rejected);
-    EXPECT_EQ(state->bootstraps.at(0).rejected, bootstrap.rejected);
+  expect_present(path, present, [&](Store& store, const StoredState& state) {
+    EXPECT_EQ(state.jobs.at(0).tallies, j.tallies);
+    EXPECT_EQ(state.jobs[0].bootstrap_rejected, j.bootstrap_rejected);
+    EXPECT_EQ(state.bootstraps.at(0).rejected, bootstrap.rejected);
     j.tallies.rejected[4] = 13;
     j.bootstrap_rejected[4] = 14;
     j.tallies.sampled_merges = 15;
     j.tallies.repeated_merges = 16;
     j.tallies.bounded_walks = 18;
     bootstrap.rejected[4] = 17;
-    ASSERT_TRUE((*store)->write(std::vector<Change>{PutJob{j}, PutBootstrap{bootstrap}}).ok());
-  }
+    ASSERT_TRUE(store.write(std::vector<Change>{PutJob{j}, PutBootstrap{bootstrap}}).ok());
+  });
 }
 
 // Claim: a store of version 6, which did not count walks that roulette's bound ended, becomes the present one
@@ -273,16 +281,11 @@ TEST(StoreVersions, TheSixthLearnsToCountBoundedWalks) {
         "PRAGMA user_version=6");
     EXPECT_NE(old.shape(), present) << "nothing is tested";
   }
-  for (int opening = 0; opening < 2; ++opening) {
-    auto store = open_sqlite_store(path);
-    ASSERT_TRUE(store.ok()) << store.error().to_string();
-    EXPECT_EQ(Database(path).shape(), present);
-    const auto state = (*store)->load();
-    ASSERT_TRUE(state.ok()) << state.error().to_string();
-    EXPECT_EQ(state->jobs.at(0).tallies, j.tallies);
+  expect_present(path, present, [&](Store& store, const StoredState& state) {
+    EXPECT_EQ(state.jobs.at(0).tallies, j.tallies);
     j.tallies.bounded_walks = 7;
-    ASSERT_TRUE((*store)->write(std::vector<Change>{PutJob{j}}).ok());
-  }
+    ASSERT_TRUE(store.write(std::vector<Change>{PutJob{j}}).ok());
+  });
 }
 
 // Claim: a store of version 7, in which no worker was paused, becomes the present one with its workers as
@@ -306,18 +309,13 @@ TEST(StoreVersions, TheSeventhLearnsToPauseWorkers) {
     old.execute("ALTER TABLE workers DROP COLUMN paused; PRAGMA user_version=7");
     EXPECT_NE(old.shape(), present) << "nothing is tested";
   }
-  for (int opening = 0; opening < 2; ++opening) {
-    auto store = open_sqlite_store(path);
-    ASSERT_TRUE(store.ok()) << store.error().to_string();
-    EXPECT_EQ(Database(path).shape(), present);
-    const auto state = (*store)->load();
-    ASSERT_TRUE(state.ok()) << state.error().to_string();
-    EXPECT_EQ(state->workers.at(0).paused, w.paused);
-    EXPECT_TRUE(state->workers[0].draining);
-    EXPECT_EQ(state->workers[0].last_seen_unix_ms, 12);
+  expect_present(path, present, [&](Store& store, const StoredState& state) {
+    EXPECT_EQ(state.workers.at(0).paused, w.paused);
+    EXPECT_TRUE(state.workers[0].draining);
+    EXPECT_EQ(state.workers[0].last_seen_unix_ms, 12);
     w.paused = true;
-    ASSERT_TRUE((*store)->write(std::vector<Change>{PutWorker{w}}).ok());
-  }
+    ASSERT_TRUE(store.write(std::vector<Change>{PutWorker{w}}).ok());
+  });
 }
 
 }  // namespace

@@ -261,7 +261,7 @@ class PpmEye : public transport::EyeTechniques {
     const Spectrum found = gather_.finish();
     sum_ += found;
     merged_ += found;
-    return sharp_ || (v.on_surface() && v.closure.has_delta_lobes());
+    return v.on_surface() ? v.closure.has_delta_lobes() || (sharp_ && !v.closure.even()) : sharp_;
   }
   bool scattered(const Vertex& v) const { return sharp_ ? v.left_sharply : v.left_by_delta; }
 

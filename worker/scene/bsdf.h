@@ -41,6 +41,7 @@ struct ClosureTraits {
   bool has_delta = false;     // may have delta lobes, perhaps beside others
   bool reads_lobe = false;    // sample() reads u_lobe
   bool through = false;       // lobes that are not delta scatter light through the surface
+  bool even = false;          // the density of lobes that are not delta is never above 1 per steradian
 };
 
 // Densities below it have no inverse to trust; no sample of any number is lost by it.
@@ -85,6 +86,8 @@ class Closure {
   bool purely_delta() const { return traits_.purely_delta; }
   // Specular continuation is possible.
   bool has_delta_lobes() const { return traits_.has_delta; }
+  // No direction but those of delta lobes is of high density.
+  bool even() const { return traits_.even; }
 
  private:
   static constexpr std::size_t kRoom = 88;

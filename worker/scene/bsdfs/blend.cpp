@@ -11,7 +11,8 @@ ClosureTraits BlendClosure::traits() const {
   return {.purely_delta = no_smooth_lobe(*first) && no_smooth_lobe(*second),
           .has_delta = true,  // perhaps
           .reads_lobe = true,
-          .through = first->scatters_through() || second->scatters_through()};
+          .through = first->scatters_through() || second->scatters_through(),
+          .even = (first->black || first->even()) && (second->black || second->even())};
 }
 
 Spectrum eval_pdf(const BlendClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf) {

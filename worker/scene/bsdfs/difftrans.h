@@ -18,7 +18,7 @@ struct DiffuseTransmitterClosure {
   float prob_through;  // of sampling the transmission
 
   ClosureTraits traits() const {
-    return {.reads_lobe = prob_through > 0 && prob_through<1, .through = prob_through> 0};
+    return {.reads_lobe = prob_through > 0 && prob_through<1, .through = prob_through> 0, .even = true};
   }
 };
 Spectrum eval_pdf(const DiffuseTransmitterClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);

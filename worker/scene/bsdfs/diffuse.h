@@ -12,7 +12,7 @@ namespace candela::scene {
 struct DiffuseClosure {
   Spectrum reflectance;
 
-  ClosureTraits traits() const { return {}; }
+  ClosureTraits traits() const { return {.even = true}; }
 };
 
 inline Spectrum eval_pdf(const DiffuseClosure& p, Vec3 wo, Vec3 wi, TransportMode /*mode*/, float& pdf) {

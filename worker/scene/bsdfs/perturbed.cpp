@@ -83,7 +83,8 @@ ClosureTraits PerturbedClosure::traits() const {
   return {.purely_delta = nested->purely_delta(),
           .has_delta = true,  // perhaps
           .reads_lobe = flips || nested->chooses_lobe(),
-          .through = nested->scatters_through()};
+          .through = nested->scatters_through(),
+          .even = nested->even()};
 }
 
 Spectrum eval_pdf(const PerturbedClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf) {

@@ -19,7 +19,7 @@ struct PlasticClosure {
   float eta;
   float specular_share;  // steers sampling to the coat
 
-  ClosureTraits traits() const { return {.has_delta = true, .reads_lobe = true}; }
+  ClosureTraits traits() const { return {.has_delta = true, .reads_lobe = true, .even = true}; }
 };
 Spectrum eval_pdf(const PlasticClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
 bool sample(const PlasticClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);

@@ -21,7 +21,7 @@ struct RoughDiffuseClosure {
   float sigma2;  // s^2
   bool fast;     // use_fast_approx
 
-  ClosureTraits traits() const { return {}; }
+  ClosureTraits traits() const { return {.even = true}; }
 };
 Spectrum eval_pdf(const RoughDiffuseClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
 bool sample(const RoughDiffuseClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);

@@ -16,7 +16,8 @@ ClosureTraits StrictNormalsClosure::traits() const {
   return {.purely_delta = nested->purely_delta(),
           .has_delta = nested->has_delta_lobes(),
           .reads_lobe = nested->chooses_lobe(),
-          .through = nested->scatters_through()};
+          .through = nested->scatters_through(),
+          .even = nested->even()};
 }
 
 Spectrum eval_pdf(const StrictNormalsClosure& s, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf) {
