@@ -61,6 +61,9 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
            "Layers of what the camera sees first, such as albedo,normal,depth or NAME:KIND; default: the "
            "scene's integrator `aov`; none for none",
            "LIST");
+  add_text(app, "--scene-memory", options.scene_memory,
+           "Memory that reading the scene may take, such as 500M or 20G; default: half of the memory",
+           "SIZE");
   add_text(app, "--isa", options.isa,
            "Instruction set Embree may use: sse2, sse4.2, avx, avx2 (default) or avx512; part of what the "
            "pixels depend on",

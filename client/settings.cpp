@@ -7,6 +7,8 @@
 #include <cmath>
 
 #include "client/values.h"
+#include "common/base/config.h"
+#include "common/base/quantity.h"
 #include "common/description/all_errors.h"
 #include "common/description/film_window.h"
 #include "common/description/setting_text.h"
@@ -316,6 +318,16 @@ Result<PreparedJob> prepare_job(const description::SceneDescription& scene, cons
   return job;
 }
 
+Result<std::uint64_t> scene_memory_bytes(const SceneOptions& options) {
+  CANDELA_ASSIGN(const Config config, Config::load());
+  const std::string key = "scene-memory";
+  const std::optional<std::string> text = options.scene_memory ? options.scene_memory : config.get(key);
+  if (!text) return 0;
+  if (const auto bytes = parse_bytes(*text)) return *bytes;
+  return usage_error(fmt::format("'{}' is not a size in bytes such as 500M or 20G", *text))
+      .with_field(options.scene_memory ? "--scene-memory" : config.origin(key));
+}
+
 Result<LoadedScene> load_scene(const SceneOptions& options, const RendererFacts& facts) {
   // A bad option is told at once, not after a scene of gigabytes was hashed.
   CANDELA_ASSIGN(const auto parameters, parse_assignments(options.defines, "-D"));
@@ -324,11 +336,12 @@ Result<LoadedScene> load_scene(const SceneOptions& options, const RendererFacts&
   CANDELA_TRY(resolve_aovs({}, options));
   if (options.size) CANDELA_TRY(parse_size(*options.size, "--size"));
   if (options.seed) CANDELA_TRY(parse_count(*options.seed, "--seed", 0, UINT64_MAX));
+  CANDELA_ASSIGN(const std::uint64_t memory, scene_memory_bytes(options));
   CANDELA_ASSIGN(bundle::GatheredScene gathered,
-                 bundle::gather(options.scene, parameters, options.reading()));
+                 bundle::gather(options.scene, parameters, options.reading(), memory));
   CANDELA_ASSIGN(PreparedJob job, prepare_job(gathered.description, options, facts));
   return LoadedScene{std::move(gathered), std::move(job),
-                     std::filesystem::absolute(options.scene).parent_path()};
+                     std::filesystem::absolute(options.scene).parent_path(), memory};
 }
 
 std::string difference(const JobSettings& now, const JobSettings& was) {

@@ -44,7 +44,8 @@ struct SceneOptions {
   std::string scene;                 // path of the scene file
   std::vector<std::string> defines;  // name=value
   std::vector<std::string> sets;     // key=value
-  std::optional<std::string> integrator, spp, iterations, time, until, seed, size, filter, sampler, isa, aov;
+  std::optional<std::string> integrator, spp, iterations, time, until, seed, size, filter, sampler, isa, aov,
+      scene_memory;
   bool lenient = false;  // unknown parameters, elements and plugins of the scene are warnings
 
   description::Reading reading() const { return {.integrator = integrator.value_or(""), .lenient = lenient}; }
@@ -79,9 +80,13 @@ Result<PreparedJob> prepare_job(const description::SceneDescription& scene, cons
 struct LoadedScene {
   bundle::GatheredScene gathered;
   PreparedJob job;
-  std::filesystem::path folder;  // of the scene file
+  std::filesystem::path folder;    // of the scene file
+  std::uint64_t memory_bytes = 0;  // that reading it may take; 0: the default
 };
 Result<LoadedScene> load_scene(const SceneOptions& options, const RendererFacts& facts);
+
+// --scene-memory, else that of the configuration; 0: neither is given.
+Result<std::uint64_t> scene_memory_bytes(const SceneOptions& options);
 
 // Iterations that bring at least `spp` samples, or mutations, to each pixel.
 std::uint64_t iterations_of(std::uint64_t spp, std::uint64_t samples_per_iteration);

@@ -13,6 +13,7 @@
 #include "client/embedded/commands.h"
 #include "client/values.h"
 #include "common/description/all_errors.h"
+#include "common/description/reading_budget.h"
 #include "common/description/review.h"
 #include "common/image/image.h"
 #include "worker/render/renderer.h"
@@ -65,8 +66,9 @@ std::string shared_face_text(const scene::ShapePlace& first) {
 
 Result<CheckReport> check_scene(SceneOptions options, const RendererFacts& facts) {
   CANDELA_ASSIGN(const auto parameters, parse_assignments(options.defines, "-D"));
+  CANDELA_ASSIGN(const std::uint64_t memory, scene_memory_bytes(options));
   CANDELA_ASSIGN(const bundle::GatheredScene gathered,
-                 bundle::gather(options.scene, parameters, options.reading()));
+                 bundle::gather(options.scene, parameters, options.reading(), memory));
   const description::SceneDescription& scene = gathered.description;
   std::optional<Finding> integrator = choose_integrator(scene, options, facts);
   CANDELA_ASSIGN(const PreparedJob job, prepare_job(scene, options, facts));
@@ -75,9 +77,10 @@ Result<CheckReport> check_scene(SceneOptions options, const RendererFacts& facts
   if (!integrator && job.default_integrator)
     integrator = Finding{Finding::Kind::differs, job.default_integrator->where, job.default_integrator->text};
   const bundle::DiskSource files(std::filesystem::absolute(options.scene).parent_path());
-  CANDELA_ASSIGN(const auto renderer,
-                 render::Renderer::create(files, gathered.bundle.main_path, gathered.bundle.parameters,
-                                          job.settings, std::max(1U, std::thread::hardware_concurrency())));
+  CANDELA_ASSIGN(
+      const auto renderer,
+      render::Renderer::create(files, gathered.bundle.main_path, gathered.bundle.parameters, job.settings,
+                               std::max(1U, std::thread::hardware_concurrency()), {}, memory));
 
   CheckReport report;
   report.scene = options.scene;
@@ -120,8 +123,11 @@ std::vector<Error> errors_of(const SceneOptions& options) {
   const bundle::DiskSource files(path.parent_path());
   const std::string main_key = path.filename().string();
   const auto parameters = parse_assignments(options.defines, "-D");
-  if (!parameters.ok() || main_key.empty()) return {};
-  std::vector<Error> errors = description::all_errors(files, main_key, *parameters, options.reading());
+  const auto memory = scene_memory_bytes(options);
+  if (!parameters.ok() || !memory.ok() || main_key.empty()) return {};
+  description::ReadingBudget budget(*memory);
+  const description::BudgetedFiles counted(files, budget);
+  std::vector<Error> errors = description::all_errors(counted, main_key, *parameters, options.reading());
   for (Error& error : errors)
     if (error.line > 0 || error.file == main_key) error.file = files.real_path(error.file).string();
   return errors;

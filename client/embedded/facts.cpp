@@ -25,7 +25,8 @@ RendererFacts renderer_facts() {
     const unsigned threads = std::max(1U, std::thread::hardware_concurrency());
     CANDELA_ASSIGN(const auto renderer,
                    render::Renderer::create(bundle::DiskSource(scene.folder), scene.gathered.bundle.main_path,
-                                            scene.gathered.bundle.parameters, scene.job.settings, threads));
+                                            scene.gathered.bundle.parameters, scene.job.settings, threads, {},
+                                            scene.memory_bytes));
     CANDELA_ASSIGN(PilotResult pilot, renderer->pilot({threads}));
     return std::move(pilot.work);
   };

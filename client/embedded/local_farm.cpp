@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "common/base/memory_limit.h"
+#include "common/description/reading_budget.h"
 #include "master/master.h"
 #include "worker/scene/textures/scratch.h"
 #include "worker/service/worker_service.h"
@@ -58,11 +59,13 @@ int LocalFarm::page_port() const {
 
 Result<void> LocalFarm::start_workers(const std::vector<unsigned>& threads,
                                       const std::filesystem::path& cache_dir,
-                                      std::uint64_t texture_memory_bytes) {
+                                      std::uint64_t texture_memory_bytes, std::uint64_t scene_memory_bytes) {
   State& state = *state_;
   if (texture_memory_bytes == 0) texture_memory_bytes = scene::default_texture_memory_bytes();
+  if (scene_memory_bytes == 0) scene_memory_bytes = description::ReadingBudget::default_bytes();
   for (std::size_t i = 0; i < threads.size(); ++i) {
     worker::WorkerOptions options;
+    options.reading_memory_bytes = std::max<std::uint64_t>(1, scene_memory_bytes / threads.size());
     options.cache_dir = cache_dir;
     options.threads = threads[i];
     options.texture_memory_bytes = std::max<std::uint64_t>(1, texture_memory_bytes / threads.size());

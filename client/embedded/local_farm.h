@@ -24,9 +24,10 @@ class LocalFarm {
 
   std::shared_ptr<grpc::Channel> channel();
   int page_port() const;  // 0: no page
-  // One worker for each entry, of so many threads. They share `texture_memory_bytes` (0: the default).
+  // One worker for each entry, of so many threads. They share `texture_memory_bytes` and
+  // `scene_memory_bytes` (0: the defaults).
   Result<void> start_workers(const std::vector<unsigned>& threads, const std::filesystem::path& cache_dir,
-                             std::uint64_t texture_memory_bytes);
+                             std::uint64_t texture_memory_bytes, std::uint64_t scene_memory_bytes);
   // Why no worker is left, if none is.
   std::optional<Error> workers_lost() const;
   // Workers finish or hand back what they have. Idempotent.

@@ -206,8 +206,9 @@ std::string resume_command(const Context& context) {
 Error diagnose(const v1::JobStatus& status, const LoadedScene& scene, const RenderOptions& options,
                unsigned threads) {
   const bundle::DiskSource files(std::filesystem::absolute(options.scene.scene).parent_path());
-  auto renderer = render::Renderer::create(files, scene.gathered.bundle.main_path,
-                                           scene.gathered.bundle.parameters, scene.job.settings, threads);
+  auto renderer =
+      render::Renderer::create(files, scene.gathered.bundle.main_path, scene.gathered.bundle.parameters,
+                               scene.job.settings, threads, {}, scene.memory_bytes);
   if (!renderer) return std::move(renderer).error();
   return failed_error(fmt::format("the render failed: {}", printable(status.message())));
 }
@@ -270,7 +271,7 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
     page = fmt::format("http://{}/jobs/{}", address.text(), id);
     context.err << "candela: the page is at " << page << std::endl;
   }
-  CANDELA_TRY(farm->start_workers(threads, folder->cache(), texture_memory));
+  CANDELA_TRY(farm->start_workers(threads, folder->cache(), texture_memory, scene.memory_bytes));
 
   Preview preview(*client, id, std::move(preview_plan));
   Stall stall;

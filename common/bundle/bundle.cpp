@@ -8,6 +8,7 @@
 #include "common/base/files.h"
 #include "common/base/hash.h"
 #include "common/description/file_key.h"
+#include "common/description/reading_budget.h"
 #include "common/description/text.h"
 #include "common/job/job.h"
 
@@ -122,7 +123,7 @@ Result<description::FileSource::Bytes> DiskSource::open(const std::string& key) 
 
 Result<GatheredScene> gather(const std::filesystem::path& scene_file,
                              const std::map<std::string, std::string>& parameters,
-                             const description::Reading& reading) {
+                             const description::Reading& reading, std::uint64_t memory_bytes) {
   if (scene_file.filename().empty())
     return input_error("not a scene file").at(scene_file.string(), 0).with_mend("name the scene's XML file");
   CANDELA_TRY(check_parameters(parameters));
@@ -130,8 +131,10 @@ Result<GatheredScene> gather(const std::filesystem::path& scene_file,
   GatheredScene gathered;
   gathered.bundle.main_path = scene_file.filename().string();
   gathered.bundle.parameters = parameters;
+  description::ReadingBudget budget(memory_bytes);
+  const description::BudgetedFiles counted(source, budget);
   Result<description::ReadScene> parsed =
-      description::read_scene(source, gathered.bundle.main_path, parameters, reading);
+      description::read_scene(counted, gathered.bundle.main_path, parameters, reading);
   if (!parsed.ok()) {
     // Places in the scene's text are named by key; what a person can open is the file.
     Error error = std::move(parsed).error();

@@ -53,7 +53,8 @@ class DiskSource final : public description::FileSource {
 };
 
 // A scene on disk, parsed, with its bundle: what `submit`, `render` and `plan` start from. Errors name files
-// as they are on this disk. The same file under two keys is two entries of one hash.
+// as they are on this disk. The same file under two keys is two entries of one hash. `memory_bytes`: what
+// reading may take; 0: the default of description::ReadingBudget.
 struct GatheredScene {
   description::SceneDescription description;
   Bundle bundle;
@@ -62,6 +63,6 @@ struct GatheredScene {
 };
 Result<GatheredScene> gather(const std::filesystem::path& scene_file,
                              const std::map<std::string, std::string>& parameters,
-                             const description::Reading& reading = {});
+                             const description::Reading& reading = {}, std::uint64_t memory_bytes = 0);
 
 }  // namespace candela::bundle

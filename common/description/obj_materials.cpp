@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <optional>
 #include <set>
+#include <unordered_map>
+#include <unordered_set>
 
 #include "common/description/check.h"
 #include "common/description/legacy.h"
@@ -140,6 +142,10 @@ class Library {
 
   Result<void> finish(std::size_t index) {
     Object& object = *drafts_[index].object;
+    const std::size_t links = drafts_[index].links.size();
+    CANDELA_TRY(
+        files_.budget().charge(memory_of(object) + sizeof(Draft) + links * (sizeof(Link) + sizeof(Child)),
+                               object.where, "materials of the library"));
     CANDELA_TRY(legacy::upgrade(object, drafts_[index].slots(), notes_));
     return check_properties(object, *find_plugin(object.category, object.plugin));
   }
@@ -182,11 +188,10 @@ class Materials {
       outline.materials = {outline.last_material};
       keep_bsdf_of(index, outline.last_material);
     }
-    const auto names = [](const std::vector<std::string>& list, const std::string& name) {
-      return std::find(list.begin(), list.end(), name) != list.end();
-    };
+    const std::unordered_set<std::string_view> of_file(outline.materials.begin(), outline.materials.end());
+    const std::unordered_set<std::string_view> of_shape(named.begin(), named.end());
     for (const std::string& name : named)
-      if (!names(outline.materials, name))
+      if (!of_file.contains(name))
         tell(where,
              fmt::format("no face of the OBJ file has the material {}: the bsdf of this name is passed "
                          "over, as in 0.6",
@@ -194,7 +199,7 @@ class Materials {
     if (unnamed || !loads) return {};
     std::vector<std::string> missing;
     for (const std::string& material : outline.materials)
-      if (!names(named, material)) missing.push_back(material);
+      if (!of_shape.contains(material)) missing.push_back(material);
     if (missing.empty()) return {};
     return load(index, outline.library, missing);
   }
@@ -221,8 +226,10 @@ class Materials {
     for (const Link& link : links)
       if (is_bsdf(link) && (link.slot.empty() || link.slot == material)) last = &link;
     const std::size_t kept = last == nullptr ? links.size() : static_cast<std::size_t>(last - links.data());
-    for (std::size_t i = links.size(); i-- > 0;)
-      if (is_bsdf(links[i]) && i != kept) links.erase(links.begin() + static_cast<std::ptrdiff_t>(i));
+    std::vector<Link> rest;
+    for (std::size_t i = 0; i < links.size(); ++i)
+      if (i == kept || !is_bsdf(links[i])) rest.push_back(std::move(links[i]));
+    links = std::move(rest);
   }
 
   // Each file is looked at once.
@@ -262,18 +269,19 @@ class Materials {
     }
     CANDELA_ASSIGN(const FileSource::Bytes bytes, files_.small_file(*key, where, "a material library"));
     const std::vector<ObjMaterial> known = read_obj_materials(bytes.view);
+    std::unordered_map<std::string_view, const ObjMaterial*> by_name;
+    for (const ObjMaterial& material : known) by_name.emplace(material.name, &material);
     std::vector<Link> links;
     std::vector<std::string> missing;
     for (const std::string& material : wanted) {
-      const auto found =
-          std::find_if(known.begin(), known.end(), [&](const ObjMaterial& m) { return m.name == material; });
-      if (found == known.end()) {
+      const auto found = by_name.find(material);
+      if (found == by_name.end()) {
         missing.push_back(material);
         continue;
       }
       const auto [entry, is_new] = bsdfs_.try_emplace({*key, material}, 0);
       if (is_new) {
-        CANDELA_ASSIGN(entry->second, Library(drafts_, files_, *key, notes_).add(*found));
+        CANDELA_ASSIGN(entry->second, Library(drafts_, files_, *key, notes_).add(*found->second));
       }
       links.push_back({material, where, entry->second, false, {}});
     }

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <unordered_map>
+#include <unordered_set>
 
 #include "common/base/work_monitor.h"
 #include "common/description/text.h"
@@ -81,18 +83,19 @@ void read_statement(std::string_view keyword, std::string_view words, ObjMateria
 
 ObjOutline outline_of_obj(std::string_view bytes) {
   ObjOutline outline;
+  std::unordered_set<std::string_view> known;
   for_lines_of(bytes, "mtllib", [&](std::string_view words) { outline.library = words; });
   for_lines_of(bytes, "usemtl", [&](std::string_view words) {
     if (outline.last_material == words && !outline.materials.empty()) return;
     outline.last_material = words;
-    if (std::find(outline.materials.begin(), outline.materials.end(), words) == outline.materials.end())
-      outline.materials.emplace_back(words);
+    if (known.insert(words).second) outline.materials.emplace_back(words);
   });
   return outline;
 }
 
 std::vector<ObjMaterial> read_obj_materials(std::string_view bytes) {
   std::vector<ObjMaterial> materials;
+  std::unordered_map<std::string_view, std::size_t> places;
   if (bytes.starts_with("\xef\xbb\xbf")) bytes.remove_prefix(3);
   ObjMaterial* current = nullptr;
   for (int line = 1; !bytes.empty(); ++line) {
@@ -102,14 +105,10 @@ std::vector<ObjMaterial> read_obj_materials(std::string_view bytes) {
     const std::size_t gap = std::min(text.find_first_of(kBlanks), text.size());
     const std::string_view keyword = text.substr(0, gap), words = trimmed(text.substr(gap));
     if (keyword == "newmtl") {
-      const auto known = std::find_if(materials.begin(), materials.end(),
-                                      [&](const ObjMaterial& material) { return material.name == words; });
-      if (known == materials.end()) {
-        current = &materials.emplace_back();
-      } else {
-        current = &*known;
-        *current = {};
-      }
+      const auto [place, is_new] = places.emplace(words, materials.size());
+      if (is_new) materials.emplace_back();
+      current = &materials[place->second];
+      *current = {};
       current->name = words;
       current->line = line;
     } else if (current != nullptr) {

@@ -70,6 +70,8 @@ struct Object {
   std::vector<ObjectPtr> children_of(std::string_view category) const;
 };
 
+class ReadingBudget;
+
 // Where files come from: the submitting client's disk, or a bundle in a worker's cache. Keys are paths
 // relative to the scene file's folder, lexically normalized ("../textures/a.png" stays possible: it is only a
 // key).
@@ -82,6 +84,9 @@ class FileSource {
   };
   virtual Result<Bytes> open(
       const std::string& key) const = 0;  // error names the key and, at the client, the file
+  // The memory that what is read from these files may take (reading_budget.h); without a limit if nobody
+  // says.
+  virtual ReadingBudget& budget() const;
 };
 
 // What a reader of the scene may want to know and no error: values clamped, words of an old file read as

@@ -51,11 +51,9 @@ Result<void> OtherIntegrator::walk(const pugi::xml_node& node, std::string_view 
     return input_error(fmt::format("elements are nested deeper than {} levels", max_foreign_depth))
         .at(where.file, where.line);
   }
-  CANDELA_TRY(count(node));
   for (const pugi::xml_node& child : node.children()) {
     const std::string_view name = child.name();
     if (child.type() == pugi::node_element && is_value_element(name)) {
-      CANDELA_TRY(count(child));
       CANDELA_TRY(take(child, plugin, into));
     } else if (name == "integrator") {
       CANDELA_TRY(walk(child, plugin_name(text_of(child, "type")), into, depth + 1));

@@ -1,7 +1,6 @@
 // The scene's <integrator> where another one runs.
 #pragma once
 
-#include <functional>
 #include <memory>
 #include <pugixml.hpp>
 #include <string>
@@ -19,9 +18,7 @@ struct OtherIntegrator {
   std::string_view runs;     // the name of the integrator that runs
   Parameters& parameters;    // those used in the element count as used
   std::vector<Note>& notes;  // if the scene's integrator is the one that runs: what of it is passed over
-  std::function<Result<void>(const pugi::xml_node&)>
-      count;          // of the scene's elements; its error ends the reading
-  std::string& aovs;  // gets what an element `aov` asks for, unless something is there already
+  std::string& aovs;         // gets what an element `aov` asks for, unless something is there already
 
   // An object of the element's plugin, whatever it is called. Its properties are the parameters that the
   // integrator that runs knows and whose values it can have, from the element and the integrators nested in

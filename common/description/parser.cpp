@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 
 #include "common/base/work_monitor.h"
 #include "common/description/all_errors.h"
@@ -37,7 +38,6 @@ namespace {
 constexpr int max_element_depth = 64;
 constexpr std::size_t max_include_depth = 64;
 constexpr std::size_t max_includes = 10'000;
-constexpr std::size_t max_nodes = 20'000'000;
 constexpr std::size_t max_properties = 256;
 constexpr std::size_t max_notes = 100'000;
 
@@ -47,6 +47,7 @@ class Parser {
          const std::map<std::string, std::string>& given, const Reading& reading,
          std::vector<Error>* errors = nullptr)
       : files_(files, main_key),
+        budget_(files.budget()),
         main_key_(main_key),
         parameters_(given, reading.lenient),
         reading_(reading),
@@ -92,15 +93,7 @@ class Parser {
 
   // ---- elements ----
 
-  Result<void> count_node(const File& file, const pugi::xml_node& node) {
-    if (++node_count_ > max_nodes)
-      return error_at(file.document.where(node),
-                      fmt::format("the scene has more than {} elements", max_nodes));
-    return {};
-  }
-
-  Result<void> count(const File& file, const pugi::xml_node& node) {
-    CANDELA_TRY(count_node(file, node));
+  static Result<void> expect_element(const File& file, const pugi::xml_node& node) {
     if (node.type() == pugi::node_element) return {};
     return unexpected_text(file.document, node);
   }
@@ -142,9 +135,16 @@ class Parser {
 
   // ---- objects ----
 
+  Result<void> add_draft(std::shared_ptr<Object> object) {
+    CANDELA_TRY(make_room(drafts_, budget_, object->where, "the scene's objects"));
+    CANDELA_TRY(budget_.charge(memory_of(*object), object->where, "the scene's objects"));
+    drafts_.push_back({std::move(object), {}});
+    return {};
+  }
+
   // The index of the new draft. `depth` is 1 for the scene.
   Result<std::size_t> parse_object(const File& file, const pugi::xml_node& node, int depth) {
-    CANDELA_TRY(count(file, node));
+    CANDELA_TRY(expect_element(file, node));
     CANDELA_ASSIGN(const Element written, element(file, node));
     const bool is_scene = written.name == "scene";
     if (is_scene) {
@@ -177,7 +177,7 @@ class Parser {
     if (is_unknown && errors_ == nullptr) return unknown;
 
     const std::size_t index = drafts_.size();
-    drafts_.push_back({object, {}});
+    CANDELA_TRY(add_draft(object));
     drafts_.back().legacy = file.legacy;
     const auto read = [&]() -> Result<void> {
       CANDELA_TRY(register_id(object->id, index, written.where, written.name));
@@ -191,7 +191,7 @@ class Parser {
   // With all errors wanted, that of a draft is told, and the reading goes on behind it.
   Result<void> go_on(Result<void> result, std::size_t index) {
     if (result.ok()) return {};
-    if (!collect(errors_, result.error())) return result;
+    if (budget_.refused() || !collect(errors_, result.error())) return result;
     drafts_[index].broken = true;
     return {};
   }
@@ -228,7 +228,7 @@ class Parser {
     if (notes_.size() > max_notes) notes_.resize(max_notes);
     if (file.legacy && (plugin == "mixturebsdf" || plugin == "mixturephase") &&
         object->plugin == "blend" + object->category)
-      CANDELA_TRY(legacy::split_mixture(drafts_, index, notes_));
+      CANDELA_TRY(split_mixture(index));
     stand_in::pass_over_unknown(drafts_[index], *rule, reading_.lenient, passed_over_);
     if (drafts_[index].stands_in) stand_in::drop_unfit(*object, *rule, passed_over_);
     if (reading_.lenient) repair::properties(*object, *rule, passed_over_);
@@ -256,33 +256,36 @@ class Parser {
     return {};
   }
 
+  Result<void> split_mixture(std::size_t index) {
+    const std::size_t before = drafts_.size();
+    CANDELA_TRY(legacy::split_mixture(drafts_, index, notes_));
+    for (std::size_t i = before; i < drafts_.size(); ++i) {
+      const std::uint64_t links = drafts_[i].links.capacity() * (sizeof(Link) + sizeof(Child));
+      CANDELA_TRY(budget_.charge(sizeof(Draft) + memory_of(*drafts_[i].object) + links,
+                                 drafts_[i].object->where, "parts of the mixture"));
+    }
+    return {};
+  }
+
   // A normal map that is named in place of a texture, as forks of Mitsuba have it.
   Result<void> add_normal_map_file(const File& file, std::size_t index) {
-    Draft& draft = drafts_[index];
-    const auto has_map = [](const Link& link) { return link.slot == "normalmap"; };
-    const auto named = std::find_if(draft.object->properties.begin(), draft.object->properties.end(),
-                                    [](const Property& property) { return property.name == "filename"; });
-    if (named == draft.object->properties.end() || !std::holds_alternative<std::string>(named->value) ||
-        std::any_of(draft.links.begin(), draft.links.end(), has_map))
-      return {};
-    Property name = std::move(*named);
-    draft.object->properties.erase(named);
-    CANDELA_ASSIGN(name.value, find_file(file, name.where, std::get<std::string>(name.value)));
-    note_passed_over({name.where, "bsdf 'normalmap' has no parameter 'filename': it is read as a bitmap"});
-    auto texture = std::make_shared<Object>();
-    texture->category = "texture";
-    texture->plugin = "bitmap";
-    texture->where = name.where;
-    texture->properties = {name, {"raw", PropertyType::boolean, true, name.where}};
-    draft.links.push_back({"normalmap", name.where, drafts_.size(), false, {}});
-    drafts_.push_back({std::move(texture), {}});
-    return {};
+    std::optional<Property> name = stand_in::take_normal_map_file(drafts_[index]);
+    if (!name) return {};
+    CANDELA_ASSIGN(name->value, find_file(file, name->where, std::get<std::string>(name->value)));
+    note_passed_over({name->where, "bsdf 'normalmap' has no parameter 'filename': it is read as a bitmap"});
+    const Location where = name->where;
+    std::shared_ptr<Object> texture = stand_in::raw_bitmap(std::move(*name));
+    CANDELA_TRY(add_link(index, {"normalmap", where, drafts_.size(), false, {}}));
+    return add_draft(std::move(texture));
   }
 
   // ---- what is passed over ----
 
+  // Where there is no memory for a note, the next object is an error.
   void note_passed_over(Note note) {
-    if (passed_over_.size() < max_notes) passed_over_.push_back(std::move(note));
+    if (passed_over_.size() >= max_notes) return;
+    if (budget_.take(2 * sizeof note + heap_bytes(note.text) + heap_bytes(note.where)))
+      passed_over_.push_back(std::move(note));
   }
   void pass_over(const Error& error) { note_passed_over(passed_over_note(error)); }
 
@@ -302,9 +305,8 @@ class Parser {
   // An <integrator> where another one runs.
   Result<void> pass_over_integrator(const File& file, const pugi::xml_node& node, std::size_t parent,
                                     int depth) {
-    const auto count = [&](const pugi::xml_node& counted) { return count_node(file, counted); };
-    const OtherIntegrator reader{file.document, file.legacy, reading_.integrator, parameters_, passed_over_,
-                                 count,         aovs_};
+    const OtherIntegrator reader{file.document, file.legacy,  reading_.integrator,
+                                 parameters_,   passed_over_, aovs_};
     parameters_.assume_usual(false);
     Result<std::shared_ptr<Object>> read = reader.read(node, depth);
     parameters_.assume_usual(reading_.lenient);
@@ -314,20 +316,17 @@ class Parser {
     const std::size_t index = drafts_.size();
     if (!object->id.empty()) ids_.try_emplace(object->id, index);
     const Location where = object->where;
-    drafts_.push_back({std::move(object), {}});
+    CANDELA_TRY(add_draft(std::move(object)));
     // The first one counts if there are several.
-    const auto is_integrator = [&](const Link& link) {
-      return !link.is_reference && drafts_[link.target].object->category == "integrator";
-    };
-    std::vector<Link>& links = drafts_[parent].links;
-    if (std::none_of(links.begin(), links.end(), is_integrator))
-      links.push_back({{}, where, index, false, {}});
-    return {};
+    if (!has_integrator_.insert(parent).second) return {};
+    return add_link(parent, {{}, where, index, false, {}});
   }
 
   Result<void> register_id(const std::string& id, std::size_t index, const Location& where,
                            std::string_view what) {
     if (id.empty()) return {};
+    constexpr std::size_t entry_bytes = 96;
+    CANDELA_TRY(budget_.charge(entry_bytes + heap_bytes(id), where, "ids"));
     const auto [entry, added] = ids_.try_emplace(id, index);
     if (added) return {};
     const Location& first = drafts_[entry->second].object->where;
@@ -356,7 +355,7 @@ class Parser {
       CANDELA_ASSIGN(const std::size_t index, parse_object(file, node, depth + 1));
       return link_object(file, node, parent, index);
     }
-    CANDELA_TRY(count(file, node));
+    CANDELA_TRY(expect_element(file, node));
     if (reading_.lenient && (is_unknown_element(name) || support_of_category(name) == Support::later)) {
       pass_over(unknown_element(file.document.where(node), name));
       return {};
@@ -411,7 +410,7 @@ class Parser {
       drafts_.pop_back();
       CANDELA_ASSIGN(converted, convert_spectrum_plugin(*object, use));
     } else {
-      CANDELA_TRY(count(file, node));
+      CANDELA_TRY(expect_element(file, node));
       CANDELA_TRY(no_children(file, node));
       if (written.name == "blackbody") {
         CANDELA_ASSIGN(converted, convert_blackbody(written));
@@ -435,7 +434,7 @@ class Parser {
   Result<void> no_children(const File& file, const pugi::xml_node& node) {
     const pugi::xml_node child = node.first_child();
     if (!child) return {};
-    CANDELA_TRY(count(file, child));
+    CANDELA_TRY(expect_element(file, child));
     return error_at(file.document.where(child),
                     fmt::format("<{}> cannot be inside <{}>", child.name(), node.name()));
   }
@@ -443,13 +442,19 @@ class Parser {
   Result<void> link_object(const File& file, const pugi::xml_node& node, std::size_t parent,
                            std::size_t index) {
     CANDELA_ASSIGN(const Element written, element(file, node));
-    add_link(parent, {modern_slot(file, parent, written.get("name")), written.where, index, false, {}});
-    return {};
+    return add_link(parent,
+                    {modern_slot(file, parent, written.get("name")), written.where, index, false, {}});
   }
 
-  void add_link(std::size_t parent, Link link) {
+  Result<void> add_link(std::size_t parent, Link link) {
     link.after_property = !link.slot.empty() && drafts_[parent].object->find(link.slot) != nullptr;
-    drafts_[parent].links.push_back(std::move(link));
+    std::vector<Link>& links = drafts_[parent].links;
+    CANDELA_TRY(make_room(links, budget_, link.where, "the scene's objects"));
+    // And the child that the link will be.
+    const std::uint64_t texts = 2 * heap_bytes(link.slot) + heap_bytes(link.id) + heap_bytes(link.where);
+    CANDELA_TRY(budget_.charge(texts + sizeof(Child), link.where, "the scene's objects"));
+    links.push_back(std::move(link));
+    return {};
   }
 
   // Slots follow the spelling of parameters, but for names of an OBJ file's materials.
@@ -466,14 +471,20 @@ class Parser {
       return error_at(property.where, fmt::format("a parameter of {} has an empty name", describe(object)));
     for (Link& link : drafts_[parent].links)
       if (link.slot == property.name) link.before_property = true;
+    CANDELA_TRY(budget_.charge(memory_of(property) - sizeof property, property.where, "the scene's values"));
     for (Property& first : object.properties)
       if (first.name == property.name) {
+        // Each looks at all links: a bound keeps hostile input cheap.
+        if (++drafts_[parent].repeated > max_properties)
+          return error_at(property.where, fmt::format("{} has more than {} parameters given again",
+                                                      describe(object), max_properties));
         give_again(first, std::move(property), object);
         return {};
       }
     if (object.properties.size() >= max_properties)
       return error_at(property.where,
                       fmt::format("{} has more than {} parameters", describe(object), max_properties));
+    CANDELA_TRY(make_room(object.properties, budget_, property.where, "the scene's values"));
     object.properties.push_back(std::move(property));
     return {};
   }
@@ -491,7 +502,7 @@ class Parser {
     Mat4 matrix = transform::identity;
     for (const pugi::xml_node& child : node.children()) {
       work_step();
-      CANDELA_TRY(count(file, child));
+      CANDELA_TRY(expect_element(file, child));
       CANDELA_ASSIGN(const Element operation, element(file, child));
       if (!is_transform_operation(operation.name))
         return operation.error(fmt::format("<{}> cannot be inside <transform>", operation.name))
@@ -522,21 +533,23 @@ class Parser {
                   .with_mend("the first transform of <animation> is taken"));
     const pugi::xml_node first = node.child("transform");
     if (!first) return {};
-    CANDELA_TRY(count(file, first));
+    CANDELA_TRY(expect_element(file, first));
     return parse_transform(file, first, written, parent);
   }
 
   Result<void> parse_reference(const File& file, const Element& written, std::size_t parent) {
     CANDELA_TRY(written.expect({"id"}, {"name"}));
     CANDELA_TRY(check_name(written, "name"));
-    add_link(parent, {modern_slot(file, parent, written.get("name")), written.where, 0, true,
-                      std::string(written.get("id"))});
-    return {};
+    return add_link(parent, {modern_slot(file, parent, written.get("name")), written.where, 0, true,
+                             std::string(written.get("id"))});
   }
 
   Result<void> parse_default(const Element& written) {
     CANDELA_TRY(written.expect({"name", "value"}));
     if (written.get("name").empty()) return written.error("<default> has an empty name");
+    constexpr std::size_t entry_bytes = 160;
+    CANDELA_TRY(budget_.charge(entry_bytes + written.find("name")->size() + written.find("value")->size(),
+                               written.where, "values of <default>"));
     parameters_.add_default(*written.find("name"), *written.find("value"));
     return {};
   }
@@ -585,13 +598,14 @@ class Parser {
                               const Element& written, std::size_t parent, int depth) {
     const std::string_view name = root.name();
     if (name == "scene") {
-      CANDELA_TRY(count(included, root));
+      CANDELA_TRY(expect_element(included, root));
       CANDELA_TRY(parse_children(included, root, parent, depth));
     } else if (is_other_integrator(name)) {
       CANDELA_TRY(pass_over_integrator(included, root, parent, depth + 1));
     } else if (is_category(name)) {
       CANDELA_ASSIGN(const std::size_t index, parse_object(included, root, depth + 1));
-      add_link(parent, {modern_slot(file, parent, written.get("name")), written.where, index, false, {}});
+      CANDELA_TRY(add_link(
+          parent, {modern_slot(file, parent, written.get("name")), written.where, index, false, {}}));
     } else {
       return unknown_element(included.document.where(root), name);
     }
@@ -599,6 +613,7 @@ class Parser {
   }
 
   SceneFiles files_;
+  ReadingBudget& budget_;
   std::string main_key_;
   Parameters parameters_;
   const Reading& reading_;
@@ -609,8 +624,8 @@ class Parser {
   std::vector<Note> notes_;
   std::vector<Note> passed_over_;
   std::string aovs_;
-  std::size_t node_count_ = 0;
   std::size_t include_count_ = 0;
+  std::set<std::size_t> has_integrator_;  // drafts that an <integrator> in place of another was put into
 };
 
 }  // namespace
@@ -632,23 +647,8 @@ std::vector<Error> all_errors(const FileSource& files, const std::string& main_k
   }
   const UnpackedFiles unpacked(files);
   const auto read = Parser(unpacked, main_key, parameters, reading, &errors).run();
-  if (!read.ok() && errors.empty()) errors.push_back(read.error());
+  if (!read.ok() && (errors.empty() || files.budget().refused())) errors.push_back(read.error());
   return errors;
-}
-
-bool is_old_scene(const FileSource& files, const std::string& main_key) {
-  if (pbrt::is_pbrt_file(main_key)) return false;
-  const UnpackedFiles unpacked(files);
-  const auto document = SceneFiles(unpacked, main_key).document(main_key);
-  if (!document.ok()) return false;
-  const std::optional<int> major = major_version((*document)->root().attribute("version").value());
-  return major && *major < 2;
-}
-
-Result<SceneDescription> parse_scene(const FileSource& files, const std::string& main_key,
-                                     const std::map<std::string, std::string>& parameters) {
-  CANDELA_ASSIGN(ReadScene scene, read_scene(files, main_key, parameters, {}));
-  return std::move(scene.description);
 }
 
 }  // namespace candela::description

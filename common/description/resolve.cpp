@@ -16,6 +16,7 @@ namespace {
 
 constexpr int max_height = 128;
 constexpr std::uint64_t max_unfolded = 20'000'000;
+constexpr std::size_t max_replaced = 256;
 constexpr std::size_t max_resolved_notes = 100'000;
 
 class Resolver {
@@ -42,6 +43,8 @@ class Resolver {
     std::vector<Location> where;
     // What Mitsuba has and Candela lacks (another integrator) is kept, but nobody knows its rules.
     const PluginRule* rule = find_plugin(draft.object->category, draft.object->plugin);
+    const bool unfolds = draft.object->category != "scene" && draft.object->category != "shape";
+    std::size_t replaced = 0;
     for (const Link& link : draft.links) {
       work_step();
       std::size_t target = link.target;
@@ -58,7 +61,7 @@ class Resolver {
         continue;
       }
       node.height = std::max(node.height, nodes_[target].height + 1);
-      node.unfolded = std::min(max_unfolded + 1, node.unfolded + nodes_[target].unfolded);
+      if (unfolds) node.unfolded = std::min(max_unfolded + 1, node.unfolded + nodes_[target].unfolded);
       if (drafts_[target].left_out) continue;
       const Child child{link.slot, drafts_[target].object};
       if (draft.object->category == "shape" && child.object->plugin == "irradiancemeter" &&
@@ -95,6 +98,10 @@ class Resolver {
           tell_twice(*draft.object, link.slot, draft.object->find(link.slot)->where, link.where);
           continue;
         }
+        // Each replacement looks at all children: a bound keeps hostile input cheap.
+        if (++replaced > max_replaced)
+          return error_at(link.where, fmt::format("{} has more than {} textures and volumes as parameters",
+                                                  describe(*draft.object), max_replaced));
         replace_value(*draft.object, link, where);
       }
       if (lenient_ && rule != nullptr && is_unfit_texture(*draft.object, *rule, child)) {

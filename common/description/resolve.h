@@ -32,6 +32,7 @@ struct Draft {
   bool left_out = false;   // so are links to this
   bool legacy = false;     // written in a file before version 2
   std::optional<std::size_t> given_way = {};  // an integrator that runs in its place
+  std::size_t repeated = 0;                   // parameters that were given again
   bool broken = false;                        // an error within was told: whether it is complete nobody knows
 
   // The names of the parameters that are links.
@@ -55,8 +56,9 @@ struct Joining {
 };
 
 // Fills in the children of all drafts and checks them. Errors: unknown ids (naming the
-// nearest), references that lead back to themselves, nesting deeper than 128 with references followed, graphs
-// that would unfold into more than 20 million objects, and textures beyond max_texture_unfolded.
+// nearest), references that lead back to themselves, nesting deeper than 128 with references followed, bsdfs
+// and other parts of surfaces and media that would unfold into more than 20 million objects, and textures
+// beyond max_texture_unfolded. What a scene or a shape refers to is built once, however often that is.
 Result<ObjectPtr> resolve(std::vector<Draft>& drafts, std::size_t root,
                           const std::map<std::string, std::size_t, std::less<>>& ids, const Joining& joining);
 

@@ -26,7 +26,7 @@ Result<std::unique_ptr<XmlDocument>> SceneFiles::document(const std::string& key
   CANDELA_ASSIGN(const FileSource::Bytes bytes, files_.open(key, XmlDocument::max_bytes));
   CANDELA_TRY(count_bytes(key, bytes.view.size()));
   used_.insert(key);
-  return XmlDocument::parse(key, bytes.view);
+  return XmlDocument::parse(key, bytes.view, budget());
 }
 
 Result<std::string> SceneFiles::find(const std::string& from, const Location& where, std::string_view name) {

@@ -38,6 +38,7 @@ class SceneFiles {
   // A <path> element of the XML file `from`.
   Result<void> add_folder(const std::string& from, const Location& where, std::string_view name);
 
+  ReadingBudget& budget() const { return files_.budget(); }
   const std::set<std::string>& used() const { return used_; }
 
  private:

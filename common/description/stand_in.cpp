@@ -114,4 +114,26 @@ void drop_unfit(Object& object, const PluginRule& rule, std::vector<Note>& passe
   });
 }
 
+std::optional<Property> take_normal_map_file(Draft& draft) {
+  const auto has_map = [](const Link& link) { return link.slot == "normalmap"; };
+  std::vector<Property>& properties = draft.object->properties;
+  const auto named = std::find_if(properties.begin(), properties.end(),
+                                  [](const Property& property) { return property.name == "filename"; });
+  if (named == properties.end() || !std::holds_alternative<std::string>(named->value) ||
+      std::any_of(draft.links.begin(), draft.links.end(), has_map))
+    return std::nullopt;
+  Property name = std::move(*named);
+  properties.erase(named);
+  return name;
+}
+
+std::shared_ptr<Object> raw_bitmap(Property filename) {
+  auto texture = std::make_shared<Object>();
+  texture->category = "texture";
+  texture->plugin = "bitmap";
+  texture->where = filename.where;
+  texture->properties = {filename, {"raw", PropertyType::boolean, true, filename.where}};
+  return texture;
+}
+
 }  // namespace candela::description::stand_in

@@ -41,6 +41,11 @@ void rename_unknown(const Object& object, const PluginRule& rule, Property& prop
 // plugin that stands in, and under the lenient reading.
 void pass_over_unknown(Draft& draft, const PluginRule& rule, bool lenient, std::vector<Note>& passed_over);
 
+// Takes the property `filename` from a normal map that has no texture. Nothing: it has one, or no such name.
+std::optional<Property> take_normal_map_file(Draft& draft);
+// The texture of a file whose values are no colors.
+std::shared_ptr<Object> raw_bitmap(Property filename);
+
 // Drops the properties that the rule does not accept.
 void drop_unfit(Object& object, const PluginRule& rule, std::vector<Note>& passed_over);
 

@@ -174,8 +174,12 @@ vertex normals turn in Mitsuba up to 3.9.1 (0.6's `serialized` does not), sphere
 
 ## Limits
 
-Elements are nested at most 64 deep, includes 64, objects (with references followed) 128; a scene has at most 20 million
-elements, 10 000 includes, 1 GiB of XML, and 256 MiB in one file. XML is UTF-8.
+Elements are nested at most 64 deep, includes 64, objects (with references followed) 128; a scene has at most 10 000 includes,
+1 GiB of XML, and 256 MiB in one file. XML is UTF-8. An object's parameters are given again at most 256 times.
+
+Reading a scene, of XML or of pbrt, takes memory up to `--scene-memory` (half of the memory that the process may have): a scene
+that needs more is refused before the memory is taken, at the place where it would be. An instance costs about 1 KB, whatever
+its group holds; a triangle about 200 bytes. Textures have a limit of their own, `--texture-memory`.
 
 ## Plugins
 

@@ -32,7 +32,8 @@ class Inflater {
 };
 
 // The first `max_bytes` of the content or more, or all of it if it is shorter.
-Result<std::string> unpack(std::string_view bytes, const std::string& key, std::size_t max_bytes) {
+Result<std::string> unpack(std::string_view bytes, const std::string& key, std::size_t max_bytes,
+                           Charge& charge) {
   Inflater inflater;
   if (!inflater.ready()) return resource_error("not enough memory to unpack").at(key, 0);
   z_stream& stream = inflater.stream();
@@ -54,6 +55,14 @@ Result<std::string> unpack(std::string_view bytes, const std::string& key, std::
     }
     const std::size_t before = result.size();
     const std::size_t room = std::min(step_bytes, max_bytes + 1 - before);
+    if (before + room > result.capacity()) {
+      // Both the old and the new buffer are there while it grows.
+      const std::size_t old = before > 0 ? result.capacity() : 0;
+      const std::size_t wanted = std::max(before + room, 2 * old);
+      CANDELA_TRY(charge.add(wanted, {key, 0}, "the unpacked bytes"));
+      result.reserve(wanted);
+      charge.give_back(old);
+    }
     result.resize(before + room);
     stream.next_out = reinterpret_cast<Bytef*>(result.data() + before);
     stream.avail_out = static_cast<uInt>(room);
@@ -74,9 +83,20 @@ Error too_large(const std::string& key, std::size_t max_bytes) {
 }  // namespace
 
 Result<std::string> unpack_gzip(std::string_view bytes, const std::string& key, std::size_t max_bytes) {
-  CANDELA_ASSIGN(std::string content, unpack(bytes, key, max_bytes));
+  Charge charge;
+  CANDELA_ASSIGN(std::string content, unpack(bytes, key, max_bytes, charge));
   if (content.size() > max_bytes) return too_large(key, max_bytes);
   return content;
+}
+
+Result<UnpackedFiles::Content> UnpackedFiles::unpack(const Bytes& packed, const std::string& key,
+                                                     std::size_t max_bytes) const {
+  Charge charge(budget());
+  CANDELA_ASSIGN(std::string text, description::unpack(packed.view, key, max_bytes, charge));
+  const std::size_t grown = text.capacity();
+  text.shrink_to_fit();
+  charge.give_back(grown - text.capacity());
+  return Content{std::move(text), std::move(charge)};
 }
 
 Result<FileSource::Bytes> UnpackedFiles::open(const std::string& key) const {
@@ -91,18 +111,19 @@ Result<FileSource::Bytes> UnpackedFiles::open(const std::string& key, std::size_
     return known->second;
   }
   CANDELA_ASSIGN(const Bytes packed, files_.open(key));
-  CANDELA_ASSIGN(std::string content, unpack_gzip(packed.view, key, max_bytes));
-  auto owner = std::make_shared<const std::string>(std::move(content));
-  const std::string_view view = *owner;
+  CANDELA_ASSIGN(Content content, unpack(packed, key, max_bytes));
+  if (content.text.size() > max_bytes) return too_large(key, max_bytes);
+  auto owner = std::make_shared<const Content>(std::move(content));
+  const std::string_view view = owner->text;
   return unpacked_.emplace(key, Bytes{std::move(owner), view}).first->second;
 }
 
 Result<FileSource::Bytes> UnpackedFiles::start(const std::string& key, std::size_t count) const {
   CANDELA_ASSIGN(Bytes bytes, files_.open(key));
   if (!key.ends_with(".gz")) return bytes;
-  CANDELA_ASSIGN(std::string content, unpack(bytes.view, key, count));
-  auto owner = std::make_shared<const std::string>(std::move(content));
-  const std::string_view view = *owner;
+  CANDELA_ASSIGN(Content content, unpack(bytes, key, count));
+  auto owner = std::make_shared<const Content>(std::move(content));
+  const std::string_view view = owner->text;
   return Bytes{std::move(owner), view};
 }
 

@@ -6,11 +6,12 @@
 #include <string>
 
 #include "common/description/object.h"
+#include "common/description/reading_budget.h"
 
 namespace candela::description {
 
-// Opens the files of another source. What ends in .gz is unpacked once and kept; the other source outlives
-// this one. May be used by several threads.
+// Opens the files of another source. What ends in .gz is unpacked once and kept, and counts in the other
+// source's budget as long; the other source outlives this one. May be used by several threads.
 class UnpackedFiles final : public FileSource {
  public:
   explicit UnpackedFiles(const FileSource& files) : files_(files) {}
@@ -22,8 +23,15 @@ class UnpackedFiles final : public FileSource {
   Result<Bytes> start(const std::string& key, std::size_t count) const;
   // Whether the file can be read. A packed file is not unpacked.
   Result<void> find(const std::string& key) const;
+  ReadingBudget& budget() const override { return files_.budget(); }
 
  private:
+  struct Content {
+    std::string text;
+    Charge charge;
+  };
+  Result<Content> unpack(const Bytes& packed, const std::string& key, std::size_t max_bytes) const;
+
   const FileSource& files_;
   mutable std::mutex mutex_;
   mutable std::map<std::string, Bytes> unpacked_;

@@ -8,7 +8,33 @@
 
 namespace candela::description {
 
-Result<std::unique_ptr<XmlDocument>> XmlDocument::parse(const std::string& key, std::string_view bytes) {
+namespace {
+
+// How often `first` is followed by `second` or `third`, blanks between them or not.
+std::size_t count_pairs(std::string_view bytes, char first, char second, char third) {
+  std::size_t count = 0;
+  for (std::size_t at = bytes.find(first); at != std::string_view::npos; at = bytes.find(first, at + 1)) {
+    const std::size_t next = bytes.find_first_not_of(" \t\r\n", at + 1);
+    if (next == std::string_view::npos) break;
+    if (bytes[next] == second || bytes[next] == third) ++count;
+    if (bytes[next] != first) at = next - 1;
+  }
+  return count;
+}
+
+// pugixml keeps a copy of the text, and for each element, text and attribute a record of this size.
+constexpr std::size_t node_bytes = 64, attribute_bytes = 40;
+
+std::uint64_t tree_bytes(std::string_view bytes, std::size_t lines) {
+  const auto tags = static_cast<std::size_t>(std::count(bytes.begin(), bytes.end(), '<'));
+  return bytes.size() + lines * sizeof(std::size_t) + tags * node_bytes +
+         count_pairs(bytes, '=', '"', '\'') * attribute_bytes;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<XmlDocument>> XmlDocument::parse(const std::string& key, std::string_view bytes,
+                                                        ReadingBudget& budget) {
   if (bytes.size() > max_bytes)
     return input_error(
                fmt::format("the file has {} bytes, more than the limit of {}", bytes.size(), max_bytes))
@@ -18,6 +44,10 @@ Result<std::unique_ptr<XmlDocument>> XmlDocument::parse(const std::string& key, 
 
   auto document = std::make_unique<XmlDocument>();
   document->key_ = key;
+  const auto lines = static_cast<std::size_t>(std::count(bytes.begin(), bytes.end(), '\n'));
+  document->charge_ = Charge(budget);
+  CANDELA_TRY(document->charge_.add(tree_bytes(bytes, lines), {key, 0}, "the file's elements"));
+  document->line_ends_.reserve(lines);
   for (std::size_t at = bytes.find('\n'); at != std::string_view::npos; at = bytes.find('\n', at + 1))
     document->line_ends_.push_back(at);
   if (const std::size_t nul = bytes.find('\0'); nul != std::string_view::npos)

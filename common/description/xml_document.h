@@ -9,6 +9,7 @@
 
 #include "common/base/result.h"
 #include "common/description/object.h"
+#include "common/description/reading_budget.h"
 
 namespace candela::description {
 
@@ -17,7 +18,9 @@ class XmlDocument {
   static constexpr std::size_t max_bytes = std::size_t{256} << 20;
 
   // Errors name the file by its key, and the line of what is not well-formed. UTF-8 only.
-  static Result<std::unique_ptr<XmlDocument>> parse(const std::string& key, std::string_view bytes);
+  // The tree counts in the budget, which outlives the document.
+  static Result<std::unique_ptr<XmlDocument>> parse(const std::string& key, std::string_view bytes,
+                                                    ReadingBudget& budget);
 
   const std::string& key() const { return key_; }
   pugi::xml_node root() const { return root_; }  // the one root element
@@ -27,6 +30,7 @@ class XmlDocument {
   int line_at(std::ptrdiff_t offset) const;
 
   std::string key_;
+  Charge charge_;
   std::vector<std::size_t> line_ends_;  // offsets of '\n'
   pugi::xml_document document_;
   pugi::xml_node root_;

@@ -162,6 +162,23 @@ TEST_F(Check, BadScenesAreCodeTwo) {
   EXPECT_NE(broken.err.find("broken.obj"), std::string::npos) << broken.err;
 }
 
+// Claim: a scene that needs more memory than --scene-memory is code 2 and one line, which names the place,
+// the limit and the option; a value that is no size is an error of the option.
+TEST_F(Check, ScenesBeyondTheMemoryAreCodeTwo) {
+  std::string many;
+  for (int i = 0; i < 20'000; ++i) many += "<shape type='sphere'/>\n";
+  const Outcome outcome = check(many, {"--scene-memory", "8M"});
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_EQ(outcome.out, "");
+  EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+  EXPECT_NE(outcome.err.find((folder_ / "scene.xml").string() + ":"), std::string::npos) << outcome.err;
+  EXPECT_NE(outcome.err.find("more memory than the 8 MiB"), std::string::npos) << outcome.err;
+  EXPECT_NE(outcome.err.find("--scene-memory"), std::string::npos) << outcome.err;
+  const Outcome bad = check(box, {"--scene-memory", "much"});
+  EXPECT_EQ(bad.code, 2);
+  EXPECT_NE(bad.err.find("--scene-memory: 'much' is not a size in bytes"), std::string::npos) << bad.err;
+}
+
 // Claim: all errors of a scene's text are listed, the file and line of each, with the exit code of one.
 TEST_F(Check, ListsAllErrors) {
   const Outcome outcome = check("<shape type='cubus'/>\n<bsdf type='difuse'/>\n<shape type='obj'/>");

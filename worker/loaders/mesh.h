@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/base/result.h"
+#include "common/description/reading_budget.h"
 #include "worker/core/vec.h"
 
 namespace candela::loaders {
@@ -55,9 +56,10 @@ Result<Mesh> load_ply(std::string_view bytes, const std::string& name, const Wan
                       const Vec3d& origin = {});
 
 // Mitsuba's serialized format, versions 3 and 4, single and double precision. shape_index: which of the
-// file's meshes. Memory is bounded by what the compressed bytes can really hold, whatever the file claims.
-// Its only attribute is vertex_color.
+// file's meshes. Memory is bounded by what the compressed bytes can really hold, whatever the file claims,
+// and what it claims must fit into the budget. Its only attribute is vertex_color.
 Result<Mesh> load_serialized(std::string_view bytes, const std::string& name, std::int64_t shape_index,
-                             const WantedAttributes& wanted = {}, const Vec3d& origin = {});
+                             const WantedAttributes& wanted = {}, const Vec3d& origin = {},
+                             description::ReadingBudget& budget = description::ReadingBudget::unlimited());
 
 }  // namespace candela::loaders

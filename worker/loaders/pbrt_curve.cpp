@@ -94,11 +94,14 @@ Result<PieceList> curve(ParameterList& parameters, const Location& where, std::s
 
 Result<std::vector<PieceList>> load_pbrt_curves(std::string_view bytes, const std::string& name,
                                                 std::int64_t offset, int line, std::int64_t count,
-                                                std::size_t max_pieces) {
+                                                std::size_t max_pieces, description::ReadingBudget& budget) {
   const Location first{name, line};
   if (offset < 0 || static_cast<std::uint64_t>(offset) >= bytes.size())
     return error_at(first, "the offset of a shape lies outside of the file");
-  Tokens tokens(name, bytes, static_cast<std::size_t>(offset), line);
+  Tokens tokens(name, bytes, static_cast<std::size_t>(offset), line, nullptr, budget);
+  // Of a piece and of a tube around it, while the shape is made.
+  constexpr std::uint64_t kPieceBytes = sizeof(CubicPiece) + 4096;
+  description::Charge charge(budget);
   std::vector<PieceList> result;
   for (std::int64_t i = 0; i < count; ++i) {
     CANDELA_ASSIGN(const auto word, tokens.next());
@@ -109,6 +112,7 @@ Result<std::vector<PieceList>> load_pbrt_curves(std::string_view bytes, const st
     CANDELA_ASSIGN(ParameterList parameters, ParameterList::read(tokens));
     CANDELA_ASSIGN(PieceList pieces, curve(parameters, where, max_pieces));
     max_pieces -= pieces.size();
+    CANDELA_TRY(charge.add(pieces.size() * kPieceBytes, where, "pieces of curves"));
     result.push_back(std::move(pieces));
   }
   return result;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/base/result.h"
+#include "common/description/reading_budget.h"
 #include "worker/loaders/curves.h"
 
 namespace candela::loaders {
@@ -25,8 +26,9 @@ constexpr std::size_t kMostCubicPieces = (std::size_t{1} << 28) / 20;
 // begins, in line `line`. Bezier curves and B-splines, of degree 2 or 3, become cubic pieces; the radius,
 // half of pbrt's width, is linear in the curve's parameter. More pieces than `max_pieces` in all are an error
 // at the directive that has them.
-Result<std::vector<PieceList>> load_pbrt_curves(std::string_view bytes, const std::string& name,
-                                                std::int64_t offset, int line, std::int64_t count,
-                                                std::size_t max_pieces = kMostCubicPieces);
+Result<std::vector<PieceList>> load_pbrt_curves(
+    std::string_view bytes, const std::string& name, std::int64_t offset, int line, std::int64_t count,
+    std::size_t max_pieces = kMostCubicPieces,
+    description::ReadingBudget& budget = description::ReadingBudget::unlimited());
 
 }  // namespace candela::loaders

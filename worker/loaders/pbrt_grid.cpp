@@ -120,11 +120,11 @@ Result<VolumeData> cloud(ParameterList& parameters, const Location& where) {
 }  // namespace
 
 Result<VolumeData> load_pbrt_grid(std::string_view bytes, const std::string& name, std::int64_t offset,
-                                  int line, std::string_view quantity) {
+                                  int line, std::string_view quantity, description::ReadingBudget& budget) {
   const Location where{name, line};
   if (offset < 0 || static_cast<std::uint64_t>(offset) >= bytes.size())
     return error_at(where, "the offset of a medium lies outside of the file");
-  Tokens tokens(name, bytes, static_cast<std::size_t>(offset), line);
+  Tokens tokens(name, bytes, static_cast<std::size_t>(offset), line, nullptr, budget);
   CANDELA_ASSIGN(const auto word, tokens.next());
   CANDELA_ASSIGN(const auto medium, tokens.next());
   if (!word || word->quoted || word->text != "MakeNamedMedium" || !medium || !medium->quoted)

@@ -102,11 +102,15 @@ Result<Mesh> triangle_mesh(ParameterList& parameters, const Location& where, con
   return mesh;
 }
 
-Result<Mesh> subdivision_mesh(ParameterList& parameters, const Location& where, const Vec3d& origin) {
+Result<Mesh> subdivision_mesh(ParameterList& parameters, const Location& where, const Vec3d& origin,
+                              description::ReadingBudget& budget) {
   CANDELA_ASSIGN(Mesh mesh, triangle_mesh(parameters, where, origin));
   CANDELA_ASSIGN(const std::int64_t levels, parameters.integer("levels", 3));
   if (levels < 0 || levels > 10 || mesh.triangles.size() > (kMostTriangles >> (2 * levels)))
     return error_at(where, "a subdivision of " + std::to_string(levels) + " levels has too many triangles");
+  constexpr std::uint64_t kTriangleBytes = 120;  // with its vertices and edges, while the last level is made
+  description::Charge charge(budget);
+  CANDELA_TRY(charge.add((mesh.triangles.size() << (2 * levels)) * kTriangleBytes, where, "the subdivision"));
   return loop_subdivision(std::move(mesh), static_cast<int>(levels));
 }
 
@@ -165,11 +169,16 @@ void add_patch(Mesh& mesh, const Vertices& v, const std::uint32_t* corner) {
   });
 }
 
-Result<Mesh> bilinear_mesh(ParameterList& parameters, const Location& where, const Vec3d& origin) {
+Result<Mesh> bilinear_mesh(ParameterList& parameters, const Location& where, const Vec3d& origin,
+                           description::ReadingBudget& budget) {
   CANDELA_ASSIGN(const Vertices v, vertices(parameters, where, origin));
   CANDELA_ASSIGN(const std::vector<std::uint32_t> corners, indices(parameters, where, v.positions.size(), 4));
   if (corners.size() > kMostTriangles / (2 * kPatchGrid * kPatchGrid))
     return error_at(where, "the mesh has too many patches");
+  constexpr std::uint64_t kPatchBytes = (kPatchGrid + 1) * (kPatchGrid + 1) * sizeof(GridPoint) +
+                                        2 * kPatchGrid * kPatchGrid * 3 * sizeof(std::uint32_t);
+  description::Charge charge(budget);
+  CANDELA_TRY(charge.add(corners.size() / 4 * kPatchBytes, where, "the patches"));
   Mesh mesh;
   for (std::size_t i = 0; i < corners.size(); i += 4) add_patch(mesh, v, &corners[i]);
   return mesh;
@@ -260,11 +269,11 @@ Mesh cylinder(const Quadric& q) {
 }  // namespace
 
 Result<Mesh> load_pbrt_shape(std::string_view bytes, const std::string& name, std::int64_t offset, int line,
-                             const Vec3d& origin) {
+                             const Vec3d& origin, description::ReadingBudget& budget) {
   const Location where{name, line};
   if (offset < 0 || static_cast<std::uint64_t>(offset) >= bytes.size())
     return error_at(where, "the offset of a shape lies outside of the file");
-  Tokens tokens(name, bytes, static_cast<std::size_t>(offset), line);
+  Tokens tokens(name, bytes, static_cast<std::size_t>(offset), line, nullptr, budget);
   CANDELA_ASSIGN(const auto word, tokens.next());
   if (!word || word->quoted || word->text != "Shape")
     return error_at(where, "no Shape directive begins at byte " + std::to_string(offset));
@@ -273,8 +282,8 @@ Result<Mesh> load_pbrt_shape(std::string_view bytes, const std::string& name, st
   const std::string kind(type->text);
   CANDELA_ASSIGN(ParameterList parameters, ParameterList::read(tokens));
   if (kind == "trianglemesh") return triangle_mesh(parameters, where, origin);
-  if (kind == "bilinearmesh") return bilinear_mesh(parameters, where, origin);
-  if (kind == "loopsubdiv") return subdivision_mesh(parameters, where, origin);
+  if (kind == "bilinearmesh") return bilinear_mesh(parameters, where, origin, budget);
+  if (kind == "loopsubdiv") return subdivision_mesh(parameters, where, origin, budget);
   if (kind != "sphere" && kind != "disk" && kind != "cylinder")
     return error_at(where, "a shape '" + kind + "' is not made of triangles");
   CANDELA_ASSIGN(const Quadric q, quadric(parameters, where, kind == "sphere"));

@@ -148,7 +148,8 @@ std::vector<Vec3> to_vec3(const std::vector<float>& flat) {
 }  // namespace
 
 Result<Mesh> load_serialized(std::string_view bytes, const std::string& name, std::int64_t shape_index,
-                             const WantedAttributes& wanted, const Vec3d& origin) {
+                             const WantedAttributes& wanted, const Vec3d& origin,
+                             description::ReadingBudget& budget) {
   const auto fail = [&](std::string message) { return input_error(std::move(message)).at(name, 0); };
   if (bytes.size() < 8 || read_at<std::uint16_t>(bytes, 0) != kMagic) {
     return fail("not a serialized mesh file (it does not start with 0x041C)");
@@ -209,14 +210,17 @@ Result<Mesh> load_serialized(std::string_view bytes, const std::string& name, st
   if ((flags & kHasTangents) != 0) return fail("serialized meshes with tangents are not supported");
   const std::uint64_t numbers = 3 + ((flags & kHasNormals) != 0 ? 3u : 0u) +
                                 ((flags & kHasUvs) != 0 ? 2u : 0u) + ((flags & kHasColors) != 0 ? 3u : 0u);
-  const std::uint64_t budget = compressed.size() * kMostInflation;
-  if (vertex_count >= 0xffffffffu || vertex_count > budget / (numbers * (reader.doubles ? 8 : 4)) ||
-      triangle_count > budget / 12) {
+  const std::uint64_t most_bytes = compressed.size() * kMostInflation;
+  if (vertex_count >= 0xffffffffu || vertex_count > most_bytes / (numbers * (reader.doubles ? 8 : 4)) ||
+      triangle_count > most_bytes / 12) {
     return fail("the mesh claims " + std::to_string(vertex_count) + " vertices and " +
                 std::to_string(triangle_count) + " triangles, more than the file can hold");
   }
   if (triangle_count == 0) return fail("mesh " + std::to_string(shape_index) + " has no triangles");
 
+  description::Charge charge(budget);
+  CANDELA_TRY(charge.add(vertex_count * numbers * (reader.doubles ? 16 : 8) + triangle_count * 12, {name, 0},
+                         "the inflated mesh"));
   Mesh mesh;
   mesh.face_normals = (flags & kFaceNormals) != 0;
   std::vector<float> flat;

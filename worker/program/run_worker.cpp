@@ -22,8 +22,8 @@ namespace {
 
 // Options as written; empty if not given.
 struct Texts {
-  std::string master, cache, cache_size, texture_memory, scratch, threads, name, tls_cert, tls_key, tls_ca,
-      give_up, log_level, log_format;
+  std::string master, cache, cache_size, texture_memory, scene_memory, scratch, threads, name, tls_cert,
+      tls_key, tls_ca, give_up, log_level, log_format;
   bool insecure = false;
 };
 
@@ -41,9 +41,9 @@ Result<void> read_threads(const Chosen& chosen, unsigned& out) {
 }
 
 Result<WorkerOptions> resolve(const DaemonSettings& settings, const Texts& texts) {
-  CANDELA_TRY(settings.check_names({"master", "cache", "cache-size", "texture-memory", "scratch", "threads",
-                                    "name", "tls-cert", "tls-key", "tls-ca", "insecure", "give-up",
-                                    "log-level", "log-format"}));
+  CANDELA_TRY(settings.check_names({"master", "cache", "cache-size", "texture-memory", "scene-memory",
+                                    "scratch", "threads", "name", "tls-cert", "tls-key", "tls-ca", "insecure",
+                                    "give-up", "log-level", "log-format"}));
   const auto choose = [&](const std::string& option, const std::string& given) {
     return settings.choose(option, given, DaemonSettings::Scope::shared);
   };
@@ -57,6 +57,7 @@ Result<WorkerOptions> resolve(const DaemonSettings& settings, const Texts& texts
   }
   CANDELA_TRY(read_bytes(choose("cache-size", texts.cache_size), options.cache_limit_bytes));
   CANDELA_TRY(read_bytes(choose("texture-memory", texts.texture_memory), options.texture_memory_bytes));
+  CANDELA_TRY(read_bytes(choose("scene-memory", texts.scene_memory), options.reading_memory_bytes));
   options.scratch_dir = choose("scratch", texts.scratch).value;
   CANDELA_TRY(read_threads(choose("threads", texts.threads), options.threads));
   CANDELA_TRY(read_seconds(choose("give-up", texts.give_up), options.give_up_seconds));
@@ -117,6 +118,8 @@ int run_worker(int argc, char** argv) {
                  "Limit of the cache in bytes, with K, M, G or T; default: 20G");
   app.add_option("--texture-memory", texts.texture_memory,
                  "Decoded textures of a scene beyond this lie in a file; default: a quarter of the memory");
+  app.add_option("--scene-memory", texts.scene_memory,
+                 "Memory that reading a scene may take, else its job fails; default: half of the memory");
   app.add_option("--scratch", texts.scratch, "Folder for that file, on a disk; default: the cache's")
       ->type_name("DIR");
   app.add_option("--threads", texts.threads, "Render threads; default: all cores this process may use");

@@ -8,6 +8,7 @@
 
 #include "common/base/work_monitor.h"
 #include "common/description/reading.h"
+#include "common/description/reading_budget.h"
 #include "common/description/unpacked_files.h"
 #include "common/film/layers.h"
 #include "common/stages/decision.h"
@@ -223,18 +224,20 @@ class SceneRenderer final : public Renderer {
 Result<std::unique_ptr<Renderer>> compile(const description::FileSource& files, const std::string& main_key,
                                           const std::map<std::string, std::string>& parameters,
                                           const JobSettings& settings, unsigned threads,
-                                          const scene::TextureLimits& textures) {
+                                          const scene::TextureLimits& textures, std::uint64_t memory_bytes) {
   CANDELA_ASSIGN(const integrators::IntegratorEntry* entry,
                  integrators::find_integrator(settings.integrator));
   CANDELA_ASSIGN(const samplers::SamplerKind sampler, sampler_kind(settings.sampler));
   CANDELA_ASSIGN(film::PixelFilter filter,
                  film::PixelFilter::create(settings.filter, settings.filter_settings));
   work_phase(WorkPhase::reading);
+  description::ReadingBudget budget(memory_bytes);
+  const description::BudgetedFiles counted(files, budget);
   // The client has refused what it should or told of it; what has come here is rendered.
   CANDELA_ASSIGN(const description::ReadScene scene_file,
-                 description::read_scene(files, main_key, parameters,
+                 description::read_scene(counted, main_key, parameters,
                                          {.integrator = settings.integrator, .lenient = true}));
-  const description::UnpackedFiles unpacked(files);
+  const description::UnpackedFiles unpacked(counted);
   const description::SceneDescription& description = scene_file.description;
   scene::Scene::Options options;
   options.isa = settings.isa;
@@ -273,8 +276,10 @@ Result<std::unique_ptr<Renderer>> Renderer::create(const description::FileSource
                                                    const std::string& main_key,
                                                    const std::map<std::string, std::string>& parameters,
                                                    const JobSettings& settings, unsigned threads,
-                                                   const scene::TextureLimits& textures) {
-  return unless_stopped([&] { return compile(files, main_key, parameters, settings, threads, textures); });
+                                                   const scene::TextureLimits& textures,
+                                                   std::uint64_t memory_bytes) {
+  return unless_stopped(
+      [&] { return compile(files, main_key, parameters, settings, threads, textures, memory_bytes); });
 }
 
 std::vector<std::string> supported_isas() {

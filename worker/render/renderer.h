@@ -2,6 +2,7 @@
 // network here.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -35,13 +36,15 @@ class Renderer {
   virtual ~Renderer() = default;
 
   // Loads, validates and compiles. The scene is independent of the film size and the seed. What `textures`
-  // allows does not change a bit of the image. Ends as "stopped" where the thread's WorkMonitor says so; so
-  // do pilot() and run().
+  // allows does not change a bit of the image. `memory_bytes`: what reading and building the scene may take;
+  // 0: the default of description::ReadingBudget. Ends as "stopped" where the thread's WorkMonitor says so;
+  // so do pilot() and run().
   static Result<std::unique_ptr<Renderer>> create(const description::FileSource& files,
                                                   const std::string& main_key,
                                                   const std::map<std::string, std::string>& parameters,
                                                   const JobSettings& settings, unsigned threads,
-                                                  const scene::TextureLimits& textures = {});
+                                                  const scene::TextureLimits& textures = {},
+                                                  std::uint64_t memory_bytes = 0);
 
   // Pure functions of (scene, settings, unit, input): not of threads, time, or what ran before.
   virtual Result<PilotResult> pilot(const RunContext& context) const = 0;

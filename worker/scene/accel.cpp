@@ -10,6 +10,7 @@
 
 #include <embree3/rtcore.h>
 
+#include <atomic>
 #include <cmath>
 #include <cstddef>
 #include <cstring>
@@ -65,6 +66,23 @@ const char* name(RTCError code) {
   }
   return "unknown error";
 }
+
+// What Embree asks before it takes memory, from several threads.
+struct Memory {
+  description::ReadingBudget& budget;
+  std::atomic<std::uint64_t> refused = 0;  // bytes
+
+  static bool ask(void* user, ssize_t bytes, bool /*post*/) {
+    auto* memory = static_cast<Memory*>(user);
+    if (bytes <= 0) {
+      memory->budget.give_back(static_cast<std::uint64_t>(-bytes));
+      return true;
+    }
+    if (memory->budget.take(static_cast<std::uint64_t>(bytes))) return true;
+    memory->refused = static_cast<std::uint64_t>(bytes);
+    return false;
+  }
+};
 
 Error embree_error(const FirstError& first, const char* doing) {
   const std::string message = std::string("Embree failed at ") + doing + ": " + name(first.code) +
@@ -345,7 +363,8 @@ Accel::Accel(Accel&&) noexcept = default;
 Accel& Accel::operator=(Accel&&) noexcept = default;
 Accel::~Accel() = default;
 
-Result<Accel> Accel::build(const Geometry& geometry, const std::string& isa, unsigned threads) {
+Result<Accel> Accel::build(const Geometry& geometry, const std::string& isa, unsigned threads,
+                           description::ReadingBudget& budget) {
   CANDELA_TRY(check_isa(isa));
   const std::string config =
       "isa=" + isa + ",threads=" + std::to_string(std::max(1u, threads)) + ",verbose=0";
@@ -361,7 +380,9 @@ Result<Accel> Accel::build(const Geometry& geometry, const std::string& isa, uns
     return failed_error("this Embree was built without " + isa + ", which the job asks for")
         .with_field("isa");
   }
+  Memory memory{budget};
   rtcSetDeviceErrorFunction(device, remember_error, &first);
+  rtcSetDeviceMemoryMonitorFunction(device, Memory::ask, &memory);
   impl->geometry = &geometry;
   impl->scene.reset(rtcNewScene(device));
   RTCScene scene = impl->scene.get();
@@ -372,6 +393,9 @@ Result<Accel> Accel::build(const Geometry& geometry, const std::string& isa, uns
     impl->ties = Ties::build(device, geometry);
   }
   rtcSetDeviceErrorFunction(device, nullptr, nullptr);
+  rtcSetDeviceMemoryMonitorFunction(device, nullptr, nullptr);
+  if (const std::uint64_t bytes = memory.refused; bytes > 0)
+    return budget.refusal({}, "Embree's trees", bytes);
   if (first.code != RTC_ERROR_NONE || scene == nullptr) return embree_error(first, "building the scene");
   return Accel(std::move(impl));
 }

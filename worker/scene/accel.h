@@ -5,6 +5,7 @@
 #include <string>
 
 #include "common/base/result.h"
+#include "common/description/reading_budget.h"
 #include "worker/core/vec.h"
 #include "worker/scene/shapes/geometry.h"
 
@@ -14,7 +15,9 @@ class Accel {
  public:
   // Builds over `geometry`, which must outlive this and not change. isa: "sse2", "sse4.2", "avx", "avx2" or
   // "avx512"; one that this machine or this Embree lacks is an error, never replaced by another.
-  static Result<Accel> build(const Geometry& geometry, const std::string& isa, unsigned threads);
+  // Embree's memory counts in the budget.
+  static Result<Accel> build(const Geometry& geometry, const std::string& isa, unsigned threads,
+                             description::ReadingBudget& budget = description::ReadingBudget::unlimited());
   Accel(Accel&&) noexcept;
   Accel& operator=(Accel&&) noexcept;
   ~Accel();

@@ -40,8 +40,16 @@ Result<std::unique_ptr<Scene>> Scene::build(const description::SceneDescription&
                                             const description::FileSource& files, const Options& options) {
   if (description.scene == nullptr) return internal_error("the scene description is empty");
   std::optional<Placement> far;
-  auto near = build_in_place(*description.scene, files, options, options.in_place ? nullptr : &far);
-  if (!far) return near;
+  std::optional<description::ReadingBudget> part(std::in_place,
+                                                 description::ReadingBudget::PartOf{files.budget()});
+  auto near = build_in_place(*description.scene, description::BudgetedFiles(files, *part), options,
+                             options.in_place ? nullptr : &far);
+  if (!far) {
+    if (near.ok()) part->keep();
+    return near;
+  }
+  if (near.ok()) near->reset();
+  part.reset();
   const description::ObjectPtr root = moved(description.scene, *far);
   auto scene = build_in_place(*root, files, options, nullptr);
   // Where the shapes could not be built in place the middle was a guess, and so is this error.
@@ -125,7 +133,10 @@ Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& 
   }
   for (const Bsdf& bsdf : impl.bsdfs) impl.straight.push_back(bsdf.facts().straight);
   builder.finish_features();
-  CANDELA_ASSIGN(Accel accel, Accel::build(impl.geometry, options.isa, options.build_threads));
+  Result<Accel> built = Accel::build(impl.geometry, options.isa, options.build_threads, files.budget());
+  if (!built.ok() && built.error().kind == ErrorKind::input)
+    return std::move(built).error().at(root.where.file, root.where.line);
+  CANDELA_ASSIGN(Accel accel, std::move(built));
   impl.accel = std::make_unique<Accel>(std::move(accel));
   scene->find_media(static_cast<float>(options.film_width), static_cast<float>(options.film_height));
   return scene;

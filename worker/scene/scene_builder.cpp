@@ -48,6 +48,19 @@ Result<Frame> frame_of(const description::Object& object, const Transform& to_wo
   return Frame{Vec3(s), Vec3(t), Vec3(n)};
 }
 
+constexpr std::uint64_t kLightBytes = sizeof(Emitter) + 256;  // with its bounds, and nodes of the light tree
+constexpr std::uint64_t kMapEntryBytes = 64;                  // beside the value
+
+std::uint64_t memory_of(const Shape& shape) {
+  std::uint64_t bytes = shape.positions.size() * sizeof(Vec3) + shape.normals.size() * sizeof(Vec3) +
+                        shape.uvs.size() * sizeof(Vec2) +
+                        shape.triangles.size() * (sizeof(shape.triangles[0]) + sizeof(Triangle));
+  for (const loaders::MeshAttribute& attribute : shape.attributes)
+    bytes += attribute.values.size() * sizeof(Spectrum);
+  return bytes + (shape.sphere ? sizeof(SphereRecord) : 0) + (shape.disk ? sizeof(DiskRecord) : 0) +
+         (shape.cylinder ? sizeof(CylinderRecord) : 0);
+}
+
 // A mesh of which no face has an area.
 bool is_empty(const Shape& shape) {
   return shape.triangles.empty() && !shape.sphere && !shape.disk && !shape.cylinder;
@@ -138,7 +151,9 @@ Result<std::uint32_t> SceneBuilder::bsdf_of(const description::Object& shape, bo
   }
   const auto known = bsdf_of_object_.find(given.get());
   if (known != bsdf_of_object_.end()) return known->second;
+  CANDELA_TRY(count(*given, sizeof(Bsdf) + kMapEntryBytes, "bsdfs"));
   CANDELA_ASSIGN(Bsdf bsdf, Bsdf::build(*given, textures_, coats_));
+  CANDELA_TRY(count(*given, bsdf.arena_parts() * sizeof(Bsdf), "bsdfs"));
   bsdfs_.push_back(std::move(bsdf));
   const auto index = static_cast<std::uint32_t>(bsdfs_.size() - 1);
   bsdf_of_object_[given.get()] = index;
@@ -194,6 +209,7 @@ Result<std::uint32_t> SceneBuilder::group_of(const description::ObjectPtr& objec
   if (known != group_of_object_.end()) return known->second;
   const auto shapes = object->children_of("shape");
   if (shapes.empty()) return error_at(*object, "the shapegroup has no shapes");
+  CANDELA_TRY(count(*object, sizeof(Group) + kMapEntryBytes, "shapegroups"));
   std::uint32_t group = geometry_.begin_group();
   for (const auto& shape : shapes) {
     work_step();
@@ -229,6 +245,7 @@ Result<void> SceneBuilder::instance(const description::Object& object) {
 Result<void> SceneBuilder::stretched(const description::Object& object) {
   description::Object round = object;
   std::erase_if(round.properties, [](const description::Property& p) { return p.name == "to_world"; });
+  CANDELA_TRY(count(object, sizeof(Group), "stretched shapes"));
   const std::uint32_t group = geometry_.begin_group();
   CANDELA_TRY(add_shape(round, true));
   return add_instance(object, group);
@@ -239,6 +256,7 @@ Result<void> SceneBuilder::add_instance(const description::Object& object, std::
   if (to_world.determinant() == 0 || !std::isfinite(1 / to_world.determinant())) {
     return error_at(object, "to_world is singular").with_field("to_world");
   }
+  CANDELA_TRY(count(object, sizeof(Instance), "instances"));
   geometry_.add_instance(group, to_world);
   if (!(geometry_.instances.back().inverse_norm <= 1.8e18)) {
     return error_at(object, "to_world makes the instance smaller than 1e-18 of its group")
@@ -320,11 +338,16 @@ Result<void> SceneBuilder::add_built(const description::Object& object, Shape sh
       geometry_.triangles.size() + shape.triangles.size() > kMostPrimitives) {
     return error_at(object, "the scene has more than 2^32 triangles or vertices");
   }
+  CANDELA_TRY(count(object,
+                    memory_of(shape) + sizeof(ShapeRecord) + sizeof(ShapePlace) +
+                        description::heap_bytes(object.where) + description::heap_bytes(object.id),
+                    "shapes"));
   count_bsdf(bsdfs_[record.bsdf]);
   const auto index = static_cast<std::uint32_t>(geometry_.shapes.size());
   if (!emitters.empty()) {
     // Samples of a rectangle do not name the triangle that they are on, which a wireframe reads: the lamp is
     // a mesh.
+    CANDELA_TRY(count(object, sizeof(AreaEmitter) + kLightBytes, "lights"));
     const bool as_mesh = texture_use_of_part(*emitters[0]).wireframe;
     area_emitters_.push_back({index, as_mesh ? std::nullopt : shape.rectangle, emitters[0]});
   }
@@ -490,6 +513,7 @@ Result<void> SceneBuilder::emitter(const description::Object& object) {
         object,
         fmt::format("a mesh_attribute, wireframe or volume texture needs a surface; a '{}' light has none",
                     object.plugin));
+  if (object.plugin != "area") CANDELA_TRY(count(object, kLightBytes, "lights"));
   const Transform to_world(object.get_transform("to_world"));
   if (object.plugin == "area") return {};  // glows in the shapes that refer to it, as in Mitsuba 3
   if (object.plugin == "point") {

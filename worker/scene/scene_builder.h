@@ -12,6 +12,7 @@
 
 #include "common/base/result.h"
 #include "common/description/object.h"
+#include "common/description/reading_budget.h"
 #include "worker/scene/accel.h"
 #include "worker/scene/bsdfs/bsdf_build.h"
 #include "worker/scene/emitters/lights.h"
@@ -94,6 +95,9 @@ class SceneBuilder {
   // With its group if it is the first of it.
   Result<void> instance(const description::Object& object);
   Result<void> add_instance(const description::Object& object, std::uint32_t group);
+  Result<void> count(const description::Object& object, std::uint64_t bytes, std::string_view what) {
+    return files_.budget().charge(bytes, object.where, what);
+  }
   // A round shape whose to_world stretches it: an instance of its own.
   Result<void> stretched(const description::Object& object);
   Result<void> add_shape(const description::Object& object, bool in_group);

@@ -35,10 +35,11 @@ Result<std::unique_ptr<Worker>> Worker::start(const WorkerOptions& options,
   }
   const scene::TextureLimits textures = {
       options.texture_memory_bytes, options.scratch_dir.empty() ? options.cache_dir : options.scratch_dir};
-  const auto create = [textures](const description::FileSource& files, const std::string& main_key,
-                                 const std::map<std::string, std::string>& parameters,
-                                 const JobSettings& settings, unsigned threads) {
-    return render::Renderer::create(files, main_key, parameters, settings, threads, textures);
+  const std::uint64_t memory = options.reading_memory_bytes;
+  const auto create = [textures, memory](const description::FileSource& files, const std::string& main_key,
+                                         const std::map<std::string, std::string>& parameters,
+                                         const JobSettings& settings, unsigned threads) {
+    return render::Renderer::create(files, main_key, parameters, settings, threads, textures, memory);
   };
   return FarmWorker::start(options, std::move(channel), {create, &render::supported_isas});
 }

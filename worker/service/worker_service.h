@@ -23,6 +23,8 @@ struct WorkerOptions {
   std::string tls_cert, tls_key, tls_ca;  // PEM files; all three or none
   bool insecure = false;                  // allow a non-loopback master without TLS
   std::uint64_t scene_memory_bytes = 0;   // compiled scenes kept; 0: half the machine's memory
+  std::uint64_t reading_memory_bytes =
+      0;  // that a scene may take while it is read; 0: ReadingBudget's default
   // Decoded texels of a scene beyond this lie in an unlinked file; 0: a quarter of the machine's memory.
   std::uint64_t texture_memory_bytes = 0;
   std::filesystem::path scratch_dir;  // of that file; empty: the cache's folder

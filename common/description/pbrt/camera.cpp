@@ -108,7 +108,7 @@ Result<ObjectPtr> build_filter(Context& context, Entity& filter, bool given) {
       context.differs(filter.where, "the window of the sinc filter is as wide as its radius, not tau");
   }
   CANDELA_TRY(context.refuse_unused(parameters, fmt::format("filter '{}'", filter.type)));
-  return Context::finish(object);
+  return context.finish(object);
 }
 
 // The pixels that are rendered, as parts of the whole image.
@@ -176,7 +176,7 @@ Result<ObjectPtr> build_sampler(Context& context, Entity& sampler) {
   set_integer(*object, "sample_count", samples);
   sampler.parameters.ignore({"seed", "randomization", "jitter"});
   CANDELA_TRY(context.refuse_unused(sampler.parameters, fmt::format("sampler '{}'", sampler.type)));
-  return Context::finish(object);
+  return context.finish(object);
 }
 
 // The rectangle at unit depth (times the tangent of half the field of view) that the image shows: x0, x1, y0,
@@ -360,12 +360,12 @@ Result<ObjectPtr> build_sensor(Context& context, RenderOptions& options, ObjectP
                                                            ? orthographic(context, options, film)
                                                            : perspective(context, options, film));
   CANDELA_TRY(context.refuse_unused(camera.parameters, fmt::format("camera '{}'", camera.type)));
-  CANDELA_ASSIGN(ObjectPtr finished, Context::finish(film.object));
+  CANDELA_ASSIGN(ObjectPtr finished, context.finish(film.object));
   add(*sensor, "", std::move(finished));
   CANDELA_ASSIGN(ObjectPtr sampler, build_sampler(context, options.sampler));
   add(*sensor, "", std::move(sampler));
   if (medium) add(*sensor, "", std::move(medium));
-  return Context::finish(sensor);
+  return context.finish(sensor);
 }
 
 namespace {
@@ -427,7 +427,7 @@ Result<ObjectPtr> build_integrator(Context& context, RenderOptions& options) {
         context.refuse_unused(integrator.parameters, fmt::format("integrator '{}'", integrator.type)));
   }
   if (find_plugin("integrator", plugin) == nullptr) return ObjectPtr(object);  // the caller knows its name
-  return Context::finish(object);
+  return context.finish(object);
 }
 
 }  // namespace candela::description::pbrt

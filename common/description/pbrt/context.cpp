@@ -44,12 +44,19 @@ Result<std::string> Context::find_file(const Location& where, std::string_view n
   return error;
 }
 
+// Where there is no memory for a note, the next object is an error.
+void Context::tell(std::vector<Note>& notes, Note note) const {
+  if (notes.size() >= max_told) return;
+  if (budget().take(2 * sizeof note + heap_bytes(note.text) + heap_bytes(note.where)))
+    notes.push_back(std::move(note));
+}
+
 void Context::warn(const Location& where, std::string text) {
-  if (passed_over_.size() < max_told) passed_over_.push_back({where, std::move(text)});
+  tell(passed_over_, {where, std::move(text)});
 }
 
 void Context::differs(const Location& where, std::string text) {
-  if (notes_.size() < max_told) notes_.push_back({where, std::move(text)});
+  tell(notes_, {where, std::move(text)});
 }
 
 Result<void> Context::refuse(const Error& error, std::string_view instead) {
@@ -57,7 +64,7 @@ Result<void> Context::refuse(const Error& error, std::string_view instead) {
     return error.mend.empty() ? Error(error).with_mend(fmt::format("with --lenient {}", instead)) : error;
   if (passed_over_.size() >= max_told) return {};
   const std::string mend = error.mend.empty() ? std::string() : fmt::format(" ({})", error.mend);
-  passed_over_.push_back({{error.file, error.line}, fmt::format("{}: {}{}", error.message, instead, mend)});
+  tell(passed_over_, {{error.file, error.line}, fmt::format("{}: {}{}", error.message, instead, mend)});
   return {};
 }
 
@@ -76,7 +83,7 @@ Error Context::unknown(const Location& where, std::string_view what, std::string
   return error_at(where, fmt::format("unknown {} {}", what, text::quote(name))).with_mend(std::move(mend));
 }
 
-Result<ObjectPtr> Context::finish(std::shared_ptr<Object> object) {
+Result<ObjectPtr> Context::finish(std::shared_ptr<Object> object) const {
   const PluginRule* rule = find_plugin(object->category, object->plugin);
   if (rule == nullptr)
     return internal_error(fmt::format("no rule for {}", describe(*object)))
@@ -86,7 +93,14 @@ Result<ObjectPtr> Context::finish(std::shared_ptr<Object> object) {
   where.reserve(object->children.size());
   for (const Child& child : object->children) where.push_back(child.object->where);
   CANDELA_TRY(check_children(*object, *rule, where));
+  CANDELA_TRY(budget().charge(memory_of(*object), object->where, "the scene's objects"));
   return ObjectPtr(std::move(object));
+}
+
+Result<void> add_counted(Object& object, ObjectPtr child, ReadingBudget& budget) {
+  CANDELA_TRY(make_room(object.children, budget, child->where, "the scene's objects"));
+  add(object, "", std::move(child));
+  return {};
 }
 
 std::shared_ptr<Object> make(std::string_view category, std::string_view plugin, const Location& where) {

@@ -20,6 +20,7 @@ class Context {
   Context(const UnpackedFiles& files, const Reading& reading) : files_(files), reading_(reading) {}
 
   const Reading& reading() const { return reading_; }
+  ReadingBudget& budget() const { return files_.budget(); }
 
   // The key of a file that the scene names: pbrt looks in the folder of the main file alone; ours then looks
   // in the folder of the file that names it.
@@ -46,14 +47,16 @@ class Context {
   static Error unknown(const Location& where, std::string_view what, std::string_view name,
                        std::span<const std::string_view> known);
 
-  // Checks parameters and children against the vocabulary.
-  static Result<ObjectPtr> finish(std::shared_ptr<Object> object);
+  // Checks parameters and children against the vocabulary, and counts the object's memory.
+  Result<ObjectPtr> finish(std::shared_ptr<Object> object) const;
 
   std::set<std::string> take_files() { return std::move(used_files_); }
   std::vector<Note> take_notes() { return std::move(notes_); }
   std::vector<Note> take_passed_over() { return std::move(passed_over_); }
 
  private:
+  void tell(std::vector<Note>& notes, Note note) const;
+
   const UnpackedFiles& files_;
   const Reading& reading_;
   std::string main_folder_;
@@ -70,6 +73,8 @@ void set(Object& object, std::string_view name, const std::string& value);
 void set_point(Object& object, std::string_view name, const Vec3& value);
 void set_integer(Object& object, std::string_view name, std::int64_t value);
 void set_flag(Object& object, std::string_view name, bool value);
+// The last child of `object`, whose list of children counts.
+Result<void> add_counted(Object& object, ObjectPtr child, ReadingBudget& budget);
 inline void add(Object& object, std::string_view slot, ObjectPtr child) {
   object.children.push_back({std::string(slot), std::move(child)});
 }

@@ -14,6 +14,9 @@ namespace candela::description::pbrt {
 namespace {
 
 constexpr std::size_t max_scopes = 100'000;
+constexpr std::size_t map_entry_bytes = 96;  // beside key and value, with the allocator's blocks
+
+constexpr std::array<std::string_view, 5> targets = {"shape", "light", "material", "medium", "texture"};
 
 }  // namespace
 
@@ -31,9 +34,32 @@ Result<void> GraphicsState::expect_world(Tokens& tokens, const Token& word) cons
   return error_at(tokens.where(word), fmt::format("{} stands before WorldBegin", word.text));
 }
 
-void GraphicsState::add_shared(std::string_view target, ParameterList& parameters) const {
-  if (const auto found = values_.shared.find(target); found != values_.shared.end())
-    parameters.add_defaults(found->second);
+const SharedParameters& GraphicsState::shared(std::string_view target) const {
+  const auto* const found = std::find(targets.begin(), targets.end(), target);
+  return values_.shared[static_cast<std::size_t>(found - targets.begin())];
+}
+
+Result<void> GraphicsState::set_material(MaterialName name) {
+  CANDELA_TRY(context_.budget().charge(sizeof name + map_entry_bytes + heap_bytes(name.name), name.where,
+                                       "names of materials"));
+  values_.material = std::make_shared<const MaterialName>(std::move(name));
+  return {};
+}
+
+const std::string& GraphicsState::outside() const {
+  static const std::string none;
+  return values_.outside != nullptr ? *values_.outside : none;
+}
+
+Result<std::shared_ptr<const std::string>> GraphicsState::shared_name(std::string name,
+                                                                      const Location& where) {
+  if (name.empty()) return std::shared_ptr<const std::string>();
+  if (const auto known = names_.find(name); known != names_.end()) return known->second;
+  CANDELA_TRY(context_.budget().charge(map_entry_bytes + 2 * (sizeof name + heap_bytes(name)), where,
+                                       "names of media"));
+  auto shared = std::make_shared<const std::string>(name);
+  names_.emplace(std::move(name), shared);
+  return shared;
 }
 
 void GraphicsState::name_camera() {
@@ -108,6 +134,9 @@ Result<void> GraphicsState::set_transform(Tokens& tokens, const Token& word) {
 
 Result<void> GraphicsState::coordinate_system(Tokens& tokens, const Token& word) {
   CANDELA_ASSIGN(const std::string name, read_string(tokens, word));
+  if (!coordinate_systems_.contains(name))
+    CANDELA_TRY(context_.budget().charge(map_entry_bytes + sizeof(Mat4) + heap_bytes(name),
+                                         tokens.where(word), "coordinate systems"));
   coordinate_systems_[name] = values_.world_from_object;
   return {};
 }
@@ -148,6 +177,7 @@ Result<void> GraphicsState::reverse_orientation(Tokens& tokens, const Token& wor
 Result<void> GraphicsState::push(Tokens& tokens, const Token& word, std::string_view name) {
   if (scopes_.size() >= max_scopes)
     return error_at(tokens.where(word), fmt::format("scopes are nested deeper than {} levels", max_scopes));
+  CANDELA_TRY(make_room(scopes_, context_.budget(), tokens.where(word), "scopes"));
   scopes_.push_back({name, tokens.where(word), values_});
   return {};
 }
@@ -174,11 +204,11 @@ Result<void> GraphicsState::attribute_end(Tokens& tokens, const Token& word) {
 
 Result<void> GraphicsState::attribute(Tokens& tokens, const Token& word) {
   CANDELA_ASSIGN(const Entity given, read_entity(context_, tokens, word));
-  constexpr std::array<std::string_view, 5> known = {"shape", "light", "material", "medium", "texture"};
-  if (std::find(known.begin(), known.end(), given.type) == known.end())
-    return Context::unknown(given.where, "target of Attribute", given.type, known);
-  values_.shared[given.type].append(given.parameters);
-  return {};
+  const auto* const target = std::find(targets.begin(), targets.end(), given.type);
+  if (target == targets.end())
+    return Context::unknown(given.where, "target of Attribute", given.type, targets);
+  return given.parameters.add_to(values_.shared[static_cast<std::size_t>(target - targets.begin())],
+                                 context_.budget());
 }
 
 Result<void> GraphicsState::color_space_directive(Tokens& tokens, const Token& word) {
@@ -191,14 +221,16 @@ Result<void> GraphicsState::color_space_directive(Tokens& tokens, const Token& w
 
 // One name for both sides, or two.
 Result<void> GraphicsState::medium_interface(Tokens& tokens, const Token& word) {
-  CANDELA_ASSIGN(values_.inside, read_string(tokens, word));
+  CANDELA_ASSIGN(std::string name, read_string(tokens, word));
+  CANDELA_ASSIGN(values_.inside, shared_name(std::move(name), tokens.where(word)));
   values_.outside = values_.inside;
   CANDELA_ASSIGN(const std::optional<Token> second, tokens.next());
   if (!second) return {};
-  if (second->quoted)
-    values_.outside = std::string(second->text);
-  else
+  if (second->quoted) {
+    CANDELA_ASSIGN(values_.outside, shared_name(std::string(second->text), tokens.where(word)));
+  } else {
     tokens.unget(*second);
+  }
   return {};
 }
 

@@ -2,7 +2,9 @@
 // media and shared parameters.
 #pragma once
 
+#include <array>
 #include <map>
+#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
@@ -26,10 +28,10 @@ class GraphicsState {
     Mat4 world_from_object = transform::identity;
     bool reverse_orientation = false;
     ColorSpace space = ColorSpace::srgb;
-    MaterialName material;
-    std::string inside, outside;  // media
+    std::shared_ptr<const MaterialName> material;        // null: none is named
+    std::shared_ptr<const std::string> inside, outside;  // media; null: none
     ObjectPtr emitter;
-    std::map<std::string, ParameterList, std::less<>> shared;  // by the target of Attribute
+    std::array<SharedParameters, 5> shared;  // by the target of Attribute
   };
   using Handler = Result<void> (GraphicsState::*)(Tokens&, const Token&);
   struct Directive {
@@ -46,9 +48,11 @@ class GraphicsState {
   bool in_world() const { return in_world_; }
   Result<void> expect_world(Tokens& tokens, const Token& word) const;
 
-  // Gives the parameters those that Attribute has for the target.
-  bool shares(std::string_view target) const { return values_.shared.contains(target); }
-  void add_shared(std::string_view target, ParameterList& parameters) const;
+  Result<void> set_material(MaterialName name);
+  const std::string& outside() const;
+
+  // What Attribute directives give a target: "shape", "light", "material", "medium" or "texture".
+  const SharedParameters& shared(std::string_view target) const;
 
   // The camera has the current transform.
   void name_camera();
@@ -69,6 +73,8 @@ class GraphicsState {
     Values values;
   };
 
+  // A name that others share: each is kept once.
+  Result<std::shared_ptr<const std::string>> shared_name(std::string name, const Location& where);
   Result<void> apply(Tokens& tokens, const Token& word, const Mat4& matrix);
   Result<void> identity(Tokens& tokens, const Token& word);
   Result<void> translate(Tokens& tokens, const Token& word);
@@ -94,6 +100,7 @@ class GraphicsState {
   Values values_;
   std::vector<Scope> scopes_;
   std::map<std::string, Mat4, std::less<>> coordinate_systems_;
+  std::map<std::string, std::shared_ptr<const std::string>, std::less<>> names_;
 };
 
 }  // namespace candela::description::pbrt

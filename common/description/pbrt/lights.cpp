@@ -48,7 +48,7 @@ Result<ObjectPtr> point(Context& context, LightEntity& entity) {
   set(*light, "intensity", intensity);
   set_point(*light, "position", transform_point(entity.to_world, from));
   if (entity.medium) add(*light, "", entity.medium);
-  return Context::finish(light);
+  return context.finish(light);
 }
 
 Result<ObjectPtr> spot(Context& context, LightEntity& entity) {
@@ -71,7 +71,7 @@ Result<ObjectPtr> spot(Context& context, LightEntity& entity) {
       entity.where,
       "the edge of a spot light falls off linearly in the angle, where pbrt has a smooth step in its "
       "cosine");
-  return Context::finish(light);
+  return context.finish(light);
 }
 
 Result<ObjectPtr> distant(Context& context, LightEntity& entity) {
@@ -82,7 +82,7 @@ Result<ObjectPtr> distant(Context& context, LightEntity& entity) {
   set(*light, "irradiance", irradiance);
   set_point(*light, "direction",
             transform_vector(entity.to_world, {to[0] - from[0], to[1] - from[1], to[2] - from[2]}));
-  return Context::finish(light);
+  return context.finish(light);
 }
 
 Result<ObjectPtr> infinite(Context& context, LightEntity& entity) {
@@ -97,7 +97,7 @@ Result<ObjectPtr> infinite(Context& context, LightEntity& entity) {
     const std::shared_ptr<Object> light = make("emitter", "constant", entity.where);
     CANDELA_ASSIGN(const Rgb radiance, emission(context, entity, "L", "illuminance", std::numbers::pi));
     set(*light, "radiance", radiance);
-    return Context::finish(light);
+    return context.finish(light);
   }
   if (parameters.has("L"))
     return error_at(entity.where, "the light has both 'filename' and 'L'").with_mend("leave one of them out");
@@ -117,10 +117,10 @@ Result<ObjectPtr> infinite(Context& context, LightEntity& entity) {
     set(*light, "scale", scale * entity.factor);
   }
   set(*light, "to_world", entity.to_world);
-  return Context::finish(light);
+  return context.finish(light);
 }
 
-Result<ObjectPtr> projection(Textures& textures, LightEntity& entity) {
+Result<ObjectPtr> projection(Context& context, Textures& textures, LightEntity& entity) {
   ParameterList& parameters = entity.parameters;
   const std::shared_ptr<Object> light = make("emitter", "projector", entity.where);
   CANDELA_ASSIGN(const std::string file, parameters.text("filename", ""));
@@ -144,7 +144,7 @@ Result<ObjectPtr> projection(Textures& textures, LightEntity& entity) {
   // The picture's right is +x in pbrt, and -x in Mitsuba.
   set(*light, "to_world", transform::multiply(entity.to_world, transform::scale({-1, 1, 1})));
   if (entity.medium) add(*light, "", entity.medium);
-  return Context::finish(light);
+  return context.finish(light);
 }
 
 Result<ObjectPtr> goniometric(Context& context, LightEntity& entity) {
@@ -164,7 +164,7 @@ Result<ObjectPtr> goniometric(Context& context, LightEntity& entity) {
   if (total > 0) set(*light, "power", total);
   set(*light, "to_world", entity.to_world);
   if (entity.medium) add(*light, "", entity.medium);
-  return Context::finish(light);
+  return context.finish(light);
 }
 
 }  // namespace
@@ -175,7 +175,7 @@ Result<ObjectPtr> build_light(Context& context, Textures& textures, LightEntity&
     if (entity.type == "spot") return spot(context, entity);
     if (entity.type == "distant") return distant(context, entity);
     if (entity.type == "infinite") return infinite(context, entity);
-    if (entity.type == "projection") return projection(textures, entity);
+    if (entity.type == "projection") return projection(context, textures, entity);
     if (entity.type == "goniometric") return goniometric(context, entity);
     CANDELA_TRY(context.refuse(Context::unknown(entity.where, "light", entity.type, light_types),
                                "it is read as 'point'"));
@@ -209,11 +209,11 @@ Result<ObjectPtr> build_area_light(Context& context, Textures& textures, LightEn
   } else {
     CANDELA_ASSIGN(ObjectPtr picture, textures.picture(entity.where, file, false));
     CANDELA_ASSIGN(const Value scaled,
-                   Textures::scaled({{}, std::move(picture), entity.where}, radiance.value));
+                   textures.scaled({{}, std::move(picture), entity.where}, radiance.value));
     set_color(*light, "radiance", scaled);
   }
   CANDELA_TRY(context.refuse_unused(parameters, "area light 'diffuse'"));
-  return Context::finish(light);
+  return context.finish(light);
 }
 
 }  // namespace candela::description::pbrt

@@ -52,6 +52,9 @@ Result<void> Materials::define(const std::string& name, ParameterList parameters
     return error_at(where, fmt::format("the material {} has no type", text::quote(name)))
         .with_mend("write \"string type\" \"diffuse\"");
   CANDELA_TRY(check_type(type, where));
+  constexpr std::size_t node_bytes = 64;
+  CANDELA_TRY(
+      context_.budget().charge(sizeof(Definition) + node_bytes + heap_bytes(name), where, "materials"));
   const auto [entry, added] =
       named_.try_emplace(name, Definition{type, std::move(parameters), space, where, false, std::nullopt});
   if (added) return {};
@@ -63,6 +66,7 @@ Result<void> Materials::define(const std::string& name, ParameterList parameters
 Result<std::size_t> Materials::add(const std::string& type, ParameterList parameters, ColorSpace space,
                                    const Location& where) {
   CANDELA_TRY(check_type(type, where));
+  CANDELA_TRY(make_room(numbered_, context_.budget(), where, "materials"));
   numbered_.push_back({type, std::move(parameters), space, where, false, std::nullopt});
   return numbered_.size() - 1;
 }
@@ -112,7 +116,7 @@ Result<Surface> Materials::read(Definition& definition) {
   if (type == "mix") return mix(definition);
   if (type == "subsurface") return subsurface(definition);
   if (type == "interface" || type.empty() || type == "none") {
-    CANDELA_ASSIGN(ObjectPtr null, Context::finish(make("bsdf", "null", definition.where)));
+    CANDELA_ASSIGN(ObjectPtr null, context_.finish(make("bsdf", "null", definition.where)));
     return Surface{std::move(null)};
   }
   if (type == "hair") return hair(definition);
@@ -132,7 +136,7 @@ Result<Surface> Materials::stand_in(Definition& definition, const Error& error) 
     break;
   }
   definition.parameters = {};
-  CANDELA_ASSIGN(ObjectPtr finished, Context::finish(std::move(bsdf)));
+  CANDELA_ASSIGN(ObjectPtr finished, context_.finish(std::move(bsdf)));
   return opaque(definition, std::move(finished));
 }
 
@@ -146,7 +150,7 @@ Result<ObjectPtr> Materials::with_maps(Definition& definition, ObjectPtr bsdf) {
     if (displacement->negated) set(*map, "scale", -1.0);
     set_plain_turn(*map);
     pbrt::add(*map, "", std::move(bsdf));
-    return Context::finish(map);
+    return context_.finish(map);
   }
   if (normals.empty()) return bsdf;
   CANDELA_ASSIGN(ObjectPtr picture, textures_.picture(definition.where, normals, true));
@@ -154,7 +158,7 @@ Result<ObjectPtr> Materials::with_maps(Definition& definition, ObjectPtr bsdf) {
   pbrt::add(*map, "normalmap", std::move(picture));
   set_plain_turn(*map);
   pbrt::add(*map, "", std::move(bsdf));
-  return Context::finish(map);
+  return context_.finish(map);
 }
 
 Result<Surface> Materials::opaque(Definition& definition, ObjectPtr bsdf) {
@@ -212,7 +216,7 @@ Result<Surface> Materials::diffuse(Definition& definition) {
   CANDELA_ASSIGN(const Value reflectance, textures_.reflectance(definition.parameters, "reflectance",
                                                                 {0.5, 0.5, 0.5}, definition.space));
   set_color(*bsdf, "reflectance", reflectance);
-  CANDELA_ASSIGN(ObjectPtr finished, Context::finish(std::move(bsdf)));
+  CANDELA_ASSIGN(ObjectPtr finished, context_.finish(std::move(bsdf)));
   return opaque(definition, std::move(finished));
 }
 
@@ -231,11 +235,11 @@ Result<ObjectPtr> Materials::coat(Definition& definition, const Value& reflectan
     if (!is_same(rough.u, rough.v)) {
       context_.differs(definition.where,
                        fmt::format("material '{}' has the mean of its two roughnesses", definition.type));
-      CANDELA_ASSIGN(alpha, Textures::mean(rough.u, rough.v));
+      CANDELA_ASSIGN(alpha, textures_.mean(rough.u, rough.v));
     }
     set_number(*bsdf, "alpha", at_least_smooth(alpha));
   }
-  return Context::finish(std::move(bsdf));
+  return context_.finish(std::move(bsdf));
 }
 
 Result<Surface> Materials::coated_diffuse(Definition& definition) {
@@ -270,7 +274,7 @@ Result<Materials::Metal> Materials::metal(Definition& definition, const std::str
     return metal;
   }
   if (!reflectance->is_constant()) {
-    CANDELA_ASSIGN(metal.reflectance, Textures::at_most_one(*reflectance));
+    CANDELA_ASSIGN(metal.reflectance, textures_.at_most_one(*reflectance));
     context_.differs(definition.where,
                      "a metal whose reflectance is a texture reflects the same at all angles");
     return metal;
@@ -293,13 +297,13 @@ Result<ObjectPtr> Materials::metal_bsdf(const Definition& definition, const Meta
     set_color(*bsdf, "specular_reflectance", *metal.reflectance);
   } else {
     const double by = 1 / outside;
-    CANDELA_ASSIGN(const Value eta, Textures::scaled(metal.eta, {by, by, by}));
-    CANDELA_ASSIGN(const Value k, Textures::scaled(metal.k, {by, by, by}));
+    CANDELA_ASSIGN(const Value eta, textures_.scaled(metal.eta, {by, by, by}));
+    CANDELA_ASSIGN(const Value k, textures_.scaled(metal.k, {by, by, by}));
     set_color(*bsdf, "eta", eta);
     set_color(*bsdf, "k", k);
   }
   if (!rough.smooth) set_microfacets(*bsdf, rough);
-  return Context::finish(std::move(bsdf));
+  return context_.finish(std::move(bsdf));
 }
 
 Result<Surface> Materials::conductor(Definition& definition) {
@@ -327,7 +331,7 @@ Result<Surface> Materials::coated_conductor(Definition& definition) {
       fmt::format("material 'coatedconductor' is 'coating': light that its layer reflects back down "
                   "is lost, and nothing scatters in the layer{}",
                   layer.smooth ? "" : ", which is smooth"));
-  CANDELA_ASSIGN(ObjectPtr bsdf, Context::finish(coating));
+  CANDELA_ASSIGN(ObjectPtr bsdf, context_.finish(coating));
   return opaque(definition, std::move(bsdf));
 }
 
@@ -339,7 +343,7 @@ Result<ObjectPtr> Materials::glass(Definition& definition) {
   set(*bsdf, "int_ior", eta);
   set(*bsdf, "ext_ior", 1.0);
   if (!rough.smooth) set_microfacets(*bsdf, rough);
-  return Context::finish(std::move(bsdf));
+  return context_.finish(std::move(bsdf));
 }
 
 Result<Surface> Materials::dielectric(Definition& definition) {
@@ -353,7 +357,7 @@ Result<Surface> Materials::thin_dielectric(Definition& definition) {
   CANDELA_ASSIGN(const double eta, index_of(context_, definition.parameters, "eta", 1.5));
   set(*bsdf, "int_ior", eta);
   set(*bsdf, "ext_ior", 1.0);
-  CANDELA_ASSIGN(ObjectPtr finished, Context::finish(std::move(bsdf)));
+  CANDELA_ASSIGN(ObjectPtr finished, context_.finish(std::move(bsdf)));
   CANDELA_ASSIGN(ObjectPtr mapped, with_maps(definition, std::move(finished)));
   return Surface{std::move(mapped)};
 }
@@ -366,8 +370,8 @@ Result<Surface> Materials::diffuse_transmission(Definition& definition) {
                  textures_.color(parameters, "transmittance", quarter, definition.space));
   CANDELA_ASSIGN(const double scale, parameters.number("scale", 1));
   for (Value* part : {&reflectance, &transmittance}) {
-    CANDELA_ASSIGN(*part, Textures::scaled(*part, {scale, scale, scale}));
-    CANDELA_ASSIGN(*part, Textures::at_most_one(*part));
+    CANDELA_ASSIGN(*part, textures_.scaled(*part, {scale, scale, scale}));
+    CANDELA_ASSIGN(*part, textures_.at_most_one(*part));
   }
   const bool constant = reflectance.is_constant() && transmittance.is_constant();
   double sum = 0;
@@ -382,7 +386,7 @@ Result<Surface> Materials::diffuse_transmission(Definition& definition) {
                         sum)),
         "both are scaled down"));
     for (Value* part : {&reflectance, &transmittance}) {
-      CANDELA_ASSIGN(*part, Textures::scaled(*part, {1 / sum, 1 / sum, 1 / sum}));
+      CANDELA_ASSIGN(*part, textures_.scaled(*part, {1 / sum, 1 / sum, 1 / sum}));
     }
   }
   if (!constant)
@@ -392,7 +396,7 @@ Result<Surface> Materials::diffuse_transmission(Definition& definition) {
   const std::shared_ptr<Object> bsdf = make("bsdf", "difftrans", definition.where);
   set_color(*bsdf, "reflectance", reflectance);
   set_color(*bsdf, "transmittance", transmittance);
-  CANDELA_ASSIGN(ObjectPtr finished, Context::finish(bsdf));
+  CANDELA_ASSIGN(ObjectPtr finished, context_.finish(bsdf));
   CANDELA_ASSIGN(ObjectPtr mapped, with_maps(definition, std::move(finished)));
   return Surface{std::move(mapped)};
 }
@@ -426,7 +430,7 @@ Result<Surface> Materials::mix(Definition& definition) {
       context_.differs(names->where, fmt::format("nothing scatters within {} in a mix", text::quote(name)));
     pbrt::add(*blend, "", std::move(part.bsdf));
   }
-  CANDELA_ASSIGN(ObjectPtr finished, Context::finish(blend));
+  CANDELA_ASSIGN(ObjectPtr finished, context_.finish(blend));
   return Surface{std::move(finished), nullptr, materials};
 }
 
@@ -474,7 +478,7 @@ Result<Surface> Materials::hair(Definition& definition) {
       color->constant[i] = std::exp(-std::sqrt(std::max(absorption[i], 0.0)) * factor);
   }
   parameters.ignore({"alpha", "eumelanin", "pheomelanin", "sigma_a"});
-  CANDELA_ASSIGN(const Value reflectance, Textures::at_most_one(*color));
+  CANDELA_ASSIGN(const Value reflectance, textures_.at_most_one(*color));
   const double smoothness = beta_m.is_constant() ? std::clamp(beta_m.number(), 0.0, 1.0) : 0.3;
   const Value alpha{{smoothness, smoothness, smoothness}, nullptr, definition.where};
   CANDELA_ASSIGN(ObjectPtr bsdf,

@@ -34,11 +34,11 @@ std::pair<Rgb, Rgb> extinction_and_albedo(const Vec3& absorption, const Vec3& sc
   return {extinction, albedo};
 }
 
-Result<void> add_phase(Object& medium, double g) {
+Result<void> add_phase(const Context& context, Object& medium, double g) {
   if (g == 0) return {};
   std::shared_ptr<Object> phase = make("phase", "hg", medium.where);
   set(*phase, "g", g);
-  CANDELA_ASSIGN(ObjectPtr finished, Context::finish(std::move(phase)));
+  CANDELA_ASSIGN(ObjectPtr finished, context.finish(std::move(phase)));
   add(medium, "", std::move(finished));
   return {};
 }
@@ -71,8 +71,8 @@ Result<ObjectPtr> scattering_medium(Context& context, ParameterList& parameters,
   set(*medium, "sigma_t", extinction);
   set(*medium, "albedo", albedo);
   set(*medium, "scale", scale);
-  CANDELA_TRY(add_phase(*medium, g));
-  return Context::finish(std::move(medium));
+  CANDELA_TRY(add_phase(context, *medium, g));
+  return context.finish(std::move(medium));
 }
 
 // The extinction of a grid of densities, times the scale, and the albedo.
@@ -85,7 +85,7 @@ Result<std::shared_ptr<Object>> Media::grid_medium(MediumEntity& entity,
                  coefficient(context_, parameters, "sigma_s", {1, 1, 1}, entity.space));
   const auto [extinction, albedo] = extinction_and_albedo(absorption, scattering);
   set(*grid, "factor", extinction);
-  CANDELA_ASSIGN(ObjectPtr finished, Context::finish(grid));
+  CANDELA_ASSIGN(ObjectPtr finished, context_.finish(grid));
   std::shared_ptr<Object> medium = make("medium", "heterogeneous", entity.where);
   add(*medium, "sigma_t", std::move(finished));
   set(*medium, "albedo", albedo);
@@ -128,8 +128,8 @@ Result<ObjectPtr> Media::finish_grid(MediumEntity& entity, std::shared_ptr<Objec
   CANDELA_ASSIGN(const double scale, entity.parameters.number("scale", 1));
   CANDELA_ASSIGN(const double g, entity.parameters.number("g", 0));
   set(*medium, "scale", scale);
-  CANDELA_TRY(add_phase(*medium, g));
-  return Context::finish(std::move(medium));
+  CANDELA_TRY(add_phase(context_, *medium, g));
+  return context_.finish(std::move(medium));
 }
 
 // Beyond the outermost centers of cells pbrt's grid falls to 0.
@@ -151,7 +151,7 @@ Result<ObjectPtr> Media::rgb_grid(MediumEntity& entity) {
         const std::shared_ptr<Object> grid,
         grid_in_box(entity, part == "albedo" ? "clamp" : "zero", {"nx", "ny", "nz", "sigma_a", "sigma_s"}));
     set(*grid, "grid", std::string(part));
-    CANDELA_ASSIGN(ObjectPtr finished, Context::finish(grid));
+    CANDELA_ASSIGN(ObjectPtr finished, context_.finish(grid));
     add(*medium, part, std::move(finished));
   }
   entity.parameters.ignore({"sigma_a", "sigma_s", "nx", "ny", "nz"});

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <tuple>
+#include <unordered_map>
 
 #include "common/base/work_monitor.h"
 #include "common/description/check.h"
@@ -59,23 +60,47 @@ Error unknown_type(const Location& where, std::string_view name) {
       .with_mend(text::did_you_mean(nearest_name(name, known)));
 }
 
-Result<void> add_value(Parameter& parameter, const Type& type, const Token& token, const Location& where) {
+constexpr std::size_t max_replaced = 100'000;
+
+// As vector's push_back(), with room that is asked for.
+template <class T>
+bool push(std::vector<T>& list, T value, Charge& charge) {
+  if (list.size() == list.capacity()) {
+    const std::size_t before = list.capacity(), after = std::max<std::size_t>(2 * before, 1);
+    if (!charge.take(after * sizeof(T))) return false;
+    list.reserve(after);
+    charge.give_back(before * sizeof(T));
+  }
+  list.push_back(std::move(value));
+  return true;
+}
+
+Error too_much(const Tokens& tokens, const Location& where) {
+  return tokens.budget().refusal(where, "values of parameters", 0);
+}
+
+Result<void> add_value(Parameter& parameter, const Type& type, const Token& token, const Tokens& tokens) {
   const auto wrong = [&](std::string_view expected) {
-    return error_at(where, fmt::format("{} is no {} (parameter {})", text::quote(token.text), expected,
-                                       text::quote(parameter.name)));
+    return error_at(tokens.where(token), fmt::format("{} is no {} (parameter {})", text::quote(token.text),
+                                                     expected, text::quote(parameter.name)));
   };
   if (type.kind == Kind::flags) {
     const std::optional<bool> flag = text::to_boolean(token.text);
     if (!flag) return wrong("true or false");
+    if (parameter.flags.size() == parameter.flags.capacity() &&
+        !parameter.charge.take(std::max<std::size_t>(parameter.flags.capacity() / 4, 16)))
+      return too_much(tokens, tokens.where(token));
     parameter.flags.push_back(*flag);
   } else if (type.kind == Kind::strings || (type.kind == Kind::either && token.quoted)) {
     if (!token.quoted) return wrong("string in quotes");
-    parameter.strings.emplace_back(token.text);
+    const std::uint64_t bytes = token.text.size() > 15 ? token.text.size() + 17 : 0;
+    if (!parameter.charge.take(bytes) || !push(parameter.strings, std::string(token.text), parameter.charge))
+      return too_much(tokens, tokens.where(token));
   } else {
     const std::optional<double> number = token.quoted ? std::nullopt : text::to_number(token.text);
     if (!number) return wrong("finite number");
     if (type.name == "integer" && *number != std::floor(*number)) return wrong("whole number");
-    parameter.numbers.push_back(*number);
+    if (!push(parameter.numbers, *number, parameter.charge)) return too_much(tokens, tokens.where(token));
   }
   return {};
 }
@@ -92,7 +117,7 @@ Result<void> read_values(Tokens& tokens, Parameter& parameter, const Type& type)
       return error_at(tokens.here(), fmt::format("the file ends within the values of parameter {}",
                                                  text::quote(parameter.name)));
     if (list && !token->quoted && token->text == "]") break;
-    CANDELA_TRY(add_value(parameter, type, *token, tokens.where(*token)));
+    CANDELA_TRY(add_value(parameter, type, *token, tokens));
     if (!list) break;
   }
   const std::size_t count = parameter.numbers.size();
@@ -121,6 +146,8 @@ Error several(const Parameter& parameter, std::size_t wanted) {
 
 Result<ParameterList> ParameterList::read(Tokens& tokens) {
   ParameterList list;
+  constexpr std::size_t few = 16;  // names among which a search is quick
+  std::unordered_map<std::string_view, std::size_t> places;
   while (true) {
     CANDELA_ASSIGN(const std::optional<Token> token, tokens.next());
     if (!token) return list;
@@ -128,37 +155,144 @@ Result<ParameterList> ParameterList::read(Tokens& tokens) {
       tokens.unget(*token);
       return list;
     }
-    Parameter parameter;
+    auto made = std::make_shared<Parameter>();
+    Parameter& parameter = *made;
     parameter.where = tokens.where(*token);
+    parameter.charge = Charge(tokens.budget());
+    constexpr std::size_t blocks = 64, place = 64;  // the allocator's, and that in `places`
+    if (!parameter.charge.take(sizeof(Parameter) + 2 * sizeof(Entry) + blocks + place + token->text.size() +
+                               heap_bytes(parameter.where)))
+      return too_much(tokens, parameter.where);
     CANDELA_ASSIGN(auto words, split(*token, parameter.where));
     std::tie(parameter.type, parameter.name) = std::move(words);
     const Type* type = find_type(parameter.type);
     if (type == nullptr) return unknown_type(parameter.where, parameter.type);
     CANDELA_TRY(read_values(tokens, parameter, *type));
-    const auto same = std::find_if(list.all_.begin(), list.all_.end(),
-                                   [&](const Parameter& other) { return other.name == parameter.name; });
-    if (same == list.all_.end()) {
-      list.all_.push_back(std::move(parameter));
+    std::size_t same = 0;
+    if (list.all_.size() < few) {
+      while (same < list.all_.size() && list.all_[same].parameter->name != parameter.name) ++same;
+    } else {
+      if (places.empty())
+        for (std::size_t i = 0; i < list.all_.size(); ++i) places.emplace(list.all_[i].parameter->name, i);
+      const auto known = places.find(parameter.name);
+      same = known == places.end() ? list.all_.size() : known->second;
+      // The key is the name of the parameter that stays.
+      if (known != places.end()) places.erase(known);
+      places.emplace(parameter.name, same);
+    }
+    if (same == list.all_.size()) {
+      list.all_.push_back({std::move(made)});
       continue;
     }
-    list.replaced_.push_back(
-        {parameter.where,
-         fmt::format("parameter {} is given twice: the last value counts", text::quote(parameter.name))});
-    *same = std::move(parameter);
+    if (list.replaced_.size() < max_replaced)
+      list.replaced_.push_back(
+          {parameter.where,
+           fmt::format("parameter {} is given twice: the last value counts", text::quote(parameter.name))});
+    list.all_[same].parameter = std::move(made);
   }
 }
+
+// ---- shared parameters ----
+
+struct SharedParameters::Node {
+  std::shared_ptr<const Parameter> parameter;
+  NodePtr left, right;  // of smaller and of larger names
+  int height = 1;
+  Charge charge;
+};
+
+int SharedParameters::height(const NodePtr& node) {
+  return node == nullptr ? 0 : node->height;
+}
+
+// `fits` becomes false beyond the budget; the tree is of no use then.
+SharedParameters::NodePtr SharedParameters::join(std::shared_ptr<const Parameter> parameter, NodePtr left,
+                                                 NodePtr right, ReadingBudget& budget, bool& fits) {
+  auto node = std::make_shared<Node>();
+  node->charge = Charge(budget);
+  constexpr std::size_t block = 32;
+  fits = node->charge.take(sizeof(Node) + block) && fits;
+  node->parameter = std::move(parameter);
+  node->height = 1 + std::max(height(left), height(right));
+  node->left = std::move(left);
+  node->right = std::move(right);
+  return node;
+}
+
+// Heights differ by 2 at most: an AVL tree.
+SharedParameters::NodePtr SharedParameters::balance(std::shared_ptr<const Parameter> parameter, NodePtr left,
+                                                    NodePtr right, ReadingBudget& budget, bool& fits) {
+  const auto joined = [&](std::shared_ptr<const Parameter> p, NodePtr l, NodePtr r) {
+    return join(std::move(p), std::move(l), std::move(r), budget, fits);
+  };
+  if (height(left) > height(right) + 1) {
+    if (height(left->left) >= height(left->right))
+      return joined(left->parameter, left->left, joined(std::move(parameter), left->right, std::move(right)));
+    const NodePtr& middle = left->right;
+    return joined(middle->parameter, joined(left->parameter, left->left, middle->left),
+                  joined(std::move(parameter), middle->right, std::move(right)));
+  }
+  if (height(right) > height(left) + 1) {
+    if (height(right->right) >= height(right->left))
+      return joined(right->parameter, joined(std::move(parameter), std::move(left), right->left),
+                    right->right);
+    const NodePtr& middle = right->left;
+    return joined(middle->parameter, joined(std::move(parameter), std::move(left), middle->left),
+                  joined(right->parameter, middle->right, right->right));
+  }
+  return joined(std::move(parameter), std::move(left), std::move(right));
+}
+
+SharedParameters::NodePtr SharedParameters::insert(const NodePtr& node,
+                                                   std::shared_ptr<const Parameter> parameter,
+                                                   ReadingBudget& budget, bool& fits) {
+  if (node == nullptr) return join(std::move(parameter), nullptr, nullptr, budget, fits);
+  const int order = parameter->name.compare(node->parameter->name);
+  if (order == 0) return join(std::move(parameter), node->left, node->right, budget, fits);
+  if (order < 0)
+    return balance(node->parameter, insert(node->left, std::move(parameter), budget, fits), node->right,
+                   budget, fits);
+  return balance(node->parameter, node->left, insert(node->right, std::move(parameter), budget, fits), budget,
+                 fits);
+}
+
+Result<void> SharedParameters::add(std::shared_ptr<const Parameter> parameter, ReadingBudget& budget) {
+  const Location& where = parameter->where;
+  const bool is_new = find(parameter->name) == nullptr;
+  bool fits = true;
+  NodePtr root = insert(root_, parameter, budget, fits);
+  if (!fits) return budget.refusal(where, "values of Attribute", sizeof(Node));
+  root_ = std::move(root);
+  if (is_new) ++size_;
+  return {};
+}
+
+const std::shared_ptr<const Parameter>* SharedParameters::find(std::string_view name) const {
+  const Node* node = root_.get();
+  while (node != nullptr) {
+    const int order = name.compare(node->parameter->name);
+    if (order == 0) return &node->parameter;
+    node = order < 0 ? node->left.get() : node->right.get();
+  }
+  return nullptr;
+}
+
+// ---- access ----
 
 const Parameter* ParameterList::take(std::string_view name,
                                      std::initializer_list<std::string_view> of_types) {
   if (std::find(asked_.begin(), asked_.end(), name) == asked_.end()) asked_.emplace_back(name);
-  for (Parameter& parameter : all_) {
-    if (parameter.name != name ||
-        std::find(of_types.begin(), of_types.end(), parameter.type) == of_types.end())
-      continue;
-    parameter.used = true;
-    return &parameter;
+  const auto fits = [&](const Parameter& parameter) {
+    return std::find(of_types.begin(), of_types.end(), parameter.type) != of_types.end();
+  };
+  for (Entry& entry : all_) {
+    if (entry.parameter->name != name) continue;
+    if (!fits(*entry.parameter)) return nullptr;
+    entry.used = true;
+    return entry.parameter.get();
   }
-  return nullptr;
+  const auto* shared = defaults_.find(name);
+  return shared != nullptr && fits(**shared) ? shared->get() : nullptr;
 }
 
 Result<std::optional<double>> ParameterList::optional_number(std::string_view name) {
@@ -207,14 +341,14 @@ Result<Vec3> ParameterList::point(std::string_view name, const Vec3& otherwise) 
 void ParameterList::ignore(std::initializer_list<std::string_view> names) {
   for (const std::string_view name : names) {
     asked_.emplace_back(name);
-    for (Parameter& parameter : all_) parameter.used |= parameter.name == name;
+    for (Entry& entry : all_) entry.used |= entry.parameter->name == name;
   }
 }
 
 std::optional<Error> ParameterList::first_unused(std::string_view of) {
-  for (Parameter& parameter : all_) {
-    if (parameter.used) continue;
-    parameter.used = true;
+  for (; next_unused_ < all_.size(); ++next_unused_) {
+    if (all_[next_unused_].used) continue;
+    const Parameter& parameter = *all_[next_unused_++].parameter;
     const std::vector<std::string_view> known(asked_.begin(), asked_.end());
     if (std::find(known.begin(), known.end(), parameter.name) != known.end())
       return error_at(parameter.where,
@@ -229,43 +363,49 @@ std::optional<Error> ParameterList::first_unused(std::string_view of) {
   return std::nullopt;
 }
 
-void ParameterList::add_defaults(const ParameterList& defaults) {
-  for (const Parameter& parameter : defaults.all_)
-    if (!has(parameter.name)) {
-      all_.push_back(parameter);
-      all_.back().used = true;  // it need not fit all that come after it
-    }
-}
-
-void ParameterList::append(const ParameterList& more) {
-  for (const Parameter& parameter : more.all_) {
-    std::erase_if(all_, [&](const Parameter& old) { return old.name == parameter.name; });
-    all_.push_back(parameter);
-  }
+Result<void> ParameterList::add_to(SharedParameters& defaults, ReadingBudget& budget) const {
+  for (const Entry& entry : all_) CANDELA_TRY(defaults.add(entry.parameter, budget));
+  return {};
 }
 
 bool ParameterList::is_only(std::initializer_list<std::string_view> names) const {
-  return std::all_of(all_.begin(), all_.end(), [&](const Parameter& parameter) {
-    return std::find(names.begin(), names.end(), parameter.name) != names.end();
-  });
+  std::size_t shared = 0;
+  for (const std::string_view name : names) shared += defaults_.find(name) != nullptr ? 1 : 0;
+  return shared == defaults_.size() && std::all_of(all_.begin(), all_.end(), [&](const Entry& entry) {
+           return std::find(names.begin(), names.end(), entry.parameter->name) != names.end();
+         });
 }
 
 const Parameter* ParameterList::given_outside(const std::string& file,
                                               std::initializer_list<std::string_view> names) const {
-  for (const Parameter& parameter : all_)
-    if (parameter.where.file != file && std::find(names.begin(), names.end(), parameter.name) != names.end())
-      return &parameter;
+  for (const auto& [parameter, used] : all_)
+    if (parameter->where.file != file &&
+        std::find(names.begin(), names.end(), parameter->name) != names.end())
+      return parameter.get();
+  if (defaults_.empty()) return nullptr;
+  for (const std::string_view name : names) {
+    const auto* shared = defaults_.find(name);
+    if (shared != nullptr && (*shared)->where.file != file && !has_own(name)) return shared->get();
+  }
   return nullptr;
 }
 
 void ParameterList::forget_long_lists() {
   constexpr std::size_t few = 16;
-  for (Parameter& parameter : all_)
-    if (parameter.numbers.size() > few) std::vector<double>().swap(parameter.numbers);
+  for (Entry& entry : all_) {
+    std::vector<double>& numbers = entry.parameter->numbers;
+    if (numbers.size() <= few) continue;
+    entry.parameter->charge.give_back(numbers.capacity() * sizeof(double));
+    std::vector<double>().swap(numbers);
+  }
+}
+
+bool ParameterList::has_own(std::string_view name) const {
+  return std::any_of(all_.begin(), all_.end(), [&](const Entry& e) { return e.parameter->name == name; });
 }
 
 bool ParameterList::has(std::string_view name) const {
-  return std::any_of(all_.begin(), all_.end(), [&](const Parameter& p) { return p.name == name; });
+  return has_own(name) || defaults_.find(name) != nullptr;
 }
 
 }  // namespace candela::description::pbrt

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <initializer_list>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -18,7 +19,33 @@ struct Parameter {
   std::vector<double> numbers;
   std::vector<std::string> strings;
   std::vector<bool> flags;
-  bool used = false;
+  Charge charge;  // of all this
+};
+
+// Parameters by name that others share. A copy is as quick as that of a pointer, and adding one to a copy
+// leaves the others as they are: persistent balanced trees.
+class SharedParameters {
+ public:
+  // Adds the parameter, or puts it in the place of one of its name. Errors: beyond the budget.
+  Result<void> add(std::shared_ptr<const Parameter> parameter, ReadingBudget& budget);
+
+  const std::shared_ptr<const Parameter>* find(std::string_view name) const;  // nullptr: none
+  std::size_t size() const { return size_; }
+  bool empty() const { return size_ == 0; }
+
+ private:
+  struct Node;
+  using NodePtr = std::shared_ptr<const Node>;
+  static int height(const NodePtr& node);
+  static NodePtr join(std::shared_ptr<const Parameter> parameter, NodePtr left, NodePtr right,
+                      ReadingBudget& budget, bool& fits);
+  static NodePtr balance(std::shared_ptr<const Parameter> parameter, NodePtr left, NodePtr right,
+                         ReadingBudget& budget, bool& fits);
+  static NodePtr insert(const NodePtr& node, std::shared_ptr<const Parameter> parameter,
+                        ReadingBudget& budget, bool& fits);
+
+  NodePtr root_;
+  std::size_t size_ = 0;
 };
 
 // Remembers which parameters were asked for: what nobody asks for is unknown.
@@ -46,23 +73,31 @@ class ParameterList {
   // 'diffuse'".
   std::optional<Error> first_unused(std::string_view of);
 
-  // Values of an Attribute directive, where the list has none of the name.
-  void add_defaults(const ParameterList& defaults);
-  void append(const ParameterList& more);
+  // Values of Attribute directives count where the list has none of the name. They need not fit.
+  void set_defaults(const SharedParameters& defaults) { defaults_ = defaults; }
+  // Gives all parameters to the defaults of others.
+  Result<void> add_to(SharedParameters& defaults, ReadingBudget& budget) const;
 
   bool has(std::string_view name) const;
   bool is_only(std::initializer_list<std::string_view> names) const;
   // The first of these parameters that another file than `file` gives; nullptr: none.
   const Parameter* given_outside(const std::string& file,
                                  std::initializer_list<std::string_view> names) const;
-  // Drops the values of lists that fill much memory: a loader reads them again.
+  // Drops the values of own lists that fill much memory: a loader reads them again.
   void forget_long_lists();
   // Values that a later one of the same name replaced.
   std::vector<Note> take_replaced() { return std::move(replaced_); }
-  bool empty() const { return all_.empty(); }
 
  private:
-  std::vector<Parameter> all_;
+  struct Entry {
+    std::shared_ptr<Parameter> parameter;
+    bool used = false;
+  };
+  bool has_own(std::string_view name) const;
+
+  std::vector<Entry> all_;
+  std::size_t next_unused_ = 0;  // those before it are used
+  SharedParameters defaults_;
   std::vector<std::string> asked_;
   std::vector<Note> replaced_;
 };

@@ -27,7 +27,6 @@ namespace {
 
 constexpr std::size_t max_includes = 1'000'000;
 constexpr std::size_t max_include_depth = 64;
-constexpr std::size_t max_entities = 20'000'000;
 constexpr std::size_t max_total_bytes = std::size_t{4} << 30;
 
 struct Instance {
@@ -81,7 +80,7 @@ class Reader {
       return input_error(fmt::format("the scene has more than {} bytes of text", max_total_bytes)).at(key, 0);
     include_stack_.push_back(key);
     follows_shape_ = false;
-    Tokens tokens(key, bytes.view, 0, 1, includer);
+    Tokens tokens(key, bytes.view, 0, 1, includer, context_.budget());
     while (!tokens.at_end()) {
       work_step();
       CANDELA_ASSIGN(const std::optional<Token> word, tokens.next());
@@ -158,7 +157,7 @@ class Reader {
   Result<void> camera(Tokens& tokens, const Token& word) {
     CANDELA_TRY(option_entity(tokens, word, options_.camera));
     options_.camera_from_world = state_.values().world_from_object;
-    options_.camera_medium = state_.values().outside;
+    options_.camera_medium = state_.outside();
     state_.name_camera();
     return {};
   }
@@ -202,30 +201,28 @@ class Reader {
   Result<void> material(Tokens& tokens, const Token& word) {
     CANDELA_TRY(state_.expect_world(tokens, word));
     CANDELA_ASSIGN(Entity given, read_entity(context_, tokens, word));
-    state_.add_shared("material", given.parameters);
+    given.parameters.set_defaults(state_.shared("material"));
     CANDELA_ASSIGN(const std::size_t index, materials_.add(given.type, std::move(given.parameters),
                                                            state_.values().space, given.where));
-    state_.values().material = {{}, index, given.where};
-    return {};
+    return state_.set_material({{}, index, given.where});
   }
   Result<void> make_named_material(Tokens& tokens, const Token& word) {
     CANDELA_TRY(state_.expect_world(tokens, word));
     CANDELA_ASSIGN(Entity given, read_entity(context_, tokens, word));
-    state_.add_shared("material", given.parameters);
+    given.parameters.set_defaults(state_.shared("material"));
     return materials_.define(given.type, std::move(given.parameters), state_.values().space, given.where);
   }
   Result<void> named_material(Tokens& tokens, const Token& word) {
     CANDELA_TRY(state_.expect_world(tokens, word));
     CANDELA_ASSIGN(const std::string name, read_string(tokens, word));
-    state_.values().material = {name, 0, tokens.where(word)};
-    return {};
+    return state_.set_material({name, 0, tokens.where(word)});
   }
   Result<void> texture(Tokens& tokens, const Token& word) {
     CANDELA_TRY(state_.expect_world(tokens, word));
     CANDELA_ASSIGN(const std::string name, read_string(tokens, word));
     CANDELA_ASSIGN(const std::string kind, read_string(tokens, word));
     CANDELA_ASSIGN(Entity given, read_entity(context_, tokens, word));
-    state_.add_shared("texture", given.parameters);
+    given.parameters.set_defaults(state_.shared("texture"));
     return textures_.define(name, kind, given.type, std::move(given.parameters), state_.values().space,
                             given.where);
   }
@@ -237,15 +234,15 @@ class Reader {
                         word.offset,
                         state_.values().world_from_object,
                         state_.values().space,
-                        state_.shares("medium")};
-    state_.add_shared("medium", medium.parameters);
+                        !state_.shared("medium").empty()};
+    medium.parameters.set_defaults(state_.shared("medium"));
     return media_.define(std::move(medium));
   }
   Result<void> light_source(Tokens& tokens, const Token& word) {
     CANDELA_TRY(state_.expect_world(tokens, word));
     CANDELA_ASSIGN(Entity given, read_entity(context_, tokens, word));
-    state_.add_shared("light", given.parameters);
-    CANDELA_ASSIGN(ObjectPtr medium, media_.medium(state_.values().outside, given.where));
+    given.parameters.set_defaults(state_.shared("light"));
+    CANDELA_ASSIGN(ObjectPtr medium, media_.medium(state_.outside(), given.where));
     LightEntity light{given.type,
                       std::move(given.parameters),
                       given.where,
@@ -254,13 +251,15 @@ class Reader {
                       std::move(medium),
                       exposure_};
     CANDELA_ASSIGN(ObjectPtr emitter, build_light(context_, textures_, light));
-    if (emitter) emitters_.push_back(std::move(emitter));
+    if (!emitter) return {};
+    CANDELA_TRY(make_room(emitters_, context_.budget(), given.where, "lights"));
+    emitters_.push_back(std::move(emitter));
     return {};
   }
   Result<void> area_light_source(Tokens& tokens, const Token& word) {
     CANDELA_TRY(state_.expect_world(tokens, word));
     CANDELA_ASSIGN(Entity given, read_entity(context_, tokens, word));
-    state_.add_shared("light", given.parameters);
+    given.parameters.set_defaults(state_.shared("light"));
     LightEntity light{given.type,
                       std::move(given.parameters),
                       given.where,
@@ -275,15 +274,12 @@ class Reader {
   Result<void> shape(Tokens& tokens, const Token& word) {
     CANDELA_TRY(state_.expect_world(tokens, word));
     CANDELA_ASSIGN(Entity given, read_entity(context_, tokens, word));
-    if (++entity_count_ > max_entities)
-      return error_at(given.where, fmt::format("the scene has more than {} shapes", max_entities));
     ShapeEntity shape;
     shape.type = std::move(given.type);
     shape.parameters = std::move(given.parameters);
-    if (const auto shared = state_.values().shared.find("shape"); shared != state_.values().shared.end()) {
-      shape.has_shared_values = !shared->second.empty() && !shared->second.is_only({"alpha"});
-      shape.parameters.add_defaults(shared->second);
-    }
+    const SharedParameters& shared = state_.shared("shape");
+    shape.has_shared_values = shared.size() > (shared.find("alpha") != nullptr ? 1 : 0);
+    shape.parameters.set_defaults(shared);
     shape.parameters.forget_long_lists();
     shape.where = given.where;
     shape.offset = word.offset;
@@ -297,6 +293,7 @@ class Reader {
       ++shapes.back().curve_count;
       return {};
     }
+    CANDELA_TRY(make_room(shapes, context_.budget(), given.where, "shapes"));
     if (object_ == nullptr) {
       shape.emitter = state_.values().emitter;
       shape_entities_.push_back(std::move(shape));
@@ -314,6 +311,9 @@ class Reader {
     CANDELA_TRY(state_.expect_world(tokens, word));
     CANDELA_ASSIGN(const std::string name, read_string(tokens, word));
     if (object_ != nullptr) return error_at(tokens.where(word), "ObjectBegin within an object");
+    constexpr std::size_t entries_bytes = 256;  // in both maps
+    CANDELA_TRY(
+        context_.budget().charge(entries_bytes + 2 * heap_bytes(name), tokens.where(word), "objects"));
     const auto [entry, added] = objects_.try_emplace(name);
     if (!added)
       return error_at(tokens.where(word), fmt::format("the object {} is defined twice", text::quote(name)));
@@ -330,13 +330,26 @@ class Reader {
     CANDELA_ASSIGN(const std::string name, read_string(tokens, word));
     if (object_ != nullptr)
       return error_at(tokens.where(word), "ObjectInstance within an object is not supported");
-    if (++entity_count_ > max_entities)
-      return error_at(tokens.where(word), fmt::format("the scene has more than {} shapes", max_entities));
+    CANDELA_TRY(make_room(instances_, context_.budget(), tokens.where(word), "instances"));
+    CANDELA_TRY(context_.budget().charge(heap_bytes(name), tokens.where(word), "instances"));
     instances_.push_back({name, state_.values().world_from_object, tokens.where(word)});
     return {};
   }
 
   // ---- the end ----
+
+  // Makes shapes of the entities, and leaves nothing of these.
+  Result<void> add_shapes(std::vector<ShapeEntity>& entities, Object& to) {
+    for (ShapeEntity& kept : entities) {
+      work_step();
+      ShapeEntity entity = std::move(kept);
+      CANDELA_ASSIGN(ObjectPtr shape, shapes_.build(entity));
+      if (shape) CANDELA_TRY(add_counted(to, std::move(shape), context_.budget()));
+    }
+    context_.budget().give_back(entities.capacity() * sizeof(ShapeEntity));
+    std::vector<ShapeEntity>().swap(entities);
+    return {};
+  }
 
   // The shapegroup of an object; null if it has no shapes.
   Result<ObjectPtr> group_of(const Instance& instance) {
@@ -349,17 +362,13 @@ class Reader {
     }
     ObjectPtr& group = groups_[instance.name];
     const std::shared_ptr<Object> shapes = make("shape", "shapegroup", instance.where);
-    for (ShapeEntity& entity : found->second) {
-      work_step();
-      CANDELA_ASSIGN(ObjectPtr shape, shapes_.build(entity));
-      if (shape) add(*shapes, "", std::move(shape));
-    }
+    CANDELA_TRY(add_shapes(found->second, *shapes));
     if (shapes->children.empty()) {
       context_.differs(instance.where,
                        fmt::format("the object {} has no shapes", text::quote(instance.name)));
       return group;
     }
-    CANDELA_ASSIGN(group, Context::finish(shapes));
+    CANDELA_ASSIGN(group, context_.finish(shapes));
     return group;
   }
 
@@ -370,8 +379,8 @@ class Reader {
       const std::shared_ptr<Object> object = make("shape", "instance", instance.where);
       set(*object, "to_world", instance.to_world);
       add(*object, "", std::move(group));
-      CANDELA_ASSIGN(ObjectPtr finished, Context::finish(object));
-      add(scene, "", std::move(finished));
+      CANDELA_ASSIGN(ObjectPtr finished, context_.finish(object));
+      CANDELA_TRY(add_counted(scene, std::move(finished), context_.budget()));
     }
     return {};
   }
@@ -383,11 +392,9 @@ class Reader {
     CANDELA_ASSIGN(ObjectPtr medium, media_.medium(options_.camera_medium, options_.camera.where));
     CANDELA_ASSIGN(ObjectPtr sensor, build_sensor(context_, options_, std::move(medium)));
     add(*scene, "", std::move(sensor));
-    for (ObjectPtr& emitter : emitters_) add(*scene, "", std::move(emitter));
-    for (ShapeEntity& entity : shape_entities_) {
-      CANDELA_ASSIGN(ObjectPtr shape, shapes_.build(entity));
-      if (shape) add(*scene, "", std::move(shape));
-    }
+    for (ObjectPtr& emitter : emitters_)
+      CANDELA_TRY(add_counted(*scene, std::move(emitter), context_.budget()));
+    CANDELA_TRY(add_shapes(shape_entities_, *scene));
     CANDELA_TRY(add_instances(*scene));
     // Not checked as a scene of XML is, which has one sky at most: pbrt's add up.
     ObjectPtr root = scene;
@@ -408,7 +415,7 @@ class Reader {
 
   std::string main_file_;
   std::vector<std::string> include_stack_;
-  std::size_t include_count_ = 0, entity_count_ = 0, total_bytes_ = 0;
+  std::size_t include_count_ = 0, total_bytes_ = 0;
   RenderOptions options_;
   double exposure_ = 1;
   bool follows_shape_ = false;  // no other directive stands behind the last shape

@@ -203,11 +203,12 @@ Result<ObjectPtr> Shapes::masked(ShapeEntity& entity, ObjectPtr bsdf) {
   std::shared_ptr<Object> object = make("bsdf", "mask", entity.where);
   set_number(*object, "opacity", *alpha);
   add(*object, "", std::move(bsdf));
-  CANDELA_ASSIGN(mask, Context::finish(std::move(object)));
+  CANDELA_ASSIGN(mask, context_.finish(std::move(object)));
   return mask;
 }
 
 Result<void> Shapes::add_media(const ShapeEntity& entity, Object& shape, const ObjectPtr& interior) {
+  // Each name is kept once.
   const bool bounds_media = entity.inside != entity.outside || interior;
   if (!bounds_media) return {};
   if (const Object& bsdf = *shape.children.at(0).object; bsdf.plugin == "mask") {
@@ -224,8 +225,11 @@ Result<void> Shapes::add_media(const ShapeEntity& entity, Object& shape, const O
         "light that passes the holes of a shape of an alpha below 1 enters the medium behind, where "
         "in pbrt it stays in its own");
   }
-  CANDELA_ASSIGN(ObjectPtr inside, media_.medium(entity.inside, entity.where));
-  CANDELA_ASSIGN(ObjectPtr outside, media_.medium(entity.outside, entity.where));
+  const auto medium = [&](const std::shared_ptr<const std::string>& name) {
+    return name != nullptr ? media_.medium(*name, entity.where) : Result<ObjectPtr>(ObjectPtr());
+  };
+  CANDELA_ASSIGN(ObjectPtr inside, medium(entity.inside));
+  CANDELA_ASSIGN(ObjectPtr outside, medium(entity.outside));
   if (interior) inside = interior;
   if (inside) add(shape, "interior", std::move(inside));
   if (outside) add(shape, "exterior", std::move(outside));
@@ -237,7 +241,8 @@ Result<ObjectPtr> Shapes::build(ShapeEntity& entity) {
     return error_at(entity.where, "the transform of the shape is singular");
   CANDELA_ASSIGN(std::shared_ptr<Object> shape, geometry(entity));
   if (shape == nullptr) return ObjectPtr();
-  CANDELA_ASSIGN(Surface surface, materials_.surface(entity.material));
+  CANDELA_ASSIGN(Surface surface,
+                 materials_.surface(entity.material != nullptr ? *entity.material : MaterialName()));
   const bool interface = surface.bsdf->plugin == "null";
   CANDELA_ASSIGN(ObjectPtr bsdf, masked(entity, std::move(surface.bsdf)));
   if (is_hole(*bsdf) && !entity.emitter) {
@@ -256,7 +261,7 @@ Result<ObjectPtr> Shapes::build(ShapeEntity& entity) {
                      "the power of an area light is the whole shape's, where pbrt gives it to each triangle");
   if (entity.emitter && !interface) add(*shape, "", entity.emitter);
   CANDELA_TRY(context_.refuse_unused(entity.parameters, fmt::format("shape '{}'", entity.type)));
-  return Context::finish(std::move(shape));
+  return context_.finish(std::move(shape));
 }
 
 }  // namespace candela::description::pbrt

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -23,10 +24,10 @@ struct ShapeEntity {
   std::size_t offset = 0;  // of the word Shape in its file
   Mat4 to_world{};
   bool reverse_orientation = false;
-  bool has_shared_values = false;  // parameters of an Attribute directive are among them
-  MaterialName material;
-  std::string inside, outside;   // media
-  ObjectPtr emitter;             // null: it does not glow
+  bool has_shared_values = false;                      // parameters of an Attribute directive are among them
+  std::shared_ptr<const MaterialName> material;        // null: none is named
+  std::shared_ptr<const std::string> inside, outside;  // media; null: none
+  ObjectPtr emitter;                                   // null: it does not glow
   std::int64_t curve_count = 1;  // of directives that follow each other, if it is a curve
 
   // Whether a directive of the same state may be read together with this one: both are curves that differ in

@@ -31,10 +31,10 @@ bool is_encoded(std::string_view file) {
   return !name.ends_with(".exr") && !name.ends_with(".hdr") && !name.ends_with(".pfm");
 }
 
-Result<Value> texture_value(std::shared_ptr<Object> object) {
+Result<Value> texture_value(const Context& context, std::shared_ptr<Object> object) {
   Value value;
   value.where = object->where;
-  CANDELA_ASSIGN(value.texture, Context::finish(std::move(object)));
+  CANDELA_ASSIGN(value.texture, context.finish(std::move(object)));
   return value;
 }
 
@@ -65,6 +65,9 @@ Result<void> Textures::define(const std::string& name, std::string_view kind, co
     return error_at(where,
                     fmt::format("a texture is of 'float' or 'spectrum', not of {}", text::quote(kind)));
   auto& known = kind == "float" ? floats_ : spectra_;
+  constexpr std::size_t node_bytes = 64;
+  CANDELA_TRY(
+      context_.budget().charge(sizeof(Definition) + node_bytes + heap_bytes(name), where, "textures"));
   const auto [entry, added] = known.try_emplace(
       name, Definition{type, std::move(parameters), space, where, kind == "float", false, std::nullopt});
   if (added) return {};
@@ -260,7 +263,7 @@ Result<ObjectPtr> Textures::projected_picture(const Location& where, std::string
   set(*bitmap, "filename", key);
   set(*bitmap, "filter_type", std::string("nearest"));
   set(*bitmap, "wrap_mode", std::string("clamp"));
-  return Context::finish(bitmap);
+  return context_.finish(bitmap);
 }
 
 Result<ObjectPtr> Textures::picture(const Location& where, std::string_view file, bool raw) {
@@ -269,7 +272,7 @@ Result<ObjectPtr> Textures::picture(const Location& where, std::string_view file
   set(*bitmap, "filename", key);
   set(*bitmap, "to_uv", upside_down(transform::identity));
   if (raw) set_flag(*bitmap, "raw", true);
-  return Context::finish(bitmap);
+  return context_.finish(bitmap);
 }
 
 Result<Value> Textures::read_image(Definition& definition) {
@@ -304,7 +307,7 @@ Result<Value> Textures::read_image(Definition& definition) {
   }
   CANDELA_ASSIGN(const bool invert, parameters.flag("invert", false));
   CANDELA_ASSIGN(const double scale, parameters.number("scale", 1));
-  CANDELA_ASSIGN(const Value picture, texture_value(bitmap));
+  CANDELA_ASSIGN(const Value picture, texture_value(context_, bitmap));
   CANDELA_ASSIGN(const Value value, scaled(picture, {scale, scale, scale}));
   if (!invert) return value;
   if (!definition.is_float)
@@ -313,7 +316,7 @@ Result<Value> Textures::read_image(Definition& definition) {
   set(*inverse, "color0", Rgb{{1, 1, 1}});
   set(*inverse, "color1", Rgb{{0, 0, 0}});
   set_number(*inverse, "amount", value);
-  return texture_value(inverse);
+  return texture_value(context_, inverse);
 }
 
 Result<Value> Textures::read_checkerboard(Definition& definition) {
@@ -330,10 +333,10 @@ Result<Value> Textures::read_checkerboard(Definition& definition) {
   CANDELA_ASSIGN(const Value second, part(definition, "tex2", 0));
   set_color(*board, "color0", first);
   set_color(*board, "color1", second);
-  return texture_value(board);
+  return texture_value(context_, board);
 }
 
-Result<Value> Textures::scaled(const Value& value, const Vec3& factor) {
+Result<Value> Textures::scaled(const Value& value, const Vec3& factor) const {
   Value result = value;
   if (value.is_constant()) {
     for (std::size_t i = 0; i < 3; ++i) result.constant[i] *= factor[i];
@@ -346,7 +349,7 @@ Result<Value> Textures::scaled(const Value& value, const Vec3& factor) {
   const double sign = negative ? -1 : 1;
   set(*scale, "scale", Rgb{{sign * factor[0], sign * factor[1], sign * factor[2]}});
   add(*scale, "", value.texture);
-  CANDELA_ASSIGN(result.texture, Context::finish(scale));
+  CANDELA_ASSIGN(result.texture, context_.finish(scale));
   return result;
 }
 
@@ -369,14 +372,14 @@ double upper_bound(const Object& texture) {
 
 }  // namespace
 
-Result<Value> Textures::at_most_one(const Value& value) {
+Result<Value> Textures::at_most_one(const Value& value) const {
   Value result = value;
   if (value.is_constant() || upper_bound(*value.texture) <= 1) return result;
   const std::shared_ptr<Object> clamp = make("texture", "mix", value.texture->where);
   add(*clamp, "color0", value.texture);
   set(*clamp, "amount", 0.0);
   set(*clamp, "maximum", 1.0);
-  CANDELA_ASSIGN(result.texture, Context::finish(clamp));
+  CANDELA_ASSIGN(result.texture, context_.finish(clamp));
   return result;
 }
 
@@ -400,7 +403,7 @@ Result<Value> Textures::read_scale(Definition& definition) {
   set(*product, "color0", Rgb{{0, 0, 0}});
   set_color(*product, "color1", texture);
   set_number(*product, "amount", factor);
-  CANDELA_ASSIGN(Value value, texture_value(product));
+  CANDELA_ASSIGN(Value value, texture_value(context_, product));
   value.negated = texture.negated;
   return value;
 }
@@ -421,10 +424,10 @@ Result<Value> Textures::read_mix(Definition& definition) {
   set_color(*mix, "color0", first);
   set_color(*mix, "color1", second);
   set_number(*mix, "amount", amount);
-  return texture_value(mix);
+  return texture_value(context_, mix);
 }
 
-Result<Value> Textures::mean(const Value& a, const Value& b) {
+Result<Value> Textures::mean(const Value& a, const Value& b) const {
   Value result = a;
   if (a.is_constant() && b.is_constant()) {
     for (std::size_t i = 0; i < 3; ++i) result.constant[i] = 0.5 * (a.constant[i] + b.constant[i]);
@@ -434,11 +437,11 @@ Result<Value> Textures::mean(const Value& a, const Value& b) {
   set_color(*mix, "color0", a);
   set_color(*mix, "color1", b);
   set(*mix, "amount", 0.5);
-  CANDELA_ASSIGN(result.texture, Context::finish(mix));
+  CANDELA_ASSIGN(result.texture, context_.finish(mix));
   return result;
 }
 
-Result<Value> Textures::root(const Value& value) {
+Result<Value> Textures::root(const Value& value) const {
   Value result = value;
   if (value.is_constant()) {
     for (double& component : result.constant) component = std::sqrt(std::max(component, 0.0));
@@ -448,7 +451,7 @@ Result<Value> Textures::root(const Value& value) {
   add(*root, "color0", value.texture);
   set(*root, "amount", 0.0);
   set_flag(*root, "root", true);
-  CANDELA_ASSIGN(result.texture, Context::finish(root));
+  CANDELA_ASSIGN(result.texture, context_.finish(root));
   return result;
 }
 

@@ -43,15 +43,15 @@ class Textures {
   // A reflectance or a transmittance: values above 1 become 1, as in pbrt.
   Result<Value> reflectance(ParameterList& parameters, std::string_view name, const Vec3& otherwise,
                             ColorSpace space);
-  static Result<Value> at_most_one(const Value& value);
+  Result<Value> at_most_one(const Value& value) const;
   // May be negated.
   Result<std::optional<Value>> displacement(ParameterList& parameters, std::string_view name);
 
   // The value times a factor.
-  static Result<Value> scaled(const Value& value, const Vec3& factor);
-  static Result<Value> mean(const Value& a, const Value& b);
+  Result<Value> scaled(const Value& value, const Vec3& factor) const;
+  Result<Value> mean(const Value& a, const Value& b) const;
   // The square root of a value, for roughness.
-  static Result<Value> root(const Value& value);
+  Result<Value> root(const Value& value) const;
 
   // The picture of a light, as it lies in its file; its pixels are not blurred.
   Result<ObjectPtr> projected_picture(const Location& where, std::string_view file);

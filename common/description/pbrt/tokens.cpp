@@ -41,8 +41,15 @@ std::optional<char> unescape(char c) {
 
 }  // namespace
 
-Tokens::Tokens(std::string key, std::string_view bytes, std::size_t offset, int line, Tokens* includer)
-    : key_(std::move(key)), bytes_(bytes), at_(offset), line_(line), includer_(includer) {}
+Tokens::Tokens(std::string key, std::string_view bytes, std::size_t offset, int line, Tokens* includer,
+               ReadingBudget& budget)
+    : key_(std::move(key)),
+      bytes_(bytes),
+      at_(offset),
+      line_(line),
+      includer_(includer),
+      budget_(budget),
+      charge_(budget) {}
 
 void Tokens::unget(const Token& token) {
   if (token.key != &key_ && includer_ != nullptr)
@@ -87,12 +94,19 @@ Result<Token> Tokens::quoted_string() {
       return token;
     }
     if (c == '\\') {
-      if (changed == nullptr) changed = &unescaped_.emplace_back(bytes_.substr(begin, at_ - begin));
+      if (changed == nullptr) {
+        const std::size_t bytes = sizeof(std::string) + at_ - begin;
+        CANDELA_TRY(charge_.add(bytes, {key_, line_}, "the file's strings"));
+        changed = &unescaped_.emplace_back(bytes_.substr(begin, at_ - begin));
+      }
       const std::optional<char> meant = ++at_ < bytes_.size() ? unescape(bytes_[at_]) : std::nullopt;
       if (!meant) return error_at({key_, line_}, "a string has an unknown escape after its backslash");
       c = *meant;
     }
-    if (changed != nullptr) *changed += c;
+    if (changed == nullptr) continue;
+    if (changed->size() == changed->capacity())
+      CANDELA_TRY(charge_.add(2 * changed->size(), {key_, line_}, "the file's strings"));
+    *changed += c;
   }
   return error_at({key_, line_}, "a string has no closing quote in its line");
 }

@@ -8,6 +8,7 @@
 
 #include "common/base/result.h"
 #include "common/description/object.h"
+#include "common/description/reading_budget.h"
 
 namespace candela::description::pbrt {
 
@@ -22,9 +23,10 @@ struct Token {
 class Tokens {
  public:
   // `bytes` must outlive the reader. It starts at `offset`, which lies in `line`. `includer`: the file that
-  // includes this one; a directive that this file ends within goes on there. It may be null.
+  // includes this one; a directive that this file ends within goes on there. It may be null. `budget`, which
+  // outlives this, is that of the parameters that are read too.
   Tokens(std::string key, std::string_view bytes, std::size_t offset = 0, int line = 1,
-         Tokens* includer = nullptr);
+         Tokens* includer = nullptr, ReadingBudget& budget = ReadingBudget::unlimited());
   Tokens(const Tokens&) = delete;
   Tokens& operator=(const Tokens&) = delete;
 
@@ -38,6 +40,7 @@ class Tokens {
   const std::string& key() const { return key_; }
   Location where(const Token& token) const { return {token.key != nullptr ? *token.key : key_, token.line}; }
   Location here() const;
+  ReadingBudget& budget() const { return budget_; }
 
  private:
   void skip_space();
@@ -50,6 +53,8 @@ class Tokens {
   Tokens* includer_ = nullptr;
   std::optional<Token> returned_;
   std::deque<std::string> unescaped_;  // what tokens with escapes refer to
+  ReadingBudget& budget_;
+  Charge charge_;  // of those strings
 };
 
 }  // namespace candela::description::pbrt

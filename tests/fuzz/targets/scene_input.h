@@ -12,6 +12,7 @@
 
 #include "common/description/object.h"
 #include "common/description/reading.h"
+#include "common/description/reading_budget.h"
 
 namespace candela::fuzz {
 
@@ -49,12 +50,16 @@ inline Files files_of(const std::uint8_t* data, std::size_t size, std::string ma
 
 // Reads the scene strictly and leniently; aborts where a reading breaks its promise.
 inline void read_both_ways(const Files& files, const std::string& main) {
-  const auto parsed = description::parse_scene(files, main, {});
+  // The lenient reading has notes besides.
+  description::ReadingBudget budget(std::uint64_t{512} << 20), larger(std::uint64_t{1} << 30);
+  const description::BudgetedFiles counted(files, budget), loosely_counted(files, larger);
+  const auto parsed = description::parse_scene(counted, main, {});
   // An error is one line that names its place.
   if (!parsed.ok() && parsed.error().to_string().find('\n') != std::string::npos) std::abort();
   if (parsed.ok() && parsed->scene == nullptr) std::abort();
   // The lenient reading takes whatever the strict one takes.
-  const auto loose = description::read_scene(files, main, {}, {.integrator = "path", .lenient = true});
+  const auto loose =
+      description::read_scene(loosely_counted, main, {}, {.integrator = "path", .lenient = true});
   if (parsed.ok() && !loose.ok()) std::abort();
 }
 

@@ -15,6 +15,8 @@
 namespace candela::scene {
 namespace {
 
+constexpr std::uint64_t kMostValues = std::uint64_t{1} << 30;
+
 // How far rounding may move a point over a cell's wall, in cells.
 constexpr double kSlack = 1e-6;
 
@@ -32,16 +34,25 @@ Result<GridVolume> GridVolume::build(const description::Object& object,
   const std::string file = object.get_string("filename", ""), name = object.get_string("grid", "");
   const bool in_box = object.get_bool("use_grid_bbox", false);
   CANDELA_ASSIGN(const description::FileSource::Bytes bytes, files.open(file));
+  description::ReadingBudget& budget = files.budget();
+  // A few voxels far apart make a small file a large grid.
+  const std::uint64_t most = std::min(kMostValues, budget.left() / sizeof(float));
+  const auto within_budget = [&](Result<loaders::VolumeData> read) -> Result<loaders::VolumeData> {
+    if (!read.ok() && most < kMostValues && read.error().message.starts_with("the box around"))
+      return budget.refusal(object.where, "the values of '" + file + "'", (most + 1) * sizeof(float));
+    return read;
+  };
   GridVolume grid;
   if (object.find("offset") != nullptr) {
     CANDELA_ASSIGN(grid.data_,
                    loaders::load_pbrt_grid(bytes.view, file, object.get_integer("offset", 0),
-                                           object.where.file == file ? object.where.line : 1, name));
+                                           object.where.file == file ? object.where.line : 1, name, budget));
   } else if (loaders::is_nano_vdb(bytes.view)) {
-    CANDELA_ASSIGN(grid.data_, loaders::load_nano_vdb(bytes.view, file, name));
+    CANDELA_ASSIGN(grid.data_, within_budget(loaders::load_nano_vdb(bytes.view, file, name, most)));
   } else if (loaders::is_vdb(bytes.view)) {
 #ifdef CANDELA_OPENVDB
-    CANDELA_ASSIGN(grid.data_, loaders::load_vdb(bytes.view, file, {.grid = name, .place = in_box}));
+    CANDELA_ASSIGN(grid.data_, within_budget(loaders::load_vdb(
+                                   bytes.view, file, {.grid = name, .place = in_box, .most_values = most})));
 #else
     return fail("this build of Candela does not read OpenVDB files: '" + file + "'")
         .with_field("filename")
@@ -61,6 +72,8 @@ Result<GridVolume> GridVolume::build(const description::Object& object,
                 std::to_string(grid.data_.negative_count) + " negative values of '" + file + "' became 0");
     }
   }
+  // For good: the budget ends with the reading.
+  CANDELA_TRY(budget.charge(grid.data_.values.size() * sizeof(float), object.where, "grids of volumes"));
   if (const auto factor = object.get_rgb("factor")) {
     const auto& v = factor->value;
     grid.scale({static_cast<float>(v[0]), static_cast<float>(v[1]), static_cast<float>(v[2])});

@@ -137,6 +137,9 @@ Result<Shape> build_heightfield(const description::Object& object, const descrip
       return error_at(object, "filename", "the height field has neither a file nor one texture");
     CANDELA_ASSIGN(grid, grid_of_texture(object, children[0], scale, textures));
   }
+  constexpr std::uint64_t kVertexBytes = 80;  // of a vertex and two triangles, while the shape is made
+  description::Charge charge(files.budget());
+  CANDELA_TRY(charge.add(grid.size() * kVertexBytes, object.where, "the height field"));
   const Transform to_world(object.get_transform("to_world"));
   const bool flip = object.get_bool("flip_normals", false);
   auto made = shape_from_mesh(mesh_of(grid), to_world, true, flip, object.where.file);

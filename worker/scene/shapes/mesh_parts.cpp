@@ -1,6 +1,8 @@
 #include "worker/scene/shapes/mesh_parts.h"
 
 #include <algorithm>
+#include <string_view>
+#include <unordered_map>
 #include <utility>
 
 namespace candela::scene {
@@ -43,13 +45,30 @@ loaders::Mesh part_of(const loaders::Mesh& mesh, const std::vector<Range>& range
   return part;
 }
 
-description::ObjectPtr bsdf_of(const description::Object& shape, const std::string& material) {
-  description::ObjectPtr last;
-  for (const description::Child& child : shape.children)
-    if (child.object->category == "bsdf" && (child.slot.empty() || child.slot == material))
-      last = child.object;
-  return last;
-}
+// The bsdfs of a shape by the names of materials: of those that fit a name the last counts, and one without a
+// name fits all.
+class BsdfsByName {
+ public:
+  explicit BsdfsByName(const description::Object& shape) {
+    for (const description::Child& child : shape.children) {
+      if (child.object->category != "bsdf") continue;
+      if (child.slot.empty()) {
+        of_all_ = child.object;
+        named_.clear();
+      } else {
+        named_[child.slot] = child.object;
+      }
+    }
+  }
+  const description::ObjectPtr& operator[](const std::string& material) const {
+    const auto found = named_.find(material);
+    return found != named_.end() ? found->second : of_all_;
+  }
+
+ private:
+  std::unordered_map<std::string_view, description::ObjectPtr> named_;
+  description::ObjectPtr of_all_;
+};
 
 }  // namespace
 
@@ -62,14 +81,16 @@ bool has_bsdfs_by_name(const description::Object& shape) {
 
 std::vector<BsdfMesh> split_by_bsdf(loaders::ObjMesh read, const description::Object& shape) {
   loaders::Mesh& mesh = read.mesh;
+  const BsdfsByName bsdfs(shape);
   std::vector<std::pair<description::ObjectPtr, std::vector<Range>>> groups;
+  std::unordered_map<const description::Object*, std::size_t> group_of;
   for (std::size_t i = 0; i < read.parts.size(); ++i) {
     const std::size_t end =
         i + 1 < read.parts.size() ? read.parts[i + 1].first_triangle : mesh.triangles.size();
-    description::ObjectPtr bsdf = bsdf_of(shape, read.parts[i].material);
-    auto group = std::find_if(groups.begin(), groups.end(), [&](const auto& g) { return g.first == bsdf; });
-    if (group == groups.end()) group = groups.insert(groups.end(), {std::move(bsdf), {}});
-    group->second.push_back({read.parts[i].first_triangle, end});
+    const description::ObjectPtr& bsdf = bsdfs[read.parts[i].material];
+    const auto [group, is_new] = group_of.emplace(bsdf.get(), groups.size());
+    if (is_new) groups.push_back({bsdf, {}});
+    groups[group->second].second.push_back({read.parts[i].first_triangle, end});
   }
   std::vector<BsdfMesh> out;
   if (groups.size() == 1) {

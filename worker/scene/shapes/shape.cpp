@@ -233,6 +233,11 @@ Result<loaders::ObjMesh> mesh_of_file(const description::Object& object, const d
   const std::string file = object.get_string("filename", "");
   if (file.empty()) return error_at(object, "filename is missing").with_field("filename");
   CANDELA_ASSIGN(const description::FileSource::Bytes bytes, files.open(file));
+  description::ReadingBudget& budget = files.budget();
+  // The other files' loaders count what they make.
+  description::Charge charge(budget);
+  if (object.plugin != "pbrtmesh" && object.plugin != "serialized")
+    CANDELA_TRY(charge.add(bytes.view.size(), object.where, "the mesh of '" + file + "'"));
   loaders::ObjMesh read;
   loaders::Mesh& mesh = read.mesh;
   // Of a scene that was moved (placement.h).
@@ -264,14 +269,15 @@ Result<loaders::ObjMesh> mesh_of_file(const description::Object& object, const d
     const std::int64_t offset = object.get_integer("offset", 0), curves = object.get_integer("curves", 0);
     const int line = object.where.file == file ? object.where.line : 1;
     if (curves > 0) {
-      CANDELA_ASSIGN(const auto pieces, loaders::load_pbrt_curves(bytes.view, file, offset, line, curves));
+      CANDELA_ASSIGN(const auto pieces, loaders::load_pbrt_curves(bytes.view, file, offset, line, curves,
+                                                                  loaders::kMostCubicPieces, budget));
       CANDELA_ASSIGN(mesh, at_shape(object, piecewise_tubes(pieces)));
     } else {
-      CANDELA_ASSIGN(mesh, loaders::load_pbrt_shape(bytes.view, file, offset, line, origin));
+      CANDELA_ASSIGN(mesh, loaders::load_pbrt_shape(bytes.view, file, offset, line, origin, budget));
     }
   } else {
     CANDELA_ASSIGN(mesh, loaders::load_serialized(bytes.view, file, object.get_integer("shape_index", 0),
-                                                  wanted, origin));
+                                                  wanted, origin, budget));
     if (object.get_bool("flip_tex_coords", false)) {
       for (Vec2& uv : mesh.uvs) uv.y = 1 - uv.y;
     }

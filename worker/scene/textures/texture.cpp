@@ -310,6 +310,8 @@ Result<const Texture*> TextureStore::build(const description::ObjectPtr& object,
   if (depth > kMaxNesting) {
     return located("textures are nested more than 16 deep", *object, "");
   }
+  constexpr std::uint64_t kBytes = 256;  // of a texture, without its texels
+  CANDELA_TRY(files_->budget().charge(kBytes, object->where, "textures"));
   std::unique_ptr<const Texture> texture;
   if (object->plugin == "bitmap") {
     CANDELA_ASSIGN(texture, build_bitmap(*object));
