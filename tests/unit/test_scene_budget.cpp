@@ -43,17 +43,6 @@ TEST(SceneBudget, LargeShapesOfSmallFilesAreRefused) {
       {"patches", {{"scene.pbrt", "WorldBegin\nShape \"bilinearmesh\" " + patch}}},
       {"parts of spheres",
        {{"scene.pbrt", "WorldBegin\n" + repeated("Shape \"sphere\" \"float zmax\" 0.5\n", 1000)}}},
-      {"clouds",
-       {{"scene.pbrt",
-         [] {
-           std::string world = "WorldBegin\n";
-           for (int i = 0; i < 20; ++i) {
-             const std::string name = std::to_string(i);
-             world += "MakeNamedMedium \"" + name + "\" \"string type\" \"cloud\" MediumInterface \"" + name +
-                      "\" \"\" Shape \"sphere\"\n";
-           }
-           return world;
-         }()}}},
       {"height field",
        {{"scene.xml",
          xml("<shape type='heightfield'><integer name='width' value='2000'/><integer name='height' "
