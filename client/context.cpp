@@ -77,6 +77,9 @@ void add_farm_options(CLI::App& app, FarmOptions& options) {
   add_text(app, "--tls-key", options.tls_key, "Its key (PEM); $CANDELA_TLS_KEY", "FILE");
   add_text(app, "--tls-ca", options.tls_ca,
            "Certificate of the authority that signed the master's (PEM); $CANDELA_TLS_CA", "FILE");
+  add_text(app, "--token-file", options.token_file,
+           "Token of a master without TLS; default: $CANDELA_TOKEN_FILE, else what this user's master made",
+           "FILE");
   app.add_flag("--insecure", options.insecure,
                "Talk without TLS to a master on another machine; $CANDELA_INSECURE=true");
   add_text(app, "--timeout", options.timeout,
@@ -111,8 +114,8 @@ void warn_of_scene(std::ostream& err, const LoadedScene& scene) {
 
 Result<ConnectionOptions> resolve_connection(const FarmOptions& options, const Config& config) {
   CANDELA_TRY(config.check_shared());
-  CANDELA_TRY(
-      config.check_section("client", {"master", "tls-cert", "tls-key", "tls-ca", "insecure", "timeout"}));
+  CANDELA_TRY(config.check_section(
+      "client", {"master", "tls-cert", "tls-key", "tls-ca", "token-file", "insecure", "timeout"}));
   // The plain key first: that is also the environment's short name.
   const auto key_of = [&](const std::string& name) { return config.get(name) ? name : "client." + name; };
   const auto choose = [&](const std::optional<std::string>& option, const std::string& name) {
@@ -125,6 +128,7 @@ Result<ConnectionOptions> resolve_connection(const FarmOptions& options, const C
   connection.tls_cert = choose(options.tls_cert, "tls-cert");
   connection.tls_key = choose(options.tls_key, "tls-key");
   connection.tls_ca = choose(options.tls_ca, "tls-ca");
+  connection.token_file = choose(options.token_file, "token-file");
   connection.insecure = options.insecure;
   if (const auto text = config.get(key_of("insecure")); text && !connection.insecure) {
     if (*text != "true" && *text != "false" && *text != "1" && *text != "0")

@@ -43,9 +43,9 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits);
 // line and count, at most twenty lines.
 void warn_of_scene(std::ostream& err, const LoadedScene& scene);
 
-// --master, --tls-*, --insecure, --timeout.
+// --master, --tls-*, --token-file, --insecure, --timeout.
 struct FarmOptions {
-  std::optional<std::string> master, tls_cert, tls_key, tls_ca, timeout;
+  std::optional<std::string> master, tls_cert, tls_key, tls_ca, token_file, timeout;
   bool insecure = false;
 };
 void add_farm_options(CLI::App& app, FarmOptions& options);

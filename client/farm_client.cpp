@@ -176,6 +176,7 @@ Result<std::unique_ptr<FarmClient>> FarmClient::create(const ConnectionOptions& 
   CANDELA_ASSIGN(const std::shared_ptr<grpc::Channel> channel,
                  wire::dial({.master = options.master,
                              .tls = {options.tls_cert, options.tls_key, options.tls_ca},
+                             .token_file = options.token_file,
                              .insecure = options.insecure,
                              .max_receive_bytes = kMaxMessageBytes,
                              .min_backoff_ms = 100,

@@ -35,6 +35,7 @@ struct ImageRequest {
 struct ConnectionOptions {
   std::string master;                     // HOST:PORT
   std::string tls_cert, tls_key, tls_ca;  // PEM files; all three or none
+  std::string token_file;                 // of a master without TLS; empty: the one that this user's made
   bool insecure = false;                  // allow a non-loopback master without TLS
   double timeout_seconds = 10;            // until an answer, retries included
 };

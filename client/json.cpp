@@ -79,6 +79,7 @@ Json job(const v1::JobStatus& s) {
   Json json;
   json["id"] = s.id();
   json["name"] = s.name();
+  json["submitter"] = s.submitter();
   json["state"] = std::string(wire::name(s.state()));
   json["message"] = s.message();
   json["units_merged"] = s.units_merged();

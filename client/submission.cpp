@@ -8,6 +8,7 @@
 #include "client/values.h"
 #include "common/stages/decision.h"
 #include "common/stages/memory_need.h"
+#include "common/wire/token.h"
 #include "common/wire/wire.h"
 
 namespace candela::client {
@@ -81,6 +82,7 @@ Result<Submitted> submit_scene(FarmClient& farm, const LoadedScene& scene, const
   wire::to_proto(scene.job.stop, *request.mutable_stop());
   request.set_priority(submission.priority);
   request.set_share(submission.share);
+  request.set_submitter(wire::user_at_host());
   request.set_idempotency_token(submission.token.empty() ? random_token() : submission.token);
   std::uint64_t uploaded = 0;
   auto response = upload_and_submit(farm, scene, request, progress, uploaded);

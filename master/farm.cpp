@@ -67,6 +67,7 @@ Result<void> Farm::start() {
   if (o.data_dir.empty()) return usage_error("no data folder").with_field("--data");
   CANDELA_TRY(make_directories(o.data_dir / "jobs"));
   CANDELA_TRY(lock_data_folder());
+  tighten_data_folder();
   CANDELA_ASSIGN(blobs_, BlobStore::open(o.data_dir / "blobs"));
   CANDELA_ASSIGN(store_, open_sqlite_store(o.data_dir / "master.sqlite"));
   CANDELA_TRY(Retention::finish_removals(*store_, o.data_dir));

@@ -152,6 +152,7 @@ class Farm final : public TruthFarm {
   explicit Farm(const FarmOptions& options);
   Result<void> start();
   Result<void> lock_data_folder();
+  void tighten_data_folder() const;
   Result<void> restore_jobs(StoredState state);
   // A job's film, read; its figures go into `row` and `restored`.
   struct RestoredFilm {

@@ -12,6 +12,7 @@
 
 #include "common/base/log.h"
 #include "master/farm.h"
+#include "master/store/private_folder.h"
 
 namespace candela::master {
 namespace {
@@ -40,6 +41,17 @@ Result<void> Farm::lock_data_folder() {
         .with_field("--data")
         .with_mend("stop it, or give another folder");
   return {};
+}
+
+void Farm::tighten_data_folder() const {
+  const std::filesystem::path& folder = options_.master.data_dir;
+  const Tightened tightened = make_private(folder);
+  if (tightened.changed > 0)
+    log::info(fmt::format("took from other users the access to '{}': {} files and folders", folder.string(),
+                          tightened.changed));
+  if (!tightened.left.empty())
+    log::warn(fmt::format("other users have access to '{}', which is not this user's: chmod go= {}",
+                          tightened.left.string(), tightened.left.string()));
 }
 
 Result<void> Farm::restore_jobs(StoredState state) {

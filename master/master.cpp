@@ -10,9 +10,9 @@
 #include <mutex>
 
 #include "common/base/log.h"
+#include "common/wire/token.h"
 #include "common/wire/wire.h"
-#include "master/api/farm_service.h"
-#include "master/api/worker_service.h"
+#include "master/api/guarded_services.h"
 #include "master/farm.h"
 #include "master/http/http_server.h"
 #include "master/http/live_page.h"
@@ -21,7 +21,8 @@ namespace candela::master {
 namespace {
 
 constexpr int kMaxMessageBytes = 8 << 20;
-constexpr int kMaxThreads = 1024;  // each streaming call holds one
+constexpr int kMaxThreads = 1024;            // each streaming call holds one
+constexpr const char* kTokenFile = "token";  // in the data folder
 constexpr auto kShutdownGrace = std::chrono::seconds(2);
 
 Result<void> check(const MasterOptions& o) {
@@ -42,16 +43,19 @@ Result<void> check(const MasterOptions& o) {
 
 class MasterImpl final : public Master {
  public:
-  explicit MasterImpl(std::unique_ptr<Farm> farm)
-      : farm_(std::move(farm)), farm_service_(*farm_), worker_service_(*farm_) {}
+  MasterImpl(std::unique_ptr<Farm> farm, std::string token, bool tls)
+      : farm_(std::move(farm)),
+        access_(tls ? Access() : Access(token, farm_->data_folder() / kTokenFile)),
+        token_(std::move(token)),
+        farm_service_(*farm_, access_),
+        worker_service_(*farm_, access_) {}
   ~MasterImpl() override { stop(); }
 
-  Result<void> serve(const MasterOptions& o) {
+  Result<void> serve(const MasterOptions& o, const std::shared_ptr<grpc::ServerCredentials>& credentials) {
     grpc::ServerBuilder builder;
+    wire::Address address;
     if (!o.listen.empty()) {
-      CANDELA_ASSIGN(const wire::Address address, wire::parse_address(o.listen, "--listen"));
-      CANDELA_ASSIGN(auto credentials,
-                     wire::server_credentials(address, {o.tls_cert, o.tls_key, o.tls_ca}, o.insecure));
+      CANDELA_ASSIGN(address, wire::parse_address(o.listen, "--listen"));
       builder.AddListeningPort(address.text(), credentials, &port_);
     }
     builder.RegisterService(&farm_service_);
@@ -78,12 +82,16 @@ class MasterImpl final : public Master {
       return usage_error(fmt::format("cannot listen on {}", o.listen))
           .with_field("--listen")
           .with_mend("choose another address or port, or stop what holds it");
+    const bool any_port = address.port == 0;
+    address.port = port_;
+    if (port_ != 0 && o.tls_cert.empty()) tell_token(o, address, any_port);
+    access_.open();
     if (!o.http_listen.empty()) {
       std::string token;
       if (!o.page_token_file.empty()) {
         CANDELA_ASSIGN(token, read_page_token(o.page_token_file));
       }
-      CANDELA_ASSIGN(http_, HttpServer::start(*farm_, o.http_listen, token));
+      CANDELA_ASSIGN(http_, HttpServer::start(*farm_, o.http_listen, token, token_));
     }
     return {};
   }
@@ -107,12 +115,32 @@ class MasterImpl final : public Master {
     }
     http_.reset();
     farm_->stop();
+    if (std::error_code ignored; !passing_token_file_.empty())
+      std::filesystem::remove(passing_token_file_, ignored);
   }
 
  private:
+  void tell_token(const MasterOptions& o, const wire::Address& address, bool any_port) {
+    const std::string file = (farm_->data_folder() / kTokenFile).string();
+    const auto published = o.publish_token ? wire::published_token_file(address) : std::nullopt;
+    Result<void> written;
+    if (published) written = wire::publish_token(token_, *published);
+    // Nobody looks for a port again that the system chose.
+    if (published && written.ok() && any_port) passing_token_file_ = *published;
+    if (published && written.ok())
+      return log::info(
+          fmt::format("calls must carry the token of '{}'; programs of this user find it in '{}'", file,
+                      published->string()));
+    log::info(fmt::format("calls must carry the token of '{}': give it to programs with --token-file{}", file,
+                          written.ok() ? "" : ", for " + written.error().to_string()));
+  }
+
   std::unique_ptr<Farm> farm_;
-  FarmServiceImpl farm_service_;
-  WorkerServiceImpl worker_service_;
+  Access access_;
+  const std::string token_;  // of calls without TLS, and of who reads the page
+  std::filesystem::path passing_token_file_;
+  GuardedFarmService farm_service_;
+  GuardedWorkerService worker_service_;
   std::unique_ptr<grpc::Server> server_;
   std::unique_ptr<HttpServer> http_;
   int port_ = 0;
@@ -123,10 +151,11 @@ class MasterImpl final : public Master {
 
 Result<std::unique_ptr<Master>> Master::start(const MasterOptions& options) {
   CANDELA_TRY(check(options));
+  std::shared_ptr<grpc::ServerCredentials> credentials;
+  const wire::TlsFiles tls{options.tls_cert, options.tls_key, options.tls_ca};
   if (!options.listen.empty()) {  // before the store is touched
     CANDELA_ASSIGN(const wire::Address address, wire::parse_address(options.listen, "--listen"));
-    CANDELA_TRY(wire::server_credentials(address, {options.tls_cert, options.tls_key, options.tls_ca},
-                                         options.insecure));
+    CANDELA_ASSIGN(credentials, wire::server_credentials(address, tls, options.insecure));
   }
   if (!options.http_listen.empty()) {
     CANDELA_ASSIGN(const wire::Address http, wire::parse_address(options.http_listen, "--http"));
@@ -146,8 +175,9 @@ Result<std::unique_ptr<Master>> Master::start(const MasterOptions& options) {
   FarmOptions farm_options;
   farm_options.master = options;
   CANDELA_ASSIGN(std::unique_ptr<Farm> farm, Farm::open(farm_options));
-  auto master = std::make_unique<MasterImpl>(std::move(farm));
-  CANDELA_TRY(master->serve(options));
+  CANDELA_ASSIGN(std::string token, wire::make_token_file(options.data_dir / kTokenFile));
+  auto master = std::make_unique<MasterImpl>(std::move(farm), std::move(token), tls.any());
+  CANDELA_TRY(master->serve(options, credentials));
   return std::unique_ptr<Master>(std::move(master));
 }
 

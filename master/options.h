@@ -20,10 +20,12 @@ struct MasterOptions {
   std::string page_token_file;            // its text allows the page to change jobs; empty: read-only
   std::string tls_cert, tls_key, tls_ca;  // PEM files; all three or none (mutual TLS)
   bool insecure = false;                  // allow a non-loopback address without TLS
-  double checkpoint_seconds = 10;         // at most this long between a merge and the checkpoint that has it
-  double lease_seconds = 30;              // without heartbeat
-  double unit_seconds = 4;                // what units are sized to
-  double stuck_seconds = 600;             // without progress, before a worker loses a unit
+  // Without TLS: write the token where programs of this user look for it.
+  bool publish_token = false;
+  double checkpoint_seconds = 10;  // at most this long between a merge and the checkpoint that has it
+  double lease_seconds = 30;       // without heartbeat
+  double unit_seconds = 4;         // what units are sized to
+  double stuck_seconds = 600;      // without progress, before a worker loses a unit
   std::uint64_t merge_queue_bytes = 512ULL << 20;
   unsigned merge_threads = 1;
   int bulk_niceness = 0;  // of the threads that merge, write checkpoints and make images (bulk_threads.h)

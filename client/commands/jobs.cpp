@@ -37,6 +37,10 @@ std::string error_text(const v1::JobStatus& s) {
                                                                   : "-";
 }
 
+std::string submitter_text(const v1::JobStatus& s) {
+  return s.submitter().empty() ? "-" : printable(s.submitter());
+}
+
 // "running,queued"
 Result<std::vector<v1::JobState>> parse_states(std::string_view text) {
   static constexpr std::array<std::string_view, 6> kNames = {"queued", "running", "paused",
@@ -73,13 +77,13 @@ Result<int> run_list(Context& context, const JobOptions& options) {
     context.err << "no jobs\n";
     return 0;
   }
-  context.out << fmt::format("{:<14} {:<10} {:>4}  {:>12} {:>10} {:>8}  {}\n", "ID", "STATE", "DONE",
-                             "ITERATIONS", "RELMSE", "PRIORITY", "NAME");
+  context.out << fmt::format("{:<14} {:<10} {:>4}  {:>12} {:>10} {:>8}  {:<16}  {}\n", "ID", "STATE", "DONE",
+                             "ITERATIONS", "RELMSE", "PRIORITY", "SUBMITTER", "NAME");
   for (const auto& s : response.jobs())
-    context.out << fmt::format("{:<14} {:<10} {:>3.0f}%  {:>12} {:>10} {:>8}  {}\n", printable(s.id()),
-                               wire::name(s.state()),
-                               std::floor(100 * (s.state() == v1::JOB_STATE_DONE ? 1 : fraction_done(s))),
-                               s.iterations(), error_text(s), s.priority(), printable(s.name()));
+    context.out << fmt::format(
+        "{:<14} {:<10} {:>3.0f}%  {:>12} {:>10} {:>8}  {:<16}  {}\n", printable(s.id()),
+        wire::name(s.state()), std::floor(100 * (s.state() == v1::JOB_STATE_DONE ? 1 : fraction_done(s))),
+        s.iterations(), error_text(s), s.priority(), submitter_text(s), printable(s.name()));
   if (!response.next_page_token().empty())
     context.err << fmt::format("{} of {} jobs; older ones: --after {}, or all with --limit {}\n",
                                response.jobs_size(), response.total(), printable(response.next_page_token()),
@@ -142,6 +146,7 @@ void print_job(std::ostream& out, const v1::JobStatus& s) {
   };
   line("id", s.id());
   line("name", s.name());
+  line("submitter", submitter_text(s));
   line("state", std::string(wire::name(s.state())));
   if (!s.message().empty()) line("message", s.message());
   if (s.failures_size() > 0) line("failures", failures_text(s.failures()));

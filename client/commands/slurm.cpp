@@ -39,7 +39,8 @@ Result<SlurmJob> read(const SlurmOptions& options) {
   if (!job.give_up.empty()) CANDELA_TRY(parse_duration(job.give_up, "--give-up"));
   CANDELA_ASSIGN(const Config config, Config::load());
   CANDELA_ASSIGN(job.farm, resolve_connection(options.farm, config));
-  for (std::string* path : {&job.farm.tls_cert, &job.farm.tls_key, &job.farm.tls_ca}) make_absolute(*path);
+  for (std::string* path : {&job.farm.tls_cert, &job.farm.tls_key, &job.farm.tls_ca, &job.farm.token_file})
+    make_absolute(*path);
   return job;
 }
 

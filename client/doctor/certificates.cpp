@@ -9,6 +9,7 @@
 #include "client/doctor/checks.h"
 #include "client/values.h"
 #include "common/base/files.h"
+#include "common/wire/wire.h"
 
 namespace candela::client {
 namespace {
@@ -88,6 +89,25 @@ std::optional<Diagnosis> check_signature(const ConnectionOptions& connection) {
                    "use a certificate that the master's --tls-ca has signed, if it is the same authority"};
 }
 
+// The key's access and the certificate's roles. Nothing if other checks tell why the files cannot be used.
+std::optional<Diagnosis> check_holder(const ConnectionOptions& connection) {
+  const auto loaded = wire::load_credentials({connection.tls_cert, connection.tls_key, connection.tls_ca});
+  if (!loaded && !connection.tls_key.empty() && loaded.error().file == connection.tls_key)
+    return Diagnosis{"key", Diagnosis::State::broken,
+                     fmt::format("{}: {}", printable(connection.tls_key), printable(loaded.error().message)),
+                     printable(loaded.error().mend)};
+  if (!loaded) return std::nullopt;
+  const wire::Holder& holder = loaded->holder;
+  if (holder.roles.empty())
+    return Diagnosis{"roles", Diagnosis::State::broken,
+                     fmt::format("the certificate '{}' has no role", printable(holder.name)),
+                     wire::needs_role(wire::Role::submit)};
+  return Diagnosis{"roles",
+                   Diagnosis::State::ok,
+                   fmt::format("'{}' has {}", printable(holder.name), holder.roles.text()),
+                   {}};
+}
+
 }  // namespace
 
 Diagnosis check_expiry(const std::string& name, double days, const std::string& text) {
@@ -106,6 +126,7 @@ std::vector<Diagnosis> check_certificates(const ConnectionOptions& connection) {
   if (!connection.tls_cert.empty()) checks.push_back(check_certificate("certificate", connection.tls_cert));
   if (!connection.tls_ca.empty()) checks.push_back(check_certificate("authority", connection.tls_ca));
   if (const auto signature = check_signature(connection)) checks.push_back(*signature);
+  if (const auto role = check_holder(connection)) checks.push_back(*role);
   return checks;
 }
 

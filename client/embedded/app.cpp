@@ -46,6 +46,7 @@ void add_commands(CLI::App& app, Context& context) {
   add_workers(app, context);
   add_drain(app, context);
   add_slurm(app, context);
+  add_tls(app, context);
   add_events(app, context);
   add_compare(app, context);
   add_convert(app, context);

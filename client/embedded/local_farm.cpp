@@ -9,6 +9,7 @@
 
 #include "common/base/memory_limit.h"
 #include "common/description/reading_budget.h"
+#include "common/wire/token.h"
 #include "master/master.h"
 #include "worker/scene/textures/scratch.h"
 #include "worker/service/worker_service.h"
@@ -16,6 +17,7 @@
 namespace candela::client {
 
 struct LocalFarm::State {
+  std::filesystem::path data_dir;
   std::unique_ptr<master::Master> master;
   std::vector<std::unique_ptr<worker::Worker>> workers;
   std::vector<std::thread> waiters;  // one for each worker, to hear of its end
@@ -41,6 +43,7 @@ Result<std::unique_ptr<LocalFarm>> LocalFarm::start(const std::filesystem::path&
   options.statistics_bytes = options.memory_bytes / 8;
   options.image_on_checkpoint = false;  // we write the image ourselves, where it was asked for
   auto state = std::make_unique<State>();
+  state->data_dir = data_dir;
   auto master = master::Master::start(options);
   if (!master.ok() && master.error().field == "--http")
     return std::move(master).error().with_field("--page").with_mend(
@@ -51,6 +54,10 @@ Result<std::unique_ptr<LocalFarm>> LocalFarm::start(const std::filesystem::path&
 
 std::shared_ptr<grpc::Channel> LocalFarm::channel() {
   return state_->master->in_process_channel();
+}
+
+Result<std::string> LocalFarm::page_token() const {
+  return wire::read_token_file(state_->data_dir / "token");
 }
 
 int LocalFarm::page_port() const {

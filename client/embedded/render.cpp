@@ -268,7 +268,8 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   if (options.page) {
     CANDELA_ASSIGN(wire::Address address, wire::parse_address(*options.page, "--page"));
     address.port = farm->page_port();
-    page = fmt::format("http://{}/jobs/{}", address.text(), id);
+    CANDELA_ASSIGN(const std::string token, farm->page_token());
+    page = fmt::format("http://{}/jobs/{}#token={}", address.text(), id, token);
     context.err << "candela: the page is at " << page << std::endl;
   }
   CANDELA_TRY(farm->start_workers(threads, folder->cache(), texture_memory, scene.memory_bytes));

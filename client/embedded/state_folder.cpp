@@ -48,6 +48,7 @@ Result<std::unique_ptr<StateFolder>> StateFolder::open(const fs::path& path, Mod
         .with_mend("go on with it by --resume, or throw it away by --fresh");
 
   CANDELA_TRY(make_directories(path));
+  if (!there) fs::permissions(path, fs::perms::owner_all, code);  // it has the scene
   const fs::path lock = path / kLockName;
   const int fd = ::open(lock.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
   if (fd < 0) return input_error(fmt::format("cannot open: {}", std::strerror(errno))).at(lock.string(), 0);

@@ -96,7 +96,7 @@ std::string command(const SlurmJob& job) {
   if (job.farm.insecure) text += " --insecure";
   for (const auto& [option, path] :
        {std::pair{"--tls-cert", &job.farm.tls_cert}, std::pair{"--tls-key", &job.farm.tls_key},
-        std::pair{"--tls-ca", &job.farm.tls_ca}})
+        std::pair{"--tls-ca", &job.farm.tls_ca}, std::pair{"--token-file", &job.farm.token_file}})
     if (!path->empty()) text += fmt::format(" \\\n  {} {}", option, shell_quoted(*path));
   if (!job.give_up.empty()) text += fmt::format(" \\\n  --give-up {}", shell_quoted(job.give_up));
   return text +
@@ -120,7 +120,7 @@ Result<std::string> batch_script(const SlurmJob& job) {
          "trap 'exit 0' TERM\n"
          "set -euo pipefail\n" +
          fmt::format("cache={}\n", cache.empty() ? shell_quoted(job.cache) : cache) +
-         "mkdir -p \"$cache\"\n" + command(job);
+         "mkdir -p -m 700 \"$cache\"\n" + command(job);
 }
 
 Result<void> submit_batch_script(const std::string& script) {

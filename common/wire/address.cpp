@@ -3,87 +3,21 @@
 #include <arpa/inet.h>
 #include <fmt/format.h>
 #include <netinet/in.h>
-#include <openssl/bio.h>
-#include <openssl/err.h>
-#include <openssl/pem.h>
-#include <openssl/x509.h>
 
 #include <algorithm>
 #include <charconv>
-#include <memory>
 
-#include "common/base/files.h"
+#include "common/base/log.h"
 #include "common/wire/wire.h"
 
 namespace candela::wire {
 namespace {
 
-constexpr std::uint64_t kMaxPemBytes = 1 << 20;
 constexpr std::size_t kMaxHostBytes = 253;  // of a DNS name
 
 bool is_host_character(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' || c == '-' ||
          c == '_';
-}
-
-struct PemContents {
-  std::string cert, key, ca;
-};
-
-using Bio = std::unique_ptr<BIO, decltype(&BIO_free)>;
-using Certificate = std::unique_ptr<X509, decltype(&X509_free)>;
-using PrivateKey = std::unique_ptr<EVP_PKEY, decltype(&EVP_PKEY_free)>;
-
-Bio bio_of(const std::string& pem) {
-  return {BIO_new_mem_buf(pem.data(), static_cast<int>(pem.size())), &BIO_free};
-}
-
-// A password is never asked for: a service has nobody to ask.
-int no_password(char*, int, int, void*) {
-  return -1;
-}
-
-Result<std::string> read_pem(const std::string& file, std::string_view option) {
-  auto text = candela::read_file(file, kMaxPemBytes);
-  if (!text) return std::move(text).error().with_field(std::string(option));
-  return text;
-}
-
-Result<Certificate> parse_certificate(const std::string& pem, const std::string& file,
-                                      std::string_view option) {
-  Certificate certificate(PEM_read_bio_X509(bio_of(pem).get(), nullptr, &no_password, nullptr), &X509_free);
-  ERR_clear_error();
-  if (!certificate)
-    return input_error("no certificate in PEM form").at(file, 0).with_field(std::string(option));
-  return certificate;
-}
-
-// gRPC finds bad files only when the first connection fails, without a word of which file: so they are read
-// here first.
-Result<PemContents> load(const TlsFiles& tls) {
-  for (const auto& [file, option] :
-       {std::pair{&tls.cert, "--tls-cert"}, {&tls.key, "--tls-key"}, {&tls.ca, "--tls-ca"}})
-    if (file->empty())
-      return usage_error("--tls-cert, --tls-key and --tls-ca go together, and this one is missing")
-          .with_field(option);
-  PemContents pem;
-  CANDELA_ASSIGN(pem.cert, read_pem(tls.cert, "--tls-cert"));
-  CANDELA_ASSIGN(pem.key, read_pem(tls.key, "--tls-key"));
-  CANDELA_ASSIGN(pem.ca, read_pem(tls.ca, "--tls-ca"));
-  CANDELA_ASSIGN(const Certificate certificate, parse_certificate(pem.cert, tls.cert, "--tls-cert"));
-  CANDELA_TRY(parse_certificate(pem.ca, tls.ca, "--tls-ca"));
-  const PrivateKey key(PEM_read_bio_PrivateKey(bio_of(pem.key).get(), nullptr, &no_password, nullptr),
-                       &EVP_PKEY_free);
-  ERR_clear_error();
-  if (!key)
-    return input_error("no unencrypted private key in PEM form").at(tls.key, 0).with_field("--tls-key");
-  const bool matches = X509_check_private_key(certificate.get(), key.get()) == 1;
-  ERR_clear_error();
-  if (!matches)
-    return input_error(fmt::format("the key does not belong to the certificate in '{}'", tls.cert))
-        .at(tls.key, 0)
-        .with_field("--tls-key");
-  return pem;
 }
 
 Error needs_tls(const Address& address) {
@@ -92,6 +26,11 @@ Error needs_tls(const Address& address) {
 }
 
 }  // namespace
+
+std::string needs_role(Role role) {
+  return fmt::format("have a certificate signed with the subjectAltName URI:{} (candela tls add)",
+                     role_uri(role));
+}
 
 std::string Address::text() const {
   return host.find(':') != std::string::npos ? fmt::format("[{}]:{}", host, port)
@@ -148,7 +87,8 @@ Result<std::shared_ptr<grpc::ServerCredentials>> server_credentials(const Addres
     if (!address.loopback && !insecure) return needs_tls(address);
     return grpc::InsecureServerCredentials();
   }
-  CANDELA_ASSIGN(const PemContents pem, load(tls));
+  CANDELA_ASSIGN(const Credentials pem, load_credentials(tls));
+  for (const std::string& warning : pem.warnings) log::warn(warning);
   grpc::SslServerCredentialsOptions options(GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
   options.pem_root_certs = pem.ca;
   options.pem_key_cert_pairs.push_back({pem.key, pem.cert});
@@ -156,14 +96,22 @@ Result<std::shared_ptr<grpc::ServerCredentials>> server_credentials(const Addres
 }
 
 Result<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(const Address& address,
-                                                                      const TlsFiles& tls, bool insecure) {
+                                                                      const TlsFiles& tls, bool insecure,
+                                                                      std::optional<Role> role) {
   if (address.port == 0)
     return usage_error(fmt::format("{} has port 0, which nobody can call", address.text()));
   if (!tls.any()) {
     if (!address.loopback && !insecure) return needs_tls(address);
     return grpc::InsecureChannelCredentials();
   }
-  CANDELA_ASSIGN(const PemContents pem, load(tls));
+  CANDELA_ASSIGN(const Credentials pem, load_credentials(tls));
+  if (role && !pem.holder.roles.allow(*role))
+    return refused_error(fmt::format("role '{}' is missing: the certificate '{}' has {}", name(*role),
+                                     pem.holder.name, pem.holder.roles.text()))
+        .at(tls.cert, 0)
+        .with_field("--tls-cert")
+        .with_mend(needs_role(*role));
+  for (const std::string& warning : pem.warnings) log::warn(warning);
   grpc::SslCredentialsOptions options;
   options.pem_root_certs = pem.ca;
   options.pem_private_key = pem.key;

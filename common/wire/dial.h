@@ -1,7 +1,9 @@
 // Channels to a master.
 #pragma once
 
+#include <filesystem>
 #include <memory>
+#include <optional>
 
 #include "common/wire/wire.h"
 
@@ -10,6 +12,9 @@ namespace candela::wire {
 struct DialOptions {
   std::string master;  // HOST:PORT; errors name it --master
   TlsFiles tls;
+  std::optional<Role> role = {};  // that the caller's certificate must have
+  // Of a master without TLS; empty: the one that this user's master made.
+  std::filesystem::path token_file = {};
   bool insecure = false;  // allow a master beyond loopback without TLS
   int max_receive_bytes = 64 << 20;
   int min_backoff_ms = 200;  // between attempts to connect

@@ -4,6 +4,8 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include <optional>
+
 #include "candela/v1/job.pb.h"
 #include "candela/v1/worker.pb.h"
 #include "common/base/result.h"
@@ -14,6 +16,7 @@
 #include "common/job/job.h"
 #include "common/stages/work_plan.h"
 #include "common/wire/address.h"
+#include "common/wire/certificates.h"
 
 namespace candela::wire {
 
@@ -62,15 +65,13 @@ std::uint32_t retry_ms(const grpc::Status& status, std::uint32_t otherwise);
 // Names of job states as scripts see them: "queued", "running", ...
 std::string_view name(v1::JobState state);
 
-// Credentials from PEM files; all three empty: insecure. Errors name the option and the file.
-struct TlsFiles {
-  std::string cert, key, ca;
-  bool any() const { return !cert.empty() || !key.empty() || !ca.empty(); }
-};
 // Refuses a non-loopback address without TLS unless `insecure`.
 Result<std::shared_ptr<grpc::ServerCredentials>> server_credentials(const Address& address,
                                                                     const TlsFiles& tls, bool insecure);
-Result<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(const Address& address,
-                                                                      const TlsFiles& tls, bool insecure);
+// `role`: what the caller is about to do; an error if its certificate does not have it.
+Result<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(
+    const Address& address, const TlsFiles& tls, bool insecure, std::optional<Role> role = std::nullopt);
+// What to do about a certificate that lacks a role.
+std::string needs_role(Role role);
 
 }  // namespace candela::wire

@@ -67,6 +67,8 @@ Result<JobRow> job_of(const v1::SubmitRequest& r) {
   if (r.idempotency_token().size() > Limits::max_name_bytes)
     return input_error(fmt::format("longer than {} bytes", Limits::max_name_bytes))
         .with_field("idempotency_token");
+  if (r.submitter().size() > Limits::max_name_bytes)
+    return input_error(fmt::format("longer than {} bytes", Limits::max_name_bytes)).with_field("submitter");
   if (!std::isfinite(r.share()) || r.share() < 0 || (r.share() > 0 && r.share() < 1e-6) || r.share() > 1e6)
     return input_error("must be 0 (for 1), or 1e-6 to 1e6").with_field("share");
   if (r.priority() < -1000000 || r.priority() > 1000000)
@@ -79,6 +81,7 @@ Result<JobRow> job_of(const v1::SubmitRequest& r) {
   row.idempotency_token = r.idempotency_token();
   v1::SubmitRequest content = r;
   content.clear_idempotency_token();
+  content.clear_submitter();
   row.content_digest = sha256_hex(wire::canonical(content));
   return row;
 }
@@ -169,12 +172,14 @@ grpc::Status FarmServiceImpl::UploadBlob(grpc::ServerContext* context,
   });
 }
 
-grpc::Status FarmServiceImpl::Submit(grpc::ServerContext*, const v1::SubmitRequest* request,
+grpc::Status FarmServiceImpl::Submit(grpc::ServerContext* context, const v1::SubmitRequest* request,
                                      v1::SubmitResponse* response) {
   return guarded([&] {
     if (farm_.stopping()) return stopping_status();
     auto row = job_of(*request);
     if (!row.ok()) return wire::to_status(row.error());
+    const std::string certificate = access_.caller(*context).name;
+    row->submitter = certificate.empty() ? request->submitter() : certificate;
     // Its plan may need more; the pilot tells.
     const MemoryNeed need = memory_need({}, row->settings.width, row->settings.height);
     if (auto fits = check_memory(need, row->settings, farm_.memory_limit()); !fits.ok())

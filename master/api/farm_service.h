@@ -1,17 +1,18 @@
-// candela.v1.FarmService: a thin layer over Farm.
+// candela.v1.FarmService: a thin layer over Farm. guarded_services.h asks who may call.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
 
 #include "candela/v1/client.grpc.pb.h"
+#include "master/api/access.h"
 #include "master/api/peer_places.h"
 #include "master/farm.h"
 
 namespace candela::master {
 
-class FarmServiceImpl final : public v1::FarmService::Service {
+class FarmServiceImpl : public v1::FarmService::Service {
  public:
-  explicit FarmServiceImpl(Farm& farm) : farm_(farm) {}
+  FarmServiceImpl(Farm& farm, const Access& access) : farm_(farm), access_(access) {}
   grpc::Status GetServerInfo(grpc::ServerContext*, const v1::GetServerInfoRequest*,
                              v1::GetServerInfoResponse*) override;
   grpc::Status FindMissingBlobs(grpc::ServerContext*, const v1::FindMissingBlobsRequest*,
@@ -44,6 +45,7 @@ class FarmServiceImpl final : public v1::FarmService::Service {
 
  private:
   Farm& farm_;
+  const Access& access_;
   // Limits on the calls that one master serves at a time, since each call holds a thread.
   PeerPlaces watchers_{"calls that wait for a job or a worker", 256, 64,
                        "end some of them, or use `candela list`"};

@@ -65,6 +65,7 @@ v1::JobStatus to_message(const JobStatus& status) {
   v1::JobStatus out;
   out.set_id(r.id);
   out.set_name(r.name);
+  out.set_submitter(r.submitter);
   out.set_state(to_message(r.state));
   out.set_message(status.message);
   out.set_priority(r.priority);

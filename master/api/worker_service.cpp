@@ -89,7 +89,7 @@ Result<void> check_scale(const PilotResult& result, const JobSettings& settings)
 
 }  // namespace
 
-grpc::Status WorkerServiceImpl::Register(grpc::ServerContext*, const v1::RegisterRequest* request,
+grpc::Status WorkerServiceImpl::Register(grpc::ServerContext* context, const v1::RegisterRequest* request,
                                          v1::RegisterResponse* response) {
   return guarded([&] {
     if (farm_.stopping()) return stopping_status();
@@ -99,6 +99,7 @@ grpc::Status WorkerServiceImpl::Register(grpc::ServerContext*, const v1::Registe
     row.session = random_id("", 32);
     row.name = request->name().empty() ? row.id : request->name();
     row.host = request->host();
+    row.certificate = access_.caller(*context).name;
     row.build_id = request->build_id();
     row.threads = request->threads();
     row.isas.assign(request->isas().begin(), request->isas().end());

@@ -1,17 +1,18 @@
-// candela.v1.WorkerService: a thin layer over Farm.
+// candela.v1.WorkerService: a thin layer over Farm. guarded_services.h asks who may call.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
 
 #include "candela/v1/worker.grpc.pb.h"
+#include "master/api/access.h"
 #include "master/farm.h"
 #include "master/merge/buffer_pool.h"
 
 namespace candela::master {
 
-class WorkerServiceImpl final : public v1::WorkerService::Service {
+class WorkerServiceImpl : public v1::WorkerService::Service {
  public:
-  explicit WorkerServiceImpl(Farm& farm) : farm_(farm) {}
+  WorkerServiceImpl(Farm& farm, const Access& access) : farm_(farm), access_(access) {}
   grpc::Status Register(grpc::ServerContext*, const v1::RegisterRequest*, v1::RegisterResponse*) override;
   grpc::Status AcquireLease(grpc::ServerContext*, const v1::AcquireLeaseRequest*,
                             v1::AcquireLeaseResponse*) override;
@@ -33,6 +34,7 @@ class WorkerServiceImpl final : public v1::WorkerService::Service {
   static constexpr std::size_t kPooledBytes = 128 << 20;  // the deltas of some turns of merging
 
   Farm& farm_;
+  const Access& access_;
   BufferPool buffers_{kPooledBytes};
 };
 

@@ -160,6 +160,7 @@ std::string to_text(const HttpAnswer& answer, bool with_body) {
         "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'\r\n";
   text += answer.etag.empty() ? "Cache-Control: no-store\r\n"
                               : fmt::format("Cache-Control: no-cache\r\nETag: \"{}\"\r\n", answer.etag);
+  if (!answer.cookie.empty()) text += fmt::format("Set-Cookie: {}\r\n", answer.cookie);
   if (answer.code == 401) text += "WWW-Authenticate: Bearer\r\n";
   if (answer.code == 405) text += "Allow: GET, HEAD\r\n";
   if (answer.topic.empty()) text += fmt::format("Content-Length: {}\r\n", body.size());

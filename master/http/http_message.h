@@ -29,9 +29,10 @@ struct HttpAnswer {
   std::string type = "text/plain; charset=utf-8";
   std::string body = {};
   std::shared_ptr<const std::string> shared =
-      {};                  // the body where many clients get the same; `body` is empty
-  std::string etag = {};   // empty: not to be kept
-  std::string topic = {};  // not empty: a stream of events, which begins with `body` and stays open
+      {};                   // the body where many clients get the same; `body` is empty
+  std::string etag = {};    // empty: not to be kept
+  std::string cookie = {};  // to be set; empty: none
+  std::string topic = {};   // not empty: a stream of events, which begins with `body` and stays open
 };
 
 struct ParsedRequest {

@@ -394,7 +394,8 @@ std::pair<Descriptor, int> listen_on(const wire::Address& address) {
 }  // namespace
 
 Result<std::unique_ptr<HttpServer>> HttpServer::start(Farm& farm, const std::string& listen,
-                                                      const std::string& page_token) {
+                                                      const std::string& page_token,
+                                                      const std::string& read_token) {
   CANDELA_ASSIGN(const wire::Address address, wire::parse_address(listen, "--http"));
   auto [listener, port] = listen_on(address);
   Descriptor wake(listener.get() < 0 ? -1 : ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
@@ -402,8 +403,9 @@ Result<std::unique_ptr<HttpServer>> HttpServer::start(Farm& farm, const std::str
     return usage_error(fmt::format("cannot listen on {}: {}", address.text(), std::strerror(errno)))
         .with_field("--http")
         .with_mend("choose another port, or stop what holds it");
-  return std::unique_ptr<HttpServer>(std::make_unique<Server>(
-      farm, std::move(listener), std::move(wake), port, PageOptions{page_token, address.loopback}));
+  return std::unique_ptr<HttpServer>(
+      std::make_unique<Server>(farm, std::move(listener), std::move(wake), port,
+                               PageOptions{page_token, read_token, address.loopback}));
 }
 
 }  // namespace candela::master

@@ -14,9 +14,10 @@ class HttpServer {
  public:
   virtual ~HttpServer() = default;  // closes the port; no handler runs afterwards
   // Errors: ErrorKind::usage naming --http where the address cannot be bound. `farm` must outlive the server.
-  // An empty token: the page is read-only.
+  // `read_token` lets the page be read. An empty page_token: nobody may change jobs by the page.
   static Result<std::unique_ptr<HttpServer>> start(Farm& farm, const std::string& listen,
-                                                   const std::string& page_token);
+                                                   const std::string& page_token,
+                                                   const std::string& read_token);
   virtual int port() const = 0;
 };
 

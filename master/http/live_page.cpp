@@ -7,9 +7,9 @@
 #include <charconv>
 #include <cmath>
 
-#include "common/base/files.h"
 #include "common/base/hash.h"
 #include "common/base/version.h"
+#include "common/wire/token.h"
 #include "master/farm.h"
 #include "master/http/page_files.h"
 #include "master/http/page_json.h"
@@ -17,8 +17,6 @@
 namespace candela::master {
 namespace {
 
-constexpr std::size_t kMinTokenBytes = 16;
-constexpr std::uint64_t kMaxTokenFileBytes = 4096;
 constexpr std::size_t kMaxTasks = 64;
 constexpr std::size_t kMaxTopics = 64;
 constexpr std::uint64_t kPictureMemoryShare = 16;  // of the memory for jobs: pictures
@@ -39,15 +37,6 @@ HttpAnswer file_answer(std::string_view name) {
             .etag = std::string(file.etag)};
   }
   return error_answer(404, "there is no such page: begin at /");
-}
-
-// Time that does not tell where the texts differ.
-bool same_secret(std::string_view a, std::string_view b) {
-  const std::string x = sha256_hex(a), y = sha256_hex(b);
-  unsigned char different = 0;
-  for (std::size_t i = 0; i < x.size(); ++i)
-    different = static_cast<unsigned char>(different | (x[i] ^ y[i]));
-  return different == 0;
 }
 
 // A Host field that names this machine for itself. A page of another site cannot send one, even where its
@@ -82,25 +71,21 @@ std::string topic_of(const std::string& job_id, bool error) {
 }  // namespace
 
 Result<std::string> read_page_token(const std::string& file) {
-  auto text = read_file(file, kMaxTokenFileBytes);
-  if (!text.ok()) return usage_error(text.error().to_string()).with_field("--page-token-file");
-  const auto space = [](char c) { return c == ' ' || c == '\n' || c == '\r' || c == '\t'; };
-  while (!text->empty() && space(text->back())) text->pop_back();
-  text->erase(text->begin(), std::find_if_not(text->begin(), text->end(), space));
-  const bool printable =
-      std::all_of(text->begin(), text->end(), [](char c) { return c > ' ' && c < '\x7f'; });
-  if (text->size() < kMinTokenBytes || !printable)
-    return usage_error(fmt::format("the token in '{}' must be {} printable characters or more, without space",
-                                   file, kMinTokenBytes))
-        .with_field("--page-token-file")
-        .with_mend("make one with: openssl rand -hex 32");
-  return std::move(*text);
+  auto token = wire::read_token_file(file);
+  if (!token.ok()) {
+    Error error = std::move(token).error();
+    error.kind = ErrorKind::usage;
+    return std::move(error).with_field("--page-token-file");
+  }
+  return token;
 }
 
 LivePage::LivePage(Farm& farm, PageOptions options, Out out)
     : farm_(farm),
       options_(std::move(options)),
       out_(std::move(out)),
+      cookie_name_("candela-" + sha256_hex("name of " + options_.read_token).substr(0, 12)),
+      cookie_value_(sha256_hex("cookie of " + options_.read_token)),
       start_(random_id("m", 10)),
       picture_memory_(farm.memory_limit() / kPictureMemoryShare) {
   thread_ = std::thread([this] { run(); });
@@ -119,7 +104,12 @@ std::optional<HttpAnswer> LivePage::answer(const HttpRequest& request, std::uint
   if (auto refused = refusal(request)) return refused;
   const std::string& path = request.path;
   if (path.starts_with("/api/")) {
+    if (path == "/api/login" && request.method == "POST") return log_in(request);
     if (request.method == "POST") return control(request, connection);
+    if (!may_read(request))
+      return error_answer(401,
+                          "role 'read' is missing: give the page the token in the file 'token' of the "
+                          "master's data folder; scripts say Authorization: Bearer TOKEN");
     return answer_api(request, connection);
   }
   if (request.method == "POST") return error_answer(405, "only GET and HEAD");
@@ -131,6 +121,36 @@ std::optional<HttpAnswer> LivePage::answer(const HttpRequest& request, std::uint
     file.body.clear();
   }
   return file;
+}
+
+bool LivePage::is_token(std::string_view given) const {
+  const bool reads = wire::same_token(given, options_.read_token);
+  return (wire::same_token(given, options_.token) && !options_.token.empty()) || reads;
+}
+
+bool LivePage::may_read(const HttpRequest& request) const {
+  const std::string_view given = request.field("authorization");
+  if (given.starts_with("Bearer ")) return is_token(given.substr(7));
+  // "a=1; candela-...=..."
+  const std::string_view cookies = request.field("cookie");
+  const std::string name = cookie_name_ + "=";
+  for (std::size_t at = 0; at < cookies.size();) {
+    const std::size_t end = std::min(cookies.find(';', at), cookies.size());
+    std::string_view one = cookies.substr(at, end - at);
+    while (one.starts_with(' ')) one.remove_prefix(1);
+    if (one.starts_with(name)) return wire::same_token(one.substr(name.size()), cookie_value_);
+    at = end + 1;
+  }
+  return false;
+}
+
+HttpAnswer LivePage::log_in(const HttpRequest& request) const {
+  const std::string_view given = request.field("authorization");
+  if (!given.starts_with("Bearer ")) return error_answer(401, "say Authorization: Bearer TOKEN");
+  if (!is_token(given.substr(7))) return error_answer(403, "this is not the token");
+  HttpAnswer answer = json_answer("{}");
+  answer.cookie = fmt::format("{}={}; Path=/; HttpOnly; SameSite=Strict", cookie_name_, cookie_value_);
+  return answer;
 }
 
 std::optional<HttpAnswer> LivePage::refusal(const HttpRequest& request) const {
@@ -279,7 +299,7 @@ std::optional<HttpAnswer> LivePage::control(const HttpRequest& request, std::uin
     return error_answer(403, "this page is read-only: the master has no --page-token-file");
   const std::string_view given = request.field("authorization");
   if (!given.starts_with("Bearer ")) return error_answer(401, "say Authorization: Bearer TOKEN");
-  if (!same_secret(given.substr(7), options_.token)) return error_answer(403, "this is not the token");
+  if (!wire::same_token(given.substr(7), options_.token)) return error_answer(403, "this is not the token");
   if (request.path == "/api/check") return json_answer("{}");
   // /api/jobs/ID/VERB, /api/workers/ID/drain
   const std::string_view path = std::string_view(request.path).substr(5);

@@ -27,10 +27,11 @@ namespace candela::master {
 class Farm;
 
 struct PageOptions {
-  std::string token;     // empty: read-only
-  bool loopback = true;  // then only requests for a loopback name are answered
+  std::string token;       // that allows controls, and reading; empty: the page is read-only
+  std::string read_token;  // that allows reading
+  bool loopback = true;    // then only requests for a loopback name are answered
 };
-// Errors (usage): it cannot be read, or has fewer than 16 characters beside white space.
+// Errors (usage): those of wire::read_token_file().
 Result<std::string> read_page_token(const std::string& file);
 
 class LivePage {
@@ -75,6 +76,9 @@ class LivePage {
   HttpAnswer open_stream(const HttpRequest& request);
   HttpAnswer tile(const HttpRequest& request, const std::string& job_id);
   HttpAnswer pixel(const HttpRequest& request, const std::string& job_id);
+  bool is_token(std::string_view given) const;  // one of both
+  bool may_read(const HttpRequest& request) const;
+  HttpAnswer log_in(const HttpRequest& request) const;
   std::optional<HttpAnswer> refusal(const HttpRequest& request) const;
   std::optional<HttpAnswer> later(std::uint64_t connection, std::function<HttpAnswer()> make);
 
@@ -105,6 +109,9 @@ class LivePage {
   Farm& farm_;
   const PageOptions options_;
   const Out out_;
+  // A browser that has shown a token gets them, since it cannot send a header with a stream of events. They
+  // are made of the token, so that they stay good over a restart, and read only.
+  const std::string cookie_name_, cookie_value_;
   const std::string start_;  // differs after a restart of the master
 
   std::mutex mutex_;  // guards all below; held for copying alone

@@ -127,6 +127,7 @@ std::string job_line_json(const Scheduler& scheduler, const Job& job, Now now) {
   return JsonObject()
       .add("id", r.id)
       .add("name", r.name)
+      .add("submitter", r.submitter)
       .add("state", name(r.state))
       .number("priority", r.priority)
       .add("share", r.share)
@@ -171,6 +172,7 @@ std::string job_page_json(const JobStatus& status) {
   JsonObject out;
   out.add("id", r.id)
       .add("name", r.name)
+      .add("submitter", r.submitter)
       .add("state", name(r.state))
       .add("message", status.message)
       .number("priority", r.priority)

@@ -3,6 +3,7 @@
 
 #include <malloc.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 
 #include <CLI/CLI.hpp>
 #include <csignal>
@@ -106,6 +107,7 @@ int run(const Texts& texts, const SchedulerObserver& observer) {
   auto options = resolve(*settings, texts);
   if (!options) return report(kProgram, options.error());
   options->observer = observer;
+  options->publish_token = true;
 
   allow_many_files();
   MemoryReserve reserve(kReserveBytes);
@@ -173,6 +175,7 @@ int run_backup(const Texts& texts, const std::string& target, const std::string&
 
 int run_master(int argc, char** argv, const SchedulerObserver& observer) {
   bound_freed_memory();
+  ::umask(077);  // what the master and its backups write is for its user alone
   wire::configure_grpc();
   Texts texts;
   CLI::App app{"The master of a Candela farm: keeps jobs, leases work to workers, merges what they render."};

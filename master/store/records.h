@@ -27,6 +27,7 @@ inline bool has_ended(JobState s) {
 
 struct JobRow {
   std::string id, name, bundle_sha256;
+  std::string submitter;  // user@host, or the name of a certificate; empty: unknown
   JobSettings settings;
   StopRule stop;
   std::int32_t priority = 0;
@@ -127,6 +128,7 @@ struct StateRow {
 
 struct WorkerRow {
   std::string id, session, name, host, build_id;
+  std::string certificate;  // its name, with TLS; not kept over a restart of the master
   std::uint32_t threads = 1;
   std::vector<std::string> isas;
   bool draining = false, paused = false;

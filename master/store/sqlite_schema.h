@@ -6,8 +6,8 @@ namespace candela::master {
 
 // 1: the first. 2: jobs.layers. 3: Markov chains. 4: what a job had and has lost. 5:
 // epochs and accumulators. 6: jobs that wait for their removal, statistics that were rejected, repeated
-// merges. 7: walks that were ended by a bound. 8: workers that are paused.
-inline constexpr int kSchemaVersion = 8;
+// merges. 7: walks that were ended by a bound. 8: workers that are paused. 9: submitters.
+inline constexpr int kSchemaVersion = 9;
 
 inline constexpr const char* kSchema = R"sql(
 CREATE TABLE counters (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -34,7 +34,8 @@ CREATE TABLE jobs (
   promised BLOB NOT NULL DEFAULT x'', repairs_to TEXT NOT NULL DEFAULT '',
   work BLOB NOT NULL DEFAULT x'', rejected_statistics INTEGER NOT NULL DEFAULT 0,
   bootstrap_statistics INTEGER NOT NULL DEFAULT 0, sampled_merges INTEGER NOT NULL DEFAULT 0,
-  repeated_merges INTEGER NOT NULL DEFAULT 0, bounded_walks INTEGER NOT NULL DEFAULT 0) WITHOUT ROWID;
+  repeated_merges INTEGER NOT NULL DEFAULT 0, bounded_walks INTEGER NOT NULL DEFAULT 0,
+  submitter TEXT NOT NULL DEFAULT '') WITHOUT ROWID;
 CREATE TABLE units (
   id INTEGER PRIMARY KEY, job TEXT NOT NULL, kind INTEGER NOT NULL, half INTEGER NOT NULL,
   first INTEGER NOT NULL, last INTEGER NOT NULL, state INTEGER NOT NULL, failures INTEGER NOT NULL,
@@ -103,6 +104,8 @@ inline constexpr const char* kFromVersion6 =
 // From version 7: no worker is paused.
 inline constexpr const char* kFromVersion7 =
     "ALTER TABLE workers ADD COLUMN paused INTEGER NOT NULL DEFAULT 0";
+// From version 8: who submitted a job was not kept.
+inline constexpr const char* kFromVersion8 = "ALTER TABLE jobs ADD COLUMN submitter TEXT NOT NULL DEFAULT ''";
 // Those before version 3 had no such table.
 inline constexpr const char* kBootstrapsFromVersion5 =
     "ALTER TABLE bootstraps ADD COLUMN rejected_statistics INTEGER NOT NULL DEFAULT 0";

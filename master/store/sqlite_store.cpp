@@ -40,7 +40,8 @@ Result<void> SqliteStore::initialise() {
   if (made.ok() && found > 2 && found < 6) made = execute(kBootstrapsFromVersion5);
   if (made.ok() && found < 6) made = execute(kOverdueTable);
   if (made.ok() && found != 0 && found < 7) made = execute(kFromVersion6);
-  if (made.ok() && found != 0) made = execute(kFromVersion7);
+  if (made.ok() && found != 0 && found < 8) made = execute(kFromVersion7);
+  if (made.ok() && found != 0) made = execute(kFromVersion8);
   if (made.ok()) made = execute(fmt::format("PRAGMA user_version={}", kSchemaVersion).c_str());
   if (made.ok()) made = execute("COMMIT");
   if (!made.ok()) sqlite3_exec(db_, "ROLLBACK", nullptr, nullptr, nullptr);

@@ -166,6 +166,7 @@ Result<StoredState> SqliteStore::load() {
            {&j.tallies.rejected[kStatistics], &j.bootstrap_rejected[kStatistics], &j.tallies.sampled_merges,
             &j.tallies.repeated_merges, &j.tallies.bounded_walks})
         *count = s.count();
+      j.submitter = s.text();
       out.jobs.push_back(std::move(j));
     }
     if (s.failed()) return failure("cannot read the jobs");

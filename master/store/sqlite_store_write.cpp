@@ -46,7 +46,7 @@ bool SqliteStore::apply(const PutJob& c) {
               "INSERT OR REPLACE INTO jobs VALUES "
               "(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?"
               ",?,?,?,?,"
-              "?,?,?)");
+              "?,?,?,?)");
   s.bind(j.id).bind(j.name).bind(j.bundle_sha256).bind_blob(settings.SerializeAsString());
   s.bind(j.stop.iterations).bind(j.stop.time_seconds).bind(j.stop.relmse);
   s.bind(j.priority).bind(j.share).bind(j.idempotency_token).bind(j.content_digest);
@@ -74,6 +74,7 @@ bool SqliteStore::apply(const PutJob& c) {
   s.bind_blob(work.SerializeAsString());
   s.bind(j.tallies.rejected[kStatistics]).bind(j.bootstrap_rejected[kStatistics]);
   s.bind(j.tallies.sampled_merges).bind(j.tallies.repeated_merges).bind(j.tallies.bounded_walks);
+  s.bind(j.submitter);
   return s.run();
 }
 

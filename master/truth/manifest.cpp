@@ -46,6 +46,7 @@ Result<std::string> encode_manifest(const JobRow& row, const std::string& bundle
   m.set_thread_seconds_per_iteration(row.thread_seconds_per_iteration);
   m.set_submitted_unix_ms(row.submitted_unix_ms);
   m.set_elapsed_seconds(row.elapsed_seconds);
+  m.set_submitter(row.submitter);
   std::string out(kMagic);
   out += wire::canonical(m);
   film::seal(out);
@@ -97,6 +98,7 @@ Result<Manifest> parse_manifest(std::string_view bytes) {
   row.thread_seconds_per_iteration = m.thread_seconds_per_iteration();
   row.submitted_unix_ms = m.submitted_unix_ms();
   row.elapsed_seconds = m.elapsed_seconds();
+  row.submitter = m.submitter();
   return out;
 }
 

@@ -186,12 +186,12 @@ class Commands(unittest.TestCase):
             self.run_page_line(line)
         self.stop()
         # The page's configuration, and its certificates where that looks for them.
-        for made in (*self.folder.glob("*.pem"), *self.folder.glob("*.key")):
+        for made in (*self.folder.glob("tls/*.pem"), *self.folder.glob("tls/*.key")):
             shutil.copy(made, "/etc/candela")
         Path("/etc/candela/config.toml").write_text(re.search(r"^```toml\n(.*?)^```$", PAGE_OF_FARM, re.M | re.S)[1])
         for line in systemd:
             self.run_page_line(line)
-        tls_files = "--tls-cert worker.pem --tls-key worker.key --tls-ca ca.pem"
+        tls_files = "--tls-cert tls/alice.pem --tls-key tls/alice.key --tls-ca tls/ca.pem"
         self.assertTrue(eventually(lambda: self.workers(f"--master render.example.org:7070 {tls_files}")), "no worker of the units")
         for line in credentials:
             self.run_page_line(line)

@@ -26,9 +26,9 @@ def certificates(folder):
     key = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes")
     openssl("req", "-x509", *key, "-subj", "/CN=farm", "-days", "2", "-keyout", folder / "ca.key", "-out", folder / "ca.crt")
     held = {}
-    for name in ("master", "worker"):
+    for name, role in (("master", None), ("worker", "worker"), ("people", "submit")):
         openssl("req", *key, "-subj", f"/CN={name}", "-keyout", folder / f"{name}.key", "-out", folder / f"{name}.csr")
-        (folder / "names").write_text("subjectAltName=DNS:candela-master")
+        (folder / "names").write_text("subjectAltName=" + (f"URI:candela:role/{role}" if role else "DNS:candela-master"))
         openssl("x509", "-req", "-days", "2", "-in", folder / f"{name}.csr", "-CA", folder / "ca.crt", "-CAkey",
                 folder / "ca.key", "-CAcreateserial", "-extfile", folder / "names", "-out", folder / f"{name}.crt")
         held[name] = {"tls.crt": (folder / f"{name}.crt").read_bytes(), "tls.key": (folder / f"{name}.key").read_bytes(),
@@ -68,8 +68,9 @@ class Pods(unittest.TestCase):
         subprocess.run(["/bin/sh", "-ec", lines[0].replace("/out/", f"{cls.folder}/out/")], cwd=source, check=True)
         return cls.folder / "out/usr/local/bin"
 
-    def pod(self, kind, name):
-        return Pod(self.folder, name, self.specs[kind], self.programs, {"config": self.config, "tls": self.secrets[kind]})
+    def pod(self, kind, name, secret=None):
+        return Pod(self.folder, name, self.specs[kind], self.programs,
+                   {"config": self.config, "tls": self.secrets[secret or kind]})
 
     def probe(self, spec, name="readinessProbe"):
         get = spec["containers"][0][name]["httpGet"]
@@ -99,7 +100,7 @@ class Pods(unittest.TestCase):
         metric that the autoscaler reads is there; the picture is that of `candela render`."""
         master_pod = self.pod("master", "candela-master-0").seal()
         master = self.start_master(master_pod)
-        people = self.pod("worker", "people")
+        people = self.pod("worker", "people", "people")
         people.share(SOURCE / "deploy/scenes", "/scenes")
         people.seal()
 

@@ -60,6 +60,8 @@ class Doors:
         self.counts = collections.Counter()
         self.recent = collections.deque(maxlen=40)
         (folder / "token").write_text(TOKEN + "\n")
+        (folder / "token").chmod(0o600)
+        os.environ["XDG_STATE_HOME"] = str(folder / "state")
         self.master = self.child("candela-master", "--listen", "127.0.0.1:0", "--http", "127.0.0.1:0", "--data", folder / "data",
                                  "--page-token-file", folder / "token", "--unit-time", "0.3", "--lease-time", "5",
                                  "--checkpoint-interval", "1")
@@ -69,7 +71,7 @@ class Doors:
         self.address, self.http = found[1], (found[2], int(found[3]))
         options = [("grpc.max_receive_message_length", 64 << 20), ("grpc.max_send_message_length", 64 << 20)]
         self.channel = grpc.insecure_channel(self.address, options)
-        self.calls = read_calls(SOURCE / "proto")
+        self.calls = read_calls(SOURCE / "proto", (folder / "data" / "token").read_text().strip())
         self.by_name = {call.name: call for call in self.calls.values()}
         self.mutator = Mutator(self.random, [])
         self.sessions = []  # (worker_id, session) of workers that the fuzzer plays

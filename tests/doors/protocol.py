@@ -12,7 +12,8 @@ FILES = ("candela/v1/job.proto", "candela/v1/client.proto", "candela/v1/worker.p
 class Call:
     """One rpc: `path` as on the wire, classes of its messages, whether requests or answers are streams."""
 
-    def __init__(self, method, class_of):
+    def __init__(self, method, class_of, token):
+        self.metadata = (("candela-token", token),)
         self.name = method.name
         self.path = f"/{method.containing_service.full_name}/{method.name}"
         self.request = class_of(method.input_type)
@@ -26,8 +27,8 @@ class Call:
         """A callable of bytes in and bytes out."""
         kind = {(False, False): channel.unary_unary, (True, False): channel.stream_unary,
                 (False, True): channel.unary_stream, (True, True): channel.stream_stream}
-        return kind[self.streams_requests, self.streams_answers](self.path, request_serializer=None,
-                                                                 response_deserializer=None)
+        made = kind[self.streams_requests, self.streams_answers](self.path, request_serializer=None, response_deserializer=None)
+        return lambda request, timeout=None: made(request, timeout=timeout, metadata=self.metadata)
 
 
 def time_left(context):
@@ -36,8 +37,8 @@ def time_left(context):
     return left if left is not None and left < 1e6 else None
 
 
-def read_calls(proto):
-    """All calls of the services in folder `proto`, by path."""
+def read_calls(proto, token):
+    """All calls of the services in folder `proto`, by path; they carry the master's token."""
     with tempfile.NamedTemporaryFile(suffix=".pb") as made:
         subprocess.run(["protoc", "-I", proto, "--include_imports", f"--descriptor_set_out={made.name}", *FILES], check=True)
         described = descriptor_pb2.FileDescriptorSet.FromString(Path(made.name).read_bytes())
@@ -45,7 +46,7 @@ def read_calls(proto):
     for file in described.file:
         pool.Add(file)
     factory = message_factory.MessageFactory(pool)
-    calls = [Call(method, factory.GetPrototype) for name in FILES for service in
+    calls = [Call(method, factory.GetPrototype, token) for name in FILES for service in
              pool.FindFileByName(name).services_by_name.values() for method in service.methods]
     return {call.path: call for call in calls}
 

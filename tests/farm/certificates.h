@@ -41,7 +41,8 @@ class Certificates {
         name));
   }
   void certificate(const std::string& ca, const std::string& name) {
-    std::ofstream(folder_ / (name + ".ext")) << "subjectAltName=DNS:localhost,IP:127.0.0.1\n";
+    std::ofstream(folder_ / (name + ".ext"))
+        << "subjectAltName=DNS:localhost,IP:127.0.0.1,URI:candela:role/worker,URI:candela:role/operate\n";
     openssl(fmt::format(
         "req -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -subj /CN={0} -keyout {0}.key -out {0}.csr",
         name));

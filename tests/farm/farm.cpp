@@ -20,6 +20,7 @@
 #include "common/base/quantity.h"
 #include "common/job/job.h"
 #include "common/wire/grpc_settings.h"
+#include "common/wire/token.h"
 #include "common/wire/wire.h"
 #include "master/master.h"
 #include "tests/expect_invariants.h"
@@ -145,6 +146,7 @@ void Farm::start_master_here(const std::vector<std::string>& options) {
   if (!started.ok()) give_up(started.error().to_string());
   master_here_ = std::move(*started);
   address_ = fmt::format("127.0.0.1:{}", master_here_->port());
+  use_token();
 }
 
 void Farm::start_worker_here(const std::string& name, unsigned threads) {
@@ -180,6 +182,8 @@ std::map<std::string, std::string> Farm::environment() const {
   for (const char* name : {"TMPDIR", "ASAN_OPTIONS", "TSAN_OPTIONS", "UBSAN_OPTIONS"})
     if (const char* value = std::getenv(name)) all[name] = value;
   if (!address_.empty()) all["CANDELA_MASTER"] = address_;
+  // The master's own place for it is found by its port alone, which a link before the master does not have.
+  if (fs::exists(token_file())) all["CANDELA_TOKEN_FILE"] = token_file();
   all.insert(more_environment_.begin(), more_environment_.end());
   return all;
 }
@@ -199,6 +203,7 @@ void Farm::start_master(std::vector<std::string> options) {
   address_ = master_->wait_for_line("listening on ", 30);
   if (address_.empty())
     give_up(fmt::format("the master does not listen: {}\n{}", joined(arguments), master_->err()));
+  use_token();
 }
 
 void Farm::kill_master() {
@@ -234,6 +239,14 @@ std::unique_ptr<Process> Farm::start_candela(std::vector<std::string> arguments,
   return std::make_unique<Process>(arguments, folder_ / fmt::format("{}-{}", name, ++serial_), environment());
 }
 
+// For clients and workers of this process.
+void Farm::use_token() const {
+  if (fs::exists(token_file()))
+    ::setenv("CANDELA_TOKEN_FILE", token_file().c_str(), 1);
+  else
+    ::unsetenv("CANDELA_TOKEN_FILE");
+}
+
 CommandResult Farm::candela(std::vector<std::string> arguments) {
   const Stopwatch clock;
   const auto settings = environment();
@@ -242,6 +255,7 @@ CommandResult Farm::candela(std::vector<std::string> arguments) {
       ::setenv(name, value->second.c_str(), 1);
     else
       ::unsetenv(name);
+  use_token();
   arguments.insert(arguments.begin(), "candela");
   std::ostringstream out, err;
   CommandResult result;
@@ -315,8 +329,10 @@ v1::FarmService::Stub& Farm::stub() {
     arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 50);
     arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 100);
     arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 10000);
-    stub_ = v1::FarmService::NewStub(grpc::CreateCustomChannel(
-        address_, credentials_ ? credentials_ : grpc::InsecureChannelCredentials(), arguments));
+    stub_ = v1::FarmService::NewStub(
+        credentials_
+            ? grpc::CreateCustomChannel(address_, credentials_, arguments)
+            : wire::token_channel(address_, grpc::InsecureChannelCredentials(), arguments, token_file()));
   }
   return *stub_;
 }

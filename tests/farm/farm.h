@@ -71,6 +71,8 @@ class Farm {
   void restart_master();
   Process& master() { return *master_; }
   const std::string& address() const { return address_; }
+  // The token of a master without TLS.
+  std::string token_file() const { return (folder_.path() / "data" / "token").string(); }
   Process& start_worker(const std::string& name, unsigned threads = 1, std::vector<std::string> options = {});
   void forget_worker(const Process& worker);  // SIGKILL, if it lives
   std::map<std::string, std::string> environment() const;
@@ -124,6 +126,7 @@ class Farm {
 
  private:
   void report_violations();
+  void use_token() const;
 
   TempDir folder_;
   std::set<std::string> violations_;  // that are known

@@ -11,6 +11,7 @@
 #include "common/bundle/bundle.h"
 #include "common/wire/wire.h"
 #include "tests/farm/process.h"
+#include "tests/token_channel.h"
 
 namespace candela::farm {
 namespace {
@@ -50,8 +51,7 @@ v1::RegisterRequest registration(const std::string& name) {
 std::unique_ptr<v1::WorkerService::Stub> dial(const std::string& address) {
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  return v1::WorkerService::NewStub(
-      grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments));
+  return v1::WorkerService::NewStub(test::token_channel_by_environment(address, arguments));
 }
 
 }  // namespace

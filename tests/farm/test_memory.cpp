@@ -19,6 +19,7 @@
 #include "tests/farm/metrics_page.h"
 #include "tests/farm/process.h"
 #include "tests/paths.h"
+#include "tests/token_channel.h"
 #include "tests/unit/farm_calls.h"
 #include "tests/unit/hand_worker.h"
 
@@ -71,7 +72,7 @@ class LimitedMaster {
     const std::string address = process->wait_for_line("listening on ", 60);
     if (address.empty()) throw std::runtime_error("the master does not listen: " + process->err());
     http = process->wait_for_line("http on ", 60);
-    channel = grpc::CreateChannel(address, grpc::InsecureChannelCredentials());
+    channel = test::token_channel(address, folder_ / "data");
     farm = v1::FarmService::NewStub(channel);
   }
   void kill() {

@@ -10,6 +10,7 @@
 #include "client/farm_client.h"
 #include "common/job/job.h"
 #include "tests/farm/farm.h"
+#include "tests/token_channel.h"
 
 namespace candela::farm {
 namespace {
@@ -53,8 +54,8 @@ TEST_F(Restarts, FirstConnectionsAreServed) {
     for (int k = 0; k < 8; ++k) {
       grpc::ChannelArguments arguments;
       arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-      const auto stub = v1::FarmService::NewStub(
-          grpc::CreateCustomChannel(farm_.address(), grpc::InsecureChannelCredentials(), arguments));
+      const auto stub =
+          v1::FarmService::NewStub(test::token_channel_by_environment(farm_.address(), arguments));
       grpc::ClientContext context;
       context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(30));
       v1::GetServerInfoResponse info;
@@ -69,6 +70,7 @@ TEST_F(Restarts, FirstConnectionsAreServed) {
 TEST_F(Restarts, EachCallSurvivesAStaleConnection) {
   client::ConnectionOptions connection;
   connection.master = farm_.address();
+  connection.token_file = farm_.token_file();
   auto made = client::FarmClient::create(connection);
   ASSERT_TRUE(made.ok());
   client::FarmClient& client = **made;

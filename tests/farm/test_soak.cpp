@@ -41,6 +41,7 @@
 #include <random>
 #include <thread>
 
+#include "common/wire/token.h"
 #include "tests/farm/farm.h"
 #include "tests/farm/hand_worker.h"
 #include "tests/farm/slow_link.h"
@@ -100,8 +101,9 @@ class Viewer {
   ~Viewer() { ::close(fd_); }
   Viewer(const Viewer&) = delete;
   Viewer& operator=(const Viewer&) = delete;
-  void ask(const std::string& path, bool half) {
-    std::string text = "GET " + path + " HTTP/1.1\r\nHost: localhost\r\n\r\n";
+  void ask(const std::string& path, const std::string& token, bool half) {
+    std::string text =
+        "GET " + path + " HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer " + token + "\r\n\r\n";
     if (half) text.resize(text.size() / 2);
     (void)::send(fd_, text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
   }
@@ -384,12 +386,13 @@ class Soak : public testing::Test {
   }
   bool storm_of_viewers() {
     const std::string http = farm_.master().wait_for_line("http on ", 10);
+    const std::string token = wire::read_token_file(farm_.token_file()).value();
     std::vector<std::unique_ptr<Viewer>> viewers;
     for (int i = 0; i < 40; ++i) {
       static const char* const kPaths[] = {"/",           "/workers", "/metrics", "/api/jobs",
                                            "/api/stream", "/nowhere", "/api/%zz"};
       viewers.push_back(std::make_unique<Viewer>(http));
-      if (pick(4) != 0) viewers.back()->ask(kPaths[pick(std::size(kPaths))], coin());
+      if (pick(4) != 0) viewers.back()->ask(kPaths[pick(std::size(kPaths))], token, coin());
       if (coin()) viewers.erase(viewers.begin() + static_cast<std::ptrdiff_t>(pick(viewers.size())));
     }
     return true;
@@ -431,7 +434,7 @@ class Soak : public testing::Test {
     EXPECT_TRUE(farm_.master().running()) << "alive: the master has ended";
     for (const auto& [name, worker] : workers_) EXPECT_TRUE(worker->running()) << "alive: worker " << name;
     Viewer viewer(farm_.master().wait_for_line("http on ", 10));
-    viewer.ask("/healthz", false);
+    viewer.ask("/healthz", "", false);
     EXPECT_TRUE(viewer.answered(60)) << "answers: not even its health";
     resident_mb_["master"].push_back(resident_mb(farm_.master()));
     for (const auto& [name, worker] : workers_) resident_mb_[name].push_back(resident_mb(*worker));

@@ -51,6 +51,8 @@ class Page(unittest.TestCase):
         cls.scratch = tempfile.TemporaryDirectory(prefix="candela-page-")
         cls.folder = Path(cls.scratch.name)
         (cls.folder / "token").write_text(TOKEN + "\n")
+        (cls.folder / "token").chmod(0o600)
+        os.environ["XDG_STATE_HOME"] = str(cls.folder / "state")
         cls.children = []
         cls.listen, cls.http = "127.0.0.1:0", "127.0.0.1:0"
         try:
@@ -60,6 +62,10 @@ class Page(unittest.TestCase):
             if not eventually(lambda: "registered" in (cls.folder / "candela-master-0.log").read_text()):
                 raise RuntimeError((cls.folder / "candela-worker-1.log").read_text())
             cls.browser = browser.Browser()
+            tab = cls.browser.open(f"{cls.url}/#token={TOKEN}")  # from then on the browser may read
+            tab.wait("/^Jobs/.test(document.title)")
+            assert tab.run("location.hash") == "", "the token stays in the address"
+            tab.close()
         except BaseException:
             cls.tearDownClass()
             raise
@@ -98,7 +104,9 @@ class Page(unittest.TestCase):
         return done.stdout.strip()
 
     def ask(self, method, path, body=None, **fields):
-        """Status, fields and text of one request."""
+        """Status, fields and text of one request; reading shows the token unless `fields` say otherwise."""
+        if method in ("GET", "HEAD"):
+            fields.setdefault("Authorization", "Bearer " + TOKEN)
         connection = http.client.HTTPConnection(self.http, timeout=60)
         connection.request(method, path, body, {k.replace("_", "-"): v for k, v in fields.items()})
         answer = connection.getresponse()
@@ -228,6 +236,40 @@ class Page(unittest.TestCase):
         self.silent(tab)
         tab.close()
 
+    def test_reading_needs_a_token(self):
+        """Claim: without a token the page tells nothing of the farm, by any path; it asks for the token, refuses a wrong one,
+        and opens by the right one. The cookie that it then has reads and changes nothing."""
+        job = self.submit("--iterations", "1")
+        for path in ("farm", "jobs", f"jobs/{job}", f"jobs/{job}/name", f"jobs/{job}/details", f"jobs/{job}/tile?level=0&x=0&y=0",
+                     f"jobs/{job}/pixel?x=0&y=0", "workers", "stream", f"stream?job={job}&kind=image", "nothing"):
+            for wrong in ("", "Basic eDp5", "Bearer wrong"):
+                code, _, text = self.ask("GET", "/api/" + path, Authorization=wrong)
+                self.assertEqual(code, 401, path)
+                self.assertIn(b"role 'read' is missing", text)
+        farm_token = (self.folder / "data/token").read_text().strip()
+        self.assertEqual(self.ask("GET", "/api/jobs", Authorization="Bearer " + farm_token)[0], 200)
+        self.assertEqual(self.ask("POST", "/api/login", Authorization="Bearer wrong")[0], 403)
+        code, fields, _ = self.ask("POST", "/api/login", Authorization="Bearer " + farm_token)
+        self.assertEqual(code, 200)
+        self.assertIn("HttpOnly; SameSite=Strict", fields["Set-Cookie"])
+        cookie = fields["Set-Cookie"].split(";")[0]
+        self.assertNotIn(farm_token, cookie)
+        self.assertEqual(self.ask("GET", "/api/jobs", Authorization="", Cookie="a=b; " + cookie)[0], 200)
+        self.assertEqual(self.ask("GET", "/api/jobs", Authorization="", Cookie=cookie[:-1])[0], 401)
+        self.assertEqual(self.ask("POST", f"/api/jobs/{job}/cancel", Cookie=cookie)[0], 401)
+        self.assertEqual(self.ask("POST", f"/api/jobs/{job}/cancel", Authorization="Bearer " + farm_token)[0], 403)
+        tab = self.browser.open(f"http://localhost:{self.http.rpartition(':')[2]}/jobs/{job}")  # of this name it has no cookie
+        tab.wait("document.querySelector('dialog').open")
+
+        def give(token):
+            tab.run(f"document.querySelector('#field-token').value = {json.dumps(token)}")
+            tab.run("document.querySelector('#dialog-go').click()")
+        give("wrong-wrong-wrong")
+        tab.wait("/not the token/.test(document.querySelector('.trouble').textContent)")
+        give(farm_token)
+        tab.wait("!document.querySelector('dialog').open && document.querySelector('.jobhead')")
+        tab.close()
+
     def test_bad_requests_are_answered(self):
         job = self.submit("--iterations", "1")
         ok = {"Authorization": "Bearer " + TOKEN}
@@ -313,10 +355,12 @@ class Page(unittest.TestCase):
     @contextlib.contextmanager
     def calls(self, service):
         """A function that asks `service` of the master: call(name, request, class of the answer)."""
+        token = (self.folder / "data" / "token").read_text().strip()
         with importlib.import_module("grpc").insecure_channel(self.listen) as channel:
             def call(name, request, answer):
                 return channel.unary_unary(f"/candela.v1.{service}/{name}", request_serializer=type(request).SerializeToString,
-                                           response_deserializer=answer.FromString)(request, timeout=60)
+                                           response_deserializer=answer.FromString)(
+                                               request, timeout=60, metadata=(("candela-token", token),))
             yield call
 
     def submit_many(self, count):

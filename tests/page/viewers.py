@@ -25,8 +25,9 @@ TICK = os.sysconf("SC_CLK_TCK")
 class Viewer(threading.Thread):
     """One open page. `kind`: image, error, or list."""
 
-    def __init__(self, address, job, kind):
+    def __init__(self, address, token, job, kind):
         super().__init__(daemon=True)
+        self.token = token
         self.address, self.job, self.kind = address, job, kind
         self.tags, self.over = {}, False
         self.pictures = self.tiles = self.unchanged = self.bytes = self.events = 0
@@ -34,7 +35,7 @@ class Viewer(threading.Thread):
 
     def get(self, path, fields=None):
         link = http.client.HTTPConnection(self.address, timeout=60)
-        link.request("GET", path, headers=fields or {})
+        link.request("GET", path, headers={"Authorization": "Bearer " + self.token, **(fields or {})})
         answer = link.getresponse()
         text = answer.read()
         link.close()
@@ -54,7 +55,7 @@ class Viewer(threading.Thread):
         self.get("/api/jobs?offset=0" if self.kind == "list" else f"/api/jobs/{self.job}")
         link = http.client.HTTPConnection(self.address, timeout=60)
         path = "/api/stream" if self.kind == "list" else f"/api/stream?job={self.job}&kind={self.kind}"
-        link.request("GET", path)
+        link.request("GET", path, headers={"Authorization": "Bearer " + self.token})
         answer = link.getresponse()
         if answer.status != 200:
             raise ValueError(f"{path}: {answer.status}")
@@ -115,6 +116,7 @@ def measure(given, folder, child):
             raise RuntimeError(said.read_text())
         time.sleep(0.1)
     listen, address = found.groups()
+    token = (folder / "data/token").read_text().strip()
 
     def submit():
         return subprocess.run([PROGRAMS / "candela", "submit", SCENE, "--master", listen, "--size", given.size, "--until",
@@ -139,14 +141,14 @@ def measure(given, folder, child):
         return every, page
 
     def iterations():
-        viewer = Viewer(address, job, "image")
+        viewer = Viewer(address, token, job, "image")
         return json.loads(viewer.get(f"/api/jobs/{job}")[2])["iterations"]
     while iterations() < 4:
         time.sleep(0.2)
     print(f"{given.viewers} viewers, {given.size}, windows of {given.seconds:g} s, load {os.getloadavg()[0]:.1f}", flush=True)
     worst = 0.0
     for kind in ("nobody", "image", "error", "list"):
-        viewers = [] if kind == "nobody" else [Viewer(address, job, kind) for _ in range(given.viewers)]
+        viewers = [] if kind == "nobody" else [Viewer(address, token, job, kind) for _ in range(given.viewers)]
         for viewer in viewers:
             viewer.start()
         time.sleep(min(5, given.seconds / 4))  # what each viewer gets at the start comes once

@@ -4,6 +4,7 @@ import importlib
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -139,6 +140,7 @@ class OnAFarm(unittest.TestCase):
         job = self.submit(**options, name="python")
         status = job.wait()
         self.assertEqual((status.state, status.iterations, status.name), ("done", 8, "python"))
+        self.assertEqual(status.submitter.partition("@")[2], socket.gethostname())
         self.assertGreater(status.relmse, 0)
         there = job.image(error_layer=True)
         here = candela.render(SCENE, iterations=8, threads=1, error_layer=True, **options, **SMALL)

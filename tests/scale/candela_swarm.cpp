@@ -23,6 +23,7 @@
 #include "tests/paths.h"
 #include "tests/scale/process_figures.h"
 #include "tests/scale/swarm.h"
+#include "tests/token_channel.h"
 
 namespace candela::scale {
 namespace {
@@ -130,7 +131,8 @@ class Run {
     ::setrlimit(RLIMIT_NOFILE, &limit);
     address_ = master_->wait_for_line("listening on ", 60);
     if (address_.empty()) throw std::runtime_error("the master does not listen: " + master_->err());
-    stub_ = v1::FarmService::NewStub(grpc::CreateChannel(address_, grpc::InsecureChannelCredentials()));
+    ::setenv("CANDELA_TOKEN_FILE", (folder_ / "data" / "token").c_str(), 1);
+    stub_ = v1::FarmService::NewStub(test::token_channel_by_environment(address_));
   }
   std::string candela(std::vector<std::string> arguments) {
     arguments.insert(arguments.begin(), test::program_path("candela"));

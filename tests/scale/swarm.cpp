@@ -1,4 +1,5 @@
 #include "tests/scale/swarm.h"
+#include "tests/token_channel.h"
 
 #include <fmt/format.h>
 #include <grpcpp/alarm.h>
@@ -34,7 +35,7 @@ double seconds_between(Clock::time_point a, Clock::time_point b) {
 std::shared_ptr<grpc::Channel> dial(const std::string& address) {
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);  // a connection for each worker
-  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+  return test::token_channel_by_environment(address, arguments);
 }
 
 void set_deadline(grpc::ClientContext& context, double seconds) {

@@ -16,6 +16,7 @@
 #include "master/merge/checkpoint.h"
 #include "tests/expect_invariants.h"
 #include "tests/temporary_folder.h"
+#include "tests/token_channel.h"
 #include "tests/unit/farm_calls.h"
 #include "tests/unit/hand_worker.h"
 #include "tests/unit/toy_chains.h"
@@ -115,7 +116,7 @@ class ChainFarm : public ::testing::Test {
       arguments.SetInt(backoff, 20);
     // The time that one attempt to connect may take: on a busy machine a handshake waits for its turn.
     arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 10000);
-    return grpc::CreateCustomChannel(options_.listen, grpc::InsecureChannelCredentials(), arguments);
+    return test::token_channel(options_.listen, options_.data_dir, arguments);
   }
   // With `lose` the newest checkpoint is not there afterwards: what a crash before it would leave, while the
   // store's rows tell of more.

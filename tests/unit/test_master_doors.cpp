@@ -18,6 +18,7 @@
 
 #include "master/merge/bulk_threads.h"
 #include "master/merge/push_gate.h"
+#include "tests/token_channel.h"
 #include "tests/unit/master_fixture.h"
 
 namespace candela::master {
@@ -45,8 +46,7 @@ class DoorsTest : public testing::Test {
   std::shared_ptr<grpc::Channel> dial() const {
     grpc::ChannelArguments arguments;
     arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-    return grpc::CreateCustomChannel(fmt::format("127.0.0.1:{}", master->port()),
-                                     grpc::InsecureChannelCredentials(), arguments);
+    return test::token_channel(fmt::format("127.0.0.1:{}", master->port()), folder.path(), arguments);
   }
 
   test::TemporaryFolder folder;
@@ -99,7 +99,8 @@ std::string get(int port, const std::string& path) {
 TEST_F(DoorsTest, OneClientHasSomePages) {
   const auto open = [&](std::list<Socket>& pages) {
     pages.emplace_back(master->http_port());
-    pages.back().send("GET /api/stream HTTP/1.1\r\nHost: localhost\r\n\r\n");
+    pages.back().send("GET /api/stream HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer " +
+                      *wire::read_token_file(folder.path() / "token") + "\r\n\r\n");
     return pages.back().some();
   };
   std::list<Socket> pages;
@@ -188,6 +189,8 @@ TEST_F(DoorsTest, HttpAnswers) {
       {"GET /nothing HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n", "HTTP/1.1 404 "},
       {"GET /%2 HTTP/1.1\r\nHost: [::1]:1\r\n\r\n", "HTTP/1.1 400 "},
       // A page of another site, whose name was made to lead here, cannot read this master.
+      {"GET /api/jobs HTTP/1.1\r\nHost: localhost\r\n\r\n", "HTTP/1.1 401 "},  // without a token
+      {"GET /api/stream HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer x\r\n\r\n", "HTTP/1.1 401 "},
       {"GET /api/jobs HTTP/1.1\r\nHost: evil.example\r\n\r\n", "HTTP/1.1 421 "},
       {"POST /api/check HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9999\r\n\r\n", "HTTP/1.1 413 "},
       {"POST /api/check HTTP/1.1\r\nHost: localhost\r\nContent-Length: -1\r\n\r\n", "HTTP/1.1 400 "},

@@ -235,7 +235,7 @@ TEST(StoreVersions, TheFifthLearnsToCountStatistics) {
   {
     Database old(path);
     for (const char* column : {"rejected_statistics", "bootstrap_statistics", "sampled_merges",
-                               "repeated_merges", "bounded_walks"})
+                               "repeated_merges", "bounded_walks", "submitter"})
       old.execute(std::string("ALTER TABLE jobs DROP COLUMN ") + column);
     old.execute(
         "ALTER TABLE bootstraps DROP COLUMN rejected_statistics; DROP TABLE overdue; "
@@ -277,7 +277,8 @@ TEST(StoreVersions, TheSixthLearnsToCountBoundedWalks) {
   {
     Database old(path);
     old.execute(
-        "ALTER TABLE jobs DROP COLUMN bounded_walks; ALTER TABLE workers DROP COLUMN paused; "
+        "ALTER TABLE jobs DROP COLUMN bounded_walks; ALTER TABLE jobs DROP COLUMN submitter; "
+        "ALTER TABLE workers DROP COLUMN paused; "
         "PRAGMA user_version=6");
     EXPECT_NE(old.shape(), present) << "nothing is tested";
   }
@@ -306,7 +307,8 @@ TEST(StoreVersions, TheSeventhLearnsToPauseWorkers) {
   const std::set<std::string> present = Database(path).shape();
   {
     Database old(path);
-    old.execute("ALTER TABLE workers DROP COLUMN paused; PRAGMA user_version=7");
+    old.execute("ALTER TABLE jobs DROP COLUMN submitter; ALTER TABLE workers DROP COLUMN paused");
+    old.execute("PRAGMA user_version=7");
     EXPECT_NE(old.shape(), present) << "nothing is tested";
   }
   expect_present(path, present, [&](Store& store, const StoredState& state) {
@@ -316,6 +318,43 @@ TEST(StoreVersions, TheSeventhLearnsToPauseWorkers) {
     w.paused = true;
     ASSERT_TRUE(store.write(std::vector<Change>{PutWorker{w}}).ok());
   });
+}
+
+// Claim: a store of version 8, which did not keep who submitted a job, becomes the present one: nobody is
+// known to have submitted its jobs. Then it keeps submitters.
+TEST(StoreVersions, TheEighthLearnsSubmitters) {
+  const test::TemporaryFolder folder;
+  const fs::path path = folder.path() / "version8.sqlite";
+  JobRow j;
+  j.id = "j";
+  j.bundle_sha256 = "hash";
+  j.submitter = "forgotten";
+  j.settings.width = 30;
+  j.settings.height = 20;
+  j.tallies.bounded_walks = 7;
+  {
+    auto store = open_sqlite_store(path);
+    ASSERT_TRUE(store.ok());
+    ASSERT_TRUE((*store)->write(std::vector<Change>{PutJob{j}}).ok());
+  }
+  const std::set<std::string> present = Database(path).shape();
+  {
+    Database old(path);
+    old.execute("ALTER TABLE jobs DROP COLUMN submitter; PRAGMA user_version=8");
+    EXPECT_NE(old.shape(), present) << "nothing is tested";
+  }
+  std::string expected;
+  for (int opening = 0; opening < 2; ++opening) {
+    auto store = open_sqlite_store(path);
+    ASSERT_TRUE(store.ok()) << store.error().to_string();
+    EXPECT_EQ(Database(path).shape(), present);
+    const auto state = (*store)->load();
+    ASSERT_TRUE(state.ok()) << state.error().to_string();
+    EXPECT_EQ(state->jobs.at(0).tallies, j.tallies);
+    EXPECT_EQ(state->jobs[0].submitter, expected);
+    j.submitter = expected = "alice@somewhere";
+    ASSERT_TRUE((*store)->write(std::vector<Change>{PutJob{j}}).ok());
+  }
 }
 
 }  // namespace

@@ -1,6 +1,8 @@
 // Options come from the command line, else the environment, else the configuration files' [worker] section.
 #include "worker/program/run_worker.h"
 
+#include <sys/stat.h>
+
 #include <CLI/CLI.hpp>
 #include <charconv>
 #include <csignal>
@@ -23,7 +25,7 @@ namespace {
 // Options as written; empty if not given.
 struct Texts {
   std::string master, cache, cache_size, texture_memory, scene_memory, scratch, threads, name, tls_cert,
-      tls_key, tls_ca, give_up, log_level, log_format;
+      tls_key, tls_ca, token_file, give_up, log_level, log_format;
   bool insecure = false;
 };
 
@@ -42,7 +44,7 @@ Result<void> read_threads(const Chosen& chosen, unsigned& out) {
 
 Result<WorkerOptions> resolve(const DaemonSettings& settings, const Texts& texts) {
   CANDELA_TRY(settings.check_names({"master", "cache", "cache-size", "texture-memory", "scene-memory",
-                                    "scratch", "threads", "name", "tls-cert", "tls-key", "tls-ca", "insecure",
+                                    "scratch", "threads", "name", "tls-cert", "tls-key", "tls-ca", "token-file", "insecure",
                                     "give-up", "log-level", "log-format"}));
   const auto choose = [&](const std::string& option, const std::string& given) {
     return settings.choose(option, given, DaemonSettings::Scope::shared);
@@ -65,6 +67,7 @@ Result<WorkerOptions> resolve(const DaemonSettings& settings, const Texts& texts
   options.tls_cert = choose("tls-cert", texts.tls_cert).value;
   options.tls_key = choose("tls-key", texts.tls_key).value;
   options.tls_ca = choose("tls-ca", texts.tls_ca).value;
+  options.token_file = choose("token-file", texts.token_file).value;
   options.insecure = texts.insecure;
   if (!options.insecure) CANDELA_TRY(read_flag(choose("insecure", ""), options.insecure));
   return options;
@@ -107,6 +110,7 @@ int run(const Texts& texts, const sigset_t& signals, char** argv) {
 int run_worker(int argc, char** argv) {
   // First of all: a batch system may send SIGTERM as soon as the process exists.
   const sigset_t signals = block_signals({SIGINT, SIGTERM});
+  ::umask(077);  // the cache has scenes, which are for this user alone
   wire::configure_grpc();
   Texts texts;
   CLI::App app("A render worker: leases units of work from a master, renders them and delivers the results.");
@@ -127,6 +131,9 @@ int run_worker(int argc, char** argv) {
   app.add_option("--tls-cert", texts.tls_cert, "This worker's certificate (PEM)")->type_name("FILE");
   app.add_option("--tls-key", texts.tls_key, "The certificate's private key (PEM)")->type_name("FILE");
   app.add_option("--tls-ca", texts.tls_ca, "The authority that signed the master's certificate (PEM)")
+      ->type_name("FILE");
+  app.add_option("--token-file", texts.token_file,
+                 "The token of a master without TLS; default: what this user's master made")
       ->type_name("FILE");
   app.add_flag("--insecure", texts.insecure, "Allow a master beyond loopback without TLS");
   app.add_option("--give-up", texts.give_up,

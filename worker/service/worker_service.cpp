@@ -31,6 +31,8 @@ Result<std::unique_ptr<Worker>> Worker::start(const WorkerOptions& options,
   if (channel == nullptr) {
     CANDELA_ASSIGN(channel, wire::dial({.master = options.master,
                                         .tls = {options.tls_cert, options.tls_key, options.tls_ca},
+                                        .role = wire::Role::worker,
+                                        .token_file = options.token_file,
                                         .insecure = options.insecure}));
   }
   const scene::TextureLimits textures = {

@@ -21,6 +21,7 @@ struct WorkerOptions {
   unsigned threads = 0;                   // 0: all cores
   std::string name;                       // empty: the host's name
   std::string tls_cert, tls_key, tls_ca;  // PEM files; all three or none
+  std::filesystem::path token_file;       // of a master without TLS; empty: the one that this user's made
   bool insecure = false;                  // allow a non-loopback master without TLS
   std::uint64_t scene_memory_bytes = 0;   // compiled scenes kept; 0: half the machine's memory
   std::uint64_t reading_memory_bytes =

@@ -13,6 +13,7 @@ import grpc
 from .errors import CandelaError, UnreachableError, UsageError
 from .job import Job, status_of
 from .program import SceneSettings, run_program, scene_arguments
+from .token import TokenInterceptor, published_token_file, read_token
 from .v1 import client_pb2, client_pb2_grpc
 
 PathLike = Union[str, "os.PathLike[str]"]
@@ -30,8 +31,9 @@ _AWAY = (
 class Farm:
     """A farm by the address of its master, HOST:PORT.
 
-    `cert`, `key` and `ca` are PEM files, needed for a master beyond this machine unless `insecure`. What is
-    left out comes from $CANDELA_MASTER, $CANDELA_TLS_CERT, $CANDELA_TLS_KEY and $CANDELA_TLS_CA. `timeout`: how many
+    `cert`, `key` and `ca` are PEM files, needed for a master beyond this machine unless `insecure`. `token_file` has
+    the token of a master without TLS; that of a master of one's own is found without it. What is left out comes from
+    $CANDELA_MASTER, $CANDELA_TLS_CERT, $CANDELA_TLS_KEY, $CANDELA_TLS_CA and $CANDELA_TOKEN_FILE. `timeout`: how many
     seconds to try to reach the master.
     """
 
@@ -42,6 +44,7 @@ class Farm:
         cert: Optional[PathLike] = None,
         key: Optional[PathLike] = None,
         ca: Optional[PathLike] = None,
+        token_file: Optional[PathLike] = None,
         insecure: bool = False,
         timeout: float = 10,
     ) -> None:
@@ -61,6 +64,7 @@ class Farm:
                 f"{self.address} is not a loopback address and there is no TLS: give cert, key and ca, or "
                 "insecure=True on a network you trust"
             )
+        self._token_file = choose(token_file, "CANDELA_TOKEN_FILE")
         self._channel = self._dial()
         self.stub = client_pb2_grpc.FarmServiceStub(self._channel)
         self._checked = False
@@ -84,7 +88,12 @@ class Farm:
             ("grpc.max_reconnect_backoff_ms", 1000),
         ]
         if not any(self._tls):
-            return grpc.insecure_channel(self.address, options=options)
+            channel = grpc.insecure_channel(self.address, options=options)
+            if self._token_file:
+                read_token(Path(self._token_file))
+                return grpc.intercept_channel(channel, TokenInterceptor(Path(self._token_file)))
+            published = published_token_file(self.address, _is_loopback(self.address))
+            return grpc.intercept_channel(channel, TokenInterceptor(published)) if published else channel
         cert, key, ca = (Path(name).read_bytes() for name in self._tls)
         return grpc.secure_channel(self.address, grpc.ssl_channel_credentials(ca, key, cert), options=options)
 
@@ -167,6 +176,8 @@ class Farm:
         if any(self._tls):
             for option, value in zip(("--tls-cert", "--tls-key", "--tls-ca"), self._tls):
                 arguments.append(f"{option}={value}")
+        elif self._token_file:
+            arguments.append(f"--token-file={self._token_file}")
         return arguments + (["--insecure"] if self._insecure else [])
 
 

@@ -34,6 +34,7 @@ class Status:
     elapsed_seconds: float
     eta_seconds: Optional[float]
     samples_per_second: float
+    submitter: str  # user@host, or the name of a certificate
     message: Any = field(repr=False)
 
     @property
@@ -57,6 +58,7 @@ def status_of(message: Any) -> Status:
         elapsed_seconds=message.elapsed_seconds,
         eta_seconds=finite(message.eta_seconds),
         samples_per_second=message.samples_per_second,
+        submitter=message.submitter,
         message=message,
     )
 

@@ -67,9 +67,9 @@ class LocalFarm:
             for i in range(self._workers):
                 self._start(
                     "candela-worker", folder, f"worker-{i + 1}", f"--master={address}", f"--cache={folder / 'cache'}",
-                    f"--threads={self._threads}", f"--name=local-{i + 1}",
+                    f"--threads={self._threads}", f"--name=local-{i + 1}", f"--token-file={data}/token",
                 )
-            self._farm = Farm(address)
+            self._farm = Farm(address, token_file=f"{data}/token")
             return self._farm
         except BaseException:
             self.__exit__()

@@ -1,6 +1,6 @@
 // The pages: jobs, one job, workers, one worker.
 import {bar, bytes, count, duration, h, progress, put, small, when} from './dom.js';
-import {get, onToken, post, setToken, stream, unlocked} from './net.js';
+import {get, logIn, onToken, post, setToken, stream, unlocked} from './net.js';
 import {chart} from './chart.js';
 import {Viewer} from './viewer.js';
 
@@ -153,7 +153,7 @@ async function jobsPage() {
     const row = h('tr', {}, name, state, done, error, iterations, time, left, priority);
     return {element: row, update: (j) => {
       put(a, j.name || j.id);
-      put(note, j.integrator + ' · ' + j.id + (j.message ? ' · ' + j.message : ''));
+      put(note, j.integrator + ' · ' + j.id + (j.submitter ? ' · ' + j.submitter : '') + (j.message ? ' · ' + j.message : ''));
       put(mark, j.state);
       mark.className = 'badge ' + j.state;
       const p = j.state === 'done' ? 1 : progress(j);
@@ -167,7 +167,7 @@ async function jobsPage() {
       put(priority, String(j.priority));
     }};
   }, (j) => [kOrder[j.state] ?? 3, -j.submitted_unix_ms, j.id]);
-  const filter = filterBox('Find a job', () => rows.rows, (j) => j.name + ' ' + j.id + ' ' + j.state + ' ' + j.integrator);
+  const filter = filterBox('Find a job', () => rows.rows, (j) => j.name + ' ' + j.id + ' ' + j.state + ' ' + j.integrator + ' ' + j.submitter);
   const summary = h('p', {class: 'summary', role: 'status'});
   let total = 0;
   const more = h('button', {type: 'button', hidden: true, onclick: () => load(rows.rows.size)}, 'Older jobs');
@@ -355,7 +355,7 @@ async function jobPage(id) {
     buttons.cancel.hidden = ended;
     buttons.priority.hidden = ended;
     put(plan, j.plan.length ? j.plan.join('\n') : 'The plan comes with the first unit.');
-    const s = j.settings, facts = [['Job', j.id], ['Integrator', s.integrator], ...Object.entries(s.integrator_settings), ['Size', `${s.width} × ${s.height}`], ['Filter', s.filter], ...Object.entries(s.filter_settings), ['Sampler', s.sampler], ['Seed', s.seed], ['Instruction set', s.isa], ['AOVs', s.aovs || 'none'],
+    const s = j.settings, facts = [['Job', j.id], ['Submitter', j.submitter || 'unknown'], ['Integrator', s.integrator], ...Object.entries(s.integrator_settings), ['Size', `${s.width} × ${s.height}`], ['Filter', s.filter], ...Object.entries(s.filter_settings), ['Sampler', s.sampler], ['Seed', s.seed], ['Instruction set', s.isa], ['AOVs', s.aovs || 'none'],
       ['Stop', [j.stop_iterations ? count(j.stop_iterations) + ' iterations' : '', j.stop_seconds ? duration(j.stop_seconds) : '', j.stop_relmse ? 'relMSE ' + small(j.stop_relmse) : ''].filter(Boolean).join(', ') || 'never'],
       ['Submitted', when(j.submitted_unix_ms)], ...(j.finished_unix_ms ? [['Finished', when(j.finished_unix_ms)]] : []), ['On disk', count(j.checkpoint_iterations) + ' iterations'], ['Scene', j.bundle.slice(0, 16)]];
     if (settingsShown !== String(facts)) {
@@ -447,6 +447,7 @@ async function route() {
     else end();
   } catch (e) {
     if (mine !== visit) return;
+    if (e.code === 401) return askForToken();
     main.replaceChildren(h('h1', {}, 'Not here'), h('p', {}, e.message), h('p', {}, link('/', 'All jobs')));
     if (e instanceof TypeError) setTimeout(() => { if (mine === visit) route(); }, 2000);
   }
@@ -461,8 +462,29 @@ document.addEventListener('click', (e) => {
 });
 addEventListener('popstate', route);
 
-get('/api/farm').then((farm) => {
-  controls = farm.controls;
-  showLock();
-}).catch(() => connected.lost());
-route();
+function askForToken() {
+  main.replaceChildren(h('h1', {}, 'Whose farm is this?'), h('p', {}, 'Reading needs the master’s token: the file “token” in its data folder.'),
+      h('p', {}, h('button', {type: 'button', onclick: askForToken}, 'Give the token')));
+  ask({title: 'Read this farm', text: 'The token is in the file “token” of the master’s data folder. This browser keeps a sign that it was shown.', fields: [{name: 'token', label: 'Token', type: 'password'}], action: 'Read'},
+      async ({token}) => {
+        await logIn(token);
+        start();
+      });
+}
+
+function start() {
+  get('/api/farm').then((farm) => {
+    controls = farm.controls;
+    showLock();
+  }).catch((e) => { if (e.code !== 401) connected.lost(); });
+  route();
+}
+
+// An address with #token=... opens the page without a question; the token leaves the address.
+const given = new URLSearchParams(location.hash.slice(1)).get('token');
+if (given) {
+  history.replaceState(null, '', location.pathname + location.search);
+  logIn(given).then(start, start);
+} else {
+  start();
+}

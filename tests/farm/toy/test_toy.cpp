@@ -20,6 +20,7 @@
 #include "tests/farm/farm.h"
 #include "tests/farm/local_job.h"
 #include "tests/farm/toy/toy.h"
+#include "tests/token_channel.h"
 #include "tests/unit/farm_calls.h"
 #include "tests/unit/hand_worker.h"
 
@@ -78,8 +79,7 @@ class ToyFarm : public testing::Test {
   }
   // A worker in the test's hands, which answers the pilot of the job.
   std::unique_ptr<test::HandWorker> hand_worker() {
-    auto hand = std::make_unique<test::HandWorker>(
-        grpc::CreateChannel(farm.address(), grpc::InsecureChannelCredentials()));
+    auto hand = std::make_unique<test::HandWorker>(test::token_channel_by_environment(farm.address()));
     EXPECT_TRUE(hand->enrol().ok());
     const auto lease = hand->acquire_soon();
     EXPECT_TRUE(lease);

@@ -1,0 +1,168 @@
+#include "common/wire/token.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <grpcpp/support/client_interceptor.h>
+#include <openssl/crypto.h>
+#include <openssl/rand.h>
+#include <pwd.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <utility>
+#include <vector>
+
+#include "common/base/files.h"
+#include "common/base/hash.h"
+#include "common/wire/listener.h"
+
+namespace candela::wire {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::uint64_t kMaxTokenFileBytes = 4096;
+constexpr std::size_t kMinTokenBytes = 16;
+constexpr int kRandomBytes = 32;
+
+std::string host_name() {
+  std::array<char, 256> host{};
+  return ::gethostname(host.data(), host.size() - 1) == 0 ? host.data() : "localhost";
+}
+
+std::string_view trimmed(std::string_view text) {
+  const auto begin = text.find_first_not_of(" \t\r\n");
+  if (begin == std::string_view::npos) return {};
+  return text.substr(begin, text.find_last_not_of(" \t\r\n") - begin + 1);
+}
+
+Error no_file(const fs::path& file) {
+  return input_error(fmt::format("cannot write the token: {}", std::strerror(errno))).at(file.string(), 0);
+}
+
+// Whole or not at all, and never readable for others.
+Result<void> write_private(const fs::path& file, const std::string& text) {
+  const std::string beside = fmt::format("{}.{}", file.string(), ::getpid());
+  ::unlink(beside.c_str());
+  const int fd = ::open(beside.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
+  if (fd < 0) return no_file(file);
+  const bool written =
+      ::write(fd, text.data(), text.size()) == static_cast<ssize_t>(text.size()) && ::fsync(fd) == 0;
+  ::close(fd);
+  if (written && ::rename(beside.c_str(), file.c_str()) == 0) return {};
+  Error error = no_file(file);
+  ::unlink(beside.c_str());
+  return error;
+}
+
+class TokenInterceptor final : public grpc::experimental::Interceptor {
+ public:
+  TokenInterceptor(const fs::path& file, const std::optional<Address>& listener)
+      : file_(file), listener_(listener) {}
+  void Intercept(grpc::experimental::InterceptorBatchMethods* methods) override {
+    if (methods->QueryInterceptionHookPoint(
+            grpc::experimental::InterceptionHookPoints::PRE_SEND_INITIAL_METADATA))
+      if (auto token = read_token_file(file_); token && (!listener_ || check_listener(*listener_, file_)))
+        methods->GetSendInitialMetadata()->insert({kTokenField, std::move(*token)});
+    methods->Proceed();
+  }
+
+ private:
+  const fs::path& file_;  // the factory's, which lives as long as the channel
+  const std::optional<Address>& listener_;
+};
+
+class TokenInterceptors final : public grpc::experimental::ClientInterceptorFactoryInterface {
+ public:
+  TokenInterceptors(fs::path file, std::optional<Address> listener)
+      : file_(std::move(file)), listener_(std::move(listener)) {}
+  grpc::experimental::Interceptor* CreateClientInterceptor(grpc::experimental::ClientRpcInfo*) override {
+    return new TokenInterceptor(file_, listener_);
+  }
+
+ private:
+  fs::path file_;
+  std::optional<Address> listener_;
+};
+
+}  // namespace
+
+Result<std::string> read_token_file(const fs::path& file) {
+  CANDELA_ASSIGN(const std::string text, read_file(file, kMaxTokenFileBytes));
+  struct stat facts {};
+  if (::stat(file.c_str(), &facts) == 0 && (facts.st_mode & (S_IROTH | S_IWOTH)) != 0)
+    return input_error("every user of this machine can read or write the token")
+        .at(file.string(), 0)
+        .with_mend(fmt::format("chmod 600 {}, and put another token into it", file.string()));
+  const std::string_view token = trimmed(text);
+  const bool printable =
+      std::all_of(token.begin(), token.end(), [](char c) { return c > ' ' && c < '\x7f'; });
+  if (token.size() < kMinTokenBytes || !printable)
+    return input_error(
+               fmt::format("a token has {} printable characters or more, without space", kMinTokenBytes))
+        .at(file.string(), 0)
+        .with_mend("make one with: openssl rand -hex 32");
+  return std::string(token);
+}
+
+Result<std::string> make_token_file(const fs::path& file) {
+  if (std::error_code code; fs::exists(fs::symlink_status(file, code))) return read_token_file(file);
+  std::array<unsigned char, kRandomBytes> random{};
+  if (RAND_bytes(random.data(), kRandomBytes) != 1) return failed_error("OpenSSL has no random numbers");
+  std::string token;
+  for (const unsigned char byte : random) token += fmt::format("{:02x}", byte);
+  CANDELA_TRY(write_private(file, token + "\n"));
+  return token;
+}
+
+std::optional<fs::path> published_token_file(const Address& master) {
+  const auto variable = [](const char* name) {
+    const char* value = std::getenv(name);
+    return std::string(value != nullptr ? value : "");
+  };
+  fs::path state = variable("XDG_STATE_HOME");  // the specification says to ignore a relative path
+  if (!state.is_absolute()) {
+    fs::path home = variable("HOME");
+    if (const passwd* user = home.empty() ? ::getpwuid(::geteuid()) : nullptr) home = user->pw_dir;
+    if (!home.is_absolute() || home == "/") return std::nullopt;
+    state = home / ".local" / "state";
+  }
+  // Machines may share a home.
+  const bool here = master.loopback || master.host == "0.0.0.0" || master.host == "::";
+  return state / "candela" / "masters" /
+         fmt::format("{}-{}.token", here ? host_name() : master.host, master.port);
+}
+
+Result<void> publish_token(const std::string& token, const fs::path& file) {
+  CANDELA_TRY(make_directories(file.parent_path()));
+  return write_private(file, token + "\n");
+}
+
+bool same_token(std::string_view a, std::string_view b) {
+  // Of hashes, so that the lengths do not tell either.
+  const std::string x = sha256_hex(a), y = sha256_hex(b);
+  return CRYPTO_memcmp(x.data(), y.data(), x.size()) == 0;
+}
+
+std::shared_ptr<grpc::Channel> token_channel(const std::string& target,
+                                             const std::shared_ptr<grpc::ChannelCredentials>& credentials,
+                                             const grpc::ChannelArguments& arguments, const fs::path& file,
+                                             const std::optional<Address>& listener) {
+  std::vector<std::unique_ptr<grpc::experimental::ClientInterceptorFactoryInterface>> interceptors;
+  interceptors.push_back(std::make_unique<TokenInterceptors>(file, listener));
+  return grpc::experimental::CreateCustomChannelWithInterceptors(target, credentials, arguments,
+                                                                 std::move(interceptors));
+}
+
+std::string user_at_host() {
+  const passwd* user = ::getpwuid(::geteuid());
+  const std::string name = user != nullptr ? user->pw_name : fmt::format("{}", ::geteuid());
+  return name + "@" + host_name();
+}
+
+}  // namespace candela::wire
