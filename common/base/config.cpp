@@ -155,10 +155,9 @@ Result<void> Config::check_section(const std::string& section, const std::vector
 Result<void> Config::check_shared() const {
   const std::vector<std::string> sections = {"client", "master", "worker"};
   const std::vector<std::string> keys = {
-      "cache",          "cache-size", "data",    "give-up", "insecure",     "listen",
-      "log-format",     "log-level",  "master",  "name",    "scene-memory", "scratch",
-      "texture-memory", "threads",    "timeout", "tls-ca",  "tls-cert",     "tls-key",
-      "token-file"};
+      "cache",     "cache-size", "data",     "give-up",      "insecure",  "listen",         "log-format",
+      "log-level", "master",     "name",     "scene-memory", "scratch",   "texture-memory", "threads",
+      "timeout",   "tls-ca",     "tls-cert", "tls-key",      "token-file"};
   for (const auto& [key, entry] : entries_) {
     const std::size_t dot = key.find('.');
     const std::string name = key.substr(0, dot);

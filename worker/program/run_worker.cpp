@@ -44,8 +44,8 @@ Result<void> read_threads(const Chosen& chosen, unsigned& out) {
 
 Result<WorkerOptions> resolve(const DaemonSettings& settings, const Texts& texts) {
   CANDELA_TRY(settings.check_names({"master", "cache", "cache-size", "texture-memory", "scene-memory",
-                                    "scratch", "threads", "name", "tls-cert", "tls-key", "tls-ca", "token-file", "insecure",
-                                    "give-up", "log-level", "log-format"}));
+                                    "scratch", "threads", "name", "tls-cert", "tls-key", "tls-ca",
+                                    "token-file", "insecure", "give-up", "log-level", "log-format"}));
   const auto choose = [&](const std::string& option, const std::string& given) {
     return settings.choose(option, given, DaemonSettings::Scope::shared);
   };
