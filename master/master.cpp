@@ -43,9 +43,11 @@ Result<void> check(const MasterOptions& o) {
 
 class MasterImpl final : public Master {
  public:
-  MasterImpl(std::unique_ptr<Farm> farm, std::string token, bool tls)
+  // `own_token`: of the calls of this process.
+  MasterImpl(std::unique_ptr<Farm> farm, std::string own_token, std::string token, bool tls)
       : farm_(std::move(farm)),
-        access_(tls ? Access() : Access(token, farm_->data_folder() / kTokenFile)),
+        access_(tls ? Access(own_token) : Access(own_token, token, farm_->data_folder() / kTokenFile)),
+        own_token_(std::move(own_token)),
         token_(std::move(token)),
         farm_service_(*farm_, access_),
         worker_service_(*farm_, access_) {}
@@ -102,7 +104,8 @@ class MasterImpl final : public Master {
     grpc::ChannelArguments arguments;
     arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
     arguments.SetMaxSendMessageSize(kMaxMessageBytes);
-    return server_->InProcessChannel(arguments);
+    return server_->experimental().InProcessChannelWithInterceptors(arguments,
+                                                                    wire::token_interceptors(own_token_));
   }
   void flush_images() override { farm_->flush_images(); }
 
@@ -137,6 +140,7 @@ class MasterImpl final : public Master {
 
   std::unique_ptr<Farm> farm_;
   Access access_;
+  const std::string own_token_;
   const std::string token_;  // of calls without TLS, and of who reads the page
   std::filesystem::path passing_token_file_;
   GuardedFarmService farm_service_;
@@ -176,7 +180,9 @@ Result<std::unique_ptr<Master>> Master::start(const MasterOptions& options) {
   farm_options.master = options;
   CANDELA_ASSIGN(std::unique_ptr<Farm> farm, Farm::open(farm_options));
   CANDELA_ASSIGN(std::string token, wire::make_token_file(options.data_dir / kTokenFile));
-  auto master = std::make_unique<MasterImpl>(std::move(farm), std::move(token), tls.any());
+  CANDELA_ASSIGN(std::string own_token, wire::random_token());
+  auto master =
+      std::make_unique<MasterImpl>(std::move(farm), std::move(own_token), std::move(token), tls.any());
   CANDELA_TRY(master->serve(options, credentials));
   return std::unique_ptr<Master>(std::move(master));
 }

@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <grpcpp/support/client_interceptor.h>
 #include <openssl/crypto.h>
 #include <openssl/rand.h>
 #include <pwd.h>
@@ -14,6 +13,7 @@
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
+#include <functional>
 #include <utility>
 #include <vector>
 
@@ -60,35 +60,42 @@ Result<void> write_private(const fs::path& file, const std::string& text) {
   return error;
 }
 
+// The token for a call; nothing: the call goes without one.
+using TokenSource = std::function<std::optional<std::string>()>;
+
 class TokenInterceptor final : public grpc::experimental::Interceptor {
  public:
-  TokenInterceptor(const fs::path& file, const std::optional<Address>& listener)
-      : file_(file), listener_(listener) {}
+  explicit TokenInterceptor(const TokenSource& source) : source_(source) {}
   void Intercept(grpc::experimental::InterceptorBatchMethods* methods) override {
     if (methods->QueryInterceptionHookPoint(
             grpc::experimental::InterceptionHookPoints::PRE_SEND_INITIAL_METADATA))
-      if (auto token = read_token_file(file_); token && (!listener_ || check_listener(*listener_, file_)))
+      if (std::optional<std::string> token = source_())
         methods->GetSendInitialMetadata()->insert({kTokenField, std::move(*token)});
     methods->Proceed();
   }
 
  private:
-  const fs::path& file_;  // the factory's, which lives as long as the channel
-  const std::optional<Address>& listener_;
+  const TokenSource& source_;  // the factory's, which lives as long as the channel
 };
 
 class TokenInterceptors final : public grpc::experimental::ClientInterceptorFactoryInterface {
  public:
-  TokenInterceptors(fs::path file, std::optional<Address> listener)
-      : file_(std::move(file)), listener_(std::move(listener)) {}
+  explicit TokenInterceptors(TokenSource source) : source_(std::move(source)) {}
   grpc::experimental::Interceptor* CreateClientInterceptor(grpc::experimental::ClientRpcInfo*) override {
-    return new TokenInterceptor(file_, listener_);
+    return new TokenInterceptor(source_);
   }
 
  private:
-  fs::path file_;
-  std::optional<Address> listener_;
+  TokenSource source_;
 };
+
+using Interceptors = std::vector<std::unique_ptr<grpc::experimental::ClientInterceptorFactoryInterface>>;
+
+Interceptors interceptors(TokenSource source) {
+  Interceptors one;
+  one.push_back(std::make_unique<TokenInterceptors>(std::move(source)));
+  return one;
+}
 
 }  // namespace
 
@@ -110,12 +117,17 @@ Result<std::string> read_token_file(const fs::path& file) {
   return std::string(token);
 }
 
-Result<std::string> make_token_file(const fs::path& file) {
-  if (std::error_code code; fs::exists(fs::symlink_status(file, code))) return read_token_file(file);
+Result<std::string> random_token() {
   std::array<unsigned char, kRandomBytes> random{};
   if (RAND_bytes(random.data(), kRandomBytes) != 1) return failed_error("OpenSSL has no random numbers");
   std::string token;
   for (const unsigned char byte : random) token += fmt::format("{:02x}", byte);
+  return token;
+}
+
+Result<std::string> make_token_file(const fs::path& file) {
+  if (std::error_code code; fs::exists(fs::symlink_status(file, code))) return read_token_file(file);
+  CANDELA_ASSIGN(std::string token, random_token());
   CANDELA_TRY(write_private(file, token + "\n"));
   return token;
 }
@@ -153,10 +165,17 @@ std::shared_ptr<grpc::Channel> token_channel(const std::string& target,
                                              const std::shared_ptr<grpc::ChannelCredentials>& credentials,
                                              const grpc::ChannelArguments& arguments, const fs::path& file,
                                              const std::optional<Address>& listener) {
-  std::vector<std::unique_ptr<grpc::experimental::ClientInterceptorFactoryInterface>> interceptors;
-  interceptors.push_back(std::make_unique<TokenInterceptors>(file, listener));
+  const auto source = [file, listener]() -> std::optional<std::string> {
+    auto token = read_token_file(file);
+    if (!token || (listener && !check_listener(*listener, file))) return std::nullopt;
+    return std::move(*token);
+  };
   return grpc::experimental::CreateCustomChannelWithInterceptors(target, credentials, arguments,
-                                                                 std::move(interceptors));
+                                                                 interceptors(source));
+}
+
+Interceptors token_interceptors(std::string token) {
+  return interceptors([token = std::move(token)] { return std::optional(token); });
 }
 
 std::string user_at_host() {

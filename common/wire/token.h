@@ -3,12 +3,14 @@
 #pragma once
 
 #include <grpcpp/grpcpp.h>
+#include <grpcpp/support/client_interceptor.h>
 
 #include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "common/base/result.h"
 #include "common/wire/address.h"
@@ -18,6 +20,8 @@ namespace candela::wire {
 // The field of a call's metadata.
 inline constexpr const char* kTokenField = "candela-token";
 
+// 64 random hexadecimal digits.
+Result<std::string> random_token();
 // The token in the file, which is made, with mode 0600, if it is not there.
 Result<std::string> make_token_file(const std::filesystem::path& file);
 // Errors: it cannot be read, every user of the machine can read it, it has fewer than 16 printable characters
@@ -41,6 +45,10 @@ std::shared_ptr<grpc::Channel> token_channel(const std::string& target,
                                              const grpc::ChannelArguments& arguments,
                                              const std::filesystem::path& file,
                                              const std::optional<Address>& listener = std::nullopt);
+
+// What lets each call of a channel carry `token`.
+std::vector<std::unique_ptr<grpc::experimental::ClientInterceptorFactoryInterface>> token_interceptors(
+    std::string token);
 
 // "user@host" of this process, for people.
 std::string user_at_host();

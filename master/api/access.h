@@ -48,10 +48,11 @@ struct Owner {
 
 class Access {
  public:
-  // Certificates tell the roles; with a token, which lies in `token_file`, that alone.
-  Access() = default;
-  Access(std::string token, std::filesystem::path token_file)
-      : token_(std::move(token)), token_file_(std::move(token_file)) {}
+  // Certificates tell the roles; with a token, which lies in `token_file`, that alone. `own_token` is carried
+  // by the calls of this process, and never leaves it.
+  explicit Access(std::string own_token) : own_token_(std::move(own_token)) {}
+  Access(std::string own_token, std::string token, std::filesystem::path token_file)
+      : own_token_(std::move(own_token)), token_(std::move(token)), token_file_(std::move(token_file)) {}
 
   Caller caller(const grpc::ServerContext& context) const;
   // OK, or PERMISSION_DENIED with the role that is missing and the mend.
@@ -65,7 +66,10 @@ class Access {
   grpc::Status refuse(const grpc::ServerContext& context, const Caller& caller, wire::Role missing,
                       const std::string& why) const;
 
+  bool is_in_process(const grpc::ServerContext& context) const;
+
   std::atomic<bool> open_{false};
+  std::string own_token_;
   std::string token_;  // empty: certificates
   std::filesystem::path token_file_;
 };

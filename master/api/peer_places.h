@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "common/base/result.h"
+#include "common/wire/peer.h"
 
 namespace candela::master {
 
@@ -50,7 +51,7 @@ class PeerPlaces {
   Result<Place> enter(const std::string& peer, bool yields = false) {
     const std::lock_guard lock(mutex_);
     const std::size_t mine = count(peer);
-    if (!peer.starts_with("inproc") && mine >= each_)
+    if (peer != wire::kThisProcess && mine >= each_)
       return resource_error(
                  fmt::format("this client ({}) has {} {}, as many as one client may", peer, mine, what_))
           .with_mend(mend_);

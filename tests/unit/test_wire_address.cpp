@@ -150,6 +150,8 @@ class WireTls : public testing::Test {
     out = std::fopen(files.key.c_str(), "w");
     PEM_write_PrivateKey(out, key, nullptr, nullptr, 0, nullptr, nullptr);
     std::fclose(out);
+    std::filesystem::permissions(files.key,
+                                 std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
     X509_free(certificate);
     EVP_PKEY_free(key);
     return files;
