@@ -260,11 +260,12 @@ grpc::Status WorkerServiceImpl::PushDelta(grpc::ServerContext* context,
       response->set_message(refusal->message);
       return refuse(grpc::Status::OK);
     }
-    auto ticket = farm_.gate().enter(header.worker_id, header.size_bytes, farm_.now().seconds, cancel);
+    const PushGate::Order order = farm_.deltas().order_of(header.job_id);
+    auto ticket = farm_.gate().enter(header.worker_id, header.size_bytes, order, farm_.now().seconds, cancel);
     if (!ticket.ok()) {
       ++farm_.counters().queue_full;
       return refuse(wire::to_status_with_retry(
-          ticket.error(), static_cast<std::uint32_t>(farm_.gate().retry_seconds() * 1000)));
+          ticket.error(), static_cast<std::uint32_t>(farm_.gate().retry_seconds(order) * 1000)));
     }
     unknown.reset();
     const double started = farm_.now().seconds, cpu_started = thread_cpu_seconds();

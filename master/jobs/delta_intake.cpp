@@ -139,6 +139,18 @@ std::optional<DeltaRefusal> DeltaIntake::merge_table(const DeltaHeader& header, 
   return *taken ? std::nullopt : refusal_of(Delivery::stale);
 }
 
+PushGate::Order DeltaIntake::order_of(const std::string& job_id) const {
+  return table_.with_scheduler([&](Scheduler& s) {
+    const Job* mine = s.job(job_id);
+    const bool yields =
+        mine != nullptr && std::any_of(s.jobs().begin(), s.jobs().end(), [&](const auto& one) {
+          const Job& other = one.second;
+          return other.row.priority > mine->row.priority && other.leases > 0 && other.open_for_leases();
+        });
+    return yields ? PushGate::Order::yields : PushGate::Order::at_once;
+  });
+}
+
 std::optional<DeltaIntake::Verdict> DeltaIntake::admit(const DeltaHeader& header) {
   const Unit& unit = header.unit;
   struct Answer {
@@ -201,7 +213,7 @@ DeltaIntake::Verdict DeltaIntake::deliver(const DeltaHeader& header, const std::
   course.receive_seconds = receipt.seconds;
   course.hash_seconds = seconds_since(came);
   course.here = std::chrono::steady_clock::now();
-  const PushGate::MergeTurn turn(gate_);
+  const PushGate::MergeTurn turn(gate_, order_of(header.job_id));
   course.turn = std::chrono::steady_clock::now();
   const Unit& unit = header.unit;
   const auto expected = table_.with_scheduler([&](Scheduler& s) -> std::optional<Expected> {

@@ -47,6 +47,8 @@ class DeltaIntake {
 
   // Before reading: a verdict if the delta need not be read at all.
   std::optional<Verdict> admit(const DeltaHeader& header);
+  // How a job's deltas stand in the queue: they yield while a unit of a higher priority is leased.
+  PushGate::Order order_of(const std::string& job_id) const;
   // How a delta was received.
   struct Receipt {
     double seconds = 0, cpu_seconds = 0;

@@ -10,22 +10,30 @@ namespace {
 constexpr int kPushesPerWorker = 2;
 constexpr double kSlowestBytesPerSecond = 16 << 10;
 
+// What deltas that yield may have of `all`.
+template <class Number>
+Number share_of(Number all, PushGate::Order order) {
+  return order == PushGate::Order::yields ? all / 4 * 3 : all;
+}
+
 }  // namespace
 
 PushGate::PushGate(std::uint64_t limit_bytes, unsigned merge_threads)
     : limit_bytes_(limit_bytes), free_turns_(std::max(merge_threads, 1U)) {}
 
 Result<std::unique_ptr<PushGate::Ticket>> PushGate::enter(const std::string& worker_id, std::uint64_t bytes,
-                                                          double now_seconds, std::function<void()> cancel) {
+                                                          Order order, double now_seconds,
+                                                          std::function<void()> cancel) {
   const std::lock_guard lock(mutex_);
   const auto of_worker = std::count_if(entries_.begin(), entries_.end(),
                                        [&](const Entry& e) { return e.worker_id == worker_id; });
   if (of_worker >= kPushesPerWorker)
     return resource_error(fmt::format("{} deltas of this worker are under way already", of_worker));
-  if (deltas_ >= kMaxDeltas)
+  const std::uint64_t limit = share_of(limit_bytes_, order);
+  if (deltas_ >= share_of(kMaxDeltas, order))
     return resource_error(fmt::format("the merge queue is full ({} deltas)", deltas_));
-  if (bytes_ > 0 && (bytes > limit_bytes_ || bytes_ > limit_bytes_ - bytes))
-    return resource_error(fmt::format("the merge queue is full ({} of {} bytes)", bytes_, limit_bytes_));
+  if (bytes_ > 0 && (bytes > limit || bytes_ > limit - bytes))
+    return resource_error(fmt::format("the merge queue is full ({} of {} bytes)", bytes_, limit));
   entries_.push_front({worker_id, bytes, now_seconds, now_seconds, false, std::move(cancel)});
   bytes_ += bytes;
   ++deltas_;
@@ -65,8 +73,8 @@ void PushGate::cancel_hung(double now_seconds, double idle_seconds) {
   }
 }
 
-double PushGate::retry_seconds() const {
-  const double deltas = static_cast<double>(count());
+double PushGate::retry_seconds(Order order) const {
+  const double deltas = static_cast<double>(count()) / (order == Order::at_once ? 4 : 1);
   const std::lock_guard lock(turn_mutex_);
   return std::clamp(deltas * turn_seconds_, 0.25, 4.0);
 }
@@ -74,6 +82,11 @@ double PushGate::retry_seconds() const {
 std::uint64_t PushGate::bytes_under_way() const {
   const std::lock_guard lock(mutex_);
   return bytes_;
+}
+
+std::size_t PushGate::waiting_at_once() const {
+  const std::lock_guard lock(turn_mutex_);
+  return waiting_at_once_;
 }
 
 std::size_t PushGate::count() const {
@@ -98,9 +111,15 @@ void PushGate::Ticket::all_here() {
   entry_->cancel = nullptr;
 }
 
-PushGate::MergeTurn::MergeTurn(PushGate& gate) : gate_(gate) {
+PushGate::MergeTurn::MergeTurn(PushGate& gate, Order order) : gate_(gate) {
   std::unique_lock lock(gate_.turn_mutex_);
-  gate_.turn_free_.wait(lock, [&] { return gate_.free_turns_ > 0; });
+  if (order == Order::at_once) {
+    ++gate_.waiting_at_once_;
+    gate_.turn_free_.wait(lock, [&] { return gate_.free_turns_ > 0; });
+    if (--gate_.waiting_at_once_ == 0) gate_.turn_free_.notify_all();  // the others may go on
+  } else {
+    gate_.turn_free_.wait(lock, [&] { return gate_.free_turns_ > 0 && gate_.waiting_at_once_ == 0; });
+  }
   --gate_.free_turns_;
   begun_ = std::chrono::steady_clock::now();
 }
@@ -112,7 +131,7 @@ PushGate::MergeTurn::~MergeTurn() {
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun_).count();
     gate_.turn_seconds_ += 0.1 * (seconds - gate_.turn_seconds_);
   }
-  gate_.turn_free_.notify_one();
+  gate_.turn_free_.notify_all();
 }
 
 }  // namespace candela::master

@@ -22,18 +22,20 @@ class PushGate {
   PushGate(std::uint64_t limit_bytes, unsigned merge_threads);
 
   class Ticket;
+  // Whether a job of a higher priority than the delta's has work to do.
+  enum class Order : std::uint8_t { at_once, yields };
   // A place for a delta of `bytes`. ErrorKind::resource where the queue is full (a delta larger than the
   // whole queue is taken when nothing else is under way), kMaxDeltas are under way, or this worker has two
-  // deltas under way. `cancel`
-  // ends the sender's call; it is called at most once, from cancel_hung() or enter_unknown(), never after the
-  // ticket's end.
-  Result<std::unique_ptr<Ticket>> enter(const std::string& worker_id, std::uint64_t bytes, double now_seconds,
-                                        std::function<void()> cancel);
+  // deltas under way. Deltas that yield have three quarters of the queue, so that an urgent job, for which a
+  // thousand units were cut short, does not wait behind these. `cancel` ends the sender's call; it is called
+  // at most once, from cancel_hung() or enter_unknown(), never after the ticket's end.
+  Result<std::unique_ptr<Ticket>> enter(const std::string& worker_id, std::uint64_t bytes, Order order,
+                                        double now_seconds, std::function<void()> cancel);
   // Far below the number of the server's threads: while deltas wait for their turn, other calls go on.
   static constexpr std::size_t kMaxDeltas = 256;
   // When the sender of a delta that had no place is to come again: the time in which those under way are
-  // merged, of 0.25 to 4 seconds.
-  double retry_seconds() const;
+  // merged, of 0.25 to 4 seconds; at once: the quarter of it that is kept.
+  double retry_seconds(Order order) const;
   // A place that only guards against silence, and is always there.
   std::unique_ptr<Ticket> enter_silent(double now_seconds, std::function<void()> cancel);
   // A place for a stream that has not shown a valid session or header: it has kUnknownSeconds for that. Where
@@ -47,12 +49,13 @@ class PushGate {
   void cancel_hung(double now_seconds, double idle_seconds);
 
   std::uint64_t bytes_under_way() const;
+  std::size_t waiting_at_once() const;  // for a turn to merge
   std::size_t count() const;
 
-  // Waits for one of the merge_threads places to decode and merge.
+  // Waits for one of the merge_threads places to decode and merge. Who yields lets the others go first.
   class MergeTurn {
    public:
-    explicit MergeTurn(PushGate& gate);
+    MergeTurn(PushGate& gate, Order order);
     ~MergeTurn();
     MergeTurn(const MergeTurn&) = delete;
     MergeTurn& operator=(const MergeTurn&) = delete;
@@ -80,6 +83,7 @@ class PushGate {
   mutable std::mutex turn_mutex_;
   std::condition_variable turn_free_;
   unsigned free_turns_;
+  std::size_t waiting_at_once_ = 0;
   double turn_seconds_ = 0;  // running mean
 };
 

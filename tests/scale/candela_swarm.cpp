@@ -214,7 +214,8 @@ class Run {
         {"share_error", fmt::format("{:.4f}", worst)},
         {"queue_full", std::to_string(c.queue_full)},
         {"failed_calls", std::to_string(c.failed_calls)},
-        {"revoked", std::to_string(c.revoked)}};
+        {"revoked", std::to_string(c.revoked)},
+        {"cut", std::to_string(c.cut)}};
     for (const auto& [name, value] : row) std::printf("%-18s %s\n", name, value.c_str());
     if (!options_.csv.empty()) {
       const bool fresh = !fs::exists(options_.csv);
@@ -259,8 +260,9 @@ class Run {
     SwarmCounts during = swarm_->counts();
     std::printf(
         "urgent job: %.1f s of the whole farm's work; first delta after %.1f s, done after %.1f s, worker "
-        "%.0f s\n",
-        options_.urgent_seconds, first, took, during.busy_seconds[id]);
+        "%.0f s, %llu units of others cut short\n",
+        options_.urgent_seconds, first, took, during.busy_seconds[id],
+        static_cast<unsigned long long>(during.cut));
     expect(done, "the job of higher priority did not end");
     pause(std::max(1.0, options_.seconds / 8));
     SwarmCounts after = swarm_->counts();

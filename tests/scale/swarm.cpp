@@ -45,7 +45,8 @@ void set_deadline(grpc::ClientContext& context, double seconds) {
 
 struct Task {
   v1::Lease lease;
-  Clock::time_point begun;
+  Clock::time_point first;  // when its rendering began
+  Clock::time_point begun;  // since when it is to be charged
 };
 
 }  // namespace
@@ -197,6 +198,7 @@ class SwarmWorker {
               c.revoked += static_cast<std::uint64_t>(response.revoked_tokens_size());
             });
             for (const std::uint64_t token : response.revoked_tokens()) drop(token);
+            for (const std::uint64_t token : response.cut_tokens()) cut(token);
           }
           wait(heartbeat_seconds_, [this] { heartbeat(); });
         });
@@ -214,6 +216,32 @@ class SwarmWorker {
     for (std::size_t i = 1; i < outbox_.size(); ++i)
       if (outbox_[i].lease.token() == token)
         outbox_.erase(outbox_.begin() + static_cast<std::ptrdiff_t>(i--));
+  }
+
+  // As a worker does: the iteration under way is the unit's last, and what was not begun goes back.
+  void cut(std::uint64_t token) {
+    const auto waiting = std::find_if(pending_.begin(), pending_.end(),
+                                      [&](const Task& task) { return task.lease.token() == token; });
+    if (waiting != pending_.end()) {
+      pending_.erase(waiting);
+      auto request = signed_request<v1::ReturnLeaseRequest>();
+      request.set_token(token);
+      call<v1::ReturnLeaseRequest, v1::ReturnLeaseResponse>(
+          &v1::WorkerService::Stub::AsyncReturnLease, request,
+          [this](const grpc::Status& status, const v1::ReturnLeaseResponse&, double) {
+            if (status.error_code() == grpc::StatusCode::UNAUTHENTICATED) return sign_on_again();
+            acquire();
+          });
+    }
+    if (!rendering_ || rendering_->lease.token() != token) return;
+    v1::Unit& unit = *rendering_->lease.mutable_unit();
+    const double elapsed = seconds_between(rendering_->first, Clock::now());
+    const auto done = static_cast<std::uint64_t>(std::floor(elapsed / seconds_per_iteration())) + 1;
+    if (unit.begin() + done >= unit.end()) return;  // it ends of itself
+    unit.set_end(unit.begin() + done);
+    ++generation_;
+    deliver_after(static_cast<double>(done) * seconds_per_iteration() - elapsed);
+    count([](SwarmCounts& c) { ++c.cut; });
   }
 
   void acquire() {
@@ -242,7 +270,7 @@ class SwarmWorker {
   void take(v1::Lease lease) {
     warm_ = lease.bundle_sha256();
     if (lease.unit().kind() == v1::Unit::KIND_PILOT) return complete_pilot(lease);
-    pending_.push_back({std::move(lease), {}});
+    pending_.push_back({std::move(lease), {}, {}});
     render_next();
   }
 
@@ -277,9 +305,13 @@ class SwarmWorker {
     if (rendering_ || pending_.empty() || outbox_.size() >= 2) return;
     rendering_ = std::move(pending_.front());
     pending_.pop_front();
-    rendering_->begun = Clock::now();
-    const std::uint64_t generation = generation_;
-    wait(seconds_per_iteration() * static_cast<double>(iterations(rendering_->lease)), [this, generation] {
+    rendering_->begun = rendering_->first = Clock::now();
+    deliver_after(seconds_per_iteration() * static_cast<double>(iterations(rendering_->lease)));
+    acquire();
+  }
+
+  void deliver_after(double seconds) {
+    wait(seconds, [this, generation = generation_] {
       if (generation != generation_ || !rendering_) return;
       charge(Clock::now());
       outbox_.push_back(std::move(*rendering_));
@@ -288,7 +320,6 @@ class SwarmWorker {
       render_next();
       acquire();
     });
-    acquire();
   }
 
   // --- delivery: the whole stream, message by message ---

@@ -34,7 +34,7 @@ struct SwarmOptions {
 // All that happened, or within a window between two calls of counts().
 struct SwarmCounts {
   std::uint64_t leases = 0, empty_answers = 0, pilots = 0, merged = 0, other_verdicts = 0, queue_full = 0;
-  std::uint64_t failed_calls = 0, revoked = 0, delta_bytes = 0;
+  std::uint64_t failed_calls = 0, revoked = 0, cut = 0, delta_bytes = 0;
   std::map<std::string, double> busy_seconds;                         // of rendering, by job
   std::vector<float> lease_seconds, heartbeat_seconds, push_seconds;  // of calls that were answered
   std::string last_failure;

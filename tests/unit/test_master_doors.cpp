@@ -283,7 +283,8 @@ TEST(PushGate, UnknownSendersAreFewAndShort) {
     tickets.push_back(gate.enter_unknown(100 + 0.001 * i, [&cancelled, i] { cancelled.push_back(i); }));
   EXPECT_EQ(cancelled, (std::vector<int>{0, 1}));
   cancelled.clear();
-  auto known = gate.enter("w", 1000, 100, [&cancelled] { cancelled.push_back(-1); });
+  auto known =
+      gate.enter("w", 1000, PushGate::Order::at_once, 100, [&cancelled] { cancelled.push_back(-1); });
   ASSERT_TRUE(known.ok());
   const auto silent = gate.enter_silent(100, [&cancelled] { cancelled.push_back(-2); });
   gate.cancel_hung(101, 20);
@@ -302,31 +303,74 @@ TEST(PushGate, UnknownSendersAreFewAndShort) {
 // told to come again later the longer the queue takes.
 TEST(PushGate, DeltasUnderWayAreBounded) {
   PushGate gate(1 << 30, 1);
-  EXPECT_EQ(gate.retry_seconds(), 0.25);
+  EXPECT_EQ(gate.retry_seconds(PushGate::Order::yields), 0.25);
   std::list<std::unique_ptr<PushGate::Ticket>> tickets;
   for (std::size_t i = 0; i < PushGate::kMaxDeltas; ++i) {
-    auto ticket = gate.enter("w" + std::to_string(i), 10, 0, [] {});
+    auto ticket = gate.enter("w" + std::to_string(i), 10, PushGate::Order::at_once, 0, [] {});
     ASSERT_TRUE(ticket.ok()) << i;
     tickets.push_back(std::move(*ticket));
   }
-  const auto refused = gate.enter("another", 10, 0, [] {});
+  const auto refused = gate.enter("another", 10, PushGate::Order::at_once, 0, [] {});
   ASSERT_FALSE(refused.ok());
   EXPECT_EQ(refused.error().kind, ErrorKind::resource);
   for (int i = 0; i < 20; ++i) {
-    const PushGate::MergeTurn turn(gate);
+    const PushGate::MergeTurn turn(gate, PushGate::Order::at_once);
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
-  EXPECT_GT(gate.retry_seconds(), 0.5);
-  EXPECT_LE(gate.retry_seconds(), 4.0);
+  EXPECT_GT(gate.retry_seconds(PushGate::Order::yields), 0.5);
+  EXPECT_LE(gate.retry_seconds(PushGate::Order::yields), 4.0);
   tickets.pop_back();
-  EXPECT_TRUE(gate.enter("another", 10, 0, [] {}).ok());
+  EXPECT_TRUE(gate.enter("another", 10, PushGate::Order::at_once, 0, [] {}).ok());
+}
+
+// Claim: deltas that yield to a more urgent job leave it a quarter of the places and of the bytes, are merged
+// after its own, and are merged when it has none.
+TEST(PushGate, UrgentDeltasGoFirst) {
+  using Order = PushGate::Order;
+  PushGate gate(1000, 1);
+  std::list<std::unique_ptr<PushGate::Ticket>> tickets;
+  const auto enter = [&](Order order, std::uint64_t bytes) {
+    auto ticket = gate.enter("w" + std::to_string(tickets.size()), bytes, order, 0, [] {});
+    if (ticket.ok()) tickets.push_back(std::move(*ticket));
+    return ticket.ok();
+  };
+  EXPECT_TRUE(enter(Order::yields, 700));
+  EXPECT_FALSE(enter(Order::yields, 100));
+  EXPECT_TRUE(enter(Order::at_once, 200));
+  EXPECT_FALSE(enter(Order::at_once, 200)) << "the queue is bounded for all";
+  tickets.clear();
+  std::size_t places = 0;
+  while (enter(Order::yields, 1)) ++places;
+  EXPECT_EQ(places, PushGate::kMaxDeltas - PushGate::kMaxDeltas / 4);
+  EXPECT_TRUE(enter(Order::at_once, 1));
+  EXPECT_LT(gate.retry_seconds(Order::at_once), 1.0);
+
+  std::vector<std::string> merged;
+  std::mutex mutex;
+  std::vector<std::thread> threads;
+  {
+    const PushGate::MergeTurn under_way(gate, Order::yields);
+    const auto wait_for_a_turn = [&](Order order, const char* name) {
+      threads.emplace_back([&, order, name] {
+        const PushGate::MergeTurn turn(gate, order);
+        const std::lock_guard lock(mutex);
+        merged.emplace_back(name);
+      });
+    };
+    for (int i = 0; i < 3; ++i) wait_for_a_turn(Order::yields, "other");
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));  // they wait already
+    for (int i = 0; i < 3; ++i) wait_for_a_turn(Order::at_once, "urgent");
+    while (gate.waiting_at_once() < 3) std::this_thread::yield();
+  }
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(merged, (std::vector<std::string>{"urgent", "urgent", "urgent", "other", "other", "other"}));
 }
 
 // Claim: a delta at 25 KB/s is slow, and no attack.
 TEST(PushGate, SlowSendersThatMoveAreNotCutOff) {
   PushGate gate(64 << 20, 1);
   int cancelled = 0;
-  auto slow = gate.enter("w", 10 << 20, 0, [&] { ++cancelled; });
+  auto slow = gate.enter("w", 10 << 20, PushGate::Order::at_once, 0, [&] { ++cancelled; });
   ASSERT_TRUE(slow.ok());
   const double seconds = (10 << 20) / 25e3;
   for (double t = 0; t < seconds; t += 2.6) {  // a chunk of 64 KiB
