@@ -192,11 +192,25 @@ TEST(ImageHeaders, ThePartWithColorsIsRead) {
     EXPECT_EQ(seen.g, 0.5f);
     EXPECT_EQ(seen.b, 1.0f);
   }
-  // Without colors it is the first part as before, and one channel is that of the first part that has it.
-  EXPECT_EQ(decode(parts_of_exr({depth, {{"Y"}, {3}}}), "a.exr").at(0, 0).g, 7.0f);
+  // Without colors it is the first part of luminance, and one channel is that of the first part that has it.
+  EXPECT_EQ(decode(parts_of_exr({depth, {{"Y"}, {3}}}), "a.exr").at(0, 0).g, 3.0f);
   EXPECT_EQ(
       decode(parts_of_exr({depth, color, other}), "a.exr", {ImageReading::Encoding::file, 1, "a"}).at(0, 0).g,
       3.0f);
+}
+
+// Claim: a file of several parts, none of which is a picture, is no gray texture of its depth: the error
+// names the channels of each part.
+TEST(ImageHeaders, PartsWithoutAPictureAreRefused) {
+  const std::string file = parts_of_exr({{{"Z"}, {7}}, {{"U", "V"}, {1, 2}}});
+  Scratch scratch({});
+  const auto image = decode_image(file, "a.exr", {}, scratch);
+  ASSERT_FALSE(image.ok());
+  EXPECT_NE(image.error().to_string().find("none of the file's 2 parts has R, G and B: they have Z; U, V"),
+            std::string::npos)
+      << image.error().to_string();
+  // A file of one part is what its only channel says.
+  EXPECT_EQ(decode(parts_of_exr({{{"Z"}, {7}}}), "a.exr").at(0, 0).g, 7.0f);
 }
 
 TEST(ImageHeaders, PrimariesOfOpenExrBecomeRec709) {

@@ -92,6 +92,8 @@ class Decoder {
   Result<void> open_pnm();
   // Of the parts of an OpenEXR file, the first that has what is wanted: colors, or the channel.
   Result<void> choose_part();
+  // The names of the part's channels.
+  std::string part_text() const;
   Orientation orientation() const;
   // Rows [begin, end) of the channels that are read, into `out`.
   template <class T>
@@ -150,19 +152,36 @@ Result<void> Decoder::choose_part() {
   };
   const auto is_wanted = [&] {
     if (spec_.deep) return false;
-    if (reading_.channel.empty()) return has_colors();
+    if (reading_.channel.empty() || reading_.channel == kNumber) return has_colors();
     return channel_named(static_cast<char>(reading_.channel[0] - 'a' + 'A')) >= 0;
   };
   // Heights may be those of one channel.
   if (is_wanted() || (most_heights_ && single_channel() >= 0)) return {};
-  for (int part = 1; input_->seek_part(part); ++part) {
+  // A part of one channel with a name of its own, such as a depth, is no picture in gray; luminance is.
+  const auto is_gray = [&] { return !spec_.deep && single_channel() >= 0 && channel_named('Y') >= 0; };
+  int gray = is_gray() ? 0 : -1, part = 1;
+  std::string names = part_text();
+  for (; input_->seek_part(part); ++part) {
     spec_ = input_->spec();
     if (is_wanted()) return {};
+    if (gray < 0 && is_gray()) gray = part;
+    names += "; " + part_text();
   }
   static_cast<void>(input_->error());  // of a part that cannot be read
-  if (!input_->seek_part(0)) return library_error("cannot read the image: ");
+  if (part > 1 && gray < 0 && (reading_.channel.empty() || reading_.channel == kNumber))
+    return image_error("none of the file's " + std::to_string(part) + " parts has R, G and B: they have " +
+                           one_line(names),
+                       file_)
+        .with_mend("store the part of interest in a file of its own, as R, G, B");
+  if (!input_->seek_part(std::max(gray, 0))) return library_error("cannot read the image: ");
   spec_ = input_->spec();
   return {};
+}
+
+std::string Decoder::part_text() const {
+  std::string text;
+  for (const std::string& name : spec_.channels) text += (text.empty() ? "" : ", ") + name;
+  return text;
 }
 
 Orientation Decoder::orientation() const {
@@ -282,10 +301,9 @@ Result<void> Decoder::find_channels() {
     if (!named) {
       const int single = single_channel();
       if (single < 0) {
-        std::string all;
-        for (const std::string& name : spec_.channels) all += (all.empty() ? "" : ", ") + name;
-        return image_error("the image has the channels " + one_line(all) + ", but a colour is R, G and B",
-                           file_)
+        return image_error(
+                   "the image has the channels " + one_line(part_text()) + ", but a color is R, G and B",
+                   file_)
             .with_mend("store the layer of interest as R, G, B");
       }
       gray_ = true;
