@@ -113,7 +113,8 @@ class Commands(unittest.TestCase):
 
     def setUp(self):
         self.stop()
-        self.environment = dict(os.environ, PATH=self.path)
+        # Tokens of this test's masters are not for the programs of who runs it.
+        self.environment = dict(os.environ, PATH=self.path, XDG_STATE_HOME=str(self.scratch / "state"))
         self.environment.pop("CANDELA_MASTER", None)
         subprocess.run("rm -rf /etc/candela/* /var/lib/candela /var/cache/candela", shell=True, check=True)
 
