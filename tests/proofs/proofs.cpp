@@ -318,6 +318,11 @@ void fact(std::string_view name, std::span<const double> values) {
   fact(name, bytes_of(values));
 }
 
+std::string in_this_test(std::string_view key) {
+  const testing::TestInfo* test = testing::UnitTest::GetInstance()->current_test_info();
+  return fmt::format("{} {}", test != nullptr ? name_of(*test) : "", key);
+}
+
 Ends probe_ends(std::uint64_t iterations, std::size_t batches) {
   constexpr std::size_t kShare = 16;
   const std::uint64_t parts = std::max<std::uint64_t>(1, kShare / std::max<std::size_t>(1, batches));

@@ -41,6 +41,10 @@ void fact(std::string_view name, std::string_view value);
 void fact(std::string_view name, std::span<const float> values);
 void fact(std::string_view name, std::span<const double> values);
 
+// `key` in the test that runs: what a probe keeps in order not to render it again is kept for one test. The
+// digest of a test is then the same in the program of all tests and alone.
+std::string in_this_test(std::string_view key);
+
 // How many iterations at each end of `iterations` the probe renders, so that one batch of `batches` costs
 // about a sixteenth of all; the two do not overlap, and are everything if there are 16 batches.
 struct Ends {

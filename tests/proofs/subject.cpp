@@ -39,6 +39,12 @@ TEST(Subject, HasTheRadianceOfItsSky) {
   EXPECT_GT(result.adjusted_p, 1e-4) << result.worst;
 }
 
+// The scene of the first test.
+TEST(Subject, SharesAScene) {
+  const auto batches = render_batches(furnace(variable("SUBJECT_RADIANCE", "0.5")), 2, 8, 4);
+  EXPECT_EQ(batches.size(), 8U);
+}
+
 // In the probe the batches 0 and 5 are one, and the second scene is not rendered.
 TEST(Subject, LooksBeforeItRendersAll) {
   const auto batches = render_batches(furnace("0.25"), 1, 6, 4);

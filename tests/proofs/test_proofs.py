@@ -2,7 +2,7 @@
 """Claim: a test whose films, source and references are those of its line in the table is not run, and any other is.
 
 Planted: a changed film, a missing line, a line of other films, an edited line, a changed source, a test that fails
-while it is recorded, a test that renders what its probe does not.
+while it is recorded, a test that renders what its probe does not, a test that is recorded after one of its scene.
 """
 import hashlib
 import os
@@ -13,6 +13,7 @@ import unittest
 
 PROGRAM = os.environ["CANDELA_PROOFS_SUBJECT"]
 FIRST = "Subject.HasTheRadianceOfItsSky"
+SECOND = "Subject.SharesAScene"
 BUILD = "# build: "
 
 
@@ -35,14 +36,14 @@ class Proofs(unittest.TestCase):
     def path(self, name):
         return os.path.join(self.folder.name, name)
 
-    def run_subject(self, how, **more):
+    def run_subject(self, how, tests="*", **more):
         """Exit code, output, and how many bodies ran in full."""
         mark = self.path("mark")
         if os.path.exists(mark):
             os.remove(mark)
         environment = dict(os.environ, CANDELA_PROOFS=how, SUBJECT_MARK=mark, **more)
         environment.pop("CANDELA_LONG", None)
-        done = subprocess.run([PROGRAM], env=environment, capture_output=True, text=True, timeout=300)
+        done = subprocess.run([PROGRAM, f"--gtest_filter={tests}"], env=environment, capture_output=True, text=True, timeout=300)
         count = len(lines_of(mark)) if os.path.exists(mark) else 0
         return done.returncode, done.stdout + done.stderr, count
 
@@ -56,9 +57,9 @@ class Proofs(unittest.TestCase):
             file.write(BUILD + "some\n" + "".join(lines))
         return "table=" + self.path("table")
 
-    def good_line(self):
+    def good_line(self, test=FIRST):
         _, _, lines = self.record()
-        return lines
+        return "".join(line for line in lines.splitlines(True) if line.split()[0] == test)
 
     def test_same_films_are_not_rendered_in_full(self):
         code, text, count = self.run_subject(self.table(self.good_line()))
@@ -68,12 +69,17 @@ class Proofs(unittest.TestCase):
     def test_recording_writes_what_passed_and_was_probed_whole(self):
         code, text, lines = self.record()
         self.assertEqual(code, 0, text)
-        self.assertEqual([line.split()[0] for line in lines.splitlines()], [FIRST])
+        self.assertEqual([line.split()[0] for line in lines.splitlines()], [FIRST, SECOND])
         self.assertIn("no line: the probe did not render", text)
+
+    def test_a_line_holds_for_a_test_alone(self):
+        code, text, _ = self.run_subject(self.table(self.good_line(SECOND)), tests=SECOND)
+        self.assertEqual(code, 0, text)
+        self.assertIn(f"[  PROVED  ] {SECOND} at c0ffee", text)
 
     def test_recording_writes_no_line_of_a_failure(self):
         code, text, lines = self.record(SUBJECT_RADIANCE="0.6")
-        self.assertEqual((code, lines), (1, ""), text)
+        self.assertEqual((code, [line.split()[0] for line in lines.splitlines()]), (1, [SECOND]), text)
 
     def test_a_changed_film_runs_in_full_and_is_judged(self):
         table = self.table(self.good_line())

@@ -55,14 +55,15 @@ std::vector<std::vector<double>> job_means(const TestScene& scene, const render:
   return layers;
 }
 
-// In the probe the same scene is rendered once, whatever its seeds.
+// In the probe of a test the same scene is rendered once, whatever its seeds.
 class Once {
  public:
   template <class Value, class Make>
-  static Value get(const std::string& key, const Make& make) {
+  static Value get(const std::string& what, const Make& make) {
     static std::mutex mutex;
     static std::map<std::string, Value> values;
     const std::lock_guard lock(mutex);
+    const std::string key = proofs::in_this_test(what);
     const auto found = values.find(key);
     return found != values.end() ? found->second : values.emplace(key, make()).first->second;
   }
