@@ -145,6 +145,9 @@ TEST(ReadingBudget, SmallFilesThatAskForMuchAreRefused) {
 TEST(ReadingBudget, TheCountIsTheMemory) {
   const std::string object = "ObjectBegin \"o\" Shape \"sphere\" ObjectEnd\n";
   const std::string element = "<shape type='sphere'><float name='radius' value='2'/><ref id='a'/></shape>\n";
+  const std::string file = std::string(4'000, 'x') + ".pgm";
+  const std::string picture =
+      "<texture type='bitmap' id='#'><string name='filename' value='" + file + "'/></texture>\n";
   const std::vector<std::pair<std::string, Files>> scenes = {
       {"scene.pbrt", {{"scene.pbrt", "WorldBegin\n" + object + repeated("ObjectInstance \"o\"\n", 20'000)}}},
       {"scene.pbrt",
@@ -153,6 +156,9 @@ TEST(ReadingBudget, TheCountIsTheMemory) {
       {"scene.xml",
        {{"scene.xml",
          "<scene version='3.0.0'><bsdf type='diffuse' id='a'/>" + repeated(element, 20'000) + "</scene>"}}},
+      {"scene.xml",
+       {{"scene.xml", "<scene version='3.0.0'>" + numbered(picture, 2'000) + "</scene>"},
+        {file, "P5 1 1 255 x"}}},
   };
   for (const auto& [main, files] : scenes) {
     const MemorySource source(files);
