@@ -427,6 +427,18 @@ Result<v1::WorkerStatus> FarmClient::resume_worker(const std::string& id) {
   return state_->unary<v1::WorkerStatus>(&v1::FarmService::Stub::ResumeWorker, request);
 }
 
+Result<v1::TrustResponse> FarmClient::distrust_worker(const std::string& id) {
+  v1::WorkerRequest request;
+  request.set_worker_id(id);
+  return state_->unary<v1::TrustResponse>(&v1::FarmService::Stub::DistrustWorker, request);
+}
+
+Result<v1::TrustResponse> FarmClient::trust_worker(const std::string& word) {
+  v1::WorkerRequest request;
+  request.set_worker_id(word);
+  return state_->unary<v1::TrustResponse>(&v1::FarmService::Stub::TrustWorker, request);
+}
+
 Result<std::string> FarmClient::fetch_image(const std::string& id, const ImageRequest& image) {
   v1::FetchImageRequest request;
   request.set_job_id(id);

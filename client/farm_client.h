@@ -88,6 +88,8 @@ class FarmClient {
   Result<v1::WorkerStatus> drain_worker(const std::string& id);
   Result<v1::WorkerStatus> pause_worker(const std::string& id);
   Result<v1::WorkerStatus> resume_worker(const std::string& id);
+  Result<v1::TrustResponse> distrust_worker(const std::string& id);
+  Result<v1::TrustResponse> trust_worker(const std::string& word);  // an id, HOST/NAME, or NAME
 
   // The image of what is merged now, the bytes of an EXR file. Goes on as long as bytes come, however slowly;
   // after a lost connection from the byte it has.

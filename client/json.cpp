@@ -136,8 +136,17 @@ Json job(const v1::JobStatus& s) {
   json["layers"] = Json::array();
   for (const std::string& layer : s.layers()) json["layers"].push_back(layer);
   json["worker_memory_bytes"] = s.worker_memory_bytes();
+  json["taints"] = Json::array();
+  for (const v1::Taint& taint : s.taints())
+    json["taints"].push_back({{"worker", taint.worker()},
+                              {"since_unix_ms", time_ms(taint.since_unix_ms())},
+                              {"units", taint.units()}});
   json["plan"] = s.plan();
   return json;
+}
+
+Json distrusted(const v1::DistrustedWorker& d) {
+  return {{"worker", d.worker()}, {"since_unix_ms", time_ms(d.since_unix_ms())}, {"reason", d.reason()}};
 }
 
 Json worker(const v1::WorkerStatus& w) {
@@ -161,6 +170,10 @@ Json worker(const v1::WorkerStatus& w) {
 
 }  // namespace
 
+std::string trust_json(const v1::TrustResponse& response) {
+  return text(distrusted(response.worker()));
+}
+
 std::string job_json(const v1::JobStatus& status) {
   return text(job(status));
 }
@@ -179,8 +192,11 @@ std::string worker_json(const v1::WorkerStatus& status) {
 std::string workers_json(const v1::ListWorkersResponse& response) {
   Json list = Json::array();
   for (const auto& status : response.workers()) list.push_back(worker(status));
+  Json distrusted_workers = Json::array();
+  for (const auto& d : response.distrusted()) distrusted_workers.push_back(distrusted(d));
   return text(
       {{"workers", list},
+       {"distrusted", distrusted_workers},
        {"wanted", {{"threads", response.wanted().threads()}, {"workers", response.wanted().workers()}}}});
 }
 

@@ -13,6 +13,7 @@ namespace candela::client {
 // message.
 std::string job_json(const v1::JobStatus& status);
 std::string jobs_json(const v1::ListJobsResponse& response);  // {"jobs": [...], "total", "next"}
+std::string trust_json(const v1::TrustResponse& response);
 std::string worker_json(const v1::WorkerStatus& status);
 std::string workers_json(const v1::ListWorkersResponse& response);  // {"workers": [...], "wanted": {...}}
 std::string events_json(const v1::ListEventsResponse& response);    // {"events": [...]}

@@ -79,6 +79,8 @@ Result<void> Farm::start() {
   so.memory_bytes = memory_limit_;
   so.statistics_bytes = statistics_limit_;
   so.stuck_seconds = o.stuck_seconds;
+  so.audit_share = o.audit_share;
+  so.audit_secret = state.audit_secret;
   gate_ = std::make_unique<PushGate>(o.merge_queue_bytes, o.merge_threads);
   writer_ = std::make_unique<StoreWriter>(*store_, [this](const std::string& text) {
     const std::lock_guard lock(health_mutex_);
@@ -106,6 +108,7 @@ Result<void> Farm::start() {
                                         options_.master, memory_limit_ / kImageShare);
   retention_ = std::make_unique<Retention>(*table_, *truth_, *upkeep_, *blobs_, *store_, *writer_, counters_,
                                            wake_, options_.master);
+  audits_ = std::make_unique<AuditKeeper>(*table_, *upkeep_, *store_, *writer_, wake_);
   CANDELA_TRY(restore_jobs(std::move(state)));
   CANDELA_TRY(writer_->flush());
   start_thread("tick", [this] { tick_loop(); });
@@ -113,6 +116,7 @@ Result<void> Farm::start() {
   start_thread("decisions", [this] { decider_->decide_loop(); });
   start_thread("verification", [this] { truth_->verify_ended(); });
   start_thread("retention", [this] { retention_->loop(); });
+  start_thread("audits", [this] { audits_->loop(); });
   return {};
 }
 
@@ -455,6 +459,12 @@ std::string Farm::trouble() {
         return fmt::format("job {}: {} samples' indices are lost; `candela repair {}` renders them again", id,
                            lost, id);
     }
+    for (const auto& [id, job] : s.jobs())
+      if (std::string text = s.dispute_text(job); !text.empty()) return fmt::format("job {}: {}", id, text);
+    for (const auto& [id, worker] : s.workers())
+      if (s.worker_state_name(worker, now()) == "distrusted")
+        return fmt::format("worker {} ({}) is distrusted: {}", worker.row.name, id,
+                           s.distrusted().at(identity(worker.row)).reason);
     for (const auto& [id, worker] : s.workers())
       if (s.worker_state_name(worker, now()) == "stuck")
         return fmt::format("worker {} ({}) is stuck: {}", worker.row.name, id, s.stuck_text(worker, now()));

@@ -3,8 +3,9 @@
 //
 // Parts and their locks (docs/decisions/023-one-lock.md): JobTable has the one lock of the scheduler and of
 // the table of films; DeltaIntake merges deltas; JobUpkeep keeps checkpoints, estimates and manifests;
-// EpochDecider decides the states of epochs; ImageWriter encodes images; the store is written behind a queue.
-// The services (master/api) are thin layers over this class.
+// EpochDecider decides the states of epochs; AuditKeeper looks for what distrusted workers have merged;
+// ImageWriter encodes images; the store is written behind a queue. The services (master/api) are thin layers
+// over this class.
 #pragma once
 
 #include <atomic>
@@ -19,6 +20,7 @@
 #include <vector>
 
 #include "common/base/result.h"
+#include "master/jobs/audit_keeper.h"
 #include "master/jobs/delta_intake.h"
 #include "master/jobs/epoch_decider.h"
 #include "master/jobs/farm_counters.h"
@@ -186,6 +188,7 @@ class Farm final : public TruthFarm {
   std::unique_ptr<EpochDecider> decider_;
   std::unique_ptr<JobUpkeep> upkeep_;
   std::unique_ptr<Retention> retention_;
+  std::unique_ptr<AuditKeeper> audits_;
 
   // Guarded by the table's lock: used inside with_scheduler() alone.
   std::map<std::string, std::string> tokens_;  // idempotency token -> job id

@@ -103,6 +103,7 @@ Result<void> Farm::restore_jobs(StoredState state) {
     jobs.push_back({std::move(row), std::move(merged), std::move(chains), std::move(film)});
   }
   table_->with_films([&](Scheduler& s, JobFilms& films) {
+    for (const DistrustRow& row : state.distrusted) s.restore_distrust(row);
     for (Restored& job : jobs) {
       const std::string id = job.row.id;
       if (!job.row.idempotency_token.empty()) tokens_[job.row.idempotency_token] = id;

@@ -26,6 +26,9 @@ struct MasterOptions {
   double lease_seconds = 30;       // without heartbeat
   double unit_seconds = 4;         // what units are sized to
   double stuck_seconds = 600;      // without progress, before a worker loses a unit
+  // Of units, that a second worker renders, too, beside the first units of each worker; 0: none. The
+  // program's default is 0.01.
+  double audit_share = 0;
   std::uint64_t merge_queue_bytes = 512ULL << 20;
   unsigned merge_threads = 1;
   int bulk_niceness = 0;  // of the threads that merge, write checkpoints and make images (bulk_threads.h)

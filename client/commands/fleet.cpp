@@ -36,17 +36,30 @@ void print_state(Context& context, const FleetOptions& options, const v1::Worker
 }
 
 Result<int> run_action(Context& context, const FleetOptions& options) {
-  if (options.action != "pause" && options.action != "resume")
+  const bool trusts = options.action == "trust" || options.action == "distrust";
+  if (options.action != "pause" && options.action != "resume" && !trusts)
     return usage_error(fmt::format("'{}' is nothing that workers can be told", options.action))
         .with_field("ACTION")
-        .with_mend("there is pause, resume; to let a worker leave: candela drain WORKER");
+        .with_mend("there is pause, resume, distrust, trust; to let a worker leave: candela drain WORKER");
   if (options.id.empty())
     return usage_error("no worker is given")
         .with_field("WORKER")
         .with_mend(fmt::format("candela workers {} WORKER", options.action));
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
   CANDELA_ASSIGN(const v1::ListWorkersResponse present, farm->list_workers());
-  CANDELA_ASSIGN(const std::string id, choose_worker(present, options.id));
+  const bool absent = options.action == "trust";  // it need not be there, and the master knows its name
+  CANDELA_ASSIGN(const std::string id,
+                 absent ? Result<std::string>(options.id) : choose_worker(present, options.id));
+  if (trusts) {
+    CANDELA_ASSIGN(const v1::TrustResponse answer,
+                   absent ? farm->trust_worker(id) : farm->distrust_worker(id));
+    if (options.json)
+      context.out << trust_json(answer) << '\n';
+    else
+      context.err << fmt::format("worker {} is {}\n", printable(answer.worker().worker()),
+                                 absent ? "trusted again" : "distrusted");
+    return 0;
+  }
   CANDELA_ASSIGN(const v1::WorkerStatus status,
                  options.action == "pause" ? farm->pause_worker(id) : farm->resume_worker(id));
   print_state(context, options, status);
@@ -66,9 +79,15 @@ Result<int> run_workers(Context& context, const FleetOptions& options) {
                                response.wanted().workers());
     return 0;
   }
+  const auto print_distrusted = [&] {
+    for (const auto& d : response.distrusted())
+      context.out << fmt::format("distrusted: {}, {}: {} (candela workers trust {})\n", printable(d.worker()),
+                                 age_text(d.since_unix_ms()), printable(d.reason()), printable(d.worker()));
+    return 0;
+  };
   if (response.workers_size() == 0) {
     context.err << "no workers\n";
-    return 0;
+    return print_distrusted();
   }
   context.out << fmt::format("{:<14} {:<10} {:>7} {:>8} {:>7}  {:<12} {:<20} {}\n", "ID", "STATE", "THREADS",
                              "MERGED", "FAILED", "SEEN", "HOST", "NAME");
@@ -79,7 +98,7 @@ Result<int> run_workers(Context& context, const FleetOptions& options) {
     if (!w.message().empty()) context.out << "  (" << printable(w.message()) << ")";
     context.out << '\n';
   }
-  return 0;
+  return print_distrusted();
 }
 
 bool is_drained(const v1::WorkerStatus& w) {
@@ -118,8 +137,11 @@ Result<int> run_drain(Context& context, const FleetOptions& options) {
 void add_workers(CLI::App& app, Context& context) {
   auto options = std::make_shared<FleetOptions>();
   CLI::App* sub = app.add_subcommand(
-      "workers", "List the farm's workers; or pause one, which then gets no work, and resume it");
-  sub->add_option("action", options->action, "`pause` or `resume`; default: list them")->type_name("ACTION");
+      "workers",
+      "List the farm's workers; or pause one, which then gets no work, and resume it; or distrust one whose "
+      "samples are false, and trust it again");
+  sub->add_option("action", options->action, "`pause`, `resume`, `distrust` or `trust`; default: list them")
+      ->type_name("ACTION");
   sub->add_option("worker", options->id, "The worker's id, or a name that no other worker has")
       ->type_name("WORKER");
   add_farm_options(*sub, options->farm);

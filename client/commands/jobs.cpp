@@ -154,6 +154,11 @@ void print_job(std::ostream& out, const v1::JobStatus& s) {
   line("effort", effort_text(s, s.iterations()));
   line("iterations",
        fmt::format("{} in {} units, {} more leased", s.iterations(), s.units_merged(), s.units_leased()));
+  for (const v1::Taint& taint : s.taints())
+    line("false?", fmt::format("worker {}, distrusted since {}, delivered {} of this job: render it again",
+                               printable(taint.worker()), time_text(taint.since_unix_ms()),
+                               taint.units() > 0 ? fmt::format("{} units", taint.units())
+                                                 : std::string("the pilot or a part of the bootstrap")));
   if (s.lost() > 0)
     line("lost", fmt::format("{} {}, {}", s.lost(), s.has_chains() ? "chain segments" : "iterations",
                              s.repairing() ? "being rendered again" : "see message"));

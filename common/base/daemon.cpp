@@ -69,6 +69,14 @@ Result<void> read_positive_seconds(const Chosen& chosen, double& out) {
   return {};
 }
 
+Result<void> read_share(const Chosen& chosen, double& out) {
+  if (chosen.empty()) return {};
+  const auto share = parse_share(chosen.value);
+  if (!share) return bad_value(chosen, "a share from 0 to 1 such as 0.01, 1% or 0");
+  out = *share;
+  return {};
+}
+
 Result<void> read_flag(const Chosen& chosen, bool& out) {
   if (chosen.empty()) return {};
   const std::string& text = chosen.value;

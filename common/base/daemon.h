@@ -49,6 +49,7 @@ class DaemonSettings {
 Result<void> read_bytes(const Chosen& chosen, std::uint64_t& out);
 Result<void> read_seconds(const Chosen& chosen, double& out);           // at least 0
 Result<void> read_positive_seconds(const Chosen& chosen, double& out);  // above 0
+Result<void> read_share(const Chosen& chosen, double& out);             // 0 to 1
 Result<void> read_flag(const Chosen& chosen, bool& out);
 Error bad_value(const Chosen& chosen, const std::string& what);
 

@@ -49,4 +49,18 @@ std::optional<std::uint64_t> parse_bytes(std::string_view text) {
   return number << shift;
 }
 
+std::optional<double> parse_share(std::string_view text) {
+  const char* const end = text.data() + text.size();
+  double number = 0;
+  const auto [rest, code] = std::from_chars(text.data(), end, number);
+  if (code != std::errc() || std::signbit(number)) return std::nullopt;
+  const std::string_view suffix(rest, static_cast<std::size_t>(end - rest));
+  if (suffix == "%")
+    number /= 100;
+  else if (!suffix.empty())
+    return std::nullopt;
+  if (!(number <= 1)) return std::nullopt;
+  return number;
+}
+
 }  // namespace candela

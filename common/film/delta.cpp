@@ -193,6 +193,37 @@ Result<Delta> Delta::decode(std::string_view bytes, const DeltaShape& expected) 
   return delta;
 }
 
+std::string Delta::content_sha256() const {
+  Sha256 hash;
+  std::string fields;
+  const auto feed = [&] {
+    hash.update(fields);
+    fields.clear();
+  };
+  put_u8(fields, static_cast<std::uint8_t>(info_.unit.kind));
+  put_u32(fields, info_.unit.half);
+  put_u64(fields, info_.unit.begin);
+  put_u64(fields, info_.unit.end);
+  if (makes_film(info_.unit.kind)) {
+    put_layout(fields, info_.layout, info_.scale_log2);
+    feed();
+    film_.hash_into(hash);
+  }
+  put_u64(fields, accumulators_.size());
+  for (const AccumulatorSums& sums : accumulators_) {
+    put_u64(fields, sums.epoch);
+    feed();
+    sums.sums.hash_into(hash);
+  }
+  put_u64(fields, records_.size());
+  fields += records_;
+  put_u64(fields, table_.size());
+  for (const float value : table_) put_u32(fields, std::bit_cast<std::uint32_t>(value));
+  put_tallies(fields, tallies_);
+  feed();
+  return hash.finish_hex();
+}
+
 Result<void> Delta::read_section(SectionKind kind, std::string_view name, std::uint64_t epoch,
                                  std::string_view bytes, const DeltaShape& expected) {
   Reader reader(bytes);

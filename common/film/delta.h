@@ -90,6 +90,9 @@ class Delta {
   std::uint64_t accumulator_bytes() const { return accumulator_bytes_; }  // of those sections, encoded
   const std::string& records() const { return records_; }  // encoded; empty if there is no such section
   const std::vector<float>& table() const { return table_; }
+  // SHA-256 of all that a unit's bytes follow from: two workers that render one unit give the same, whatever
+  // their compressors make of it.
+  std::string content_sha256() const;
 
  private:
   Result<void> read_section(SectionKind kind, std::string_view name, std::uint64_t epoch,

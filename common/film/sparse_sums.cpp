@@ -1,6 +1,7 @@
 #include "common/film/sparse_sums.h"
 
 #include <algorithm>
+#include <bit>
 #include <utility>
 
 namespace candela::film {
@@ -76,6 +77,22 @@ Result<SparseSums> SparseSums::read(Reader& reader, const Layout& layout, std::u
     sums.groups_.push_back(std::move(group));
   }
   return sums;
+}
+
+void SparseSums::hash_into(Sha256& hash) const {
+  std::string fields;
+  put_u32(fields, channels_);
+  put_u64(fields, tiles_.size());
+  for (const std::uint32_t tile : tiles_) put_u32(fields, tile);
+  hash.update(fields);
+  for (const Group& group : groups_)
+    for (const PlaneSet& channel : group.channels) {
+      fields.clear();
+      put_u32(fields, channel.present);
+      hash.update(fields);
+      hash.update({reinterpret_cast<const char*>(channel.bytes.get()),
+                   channel.values * static_cast<std::size_t>(std::popcount(channel.present))});
+    }
 }
 
 }  // namespace candela::film

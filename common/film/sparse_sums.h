@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "common/base/hash.h"
 #include "common/base/result.h"
 #include "common/film/codec.h"
 #include "common/film/layout.h"
@@ -66,6 +67,8 @@ class SparseSums {
       visit(std::size_t{tile}, std::size_t{tile_rect(layout_, tile).pixels()} * channels_);
   }
   std::uint32_t channels() const { return channels_; }
+  // Feeds what determines the sums, whatever a compressor made of them. Equal sums give equal bytes.
+  void hash_into(Sha256& hash) const;
 
  private:
   // Consecutive entries of tiles_.

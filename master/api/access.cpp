@@ -33,6 +33,8 @@ constexpr std::array kRules = {
     Rule{"FarmService/DrainWorker", Role::operate, Subject::worker},
     Rule{"FarmService/PauseWorker", Role::operate},
     Rule{"FarmService/ResumeWorker", Role::operate},
+    Rule{"FarmService/DistrustWorker", Role::operate},
+    Rule{"FarmService/TrustWorker", Role::operate},
     Rule{"FarmService/GetLedger", Role::read},
     // It reads all files of a job, and sets damaged ones aside.
     Rule{"FarmService/VerifyJobs", Role::submit, Subject::job_or_store},

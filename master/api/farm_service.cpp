@@ -406,6 +406,9 @@ grpc::Status FarmServiceImpl::ListWorkers(grpc::ServerContext*, const v1::ListWo
     const Wanted wanted = farm_.with_scheduler([&](Scheduler& s) { return s.wanted(farm_.now()); });
     response->mutable_wanted()->set_threads(wanted.threads);
     response->mutable_wanted()->set_workers(wanted.workers);
+    farm_.with_scheduler([&](Scheduler& s) {
+      for (const auto& [who, row] : s.distrusted()) *response->add_distrusted() = to_message(row);
+    });
     return grpc::Status::OK;
   });
 }
@@ -468,6 +471,35 @@ grpc::Status FarmServiceImpl::ResumeWorker(grpc::ServerContext*, const v1::Worke
                                            v1::WorkerStatus* response) {
   return change_worker(farm_, request->worker_id(), response,
                        [&](Scheduler& s, Now now) { return s.resume_worker(request->worker_id(), now); });
+}
+
+namespace {
+
+template <class Change>
+grpc::Status change_trust(Farm& farm, const std::string& word, v1::TrustResponse* response, Change&& change) {
+  return guarded([&] {
+    if (farm.stopping()) return stopping_status();
+    const Result<DistrustRow> row = farm.with_scheduler([&](Scheduler& s) { return change(s, farm.now()); });
+    if (!row.ok() && row.error().mend.empty()) return not_found("worker", word);
+    if (!row.ok()) return wire::to_status(row.error());
+    *response->mutable_worker() = to_message(*row);
+    if (auto flushed = farm.writer().flush(); !flushed.ok()) return wire::to_status(flushed.error());
+    return grpc::Status::OK;
+  });
+}
+
+}  // namespace
+
+grpc::Status FarmServiceImpl::DistrustWorker(grpc::ServerContext*, const v1::WorkerRequest* request,
+                                             v1::TrustResponse* response) {
+  return change_trust(farm_, request->worker_id(), response,
+                      [&](Scheduler& s, Now now) { return s.distrust(request->worker_id(), now); });
+}
+
+grpc::Status FarmServiceImpl::TrustWorker(grpc::ServerContext*, const v1::WorkerRequest* request,
+                                          v1::TrustResponse* response) {
+  return change_trust(farm_, request->worker_id(), response,
+                      [&](Scheduler& s, Now now) { return s.trust(request->worker_id(), now); });
 }
 
 grpc::Status FarmServiceImpl::GetLedger(grpc::ServerContext*, const v1::GetLedgerRequest* request,

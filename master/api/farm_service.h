@@ -38,6 +38,8 @@ class FarmServiceImpl : public v1::FarmService::Service {
   grpc::Status DrainWorker(grpc::ServerContext*, const v1::DrainWorkerRequest*, v1::WorkerStatus*) override;
   grpc::Status PauseWorker(grpc::ServerContext*, const v1::WorkerRequest*, v1::WorkerStatus*) override;
   grpc::Status ResumeWorker(grpc::ServerContext*, const v1::WorkerRequest*, v1::WorkerStatus*) override;
+  grpc::Status DistrustWorker(grpc::ServerContext*, const v1::WorkerRequest*, v1::TrustResponse*) override;
+  grpc::Status TrustWorker(grpc::ServerContext*, const v1::WorkerRequest*, v1::TrustResponse*) override;
   grpc::Status GetLedger(grpc::ServerContext*, const v1::GetLedgerRequest*, v1::GetLedgerResponse*) override;
   grpc::Status VerifyJobs(grpc::ServerContext*, const v1::VerifyJobsRequest*,
                           grpc::ServerWriter<v1::JobReport>*) override;

@@ -70,6 +70,8 @@ class GuardedFarmService final : public FarmServiceImpl {
   CANDELA_UNARY(FarmService, DrainWorker, DrainWorkerRequest, WorkerStatus)
   CANDELA_UNARY(FarmService, PauseWorker, WorkerRequest, WorkerStatus)
   CANDELA_UNARY(FarmService, ResumeWorker, WorkerRequest, WorkerStatus)
+  CANDELA_UNARY(FarmService, DistrustWorker, WorkerRequest, TrustResponse)
+  CANDELA_UNARY(FarmService, TrustWorker, WorkerRequest, TrustResponse)
   CANDELA_UNARY(FarmService, GetLedger, GetLedgerRequest, GetLedgerResponse)
   CANDELA_SENDS(FarmService, VerifyJobs, VerifyJobsRequest, JobReport)
   CANDELA_UNARY(FarmService, RepairJob, JobRequest, JobStatus)

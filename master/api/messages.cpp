@@ -110,6 +110,20 @@ v1::JobStatus to_message(const JobStatus& status) {
   out.set_eta_seconds(status.eta_seconds);
   out.set_worker_memory_bytes(status.worker_memory_bytes);
   if (status.epochs) set_epochs(*status.epochs, *out.mutable_epochs());
+  for (const Taint& taint : r.audit.taints) {
+    v1::Taint& t = *out.add_taints();
+    t.set_worker(taint.worker);
+    t.set_since_unix_ms(taint.since_unix_ms);
+    t.set_units(taint.units);
+  }
+  return out;
+}
+
+v1::DistrustedWorker to_message(const DistrustRow& row) {
+  v1::DistrustedWorker out;
+  out.set_worker(row.worker);
+  out.set_since_unix_ms(row.since_unix_ms);
+  out.set_reason(row.reason);
   return out;
 }
 

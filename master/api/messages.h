@@ -9,6 +9,7 @@ namespace candela::master {
 
 v1::JobState to_message(JobState state);
 v1::JobStatus to_message(const JobStatus& status);
+v1::DistrustedWorker to_message(const DistrustRow& row);
 v1::WorkerStatus to_message(const WorkerStatus& status);
 v1::JobReport to_message(const JobReport& report);
 v1::GetLedgerResponse to_message(const Ledger& ledger);

@@ -139,9 +139,11 @@ grpc::Status WorkerServiceImpl::AcquireLease(grpc::ServerContext*, const v1::Acq
                                   lease.set_job_id(row.job_id);
                                   lease.set_bundle_sha256(job.row.bundle_sha256);
                                   wire::to_proto(job.row.settings, *lease.mutable_settings());
-                                  if (job.row.named_state)
+                                  const Unit& unit = job.units.at(row.unit_id).row.unit;
+                                  // Of an audit, the pilot's lease is what it was before the pilot.
+                                  if (job.row.named_state && unit.kind != Unit::Kind::pilot)
                                     wire::to_proto(*job.row.named_state, *lease.mutable_named_state());
-                                  wire::to_proto(job.units.at(row.unit_id).row.unit, *lease.mutable_unit());
+                                  wire::to_proto(unit, *lease.mutable_unit());
                                   lease.set_expected_seconds(row.expected_seconds);
                                 });
     if (!result.ok()) return unauthenticated();

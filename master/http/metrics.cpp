@@ -112,11 +112,28 @@ std::string metrics_text(Farm& farm) {
     double held = 0, expired = 0;
     FailureCounts failures{};
     Wanted wanted;
+    AuditCounts audits;
+    double units_held = 0, distrusted = 0;
   };
   const Leases leases = farm.with_scheduler([&](Scheduler& s) {
-    return Leases{static_cast<double>(s.lease_count()), static_cast<double>(s.expired_count()), s.failures(),
-                  s.wanted(farm.now())};
+    Leases out{static_cast<double>(s.lease_count()), static_cast<double>(s.expired_count()), s.failures(),
+               s.wanted(farm.now()), s.audit_counts()};
+    for (const auto& [id, job] : s.jobs()) out.units_held += static_cast<double>(job.held.size());
+    out.distrusted = static_cast<double>(s.distrusted().size());
+    return out;
   });
+  for (const auto& [result, n] : {std::pair("equal", leases.audits.equal),
+                                  {"disputed", leases.audits.disputes},
+                                  {"alone", leases.audits.alone},
+                                  {"rechecked", leases.audits.rechecked}})
+    page.counter("candela_audits_total",
+                 "units that were to be rendered by a second worker, by what came of it",
+                 static_cast<double>(n), {{"result", result}});
+  page.counter("candela_jobs_begun_anew_total", "jobs that had merged false samples",
+               static_cast<double>(leases.audits.anew));
+  page.gauge("candela_units_held", "units that wait for the answer of a second worker", leases.units_held);
+  page.gauge("candela_workers_distrusted", "workers that are distrusted, those that are away included",
+             leases.distrusted);
   for (const FailureCause cause : kAllFailureCauses)
     page.counter("candela_unit_failures_total", "units that failed, by cause",
                  static_cast<double>(leases.failures[index_of(cause)]),
@@ -132,8 +149,8 @@ std::string metrics_text(Farm& farm) {
   for (const JobState s : {JobState::queued, JobState::running, JobState::paused, JobState::done,
                            JobState::failed, JobState::cancelled})
     jobs[std::string(name(s))] = 0;
-  for (const char* s :
-       {"idle", "busy", "draining", "drained", "pausing", "paused", "set-aside", "stuck", "awaited", "lost"})
+  for (const char* s : {"idle", "busy", "draining", "drained", "pausing", "paused", "set-aside", "distrusted",
+                        "stuck", "awaited", "lost"})
     workers[s] = 0;
   farm.with_scheduler([&](Scheduler& s) {
     for (const auto& [id, job] : s.jobs()) ++jobs[std::string(name(job.row.state))];

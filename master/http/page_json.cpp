@@ -156,7 +156,7 @@ std::string worker_line_json(const Scheduler& scheduler, const WorkerState& w, N
       .count("units_merged", w.row.units_merged)
       .count("units_failed", w.row.units_failed)
       .json("jobs", json_array(jobs))
-      .add("message", w.message)
+      .add("message", w.distrusted ? scheduler.distrusted().at(identity(w.row)).reason : w.message)
       .text();
 }
 
@@ -213,6 +213,9 @@ std::string job_page_json(const JobStatus& status) {
       .json("failures", failures_of(status.failures))
       .json("layers", json_array(layers))
       .json("plan", lines_of(r.plan));
+  std::vector<std::string> taints;
+  for (const Taint& taint : r.audit.taints) taints.push_back(json_string(taint_text(taint)));
+  out.json("taints", json_array(taints));
   if (r.chains) out.json("chains", chains_of(status));
   if (status.epochs) out.json("epochs", epochs_of(*status.epochs));
   return out.text();

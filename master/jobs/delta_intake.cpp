@@ -97,20 +97,61 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
 
 }  // namespace
 
-std::optional<DeltaRefusal> DeltaIntake::merge_film(const DeltaHeader& header, const Unit& unit,
-                                                    const film::Delta& delta, Course& course) {
+struct DeltaIntake::Admission {
+  std::optional<DeltaRefusal> refusal;
+  bool merge = true;              // false: it is an answer of an audit
+  std::shared_ptr<JobFilm> film;  // of a delta that has one
+};
+
+// The lease may have run out while the bytes came. The film is that of this lease: a job that begins anew has
+// another.
+DeltaIntake::Admission DeltaIntake::receive(const DeltaHeader& header, const film::Delta& delta,
+                                            Course& course) {
+  struct Turn {
+    Delivery delivery = Delivery::ok;
+    Reception reception = Reception::merge;
+    std::shared_ptr<JobFilm> film;
+  };
+  Delivered delivered{header.worker_id, header.token, header.unit_id,       header.job_id, header.unit,
+                      header.sha256,    "",           header.render_seconds};
+  for (;;) {
+    const Turn turn = table_.with_films([&](Scheduler& s, const JobFilms& films) {
+      Turn t;
+      const Now now = JobTable::now();
+      t.delivery =
+          s.check_delivery(header.worker_id, header.token, header.unit_id, header.job_id, header.unit, now);
+      if (t.delivery != Delivery::ok) return t;
+      if (const auto film = films.find(header.job_id); film != films.end()) t.film = film->second;
+      t.reception = s.receive(delivered, now);
+      return t;
+    });
+    if (auto late = refusal_of(turn.delivery)) return {std::move(late), false, nullptr};
+    switch (turn.reception) {
+      case Reception::merge:
+        return {std::nullopt, true, turn.film};
+      case Reception::taken:
+        return {std::nullopt, false, nullptr};
+      case Reception::refused:
+        return {Refusal{DeltaVerdict::stale, "the samples are not what other workers give for this unit"},
+                false, nullptr};
+      case Reception::unknown:
+        break;
+    }
+    delivered.content =
+        bulk_.run([&] { return with_cpu_time(course.cpu_seconds, [&] { return delta.content_sha256(); }); });
+  }
+}
+
+std::optional<DeltaRefusal> DeltaIntake::merge_film(const DeltaHeader& header, const film::Delta& delta,
+                                                    JobFilm& film, std::vector<chains::ChainRecord> records,
+                                                    Course& course) {
+  const Unit& unit = header.unit;
   const bool segments = unit.kind == Unit::Kind::segments;
-  auto records = chains::decode(delta.records(), segments ? unit.end - unit.begin : 0);
-  if (!records.ok()) return corrupt(records.error().to_string());
   std::size_t largest_record = 0;
-  for (const chains::ChainRecord& r : *records)
+  for (const chains::ChainRecord& r : records)
     largest_record = std::max(largest_record, chains::encoded_bytes(r));
-  if (auto opened = truth_.open_film(header.job_id); !opened.ok())
-    return Refusal{DeltaVerdict::stale, opened.error().to_string(), FailureCause::master};
-  const std::shared_ptr<JobFilm> film = table_.film_of(header.job_id);
-  if (!film) return Refusal{DeltaVerdict::stale, "the job has no film"};
   const auto outcome = bulk_.run([&] {
-    return with_cpu_time(course.cpu_seconds, [&] { return film->merge(delta, std::move(*records)); });
+    return with_cpu_time(course.cpu_seconds, [&] { return film.merge(delta, std::move(records)); });
   });
   // The film lacks the segment before this one, through no fault of the sender: the unit is rendered again
   // later.
@@ -119,13 +160,13 @@ std::optional<DeltaRefusal> DeltaIntake::merge_film(const DeltaHeader& header, c
   if (!outcome.ok()) return corrupt(outcome.error().to_string());
   if (*outcome == JobFilm::Outcome::duplicate) return refusal_of(Delivery::duplicate);
   if (*outcome == JobFilm::Outcome::closed) return refusal_of(Delivery::job_ended);
-  film->received_statistics(delta.accumulator_bytes());
+  film.received_statistics(delta.accumulator_bytes());
   // On idle processors receiving takes as much as merging, and beside it; on busy ones a merge takes longer.
   const double merge_seconds = std::max(course.hash_seconds + seconds_since(course.turn), course.cpu_seconds);
   table_.with_scheduler([&](Scheduler& s) {
     s.merged(header.worker_id, header.token, header.unit_id, header.job_id, unit, delta.tallies(),
              header.render_seconds, course.receive_seconds + seconds_since(course.here), JobTable::now(),
-             largest_record, merge_seconds);
+             largest_record, merge_seconds, header.sha256);
   });
   return std::nullopt;
 }
@@ -229,15 +270,21 @@ DeltaIntake::Verdict DeltaIntake::deliver(const DeltaHeader& header, const std::
   if (!delta.ok()) return refuse(corrupt(delta.error().to_string()));
   if (auto wrong = check(*delta, header, unit, *expected)) return refuse(std::move(*wrong));
 
-  // The lease may have run out while the bytes came.
-  const Delivery again = table_.with_scheduler([&](Scheduler& s) {
-    return s.check_delivery(header.worker_id, header.token, header.unit_id, header.job_id, unit,
-                            JobTable::now());
-  });
-  if (auto late = refusal_of(again)) return refuse(std::move(*late));
-  auto refusal =
-      makes_film(unit.kind) ? merge_film(header, unit, *delta, course) : merge_table(header, *delta);
-  if (refusal) return refuse(std::move(*refusal));
+  const bool segments = unit.kind == Unit::Kind::segments;
+  auto records = chains::decode(delta->records(), segments ? unit.end - unit.begin : 0);
+  if (!records.ok()) return refuse(corrupt(records.error().to_string()));
+  if (makes_film(unit.kind))
+    if (auto opened = truth_.open_film(header.job_id); !opened.ok())
+      return refuse({DeltaVerdict::stale, opened.error().to_string(), FailureCause::master});
+  Admission admission = receive(header, *delta, course);
+  if (admission.refusal) return refuse(std::move(*admission.refusal));
+  if (admission.merge) {
+    if (makes_film(unit.kind) && !admission.film) return refuse({DeltaVerdict::stale, "the job has no film"});
+    auto refusal = makes_film(unit.kind)
+                       ? merge_film(header, *delta, *admission.film, std::move(*records), course)
+                       : merge_table(header, *delta);
+    if (refusal) return refuse(std::move(*refusal));
+  }
   counters_.merge_microseconds += static_cast<std::uint64_t>(seconds_since(course.here) * 1e6);
   ++counters_.verdicts[index_of(DeltaVerdict::merged)];
   log::debug("merged", ids);

@@ -5,8 +5,10 @@
 #pragma once
 
 #include <chrono>
+#include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "common/base/result.h"
 #include "common/film/delta.h"
@@ -63,9 +65,12 @@ class DeltaIntake {
     std::chrono::steady_clock::time_point here, turn;
     double receive_seconds = 0, hash_seconds = 0, cpu_seconds = 0;
   };
+  // A delta whose lease holds at this moment, and what is to become of it.
+  struct Admission;
+  Admission receive(const DeltaHeader& header, const film::Delta& delta, Course& course);
   // Adds a film, with accumulators and records, to the job's.
-  std::optional<DeltaRefusal> merge_film(const DeltaHeader& header, const Unit& unit,
-                                         const film::Delta& delta, Course& course);
+  std::optional<DeltaRefusal> merge_film(const DeltaHeader& header, const film::Delta& delta, JobFilm& film,
+                                         std::vector<chains::ChainRecord> records, Course& course);
   // Adds the contributions of bootstrap samples to the job's table.
   std::optional<DeltaRefusal> merge_table(const DeltaHeader& header, const film::Delta& delta);
 

@@ -46,7 +46,9 @@ WorkerStatus status_of(const Scheduler& scheduler, const WorkerState& w, Now t) 
   const std::string stuck = scheduler.stuck_text(w, t);
   return {w.row,
           scheduler.worker_state_name(w, t),
-          stuck.empty() ? w.message : stuck,
+          w.distrusted    ? scheduler.distrusted().at(identity(w.row)).reason
+          : stuck.empty() ? w.message
+                          : stuck,
           w.failures,
           w.resident_bytes,
           scheduler.jobs_of(w)};

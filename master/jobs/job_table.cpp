@@ -15,7 +15,8 @@ void log_event(const EventRow& e) {
   const bool bad = e.kind == "expired" || e.kind == "set-aside" || e.kind == "checkpoint-failed" ||
                    e.kind == "refused" || e.kind == "checkpoint-damaged" || e.kind == "lost" ||
                    e.kind == "orphans" || e.kind == "waiting" || e.kind == "blob-damaged" ||
-                   e.kind == "blob-missing" || e.kind == "scene-disputed";
+                   e.kind == "blob-missing" || e.kind == "scene-disputed" || e.kind == "distrusted" ||
+                   e.kind == "anew" || e.kind == "tainted";
   log::write(bad ? log::Level::warn : log::Level::info, text, {.job = e.job_id, .worker = e.worker_id});
 }
 

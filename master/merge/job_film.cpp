@@ -103,6 +103,7 @@ std::string JobFilm::set_aside(const Found& found, const Error& error) {
 Result<JobFilm::Loading> JobFilm::ensure_loaded() {
   const std::lock_guard file_lock(file_mutex_);
   if (loaded()) return Loading{};
+  if (discarded()) return refused_error("the job begins anew");
   return within_memory("the film cannot be read", [&] { return load(); });
 }
 
@@ -143,6 +144,7 @@ Result<JobFilm::Loading> JobFilm::load() {
 
 Result<JobFilm::Verified> JobFilm::verify_files() {
   const std::lock_guard file_lock(file_mutex_);
+  if (discarded()) return Verified{};
   return within_memory("the checkpoints cannot be read", [&] { return verify(); });
 }
 
@@ -275,7 +277,33 @@ void JobFilm::close() {
 
 void JobFilm::reopen() {
   const std::lock_guard lock(mutex_);
-  closed_ = false;
+  closed_ = discarded_;
+}
+
+Result<void> JobFilm::discard() {
+  const std::lock_guard file_lock(file_mutex_);
+  {
+    const std::lock_guard lock(mutex_);
+    closed_ = discarded_ = true;
+    film_.reset();
+    accumulators_.clear();
+    decisions_ = {};
+    const std::lock_guard records_lock(records_mutex_);
+    ChainRecords().swap(records_);
+  }
+  for (const Found& found : generations()) {
+    std::error_code code;
+    std::filesystem::remove(found.path, code);
+    if (code)
+      return resource_error(fmt::format("cannot remove a film: {}", code.message()))
+          .at(found.path.string(), 0);
+  }
+  return {};
+}
+
+bool JobFilm::discarded() const {
+  const std::lock_guard lock(mutex_);
+  return discarded_;
 }
 
 JobFilm::Snapshot JobFilm::snapshot(Part part) {
@@ -369,6 +397,7 @@ JobFilm::Starts JobFilm::starts_of(const Unit& unit) const {
 
 Result<JobFilm::Checkpoint> JobFilm::checkpoint(Room& room) {
   const std::lock_guard file_lock(file_mutex_);
+  if (discarded()) return refused_error("the job begins anew");
   Saved saved;
   Result<void> encoded = within_memory("the film cannot be copied", [&] { return encode_copy(room, saved); });
   if (!encoded.ok()) {

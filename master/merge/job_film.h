@@ -69,6 +69,10 @@ class JobFilm {
   Result<Outcome> merge(const film::Delta& delta, std::vector<chains::ChainRecord> records = {});
   void close();  // no more merges: what is there is final
   void reopen();
+  // The job begins anew: what is merged goes, and its checkpoints with it. This object takes nothing more.
+  // Waits for a reader or writer of checkpoints. Precondition: opening() is held.
+  Result<void> discard();
+  bool discarded() const;
 
   // A copy of what is merged now, or of the layers its image is made of (a fraction of the memory where there
   // are more), with the counts of the chains at the same moment, in their order. The film is null where it is
@@ -216,7 +220,7 @@ class JobFilm {
   ChainRecords records_;  // by chain
   Accumulators accumulators_;
   Decisions decisions_;
-  bool closed_ = false;
+  bool closed_ = false, discarded_ = false;
   std::uint64_t generation_ = 0;  // newest on disk
   std::uint64_t saved_iterations_ = 0;
   std::uint64_t saved_states_ = 0, saved_decisions_ = 0;

@@ -28,13 +28,16 @@ namespace {
 // Options as written; empty if not given.
 struct Texts {
   std::string listen, data, http, page_token_file, tls_cert, tls_key, tls_ca, checkpoint_interval, lease_time,
-      unit_time, stuck_after, merge_queue, memory, statistics_memory, keep_finished, log_level, log_format;
+      unit_time, stuck_after, merge_queue, memory, statistics_memory, keep_finished, audit, log_level,
+      log_format;
   bool insecure = false;
 };
 
 // A third of the weight of the threads that answer calls: a merge on a busy machine takes longer, a lease
 // does not.
 constexpr int kBulkNiceness = 5;
+
+constexpr double kAuditShare = 0.01;
 
 constexpr const char* kProgram = "candela-master";
 
@@ -53,7 +56,7 @@ Result<MasterOptions> resolve(const DaemonSettings& settings, const Texts& texts
   CANDELA_TRY(settings.check_names({"listen", "data", "http", "page-token-file", "tls-cert", "tls-key",
                                     "tls-ca", "insecure", "checkpoint-interval", "lease-time", "unit-time",
                                     "stuck-after", "merge-queue", "memory", "statistics-memory",
-                                    "keep-finished", "log-level", "log-format"}));
+                                    "keep-finished", "audit", "log-level", "log-format"}));
   // $CANDELA_LISTEN is read, $CANDELA_MASTER is not: it names a master to call, not one to be.
   const auto choose_shared = [&](const std::string& option, const std::string& given) {
     return settings.choose(option, given, DaemonSettings::Scope::shared);
@@ -85,6 +88,8 @@ Result<MasterOptions> resolve(const DaemonSettings& settings, const Texts& texts
   CANDELA_TRY(read_bytes(choose("statistics-memory", texts.statistics_memory), options.statistics_bytes));
   CANDELA_TRY(
       read_positive_seconds(choose("keep-finished", texts.keep_finished), options.keep_finished_seconds));
+  options.audit_share = kAuditShare;
+  CANDELA_TRY(read_share(choose("audit", texts.audit), options.audit_share));
   return options;
 }
 
@@ -219,6 +224,11 @@ int run_master(int argc, char** argv, const SchedulerObserver& observer) {
   app.add_option("--keep-finished", texts.keep_finished,
                  "remove jobs that ended longer ago than this, such as 30d (default: keep them)")
       ->type_name("TIME");
+  app.add_option(
+         "--audit", texts.audit,
+         "share of units that a second worker renders, too, to compare; the first units of each worker "
+         "come on top; 0: none (default 1%)")
+      ->type_name("SHARE");
   app.add_option("--log-level", texts.log_level, "trace, debug, info, warn, error, off (default info)")
       ->type_name("LEVEL");
   app.add_option("--log-format", texts.log_format, "text or json (default text)")->type_name("FORMAT");

@@ -58,6 +58,9 @@ class SchedulerInvariants {
       expect(lease != s_.leases_.end() && lease->second.row.worker_id == id, "worker-lease",
              "lease {} of worker {}", token, id);
     }
+    expect(worker.distrusted == s_.distrusted_.contains(identity(worker.row)) &&
+               !(worker.distrusted && !worker.leases.empty()),
+           "distrusted", "worker {} with {} leases", id, worker.leases.size());
   }
 
   void check_job(const std::string& id, const Job& job) {
@@ -71,6 +74,16 @@ class SchedulerInvariants {
     expect(!ended || (!job.finishing && !job.row.repairs_to), "job-ended", "job {} ends again", id);
     expect(job.row.iterations == count(job.merged), "merged-count", "job {} counts {} of {} indices", id,
            job.row.iterations, count(job.merged));
+    const auto audits = [&](bool rechecks) {
+      return static_cast<std::uint64_t>(std::count_if(
+          job.units.begin(), job.units.end(),
+          [&](const auto& entry) { return entry.second.audit && entry.second.audit->recheck == rechecks; }));
+    };
+    expect(job.held.size() == audits(false) && job.rechecks == audits(true), "audit",
+           "job {} counts {} held units of {}, {} rechecks of {}", id, job.held.size(), audits(false),
+           job.rechecks, audits(true));
+    expect(!(ended || job.finishing) || job.rechecks == 0, "doubtful", "job {} ends with {} rechecks", id,
+           job.rechecks);
     HalfSets in_units;
     for (const auto& [unit_id, unit] : job.units) check_unit(job, unit_id, unit, in_units);
     if (!ended && !job.finishing) check_indices(job, in_units);
@@ -111,6 +124,7 @@ class SchedulerInvariants {
       expect(known && workers.insert(lease->second.row.worker_id).second, "unit-lease",
              "lease {} of unit {} of job {}", token, id, job_id);
     }
+    if (unit.audit && !check_audit(job, id, unit)) return;
     expect(u.kind == job.source->kind(), "unit-kind", "unit {} of job {}", id, job_id);
     if (u.kind == Unit::Kind::pilot) return;
     const bool sane = u.half < 2 && u.begin < u.end;
@@ -118,6 +132,23 @@ class SchedulerInvariants {
            "unit {} of job {}: [{}, {}) of half {}", id, job_id, u.begin, u.end, u.half);
     expect(sane && !merged(job)[u.half].intersects(u.begin, u.end), "unit-unmerged",
            "unit {} of job {}: [{}, {}) of half {}", id, job_id, u.begin, u.end, u.half);
+  }
+
+  // False: nothing is to be merged of the unit.
+  bool check_audit(const Job& job, std::uint64_t id, const UnitState& unit) {
+    const Audit& audit = *unit.audit;
+    const Unit& u = unit.row.unit;
+    expect(audit.recheck || (job.held.contains(id) && !audit.answers.empty()), "audit", "unit {} of job {}",
+           id, job.row.id);
+    std::set<std::string> workers;
+    for (const AuditAnswer& answer : audit.answers)
+      expect(workers.insert(answer.worker).second && !s_.distrusted_.contains(answer.worker), "audit",
+             "the answer of {} to unit {} of job {}", answer.worker, id, job.row.id);
+    if (!audit.recheck) return true;
+    expect(
+        audit.row ? u.half < 2 && contains(job.merged[u.half], u.begin, u.end) : u.kind == Unit::Kind::pilot,
+        "audit-merged", "unit {} of job {}", id, job.row.id);
+    return false;
   }
 
   // The indices that the present stage has brought.

@@ -33,6 +33,12 @@ class Scheduler;
 //   job-ended       a job that ends or has ended has no unit; one that has ended neither ends nor is repaired
 //   job-states      its decided states are those of epochs 0, 1, ..., and as they were first decided
 //   job-starts      a job of chains in its film's stage has a start for each chain, or none at all
+//   audit           a held unit is among those of its job, and is of no recheck; a recheck is counted; each
+//   worker
+//                   has one answer, and none that is distrusted has one
+//   audit-merged    a unit that is looked at again is merged, or the pilot
+//   distrusted      a worker that is distrusted is told so, and has no lease
+//   doubtful        a job that ends has nothing to be looked at again
 //   withdrawn       a job that is being removed has ended, and is not in the list
 std::vector<std::string> check_invariants(const Scheduler& scheduler);
 

@@ -161,7 +161,13 @@ AcquireResult Scheduler::acquire(const std::string& worker_id, const std::vector
     return out;
   }
   if (worker.leases.size() >= options_.max_leases_per_worker) return out;
+  if (worker.distrusted) {
+    out.retry_ms = 2000;
+    return out;
+  }
   const std::vector<Job*> order = candidates(worker, warm, now);
+  for (Job* job : order)
+    if (!job->held.empty() && lease_held(*job, worker, films, out, now)) return out;
   for (Job* job : order) {
     if (lease_unit(*job, worker, prefetch, films, out, now)) return out;
     // Its last units wait for a worker that is free. This one is soon, unless it takes another job's unit
@@ -330,7 +336,18 @@ bool Scheduler::complete_pilot(const std::string& worker_id, std::uint64_t token
   const auto u = job->units.find(it->second.row.unit_id);
   if (u == job->units.end() || u->second.row.unit.kind != Unit::Kind::pilot) return false;
   WorkerState& worker = workers_.at(worker_id);
+  const Unit unit = u->second.row.unit;
+  const std::string sha256 = pilot_sha256(result);
+  if (u->second.audit) {
+    vote(*job, u->second, worker, {worker_id, token, u->first, job->row.id, unit, sha256, sha256, 0}, now);
+    return true;
+  }
   note_success(*job, worker, now);
+  job->row.audit.pilot_sha256 = sha256;
+  job->row.audit.pilot_by = {identity(worker.row)};
+  std::set<std::string> others = jury(*job, now);
+  others.erase(identity(worker.row));
+  job->row.audit.pilot_due = !others.empty() && chosen_for_audit(*job, unit, worker);
   job->row.chains = result.work.chains;
   job->row.pilot_scale_log2 = result.state.film_scale_log2;
   if (!result.work.chains) job->row.named_state = result.state;
@@ -352,6 +369,7 @@ bool Scheduler::complete_pilot(const std::string& worker_id, std::uint64_t token
       take_away(t, now, true);
   job->units.erase(unit_id);
   changes_.emplace_back(DropUnit{unit_id});
+  add_pilot_recheck(*job, now);
   std::string text = fmt::format("{:.4g} s per iteration", result.seconds_per_iteration);
   if (result.work.chains)
     text = fmt::format("{} chains, {} bootstrap samples, {:.4g} s per segment of {} mutations",
@@ -372,17 +390,21 @@ Delivery Scheduler::check_delivery(const std::string& worker_id, std::uint64_t t
   expire(now);
   const Job* job = find(job_id);
   if (job == nullptr) return Delivery::stale;
+  const auto known = job->units.find(unit_id);
+  const Audit* audit = known != job->units.end() && known->second.audit ? &*known->second.audit : nullptr;
+  const bool recheck = audit != nullptr && audit->recheck;  // of what is merged
   const Claim claim = job->source->claim(job->merged, unit);
   if (claim == Claim::foreign) return Delivery::stale;
-  if (claim == Claim::merged) return Delivery::duplicate;
+  if (claim == Claim::merged && !recheck) return Delivery::duplicate;
   if (job->finishing || has_ended(job->row.state)) return Delivery::job_ended;
   const auto it = leases_.find(token);
   if (it == leases_.end() || it->second.row.worker_id != worker_id || it->second.row.unit_id != unit_id ||
       it->second.row.job_id != job_id)
     return Delivery::stale;
   const Unit& leased = job->units.at(unit_id).row.unit;
-  const bool cut_short =
-      unit.kind == Unit::Kind::iterations && unit.begin < unit.end && unit.end < leased.end;
+  // What is compared must be the same iterations.
+  const bool cut_short = audit == nullptr && unit.kind == Unit::Kind::iterations && unit.begin < unit.end &&
+                         unit.end < leased.end;
   if (leased.kind != unit.kind || leased.half != unit.half || leased.begin != unit.begin ||
       (leased.end != unit.end && !cut_short))
     return Delivery::stale;
@@ -392,15 +414,22 @@ Delivery Scheduler::check_delivery(const std::string& worker_id, std::uint64_t t
 void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::uint64_t unit_id,
                        const std::string& job_id, const Unit& unit, const film::Tallies& tallies,
                        double render_seconds, double overhead_seconds, Now now, std::size_t record_bytes,
-                       double merge_seconds) {
+                       double merge_seconds, const std::string& sha256) {
   Job* job = find(job_id);
-  if (job == nullptr || !job->merged[unit.half].insert(unit.begin, unit.end)) return;
+  if (job == nullptr || token < job->first_token || !job->merged[unit.half].insert(unit.begin, unit.end))
+    return;
   UnitRow row;
   row.id = unit_id;
   row.job_id = job_id;
   row.unit = unit;
   if (const auto u = job->units.find(unit_id); u != job->units.end()) {
     row.failures = u->second.row.failures;
+    if (u->second.audit) {
+      const Audit& audit = *u->second.audit;
+      for (const AuditAnswer& answer : audit.answers)
+        if (answer.sha256 == sha256) row.by = audit.workers_with(audit.key(answer));
+      ++(row.by.size() > 1 ? audit_counts_.equal : audit_counts_.alone);
+    }
     if (const auto lease = leases_.find(token); lease != leases_.end())  // charge what it cost
       job->virtual_time += (render_seconds - lease->second.row.expected_seconds) / job->row.share;
     const std::vector<std::uint64_t> tokens =
@@ -413,6 +442,7 @@ void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::u
     // A unit that was cut short: its last iterations are cut anew.
     const std::uint64_t leased_end = u->second.row.unit.end;
     job->units.erase(unit_id);
+    job->held.erase(unit_id);
     if (unit.end < leased_end) job->source->put_back({unit.kind, unit.half, unit.end, leased_end});
   } else {
     // Its indices may have been cut again while it was on its way. Units that have some of them go, and their
@@ -421,9 +451,11 @@ void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::u
       const auto again = next++;
       const Unit& other = again->second.row.unit;
       if (other.half != unit.half || other.begin >= unit.end || unit.begin >= other.end) continue;
+      if (again->second.audit && again->second.audit->recheck) continue;
       const std::vector<std::uint64_t> tokens = again->second.leases;
       for (const std::uint64_t t : tokens) take_away(t, now, true);
       changes_.emplace_back(DropUnit{again->first});
+      job->held.erase(again->first);
       job->units.erase(again);
     }
     rebuild_reserved(*job);
@@ -433,6 +465,15 @@ void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::u
   row.worker_id = worker_id;
   row.token = token;
   row.seconds = render_seconds;
+  row.sha256 = sha256;
+  if (const auto w = workers_.find(worker_id); w != workers_.end()) {
+    const std::string who = identity(w->second.row);
+    std::erase(row.by, who);
+    row.by.insert(row.by.begin(), who);
+  }
+  // It may have been distrusted while its delta was merged.
+  if (std::any_of(row.by.begin(), row.by.end(), [&](const auto& who) { return distrusted_.contains(who); }))
+    doubt_again(*job);
   changes_.emplace_back(PutUnit{row});
 
   JobRow& j = job->row;
@@ -440,15 +481,10 @@ void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::u
   j.iterations += unit.end - unit.begin;
   j.tallies.add(tallies);
   j.worker_seconds += render_seconds;
-  const double per_iteration = render_seconds / static_cast<double>(unit.end - unit.begin);
   if (const auto w = workers_.find(worker_id); w != workers_.end()) {
     w->second.row.units_merged += 1;
     note_success(*job, w->second, now);
-    if (per_iteration > 0) {
-      blend(job->worker_seconds_per_iteration[worker_id], per_iteration);
-      blend(job->thread_seconds, per_iteration * w->second.row.threads);
-      j.thread_seconds_per_iteration = job->thread_seconds;
-    }
+    note_cost(*job, w->second, unit, render_seconds);
   }
   blend(job->overhead_seconds, overhead_seconds);
   blend(job->merge_seconds, merge_seconds);
@@ -456,6 +492,16 @@ void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::u
   while (job->recent.size() > 2 && now.seconds - job->recent.front().seconds > 15) job->recent.pop_front();
   last_activity_ = now.seconds;
   check_stop(*job, now);
+}
+
+void Scheduler::note_cost(Job& job, const WorkerState& worker, const Unit& unit, double render_seconds) {
+  const double per_index =
+      render_seconds / static_cast<double>(std::max<std::uint64_t>(unit.end - unit.begin, 1));
+  const double per_iteration = per_index * job.source->cost().indices_per_iteration;
+  if (!(per_iteration > 0)) return;
+  blend(job.worker_seconds_per_iteration[worker.row.id], per_iteration);
+  blend(job.thread_seconds, per_iteration * worker.row.threads);
+  job.row.thread_seconds_per_iteration = job.thread_seconds;
 }
 
 void Scheduler::expire(Now now) {

@@ -26,6 +26,7 @@
 #include "common/base/work_monitor.h"
 #include "common/film/index_set.h"
 #include "common/stages/memory_need.h"
+#include "master/scheduler/audit.h"
 #include "master/scheduler/failure.h"
 #include "master/scheduler/index_sets.h"
 #include "master/scheduler/unit_source.h"
@@ -53,6 +54,9 @@ struct SchedulerOptions {
   std::size_t max_leases_per_worker = 6;
   std::size_t max_workers = 10000;
   std::size_t max_jobs = 100000;
+  double audit_share =
+      0;  // of units, that another worker renders, too; 0: none, those of new workers included
+  std::uint64_t audit_secret = 0;
   // Bytes of the master's memory that all admitted jobs may take, and of them those for statistics. 0: no
   // limit.
   std::uint64_t memory_bytes = 0;
@@ -111,6 +115,7 @@ struct UnitState {
   UnitRow row;
   std::vector<std::uint64_t> leases;
   std::optional<UnitTrouble> trouble;
+  std::optional<Audit> audit;  // others render it, too. Of a recheck the unit is merged, and no row is of it
   bool speculated = false;
   bool waits(double seconds) const { return trouble && trouble->retry_at > seconds; }
 };
@@ -173,11 +178,21 @@ struct Job {
   double retry_memory_at = 0;  // it is not admitted before: the system had less than was counted on
   std::string memory_wait;     // what it waits for; empty: nothing
 
+  // --- audits ---
+  std::set<std::uint64_t> held;   // units that somebody has rendered, and that wait for another's answer
+  std::uint64_t rechecks = 0;     // units that are merged, or the pilot
+  bool doubts_due = false;        // what workers that are distrusted now have merged is to be looked for,
+  std::uint64_t doubts = 0;       // so often already
+  std::uint64_t first_token = 0;  // leases before it are of a film that is gone
+  // It must not end.
+  bool doubtful() const { return doubts_due || rechecks > 0 || !row.audit.anew.empty(); }
+
   bool planned() const { return row.named_state || row.chains; }  // the pilot is done
   // Its film may be in memory.
   bool has_memory() const { return admitted || !planned() || finishing; }
   bool open_for_leases() const {
-    return !finishing && (row.state == JobState::queued || row.state == JobState::running) && has_memory();
+    return !finishing && (row.state == JobState::queued || row.state == JobState::running) && has_memory() &&
+           row.audit.anew.empty();
   }
   // Number of indices of a half that the stop rule asks for; no limit: the largest there may be. Of a job of
   // chains an iteration of the stop rule is a round: a segment of each chain.
@@ -190,9 +205,6 @@ struct Job {
 
 // The memory that a job needs once its pilot is done.
 MemoryNeed need_of(const JobRow& row, std::size_t record_bytes = 0);
-
-// Workers of one name on one host are one: a worker that was started again has another id.
-std::string identity(const WorkerRow& worker);
 
 // A unit that a worker does not own any more, and may compute all the same.
 struct Leftover {
@@ -209,6 +221,8 @@ struct WorkerState {
   bool called = false;        // after it registered
   bool awaited = false;       // since a restart of the master it has not called
   bool told_of_loss = false;  // an event has
+  bool distrusted = false;    // its identity is
+  std::uint32_t audited = 0;  // of its first units
   std::set<std::uint64_t> leases;
   std::map<std::uint64_t, Leftover> leftovers;  // by token
   std::uint32_t consecutive_failures = 0;       // of causes of its own
@@ -376,11 +390,33 @@ class Scheduler {
   void merged(const std::string& worker_id, std::uint64_t token, std::uint64_t unit_id,
               const std::string& job_id, const Unit& unit, const film::Tallies& tallies,
               double render_seconds, double overhead_seconds, Now now, std::size_t record_bytes = 0,
-              double merge_seconds = 0);
+              double merge_seconds = 0, const std::string& sha256 = {});
   // The bootstrap found nothing, nor did anything else in a round of all chains.
   void found_black(const std::string& id, Now now);
   // What the film's records say now, and how long chains have stayed.
   void chains_summarised(const std::string& id, const chains::Summary& summary, Now now);
+
+  // --- audits ---
+  // What becomes of a delta. Precondition: check_delivery() says ok at this moment.
+  Reception receive(const Delivered& delivered, Now now);
+  const std::map<std::string, DistrustRow>& distrusted() const { return distrusted_; }
+  const AuditCounts& audit_counts() const { return audit_counts_; }
+  void restore_distrust(const DistrustRow& row);  // before jobs and workers
+  Result<DistrustRow> distrust(const std::string& worker_id, Now now);
+  // `word`: a worker's id, its identity, or its name.
+  Result<DistrustRow> trust(const std::string& word, Now now);
+  // Each worker to be tainted is told once.
+  AuditWork audit_work();
+  // `rows`: the job's merged units, all that were merged before audit_work() gave `doubts`. Those that a
+  // distrusted worker brought are rendered again, or the job begins anew.
+  void doubt(const std::string& id, std::uint64_t doubts, const std::vector<UnitRow>& rows, Now now);
+  // The job's film is gone.
+  void begin_anew(const std::string& id, Now now);
+  // `units`: of the worker, by job.
+  void taint(const std::string& who, const std::map<std::string, std::uint64_t>& units,
+             const std::set<std::string>& only, Now now);
+  // Of a dispute that nobody has decided; empty: there is none.
+  std::string dispute_text(const Job& job) const;
 
   // --- epochs ---
   std::vector<EpochJob> epoch_jobs() const;
@@ -462,6 +498,34 @@ class Scheduler {
   // The worker's oldest lease begins or ends to be under way.
   void set_under_way(const WorkerState& worker, bool begins, Now now);
 
+  // scheduler_audits.cpp
+  bool chosen_for_audit(const Job& job, const Unit& unit, const WorkerState& worker) const;
+  bool could_render(const Job& job, const WorkerState& worker, Now now) const;
+  std::set<std::string> jury(const Job& job, Now now) const;  // identities that could render units of the job
+  bool may_answer(const Job& job, const UnitState& unit, const WorkerState& worker, Now now) const;
+  // Held units go before all others, whatever the priority of their jobs.
+  bool lease_held(Job& job, WorkerState& worker, const FilmInputs* films, AcquireResult& out, Now now);
+  void settle(Job& job, UnitState& unit, WorkerState& worker, const Delivered& delivered, Now now);
+  Reception vote(Job& job, UnitState& unit, WorkerState& worker, const Delivered& delivered, Now now);
+  bool decide(Job& job, UnitState& unit, Now now);
+  void conclude(Job& job, UnitState& unit, Now now);
+  // `by`: those who brought what is merged.
+  void add_recheck(Job& job, const Unit& unit, std::string merged_sha256, const std::vector<std::string>& by,
+                   std::optional<UnitRow> row, Now now);
+  void add_pilot_recheck(Job& job, Now now);  // if the pilot needs one
+  static void clear_units(Job& job);
+  void want_anew(Job& job, const std::string& why, Now now);
+  void convict(const std::string& who, const std::string& reason, Now now);
+  void forget_answers(const std::string& who);
+  static void doubt_again(Job& job);
+  // A job that has not ended, and whose units are not known to be free of doubt.
+  void look_for_doubts(Job& job, Now now);
+  void tick_audits(Now now);
+  void tick_audit(Job& job, UnitState& unit, const std::set<std::string>& able, Now now);
+  // The stop rule that holds; empty: none does.
+  static std::string stop_due(const Job& job);
+  void note_cost(Job& job, const WorkerState& worker, const Unit& unit, double render_seconds);
+
   // scheduler_progress.cpp
   void note_steps(Lease& lease, const UnitReport& report, Now now);
   void give_up_stuck(Now now);
@@ -479,7 +543,7 @@ class Scheduler {
   std::uint64_t agree(Job& job, const HalfSets& film, std::vector<UnitRow> rows, Now now);
   void note_lost(Job& job, const std::string& trouble, Now now);
   // Queues an ended or finishing job again.
-  void reopen(Job& job);
+  void reopen(Job& job, Now now);
   static std::string lost_text(const Job& job);
   Result<void> check_starts(const Job& job) const;
   void check_stop(Job& job, Now now);
@@ -499,7 +563,8 @@ class Scheduler {
   // Whether the unit is for others to try: this worker failed at it, and one that did not could have it.
   bool barred(const Job& job, const UnitState& unit, const WorkerState& worker, Now now) const;
   bool offered(const Job& job, const UnitState& unit, const WorkerState& worker, Now now) const {
-    return unit.leases.empty() && !unit.waits(now.seconds) && !barred(job, unit, worker, now);
+    return unit.leases.empty() && !unit.waits(now.seconds) && !barred(job, unit, worker, now) &&
+           may_answer(job, unit, worker, now);
   }
   // The worker has brought something of the job to its end.
   void note_success(Job& job, WorkerState& worker, Now now);
@@ -536,7 +601,11 @@ class Scheduler {
   };
   std::map<std::string, Withdrawn> withdrawn_;
   std::map<std::string, WorkerState> workers_;
-  std::set<std::string> paused_;  // identities of workers, those that are away included
+  std::set<std::string> paused_;                   // identities of workers, those that are away included
+  std::map<std::string, DistrustRow> distrusted_;  // by identity, likewise
+  std::set<std::string> to_taint_;                 // workers whose units are to be looked for in ended jobs
+  std::set<std::string> jobs_to_taint_;            // that have ended since
+  AuditCounts audit_counts_;
   struct ActiveCount {
     std::uint64_t workers = 0;
     double counted = 0;

@@ -1,6 +1,8 @@
 // Jobs of Markov chains: their bootstrap, and which of their segments can be rendered.
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "master/scheduler/scheduler.h"
 
 namespace candela::master {
@@ -23,20 +25,24 @@ Result<bool> Scheduler::complete_bootstrap(const std::string& worker_id, std::ui
   note_success(*job, worker, now);
   job->virtual_time += (render_seconds - it->second.row.expected_seconds) / job->row.share;
   const std::uint64_t unit_id = u->first;
+  std::vector<std::string> by{identity(worker.row)};
+  if (const auto& audit = u->second.audit) {
+    for (const AuditAnswer& answer : audit->answers) by.push_back(answer.worker);
+    ++(audit->answers.size() > 1 ? audit_counts_.equal : audit_counts_.alone);
+  }
+  for (const std::string& who : by)
+    if (std::vector<std::string>& all = job->row.audit.bootstrap_by;
+        std::find(all.begin(), all.end(), who) == all.end())
+      all.push_back(who);
   const std::vector<std::uint64_t> tokens = u->second.leases;
   for (const std::uint64_t t : tokens) drop_lease(t, now, t != token);
   job->units.erase(unit_id);
+  job->held.erase(unit_id);
   changes_.emplace_back(DropUnit{unit_id});
   changes_.emplace_back(PutBootstrap{{job->row.id, unit.begin, std::move(contributions), rejected}});
   for (std::size_t i = 0; i < rejected.size(); ++i) job->row.bootstrap_rejected[i] += rejected[i];
   job->row.worker_seconds += render_seconds;
-  const double per_sample = render_seconds / static_cast<double>(unit.end - unit.begin);
-  const double per_iteration = per_sample * job->source->cost().indices_per_iteration;
-  if (per_iteration > 0) {
-    blend(job->worker_seconds_per_iteration[worker_id], per_iteration);
-    blend(job->thread_seconds, per_iteration * worker.row.threads);
-    job->row.thread_seconds_per_iteration = job->thread_seconds;
-  }
+  note_cost(*job, worker, unit, render_seconds);
   last_activity_ = now.seconds;
   if (job->source->table()->complete())
     bootstrapped(*job, now);

@@ -83,6 +83,8 @@ UnitState* Scheduler::pick(Job& job, const WorkerState& worker, bool prefetch, N
   }
   if (open != nullptr) return open;
   if (extent.remaining == 0) return nullptr;
+  // It has all it was asked for, and waits for what is looked at again.
+  if (job.doubtful() && !stop_due(job).empty()) return nullptr;
   const std::optional<Unit> unit = source.cut(view, unit_iterations(in));
   return unit ? &add_unit(job, *unit) : nullptr;
 }
@@ -95,7 +97,7 @@ UnitState* Scheduler::straggler(Job& job, const WorkerState& worker, Now now) {
     if (u.leases.size() != 1 || u.speculated) continue;
     const Lease& lease = leases_.at(u.leases[0]);
     if (lease.row.worker_id == worker.row.id) continue;
-    if (u.waits(now.seconds) || barred(job, u, worker, now)) continue;
+    if (u.waits(now.seconds) || barred(job, u, worker, now) || !may_answer(job, u, worker, now)) continue;
     const double floor = std::max(options_.unit_seconds, job.source->cost().min_straggler_seconds);
     const double late = now.seconds - lease.granted - std::max(2 * lease.due_seconds, floor);
     if (late > slowest_late) {

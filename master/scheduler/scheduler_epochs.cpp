@@ -9,7 +9,8 @@ namespace candela::master {
 std::vector<EpochJob> Scheduler::epoch_jobs() const {
   std::vector<EpochJob> out;
   for (const auto& [id, job] : jobs_) {
-    if (!job.row.epochs || has_ended(job.row.state) || !job.has_memory()) continue;
+    if (!job.row.epochs || has_ended(job.row.state) || !job.has_memory() || !job.row.audit.anew.empty())
+      continue;
     const bool due = !job.finishing && job.source->due_decision(job.view()).has_value();
     out.push_back({id, job.states.size(), due});
   }

@@ -287,7 +287,7 @@ Result<void> Scheduler::resume_failed(Job& job, Now now) {
   job.row.stop_reason.clear();
   job.row.message.clear();
   job.relmse_hits = 0;
-  reopen(job);
+  reopen(job, now);
   last_activity_ = now.seconds;
   save(job, now);
   return {};
@@ -296,7 +296,7 @@ Result<void> Scheduler::resume_failed(Job& job, Now now) {
 double Scheduler::next_try(const Job& job, const UnitState& unit, Now now) const {
   double soonest = std::numeric_limits<double>::infinity();
   for (const auto& [id, w] : workers_) {
-    if (!lives(w, now) || w.row.draining || w.row.paused || !can_run(w, job)) continue;
+    if (!lives(w, now) || w.row.draining || w.row.paused || w.distrusted || !can_run(w, job)) continue;
     const auto standing = job.standings.find(id);
     const double waits = standing == job.standings.end() ? 0 : standing->second.retry_at;
     soonest = std::min(soonest, std::max(waits, w.set_aside_until));

@@ -41,6 +41,7 @@ void Scheduler::save(Job& job, Now now) {
 }
 
 void Scheduler::save(const UnitState& unit) {
+  if (unit.audit && unit.audit->recheck) return;
   changes_.emplace_back(PutUnit{unit.row});
 }
 
@@ -131,9 +132,11 @@ Result<void> Scheduler::resume(const std::string& id, Now now) {
 // Ends a job in a state that is final unless it is extended.
 void Scheduler::end(Job& job, JobState state, Now now) {
   drop_all_leases(job, now);
-  job.units.clear();
+  clear_units(job);
   changes_.emplace_back(DropUnmergedUnits{job.row.id});
-  job.finishing = job.admitted = false;
+  job.finishing = job.admitted = job.doubts_due = false;
+  job.row.audit.anew.clear();
+  if (!distrusted_.empty()) jobs_to_taint_.insert(job.row.id);
   job.memory_wait.clear();
   admission_due_ = true;
   job.row.repairs_to.reset();
@@ -165,7 +168,7 @@ void Scheduler::fail_job(const std::string& id, const std::string& message, Now 
 
 void Scheduler::stop(Job& job, const std::string& reason, Now now) {
   drop_all_leases(job, now);
-  job.units.clear();
+  clear_units(job);
   changes_.emplace_back(DropUnmergedUnits{job.row.id});
   job.finishing = true;
   job.row.stop_reason = reason;
@@ -175,7 +178,7 @@ void Scheduler::stop(Job& job, const std::string& reason, Now now) {
 
 void Scheduler::finish(const std::string& id, Now now) {
   Job* job = find(id);
-  if (job == nullptr || !job->finishing) return;
+  if (job == nullptr || !job->finishing || job->doubtful()) return;
   if (job->row.repairs_to) {
     job->note.clear();
     event(now, id, "", "repaired", "all that was lost is rendered again");
@@ -196,15 +199,21 @@ void Scheduler::finish(const std::string& id, Now now) {
 void Scheduler::check_stop(Job& job, Now now) {
   if (job.finishing || has_ended(job.row.state) || job.row.iterations == 0) return;
   // A job that lost some of what it had ends no earlier than it has all of that again.
-  if (!covers(job.merged, job.row.promised)) return;
+  if (!covers(job.merged, job.row.promised) || job.doubtful()) return;
   job.row.promised = {};
   if (job.row.repairs_to) return stop(job, job.row.stop_reason, now);
+  if (const std::string reason = stop_due(job); !reason.empty()) stop(job, reason, now);
+}
+
+std::string Scheduler::stop_due(const Job& job) {
   const StopRule& rule = job.row.stop;
+  if (job.row.iterations == 0) return {};
   if (rule.iterations > 0 && contains(job.merged[0], 0, job.target(0)) &&
       contains(job.merged[1], 0, job.target(1)))
-    return stop(job, "iterations", now);
-  if (rule.time_seconds > 0 && job.row.elapsed_seconds >= rule.time_seconds) return stop(job, "time", now);
-  if (rule.relmse > 0 && job.relmse_hits >= 2) return stop(job, "relmse", now);
+    return "iterations";
+  if (rule.time_seconds > 0 && job.row.elapsed_seconds >= rule.time_seconds) return "time";
+  if (rule.relmse > 0 && job.relmse_hits >= 2) return "relmse";
+  return {};
 }
 
 void Scheduler::relmse_estimated(const std::string& id, double relmse, std::uint64_t iterations, Now now) {
@@ -275,7 +284,7 @@ Result<void> Scheduler::extend(const std::string& id, std::uint64_t iterations, 
   if (again) {
     job.row.stop_reason.clear();
     job.row.message.clear();
-    reopen(job);
+    reopen(job, now);
     last_activity_ = now.seconds;
   }
   event(now, id, "", "extended",
@@ -324,6 +333,7 @@ void Scheduler::tick(Now now) {
   give_up_stuck(now);
   tell_losses(now);
   ask_cuts(now);
+  tick_audits(now);
   for (auto it = workers_.begin(); it != workers_.end();) {
     WorkerState& w = it->second;
     if (w.set_aside_until > 0 && w.set_aside_until <= now.seconds) {
@@ -408,6 +418,7 @@ double Scheduler::eta_seconds(const Job& job, Now now) const {
 
 std::string Scheduler::message_of(const Job& job, Now now) const {
   if (has_ended(job.row.state)) {
+    if (!job.row.audit.taints.empty()) return taint_text(job.row.audit.taints.front());
     if (count(job.lost()) > 0)
       return lost_text(job) + fmt::format("; `candela repair {}` renders them again{}", job.row.id,
                                           job.row.message.empty() ? "" : "; " + job.row.message);
@@ -416,20 +427,23 @@ std::string Scheduler::message_of(const Job& job, Now now) const {
   }
   if (!job.note.empty()) return job.note;
   if (job.finishing) return "writing the final checkpoint";
+  if (!job.row.audit.anew.empty()) return "begins anew: " + job.row.audit.anew;
   if (job.row.state == JobState::paused) return job.row.message;
   if (!job.memory_wait.empty()) return job.memory_wait;
   if (!job.lacks.empty()) return job.lacks.begin()->second;
   if (const auto waiting = waiting_of(job, now)) return waiting->text;
+  if (std::string text = dispute_text(job); !text.empty()) return text;
   std::uint64_t able = 0, live = 0, aside = 0;
   for (const auto& [id, w] : workers_) {
     if (!lives(w, now)) continue;
     ++live;
-    if (w.set_aside_until > now.seconds) ++aside;
+    if (w.set_aside_until > now.seconds || w.distrusted) ++aside;
     if (usable(w, now) && can_run(w, job)) ++able;
   }
   if (able == 0 && live == 0) return "no worker is connected";
   if (able == 0 && aside == live)
-    return fmt::format("all {} worker(s) are set aside after failures: see `candela workers`", live);
+    return fmt::format("all {} worker(s) are set aside after failures{}: see `candela workers`", live,
+                       distrusted_.empty() ? "" : ", or distrusted");
   if (able == 0)
     return fmt::format(
         "none of the {} worker(s) connected can run instruction set {}, or they are draining or paused", live,

@@ -17,7 +17,8 @@ void Scheduler::rebuild_reserved(Job& job) {
     closed[h] = united(closed[h], complement(job.row.promised[h], end_of(job.row.promised[h])));
   job.source->restart(closed);
   const JobView view = job.view();
-  for (const auto& [id, u] : job.units) job.source->take(view, u.row.unit);
+  for (const auto& [id, u] : job.units)
+    if (!u.audit || !u.audit->recheck) job.source->take(view, u.row.unit);
 }
 
 std::uint64_t Scheduler::agree(Job& job, const HalfSets& film, std::vector<UnitRow> rows, Now now) {
@@ -101,6 +102,7 @@ void Scheduler::restore(JobRow row, const HalfSets& film, const film::Tallies& t
                 std::make_move_iterator(unmerged.end()));  // merged ones first
   const std::uint64_t missing = agree(job, film, std::move(merged), now);
   job.row.tallies = tallies;
+  look_for_doubts(job, now);
   if (!has_ended(job.row.state)) {
     check_stop(job, now);
     if (!job.finishing)
@@ -128,7 +130,7 @@ void Scheduler::reconcile(const std::string& id, const HalfSets& film, const fil
   Job* job = find(id);
   if (job == nullptr) return;
   drop_all_leases(*job, now);
-  job->units.clear();
+  clear_units(*job);
   changes_.emplace_back(DropUnmergedUnits{id});
   const std::uint64_t missing = agree(*job, film, std::move(merged), now);
   if (!has_ended(job->row.state) && missing > 0)
@@ -136,6 +138,7 @@ void Scheduler::reconcile(const std::string& id, const HalfSets& film, const fil
   job->row.tallies = tallies;
   job->row.checkpoint_generation = generation;
   job->row.checkpoint_iterations = count(film);
+  look_for_doubts(*job, now);
   if (has_ended(job->row.state) && missing > 0) note_lost(*job, trouble, now);
   if (!has_ended(job->row.state)) check_stop(*job, now);
   save(*job, now);
@@ -161,13 +164,14 @@ Result<void> Scheduler::check_starts(const Job& job) const {
   return refused_error("the store has lost where the chains start").with_mend("submit the job again");
 }
 
-void Scheduler::reopen(Job& job) {
+void Scheduler::reopen(Job& job, Now now) {
   job.finishing = false;
   job.row.state = JobState::queued;
   job.row.finished_unix_ms = 0;
   ask_for_memory(job, job.record_bytes);
   rebuild_reserved(job);
   start_fairly(job);
+  look_for_doubts(job, now);
 }
 
 Result<bool> Scheduler::repair(const std::string& id, Now now) {
@@ -182,7 +186,7 @@ Result<bool> Scheduler::repair(const std::string& id, Now now) {
   CANDELA_TRY(check_starts(job));
   job.row.repairs_to = job.finishing ? JobState::done : job.row.state;
   event(now, id, "", "repairing", lost_text(job));
-  reopen(job);
+  reopen(job, now);
   last_activity_ = now.seconds;
   save(job, now);
   return true;

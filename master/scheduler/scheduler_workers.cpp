@@ -9,16 +9,12 @@
 
 namespace candela::master {
 
-std::string identity(const WorkerRow& worker) {
-  return worker.host + "/" + worker.name;
-}
-
 bool Scheduler::lives(const WorkerState& worker, Now now) const {
   return now.seconds - worker.last_seen <= lost_after();
 }
 
 bool Scheduler::takes_part(const WorkerState& worker, Now now) const {
-  return lives(worker, now) && !worker.row.draining && !worker.row.paused &&
+  return lives(worker, now) && !worker.row.draining && !worker.row.paused && !worker.distrusted &&
          (!worker.leases.empty() || now.seconds - worker.last_asked <= lost_after());
 }
 
@@ -68,6 +64,7 @@ Result<void> Scheduler::register_worker(WorkerRow row, Now now) {
   active_.clear();
   WorkerState& w = workers_[row.id];
   w.row = std::move(row);
+  w.distrusted = distrusted_.contains(identity(w.row));
   w.last_seen = w.last_asked = now.seconds;
   last_activity_ = now.seconds;
   return {};
@@ -79,6 +76,7 @@ void Scheduler::restore_worker(const WorkerRow& row, Now now) {
   w.row = row;
   w.last_seen = w.last_asked = now.seconds;  // it has as long to come back as if we had just heard of it
   w.awaited = true;
+  w.distrusted = distrusted_.contains(identity(row));
   if (row.paused) paused_.insert(identity(row));
 }
 
@@ -91,7 +89,7 @@ void Scheduler::restore_lease(const LeaseRow& row, Now now) {
     return;
   }
   const auto unit = job->units.find(row.unit_id);
-  if (unit == job->units.end() || unit->second.leases.size() >= 2) {
+  if (unit == job->units.end() || unit->second.leases.size() >= 2 || worker->second.distrusted) {
     changes_.emplace_back(DropLease{row.token});
     return;
   }
@@ -205,6 +203,7 @@ std::set<std::string> Scheduler::jobs_of(const WorkerState& worker) const {
 std::string Scheduler::worker_state_name(const WorkerState& w, Now now) const {
   if (!lives(w, now)) return "lost";
   if (w.awaited) return "awaited";
+  if (w.distrusted) return "distrusted";
   if (!stuck_text(w, now).empty()) return "stuck";
   const bool idle = w.leases.empty() && w.leftovers.empty();
   if (w.row.draining) return idle ? "drained" : "draining";

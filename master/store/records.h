@@ -25,6 +25,25 @@ inline bool has_ended(JobState s) {
   return s == JobState::done || s == JobState::failed || s == JobState::cancelled;
 }
 
+// Units of an ended job that a worker delivered which is distrusted now.
+struct Taint {
+  std::string worker;  // identity (audit.h)
+  std::int64_t since_unix_ms = 0;
+  std::uint64_t units = 0;  // 0: it made the pilot or a part of the bootstrap alone
+  bool operator==(const Taint&) const = default;
+};
+
+// What is known of those who made a job, beside its merged units. Workers by identity (audit.h).
+struct JobAudit {
+  std::string pilot_sha256;           // of what is pure in the pilot's result; empty: not known
+  std::vector<std::string> pilot_by;  // who brought this result
+  bool pilot_due = false;             // another worker is to make the pilot, too
+  std::vector<std::string> bootstrap_by;
+  std::string anew;  // why the job is to begin anew; empty: it is not
+  std::vector<Taint> taints;
+  bool operator==(const JobAudit&) const = default;
+};
+
 struct JobRow {
   std::string id, name, bundle_sha256;
   std::string submitter;  // user@host, or the name of a certificate; empty: unknown
@@ -62,6 +81,7 @@ struct JobRow {
   std::array<film::IndexSet, 2> promised;
   // The state that a repair leads back to; none while no repair is under way.
   std::optional<JobState> repairs_to;
+  JobAudit audit;
 
   // What people call iterations: indices, but of a job of chains rounds, in which every chain has one
   // segment.
@@ -100,6 +120,10 @@ struct UnitRow {
   std::string worker_id;    // who delivered it
   std::uint64_t token = 0;  // with which lease
   double seconds = 0;       // render time of the merged delta
+  // Of a merged unit: who brought this content, by identity (audit.h), the deliverer first; and the SHA-256
+  // of the merged delta. Empty: not known.
+  std::vector<std::string> by;
+  std::string sha256;
 };
 
 struct LeaseRow {
@@ -134,6 +158,13 @@ struct WorkerRow {
   bool draining = false, paused = false;
   std::uint64_t units_merged = 0, units_failed = 0;
   std::int64_t last_seen_unix_ms = 0;
+};
+
+// A worker whose samples were found false.
+struct DistrustRow {
+  std::string worker;  // identity (audit.h)
+  std::int64_t since_unix_ms = 0;
+  std::string reason;
 };
 
 // An ended job that is to be removed, and for how many seconds, by steady clocks, it has been overdue.
@@ -194,13 +225,23 @@ struct PutState {
 struct PutOverdue {
   std::vector<OverdueRow> rows;
 };
+struct PutDistrust {
+  DistrustRow row;
+};
+struct DropDistrust {
+  std::string worker;
+};
+// A job begins anew: its units, leases, states and bootstrap go.
+struct ForgetWork {
+  std::string job_id;
+};
 // A removed job with all its rows, and its bundle if no other job has it. Its events stay.
 struct DropJob {
   std::string id;
 };
-using Change =
-    std::variant<PutJob, PutUnit, DropUnit, DropUnmergedUnits, PutLease, DropLease, PutWorker, DropWorker,
-                 AddEvent, PutBundle, PutBootstrap, PutStarts, PutState, PutOverdue, DropJob>;
+using Change = std::variant<PutJob, PutUnit, DropUnit, DropUnmergedUnits, PutLease, DropLease, PutWorker,
+                            DropWorker, AddEvent, PutBundle, PutBootstrap, PutStarts, PutState, PutOverdue,
+                            DropJob, PutDistrust, DropDistrust, ForgetWork>;
 
 // "queued", "running", ...
 std::string_view name(JobState state);

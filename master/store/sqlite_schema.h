@@ -6,8 +6,8 @@ namespace candela::master {
 
 // 1: the first. 2: jobs.layers. 3: Markov chains. 4: what a job had and has lost. 5:
 // epochs and accumulators. 6: jobs that wait for their removal, statistics that were rejected, repeated
-// merges. 7: walks that were ended by a bound. 8: workers that are paused. 9: submitters.
-inline constexpr int kSchemaVersion = 9;
+// merges. 7: walks that were ended by a bound. 8: workers that are paused. 9: submitters. 10: audits.
+inline constexpr int kSchemaVersion = 10;
 
 inline constexpr const char* kSchema = R"sql(
 CREATE TABLE counters (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -35,11 +35,12 @@ CREATE TABLE jobs (
   work BLOB NOT NULL DEFAULT x'', rejected_statistics INTEGER NOT NULL DEFAULT 0,
   bootstrap_statistics INTEGER NOT NULL DEFAULT 0, sampled_merges INTEGER NOT NULL DEFAULT 0,
   repeated_merges INTEGER NOT NULL DEFAULT 0, bounded_walks INTEGER NOT NULL DEFAULT 0,
-  submitter TEXT NOT NULL DEFAULT '') WITHOUT ROWID;
+  submitter TEXT NOT NULL DEFAULT '', audit BLOB NOT NULL DEFAULT x'') WITHOUT ROWID;
 CREATE TABLE units (
   id INTEGER PRIMARY KEY, job TEXT NOT NULL, kind INTEGER NOT NULL, half INTEGER NOT NULL,
   first INTEGER NOT NULL, last INTEGER NOT NULL, state INTEGER NOT NULL, failures INTEGER NOT NULL,
-  worker TEXT NOT NULL, token INTEGER NOT NULL, seconds REAL NOT NULL);
+  worker TEXT NOT NULL, token INTEGER NOT NULL, seconds REAL NOT NULL,
+  made_by TEXT NOT NULL DEFAULT '', sha256 TEXT NOT NULL DEFAULT '');
 CREATE INDEX units_by_job ON units (job, state);
 CREATE TABLE leases (
   token INTEGER PRIMARY KEY, unit INTEGER NOT NULL, job TEXT NOT NULL, worker TEXT NOT NULL,
@@ -106,6 +107,20 @@ inline constexpr const char* kFromVersion7 =
     "ALTER TABLE workers ADD COLUMN paused INTEGER NOT NULL DEFAULT 0";
 // From version 8: who submitted a job was not kept.
 inline constexpr const char* kFromVersion8 = "ALTER TABLE jobs ADD COLUMN submitter TEXT NOT NULL DEFAULT ''";
+// From version 9: nobody is distrusted, and who made what is known by the ids of workers alone. `audit` holds
+// a candela.v1.JobAudit, `made_by` identities, one a line.
+inline constexpr const char* kFromVersion9 = R"sql(
+ALTER TABLE jobs ADD COLUMN audit BLOB NOT NULL DEFAULT x'';
+ALTER TABLE units ADD COLUMN made_by TEXT NOT NULL DEFAULT '';
+ALTER TABLE units ADD COLUMN sha256 TEXT NOT NULL DEFAULT '';
+)sql";
+inline constexpr const char* kDistrustTable = R"sql(
+CREATE TABLE distrusted (
+  worker TEXT PRIMARY KEY, since_unix_ms INTEGER NOT NULL, reason TEXT NOT NULL) WITHOUT ROWID;
+)sql";
+// The choice of audited units must be nothing that a worker can compute.
+inline constexpr const char* kAuditSecret =
+    "INSERT OR IGNORE INTO counters VALUES ('audit-secret', random())";
 // Those before version 3 had no such table.
 inline constexpr const char* kBootstrapsFromVersion5 =
     "ALTER TABLE bootstraps ADD COLUMN rejected_statistics INTEGER NOT NULL DEFAULT 0";

@@ -21,7 +21,7 @@ Result<void> SqliteStore::initialise() {
     if (!s.step()) return failure("cannot read the schema version");
     found = s.integer();
   }
-  if (found == kSchemaVersion) return {};
+  if (found == kSchemaVersion) return execute(kAuditSecret);
   if (found < 0 || found > kSchemaVersion)
     return input_error(
                fmt::format("the store has schema version {}, this program knows {}", found, kSchemaVersion))
@@ -41,7 +41,10 @@ Result<void> SqliteStore::initialise() {
   if (made.ok() && found < 6) made = execute(kOverdueTable);
   if (made.ok() && found != 0 && found < 7) made = execute(kFromVersion6);
   if (made.ok() && found != 0 && found < 8) made = execute(kFromVersion7);
-  if (made.ok() && found != 0) made = execute(kFromVersion8);
+  if (made.ok() && found != 0 && found < 9) made = execute(kFromVersion8);
+  if (made.ok() && found != 0) made = execute(kFromVersion9);
+  if (made.ok()) made = execute(kDistrustTable);
+  if (made.ok()) made = execute(kAuditSecret);
   if (made.ok()) made = execute(fmt::format("PRAGMA user_version={}", kSchemaVersion).c_str());
   if (made.ok()) made = execute("COMMIT");
   if (!made.ok()) sqlite3_exec(db_, "ROLLBACK", nullptr, nullptr, nullptr);

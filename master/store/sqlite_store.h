@@ -39,6 +39,9 @@ class SqliteStore final : public Store {
   Result<StoredState> load() override;
   Result<void> write(std::span<const Change> changes) override;
   Result<std::vector<UnitRow>> merged_units(const std::string& job_id) override;
+  Result<std::map<std::string, std::uint64_t>> units_by(const std::string& worker,
+                                                        const std::vector<std::string>& worker_ids,
+                                                        const std::string& job_id) override;
   Result<std::vector<EventRow>> events(const std::string& job_id, std::uint32_t limit) override;
   Result<std::optional<std::string>> bundle(const std::string& sha256) override;
   Result<std::vector<OverdueRow>> overdue() override;
@@ -53,6 +56,7 @@ class SqliteStore final : public Store {
   static UnitRow read_unit(Statement& s);
   Result<void> read_chains(Statement& s, JobRow& j) const;
   Result<void> read_work(Statement& s, JobRow& j) const;
+  Result<void> read_audit(Statement& s, JobRow& j) const;
 
   bool apply(const PutJob& c);
   bool apply(const PutUnit& c);
@@ -67,6 +71,9 @@ class SqliteStore final : public Store {
   bool apply(const DropWorker& c);
   bool apply(const PutOverdue& c);
   bool apply(const DropJob& c);
+  bool apply(const PutDistrust& c);
+  bool apply(const DropDistrust& c);
+  bool apply(const ForgetWork& c);
   bool apply(const AddEvent& c);
   bool apply(const PutBundle& c);
 

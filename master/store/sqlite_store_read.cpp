@@ -38,6 +38,16 @@ std::array<film::IndexSet, 2> sets_of(const std::vector<std::uint64_t>& ranges) 
   return out;
 }
 
+std::vector<std::string> lines_in(const std::string& text) {
+  std::vector<std::string> out;
+  for (std::size_t at = 0; at < text.size();) {
+    const std::size_t end = std::min(text.find('\n', at), text.size());
+    out.push_back(text.substr(at, end - at));
+    at = end + 1;
+  }
+  return out;
+}
+
 std::optional<JobState> state_of(std::string_view text) {
   for (const JobState state : {JobState::queued, JobState::running, JobState::paused, JobState::done,
                                JobState::failed, JobState::cancelled})
@@ -60,6 +70,8 @@ UnitRow SqliteStore::read_unit(Statement& s) {
   u.worker_id = s.text();
   u.token = s.count();
   u.seconds = s.real();
+  u.by = lines_in(s.text());
+  u.sha256 = s.text();
   return u;
 }
 
@@ -103,6 +115,22 @@ Result<void> SqliteStore::read_work(Statement& s, JobRow& j) const {
   j.accumulators = std::move(work->accumulators);
   j.epochs = std::move(work->epochs);
   j.development = std::move(work->development);
+  return {};
+}
+
+Result<void> SqliteStore::read_audit(Statement& s, JobRow& j) const {
+  v1::JobAudit message;
+  if (!message.ParseFromString(s.text()))
+    return input_error(fmt::format("what is known of the workers of job {} cannot be read", j.id))
+        .at(path_, 0);
+  JobAudit& audit = j.audit;
+  audit.pilot_sha256 = message.pilot_sha256();
+  audit.pilot_by = {message.pilot_by().begin(), message.pilot_by().end()};
+  audit.pilot_due = message.pilot_due();
+  audit.bootstrap_by = {message.bootstrap_by().begin(), message.bootstrap_by().end()};
+  audit.anew = message.anew();
+  for (const v1::Taint& taint : message.taints())
+    audit.taints.push_back({taint.worker(), taint.since_unix_ms(), taint.units()});
   return {};
 }
 
@@ -167,6 +195,7 @@ Result<StoredState> SqliteStore::load() {
             &j.tallies.repeated_merges, &j.tallies.bounded_walks})
         *count = s.count();
       j.submitter = s.text();
+      CANDELA_TRY(read_audit(s, j));
       out.jobs.push_back(std::move(j));
     }
     if (s.failed()) return failure("cannot read the jobs");
@@ -244,6 +273,22 @@ Result<StoredState> SqliteStore::load() {
     }
     if (s.failed()) return failure("cannot read the chains' starts");
   }
+  {
+    Statement s(db_, "SELECT worker, since_unix_ms, reason FROM distrusted ORDER BY worker");
+    while (s.step()) {
+      DistrustRow row;
+      row.worker = s.text();
+      row.since_unix_ms = s.integer();
+      row.reason = s.text();
+      out.distrusted.push_back(std::move(row));
+    }
+    if (s.failed()) return failure("cannot read the workers that are distrusted");
+  }
+  {
+    Statement s(db_, "SELECT value FROM counters WHERE name = 'audit-secret'");
+    if (!s.step()) return failure("cannot read the secret of audits");
+    out.audit_secret = static_cast<std::uint64_t>(s.integer());
+  }
   Statement s(db_, "SELECT coalesce(max(id), 0) + 1 FROM units");
   if (!s.step()) return failure("cannot read the units");
   out.next_unit_id = s.count();
@@ -256,6 +301,27 @@ Result<std::vector<UnitRow>> SqliteStore::merged_units(const std::string& job_id
   Statement s(db_, "SELECT * FROM units WHERE job = ? AND state = 2 ORDER BY id");
   s.bind(job_id);
   while (s.step()) out.push_back(read_unit(s));
+  if (s.failed()) return failure("cannot read the units");
+  return out;
+}
+
+Result<std::map<std::string, std::uint64_t>> SqliteStore::units_by(const std::string& worker,
+                                                                   const std::vector<std::string>& worker_ids,
+                                                                   const std::string& job_id) {
+  const std::lock_guard lock(mutex_);
+  std::string ids = "\n";
+  for (const std::string& id : worker_ids) ids += id + "\n";
+  std::map<std::string, std::uint64_t> out;
+  Statement s(db_,
+              "SELECT job, count(*) FROM units WHERE state = 2 AND (?3 = '' OR job = ?3) AND "
+              "(instr(char(10) || made_by, char(10) || ?1 || char(10)) > 0 OR "
+              "(made_by = '' AND worker != '' AND instr(?2, char(10) || worker || char(10)) > 0)) "
+              "GROUP BY job");
+  s.bind(worker).bind(ids).bind(job_id);
+  while (s.step()) {
+    const std::string job = s.text();
+    out[job] = s.count();
+  }
   if (s.failed()) return failure("cannot read the units");
   return out;
 }

@@ -23,6 +23,26 @@ std::string join(const std::vector<std::string>& parts) {
   return out;
 }
 
+std::string lines_of(const std::vector<std::string>& parts) {
+  std::string out;
+  for (const std::string& p : parts) out += p + '\n';
+  return out;
+}
+
+void wire_audit(const JobAudit& audit, v1::JobAudit& out) {
+  out.set_pilot_sha256(audit.pilot_sha256);
+  for (const std::string& worker : audit.pilot_by) out.add_pilot_by(worker);
+  out.set_pilot_due(audit.pilot_due);
+  for (const std::string& worker : audit.bootstrap_by) out.add_bootstrap_by(worker);
+  out.set_anew(audit.anew);
+  for (const Taint& taint : audit.taints) {
+    v1::Taint& t = *out.add_taints();
+    t.set_worker(taint.worker);
+    t.set_since_unix_ms(taint.since_unix_ms);
+    t.set_units(taint.units);
+  }
+}
+
 template <class T>
 std::string bytes_of(const std::vector<T>& values) {
   return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)};
@@ -46,7 +66,7 @@ bool SqliteStore::apply(const PutJob& c) {
               "INSERT OR REPLACE INTO jobs VALUES "
               "(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?"
               ",?,?,?,?,"
-              "?,?,?,?)");
+              "?,?,?,?,?)");
   s.bind(j.id).bind(j.name).bind(j.bundle_sha256).bind_blob(settings.SerializeAsString());
   s.bind(j.stop.iterations).bind(j.stop.time_seconds).bind(j.stop.relmse);
   s.bind(j.priority).bind(j.share).bind(j.idempotency_token).bind(j.content_digest);
@@ -75,6 +95,9 @@ bool SqliteStore::apply(const PutJob& c) {
   s.bind(j.tallies.rejected[kStatistics]).bind(j.bootstrap_rejected[kStatistics]);
   s.bind(j.tallies.sampled_merges).bind(j.tallies.repeated_merges).bind(j.tallies.bounded_walks);
   s.bind(j.submitter);
+  v1::JobAudit audit;
+  wire_audit(j.audit, audit);
+  s.bind_blob(audit.SerializeAsString());
   return s.run();
 }
 
@@ -130,9 +153,29 @@ bool SqliteStore::apply(const DropJob& c) {
   return true;
 }
 
+bool SqliteStore::apply(const PutDistrust& c) {
+  return Statement(db_, "INSERT OR REPLACE INTO distrusted VALUES (?,?,?)")
+      .bind(c.row.worker)
+      .bind(c.row.since_unix_ms)
+      .bind(c.row.reason)
+      .run();
+}
+
+bool SqliteStore::apply(const DropDistrust& c) {
+  return Statement(db_, "DELETE FROM distrusted WHERE worker = ?").bind(c.worker).run();
+}
+
+bool SqliteStore::apply(const ForgetWork& c) {
+  for (const char* sql : {"DELETE FROM units WHERE job = ?1", "DELETE FROM leases WHERE job = ?1",
+                          "DELETE FROM states WHERE job = ?1", "DELETE FROM bootstraps WHERE job = ?1",
+                          "DELETE FROM chain_starts WHERE job = ?1"})
+    if (!Statement(db_, sql).bind(c.job_id).run()) return false;
+  return true;
+}
+
 bool SqliteStore::apply(const PutUnit& c) {
   const UnitRow& u = c.row;
-  return Statement(db_, "INSERT OR REPLACE INTO units VALUES (?,?,?,?,?,?,?,?,?,?,?)")
+  return Statement(db_, "INSERT OR REPLACE INTO units VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?)")
       .bind(u.id)
       .bind(u.job_id)
       .bind(1 + static_cast<int>(u.unit.kind))
@@ -144,6 +187,8 @@ bool SqliteStore::apply(const PutUnit& c) {
       .bind(u.worker_id)
       .bind(u.token)
       .bind(u.seconds)
+      .bind(lines_of(u.by))
+      .bind(u.sha256)
       .run();
 }
 

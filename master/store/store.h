@@ -29,7 +29,9 @@ struct StoredState {
   std::vector<BootstrapRow> bootstraps;                            // of those that are not complete
   std::map<std::string, std::vector<std::uint64_t>> chain_starts;  // by job
   std::map<std::string, std::vector<StateRow>> states;             // by job, in the order of epochs
+  std::vector<DistrustRow> distrusted;
   std::uint64_t next_unit_id = 1;
+  std::uint64_t audit_secret = 0;  // of this store, made at random with it
 };
 
 class Store {
@@ -42,6 +44,11 @@ class Store {
   // All of them or none.
   virtual Result<void> write(std::span<const Change> changes) = 0;
   virtual Result<std::vector<UnitRow>> merged_units(const std::string& job_id) = 0;
+  // The number of merged units of each job, or of one, that this worker brought: those that name the
+  // identity, and those that name nobody and are of one of these ids.
+  virtual Result<std::map<std::string, std::uint64_t>> units_by(const std::string& worker,
+                                                                const std::vector<std::string>& worker_ids,
+                                                                const std::string& job_id) = 0;
   virtual Result<std::vector<EventRow>> events(const std::string& job_id,
                                                std::uint32_t limit) = 0;  // newest last
   virtual Result<std::optional<std::string>> bundle(const std::string& sha256) = 0;

@@ -1,5 +1,6 @@
 #include "master/truth/job_truth.h"
 
+#include <fmt/chrono.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -64,6 +65,7 @@ Result<std::shared_ptr<JobFilm>> JobTruth::open_film(const std::string& job_id, 
 
 bool JobTruth::agree_if_short(const std::string& job_id, JobFilm& film) {
   const std::lock_guard opening(film.opening());
+  if (film.discarded()) return false;
   // A merge tells the film first and the scheduler then: the scheduler's set must be asked for first.
   const auto counted = farm_.with_scheduler([&](Scheduler& s) { return s.job(job_id)->merged; });
   const JobFilm::Account held = film.account();
@@ -171,6 +173,13 @@ Result<JobReport> JobTruth::verify(const std::string& job_id) {
         report, "state",
         fmt::format("the starts of {} chains are known, not of {}", view.starts, view.row.chains->chains),
         "submit the job again");
+  for (const Taint& taint : view.row.audit.taints)
+    add_finding(report, "samples",
+                fmt::format("worker {}, distrusted since {:%Y-%m-%d}, delivered {} of this job", taint.worker,
+                            fmt::gmtime(static_cast<std::time_t>(taint.since_unix_ms / 1000)),
+                            taint.units > 0 ? fmt::format("{} units", taint.units)
+                                            : std::string("the pilot or a part of the bootstrap")),
+                "render it again: submit it anew, or extend it, which looks at those units");
   check_scene(view.row, report);
   return report;
 }

@@ -1,0 +1,560 @@
+// Audits: who renders a unit a second time, what follows from answers that differ, and what becomes of the
+// merged units of workers that are distrusted.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "master/scheduler/scheduler.h"
+
+namespace candela::master {
+namespace {
+
+// A worker that has answered may do so again, if no other has, after so many times what a unit takes.
+constexpr double kPatience = 3;
+
+std::string joined(const std::vector<std::string>& names) {
+  std::string out;
+  for (const std::string& name : names) out += (out.empty() ? "" : ", ") + name;
+  return out;
+}
+
+bool any_in(const std::vector<std::string>& names, const std::map<std::string, DistrustRow>& distrusted) {
+  return std::any_of(names.begin(), names.end(),
+                     [&](const std::string& name) { return distrusted.contains(name); });
+}
+
+std::string what(const Unit& unit, std::uint64_t id) {
+  return unit.kind == Unit::Kind::pilot ? std::string("the pilot") : fmt::format("unit {}", id);
+}
+
+}  // namespace
+
+bool Scheduler::chosen_for_audit(const Job& job, const Unit& unit, const WorkerState& worker) const {
+  if (!(options_.audit_share > 0)) return false;
+  return worker.audited < kFirstAudits ||
+         is_audited(options_.audit_secret, job.row.id, unit, options_.audit_share);
+}
+
+bool Scheduler::could_render(const Job& job, const WorkerState& worker, Now now) const {
+  if (!usable(worker, now) || !can_run(worker, job)) return false;
+  const auto standing = job.standings.find(worker.row.id);
+  return standing == job.standings.end() || standing->second.retry_at <= now.seconds;
+}
+
+std::set<std::string> Scheduler::jury(const Job& job, Now now) const {
+  std::set<std::string> out;
+  for (const auto& [id, w] : workers_)
+    if (could_render(job, w, now)) out.insert(identity(w.row));
+  return out;
+}
+
+bool Scheduler::may_answer(const Job& job, const UnitState& unit, const WorkerState& worker, Now now) const {
+  if (!unit.audit) return true;
+  const Audit& audit = *unit.audit;
+  if (!audit.decided.empty()) return true;
+  const std::string who = identity(worker.row);
+  if (const AuditAnswer* own = audit.of(who)) return audit.again && (!audit.disputed() || own->times < 2);
+  // For the time of a unit it is another host's.
+  if (now.seconds >= audit.since + options_.unit_seconds) return true;
+  const auto heard = [&](std::string_view host) {
+    return std::any_of(audit.answers.begin(), audit.answers.end(),
+                       [&](const AuditAnswer& a) { return host_of(a.worker) == host; });
+  };
+  if (!heard(host_of(who))) return true;
+  return std::none_of(workers_.begin(), workers_.end(), [&](const auto& entry) {
+    return could_render(job, entry.second, now) && !heard(entry.second.row.host);
+  });
+}
+
+bool Scheduler::lease_held(Job& job, WorkerState& worker, const FilmInputs* films, AcquireResult& out,
+                           Now now) {
+  for (const std::uint64_t id : job.held) {
+    UnitState& unit = job.units.at(id);
+    if (!offered(job, unit, worker, now) || !gather_input(job, unit, films, out, now)) continue;
+    out.lease = grant(job, unit, worker, false, now);
+    return true;
+  }
+  return false;
+}
+
+Reception Scheduler::receive(const Delivered& delivered, Now now) {
+  Job& job = *find(delivered.job_id);
+  UnitState& unit = job.units.at(delivered.unit_id);
+  WorkerState& worker = workers_.at(delivered.worker_id);
+  if (!unit.audit) {
+    if (!chosen_for_audit(job, delivered.unit, worker)) return Reception::merge;
+    std::set<std::string> others = jury(job, now);
+    others.erase(identity(worker.row));
+    if (others.empty()) {
+      ++audit_counts_.alone;
+      return Reception::merge;
+    }
+    if (delivered.content.empty()) return Reception::unknown;
+    ++worker.audited;
+    Audit audit;
+    audit.since = now.seconds;
+    audit.patience = kPatience * std::max(options_.unit_seconds, delivered.render_seconds);
+    unit.audit = std::move(audit);
+    job.held.insert(delivered.unit_id);
+  }
+  if (delivered.content.empty()) return Reception::unknown;
+  return vote(job, unit, worker, delivered, now);
+}
+
+// The worker has rendered the unit, and nothing is merged.
+void Scheduler::settle(Job& job, UnitState& unit, WorkerState& worker, const Delivered& delivered, Now now) {
+  if (const auto lease = leases_.find(delivered.token); lease != leases_.end())
+    job.virtual_time += (delivered.render_seconds - lease->second.row.expected_seconds) / job.row.share;
+  note_success(job, worker, now);
+  note_cost(job, worker, delivered.unit, delivered.render_seconds);
+  drop_lease(delivered.token, now, false);
+  // A unit that was cut short: only what is there is compared, and another lease of it is for more.
+  if (delivered.unit.end < unit.row.unit.end) {
+    const std::vector<std::uint64_t> tokens = unit.leases;
+    for (const std::uint64_t token : tokens) take_away(token, now, true);
+    const Unit rest{delivered.unit.kind, delivered.unit.half, delivered.unit.end, unit.row.unit.end};
+    unit.row.unit.end = delivered.unit.end;
+    job.source->put_back(rest);
+    save(unit);
+  }
+  last_activity_ = now.seconds;
+}
+
+Reception Scheduler::vote(Job& job, UnitState& unit, WorkerState& worker, const Delivered& delivered,
+                          Now now) {
+  Audit& audit = *unit.audit;
+  const std::string who = identity(worker.row);
+  const std::string name = what(unit.row.unit, unit.row.id);
+  const auto own = std::find_if(audit.answers.begin(), audit.answers.end(),
+                                [&](const AuditAnswer& a) { return a.worker == who; });
+  const bool again = own != audit.answers.end();
+  if (again && !own->content.empty() && own->content != delivered.content) {
+    convict(who, fmt::format("{} of job {}: this worker rendered it twice, and not alike", name, job.row.id),
+            now);
+    return Reception::refused;
+  }
+  if (again) {
+    ++own->times;
+    own->sha256 = delivered.sha256;
+    own->content = delivered.content;
+  } else {
+    audit.answers.push_back({who, delivered.sha256, delivered.content, 1});
+  }
+  if (!audit.decided.empty() && audit.decided != delivered.content) {
+    convict(who, fmt::format("{} of job {}: others agree, this one differs", name, job.row.id), now);
+    return Reception::refused;
+  }
+  const bool agreed =
+      !audit.decided.empty() || (!audit.disputed() && (audit.recheck || again || audit.answers.size() > 1));
+  if (agreed && !audit.recheck) return Reception::merge;
+  if (audit.recheck) settle(job, unit, worker, delivered, now);
+  if (agreed) {
+    conclude(job, unit, now);
+    return Reception::taken;
+  }
+  if (!audit.disputed()) {  // the first answer
+    settle(job, unit, worker, delivered, now);
+    return Reception::taken;
+  }
+  if (!std::exchange(audit.told, true)) {
+    ++audit_counts_.disputes;
+    std::vector<std::string> all;
+    for (const AuditAnswer& a : audit.answers) all.push_back(a.worker);
+    event(now, job.row.id, worker.row.id, "audit",
+          audit.answers.size() > 1
+              ? fmt::format("{}: {} gave different samples; others decide", name, joined(all))
+              : fmt::format("{}: {} gives other samples than were merged; others decide", name, who));
+  }
+  if (!decide(job, unit, now)) {
+    if (!audit.recheck) settle(job, unit, worker, delivered, now);
+    return Reception::taken;
+  }
+  const bool refused = distrusted_.contains(who);
+  if (audit.recheck)
+    conclude(job, unit, now);
+  else if (!refused)
+    return Reception::merge;
+  return refused ? Reception::refused : Reception::taken;
+}
+
+// True if a majority has spoken. Whoever says otherwise is distrusted from now on.
+bool Scheduler::decide(Job& job, UnitState& unit, Now now) {
+  Audit& audit = *unit.audit;
+  const std::string winner = audit.majority(jury(job, now));
+  if (winner.empty()) return false;
+  audit.decided = winner;
+  const std::size_t agree = audit.workers_with(winner).size();
+  std::vector<std::string> losers;
+  for (const AuditAnswer& a : audit.answers)
+    if (audit.key(a) != winner) losers.push_back(a.worker);
+  const std::string name = what(unit.row.unit, unit.row.id);
+  for (const std::string& loser : losers)
+    convict(loser,
+            fmt::format("{} of job {}: {} other{} agree{}, this one differs", name, job.row.id, agree,
+                        agree == 1 ? "" : "s", agree == 1 ? "s" : ""),
+            now);
+  return true;
+}
+
+// What is merged is compared. Afterwards the unit is gone, and the job may stop or begin anew.
+void Scheduler::conclude(Job& job, UnitState& unit, Now now) {
+  Audit& audit = *unit.audit;
+  const std::string name = what(unit.row.unit, unit.row.id);
+  if (!audit.decided.empty() && audit.decided != audit.merged_key()) {
+    want_anew(job,
+              unit.row.unit.kind == Unit::Kind::pilot
+                  ? std::string("its pilot was false")
+                  : fmt::format("false samples of {} were merged", joined(audit.row->by)),
+              now);
+    return;
+  }
+  std::vector<std::string> by = audit.workers_with(audit.merged_key());
+  if (audit.row) {
+    UnitRow row = *audit.row;
+    row.by = std::move(by);
+    changes_.emplace_back(PutUnit{std::move(row)});
+  } else {
+    job.row.audit.pilot_by = std::move(by);
+    job.row.audit.pilot_due = false;
+    save(job, now);
+  }
+  ++audit_counts_.rechecked;
+  const bool pilot = !audit.row;
+  const std::vector<std::uint64_t> tokens = unit.leases;
+  for (const std::uint64_t token : tokens) take_away(token, now, true);
+  job.units.erase(unit.row.id);
+  --job.rechecks;
+  if (job.doubtful()) return;
+  job.row.audit.taints.clear();
+  if (!pilot)
+    event(now, job.row.id, "", "audit",
+          "what workers that are distrusted now had merged was rendered again, alike");
+  check_stop(job, now);
+}
+
+void Scheduler::add_recheck(Job& job, const Unit& unit, std::string merged_sha256,
+                            const std::vector<std::string>& by, std::optional<UnitRow> row, Now now) {
+  UnitState& added = add_unit(job, unit);
+  Audit audit;
+  audit.recheck = true;
+  audit.since = now.seconds;
+  audit.merged_sha256 = std::move(merged_sha256);
+  for (const std::string& worker : by)
+    if (!distrusted_.contains(worker)) audit.answers.push_back({worker, audit.merged_sha256, "", 1});
+  audit.row = std::move(row);
+  added.audit = std::move(audit);
+  ++job.rechecks;
+}
+
+void Scheduler::add_pilot_recheck(Job& job, Now now) {
+  const JobAudit& known = job.row.audit;
+  if (!job.planned() || known.pilot_sha256.empty()) return;
+  const bool there = std::any_of(job.units.begin(), job.units.end(), [](const auto& entry) {
+    return entry.second.row.unit.kind == Unit::Kind::pilot;
+  });
+  if (there || (!known.pilot_due && !any_in(known.pilot_by, distrusted_))) return;
+  add_recheck(job, {Unit::Kind::pilot, 0, 0, 0}, known.pilot_sha256, known.pilot_by, std::nullopt, now);
+}
+
+void Scheduler::clear_units(Job& job) {
+  job.units.clear();
+  job.held.clear();
+  job.rechecks = 0;
+}
+
+void Scheduler::want_anew(Job& job, const std::string& why, Now now) {
+  drop_all_leases(job, now);
+  clear_units(job);
+  changes_.emplace_back(DropUnmergedUnits{job.row.id});
+  job.finishing = false;
+  job.row.audit.anew = why;
+  rebuild_reserved(job);
+  save(job, now);
+}
+
+void Scheduler::begin_anew(const std::string& id, Now now) {
+  Job* found = find(id);
+  if (found == nullptr || found->row.audit.anew.empty()) return;
+  JobRow row = std::move(found->row);
+  const std::string text = fmt::format("begun anew: {}; {} {} and {:.0f} s of workers' time are lost",
+                                       row.audit.anew, row.iterations_of(row.iterations),
+                                       row.chains ? "rounds" : "iterations", row.worker_seconds);
+  const JobRow clean;
+  row.named_state.reset();
+  row.plan.clear();
+  row.accumulators.clear();
+  row.epochs.reset();
+  row.development.reset();
+  row.layers.clear();
+  row.chains.reset();
+  row.pilot_scale_log2 = clean.pilot_scale_log2;
+  row.bootstrap = clean.bootstrap;
+  row.bootstrap_rejected = clean.bootstrap_rejected;
+  row.chain_summary = clean.chain_summary;
+  row.thread_seconds_per_iteration = row.elapsed_seconds = row.worker_seconds = 0;
+  row.units_merged = row.iterations = 0;
+  row.tallies = clean.tallies;
+  row.relmse = clean.relmse;
+  row.checkpoint_generation = row.checkpoint_iterations = 0;
+  row.promised = clean.promised;
+  row.repairs_to.reset();
+  row.stop_reason.clear();
+  row.audit = {};
+  row.message = text;
+  if (row.state == JobState::running) row.state = JobState::queued;
+  const double virtual_time = found->virtual_time;
+  *found = Job();
+  Job& job = *found;
+  job.row = std::move(row);
+  job.virtual_time = virtual_time;
+  job.source = make_source(job.row);
+  job.last_tick = job.unleased_since = now.seconds;
+  job.first_token = next_token_;
+  changes_.emplace_back(ForgetWork{id});
+  ++audit_counts_.anew;
+  event(now, id, "", "anew", text);
+  admission_due_ = true;
+  save(job, now);
+  last_activity_ = now.seconds;
+}
+
+// --- trust ---
+
+void Scheduler::convict(const std::string& who, const std::string& reason, Now now) {
+  if (distrusted_.contains(who)) return;
+  const DistrustRow row{who, now.unix_ms, reason};
+  distrusted_[who] = row;
+  changes_.emplace_back(PutDistrust{row});
+  std::string id;
+  for (auto& [worker_id, w] : workers_) {
+    if (identity(w.row) != who) continue;
+    id = worker_id;
+    w.distrusted = true;
+    const std::set<std::uint64_t> tokens = w.leases;
+    for (const std::uint64_t token : tokens) take_away(token, now, true);
+  }
+  active_.clear();
+  event(now, "", id, "distrusted",
+        fmt::format("{}: {}; it gets no units (`candela workers trust` takes that back)", who, reason));
+  forget_answers(who);
+  for (auto& [job_id, job] : jobs_)
+    if (!has_ended(job.row.state)) doubt_again(job);
+  to_taint_.insert(who);
+  last_activity_ = now.seconds;
+}
+
+void Scheduler::forget_answers(const std::string& who) {
+  for (auto& [job_id, job] : jobs_)
+    for (auto& [unit_id, unit] : job.units) {
+      if (!unit.audit) continue;
+      std::erase_if(unit.audit->answers, [&](const AuditAnswer& a) { return a.worker == who; });
+      if (!unit.audit->answers.empty()) continue;
+      unit.audit->decided.clear();
+      if (unit.audit->recheck) continue;
+      unit.audit.reset();
+      job.held.erase(unit_id);
+    }
+}
+
+void Scheduler::doubt_again(Job& job) {
+  job.doubts_due = true;
+  ++job.doubts;
+}
+
+void Scheduler::look_for_doubts(Job& job, Now now) {
+  if (has_ended(job.row.state)) return;
+  if (!distrusted_.empty()) doubt_again(job);
+  if (!job.finishing) add_pilot_recheck(job, now);
+}
+
+void Scheduler::restore_distrust(const DistrustRow& row) {
+  distrusted_[row.worker] = row;
+  to_taint_.insert(row.worker);
+}
+
+Result<DistrustRow> Scheduler::distrust(const std::string& worker_id, Now now) {
+  const auto it = workers_.find(worker_id);
+  if (it == workers_.end())
+    return input_error(fmt::format("there is no worker {}", worker_id)).with_field("worker_id");
+  const std::string who = identity(it->second.row);
+  convict(who, "an operator says so", now);
+  return distrusted_.at(who);
+}
+
+Result<DistrustRow> Scheduler::trust(const std::string& word, Now now) {
+  std::string who = word;
+  if (const auto it = workers_.find(word); it != workers_.end()) who = identity(it->second.row);
+  if (!distrusted_.contains(who)) {
+    std::vector<std::string> named;
+    for (const auto& [worker, row] : distrusted_)
+      if (worker.ends_with("/" + word)) named.push_back(worker);
+    if (named.size() > 1)
+      return input_error(fmt::format("several are named so: {}", joined(named)))
+          .with_field("worker_id")
+          .with_mend("give one of these");
+    if (named.empty())
+      return input_error(fmt::format("nobody is distrusted by the name of {}", word)).with_field("worker_id");
+    who = named.front();
+  }
+  const DistrustRow row = distrusted_.at(who);
+  distrusted_.erase(who);
+  to_taint_.erase(who);
+  changes_.emplace_back(DropDistrust{who});
+  std::string id;
+  for (auto& [worker_id, w] : workers_) {
+    if (identity(w.row) != who) continue;
+    id = worker_id;
+    w.distrusted = false;
+    w.audited = 0;  // as if it were new
+  }
+  active_.clear();
+  event(now, "", id, "trusted", fmt::format("{} gets units again", who));
+  for (auto& [job_id, job] : jobs_)
+    if (std::erase_if(job.row.audit.taints, [&](const Taint& taint) { return taint.worker == who; }) > 0)
+      save(job, now);
+  last_activity_ = now.seconds;
+  return row;
+}
+
+AuditWork Scheduler::audit_work() {
+  AuditWork out;
+  for (const auto& [id, job] : jobs_) {
+    if (!job.row.audit.anew.empty())
+      out.anew.push_back(id);
+    else if (job.doubts_due)
+      out.doubts.push_back({id, job.doubts});
+  }
+  const std::set<std::string> all = std::exchange(to_taint_, {}), jobs = std::exchange(jobs_to_taint_, {});
+  for (const auto& [who, row] : distrusted_) {
+    if (!all.contains(who) && jobs.empty()) continue;
+    AuditWork::Tainting tainting{who, {}, all.contains(who) ? std::set<std::string>() : jobs};
+    for (const auto& [id, w] : workers_)
+      if (identity(w.row) == who) tainting.worker_ids.push_back(id);
+    out.taints.push_back(std::move(tainting));
+  }
+  return out;
+}
+
+void Scheduler::doubt(const std::string& id, std::uint64_t doubts, const std::vector<UnitRow>& rows,
+                      Now now) {
+  Job* job = find(id);
+  if (job == nullptr || !job->doubts_due || job->doubts != doubts) return;
+  job->doubts_due = false;
+  if (has_ended(job->row.state)) return;
+  if (any_in(job->row.audit.bootstrap_by, distrusted_))
+    return want_anew(*job, "a worker that is distrusted now made a part of its bootstrap", now);
+  std::vector<const UnitRow*> doubtful;
+  std::set<std::uint64_t> under_way;
+  for (const auto& [unit_id, unit] : job->units)
+    if (unit.audit && unit.audit->row) under_way.insert(unit.audit->row->id);
+  for (const UnitRow& row : rows) {
+    if (row.unit.half > 1 || !job->merged[row.unit.half].intersects(row.unit.begin, row.unit.end) ||
+        under_way.contains(row.id))
+      continue;
+    // A row without names is of an older master, or of a ledger that was lost.
+    const auto worker = workers_.find(row.worker_id);
+    const bool known = !row.by.empty() || (worker != workers_.end() && !worker->second.distrusted);
+    if (known && !any_in(row.by, distrusted_)) continue;
+    if (row.sha256.empty() || job->row.chains || job->row.epochs)
+      return want_anew(
+          *job,
+          row.by.empty()
+              ? std::string("nobody knows who made some of its samples, and a worker is distrusted")
+              : fmt::format("a worker that is distrusted now had samples in it ({})", joined(row.by)),
+          now);
+    doubtful.push_back(&row);
+  }
+  const std::uint64_t before = job->rechecks;
+  if (job->finishing && (!doubtful.empty() || any_in(job->row.audit.pilot_by, distrusted_))) {
+    job->finishing = false;  // it goes on until they are looked at
+    if (!job->row.repairs_to) job->row.stop_reason.clear();
+    rebuild_reserved(*job);
+  }
+  for (const UnitRow* row : doubtful) add_recheck(*job, row->unit, row->sha256, row->by, *row, now);
+  if (!job->finishing) add_pilot_recheck(*job, now);
+  if (!job->doubtful()) job->row.audit.taints.clear();
+  if (job->rechecks > before)
+    event(now, id, "", "audit",
+          fmt::format("{} unit(s) of workers that are distrusted now are rendered again", job->rechecks));
+  last_activity_ = now.seconds;
+  if (!job->finishing) check_stop(*job, now);
+}
+
+void Scheduler::taint(const std::string& who, const std::map<std::string, std::uint64_t>& units,
+                      const std::set<std::string>& only, Now now) {
+  const auto distrusted = distrusted_.find(who);
+  if (distrusted == distrusted_.end()) return;
+  for (auto& [id, job] : jobs_) {
+    if (!has_ended(job.row.state) || (!only.empty() && !only.contains(id))) continue;
+    JobAudit& audit = job.row.audit;
+    const auto found = units.find(id);
+    const auto made = [&](const std::vector<std::string>& by) {
+      return std::find(by.begin(), by.end(), who) != by.end();
+    };
+    const bool began = made(audit.pilot_by) || made(audit.bootstrap_by);
+    if (found == units.end() && !began) continue;
+    const Taint taint{who, distrusted->second.since_unix_ms, found == units.end() ? 0 : found->second};
+    if (std::find(audit.taints.begin(), audit.taints.end(), taint) != audit.taints.end()) continue;
+    std::erase_if(audit.taints, [&](const Taint& t) { return t.worker == who; });
+    audit.taints.push_back(taint);
+    event(now, id, "", "tainted", taint_text(taint));
+    save(job, now);
+  }
+}
+
+std::string taint_text(const Taint& taint) {
+  const std::string part =
+      taint.units > 0 ? fmt::format("{} unit(s)", taint.units) : "its pilot or bootstrap";
+  return fmt::format("worker {}, which is distrusted, delivered {} of this job: render it again",
+                     taint.worker, part);
+}
+
+void Scheduler::tick_audits(Now now) {
+  for (auto& [id, job] : jobs_) {
+    if ((job.held.empty() && job.rechecks == 0) || !job.open_for_leases()) continue;
+    const std::set<std::string> able = jury(job, now);
+    std::vector<std::uint64_t> ids;
+    for (const auto& [unit_id, unit] : job.units)
+      if (unit.audit) ids.push_back(unit_id);
+    for (const std::uint64_t unit_id : ids) {
+      const auto unit = job.units.find(unit_id);
+      if (unit == job.units.end() || !unit->second.audit) continue;
+      tick_audit(job, unit->second, able, now);
+    }
+  }
+}
+
+void Scheduler::tick_audit(Job& job, UnitState& unit, const std::set<std::string>& able, Now now) {
+  Audit& audit = *unit.audit;
+  if (!audit.decided.empty()) return;
+  const bool others =
+      std::any_of(able.begin(), able.end(), [&](const std::string& who) { return audit.of(who) == nullptr; });
+  if (audit.disputed()) {
+    audit.again = !others;
+    if (decide(job, unit, now) && audit.recheck) conclude(job, unit, now);
+    return;
+  }
+  if (!audit.recheck) {
+    audit.again = !others || now.seconds > audit.since + audit.patience;
+    return;
+  }
+  // Nobody else can look at it: the word of those who brought the same stands.
+  if (!others && !audit.answers.empty() && unit.leases.empty()) conclude(job, unit, now);
+}
+
+std::string Scheduler::dispute_text(const Job& job) const {
+  if (job.held.empty() && job.rechecks == 0) return {};
+  for (const auto& [id, unit] : job.units) {
+    if (!unit.audit || !unit.audit->decided.empty() || !unit.audit->disputed()) continue;
+    std::vector<std::string> names;
+    for (const AuditAnswer& a : unit.audit->answers) names.push_back(a.worker);
+    return fmt::format(
+        "{}: {} gave different samples, and a further worker decides: start one, or tell which "
+        "to believe with `candela workers distrust`",
+        what(unit.row.unit, id), joined(names));
+  }
+  return {};
+}
+
+}  // namespace candela::master
