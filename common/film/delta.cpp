@@ -219,7 +219,9 @@ std::string Delta::content_sha256() const {
   fields += records_;
   put_u64(fields, table_.size());
   for (const float value : table_) put_u32(fields, std::bit_cast<std::uint32_t>(value));
-  put_tallies(fields, tallies_);
+  put_u64(fields, tallies_.eye_samples);
+  put_u64(fields, tallies_.light_paths);
+  for (const std::uint64_t count : tallies_.rejected) put_u64(fields, count);
   feed();
   return hash.finish_hex();
 }

@@ -90,8 +90,8 @@ class Delta {
   std::uint64_t accumulator_bytes() const { return accumulator_bytes_; }  // of those sections, encoded
   const std::string& records() const { return records_; }  // encoded; empty if there is no such section
   const std::vector<float>& table() const { return table_; }
-  // SHA-256 of all that a unit's bytes follow from: two workers that render one unit give the same, whatever
-  // their compressors make of it.
+  // SHA-256 of all that images follow from: the same from all who render the unit, whatever their compressors
+  // make of it. Counts for people, such as that of rays, are left out.
   std::string content_sha256() const;
 
  private:

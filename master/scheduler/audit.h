@@ -30,7 +30,7 @@ bool is_audited(std::uint64_t secret, const std::string& job_id, const Unit& uni
 // Of what in a pilot's result follows from the job alone: no measured seconds, no text.
 std::string pilot_sha256(const PilotResult& result);
 
-// Units that a worker delivers first are audited, so many.
+// The units that a worker delivers are audited until others have borne out so many.
 inline constexpr std::uint32_t kFirstAudits = 3;
 // A dispute asks at most so many workers.
 inline constexpr std::size_t kMaxJury = 9;

@@ -428,7 +428,7 @@ void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::u
       const Audit& audit = *u->second.audit;
       for (const AuditAnswer& answer : audit.answers)
         if (answer.sha256 == sha256) row.by = audit.workers_with(audit.key(answer));
-      ++(row.by.size() > 1 ? audit_counts_.equal : audit_counts_.alone);
+      note_compared(audit);
     }
     if (const auto lease = leases_.find(token); lease != leases_.end())  // charge what it cost
       job->virtual_time += (render_seconds - lease->second.row.expected_seconds) / job->row.share;

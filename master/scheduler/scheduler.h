@@ -217,12 +217,12 @@ struct Leftover {
 struct WorkerState {
   WorkerRow row;
   double last_seen = 0;
-  double last_asked = 0;      // for a unit
-  bool called = false;        // after it registered
-  bool awaited = false;       // since a restart of the master it has not called
-  bool told_of_loss = false;  // an event has
-  bool distrusted = false;    // its identity is
-  std::uint32_t audited = 0;  // of its first units
+  double last_asked = 0;        // for a unit
+  bool called = false;          // after it registered
+  bool awaited = false;         // since a restart of the master it has not called
+  bool told_of_loss = false;    // an event has
+  bool distrusted = false;      // its identity is
+  std::uint32_t borne_out = 0;  // of its first units, by other workers
   std::set<std::uint64_t> leases;
   std::map<std::uint64_t, Leftover> leftovers;  // by token
   std::uint32_t consecutive_failures = 0;       // of causes of its own
@@ -522,6 +522,8 @@ class Scheduler {
   void look_for_doubts(Job& job, Now now);
   void tick_audits(Now now);
   void tick_audit(Job& job, UnitState& unit, const std::set<std::string>& able, Now now);
+  // The unit is merged after an audit.
+  void note_compared(const Audit& audit);
   // The stop rule that holds; empty: none does.
   static std::string stop_due(const Job& job);
   void note_cost(Job& job, const WorkerState& worker, const Unit& unit, double render_seconds);

@@ -32,7 +32,7 @@ std::string what(const Unit& unit, std::uint64_t id) {
 
 bool Scheduler::chosen_for_audit(const Job& job, const Unit& unit, const WorkerState& worker) const {
   if (!(options_.audit_share > 0)) return false;
-  return worker.audited < kFirstAudits ||
+  return worker.borne_out < kFirstAudits ||
          is_audited(options_.audit_secret, job.row.id, unit, options_.audit_share);
 }
 
@@ -91,7 +91,6 @@ Reception Scheduler::receive(const Delivered& delivered, Now now) {
       return Reception::merge;
     }
     if (delivered.content.empty()) return Reception::unknown;
-    ++worker.audited;
     Audit audit;
     audit.since = now.seconds;
     audit.patience = kPatience * std::max(options_.unit_seconds, delivered.render_seconds);
@@ -100,6 +99,16 @@ Reception Scheduler::receive(const Delivered& delivered, Now now) {
   }
   if (delivered.content.empty()) return Reception::unknown;
   return vote(job, unit, worker, delivered, now);
+}
+
+void Scheduler::note_compared(const Audit& audit) {
+  if (audit.answers.size() < 2) {
+    ++audit_counts_.alone;
+    return;
+  }
+  ++audit_counts_.equal;
+  for (auto& [id, w] : workers_)
+    if (w.borne_out < kFirstAudits && identity(w.row) == audit.answers.front().worker) ++w.borne_out;
 }
 
 // The worker has rendered the unit, and nothing is merged.
@@ -406,7 +415,7 @@ Result<DistrustRow> Scheduler::trust(const std::string& word, Now now) {
     if (identity(w.row) != who) continue;
     id = worker_id;
     w.distrusted = false;
-    w.audited = 0;  // as if it were new
+    w.borne_out = 0;  // as if it were new
   }
   active_.clear();
   event(now, "", id, "trusted", fmt::format("{} gets units again", who));

@@ -28,7 +28,7 @@ Result<bool> Scheduler::complete_bootstrap(const std::string& worker_id, std::ui
   std::vector<std::string> by{identity(worker.row)};
   if (const auto& audit = u->second.audit) {
     for (const AuditAnswer& answer : audit->answers) by.push_back(answer.worker);
-    ++(audit->answers.size() > 1 ? audit_counts_.equal : audit_counts_.alone);
+    note_compared(*audit);
   }
   for (const std::string& who : by)
     if (std::vector<std::string>& all = job->row.audit.bootstrap_by;

@@ -77,6 +77,7 @@ void Scheduler::restore_worker(const WorkerRow& row, Now now) {
   w.last_seen = w.last_asked = now.seconds;  // it has as long to come back as if we had just heard of it
   w.awaited = true;
   w.distrusted = distrusted_.contains(identity(row));
+  w.borne_out = row.units_merged >= kFirstAudits ? kFirstAudits : 0;
   if (row.paused) paused_.insert(identity(row));
 }
 

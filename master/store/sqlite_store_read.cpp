@@ -312,12 +312,14 @@ Result<std::map<std::string, std::uint64_t>> SqliteStore::units_by(const std::st
   std::string ids = "\n";
   for (const std::string& id : worker_ids) ids += id + "\n";
   std::map<std::string, std::uint64_t> out;
-  Statement s(db_,
-              "SELECT job, count(*) FROM units WHERE state = 2 AND (?3 = '' OR job = ?3) AND "
-              "(instr(char(10) || made_by, char(10) || ?1 || char(10)) > 0 OR "
-              "(made_by = '' AND worker != '' AND instr(?2, char(10) || worker || char(10)) > 0)) "
-              "GROUP BY job");
-  s.bind(worker).bind(ids).bind(job_id);
+  std::string sql =
+      "SELECT job, count(*) FROM units WHERE state = 2 AND "
+      "(instr(char(10) || made_by, char(10) || ?1 || char(10)) > 0 OR "
+      "(made_by = '' AND worker != '' AND instr(?2, char(10) || worker || char(10)) > 0))";
+  sql += job_id.empty() ? " GROUP BY job" : " AND job = ?3 GROUP BY job";
+  Statement s(db_, sql.c_str());
+  s.bind(worker).bind(ids);
+  if (!job_id.empty()) s.bind(job_id);
   while (s.step()) {
     const std::string job = s.text();
     out[job] = s.count();

@@ -131,8 +131,10 @@ class ChainFarm : public ::testing::Test {
     if (lose && !generations.empty()) fs::remove(generations.rbegin()->second);
     start();
   }
-  void add_worker(microseconds per_segment) {
+  // `name`: empty for the host's, which all others have.
+  void add_worker(microseconds per_segment, const std::string& name = "") {
     worker::WorkerOptions o;
+    o.name = name;
     o.cache_dir = folder_ / ("cache" + std::to_string(workers_.size()));
     o.threads = 1;
     worker::Tuning tuning;

@@ -26,7 +26,8 @@ class HandWorker {
     v1::RegisterRequest request;
     request.set_protocol(protocol);
     request.set_build_id(build);
-    request.set_name("test");
+    request.set_name(name);
+    request.set_host(host);
     request.set_threads(1);
     request.add_isas("avx2");
     grpc::ClientContext context;
@@ -119,6 +120,7 @@ class HandWorker {
     return response;
   }
 
+  std::string name = "test", host;  // as it registers
   std::unique_ptr<v1::WorkerService::Stub> stub;
   v1::RegisterResponse session;
   grpc::Status status;  // of the last call

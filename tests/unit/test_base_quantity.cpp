@@ -32,5 +32,16 @@ TEST(Quantity, Bytes) {
     EXPECT_FALSE(parse_bytes(text).has_value()) << text;
 }
 
+// Claim: shares are read as numbers or percents from 0 to 1; all else is refused.
+TEST(Quantity, Shares) {
+  EXPECT_EQ(parse_share("0"), 0.0);
+  EXPECT_EQ(parse_share("1"), 1.0);
+  EXPECT_EQ(parse_share("0.01"), 0.01);
+  EXPECT_EQ(parse_share("1%"), 0.01);
+  EXPECT_EQ(parse_share("100%"), 1.0);
+  for (const char* text : {"", "%", "-1%", "-0", "1.01", "101%", "nan", "inf", "1 %", "1%%", "5"})
+    EXPECT_FALSE(parse_share(text).has_value()) << text;
+}
+
 }  // namespace
 }  // namespace candela

@@ -50,6 +50,66 @@ TEST_F(ChainFarm, UnevenWorkers) {
   EXPECT_GE(10 * most, 9 * all) << "the work was even after all";
 }
 
+// Claim: where every unit is audited, of the bootstrap and of chains, all comes out the same. One table or
+// one segment that is false is never merged, and its worker is distrusted; what it had brought before has the
+// job begin anew.
+TEST_F(ChainFarm, AuditsOfHonestWorkers) {
+  options_.audit_share = 1;
+  restart(false);
+  for (const char* name : {"a", "b", "c"}) add_worker(microseconds(200), name);
+  const std::string id = submit(8);
+  EXPECT_EQ(wait_end(id).state(), v1::JOB_STATE_DONE);
+  check(id, 8);
+}
+TEST_F(ChainFarm, AuditsFindAFalseSegment) {
+  for (const bool in_bootstrap : {true, false}) {
+    SCOPED_TRACE(in_bootstrap);
+    workers_.clear();
+    options_.audit_share = 1;
+    restart(false);
+    ToyWorker liar(channel());
+    for (const char* name : {"a", "b", "c"}) add_worker(microseconds(200), name);
+    const std::string id = submit(8);
+    bool lied = false;
+    for (int i = 0; i < 20000 && !lied; ++i) {
+      const auto lease = liar.HandWorker::acquire();
+      if (!lease) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        if (show(id).state() >= v1::JOB_STATE_DONE) break;
+        continue;
+      }
+      if (lease->unit().kind() == v1::Unit::KIND_PILOT) {
+        liar.pilot(*lease);
+        continue;
+      }
+      render::UnitOutput output = ToyWorker::render(*lease);
+      const bool bootstrap = lease->unit().kind() == v1::Unit::KIND_BOOTSTRAP;
+      if (bootstrap == in_bootstrap) {
+        lied = true;
+        if (bootstrap)
+          output.table.at(0) += 1;
+        else
+          output.records.at(0).counts.large_sum += 1;
+      }
+      liar.push(*lease, output);
+    }
+    EXPECT_EQ(wait_end(id).state(), v1::JOB_STATE_DONE);
+    check(id, 8);
+    v1::ListWorkersResponse all;
+    grpc::ClientContext context;
+    ASSERT_TRUE(farm_->ListWorkers(&context, {}, &all).ok());
+    EXPECT_EQ(all.distrusted_size(), lied ? 1 : 0);
+    if (all.distrusted_size() == 1) {
+      EXPECT_TRUE(all.distrusted(0).worker().ends_with("/test"));
+      v1::WorkerRequest request;
+      request.set_worker_id("test");
+      v1::TrustResponse response;
+      grpc::ClientContext trust;
+      ASSERT_TRUE(farm_->TrustWorker(&trust, request, &response).ok());
+    }
+  }
+}
+
 // Claim: a master that goes away twenty times, from the bootstrap on, and every other time with less on disk
 // than its store tells of, loses nothing that counts.
 TEST_F(ChainFarm, TheMasterDiesTwentyTimes) {

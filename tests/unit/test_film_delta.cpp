@@ -73,6 +73,35 @@ TEST(Delta, CarriesTheFilm) {
   }
 }
 
+// Claim: the content's hash tells one unit of a sum, the counts behind an image, the scale and the unit apart,
+// and not who sent it, nor counts for people.
+TEST(Delta, ContentIsWhatIsSummed) {
+  const Layout layout{200, 170, 2};
+  const auto hash = [&](std::uint64_t end, int scale, int change, const char* sender) {
+    UnitFilm film(layout, scale);
+    fill(film, 5, 3000, 1);
+    Tallies tallies;
+    if (change == 1) tallies.light_paths = 1;
+    if (change == 3) tallies.rays = tallies.bounded_walks = 1;
+    if (change == 2) film.add(1, 199, 169, {0, 0, 0x1p-20F}, 3, tallies, true);
+    film.count(tallies);
+    DeltaInfo info = info_of(1, 4, end);
+    info.job_id = sender;
+    info.build_id = sender;
+    const auto delta = Delta::decode(encode_delta(film, info), layout);
+    EXPECT_TRUE(delta.ok());
+    return delta->content_sha256();
+  };
+  const std::string one = hash(9, 20, 0, "a");
+  EXPECT_EQ(one.size(), 64U);
+  EXPECT_EQ(hash(9, 20, 0, "another"), one);
+  EXPECT_NE(hash(10, 20, 0, "a"), one);
+  EXPECT_NE(hash(9, 21, 0, "a"), one);
+  EXPECT_NE(hash(9, 20, 1, "a"), one);
+  EXPECT_NE(hash(9, 20, 2, "a"), one);
+  EXPECT_EQ(hash(9, 20, 3, "a"), one);
+}
+
 // Claim: the extreme 64-bit sums survive the zigzag coding.
 TEST(Delta, ZigzagIsABijection) {
   for (const std::int64_t v :

@@ -28,8 +28,9 @@ TEST(Audits, OfHonestWorkersChangeNothing) {
       EXPECT_EQ(sim.held_most > 0, share > 0);
       EXPECT_EQ(sim.s->audit_counts().disputes, 0U);
       for (const auto& [id, row] : sim.rows) {
-        if (share == 1) EXPECT_EQ(row.by.size(), 2U) << id;
-        if (share == 0) EXPECT_EQ(row.by.size(), 1U) << id;
+        if (share == 1 || share == 0) {
+          EXPECT_EQ(row.by.size(), share == 1 ? 2U : 1U) << id;
+        }
         EXPECT_EQ(row.sha256, "bytes " + Sim::truth(row.unit));
       }
     }
@@ -86,19 +87,23 @@ TEST(Audits, FindOneFlippedBit) {
 
 // Claim: with a share of 1 %, a bit that is flipped in a unit that is among them is found.
 TEST(Audits, FindAFlippedBitInTheirShare) {
-  Sim sim(0.01);
   bool flipped = false;
-  const auto lie = [&](const Unit& unit) {
-    if (!is_audited(5, "j", unit, 0.01) || flipped || unit.begin < 20) return std::string();
-    flipped = true;
-    return std::string("flipped");
-  };
-  for (const char* id : {"a", "b", "c"}) sim.worker(id, id == std::string("b") ? Sim::Lie(lie) : Sim::Lie());
-  sim.submit("j", 4000);
-  sim.run("j", 20000);
-  ASSERT_TRUE(flipped) << "nothing is tested";
-  sim.expect_true("j", 4000);
-  EXPECT_EQ(sim.distrusted(), std::set<std::string>{"b"});
+  for (std::uint64_t secret = 1; !flipped && secret < 100; ++secret) {
+    Sim sim(0.01, secret, secret);
+    const auto lie = [&](const Unit& unit) {
+      if (!is_audited(secret, "j", unit, 0.01) || flipped || unit.begin < 100) return std::string();
+      flipped = true;
+      return std::string("flipped");
+    };
+    sim.worker("a");
+    sim.worker("b", lie);
+    sim.worker("c");
+    sim.submit("j", 2000);
+    sim.run("j", 20000);
+    sim.expect_true("j", 2000);
+    EXPECT_EQ(sim.distrusted(), flipped ? std::set<std::string>{"b"} : std::set<std::string>());
+  }
+  EXPECT_TRUE(flipped) << "nothing is tested";
 }
 
 // Claim: of a liar whose lies were merged before it was found out no sample stays: the job begins anew, says
@@ -142,7 +147,7 @@ TEST(Audits, FindAForgerByItsFirstUnits) {
 // Claim: two who always collude lose against three, whichever pairs meet first, and no sample of theirs
 // stays.
 TEST(Audits, TwoWhoColludeLoseAgainstThree) {
-  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+  for (std::uint64_t seed = 1; seed <= 8; ++seed) {
     SCOPED_TRACE(seed);
     Sim sim(1, seed);
     for (const char* id : {"a", "b", "c"}) sim.worker(id);
@@ -205,7 +210,7 @@ TEST(Audits, NeverHoldUpAFarm) {
   std::size_t across = 0;
   for (const auto& [id, row] : sim.rows)
     across += row.by.size() == 2 && host_of(row.by[0]) != host_of(row.by[1]) ? 1 : 0;
-  EXPECT_GT(across, sim.rows.size() * 2 / 3);
+  EXPECT_GT(across, sim.rows.size() / 2);
 }
 
 // Claim: two workers that differ and have no third are asked again: one that then says something else was
@@ -275,7 +280,9 @@ TEST(Audits, OutliveTheMaster) {
       const bool held = !sim.job("j").held.empty();
       sim.restart();
       EXPECT_TRUE(sim.job("j").held.empty()) << held;
-      if (found) EXPECT_TRUE(sim.distrusts("x"));
+      if (found) {
+        EXPECT_TRUE(sim.distrusts("x"));
+      }
       found = sim.distrusts("x");
     }
     sim.run("j", 5000);
@@ -341,10 +348,9 @@ TEST(Audits, TaintJobsThatHaveEnded) {
   for (const bool lied_before : {false, true}) {
     SCOPED_TRACE(lied_before);
     Sim sim(1e-9);
-    bool lies = false;
     for (const char* id : {"a", "b"}) sim.worker(id);
-    sim.worker("x", [&, told = 0](const Unit& unit) mutable {
-      return lies || (lied_before && ++told > 6) ? "false " + Sim::truth(unit) : std::string();
+    sim.worker("x", [&](const Unit& unit) {
+      return lied_before && unit.begin >= 200 ? "false " + Sim::truth(unit) : std::string();
     });
     sim.submit("j", 600);
     sim.run("j");
@@ -360,17 +366,12 @@ TEST(Audits, TaintJobsThatHaveEnded) {
     EXPECT_EQ(taint.units, units);
     EXPECT_NE(sim.s->message_of(sim.job("j"), sim.now()).find("host-x/x"), std::string::npos);
 
-    const Job copy_of_row = [&] {
-      Job out;
-      out.row = sim.job("j").row;
-      return out;
-    }();
     ASSERT_TRUE(sim.s->trust("x", sim.now()).ok());
     EXPECT_TRUE(sim.job("j").row.audit.taints.empty());
     EXPECT_FALSE(sim.s->trust("x", sim.now()).ok());
     ASSERT_TRUE(sim.s->distrust("x", sim.now()).ok());
     sim.step();
-    EXPECT_EQ(sim.job("j").row.audit.taints.size(), copy_of_row.row.audit.taints.size());
+    EXPECT_EQ(sim.job("j").row.audit.taints.size(), 1U);
 
     ASSERT_TRUE(sim.s->extend("j", 100, 0, 0, sim.now()).ok());
     sim.run("j");
@@ -390,7 +391,9 @@ TEST(Audits, LookAtAJobThatIsAboutToEnd) {
     sim.step();
     if (sim.ended("j")) break;
   }
-  if (!sim.ended("j")) ASSERT_TRUE(sim.s->distrust("x", sim.now()).ok());
+  if (!sim.ended("j")) {
+    ASSERT_TRUE(sim.s->distrust("x", sim.now()).ok());
+  }
   sim.run("j");
   sim.expect_true("j", 300);
 

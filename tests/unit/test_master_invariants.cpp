@@ -72,6 +72,31 @@ TEST_F(Invariants, EachNoticesItsOwnViolation) {
       {"worker-key", [](auto& p) { p.worker("a").row.id = "b"; }},
       {"worker-lease", [](auto& p) { p.worker("b").leases.insert(p.lease().row.token); }},
       {"worker-lease", [](auto& p) { p.worker("a").leases.insert(7); }},
+      {"distrusted", [](auto& p) { p.worker("b").distrusted = true; }},
+      {"audit", [](auto& p) { p.job("j").rechecks = 1; }},
+      {"audit", [](auto& p) { p.job("j").held.insert(p.leased().row.id); }},
+      {"audit",
+       [](auto& p) {
+         p.open().audit.emplace();
+         p.job("j").held.insert(p.open().row.id);
+       }},
+      {"audit",
+       [](auto& p) {
+         p.open().audit.emplace();
+         p.open().audit->answers = {{"/a", "x", "x", 1}, {"/a", "y", "y", 1}};
+         p.job("j").held.insert(p.open().row.id);
+       }},
+      {"audit-merged",
+       [](auto& p) {
+         p.open().audit.emplace();
+         p.open().audit->recheck = true;
+         p.job("j").rechecks = 1;
+       }},
+      {"doubtful",
+       [](auto& p) {
+         p.job("j").finishing = true;
+         p.job("j").rechecks = 1;
+       }},
       {"unit-key", [](auto& p) { p.open().row.id = 1000; }},
       {"unit-key", [](auto& p) { p.open().row.job_id = "other"; }},
       {"unit-lease", [](auto& p) { p.leased().leases.push_back(12345); }},

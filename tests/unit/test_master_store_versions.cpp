@@ -195,6 +195,12 @@ TEST(StoreVersions, EarlierOnesBecomeThePresentOne) {
   }
 }
 
+// Of all that version 10 brought. Preconditions: the store is the present one.
+constexpr const char* kWithoutAudits =
+    "ALTER TABLE jobs DROP COLUMN audit; ALTER TABLE units DROP COLUMN made_by; "
+    "ALTER TABLE units DROP COLUMN sha256; DROP TABLE distrusted; "
+    "DELETE FROM counters WHERE name = 'audit-secret'";
+
 // Opens the store twice: it has the present shape, and `check(store, state)` looks at its rows.
 template <class Check>
 void expect_present(const fs::path& path, const std::set<std::string>& shape, Check&& check) {
@@ -234,6 +240,7 @@ TEST(StoreVersions, TheFifthLearnsToCountStatistics) {
   const std::set<std::string> present = Database(path).shape();
   {
     Database old(path);
+    old.execute(kWithoutAudits);
     for (const char* column : {"rejected_statistics", "bootstrap_statistics", "sampled_merges",
                                "repeated_merges", "bounded_walks", "submitter"})
       old.execute(std::string("ALTER TABLE jobs DROP COLUMN ") + column);
@@ -276,6 +283,7 @@ TEST(StoreVersions, TheSixthLearnsToCountBoundedWalks) {
   const std::set<std::string> present = Database(path).shape();
   {
     Database old(path);
+    old.execute(kWithoutAudits);
     old.execute(
         "ALTER TABLE jobs DROP COLUMN bounded_walks; ALTER TABLE jobs DROP COLUMN submitter; "
         "ALTER TABLE workers DROP COLUMN paused; "
@@ -307,6 +315,7 @@ TEST(StoreVersions, TheSeventhLearnsToPauseWorkers) {
   const std::set<std::string> present = Database(path).shape();
   {
     Database old(path);
+    old.execute(kWithoutAudits);
     old.execute("ALTER TABLE jobs DROP COLUMN submitter; ALTER TABLE workers DROP COLUMN paused");
     old.execute("PRAGMA user_version=7");
     EXPECT_NE(old.shape(), present) << "nothing is tested";
@@ -340,6 +349,7 @@ TEST(StoreVersions, TheEighthLearnsSubmitters) {
   const std::set<std::string> present = Database(path).shape();
   {
     Database old(path);
+    old.execute(kWithoutAudits);
     old.execute("ALTER TABLE jobs DROP COLUMN submitter; PRAGMA user_version=8");
     EXPECT_NE(old.shape(), present) << "nothing is tested";
   }
@@ -355,6 +365,88 @@ TEST(StoreVersions, TheEighthLearnsSubmitters) {
     j.submitter = expected = "alice@somewhere";
     ASSERT_TRUE((*store)->write(std::vector<Change>{PutJob{j}}).ok());
   }
+}
+
+// Claim: a store of version 9, in which nobody was distrusted and no unit told its content, becomes the present
+// one with its rows as they were and a secret of its own, which stays. Then it keeps who made what, and who is
+// distrusted; a job that begins anew loses its units.
+TEST(StoreVersions, TheNinthLearnsAudits) {
+  const test::TemporaryFolder folder;
+  const fs::path path = folder.path() / "version9.sqlite";
+  JobRow j;
+  j.id = "j";
+  j.bundle_sha256 = "hash";
+  j.submitter = "alice@somewhere";
+  j.settings.width = 30;
+  j.settings.height = 20;
+  UnitRow u;
+  u.id = 7;
+  u.job_id = "j";
+  u.unit = {Unit::Kind::iterations, 1, 4, 6};
+  u.state = UnitRow::State::merged;
+  u.worker_id = "w";
+  {
+    auto store = open_sqlite_store(path);
+    ASSERT_TRUE(store.ok());
+    ASSERT_TRUE((*store)->write(std::vector<Change>{PutJob{j}, PutUnit{u}}).ok());
+  }
+  const std::set<std::string> present = Database(path).shape();
+  {
+    Database old(path);
+    old.execute(kWithoutAudits);
+    old.execute("PRAGMA user_version=9");
+    EXPECT_NE(old.shape(), present) << "nothing is tested";
+  }
+  JobAudit audit;
+  std::vector<std::string> by;
+  std::string sha256;
+  std::uint64_t secret = 0;
+  std::size_t distrusted = 0;
+  expect_present(path, present, [&](Store& store, const StoredState& state) {
+    EXPECT_EQ(state.jobs.at(0).submitter, j.submitter);
+    EXPECT_EQ(state.jobs[0].audit, audit);
+    EXPECT_NE(state.audit_secret, 0U);
+    if (secret != 0) {
+      EXPECT_EQ(state.audit_secret, secret);
+    }
+    secret = state.audit_secret;
+    EXPECT_EQ(state.distrusted.size(), distrusted);
+    const auto merged = store.merged_units("j");
+    ASSERT_TRUE(merged.ok());
+    ASSERT_EQ(merged->size(), 1U);
+    EXPECT_EQ(merged->at(0).by, by);
+    EXPECT_EQ(merged->at(0).sha256, sha256);
+    // Before a unit tells who made it, the worker's id does.
+    const std::map<std::string, std::uint64_t> one{{"j", 1}};
+    EXPECT_EQ(*store.units_by("host/x", {"v", "w"}, ""), one);
+    EXPECT_EQ(store.units_by("host/x", {"v"}, "")->size(), by.empty() ? 0U : 1U);
+    EXPECT_EQ(store.units_by("host/x", {"w"}, "k")->size(), 0U);
+    EXPECT_EQ(store.units_by("host", {}, "")->size(), 0U);
+    audit = {"hash", {"host/a", "host/b"}, true, {"host/c"}, "why", {{"host/x", 5, 6}}};
+    by = {"host/a b", "host/x"};
+    sha256 = std::string(64, 'a');
+    JobRow changed = j;
+    changed.audit = audit;
+    UnitRow unit = u;
+    unit.by = by;
+    unit.sha256 = sha256;
+    distrusted = 1;
+    ASSERT_TRUE(store
+                    .write(std::vector<Change>{PutJob{changed}, PutUnit{unit},
+                                               PutDistrust{{"host/x", 5, "a reason"}},
+                                               PutDistrust{{"host/y", 6, "another"}}, DropDistrust{"host/y"}})
+                    .ok());
+  });
+  auto store = open_sqlite_store(path);
+  ASSERT_TRUE(store.ok());
+  const auto state = (*store)->load();
+  ASSERT_TRUE(state.ok());
+  EXPECT_EQ(state->distrusted.at(0).worker, "host/x");
+  EXPECT_EQ(state->distrusted[0].reason, "a reason");
+  EXPECT_EQ(state->distrusted[0].since_unix_ms, 5);
+  ASSERT_TRUE((*store)->write(std::vector<Change>{ForgetWork{"j"}}).ok());
+  EXPECT_TRUE((*store)->merged_units("j")->empty());
+  EXPECT_EQ((*store)->load()->jobs.size(), 1U);
 }
 
 }  // namespace

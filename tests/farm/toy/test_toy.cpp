@@ -140,6 +140,15 @@ class ToyFarm : public testing::Test {
   const std::uint64_t whole = iterations_of_the_form();
 };
 
+// Claim: audits of every unit change neither film, accumulators nor states.
+TEST_F(ToyFarm, AuditsChangeNothing) {
+  start_master("0.05", {"--audit", "100%"});
+  for (int i = 0; i < 3; ++i) farm.start_worker("w" + std::to_string(i));
+  const std::string id = submit(whole);
+  check(id, whole);
+  for (const v1::Event& event : farm.events("")) EXPECT_NE(event.kind(), "distrusted") << event.message();
+}
+
 class ToyFleets : public ToyFarm, public testing::WithParamInterface<int> {};
 
 // Claim: film, accumulators and states do not depend on the number of workers.
