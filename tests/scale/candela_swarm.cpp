@@ -160,9 +160,17 @@ class Run {
     return out;
   }
 
+  // Merged, of all jobs. A unit that two workers render counts once.
+  std::uint64_t iterations() {
+    std::uint64_t sum = 0;
+    for (const std::string& id : jobs_) sum += show(id).iterations();
+    return sum;
+  }
+
   // --- the window in which four jobs of equal priority share the farm ---
   void measure() {
     swarm_->counts();
+    const std::uint64_t iterations_before = iterations();
     const farm::Stopwatch clock;
     const ProcessFigures before = figures_of(master_->pid());
     const ProcessFigures self_before = figures_of(::getpid());
@@ -174,6 +182,7 @@ class Run {
     const double seconds = clock.seconds();
     const ProcessFigures after = figures_of(master_->pid());
     const ProcessFigures self = figures_of(::getpid());
+    const std::uint64_t iterations_after = iterations();
     SwarmCounts c = swarm_->counts();
     double load[1] = {};
     ::getloadavg(load, 1);
@@ -199,6 +208,8 @@ class Run {
         {"master_cores", fmt::format("{:.3f}", cpu)},
         {"swarm_cores", fmt::format("{:.3f}", (self.cpu_seconds - self_before.cpu_seconds) / seconds)},
         {"deltas_per_s", fmt::format("{:.2f}", merged)},
+        {"iterations_per_s",
+         fmt::format("{:.2f}", static_cast<double>(iterations_after - iterations_before) / seconds)},
         {"delta_mb_per_s", fmt::format("{:.2f}", mb(c.delta_bytes) / seconds)},
         {"leases_per_s", fmt::format("{:.2f}", static_cast<double>(c.leases) / seconds)},
         {"lease_p50_ms", fmt::format("{:.2f}", p50)},
