@@ -73,8 +73,8 @@ TEST(Delta, CarriesTheFilm) {
   }
 }
 
-// Claim: the content's hash tells one unit of a sum, the counts behind an image, the scale and the unit apart,
-// and not who sent it, nor counts for people.
+// Claim: the content's hash tells one unit of a sum, the counts behind an image, the scale and the unit
+// apart, and not who sent it, nor counts for people.
 TEST(Delta, ContentIsWhatIsSummed) {
   const Layout layout{200, 170, 2};
   const auto hash = [&](std::uint64_t end, int scale, int change, const char* sender) {

@@ -367,9 +367,9 @@ TEST(StoreVersions, TheEighthLearnsSubmitters) {
   }
 }
 
-// Claim: a store of version 9, in which nobody was distrusted and no unit told its content, becomes the present
-// one with its rows as they were and a secret of its own, which stays. Then it keeps who made what, and who is
-// distrusted; a job that begins anew loses its units.
+// Claim: a store of version 9, in which nobody was distrusted and no unit told its content, becomes the
+// present one with its rows as they were and a secret of its own, which stays. Then it keeps who made what,
+// and who is distrusted; a job that begins anew loses its units.
 TEST(StoreVersions, TheNinthLearnsAudits) {
   const test::TemporaryFolder folder;
   const fs::path path = folder.path() / "version9.sqlite";
@@ -431,11 +431,11 @@ TEST(StoreVersions, TheNinthLearnsAudits) {
     unit.by = by;
     unit.sha256 = sha256;
     distrusted = 1;
-    ASSERT_TRUE(store
-                    .write(std::vector<Change>{PutJob{changed}, PutUnit{unit},
-                                               PutDistrust{{"host/x", 5, "a reason"}},
-                                               PutDistrust{{"host/y", 6, "another"}}, DropDistrust{"host/y"}})
-                    .ok());
+    ASSERT_TRUE(
+        store
+            .write(std::vector<Change>{PutJob{changed}, PutUnit{unit}, PutDistrust{{"host/x", 5, "a reason"}},
+                                       PutDistrust{{"host/y", 6, "another"}}, DropDistrust{"host/y"}})
+            .ok());
   });
   auto store = open_sqlite_store(path);
   ASSERT_TRUE(store.ok());
