@@ -332,11 +332,12 @@ ErrorInterval error_interval(const Halves& halves, const ErrorContext& context) 
   result.noise = (noise + of_factor) / values;
   Blur blur = blur_of(context, blocks, weights, sizes);
   if (context.connects) blur.excess = std::min(blur.excess, result.noise);
-  result.blur = blur.value;
+  // As far as it stands out of its uncertainty: what may be chance is in the upper end alone.
+  result.blur = blur.value > 0 ? blur.value * blur.value / (blur.value + blur.excess) : 0;
   result.relmse = result.noise + result.blur;
   result.unseen = (halves.chains ? kUnseenByChains : kUnseen) * result.noise;
   const double spread = (1 + result.unseen / result.noise) * excess(bands.finish()) / values;
-  result.upper = result.relmse + result.unseen + std::hypot(spread, blur.excess);
+  result.upper = result.noise + blur.value + result.unseen + std::hypot(spread, blur.excess);
   return result;
 }
 

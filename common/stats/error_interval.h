@@ -10,7 +10,7 @@ struct ErrorInterval {
   double relmse = 0;  // the estimate: noise + blur
   double upper = 0;   // of the 95 % interval
   double noise = 0;   // relMSE of the image's variance
-  double blur = 0;    // relMSE of the bias of merging; 0 where nothing merges
+  double blur = 0;    // relMSE of the bias of merging, as far as it is known; 0 where nothing merges
   double unseen = 0;  // what `upper` has for light that was found too rarely to be in the variance
   double rmse = 0;    // root of the mean variance
   double mean = 0;
