@@ -10,8 +10,6 @@ namespace candela::stats {
 
 namespace {
 
-// Keeps the relative error of dark pixels finite: relMSE = (a-b)^2 / (b^2 + 0.01 mean^2).
-constexpr double kDarkFraction = 0.01;
 constexpr double kTrimmedFraction = 0.001;
 
 double relative(double squared_error, double reference, double mean) {
@@ -50,6 +48,11 @@ double variance_factor(const film::MergedFilm& film, const film::Development& de
 }
 
 }  // namespace
+
+double relative_weight(double reference, double mean) {
+  const double square = reference * reference + kDarkFraction * mean * mean;
+  return square > 0 ? 1 / square : 0;
+}
 
 ImageComparison compare(std::span<const float> a, std::span<const float> b, std::uint32_t width,
                         std::uint32_t height, std::size_t worst_count) {

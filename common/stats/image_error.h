@@ -1,6 +1,7 @@
 // Errors of images: against a reference, and estimated from two independent halves.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -26,6 +27,12 @@ struct ImageComparison {
 // Precondition: a.size() == b.size() == width * height * 3. Non-finite pixels count as infinitely wrong.
 ImageComparison compare(std::span<const float> a, std::span<const float> b, std::uint32_t width,
                         std::uint32_t height, std::size_t worst_count = 10);
+
+// Keeps the relative error of dark pixels finite: relMSE = (a-b)^2 / (b^2 + 0.01 mean^2).
+inline constexpr double kDarkFraction = 0.01;
+// 1 / (reference^2 + 0.01 mean^2): what a squared error is weighed by in relMSE, `mean` the whole
+// reference's. 0 where the reference is black all over.
+double relative_weight(double reference, double mean);
 
 // Error of the pooled image of a film with halves of n0 and n1 iterations, means A and B: per value the
 // variance of the pooled mean M is estimated without bias by (A-B)^2 n0 n1 / (n0+n1)^2, and relMSE =

@@ -65,6 +65,40 @@ TEST(IntegratorPlan, LeavesOutMediaAndStraightPasses) {
   EXPECT_TRUE(says(cloud, "media: 1, not all homogeneous")) << cloud;
 }
 
+// Claim: a plan notes light that is found by luck or never, with an integrator that finds it; not where no
+// surface bends light, where all do, where paths are too short, or where merging finds it.
+TEST(IntegratorPlan, NotesLightFoundByLuck) {
+  const std::string lamp = "<shape type='sphere'><emitter type='area'/></shape>",
+                    point = "<emitter type='point'/>", matt = "<shape type='cube'/>",
+                    glass = "<shape type='sphere'><bsdf type='dielectric'/></shape>",
+                    mask = "<shape type='cube'><bsdf type='mask'><bsdf type='diffuse'/></bsdf></shape>";
+  const auto luck = [](const std::string& plan) {
+    return plan.find("note light found by luck: ") != std::string::npos;
+  };
+  const auto missing = [](const std::string& plan) {
+    return plan.find("note light that is missing: ") != std::string::npos;
+  };
+  for (const char* integrator : {"path", "optimis", "bdpt", "mmlt"}) {
+    const std::string area = plan_of(lamp + matt + glass, integrator);
+    EXPECT_TRUE(luck(area) && !missing(area)) << integrator << area;
+    EXPECT_NE(area.find(integrator == std::string("bdpt") ? "; vcm finds it" : "finds it"),
+              std::string::npos);
+    const std::string dots = plan_of(point + matt + glass, integrator);
+    EXPECT_TRUE(missing(dots) && !luck(dots)) << integrator << dots;
+    for (const std::string& body : {lamp + matt, lamp + mask, glass + lamp.substr(0, 0)}) {
+      const std::string plan = plan_of(body, integrator);
+      EXPECT_FALSE(luck(plan) || missing(plan)) << integrator << plan;
+    }
+  }
+  EXPECT_TRUE(luck(plan_of(lamp + matt + glass, "path", {{"max_depth", "3"}})));
+  EXPECT_FALSE(luck(plan_of(lamp + matt + glass, "path", {{"max_depth", "2"}})));
+  EXPECT_FALSE(luck(plan_of(lamp + matt + glass, "bdpt", {{"max_depth", "3"}})));
+  for (const char* integrator : {"vcm", "ppm"}) {
+    const std::string plan = plan_of(lamp + point + matt + glass, integrator);
+    EXPECT_FALSE(luck(plan) || missing(plan)) << plan;
+  }
+}
+
 // A fog of one mean free path a unit in null walls, under a sky.
 std::string fog(double size, double albedo, double mean_cosine = 0) {
   return fmt::format(

@@ -109,6 +109,11 @@ class RenderEstimator : public Estimator {
     return snapshot;
   }
 
+  Result<stats::HalfImages> halves() override {
+    CANDELA_ASSIGN(const film::Development development, this->development());
+    return stats::images_of(stats::halves_of(*merged_, development));
+  }
+
   // The cost, what the job keeps beside the film with its length, the film.
   Result<std::string> save() override {
     static_assert(std::is_trivially_copyable_v<Cost>);
@@ -137,6 +142,8 @@ class RenderEstimator : public Estimator {
     return cost_ = cost;
   }
 
+  std::string plan() const override { return plan_text_; }
+  void set_plan(std::string text) { plan_text_ = std::move(text); }
   void set_setup_seconds(double seconds) { cost_.setup_seconds = seconds; }
 
  protected:
@@ -163,6 +170,8 @@ class RenderEstimator : public Estimator {
   Cost cost_;
 
  private:
+  std::string plan_text_;
+
   // The film's way to the master.
   Result<void> deliver(const Unit& unit) {
     film::DeltaInfo info;
@@ -351,10 +360,12 @@ Result<std::unique_ptr<Estimator>> make_render_estimator(const RunSpec& run) {
   if (pilot.work.chains) {
     auto estimator = std::make_unique<ChainEstimator>(std::move(renderer), run, pilot);
     CANDELA_TRY(estimator->bootstrap());
+    estimator->set_plan(pilot.plan);
     estimator->set_setup_seconds(seconds);
     return std::unique_ptr<Estimator>(std::move(estimator));
   }
   auto estimator = std::make_unique<IterationEstimator>(std::move(renderer), run, pilot);
+  estimator->set_plan(pilot.plan);
   estimator->set_setup_seconds(seconds);
   return std::unique_ptr<Estimator>(std::move(estimator));
 }

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/base/result.h"
+#include "common/stats/halves.h"
 #include "tests/bench/candela_bench/spec.h"
 
 namespace candela::bench {
@@ -37,6 +38,10 @@ class Estimator {
   // Renders until `units` are in. The image does not depend on how many calls that took.
   virtual Result<Cost> advance(std::uint64_t units) = 0;
   virtual Result<Snapshot> snapshot() = 0;
+  // The plan of the integrator as text; empty from another process.
+  virtual std::string plan() const { return {}; }
+  // The halves of the image. Refused by an estimator in another process.
+  virtual Result<stats::HalfImages> halves() { return refused_error("these halves are not kept"); }
   // All that going on takes, beside the run's description; restore() only on a fresh one.
   virtual Result<std::string> save() = 0;
   virtual Result<Cost> restore(std::string_view saved) = 0;

@@ -16,6 +16,7 @@
 #include "common/base/path_options.h"
 #include "common/base/version.h"
 #include "common/job/aov.h"
+#include "tests/bench/candela_bench/coverage.h"
 #include "tests/bench/candela_bench/process.h"
 #include "tests/bench/candela_bench/schedule.h"
 #include "tests/bench/candela_bench/truth.h"
@@ -263,6 +264,31 @@ int main(int argc, char** argv) {
       ->type_name("FILE")
       ->required();
 
+  CoverageOptions coverage_options;
+  CLI::App& coverage_command = *app.add_subcommand(
+      "coverage", "whether the error that jobs show covers the error of their images; goes on after a stop");
+  coverage_command.add_option("--out", coverage_options.out, "folder of what is rendered, and of rows")
+      ->type_name("DIR")
+      ->required();
+  coverage_command.add_option("--scene,--scenes", coverage_options.scenes, "names; default: all")
+      ->allow_extra_args(false)
+      ->delimiter(',');
+  coverage_command.add_option("--integrator,--integrators", coverage_options.integrators, "default: all")
+      ->allow_extra_args(false)
+      ->delimiter(',');
+  coverage_command.add_option("--seeds", coverage_options.seeds, "how many; default: 1")
+      ->check(CLI::PositiveNumber);
+  coverage_command.add_option("--spp", coverage_options.last_spp, "the last of 4, 8, 16 ...; default: 1024")
+      ->check(CLI::Range(4, 1 << 20));
+  coverage_command.add_option("--side", coverage_options.side, "pixels of an image's side; default: 32")
+      ->check(CLI::Range(8, 4096));
+  coverage_command.add_option("--reference-spp", coverage_options.reference_spp,
+                              "samples a pixel of references; default: the scene's");
+  coverage_command.add_option("--cpu-minutes", coverage_options.cpu_minutes,
+                              "after which no further scene is begun; default: no limit");
+  coverage_command.add_flag("--chosen-only", coverage_options.chosen_only,
+                            "leave out the scenes that were not looked at while the method was chosen");
+
   CountOptions count_options;
   CLI::App& count_command =
       *app.add_subcommand("count", "renders on one thread in this process; for counters of instructions");
@@ -302,6 +328,12 @@ int main(int argc, char** argv) {
     for (const std::string& integrator : count_options.integrators)
       if (const Result<void> done = count(count_options, integrator); !done.ok())
         return finish(fail(done.error()));
+    return finish(0);
+  }
+  if (coverage_command.parsed()) {
+    const Result<std::string> table = coverage(coverage_options, stop_requested, say);
+    if (!table.ok()) return fail(table.error());
+    std::fputs(table->c_str(), stdout);
     return finish(0);
   }
   if (!parse_size(size, truth.width, truth.height)) return fail(size_error());

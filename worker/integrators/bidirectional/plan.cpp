@@ -3,6 +3,7 @@
 #include <string_view>
 
 #include "worker/integrators/plan_between.h"
+#include "worker/integrators/plan_light.h"
 #include "worker/integrators/plan_walks.h"
 
 namespace candela::integrators::bidirectional {
@@ -20,6 +21,7 @@ Planned plan(const estimators::PathOptions& options, const scene::SceneFeatures&
     else
       planned.plan.decide(technique, name, possible && pays, why, pays ? "max_depth is too small" : why_not);
   };
+  note_lucky_light(f, options.max_depth, Finds::connections, planned.plan);
   if (full) planned.plan.use("everything", "plan=full");
   const bool lit = f.emitters > 0, scatters = !f.all_bsdfs_delta || f.any_scattering_medium;
   const std::string_view why_not =

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "worker/integrators/plan_between.h"
+#include "worker/integrators/plan_light.h"
 #include "worker/integrators/plan_walks.h"
 
 namespace candela::integrators::path {
@@ -20,6 +21,7 @@ Planned plan(const estimators::PathOptions& options, const scene::SceneFeatures&
   estimators::Techniques& techniques = planned.techniques;
   techniques = estimators::Techniques::none();
   techniques.eye_paths = techniques.next_event = techniques.hit_light = true;
+  note_lucky_light(features, options.max_depth, Finds::eye_paths, plan);
   if (full) {
     plan.use("everything", "plan=full");
     return planned;

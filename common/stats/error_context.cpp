@@ -1,0 +1,24 @@
+#include "common/stats/error_context.h"
+
+#include <charconv>
+
+namespace candela::stats {
+
+ErrorContext context_of(const SettingsMap& settings, std::string_view plan) {
+  constexpr double kAdaptive = 2.0 / 3;
+  if (!settings.contains("radius")) return {};  // what merges has one
+  const auto has = [&](std::string_view words) { return plan.find(words) != std::string_view::npos; };
+  const bool all = has("use  everything");
+  if (has("skip merging") && !has("use  merging") && !has("use  photon") && !all) return {};
+  double alpha = kAdaptive;
+  if (const auto found = settings.find("alpha"); found != settings.end()) {
+    const std::string& text = found->second;
+    std::from_chars(text.data(), text.data() + text.size(), alpha);
+  }
+  ErrorContext context;
+  context.connects = has("use  connections");
+  context.alpha = context.connects ? alpha : (1 + alpha) / 2;
+  return context;
+}
+
+}  // namespace candela::stats

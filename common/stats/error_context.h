@@ -1,0 +1,18 @@
+// What the estimate of a job's error has to know of the job.
+#pragma once
+
+#include <string_view>
+
+#include "common/job/job.h"
+#include "common/stats/error_interval.h"
+
+namespace candela::stats {
+
+// By a job's complete settings and its plan's text; without the movement.
+//
+// Squared radii go as i^(alpha - 1), those that statistics decide about as ppm's. Where photons alone make
+// the image, most of the bias lies along edges and goes as the radius itself; where connections make what has
+// edges, it goes as the radius squared.
+ErrorContext context_of(const SettingsMap& settings, std::string_view plan);
+
+}  // namespace candela::stats

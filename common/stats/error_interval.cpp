@@ -1,0 +1,344 @@
+#include "common/stats/error_interval.h"
+
+#include <algorithm>
+#include <array>
+#include <boost/math/distributions/chi_squared.hpp>
+#include <cmath>
+#include <limits>
+
+#include "common/stats/image_error.h"
+
+namespace candela::stats {
+namespace {
+
+// Chosen on half of the scenes of `candela-bench coverage` (docs/lab/error-coverage.md).
+constexpr std::uint32_t kReach = 2;  // pixels around one that its denominator is smoothed over
+constexpr double kNormal = 1.645;    // one-sided 95 %
+constexpr double kTail = 0.05;
+// The image's own error spreads about what is expected as much as the estimate does.
+constexpr double kBoth = 1.41421356;
+// Of the noise: what the upper end has for light that was found too rarely to be in it, and of chains for
+// what both groups have found too often or too rarely alike.
+constexpr double kUnseen = 0.5, kUnseenByChains = 1;
+constexpr std::size_t kManyBlocks = 16;  // from so many on the spread of their energies is known
+
+using Row = std::vector<double>;
+
+// Rows of both halves around the present one.
+class Rows {
+ public:
+  explicit Rows(const Halves& halves)
+      : halves_(halves), values_(std::size_t{halves.width} * film::kChannels) {
+    for (auto& slot : slots_)
+      for (Row* row : {&slot.a, &slot.b, &slot.scaled}) row->resize(values_);
+  }
+  struct Slot {
+    Row a, b, scaled;
+  };
+  // Makes rows [y - kReach, y + kReach] of the image available. To be called for y = 0, 1, 2 ...
+  void move_to(std::uint32_t y) {
+    for (; next_ < halves_.height && next_ <= y + kReach; ++next_) {
+      Slot& slot = slots_[next_ % slots_.size()];
+      halves_.row(next_, slot.a, slot.b, slot.scaled);
+    }
+  }
+  const Slot& row(std::uint32_t y) const { return slots_[y % slots_.size()]; }
+  std::size_t values() const { return values_; }
+
+ private:
+  const Halves& halves_;
+  std::size_t values_;
+  std::uint32_t next_ = 0;
+  std::array<Slot, 2 * kReach + 1> slots_;
+};
+
+// Energies of a field by scale: the orthonormal Haar transform, level by level, of a field that comes row by
+// row. Blocks at the border are cut.
+class Bands {
+ public:
+  explicit Bands(std::uint32_t width) { levels_.push_back(Level(width)); }
+
+  void push(std::span<const double> values) {
+    push(0, Row(values.begin(), values.end()), Row(values.size() / 3, 1));
+  }
+
+  struct Band {
+    std::size_t blocks = 0;
+    double energy = 0, squares = 0;  // sums over blocks of their energy, and of its square
+  };
+  // From fine to coarse, the last of one block, the whole field's mean. To be called once, after all rows.
+  std::vector<Band> finish() {
+    for (std::size_t l = 0; l < levels_.size(); ++l) {
+      if (!levels_[l].sums.empty()) pair(l, {}, {});
+      if (levels_[l].width == 1 && levels_[l].rows <= 1) break;
+    }
+    std::vector<Band> bands;
+    for (const Level& level : levels_)
+      if (level.band.blocks > 0) bands.push_back(level.band);
+    Band whole{1, 0, 0};
+    for (std::size_t c = 0; c < film::kChannels; ++c)
+      whole.energy += last_sums_[c] * last_sums_[c] / last_size_;
+    bands.push_back(whole);
+    return bands;
+  }
+
+ private:
+  struct Level {
+    explicit Level(std::uint32_t w) : width(w) {}
+    std::uint32_t width;
+    std::size_t rows = 0;  // that came
+    Row sums, sizes;       // the first row of a pair
+    Band band;
+  };
+
+  void push(std::size_t l, Row sums, Row sizes) {
+    if (l == levels_.size()) levels_.push_back(Level(static_cast<std::uint32_t>(sizes.size())));
+    Level& level = levels_[l];
+    ++level.rows;
+    std::copy(sums.begin(), sums.begin() + film::kChannels, last_sums_.begin());
+    last_size_ = sizes[0];
+    if (level.sums.empty()) {
+      level.sums = std::move(sums);
+      level.sizes = std::move(sizes);
+      return;
+    }
+    pair(l, sums, sizes);
+  }
+  // Joins the kept row of the level with another, or none, to one of the next level.
+  void pair(std::size_t l, std::span<const double> sums, std::span<const double> sizes) {
+    const Row first = std::move(levels_[l].sums), first_sizes = std::move(levels_[l].sizes);
+    levels_[l].sums.clear();
+    levels_[l].sizes.clear();
+    if (levels_[l].width == 1 && sizes.empty() && levels_[l].rows == 1) return;
+    const std::size_t width = (first_sizes.size() + 1) / 2;
+    Row joined(width * film::kChannels, 0.0), joined_sizes(width, 0.0);
+    for (std::size_t x = 0; x < width; ++x) {
+      double children = 0, parent = 0;
+      std::array<double, film::kChannels> total{};
+      for (std::size_t i = 2 * x; i < std::min(first_sizes.size(), 2 * x + 2); ++i)
+        for (const bool second : {false, true}) {
+          if (second && sizes.empty()) continue;
+          const double size = second ? sizes[i] : first_sizes[i];
+          joined_sizes[x] += size;
+          for (std::size_t c = 0; c < film::kChannels; ++c) {
+            const double sum = (second ? sums : std::span<const double>(first))[i * film::kChannels + c];
+            children += sum * sum / size;
+            total[c] += sum;
+          }
+        }
+      for (std::size_t c = 0; c < film::kChannels; ++c) {
+        parent += total[c] * total[c] / joined_sizes[x];
+        joined[x * film::kChannels + c] = total[c];
+      }
+      const double energy = std::max(0.0, children - parent);
+      ++levels_[l].band.blocks;
+      levels_[l].band.energy += energy;
+      levels_[l].band.squares += energy * energy;
+    }
+    push(l + 1, std::move(joined), std::move(joined_sizes));
+  }
+
+  std::vector<Level> levels_;
+  std::array<double, film::kChannels> last_sums_{};
+  double last_size_ = 1;
+};
+
+// Sums over 5 x 5 pixels of a row's channels, cut at the border: by running sums along the row.
+class Neighborhoods {
+ public:
+  explicit Neighborhoods(std::size_t values) : columns_(values), along_(values + film::kChannels) {}
+  // value(y, i) for the rows [y0, y1).
+  template <class Value>
+  void fill(std::uint32_t y0, std::uint32_t y1, const Value& value) {
+    std::fill(columns_.begin(), columns_.end(), 0.0);
+    for (std::uint32_t y = y0; y < y1; ++y)
+      for (std::size_t i = 0; i < columns_.size(); ++i) columns_[i] += value(y, i);
+    for (std::size_t i = 0; i < columns_.size(); ++i) along_[i + film::kChannels] = along_[i] + columns_[i];
+  }
+  double sum(std::size_t x0, std::size_t x1, std::size_t c) const {
+    return along_[x1 * film::kChannels + c] - along_[x0 * film::kChannels + c];
+  }
+
+ private:
+  Row columns_, along_;
+};
+
+struct Means {
+  double a = 0, b = 0;
+  bool black = true;
+};
+
+Means means_of(const Halves& halves) {
+  Means means;
+  Row a(std::size_t{halves.width} * film::kChannels), b(a.size()), scaled(a.size());
+  for (std::uint32_t y = 0; y < halves.height; ++y) {
+    halves.row(y, a, b, scaled);
+    for (std::size_t i = 0; i < a.size(); ++i) {
+      means.a += a[i];
+      means.b += b[i];
+      means.black = means.black && a[i] == 0 && b[i] == 0;
+    }
+  }
+  const double count = static_cast<double>(halves.height) * static_cast<double>(a.size());
+  means.a /= count;
+  means.b /= count;
+  return means;
+}
+
+// How far the sum of the energies may be below what is expected.
+double excess(const std::vector<Bands::Band>& bands) {
+  double squares = 0;
+  for (const Bands::Band& band : bands) {
+    const auto n = static_cast<double>(band.blocks);
+    double up = 0;
+    if (band.blocks >= kManyBlocks) {
+      const double variance = std::max(0.0, band.squares / n - band.energy / n * band.energy / n);
+      up = kBoth * kNormal * std::sqrt(n * variance);
+    } else {  // as of normal coefficients
+      const double freedom = film::kChannels * n;
+      up = band.energy * (freedom / boost::math::quantile(boost::math::chi_squared(freedom), kTail) - 1);
+    }
+    squares += up * up;
+  }
+  return std::sqrt(squares);
+}
+
+struct Blur {
+  double value = 0, excess = 0;
+};
+
+// The bias of merging, from how the image moves: the product of what either half tells has no noise in its
+// expectation. `weights`: means over blocks of 1 / denominator; `sizes`: their pixels.
+Blur blur_of(const ErrorContext& context, const BlockMeans& now, const Row& weights, const Row& sizes) {
+  if (!(context.alpha < 1) || context.movement == nullptr) return {};
+  const Movement::Bias bias = context.movement->bias(now, context.alpha);
+  if (bias.a.empty()) return {};
+  double sum = 0, squares = 0, pixels = 0;
+  for (std::size_t block = 0; block < sizes.size(); ++block) {
+    double product = 0;
+    for (std::size_t c = 0; c < film::kChannels; ++c) {
+      const std::size_t i = block * film::kChannels + c;
+      product += double{bias.a[i]} * bias.b[i] * weights[i];
+    }
+    product *= sizes[block];
+    sum += product;
+    squares += product * product;
+    pixels += sizes[block];
+  }
+  const double values = pixels * film::kChannels;
+  return {std::max(0.0, sum) / values, kNormal * std::sqrt(squares) / values};
+}
+
+}  // namespace
+
+ErrorInterval error_interval(const Halves& halves, const ErrorContext& context) {
+  ErrorInterval result;
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const Means means = means_of(halves);
+  const bool both = halves.n0 > 0 && halves.n1 > 0;
+  if (!both) {
+    result.mean = halves.n0 > 0 ? means.a : means.b;
+    result.relmse = result.upper = result.noise = result.blur = result.unseen = result.rmse = nan;
+    return result;
+  }
+  const double w0 = halves.weight0(), w1 = halves.weight1();
+  const double factor = halves.chains ? (w0 * w0 + w1 * w1) / 2 : w0 * w1;
+  result.mean = w0 * means.a + w1 * means.b;
+  const double floor = kDarkFraction * std::min(means.a, means.b) * std::min(means.a, means.b);
+
+  BlockMeans& blocks = result.blocks;
+  blocks.side = (std::max(halves.width, halves.height) + kMaxBlocks - 1) / kMaxBlocks;
+  blocks.width = (halves.width + blocks.side - 1) / blocks.side;
+  blocks.height = (halves.height + blocks.side - 1) / blocks.side;
+  blocks.n0 = halves.n0;
+  blocks.n1 = halves.n1;
+  const std::size_t block_values = std::size_t{blocks.width} * blocks.height * film::kChannels;
+  Row sum_a(block_values), sum_b(block_values), weights(block_values), sizes(block_values / film::kChannels);
+
+  Rows rows(halves);
+  Bands bands(halves.width);
+  Neighborhoods near_a(rows.values()), near_b(rows.values()), near_ab(rows.values()), near_v(rows.values());
+  Row field(rows.values());
+  // Of the pixels around, each by its lesser half.
+  const auto brightest = [&](std::uint32_t x, std::uint32_t y, std::size_t c) {
+    double most = 0;
+    for (std::uint32_t v = y == 0 ? 0 : y - 1; v < std::min(halves.height, y + 2); ++v)
+      for (std::uint32_t u = x == 0 ? 0 : x - 1; u < std::min(halves.width, x + 2); ++u)
+        if (u != x || v != y) {
+          const std::size_t i = std::size_t{u} * film::kChannels + c;
+          most = std::max(most, std::min(rows.row(v).a[i], rows.row(v).b[i]));
+        }
+    return most;
+  };
+  double noise = 0, of_factor = 0, variances = 0;
+  for (std::uint32_t y = 0; y < halves.height; ++y) {
+    rows.move_to(y);
+    const std::uint32_t y0 = y < kReach ? 0 : y - kReach, y1 = std::min(halves.height, y + kReach + 1);
+    near_a.fill(y0, y1, [&](std::uint32_t v, std::size_t i) { return rows.row(v).a[i]; });
+    near_b.fill(y0, y1, [&](std::uint32_t v, std::size_t i) { return rows.row(v).b[i]; });
+    near_ab.fill(y0, y1, [&](std::uint32_t v, std::size_t i) { return rows.row(v).a[i] * rows.row(v).b[i]; });
+    near_v.fill(y0, y1, [&](std::uint32_t v, std::size_t i) {
+      const double d = rows.row(v).a[i] - rows.row(v).b[i];
+      return d * d * factor;
+    });
+    const Rows::Slot& row = rows.row(y);
+    for (std::uint32_t x = 0; x < halves.width; ++x) {
+      const std::uint32_t x0 = x < kReach ? 0 : x - kReach, x1 = std::min(halves.width, x + kReach + 1);
+      const auto count = static_cast<double>((y1 - y0) * (x1 - x0));
+      const std::size_t block = std::size_t{y / blocks.side} * blocks.width + x / blocks.side;
+      sizes[block] += 1;
+      for (std::size_t c = 0; c < film::kChannels; ++c) {
+        const std::size_t i = std::size_t{x} * film::kChannels + c;
+        const double a = row.a[i], b = row.b[i];
+        const double mean_a = near_a.sum(x0, x1, c) / count, mean_b = near_b.sum(x0, x1, c) / count;
+        // Of the neighborhood's spread the part that both halves have is the picture's; the pixel's own value
+        // counts as much as that, its neighbors' mean the rest.
+        const double spread = std::max(0.0, near_ab.sum(x0, x1, c) / count - mean_a * mean_b);
+        const double mean_v = near_v.sum(x0, x1, c) / count;
+        const double share = spread > 0 ? spread / (spread + mean_v) : 0;
+        // The lesser half: a rare bright sample is in one of them, and must not be its own denominator. The
+        // mean where a pixel beside it is as bright in both.
+        const double around =
+            count > 1 ? std::min(mean_a * count - a, mean_b * count - b) / (count - 1) : std::min(a, b);
+        const double own = std::min(w0 * a + w1 * b, std::max(std::min(a, b), brightest(x, y, c)));
+        const double value = share * own + (1 - share) * around;
+        const double square = value * value + floor;
+        const double weight = square > 0 ? 1 / square : 0;
+        field[i] = (a - b) * std::sqrt(factor * weight);
+        noise += field[i] * field[i];
+        variances += (a - b) * (a - b) * factor;
+        if (halves.factor_variance > 0) {
+          const double v = row.scaled[i] * row.scaled[i] * halves.factor_variance;
+          of_factor += v * weight;
+          variances += v;
+        }
+        const std::size_t j = block * film::kChannels + c;
+        sum_a[j] += a;
+        sum_b[j] += b;
+        weights[j] += weight;
+      }
+    }
+    bands.push(field);
+  }
+  for (std::size_t j = 0; j < block_values; ++j) {
+    const double size = sizes[j / film::kChannels];
+    blocks.a.push_back(static_cast<float>(sum_a[j] / size));
+    blocks.b.push_back(static_cast<float>(sum_b[j] / size));
+    weights[j] /= size;
+  }
+  const double values = static_cast<double>(halves.height) * static_cast<double>(rows.values());
+  result.rmse = std::sqrt(variances / values);
+  if (means.black) return result;
+  result.noise = (noise + of_factor) / values;
+  Blur blur = blur_of(context, blocks, weights, sizes);
+  if (context.connects) blur.excess = std::min(blur.excess, result.noise);
+  // As far as it stands out of its uncertainty: what may be chance is in the upper end alone.
+  result.blur = blur.value > 0 ? blur.value * blur.value / (blur.value + blur.excess) : 0;
+  result.relmse = result.noise + result.blur;
+  result.unseen = (halves.chains ? kUnseenByChains : kUnseen) * result.noise;
+  const double spread = (1 + result.unseen / result.noise) * excess(bands.finish()) / values;
+  result.upper = result.noise + blur.value + result.unseen + std::hypot(spread, blur.excess);
+  return result;
+}
+
+}  // namespace candela::stats

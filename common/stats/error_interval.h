@@ -1,0 +1,34 @@
+// The relMSE of an image with an upper end that covers the truth, from what is merged (docs/error.md).
+#pragma once
+
+#include "common/stats/halves.h"
+#include "common/stats/movement.h"
+
+namespace candela::stats {
+
+struct ErrorInterval {
+  double relmse = 0;  // the estimate: noise + blur
+  double upper = 0;   // of the 95 % interval
+  double noise = 0;   // relMSE of the image's variance
+  double blur = 0;    // relMSE of the bias of merging, as far as it is known; 0 where nothing merges
+  double unseen = 0;  // what `upper` has for light that was found too rarely to be in the variance
+  double rmse = 0;    // root of the mean variance
+  double mean = 0;
+  BlockMeans blocks;  // of the image
+};
+
+// What of a job the estimate depends on beside its image.
+struct ErrorContext {
+  // The bias of merging goes as i^(alpha - 1) over the iterations. 1: nothing merges, or radii stay.
+  double alpha = 1;
+  // Connections find most light and merging the rest, so that its bias, as far as it is not known, is taken
+  // to be no larger than the noise.
+  bool connects = false;
+  const Movement* movement = nullptr;  // of the image up to now
+};
+
+// NaN, but for the mean, unless both halves have iterations; 0 for a black image. A function of the halves
+// and the context alone.
+ErrorInterval error_interval(const Halves& halves, const ErrorContext& context = {});
+
+}  // namespace candela::stats

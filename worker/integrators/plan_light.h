@@ -1,0 +1,20 @@
+// What the plan has to say about light that an integrator finds by luck, or never.
+#pragma once
+
+#include <cstdint>
+
+#include "worker/integrators/plan.h"
+#include "worker/scene/features.h"
+
+namespace candela::integrators {
+
+// How an integrator comes to light behind mirrors and glass.
+enum class Finds : std::uint8_t {
+  eye_paths,    // by eye paths that happen to hit an emitter
+  connections,  // by light paths too, but for what meets the eye over glass again
+};
+// Notes light that the integrator finds by luck alone, or never, with one that finds it. Such light is in no
+// variance before it is found, so the note stands beside the error's figure (common/job/plan_words.h).
+void note_lucky_light(const scene::SceneFeatures& features, std::uint32_t max_depth, Finds finds, Plan& plan);
+
+}  // namespace candela::integrators
