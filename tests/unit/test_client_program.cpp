@@ -180,8 +180,9 @@ TEST(Json, JobShape) {
 TEST(Json, ListShapes) {
   EXPECT_EQ(nlohmann::json::parse(jobs_json({})),
             nlohmann::json::parse(R"({"jobs": [], "total": 0, "next": null})"));
-  EXPECT_EQ(nlohmann::json::parse(workers_json({})),
-            nlohmann::json::parse(R"({"workers": [], "wanted": {"threads": 0, "workers": 0}})"));
+  EXPECT_EQ(
+      nlohmann::json::parse(workers_json({})),
+      nlohmann::json::parse(R"({"workers": [], "wanted": {"threads": 0, "workers": 0}, "distrusted": []})"));
   EXPECT_EQ(nlohmann::json::parse(events_json({})), nlohmann::json::parse(R"({"events": []})"));
 }
 
