@@ -104,6 +104,11 @@ Lease& Scheduler::grant(Job& job, UnitState& unit, WorkerState& worker, bool spe
 
 bool Scheduler::gather_input(Job& job, UnitState& unit, const FilmInputs* films, AcquireResult& out,
                              Now now) {
+  // A pilot starts from nothing, also one that is compared while its job is in a later stage.
+  if (unit.row.unit.kind == Unit::Kind::pilot) {
+    out.input = {};
+    return true;
+  }
   FilmInputs::Records records;
   if (films != nullptr && job.source->needs_film()) {
     FilmInputs::Answer answer = films->chain_records(job.row.id, unit.row.unit);
