@@ -1,30 +1,18 @@
 #include <fmt/format.h>
 #include <openssl/err.h>
 #include <openssl/pem.h>
-#include <openssl/x509.h>
-#include <openssl/x509_vfy.h>
-
-#include <memory>
 
 #include "client/doctor/checks.h"
 #include "client/values.h"
 #include "common/base/files.h"
+#include "common/wire/openssl_types.h"
 #include "common/wire/wire.h"
 
 namespace candela::client {
 namespace {
 
-template <auto Free>
-struct Deleter {
-  template <class T>
-  void operator()(T* object) const {
-    Free(object);
-  }
-};
-using Certificate = std::unique_ptr<X509, Deleter<X509_free>>;
-using Bio = std::unique_ptr<BIO, Deleter<BIO_free>>;
-using Store = std::unique_ptr<X509_STORE, Deleter<X509_STORE_free>>;
-using Verification = std::unique_ptr<X509_STORE_CTX, Deleter<X509_STORE_CTX_free>>;
+using wire::Bio, wire::Certificate, wire::CertificateStore, wire::Verification, wire::date_of,
+    wire::days_until;
 
 constexpr std::uint64_t kMostBytes = 1 << 20;
 constexpr double kSoonDays = 30;
@@ -32,25 +20,10 @@ constexpr double kSoonDays = 30;
 Certificate read_certificate(const std::string& file) {
   const auto text = read_file(file, kMostBytes);
   if (!text) return nullptr;
-  const Bio bio(BIO_new_mem_buf(text->data(), static_cast<int>(text->size())));
+  const Bio bio = wire::bio_of(*text);
   Certificate certificate(PEM_read_bio_X509(bio.get(), nullptr, nullptr, nullptr));
   ERR_clear_error();
   return certificate;
-}
-
-// From now on; negative: past.
-double days_until(const ASN1_TIME* time) {
-  int days = 0, seconds = 0;
-  if (ASN1_TIME_diff(&days, &seconds, nullptr, time) != 1) return 0;
-  return days + seconds / 86400.0;
-}
-
-std::string date_of(const ASN1_TIME* time) {
-  const Bio bio(BIO_new(BIO_s_mem()));
-  if (ASN1_TIME_print(bio.get(), time) != 1) return "an unknown date";
-  char* data = nullptr;
-  const long size = BIO_get_mem_data(bio.get(), &data);
-  return {data, static_cast<std::size_t>(size)};
 }
 
 Diagnosis check_certificate(const std::string& name, const std::string& file) {
@@ -73,7 +46,7 @@ std::optional<Diagnosis> check_signature(const ConnectionOptions& connection) {
   const Certificate ours = read_certificate(connection.tls_cert);
   const Certificate authority = read_certificate(connection.tls_ca);
   if (!ours || !authority) return std::nullopt;
-  const Store store(X509_STORE_new());
+  const CertificateStore store(X509_STORE_new());
   X509_STORE_add_cert(store.get(), authority.get());
   // Dates have checks of their own, and an authority may be one of several.
   X509_STORE_set_flags(store.get(), X509_V_FLAG_NO_CHECK_TIME | X509_V_FLAG_PARTIAL_CHAIN);

@@ -24,7 +24,7 @@ class LocalFarm {
 
   std::shared_ptr<grpc::Channel> channel();
   int page_port() const;  // 0: no page
-  // What lets a browser read the page.
+  // The token with which a browser reads the page.
   Result<std::string> page_token() const;
   // One worker for each entry, of so many threads. They share `texture_memory_bytes` and
   // `scene_memory_bytes` (0: the defaults).

@@ -281,7 +281,7 @@ class Parser {
 
   // ---- what is passed over ----
 
-  // Where there is no memory for a note, the next object is an error.
+  // Drops the note if the budget has no memory for it; the next object then fails.
   void note_passed_over(Note note) {
     if (passed_over_.size() >= max_notes) return;
     if (budget_.take(2 * sizeof note + heap_bytes(note.text) + heap_bytes(note.where)))

@@ -51,7 +51,7 @@ class ReadingBudget {
     used_.fetch_sub(bytes, std::memory_order_relaxed);
     if (whole_ != nullptr) whole_->give_back(bytes);
   }
-  // What a part has counted stays counted in the whole.
+  // Leaves the bytes of this part counted in the whole.
   void keep() { whole_ = nullptr; }
 
   std::uint64_t used() const { return used_.load(std::memory_order_relaxed); }
@@ -63,7 +63,7 @@ class ReadingBudget {
   // The error after a take() that failed: of the scene, not of the machine, so that a farm does not try the
   // scene on one worker after the other. `what` the bytes are for: "instances"; 0: nobody knows how many.
   Error refusal(const Location& where, std::string_view what, std::uint64_t bytes) const;
-  // Whether there was such an error: to read on is of no use.
+  // True once charge() or refusal() has failed. The reader stops then.
   bool refused() const { return refused_; }
   Result<void> charge(std::uint64_t bytes, const Location& where, std::string_view what) {
     if (take(bytes)) return {};
@@ -139,7 +139,7 @@ class BudgetedFiles final : public FileSource {
   ReadingBudget& budget_;
 };
 
-// What a string has beside itself.
+// Bytes that a string has on the heap.
 inline std::uint64_t heap_bytes(const std::string& text) {
   constexpr std::size_t kInPlace = 15;  // characters that libstdc++ keeps in the string
   return text.capacity() > kInPlace ? text.capacity() + 17 : 0;

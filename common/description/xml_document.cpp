@@ -10,7 +10,7 @@ namespace candela::description {
 
 namespace {
 
-// How often `first` is followed by `second` or `third`, blanks between them or not.
+// Counts the places where `second` or `third` follows `first`; blanks may stand between them.
 std::size_t count_pairs(std::string_view bytes, char first, char second, char third) {
   std::size_t count = 0;
   for (std::size_t at = bytes.find(first); at != std::string_view::npos; at = bytes.find(first, at + 1)) {

@@ -1,4 +1,4 @@
-// What the estimate of a job's error has to know of the job.
+// Facts of a job that the estimate of its error depends on.
 #pragma once
 
 #include <string_view>

@@ -42,18 +42,6 @@ Result<std::vector<Certificate>> parse_certificates(const std::string& pem, cons
   return certificates;
 }
 
-// From now on; negative: past.
-double days_until(const ASN1_TIME* time) {
-  int days = 0, seconds = 0;
-  if (ASN1_TIME_diff(&days, &seconds, nullptr, time) != 1) return 0;
-  return days + seconds / 86400.0;
-}
-
-std::string date_of(const ASN1_TIME* time) {
-  const Bio bio(BIO_new(BIO_s_mem()));
-  return ASN1_TIME_print(bio.get(), time) == 1 ? text_of(*bio) : "an unknown date";
-}
-
 Result<void> check_dates(const X509& certificate, const std::string& file, const char* option,
                          std::vector<std::string>& warnings) {
   const ASN1_TIME* begin = X509_get0_notBefore(&certificate);

@@ -1,4 +1,4 @@
-// Owners of OpenSSL's objects.
+// Owners of OpenSSL's objects, and its dates.
 #pragma once
 
 #include <openssl/bio.h>
@@ -32,6 +32,17 @@ inline std::string text_of(BIO& bio) {
   char* data = nullptr;
   const long size = BIO_get_mem_data(&bio, &data);
   return size > 0 ? std::string(data, static_cast<std::size_t>(size)) : std::string();
+}
+
+// From now on; negative: past.
+inline double days_until(const ASN1_TIME* time) {
+  int days = 0, seconds = 0;
+  if (ASN1_TIME_diff(&days, &seconds, nullptr, time) != 1) return 0;
+  return days + seconds / 86400.0;
+}
+inline std::string date_of(const ASN1_TIME* time) {
+  const Bio bio(BIO_new(BIO_s_mem()));
+  return ASN1_TIME_print(bio.get(), time) == 1 ? text_of(*bio) : "an unknown date";
 }
 
 }  // namespace candela::wire

@@ -9,9 +9,6 @@
 
 namespace candela::wire {
 
-// The text that gRPC 1.51 has for a peer over an in-process channel.
-inline constexpr std::string_view kThisProcess = "unknown";
-
 // Reads gRPC's text for a peer: "ipv4:10.0.0.7:1234", "ipv6:%5B::1%5D:1234", "ipv6:[::1]:1234". Another text
 // is the name itself.
 std::string peer_name(std::string_view grpc_peer);

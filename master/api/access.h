@@ -59,14 +59,14 @@ class Access {
   // `owner` is asked for calls that may be about the caller's own, of callers that have a role.
   grpc::Status permit(const grpc::ServerContext& context, std::string_view method,
                       const std::function<Owner()>& owner) const;
+  // A program of the master's own process calls.
+  bool is_in_process(const grpc::ServerContext& context) const;
   // Until then calls are told to come again: where programs look for the token it is not yet.
   void open() { open_ = true; }
 
  private:
   grpc::Status refuse(const grpc::ServerContext& context, const Caller& caller, wire::Role missing,
                       const std::string& why) const;
-
-  bool is_in_process(const grpc::ServerContext& context) const;
 
   std::atomic<bool> open_{false};
   std::string own_token_;

@@ -27,9 +27,10 @@ constexpr std::uint32_t kMaxEventsAsked = 10000;
 constexpr auto kStep = std::chrono::milliseconds(20);  // between looks at a job that is watched
 
 // The caller's place, or why it has none.
-Result<PeerPlaces::Place> place_of(const grpc::ServerContext& context, PeerPlaces& places,
-                                   bool yields = false) {
-  return places.enter(wire::peer_name(context.peer()), yields);
+Result<PeerPlaces::Place> place_of(const Access& access, const grpc::ServerContext& context,
+                                   PeerPlaces& places, bool yields = false) {
+  return places.enter(
+      access.is_in_process(context) ? PeerPlaces::kThisProcess : wire::peer_name(context.peer()), yields);
 }
 
 grpc::Status too_many(const Error& error) {
@@ -128,7 +129,7 @@ grpc::Status FarmServiceImpl::UploadBlob(grpc::ServerContext* context,
     auto guard = farm_.gate().enter_unknown(farm_.now().seconds, cancel);
     v1::UploadBlobRequest chunk;
     if (!reader->Read(&chunk)) return grpc::Status(grpc::StatusCode::INVALID_ARGUMENT, "no chunk came");
-    const auto place = place_of(*context, uploads_);
+    const auto place = place_of(access_, *context, uploads_);
     if (!place.ok()) return answer_early(*context, *reader, too_many(place.error()));
     guard = farm_.gate().enter_silent(farm_.now().seconds, cancel);
     const std::string sha256 = chunk.sha256();  // later chunks do not say it
@@ -239,7 +240,7 @@ grpc::Status FarmServiceImpl::GetJob(grpc::ServerContext*, const v1::GetJobReque
 grpc::Status FarmServiceImpl::WatchJob(grpc::ServerContext* context, const v1::WatchJobRequest* request,
                                        grpc::ServerWriter<v1::JobStatus>* writer) {
   return guarded([&] {
-    const auto place = place_of(*context, watchers_, true);
+    const auto place = place_of(access_, *context, watchers_, true);
     if (!place.ok()) return too_many(place.error());
     const double interval =
         request->interval_ms() == 0 ? 0.5 : std::clamp(request->interval_ms() / 1000.0, 0.02, 60.0);
@@ -277,7 +278,7 @@ grpc::Status FarmServiceImpl::FetchImage(grpc::ServerContext* context, const v1:
       image = farm_.images().recent().find(request->sha256(), farm_.now().seconds);
     std::optional<PeerPlaces::Place> making;
     if (!image) {
-      auto place = place_of(*context, images_);
+      auto place = place_of(access_, *context, images_);
       if (!place.ok()) return too_many(place.error());
       making.emplace(std::move(*place));
       auto which = half_of(request->half());
@@ -291,7 +292,7 @@ grpc::Status FarmServiceImpl::FetchImage(grpc::ServerContext* context, const v1:
       // Clients on slow links keep nobody from an image, as long as it is not memory they take.
       if (image->bytes.size() <= kLargeImageBytes) making.reset();
     }
-    const auto sending = place_of(*context, senders_);
+    const auto sending = place_of(access_, *context, senders_);
     if (!sending.ok()) return too_many(sending.error());
     // A client that takes nothing is cut off.
     const auto guard = farm_.gate().enter_silent(farm_.now().seconds, [context] { context->TryCancel(); });
@@ -420,7 +421,7 @@ grpc::Status FarmServiceImpl::DrainWorker(grpc::ServerContext* context, const v1
     if (!status) return not_found("worker", request->worker_id());
     std::optional<PeerPlaces::Place> place;
     if (request->wait()) {
-      auto entered = place_of(*context, watchers_, true);
+      auto entered = place_of(access_, *context, watchers_, true);
       if (!entered.ok()) return too_many(entered.error());
       place.emplace(std::move(*entered));
     }
@@ -516,7 +517,7 @@ grpc::Status FarmServiceImpl::GetLedger(grpc::ServerContext*, const v1::GetLedge
 grpc::Status FarmServiceImpl::VerifyJobs(grpc::ServerContext* context, const v1::VerifyJobsRequest* request,
                                          grpc::ServerWriter<v1::JobReport>* writer) {
   return guarded([&] {
-    const auto place = place_of(*context, verifications_);
+    const auto place = place_of(access_, *context, verifications_);
     if (!place.ok()) return too_many(place.error());
     std::vector<std::string> ids{request->job_id()};
     if (request->job_id().empty()) ids = farm_.with_scheduler([](Scheduler& s) { return job_ids(s); });

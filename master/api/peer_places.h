@@ -14,12 +14,14 @@
 #include <utility>
 
 #include "common/base/result.h"
-#include "common/wire/peer.h"
 
 namespace candela::master {
 
 class PeerPlaces {
  public:
+  // The name of calls of this process, which have all places.
+  static inline const std::string kThisProcess = "this process";
+
   // `what`: plural noun for errors. `mend`: what somebody with too many can do.
   PeerPlaces(std::string what, std::size_t total, std::size_t each, std::string mend)
       : what_(std::move(what)), mend_(std::move(mend)), total_(total), each_(each) {}
@@ -51,7 +53,7 @@ class PeerPlaces {
   Result<Place> enter(const std::string& peer, bool yields = false) {
     const std::lock_guard lock(mutex_);
     const std::size_t mine = count(peer);
-    if (peer != wire::kThisProcess && mine >= each_)
+    if (peer != kThisProcess && mine >= each_)
       return resource_error(
                  fmt::format("this client ({}) has {} {}, as many as one client may", peer, mine, what_))
           .with_mend(mend_);

@@ -23,8 +23,10 @@ namespace candela::master {
 inline constexpr std::uint32_t kWidth = 40, kHeight = 33;  // four tiles, two of them cut
 inline const std::string kScene = "<scene version='3.0.0'/>";
 
-// What "rendering" gives: a value for each iteration and pixel that anybody can compute again.
-inline std::string make_delta(const Unit& unit, const std::string& job, int scale, const std::string& build) {
+// A value for each iteration and pixel that anybody can compute again, changed by change(i, x, y, color).
+template <class Change>
+std::string make_changed_delta(const Unit& unit, const std::string& job, int scale, const std::string& build,
+                               Change&& change) {
   film::UnitFilm film({kWidth, kHeight, 1}, scale);
   film::Tallies tallies;
   for (std::uint64_t i = unit.begin; i < unit.end; ++i)
@@ -33,10 +35,17 @@ inline std::string make_delta(const Unit& unit, const std::string& job, int scal
         const std::uint64_t key = rng::key(unit.half, i, y, x);
         const float v = 1 + rng::to_float(static_cast<std::uint32_t>(key));
         tallies.eye_samples += 1;
-        film.add(0, x, y, {v, v * 0.5F, v * 0.25F}, key, tallies);
+        std::array<float, 3> color = {v, v * 0.5F, v * 0.25F};
+        change(i, x, y, color);
+        film.add(0, x, y, {color[0], color[1], color[2]}, key, tallies);
       }
   film.count(tallies);
   return film::encode_delta(film, {unit, film.layout(), scale, job, build});
+}
+
+// What "rendering" gives.
+inline std::string make_delta(const Unit& unit, const std::string& job, int scale, const std::string& build) {
+  return make_changed_delta(unit, job, scale, build, [](auto&&...) {});
 }
 
 class TestWorker : public test::HandWorker {

@@ -49,23 +49,13 @@ class NamedWorker : public TestWorker {
 
  private:
   std::string false_delta(const Unit& unit, const std::string& job) const {
-    film::UnitFilm film({kWidth, kHeight, 1}, 20);
-    film::Tallies tallies;
-    for (std::uint64_t i = unit.begin; i < unit.end; ++i)
-      for (std::uint32_t y = 0; y < kHeight; ++y)
-        for (std::uint32_t x = 0; x < kWidth; ++x) {
-          const std::uint64_t key = rng::key(unit.half, i, y, x);
-          const float v = 1 + rng::to_float(static_cast<std::uint32_t>(key));
-          tallies.eye_samples += 1;
-          const bool here = i == unit.begin && x == 7 && y == 9;
-          const float green = v * 0.5F + (here ? 0x1p-20F : 0.0F);
-          if (one_bit)
-            film.add(0, x, y, {v, green, v * 0.25F}, key, tallies);
-          else
-            film.add(0, x, y, {0, 0, 0}, key, tallies);
-        }
-    film.count(tallies);
-    return film::encode_delta(film, {unit, film.layout(), 20, job, std::string(build_id())});
+    return make_changed_delta(unit, job, 20, std::string(build_id()),
+                              [&](std::uint64_t i, std::uint32_t x, std::uint32_t y, auto& color) {
+                                if (!one_bit)
+                                  color = {0, 0, 0};
+                                else if (i == unit.begin && x == 7 && y == 9)
+                                  color[1] += 0x1p-20F;
+                              });
   }
   Lie lie_;
   int lies_ = 0;

@@ -5,7 +5,6 @@
 #include <string>
 
 #include "common/job/stop_limits.h"
-#include "common/wire/peer.h"
 #include "master/api/peer_places.h"
 #include "master/farm.h"
 #include "tests/unit/master_fixture.h"
@@ -55,10 +54,10 @@ TEST(PeerPlaces, FixedPlacesStay) {
   PeerPlaces places("uploads", 3, 2, "wait");
   Places fixed, inner;
   for (int i = 0; i < 2; ++i) ASSERT_TRUE(enter(places, "a", fixed, false));
-  ASSERT_TRUE(enter(places, std::string(wire::kThisProcess), inner, false));
+  ASSERT_TRUE(enter(places, PeerPlaces::kThisProcess, inner, false));
   EXPECT_FALSE(places.enter("b").ok());
   fixed.clear();
-  for (int i = 0; i < 2; ++i) ASSERT_TRUE(enter(places, std::string(wire::kThisProcess), inner, false));
+  for (int i = 0; i < 2; ++i) ASSERT_TRUE(enter(places, PeerPlaces::kThisProcess, inner, false));
 }
 
 class IdleWorkerTest : public SchedulerFixture {

@@ -354,17 +354,12 @@ TEST(StoreVersions, TheEighthLearnsSubmitters) {
     EXPECT_NE(old.shape(), present) << "nothing is tested";
   }
   std::string expected;
-  for (int opening = 0; opening < 2; ++opening) {
-    auto store = open_sqlite_store(path);
-    ASSERT_TRUE(store.ok()) << store.error().to_string();
-    EXPECT_EQ(Database(path).shape(), present);
-    const auto state = (*store)->load();
-    ASSERT_TRUE(state.ok()) << state.error().to_string();
-    EXPECT_EQ(state->jobs.at(0).tallies, j.tallies);
-    EXPECT_EQ(state->jobs[0].submitter, expected);
+  expect_present(path, present, [&](Store& store, const StoredState& state) {
+    EXPECT_EQ(state.jobs.at(0).tallies, j.tallies);
+    EXPECT_EQ(state.jobs[0].submitter, expected);
     j.submitter = expected = "alice@somewhere";
-    ASSERT_TRUE((*store)->write(std::vector<Change>{PutJob{j}}).ok());
-  }
+    ASSERT_TRUE(store.write(std::vector<Change>{PutJob{j}}).ok());
+  });
 }
 
 // Claim: a store of version 9, in which nobody was distrusted and no unit told its content, becomes the

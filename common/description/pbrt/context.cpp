@@ -44,7 +44,7 @@ Result<std::string> Context::find_file(const Location& where, std::string_view n
   return error;
 }
 
-// Where there is no memory for a note, the next object is an error.
+// Drops the note if the budget has no memory for it; the next object then fails.
 void Context::tell(std::vector<Note>& notes, Note note) const {
   if (notes.size() >= max_told) return;
   if (budget().take(2 * sizeof note + heap_bytes(note.text) + heap_bytes(note.where)))
