@@ -229,17 +229,43 @@ std::string submitted_json(const std::string& id, bool existed, std::uint64_t up
   return text({{"id", id}, {"existed", existed}, {"uploaded_bytes", uploaded_bytes}});
 }
 
-std::string comparison_json(const stats::ImageComparison& c) {
+std::string comparison_json(const stats::ImageComparison& c, const stats::ImageDifference* d,
+                            bool has_variance, bool reference_has_variance) {
+  const auto rgb = [](const auto& v) { return Json{finite(v[0]), finite(v[1]), finite(v[2])}; };
   Json worst = Json::array();
-  for (const auto& pixel : c.worst) {
-    const auto rgb = [](const std::array<float, 3>& v) {
-      return Json{finite(v[0]), finite(v[1]), finite(v[2])};
-    };
+  for (const auto& pixel : c.worst)
     worst.push_back({{"x", pixel.x},
                      {"y", pixel.y},
                      {"relative_squared_error", finite(pixel.relative_squared_error)},
                      {"value", rgb(pixel.a)},
                      {"reference", rgb(pixel.b)}});
+  Json noise = nullptr;
+  if (d != nullptr) {
+    const stats::ComparisonNoise& n = d->noise;
+    const auto figure = [](double value, double error) {
+      constexpr double kNormal = 1.96;
+      return Json{{"standard_error", finite(error)},
+                  {"interval", {finite(value - kNormal * error), finite(value + kNormal * error)}}};
+    };
+    Json blocks = Json::array();
+    for (const stats::BlockDifference& block : d->differing)
+      blocks.push_back({{"x", block.x},
+                        {"y", block.y},
+                        {"width", block.width},
+                        {"height", block.height},
+                        {"p", block.p},
+                        {"mean", rgb(block.a)},
+                        {"mean_reference", rgb(block.b)}});
+    noise = {{"variance_known", has_variance},
+             {"reference_variance_known", reference_has_variance},
+             {"mean", figure(c.mean_a, n.mean_a)},
+             {"mean_reference", figure(c.mean_b, n.mean_b)},
+             {"mean_ratio", figure(c.mean_ratio, n.mean_ratio)},
+             {"rmse", figure(c.rmse, n.rmse)},
+             {"relmse", figure(c.relmse, n.relmse)},
+             {"expected_relmse", finite(n.expected_relmse)},
+             {"blocks", d->blocks},
+             {"differing_blocks", blocks}};
   }
   return text({{"mean", finite(c.mean_a)},
                {"mean_reference", finite(c.mean_b)},
@@ -247,7 +273,8 @@ std::string comparison_json(const stats::ImageComparison& c) {
                {"rmse", finite(c.rmse)},
                {"relmse", finite(c.relmse)},
                {"relmse_trimmed", finite(c.relmse_trimmed)},
-               {"worst", worst}});
+               {"worst", worst},
+               {"noise", noise}});
 }
 
 std::string version_json() {

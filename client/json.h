@@ -5,12 +5,12 @@
 #include <string>
 
 #include "candela/v1/client.pb.h"
-#include "common/stats/image_error.h"
+#include "common/stats/image_difference.h"
 
 namespace candela::client {
 
-// An object with at least id, state, units_merged, iterations, error (the estimated relMSE, or null) and
-// message.
+// An object with at least id, state, units_merged, iterations, error (the estimated relMSE, or null),
+// error_upper (the upper end of its 95 % interval, or null) and message.
 std::string job_json(const v1::JobStatus& status);
 std::string jobs_json(const v1::ListJobsResponse& response);  // {"jobs": [...], "total", "next"}
 std::string trust_json(const v1::TrustResponse& response);
@@ -20,7 +20,10 @@ std::string events_json(const v1::ListEventsResponse& response);    // {"events"
 // One line.
 std::string report_json(const v1::JobReport& report);
 std::string submitted_json(const std::string& id, bool existed, std::uint64_t uploaded_bytes);
-std::string comparison_json(const stats::ImageComparison& comparison);
+// `difference`: null where neither file has variances.
+std::string comparison_json(const stats::ImageComparison& comparison,
+                            const stats::ImageDifference* difference, bool has_variance,
+                            bool reference_has_variance);
 std::string version_json();
 std::string plan_json(const std::string& integrator, const std::map<std::string, std::string>& settings,
                       const std::string& plan);
