@@ -47,8 +47,10 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
              "chain",
              "N");
     add_text(app, "--time", options.time, "Stop after this time, such as 90s, 10m or 1h30m", "DURATION");
-    add_text(app, "--until", options.until,
-             "Stop when the estimated error is reached; with several limits the first counts", "relmse=X");
+    add_text(
+        app, "--until", options.until,
+        "Stop when the upper end of the estimated error is at most X; with several limits the first counts",
+        "relmse=X");
   }
   add_text(app, "--seed", options.seed, "Seed; default: the scene's sampler's, else 0", "N");
   add_text(app, "--size", options.size,

@@ -94,6 +94,7 @@ Json job(const v1::JobStatus& s) {
   json["rays"] = s.rays();
   // Before the first merge the estimate has no meaning, whatever the field holds.
   json["error"] = s.iterations() > 0 ? finite(s.relmse_estimate()) : Json(nullptr);
+  json["error_upper"] = s.iterations() > 0 && s.relmse_upper() > 0 ? finite(s.relmse_upper()) : Json(nullptr);
   json["samples_per_second"] = finite(s.samples_per_second());
   json["eta_seconds"] = finite(s.eta_seconds());
   json["elapsed_seconds"] = finite(s.elapsed_seconds());

@@ -7,10 +7,12 @@
 #include <algorithm>
 #include <cmath>
 #include <ostream>
+#include <sstream>
 #include <vector>
 
 #include "client/values.h"
 #include "common/film/counts.h"
+#include "common/job/plan_words.h"
 #include "common/wire/wire.h"
 
 namespace candela::client {
@@ -58,6 +60,21 @@ std::string effort_text(const v1::JobStatus& status, std::uint64_t iterations) {
                   : fmt::format("{} iterations", iterations);
 }
 
+std::string relmse_text(const v1::JobStatus& status) {
+  const std::string text = fmt::format("relMSE {:.1e}", status.relmse_estimate());
+  return status.relmse_upper() > 0 ? fmt::format("{} (at most {:.1e})", text, status.relmse_upper()) : text;
+}
+
+std::vector<std::string> lucky_light(const v1::JobStatus& status) {
+  std::vector<std::string> notes;
+  std::istringstream plan(status.plan());
+  for (std::string line; std::getline(plan, line);)
+    for (const std::string_view subject : {kLuckyLight, kMissingLight})
+      if (const std::string start = fmt::format("note {}: ", subject); line.starts_with(start))
+        notes.push_back(fmt::format("{}: {}", subject, line.substr(start.size())));
+  return notes;
+}
+
 std::string rejected_text(const v1::RejectedSamples& rejected) {
   if (rejected.cause() == film::name(film::RejectCause::statistics))
     return fmt::format("the statistics of {} eye paths, beyond what a pixel's sums hold", rejected.count());
@@ -94,6 +111,7 @@ std::vector<std::string> warnings_of(const v1::JobStatus& status) {
     if (rejected.count() > 0) warnings.push_back("rejected " + rejected_text(rejected));
   for (std::string warning : {repeats_warning(status), bounded_walks_warning(status)})
     if (!warning.empty()) warnings.push_back(std::move(warning));
+  for (const std::string& light : lucky_light(status)) warnings.push_back("the error may leave out " + light);
   return warnings;
 }
 
@@ -104,9 +122,9 @@ double fraction_done(const v1::JobStatus& status) {
     fraction =
         std::max(fraction, static_cast<double>(status.iterations()) / static_cast<double>(stop.iterations()));
   if (stop.time_seconds() > 0) fraction = std::max(fraction, status.elapsed_seconds() / stop.time_seconds());
-  // The estimate falls as 1/iterations, so this is the share of the iterations needed.
-  if (stop.relmse() > 0 && status.relmse_estimate() > 0)
-    fraction = std::max(fraction, stop.relmse() / status.relmse_estimate());
+  // The error falls as 1/iterations, so this is the share of the iterations needed.
+  if (stop.relmse() > 0 && status.relmse_upper() > 0)
+    fraction = std::max(fraction, stop.relmse() / status.relmse_upper());
   return std::clamp(fraction, 0.0, 1.0);
 }
 
@@ -123,11 +141,9 @@ std::string format_progress(const v1::JobStatus& status) {
   }
   const bool running = status.state() == v1::JOB_STATE_RUNNING;
   if (running && status.samples_per_second() > 0) parts.push_back(rate_text(status));
-  if (status.iterations() > 0 && std::isfinite(status.relmse_estimate())) {
-    std::string text = fmt::format("relMSE {:.1e}", status.relmse_estimate());
-    if (stop.relmse() > 0) text += fmt::format(" (to {:.1e})", stop.relmse());
-    parts.push_back(std::move(text));
-  }
+  if (status.iterations() > 0 && std::isfinite(status.relmse_estimate()))
+    parts.push_back(stop.relmse() > 0 ? fmt::format("{}, to {:.1e}", relmse_text(status), stop.relmse())
+                                      : relmse_text(status));
   if (status.has_chains() && status.has_named_state()) parts.push_back(b_text(status.chains()));
   if (running && status.has_chains() && !status.has_named_state()) {
     parts.push_back(fmt::format("bootstrap: {} of {} samples", status.chains().bootstrap_done(),

@@ -5,6 +5,7 @@
 #include <sys/resource.h>
 
 #include <cerrno>
+#include <cmath>
 #include <cstring>
 #include <map>
 #include <utility>
@@ -12,6 +13,7 @@
 
 #include "common/base/log.h"
 #include "master/farm.h"
+#include "master/jobs/convergence.h"
 #include "master/store/private_folder.h"
 
 namespace candela::master {
@@ -70,6 +72,10 @@ Result<void> Farm::restore_jobs(StoredState state) {
   std::uint64_t read_bytes = 0;
   for (JobRow& row : state.jobs) {
     const std::string id = row.id;
+    // The store has no upper end of the error; the record for people has.
+    if (const auto points = read_convergence(table_->folder_of(id));
+        !points.empty() && std::isfinite(row.relmse))
+      row.relmse_upper = points.back().relmse_upper;
     CANDELA_ASSIGN(std::vector<UnitRow> merged, store_->merged_units(id));
     RestoredStages chains{std::move(bootstraps[id]), std::move(state.chain_starts[id]), 0,
                           std::move(state.states[id])};

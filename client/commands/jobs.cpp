@@ -165,11 +165,14 @@ void print_job(std::ostream& out, const v1::JobStatus& s) {
   line("samples", fmt::format("{}", s.samples()));
   if (s.light_paths() > 0) line("light paths", fmt::format("{}", s.light_paths()));
   line("rays", fmt::format("{}", s.rays()));
-  line("relMSE", error_text(s));
+  line("relMSE", s.iterations() > 0 && s.relmse_upper() > 0
+                     ? fmt::format("{}; at most {:.2e} (95 %)", error_text(s), s.relmse_upper())
+                     : error_text(s));
+  for (const std::string& light : lucky_light(s)) line("  light", light);
   std::vector<std::string> limits;
   if (s.stop().iterations() > 0) limits.push_back(effort_text(s, s.stop().iterations()));
   if (s.stop().time_seconds() > 0) limits.push_back(format_duration(s.stop().time_seconds()));
-  if (s.stop().relmse() > 0) limits.push_back(fmt::format("relMSE {}", s.stop().relmse()));
+  if (s.stop().relmse() > 0) limits.push_back(fmt::format("relMSE at most {}", s.stop().relmse()));
   line("stops at", fmt::format("{}", join(limits, " or ")));
   line("time", fmt::format("{} running, {} of workers", format_duration(s.elapsed_seconds()),
                            format_duration(s.worker_seconds())));
@@ -345,7 +348,13 @@ void add_list(CLI::App& app, Context& context) {
 
 void add_show(CLI::App& app, Context& context) {
   auto options = std::make_shared<JobOptions>();
-  CLI::App* sub = add_job_command(app, options, "show", "Show a job: state, progress, settings", true);
+  CLI::App* sub =
+      add_job_command(app, options, "show",
+                      "Show a job: state, progress, settings. relMSE is estimated from the job's two halves; "
+                      "'at most' is the upper end of its 95 % interval, by which --until stops. Light "
+                      "that no sample has found is in no estimate: where the plan knows of such light, "
+                      "it stands below, with an integrator that finds it (docs/error.md)",
+                      true);
   sub->callback(
       [&context, options] { context.command = [&context, options] { return run_show(context, *options); }; });
 }
@@ -393,7 +402,8 @@ void add_extend(CLI::App& app, Context& context) {
   add_text(*sub, "--spp", options->spp, "So many more samples, or mutations, per pixel", "+N");
   add_text(*sub, "--iterations", options->iterations, "So many more iterations", "+N");
   add_text(*sub, "--time", options->time, "So much more time", "+DURATION");
-  add_text(*sub, "--until", options->until, "A new target for the estimated error", "relmse=X");
+  add_text(*sub, "--until", options->until, "A new target for the upper end of the estimated error",
+           "relmse=X");
   sub->callback([&context, options] {
     context.command = [&context, options] { return run_extend(context, *options); };
   });

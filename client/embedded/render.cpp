@@ -186,7 +186,7 @@ bool meets_a_limit(const v1::JobStatus& status) {
   const v1::StopRule& stop = status.stop();
   return (stop.iterations() != 0 && status.iterations() >= stop.iterations()) ||
          (stop.time_seconds() != 0 && status.elapsed_seconds() >= stop.time_seconds()) ||
-         (stop.relmse() != 0 && status.relmse_estimate() <= stop.relmse());
+         (stop.relmse() != 0 && status.relmse_upper() > 0 && status.relmse_upper() <= stop.relmse());
 }
 
 // The command that goes on with this render.
@@ -215,8 +215,7 @@ Error diagnose(const v1::JobStatus& status, const LoadedScene& scene, const Rend
 
 std::string summary(const v1::JobStatus& status, const std::string& output) {
   std::string text = fmt::format("{}: {}", printable(output), effort_text(status, status.iterations()));
-  if (std::isfinite(status.relmse_estimate()))
-    text += fmt::format(", relMSE {:.1e}", status.relmse_estimate());
+  if (std::isfinite(status.relmse_estimate())) text += ", " + relmse_text(status);
   return text + fmt::format(", {}", format_duration(status.elapsed_seconds()));
 }
 

@@ -81,6 +81,7 @@ v1::JobStatus to_message(const JobStatus& status) {
   out.set_bounded_walks(r.tallies.bounded_walks);
   out.set_rays(r.tallies.rays);
   out.set_relmse_estimate(r.relmse);
+  out.set_relmse_upper(r.relmse_upper);
   out.set_units_leased(status.units_leased);
   out.set_elapsed_seconds(r.elapsed_seconds);
   out.set_worker_seconds(r.worker_seconds);

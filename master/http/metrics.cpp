@@ -169,6 +169,9 @@ std::string metrics_text(Farm& farm) {
     if (const auto epochs = farm.epoch_status(j.row.id)) add_epochs(page, *epochs, labels);
     if (!std::isnan(j.row.relmse))
       page.gauge("candela_job_relmse", "estimated relative mean squared error", j.row.relmse, labels);
+    if (!std::isnan(j.row.relmse_upper))
+      page.gauge("candela_job_relmse_upper", "upper end of the error's 95 % interval, by which jobs stop",
+                 j.row.relmse_upper, labels);
   }
   for (const WorkerStatus& w : farm.all_workers()) ++workers[w.state];
   for (const auto& [state, n] : jobs) page.gauge("candela_jobs", "jobs by state", n, {{"state", state}});

@@ -137,6 +137,7 @@ std::string job_line_json(const Scheduler& scheduler, const Job& job, Now now) {
       .add("stop_seconds", r.stop.time_seconds)
       .add("stop_relmse", r.stop.relmse)
       .add("relmse", r.relmse)
+      .add("relmse_upper", r.relmse_upper)
       .add("elapsed_seconds", std::floor(r.elapsed_seconds))
       .add("eta_seconds", std::ceil(scheduler.eta_seconds(job, now)))
       .number("submitted_unix_ms", r.submitted_unix_ms)
@@ -198,6 +199,7 @@ std::string job_page_json(const JobStatus& status) {
       .count("rays", r.tallies.rays)
       .count("light_paths", r.tallies.light_paths)
       .add("relmse", r.relmse)
+      .add("relmse_upper", r.relmse_upper)
       .count("units_merged", r.units_merged)
       .count("units_leased", status.units_leased)
       .add("elapsed_seconds", r.elapsed_seconds)
@@ -258,8 +260,9 @@ std::string events_page_json(const std::vector<EventRow>& events) {
 std::string convergence_json(const std::vector<ConvergencePoint>& points) {
   std::string out = "[";
   for (const ConvergencePoint& p : points)
-    out += fmt::format("{}[{},{:.9g},{:.9g}]", out.size() > 1 ? "," : "", p.iterations, p.elapsed_seconds,
-                       p.relmse);
+    out +=
+        fmt::format("{}[{},{:.9g},{:.9g},{}]", out.size() > 1 ? "," : "", p.iterations, p.elapsed_seconds,
+                    p.relmse, std::isfinite(p.relmse_upper) ? fmt::format("{:.9g}", p.relmse_upper) : "null");
   return out + "]";
 }
 

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <fstream>
 #include <sstream>
 #include <string>
@@ -28,7 +29,8 @@ void append_convergence(const std::filesystem::path& job_folder, const Convergen
   const std::uintmax_t size = std::filesystem::file_size(file_in(job_folder), error);
   if (!error && size > kMaxFileBytes) return;
   std::ofstream out(file_in(job_folder), std::ios::app);
-  out << fmt::format("{} {:.3f} {:.6g}\n", point.iterations, point.elapsed_seconds, point.relmse);
+  out << fmt::format("{} {:.3f} {:.6g} {:.6g}\n", point.iterations, point.elapsed_seconds, point.relmse,
+                     point.relmse_upper);
 }
 
 std::vector<ConvergencePoint> read_convergence(const std::filesystem::path& job_folder) {
@@ -39,6 +41,8 @@ std::vector<ConvergencePoint> read_convergence(const std::filesystem::path& job_
     ConvergencePoint p;
     std::istringstream fields(line);
     if (!(fields >> p.iterations >> p.elapsed_seconds >> p.relmse) || !std::isfinite(p.relmse)) continue;
+    // By strtod, which knows "nan" and "inf".
+    if (std::string upper; fields >> upper) p.relmse_upper = std::strtod(upper.c_str(), nullptr);
     while (!points.empty() && points.back().iterations >= p.iterations) points.pop_back();
     points.push_back(p);
   }

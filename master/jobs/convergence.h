@@ -1,11 +1,13 @@
 // The error estimates of a job over time: jobs/ID/convergence.txt, for the plot of the page.
 //
-// A line is "iterations seconds relmse". The file is a record for people, no part of the truth: a write that
-// fails is passed over, and a line that was cut by a crash is not read.
+// A line is "iterations seconds relmse upper"; lines of older masters lack the last. The file is a record for
+// people, no part of the truth: a write that fails is passed over, and a line that was cut by a crash is not
+// read.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <vector>
 
 namespace candela::master {
@@ -14,6 +16,7 @@ struct ConvergencePoint {
   std::uint64_t iterations = 0;
   double elapsed_seconds = 0;
   double relmse = 0;
+  double relmse_upper = std::numeric_limits<double>::quiet_NaN();  // of the estimate's interval
 };
 
 // No effect unless the estimate is positive and finite.

@@ -14,10 +14,13 @@
 #include "common/film/layers.h"
 #include "common/image/image.h"
 #include "common/stages/development.h"
+#include "common/stats/error_context.h"
+#include "common/stats/error_interval.h"
 #include "common/stats/image_error.h"
 #include "common/wire/stored_bundle.h"
 #include "master/jobs/aov_layers.h"
 #include "master/jobs/develop.h"
+#include "master/jobs/error_history.h"
 
 namespace candela::master {
 namespace {
@@ -122,8 +125,15 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
   m["candela:light_paths"] = std::to_string(tallies.light_paths);
   m["candela:rays"] = std::to_string(tallies.rays);
   m["candela:scale"] = fmt::format("2^{}", film.scale_log2());
-  if (whole)
-    m["candela:relmse_estimate"] = fmt::format("{:.6g}", stats::estimate_error(film, development).relmse);
+  if (whole) {
+    stats::ErrorContext context = stats::context_of(s.integrator_settings, row.plan);
+    const stats::Movement movement =
+        context.alpha < 1 ? read_movement(table_.folder_of(row.id)) : stats::Movement();
+    context.movement = &movement;
+    const stats::ErrorInterval e = stats::error_interval(stats::halves_of(film, development), context);
+    m["candela:relmse_estimate"] = fmt::format("{:.6g}", e.relmse);
+    m["candela:relmse_upper"] = fmt::format("{:.6g}", e.upper);
+  }
   for (int i = 0; i < film::kRejectCauses; ++i)
     m[fmt::format("candela:rejected_{}", film::name(static_cast<film::RejectCause>(i)))] = std::to_string(
         tallies.rejected[static_cast<std::size_t>(i)] + row.bootstrap_rejected[static_cast<std::size_t>(i)]);

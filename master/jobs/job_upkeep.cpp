@@ -7,9 +7,11 @@
 
 #include "common/base/log.h"
 #include "common/base/memory_limit.h"
-#include "common/stats/image_error.h"
+#include "common/stats/error_context.h"
+#include "common/stats/error_interval.h"
 #include "master/jobs/convergence.h"
 #include "master/jobs/develop.h"
+#include "master/jobs/error_history.h"
 
 namespace candela::master {
 namespace {
@@ -145,14 +147,23 @@ void JobUpkeep::estimate_error(const std::string& job_id, JobFilm& film, bool at
     log::warn(fmt::format("no error estimate: {}", development.error().to_string()), {.job = job_id});
     return;
   }
-  const stats::ErrorEstimate e = bulk_.run([&] { return stats::estimate_error(*copy.film, *development); });
+  stats::ErrorContext context = stats::context_of(row.settings.integrator_settings, row.plan);
+  if (context.alpha < 1 && !state.movement) state.movement = read_movement(table_.folder_of(job_id));
+  if (state.movement) context.movement = &*state.movement;
+  const stats::ErrorInterval e =
+      bulk_.run([&] { return stats::error_interval(stats::halves_of(*copy.film, *development), context); });
+  if (state.movement && state.movement->due(e.blocks.n0, e.blocks.n1)) {
+    state.movement->add(e.blocks, context.alpha);
+    write_movement(table_.folder_of(job_id), *state.movement);
+  }
   state.last_estimate = JobTable::now().seconds;
   state.estimate_cost = state.last_estimate - started;
   state.estimated_iterations = copy.film->iterations();
-  table_.with_scheduler(
-      [&](Scheduler& s) { s.relmse_estimated(job_id, e.relmse, copy.film->iterations(), JobTable::now()); });
+  table_.with_scheduler([&](Scheduler& s) {
+    s.relmse_estimated(job_id, e.relmse, e.upper, copy.film->iterations(), JobTable::now());
+  });
   append_convergence(table_.folder_of(job_id),
-                     {row.iterations_of(copy.film->iterations()), row.elapsed_seconds, e.relmse});
+                     {row.iterations_of(copy.film->iterations()), row.elapsed_seconds, e.relmse, e.upper});
 }
 
 // The status of a job's chains follows its film within half a second.

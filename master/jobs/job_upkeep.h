@@ -11,8 +11,10 @@
 #include <functional>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <string>
 
+#include "common/stats/movement.h"
 #include "master/jobs/farm_counters.h"
 #include "master/jobs/image_writer.h"
 #include "master/jobs/job_table.h"
@@ -56,6 +58,7 @@ class JobUpkeep {
     double last_checkpoint = 0, retry_at = 0, last_image = 0;
     double last_estimate = 0, estimate_cost = 0;
     std::uint64_t estimated_iterations = 0;
+    std::optional<stats::Movement> movement;  // of a job that merges, once it is read
     double last_summary = 0;
     std::uint64_t summarized_iterations = 0;
     std::string checkpoint_error, manifest_error;  // reported last; empty: none

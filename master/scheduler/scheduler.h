@@ -59,9 +59,9 @@ struct SchedulerOptions {
   std::uint64_t statistics_bytes = 0;
 };
 
-// The stop rule relmse = R holds only where both halves have at least this many iterations, and where two
-// estimates in a row, the second with at least a tenth more iterations, are both at most R. One lucky
-// estimate does not end a job.
+// The stop rule relmse = R holds only where both halves have at least this many iterations, and where the
+// upper ends of two estimates in a row, the second with at least a tenth more iterations, are both at most R.
+// One lucky estimate does not end a job.
 inline constexpr std::uint64_t kRelmseMinIterationsPerHalf = 8;
 
 // From so many workers on the scheduler does not look at all of them at each occasion.
@@ -142,7 +142,9 @@ class Scheduler {
   // The final checkpoint of a finishing job is on disk.
   void finish(const std::string& id, Now now);
   void fail_job(const std::string& id, const std::string& message, Now now);
-  void relmse_estimated(const std::string& id, double relmse, std::uint64_t iterations, Now now);
+  // `upper`: of the estimate's interval; it is what ends a job.
+  void relmse_estimated(const std::string& id, double relmse, double upper, std::uint64_t iterations,
+                        Now now);
   void checkpointed(const std::string& id, std::uint64_t generation, std::uint64_t iterations, Now now);
   void set_note(const std::string& id, const std::string& note);
 

@@ -216,15 +216,17 @@ std::string Scheduler::stop_due(const Job& job) {
   return {};
 }
 
-void Scheduler::relmse_estimated(const std::string& id, double relmse, std::uint64_t iterations, Now now) {
+void Scheduler::relmse_estimated(const std::string& id, double relmse, double upper, std::uint64_t iterations,
+                                 Now now) {
   Job* job = find(id);
   if (job == nullptr) return;
   job->row.relmse = relmse;
+  job->row.relmse_upper = upper;
   const std::uint64_t least = kRelmseMinIterationsPerHalf * job->row.per_round();
   const bool enough =
       std::min(job->merged[0].count(), job->merged[1].count()) >= least && iterations >= 2 * least;
   if (job->row.stop.relmse <= 0 || !enough) return;
-  if (!(relmse <= job->row.stop.relmse)) {  // NaN too
+  if (!(upper <= job->row.stop.relmse)) {  // NaN too
     job->relmse_hits = 0;
     return;
   }
@@ -409,8 +411,8 @@ double Scheduler::eta_seconds(const Job& job, Now now) const {
   const double done = static_cast<double>(job.row.iterations) / per_iteration;
   if (rate > 0 && job.row.stop.iterations > 0)
     eta = std::min(eta, std::max(static_cast<double>(job.row.stop.iterations) - done, 0.0) / rate);
-  if (rate > 0 && job.row.stop.relmse > 0 && job.row.relmse > 0)  // the variance of a mean goes as 1/n
-    eta = std::min(eta, std::max(done * (job.row.relmse / job.row.stop.relmse - 1), 0.0) / rate);
+  if (rate > 0 && job.row.stop.relmse > 0 && job.row.relmse_upper > 0)  // variance goes as 1/n
+    eta = std::min(eta, std::max(done * (job.row.relmse_upper / job.row.stop.relmse - 1), 0.0) / rate);
   if (job.row.stop.time_seconds > 0)
     eta = std::min(eta, std::max(job.row.stop.time_seconds - job.row.elapsed_seconds, 0.0));
   return std::isfinite(eta) ? eta : kUnknown;

@@ -74,6 +74,7 @@ struct JobRow {
   std::uint64_t units_merged = 0;
   film::Tallies tallies;  // of merged units
   double relmse = std::numeric_limits<double>::quiet_NaN();
+  double relmse_upper = std::numeric_limits<double>::quiet_NaN();  // not stored: convergence.txt has it
   std::uint64_t checkpoint_generation = 0, checkpoint_iterations = 0;
   std::uint64_t iterations = 0;  // merged indices of both halves; of chains: segments
   // Indices of each half that the job had when it ended. Set when its checkpoints are found to hold fewer,

@@ -354,6 +354,7 @@ TEST_F(ChainFarm, ThePictureIsTheFunction) {
   }
   EXPECT_NEAR(squares / variance, 1, 0.25);
   EXPECT_NEAR(relative / end.relmse_estimate(), 1, 0.5);
+  EXPECT_LE(relative, end.relmse_upper());
   EXPECT_LT(std::abs(end.chains().b() - b), 4 * end.chains().b_standard_error());
   EXPECT_LT(end.chains().b_standard_error(), 0.01 * b) << "or the line above proves nothing";
   std::uint64_t mutations = 0, large = 0;

@@ -53,7 +53,9 @@ TEST(Progress, Lines) {
   EXPECT_EQ(format_progress(s), " 42%  54/128 spp, 123 spp/s, relMSE 1.2e-03, ETA 1m05s, memory 300.0 MiB");
   s.set_worker_memory_bytes(0);
   s.mutable_stop()->set_relmse(1e-3);
-  EXPECT_EQ(format_progress(s), " 81%  54/128 spp, 123 spp/s, relMSE 1.2e-03 (to 1.0e-03), ETA 1m05s");
+  s.set_relmse_upper(2e-3);
+  EXPECT_EQ(format_progress(s),
+            " 50%  54/128 spp, 123 spp/s, relMSE 1.2e-03 (at most 2.0e-03), to 1.0e-03, ETA 1m05s");
   s = running_job();
   s.set_iterations(0);
   s.set_samples_per_second(0);
@@ -70,6 +72,19 @@ TEST(Progress, Lines) {
   s.set_eta_seconds(std::nan(""));
   s.set_message("no room");  // why it does not move
   EXPECT_EQ(format_progress(s), " 99%  128/128 spp, relMSE 1.2e-03, no room");
+}
+
+// Claim: light that the plan knows to be found by luck, or never, stands among the warnings; other notes do
+// not.
+TEST(Progress, WarnsOfLightFoundByLuck) {
+  v1::JobStatus s = running_job();
+  s.set_plan(
+      "use  media: there are some\nnote light found by luck: caustics; vcm finds it\nnote media: thick\n");
+  EXPECT_EQ(lucky_light(s), std::vector<std::string>{"light found by luck: caustics; vcm finds it"});
+  EXPECT_EQ(warnings_of(s),
+            std::vector<std::string>{"the error may leave out light found by luck: caustics; vcm finds it"});
+  s.set_plan("note light found by luck");
+  EXPECT_TRUE(lucky_light(s).empty());
 }
 
 // Claim: a job of chains shows its bootstrap, and then b with its relative error; scripts get every figure.
@@ -172,8 +187,13 @@ TEST(Json, JobShape) {
   EXPECT_EQ(json.at("stop").at("iterations"), 128);
   EXPECT_TRUE(json.at("stop").at("relmse").is_null());
   EXPECT_TRUE(json.contains("message"));
+  EXPECT_TRUE(json.at("error_upper").is_null());  // of a master that does not tell it
+  s.set_relmse_upper(3e-3);
+  EXPECT_DOUBLE_EQ(nlohmann::json::parse(job_json(s)).at("error_upper").get<double>(), 3e-3);
   s.set_relmse_estimate(std::nan(""));
+  s.set_relmse_upper(std::nan(""));
   EXPECT_TRUE(nlohmann::json::parse(job_json(s)).at("error").is_null());
+  EXPECT_TRUE(nlohmann::json::parse(job_json(s)).at("error_upper").is_null());
 }
 
 // Claim: lists are objects with one named array, also when empty.

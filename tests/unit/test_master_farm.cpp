@@ -1,5 +1,6 @@
 // The whole master in this process (master_fixture.h): submission, the cycle of units, bad deltas, restart,
 // full disks.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,6 +10,7 @@
 #include <map>
 #include <thread>
 
+#include "common/image/image.h"
 #include "master/farm.h"
 #include "tests/unit/master_fixture.h"
 
@@ -34,6 +36,24 @@ TEST_F(MasterTest, RendersAJobExactly) {
   audit(id, 9);
   expect_same(checkpoint_of(id), expected_film(9));
   EXPECT_EQ(fetch(id).substr(0, 4), std::string("\x76\x2f\x31\x01", 4));  // OpenEXR's magic number
+}
+
+// Claim: the estimate of the error and the upper end of its interval are the same in the job's status and in
+// its image, and survive a restart of the master.
+TEST_F(MasterTest, TheErrorIsOneFigureEverywhere) {
+  TestWorker a(channel);
+  ASSERT_TRUE(a.enrol().ok());
+  const std::string id = submit(40);
+  for (int i = 0; i < 200 && show(id).iterations() < 40; ++i) a.step();
+  const v1::JobStatus end = wait_end(id);
+  EXPECT_GT(end.relmse_upper(), end.relmse_estimate());
+  const auto picture = image::decode_exr(fetch(id));
+  ASSERT_TRUE(picture.ok()) << picture.error().to_string();
+  EXPECT_EQ(picture->metadata.at("candela:relmse_estimate"), fmt::format("{:.6g}", end.relmse_estimate()));
+  EXPECT_EQ(picture->metadata.at("candela:relmse_upper"), fmt::format("{:.6g}", end.relmse_upper()));
+  restart();
+  EXPECT_EQ(show(id).relmse_estimate(), end.relmse_estimate());
+  EXPECT_NEAR(show(id).relmse_upper() / end.relmse_upper(), 1, 1e-5);
 }
 
 // Claim: a repeated submission with one token is one job; with other content it is refused.

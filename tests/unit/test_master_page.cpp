@@ -16,18 +16,20 @@ TEST(ConvergenceFile, CutLinesAndLostIterationsArePassedOver) {
   const test::TemporaryFolder folder;
   const std::filesystem::path job = folder.path() / "j1";
   EXPECT_TRUE(read_convergence(job).empty());
-  append_convergence(job, {2, 1, 0.5});
+  append_convergence(job, {2, 1, 0.5, 0.75});
   append_convergence(job, {4, 2, std::nan("")});
   append_convergence(job, {8, 3, 0.125});
   append_convergence(job, {16, 4, 0.06});
-  append_convergence(job, {8, 9, 0.25});
-  std::ofstream(job / "convergence.txt", std::ios::app) << "nonsense\n32 10 0.0";
+  // As older masters wrote it, without the upper end.
+  std::ofstream(job / "convergence.txt", std::ios::app) << "8 9 0.25\nnonsense\n32 10 0.0";
   const std::vector<ConvergencePoint> points = read_convergence(job);
   ASSERT_EQ(points.size(), 2U);
   EXPECT_EQ(points[0].iterations, 2U);
   EXPECT_EQ(points[1].iterations, 8U);
   EXPECT_EQ(points[1].elapsed_seconds, 9);
   EXPECT_EQ(points[1].relmse, 0.25);
+  EXPECT_EQ(points[0].relmse_upper, 0.75);
+  EXPECT_TRUE(std::isnan(points[1].relmse_upper));
 }
 
 // Claim: a tile gives values back within 1/256 of the pixel's largest, over 60 orders of magnitude; what is

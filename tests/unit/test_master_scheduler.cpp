@@ -374,8 +374,8 @@ TEST_F(SchedulerTest, TimeLimitExcludesPauses) {
   EXPECT_EQ(s->lease_count(), 0U);
 }
 
-// Claim: relmse ends a job at the second good estimate with enough more iterations, never at one, never below
-// 8 a half.
+// Claim: relmse ends a job by the upper end of its interval, at the second good estimate with enough more
+// iterations, never at one, never below 8 a half.
 TEST_F(SchedulerTest, RelmseNeedsTwoEstimates) {
   worker("a");
   JobRow j;
@@ -394,18 +394,18 @@ TEST_F(SchedulerTest, RelmseNeedsTwoEstimates) {
   std::uint64_t n = one();
   n = one();
   ASSERT_LT(n, 16U);
-  s->relmse_estimated("j", 1e-3, n, now());
-  s->relmse_estimated("j", 1e-3, n + 5, now());
+  s->relmse_estimated("j", 1e-9, 1e-3, n, now());
+  s->relmse_estimated("j", 1e-9, 1e-3, n + 5, now());
   EXPECT_FALSE(s->job("j")->finishing) << "too few iterations";
   while (n < 40) n = one();
-  s->relmse_estimated("j", 1e-3, n, now());
+  s->relmse_estimated("j", 1e-9, 1e-3, n, now());
   EXPECT_FALSE(s->job("j")->finishing) << "one estimate";
-  s->relmse_estimated("j", 1e-3, n + 1, now());
+  s->relmse_estimated("j", 1e-9, 1e-3, n + 1, now());
   EXPECT_FALSE(s->job("j")->finishing) << "hardly more iterations";
-  s->relmse_estimated("j", 2e-2, 2 * n, now());  // a bad one in between
-  s->relmse_estimated("j", 1e-3, 3 * n, now());
+  s->relmse_estimated("j", 1e-9, 2e-2, 2 * n, now());  // a bad one in between
+  s->relmse_estimated("j", 1e-9, 1e-3, 3 * n, now());
   EXPECT_FALSE(s->job("j")->finishing);
-  s->relmse_estimated("j", 1e-3, 4 * n, now());
+  s->relmse_estimated("j", 1e-9, 1e-3, 4 * n, now());
   EXPECT_TRUE(s->job("j")->finishing);
 }
 

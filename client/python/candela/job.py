@@ -31,6 +31,7 @@ class Status:
     iterations: int  # merged
     samples: int
     relmse: Optional[float]  # estimated; None until both halves of the job have iterations
+    relmse_upper: Optional[float]  # upper end of its 95 % interval, which ends a job that has such a limit
     elapsed_seconds: float
     eta_seconds: Optional[float]
     samples_per_second: float
@@ -55,6 +56,7 @@ def status_of(message: Any) -> Status:
         iterations=message.iterations,
         samples=message.samples,
         relmse=finite(message.relmse_estimate) if message.iterations else None,
+        relmse_upper=finite(message.relmse_upper) if message.relmse_upper > 0 else None,
         elapsed_seconds=message.elapsed_seconds,
         eta_seconds=finite(message.eta_seconds),
         samples_per_second=message.samples_per_second,

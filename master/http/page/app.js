@@ -293,12 +293,12 @@ async function jobPage(id) {
   const buttons = {
     pause: h('button', {type: 'button', class: 'control', onclick: () => say(() => act('pause'))}, 'Pause'),
     resume: h('button', {type: 'button', class: 'control', onclick: () => say(() => act('resume'))}, 'Resume'),
-    extend: h('button', {type: 'button', class: 'control', onclick: () => ask({title: 'Extend', text: 'Fill in one or more.', fields: [{name: 'iterations', label: 'Iterations more', inputmode: 'numeric'}, {name: 'minutes', label: 'Minutes more', inputmode: 'decimal'}, {name: 'relmse', label: 'Stop at an estimated relMSE of', inputmode: 'decimal'}], action: 'Extend'},
+    extend: h('button', {type: 'button', class: 'control', onclick: () => ask({title: 'Extend', text: 'Fill in one or more.', fields: [{name: 'iterations', label: 'Iterations more', inputmode: 'numeric'}, {name: 'minutes', label: 'Minutes more', inputmode: 'decimal'}, {name: 'relmse', label: 'Stop at a relMSE of at most', inputmode: 'decimal'}], action: 'Extend'},
         ({iterations, minutes, relmse}) => act('extend', {iterations, seconds: minutes ? String(60 * Number(minutes)) : '', relmse}))}, 'Extend…'),
     priority: h('button', {type: 'button', class: 'control', onclick: () => ask({title: 'Priority', text: 'Higher ones go first.', fields: [{name: 'priority', label: 'Priority', inputmode: 'numeric', value: String(job.priority)}], action: 'Set'}, (v) => act('priority', v))}, 'Priority…'),
     cancel: h('button', {type: 'button', class: 'control danger', onclick: () => ask({title: 'Cancel this job?', text: 'It keeps the image of what is merged, and can be extended later.', action: 'Cancel the job', danger: true}, () => act('cancel'))}, 'Cancel…'),
   };
-  const plot = h('div', {class: 'plot'}), plotText = h('p', {class: 'note'});
+  const plot = h('div', {class: 'plot'}), plotText = h('p', {class: 'note'}), luck = h('p', {class: 'note'});
   let axis = 'iterations', convergence = [], job = first, viewer = null, end = null;
   const choose = (a, text) => h('button', {type: 'button', 'aria-pressed': String(a === axis), onclick: (e) => {
     axis = a;
@@ -325,7 +325,7 @@ async function jobPage(id) {
       h('div', {class: 'jobhead'}, h('div', {}, title, state), h('div', {class: 'buttons'}, ...Object.values(buttons))), message,
       h('div', {class: 'overall'}, meter, percent),
       h('div', {class: 'columns'}, h('div', {class: 'side'}, stage, section('Events', events)),
-          h('div', {class: 'side'}, list, section('Convergence', h('div', {class: 'switch', role: 'group', 'aria-label': 'Horizontal axis'}, choose('iterations', 'Iterations'), choose('seconds', 'Time')), plot, plotText), section('Workers’ share', shares))),
+          h('div', {class: 'side'}, list, section('Convergence', h('div', {class: 'switch', role: 'group', 'aria-label': 'Horizontal axis'}, choose('iterations', 'Iterations'), choose('seconds', 'Time')), plot, plotText, luck), section('Workers’ share', shares))),
       h('div', {class: 'below'}, chains, epochs, section('Plan', plan), section('Settings', settings)));
   let settingsShown = '';
   const show = (j) => {
@@ -340,7 +340,7 @@ async function jobPage(id) {
     meter.value = p || 0;
     put(percent, p === null ? 'No limit is set' : Math.floor(100 * p) + ' %');
     put(nodes.left, j.state === 'running' ? duration(j.eta_seconds) : '–');
-    put(nodes.relmse, small(j.relmse));
+    put(nodes.relmse, small(j.relmse) + (j.relmse_upper ? ', at most ' + small(j.relmse_upper) : ''));
     put(nodes.iterations, count(j.iterations) + (j.stop_iterations ? ' of ' + count(j.stop_iterations) : ''));
     put(nodes.rate, count(j.samples_per_second));
     put(nodes.elapsed, duration(j.elapsed_seconds) + (j.stop_seconds ? ' of ' + duration(j.stop_seconds) : ''));
@@ -354,9 +354,11 @@ async function jobPage(id) {
     buttons.resume.hidden = j.state !== 'paused' && j.state !== 'failed';
     buttons.cancel.hidden = ended;
     buttons.priority.hidden = ended;
+    const unseen = j.plan.filter((line) => line.startsWith('note light ')).map((line) => line.slice(5));
+    put(luck, unseen.length ? 'The error may leave out ' + unseen.join('; ') : '');
     put(plan, j.plan.length ? j.plan.join('\n') : 'The plan comes with the first unit.');
     const s = j.settings, facts = [['Job', j.id], ['Submitter', j.submitter || 'unknown'], ['Integrator', s.integrator], ...Object.entries(s.integrator_settings), ['Size', `${s.width} × ${s.height}`], ['Filter', s.filter], ...Object.entries(s.filter_settings), ['Sampler', s.sampler], ['Seed', s.seed], ['Instruction set', s.isa], ['AOVs', s.aovs || 'none'],
-      ['Stop', [j.stop_iterations ? count(j.stop_iterations) + ' iterations' : '', j.stop_seconds ? duration(j.stop_seconds) : '', j.stop_relmse ? 'relMSE ' + small(j.stop_relmse) : ''].filter(Boolean).join(', ') || 'never'],
+      ['Stop', [j.stop_iterations ? count(j.stop_iterations) + ' iterations' : '', j.stop_seconds ? duration(j.stop_seconds) : '', j.stop_relmse ? 'relMSE at most ' + small(j.stop_relmse) : ''].filter(Boolean).join(', ') || 'never'],
       ['Submitted', when(j.submitted_unix_ms)], ...(j.finished_unix_ms ? [['Finished', when(j.finished_unix_ms)]] : []), ['On disk', count(j.checkpoint_iterations) + ' iterations'], ['Scene', j.bundle.slice(0, 16)]];
     if (settingsShown !== String(facts)) {
       settingsShown = String(facts);

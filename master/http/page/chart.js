@@ -21,14 +21,17 @@ export function chart(job, convergence, axis) {
   const points = convergence.map((p) => [p[column], p[2]]).filter(([x, y]) => x > 0 && y > 0);
   if (points.length < 2) return {svg: null, text: 'The error is estimated when both halves have iterations.'};
   const last = points[points.length - 1];
+  // The upper end of the interval, by which the limit is met; records of older masters have none.
+  const uppers = convergence.map((p) => [p[column], p[3]]).filter(([x, y]) => x > 0 && y > 0);
+  const upper = uppers.length && uppers[uppers.length - 1][0] === last[0] ? uppers[uppers.length - 1][1] : last[1];
   const recent = points.filter(([x]) => x >= last[0] / 10);
   const slope = fit(recent);
   const limit = job.stop_relmse || 0;
   const end = axis === 'seconds' ? job.stop_seconds : job.stop_iterations;
   // Variance goes as 1/n: where that line meets the limit.
-  const meets = limit > 0 && last[1] > limit ? (last[0] * last[1]) / limit : 0;
+  const meets = limit > 0 && upper > limit ? (last[0] * upper) / limit : 0;
   let x0 = points[0][0], x1 = Math.max(last[0], Math.min(meets || 0, last[0] * 1e3), Math.min(end || 0, last[0] * 1e3));
-  let ys = points.map((p) => p[1]).concat(limit > 0 ? [limit] : []);
+  let ys = points.concat(uppers).map((p) => p[1]).concat(limit > 0 ? [limit] : []);
   if (end > last[0] && end <= last[0] * 1e3) ys.push((last[0] * last[1]) / end);
   let y0 = Math.min(...ys), y1 = Math.max(...ys);
   if (x1 < x0 * 2) x1 = x0 * 2;
@@ -69,10 +72,11 @@ export function chart(job, convergence, axis) {
   const line = (y) => (last[0] * last[1]) / y;
   const a = Math.max(clip(line(y1)), x0), b = clip(line(y0));
   parts.push(h('line', {class: 'expected', x1: X(a), y1: Y((last[0] * last[1]) / a), x2: X(b), y2: Y((last[0] * last[1]) / b)}));
+  parts.push(h('polyline', {class: 'upper', points: uppers.map(([x, y]) => X(x).toFixed(1) + ',' + Y(y).toFixed(1)).join(' ')}));
   parts.push(h('polyline', {class: 'measured', points: points.map(([x, y]) => X(x).toFixed(1) + ',' + Y(y).toFixed(1)).join(' ')}));
   for (const [x, y] of points.slice(-60)) parts.push(h('circle', {class: 'point', cx: X(x).toFixed(1), cy: Y(y).toFixed(1), r: 2.2}));
   parts.push(h('circle', {class: 'now', cx: X(last[0]), cy: Y(last[1]), r: 4.5}));
-  const text = 'Estimated relMSE ' + small(last[1]) + ' after ' +
+  const text = 'Estimated relMSE ' + small(last[1]) + (upper > last[1] ? ', at most ' + small(upper) : '') + ' after ' +
       (axis === 'seconds' ? duration(last[0]) : count(last[0]) + ' iterations') +
       (slope === null ? '' : '; slope ' + slope.toFixed(2).replace('-', '−') + ' over the last decade, −1 expected') +
       (limit > 0 ? (meets ? '; the limit of ' + small(limit) + ' is expected at ' +

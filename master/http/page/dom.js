@@ -56,7 +56,7 @@ export function progress(job) {
   const shares = [];
   if (job.stop_iterations) shares.push(job.iterations / job.stop_iterations);
   if (job.stop_seconds) shares.push(job.elapsed_seconds / job.stop_seconds);
-  if (job.stop_relmse && job.relmse) shares.push(job.stop_relmse / job.relmse);
+  if (job.stop_relmse && job.relmse_upper) shares.push(job.stop_relmse / job.relmse_upper);
   return shares.length ? Math.min(1, Math.max(...shares)) : null;
 }
 
