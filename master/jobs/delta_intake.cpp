@@ -101,6 +101,7 @@ struct DeltaIntake::Admission {
   std::optional<DeltaRefusal> refusal;
   bool merge = true;              // false: it is an answer of an audit
   std::shared_ptr<JobFilm> film;  // of a delta that has one
+  PrefixBorder border;
 };
 
 // The lease may have run out while the bytes came. The film is that of this lease: a job that begins anew has
@@ -111,6 +112,7 @@ DeltaIntake::Admission DeltaIntake::receive(const DeltaHeader& header, const fil
     Delivery delivery = Delivery::ok;
     Reception reception = Reception::merge;
     std::shared_ptr<JobFilm> film;
+    PrefixBorder border;
   };
   Delivered delivered{header.worker_id, header.token, header.unit_id,       header.job_id, header.unit,
                       header.sha256,    "",           header.render_seconds};
@@ -122,18 +124,21 @@ DeltaIntake::Admission DeltaIntake::receive(const DeltaHeader& header, const fil
           s.check_delivery(header.worker_id, header.token, header.unit_id, header.job_id, header.unit, now);
       if (t.delivery != Delivery::ok) return t;
       if (const auto film = films.find(header.job_id); film != films.end()) t.film = film->second;
+      t.border = s.job(header.job_id)->border();
       t.reception = s.receive(delivered, now);
       return t;
     });
-    if (auto late = refusal_of(turn.delivery)) return {std::move(late), false, nullptr};
+    if (auto late = refusal_of(turn.delivery)) return {std::move(late), false, nullptr, {}};
     switch (turn.reception) {
       case Reception::merge:
-        return {std::nullopt, true, turn.film};
+        return {std::nullopt, true, turn.film, turn.border};
       case Reception::taken:
-        return {std::nullopt, false, nullptr};
+        return {std::nullopt, false, nullptr, {}};
       case Reception::refused:
         return {Refusal{DeltaVerdict::stale, "the samples are not what other workers give for this unit"},
-                false, nullptr};
+                false,
+                nullptr,
+                {}};
       case Reception::unknown:
         break;
     }
@@ -143,15 +148,18 @@ DeltaIntake::Admission DeltaIntake::receive(const DeltaHeader& header, const fil
 }
 
 std::optional<DeltaRefusal> DeltaIntake::merge_film(const DeltaHeader& header, const film::Delta& delta,
-                                                    JobFilm& film, std::vector<chains::ChainRecord> records,
+                                                    const Admission& admission,
+                                                    std::vector<chains::ChainRecord> records,
                                                     Course& course) {
+  JobFilm& film = *admission.film;
   const Unit& unit = header.unit;
   const bool segments = unit.kind == Unit::Kind::segments;
   std::size_t largest_record = 0;
   for (const chains::ChainRecord& r : records)
     largest_record = std::max(largest_record, chains::encoded_bytes(r));
   const auto outcome = bulk_.run([&] {
-    return with_cpu_time(course.cpu_seconds, [&] { return film.merge(delta, std::move(records)); });
+    return with_cpu_time(course.cpu_seconds,
+                         [&] { return film.merge(delta, std::move(records), admission.border); });
   });
   // The film lacks the segment before this one, through no fault of the sender: the unit is rendered again
   // later.
@@ -280,9 +288,8 @@ DeltaIntake::Verdict DeltaIntake::deliver(const DeltaHeader& header, const std::
   if (admission.refusal) return refuse(std::move(*admission.refusal));
   if (admission.merge) {
     if (makes_film(unit.kind) && !admission.film) return refuse({DeltaVerdict::stale, "the job has no film"});
-    auto refusal = makes_film(unit.kind)
-                       ? merge_film(header, *delta, *admission.film, std::move(*records), course)
-                       : merge_table(header, *delta);
+    auto refusal = makes_film(unit.kind) ? merge_film(header, *delta, admission, std::move(*records), course)
+                                         : merge_table(header, *delta);
     if (refusal) return refuse(std::move(*refusal));
   }
   counters_.merge_microseconds += static_cast<std::uint64_t>(seconds_since(course.here) * 1e6);

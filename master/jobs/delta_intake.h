@@ -69,8 +69,9 @@ class DeltaIntake {
   struct Admission;
   Admission receive(const DeltaHeader& header, const film::Delta& delta, Course& course);
   // Adds a film, with accumulators and records, to the job's.
-  std::optional<DeltaRefusal> merge_film(const DeltaHeader& header, const film::Delta& delta, JobFilm& film,
-                                         std::vector<chains::ChainRecord> records, Course& course);
+  std::optional<DeltaRefusal> merge_film(const DeltaHeader& header, const film::Delta& delta,
+                                         const Admission& admission, std::vector<chains::ChainRecord> records,
+                                         Course& course);
   // Adds the contributions of bootstrap samples to the job's table.
   std::optional<DeltaRefusal> merge_table(const DeltaHeader& header, const film::Delta& delta);
 

@@ -1,17 +1,29 @@
-// What of a job its error's estimate depends on beside its film: how its image has moved
-// (jobs/ID/movement.bin). The file is no part of the truth: without it the bias of merging is known again
-// after some doublings of the iterations.
+// What of a job its error's estimate depends on beside its sums: how its image has moved, and of a job that
+// ends by its error what that was at the prefixes that have been decided (prefixes.h). It lies in the job's
+// checkpoints, so that film and history belong together.
 #pragma once
 
-#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
 
+#include "common/base/result.h"
 #include "common/stats/movement.h"
+#include "master/scheduler/prefixes.h"
 
 namespace candela::master {
 
-// Nothing in it where there is none, or none that can be read.
-stats::Movement read_movement(const std::filesystem::path& job_folder);
-// A write that fails is passed over.
-void write_movement(const std::filesystem::path& job_folder, const stats::Movement& movement);
+struct ErrorHistory {
+  stats::Movement movement;             // of a job that merges
+  std::vector<DecidedPrefix> prefixes;  // in order
+
+  // Takes the place of what was known of this prefix and of longer ones.
+  void decide(const DecidedPrefix& prefix);
+  std::string serialise() const;
+  // Fails (input) on anything but the whole of what serialise() made.
+  static Result<ErrorHistory> parse(std::string_view bytes);
+  // Nothing in it where there are no such bytes.
+  static ErrorHistory of(const std::string* bytes);
+};
 
 }  // namespace candela::master

@@ -127,9 +127,8 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
   m["candela:scale"] = fmt::format("2^{}", film.scale_log2());
   if (whole) {
     stats::ErrorContext context = stats::context_of(s.integrator_settings, row.plan);
-    const stats::Movement movement =
-        context.alpha < 1 ? read_movement(table_.folder_of(row.id)) : stats::Movement();
-    context.movement = &movement;
+    const ErrorHistory history = ErrorHistory::of(snapshot.history.get());
+    if (context.alpha < 1) context.movement = &history.movement;
     const stats::ErrorInterval e = stats::error_interval(stats::halves_of(film, development), context);
     m["candela:relmse_estimate"] = fmt::format("{:.6g}", e.relmse);
     m["candela:relmse_upper"] = fmt::format("{:.6g}", e.upper);

@@ -8,10 +8,8 @@
 #include "common/base/log.h"
 #include "common/base/memory_limit.h"
 #include "common/stats/error_context.h"
-#include "common/stats/error_interval.h"
 #include "master/jobs/convergence.h"
 #include "master/jobs/develop.h"
-#include "master/jobs/error_history.h"
 
 namespace candela::master {
 namespace {
@@ -119,15 +117,44 @@ void JobUpkeep::keep_manifest(const std::string& job_id) {
   state.manifest_error = text;
 }
 
+std::optional<JobUpkeep::Estimate> JobUpkeep::estimate(const std::string& job_id, JobFilm& film,
+                                                       ErrorHistory& history, bool add) {
+  const JobFilm::Snapshot copy = bulk_.run([&] { return film.snapshot_in(room_); });
+  room_used_ = JobTable::now().seconds;
+  if (!copy.film) return std::nullopt;
+  history = ErrorHistory::of(copy.history.get());
+  const JobRow row = table_.with_scheduler([&](Scheduler& s) { return s.job(job_id)->row; });
+  const auto development = bulk_.run([&] { return develop(row, copy, {}); });
+  if (!development.ok()) {
+    log::warn(fmt::format("no error estimate: {}", development.error().to_string()), {.job = job_id});
+    return std::nullopt;
+  }
+  stats::ErrorContext context = stats::context_of(row.settings.integrator_settings, row.plan);
+  const bool moves = context.alpha < 1;
+  if (moves) context.movement = &history.movement;
+  Estimate out;
+  out.error =
+      bulk_.run([&] { return stats::error_interval(stats::halves_of(*copy.film, *development), context); });
+  out.adds = moves && add && history.movement.due(out.error.blocks.n0, out.error.blocks.n1);
+  if (out.adds) history.movement.add(out.error.blocks, context.alpha);
+  out.iterations = copy.film->iterations();
+  out.merged = {copy.film->merged(0), copy.film->merged(1)};
+  append_convergence(table_.folder_of(job_id), {row.iterations_of(out.iterations), row.elapsed_seconds,
+                                                out.error.relmse, out.error.upper});
+  return out;
+}
+
 void JobUpkeep::estimate_error(const std::string& job_id, JobFilm& film, bool at_once) {
   State& state = jobs_[job_id];
   struct Figures {
     std::uint64_t iterations = 0;
     bool both = false;
+    bool prefixes = false;
   };
   const Figures f = table_.with_scheduler([&](Scheduler& s) {
     const Job* job = s.job(job_id);
-    return Figures{job->row.iterations, job->merged[0].count() > 0 && job->merged[1].count() > 0};
+    return Figures{job->row.iterations, job->merged[0].count() > 0 && job->merged[1].count() > 0,
+                   job->prefix > 0};
   });
   if (!f.both || f.iterations == state.estimated_iterations) return;
   if (!at_once) {
@@ -137,33 +164,58 @@ void JobUpkeep::estimate_error(const std::string& job_id, JobFilm& film, bool at
     if (static_cast<double>(f.iterations) < kEstimateGrowth * static_cast<double>(state.estimated_iterations))
       return;
   }
-  const double started = JobTable::now().seconds;
-  const JobFilm::Snapshot copy = bulk_.run([&] { return film.snapshot_in(room_); });
-  room_used_ = state.last_estimate = started;
-  if (!copy.film) return;
-  const JobRow row = table_.with_scheduler([&](Scheduler& s) { return s.job(job_id)->row; });
-  const auto development = bulk_.run([&] { return develop(row, copy, {}); });
-  if (!development.ok()) {
-    log::warn(fmt::format("no error estimate: {}", development.error().to_string()), {.job = job_id});
-    return;
-  }
-  stats::ErrorContext context = stats::context_of(row.settings.integrator_settings, row.plan);
-  if (context.alpha < 1 && !state.movement) state.movement = read_movement(table_.folder_of(job_id));
-  if (state.movement) context.movement = &*state.movement;
-  const stats::ErrorInterval e =
-      bulk_.run([&] { return stats::error_interval(stats::halves_of(*copy.film, *development), context); });
-  if (state.movement && state.movement->due(e.blocks.n0, e.blocks.n1)) {
-    state.movement->add(e.blocks, context.alpha);
-    write_movement(table_.folder_of(job_id), *state.movement);
-  }
+  const double started = state.last_estimate = JobTable::now().seconds;
+  // The history of a job that ends by its error has images of whole prefixes alone.
+  ErrorHistory history;
+  const std::optional<Estimate> e = estimate(job_id, film, history, !f.prefixes);
+  if (!e) return;
+  if (e->adds) film.remember_history(history.serialise());
   state.last_estimate = JobTable::now().seconds;
   state.estimate_cost = state.last_estimate - started;
-  state.estimated_iterations = copy.film->iterations();
-  table_.with_scheduler([&](Scheduler& s) {
-    s.relmse_estimated(job_id, e.relmse, e.upper, copy.film->iterations(), JobTable::now());
-  });
-  append_convergence(table_.folder_of(job_id),
-                     {row.iterations_of(copy.film->iterations()), row.elapsed_seconds, e.relmse, e.upper});
+  state.estimated_iterations = e->iterations;
+  table_.with_scheduler([&](Scheduler& s) { s.relmse_estimated(job_id, e->error.relmse, e->error.upper); });
+}
+
+// The film moves on before the scheduler does: units beyond the next border are cut after that alone.
+bool JobUpkeep::look_at_prefixes(const std::string& job_id, JobFilm& film) {
+  State& state = jobs_[job_id];
+  while (!wake_.stopping()) {
+    const auto prefix = table_.with_scheduler([&](Scheduler& s) { return s.whole_prefix(job_id); });
+    if (!prefix) return false;
+    if (state.looked.version != prefix->border.version) {
+      ErrorHistory history;
+      const std::optional<Estimate> e = estimate(job_id, film, history, true);
+      if (!e) return false;
+      bool is_prefix = true;  // or it was cut before the job was to end by its error
+      for (std::uint32_t half = 0; half < 2; ++half) {
+        if (!contains(e->merged[half], 0, prefix->border.end[half])) return false;  // the film was read again
+        is_prefix &= end_of(e->merged[half]) <= prefix->border.end[half];
+      }
+      bool ends = false;
+      if (is_prefix) {
+        history.decide({prefix->rounds, e->error.upper});
+        ends = ends_at(history.prefixes, prefix->rounds, prefix->relmse);
+        film.remember_history(history.serialise());
+      }
+      state.estimated_iterations = e->iterations;
+      state.last_estimate = JobTable::now().seconds;
+      state.looked = {prefix->border.version, ends};
+      table_.with_scheduler(
+          [&](Scheduler& s) { s.relmse_estimated(job_id, e->error.relmse, e->error.upper); });
+    }
+    if (!state.looked.ends) film.move_border(prefix->next);
+    const bool ended = table_.with_scheduler(
+        [&](Scheduler& s) { return s.prefix_decided(job_id, *prefix, state.looked.ends, JobTable::now()); });
+    if (ended) {
+      film.close();
+      film.discard_ahead();
+      table_.with_scheduler(
+          [&](Scheduler& s) { s.recount(job_id, film.account().tallies, JobTable::now()); });
+      return true;
+    }
+    if (state.looked.ends) return false;  // the job must not end yet
+  }
+  return false;
 }
 
 // The status of a job's chains follows its film within half a second.
@@ -229,6 +281,7 @@ void JobUpkeep::upkeep(const std::string& job_id, bool force) {
   if (view.finishing && film->decisions() < view.states && film->next_decision()) return;
   if (view.finishing || view.ended) {
     film->close();
+    film->release_ahead();  // of a job that a limit of time, or somebody, ended amid a prefix
     if (t < state.retry_at) return;
     if (view.finishing) estimate_error(job_id, *film, true);
     // The last checkpoint may have saved the last merge before the rate-limited summary saw it: the film is
@@ -251,6 +304,7 @@ void JobUpkeep::upkeep(const std::string& job_id, bool force) {
     return;
   }
   film->reopen();
+  if (look_at_prefixes(job_id, *film)) return;
   estimate_error(job_id, *film, false);
   summarize_chains(job_id, *film, false);
   const bool due = film->dirty() && t >= state.retry_at &&

@@ -14,7 +14,8 @@
 #include <optional>
 #include <string>
 
-#include "common/stats/movement.h"
+#include "common/stats/error_interval.h"
+#include "master/jobs/error_history.h"
 #include "master/jobs/farm_counters.h"
 #include "master/jobs/image_writer.h"
 #include "master/jobs/job_table.h"
@@ -58,7 +59,11 @@ class JobUpkeep {
     double last_checkpoint = 0, retry_at = 0, last_image = 0;
     double last_estimate = 0, estimate_cost = 0;
     std::uint64_t estimated_iterations = 0;
-    std::optional<stats::Movement> movement;  // of a job that merges, once it is read
+    // What the last whole prefix said, until the scheduler has taken it.
+    struct Looked {
+      std::uint64_t version = 0;  // of the prefix's border; 0: none
+      bool ends = false;
+    } looked;
     double last_summary = 0;
     std::uint64_t summarized_iterations = 0;
     std::string checkpoint_error, manifest_error;  // reported last; empty: none
@@ -69,6 +74,16 @@ class JobUpkeep {
   bool save_checkpoint(const std::string& job_id, JobFilm& film);
   void keep_manifest(const std::string& job_id);
   void estimate_error(const std::string& job_id, JobFilm& film, bool at_once);
+  // Looks at prefixes that are whole. True: the job ends at one of them.
+  bool look_at_prefixes(const std::string& job_id, JobFilm& film);
+  struct Estimate {
+    std::uint64_t iterations = 0;
+    HalfSets merged;
+    stats::ErrorInterval error;
+    bool adds = false;  // an image to the history
+  };
+  // Nothing: there is no image, or it cannot be read. `add`: the image may be the history's next one.
+  std::optional<Estimate> estimate(const std::string& job_id, JobFilm& film, ErrorHistory& history, bool add);
   void summarize_chains(const std::string& job_id, JobFilm& film, bool at_once);
   void write_image(const std::string& job_id, JobFilm& film);
 

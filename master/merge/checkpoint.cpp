@@ -14,6 +14,7 @@ namespace {
 constexpr std::string_view kChainsMagic = "CANCHNS1";
 constexpr std::string_view kSumsMagic = "CANSUMS1";
 constexpr std::string_view kDecisionsMagic = "CANSUMS2";
+constexpr std::string_view kHistoryMagic = "CANHIST1";
 constexpr std::uint32_t kMaxStates = 1U << 22;
 
 std::string encode_film_and_chains(const film::MergedFilm& merged, const ChainRecords& records) {
@@ -164,6 +165,23 @@ void put_decisions(std::string& out, const Decisions& decisions) {
   out += decisions.carry->memo;
 }
 
+Result<ParsedCheckpoint> parse_sums(std::string_view bytes, const CheckpointShape& shape) {
+  const bool decided = bytes.starts_with(kDecisionsMagic);
+  if (!decided && !bytes.starts_with(kSumsMagic)) return parse_film_and_chains(bytes, shape.chains);
+  CANDELA_ASSIGN(const std::string_view content,
+                 film::unseal(bytes, decided ? kDecisionsMagic : kSumsMagic, "the checkpoint"));
+  film::Reader reader(content);
+  const std::uint64_t length = reader.u64();
+  if (!reader.ok() || length > reader.rest().size())
+    return input_error("the checkpoint ends in its film").with_field("length");
+  CANDELA_ASSIGN(ParsedCheckpoint out, parse_film_and_chains(reader.bytes(length), shape.chains));
+  CANDELA_TRY(parse_accumulators(reader, shape, out));
+  CANDELA_TRY(parse_states(reader, decided, out));
+  if (decided) CANDELA_TRY(parse_decisions(reader, shape, out));
+  if (!reader.rest().empty()) return input_error("the checkpoint has bytes too many").with_field("length");
+  return out;
+}
+
 }  // namespace
 
 std::string encode_checkpoint(const film::MergedFilm& film, const ChainRecords& records,
@@ -209,20 +227,30 @@ void encode_checkpoint(const film::MergedFilm& film, const ChainRecords& records
   film::seal(out);
 }
 
+void append_history(const std::string& history, std::string& checkpoint) {
+  const std::size_t begin = checkpoint.size();
+  checkpoint += history;
+  film::put_u64(checkpoint, history.size());
+  film::put_u64(checkpoint, film::checksum(std::string_view(checkpoint).substr(begin)));
+  checkpoint += kHistoryMagic;
+}
+
 Result<ParsedCheckpoint> parse_checkpoint(std::string_view bytes, const CheckpointShape& shape) {
-  const bool decided = bytes.starts_with(kDecisionsMagic);
-  if (!decided && !bytes.starts_with(kSumsMagic)) return parse_film_and_chains(bytes, shape.chains);
-  CANDELA_ASSIGN(const std::string_view content,
-                 film::unseal(bytes, decided ? kDecisionsMagic : kSumsMagic, "the checkpoint"));
-  film::Reader reader(content);
-  const std::uint64_t length = reader.u64();
-  if (!reader.ok() || length > reader.rest().size())
-    return input_error("the checkpoint ends in its film").with_field("length");
-  CANDELA_ASSIGN(ParsedCheckpoint out, parse_film_and_chains(reader.bytes(length), shape.chains));
-  CANDELA_TRY(parse_accumulators(reader, shape, out));
-  CANDELA_TRY(parse_states(reader, decided, out));
-  if (decided) CANDELA_TRY(parse_decisions(reader, shape, out));
-  if (!reader.rest().empty()) return input_error("the checkpoint has bytes too many").with_field("length");
+  if (!bytes.ends_with(kHistoryMagic)) return parse_sums(bytes, shape);
+  constexpr std::size_t kNumber = sizeof(std::uint64_t);
+  bytes.remove_suffix(kHistoryMagic.size());
+  const auto bad = [] {
+    return input_error("the checkpoint has a damaged history of the error").with_field("error_history");
+  };
+  if (bytes.size() < 2 * kNumber) return bad();
+  const std::uint64_t sum = film::Reader(bytes.substr(bytes.size() - kNumber)).u64();
+  bytes.remove_suffix(kNumber);
+  const std::uint64_t length = film::Reader(bytes.substr(bytes.size() - kNumber)).u64();
+  if (length > bytes.size() - kNumber) return bad();
+  const std::size_t begin = bytes.size() - kNumber - length;
+  if (film::checksum(bytes.substr(begin)) != sum) return bad();
+  CANDELA_ASSIGN(ParsedCheckpoint out, parse_sums(bytes.substr(0, begin), shape));
+  out.history = std::make_shared<const std::string>(bytes.substr(begin, length));
   return out;
 }
 

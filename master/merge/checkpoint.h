@@ -12,6 +12,9 @@
 // "CANSUMS1" up to the states, each with its size (u64) after its hash; the number of decisions (u64); the
 // bytes of the states of epochs that are not folded, each with its length (u64); the sums of the carry, each
 // with its length (u64), its memo with its length (u64); XXH64 of all before (u64).
+//
+// A history of the error follows any of these forms where there is one: its bytes; their number (u64); XXH64
+// of bytes and number (u64); "CANHIST1".
 #pragma once
 
 #include <cstdint>
@@ -59,6 +62,8 @@ struct Decisions {
 
 std::string encode_checkpoint(const film::MergedFilm& film, const ChainRecords& records,
                               const Accumulators& accumulators = {}, const Decisions& decisions = {});
+// Appends the history of the error to a checkpoint; what its bytes mean is nobody's affair here.
+void append_history(const std::string& history, std::string& checkpoint);
 // The same into `out`, which is replaced; its memory is used.
 void encode_checkpoint(const film::MergedFilm& film, const ChainRecords& records,
                        const Accumulators& accumulators, const Decisions& decisions, std::string& out);
@@ -68,6 +73,7 @@ struct ParsedCheckpoint {
   ChainRecords records;
   Accumulators accumulators = {};
   Decisions decisions = {};
+  std::shared_ptr<const std::string> history = {};  // null: none
 };
 // The parts of a job's checkpoints beside its film.
 struct CheckpointShape {

@@ -135,6 +135,9 @@ Result<JobFilm::Loading> JobFilm::load() {
   }
   accumulators_ = found ? std::move(found->accumulators) : Accumulators();
   decisions_ = found ? std::move(found->decisions) : Decisions();
+  history_ = found ? std::move(found->history) : nullptr;
+  border_ = {};
+  drop_ahead();
   saved_states_ = decisions_.states.size();
   saved_decisions_ = decisions_.made;
   saved_iterations_ = generation > 0 ? film_->iterations() : 0;
@@ -181,13 +184,16 @@ void JobFilm::unload_if_idle(double now_seconds, double idle_seconds) {
     film_.reset();
     accumulators_.clear();
     decisions_ = {};
+    history_.reset();
+    drop_ahead();
     saved_states_ = saved_decisions_ = 0;
     const std::lock_guard records_lock(records_mutex_);
     ChainRecords().swap(records_);
   }
 }
 
-Result<JobFilm::Outcome> JobFilm::merge(const film::Delta& delta, std::vector<chains::ChainRecord> records) {
+Result<JobFilm::Outcome> JobFilm::merge(const film::Delta& delta, std::vector<chains::ChainRecord> records,
+                                        const PrefixBorder& border) {
   // Made before the lock, so that nothing fails between the sums and the records.
   ChainRecords shared;
   shared.reserve(records.size());
@@ -201,35 +207,109 @@ Result<JobFilm::Outcome> JobFilm::merge(const film::Delta& delta, std::vector<ch
   if (unit.kind != kind || unit.half > 1)
     return input_error(chains_ > 0 ? "not a delta of segments" : "not a delta of iterations")
         .with_field("unit");
-  if (film_->merged(unit.half).intersects(unit.begin, unit.end)) return Outcome::duplicate;
+  set_border(border);
+  if (film_->merged(unit.half).intersects(unit.begin, unit.end) ||
+      (ahead_.film && ahead_.film->merged(unit.half).intersects(unit.begin, unit.end)))
+    return Outcome::duplicate;
   if (chains_ > 0) {
     if (unit.end - unit.begin > chains_ / 2 || shared.size() != unit.end - unit.begin)
       return input_error(fmt::format("{} records for {} segments", shared.size(), unit.end - unit.begin))
           .with_field("chain_records");
     for (std::uint64_t i = unit.begin; i < unit.end; ++i) {
       const std::uint64_t chain = chains::chain_of(unit.half, i, chains_);
-      CANDELA_TRY(follows(*records_[chain], *shared[i - unit.begin], chain, chains::segment_of(i, chains_)));
+      CANDELA_TRY(
+          follows(*newest_record(chain), *shared[i - unit.begin], chain, chains::segment_of(i, chains_)));
     }
   }
   if (delta.accumulators().size() != specs_.size())
     return input_error(
                fmt::format("{} accumulators, the job has {}", delta.accumulators().size(), specs_.size()))
         .with_field("accumulators");
-  CANDELA_TRY(add_sums(delta));
-  const std::lock_guard records_lock(records_mutex_);
+  if (unit.begin < border_.end[unit.half]) {
+    CANDELA_TRY(add_sums(delta, *film_, accumulators_));
+    const std::lock_guard records_lock(records_mutex_);
+    for (std::uint64_t i = unit.begin; chains_ > 0 && i < unit.end; ++i)
+      records_[chains::chain_of(unit.half, i, chains_)].swap(shared[i - unit.begin]);
+    return Outcome::merged;
+  }
+  if (!ahead_.film) ahead_.film = std::make_unique<film::MergedFilm>(layout_, scale_log2_);
+  std::map<std::uint64_t, std::shared_ptr<const chains::ChainRecord>> newest;  // made before the sums change
   for (std::uint64_t i = unit.begin; chains_ > 0 && i < unit.end; ++i)
-    records_[chains::chain_of(unit.half, i, chains_)].swap(shared[i - unit.begin]);
+    newest[chains::chain_of(unit.half, i, chains_)] = std::move(shared[i - unit.begin]);
+  CANDELA_TRY(add_sums(delta, *ahead_.film, ahead_.accumulators));
+  const std::lock_guard records_lock(records_mutex_);
+  newest.merge(ahead_.records);
+  ahead_.records.swap(newest);
   return Outcome::merged;
 }
 
+const std::shared_ptr<const chains::ChainRecord>& JobFilm::newest_record(std::uint64_t chain) const {
+  const auto ahead = ahead_.records.find(chain);
+  return ahead == ahead_.records.end() ? records_[chain] : ahead->second;
+}
+
+void JobFilm::set_border(const PrefixBorder& border) {
+  if (border.version <= border_.version) return;
+  merge_ahead();
+  border_ = border;
+}
+
+// All that can run out of memory comes before the first change that somebody sees.
+void JobFilm::merge_ahead() {
+  if (!ahead_.film) return;
+  Accumulators accumulators;
+  for (const auto& [key, sums] : ahead_.accumulators) {
+    const auto held = accumulators_.find(key);
+    if (held == accumulators_.end()) {
+      accumulators.emplace(key, sums);
+      continue;
+    }
+    auto both = std::make_shared<film::MergedAccumulator>(*held->second);
+    static_cast<void>(both->merge(*sums));  // of one spec
+    accumulators.emplace(key, std::move(both));
+  }
+  static_cast<void>(film_->merge(*ahead_.film));  // of one layout, and what is ahead is in no other film
+  accumulators.merge(accumulators_);
+  accumulators_.swap(accumulators);
+  const std::lock_guard records_lock(records_mutex_);
+  for (auto& [chain, record] : ahead_.records) records_[chain] = std::move(record);
+  ahead_ = {};
+}
+
+void JobFilm::drop_ahead() {
+  const std::lock_guard records_lock(records_mutex_);
+  ahead_ = {};
+}
+
+void JobFilm::move_border(const PrefixBorder& border) {
+  const std::lock_guard lock(mutex_);
+  if (film_) set_border(border);
+}
+
+void JobFilm::release_ahead() {
+  const std::lock_guard lock(mutex_);
+  if (film_) merge_ahead();
+}
+
+void JobFilm::discard_ahead() {
+  const std::lock_guard lock(mutex_);
+  drop_ahead();
+}
+
+void JobFilm::remember_history(std::string bytes) {
+  auto history = std::make_shared<const std::string>(std::move(bytes));
+  const std::lock_guard lock(mutex_);
+  if (film_) history_ = std::move(history);
+}
+
 // Film and accumulators change together or not at all, also if memory runs out. Precondition: mutex_ is held.
-Result<void> JobFilm::add_sums(const film::Delta& delta) {
+Result<void> JobFilm::add_sums(const film::Delta& delta, film::MergedFilm& film, Accumulators& accumulators) {
   const auto& sums = delta.accumulators();
   std::uint32_t channels = 0;
   std::vector<film::MergedAccumulator*> to;
   for (std::uint32_t i = 0; i < specs_.size(); ++i) {
     const bool per_job = specs_[i].per == film::AccumulatorSpec::Per::job;
-    to.push_back(&editable({i, per_job ? delta.info().unit.half : sums[i].epoch}));
+    to.push_back(&editable(accumulators, {i, per_job ? delta.info().unit.half : sums[i].epoch}));
     to.back()->reserve(sums[i].sums);
     channels = std::max(channels, sums[i].sums.channels());
   }
@@ -240,7 +320,7 @@ Result<void> JobFilm::add_sums(const film::Delta& delta) {
   };
   try {
     for (; added < to.size(); ++added) to[added]->merge(sums[added].sums);
-    Result<void> merged = film_->merge(delta);  // the last that can be refused
+    Result<void> merged = film.merge(delta);  // the last that can be refused
     if (!merged.ok()) take_back();
     return merged;
   } catch (const std::bad_alloc&) {
@@ -250,8 +330,8 @@ Result<void> JobFilm::add_sums(const film::Delta& delta) {
 }
 
 // Precondition: mutex_ is held.
-film::MergedAccumulator& JobFilm::editable(const AccumulatorKey& key) {
-  auto& held = accumulators_[key];
+film::MergedAccumulator& JobFilm::editable(Accumulators& accumulators, const AccumulatorKey& key) {
+  auto& held = accumulators[key];
   if (!held)
     held = std::make_shared<film::MergedAccumulator>(layout_.width, layout_.height, specs_[key.first]);
   else if (held.use_count() > 1)  // readers hold it; a new one takes the lock first
@@ -288,6 +368,8 @@ Result<void> JobFilm::discard() {
     film_.reset();
     accumulators_.clear();
     decisions_ = {};
+    history_.reset();
+    drop_ahead();
     const std::lock_guard records_lock(records_mutex_);
     ChainRecords().swap(records_);
   }
@@ -338,6 +420,7 @@ void JobFilm::add_all_but_film(Snapshot& out) const {
     out.counts.push_back(record->counts);
     out.chain_segments += record->segments;
   }
+  out.history = history_;
   out.accumulators.resize(specs_.size());
   for (std::size_t i = 0; i < specs_.size(); ++i)
     for (std::uint32_t half = 0; half < 2 && specs_[i].per == film::AccumulatorSpec::Per::job; ++half)
@@ -386,7 +469,7 @@ JobFilm::Starts JobFilm::starts_of(const Unit& unit) const {
   Starts out{Starts::State::whole, {}};
   out.records.reserve(unit.end - unit.begin);
   for (std::uint64_t i = unit.begin; i < unit.end; ++i) {
-    out.records.push_back(records_[chains::chain_of(unit.half, i, chains_)]);
+    out.records.push_back(newest_record(chains::chain_of(unit.half, i, chains_)));
     const std::uint64_t done = out.records.back()->segments, before = chains::segment_of(i, chains_);
     if (done < before) return {};
     if (done > before) out.state = Starts::State::merged;
@@ -438,16 +521,19 @@ Result<void> JobFilm::encode_copy(Room& room, Saved& saved) const {
   ChainRecords records;
   Accumulators accumulators;
   Decisions decisions;
+  std::shared_ptr<const std::string> history;
   {
     const std::lock_guard lock(mutex_);
     saved = present();
     if (!film_) return {};
     accumulators = accumulators_;
     decisions = decisions_;
+    history = history_;
     room.film = *film_;
     records = records_;
   }
   encode_checkpoint(*room.film, records, accumulators, decisions, room.bytes);
+  if (history) append_history(*history, room.bytes);
   return {};
 }
 
@@ -455,7 +541,9 @@ Result<void> JobFilm::encode_copy(Room& room, Saved& saved) const {
 Result<void> JobFilm::encode_in_place(Room& room, Saved& saved) const {
   const std::lock_guard lock(mutex_);
   saved = present();
-  if (film_) encode_checkpoint(*film_, records_, accumulators_, decisions_, room.bytes);
+  if (!film_) return {};
+  encode_checkpoint(*film_, records_, accumulators_, decisions_, room.bytes);
+  if (history_) append_history(*history_, room.bytes);
   return {};
 }
 

@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -25,6 +26,7 @@
 #include "common/stages/epochs.h"
 #include "master/merge/checkpoint.h"
 #include "master/merge/decisions.h"
+#include "master/scheduler/prefixes.h"
 
 namespace candela::master {
 
@@ -65,9 +67,17 @@ class JobFilm {
   // duplicate: the film has some of its indices. closed: the job has ended. Errors: layout or scale differ;
   // of chains a record that does not follow its chain's present one by one segment. Film, accumulators and
   // records change together or not at all, also if memory runs out (std::bad_alloc). `records`: of a delta of
-  // segments one for each index, in order.
-  Result<Outcome> merge(const film::Delta& delta, std::vector<chains::ChainRecord> records = {});
-  void close();  // no more merges: what is there is final
+  // segments one for each index, in order. `border`: the newest that the caller knows. Deltas from it on are
+  // ahead: summed apart, and in no snapshot, account, decision or checkpoint until the border moves on.
+  Result<Outcome> merge(const film::Delta& delta, std::vector<chains::ChainRecord> records = {},
+                        const PrefixBorder& border = {});
+  // What is ahead of the old border is merged. No effect unless the version is newer. If memory runs out
+  // nothing changes: std::bad_alloc.
+  void move_border(const PrefixBorder& border);
+  // Merges what is ahead, if memory allows (see above), or drops it.
+  void release_ahead();
+  void discard_ahead();
+  void close();  // no more merges: what is there is final, but for release_ahead()
   void reopen();
   // The job begins anew: what is merged goes, and its checkpoints with it. This object takes nothing more.
   // Waits for a reader or writer of checkpoints. Precondition: opening() is held.
@@ -88,6 +98,7 @@ class JobFilm {
     // in order, the merged sums by place as in Carry::sums (null: no sums).
     std::shared_ptr<const Carry> carry = {};
     std::vector<std::vector<std::shared_ptr<const film::MergedAccumulator>>> open_epochs = {};
+    std::shared_ptr<const std::string> history = {};  // remember_history()
   };
   Snapshot snapshot(Part part = Part::all);
   // Buffers that copies of films reuse one after another. Fresh memory costs a page fault for every 4 KiB, as
@@ -115,6 +126,8 @@ class JobFilm {
   // Remembers a state in the next checkpoint. No effect unless it is of the first epoch without one.
   void remember(const DecidedState& state);
   std::vector<DecidedState> states() const;
+  // The history of the error goes into the next checkpoint that something else makes due.
+  void remember_history(std::string bytes);
 
   const film::Layout& layout() const { return layout_; }
   const std::optional<EpochPlan>& epoch_plan() const { return epoch_plan_; }
@@ -191,8 +204,14 @@ class JobFilm {
   Result<void> encode_copy(Room& room, Saved& saved) const;
   Result<void> encode_in_place(Room& room, Saved& saved) const;
   ChainRecords fresh_records() const;
-  Result<void> add_sums(const film::Delta& delta);
-  film::MergedAccumulator& editable(const AccumulatorKey& key);
+  Result<void> add_sums(const film::Delta& delta, film::MergedFilm& film, Accumulators& accumulators);
+  film::MergedAccumulator& editable(Accumulators& accumulators, const AccumulatorKey& key);
+  // The chain's newest record, also one that is ahead. Precondition: mutex_ or records_mutex_ is held.
+  const std::shared_ptr<const chains::ChainRecord>& newest_record(std::uint64_t chain) const;
+  // Precondition of these: mutex_ is held.
+  void merge_ahead();
+  void drop_ahead();
+  void set_border(const PrefixBorder& border);
   // Adds counts, accumulators and epochs to a snapshot. Preconditions: the film is loaded, mutex_ is held.
   void add_all_but_film(Snapshot& snapshot) const;
   // Adds the carry and the sums of epochs that are not folded. Precondition: mutex_ is held.
@@ -220,6 +239,15 @@ class JobFilm {
   ChainRecords records_;  // by chain
   Accumulators accumulators_;
   Decisions decisions_;
+  std::shared_ptr<const std::string> history_;
+  PrefixBorder border_;
+  // The sums beyond the border.
+  struct Ahead {
+    std::unique_ptr<film::MergedFilm> film;  // null: nothing is there
+    Accumulators accumulators;
+    std::map<std::uint64_t, std::shared_ptr<const chains::ChainRecord>> records;  // guarded as records_
+  };
+  Ahead ahead_;
   bool closed_ = false, discarded_ = false;
   std::uint64_t generation_ = 0;  // newest on disk
   std::uint64_t saved_iterations_ = 0;

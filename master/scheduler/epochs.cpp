@@ -68,7 +68,7 @@ class EpochSource final : public UnitSource {
  private:
   // One past the last index of a half that can be rendered now.
   std::uint64_t open_end(const JobView& job, std::uint32_t half) const {
-    return std::min(job.target[half], epochs_.begin_index(job.states.size()));
+    return std::min(job.open_to[half], epochs_.begin_index(job.states.size()));
   }
 
   const Epochs epochs_;

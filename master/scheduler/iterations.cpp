@@ -12,7 +12,7 @@ class IterationSource final : public UnitSource {
   std::optional<Unit> cut(const JobView& job, std::uint64_t want) override {
     std::uint32_t half = half_behind();
     for (int i = 0; i < 2; ++i, half = 1 - half) {
-      const auto [begin, end] = reserved_[half].first_gap(0, job.target[half]);
+      const auto [begin, end] = reserved_[half].first_gap(0, job.open_to[half]);
       if (begin == end) continue;
       const Unit unit{kind(), half, begin, begin + std::min(want, end - begin)};
       reserved_[half].insert(unit.begin, unit.end);
@@ -21,7 +21,7 @@ class IterationSource final : public UnitSource {
     return std::nullopt;
   }
   bool has_unit(const JobView& job) const override {
-    return !contains(reserved_[0], 0, job.target[0]) || !contains(reserved_[1], 0, job.target[1]);
+    return !contains(reserved_[0], 0, job.open_to[0]) || !contains(reserved_[1], 0, job.open_to[1]);
   }
   Extent extent(const JobView& job) const override { return film_extent(job, reserved_); }
 };

@@ -362,6 +362,7 @@ bool Scheduler::complete_pilot(const std::string& worker_id, std::uint64_t token
   job->row.epochs = result.work.epochs;
   job->row.development = result.work.development;
   job->source = make_source(job->row);
+  place_prefix(*job);
   ask_for_memory(*job, 0);
   job->row.thread_seconds_per_iteration = result.seconds_per_iteration * worker.row.threads;
   job->thread_seconds = job->row.thread_seconds_per_iteration;
@@ -421,8 +422,8 @@ void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::u
                        double render_seconds, double overhead_seconds, Now now, std::size_t record_bytes,
                        double merge_seconds, const std::string& sha256) {
   Job* job = find(job_id);
-  if (job == nullptr || token < job->first_token || !job->merged[unit.half].insert(unit.begin, unit.end))
-    return;
+  if (job == nullptr || token < job->first_token || is_dropped(*job, unit)) return;
+  if (!job->merged[unit.half].insert(unit.begin, unit.end)) return;
   UnitRow row;
   row.id = unit_id;
   row.job_id = job_id;
@@ -482,6 +483,7 @@ void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::u
   changes_.emplace_back(PutUnit{row});
 
   JobRow& j = job->row;
+  if (unit.begin >= job->border().end[unit.half]) ++job->units_ahead;
   j.units_merged += 1;
   j.iterations += unit.end - unit.begin;
   j.tallies.add(tallies);

@@ -59,11 +59,6 @@ struct SchedulerOptions {
   std::uint64_t statistics_bytes = 0;
 };
 
-// The stop rule relmse = R holds only where both halves have at least this many iterations, and where the
-// upper ends of two estimates in a row, the second with at least a tenth more iterations, are both at most R.
-// One lucky estimate does not end a job.
-inline constexpr std::uint64_t kRelmseMinIterationsPerHalf = 8;
-
 // From so many workers on the scheduler does not look at all of them at each occasion.
 inline constexpr std::size_t kManyWorkers = 64;
 
@@ -142,9 +137,24 @@ class Scheduler {
   // The final checkpoint of a finishing job is on disk.
   void finish(const std::string& id, Now now);
   void fail_job(const std::string& id, const std::string& message, Now now);
-  // `upper`: of the estimate's interval; it is what ends a job.
-  void relmse_estimated(const std::string& id, double relmse, double upper, std::uint64_t iterations,
-                        Now now);
+  // For people: what ends a job is its prefixes.
+  void relmse_estimated(const std::string& id, double relmse, double upper);
+
+  // --- stops by error: scheduler_prefixes.cpp ---
+  // A prefix whose indices are all merged. Nothing: the job has none now, or does not end by its error.
+  struct WholePrefix {
+    std::uint64_t rounds = 0;
+    PrefixBorder border;
+    PrefixBorder next;    // the film's, before prefix_decided() says that the job goes on
+    double relmse = 0;    // of the stop rule
+    bool chains = false;  // of what the schedule is
+  };
+  std::optional<WholePrefix> whole_prefix(const std::string& id) const;
+  // The error at this prefix is known. True: the job ends there, and what is merged beyond is no part of it.
+  // The prefix stays for now if the job must not end, and if its rule has changed in the meantime.
+  bool prefix_decided(const std::string& id, const WholePrefix& prefix, bool ends, Now now);
+  // What the film has counted, after it dropped what was ahead.
+  void recount(const std::string& id, const film::Tallies& tallies, Now now);
   void checkpointed(const std::string& id, std::uint64_t generation, std::uint64_t iterations, Now now);
   void set_note(const std::string& id, const std::string& note);
 
@@ -375,6 +385,13 @@ class Scheduler {
   static std::string lost_text(const Job& job);
   Result<void> check_starts(const Job& job) const;
   void check_stop(Job& job, Now now);
+  // scheduler_prefixes.cpp
+  static bool looks_at_prefixes(const Job& job);
+  // Finds the next prefix to be looked at from what is merged, and from units if they were cut without one.
+  static void place_prefix(Job& job, bool with_units = false);
+  void drop_ahead(Job& job, const PrefixBorder& border, Now now);
+  // The unit was on its way into the film when the job ended at a prefix before it.
+  static bool is_dropped(const Job& job, const Unit& unit);
   void stop(Job& job, const std::string& reason, Now now);
   void end(Job& job, JobState state, Now now);
   void start_fairly(Job& job);

@@ -318,6 +318,7 @@ void Scheduler::begin_anew(const std::string& id, Now now) {
   job.row = std::move(row);
   job.virtual_time = virtual_time;
   job.source = make_source(job.row);
+  place_prefix(job);
   job.last_tick = job.unleased_since = now.seconds;
   job.first_token = next_token_;
   changes_.emplace_back(ForgetWork{id});

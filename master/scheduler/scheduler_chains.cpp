@@ -61,6 +61,7 @@ void Scheduler::bootstrapped(Job& job, Now now) {
   job.row.named_state = NamedState{chains::film_scale_log2(b.b, job.row.pilot_scale_log2), b.b};
   job.row.chain_summary = chains::summarise(job.row.bootstrap, {});
   job.source = make_source(job.row);
+  place_prefix(job);
   rebuild_reserved(job);
   event(now, job.row.id, "", "bootstrap",
         fmt::format("b = {:.6g} +- {:.2g} from {} samples, film scale 2^{}", b.b, b.standard_error, b.samples,

@@ -52,6 +52,13 @@ UnitState* Scheduler::pick(Job& job, const WorkerState& worker, bool prefetch, N
   in.merge_seconds = job.merge_seconds > 0 ? job.merge_seconds : likely_merge_seconds(job);
   in.active_workers = active;
   in.remaining = extent.bounded ? extent.remaining : 0;
+  if (job.prefix > 0) {
+    // Every worker gets some units of a prefix, since all wait for its last one.
+    std::uint64_t open_now = 0;
+    for (std::uint32_t half = 0; half < 2; ++half)
+      open_now += view.open_to[half] - std::min(view.open_to[half], source.reserved()[half].count());
+    in.remaining = std::max<std::uint64_t>(open_now, 1);
+  }
   if (source.makes_film()) {
     if (job.row.stop.time_seconds > 0)
       in.seconds_left = std::max(job.row.stop.time_seconds - job.row.elapsed_seconds, 1e-3);
@@ -85,8 +92,16 @@ UnitState* Scheduler::pick(Job& job, const WorkerState& worker, bool prefetch, N
   if (extent.remaining == 0) return nullptr;
   // It has all it was asked for, and waits for what is looked at again.
   if (job.doubtful() && !stop_due(job).empty()) return nullptr;
-  const std::optional<Unit> unit = source.cut(view, unit_iterations(in));
-  return unit ? &add_unit(job, *unit) : nullptr;
+  // The prefix before what is beyond it, and no unit across its border.
+  const PrefixBorder border = job.border();
+  for (const bool beyond : {false, true}) {
+    JobView part = view;
+    for (std::uint32_t half = 0; !beyond && half < 2; ++half)
+      part.open_to[half] = std::min(part.open_to[half], border.end[half]);
+    if (const std::optional<Unit> unit = source.cut(part, unit_iterations(in))) return &add_unit(job, *unit);
+    if (job.prefix == 0) break;
+  }
+  return nullptr;
 }
 
 // A unit that takes much longer than it should, when there is nothing else to do.

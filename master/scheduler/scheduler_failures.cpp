@@ -286,7 +286,6 @@ Result<void> Scheduler::resume_failed(Job& job, Now now) {
   event(now, id, "", "resumed", fmt::format("it had failed: {}", job.row.message));
   job.row.stop_reason.clear();
   job.row.message.clear();
-  job.relmse_hits = 0;
   reopen(job, now);
   last_activity_ = now.seconds;
   save(job, now);

@@ -15,7 +15,6 @@ constexpr double kSavePeriod = 5;       // seconds between saves of a running jo
 constexpr double kUnleasedSeconds = 1;  // without a lease, before a job that ran is queued again
 constexpr double kRateWindow = 15;      // seconds over which samples per second are measured
 constexpr std::int32_t kMaxPriority = 1000000;
-constexpr double kRelmseGrowth = 1.1;  // of iterations between the two estimates that end a job
 
 }  // namespace
 
@@ -25,8 +24,12 @@ std::uint64_t Job::target(std::uint32_t half) const {
 }
 
 JobView Job::view(std::uint64_t active_workers) const {
-  return {merged, {target(0), target(1)}, row.stop.iterations > 0, active_workers, record_bytes, starts,
-          states};
+  const std::array<std::uint64_t, 2> targets = {target(0), target(1)};
+  // The step after the prefix keeps workers busy while that ends.
+  const std::uint64_t most =
+      prefix == 0 ? PrefixBorder::kNone : prefix_after(prefix, row.chains.has_value()) * row.per_round();
+  const std::array<std::uint64_t, 2> open_to = {std::min(targets[0], most), std::min(targets[1], most)};
+  return {merged, targets, open_to, row.stop.iterations > 0, active_workers, record_bytes, starts, states};
 }
 
 const Job* Scheduler::job(const std::string& id) const {
@@ -208,34 +211,18 @@ void Scheduler::check_stop(Job& job, Now now) {
 std::string Scheduler::stop_due(const Job& job) {
   const StopRule& rule = job.row.stop;
   if (job.row.iterations == 0) return {};
-  if (rule.iterations > 0 && contains(job.merged[0], 0, job.target(0)) &&
+  if (rule.iterations > 0 && job.prefixes_done() && contains(job.merged[0], 0, job.target(0)) &&
       contains(job.merged[1], 0, job.target(1)))
     return "iterations";
   if (rule.time_seconds > 0 && job.row.elapsed_seconds >= rule.time_seconds) return "time";
-  if (rule.relmse > 0 && job.relmse_hits >= 2) return "relmse";
   return {};
 }
 
-void Scheduler::relmse_estimated(const std::string& id, double relmse, double upper, std::uint64_t iterations,
-                                 Now now) {
+void Scheduler::relmse_estimated(const std::string& id, double relmse, double upper) {
   Job* job = find(id);
   if (job == nullptr) return;
   job->row.relmse = relmse;
   job->row.relmse_upper = upper;
-  const std::uint64_t least = kRelmseMinIterationsPerHalf * job->row.per_round();
-  const bool enough =
-      std::min(job->merged[0].count(), job->merged[1].count()) >= least && iterations >= 2 * least;
-  if (job->row.stop.relmse <= 0 || !enough) return;
-  if (!(upper <= job->row.stop.relmse)) {  // NaN too
-    job->relmse_hits = 0;
-    return;
-  }
-  if (job->relmse_hits > 0 &&
-      static_cast<double>(iterations) < kRelmseGrowth * static_cast<double>(job->relmse_hit_iterations))
-    return;
-  ++job->relmse_hits;
-  job->relmse_hit_iterations = iterations;
-  check_stop(*job, now);
 }
 
 Result<void> Scheduler::extend(const std::string& id, std::uint64_t iterations, double seconds, double relmse,
@@ -282,12 +269,13 @@ Result<void> Scheduler::extend(const std::string& id, std::uint64_t iterations, 
     rule.time_seconds =
         std::max(rule.time_seconds, again ? job.row.elapsed_seconds : rule.time_seconds) + seconds;
   if (relmse > 0) rule.relmse = relmse;
-  job.relmse_hits = 0;
   if (again) {
     job.row.stop_reason.clear();
     job.row.message.clear();
     reopen(job, now);
     last_activity_ = now.seconds;
+  } else if ((job.prefix > 0) != looks_at_prefixes(job)) {
+    place_prefix(job, true);
   }
   event(now, id, "", "extended",
         fmt::format("to {} iterations, {} s, relmse {} (0: no limit)", rule.iterations, rule.time_seconds,

@@ -25,8 +25,10 @@ void add(MemoryNeed& sum, const MemoryNeed& need) {
 }  // namespace
 
 MemoryNeed need_of(const JobRow& row, std::size_t record_bytes) {
-  return memory_need(work_of(row), row.settings.width, row.settings.height,
-                     std::max<std::uint64_t>(record_bytes, kGuessedRecordBytes));
+  MemoryNeed need = memory_need(work_of(row), row.settings.width, row.settings.height,
+                                std::max<std::uint64_t>(record_bytes, kGuessedRecordBytes));
+  if (row.stop.relmse > 0) need.film *= 2;  // what is beyond a prefix has a film of its own
+  return need;
 }
 
 MemoryNeed Scheduler::memory_taken() const {

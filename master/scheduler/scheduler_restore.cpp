@@ -102,6 +102,7 @@ void Scheduler::restore(JobRow row, const HalfSets& film, const film::Tallies& t
                 std::make_move_iterator(unmerged.end()));  // merged ones first
   const std::uint64_t missing = agree(job, film, std::move(merged), now);
   job.row.tallies = tallies;
+  place_prefix(job);
   look_for_doubts(job, now);
   if (!has_ended(job.row.state)) {
     check_stop(job, now);
@@ -136,6 +137,7 @@ void Scheduler::reconcile(const std::string& id, const HalfSets& film, const fil
   if (!has_ended(job->row.state) && missing > 0)
     job->finishing = false;  // what its rows told is not all there
   job->row.tallies = tallies;
+  place_prefix(*job);
   job->row.checkpoint_generation = generation;
   job->row.checkpoint_iterations = count(film);
   look_for_doubts(*job, now);
@@ -170,6 +172,7 @@ void Scheduler::reopen(Job& job, Now now) {
   job.row.finished_unix_ms = 0;
   ask_for_memory(job, job.record_bytes);
   rebuild_reserved(job);
+  place_prefix(job);
   start_fairly(job);
   look_for_doubts(job, now);
 }

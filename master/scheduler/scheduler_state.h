@@ -17,6 +17,7 @@
 #include "master/scheduler/audit.h"
 #include "master/scheduler/failure.h"
 #include "master/scheduler/index_sets.h"
+#include "master/scheduler/prefixes.h"
 #include "master/scheduler/unit_source.h"
 #include "master/store/records.h"
 
@@ -106,8 +107,10 @@ struct Job {
   std::uint64_t under_way = 0;  // workers whose oldest lease is one of these: they compute it
   double unleased_since = 0;    // of a job without leases
   double last_saved = 0;
-  int relmse_hits = 0;
-  std::uint64_t relmse_hit_iterations = 0;
+  // Of a job that ends by its error: the prefix that is to be looked at next, in rounds of a half
+  // (prefixes.h); 0: none. The version changes whenever that may.
+  std::uint64_t prefix = 0, prefix_version = 0;
+  std::uint64_t units_ahead = 0;  // merged beyond it
   std::deque<Progress> recent;
 
   std::unique_ptr<UnitSource> source;  // of the present stage
@@ -153,6 +156,9 @@ struct Job {
   // Number of indices of a half that the stop rule asks for; no limit: the largest there may be. Of a job of
   // chains an iteration of the stop rule is a round: a segment of each chain.
   std::uint64_t target(std::uint32_t half) const;
+  PrefixBorder border() const;
+  // Whether the stop rule's number of iterations may end the job: all prefixes up to there are decided.
+  bool prefixes_done() const;
   JobView view(std::uint64_t active_workers = 1) const;
   bool in_bootstrap() const { return source->table() != nullptr; }
   // Indices that the job has had and whose checkpoints are lost.

@@ -30,7 +30,7 @@ class SegmentSource final : public UnitSource {
     std::uint32_t half = half_behind();
     for (int i = 0; i < 2; ++i, half = 1 - half) {
       const SegmentRun run =
-          free_segments(job.merged[half], reserved_[half], per_round_, job.target[half], want);
+          free_segments(job.merged[half], reserved_[half], per_round_, job.open_to[half], want);
       if (run.length == 0) continue;
       const Unit unit{kind(), half, run.begin, run.begin + std::min(run.length, want)};
       reserved_[half].insert(unit.begin, unit.end);
@@ -40,7 +40,7 @@ class SegmentSource final : public UnitSource {
   }
   bool has_unit(const JobView& job) const override {
     for (std::uint32_t h = 0; h < 2; ++h)
-      if (free_segments(job.merged[h], reserved_[h], per_round_, job.target[h], 1).length > 0) return true;
+      if (free_segments(job.merged[h], reserved_[h], per_round_, job.open_to[h], 1).length > 0) return true;
     return false;
   }
   Extent extent(const JobView& job) const override { return film_extent(job, reserved_); }

@@ -12,7 +12,7 @@ std::uint64_t UnitSource::max_unit(const JobView&) const {
 std::uint64_t UnitSource::open_indices(const JobView& job) const {
   std::uint64_t open = 0;
   for (std::uint32_t h = 0; h < 2; ++h)
-    open += job.target[h] - std::min(job.target[h], job.merged[h].count());
+    open += job.open_to[h] - std::min(job.open_to[h], job.merged[h].count());
   return open;
 }
 

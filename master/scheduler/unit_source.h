@@ -26,10 +26,11 @@ namespace candela::master {
 // The job of a source at one moment.
 struct JobView {
   const HalfSets& merged;
-  std::array<std::uint64_t, 2> target;  // indices of each half that the job asks for
-  bool bounded = false;                 // the stop rule names a number of iterations
-  std::uint64_t active_workers = 1;     // that can take units of the job
-  std::size_t record_bytes = 0;         // of the largest chain record seen
+  std::array<std::uint64_t, 2> target;   // indices of each half that the job asks for
+  std::array<std::uint64_t, 2> open_to;  // of those that may be cut now
+  bool bounded = false;                  // the stop rule names a number of iterations
+  std::uint64_t active_workers = 1;      // that can take units of the job
+  std::size_t record_bytes = 0;          // of the largest chain record seen
   std::span<const std::uint64_t> chain_starts;
   std::span<const StateRow> states;  // of epochs 0, 1, ...
 };

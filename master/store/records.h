@@ -193,6 +193,11 @@ struct DropUnit {
 struct DropUnmergedUnits {
   std::string job_id;
 };  // and their leases
+// Merged units of a job that begin at `begin` of their half or later: they are no part of its image.
+struct DropMergedFrom {
+  std::string job_id;
+  std::array<std::uint64_t, 2> begin;
+};
 struct PutLease {
   LeaseRow row;
 };
@@ -242,7 +247,7 @@ struct DropJob {
 };
 using Change = std::variant<PutJob, PutUnit, DropUnit, DropUnmergedUnits, PutLease, DropLease, PutWorker,
                             DropWorker, AddEvent, PutBundle, PutBootstrap, PutStarts, PutState, PutOverdue,
-                            DropJob, PutDistrust, DropDistrust, ForgetWork>;
+                            DropJob, PutDistrust, DropDistrust, ForgetWork, DropMergedFrom>;
 
 // "queued", "running", ...
 std::string_view name(JobState state);

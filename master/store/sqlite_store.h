@@ -65,6 +65,7 @@ class SqliteStore final : public Store {
   bool apply(const PutState& c);
   bool apply(const DropUnit& c);
   bool apply(const DropUnmergedUnits& c);
+  bool apply(const DropMergedFrom& c);
   bool apply(const PutLease& c);
   bool apply(const DropLease& c);
   bool apply(const PutWorker& c);

@@ -264,6 +264,18 @@ bool SqliteStore::apply(const DropUnmergedUnits& c) {
          Statement(db_, "DELETE FROM leases WHERE job = ?").bind(c.job_id).run();
 }
 
+bool SqliteStore::apply(const DropMergedFrom& c) {
+  for (std::uint32_t half = 0; half < 2; ++half)
+    if (c.begin[half] <= Limits::max_iterations &&
+        !Statement(db_, "DELETE FROM units WHERE job = ? AND state = 2 AND half = ? AND first >= ?")
+             .bind(c.job_id)
+             .bind(half)
+             .bind(c.begin[half])
+             .run())
+      return false;
+  return true;
+}
+
 bool SqliteStore::apply(const PutLease& c) {
   return Statement(db_, "INSERT OR REPLACE INTO leases VALUES (?,?,?,?,?,?)")
       .bind(c.row.token)

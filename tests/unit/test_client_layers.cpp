@@ -15,6 +15,7 @@
 #include "common/bundle/bundle.h"
 #include "common/image/image.h"
 #include "common/stats/error_interval.h"
+#include "common/stats/image_error.h"
 #include "common/wire/wire.h"
 #include "master/master.h"
 #include "tests/temporary_folder.h"
@@ -275,9 +276,9 @@ TEST_F(LayersOverTheFarm, SurviveRestartsAndReachTheExr) {
   EXPECT_EQ(end.light_paths(), 2 * kIterations * kWidth * kHeight);
   EXPECT_EQ(end.rays(), 3 * kIterations * kWidth * kHeight);
   EXPECT_EQ(end.bounded_walks(), kIterations);
-  const stats::ErrorInterval error = stats::error_interval(stats::halves_of(expected, {}));
-  EXPECT_EQ(end.relmse_estimate(), error.relmse);
-  EXPECT_EQ(end.relmse_upper(), error.upper);
+  const stats::ErrorInterval interval = stats::error_interval(stats::halves_of(expected, {}));
+  EXPECT_EQ(end.relmse_estimate(), interval.relmse);
+  EXPECT_EQ(end.relmse_upper(), interval.upper);
   const auto bytes = read_file(
       data_ / "jobs" / id / ("film." + std::to_string(end.checkpoint_generation()) + ".ckpt"), 1 << 28);
   ASSERT_TRUE(bytes.ok());

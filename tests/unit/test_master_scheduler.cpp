@@ -374,41 +374,6 @@ TEST_F(SchedulerTest, TimeLimitExcludesPauses) {
   EXPECT_EQ(s->lease_count(), 0U);
 }
 
-// Claim: relmse ends a job by the upper end of its interval, at the second good estimate with enough more
-// iterations, never at one, never below 8 a half.
-TEST_F(SchedulerTest, RelmseNeedsTwoEstimates) {
-  worker("a");
-  JobRow j;
-  j.id = "j";
-  j.settings.width = j.settings.height = 8;
-  j.stop.relmse = 1e-2;
-  j.named_state = NamedState{1};
-  j.thread_seconds_per_iteration = 1;
-  s->restore(j, {}, {}, {}, {}, now());
-  const auto one = [&] {
-    const auto l = lease("a");
-    const Unit u = unit_of(*l);
-    deliver(*l, u, static_cast<double>(u.end - u.begin));
-    return s->job("j")->row.iterations;
-  };
-  std::uint64_t n = one();
-  n = one();
-  ASSERT_LT(n, 16U);
-  s->relmse_estimated("j", 1e-9, 1e-3, n, now());
-  s->relmse_estimated("j", 1e-9, 1e-3, n + 5, now());
-  EXPECT_FALSE(s->job("j")->finishing) << "too few iterations";
-  while (n < 40) n = one();
-  s->relmse_estimated("j", 1e-9, 1e-3, n, now());
-  EXPECT_FALSE(s->job("j")->finishing) << "one estimate";
-  s->relmse_estimated("j", 1e-9, 1e-3, n + 1, now());
-  EXPECT_FALSE(s->job("j")->finishing) << "hardly more iterations";
-  s->relmse_estimated("j", 1e-9, 2e-2, 2 * n, now());  // a bad one in between
-  s->relmse_estimated("j", 1e-9, 1e-3, 3 * n, now());
-  EXPECT_FALSE(s->job("j")->finishing);
-  s->relmse_estimated("j", 1e-9, 1e-3, 4 * n, now());
-  EXPECT_TRUE(s->job("j")->finishing);
-}
-
 // Claim: at a restart rows follow the film: units it lacks are open again, units it has are merged, gaps
 // can be cut again, and a worker that survived can deliver with its old token.
 TEST_F(SchedulerTest, RestartReconcilesRowsWithTheFilm) {

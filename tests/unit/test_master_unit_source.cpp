@@ -34,7 +34,7 @@ class UnitSources : public ::testing::TestWithParam<Case> {
       ASSERT_TRUE(merged[unit.half].insert(unit.begin, unit.end));
     }
   }
-  JobView view() const { return {merged, {36, 36}, true, 2, 0, {}, {}}; }
+  JobView view() const { return {merged, {36, 36}, {36, 36}, true, 2, 0, {}, {}}; }
   std::unique_ptr<UnitSource> source = make_source(row_of(GetParam().chains, GetParam().decided));
   HalfSets merged;
 };

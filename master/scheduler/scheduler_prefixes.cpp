@@ -1,0 +1,110 @@
+// Stops by error: which prefix of a job is looked at, and what becomes of its units beyond.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "master/scheduler/scheduler.h"
+
+namespace candela::master {
+
+bool Scheduler::looks_at_prefixes(const Job& job) {
+  return job.row.stop.relmse > 0 && !job.row.repairs_to && job.source->makes_film();
+}
+
+PrefixBorder Job::border() const {
+  PrefixBorder out;
+  out.version = prefix_version;
+  for (std::uint32_t half = 0; prefix > 0 && half < 2; ++half)
+    out.end[half] = std::min(prefix * row.per_round(), target(half));
+  return out;
+}
+
+bool Job::prefixes_done() const {
+  return prefix == 0 || prefix * row.per_round() >= std::max(target(0), target(1));
+}
+
+void Scheduler::place_prefix(Job& job, bool with_units) {
+  ++job.prefix_version;
+  job.units_ahead = 0;
+  job.prefix = 0;
+  if (!looks_at_prefixes(job)) return;
+  std::uint64_t end = std::max(end_of(job.merged[0]), end_of(job.merged[1]));
+  for (const auto& [id, unit] : job.units)
+    if (with_units && unit.row.unit.kind == job.source->kind()) end = std::max(end, unit.row.unit.end);
+  const std::uint64_t per_round = job.row.per_round();
+  job.prefix = prefix_of((end + per_round - 1) / per_round, job.row.chains.has_value());
+}
+
+std::optional<Scheduler::WholePrefix> Scheduler::whole_prefix(const std::string& id) const {
+  const Job* job = this->job(id);
+  if (job == nullptr || job->prefix == 0 || job->finishing || has_ended(job->row.state)) return std::nullopt;
+  WholePrefix out;
+  out.rounds = job->prefix;
+  out.border = job->border();
+  for (std::uint32_t half = 0; half < 2; ++half)
+    if (!contains(job->merged[half], 0, out.border.end[half])) return std::nullopt;
+  out.relmse = job->row.stop.relmse;
+  out.chains = job->row.chains.has_value();
+  for (std::uint32_t half = 0; half < 2; ++half)
+    out.next.end[half] =
+        std::min(prefix_after(job->prefix, out.chains) * job->row.per_round(), job->target(half));
+  out.next.version = job->prefix_version + 1;
+  return out;
+}
+
+bool Scheduler::prefix_decided(const std::string& id, const WholePrefix& prefix, bool ends, Now now) {
+  Job* job = find(id);
+  if (job == nullptr || job->finishing || has_ended(job->row.state)) return false;
+  if (job->prefix_version != prefix.border.version || job->row.stop.relmse != prefix.relmse) {
+    // The film may be at `next`: a version that is newer than that has it agree again.
+    ++job->prefix_version;
+    place_prefix(*job, true);
+    return false;
+  }
+  if (ends) {
+    if (!covers(job->merged, job->row.promised) || job->doubtful()) return false;
+    job->row.promised = {};
+    drop_ahead(*job, prefix.border, now);
+    stop(*job, "relmse", now);
+    return true;
+  }
+  job->prefix = prefix_after(job->prefix, prefix.chains);
+  ++job->prefix_version;
+  job->units_ahead = 0;
+  check_stop(*job, now);
+  return false;
+}
+
+void Scheduler::drop_ahead(Job& job, const PrefixBorder& border, Now now) {
+  std::uint64_t dropped = 0;
+  for (std::uint32_t half = 0; half < 2; ++half) {
+    film::IndexSet prefix;
+    prefix.insert(0, border.end[half]);
+    const film::IndexSet ahead = without(job.merged[half], prefix);
+    dropped += ahead.count();
+    job.merged[half] = without(job.merged[half], ahead);
+  }
+  if (dropped == 0) return;
+  changes_.emplace_back(DropMergedFrom{job.row.id, border.end});
+  job.row.iterations = count(job.merged);
+  job.row.units_merged -= std::min(job.row.units_merged, job.units_ahead);
+  job.units_ahead = 0;
+  event(now, job.row.id, "", "dropped",
+        fmt::format("{} {} beyond those at which the error is small enough: they would make the image depend "
+                    "on who was how fast",
+                    dropped, job.source->noun()));
+}
+
+bool Scheduler::is_dropped(const Job& job, const Unit& unit) {
+  return (job.finishing || has_ended(job.row.state)) && job.row.stop_reason == "relmse" &&
+         unit.begin >= job.border().end[unit.half];
+}
+
+void Scheduler::recount(const std::string& id, const film::Tallies& tallies, Now now) {
+  Job* job = find(id);
+  if (job == nullptr) return;
+  job->row.tallies = tallies;
+  save(*job, now);
+}
+
+}  // namespace candela::master
