@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <string>
 #include <vector>
 
@@ -229,8 +230,12 @@ TEST(Furnace, NearDeltaLobesInARoom) {
     double alpha;
     const char *lamp, *point, *what;
   };
-  for (const Row& row : {Row{1e-4, kLamp, "", "lamp, 1e-4"}, Row{0.02, kLamp, "", "lamp, 0.02"},
-                         Row{0.02, "", kPoint, "point, 0.02"}, Row{0.02, kLamp, kPoint, "both, 0.02"}}) {
+  // Where the second row fails, the rows of the long form tell which of its lamps it is.
+  std::vector<Row> rows = {{1e-4, kLamp, "", "lamp, 1e-4"}, {0.02, kLamp, kPoint, "both, 0.02"}};
+  const char* form = std::getenv("CANDELA_LONG");
+  if (form != nullptr && std::string(form) == "1")
+    rows.insert(rows.end(), {{0.02, kLamp, "", "lamp, 0.02"}, {0.02, "", kPoint, "point, 0.02"}});
+  for (const Row& row : rows) {
     const TestScene scene = room(row.alpha, std::string(row.lamp) + row.point);
     const Mean truth = mean_of(with_integrator(scene, "bdpt"), 256);
     EXPECT_LE(truth.error, 0.01 * truth.mean);

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdlib>
 #include <memory>
@@ -10,7 +11,10 @@
 
 #include "bsdf_quadrature.h"
 #include "chi_squared.h"
+#include "common/base/files.h"
 #include "scene_fixture.h"
+#include "tests/paths.h"
+#include "tests/proofs/proofs.h"
 
 namespace candela::test {
 namespace {
@@ -95,31 +99,7 @@ class Proof {
         samples_(long_form() ? 200000 : 8000) {}
 
   int run() {
-    const TextFiles files(
-        {{"scene.xml", "<scene version=\"3.0.0\"><shape type=\"sphere\">" + c_.xml + "</shape></scene>"}});
-    auto description = description::parse_scene(files, "scene.xml", {});
-    if (!description.ok()) {
-      ADD_FAILURE() << description.error().to_string();
-      return 0;
-    }
-    const auto shapes = description->scene->children_of("shape");
-    const auto bsdfs = shapes.at(0)->children_of("bsdf");
-    scene::TextureStore textures(files);
-    auto built = scene::Bsdf::build(*bsdfs.at(0), textures);
-    if (!built.ok()) {
-      ADD_FAILURE() << built.error().to_string();
-      return 0;
-    }
-    if (c_.ng.z < 1) {
-      built = scene::Bsdf::with_strict_normals(std::move(*built));
-      if (!built.ok()) {
-        ADD_FAILURE() << built.error().to_string();
-        return 0;
-      }
-    }
-    bsdf_ = std::make_unique<scene::Bsdf>(std::move(*built));
-    facts_ = bsdf_->facts();
-
+    if (!build()) return 0;
     std::vector<double> cosines = {1, 0.85, 0.5, 0.1};
     cosines.insert(cosines.end(), c_.more_cosines.begin(), c_.more_cosines.end());
     int index = 0;
@@ -138,7 +118,96 @@ class Proof {
     return tests_;
   }
 
+  // The bits of what decides the proofs: samples, values and densities for the same directions in both modes,
+  // there and back, for directions all over the sphere, and for those that numbers break on.
+  std::vector<std::int64_t> bits() {
+    Bits out;
+    if (!build()) return out.words;
+    for (const bool fact : {facts_.delta, facts_.smooth, facts_.transmissive, facts_.straight}) out.add(fact);
+    std::vector<double> cosines = {1, 0.85, 0.5, 0.1, 1e-3, 1e-20};
+    cosines.insert(cosines.end(), c_.more_cosines.begin(), c_.more_cosines.end());
+    int index = 0;
+    for (const double cosine : cosines)
+      for (const double side : {1.0, -1.0}) {
+        const Vec3 wo = direction(side * cosine, 0.7);
+        for (const TransportMode mode : {TransportMode::radiance, TransportMode::importance})
+          add_bits(out, wo, mode, rng::key(seed_, 9, ++index));
+      }
+    rng::Stream stream(rng::key(seed_, 10));
+    for (int i = 0; i < 400; ++i)
+      add_bits(out, uniform_direction(stream),
+               i % 2 == 0 ? TransportMode::radiance : TransportMode::importance, rng::key(seed_, 11, i), 4);
+    return out.words;
+  }
+
  private:
+  // Floats as they are.
+  struct Bits {
+    void add(float value) { words.push_back(std::bit_cast<std::int32_t>(value)); }
+    void add(Spectrum value) {
+      for (const float v : {value.r, value.g, value.b}) add(v);
+    }
+    void add(Vec3 value) {
+      for (const float v : {value.x, value.y, value.z}) add(v);
+    }
+    void add(bool value) { words.push_back(value ? 1 : 0); }
+    std::vector<std::int64_t> words;
+  };
+  void add_bits(Bits& out, Vec3 wo, TransportMode mode, std::uint64_t key, int draws = 300) {
+    const Closure closure = prepare(wo);
+    for (const bool flag : {closure.black, closure.purely_delta(), closure.even(), closure.chooses_lobe()})
+      out.add(flag);
+    out.add(closure.straight(wo));
+    rng::Stream stream(key);
+    for (int i = 0; i < draws; ++i) {
+      BsdfSample s;
+      const bool valid = draw(closure, wo, stream, mode, s);
+      const Vec3 wi = i % 4 == 0 || !valid || s.delta ? uniform_direction(stream) : s.wi;
+      out.add(valid);
+      if (valid) {
+        for (const bool flag : {s.delta, s.transmitted, s.straight}) out.add(flag);
+        for (const float v : {s.prob, s.prob_reverse, s.pdf_solid_angle, s.eta}) out.add(v);
+        out.add(s.weight);
+        out.add(s.wi);
+      }
+      for (const bool back : {false, true}) {
+        const TransportMode in = back ? other(mode) : mode;
+        float pdf = 0;
+        out.add(back ? closure.eval_pdf(wi, wo, in, pdf) : closure.eval_pdf(wo, wi, in, pdf));
+        out.add(pdf);
+      }
+    }
+  }
+
+  bool build() {
+    const TextFiles files(
+        {{"scene.xml", "<scene version=\"3.0.0\"><shape type=\"sphere\">" + c_.xml + "</shape></scene>"}});
+    auto description = description::parse_scene(files, "scene.xml", {});
+    if (!description.ok()) {
+      ADD_FAILURE() << description.error().to_string();
+      return false;
+    }
+    const auto shapes = description->scene->children_of("shape");
+    const auto bsdfs = shapes.at(0)->children_of("bsdf");
+    scene::TextureStore textures(files);
+    auto built = scene::Bsdf::build(*bsdfs.at(0), textures);
+    if (!built.ok()) {
+      ADD_FAILURE() << built.error().to_string();
+      return false;
+    }
+    if (c_.ng.z < 1) {
+      built = scene::Bsdf::with_strict_normals(std::move(*built));
+      if (!built.ok()) {
+        ADD_FAILURE() << built.error().to_string();
+        return false;
+      }
+    }
+    bsdf_ = std::make_unique<scene::Bsdf>(std::move(*built));
+    facts_ = bsdf_->facts();
+
+    return true;
+  }
+
   Closure prepare(Vec3 wo) {
     scene::SurfaceHit hit;
     hit.shading = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
@@ -535,7 +604,21 @@ void PrintTo(const BsdfConfiguration& configuration, std::ostream* out) {
 }
 
 int prove_bsdf(const BsdfConfiguration& configuration, double alarm) {
-  return Proof(configuration, alarm).run();
+  // What the proof is of: its bits decide the verdict (tests/proofs/proofs.h).
+  const BsdfConfiguration& c = configuration;
+  const std::string what = fmt::format("{}\n{} {} {} {} {} {} {} {} {} {}", c.name, c.xml, c.eta,
+                                       c.not_reciprocal, c.least_albedo, c.most_albedo, c.unbounded_adjoint,
+                                       fmt::join(c.more_cosines, " "), c.ng.x, c.ng.y, c.ng.z);
+  if (!proofs::probing()) {
+    proofs::film(what, {});
+    return Proof(configuration, alarm).run();
+  }
+  proofs::film(what, Proof(configuration, alarm).bits());
+  for (const char* file : {"bsdf_proofs.cpp", "bsdf_quadrature.cpp", "bsdf_quadrature.h", "chi_squared.h"}) {
+    const auto text = read_file(source_path(std::string("tests/unit/") + file), 1 << 20);
+    proofs::fact(file, text.ok() ? *text : std::string());
+  }
+  return 0;
 }
 
 }  // namespace candela::test

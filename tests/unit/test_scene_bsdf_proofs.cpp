@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "bsdf_proofs.h"
+#include "tests/proofs/proofs.h"
 
 namespace candela::test {
 namespace {
@@ -465,6 +466,8 @@ std::vector<BsdfConfiguration> configurations() {
        2);
   return all;
 }
+
+const proofs::FilmsDecide kBits({"BsdfProof"});
 
 class BsdfProof : public testing::TestWithParam<BsdfConfiguration> {};
 
