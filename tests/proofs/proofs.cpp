@@ -231,9 +231,10 @@ void leave_out_proved(const Table& table, const std::map<std::string, Probe>& pr
 }
 
 // Why a test that ran in full may not have a line; empty: it may.
-std::string reason_for_no_line(const Record& full, const Probe* probe) {
+std::string reason_for_no_line(const Record& full, const Probe* probe, const Probe* again) {
   if (!full.passed) return "it failed";
   if (probe == nullptr || probe->films == "-") return "the probe rendered nothing";
+  if (again == nullptr || again->films != probe->films) return "a second probe rendered other films";
   for (const std::string& what : full.rendered)
     if (!probe->rendered.contains(what)) return "the probe did not render " + what;
   return {};
@@ -243,6 +244,7 @@ std::string reason_for_no_line(const Record& full, const Probe* probe) {
 int record(const Table& table, bool all, const std::string& path, const char* commit) {
   const auto probes = probe(files_of_tests());
   if (!all) leave_out_proved(table, probes);
+  const auto again = probe(files_of_tests());  // of those that are left
   state().recording = true;
   std::map<std::string, Record> records;
   testing::UnitTest::GetInstance()->listeners().Append(new Recorder(records));
@@ -253,7 +255,9 @@ int record(const Table& table, bool all, const std::string& path, const char* co
     if (full.skipped) continue;
     const auto found = probes.find(test);
     const Probe* probe = found == probes.end() ? nullptr : &found->second;
-    const std::string why = reason_for_no_line(full, probe);
+    const auto second = again.find(test);
+    const std::string why =
+        reason_for_no_line(full, probe, second == again.end() ? nullptr : &second->second);
     std::printf("proofs: %s: %.2f s in full, %.2f s as a probe%s%s\n", test.c_str(), full.seconds,
                 probe == nullptr ? 0 : probe->seconds, why.empty() ? "" : "; no line: ", why.c_str());
     if (why.empty()) out << line_text({test, probe->films, probe->judge, commit}) << '\n';

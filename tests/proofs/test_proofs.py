@@ -2,7 +2,8 @@
 """Claim: a test whose films, source and references are those of its line in the table is not run, and any other is.
 
 Planted: a changed film, a missing line, a line of other films, an edited line, a changed source, a test that fails
-while it is recorded, a test that renders what its probe does not, a test that is recorded after one of its scene.
+while it is recorded, a test that renders what its probe does not, a test that is recorded after one of its scene, films that differ from one
+run to the next.
 """
 import hashlib
 import os
@@ -76,6 +77,12 @@ class Proofs(unittest.TestCase):
         code, text, _ = self.run_subject(self.table(self.good_line(SECOND)), tests=SECOND)
         self.assertEqual(code, 0, text)
         self.assertIn(f"[  PROVED  ] {SECOND} at c0ffee", text)
+
+    def test_recording_writes_no_line_of_films_that_differ_by_chance(self):
+        code, text, lines = self.record(SUBJECT_RUNS=self.path("runs"))
+        self.assertEqual(code, 0, text)
+        self.assertEqual([line.split()[0] for line in lines.splitlines()], [FIRST, SECOND])
+        self.assertIn("no line: a second probe rendered other films", text)
 
     def test_recording_writes_no_line_of_a_failure(self):
         code, text, lines = self.record(SUBJECT_RADIANCE="0.6")

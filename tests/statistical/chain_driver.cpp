@@ -144,7 +144,8 @@ Estimator make_chain_estimator(const std::string& name, const ChainJob& job, std
             };
             {
               std::vector<std::jthread> threads;
-              for (unsigned i = 0; i < 2; ++i) threads.emplace_back(work);
+              // The probe's one image is that of the first batch, whichever thread would be the first.
+              for (unsigned i = 0; i < (proofs::probing() ? 1 : 2); ++i) threads.emplace_back(work);
             }
             if (trouble) std::rethrow_exception(trouble);
             return rows;
