@@ -47,6 +47,7 @@ struct Task {
   v1::Lease lease;
   Clock::time_point first;  // when its rendering began
   Clock::time_point begun;  // since when it is to be charged
+  bool refused = false;     // the queue was full for its delta
 };
 
 }  // namespace
@@ -175,6 +176,8 @@ class SwarmWorker {
     pending_.clear();
     rendering_.reset();
     outbox_.clear();
+    ++push_round_;
+    push_waits_ = false;
     ++generation_;
     ++session_count_;
     sign_on();
@@ -316,7 +319,10 @@ class SwarmWorker {
       charge(Clock::now());
       outbox_.push_back(std::move(*rendering_));
       rendering_.reset();
-      if (outbox_.size() == 1) push();
+      if (outbox_.size() == 1)
+        push();
+      else
+        pass();
       render_next();
       acquire();
     });
@@ -336,7 +342,18 @@ class SwarmWorker {
     Clock::time_point begun = Clock::now();
   };
 
+  // As the worker does: a delta that was not refused passes one that was.
+  bool pass() {
+    const auto next = std::find_if(outbox_.begin(), outbox_.end(), [](const Task& t) { return !t.refused; });
+    if (!push_waits_ || next == outbox_.end()) return false;
+    std::rotate(outbox_.begin(), next, next + 1);
+    push();
+    return true;
+  }
+
   void push() {
+    ++push_round_;
+    push_waits_ = false;
     auto call = std::make_shared<PushCall>();
     call->session_count = session_count_;
     swarm_.pack(
@@ -388,8 +405,12 @@ class SwarmWorker {
       const bool full = call->status.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED;
       if (full) count([](SwarmCounts& c) { ++c.queue_full; });
       const double told = full ? wire::retry_ms(call->status, kRetryMs) * 1e-3 : kRetryMs * 1e-3;
-      return wait(told * (1 + 0.25 * slowness_ / swarm_.options_.spread), [this, call] {
-        if (!outbox_.empty() && call->session_count == session_count_) push();
+      outbox_.front().refused = push_waits_ = true;
+      if (pass()) return;
+      return wait(told * (1 + 0.25 * slowness_ / swarm_.options_.spread), [this, round = push_round_] {
+        if (outbox_.empty() || round != push_round_) return;
+        for (Task& task : outbox_) task.refused = false;
+        push();
       });
     }
     const bool merged = call->response.verdict() == v1::DELTA_VERDICT_MERGED;
@@ -419,6 +440,8 @@ class SwarmWorker {
   std::uint64_t generation_ = 0;  // of the unit that is rendered; another one when it was lost
   bool asking_ = false;
   std::deque<Task> pending_, outbox_;
+  std::uint64_t push_round_ = 0;
+  bool push_waits_ = false;  // the front one's wait goes on
   std::optional<Task> rendering_;
 };
 

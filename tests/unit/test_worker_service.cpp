@@ -267,6 +267,18 @@ TEST_F(WorkerServiceTest, PushIsRetried) {
   EXPECT_TRUE(master_.failures.empty());
 }
 
+// Claim: a delta for which the master has no place lets the next one pass, which may have a place: of a more
+// urgent job, say.
+TEST_F(WorkerServiceTest, AFullQueueLetsOthersPass) {
+  master_.push_script = {wire::to_status_with_retry(resource_error("the merge queue is full"), 400)};
+  const std::uint64_t first = master_.add_lease(0, 3), second = master_.add_lease(3, 6);
+  start();
+  ASSERT_TRUE(master_.wait_for([&] { return merged_count() == 2; }));
+  const std::lock_guard lock(master_.mutex);
+  EXPECT_EQ(master_.merged, (std::vector<std::uint64_t>{second, first}));
+  EXPECT_EQ(master_.headers[first].sha256(), sha256_hex(master_.deltas[first]));
+}
+
 // Claim: a delta that the master will never take (a malformed request by its reckoning) fails the unit
 // instead of being sent for ever.
 TEST_F(WorkerServiceTest, PushThatCannotSucceedFailsTheUnit) {

@@ -97,6 +97,12 @@ class FarmWorker final : public Worker {
     Sums sums;
     film::DeltaInfo info;
     double render_seconds = 0;
+    // Of its delivery, by the push thread alone but for `not_before`.
+    std::string bytes;  // empty: not encoded yet
+    std::optional<v1::DeltaHeader> header;
+    std::optional<Backoff> backoff;
+    unsigned rejections = 0;
+    Clock::time_point not_before{};  // the master could not take it: others go first
   };
   // What must be told the master about a unit that will not be delivered.
   struct Notice {
@@ -154,8 +160,9 @@ class FarmWorker final : public Worker {
 
   // farm_worker_push.cpp
   void push_loop();
-  void deliver(Finished& finished);
-  void deliver_bytes(Finished& finished, const std::string& bytes);
+  // One attempt. False: it is to be pushed again, not before finished.not_before.
+  bool deliver(Finished& finished);
+  bool deliver_bytes(Finished& finished);
 
   // Repeats `call` while the master is unreachable and the task is ours. The last status; CANCELLED if it was
   // given up.
@@ -179,7 +186,7 @@ class FarmWorker final : public Worker {
   std::uint64_t generations_ = 0;
   std::deque<TaskPtr> pending_;
   TaskPtr running_;
-  std::deque<std::shared_ptr<Finished>> outbox_;  // the front one is being pushed
+  std::deque<std::shared_ptr<Finished>> outbox_;  // the front one is pushed, or was last
   std::deque<Notice> notices_;
   std::vector<Sums> spare_sums_;
   Clock::time_point next_acquire_{};
