@@ -94,6 +94,9 @@ class Proof {
  public:
   Proof(const BsdfConfiguration& configuration, double alarm)
       : c_(configuration),
+        files_({{"scene.xml",
+                 "<scene version=\"3.0.0\"><shape type=\"sphere\">" + c_.xml + "</shape></scene>"}}),
+        textures_(files_),
         alarm_(alarm),
         seed_(seed_of(configuration.name)),
         samples_(long_form() ? 200000 : 8000) {}
@@ -180,17 +183,14 @@ class Proof {
   }
 
   bool build() {
-    const TextFiles files(
-        {{"scene.xml", "<scene version=\"3.0.0\"><shape type=\"sphere\">" + c_.xml + "</shape></scene>"}});
-    auto description = description::parse_scene(files, "scene.xml", {});
+    auto description = description::parse_scene(files_, "scene.xml", {});
     if (!description.ok()) {
       ADD_FAILURE() << description.error().to_string();
       return false;
     }
     const auto shapes = description->scene->children_of("shape");
     const auto bsdfs = shapes.at(0)->children_of("bsdf");
-    scene::TextureStore textures(files);
-    auto built = scene::Bsdf::build(*bsdfs.at(0), textures);
+    auto built = scene::Bsdf::build(*bsdfs.at(0), textures_);
     if (!built.ok()) {
       ADD_FAILURE() << built.error().to_string();
       return false;
@@ -204,7 +204,6 @@ class Proof {
     }
     bsdf_ = std::make_unique<scene::Bsdf>(std::move(*built));
     facts_ = bsdf_->facts();
-
     return true;
   }
 
@@ -586,6 +585,8 @@ class Proof {
   }
 
   const BsdfConfiguration& c_;
+  const TextFiles files_;
+  scene::TextureStore textures_;  // the bsdf's textures
   double alarm_;
   std::uint64_t seed_;
   int samples_;
@@ -606,9 +607,9 @@ void PrintTo(const BsdfConfiguration& configuration, std::ostream* out) {
 int prove_bsdf(const BsdfConfiguration& configuration, double alarm) {
   // What the proof is of: its bits decide the verdict (tests/proofs/proofs.h).
   const BsdfConfiguration& c = configuration;
-  const std::string what = fmt::format("{}\n{} {} {} {} {} {} {} {} {} {}", c.name, c.xml, c.eta,
-                                       c.not_reciprocal, c.least_albedo, c.most_albedo, c.unbounded_adjoint,
-                                       fmt::join(c.more_cosines, " "), c.ng.x, c.ng.y, c.ng.z);
+  const std::string what =
+      fmt::format("{}\n{} {} {} {} {} {} {} {} {} {}", c.name, c.xml, c.eta, c.not_reciprocal, c.least_albedo,
+                  c.most_albedo, c.unbounded_adjoint, fmt::join(c.more_cosines, " "), c.ng.x, c.ng.y, c.ng.z);
   if (!proofs::probing()) {
     proofs::film(what, {});
     return Proof(configuration, alarm).run();
