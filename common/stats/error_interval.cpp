@@ -20,6 +20,7 @@ constexpr double kBoth = 1.41421356;
 // Of the noise: what the upper end has for light that was found too rarely to be in it, and of chains for
 // what both groups have found too often or too rarely alike.
 constexpr double kUnseen = 0.5, kUnseenByChains = 1;
+constexpr double kStandsOut = 0.5;       // standard errors
 constexpr std::size_t kManyBlocks = 16;  // from so many on the spread of their energies is known
 
 using Row = std::vector<double>;
@@ -209,9 +210,7 @@ struct Blur {
 
 // The bias of merging, from how the image moves: the product of what either half tells has no noise in its
 // expectation. `weights`: means over blocks of 1 / denominator; `sizes`: their pixels.
-Blur blur_of(const ErrorContext& context, const BlockMeans& now, const Row& weights, const Row& sizes) {
-  if (!(context.alpha < 1) || context.movement == nullptr) return {};
-  const Movement::Bias bias = context.movement->bias(now, context.alpha);
+Blur blur_of(const Movement::Bias& bias, const Row& weights, const Row& sizes) {
   if (bias.a.empty()) return {};
   double sum = 0, squares = 0, pixels = 0;
   for (std::size_t block = 0; block < sizes.size(); ++block) {
@@ -227,6 +226,38 @@ Blur blur_of(const ErrorContext& context, const BlockMeans& now, const Row& weig
   }
   const double values = pixels * film::kChannels;
   return {std::max(0.0, sum) / values, kNormal * std::sqrt(squares) / values};
+}
+
+// 1 / denominator of the blocks without the light that merging has carried there: where photons leak into
+// pixels that are nearly black, that light would be its own denominator. `values`: means over blocks of what
+// the denominators are the squares of.
+Row weights_without(const Movement::Bias& bias, const BlockMeans& now, const Row& values) {
+  Row left = values, weights(values.size());
+  double mean = 0;
+  for (std::uint32_t y = 0; y < now.height; ++y)
+    for (std::uint32_t x = 0; x < now.width; ++x)
+      for (std::uint32_t c = 0; c < film::kChannels; ++c) {
+        // The lesser half, around the block, as far as it stands out of its own spread: noise alone does not.
+        double sum = 0, squares = 0, count = 0;
+        for (std::uint32_t v = y < kReach ? 0 : y - kReach; v < std::min(now.height, y + kReach + 1); ++v)
+          for (std::uint32_t u = x < kReach ? 0 : x - kReach; u < std::min(now.width, x + kReach + 1); ++u) {
+            const std::size_t i = (std::size_t{v} * now.width + u) * film::kChannels + c;
+            const double least = double{std::min(bias.a[i], bias.b[i])};
+            sum += least;
+            squares += least * least;
+            count += 1;
+          }
+        const std::size_t j = (std::size_t{y} * now.width + x) * film::kChannels + c;
+        const double mean_bias = sum / count;
+        const double error = std::sqrt(std::max(0.0, squares / count - mean_bias * mean_bias) / count);
+        left[j] = std::max(0.0, values[j] - std::max(0.0, mean_bias - kStandsOut * error));
+        mean += left[j] / static_cast<double>(values.size());
+      }
+  for (std::size_t j = 0; j < left.size(); ++j) {
+    const double square = left[j] * left[j] + kDarkFraction * mean * mean;
+    weights[j] = square > 0 ? 1 / square : 0;
+  }
+  return weights;
 }
 
 }  // namespace
@@ -254,6 +285,7 @@ ErrorInterval error_interval(const Halves& halves, const ErrorContext& context) 
   blocks.n1 = halves.n1;
   const std::size_t block_values = std::size_t{blocks.width} * blocks.height * film::kChannels;
   Row sum_a(block_values), sum_b(block_values), weights(block_values), sizes(block_values / film::kChannels);
+  Row values_of_blocks(block_values), variances_of_blocks(block_values);
 
   Rows rows(halves);
   Bands bands(halves.width);
@@ -307,6 +339,8 @@ ErrorInterval error_interval(const Halves& halves, const ErrorContext& context) 
         field[i] = (a - b) * std::sqrt(factor * weight);
         noise += field[i] * field[i];
         variances += (a - b) * (a - b) * factor;
+        values_of_blocks[block * film::kChannels + c] += value;
+        variances_of_blocks[block * film::kChannels + c] += (a - b) * (a - b) * factor;
         if (halves.factor_variance > 0) {
           const double v = row.scaled[i] * row.scaled[i] * halves.factor_variance;
           of_factor += v * weight;
@@ -325,12 +359,15 @@ ErrorInterval error_interval(const Halves& halves, const ErrorContext& context) 
     blocks.a.push_back(static_cast<float>(sum_a[j] / size));
     blocks.b.push_back(static_cast<float>(sum_b[j] / size));
     weights[j] /= size;
+    values_of_blocks[j] /= size;
   }
   const double values = static_cast<double>(halves.height) * static_cast<double>(rows.values());
   result.rmse = std::sqrt(variances / values);
   if (means.black) return result;
   result.noise = (noise + of_factor) / values;
-  Blur blur = blur_of(context, blocks, weights, sizes);
+  Movement::Bias bias;
+  if (context.alpha < 1 && context.movement != nullptr) bias = context.movement->bias(blocks, context.alpha);
+  Blur blur = blur_of(bias, weights, sizes);
   if (context.connects) blur.excess = std::min(blur.excess, result.noise);
   // As far as it stands out of its uncertainty: what may be chance is in the upper end alone.
   result.blur = blur.value > 0 ? blur.value * blur.value / (blur.value + blur.excess) : 0;
@@ -338,6 +375,14 @@ ErrorInterval error_interval(const Halves& halves, const ErrorContext& context) 
   result.unseen = (halves.chains ? kUnseenByChains : kUnseen) * result.noise;
   const double spread = (1 + result.unseen / result.noise) * excess(bands.finish()) / values;
   result.upper = result.noise + blur.value + result.unseen + std::hypot(spread, blur.excess);
+  if (!bias.a.empty() && !context.connects) {
+    const Row without = weights_without(bias, blocks, values_of_blocks);
+    const Blur more = blur_of(bias, without, sizes);
+    double more_noise = of_factor;
+    for (std::size_t i = 0; i < block_values; ++i) more_noise += variances_of_blocks[i] * without[i];
+    result.upper = std::max(
+        result.upper, more_noise / values + more.value + result.unseen + std::hypot(spread, more.excess));
+  }
   return result;
 }
 

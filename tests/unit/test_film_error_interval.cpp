@@ -173,6 +173,42 @@ TEST(ErrorInterval, CoversTheBiasOfMerging) {
   }
 }
 
+// Claim: light that merging carries into black pixels, as much as the others have, is no denominator of its
+// own: from the third doubling on the upper end is at least a third of the truth, which is a hundred times
+// above the estimate.
+TEST(ErrorInterval, CoversLeaksIntoTheDark) {
+  constexpr double kAlpha = 2.0 / 3;
+  const auto dark = [](std::size_t p) { return p % kSide < kSide / 2; };
+  Movement movement;
+  const ErrorContext context{kAlpha, false, &movement};
+  HalfImages image;
+  int done = 0;
+  for (const int samples : {4, 8, 16, 32, 64}) {
+    const HalfImages more = render(static_cast<std::uint64_t>(samples), samples - done);
+    if (done == 0) image = more;
+    double added = 0;
+    for (int i = done + 1; i <= samples; ++i) added += std::pow(i, kAlpha - 1);
+    for (std::size_t i = 0; i < image.a.size(); ++i)
+      for (auto [to, from] : {std::pair(&image.a, &more.a), std::pair(&image.b, &more.b)}) {
+        // The noise of a dark pixel is that of the light which leaks there.
+        const double leaked = 1 * added / (samples - done);
+        const double mean = dark(i / 3) ? leaked * (1 + 0.2 * ((*from)[i] - picture(i / 3))) : (*from)[i];
+        (*to)[i] =
+            static_cast<float>(((done > 0 ? (*to)[i] : 0.0) * done + mean * (samples - done)) / samples);
+      }
+    done = samples;
+    image.n0 = image.n1 = samples / 2;
+    const ErrorInterval shown = error_interval(halves_of(image), context);
+    const double truth = relmse_of(image, [&](std::size_t p) { return dark(p) ? 0.0 : picture(p); });
+    if (samples >= 32) {
+      EXPECT_GE(shown.upper, truth / 3) << samples;
+      EXPECT_LE(shown.upper, 20 * truth) << samples;
+      EXPECT_GE(truth, 100 * shown.relmse) << samples;
+    }
+    movement.add(shown.blocks, kAlpha);
+  }
+}
+
 // Claim: the figures do not change if the image is a hundred times as bright; a black image has none, and
 // neither has an image of one half.
 TEST(ErrorInterval, KnowsItsLimits) {
