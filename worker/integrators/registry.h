@@ -5,8 +5,8 @@
 #include <string_view>
 #include <vector>
 
+#include "worker/integrators/chains/effort.h"
 #include "worker/integrators/integrator.h"
-#include "worker/integrators/markov/effort.h"
 #include "worker/integrators/settings.h"
 
 namespace candela::integrators {
@@ -20,7 +20,7 @@ IntegratorEntry integrator_entry(std::string_view name,
           create,
           +[](const SettingsMap& given) -> Result<SettingsMap> {
             CANDELA_ASSIGN(const Settings settings, parse_settings<Settings>(given));
-            if constexpr (requires { settings.markov; }) CANDELA_TRY(check(settings.markov));
+            if constexpr (requires { settings.chains; }) CANDELA_TRY(check(settings.chains));
             if constexpr (requires { settings.epochs; }) CANDELA_TRY(check(settings.epochs));
             if constexpr (requires { settings.rings; }) CANDELA_TRY(check(settings.f_test, settings.rings));
             if constexpr (requires { check(settings); }) CANDELA_TRY(check(settings));
@@ -29,15 +29,15 @@ IntegratorEntry integrator_entry(std::string_view name,
           },
           +[] { return write_settings(Settings{}).docs; },
           +[](const Effort& effort) -> SettingsMap {
-            if constexpr (requires(Settings s) { s.markov; })
-              return markov::settings_of_effort(effort);
+            if constexpr (requires(Settings s) { s.chains.bootstrap; })
+              return chain_jobs::settings_of_effort(effort);
             else
               return {};
           },
           +[](const SettingsMap& given) -> Result<std::uint64_t> {
             CANDELA_ASSIGN(const Settings settings, parse_settings<Settings>(given));
-            if constexpr (requires { settings.markov; })
-              return static_cast<std::uint64_t>(settings.markov.mutations);
+            if constexpr (requires { settings.chains; })
+              return static_cast<std::uint64_t>(settings.chains.mutations);
             else
               return 1;
           }};

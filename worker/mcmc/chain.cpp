@@ -23,12 +23,12 @@ std::uint64_t purpose_key(std::uint64_t key, Purpose purpose) {
 constexpr std::uint64_t kGlance = 16;
 
 // What goes to the film of one chain.
-class Splats {
+class Splats final : public Deposit {
  public:
   Splats(const ChainRules& rules, const ChainOutlets& outlets)
       : outlets_(outlets), each_(rules.pixels / static_cast<double>(rules.segment_mutations)) {}
 
-  void add(std::uint32_t layer, const SplatList& list, double weight, std::uint64_t key) const {
+  void add(std::uint32_t layer, const SplatList& list, double weight, std::uint64_t key) override {
     if (outlets_.film == nullptr || !(weight > 0)) return;
     const double factor = weight * each_;
     std::uint64_t i = 0;
@@ -59,34 +59,21 @@ double usable_scalar(SplatList& list, film::Tallies& tallies) {
   return list.scalar();
 }
 
-Result<void> run_segment(StateSpace& space, const ChainRules& rules, std::uint64_t chain,
-                         const chains::ChainStart& start, const ChainOutlets& outlets,
-                         chains::ChainRecord& record) {
-  SplatList present, proposal;
-  record = start.record;
-  chains::ChainCounts& counts = record.counts;
-  if (record.segments == 0)
-    space.start(bootstrap_key(rules.seed, start.bootstrap_sample), present);
-  else
-    CANDELA_TRY(space.restore(record.state, present));
-  film::Tallies unused;  // a start that was rejected was never chosen
-  const double start_scalar = usable_scalar(present, unused);
-  if (!(start_scalar > 0) || counts.mutations != record.segments * rules.segment_mutations)
-    return input_error("the chain cannot start there: it is not a state of this job")
-        .with_field("chain_starts");
-
-  const Splats splats(rules, outlets);
-  const std::uint64_t chain_key = rng::key(rules.seed, kChain, chain);
+bool run_mutations(Walker& walker, std::uint64_t mutations, const ChainRules& rules,
+                   const ChainOutlets& outlets, Deposit& deposit) {
+  StateSpace& space = walker.space;
+  SplatList& present = walker.present;
+  SplatList proposal;
+  chains::ChainCounts& counts = walker.counts;
   const auto weigh = [&](double scalar) { return 1 / (scalar / rules.b0 + rules.prob_large); };
-  double scalar = start_scalar;
   double stays = 0;  // expected number of times that the present state was the next one, not yet on the film
-  for (std::uint64_t i = 0; i < rules.segment_mutations; ++i) {
+  for (std::uint64_t i = 0; i < mutations; ++i) {
     if (i % kGlance == 0) {
-      if (outlets.stop != nullptr && outlets.stop->load(std::memory_order_relaxed)) return {};
-      if (outlets.progress != nullptr) outlets.progress->add(std::min(kGlance, rules.segment_mutations - i));
+      if (outlets.stop != nullptr && outlets.stop->load(std::memory_order_relaxed)) return false;
+      if (outlets.progress != nullptr) outlets.progress->add(std::min(kGlance, mutations - i));
     }
     Mutation mutation;
-    mutation.key = rng::combine(chain_key, counts.mutations++);
+    mutation.key = rng::combine(walker.key, counts.mutations++);
     rng::Stream decide(purpose_key(mutation.key, decisions));
     mutation.large = decide.next_double() < rules.prob_large;
     const double ratio = space.propose(mutation, proposal);
@@ -102,20 +89,21 @@ Result<void> run_segment(StateSpace& space, const ChainRules& rules, std::uint64
     }
     // Nothing that is not finite, or not a density, is ever accepted: NaN compares false.
     double accept = 0;
-    if (proposed_scalar > 0 && ratio > 0) accept = std::min(1.0, ratio * (proposed_scalar / scalar));
+    if (proposed_scalar > 0 && ratio > 0) accept = std::min(1.0, ratio * (proposed_scalar / walker.scalar));
     stays += 1 - accept;
     const bool accepted = decide.next_double() < accept;
     if (proposed_scalar > 0) {
       const double weight = weigh(proposed_scalar);
       if (mutation.large)
-        splats.add(kIndependentLayer, proposal, weight, purpose_key(mutation.key, independent));
-      if (!accepted) splats.add(kChainsLayer, proposal, accept * weight, purpose_key(mutation.key, proposed));
+        deposit.add(kIndependentLayer, proposal, weight, purpose_key(mutation.key, independent));
+      if (!accepted)
+        deposit.add(kChainsLayer, proposal, accept * weight, purpose_key(mutation.key, proposed));
     }
     if (accepted) {
-      splats.add(kChainsLayer, present, stays * weigh(scalar), purpose_key(mutation.key, flushed));
+      deposit.add(kChainsLayer, present, stays * weigh(walker.scalar), purpose_key(mutation.key, flushed));
       space.accept();
       std::swap(present, proposal);
-      scalar = proposed_scalar;
+      walker.scalar = proposed_scalar;
       stays = accept;
       ++counts.accepted;
       if (mutation.large) ++counts.large_accepted;
@@ -130,8 +118,28 @@ Result<void> run_segment(StateSpace& space, const ChainRules& rules, std::uint64
       }
     }
   }
-  splats.add(kChainsLayer, present, stays * weigh(scalar),
-             purpose_key(rng::combine(chain_key, counts.mutations), segment_end));
+  deposit.add(kChainsLayer, present, stays * weigh(walker.scalar),
+              purpose_key(rng::combine(walker.key, counts.mutations), segment_end));
+  return true;
+}
+
+Result<void> run_segment(StateSpace& space, const ChainRules& rules, std::uint64_t chain,
+                         const chains::ChainStart& start, const ChainOutlets& outlets,
+                         chains::ChainRecord& record) {
+  Walker walker{space, {}, 0, rng::key(rules.seed, kChain, chain), start.record.counts};
+  record = start.record;
+  if (record.segments == 0)
+    space.start(bootstrap_key(rules.seed, start.bootstrap_sample), walker.present);
+  else
+    CANDELA_TRY(space.restore(record.state, walker.present));
+  film::Tallies unused;  // a start that was rejected was never chosen
+  walker.scalar = usable_scalar(walker.present, unused);
+  if (!(walker.scalar > 0) || walker.counts.mutations != record.segments * rules.segment_mutations)
+    return input_error("the chain cannot start there: it is not a state of this job")
+        .with_field("chain_starts");
+  Splats splats(rules, outlets);
+  if (!run_mutations(walker, rules.segment_mutations, rules, outlets, splats)) return {};
+  record.counts = walker.counts;
   ++record.segments;
   record.state = space.save();
   return {};

@@ -62,6 +62,28 @@ struct ChainOutlets {
   void (*fault)(std::uint64_t key, float* rgb) = nullptr;  // of integrators::RunContext
 };
 
+// Where what mutations bring goes to. The weight of a list leaves out the number of mutations and pixels; the
+// key names it.
+class Deposit {
+ public:
+  virtual ~Deposit() = default;
+  virtual void add(std::uint32_t layer, const SplatList& list, double weight, std::uint64_t key) = 0;
+};
+
+// A chain on its way.
+struct Walker {
+  StateSpace& space;
+  SplatList present;           // of the space's present state
+  double scalar = 0;           // its scalar contribution, > 0
+  std::uint64_t key = 0;       // of the chain
+  chains::ChainCounts counts;  // mutations so far name the next one
+};
+
+// So many mutations of a chain, of a segment or of a short chain inside a unit. With rules.prob_large = 0 and
+// rules.b0 = e each mutation deposits the energy e. False: it was stopped, and what was deposited is useless.
+bool run_mutations(Walker& walker, std::uint64_t mutations, const ChainRules& rules,
+                   const ChainOutlets& outlets, Deposit& deposit);
+
 // One segment of chain number `chain`: `record` becomes the chain after it. Fails (input) where the start
 // cannot be of this job. A stop leaves film and record useless.
 Result<void> run_segment(StateSpace& space, const ChainRules& rules, std::uint64_t chain,

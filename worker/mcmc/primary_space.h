@@ -1,6 +1,9 @@
 // The state space of an estimator over its random numbers: Kelemen's mutations of them.
 #pragma once
 
+#include <memory>
+#include <utility>
+
 #include "worker/mcmc/primary_state.h"
 #include "worker/mcmc/state_space.h"
 
@@ -16,6 +19,8 @@ class PrimaryTarget {
 
 class PrimarySpace final : public StateSpace {
  public:
+  PrimarySpace(std::unique_ptr<PrimaryTarget> target, StepSizes sizes)
+      : owned_(std::move(target)), target_(*owned_), numbers_(sizes) {}
   // The target must outlive it.
   PrimarySpace(PrimaryTarget& target, StepSizes sizes) : target_(target), numbers_(sizes) {}
 
@@ -43,6 +48,7 @@ class PrimarySpace final : public StateSpace {
     target_.evaluate(numbers_, out);
   }
 
+  std::unique_ptr<PrimaryTarget> owned_;  // null: somebody else's
   PrimaryTarget& target_;
   PrimaryState numbers_;
 };

@@ -1,10 +1,10 @@
-#include "worker/integrators/markov/markov.h"
+#include "worker/integrators/chains/chain_integrator.h"
 
 #include <algorithm>
 #include <cmath>
 #include <optional>
 
-#include "worker/integrators/markov/direct_light.h"
+#include "worker/integrators/chains/direct_light.h"
 #include "worker/integrators/parallel_tasks.h"
 #include "worker/integrators/pilot.h"
 #include "worker/mcmc/chain.h"
@@ -33,11 +33,15 @@ std::string reasons_for_chains(const scene::SceneFeatures& f) {
 
 }  // namespace
 
-Result<void> check(const MarkovSettings& settings) {
+Result<void> check(const ChainSettings& settings) {
   if (settings.chains % 2 != 0)
     return usage_error("the number of chains is odd")
         .with_field("chains")
         .with_mend("one half of them estimates the image beside the other half: give an even number");
+  return {};
+}
+
+Result<void> check(const PrimarySettings& settings) {
   if (settings.step_least > settings.step_most)
     return usage_error("the smallest step is larger than the largest")
         .with_field("step_least")
@@ -45,8 +49,8 @@ Result<void> check(const MarkovSettings& settings) {
   return {};
 }
 
-MarkovIntegrator::MarkovIntegrator(const MarkovSettings& settings, const estimators::PathOptions& options,
-                                   const scene::SceneFeatures& features, bool full_plan)
+ChainIntegrator::ChainIntegrator(const ChainSettings& settings, const estimators::PathOptions& options,
+                                 const scene::SceneFeatures& features, bool full_plan)
     : settings_(settings),
       direct_by_path_(settings.direct.value == "path"),
       all_options_(options),
@@ -71,7 +75,7 @@ MarkovIntegrator::MarkovIntegrator(const MarkovSettings& settings, const estimat
     plan_.use("Metropolis", "light may be hard to find: " + reasons);
 }
 
-ChainPlan MarkovIntegrator::chain_plan(FilmSize size) const {
+ChainPlan ChainIntegrator::chain_plan(FilmSize size) const {
   ChainPlan plan;
   plan.chains = static_cast<std::uint32_t>(settings_.chains);
   plan.bootstrap_samples = static_cast<std::uint64_t>(settings_.bootstrap);
@@ -80,35 +84,34 @@ ChainPlan MarkovIntegrator::chain_plan(FilmSize size) const {
   return plan;
 }
 
-WorkPlan MarkovIntegrator::work(FilmSize size, int /*film_scale_log2*/) const {
+WorkPlan ChainIntegrator::work(FilmSize size, int /*film_scale_log2*/) const {
   WorkPlan plan;
   plan.layers = {"independent"};
   plan.chains = chain_plan(size);
   return plan;
 }
 
-Result<void> MarkovIntegrator::run(const UnitContext& context, const Unit& unit, const UnitInput& input,
-                                   UnitOutput& output, const RunContext& run) const {
+Result<void> ChainIntegrator::run(const UnitContext& context, const Unit& unit, const UnitInput& input,
+                                  UnitOutput& output, const RunContext& run) const {
   return unit.kind == Unit::Kind::bootstrap ? run_bootstrap(context, unit, output, run)
                                             : run_segments(context, unit, input, output, run);
 }
 
-Result<void> MarkovIntegrator::run_bootstrap(const UnitContext& context, const Unit& unit, UnitOutput& output,
-                                             const RunContext& run) const {
+Result<void> ChainIntegrator::run_bootstrap(const UnitContext& context, const Unit& unit, UnitOutput& output,
+                                            const RunContext& run) const {
   std::vector<float>& contributions = output.table;
   contributions.assign(unit.end - unit.begin, 0);
   film::UnitFilm tallies_only({1, 1, 1}, 0);
   CANDELA_TRY(for_each_task(
       divide_up(unit.end - unit.begin, kBootstrapChunk), tallies_only, run,
       [&](std::uint64_t chunk, film::Tallies& tallies) {
-        const auto target = make_target(context, tallies);
-        mcmc::PrimarySpace space(*target, {settings_.step_least, settings_.step_most});
+        const auto space = make_space(context, tallies);
         mcmc::SplatList list;
         const std::uint64_t from = unit.begin + chunk * kBootstrapChunk;
         for (std::uint64_t i = from; i < std::min(from + kBootstrapChunk, unit.end); ++i) {
           if (run.stopped()) return;
           const std::uint64_t key = mcmc::bootstrap_key(context.seed, i);
-          space.start(key, list);
+          space->start(key, list);
           if (run.fault != nullptr && !list.splats().empty()) {
             run.fault(key, &list.editable()[0].value.r);
             list.sum_again();
@@ -120,9 +123,9 @@ Result<void> MarkovIntegrator::run_bootstrap(const UnitContext& context, const U
   return {};
 }
 
-Result<void> MarkovIntegrator::run_segments(const UnitContext& context, const Unit& unit,
-                                            const UnitInput& input, UnitOutput& output,
-                                            const RunContext& run) const {
+Result<void> ChainIntegrator::run_segments(const UnitContext& context, const Unit& unit,
+                                           const UnitInput& input, UnitOutput& output,
+                                           const RunContext& run) const {
   const ChainPlan plan = chain_plan({context.width, context.height});
   const auto starts = input.starts;
   film::UnitFilm& film = *output.film;
@@ -140,7 +143,7 @@ Result<void> MarkovIntegrator::run_segments(const UnitContext& context, const Un
   const std::uint64_t direct_samples = divide_up(
       std::uint64_t{context.width} * context.height * static_cast<std::uint64_t>(settings_.direct_samples),
       plan.chains);
-  const markov::DirectLight direct(context, direct_options_, direct_, direct_samples, unit.half);
+  const chain_jobs::DirectLight direct(context, direct_options_, direct_, direct_samples, unit.half);
   const transport::Splatter splatter(context.filter, film, context.width, context.height);
 
   records.assign(count, {});
@@ -161,10 +164,9 @@ Result<void> MarkovIntegrator::run_segments(const UnitContext& context, const Un
       ++records[i].segments;
       progress.add(plan.segment_mutations);
     } else {
-      const auto target = make_target(context, tallies);
-      mcmc::PrimarySpace space(*target, {settings_.step_least, settings_.step_most});
+      const auto space = make_space(context, tallies);
       const mcmc::ChainOutlets outlets{&splatter, tallies, run.stop, &progress, run.fault};
-      const auto done = mcmc::run_segment(space, rules, chains::chain_of(unit.half, index, plan.chains),
+      const auto done = mcmc::run_segment(*space, rules, chains::chain_of(unit.half, index, plan.chains),
                                           starts[i], outlets, records[i]);
       if (!done.ok()) errors[i] = done.error();
     }
@@ -175,7 +177,7 @@ Result<void> MarkovIntegrator::run_segments(const UnitContext& context, const Un
   return {};
 }
 
-std::vector<float> MarkovIntegrator::pilot_luminances(const UnitContext& context, std::uint32_t count) const {
+std::vector<float> ChainIntegrator::pilot_luminances(const UnitContext& context, std::uint32_t count) const {
   return pilot_by_eye_walk(context, count, all_options_);
 }
 

@@ -1,17 +1,17 @@
-// What integrators of Markov chains in primary sample space share: bootstrap, segments over threads, direct
-// light beside the chains. Each brings its estimator as a function of random numbers.
+// What integrators of Markov chains share: bootstrap, segments over threads, direct light beside the chains.
+// Each brings the state space that its chains walk over.
 #pragma once
 
 #include <memory>
 
+#include "worker/integrators/chains/settings.h"
 #include "worker/integrators/integrator.h"
-#include "worker/integrators/markov/settings.h"
 #include "worker/integrators/path/plan.h"
-#include "worker/mcmc/primary_space.h"
+#include "worker/mcmc/state_space.h"
 
 namespace candela::integrators {
 
-class MarkovIntegrator : public Integrator {
+class ChainIntegrator : public Integrator {
  public:
   WorkPlan work(FilmSize size, int film_scale_log2) const final;
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& input, UnitOutput& output,
@@ -21,12 +21,13 @@ class MarkovIntegrator : public Integrator {
 
  protected:
   // options: of all paths. The plan has items of direct light and of what Metropolis may gain.
-  MarkovIntegrator(const MarkovSettings& settings, const estimators::PathOptions& options,
-                   const scene::SceneFeatures& features, bool full_plan);
+  ChainIntegrator(const ChainSettings& settings, const estimators::PathOptions& options,
+                  const scene::SceneFeatures& features, bool full_plan);
 
-  // Another one for each thread. It counts into the tallies and outlives neither them nor the context.
-  virtual std::unique_ptr<mcmc::PrimaryTarget> make_target(const UnitContext& context,
-                                                           film::Tallies& tallies) const = 0;
+  // Another one for each thread and chain. It counts into the tallies and outlives neither them nor the
+  // context.
+  virtual std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context,
+                                                       film::Tallies& tallies) const = 0;
 
   // Options of the paths that the chains follow.
   const estimators::PathOptions& chain_options() const { return chain_options_; }
@@ -42,7 +43,7 @@ class MarkovIntegrator : public Integrator {
   Result<void> run_segments(const UnitContext& context, const Unit& unit, const UnitInput& input,
                             UnitOutput& output, const RunContext& run) const;
 
-  MarkovSettings settings_;
+  ChainSettings settings_;
   bool direct_by_path_ = false;
   estimators::PathOptions all_options_, chain_options_, direct_options_;
   Planned direct_;

@@ -12,7 +12,7 @@
 #include "worker/integrators/path/plan.h"
 #include "worker/integrators/pixel_order.h"
 
-namespace candela::integrators::markov {
+namespace candela::integrators::chain_jobs {
 
 class DirectLight {
  public:
@@ -65,4 +65,4 @@ class DirectLight {
   std::uint32_t half_;
 };
 
-}  // namespace candela::integrators::markov
+}  // namespace candela::integrators::chain_jobs

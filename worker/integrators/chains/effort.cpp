@@ -1,14 +1,14 @@
-#include "worker/integrators/markov/effort.h"
+#include "worker/integrators/chains/effort.h"
 
 #include <algorithm>
 #include <string>
 
-#include "worker/integrators/markov/settings.h"
+#include "worker/integrators/chains/settings.h"
 
-namespace candela::integrators::markov {
+namespace candela::integrators::chain_jobs {
 
 SettingsMap settings_of_effort(const Effort& effort) {
-  const MarkovSettings most;  // of a large job
+  const ChainSettings most;  // of a large job
   const auto longest = static_cast<std::uint64_t>(most.mutations),
              most_chains = static_cast<std::uint64_t>(most.chains),
              largest = static_cast<std::uint64_t>(most.bootstrap);
@@ -27,4 +27,4 @@ SettingsMap settings_of_effort(const Effort& effort) {
           {"bootstrap", std::to_string(std::clamp(share, kOfEachChain * chains, largest))}};
 }
 
-}  // namespace candela::integrators::markov
+}  // namespace candela::integrators::chain_jobs

@@ -4,7 +4,7 @@
 
 #include "common/job/effort.h"
 
-namespace candela::integrators::markov {
+namespace candela::integrators::chain_jobs {
 
 // `mutations`, `direct_samples`, `chains` and `bootstrap`. A job of few samples a pixel has short segments,
 // so that it is whole rounds. A small one has a bootstrap of a sixteenth of its mutations and a chain for
@@ -13,4 +13,4 @@ namespace candela::integrators::markov {
 inline constexpr std::uint64_t kOfEachChain = 4;
 SettingsMap settings_of_effort(const Effort& effort);
 
-}  // namespace candela::integrators::markov
+}  // namespace candela::integrators::chain_jobs

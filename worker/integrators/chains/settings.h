@@ -1,4 +1,4 @@
-// Settings that all integrators of Markov chains in primary sample space share.
+// Settings of integrators of Markov chains: those of all, and those of chains in primary sample space.
 #pragma once
 
 #include "common/chains/chains.h"
@@ -6,18 +6,32 @@
 
 namespace candela::integrators {
 
-struct MarkovSettings {
+// Of small steps in primary sample space.
+struct PrimarySettings {
+  double step_least = 1.0 / 1024;
+  double step_most = 1.0 / 64;
+
+  template <class Visitor>
+  void fields(Visitor& visit) {
+    visit("step_least", step_least, NumberRange{0, 0.5, true},
+          "smallest distance of a small step, of [0, 1)");
+    visit("step_most", step_most, NumberRange{0, 0.5, true}, "largest distance of a small step");
+  }
+};
+// The smallest step is no larger than the largest.
+Result<void> check(const PrimarySettings& settings);
+
+struct ChainSettings {
   int chains = 1000;
   int bootstrap = 100000;
   int mutations = 16;
   double large_step = 0.3;
-  double step_least = 1.0 / 1024;
-  double step_most = 1.0 / 64;
   Choice direct{"chain", {"chain", "path"}};
   int direct_samples = 16;
 
-  template <class Visitor>
-  void fields(Visitor& visit) {
+  // `of_space`: the settings of the chains' state space, which stand amid these.
+  template <class Visitor, class OfSpace>
+  void fields(Visitor& visit, OfSpace& of_space) {
     visit("chains", chains, 2, static_cast<int>(chains::kMaxChains),
           "Markov chains of the job, an even number, whatever the workers");
     visit("bootstrap", bootstrap, 1, static_cast<int>(chains::kMaxBootstrapSamples),
@@ -25,9 +39,7 @@ struct MarkovSettings {
     visit("mutations", mutations, 1, 1 << 16, "per pixel, in the time in which each chain does one segment");
     visit("large_step", large_step, NumberRange{0, 1},
           "probability of a mutation that forgets the chain's state");
-    visit("step_least", step_least, NumberRange{0, 0.5, true},
-          "smallest distance of a small step, of [0, 1)");
-    visit("step_most", step_most, NumberRange{0, 0.5, true}, "largest distance of a small step");
+    of_space.fields(visit);
     visit("direct", direct,
           "path leaves light seen directly or after one bounce to path tracing, and only the rest to the "
           "chains");
@@ -35,8 +47,7 @@ struct MarkovSettings {
           "with direct=path: its eye samples a pixel, in the time in which each chain does one segment");
   }
 };
-
-// An even number of chains, steps in order.
-Result<void> check(const MarkovSettings& settings);
+// The number of chains is even.
+Result<void> check(const ChainSettings& settings);
 
 }  // namespace candela::integrators

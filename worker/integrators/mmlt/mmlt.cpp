@@ -5,10 +5,11 @@
 #include <string>
 
 #include "worker/integrators/bidirectional/plan.h"
-#include "worker/integrators/markov/markov.h"
+#include "worker/integrators/chains/chain_integrator.h"
 #include "worker/integrators/mmlt/target.h"
 #include "worker/integrators/plan_between.h"
 #include "worker/integrators/plan_walks.h"
+#include "worker/mcmc/primary_space.h"
 
 namespace candela::integrators {
 namespace {
@@ -18,12 +19,13 @@ using transport::Between;
 // Of paths without a limit: beyond it, walks have long been ended by roulette.
 constexpr std::uint32_t kLongest = 1u << 20;
 
-class MmltIntegrator final : public MarkovIntegrator {
+class MmltIntegrator final : public ChainIntegrator {
  public:
   MmltIntegrator(const MmltSettings& settings, const scene::SceneFeatures& features)
-      : MarkovIntegrator(settings.markov, settings.common.path_options(), features,
-                         settings.common.full_plan()),
+      : ChainIntegrator(settings.chains, settings.common.path_options(), features,
+                        settings.common.full_plan()),
         options_(chain_options()),
+        steps_{settings.steps.step_least, settings.steps.step_most},
         planned_(bidirectional::plan(options_, features, settings.common.full_plan())),
         lengths_(shortest(), std::max(shortest(), std::min(options_.max_depth, kLongest))) {
     plan_.append(planned_.plan);
@@ -46,9 +48,11 @@ class MmltIntegrator final : public MarkovIntegrator {
     return std::max(options_.min_edges, seen ? 1U : 2U);
   }
 
-  std::unique_ptr<mcmc::PrimaryTarget> make_target(const UnitContext& context,
-                                                   film::Tallies& tallies) const override {
-    return with_between(planned_.between, [&](auto between) { return target<between()>(context, tallies); });
+  std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context,
+                                               film::Tallies& tallies) const override {
+    return std::make_unique<mcmc::PrimarySpace>(
+        with_between(planned_.between, [&](auto between) { return target<between()>(context, tallies); }),
+        steps_);
   }
   template <Between kBetween>
   std::unique_ptr<mcmc::PrimaryTarget> target(const UnitContext& context, film::Tallies& tallies) const {
@@ -57,6 +61,7 @@ class MmltIntegrator final : public MarkovIntegrator {
   }
 
   estimators::PathOptions options_;
+  mcmc::StepSizes steps_;
   Planned planned_;
   mmlt::Lengths lengths_;
 };
@@ -66,7 +71,8 @@ class MmltIntegrator final : public MarkovIntegrator {
 Result<std::unique_ptr<Integrator>> make_mmlt_integrator(const SettingsMap& settings,
                                                          const scene::SceneFeatures& features) {
   CANDELA_ASSIGN(const MmltSettings parsed, parse_settings<MmltSettings>(settings));
-  CANDELA_TRY(check(parsed.markov));
+  CANDELA_TRY(check(parsed.chains));
+  CANDELA_TRY(check(parsed.steps));
   return std::unique_ptr<Integrator>(std::make_unique<MmltIntegrator>(parsed, features));
 }
 

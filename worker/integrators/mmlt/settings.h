@@ -1,19 +1,20 @@
 #pragma once
 
 #include "worker/integrators/common_settings.h"
-#include "worker/integrators/markov/settings.h"
+#include "worker/integrators/chains/settings.h"
 
 namespace candela::integrators {
 
 struct MmltSettings {
   CommonSettings common{integrator_words::kMmlt};
-  MarkovSettings markov;
+  ChainSettings chains;
+  PrimarySettings steps;
 
   template <class Visitor>
   void fields(Visitor& visit) {
     common.path_fields(visit, integrator_words::kRrDepth.minimum,
                        "path depth from which Russian roulette may end a subpath; lengths are chosen before");
-    markov.fields(visit);
+    chains.fields(visit, steps);
     common.plan_field(visit);
   }
 };

@@ -2,23 +2,25 @@
 #include "worker/integrators/pssmlt/pssmlt.h"
 
 #include "worker/integrators/bidirectional/plan.h"
-#include "worker/integrators/markov/markov.h"
+#include "worker/integrators/chains/chain_integrator.h"
 #include "worker/integrators/path/plan.h"
 #include "worker/integrators/plan_between.h"
 #include "worker/integrators/plan_walks.h"
 #include "worker/integrators/pssmlt/targets.h"
+#include "worker/mcmc/primary_space.h"
 
 namespace candela::integrators {
 namespace {
 
 using transport::Between;
 
-class PssmltIntegrator final : public MarkovIntegrator {
+class PssmltIntegrator final : public ChainIntegrator {
  public:
   PssmltIntegrator(const PssmltSettings& settings, const scene::SceneFeatures& features)
-      : MarkovIntegrator(settings.markov, settings.path_options(), features, settings.common.full_plan()),
+      : ChainIntegrator(settings.chains, settings.path_options(), features, settings.common.full_plan()),
         over_path_(settings.over.value == "path"),
-        options_(chain_options()) {
+        options_(chain_options()),
+        steps_{settings.steps.step_least, settings.steps.step_most} {
     if (over_path_) {
       options_.heuristic = transport::MisHeuristic::power;
       planned_ = path::plan(options_, features, settings.common.full_plan());
@@ -30,8 +32,11 @@ class PssmltIntegrator final : public MarkovIntegrator {
   }
 
  private:
-  std::unique_ptr<mcmc::PrimaryTarget> make_target(const UnitContext& context,
-                                                   film::Tallies& tallies) const override {
+  std::unique_ptr<mcmc::StateSpace> make_space(const UnitContext& context,
+                                               film::Tallies& tallies) const override {
+    return std::make_unique<mcmc::PrimarySpace>(make_target(context, tallies), steps_);
+  }
+  std::unique_ptr<mcmc::PrimaryTarget> make_target(const UnitContext& context, film::Tallies& tallies) const {
     if (over_path_)
       return std::make_unique<pssmlt::PathTarget>(
           context, options_, planned_.techniques,
@@ -46,6 +51,7 @@ class PssmltIntegrator final : public MarkovIntegrator {
 
   bool over_path_;
   estimators::PathOptions options_;
+  mcmc::StepSizes steps_;
   Planned planned_;
 };
 
@@ -54,7 +60,8 @@ class PssmltIntegrator final : public MarkovIntegrator {
 Result<std::unique_ptr<Integrator>> make_pssmlt_integrator(const SettingsMap& settings,
                                                            const scene::SceneFeatures& features) {
   CANDELA_ASSIGN(const PssmltSettings parsed, parse_settings<PssmltSettings>(settings));
-  CANDELA_TRY(check(parsed.markov));
+  CANDELA_TRY(check(parsed.chains));
+  CANDELA_TRY(check(parsed.steps));
   return std::unique_ptr<Integrator>(std::make_unique<PssmltIntegrator>(parsed, features));
 }
 

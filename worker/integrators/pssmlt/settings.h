@@ -3,14 +3,15 @@
 #include <fmt/format.h>
 
 #include "worker/integrators/common_settings.h"
-#include "worker/integrators/markov/settings.h"
+#include "worker/integrators/chains/settings.h"
 
 namespace candela::integrators {
 
 struct PssmltSettings {
   Choice over{"bdpt", {"bdpt", "path"}};
   CommonSettings common{integrator_words::kPssmlt};
-  MarkovSettings markov;
+  ChainSettings chains;
+  PrimarySettings steps;
 
   estimators::PathOptions path_options() const {
     estimators::PathOptions options = common.path_options();
@@ -31,7 +32,7 @@ struct PssmltSettings {
         fmt::format("path depth from which Russian roulette may end a subpath; 0: what is best for "
                     "bdpt ({}) or path ({})",
                     kBdpt.rr_depth, kPath.rr_depth));
-    markov.fields(visit);
+    chains.fields(visit, steps);
     common.plan_field(visit);
   }
 };
