@@ -10,26 +10,11 @@
 #include <cerrno>
 #include <cstring>
 
+#include "common/base/descriptor.h"
 #include "common/base/links.h"
 
 namespace candela {
 namespace {
-
-// A file descriptor that closes itself.
-class Descriptor {
- public:
-  explicit Descriptor(int fd) : fd_(fd) {}
-  ~Descriptor() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  int get() const { return fd_; }
-  int release() { return std::exchange(fd_, -1); }
-
- private:
-  int fd_;
-};
 
 Error system_error(std::string what, const std::filesystem::path& path) {
   const int code = errno;

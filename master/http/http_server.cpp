@@ -26,6 +26,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/descriptor.h"
 #include "common/wire/address.h"
 #include "common/wire/peer.h"
 #include "master/farm.h"
@@ -46,23 +47,6 @@ constexpr auto kAnswerTime = std::chrono::seconds(10);  // from there until the 
 constexpr auto kLaterTime = std::chrono::seconds(60);   // for an answer that reads files
 constexpr auto kStreamTime = std::chrono::seconds(15);  // to take what was sent; then a sign of life
 constexpr auto kPause = std::chrono::milliseconds(50);  // after an error of accept() that will pass
-
-class Descriptor {
- public:
-  explicit Descriptor(int fd = -1) : fd_(fd) {}
-  ~Descriptor() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  Descriptor(Descriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-  Descriptor& operator=(Descriptor&& other) noexcept {
-    std::swap(fd_, other.fd_);
-    return *this;
-  }
-  int get() const { return fd_; }
-
- private:
-  int fd_;
-};
 
 HttpAnswer health_of(Farm& farm) {
   const std::string trouble = farm.stopping() ? "stopping" : farm.trouble();

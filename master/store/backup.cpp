@@ -16,6 +16,7 @@
 #include <system_error>
 #include <vector>
 
+#include "common/base/descriptor.h"
 #include "common/base/files.h"
 #include "master/store/backup_store.h"
 
@@ -26,20 +27,6 @@ namespace fs = std::filesystem;
 
 constexpr const char* kStoreFile = "master.sqlite";
 constexpr int kTries = 20;  // of a job whose checkpoints are replaced while they are copied
-
-class Descriptor {
- public:
-  explicit Descriptor(int fd) : fd_(fd) {}
-  ~Descriptor() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  int get() const { return fd_; }
-
- private:
-  int fd_;
-};
 
 Error copy_error(std::string_view what, const fs::path& path) {
   const int code = errno;

@@ -195,6 +195,22 @@ TEST_F(Check, ListsAllErrors) {
   EXPECT_NE(bounded.err.find("there may be more than these 20 errors"), std::string::npos) << bounded.err;
 }
 
+// Claim: all files that a scene names and that cannot be read are listed, each once.
+TEST_F(Check, ListsAllMissingFiles) {
+  const auto mesh = [](const char* file) {
+    return std::string("<shape type='ply'><string name='filename' value='") + file + "'/></shape>\n";
+  };
+  const Outcome outcome =
+      check(mesh("one.ply") + mesh("two.ply") + mesh("one.ply") +
+            "<shape type='cube'><bsdf type='diffuse'><texture type='bitmap' name='reflectance'>"
+            "<string name='filename' value='three.png'/></texture></bsdf></shape>");
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_EQ(outcome.out, "");
+  EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 3) << outcome.err;
+  for (const char* file : {"one.ply", "two.ply", "three.png"})
+    EXPECT_NE(outcome.err.find((folder_ / file).string()), std::string::npos) << outcome.err;
+}
+
 // Claim: a scene without any light is told to be black; an old one gets a sky, which is told.
 TEST_F(Check, DarkScenes) {
   const Outcome dark = check("<shape type='cube'/>");
