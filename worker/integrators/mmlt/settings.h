@@ -1,7 +1,7 @@
 #pragma once
 
-#include "worker/integrators/common_settings.h"
 #include "worker/integrators/chains/settings.h"
+#include "worker/integrators/common_settings.h"
 
 namespace candela::integrators {
 

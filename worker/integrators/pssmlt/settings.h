@@ -2,8 +2,8 @@
 
 #include <fmt/format.h>
 
-#include "worker/integrators/common_settings.h"
 #include "worker/integrators/chains/settings.h"
+#include "worker/integrators/common_settings.h"
 
 namespace candela::integrators {
 
