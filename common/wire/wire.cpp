@@ -106,6 +106,16 @@ void to_proto(const StopRule& stop, v1::StopRule& out) {
   out.set_relmse(stop.relmse);
 }
 
+void to_proto(const StopRule& stop, const film::HalfSets& indices, v1::StopRule& out) {
+  to_proto(stop, out);
+  for (std::size_t half = 0; half < 2; ++half)
+    for (const auto& [begin, end] : indices[half].ranges()) {
+      v1::IndexRange& range = *(half == 0 ? out.add_indices_a() : out.add_indices_b());
+      range.set_begin(begin);
+      range.set_end(end);
+    }
+}
+
 void to_proto(const Unit& unit, v1::Unit& out) {
   out.Clear();
   static constexpr std::array<v1::Unit::Kind, 4> kKinds = {v1::Unit::KIND_PILOT, v1::Unit::KIND_ITERATIONS,
@@ -171,9 +181,39 @@ Result<StopRule> from_proto(const v1::StopRule& message) {
                                                       message.iterations(), Limits::max_iterations));
   CANDELA_TRY(check_limit(message.time_seconds(), kMaxStopSeconds, "stop.time_seconds"));
   CANDELA_TRY(check_limit(message.relmse(), kMaxStopRelmse, "stop.relmse"));
-  if (message.iterations() == 0 && message.time_seconds() == 0 && message.relmse() == 0)
+  const bool limited = message.iterations() != 0 || message.time_seconds() != 0 || message.relmse() != 0;
+  const bool exact = message.indices_a_size() > 0 || message.indices_b_size() > 0;
+  if (!limited && !exact)
     return field_error("stop", "no limit is set").with_mend("give iterations, a time or a target error");
+  if (limited && exact)
+    return field_error("stop", "exact indices and another limit exclude each other")
+        .with_mend("give the one or the other");
   return StopRule{message.iterations(), message.time_seconds(), message.relmse()};
+}
+
+Result<film::HalfSets> indices_of(const v1::StopRule& message) {
+  film::HalfSets sets;
+  const std::uint64_t ranges = static_cast<std::uint64_t>(message.indices_a_size()) +
+                               static_cast<std::uint64_t>(message.indices_b_size());
+  if (ranges == 0) return sets;
+  if (ranges > film::kMaxIndexRanges)
+    return field_error("stop", fmt::format("{} ranges of indices are more than the limit of {}", ranges,
+                                           film::kMaxIndexRanges));
+  for (const std::size_t half : {0U, 1U}) {
+    const std::string_view field = half == 0 ? "stop.indices_a" : "stop.indices_b";
+    std::uint64_t least = 0;  // where the next range may begin
+    for (const v1::IndexRange& range : half == 0 ? message.indices_a() : message.indices_b()) {
+      if (range.begin() >= range.end() || range.begin() < least)
+        return field_error(field, fmt::format("[{}, {}) is empty, or does not come after the range before",
+                                              range.begin(), range.end()));
+      if (range.end() > Limits::max_iterations)
+        return field_error(field, fmt::format("[{}, {}) is beyond the limit of {}", range.begin(),
+                                              range.end(), Limits::max_iterations));
+      sets[half].insert(range.begin(), range.end());
+      least = range.end() + 1;
+    }
+  }
+  return sets;
 }
 
 Result<Unit> from_proto(const v1::Unit& message) {

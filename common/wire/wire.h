@@ -12,6 +12,7 @@
 #include "common/base/work_monitor.h"
 #include "common/bundle/bundle.h"
 #include "common/chains/chains.h"
+#include "common/film/index_text.h"
 #include "common/job/failure.h"
 #include "common/job/job.h"
 #include "common/stages/work_plan.h"
@@ -22,6 +23,8 @@ namespace candela::wire {
 
 void to_proto(const JobSettings& settings, v1::JobSettings& out);
 void to_proto(const StopRule& stop, v1::StopRule& out);
+// `indices`: of the rule; empty: it has none.
+void to_proto(const StopRule& stop, const film::HalfSets& indices, v1::StopRule& out);
 void to_proto(const Unit& unit, v1::Unit& out);
 void to_proto(const NamedState& state, v1::NamedState& out);
 void to_proto(const bundle::Bundle& bundle, v1::Bundle& out);
@@ -35,7 +38,9 @@ void to_proto(const chains::ChainStart& start, v1::ChainStart& out);
 // Limits and closed sets are checked: extents, names, counts, finite numbers, known filter/sampler/isa. The
 // integrator and its settings are checked for form only: their meaning is the renderer's.
 Result<JobSettings> from_proto(const v1::JobSettings& message);
-Result<StopRule> from_proto(const v1::StopRule& message);  // at least one limit
+// At least one limit, or else indices_of().
+Result<StopRule> from_proto(const v1::StopRule& message);
+Result<film::HalfSets> indices_of(const v1::StopRule& message);  // empty: the rule has none
 Result<Unit> from_proto(const v1::Unit& message);
 Result<NamedState> from_proto(const v1::NamedState& message);
 Result<bundle::Bundle> from_proto(const v1::Bundle& message);

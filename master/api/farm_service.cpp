@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "common/base/hash.h"
+#include "common/base/text.h"
 #include "common/base/version.h"
 #include "common/wire/canonical.h"
 #include "common/wire/peer.h"
@@ -76,6 +77,12 @@ Result<JobRow> job_of(const v1::SubmitRequest& r) {
     return input_error("must be -1000000 to 1000000").with_field("priority");
   CANDELA_ASSIGN(row.settings, wire::from_proto(r.settings()));
   CANDELA_ASSIGN(row.stop, wire::from_proto(r.stop()));
+  CANDELA_ASSIGN(row.stop_indices, wire::indices_of(r.stop()));
+  if (r.scene_path().size() > Limits::max_path_bytes)
+    return input_error(fmt::format("longer than {} bytes", Limits::max_path_bytes)).with_field("scene_path");
+  if (escape_unprintable(r.scene_path()) != r.scene_path())
+    return input_error("holds a character that cannot be shown").with_field("scene_path");
+  row.scene_path = r.scene_path();
   row.name = r.name();
   row.priority = r.priority();
   row.share = r.share() > 0 ? r.share() : 1;
@@ -83,6 +90,7 @@ Result<JobRow> job_of(const v1::SubmitRequest& r) {
   v1::SubmitRequest content = r;
   content.clear_idempotency_token();
   content.clear_submitter();
+  content.clear_scene_path();
   row.content_digest = sha256_hex(wire::canonical(content));
   return row;
 }

@@ -66,12 +66,13 @@ v1::JobStatus to_message(const JobStatus& status) {
   out.set_id(r.id);
   out.set_name(r.name);
   out.set_submitter(r.submitter);
+  out.set_scene_path(r.scene_path);
   out.set_state(to_message(r.state));
   out.set_message(status.message);
   out.set_priority(r.priority);
   out.set_share(r.share);
   wire::to_proto(r.settings, *out.mutable_settings());
-  wire::to_proto(r.stop, *out.mutable_stop());
+  wire::to_proto(r.stop, r.stop_indices, *out.mutable_stop());
   out.set_bundle_sha256(r.bundle_sha256);
   if (r.named_state) wire::to_proto(*r.named_state, *out.mutable_named_state());
   out.set_units_merged(r.units_merged);

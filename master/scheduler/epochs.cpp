@@ -3,6 +3,8 @@
 // a time and no worker waits at a border.
 #include "common/stages/epochs.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "master/scheduler/unit_source.h"
@@ -42,7 +44,8 @@ class EpochSource final : public UnitSource {
     std::uint64_t open = 0;
     for (std::uint32_t h = 0; h < 2; ++h) {
       const std::uint64_t end = open_end(job, h);
-      open += end - std::min(end, job.merged[h].count());
+      const std::uint64_t lacking = missing(job.merged[h], end);
+      open += lacking - std::min(lacking, job.unwanted[h]);
     }
     return open;
   }
@@ -57,6 +60,21 @@ class EpochSource final : public UnitSource {
     for (std::uint32_t h = 0; h < 2; ++h)
       if (!contains(job.merged[h], 0, needed)) return std::nullopt;
     return epoch;
+  }
+  bool complete(const HalfSets& indices, std::string& why) const override {
+    const std::uint64_t end = std::max(end_of(indices[0]), end_of(indices[1]));
+    if (end == 0) return true;
+    const std::uint64_t last = epochs_.of_index(end - 1);
+    const std::uint64_t needed = epochs_.begin_index(epochs_before(last, lag_));
+    for (const film::IndexSet& half : indices) {
+      if (contains(half, 0, needed)) continue;
+      why = fmt::format(
+          "the state of epoch {}, which index {} is in, is decided from all indices below {} of "
+          "both halves",
+          last, end - 1, needed);
+      return false;
+    }
+    return true;
   }
 
  protected:

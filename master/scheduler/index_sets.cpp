@@ -1,5 +1,7 @@
 #include "master/scheduler/index_sets.h"
 
+#include <algorithm>
+
 namespace candela::master {
 
 film::IndexSet without(const film::IndexSet& a, const film::IndexSet& b) {
@@ -34,6 +36,15 @@ bool covers(const film::IndexSet& outer, const film::IndexSet& inner) {
 bool contains(const film::IndexSet& set, std::uint64_t begin, std::uint64_t end) {
   const auto [gap, gap_end] = set.first_gap(begin, end);
   return gap == gap_end;
+}
+
+std::uint64_t missing(const film::IndexSet& set, std::uint64_t end) {
+  std::uint64_t out = end;
+  for (const auto& [from, to] : set.ranges()) {
+    if (from >= end) break;
+    out -= std::min(to, end) - from;
+  }
+  return out;
 }
 
 std::uint64_t end_of(const film::IndexSet& set) {

@@ -4,12 +4,11 @@
 #include <array>
 #include <cstdint>
 
-#include "common/film/index_set.h"
+#include "common/film/index_text.h"
 
 namespace candela::master {
 
-// One set for each half of a job.
-using HalfSets = std::array<film::IndexSet, 2>;
+using film::HalfSets;
 
 // The indices of `a` that `b` lacks.
 film::IndexSet without(const film::IndexSet& a, const film::IndexSet& b);
@@ -19,6 +18,8 @@ film::IndexSet united(const film::IndexSet& a, const film::IndexSet& b);
 film::IndexSet complement(const film::IndexSet& a, std::uint64_t end);
 bool covers(const film::IndexSet& outer, const film::IndexSet& inner);
 bool contains(const film::IndexSet& set, std::uint64_t begin, std::uint64_t end);
+// Number of indices below `end` that the set lacks.
+std::uint64_t missing(const film::IndexSet& set, std::uint64_t end);
 // One past the largest index; 0 for an empty set.
 std::uint64_t end_of(const film::IndexSet& set);
 

@@ -157,7 +157,7 @@ class SchedulerInvariants {
     return job.merged;
   }
 
-  // What the source will not cut again is merged, in a unit, or not asked for by a repair; nothing else may
+  // What the source will not cut again is merged, in a unit, or not asked for; nothing else may
   // be missing, or the job never ends.
   void check_indices(const Job& job, const HalfSets& in_units) {
     const std::string& id = job.row.id;
@@ -165,13 +165,10 @@ class SchedulerInvariants {
       expect(job.source->has_unit(job.view()) == job.units.empty(), "all-indices", "the pilot of job {}", id);
       return;
     }
-    const HalfSets done = merged(job);
+    const HalfSets done = merged(job), unwanted = job.source->makes_film() ? job.unwanted() : HalfSets();
     for (std::uint32_t h = 0; h < 2; ++h) {
       const film::IndexSet& reserved = job.source->reserved()[h];
-      film::IndexSet wanted_elsewhere = united(done[h], in_units[h]);
-      if (job.row.repairs_to)
-        wanted_elsewhere =
-            united(wanted_elsewhere, complement(job.row.promised[h], end_of(job.row.promised[h])));
+      const film::IndexSet wanted_elsewhere = united(united(done[h], in_units[h]), unwanted[h]);
       const film::IndexSet lost = without(reserved, wanted_elsewhere),
                            twice = without(wanted_elsewhere, reserved);
       if (!lost.ranges().empty())

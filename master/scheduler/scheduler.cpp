@@ -376,6 +376,11 @@ bool Scheduler::complete_pilot(const std::string& worker_id, std::uint64_t token
   job->units.erase(unit_id);
   changes_.emplace_back(DropUnit{unit_id});
   add_pilot_recheck(*job, now);
+  if (std::string why; !make_film_source(job->row)->complete(job->row.stop_indices, why)) {
+    fail_job(job->row.id, "the indices that it was asked for cannot be rendered without others: " + why, now);
+    return true;
+  }
+  rebuild_reserved(*job);
   std::string text = fmt::format("{:.4g} s per iteration", result.seconds_per_iteration);
   if (result.work.chains)
     text = fmt::format("{} chains, {} bootstrap samples, {:.4g} s per segment of {} mutations",

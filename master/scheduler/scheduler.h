@@ -362,6 +362,13 @@ class Scheduler {
   void note_compared(const Audit& audit);
   // The stop rule that holds; empty: none does.
   static std::string stop_due(const Job& job);
+  // scheduler_level.cpp
+  // The time of the job is up. Whether it goes on for a moment, so that its halves end level.
+  bool levels_halves(Job& job, Now now);
+  double level_seconds(const Job& job, std::uint64_t missing) const;  // that rendering so much more takes
+  // Drops units that have other indices than those the job asks for.
+  void drop_unwanted_units(Job& job, Now now);
+  static std::string level_text(const Job& job);
   void note_cost(Job& job, const WorkerState& worker, const Unit& unit, double render_seconds);
 
   // scheduler_progress.cpp

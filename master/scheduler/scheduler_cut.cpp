@@ -56,10 +56,10 @@ UnitState* Scheduler::pick(Job& job, const WorkerState& worker, bool prefetch, N
     // Every worker gets some units of a prefix, since all wait for its last one.
     std::uint64_t open_now = 0;
     for (std::uint32_t half = 0; half < 2; ++half)
-      open_now += view.open_to[half] - std::min(view.open_to[half], source.reserved()[half].count());
+      open_now += missing(source.reserved()[half], view.open_to[half]);
     in.remaining = std::max<std::uint64_t>(open_now, 1);
   }
-  if (source.makes_film()) {
+  if (source.makes_film() && !job.level) {
     if (job.row.stop.time_seconds > 0)
       in.seconds_left = std::max(job.row.stop.time_seconds - job.row.elapsed_seconds, 1e-3);
     in.open_end = job.row.stop.time_seconds > 0 || job.row.stop.relmse > 0;

@@ -18,18 +18,39 @@ constexpr std::int32_t kMaxPriority = 1000000;
 
 }  // namespace
 
+const HalfSets* Job::asked() const {
+  if (row.repairs_to) return &row.promised;
+  if (level) return &*level;
+  return film::empty(row.stop_indices) ? nullptr : &row.stop_indices;
+}
+
+HalfSets Job::unwanted() const {
+  const HalfSets* all = asked();
+  if (all == nullptr) return {};
+  return {complement((*all)[0], end_of((*all)[0])), complement((*all)[1], end_of((*all)[1]))};
+}
+
 std::uint64_t Job::target(std::uint32_t half) const {
+  const HalfSets* all = asked();
+  return all != nullptr ? end_of((*all)[half]) : limit(half);
+}
+
+std::uint64_t Job::limit(std::uint32_t half) const {
   if (row.repairs_to) return end_of(row.promised[half]);
   return row.indices_of(half, row.stop.iterations > 0 ? row.stop.iterations : Limits::max_iterations);
 }
 
 JobView Job::view(std::uint64_t active_workers) const {
+  const HalfSets* all = asked();
   const std::array<std::uint64_t, 2> targets = {target(0), target(1)};
   // The step after the prefix keeps workers busy while that ends.
   const std::uint64_t most =
       prefix == 0 ? PrefixBorder::kNone : prefix_after(prefix, row.chains.has_value()) * row.per_round();
   const std::array<std::uint64_t, 2> open_to = {std::min(targets[0], most), std::min(targets[1], most)};
-  return {merged, targets, open_to, row.stop.iterations > 0, active_workers, record_bytes, starts, states};
+  JobView out{merged,         targets,      open_to, all != nullptr || row.stop.iterations > 0,
+              active_workers, record_bytes, starts,  states};
+  for (std::size_t h = 0; all != nullptr && h < 2; ++h) out.unwanted[h] = targets[h] - (*all)[h].count();
+  return out;
 }
 
 const Job* Scheduler::job(const std::string& id) const {
@@ -138,6 +159,7 @@ void Scheduler::end(Job& job, JobState state, Now now) {
   clear_units(job);
   changes_.emplace_back(DropUnmergedUnits{job.row.id});
   job.finishing = job.admitted = job.doubts_due = false;
+  job.level.reset();
   job.row.audit.anew.clear();
   if (!distrusted_.empty()) jobs_to_taint_.insert(job.row.id);
   job.memory_wait.clear();
@@ -174,6 +196,7 @@ void Scheduler::stop(Job& job, const std::string& reason, Now now) {
   clear_units(job);
   changes_.emplace_back(DropUnmergedUnits{job.row.id});
   job.finishing = true;
+  job.level.reset();
   job.row.stop_reason = reason;
   event(now, job.row.id, "", "stopping", reason);
   save(job, now);
@@ -205,14 +228,16 @@ void Scheduler::check_stop(Job& job, Now now) {
   if (!covers(job.merged, job.row.promised) || job.doubtful()) return;
   job.row.promised = {};
   if (job.row.repairs_to) return stop(job, job.row.stop_reason, now);
-  if (const std::string reason = stop_due(job); !reason.empty()) stop(job, reason, now);
+  const std::string reason = stop_due(job);
+  if (!reason.empty() && !(reason == "time" && levels_halves(job, now))) stop(job, reason, now);
 }
 
 std::string Scheduler::stop_due(const Job& job) {
   const StopRule& rule = job.row.stop;
   if (job.row.iterations == 0) return {};
-  if (rule.iterations > 0 && job.prefixes_done() && contains(job.merged[0], 0, job.target(0)) &&
-      contains(job.merged[1], 0, job.target(1)))
+  if (!film::empty(job.row.stop_indices) && covers(job.merged, job.row.stop_indices)) return "indices";
+  if (rule.iterations > 0 && job.prefixes_done() && contains(job.merged[0], 0, job.limit(0)) &&
+      contains(job.merged[1], 0, job.limit(1)))
     return "iterations";
   if (rule.time_seconds > 0 && job.row.elapsed_seconds >= rule.time_seconds) return "time";
   return {};
@@ -236,6 +261,10 @@ Result<void> Scheduler::extend(const std::string& id, std::uint64_t iterations, 
     return refused_error(fmt::format("job {} found no light to go on with", id))
         .with_field("job_id")
         .with_mend("submit it again with more bootstrap samples");
+  if (!film::empty(job.row.stop_indices))
+    return refused_error(fmt::format("job {} was asked for exact indices, and has no more", id))
+        .with_field("job_id")
+        .with_mend("submit the scene without --indices");
   const auto bad = [](double v, double most) { return !(v >= 0 && v <= most); };
   const double time_before = std::max(job.row.stop.time_seconds, job.row.elapsed_seconds);
   if (bad(seconds, std::max(kMaxStopSeconds - time_before, 0.0)))
@@ -269,6 +298,10 @@ Result<void> Scheduler::extend(const std::string& id, std::uint64_t iterations, 
     rule.time_seconds =
         std::max(rule.time_seconds, again ? job.row.elapsed_seconds : rule.time_seconds) + seconds;
   if (relmse > 0) rule.relmse = relmse;
+  if (job.level) {
+    job.level.reset();
+    rebuild_reserved(job);
+  }
   if (again) {
     job.row.stop_reason.clear();
     job.row.message.clear();
@@ -302,7 +335,8 @@ void Scheduler::tick(Now now) {
   admit_if_due(now);
   for (auto& [id, job] : jobs_) {
     charge(job, now);
-    if (job.row.state == JobState::running && !job.finishing) {
+    if ((job.row.state == JobState::running || (job.level && job.row.state == JobState::queued)) &&
+        !job.finishing) {
       check_stop(job, now);
       if (now.seconds - job.last_saved > kSavePeriod) save(job, now);
     }
@@ -399,6 +433,9 @@ double Scheduler::eta_seconds(const Job& job, Now now) const {
   const double done = static_cast<double>(job.row.iterations) / per_iteration;
   if (rate > 0 && job.row.stop.iterations > 0)
     eta = std::min(eta, std::max(static_cast<double>(job.row.stop.iterations) - done, 0.0) / rate);
+  if (rate > 0 && !film::empty(job.row.stop_indices))
+    eta = std::min(
+        eta, static_cast<double>(count(without(job.row.stop_indices, job.merged))) / (rate * per_iteration));
   if (rate > 0 && job.row.stop.relmse > 0 && job.row.relmse_upper > 0)  // variance goes as 1/n
     eta = std::min(eta, std::max(done * (job.row.relmse_upper / job.row.stop.relmse - 1), 0.0) / rate);
   if (job.row.stop.time_seconds > 0)
@@ -438,6 +475,7 @@ std::string Scheduler::message_of(const Job& job, Now now) const {
     return fmt::format(
         "none of the {} worker(s) connected can run instruction set {}, or they are draining or paused", live,
         job.row.settings.isa);
+  if (job.level) return level_text(job);
   if (job.row.stop.time_seconds > 0 && job.row.elapsed_seconds >= job.row.stop.time_seconds)
     return "the time is up; waiting for a first iteration";
   return job.row.message.empty() ? chain_message(job.row) : job.row.message;

@@ -15,12 +15,12 @@ PrefixBorder Job::border() const {
   PrefixBorder out;
   out.version = prefix_version;
   for (std::uint32_t half = 0; prefix > 0 && half < 2; ++half)
-    out.end[half] = std::min(prefix * row.per_round(), target(half));
+    out.end[half] = std::min(prefix * row.per_round(), limit(half));
   return out;
 }
 
 bool Job::prefixes_done() const {
-  return prefix == 0 || prefix * row.per_round() >= std::max(target(0), target(1));
+  return prefix == 0 || prefix * row.per_round() >= std::max(limit(0), limit(1));
 }
 
 void Scheduler::place_prefix(Job& job, bool with_units) {
@@ -47,7 +47,7 @@ std::optional<Scheduler::WholePrefix> Scheduler::whole_prefix(const std::string&
   out.chains = job->row.chains.has_value();
   for (std::uint32_t half = 0; half < 2; ++half)
     out.next.end[half] =
-        std::min(prefix_after(job->prefix, out.chains) * job->row.per_round(), job->target(half));
+        std::min(prefix_after(job->prefix, out.chains) * job->row.per_round(), job->limit(half));
   out.next.version = job->prefix_version + 1;
   return out;
 }

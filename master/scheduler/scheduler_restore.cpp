@@ -12,10 +12,7 @@
 namespace candela::master {
 
 void Scheduler::rebuild_reserved(Job& job) {
-  HalfSets closed = job.merged;
-  for (std::uint32_t h = 0; job.row.repairs_to && h < 2; ++h)
-    closed[h] = united(closed[h], complement(job.row.promised[h], end_of(job.row.promised[h])));
-  job.source->restart(closed);
+  job.source->restart(united(job.merged, job.unwanted()));
   const JobView view = job.view();
   for (const auto& [id, u] : job.units)
     if (!u.audit || !u.audit->recheck) job.source->take(view, u.row.unit);

@@ -97,8 +97,11 @@ struct Job {
   std::array<film::IndexSet, 2> merged;
   std::map<std::uint64_t, UnitState> units;  // not merged
   std::set<std::uint64_t> maybe_open;        // has each unit without a lease; pick() drops others
-  double virtual_time = 0;                   // worker seconds / share, for fairness
-  double thread_seconds = 0;                 // EWMA of seconds times threads per iteration
+  // Its time is up, and it goes on until it has these indices, or until then by the steady clock.
+  std::optional<HalfSets> level;
+  double level_until = 0;
+  double virtual_time = 0;                                     // worker seconds / share, for fairness
+  double thread_seconds = 0;                                   // EWMA of seconds times threads per iteration
   std::map<std::string, double> worker_seconds_per_iteration;  // EWMA
   double overhead_seconds = 0;                                 // EWMA per delta
   double merge_seconds = 0;                                    // of that, in which no other is merged
@@ -153,9 +156,15 @@ struct Job {
     return !finishing && (row.state == JobState::queued || row.state == JobState::running) && has_memory() &&
            row.audit.anew.empty();
   }
-  // Number of indices of a half that the stop rule asks for; no limit: the largest there may be. Of a job of
+  // The indices that it asks for, where they are not all below target().
+  const HalfSets* asked() const;
+  // One past the last index of a half that it asks for; no limit: the largest there may be. Of a job of
   // chains an iteration of the stop rule is a round: a segment of each chain.
   std::uint64_t target(std::uint32_t half) const;
+  // The same without exact indices, and while it does not end level.
+  std::uint64_t limit(std::uint32_t half) const;
+  // What it does not ask for below target().
+  HalfSets unwanted() const;
   PrefixBorder border() const;
   // Whether the stop rule's number of iterations may end the job: all prefixes up to there are decided.
   bool prefixes_done() const;

@@ -1,5 +1,7 @@
 // Segments of Markov chains: a segment can be cut when its chain's segment before is merged. A straggler
 // holds up its own chains, and the segments behind them are skipped.
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "master/scheduler/free_segments.h"
@@ -57,6 +59,19 @@ class SegmentSource final : public UnitSource {
   Claim claim(const HalfSets& merged, const Unit& unit) const override {
     if (unit.kind == Unit::Kind::bootstrap) return Claim::merged;  // its stage is over
     return UnitSource::claim(merged, unit);
+  }
+  bool complete(const HalfSets& indices, std::string& why) const override {
+    for (const film::IndexSet& half : indices)
+      for (const auto& [begin, end] : half.ranges()) {
+        if (end <= per_round_) continue;
+        const std::uint64_t first = std::max(begin, per_round_) - per_round_;
+        const auto [gap, gap_end] = half.first_gap(first, end - per_round_);
+        if (gap == gap_end) continue;
+        why =
+            fmt::format("segment {} goes on from segment {}, which is not asked for", gap + per_round_, gap);
+        return false;
+      }
+    return true;
   }
   bool needs_film() const override { return true; }
   UnitInput input(const JobView& job, const Unit& unit, FilmInputs::Records records) const override {

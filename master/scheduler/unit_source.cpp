@@ -11,8 +11,10 @@ std::uint64_t UnitSource::max_unit(const JobView&) const {
 
 std::uint64_t UnitSource::open_indices(const JobView& job) const {
   std::uint64_t open = 0;
-  for (std::uint32_t h = 0; h < 2; ++h)
-    open += job.open_to[h] - std::min(job.open_to[h], job.merged[h].count());
+  for (std::uint32_t h = 0; h < 2; ++h) {
+    const std::uint64_t lacking = missing(job.merged[h], job.open_to[h]);
+    open += lacking - std::min(lacking, job.unwanted[h]);
+  }
   return open;
 }
 
@@ -44,15 +46,20 @@ Extent film_extent(const JobView& job, const HalfSets& reserved) {
   Extent out;
   out.bounded = job.bounded;
   for (std::uint32_t h = 0; h < 2; ++h) {
-    const std::uint64_t n = reserved[h].count();
-    out.cut += n;
-    out.remaining += job.target[h] - std::min(job.target[h], n);
+    // A job that was cancelled and extended may have some beyond its target.
+    const std::uint64_t lacking = missing(reserved[h], job.target[h]);
+    out.remaining += lacking;
+    out.cut += reserved[h].count() - std::min(reserved[h].count(), job.unwanted[h]);
   }
   return out;
 }
 
 std::unique_ptr<UnitSource> make_source(const JobRow& row) {
   if (!row.named_state) return row.chains ? make_bootstrap_source(*row.chains) : make_pilot_source();
+  return make_film_source(row);
+}
+
+std::unique_ptr<UnitSource> make_film_source(const JobRow& row) {
   if (row.chains) return make_segment_source(*row.chains);
   return row.epochs ? make_epoch_source(*row.epochs) : make_iteration_source();
 }

@@ -26,13 +26,14 @@ namespace candela::master {
 // The job of a source at one moment.
 struct JobView {
   const HalfSets& merged;
-  std::array<std::uint64_t, 2> target;   // indices of each half that the job asks for
-  std::array<std::uint64_t, 2> open_to;  // of those that may be cut now
-  bool bounded = false;                  // the stop rule names a number of iterations
+  std::array<std::uint64_t, 2> target;   // one past the last index of each half that the job asks for
+  std::array<std::uint64_t, 2> open_to;  // and of those that may be cut now
+  bool bounded = false;                  // it asks for a number of iterations
   std::uint64_t active_workers = 1;      // that can take units of the job
   std::size_t record_bytes = 0;          // of the largest chain record seen
   std::span<const std::uint64_t> chain_starts;
-  std::span<const StateRow> states;  // of epochs 0, 1, ...
+  std::span<const StateRow> states;            // of epochs 0, 1, ...
+  std::array<std::uint64_t, 2> unwanted = {};  // number of indices below `target` that it does not ask for
 };
 
 // Indices of a stage.
@@ -123,6 +124,9 @@ class UnitSource {
   // The epoch whose state can and must be decided next.
   virtual std::optional<std::uint64_t> due_decision(const JobView&) const { return std::nullopt; }
 
+  // Whether these indices can be rendered without any others; `why` says what they lack.
+  virtual bool complete(const HalfSets&, std::string& /*why*/) const { return true; }
+
   // A stage whose units bring parts of one table. Null for others.
   virtual const chains::BootstrapTable* table() const { return nullptr; }
   // Errors (input): the values are not those of the unit's indices, or the stage has no table.
@@ -142,6 +146,8 @@ Extent film_extent(const JobView& job, const HalfSets& reserved);
 
 // The source of the stage that a job with this row is in.
 std::unique_ptr<UnitSource> make_source(const JobRow& row);
+// The source of the stage that makes the job's film. Precondition: the job's pilot is done.
+std::unique_ptr<UnitSource> make_film_source(const JobRow& row);
 
 // The makers of the single stages.
 std::unique_ptr<UnitSource> make_pilot_source();

@@ -15,6 +15,7 @@
 
 #include "common/chains/chains.h"
 #include "common/film/counts.h"
+#include "common/film/index_text.h"
 #include "common/job/job.h"
 #include "common/stages/work_plan.h"
 
@@ -49,12 +50,14 @@ struct JobRow {
   std::string submitter;  // user@host, or the name of a certificate; empty: unknown
   JobSettings settings;
   StopRule stop;
+  film::HalfSets stop_indices;  // exactly these end the job, and no limit of `stop`; empty: it has none
+  std::string scene_path;       // of the scene file, as the submitter typed it; empty: not known
   std::int32_t priority = 0;
   double share = 1;
   std::string idempotency_token, content_digest;  // digest of the submission, to recognise a repeated one
   JobState state = JobState::queued;
   std::string message;      // why it failed, and the like
-  std::string stop_reason;  // "iterations", "time", "relmse", "black"; empty while it runs
+  std::string stop_reason;  // "iterations", "time", "relmse", "indices", "black"; empty while it runs
   std::optional<NamedState> named_state;
   std::string plan;
   std::vector<film::AccumulatorSpec> accumulators;  // beside the film; valid (film::validate)
@@ -90,6 +93,11 @@ struct JobRow {
   std::uint64_t iterations_of(std::uint64_t indices) const { return indices / indices_per_iteration(); }
   // Chains of a half; 1 for other jobs, whose every index is a round of its half.
   std::uint64_t per_round() const { return chains ? chains->chains / 2 : 1; }
+  // Iterations that its stop rule names, by number or as exact indices; 0: neither.
+  std::uint64_t iterations_asked() const {
+    const std::uint64_t exact = stop_indices[0].count() + stop_indices[1].count();
+    return exact == 0 ? stop.iterations : (exact - 1) / indices_per_iteration() + 1;
+  }
   // Sequence indices of a half in so many iterations.
   std::uint64_t indices_of(std::uint32_t half, std::uint64_t n) const {
     if (chains) return std::min(n * per_round(), Limits::max_iterations);

@@ -6,8 +6,9 @@ namespace candela::master {
 
 // 1: the first. 2: jobs.layers. 3: Markov chains. 4: what a job had and has lost. 5:
 // epochs and accumulators. 6: jobs that wait for their removal, statistics that were rejected, repeated
-// merges. 7: walks that were ended by a bound. 8: workers that are paused. 9: submitters. 10: audits.
-inline constexpr int kSchemaVersion = 10;
+// merges. 7: walks that were ended by a bound. 8: workers that are paused. 9: submitters. 10: audits. 11:
+// exact indices as stop rules, paths of scenes.
+inline constexpr int kSchemaVersion = 11;
 
 inline constexpr const char* kSchema = R"sql(
 CREATE TABLE counters (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -35,7 +36,8 @@ CREATE TABLE jobs (
   work BLOB NOT NULL DEFAULT x'', rejected_statistics INTEGER NOT NULL DEFAULT 0,
   bootstrap_statistics INTEGER NOT NULL DEFAULT 0, sampled_merges INTEGER NOT NULL DEFAULT 0,
   repeated_merges INTEGER NOT NULL DEFAULT 0, bounded_walks INTEGER NOT NULL DEFAULT 0,
-  submitter TEXT NOT NULL DEFAULT '', audit BLOB NOT NULL DEFAULT x'') WITHOUT ROWID;
+  submitter TEXT NOT NULL DEFAULT '', audit BLOB NOT NULL DEFAULT x'',
+  stop_indices BLOB NOT NULL DEFAULT x'', scene_path TEXT NOT NULL DEFAULT '') WITHOUT ROWID;
 CREATE TABLE units (
   id INTEGER PRIMARY KEY, job TEXT NOT NULL, kind INTEGER NOT NULL, half INTEGER NOT NULL,
   first INTEGER NOT NULL, last INTEGER NOT NULL, state INTEGER NOT NULL, failures INTEGER NOT NULL,
@@ -113,6 +115,12 @@ inline constexpr const char* kFromVersion9 = R"sql(
 ALTER TABLE jobs ADD COLUMN audit BLOB NOT NULL DEFAULT x'';
 ALTER TABLE units ADD COLUMN made_by TEXT NOT NULL DEFAULT '';
 ALTER TABLE units ADD COLUMN sha256 TEXT NOT NULL DEFAULT '';
+)sql";
+// From version 10: no job was asked for exact indices (`stop_indices` is as `promised`), and where a scene
+// lay was not kept.
+inline constexpr const char* kFromVersion10 = R"sql(
+ALTER TABLE jobs ADD COLUMN stop_indices BLOB NOT NULL DEFAULT x'';
+ALTER TABLE jobs ADD COLUMN scene_path TEXT NOT NULL DEFAULT '';
 )sql";
 inline constexpr const char* kDistrustTable = R"sql(
 CREATE TABLE distrusted (

@@ -196,6 +196,8 @@ Result<StoredState> SqliteStore::load() {
         *count = s.count();
       j.submitter = s.text();
       CANDELA_TRY(read_audit(s, j));
+      j.stop_indices = sets_of(numbers_of<std::uint64_t>(s.text()));
+      j.scene_path = s.text();
       out.jobs.push_back(std::move(j));
     }
     if (s.failed()) return failure("cannot read the jobs");

@@ -66,7 +66,7 @@ bool SqliteStore::apply(const PutJob& c) {
               "INSERT OR REPLACE INTO jobs VALUES "
               "(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?"
               ",?,?,?,?,"
-              "?,?,?,?,?)");
+              "?,?,?,?,?,?,?)");
   s.bind(j.id).bind(j.name).bind(j.bundle_sha256).bind_blob(settings.SerializeAsString());
   s.bind(j.stop.iterations).bind(j.stop.time_seconds).bind(j.stop.relmse);
   s.bind(j.priority).bind(j.share).bind(j.idempotency_token).bind(j.content_digest);
@@ -98,6 +98,7 @@ bool SqliteStore::apply(const PutJob& c) {
   v1::JobAudit audit;
   wire_audit(j.audit, audit);
   s.bind_blob(audit.SerializeAsString());
+  s.bind_blob(bytes_of(ranges_of(j.stop_indices))).bind(j.scene_path);
   return s.run();
 }
 

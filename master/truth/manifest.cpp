@@ -25,7 +25,7 @@ Result<std::string> encode_manifest(const JobRow& row, const std::string& bundle
   m.set_id(row.id);
   m.set_name(row.name);
   wire::to_proto(row.settings, *m.mutable_settings());
-  wire::to_proto(row.stop, *m.mutable_stop());
+  wire::to_proto(row.stop, row.stop_indices, *m.mutable_stop());
   m.set_priority(row.priority);
   m.set_share(row.share);
   m.set_idempotency_token(row.idempotency_token);
@@ -47,6 +47,7 @@ Result<std::string> encode_manifest(const JobRow& row, const std::string& bundle
   m.set_submitted_unix_ms(row.submitted_unix_ms);
   m.set_elapsed_seconds(row.elapsed_seconds);
   m.set_submitter(row.submitter);
+  m.set_scene_path(row.scene_path);
   std::string out(kMagic);
   out += wire::canonical(m);
   film::seal(out);
@@ -67,6 +68,7 @@ Result<Manifest> parse_manifest(std::string_view bytes) {
   out.bundle_bytes = wire::canonical(m.bundle());
   CANDELA_ASSIGN(row.settings, wire::from_proto(m.settings()));
   CANDELA_ASSIGN(row.stop, wire::from_proto(m.stop()));
+  CANDELA_ASSIGN(row.stop_indices, wire::indices_of(m.stop()));
   row.priority = m.priority();
   row.share = m.share();
   if (!(row.share > 0)) return unusable("its share is not a positive number");
@@ -99,6 +101,7 @@ Result<Manifest> parse_manifest(std::string_view bytes) {
   row.submitted_unix_ms = m.submitted_unix_ms();
   row.elapsed_seconds = m.elapsed_seconds();
   row.submitter = m.submitter();
+  row.scene_path = m.scene_path();
   return out;
 }
 

@@ -195,7 +195,10 @@ TEST(StoreVersions, EarlierOnesBecomeThePresentOne) {
   }
 }
 
-// Of all that version 10 brought. Preconditions: the store is the present one.
+// Of all that version 11 brought, and of all that version 10 did. Preconditions: the store is the present
+// one.
+constexpr const char* kWithoutIndices =
+    "ALTER TABLE jobs DROP COLUMN stop_indices; ALTER TABLE jobs DROP COLUMN scene_path; ";
 constexpr const char* kWithoutAudits =
     "ALTER TABLE jobs DROP COLUMN audit; ALTER TABLE units DROP COLUMN made_by; "
     "ALTER TABLE units DROP COLUMN sha256; DROP TABLE distrusted; "
@@ -240,6 +243,7 @@ TEST(StoreVersions, TheFifthLearnsToCountStatistics) {
   const std::set<std::string> present = Database(path).shape();
   {
     Database old(path);
+    old.execute(kWithoutIndices);
     old.execute(kWithoutAudits);
     for (const char* column : {"rejected_statistics", "bootstrap_statistics", "sampled_merges",
                                "repeated_merges", "bounded_walks", "submitter"})
@@ -283,6 +287,7 @@ TEST(StoreVersions, TheSixthLearnsToCountBoundedWalks) {
   const std::set<std::string> present = Database(path).shape();
   {
     Database old(path);
+    old.execute(kWithoutIndices);
     old.execute(kWithoutAudits);
     old.execute(
         "ALTER TABLE jobs DROP COLUMN bounded_walks; ALTER TABLE jobs DROP COLUMN submitter; "
@@ -315,6 +320,7 @@ TEST(StoreVersions, TheSeventhLearnsToPauseWorkers) {
   const std::set<std::string> present = Database(path).shape();
   {
     Database old(path);
+    old.execute(kWithoutIndices);
     old.execute(kWithoutAudits);
     old.execute("ALTER TABLE jobs DROP COLUMN submitter; ALTER TABLE workers DROP COLUMN paused");
     old.execute("PRAGMA user_version=7");
@@ -349,6 +355,7 @@ TEST(StoreVersions, TheEighthLearnsSubmitters) {
   const std::set<std::string> present = Database(path).shape();
   {
     Database old(path);
+    old.execute(kWithoutIndices);
     old.execute(kWithoutAudits);
     old.execute("ALTER TABLE jobs DROP COLUMN submitter; PRAGMA user_version=8");
     EXPECT_NE(old.shape(), present) << "nothing is tested";
@@ -388,6 +395,7 @@ TEST(StoreVersions, TheNinthLearnsAudits) {
   const std::set<std::string> present = Database(path).shape();
   {
     Database old(path);
+    old.execute(kWithoutIndices);
     old.execute(kWithoutAudits);
     old.execute("PRAGMA user_version=9");
     EXPECT_NE(old.shape(), present) << "nothing is tested";
@@ -442,6 +450,45 @@ TEST(StoreVersions, TheNinthLearnsAudits) {
   ASSERT_TRUE((*store)->write(std::vector<Change>{ForgetWork{"j"}}).ok());
   EXPECT_TRUE((*store)->merged_units("j")->empty());
   EXPECT_EQ((*store)->load()->jobs.size(), 1U);
+}
+
+// Claim: a store of version 10, which knew neither exact indices nor paths of scenes, becomes the present one
+// with its jobs as they were, and then keeps both.
+TEST(StoreVersions, TheTenthLearnsExactIndices) {
+  const test::TemporaryFolder folder;
+  const fs::path path = folder.path() / "version10.sqlite";
+  JobRow j;
+  j.id = "j";
+  j.bundle_sha256 = "hash";
+  j.settings.width = 30;
+  j.settings.height = 20;
+  j.stop.iterations = 5;
+  j.audit.anew = "why";
+  j.promised[1].insert(2, 4);
+  {
+    auto store = open_sqlite_store(path);
+    ASSERT_TRUE(store.ok());
+    ASSERT_TRUE((*store)->write(std::vector<Change>{PutJob{j}}).ok());
+  }
+  const std::set<std::string> present = Database(path).shape();
+  {
+    Database old(path);
+    old.execute(kWithoutIndices);
+    old.execute("PRAGMA user_version=10");
+    EXPECT_NE(old.shape(), present) << "nothing is tested";
+  }
+  expect_present(path, present, [&](Store& store, const StoredState& state) {
+    const JobRow& read = state.jobs.at(0);
+    EXPECT_EQ(read.stop.iterations, j.stop.iterations);
+    EXPECT_EQ(read.audit, j.audit);
+    EXPECT_EQ(read.promised, j.promised);
+    EXPECT_EQ(read.stop_indices, j.stop_indices);
+    EXPECT_EQ(read.scene_path, j.scene_path);
+    j.stop.iterations = 0;
+    j.stop_indices = *film::parse_half_indices("0-31,40-47/none");
+    j.scene_path = "scenes/a box.xml";
+    ASSERT_TRUE(store.write(std::vector<Change>{PutJob{j}}).ok());
+  });
 }
 
 }  // namespace

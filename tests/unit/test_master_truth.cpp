@@ -370,9 +370,16 @@ TEST_F(TruthTest, DamagedGenerationsTakeNoPlace) {
 
 // Claim: where the store is lost, `verify` names the folders of its jobs, and `repair` takes each in: a done
 // job with its film, one that ran goes on where its checkpoint was, and both come to the film they would have
-// had.
+// had. One that was asked for exact indices still is, and tells where its scene lay.
 TEST_F(TruthTest, JobsOfALostStoreAreTakenIn) {
   const std::string done = done_job(9);
+  v1::SubmitRequest request = submission(1);
+  request.clear_stop();
+  wire::to_proto(StopRule{}, *film::parse_half_indices("0-1,3/2"), *request.mutable_stop());
+  request.set_scene_path("scenes/my box.xml");
+  const std::string exact = test::submit(*farm, kScene, request);
+  render(exact, 4);
+  EXPECT_EQ(wait_end(exact).state(), v1::JOB_STATE_DONE);
   const std::string ran = submit(20);
   render(ran, 6);
   stop_master();
@@ -381,9 +388,9 @@ TEST_F(TruthTest, JobsOfALostStoreAreTakenIn) {
   start();
   const auto reports = verify();
   ASSERT_EQ(reports.size(), 1U);
-  EXPECT_EQ(reports[0].findings_size(), 2);
+  EXPECT_EQ(reports[0].findings_size(), 3);
   EXPECT_TRUE(happened("", "orphans"));
-  for (const std::string& id : {done, ran}) {
+  for (const std::string& id : {done, ran, exact}) {
     const auto [status, taken] = repair(id);
     ASSERT_TRUE(status.ok()) << status.error_message();
     EXPECT_EQ(taken.id(), id);
@@ -391,6 +398,12 @@ TEST_F(TruthTest, JobsOfALostStoreAreTakenIn) {
     EXPECT_TRUE(happened(id, "adopted"));
   }
   EXPECT_EQ(wait_end(done).state(), v1::JOB_STATE_DONE);
+  const v1::JobStatus taken = wait_end(exact);
+  EXPECT_EQ(taken.state(), v1::JOB_STATE_DONE);
+  EXPECT_EQ(taken.stop().SerializeAsString(), request.stop().SerializeAsString());
+  EXPECT_EQ(taken.scene_path(), request.scene_path());
+  const film::MergedFilm film = checkpoint_of(exact);
+  EXPECT_EQ(film::text_of(film::HalfSets{film.merged(0), film.merged(1)}), "0-1,3/2");
   expect_same(checkpoint_of(done), expected_film(9));
   render(ran, 20);
   EXPECT_EQ(wait_end(ran).state(), v1::JOB_STATE_DONE);

@@ -124,6 +124,45 @@ TEST(WireMessages, StopRules) {
   EXPECT_EQ(wire::from_proto(endless).error().field, "stop.iterations");
 }
 
+// Claim: exact indices take the place of a limit and come back as they were; with a limit, out of order,
+// touching, empty, beyond the limit, or in more ranges than allowed they are refused by field.
+TEST(WireMessages, ExactIndices) {
+  const auto ranges = [](std::initializer_list<std::pair<std::uint64_t, std::uint64_t>> a,
+                         std::initializer_list<std::pair<std::uint64_t, std::uint64_t>> b) {
+    v1::StopRule rule;
+    const auto add = [](v1::IndexRange& range, const auto& value) {
+      range.set_begin(value.first);
+      range.set_end(value.second);
+    };
+    for (const auto& value : a) add(*rule.add_indices_a(), value);
+    for (const auto& value : b) add(*rule.add_indices_b(), value);
+    return rule;
+  };
+  v1::StopRule rule = ranges({{0, 4}, {6, 7}}, {{3, 9}});
+  ASSERT_TRUE(wire::from_proto(rule).ok());
+  const auto sets = wire::indices_of(rule);
+  ASSERT_TRUE(sets.ok());
+  EXPECT_EQ(film::text_of(*sets), "0-3,6/3-8");
+  v1::StopRule again;
+  wire::to_proto(StopRule{}, *sets, again);
+  EXPECT_EQ(again.SerializeAsString(), rule.SerializeAsString());
+  EXPECT_TRUE(film::empty(*wire::indices_of(v1::StopRule())));
+
+  rule.set_iterations(5);
+  EXPECT_EQ(wire::from_proto(rule).error().field, "stop");
+  for (const v1::StopRule& bad : {ranges({{4, 4}}, {}), ranges({{5, 4}}, {}), ranges({{0, 4}, {4, 6}}, {}),
+                                  ranges({{8, 9}, {0, 4}}, {}), ranges({{0, 4}, {2, 6}}, {}),
+                                  ranges({{0, Limits::max_iterations + 1}}, {})})
+    EXPECT_EQ(wire::indices_of(bad).error().field, "stop.indices_a");
+  EXPECT_EQ(wire::indices_of(ranges({{0, 1}}, {{1, 1}})).error().field, "stop.indices_b");
+  v1::StopRule many;
+  for (std::uint64_t i = 0; i <= film::kMaxIndexRanges; ++i) {
+    many.add_indices_b()->set_begin(2 * i);
+    many.mutable_indices_b()->rbegin()->set_end(2 * i + 1);
+  }
+  EXPECT_EQ(wire::indices_of(many).error().field, "stop");
+}
+
 // Claim: units round-trip; unknown kinds, halves and empty or endless ranges are refused by field.
 TEST(WireMessages, Units) {
   for (const Unit& unit : {Unit{Unit::Kind::pilot, 0, 0, 0}, Unit{Unit::Kind::iterations, 1, 17, 42}}) {

@@ -358,7 +358,7 @@ async function jobPage(id) {
     put(luck, unseen.length ? 'The error may leave out ' + unseen.join('; ') : '');
     put(plan, j.plan.length ? j.plan.join('\n') : 'The plan comes with the first unit.');
     const s = j.settings, facts = [['Job', j.id], ['Submitter', j.submitter || 'unknown'], ['Integrator', s.integrator], ...Object.entries(s.integrator_settings), ['Size', `${s.width} × ${s.height}`], ['Filter', s.filter], ...Object.entries(s.filter_settings), ['Sampler', s.sampler], ['Seed', s.seed], ['Instruction set', s.isa], ['AOVs', s.aovs || 'none'],
-      ['Stop', [j.stop_iterations ? count(j.stop_iterations) + ' iterations' : '', j.stop_seconds ? duration(j.stop_seconds) : '', j.stop_relmse ? 'relMSE at most ' + small(j.stop_relmse) : ''].filter(Boolean).join(', ') || 'never'],
+      ['Stop', [j.stop_indices ? 'exactly the indices ' + (j.stop_indices.length > 120 ? j.stop_indices.slice(0, 120) + '...' : j.stop_indices) : j.stop_iterations ? count(j.stop_iterations) + ' iterations' : '', j.stop_seconds ? duration(j.stop_seconds) : '', j.stop_relmse ? 'relMSE at most ' + small(j.stop_relmse) : ''].filter(Boolean).join(', ') || 'never'],
       ['Submitted', when(j.submitted_unix_ms)], ...(j.finished_unix_ms ? [['Finished', when(j.finished_unix_ms)]] : []), ['On disk', count(j.checkpoint_iterations) + ' iterations'], ['Scene', j.bundle.slice(0, 16)]];
     if (settingsShown !== String(facts)) {
       settingsShown = String(facts);
