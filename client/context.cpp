@@ -51,6 +51,10 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
         app, "--until", options.until,
         "Stop when the upper end of the estimated error is at most X; with several limits the first counts",
         "relmse=X");
+    add_text(app, "--indices", options.indices,
+             "Render exactly these iterations of each half, such as 0-31/0-29, of Markov chains segments; an "
+             "image says which it has, and `candela reproduce` how it is made again",
+             "A/B");
   }
   add_text(app, "--seed", options.seed, "Seed; default: the scene's sampler's, else 0", "N");
   add_text(app, "--size", options.size,

@@ -35,7 +35,8 @@ CLI::Option* add_text(CLI::App& app, const std::string& names, std::optional<std
 CLI::Option* add_texts(CLI::App& app, const std::string& names, std::vector<std::string>& values,
                        const std::string& doc, const std::string& type);
 
-// SCENE, -D, --integrator, --lenient, --set, --iterations, --time, --until, --seed, --size, --filter,
+// SCENE, -D, --integrator, --lenient, --set, --iterations, --time, --until, --indices, --seed, --size,
+// --filter,
 // --sampler, --isa.
 void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits);
 

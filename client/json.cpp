@@ -77,6 +77,7 @@ Json epochs(const v1::EpochStatus& e) {
 
 Json job(const v1::JobStatus& s) {
   Json json;
+  const std::string indices = indices_text(s);
   json["id"] = s.id();
   json["name"] = s.name();
   json["submitter"] = s.submitter();
@@ -103,7 +104,8 @@ Json job(const v1::JobStatus& s) {
   json["share"] = finite(s.share());
   json["stop"] = {{"iterations", s.stop().iterations() > 0 ? Json(s.stop().iterations()) : Json(nullptr)},
                   {"time_seconds", limit(s.stop().time_seconds())},
-                  {"relmse", limit(s.stop().relmse())}};
+                  {"relmse", limit(s.stop().relmse())},
+                  {"indices", indices.empty() ? Json(nullptr) : Json(indices)}};
   const v1::JobSettings& settings = s.settings();
   json["settings"] = {{"integrator", settings.integrator()},
                       {"integrator_settings", map(settings.integrator_settings())},
@@ -116,6 +118,7 @@ Json job(const v1::JobStatus& s) {
                       {"isa", settings.isa()},
                       {"aovs", settings.aovs()}};
   json["bundle_sha256"] = s.bundle_sha256();
+  json["scene_path"] = s.scene_path();
   json["film_scale_log2"] = s.has_named_state() ? Json(s.named_state().film_scale_log2()) : Json(nullptr);
   json["failures"] = failures(s.failures());
   json["waiting"] = nullptr;

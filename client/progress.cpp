@@ -60,6 +60,18 @@ std::string effort_text(const v1::JobStatus& status, std::uint64_t iterations) {
                   : fmt::format("{} iterations", iterations);
 }
 
+std::uint64_t iterations_asked(const v1::JobStatus& status) {
+  const auto indices = wire::indices_of(status.stop());
+  if (!indices.ok() || film::empty(*indices)) return status.stop().iterations();
+  const std::uint64_t each = status.has_chains() ? std::max(status.chains().plan().chains(), 1U) : 1;
+  return ((*indices)[0].count() + (*indices)[1].count() + each - 1) / each;
+}
+
+std::string indices_text(const v1::JobStatus& status) {
+  const auto indices = wire::indices_of(status.stop());
+  return indices.ok() && !film::empty(*indices) ? film::text_of(*indices) : std::string();
+}
+
 std::string relmse_text(const v1::JobStatus& status) {
   const std::string text = fmt::format("relMSE {:.1e}", status.relmse_estimate());
   return status.relmse_upper() > 0 ? fmt::format("{} (at most {:.1e})", text, status.relmse_upper()) : text;
@@ -118,9 +130,8 @@ std::vector<std::string> warnings_of(const v1::JobStatus& status) {
 double fraction_done(const v1::JobStatus& status) {
   double fraction = 0;
   const v1::StopRule& stop = status.stop();
-  if (stop.iterations() > 0)
-    fraction =
-        std::max(fraction, static_cast<double>(status.iterations()) / static_cast<double>(stop.iterations()));
+  if (const std::uint64_t asked = iterations_asked(status); asked > 0)
+    fraction = std::max(fraction, static_cast<double>(status.iterations()) / static_cast<double>(asked));
   if (stop.time_seconds() > 0) fraction = std::max(fraction, status.elapsed_seconds() / stop.time_seconds());
   // The error falls as 1/iterations, so this is the share of the iterations needed.
   if (stop.relmse() > 0 && status.relmse_upper() > 0)
@@ -131,11 +142,11 @@ double fraction_done(const v1::JobStatus& status) {
 std::string format_progress(const v1::JobStatus& status) {
   std::vector<std::string> parts;
   const v1::StopRule& stop = status.stop();
-  if (stop.iterations() > 0) {
+  if (const std::uint64_t asked = iterations_asked(status); asked > 0) {
     const double each = samples_per_iteration(status);
     parts.push_back(each > 0 ? fmt::format("{}/{}", amount(each * static_cast<double>(status.iterations())),
-                                           effort_text(status, stop.iterations()))
-                             : fmt::format("{}/{} iterations", status.iterations(), stop.iterations()));
+                                           effort_text(status, asked))
+                             : fmt::format("{}/{} iterations", status.iterations(), asked));
   } else {
     parts.push_back(effort_text(status, status.iterations()));
   }

@@ -228,7 +228,8 @@ Result<std::uint64_t> resolve_sampling(const Object* sampler, const SceneOptions
     settings.seed = static_cast<std::uint64_t>(seed);
   }
   CANDELA_ASSIGN(job.stop, parse_stop(options));
-  job.stop_given = options.spp || options.iterations || options.time || options.until;
+  CANDELA_ASSIGN(job.indices, parse_exact_indices(options));
+  job.stop_given = options.spp || options.iterations || options.time || options.until || options.indices;
   if (options.spp) return parse_spp(*options.spp);
   if (job.stop_given) return 0;
   const std::int64_t count =
@@ -266,6 +267,21 @@ Result<StopRule> parse_stop(const SceneOptions& options) {
     CANDELA_ASSIGN(stop.relmse, parse_until(*options.until, "--until"));
   }
   return stop;
+}
+
+Result<film::HalfSets> parse_exact_indices(const SceneOptions& options) {
+  if (!options.indices) return film::HalfSets();
+  const std::pair<bool, const char*> others[] = {{options.spp.has_value(), "--spp"},
+                                                 {options.iterations.has_value(), "--iterations"},
+                                                 {options.time.has_value(), "--time"},
+                                                 {options.until.has_value(), "--until"}};
+  for (const auto& [given, option] : others)
+    if (given)
+      return usage_error(fmt::format("--indices and {} exclude each other", option))
+          .with_mend("--indices asks for exactly these iterations of each half");
+  auto sets = film::parse_half_indices(*options.indices);
+  if (!sets) return std::move(sets).error().with_field("--indices");
+  return sets;
 }
 
 std::uint64_t iterations_of(std::uint64_t spp, std::uint64_t samples_per_iteration) {
@@ -333,6 +349,7 @@ Result<LoadedScene> load_scene(const SceneOptions& options, const RendererFacts&
   CANDELA_ASSIGN(const auto parameters, parse_assignments(options.defines, "-D"));
   CANDELA_TRY(parse_assignments(options.sets, "--set"));
   CANDELA_TRY(parse_stop(options));
+  CANDELA_TRY(parse_exact_indices(options));
   CANDELA_TRY(resolve_aovs({}, options));
   if (options.size) CANDELA_TRY(parse_size(*options.size, "--size"));
   if (options.seed) CANDELA_TRY(parse_count(*options.seed, "--seed", 0, UINT64_MAX));
@@ -341,7 +358,7 @@ Result<LoadedScene> load_scene(const SceneOptions& options, const RendererFacts&
                  bundle::gather(options.scene, parameters, options.reading(), memory));
   CANDELA_ASSIGN(PreparedJob job, prepare_job(gathered.description, options, facts));
   return LoadedScene{std::move(gathered), std::move(job),
-                     std::filesystem::absolute(options.scene).parent_path(), memory};
+                     std::filesystem::absolute(options.scene).parent_path(), memory, options.scene};
 }
 
 std::string difference(const JobSettings& now, const JobSettings& was) {

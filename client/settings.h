@@ -12,6 +12,7 @@
 
 #include "common/base/result.h"
 #include "common/bundle/bundle.h"
+#include "common/film/index_text.h"
 #include "common/job/effort.h"
 #include "common/job/job.h"
 #include "common/stages/work_plan.h"
@@ -44,8 +45,8 @@ struct SceneOptions {
   std::string scene;                 // path of the scene file
   std::vector<std::string> defines;  // name=value
   std::vector<std::string> sets;     // key=value
-  std::optional<std::string> integrator, spp, iterations, time, until, seed, size, filter, sampler, isa, aov,
-      scene_memory;
+  std::optional<std::string> integrator, spp, iterations, time, until, indices, seed, size, filter, sampler,
+      isa, aov, scene_memory;
   bool lenient = false;  // unknown parameters, elements and plugins of the scene are warnings
 
   description::Reading reading() const { return {.integrator = integrator.value_or(""), .lenient = lenient}; }
@@ -54,6 +55,7 @@ struct SceneOptions {
 struct PreparedJob {
   JobSettings settings;
   StopRule stop;
+  film::HalfSets indices;   // exactly these end the job, and no limit of `stop`; empty: it has none
   bool stop_given = false;  // by an option; else it is the scene's sample_count
   std::uint64_t spp = 0;    // what stop.iterations were made of; 0: they were given, or there is no limit
   // The integrator's settings that nobody gave and that follow from the effort.
@@ -67,6 +69,8 @@ struct PreparedJob {
 // The limits given as options alone, without --spp; all zero if none is. --spp and --iterations exclude each
 // other.
 Result<StopRule> parse_stop(const SceneOptions& options);
+// --indices, which excludes all other limits; empty: it is not given.
+Result<film::HalfSets> parse_exact_indices(const SceneOptions& options);
 
 Result<std::map<std::string, std::string>> parse_assignments(const std::vector<std::string>& texts,
                                                              std::string_view option);
@@ -82,6 +86,7 @@ struct LoadedScene {
   PreparedJob job;
   std::filesystem::path folder;    // of the scene file
   std::uint64_t memory_bytes = 0;  // that reading it may take; 0: the default
+  std::string path = {};           // of the scene file, as typed
 };
 Result<LoadedScene> load_scene(const SceneOptions& options, const RendererFacts& facts);
 

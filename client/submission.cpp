@@ -6,6 +6,7 @@
 #include <set>
 
 #include "client/values.h"
+#include "common/base/text.h"
 #include "common/stages/decision.h"
 #include "common/stages/memory_need.h"
 #include "common/wire/token.h"
@@ -79,7 +80,10 @@ Result<Submitted> submit_scene(FarmClient& farm, const LoadedScene& scene, const
   request.set_name(submission.name);
   wire::to_proto(scene.gathered.bundle, *request.mutable_bundle());
   wire::to_proto(scene.job.settings, *request.mutable_settings());
-  wire::to_proto(scene.job.stop, *request.mutable_stop());
+  wire::to_proto(scene.job.stop, scene.job.indices, *request.mutable_stop());
+  // A path that cannot be shown is not told; the job is the same without.
+  if (escape_unprintable(scene.path) == scene.path && scene.path.size() <= Limits::max_path_bytes)
+    request.set_scene_path(scene.path);
   request.set_priority(submission.priority);
   request.set_share(submission.share);
   request.set_submitter(wire::user_at_host());

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "common/base/result.h"
+#include "common/base/shell_words.h"
 
 namespace candela::client {
 
@@ -61,8 +62,5 @@ std::string join(const Range& parts, std::string_view separator) {
   }
   return text;
 }
-
-// A word as a POSIX shell reads it back, for commands we print.
-std::string shell_quote(std::string_view word);
 
 }  // namespace candela::client

@@ -17,6 +17,8 @@
 namespace candela::client {
 namespace {
 
+constexpr std::size_t kMostIndexBytes = 120;  // of a set of indices that `show` prints
+
 struct JobOptions {
   FarmOptions farm;
   std::string id;
@@ -173,6 +175,10 @@ void print_job(std::ostream& out, const v1::JobStatus& s) {
   if (s.stop().iterations() > 0) limits.push_back(effort_text(s, s.stop().iterations()));
   if (s.stop().time_seconds() > 0) limits.push_back(format_duration(s.stop().time_seconds()));
   if (s.stop().relmse() > 0) limits.push_back(fmt::format("relMSE at most {}", s.stop().relmse()));
+  if (const std::string indices = indices_text(s); !indices.empty())
+    limits.push_back(indices.size() <= kMostIndexBytes
+                         ? "exactly the indices " + indices
+                         : effort_text(s, iterations_asked(s)) + " at exact indices, which --json tells");
   line("stops at", fmt::format("{}", join(limits, " or ")));
   line("time", fmt::format("{} running, {} of workers", format_duration(s.elapsed_seconds()),
                            format_duration(s.worker_seconds())));
@@ -192,6 +198,7 @@ void print_job(std::ostream& out, const v1::JobStatus& s) {
   for (const std::string& warning : {repeats_warning(s), bounded_walks_warning(s)})
     if (!warning.empty()) line("warning", warning);
   line("priority", fmt::format("{}, share {}", s.priority(), s.share()));
+  if (!s.scene_path().empty()) line("scene", s.scene_path());
   line("bundle", s.bundle_sha256());
   line("checkpoint",
        fmt::format("generation {} with {} iterations", s.checkpoint_generation(), s.checkpoint_iterations()));

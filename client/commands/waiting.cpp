@@ -11,6 +11,18 @@
 
 namespace candela::client {
 
+Result<v1::FetchImageRequest::Half> parse_half(const std::optional<std::string>& text, bool error_layer,
+                                               bool variance_layer) {
+  if (!text) return v1::FetchImageRequest::HALF_UNSPECIFIED;
+  if (error_layer || variance_layer)
+    return usage_error(
+        fmt::format("--half and {} exclude each other: the error is estimated from both halves",
+                    error_layer ? "--error-layer" : "--variance-layer"));
+  if (*text == "A") return v1::FetchImageRequest::HALF_A;
+  if (*text == "B") return v1::FetchImageRequest::HALF_B;
+  return usage_error(fmt::format("'{}' is neither A nor B", printable(*text))).with_field("--half");
+}
+
 Result<int> wait_for_job(Context& context, FarmClient& farm, const std::string& id,
                          const WaitOptions& options) {
   CANDELA_ASSIGN(PreviewPlan plan, plan_preview(options.preview, "candela " + id, options.output.png));
@@ -46,6 +58,9 @@ Result<int> wait_for_job(Context& context, FarmClient& farm, const std::string& 
   if (wants_image && last.units_merged() > 0) {
     CANDELA_ASSIGN(const std::string exr, farm.fetch_image(id, {.error_layer = options.error_layer,
                                                                 .image_only = options.output.exr.empty(),
+                                                                .chain_layers = options.chain_layers,
+                                                                .estimator = options.estimator,
+                                                                .half = options.half,
                                                                 .variance_layer = options.variance_layer}));
     CANDELA_TRY(write_images(options.output, exr));
   }

@@ -25,23 +25,12 @@ Result<int> run_watch(Context& context, const WatchOptions& options) {
   return wait_for_job(context, *farm, options.id, {options.quiet, options.json, false, {}, options.preview});
 }
 
-Result<v1::FetchImageRequest::Half> parse_half(const std::optional<std::string>& text) {
-  if (!text) return v1::FetchImageRequest::HALF_UNSPECIFIED;
-  if (*text == "A") return v1::FetchImageRequest::HALF_A;
-  if (*text == "B") return v1::FetchImageRequest::HALF_B;
-  return usage_error(fmt::format("'{}' is neither A nor B", printable(*text))).with_field("--half");
-}
-
 Result<int> run_fetch(const WatchOptions& options) {
   const ImageOutput output{options.output, options.png.value_or("")};
   if (output.exr.empty() && output.png.empty())
     return usage_error("no output is given").with_mend("use -o out.exr, --png out.png or both");
   CANDELA_TRY(check_output(output));
-  CANDELA_ASSIGN(const auto half, parse_half(options.half));
-  if (options.half && (options.error_layer || options.variance_layer))
-    return usage_error(
-        fmt::format("--half and {} exclude each other: the error is estimated from both halves",
-                    options.error_layer ? "--error-layer" : "--variance-layer"));
+  CANDELA_ASSIGN(const auto half, parse_half(options.half, options.error_layer, options.variance_layer));
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
   CANDELA_ASSIGN(
       const std::string exr,

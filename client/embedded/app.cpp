@@ -29,6 +29,7 @@ int report(std::ostream& err, const std::string& message, int code) {
 
 void add_commands(CLI::App& app, Context& context) {
   add_render(app, context);
+  add_reproduce(app, context);
   add_plan(app, context);
   add_check(app, context);
   add_submit(app, context);

@@ -1,4 +1,5 @@
-// The commands that bring the renderer along: `render`, a whole farm in this process, `plan`, and `check`.
+// The commands that bring the renderer along: `render`, a whole farm in this process, `reproduce`, `plan`,
+// and `check`.
 #pragma once
 
 #include "client/settings.h"
@@ -12,6 +13,7 @@ namespace candela::client {
 struct Context;
 
 void add_render(CLI::App& app, Context& context);
+void add_reproduce(CLI::App& app, Context& context);
 void add_plan(CLI::App& app, Context& context);
 void add_check(CLI::App& app, Context& context);
 

@@ -10,9 +10,11 @@
 #include <ostream>
 #include <thread>
 
+#include "client/commands/waiting.h"
 #include "client/context.h"
 #include "client/embedded/commands.h"
 #include "client/embedded/local_farm.h"
+#include "client/embedded/render.h"
 #include "client/embedded/state_folder.h"
 #include "client/json.h"
 #include "client/output.h"
@@ -34,15 +36,6 @@ constexpr unsigned kMostThreads = 1024;
 constexpr unsigned kMostWorkers = 256;
 constexpr double kCallSeconds = 60;  // for a call within the process, on a machine that is busy rendering
 constexpr double kStallSeconds = 5;  // of a render that can keep neither checkpoints nor its end
-
-struct RenderOptions {
-  SceneOptions scene;
-  PreviewOptions preview;
-  std::string output;
-  std::optional<std::string> png, page, threads, workers, texture_memory;
-  bool resume = false, fresh = false, keep_state = false, quiet = false, json = false, error_layer = false,
-       variance_layer = false, layers = false, page_stay = false;
-};
 
 Result<std::vector<unsigned>> worker_threads(const RenderOptions& options) {
   std::uint64_t workers = 1;
@@ -125,6 +118,9 @@ Result<std::string> find_job(FarmClient& farm, const RendererFacts& facts, Loade
   };
   if (job.bundle_sha256() != scene.gathered.bundle.hash())
     return mismatch("the scene, one of its files or a -D parameter has changed");
+  CANDELA_ASSIGN(const film::HalfSets indices, wire::indices_of(job.stop()));
+  if (!film::empty(scene.job.indices) && scene.job.indices != indices)
+    return mismatch("--indices are not those of the render that was begun");
   CANDELA_ASSIGN(const JobSettings was, wire::from_proto(job.settings()));
   CANDELA_TRY(keep_effort_of(was, facts, scene.job));
   if (const std::string text = difference(scene.job.settings, was); !text.empty())
@@ -184,7 +180,8 @@ class Stall {
 // Whether everything the limits ask for is merged. (Such a render can be without its last checkpoint.)
 bool meets_a_limit(const v1::JobStatus& status) {
   const v1::StopRule& stop = status.stop();
-  return (stop.iterations() != 0 && status.iterations() >= stop.iterations()) ||
+  const std::uint64_t asked = iterations_asked(status);
+  return (asked != 0 && status.iterations() >= asked) ||
          (stop.time_seconds() != 0 && status.elapsed_seconds() >= stop.time_seconds()) ||
          (stop.relmse() != 0 && status.relmse_upper() > 0 && status.relmse_upper() <= stop.relmse());
 }
@@ -219,6 +216,8 @@ std::string summary(const v1::JobStatus& status, const std::string& output) {
   return text + fmt::format(", {}", format_duration(status.elapsed_seconds()));
 }
 
+}  // namespace
+
 Result<int> run_render(Context& context, const RenderOptions& options) {
   const ImageOutput output{options.output, options.png.value_or("")};
   CANDELA_TRY(check_output(output));
@@ -228,7 +227,9 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   if (options.resume && options.fresh) return usage_error("--resume and --fresh exclude each other");
   CANDELA_ASSIGN(const std::vector<unsigned> threads, worker_threads(options));
   CANDELA_ASSIGN(const std::uint64_t texture_memory, texture_memory_bytes(options));
+  CANDELA_ASSIGN(const auto half, parse_half(options.half, options.error_layer, options.variance_layer));
   CANDELA_ASSIGN(LoadedScene scene, load_scene(options.scene, context.facts));
+  if (options.check) CANDELA_TRY(options.check(scene));
   warn_of_scene(context.err, scene);
   // A worker without the readers would try again and again.
   for (const auto& [key, path] : scene.gathered.real_paths) CANDELA_TRY(image::check_readable(path));
@@ -299,7 +300,10 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   if (last.units_merged() > 0) {
     CANDELA_ASSIGN(exr, client->fetch_image(id, {.error_layer = options.error_layer,
                                                  .image_only = output.exr.empty(),
+                                                 .chain_layers = options.chain_layers,
                                                  .state_layers = options.layers,
+                                                 .estimator = options.estimator.value_or(""),
+                                                 .half = half,
                                                  .variance_layer = options.variance_layer}));
   }
   const auto lost = farm->workers_lost();
@@ -353,12 +357,10 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   if (!trouble.empty())
     context.err << fmt::format("candela: warning: {}: {}\n", printable(folder->path().string()), trouble);
   if (last.state() != v1::JOB_STATE_DONE) return diagnose(last, scene, options, threads.front());
-  if (!options.quiet && !options.page_stay)
+  if (!options.quiet && !options.page_stay && !options.passing)
     context.err << "candela: wrote " << summary(last, options.output) << '\n';
   return 0;
 }
-
-}  // namespace
 
 void add_render(CLI::App& app, Context& context) {
   auto options = std::make_shared<RenderOptions>();
@@ -375,6 +377,12 @@ void add_render(CLI::App& app, Context& context) {
                 "Add the layer 'variance' to the EXR: the square of 'error', without bias");
   sub->add_flag("--layers", options->layers,
                 "With adaptive radii, add the layers that describe them to the EXR, such as 'radius'");
+  sub->add_flag("--chain-layers", options->chain_layers,
+                "Of Markov chains, add what the image is made of: layers 'raw.chains' and 'raw.*'");
+  add_text(*sub, "--estimator", options->estimator,
+           "Of an integrator whose sums can be read in several ways (optimis), the one to use", "NAME");
+  add_text(*sub, "--half", options->half,
+           "The image of one half of the samples, for denoisers that filter each half by the other", "A|B");
   add_text(*sub, "--page", options->page,
            "Serve a live page of the render on a port of this machine, such as localhost:9090", "HOST:PORT");
   sub->add_flag("--page-stay", options->page_stay,

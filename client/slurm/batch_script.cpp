@@ -59,13 +59,6 @@ Result<void> check_words(const SlurmJob& job) {
   return {};
 }
 
-std::string shell_quoted(const std::string& word) {
-  if (!word.empty() && plain(word, "-_./:,@%+=")) return word;
-  std::string text = "'";
-  for (const char c : word) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return text + "'";
-}
-
 std::string header(const SlurmJob& job) {
   std::string text;
   const auto line = [&](const std::string& option) { text += "#SBATCH " + option + "\n"; };
@@ -92,13 +85,13 @@ std::string header(const SlurmJob& job) {
 
 std::string command(const SlurmJob& job) {
   std::string text =
-      fmt::format("exec {} \\\n  --master {}", shell_quoted(job.program), shell_quoted(job.farm.master));
+      fmt::format("exec {} \\\n  --master {}", shell_quote(job.program), shell_quote(job.farm.master));
   if (job.farm.insecure) text += " --insecure";
   for (const auto& [option, path] :
        {std::pair{"--tls-cert", &job.farm.tls_cert}, std::pair{"--tls-key", &job.farm.tls_key},
         std::pair{"--tls-ca", &job.farm.tls_ca}, std::pair{"--token-file", &job.farm.token_file}})
-    if (!path->empty()) text += fmt::format(" \\\n  {} {}", option, shell_quoted(*path));
-  if (!job.give_up.empty()) text += fmt::format(" \\\n  --give-up {}", shell_quoted(job.give_up));
+    if (!path->empty()) text += fmt::format(" \\\n  {} {}", option, shell_quote(*path));
+  if (!job.give_up.empty()) text += fmt::format(" \\\n  --give-up {}", shell_quote(job.give_up));
   return text +
          " \\\n  --cache \"$cache\" --threads \"${SLURM_CPUS_PER_TASK:-1}\" \\\n"
          "  --name \"slurm-${SLURM_ARRAY_JOB_ID:-${SLURM_JOB_ID:-0}}-${SLURM_ARRAY_TASK_ID:-0}\"\n";
@@ -119,7 +112,7 @@ Result<std::string> batch_script(const SlurmJob& job) {
          "# it has not rendered, delivers the rest, and leaves. This shell has no work and exits at once.\n"
          "trap 'exit 0' TERM\n"
          "set -euo pipefail\n" +
-         fmt::format("cache={}\n", cache.empty() ? shell_quoted(job.cache) : cache) +
+         fmt::format("cache={}\n", cache.empty() ? shell_quote(job.cache) : cache) +
          "mkdir -p -m 700 \"$cache\"\n" + command(job);
 }
 

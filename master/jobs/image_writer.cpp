@@ -9,10 +9,12 @@
 #include "common/base/files.h"
 #include "common/base/log.h"
 #include "common/base/memory_limit.h"
+#include "common/base/shell_words.h"
 #include "common/base/version.h"
 #include "common/bundle/bundle.h"
 #include "common/film/layers.h"
 #include "common/image/image.h"
+#include "common/job/render_command.h"
 #include "common/stages/development.h"
 #include "common/stats/error_context.h"
 #include "common/stats/error_interval.h"
@@ -82,6 +84,33 @@ void describe_chains(const JobRow& row, const JobFilm::Snapshot& snapshot, Which
   m["candela:bootstrap_samples"] = std::to_string(row.chains->bootstrap_samples);
 }
 
+// Which indices are in the image, and the command that makes the same bits.
+void describe_set(const JobRow& row, const film::MergedFilm& film, const ImageParts& parts,
+                  const SettingsMap& parameters, const std::string& main_path,
+                  std::map<std::string, std::string>& m) {
+  constexpr std::string_view kOutput = "reproduced.exr";
+  const HalfSets sets{film.merged(0), film.merged(1)};
+  m["candela:indices_a"] = film::text_of(sets[0]);
+  m["candela:indices_b"] = film::text_of(sets[1]);
+  if (!row.audit.taints.empty()) {
+    m["candela:run:taint"] = taint_text(row.audit.taints.front());
+    return;
+  }
+  if (!film::check_indices(sets).ok() || (row.scene_path.empty() && main_path.empty())) return;
+  RenderCommand command{row.scene_path.empty() ? main_path : row.scene_path,
+                        parameters,
+                        row.settings,
+                        film::text_of(sets),
+                        {},
+                        parts.estimator,
+                        parts.error_layer,
+                        parts.variance_layer,
+                        parts.chain_layers,
+                        parts.state_layers};
+  if (parts.which != Which::both) command.half = parts.which == Which::half0 ? "A" : "B";
+  m["candela:reproduce"] = shell_line(words_of(command, kOutput));
+}
+
 // How far the decisions had come depends on the run where the job ends amid an epoch.
 void describe_epochs(const EpochStatus& status, std::map<std::string, std::string>& m) {
   m["candela:run:epoch"] = std::to_string(status.epoch);
@@ -147,10 +176,17 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
   m["candela:plan"] = row.plan;
   m["candela:version"] = std::string(version());
   m["candela:build_id"] = std::string(build_id());
+  if (!row.scene_path.empty()) m["candela:scene"] = row.scene_path;
+  SettingsMap parameters;
+  std::string main_path;
   auto bundle_bytes = store_.bundle(row.bundle_sha256);
   if (bundle_bytes.ok() && *bundle_bytes)
-    if (const auto bundle = wire::parse_bundle(**bundle_bytes); bundle.ok())
+    if (const auto bundle = wire::parse_bundle(**bundle_bytes); bundle.ok()) {
       m["candela:parameters"] = text_of(bundle->parameters);
+      parameters = bundle->parameters;
+      main_path = bundle->main_path;
+    }
+  describe_set(row, film, parts, parameters, main_path, m);
   m["candela:run:units_merged"] = std::to_string(row.units_merged);
   m["candela:run:stop_reason"] = row.stop_reason;
   if (row.epochs)

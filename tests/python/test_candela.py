@@ -61,7 +61,7 @@ class Package(unittest.TestCase):
         program = candela.program
         values = {"integrator": "bdpt", "settings": {"max_depth": 5, "hide_emitters": True}, "parameters": {"a": 1},
                   "spp": 4, "iterations": 4, "time": "10m", "until": 1e-3, "seed": 1, "size": (2, 3), "filter": "box",
-                  "sampler": "sobol", "isa": "avx2", "lenient": True, "aov": ["albedo", "depth"]}
+                  "sampler": "sobol", "isa": "avx2", "lenient": True, "aov": ["albedo", "depth"], "indices": "0-3/0-2"}
         self.assertEqual(set(values), set(program.SceneSettings.__annotations__))
         arguments = program.scene_arguments(values)
         self.assertIn("hide_emitters=true", arguments)

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Claim: files of equal renders are equal byte for byte, whatever threads, workers and moments made them, but for the name
-of the job and what the image says of its run (candela:job, candela:run:...). A PNG has neither.
+of the job and what the image says of its run (candela:job, candela:run:...). A PNG has neither. So is the file of the render
+that `candela reproduce` makes of one.
 
 Usage: check_equal_renders.py CANDELA SCENE"""
 import os
@@ -35,18 +36,22 @@ def main():
             subprocess.run([candela, "render", scene, "--size", "40x24", "--iterations", "6", "--threads", threads, "--workers",
                             workers, "--error-layer", "--quiet", "-o", paths[0], "--png", paths[1]], check=True)
             made.append([open(path, "rb").read() for path in paths])
-    (first, first_png), (second, second_png) = made
+        again = os.path.join(folder, "again.exr")
+        subprocess.run([candela, "reproduce", paths[0], "--run", "--quiet", "-o", again], check=True, stdout=subprocess.DEVNULL)
+        made.append([open(again, "rb").read(), made[0][1]])
+    first, first_png = made[0]
     attributes, chunks = parts_of(first)
-    others, other_chunks = parts_of(second)
-    if attributes["candela:job"] == others["candela:job"]:
-        sys.exit("two renders are one job")
-    for name in sorted(set(attributes) | set(others)):
-        if not names_the_job(name) and attributes.get(name) != others.get(name):
-            sys.exit(f"{name} differs: {attributes.get(name)} and {others.get(name)}")
-    if chunks != other_chunks:
-        sys.exit("the pixels differ")
-    if first_png != second_png:
-        sys.exit("the PNGs differ")
+    for second, second_png in made[1:]:
+        others, other_chunks = parts_of(second)
+        if attributes["candela:job"] == others["candela:job"]:
+            sys.exit("two renders are one job")
+        for name in sorted(set(attributes) | set(others)):
+            if not names_the_job(name) and attributes.get(name) != others.get(name):
+                sys.exit(f"{name} differs: {attributes.get(name)} and {others.get(name)}")
+        if chunks != other_chunks:
+            sys.exit("the pixels differ")
+        if first_png != second_png:
+            sys.exit("the PNGs differ")
 
 
 if __name__ == "__main__":

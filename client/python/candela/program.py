@@ -26,6 +26,7 @@ class SceneSettings(TypedDict, total=False):
     iterations: int
     time: Duration  # seconds, or text such as "10m"
     until: float  # the estimated relMSE to stop at
+    indices: str  # exactly these iterations of each half, such as "0-31/0-29", in place of a limit
     seed: int
     size: Union[tuple[int, int], str]  # pixels: (width, height), or text such as "640x480"
     filter: str

@@ -1,0 +1,27 @@
+// candela render, as other commands call it.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "client/context.h"
+#include "client/preview/preview.h"
+
+namespace candela::client {
+
+struct RenderOptions {
+  SceneOptions scene;
+  PreviewOptions preview;
+  std::string output;
+  std::optional<std::string> png, page, threads, workers, texture_memory, estimator, half;
+  bool resume = false, fresh = false, keep_state = false, quiet = false, json = false, error_layer = false,
+       variance_layer = false, chain_layers = false, layers = false, page_stay = false;
+  bool passing = false;  // the output is not for the user, who is not told of it
+  std::function<Result<void>(const LoadedScene&)> check = {};  // before anything is rendered
+};
+
+// Exit code: 0, or 128+n where a signal ended it.
+Result<int> run_render(Context& context, const RenderOptions& options);
+
+}  // namespace candela::client

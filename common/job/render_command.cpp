@@ -1,0 +1,124 @@
+#include "common/job/render_command.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <functional>
+#include <map>
+#include <utility>
+
+#include "common/base/shell_words.h"
+#include "common/base/text.h"
+
+namespace candela {
+namespace {
+
+constexpr std::string_view kNoAovs = "none";
+
+constexpr std::array<std::pair<std::string_view, bool RenderCommand::*>, 4> kFlags{
+    {{"--error-layer", &RenderCommand::error_layer},
+     {"--variance-layer", &RenderCommand::variance_layer},
+     {"--chain-layers", &RenderCommand::chain_layers},
+     {"--layers", &RenderCommand::state_layers}}};
+
+bool parse_whole(std::string_view text, auto& value) {
+  const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), value);
+  return code == std::errc() && end == text.data() + text.size();
+}
+
+bool assign(SettingsMap& map, const std::string& text) {
+  const std::size_t equals = text.find('=');
+  if (equals == std::string::npos || equals == 0) return false;
+  return map.emplace(text.substr(0, equals), text.substr(equals + 1)).second;
+}
+
+}  // namespace
+
+std::vector<std::string> words_of(const RenderCommand& command, std::string_view output) {
+  const JobSettings& s = command.settings;
+  std::vector<std::string> words{"candela", "render",
+                                 (command.scene.starts_with('-') ? "./" : "") + command.scene, "-o",
+                                 std::string(output)};
+  const auto add = [&](const char* option, std::string value) {
+    words.emplace_back(option);
+    words.push_back(std::move(value));
+  };
+  for (const auto& [name, value] : command.parameters) add("-D", name + '=' + value);
+  // A scene that needs it is read as it was, and others read the same.
+  words.emplace_back("--lenient");
+  add("--integrator", s.integrator);
+  for (const auto& [name, value] : s.integrator_settings) add("--set", name + '=' + value);
+  add("--size", fmt::format("{}x{}", s.width, s.height));
+  add("--filter", s.filter);
+  add("--sampler", s.sampler);
+  add("--seed", fmt::format("{}", s.seed));
+  add("--isa", s.isa);
+  add("--aov", s.aovs.empty() ? std::string(kNoAovs) : s.aovs);
+  add("--indices", command.indices);
+  if (!command.half.empty()) add("--half", command.half);
+  if (!command.estimator.empty()) add("--estimator", command.estimator);
+  for (const auto& [option, layers] : kFlags)
+    if (command.*layers) words.emplace_back(option);
+  return words;
+}
+
+Result<RenderCommand> parse_render_command(std::string_view line) {
+  CANDELA_ASSIGN(const std::vector<std::string> words, split_shell_line(line));
+  if (words.size() < 3 || words[0] != "candela" || words[1] != "render")
+    return input_error("it is not a command of candela render");
+  RenderCommand command;
+  JobSettings& s = command.settings;
+  command.scene = words[2];
+  const auto text = [](std::string& to) {
+    return [&to](const std::string& value) {
+      to = value;
+      return !value.empty();
+    };
+  };
+  std::string output;
+  const std::map<std::string_view, std::function<bool(const std::string&)>> options{
+      {"-o", text(output)},
+      {"-D", [&](const std::string& value) { return assign(command.parameters, value); }},
+      {"--integrator", text(s.integrator)},
+      {"--set", [&](const std::string& value) { return assign(s.integrator_settings, value); }},
+      {"--size",
+       [&](const std::string& value) {
+         const std::string_view size(value);
+         const std::size_t x = size.find('x');
+         return x != std::string_view::npos && parse_whole(size.substr(0, x), s.width) &&
+                parse_whole(size.substr(x + 1), s.height);
+       }},
+      {"--filter", text(s.filter)},
+      {"--sampler", text(s.sampler)},
+      {"--seed", [&](const std::string& value) { return parse_whole(value, s.seed); }},
+      {"--isa", text(s.isa)},
+      {"--aov",
+       [&](const std::string& value) {
+         s.aovs = value == kNoAovs ? "" : value;
+         return !value.empty();
+       }},
+      {"--indices", text(command.indices)},
+      {"--half", text(command.half)},
+      {"--estimator", text(command.estimator)}};
+  for (std::size_t i = 3; i < words.size(); ++i) {
+    if (words[i] == "--lenient") continue;
+    const auto flag =
+        std::find_if(kFlags.begin(), kFlags.end(), [&](const auto& each) { return each.first == words[i]; });
+    if (flag != kFlags.end()) {
+      command.*flag->second = true;
+      continue;
+    }
+    const auto option = options.find(words[i]);
+    if (option == options.end())
+      return input_error(fmt::format("it has the option '{}'", escape_unprintable(words[i])));
+    if (++i == words.size() || !option->second(words[i]))
+      return input_error(fmt::format("{} has no value that can be read", option->first));
+  }
+  if (s.width == 0 || s.height == 0 || command.indices.empty())
+    return input_error("it lacks --size or --indices");
+  return command;
+}
+
+}  // namespace candela
