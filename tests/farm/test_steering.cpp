@@ -169,8 +169,8 @@ TEST_F(Steering, UrgentJobsCutUnitsShort) {
   farm_.audit(id_, iterations);
 }
 
-// Claim: `candela render` interrupted by Ctrl-C saves the image of what is there and goes on with --resume to
-// the image an uninterrupted render makes; so it does after SIGKILL.
+// Claim: `candela render` interrupted by Ctrl-C saves the image of what is there, which can be made again,
+// and goes on with --resume to the image an uninterrupted render makes; so it does after SIGKILL.
 TEST_F(Steering, RenderInterruptedAndResumed) {
   constexpr std::uint64_t iterations = 2500;
   const std::string out = (farm_.folder() / "r.exr").string();
@@ -191,6 +191,8 @@ TEST_F(Steering, RenderInterruptedAndResumed) {
       EXPECT_EQ(partial.value().width, kWidth);
       EXPECT_NE(process->err().find("--resume"), std::string::npos)
           << "it does not say how to go on: " << process->err();
+      const CommandResult again = farm_.candela({"reproduce", out, "--run", "--quiet"});
+      EXPECT_EQ(again.exit_code, 0) << again.out << again.err;
     }
     if (command.back() != "--resume") command.push_back("--resume");
   }
