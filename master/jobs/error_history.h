@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "common/base/result.h"
+#include "common/stages/prefixes.h"
 #include "common/stats/movement.h"
-#include "master/scheduler/prefixes.h"
 
 namespace candela::master {
 

@@ -24,9 +24,9 @@
 #include "common/film/delta.h"
 #include "common/film/merged_film.h"
 #include "common/stages/epochs.h"
+#include "common/stages/prefixes.h"
 #include "master/merge/checkpoint.h"
 #include "master/merge/decisions.h"
-#include "master/scheduler/prefixes.h"
 
 namespace candela::master {
 

@@ -14,10 +14,10 @@
 #include "common/base/work_monitor.h"
 #include "common/film/index_set.h"
 #include "common/stages/memory_need.h"
+#include "common/stages/prefixes.h"
 #include "master/scheduler/audit.h"
 #include "master/scheduler/failure.h"
 #include "master/scheduler/index_sets.h"
-#include "master/scheduler/prefixes.h"
 #include "master/scheduler/unit_source.h"
 #include "master/store/records.h"
 

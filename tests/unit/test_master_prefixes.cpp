@@ -8,9 +8,9 @@
 #include "common/base/files.h"
 #include "common/film/unit_film.h"
 #include "common/rng/stream.h"
+#include "common/stages/prefixes.h"
 #include "master/jobs/error_history.h"
 #include "master/merge/job_film.h"
-#include "master/scheduler/prefixes.h"
 #include "tests/temporary_folder.h"
 #include "tests/unit/scheduler_fixture.h"
 

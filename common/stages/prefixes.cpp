@@ -1,8 +1,8 @@
-#include "master/scheduler/prefixes.h"
+#include "common/stages/prefixes.h"
 
 #include <algorithm>
 
-namespace candela::master {
+namespace candela {
 namespace {
 
 constexpr std::uint64_t kPart = 20;  // of a prefix, by which the next one is longer
@@ -31,4 +31,4 @@ bool ends_at(const std::vector<DecidedPrefix>& decided, std::uint64_t prefix, do
   return false;
 }
 
-}  // namespace candela::master
+}  // namespace candela

@@ -9,7 +9,7 @@
 #include <limits>
 #include <vector>
 
-namespace candela::master {
+namespace candela {
 
 // Both halves have as many at least when a job ends by its error.
 inline constexpr std::uint64_t kFirstPrefix = 8;
@@ -38,4 +38,4 @@ struct DecidedPrefix {
 // least a tenth shorter, the error was at most that. `decided`: in order, this prefix among them.
 bool ends_at(const std::vector<DecidedPrefix>& decided, std::uint64_t prefix, double relmse);
 
-}  // namespace candela::master
+}  // namespace candela
