@@ -91,11 +91,19 @@ Result<void> MergedFilm::merge(const MergedFilm& other) {
     tallies[h] = *sum;
   }
   if (&other == this) return {};  // only reached if it is empty
+  // All that can run out of memory comes before the first change.
+  std::array<IndexSet, 2> merged;
   for (std::uint32_t h = 0; h < 2; ++h) {
-    Half& half = halves_[h];
-    half.sums.add(other.halves_[h].sums);
-    half.tallies = tallies[h];
-    for (const auto& [begin, end] : other.halves_[h].merged.ranges()) half.merged.insert(begin, end);
+    merged[h] = halves_[h].merged;
+    for (const auto& [begin, end] : other.halves_[h].merged.ranges()) merged[h].insert(begin, end);
+  }
+  TileSums first = halves_[0].sums;
+  first.add(other.halves_[0].sums);
+  halves_[1].sums.add(other.halves_[1].sums);
+  halves_[0].sums = std::move(first);
+  for (std::uint32_t h = 0; h < 2; ++h) {
+    halves_[h].tallies = tallies[h];
+    halves_[h].merged = std::move(merged[h]);
   }
   return {};
 }

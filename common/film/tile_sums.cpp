@@ -5,6 +5,22 @@
 #include <utility>
 
 namespace candela::film {
+namespace {
+
+void add_tile(TileSums::Tile& to, const TileSums::Tile& from) {
+  if (!from.wide.empty()) {
+    to.add(std::span<const Int128>(from.wide));
+  } else if (!from.narrow.empty()) {
+    to.add(std::span<const std::int64_t>(from.narrow));
+  }
+}
+// Takes back what add_tile() added. Allocates nothing.
+void subtract_tile(TileSums::Tile& to, const TileSums::Tile& from) {
+  if (!from.narrow.empty()) to.subtract(from.narrow);
+  for (std::size_t i = 0; i < from.wide.size(); ++i) to.wide[i] -= from.wide[i];  // add_tile() widened it
+}
+
+}  // namespace
 
 void TileSums::Tile::widen() {
   wide.assign(narrow.begin(), narrow.end());
@@ -90,13 +106,12 @@ void TileSums::subtract(const SparseSums& sums, SparseSums::TileBuffers& buffers
 }
 
 void TileSums::add(const TileSums& other) {
-  for (std::size_t tile = 0; tile < tiles_.size(); ++tile) {
-    const Tile& from = other.tiles_[tile];
-    if (!from.wide.empty()) {
-      tiles_[tile].add(std::span<const Int128>(from.wide));
-    } else if (!from.narrow.empty()) {
-      tiles_[tile].add(std::span<const std::int64_t>(from.narrow));
-    }
+  std::size_t next = 0;  // the first tile that is not added
+  try {
+    for (; next < tiles_.size(); ++next) add_tile(tiles_[next], other.tiles_[next]);
+  } catch (const std::bad_alloc&) {
+    while (next-- > 0) subtract_tile(tiles_[next], other.tiles_[next]);
+    throw;
   }
 }
 

@@ -190,7 +190,7 @@ grpc::Status FarmServiceImpl::Submit(grpc::ServerContext* context, const v1::Sub
     const std::string certificate = access_.caller(*context).name;
     row->submitter = certificate.empty() ? request->submitter() : certificate;
     // Its plan may need more; the pilot tells.
-    const MemoryNeed need = memory_need({}, row->settings.width, row->settings.height);
+    const MemoryNeed need = need_of(*row);
     if (auto fits = check_memory(need, row->settings, farm_.memory_limit()); !fits.ok())
       return wire::to_status(fits.error());
     auto bundle = wire::from_proto(request->bundle());

@@ -225,8 +225,7 @@ grpc::Status WorkerServiceImpl::CompletePilot(grpc::ServerContext*, const v1::Co
           if (!fits.ok()) return;
           auto small = check_statistics(result.work, settings, farm_.statistics_limit());
           if (small.ok())
-            small = check_memory(memory_need(result.work, settings.width, settings.height), settings,
-                                 farm_.memory_limit());
+            small = check_memory(need_of(job->row, result.work), settings, farm_.memory_limit());
           if (!small.ok()) {
             const std::string id = job->row.id;
             s.fail_job(id, small.error().to_string(), now);  // no worker can help

@@ -182,19 +182,23 @@ bool JobUpkeep::look_at_prefixes(const std::string& job_id, JobFilm& film) {
   while (!wake_.stopping()) {
     const auto prefix = table_.with_scheduler([&](Scheduler& s) { return s.whole_prefix(job_id); });
     if (!prefix) return false;
+    film.move_border(prefix->border);
     if (state.looked.version != prefix->border.version) {
       ErrorHistory history;
       const std::optional<Estimate> e = estimate(job_id, film, history, true);
       if (!e) return false;
       bool is_prefix = true;  // or it was cut before the job was to end by its error
       for (std::uint32_t half = 0; half < 2; ++half) {
-        if (!contains(e->merged[half], 0, prefix->border.end[half])) return false;  // the film was read again
+        if (!contains(e->merged[half], 0, prefix->border.end[half])) {  // the film was read again
+          truth_.agree_if_short(job_id, film);
+          return false;
+        }
         is_prefix &= end_of(e->merged[half]) <= prefix->border.end[half];
       }
       bool ends = false;
       if (is_prefix) {
         history.decide({prefix->rounds, e->error.upper});
-        ends = ends_at(history.prefixes, prefix->rounds, prefix->relmse);
+        ends = prefix->may_end && ends_at(history.prefixes, prefix->rounds, prefix->relmse);
         film.remember_history(history.serialise());
       }
       state.estimated_iterations = e->iterations;
@@ -329,8 +333,14 @@ void JobUpkeep::last_checkpoints() {
   const std::lock_guard lock(mutex_);
   for (const auto& [id, film] : table_.films()) {
     film->close();
-    bool saved = !film->dirty();
+    const bool keeps_all = table_.with_scheduler([&](Scheduler& s) {
+      const Job* job = s.job(id);
+      return job != nullptr && (job->finishing || has_ended(job->row.state));
+    });
+    bool saved = false;
     try {
+      if (keeps_all) film->release_ahead();  // it ended after the last round of upkeep
+      saved = !film->dirty();
       saved = saved || save_checkpoint(id, *film);
     } catch (const std::bad_alloc&) {
     }

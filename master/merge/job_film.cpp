@@ -180,7 +180,7 @@ bool JobFilm::loaded() const {
 
 void JobFilm::unload_if_idle(double now_seconds, double idle_seconds) {
   const std::lock_guard lock(mutex_);
-  if (closed_ && saved() && now_seconds - last_use_ > idle_seconds) {
+  if (closed_ && saved() && !ahead_.film && now_seconds - last_use_ > idle_seconds) {
     film_.reset();
     accumulators_.clear();
     decisions_ = {};
@@ -250,7 +250,7 @@ const std::shared_ptr<const chains::ChainRecord>& JobFilm::newest_record(std::ui
 
 void JobFilm::set_border(const PrefixBorder& border) {
   if (border.version <= border_.version) return;
-  merge_ahead();
+  if (border.end != border_.end) merge_ahead();
   border_ = border;
 }
 
@@ -435,6 +435,17 @@ JobFilm::Account JobFilm::account() const {
   for (std::uint32_t h = 0; film_ && h < 2; ++h) {
     out.merged[h] = film_->merged(h);
     out.tallies.add(film_->tallies(h));
+  }
+  return out;
+}
+
+std::array<film::IndexSet, 2> JobFilm::holds() const {
+  const std::lock_guard lock(mutex_);
+  std::array<film::IndexSet, 2> out;
+  for (std::uint32_t h = 0; film_ && h < 2; ++h) {
+    out[h] = film_->merged(h);
+    if (!ahead_.film) continue;
+    for (const auto& [begin, end] : ahead_.film->merged(h).ranges()) out[h].insert(begin, end);
   }
   return out;
 }

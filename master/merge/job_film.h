@@ -71,8 +71,8 @@ class JobFilm {
   // ahead: summed apart, and in no snapshot, account, decision or checkpoint until the border moves on.
   Result<Outcome> merge(const film::Delta& delta, std::vector<chains::ChainRecord> records = {},
                         const PrefixBorder& border = {});
-  // What is ahead of the old border is merged. No effect unless the version is newer. If memory runs out
-  // nothing changes: std::bad_alloc.
+  // What is ahead of the old border is merged if the ends differ. No effect unless the version is newer. If
+  // memory runs out nothing changes: std::bad_alloc.
   void move_border(const PrefixBorder& border);
   // Merges what is ahead, if memory allows (see above), or drops it.
   void release_ahead();
@@ -115,6 +115,8 @@ class JobFilm {
     film::Tallies tallies;
   };
   Account account() const;
+  // Which indices it holds: those that are merged, and those that are ahead.
+  std::array<film::IndexSet, 2> holds() const;
   std::vector<chains::ChainCounts> chain_counts() const;  // empty where it is not loaded
   std::size_t largest_record_bytes() const;
   // Every chain has had a segment, and all sums of the image are zero.

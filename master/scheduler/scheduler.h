@@ -147,11 +147,13 @@ class Scheduler {
     PrefixBorder border;
     PrefixBorder next;    // the film's, before prefix_decided() says that the job goes on
     double relmse = 0;    // of the stop rule
+    bool may_end = true;  // nothing that the job has lost is beyond it
     bool chains = false;  // of what the schedule is
   };
   std::optional<WholePrefix> whole_prefix(const std::string& id) const;
   // The error at this prefix is known. True: the job ends there, and what is merged beyond is no part of it.
-  // The prefix stays for now if the job must not end, and if its rule has changed in the meantime.
+  // The prefix stays for now if the job must not end, and if a rule that has changed in the meantime may not
+  // end it.
   bool prefix_decided(const std::string& id, const WholePrefix& prefix, bool ends, Now now);
   // What the film has counted, after it dropped what was ahead.
   void recount(const std::string& id, const film::Tallies& tallies, Now now);
@@ -395,7 +397,8 @@ class Scheduler {
   // scheduler_prefixes.cpp
   static bool looks_at_prefixes(const Job& job);
   // Finds the next prefix to be looked at from what is merged, and from units if they were cut without one.
-  static void place_prefix(Job& job, bool with_units = false);
+  void place_prefix(Job& job, bool with_units = false);
+  void drop_off_step(Job& job);
   void drop_ahead(Job& job, const PrefixBorder& border, Now now);
   // The unit was on its way into the film when the job ended at a prefix before it.
   static bool is_dropped(const Job& job, const Unit& unit);

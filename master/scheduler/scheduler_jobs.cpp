@@ -226,7 +226,7 @@ void Scheduler::check_stop(Job& job, Now now) {
   if (job.finishing || has_ended(job.row.state) || job.row.iterations == 0) return;
   // A job that lost some of what it had ends no earlier than it has all of that again.
   if (!covers(job.merged, job.row.promised) || job.doubtful()) return;
-  job.row.promised = {};
+  if (job.prefix_has_promised()) job.row.promised = {};
   if (job.row.repairs_to) return stop(job, job.row.stop_reason, now);
   const std::string reason = stop_due(job);
   if (!reason.empty() && !(reason == "time" && levels_halves(job, now))) stop(job, reason, now);
@@ -297,6 +297,7 @@ Result<void> Scheduler::extend(const std::string& id, std::uint64_t iterations, 
   if (seconds > 0)
     rule.time_seconds =
         std::max(rule.time_seconds, again ? job.row.elapsed_seconds : rule.time_seconds) + seconds;
+  if (relmse > 0 && relmse != rule.relmse) ++job.prefix_version;  // the prefix is looked at by this rule
   if (relmse > 0) rule.relmse = relmse;
   if (job.level) {
     job.level.reset();
@@ -309,6 +310,7 @@ Result<void> Scheduler::extend(const std::string& id, std::uint64_t iterations, 
     last_activity_ = now.seconds;
   } else if ((job.prefix > 0) != looks_at_prefixes(job)) {
     place_prefix(job, true);
+    ask_for_memory(job, job.record_bytes);
   }
   event(now, id, "", "extended",
         fmt::format("to {} iterations, {} s, relmse {} (0: no limit)", rule.iterations, rule.time_seconds,

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 
+#include "common/stages/decision.h"
 #include "master/scheduler/scheduler.h"
 
 namespace candela::master {
@@ -25,9 +26,19 @@ void add(MemoryNeed& sum, const MemoryNeed& need) {
 }  // namespace
 
 MemoryNeed need_of(const JobRow& row, std::size_t record_bytes) {
-  MemoryNeed need = memory_need(work_of(row), row.settings.width, row.settings.height,
-                                std::max<std::uint64_t>(record_bytes, kGuessedRecordBytes));
-  if (row.stop.relmse > 0) need.film *= 2;  // what is beyond a prefix has a film of its own
+  return need_of(row, work_of(row), record_bytes);
+}
+
+MemoryNeed need_of(const JobRow& row, const WorkPlan& work, std::size_t record_bytes) {
+  const JobSettings& s = row.settings;
+  MemoryNeed need =
+      memory_need(work, s.width, s.height, std::max<std::uint64_t>(record_bytes, kGuessedRecordBytes));
+  if (row.stop.relmse == 0) return need;
+  // What is beyond a prefix has a film of its own, and sums of each half. Its epochs are none of before.
+  WorkPlan beyond;
+  for (const film::AccumulatorSpec& spec : work.accumulators)
+    if (spec.per == film::AccumulatorSpec::Per::job) beyond.accumulators.push_back(spec);
+  need.film = 2 * need.film + statistics_bytes(beyond, s.width, s.height);
   return need;
 }
 

@@ -14,9 +14,13 @@ bool Scheduler::looks_at_prefixes(const Job& job) {
 PrefixBorder Job::border() const {
   PrefixBorder out;
   out.version = prefix_version;
-  for (std::uint32_t half = 0; prefix > 0 && half < 2; ++half)
-    out.end[half] = std::min(prefix * row.per_round(), limit(half));
+  if (prefix > 0) out.end.fill(prefix * row.per_round());
   return out;
+}
+
+bool Job::prefix_has_promised() const {
+  const PrefixBorder border = this->border();
+  return end_of(row.promised[0]) <= border.end[0] && end_of(row.promised[1]) <= border.end[1];
 }
 
 bool Job::prefixes_done() const {
@@ -33,6 +37,23 @@ void Scheduler::place_prefix(Job& job, bool with_units) {
     if (with_units && unit.row.unit.kind == job.source->kind()) end = std::max(end, unit.row.unit.end);
   const std::uint64_t per_round = job.row.per_round();
   job.prefix = prefix_of((end + per_round - 1) / per_round, job.row.chains.has_value());
+  if (!with_units) drop_off_step(job);
+}
+
+// What is rendered beyond the step after the prefix would be merged before it is looked at.
+void Scheduler::drop_off_step(Job& job) {
+  const PrefixBorder border = job.border();
+  const std::array<std::uint64_t, 2> open_to = job.view().open_to;
+  for (auto next = job.units.begin(); next != job.units.end();) {
+    const auto at = next++;
+    const Unit unit = at->second.row.unit;
+    if (unit.kind != job.source->kind() || at->second.audit) continue;
+    const std::uint64_t end = border.end[unit.half];
+    if (unit.end <= end || (unit.begin >= end && unit.end <= open_to[unit.half])) continue;
+    changes_.emplace_back(DropUnit{at->first});
+    job.source->put_back(unit);
+    job.units.erase(at);
+  }
 }
 
 std::optional<Scheduler::WholePrefix> Scheduler::whole_prefix(const std::string& id) const {
@@ -45,9 +66,8 @@ std::optional<Scheduler::WholePrefix> Scheduler::whole_prefix(const std::string&
     if (!contains(job->merged[half], 0, out.border.end[half])) return std::nullopt;
   out.relmse = job->row.stop.relmse;
   out.chains = job->row.chains.has_value();
-  for (std::uint32_t half = 0; half < 2; ++half)
-    out.next.end[half] =
-        std::min(prefix_after(job->prefix, out.chains) * job->row.per_round(), job->limit(half));
+  out.may_end = job->prefix_has_promised();
+  out.next.end.fill(prefix_after(job->prefix, out.chains) * job->row.per_round());
   out.next.version = job->prefix_version + 1;
   return out;
 }
@@ -55,14 +75,15 @@ std::optional<Scheduler::WholePrefix> Scheduler::whole_prefix(const std::string&
 bool Scheduler::prefix_decided(const std::string& id, const WholePrefix& prefix, bool ends, Now now) {
   Job* job = find(id);
   if (job == nullptr || job->finishing || has_ended(job->row.state)) return false;
-  if (job->prefix_version != prefix.border.version || job->row.stop.relmse != prefix.relmse) {
+  if (job->prefix != prefix.rounds) {
     // The film may be at `next`: a version that is newer than that has it agree again.
     ++job->prefix_version;
     place_prefix(*job, true);
     return false;
   }
   if (ends) {
-    if (!covers(job->merged, job->row.promised) || job->doubtful()) return false;
+    // Another version: its rule has changed, and it is looked at again.
+    if (job->prefix_version != prefix.border.version || job->doubtful()) return false;
     job->row.promised = {};
     drop_ahead(*job, prefix.border, now);
     stop(*job, "relmse", now);

@@ -168,6 +168,8 @@ struct Job {
   PrefixBorder border() const;
   // Whether the stop rule's number of iterations may end the job: all prefixes up to there are decided.
   bool prefixes_done() const;
+  // Nothing of what it has lost lies beyond the prefix.
+  bool prefix_has_promised() const;
   JobView view(std::uint64_t active_workers = 1) const;
   bool in_bootstrap() const { return source->table() != nullptr; }
   // Indices that the job has had and whose checkpoints are lost.
@@ -176,6 +178,8 @@ struct Job {
 
 // The memory that a job needs once its pilot is done.
 MemoryNeed need_of(const JobRow& row, std::size_t record_bytes = 0);
+// The same of a job that has this plan.
+MemoryNeed need_of(const JobRow& row, const WorkPlan& work, std::size_t record_bytes = 0);
 
 // A unit that a worker does not own any more, and may compute all the same.
 struct Leftover {

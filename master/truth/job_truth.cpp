@@ -68,8 +68,9 @@ bool JobTruth::agree_if_short(const std::string& job_id, JobFilm& film) {
   if (film.discarded()) return false;
   // A merge tells the film first and the scheduler then: the scheduler's set must be asked for first.
   const auto counted = farm_.with_scheduler([&](Scheduler& s) { return s.job(job_id)->merged; });
+  if (covers(film.holds(), counted)) return false;
+  film.discard_ahead();
   const JobFilm::Account held = film.account();
-  if (covers(held.merged, counted)) return false;
   Result<std::vector<UnitRow>> rows = merged_rows(job_id);
   if (!rows.ok()) return false;
   farm_.with_scheduler([&](Scheduler& s) {
@@ -106,13 +107,13 @@ void JobTruth::check_scene(const JobRow& row, JobReport& report) {
 Result<void> JobTruth::check_ledger(const std::string& job_id, JobFilm& film, JobReport& report) {
   // Rows first: what is merged in the meantime is in the film then, and in no row yet.
   CANDELA_ASSIGN(const std::vector<UnitRow> rows, merged_rows(job_id));
-  const JobFilm::Account held = film.account();
+  const HalfSets held = film.holds();
   HalfSets told;
   for (const UnitRow& u : rows)
     if (u.unit.half > 1 || !told[u.unit.half].insert(u.unit.begin, u.unit.end))
       add_finding(report, "ledger", fmt::format("unit {} stands in it twice, or is of no half", u.id),
                   "restart the master: it agrees the ledger with the film");
-  const std::uint64_t missing = count(without(told, held.merged));
+  const std::uint64_t missing = count(without(told, held));
   if (missing > 0)
     add_finding(report, "ledger", fmt::format("it tells of {} indices that the film lacks", missing),
                 "restart the master: it agrees the ledger with the film");

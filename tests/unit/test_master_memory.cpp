@@ -136,6 +136,22 @@ TEST_F(MemorySchedulerTest, WhatNeverFitsKeepsNobodyWaiting) {
   EXPECT_NE(message("a").find("--memory"), std::string::npos) << message("a");
 }
 
+// Claim: a job that is to end by its error needs a second film and the sums of its halves twice, from the
+// moment on that it is told to.
+TEST_F(MemorySchedulerTest, TheErrorTakesASecondFilm) {
+  JobRow by_error = large("e");
+  by_error.accumulators = {{"matrix", 2, 0, film::AccumulatorSpec::Per::job}};
+  const MemoryNeed plain = need_of(by_error);
+  by_error.stop.relmse = 1e-2;
+  EXPECT_EQ(need_of(by_error).film, 2 * plain.film + plain.statistics);
+  limit(need() * 100);
+  s->submit(large("a", 1), now());
+  pilot("a");
+  ASSERT_EQ(s->job("a")->need.film, plain.film);
+  ASSERT_TRUE(s->extend("a", 0, 0, 1e-2, now()).ok());
+  EXPECT_EQ(s->job("a")->need.film, 2 * plain.film);
+}
+
 // Claim: a job for which the system had less than was counted waits for some seconds, and is tried again.
 TEST_F(MemorySchedulerTest, ALackIsTriedAgain) {
   limit(std::uint64_t{1} << 40);
@@ -222,6 +238,35 @@ TEST(JobFilmMemory, AMergeIsWholeOrNotAtAll) {
   }
   EXPECT_GT(failures, 10U);
   EXPECT_EQ(bytes_of(film), bytes_of(plain));
+}
+
+// Claim: what is ahead of a border that moves is merged whole or not at all, wherever memory runs out, and
+// whole when it is tried again.
+TEST(JobFilmMemory, ABorderMovesOrNot) {
+  for (const std::uint64_t border : {0, 1}) {  // of 4, the others are ahead
+    const test::TemporaryFolder folder;
+    JobFilm film = job_film(folder.path() / "a"), plain = job_film(folder.path() / "b");
+    ASSERT_TRUE(film.ensure_loaded().ok() && plain.ensure_loaded().ok());
+    for (std::uint64_t i = 0; i < 4; ++i) {
+      ASSERT_TRUE(film.merge(delta_of(i), {}, {{border, border}, 1}).ok());
+      ASSERT_TRUE(plain.merge(delta_of(i)).ok());
+    }
+    const std::string before = bytes_of(film);
+    std::uint64_t failures = 0;
+    for (bool moved = false; !moved;) {
+      ASSERT_LT(failures, 1000U);
+      try {
+        const test::FailingAllocations failing(1, failures);
+        film.move_border({{10, 10}, 2});
+        moved = true;
+      } catch (const std::bad_alloc&) {
+        ASSERT_TRUE(bytes_of(film) == before) << "after " << failures << " allocations";
+        ++failures;
+      }
+    }
+    EXPECT_GT(failures, 4U);
+    EXPECT_EQ(bytes_of(film), bytes_of(plain));
+  }
 }
 
 // Claim: a checkpoint for which there is no copy is made without one; one for which there is no memory at all

@@ -144,6 +144,38 @@ TEST(PrefixFilm, ShowsThePrefixAlone) {
   EXPECT_EQ(one.bytes(), plain.bytes());
 }
 
+// Claim: what the film holds is what it has merged and what is ahead.
+TEST(PrefixFilm, HoldsWhatIsAhead) {
+  test::TemporaryFolder folder;
+  FilmOf one(folder.path());
+  const PrefixBorder border = border_at(4, 1);
+  ASSERT_TRUE(one.film.merge(delta_of(iterations(0, 4, 6)), {}, border).ok());
+  ASSERT_TRUE(one.film.merge(delta_of(iterations(1, 0, 2)), {}, border).ok());
+  const HalfSets held = one.film.holds();
+  EXPECT_EQ(held[0].ranges(), (std::map<std::uint64_t, std::uint64_t>{{4, 6}}));
+  EXPECT_EQ(held[1].ranges(), (std::map<std::uint64_t, std::uint64_t>{{0, 2}}));
+  EXPECT_EQ(one.film.account().merged[0].count(), 0U);
+  ASSERT_TRUE(one.film.checkpoint().ok());
+  one.film.close();
+  one.film.unload_if_idle(1000, 1);
+  EXPECT_TRUE(one.film.loaded()) << "that is in no checkpoint";
+  one.film.discard_ahead();
+  EXPECT_EQ(one.film.holds()[0].count(), 0U);
+}
+
+// Claim: a new version of the same border changes nothing of what is ahead.
+TEST(PrefixFilm, TheSameBorderMergesNothing) {
+  test::TemporaryFolder folder;
+  FilmOf one(folder.path());
+  ASSERT_TRUE(one.film.merge(delta_of(iterations(0, 4, 6)), {}, border_at(4, 1)).ok());
+  one.film.move_border(border_at(4, 2));
+  EXPECT_EQ(one.film.snapshot().film->iterations(), 0U);
+  one.film.move_border(border_at(8, 1));
+  EXPECT_EQ(one.film.snapshot().film->iterations(), 0U) << "an old version";
+  one.film.move_border(border_at(8, 3));
+  EXPECT_EQ(one.film.snapshot().film->iterations(), 2U);
+}
+
 // Claim: chains go on from records that are ahead, and the film's own are those of its segments.
 TEST(PrefixFilm, ChainsGoOnAhead) {
   test::TemporaryFolder folder;
@@ -307,7 +339,8 @@ TEST_F(PrefixScheduler, AnExtensionBeginsBehindWhatIsCut) {
   EXPECT_GE(job().border().end[1], end);
 }
 
-// Claim: a rule that changes while a prefix is looked at counts from then on.
+// Claim: a rule that changes while a prefix is looked at counts from then on, and no prefix is passed over:
+// one that would have ended the job is looked at again, of one that would not the next.
 TEST_F(PrefixScheduler, AChangedRuleLooksAgain) {
   start(1e-2);
   deliver_all();
@@ -316,7 +349,91 @@ TEST_F(PrefixScheduler, AChangedRuleLooksAgain) {
   ASSERT_TRUE(s->extend("j", 0, 0, 1e-3, now()).ok());
   EXPECT_FALSE(s->prefix_decided("j", *prefix, true, now()));
   EXPECT_FALSE(job().finishing);
-  EXPECT_GT(job().border().version, prefix->next.version) << "the film may be there";
+  const auto again = s->whole_prefix("j");
+  ASSERT_TRUE(again);
+  EXPECT_EQ(again->border.end, prefix->border.end);
+  EXPECT_GT(again->border.version, prefix->border.version) << "what was found by the old rule is void";
+  ASSERT_TRUE(s->extend("j", 0, 0, 1e-4, now()).ok());
+  EXPECT_FALSE(s->prefix_decided("j", *again, false, now()));
+  EXPECT_EQ(job().border().end, again->next.end);
+  EXPECT_GT(job().border().version, again->next.version) << "the film is there";
+}
+
+// Claim: more iterations move no border: a film that knows the version of a border knows its ends.
+TEST_F(PrefixScheduler, MoreIterationsMoveNoBorder) {
+  start(1e-2, 20);  // halves of 10, which end amid the prefix of 24
+  auto beyond = lease("a");
+  for (; beyond && unit_of(*beyond).begin < 8; beyond = lease("a"))
+    ASSERT_EQ(deliver(*beyond, unit_of(*beyond), {}, 1), Delivery::ok);
+  ASSERT_TRUE(beyond);
+  EXPECT_FALSE(decide(false));
+  const PrefixBorder before = job().border();
+  ASSERT_TRUE(s->extend("j", 100, 0, 0, now()).ok());
+  ASSERT_EQ(job().border().version, before.version);
+  EXPECT_EQ(job().border().end, before.end);
+  deliver_all();
+  ASSERT_EQ(deliver(*beyond, unit_of(*beyond), {}, 1), Delivery::ok);
+  ASSERT_TRUE(s->whole_prefix("j"));
+  EXPECT_EQ(s->whole_prefix("j")->border.end[0], 24U);
+}
+
+// Claim: after a restart no unit lies across the prefix, or beyond the step after it: what is rendered there
+// would be merged before it was looked at.
+TEST_F(PrefixScheduler, ARestartKeepsTheSteps) {
+  JobRow j = row("j", 0);
+  j.stop.relmse = 1e-2;
+  j.named_state = NamedState{1};
+  j.thread_seconds_per_iteration = 1;
+  std::vector<UnitRow> rows;
+  for (const Unit& unit : {iterations(0, 0, 8), iterations(0, 8, 24), iterations(0, 24, 40),
+                           iterations(1, 4, 12), iterations(1, 20, 28)}) {
+    UnitRow row;
+    row.id = rows.size() + 1;
+    row.job_id = "j";
+    row.unit = unit;
+    row.state = UnitRow::State::merged;  // and the checkpoint does not have it
+    rows.push_back(row);
+  }
+  s = std::make_unique<Scheduler>(options(), 1, 10);
+  s->restore(j, {}, {}, {}, rows, now());
+  worker("a");
+  std::set<std::pair<std::uint32_t, std::uint64_t>> kept;
+  for (const auto& [id, unit] : job().units) kept.emplace(unit.row.unit.half, unit.row.unit.begin);
+  EXPECT_EQ(kept, (std::set<std::pair<std::uint32_t, std::uint64_t>>{{0, 0}, {0, 8}}));
+  std::size_t dropped = 0;
+  for (const Change& change : s->take_changes()) dropped += std::holds_alternative<DropUnit>(change) ? 1 : 0;
+  EXPECT_EQ(dropped, 3U);
+  EXPECT_EQ(end_of(deliver_all()[0]), 24U);
+}
+
+// Claim: a job that has lost some of what it had does not end before it has that again, and goes on to there.
+TEST_F(PrefixScheduler, WhatIsPromisedComesBeforeTheEnd) {
+  start(0, 200);
+  deliver_all();
+  s->finish("j", now());
+  ASSERT_EQ(job().row.state, JobState::done);
+  std::vector<UnitRow> rows;
+  for (std::uint32_t half = 0; half < 2; ++half) {
+    UnitRow row;
+    row.id = half + 1;
+    row.job_id = "j";
+    row.unit = iterations(half, 0, 100);
+    row.state = UnitRow::State::merged;
+    rows.push_back(row);
+  }
+  s->reconcile("j", {}, {}, rows, 0, "all checkpoints are gone", now());
+  ASSERT_EQ(count(job().lost()), 200U);
+  ASSERT_TRUE(s->extend("j", 100, 0, 1e-2, now()).ok());
+  for (int step = 0; step < 20 && !job().finishing; ++step) {
+    deliver_all();
+    const auto prefix = s->whole_prefix("j");
+    ASSERT_TRUE(prefix) << "nothing goes on at " << job().border().end[0];
+    EXPECT_EQ(prefix->may_end, prefix->border.end[0] >= 100) << prefix->border.end[0];
+    s->prefix_decided("j", *prefix, prefix->may_end, now());
+  }
+  EXPECT_TRUE(job().finishing);
+  EXPECT_EQ(job().row.stop_reason, "relmse");
+  EXPECT_EQ(count(job().lost()), 0U);
 }
 
 }  // namespace

@@ -348,6 +348,36 @@ TEST_F(TruthTest, ADamagedCheckpointOfARunningJobIsSaid) {
   expect_same(checkpoint_of(id), expected_film(30));
 }
 
+// Claim: what a job that ends by its error has merged beyond its prefix is no damage; a job that is cancelled
+// meanwhile keeps it, also where the master ends at once.
+TEST_F(TruthTest, WhatIsAheadIsNoDamage) {
+  ASSERT_TRUE(upload(kScene, sha256_hex(kScene), kScene.size()).ok());
+  v1::SubmitRequest wanted = submission(0);
+  wanted.mutable_stop()->set_relmse(1e-9);
+  const std::string id = test::submit(*farm, kScene, wanted);
+  TestWorker slow(channel), fast(channel);
+  fast.name = "fast";
+  ASSERT_TRUE(slow.enrol().ok() && fast.enrol().ok());
+  ASSERT_TRUE(slow.step()) << "the pilot";
+  const auto held = slow.acquire();
+  ASSERT_TRUE(held);
+  while (fast.step()) {
+  }
+  ASSERT_GT(show(id).iterations(), 8U) << "some are beyond the first prefix";
+  for (const v1::JobReport& report : verify(id))
+    for (const auto& finding : report.findings()) ADD_FAILURE() << finding.text();
+  const std::uint64_t iterations = show(id).iterations();
+  v1::JobRequest request;
+  request.set_job_id(id);
+  v1::JobStatus out;
+  grpc::ClientContext context;
+  ASSERT_TRUE(farm->CancelJob(&context, request, &out).ok());
+  stop_master();
+  start();
+  EXPECT_EQ(show(id).iterations(), iterations);
+  EXPECT_EQ(show(id).lost(), 0U);
+}
+
 // Claim: a damaged generation does not push the whole one before it off the disk: the two that are kept are
 // whole ones.
 TEST_F(TruthTest, DamagedGenerationsTakeNoPlace) {
