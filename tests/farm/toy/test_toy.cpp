@@ -62,16 +62,14 @@ class ToyFarm : public testing::Test {
     for (const v1::Event& event : farm.events(id)) count += event.kind() == "decided" ? 1 : 0;
     return count;
   }
-  std::string submit(std::uint64_t iterations, int pause_microseconds = 400, double relmse = 0) {
+  std::string submit(std::uint64_t iterations, int pause_microseconds = 400) {
     JobSettings settings;
     settings.integrator = toy::kName;
     settings.integrator_settings = {{"pause", std::to_string(pause_microseconds)}};
     settings.width = kToyWidth;
     settings.height = kToyHeight;
     settings.seed = kSeed;
-    v1::SubmitRequest request = test::submission(kToyScene, settings, iterations);
-    request.mutable_stop()->set_relmse(relmse);
-    return test::submit(farm.stub(), kToyScene, request);
+    return test::submit(farm.stub(), kToyScene, test::submission(kToyScene, settings, iterations));
   }
   void start_master_here(std::vector<std::string> more = {}) {
     std::vector<std::string> options = {"--unit-time", "0.02",         "--checkpoint-interval",
@@ -185,29 +183,6 @@ TEST_F(ToyFarm, KillsChangeNothing) {
     }
   }
   check(id, whole);
-}
-
-// Claim: a job of epochs that could end by its error renders the same, each unit once: decisions wait for
-// what is ahead of a prefix, and nothing of it is taken for lost.
-TEST_F(ToyFarm, DecisionsWaitForPrefixes) {
-  start_master_here();
-  const std::string id = submit(whole, 0, 1e-12);
-  const std::unique_ptr<test::HandWorker> hand = hand_worker();
-  std::uint64_t refused = 0;
-  for (int idle = 0; idle < 2000 && farm.job(id).state() < v1::JOB_STATE_DONE;) {
-    const auto lease = hand->acquire();
-    if (!lease) {
-      ++idle;
-      std::this_thread::sleep_for(std::chrono::milliseconds(2));
-      continue;
-    }
-    const std::string bytes = delta_of(*hand, *lease);
-    if (hand->push(hand->header(*lease, bytes), bytes).verdict() != v1::DELTA_VERDICT_MERGED) ++refused;
-    ASSERT_LT(refused, 50U) << "what the film has is rendered again and again";
-  }
-  check(id, whole);
-  for (const v1::Event& event : farm.events(id)) EXPECT_NE(event.kind(), "reconciled") << event.message();
-  EXPECT_EQ(refused, 0U);
 }
 
 // Claim: a master that lost its newest checkpoint between epochs, while its store tells of later states,
