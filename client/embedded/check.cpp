@@ -117,8 +117,7 @@ Result<CheckReport> check_scene(SceneOptions options, const RendererFacts& facts
   return report;
 }
 
-// The errors of the scene's text; where it has none, of the files that it names and that cannot be read.
-// Places are named by file.
+// The errors of the scene's text. Places are named by file.
 std::vector<Error> errors_of(const SceneOptions& options) {
   const std::filesystem::path path(options.scene);
   const bundle::DiskSource files(path.parent_path());
@@ -131,12 +130,6 @@ std::vector<Error> errors_of(const SceneOptions& options) {
   std::vector<Error> errors = description::all_errors(counted, main_key, *parameters, options.reading());
   for (Error& error : errors)
     if (error.line > 0 || error.file == main_key) error.file = files.real_path(error.file).string();
-  if (!errors.empty()) return errors;
-  const auto read = description::read_scene(counted, main_key, *parameters, options.reading());
-  if (!read.ok()) return {};
-  for (const std::string& key : read->description.files)
-    if (auto bytes = files.open(key); !bytes.ok() && errors.size() < description::kMostErrors)
-      errors.push_back(std::move(bytes).error());
   return errors;
 }
 

@@ -195,7 +195,7 @@ TEST_F(Check, ListsAllErrors) {
   EXPECT_NE(bounded.err.find("there may be more than these 20 errors"), std::string::npos) << bounded.err;
 }
 
-// Claim: all files that a scene names and that cannot be read are listed, each once.
+// Claim: all files that a scene names and that cannot be read are listed, with the line of each.
 TEST_F(Check, ListsAllMissingFiles) {
   const auto mesh = [](const char* file) {
     return std::string("<shape type='ply'><string name='filename' value='") + file + "'/></shape>\n";
@@ -206,9 +206,10 @@ TEST_F(Check, ListsAllMissingFiles) {
             "<string name='filename' value='three.png'/></texture></bsdf></shape>");
   EXPECT_EQ(outcome.code, 2);
   EXPECT_EQ(outcome.out, "");
-  EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 3) << outcome.err;
-  for (const char* file : {"one.ply", "two.ply", "three.png"})
-    EXPECT_NE(outcome.err.find((folder_ / file).string()), std::string::npos) << outcome.err;
+  EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 4) << outcome.err;
+  for (const char* part :
+       {":4: file 'one.ply'", ":5: file 'two.ply'", ":6: file 'one.ply'", ":7: file 'three.png'"})
+    EXPECT_NE(outcome.err.find((folder_ / "scene.xml").string() + part), std::string::npos) << outcome.err;
 }
 
 // Claim: a scene without any light is told to be black; an old one gets a sky, which is told.
