@@ -144,7 +144,9 @@ TEST(MarkovJobs, StartsLeaveNoTrace) {
           rows[static_cast<std::size_t>(i)] = regions.means(
               render_chains(job, (std::uint64_t{7} << 32) + static_cast<std::uint64_t>(i)).image);
       };
-      const std::jthread one(work), two(work);
+      // The probe's one image is that of the first job, whichever thread would be the first.
+      std::vector<std::jthread> threads;
+      for (int i = 0; i < (proofs::probing() ? 1 : 2); ++i) threads.emplace_back(work);
     }
     double largest = 0;
     for (std::size_t value = 0; value < regions.values(); ++value) {
