@@ -324,7 +324,7 @@ TEST_P(Goals, SameStopSamePixels) {
   std::vector<Process*> workers;
   for (const char* name : {"a", "b", "c", "d", "e"}) workers.push_back(&farm.start_worker(name));
   const std::string id = farm.submit(kMost, "cornell", options);
-  farm.wait_for_iterations(id, 24);
+  farm.wait_for_iterations(id, 4);  // fewer than any of these jobs has
   farm.forget_worker(*workers[0]);
   farm.kill_master();
   farm.restart_master();
@@ -340,7 +340,7 @@ TEST_P(Goals, SameStopSamePixels) {
 
 INSTANTIATE_TEST_SUITE_P(, Goals,
                          testing::Values(Goal{"path", "0.006"}, Goal{"vcm", "0.05"}, Goal{"fppm", "0.03"},
-                                         Goal{"pssmlt", "0.05"}),
+                                         Goal{"pssmlt", "0.02"}),
                          [](const auto& one) { return one.param.integrator; });
 
 std::vector<Work> works() {
