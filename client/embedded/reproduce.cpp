@@ -96,7 +96,7 @@ std::string text_of(const SettingsMap& settings) {
   return out;
 }
 
-// Whether what was loaded here is what the image was made of.
+// Fails unless the scene loaded here is the one that the image was made of.
 Result<void> check_scene(const LoadedScene& scene, const Origin& origin) {
   if (scene.gathered.bundle.hash() != origin.text("bundle"))
     return input_error("the scene, one of its files or a file's place has changed since the image was made")

@@ -30,7 +30,8 @@ Result<HalfSets> parse_half_indices(std::string_view text);
 inline bool empty(const HalfSets& sets) {
   return sets[0].ranges().empty() && sets[1].ranges().empty();
 }
-// Whether a job can ask for these indices: some, within Limits::max_iterations, in at most kMaxIndexRanges.
+// Fails unless a job can ask for these indices: some, below Limits::max_iterations, in at most
+// kMaxIndexRanges.
 Result<void> check_indices(const HalfSets& sets);
 
 }  // namespace candela::film

@@ -1,5 +1,5 @@
-// Where a job that ends by its error looks at it: at prefixes of its indices, on a schedule that is a
-// function of the job. So the stop, and the image, do not depend on who rendered what, or in which order.
+// Prefixes of a job's indices at which a stop by error estimates the error. The schedule is a function of the
+// job, so the stop and the image do not depend on who rendered what, or in which order.
 //
 // Lengths are in rounds of a half: indices, but of a job of chains segments of each chain of the half.
 #pragma once
@@ -28,14 +28,15 @@ struct PrefixBorder {
   std::uint64_t version = 0;
 };
 
-// What the error was at a prefix that has been looked at.
+// The error at a prefix, as estimated.
 struct DecidedPrefix {
   std::uint64_t rounds = 0;
   double relmse_upper = 0;
   bool operator==(const DecidedPrefix&) const = default;
 };
-// Whether a job that is to have `relmse` ends at this prefix: there, and at all others from one on that is at
-// least a tenth shorter, the error was at most that. `decided`: in order, this prefix among them.
+// Returns true if a stop rule of `relmse` ends the job at this prefix: the error was at most `relmse` at it,
+// and at all earlier ones back to one that is at least a tenth shorter. `decided`: in order, this prefix
+// included.
 bool ends_at(const std::vector<DecidedPrefix>& decided, std::uint64_t prefix, double relmse);
 
 }  // namespace candela

@@ -1,6 +1,6 @@
-// What of a job its error's estimate depends on beside its sums: how its image has moved, and of a job that
-// ends by its error what that was at the prefixes that have been decided (prefixes.h). It lies in the job's
-// checkpoints, so that film and history belong together.
+// The history that a job's error estimate needs beside the job's sums: the movement of its image, and the
+// errors of decided prefixes (prefixes.h) of a job that ends by its error. The job's checkpoints hold it, so
+// that film and history belong together.
 #pragma once
 
 #include <string>

@@ -59,7 +59,7 @@ class JobUpkeep {
     double last_checkpoint = 0, retry_at = 0, last_image = 0;
     double last_estimate = 0, estimate_cost = 0;
     std::uint64_t estimated_iterations = 0;
-    // What the last whole prefix said, until the scheduler has taken it.
+    // The verdict on the last whole prefix. The scheduler may not have taken it yet.
     struct Looked {
       std::uint64_t version = 0;  // of the prefix's border; 0: none
       bool ends = false;

@@ -71,8 +71,8 @@ class JobFilm {
   // ahead: summed apart, and in no snapshot, account, decision or checkpoint until the border moves on.
   Result<Outcome> merge(const film::Delta& delta, std::vector<chains::ChainRecord> records = {},
                         const PrefixBorder& border = {});
-  // What is ahead of the old border is merged if the ends differ. No effect unless the version is newer. If
-  // memory runs out nothing changes: std::bad_alloc.
+  // Sets a border of a newer version. Merges the sums ahead of the old border if the ends differ. If memory
+  // runs out nothing changes: std::bad_alloc.
   void move_border(const PrefixBorder& border);
   // Merges what is ahead, if memory allows (see above), or drops it.
   void release_ahead();
