@@ -112,7 +112,7 @@ class Pods(unittest.TestCase):
         whoami = people.tell("/bin/sh", "-c", "id -u; echo x >/x || echo x >/etc/x || grep CapEff /proc/self/status")
         self.assertEqual(whoami.stdout.split(), [str(NOBODY), "CapEff:", "0000000000000000"], whoami.stderr)
 
-        iterations = 1000
+        iterations = 500
         job = candela("submit", "/scenes/cornell/scene.xml", *self.ITERATIONS, "--iterations", str(iterations)).strip()
         def show():
             return json.loads(candela("show", job, "--json"))
@@ -134,8 +134,8 @@ class Pods(unittest.TestCase):
         self.assertEqual(first.wait(self.specs["worker"]["terminationGracePeriodSeconds"]), 0)
 
         if show()["state"] == "done":
-            candela("extend", job, "--iterations", "+400")
-            iterations += 400
+            candela("extend", job, "--iterations", "+300")
+            iterations += 300
         master.terminate()
         self.assertEqual(master.wait(self.specs["master"]["terminationGracePeriodSeconds"]), STOPPED)
         master = self.start_master(master_pod)

@@ -94,7 +94,7 @@ class Doors:
             if value := condition():
                 return value
             self.check_master()
-            time.sleep(0.1)
+            time.sleep(0.3)
         raise Finding(f"within {seconds} s not so: {what}")
 
     def check_master(self):
@@ -370,7 +370,7 @@ class Doors:
         worker.wait(60)
         self.counts["rounds with the pixels of candela render"] += 1
 
-    HONEST = ("--size", "64x64", "--iterations", "2000", "--seed", "7")
+    HONEST = ("--size", "64x64", "--iterations", "700", "--seed", "7")
 
     def run(self, seconds):
         self.candela("render", SCENE, "-o", self.folder / "alone.exr", *self.HONEST, "--quiet")

@@ -200,7 +200,7 @@ class Deaths : public testing::TestWithParam<Work> {
 // Claim: a worker killed in the midst of a unit costs that unit's time and nothing else.
 TEST_P(Deaths, WorkerKilledMidUnit) {
   if (left_to_the_long_form()) GTEST_SKIP() << "only with CANDELA_LONG=1";
-  const std::uint64_t iterations = GetParam().of(1200);
+  const std::uint64_t iterations = GetParam().of(600);
   Farm farm;
   farm.start_master({"--unit-time", "0.5", "--lease-time", "1"});
   Process& victim = farm.start_worker("victim");
@@ -223,7 +223,7 @@ TEST_P(Deaths, WorkerKilledMidUnit) {
 // expire.
 TEST_P(Deaths, WorkerTerminated) {
   if (left_to_the_long_form()) GTEST_SKIP() << "only with CANDELA_LONG=1";
-  const std::uint64_t iterations = GetParam().of(1200);
+  const std::uint64_t iterations = GetParam().of(600);
   Farm farm;
   farm.start_master({"--unit-time", "2", "--lease-time", "600"});
   Process& leaving = farm.start_worker("leaving");
@@ -248,7 +248,7 @@ TEST_P(Deaths, WorkerTerminated) {
 // Claim: a master killed many times in one job and restarted loses nothing that its checkpoints have and
 // counts nothing twice.
 TEST_P(Deaths, MasterKilledManyTimes) {
-  const std::uint64_t iterations = GetParam().of(long_form() ? 9000 : 1800);
+  const std::uint64_t iterations = GetParam().of(long_form() ? 9000 : 1200);
   Farm farm;
   farm.start_master({"--unit-time", "0.1", "--checkpoint-interval", "0.05", "--lease-time", "2"});
   for (const char* name : {"a", "b"}) farm.start_worker(name);
@@ -281,7 +281,7 @@ TEST_P(Deaths, MasterKilledManyTimes) {
 // delta is refused and the unit counted once.
 TEST_P(Deaths, WorkerStoppedPastItsLease) {
   if (left_to_the_long_form()) GTEST_SKIP() << "only with CANDELA_LONG=1";
-  const std::uint64_t iterations = GetParam().of(1000);
+  const std::uint64_t iterations = GetParam().of(600);
   Farm farm;
   farm.start_master({"--unit-time", "0.5", "--lease-time", "1"});
   Process& sleeper = farm.start_worker("sleeper");

@@ -13,7 +13,7 @@ namespace {
 // worker are killed on the way, with the names of the layers in the job, and the weighted layers add up to
 // the image. (Each sum is rounded on its own, by less than 2^-20 of the mean a sample: 1e-4 is far above it.)
 TEST(Layers, SurviveDeathsToTheLastBit) {
-  constexpr std::uint64_t iterations = 450;
+  constexpr std::uint64_t iterations = 250;
   const std::vector<std::string> options = {"--integrator", "bdpt",          "--set", "layers=both",
                                             "--set",        "layer_depth=3", "--set", "max_depth=5"};
   Farm farm;

@@ -151,7 +151,7 @@ TEST_F(Steering, Drain) {
 // Claim: an urgent job starts while the only worker is in the middle of a long unit: that one is cut short
 // and brings what it has. The picture of the job that stepped aside is the same to the bit.
 TEST_F(Steering, UrgentJobsCutUnitsShort) {
-  constexpr std::uint64_t iterations = 4000;
+  constexpr std::uint64_t iterations = 1500;
   // Half of the job is one unit.
   start(iterations, {"--unit-time", "1000", "--checkpoint-interval", "1", "--lease-time", "3"});
   ASSERT_TRUE(eventually(30, [&] {
@@ -172,7 +172,7 @@ TEST_F(Steering, UrgentJobsCutUnitsShort) {
 // Claim: `candela render` interrupted by Ctrl-C saves the image of what is there, which can be made again,
 // and goes on with --resume to the image an uninterrupted render makes; so it does after SIGKILL.
 TEST_F(Steering, RenderInterruptedAndResumed) {
-  constexpr std::uint64_t iterations = 2500;
+  constexpr std::uint64_t iterations = 1200;
   const std::string out = (farm_.folder() / "r.exr").string();
   std::vector<std::string> command = {"render", scene_path("cornell"), "-o", out, "--threads", "1"};
   for (const std::string& word : job_options(iterations)) command.push_back(word);

@@ -28,7 +28,7 @@ def free_ports(count):
     return ports
 
 
-def eventually(condition, seconds=240, pause=0.25):
+def eventually(condition, seconds=240, pause=0.5):
     """Whether the condition becomes true: patient, for a busy machine."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:

@@ -79,7 +79,7 @@ class Slurm(unittest.TestCase):
 
     def submit(self, seed, *more):
         """A job of some seconds on three workers; its id."""
-        return self.candela("submit", SCENE, "--size", "128x128", "--spp", "300", "--seed", str(seed), *more).strip()
+        return self.candela("submit", SCENE, "--size", "128x128", "--spp", "160", "--seed", str(seed), *more).strip()
 
     def status(self, job):
         return json.loads(self.candela("show", job, "--json"))
@@ -104,7 +104,7 @@ class Slurm(unittest.TestCase):
         self.assertTrue(eventually(lambda: self.finished(job)), self.status(job))
         farm, alone = self.folder / f"{job}.exr", self.folder / f"{job}-alone.exr"
         self.candela("fetch", job, "-o", farm)
-        self.candela("render", SCENE, "-o", alone, "--size", "128x128", "--spp", "300", "--seed", str(seed), "--quiet",
+        self.candela("render", SCENE, "-o", alone, "--size", "128x128", "--spp", "160", "--seed", str(seed), "--quiet",
                      *more)
         difference = json.loads(self.candela("compare", farm, alone, "--json"))
         self.assertEqual(difference["rmse"], 0, difference)
