@@ -414,8 +414,8 @@ Delivery Scheduler::check_delivery(const std::string& worker_id, std::uint64_t t
     return Delivery::stale;
   const Unit& leased = job->units.at(unit_id).row.unit;
   // What is compared must be the same iterations.
-  const bool cut_short = audit == nullptr && unit.kind == Unit::Kind::iterations && unit.begin < unit.end &&
-                         unit.end < leased.end;
+  const bool can_be_cut = unit.kind == Unit::Kind::iterations || unit.kind == Unit::Kind::segments;
+  const bool cut_short = audit == nullptr && can_be_cut && unit.begin < unit.end && unit.end < leased.end;
   if (leased.kind != unit.kind || leased.half != unit.half || leased.begin != unit.begin ||
       (leased.end != unit.end && !cut_short))
     return Delivery::stale;
@@ -450,7 +450,7 @@ void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::u
         drop_lease(t, now, false);
       else
         take_away(t, now, true);
-    // A unit that was cut short: its last iterations are cut anew.
+    // A unit that was cut short: its last indices are cut anew.
     const std::uint64_t leased_end = u->second.row.unit.end;
     job->units.erase(unit_id);
     job->held.erase(unit_id);

@@ -150,7 +150,6 @@ TEST_P(StopsOf, EndPilotsAndRenders) {
 
 // Claim: blocks of a unit's iterations, added to one output, are the unit: film, accumulators, counts, all
 // bytes of its delta.
-// Units of chains are whole.
 class BlocksOf : public testing::TestWithParam<std::string> {};
 
 TEST_P(BlocksOf, AreTheUnit) {
@@ -179,6 +178,57 @@ TEST_P(BlocksOf, AreTheUnit) {
   };
   EXPECT_EQ(bytes_of({0, 4}), bytes_of({0, 1, 3, 4}));
 }
+
+// Claim: a unit of segments that is cut short is the unit of its first segments, and with the one of the
+// others it makes the film of all: sums, counts, records.
+class CutsOf : public testing::TestWithParam<std::string> {};
+
+TEST_P(CutsOf, AreTheFirstSegments) {
+  const test::TextFiles files(std::map<std::string, std::string>{{"scene.xml", kBox}});
+  const auto& small = test::integrator_row(GetParam()).small;
+  const auto renderer = test::make_renderer(files, job_of(GetParam()), {small.begin(), small.end()});
+  const auto pilot = renderer->pilot({});
+  ASSERT_TRUE(pilot.ok());
+  NamedState state = pilot->state;
+  state.bootstrap_b = 1;
+  const std::uint64_t count = pilot->work.chains->chains / 2;
+  ASSERT_GE(count, 3U);
+  std::vector<chains::ChainStart> starts(count);
+  for (std::uint64_t i = 0; i < count; ++i) starts[i].bootstrap_sample = 7 * i;
+  const auto run = [&](std::uint64_t begin, std::uint64_t end, render::RunContext context,
+                       render::UnitOutput& output) {
+    render::UnitInput input;
+    input.scalars = state;
+    input.starts = std::span(starts).subspan(begin, end - begin);
+    EXPECT_TRUE(renderer->run({Unit::Kind::segments, 1, begin, end}, input, output, context).ok());
+  };
+  const auto sums = [](const render::UnitOutput& output) {
+    const film::Layout layout = output.film->layout();
+    return std::vector<std::int64_t>(
+        output.film->sums(), output.film->sums() + layout.pixel_count() * layout.layers * film::kChannels);
+  };
+  const std::atomic<bool> yes{true};
+  render::RunContext cut{2};
+  cut.cut = &yes;
+  auto first = renderer->make_output(state), same = renderer->make_output(state),
+       all = renderer->make_output(state);
+  run(0, count, cut, first);
+  const std::uint64_t done = first.records.size();
+  ASSERT_GE(done, 1U);
+  ASSERT_LT(done, count);
+  run(0, done, {1}, same);
+  EXPECT_EQ(sums(first), sums(same));
+  EXPECT_EQ(first.records, same.records);
+  EXPECT_EQ(first.tallies(), same.tallies());
+  run(0, count, {2}, all);
+  EXPECT_EQ(all.records.size(), count);
+  run(done, count, {1}, first);  // sums are added
+  EXPECT_EQ(sums(first), sums(all));
+  EXPECT_EQ(first.tallies(), all.tallies());
+}
+
+INSTANTIATE_TEST_SUITE_P(, CutsOf, testing::ValuesIn(test::chain_integrators()),
+                         [](const auto& name) { return name.param; });
 
 INSTANTIATE_TEST_SUITE_P(, StopsOf, testing::ValuesIn(test::all_integrators()),
                          [](const auto& name) { return name.param; });

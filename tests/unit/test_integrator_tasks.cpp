@@ -1,9 +1,12 @@
 // The loops that integrators share: each light path once per iteration, the same film whatever the threads,
 // stops that are noticed, progress that only grows.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <map>
 #include <mutex>
+#include <set>
 
 #include "tests/unit/scene_fixture.h"
 #include "worker/integrators/eye_samples.h"
@@ -111,6 +114,42 @@ TEST(LightPaths, StopIsNoticed) {
     EXPECT_EQ(result.error().kind, ErrorKind::refused);
     EXPECT_LE(traced.load(), threads * kLightChunk);
   }
+}
+
+// Claim: a loop that may be cut begins no task after that but the first, ends those that it has begun, and
+// returns how many: they are the first ones. Other loops do not heed the cut.
+TEST(Tasks, CutLoopsHaveTheFirstTasks) {
+  film::UnitFilm film(kLayout, 0);
+  for (const unsigned threads : {1U, 3U})
+    for (const std::uint64_t cut_at : {0U, 7U}) {
+      SCOPED_TRACE(fmt::format("{} threads, cut in task {}", threads, cut_at));
+      std::atomic<bool> cut{false};
+      std::mutex mutex;
+      std::set<std::uint64_t> done;
+      RunContext run{threads};
+      run.cut = &cut;
+      const auto body = [&](std::uint64_t task, film::Tallies&) {
+        if (task == cut_at) cut = true;
+        const std::lock_guard lock(mutex);
+        done.insert(task);
+      };
+      const auto count = for_first_tasks(1000, film, run, body);
+      ASSERT_TRUE(count.ok());
+      EXPECT_GE(*count, cut_at + 1);
+      EXPECT_EQ(done.size(), *count);
+      EXPECT_EQ(*done.rbegin(), *count - 1);
+      if (threads == 1) {
+        EXPECT_EQ(*count, cut_at + 1);
+      }
+      done.clear();
+      EXPECT_EQ(*for_first_tasks(1000, film, run, body), 1U) << "it is cut from the beginning";
+      done.clear();
+      ASSERT_TRUE(for_each_task(1000, film, run, body).ok());
+      EXPECT_EQ(done.size(), 1000U);
+      std::atomic<bool> stop{true};
+      run.stop = &stop;
+      EXPECT_FALSE(for_first_tasks(1000, film, run, body).ok());
+    }
 }
 
 // Claim: a unit of several loops reports a progress that starts at its parts' begins, only grows, and ends at

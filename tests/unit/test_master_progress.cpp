@@ -200,8 +200,8 @@ TEST_F(Progress, CutUnitsTileTheJob) {
   EXPECT_EQ(s->job("j")->merged[1].count(), 200U);
 }
 
-// Claim: only iterations can be cut short, from their end, to one or more.
-TEST_F(Progress, OtherUnitsAreWhole) {
+// Claim: a unit can be cut short from its end alone, to one iteration or more.
+TEST_F(Progress, UnitsAreCutFromTheirEnd) {
   worker("a");
   job("j", 100, 0, 0.1);
   const Lease l = *lease("a");

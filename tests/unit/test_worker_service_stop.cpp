@@ -71,6 +71,49 @@ TEST_F(WorkerServiceStop, CutUnitsBringWhatIsDone) {
   EXPECT_EQ(delta->tallies().eye_samples, 40U * 8U * blocks.back().end);
 }
 
+// Claim: a unit of segments that is to be cut short ends after the segments under way, though its end is far:
+// it brings those with their records.
+TEST_F(WorkerServiceStop, CutUnitsBringTheFirstSegments) {
+  close_gate_behind_the_first(0.1F);
+  tuning_.cut_within = Milliseconds(1000);
+  std::uint64_t token = 0;
+  {
+    const std::lock_guard lock(master_.mutex);
+    token = master_.add_lease_unlocked(0, 200);
+    v1::Lease& lease = master_.leases.back();
+    wire::to_proto(Unit{Unit::Kind::segments, 0, 0, 200}, *lease.mutable_unit());
+    for (int i = 0; i < 200; ++i)
+      lease.add_chain_starts()->set_bootstrap_sample(static_cast<std::uint64_t>(i));
+  }
+  start();
+  ASSERT_TRUE(wait_for_runs(1));
+  {
+    const std::lock_guard lock(renderer_.mutex);
+    renderer_.permits += 2;
+  }
+  {
+    const std::lock_guard lock(master_.mutex);
+    master_.to_cut = {token};
+  }
+  // Two heartbeats later the worker knows.
+  int beats = 0;
+  ASSERT_TRUE(master_.wait_for([&] {
+    if (beats == 0) beats = master_.heartbeats + 2;
+    return master_.heartbeats > beats;
+  }));
+  renderer_.open_gate();
+  ASSERT_TRUE(master_.wait_for([&] { return merged_count() == 1; }));
+  const std::lock_guard lock(master_.mutex);
+  EXPECT_TRUE(master_.returned.empty());
+  const std::uint64_t end = master_.headers[token].unit().end();
+  EXPECT_GE(end, 1U);
+  EXPECT_LT(end, 200U);
+  const auto delta = film::Delta::decode(master_.deltas[token], {{40, 8, 1}, {}});
+  ASSERT_TRUE(delta.ok()) << delta.error().to_string();
+  EXPECT_EQ(delta->info().unit, (Unit{Unit::Kind::segments, 0, 0, end}));
+  EXPECT_EQ(delta->tallies().eye_samples, 40U * 8U * end);
+}
+
 // Claim: a unit that would take long to the end of its iteration, and has not rendered for so long yet, is
 // given back whole.
 TEST_F(WorkerServiceStop, LongIterationsAreGivenBack) {

@@ -91,10 +91,20 @@ class FakeRenderer final : public render::Renderer {
       control_.runs.push_back(unit);
       context.progress->store(control_.progress_at_gate);
       control_.changed.notify_all();
-      while (control_.gate_closed && control_.permits == 0 && (control_.deaf || !context.stop->load()))
-        control_.changed.wait_for(lock, std::chrono::milliseconds(5));
-      if (control_.permits > 0) --control_.permits;
+      wait_at_gate(lock, context);
       --control_.running;
+    }
+    Unit done = unit;
+    if (unit.kind == Unit::Kind::segments) {  // each goes through the gate
+      for (done.end = unit.begin; done.end < unit.end; ++done.end) {
+        if (done.end > unit.begin) {
+          if (context.cut_short()) break;
+          std::unique_lock lock(control_.mutex);
+          wait_at_gate(lock, context);
+        }
+        output.records.push_back(input.starts[done.end - unit.begin].record);
+        ++output.records.back().segments;
+      }
     }
     if (context.stop->load()) return refused_error("stopped");
     if (unit.kind == Unit::Kind::bootstrap) {
@@ -112,7 +122,7 @@ class FakeRenderer final : public render::Renderer {
       const auto most = static_cast<float>(std::ldexp(film::kMaxContribution, -film.scale_log2()));
       for (std::uint64_t i = 0; i < 256; ++i) film.add(0, 0, 0, {most, most, most}, i, tallies);
     }
-    for (std::uint64_t i = unit.begin; i < unit.end; ++i)
+    for (std::uint64_t i = done.begin; i < done.end; ++i)
       for (std::uint32_t y = 0; y < settings_.height; ++y)
         for (std::uint32_t x = 0; x < settings_.width; ++x) {
           const std::uint64_t key = rng::key(settings_.seed, unit.half, i, x, y);
@@ -133,6 +143,12 @@ class FakeRenderer final : public render::Renderer {
   std::string plan_text() const override { return "a plan"; }
 
  private:
+  void wait_at_gate(std::unique_lock<std::mutex>& lock, const render::RunContext& context) const {
+    while (control_.gate_closed && control_.permits == 0 && (control_.deaf || !context.stop->load()))
+      control_.changed.wait_for(lock, std::chrono::milliseconds(5));
+    if (control_.permits > 0) --control_.permits;
+  }
+
   FakeRendererControl& control_;
   JobSettings settings_;
   std::vector<std::string> layer_names_;

@@ -28,17 +28,19 @@ constexpr ProgressSpan progress_part(std::uint64_t part, std::uint64_t parts) {
           static_cast<float>(static_cast<double>(part + 1) / static_cast<double>(parts))};
 }
 
-// Runs body(task, tallies) for every task in [0, task_count) on `run.threads` threads; each thread's tallies
-// are counted into the film. All tasks are done on return, unless run.stop was set: then an error, and the
-// film is not to be used. Which thread runs a task, and in which order, must change nothing in the body.
+// Runs body(task, tallies) for the tasks [0, n) on `run.threads` threads and returns n, which is task_count,
+// or less (but 1) if run.cut was set; each thread's tallies are counted into the film. All these tasks are
+// done on return, unless run.stop was set: then an error, and the film is not to be used. Which thread runs a
+// task, and in which order, must change nothing in the body.
 template <class Body>
-Result<void> for_each_task(std::uint64_t task_count, film::UnitFilm& film, const RunContext& run,
-                           const Body& body, ProgressSpan span = {}) {
+Result<std::uint64_t> for_first_tasks(std::uint64_t task_count, film::UnitFilm& film, const RunContext& run,
+                                      const Body& body, ProgressSpan span = {}) {
   std::atomic<std::uint64_t> next{0};
   std::atomic<std::uint64_t> done{0};
   const auto work = [&] {
     film::Tallies tallies;
     while (!run.stopped()) {
+      if (run.cut_short() && next.load(std::memory_order_relaxed) > 0) break;
       const std::uint64_t task = next.fetch_add(1, std::memory_order_relaxed);
       if (task >= task_count) break;
       body(task, tallies);
@@ -60,7 +62,19 @@ Result<void> for_each_task(std::uint64_t task_count, film::UnitFilm& film, const
     team.reserve(threads);
     for (std::uint64_t i = 0; i < threads; ++i) team.emplace_back(work);
   }
-  if (done.load() != task_count) return stopped_error();
+  const std::uint64_t begun = std::min(next.load(), task_count);
+  const bool fewer = begun < task_count;
+  if (done.load() != begun || (fewer && (begun == 0 || !run.cut_short()))) return stopped_error();
+  return begun;
+}
+
+// All tasks [0, task_count), as for_first_tasks.
+template <class Body>
+Result<void> for_each_task(std::uint64_t task_count, film::UnitFilm& film, const RunContext& run,
+                           const Body& body, ProgressSpan span = {}) {
+  RunContext whole = run;
+  whole.cut = nullptr;
+  CANDELA_TRY(for_first_tasks(task_count, film, whole, body, span));
   return {};
 }
 

@@ -34,7 +34,7 @@ struct UnitOutput {
   std::vector<std::unique_ptr<film::UnitAccumulator>> aovs;
   // The unit's epoch, which accumulators for each epoch belong to.
   std::uint64_t epoch = 0;
-  // A unit of segments brings one for each index, in order.
+  // A unit of segments brings one for each index that it has done, in order: the first ones, or all.
   std::vector<chains::ChainRecord> records;
   // A unit of bootstrap samples brings the contribution of each, in order.
   std::vector<float> table;

@@ -362,12 +362,16 @@ void FarmWorker::hand_back(const TaskPtr& task) {
 // ---- units cut short
 // ---------------------------------------------------------------------------------------------------------
 
-// Under the lock. Of the iterations under way, by their progress; none: nobody knows.
+// Under the lock. Of the iterations or segments under way, by their progress; none: nobody knows.
 std::optional<double> FarmWorker::seconds_left(const Task& task) const {
   const double done = task.progress;
   if (task.phase() != WorkPhase::rendering || !(done > 0)) return std::nullopt;
   const std::chrono::duration<double> spent = Clock::now() - task.block_started;
-  return spent.count() * std::max(1 - done, 0.0) / done;
+  const double left = spent.count() * std::max(1 - done, 0.0) / done;
+  if (task.lease.unit().kind() != v1::Unit::KIND_SEGMENTS) return left;
+  // Of segments those under way are ended, one on each thread.
+  const auto count = static_cast<double>(task.lease.chain_starts_size());
+  return std::min(left, spent.count() / done * std::min<double>(threads_, count) / count);
 }
 
 // Under the lock. What has not begun to render goes back at once.

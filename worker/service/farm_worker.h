@@ -74,7 +74,7 @@ class FarmWorker final : public Worker {
     std::uint64_t generation = 0;  // of the session it was leased under
     WorkMonitor monitor;           // stopped if dropped
     std::atomic<bool> dropped{false};
-    std::atomic<bool> cut{false};  // ends after the block of iterations under way
+    std::atomic<bool> cut{false};  // ends after the block of iterations, or the segments, under way
     // Under the lock.
     Clock::time_point started{};
     Clock::time_point block_started{};

@@ -209,10 +209,24 @@ void FarmWorker::run_pilot(const TaskPtr& task, const SceneStore::Scene& scene) 
 
 Result<void> FarmWorker::run_blocks(const TaskPtr& task, const SceneStore::Scene& scene,
                                     const render::UnitInput& input, Unit& unit, render::UnitOutput& output) {
-  const render::RunContext context{threads_, &task->monitor.stop, &task->progress, &task->monitor.steps};
-  // Segments go on from each other's chains and samples of a bootstrap make one table: those units are whole.
-  if (unit.kind != Unit::Kind::iterations) return scene.renderer->run(unit, input, output, context);
+  render::RunContext context{threads_, &task->monitor.stop, &task->progress, &task->monitor.steps};
   const auto whole = static_cast<double>(unit.end - unit.begin);
+  const auto tell_if_cut = [&](const char* noun) {
+    const auto done = static_cast<double>(unit.end - unit.begin);
+    if (done < whole)
+      log::info(fmt::format("unit cut short after {} of {} {}", done, whole, noun),
+                {.job = task->lease.job_id(), .unit = static_cast<std::int64_t>(task->lease.unit_id())});
+  };
+  if (unit.kind == Unit::Kind::segments) {
+    // One thread renders a segment, and blocks of a few would let others wait: the renderer itself ends.
+    context.cut = &task->cut;
+    CANDELA_TRY(scene.renderer->run(unit, input, output, context));
+    unit.end = unit.begin + output.records.size();
+    tell_if_cut("segments");
+    return {};
+  }
+  // Samples of a bootstrap are soon done: those units are whole.
+  if (unit.kind != Unit::Kind::iterations) return scene.renderer->run(unit, input, output, context);
   const double block_seconds = std::chrono::duration<double>(tuning_.block).count();
   double per_iteration = task->lease.expected_seconds() / whole;  // 0: unknown
   std::uint64_t at = unit.begin;
@@ -233,10 +247,8 @@ Result<void> FarmWorker::run_blocks(const TaskPtr& task, const SceneStore::Scene
     const std::chrono::duration<double> spent = Clock::now() - begin;
     per_iteration = spent.count() / static_cast<double>(at - unit.begin);
   }
-  if (at < unit.end)
-    log::info(fmt::format("unit cut short after {} of {} iterations", at - unit.begin, unit.end - unit.begin),
-              {.job = task->lease.job_id(), .unit = static_cast<std::int64_t>(task->lease.unit_id())});
   unit.end = at;
+  tell_if_cut("iterations");
   return {};
 }
 
@@ -268,7 +280,9 @@ void FarmWorker::run_unit(const TaskPtr& task, const SceneStore::Scene& scene, c
   const std::chrono::duration<double> seconds = Clock::now() - begin;
   const bool overflowed = output.overflowed();
   const std::uint64_t samples = unit.kind == Unit::Kind::bootstrap ? unit.end - unit.begin : 0;
-  if (run && (output.records.size() != starts.size() || output.table.size() != samples))
+  const std::uint64_t segments = unit.kind == Unit::Kind::segments ? unit.end - unit.begin : 0;
+  if (run && (output.records.size() != segments || segments > starts.size() ||
+              (segments == 0 && !starts.empty()) || output.table.size() != samples))
     run = internal_error(fmt::format("{} records of {} segments, a table of {} for {} samples",
                                      output.records.size(), starts.size(), output.table.size(), samples));
   if (!run || overflowed) {

@@ -152,7 +152,7 @@ Result<void> ChainIntegrator::run_segments(const UnitContext& context, const Uni
                                run.progress);
   RunContext quiet = run;  // progress is that of mutations: a segment may take long
   quiet.progress = nullptr;
-  CANDELA_TRY(for_each_task(count, film, quiet, [&](std::uint64_t i, film::Tallies& tallies) {
+  const auto segment = [&](std::uint64_t i, film::Tallies& tallies) {
     const std::uint64_t index = unit.begin + i;
     if (starts[i].record.segments != chains::segment_of(index, plan.chains)) {
       errors[i] =
@@ -171,7 +171,9 @@ Result<void> ChainIntegrator::run_segments(const UnitContext& context, const Uni
       if (!done.ok()) errors[i] = done.error();
     }
     if (direct_by_path_) direct.add(index, mcmc::kIndependentLayer, film, tallies, run);
-  }));
+  };
+  CANDELA_ASSIGN(const std::uint64_t done, for_first_tasks(count, film, quiet, segment));
+  records.resize(done);
   for (const auto& error : errors)
     if (error) return *error;
   return {};
