@@ -13,7 +13,7 @@
 #include "client/values.h"
 #include "common/film/counts.h"
 #include "common/job/plan_words.h"
-#include "common/wire/wire.h"
+#include "common/wire/job_figures.h"
 
 namespace candela::client {
 namespace {
@@ -47,29 +47,10 @@ std::string rate_text(const v1::JobStatus& status) {
 
 }  // namespace
 
-double samples_per_iteration(const v1::JobStatus& status) {
-  if (!status.has_chains()) return 1;
-  const v1::ChainPlan& plan = status.chains().plan();
-  const double pixels = static_cast<double>(status.settings().width()) * status.settings().height();
-  return pixels > 0 ? static_cast<double>(plan.segment_mutations()) * plan.chains() / pixels : 0;
-}
-
 std::string effort_text(const v1::JobStatus& status, std::uint64_t iterations) {
-  const double each = samples_per_iteration(status);
+  const double each = wire::samples_per_iteration(status);
   return each > 0 ? amount(each * static_cast<double>(iterations)) + " spp"
                   : fmt::format("{} iterations", iterations);
-}
-
-std::uint64_t iterations_asked(const v1::JobStatus& status) {
-  const auto indices = wire::indices_of(status.stop());
-  if (!indices.ok() || film::empty(*indices)) return status.stop().iterations();
-  const std::uint64_t each = status.has_chains() ? std::max(status.chains().plan().chains(), 1U) : 1;
-  return ((*indices)[0].count() + (*indices)[1].count() + each - 1) / each;
-}
-
-std::string indices_text(const v1::JobStatus& status) {
-  const auto indices = wire::indices_of(status.stop());
-  return indices.ok() && !film::empty(*indices) ? film::text_of(*indices) : std::string();
 }
 
 std::string relmse_text(const v1::JobStatus& status) {
@@ -130,7 +111,7 @@ std::vector<std::string> warnings_of(const v1::JobStatus& status) {
 double fraction_done(const v1::JobStatus& status) {
   double fraction = 0;
   const v1::StopRule& stop = status.stop();
-  if (const std::uint64_t asked = iterations_asked(status); asked > 0)
+  if (const std::uint64_t asked = wire::iterations_asked(status); asked > 0)
     fraction = std::max(fraction, static_cast<double>(status.iterations()) / static_cast<double>(asked));
   if (stop.time_seconds() > 0) fraction = std::max(fraction, status.elapsed_seconds() / stop.time_seconds());
   // The error falls as 1/iterations, so this is the share of the iterations needed.
@@ -142,8 +123,8 @@ double fraction_done(const v1::JobStatus& status) {
 std::string format_progress(const v1::JobStatus& status) {
   std::vector<std::string> parts;
   const v1::StopRule& stop = status.stop();
-  if (const std::uint64_t asked = iterations_asked(status); asked > 0) {
-    const double each = samples_per_iteration(status);
+  if (const std::uint64_t asked = wire::iterations_asked(status); asked > 0) {
+    const double each = wire::samples_per_iteration(status);
     parts.push_back(each > 0 ? fmt::format("{}/{}", amount(each * static_cast<double>(status.iterations())),
                                            effort_text(status, asked))
                              : fmt::format("{}/{} iterations", status.iterations(), asked));

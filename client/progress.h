@@ -13,17 +13,8 @@
 
 namespace candela::client {
 
-// Samples, or mutations, that one iteration of the job brings to each pixel; 0 where no pilot has told it
-// yet.
-double samples_per_iteration(const v1::JobStatus& status);
 // "64 spp" of so many iterations, or "64 iterations" where it is not known.
 std::string effort_text(const v1::JobStatus& status, std::uint64_t iterations);
-
-// Iterations that the job ends with: those of its limit, or of the exact indices that it was asked for. 0:
-// neither is set.
-std::uint64_t iterations_asked(const v1::JobStatus& status);
-// The exact indices of both halves that the job was asked for ("0-31/0-29"); empty: it was asked for none.
-std::string indices_text(const v1::JobStatus& status);
 
 // "42%  54/128 spp, 12.3 spp/s, relMSE 1.2e-03 (at most 3.1e-03), to 1.0e-03, ETA 1m05s, memory 512.0 MiB":
 // the parts that are known. The memory is that of the largest worker.

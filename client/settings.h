@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "common/base/result.h"
-#include "common/bundle/bundle.h"
+#include "common/bundle/gather.h"
 #include "common/film/index_text.h"
 #include "common/job/effort.h"
 #include "common/job/job.h"

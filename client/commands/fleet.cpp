@@ -7,10 +7,10 @@
 
 #include "client/commands/commands.h"
 #include "client/context.h"
-#include "client/json.h"
 #include "client/signals.h"
 #include "client/values.h"
 #include "client/worker_choice.h"
+#include "common/wire/json.h"
 
 namespace candela::client {
 namespace {
@@ -30,7 +30,7 @@ std::string age_text(std::int64_t unix_ms) {
 // One worker's new state, as the command was asked to print it.
 void print_state(Context& context, const FleetOptions& options, const v1::WorkerStatus& status) {
   if (options.json)
-    context.out << worker_json(status) << '\n';
+    context.out << wire::worker_json(status) << '\n';
   else
     context.err << fmt::format("worker {} is {}\n", printable(status.id()), printable(status.state()));
 }
@@ -54,7 +54,7 @@ Result<int> run_action(Context& context, const FleetOptions& options) {
     CANDELA_ASSIGN(const v1::TrustResponse answer,
                    absent ? farm->trust_worker(id) : farm->distrust_worker(id));
     if (options.json)
-      context.out << trust_json(answer) << '\n';
+      context.out << wire::trust_json(answer) << '\n';
     else
       context.err << fmt::format("worker {} is {}\n", printable(answer.worker().worker()),
                                  absent ? "trusted again" : "distrusted");
@@ -71,7 +71,7 @@ Result<int> run_workers(Context& context, const FleetOptions& options) {
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
   CANDELA_ASSIGN(const v1::ListWorkersResponse response, farm->list_workers());
   if (options.json) {
-    context.out << workers_json(response) << '\n';
+    context.out << wire::workers_json(response) << '\n';
     return 0;
   }
   if (options.wanted) {

@@ -9,9 +9,10 @@
 
 #include "client/commands/commands.h"
 #include "client/context.h"
-#include "client/json.h"
 #include "client/progress.h"
 #include "client/values.h"
+#include "common/wire/job_figures.h"
+#include "common/wire/json.h"
 #include "common/wire/wire.h"
 
 namespace candela::client {
@@ -72,7 +73,7 @@ Result<int> run_list(Context& context, const JobOptions& options) {
   CANDELA_ASSIGN(v1::ListJobsResponse response, farm->list_jobs(query));
   std::reverse(response.mutable_jobs()->begin(), response.mutable_jobs()->end());  // the newest last
   if (options.json) {
-    context.out << jobs_json(response) << '\n';
+    context.out << wire::jobs_json(response) << '\n';
     return 0;
   }
   if (response.jobs_size() == 0) {
@@ -175,10 +176,10 @@ void print_job(std::ostream& out, const v1::JobStatus& s) {
   if (s.stop().iterations() > 0) limits.push_back(effort_text(s, s.stop().iterations()));
   if (s.stop().time_seconds() > 0) limits.push_back(format_duration(s.stop().time_seconds()));
   if (s.stop().relmse() > 0) limits.push_back(fmt::format("relMSE at most {}", s.stop().relmse()));
-  if (const std::string indices = indices_text(s); !indices.empty())
-    limits.push_back(indices.size() <= kMostIndexBytes
-                         ? "exactly the indices " + indices
-                         : effort_text(s, iterations_asked(s)) + " at exact indices, which --json tells");
+  if (const std::string indices = wire::indices_text(s); !indices.empty())
+    limits.push_back(indices.size() <= kMostIndexBytes ? "exactly the indices " + indices
+                                                       : effort_text(s, wire::iterations_asked(s)) +
+                                                             " at exact indices, which --json tells");
   line("stops at", fmt::format("{}", join(limits, " or ")));
   line("time", fmt::format("{} running, {} of workers", format_duration(s.elapsed_seconds()),
                            format_duration(s.worker_seconds())));
@@ -212,7 +213,7 @@ Result<int> run_show(Context& context, const JobOptions& options) {
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
   CANDELA_ASSIGN(const v1::JobStatus status, farm->get_job(options.id));
   if (options.json)
-    context.out << job_json(status) << '\n';
+    context.out << wire::job_json(status) << '\n';
   else
     print_job(context.out, status);
   return 0;
@@ -227,7 +228,7 @@ Result<int> run_events(Context& context, const JobOptions& options) {
   CANDELA_ASSIGN(const v1::ListEventsResponse response,
                  farm->list_events(options.id, static_cast<std::uint32_t>(limit)));
   if (options.json) {
-    context.out << events_json(response) << '\n';
+    context.out << wire::events_json(response) << '\n';
     return 0;
   }
   for (const auto& event : response.events())
@@ -244,7 +245,7 @@ Result<int> run_steer(Context& context, const JobOptions& options,
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
   CANDELA_ASSIGN(const v1::JobStatus status, (farm.get()->*call)(options.id));
   if (options.json)
-    context.out << job_json(status) << '\n';
+    context.out << wire::job_json(status) << '\n';
   else
     context.err << fmt::format("job {} is {}{}\n", printable(status.id()), wire::name(status.state()),
                                status.message().empty() ? "" : ": " + printable(status.message()));
@@ -257,7 +258,7 @@ Result<int> run_priority(Context& context, const JobOptions& options) {
   CANDELA_ASSIGN(const v1::JobStatus status,
                  farm->set_priority(options.id, static_cast<std::int32_t>(priority)));
   if (options.json)
-    context.out << job_json(status) << '\n';
+    context.out << wire::job_json(status) << '\n';
   else
     context.err << fmt::format("job {} has priority {}\n", printable(status.id()), status.priority());
   return 0;
@@ -310,7 +311,7 @@ Result<int> run_extend(Context& context, const JobOptions& options) {
   }
   CANDELA_ASSIGN(const v1::JobStatus status, farm->extend_job(request));
   if (options.json)
-    context.out << job_json(status) << '\n';
+    context.out << wire::job_json(status) << '\n';
   else
     context.err << fmt::format("job {} is {}: {}\n", printable(status.id()), wire::name(status.state()),
                                format_progress(status));

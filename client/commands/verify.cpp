@@ -8,8 +8,8 @@
 #include "client/commands/commands.h"
 #include "client/commands/waiting.h"
 #include "client/context.h"
-#include "client/json.h"
 #include "client/values.h"
+#include "common/wire/json.h"
 #include "common/wire/wire.h"
 
 namespace candela::client {
@@ -41,7 +41,7 @@ Result<int> run_verify(Context& context, const VerifyOptions& options) {
     jobs += report.job_id().empty() ? 0 : 1;
     damaged += report.findings_size() > 0 ? 1 : 0;
     if (options.json)
-      context.out << report_json(report) << std::endl;
+      context.out << wire::report_json(report) << std::endl;
     else
       print_report(context.out, report);
   }));
@@ -57,7 +57,7 @@ Result<int> run_repair(Context& context, const VerifyOptions& options) {
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
   CANDELA_ASSIGN(const v1::JobStatus status, farm->repair_job(options.id));
   if (options.json && !options.wait)
-    context.out << job_json(status) << '\n';
+    context.out << wire::job_json(status) << '\n';
   else if (status.repairing())
     context.err << fmt::format("job {} renders again what it has lost: {} {}\n", printable(status.id()),
                                status.lost(), status.has_chains() ? "chain segments" : "iterations");

@@ -4,9 +4,9 @@
 
 #include <ostream>
 
-#include "client/json.h"
 #include "client/signals.h"
 #include "client/values.h"
+#include "common/wire/json.h"
 #include "common/wire/wire.h"
 
 namespace candela::client {
@@ -53,7 +53,7 @@ Result<int> wait_for_job(Context& context, FarmClient& farm, const std::string& 
   }
   for (const std::string& warning : warnings_of(last))
     context.err << fmt::format("candela: warning: {}\n", warning);
-  if (options.json) context.out << job_json(last) << '\n';
+  if (options.json) context.out << wire::job_json(last) << '\n';
   const bool wants_image = !options.output.exr.empty() || !options.output.png.empty();
   if (wants_image && last.units_merged() > 0) {
     CANDELA_ASSIGN(const std::string exr, farm.fetch_image(id, {.error_layer = options.error_layer,

@@ -16,7 +16,6 @@
 #include "client/embedded/local_farm.h"
 #include "client/embedded/render.h"
 #include "client/embedded/state_folder.h"
-#include "client/json.h"
 #include "client/output.h"
 #include "client/preview/preview.h"
 #include "client/progress.h"
@@ -26,6 +25,8 @@
 #include "common/base/config.h"
 #include "common/base/quantity.h"
 #include "common/image/formats.h"
+#include "common/wire/job_figures.h"
+#include "common/wire/json.h"
 #include "common/wire/wire.h"
 #include "worker/render/renderer.h"
 
@@ -180,7 +181,7 @@ class Stall {
 // Whether everything the limits ask for is merged. (Such a render can be without its last checkpoint.)
 bool meets_a_limit(const v1::JobStatus& status) {
   const v1::StopRule& stop = status.stop();
-  const std::uint64_t asked = iterations_asked(status);
+  const std::uint64_t asked = wire::iterations_asked(status);
   return (asked != 0 && status.iterations() >= asked) ||
          (stop.time_seconds() != 0 && status.elapsed_seconds() >= stop.time_seconds()) ||
          (stop.relmse() != 0 && status.relmse_upper() > 0 && status.relmse_upper() <= stop.relmse());
@@ -336,7 +337,7 @@ Result<int> run_render(Context& context, const RenderOptions& options) {
   }
   for (const std::string& warning : warnings_of(last))
     context.err << fmt::format("candela: warning: {}\n", warning);
-  if (options.json) context.out << job_json(last) << '\n';
+  if (options.json) context.out << wire::job_json(last) << '\n';
 
   if (!has_ended(last) && lost) return *lost;
   if (!has_ended(last) && stall.over())

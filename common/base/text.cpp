@@ -87,6 +87,27 @@ std::string_view clip_utf8(std::string_view text, std::size_t max_bytes) {
   return text.substr(0, end);
 }
 
+std::string quote(std::string_view text) {
+  constexpr std::size_t max_bytes = 80;
+  std::string result = "'";
+  while (!text.empty()) {
+    const std::size_t length = utf8_length(text);
+    if (result.size() + length > max_bytes) {
+      result += "...";
+      break;
+    }
+    const auto first = static_cast<unsigned char>(text.front());
+    if (length == 0 || first < 0x20 || first == 0x7F) {
+      result += '?';
+      text.remove_prefix(1);
+    } else {
+      result += text.substr(0, length);
+      text.remove_prefix(length);
+    }
+  }
+  return result + "'";
+}
+
 std::string escape_unprintable(std::string_view text) {
   std::string out;
   out.reserve(text.size());

@@ -16,6 +16,9 @@ bool is_utf8(std::string_view text);
 // At most `max_bytes` of the front of `text`, not cut inside a UTF-8 sequence.
 std::string_view clip_utf8(std::string_view text, std::size_t max_bytes);
 
+// For messages: in single quotes, control characters and invalid UTF-8 as '?', cut after 80 bytes.
+std::string quote(std::string_view text);
+
 // One line that shows what is there and does nothing to a terminal. Control characters (C0, DEL, C1), line
 // and paragraph separators, and characters that have no shape but change how others are shown (bidirectional
 // controls, joiners, tags) become escapes: "\n", "\t", "\r", "\x1b", "\u202e", "\U000e0041". A byte that is

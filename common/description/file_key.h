@@ -14,8 +14,4 @@ std::string file_key(std::string_view folder, std::string_view name);
 // The folder of a key: "" for "scene.xml", "parts" for "parts/lamp.xml".
 std::string folder_of_key(std::string_view key);
 
-// Not empty, lexically normal, names a file (no trailing slash, not "." or ".."), UTF-8 without control
-// characters, at most Limits::max_path_bytes.
-bool is_file_key(std::string_view key);
-
 }  // namespace candela::description

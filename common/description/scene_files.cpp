@@ -8,6 +8,7 @@
 #include "common/description/check.h"
 #include "common/description/file_key.h"
 #include "common/description/text.h"
+#include "common/job/bundle.h"
 
 namespace candela::description {
 namespace {
@@ -22,7 +23,8 @@ SceneFiles::SceneFiles(const UnpackedFiles& files, const std::string& main_key)
     : files_(files), main_folder_(folder_of_key(main_key)) {}
 
 Result<std::unique_ptr<XmlDocument>> SceneFiles::document(const std::string& key) {
-  if (!is_file_key(key)) return input_error(fmt::format("{} is not the name of a file", text::quote(key)));
+  if (!bundle::is_valid_key(key))
+    return input_error(fmt::format("{} is not the name of a file", text::quote(key)));
   CANDELA_ASSIGN(const FileSource::Bytes bytes, files_.open(key, XmlDocument::max_bytes));
   CANDELA_TRY(count_bytes(key, bytes.view.size()));
   used_.insert(key);
@@ -36,7 +38,7 @@ Result<std::string> SceneFiles::find(const std::string& from, const Location& wh
   std::optional<Error> first_error;
   for (const std::string& folder : folders) {
     const std::string key = file_key(folder, name);
-    if (name.empty() || !is_file_key(key))
+    if (name.empty() || !bundle::is_valid_key(key))
       return error_at(where, fmt::format("{} is not the name of a file", text::quote(name)));
     if (used_.contains(key)) return key;
     Result<void> found = files_.find(key);
@@ -55,7 +57,7 @@ Result<std::string> SceneFiles::find(const std::string& from, const Location& wh
 Result<std::string> SceneFiles::find_beside(const std::string& from, const Location& where,
                                             std::string_view name) {
   const std::string key = file_key(folder_of_key(from), name);
-  if (!name.empty() && is_file_key(key) && files_.find(key).ok()) {
+  if (!name.empty() && bundle::is_valid_key(key) && files_.find(key).ok()) {
     used_.insert(key);
     return key;
   }

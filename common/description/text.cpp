@@ -87,27 +87,6 @@ std::string snake_case(std::string_view name) {
   return result;
 }
 
-std::string quote(std::string_view text) {
-  constexpr std::size_t max_bytes = 80;
-  std::string result = "'";
-  while (!text.empty()) {
-    const std::size_t length = utf8_length(text);
-    if (result.size() + length > max_bytes) {
-      result += "...";
-      break;
-    }
-    const auto first = static_cast<unsigned char>(text.front());
-    if (length == 0 || first < 0x20 || first == 0x7F) {
-      result += '?';
-      text.remove_prefix(1);
-    } else {
-      result += text.substr(0, length);
-      text.remove_prefix(length);
-    }
-  }
-  return result + "'";
-}
-
 std::string did_you_mean(std::string_view nearest) {
   return nearest.empty() ? std::string() : fmt::format("did you mean {}?", quote(nearest));
 }

@@ -26,10 +26,8 @@ std::string lower(std::string_view text);  // ASCII
 // "toWorld" -> "to_world", "intIOR" -> "int_ior"; a name that is snake case already is returned as it is.
 std::string snake_case(std::string_view name);
 
-// For messages: in single quotes, control characters and invalid UTF-8 as '?', cut after 80 bytes.
-std::string quote(std::string_view text);
-
 using candela::is_utf8;
+using candela::quote;
 
 // "did you mean 'x'?", or empty where `nearest` is.
 std::string did_you_mean(std::string_view nearest);

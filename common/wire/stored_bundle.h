@@ -4,7 +4,7 @@
 #include <string>
 
 #include "common/base/result.h"
-#include "common/bundle/bundle.h"
+#include "common/job/bundle.h"
 
 namespace candela::wire {
 

@@ -9,7 +9,9 @@
 
 #include "common/base/hash.h"
 #include "common/base/version.h"
+#include "common/wire/json.h"
 #include "common/wire/token.h"
+#include "master/api/messages.h"
 #include "master/farm.h"
 #include "master/http/page_files.h"
 #include "master/http/page_json.h"
@@ -207,7 +209,7 @@ std::optional<HttpAnswer> LivePage::answer_api(const HttpRequest& request, std::
   if (folder == "workers") {
     if (!part.empty()) return error_answer(404, "a worker has no such part");
     const auto status = farm_.worker(id);
-    return status ? json_answer(worker_page_json(*status)) : error_answer(404, "no such worker");
+    return status ? json_answer(wire::page_json(to_message(*status))) : error_answer(404, "no such worker");
   }
   if (part == "tile") return tile(request, id);
   if (part == "pixel") return pixel(request, id);
@@ -225,7 +227,7 @@ std::optional<HttpAnswer> LivePage::answer_api(const HttpRequest& request, std::
   return later(connection, [this, id, part] {
     if (part == "details") return json_answer(details_of(id));
     const auto status = farm_.full_status(id);
-    return status ? json_answer(job_page_json(*status)) : error_answer(404, "no such job");
+    return status ? json_answer(wire::page_json(to_message(*status))) : error_answer(404, "no such job");
   });
 }
 
@@ -355,7 +357,7 @@ HttpAnswer LivePage::change(const std::string& id, const std::string& verb,
   } else {
     return error_answer(404, "there is no such control");
   }
-  if (status.ok()) return json_answer(job_page_json(*status));
+  if (status.ok()) return json_answer(wire::page_json(to_message(*status)));
   const ErrorKind kind = status.error().kind;
   return error_answer(kind == ErrorKind::input || kind == ErrorKind::usage ? 400
                       : kind == ErrorKind::refused                         ? 409

@@ -9,6 +9,8 @@
 
 #include "common/base/log.h"
 #include "common/base/thread_cpu.h"
+#include "common/wire/json.h"
+#include "master/api/messages.h"
 #include "master/farm.h"
 #include "master/http/live_page.h"
 #include "master/http/page_json.h"
@@ -105,7 +107,8 @@ void LivePage::refresh() {
     } else {
       const bool error = name.starts_with("error/");
       run_if_due(&Topic::status, kStatusPause, kStatusShare, [&] {
-        if (const auto status = farm_.full_status(id)) send(name, "job", job_page_json(*status));
+        if (const auto status = farm_.full_status(id))
+          send(name, "job", wire::page_json(to_message(*status)));
       });
       run_if_due(&Topic::picture, kPicturePause, kPictureShare, [&] { refresh_picture(name, id, error); });
       run_if_due(&Topic::details, kDetailsPause, kDetailsShare,
@@ -229,7 +232,7 @@ HttpAnswer LivePage::list_jobs(const std::map<std::string, std::string>& query) 
 }
 
 void LivePage::refresh_worker(const std::string& topic, const std::string& id) {
-  if (const auto status = farm_.worker(id)) send(topic, "worker", worker_page_json(*status));
+  if (const auto status = farm_.worker(id)) send(topic, "worker", wire::page_json(to_message(*status)));
   auto events = farm_.store().events("", 10 * kMaxEvents);
   if (!events.ok()) return;
   std::erase_if(*events, [&](const EventRow& e) { return e.worker_id != id; });

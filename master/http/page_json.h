@@ -1,9 +1,8 @@
-// What the page reads: JSON of jobs and workers. Unknown numbers (NaN) are null; every text is one printable
-// line of UTF-8, a plan an array of such.
+// What the page reads beside wire::page_json() of jobs and workers. Unknown numbers (NaN) are null; every
+// text is one printable line of UTF-8.
 #pragma once
 
 #include <cstdint>
-#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -34,12 +33,12 @@ class JsonObject {
 std::string json_string(std::string_view text);
 std::string json_array(const std::vector<std::string>& values);  // each is JSON
 
-// A line of the list of jobs. Precondition of these two: the lock of the table is held.
+// Lines of the lists, of which there may be thousands: the fields of wire::page_json() that a list shows,
+// under the same names. Seconds are whole, so that a line changes when there is something to see.
+// Precondition: the lock of the scheduler is held.
 std::string job_line_json(const Scheduler& scheduler, const Job& job, Now now);
 std::string worker_line_json(const Scheduler& scheduler, const WorkerState& worker, Now now);
 
-std::string job_page_json(const JobStatus& status);
-std::string worker_page_json(const WorkerStatus& status);
 std::string events_page_json(const std::vector<EventRow>& events);
 std::string convergence_json(const std::vector<ConvergencePoint>& points);
 

@@ -42,13 +42,16 @@ JobStatus status_of(const Scheduler& scheduler, const Job& job, Now t) {
   return out;
 }
 
-WorkerStatus status_of(const Scheduler& scheduler, const WorkerState& w, Now t) {
+std::string message_of(const Scheduler& scheduler, const WorkerState& w, Now t) {
+  if (w.distrusted) return scheduler.distrusted().at(identity(w.row)).reason;
   const std::string stuck = scheduler.stuck_text(w, t);
+  return stuck.empty() ? w.message : stuck;
+}
+
+WorkerStatus status_of(const Scheduler& scheduler, const WorkerState& w, Now t) {
   return {w.row,
           scheduler.worker_state_name(w, t),
-          w.distrusted    ? scheduler.distrusted().at(identity(w.row)).reason
-          : stuck.empty() ? w.message
-                          : stuck,
+          message_of(scheduler, w, t),
           w.failures,
           w.resident_bytes,
           scheduler.jobs_of(w)};

@@ -61,5 +61,6 @@ struct WorkerStatus {
 // Precondition of these: the lock of `scheduler` is held.
 JobStatus status_of(const Scheduler& scheduler, const Job& job, Now t);
 WorkerStatus status_of(const Scheduler& scheduler, const WorkerState& worker, Now t);
+std::string message_of(const Scheduler& scheduler, const WorkerState& worker, Now t);  // of its status
 
 }  // namespace candela::master

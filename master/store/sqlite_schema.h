@@ -1,5 +1,5 @@
 // The tables of the store, and how older ones become the present ones. New columns go last, where kSchema has
-// them, too.
+// them, too, and into their list in columns.h.
 #pragma once
 
 namespace candela::master {

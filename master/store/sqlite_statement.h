@@ -7,14 +7,17 @@
 #include <cstdint>
 #include <limits>
 #include <string>
+#include <string_view>
+#include <vector>
 
 namespace candela::master {
 
-// A prepared statement: binds in order, reads columns in order.
+// A prepared statement: binds in order, reads columns in order or by name.
 class Statement {
  public:
   explicit Statement(sqlite3* db, const char* sql) {
     if (sqlite3_prepare_v2(db, sql, -1, &stmt_, nullptr) != SQLITE_OK) stmt_ = nullptr;
+    for (int c = 0; c < sqlite3_column_count(stmt_); ++c) names_.emplace_back(sqlite3_column_name(stmt_, c));
   }
   ~Statement() { sqlite3_finalize(stmt_); }
   Statement(const Statement&) = delete;
@@ -55,6 +58,18 @@ class Statement {
     at_ = 0;
   }
 
+  // What is read next is the column of this name. The search begins at the next one, where it mostly is.
+  Statement& column(std::string_view name) {
+    const int columns = static_cast<int>(names_.size());
+    for (int i = 0; i < columns; ++i)
+      if (const int c = (column_ + i) % columns; names_[static_cast<std::size_t>(c)] == name) {
+        column_ = c;
+        return *this;
+      }
+    failed_ = true;
+    column_ = columns;  // reads as NULL
+    return *this;
+  }
   std::int64_t integer() { return sqlite3_column_int64(stmt_, column_++); }
   std::uint64_t count() { return static_cast<std::uint64_t>(integer()); }
   double real() {
@@ -62,7 +77,6 @@ class Statement {
     return sqlite3_column_type(stmt_, c) == SQLITE_NULL ? std::numeric_limits<double>::quiet_NaN()
                                                         : sqlite3_column_double(stmt_, c);
   }
-  bool null_here() const { return sqlite3_column_type(stmt_, column_) == SQLITE_NULL; }
   std::string text() {
     const int c = column_++;
     const void* data = sqlite3_column_blob(stmt_, c);
@@ -76,6 +90,7 @@ class Statement {
     return *this;
   }
   sqlite3_stmt* stmt_ = nullptr;
+  std::vector<std::string> names_;
   int at_ = 0;
   int column_ = 0;
   bool failed_ = false;

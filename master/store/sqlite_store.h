@@ -4,7 +4,6 @@
 
 #include <sqlite3.h>
 
-#include <bit>
 #include <chrono>
 #include <mutex>
 #include <span>
@@ -13,20 +12,10 @@
 #include <utility>
 #include <vector>
 
-#include "master/store/sqlite_statement.h"
+#include "master/store/columns.h"
 #include "master/store/store.h"
 
 namespace candela::master {
-
-// The causes whose columns stand together; that of statistics came later.
-constexpr auto kStatistics = static_cast<std::size_t>(film::RejectCause::statistics);
-template <class Counts>
-auto first_causes(Counts& counts) {
-  return std::span(counts).template first<kStatistics>();
-}
-
-// Numbers are stored as little-endian bytes.
-static_assert(std::endian::native == std::endian::little);
 
 class SqliteStore final : public Store {
  public:
@@ -53,10 +42,12 @@ class SqliteStore final : public Store {
   // Keeps some room on the disk for the store itself, so that what people decide on a full disk is kept.
   void keep_room();
   bool give_room();
-  static UnitRow read_unit(Statement& s);
-  Result<void> read_chains(Statement& s, JobRow& j) const;
-  Result<void> read_work(Statement& s, JobRow& j) const;
-  Result<void> read_audit(Statement& s, JobRow& j) const;
+  template <class Record>
+  Result<std::vector<Record>> read_rows(const char* sql, std::string_view what) const;
+  Result<JobRow> read_job(Statement& s) const;
+  Result<void> read_chains(const JobCells& cells, JobRow& j) const;
+  Result<void> read_work(const JobCells& cells, JobRow& j) const;
+  Result<void> read_audit(const JobCells& cells, JobRow& j) const;
 
   bool apply(const PutJob& c);
   bool apply(const PutUnit& c);

@@ -1,8 +1,7 @@
 // Reads of a store: all rows at a master's start, single records later.
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cstring>
+#include <cmath>
 
 #include "common/film/layers.h"
 #include "common/wire/wire.h"
@@ -10,43 +9,6 @@
 
 namespace candela::master {
 namespace {
-
-std::vector<std::string> split(const std::string& text) {
-  std::vector<std::string> out;
-  std::size_t at = 0;
-  while (at < text.size()) {
-    const std::size_t comma = std::min(text.find(',', at), text.size());
-    out.push_back(text.substr(at, comma - at));
-    at = comma + 1;
-  }
-  return out;
-}
-
-// Bytes that are no whole numbers give none.
-template <class T>
-std::vector<T> numbers_of(const std::string& bytes) {
-  std::vector<T> values(bytes.size() % sizeof(T) == 0 ? bytes.size() / sizeof(T) : 0);
-  if (!values.empty()) std::memcpy(values.data(), bytes.data(), bytes.size());
-  return values;
-}
-
-// From half, begin and end of each range.
-std::array<film::IndexSet, 2> sets_of(const std::vector<std::uint64_t>& ranges) {
-  std::array<film::IndexSet, 2> out;
-  for (std::size_t i = 0; i + 2 < ranges.size(); i += 3)
-    if (ranges[i] < 2) out[ranges[i]].insert(ranges[i + 1], ranges[i + 2]);
-  return out;
-}
-
-std::vector<std::string> lines_in(const std::string& text) {
-  std::vector<std::string> out;
-  for (std::size_t at = 0; at < text.size();) {
-    const std::size_t end = std::min(text.find('\n', at), text.size());
-    out.push_back(text.substr(at, end - at));
-    at = end + 1;
-  }
-  return out;
-}
 
 std::optional<JobState> state_of(std::string_view text) {
   for (const JobState state : {JobState::queued, JobState::running, JobState::paused, JobState::done,
@@ -57,56 +19,28 @@ std::optional<JobState> state_of(std::string_view text) {
 
 }  // namespace
 
-UnitRow SqliteStore::read_unit(Statement& s) {
-  UnitRow u;
-  u.id = s.count();
-  u.job_id = s.text();
-  u.unit.kind = static_cast<Unit::Kind>(std::clamp<std::int64_t>(s.integer(), 1, 4) - 1);
-  u.unit.half = static_cast<std::uint32_t>(s.integer());
-  u.unit.begin = s.count();
-  u.unit.end = s.count();
-  u.state = static_cast<UnitRow::State>(s.integer());
-  u.failures = static_cast<std::uint32_t>(s.integer());
-  u.worker_id = s.text();
-  u.token = s.count();
-  u.seconds = s.real();
-  u.by = lines_in(s.text());
-  u.sha256 = s.text();
-  return u;
-}
-
-Result<void> SqliteStore::read_chains(Statement& s, JobRow& j) const {
-  ChainPlan plan;
-  plan.chains = static_cast<std::uint32_t>(s.integer());
-  plan.bootstrap_samples = s.count();
-  plan.segment_mutations = s.count();
-  const double bootstrap_b = s.real();
-  j.bootstrap.sum = s.real();
-  j.bootstrap.square_sum = s.real();
-  for (std::uint64_t& r : first_causes(j.bootstrap_rejected)) r = s.count();
-  const std::string status = s.text();
-  j.pilot_scale_log2 = static_cast<int>(s.integer());
-  if (plan.chains == 0) return {};
+Result<void> SqliteStore::read_chains(const JobCells& cells, JobRow& j) const {
+  if (cells.plan.chains == 0) return {};
   const auto unusable = [&](const std::string& why) {
     return input_error(fmt::format("the chains of job {} cannot be used: {}", j.id, why)).at(path_, 0);
   };
-  if (auto valid = chains::validate(plan); !valid.ok()) return unusable(valid.error().to_string());
+  if (auto valid = chains::validate(cells.plan); !valid.ok()) return unusable(valid.error().to_string());
   if (j.layers.size() + 1 < chains::kImageLayers) return unusable("the film has too few layers");
-  j.chains = plan;
-  j.bootstrap.samples = plan.bootstrap_samples;
-  if (j.named_state) j.named_state->bootstrap_b = bootstrap_b;
+  j.chains = cells.plan;
+  j.bootstrap.samples = cells.plan.bootstrap_samples;
+  if (j.named_state) j.named_state->bootstrap_b = cells.bootstrap_b;
   v1::ChainStatus message;
-  if (!message.ParseFromString(status)) return unusable("their figures cannot be read");
+  if (!message.ParseFromString(cells.chain_status.text)) return unusable("their figures cannot be read");
   CANDELA_ASSIGN(j.chain_summary, wire::from_proto(message));
   return {};
 }
 
-Result<void> SqliteStore::read_work(Statement& s, JobRow& j) const {
+Result<void> SqliteStore::read_work(const JobCells& cells, JobRow& j) const {
   const auto unusable = [&](const std::string& why) {
     return input_error(fmt::format("the plan of work of job {} cannot be used: {}", j.id, why)).at(path_, 0);
   };
   v1::WorkPlan message;
-  if (!message.ParseFromString(s.text())) return unusable("it cannot be read");
+  if (!message.ParseFromString(cells.work.text)) return unusable("it cannot be read");
   auto work = wire::from_proto(message);
   if (!work.ok()) return unusable(work.error().to_string());
   work->layers = j.layers;
@@ -118,9 +52,9 @@ Result<void> SqliteStore::read_work(Statement& s, JobRow& j) const {
   return {};
 }
 
-Result<void> SqliteStore::read_audit(Statement& s, JobRow& j) const {
+Result<void> SqliteStore::read_audit(const JobCells& cells, JobRow& j) const {
   v1::JobAudit message;
-  if (!message.ParseFromString(s.text()))
+  if (!message.ParseFromString(cells.audit.text))
     return input_error(fmt::format("what is known of the workers of job {} cannot be read", j.id))
         .at(path_, 0);
   JobAudit& audit = j.audit;
@@ -134,158 +68,67 @@ Result<void> SqliteStore::read_audit(Statement& s, JobRow& j) const {
   return {};
 }
 
+Result<JobRow> SqliteStore::read_job(Statement& s) const {
+  JobRow j;
+  JobCells cells;
+  Reader row(s);
+  columns(row, j, cells);
+  if (s.failed()) return j;  // which is told once, for all jobs
+  v1::JobSettings settings;
+  if (!settings.ParseFromString(cells.settings.text))
+    return input_error(fmt::format("the settings of job {} cannot be read", j.id)).at(path_, 0);
+  CANDELA_ASSIGN(j.settings, wire::from_proto(settings));
+  const auto state = state_of(cells.state);
+  if (!state)
+    return input_error(fmt::format("job {} has the unknown state '{}'", j.id, cells.state)).at(path_, 0);
+  j.state = *state;
+  if (!std::isnan(cells.film_scale_log2)) j.named_state = NamedState{static_cast<int>(cells.film_scale_log2)};
+  if (auto layout = film::make_layout(j.settings.width, j.settings.height, j.layers); !layout.ok())
+    return input_error(
+               fmt::format("the layers of job {} cannot be used: {}", j.id, layout.error().to_string()))
+        .at(path_, 0);
+  CANDELA_TRY(read_chains(cells, j));
+  j.repairs_to = state_of(cells.repairs_to);
+  CANDELA_TRY(read_work(cells, j));
+  CANDELA_TRY(read_audit(cells, j));
+  return j;
+}
+
+template <class Record>
+Result<std::vector<Record>> SqliteStore::read_rows(const char* sql, std::string_view what) const {
+  std::vector<Record> out;
+  Statement s(db_, sql);
+  Reader row(s);
+  while (s.step()) columns(row, out.emplace_back());
+  if (s.failed()) return failure(fmt::format("cannot read the {}", what));
+  return out;
+}
+
 Result<StoredState> SqliteStore::load() {
   const std::lock_guard lock(mutex_);
   StoredState out;
   {
     Statement s(db_, "SELECT * FROM jobs ORDER BY submitted_unix_ms, id");
     while (s.step()) {
-      JobRow j;
-      j.id = s.text();
-      j.name = s.text();
-      j.bundle_sha256 = s.text();
-      v1::JobSettings settings;
-      if (!settings.ParseFromString(s.text()))
-        return input_error(fmt::format("the settings of job {} cannot be read", j.id)).at(path_, 0);
-      CANDELA_ASSIGN(j.settings, wire::from_proto(settings));
-      j.stop.iterations = s.count();
-      j.stop.time_seconds = s.real();
-      j.stop.relmse = s.real();
-      j.priority = static_cast<std::int32_t>(s.integer());
-      j.share = s.real();
-      j.idempotency_token = s.text();
-      j.content_digest = s.text();
-      const std::string state = s.text();
-      if (const auto known = state_of(state))
-        j.state = *known;
-      else
-        return input_error(fmt::format("job {} has the unknown state '{}'", j.id, state)).at(path_, 0);
-      j.message = s.text();
-      j.stop_reason = s.text();
-      if (s.null_here())
-        s.integer();
-      else
-        j.named_state = NamedState{static_cast<int>(s.integer())};
-      j.plan = s.text();
-      j.thread_seconds_per_iteration = s.real();
-      j.submitted_unix_ms = s.integer();
-      j.finished_unix_ms = s.integer();
-      j.elapsed_seconds = s.real();
-      j.worker_seconds = s.real();
-      j.units_merged = s.count();
-      j.iterations = s.count();
-      j.tallies.eye_samples = s.count();
-      j.tallies.light_paths = s.count();
-      j.tallies.rays = s.count();
-      for (std::uint64_t& r : first_causes(j.tallies.rejected)) r = s.count();
-      j.relmse = s.real();
-      j.checkpoint_generation = s.count();
-      j.checkpoint_iterations = s.count();
-      j.layers = split(s.text());
-      if (auto layout = film::make_layout(j.settings.width, j.settings.height, j.layers); !layout.ok())
-        return input_error(
-                   fmt::format("the layers of job {} cannot be used: {}", j.id, layout.error().to_string()))
-            .at(path_, 0);
-      CANDELA_TRY(read_chains(s, j));
-      j.promised = sets_of(numbers_of<std::uint64_t>(s.text()));
-      j.repairs_to = state_of(s.text());
-      CANDELA_TRY(read_work(s, j));
-      for (std::uint64_t* count :
-           {&j.tallies.rejected[kStatistics], &j.bootstrap_rejected[kStatistics], &j.tallies.sampled_merges,
-            &j.tallies.repeated_merges, &j.tallies.bounded_walks})
-        *count = s.count();
-      j.submitter = s.text();
-      CANDELA_TRY(read_audit(s, j));
-      j.stop_indices = sets_of(numbers_of<std::uint64_t>(s.text()));
-      j.scene_path = s.text();
+      CANDELA_ASSIGN(JobRow j, read_job(s));
       out.jobs.push_back(std::move(j));
     }
     if (s.failed()) return failure("cannot read the jobs");
   }
-  {
-    Statement s(db_, "SELECT * FROM units WHERE state != 2 ORDER BY id");
-    while (s.step()) out.unmerged_units.push_back(read_unit(s));
-    if (s.failed()) return failure("cannot read the units");
-  }
-  {
-    Statement s(db_, "SELECT * FROM leases ORDER BY token");
-    while (s.step()) {
-      LeaseRow l;
-      l.token = s.count();
-      l.unit_id = s.count();
-      l.job_id = s.text();
-      l.worker_id = s.text();
-      l.expected_seconds = s.real();
-      l.speculative = s.integer() != 0;
-      out.leases.push_back(std::move(l));
-    }
-    if (s.failed()) return failure("cannot read the leases");
-  }
-  {
-    Statement s(db_, "SELECT job, epoch, name, sha256, size_bytes FROM states ORDER BY job, epoch");
-    while (s.step()) {
-      StateRow row;
-      row.job_id = s.text();
-      row.epoch = s.count();
-      row.name = s.text();
-      row.sha256 = s.text();
-      row.size_bytes = s.count();
-      out.states[row.job_id].push_back(row);
-    }
-    if (s.failed()) return failure("cannot read the states");
-  }
-  {
-    Statement s(db_, "SELECT * FROM workers ORDER BY id");
-    while (s.step()) {
-      WorkerRow w;
-      w.id = s.text();
-      w.session = s.text();
-      w.name = s.text();
-      w.host = s.text();
-      w.build_id = s.text();
-      w.threads = static_cast<std::uint32_t>(s.integer());
-      w.isas = split(s.text());
-      w.draining = s.integer() != 0;
-      w.units_merged = s.count();
-      w.units_failed = s.count();
-      w.last_seen_unix_ms = s.integer();
-      w.paused = s.integer() != 0;
-      out.workers.push_back(std::move(w));
-    }
-    if (s.failed()) return failure("cannot read the workers");
-  }
-  {
-    Statement s(db_, "SELECT * FROM bootstraps ORDER BY job, first");
-    while (s.step()) {
-      BootstrapRow row;
-      s.integer();
-      row.job_id = s.text();
-      row.begin = s.count();
-      row.contributions = numbers_of<float>(s.text());
-      for (std::uint64_t& r : row.rejected) r = s.count();
-      out.bootstraps.push_back(std::move(row));
-    }
-    if (s.failed()) return failure("cannot read the bootstraps");
-  }
-  {
-    Statement s(db_, "SELECT * FROM chain_starts");
-    while (s.step()) {
-      const std::string job = s.text();
-      out.chain_starts[job] = numbers_of<std::uint64_t>(s.text());
-    }
-    if (s.failed()) return failure("cannot read the chains' starts");
-  }
-  {
-    Statement s(db_, "SELECT worker, since_unix_ms, reason FROM distrusted ORDER BY worker");
-    while (s.step()) {
-      DistrustRow row;
-      row.worker = s.text();
-      row.since_unix_ms = s.integer();
-      row.reason = s.text();
-      out.distrusted.push_back(std::move(row));
-    }
-    if (s.failed()) return failure("cannot read the workers that are distrusted");
-  }
+  CANDELA_ASSIGN(out.unmerged_units,
+                 read_rows<UnitRow>("SELECT * FROM units WHERE state != 2 ORDER BY id", "units"));
+  CANDELA_ASSIGN(out.leases, read_rows<LeaseRow>("SELECT * FROM leases ORDER BY token", "leases"));
+  CANDELA_ASSIGN(const std::vector<StateRow> states,
+                 read_rows<StateRow>("SELECT * FROM states ORDER BY job, epoch", "states"));
+  for (const StateRow& row : states) out.states[row.job_id].push_back(row);
+  CANDELA_ASSIGN(out.workers, read_rows<WorkerRow>("SELECT * FROM workers ORDER BY id", "workers"));
+  CANDELA_ASSIGN(out.bootstraps,
+                 read_rows<BootstrapRow>("SELECT * FROM bootstraps ORDER BY job, first", "bootstraps"));
+  CANDELA_ASSIGN(out.distrusted, read_rows<DistrustRow>("SELECT * FROM distrusted ORDER BY worker",
+                                                        "workers that are distrusted"));
+  CANDELA_ASSIGN(std::vector<PutStarts> starts,
+                 read_rows<PutStarts>("SELECT * FROM chain_starts", "chains' starts"));
+  for (PutStarts& row : starts) out.chain_starts[row.job_id] = std::move(row.starts);
   {
     Statement s(db_, "SELECT value FROM counters WHERE name = 'audit-secret'");
     if (!s.step()) return failure("cannot read the secret of audits");
@@ -302,7 +145,8 @@ Result<std::vector<UnitRow>> SqliteStore::merged_units(const std::string& job_id
   std::vector<UnitRow> out;
   Statement s(db_, "SELECT * FROM units WHERE job = ? AND state = 2 ORDER BY id");
   s.bind(job_id);
-  while (s.step()) out.push_back(read_unit(s));
+  Reader row(s);
+  while (s.step()) columns(row, out.emplace_back());
   if (s.failed()) return failure("cannot read the units");
   return out;
 }
@@ -332,23 +176,12 @@ Result<std::map<std::string, std::uint64_t>> SqliteStore::units_by(const std::st
 
 Result<std::vector<EventRow>> SqliteStore::events(const std::string& job_id, std::uint32_t limit) {
   const std::lock_guard lock(mutex_);
-  Statement s(
-      db_,
-      job_id.empty()
-          ? "SELECT unix_ms, job, worker, kind, message FROM events WHERE ?1 = '' ORDER BY id DESC LIMIT ?2"
-          : "SELECT unix_ms, job, worker, kind, message FROM events WHERE job = ?1 ORDER BY id DESC LIMIT "
-            "?2");
+  Statement s(db_, job_id.empty() ? "SELECT * FROM events WHERE ?1 = '' ORDER BY id DESC LIMIT ?2"
+                                  : "SELECT * FROM events WHERE job = ?1 ORDER BY id DESC LIMIT ?2");
   s.bind(job_id).bind(limit);
   std::vector<EventRow> out;
-  while (s.step()) {
-    EventRow e;
-    e.unix_ms = s.integer();
-    e.job_id = s.text();
-    e.worker_id = s.text();
-    e.kind = s.text();
-    e.message = s.text();
-    out.push_back(std::move(e));
-  }
+  Reader row(s);
+  while (s.step()) columns(row, out.emplace_back());
   if (s.failed()) return failure("cannot read the events");
   return std::vector<EventRow>(std::make_move_iterator(out.rbegin()), std::make_move_iterator(out.rend()));
 }
@@ -364,17 +197,7 @@ Result<std::optional<std::string>> SqliteStore::bundle(const std::string& sha256
 
 Result<std::vector<OverdueRow>> SqliteStore::overdue() {
   const std::lock_guard lock(mutex_);
-  std::vector<OverdueRow> out;
-  Statement s(db_, "SELECT * FROM overdue ORDER BY job");
-  while (s.step()) {
-    OverdueRow row;
-    row.job_id = s.text();
-    row.finished_unix_ms = s.integer();
-    row.waited_seconds = s.real();
-    out.push_back(std::move(row));
-  }
-  if (s.failed()) return failure("cannot read the jobs that wait for their removal");
-  return out;
+  return read_rows<OverdueRow>("SELECT * FROM overdue ORDER BY job", "jobs that wait for their removal");
 }
 
 }  // namespace candela::master

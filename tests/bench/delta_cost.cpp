@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "common/base/hash.h"
-#include "common/bundle/bundle.h"
+#include "common/bundle/gather.h"
 #include "common/film/delta.h"
 #include "tests/bench/count_argument.h"
 #include "tests/bench/thread_time.h"

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "common/bundle/bundle.h"
+#include "common/bundle/gather.h"
 #include "common/film/delta.h"
 #include "common/stages/decision.h"
 #include "tests/bench/count_argument.h"

@@ -36,7 +36,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/bundle/bundle.h"
+#include "common/bundle/gather.h"
 #include "common/film/delta.h"
 #include "common/image/image.h"
 #include "common/stages/development.h"

@@ -22,7 +22,7 @@
 #include <vector>
 
 #include "common/base/files.h"
-#include "common/bundle/bundle.h"
+#include "common/bundle/gather.h"
 #include "tests/bench/count_argument.h"
 #include "worker/loaders/mesh.h"
 #include "worker/scene/scene.h"

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "common/bundle/bundle.h"
+#include "common/bundle/gather.h"
 #include "common/image/image.h"
 #include "common/stats/image_error.h"
 #include "tests/bench/count_argument.h"

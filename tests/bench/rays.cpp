@@ -13,7 +13,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "common/bundle/bundle.h"
+#include "common/bundle/gather.h"
 #include "tests/bench/count_argument.h"
 #include "worker/estimators/path.h"
 #include "worker/samplers/sampler.h"

@@ -12,7 +12,7 @@
 #include <stdexcept>
 
 #include "common/base/files.h"
-#include "common/bundle/bundle.h"
+#include "common/bundle/gather.h"
 #include "common/image/image.h"
 #include "common/stages/development.h"
 #include "tests/bench/candela_bench/process.h"

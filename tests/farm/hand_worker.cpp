@@ -8,7 +8,7 @@
 
 #include "common/base/hash.h"
 #include "common/base/version.h"
-#include "common/bundle/bundle.h"
+#include "common/bundle/gather.h"
 #include "common/wire/wire.h"
 #include "tests/farm/process.h"
 #include "tests/token_channel.h"

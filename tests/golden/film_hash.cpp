@@ -7,7 +7,7 @@
 #include <stdexcept>
 
 #include "common/base/hash.h"
-#include "common/bundle/bundle.h"
+#include "common/bundle/gather.h"
 #include "tests/epoch_run.h"
 #include "tests/integrators.h"
 #include "tests/paths.h"

@@ -229,7 +229,7 @@ class Page(unittest.TestCase):
         self.assertTrue(eventually(lambda: self.status(job)["priority"] == 7))
         tab.run((button % "Extend…") + ".click()")
         fill("iterations", "12345")
-        self.assertTrue(eventually(lambda: self.status(job)["stop_iterations"] > 12345))
+        self.assertTrue(eventually(lambda: self.status(job)["stop"]["iterations"] > 12345))
         tab.run((button % "Cancel…") + ".click()")
         tab.run("document.querySelector('#dialog-go').click()")
         tab.wait("document.querySelector('.jobhead .badge').textContent === 'cancelled'")

@@ -6,7 +6,7 @@
 
 #include "common/base/hash.h"
 #include "common/base/version.h"
-#include "common/bundle/bundle.h"
+#include "common/bundle/gather.h"
 #include "common/film/codec.h"
 #include "common/film/film.h"
 #include "common/wire/wire.h"

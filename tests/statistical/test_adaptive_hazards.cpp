@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "common/adaptive/levels.h"
-#include "common/bundle/bundle.h"
+#include "common/bundle/gather.h"
 #include "tests/epoch_run.h"
 #include "tests/paths.h"
 #include "tests/statistical/harness.h"

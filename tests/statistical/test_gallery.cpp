@@ -17,7 +17,7 @@
 
 #include "client/embedded/commands.h"
 #include "client/settings.h"
-#include "common/bundle/bundle.h"
+#include "common/bundle/gather.h"
 #include "common/description/vocabulary.h"
 #include "common/image/image.h"
 #include "tests/paths.h"

@@ -11,7 +11,7 @@
 #include <numbers>
 #include <span>
 
-#include "common/bundle/bundle.h"
+#include "common/bundle/gather.h"
 #include "tests/paths.h"
 #include "tests/proofs/proofs.h"
 #include "tests/statistical/optimis_job.h"

@@ -7,7 +7,7 @@
 #include <fstream>
 
 #include "common/base/hash.h"
-#include "common/bundle/bundle.h"
+#include "common/bundle/gather.h"
 #include "common/job/job.h"
 #include "tests/temporary_folder.h"
 

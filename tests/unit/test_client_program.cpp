@@ -13,9 +13,9 @@
 #include "client/embedded/app.h"
 #include "client/embedded/local_farm.h"
 #include "client/embedded/state_folder.h"
-#include "client/json.h"
 #include "client/output.h"
 #include "client/progress.h"
+#include "common/wire/json.h"
 #include "tests/paths.h"
 #include "tests/unit/client_outcome.h"
 
@@ -99,8 +99,8 @@ TEST(Progress, OfChains) {
   chains.set_bootstrap_done(2500);
   chains.set_b(std::nan(""));
   EXPECT_EQ(format_progress(s), "  0%  0/128 iterations, bootstrap: 2500 of 100000 samples");
-  EXPECT_TRUE(nlohmann::json::parse(job_json(s)).at("chains").at("b").is_null());
-  EXPECT_TRUE(nlohmann::json::parse(job_json(s)).at("bootstrap_b").is_null());
+  EXPECT_TRUE(nlohmann::json::parse(wire::job_json(s)).at("chains").at("b").is_null());
+  EXPECT_TRUE(nlohmann::json::parse(wire::job_json(s)).at("bootstrap_b").is_null());
   s.mutable_named_state()->set_bootstrap_b(0.5);
   s.set_units_merged(3);
   chains.set_b(0.51234);
@@ -115,9 +115,9 @@ TEST(Progress, OfChains) {
   EXPECT_EQ(format_progress(s), "  0%  0/2112 spp, b 0.5123 +- 0.4 %");
   s.set_iterations(3);
   EXPECT_EQ(format_progress(s).substr(0, 17), "  2%  49.5/2112 s");
-  EXPECT_EQ(nlohmann::json::parse(job_json(s)).at("samples_per_pixel"), 49.5);
+  EXPECT_EQ(nlohmann::json::parse(wire::job_json(s)).at("samples_per_pixel"), 49.5);
   s.set_iterations(0);
-  const auto json = nlohmann::json::parse(job_json(s));
+  const auto json = nlohmann::json::parse(wire::job_json(s));
   EXPECT_EQ(json.at("bootstrap_b"), 0.5);
   EXPECT_EQ(json.at("chains").at("b_samples"), 123456);
   EXPECT_EQ(json.at("chains").at("bootstrap_done"), 2500);
@@ -128,7 +128,7 @@ TEST(Progress, OfChains) {
 // Claim: scripts get the epoch of a job and the figures of its state; other jobs have none.
 TEST(Progress, OfEpochs) {
   v1::JobStatus s = running_job();
-  EXPECT_TRUE(nlohmann::json::parse(job_json(s)).at("epochs").is_null());
+  EXPECT_TRUE(nlohmann::json::parse(wire::job_json(s)).at("epochs").is_null());
   v1::EpochStatus& epochs = *s.mutable_epochs();
   epochs.set_epoch(7);
   epochs.set_iterations(16);
@@ -136,7 +136,7 @@ TEST(Progress, OfEpochs) {
   v1::Figure& figure = *epochs.add_figures();
   figure.set_name("pixels shrunk");
   figure.set_value(12);
-  const auto json = nlohmann::json::parse(job_json(s)).at("epochs");
+  const auto json = nlohmann::json::parse(wire::job_json(s)).at("epochs");
   EXPECT_EQ(json.at("epoch"), 7);
   EXPECT_EQ(json.at("iterations"), 16);
   EXPECT_EQ(json.at("statistics_bytes"), 1000);
@@ -177,7 +177,7 @@ TEST(Json, JobShape) {
   s.set_units_merged(7);
   s.set_message("caf\xe9");
   s.set_eta_seconds(std::numeric_limits<double>::infinity());
-  const auto json = nlohmann::json::parse(job_json(s));
+  const auto json = nlohmann::json::parse(wire::job_json(s));
   EXPECT_EQ(json.at("id"), "j1");
   EXPECT_EQ(json.at("state"), "running");
   EXPECT_EQ(json.at("units_merged"), 7);
@@ -189,21 +189,21 @@ TEST(Json, JobShape) {
   EXPECT_TRUE(json.contains("message"));
   EXPECT_TRUE(json.at("error_upper").is_null());  // of a master that does not tell it
   s.set_relmse_upper(3e-3);
-  EXPECT_DOUBLE_EQ(nlohmann::json::parse(job_json(s)).at("error_upper").get<double>(), 3e-3);
+  EXPECT_DOUBLE_EQ(nlohmann::json::parse(wire::job_json(s)).at("error_upper").get<double>(), 3e-3);
   s.set_relmse_estimate(std::nan(""));
   s.set_relmse_upper(std::nan(""));
-  EXPECT_TRUE(nlohmann::json::parse(job_json(s)).at("error").is_null());
-  EXPECT_TRUE(nlohmann::json::parse(job_json(s)).at("error_upper").is_null());
+  EXPECT_TRUE(nlohmann::json::parse(wire::job_json(s)).at("error").is_null());
+  EXPECT_TRUE(nlohmann::json::parse(wire::job_json(s)).at("error_upper").is_null());
 }
 
 // Claim: lists are objects with one named array, also when empty.
 TEST(Json, ListShapes) {
-  EXPECT_EQ(nlohmann::json::parse(jobs_json({})),
+  EXPECT_EQ(nlohmann::json::parse(wire::jobs_json({})),
             nlohmann::json::parse(R"({"jobs": [], "total": 0, "next": null})"));
   EXPECT_EQ(
-      nlohmann::json::parse(workers_json({})),
+      nlohmann::json::parse(wire::workers_json({})),
       nlohmann::json::parse(R"({"workers": [], "wanted": {"threads": 0, "workers": 0}, "distrusted": []})"));
-  EXPECT_EQ(nlohmann::json::parse(events_json({})), nlohmann::json::parse(R"({"events": []})"));
+  EXPECT_EQ(nlohmann::json::parse(wire::events_json({})), nlohmann::json::parse(R"({"events": []})"));
 }
 
 // Claim: bad usage is exit code 2 and one line "candela: error: ..." on standard error, nothing on standard

@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <numbers>
 
-#include "common/bundle/bundle.h"
+#include "common/bundle/gather.h"
 #include "common/description/transform.h"
 #include "common/description/vocabulary.h"
 #include "test_description_common.h"

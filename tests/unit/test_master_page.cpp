@@ -1,7 +1,11 @@
 // What the page shows: the record of convergence, pictures in tiles, and the priority it can change.
 #include <cmath>
 #include <fstream>
+#include <nlohmann/json.hpp>
 
+#include "common/wire/json.h"
+#include "master/api/messages.h"
+#include "master/http/page_json.h"
 #include "master/http/pictures.h"
 #include "master/jobs/convergence.h"
 #include "tests/temporary_folder.h"
@@ -86,6 +90,61 @@ TEST_F(SchedulerFixture, RaisedPriorityGetsTheNextLease) {
   EXPECT_EQ(s->job("a")->row.priority, 4);
   ASSERT_TRUE(s->cancel("a", now()).ok());
   EXPECT_FALSE(s->set_priority("a", 5, now()).ok());
+}
+
+// Each field of a line is one of the page, with its value; seconds are whole.
+void expect_part(const nlohmann::json& line, const nlohmann::json& page) {
+  for (const auto& [name, value] : line.items()) {
+    ASSERT_TRUE(page.contains(name)) << name;
+    if (value.is_object())
+      expect_part(value, page.at(name));
+    else if (name == "elapsed_seconds" || name == "eta_seconds")
+      EXPECT_EQ(value.is_null(), page.at(name).is_null()) << name;
+    else
+      EXPECT_EQ(value, page.at(name)) << name;
+  }
+}
+
+// Claim: a line of a list says what the page of the job or worker says, under the same names, before anything
+// is merged and after, also of a worker that is stuck.
+TEST_F(SchedulerFixture, LinesSayWhatPagesSay) {
+  const auto job_line = [&] {
+    const Job& job = *s->job("j");
+    expect_part(nlohmann::json::parse(job_line_json(*s, job, now())),
+                nlohmann::json::parse(wire::page_json(to_message(status_of(*s, job, now())))));
+  };
+  const auto worker_line = [&] {
+    const WorkerState& w = s->workers().at("w");
+    const auto line = nlohmann::json::parse(worker_line_json(*s, w, now()));
+    expect_part(line, nlohmann::json::parse(wire::page_json(to_message(status_of(*s, w, now())))));
+    return line.at("message").get<std::string>();
+  };
+  worker("w");
+  JobRow r = row("j", 100);
+  r.name = "a <b>\u202e";
+  r.share = 1.5;
+  r.priority = -3;
+  r.stop.time_seconds = 60;
+  r.settings.integrator = "vcm";
+  r.named_state = NamedState{20};
+  r.thread_seconds_per_iteration = 1;
+  s->restore(r, {}, {}, {}, {}, now());  // as after a pilot
+  job_line();
+  for (int i = 0; i < 3; ++i) {
+    const auto l = lease("w");
+    ASSERT_TRUE(l);
+    EXPECT_EQ(deliver(*l, unit_of(*l), {}, 1), Delivery::ok);
+    at(clock + 1);
+  }
+  job_line();
+  EXPECT_EQ(worker_line(), "");
+  const auto l = lease("w");
+  ASSERT_TRUE(l);
+  for (const double end = clock + 70; clock < end; at(clock + 2)) {  // without a step
+    s->heartbeat("w", {{l->row.token, WorkPhase::building, 7}}, now());
+    s->tick(now());
+  }
+  EXPECT_NE(worker_line(), "");
 }
 
 }  // namespace

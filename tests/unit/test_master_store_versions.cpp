@@ -491,5 +491,81 @@ TEST(StoreVersions, TheTenthLearnsExactIndices) {
   });
 }
 
+// Claim: columns are found by their names, wherever in their table they stand; one that is missing is an
+// error, not another's value.
+TEST(StoreVersions, ColumnsAreFoundByName) {
+  const test::TemporaryFolder folder;
+  const fs::path path = folder.path() / "store.sqlite";
+  JobRow j;
+  j.id = "j";
+  j.bundle_sha256 = "hash";
+  j.settings.width = 30;
+  j.settings.height = 20;
+  j.layers = {"direct", "indirect"};
+  j.named_state = NamedState{3};
+  j.share = 2.5;
+  j.tallies.rays = 77;
+  j.submitter = "ann";
+  UnitRow u;
+  u.id = 5;
+  u.job_id = "j";
+  u.unit = {Unit::Kind::iterations, 1, 4, 6};
+  u.token = 9;
+  u.by = {"host/a", "host/b"};
+  WorkerRow w;
+  w.id = "w";
+  w.isas = {"avx2", "avx512"};
+  w.units_failed = 6;
+  w.paused = true;
+  const auto same = [&](const StoredState& state) {
+    const JobRow& job = state.jobs.at(0);
+    EXPECT_EQ(job.layers, j.layers);
+    EXPECT_EQ(job.named_state->film_scale_log2, 3);
+    EXPECT_EQ(job.share, j.share);
+    EXPECT_EQ(job.tallies, j.tallies);
+    EXPECT_EQ(job.submitter, j.submitter);
+    const UnitRow& unit = state.unmerged_units.at(0);
+    EXPECT_EQ(unit.unit.half, u.unit.half);
+    EXPECT_EQ(unit.unit.begin, u.unit.begin);
+    EXPECT_EQ(unit.unit.end, u.unit.end);
+    EXPECT_EQ(unit.token, u.token);
+    EXPECT_EQ(unit.by, u.by);
+    const WorkerRow& worker = state.workers.at(0);
+    EXPECT_EQ(worker.isas, w.isas);
+    EXPECT_EQ(worker.units_failed, w.units_failed);
+    EXPECT_TRUE(worker.paused && !worker.draining);
+  };
+  const std::vector<Change> all{PutJob{j}, PutUnit{u}, PutWorker{w}};
+  {
+    auto store = open_sqlite_store(path);
+    ASSERT_TRUE(store.ok());
+    ASSERT_TRUE((*store)->write(all).ok());
+  }
+  for (const char* moved : {"jobs.name TEXT", "jobs.share REAL", "jobs.rays INTEGER", "units.half INTEGER",
+                            "units.token INTEGER", "workers.threads INTEGER", "workers.draining INTEGER"}) {
+    const std::string text(moved);
+    const std::size_t dot = text.find('.'), space = text.find(' ');
+    const std::string table = text.substr(0, dot), column = text.substr(dot + 1, space - dot - 1);
+    Database old(path);
+    old.execute(("ALTER TABLE " + table + " ADD COLUMN moved" + text.substr(space) + "; UPDATE " + table +
+                 " SET moved = " + column + "; ALTER TABLE " + table + " DROP COLUMN " + column +
+                 "; ALTER TABLE " + table + " RENAME COLUMN moved TO " + column)
+                    .c_str());
+  }
+  {
+    auto store = open_sqlite_store(path);
+    ASSERT_TRUE(store.ok());
+    const auto read = (*store)->load();
+    ASSERT_TRUE(read.ok()) << read.error().to_string();
+    same(*read);
+    ASSERT_TRUE((*store)->write(all).ok());
+    same(*(*store)->load());
+  }
+  Database(path).execute("ALTER TABLE workers DROP COLUMN threads");
+  auto store = open_sqlite_store(path);
+  ASSERT_TRUE(store.ok());
+  EXPECT_FALSE((*store)->load().ok());
+}
+
 }  // namespace
 }  // namespace candela::master

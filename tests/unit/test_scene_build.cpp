@@ -8,7 +8,6 @@
 #include <ctime>
 #include <string>
 
-#include "common/bundle/bundle.h"
 #include "tests/unit/scene_fixture.h"
 #include "worker/scene/shapes/geometry.h"
 

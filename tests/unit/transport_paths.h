@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "common/bundle/bundle.h"
+#include "common/bundle/gather.h"
 #include "worker/transport/reference/reference.h"
 #include "worker/transport/technique/connect.h"
 #include "worker/transport/technique/connect_lens.h"

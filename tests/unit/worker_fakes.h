@@ -17,8 +17,8 @@
 
 #include "candela/v1/worker.grpc.pb.h"
 #include "common/base/hash.h"
-#include "common/bundle/bundle.h"
 #include "common/film/film.h"
+#include "common/job/bundle.h"
 #include "common/wire/wire.h"
 #include "worker/service/farm_worker.h"
 

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "common/base/result.h"
-#include "common/bundle/bundle.h"
+#include "common/job/bundle.h"
 #include "common/job/failure.h"
 #include "common/job/job.h"
 #include "worker/render/renderer.h"

@@ -8,6 +8,7 @@
 #include "common/description/file_key.h"
 #include "common/description/text.h"
 #include "common/description/vocabulary.h"
+#include "common/job/bundle.h"
 
 namespace candela::description::pbrt {
 namespace {
@@ -29,7 +30,7 @@ Result<std::string> Context::find_file(const Location& where, std::string_view n
   std::optional<Error> first_error;
   for (const std::string& folder : {main_folder_, folder_of_key(where.file)}) {
     const std::string key = file_key(folder, name);
-    if (name.empty() || !is_file_key(key))
+    if (name.empty() || !bundle::is_valid_key(key))
       return error_at(where, fmt::format("{} is not the name of a file", text::quote(name)));
     if (used_files_.contains(key)) return key;
     Result<void> found = files_.find(key);

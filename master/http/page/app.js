@@ -153,21 +153,21 @@ async function jobsPage() {
     const row = h('tr', {}, name, state, done, error, iterations, time, left, priority);
     return {element: row, update: (j) => {
       put(a, j.name || j.id);
-      put(note, j.integrator + ' · ' + j.id + (j.submitter ? ' · ' + j.submitter : '') + (j.message ? ' · ' + j.message : ''));
+      put(note, j.settings.integrator + ' · ' + j.id + (j.submitter ? ' · ' + j.submitter : '') + (j.message ? ' · ' + j.message : ''));
       put(mark, j.state);
       mark.className = 'badge ' + j.state;
       const p = j.state === 'done' ? 1 : progress(j);
       meter.hidden = p === null;
       meter.value = p || 0;
       put(percent, p === null ? 'no limit' : Math.floor(100 * p) + ' %');
-      put(error, small(j.relmse));
+      put(error, small(j.error));
       put(iterations, count(j.iterations));
       put(time, duration(j.elapsed_seconds));
       put(left, j.state === 'running' ? duration(j.eta_seconds) : '–');
       put(priority, String(j.priority));
     }};
   }, (j) => [kOrder[j.state] ?? 3, -j.submitted_unix_ms, j.id]);
-  const filter = filterBox('Find a job', () => rows.rows, (j) => j.name + ' ' + j.id + ' ' + j.state + ' ' + j.integrator + ' ' + j.submitter);
+  const filter = filterBox('Find a job', () => rows.rows, (j) => j.name + ' ' + j.id + ' ' + j.state + ' ' + j.settings.integrator + ' ' + j.submitter);
   const summary = h('p', {class: 'summary', role: 'status'});
   let total = 0;
   const more = h('button', {type: 'button', hidden: true, onclick: () => load(rows.rows.size)}, 'Older jobs');
@@ -287,7 +287,7 @@ async function jobPage(id) {
   const path = '/api/jobs/' + encodeURIComponent(id);
   const first = await get(path);
   const title = h('h1', {}), state = badge('queued'), message = h('p', {class: 'message', role: 'status'}), meter = bar('Progress'), percent = h('span', {class: 'percent'});
-  const {list, nodes} = figures([['left', 'Time left'], ['relmse', 'Estimated relMSE'], ['iterations', 'Iterations'], ['rate', 'Samples a second'], ['elapsed', 'Time rendering'], ['worker', 'Worker time'], ['leased', 'Units under way'], ['memory', 'Largest worker'], ['priority', 'Priority'], ['rejected', 'Rejected samples']]);
+  const {list, nodes} = figures([['left', 'Time left'], ['error', 'Estimated relMSE'], ['iterations', 'Iterations'], ['rate', 'Samples a second'], ['elapsed', 'Time rendering'], ['worker', 'Worker time'], ['leased', 'Units under way'], ['memory', 'Largest worker'], ['priority', 'Priority'], ['rejected', 'Rejected samples']]);
   const act = (verb, values) => post(`${path}/${verb}`, values);
   const say = async (f) => { try { await f(); } catch (e) { ask({title: 'It did not work', text: e.message, action: 'Well'}, async () => {}); } };
   const buttons = {
@@ -307,7 +307,7 @@ async function jobPage(id) {
   }}, text);
   let plotted = '';
   const drawPlot = () => {
-    const key = [axis, job.stop_relmse, job.stop_iterations, job.stop_seconds, convergence.length, convergence.at(-1)].join();
+    const key = [axis, job.stop.relmse, job.iterations_asked, job.stop.time_seconds, convergence.length, convergence.at(-1)].join();
     if (key === plotted) return;
     plotted = key;
     const {svg, text} = chart(job, convergence, axis);
@@ -340,26 +340,27 @@ async function jobPage(id) {
     meter.value = p || 0;
     put(percent, p === null ? 'No limit is set' : Math.floor(100 * p) + ' %');
     put(nodes.left, j.state === 'running' ? duration(j.eta_seconds) : '–');
-    put(nodes.relmse, small(j.relmse) + (j.relmse_upper ? ', at most ' + small(j.relmse_upper) : ''));
-    put(nodes.iterations, count(j.iterations) + (j.stop_iterations ? ' of ' + count(j.stop_iterations) : ''));
+    put(nodes.error, small(j.error) + (j.error_upper ? ', at most ' + small(j.error_upper) : ''));
+    put(nodes.iterations, count(j.iterations) + (j.iterations_asked ? ' of ' + count(j.iterations_asked) : ''));
     put(nodes.rate, count(j.samples_per_second));
-    put(nodes.elapsed, duration(j.elapsed_seconds) + (j.stop_seconds ? ' of ' + duration(j.stop_seconds) : ''));
+    put(nodes.elapsed, duration(j.elapsed_seconds) + (j.stop.time_seconds ? ' of ' + duration(j.stop.time_seconds) : ''));
     put(nodes.worker, duration(j.worker_seconds));
     put(nodes.leased, count(j.units_leased));
     put(nodes.memory, bytes(j.worker_memory_bytes));
     put(nodes.priority, j.priority + (j.share !== 1 ? ', share ' + small(j.share) : ''));
-    put(nodes.rejected, count(Object.entries(j.rejected).reduce((a, [cause, n]) => a + (cause === 'statistics' ? 0 : n), 0)));
+    put(nodes.rejected, count(Object.entries(j.rejected_samples).reduce((a, [cause, n]) => a + (cause === 'statistics' ? 0 : n), 0)));
     const ended = ['done', 'failed', 'cancelled'].includes(j.state);
     buttons.pause.hidden = ended || j.state === 'paused';
     buttons.resume.hidden = j.state !== 'paused' && j.state !== 'failed';
     buttons.cancel.hidden = ended;
     buttons.priority.hidden = ended;
-    const unseen = j.plan.filter((line) => line.startsWith('note light ')).map((line) => line.slice(5));
+    const unseen = j.plan.split('\n').filter((line) => line.startsWith('note light ')).map((line) => line.slice(5));
     put(luck, unseen.length ? 'The error may leave out ' + unseen.join('; ') : '');
-    put(plan, j.plan.length ? j.plan.join('\n') : 'The plan comes with the first unit.');
+    put(plan, j.plan || 'The plan comes with the first unit.');
+    const {indices, iterations, time_seconds, relmse} = j.stop;
     const s = j.settings, facts = [['Job', j.id], ['Submitter', j.submitter || 'unknown'], ['Integrator', s.integrator], ...Object.entries(s.integrator_settings), ['Size', `${s.width} × ${s.height}`], ['Filter', s.filter], ...Object.entries(s.filter_settings), ['Sampler', s.sampler], ['Seed', s.seed], ['Instruction set', s.isa], ['AOVs', s.aovs || 'none'],
-      ['Stop', [j.stop_indices ? 'exactly the indices ' + (j.stop_indices.length > 120 ? j.stop_indices.slice(0, 120) + '...' : j.stop_indices) : j.stop_iterations ? count(j.stop_iterations) + ' iterations' : '', j.stop_seconds ? duration(j.stop_seconds) : '', j.stop_relmse ? 'relMSE at most ' + small(j.stop_relmse) : ''].filter(Boolean).join(', ') || 'never'],
-      ['Submitted', when(j.submitted_unix_ms)], ...(j.finished_unix_ms ? [['Finished', when(j.finished_unix_ms)]] : []), ['On disk', count(j.checkpoint_iterations) + ' iterations'], ['Scene', j.bundle.slice(0, 16)]];
+      ['Stop', [indices ? 'exactly the indices ' + (indices.length > 120 ? indices.slice(0, 120) + '...' : indices) : iterations ? count(j.iterations_asked) + ' iterations' : '', time_seconds ? duration(time_seconds) : '', relmse ? 'relMSE at most ' + small(relmse) : ''].filter(Boolean).join(', ') || 'never'],
+      ['Submitted', when(j.submitted_unix_ms)], ...(j.finished_unix_ms ? [['Finished', when(j.finished_unix_ms)]] : []), ['On disk', count(j.checkpoint.iterations) + ' iterations'], ['Scene', j.bundle_sha256.slice(0, 16)]];
     if (settingsShown !== String(facts)) {
       settingsShown = String(facts);
       settings.replaceChildren(...facts.map(([k, v]) => h('div', {}, h('dt', {}, k), h('dd', {}, v))));
@@ -373,7 +374,7 @@ async function jobPage(id) {
     epochs.hidden = !j.epochs;
     if (j.epochs) {
       put(epochFacts, `Epoch ${j.epochs.epoch} is decided: ${count(j.epochs.iterations)} iterations from ${count(j.epochs.first_iteration)}; ${bytes(j.epochs.statistics_bytes)} of statistics`);
-      epochTable.replaceChildren(...j.epochs.figures.map((f) => h('div', {}, h('dt', {}, f.name), h('dd', {}, small(f.value)))));
+      epochTable.replaceChildren(...Object.entries(j.epochs.figures).map(([name, value]) => h('div', {}, h('dt', {}, name), h('dd', {}, small(value)))));
     }
     drawPlot();
   };
@@ -417,7 +418,7 @@ async function workerPage(id) {
     put(nodes.host, w.host);
     put(nodes.threads, String(w.threads));
     put(nodes.units, count(w.units_merged));
-    put(nodes.failed, count(w.units_failed) + Object.entries(w.failures).map(([k, n]) => `, ${k} ${n}`).join(''));
+    put(nodes.failed, count(w.units_failed) + Object.entries(w.failures).map(([k, n]) => (n ? `, ${k} ${n}` : '')).join(''));
     put(nodes.memory, bytes(w.resident_bytes));
     put(nodes.seen, when(w.last_seen_unix_ms));
     put(nodes.build, w.build_id);

@@ -26,8 +26,8 @@ export function chart(job, convergence, axis) {
   const upper = uppers.length && uppers[uppers.length - 1][0] === last[0] ? uppers[uppers.length - 1][1] : last[1];
   const recent = points.filter(([x]) => x >= last[0] / 10);
   const slope = fit(recent);
-  const limit = job.stop_relmse || 0;
-  const end = axis === 'seconds' ? job.stop_seconds : job.stop_iterations;
+  const limit = job.stop.relmse || 0;
+  const end = axis === 'seconds' ? job.stop.time_seconds : job.iterations_asked;
   // Variance goes as 1/n: where that line meets the limit.
   const meets = limit > 0 && upper > limit ? (last[0] * upper) / limit : 0;
   let x0 = points[0][0], x1 = Math.max(last[0], Math.min(meets || 0, last[0] * 1e3), Math.min(end || 0, last[0] * 1e3));

@@ -54,9 +54,10 @@ export function when(ms) {
 // Share of the work that is done, of the limit that will end it first; null without a limit.
 export function progress(job) {
   const shares = [];
-  if (job.stop_iterations) shares.push(job.iterations / job.stop_iterations);
-  if (job.stop_seconds) shares.push(job.elapsed_seconds / job.stop_seconds);
-  if (job.stop_relmse && job.relmse_upper) shares.push(job.stop_relmse / job.relmse_upper);
+  const {time_seconds, relmse} = job.stop;
+  if (job.iterations_asked) shares.push(job.iterations / job.iterations_asked);
+  if (time_seconds) shares.push(job.elapsed_seconds / time_seconds);
+  if (relmse && job.error_upper) shares.push(relmse / job.error_upper);
   return shares.length ? Math.min(1, Math.max(...shares)) : null;
 }
 

@@ -17,10 +17,13 @@ export function setToken(text) {
   for (const f of listeners) f();
 }
 
+// A seed has up to 64 bits, more than a number of a script.
+const parse = (text) => JSON.parse(text.replace(/"seed":(\d+)/g, '"seed":"$1"'));
+
 export async function get(path) {
   const answer = await fetch(path, {cache: 'no-store'});
   if (!answer.ok) throw Object.assign(new Error((await answer.text()).trim()), {code: answer.status});
-  return answer.json();
+  return parse(await answer.text());
 }
 
 // Gets the cookie that lets this browser read. It changes nothing, so that another site gains nothing by it.
@@ -58,7 +61,7 @@ export function stream(query, handlers, {lost, found, again}) {
       }
     });
     for (const [kind, f] of Object.entries(handlers))
-      source.addEventListener(kind, (e) => f(JSON.parse(e.data)));
+      source.addEventListener(kind, (e) => f(parse(e.data)));
     source.onerror = () => {
       lost();
       if (source && source.readyState === EventSource.CLOSED) {

@@ -13,7 +13,7 @@
 #include <optional>
 
 #include "common/base/version.h"
-#include "common/bundle/bundle.h"
+#include "common/bundle/gather.h"
 #include "common/chains/chains.h"
 #include "common/film/codec.h"
 #include "common/film/development.h"

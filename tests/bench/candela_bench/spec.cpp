@@ -7,7 +7,7 @@
 
 #include "common/base/hash.h"
 #include "common/base/version.h"
-#include "common/bundle/bundle.h"
+#include "common/bundle/gather.h"
 #include "common/description/setting_text.h"
 #include "common/description/text.h"
 #include "worker/render/renderer.h"

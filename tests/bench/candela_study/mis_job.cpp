@@ -6,7 +6,7 @@
 #include <cmath>
 #include <filesystem>
 
-#include "common/bundle/bundle.h"
+#include "common/bundle/gather.h"
 #include "common/film/delta.h"
 #include "common/film/development.h"
 #include "common/mis/estimators.h"

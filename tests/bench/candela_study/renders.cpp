@@ -8,7 +8,7 @@
 #include <iterator>
 #include <utility>
 
-#include "common/bundle/bundle.h"
+#include "common/bundle/gather.h"
 #include "common/film/film.h"
 #include "tests/bench/candela_bench/spec.h"
 #include "tests/epoch_run.h"

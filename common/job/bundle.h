@@ -2,15 +2,12 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 #include <map>
-#include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/base/result.h"
-#include "common/description/object.h"
-#include "common/description/reading.h"
 
 namespace candela::bundle {
 
@@ -41,28 +38,6 @@ Result<void> validate(const Bundle& bundle);
 // "." or "a/"), at most Limits::max_path_bytes. It is never used as a path on the farm.
 bool is_valid_key(std::string_view key);
 
-// Reads files of the client, relative to the scene file's folder.
-class DiskSource final : public description::FileSource {
- public:
-  explicit DiskSource(std::filesystem::path root) : root_(std::move(root)) {}
-  Result<Bytes> open(const std::string& key) const override;
-  std::filesystem::path real_path(const std::string& key) const;
-
- private:
-  std::filesystem::path root_;
-};
-
-// A scene on disk, parsed, with its bundle: what `submit`, `render` and `plan` start from. Errors name files
-// as they are on this disk. The same file under two keys is two entries of one hash. `memory_bytes`: what
-// reading may take; 0: the default of description::ReadingBudget.
-struct GatheredScene {
-  description::SceneDescription description;
-  Bundle bundle;
-  std::map<std::string, std::filesystem::path> real_paths;  // key -> file on this disk
-  std::vector<description::Note> passed_over = {};          // see description::ReadScene
-};
-Result<GatheredScene> gather(const std::filesystem::path& scene_file,
-                             const std::map<std::string, std::string>& parameters,
-                             const description::Reading& reading = {}, std::uint64_t memory_bytes = 0);
+Result<void> check_parameters(const std::map<std::string, std::string>& parameters);
 
 }  // namespace candela::bundle

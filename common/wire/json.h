@@ -1,0 +1,27 @@
+// What scripts and the page read: messages as JSON text, with names and units that stay. Numbers that are
+// unknown (NaN) and limits that are not set are null; text that is not UTF-8 is mended, never an error.
+#pragma once
+
+#include <string>
+
+#include "candela/v1/client.pb.h"
+
+namespace candela::wire {
+
+// An object with at least id, state, units_merged, iterations, error (the estimated relMSE, or null),
+// error_upper (the upper end of its 95 % interval, or null) and message.
+std::string job_json(const v1::JobStatus& status);
+std::string jobs_json(const v1::ListJobsResponse& response);  // {"jobs": [...], "total", "next"}
+std::string trust_json(const v1::TrustResponse& response);
+std::string worker_json(const v1::WorkerStatus& status);
+std::string workers_json(const v1::ListWorkersResponse& response);  // {"workers": [...], "wanted": {...}}
+std::string events_json(const v1::ListEventsResponse& response);    // {"events": [...]}
+// One line.
+std::string report_json(const v1::JobReport& report);
+
+// The same objects as job_json() and worker_json(), compact, for a browser: every text is one printable line,
+// and a plan has lines.
+std::string page_json(const v1::JobStatus& status);
+std::string page_json(const v1::WorkerStatus& status);
+
+}  // namespace candela::wire
