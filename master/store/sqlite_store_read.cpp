@@ -121,7 +121,7 @@ Result<void> SqliteStore::read_work(Statement& s, JobRow& j) const {
 Result<void> SqliteStore::read_audit(Statement& s, JobRow& j) const {
   v1::JobAudit message;
   if (!message.ParseFromString(s.text()))
-    return input_error(fmt::format("what is known of the workers of job {} cannot be read", j.id))
+    return input_error(fmt::format("the record of the workers of job {} cannot be read", j.id))
         .at(path_, 0);
   JobAudit& audit = j.audit;
   audit.pilot_sha256 = message.pilot_sha256();
