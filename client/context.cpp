@@ -28,35 +28,34 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
   app.add_option("scene", options.scene, "Scene file (Mitsuba XML, or pbrt)")->required()->type_name("SCENE");
   add_texts(app, "-D,--define", options.defines, "Set a $parameter of the scene; may be repeated",
             "NAME=VALUE");
-  add_text(app, "--integrator", options.integrator,
-           "Integrator; default: the scene's, which is passed over if this is given, but for parameters that "
-           "both know",
-           "NAME");
-  app.add_flag(
-      "--lenient", options.lenient,
-      "Warn of unknown parameters, elements and plugins of the scene, and render without them or with the "
-      "nearest plugin");
+  add_text(
+      app, "--integrator", options.integrator,
+      "Integrator to use instead of the scene's; it keeps the scene's values of parameters that both have",
+      "NAME");
+  app.add_flag("--lenient", options.lenient,
+               "Accept unknown parameters, elements and plugins: warn, and leave them out or use the nearest "
+               "known plugin");
   add_texts(app, "--set", options.sets, "Set a setting of the integrator; may be repeated", "KEY=VALUE");
   if (with_limits) {
     add_text(app, "--spp", options.spp,
-             "Stop after N samples per pixel, or mutations per pixel of Markov chains; default without any "
-             "limit: the scene's sample_count",
+             "Stop after N samples per pixel (Markov chains: mutations per pixel); default if no limit is "
+             "given: the scene's sample_count",
              "N");
     add_text(app, "--iterations", options.iterations,
-             "Stop after N iterations, each a sample per pixel; of Markov chains rounds, one segment of each "
-             "chain",
+             "Stop after N iterations of one sample per pixel (Markov chains: rounds of one segment of each "
+             "chain)",
              "N");
     add_text(app, "--time", options.time, "Stop after this time, such as 90s, 10m or 1h30m", "DURATION");
-    add_text(
-        app, "--until", options.until,
-        "Stop when the upper end of the estimated error is at most X; with several limits the first counts",
-        "relmse=X");
+    add_text(app, "--until", options.until,
+             "Stop when the upper end of the estimated error is at most X; of several limits, the first that "
+             "is reached ends the job",
+             "relmse=X");
     add_text(app, "--indices", options.indices,
-             "Render exactly these iterations of each half, such as 0-31/0-29, of Markov chains segments; an "
-             "image says which it has, and `candela reproduce` how it is made again",
+             "Render exactly these iterations of each half, such as 0-31/0-29 (Markov chains: segments); "
+             "`candela reproduce` prints those of an image",
              "A/B");
   }
-  add_text(app, "--seed", options.seed, "Seed; default: the scene's sampler's, else 0", "N");
+  add_text(app, "--seed", options.seed, "Seed; default: that of the scene's sampler, else 0", "N");
   add_text(app, "--size", options.size,
            "Size of the image in pixels; default: the scene's film, or its crop window", "WxH");
   add_text(app, "--filter", options.filter,
@@ -64,32 +63,36 @@ void add_scene_options(CLI::App& app, SceneOptions& options, bool with_limits) {
            "NAME");
   add_text(app, "--sampler", options.sampler, "Sampler: sobol (default) or independent", "NAME");
   add_text(app, "--aov", options.aov,
-           "Layers of what the camera sees first, such as albedo,normal,depth or NAME:KIND; default: the "
-           "scene's integrator `aov`; none for none",
+           "AOVs to add as layers, such as albedo,normal,depth or NAME:KIND; none: no AOVs; default: those "
+           "of the scene's integrator `aov`",
            "LIST");
   add_text(app, "--scene-memory", options.scene_memory,
-           "Memory that reading the scene may take, such as 500M or 20G; default: half of the memory",
-           "SIZE");
+           "Maximum memory for reading the scene, such as 500M or 20G; default: half of the memory", "SIZE");
   add_text(app, "--isa", options.isa,
-           "Instruction set Embree may use: sse2, sse4.2, avx, avx2 (default) or avx512; part of what the "
-           "pixels depend on",
+           "Instruction set that Embree may use: sse2, sse4.2, avx, avx2 (default) or avx512; the pixels "
+           "depend on it",
            "NAME");
 }
 
 void add_farm_options(CLI::App& app, FarmOptions& options) {
   add_text(app, "--master", options.master,
            "Address of the master; default: $CANDELA_MASTER, else the configuration", "HOST:PORT");
-  add_text(app, "--tls-cert", options.tls_cert, "Our certificate (PEM); $CANDELA_TLS_CERT", "FILE");
-  add_text(app, "--tls-key", options.tls_key, "Its key (PEM); $CANDELA_TLS_KEY", "FILE");
+  add_text(app, "--tls-cert", options.tls_cert, "Certificate of this client (PEM); $CANDELA_TLS_CERT",
+           "FILE");
+  add_text(app, "--tls-key", options.tls_key, "Private key of that certificate (PEM); $CANDELA_TLS_KEY",
+           "FILE");
   add_text(app, "--tls-ca", options.tls_ca,
-           "Certificate of the authority that signed the master's (PEM); $CANDELA_TLS_CA", "FILE");
+           "Certificate of the authority that signed the master's certificate (PEM); $CANDELA_TLS_CA",
+           "FILE");
   add_text(app, "--token-file", options.token_file,
-           "Token of a master without TLS; default: $CANDELA_TOKEN_FILE, else what this user's master made",
+           "File with the token of a master without TLS; default: $CANDELA_TOKEN_FILE, else the file that "
+           "this user's master made",
            "FILE");
   app.add_flag("--insecure", options.insecure,
                "Talk without TLS to a master on another machine; $CANDELA_INSECURE=true");
   add_text(app, "--timeout", options.timeout,
-           "How long to try to reach the master (default 10s); $CANDELA_TIMEOUT", "DURATION");
+           "Give up if the master cannot be reached for this long (default 10s); $CANDELA_TIMEOUT",
+           "DURATION");
 }
 
 void warn_of_scene(std::ostream& err, const LoadedScene& scene) {

@@ -136,10 +136,9 @@ Result<int> run_drain(Context& context, const FleetOptions& options) {
 
 void add_workers(CLI::App& app, Context& context) {
   auto options = std::make_shared<FleetOptions>();
-  CLI::App* sub = app.add_subcommand(
-      "workers",
-      "List the farm's workers; or pause one, which then gets no work, and resume it; or distrust one whose "
-      "samples are false, and trust it again");
+  CLI::App* sub = app.add_subcommand("workers",
+                                     "List the farm's workers; or change one: pause (it gets no work) and "
+                                     "resume; distrust (its samples are false) and trust");
   sub->add_option("action", options->action, "`pause`, `resume`, `distrust` or `trust`; default: list them")
       ->type_name("ACTION");
   sub->add_option("worker", options->id, "The worker's id, or a name that no other worker has")

@@ -321,8 +321,8 @@ Result<int> run_extend(Context& context, const JobOptions& options) {
 CLI::App* add_job_command(CLI::App& app, const std::shared_ptr<JobOptions>& options, const char* name,
                           const char* doc, bool id_required) {
   CLI::App* sub = app.add_subcommand(name, doc);
-  CLI::Option* id =
-      sub->add_option("id", options->id, id_required ? "The job" : "Only of this job")->type_name("ID");
+  CLI::Option* id = sub->add_option("id", options->id, id_required ? "The job" : "Only events of this job")
+                        ->type_name("ID");
   if (id_required) id->required();
   add_farm_options(*sub, options->farm);
   sub->add_flag("--json", options->json, "Print JSON");
@@ -346,8 +346,8 @@ void add_list(CLI::App& app, Context& context) {
   add_text(*sub, "--state", options->state,
            "Jobs in one of these: queued, running, paused, done, failed, cancelled", "STATE[,STATE]");
   add_text(*sub, "--limit", options->limit, "At most the newest N jobs (default 100; all with --json)", "N");
-  add_text(*sub, "--after", options->after, "Older jobs than those of a list before, which tells the value",
-           "PLACE");
+  add_text(*sub, "--after", options->after,
+           "Continue a list: only jobs older than PLACE, the value that the list before printed", "PLACE");
   add_farm_options(*sub, options->farm);
   sub->add_flag("--json", options->json, "Print JSON");
   sub->callback(
@@ -358,10 +358,10 @@ void add_show(CLI::App& app, Context& context) {
   auto options = std::make_shared<JobOptions>();
   CLI::App* sub =
       add_job_command(app, options, "show",
-                      "Show a job: state, progress, settings. relMSE is estimated from the job's two halves; "
-                      "'at most' is the upper end of its 95 % interval, by which --until stops. Light "
-                      "that no sample has found is in no estimate: where the plan knows of such light, "
-                      "it stands below, with an integrator that finds it (docs/error.md)",
+                      "Show a job: state, progress, settings. relMSE is estimated from the job's two halves. "
+                      "'at most' is the upper end of its 95 % interval; --until stops by it. No estimate "
+                      "knows of light that no sample has found: if the plan expects such light, a line names "
+                      "it and an integrator that finds it (docs/error.md)",
                       true);
   sub->callback(
       [&context, options] { context.command = [&context, options] { return run_show(context, *options); }; });
@@ -369,8 +369,7 @@ void add_show(CLI::App& app, Context& context) {
 
 void add_events(CLI::App& app, Context& context) {
   auto options = std::make_shared<JobOptions>();
-  CLI::App* sub =
-      add_job_command(app, options, "events", "Print what happened on the farm, or to a job", false);
+  CLI::App* sub = add_job_command(app, options, "events", "Print the events of the farm, or of a job", false);
   add_text(*sub, "--limit", options->limit, "At most the last N events (default 100)", "N");
   sub->callback([&context, options] {
     context.command = [&context, options] { return run_events(context, *options); };
@@ -382,7 +381,7 @@ void add_pause(CLI::App& app, Context& context) {
 }
 void add_resume(CLI::App& app, Context& context) {
   add_steer(app, context, "resume",
-            "Let a paused or failed job go on; one that waits after failures tries again now",
+            "Continue a paused or failed job; a job that waits after failures tries again at once",
             &FarmClient::resume_job);
 }
 void add_cancel(CLI::App& app, Context& context) {
@@ -393,7 +392,7 @@ void add_priority(CLI::App& app, Context& context) {
   auto options = std::make_shared<JobOptions>();
   CLI::App* sub = add_job_command(
       app, options, "priority",
-      "Set a job's priority; jobs of higher ones go first, units of lower ones are cut short", true);
+      "Set a job's priority; jobs of higher priority run first, and cut units of lower priority short", true);
   sub->add_option("priority", options->priority,
                   "The new one, -1000000 to 1000000; jobs have 0 unless told otherwise")
       ->required()
@@ -407,10 +406,10 @@ void add_extend(CLI::App& app, Context& context) {
   auto options = std::make_shared<JobOptions>();
   CLI::App* sub =
       add_job_command(app, options, "extend", "Add to a job's limits; a finished job goes on", true);
-  add_text(*sub, "--spp", options->spp, "So many more samples, or mutations, per pixel", "+N");
-  add_text(*sub, "--iterations", options->iterations, "So many more iterations", "+N");
-  add_text(*sub, "--time", options->time, "So much more time", "+DURATION");
-  add_text(*sub, "--until", options->until, "A new target for the upper end of the estimated error",
+  add_text(*sub, "--spp", options->spp, "Add N samples (Markov chains: mutations) per pixel", "+N");
+  add_text(*sub, "--iterations", options->iterations, "Add N iterations", "+N");
+  add_text(*sub, "--time", options->time, "Add this time", "+DURATION");
+  add_text(*sub, "--until", options->until, "New target for the upper end of the estimated error",
            "relmse=X");
   sub->callback([&context, options] {
     context.command = [&context, options] { return run_extend(context, *options); };

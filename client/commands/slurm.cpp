@@ -71,12 +71,13 @@ void add_resources(CLI::App& sub, SlurmOptions& options) {
   sub.add_option("--cpus", options.cpus, "Processors of a worker, its threads; default: 1")->type_name("N");
   sub.add_option("--memory", job.memory, "Memory of a worker, such as 32G; default: the site's")
       ->type_name("SIZE");
-  sub.add_option("--time", job.time, "Limit, such as 8:00:00 or 2-0; default: the site's")->type_name("TIME");
+  sub.add_option("--time", job.time, "Time limit, such as 8:00:00 or 2-0; default: the site's")
+      ->type_name("TIME");
   sub.add_option("--notice", options.notice,
                  "Seconds before the limit at which a worker delivers what it has and leaves; default: 60")
       ->type_name("SECONDS");
   sub.add_option("--partition", job.partition, "Partitions, with commas between")->type_name("NAME");
-  sub.add_option("--account", job.account, "Whose account the time goes to")->type_name("NAME");
+  sub.add_option("--account", job.account, "Account that pays for the time")->type_name("NAME");
   sub.add_option("--qos", job.qos, "Quality of service")->type_name("NAME");
   sub.add_option("--name", job.name, "The job's name; default: candela-worker")->type_name("NAME");
   sub.add_option("--logs", job.logs, "Folder of the tasks' output; default: where sbatch is called")
@@ -102,7 +103,7 @@ void add_slurm(CLI::App& app, Context& context) {
                   "Workers end after this long without a master, such as 30m; default: never")
       ->type_name("TIME");
   add_text(*sub, "-o,--output", options->output, "Write the script here; default: print it", "FILE");
-  sub->add_flag("--submit", options->submit, "Hand the script to sbatch");
+  sub->add_flag("--submit", options->submit, "Submit the script with sbatch");
   add_farm_options(*sub, options->farm);
   sub->callback([&context, options] {
     context.command = [&context, options] { return run_slurm(context, *options); };

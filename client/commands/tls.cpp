@@ -146,8 +146,8 @@ Result<int> run_tls(Context& context, const TlsOptions& options) {
 void add_tls(CLI::App& app, Context& context) {
   auto options = std::make_shared<TlsOptions>();
   CLI::App* sub = app.add_subcommand("tls",
-                                     "Make certificates: init an authority, the master's by its hosts, "
-                                     "workers' and people's; add more later");
+                                     "Make certificates: init makes those of an authority, the master, the "
+                                     "workers and people; add makes more later");
   sub->add_option("action", options->action, "init or add")->required()->type_name("ACTION");
   sub->add_option("names", options->names,
                   "init: names and addresses by which the master is reached; add: names of new certificates")
@@ -156,7 +156,7 @@ void add_tls(CLI::App& app, Context& context) {
   add_text(*sub, "--folder", options->folder, "Folder of the files; default: tls", "DIR");
   add_texts(
       *sub, "--person", options->people,
-      "init: somebody with roles, such as alice=operate or bob=submit; default: you=operate; repeatable",
+      "init: a person with roles, such as alice=operate or bob=submit; default: you=operate; repeatable",
       "NAME=ROLES");
   add_texts(*sub, "--role", options->roles, "add: worker, submit, operate or read; repeatable", "ROLES");
   add_text(*sub, "--days", options->days,

@@ -72,10 +72,9 @@ Result<int> run_repair(Context& context, const VerifyOptions& options) {
 
 void add_verify(CLI::App& app, Context& context) {
   auto options = std::make_shared<VerifyOptions>();
-  CLI::App* sub = app.add_subcommand(
-      "verify",
-      "Read a job's files on the master, or those of all jobs, and say what is lost or damaged; exits with 1 "
-      "if anything is");
+  CLI::App* sub = app.add_subcommand("verify",
+                                     "Check the files of a job, or of all jobs, on the master for lost or "
+                                     "damaged data; exits with 1 if there is any");
   sub->add_option("id", options->id, "Only this job")->type_name("ID");
   add_farm_options(*sub, options->farm);
   sub->add_flag("--json", options->json, "Print a line of JSON for each job");
@@ -86,12 +85,13 @@ void add_verify(CLI::App& app, Context& context) {
 
 void add_repair(CLI::App& app, Context& context) {
   auto options = std::make_shared<VerifyOptions>();
-  CLI::App* sub = app.add_subcommand(
-      "repair", "Render again what an ended job has lost; or take in a job that the master's store has lost");
+  CLI::App* sub = app.add_subcommand("repair",
+                                     "Render again the samples that an ended job has lost; or add again a "
+                                     "job that the master's store has lost");
   sub->add_option("id", options->id, "The job")->required()->type_name("ID");
   add_farm_options(*sub, options->farm);
   sub->add_flag("--wait", options->wait, "Wait until the job has ended again; exits with its result");
-  sub->add_flag("--quiet", options->quiet, "With --wait: no progress");
+  sub->add_flag("--quiet", options->quiet, "With --wait: print no progress");
   sub->add_flag("--json", options->json, "Print JSON");
   sub->callback([&context, options] {
     context.command = [&context, options] { return run_repair(context, *options); };

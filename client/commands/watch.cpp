@@ -50,7 +50,7 @@ void add_watch(CLI::App& app, Context& context) {
   sub->add_option("id", options->id, "The job")->required()->type_name("ID");
   add_farm_options(*sub, options->farm);
   add_preview_options(*sub, options->preview, false);
-  sub->add_flag("--quiet", options->quiet, "No progress, just wait");
+  sub->add_flag("--quiet", options->quiet, "Print no progress, only wait");
   sub->add_flag("--json", options->json, "Print the last status as JSON");
   sub->callback([&context, options] {
     context.command = [&context, options] { return run_watch(context, *options); };
@@ -59,25 +59,26 @@ void add_watch(CLI::App& app, Context& context) {
 
 void add_fetch(CLI::App& app, Context& context) {
   auto options = std::make_shared<WatchOptions>();
-  CLI::App* sub = app.add_subcommand("fetch", "Get the image of what is merged so far");
+  CLI::App* sub = app.add_subcommand("fetch", "Get the image of all samples that are merged so far");
   sub->add_option("id", options->id, "The job")->required()->type_name("ID");
   sub->add_option("-o,--output", options->output, "Write the image here (.exr)")->type_name("FILE");
   add_text(*sub, "--png", options->png, "Write the image as sRGB PNG", "FILE");
   sub->add_flag("--error-layer", options->error_layer,
                 "Add the layer 'error': the estimated standard deviation");
   sub->add_flag("--variance-layer", options->variance_layer,
-                "Add the layer 'variance': the square of 'error', which is estimated without bias");
+                "Add the layer 'variance': the estimated variance, without bias");
   sub->add_flag("--chain-layers", options->chain_layers,
-                "Of a job of Markov chains, add what its image is made of: layers 'raw.chains' and 'raw.*'");
+                "Markov chains: add the parts that make up the image, as layers 'raw.chains' and 'raw.*'");
   sub->add_flag("--layers", options->layers,
-                "Of a job with adaptive radii, add the layers that describe them, such as 'radius'");
+                "Add the layers of adaptive radii, such as 'radius', to the EXR (fppm, cppm, appm, vcmplus)");
   add_text(*sub, "--estimator", options->estimator,
-           "Of a job whose sums can be read in several ways (optimis), the one to use", "NAME");
+           "optimis: estimator that makes the image from the merged sums; default: its setting `estimator`",
+           "NAME");
   add_text(*sub, "--half", options->half,
-           "The image of one half of the job's samples, for denoisers that filter each half by the other",
+           "Write the image of one half of the samples, for denoisers that filter each half by the other",
            "A|B");
   sub->add_flag("--partial", options->partial,
-                "Of a job that has ended and lost samples (see verify), get what is left");
+                "Get what is left of a job that has ended and has lost samples (see verify)");
   add_farm_options(*sub, options->farm);
   sub->callback([&context, options] { context.command = [options] { return run_fetch(*options); }; });
 }

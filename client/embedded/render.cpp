@@ -71,8 +71,8 @@ Result<void> check_isa(const std::string& isa) {
       .with_mend(fmt::format("it has {}; images are the same only with the same one", join(isas, ", ")));
 }
 
-// What --resume must add so that the job that was ends where the options now say. (No worker runs: its
-// figures stand still.)
+// ExtendJob request for --resume: the difference between the new limits and the old job's. Precondition: no
+// worker runs, so that the job's figures stand still.
 Result<v1::ExtendJobRequest> extension(const StopRule& wanted, const v1::JobStatus& job) {
   v1::ExtendJobRequest request;
   request.set_job_id(job.id());
@@ -375,32 +375,35 @@ void add_render(CLI::App& app, Context& context) {
   sub->add_flag("--error-layer", options->error_layer,
                 "Add the layer 'error' to the EXR: the estimated standard deviation");
   sub->add_flag("--variance-layer", options->variance_layer,
-                "Add the layer 'variance' to the EXR: the square of 'error', without bias");
+                "Add the layer 'variance' to the EXR: the estimated variance, without bias");
   sub->add_flag("--layers", options->layers,
-                "With adaptive radii, add the layers that describe them to the EXR, such as 'radius'");
+                "Add the layers of adaptive radii, such as 'radius', to the EXR (fppm, cppm, appm, vcmplus)");
   sub->add_flag("--chain-layers", options->chain_layers,
-                "Of Markov chains, add what the image is made of: layers 'raw.chains' and 'raw.*'");
+                "Markov chains: add the parts that make up the image, as layers 'raw.chains' and 'raw.*'");
   add_text(*sub, "--estimator", options->estimator,
-           "Of an integrator whose sums can be read in several ways (optimis), the one to use", "NAME");
+           "optimis: estimator that makes the image from the merged sums; default: its setting `estimator`",
+           "NAME");
   add_text(*sub, "--half", options->half,
-           "The image of one half of the samples, for denoisers that filter each half by the other", "A|B");
+           "Write the image of one half of the samples, for denoisers that filter each half by the other",
+           "A|B");
   add_text(*sub, "--page", options->page,
            "Serve a live page of the render on a port of this machine, such as localhost:9090", "HOST:PORT");
   sub->add_flag("--page-stay", options->page_stay,
-                "With --page: keep it when the render has ended, until Ctrl-C")
+                "With --page: serve it after the render has ended, too, until Ctrl-C")
       ->needs("--page");
   add_text(*sub, "--threads", options->threads, "Threads in all (default: all cores)", "N");
-  add_text(*sub, "--workers", options->workers, "Workers to split them among (default 1)", "N");
+  add_text(*sub, "--workers", options->workers, "Workers that share the threads (default 1)", "N");
   add_text(*sub, "--texture-memory", options->texture_memory,
-           "Decoded textures beyond this lie in a file beside the image (default: a quarter of the memory)",
+           "Memory for decoded textures; further ones lie in a file beside the image (default: a quarter of "
+           "the memory)",
            "SIZE");
   sub->add_flag("--resume", options->resume,
-                "Go on with a render that was stopped or crashed (its state is in OUTPUT.candela); larger "
+                "Continue a render that was stopped or crashed, from its state in OUTPUT.candela; larger "
                 "limits extend it");
-  sub->add_flag("--fresh", options->fresh, "Throw such a state away and start anew");
+  sub->add_flag("--fresh", options->fresh, "Delete the state in OUTPUT.candela and start anew");
   sub->add_flag("--keep-state", options->keep_state,
                 "Keep the state of a finished render, to extend it later by --resume");
-  sub->add_flag("--quiet", options->quiet, "No progress");
+  sub->add_flag("--quiet", options->quiet, "Print no progress");
   sub->add_flag("--json", options->json, "Print the job's last status as JSON");
   sub->callback([&context, options] {
     context.command = [&context, options] { return run_render(context, *options); };

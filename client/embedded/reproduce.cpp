@@ -260,22 +260,23 @@ Result<int> run_reproduce(Context& context, const ReproduceOptions& options) {
 
 void add_reproduce(CLI::App& app, Context& context) {
   auto options = std::make_shared<ReproduceOptions>();
-  CLI::App* sub = app.add_subcommand("reproduce",
-                                     "Print the command that makes an image again to the last bit, and what "
-                                     "is missing or differs here; with "
-                                     "--run make it and compare");
+  CLI::App* sub =
+      app.add_subcommand("reproduce",
+                         "Print the command that makes an image again with the same bits, and what is "
+                         "missing or different on this machine; with --run, render the image and compare");
   sub->add_option("image", options->image, "The image (.exr)")->required()->type_name("IMAGE");
   sub->add_flag(
       "--run", options->run,
       "Render it again here, or on a farm with --master, and compare the pixels: exit code 0 if they "
       "are equal, 1 if not");
-  add_text(*sub, "--scene", options->scene, "The scene file is here now", "PATH");
+  add_text(*sub, "--scene", options->scene, "Path of the scene file, if it was moved", "PATH");
   add_text(*sub, "-o,--output", options->output,
-           "Where the image goes that is made again (.exr; default with --run: it is not kept)", "FILE");
+           "Write the image that is made again here (.exr; default with --run: it is not kept)", "FILE");
   add_text(*sub, "--threads", options->threads, "Threads in all (default: all cores)", "N");
-  sub->add_flag("--resume", options->resume, "Go on with such a render that was stopped; needs -o");
-  sub->add_flag("--fresh", options->fresh, "Throw the state of such a render away and start anew; needs -o");
-  sub->add_flag("--quiet", options->quiet, "No progress");
+  sub->add_flag("--resume", options->resume, "Continue a --run that was stopped; needs -o");
+  sub->add_flag("--fresh", options->fresh,
+                "Delete the state of a --run that was stopped, and start anew; needs -o");
+  sub->add_flag("--quiet", options->quiet, "Print no progress");
   add_farm_options(*sub, options->farm);
   sub->callback([&context, options] {
     context.command = [&context, options] { return run_reproduce(context, *options); };

@@ -1,5 +1,8 @@
 #include <fmt/format.h>
 
+#include <map>
+#include <set>
+
 #include "client/help/pages.h"
 
 namespace candela::client {
@@ -40,14 +43,51 @@ std::string row(const OptionEntry& option) {
   return fmt::format("| `{}` | {} |\n", cell(names), cell(option.text));
 }
 
+std::string table(const std::string& rows) {
+  return rows.empty() ? "" : "\n| | |\n|---|---|\n" + rows;
+}
+
+// Rows that at least three commands have stand once, before the commands.
+class SharedRows {
+ public:
+  explicit SharedRows(std::span<const CommandEntry> commands) {
+    std::map<std::string, std::size_t> counts;
+    for (const CommandEntry& command : commands)
+      for (const OptionEntry& option : command.options) ++counts[row(option)];
+    for (const CommandEntry& command : commands)
+      for (const OptionEntry& option : command.options)
+        if (const std::string text = row(option);
+            !option.positional() && counts[text] >= 3 && shared_.insert(text).second)
+          rows_ += text;
+  }
+
+  bool has(const OptionEntry& option) const { return shared_.contains(row(option)); }
+  const std::string& rows() const { return rows_; }
+
+ private:
+  std::set<std::string> shared_;
+  std::string rows_;
+};
+
 }  // namespace
 
 std::string help_markdown(std::span<const CommandEntry> commands) {
+  const SharedRows shared(commands);
   std::string page(kIntroduction);
+  page +=
+      "\n## Options of several commands\n\nEach command names those that it has.\n" + table(shared.rows());
   for (const CommandEntry& command : commands) {
-    page += fmt::format("\n## candela {}\n\n{}.\n\n    {} [OPTIONS]\n\n| | |\n|---|---|\n", command.name,
-                        command.text, command.usage());
-    for (const OptionEntry& option : command.options) page += row(option);
+    page += fmt::format("\n## candela {}\n\n{}.\n\n    {} [OPTIONS]\n", command.name, command.text,
+                        command.usage());
+    std::string own, also;
+    for (const OptionEntry& option : command.options) {
+      if (shared.has(option))
+        also += fmt::format("{}`{}`", also.empty() ? "" : ", ", option.names.back());
+      else
+        own += row(option);
+    }
+    page += table(own);
+    if (!also.empty()) page += fmt::format("\nAlso, as above: {}.\n", also);
     if (command.examples.empty()) continue;
     page += command.examples.size() > 1 ? "\nExamples:\n\n" : "\nExample:\n\n";
     for (const std::string& example : command.examples) page += "    " + example + "\n";

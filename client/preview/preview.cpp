@@ -26,8 +26,8 @@ double now_seconds() {
 void add_preview_options(CLI::App& app, PreviewOptions& options, bool with_png) {
   add_text(app, "--tev", options.tev, "Show the picture in the viewer tev as it converges", "HOST:PORT");
   add_text(app, "--preview", options.interval,
-           with_png ? "Show it so often, such as 5s (default 2s with --tev), and rewrite the PNG as often"
-                    : "With --tev: show it so often, such as 5s (default 2s)",
+           with_png ? "Update interval of the preview and the PNG, such as 5s (default 2s with --tev)"
+                    : "With --tev: update interval of the preview, such as 5s (default 2s)",
            "DURATION");
 }
 

@@ -13,7 +13,7 @@ namespace candela {
 
 class Config {
  public:
-  // Reads the files that exist ($XDG_CONFIG_HOME is honoured; $CANDELA_CONFIG replaces both and must exist).
+  // Reads the files that exist ($XDG_CONFIG_HOME is honored; $CANDELA_CONFIG replaces both and must exist).
   // A file that does not parse, and a value that is no string, number or boolean, is an input error with its
   // line. Keys are "section.key" or "key"; TOML's nesting deeper than one section is refused.
   static Result<Config> load();

@@ -1,5 +1,5 @@
 // Markov chains as the farm sees them: which segments there are, what a chain is between two of them, and
-// the one normalisation constant b of the job (docs/normalisation.md). The meaning of a chain's state is the
+// the one normalization constant b of the job (docs/normalisation.md). The meaning of a chain's state is the
 // renderer's; here it is bytes.
 //
 // A job has a fixed, even number of chains, whatever the workers. Chain c belongs to half c % 2 and is number
@@ -113,7 +113,7 @@ class BootstrapTable {
   BootstrapSums sums() const;
   Normalisation normalisation() const;
   // The start of each chain, drawn in proportion to the contribution by one stratified comb with an offset of
-  // the seed's, in random order over the chains (neither half may get the comb's even teeth). Empty where b
+  // the seed's, shuffled, so that both halves sample the comb evenly. Empty if b
   // is zero.
   std::vector<std::uint64_t> choose_starts(std::uint32_t chains, std::uint64_t seed) const;
 

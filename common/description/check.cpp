@@ -76,7 +76,7 @@ bool is_index_of_refraction(const PropertyRule& rule) {
   return rule.name == "int_ior" || rule.name == "ext_ior";
 }
 
-// A colour where a number or a texture is expected counts by its luminance, as a texture does there.
+// A color where a number or a texture is expected counts by its luminance, as a texture does there.
 void take_luminance(Property& property, const PropertyRule& rule) {
   const auto* rgb = std::get_if<Rgb>(&property.value);
   if (rgb == nullptr || !rule.textured || accepts(rule, PropertyType::rgb) ||

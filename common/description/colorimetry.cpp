@@ -12,7 +12,7 @@ constexpr double step = 5;
 constexpr std::size_t entries = 95;
 using Table = std::array<double, entries>;
 
-// Colour matching functions of the 2-degree observer, 360 to 830 nm [CIE 2018].
+// Color matching functions of the 2-degree observer, 360 to 830 nm [CIE 2018].
 constexpr Table x_bar = {
     0.0001299,      0.0002321,      0.0004149,      0.0007416,      0.001368,      0.002236,
     0.004243,       0.00765,        0.01431,        0.02319,        0.04351,       0.07763,

@@ -9,18 +9,18 @@
 
 namespace candela::description::colorimetry {
 
-constexpr double min_wavelength = 360;  // nanometres: the observer's range
+constexpr double min_wavelength = 360;  // nanometers: the observer's range
 constexpr double max_wavelength = 830;
 
-// A piecewise linear spectrum, zero outside of its wavelengths (nanometres, strictly increasing, two or
+// A piecewise linear spectrum, zero outside of its wavelengths (nanometers, strictly increasing, two or
 // more).
 struct Spectrum {
   std::vector<double> wavelengths;
   std::vector<double> values;
 };
 
-// Linear Rec.709 of light with this spectral density per nanometre, scaled so that a density of 1 has
-// luminance 1 (its colour is not white, for white is D65). Not clamped: components may be negative.
+// Linear Rec.709 of light with this spectral density per nanometer, scaled so that a density of 1 has
+// luminance 1 (its color is not white, for white is D65). Not clamped: components may be negative.
 Vec3 emitted(const Spectrum& spectrum);
 
 // Linear Rec.709 of what reflects, transmits or scatters this part of each wavelength, lit by D65 of
@@ -30,14 +30,14 @@ Vec3 reflected(const Spectrum& spectrum);
 // Linear Rec.709 of the equal-energy spectrum of density 1, as Mitsuba has it: XYZ of 1, 1, 1.
 Vec3 equal_energy();
 
-// Planck's law: spectral radiance in W m^-2 sr^-1 nm^-1 at a wavelength in nanometres and a temperature in
+// Planck's law: spectral radiance in W m^-2 sr^-1 nm^-1 at a wavelength in nanometers and a temperature in
 // kelvins, both above 0.
 double planck(double wavelength, double temperature);
 
 // Linear Rec.709 of a black body's light between two wavelengths, scaled as `emitted` is. Not clamped.
 Vec3 blackbody(double temperature, double from = min_wavelength, double to = max_wavelength);
 
-// CIE XYZ of a spectral density per nanometre, with the equal-energy density 1 at Y = 1; for tests and
+// CIE XYZ of a spectral density per nanometer, with the equal-energy density 1 at Y = 1; for tests and
 // tables.
 Vec3 emitted_xyz(const Spectrum& spectrum);
 Vec3 blackbody_xyz(double temperature, double from = min_wavelength, double to = max_wavelength);

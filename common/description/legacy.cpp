@@ -364,7 +364,7 @@ Result<void> upgrade_grid(Object& object, std::vector<Note>& notes) {
   take(object, "send_data");
   notes.push_back({object.where,
                    "volume 'gridvolume': 0.6 has a grid's values at the corners of its cells, here "
-                   "they are at the centres, as in Mitsuba 3"});
+                   "they are at the centers, as in Mitsuba 3"});
   return {};
 }
 

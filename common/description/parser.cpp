@@ -381,7 +381,7 @@ class Parser {
     return unknown_element(written.where, name);
   }
 
-  // A spectrum is a colour from here on, by what it is given for.
+  // A spectrum is a color from here on, by what it is given for.
   Result<void> parse_spectrum(const File& file, const pugi::xml_node& node, std::size_t parent, int depth) {
     CANDELA_ASSIGN(const Element written, element(file, node));
     CANDELA_TRY(check_name(written, "name"));

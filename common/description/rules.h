@@ -41,7 +41,7 @@ inline PropertyRule positive(std::string_view name, std::string_view doc) {
   return {.name = name, .types = {number}, .doc = doc, .minimum = 0, .above_minimum = true};
 }
 
-// A colour of a surface: each component in [0, 1], or a texture.
+// A color of a surface: each component in [0, 1], or a texture.
 inline PropertyRule reflectance(std::string_view name, std::string_view doc) {
   return {.name = name, .types = {rgb}, .textured = true, .doc = doc, .minimum = 0, .maximum = 1};
 }

@@ -54,7 +54,7 @@ void add_media(std::vector<PluginRule>& table) {
                    .name = "rayleigh",
                    .properties = {},
                    .child_categories = {},
-                   .doc = "of particles much smaller than the wavelength, without polarisation"});
+                   .doc = "of particles much smaller than the wavelength, without polarization"});
   table.push_back({.category = "phase",
                    .name = "blendphase",
                    .properties = {{.name = "weight",
@@ -108,13 +108,13 @@ void add_media(std::vector<PluginRule>& table) {
             {.name = "filter_type",
              .types = {string},
              .values = {"trilinear", "nearest"},
-             .doc = "interpolation between the centres of cells (default trilinear)"},
+             .doc = "interpolation between the centers of cells (default trilinear)"},
             {.name = "wrap_mode",
              .types = {string},
              .values = {"clamp", "repeat", "mirror", "zero"},
-             .doc = "beyond the grid's outermost centres (default clamp); zero, as in pbrt, is Candela's "
+             .doc = "beyond the grid's outermost centers (default clamp); zero, as in pbrt, is Candela's "
                     "addition"},
-            ignored("raw", {boolean}, "colours are linear here either way"),
+            ignored("raw", {boolean}, "colors are linear here either way"),
             ignored("accel", {boolean}, "for GPUs only"),
             ignored("max_value", {number}, "the maximum is found in the data")},
        .child_categories = {},

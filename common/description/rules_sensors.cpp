@@ -245,7 +245,7 @@ void add_integrators(std::vector<PluginRule>& table) {
       integrator_rule(words::kAppm, {}, "photon mapping with radii that minimize the estimated error"));
   table.push_back(
       integrator_rule(words::kVcmplus, {}, "vertex connection and merging with radii by F tests"));
-  const std::string_view their_own = "chains have settings of their own: --help of the integrator";
+  const std::string_view their_own = "chains have settings of their own: --set";
   const std::vector<PropertyRule> chains = {ignored("luminance_samples", {integer}, their_own),
                                             ignored("direct_samples", {integer}, their_own),
                                             ignored("p_large", {number}, their_own),

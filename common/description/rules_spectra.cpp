@@ -5,13 +5,13 @@ namespace candela::description::rules {
 
 void add_spectra(std::vector<PluginRule>& table) {
   constexpr std::string_view spectral_only =
-      "Mitsuba's RGB variants do not render the plugin; its colour is that of the same values in a "
+      "Mitsuba's RGB variants do not render the plugin; its color is that of the same values in a "
       "<spectrum>";
   const auto bound = [](std::string_view name, std::string_view doc) {
     return PropertyRule{.name = name, .types = {number}, .doc = doc, .minimum = 0};
   };
   const auto unused = [](std::string_view name) {
-    return ignored(name, {number}, "a flat spectrum is a colour here, as in Mitsuba's RGB variants");
+    return ignored(name, {number}, "a flat spectrum is a color here, as in Mitsuba's RGB variants");
   };
   const auto color = [](bool required, std::string_view doc) {
     return PropertyRule{.name = "color", .types = {rgb}, .required = required, .doc = doc, .minimum = 0};
@@ -23,7 +23,7 @@ void add_spectra(std::vector<PluginRule>& table) {
                       unused("wavelength_min"),
                       unused("wavelength_max")},
        .child_categories = {},
-       .doc = "the same value at all wavelengths, taken for the colour v, v, v"});
+       .doc = "the same value at all wavelengths, taken for the color v, v, v"});
   table.push_back(
       {.category = "spectrum",
        .name = "irregular",
@@ -31,7 +31,7 @@ void add_spectra(std::vector<PluginRule>& table) {
            {{.name = "wavelengths",
              .types = {string},
              .required = true,
-             .doc = "nanometres, increasing, two or more"},
+             .doc = "nanometers, increasing, two or more"},
             {.name = "values", .types = {string}, .required = true, .doc = "one for each wavelength"}},
        .child_categories = {},
        .doc = "values at given wavelengths, linear between them, zero outside",
@@ -39,8 +39,8 @@ void add_spectra(std::vector<PluginRule>& table) {
   table.push_back(
       {.category = "spectrum",
        .name = "regular",
-       .properties = {bound("wavelength_min", "nanometres of the first value (default 360)"),
-                      bound("wavelength_max", "nanometres of the last value (default 830)"),
+       .properties = {bound("wavelength_min", "nanometers of the first value (default 360)"),
+                      bound("wavelength_max", "nanometers of the last value (default 830)"),
                       {.name = "values", .types = {string}, .required = true, .doc = "two or more"}},
        .child_categories = {},
        .doc = "values at even distances, linear between them, zero outside",
@@ -55,17 +55,17 @@ void add_spectra(std::vector<PluginRule>& table) {
                        .minimum = 0,
                        .maximum = 1e9,
                        .above_minimum = true},
-                      bound("wavelength_min", "nanometres; no light below (default 360)"),
-                      bound("wavelength_max", "nanometres; no light above (default 830)")},
+                      bound("wavelength_min", "nanometers; no light below (default 360)"),
+                      bound("wavelength_max", "nanometers; no light above (default 830)")},
        .child_categories = {},
        .doc = "Planck's law in W/(m^2 sr nm), for emitters",
-       .differs = "Mitsuba has it in its spectral variants alone; the colour is the one those show"});
+       .differs = "Mitsuba has it in its spectral variants alone; the color is the one those show"});
   for (const std::string_view name : {"rgb", "srgb"})
     table.push_back({.category = "spectrum",
                      .name = name,
                      .properties = {color(true, "linear Rec.709")},
                      .child_categories = {},
-                     .doc = "a colour"});
+                     .doc = "a color"});
   table.push_back(
       {.category = "spectrum",
        .name = "d65",

@@ -44,7 +44,7 @@ void add_textures(std::vector<PluginRule>& table) {
                        .types = {string},
                        .values = {"r", "g", "b", "a", "number"},
                        .doc =
-                           "0.6: this channel alone, as a number decoded as the colours are; `number` is "
+                           "0.6: this channel alone, as a number decoded as the colors are; `number` is "
                            "Candela's addition, a float texture of pbrt: the alpha of an image that is not "
                            "opaque, else the mean of the colors"},
                       {.name = "gamma",

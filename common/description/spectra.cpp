@@ -152,7 +152,7 @@ Result<colorimetry::Spectrum> parse_wavelength_pairs(std::string_view text) {
     const std::size_t colon = word.find(':');
     if (colon == std::string_view::npos || word.find(':', colon + 1) != std::string_view::npos)
       return input_error(fmt::format("{} is not a pair of wavelength and value", text::quote(word)))
-          .with_mend("write nanometres and value as '550:0.5', without spaces inside");
+          .with_mend("write nanometers and value as '550:0.5', without spaces inside");
     CANDELA_ASSIGN(const double wavelength, number(word.substr(0, colon)));
     CANDELA_ASSIGN(const double value, number(word.substr(colon + 1)));
     CANDELA_TRY(append(spectrum, wavelength, value));

@@ -13,7 +13,7 @@
 namespace candela::description {
 
 // What a spectrum is given for. Light is weighed by the observer alone; everything else also by D65, the
-// white of Rec.709, so that a flat spectrum has a neutral colour. All are clamped to 0 below, reflectances to
+// white of Rec.709, so that a flat spectrum has a neutral color. All are clamped to 0 below, reflectances to
 // 1 above.
 enum class SpectrumUse {
   emission,
@@ -30,10 +30,10 @@ struct ConvertedSpectrum {
   std::string note;  // what was approximated or clamped; empty where nothing was
 };
 
-// "400:0.1, 500:0.2": two or more pairs of nanometres and value. Errors without a location.
+// "400:0.1, 500:0.2": two or more pairs of nanometers and value. Errors without a location.
 Result<colorimetry::Spectrum> parse_wavelength_pairs(std::string_view text);
 
-// Lines of two numbers, nanometres and value; empty lines and lines with # are skipped. `key` names the file.
+// Lines of two numbers, nanometers and value; empty lines and lines with # are skipped. `key` names the file.
 Result<colorimetry::Spectrum> parse_spectrum_file(const std::string& key, std::string_view bytes);
 
 // A <spectrum> with the attribute 'value': one number or pairs.

@@ -84,7 +84,7 @@ Result<Rgb> color(const Element& element) {
   if (words.size() == 1 && words[0].starts_with('#')) {
     const std::optional<Vec3> hex = hex_color(words[0]);
     if (!hex)
-      return element.error(fmt::format("{} in <{}> is not a colour", text::quote(words[0]), element.name))
+      return element.error(fmt::format("{} in <{}> is not a color", text::quote(words[0]), element.name))
           .with_mend("write it as '#rrggbb'");
     value = *hex;
     decode = encoded || !element.legacy;  // 0.6 takes the bytes of an <rgb> for linear ones
@@ -104,7 +104,7 @@ Result<Rgb> color(const Element& element) {
   return Rgb{value};
 }
 
-// 0.6 lets colours say whether they are of light or of a surface, which tells its spectral builds alone
+// 0.6 lets colors say whether they are of light or of a surface, which tells its spectral builds alone
 // something.
 Result<void> expect_value(const Element& element) {
   if (!element.legacy || (element.name != "rgb" && element.name != "srgb"))

@@ -1,4 +1,4 @@
-// The elements of a scene file that carry values: numbers, colours, vectors and transform operations.
+// The elements of a scene file that carry values: numbers, colors, vectors and transform operations.
 #pragma once
 
 #include <initializer_list>
@@ -31,7 +31,7 @@ struct Element {
 bool is_value_element(std::string_view name);  // boolean, integer, float, string, point, vector, rgb, srgb
 bool is_transform_operation(std::string_view name);  // translate, rotate, scale, lookat, matrix
 
-// The attribute 'intent' of 0.6's colours, if it is there: reflectance or illuminant.
+// The attribute 'intent' of 0.6's colors, if it is there: reflectance or illuminant.
 Result<void> check_intent(const Element& element);
 
 // A property; its name as written.

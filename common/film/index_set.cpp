@@ -8,7 +8,7 @@ namespace candela::film {
 bool IndexSet::insert(std::uint64_t begin, std::uint64_t end) {
   if (begin >= end || intersects(begin, end)) return false;
   auto next = ranges_.lower_bound(begin);
-  // Neighbours are joined, so that equal sets have equal ranges however they grew.
+  // Neighbors are joined, so that equal sets have equal ranges however they grew.
   if (next != ranges_.end() && next->first == end) {
     end = next->second;
     next = ranges_.erase(next);

@@ -84,7 +84,7 @@ Result<void> check_extent(std::uint64_t width, std::uint64_t height) {
 }
 
 // Indices of the channels that are red, green and blue; all the same for luminance. Empty if there is no
-// colour.
+// color.
 std::vector<int> colour_channels(const ImageSpec& spec) {
   const auto find = [&](std::initializer_list<const char*> names) {
     for (const char* wanted : names) {
@@ -155,7 +155,7 @@ Result<Image> read_open(ImageReader& input, std::uint64_t file_bytes, const std:
                          " of the image: " + one_line(problem));
     if (!layer.empty()) return no_such_layer(layer, others);
     return input_error("the image has no R, G and B channels and no luminance")
-        .with_mend("name the channels of the colour R, G and B");
+        .with_mend("name the channels of the color R, G and B");
   }
   const ImageSpec spec = input.spec();
   if (spec.width < 0 || spec.height < 0 || spec.depth > 1 || spec.deep) {

@@ -1,5 +1,5 @@
 // Solving small symmetric positive semidefinite systems, in one fixed order of operations: the same bits on
-// every machine (docs/decisions/033).
+// every machine (docs/integrators/optimis.md).
 #pragma once
 
 #include <array>

@@ -41,9 +41,9 @@ void add_chains(Page& page, const JobStatus& j, const Labels& labels) {
              labels);
   if (!j.row.named_state) return;
   const chains::Normalisation b = j.normalisation();
-  page.gauge("candela_job_b", "normalisation constant of Markov chains", b.b, labels);
-  page.gauge("candela_job_b_standard_error", "of the normalisation constant", b.standard_error, labels);
-  page.gauge("candela_job_b_samples", "samples behind the normalisation constant",
+  page.gauge("candela_job_b", "normalization constant of Markov chains", b.b, labels);
+  page.gauge("candela_job_b_standard_error", "of the normalization constant", b.standard_error, labels);
+  page.gauge("candela_job_b_samples", "samples behind the normalization constant",
              static_cast<double>(b.samples), labels);
   for (std::size_t i = 0; i < j.row.chain_summary.groups.size(); ++i) {
     const chains::ChainCounts& g = j.row.chain_summary.groups[i];
@@ -75,7 +75,7 @@ void add_epochs(Page& page, const EpochStatus& e, const Labels& labels) {
 
 std::string metrics_text(Farm& farm) {
   Page page;
-  page.gauge("candela_build_info", "1, labelled with version and build", 1,
+  page.gauge("candela_build_info", "1, labeled with version and build", 1,
              {{"version", std::string(version())}, {"build", std::string(build_id())}});
   FarmCounters& c = farm.counters();
   for (std::size_t v = 0; v < kDeltaVerdicts; ++v)

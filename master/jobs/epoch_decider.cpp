@@ -27,7 +27,7 @@ Result<void> put_blob(BlobStore& blobs, const std::string& sha256, std::string_v
 Result<void> EpochDecider::restore_states(const EpochJob& job, const JobFilm& film) {
   for (const DecidedState& state : film.states()) {
     if (state.epoch < job.states || state.epoch >= film.decisions()) continue;
-    // Nobody starts from a state whose bytes the film does not keep.
+    // States whose bytes are gone are never leased again.
     if (const auto bytes = film.state_bytes(state.epoch)) CANDELA_TRY(put_blob(blobs_, state.sha256, *bytes));
     table_.with_scheduler([&](Scheduler& s) {
       s.decided({job.job_id, state.epoch, state.name, state.sha256, state.size_bytes}, JobTable::now());

@@ -87,7 +87,7 @@ Result<ParsedCheckpoint> JobFilm::read(const Found& found) const {
   CANDELA_ASSIGN(const std::string bytes, read_file(found.path, kMaxCheckpointBytes));
   CANDELA_ASSIGN(ParsedCheckpoint parsed, parse_checkpoint(bytes, {chains_, specs_, epoch_plan_}));
   if (parsed.film.layout() != layout_ || parsed.film.scale_log2() != scale_log2_)
-    return input_error("it is another film's");
+    return input_error("it belongs to another film");
   return parsed;
 }
 

@@ -433,7 +433,7 @@ class Scheduler {
   // Tries failed units again now, also on workers set aside for them. False: nothing had failed.
   bool forget_failures(Job& job, Now now);
   Result<void> resume_failed(Job& job, Now now);
-  // Seconds on the steady clock before which nobody is offered the unit.
+  // Earliest retry of the unit, in seconds on the steady clock.
   double next_try(const Job& job, const UnitState& unit, Now now) const;
   Job* find(const std::string& id);
   // The job needs memory from now on, and has it at once where there is no limit.

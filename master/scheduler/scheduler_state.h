@@ -59,7 +59,7 @@ struct UnitReport {
 struct UnitTrouble {
   std::array<std::uint32_t, kFailureCauses> failures{};
   std::uint32_t lost = 0;                          // leases, with workers that fell silent
-  double retry_at = 0;                             // nobody is offered the unit before
+  double retry_at = 0;                             // earliest retry of the unit
   std::map<std::string, std::uint32_t> by_worker;  // worker id: failures of cause scene and worker
   std::set<std::string> witnesses;                 // distinct workers behind those of cause worker
   std::set<std::string> refused_by;                // distinct workers that named the scene
@@ -80,7 +80,7 @@ struct UnitState {
 // How a worker has fared with a job since it last delivered something of it.
 struct Standing {
   std::uint32_t failures = 0;  // in a row
-  double retry_at = 0;         // it is offered nothing of the job before
+  double retry_at = 0;         // earliest retry of the job on this worker
 };
 
 // How far a job had come at some time.

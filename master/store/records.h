@@ -54,7 +54,7 @@ struct JobRow {
   std::string scene_path;       // of the scene file, as the submitter typed it; empty: not known
   std::int32_t priority = 0;
   double share = 1;
-  std::string idempotency_token, content_digest;  // digest of the submission, to recognise a repeated one
+  std::string idempotency_token, content_digest;  // digest of the submission, to recognize a repeated one
   JobState state = JobState::queued;
   std::string message;      // why it failed, and the like
   std::string stop_reason;  // "iterations", "time", "relmse", "indices", "black"; empty while it runs

@@ -188,7 +188,7 @@ TEST(DescriptionLegacy, Refusals) {
       {"<bsdf type='diffuse'><rgb name='reflectance' value='1' intent='both'/></bsdf>",
        "scene.xml:1: 'both' is not an intent (write 'reflectance' or 'illuminant')"},
       {"<bsdf type='diffuse'><spectrum name='reflectance' value='1 2 3 4'/></bsdf>",
-       "scene.xml:1: '1' is not a pair of wavelength and value (write nanometres and value as '550:0.5', "
+       "scene.xml:1: '1' is not a pair of wavelength and value (write nanometers and value as '550:0.5', "
        "without "
        "spaces inside)"},
       {"<medium type='homogeneous'><string name='material' value='syrup of nobody'/></medium>",

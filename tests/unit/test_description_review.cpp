@@ -141,7 +141,7 @@ TEST(DescriptionReview, SpectraAreTold) {
   EXPECT_EQ(
       findings(review_of("<emitter type='constant'><spectrum type='blackbody' name='radiance'>"
                          "<float name='temperature' value='6500'/></spectrum></emitter>")),
-      "differs 1: spectrum 'blackbody': Mitsuba has it in its spectral variants alone; the colour is the one "
+      "differs 1: spectrum 'blackbody': Mitsuba has it in its spectral variants alone; the color is the one "
       "those show\n");
 }
 

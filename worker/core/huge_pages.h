@@ -15,7 +15,7 @@
 namespace candela {
 
 // Asks for huge pages from 4 MiB on; where the system has none to give it is ordinary memory. Elements that
-// resize() or the constructor from a size makes are default-initialised: numbers are left as they are, so
+// resize() or the constructor from a size makes are default-initialized: numbers are left as they are, so
 // that the threads which fill an array also share the work of having its pages cleared.
 template <class T>
 struct HugePageAllocator {

@@ -52,7 +52,7 @@ inline float mis_weight(float p, float q, bool power) {
 // SceneT is scene::Scene, or what stands in for it to watch the rays. SamplerT likewise: samplers::Sampler,
 // or a chain's. FirstT: FirstVertex, if it has techniques of its own there. With groups of lights next event
 // estimation draws a point, and traces a shadow ray, for each of them
-// (docs/decisions/061-a-shadow-ray-a-group.md).
+// (docs/integrators/path.md, "Shadow rays").
 template <transport::Between kBetween, class SceneT, class SamplerT, class FirstT = NoFirstVertex>
 class PathTracer {
  public:

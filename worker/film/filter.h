@@ -1,4 +1,4 @@
-// Reconstruction filters by importance sampling: the offset of an eye sample from its pixel's centre is drawn
+// Reconstruction filters by importance sampling: the offset of an eye sample from its pixel's center is drawn
 // in proportion to the filter, so that a film is a plain sum of samples (design: film samples use filter
 // importance sampling).
 #pragma once
@@ -13,7 +13,7 @@
 
 namespace candela::film {
 
-// A separable filter f(x) f(y), normalised to integrate to one.
+// A separable filter f(x) f(y), normalized to integrate to one.
 class PixelFilter {
  public:
   // name: box, tent, gaussian, mitchell, catmullrom, lanczos as Mitsuba defines them. Settings: radius (box:
@@ -24,9 +24,9 @@ class PixelFilter {
   // box and tent, within 1e-4 of 1 for gaussian, whose density is tabulated; where the filter has negative
   // lobes, +-(integral of |f|)^2 nearly everywhere, never far above, and its mean is 1 [Ernst 2006].
   Vec2 sample(Vec2 u, float& weight) const;
-  // The normalised filter at an offset in pixels from the pixel's centre to a film position: what a light
+  // The normalized filter at an offset in pixels from the pixel's center to a film position: what a light
   // path's splat at that position adds to the pixel. Of a box each position belongs to as many pixels as its
-  // neighbours: the lower edge counts, the upper one does not.
+  // neighbors: the lower edge counts, the upper one does not.
   float eval(float dx, float dy) const {
     if (kind_ == Kind::box) {
       const auto r = static_cast<float>(radius_);
@@ -34,7 +34,7 @@ class PixelFilter {
     }
     return static_cast<float>(eval_1d(static_cast<double>(dx)) * eval_1d(static_cast<double>(dy)));
   }
-  // Value of the normalised 1D filter, and of its sampling density, at an offset in pixels.
+  // Value of the normalized 1D filter, and of its sampling density, at an offset in pixels.
   double eval_1d(double x) const;
   double pdf_1d(double x) const;
   double radius() const { return radius_; }

@@ -50,10 +50,10 @@ class Integrator {
   // decides alike. Called once for a job, before all else but work(), which until then asks for the most.
   virtual void decide(const UnitContext& /*context*/) {}
 
-  // The work that a job of this integrator asks of the farm: a function of its scene, its settings, the
-  // film's size, and the scale that the pilot chose for the film, which scales of accumulators may follow and
-  // nothing else (before the pilot: 0); valid (validate() of work_plan.h), which create() sees to where
-  // settings decide. Units are iterations, or, with chains, bootstrap samples and segments
+  // The work that a job of this integrator asks of the farm: a pure function of scene, settings and film
+  // size; only scales of accumulators may depend on film_scale_log2, which the pilot chose (0 before it).
+  // The result passes validate() of work_plan.h: create() refuses settings whose result would not.
+  // Units are iterations, or, with chains, bootstrap samples and segments
   // (common/chains/chains.h); the first layers of a job of chains are the chains' part and what independent
   // samples brought. Each layer is summed and developed as the image is: a mean over iterations.
   virtual WorkPlan work(FilmSize /*size*/, int /*film_scale_log2*/) const { return {}; }

@@ -45,7 +45,7 @@ struct Mesh {
 // number. `origin` is subtracted from positions in double, before they become floats.
 
 // Wavefront OBJ: v, vt, vn and f in all index forms, negative indices too; polygons: polygon.h. Everything
-// else (groups, materials, smoothing, lines, curves; colours and w of vertices) is skipped. flip_v: v becomes
+// else (groups, materials, smoothing, lines, curves; colors and w of vertices) is skipped. flip_v: v becomes
 // 1 - v. `name` goes into errors, which have a line.
 Result<Mesh> load_obj(std::string_view bytes, const std::string& name, bool flip_v, const Vec3d& origin = {});
 

@@ -20,7 +20,7 @@ constexpr std::size_t kLargest =
     4 + 8 + 8 + PrimaryState::kWalks * 4 +
     2 * ((PrimarySampler::kMaxDimensions + 7) / 8 + 16 * PrimarySampler::kMaxDimensions) + (8 + 16 * 64);
 static_assert(kLargest <= chains::kMaxStateBytes);
-// What a choice of techniques may take.
+// Maximum dimensions of a choice of techniques.
 constexpr std::uint32_t kChoiceDimensions = 64;
 
 std::uint32_t most_dimensions(std::size_t walk) {

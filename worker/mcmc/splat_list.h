@@ -1,4 +1,4 @@
-// What one state of a chain adds to the image: colours at places on the film. Its scalar contribution, which
+// What one state of a chain adds to the image: colors at places on the film. Its scalar contribution, which
 // the chain follows, is the sum of their luminances.
 #pragma once
 
@@ -32,9 +32,9 @@ class SplatList {
   std::span<const Splat> splats() const { return splats_; }
   double scalar() const { return scalar_; }
 
-  // Why the list cannot be used, if so: the first of the causes that any number of it has.
+  // Reason to reject the list, if there is one: the first cause found.
   std::optional<film::RejectCause> fault() const;
-  // Where most of it is. Precondition: there is something.
+  // Film position of the brightest splat. Precondition: the list is not empty.
   transport::FilmPosition brightest() const;
 
   // For tests of the quarantine.

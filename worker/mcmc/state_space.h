@@ -1,6 +1,6 @@
-// What a chain walks over. A state space holds the present state and at most one proposal beside it; how
-// states look like and how proposals are made is its own affair: random numbers of an estimator
-// (primary_space.h), or paths with mutations of their own.
+// State space of a Markov chain. It holds the present state and at most one proposal. The implementation
+// chooses how states are represented and proposed: random numbers of an estimator (primary_space.h), or
+// paths with mutations of their own.
 #pragma once
 
 #include <cstdint>

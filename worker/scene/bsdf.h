@@ -44,7 +44,7 @@ struct ClosureTraits {
   bool even = false;          // the density of lobes that are not delta is never above 1 per steradian
 };
 
-// Densities below it have no inverse to trust; no sample of any number is lost by it.
+// Smallest usable density: below it, 1/pdf is unreliable. Rejecting such samples has no measurable effect.
 inline constexpr float kMinDensity = 1e-30f;
 
 // A bsdf at a hit. Each kind of closure C (bsdfs/<kind>.h) is a trivially copyable struct of parameters with

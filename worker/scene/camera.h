@@ -1,10 +1,10 @@
 // The camera as light paths see it.
 //
 // Film positions are in pixels, (0, 0) the top left corner. A pixel's value is the integral over film
-// positions of its normalised filter f times the radiance along the ray of that position, averaged over the
-// lens: camera_ray with weight 1. Importance is normalised so that light paths measure the same: a path
+// positions of its normalized filter f times the radiance along the ray of that position, averaged over the
+// lens: camera_ray with weight 1. Importance is normalized so that light paths measure the same: a path
 // vertex of throughput T (flux / pdf of the light path so far) connected to the camera adds
-//   T * bsdf * |cos at the vertex| * importance / pdf_solid_angle * f(film position - pixel centre)
+//   T * bsdf * |cos at the vertex| * importance / pdf_solid_angle * f(film position - pixel center)
 // divided by the number of light paths. So importance is W_e of [Veach 1997, Sec. 8.3.2] with the film
 // measured in pixels: pixels^2 / (m^2 sr), with the cosine at the lens divided out as Veach does.
 #pragma once

@@ -89,7 +89,7 @@ class Scene {
   // and measures. u_select and u_position are read together. False: no light by this choice.
   bool sample_emission(float u_select, Vec2 u_position, Vec2 u_direction, EmissionSample& out) const;
   // The densities with which sample_emission would have chosen light leaving the emitting surface `hit` along
-  // d (unit); that which sample_direct found (travelling along -light.wi); or that from outside the scene
+  // d (unit); that which sample_direct found (traveling along -light.wi); or that from outside the scene
   // seen looking along d. False: it never does.
   bool pdf_emission(const SurfaceHit& hit, Vec3 d, EmissionDensity& out) const;
   bool pdf_emission(const DirectSample& light, EmissionDensity& out) const;
@@ -116,7 +116,7 @@ class Scene {
   // Precondition: the scene is parameterized.
   double boundary_test(const SurfaceHit& hit, Vec3 d) const;
 
-  // For paths from the light: see camera.h for measures and normalisation. Film positions up to film_border
+  // For paths from the light: see camera.h for measures and normalization. Film positions up to film_border
   // pixels outside the film count as on it, since a reconstruction filter reaches beyond it.
   // A lens point seen from the reference; false: no camera ray comes there.
   bool sample_camera(const SurfaceHit& reference, Vec2 u_lens, CameraSample& out,

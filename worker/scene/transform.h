@@ -28,7 +28,7 @@ class Transform {
             dot(linear_[2], p) + translation_[2]};
   }
   Vec3d vector(Vec3d v) const { return {dot(linear_[0], v), dot(linear_[1], v), dot(linear_[2], v)}; }
-  // Inverse transposed up to a positive factor: right for normals under mirrors too. Not normalised.
+  // Inverse transposed up to a positive factor: right for normals under mirrors too. Not normalized.
   Vec3d normal(Vec3d n) const {
     const Vec3d v{dot(cofactor_[0], n), dot(cofactor_[1], n), dot(cofactor_[2], n)};
     return determinant_ < 0 ? -v : v;

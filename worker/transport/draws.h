@@ -21,11 +21,11 @@ inline constexpr std::uint32_t kLobe = 0, kDirection = 1, kRoulette = 2, kFlight
 namespace path_block {
 inline constexpr std::uint32_t kEmitterChoice = 0, kEmitterPoint = 1, kLobe = 2, kDirection = 3,
                                kRoulette = 4, kFlight = 5, kTransmittance = 6, kBlock = 5, kMediaBlock = 7;
-// A block for technique i > 0 of direct light at one vertex, far beyond those of any path.
+// First dimension of light technique i > 0 at one vertex; beyond all path dimensions.
 constexpr std::uint32_t further_light(std::size_t i) {
   return (1u << 30) + static_cast<std::uint32_t>(i) * kMediaBlock;
 }
-// From the block of a vertex to that of its next group of lights, far beyond those of any path.
+// Dimensions from one group of lights of a vertex to the next; beyond all path dimensions.
 inline constexpr std::uint32_t kNextGroup = 1u << 29;
 }  // namespace path_block
 

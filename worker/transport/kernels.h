@@ -21,7 +21,7 @@ enum class Kernel : std::uint8_t { constant, epanechnikov, perlin };
 
 namespace detail {
 
-// Not normalised; d2 is the squared distance, inv_r2 = 1 / r^2. Zero at t = 1 but for the constant one.
+// Not normalized; d2 is the squared distance, inv_r2 = 1 / r^2. Zero at t = 1 but for the constant one.
 inline float kernel_profile(Kernel kernel, float d2, float inv_r2) {
   if (kernel == Kernel::constant) return 1;
   const float t2 = d2 * inv_r2;

@@ -20,8 +20,8 @@ using scene::TransportMode;
 // Cosines below it count as it: no density may vanish where a ray did arrive.
 inline constexpr float kMinCosine = 1e-9f;
 
-// Of importance mode, where shading normals differ from the geometric one: what makes the bsdf that a walk
-// from the light needs out of what Closure gives, which knows the shading frame alone. wo: towards the light.
+// Factor that turns Closure's value, which knows the shading frame alone, into the adjoint bsdf of walks
+// from the light if shading and geometric normals differ. wo: towards the light.
 // [Veach 1997, Eq. 5.19]
 [[gnu::always_inline]] inline float shading_correction(const SurfaceHit& hit, Vec3 wo, Vec3 wi) {
   if (hit.ng == hit.shading.n) return 1;
@@ -83,8 +83,8 @@ struct Vertex : ScatterPoint, Block::Densities {
 };
 static_assert(sizeof(Vertex<NoBlock>) == sizeof(ScatterPoint));
 
-// Always inlined: the compiler's limit on the growth of a file with many walks would end it anywhere, at 1 %
-// of the instructions of bdpt and pssmlt.
+// Always inlined: GCC's limit on the growth of a unit otherwise stops inlining anywhere, at a cost of 1 % of
+// the instructions of bdpt and pssmlt.
 
 // The scattering value, times the cosine at wi (world directions, away from the vertex), of a walk that
 // arrived against wo, and its density per solid angle of going on along wi. radiance: a walk from the eye;

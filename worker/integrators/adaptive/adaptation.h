@@ -33,8 +33,8 @@ struct Follow {
   double to_alpha = 1;
   std::uint64_t evidence = 0;
 };
-// Lets pixels of `none`, the smaller bound, and of `little` take the levels by which radii that shrink with
-// alpha stay beside their schedule, if its radii are smaller.
+// Pixels with at most none.evidence (little.evidence, the larger bound) contributions follow the schedule of
+// none.to_alpha (little.to_alpha) if its radii are smaller; alpha is the radii's own exponent.
 void follow(Adaptation& adaptation, double alpha, const Follow& none, const Follow& little);
 // The F test's on rings, and that of nested discs, by the rule "fppm". k of `test` has no part in it.
 Adaptation ring_test(const EpochSettings& epochs, const FTestSettings& test, const RingSettings& rings);

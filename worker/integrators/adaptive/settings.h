@@ -48,7 +48,7 @@ struct FTestSettings {
     visit("channels", channels,
           "what is tested: luminance, or red, green and blue; auto: colors if the scene has any");
     visit("alpha_f", alpha_f, NumberRange{0, 1, true, true},
-          "probability that a look rejects a radius in which the light is even");
+          "probability that a test rejects a radius within which the light is even");
     visit("k", k, NumberRange{0, 1, true, true}, "factor of a radius that is rejected");
     floor_fields(visit, r_min, floor_alpha);
   }
@@ -80,7 +80,7 @@ struct CountTestSettings {
   template <class Visitor>
   void fields(Visitor& visit) {
     visit("alpha_chi", alpha_chi, NumberRange{0, 1, true, true},
-          "probability that a test rejects a radius in which photons are even");
+          "probability that a test rejects a radius within which photons are even");
     visit("first_batch", first_batch, 1, 1 << 30, "photons that the first test of a pixel waits for");
     visit("batch_growth", batch_growth, NumberRange{1, 1024},
           "factor of that number with each radius; 1.5625 makes radii fall as with alpha = 2/3");
@@ -97,9 +97,8 @@ struct PlugInSettings {
   template <class Visitor>
   void fields(Visitor& visit) {
     visit("pilot", pilot,
-          "pilot radius, which the Laplacian is estimated at: exponent that it falls with, or the best one "
-          "of a "
-          "bell-shaped field, for each pixel");
+          "pilot radius, at which the Laplacian is estimated: the exponent by which it falls, or the best "
+          "radius of a bell-shaped field, for each pixel");
     visit("recursive_correction", recursive_correction,
           "the radius that is best for the mean of all radii so far, smaller by a sixth");
     visit("r_min", r_min, NumberRange{0, 1e6, true},

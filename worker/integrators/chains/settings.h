@@ -35,16 +35,17 @@ struct ChainSettings {
     visit("chains", chains, 2, static_cast<int>(chains::kMaxChains),
           "Markov chains of the job, an even number, whatever the workers");
     visit("bootstrap", bootstrap, 1, static_cast<int>(chains::kMaxBootstrapSamples),
-          "samples that the first estimate of the normalisation b and the chains' starts are taken from");
-    visit("mutations", mutations, 1, 1 << 16, "per pixel, in the time in which each chain does one segment");
+          "samples for the first estimate of the normalization b and for the starts of the chains");
+    visit("mutations", mutations, 1, 1 << 16,
+          "mutations per pixel in one round, in which each chain does one segment");
     visit("large_step", large_step, NumberRange{0, 1},
-          "probability of a mutation that forgets the chain's state");
+          "probability of a large step, which forgets the chain's state");
     of_space.fields(visit);
     visit("direct", direct,
           "path leaves light seen directly or after one bounce to path tracing, and only the rest to the "
           "chains");
     visit("direct_samples", direct_samples, 1, 1 << 16,
-          "with direct=path: its eye samples a pixel, in the time in which each chain does one segment");
+          "with direct=path: eye samples per pixel in one round");
   }
 };
 // The number of chains is even.

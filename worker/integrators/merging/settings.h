@@ -32,13 +32,15 @@ struct MergeSettings {
     using integrator_words::kAlpha;
     visit(
         "radius", radius, NumberRange{0, 1},
-        "merging radius of the first iteration, as a fraction of the scene's bounding sphere's; 0: such that "
-        "ten photons of an iteration lie within it (the median), but at most half a pixel wide (one if "
-        "radii adapt, two without connections, ten in media without them), or 0.003 if that is more");
+        "merging radius of the first iteration, as a fraction of the radius of the scene's bounding sphere; "
+        "0: the radius that holds ten photons of an iteration (median over the film), at most half a pixel "
+        "(one if radii adapt, two without connections, ten in media without connections) or, if more, 0.003");
     visit("radius_pixels", radius_pixels, NumberRange{0, 1e6},
-          "above 0: that radius in widths of a pixel at what the camera sees (the median) instead");
+          "if > 0: the first radius in pixel widths at the surfaces that the camera sees (median over the "
+          "film); overrides radius");
     visit("radius_neighbors", radius_neighbors, 0, 1 << 14,
-          "above 0: that radius such that so many photons lie within it (the median) instead of both");
+          "if > 0: choose the first radius so that it holds this many photons (median over the film); "
+          "overrides radius and radius_pixels");
     if (progressive)
       visit(kAlpha.name, alpha, NumberRange{kAlpha.minimum, kAlpha.maximum, kAlpha.above_minimum},
             "how the radius shrinks: the variance of n iterations falls as n^-alpha, their bias as "

@@ -274,7 +274,7 @@ class OptimisIntegrator final : public IterationIntegrator {
     const bool kept = i.output.film->add(0, x, y, {light.r, light.g, light.b}, key, i.tallies, signed_values);
     if (!reached) return;
     tally_visibility(i, key);
-    // A sample that the film refused is a dark one.
+    // Samples that the film rejected count as zero.
     const double kept_weight = kept ? static_cast<double>(weight) : 0;
     const std::uint32_t part = read_out_ == ReadOut::epochs ? i.unit.half : 0;
     if (read_out_ == ReadOut::sums || read_out_ == ReadOut::epochs)

@@ -40,7 +40,8 @@ struct OptimisSettings {
           "no "
           "gain from optimal weights");
     visit("estimator", estimator,
-          "of optimal weights: what the image is read by; fetch --estimator has the others");
+          "with optimal weights: estimator that makes the image from the merged sums; fetch --estimator "
+          "takes the others");
     visit("epoch_min", epoch_min, 2, 1 << 20,
           "estimator=progressive or selection=trained: iterations of the shortest epoch, an even number; the "
           "first epoch has the weights of the balance heuristic, and an untrained selection");

@@ -6,7 +6,7 @@
 
 namespace candela::integrators::path {
 
-// Whether next event estimation has a shadow ray for the environment and one for lamps (docs/decisions/061).
+// If next event estimation has a shadow ray for the environment and one for lamps (docs/integrators/path.md).
 bool ray_a_group(const scene::SceneFeatures& features);
 
 // rays_a_group: its caller traces a shadow ray for each group of lights, where next event estimation runs.

@@ -16,7 +16,7 @@ struct PpmSettings {
     common.plan_field(visit);
     merge.fields(visit);
     visit("photons", photons,
-          "caustics: nothing is kept, nor shown, but light that comes to a vertex from a specular one");
+          "caustics: stores and shows only light that comes to a vertex from a specular vertex");
   }
 };
 

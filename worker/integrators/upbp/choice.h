@@ -55,12 +55,12 @@ struct Choice {
   std::vector<double> inefficiency;  // of each trial: error times cost, over the least
   std::vector<double> cost;          // of each, over that of the first
 };
-// So many times the cost of the first trial is cheap.
+// A trial is cheap if it costs at most kCheap times the first.
 inline constexpr double kCheap = 1.5;
-// Inefficiencies of cheap trials up to so many times the least are alike.
+// Cheap trials within kAlike times the lowest inefficiency count as equal.
 inline constexpr double kAlike = 1.05;
-// The least, or the last of those that are alike. Precondition: each trial has all techniques of those
-// before. A small pilot does not see all that they gain where light is rare.
+// The trial of lowest inefficiency, or the last of those that count as equal: a small pilot does not see all
+// that further techniques gain if light is rare. Precondition: each trial has all techniques of those before.
 Choice choose(std::span<const Trial> trials);
 // Whether the last trial, which has the techniques of trial `chosen`, has less error times cost.
 bool last_is_better(std::span<const Trial> trials, std::size_t chosen);

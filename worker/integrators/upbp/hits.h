@@ -1,6 +1,6 @@
 // The photons or beams that a query of an eye path is expected to hit. Merges of one query share the eye
 // path, while [Krivanek 2014] takes them for independent samples. The weights divide a merge's number of
-// samples by 1 + expected hits, which bounds the variance that the shared part adds (docs/decisions/069).
+// samples by 1 + expected hits, which bounds the shared part's variance (docs/integrators/upbp-method.md).
 #pragma once
 
 #include <cstdint>

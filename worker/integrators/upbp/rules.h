@@ -33,8 +33,8 @@ struct Rules {
   Planned planned;
   MediumRules medium;
   bool only_if_cheap = false;  // tried only if the set before it costs at most kCheap times the first
-  // The set, by index, that these rules are but for fewer connections in media, long query beams, or both:
-  // tried only if it is chosen.
+  // Index of the set that this one refines by fewer connections in media, long query beams, or both. Tried
+  // only if that set wins.
   std::optional<std::size_t> refined = {};
 };
 

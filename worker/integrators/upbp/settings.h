@@ -34,26 +34,25 @@ struct UpbpSettings {
     visit("merge_surfaces", merge_surfaces,
           "merging on surfaces, beside whatever techniques says; false leaves it out, and with it the light "
           "that nothing else in the list finds");
-    visit(
-        "beam_paths", beam_paths, -1, 1 << 30,
-        "most light paths of an iteration that leave beams: bb1d costs as many as it has; 0: all do; -1: 128 "
-        "or 1024, whichever a short pilot finds better (plan=full: 128)");
+    visit("beam_paths", beam_paths, -1, 1 << 30,
+          "maximum light paths per iteration that store beams; the cost of bb1d is proportional to it; 0: "
+          "all; -1: 128 or 1024, whichever a short pilot finds better (plan=full: 128)");
     visit("connect_media", connect_media, NumberRange{1e-3, 1},
-          "share of the pairs of two vertices in media that are connected, chosen by chance: where light "
-          "scatters "
-          "many times, most of the time goes to such pairs, and merges find the same light");
+          "probability that a pair of vertices in media is connected: in media that scatter many times, most "
+          "of the time goes to such pairs, and merges find the same light");
     visit("query_beams", query_beams,
           "beams of eye paths end where their flight ends, or go on to the end of a homogeneous medium; "
           "techniques=auto may take long ones");
-    visit("photon_beams", photon_beams, "the same of light paths");
+    visit("photon_beams", photon_beams, "the same for light paths");
     const NumberRange range{0, 1};
     visit("radius_pp3d", radius_pp3d, range,
-          "above 0: radius of pp3d in the first iteration, as `radius` is that of all");
+          "if > 0: radius of pp3d in the first iteration, instead of `radius`");
     visit("radius_pb2d", radius_pb2d, range, "the same for pb2d");
     visit("radius_bp2d", radius_bp2d, range, "the same for bp2d");
     visit("radius_bb1d", radius_bb1d, range, "the same for bb1d");
     visit("radius_free_paths", radius_free_paths, NumberRange{0, 1e6},
-          "most mean free paths of a medium that a radius in it has: more darkens its rim; 0: any");
+          "upper bound of a radius in a medium, in mean free paths; larger radii darken its boundary; 0: no "
+          "bound");
     visit("layers", layers,
           "further layers in the EXR: the part of the image that merging brings, or those of all techniques");
   }

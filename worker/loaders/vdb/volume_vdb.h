@@ -25,7 +25,7 @@ struct VdbChoice {
 
 // One grid of floats or doubles (1 channel) or float vectors (3), also where stored as halves. The smallest
 // box around the active voxels becomes dense; what is not active in it has the grid's background value. A
-// voxel is a cell whose centre is at the voxel's integer index, so the box in the world reaches half a voxel
+// voxel is a cell whose center is at the voxel's integer index, so the box in the world reaches half a voxel
 // further than the outermost indices. `name` goes into errors.
 //
 // Every length in the file and every compressed block's header is checked here before OpenVDB parses the

@@ -1,5 +1,5 @@
 // Environment emitters. The map's sampling tables follow its bilinear cells: a cell is the patch of the
-// sphere between four neighbouring texels; it is chosen by the mean luminance of the four times its solid
+// sphere between four neighboring texels; it is chosen by the mean luminance of the four times its solid
 // angle, and sampled uniformly within. So the density is above zero wherever the radiance is, and constant
 // over each cell.
 #include "worker/scene/emitters/environment.h"
@@ -87,7 +87,7 @@ std::uint32_t find_interval(const float* cdf, std::uint32_t n, float u) {
   return static_cast<std::uint32_t>(std::clamp<std::int64_t>(i, 0, n - 1));
 }
 
-// Sums of `weights` normalised to end at exactly 1; false where all are zero. A positive weight always gets a
+// Sums of `weights` normalized to end at exactly 1; false where all are zero. A positive weight always gets a
 // positive width, at least one step of the float at its place, as far as there are steps.
 bool make_cdf(const std::vector<double>& weights, float* cdf) {
   double total = 0;
@@ -154,7 +154,7 @@ Result<Environment> Environment::build(const description::Object& object, Textur
   if (object.plugin == "constant") {
     CANDELA_ASSIGN(const ColorTexture color, textures.color(object, "radiance", Spectrum(1)));
     if (!color.is_constant())
-      return located("the radiance of a constant emitter is one colour", object, "radiance");
+      return located("the radiance of a constant emitter is one color", object, "radiance");
     return constant(color.constant);
   }
   CANDELA_ASSIGN(const std::shared_ptr<const TexelImage> image, image_of(object, textures));

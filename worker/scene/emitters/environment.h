@@ -2,7 +2,7 @@
 // sky and the sun, which become such an image.
 //
 // Orientation is Mitsuba 3's: in the emitter's space u = atan2(x, -z) / 2 pi, v = acos(y) / pi, v = 0 the top
-// row. Lookups are bilinear between texel centres horizontally (periodic); rows span the sphere from pole to
+// row. Lookups are bilinear between texel centers horizontally (periodic); rows span the sphere from pole to
 // pole, so that the first row's values lie at the pole.
 #pragma once
 

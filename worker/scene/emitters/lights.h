@@ -76,8 +76,8 @@ class Lights {
   float prob(Vec3 reference, Vec3 front, std::uint32_t emitter,
              LightTechnique technique = LightTechnique::adapted) const;
 
-  // The same by the technique `adapted`, its shares times weights of groups of emitters. Precondition: at
-  // least 2 emitters.
+  // As above, by the technique `adapted`, its probabilities times weights of groups of emitters.
+  // Precondition: at least 2 emitters.
   using Weights = const ChoiceWeights&;
   DirectOutcome sample(const SurfaceHit& reference, Vec3 front, float u_select, Vec2 u, DirectSample& out,
                        Weights weights, PointSampler point) const;

@@ -41,9 +41,9 @@ class Medium {
   // Homogeneous, with the same sigma_t in all channels.
   bool gray() const { return gray_; }
 
-  // Along the ray up to its t_max, where the medium ends or a surface is. channels: how much each colour
+  // Along the ray up to its t_max, where the medium ends or a surface is. channels: how much each color
   // counts in the choice of the distance, not negative. With the walk's throughput so far, the sum over
-  // channels of throughput times weight never exceeds the sum of the throughput, however strongly coloured
+  // channels of throughput times weight never exceeds the sum of the throughput, however strongly colored
   // the medium is; a walk whose densities must not depend on its past passes (1, 1, 1).
   // steps: see Tracking::collide; homogeneous media have none.
   DistanceSample sample_distance(const Ray& ray, Spectrum channels, Vec2 u,

@@ -13,7 +13,7 @@
 
 namespace candela::scene {
 
-// A grid in space. Its cells fill the unit cube [0, 1]^3 of local space, values sit at their centres;
+// A grid in space. Its cells fill the unit cube [0, 1]^3 of local space, values sit at their centers;
 // to_world places the cube.
 class GridVolume {
  public:
@@ -29,7 +29,7 @@ class GridVolume {
   }
   Vec3d to_local_vector(Vec3d v) const { return {dot(rows_[0], v), dot(rows_[1], v), dot(rows_[2], v)}; }
 
-  // Anywhere in local space; beyond the outermost centres as wrap_mode says.
+  // Anywhere in local space; beyond the outermost centers as wrap_mode says.
   Spectrum eval(Vec3d local) const;
   bool gray() const { return data_.channels == 1; }
 

@@ -67,7 +67,7 @@ class Sensor {
   // at the point, an orthographic camera not at the direction. Clip planes are not looked at.
   bool density(Vec3 point, Vec3 direction, float border, CameraDensity& out) const;
 
-  // Of light travelling along the ray: the distance at which it passes the near plane on its way through a
+  // Of light traveling along the ray: the distance at which it passes the near plane on its way through a
   // finite lens onto the film; false: it does not. `out` is of the reversed ray.
   bool intersect(const Ray& ray, float border, float& distance, CameraDensity& out) const;
 
@@ -96,7 +96,7 @@ class Sensor {
   }
 
   Kind kind_ = Kind::perspective;
-  Vec3d origin_;         // of the pinhole, the lens's centre
+  Vec3d origin_;         // of the pinhole, the lens's center
   Vec3d axis_;           // the point (0, 0) of the film at unit depth, from the origin; orthographic: in the
                          // world, on the near plane
   Vec3d across_, down_;  // one pixel to the right, one down

@@ -38,7 +38,7 @@ Triangle make_triangle(Vec3 v0, Vec3 v1, Vec3 v2) {
   return t;
 }
 
-// The tangent frame along dp/du, made orthogonal to n; any frame where the parameterisation is degenerate.
+// The tangent frame along dp/du, made orthogonal to n; any frame where the parameterization is degenerate.
 Frame frame_along(Vec3 n, Vec3d dp_du) {
   const Vec3d nd(n);
   const Vec3d s = dp_du - nd * dot(nd, dp_du);
@@ -59,7 +59,7 @@ void append(std::vector<T>& to, std::vector<T>&& from) {
   }
 }
 
-// As floats, which a parameterisation squeezed to almost nothing may overflow.
+// As floats, which a parameterization squeezed to almost nothing may overflow.
 Vec3 finite(Vec3d v) {
   constexpr double kMost = 1e18;
   return {static_cast<float>(std::clamp(v.x, -kMost, kMost)),
@@ -381,7 +381,7 @@ void Geometry::disk_hit(const Ray& ray, std::uint32_t index, SurfaceHit& hit) co
     return;
   }
   hit.uv = disk_uv(disk, p);
-  // At the centre, where the angle has no meaning, it is zero, as Mitsuba has it.
+  // At the center, where the angle has no meaning, it is zero, as Mitsuba has it.
   const Vec3d radial = r > 0 ? disk.axes[0] * (x / r) + disk.axes[1] * (y / r) : disk.axes[0];
   hit.shading = frame_along(hit.ng, radial);
   if (record.reads_partials) {

@@ -32,7 +32,7 @@ struct ShapeRecord {
   std::uint32_t first_triangle = 0, triangle_count = 0;  // in Geometry::triangles
   // What is not made of triangles is one primitive, in Geometry's array of its kind.
   std::uint32_t sphere = kNone, disk = kNone, cylinder = kNone;
-  bool reads_uv = false;         // a texture or an anisotropic bsdf depends on the parameterisation
+  bool reads_uv = false;         // a texture or an anisotropic bsdf depends on the parameterization
   bool reads_partials = false;   // hits need dp_du and dp_dv
   bool reads_mean_edge = false;  // a texture looks at Geometry::mean_edges
 };
@@ -134,7 +134,7 @@ struct Geometry {
  private:
   Bounds bounds_of_triangle(std::uint32_t triangle) const;
   void quadric_hit(const Ray& ray, PrimitiveKind kind, std::uint32_t primitive, SurfaceHit& hit) const;
-  // All of a hit that the surface's parameterisation does not say.
+  // All of a hit that the surface's parameterization does not say.
   [[gnu::always_inline]] const ShapeRecord& name_hit(std::uint32_t shape, std::uint32_t primitive,
                                                      SurfaceHit& hit) const {
     const ShapeRecord& record = shapes[shape];

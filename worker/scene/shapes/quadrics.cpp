@@ -28,7 +28,7 @@ float turns(double along_s, double along_t) {
   return u < 0 ? std::min(u + 1, 0x1.fffffep-1f) : u;
 }
 
-// Where |f + d t| = radius. The discriminant from the distance of the line to the centre, which does not
+// Where |f + d t| = radius. The discriminant from the distance of the line to the center, which does not
 // cancel far away (Haines et al. 2019).
 bool roots(Vec3d f, Vec3d d, double radius, double& near, double& far) {
   const double a = dot(d, d);

@@ -1,7 +1,7 @@
 // Spheres, disks and cylinders: kept in double, since rays meet them in our own arithmetic.
 //
 // For each kind: its box; meet(), the nearest distance along a ray within an open interval; and Mitsuba's
-// parameterisation of a point on it.
+// parameterization of a point on it.
 #pragma once
 
 #include <array>
@@ -14,7 +14,7 @@ namespace candela::scene {
 struct Sphere {
   Vec3d center;
   double radius = 0;
-  std::array<Vec3d, 3> axes{};  // of the parameterisation, orthonormal (a mirror is possible)
+  std::array<Vec3d, 3> axes{};  // of the parameterization, orthonormal (a mirror is possible)
   bool inside_out = false;      // flip_normals: the outside, where it emits, is within
 };
 
@@ -46,7 +46,7 @@ bool meet(const Sphere& sphere, Vec3d origin, Vec3d direction, double t_min, dou
 bool meet(const Disk& disk, Vec3d origin, Vec3d direction, double t_min, double t_max, double& t);
 bool meet(const Cylinder& cylinder, Vec3d origin, Vec3d direction, double t_min, double t_max, double& t);
 
-// Mitsuba's parameterisation. Sphere: of the point in direction n (unit) from the centre, (angle around the
+// Mitsuba's parameterization. Sphere: of the point in direction n (unit) from the center, (angle around the
 // local z axis, angle from it). Disk: (radius, angle). Cylinder: (angle, height). All over [0, 1].
 Vec2 sphere_uv(const Sphere& sphere, Vec3d n);
 Vec2 disk_uv(const Disk& disk, Vec3d p);

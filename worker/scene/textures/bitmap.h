@@ -1,4 +1,4 @@
-// Lookups in an image: bilinear between texel centres or the nearest texel, with what lies outside of [0, 1]
+// Lookups in an image: bilinear between texel centers or the nearest texel, with what lies outside of [0, 1]
 // chosen for u and v apart.
 #pragma once
 

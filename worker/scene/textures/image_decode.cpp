@@ -437,7 +437,7 @@ Result<TexelImage> Decoder::decode(Scratch& scratch) {
   CANDELA_TRY(find_channels());
   const bool is_integer = !spec_.floating;
   if (format_ == "openexr" && is_integer)
-    return image_error("the image's channels are integers, but a colour is half or float", file_);
+    return image_error("the image's channels are integers, but a color is half or float", file_);
   encoding_ = reading_.encoding;
   if (encoding_ == ImageReading::Encoding::file)
     encoding_ = is_integer ? ImageReading::Encoding::srgb : ImageReading::Encoding::linear;

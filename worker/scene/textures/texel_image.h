@@ -1,5 +1,5 @@
 // A decoded image: linear Rec.709 texels in square tiles, row by row of tiles, so that a lookup and its
-// neighbours lie on one page. Every image is kept this way, in memory or in the scratch file.
+// neighbors lie on one page. Every image is kept this way, in memory or in the scratch file.
 #pragma once
 
 #include <array>

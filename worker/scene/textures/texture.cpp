@@ -395,7 +395,7 @@ Result<ColorTexture> TextureStore::color_at_depth(const description::Object& own
     result.constant = {static_cast<float>(v[0]), static_cast<float>(v[1]), static_cast<float>(v[2])};
     for (const double c : v) {
       if (!std::isfinite(static_cast<float>(c)) || c < 0) {
-        return located("a colour is finite and not negative", owner, name);
+        return located("a color is finite and not negative", owner, name);
       }
     }
   }

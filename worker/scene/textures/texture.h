@@ -1,4 +1,4 @@
-// Textures: colours and numbers that vary over a surface. A ColorTexture or FloatTexture is a small value: a
+// Textures: colors and numbers that vary over a surface. A ColorTexture or FloatTexture is a small value: a
 // constant, or a reference into the TextureStore of the scene, which owns every image and must outlive it.
 //
 // Conventions are Mitsuba 3's: (u, v) = (0, 0) is the top left corner of the image (mesh loaders flip v where
@@ -55,7 +55,7 @@ struct ColorTexture {
   bool is_constant() const { return texture == nullptr; }
 };
 
-// A colour texture in the place of a number counts by its luminance, as in Mitsuba.
+// A color texture in the place of a number counts by its luminance, as in Mitsuba.
 struct FloatTexture {
   float constant = 0;
   const Texture* texture = nullptr;

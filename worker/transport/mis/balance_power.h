@@ -24,7 +24,7 @@
 // terms known is dVCM, pending + pending_surface eta is dVC, and dVM is dVC / eta. All are ratios, so that
 // long paths neither over- nor underflow; they are double because single factors span what floats cannot.
 //
-// Not part of any density: Russian roulette, surfaces passed straight, and the choice of the colour channel
+// Not part of any density: Russian roulette, surfaces passed straight, and the choice of the color channel
 // of a flight. Weights need only be the same function of the path in all techniques.
 //
 // BalancePower is a policy of walks (walk.h): Block is what a vertex keeps, Departure what the walk carries

@@ -63,7 +63,7 @@ std::array<Scaled, 3> Evaluation::contribution() const {
   return f;
 }
 
-// The density of the flight along an edge, and of passing its surfaces straight. colour: of what the walk
+// The density of the flight along an edge, and of passing its surfaces straight. color: of what the walk
 // carries, which chooses the channel of a flight; on return that behind the edge.
 Scaled Evaluation::fly(bool from_light, std::size_t i, Arrival arrival, bool expects_passes,
                        Channels& colour) const {

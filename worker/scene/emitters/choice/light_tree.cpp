@@ -15,7 +15,7 @@ namespace {
 // Emitters spread over a sphere of radius r around the reference are as if at less than r; below half of it
 // one near emitter is too likely to be the one that counts.
 constexpr float kNearest = 0.25f;  // least squared distance, in squared radii
-constexpr float kBound = 0.5f;     // share of the bound in a cosine, the rest is that at the centre
+constexpr float kBound = 0.5f;     // share of the bound in a cosine, the rest is that at the center
 constexpr int kBins = 12;
 constexpr int kBalancedFrom = 26;  // depth from which nodes are halved, so that trails fit 64 bits
 
@@ -241,7 +241,7 @@ LightTree::LightTree(std::vector<LightBounds> lights, std::size_t emitter_count)
 }
 
 // The bounds decide what is zero. How much the rest counts is an estimate: distance and cosines of a node
-// that is wide as seen from the reference lie between those of its centre and the bounds.
+// that is wide as seen from the reference lie between those of its center and the bounds.
 float LightTree::importance(const Node& node, Vec3 p, Vec3 front) {
   const bool both_sides = is_zero(front);
   const Vec3 v = node.center - p;
