@@ -55,8 +55,7 @@ Result<void> SqliteStore::read_work(const JobCells& cells, JobRow& j) const {
 Result<void> SqliteStore::read_audit(const JobCells& cells, JobRow& j) const {
   v1::JobAudit message;
   if (!message.ParseFromString(cells.audit.text))
-    return input_error(fmt::format("the record of the workers of job {} cannot be read", j.id))
-        .at(path_, 0);
+    return input_error(fmt::format("the record of the workers of job {} cannot be read", j.id)).at(path_, 0);
   JobAudit& audit = j.audit;
   audit.pilot_sha256 = message.pilot_sha256();
   audit.pilot_by = {message.pilot_by().begin(), message.pilot_by().end()};
