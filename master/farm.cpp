@@ -83,7 +83,7 @@ Result<void> Farm::start() {
   so.audit_secret = state.audit_secret;
   gate_ = std::make_unique<PushGate>(o.merge_queue_bytes, o.merge_threads);
   writer_ = std::make_unique<StoreWriter>(*store_, [this](const std::string& text) {
-    const std::lock_guard lock(health_mutex_);
+    const Lock lock(health_mutex_);
     if (text == store_trouble_) return;  // each try fails alike: once per cause
     if (text.empty())
       log::info("the store can be written again");
@@ -212,7 +212,7 @@ Result<std::optional<std::string>> Farm::choose_id(const Scheduler& s, JobRow& r
 }
 
 Result<Farm::Submitted> Farm::submit(JobRow row, const std::string& bundle_bytes) {
-  const std::lock_guard one(submit_mutex_);
+  const Lock one(submit_mutex_);
   CANDELA_ASSIGN(const std::optional<std::string> existing,
                  with_scheduler([&](Scheduler& s) { return choose_id(s, row); }));
   if (existing) return Submitted{*existing, true};
@@ -446,7 +446,7 @@ Result<Ledger> Farm::ledger(const std::string& job_id) {
 
 std::string Farm::trouble() {
   {
-    const std::lock_guard lock(health_mutex_);
+    const Lock lock(health_mutex_);
     if (!store_trouble_.empty()) return "store: " + store_trouble_;
   }
   return with_scheduler([&](Scheduler& s) {

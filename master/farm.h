@@ -13,12 +13,12 @@
 #include <functional>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "common/base/mutex.h"
 #include "common/base/result.h"
 #include "master/jobs/audit_keeper.h"
 #include "master/jobs/delta_intake.h"
@@ -196,10 +196,10 @@ class Farm final : public TruthFarm {
   // Blobs that jobs have been told are lost: SHA-256, and whether by damage.
   std::map<std::string, bool> lost_blobs_;
 
-  std::mutex submit_mutex_;  // one submission at a time; held across I/O
+  Mutex submit_mutex_;  // one submission at a time; held across I/O
 
-  std::mutex health_mutex_;  // guards store_trouble_
-  std::string store_trouble_;
+  Mutex health_mutex_;
+  std::string store_trouble_ CANDELA_GUARDED_BY(health_mutex_);
 
   std::atomic<bool> stopped_{false};
   std::vector<std::thread> threads_;

@@ -7,9 +7,9 @@
 
 #include <chrono>
 #include <cmath>
-#include <mutex>
 
 #include "common/base/log.h"
+#include "common/base/mutex.h"
 #include "common/wire/token.h"
 #include "common/wire/wire.h"
 #include "master/api/guarded_services.h"
@@ -110,7 +110,7 @@ class MasterImpl final : public Master {
   void flush_images() override { farm_->flush_images(); }
 
   void stop() override {
-    const std::lock_guard lock(stop_mutex_);
+    const Lock lock(stop_mutex_);
     farm_->begin_stop();
     if (server_) {
       server_->Shutdown(std::chrono::system_clock::now() + kShutdownGrace);
@@ -148,7 +148,7 @@ class MasterImpl final : public Master {
   std::unique_ptr<grpc::Server> server_;
   std::unique_ptr<HttpServer> http_;
   int port_ = 0;
-  std::mutex stop_mutex_;
+  Mutex stop_mutex_;
 };
 
 }  // namespace

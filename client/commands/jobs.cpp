@@ -302,7 +302,7 @@ Result<int> run_extend(Context& context, const JobOptions& options) {
   CANDELA_ASSIGN(const auto farm, connect(options.farm));
   if (spp > 0) {
     CANDELA_ASSIGN(const v1::JobStatus job, farm->get_job(options.id));
-    const double each = samples_per_iteration(job);
+    const double each = wire::samples_per_iteration(job);
     if (!(each > 0))
       return usage_error("how many samples a round of this job brings is not known before its pilot")
           .with_field("--spp")

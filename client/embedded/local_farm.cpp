@@ -4,10 +4,10 @@
 #include <grpcpp/grpcpp.h>
 
 #include <algorithm>
-#include <mutex>
 #include <thread>
 
 #include "common/base/memory_limit.h"
+#include "common/base/mutex.h"
 #include "common/description/reading_budget.h"
 #include "common/wire/token.h"
 #include "master/master.h"
@@ -21,10 +21,10 @@ struct LocalFarm::State {
   std::unique_ptr<master::Master> master;
   std::vector<std::unique_ptr<worker::Worker>> workers;
   std::vector<std::thread> waiters;  // one for each worker, to hear of its end
-  mutable std::mutex mutex;          // of what follows
-  std::size_t alive = 0;
-  bool draining = false;
-  std::optional<Error> lost;
+  mutable Mutex mutex;
+  std::size_t alive CANDELA_GUARDED_BY(mutex) = 0;
+  bool draining CANDELA_GUARDED_BY(mutex) = false;
+  std::optional<Error> lost CANDELA_GUARDED_BY(mutex);
 };
 
 LocalFarm::LocalFarm(std::unique_ptr<State> state) : state_(std::move(state)) {}
@@ -79,14 +79,14 @@ Result<void> LocalFarm::start_workers(const std::vector<unsigned>& threads,
     options.name = fmt::format("local-{}", i + 1);
     CANDELA_ASSIGN(std::unique_ptr<worker::Worker> one, worker::Worker::start(options, channel()));
     {
-      const std::lock_guard lock(state.mutex);
+      const Lock lock(state.mutex);
       ++state.alive;
     }
     worker::Worker* raw = one.get();
     state.workers.push_back(std::move(one));
     state.waiters.emplace_back([&state, raw] {
       auto ended = raw->wait();
-      const std::lock_guard lock(state.mutex);
+      const Lock lock(state.mutex);
       --state.alive;
       if (state.draining) return;
       if (!ended.ok()) state.lost = std::move(ended).error();
@@ -100,13 +100,13 @@ Result<void> LocalFarm::start_workers(const std::vector<unsigned>& threads,
 }
 
 std::optional<Error> LocalFarm::workers_lost() const {
-  const std::lock_guard lock(state_->mutex);
+  const Lock lock(state_->mutex);
   return state_->alive == 0 ? state_->lost : std::nullopt;
 }
 
 void LocalFarm::drain_workers() {
   {
-    const std::lock_guard lock(state_->mutex);
+    const Lock lock(state_->mutex);
     state_->draining = true;
   }
   std::vector<std::thread> drains;

@@ -64,9 +64,10 @@ Preview::~Preview() {
 
 void Preview::run() {
   double pause = std::min(plan_.interval_seconds, 0.5);  // the first picture comes soon
-  std::unique_lock lock(mutex_);
+  Lock lock(mutex_);
   for (;;) {
-    wake_.wait_for(lock, std::chrono::duration<double>(pause), [this] { return stopping_; });
+    wake_.wait_for(lock, std::chrono::duration<double>(pause),
+                   [this]() CANDELA_REQUIRES(mutex_) { return stopping_; });
     if (stopping_) return;
     lock.unlock();
     const double begin = now_seconds(), cpu_begin = thread_cpu_seconds();
@@ -91,7 +92,7 @@ Result<void> Preview::show_now(bool with_png) {
 }
 
 void Preview::note(const Result<void>& shown) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   if (shown) {
     told_.clear();
   } else if (std::string text = shown.error().to_string(); text != told_) {
@@ -101,7 +102,7 @@ void Preview::note(const Result<void>& shown) {
 }
 
 void Preview::warn(std::ostream& err, ProgressLine& progress) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   if (!trouble_) return;
   progress.clear();
   err << "candela: warning: " << printable(*trouble_) << '\n';
@@ -111,7 +112,7 @@ void Preview::warn(std::ostream& err, ProgressLine& progress) {
 void Preview::stop(bool last) {
   if (!thread_.joinable()) return;
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     stopping_ = true;
   }
   wake_.notify_all();

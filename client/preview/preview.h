@@ -3,7 +3,6 @@
 
 #include <condition_variable>
 #include <iosfwd>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
@@ -11,6 +10,7 @@
 #include "client/farm_client.h"
 #include "client/preview/tev.h"
 #include "client/progress.h"
+#include "common/base/mutex.h"
 
 namespace CLI {
 class App;
@@ -64,11 +64,11 @@ class Preview {
   FarmClient& farm_;
   const std::string job_id_;
   PreviewPlan plan_;
-  std::mutex mutex_;  // of what follows
+  Mutex mutex_;
   std::condition_variable wake_;
-  bool stopping_ = false;
-  std::string told_;
-  std::optional<std::string> trouble_;
+  bool stopping_ CANDELA_GUARDED_BY(mutex_) = false;
+  std::string told_ CANDELA_GUARDED_BY(mutex_);
+  std::optional<std::string> trouble_ CANDELA_GUARDED_BY(mutex_);
   std::thread thread_;
 };
 

@@ -13,6 +13,7 @@
 #include <string_view>
 #include <type_traits>
 
+#include "common/base/mutex.h"
 #include "common/base/result.h"
 
 namespace candela {
@@ -62,9 +63,9 @@ class MemoryReserve {
 Error out_of_memory(std::string_view what);
 
 // The result of `f`, which is a Result, or an error (resource) if memory runs out in it. `what` cannot be
-// done then, as in "the film cannot be read".
+// done then, as in "the film cannot be read". `f` may need a mutex that the caller holds.
 template <class F>
-std::invoke_result_t<F> within_memory(std::string_view what, F&& f) {
+std::invoke_result_t<F> within_memory(std::string_view what, F&& f) CANDELA_UNANALYZED {
   try {
     const LargeWork large;
     return f();

@@ -105,7 +105,7 @@ Result<FileSource::Bytes> UnpackedFiles::open(const std::string& key) const {
 
 Result<FileSource::Bytes> UnpackedFiles::open(const std::string& key, std::size_t max_bytes) const {
   if (!key.ends_with(".gz")) return files_.open(key);
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   if (const auto known = unpacked_.find(key); known != unpacked_.end()) {
     if (known->second.view.size() > max_bytes) return too_large(key, max_bytes);
     return known->second;

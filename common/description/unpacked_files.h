@@ -2,9 +2,9 @@
 #pragma once
 
 #include <map>
-#include <mutex>
 #include <string>
 
+#include "common/base/mutex.h"
 #include "common/description/object.h"
 #include "common/description/reading_budget.h"
 
@@ -33,8 +33,8 @@ class UnpackedFiles final : public FileSource {
   Result<Content> unpack(const Bytes& packed, const std::string& key, std::size_t max_bytes) const;
 
   const FileSource& files_;
-  mutable std::mutex mutex_;
-  mutable std::map<std::string, Bytes> unpacked_;
+  mutable Mutex mutex_;
+  mutable std::map<std::string, Bytes> unpacked_ CANDELA_GUARDED_BY(mutex_);
 };
 
 // The content of a gzip file, at most `max_bytes`. `key` is for errors.

@@ -7,7 +7,7 @@ StallGuard::StallGuard(grpc::ClientContext& context, Clock::duration limit)
 
 StallGuard::~StallGuard() {
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     over_ = true;
   }
   changed_.notify_all();
@@ -18,7 +18,7 @@ void StallGuard::allow(Clock::duration limit) {
   const auto deadline = Clock::now() + limit;
   bool earlier = false;
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     earlier = deadline < deadline_;
     deadline_ = deadline;
   }
@@ -26,13 +26,13 @@ void StallGuard::allow(Clock::duration limit) {
 }
 
 grpc::Status StallGuard::judge(const grpc::Status& status) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   if (status.ok() || !fired_) return status;
   return {grpc::StatusCode::DEADLINE_EXCEEDED, "nothing moved for too long"};
 }
 
 void StallGuard::watch() {
-  std::unique_lock lock(mutex_);
+  Lock lock(mutex_);
   while (!over_) {
     if (Clock::now() >= deadline_) {
       fired_ = true;

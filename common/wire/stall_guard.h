@@ -8,8 +8,9 @@
 #include <chrono>
 #include <condition_variable>
 #include <cstdint>
-#include <mutex>
 #include <thread>
+
+#include "common/base/mutex.h"
 
 namespace candela::wire {
 
@@ -45,10 +46,10 @@ class StallGuard {
   void watch();
 
   grpc::ClientContext& context_;
-  std::mutex mutex_;
+  Mutex mutex_;
   std::condition_variable changed_;
-  Clock::time_point deadline_;
-  bool over_ = false, fired_ = false;
+  Clock::time_point deadline_ CANDELA_GUARDED_BY(mutex_);
+  bool over_ CANDELA_GUARDED_BY(mutex_) = false, fired_ CANDELA_GUARDED_BY(mutex_) = false;
   std::thread thread_;
 };
 

@@ -9,10 +9,10 @@
 #include <list>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <string>
 #include <utility>
 
+#include "common/base/mutex.h"
 #include "common/base/result.h"
 
 namespace candela::master {
@@ -51,7 +51,7 @@ class PeerPlaces {
   // Errors (resource): the client has its part, or all places are taken by clients with as few.
   // `yields`: whoever holds the place asks revoked().
   Result<Place> enter(const std::string& peer, bool yields = false) {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     const std::size_t mine = count(peer);
     if (peer != kThisProcess && mine >= each_)
       return resource_error(
@@ -71,11 +71,11 @@ class PeerPlaces {
  private:
   using Flag = std::shared_ptr<std::atomic<bool>>;
 
-  std::size_t count(const std::string& peer) const {
+  std::size_t count(const std::string& peer) const CANDELA_REQUIRES(mutex_) {
     const auto it = counts_.find(peer);
     return it == counts_.end() ? 0 : it->second;
   }
-  bool revoke_of_another(std::size_t mine) {
+  bool revoke_of_another(std::size_t mine) CANDELA_REQUIRES(mutex_) {
     auto most = held_.end();
     for (auto it = held_.begin(); it != held_.end(); ++it)
       if (!it->second.empty() && (most == held_.end() || count(it->first) > count(most->first))) most = it;
@@ -85,13 +85,13 @@ class PeerPlaces {
     release(most->first);
     return true;
   }
-  void release(const std::string& peer) {
+  void release(const std::string& peer) CANDELA_REQUIRES(mutex_) {
     const auto it = counts_.find(peer);
     if (--it->second == 0) counts_.erase(it);
     --taken_;
   }
   void leave(const std::string& peer, const Flag& flag) {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     if (*flag) return;  // released when it was revoked
     if (const auto it = held_.find(peer); it != held_.end()) {
       it->second.remove(flag);
@@ -102,10 +102,11 @@ class PeerPlaces {
 
   const std::string what_, mend_;
   const std::size_t total_, each_;
-  std::mutex mutex_;
-  std::map<std::string, std::size_t> counts_;
-  std::map<std::string, std::list<Flag>> held_;  // of places that yield, the newest last
-  std::size_t taken_ = 0;
+  Mutex mutex_;
+  std::map<std::string, std::size_t> counts_ CANDELA_GUARDED_BY(mutex_);
+  std::map<std::string, std::list<Flag>> held_
+      CANDELA_GUARDED_BY(mutex_);  // of places that yield, the newest last
+  std::size_t taken_ CANDELA_GUARDED_BY(mutex_) = 0;
 };
 
 }  // namespace candela::master

@@ -19,7 +19,6 @@
 #include <cstring>
 #include <list>
 #include <map>
-#include <mutex>
 #include <new>
 #include <optional>
 #include <thread>
@@ -27,6 +26,7 @@
 #include <vector>
 
 #include "common/base/descriptor.h"
+#include "common/base/mutex.h"
 #include "common/wire/address.h"
 #include "common/wire/peer.h"
 #include "master/farm.h"
@@ -118,7 +118,7 @@ class Server final : public HttpServer {
   }
   void put(Message message) {
     {
-      const std::lock_guard lock(mutex_);
+      const Lock lock(mutex_);
       messages_.push_back(std::move(message));
     }
     wake();
@@ -189,7 +189,7 @@ class Server final : public HttpServer {
     [[maybe_unused]] const ssize_t n = ::read(wake_.get(), &count, sizeof count);
     std::vector<Message> messages;
     {
-      const std::lock_guard lock(mutex_);
+      const Lock lock(mutex_);
       messages.swap(messages_);
     }
     for (const Message& m : messages)
@@ -333,8 +333,8 @@ class Server final : public HttpServer {
   Descriptor listener_, wake_;
   const int port_;
   std::atomic<bool> stopping_{false};
-  std::mutex mutex_;  // guards messages_
-  std::vector<Message> messages_;
+  Mutex mutex_;
+  std::vector<Message> messages_ CANDELA_GUARDED_BY(mutex_);
   // Of the thread:
   std::list<Connection> connections_;  // in the order they came
   std::size_t streams_ = 0;

@@ -95,7 +95,7 @@ LivePage::LivePage(Farm& farm, PageOptions options, Out out)
 
 LivePage::~LivePage() {
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     stopping_ = true;
   }
   wake_.notify_all();
@@ -166,7 +166,7 @@ std::optional<HttpAnswer> LivePage::refusal(const HttpRequest& request) const {
 
 std::optional<HttpAnswer> LivePage::later(std::uint64_t connection, std::function<HttpAnswer()> make) {
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     if (tasks_.size() >= kMaxTasks) return error_answer(503, "too many requests at a time");
     tasks_.push_back([this, connection, make = std::move(make)] {
       HttpAnswer made;
@@ -248,7 +248,7 @@ HttpAnswer LivePage::open_stream(const HttpRequest& request) {
   }
   HttpAnswer out{.type = "text/event-stream", .topic = topic};
   out.body = fmt::format("retry: 2000\nevent: hello\ndata: {}\n\n", JsonObject().add("start", start_).text());
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   const auto it = topics_.find(topic);
   if (it == topics_.end() && topics_.size() >= kMaxTopics) return error_answer(503, "too many streams");
   if (it != topics_.end())
@@ -263,7 +263,7 @@ HttpAnswer LivePage::tile(const HttpRequest& request, const std::string& job_id)
   if (!level || !x || !y) return error_answer(400, "a tile has level, x and y");
   std::shared_ptr<Picture> picture;
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     const auto it = topics_.find(topic_of(job_id, wants_error(request)));
     if (it != topics_.end()) picture = it->second.picture_made;
   }
@@ -281,7 +281,7 @@ HttpAnswer LivePage::tile(const HttpRequest& request, const std::string& job_id)
 HttpAnswer LivePage::pixel(const HttpRequest& request, const std::string& job_id) {
   const auto x = number_of(request.query, "x"), y = number_of(request.query, "y");
   if (!x || !y) return error_answer(400, "a pixel has x and y");
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   const auto it = topics_.find(topic_of(job_id, wants_error(request)));
   if (it == topics_.end() || !it->second.picture_made)
     return error_answer(404, "there is no picture: open the job's stream first");

@@ -12,11 +12,11 @@
 #include <list>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
 
+#include "common/base/mutex.h"
 #include "common/base/result.h"
 #include "master/http/http_message.h"
 #include "master/http/pictures.h"
@@ -114,12 +114,12 @@ class LivePage {
   const std::string cookie_name_, cookie_value_;
   const std::string start_;  // differs after a restart of the master
 
-  std::mutex mutex_;  // guards all below; held for copying alone
+  Mutex mutex_;  // held for copying alone
   std::condition_variable wake_;
-  bool stopping_ = false;
-  std::deque<Task> tasks_;
-  std::map<std::string, Topic> topics_;
-  Rows jobs_, workers_;  // as last sent
+  bool stopping_ CANDELA_GUARDED_BY(mutex_) = false;
+  std::deque<Task> tasks_ CANDELA_GUARDED_BY(mutex_);
+  std::map<std::string, Topic> topics_ CANDELA_GUARDED_BY(mutex_);
+  Rows jobs_ CANDELA_GUARDED_BY(mutex_), workers_ CANDELA_GUARDED_BY(mutex_);  // as last sent
 
   ImageMemory picture_memory_;  // of pictures that are kept or shown
   std::list<Kept> kept_;        // the last made first; of the thread of the page alone

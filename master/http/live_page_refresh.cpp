@@ -35,14 +35,14 @@ void LivePage::Budget::spent(double now, double seconds, double pause, double sh
 
 void LivePage::opened(const std::string& topic) {
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     ++topics_[topic].viewers;
   }
   wake_.notify_all();
 }
 
 void LivePage::closed(const std::string& topic) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   const auto it = topics_.find(topic);
   if (it == topics_.end() || --it->second.viewers > 0) return;
   topics_.erase(it);
@@ -57,10 +57,10 @@ void LivePage::run() {
   for (;;) {
     std::deque<Task> tasks;
     {
-      std::unique_lock lock(mutex_);
-      const auto ready = [this] { return stopping_ || !tasks_.empty(); };
+      Lock lock(mutex_);
+      const auto ready = [this]() CANDELA_REQUIRES(mutex_) { return stopping_ || !tasks_.empty(); };
       if (topics_.empty())
-        wake_.wait(lock, [&] { return ready() || !topics_.empty(); });
+        wake_.wait(lock, [&]() CANDELA_REQUIRES(mutex_) { return ready() || !topics_.empty(); });
       else
         wake_.wait_for(lock, kRound, ready);
       if (stopping_) return;
@@ -80,7 +80,7 @@ void LivePage::run() {
 void LivePage::refresh() {
   std::vector<std::string> names;
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     for (const auto& [name, topic] : topics_) names.push_back(name);
   }
   // As many topics share what one may spend.
@@ -88,13 +88,13 @@ void LivePage::refresh() {
   for (const std::string& name : names) {
     const auto run_if_due = [&](Budget Topic::*budget, double pause, double share, const auto& what) {
       {
-        const std::lock_guard lock(mutex_);
+        const Lock lock(mutex_);
         const auto it = topics_.find(name);
         if (it == topics_.end() || !(it->second.*budget).due(farm_.now().seconds)) return;
       }
       const double before = thread_cpu_seconds();
       what();
-      const std::lock_guard lock(mutex_);
+      const Lock lock(mutex_);
       if (const auto it = topics_.find(name); it != topics_.end())
         (it->second.*budget).spent(farm_.now().seconds, thread_cpu_seconds() - before, pause, share / topics);
     };
@@ -119,7 +119,7 @@ void LivePage::refresh() {
 
 void LivePage::send(const std::string& topic, const std::string& kind, std::string data) {
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     const auto it = topics_.find(topic);
     if (it == topics_.end()) return;
     std::string& last = it->second.sent[kind];
@@ -134,7 +134,7 @@ void LivePage::send(const std::string& topic, const std::string& kind, std::stri
 LivePage::Rows LivePage::job_rows() {
   std::set<std::string> chosen;
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     for (const auto& [id, row] : jobs_) chosen.insert(id);
   }
   auto ended = farm_.with_scheduler([&](Scheduler& s) {
@@ -183,7 +183,7 @@ void LivePage::refresh_farm() {
   const auto publish = [&](const char* kind, Rows now, Rows LivePage::*last) {
     std::vector<std::string> changed, gone;
     {
-      const std::lock_guard lock(mutex_);
+      const Lock lock(mutex_);
       for (const auto& [id, row] : now)
         if (const auto it = (this->*last).find(id); it == (this->*last).end() || it->second != row)
           changed.push_back(row);
@@ -275,7 +275,7 @@ void LivePage::refresh_picture(const std::string& topic, const std::string& id, 
     return job == nullptr ? 0 : job->row.iterations;
   });
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     const auto it = topics_.find(topic);
     if (it == topics_.end() || (it->second.picture_made && it->second.iterations == indices)) return;
   }
@@ -292,7 +292,7 @@ void LivePage::refresh_picture(const std::string& topic, const std::string& id, 
   const std::string data =
       JsonObject().count("iterations", picture.iterations()).json("levels", json_array(levels)).text();
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     const auto it = topics_.find(topic);
     if (it == topics_.end()) return;
     it->second.iterations = indices;

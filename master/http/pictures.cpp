@@ -111,7 +111,7 @@ Picture::Tile Picture::tile(std::size_t level, std::uint32_t x, std::uint32_t y)
   const Level& l = levels_[level];
   const auto tiles = [](std::uint32_t pixels) { return (pixels + kPageTile - 1) / kPageTile; };
   if (x >= tiles(l.width) || y >= tiles(l.height)) return {};
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   Tile& tile = tiles_[{static_cast<std::uint32_t>(level), x, y}];
   if (tile.bytes) return tile;
   const std::uint32_t x_end = std::min((x + 1) * kPageTile, l.width);

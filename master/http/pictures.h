@@ -9,10 +9,10 @@
 #include <cstdint>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <string>
 #include <vector>
 
+#include "common/base/mutex.h"
 #include "common/base/result.h"
 
 namespace candela::master {
@@ -44,8 +44,8 @@ class Picture {
  private:
   const std::uint64_t iterations_;
   std::vector<Level> levels_;
-  std::mutex mutex_;
-  std::map<std::array<std::uint32_t, 3>, Tile> tiles_;  // made when somebody asked
+  Mutex mutex_;
+  std::map<std::array<std::uint32_t, 3>, Tile> tiles_ CANDELA_GUARDED_BY(mutex_);  // made when somebody asked
 };
 
 // The image of what is merged now, or the relative standard error of each pixel: the square root of the terms

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <filesystem>
-#include <mutex>
 #include <utility>
 
 #include "common/base/log.h"
@@ -11,8 +10,8 @@
 namespace candela::master {
 namespace {
 
-constexpr double kRoundSeconds = 0.05;
-constexpr double kRetrySeconds = 1;
+constexpr double kLookSeconds = 0.05;
+constexpr double kLookAgainSeconds = 1;
 
 }  // namespace
 
@@ -23,7 +22,7 @@ void AuditKeeper::loop() {
     const std::string text = done.ok() ? std::string() : done.error().to_string();
     if (!text.empty() && text != reported) log::warn(fmt::format("audits wait: {}", text));
     reported = text;
-    wake_.sleep(done.ok() ? kRoundSeconds : kRetrySeconds);
+    wake_.sleep(done.ok() ? kLookSeconds : kLookAgainSeconds);
   }
 }
 
@@ -53,7 +52,7 @@ Result<void> AuditKeeper::begin_anew(const std::string& job_id) {
   Result<void> done;
   upkeep_.without(job_id, [&] {
     if (const std::shared_ptr<JobFilm> film = table_.film_of(job_id)) {
-      const std::lock_guard opening(film->opening());
+      const Lock opening(film->opening());
       done = film->discard();
       if (!done.ok()) return;
     }

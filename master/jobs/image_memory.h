@@ -2,10 +2,10 @@
 #pragma once
 
 #include <cstdint>
-#include <mutex>
 #include <optional>
 #include <utility>
 
+#include "common/base/mutex.h"
 #include "common/base/result.h"
 #include "common/stages/memory_need.h"
 
@@ -35,7 +35,7 @@ class ImageMemory {
   };
   // Errors (resource): other images have the memory.
   Result<Place> take(std::uint64_t bytes) {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     if (taken_ > 0 && (bytes > limit_bytes_ || taken_ > limit_bytes_ - bytes))
       return resource_error("images under way have " + memory_text(taken_) +
                             " of the master's memory, and this one needs " + memory_text(bytes) + " of " +
@@ -47,12 +47,12 @@ class ImageMemory {
 
  private:
   void give(std::uint64_t bytes) {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     taken_ -= bytes;
   }
   const std::uint64_t limit_bytes_;
-  std::mutex mutex_;
-  std::uint64_t taken_ = 0;
+  Mutex mutex_;
+  std::uint64_t taken_ CANDELA_GUARDED_BY(mutex_) = 0;
 };
 
 }  // namespace candela::master

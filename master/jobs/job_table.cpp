@@ -39,8 +39,9 @@ Now JobTable::now() {
 }
 
 void JobTable::wait_for(double seconds, const std::function<bool(const Scheduler&)>& holds) {
-  std::unique_lock lock(mutex_);
-  changed_.wait_for(lock, std::chrono::duration<double>(seconds), [&] { return holds(*scheduler_); });
+  Lock lock(mutex_);
+  changed_.wait_for(lock, std::chrono::duration<double>(seconds),
+                    [&]() CANDELA_REQUIRES(mutex_) { return holds(*scheduler_); });
 }
 
 std::shared_ptr<JobFilm> JobTable::make_film(const JobRow& row) const {
@@ -50,7 +51,7 @@ std::shared_ptr<JobFilm> JobTable::make_film(const JobRow& row) const {
 }
 
 std::shared_ptr<JobFilm> JobTable::film_of(const std::string& job_id) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   const auto it = films_.find(job_id);
   if (it != films_.end()) return it->second;
   const auto job = scheduler_->jobs().find(job_id);
@@ -59,7 +60,7 @@ std::shared_ptr<JobFilm> JobTable::film_of(const std::string& job_id) {
 }
 
 JobFilms JobTable::films() const {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   return films_;
 }
 

@@ -11,12 +11,12 @@
 #include <functional>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "common/base/memory_limit.h"
+#include "common/base/mutex.h"
 #include "master/merge/job_film.h"
 #include "master/options.h"
 #include "master/scheduler/scheduler.h"
@@ -44,9 +44,9 @@ class JobTable {
   auto with_films(F&& f) {
     struct Finally {
       JobTable& table;
-      ~Finally() { table.publish(); }
+      ~Finally() CANDELA_UNANALYZED { table.publish(); }  // under the lock
     };
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     const SmallWork small;
     const Finally finally{*this};
     return f(*scheduler_, films_);
@@ -66,8 +66,8 @@ class JobTable {
   std::filesystem::path folder_of(const std::string& job_id) const { return folder_ / job_id; }
 
  private:
-  // Precondition: mutex_ is held. If memory runs out the next call hands the changes over.
-  void publish() noexcept;
+  // If memory runs out the next call hands the changes over.
+  void publish() noexcept CANDELA_REQUIRES(mutex_);
 
   StoreWriter& writer_;
   const std::filesystem::path folder_;
@@ -75,10 +75,10 @@ class JobTable {
   const SchedulerObserver observer_;
 
   std::condition_variable changed_;
-  mutable std::mutex mutex_;  // guards those below
-  std::unique_ptr<Scheduler> scheduler_;
-  JobFilms films_;
-  std::vector<Change> unpublished_;
+  mutable Mutex mutex_;
+  std::unique_ptr<Scheduler> scheduler_ CANDELA_GUARDED_BY(mutex_);
+  JobFilms films_ CANDELA_GUARDED_BY(mutex_);
+  std::vector<Change> unpublished_ CANDELA_GUARDED_BY(mutex_);
 };
 
 }  // namespace candela::master

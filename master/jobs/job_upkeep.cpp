@@ -51,7 +51,7 @@ void JobUpkeep::upkeep_loop() {
     });
     for (const std::string& id : ids) {
       if (wake_.stopping()) break;
-      const std::lock_guard lock(mutex_);
+      const Lock lock(mutex_);
       estimating_jobs_ = static_cast<double>(std::max<std::size_t>(estimating, 1));
       idle_seconds_ =
           short_of_memory || idle_bytes > idle_limit_bytes_ ? kShortFilmSeconds : kIdleFilmSeconds;
@@ -64,7 +64,7 @@ void JobUpkeep::upkeep_loop() {
       }
     }
     {
-      const std::lock_guard lock(mutex_);
+      const Lock lock(mutex_);
       if (room_.film && JobTable::now().seconds - room_used_ > kIdleFilmSeconds) room_ = {};
     }
     wake_.sleep(kRoundSeconds);
@@ -75,7 +75,8 @@ bool JobUpkeep::save_checkpoint(const std::string& job_id, JobFilm& film) {
   State& state = jobs_[job_id];
   state.last_checkpoint = JobTable::now().seconds;
   table_.remember_states(job_id, film);
-  Result<JobFilm::Checkpoint> written = bulk_.run([&] { return film.checkpoint(room_); });
+  Result<JobFilm::Checkpoint> written =
+      bulk_.run([&]() CANDELA_REQUIRES(mutex_) { return film.checkpoint(room_); });
   room_used_ = JobTable::now().seconds;
   keep_manifest(job_id);
   if (!written.ok()) {
@@ -119,7 +120,8 @@ void JobUpkeep::keep_manifest(const std::string& job_id) {
 
 std::optional<JobUpkeep::Estimate> JobUpkeep::estimate(const std::string& job_id, JobFilm& film,
                                                        ErrorHistory& history, bool add) {
-  const JobFilm::Snapshot copy = bulk_.run([&] { return film.snapshot_in(room_); });
+  const JobFilm::Snapshot copy =
+      bulk_.run([&]() CANDELA_REQUIRES(mutex_) { return film.snapshot_in(room_); });
   room_used_ = JobTable::now().seconds;
   if (!copy.film) return std::nullopt;
   history = ErrorHistory::of(copy.history.get());
@@ -319,7 +321,7 @@ void JobUpkeep::upkeep(const std::string& job_id, bool force) {
 }
 
 void JobUpkeep::without(const std::string& job_id, const std::function<void()>& change) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   change();
   jobs_.erase(job_id);
 }
@@ -330,8 +332,10 @@ void JobUpkeep::flush_images() {
 }
 
 void JobUpkeep::last_checkpoints() {
-  const std::lock_guard lock(mutex_);
-  for (const auto& [id, film] : table_.films()) {
+  const Lock lock(mutex_);
+  for (const auto& entry : table_.films()) {
+    const std::string& id = entry.first;
+    const std::shared_ptr<JobFilm>& film = entry.second;
     film->close();
     const bool keeps_all = table_.with_scheduler([&](Scheduler& s) {
       const Job* job = s.job(id);

@@ -10,10 +10,10 @@
 #include <cstdint>
 #include <functional>
 #include <map>
-#include <mutex>
 #include <optional>
 #include <string>
 
+#include "common/base/mutex.h"
 #include "common/stats/error_interval.h"
 #include "master/jobs/error_history.h"
 #include "master/jobs/farm_counters.h"
@@ -69,13 +69,12 @@ class JobUpkeep {
     std::string checkpoint_error, manifest_error;  // reported last; empty: none
   };
 
-  // Precondition of these: mutex_ is held.
-  void upkeep(const std::string& job_id, bool force);
-  bool save_checkpoint(const std::string& job_id, JobFilm& film);
-  void keep_manifest(const std::string& job_id);
-  void estimate_error(const std::string& job_id, JobFilm& film, bool at_once);
+  void upkeep(const std::string& job_id, bool force) CANDELA_REQUIRES(mutex_);
+  bool save_checkpoint(const std::string& job_id, JobFilm& film) CANDELA_REQUIRES(mutex_);
+  void keep_manifest(const std::string& job_id) CANDELA_REQUIRES(mutex_);
+  void estimate_error(const std::string& job_id, JobFilm& film, bool at_once) CANDELA_REQUIRES(mutex_);
   // Looks at prefixes that are whole. True: the job ends at one of them.
-  bool look_at_prefixes(const std::string& job_id, JobFilm& film);
+  bool look_at_prefixes(const std::string& job_id, JobFilm& film) CANDELA_REQUIRES(mutex_);
   struct Estimate {
     std::uint64_t iterations = 0;
     HalfSets merged;
@@ -83,9 +82,10 @@ class JobUpkeep {
     bool adds = false;  // an image to the history
   };
   // Nothing: there is no image, or it cannot be read. `add`: the image may be the history's next one.
-  std::optional<Estimate> estimate(const std::string& job_id, JobFilm& film, ErrorHistory& history, bool add);
-  void summarize_chains(const std::string& job_id, JobFilm& film, bool at_once);
-  void write_image(const std::string& job_id, JobFilm& film);
+  std::optional<Estimate> estimate(const std::string& job_id, JobFilm& film, ErrorHistory& history, bool add)
+      CANDELA_REQUIRES(mutex_);
+  void summarize_chains(const std::string& job_id, JobFilm& film, bool at_once) CANDELA_REQUIRES(mutex_);
+  void write_image(const std::string& job_id, JobFilm& film) CANDELA_REQUIRES(mutex_);
 
   JobTable& table_;
   JobTruth& truth_;
@@ -97,12 +97,13 @@ class JobUpkeep {
   const std::uint64_t idle_limit_bytes_;
 
   std::atomic<bool> flush_requested_{false};
-  std::mutex mutex_;
-  std::map<std::string, State> jobs_;
-  JobFilm::Room room_;          // reused by the jobs one after another
-  double room_used_ = 0;        // time of the last use
-  double estimating_jobs_ = 1;  // in the present round, at least 1
-  double idle_seconds_ = 0;     // in the present round: before the film of an ended job leaves memory
+  Mutex mutex_;
+  std::map<std::string, State> jobs_ CANDELA_GUARDED_BY(mutex_);
+  JobFilm::Room room_ CANDELA_GUARDED_BY(mutex_);          // reused by the jobs one after another
+  double room_used_ CANDELA_GUARDED_BY(mutex_) = 0;        // time of the last use
+  double estimating_jobs_ CANDELA_GUARDED_BY(mutex_) = 1;  // in the present round, at least 1
+  double idle_seconds_ CANDELA_GUARDED_BY(mutex_) =
+      0;  // in the present round: before the film of an ended job leaves memory
 };
 
 }  // namespace candela::master

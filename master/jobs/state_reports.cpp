@@ -30,7 +30,7 @@ std::optional<EpochStatus> StateReports::status(const std::string& job_id) {
   const std::shared_ptr<JobFilm> film = table_.film_of(job_id);
   if (!film || !film->epoch_plan()) return std::nullopt;
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     const auto told = told_.find(job_id);
     if (told != told_.end() && !film->loaded()) {
       EpochStatus status = told->second.status;
@@ -48,7 +48,7 @@ std::optional<EpochStatus> StateReports::status(const std::string& job_id) {
     return status;
   };
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     const auto told = told_.find(job_id);
     if (told != told_.end() && told->second.decisions == latest.decisions)
       return completed(told->second.status);
@@ -63,7 +63,7 @@ std::optional<EpochStatus> StateReports::status(const std::string& job_id) {
   if (!report.ok()) log::warn(report.error().to_string(), {.job = job_id});
   if (report.ok()) status.figures.assign(report->figures.begin(), report->figures.end());
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     told_[job_id] = {latest.decisions, status};
   }
   return completed(std::move(status));

@@ -6,11 +6,11 @@
 
 #include <cstdint>
 #include <map>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "common/base/mutex.h"
 #include "common/base/result.h"
 #include "common/stages/decision.h"
 #include "master/jobs/job_status.h"
@@ -32,12 +32,12 @@ class StateReports {
  private:
   JobTable& table_;
   JobTruth& truth_;
-  std::mutex mutex_;
+  Mutex mutex_;
   struct Told {
     std::uint64_t decisions = 0;
     EpochStatus status;
   };
-  std::map<std::string, Told> told_;  // by job
+  std::map<std::string, Told> told_ CANDELA_GUARDED_BY(mutex_);  // by job
 };
 
 }  // namespace candela::master

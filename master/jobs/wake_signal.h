@@ -4,7 +4,8 @@
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
-#include <mutex>
+
+#include "common/base/mutex.h"
 
 namespace candela::master {
 
@@ -19,13 +20,13 @@ class WakeSignal {
   // Returns after `seconds` at the latest. A wake-up that comes just before the sleep is missed, so threads
   // sleep for fractions of a second only.
   void sleep(double seconds) {
-    std::unique_lock lock(mutex_);
+    Lock lock(mutex_);
     wake_.wait_for(lock, std::chrono::duration<double>(seconds));
   }
 
  private:
   std::atomic<bool> stopping_{false};
-  std::mutex mutex_;
+  Mutex mutex_;
   std::condition_variable wake_;
 };
 

@@ -5,10 +5,11 @@
 
 #include <cstddef>
 #include <deque>
-#include <mutex>
 #include <new>
 #include <string>
 #include <utility>
+
+#include "common/base/mutex.h"
 
 namespace candela::master {
 
@@ -34,7 +35,7 @@ class BufferPool {
   Buffer take(std::size_t size) {
     std::string found;
     {
-      const std::lock_guard lock(mutex_);
+      const Lock lock(mutex_);
       for (auto it = kept_.begin(); it != kept_.end(); ++it) {  // the warmest first
         if (it->capacity() < size || it->capacity() / 2 > size) continue;
         found = std::move(*it);
@@ -48,14 +49,14 @@ class BufferPool {
     return Buffer(*this, std::move(found));
   }
   std::size_t kept_bytes() const {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     return kept_bytes_;
   }
 
  private:
   void give(std::string bytes) {
     if (bytes.capacity() < kMinBytes || bytes.capacity() > limit_bytes_) return;
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     const std::size_t capacity = bytes.capacity();
     try {
       kept_.push_front(std::move(bytes));
@@ -71,9 +72,9 @@ class BufferPool {
 
   static constexpr std::size_t kMinBytes = 64 << 10;  // smaller memory costs nothing
   const std::size_t limit_bytes_;
-  mutable std::mutex mutex_;
-  std::deque<std::string> kept_;
-  std::size_t kept_bytes_ = 0;  // their capacity
+  mutable Mutex mutex_;
+  std::deque<std::string> kept_ CANDELA_GUARDED_BY(mutex_);
+  std::size_t kept_bytes_ CANDELA_GUARDED_BY(mutex_) = 0;  // their capacity
 };
 
 }  // namespace candela::master

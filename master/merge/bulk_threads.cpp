@@ -13,7 +13,7 @@ BulkThreads::BulkThreads(unsigned count, int niceness) {
 
 BulkThreads::~BulkThreads() {
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     ended_ = true;
   }
   changed_.notify_all();
@@ -22,7 +22,7 @@ BulkThreads::~BulkThreads() {
 
 void BulkThreads::put(std::function<void()> work) {
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     waiting_.push_back(std::move(work));
   }
   changed_.notify_one();
@@ -35,8 +35,8 @@ void BulkThreads::loop(int niceness) {
   for (;;) {
     std::function<void()> work;
     {
-      std::unique_lock lock(mutex_);
-      changed_.wait(lock, [&] { return ended_ || !waiting_.empty(); });
+      Lock lock(mutex_);
+      changed_.wait(lock, [&]() CANDELA_REQUIRES(mutex_) { return ended_ || !waiting_.empty(); });
       if (waiting_.empty()) return;
       work = std::move(waiting_.front());
       waiting_.pop_front();

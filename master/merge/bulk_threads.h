@@ -7,11 +7,12 @@
 #include <deque>
 #include <functional>
 #include <future>
-#include <mutex>
 #include <thread>
 #include <type_traits>
 #include <utility>
 #include <vector>
+
+#include "common/base/mutex.h"
 
 namespace candela::master {
 
@@ -38,10 +39,10 @@ class BulkThreads {
   void put(std::function<void()> work);
   void loop(int niceness);
 
-  std::mutex mutex_;
+  Mutex mutex_;
   std::condition_variable changed_;
-  std::deque<std::function<void()>> waiting_;
-  bool ended_ = false;
+  std::deque<std::function<void()>> waiting_ CANDELA_GUARDED_BY(mutex_);
+  bool ended_ CANDELA_GUARDED_BY(mutex_) = false;
   std::vector<std::thread> threads_;
 };
 

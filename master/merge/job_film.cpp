@@ -101,13 +101,13 @@ std::string JobFilm::set_aside(const Found& found, const Error& error) {
 }
 
 Result<JobFilm::Loading> JobFilm::ensure_loaded() {
-  const std::lock_guard file_lock(file_mutex_);
+  const Lock file_lock(file_mutex_);
   if (loaded()) return Loading{};
   if (discarded()) return refused_error("the job begins anew");
-  return within_memory("the film cannot be read", [&] { return load(); });
+  return within_memory("the film cannot be read", [&]() CANDELA_REQUIRES(file_mutex_) { return load(); });
 }
 
-// Precondition: file_mutex_ is held. If memory runs out nothing changes but names of damaged files.
+// If memory runs out nothing changes but names of damaged files.
 Result<JobFilm::Loading> JobFilm::load() {
   Loading out{true, {}};
   std::optional<ParsedCheckpoint> found;
@@ -127,10 +127,10 @@ Result<JobFilm::Loading> JobFilm::load() {
                     : std::make_unique<film::MergedFilm>(layout_, scale_log2_);
   ChainRecords records = found ? std::move(found->records) : fresh_records();
   if (found && !leaves_room()) throw std::bad_alloc();
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   film_ = std::move(film);
   {
-    const std::lock_guard records_lock(records_mutex_);
+    const Lock records_lock(records_mutex_);
     records_ = std::move(records);
   }
   accumulators_ = found ? std::move(found->accumulators) : Accumulators();
@@ -146,9 +146,10 @@ Result<JobFilm::Loading> JobFilm::load() {
 }
 
 Result<JobFilm::Verified> JobFilm::verify_files() {
-  const std::lock_guard file_lock(file_mutex_);
+  const Lock file_lock(file_mutex_);
   if (discarded()) return Verified{};
-  return within_memory("the checkpoints cannot be read", [&] { return verify(); });
+  return within_memory("the checkpoints cannot be read",
+                       [&]() CANDELA_REQUIRES(file_mutex_) { return verify(); });
 }
 
 Result<JobFilm::Verified> JobFilm::verify() {
@@ -161,25 +162,25 @@ Result<JobFilm::Verified> JobFilm::verify() {
       out.damage += (out.damage.empty() ? "" : "; ") + set_aside(candidate, parsed.error());
     } else if (!newest) {
       newest = std::move(*parsed);
-      const std::lock_guard lock(mutex_);
+      const Lock lock(mutex_);
       // An older generation serves now, or one that somebody put in the place of the newest.
       if (film_) saved_iterations_ = std::min(saved_iterations_, newest->film.iterations());
     } else if (out.contradiction.empty()) {
       out.contradiction = contradiction(*parsed, *newest, {chains_, specs_, epoch_plan_});
     }
   }
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   if (film_ && !newest) saved_iterations_ = 0;
   return out;
 }
 
 bool JobFilm::loaded() const {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   return film_ != nullptr;
 }
 
 void JobFilm::unload_if_idle(double now_seconds, double idle_seconds) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   if (closed_ && saved() && !ahead_.film && now_seconds - last_use_ > idle_seconds) {
     film_.reset();
     accumulators_.clear();
@@ -187,7 +188,7 @@ void JobFilm::unload_if_idle(double now_seconds, double idle_seconds) {
     history_.reset();
     drop_ahead();
     saved_states_ = saved_decisions_ = 0;
-    const std::lock_guard records_lock(records_mutex_);
+    const Lock records_lock(records_mutex_);
     ChainRecords().swap(records_);
   }
 }
@@ -200,7 +201,7 @@ Result<JobFilm::Outcome> JobFilm::merge(const film::Delta& delta, std::vector<ch
   for (chains::ChainRecord& record : records)
     shared.push_back(std::make_shared<const chains::ChainRecord>(std::move(record)));
 
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   if (closed_ || !film_) return Outcome::closed;
   const Unit& unit = delta.info().unit;
   const Unit::Kind kind = chains_ > 0 ? Unit::Kind::segments : Unit::Kind::iterations;
@@ -227,7 +228,7 @@ Result<JobFilm::Outcome> JobFilm::merge(const film::Delta& delta, std::vector<ch
         .with_field("accumulators");
   if (unit.begin < border_.end[unit.half]) {
     CANDELA_TRY(add_sums(delta, *film_, accumulators_));
-    const std::lock_guard records_lock(records_mutex_);
+    const Lock records_lock(records_mutex_);
     for (std::uint64_t i = unit.begin; chains_ > 0 && i < unit.end; ++i)
       records_[chains::chain_of(unit.half, i, chains_)].swap(shared[i - unit.begin]);
     return Outcome::merged;
@@ -237,7 +238,7 @@ Result<JobFilm::Outcome> JobFilm::merge(const film::Delta& delta, std::vector<ch
   for (std::uint64_t i = unit.begin; chains_ > 0 && i < unit.end; ++i)
     newest[chains::chain_of(unit.half, i, chains_)] = std::move(shared[i - unit.begin]);
   CANDELA_TRY(add_sums(delta, *ahead_.film, ahead_.accumulators));
-  const std::lock_guard records_lock(records_mutex_);
+  const Lock records_lock(records_mutex_);
   newest.merge(ahead_.records);
   ahead_.records.swap(newest);
   return Outcome::merged;
@@ -271,38 +272,38 @@ void JobFilm::merge_ahead() {
   static_cast<void>(film_->merge(*ahead_.film));  // of one layout, and what is ahead is in no other film
   accumulators.merge(accumulators_);
   accumulators_.swap(accumulators);
-  const std::lock_guard records_lock(records_mutex_);
+  const Lock records_lock(records_mutex_);
   for (auto& [chain, record] : ahead_.records) records_[chain] = std::move(record);
   ahead_ = {};
 }
 
 void JobFilm::drop_ahead() {
-  const std::lock_guard records_lock(records_mutex_);
+  const Lock records_lock(records_mutex_);
   ahead_ = {};
 }
 
 void JobFilm::move_border(const PrefixBorder& border) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   if (film_) set_border(border);
 }
 
 void JobFilm::release_ahead() {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   if (film_) merge_ahead();
 }
 
 void JobFilm::discard_ahead() {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   drop_ahead();
 }
 
 void JobFilm::remember_history(std::string bytes) {
   auto history = std::make_shared<const std::string>(std::move(bytes));
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   if (film_) history_ = std::move(history);
 }
 
-// Film and accumulators change together or not at all, also if memory runs out. Precondition: mutex_ is held.
+// Film and accumulators change together or not at all, also if memory runs out.
 Result<void> JobFilm::add_sums(const film::Delta& delta, film::MergedFilm& film, Accumulators& accumulators) {
   const auto& sums = delta.accumulators();
   std::uint32_t channels = 0;
@@ -329,7 +330,7 @@ Result<void> JobFilm::add_sums(const film::Delta& delta, film::MergedFilm& film,
   }
 }
 
-// Precondition: mutex_ is held.
+//
 film::MergedAccumulator& JobFilm::editable(Accumulators& accumulators, const AccumulatorKey& key) {
   auto& held = accumulators[key];
   if (!held)
@@ -341,7 +342,7 @@ film::MergedAccumulator& JobFilm::editable(Accumulators& accumulators, const Acc
 
 std::shared_ptr<const film::MergedAccumulator> JobFilm::accumulator(std::string_view name,
                                                                     std::uint64_t part) const {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   for (std::uint32_t i = 0; film_ && i < specs_.size(); ++i) {
     if (specs_[i].name != name) continue;
     if (const auto found = accumulators_.find({i, part}); found != accumulators_.end()) return found->second;
@@ -351,26 +352,26 @@ std::shared_ptr<const film::MergedAccumulator> JobFilm::accumulator(std::string_
 }
 
 void JobFilm::close() {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   closed_ = true;
 }
 
 void JobFilm::reopen() {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   closed_ = discarded_;
 }
 
 Result<void> JobFilm::discard() {
-  const std::lock_guard file_lock(file_mutex_);
+  const Lock file_lock(file_mutex_);
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     closed_ = discarded_ = true;
     film_.reset();
     accumulators_.clear();
     decisions_ = {};
     history_.reset();
     drop_ahead();
-    const std::lock_guard records_lock(records_mutex_);
+    const Lock records_lock(records_mutex_);
     ChainRecords().swap(records_);
   }
   for (const Found& found : generations()) {
@@ -384,13 +385,13 @@ Result<void> JobFilm::discard() {
 }
 
 bool JobFilm::discarded() const {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   return discarded_;
 }
 
 JobFilm::Snapshot JobFilm::snapshot(Part part) {
   const LargeWork large;
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   Snapshot out;
   if (!film_) return out;
   out.film = part == Part::image
@@ -402,7 +403,7 @@ JobFilm::Snapshot JobFilm::snapshot(Part part) {
 
 JobFilm::Snapshot JobFilm::snapshot_in(Room& room) {
   const LargeWork large;
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   Snapshot out;
   if (!film_) return out;
   if (image_layers() == layout_.layers)
@@ -415,8 +416,8 @@ JobFilm::Snapshot JobFilm::snapshot_in(Room& room) {
 }
 
 void JobFilm::add_all_but_film(Snapshot& out) const {
-  out.counts.reserve(records_.size());
-  for (const auto& record : records_) {
+  out.counts.reserve(records().size());
+  for (const auto& record : records()) {
     out.counts.push_back(record->counts);
     out.chain_segments += record->segments;
   }
@@ -430,7 +431,7 @@ void JobFilm::add_all_but_film(Snapshot& out) const {
 }
 
 JobFilm::Account JobFilm::account() const {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   Account out;
   for (std::uint32_t h = 0; film_ && h < 2; ++h) {
     out.merged[h] = film_->merged(h);
@@ -440,7 +441,7 @@ JobFilm::Account JobFilm::account() const {
 }
 
 std::array<film::IndexSet, 2> JobFilm::holds() const {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   std::array<film::IndexSet, 2> out;
   for (std::uint32_t h = 0; film_ && h < 2; ++h) {
     out[h] = film_->merged(h);
@@ -451,30 +452,30 @@ std::array<film::IndexSet, 2> JobFilm::holds() const {
 }
 
 std::vector<chains::ChainCounts> JobFilm::chain_counts() const {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   std::vector<chains::ChainCounts> out;
-  out.reserve(records_.size());
-  for (const auto& record : records_) out.push_back(record->counts);
+  out.reserve(records().size());
+  for (const auto& record : records()) out.push_back(record->counts);
   return out;
 }
 
 std::size_t JobFilm::largest_record_bytes() const {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   std::size_t most = 0;
-  for (const auto& record : records_)
+  for (const auto& record : records())
     if (record->segments > 0) most = std::max(most, chains::encoded_bytes(*record));
   return most;
 }
 
 bool JobFilm::all_black() const {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   return film_ &&
-         std::all_of(records_.begin(), records_.end(), [](const auto& r) { return r->segments > 0; }) &&
+         std::all_of(records().begin(), records().end(), [](const auto& r) { return r->segments > 0; }) &&
          film_->black(chains::kImageLayers);
 }
 
 JobFilm::Starts JobFilm::starts_of(const Unit& unit) const {
-  const std::lock_guard lock(records_mutex_);
+  const Lock lock(records_mutex_);
   if (unit.half > 1 || unit.end - unit.begin > chains_ / 2) return {};
   if (records_.empty()) return {Starts::State::unread, {}};
   Starts out{Starts::State::whole, {}};
@@ -490,7 +491,7 @@ JobFilm::Starts JobFilm::starts_of(const Unit& unit) const {
 }
 
 Result<JobFilm::Checkpoint> JobFilm::checkpoint(Room& room) {
-  const std::lock_guard file_lock(file_mutex_);
+  const Lock file_lock(file_mutex_);
   if (discarded()) return refused_error("the job begins anew");
   Saved saved;
   Result<void> encoded = within_memory("the film cannot be copied", [&] { return encode_copy(room, saved); });
@@ -508,7 +509,7 @@ Result<JobFilm::Checkpoint> JobFilm::checkpoint(Room& room) {
   const std::uint64_t next = saved.generation + 1;
   CANDELA_TRY(writer_(folder_ / fmt::format("film.{}.ckpt", next), room.bytes));
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     generation_ = next;
     saved_iterations_ = saved.iterations;
     saved_states_ = saved.states;
@@ -521,7 +522,7 @@ Result<JobFilm::Checkpoint> JobFilm::checkpoint(Room& room) {
   return Checkpoint{next, saved.iterations};
 }
 
-// Precondition: mutex_ is held.
+//
 JobFilm::Saved JobFilm::present() const {
   return {film_ != nullptr, generation_, film_ ? film_->iterations() : saved_iterations_,
           decisions_.states.size(), decisions_.made};
@@ -534,14 +535,14 @@ Result<void> JobFilm::encode_copy(Room& room, Saved& saved) const {
   Decisions decisions;
   std::shared_ptr<const std::string> history;
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     saved = present();
     if (!film_) return {};
     accumulators = accumulators_;
     decisions = decisions_;
     history = history_;
     room.film = *film_;
-    records = records_;
+    records = this->records();
   }
   encode_checkpoint(*room.film, records, accumulators, decisions, room.bytes);
   if (history) append_history(*history, room.bytes);
@@ -550,16 +551,16 @@ Result<void> JobFilm::encode_copy(Room& room, Saved& saved) const {
 
 // Without a copy, if there is no memory for one. Merges wait.
 Result<void> JobFilm::encode_in_place(Room& room, Saved& saved) const {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   saved = present();
   if (!film_) return {};
-  encode_checkpoint(*film_, records_, accumulators_, decisions_, room.bytes);
+  encode_checkpoint(*film_, records(), accumulators_, decisions_, room.bytes);
   if (history_) append_history(*history_, room.bytes);
   return {};
 }
 
 bool JobFilm::dirty() const {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   return film_ && !saved();
 }
 
@@ -569,12 +570,12 @@ bool JobFilm::saved() const {
 }
 
 std::uint64_t JobFilm::generation() const {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   return generation_;
 }
 
 void JobFilm::touch(double now_seconds) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   last_use_ = now_seconds;
 }
 

@@ -14,12 +14,12 @@
 #include <functional>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "common/base/mutex.h"
 #include "common/base/result.h"
 #include "common/film/delta.h"
 #include "common/film/merged_film.h"
@@ -58,7 +58,7 @@ class JobFilm {
   };
   Result<Verified> verify_files();
   // One thread at a time agrees the film with the ledger (Farm::open_film).
-  std::mutex& opening() { return opening_mutex_; }
+  Mutex& opening() CANDELA_THREAD_SAFETY(lock_returned(opening_mutex_)) { return opening_mutex_; }
   bool loaded() const;
   // Gives the memory back, if everything merged is on disk and the film is closed.
   void unload_if_idle(double now_seconds, double idle_seconds);
@@ -80,8 +80,8 @@ class JobFilm {
   void close();  // no more merges: what is there is final, but for release_ahead()
   void reopen();
   // The job begins anew: what is merged goes, and its checkpoints with it. This object takes nothing more.
-  // Waits for a reader or writer of checkpoints. Precondition: opening() is held.
-  Result<void> discard();
+  // Waits for a reader or writer of checkpoints.
+  Result<void> discard() CANDELA_REQUIRES(opening_mutex_);
   bool discarded() const;
 
   // A copy of what is merged now, or of the layers its image is made of (a fraction of the memory where there
@@ -194,32 +194,35 @@ class JobFilm {
   Result<ParsedCheckpoint> read(const Found& found) const;
   // Renames it; returns the text that tells of it.
   static std::string set_aside(const Found& found, const Error& error);
-  Result<Loading> load();
-  Result<Verified> verify();
+  Result<Loading> load() CANDELA_REQUIRES(file_mutex_);
+  Result<Verified> verify() CANDELA_REQUIRES(file_mutex_);
   // What a checkpoint has.
   struct Saved {
     bool loaded = false;
     std::uint64_t generation = 0;  // before it
     std::uint64_t iterations = 0, states = 0, decisions = 0;
   };
-  Saved present() const;
+  Saved present() const CANDELA_REQUIRES(mutex_);
   Result<void> encode_copy(Room& room, Saved& saved) const;
   Result<void> encode_in_place(Room& room, Saved& saved) const;
   ChainRecords fresh_records() const;
-  Result<void> add_sums(const film::Delta& delta, film::MergedFilm& film, Accumulators& accumulators);
-  film::MergedAccumulator& editable(Accumulators& accumulators, const AccumulatorKey& key);
+  Result<void> add_sums(const film::Delta& delta, film::MergedFilm& film, Accumulators& accumulators)
+      CANDELA_REQUIRES(mutex_);
+  film::MergedAccumulator& editable(Accumulators& accumulators, const AccumulatorKey& key)
+      CANDELA_REQUIRES(mutex_);
   // The chain's newest record, also one that is ahead. Precondition: mutex_ or records_mutex_ is held.
-  const std::shared_ptr<const chains::ChainRecord>& newest_record(std::uint64_t chain) const;
-  // Precondition of these: mutex_ is held.
-  void merge_ahead();
-  void drop_ahead();
-  void set_border(const PrefixBorder& border);
-  // Adds counts, accumulators and epochs to a snapshot. Preconditions: the film is loaded, mutex_ is held.
-  void add_all_but_film(Snapshot& snapshot) const;
-  // Adds the carry and the sums of epochs that are not folded. Precondition: mutex_ is held.
-  void add_epochs(Snapshot& snapshot) const;
+  const std::shared_ptr<const chains::ChainRecord>& newest_record(std::uint64_t chain) const
+      CANDELA_UNANALYZED;
+  const ChainRecords& records() const CANDELA_REQUIRES(mutex_) CANDELA_UNANALYZED { return records_; }
+  void merge_ahead() CANDELA_REQUIRES(mutex_);
+  void drop_ahead() CANDELA_REQUIRES(mutex_);
+  void set_border(const PrefixBorder& border) CANDELA_REQUIRES(mutex_);
+  // Adds counts, accumulators and epochs to a snapshot. Precondition: the film is loaded.
+  void add_all_but_film(Snapshot& snapshot) const CANDELA_REQUIRES(mutex_);
+  // Adds the carry and the sums of epochs that are not folded.
+  void add_epochs(Snapshot& snapshot) const CANDELA_REQUIRES(mutex_);
   std::uint32_t image_layers() const { return chains_ > 0 ? chains::kImageLayers : 1; }
-  bool saved() const;  // nothing has changed since the last checkpoint; precondition: mutex_ is held
+  bool saved() const CANDELA_REQUIRES(mutex_);  // nothing has changed since the last checkpoint
 
   const std::filesystem::path folder_;
   const film::Layout layout_;
@@ -231,30 +234,30 @@ class JobFilm {
   const std::optional<Epochs> epochs_;  // of epoch_plan_
 
   std::atomic<std::uint64_t> received_statistics_bytes_{0};
-  std::mutex opening_mutex_;  // taken before all others
-  std::mutex file_mutex_;     // one reader or writer of checkpoints at a time; taken before mutex_
-  mutable std::mutex mutex_;
-  std::unique_ptr<film::MergedFilm> film_;
+  Mutex opening_mutex_;  // taken before all others
+  Mutex file_mutex_;     // one reader or writer of checkpoints at a time; taken before mutex_
+  mutable Mutex mutex_;
+  std::unique_ptr<film::MergedFilm> film_ CANDELA_GUARDED_BY(mutex_);
   // Taken after mutex_, and held for copying pointers only. `records_` changes under both locks, so either of
   // them is enough to read it.
-  mutable std::mutex records_mutex_;
-  ChainRecords records_;  // by chain
-  Accumulators accumulators_;
-  Decisions decisions_;
-  std::shared_ptr<const std::string> history_;
-  PrefixBorder border_;
+  mutable Mutex records_mutex_;
+  ChainRecords records_ CANDELA_GUARDED_BY(records_mutex_);  // by chain
+  Accumulators accumulators_ CANDELA_GUARDED_BY(mutex_);
+  Decisions decisions_ CANDELA_GUARDED_BY(mutex_);
+  std::shared_ptr<const std::string> history_ CANDELA_GUARDED_BY(mutex_);
+  PrefixBorder border_ CANDELA_GUARDED_BY(mutex_);
   // The sums beyond the border.
   struct Ahead {
     std::unique_ptr<film::MergedFilm> film;  // null: nothing is there
     Accumulators accumulators;
     std::map<std::uint64_t, std::shared_ptr<const chains::ChainRecord>> records;  // guarded as records_
   };
-  Ahead ahead_;
-  bool closed_ = false, discarded_ = false;
-  std::uint64_t generation_ = 0;  // newest on disk
-  std::uint64_t saved_iterations_ = 0;
-  std::uint64_t saved_states_ = 0, saved_decisions_ = 0;
-  double last_use_ = 0;
+  Ahead ahead_ CANDELA_GUARDED_BY(mutex_);
+  bool closed_ CANDELA_GUARDED_BY(mutex_) = false, discarded_ CANDELA_GUARDED_BY(mutex_) = false;
+  std::uint64_t generation_ CANDELA_GUARDED_BY(mutex_) = 0;  // newest on disk
+  std::uint64_t saved_iterations_ CANDELA_GUARDED_BY(mutex_) = 0;
+  std::uint64_t saved_states_ CANDELA_GUARDED_BY(mutex_) = 0, saved_decisions_ CANDELA_GUARDED_BY(mutex_) = 0;
+  double last_use_ CANDELA_GUARDED_BY(mutex_) = 0;
 };
 
 }  // namespace candela::master

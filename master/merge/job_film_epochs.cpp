@@ -14,28 +14,28 @@ using Per = film::AccumulatorSpec::Per;
 }  // namespace
 
 void JobFilm::remember(const DecidedState& state) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   if (film_ && state.epoch == decisions_.states.size()) decisions_.states.push_back(state);
 }
 
 std::vector<DecidedState> JobFilm::states() const {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   return decisions_.states;
 }
 
 std::uint64_t JobFilm::decisions() const {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   return decisions_.made;
 }
 
 std::shared_ptr<const std::string> JobFilm::state_bytes(std::uint64_t epoch) const {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   const auto found = decisions_.bytes.find(epoch);
   return found == decisions_.bytes.end() ? nullptr : found->second;
 }
 
 JobFilm::Latest JobFilm::latest() const {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   Latest out;
   out.decisions = decisions_.made;
   out.carry = decisions_.carry;
@@ -66,7 +66,7 @@ void JobFilm::add_epochs(Snapshot& snapshot) const {
 }
 
 std::optional<NextDecision> JobFilm::next_decision() const {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   if (!film_ || !epochs_) return std::nullopt;
   return master::next_decision(*film_, accumulators_, decisions_, specs_, *epoch_plan_, *epochs_);
 }
@@ -77,7 +77,7 @@ Result<bool> JobFilm::fold(MadeDecision made) {
   // Freed after the lock: hundreds of megabytes.
   std::shared_ptr<const Carry> old_carry;
   std::vector<std::shared_ptr<film::MergedAccumulator>> folded_sums;
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   const DecidedState& state = made.state;
   const std::uint64_t epoch = state.epoch;
   if (!film_ || !epochs_ || epoch != decisions_.made) return false;

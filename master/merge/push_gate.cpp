@@ -24,7 +24,7 @@ PushGate::PushGate(std::uint64_t limit_bytes, unsigned merge_threads)
 Result<std::unique_ptr<PushGate::Ticket>> PushGate::enter(const std::string& worker_id, std::uint64_t bytes,
                                                           Order order, double now_seconds,
                                                           std::function<void()> cancel) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   const auto of_worker = std::count_if(entries_.begin(), entries_.end(),
                                        [&](const Entry& e) { return e.worker_id == worker_id; });
   if (of_worker >= kPushesPerWorker)
@@ -41,13 +41,13 @@ Result<std::unique_ptr<PushGate::Ticket>> PushGate::enter(const std::string& wor
 }
 
 std::unique_ptr<PushGate::Ticket> PushGate::enter_silent(double now_seconds, std::function<void()> cancel) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   entries_.push_front({"", 0, now_seconds, now_seconds, false, std::move(cancel)});
   return std::make_unique<Ticket>(*this, entries_.begin());
 }
 
 std::unique_ptr<PushGate::Ticket> PushGate::enter_unknown(double now_seconds, std::function<void()> cancel) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   std::size_t waiting = 0;
   Entry* oldest = nullptr;
   for (Entry& e : entries_) {  // the newest first
@@ -61,7 +61,7 @@ std::unique_ptr<PushGate::Ticket> PushGate::enter_unknown(double now_seconds, st
 }
 
 void PushGate::cancel_hung(double now_seconds, double idle_seconds) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   for (Entry& e : entries_) {
     if (!e.cancel) continue;
     const double longest = idle_seconds + static_cast<double>(e.bytes) / kSlowestBytesPerSecond;
@@ -75,50 +75,52 @@ void PushGate::cancel_hung(double now_seconds, double idle_seconds) {
 
 double PushGate::retry_seconds(Order order) const {
   const double deltas = static_cast<double>(count()) / (order == Order::at_once ? 4 : 1);
-  const std::lock_guard lock(turn_mutex_);
+  const Lock lock(turn_mutex_);
   return std::clamp(deltas * turn_seconds_, 0.25, 4.0);
 }
 
 std::uint64_t PushGate::bytes_under_way() const {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   return bytes_;
 }
 
 std::size_t PushGate::waiting_at_once() const {
-  const std::lock_guard lock(turn_mutex_);
+  const Lock lock(turn_mutex_);
   return waiting_at_once_;
 }
 
 std::size_t PushGate::count() const {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   return entries_.size();
 }
 
 PushGate::Ticket::~Ticket() {
-  const std::lock_guard lock(gate_.mutex_);
+  const Lock lock(gate_.mutex_);
   gate_.bytes_ -= entry_->bytes;
   if (!entry_->worker_id.empty()) --gate_.deltas_;
   gate_.entries_.erase(entry_);
 }
 
 void PushGate::Ticket::progress(double now_seconds) {
-  const std::lock_guard lock(gate_.mutex_);
+  const Lock lock(gate_.mutex_);
   entry_->last = now_seconds;
 }
 
 void PushGate::Ticket::all_here() {
-  const std::lock_guard lock(gate_.mutex_);
+  const Lock lock(gate_.mutex_);
   entry_->cancel = nullptr;
 }
 
 PushGate::MergeTurn::MergeTurn(PushGate& gate, Order order) : gate_(gate) {
-  std::unique_lock lock(gate_.turn_mutex_);
+  Lock lock(gate_.turn_mutex_);
   if (order == Order::at_once) {
     ++gate_.waiting_at_once_;
-    gate_.turn_free_.wait(lock, [&] { return gate_.free_turns_ > 0; });
+    gate_.turn_free_.wait(lock, [&]() CANDELA_REQUIRES(gate_.turn_mutex_) { return gate_.free_turns_ > 0; });
     if (--gate_.waiting_at_once_ == 0) gate_.turn_free_.notify_all();  // the others may go on
   } else {
-    gate_.turn_free_.wait(lock, [&] { return gate_.free_turns_ > 0 && gate_.waiting_at_once_ == 0; });
+    gate_.turn_free_.wait(lock, [&]() CANDELA_REQUIRES(gate_.turn_mutex_) {
+      return gate_.free_turns_ > 0 && gate_.waiting_at_once_ == 0;
+    });
   }
   --gate_.free_turns_;
   begun_ = std::chrono::steady_clock::now();
@@ -126,7 +128,7 @@ PushGate::MergeTurn::MergeTurn(PushGate& gate, Order order) : gate_(gate) {
 
 PushGate::MergeTurn::~MergeTurn() {
   {
-    const std::lock_guard lock(gate_.turn_mutex_);
+    const Lock lock(gate_.turn_mutex_);
     ++gate_.free_turns_;
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun_).count();
     gate_.turn_seconds_ += 0.1 * (seconds - gate_.turn_seconds_);

@@ -10,9 +10,9 @@
 #include <functional>
 #include <list>
 #include <memory>
-#include <mutex>
 #include <string>
 
+#include "common/base/mutex.h"
 #include "common/base/result.h"
 
 namespace candela::master {
@@ -75,16 +75,16 @@ class PushGate {
   };
 
   const std::uint64_t limit_bytes_;
-  mutable std::mutex mutex_;
-  std::list<Entry> entries_;
-  std::uint64_t bytes_ = 0;
-  std::size_t deltas_ = 0;  // entries with a worker
+  mutable Mutex mutex_;
+  std::list<Entry> entries_ CANDELA_GUARDED_BY(mutex_);
+  std::uint64_t bytes_ CANDELA_GUARDED_BY(mutex_) = 0;
+  std::size_t deltas_ CANDELA_GUARDED_BY(mutex_) = 0;  // entries with a worker
 
-  mutable std::mutex turn_mutex_;
+  mutable Mutex turn_mutex_;
   std::condition_variable turn_free_;
-  unsigned free_turns_;
-  std::size_t waiting_at_once_ = 0;
-  double turn_seconds_ = 0;  // running mean
+  unsigned free_turns_ CANDELA_GUARDED_BY(turn_mutex_);
+  std::size_t waiting_at_once_ CANDELA_GUARDED_BY(turn_mutex_) = 0;
+  double turn_seconds_ CANDELA_GUARDED_BY(turn_mutex_) = 0;  // running mean
 };
 
 class PushGate::Ticket {

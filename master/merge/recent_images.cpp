@@ -12,7 +12,7 @@ EncodedImagePtr RecentImages::keep(std::string bytes, double now_seconds) {
   image->bytes = std::move(bytes);
   if (EncodedImagePtr known = find(image->sha256, now_seconds)) return known;
   if (image->bytes.size() > limit_bytes_) return image;
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   entries_.push_front({image, now_seconds});
   bytes_ += image->bytes.size();
   while (bytes_ > limit_bytes_) drop_oldest();
@@ -20,7 +20,7 @@ EncodedImagePtr RecentImages::keep(std::string bytes, double now_seconds) {
 }
 
 EncodedImagePtr RecentImages::find(const std::string& sha256, double now_seconds) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   const auto found = std::find_if(entries_.begin(), entries_.end(),
                                   [&](const Entry& e) { return e.image->sha256 == sha256; });
   if (found == entries_.end()) return nullptr;
@@ -30,12 +30,12 @@ EncodedImagePtr RecentImages::find(const std::string& sha256, double now_seconds
 }
 
 void RecentImages::expire(double now_seconds) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   while (!entries_.empty() && now_seconds - entries_.back().last > limit_seconds_) drop_oldest();
 }
 
 std::uint64_t RecentImages::bytes() const {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   return bytes_;
 }
 

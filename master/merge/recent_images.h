@@ -5,8 +5,9 @@
 #include <cstdint>
 #include <list>
 #include <memory>
-#include <mutex>
 #include <string>
+
+#include "common/base/mutex.h"
 
 namespace candela::master {
 
@@ -32,13 +33,13 @@ class RecentImages {
     EncodedImagePtr image;
     double last = 0;
   };
-  void drop_oldest();
+  void drop_oldest() CANDELA_REQUIRES(mutex_);
 
   const std::uint64_t limit_bytes_;
   const double limit_seconds_;
-  mutable std::mutex mutex_;
-  std::list<Entry> entries_;  // the last asked for first
-  std::uint64_t bytes_ = 0;
+  mutable Mutex mutex_;
+  std::list<Entry> entries_ CANDELA_GUARDED_BY(mutex_);  // the last asked for first
+  std::uint64_t bytes_ CANDELA_GUARDED_BY(mutex_) = 0;
 };
 
 }  // namespace candela::master

@@ -112,7 +112,7 @@ Result<bool> BlobStore::check(const std::string& sha256) {
 }
 
 void BlobStore::use(const std::string& sha256) {
-  const std::lock_guard lock(names_mutex_);
+  const Lock lock(names_mutex_);
   used_[sha256] = steady_seconds();
 }
 
@@ -120,7 +120,7 @@ Result<BlobStore::Collected> BlobStore::collect(const std::set<std::string>& nee
   namespace fs = std::filesystem;
   Collected out;
   {
-    const std::lock_guard lock(names_mutex_);
+    const Lock lock(names_mutex_);
     const double now = steady_seconds();
     std::erase_if(used_, [&](const auto& entry) { return now - entry.second >= grace_seconds; });
   }
@@ -136,7 +136,7 @@ Result<BlobStore::Collected> BlobStore::collect(const std::set<std::string>& nee
       std::error_code gone;
       const std::uint64_t bytes = file.file_size(gone);
       if (gone) continue;
-      const std::lock_guard lock(names_mutex_);
+      const Lock lock(names_mutex_);
       const auto written = file.last_write_time(gone);
       if (needed.contains(sha256) || used_.contains(sha256) || gone || written > oldest) {
         ++out.kept;
@@ -157,7 +157,7 @@ Result<BlobStore::Collected> BlobStore::collect(const std::set<std::string>& nee
 // Moves the file away that was read, if it still bears the blob's name: it may have been uploaded again
 // since.
 void BlobStore::set_aside(const std::string& sha256, int fd) {
-  const std::lock_guard lock(names_mutex_);
+  const Lock lock(names_mutex_);
   struct stat read {
   }, named{};
   if (::fstat(fd, &read) != 0 || ::stat(path(sha256).c_str(), &named) != 0) return;
@@ -228,7 +228,7 @@ Result<void> BlobStore::Upload::finish() {
     return failed_error(fmt::format("the bytes do not have the hash {}", sha256_)).with_field("sha256");
   if (::fsync(fd_) != 0) return blob_disk_error("cannot store a blob", temporary_);
   {
-    const std::lock_guard lock(store_.names_mutex_);
+    const Lock lock(store_.names_mutex_);
     if (::rename(temporary_.c_str(), final_.c_str()) != 0)
       return blob_disk_error("cannot store a blob", final_);
     store_.used_[sha256_] = steady_seconds();

@@ -8,13 +8,13 @@
 #include <filesystem>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <set>
 #include <string>
 #include <string_view>
 
 #include "common/base/hash.h"
+#include "common/base/mutex.h"
 #include "common/base/result.h"
 
 namespace candela::master {
@@ -98,8 +98,8 @@ class BlobStore {
 
   std::filesystem::path folder_;
   std::atomic<std::uint64_t> serial_{0};
-  std::mutex names_mutex_;              // of what a name stands for: a new upload, or a file that goes
-  std::map<std::string, double> used_;  // when, by the steady clock; guarded by names_mutex_
+  Mutex names_mutex_;  // of what a name stands for: a new upload, or a file that goes
+  std::map<std::string, double> used_ CANDELA_GUARDED_BY(names_mutex_);  // when, by the steady clock
 };
 
 }  // namespace candela::master

@@ -11,6 +11,7 @@
 namespace candela::master {
 
 Result<void> SqliteStore::initialise() {
+  const Lock lock(mutex_);
   sqlite3_busy_timeout(db_, 5000);
   for (const char* pragma :
        {"PRAGMA journal_mode=WAL", "PRAGMA synchronous=NORMAL", "PRAGMA journal_size_limit=67108864"})
@@ -53,7 +54,7 @@ Result<void> SqliteStore::initialise() {
 }
 
 Result<std::uint64_t> SqliteStore::next_epoch() {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   CANDELA_TRY(execute("PRAGMA synchronous=FULL"));
   Result<void> done =
       execute("INSERT INTO counters VALUES ('epoch', 1) ON CONFLICT (name) DO UPDATE SET value = value + 1");

@@ -5,13 +5,13 @@
 #include <sqlite3.h>
 
 #include <chrono>
-#include <mutex>
 #include <span>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
+#include "common/base/mutex.h"
 #include "master/store/columns.h"
 #include "master/store/store.h"
 
@@ -36,43 +36,44 @@ class SqliteStore final : public Store {
   Result<std::vector<OverdueRow>> overdue() override;
 
  private:
-  Error failure(std::string_view what) const;
-  Result<void> execute(const char* sql);
-  Result<void> write_all(std::span<const Change> changes);
+  Error failure(std::string_view what) const CANDELA_REQUIRES(mutex_);
+  Result<void> execute(const char* sql) CANDELA_REQUIRES(mutex_);
+  Result<void> write_all(std::span<const Change> changes) CANDELA_REQUIRES(mutex_);
   // Keeps some room on the disk for the store itself, so that what people decide on a full disk is kept.
-  void keep_room();
-  bool give_room();
+  void keep_room() CANDELA_REQUIRES(mutex_);
+  bool give_room() CANDELA_REQUIRES(mutex_);
   template <class Record>
-  Result<std::vector<Record>> read_rows(const char* sql, std::string_view what) const;
+  Result<std::vector<Record>> read_rows(const char* sql, std::string_view what) const
+      CANDELA_REQUIRES(mutex_);
   Result<JobRow> read_job(Statement& s) const;
   Result<void> read_chains(const JobCells& cells, JobRow& j) const;
   Result<void> read_work(const JobCells& cells, JobRow& j) const;
   Result<void> read_audit(const JobCells& cells, JobRow& j) const;
 
-  bool apply(const PutJob& c);
-  bool apply(const PutUnit& c);
-  bool apply(const PutBootstrap& c);
-  bool apply(const PutStarts& c);
-  bool apply(const PutState& c);
-  bool apply(const DropUnit& c);
-  bool apply(const DropUnmergedUnits& c);
-  bool apply(const DropMergedFrom& c);
-  bool apply(const PutLease& c);
-  bool apply(const DropLease& c);
-  bool apply(const PutWorker& c);
-  bool apply(const DropWorker& c);
-  bool apply(const PutOverdue& c);
-  bool apply(const DropJob& c);
-  bool apply(const PutDistrust& c);
-  bool apply(const DropDistrust& c);
-  bool apply(const ForgetWork& c);
-  bool apply(const AddEvent& c);
-  bool apply(const PutBundle& c);
+  bool apply(const PutJob& c) CANDELA_REQUIRES(mutex_);
+  bool apply(const PutUnit& c) CANDELA_REQUIRES(mutex_);
+  bool apply(const PutBootstrap& c) CANDELA_REQUIRES(mutex_);
+  bool apply(const PutStarts& c) CANDELA_REQUIRES(mutex_);
+  bool apply(const PutState& c) CANDELA_REQUIRES(mutex_);
+  bool apply(const DropUnit& c) CANDELA_REQUIRES(mutex_);
+  bool apply(const DropUnmergedUnits& c) CANDELA_REQUIRES(mutex_);
+  bool apply(const DropMergedFrom& c) CANDELA_REQUIRES(mutex_);
+  bool apply(const PutLease& c) CANDELA_REQUIRES(mutex_);
+  bool apply(const DropLease& c) CANDELA_REQUIRES(mutex_);
+  bool apply(const PutWorker& c) CANDELA_REQUIRES(mutex_);
+  bool apply(const DropWorker& c) CANDELA_REQUIRES(mutex_);
+  bool apply(const PutOverdue& c) CANDELA_REQUIRES(mutex_);
+  bool apply(const DropJob& c) CANDELA_REQUIRES(mutex_);
+  bool apply(const PutDistrust& c) CANDELA_REQUIRES(mutex_);
+  bool apply(const DropDistrust& c) CANDELA_REQUIRES(mutex_);
+  bool apply(const ForgetWork& c) CANDELA_REQUIRES(mutex_);
+  bool apply(const AddEvent& c) CANDELA_REQUIRES(mutex_);
+  bool apply(const PutBundle& c) CANDELA_REQUIRES(mutex_);
 
-  std::mutex mutex_;
-  bool has_room_ = false;
-  std::chrono::steady_clock::time_point room_tried_{};
-  sqlite3* db_;
+  Mutex mutex_;
+  bool has_room_ CANDELA_GUARDED_BY(mutex_) = false;
+  std::chrono::steady_clock::time_point room_tried_ CANDELA_GUARDED_BY(mutex_){};
+  sqlite3* db_ CANDELA_GUARDED_BY(mutex_);
   std::string path_;
 };
 

@@ -104,7 +104,7 @@ Result<std::vector<Record>> SqliteStore::read_rows(const char* sql, std::string_
 }
 
 Result<StoredState> SqliteStore::load() {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   StoredState out;
   {
     Statement s(db_, "SELECT * FROM jobs ORDER BY submitted_unix_ms, id");
@@ -140,7 +140,7 @@ Result<StoredState> SqliteStore::load() {
 }
 
 Result<std::vector<UnitRow>> SqliteStore::merged_units(const std::string& job_id) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   std::vector<UnitRow> out;
   Statement s(db_, "SELECT * FROM units WHERE job = ? AND state = 2 ORDER BY id");
   s.bind(job_id);
@@ -153,7 +153,7 @@ Result<std::vector<UnitRow>> SqliteStore::merged_units(const std::string& job_id
 Result<std::map<std::string, std::uint64_t>> SqliteStore::units_by(const std::string& worker,
                                                                    const std::vector<std::string>& worker_ids,
                                                                    const std::string& job_id) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   std::string ids = "\n";
   for (const std::string& id : worker_ids) ids += id + "\n";
   std::map<std::string, std::uint64_t> out;
@@ -174,7 +174,7 @@ Result<std::map<std::string, std::uint64_t>> SqliteStore::units_by(const std::st
 }
 
 Result<std::vector<EventRow>> SqliteStore::events(const std::string& job_id, std::uint32_t limit) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   Statement s(db_, job_id.empty() ? "SELECT * FROM events WHERE ?1 = '' ORDER BY id DESC LIMIT ?2"
                                   : "SELECT * FROM events WHERE job = ?1 ORDER BY id DESC LIMIT ?2");
   s.bind(job_id).bind(limit);
@@ -186,7 +186,7 @@ Result<std::vector<EventRow>> SqliteStore::events(const std::string& job_id, std
 }
 
 Result<std::optional<std::string>> SqliteStore::bundle(const std::string& sha256) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   Statement s(db_, "SELECT bytes FROM bundles WHERE sha256 = ?");
   s.bind(sha256);
   if (s.step()) return std::optional<std::string>(s.text());
@@ -195,7 +195,7 @@ Result<std::optional<std::string>> SqliteStore::bundle(const std::string& sha256
 }
 
 Result<std::vector<OverdueRow>> SqliteStore::overdue() {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   return read_rows<OverdueRow>("SELECT * FROM overdue ORDER BY job", "jobs that wait for their removal");
 }
 

@@ -16,7 +16,7 @@ namespace {
 
 constexpr const char* kRoomEnding = ".room";
 constexpr off_t kRoomBytes = 2 << 20;  // some thousand changes
-constexpr std::int64_t kMaxEvents = 100000;
+constexpr std::int64_t kKeptEvents = 100000;
 
 v1::JobAudit message_of(const JobAudit& audit) {
   v1::JobAudit out;
@@ -73,8 +73,9 @@ bool SqliteStore::apply(const PutState& c) {
 
 bool SqliteStore::apply(const PutOverdue& c) {
   return Statement(db_, "DELETE FROM overdue").run() &&
-         std::all_of(c.rows.begin(), c.rows.end(),
-                     [&](const OverdueRow& row) { return put_row(db_, "overdue", row); });
+         std::all_of(c.rows.begin(), c.rows.end(), [&](const OverdueRow& row) CANDELA_REQUIRES(mutex_) {
+           return put_row(db_, "overdue", row);
+         });
 }
 
 bool SqliteStore::apply(const DropJob& c) {
@@ -113,11 +114,11 @@ bool SqliteStore::apply(const AddEvent& c) {
   if (!put_row(db_, "events", c.row)) return false;
   const std::int64_t id = sqlite3_last_insert_rowid(db_);
   if (id % 1000 != 0) return true;  // old ones go now and then, not every time
-  return Statement(db_, "DELETE FROM events WHERE id <= ?").bind(id - kMaxEvents).run();
+  return Statement(db_, "DELETE FROM events WHERE id <= ?").bind(id - kKeptEvents).run();
 }
 
 Result<void> SqliteStore::write(std::span<const Change> changes) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   // The files of a dropped job go next: no power failure may bring its rows back.
   const bool drops = std::any_of(changes.begin(), changes.end(),
                                  [](const Change& c) { return std::holds_alternative<DropJob>(c); });
@@ -154,7 +155,7 @@ bool SqliteStore::give_room() {
 Result<void> SqliteStore::write_all(std::span<const Change> changes) {
   CANDELA_TRY(execute("BEGIN IMMEDIATE"));
   for (const Change& change : changes) {
-    if (std::visit([&](const auto& c) { return apply(c); }, change)) continue;
+    if (std::visit([&](const auto& c) CANDELA_REQUIRES(mutex_) { return apply(c); }, change)) continue;
     Error e = failure("cannot write to the store");
     sqlite3_exec(db_, "ROLLBACK", nullptr, nullptr, nullptr);
     return e;

@@ -9,13 +9,13 @@
 #include <functional>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <span>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "common/base/mutex.h"
 #include "common/base/result.h"
 #include "master/store/records.h"
 
@@ -82,12 +82,13 @@ class StoreWriter {
 
   Store& store_;
   std::function<void(const std::string&)> on_error_;
-  mutable std::mutex mutex_;
+  mutable Mutex mutex_;
   std::condition_variable work_, written_;
-  std::deque<Change> queue_;
-  std::uint64_t enqueued_ = 0, done_ = 0, failures_ = 0;
-  std::optional<Error> error_;
-  bool urgent_ = false, stop_ = false;
+  std::deque<Change> queue_ CANDELA_GUARDED_BY(mutex_);
+  std::uint64_t enqueued_ CANDELA_GUARDED_BY(mutex_) = 0, done_ CANDELA_GUARDED_BY(mutex_) = 0,
+                          failures_ CANDELA_GUARDED_BY(mutex_) = 0;
+  std::optional<Error> error_ CANDELA_GUARDED_BY(mutex_);
+  bool urgent_ CANDELA_GUARDED_BY(mutex_) = false, stop_ CANDELA_GUARDED_BY(mutex_) = false;
   std::thread thread_;
 };
 

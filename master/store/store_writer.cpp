@@ -31,7 +31,7 @@ StoreWriter::StoreWriter(Store& store, std::function<void(const std::string&)> o
 
 StoreWriter::~StoreWriter() {
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     stop_ = true;
   }
   work_.notify_all();
@@ -41,7 +41,7 @@ StoreWriter::~StoreWriter() {
 void StoreWriter::enqueue(std::vector<Change>& changes) {
   if (changes.empty()) return;
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     // A deque takes all its room before it moves the first of them.
     queue_.insert(queue_.end(), std::make_move_iterator(changes.begin()),
                   std::make_move_iterator(changes.end()));
@@ -52,38 +52,44 @@ void StoreWriter::enqueue(std::vector<Change>& changes) {
 }
 
 Result<void> StoreWriter::flush() {
-  std::unique_lock lock(mutex_);
+  Lock lock(mutex_);
   const std::uint64_t target = enqueued_;
   const std::uint64_t failures_before = failures_;
   if (done_ >= target) return {};
   urgent_ = true;  // an earlier error is tried again now, not after its pause
   work_.notify_one();
-  written_.wait(lock, [&] { return done_ >= target || failures_ != failures_before; });
+  written_.wait(lock,
+                [&]() CANDELA_REQUIRES(mutex_) { return done_ >= target || failures_ != failures_before; });
   if (done_ >= target) return {};
   return *error_;
 }
 
 std::size_t StoreWriter::backlog() const {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   return queue_.size();
 }
 
 void StoreWriter::run() {
   constexpr std::size_t kBatch = 1000;
   constexpr auto kPause = std::chrono::seconds(1);
-  std::unique_lock lock(mutex_);
+  Lock lock(mutex_);
   for (;;) {
-    work_.wait(lock, [&] { return stop_ || !queue_.empty(); });
+    work_.wait(lock, [&]() CANDELA_REQUIRES(mutex_) { return stop_ || !queue_.empty(); });
     if (queue_.empty()) return;
     const std::size_t n = std::min(queue_.size(), kBatch);
     // Only this thread removes from the queue, so the copy and the head agree after the lock was given up.
     urgent_ = false;
-    Result<void> result = within_memory("the store cannot be written", [&] {
-      const std::vector<Change> batch(queue_.begin(), queue_.begin() + static_cast<std::ptrdiff_t>(n));
-      lock.unlock();
-      return store_.write(batch);
+    constexpr std::string_view kWhat = "the store cannot be written";
+    std::vector<Change> batch;
+    Result<void> result = within_memory(kWhat, [&]() CANDELA_REQUIRES(mutex_) -> Result<void> {
+      batch.assign(queue_.begin(), queue_.begin() + static_cast<std::ptrdiff_t>(n));
+      return {};
     });
-    if (!lock.owns_lock()) lock.lock();
+    if (result.ok()) {
+      lock.unlock();
+      result = within_memory(kWhat, [&, taken = std::move(batch)] { return store_.write(taken); });
+      lock.lock();
+    }
     if (result.ok()) {
       const bool recovered = error_.has_value();
       queue_.erase(queue_.begin(), queue_.begin() + static_cast<std::ptrdiff_t>(n));
@@ -105,7 +111,7 @@ void StoreWriter::run() {
     on_error_(text);
     lock.lock();
     if (stop_) return;  // a last attempt was made; film and set of units are safe in the checkpoints
-    work_.wait_for(lock, kPause, [&] { return stop_ || urgent_; });
+    work_.wait_for(lock, kPause, [&]() CANDELA_REQUIRES(mutex_) { return stop_ || urgent_; });
   }
 }
 

@@ -38,7 +38,7 @@ Result<std::shared_ptr<JobFilm>> JobTruth::open_film(const std::string& job_id, 
   const std::shared_ptr<JobFilm> film = farm_.film_of(job_id);
   if (!film) return film;
   if (use) film->touch(farm_.now().seconds);
-  const std::lock_guard opening(film->opening());
+  const Lock opening(film->opening());
   CANDELA_ASSIGN(const JobFilm::Loading loading, film->ensure_loaded());
   if (!loading.read) return film;
   if (!loading.trouble.empty())
@@ -64,7 +64,7 @@ Result<std::shared_ptr<JobFilm>> JobTruth::open_film(const std::string& job_id, 
 }
 
 bool JobTruth::agree_if_short(const std::string& job_id, JobFilm& film) {
-  const std::lock_guard opening(film.opening());
+  const Lock opening(film.opening());
   if (film.discarded()) return false;
   // A merge tells the film first and the scheduler then: the scheduler's set must be asked for first.
   const auto counted = farm_.with_scheduler([&](Scheduler& s) { return s.job(job_id)->merged; });

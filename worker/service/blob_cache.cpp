@@ -152,17 +152,17 @@ fs::path BlobCache::path_of(const std::string& sha256) const {
 
 BlobCache::Pin BlobCache::pin(const std::string& sha256) {
   {
-    const std::lock_guard lock(pins_->mutex);
+    const Lock lock(pins_->mutex);
     ++pins_->counts[sha256];
   }
   return {static_cast<const void*>(this), [pins = pins_, sha256](const void*) {
-            const std::lock_guard lock(pins->mutex);
+            const Lock lock(pins->mutex);
             if (const auto found = pins->counts.find(sha256); --found->second == 0) pins->counts.erase(found);
           }};
 }
 
 bool BlobCache::is_pinned(const std::string& sha256) const {
-  const std::lock_guard lock(pins_->mutex);
+  const Lock lock(pins_->mutex);
   return pins_->counts.contains(sha256);
 }
 
@@ -189,7 +189,7 @@ Result<std::shared_ptr<const MappedFile>> BlobCache::open_verified(const std::st
   if (!file) return as_disk_error(std::move(file).error());
   bool known = false;
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     const auto found = verified_.find(sha256);
     known = found != verified_.end() && found->second.settled && found->second.identity == *before &&
             before == after;
@@ -198,7 +198,7 @@ Result<std::shared_ptr<const MappedFile>> BlobCache::open_verified(const std::st
   if ((*file)->bytes().size() != size_bytes || (!known && hash_of((*file)->bytes()) != sha256)) {
     log::warn(fmt::format("the cached file {} is damaged; it is fetched again", path.string()));
     ::unlink(path.c_str());
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     verified_.erase(sha256);
     return std::shared_ptr<const MappedFile>();
   }
@@ -210,7 +210,7 @@ Result<std::shared_ptr<const MappedFile>> BlobCache::open_verified(const std::st
     if (!after) return std::move(*file);
   }
   const bool settled = known || (before == after && checked_ns - std::get<4>(*after) > kSettledNs);
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   verified_[sha256] = {*after, settled && before == after};
   return std::move(*file);
 }
@@ -223,7 +223,7 @@ Result<void> BlobCache::make_room(std::uint64_t need_bytes) {
   };
   if (need_bytes > limit_bytes_) return no_room(fmt::format("its limit is {} bytes", limit_bytes_));
 
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   const auto now = std::chrono::steady_clock::now();
   const bool stale = scanned_ == std::chrono::steady_clock::time_point{} || now - scanned_ > kRescanInterval;
   struct statvfs disk {};
@@ -259,7 +259,7 @@ Result<void> BlobCache::download(const std::string& sha256, std::uint64_t size_b
   CANDELA_TRY(make_room(size_bytes));
   std::uint64_t serial = 0;
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     serial = serial_++;
   }
   const auto stamp =
@@ -315,7 +315,7 @@ Result<BlobCache::Pin> BlobCache::ensure(const std::string& sha256, std::uint64_
   Pin held = pin(sha256);
   CANDELA_ASSIGN(const std::optional<Identity> identity, identity_of(path_of(sha256)));
   if (identity && std::get<2>(*identity) == size_bytes) {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     const auto found = verified_.find(sha256);
     if (found != verified_.end() && found->second.identity == *identity) return held;
   }

@@ -11,7 +11,6 @@
 #include <functional>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <set>
 #include <string>
@@ -19,6 +18,7 @@
 #include <tuple>
 
 #include "common/base/files.h"
+#include "common/base/mutex.h"
 #include "common/base/result.h"
 
 namespace candela::worker {
@@ -53,8 +53,8 @@ class BlobCache {
  private:
   // Outlives the cache where pins do.
   struct Pins {
-    std::mutex mutex;
-    std::map<std::string, unsigned> counts;
+    Mutex mutex;
+    std::map<std::string, unsigned> counts CANDELA_GUARDED_BY(mutex);
   };
   // Device, inode, size, mtime and ctime in nanoseconds.
   using Identity = std::tuple<std::uint64_t, std::uint64_t, std::uint64_t, std::int64_t, std::int64_t>;
@@ -77,11 +77,12 @@ class BlobCache {
   std::filesystem::path folder_;
   std::uint64_t limit_bytes_;
   std::shared_ptr<Pins> pins_;
-  std::mutex mutex_;  // of what follows; held during file metadata operations, never during a download
-  std::map<std::string, Verified> verified_;
-  std::uint64_t estimated_bytes_ = 0;  // since the last scan; others' changes are unknown until the next
-  std::chrono::steady_clock::time_point scanned_{};
-  std::uint64_t serial_ = 0;
+  Mutex mutex_;  // held during file metadata operations, never during a download
+  std::map<std::string, Verified> verified_ CANDELA_GUARDED_BY(mutex_);
+  std::uint64_t estimated_bytes_ CANDELA_GUARDED_BY(mutex_) =
+      0;  // since the last scan; others' changes are unknown until the next
+  std::chrono::steady_clock::time_point scanned_ CANDELA_GUARDED_BY(mutex_){};
+  std::uint64_t serial_ CANDELA_GUARDED_BY(mutex_) = 0;
 };
 
 }  // namespace candela::worker

@@ -9,6 +9,7 @@
 #include <array>
 
 #include "common/base/log.h"
+#include "common/base/mutex.h"
 #include "common/base/text.h"
 #include "common/base/version.h"
 #include "common/wire/wire.h"
@@ -99,7 +100,7 @@ FarmWorker::~FarmWorker() {
 
 void FarmWorker::drain() {
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     if (drain_ == Drain::by_us || closing_) return;
     drain_ = Drain::by_us;
     drain_started_ = Clock::now();
@@ -110,14 +111,14 @@ void FarmWorker::drain() {
 }
 
 Result<void> FarmWorker::wait() {
-  std::unique_lock lock(mutex_);
-  changed_.wait(lock, [&] { return ended_; });
+  Lock lock(mutex_);
+  changed_.wait(lock, [&]() CANDELA_REQUIRES(mutex_) { return ended_; });
   if (end_error_) return *end_error_;
   return {};
 }
 
 FarmWorker::Session FarmWorker::session_now() const {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   return session_;
 }
 
@@ -125,12 +126,12 @@ FarmWorker::Session FarmWorker::session_now() const {
 // ---------------------------------------------------------------------------------------------------------
 
 void FarmWorker::control_loop() {
-  std::unique_lock lock(mutex_);
+  Lock lock(mutex_);
   while (!end_error_) {
     give_up_if_due();
     settle_cut();
     if (is_stuck()) break;
-    if (end_error_ || (drain_ != Drain::no && step_drain(lock))) break;
+    if (end_error_ || (drain_ != Drain::no && step_drain())) break;
     if (session_.generation == 0) {
       register_once(lock);
     } else if (!notices_.empty()) {
@@ -146,7 +147,7 @@ void FarmWorker::control_loop() {
   leave(lock);
 }
 
-// Under the lock. How long the master may be away is counted from the first unanswered call since the last
+// How long the master may be away is counted from the first unanswered call since the last
 // answer.
 void FarmWorker::note_contact(const grpc::Status& status) {
   if (!is_unreachable(status)) {
@@ -171,8 +172,7 @@ void FarmWorker::end_with(Error error) {
   changed_.notify_all();
 }
 
-void FarmWorker::register_once(std::unique_lock<std::mutex>& lock) {
-  lock.unlock();
+void FarmWorker::register_once(Lock& lock) {
   v1::RegisterRequest request;
   request.set_protocol(kProtocol);
   request.set_build_id(std::string(build_id()));
@@ -182,9 +182,10 @@ void FarmWorker::register_once(std::unique_lock<std::mutex>& lock) {
   for (std::string& isa : factory_.supported_isas()) request.add_isas(std::move(isa));
   request.set_memory_bytes(machine_memory_bytes());
   v1::RegisterResponse response;
-  const grpc::Status status = link_.unary(MasterLink::Lane::registration, &v1::WorkerService::Stub::Register,
-                                          request, response, tuning_.register_deadline);
-  lock.lock();
+  const grpc::Status status = lock.without([&] {
+    return link_.unary(MasterLink::Lane::registration, &v1::WorkerService::Stub::Register, request, response,
+                       tuning_.register_deadline);
+  });
   note_contact(status);
   if (status.ok() && !response.worker_id().empty() && !response.session().empty()) {
     session_ = {};
@@ -212,22 +213,23 @@ void FarmWorker::register_once(std::unique_lock<std::mutex>& lock) {
   if (!is_unreachable(status))
     log::warn(status.ok() ? "the master registered this worker without a name"
                           : fmt::format("cannot register: {}", wire::from_status(status).message));
-  changed_.wait_for(lock, control_backoff_.next(), [&] { return drain_ != Drain::no || end_error_; });
+  changed_.wait_for(lock, control_backoff_.next(),
+                    [&]() CANDELA_REQUIRES(mutex_) { return drain_ != Drain::no || end_error_; });
 }
 
-void FarmWorker::acquire_once(std::unique_lock<std::mutex>& lock) {
+void FarmWorker::acquire_once(Lock& lock) {
   const Session session = session_;
   asked_while_busy_ = running_ != nullptr;
   v1::AcquireLeaseRequest request;
   request.set_worker_id(session.worker_id);
   request.set_session(session.token);
   request.set_prefetch(asked_while_busy_);
-  lock.unlock();
-  for (std::string& hash : scenes_.warm_bundles()) request.add_warm_bundles(std::move(hash));
   v1::AcquireLeaseResponse response;
-  const grpc::Status status = link_.unary(MasterLink::Lane::control, &v1::WorkerService::Stub::AcquireLease,
-                                          request, response, tuning_.call_deadline);
-  lock.lock();
+  const grpc::Status status = lock.without([&] {
+    for (std::string& hash : scenes_.warm_bundles()) request.add_warm_bundles(std::move(hash));
+    return link_.unary(MasterLink::Lane::control, &v1::WorkerService::Stub::AcquireLease, request, response,
+                       tuning_.call_deadline);
+  });
   note_contact(status);
   if (status.error_code() == grpc::StatusCode::UNAUTHENTICATED) return lose_session(session.generation);
   if (!status.ok()) {
@@ -263,13 +265,12 @@ void FarmWorker::acquire_once(std::unique_lock<std::mutex>& lock) {
   changed_.notify_all();
 }
 
-// Under the lock. None while a unit is computed that the worker does not own any more.
+// None while a unit is computed that the worker does not own any more.
 bool FarmWorker::wants_lease() const {
   return drain_ == Drain::no && pending_.empty() && outbox_.size() < 2 &&
          (running_ == nullptr || !running_->dropped);
 }
 
-// Under the lock.
 bool FarmWorker::owns(std::uint64_t token) const {
   const auto is = [token](const TaskPtr& task) { return task != nullptr && task->lease.token() == token; };
   return is(running_) || std::any_of(pending_.begin(), pending_.end(), is) ||
@@ -277,42 +278,41 @@ bool FarmWorker::owns(std::uint64_t token) const {
                      [&](const auto& finished) { return is(finished->task); });
 }
 
-void FarmWorker::send_notice(std::unique_lock<std::mutex>& lock) {
+void FarmWorker::send_notice(Lock& lock) {
   const Notice notice = notices_.front();
   const Session session = session_;
   if (notice.generation != session.generation) {  // void with the session it belonged to
     notices_.pop_front();
     return;
   }
-  lock.unlock();
-  grpc::Status status;
-  if (notice.failed) {
-    v1::FailUnitRequest request;
-    request.set_worker_id(session.worker_id);
-    request.set_session(session.token);
-    request.set_token(notice.token);
-    request.set_message(escape_unprintable(notice.message));  // a string of the wire is UTF-8
-    request.set_cause(wire::to_proto(notice.cause));
-    v1::FailUnitResponse response;
-    status = link_.unary(MasterLink::Lane::control, &v1::WorkerService::Stub::FailUnit, request, response,
+  const grpc::Status status = lock.without([&] {
+    if (notice.failed) {
+      v1::FailUnitRequest request;
+      request.set_worker_id(session.worker_id);
+      request.set_session(session.token);
+      request.set_token(notice.token);
+      request.set_message(escape_unprintable(notice.message));  // a string of the wire is UTF-8
+      request.set_cause(wire::to_proto(notice.cause));
+      v1::FailUnitResponse response;
+      return link_.unary(MasterLink::Lane::control, &v1::WorkerService::Stub::FailUnit, request, response,
                          tuning_.call_deadline);
-  } else {
+    }
     v1::ReturnLeaseRequest request;
     request.set_worker_id(session.worker_id);
     request.set_session(session.token);
     request.set_token(notice.token);
     request.set_computing(notice.computing);
     v1::ReturnLeaseResponse response;
-    status = link_.unary(MasterLink::Lane::control, &v1::WorkerService::Stub::ReturnLease, request, response,
-                         tuning_.call_deadline);
-  }
-  lock.lock();
+    return link_.unary(MasterLink::Lane::control, &v1::WorkerService::Stub::ReturnLease, request, response,
+                       tuning_.call_deadline);
+  });
   note_contact(status);
   if (status.error_code() == grpc::StatusCode::UNAUTHENTICATED) return lose_session(session.generation);
   if (is_unreachable(status) || status.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED) {
     const bool draining = drain_ == Drain::by_us;
-    changed_.wait_for(lock, control_backoff_.next(),
-                      [&] { return end_error_ || (!draining && drain_ == Drain::by_us); });
+    changed_.wait_for(lock, control_backoff_.next(), [&]() CANDELA_REQUIRES(mutex_) {
+      return end_error_ || (!draining && drain_ == Drain::by_us);
+    });
     return;
   }
   control_backoff_.reset();
@@ -323,7 +323,7 @@ void FarmWorker::send_notice(std::unique_lock<std::mutex>& lock) {
   if (!notices_.empty() && notices_.front().token == notice.token) notices_.pop_front();
 }
 
-// Under the lock. What the worker holds is void: the master knows the session no more.
+// What the worker holds is void: the master knows the session no more.
 void FarmWorker::lose_session(std::uint64_t generation) {
   if (generation != session_.generation) return;
   log::warn("the master does not know this session any more; registering again",
@@ -337,7 +337,6 @@ void FarmWorker::lose_session(std::uint64_t generation) {
   changed_.notify_all();
 }
 
-// Under the lock.
 void FarmWorker::drop(Task& task, std::string_view why) {
   if (task.dropped.exchange(true)) return;
   task.stopped_at = Clock::now();
@@ -350,7 +349,6 @@ void FarmWorker::drop(Task& task, std::string_view why) {
                                                    .worker = session_.worker_id});
 }
 
-// Under the lock.
 void FarmWorker::hand_back(const TaskPtr& task) {
   if (task->dropped) return;
   drop(*task, "handed back");
@@ -362,7 +360,7 @@ void FarmWorker::hand_back(const TaskPtr& task) {
 // ---- units cut short
 // ---------------------------------------------------------------------------------------------------------
 
-// Under the lock. Of the iterations or segments under way, by their progress; none: nobody knows.
+// Of the iterations or segments under way, by their progress; none: nobody knows.
 std::optional<double> FarmWorker::seconds_left(const Task& task) const {
   const double done = task.progress;
   if (task.phase() != WorkPhase::rendering || !(done > 0)) return std::nullopt;
@@ -374,7 +372,7 @@ std::optional<double> FarmWorker::seconds_left(const Task& task) const {
   return std::min(left, spent.count() / done * std::min<double>(threads_, count) / count);
 }
 
-// Under the lock. What has not begun to render goes back at once.
+// What has not begun to render goes back at once.
 void FarmWorker::cut_short(const TaskPtr& task) {
   if (task->dropped || task->cut_at) return;
   if (task != running_ || task->phase() != WorkPhase::rendering) return hand_back(task);
@@ -382,7 +380,7 @@ void FarmWorker::cut_short(const TaskPtr& task) {
   task->cut = true;
 }
 
-// Under the lock. The unit under way ends after this iteration. One that takes long to end is given back
+// The unit under way ends after this iteration. One that takes long to end is given back
 // whole, if less work is lost than would be waited for.
 void FarmWorker::settle_cut() {
   if (!running_ || running_->dropped || !running_->cut_at) return;
@@ -393,7 +391,7 @@ void FarmWorker::settle_cut() {
     hand_back(running_);
 }
 
-// Under the lock. True if the renderer was told to stop and does not; finished units have been delivered, if
+// True if the renderer was told to stop and does not; finished units have been delivered, if
 // the master takes them in time.
 bool FarmWorker::is_stuck() {
   if (!running_ || !running_->stopped_at) return false;
@@ -410,15 +408,15 @@ bool FarmWorker::is_stuck() {
 }
 
 bool FarmWorker::must_begin_again() const {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   return stuck_ && drain_ == Drain::no;
 }
 
 // ---- leaving
 // ---------------------------------------------------------------------------------------------------------
 
-// Under the lock. True when there is nothing left to wait for.
-bool FarmWorker::step_drain(std::unique_lock<std::mutex>&) {
+// True when there is nothing left to wait for.
+bool FarmWorker::step_drain() {
   for (const TaskPtr& task : pending_) hand_back(task);
   pending_.clear();
   const auto now = Clock::now();
@@ -441,31 +439,31 @@ bool FarmWorker::step_drain(std::unique_lock<std::mutex>&) {
   return done || late || (session_.generation == 0 && drain_ == Drain::by_us && !rendering);
 }
 
-void FarmWorker::leave(std::unique_lock<std::mutex>& lock) {
+void FarmWorker::leave(Lock& lock) {
   closing_ = true;
   if (running_) drop(*running_, "the worker leaves");
   const Session session = session_;
   const bool reachable = !unreachable_since_;
-  lock.unlock();
-  changed_.notify_all();
-  link_.close(MasterLink::Lane::registration);
-  link_.close(MasterLink::Lane::fetch);
-  link_.close(MasterLink::Lane::push);
-  link_.close(MasterLink::Lane::heartbeat);
-  // Deregister hands back whatever the master still counts as ours. To a master that is away it is not even
-  // said: the leases expire.
-  if (session.generation != 0 && reachable) {
-    v1::DeregisterRequest request;
-    request.set_worker_id(session.worker_id);
-    request.set_session(session.token);
-    v1::DeregisterResponse response;
-    const grpc::Status status = link_.unary(MasterLink::Lane::control, &v1::WorkerService::Stub::Deregister,
-                                            request, response, tuning_.farewell_deadline);
-    if (!status.ok())
-      log::warn(fmt::format("left without a farewell: {}", wire::from_status(status).message),
-                {.worker = session.worker_id});
-  }
-  lock.lock();
+  lock.without([&] {
+    changed_.notify_all();
+    link_.close(MasterLink::Lane::registration);
+    link_.close(MasterLink::Lane::fetch);
+    link_.close(MasterLink::Lane::push);
+    link_.close(MasterLink::Lane::heartbeat);
+    // Deregister hands back whatever the master still counts as ours. To a master that is away it is not even
+    // said: the leases expire.
+    if (session.generation != 0 && reachable) {
+      v1::DeregisterRequest request;
+      request.set_worker_id(session.worker_id);
+      request.set_session(session.token);
+      v1::DeregisterResponse response;
+      const grpc::Status status = link_.unary(MasterLink::Lane::control, &v1::WorkerService::Stub::Deregister,
+                                              request, response, tuning_.farewell_deadline);
+      if (!status.ok())
+        log::warn(fmt::format("left without a farewell: {}", wire::from_status(status).message),
+                  {.worker = session.worker_id});
+    }
+  });
   log::info("the worker has left", {.worker = session.worker_id});
   ended_ = true;
   changed_.notify_all();
@@ -475,10 +473,10 @@ void FarmWorker::leave(std::unique_lock<std::mutex>& lock) {
 // -------------------------------------------------------------------------------------------------------
 
 void FarmWorker::heartbeat_loop() {
-  std::unique_lock lock(mutex_);
+  Lock lock(mutex_);
   while (!closing_) {
     if (session_.generation == 0) {
-      changed_.wait(lock, [&] { return closing_ || session_.generation != 0; });
+      changed_.wait(lock, [&]() CANDELA_REQUIRES(mutex_) { return closing_ || session_.generation != 0; });
       continue;
     }
     const Session session = session_;
@@ -540,8 +538,9 @@ void FarmWorker::heartbeat_loop() {
       }
       changed_.notify_all();
     }
-    changed_.wait_until(lock, next,
-                        [&] { return closing_ || beat_soon_ || session_.generation != session.generation; });
+    changed_.wait_until(lock, next, [&]() CANDELA_REQUIRES(mutex_) {
+      return closing_ || beat_soon_ || session_.generation != session.generation;
+    });
   }
 }
 

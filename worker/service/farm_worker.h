@@ -15,12 +15,12 @@
 #include <deque>
 #include <functional>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "common/base/mutex.h"
 #include "common/base/work_monitor.h"
 #include "common/film/delta.h"
 #include "worker/service/master_link.h"
@@ -118,24 +118,24 @@ class FarmWorker final : public Worker {
 
   // farm_worker.cpp: control and heartbeat
   void control_loop();
-  void register_once(std::unique_lock<std::mutex>& lock);
-  void acquire_once(std::unique_lock<std::mutex>& lock);
-  void send_notice(std::unique_lock<std::mutex>& lock);
-  bool step_drain(std::unique_lock<std::mutex>& lock);
-  void cut_short(const TaskPtr& task);
-  void settle_cut();
-  std::optional<double> seconds_left(const Task& task) const;
-  bool is_stuck();
-  void leave(std::unique_lock<std::mutex>& lock);
+  void register_once(Lock& lock) CANDELA_REQUIRES(mutex_);
+  void acquire_once(Lock& lock) CANDELA_REQUIRES(mutex_);
+  void send_notice(Lock& lock) CANDELA_REQUIRES(mutex_);
+  bool step_drain() CANDELA_REQUIRES(mutex_);
+  void cut_short(const TaskPtr& task) CANDELA_REQUIRES(mutex_);
+  void settle_cut() CANDELA_REQUIRES(mutex_);
+  std::optional<double> seconds_left(const Task& task) const CANDELA_REQUIRES(mutex_);
+  bool is_stuck() CANDELA_REQUIRES(mutex_);
+  void leave(Lock& lock) CANDELA_REQUIRES(mutex_);
   void heartbeat_loop();
-  void note_contact(const grpc::Status& status);
-  void give_up_if_due();
-  void lose_session(std::uint64_t generation);
-  void drop(Task& task, std::string_view why);
-  void hand_back(const TaskPtr& task);
-  void end_with(Error error);
-  bool owns(std::uint64_t token) const;
-  bool wants_lease() const;
+  void note_contact(const grpc::Status& status) CANDELA_REQUIRES(mutex_);
+  void give_up_if_due() CANDELA_REQUIRES(mutex_);
+  void lose_session(std::uint64_t generation) CANDELA_REQUIRES(mutex_);
+  void drop(Task& task, std::string_view why) CANDELA_REQUIRES(mutex_);
+  void hand_back(const TaskPtr& task) CANDELA_REQUIRES(mutex_);
+  void end_with(Error error) CANDELA_REQUIRES(mutex_);
+  bool owns(std::uint64_t token) const CANDELA_REQUIRES(mutex_);
+  bool wants_lease() const CANDELA_REQUIRES(mutex_);
 
   // farm_worker_render.cpp
   void render_loop();
@@ -180,26 +180,30 @@ class FarmWorker final : public Worker {
   SceneStore scenes_;
   MasterLink link_;
 
-  mutable std::mutex mutex_;
+  mutable Mutex mutex_;
   std::condition_variable changed_;  // anything below
-  Session session_;
-  std::uint64_t generations_ = 0;
-  std::deque<TaskPtr> pending_;
-  TaskPtr running_;
-  std::deque<std::shared_ptr<Finished>> outbox_;  // the front one is pushed, or was last
-  std::deque<Notice> notices_;
-  std::vector<Sums> spare_sums_;
-  Clock::time_point next_acquire_{};
-  bool asked_while_busy_ = false;
-  enum class Drain { no, by_master, by_us } drain_ = Drain::no;
-  Clock::time_point drain_started_{};
-  bool running_settled_ = false;  // the draining decision on the running unit is made
-  bool beat_soon_ = false;        // the master waits to hear that a stopped unit has ended
-  bool stuck_ = false;            // the renderer does not stop
-  std::optional<Clock::time_point> unreachable_since_;
-  bool closing_ = false;  // threads end
-  bool ended_ = false;    // wait() returns
-  std::optional<Error> end_error_;
+  Session session_ CANDELA_GUARDED_BY(mutex_);
+  std::uint64_t generations_ CANDELA_GUARDED_BY(mutex_) = 0;
+  std::deque<TaskPtr> pending_ CANDELA_GUARDED_BY(mutex_);
+  TaskPtr running_ CANDELA_GUARDED_BY(mutex_);
+  std::deque<std::shared_ptr<Finished>> outbox_
+      CANDELA_GUARDED_BY(mutex_);  // the front one is pushed, or was last
+  std::deque<Notice> notices_ CANDELA_GUARDED_BY(mutex_);
+  std::vector<Sums> spare_sums_ CANDELA_GUARDED_BY(mutex_);
+  Clock::time_point next_acquire_ CANDELA_GUARDED_BY(mutex_){};
+  bool asked_while_busy_ CANDELA_GUARDED_BY(mutex_) = false;
+  enum class Drain { no, by_master, by_us };
+  Drain drain_ CANDELA_GUARDED_BY(mutex_) = Drain::no;
+  Clock::time_point drain_started_ CANDELA_GUARDED_BY(mutex_){};
+  bool running_settled_ CANDELA_GUARDED_BY(mutex_) =
+      false;  // the draining decision on the running unit is made
+  bool beat_soon_ CANDELA_GUARDED_BY(mutex_) =
+      false;                                       // the master waits to hear that a stopped unit has ended
+  bool stuck_ CANDELA_GUARDED_BY(mutex_) = false;  // the renderer does not stop
+  std::optional<Clock::time_point> unreachable_since_ CANDELA_GUARDED_BY(mutex_);
+  bool closing_ CANDELA_GUARDED_BY(mutex_) = false;  // threads end
+  bool ended_ CANDELA_GUARDED_BY(mutex_) = false;    // wait() returns
+  std::optional<Error> end_error_ CANDELA_GUARDED_BY(mutex_);
   Backoff control_backoff_;
 
   std::thread heartbeat_thread_, render_thread_, push_thread_, control_thread_;

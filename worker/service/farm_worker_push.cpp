@@ -40,9 +40,9 @@ std::string_view text_of(v1::DeltaVerdict verdict) {
 // A delta that the master's queue had no place for lets others pass: one of an urgent job may have a place
 // where that of the unit that was cut short for it has none.
 void FarmWorker::push_loop() {
-  std::unique_lock lock(mutex_);
+  Lock lock(mutex_);
   while (true) {
-    changed_.wait(lock, [&] { return closing_ || !outbox_.empty(); });
+    changed_.wait(lock, [&]() CANDELA_REQUIRES(mutex_) { return closing_ || !outbox_.empty(); });
     if (closing_) return;
     const auto now = Clock::now();
     const auto due = [&](const auto& finished) {
@@ -107,7 +107,7 @@ bool FarmWorker::deliver_bytes(Finished& finished) {
       link_.push_delta(*finished.header, bytes, session.chunk_bytes, response, task->monitor.steps);
   Milliseconds delay = finished.backoff->next();
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     if (closing_ || task->dropped) return true;
     note_contact(status);
     if (status.error_code() == grpc::StatusCode::UNAUTHENTICATED) {
@@ -141,7 +141,7 @@ bool FarmWorker::deliver_bytes(Finished& finished) {
       return true;
     }
   }
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   finished.not_before = Clock::now() + delay;
   return false;
 }

@@ -19,10 +19,12 @@ constexpr std::size_t kMaxFailureBytes = 4096;  // of a message to the master
 }  // namespace
 
 void FarmWorker::render_loop() {
-  std::unique_lock lock(mutex_);
+  Lock lock(mutex_);
   while (true) {
     // One unit may be with the push thread while another is rendered, no more.
-    changed_.wait(lock, [&] { return closing_ || (!pending_.empty() && outbox_.size() <= 1); });
+    changed_.wait(lock, [&]() CANDELA_REQUIRES(mutex_) {
+      return closing_ || (!pending_.empty() && outbox_.size() <= 1);
+    });
     if (closing_) return;
     TaskPtr task = std::move(pending_.front());
     pending_.pop_front();
@@ -70,7 +72,7 @@ void FarmWorker::run_task(const TaskPtr& task) {
   const auto scene = scene_for(task, *settings);
   if (!scene || task->dropped) return;
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     task->started = task->block_started = Clock::now();  // the unit's own time, by which its end is foretold
   }
   if (unit->kind == Unit::Kind::pilot) return run_pilot(task, *scene);
@@ -235,7 +237,7 @@ Result<void> FarmWorker::run_blocks(const TaskPtr& task, const SceneStore::Scene
     const double fits = per_iteration > 0 ? block_seconds / per_iteration : 1;
     const auto size = static_cast<std::uint64_t>(std::clamp(fits, 1.0, static_cast<double>(unit.end - at)));
     {
-      const std::lock_guard lock(mutex_);
+      const Lock lock(mutex_);
       task->block_started = Clock::now();
       task->before_block = static_cast<double>(at - unit.begin) / whole;
       task->of_block = static_cast<double>(size) / whole;
@@ -304,7 +306,7 @@ void FarmWorker::run_unit(const TaskPtr& task, const SceneStore::Scene& scene, c
   finished->render_seconds = seconds.count();
   finished->sums = std::move(sums);
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     if (!task->dropped && !closing_) {
       task->monitor.phase = WorkPhase::pushing;
       outbox_.push_back(finished);
@@ -322,7 +324,7 @@ FarmWorker::Sums FarmWorker::take_sums(const SceneStore::Scene& scene, const Uni
   if (!makes_film(unit.kind)) return {};
   std::vector<Sums> unfit;  // freed outside the lock
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     while (!spare_sums_.empty()) {
       Sums sums = std::move(spare_sums_.back());
       spare_sums_.pop_back();
@@ -337,7 +339,7 @@ FarmWorker::Sums FarmWorker::take_sums(const SceneStore::Scene& scene, const Uni
 // Precondition: the sums are clear.
 void FarmWorker::keep_sums(Sums sums) {
   if (sums.output.film == nullptr) return;
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   if (spare_sums_.size() < 2) spare_sums_.push_back(std::move(sums));
 }
 
@@ -346,7 +348,7 @@ void FarmWorker::fail(const TaskPtr& task, const Error& error) {
 }
 
 void FarmWorker::fail(const TaskPtr& task, FailureCause cause, const std::string& message) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   if (task->dropped) return;
   task->dropped = true;
   task->stopped_at = Clock::now();
@@ -363,8 +365,9 @@ void FarmWorker::fail(const TaskPtr& task, FailureCause cause, const std::string
 }
 
 bool FarmWorker::pause_for(const TaskPtr& task, Milliseconds delay) {
-  std::unique_lock lock(mutex_);
-  return !changed_.wait_for(lock, delay, [&] { return closing_ || task->dropped; });
+  Lock lock(mutex_);
+  return !changed_.wait_for(lock, delay,
+                            [&]() CANDELA_REQUIRES(mutex_) { return closing_ || task->dropped; });
 }
 
 grpc::Status FarmWorker::persist(const TaskPtr& task, const std::function<grpc::Status()>& call) {
@@ -374,7 +377,7 @@ grpc::Status FarmWorker::persist(const TaskPtr& task, const std::function<grpc::
     const grpc::Status status = call();
     Milliseconds delay = backoff.next();
     {
-      const std::lock_guard lock(mutex_);
+      const Lock lock(mutex_);
       note_contact(status);
       if (status.error_code() == grpc::StatusCode::UNAUTHENTICATED) lose_session(task->generation);
     }

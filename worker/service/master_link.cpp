@@ -28,25 +28,25 @@ MasterLink::MasterLink(std::shared_ptr<grpc::Channel> channel)
 MasterLink::Call::Call(MasterLink& link, Lane lane, std::optional<Milliseconds> deadline)
     : link_(link), lane_(static_cast<std::size_t>(lane)) {
   if (deadline) context_.set_deadline(std::chrono::system_clock::now() + *deadline);
-  const std::lock_guard lock(link_.mutex_);
+  const Lock lock(link_.mutex_);
   open_ = !link_.lanes_[lane_].closed;
   if (open_) link_.lanes_[lane_].calls.insert(&context_);
 }
 
 MasterLink::Call::~Call() {
-  const std::lock_guard lock(link_.mutex_);
+  const Lock lock(link_.mutex_);
   link_.lanes_[lane_].calls.erase(&context_);
 }
 
 void MasterLink::close(Lane lane) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   LaneState& state = lanes_[static_cast<std::size_t>(lane)];
   state.closed = true;
   for (grpc::ClientContext* context : state.calls) context->TryCancel();
 }
 
 void MasterLink::interrupt(Lane lane) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   for (grpc::ClientContext* context : lanes_[static_cast<std::size_t>(lane)].calls) context->TryCancel();
 }
 

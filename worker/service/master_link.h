@@ -9,13 +9,13 @@
 #include <chrono>
 #include <functional>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <set>
 #include <string>
 #include <string_view>
 
 #include "candela/v1/worker.grpc.pb.h"
+#include "common/base/mutex.h"
 #include "common/base/result.h"
 #include "common/rng/stream.h"
 
@@ -96,8 +96,8 @@ class MasterLink {
 
   std::shared_ptr<grpc::Channel> channel_;
   std::unique_ptr<v1::WorkerService::Stub> stub_;
-  std::mutex mutex_;
-  std::array<LaneState, 5> lanes_;
+  Mutex mutex_;
+  std::array<LaneState, 5> lanes_ CANDELA_GUARDED_BY(mutex_);
 };
 
 }  // namespace candela::worker

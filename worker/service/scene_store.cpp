@@ -25,7 +25,7 @@ Result<BundleSource::Bytes> BundleSource::open(const std::string& key) const {
   if (file == nullptr) return input_error(fmt::format("the bundle has no file '{}'", key)).at(key, 0);
   auto mapped = cache_.map(file->sha256, file->size_bytes, fetch_);
   if (!mapped) {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     if (!cache_error_) cache_error_ = mapped.error();
     return std::move(mapped).error();
   }
@@ -33,7 +33,7 @@ Result<BundleSource::Bytes> BundleSource::open(const std::string& key) const {
 }
 
 std::optional<Error> BundleSource::cache_error() const {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   return cache_error_;
 }
 
@@ -68,7 +68,7 @@ std::string SceneStore::key(const std::string& bundle_sha256, const JobSettings&
 }
 
 std::shared_ptr<const SceneStore::Scene> SceneStore::find(const std::string& key) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   const auto found =
       std::find_if(scenes_.begin(), scenes_.end(), [&](const auto& scene) { return scene->key == key; });
   if (found == scenes_.end()) return nullptr;
@@ -78,7 +78,7 @@ std::shared_ptr<const SceneStore::Scene> SceneStore::find(const std::string& key
 
 void SceneStore::shrink(std::size_t max_scenes, std::uint64_t max_bytes) {
   std::list<std::shared_ptr<const Scene>> dropped;  // destroyed after the lock is gone
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   std::uint64_t total = 0;
   for (const auto& scene : scenes_) total += scene->memory_bytes;
   while (scenes_.size() > max_scenes || (scenes_.size() > 1 && total > max_bytes)) {
@@ -113,7 +113,7 @@ std::variant<std::shared_ptr<const SceneStore::Scene>, SceneStore::Failure> Scen
   const std::uint64_t after = resident_bytes();
   scene->memory_bytes = after > before ? after - before : 0;
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     scenes_.push_front(scene);
   }
   shrink(max_scenes_, max_bytes_);
@@ -122,7 +122,7 @@ std::variant<std::shared_ptr<const SceneStore::Scene>, SceneStore::Failure> Scen
 
 std::vector<std::string> SceneStore::warm_bundles() const {
   std::vector<std::string> hashes;
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   for (const auto& scene : scenes_)
     if (std::find(hashes.begin(), hashes.end(), scene->bundle_sha256) == hashes.end())
       hashes.push_back(scene->bundle_sha256);

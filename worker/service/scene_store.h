@@ -6,12 +6,12 @@
 #include <list>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <variant>
 #include <vector>
 
+#include "common/base/mutex.h"
 #include "common/base/result.h"
 #include "common/job/bundle.h"
 #include "common/job/failure.h"
@@ -50,8 +50,8 @@ class BundleSource final : public description::FileSource {
   BlobCache& cache_;
   const BlobCache::Fetch& fetch_;
   std::vector<BlobCache::Pin> pins_;
-  mutable std::mutex mutex_;
-  mutable std::optional<Error> cache_error_;
+  mutable Mutex mutex_;
+  mutable std::optional<Error> cache_error_ CANDELA_GUARDED_BY(mutex_);
 };
 
 // Scenes are named by bundle and settings; the least recently used go when there are more than `max_scenes`,
@@ -89,8 +89,8 @@ class SceneStore {
   unsigned threads_;
   std::size_t max_scenes_;
   std::uint64_t max_bytes_;
-  mutable std::mutex mutex_;
-  std::list<std::shared_ptr<const Scene>> scenes_;  // the last used first
+  mutable Mutex mutex_;
+  std::list<std::shared_ptr<const Scene>> scenes_ CANDELA_GUARDED_BY(mutex_);  // the last used first
 };
 
 }  // namespace candela::worker
