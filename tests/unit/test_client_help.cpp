@@ -71,6 +71,30 @@ TEST(Help, ExamplesOfAllCommandsParse) {
   }
 }
 
+// Claim: the reference names every option in the section of its command, and says what it means: there, or
+// once among the options of several commands.
+TEST(Help, ReferenceHasEveryOptionOfEveryCommand) {
+  const std::string reference = output_of_program({"help-markdown"});
+  const auto section = [&](const std::string& title) {
+    const std::size_t begin = reference.find("\n## " + title + "\n");
+    if (begin == std::string::npos) return std::string();
+    return reference.substr(begin, reference.find("\n## ", begin + 1) - begin);
+  };
+  const std::string shared = section("Options of several commands");
+  for (const CommandEntry& command : commands_of_program()) {
+    const std::string own = section("candela " + command.name);
+    for (const OptionEntry& option : command.options) {
+      const std::string name = option.positional() ? option.value : option.names.back();
+      EXPECT_NE(own.find(name), std::string::npos) << command.name << " " << name;
+      std::string text = option.text;
+      for (std::size_t at = 0; (at = text.find('|', at)) != std::string::npos; at += 2) text.insert(at, "\\");
+      const std::string meaning = "` | " + text + " |\n";
+      EXPECT_TRUE(own.find(meaning) != std::string::npos || shared.find(meaning) != std::string::npos)
+          << command.name << " " << name;
+    }
+  }
+}
+
 class Completion : public ::testing::Test {
  protected:
   void write_script(const std::string& name) {

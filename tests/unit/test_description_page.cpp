@@ -38,6 +38,34 @@ TEST(DescriptionPage, TableIsWellFormed) {
   }
 }
 
+// Claim: the page names every parameter of every plugin: under the plugin, or, if all plugins of its category
+// have it, before the first of them. What the parameter means stands in the category's section.
+TEST(DescriptionPage, NamesEveryParameter) {
+  const std::string page = support_table_markdown();
+  for (const PluginRule& plugin : vocabulary()) {
+    if (plugin.category == "scene") continue;
+    const std::size_t begin = page.find("\n### " + std::string(plugin.category) + "\n");
+    ASSERT_NE(begin, std::string::npos) << plugin.category;
+    const std::string section = page.substr(begin, page.find("\n##", begin + 1) - begin);
+    const std::string before = section.substr(0, section.find("\n**"));
+    const std::string of_all = before.substr(0, before.find("\nParameters of several"));
+    std::string own;
+    for (std::size_t at = section.find("\n**`"); at != std::string::npos;
+         at = section.find("\n**`", at + 1)) {
+      const std::string part = section.substr(at, section.find("\n**`", at + 1) - at);
+      const std::string names = part.substr(0, part.find("**:"));
+      if (names.find("`" + std::string(plugin.name) + "`") != std::string::npos) own = part;
+    }
+    ASSERT_NE(own, "") << plugin.category << " " << plugin.name;
+    for (const PropertyRule& rule : plugin.properties) {
+      const std::string name = "`" + std::string(rule.name) + "`";
+      EXPECT_TRUE(own.find(name) != std::string::npos || of_all.find(name) != std::string::npos)
+          << plugin.name << " " << rule.name;
+      EXPECT_NE(section.find(rule.doc), std::string::npos) << plugin.name << " " << rule.name;
+    }
+  }
+}
+
 // Claim: the nearest name is the one a person meant; far-off names get no suggestion.
 TEST(DescriptionPage, NearestName) {
   const std::vector<std::string_view> known = {"max_depth", "rr_depth", "hide_emitters"};
