@@ -46,7 +46,7 @@ v1::WorkerStatus full_worker() {
   w.set_resident_bytes(5);
   w.add_jobs("j1");
   v1::FailureCount& failure = *w.add_failures();
-  failure.set_cause(v1::FAILURE_CAUSE_LOST_WORKER);
+  failure.set_cause(v1::FAILURE_CAUSE_PLACE);
   failure.set_count(2);
   return w;
 }

@@ -110,7 +110,8 @@ TEST_F(WorkerServiceStop, CutUnitsBringTheFirstSegments) {
   EXPECT_LT(end, 200U);
   const auto delta = film::Delta::decode(master_.deltas[token], {{40, 8, 1}, {}});
   ASSERT_TRUE(delta.ok()) << delta.error().to_string();
-  EXPECT_EQ(delta->info().unit, (Unit{Unit::Kind::segments, 0, 0, end}));
+  EXPECT_EQ(delta->info().unit.kind, Unit::Kind::segments);
+  EXPECT_EQ(delta->info().unit.end, end);
   EXPECT_EQ(delta->tallies().eye_samples, 40U * 8U * end);
 }
 
