@@ -194,7 +194,13 @@ TEST_P(CutsOf, AreTheFirstSegments) {
   const std::uint64_t count = pilot->work.chains->chains / 2;
   ASSERT_GE(count, 3U);
   std::vector<chains::ChainStart> starts(count);
-  for (std::uint64_t i = 0; i < count; ++i) starts[i].bootstrap_sample = 7 * i;
+  render::UnitOutput table;
+  ASSERT_TRUE(renderer->run({Unit::Kind::bootstrap, 0, 0, 400}, {}, table, {2}).ok());
+  for (std::uint64_t i = 0, sample = 0; i < count; ++i) {
+    while (sample < table.table.size() && !(table.table[sample] > 0)) ++sample;
+    ASSERT_LT(sample, table.table.size()) << "too few samples found light";
+    starts[i].bootstrap_sample = sample++;
+  }
   const auto run = [&](std::uint64_t begin, std::uint64_t end, render::RunContext context,
                        render::UnitOutput& output) {
     render::UnitInput input;
