@@ -97,7 +97,7 @@ void add_submit(CLI::App& app, Context& context) {
   sub->add_flag("--error-layer", options->error_layer, "With --wait: add the layer 'error' to the EXR");
   sub->add_flag("--variance-layer", options->variance_layer,
                 "With --wait: add the layer 'variance' to the EXR");
-  sub->add_flag("--quiet", options->quiet, "No progress");
+  sub->add_flag("--quiet", options->quiet, "Print no progress");
   sub->add_flag("--json", options->json, "Print JSON: with --wait the job's last status, else its id");
   sub->callback([&context, options] {
     context.command = [&context, options] { return run_submit(context, *options); };

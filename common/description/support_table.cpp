@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <map>
 #include <set>
+#include <span>
 #include <utility>
 
 #include "common/description/conductors.h"
@@ -193,17 +194,18 @@ std::string types_of(const PropertyRule& rule) {
 
 std::string bounds_of(const PropertyRule& rule) {
   constexpr double infinity = std::numeric_limits<double>::infinity();
-  std::string result;
+  if (rule.minimum > -infinity && rule.maximum < infinity)
+    return fmt::format("in {}{}, {}]", rule.above_minimum ? '(' : '[', rule.minimum, rule.maximum);
   if (rule.minimum > -infinity)
-    result = fmt::format("{} {}", rule.above_minimum ? "above" : "at least", rule.minimum);
-  if (rule.maximum < infinity)
-    result += fmt::format("{}at most {}", result.empty() ? "" : ", ", rule.maximum);
-  return result;
+    return fmt::format("{} {}", rule.above_minimum ? "above" : "at least", rule.minimum);
+  return rule.maximum < infinity ? fmt::format("at most {}", rule.maximum) : "";
 }
 
 // What a rule says after the parameter's name. Types of ignored parameters matter to nobody.
 std::string meaning_of(const PropertyRule& rule) {
-  std::string result = rule.ignored ? ": " : fmt::format(" ({}): ", types_of(rule));
+  std::string result = !rule.ignored          ? fmt::format(" ({}): ", types_of(rule))
+                       : rule.differs.empty() ? ": "
+                                              : ": *ignored*: ";
   result += rule.doc;
   if (rule.required) result += "; required";
   if (!rule.values.empty()) {
@@ -224,19 +226,18 @@ struct Line {
   bool ignored;
   std::string meaning;
   std::vector<std::string_view> names;
-
-  bool operator==(const Line&) const = default;
 };
 using Lines = std::vector<Line>;
 
 void add(Lines& lines, const PropertyRule& rule) {
   const std::string meaning = meaning_of(rule);
+  const bool ignored = rule.ignored && rule.differs.empty();
   const auto same = std::ranges::find_if(
-      lines, [&](const Line& line) { return line.ignored == rule.ignored && line.meaning == meaning; });
+      lines, [&](const Line& line) { return line.ignored == ignored && line.meaning == meaning; });
   if (same != lines.end())
     same->names.push_back(rule.name);
   else
-    lines.push_back({.ignored = rule.ignored, .meaning = meaning, .names = {rule.name}});
+    lines.push_back({.ignored = ignored, .meaning = meaning, .names = {rule.name}});
 }
 
 std::string quoted(std::span<const std::string_view> names) {

@@ -19,7 +19,7 @@ double largest(const Vec3& v) {
 }
 
 // Scaled first, so that neither tiny nor huge vectors lose their length.
-std::optional<Vec3> normalise(const Vec3& v) {
+std::optional<Vec3> normalize(const Vec3& v) {
   const double big = largest(v);
   if (!(big > 0) || !std::isfinite(big)) return std::nullopt;
   const Vec3 w = {v[0] / big, v[1] / big, v[2] / big};
@@ -77,7 +77,7 @@ Mat4 scale(const Vec3& by) {
 }
 
 std::optional<Mat4> rotate(const Vec3& axis, double degrees) {
-  const std::optional<Vec3> unit = normalise(axis);
+  const std::optional<Vec3> unit = normalize(axis);
   if (!unit) return std::nullopt;
   const auto [s, c] = sin_cos_degrees(degrees);
   const auto [x, y, z] = *unit;
@@ -102,7 +102,7 @@ std::optional<Mat4> rotate(const Vec3& axis, double degrees) {
 
 std::optional<Mat4> look_at(const Vec3& origin, const Vec3& target, const Vec3& up) {
   const std::optional<Vec3> dir =
-      normalise({target[0] - origin[0], target[1] - origin[1], target[2] - origin[2]});
+      normalize({target[0] - origin[0], target[1] - origin[1], target[2] - origin[2]});
   if (!dir) return std::nullopt;
   Vec3 above = up;
   if (largest(up) == 0) {
@@ -111,11 +111,11 @@ std::optional<Mat4> look_at(const Vec3& origin, const Vec3& target, const Vec3& 
     const double a = -1 / (sign + (*dir)[2]);
     above = {1 + sign * (*dir)[0] * (*dir)[0] * a, sign * (*dir)[0] * (*dir)[1] * a, -sign * (*dir)[0]};
   }
-  const std::optional<Vec3> unit_up = normalise(above);
+  const std::optional<Vec3> unit_up = normalize(above);
   if (!unit_up) return std::nullopt;
   const Vec3 across = cross(*unit_up, *dir);
   if (largest(across) < 1e-12) return std::nullopt;
-  const std::optional<Vec3> left = normalise(across);
+  const std::optional<Vec3> left = normalize(across);
   if (!left) return std::nullopt;
   const Vec3 y = cross(*dir, *left);
   return Mat4{(*left)[0], y[0], (*dir)[0], origin[0],  //
@@ -127,7 +127,7 @@ std::optional<Mat4> look_at(const Vec3& origin, const Vec3& target, const Vec3& 
 bool is_invertible(const Mat4& m) {
   std::array<Vec3, 3> columns;
   for (std::size_t j = 0; j < 3; ++j) {
-    const std::optional<Vec3> column = normalise({m[j], m[4 + j], m[8 + j]});
+    const std::optional<Vec3> column = normalize({m[j], m[4 + j], m[8 + j]});
     if (!column) return false;
     columns[j] = *column;
   }
@@ -155,12 +155,12 @@ bool is_similarity(const Mat4& m) {
 }
 
 std::optional<Mat4> without_shear(const Mat4& m) {
-  const auto column = [&](std::size_t j) { return normalise({m[j], m[4 + j], m[8 + j]}); };
+  const auto column = [&](std::size_t j) { return normalize({m[j], m[4 + j], m[8 + j]}); };
   const std::optional<Vec3> x = column(0), y = column(1), z = column(2);
   if (!x || !y || !z) return std::nullopt;
   const double along = dot(*x, *z);
   const std::optional<Vec3> s =
-      normalise({(*x)[0] - along * (*z)[0], (*x)[1] - along * (*z)[1], (*x)[2] - along * (*z)[2]});
+      normalize({(*x)[0] - along * (*z)[0], (*x)[1] - along * (*z)[1], (*x)[2] - along * (*z)[2]});
   if (!s) return std::nullopt;
   Vec3 t = cross(*z, *s);
   if (dot(t, *y) < 0) t = {-t[0], -t[1], -t[2]};

@@ -85,7 +85,7 @@ Result<void> check_extent(std::uint64_t width, std::uint64_t height) {
 
 // Indices of the channels that are red, green and blue; all the same for luminance. Empty if there is no
 // color.
-std::vector<int> colour_channels(const ImageSpec& spec) {
+std::vector<int> color_channels(const ImageSpec& spec) {
   const auto find = [&](std::initializer_list<const char*> names) {
     for (const char* wanted : names) {
       const auto at = std::find(spec.channels.begin(), spec.channels.end(), wanted);
@@ -145,7 +145,7 @@ Result<Image> read_open(ImageReader& input, std::uint64_t file_bytes, const std:
   std::vector<std::string> others;
   int part = 0;
   for (; input.seek_part(part); ++part) {
-    channels = layer.empty() ? colour_channels(input.spec()) : layer_channels(input.spec(), layer);
+    channels = layer.empty() ? color_channels(input.spec()) : layer_channels(input.spec(), layer);
     if (!channels.empty()) break;
     for (std::string& name : layer_names(input.spec())) others.push_back(std::move(name));
   }

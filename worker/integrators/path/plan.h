@@ -6,7 +6,7 @@
 
 namespace candela::integrators::path {
 
-// If next event estimation has a shadow ray for the environment and one for lamps (docs/integrators/path.md).
+// True if next event estimation has a ray for the environment and one for lamps (docs/integrators/path.md).
 bool ray_a_group(const scene::SceneFeatures& features);
 
 // rays_a_group: its caller traces a shadow ray for each group of lights, where next event estimation runs.
