@@ -2,6 +2,7 @@
 // the one that honest workers make, to the bit.
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <string>
@@ -271,6 +272,38 @@ TEST_F(AuditedMaster, EndedJobsTell) {
   expect_true(id, 120);
   EXPECT_EQ(events(id, "anew"), 1U);
   EXPECT_EQ(show(id).taints_size(), 0);
+}
+
+// Claim: an ended job of which samples are lost, and in which two workers had a part that are distrusted,
+// says all of it, with the command that renders the lost ones again; so does the refusal of its image.
+TEST_F(AuditedMaster, ALossIsSaidBesideFalseSamples) {
+  start_with(1e-9);
+  const auto a = hand("a"), b = hand("b");
+  const std::string id = submit(60);
+  work(id, {a.get(), b.get()});
+  for (const NamedWorker* w : Workers{a.get(), b.get()}) ASSERT_TRUE(distrust(w->session.worker_id()).ok());
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+  while (show(id).taints_size() < 2 && std::chrono::steady_clock::now() < end)
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  farm.reset();
+  channel.reset();
+  master.reset();
+  for (const auto& file : std::filesystem::directory_iterator(folder.path() / "jobs" / id))
+    if (file.path().filename().string().starts_with("film.")) std::filesystem::remove(file.path());
+  start();
+  v1::FetchImageRequest request;
+  request.set_job_id(id);
+  v1::FetchImageChunk chunk;
+  grpc::ClientContext context;
+  const auto stream = farm->FetchImage(&context, request);
+  while (stream->Read(&chunk)) {
+  }
+  for (const std::string& text : {show(id).message(), stream->Finish().error_message()}) {
+    EXPECT_NE(text.find("60 of 60 iterations are lost"), std::string::npos) << text;
+    EXPECT_NE(text.find("`candela repair " + id + "`"), std::string::npos) << text;
+    EXPECT_NE(text.find("host-a/a"), std::string::npos) << text;
+    EXPECT_NE(text.find("host-b/b"), std::string::npos) << text;
+  }
 }
 
 // Claim: a lease of an audit differs in nothing from another but its numbers, the pilot's included.
