@@ -139,10 +139,13 @@ void add_workers(CLI::App& app, Context& context) {
   CLI::App* sub = app.add_subcommand(
       "workers",
       "List the farm's workers; or pause one, which then gets no work, and resume it; or distrust one whose "
-      "samples are false, and trust it again");
+      "samples are false, also if it has left, and trust it again");
   sub->add_option("action", options->action, "`pause`, `resume`, `distrust` or `trust`; default: list them")
       ->type_name("ACTION");
-  sub->add_option("worker", options->id, "The worker's id, or a name that no other worker has")
+  sub->add_option(
+         "worker", options->id,
+         "The worker's id, or a name that no other worker has; to distrust or trust one that has left, "
+         "NAME or HOST/NAME")
       ->type_name("WORKER");
   add_farm_options(*sub, options->farm);
   sub->add_flag("--wanted", options->wanted,
