@@ -136,12 +136,16 @@ Result<int> run_drain(Context& context, const FleetOptions& options) {
 
 void add_workers(CLI::App& app, Context& context) {
   auto options = std::make_shared<FleetOptions>();
-  CLI::App* sub = app.add_subcommand("workers",
-                                     "List the farm's workers; or change one: pause (it gets no work) and "
-                                     "resume; distrust (its samples are false) and trust");
+  CLI::App* sub = app.add_subcommand(
+      "workers",
+      "List the farm's workers; or change one: pause (it gets no work) and resume; distrust "
+      "(its samples are false; also one that has left) and trust");
   sub->add_option("action", options->action, "`pause`, `resume`, `distrust` or `trust`; default: list them")
       ->type_name("ACTION");
-  sub->add_option("worker", options->id, "The worker's id, or a name that no other worker has")
+  sub->add_option(
+         "worker", options->id,
+         "The worker's id, or a name that no other worker has; to distrust or trust one that has left, "
+         "NAME or HOST/NAME")
       ->type_name("WORKER");
   add_farm_options(*sub, options->farm);
   sub->add_flag("--wanted", options->wanted,

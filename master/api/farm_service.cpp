@@ -501,8 +501,18 @@ grpc::Status change_trust(Farm& farm, const std::string& word, v1::TrustResponse
 
 grpc::Status FarmServiceImpl::DistrustWorker(grpc::ServerContext*, const v1::WorkerRequest* request,
                                              v1::TrustResponse* response) {
-  return change_trust(farm_, request->worker_id(), response,
-                      [&](Scheduler& s, Now now) { return s.distrust(request->worker_id(), now); });
+  return guarded([&] {
+    const std::string& word = request->worker_id();
+    std::vector<MakerRow> makers;
+    if (!farm_.worker(word)) {       // one that has left is known by what it brought
+      (void)farm_.writer().flush();  // without room on the disk, by what it had brought before
+      auto read = farm_.store().makers();
+      if (!read.ok()) return wire::to_status(read.error());
+      makers = std::move(*read);
+    }
+    return change_trust(farm_, word, response,
+                        [&](Scheduler& s, Now now) { return s.distrust(word, now, makers); });
+  });
 }
 
 grpc::Status FarmServiceImpl::TrustWorker(grpc::ServerContext*, const v1::WorkerRequest* request,

@@ -93,7 +93,8 @@ void describe_set(const JobRow& row, const film::MergedFilm& film, const ImagePa
   m["candela:indices_a"] = film::text_of(sets[0]);
   m["candela:indices_b"] = film::text_of(sets[1]);
   if (!row.audit.taints.empty()) {
-    m["candela:run:taint"] = taint_text(row.audit.taints.front());
+    std::string& all = m["candela:run:taint"];
+    for (const Taint& taint : row.audit.taints) all += (all.empty() ? "" : "; ") + taint_text(taint);
     return;
   }
   if (!film::check_indices(sets).ok() || (row.scene_path.empty() && main_path.empty())) return;

@@ -240,8 +240,10 @@ class Scheduler {
   const std::map<std::string, DistrustRow>& distrusted() const { return distrusted_; }
   const AuditCounts& audit_counts() const { return audit_counts_; }
   void restore_distrust(const DistrustRow& row);  // before jobs and workers
-  Result<DistrustRow> distrust(const std::string& worker_id, Now now);
-  // `word`: a worker's id, its identity, or its name.
+  // `word`: a worker's id, its identity, or its name. It may have left, if it brought something that a job or
+  // `makers` tell of.
+  Result<DistrustRow> distrust(const std::string& word, Now now, const std::vector<MakerRow>& makers = {});
+  // `word`: likewise, of one that is distrusted.
   Result<DistrustRow> trust(const std::string& word, Now now);
   // Each worker to be tainted is told once.
   AuditWork audit_work();
@@ -355,6 +357,8 @@ class Scheduler {
   void want_anew(Job& job, const std::string& why, Now now);
   void convict(const std::string& who, const std::string& reason, Now now);
   void forget_answers(const std::string& who);
+  // By identity: all that this master has heard of, those that have left included.
+  std::set<std::string> known_workers(const std::vector<MakerRow>& makers) const;
   static void doubt_again(Job& job);
   // A job that has not ended, and whose units are not known to be free of doubt.
   void look_for_doubts(Job& job, Now now);

@@ -24,6 +24,19 @@ bool any_in(const std::vector<std::string>& names, const std::map<std::string, D
                      [&](const std::string& name) { return distrusted.contains(name); });
 }
 
+// The one whose identity, or name on one host alone, this is; empty: nobody's. Error: on several hosts.
+Result<std::string> named_so(const std::string& word, const std::set<std::string>& identities) {
+  if (identities.contains(word)) return word;
+  std::vector<std::string> named;
+  for (const std::string& who : identities)
+    if (who.ends_with("/" + word)) named.push_back(who);
+  if (named.size() > 1)
+    return input_error(fmt::format("several are named so: {}", joined(named)))
+        .with_field("worker_id")
+        .with_mend("give one of these");
+  return named.empty() ? std::string() : named.front();
+}
+
 std::string what(const Unit& unit, std::uint64_t id) {
   return unit.kind == Unit::Kind::pilot ? std::string("the pilot") : fmt::format("unit {}", id);
 }
@@ -383,11 +396,37 @@ void Scheduler::restore_distrust(const DistrustRow& row) {
   to_taint_.insert(row.worker);
 }
 
-Result<DistrustRow> Scheduler::distrust(const std::string& worker_id, Now now) {
-  const auto it = workers_.find(worker_id);
-  if (it == workers_.end())
-    return input_error(fmt::format("there is no worker {}", worker_id)).with_field("worker_id");
-  const std::string who = identity(it->second.row);
+std::set<std::string> Scheduler::known_workers(const std::vector<MakerRow>& makers) const {
+  std::set<std::string> out;
+  const auto add = [&out](const std::vector<std::string>& names) { out.insert(names.begin(), names.end()); };
+  for (const auto& [who, row] : distrusted_) out.insert(who);
+  for (const auto& [id, w] : workers_) out.insert(identity(w.row));
+  for (const MakerRow& maker : makers) add(maker.by);
+  for (const auto& [id, job] : jobs_) {
+    add(job.row.audit.pilot_by);
+    add(job.row.audit.bootstrap_by);
+    for (const auto& [unit_id, unit] : job.units)
+      if (unit.audit)
+        for (const AuditAnswer& answer : unit.audit->answers) out.insert(answer.worker);
+  }
+  return out;
+}
+
+Result<DistrustRow> Scheduler::distrust(const std::string& word, Now now,
+                                        const std::vector<MakerRow>& makers) {
+  std::string who;
+  if (const auto present = workers_.find(word); present != workers_.end()) {
+    who = identity(present->second.row);
+  } else if (const auto left = std::find_if(makers.begin(), makers.end(),
+                                            [&](const MakerRow& maker) { return maker.worker_id == word; });
+             left != makers.end() && !left->by.empty()) {
+    who = left->by.front();
+  } else {
+    CANDELA_ASSIGN(who, named_so(word, known_workers(makers)));
+    if (who.empty())
+      return input_error(fmt::format("there is no worker {}, nor was there one", word))
+          .with_field("worker_id");
+  }
   convict(who, "an operator says so", now);
   return distrusted_.at(who);
 }
@@ -395,18 +434,11 @@ Result<DistrustRow> Scheduler::distrust(const std::string& worker_id, Now now) {
 Result<DistrustRow> Scheduler::trust(const std::string& word, Now now) {
   std::string who = word;
   if (const auto it = workers_.find(word); it != workers_.end()) who = identity(it->second.row);
-  if (!distrusted_.contains(who)) {
-    std::vector<std::string> named;
-    for (const auto& [worker, row] : distrusted_)
-      if (worker.ends_with("/" + word)) named.push_back(worker);
-    if (named.size() > 1)
-      return input_error(fmt::format("several are named so: {}", joined(named)))
-          .with_field("worker_id")
-          .with_mend("give one of these");
-    if (named.empty())
-      return input_error(fmt::format("nobody is distrusted by the name of {}", word)).with_field("worker_id");
-    who = named.front();
-  }
+  std::set<std::string> all;
+  for (const auto& [worker, row] : distrusted_) all.insert(worker);
+  CANDELA_ASSIGN(who, named_so(who, all));
+  if (who.empty())
+    return input_error(fmt::format("nobody is distrusted by the name of {}", word)).with_field("worker_id");
   const DistrustRow row = distrusted_.at(who);
   distrusted_.erase(who);
   to_taint_.erase(who);

@@ -447,11 +447,12 @@ double Scheduler::eta_seconds(const Job& job, Now now) const {
 
 std::string Scheduler::message_of(const Job& job, Now now) const {
   if (has_ended(job.row.state)) {
-    if (!job.row.audit.taints.empty()) return taint_text(job.row.audit.taints.front());
+    std::vector<std::string> texts;
     if (count(job.lost()) > 0)
-      return lost_text(job) + fmt::format("; `candela repair {}` renders them again{}", job.row.id,
-                                          job.row.message.empty() ? "" : "; " + job.row.message);
-    if (!job.row.message.empty()) return job.row.message;
+      texts.push_back(lost_text(job) + fmt::format("; `candela repair {}` renders them again", job.row.id));
+    for (const Taint& taint : job.row.audit.taints) texts.push_back(taint_text(taint));
+    if (!job.row.message.empty()) texts.push_back(job.row.message);
+    if (!texts.empty()) return fmt::format("{}", fmt::join(texts, "; "));
     return job.note.empty() ? chain_message(job.row) : job.note;
   }
   if (!job.note.empty()) return job.note;

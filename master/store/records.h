@@ -170,6 +170,12 @@ struct WorkerRow {
 };
 
 // A worker whose samples were found false.
+// Who brought merged units, by identity (audit.h), the deliverer first, and the id by which it delivered.
+struct MakerRow {
+  std::string worker_id;
+  std::vector<std::string> by;
+};
+
 struct DistrustRow {
   std::string worker;  // identity (audit.h)
   std::int64_t since_unix_ms = 0;

@@ -34,6 +34,7 @@ class SqliteStore final : public Store {
   Result<std::vector<EventRow>> events(const std::string& job_id, std::uint32_t limit) override;
   Result<std::optional<std::string>> bundle(const std::string& sha256) override;
   Result<std::vector<OverdueRow>> overdue() override;
+  Result<std::vector<MakerRow>> makers() override;
 
  private:
   Error failure(std::string_view what) const CANDELA_REQUIRES(mutex_);

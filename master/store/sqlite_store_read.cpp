@@ -173,6 +173,20 @@ Result<std::map<std::string, std::uint64_t>> SqliteStore::units_by(const std::st
   return out;
 }
 
+Result<std::vector<MakerRow>> SqliteStore::makers() {
+  const std::lock_guard lock(mutex_);
+  std::vector<MakerRow> out;
+  Statement s(db_, "SELECT DISTINCT worker, made_by FROM units WHERE state = 2 AND made_by != ''");
+  while (s.step()) {
+    MakerRow row;
+    row.worker_id = s.text();
+    row.by = lines_in(s.text());
+    out.push_back(std::move(row));
+  }
+  if (s.failed()) return failure("cannot read the units");
+  return out;
+}
+
 Result<std::vector<EventRow>> SqliteStore::events(const std::string& job_id, std::uint32_t limit) {
   const Lock lock(mutex_);
   Statement s(db_, job_id.empty() ? "SELECT * FROM events WHERE ?1 = '' ORDER BY id DESC LIMIT ?2"

@@ -53,6 +53,8 @@ class Store {
                                                std::uint32_t limit) = 0;  // newest last
   virtual Result<std::optional<std::string>> bundle(const std::string& sha256) = 0;
   virtual Result<std::vector<OverdueRow>> overdue() = 0;
+  // Of all merged units that name somebody, each pair once.
+  virtual Result<std::vector<MakerRow>> makers() = 0;
 };
 
 // `path` is the database file; created, with its schema, where it does not exist. A schema of a newer program

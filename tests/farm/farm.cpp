@@ -216,8 +216,12 @@ void Farm::kill_master() {
 }
 
 void Farm::restart_master() {
+  restart_master(master_options_);
+}
+
+void Farm::restart_master(std::vector<std::string> options) {
   stub_.reset();
-  start_master(master_options_);
+  start_master(std::move(options));
 }
 
 Process& Farm::start_worker(const std::string& name, unsigned threads, std::vector<std::string> options) {

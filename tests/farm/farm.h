@@ -69,6 +69,7 @@ class Farm {
   // On the same port and data, with the same options. Calls of the tests' own then go over a new connection:
   // the old one's end is known only when somebody looks at it, and a call that is sent before fails.
   void restart_master();
+  void restart_master(std::vector<std::string> options);  // with others from now on
   Process& master() { return *master_; }
   const std::string& address() const { return address_; }
   // The token of a master without TLS.

@@ -48,15 +48,20 @@ v1::RegisterRequest registration(const std::string& name) {
 }
 
 // A connection of its own each: a broken stream of one worker shall not be another's.
-std::unique_ptr<v1::WorkerService::Stub> dial(const std::string& address) {
+std::unique_ptr<v1::WorkerService::Stub> dial(
+    const std::string& address, const std::shared_ptr<grpc::ChannelCredentials>& credentials = nullptr) {
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  if (credentials != nullptr)
+    return v1::WorkerService::NewStub(grpc::CreateCustomChannel(address, credentials, arguments));
   return v1::WorkerService::NewStub(test::token_channel_by_environment(address, arguments));
 }
 
 }  // namespace
 
-HandWorker::HandWorker(const std::string& address, const std::string& name) : stub_(dial(address)) {
+HandWorker::HandWorker(const std::string& address, const std::string& name,
+                       const std::shared_ptr<grpc::ChannelCredentials>& credentials)
+    : stub_(dial(address, credentials)) {
   grpc::ClientContext context;
   set_deadline(context);
   context.set_wait_for_ready(true);

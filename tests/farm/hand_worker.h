@@ -23,8 +23,9 @@ struct Push {
 
 class HandWorker {
  public:
-  // Registers; throws std::runtime_error if refused.
-  HandWorker(const std::string& address, const std::string& name);
+  // Registers; throws std::runtime_error if refused. Without credentials it shows the token.
+  HandWorker(const std::string& address, const std::string& name,
+             const std::shared_ptr<grpc::ChannelCredentials>& credentials = nullptr);
 
   // Registers with this protocol and build, and tells how that went.
   static grpc::Status try_register(const std::string& address, std::uint32_t protocol,

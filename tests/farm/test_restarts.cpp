@@ -10,6 +10,7 @@
 #include "client/farm_client.h"
 #include "common/job/job.h"
 #include "tests/farm/farm.h"
+#include "tests/farm/shifted_clock.h"
 #include "tests/token_channel.h"
 
 namespace candela::farm {
@@ -109,6 +110,22 @@ TEST_F(Restarts, EachCallSurvivesAStaleConnection) {
   }
   EXPECT_EQ(reports, 1);
   EXPECT_EQ(farm_.job(id_).stop().iterations(), 6U) << "the extension was made once";
+}
+
+// Claim: a worker whose wall clock was set back by an hour, or forward by a year, finds a master that is
+// started again, within seconds.
+TEST(Clocks, ThatAreSetKeepNoWorkerAway) {
+  for (const std::int64_t seconds : {-3600, 31'536'000}) {
+    Farm farm;
+    const ShiftedClock clock(farm);
+    farm.start_master();
+    farm.start_worker("one");
+    ASSERT_TRUE(eventually(kPatienceSeconds, [&] { return farm.worker("one").state() == "idle"; }));
+    clock.set(seconds);
+    farm.kill_master();
+    farm.restart_master();
+    EXPECT_TRUE(eventually(120, [&] { return farm.worker("one").state() == "idle"; })) << seconds;
+  }
 }
 
 // Claim: a violated invariant of the scheduler in a real master is seen by the farm that it belongs to.

@@ -2,6 +2,7 @@
 // the one that honest workers make, to the bit.
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <string>
@@ -271,6 +272,94 @@ TEST_F(AuditedMaster, EndedJobsTell) {
   expect_true(id, 120);
   EXPECT_EQ(events(id, "anew"), 1U);
   EXPECT_EQ(show(id).taints_size(), 0);
+}
+
+// Claim: a worker that has left, and of which only the ledger tells, can be distrusted by its name, its host
+// and name, or its old id, also after a restart of the master: its samples leave a job that has not ended,
+// and one that has ended tells of it. A name of several hosts is refused with all of them, one of nobody is
+// not found.
+TEST_F(AuditedMaster, AWorkerThatHasLeftIsDistrusted) {
+  start_with(1e-9);
+  const auto a = hand("a"), b = hand("b");
+  auto forger = hand("forger", [](const Unit& unit) { return unit.begin >= 20; });
+  const std::string forger_id = forger->session.worker_id();
+  const std::string ended = submit(100);
+  work(ended, {a.get(), b.get(), forger.get()});
+  const std::string open = submit(200);
+  for (int i = 0; i < 2000 && show(open).iterations() < 100; ++i)
+    for (NamedWorker* w : Workers{a.get(), b.get(), forger.get()}) w->deliver_one();
+  ASSERT_GT(forger->lies(), 0);
+  ASSERT_LT(show(open).state(), v1::JOB_STATE_DONE);
+  {
+    v1::DeregisterRequest leaving;
+    leaving.set_worker_id(forger_id);
+    leaving.set_session(forger->session.session());
+    v1::DeregisterResponse gone;
+    grpc::ClientContext context;
+    ASSERT_TRUE(forger->stub->Deregister(&context, leaving, &gone).ok());
+  }
+  for (const v1::WorkerStatus& w : workers().workers()) ASSERT_NE(w.name(), "forger") << "it is there";
+
+  EXPECT_EQ(distrust("stranger").error_code(), grpc::StatusCode::NOT_FOUND);
+  EXPECT_EQ(distrust("orger").error_code(), grpc::StatusCode::NOT_FOUND);
+  restart();
+  for (const std::string& word : {forger_id, std::string("forger"), std::string("host-forger/forger")}) {
+    SCOPED_TRACE(word);
+    const grpc::Status done = distrust(word);
+    ASSERT_TRUE(done.ok()) << done.error_message();
+    ASSERT_EQ(workers().distrusted_size(), 1);
+    EXPECT_EQ(workers().distrusted(0).worker(), "host-forger/forger");
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+    while (show(ended).taints_size() == 0 && std::chrono::steady_clock::now() < end)
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    ASSERT_EQ(show(ended).taints_size(), 1);
+    EXPECT_EQ(show(ended).taints(0).worker(), "host-forger/forger");
+    EXPECT_GT(show(ended).taints(0).units(), 0U);
+    if (word != "host-forger/forger") {
+      ASSERT_TRUE(trust("forger").ok());
+    }
+  }
+  const auto again = hand("a"), other = hand("b");
+  work(open, {again.get(), other.get()});
+  expect_true(open, 200);
+  EXPECT_EQ(events(open, "anew"), 1U);
+
+  const auto namesake = hand("a");  // of another host
+  namesake->host = "host-z";
+  ASSERT_TRUE(namesake->enrol().ok());
+  EXPECT_EQ(distrust("a").error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+}
+
+// Claim: an ended job of which samples are lost, and in which two workers had a part that are distrusted,
+// says all of it, with the command that renders the lost ones again; so does the refusal of its image.
+TEST_F(AuditedMaster, ALossIsSaidBesideFalseSamples) {
+  start_with(1e-9);
+  const auto a = hand("a"), b = hand("b");
+  const std::string id = submit(60);
+  work(id, {a.get(), b.get()});
+  for (const NamedWorker* w : Workers{a.get(), b.get()}) ASSERT_TRUE(distrust(w->session.worker_id()).ok());
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+  while (show(id).taints_size() < 2 && std::chrono::steady_clock::now() < end)
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  farm.reset();
+  channel.reset();
+  master.reset();
+  for (const auto& file : std::filesystem::directory_iterator(folder.path() / "jobs" / id))
+    if (file.path().filename().string().starts_with("film.")) std::filesystem::remove(file.path());
+  start();
+  v1::FetchImageRequest request;
+  request.set_job_id(id);
+  v1::FetchImageChunk chunk;
+  grpc::ClientContext context;
+  const auto stream = farm->FetchImage(&context, request);
+  while (stream->Read(&chunk)) {
+  }
+  for (const std::string& text : {show(id).message(), stream->Finish().error_message()}) {
+    EXPECT_NE(text.find("60 of 60 iterations are lost"), std::string::npos) << text;
+    EXPECT_NE(text.find("`candela repair " + id + "`"), std::string::npos) << text;
+    EXPECT_NE(text.find("host-a/a"), std::string::npos) << text;
+    EXPECT_NE(text.find("host-b/b"), std::string::npos) << text;
+  }
 }
 
 // Claim: a lease of an audit differs in nothing from another but its numbers, the pilot's included.

@@ -437,5 +437,50 @@ TEST(Audits, DistrustNamesNotProcesses) {
   EXPECT_FALSE(sim.s->distrust("nobody", sim.now()).ok());
 }
 
+// Claim: a liar that left is distrusted by what the ledger tells of it, long after: its samples leave a job
+// that has not ended, and a job that has ended says that it had a part. One that left with its only answer to
+// an audit is known by that.
+TEST(Audits, DistrustAWorkerThatHasLeft) {
+  Sim sim(1e-9);
+  for (const char* id : {"a", "b"}) sim.worker(id);
+  sim.worker(
+      "x", [](const Unit& unit) { return unit.begin >= 200 ? "false " + Sim::truth(unit) : std::string(); });
+  sim.submit("ended", 600);
+  sim.run("ended");
+  sim.submit("open", 900);
+  while (sim.films["open"].size() < 600) sim.step();
+  sim.s->deregister("x", sim.now());
+  sim.workers.erase("x");
+  for (int i = 0; i < 20; ++i) sim.step();
+  ASSERT_FALSE(sim.ended("open"));
+
+  std::vector<MakerRow> makers;
+  for (const auto& [id, row] : sim.rows)
+    if (!row.by.empty()) makers.push_back({row.worker_id, row.by});
+  EXPECT_FALSE(sim.s->distrust("z", sim.now(), makers).ok());
+  const auto row = sim.s->distrust("host-x/x", sim.now(), makers);
+  ASSERT_TRUE(row.ok()) << row.error().to_string();
+  EXPECT_EQ(row->worker, "host-x/x");
+  sim.step();
+  ASSERT_EQ(sim.job("ended").row.audit.taints.size(), 1U);
+  EXPECT_GT(sim.job("ended").row.audit.taints[0].units, 0U);
+  sim.run("open");
+  sim.expect_true("open", 900);
+  EXPECT_EQ(sim.events_of("anew"), 1U);
+
+  Sim audited(1);
+  for (const char* id : {"a", "x"}) audited.worker(id);
+  audited.submit("j", 300);
+  while (audited.job("j").held.empty()) audited.step();
+  const auto held = *audited.job("j").held.begin();
+  const std::string who = audited.job("j").units.at(held).audit->answers.at(0).worker;
+  const std::string name = who.substr(who.find('/') + 1);
+  audited.s->deregister(name, audited.now());
+  audited.workers.erase(name);
+  ASSERT_TRUE(audited.s->distrust(name, audited.now()).ok());
+  audited.run("j");
+  audited.expect_true("j", 300);
+}
+
 }  // namespace
 }  // namespace candela::master

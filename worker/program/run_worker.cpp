@@ -3,17 +3,23 @@
 
 #include <sys/stat.h>
 
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
+#include <atomic>
 #include <charconv>
+#include <chrono>
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <thread>
 
 #include "common/base/daemon.h"
 #include "common/base/log.h"
 #include "common/base/parse_and_run.h"
+#include "common/base/set_back_watch.h"
 #include "common/base/version.h"
 #include "common/image/codec.h"
 #include "common/wire/grpc_settings.h"
@@ -30,6 +36,14 @@ struct Texts {
 };
 
 constexpr const char* kProgram = "candela-worker";
+constexpr std::chrono::seconds kSetBack{5};     // of the wall clock, that may be waited for
+constexpr std::chrono::seconds kFarewells{30};  // of a drain whose calls may never end
+
+// What ends the worker while it works.
+struct Ends {
+  std::atomic<bool> wanted{false};    // a signal asked for it
+  std::atomic<bool> set_back{false};  // the wall clock was set back: gRPC works again in a new process only
+};
 
 Result<void> read_threads(const Chosen& chosen, unsigned& out) {
   if (chosen.empty()) return {};
@@ -84,9 +98,22 @@ int run(const Texts& texts, const sigset_t& signals, char** argv) {
 
   auto worker = Worker::start(*options, nullptr);
   if (!worker) return report(kProgram, worker.error());
-  std::thread([&signals, &worker] {
+  Ends ends;
+  std::thread([&ends, &worker, argv] {
+    SetBackWatch watch(kSetBack);
+    std::optional<SetBackWatch::Seconds> back;
+    while (!(back = watch.look())) std::this_thread::sleep_for(std::chrono::seconds(1));
+    log::warn(fmt::format("the wall clock was set back by {:.0f} s; the worker delivers and begins again",
+                          back->count()));
+    ends.set_back = true;
+    (*worker)->drain();
+    std::this_thread::sleep_for(kFarewells);
+    if (!ends.wanted) begin_again(argv);
+  }).detach();
+  std::thread([&signals, &worker, &ends] {
     int number = 0;
     sigwait(&signals, &number);
+    ends.wanted = true;
     log::info(number == SIGTERM ? "SIGTERM: draining; a second signal ends at once"
                                 : "SIGINT: draining; a second signal ends at once");
     (*worker)->drain();
@@ -96,10 +123,12 @@ int run(const Texts& texts, const sigset_t& signals, char** argv) {
 
   const Result<void> end = (*worker)->wait();
   int code = end ? 0 : report(kProgram, end.error());
-  if ((*worker)->must_begin_again()) {
+  const bool is_stuck = (*worker)->must_begin_again();
+  if (is_stuck || (ends.set_back && !ends.wanted)) {
     begin_again(argv);
-    code =
-        report(kProgram, failed_error("the renderer does not stop, and the program cannot be started anew"));
+    code = report(kProgram, failed_error(fmt::format(
+                                "{}, and the program cannot be started anew",
+                                is_stuck ? "the renderer does not stop" : "the wall clock was set back")));
   }
   // Without destructors: the master knows already.
   end_process(code);
