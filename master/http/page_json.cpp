@@ -81,7 +81,7 @@ std::string job_line_json(const Scheduler& scheduler, const Job& job, Now now) {
       .add("error_upper", known(iterations > 0 && r.relmse_upper > 0, r.relmse_upper))
       .add("elapsed_seconds", std::floor(r.elapsed_seconds))
       .add("eta_seconds", std::ceil(scheduler.eta_seconds(job, now)))
-      .number("submitted_unix_ms", r.submitted_unix_ms)
+      .json("submitted_unix_ms", r.submitted_unix_ms > 0 ? std::to_string(r.submitted_unix_ms) : "null")
       .add("message", scheduler.message_of(job, now))
       .text();
 }
