@@ -174,14 +174,14 @@ Result<std::map<std::string, std::uint64_t>> SqliteStore::units_by(const std::st
 }
 
 Result<std::vector<MakerRow>> SqliteStore::makers() {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   std::vector<MakerRow> out;
   Statement s(db_, "SELECT DISTINCT worker, made_by FROM units WHERE state = 2 AND made_by != ''");
+  Reader row(s);
   while (s.step()) {
-    MakerRow row;
-    row.worker_id = s.text();
-    row.by = lines_in(s.text());
-    out.push_back(std::move(row));
+    MakerRow& maker = out.emplace_back();
+    row("worker", maker.worker_id);
+    row("made_by", Parts{maker.by, '\n'});
   }
   if (s.failed()) return failure("cannot read the units");
   return out;
