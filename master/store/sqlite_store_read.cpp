@@ -174,17 +174,9 @@ Result<std::map<std::string, std::uint64_t>> SqliteStore::units_by(const std::st
 }
 
 Result<std::vector<MakerRow>> SqliteStore::makers() {
-  const std::lock_guard lock(mutex_);
-  std::vector<MakerRow> out;
-  Statement s(db_, "SELECT DISTINCT worker, made_by FROM units WHERE state = 2 AND made_by != ''");
-  while (s.step()) {
-    MakerRow row;
-    row.worker_id = s.text();
-    row.by = lines_in(s.text());
-    out.push_back(std::move(row));
-  }
-  if (s.failed()) return failure("cannot read the units");
-  return out;
+  const Lock lock(mutex_);
+  return read_rows<MakerRow>("SELECT DISTINCT worker, made_by FROM units WHERE state = 2 AND made_by != ''",
+                             "units");
 }
 
 Result<std::vector<EventRow>> SqliteStore::events(const std::string& job_id, std::uint32_t limit) {
