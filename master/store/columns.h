@@ -130,6 +130,11 @@ void columns(auto& row, Of<UnitRow> auto& u) {
   row("sha256", u.sha256);
 }
 
+void columns(auto& row, Of<MakerRow> auto& m) {
+  row("worker", m.worker_id);
+  row("made_by", Parts{m.by, '\n'});
+}
+
 void columns(auto& row, Of<LeaseRow> auto& l) {
   row("token", l.token);
   row("unit", l.unit_id);

@@ -175,16 +175,8 @@ Result<std::map<std::string, std::uint64_t>> SqliteStore::units_by(const std::st
 
 Result<std::vector<MakerRow>> SqliteStore::makers() {
   const Lock lock(mutex_);
-  std::vector<MakerRow> out;
-  Statement s(db_, "SELECT DISTINCT worker, made_by FROM units WHERE state = 2 AND made_by != ''");
-  Reader row(s);
-  while (s.step()) {
-    MakerRow& maker = out.emplace_back();
-    row("worker", maker.worker_id);
-    row("made_by", Parts{maker.by, '\n'});
-  }
-  if (s.failed()) return failure("cannot read the units");
-  return out;
+  return read_rows<MakerRow>("SELECT DISTINCT worker, made_by FROM units WHERE state = 2 AND made_by != ''",
+                             "units");
 }
 
 Result<std::vector<EventRow>> SqliteStore::events(const std::string& job_id, std::uint32_t limit) {

@@ -298,8 +298,8 @@ TEST_F(AuditedMaster, AWorkerThatHasLeftIsDistrusted) {
     grpc::ClientContext context;
     ASSERT_TRUE(forger->stub->Deregister(&context, leaving, &gone).ok());
   }
-  const auto listed = workers();
-  for (const v1::WorkerStatus& w : listed.workers()) ASSERT_NE(w.name(), "forger") << "it is there";
+  const v1::ListWorkersResponse present = workers();
+  for (const v1::WorkerStatus& w : present.workers()) ASSERT_NE(w.name(), "forger") << "it is there";
 
   EXPECT_EQ(distrust("stranger").error_code(), grpc::StatusCode::NOT_FOUND);
   EXPECT_EQ(distrust("orger").error_code(), grpc::StatusCode::NOT_FOUND);
