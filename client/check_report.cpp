@@ -4,16 +4,15 @@
 
 #include <algorithm>
 #include <array>
-#include <nlohmann/json.hpp>
 
 #include "client/values.h"
-#include "common/base/text.h"
+#include "common/wire/json_values.h"
 
 namespace candela::client {
 namespace {
 
 using description::Finding;
-using Json = nlohmann::ordered_json;
+using wire::Json;
 
 std::string plural(std::uint64_t number, std::string_view one, std::string_view many) {
   return fmt::format("{} {}", number, number == 1 ? one : many);
@@ -131,7 +130,7 @@ std::string CheckReport::to_json() const {
                                 {"line", finding.where.line},
                                 {"count", finding.count},
                                 {"text", finding.text}});
-  return escape_json_unprintable(json.dump(2, ' ', false, Json::error_handler_t::replace));
+  return wire::json_text(json);
 }
 
 }  // namespace candela::client

@@ -1,28 +1,16 @@
 #include "client/json.h"
 
-#include <cmath>
-#include <nlohmann/json.hpp>
-
-#include "common/base/text.h"
 #include "common/base/version.h"
+#include "common/wire/json_values.h"
 
 namespace candela::client {
-namespace {
 
-using Json = nlohmann::ordered_json;
-
-std::string text(const Json& json) {
-  return escape_json_unprintable(json.dump(2, ' ', false, Json::error_handler_t::replace));
-}
-
-Json finite(double value) {
-  return std::isfinite(value) ? Json(value) : Json(nullptr);
-}
-
-}  // namespace
+using wire::finite;
+using wire::Json;
+using wire::json_text;
 
 std::string submitted_json(const std::string& id, bool existed, std::uint64_t uploaded_bytes) {
-  return text({{"id", id}, {"existed", existed}, {"uploaded_bytes", uploaded_bytes}});
+  return json_text({{"id", id}, {"existed", existed}, {"uploaded_bytes", uploaded_bytes}});
 }
 
 std::string comparison_json(const stats::ImageComparison& c, const stats::ImageDifference* d,
@@ -63,18 +51,18 @@ std::string comparison_json(const stats::ImageComparison& c, const stats::ImageD
              {"blocks", d->blocks},
              {"differing_blocks", blocks}};
   }
-  return text({{"mean", finite(c.mean_a)},
-               {"mean_reference", finite(c.mean_b)},
-               {"mean_ratio", finite(c.mean_ratio)},
-               {"rmse", finite(c.rmse)},
-               {"relmse", finite(c.relmse)},
-               {"relmse_trimmed", finite(c.relmse_trimmed)},
-               {"worst", worst},
-               {"noise", noise}});
+  return json_text({{"mean", finite(c.mean_a)},
+                    {"mean_reference", finite(c.mean_b)},
+                    {"mean_ratio", finite(c.mean_ratio)},
+                    {"rmse", finite(c.rmse)},
+                    {"relmse", finite(c.relmse)},
+                    {"relmse_trimmed", finite(c.relmse_trimmed)},
+                    {"worst", worst},
+                    {"noise", noise}});
 }
 
 std::string version_json() {
-  return text(
+  return json_text(
       {{"version", std::string(version())}, {"build_id", std::string(build_id())}, {"protocol", kProtocol}});
 }
 
@@ -82,7 +70,7 @@ std::string plan_json(const std::string& integrator, const std::map<std::string,
                       const std::string& plan) {
   Json values = Json::object();
   for (const auto& [key, value] : settings) values[key] = value;
-  return text({{"integrator", integrator}, {"integrator_settings", values}, {"plan", plan}});
+  return json_text({{"integrator", integrator}, {"integrator_settings", values}, {"plan", plan}});
 }
 
 }  // namespace candela::client

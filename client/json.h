@@ -1,4 +1,4 @@
-// What scripts read beside the messages of common/wire/json.h, under the same rules.
+// JSON for scripts of what is no message of the farm; the messages are in common/wire/json.h. The same rules hold.
 #pragma once
 
 #include <string>

@@ -3,7 +3,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <nlohmann/json.hpp>
 #include <ostream>
 
 #include "client/commands/commands.h"
@@ -11,7 +10,7 @@
 #include "client/doctor/checks.h"
 #include "client/values.h"
 #include "common/base/daemon.h"
-#include "common/base/text.h"
+#include "common/wire/json_values.h"
 
 namespace candela::client {
 namespace {
@@ -89,14 +88,13 @@ void print_checks(std::ostream& out, const std::vector<Diagnosis>& checks) {
 }
 
 std::string checks_json(const std::vector<Diagnosis>& checks, bool fit) {
-  nlohmann::ordered_json report;
+  wire::Json report;
   report["fit"] = fit;
-  report["checks"] = nlohmann::ordered_json::array();
+  report["checks"] = wire::Json::array();
   for (const Diagnosis& check : checks)
     report["checks"].push_back(
         {{"name", check.name}, {"state", name(check.state)}, {"text", check.text}, {"mend", check.mend}});
-  return escape_json_unprintable(
-      report.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
+  return wire::json_text(report);
 }
 
 Result<int> run_doctor(Context& context, const DoctorOptions& options) {

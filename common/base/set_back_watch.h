@@ -1,6 +1,6 @@
-// Whether the wall clock was set back. gRPC 1.51 turns each of its timers into a time of day and waits for
-// that (grpc/grpc issue 32176): after the clock was set back by an hour, no deadline and no new attempt to
-// connect comes for an hour.
+// Finds out that somebody set the wall clock back. gRPC 1.51 turns each timer into a time of day and waits
+// for it (grpc/grpc issue 32176): after the clock is set back by an hour, gRPC ends no call at its deadline
+// and makes no new connection for an hour.
 #pragma once
 
 #include <chrono>
@@ -12,17 +12,17 @@ class SetBackWatch {
  public:
   using Seconds = std::chrono::duration<double>;
 
-  // Smaller steps than `limit` are waited for.
+  // look() reports no step up to `limit`: gRPC's timers are late by that much.
   explicit SetBackWatch(Seconds limit) : limit_(limit) {}
 
-  // To be called now and then, with the time of day and that of a clock that only goes forward. By how much
-  // the clock was set back, once it is more than the limit.
+  // Returns by how much the wall clock was set back, once for each time that this is more than the limit.
+  // `steady` is the time of a clock that only goes forward. The caller looks every few seconds.
   std::optional<Seconds> look(Seconds wall, Seconds steady);
   std::optional<Seconds> look();  // of this machine
 
  private:
   Seconds limit_;
-  std::optional<Seconds> ahead_;  // the wall clock before the steady one, at most
+  std::optional<Seconds> ahead_;  // the largest wall - steady since the last step back
 };
 
 }  // namespace candela

@@ -201,7 +201,7 @@ std::string bounds_of(const PropertyRule& rule) {
   return rule.maximum < infinity ? fmt::format("at most {}", rule.maximum) : "";
 }
 
-// What a rule says after the parameter's name. Types of ignored parameters matter to nobody.
+// The text of a rule, without the parameter's name. An ignored parameter has no type in it.
 std::string meaning_of(const PropertyRule& rule) {
   std::string result = !rule.ignored          ? fmt::format(" ({}): ", types_of(rule))
                        : rule.differs.empty() ? ": "

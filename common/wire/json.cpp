@@ -1,26 +1,16 @@
 #include "common/wire/json.h"
 
-#include <cmath>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "common/base/text.h"
 #include "common/wire/job_figures.h"
+#include "common/wire/json_values.h"
 #include "common/wire/wire.h"
 
 namespace candela::wire {
 namespace {
 
-using Json = nlohmann::ordered_json;
-
-std::string text(const Json& json) {
-  return escape_json_unprintable(json.dump(2, ' ', false, Json::error_handler_t::replace));
-}
-
-Json finite(double value) {
-  return std::isfinite(value) ? Json(value) : Json(nullptr);
-}
 Json limit(double value) {
   return value > 0 ? Json(value) : Json(nullptr);
 }
@@ -199,22 +189,23 @@ std::string page_text(const Json& json) {
 }  // namespace
 
 std::string trust_json(const v1::TrustResponse& response) {
-  return text(distrusted(response.worker()));
+  return json_text(distrusted(response.worker()));
 }
 
 std::string job_json(const v1::JobStatus& status) {
-  return text(job(status));
+  return json_text(job(status));
 }
 
 std::string jobs_json(const v1::ListJobsResponse& response) {
   Json list = Json::array();
   for (const auto& status : response.jobs()) list.push_back(job(status));
   const std::string& next = response.next_page_token();
-  return text({{"jobs", list}, {"total", response.total()}, {"next", next.empty() ? Json() : Json(next)}});
+  return json_text(
+      {{"jobs", list}, {"total", response.total()}, {"next", next.empty() ? Json() : Json(next)}});
 }
 
 std::string worker_json(const v1::WorkerStatus& status) {
-  return text(worker(status));
+  return json_text(worker(status));
 }
 
 std::string workers_json(const v1::ListWorkersResponse& response) {
@@ -222,7 +213,7 @@ std::string workers_json(const v1::ListWorkersResponse& response) {
   for (const auto& status : response.workers()) list.push_back(worker(status));
   Json distrusted_workers = Json::array();
   for (const auto& d : response.distrusted()) distrusted_workers.push_back(distrusted(d));
-  return text(
+  return json_text(
       {{"workers", list},
        {"distrusted", distrusted_workers},
        {"wanted", {{"threads", response.wanted().threads()}, {"workers", response.wanted().workers()}}}});
@@ -236,7 +227,7 @@ std::string events_json(const v1::ListEventsResponse& response) {
                     {"worker", event.worker_id()},
                     {"kind", event.kind()},
                     {"message", event.message()}});
-  return text({{"events", list}});
+  return json_text({{"events", list}});
 }
 
 std::string report_json(const v1::JobReport& report) {

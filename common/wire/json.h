@@ -1,4 +1,4 @@
-// What scripts and the page read: messages as JSON text, with names and units that stay. Numbers that are
+// Messages as JSON text, for scripts and for the page; names and units stay. Numbers that are
 // unknown (NaN) and limits that are not set are null; text that is not UTF-8 is mended, never an error.
 #pragma once
 

@@ -61,7 +61,7 @@ JsonObject& JsonObject::json(std::string_view name, std::string_view value) {
 std::string job_line_json(const Scheduler& scheduler, const Job& job, Now now) {
   const JobRow& r = job.row;
   const std::uint64_t iterations = r.iterations_of(r.iterations);
-  // What is 0 where it is not set, or means nothing yet, is null.
+  // A value of 0 that means "not set" or "not known yet" becomes null.
   const auto known = [](bool is, double value) { return is ? value : std::nan(""); };
   return JsonObject()
       .add("id", r.id)

@@ -1,6 +1,6 @@
 // Audits: some units are rendered by a second worker, and their content is compared
 // (docs/decisions/080-audits.md). Pure logic; the scheduler keeps who is asked and what follows
-// (scheduler_audits.cpp).
+// (scheduler_audits.cpp, scheduler_trust.cpp).
 //
 // A worker's answer to a unit is the hash of its delta's content. The first answer of an audited unit is
 // held: the delta is dropped, and the unit is leased to another worker, whose equal delta is merged. Answers

@@ -483,8 +483,7 @@ void Scheduler::merged(const std::string& worker_id, std::uint64_t token, std::u
     row.by.insert(row.by.begin(), who);
   }
   // It may have been distrusted while its delta was merged.
-  if (std::any_of(row.by.begin(), row.by.end(), [&](const auto& who) { return distrusted_.contains(who); }))
-    doubt_again(*job);
+  if (distrusts_any(row.by)) doubt_again(*job);
   changes_.emplace_back(PutUnit{row});
 
   JobRow& j = job->row;

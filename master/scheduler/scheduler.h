@@ -355,6 +355,12 @@ class Scheduler {
   void add_pilot_recheck(Job& job, Now now);  // if the pilot needs one
   static void clear_units(Job& job);
   void want_anew(Job& job, const std::string& why, Now now);
+  void tick_audits(Now now);
+  void tick_audit(Job& job, UnitState& unit, const std::set<std::string>& able, Now now);
+  // The unit is merged after an audit.
+  void note_compared(const Audit& audit);
+  // scheduler_trust.cpp
+  bool distrusts_any(const std::vector<std::string>& identities) const;
   void convict(const std::string& who, const std::string& reason, Now now);
   void forget_answers(const std::string& who);
   // By identity: all that this master has heard of, those that have left included.
@@ -362,10 +368,6 @@ class Scheduler {
   static void doubt_again(Job& job);
   // A job that has not ended, and whose units are not known to be free of doubt.
   void look_for_doubts(Job& job, Now now);
-  void tick_audits(Now now);
-  void tick_audit(Job& job, UnitState& unit, const std::set<std::string>& able, Now now);
-  // The unit is merged after an audit.
-  void note_compared(const Audit& audit);
   // The stop rule that holds; empty: none does.
   static std::string stop_due(const Job& job);
   // scheduler_level.cpp

@@ -58,7 +58,8 @@ class Statement {
     at_ = 0;
   }
 
-  // What is read next is the column of this name. The search begins at the next one, where it mostly is.
+  // Goes to the column of this name, which the next call reads. The search begins at the next column: callers
+  // mostly read columns in order.
   Statement& column(std::string_view name) {
     const int columns = static_cast<int>(names_.size());
     for (int i = 0; i < columns; ++i)

@@ -53,7 +53,7 @@ class Store {
                                                std::uint32_t limit) = 0;  // newest last
   virtual Result<std::optional<std::string>> bundle(const std::string& sha256) = 0;
   virtual Result<std::vector<OverdueRow>> overdue() = 0;
-  // Of all merged units that name somebody, each pair once.
+  // Returns the pairs (deliverer, makers) of all merged units that have makers, each pair once.
   virtual Result<std::vector<MakerRow>> makers() = 0;
 };
 

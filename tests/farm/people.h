@@ -51,7 +51,7 @@ class People {
     if (!files.ok()) throw std::runtime_error(files.error().to_string());
     return grpc::SslCredentials({files->ca, files->key, files->cert});
   }
-  // Of somebody who has not this role; without TLS of somebody who has not the token.
+  // Credentials of a person without this role; without TLS, of one without the token.
   std::shared_ptr<grpc::ChannelCredentials> credentials_without_role(const std::string& name) const {
     return with_tls_ ? credentials(name) : grpc::InsecureChannelCredentials();
   }

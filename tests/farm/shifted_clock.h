@@ -12,7 +12,7 @@ namespace candela::farm {
 
 class ShiftedClock {
  public:
-  // Of all processes that are started from now on.
+  // Sets the clock of all processes that are started from now on.
   explicit ShiftedClock(Farm& farm) : file_(farm.folder() / "clock-shift") {
     std::ofstream(file_, std::ios::binary) << std::string(sizeof(std::int64_t), '\0');
     farm.add_environment("LD_PRELOAD", test::program_path("libclock_shift.so"));

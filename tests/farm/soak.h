@@ -19,7 +19,7 @@
 
 namespace candela::farm {
 
-// What jobs of the soak render.
+// The scene and settings of the jobs.
 struct Kind {
   std::string integrator;
   std::uint64_t iterations = 0;

@@ -1,4 +1,4 @@
-// What the soak harms a farm with.
+// The means by which the soak harms a farm.
 #pragma once
 
 #include <arpa/inet.h>

@@ -169,6 +169,30 @@ TEST_F(Steering, UrgentJobsCutUnitsShort) {
   farm_.audit(id_, iterations);
 }
 
+// Claim: so it does while the only worker is in the middle of a long unit of segments of chains.
+TEST_F(Steering, UrgentJobsCutSegmentsShort) {
+  constexpr std::uint64_t rounds = 2;
+  const std::vector<std::string> chains = {"--integrator", "pssmlt",        "--set", "chains=200",
+                                           "--set",        "mutations=300", "--set", "bootstrap=2000"};
+  farm_.start_master({"--unit-time", "1000", "--checkpoint-interval", "1", "--lease-time", "3"});
+  farm_.start_worker("one");
+  id_ = farm_.submit(rounds, "cornell", chains);
+  ASSERT_TRUE(eventually(60, [&] {
+    const v1::JobStatus low = farm_.job(id_);
+    return low.has_named_state() && low.units_leased() > 0;
+  }));
+  const std::string urgent = farm_.submit(4, "cornell", {"--priority", "5"});
+  farm_.wait_for(urgent, v1::JOB_STATE_DONE);
+  // One worker gets a quarter of the chains at a time.
+  const v1::GetLedgerResponse ledger = farm_.ledger(id_);
+  EXPECT_TRUE(std::any_of(ledger.merged().begin(), ledger.merged().end(), [](const v1::LedgerRow& row) {
+    return row.unit().kind() == v1::Unit::KIND_SEGMENTS && row.unit().end() - row.unit().begin() < 50;
+  })) << "no unit was cut: make the segments longer, or shorter if it was given back whole";
+  farm_.wait_for(id_, v1::JOB_STATE_DONE);
+  expect_identical(farm_.fetch(id_), farm_.render(rounds, "cornell", chains), "after a cut of segments");
+  farm_.audit(id_, rounds);
+}
+
 // Claim: `candela render` interrupted by Ctrl-C saves the image of what is there, which can be made again,
 // and goes on with --resume to the image an uninterrupted render makes; so it does after SIGKILL.
 TEST_F(Steering, RenderInterruptedAndResumed) {

@@ -360,19 +360,19 @@ void FarmWorker::hand_back(const TaskPtr& task) {
 // ---- units cut short
 // ---------------------------------------------------------------------------------------------------------
 
-// Of the iterations or segments under way, by their progress; none: nobody knows.
+// Returns the seconds until the iterations or segments under way end, by their progress; none: not known.
 std::optional<double> FarmWorker::seconds_left(const Task& task) const {
   const double done = task.progress;
   if (task.phase() != WorkPhase::rendering || !(done > 0)) return std::nullopt;
   const std::chrono::duration<double> spent = Clock::now() - task.block_started;
   const double left = spent.count() * std::max(1 - done, 0.0) / done;
   if (task.lease.unit().kind() != v1::Unit::KIND_SEGMENTS) return left;
-  // Of segments those under way are ended, one on each thread.
+  // A cut unit of segments ends the segments under way, one on each thread.
   const auto count = static_cast<double>(task.lease.chain_starts_size());
   return std::min(left, spent.count() / done * std::min<double>(threads_, count) / count);
 }
 
-// What has not begun to render goes back at once.
+// A unit that has not begun to render goes back at once.
 void FarmWorker::cut_short(const TaskPtr& task) {
   if (task->dropped || task->cut_at) return;
   if (task != running_ || task->phase() != WorkPhase::rendering) return hand_back(task);
