@@ -1,4 +1,5 @@
-// JSON for scripts of what is no message of the farm; the messages are in common/wire/json.h. The same rules hold.
+// JSON for scripts of what is no message of the farm. The messages are in common/wire/json.h; its rules hold
+// here, too.
 #pragma once
 
 #include <string>
