@@ -29,8 +29,8 @@ constexpr ProgressSpan progress_part(std::uint64_t part, std::uint64_t parts) {
 }
 
 // Runs body(task, tallies) for the tasks [0, n) on `run.threads` threads and returns n. n is task_count; if
-// run.cut is set on the way, n is less, but at least 1. Each thread's tallies are counted into the film. The n
-// tasks are done on return, unless run.stop was set: then the result is an error, and the film is not to be
+// run.cut is set on the way, n is less, but at least 1. Each thread's tallies are counted into the film. The
+// n tasks are done on return, unless run.stop was set: then the result is an error, and the film is not to be
 // used. The body must not depend on the thread and the order of tasks.
 template <class Body>
 Result<std::uint64_t> for_first_tasks(std::uint64_t task_count, film::UnitFilm& film, const RunContext& run,
