@@ -9,6 +9,7 @@
 #include <filesystem>
 
 #include "common/base/files.h"
+#include "common/base/nearest_name.h"
 
 namespace candela {
 namespace {
@@ -56,33 +57,14 @@ Result<toml::table> parse_toml(const std::string& text, const std::string& file)
   }
 }
 
-// Levenshtein distance, for "did you mean".
-std::size_t edit_distance(const std::string& a, const std::string& b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t substitute = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
-      diagonal = row[j];
-      row[j] = std::min({row[j] + 1, row[j - 1] + 1, substitute});
-    }
-  }
-  return row[b.size()];
-}
-
 // An error at `origin` ("file:line") with the nearest of `known`.
 Error unknown_name(std::string message, const std::string& origin, const std::string& name,
                    const std::vector<std::string>& known) {
   const auto colon = origin.rfind(':');
   Error error =
       input_error(std::move(message)).at(origin.substr(0, colon), std::atoi(origin.c_str() + colon + 1));
-  const auto nearest = std::min_element(known.begin(), known.end(), [&](const auto& a, const auto& b) {
-    return edit_distance(name, a) < edit_distance(name, b);
-  });
-  if (nearest != known.end() && edit_distance(name, *nearest) <= name.size() / 2)
-    error.mend = fmt::format("did you mean '{}'?", *nearest);
+  const std::vector<std::string_view> names(known.begin(), known.end());
+  error.mend = did_you_mean(nearest_name(name, names));
   return error;
 }
 

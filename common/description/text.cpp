@@ -87,10 +87,6 @@ std::string snake_case(std::string_view name) {
   return result;
 }
 
-std::string did_you_mean(std::string_view nearest) {
-  return nearest.empty() ? std::string() : fmt::format("did you mean {}?", quote(nearest));
-}
-
 std::string quoted_list(const std::vector<std::string_view>& names) {
   std::string result;
   for (const std::string_view name : names) result += (result.empty() ? "" : ", ") + quote(name);

@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "common/base/nearest_name.h"
 #include "common/base/text.h"
 
 namespace candela::description::text {
@@ -26,11 +27,9 @@ std::string lower(std::string_view text);  // ASCII
 // "toWorld" -> "to_world", "intIOR" -> "int_ior"; a name that is snake case already is returned as it is.
 std::string snake_case(std::string_view name);
 
+using candela::did_you_mean;
 using candela::is_utf8;
 using candela::quote;
-
-// "did you mean 'x'?", or empty where `nearest` is.
-std::string did_you_mean(std::string_view nearest);
 
 // "'a', 'b', 'c'"
 std::string quoted_list(const std::vector<std::string_view>& names);

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "common/base/nearest_name.h"
 #include "common/description/object.h"
 
 namespace candela::description {
@@ -47,11 +48,8 @@ struct PluginRule {
 std::span<const PluginRule> vocabulary();
 const PluginRule* find_plugin(std::string_view category, std::string_view name);
 
-// The known name with the smallest edit distance, or empty if none is near (distance > half the length).
-std::string_view nearest_name(std::string_view name, std::span<const std::string_view> known);
-
-// Edits (insert, delete, replace, swap of neighbors) from a to b: the optimal string alignment distance.
-std::size_t edit_distance(std::string_view a, std::string_view b);
+using candela::edit_distance;
+using candela::nearest_name;
 
 // What Mitsuba has and Candela does not yet (`later`); `none` where Mitsuba has no such thing either.
 enum class Support { none, later };

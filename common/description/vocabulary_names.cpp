@@ -1,8 +1,6 @@
-// Names beside the table: what Mitsuba has and Candela does not yet, named indices of refraction, and the
-// nearest of several names.
+// Names beside the table: what Mitsuba has and Candela does not yet, and named indices of refraction.
 #include <algorithm>
 #include <array>
-#include <limits>
 
 #include "common/description/text.h"
 #include "common/description/vocabulary.h"
@@ -82,45 +80,6 @@ constexpr std::array<NamedIndex, 23> indices = {
      {"pet", 1.5750},      {"diamond", 2.419}}};
 
 }  // namespace
-
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> before(b.size() + 1);
-  std::vector<std::size_t> last(b.size() + 1);
-  std::vector<std::size_t> now(b.size() + 1);
-  for (std::size_t j = 0; j <= b.size(); ++j) last[j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    now[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t replaced = last[j - 1] + (a[i - 1] == b[j - 1] ? 0 : 1);
-      now[j] = std::min({last[j] + 1, now[j - 1] + 1, replaced});
-      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
-        now[j] = std::min(now[j], before[j - 2] + 1);
-    }
-    std::swap(before, last);
-    std::swap(last, now);
-  }
-  return last[b.size()];
-}
-
-std::string_view nearest_name(std::string_view name, std::span<const std::string_view> known) {
-  // Nobody mistypes a name this long; the bound keeps hostile input cheap.
-  constexpr std::size_t max_length = 256;
-  if (name.size() > max_length) return {};
-  const std::string folded = text::lower(name);
-  std::string_view nearest;
-  std::size_t best = std::numeric_limits<std::size_t>::max();
-  for (const std::string_view candidate : known) {
-    if (candidate.size() > max_length) continue;
-    // A difference in case alone counts for less than any edit.
-    std::size_t distance = 2 * edit_distance(folded, text::lower(candidate));
-    if (distance == 0 && candidate != name) distance = 1;
-    if (distance < best) {
-      best = distance;
-      nearest = candidate;
-    }
-  }
-  return best <= name.size() ? nearest : std::string_view();
-}
 
 Support support_of_category(std::string_view category) {
   const auto& later = later_categories;
