@@ -1,0 +1,45 @@
+// Names by which light path expressions know the objects of a scene (docs/layers.md).
+//
+// A shape has its id, the id of its shapegroup, and the id of its bsdf, through bsdfs that hold one other:
+// `twosided` and its like. If it glows, it has the name of its lamp, too. Lamps and media without an id are
+// called by their kind and number, "area.3", in the order of the file.
+#pragma once
+
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "common/description/object.h"
+
+namespace candela::description {
+
+class ObjectNamesOfScene {
+ public:
+  // The lamps and media of the scene, which is the object of SceneDescription::scene.
+  explicit ObjectNamesOfScene(const Object& scene);
+
+  // `group`: the shapegroup that holds the shape, or null. `part`: the bsdf of a part of an OBJ file that has
+  // several, or null for the shape's own. Each name once.
+  std::vector<std::string> of_shape(const Object& shape, const Object* group = nullptr,
+                                    const Object* part = nullptr) const;
+  // One name each; the arguments are objects of the scene, known by their addresses. An area light that
+  // several shapes share is one lamp.
+  const std::string& of_lamp(const Object& emitter) const { return lamps_.at(&emitter); }
+  const std::string& of_medium(const Object& medium) const { return media_.at(&medium); }
+
+  // All of them in the order of the file.
+  const std::vector<const Object*>& lamps() const { return lamp_order_; }
+  const std::vector<const Object*>& media() const { return medium_order_; }
+
+ private:
+  using Names = std::map<const Object*, std::string>;
+  void visit(const Object& object);
+  void name_all(const std::vector<const Object*>& order, Names& names) const;
+
+  Names lamps_, media_;
+  std::vector<const Object*> lamp_order_, medium_order_;
+  std::set<const Object*> groups_;  // visited
+};
+
+}  // namespace candela::description
