@@ -35,6 +35,19 @@ void put_f64(std::string& out, double value) {
 
 }  // namespace
 
+std::optional<std::size_t> independent_part(std::span<const std::string> layers, std::size_t layer) {
+  const auto at = std::ranges::find(layers, layers[layer] + std::string(kIndependentPart));
+  if (at == layers.end()) return std::nullopt;
+  return static_cast<std::size_t>(at - layers.begin());
+}
+
+std::vector<std::string> shown_layers(std::span<const std::string> layers) {
+  std::vector<std::string> shown;
+  for (const std::string& name : layers)
+    if (!name.ends_with(kIndependentPart)) shown.push_back(name);
+  return shown;
+}
+
 Result<void> validate(const ChainPlan& plan) {
   if (plan.chains < 2 || plan.chains % 2 != 0 || plan.chains > kMaxChains)
     return input_error(

@@ -17,6 +17,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -35,6 +36,16 @@ inline constexpr std::uint64_t kMaxSegmentMutations = 1ULL << 32;
 inline constexpr std::size_t kMaxStateBytes = 64 * 1024;
 inline constexpr std::size_t kMaxRecordBytes = kMaxStateBytes + 128;  // encoded
 inline constexpr std::uint32_t kImageLayers = 2;                      // that are combined into the image
+
+// A layer of a job of chains that a light path expression chooses is the image's, of the paths that it
+// matches: two layers of the film, the second, of this name behind the first one's, for what the image's
+// second has.
+inline constexpr std::string_view kIndependentPart = ".independent";
+// The index of the second part of layer `layer` among the film's layers beside the image; none: it is no such
+// layer.
+std::optional<std::size_t> independent_part(std::span<const std::string> layers, std::size_t layer);
+// The layers of these that people see: without second parts.
+std::vector<std::string> shown_layers(std::span<const std::string> layers);
 
 // Number of a chain within the job.
 constexpr std::uint64_t chain_of(std::uint32_t half, std::uint64_t index, std::uint32_t chains) {

@@ -40,6 +40,19 @@ class UnitFilm {
   bool splat(std::uint32_t layer, std::uint32_t x, std::uint32_t y, const std::array<float, kChannels>& rgb,
              std::uint64_t key, Tallies& tallies, bool signed_values = false);
 
+  // The units that add() and splat() take of such a value with this key. Precondition: they do not reject it.
+  std::array<std::int64_t, kChannels> units(const std::array<float, kChannels>& rgb,
+                                            std::uint64_t key) const {
+    const std::uint64_t word = dither_word(key);
+    std::array<std::int64_t, kChannels> result;
+    for (std::size_t c = 0; c < kChannels; ++c)
+      result[c] = quantise(rgb[c], units_per_value_, dither(word, static_cast<int>(c)));
+    return result;
+  }
+  // Adds units, from any thread: of a layer that has a part of the image's contributions.
+  void splat_units(std::uint32_t layer, std::uint32_t x, std::uint32_t y,
+                   const std::array<std::int64_t, kChannels>& units);
+
   // Threads count on their own and hand in their counts when they are done. Thread-safe.
   void count(const Tallies& tallies);
   Tallies tallies() const;
@@ -131,6 +144,20 @@ inline bool UnitFilm::splat(std::uint32_t layer, std::uint32_t x, std::uint32_t 
     std::int64_t after = 0;
     return __builtin_add_overflow(before, units, &after);
   });
+}
+
+inline void UnitFilm::splat_units(std::uint32_t layer, std::uint32_t x, std::uint32_t y,
+                                  const std::array<std::int64_t, kChannels>& units) {
+  mark(layer, x, y);
+  std::int64_t* sums = pixel(layer, x, y);
+  bool wrapped = false;
+  for (std::size_t c = 0; c < kChannels; ++c) {
+    const std::int64_t before = __atomic_fetch_add(&sums[c], units[c], __ATOMIC_RELAXED);
+    std::int64_t after = 0;
+    wrapped |= __builtin_add_overflow(before, units[c], &after);
+  }
+  if (wrapped) [[unlikely]]
+    overflowed_.store(true, std::memory_order_relaxed);
 }
 
 }  // namespace candela::film

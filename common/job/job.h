@@ -23,6 +23,7 @@ struct JobSettings {
   std::uint64_t seed = 0;
   std::string isa = "avx2";  // the ISA Embree may use
   std::string aovs = {};     // "NAME:KIND,..." (common/job/aov.h); empty: none
+  std::string layers = {};   // by light path expressions (common/letters/request.h); empty: none
 };
 
 struct StopRule {

@@ -210,11 +210,26 @@ Result<std::string> ImageWriter::encode(const JobRow& row, const JobFilm::Snapsh
                                       layer.values[std::size_t{y} * s.width + x]);
                       }});
   };
+  const auto add_chain_layer = [&](const std::string& name, std::uint32_t first, std::uint32_t second) {
+    layers.push_back(
+        {name, {}, [&film, &parts, &development, first, second](std::uint32_t y, std::span<float> out) {
+           std::vector<double> chains(out.size()), rest(out.size());
+           film.develop_row(first, y, parts.which, chains);
+           film.develop_row(second, y, parts.which, rest);
+           for (std::size_t v = 0; v < out.size(); ++v)
+             out[v] = static_cast<float>(development.factor * chains[v] + rest[v]);
+         }});
+  };
   for (std::uint32_t i = development.image_layers(); i < film.layout().layers; ++i) {
     const std::string& name = row.layers[i - 1];
+    if (row.chains && name.ends_with(chains::kIndependentPart)) continue;
     std::string& names = m["candela:layers"];
     names += (names.empty() ? "" : ", ") + name;
-    add_layer(name, i);
+    const auto rest = row.chains ? chains::independent_part(row.layers, i - 1) : std::nullopt;
+    if (rest)
+      add_chain_layer(name, i, static_cast<std::uint32_t>(*rest) + 1);
+    else
+      add_layer(name, i);
   }
   if (parts.chain_layers && development.two_layers) {
     add_layer("raw.chains", 0);

@@ -4,9 +4,10 @@
 
 namespace candela::master {
 
-std::span<const std::string> JobStatus::layers() const {
+std::vector<std::string> JobStatus::layers() const {
   const std::span<const std::string> all = row.layers;
-  return row.chains ? all.subspan(chains::kImageLayers - 1) : all;
+  if (!row.chains) return row.layers;
+  return chains::shown_layers(all.subspan(chains::kImageLayers - 1));
 }
 
 std::array<std::uint64_t, film::kRejectCauses> JobStatus::rejected() const {

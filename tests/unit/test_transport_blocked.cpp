@@ -64,14 +64,20 @@ struct BothWays {
     return true;
   }
   void passed() {}
-  static bool scattered(const Vertex<MisBlock>& /*v*/) { return true; }
+  template <class WalkT>
+  static bool scattered(const WalkT& /*walk*/, const Vertex<MisBlock>& /*v*/) {
+    return true;
+  }
 };
 struct Keeper {
   static void met_lens(const LightWalk& /*walk*/, std::uint64_t /*key*/) {}
   static bool vertex(const LightWalk& /*walk*/, const Vertex<MisBlock>& /*v*/, std::uint64_t /*key*/) {
     return true;
   }
-  static bool scattered(const Vertex<MisBlock>& /*v*/) { return true; }
+  template <class WalkT>
+  static bool scattered(const WalkT& /*walk*/, const Vertex<MisBlock>& /*v*/) {
+    return true;
+  }
 };
 
 // Claim: where no surface lets light pass straight on, techniques that judge edges by their media and stop at

@@ -35,7 +35,10 @@ struct Keeper {
     if (v.connectible) kept &= photons.keep(scene, v);
     return true;
   }
-  static bool scattered(const LightWalk::Vertex& /*v*/) { return true; }
+  template <class WalkT>
+  static bool scattered(const WalkT& /*walk*/, const LightWalk::Vertex& /*v*/) {
+    return true;
+  }
 
   const scene::Scene& scene;
   PhotonBuffer<NoBlock> photons;

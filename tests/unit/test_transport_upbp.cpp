@@ -389,9 +389,10 @@ void expect_values_of_merges(const scene::Scene& scene, const MediumMerges& eta,
   MediumShares found;
   gather.announce(eye_end);
   gather.start(eye_end);
-  found.point_point = gather.finish();
-  found.beam_point = gather.beams_at(eye_end);
-  gather.along(flight(eye_start, b, eye_step, eta.long_query_beams), eye_start, found);
+  Spectrum sum;
+  found.point_point = gather.finish(sum);
+  found.beam_point = gather.beams_at(eye_end, sum);
+  gather.along(flight(eye_start, b, eye_step, eta.long_query_beams), eye_start, found, sum);
   const auto expect = [&](Spectrum got, double own, double kernel, Spectrum carried_here, const char* what) {
     const Spectrum expected =
         sigma_s(eye_place) * carried_here * static_cast<float>(own / all * kernel * phase(-b, -a));

@@ -371,9 +371,10 @@ class SumTest {
     MediumShares found;
     gather.announce(y);
     gather.start(y);
-    found.point_point = gather.finish();
-    found.beam_point = gather.beams_at(y);
-    gather.along(eye.crossing, eye.start, found);
+    Spectrum sum;
+    found.point_point = gather.finish(sum);
+    found.beam_point = gather.beams_at(y, sum);
+    gather.along(eye.crossing, eye.start, found, sum);
     return {found.point_point, found.point_beam, found.beam_point, found.beam_beam};
   }
 

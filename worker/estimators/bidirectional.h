@@ -9,10 +9,13 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
+#include <vector>
 
 #include "worker/estimators/options.h"
 #include "worker/scene/scene.h"
 #include "worker/transport/eye_path.h"
+#include "worker/transport/letters/layer_sums.h"
 #include "worker/transport/light_path.h"
 #include "worker/transport/subpath.h"
 #include "worker/transport/technique/connect.h"
@@ -43,7 +46,10 @@ struct OneTechnique {
 // Config: kBetween; Mis; kLists: heuristics that need all densities, Mis is Balance then; Sampler; Choice:
 // one of the above; Sink, with
 //   eye(contribution, s, t)              techniques of t >= 2: along the eye's ray
-//   light(contribution, s, t, at, key)   t < 2: to be divided by the number of light paths
+//   sum()                                of these, so far
+//   light(contribution, s, t, at, key, letters, labels)
+//                                        t < 2: to be divided by the number of light paths. labels: of the
+//                                        path; null where nobody asks for layers of expressions
 template <class Config>
 class Bidirectional {
  public:
@@ -58,7 +64,8 @@ class Bidirectional {
   using Vertex = typename EyeWalk::Vertex;
 
   Bidirectional(const scene::Scene& scene, const PathOptions& options, const Techniques& techniques,
-                const PathCounts& counts, Sink& sink, film::Tallies& tallies)
+                const PathCounts& counts, Sink& sink, film::Tallies& tallies,
+                const transport::PathLetters* letters = nullptr)
       : scene_(scene),
         options_(options),
         techniques_(techniques),
@@ -66,11 +73,16 @@ class Bidirectional {
         tallies_(tallies),
         factors_(mis_factors<Mis>(techniques, counts)),
         eye_rules_(eye_rules(options, techniques, counts)),
-        light_rules_(light_rules(options, techniques, counts)) {}
+        light_rules_(light_rules(options, techniques, counts)),
+        path_letters_(letters),
+        eye_letters_(transport::eye_letters<kBetween>(letters)) {
+    if (eye_letters_) light_letters_.emplace(*letters);
+  }
 
   // The light path of the sampler, kept.
   void trace_light(Sampler& sampler) {
     ++tallies_.light_paths;
+    light_states_.clear();
     LightWalk walk(scene_, light_rules_, factors_, sampler, tallies_);
     LightSide at{*this, light_context_};
     transport::follow_light_path(walk, light_, at);
@@ -78,8 +90,11 @@ class Bidirectional {
   // No light path: there are no light vertices to connect to.
   void no_light() { light_.clear(); }
   std::uint32_t light_size() const { return light_.size(); }
+  // Of the eye path that was traced last, which the sink has the sum of; null: nobody asks.
+  transport::LayerSums* layer_sums() { return reads_letters() ? &eye_letters_->sums() : nullptr; }
   // The eye path along a ray.
   void trace_eye(const Ray& ray, Sampler& sampler) {
+    if (reads_letters()) eye_letters_->begin(sampler.sample_key(), ray);
     EyeWalk walk(scene_, eye_rules_, factors_, sampler, tallies_);
     EyeSide at{{}, *this, eye_context_};
     transport::follow_eye_path(walk, ray, eye_, at);
@@ -95,6 +110,17 @@ class Bidirectional {
  private:
   struct LightSide;
   struct EyeSide;
+
+  bool reads_letters() const {
+    return transport::reads_letters<kBetween>(eye_letters_ ? &*eye_letters_ : nullptr);
+  }
+  void to_light_sink(const transport::Contribution& found, std::uint32_t s, std::uint32_t t,
+                     transport::FilmPosition film, std::uint64_t key) {
+    if (!reads_letters()) return sink_.light(found, s, t, film, key, nullptr, nullptr);
+    const transport::ChannelLabels labels =
+        t == 0 ? light_letters_->met_lens() : light_letters_->connected(*light_end_, found.wi);
+    sink_.light(found, s, t, film, key, path_letters_, &labels);
+  }
 
   transport::WeightTerms* wanted_terms() { return kLists ? &terms_ : nullptr; }
   void weigh(transport::Contribution& found) const { found.weight = list_.weight(options_.heuristic); }
@@ -112,6 +138,11 @@ class Bidirectional {
   transport::Subpath<typename Mis::Block> light_, eye_;
   transport::WeightTerms terms_;
   transport::TechniqueList list_;
+  const transport::PathLetters* const path_letters_;
+  std::optional<transport::EyeLetters> eye_letters_;
+  std::optional<transport::LightLetters> light_letters_;
+  std::vector<transport::ChannelStates> light_states_;  // before the vertices of light_
+  const Vertex* light_end_ = nullptr;  // of the light path's vertex that is connected to the lens
 };
 
 // Light that meets the lens (t = 0), connections to the lens (t = 1).
@@ -120,6 +151,9 @@ struct Bidirectional<Config>::LightSide {
   Bidirectional& e;
   const transport::ConnectContext& context;
 
+  void started(const LightWalk& walk) {
+    if (e.reads_letters()) e.light_letters_->begin(walk.origin(), walk.sample_key());
+  }
   void met_lens(const LightWalk& walk, std::uint64_t key) {
     const std::uint32_t s = walk.lens().edges + 1;
     if (walk.lens().edges < e.options_.min_edges || !e.choice_.wants(s, 0)) return;
@@ -134,10 +168,14 @@ struct Bidirectional<Config>::LightSide {
       e.list_.add_side(e.light_, last, e.terms_.light_step, last.pdf_reverse, last.left_by_delta);
       e.weigh(found);
     }
-    e.sink_.light(found, s, 0, film, rng::combine(key, 2));
+    e.to_light_sink(found, s, 0, film, rng::combine(key, 2));
   }
   bool vertex(const LightWalk& walk, const Vertex& v, std::uint64_t key) {
     const std::uint32_t s = v.edges + 1;
+    if (e.reads_letters()) {
+      e.light_states_.resize(e.light_.size());  // it is the next of the list, if it stays
+      e.light_states_.push_back(e.light_letters_->states());
+    }
     transport::FilmPosition film;
     transport::Contribution found;
     if (e.techniques_.light_image && v.connectible && s >= e.options_.min_edges && e.choice_.wants(s, 1) &&
@@ -149,11 +187,15 @@ struct Bidirectional<Config>::LightSide {
         e.list_.add_side(e.light_, v, e.terms_.light_step, e.terms_.light_reverse);
         e.weigh(found);
       }
-      e.sink_.light(found, s, 1, film, rng::combine(key, 3));
+      e.light_end_ = &v;
+      e.to_light_sink(found, s, 1, film, rng::combine(key, 3));
     }
     return LightWalk::kPasses || e.choice_.light_goes_on(v.edges);
   }
-  bool scattered(const Vertex& v) const { return e.choice_.light_goes_on(v.edges); }
+  bool scattered(const LightWalk& walk, const Vertex& v) const {
+    if (e.reads_letters()) e.light_letters_->scattered(v, walk.direction());
+    return e.choice_.light_goes_on(v.edges);
+  }
 };
 
 // Light met (s = 0), next event estimation (s = 1), connections to the light path's vertices.
@@ -176,6 +218,7 @@ struct Bidirectional<Config>::EyeSide : transport::EyeTechniques {
       }
     }
     e.sink_.eye(found, 0, v.edges + 1);
+    if (e.reads_letters()) e.eye_letters_->met(e.sink_.sum(), v, left);
   }
   bool vertex(const EyeWalk& walk, const Vertex& v) {
     if (v.connectible && v.edges < e.eye_rules_.max_edges) {
@@ -184,7 +227,10 @@ struct Bidirectional<Config>::EyeSide : transport::EyeTechniques {
     }
     return EyeWalk::kPasses || e.choice_.eye_goes_on(v.edges);
   }
-  bool scattered(const Vertex& v) const { return e.choice_.eye_goes_on(v.edges); }
+  bool scattered(const EyeWalk& walk, const Vertex& v) const {
+    if (e.reads_letters()) e.eye_letters_->scattered(v, walk.direction());
+    return e.choice_.eye_goes_on(v.edges);
+  }
 
  private:
   void light_directly(const EyeWalk& walk, const Vertex& v) {
@@ -199,6 +245,7 @@ struct Bidirectional<Config>::EyeSide : transport::EyeTechniques {
       e.weigh(found);
     }
     e.sink_.eye(found, 1, v.edges + 1);
+    if (e.reads_letters()) e.eye_letters_->lit(e.sink_.sum(), v, found);
   }
   void connect_all(const EyeWalk& walk, const Vertex& v) {
     const std::uint64_t passage = transport::passage_key<kBetween>(walk.draws());
@@ -217,6 +264,7 @@ struct Bidirectional<Config>::EyeSide : transport::EyeTechniques {
         e.weigh(found);
       }
       e.sink_.eye(found, z.edges + 1, v.edges + 1);
+      if (e.reads_letters()) e.eye_letters_->connected(e.sink_.sum(), v, z, e.light_states_[i]);
     }
   }
 };

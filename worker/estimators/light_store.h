@@ -29,10 +29,11 @@ struct NoStore {
   using Observer = transport::NoObserver;
   static Observer observer() { return {}; }
   template <class Walk>
-  static void crossed(const Walk& /*walk*/) {}
+  static void crossed(const Walk& /*walk*/, const transport::ChannelStates* /*states*/) {}
   template <class Block>
   static void keep(const scene::Scene& /*scene*/, const transport::Vertex<Block>& /*v*/, bool /*last*/,
-                   bool /*by_specular*/, film::Tallies& /*tallies*/) {}
+                   bool /*by_specular*/, film::Tallies& /*tallies*/,
+                   const transport::ChannelStates* /*states*/) {}
 };
 
 // The store of one chunk, in the order of its paths.
@@ -41,7 +42,7 @@ struct LightStore {
   using Observer = transport::NoObserver;
   static Observer observer() { return {}; }
   template <class Walk>
-  static void crossed(const Walk& /*walk*/) {}
+  static void crossed(const Walk& /*walk*/, const transport::ChannelStates* /*states*/) {}
 
   LightKeeping keeping;
   transport::PhotonBuffer<Block> surface, medium;
@@ -53,15 +54,16 @@ struct LightStore {
     vertices.clear();
   }
   // v is connectible. last: no edge may come between it and the lens. by_specular: the vertex before was left
-  // by a delta lobe.
+  // by a delta lobe. states: of the letters before v, for all vertices or none.
   void keep(const scene::Scene& scene, const transport::Vertex<Block>& v, bool last, bool by_specular,
-            film::Tallies& tallies) {
+            film::Tallies& tallies, const transport::ChannelStates* states = nullptr) {
     const bool photons = v.on_surface() ? keeping.surface_photons : keeping.medium_photons;
     if (photons && (by_specular || !keeping.caustics_only)) {
-      const bool kept = v.on_surface() ? surface.keep(scene, v) : medium.keep(scene, v, keeping.survivals);
+      const bool kept = v.on_surface() ? surface.keep(scene, v, false, states)
+                                       : medium.keep(scene, v, keeping.survivals, states);
       if (!kept) ++tallies.rejected[static_cast<std::size_t>(film::RejectCause::not_a_number)];
     }
-    if (keeping.vertices && !last) vertices.keep(v);
+    if (keeping.vertices && !last) vertices.keep(v, states);
   }
   // Once after each path.
   void end_path() {
@@ -76,8 +78,9 @@ struct LightStore {
 // The vertices of light path `path` with fewer than `below` edges.
 template <class Block>
 void load_light_path(const std::vector<LightStore<Block>>& chunks, const scene::Scene& scene,
-                     std::uint64_t path, std::uint32_t below, transport::Subpath<Block>& out) {
-  chunks[path / kLightChunk].vertices.load(scene, path % kLightChunk, below, out);
+                     std::uint64_t path, std::uint32_t below, transport::Subpath<Block>& out,
+                     std::vector<transport::ChannelStates>* states = nullptr) {
+  chunks[path / kLightChunk].vertices.load(scene, path % kLightChunk, below, out, states);
 }
 
 }  // namespace candela::estimators

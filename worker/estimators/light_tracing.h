@@ -3,9 +3,11 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "worker/estimators/light_store.h"
 #include "worker/estimators/options.h"
+#include "worker/transport/letters/layer_sums.h"
 #include "worker/transport/light_path.h"
 #include "worker/transport/splat.h"
 #include "worker/transport/technique/connect_lens.h"
@@ -21,10 +23,12 @@ class LightTracing {
   using Vertex = typename LightWalk::Vertex;
 
   // All by reference but the options: they outlive the estimator. image_layer: of the film, which has the
-  // connections to the lens by themselves; 0: none.
+  // connections to the lens by themselves; 0: none. letters: null where nobody asks for layers of
+  // expressions.
   LightTracing(const scene::Scene& scene, const PathOptions& options, const Techniques& techniques,
                const PathCounts& counts, const Eta& eta, const transport::Splatter& splatter, Store& store,
-               film::Tallies& tallies, std::uint32_t image_layer = 0)
+               film::Tallies& tallies, std::uint32_t image_layer = 0,
+               const transport::PathLetters* letters = nullptr)
       : scene_(scene),
         factors_(mis_factors<Mis>(techniques, counts)),
         rules_(light_rules(options, techniques, counts)),
@@ -34,27 +38,38 @@ class LightTracing {
         splatter_(splatter),
         store_(store),
         tallies_(tallies),
-        image_layer_(image_layer) {}
+        image_layer_(image_layer) {
+    if (transport::reads_letters<kBetween>(letters)) letters_.emplace(*letters);
+  }
 
   // The light path of the sampler.
   void operator()(std::uint64_t /*path*/, samplers::Sampler& sampler) {
     by_specular_ = false;
     LightWalk walk(scene_, rules_, factors_, sampler, tallies_, store_.observer());
     transport::follow_light_path(walk, room_, *this);
-    store_.crossed(walk);
+    crossed(walk);
   }
 
   // The techniques: see light_path.h.
+  void started(const LightWalk& walk) {
+    if (reads_letters()) letters_->begin(walk.origin(), walk.sample_key());
+  }
   void met_lens(const LightWalk& walk, std::uint64_t key) {
     transport::FilmPosition film;
     const transport::Contribution found = transport::hit_lens(context_, walk, eta_, film);
-    if (found.weight > 0) splatter_.splat(0, film, found.weighted() * each_, rng::combine(key, 2), tallies_);
+    if (!(found.weight > 0)) return;
+    const Spectrum value = found.weighted() * each_;
+    const bool kept = splatter_.splat(0, film, value, rng::combine(key, 2), tallies_);
+    if (reads_letters() && kept)
+      splatter_.splat_layers(letters_->letters(), letters_->met_lens(), film, value, rng::combine(key, 2),
+                             tallies_);
   }
   bool vertex(const LightWalk& walk, const Vertex& v, std::uint64_t key) {
-    store_.crossed(walk);
+    crossed(walk);
     if (!v.connectible) return true;
     // The lens has one edge to come, and a connection to the eye's first vertex two.
-    store_.keep(scene_, v, v.edges >= rules_.max_edges, by_specular_, tallies_);
+    store_.keep(scene_, v, v.edges >= rules_.max_edges, by_specular_, tallies_,
+                reads_letters() ? &letters_->states() : nullptr);
     transport::FilmPosition film;
     transport::Contribution found;
     if (light_image_ &&
@@ -63,15 +78,24 @@ class LightTracing {
       const bool kept = splatter_.splat(0, film, value, rng::combine(key, 3), tallies_);
       if (kept && image_layer_ != 0)
         splatter_.splat(image_layer_, film, value, rng::combine(key, 3), tallies_);
+      if (reads_letters() && kept)
+        splatter_.splat_layers(letters_->letters(), letters_->connected(v, found.wi), film, value,
+                               rng::combine(key, 3), tallies_);
     }
     return true;
   }
-  bool scattered(const Vertex& v) {
+  bool scattered(const LightWalk& walk, const Vertex& v) {
     by_specular_ = v.left_by_delta;
+    if (reads_letters()) letters_->scattered(v, walk.direction());
     return true;
   }
 
  private:
+  void crossed(const LightWalk& walk) {
+    store_.crossed(walk, reads_letters() ? &letters_->states() : nullptr);
+  }
+  bool reads_letters() const { return transport::reads_letters<kBetween>(letters_ ? &*letters_ : nullptr); }
+
   const scene::Scene& scene_;
   const transport::MisFactors factors_;
   const transport::WalkRules rules_;
@@ -85,6 +109,7 @@ class LightTracing {
   transport::VertexPair<typename Mis::Block> room_;
   bool by_specular_ = false;
   const std::uint32_t image_layer_;
+  std::optional<transport::LightLetters> letters_;
 };
 
 }  // namespace candela::estimators

@@ -23,13 +23,20 @@ class ListSink {
   void eye(const transport::Contribution& light, std::uint32_t /*s*/, std::uint32_t /*t*/) {
     sum_ += light.weighted();
   }
+  Spectrum sum() const { return sum_; }
   void light(const transport::Contribution& light, std::uint32_t /*s*/, std::uint32_t /*t*/,
-             transport::FilmPosition at, std::uint64_t /*key*/) {
-    out_->add(at, light.weighted() * (per_light_ * factor_));
+             transport::FilmPosition at, std::uint64_t /*key*/, const transport::PathLetters* /*letters*/,
+             const transport::ChannelLabels* labels) {
+    const Spectrum value = light.weighted() * (per_light_ * factor_);
+    out_->add(at, value);
+    if (labels != nullptr) out_->label(*labels);
   }
-  // What came along the eye's ray, through this place on the film. weight: of the sensor.
-  void finish_eye(transport::FilmPosition at, float weight) {
-    out_->add(at, sum_ * (per_eye_ * factor_ * weight));
+  // What came along the eye's ray, through this place on the film. weight: of the sensor. sums: its parts by
+  // labels; null where nobody asks.
+  void finish_eye(transport::FilmPosition at, float weight, const transport::LayerSums* sums) {
+    const float scale = per_eye_ * factor_ * weight;
+    out_->add(at, sum_ * scale);
+    if (sums != nullptr) out_->label(sums->sums(), scale);
   }
 
  private:

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <string_view>
 #include <vector>
 
@@ -29,6 +30,7 @@ struct LightSide {
   const std::vector<LightStore<Block>>& chunks;
   std::uint64_t path_count;
   Field field;
+  const transport::PathLetters* letters = nullptr;  // null: nobody asks
 };
 
 // Merges of beams, as VcmEye asks for them.
@@ -40,7 +42,8 @@ struct NoBeams {
   static Observer observer() { return {}; }
 
   template <class Side>
-  NoBeams(const scene::Scene& /*scene*/, const PathOptions& /*options*/, const Side& /*side*/) {}
+  NoBeams(const scene::Scene& /*scene*/, const PathOptions& /*options*/, const Side& /*side*/,
+          transport::EyeLetters* /*letters*/) {}
 };
 
 // vcm and bpm: every vertex meets light by itself (s = 0), by next event estimation (s = 1), by connection to
@@ -67,8 +70,9 @@ class VcmEye : public transport::EyeTechniques {
         rules_(eye_rules(options, techniques, counts)),
         side_(side),
         tallies_(tallies),
-        gather_(scene, side.maps, statistics),
-        beams_(scene, options, side) {}
+        letters_(transport::eye_letters<kBetween>(side.letters)),
+        gather_(scene, side.maps, statistics, letters_ ? &*letters_ : nullptr),
+        beams_(scene, options, side, letters_ ? &*letters_ : nullptr) {}
 
   // The ray goes through this place on the film; light_path is that to connect to.
   Spectrum trace(const Ray& ray, transport::FilmPosition at, std::uint64_t light_path,
@@ -82,6 +86,7 @@ class VcmEye : public transport::EyeTechniques {
     sum_ = merged_ = connected_ = merged_on_surfaces_ = {};
     light_path_ = light_path;
     loaded_ = false;
+    if (reads_letters()) letters_->begin(sampler.sample_key(), ray);
     EyeWalk walk(scene_, rules_, factors_, sampler, tallies_, beams_.observer());
     transport::follow_eye_path(walk, ray, room_, *this);
     crossed(walk);
@@ -92,6 +97,7 @@ class VcmEye : public transport::EyeTechniques {
   // Of the path that was traced last.
   const Statistics& statistics() const { return gather_.statistics(); }
   Spectrum merged() const { return merged_; }
+  transport::LayerSums* layer_sums() { return reads_letters() ? &letters_->sums() : nullptr; }
   // The shares of techniques in it, in the order of kTechniqueLayers. The rest is light met by chance.
   std::array<Spectrum, 6> shares() const requires(Beams::kMerges) {
     const transport::MediumShares& m = beams_.shares();
@@ -104,16 +110,20 @@ class VcmEye : public transport::EyeTechniques {
     crossed(walk);
     transport::Contribution found;
     if (techniques_.hit_light && v.edges >= options_.min_edges &&
-        transport::hit_light<Mis>(context_, v, left, before, eta_, found))
+        transport::hit_light<Mis>(context_, v, left, before, eta_, found)) {
       sum_ += found.weighted();
+      if (reads_letters()) letters_->met(sum_, v, left);
+    }
   }
   bool vertex(const EyeWalk& walk, const Vertex& v) {
     if (v.connectible) announce(v);
     transport::Contribution found;
     if (v.connectible && v.edges < options_.max_depth) {
       if (techniques_.next_event &&
-          transport::next_event<kBetween, Mis>(context_, walk.draws(), v, eta_, found))
+          transport::next_event<kBetween, Mis>(context_, walk.draws(), v, eta_, found)) {
         add_connected(found.weighted());
+        if (reads_letters()) letters_->lit(sum_, v, found);
+      }
       if (techniques_.connect && v.edges + 2 <= options_.max_depth) connect_all(walk, v);
     }
     merge();
@@ -122,9 +132,15 @@ class VcmEye : public transport::EyeTechniques {
       if (v.connectible && counts_repeats_) transport::count_repeats(side_.maps, *scale_, v, tallies_);
     return true;
   }
+  bool scattered(const EyeWalk& walk, const Vertex& v) {
+    if (reads_letters()) letters_->scattered(v, walk.direction());
+    return true;
+  }
   void passed() { merge(); }  // the next vertex takes this one's place
 
  private:
+  bool reads_letters() const { return transport::reads_letters<kBetween>(letters_ ? &*letters_ : nullptr); }
+
   // The steps of merging.
   void announce(const Vertex& v) const {
     gather_.announce(v);
@@ -132,38 +148,37 @@ class VcmEye : public transport::EyeTechniques {
   }
   void start(const Vertex& v) {
     gather_.start(v);
-    if constexpr (Beams::kMerges) add_merged(beams_.start(v));
+    if constexpr (Beams::kMerges) merged_ += beams_.start(v, sum_);
   }
   void merge() {
-    const Spectrum found = gather_.finish();
-    add_merged(found);
+    const Spectrum found = gather_.finish(sum_);
+    merged_ += found;
     if constexpr (Beams::kMerges) {
       merged_on_surfaces_ += found;
-      add_merged(beams_.finish());
+      merged_ += beams_.finish(sum_);
     }
-  }
-  void add_merged(const Spectrum& found) {
-    sum_ += found;
-    merged_ += found;
   }
   void add_connected(const Spectrum& found) {
     sum_ += found;
     if constexpr (Beams::kMerges) connected_ += found;
   }
   void crossed([[maybe_unused]] const EyeWalk& walk) {
-    if constexpr (Beams::kMerges) add_merged(beams_.merge_along(walk));
+    if constexpr (Beams::kMerges) merged_ += beams_.merge_along(walk, sum_);
   }
   void connect_all(const EyeWalk& walk, const Vertex& v) {
     if (!loaded_)  // the first vertex that connects asks for the longest light paths
-      load_light_path(side_.chunks, scene_, light_path_, options_.max_depth - v.edges, light_);
+      load_light_path(side_.chunks, scene_, light_path_, options_.max_depth - v.edges, light_,
+                      reads_letters() ? &light_states_ : nullptr);
     loaded_ = true;
     const std::uint64_t passage = transport::passage_key<kBetween>(walk.draws());
     transport::Contribution found;
     for (std::uint32_t i = 0; i < light_.size(); ++i) {
       const Vertex& z = light_[i];
       if (z.edges + v.edges + 1 > options_.max_depth) break;
-      if (transport::connect<kBetween, Mis>(context_, z, v, rng::combine(passage, i + 1), eta_, found))
-        add_connected(found.weighted());
+      if (!transport::connect<kBetween, Mis>(context_, z, v, rng::combine(passage, i + 1), eta_, found))
+        continue;
+      add_connected(found.weighted());
+      if (reads_letters()) letters_->connected(sum_, v, z, light_states_[i]);
     }
   }
 
@@ -177,7 +192,9 @@ class VcmEye : public transport::EyeTechniques {
   const transport::ConnectContext context_{scene_, factors_, rules_, tallies_};
   transport::VertexPair<Block> room_;
   transport::Subpath<Block> light_;
-  transport::Gather<Mis, Statistics> gather_;
+  std::optional<transport::EyeLetters> letters_;
+  std::vector<transport::ChannelStates> light_states_;  // of light_
+  transport::Gather<Mis, Statistics, Block, kBetween == transport::Between::media> gather_;
   [[no_unique_address]] Beams beams_;
   // The path under way.
   transport::MergeFactors eta_;
@@ -211,7 +228,8 @@ class PpmEye : public transport::EyeTechniques {
         side_(side),
         tallies_(tallies),
         sharp_(std::isfinite(side.maps.max_density)),
-        gather_(scene, side.maps, statistics) {}
+        letters_(transport::eye_letters<kBetween>(side.letters)),
+        gather_(scene, side.maps, statistics, letters_ ? &*letters_ : nullptr) {}
 
   // MergeMaps::max_density in the scene: kSharpDensity, or infinity if no density is higher.
   static float max_density(const scene::Scene& scene) {
@@ -237,6 +255,7 @@ class PpmEye : public transport::EyeTechniques {
     gather_.begin(*scale_, at);
     counts_repeats_ = Statistics::kCollects && transport::counts_repeats(sampler.sample_key());
     sum_ = merged_ = {};
+    if (reads_letters()) letters_->begin(sampler.sample_key(), ray);
     EyeWalk walk(scene_, rules_, factors_, sampler, tallies_);
     transport::follow_eye_path(walk, ray, room_, *this);
     return sum_;
@@ -245,27 +264,33 @@ class PpmEye : public transport::EyeTechniques {
   // Of the path that was traced last.
   const Statistics& statistics() const { return gather_.statistics(); }
   Spectrum merged() const { return merged_; }
+  transport::LayerSums* layer_sums() { return reads_letters() ? &letters_->sums() : nullptr; }
 
   // The techniques: see eye_path.h.
   void arrived(const EyeWalk& /*walk*/, const Vertex& v, const Vertex* /*before*/, bool left) {
     transport::Contribution found;
     if (techniques_.hit_light && v.edges >= options_.min_edges &&
-        transport::hit_light<Mis>(context_, v, left, nullptr, {}, found))
+        transport::hit_light<Mis>(context_, v, left, nullptr, {}, found)) {
       sum_ += found.value;
+      if (reads_letters()) letters_->met(sum_, v, left);
+    }
   }
   bool vertex(const EyeWalk& /*walk*/, const Vertex& v) {
     if (!v.connectible) return true;
     gather_.start(v);
     if constexpr (Statistics::kCollects)
       if (counts_repeats_) transport::count_repeats(side_.maps, *scale_, v, tallies_);
-    const Spectrum found = gather_.finish();
-    sum_ += found;
-    merged_ += found;
+    merged_ += gather_.finish(sum_);
     return v.on_surface() ? v.closure.has_delta_lobes() || (sharp_ && !v.closure.even()) : sharp_;
   }
-  bool scattered(const Vertex& v) const { return sharp_ ? v.left_sharply : v.left_by_delta; }
+  bool scattered(const EyeWalk& walk, const Vertex& v) {
+    if (reads_letters()) letters_->scattered(v, walk.direction());
+    return sharp_ ? v.left_sharply : v.left_by_delta;
+  }
 
  private:
+  bool reads_letters() const { return transport::reads_letters<kBetween>(letters_ ? &*letters_ : nullptr); }
+
   const scene::Scene& scene_;
   const PathOptions& options_;
   const Techniques& techniques_;
@@ -276,7 +301,8 @@ class PpmEye : public transport::EyeTechniques {
   const bool sharp_;  // directions of high density are the walk's
   const transport::ConnectContext context_{scene_, factors_, rules_, tallies_};
   transport::VertexPair<Block> room_;
-  transport::Gather<Mis, Statistics> gather_;
+  std::optional<transport::EyeLetters> letters_;
+  transport::Gather<Mis, Statistics, Block, kBetween == transport::Between::media> gather_;
   // The path under way.
   const transport::MergeScale* scale_ = nullptr;
   bool counts_repeats_ = false;

@@ -36,6 +36,7 @@
 #include "worker/scene/scene.h"
 #include "worker/transport/between.h"
 #include "worker/transport/draws.h"
+#include "worker/transport/letters/layer_sums.h"
 #include "worker/transport/roulette.h"
 #include "worker/transport/technique/contribution.h"
 
@@ -53,11 +54,13 @@ inline float mis_weight(float p, float q, bool power) {
 // or a chain's. FirstT: FirstVertex, if it has techniques of its own there. With groups of lights next event
 // estimation draws a point, and traces a shadow ray, for each of them
 // (docs/integrators/path.md, "Shadow rays").
-template <transport::Between kBetween, class SceneT, class SamplerT, class FirstT = NoFirstVertex>
+template <transport::Between kBetween, class SceneT, class SamplerT, class FirstT = NoFirstVertex,
+          bool kLetters = false>
 class PathTracer {
  public:
   PathTracer(const SceneT& scene, const PathOptions& options, const Techniques& techniques, SamplerT& sampler,
-             film::Tallies& tallies, FirstT* first = nullptr, const scene::LightGroups* groups = nullptr)
+             film::Tallies& tallies, FirstT* first = nullptr, const scene::LightGroups* groups = nullptr,
+             transport::EyeLetters* letters = nullptr)
       : scene_(scene),
         options_(options),
         hit_light_(techniques.hit_light),
@@ -68,7 +71,8 @@ class PathTracer {
         sampler_(sampler),
         tallies_(tallies),
         first_(first),
-        groups_(groups) {}
+        groups_(groups),
+        letters_(letters) {}
 
   // The radiance arriving along `ray`.
   Spectrum radiance(const Ray& ray) {
@@ -149,15 +153,20 @@ class PathTracer {
       pdf_solid_angle = phase.pdf_solid_angle(wo, wi);
       return Spectrum(phase.eval(wo, wi));
     };
+    const auto token = [&](Vec3 /*wi*/, std::uint64_t /*key*/) {
+      return letters_->letters().in_medium(medium_, here.p);
+    };
     bool first = false;
     if constexpr (kFirst) {
       first = scatterings_ == 1;
       if (first) sample_first(here, front_, eval_pdf);
     }
-    if (!first && next_event_ && depth_ + 1 >= options_.min_edges) sample_light(here, front_, eval_pdf);
+    if (!first && next_event_ && depth_ + 1 >= options_.min_edges)
+      sample_light(here, front_, eval_pdf, token);
     previous_pdf_solid_angle_ = phase.sample(wo, draw_2d(transport::path_block::kDirection), ray_.direction);
     previous_delta_ = false;
     if (!first && !survives(true)) return false;
+    if constexpr (kLetters) letters_->step(token({}, 0));
     ray_ = {here.p, ray_.direction};
     ++depth_;
     if constexpr (kFirst) {
@@ -177,13 +186,17 @@ class PathTracer {
     const auto eval_pdf = [&](Vec3 wi, float& pdf_solid_angle) {
       return closure.eval_pdf(wo, hit.shading.to_local(wi), scene::TransportMode::radiance, pdf_solid_angle);
     };
+    const auto token = [&](Vec3 wi, std::uint64_t key) {
+      return letters_->letters().by_lobes(hit, closure, -ray_.direction, wi, scene::TransportMode::radiance,
+                                          key);
+    };
     bool first = false;
     if constexpr (kFirst) {
       first = connectible && scatterings_ == 1;
       if (first) sample_first(hit, side, eval_pdf);
     }
     if (!first && next_event_ && connectible && depth_ + 1 >= options_.min_edges)
-      sample_light(hit, side, eval_pdf);
+      sample_light(hit, side, eval_pdf, token);
     scene::BsdfSample next;
     const float u_lobe = closure.chooses_lobe() ? draw_1d(transport::path_block::kLobe) : 0.0f;
     if (!closure.sample(wo, u_lobe, draw_2d(transport::path_block::kDirection),
@@ -201,7 +214,11 @@ class PathTracer {
     front_ = side;
     previous_delta_ = next.delta;
     previous_pdf_solid_angle_ = next.pdf_solid_angle;
-    ray_ = spawn_ray(hit, hit.shading.to_world(next.wi));
+    const Vec3 wi = hit.shading.to_world(next.wi);
+    if constexpr (kLetters)
+      letters_->step(next.delta ? letters_->letters().by_delta(hit, -ray_.direction, wi)
+                                : token(wi, letters_->next_key()));
+    ray_ = spawn_ray(hit, wi);
     if constexpr (kMedia) medium_ = scene_.medium_beyond(hit, ray_.direction, medium_);
     ++depth_;
     if constexpr (kFirst) {
@@ -248,22 +265,24 @@ class PathTracer {
     first_->leave(depth_);
   }
 
-  // Next event estimation from the vertex `here`, which scatters as eval_pdf(wi, pdf) says.
-  template <class EvalPdf>
-  void sample_light(const scene::SurfaceHit& here, Vec3 side, const EvalPdf& eval_pdf) {
+  // Next event estimation from the vertex `here`, which scatters as eval_pdf(wi, pdf) says, and whose letter
+  // is token(wi, key).
+  template <class EvalPdf, class Token>
+  void sample_light(const scene::SurfaceHit& here, Vec3 side, const EvalPdf& eval_pdf, const Token& token) {
     using namespace transport;
     if constexpr (kGroups) {
       if (groups_ != nullptr) [[unlikely]]
-        return sample_groups(here, side, eval_pdf);
+        return sample_groups(here, side, eval_pdf, token);
     }
     scene::DirectSample light;
     const float u_emitter = chooses_emitter_ ? draw_1d(path_block::kEmitterChoice) : 0.0f;
     if (scene_.sample_direct(here, side, u_emitter, draw_2d(path_block::kEmitterPoint), light) ==
         scene::DirectOutcome::sampled)
-      add_drawn(here, light, block_, eval_pdf);
+      add_drawn(here, light, block_, eval_pdf, token);
   }
-  template <class EvalPdf>
-  [[gnu::noinline]] void sample_groups(const scene::SurfaceHit& here, Vec3 side, const EvalPdf& eval_pdf) {
+  template <class EvalPdf, class Token>
+  [[gnu::noinline]] void sample_groups(const scene::SurfaceHit& here, Vec3 side, const EvalPdf& eval_pdf,
+                                       const Token& token) {
     using namespace transport;
     std::uint32_t block = block_;
     for (std::size_t g = 0; g < groups_->size(); ++g, block += path_block::kNextGroup) {
@@ -272,13 +291,14 @@ class PathTracer {
       scene::DirectSample light;
       if (scene_.lights().sample(here, side, u_emitter, u, light, kChoice, (*groups_)[g],
                                  scene::PointSampler::own) == scene::DirectOutcome::sampled)
-        add_drawn(here, light, block, eval_pdf);
+        add_drawn(here, light, block, eval_pdf, token);
     }
   }
   // Adds the light that a point on an emitter, drawn with numbers of the block, sends to `here`.
-  template <class EvalPdf>
+  template <class EvalPdf, class Token>
   [[gnu::always_inline]] void add_drawn(const scene::SurfaceHit& here, const scene::DirectSample& light,
-                                        std::uint32_t block, const EvalPdf& eval_pdf) {
+                                        std::uint32_t block, const EvalPdf& eval_pdf,
+                                        [[maybe_unused]] const Token& token) {
     float pdf_solid_angle = 0;
     Spectrum value = eval_pdf(light.wi, pdf_solid_angle);
     if (value.is_black()) return;
@@ -287,6 +307,10 @@ class PathTracer {
     float weight = 1 / light.pdf_solid_angle;
     if (weighs_ && !light.delta) weight *= mis_weight(light.pdf_solid_angle, pdf_solid_angle, power_);
     sum_ += throughput_ * value * light.radiance * weight;
+    if constexpr (kLetters) {
+      const transport::ChannelClasses own = token(light.wi, letters_->next_key());
+      letters_->lit(sum_, own, letters_->letters().at_light(light.emitter, light.wi, letters_->next_key()));
+    }
   }
 
   // Multiplies by what arrives of the light; black if nothing does.
@@ -323,6 +347,7 @@ class PathTracer {
     if (weighs_ && !previous_delta_)
       weight = mis_weight(previous_pdf_solid_angle_, pdf_environment_solid_angle(), power_);
     sum_ += throughput_ * arriving * weight;
+    if constexpr (kLetters) letters_->met_outside(sum_, ray_.direction);
   }
   void add_emitted(const scene::SurfaceHit& hit) {
     const Spectrum emitted = scene_.emitted(hit, -ray_.direction);
@@ -338,6 +363,7 @@ class PathTracer {
     if (weighs_ && !previous_delta_)
       weight = mis_weight(previous_pdf_solid_angle_, pdf_light_solid_angle(hit), power_);
     sum_ += throughput_ * emitted * weight;
+    if constexpr (kLetters) letters_->met(sum_, hit.emitter);
   }
   // The densities with which next event estimation at the vertex before would have drawn the ray's direction:
   // to outside of the scene, to the light that the ray met.
@@ -396,6 +422,7 @@ class PathTracer {
   film::Tallies& tallies_;
   [[maybe_unused]] FirstT* const first_;
   [[maybe_unused]] const scene::LightGroups* const groups_;
+  [[maybe_unused]] transport::EyeLetters* const letters_;  // of this path, if they are read
 
   Ray ray_;
   Spectrum sum_;

@@ -7,29 +7,37 @@ namespace candela::estimators {
 
 template <class SamplerT>
 using RadianceFunction = Spectrum (*)(const scene::Scene&, const PathOptions&, const Techniques&, const Ray&,
-                                      SamplerT&, film::Tallies&, const scene::LightGroups*);
+                                      SamplerT&, film::Tallies&, const scene::LightGroups*,
+                                      transport::EyeLetters*);
 
-template <transport::Between kBetween, class SamplerT>
+template <transport::Between kBetween, class SamplerT, bool kLetters = false>
 Spectrum path_radiance(const scene::Scene& scene, const PathOptions& options, const Techniques& techniques,
                        const Ray& ray, SamplerT& sampler, film::Tallies& tallies,
-                       const scene::LightGroups* groups = nullptr) {
-  return PathTracer<kBetween, scene::Scene, SamplerT>(scene, options, techniques, sampler, tallies, nullptr,
-                                                      groups)
+                       const scene::LightGroups* groups = nullptr, transport::EyeLetters* letters = nullptr) {
+  return PathTracer<kBetween, scene::Scene, SamplerT, NoFirstVertex, kLetters>(
+             scene, options, techniques, sampler, tallies, nullptr, groups, letters)
       .radiance(ray);
 }
 
-template <class SamplerT>
-RadianceFunction<SamplerT> path_radiance_for(transport::Between between) {
+template <class SamplerT, bool kLetters>
+RadianceFunction<SamplerT> path_radiance_between(transport::Between between) {
   using transport::Between;
   switch (between) {
     case Between::nothing:
-      return &path_radiance<Between::nothing, SamplerT>;
+      return &path_radiance<Between::nothing, SamplerT, kLetters>;
     case Between::surfaces:
-      return &path_radiance<Between::surfaces, SamplerT>;
+      return &path_radiance<Between::surfaces, SamplerT, kLetters>;
     case Between::media:
       break;
   }
-  return &path_radiance<Between::media, SamplerT>;
+  return &path_radiance<Between::media, SamplerT, kLetters>;
+}
+
+// letters: the function is called with letters, for layers by expressions; else without.
+template <class SamplerT>
+RadianceFunction<SamplerT> path_radiance_for(transport::Between between, bool letters) {
+  return letters ? path_radiance_between<SamplerT, true>(between)
+                 : path_radiance_between<SamplerT, false>(between);
 }
 
 }  // namespace candela::estimators

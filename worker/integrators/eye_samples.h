@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "common/base/work_monitor.h"
@@ -12,6 +13,7 @@
 #include "worker/integrators/parallel_tasks.h"
 #include "worker/scene/scene.h"
 #include "worker/transport/film_position.h"
+#include "worker/transport/letters/layer_sums.h"
 
 namespace candela::integrators {
 
@@ -61,6 +63,7 @@ Spectrum eye_sample(const UnitContext& context, std::uint32_t x, std::uint32_t y
   return radiance(sample.ray, sampler, tallies) * sample.weight;
 }
 
+// radiance(ray, sampler, tallies, letters): letters, of the path, are null where nobody asks for layers.
 template <class Radiance>
 Result<void> run_eye_samples(const UnitContext& context, const Unit& unit, film::UnitFilm& film,
                              const RunContext& run, const Radiance& radiance) {
@@ -69,14 +72,21 @@ Result<void> run_eye_samples(const UnitContext& context, const Unit& unit, film:
       context.width, context.height, film, run,
       [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1, film::Tallies& tallies) {
         samplers::Sampler sampler(context.sampler, context.seed);
+        std::optional<transport::EyeLetters> letters;
+        if (context.letters != nullptr) letters.emplace(*context.letters);
         for (std::uint32_t y = y0; y < y1; ++y) {
           for (std::uint32_t x = x0; x < x1; ++x) {
             for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
               if (run.stopped()) return;
               sampler.start(unit.half, index, x, y);
-              Spectrum value = eye_sample(context, x, y, sampler, tallies, radiance);
-              if (run.fault != nullptr) run.fault(sampler.sample_key(), &value.r);
-              film.add(0, x, y, {value.r, value.g, value.b}, sampler.sample_key(), tallies, signed_values);
+              const std::uint64_t key = sampler.sample_key();
+              const EyeRay sample = eye_ray(context, x, y, sampler);
+              if (letters) letters->begin(key, sample.ray);
+              Spectrum value =
+                  radiance(sample.ray, sampler, tallies, letters ? &*letters : nullptr) * sample.weight;
+              if (run.fault != nullptr) run.fault(key, &value.r);
+              const bool kept = film.add(0, x, y, {value.r, value.g, value.b}, key, tallies, signed_values);
+              if (letters && kept) letters->sums().write(film, x, y, sample.weight, key);
             }
             tallies.eye_samples += unit.end - unit.begin;
           }

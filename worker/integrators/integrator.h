@@ -22,6 +22,9 @@
 namespace candela::scene {
 class Scene;
 }
+namespace candela::transport {
+class PathLetters;
+}
 
 namespace candela::integrators {
 
@@ -35,6 +38,8 @@ struct UnitContext {
   // Camera pixels per pixel of this film, by axis: above 1 in a pilot, whose film is smaller than the
   // camera's.
   Vec2 camera_units{1, 1};
+  // Of a job with layers by light path expressions; null: none are asked for.
+  const transport::PathLetters* letters = nullptr;
 };
 
 // Pixels.

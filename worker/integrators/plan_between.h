@@ -11,9 +11,11 @@
 
 namespace candela::integrators {
 
-// media: what is done where there are any.
+// media: what is done where there are any. with_letters: layers by light path expressions are written by the
+// form for media alone (docs/decisions/085), if they are asked for; the path tracer has forms of its own.
 inline transport::Between plan_between(const scene::SceneFeatures& features, Plan& plan,
-                                       const std::string& media = "free flights and transmittance") {
+                                       const std::string& media = "free flights and transmittance",
+                                       bool with_letters = true) {
   if (features.any_straight)
     plan.use("light through surfaces straight on", "some surface is null, a mask or thin glass");
   else
@@ -22,9 +24,9 @@ inline transport::Between plan_between(const scene::SceneFeatures& features, Pla
     plan.use("media", media);
   else
     plan.skip("media", "there is none");
-  return features.media > 0      ? transport::Between::media
-         : features.any_straight ? transport::Between::surfaces
-                                 : transport::Between::nothing;
+  return features.media > 0 || (with_letters && features.reads_letters) ? transport::Between::media
+         : features.any_straight                                        ? transport::Between::surfaces
+                                                                        : transport::Between::nothing;
 }
 
 // Calls f with the form as a compile-time constant: std::integral_constant<Between, ...>.

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
+#include <vector>
 
 #include "common/rng/stream.h"
 
@@ -26,23 +28,37 @@ constexpr std::uint64_t kGlance = 16;
 class Splats final : public Deposit {
  public:
   Splats(const ChainRules& rules, const ChainOutlets& outlets)
-      : outlets_(outlets), each_(rules.pixels / static_cast<double>(rules.segment_mutations)) {}
+      : outlets_(outlets), each_(rules.pixels / static_cast<double>(rules.segment_mutations)) {
+    if (outlets.letters != nullptr) units_.emplace(*outlets.letters);
+  }
 
   void add(std::uint32_t layer, const SplatList& list, double weight, std::uint64_t key) override {
     if (outlets_.film == nullptr || !(weight > 0)) return;
     const double factor = weight * each_;
     std::uint64_t i = 0;
+    auto parts = list.parts();
     for (const Splat& splat : list.splats()) {
-      const auto scaled = [&](float v) { return static_cast<float>(static_cast<double>(v) * factor); };
-      outlets_.film->splat(layer, splat.at,
-                           {scaled(splat.value.r), scaled(splat.value.g), scaled(splat.value.b)},
-                           rng::combine(key, i++), outlets_.tallies);
+      const auto scaled = [&](const Spectrum& v) {
+        const auto one = [&](float x) { return static_cast<float>(static_cast<double>(x) * factor); };
+        return Spectrum{one(v.r), one(v.g), one(v.b)};
+      };
+      const std::uint64_t own_key = rng::combine(key, i++);
+      const bool kept = outlets_.film->splat(layer, splat.at, scaled(splat.value), own_key, outlets_.tallies);
+      if (splat.parts == 0) continue;
+      scaled_.clear();
+      for (const transport::LabelledSum& part : parts.first(splat.parts))
+        scaled_.push_back({scaled(part.sum), part.labels});
+      parts = parts.subspan(splat.parts);
+      if (kept)
+        outlets_.film->splat_parts(*units_, layer * units_->layer_count(), scaled_, splat.at, own_key);
     }
   }
 
  private:
   const ChainOutlets& outlets_;
   double each_;
+  std::optional<transport::LayerUnits> units_;
+  std::vector<transport::LabelledSum> scaled_;
 };
 
 }  // namespace

@@ -60,6 +60,9 @@ struct ChainOutlets {
   const std::atomic<bool>* stop = nullptr;
   ChainProgress* progress = nullptr;
   void (*fault)(std::uint64_t key, float* rgb) = nullptr;  // of integrators::RunContext
+  // Of layers by expressions, which follow the chain's part of each first, then what is independent of each;
+  // null: nobody asks.
+  const transport::PathLetters* letters = nullptr;
 };
 
 // Where what mutations bring goes to. The weight of a list leaves out the number of mutations and pixels; the

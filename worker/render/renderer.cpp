@@ -7,10 +7,13 @@
 #include <optional>
 
 #include "common/base/work_monitor.h"
+#include "common/chains/chains.h"
 #include "common/description/reading.h"
 #include "common/description/reading_budget.h"
 #include "common/description/unpacked_files.h"
 #include "common/film/layers.h"
+#include "common/letters/automaton.h"
+#include "common/letters/request.h"
 #include "common/stages/decision.h"
 #include "common/stages/epochs.h"
 #include "common/stages/pixel_sums.h"
@@ -19,7 +22,9 @@
 #include "worker/integrators/film_scale.h"
 #include "worker/integrators/integrator.h"
 #include "worker/integrators/parallel_tasks.h"
+#include "worker/scene/objects.h"
 #include "worker/scene/scene.h"
+#include "worker/transport/letters/path_letters.h"
 
 namespace candela::render {
 namespace {
@@ -62,6 +67,26 @@ WorkPlan with_aovs(WorkPlan work, const integrators::AovPass& aovs, const scene:
   return work;
 }
 
+// The layers by light path expressions that the job asks for, with those of its lamps, if it asks for them.
+Result<letters::LayerRequest> layer_request(const std::string& text, const scene::Scene& scene) {
+  CANDELA_ASSIGN(letters::LayerRequest request, letters::parse_layer_request(text));
+  if (!request.light_groups) return request;
+  std::vector<std::string> lamps;
+  const scene::SceneObjects& objects = scene.objects();
+  for (const std::uint32_t object : objects.of_emitter) lamps.push_back(objects.names[object].front());
+  return letters::expand_light_groups(std::move(request), lamps);
+}
+
+// Adds to the integrator's work the layers of expressions: of chains one for the part of each that the chains
+// bring, then one for the rest (common/chains/chains.h).
+WorkPlan with_layers(WorkPlan work, const letters::LayerRequest& request) {
+  for (const letters::NamedExpression& layer : request.layers) work.layers.push_back(layer.name);
+  if (work.chains)
+    for (const letters::NamedExpression& layer : request.layers)
+      work.layers.push_back(layer.name + std::string(chains::kIndependentPart));
+  return work;
+}
+
 // Fails (usage) if an AOV has the name of a layer.
 Result<void> check_names(const std::vector<Aov>& aovs, const std::vector<std::string>& layers) {
   for (const Aov& aov : aovs)
@@ -87,7 +112,8 @@ class SceneRenderer final : public Renderer {
   SceneRenderer(JobSettings settings, std::unique_ptr<scene::Scene> scene,
                 std::unique_ptr<scene::Scene> parameterized_scene,
                 std::unique_ptr<integrators::Integrator> integrator, integrators::AovPass aovs,
-                film::PixelFilter filter, samplers::SamplerKind sampler, WorkPlan work, film::Layout layout)
+                film::PixelFilter filter, samplers::SamplerKind sampler, WorkPlan work, film::Layout layout,
+                letters::LayerRequest layers, std::unique_ptr<transport::PathLetters> path_letters)
       : settings_(std::move(settings)),
         scene_(std::move(scene)),
         parameterized_scene_(std::move(parameterized_scene)),
@@ -96,7 +122,9 @@ class SceneRenderer final : public Renderer {
         filter_(std::move(filter)),
         sampler_(sampler),
         work_(std::move(work)),
-        layout_(layout) {
+        layout_(layout),
+        layers_(std::move(layers)),
+        path_letters_(std::move(path_letters)) {
     if (work_.epochs) epochs_.emplace(work_.epochs->first, work_.epochs->growth);
   }
 
@@ -195,10 +223,11 @@ class SceneRenderer final : public Renderer {
     return integrator_->work({settings_.width, settings_.height}, film_scale_log2);
   }
   WorkPlan work(int film_scale_log2) const {
-    return with_aovs(integrators_work(film_scale_log2), aovs_, scene_->features());
+    return with_aovs(with_layers(integrators_work(film_scale_log2), layers_), aovs_, scene_->features());
   }
   integrators::UnitContext context() const {
-    return {*scene_, filter_, sampler_, settings_.seed, settings_.width, settings_.height};
+    return {*scene_,         filter_,          sampler_, settings_.seed,
+            settings_.width, settings_.height, {1, 1},   path_letters_.get()};
   }
   integrators::UnitContext aov_context() const {
     return {parameterized_scene_ ? *parameterized_scene_ : *scene_,
@@ -219,6 +248,8 @@ class SceneRenderer final : public Renderer {
   WorkPlan work_;  // for a film of scale 0
   std::optional<Epochs> epochs_;
   film::Layout layout_;
+  letters::LayerRequest layers_;                          // with those of lamps
+  std::unique_ptr<transport::PathLetters> path_letters_;  // null: no layers by expressions
 };
 
 Result<std::unique_ptr<Renderer>> compile(const description::FileSource& files, const std::string& main_key,
@@ -245,13 +276,25 @@ Result<std::unique_ptr<Renderer>> compile(const description::FileSource& files, 
   options.film_width = settings.width;
   options.film_height = settings.height;
   options.textures = textures;
+  options.named = !settings.layers.empty();
   CANDELA_ASSIGN(std::vector<Aov> aov_list, parse_aovs(settings.aovs));
   work_phase(WorkPhase::building);
   CANDELA_ASSIGN(std::unique_ptr<scene::Scene> scene, scene::Scene::build(description, unpacked, options));
+  CANDELA_ASSIGN(letters::LayerRequest layers, layer_request(settings.layers, *scene));
+  scene::SceneFeatures features = scene->features();
+  features.reads_letters = !layers.empty();
   CANDELA_ASSIGN(std::unique_ptr<integrators::Integrator> integrator,
-                 entry->create(settings.integrator_settings, scene->features()));
+                 entry->create(settings.integrator_settings, features));
   integrator->decide({*scene, filter, sampler, settings.seed, settings.width, settings.height});
   WorkPlan work = integrator->work({settings.width, settings.height}, 0);
+  std::unique_ptr<transport::PathLetters> path_letters;
+  if (!layers.empty()) {
+    CANDELA_ASSIGN(letters::Automaton automaton,
+                   letters::Automaton::compile(layers, scene->objects().names, scene->objects().uses));
+    path_letters = std::make_unique<transport::PathLetters>(
+        std::move(automaton), layers, *scene, 1 + static_cast<std::uint32_t>(work.layers.size()));
+  }
+  work = with_layers(std::move(work), layers);
   CANDELA_TRY(check_names(aov_list, work.layers));
   integrators::AovPass aovs(std::move(aov_list), work.chains);
   work = with_aovs(std::move(work), aovs, scene->features());
@@ -267,7 +310,7 @@ Result<std::unique_ptr<Renderer>> compile(const description::FileSource& files, 
   CANDELA_ASSIGN(const film::Layout layout, film::make_layout(settings.width, settings.height, work.layers));
   return std::unique_ptr<Renderer>(std::make_unique<SceneRenderer>(
       settings, std::move(scene), std::move(parameterized_scene), std::move(integrator), std::move(aovs),
-      std::move(filter), sampler, std::move(work), layout));
+      std::move(filter), sampler, std::move(work), layout, std::move(layers), std::move(path_letters)));
 }
 
 }  // namespace
@@ -318,6 +361,7 @@ Result<WorkPlan> largest_work(const JobSettings& settings) {
   CANDELA_ASSIGN(const integrators::IntegratorEntry* entry,
                  integrators::find_integrator(settings.integrator));
   CANDELA_ASSIGN(const std::vector<Aov> aovs, parse_aovs(settings.aovs));
+  CANDELA_ASSIGN(const letters::LayerRequest layers, letters::parse_layer_request(settings.layers));
   // A scene for which nothing is skipped; what a plan drops because of fog or masks is not in it. Settings
   // that it has no use for may suit a scene of lamps alone.
   scene::SceneFeatures lamps;
@@ -344,7 +388,7 @@ Result<WorkPlan> largest_work(const JobSettings& settings) {
         if (!error) error = integrator.error();
         continue;
       }
-      WorkPlan work = (*integrator)->work({settings.width, settings.height}, 0);
+      WorkPlan work = with_layers((*integrator)->work({settings.width, settings.height}, 0), layers);
       const integrators::AovPass pass(aovs, work.chains);
       work = with_aovs(std::move(work), pass, features);
       if (!largest || statistics_bytes(work, settings.width, settings.height) >

@@ -49,9 +49,10 @@ inline constexpr float kMinDensity = 1e-30f;
 
 // A bsdf at a hit. Each kind of closure C (bsdfs/<kind>.h) is a trivially copyable struct of parameters with
 //   C::traits()
-//   sample(c, wo, u_lobe, u, mode, out), eval_pdf(c, wo, wi, mode, pdf), straight(c, wo)
-// of which the last two may be left out: their values are then zero. They mean what the members below do, for
-// closures that are neither flipped nor black.
+//   sample(c, wo, u_lobe, u, mode, out), eval_pdf(c, wo, wi, mode, pdf), straight(c, wo),
+//   eval_diffuse(c, wo, wi, mode, glossy_below)
+// of which the last three may be left out: eval_pdf and straight are then zero, and all of eval_pdf is
+// diffuse. They mean what the members below do, for closures that are neither flipped nor black.
 class Closure {
  public:
   bool flipped = false;  // a twosided bsdf hit from behind: directions are mirrored in z before use
@@ -73,6 +74,9 @@ class Closure {
   float pdf_solid_angle(Vec3 wo, Vec3 wi, TransportMode mode) const;
   // eval and pdf at once, as next event estimation needs them.
   Spectrum eval_pdf(Vec3 wo, Vec3 wi, TransportMode mode, float& pdf_solid_angle) const;
+  // The part of eval() by lobes that are diffuse: all but lobes of a roughness (alpha, the larger one) below
+  // `glossy_below`. Layers of an image ask for it; nobody else does.
+  Spectrum eval_diffuse(Vec3 wo, Vec3 wi, TransportMode mode, float glossy_below) const;
   // False: absorbed or no valid direction.
   bool sample(Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out) const;
   // The fraction of the light along -wo that goes on straight, as if there were no surface: what a sample

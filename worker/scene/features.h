@@ -57,6 +57,8 @@ struct SceneFeatures {
   float max_emitted_radiance = 0;       // luminance, a scale for films of scenes whose pilot finds no light
   // Pairs of shapes that let light through or bound media, and lie over each other in one plane; a few.
   std::vector<std::pair<ShapePlace, ShapePlace>> shared_faces;
+  // The job has layers by light path expressions: its kernels are those that know letters.
+  bool reads_letters = false;
 };
 
 }  // namespace candela::scene

@@ -86,6 +86,7 @@ Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& 
 
   impl.textures = std::make_unique<TextureStore>(files, options.textures, &impl.geometry);
   SceneBuilder builder(files, impl, options.parameterized);
+  if (options.named) builder.name_objects(root);
   if (is_meter) builder.measure(*metered[0]);
   // Meshes are read by as many threads as the tree is built by.
   tbb::task_arena arena(static_cast<int>(std::max(1u, options.build_threads)));
@@ -133,6 +134,7 @@ Result<std::unique_ptr<Scene>> Scene::build_in_place(const description::Object& 
   }
   for (const Bsdf& bsdf : impl.bsdfs) impl.straight.push_back(bsdf.facts().straight);
   builder.finish_features();
+  builder.finish_objects();
   Result<Accel> built = Accel::build(impl.geometry, options.isa, options.build_threads, files.budget());
   if (!built.ok() && built.error().kind == ErrorKind::input)
     return std::move(built).error().at(root.where.file, root.where.line);
@@ -384,6 +386,10 @@ bool Scene::meets_camera(const Ray& ray, const SurfaceHit* next, float& distance
 
 Vec3d Scene::offset() const {
   return impl_->offset;
+}
+
+const SceneObjects& Scene::objects() const {
+  return impl_->objects;
 }
 
 const SceneFeatures& Scene::features() const {

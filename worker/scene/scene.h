@@ -20,6 +20,7 @@ namespace candela::scene {
 
 class Lights;
 struct Placement;
+struct SceneObjects;
 
 class Scene {
  public:
@@ -32,6 +33,7 @@ class Scene {
     // All hits have uv, dp_du and dp_dv, not those alone whose bsdfs read them. Tangent frames follow dp_du
     // then, so that samples of bsdfs differ.
     bool parameterized = false;
+    bool named = false;     // objects() is filled
     bool in_place = false;  // for measurements: a scene far from the origin stays there (placement.h)
   };
   static Result<std::unique_ptr<Scene>> build(const description::SceneDescription& description,
@@ -137,6 +139,8 @@ class Scene {
                     float film_border = 0) const;
 
   const SceneFeatures& features() const;
+  // Empty unless Options::named.
+  const SceneObjects& objects() const;
   // A point of this scene and this vector make the point in the coordinates of the scene's file: a scene far
   // from the origin is moved to its own middle.
   Vec3d offset() const;

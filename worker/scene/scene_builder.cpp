@@ -178,7 +178,7 @@ Result<void> SceneBuilder::shapes(const description::Object& scene) {
   for (const auto& shape : all) {
     work_step();
     if (shape->plugin != "shapegroup" && shape->plugin != "instance" && !is_stretched_surface(*shape))
-      CANDELA_TRY(add_shape(*shape, false));
+      CANDELA_TRY(add_shape(*shape, nullptr));
   }
   // The scene's own shapes come first, then those of each group.
   for (const auto& shape : all) {
@@ -211,7 +211,7 @@ Result<std::uint32_t> SceneBuilder::group_of(const description::ObjectPtr& objec
   std::uint32_t group = geometry_.begin_group();
   for (const auto& shape : shapes) {
     work_step();
-    CANDELA_TRY(add_shape(*shape, true));
+    CANDELA_TRY(add_shape(*shape, object.get()));
   }
   if (geometry_.groups.back().bounds.empty()) {
     geometry_.groups.pop_back();
@@ -245,7 +245,7 @@ Result<void> SceneBuilder::stretched(const description::Object& object) {
   std::erase_if(round.properties, [](const description::Property& p) { return p.name == "to_world"; });
   CANDELA_TRY(count(object, sizeof(Group), "stretched shapes"));
   const std::uint32_t group = geometry_.begin_group();
-  CANDELA_TRY(add_shape(round, true));
+  CANDELA_TRY(add_shape(round, &object));
   return add_instance(object, group);
 }
 
@@ -269,7 +269,8 @@ Result<void> SceneBuilder::add_instance(const description::Object& object, std::
   return {};
 }
 
-Result<void> SceneBuilder::add_shape(const description::Object& object, bool in_group) {
+Result<void> SceneBuilder::add_shape(const description::Object& object, const description::Object* group) {
+  const bool in_group = group != nullptr;
   const auto emitters = object.children_of("emitter");
   if (in_group && !emitters.empty()) {
     return error_at(*emitters[0], "a shape inside a shapegroup cannot be an emitter")
@@ -283,7 +284,7 @@ Result<void> SceneBuilder::add_shape(const description::Object& object, bool in_
   // Its textures may look at attributes that nobody has then.
   if (const auto read = read_shapes_.find(&object); read != read_shapes_.end() && is_empty(read->second))
     return leave_out(object, read->second);
-  if (has_bsdfs_by_name(object)) return add_parts(object, in_group);
+  if (has_bsdfs_by_name(object)) return add_parts(object, group);
   ShapeRecord record;
   CANDELA_ASSIGN(record.medium_interface, media_.add_interface(object, files_));
   CANDELA_ASSIGN(record.bsdf, bsdf_of(object, !emitters.empty()));
@@ -297,10 +298,10 @@ Result<void> SceneBuilder::add_shape(const description::Object& object, bool in_
   } else {
     CANDELA_ASSIGN(shape, build_shape(object, files_, use.attributes));
   }
-  return add_built(object, std::move(shape), record, in_group);
+  return add_built(object, std::move(shape), record, group);
 }
 
-Result<void> SceneBuilder::add_parts(const description::Object& object, bool in_group) {
+Result<void> SceneBuilder::add_parts(const description::Object& object, const description::Object* group) {
   CANDELA_ASSIGN(std::vector<BsdfShape> parts, build_parts(object, files_));
   const bool emits = !object.children_of("emitter").empty();
   if (parts.size() > 1 && (emits || &object == measured_object_)) {
@@ -311,13 +312,14 @@ Result<void> SceneBuilder::add_parts(const description::Object& object, bool in_
   CANDELA_ASSIGN(record.medium_interface, media_.add_interface(object, files_));
   for (BsdfShape& part : parts) {
     CANDELA_ASSIGN(record.bsdf, bsdf_of(object, emits, part.bsdf));
-    CANDELA_TRY(add_built(object, std::move(part.shape), record, in_group));
+    CANDELA_TRY(add_built(object, std::move(part.shape), record, group, part.bsdf.get()));
   }
   return {};
 }
 
 Result<void> SceneBuilder::add_built(const description::Object& object, Shape shape, ShapeRecord record,
-                                     bool in_group) {
+                                     const description::Object* group, const description::Object* part) {
+  const bool in_group = group != nullptr;
   if (is_empty(shape)) return leave_out(object, shape);
   const auto emitters = object.children_of("emitter");
   const TextureUse use = texture_use(object);
@@ -354,6 +356,8 @@ Result<void> SceneBuilder::add_built(const description::Object& object, Shape sh
     measured_rectangle_ = shape.rectangle;
   }
   geometry_.add(std::move(shape), record);
+  if (names_)
+    objects_.of_shape.push_back(object_named(letters::kSurfaceObject, names_->of_shape(object, group, part)));
   shape_places_.push_back({object.where.file, object.where.line, object.id});
   return {};
 }
@@ -402,6 +406,7 @@ Result<void> SceneBuilder::finish_geometry() {
     if (radiance.is_constant() && radiance.constant.is_black()) continue;
     geometry_.shapes[area.shape].emitter =
         lights_.add_area(area.shape, area.rectangle ? &*area.rectangle : nullptr, radiance);
+    name_lamp(*area.object);
     emitter_media_.resize(lights_.size(), kNone);
     emitter_media_.back() = media_.exterior(geometry_.shapes[area.shape].medium_interface);
     ++features_.emitter_kinds["area"];
@@ -505,6 +510,27 @@ void SceneBuilder::add_place_light(Emitter light, float peak) {
   features_.max_emitted_radiance = std::max(features_.max_emitted_radiance, peak / static_cast<float>(r * r));
 }
 
+std::uint32_t SceneBuilder::object_named(letters::ObjectUse use, std::vector<std::string> names) {
+  const auto [at, fresh] = object_of_names_.emplace(std::pair(use, std::move(names)),
+                                                    static_cast<std::uint32_t>(objects_.names.size()));
+  if (fresh) {
+    objects_.names.push_back(at->first.second);
+    objects_.uses.push_back(static_cast<std::uint8_t>(use));
+  }
+  return at->second;
+}
+
+void SceneBuilder::name_lamp(const description::Object& emitter) {
+  if (names_) objects_.of_emitter.push_back(object_named(letters::kLampObject, {names_->of_lamp(emitter)}));
+}
+
+void SceneBuilder::finish_objects() {
+  if (!names_) return;
+  objects_.of_medium.resize(media_.size());
+  for (const auto& [object, index] : media_.known())
+    objects_.of_medium[index] = object_named(letters::kMediumObject, {names_->of_medium(*object)});
+}
+
 Result<void> SceneBuilder::emitter(const description::Object& object) {
   if (object.plugin != "area" && texture_use_of_part(object).place)
     return error_at(
@@ -562,6 +588,7 @@ Result<void> SceneBuilder::emitter(const description::Object& object) {
   } else {
     return error_at(object, "emitter '" + object.plugin + "' is not supported yet");
   }
+  name_lamp(object);
   ++features_.emitter_kinds[object.plugin];
   if (const auto media = object.children_of("medium"); !media.empty()) {
     CANDELA_ASSIGN(const std::uint32_t medium, media_.add(media[0], files_));

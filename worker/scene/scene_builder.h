@@ -12,13 +12,16 @@
 
 #include "common/base/result.h"
 #include "common/description/object.h"
+#include "common/description/object_names.h"
 #include "common/description/reading_budget.h"
+#include "common/letters/alphabet.h"
 #include "worker/scene/accel.h"
 #include "worker/scene/bsdfs/bsdf_build.h"
 #include "worker/scene/emitters/lights.h"
 #include "worker/scene/features.h"
 #include "worker/scene/irradiance_meter.h"
 #include "worker/scene/media/media.h"
+#include "worker/scene/objects.h"
 #include "worker/scene/placement.h"
 #include "worker/scene/sensors/sensor.h"
 #include "worker/scene/shapes/geometry.h"
@@ -40,6 +43,7 @@ struct SceneData {
   Sensor sensor;
   std::optional<IrradianceMeter> meter;  // in the place of the sensor
   SceneFeatures features;
+  SceneObjects objects;
 };
 
 // Fills SceneData: shapes first, then finish_geometry, emitters, finish_features.
@@ -55,8 +59,11 @@ class SceneBuilder {
         lights_(data.lights),
         media_(data.media),
         emitter_media_(data.emitter_media),
-        features_(data.features) {}
+        features_(data.features),
+        objects_(data.objects) {}
 
+  // The scene's objects are to have names; call it before shapes().
+  void name_objects(const description::Object& scene) { names_.emplace(scene); }
   // Names the meter's shape; call it before shapes(). measured() is then its index, or kNone if it is in a
   // shapegroup.
   void measure(const description::Object& shape) { measured_object_ = &shape; }
@@ -70,6 +77,8 @@ class SceneBuilder {
   Result<void> finish_geometry();
   Result<void> emitter(const description::Object& object);
   void finish_features();
+  // Of media, after all else.
+  void finish_objects();
 
  private:
   struct AreaEmitter {
@@ -100,10 +109,13 @@ class SceneBuilder {
   }
   // A round shape whose to_world stretches it: an instance of its own.
   Result<void> stretched(const description::Object& object);
-  Result<void> add_shape(const description::Object& object, bool in_group);
+  // group: the shapegroup that holds it, or null.
+  Result<void> add_shape(const description::Object& object, const description::Object* group);
   // The parts of an OBJ file that have bsdfs of their own.
-  Result<void> add_parts(const description::Object& object, bool in_group);
-  Result<void> add_built(const description::Object& object, Shape shape, ShapeRecord record, bool in_group);
+  Result<void> add_parts(const description::Object& object, const description::Object* group);
+  // part: its bsdf, if the parts of the object have bsdfs of their own.
+  Result<void> add_built(const description::Object& object, Shape shape, ShapeRecord record,
+                         const description::Object* group, const description::Object* part = nullptr);
   // Tells that a mesh without area is not in the scene. An error if somebody measures on it.
   Result<void> leave_out(const description::Object& object, const Shape& shape);
   // kNone if nothing of the group has an area.
@@ -124,6 +136,9 @@ class SceneBuilder {
   // A light at a point that is not black, whose intensity (W / sr) has this largest luminance.
   void add_place_light(Emitter light, float peak);
   void count_bsdf(const Bsdf& bsdf);
+  // The index of the object that is met in this way and has these names.
+  std::uint32_t object_named(letters::ObjectUse use, std::vector<std::string> names);
+  void name_lamp(const description::Object& emitter);
 
   const description::FileSource& files_;
   const bool parameterized_;
@@ -135,6 +150,9 @@ class SceneBuilder {
   Media& media_;
   std::vector<std::uint32_t>& emitter_media_;
   SceneFeatures& features_;
+  SceneObjects& objects_;
+  std::optional<description::ObjectNamesOfScene> names_;  // if somebody asks for them
+  std::map<std::pair<letters::ObjectUse, std::vector<std::string>>, std::uint32_t> object_of_names_;
   std::map<const description::Object*, std::uint32_t> bsdf_of_object_;
   std::uint32_t default_bsdf_ = kNone, black_bsdf_ = kNone, null_bsdf_ = kNone;
   std::vector<AreaEmitter> area_emitters_;

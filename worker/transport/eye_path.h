@@ -10,7 +10,7 @@ namespace candela::transport {
 // an estimator's techniques:
 // - arrived(walk, v, before, left): light may be met at v, on a surface, or out of the scene if `left`.
 // - bool vertex(walk, v): v may scatter, and be connected if it is connectible. False ends the path.
-// - bool scattered(v): the walk chose a direction. False ends the path.
+// - bool scattered(walk, v): the walk chose a direction. False ends the path.
 // - passed(): the walk goes straight on. The next vertex takes v's place unless the room keeps it.
 template <class WalkT, class Room, class Techniques>
 void follow_eye_path(WalkT& walk, const Ray& ray, Room& room, Techniques& at) {
@@ -27,7 +27,7 @@ void follow_eye_path(WalkT& walk, const Ray& ray, Room& room, Techniques& at) {
       case WalkT::Step::ended:
         return;
       case WalkT::Step::scattered:
-        if (!at.scattered(v)) return;
+        if (!at.scattered(walk, v)) return;
         room.keep();
         break;
       case WalkT::Step::passed:
@@ -40,7 +40,10 @@ void follow_eye_path(WalkT& walk, const Ray& ray, Room& room, Techniques& at) {
 
 // The usual answers after a vertex.
 struct EyeTechniques {
-  static bool scattered(const ScatterPoint& /*v*/) { return true; }
+  template <class WalkT>
+  static bool scattered(const WalkT& /*walk*/, const ScatterPoint& /*v*/) {
+    return true;
+  }
   static void passed() {}
 };
 

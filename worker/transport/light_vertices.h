@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "worker/transport/letters/path_letters.h"
 #include "worker/transport/subpath.h"
 
 namespace candela::transport {
@@ -39,15 +40,23 @@ class LightVertexBuffer {
  public:
   void clear() {
     vertices_.clear();
+    states_.clear();
     ends_.clear();
   }
-  void keep(const Vertex<Block>& v) { vertices_.emplace_back(v); }
+  // states: of the letters before v, for all vertices or none.
+  void keep(const Vertex<Block>& v, const ChannelStates* states = nullptr) {
+    vertices_.emplace_back(v);
+    if (states != nullptr) states_.push_back(*states);
+  }
   // Once after each path's vertices.
   void end_path() { ends_.push_back(static_cast<std::uint32_t>(vertices_.size())); }
 
-  // The vertices of the chunk's path, those with fewer than `below` edges, ready to be connected.
-  void load(const scene::Scene& scene, std::uint64_t path, std::uint32_t below, Subpath<Block>& out) const {
+  // The vertices of the chunk's path, those with fewer than `below` edges, ready to be connected. states:
+  // gets theirs, where they were kept.
+  void load(const scene::Scene& scene, std::uint64_t path, std::uint32_t below, Subpath<Block>& out,
+            std::vector<ChannelStates>* states = nullptr) const {
     out.clear();
+    if (states != nullptr) states->clear();
     for (std::uint32_t i = path == 0 ? 0 : ends_[path - 1]; i < ends_[path]; ++i) {
       const LightVertex<Block>& kept = vertices_[i];
       if (kept.edges >= below) continue;
@@ -68,15 +77,18 @@ class LightVertexBuffer {
         v.closure = scene.closure(v.hit, v.hit.shading.to_local(v.wo), slot.arena);
       }
       out.add();
+      if (states != nullptr) states->push_back(states_[i]);
     }
   }
 
   std::uint64_t bytes() const {
-    return vertices_.capacity() * sizeof(LightVertex<Block>) + ends_.capacity() * sizeof(std::uint32_t);
+    return vertices_.capacity() * sizeof(LightVertex<Block>) + states_.capacity() * sizeof(ChannelStates) +
+           ends_.capacity() * sizeof(std::uint32_t);
   }
 
  private:
   std::vector<LightVertex<Block>> vertices_;
+  std::vector<ChannelStates> states_;
   std::vector<std::uint32_t> ends_;
 };
 

@@ -46,7 +46,8 @@ float beam_end(const Crossing& crossing, const scene::Medium& medium, bool is_lo
 }
 
 bool BeamBuffer::keep(const scene::Scene& scene, const Crossing& crossing, bool is_long,
-                      const EdgeStart& start, const scene::EmissionSample& emission) {
+                      const EdgeStart& start, const scene::EmissionSample& emission,
+                      const ChannelStates* states) {
   const MediumSegment& segment = crossing.segment;
   const scene::Medium& medium = scene.medium(segment.medium);
   if (!has_beams(medium)) return true;
@@ -67,6 +68,7 @@ bool BeamBuffer::keep(const scene::Scene& scene, const Crossing& crossing, bool 
                     static_cast<std::uint32_t>(crossing.steps.size())});
   steps_.insert(steps_.end(), crossing.steps.begin(), crossing.steps.end());
   starts_.push_back(start);
+  if (states != nullptr) states_.push_back(*states);
   return true;
 }
 
@@ -76,6 +78,7 @@ Result<void> PhotonBeams::build(std::span<const BeamBuffer* const> chunks, std::
   starts_.clear();
   emissions_.clear();
   steps_.clear();
+  states_.clear();
   std::size_t steps = 0;
   for (const BeamBuffer* chunk : chunks) steps += chunk->steps().size();
   if (steps > BoxTree::kMostItems) return too_many_in_media("steps of flights");
@@ -89,6 +92,7 @@ Result<void> PhotonBeams::build(std::span<const BeamBuffer* const> chunks, std::
     }
     steps_.insert(steps_.end(), chunk->steps().begin(), chunk->steps().end());
     starts_.insert(starts_.end(), chunk->starts().begin(), chunk->starts().end());
+    states_.insert(states_.end(), chunk->states().begin(), chunk->states().end());
     emissions_.insert(emissions_.end(), chunk->emissions().begin(), chunk->emissions().end());
   }
   if (beams_.size() > BoxTree::kMostItems / kMostPieces) return too_many_in_media("pieces of photon beams");
@@ -118,7 +122,7 @@ Result<void> PhotonBeams::build(std::span<const BeamBuffer* const> chunks, std::
 std::uint64_t PhotonBeams::bytes() const {
   return tree_.bytes() + pieces_.capacity() * sizeof(Piece) + beams_.capacity() * sizeof(PhotonBeam) +
          starts_.capacity() * sizeof(EdgeStart) + emissions_.capacity() * sizeof(scene::EmissionSample) +
-         steps_.capacity() * sizeof(scene::FlightStep);
+         steps_.capacity() * sizeof(scene::FlightStep) + states_.capacity() * sizeof(ChannelStates);
 }
 
 }  // namespace candela::transport

@@ -20,6 +20,7 @@
 #include "worker/transport/beams.h"
 #include "worker/transport/box_tree.h"
 #include "worker/transport/edge_start.h"
+#include "worker/transport/letters/path_letters.h"
 #include "worker/transport/vertex.h"
 
 namespace candela::transport {
@@ -53,21 +54,25 @@ class BeamBuffer {
     starts_.clear();
     emissions_.clear();
     steps_.clear();
+    states_.clear();
   }
-  // Nothing of a medium without beams, or that passes beside the grid. False: the numbers cannot be used.
+  // states: of the letters before the beam's vertex; null: none, for all beams. Nothing of a medium without
+  // beams, or that passes beside the grid. False: the numbers cannot be used.
   bool keep(const scene::Scene& scene, const Crossing& crossing, bool is_long, const EdgeStart& start,
-            const scene::EmissionSample& emission);
+            const scene::EmissionSample& emission, const ChannelStates* states = nullptr);
 
   std::span<const PhotonBeam> beams() const { return beams_; }
   std::span<const EdgeStart> starts() const { return starts_; }
   std::span<const scene::EmissionSample> emissions() const { return emissions_; }
   std::span<const scene::FlightStep> steps() const { return steps_; }
+  std::span<const ChannelStates> states() const { return states_; }
 
  private:
   std::vector<PhotonBeam> beams_;
   std::vector<EdgeStart> starts_;  // of each beam
   std::vector<scene::EmissionSample> emissions_;
   std::vector<scene::FlightStep> steps_;
+  std::vector<ChannelStates> states_;  // of each beam; empty: nobody asks for letters
 };
 
 // An iteration's beams, cut into pieces of kPieceRadii radii.
@@ -88,6 +93,8 @@ class PhotonBeams {
   std::span<const scene::FlightStep> steps(const PhotonBeam& beam) const {
     return {steps_.data() + beam.first_step, beam.step_count};
   }
+  // Its letters' states. Precondition: the buffers kept them.
+  const ChannelStates& states(const PhotonBeam& beam) const { return states_[index_of(beam)]; }
   std::uint64_t bytes() const;
 
   // visit(beam, Projection): beams that pass p within the radius, beside their own length. This and what
@@ -142,6 +149,7 @@ class PhotonBeams {
   std::vector<EdgeStart> starts_;
   std::vector<scene::EmissionSample> emissions_;
   std::vector<scene::FlightStep> steps_;
+  std::vector<ChannelStates> states_;  // of each beam; empty: nobody asks for letters
 };
 
 }  // namespace candela::transport

@@ -18,7 +18,8 @@ bool finite(Spectrum s) {
 }  // namespace
 
 template <class Block>
-bool PhotonBuffer<Block>::keep(const scene::Scene& scene, const Vertex<Block>& v, bool with_survival) {
+bool PhotonBuffer<Block>::keep(const scene::Scene& scene, const Vertex<Block>& v, bool with_survival,
+                               const ChannelStates* states) {
   Photon<Block> photon;
   photon.wo = v.wo;
   photon.flux = v.throughput;
@@ -40,6 +41,7 @@ bool PhotonBuffer<Block>::keep(const scene::Scene& scene, const Vertex<Block>& v
   positions_.push_back(v.hit.p);
   photons_.push_back(photon);
   if (with_survival) survivals_.push_back(v.survival);
+  if (states != nullptr) states_.push_back(*states);
   return true;
 }
 
@@ -77,6 +79,12 @@ Result<void> PhotonMap<Block>::build(std::span<const PhotonBuffer<Block>* const>
     const std::size_t end = std::min(count, (block + 1) * kBlock);
     for (std::size_t slot = block * kBlock; slot < end; ++slot) photons_[slot] = by_index_[order[slot]];
   });
+  std::vector<ChannelStates> states;
+  for (const PhotonBuffer<Block>* chunk : chunks)
+    states.insert(states.end(), chunk->states().begin(), chunk->states().end());
+  states_.clear();
+  if (!states.empty())
+    for (std::size_t slot = 0; slot < count; ++slot) states_.push_back(states[order[slot]]);
   ends_.clear();
   for (std::size_t c = 0; c < chunks.size(); ++c)
     for (const std::uint32_t end : chunks[c]->ends())

@@ -16,6 +16,7 @@
 
 #include "common/base/result.h"
 #include "worker/core/huge_pages.h"
+#include "worker/transport/letters/path_letters.h"
 #include "worker/transport/range_search.h"
 #include "worker/transport/vertex.h"
 
@@ -72,11 +73,13 @@ class PhotonBuffer {
     positions_.clear();
     photons_.clear();
     survivals_.clear();
+    states_.clear();
     ends_.clear();
   }
   // Precondition: v is connectible. False: its place or flux cannot be used, and nothing is kept.
-  // with_survival: the same for all photons.
-  bool keep(const scene::Scene& scene, const Vertex<Block>& v, bool with_survival = false);
+  // with_survival, states (of the letters before v; null: none): the same for all photons.
+  bool keep(const scene::Scene& scene, const Vertex<Block>& v, bool with_survival = false,
+            const ChannelStates* states = nullptr);
   // Once after each path, if its photons are to be known by it.
   void end_path() { ends_.push_back(static_cast<std::uint32_t>(photons_.size())); }
 
@@ -85,6 +88,8 @@ class PhotonBuffer {
   std::span<const Photon<Block>> photons() const { return photons_; }
   // ScatterPoint::survival of each photon; empty: not kept.
   std::span<const float> survivals() const { return survivals_; }
+  // Of each photon; empty: not kept.
+  std::span<const ChannelStates> states() const { return states_; }
   // The number of photons after each path; empty: paths are not known.
   std::span<const std::uint32_t> ends() const { return ends_; }
 
@@ -92,6 +97,7 @@ class PhotonBuffer {
   std::vector<Vec3> positions_;
   std::vector<Photon<Block>> photons_;
   std::vector<float> survivals_;
+  std::vector<ChannelStates> states_;
   std::vector<std::uint32_t> ends_;
 };
 
@@ -106,6 +112,10 @@ class PhotonMap {
   // Of a photon that collect() found.
   Vec3 position(const Photon<Block>& photon) const {
     return search_.position(static_cast<std::uint32_t>(&photon - photons_.data()));
+  }
+  // Its letters' states. Precondition: the buffers kept them.
+  const ChannelStates& states(const Photon<Block>& photon) const {
+    return states_[static_cast<std::size_t>(&photon - photons_.data())];
   }
   // Held between build and the next one.
   std::uint64_t bytes() const {
@@ -159,7 +169,8 @@ class PhotonMap {
   HugeVector<Photon<Block>> photons_;  // by slot
   HugeVector<Vec3> positions_;         // by index; room kept between builds
   HugeVector<Photon<Block>> by_index_;
-  std::vector<std::uint32_t> ends_;  // the number of photons after each path
+  std::vector<ChannelStates> states_;  // by slot; empty: nobody asks for letters
+  std::vector<std::uint32_t> ends_;    // the number of photons after each path
 };
 
 }  // namespace candela::transport

@@ -16,10 +16,12 @@ Result<void> PhotonPoints::build(std::span<const PhotonBuffer<MisBlock>* const> 
   positions_.clear();
   photons_.clear();
   survivals_.clear();
+  states_.clear();
   for (const PhotonBuffer<MisBlock>* chunk : chunks) {
     positions_.insert(positions_.end(), chunk->positions().begin(), chunk->positions().end());
     photons_.insert(photons_.end(), chunk->photons().begin(), chunk->photons().end());
     survivals_.insert(survivals_.end(), chunk->survivals().begin(), chunk->survivals().end());
+    states_.insert(states_.end(), chunk->states().begin(), chunk->states().end());
   }
   if (photons_.size() > BoxTree::kMostItems) return too_many_in_media("photons");
   if (queries.segments) reorder(tree_.build(std::span<const Vec3>(positions_), threads));
@@ -47,6 +49,7 @@ void PhotonPoints::reorder(std::span<const std::uint32_t> order) {
   positions_ = permuted(std::span<const Vec3>(positions_), order);
   photons_ = permuted(std::span<const Photon<MisBlock>>(photons_), order);
   if (!survivals_.empty()) survivals_ = permuted(std::span<const float>(survivals_), order);
+  if (!states_.empty()) states_ = permuted(std::span<const ChannelStates>(states_), order);
 }
 
 // Leaves in found_ the index of each search's slots, one medium after another.
@@ -79,6 +82,7 @@ void PhotonPoints::build_searches(std::span<const float> radii, unsigned threads
 std::uint64_t PhotonPoints::bytes() const {
   std::uint64_t sum = tree_.bytes() + positions_.capacity() * sizeof(Vec3) +
                       photons_.capacity() * sizeof(Photon<MisBlock>) +
+                      states_.capacity() * sizeof(ChannelStates) +
                       (hazards_.capacity() + survivals_.capacity()) * sizeof(float) +
                       found_.capacity() * sizeof(std::uint32_t);
   for (const MediumSearch& search : searches_) sum += search.points.bytes();

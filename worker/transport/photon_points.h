@@ -36,6 +36,9 @@ class PhotonPoints {
     return survivals_.empty() ? 1.0f : survivals_[index_of(photon)];
   }
 
+  // Its letters' states. Precondition: the buffers kept them.
+  const ChannelStates& states(const Photon<MisBlock>& photon) const { return states_[index_of(photon)]; }
+
   // In steps, with other work between them: announce() and find() are RangeSearch's, near_point() calls
   // visit(photon, squared distance) for the photons of the medium that find() was asked for.
   void announce(std::uint32_t medium, Vec3 p, float radius) const {
@@ -82,6 +85,7 @@ class PhotonPoints {
   HugeVector<Vec3> positions_;
   HugeVector<Photon<MisBlock>> photons_;
   HugeVector<float> hazards_, survivals_;  // empty if nobody asks for them
+  HugeVector<ChannelStates> states_;       // likewise
   HugeVector<std::uint32_t> found_;        // with tree and searches: the photons that the searches find
 };
 

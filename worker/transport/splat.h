@@ -10,6 +10,7 @@
 #include "worker/core/vec.h"
 #include "worker/film/filter.h"
 #include "worker/transport/film_position.h"
+#include "worker/transport/letters/layer_sums.h"
 
 namespace candela::transport {
 
@@ -26,13 +27,50 @@ class Splatter {
         signed_(filter.has_negative_lobes()),
         to_pixels_{1 / camera_units.x, 1 / camera_units.y} {}
 
+  // The parts of a value that splat() took with this key, by the labels of its path.
+  void splat_layers(const PathLetters& letters, const ChannelLabels& labels, FilmPosition at, Spectrum value,
+                    std::uint64_t key, film::Tallies& tallies) const {
+    for (std::uint8_t layer = 0; layer < letters.layer_count(); ++layer) {
+      const auto part = [&](std::size_t c, float v) {
+        const auto layers = letters.layers(labels.of[c]);
+        return std::ranges::find(layers, layer) == layers.end() ? 0.0f : v;
+      };
+      const Spectrum own = {part(0, value.r), part(1, value.g), part(2, value.b)};
+      if (!own.is_black()) splat(letters.first_layer() + layer, at, own, key, tallies);
+    }
+  }
+
+  // The same of an eye path's or a chain's value, whose prefixes are `parts`.
+  void splat_parts(LayerUnits& units, std::uint32_t offset, std::span<LabelledSum> parts, FilmPosition at,
+                   std::uint64_t key) const {
+    for (LabelledSum& part : parts) part.sum *= to_pixels_.x * to_pixels_.y;
+    for_each_pixel({at.x * to_pixels_.x, at.y * to_pixels_.y},
+                   [&](std::uint32_t x, std::uint32_t y, float f) {
+                     units.write(parts, f, film_, x, y, pixel_key(key, x, y), offset);
+                     return true;
+                   });
+  }
+
   // From any thread. `key` names the contribution among all of the unit, and seeds the rounding. False: the
   // value was refused.
   bool splat(std::uint32_t layer, FilmPosition at, Spectrum value, std::uint64_t key,
              film::Tallies& tallies) const {
     at = {at.x * to_pixels_.x, at.y * to_pixels_.y};
     value *= to_pixels_.x * to_pixels_.y;
-    // Pixels i with |at - (i + 1/2)| <= radius, on the film.
+    return for_each_pixel(at, [&](std::uint32_t x, std::uint32_t y, float f) {
+      const Spectrum share = value * f;
+      // A value that is refused is refused, and counted, once.
+      return film_.splat(layer, x, y, {share.r, share.g, share.b}, pixel_key(key, x, y), tallies, signed_);
+    });
+  }
+
+ private:
+  static std::uint64_t pixel_key(std::uint64_t key, std::uint32_t x, std::uint32_t y) {
+    return rng::combine(key, (std::uint64_t{y} << 32) | x);
+  }
+  // visit(x, y, filter) of the pixels i on the film with |at - (i + 1/2)| <= radius, until one returns false.
+  template <class Visit>
+  [[gnu::always_inline]] bool for_each_pixel(FilmPosition at, const Visit& visit) const {
     const float x0 = std::max(0.0f, std::ceil(at.x - radius_ - 0.5f));
     const float x1 = std::min(width_ - 1, std::floor(at.x + radius_ - 0.5f));
     const float y0 = std::max(0.0f, std::ceil(at.y - radius_ - 0.5f));
@@ -41,18 +79,12 @@ class Splatter {
       for (float x = x0; x <= x1; ++x) {
         const float f = filter_.eval(at.x - (x + 0.5f), at.y - (y + 0.5f));
         if (f == 0) continue;
-        const auto px = static_cast<std::uint32_t>(x), py = static_cast<std::uint32_t>(y);
-        const Spectrum share = value * f;
-        // A value that is refused is refused, and counted, once.
-        if (!film_.splat(layer, px, py, {share.r, share.g, share.b},
-                         rng::combine(key, (std::uint64_t{py} << 32) | px), tallies, signed_))
-          return false;
+        if (!visit(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y), f)) return false;
       }
     }
     return true;
   }
 
- private:
   const film::PixelFilter& filter_;
   film::UnitFilm& film_;
   float width_, height_, radius_;

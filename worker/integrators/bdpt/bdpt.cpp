@@ -42,8 +42,8 @@ Result<void> run_kernel(const UnitContext& context, const PathOptions& options, 
       [&](std::uint32_t x0, std::uint32_t y0, std::uint32_t x1, std::uint32_t y1, film::Tallies& tallies) {
         samplers::Sampler eye(context.sampler, context.seed), light(context.sampler, context.seed);
         bdpt::FilmSink sink(context, layers, paths, film, tallies);
-        estimators::Bidirectional<Config> estimator(context.scene, options, techniques, counts, sink,
-                                                    tallies);
+        estimators::Bidirectional<Config> estimator(context.scene, options, techniques, counts, sink, tallies,
+                                                    context.letters);
         for (std::uint32_t y = y0; y < y1; ++y) {
           for (std::uint32_t x = x0; x < x1; ++x) {
             for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
@@ -57,7 +57,10 @@ Result<void> run_kernel(const UnitContext& context, const PathOptions& options, 
               estimator.trace_eye(ray.ray, eye);
               Spectrum value = sink.sum() * ray.weight;
               if (run.fault != nullptr) run.fault(eye.sample_key(), &value.r);
-              film.splat(0, x, y, {value.r, value.g, value.b}, eye.sample_key(), tallies, signed_values);
+              const bool kept =
+                  film.splat(0, x, y, {value.r, value.g, value.b}, eye.sample_key(), tallies, signed_values);
+              if (transport::LayerSums* sums = estimator.layer_sums(); sums != nullptr && kept)
+                sums->write(film, x, y, ray.weight, eye.sample_key());
             }
             tallies.eye_samples += unit.end - unit.begin;
             if (run.stopped()) return;

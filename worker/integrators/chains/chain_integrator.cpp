@@ -165,7 +165,7 @@ Result<void> ChainIntegrator::run_segments(const UnitContext& context, const Uni
       progress.add(plan.segment_mutations);
     } else {
       const auto space = make_space(context, tallies);
-      const mcmc::ChainOutlets outlets{&splatter, tallies, run.stop, &progress, run.fault};
+      const mcmc::ChainOutlets outlets{&splatter, tallies, run.stop, &progress, run.fault, context.letters};
       const auto done = mcmc::run_segment(*space, rules, chains::chain_of(unit.half, index, plan.chains),
                                           starts[i], outlets, records[i]);
       if (!done.ok()) errors[i] = done.error();

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "worker/estimators/path_dispatch.h"
 #include "worker/integrators/eye_samples.h"
@@ -22,7 +23,8 @@ class DirectLight {
       : context_(context),
         options_(options),
         techniques_(planned.techniques),
-        radiance_(estimators::path_radiance_for<samplers::Sampler>(planned.between)),
+        radiance_(
+            estimators::path_radiance_for<samplers::Sampler>(planned.between, context.letters != nullptr)),
         samples_(samples),
         order_(std::uint64_t{context.width} * context.height,
                rng::key(context.seed, 0x646972656374ULL, half)),  // "direct"
@@ -35,20 +37,27 @@ class DirectLight {
     const float weight =
         static_cast<float>(static_cast<double>(order_.pixels()) / static_cast<double>(samples_));
     samplers::Sampler sampler(context_.sampler, context_.seed);
+    std::optional<transport::EyeLetters> letters;
+    if (context_.letters != nullptr) letters.emplace(*context_.letters);
     std::uint64_t at = order_.place(segment * samples_);
     for (std::uint64_t i = 0; i < samples_; ++i) {
       if (i % 64 == 0 && run.stopped()) return false;
       const auto x = static_cast<std::uint32_t>(at % context_.width);
       const auto y = static_cast<std::uint32_t>(at / context_.width);
       sampler.start(half_, order_.round(segment * samples_ + i), x, y);
-      Spectrum value =
-          eye_sample(context_, x, y, sampler, tallies,
-                     [&](const Ray& ray, samplers::Sampler& draws, film::Tallies& counts) {
-                       return radiance_(context_.scene, options_, techniques_, ray, draws, counts, nullptr);
-                     });
+      const EyeRay eye = eye_ray(context_, x, y, sampler);
+      const std::uint64_t key = sampler.sample_key();
+      if (letters) letters->begin(key, eye.ray);
+      Spectrum value = radiance_(context_.scene, options_, techniques_, eye.ray, sampler, tallies, nullptr,
+                                 letters ? &*letters : nullptr) *
+                       eye.weight;
       value *= weight;
-      if (run.fault != nullptr) run.fault(sampler.sample_key(), &value.r);
-      film.splat(layer, x, y, {value.r, value.g, value.b}, sampler.sample_key(), tallies, signed_values);
+      if (run.fault != nullptr) run.fault(key, &value.r);
+      const bool kept = film.splat(layer, x, y, {value.r, value.g, value.b}, key, tallies, signed_values);
+      if (letters && kept) {
+        letters->sums().scale(eye.weight);  // in two steps, as the image's value
+        letters->sums().write(film, x, y, weight, key, layer * context_.letters->layer_count());
+      }
       at = order_.next(at);
     }
     tallies.eye_samples += samples_;

@@ -35,7 +35,8 @@ Result<void> run_light(const PathOptions& options, const Techniques& techniques,
   const estimators::NoStore no_store;
   return run_light_paths(context, unit, paths, film, run, [&](film::Tallies& tallies) {
     return estimators::LightTracing<kBetween, Mis, const estimators::NoStore, transport::ConstantEta>(
-        context.scene, options, techniques, counts, no_merging, splatter, no_store, tallies);
+        context.scene, options, techniques, counts, no_merging, splatter, no_store, tallies, 0,
+        context.letters);
   });
 }
 

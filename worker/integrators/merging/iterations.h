@@ -52,6 +52,8 @@ Result<void> run_eye_pass(const UnitContext& context, const IterationOptions& op
                 }
               }
             }
+            if (transport::LayerSums* sums = eye.layer_sums(); sums != nullptr && kept)
+              sums->write(film, x, y, ray.weight, sampler.sample_key());
             if constexpr (EyeEstimator::Statistics::kCollects) {
               // The film follows the filter; statistics follow the radius, that of the position.
               if (kept) {
@@ -92,7 +94,7 @@ Result<void> run_iterations(const UnitContext& context, const Unit& unit, const 
   for (std::uint64_t index = unit.begin; index < unit.end; ++index) {
     const std::uint64_t phase = 2 * (index - unit.begin);
     estimators::LightSide<Block, Field> side{
-        {}, chunks, path_count, scales.field(global_iteration(unit.half, index))};
+        {}, chunks, path_count, scales.field(global_iteration(unit.half, index)), context.letters};
     transport::MergeMaps<Block>& maps = side.maps;
     maps.max_edges = options.paths.max_depth;
     maps.per_path = static_cast<float>(1 / paths);

@@ -30,7 +30,8 @@ Result<void> trace_light_paths(const UnitContext& context, const estimators::Pat
         auto&& store = store_of(begin / kLightChunk);
         samplers::Sampler sampler(context.sampler, context.seed);
         estimators::LightTracing<kBetween, Mis, std::remove_reference_t<decltype(store)>, Eta> light(
-            context.scene, options, techniques, counts, eta, splatter, store, tallies, image_layer);
+            context.scene, options, techniques, counts, eta, splatter, store, tallies, image_layer,
+            context.letters);
         for (std::uint64_t path = begin; path < end; ++path) {
           if (path % 64 == 0 && run.stopped()) return;
           sampler.start_light(half, index, path);

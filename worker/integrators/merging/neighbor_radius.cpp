@@ -44,7 +44,10 @@ struct FirstVertex {
     place = v.hit.p;
     return false;
   }
-  static bool scattered(const Vertex& v) { return v.left_by_delta; }
+  template <class WalkT>
+  static bool scattered(const WalkT& /*walk*/, const Vertex& v) {
+    return v.left_by_delta;
+  }
   static void passed() {}
 };
 

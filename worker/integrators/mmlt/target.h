@@ -46,7 +46,8 @@ class Target final : public mcmc::PrimaryTarget {
         sink_(film_),
         techniques_(techniques),
         lengths_(lengths),
-        estimator_(context.scene, options, techniques, estimators::one_of_each(film_), sink_, tallies),
+        estimator_(context.scene, options, techniques, estimators::one_of_each(film_), sink_, tallies,
+                   context.letters),
         tallies_(tallies) {}
 
   void evaluate(mcmc::PrimaryState& numbers, mcmc::SplatList& out) override {
@@ -70,7 +71,7 @@ class Target final : public mcmc::PrimaryTarget {
     const estimators::FilmRay ray = estimators::film_ray(scene_, film_, eye);
     ++tallies_.eye_samples;
     estimator_.trace_eye(ray.ray, eye);
-    sink_.finish_eye(ray.at, ray.weight);
+    sink_.finish_eye(ray.at, ray.weight, estimator_.layer_sums());
   }
 
  private:

@@ -415,6 +415,11 @@ Result<std::unique_ptr<Integrator>> make_optimis_integrator(const SettingsMap& s
                                                             const scene::SceneFeatures& features) {
   CANDELA_ASSIGN(const OptimisSettings parsed, parse_settings<OptimisSettings>(settings));
   CANDELA_TRY(check(parsed));
+  if (features.reads_letters)
+    return usage_error(
+               "optimis makes its image of sums over all iterations, which have no layers by expression")
+        .with_field("layers")
+        .with_mend("integrator=path has them");
   estimators::PathOptions options = parsed.common.path_options();
   options.heuristic = transport::MisHeuristic::power;  // of later vertices: the path tracer's default
   if (parsed.epoch_min % 2 != 0)

@@ -12,27 +12,30 @@ namespace {
 
 class PathIntegrator final : public IterationIntegrator {
  public:
-  PathIntegrator(const estimators::PathOptions& options, Planned planned, bool ray_a_group)
+  PathIntegrator(const estimators::PathOptions& options, Planned planned, bool ray_a_group, bool letters)
       : IterationIntegrator(options, std::move(planned)),
         ray_a_group_(ray_a_group),
-        radiance_(estimators::path_radiance_for<samplers::Sampler>(planned_.between)) {}
+        radiance_(estimators::path_radiance_for<samplers::Sampler>(planned_.between, letters)),
+        pilot_radiance_(estimators::path_radiance_for<samplers::Sampler>(planned_.between, false)) {}
 
   Result<void> run(const UnitContext& context, const Unit& unit, const UnitInput& /*input*/,
                    UnitOutput& output, const RunContext& run_context) const override {
     const auto groups = groups_of(context.scene);
     return run_eye_samples(context, unit, *output.film, run_context,
-                           [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies) {
+                           [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies,
+                               transport::EyeLetters* letters) {
                              return radiance_(context.scene, options_, planned_.techniques, ray, sampler,
-                                              tallies, groups.get());
+                                              tallies, groups.get(), letters);
                            });
   }
 
   std::vector<float> pilot_luminances(const UnitContext& context, std::uint32_t count) const override {
     const auto groups = groups_of(context.scene);
-    return pilot_eye_samples(
-        context, count, [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies) {
-          return radiance_(context.scene, options_, planned_.techniques, ray, sampler, tallies, groups.get());
-        });
+    return pilot_eye_samples(context, count,
+                             [&](const Ray& ray, samplers::Sampler& sampler, film::Tallies& tallies) {
+                               return pilot_radiance_(context.scene, options_, planned_.techniques, ray,
+                                                      sampler, tallies, groups.get(), nullptr);
+                             });
   }
 
  private:
@@ -43,7 +46,7 @@ class PathIntegrator final : public IterationIntegrator {
   }
 
   const bool ray_a_group_;
-  const estimators::RadianceFunction<samplers::Sampler> radiance_;
+  const estimators::RadianceFunction<samplers::Sampler> radiance_, pilot_radiance_;
 };
 
 }  // namespace
@@ -57,7 +60,7 @@ Result<std::unique_ptr<Integrator>> make_path_integrator(const SettingsMap& sett
   const bool ray_a_group = !full && path::ray_a_group(features);
   Planned planned = path::plan(options, features, full, ray_a_group);
   return std::unique_ptr<Integrator>(
-      std::make_unique<PathIntegrator>(options, std::move(planned), ray_a_group));
+      std::make_unique<PathIntegrator>(options, std::move(planned), ray_a_group, features.reads_letters));
 }
 
 }  // namespace candela::integrators

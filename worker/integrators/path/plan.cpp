@@ -66,7 +66,8 @@ Planned plan(const estimators::PathOptions& options, const scene::SceneFeatures&
       plan_between(features, plan,
                    features.any_heterogeneous_medium
                        ? "free flights by delta tracking, transmittance by residual ratio tracking"
-                       : "homogeneous: free flights and transmittance in closed form");
+                       : "homogeneous: free flights and transmittance in closed form",
+                   false);
   return planned;
 }
 

@@ -40,7 +40,8 @@ class PssmltIntegrator final : public ChainIntegrator {
     if (over_path_)
       return std::make_unique<pssmlt::PathTarget>(
           context, options_, planned_.techniques,
-          estimators::path_radiance_for<mcmc::PrimarySampler>(planned_.between), tallies);
+          estimators::path_radiance_for<mcmc::PrimarySampler>(planned_.between, context.letters != nullptr),
+          tallies);
     return with_between(planned_.between,
                         [&](auto between) { return bdpt_target<between()>(context, tallies); });
   }

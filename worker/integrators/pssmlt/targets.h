@@ -2,6 +2,8 @@
 // through a place on the film that is a number too, and for bdpt one from the light.
 #pragma once
 
+#include <optional>
+
 #include "worker/estimators/list_sink.h"
 #include "worker/estimators/path_dispatch.h"
 #include "worker/integrators/integrator.h"
@@ -22,14 +24,20 @@ class PathTarget final : public mcmc::PrimaryTarget {
         techniques_(techniques),
         radiance_(radiance),
         film_(context.filter, context.width, context.height),
-        tallies_(tallies) {}
+        tallies_(tallies) {
+    if (context.letters != nullptr) letters_.emplace(*context.letters);
+  }
 
   void evaluate(mcmc::PrimaryState& numbers, mcmc::SplatList& out) override {
     mcmc::PrimarySampler& eye = numbers.walk(mcmc::PrimaryState::eye);
     const FilmRay ray = film_ray(scene_, film_, eye);
     ++tallies_.eye_samples;
-    const Spectrum value = radiance_(scene_, options_, techniques_, ray.ray, eye, tallies_, nullptr);
-    out.add(ray.at, value * (ray.weight * static_cast<float>(film_.area_over_film())));
+    if (letters_) letters_->begin(eye.sample_key(), ray.ray);
+    const Spectrum value = radiance_(scene_, options_, techniques_, ray.ray, eye, tallies_, nullptr,
+                                     letters_ ? &*letters_ : nullptr);
+    const float scale = ray.weight * static_cast<float>(film_.area_over_film());
+    out.add(ray.at, value * scale);
+    if (letters_) out.label(letters_->sums().sums(), scale);
   }
 
  private:
@@ -39,6 +47,7 @@ class PathTarget final : public mcmc::PrimaryTarget {
   estimators::RadianceFunction<mcmc::PrimarySampler> radiance_;
   estimators::FilmDomain film_;
   film::Tallies& tallies_;
+  std::optional<transport::EyeLetters> letters_;
 };
 
 template <transport::Between kBetween>
@@ -50,7 +59,7 @@ class BdptTarget final : public mcmc::PrimaryTarget {
         film_(context.filter, context.width, context.height),
         sink_(film_),
         light_paths_(techniques.light_paths),
-        estimator_(context.scene, options, techniques, one_of_each(film_), sink_, tallies),
+        estimator_(context.scene, options, techniques, one_of_each(film_), sink_, tallies, context.letters),
         tallies_(tallies) {}
 
   void evaluate(mcmc::PrimaryState& numbers, mcmc::SplatList& out) override {
@@ -60,7 +69,7 @@ class BdptTarget final : public mcmc::PrimaryTarget {
     const FilmRay ray = film_ray(scene_, film_, eye);
     ++tallies_.eye_samples;
     estimator_.trace_eye(ray.ray, eye);
-    sink_.finish_eye(ray.at, ray.weight);
+    sink_.finish_eye(ray.at, ray.weight, estimator_.layer_sums());
   }
 
  private:

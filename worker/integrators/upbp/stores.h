@@ -42,18 +42,18 @@ class BeamStore {
     return Observer(crossing_);
   }
   template <class Walk>
-  void crossed(const Walk& walk) {
+  void crossed(const Walk& walk, const transport::ChannelStates* states) {
     if (!crossing_.some) return;
     crossing_.some = false;
     if (!keeps_beams_ || crossing_.segment.edges > max_edges_ || !beam_paths_.has(path_)) return;
     // A stretch that comes from outside without end lets nothing through that scatters.
     if (!beams_.keep(scene_, crossing_, merges_[crossing_.segment.medium].long_photon_beams,
-                     transport::edge_start(walk, crossing_.segment), walk.origin()))
+                     transport::edge_start(walk, crossing_.segment), walk.origin(), states))
       ++rejected_;
   }
   void keep(const scene::Scene& scene, const transport::Vertex<transport::MisBlock>& v, bool last,
-            bool by_specular, film::Tallies& tallies) {
-    photons_.keep(scene, v, last, by_specular, tallies);
+            bool by_specular, film::Tallies& tallies, const transport::ChannelStates* states) {
+    photons_.keep(scene, v, last, by_specular, tallies, states);
     tallies.rejected[static_cast<std::size_t>(film::RejectCause::not_a_number)] += rejected_;
     rejected_ = 0;
   }
@@ -106,8 +106,9 @@ class EyeBeams {
   using Observer = transport::CrossingObserver;
 
   template <class SideT>
-  EyeBeams(const scene::Scene& scene, const estimators::PathOptions& /*options*/, const SideT& side)
-      : gather_(scene, side.medium), work_(side.work) {}
+  EyeBeams(const scene::Scene& scene, const estimators::PathOptions& /*options*/, const SideT& side,
+           transport::EyeLetters* letters)
+      : gather_(scene, side.medium, letters), work_(side.work) {}
   ~EyeBeams() { work_.add(gather_.work()); }
   EyeBeams(const EyeBeams&) = delete;
   EyeBeams& operator=(const EyeBeams&) = delete;
@@ -119,26 +120,27 @@ class EyeBeams {
     shares_ = {};
   }
   Observer observer() { return Observer(crossing_); }
+  // These three add to the path's sum what they return.
   template <class Walk>
-  Spectrum merge_along(const Walk& walk) {
+  Spectrum merge_along(const Walk& walk, Spectrum& path_sum) {
     if (!crossing_.some) return {};
     crossing_.some = false;
     transport::MediumShares found;
-    gather_.along(crossing_, transport::edge_start(walk, crossing_.segment), found);
+    gather_.along(crossing_, transport::edge_start(walk, crossing_.segment), found, path_sum);
     shares_.point_beam += found.point_beam;
     shares_.beam_beam += found.beam_beam;
     return found.point_beam + found.beam_beam;
   }
   // At a vertex that is connectible: the steps of MediumGather.
   void announce(const transport::Vertex<transport::MisBlock>& v) const { gather_.announce(v); }
-  Spectrum start(const transport::Vertex<transport::MisBlock>& v) {
+  Spectrum start(const transport::Vertex<transport::MisBlock>& v, Spectrum& path_sum) {
     gather_.start(v);
-    const Spectrum found = gather_.beams_at(v);
+    const Spectrum found = gather_.beams_at(v, path_sum);
     shares_.beam_point += found;
     return found;
   }
-  Spectrum finish() {
-    const Spectrum found = gather_.finish();
+  Spectrum finish(Spectrum& path_sum) {
+    const Spectrum found = gather_.finish(path_sum);
     shares_.point_point += found;
     return found;
   }

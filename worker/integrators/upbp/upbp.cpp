@@ -155,7 +155,7 @@ Result<void> UpbpIntegrator::run_variant(const Variant& variant, double first, c
     maps.paths_per_beam_path = static_cast<float>(stride);
     maps.max_edges = max_depth;
     upbp::BeamSide<transport::MisBlock, Field> side{
-        {{}, chunks, path_count, scales.surfaces}, maps, merge_work};
+        {{}, chunks, path_count, scales.surfaces, context.letters}, maps, merge_work};
     side.maps.max_edges = max_depth;
     side.maps.per_path = maps.per_path;
 

@@ -24,6 +24,11 @@ Spectrum eval_pdf(const BlendClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, f
   return first * (1 - p.weight) + second * p.weight;
 }
 
+Spectrum eval_diffuse(const BlendClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float glossy_below) {
+  return p.first->eval_diffuse(wo, wi, mode, glossy_below) * (1 - p.weight) +
+         p.second->eval_diffuse(wo, wi, mode, glossy_below) * p.weight;
+}
+
 bool sample(const BlendClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out) {
   const float q = p.weight;
   const bool second = u_lobe < q;

@@ -22,6 +22,15 @@ struct KindFunctions {
                         BsdfSample& out) {
     return sample(closure.get<C>(), wo, u_lobe, u, mode, out);
   }
+  static Spectrum eval_diffuse_of(const Closure& closure, Vec3 wo, Vec3 wi, TransportMode mode,
+                                  float glossy_below) {
+    if constexpr (requires { eval_diffuse(closure.get<C>(), wo, wi, mode, glossy_below); }) {
+      return eval_diffuse(closure.get<C>(), wo, wi, mode, glossy_below);
+    } else {
+      float pdf = 0;
+      return eval_pdf_of(closure, wo, wi, mode, pdf);
+    }
+  }
   static Spectrum straight_of(const Closure& closure, Vec3 wo) {
     if constexpr (requires { straight(closure.get<C>(), wo); })
       return straight(closure.get<C>(), wo);
@@ -34,6 +43,7 @@ struct FunctionsOfKind {
   Spectrum (*eval_pdf)(const Closure&, Vec3, Vec3, TransportMode, float&) = nullptr;
   bool (*sample)(const Closure&, Vec3, float, Vec2, TransportMode, BsdfSample&) = nullptr;
   Spectrum (*straight)(const Closure&, Vec3) = nullptr;
+  Spectrum (*eval_diffuse)(const Closure&, Vec3, Vec3, TransportMode, float) = nullptr;
 };
 
 template <class C>
@@ -41,7 +51,8 @@ constexpr FunctionsOfKind functions_of_kind() {
   if constexpr (std::is_void_v<C>)
     return {};  // the number of a row without a closure of its own is no closure's kind
   else
-    return {&KindFunctions<C>::eval_pdf_of, &KindFunctions<C>::sample_of, &KindFunctions<C>::straight_of};
+    return {&KindFunctions<C>::eval_pdf_of, &KindFunctions<C>::sample_of, &KindFunctions<C>::straight_of,
+            &KindFunctions<C>::eval_diffuse_of};
 }
 
 // By Closure::kind().
@@ -62,6 +73,15 @@ Spectrum Closure::eval_pdf(Vec3 wo, Vec3 wi, TransportMode mode, float& pdf) con
   }
   if (is<DiffuseClosure>()) return scene::eval_pdf(get<DiffuseClosure>(), wo, wi, mode, pdf);
   return kFunctions[kind_].eval_pdf(*this, wo, wi, mode, pdf);
+}
+
+Spectrum Closure::eval_diffuse(Vec3 wo, Vec3 wi, TransportMode mode, float glossy_below) const {
+  if (black) return {};
+  if (flipped) {
+    wo.z = -wo.z;
+    wi.z = -wi.z;
+  }
+  return kFunctions[kind_].eval_diffuse(*this, wo, wi, mode, glossy_below);
 }
 
 Spectrum Closure::straight(Vec3 wo) const {

@@ -32,6 +32,14 @@ Spectrum eval_pdf(const CoatingClosure& p, Vec3 wo, Vec3 wi, TransportMode mode,
   return value * transmitted(p, o, i) * compression;
 }
 
+Spectrum eval_diffuse(const CoatingClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float glossy_below) {
+  if (!(wo.z * wi.z > 0)) return {};
+  const Refracted o = refract_in(p.eta, wo), i = refract_in(p.eta, wi);
+  if (!enters(o) || !enters(i)) return {};
+  const float compression = std::abs(wi.z / i.inside.z) / (p.eta * p.eta);
+  return p.below->eval_diffuse(o.inside, i.inside, mode, glossy_below) * transmitted(p, o, i) * compression;
+}
+
 bool sample(const CoatingClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out) {
   if (wo.z == 0) return false;
   const Refracted o = refract_in(p.eta, wo);

@@ -19,6 +19,7 @@ struct CoatingClosure : CoatClosure {
   ClosureTraits traits() const;
 };
 Spectrum eval_pdf(const CoatingClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
+Spectrum eval_diffuse(const CoatingClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float glossy_below);
 bool sample(const CoatingClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
 
 struct CoatingSurface : CoatSurface {

@@ -99,6 +99,16 @@ Spectrum eval_pdf(const PerturbedClosure& p, Vec3 wo, Vec3 wi, TransportMode mod
   return value;
 }
 
+Spectrum eval_diffuse(const PerturbedClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float glossy_below) {
+  const bool to_eye = mode == TransportMode::radiance;
+  const bool mirror = mirrors(p, to_eye ? wo : wi);
+  const Vec3 turned_wo = to_turned(p, wo, mirror);
+  const Vec3 turned_wi = to_turned(p, wi, mirror);
+  if (!(turned_wo.z * wo.z > 0 && turned_wi.z * wi.z > 0)) return {};
+  const Spectrum value = p.nested->eval_diffuse(turned_wo, turned_wi, mode, glossy_below);
+  return to_eye ? value * shadowing(p, wi) : value * adjoint(wo, turned_wo, wi, turned_wi) * shadowing(p, wo);
+}
+
 bool sample(const PerturbedClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out) {
   const bool to_eye = mode == TransportMode::radiance;
   const bool both = !to_eye && p.flips && agrees(p, wo, false) && agrees(p, wo, true);

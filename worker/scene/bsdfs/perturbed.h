@@ -38,6 +38,7 @@ struct PerturbedClosure {
   ClosureTraits traits() const;
 };
 Spectrum eval_pdf(const PerturbedClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
+Spectrum eval_diffuse(const PerturbedClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float glossy_below);
 bool sample(const PerturbedClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
 Spectrum straight(const PerturbedClosure& p, Vec3 wo);
 

@@ -16,6 +16,11 @@ float clamped_exponent(float exponent) {
   return std::clamp(exponent, 0.0f, kMaxExponent);
 }
 
+// The Beckmann roughness of a lobe as wide.
+float roughness_of(float exponent) {
+  return std::sqrt(2 / (exponent + 2));
+}
+
 // cos^n of the angle between unit vectors. From their difference: for large n the cosine as a float has too
 // few digits.
 float cosine_power(Vec3 a, Vec3 b, float exponent) {
@@ -34,6 +39,13 @@ Spectrum eval_pdf(const PhongClosure& p, Vec3 wo, Vec3 wi, TransportMode /*mode*
   const float cosine = wi.z * math::kInvPi;
   pdf = p.prob_specular * (p.exponent + 1) * power + (1 - p.prob_specular) * cosine;
   return p.diffuse * cosine + p.specular * ((p.exponent + 2) * power * wi.z);
+}
+
+Spectrum eval_diffuse(const PhongClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float glossy_below) {
+  PhongClosure diffuse = p;
+  if (roughness_of(p.exponent) < glossy_below) diffuse.specular = {};
+  float pdf = 0;
+  return eval_pdf(diffuse, wo, wi, mode, pdf);
 }
 
 bool sample(const PhongClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out) {
@@ -75,10 +87,9 @@ void PhongSurface::prepare(const SurfacePoint& at, bool below, Closure& out) con
 
 BsdfFacts PhongSurface::facts() const {
   const float most = exponent.texture == nullptr ? exponent.constant : luminance(exponent.texture->maximum());
-  // The Beckmann roughness of a lobe as wide.
   return {.smooth = true,
           .max_albedo = colors.max_albedo(),
-          .min_roughness = std::min(1.0f, std::sqrt(2 / (clamped_exponent(most) + 2)))};
+          .min_roughness = std::min(1.0f, roughness_of(clamped_exponent(most)))};
 }
 
 }  // namespace candela::scene

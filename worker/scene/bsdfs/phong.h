@@ -21,6 +21,7 @@ struct PhongClosure {
   ClosureTraits traits() const { return {.reads_lobe = true}; }
 };
 Spectrum eval_pdf(const PhongClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
+Spectrum eval_diffuse(const PhongClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float glossy_below);
 bool sample(const PhongClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
 
 struct PhongSurface {

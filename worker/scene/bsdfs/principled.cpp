@@ -132,6 +132,15 @@ Spectrum eval_pdf(const PrincipledClosure& p, Vec3 wo, Vec3 wi, TransportMode mo
   return eval_pdf_mirrored(p, inside, wo, wi, sum, mode, pdf);
 }
 
+Spectrum eval_diffuse(const PrincipledClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float glossy_below) {
+  PrincipledClosure diffuse = p;
+  if (std::max(p.alpha_u, p.alpha_v) < glossy_below)
+    diffuse.f0_base = diffuse.f0_white = diffuse.f90 = diffuse.f_dielectric = diffuse.transmission = 0;
+  if (p.coat_alpha < glossy_below) diffuse.coat = 0;
+  float pdf = 0;
+  return eval_pdf(diffuse, wo, wi, mode, pdf);
+}
+
 bool sample(const PrincipledClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out) {
   if (wo.z == 0) return false;
   const bool inside = wo.z < 0;

@@ -34,6 +34,7 @@ struct PrincipledClosure {
   ClosureTraits traits() const { return {.reads_lobe = true, .through = transmission > 0}; }
 };
 Spectrum eval_pdf(const PrincipledClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
+Spectrum eval_diffuse(const PrincipledClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float glossy_below);
 bool sample(const PrincipledClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
 
 struct PrincipledSurface {

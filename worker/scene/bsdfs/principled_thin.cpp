@@ -24,9 +24,9 @@ float through_roughness(float roughness, float eta) {
   return std::abs((0.65f * eta - 0.35f) * roughness);
 }
 
-// o.z > 0; `up`: i mirrored to i.z > 0.
-Spectrum eval_pdf_mirrored(const PrincipledThinClosure& p, Vec3 o, Vec3 i, Vec3 up, TransportMode mode,
-                           float& pdf) {
+// o.z > 0; `up`: i mirrored to i.z > 0. glossy: the weight of the lobes that do not bend light.
+Spectrum eval_pdf_mirrored(const PrincipledThinClosure& p, float glossy, Vec3 o, Vec3 i, Vec3 up,
+                           TransportMode mode, float& pdf) {
   pdf = 0;
   const bool reflects = i.z > 0;
   const Vec3 sum = o + up;
@@ -47,7 +47,7 @@ Spectrum eval_pdf_mirrored(const PrincipledThinClosure& p, Vec3 o, Vec3 i, Vec3 
   } else {
     value = p.base * (diffuse * p.diffuse_through * math::kInvPi * up.z);
   }
-  if (!(p.specular > 0)) return value;
+  if (!(glossy > 0)) return value;
 
   const Microfacets m =
       reflects ? Microfacets{p.alpha_u, p.alpha_v, true} : Microfacets{p.through_u, p.through_v, true};
@@ -55,7 +55,7 @@ Spectrum eval_pdf_mirrored(const PrincipledThinClosure& p, Vec3 o, Vec3 i, Vec3 
   pdf += (reflects ? p.prob_reflect : p.prob_through) * 0.25f * visible;
   float cos_t = 0;
   const float fresnel = fresnel_dielectric(cos_d, sine2(h, o), p.eta, cos_t);
-  const float lobe = p.specular * 0.25f * visible * m.G1(up);
+  const float lobe = glossy * 0.25f * visible * m.G1(up);
   if (reflects) {
     const float w = schlick_weight(p.eta > 1 ? cos_d : cos_t);
     const Spectrum tinted = (p.base * p.f0_base + Spectrum(p.f0_white)) * (1 - w) + Spectrum(w);
@@ -75,7 +75,20 @@ Spectrum eval_pdf(const PrincipledThinClosure& p, Vec3 wo, Vec3 wi, TransportMod
   if (wo.z == 0 || wi.z == 0) return {};
   const float side = wo.z < 0 ? -1.0f : 1.0f;
   const Vec3 i = {wi.x, wi.y, side * wi.z};
-  return eval_pdf_mirrored(p, {wo.x, wo.y, std::abs(wo.z)}, i, {wi.x, wi.y, std::abs(wi.z)}, mode, pdf);
+  return eval_pdf_mirrored(p, p.specular, {wo.x, wo.y, std::abs(wo.z)}, i, {wi.x, wi.y, std::abs(wi.z)}, mode,
+                           pdf);
+}
+
+Spectrum eval_diffuse(const PrincipledThinClosure& p, Vec3 wo, Vec3 wi, TransportMode mode,
+                      float glossy_below) {
+  const bool through = wo.z * wi.z < 0;
+  const float roughness = through ? std::max(p.through_u, p.through_v) : std::max(p.alpha_u, p.alpha_v);
+  float pdf = 0;
+  if (!(roughness < glossy_below)) return eval_pdf(p, wo, wi, mode, pdf);
+  if (wo.z == 0 || wi.z == 0) return {};
+  const float side = wo.z < 0 ? -1.0f : 1.0f;
+  const Vec3 i = {wi.x, wi.y, side * wi.z};
+  return eval_pdf_mirrored(p, 0, {wo.x, wo.y, std::abs(wo.z)}, i, {wi.x, wi.y, std::abs(wi.z)}, mode, pdf);
 }
 
 bool sample(const PrincipledThinClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode,
@@ -98,7 +111,7 @@ bool sample(const PrincipledThinClosure& p, Vec3 wo, float u_lobe, Vec2 u, Trans
     up = warp::cosine_hemisphere(u);
   }
   const Vec3 i = {up.x, up.y, through ? -up.z : up.z};
-  const Spectrum value = eval_pdf_mirrored(p, o, i, up, mode, out.pdf_solid_angle);
+  const Spectrum value = eval_pdf_mirrored(p, p.specular, o, i, up, mode, out.pdf_solid_angle);
   if (!(out.pdf_solid_angle > kMinDensity)) return false;
   out.weight = value * (1 / out.pdf_solid_angle);
   out.wi = {i.x, i.y, wo.z < 0 ? -i.z : i.z};

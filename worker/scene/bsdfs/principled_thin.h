@@ -28,6 +28,8 @@ struct PrincipledThinClosure {
   }
 };
 Spectrum eval_pdf(const PrincipledThinClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
+Spectrum eval_diffuse(const PrincipledThinClosure& p, Vec3 wo, Vec3 wi, TransportMode mode,
+                      float glossy_below);
 bool sample(const PrincipledThinClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode,
             BsdfSample& out);
 

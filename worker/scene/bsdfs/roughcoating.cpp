@@ -71,6 +71,19 @@ Spectrum eval_pdf(const RoughCoatingClosure& p, Vec3 wo, Vec3 wi, TransportMode 
   return value + below * transmitted(p, wo, wi, o, i) * compression;
 }
 
+Spectrum eval_diffuse(const RoughCoatingClosure& p, Vec3 wo, Vec3 wi, TransportMode mode,
+                      float glossy_below) {
+  if (!(wo.z * wi.z > 0)) return {};
+  float pdf = 0;
+  const bool coat_is_diffuse = !(p.alpha < glossy_below) && prob_coat(p, wo) > 0;
+  const Spectrum coat = coat_is_diffuse ? coat_eval_pdf(p, up(wo), up(wi), pdf) : Spectrum();
+  const Refracted o = refract_in(p.eta, wo), i = refract_in(p.eta, wi);
+  if (!enters(o) || !enters(i)) return coat;
+  const float compression = std::abs(wi.z / i.inside.z) / (p.eta * p.eta);
+  return coat + p.below->eval_diffuse(o.inside, i.inside, mode, glossy_below) * transmitted(p, wo, wi, o, i) *
+                    compression;
+}
+
 bool sample(const RoughCoatingClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode,
             BsdfSample& out) {
   if (wo.z == 0) return false;

@@ -26,6 +26,7 @@ struct RoughCoatingClosure : CoatClosure {
   ClosureTraits traits() const;
 };
 Spectrum eval_pdf(const RoughCoatingClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
+Spectrum eval_diffuse(const RoughCoatingClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float glossy_below);
 bool sample(const RoughCoatingClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
 
 struct RoughCoatingSurface : CoatSurface {

@@ -35,6 +35,13 @@ Spectrum eval_pdf(const RoughConductorClosure& p, Vec3 wo, Vec3 wi, TransportMod
          (0.25f * d * masking_o * m.G1(wi));
 }
 
+Spectrum eval_diffuse(const RoughConductorClosure& p, Vec3 wo, Vec3 wi, TransportMode mode,
+                      float glossy_below) {
+  if (std::max(p.alpha_u, p.alpha_v) < glossy_below) return {};
+  float pdf = 0;
+  return eval_pdf(p, wo, wi, mode, pdf);
+}
+
 bool sample(const RoughConductorClosure& p, Vec3 wo, float /*u_lobe*/, Vec2 u, TransportMode /*mode*/,
             BsdfSample& out) {
   if (wo.z <= 0) return false;

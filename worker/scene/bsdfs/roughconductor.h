@@ -22,6 +22,8 @@ struct RoughConductorClosure {
   ClosureTraits traits() const { return {}; }
 };
 Spectrum eval_pdf(const RoughConductorClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
+Spectrum eval_diffuse(const RoughConductorClosure& p, Vec3 wo, Vec3 wi, TransportMode mode,
+                      float glossy_below);
 bool sample(const RoughConductorClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode,
             BsdfSample& out);
 

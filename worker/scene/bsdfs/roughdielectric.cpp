@@ -70,6 +70,13 @@ Spectrum eval_pdf(const RoughDielectricClosure& p, Vec3 wo, Vec3 wi, TransportMo
          ((1 - fresnel) * 0.25f * d * masking_o * m.G1({wi.x, wi.y, -wi.z}) * jacobian * scale);
 }
 
+Spectrum eval_diffuse(const RoughDielectricClosure& p, Vec3 wo, Vec3 wi, TransportMode mode,
+                      float glossy_below) {
+  if (std::max(p.alpha_u, p.alpha_v) < glossy_below) return {};
+  float pdf = 0;
+  return eval_pdf(p, wo, wi, mode, pdf);
+}
+
 bool sample(const RoughDielectricClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode,
             BsdfSample& out) {
   if (wo.z == 0) return false;

@@ -28,6 +28,8 @@ struct RoughDielectricClosure {
   ClosureTraits traits() const { return {.reads_lobe = true, .through = !transmittance.is_black()}; }
 };
 Spectrum eval_pdf(const RoughDielectricClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
+Spectrum eval_diffuse(const RoughDielectricClosure& p, Vec3 wo, Vec3 wi, TransportMode mode,
+                      float glossy_below);
 bool sample(const RoughDielectricClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode,
             BsdfSample& out);
 

@@ -54,6 +54,14 @@ Spectrum eval_pdf(const RoughPlasticClosure& p, Vec3 wo, Vec3 wi, TransportMode 
   return eval_pdf_of(p, parts_o, wo, wi, pdf);
 }
 
+Spectrum eval_diffuse(const RoughPlasticClosure& p, Vec3 wo, Vec3 wi, TransportMode mode,
+                      float glossy_below) {
+  RoughPlasticClosure diffuse = p;
+  if (p.alpha < glossy_below) diffuse.specular = {};
+  float pdf = 0;
+  return eval_pdf(diffuse, wo, wi, mode, pdf);
+}
+
 bool sample(const RoughPlasticClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode /*mode*/,
             BsdfSample& out) {
   if (wo.z <= 0) return false;

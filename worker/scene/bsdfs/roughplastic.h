@@ -23,6 +23,7 @@ struct RoughPlasticClosure {
   ClosureTraits traits() const { return {.reads_lobe = true}; }
 };
 Spectrum eval_pdf(const RoughPlasticClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
+Spectrum eval_diffuse(const RoughPlasticClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float glossy_below);
 bool sample(const RoughPlasticClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
 
 struct RoughPlasticSurface {

@@ -26,6 +26,12 @@ Spectrum eval_pdf(const StrictNormalsClosure& s, Vec3 wo, Vec3 wi, TransportMode
   return s.nested->eval_pdf(wo, wi, mode, pdf);
 }
 
+Spectrum eval_diffuse(const StrictNormalsClosure& s, Vec3 wo, Vec3 wi, TransportMode mode,
+                      float glossy_below) {
+  if (!agrees(s, wo) || !agrees(s, wi)) return {};
+  return s.nested->eval_diffuse(wo, wi, mode, glossy_below);
+}
+
 bool sample(const StrictNormalsClosure& s, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode,
             BsdfSample& out) {
   if (!s.nested->sample(wo, u_lobe, u, mode, out)) return false;

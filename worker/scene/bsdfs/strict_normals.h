@@ -23,6 +23,8 @@ struct StrictNormalsClosure {
   ClosureTraits traits() const;
 };
 Spectrum eval_pdf(const StrictNormalsClosure& s, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
+Spectrum eval_diffuse(const StrictNormalsClosure& s, Vec3 wo, Vec3 wi, TransportMode mode,
+                      float glossy_below);
 bool sample(const StrictNormalsClosure& s, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode,
             BsdfSample& out);
 Spectrum straight(const StrictNormalsClosure& s, Vec3 wo);

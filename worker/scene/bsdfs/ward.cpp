@@ -46,6 +46,13 @@ Spectrum eval_pdf(const WardClosure& p, Vec3 wo, Vec3 wi, TransportMode /*mode*/
   return value;
 }
 
+Spectrum eval_diffuse(const WardClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float glossy_below) {
+  WardClosure diffuse = p;
+  if (std::max(p.alpha_u, p.alpha_v) < glossy_below) diffuse.specular = {};
+  float pdf = 0;
+  return eval_pdf(diffuse, wo, wi, mode, pdf);
+}
+
 bool sample(const WardClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out) {
   if (wo.z <= 0) return false;
   if (u_lobe < p.prob_specular) {

@@ -29,6 +29,7 @@ struct WardClosure {
   ClosureTraits traits() const { return {.reads_lobe = true}; }
 };
 Spectrum eval_pdf(const WardClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float& pdf);
+Spectrum eval_diffuse(const WardClosure& p, Vec3 wo, Vec3 wi, TransportMode mode, float glossy_below);
 bool sample(const WardClosure& p, Vec3 wo, float u_lobe, Vec2 u, TransportMode mode, BsdfSample& out);
 
 struct WardSurface {

@@ -56,6 +56,11 @@ class Lights {
   // Radiance of area emitter hit.emitter from its surface at `hit` towards wo.
   Spectrum emitted(const SurfaceHit& hit, Vec3 wo) const { return emitters_.emitted(hit, wo); }
   Spectrum environment(Vec3 d) const;
+  // Its parts: the environments by index, and what one of them brings.
+  const std::vector<std::uint32_t>& environments() const { return emitters_.environments(); }
+  Spectrum environment(std::uint32_t emitter, Vec3 d) const {
+    return emitters_.environment(emitter).radiance(d);
+  }
 
   // See Scene. The densities of all techniques at one direction may be combined: a direction that one
   // technique samples or finds dark has the density that the others say here.

@@ -21,6 +21,8 @@ class Media {
  public:
   const Medium& operator[](std::uint32_t medium) const { return media_[medium]; }
   std::size_t size() const { return media_.size(); }
+  // Their objects with their indices.
+  const std::map<description::ObjectPtr, std::uint32_t>& known() const { return known_; }
 
   // The medium that a ray enters that leaves `hit` in direction d, having arrived through `current`.
   std::uint32_t beyond(const SurfaceHit& hit, Vec3 d, std::uint32_t current) const {

@@ -25,6 +25,7 @@ bool connect_lens(const ConnectContext& c, const VertexDraws<SamplerT>& draws,
   film = {camera.film_x, camera.film_y};
   out.value = z.throughput * value * passed * (camera.importance / camera.pdf_solid_angle);
   out.weight = 1;
+  if constexpr (kBetween == Between::media) out.wi = camera.wi;
   if constexpr (Mis::kWeighs) {
     const MergeFactors eta = eta_field.at(film);
     scene::CameraDensity density;

@@ -17,6 +17,10 @@ namespace candela::transport {
 struct Contribution {
   Spectrum value;  // unweighted: value * weight is what goes to the film
   double weight = 0;
+  // For letters, in kernels that read them: from the vertex to the light that next event estimation found, or
+  // to the lens; and that light.
+  Vec3 wi;
+  std::uint32_t emitter = scene::kNone;
   bool is_black() const { return value.is_black(); }
   Spectrum weighted() const { return value * static_cast<float>(weight); }
 };

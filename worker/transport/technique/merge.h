@@ -20,6 +20,7 @@
 #include "worker/transport/merge_scale.h"
 #include "worker/transport/photon_map.h"
 #include "worker/transport/statistics/none.h"
+#include "worker/transport/technique/merge_letters.h"
 #include "worker/transport/vertex.h"
 
 namespace candela::transport {
@@ -62,15 +63,16 @@ inline bool within(float d2, float radius) {
 
 // The weighted contribution of a photon at the eye's vertex v, which is connectible, without v.throughput and
 // maps.per_path. scale: at the film position of the eye's path; its eta is > 0 if weights are wanted.
-template <class Mis, class Block, class Statistics>
+template <class Mis, class Block, class Statistics, bool kLetters>
 class SurfaceMerge {
  public:
   SurfaceMerge(const MergeMaps<Block>& maps, const MergeScale& scale, const Vertex<Block>& v,
-               Statistics& statistics)
+               Statistics& statistics, MergeLetters& letters)
       : maps_(maps),
         scale_(scale),
         v_(v),
         statistics_(statistics),
+        letters_(letters),
         wo_(v.hit.shading.to_local(v.wo)),
         max_edges_(maps.max_edges - v.edges) {}
 
@@ -95,6 +97,7 @@ class SurfaceMerge {
       factor *= weight;
     }
     sum += value * factor;
+    if constexpr (kLetters) letters_.add(v_, photon.wo, maps_.surface->states(photon), value * factor);
     if constexpr (Statistics::kCollects)
       statistics_.add(maps_.surface->position(photon) - v_.hit.p, value, weight / cosine, kernel);
   }
@@ -106,19 +109,21 @@ class SurfaceMerge {
   const MergeScale& scale_;
   const Vertex<Block>& v_;
   Statistics& statistics_;
+  [[maybe_unused]] MergeLetters& letters_;
   Vec3 wo_;
   std::uint32_t max_edges_;
 };
 
-template <class Mis, class Block, class Statistics>
+template <class Mis, class Block, class Statistics, bool kLetters>
 class MediumMerge {
  public:
   MediumMerge(const scene::Scene& scene, const MergeMaps<Block>& maps, const MergeScale& scale,
-              const Vertex<Block>& v, Statistics& statistics)
+              const Vertex<Block>& v, Statistics& statistics, MergeLetters& letters)
       : maps_(maps),
         scale_(scale),
         v_(v),
         statistics_(statistics),
+        letters_(letters),
         phase_(scene.medium(v.medium).phase()),
         max_edges_(maps.max_edges - v.edges) {}
 
@@ -140,6 +145,7 @@ class MediumMerge {
       factor *= weight;
     }
     sum += photon.flux * factor;
+    if constexpr (kLetters) letters_.add(v_, photon.wo, maps_.medium->states(photon), photon.flux * factor);
     if constexpr (Statistics::kCollects)
       statistics_.add(maps_.medium->position(photon) - v_.hit.p, photon.flux, phase * weight, kernel);
   }
@@ -151,6 +157,7 @@ class MediumMerge {
   const MergeScale& scale_;
   const Vertex<Block>& v_;
   Statistics& statistics_;
+  [[maybe_unused]] MergeLetters& letters_;
   const scene::Phase& phase_;
   std::uint32_t max_edges_;
 };
@@ -159,13 +166,15 @@ class MediumMerge {
 // announce() when the vertex is made, start() and collect() when there has been something else to
 // do, finish() before the vertex goes. finish() does what is left of all.
 //
-// StatisticsT: what else is wanted of merges (statistics/none.h).
-template <class Mis, class StatisticsT = NoStatistics, class Block = typename Mis::Block>
+// StatisticsT: what else is wanted of merges (statistics/none.h). kLetters: labels may be wanted.
+template <class Mis, class StatisticsT = NoStatistics, class Block = typename Mis::Block,
+          bool kLetters = false>
 class Gather {
  public:
   using Statistics = StatisticsT;
-  Gather(const scene::Scene& scene, const MergeMaps<Block>& maps, const Statistics& statistics = {})
-      : scene_(scene), maps_(maps), statistics_(statistics) {}
+  Gather(const scene::Scene& scene, const MergeMaps<Block>& maps, const Statistics& statistics = {},
+         EyeLetters* letters = nullptr)
+      : scene_(scene), maps_(maps), statistics_(statistics), letters_(letters) {}
 
   // A path is next, of this place on the film, with this scale, which has to outlive it.
   void begin(const MergeScale& scale, FilmPosition at = {}) {
@@ -187,6 +196,7 @@ class Gather {
     v_ = &v;
     map_->find(v.hit.p, radius_for(v), query_);
     if constexpr (Statistics::kCollects) statistics_.start(v, *scale_, maps_.per_path);
+    if constexpr (kLetters) letters_.start();
     step_ = Step::found;
   }
   void collect() {
@@ -195,8 +205,9 @@ class Gather {
     with_merge([&](auto&& merge) { map_->collect(query_, hits_, merge); });
     step_ = Step::collected;
   }
-  // What all photons around the vertex add to its path: weighted, v.throughput included.
-  Spectrum finish() {
+  // Adds to the path's sum what all photons around the vertex bring it, and returns that: weighted,
+  // v.throughput included.
+  Spectrum finish(Spectrum& path_sum) {
     collect();
     if (step_ != Step::collected) return {};
     step_ = Step::none;
@@ -205,7 +216,12 @@ class Gather {
         for (std::uint32_t i = 0; i < hits_.count; ++i) merge(*hits_.hit[i].photon, hits_.hit[i].d2);
       });
     if constexpr (Statistics::kCollects) statistics_.end();
-    return v_->throughput * sum_ * maps_.per_path;
+    const Spectrum found = v_->throughput * sum_ * maps_.per_path;
+    if constexpr (kLetters)
+      letters_.finish(found, path_sum, v_->throughput * maps_.per_path);
+    else
+      path_sum += found;
+    return found;
   }
 
  private:
@@ -218,12 +234,19 @@ class Gather {
   }
   template <class Use>
   void with_merge(const Use& use) {
+    if constexpr (kLetters) {
+      if (letters_.any()) return with_merge_of<true>(use);
+    }
+    with_merge_of<false>(use);
+  }
+  template <bool kLabels, class Use>
+  void with_merge_of(const Use& use) {
     if (v_->on_surface()) {
-      SurfaceMerge<Mis, Block, Statistics> merge(maps_, *scale_, *v_, statistics_);
+      SurfaceMerge<Mis, Block, Statistics, kLabels> merge(maps_, *scale_, *v_, statistics_, letters_);
       use(merge);
       sum_ += merge.sum;
     } else {
-      MediumMerge<Mis, Block, Statistics> merge(scene_, maps_, *scale_, *v_, statistics_);
+      MediumMerge<Mis, Block, Statistics, kLabels> merge(scene_, maps_, *scale_, *v_, statistics_, letters_);
       use(merge);
       sum_ += merge.sum;
     }
@@ -232,6 +255,7 @@ class Gather {
   const scene::Scene& scene_;
   const MergeMaps<Block>& maps_;
   [[no_unique_address]] Statistics statistics_;
+  MergeLetters letters_;
   const MergeScale* scale_ = nullptr;  // of the path
   const PhotonMap<Block>* map_ = nullptr;
   const Vertex<Block>* v_ = nullptr;
@@ -248,7 +272,8 @@ Spectrum merge(const scene::Scene& scene, const MergeMaps<Block>& maps, const Me
   Gather<Mis, NoStatistics, Block> gather(scene, maps);
   gather.begin(scale);
   gather.start(v);
-  return gather.finish();
+  Spectrum sum;
+  return gather.finish(sum);
 }
 
 }  // namespace candela::transport

@@ -101,12 +101,13 @@ void MediumGather::announce(const Vertex<MisBlock>& v) const {
 void MediumGather::start(const Vertex<MisBlock>& v) {
   if (!wants_points(v)) return;
   v_ = &v;
+  at_points_.start();
   ++work_.queries.point_point;
   maps_.points->find(v.medium, v.hit.p, static_cast<float>(maps_.kernels[v.medium].radii.point_point),
                      query_);
 }
 
-Spectrum MediumGather::finish() {
+Spectrum MediumGather::finish(Spectrum& path_sum) {
   if (v_ == nullptr) return {};
   const Vertex<MisBlock>& v = *std::exchange(v_, nullptr);
   const std::uint32_t light_edges = maps_.max_edges - v.edges;
@@ -123,12 +124,17 @@ Spectrum MediumGather::finish() {
     ++work_.merges.point_point;
     const auto forward = static_cast<double>(phase.pdf_solid_angle(v.wo, photon.wo));
     const LightCopy light = light_copy(photon, static_cast<double>(v.arrival), photon_hazards, forward);
-    sum += photon.flux * (factor * static_cast<float>(weight_at(v, eta.point_point, light, photon.wo)));
+    const Spectrum more =
+        photon.flux * (factor * static_cast<float>(weight_at(v, eta.point_point, light, photon.wo)));
+    sum += more;
+    if (at_points_.any()) at_points_.add(v.medium, v.hit.p, maps_.points->states(photon), more);
   });
-  return v.throughput * maps_.per_path * sum;
+  const Spectrum scale = v.throughput * maps_.per_path, found = scale * sum;
+  at_points_.finish(found, path_sum, scale);
+  return found;
 }
 
-Spectrum MediumGather::beams_at(const Vertex<MisBlock>& v) {
+Spectrum MediumGather::beams_at(const Vertex<MisBlock>& v, Spectrum& path_sum) {
   if (v.on_surface() || v.edges >= maps_.max_edges) return {};
   const MediumMerges& eta = maps_.factors.medium[v.medium];
   const scene::Medium& medium = scene_.medium(v.medium);
@@ -137,6 +143,7 @@ Spectrum MediumGather::beams_at(const Vertex<MisBlock>& v) {
   const scene::Phase& phase = medium.phase();
   const MediumKernels& kernels = maps_.kernels[v.medium];
   Spectrum sum;
+  at_edge_.start();
   ++work_.queries.beam_point;
   work_.nodes.beam_point += maps_.beams->near_point(
       v.hit.p, static_cast<float>(kernels.radii.beam_point), [&](const PhotonBeam& beam, Projection at) {
@@ -151,13 +158,19 @@ Spectrum MediumGather::beams_at(const Vertex<MisBlock>& v) {
             stretch_of(eta.long_photon_beams, medium, beam.throughput, maps_.beams->steps(beam), at.along);
         const LightCopy light = light_copy(beam, at.along, medium, stretch.survival, forward);
         const double own = eta.beam_point / (light.hazard * eta.light_survival(light.survival));
-        sum += beam.throughput * stretch.carrier *
-               (factor * maps_.paths_per_beam_path * static_cast<float>(weight_at(v, own, light, w)));
+        const Spectrum more =
+            beam.throughput * stretch.carrier *
+            (factor * maps_.paths_per_beam_path * static_cast<float>(weight_at(v, own, light, w)));
+        sum += more;
+        if (at_edge_.any()) at_edge_.add(v.medium, v.hit.p, maps_.beams->states(beam), more);
       });
-  return v.throughput * maps_.per_path * sum;
+  const Spectrum scale = v.throughput * maps_.per_path, found = scale * sum;
+  at_edge_.finish(found, path_sum, scale);
+  return found;
 }
 
-void MediumGather::along(const Crossing& crossing, const EdgeStart& start, MediumShares& shares) {
+void MediumGather::along(const Crossing& crossing, const EdgeStart& start, MediumShares& shares,
+                         Spectrum& path_sum) {
   const MediumSegment& segment = crossing.segment;
   const scene::Medium& medium = scene_.medium(segment.medium);
   const MediumMerges& eta = maps_.factors.medium[segment.medium];
@@ -196,6 +209,11 @@ void MediumGather::along(const Crossing& crossing, const EdgeStart& start, Mediu
     return own / (merges + light.sum + sum_eye);
   };
   const Spectrum scale = segment.throughput * maps_.per_path;
+  at_edge_.start();
+  Spectrum found;
+  const auto label = [&](const EyePlace& eye, const ChannelStates& light, const Spectrum& value) {
+    at_edge_.add(segment.medium, Vec3(place(query.origin, query.direction, eye.t)), light, value);
+  };
   if (eta.point_beam > 0) {
     Spectrum sum;
     ++work_.queries.point_beam;
@@ -211,10 +229,13 @@ void MediumGather::along(const Crossing& crossing, const EdgeStart& start, Mediu
           ++work_.merges.point_beam;
           const auto forward = static_cast<double>(phase.pdf_solid_angle(wo, photon.wo));
           const LightCopy light = light_copy(photon, eye.hazard, photon_hazards, forward);
-          sum += photon.flux * eye.scattered *
-                 (factor * static_cast<float>(weight(eta.point_beam, eye, light, photon.wo)));
+          const Spectrum more = photon.flux * eye.scattered *
+                                (factor * static_cast<float>(weight(eta.point_beam, eye, light, photon.wo)));
+          sum += more;
+          if (at_edge_.any()) label(eye, maps_.points->states(photon), more);
         });
     shares.point_beam += scale * sum;
+    found = scale * sum;
   }
   if (eta.beam_beam > 0) {
     Spectrum sum;
@@ -236,11 +257,16 @@ void MediumGather::along(const Crossing& crossing, const EdgeStart& start, Mediu
                                                  maps_.beams->steps(beam), at.along_b);
           const LightCopy light = light_copy(beam, at.along_b, medium, stretch.survival, forward);
           const double own = eta.beam_beam * at.sine / (light.hazard * eta.light_survival(light.survival));
-          sum += beam.throughput * stretch.carrier * eye.scattered * maps_.paths_per_beam_path *
-                 static_cast<float>(factor * weight(own, eye, light, w));
+          const Spectrum more = beam.throughput * stretch.carrier * eye.scattered *
+                                maps_.paths_per_beam_path *
+                                static_cast<float>(factor * weight(own, eye, light, w));
+          sum += more;
+          if (at_edge_.any()) label(eye, maps_.beams->states(beam), more);
         });
     shares.beam_beam += scale * sum;
+    found += scale * sum;
   }
+  at_edge_.finish(found, path_sum, scale);
 }
 
 }  // namespace candela::transport

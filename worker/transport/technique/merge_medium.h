@@ -17,6 +17,7 @@
 #include "worker/transport/kernels.h"
 #include "worker/transport/photon_beams.h"
 #include "worker/transport/photon_points.h"
+#include "worker/transport/technique/merge_letters.h"
 
 namespace candela::transport {
 
@@ -67,19 +68,22 @@ struct MediumMaps {
 // The merges of one eye path after another.
 class MediumGather {
  public:
-  MediumGather(const scene::Scene& scene, const MediumMaps& maps) : scene_(scene), maps_(maps) {}
+  // letters: of the eye paths; null: nobody asks.
+  MediumGather(const scene::Scene& scene, const MediumMaps& maps, EyeLetters* letters = nullptr)
+      : scene_(scene), maps_(maps), at_points_(letters), at_edge_(letters) {}
 
   // A path is next. eta: the one that all other weights of the path take.
   void begin(const MergeFactors& eta) { eta_ = eta; }
   // P-P3D at an eye's vertex that is connectible, in steps: announce() when the vertex is made, start() after
-  // other work, finish() before the vertex goes. Results are weighted, v.throughput included.
+  // other work, finish() before the vertex goes. Results are weighted, v.throughput included, and added to
+  // the path's sum.
   void announce(const Vertex<MisBlock>& v) const;
   void start(const Vertex<MisBlock>& v);
-  Spectrum finish();
+  Spectrum finish(Spectrum& path_sum);
   // B-P2D at such a vertex.
-  Spectrum beams_at(const Vertex<MisBlock>& v);
+  Spectrum beams_at(const Vertex<MisBlock>& v, Spectrum& path_sum);
   // Along a query beam: P-B2D and B-B1D. start: of its edge. Adds to shares.
-  void along(const Crossing& crossing, const EdgeStart& start, MediumShares& shares);
+  void along(const Crossing& crossing, const EdgeStart& start, MediumShares& shares, Spectrum& path_sum);
   // The work of all paths so far.
   const MergeWork& work() const { return work_; }
 
@@ -106,6 +110,8 @@ class MediumGather {
   MergeFactors eta_;                     // of the path
   const Vertex<MisBlock>* v_ = nullptr;  // started
   RangeSearch::Query query_;
+  // Of P-P3D, which ends late, and of the rest.
+  MergeLetters at_points_, at_edge_;
 };
 
 }  // namespace candela::transport

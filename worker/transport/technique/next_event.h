@@ -25,6 +25,10 @@ bool next_event(const ConnectContext& c, const VertexDraws<SamplerT>& draws,
   if (passed.is_black()) return false;
   out.value = v.throughput * value * passed * light.radiance * (1 / light.pdf_solid_angle);
   out.weight = 1;
+  if constexpr (kBetween == Between::media) {
+    out.wi = light.wi;
+    out.emitter = light.emitter;
+  }
   if constexpr (Mis::kWeighs) {
     const double direct = static_cast<double>(light.pdf_solid_angle);
     // From 1 on relative to next event estimation: hit_light, and what has more vertices from the light.

@@ -1,0 +1,214 @@
+// The contributions of one eye path by the labels of their paths, in the order in which they were summed.
+//
+// The image gets the rounded sum of a path. So that layers add up to the image to the last bit, each
+// contribution's part is the difference of the rounded sums behind and before it, all rounded with the number
+// that rounds the whole: the parts telescope to what the image gets, and each has the expectation of its
+// contribution.
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "common/film/unit_film.h"
+#include "worker/core/vec.h"
+#include "worker/transport/between.h"
+#include "worker/transport/letters/path_letters.h"
+#include "worker/transport/technique/contribution.h"
+
+namespace candela::transport {
+
+// A sum up to a contribution, that one included, and the labels of its path.
+struct LabelledSum {
+  Spectrum sum;
+  ChannelLabels labels;
+};
+
+// Parts of one contribution that is known as a whole: merges at one vertex.
+class LabelledParts {
+ public:
+  struct Part {
+    ChannelLabels labels;
+    Spectrum value;
+  };
+  void clear() { parts_.clear(); }
+  void add(const ChannelLabels& labels, const Spectrum& value) {
+    for (Part& part : parts_) {
+      if (part.labels != labels) continue;
+      part.value += value;
+      return;
+    }
+    parts_.push_back({labels, value});
+  }
+  std::span<const Part> parts() const { return parts_; }
+
+ private:
+  std::vector<Part> parts_;
+};
+
+// Units for each layer of a pixel, before they go to the film.
+class LayerUnits {
+ public:
+  explicit LayerUnits(const PathLetters& letters)
+      : letters_(letters), units_(letters.layer_count()), touched_(letters.layer_count(), 0) {}
+
+  // Adds the parts of a value whose prefixes are `sums`, each times `weight`, rounded as the film does with
+  // this key, to the film's pixel, in the layers of expressions from number `offset` on. Precondition: the
+  // film took the last of them.
+  void write(std::span<const LabelledSum> sums, float weight, film::UnitFilm& film, std::uint32_t x,
+             std::uint32_t y, std::uint64_t key, std::uint32_t offset = 0);
+  std::uint32_t layer_count() const { return letters_.layer_count(); }
+
+ private:
+  const PathLetters& letters_;
+  std::vector<std::array<std::int64_t, kColors>> units_;  // by layer
+  std::vector<std::uint8_t> touched_;
+  std::vector<std::uint8_t> used_;
+};
+
+class LayerSums {
+ public:
+  explicit LayerSums(const PathLetters& letters) : letters_(letters), units_(letters) {}
+  const PathLetters& letters() const { return letters_; }
+
+  // A path is next.
+  void clear() { sums_.clear(); }
+  // sum: of the path, with the contribution.
+  void add(const Spectrum& sum, const ChannelLabels& labels) { sums_.push_back({sum, labels}); }
+  // The same of a contribution in parts, each times `factor`, which make `sum` of `before` but for rounding.
+  void add(const Spectrum& before, const Spectrum& sum, const LabelledParts& parts, const Spectrum& factor);
+  void scale(float factor) {
+    for (LabelledSum& part : sums_) part.sum *= factor;
+  }
+  std::span<const LabelledSum> sums() const { return sums_; }
+
+  // The path's radiance times `weight` went to the image with this key, and the film took it. offset: as
+  // LayerUnits::write.
+  void write(film::UnitFilm& film, std::uint32_t x, std::uint32_t y, float weight, std::uint64_t key,
+             std::uint32_t offset = 0) {
+    units_.write(sums_, weight, film, x, y, key, offset);
+  }
+
+ private:
+  const PathLetters& letters_;
+  std::vector<LabelledSum> sums_;
+  LayerUnits units_;
+};
+
+// Whether these letters are read in kernels of this form: those of media alone know of them, so that the
+// others have not one instruction more. Null: nobody asks.
+template <Between kBetween>
+constexpr bool reads_letters([[maybe_unused]] const void* letters) {
+  if constexpr (kBetween == Between::media) return letters != nullptr;
+  return false;
+}
+
+// The key of the draws between letters on a path that begins with this ray.
+inline std::uint64_t letters_key(std::uint64_t key, const Ray& ray) {
+  const auto bits = [](float v) { return std::uint64_t{std::bit_cast<std::uint32_t>(v)}; };
+  return rng::key(key, 0x6c657474657273ULL,  // "letters"
+                  bits(ray.direction.x) << 32 | bits(ray.direction.y), bits(ray.direction.z));
+}
+
+// An eye path under way: the states of its tokens so far, and its contributions.
+class EyeLetters {
+ public:
+  explicit EyeLetters(const PathLetters& letters) : letters_(letters), sums_(letters) {}
+
+  // A path along this ray. key: names it, but for a chain's, whose ray names it.
+  void begin(std::uint64_t key, const Ray& ray) {
+    sums_.clear();
+    states_ = letters_.at_eye();
+    key_ = letters_key(key, ray);
+  }
+  // A number for the next draw between lobes.
+  std::uint64_t next_key() { return key_ = rng::combine(key_, 1); }
+
+  const PathLetters& letters() const { return letters_; }
+  const ChannelStates& states() const { return states_; }
+  LayerSums& sums() { return sums_; }
+  void step(const ChannelClasses& token) { states_ = letters_.from_eye(states_, token); }
+  // The walk left v along wi.
+  void scattered(const ScatterPoint& v, Vec3 wi) {
+    step(letters_.left(v, wi, TransportMode::radiance, next_key()));
+  }
+
+  // Contributions, `sum` being that of the path with them: light met at its end, on a surface or outside
+  // looking along d, and light that left a light path of these states.
+  void met(const Spectrum& sum, std::uint32_t emitter) {
+    sums_.add(sum, letters_.labels(letters_.at_lamp(emitter), states_));
+  }
+  void met(const Spectrum& sum, const ScatterPoint& v, bool left) {
+    if (left)
+      met_outside(sum, -v.wo);
+    else
+      met(sum, v.hit.emitter);
+  }
+  void met_outside(const Spectrum& sum, Vec3 d) {
+    sums_.add(sum, letters_.labels(letters_.at_outside(d, next_key()), states_));
+  }
+  void lit(const Spectrum& sum, const ChannelClasses& token, const ChannelStates& light) {
+    sums_.add(sum, letters_.labels(light, letters_.from_eye(states_, token)));
+  }
+  void lit(const Spectrum& sum, const ScatterPoint& v, Vec3 wi, const ChannelStates& light) {
+    lit(sum, letters_.of(v, wi, TransportMode::radiance, next_key()), light);
+  }
+  // y is connected to the vertex z of a light path whose states before z are `before`.
+  void connected(const Spectrum& sum, const ScatterPoint& y, const ScatterPoint& z,
+                 const ChannelStates& before) {
+    const Vec3 to_light = Vec3(normalize(Vec3d(z.hit.p) - Vec3d(y.hit.p)));
+    const ChannelClasses token = letters_.of(z, -to_light, TransportMode::importance, next_key());
+    lit(sum, y, to_light, letters_.from_light(before, token));
+  }
+  // Next event estimation at v found it.
+  void lit(const Spectrum& sum, const ScatterPoint& v, const Contribution& found) {
+    lit(sum, v, found.wi, letters_.at_light(found.emitter, found.wi, next_key()));
+  }
+
+ private:
+  const PathLetters& letters_;
+  LayerSums sums_;
+  ChannelStates states_;
+  std::uint64_t key_ = 0;
+};
+
+// Letters of eye paths for kernels that read them, if `letters` is given.
+template <Between kBetween>
+std::optional<EyeLetters> eye_letters(const PathLetters* letters) {
+  if (!reads_letters<kBetween>(letters)) return std::nullopt;
+  return std::optional<EyeLetters>(std::in_place, *letters);
+}
+
+// A light path under way.
+class LightLetters {
+ public:
+  explicit LightLetters(const PathLetters& letters) : letters_(letters) {}
+  // The light left along its ray. key: names the path.
+  void begin(const scene::EmissionSample& light, std::uint64_t key) {
+    key_ = letters_key(key, light.ray);
+    states_ = letters_.at_light(light.vertex.emitter, -light.ray.direction, next_key());
+  }
+  std::uint64_t next_key() { return key_ = rng::combine(key_, 1); }
+  const PathLetters& letters() const { return letters_; }
+  // Before the vertex at hand.
+  const ChannelStates& states() const { return states_; }
+  void scattered(const ScatterPoint& v, Vec3 wi) {
+    states_ = letters_.from_light(states_, letters_.left(v, wi, TransportMode::importance, next_key()));
+  }
+  // Of a path that ends at the lens: which v is connected to along wi, or which it met.
+  ChannelLabels connected(const ScatterPoint& v, Vec3 wi) {
+    const ChannelClasses token = letters_.of(v, wi, TransportMode::importance, next_key());
+    return letters_.labels(letters_.from_light(states_, token), letters_.at_eye());
+  }
+  ChannelLabels met_lens() const { return letters_.labels(states_, letters_.at_eye()); }
+
+ private:
+  const PathLetters& letters_;
+  ChannelStates states_;
+  std::uint64_t key_ = 0;
+};
+
+}  // namespace candela::transport
