@@ -24,11 +24,12 @@ using ByTechnique = std::map<std::pair<std::uint32_t, std::uint32_t>, double>;
 // Luminances by (s, t).
 struct Recorder {
   ByTechnique found;
+  static Spectrum sum() { return {}; }  // of eye paths: for letters, which nobody asks for
   void eye(const transport::Contribution& light, std::uint32_t s, std::uint32_t t) {
     found[{s, t}] += static_cast<double>(luminance(light.weighted()));
   }
   void light(const transport::Contribution& light, std::uint32_t s, std::uint32_t t, transport::FilmPosition,
-             std::uint64_t) {
+             std::uint64_t, const transport::PathLetters*, const transport::ChannelLabels*) {
     found[{s, t}] += static_cast<double>(luminance(light.weighted()));
   }
 };

@@ -125,8 +125,8 @@ TEST(Lobes, DiffuseIsWhatIsLeftWithoutGlossyLobes) {
 // Claim: bsdfs of one glossy lobe are diffuse from the bound on and glossy below; a diffuse one is diffuse.
 TEST(Lobes, OneLobeIsOneOrTheOther) {
   const Vec3 wo = normalize(Vec3{0.3f, 0, 0.9f}), wi = normalize(Vec3{-0.25f, 0.1f, 0.9f});
-  for (const std::string& xml : {"<bsdf type='roughconductor'><float name='alpha' value='0.2'/></bsdf>",
-                                 "<bsdf type='roughdielectric'><float name='alpha' value='0.2'/></bsdf>"}) {
+  for (const char* xml : {"<bsdf type='roughconductor'><float name='alpha' value='0.2'/></bsdf>",
+                          "<bsdf type='roughdielectric'><float name='alpha' value='0.2'/></bsdf>"}) {
     Prepared bsdf(xml);
     const Closure closure = bsdf.at(wo);
     const float all = closure.eval(wo, wi, TransportMode::radiance).r;

@@ -109,7 +109,8 @@ Spectrum gather(const Cloud& cloud, Kernel kernel, Statistics& statistics) {
   Gather<Unweighted, Statistics> all(*cloud.scene, cloud.maps, statistics);
   all.begin(scale);
   all.start(cloud.eye);
-  const Spectrum sum = all.finish();
+  Spectrum sum;
+  all.finish(sum);
   statistics = all.statistics();
   return sum;
 }
@@ -306,7 +307,8 @@ TEST(Statistics, PilotsFollowTheFilmPosition) {
       Gather<Unweighted, PlugInMoments> all(*cloud.scene, cloud.maps, statistics);
       all.begin(scale, at);
       all.start(cloud.eye);
-      (void)all.finish();
+      Spectrum sum;
+      all.finish(sum);
       return all.statistics().laplacian(!medium);
     };
     const PlugInMoments pilots(Kernel::constant, kFirst, 0.1, {table, map, 2, 2});
