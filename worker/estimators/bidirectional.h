@@ -118,10 +118,11 @@ class Bidirectional {
                      transport::FilmPosition film, std::uint64_t key) {
     if (!reads_letters()) return sink_.light(found, s, t, film, key, nullptr, nullptr);
     const transport::ChannelLabels labels =
-        t == 0 ? light_letters_->met_lens() : light_letters_->connected(*light_end_, found.wi);
+        t == 0 ? light_letters_->met_lens() : light_letters_->connected(*light_end_, towards_.wi);
     sink_.light(found, s, t, film, key, path_letters_, &labels);
   }
 
+  transport::Towards* wanted_towards() { return reads_letters() ? &towards_ : nullptr; }
   transport::WeightTerms* wanted_terms() { return kLists ? &terms_ : nullptr; }
   void weigh(transport::Contribution& found) const { found.weight = list_.weight(options_.heuristic); }
 
@@ -142,6 +143,7 @@ class Bidirectional {
   std::optional<transport::EyeLetters> eye_letters_;
   std::optional<transport::LightLetters> light_letters_;
   std::vector<transport::ChannelStates> light_states_;  // before the vertices of light_
+  transport::Towards towards_;
   const Vertex* light_end_ = nullptr;  // of the light path's vertex that is connected to the lens
 };
 
@@ -180,7 +182,7 @@ struct Bidirectional<Config>::LightSide {
     transport::Contribution found;
     if (e.techniques_.light_image && v.connectible && s >= e.options_.min_edges && e.choice_.wants(s, 1) &&
         transport::connect_lens<kBetween, Mis>(context, walk.draws(), v, transport::ConstantEta{}, film,
-                                               found, e.wanted_terms())) {
+                                               found, e.wanted_terms(), e.wanted_towards())) {
       if constexpr (kLists) {
         e.list_.clear();
         e.list_.add(e.terms_.next);
@@ -236,7 +238,8 @@ struct Bidirectional<Config>::EyeSide : transport::EyeTechniques {
   void light_directly(const EyeWalk& walk, const Vertex& v) {
     transport::Contribution found;
     if (!e.choice_.wants(1, v.edges + 1) ||
-        !transport::next_event<kBetween, Mis>(context, walk.draws(), v, {}, found, e.wanted_terms()))
+        !transport::next_event<kBetween, Mis>(context, walk.draws(), v, {}, found, e.wanted_terms(),
+                                              e.wanted_towards()))
       return;
     if constexpr (kLists) {
       e.list_.clear();
@@ -245,7 +248,7 @@ struct Bidirectional<Config>::EyeSide : transport::EyeTechniques {
       e.weigh(found);
     }
     e.sink_.eye(found, 1, v.edges + 1);
-    if (e.reads_letters()) e.eye_letters_->lit(e.sink_.sum(), v, found);
+    if (e.reads_letters()) e.eye_letters_->lit(e.sink_.sum(), v, e.towards_);
   }
   void connect_all(const EyeWalk& walk, const Vertex& v) {
     const std::uint64_t passage = transport::passage_key<kBetween>(walk.draws());

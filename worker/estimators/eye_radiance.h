@@ -27,10 +27,12 @@ struct EyeRadiance : transport::EyeTechniques {
   }
   bool vertex(const WalkT& walk, const Vertex& v) {
     transport::Contribution found;
+    transport::Towards towards;
     if (v.connectible && v.edges < context_.rules.max_edges &&
-        transport::next_event<WalkT::kContent, Mis>(context_, walk.draws(), v, {}, found)) {
+        transport::next_event<WalkT::kContent, Mis>(context_, walk.draws(), v, {}, found, nullptr,
+                                                    reads_letters() ? &towards : nullptr)) {
       sum += found.weighted();
-      if (reads_letters()) letters_->lit(sum, v, found);
+      if (reads_letters()) letters_->lit(sum, v, towards);
     }
     return true;
   }

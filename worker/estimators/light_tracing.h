@@ -72,14 +72,16 @@ class LightTracing {
                 reads_letters() ? &letters_->states() : nullptr);
     transport::FilmPosition film;
     transport::Contribution found;
+    transport::Towards towards;
     if (light_image_ &&
-        transport::connect_lens<kBetween, Mis>(context_, walk.draws(), v, eta_, film, found)) {
+        transport::connect_lens<kBetween, Mis>(context_, walk.draws(), v, eta_, film, found, nullptr,
+                                               reads_letters() ? &towards : nullptr)) {
       const Spectrum value = found.weighted() * each_;
       const bool kept = splatter_.splat(0, film, value, rng::combine(key, 3), tallies_);
       if (kept && image_layer_ != 0)
         splatter_.splat(image_layer_, film, value, rng::combine(key, 3), tallies_);
       if (reads_letters() && kept)
-        splatter_.splat_layers(letters_->letters(), letters_->connected(v, found.wi), film, value,
+        splatter_.splat_layers(letters_->letters(), letters_->connected(v, towards.wi), film, value,
                                rng::combine(key, 3), tallies_);
     }
     return true;

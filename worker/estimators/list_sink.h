@@ -28,15 +28,13 @@ class ListSink {
              transport::FilmPosition at, std::uint64_t /*key*/, const transport::PathLetters* /*letters*/,
              const transport::ChannelLabels* labels) {
     const Spectrum value = light.weighted() * (per_light_ * factor_);
-    out_->add(at, value);
-    if (labels != nullptr) out_->label(*labels);
+    if (out_->add(at, value) && labels != nullptr) out_->label(*labels);
   }
   // What came along the eye's ray, through this place on the film. weight: of the sensor. sums: its parts by
   // labels; null where nobody asks.
   void finish_eye(transport::FilmPosition at, float weight, const transport::LayerSums* sums) {
     const float scale = per_eye_ * factor_ * weight;
-    out_->add(at, sum_ * scale);
-    if (sums != nullptr) out_->label(sums->sums(), scale);
+    if (out_->add(at, sum_ * scale) && sums != nullptr) out_->label(sums->sums(), Spectrum(scale));
   }
 
  private:

@@ -118,11 +118,13 @@ class VcmEye : public transport::EyeTechniques {
   bool vertex(const EyeWalk& walk, const Vertex& v) {
     if (v.connectible) announce(v);
     transport::Contribution found;
+    transport::Towards towards;
     if (v.connectible && v.edges < options_.max_depth) {
       if (techniques_.next_event &&
-          transport::next_event<kBetween, Mis>(context_, walk.draws(), v, eta_, found)) {
+          transport::next_event<kBetween, Mis>(context_, walk.draws(), v, eta_, found, nullptr,
+                                               reads_letters() ? &towards : nullptr)) {
         add_connected(found.weighted());
-        if (reads_letters()) letters_->lit(sum_, v, found);
+        if (reads_letters()) letters_->lit(sum_, v, towards);
       }
       if (techniques_.connect && v.edges + 2 <= options_.max_depth) connect_all(walk, v);
     }

@@ -33,10 +33,15 @@ RadianceFunction<SamplerT> path_radiance_between(transport::Between between) {
   return &path_radiance<Between::media, SamplerT, kLetters>;
 }
 
-// letters: the function is called with letters, for layers by expressions; else without.
+// The same with letters, for layers by expressions. In a file of its own: it would take from what the
+// compiler makes inline in the others.
+template <class SamplerT>
+RadianceFunction<SamplerT> path_radiance_with_letters(transport::Between between);
+
+// letters: the function is called with letters; else without.
 template <class SamplerT>
 RadianceFunction<SamplerT> path_radiance_for(transport::Between between, bool letters) {
-  return letters ? path_radiance_between<SamplerT, true>(between)
+  return letters ? path_radiance_with_letters<SamplerT>(between)
                  : path_radiance_between<SamplerT, false>(between);
 }
 

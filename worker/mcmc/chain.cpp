@@ -36,21 +36,18 @@ class Splats final : public Deposit {
     if (outlets_.film == nullptr || !(weight > 0)) return;
     const double factor = weight * each_;
     std::uint64_t i = 0;
-    auto parts = list.parts();
     for (const Splat& splat : list.splats()) {
       const auto scaled = [&](const Spectrum& v) {
         const auto one = [&](float x) { return static_cast<float>(static_cast<double>(x) * factor); };
         return Spectrum{one(v.r), one(v.g), one(v.b)};
       };
-      const std::uint64_t own_key = rng::combine(key, i++);
+      const std::uint64_t own_key = rng::combine(key, i);
+      const auto parts = list.parts(i++);
       const bool kept = outlets_.film->splat(layer, splat.at, scaled(splat.value), own_key, outlets_.tallies);
-      if (splat.parts == 0) continue;
+      if (parts.empty() || !kept) continue;
       scaled_.clear();
-      for (const transport::LabelledSum& part : parts.first(splat.parts))
-        scaled_.push_back({scaled(part.sum), part.labels});
-      parts = parts.subspan(splat.parts);
-      if (kept)
-        outlets_.film->splat_parts(*units_, layer * units_->layer_count(), scaled_, splat.at, own_key);
+      for (const transport::LabelledSum& part : parts) scaled_.push_back({scaled(part.sum), part.labels});
+      outlets_.film->splat_parts(*units_, layer * units_->layer_count(), scaled_, splat.at, own_key);
     }
   }
 

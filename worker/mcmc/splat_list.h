@@ -5,7 +5,6 @@
 #include <cmath>
 #include <optional>
 #include <span>
-#include <utility>
 #include <vector>
 
 #include "common/film/counts.h"
@@ -18,7 +17,6 @@ namespace candela::mcmc {
 struct Splat {
   transport::FilmPosition at;
   Spectrum value;
-  std::uint32_t parts = 0;  // of SplatList::parts(), those that the splat has there
 };
 
 class SplatList {
@@ -26,30 +24,34 @@ class SplatList {
   void clear() {
     splats_.clear();
     parts_.clear();
+    ends_.clear();
     scalar_ = 0;
   }
-  void add(transport::FilmPosition at, Spectrum value) {
-    added_ = false;
-    if (value.is_black()) return;
+  // False: a black value, which is left out.
+  bool add(transport::FilmPosition at, Spectrum value) {
+    if (value.is_black()) return false;
     splats_.push_back({at, value});
     scalar_ += static_cast<double>(luminance(value));
-    added_ = true;
+    return true;
   }
-  // The labels of what was added last (a black value has none): of one path; of an eye path's contributions,
-  // whose prefixes are `sums` times `scale`.
+  // The labels of the splat that was added last: of one path; of an eye path's contributions, whose prefixes
+  // are `sums` times `scale`.
   void label(const transport::ChannelLabels& labels) {
-    if (!std::exchange(added_, false)) return;
-    parts_.push_back({splats_.back().value, labels});
-    splats_.back().parts = 1;
+    const transport::LabelledSum whole{Spectrum(1.0f), labels};
+    label(std::span(&whole, 1), splats_.back().value);
   }
-  void label(std::span<const transport::LabelledSum> sums, float scale) {
-    if (!std::exchange(added_, false)) return;
+  void label(std::span<const transport::LabelledSum> sums, const Spectrum& scale) {
     for (const transport::LabelledSum& part : sums) parts_.push_back({part.sum * scale, part.labels});
-    splats_.back().parts = static_cast<std::uint32_t>(sums.size());
+    ends_.resize(splats_.size(), ends_.empty() ? 0 : ends_.back());
+    ends_.back() = static_cast<std::uint32_t>(parts_.size());
   }
   std::span<const Splat> splats() const { return splats_; }
-  // Those of the first splat, then those of the next; none where nobody asks for layers.
-  std::span<const transport::LabelledSum> parts() const { return parts_; }
+  // Of splat i; none where nobody asks for layers.
+  std::span<const transport::LabelledSum> parts(std::size_t i) const {
+    if (i >= ends_.size()) return {};
+    const std::uint32_t begin = i == 0 ? 0 : ends_[i - 1];
+    return std::span(parts_).subspan(begin, ends_[i] - begin);
+  }
   double scalar() const { return scalar_; }
 
   // Reason to reject the list, if there is one: the first cause found.
@@ -64,7 +66,7 @@ class SplatList {
  private:
   std::vector<Splat> splats_;
   std::vector<transport::LabelledSum> parts_;
-  bool added_ = false;  // a splat, by the last add()
+  std::vector<std::uint32_t> ends_;  // of each splat's parts
   double scalar_ = 0;
 };
 

@@ -36,8 +36,7 @@ class PathTarget final : public mcmc::PrimaryTarget {
     const Spectrum value = radiance_(scene_, options_, techniques_, ray.ray, eye, tallies_, nullptr,
                                      letters_ ? &*letters_ : nullptr);
     const float scale = ray.weight * static_cast<float>(film_.area_over_film());
-    out.add(ray.at, value * scale);
-    if (letters_) out.label(letters_->sums().sums(), scale);
+    if (out.add(ray.at, value * scale) && letters_) out.label(letters_->sums().sums(), Spectrum(scale));
   }
 
  private:

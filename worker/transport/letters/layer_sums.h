@@ -7,7 +7,6 @@
 #pragma once
 
 #include <array>
-#include <bit>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -35,14 +34,7 @@ class LabelledParts {
     Spectrum value;
   };
   void clear() { parts_.clear(); }
-  void add(const ChannelLabels& labels, const Spectrum& value) {
-    for (Part& part : parts_) {
-      if (part.labels != labels) continue;
-      part.value += value;
-      return;
-    }
-    parts_.push_back({labels, value});
-  }
+  void add(const ChannelLabels& labels, const Spectrum& value);
   std::span<const Part> parts() const { return parts_; }
 
  private:
@@ -106,24 +98,14 @@ constexpr bool reads_letters([[maybe_unused]] const void* letters) {
   return false;
 }
 
-// The key of the draws between letters on a path that begins with this ray.
-inline std::uint64_t letters_key(std::uint64_t key, const Ray& ray) {
-  const auto bits = [](float v) { return std::uint64_t{std::bit_cast<std::uint32_t>(v)}; };
-  return rng::key(key, 0x6c657474657273ULL,  // "letters"
-                  bits(ray.direction.x) << 32 | bits(ray.direction.y), bits(ray.direction.z));
-}
-
-// An eye path under way: the states of its tokens so far, and its contributions.
+// An eye path under way: the states of its tokens so far, and its contributions. Its functions are no part of
+// the kernels, whose size decides what the compiler makes inline in them.
 class EyeLetters {
  public:
   explicit EyeLetters(const PathLetters& letters) : letters_(letters), sums_(letters) {}
 
   // A path along this ray. key: names it, but for a chain's, whose ray names it.
-  void begin(std::uint64_t key, const Ray& ray) {
-    sums_.clear();
-    states_ = letters_.at_eye();
-    key_ = letters_key(key, ray);
-  }
+  void begin(std::uint64_t key, const Ray& ray);
   // A number for the next draw between lobes.
   std::uint64_t next_key() { return key_ = rng::combine(key_, 1); }
 
@@ -132,41 +114,19 @@ class EyeLetters {
   LayerSums& sums() { return sums_; }
   void step(const ChannelClasses& token) { states_ = letters_.from_eye(states_, token); }
   // The walk left v along wi.
-  void scattered(const ScatterPoint& v, Vec3 wi) {
-    step(letters_.left(v, wi, TransportMode::radiance, next_key()));
-  }
+  void scattered(const ScatterPoint& v, Vec3 wi);
 
   // Contributions, `sum` being that of the path with them: light met at its end, on a surface or outside
   // looking along d, and light that left a light path of these states.
-  void met(const Spectrum& sum, std::uint32_t emitter) {
-    sums_.add(sum, letters_.labels(letters_.at_lamp(emitter), states_));
-  }
-  void met(const Spectrum& sum, const ScatterPoint& v, bool left) {
-    if (left)
-      met_outside(sum, -v.wo);
-    else
-      met(sum, v.hit.emitter);
-  }
-  void met_outside(const Spectrum& sum, Vec3 d) {
-    sums_.add(sum, letters_.labels(letters_.at_outside(d, next_key()), states_));
-  }
-  void lit(const Spectrum& sum, const ChannelClasses& token, const ChannelStates& light) {
-    sums_.add(sum, letters_.labels(light, letters_.from_eye(states_, token)));
-  }
-  void lit(const Spectrum& sum, const ScatterPoint& v, Vec3 wi, const ChannelStates& light) {
-    lit(sum, letters_.of(v, wi, TransportMode::radiance, next_key()), light);
-  }
+  void met(const Spectrum& sum, std::uint32_t emitter);
+  void met_outside(const Spectrum& sum, Vec3 d);
+  void met(const Spectrum& sum, const ScatterPoint& v, bool left);
+  void lit(const Spectrum& sum, const ChannelClasses& token, const ChannelStates& light);
   // y is connected to the vertex z of a light path whose states before z are `before`.
   void connected(const Spectrum& sum, const ScatterPoint& y, const ScatterPoint& z,
-                 const ChannelStates& before) {
-    const Vec3 to_light = Vec3(normalize(Vec3d(z.hit.p) - Vec3d(y.hit.p)));
-    const ChannelClasses token = letters_.of(z, -to_light, TransportMode::importance, next_key());
-    lit(sum, y, to_light, letters_.from_light(before, token));
-  }
+                 const ChannelStates& before);
   // Next event estimation at v found it.
-  void lit(const Spectrum& sum, const ScatterPoint& v, const Contribution& found) {
-    lit(sum, v, found.wi, letters_.at_light(found.emitter, found.wi, next_key()));
-  }
+  void lit(const Spectrum& sum, const ScatterPoint& v, const Towards& light);
 
  private:
   const PathLetters& letters_;
@@ -187,25 +147,18 @@ class LightLetters {
  public:
   explicit LightLetters(const PathLetters& letters) : letters_(letters) {}
   // The light left along its ray. key: names the path.
-  void begin(const scene::EmissionSample& light, std::uint64_t key) {
-    key_ = letters_key(key, light.ray);
-    states_ = letters_.at_light(light.vertex.emitter, -light.ray.direction, next_key());
-  }
-  std::uint64_t next_key() { return key_ = rng::combine(key_, 1); }
+  void begin(const scene::EmissionSample& light, std::uint64_t key);
   const PathLetters& letters() const { return letters_; }
   // Before the vertex at hand.
   const ChannelStates& states() const { return states_; }
-  void scattered(const ScatterPoint& v, Vec3 wi) {
-    states_ = letters_.from_light(states_, letters_.left(v, wi, TransportMode::importance, next_key()));
-  }
+  void scattered(const ScatterPoint& v, Vec3 wi);
   // Of a path that ends at the lens: which v is connected to along wi, or which it met.
-  ChannelLabels connected(const ScatterPoint& v, Vec3 wi) {
-    const ChannelClasses token = letters_.of(v, wi, TransportMode::importance, next_key());
-    return letters_.labels(letters_.from_light(states_, token), letters_.at_eye());
-  }
+  ChannelLabels connected(const ScatterPoint& v, Vec3 wi);
   ChannelLabels met_lens() const { return letters_.labels(states_, letters_.at_eye()); }
 
  private:
+  std::uint64_t next_key() { return key_ = rng::combine(key_, 1); }
+
   const PathLetters& letters_;
   ChannelStates states_;
   std::uint64_t key_ = 0;

@@ -82,6 +82,10 @@ ChannelClasses PathLetters::in_medium(std::uint32_t medium, Vec3 p) const {
       automaton_.class_of(Letter::volume, Side::none, scene_.objects().of_medium[medium], regions_at(p)));
 }
 
+ChannelClasses PathLetters::of(const ScatterPoint& v, Vec3 wi, TransportMode mode, std::uint64_t key) const {
+  return v.on_surface() ? by_lobes(v.hit, v.closure, v.wo, wi, mode, key) : in_medium(v.medium, v.hit.p);
+}
+
 ChannelClasses PathLetters::by_lobes(const SurfaceHit& hit, const scene::Closure& closure, Vec3 wo, Vec3 wi,
                                      TransportMode mode, std::uint64_t key) const {
   const Side side = side_of(hit, wo, wi);

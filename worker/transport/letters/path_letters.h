@@ -61,9 +61,7 @@ class PathLetters {
   // Of a place in a medium.
   ChannelClasses in_medium(std::uint32_t medium, Vec3 p) const;
   // Of a vertex, by what is not delta.
-  ChannelClasses of(const ScatterPoint& v, Vec3 wi, TransportMode mode, std::uint64_t key) const {
-    return v.on_surface() ? by_lobes(v.hit, v.closure, v.wo, wi, mode, key) : in_medium(v.medium, v.hit.p);
-  }
+  ChannelClasses of(const ScatterPoint& v, Vec3 wi, TransportMode mode, std::uint64_t key) const;
   // Of a vertex that a walk left along wi.
   ChannelClasses left(const ScatterPoint& v, Vec3 wi, TransportMode mode, std::uint64_t key) const {
     return v.left_by_delta ? by_delta(v.hit, v.wo, wi) : of(v, wi, mode, key);

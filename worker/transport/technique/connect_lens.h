@@ -11,7 +11,7 @@ namespace candela::transport {
 template <Between kBetween, class Mis, class SamplerT, EtaField Eta>
 bool connect_lens(const ConnectContext& c, const VertexDraws<SamplerT>& draws,
                   const Vertex<typename Mis::Block>& z, const Eta& eta_field, FilmPosition& film,
-                  Contribution& out, WeightTerms* terms = nullptr) {
+                  Contribution& out, WeightTerms* terms = nullptr, Towards* towards = nullptr) {
   scene::CameraSample camera;
   const Vec2 u_lens = c.scene.reads_lens() ? draws.draw_2d(kLens) : Vec2{0.5f, 0.5f};
   if (!c.scene.sample_camera(z.hit, u_lens, camera, c.rules.film_border)) return false;
@@ -25,7 +25,7 @@ bool connect_lens(const ConnectContext& c, const VertexDraws<SamplerT>& draws,
   film = {camera.film_x, camera.film_y};
   out.value = z.throughput * value * passed * (camera.importance / camera.pdf_solid_angle);
   out.weight = 1;
-  if constexpr (kBetween == Between::media) out.wi = camera.wi;
+  if (towards != nullptr) *towards = {camera.wi};
   if constexpr (Mis::kWeighs) {
     const MergeFactors eta = eta_field.at(film);
     scene::CameraDensity density;

@@ -17,12 +17,15 @@ namespace candela::transport {
 struct Contribution {
   Spectrum value;  // unweighted: value * weight is what goes to the film
   double weight = 0;
-  // For letters, in kernels that read them: from the vertex to the light that next event estimation found, or
-  // to the lens; and that light.
-  Vec3 wi;
-  std::uint32_t emitter = scene::kNone;
   bool is_black() const { return value.is_black(); }
   Spectrum weighted() const { return value * static_cast<float>(weight); }
+};
+
+// Where a technique that samples an end of the path found it, for letters: the direction from the vertex, and
+// of next event estimation the light.
+struct Towards {
+  Vec3 wi;
+  std::uint32_t emitter = scene::kNone;
 };
 
 // The terms of a weight, for heuristics that look at each technique (technique_list.h). Densities relative to

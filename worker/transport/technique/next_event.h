@@ -10,7 +10,7 @@ namespace candela::transport {
 template <Between kBetween, class Mis, class SamplerT>
 bool next_event(const ConnectContext& c, const VertexDraws<SamplerT>& draws,
                 const Vertex<typename Mis::Block>& v, const MergeFactors& eta, Contribution& out,
-                WeightTerms* terms = nullptr) {
+                WeightTerms* terms = nullptr, Towards* towards = nullptr) {
   scene::DirectSample light;
   const float u_emitter = c.chooses_emitter ? draws.draw_1d(kEmitterChoice) : 0.0f;
   if (c.scene.sample_direct(v.hit, v.front, u_emitter, draws.draw_2d(kEmitterPoint), light) !=
@@ -25,10 +25,7 @@ bool next_event(const ConnectContext& c, const VertexDraws<SamplerT>& draws,
   if (passed.is_black()) return false;
   out.value = v.throughput * value * passed * light.radiance * (1 / light.pdf_solid_angle);
   out.weight = 1;
-  if constexpr (kBetween == Between::media) {
-    out.wi = light.wi;
-    out.emitter = light.emitter;
-  }
+  if (towards != nullptr) *towards = {light.wi, light.emitter};
   if constexpr (Mis::kWeighs) {
     const double direct = static_cast<double>(light.pdf_solid_angle);
     // From 1 on relative to next event estimation: hit_light, and what has more vertices from the light.
